@@ -166,7 +166,7 @@ def searches(problem: TurbineProblem, readings: Array) -> Table:
             mode = posterior_mode(
                 lambda unknowns: problem.build(np.concatenate([unknowns, given])[: len(mean)]),
                 problem.inputs, readings,
-                prior_mean=mean[:n], prior_cov=cov[:n, :n], start=start[:n], start_cov=start_cov[:n, :n],
+                prior=(mean[:n], cov[:n, :n]), start=(start[:n], start_cov[:n, :n]),
             )  # fmt: skip
             least = min(least, time.perf_counter() - begun)
         table.add_row(title, str(n), str(mode.iterations), f"{least:.2f}")

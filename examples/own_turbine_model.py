@@ -156,7 +156,7 @@ class Waves(ws.LoadHypothesis):
         """The force on the tower, as large as the file says, around 0.12 Hz."""
         (force,) = (load for load in loads if load.load == "load_tower")
         statistics = (
-            Statistic("load_rms_waves", "N", force.rms),
+            Statistic("load_rms_waves", "N", force.rms, kind="level", of="tower"),
             Statistic("load_peak", "Hz", 0.12, spread=0.3),
             Statistic("load_peak_damping", "1", 0.2, spread=0.5),
         )

@@ -37,6 +37,7 @@ TESTS: dict[str, tuple[str, ...]] = {
     "kernels.py": ("test_filter.py",),
     "raoblackwell.py": ("test_filter.py",),
     "estimate/scoring.py": ("test_quadratic.py", "test_posterior_mode.py", "test_bank.py"),
+    "windsysid/scoring.py": ("test_scoring.py", "test_quadratic.py", "test_load_choice.py"),
     "estimate/online.py": ("test_quadratic.py", "test_recursive.py"),
     "model/turbine_problem.py": ("test_problem.py",),
     "compose.py": ("test_compose.py", "test_problem.py", "test_drift.py"),
@@ -389,9 +390,9 @@ _LIKELIHOOD = (
         "the derivative of the innovation is that of something else",
     ),
     Mutant(
-        "pull of the prior", "estimate/scoring.py",
-        "pull = here.found.gradient - information @ (theta - prior_mean)",
-        "pull = here.found.gradient",
+        "pull of the prior", "windsysid/scoring.py",
+        "weight * self.gradient + pull",
+        "weight * self.gradient",
         "the search goes to the mode of the likelihood",
     ),
     Mutant(
@@ -573,8 +574,8 @@ _LOADS = (
     ),
     Mutant(
         "level of a load", "statistics.py",
-        "matrix[row, names.index(_TIME + line)] = 0.5",
-        "matrix[row, names.index(_TIME + line)] = -0.5",
+        "matrix[row, names.index(time)] = 0.5",
+        "matrix[row, names.index(time)] = -0.5",
         "the level of a spectrum is not what the coordinate holds",
     ),
     Mutant(
@@ -584,7 +585,7 @@ _LOADS = (
         "a band that says two standard deviations is one",
     ),
     Mutant(
-        "Occam's factor", "estimate/load_selection.py",
+        "Occam's factor", "windsysid/scoring.py",
         "+ 0.5 * (sizes[0] - sizes[1])",
         "+ 0.5 * (sizes[1] - sizes[0])",
         "a load model is rewarded for what it leaves open",

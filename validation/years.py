@@ -133,6 +133,7 @@ def simulate_blocks(
         names, np.asarray(time, dtype=np.float64), theta, std, tuple(name.startswith("k_") for name in names),
         (1.0,) * len(names),
         np.column_stack([temperature, wind]), ("temperature", "wind_speed"),
+        kinds=tuple(name.partition("_")[0] for name in names),
     )  # fmt: skip
 
 

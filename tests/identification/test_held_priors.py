@@ -49,7 +49,7 @@ def test_damping_as_in_the_file_keeps_its_prior():
 @pytest.mark.parametrize(("likeliest", "held"), [(1.1, ()), (2.0, ("c",)), (0.3, ("c",))])
 def test_a_prior_holds_what_the_likelihood_wants_elsewhere(likeliest: float, held: tuple[str, ...]):
     """A likelihood of ln c with a standard deviation of a quarter, and a prior of 1 ± 0.1."""
-    c = Parameter("c_x", 1.0, 0.1, logarithmic=False)
+    c = Parameter("c_x", 1.0, 0.1, logarithmic=False, kind="damping")
 
     def log_likelihood(unknowns: np.ndarray) -> float:
         return -0.5 * float(np.log(unknowns[0] / likeliest) / 0.25) ** 2
@@ -74,7 +74,7 @@ class _Ended(NamedTuple):
 @pytest.mark.parametrize(("estimate", "doubted"), [(9.0, True), (-5.0, True), (3.2, False), (0.8, False)])
 def test_an_estimate_far_from_the_prior_that_was_given_is_a_doubt_on_either_side(estimate: float, doubted: bool):
     """Prior 2 ± 1, made four times as wide; the readings know the coefficient to 0.1."""
-    given = Parameter("c_x", 2.0, 1.0, False, 1.0)
+    given = Parameter("c_x", 2.0, 1.0, False, 1.0, "damping")
     model = SimpleNamespace(parameters=(replace(given, spread=4.0),))
     told = note_wide_priors(_Ended(model, (given,), np.array([estimate]), 0.01 * np.eye(1)))  # type: ignore[arg-type]
     assert len(told.notes) == 1

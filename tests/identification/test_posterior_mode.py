@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from windsysid.identification.estimate.scoring import find_mode, information
+from windsysid.identification.estimate.scoring import find_innovation_mode, information
 from windsysid.identification.fit_equations import Reading
 from windsysid.mechanics.equations import Equations
 from windsysid.statespace.compose import StateSpace, compose
@@ -62,9 +62,9 @@ def test_a_search_whose_start_has_no_likelihood_begins_at_the_prior():
     y = np.random.default_rng(4).standard_normal((SAMPLES, 1))
     mean, cov = np.array([0.0, 0.5]), np.diag([0.25, 0.01])
     lost, sound = (
-        find_mode(
+        find_innovation_mode(
             build, [(np.zeros((SAMPLES, 1)), y)],
-            prior_mean=mean, prior_cov=cov, start=np.array([at, 0.5]), start_cov=cov,
+            prior=(mean, cov), start=(np.array([at, 0.5]), cov),
         )
         for at in (6.0, 0.0)
     )  # fmt: skip

@@ -53,9 +53,7 @@ def least_squares(inputs: np.ndarray, readings: np.ndarray) -> tuple[np.ndarray,
 
 
 def test_the_mode_is_that_of_generalised_least_squares(record: tuple[np.ndarray, np.ndarray]):
-    found = posterior_mode(
-        build, *record, prior_mean=PRIOR_MEAN, prior_cov=PRIOR_COV, start=PRIOR_MEAN + 0.7, start_cov=PRIOR_COV
-    )
+    found = posterior_mode(build, *record, prior=(PRIOR_MEAN, PRIOR_COV), start=(PRIOR_MEAN + 0.7, PRIOR_COV))
     mean, cov = least_squares(*record)
     np.testing.assert_allclose((found.mean - mean) / np.sqrt(np.diag(cov)), 0.0, atol=1e-6)
     np.testing.assert_allclose(found.cov, cov, rtol=1e-6)

@@ -59,7 +59,7 @@ def test_on_line_is_as_good_as_the_whole_record_at_once(record: tuple[Array, Arr
     online, last = finish(build, online)
     assert online.samples == 2100
     assert last.samples.tolist() == [2100]
-    mode = posterior_mode(build, *record, prior_mean=PRIOR[0], prior_cov=PRIOR[1], start=PRIOR[0], start_cov=PRIOR[1])
+    mode = posterior_mode(build, *record, prior=PRIOR, start=PRIOR)
     std = np.sqrt(np.diag(mode.cov))
     assert np.all(np.abs(online.theta - mode.mean) < 0.1 * std)
     np.testing.assert_allclose(np.sqrt(np.diag(online.cov)), std, rtol=0.15)

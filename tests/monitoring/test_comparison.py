@@ -441,9 +441,9 @@ def learned(result: Posterior, said, information, given: float, model: str = "lo
     """`result`, and what it would have learned of a load and a noise from a likelihood of θ and η together."""
     n = len(result.parameters)
     statistics: tuple[Statistic, ...] = (
-        Statistic("load_rms_support", "N", given),
+        Statistic("load_rms_support", "N", given, kind="level", time_constant="load_time_constant"),
         Statistic(model, "s", 2.0 * given, spread=0.7),
-        Statistic("noise_tower_acceleration", "m/s^2", 0.05),
+        Statistic("noise_tower_acceleration", "m/s^2", 0.05, kind="noise"),
     )
     spread = np.concatenate([[q.prior[1] for q in result.parameters], [1.5, 0.7, 1.5]])
     centre = np.concatenate([[q.prior[0] for q in result.parameters], np.zeros(3)])

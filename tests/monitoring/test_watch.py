@@ -37,7 +37,7 @@ def quiet(names: tuple[str, ...], count: int = 3000, *, seed: int = 0, sigma: fl
     return Blocks(
         names, np.asarray(600.0 * np.arange(count)), sigma * rng.standard_normal((count, n)),
         np.full((count, n), sigma), (True,) * n, (1.0,) * n,
-        np.empty((count, 0)),
+        np.empty((count, 0)), kinds=tuple(name.partition("_")[0] for name in names),
     )  # fmt: skip
 
 

@@ -249,7 +249,7 @@ def test_the_shift_is_measured_in_what_was_to_be_expected():
 
 
 def test_what_the_prior_decided_is_remarked():
-    c = Parameter("c_x", 2.0, 1.0, False, 10.0)
+    c = Parameter("c_x", 2.0, 1.0, False, 10.0, "damping")
     found = diagnosed(white(), parameters=(c,), theta=np.array([0.2]), cov=np.array([[0.09**2]]))
     (remark,) = remarks(found)
     assert (remark.code, remark.quantities) == ("prior_dominates", ("c_x",))
@@ -258,7 +258,7 @@ def test_what_the_prior_decided_is_remarked():
 
 
 def test_negative_damping_is_a_reason_not_to_trust():
-    c = Parameter("c_x", 2.0, 1.0, False, 10.0)
+    c = Parameter("c_x", 2.0, 1.0, False, 10.0, "damping")
     for theta, surely in ((-0.1, True), (-0.01, False)):
         (reason,) = reasons(diagnosed(white(), parameters=(c,), theta=np.array([theta]), cov=np.array([[0.03**2]])))
         assert (reason.code, reason.quantities) == ("damping_not_positive", ("c_x",))
@@ -271,7 +271,7 @@ def test_negative_damping_is_a_reason_not_to_trust():
 
 
 def test_damping_that_may_be_negative_within_its_band_is_remarked():
-    c = Parameter("c_x", 2.0, 1.0, False, 10.0)
+    c = Parameter("c_x", 2.0, 1.0, False, 10.0, "damping")
     found = diagnosed(
         white(),
         parameters=(c,),
@@ -286,7 +286,10 @@ def test_damping_that_may_be_negative_within_its_band_is_remarked():
 def test_what_cannot_be_negative_or_may_be_is_not_called_negative_damping():
     # A damper whose logarithm is identified is positive, below its prior's median or not; a coupling is centred on
     # zero.
-    logarithmic, coupling = Parameter("c_1", 0.25, 0.5), Parameter("c_hub_blade", 0.0, 1.0, False, 10.0)
+    logarithmic, coupling = (
+        Parameter("c_1", 0.25, 0.5, kind="damping"),
+        Parameter("c_hub_blade", 0.0, 1.0, False, 10.0, "damping"),
+    )
     found = diagnosed(
         white(), parameters=(logarithmic, coupling), theta=np.array([-0.2, -0.05]), cov=np.diag([0.02**2, 0.01**2])
     )

@@ -173,7 +173,8 @@ def test_gradient_is_the_slope_of_the_likelihood() -> None:
     found = posed()
     at = found.start + 0.05 * np.random.default_rng(2).standard_normal(len(found.start))
     value, gradient, information = found.model.likelihood(at)
-    for i in (*range(found.model.shared), found.model.shared + 2, len(at) - 1):
+    first = found.model.unknowns.of("statistics").start
+    for i in (*range(first), first + 2, len(at) - 1):
         off = np.zeros(len(at))
         off[i] = 1e-5 * min(found.model.prior[1][i], 1.0)
         slope = (found.model.likelihood(at + off)[0] - found.model.likelihood(at - off)[0]) / (2.0 * off[i])
@@ -192,9 +193,11 @@ def test_bands_know_instruments_and_masses() -> None:
     assert narrow is not None
     wide = BandModel(tuple(b._replace(model=b.model._replace(inexact=inexact)) for b in narrow.model.bands))
     rng = np.random.default_rng(4)
-    at = np.insert(narrow.start, narrow.model.shared, 0.5 * rng.standard_normal(len(tolerances)))
+    tau = wide.unknowns.of("tolerances", "clocks")
+    at = wide.unknowns.from_other(narrow.start, narrow.model.unknowns)
+    at[tau] = 0.5 * rng.standard_normal(len(tolerances))
     _, gradient, information = wide.likelihood(at)
-    for i in range(narrow.model.shared, wide.shared):
+    for i in range(tau.start, tau.stop):
         off = np.zeros(len(at))
         off[i] = 1e-3
         slope = (wide.likelihood(at + off)[0] - wide.likelihood(at - off)[0]) / 2e-3
@@ -327,10 +330,11 @@ def test_levels_go_from_one_model_to_another_by_their_names() -> None:
     moved = fewer.model.start_from(start, whole.model)
     known = {
         s.name: s.given * np.exp(eta)
-        for s, eta in zip(whole.model.statistics, start[whole.model.shared :], strict=True)
+        for s, eta in zip(whole.model.statistics, start[whole.model.unknowns.of("statistics")], strict=True)
     }
-    assert np.array_equal(moved[: fewer.model.shared], start[: fewer.model.shared])
-    for s, eta in zip(fewer.model.statistics, moved[fewer.model.shared :], strict=True):
+    shared = fewer.model.unknowns.of("parameters", "lag")
+    assert np.array_equal(moved[shared], start[shared])
+    for s, eta in zip(fewer.model.statistics, moved[fewer.model.unknowns.of("statistics")], strict=True):
         assert s.given * np.exp(eta) == pytest.approx(known.get(s.name, s.given))
 
 
@@ -388,4 +392,4 @@ def test_a_mode_that_no_spring_of_its_group_shows_leaves_the_rotor_to_be_read_wh
         return {"lag backward": 0.9, "tower side-side": 0.3} if dict(of) == values else {"lag backward": 0.9}
 
     ratios = {"lag backward": 0.01, "tower side-side": 0.01}
-    assert find_places(frequencies, ratios, asked.parameters, spectra, combined, 3) is None
+    assert find_places(frequencies, ratios, asked.parameters, spectra, combined, ("beta_1", "beta_2", "beta_3")) is None

@@ -16,7 +16,7 @@ from windsysid.spectral.rotor import likelihood as lifted_likelihood
 from windsysid.spectral.rotor import model as lifted_model
 from windsysid.spectral.rotor.build import pose_lifted
 from windsysid.spectral.rotor.harmonic_transfer import coupled, matrix_harmonics
-from windsysid.spectral.rotor.load_spectra import STATIONS, WindLoads
+from windsysid.spectral.rotor.load_spectra import STATIONS, WindLoads, WindRotor
 from windsysid.spectral.rotor.model import LiftedModel
 from windsysid.spectral.rotor.problem import Posed, Question
 from windsysid.spectral.transforms.dft import taper
@@ -223,7 +223,7 @@ def test_a_late_logger_turns_the_phase_of_its_readings() -> None:
     model = _posed("broadband, inexact").model
     at = model.prior[0].copy()
     on_time = model.spectrum(at).spectrum
-    at[model.mechanical - 1] = 2.0  # the clock of the blades' logger comes last: 2 ms
+    at[model.unknowns.of("clocks")] = 2.0  # of the blades' logger: 2 ms
     m, place = len(model.combine), model.place
     frequency = place.base[:, None] + place.rotor_hz * place.orders[place.entries // m]
     phase = np.exp(-2j * np.pi * frequency * np.where(place.entries % m >= 2, 0.002, 0.0))
@@ -292,8 +292,7 @@ def test_spectra_of_the_wind_are_those_of_the_simulated_field() -> None:
 
     base = np.array([0.15, 0.3, 0.5])
     orders = np.arange(-2, 3)
-    names = ("load_x", "load_y", "load_beta_1", "load_beta_2", "load_beta_3")
-    model = WindLoads(names, 3, hinge, lever, ROTOR_HZ, base, orders, wind.std, 4.0)
+    model = WindLoads(RotorModel().freedoms, WindRotor(3, hinge, lever, ROTOR_HZ, wind.std, 4.0), base, orders)
     values = {s.name: s.given for s in model.statistics}
     values |= {
         "load_wind_time": wind.length_scale / wind.speed,

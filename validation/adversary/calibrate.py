@@ -32,7 +32,7 @@ from windsysid.checks.whiteness import FALSE_ALARM_CHANCE, examine
 from windsysid.filters import EKF
 from windsysid.identification.condition.readings import resample_for_model
 from windsysid.identification.estimate.clock_lag import PASSED
-from windsysid.identification.estimate.scoring import find_mode
+from windsysid.identification.estimate.scoring import find_innovation_mode
 from windsysid.identification.model.prior import Prior
 from windsysid.identification.model.turbine_problem import TurbineProblem, pose
 from windsysid.identification.verdict.smoothed_loads import judge_smoothed_loads
@@ -134,9 +134,9 @@ def measure(name: str, seed: int) -> list[float]:
 def _constancy(problem: TurbineProblem, truth: NDArray[np.float64]) -> Constancy:
     """What parts of a record say where a search from the truth ends."""
     mean, cov = problem.wide_prior
-    mode = find_mode(
-        problem.build, [(problem.inputs, problem.readings)], prior_mean=mean, prior_cov=cov,
-        start=np.concatenate([truth, mean[len(truth) :]]), start_cov=cov,
+    mode = find_innovation_mode(
+        problem.build, [(problem.inputs, problem.readings)], prior=(mean, cov),
+        start=(np.concatenate([truth, mean[len(truth) :]]), cov),
     )  # fmt: skip
     return judge_constancy(mode.look.found.parts, cov, mode.mean - mode.look.theta)
 

@@ -88,7 +88,7 @@ def _dampers(parameters: Sequence[Parameter], theta: Array, cov: Array) -> list[
     """Name and band of each damping coefficient that may be negative: linear, and expected above zero."""
     found = []
     for q, t, v in zip(parameters, theta, np.diag(cov), strict=True):
-        if (q.name == "c" or q.name.startswith("c_")) and not q.logarithmic and q.centre > 0.0:
+        if q.kind == "damping" and not q.logarithmic and q.centre > 0.0:
             value, low, high = (float(q.physical(t + k * math.sqrt(v))) for k in (0.0, -2.0, 2.0))
             found.append((q.name, (value, low, high)))
     return found

@@ -277,7 +277,7 @@ def _standings(watches: Mapping[str, Watch]) -> list[Standing]:
     """Turbines that have the same coefficients, against each other, at the same covariates."""
     kinds: dict[tuple[Any, ...], list[str]] = {}
     for name, one in watches.items():
-        coefficients = [i for i, s in enumerate(one.series) if not s.name.startswith("noise_")]
+        coefficients = [i for i in range(len(one.series)) if one.blocks.kind(i) != "noise"]
         key = tuple((one.series[i].name, one.series[i].unit, one.blocks.reference[i]) for i in coefficients)
         kinds.setdefault(key, []).append(name)
     tests = sum(len(key) for key, names in kinds.items() if len(names) >= MIN_SISTERS)

@@ -19,6 +19,7 @@ from windsysid._types import Array
 from windsysid.errors import ConfigurationError
 from windsysid.fleet.archive import read_table
 from windsysid.mechanics.rotor import MEAN_LAG
+from windsysid.mechanics.sensors import noise_source
 from windsysid.monitoring.series import MIN_BLOCKS, Blocks
 from windsysid.monitoring.watch import MAX_LEARNING_BLOCKS
 from windsysid.records.moments import moment
@@ -96,14 +97,16 @@ def blocks_of(table: Any) -> Blocks:
     with np.errstate(invalid="ignore", divide="ignore"):
         relative = np.log(noise.field("high") / noise.field("low")) / (2.0 * SIGMAS)
         level = np.log(noise.field("estimate"))
-    heard = np.array([name.startswith("noise_") for name in noise.names], dtype=bool) & np.isfinite(level + relative)
+    heard = np.array([bool(noise_source(name)) for name in noise.names], dtype=bool) & np.isfinite(level + relative)
     heard &= relative > 0.0
     noise_theta, noise_std, sensors = _spread(noise, table.num_rows, level, relative, heard)
     first = {name: i for i, name in reversed(list(enumerate(parameters.names)))}
     logarithmic = [bool(parameters.entries.field("logarithmic")[first[name]].as_py()) for name in order]
     centre, scale = parameters.field("prior_centre"), parameters.field("coordinate_scale")
     reference = [float((centre if logs else scale)[first[name]]) for name, logs in zip(order, logarithmic, strict=True)]
-    units = [str(parameters.entries.field("unit")[first[name]].as_py()) for name in order]
+    units, kinds = (
+        [str(parameters.entries.field(of)[first[name]].as_py()) for name in order] for of in ("unit", "kind")
+    )
     return Blocks(
         names=(*order, *sensors),
         time=seconds_of(table) - seconds_of(table)[0],
@@ -116,6 +119,7 @@ def blocks_of(table: Any) -> Blocks:
         trusted=np.array(table["trusted"].to_pylist(), dtype=bool),
         records=tuple(texts(table, "source")),
         units=(*units, *("1" for _ in sensors)),
+        kinds=(*("c" if kind == "damping" else "k" for kind in kinds), *("noise" for _ in sensors)),
         begin=begin,
         notes=tuple(notes),
     )

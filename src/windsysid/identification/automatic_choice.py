@@ -152,10 +152,10 @@ def _note(code: str, **data: Any) -> Finding:
 
 def _undamped(found: Outcome) -> list[Finding]:
     """Which damping is not positive: a spectrum says its size only, and a search may end at the mirror image."""
-    damping = {f"c_{name}" for name in found.turbine.model.coordinates}
     at = zip(found.model.parameters, found.theta.tolist(), strict=True)
+    dampers = [(q, theta) for q, theta in at if q.kind == "damping" and q.part in found.turbine.model.coordinates]
     return [
         Finding("coefficient_not_positive", "reason", {"value": float(q.physical(theta))}, (q.name,))
-        for q, theta in at
-        if q.name in damping and q.physical(theta) <= 0.0
+        for q, theta in dampers
+        if q.physical(theta) <= 0.0
     ]

@@ -6,7 +6,7 @@ The estimate is made in time (`windsysid.identification.estimate.equations_time`
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -24,6 +24,7 @@ from windsysid.kernels.threads import one_thread
 from windsysid.loads.statistics import Statistic
 from windsysid.mechanics.model import Model
 from windsysid.records.record import Record
+from windsysid.results.finding import Finding
 from windsysid.results.identification import Estimate, Identification
 from windsysid.results.posterior import SIGMAS
 from windsysid.statespace.load_model import LoadModel
@@ -155,6 +156,7 @@ def fit(
         learn_levels,
     )  # fmt: skip
     _check(job, formulation)
+    job = job._replace(parameters=tuple(_with_role(model, q) for q in job.parameters))
     spectral = formulation == "spectral"
     segments = SegmentReader(record, job.readings, continuous=not spectral)
     return _describe(job, segments, fit_by_spectra(job, segments) if spectral else fit_by_filter(job, segments))
@@ -170,6 +172,14 @@ def _check(job: EquationsJob, formulation: str) -> None:
         raise ConfigurationError(f"formulation: expected joint or spectral, got '{formulation}'")
     if formulation == "joint" and job.cov is None:
         raise ConfigurationError("cov: expected the prior covariance of the states, got none: the joint fit needs it")
+
+
+def _with_role(model: Model, q: Parameter) -> Parameter:
+    """A parameter with its kind and part as the model has them, where the caller does not say."""
+    if q.kind:
+        return q
+    kind, part = model.role(q.name)
+    return replace(q, kind=kind, part=part)
 
 
 def _describe(job: EquationsJob, segments: SegmentReader, found: EquationsEstimate) -> Fit:
@@ -224,10 +234,14 @@ def _describe_parameter(q: Parameter, theta: float, std: float) -> Estimate:
 
 def _describe_levels(job: EquationsJob, found: EquationsEstimate, units: Sequence[str]) -> tuple[Statistic, ...]:
     """Noise of every sensor and rms of every load, from η and its standard deviations; none where they are as given."""
-    given = [(f"noise_{s.channel}", unit, s.noise) for s, unit in zip(job.sensors, units, strict=True)]
-    given += [(f"rms_{load.states[0]}", "", float(np.sqrt(load.cov[0, 0]))) for load in found.loads]
-    n = len(job.parameters)
-    return tuple(
-        Statistic(*one, *(one[2] * np.exp(middle + k * std) for k in (0.0, -SIGMAS, SIGMAS)))
-        for one, middle, std in zip(given, found.unknowns[n:], np.sqrt(np.diag(found.cov))[n:], strict=False)
-    )
+    levels = [
+        Statistic(f"noise_{s.channel}", unit, s.noise, kind="noise") for s, unit in zip(job.sensors, units, strict=True)
+    ]
+    levels += [
+        Statistic(f"rms_{load.states[0]}", "", float(np.sqrt(load.cov[0, 0])), kind="level") for load in found.loads
+    ]
+    n, learned = len(job.parameters), []
+    for one, middle, std in zip(levels, found.unknowns[n:], np.sqrt(np.diag(found.cov))[n:], strict=False):
+        value, low, high = (one.given * np.exp(middle + k * std) for k in (0.0, -SIGMAS, SIGMAS))
+        learned.append(replace(one, estimate=value, low=low, high=high))
+    return tuple(learned)

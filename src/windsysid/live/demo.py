@@ -164,8 +164,8 @@ def _in_wind(tower: Turbine, rng: np.random.Generator) -> Turbine:
 
 
 def _softer(tower: Turbine, share: float) -> Turbine:
-    values = {name: value * (1.0 - share if name.startswith("k_") else 1.0) for name, value in tower.values.items()}
-    return replace(tower, values=values)
+    springs = [known.name for known in tower.model.parameters if known.kind == "stiffness"]
+    return tower.with_values({name: (1.0 - share) * tower.values[name] for name in springs})
 
 
 def _failing(record: Record, stuck: float) -> Record:

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 from windsysid.fleet.rows import Row
 from windsysid.mechanics.rotor import MEAN_LAG
+from windsysid.mechanics.sensors import noise_source
 from windsysid.results.posterior import SIGMAS
 
 __all__ = ["Watched", "band_of", "in_coordinates_of", "said_of"]
@@ -37,11 +38,11 @@ def said_of(row: Row) -> dict[Watched, tuple[float, float]]:
         if name == MEAN_LAG:  # the wind's
             continue
         reference = float(one["prior_centre"] if logarithmic else one["coordinate_scale"])
-        kind = "c" if name.partition("_")[0] == "c" else "k"
+        kind = "c" if one["kind"] == "damping" else "k"
         found[Watched(name, one["unit"], kind, logarithmic, reference)] = (float(one["own"]), float(one["own_std"]))
     for one in row["statistics"]:
         values = one["estimate"], one["low"], one["high"]
-        if not one["name"].startswith("noise_") or not all(v is not None and 0.0 < v < math.inf for v in values):
+        if not noise_source(one["name"]) or not all(v is not None and 0.0 < v < math.inf for v in values):
             continue
         std = math.log(values[2] / values[1]) / (2.0 * SIGMAS)
         found[Watched(one["name"], one["unit"], "noise", True, 1.0)] = (math.log(values[0]), std)

@@ -70,7 +70,7 @@ class SecondOrder(LoadHypothesis):
         """One process on each degree of freedom; their rms as in the file, frequency and damping ratio common."""
         slowest = min(turbine.natural_frequency(name) for name in turbine.model.coordinates) / (2.0 * math.pi)
         plain = [load for load in loads if not load.harmonic]
-        levels = tuple(s for s in load_groups(plain, turbine.model) if s.name.startswith("load_rms"))
+        levels = tuple(s for s in load_groups(plain, turbine.model) if s.kind == "level")
         statistics = (
             *levels,
             Statistic("load_frequency", "Hz", 0.5 * slowest, spread=1.0),

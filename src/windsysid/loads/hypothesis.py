@@ -99,7 +99,7 @@ class LoadHypothesis(ABC):
             loudest.
         """
         loudest = max(louder.values(), default=1.0)
-        return {s.name: s.given * louder.get(s.name, loudest) for s in statistics if s.name.startswith("load_rms")}
+        return {s.name: s.given * louder.get(s.name, loudest) for s in statistics if s.kind == "level"}
 
 
 HYPOTHESES: dict[str, LoadHypothesis] = {}

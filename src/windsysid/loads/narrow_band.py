@@ -51,12 +51,12 @@ class NarrowBand(LoadHypothesis):
                 "broadband"
             )
         names = {one.name: one.load for one in turbine.model.freedoms}
-        pushed = [one.name.removeprefix(LEVEL) for one in narrow if one.name.startswith(LEVEL)]
+        levels = [one for one in narrow if one.kind == "narrow-band level"]
 
         def blocks(values: Values) -> tuple[LoadModel, ...]:
             processes = [
-                load_on(names[one], second_order(values[LEVEL + one], values[FREQUENCY], values[WIDTH]))
-                for one in pushed
+                load_on(names[one.of], second_order(values[one.name], values[FREQUENCY], values[WIDTH]))
+                for one in levels
             ]
             return (*moved_loads(broad, values, loads, turbine.model), *processes)
 
@@ -79,5 +79,15 @@ def narrow_band_statistics(turbine: Turbine, loads: Sequence[GaussMarkov]) -> tu
     return (
         Statistic(FREQUENCY, "Hz", math.exp(0.5 * (low + high)), spread=BESIDE + 0.5 * (high - low)),
         Statistic(WIDTH, "1", DAMPING, spread=DAMPING_SPREAD),
-        *(Statistic(LEVEL + one.name, one.load_unit, SHARE * rms[one.load], spread=SHARE_SPREAD) for one in pushed),
+        *(
+            Statistic(
+                LEVEL + one.name,
+                one.load_unit,
+                SHARE * rms[one.load],
+                spread=SHARE_SPREAD,
+                kind="narrow-band level",
+                of=one.name,
+            )
+            for one in pushed
+        ),
     )

@@ -35,7 +35,7 @@ from windsysid.errors import ConfigurationError
 from windsysid.loads.hypothesis import LoadHypothesis, SupposedLoads, Values, with_level
 from windsysid.loads.rotor_forces import BladeForces, blade_force, rotor_harmonic
 from windsysid.loads.statistics import Statistic
-from windsysid.mechanics.rotor import COUPLING, MEAN_LAG, MEAN_LAG_SPREAD, as_rotor
+from windsysid.mechanics.rotor import COUPLING, MEAN_LAG, MEAN_LAG_SPREAD
 from windsysid.statespace.gauss_markov import GaussMarkov
 from windsysid.statespace.load_model import LoadModel
 from windsysid.statespace.parameter import Parameter
@@ -103,11 +103,11 @@ class RotorWind(LoadHypothesis):
 
     def applies_to(self, turbine: Turbine) -> bool:
         """Whether there is a rotor with blades that turns."""
-        return as_rotor(turbine.model) is not None and turbine.rotor_speed > 0.0
+        return turbine.model.rotor is not None and turbine.rotor_speed > 0.0
 
     def suppose(self, turbine: Turbine, loads: Sequence[GaussMarkov]) -> SupposedLoads:
         """A series in azimuth on blades and hub, small eddies, and the air that couples both."""
-        rotor, v = as_rotor(turbine.model), turbine.values
+        rotor, v = turbine.model.rotor, turbine.values
         names = tuple(dict.fromkeys(load.load for load in loads))
         if turbine.rotor_speed == 0.0:
             raise ConfigurationError(
@@ -134,8 +134,8 @@ class RotorWind(LoadHypothesis):
         coupled = replace(turbine, model=in_wind, values={**v, COUPLING: 0.0, MEAN_LAG: lag})
         scale = math.sqrt(max(turbine.damping(rotor.freedom(hub[0]).name) * turbine.damping("beta_1"), 1e-300))
         parameters = (
-            Parameter(COUPLING, 0.0, COUPLING_SPREAD * scale, logarithmic=False, scale=scale),
-            Parameter(MEAN_LAG, lag, MEAN_LAG_SPREAD, logarithmic=False, scale=MEAN_LAG_SPREAD),
+            Parameter(COUPLING, 0.0, COUPLING_SPREAD * scale, False, scale, "damping", "air"),
+            Parameter(MEAN_LAG, lag, MEAN_LAG_SPREAD, False, MEAN_LAG_SPREAD, "geometry", "blades"),
         )
         return SupposedLoads(self.name, self.text, coupled, statistics, blocks, parameters)
 
@@ -147,9 +147,7 @@ class RotorWind(LoadHypothesis):
         of_blades = [factor for name, factor in louder.items() if name not in _LEVELS_OF_HUB]
         hub, blades = max(of_hub, default=loudest), max(of_blades, default=loudest)
         return {
-            s.name: s.given * (hub if s.name == "load_rms_hub" else blades)
-            for s in statistics
-            if s.name.startswith("load_rms")
+            s.name: s.given * (hub if s.name == "load_rms_hub" else blades) for s in statistics if s.kind == "level"
         }
 
 
@@ -171,7 +169,7 @@ def _rotor_statistics(
     of_hub = [load.rms for load in loads if load.load in ("load_x", "load_y")]
     moment = of_blades[0] if of_blades else of_hub[0] * _lever(turbine)
     found = [
-        Statistic("load_rms_wind", "N*m", moment, spread=1.5),
+        Statistic("load_rms_wind", "N*m", moment, spread=1.5, kind="level"),
         Statistic("load_corner", "Hz", CORNER * turn, spread=0.7),
     ]
     if both:
@@ -181,12 +179,12 @@ def _rotor_statistics(
         ]
     if blades:
         found += [
-            Statistic("load_rms_eddies", "N*m", 0.3 * moment, spread=1.5),
+            Statistic("load_rms_eddies", "N*m", 0.3 * moment, spread=1.5, kind="level"),
             Statistic("load_eddies_frequency", "Hz", 3.0 * fastest, spread=0.7),
             Statistic("load_eddies_damping", "1", 0.7, spread=0.7),
         ]
     if hub:
-        found.append(Statistic("load_rms_hub", "N", 0.3 * of_hub[0], spread=1.5))
+        found.append(Statistic("load_rms_hub", "N", 0.3 * of_hub[0], spread=1.5, kind="level"))
     if hub and not blades:
         found.append(Statistic("load_hub_time_constant", "s", 0.5 / (math.pi * fastest), spread=1.0))
     return tuple(found)

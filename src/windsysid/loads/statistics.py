@@ -17,6 +17,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Literal
 
 import numpy as np
 
@@ -66,6 +67,14 @@ class Statistic:
         Prior standard deviation of its coordinate η.
     like
         Name of what it is tied to by the prior, common to all that are; empty where it stands alone.
+    kind
+        ``level``: how strong a load is; ``narrow-band level``: how strong a narrow-band load is; ``noise``: of sensors;
+        ``shape``: any other number of a load's spectrum.
+    of
+        The degree of freedom that a level drives; empty where it is common to several.
+    time_constant
+        Name of the time constant that only rms²/τ, the level of the spectrum, is well known of; empty where there is
+        none.
     """
 
     name: str
@@ -76,6 +85,9 @@ class Statistic:
     high: float = math.nan
     spread: float = SPREAD
     like: str = ""
+    kind: Literal["level", "narrow-band level", "noise", "shape"] = "shape"
+    of: str = ""
+    time_constant: str = ""
 
 
 def load_groups(loads: Sequence[GaussMarkov], model: MechanicalModel) -> tuple[Statistic, ...]:
@@ -84,7 +96,8 @@ def load_groups(loads: Sequence[GaussMarkov], model: MechanicalModel) -> tuple[S
     for load in loads:
         freedom = model.freedom(load.load)
         name, like = _level(load, model), freedom.group + _line(load)
-        found.setdefault(name, Statistic(name, freedom.load_unit, load.rms, like=like))
+        level = Statistic(name, freedom.load_unit, load.rms, like=like, kind="level", of=freedom.name)
+        found.setdefault(name, replace(level, time_constant=_time_group(load)))
     factors = {like: _tied(number) for like, number in Counter(s.like for s in found.values()).items()}
     rows: Counter[str] = Counter()
     for name, one in found.items():
@@ -108,7 +121,7 @@ def noise_groups(sensors: Sequence[Sensor]) -> tuple[Statistic, ...]:
     """The statistics of the sensors' noise."""
     found: dict[str, Statistic] = {}
     for sensor in sensors:
-        found.setdefault(sensor.noise_group, Statistic(sensor.noise_group, sensor.unit, sensor.noise))
+        found.setdefault(sensor.noise_group, Statistic(sensor.noise_group, sensor.unit, sensor.noise, kind="noise"))
     return tuple(found.values())
 
 
@@ -162,20 +175,20 @@ def learned_statistics(statistics: Sequence[Statistic], eta: Array, cov: Array) 
 
 def to_logarithms(statistics: Sequence[Statistic]) -> Array:
     """The matrix that turns η into logarithms of factors: ln rms = Σ η_level + η_τ / 2, the others as they are."""
-    return _to_logarithms(tuple(s.name for s in statistics), tuple(s.like for s in statistics)).copy()
+    times = tuple(s.time_constant for s in statistics)
+    return _to_logarithms(tuple(s.name for s in statistics), tuple(s.like for s in statistics), times).copy()
 
 
 @lru_cache(maxsize=64)
-def _to_logarithms(names: tuple[str, ...], ties: tuple[str, ...]) -> Array:
+def _to_logarithms(names: tuple[str, ...], ties: tuple[str, ...], times: tuple[str, ...]) -> Array:
     matrix: Array = np.eye(len(names))
     for like in {*ties} - {""}:
         tied = [i for i, other in enumerate(ties) if other == like]
         factor = _tied(len(tied))
         matrix[np.ix_(tied, tied)] = factor / np.diag(factor)
-    for row, name in enumerate(names):
-        line = "_" + name.rpartition("_")[2] if name.endswith("P") else ""
-        if name.startswith("load_rms") and _TIME + line in names:
-            matrix[row, names.index(_TIME + line)] = 0.5
+    for row, time in enumerate(times):
+        if time and time in names:
+            matrix[row, names.index(time)] = 0.5
     return matrix
 
 

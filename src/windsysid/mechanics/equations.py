@@ -19,6 +19,7 @@ import sympy as sp
 from sympy.core.function import AppliedUndef
 
 from windsysid.errors import ConfigurationError
+from windsysid.mechanics.model import Kind
 
 __all__ = ["MATH", "Equations", "lagrange", "total_derivative"]
 
@@ -133,6 +134,29 @@ class Equations:
         """A text that is the same exactly when the equations are."""
         parts = (self.states, self.inputs, self.parameters, self.loads, self.accelerations, self.rates)
         return str(sp.srepr(tuple(sp.Tuple(*part) for part in parts)) + sp.srepr((self.mass, self.force)))
+
+    def role(self, name: str) -> tuple[Kind, str]:
+        """Kind of the parameter `name`, and the displacement that it acts on: stiffness where it multiplies a
+        displacement q in the force on q itself, damping where it multiplies the velocity q̇ there, against the motion;
+        empty otherwise.
+
+        Signs are those at rest, without inputs and loads, all other parameters being 1.
+        """
+        at_rest: dict[sp.Symbol, int] = dict.fromkeys((*self.states, *self.inputs, *self.loads, *self.accelerations), 0)
+        at_rest |= dict.fromkeys(self.parameters, 1)
+        symbol = next((p for p in self.parameters if p.name == name), sp.Symbol(name))
+        rates = dict(zip(self.states, self.rates, strict=True))
+        forces = dict(zip(self.accelerations, self.force, strict=True))
+        moving = [(q, v, forces.get(rates[v], rates[v])) for q, v in rates.items() if v in rates]
+
+        def resisted(of: int) -> str:
+            against = (known for known in moving if sp.diff(known[2], known[of], symbol).subs(at_rest).is_negative)
+            return next((known[0].name for known in against), "")
+
+        if stiff := resisted(0):
+            return "stiffness", stiff
+        damped = resisted(1)
+        return ("damping", damped) if damped else ("", "")
 
     def equations(self) -> "Equations":
         """The equations themselves: an `Equations` is its own recipe."""

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     import sympy as sp
 
     from windsysid.mechanics.equations import Equations
+    from windsysid.mechanics.rotor import RotorModel
 
 
 __all__ = [
@@ -28,11 +29,16 @@ __all__ = [
     "Coefficient",
     "Coordinate",
     "FixedAxes",
+    "Kind",
     "MechanicalModel",
     "ModalAxes",
     "Model",
     "register_model",
 ]
+
+
+Kind = Literal["stiffness", "damping", "inertia", "geometry", ""]
+"""Kind of a parameter; empty where it is none of these."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +56,7 @@ class Coefficient:
     """
 
     name: str
-    kind: Literal["stiffness", "damping", "inertia", "geometry"]
+    kind: Kind
     unit: str
     part: str
 
@@ -107,6 +113,11 @@ class Model(Protocol):
         """The same with each sensor's axis turned by 90° in the plane of motion; None where that changes nothing, as by
         default."""
         return [None] * len(sensors)
+
+    def role(self, name: str) -> tuple[Kind, str]:
+        """Kind of a parameter and the part that it belongs to; by default as its equations tell
+        (`windsysid.mechanics.equations.Equations.role`)."""
+        return self.equations().role(name)
 
 
 class ModalAxes(Protocol):
@@ -236,6 +247,11 @@ class MechanicalModel(Model, Protocol):
         return FixedAxes(self)
 
     @property
+    def rotor(self) -> "RotorModel | None":
+        """The structure as a rotor on its support, which the wind loads of turning blades need; None for any other."""
+        return None
+
+    @property
     def coordinates(self) -> tuple[str, ...]:
         """Names of the free degrees of freedom."""
         return tuple(freedom.name for freedom in self.freedoms)
@@ -270,6 +286,10 @@ class MechanicalModel(Model, Protocol):
                 return known
         names = ", ".join(known.name for known in self.parameters)
         raise ConfigurationError(f"no parameter '{name}' in a model of the kind '{self.kind}': expected one of {names}")
+
+    def role(self, name: str) -> tuple[Kind, str]:
+        """Kind of a parameter and the part that it belongs to, as declared; empty where there is none of that name."""
+        return next(((known.kind, known.part) for known in self.parameters if known.name == name), ("", ""))
 
     def coefficients_of(self, coordinate: str, kind: str) -> tuple[str, ...]:
         """Names of the coefficients of one `kind` that belong to `coordinate`."""

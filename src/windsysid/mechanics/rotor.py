@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from windsysid.mechanics.equations import Equations
     from windsysid.mechanics.sensors import Sensor
 
-__all__ = ["RotorModel", "as_rotor"]
+__all__ = ["RotorModel"]
 
 
 @register_model
@@ -124,6 +124,12 @@ class RotorModel(MechanicalModel):
         return INPUTS
 
     @property
+    def stems(self) -> tuple[str, ...]:
+        """Beginnings of the names of the channels that hold the motion of each degree of freedom: ``tower_x``,
+        ``blade_1_lag``."""
+        return tuple(f"blade_{f.blade}_lag" if f.blade else f"tower_{f.name}" for f in self.freedoms)
+
+    @property
     def blade_numbers(self) -> range:
         """1 … N."""
         return range(1, self.blades + 1)
@@ -175,6 +181,11 @@ class RotorModel(MechanicalModel):
         support = ("hub_mass_x", "hub_mass_y", "roll_inertia")
         blade = ("blade_mass", "blade_first_moment", "blade_inertia")
         return {"hub": support} | {f"blade_{i}": tuple(f"{name}_{i}" for name in blade) for i in self.blade_numbers}
+
+    @property
+    def rotor(self) -> "RotorModel":
+        """Itself."""
+        return self
 
     def modes(self) -> MultiBlade:
         """Multi-blade coordinates."""
@@ -230,11 +241,6 @@ MEAN_LAG = "mean_lag_angle"
 
 MEAN_LAG_SPREAD = 0.01
 """Prior standard deviation of it [rad]."""
-
-
-def as_rotor(model: MechanicalModel) -> RotorModel | None:
-    """The model as a rotor with blades of its own, which some methods need; None where it is another."""
-    return model if isinstance(model, RotorModel) else None
 
 
 def _spring(coordinate: str, stiffness: str, damping: str) -> tuple[Coefficient, ...]:

@@ -34,6 +34,7 @@ __all__ = [
     "StrainGauge",
     "VelocitySensor",
     "instrument_parameters",
+    "noise_source",
     "register_sensor",
 ]
 
@@ -48,6 +49,16 @@ TOLERANCES = ("gain_tolerance", "alignment_tolerance", "clock_tolerance")
 MIN_SIZE, MAX_SIZE = 1e-12, 1e12
 """Smallest and largest absolute value of a sensor's numbers other than zero, in the unit of its channel: from the noise
 of the finest strain gauge to the moments of the largest turbine. Double precision can represent their squares."""
+
+
+NOISE = "noise_"
+"""Beginning of the name of a statistic that is the noise of sensors."""
+
+
+def noise_source(name: str) -> str:
+    """Name of the source of a noise whose statistic has this `name`, in archives, which hold names only; empty for any
+    other statistic."""
+    return name.removeprefix(NOISE) if name.startswith(NOISE) else ""
 
 
 class Motion(Protocol):
@@ -164,7 +175,7 @@ class Sensor(BaseModel):
     @property
     def noise_group(self) -> str:
         """Sensors of one group are equally loud: name of the statistic that is their noise."""
-        return f"noise_{'blade' if self.blade else 'tower'}_{self.quantity}"
+        return f"{NOISE}{'blade' if self.blade else 'tower'}_{self.quantity}"
 
     @property
     def structure(self) -> str:

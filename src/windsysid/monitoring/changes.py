@@ -157,7 +157,7 @@ class Watch(Answer):
         if self.changes:
             return "; ".join(change.told for change in self.changes)
         days = (self.blocks.time[-1] - self.blocks.time[self.begins]) / DAY
-        watched = [s for s in self.series if not s.name.startswith("noise_")]
+        watched = [s for i, s in enumerate(self.series) if self.blocks.kind(i) != "noise"]
         sharpest = min(watched or self.series, key=lambda s: s.smallest)
         return (
             f"nothing jumped in {days:.3g} days at {self.alarms_per_year:g} false alarms a year; a jump of"

@@ -117,11 +117,15 @@ def _compare_coefficients(before: Posterior, after: Posterior) -> Comparison:
 def _frame_of_statistics(before: Posterior, after: Posterior) -> tuple[Parameter, ...]:
     """The same for the statistics that both learned; those of loads only where both took the loads for the same."""
     given = [{s.name: s for s in result.statistics} for result in (before, after)]
-    loads = [{name for name in of if name.startswith("load_")} for of in given]
+    loads = [{s.name for s in of.values() if s.kind != "noise"} for of in given]
     return tuple(
-        Parameter(name, math.sqrt(s.estimate * given[1][name].estimate), TYPICAL_CHANGE[name.partition("_")[0]])
+        Parameter(
+            name,
+            math.sqrt(s.estimate * given[1][name].estimate),
+            TYPICAL_CHANGE["noise" if s.kind == "noise" else "load"],
+        )
         for name, s in given[0].items()
-        if name in given[1] and (loads[0] == loads[1] or name.startswith("noise_"))
+        if name in given[1] and (loads[0] == loads[1] or s.kind == "noise")
     )
 
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError
 from windsysid.mechanics.rotor import MEAN_LAG
+from windsysid.mechanics.sensors import noise_source
 from windsysid.monitoring.covariates import lines_of, read_covariates
 from windsysid.monitoring.dates import MIN_BLOCKS, in_order, spans_of
 from windsysid.monitoring.modal_tracks import modal_tracks
@@ -36,7 +37,7 @@ class Blocks:
     Attributes
     ----------
     names
-        Of the n series: coefficients, and ``noise_…`` for what was found of sensors.
+        Of the n series: coefficients, then the noise of sensors.
     time
         (T,) [s], increasing.
     theta, std
@@ -50,7 +51,7 @@ class Blocks:
         SI unit of each series, ``1`` for noise; empty where nobody says them.
     kinds
         Of each series: ``k`` for a stiffness and anything else, ``c`` for a damping, ``f`` for a frequency, ``noise``;
-        empty where names say it, as those of coefficients do.
+        empty where all others are stiffnesses.
     covariates
         (T, m); a block without all of them is left out.
     covariate_names
@@ -82,10 +83,7 @@ class Blocks:
 
     def kind(self, i: int) -> str:
         """The kind of series i."""
-        if self.kinds:
-            return self.kinds[i]
-        said = self.names[i].partition("_")[0]
-        return said if said in ("c", "noise") else "k"
+        return self.kinds[i] if self.kinds else "noise" if noise_source(self.names[i]) else "k"
 
     def __post_init__(self) -> None:
         shape = (len(self.time), len(self.names))
@@ -154,13 +152,14 @@ def gather(
     noise = [noise[i] for i in placed.order] if noise else ()
     frame = [q for q in posteriors[0].parameters if q.name != MEAN_LAG]  # which is the wind's
     names = [q.name for q in frame]
+    known = [posteriors[0].turbine.model.coefficient(name) for name in names]
     sensors = sorted({name for found in noise for name in found})
     theta = np.full((count, len(names) + len(sensors)), np.nan)
     std = theta.copy()
     for row, posterior in enumerate(posteriors):
-        known = [q for q in frame if q.name in [own.name for own in posterior.parameters]]
-        at = [names.index(q.name) for q in known]
-        theta[row, at], cov = without_prior(posterior, known)
+        shared = [q for q in frame if q.name in [own.name for own in posterior.parameters]]
+        at = [names.index(q.name) for q in shared]
+        theta[row, at], cov = without_prior(posterior, shared)
         std[row, at] = np.sqrt(np.diag(cov))
     for row, found in enumerate(noise):
         for name, (value, relative) in found.items():
@@ -177,7 +176,8 @@ def gather(
         covariate_names=tuple(covariates or ()),
         trusted=np.array([posterior.trusted for posterior in posteriors]),
         records=tuple(posterior.record for posterior in posteriors),
-        units=(*(posteriors[0].turbine.model.coefficient(name).unit for name in names), *("1" for _ in sensors)),
+        units=(*(one.unit for one in known), *("1" for _ in sensors)),
+        kinds=(*("c" if one.kind == "damping" else "k" for one in known), *("noise" for _ in sensors)),
         begin=placed.begin,
         notes=placed.notes,
     )
@@ -297,5 +297,5 @@ def _noise(posterior: Posterior) -> dict[str, tuple[float, float]]:
     return {
         s.name: (s.estimate, math.log(s.high / s.low) / (2.0 * SIGMAS))
         for s in posterior.statistics
-        if s.name.startswith("noise_") and s.estimate > 0.0 and math.inf > s.high > s.low > 0.0
+        if s.kind == "noise" and s.estimate > 0.0 and math.inf > s.high > s.low > 0.0
     }

@@ -23,7 +23,10 @@ POINTS = 400
 
 def figure(overview: Overview, place: Axes | None = None) -> Figure:
     """Levels of every coefficient since the end of learning, and turbines against sisters where there are enough."""
-    names = list(dict.fromkeys(s.name for one in overview.watches.values() for s in one.series if _shown(s.name)))
+    watches = overview.watches.values()
+    names = list(
+        dict.fromkeys(s.name for one in watches for i, s in enumerate(one.series) if one.blocks.kind(i) != "noise")
+    )
     rows = max(len(names), 1)
     drawn = canvas((12.0, 0.6 + 2.1 * rows), place)
     sisters = bool(overview.standings)
@@ -36,10 +39,6 @@ def figure(overview: Overview, place: Axes | None = None) -> Figure:
             _sisters(right, overview, name)
             right.set_title(f"{symbol(name)}: off the sisters' mean [%]", fontsize=9, loc="left")
     return drawn
-
-
-def _shown(name: str) -> bool:
-    return not name.startswith("noise_")
 
 
 def _levels(ax: Axes, overview: Overview, name: str, named: set[str]) -> None:

@@ -39,10 +39,9 @@ def figure(plan: Plan, place: Axes | None = None) -> Figure:
     groups: list[tuple[str, float, list[str]]] = []
     for name in sorted(seen, key=lambda name: sigmas[-1, plan.names.index(name)]):
         curve = 100.0 * SIGMAS * sigmas[:, plan.names.index(name)]
-        kind = name.partition("_")[0]
-        colour = {"k": ESTIMATE, "c": ERROR}.get(kind, MEASURED)
+        colour = {"stiffness": ESTIMATE, "damping": ERROR}.get(plan.kinds.get(name, ""), MEASURED)
         ax.loglog(time, curve, color=colour, lw=1.2, alpha=0.8)
-        shown = symbol(name) if kind in ("k", "c") else label(name)
+        shown = symbol(name) if colour != MEASURED else label(name)
         if groups and groups[-1][0] == colour and curve[-1] < LABEL_SHARE_FACTOR * groups[-1][1]:
             groups[-1][2].append(shown)
         else:

@@ -8,6 +8,7 @@ from matplotlib.dates import ConciseDateFormatter
 from matplotlib.figure import Figure
 
 from windsysid._types import Array
+from windsysid.mechanics.sensors import noise_source
 from windsysid.monitoring.changes import Watch
 from windsysid.monitoring.series import DAY
 from windsysid.output.table import Table
@@ -40,8 +41,8 @@ def figure(watch: Watch, place: Axes | None = None) -> Figure:
         low, high = np.percentile(shown, [0.5, 99.5])
         room = 0.3 * (high - low) or 0.01 * abs(high) or 1.0
         left.set_ylim(low - room, high + room)
-        name = symbol(s.name.removeprefix("noise_"))
-        title = f"noise, {name}" if s.name.startswith("noise_") else f"{name} [{unit_text(s.unit)}]" if s.unit else name
+        source, name = noise_source(s.name), symbol(noise_source(s.name) or s.name)
+        title = f"noise, {name}" if source else f"{name} [{unit_text(s.unit)}]" if s.unit else name
         left.set_title(title, fontsize=9, loc="left")
         right.plot(when[some], _highest(s.statistic, some.step) / s.limit, color=ESTIMATE, lw=0.8)
         right.axhline(1.0, color=REFERENCE, ls="--", lw=0.8)

@@ -13,9 +13,10 @@ from windsysid.checks.conditioning import hold
 from windsysid.configuration import parse_json
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.loads.statistics import Statistic, coordinates_of, learned_statistics
+from windsysid.mechanics.sensors import noise_source
 from windsysid.output.folders import result_file
 from windsysid.records.formats.netcdf import check_seal, open_hdf5
-from windsysid.results.tolerance import Group, Tolerance
+from windsysid.results.tolerance import Group, Tolerance, unknowns_of
 from windsysid.statespace.parameter import Parameter
 from windsysid.turbine.tables import parse_turbine
 from windsysid.turbine.turbine import Turbine
@@ -58,6 +59,9 @@ NOT_RECORDED = Conditions()
 
 PRIORS = {"prior_centre": "centre", "prior_spread": "spread", "logarithmic": "logarithmic", "coordinate_scale": "scale"}
 """What ``identification.nc`` holds of a `Parameter`, and under which names."""
+
+ROLES = {"parameter_kind": "kind", "parameter_part": "part"}
+"""The same of its words, which files of older versions lack."""
 
 
 class Posterior(NamedTuple):
@@ -112,20 +116,23 @@ class Posterior(NamedTuple):
         """
         if self.joint_cov is None or not self.tolerances:
             return self
-        n, first = len(self.theta), len(self.joint_cov) - len(self.tolerances)
-        eta = coordinates_of(self.statistics, {s.name: s.estimate for s in self.statistics})
-        tau = [one.estimate / one.spread for one in self.tolerances]
-        places = [at for at, one in enumerate(self.tolerances) if not groups or one.group in groups]
-        mean, cov = hold(np.concatenate([self.theta, eta, tau]), self.joint_cov, [first + at for at in places])
-        values = {q.name: float(q.physical(t)) for q, t in zip(self.parameters, mean, strict=False)}
-        keep = np.setdiff1d(np.arange(len(cov)), [first + at for at in places])
+        known = unknowns_of(self.parameters, self.statistics, self.tolerances)
+        theta, eta = known.of("parameters"), known.of("statistics")
+        levels = coordinates_of(self.statistics, {s.name: s.estimate for s in self.statistics})
+        at = known.vector(parameters=self.theta, statistics=levels)
+        at[known.of("tolerances", "clocks")] = [one.estimate / one.spread for one in self.tolerances]
+        chosen = [not groups or one.group in groups for one in self.tolerances]
+        held = known.places("tolerances", "clocks")[chosen]
+        mean, cov = hold(at, self.joint_cov, held.tolist())
+        values = {q.name: float(q.physical(t)) for q, t in zip(self.parameters, mean[theta], strict=True)}
+        keep = np.setdiff1d(np.arange(len(cov)), held)
         return self._replace(
             turbine=self.turbine.with_values(values),
-            theta=mean[:n],
-            cov=cov[:n, :n],
-            statistics=learned_statistics(self.statistics, mean[n:first], cov[n:first, n:first]),
+            theta=mean[theta],
+            cov=cov[theta, theta],
+            statistics=learned_statistics(self.statistics, mean[eta], cov[eta, eta]),
             joint_cov=cov[np.ix_(keep, keep)],
-            tolerances=tuple(one for at, one in enumerate(self.tolerances) if at not in places),
+            tolerances=tuple(one for one, known in zip(self.tolerances, chosen, strict=True) if not known),
         )
 
     def __repr__(self) -> str:
@@ -205,9 +212,10 @@ def opened(folder: str | Path) -> "Iterator[h5netcdf.File]":
 def read_parameters(file: "h5netcdf.File") -> tuple[Parameter, ...]:
     """The identified parameters with their priors."""
     names, *columns = (file[key][...].tolist() for key in ("parameter", *PRIORS))
+    kinds, parts = (file[key][...].tolist() if key in file else [""] * len(names) for key in ROLES)
     return tuple(
-        Parameter(name, centre, spread, bool(logarithmic), scale)
-        for name, centre, spread, logarithmic, scale in zip(names, *columns, strict=True)
+        Parameter(name, centre, spread, bool(logarithmic), scale, kind, part)
+        for name, centre, spread, logarithmic, scale, kind, part in zip(names, *columns, kinds, parts, strict=True)
     )
 
 
@@ -221,8 +229,16 @@ def read_statistics(file: "h5netcdf.File") -> tuple[Statistic, ...]:
     found = []
     for row in parse_json(file.attrs.get("statistics", "[]")):
         known: dict[str, Any] = {key: math.nan if value is None else value for key, value in row.items()}
-        found.append(Statistic(**known))
+        found.append(Statistic(**known if "kind" in known else {**known, **_described_by_name(known["name"])}))
     return tuple(found)
+
+
+def _described_by_name(name: str) -> dict[str, str]:
+    """What files of older versions left to the name of a statistic."""
+    if noise_source(name):
+        return {"kind": "noise"}
+    harmonic = f"_{name.rpartition('_')[2]}" if name.endswith("P") else ""
+    return {"kind": "level", "time_constant": f"load_time_constant{harmonic}"} if name.startswith("load_rms") else {}
 
 
 def section_name(record: str, start: float, end: float) -> str:

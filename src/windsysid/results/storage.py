@@ -22,6 +22,7 @@ from windsysid.results.load_history import Loads
 from windsysid.results.mode import Mode
 from windsysid.results.posterior import (
     PRIORS,
+    ROLES,
     SIGMAS,
     Conditions,
     opened,
@@ -82,6 +83,8 @@ def variables_of(found: IdentificationValues) -> dict[str, Variable]:
     variables["cov"] = ("parameter", "parameter_2"), found.cov, {"note": note}
     for key, what in PRIORS.items():
         variables[key] = ("parameter",), np.array([getattr(q, what) for q in found.parameters], dtype=np.float64), {}
+    for key, what in ROLES.items():
+        variables[key] = ("parameter",), np.array([getattr(q, what) for q in found.parameters], dtype=object), {}
     if found.joint_cov is not None:
         note = "of parameters, statistics' coordinates (windsysid.loads.statistics), tolerances [prior σ]"
         variables["joint_cov"] = ("unknown", "unknown_2"), found.joint_cov, {"note": note}

@@ -1,10 +1,15 @@
 """What is known of instruments and masses only within tolerances: each an unknown beside the coefficients."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-__all__ = ["INFORMED", "MOST", "Group", "Tolerance"]
+from windsysid.loads.statistics import Statistic
+from windsysid.statespace.parameter import Parameter
+from windsysid.statespace.unknowns import Unknowns
+
+__all__ = ["INFORMED", "MOST", "Group", "Tolerance", "unknowns_of"]
 
 Group = Literal["gain", "alignment", "clock", "masses"]
 
@@ -69,3 +74,15 @@ class Tolerance:
         factor, unit = _SHOWN[self.group]
         spread, value, std = (factor * number for number in (self.spread, self.estimate, self.std))
         return self.name, f"± {spread:.3g} {unit}", f"{value:+.2f} ± {std:.2f} {unit}"
+
+
+def unknowns_of(
+    parameters: Sequence[Parameter], statistics: Sequence[Statistic], tolerances: Sequence[Tolerance]
+) -> Unknowns:
+    """Names of the unknowns of a problem; its clocks are the last of the tolerances."""
+    return Unknowns(
+        parameters=tuple(q.name for q in parameters),
+        statistics=tuple(s.name for s in statistics),
+        tolerances=tuple(one.name for one in tolerances if one.group != "clock"),
+        clocks=tuple(one.name for one in tolerances if one.group == "clock"),
+    )

@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError
+from windsysid.mechanics.model import Kind
 
 __all__ = ["Parameter"]
 
@@ -30,6 +31,9 @@ class Parameter:
         Whether θ = ln(p / centre).
     scale
         Scale of a linear parameter [SI], 2√(km) for a damper; ignored for a logarithmic one.
+    kind, part
+        Kind of the parameter, and the degree of freedom or other part that it belongs to, as the model declares them
+        (`windsysid.Coefficient`); empty where the model leaves them open.
     """
 
     name: str
@@ -37,6 +41,8 @@ class Parameter:
     spread: float
     logarithmic: bool = True
     scale: float = 1.0
+    kind: Kind = ""
+    part: str = ""
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.centre) and np.isfinite(self.spread) and self.spread > 0.0):

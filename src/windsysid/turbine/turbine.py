@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 from windsysid.errors import ConfigurationError
 from windsysid.mechanics.model import MechanicalModel
-from windsysid.mechanics.rotor import RotorModel, as_rotor
+from windsysid.mechanics.rotor import RotorModel
 from windsysid.mechanics.sensors import Sensor
 from windsysid.statespace.gauss_markov import GaussMarkov
 from windsysid.units import RPM
@@ -80,7 +80,7 @@ class Turbine:
         ConfigurationError
             If it has none: a `TowerModel`, for instance.
         """
-        if (rotor := as_rotor(self.model)) is not None:
+        if (rotor := self.model.rotor) is not None:
             return rotor
         raise ConfigurationError(
             f"turbine '{self.name}' is of the kind '{self.model.kind}': expected a rotor with blades of its own; "

@@ -15,7 +15,9 @@ RATE, LIMITS = 10.0, (0.2, 4.0)
 RANGES = frequency_ranges(LIMITS)
 
 
-def judged(readings: np.ndarray, density: float = 2.0 / RATE, decay: float = 1.0, settled: bool = True) -> list[Finding]:
+def judged(
+    readings: np.ndarray, density: float = 2.0 / RATE, decay: float = 1.0, settled: bool = True
+) -> list[Finding]:
     """Doubts about blocks of 200 s under a white spectrum and a pole of a decay [1/s]."""
     blocks = [transform_block(part, RATE, LIMITS, RANGES) for part in np.split(readings, 4)]
     sums = BlockSums.of(blocks[0])

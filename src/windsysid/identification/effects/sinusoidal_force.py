@@ -133,15 +133,14 @@ def forces_of(
 ) -> list[SineForce]:  # fmt: skip
     """How strongly sines push where a search has ended, on whatever record, with whatever priors."""
     problem = pose(record, turbine, sensors, prior, chosen, near.hypothesis)
-    mean, first = where_it_ended(near, problem), len(problem.parameters) + len(problem.statistics)
-    count = len(mean) - first
-    along = np.zeros((len(mean), count))
-    along[first:] = np.eye(count)
-    if near.joint_cov is not None and count:
-        n, behind = len(near.theta), len(near.joint_cov) - len(near.tolerances)
-        own = slice(behind, behind + count)
-        along[:n] = near.joint_cov[:n, own] @ np.linalg.inv(near.joint_cov[own, own])
-    return find_forces(problem, mean, record, sines, along=along, at=mean[first:])
+    mean, known, of = where_it_ended(near, problem), near.unknowns, problem.unknowns.of
+    at = mean[of("tolerances")]
+    along = np.zeros((len(mean), len(at)))
+    along[of("tolerances")] = np.eye(len(at))
+    if near.joint_cov is not None and len(at):
+        own = known.of("tolerances")
+        along[of("parameters")] = near.joint_cov[known.of("parameters"), own] @ np.linalg.inv(near.joint_cov[own, own])
+    return find_forces(problem, mean, record, sines, along=along, at=at)
 
 
 def _innovations(problem: TurbineProblem, points: Sequence[Array]) -> list[Array]:

@@ -12,9 +12,9 @@ and ∂² log L / ∂κ ∂θ from how far the filters of a look go with the cha
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from windsysid._types import Array
 from windsysid.filters import EKF
 from windsysid.identification.condition.samples import Block, Samples
 from windsysid.identification.estimate.scoring import Look, Score
+from windsysid.identification.model.problem import Problem
 from windsysid.records.record import Record
 from windsysid.statespace.compose import StateSpace
 
@@ -122,25 +123,7 @@ class Lateness:
         return slopes[:, :, None] * late.T
 
 
-class Clocked(Protocol):
-    """What a problem (`windsysid.identification.estimate.search.Problem`) tells of its clocks."""
-
-    @property
-    def prior(self) -> tuple[Array, Array]:
-        """Mean and covariance of its unknowns."""
-
-    @property
-    def clocks(self) -> Sequence[Array]:
-        """For each clock, by how much readings (m,) are late [s] at one standard deviation of its tolerance."""
-
-    def build(self, unknowns: Array, /) -> StateSpace:
-        """The state-only model at the unknowns."""
-
-    def frequencies(self, unknowns: Array) -> Sequence[float]:
-        """Natural frequencies [Hz]."""
-
-
-def shifted(problem: Clocked, samples: Samples, clocks: Array) -> Shifted:
+def shifted(problem: Problem, samples: Samples, clocks: Array) -> Shifted:
     """The samples with what clocks (c,) [standard deviations] are late taken back."""
     late = np.zeros(1)
     for value, one in zip(clocks, problem.clocks, strict=True):
@@ -200,7 +183,7 @@ class Widened(NamedTuple):
     Attributes
     ----------
     mean, cov
-        Of the other unknowns and then of the clocks, these in standard deviations of their tolerances.
+        Of all unknowns.
     moved
         The squared length of the step of the other unknowns, in their standard deviations.
     """
@@ -210,10 +193,7 @@ class Widened(NamedTuple):
     moved: float
 
 
-def add_clocks(
-    build: Callable[[Array], StateSpace], samples: Shifted, seen: Look, prior: tuple[Array, Array],
-    clocks: Sequence[Array], at: Array,
-) -> Widened:  # fmt: skip
+def add_clocks(problem: Problem, samples: Shifted, seen: Look, at: Array) -> Widened:
     """The mode and the covariance of all unknowns, clocks included, one step from where a search has looked last.
 
     Parameters
@@ -222,20 +202,18 @@ def add_clocks(
         With the shift that the search saw.
     seen
         Its last look at the other unknowns (n,), and at the `Lateness` of the samples.
-    prior
-        Mean (n,) and covariance (n, n) of those.
-    clocks
-        For each clock, by how much readings (m,) are late [s] at one standard deviation of its tolerance.
     at
         The clocks (c,) in the shift that the search saw.
     """
-    n, said = len(seen.theta), clock_information(build(seen.theta), samples, seen.found, clocks)
+    prior, clocks, known = problem.wide_prior, problem.clocks, problem.unknowns
+    others, late = known.but("clocks"), known.of("clocks")
+    said = clock_information(problem.build(seen.theta), samples, seen.found, clocks)
     information = np.linalg.inv(prior[1])
     pull = seen.found.gradient - information @ (seen.theta - prior[0])
     cov = _joint_covariance(seen.found.fisher + information, said.mixed, said.curvature + np.eye(len(clocks)))
     step = cov @ np.concatenate([pull, said.gradient - at])
-    step *= min(1.0, MOST / float(np.abs(step[n:]).max()))
-    moved = float(step[:n] @ np.linalg.solve(cov[:n, :n], step[:n]))
+    step *= min(1.0, MOST / float(np.abs(step[late]).max()))
+    moved = float(step[others] @ np.linalg.solve(cov[np.ix_(others, others)], step[others]))
     return Widened(np.concatenate([seen.theta, at]) + step, cov, moved)
 
 

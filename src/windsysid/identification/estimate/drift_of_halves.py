@@ -29,9 +29,9 @@ def drift_of_halves(
 
 
 def _clocks(half: LiftedModel, unknowns: Array, count: int) -> tuple[Array, Array]:
-    """By how much the last of the mechanical unknowns, clocks, are late (count,) [s], and the standard deviations of
-    that with all others known; of a clock that nothing shows, infinite ones."""
-    at, unknowns = slice(half.mechanical - count, half.mechanical), unknowns.copy()
+    """Delays of the clocks (count,) [s] and their standard deviations with all others known; infinite ones of a clock
+    that nothing shows."""
+    at, unknowns = half.unknowns.of("clocks"), unknowns.copy()
     for _ in range(STEPS):
         said = half.likelihood(unknowns)
         information = np.diag(said.information)[at]

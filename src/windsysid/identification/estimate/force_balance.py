@@ -126,9 +126,9 @@ def analysis_band(turbine: Turbine) -> tuple[float, float]:
 def measured_channels(record: Record, turbine: Turbine) -> tuple[str, ...]:
     """The channels that a force balance of this record reads: an acceleration per degree of freedom, and what else is
     there."""
-    optional = [f"{stem}_{quantity}" for stem in _stems(turbine) for quantity in ("displacement", "velocity")]
+    optional = [f"{stem}_{quantity}" for stem in turbine.rotor.stems for quantity in ("displacement", "velocity")]
     return (
-        *(f"{stem}_acceleration" for stem in _stems(turbine)),
+        *(f"{stem}_acceleration" for stem in turbine.rotor.stems),
         *(channel for channel in optional if channel in record),
     )
 
@@ -144,7 +144,7 @@ def measured_motion(record: Record, turbine: Turbine, cutoff: float) -> Kinemati
         If an acceleration is missing, or a channel has another unit or no numbers.
     """
     columns: list[tuple[Array, Array, Array]] = []
-    for stem in _stems(turbine):
+    for stem in turbine.rotor.stems:
         _check_channels(record, stem)
         acceleration = record[f"{stem}_acceleration"]
         velocity, displacement = integrate_acceleration(acceleration, record.rate, cutoff=cutoff)
@@ -170,11 +170,6 @@ def _check_channels(record: Record, stem: str) -> None:
                 f"channel '{channel}' holds no numbers: leave it out if it is a displacement or velocity, "
                 "or choose another record"
             )
-
-
-def _stems(turbine: Turbine) -> list[str]:
-    """What the channels of each degree of freedom begin with: ``tower_x``, ``blade_1_lag``."""
-    return [f"blade_{f.blade}_lag" if f.blade else f"tower_{f.name}" for f in turbine.rotor.freedoms]
 
 
 def balance_forces(

@@ -8,7 +8,7 @@ It is not for what is not stationary: a free decay, a start, a stop, or a speed 
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -17,6 +17,7 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError, RecordError, WindsysidError
 from windsysid.identification.condition.spectral_readings import read_bridged
+from windsysid.identification.estimate.evidence import Ranking, rank
 from windsysid.identification.estimate.narrow_band import (
     doubts_of_narrow_band,
     fit_narrow_band,
@@ -41,7 +42,7 @@ from windsysid.loads.narrow_band import NarrowBand
 from windsysid.loads.rotor_wind import RotorWind
 from windsysid.loads.statistics import Statistic, learned_statistics
 from windsysid.mechanics.compile import compile_model
-from windsysid.mechanics.rotor import MEAN_LAG, as_rotor
+from windsysid.mechanics.rotor import MEAN_LAG
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
 from windsysid.results.finding import Finding
@@ -54,6 +55,7 @@ from windsysid.spectral.rotor_bands.build import belongs_in_bands
 from windsysid.spectral.transforms.block_sums import BlockSums
 from windsysid.spectral.transforms.rotating_frame import TurnedBlock
 from windsysid.statespace.compose import compose
+from windsysid.statespace.unknowns import Unknowns
 from windsysid.turbine.turbine import Turbine
 
 __all__ = ["ask", "identify_by_spectrum", "inexact_of", "tolerances_in"]
@@ -95,7 +97,7 @@ def identify_by_spectrum(
     started = time.perf_counter()
     questions = {"broadband": ask(record, turbine, sensors, prior, chosen, inputs, readings, "broadband", sums)}
     coupled = turns_couple(questions["broadband"])
-    speeds = inputs[:, 1] if speeds is None else speeds
+    speeds = questions["broadband"].speed if speeds is None else speeds
     if coupled and belongs_in_bands(questions["broadband"]):
         in_bands = _in_bands(questions["broadband"], loads, _speed(speeds, STEADY_IN_BANDS, VARYING_IN_BANDS), notes)
         if in_bands is not None:
@@ -132,9 +134,9 @@ def identify_by_spectrum(
     doubts += doubts_of_spectra(question, posed, best, name, halves)
     if not coupled:
         doubts += passed_by(question, best.unknowns, abs(float(speeds.mean())) / (2.0 * math.pi))
-    n, lag = len(question.parameters), model.lag
-    if lag:
-        data = {"angle": best.unknowns[n], "std": math.sqrt(best.cov[n, n])}
+    if model.lag:
+        lag = model.unknowns.of("lag").start
+        data = {"angle": best.unknowns[lag], "std": math.sqrt(best.cov[lag, lag])}
         notes.append(Finding("lag_angle", "note", data))
 
     def log_likelihood(unknowns: Array) -> float:
@@ -145,7 +147,7 @@ def identify_by_spectrum(
         Finding("ranges_read", "note", {"ranges": posed.bands}),
     ]
     return _outcome(
-        question, best.unknowns, best.cov, lag, tolerances, log_likelihood=best.log_likelihood,
+        question, best.unknowns, best.cov, best.model.unknowns, tolerances, log_likelihood=best.log_likelihood,
         statistics=model.statistics, elapsed=time.perf_counter() - started, notes=notes, doubts=doubts, hypothesis=name,
         held=find_held(one_by_one(log_likelihood), best.unknowns, best.cov, model.parameters),
     )._replace(turns=coupled, drifts=drifts_of(question, halves, best.unknowns, tolerances))  # fmt: skip
@@ -159,23 +161,21 @@ def _in_bands(question: Question, loads: str, doubts: list[Finding], notes: list
     if found is None:
         return None
     return _outcome(
-        question, found.unknowns, found.cov, 1, tolerances, log_likelihood=found.log_likelihood,
+        question, found.unknowns, found.cov, found.blocks, tolerances, log_likelihood=found.log_likelihood,
         statistics=found.statistics, elapsed=time.perf_counter() - started, notes=(*notes, *found.notes),
         doubts=(*doubts, *found.doubts), hypothesis=RotorWind.name, held=found.held,
     )._replace(in_bands=True)  # fmt: skip
 
 
 def _outcome(
-    question: Question, unknowns: Array, cov: Array, lag: int, tolerances: Sequence[Tolerance], *,
+    question: Question, unknowns: Array, cov: Array, blocks: Unknowns, tolerances: Sequence[Tolerance], *,
     log_likelihood: float, statistics: Sequence[Statistic], elapsed: float, notes: Sequence[Finding],
     doubts: Sequence[Finding], hypothesis: str, held: tuple[str, ...],
 ) -> Outcome:  # fmt: skip
-    """What was found, from all unknowns: θ, then the mean lag angle where `lag` is 1, then τ and η."""
-    n, end = len(question.parameters), len(question.parameters) + len(statistics)
-    first = n + lag + len(tolerances)
-    keep = np.r_[0:n, first : len(unknowns), n + lag : first]
-    mean, joint_cov = unknowns[keep], cov[np.ix_(keep, keep)]
-    learned = learned_tolerances(tolerances, mean[end:], joint_cov[end:, end:])
+    """What was found, from all unknowns (n,), whose `blocks` are told."""
+    theta, eta, tau = blocks.of("parameters"), blocks.of("statistics"), blocks.of("tolerances", "clocks")
+    kept = blocks.but("lag")
+    learned = learned_tolerances(tolerances, unknowns[tau], cov[tau, tau])
     return Outcome(
         turbine=question.turbine,
         model=compose(
@@ -185,21 +185,22 @@ def _outcome(
             parameters=question.parameters,
             sensors=question.sensors,
         ),
-        history_mean=unknowns[None, :n],
-        history_std=np.sqrt(np.diag(cov)[:n])[None],
+        history_mean=unknowns[None, theta],
+        history_std=np.sqrt(np.diag(cov)[theta])[None],
         final=no_innovations(len(question.sensors), log_likelihood),
-        theta=unknowns[:n],
-        cov=cov[:n, :n],
+        theta=unknowns[theta],
+        cov=cov[theta, theta],
         rotor=question.inputs,
         channels=tuple(sensor.channel for sensor in question.sensors),
         elapsed=elapsed,
         notes=(*notes, *note_tolerances(learned)),
-        statistics=learned_statistics(statistics, mean[n:end], joint_cov[n:end, n:end]),
+        statistics=learned_statistics(statistics, unknowns[eta], cov[eta, eta]),
         doubts=(*doubts, *doubt_tolerances(learned)),
-        joint_cov=joint_cov,
+        joint_cov=cov[np.ix_(kept, kept)],
         hypothesis=hypothesis,
         tolerances=learned,
         held=held,
+        sensors=question.sensors,
     )
 
 
@@ -239,7 +240,7 @@ def ask(
     supposed = hypothesis(loads, turbine, file_loads)
     own = (q for q in supposed.parameters if q.name != MEAN_LAG)  # which is an unknown of spectra under any loads
     parameters = (*prior.parameters(turbine, identifiable(turbine, chosen), linear=False), *own)
-    rotor = as_rotor(supposed.turbine.model)
+    rotor = supposed.turbine.model.rotor
     if rotor is not None and rotor.leads and MEAN_LAG not in turbine.values:
         values = {name: value for name, value in supposed.turbine.values.items() if name != MEAN_LAG}
         turbine = replace(supposed.turbine, model=replace(rotor, leads=False), values=values)
@@ -281,15 +282,7 @@ def _fitted(poses: dict[str, Posed]) -> _Found:
             return _Found(name, _fit_alone(posed), {"rivals": {}, "part": False})
         if any(posed.model.blocks > 1.0 for posed in poses.values()):
             return _after_all(poses)
-        tried = {name: fit(posed.model, posed.start, COARSE[:-1], rough=True) for name, posed in poses.items()}
-        rivals = _rivals(tried)
-        later: Sequence[tuple[float, int]] = (*COARSE[-1:], *WHOLE)
-        why = {"rivals": _margins(tried), "part": True}
-        if len(rivals) > 1:
-            tried = {name: fit(poses[name].model, tried[name].unknowns, COARSE[-1:], rough=True) for name in rivals}
-            later, why = WHOLE, {"rivals": _margins(tried), "part": False}
-        name = _rivals(tried)[0]
-        return _Found(name, fit(poses[name].model, tried[name].unknowns, later, poses[name].smoothed), why)
+        return _after_stages(poses)
     except np.linalg.LinAlgError:
         raise WindsysidError(
             "no spectrum of this model is positive: expected loads, noise and priors of the size of the record's; "
@@ -304,23 +297,33 @@ def _fit_alone(posed: Posed) -> Fit:
     return fit(posed.model, posed.start, stages, posed.smoothed)
 
 
+def _after_stages(poses: dict[str, Posed]) -> _Found:
+    """The load model of the greatest evidence: after the first stages where it is clear there, on half of the bins
+    elsewhere; fitted to the end."""
+    tried = {name: fit(posed.model, posed.start, COARSE[:-1], rough=True) for name, posed in poses.items()}
+    ranking = _ranked(tried)
+    rivals = ranking.within(CLEAR)
+    later: Sequence[tuple[float, int]] = (*COARSE[-1:], *WHOLE)
+    why = {"rivals": ranking.rivals(), "part": True}
+    if len(rivals) > 1:
+        tried = {name: fit(poses[name].model, tried[name].unknowns, COARSE[-1:], rough=True) for name in rivals}
+        ranking, later = _ranked(tried), WHOLE
+        why = {"rivals": ranking.rivals(), "part": False}
+    name = ranking.best
+    return _Found(name, fit(poses[name].model, tried[name].unknowns, later, poses[name].smoothed), why)
+
+
 def _after_all(poses: dict[str, Posed]) -> _Found:
     """The load model of the greatest evidence where all have been fitted to the end: what the taper of a short block
     does to spectra can look like another load."""
     tried = {name: _fit_alone(posed) for name, posed in poses.items()}
     overlap = max(found.model.overlap for found in tried.values())
-    tried = {name: found._replace(log_evidence=found.evidence_at(overlap)) for name, found in tried.items()}
-    name = _rivals(tried)[0]
-    return _Found(name, tried[name], {"rivals": _margins(tried), "part": False})
+    ranking = rank(tried, lambda name: tried[name].evidence_at(overlap))
+    best = tried[ranking.best]
+    best = best._replace(log_evidence=best.evidence_at(overlap))
+    return _Found(ranking.best, best, {"rivals": ranking.rivals(), "part": False})
 
 
-def _rivals(tried: dict[str, Fit]) -> list[str]:
-    """The load models that may still win, the best first."""
-    order = sorted(tried, key=lambda name: -tried[name].log_evidence)
-    return [name for name in order if tried[order[0]].log_evidence - tried[name].log_evidence < CLEAR]
-
-
-def _margins(tried: dict[str, Fit]) -> dict[str, float]:
-    """By how much the best load model explains the record better than each of the others."""
-    best, *others = sorted(tried, key=lambda name: -tried[name].log_evidence)
-    return {name: tried[best].log_evidence - tried[name].log_evidence for name in others}
+def _ranked(tried: Mapping[str, Fit]) -> Ranking[str]:
+    """Load models by the evidence of their fits."""
+    return rank(tried, lambda name: tried[name].log_evidence)

@@ -6,15 +6,7 @@ noise would not show in one record of a thousand (`windsysid.checks.verdict`). O
 fit can take in loads of another colour and leave no peak: under a rigid rotor, where others are cheap, they are
 compared all the same, on as many samples as are held. None is tried where the loads hardly matter, as in a free decay:
 what the simplest model's loads can do by themselves is then small beside the motion. Of those that are tried, the one
-with the greatest evidence p(y | model) = ∫ p(y | θ) p(θ) dθ is chosen, by Laplace's approximation at the mode of the
-posterior,
-
-    log p(y | model) ≈ log p(y | θ̂) − ½ (θ̂ − θ₀)ᵀ Λ₀ (θ̂ − θ₀) + ½ log det Λ₀ − ½ log det Λ,
-
-with Λ₀ the information of the prior and Λ that of the posterior, which the search for the mode leaves behind. Unlike
-Schwarz's criterion, which is its limit for long records, it does not pretend that each statistic was informed by every
-sample: that of a slow load never is. Source: Kass & Raftery, J. Am. Stat. Assoc. 90, 1995,
-https://doi.org/10.1080/01621459.1995.10476572.
+with the greatest evidence is chosen (`windsysid.identification.estimate.evidence`).
 """
 
 import math
@@ -30,15 +22,16 @@ from windsysid.checks.whiteness import Whiteness, examine
 from windsysid.errors import WindsysidError
 from windsysid.filters import EKF, Info
 from windsysid.filters.bank import bank_of, run_bank
+from windsysid.identification.estimate.evidence import Ranking, rank
 from windsysid.identification.estimate.online import MEMORY, History, Online, advance, begin, finish, join_histories
 from windsysid.identification.model.prior import Prior
 from windsysid.identification.model.turbine_problem import FIRST_WIDTH, TurbineProblem, pose
 from windsysid.loads.hypothesis import HYPOTHESES
 from windsysid.loads.statistics import coordinates_of, values_of
-from windsysid.mechanics.rotor import as_rotor
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
 from windsysid.results.finding import Finding
+from windsysid.scoring import laplace_evidence
 from windsysid.statespace.compose import StateSpace
 from windsysid.turbine.turbine import Turbine
 
@@ -114,15 +107,14 @@ def choose(question: Question, names: Sequence[str], first: int) -> Choice:
     """
     rate, warming = question.record.rate, 0.0
     tried: list[Candidate] = []
-    cheap, length = as_rotor(question.turbine.model) is None, TRIAL_LENGTH * first
+    cheap, length = question.turbine.model.rotor is None, TRIAL_LENGTH * first
     for name in names:
         begun = time.perf_counter()
         problem = pose(*question, name)
         warm(problem)
         warming += time.perf_counter() - begun
-        candidate = _start_candidate(problem, first)
         try:
-            candidate = _take_in(candidate, length, rate, _start(problem, tried))
+            candidate = _take_in(_start_candidate(problem, first), length, rate, _start(problem, tried))
             if candidate.white and not tried:
                 later = _take_in(candidate, MEMORY * first, rate, problem.start)
                 candidate = later if cheap else later._replace(log_evidence=candidate.log_evidence)
@@ -132,12 +124,20 @@ def choose(question: Question, names: Sequence[str], first: int) -> Choice:
                 raise
             continue
         tried.append(candidate)
-        if len(tried) == 1 and ((candidate.white and not cheap) or not candidate.driven):
+        if _is_enough(tried, cheap=cheap):
             break
     if not tried:
         raise WindsysidError("no load model fits this record: check units, the turbine file and the priors")
-    best = max(tried, key=lambda candidate: candidate.log_evidence)
-    return Choice(best, _describe_choice(best, tried, min(length, question.record.samples) / rate), warming)
+    ranking = rank(tried, lambda candidate: candidate.log_evidence)
+    seconds = min(length, question.record.samples) / rate
+    return Choice(ranking.best, _describe_choice(ranking, seconds), warming)
+
+
+def _is_enough(tried: Sequence[Candidate], *, cheap: bool) -> bool:
+    """Whether the simplest model needs no rival: it explains the record, and others are dear, or loads hardly
+    matter."""
+    simplest = tried[0]
+    return len(tried) == 1 and ((simplest.white and not cheap) or not simplest.driven)
 
 
 def warm(problem: TurbineProblem) -> None:
@@ -170,11 +170,10 @@ def _take_in(candidate: Candidate, until: int, rate: float, start: Start) -> Can
 
 
 def _log_evidence(log_likelihood: float, known: Online) -> float:
-    """Laplace's approximation."""
-    prior = np.linalg.inv(known.prior_cov)
+    """Laplace's approximation to the log evidence of the samples that a recursion has seen."""
+    prior: Array = np.asarray(np.linalg.inv(known.prior_cov), dtype=np.float64)
     off = known.theta - known.prior_mean
-    sizes = [float(np.linalg.slogdet(information)[1]) for information in (prior, known.precision)]
-    return log_likelihood - 0.5 * float(off @ prior @ off) + 0.5 * (sizes[0] - sizes[1])
+    return laplace_evidence(log_likelihood - 0.5 * float(off @ prior @ off), prior, known.precision)
 
 
 def _explains(problem: TurbineProblem, info: Info, rate: float) -> bool:
@@ -209,11 +208,10 @@ def _start(problem: TurbineProblem, tried: Sequence[Candidate]) -> Start:
     the simplest found them."""
     if not tried and problem.loads.name == next(iter(HYPOTHESES)):
         return problem.start
-    n = len(problem.parameters)
     mean = problem.prior[0].copy()
     if tried:
         values = HYPOTHESES[problem.loads.name].start_from(_compare_levels(tried[0]), problem.loads.statistics)
-        mean[n:] = coordinates_of(problem.statistics, values)
+        mean[problem.unknowns.of("statistics")] = coordinates_of(problem.statistics, values)
 
     def start(inputs: Array, readings: Array) -> tuple[Array, Array]:
         return mean, np.diag(np.full(len(mean), FIRST_WIDTH**2))
@@ -223,23 +221,24 @@ def _start(problem: TurbineProblem, tried: Sequence[Candidate]) -> Start:
 
 def _compare_levels(simplest: Candidate) -> dict[str, float]:
     """How much louder than in the file the loads are, by the level of their spectra: a factor for each statistic."""
-    n = len(simplest.problem.parameters)
-    statistics = simplest.problem.statistics
-    values = values_of(statistics, simplest.online.theta[n:])
+    statistics, eta = simplest.problem.statistics, simplest.problem.unknowns.of("statistics")
+    levels = [s.name for s in statistics if s.kind == "level"]
+    values = values_of(statistics, simplest.online.theta[eta])
     given = {s.name: s.given for s in statistics}
 
     def level(of: dict[str, float], name: str) -> float:
         return of[name] / math.sqrt(of.get("load_time_constant", 1.0))
 
-    return {name: level(values, name) / level(given, name) for name in given if name.startswith("load_rms")}
+    return {name: level(values, name) / level(given, name) for name in levels}
 
 
-def _describe_choice(best: Candidate, tried: Sequence[Candidate], seconds: float) -> Finding:
-    """What was chosen, and by how much."""
+def _describe_choice(ranking: Ranking[Candidate], seconds: float) -> Finding:
+    """The chosen model with its margins."""
+    best = ranking.best
     data: dict[str, Any] = {"model": best.problem.loads.name}
-    if len(tried) == 1:
+    if len(ranking.order) == 1:
         data["reason"] = "explains" if best.white else "" if best.driven else "loads hardly matter"
     else:
-        rivals = {one.problem.loads.name: best.log_evidence - one.log_evidence for one in tried if one is not best}
+        rivals = ranking.rivals(lambda one: one.problem.loads.name)
         data |= {"reason": "evidence", "rivals": rivals, "duration": seconds, "explained": best.white}
     return Finding("load_model_chosen", "note", data)

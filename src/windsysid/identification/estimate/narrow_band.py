@@ -4,7 +4,7 @@ A machine nearby, waves or a neighbour's mode push at frequencies of their own. 
 narrower peak of the two: a search that knows broad loads only takes it for the mode, and the mode for a hump of the
 loads. All that is left over is white then. So a narrow-band load on the support is let into the spectral likelihood
 (`windsysid.loads.narrow_band`), and the evidence p(y | loads) with it and without is compared, by Laplace's
-approximation (`windsysid.identification.estimate.load_selection`).
+approximation (`windsysid.identification.estimate.evidence`).
 
 The likelihood has several summits: the load may be the peak beside a mode, or the peak that passed for the mode. Places
 to begin at come from the channels that see most of the support, one by one: for many frequencies, widths and strengths
@@ -17,12 +17,14 @@ Source: Whittle, J. R. Statist. Soc. B 15, 1953, https://doi.org/10.1111/j.2517-
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.loads.narrow_band import FREQUENCY, LEVEL, WIDTH, NarrowBand, narrow_band_statistics
+from windsysid.identification.estimate.evidence import rank
+from windsysid.loads.narrow_band import FREQUENCY, WIDTH, NarrowBand, narrow_band_statistics
 from windsysid.loads.statistics import Statistic, coordinates_of, values_of
 from windsysid.results.finding import Finding
 from windsysid.spectral.rotor.build import pose_lifted
@@ -71,6 +73,9 @@ WIDTHS, OVER = (0.001, 0.004, 0.02), (3.0, 30.0, 300.0)
 EVERYWHERE = 3.0
 """Damping ratio of a load that is hardly narrow: it tells how the support answers at any frequency."""
 
+LOG_EVIDENCE = attrgetter("log_evidence")
+"""Of a fit."""
+
 NOTHING, LITTLE = -8.0, -1.0
 """Coordinates of the level of a load that does not push, and of one that hardly does."""
 
@@ -110,8 +115,7 @@ class NarrowBandFit(NamedTuple):
     @property
     def values(self) -> dict[str, float]:
         """Of these, by name."""
-        first = self.posed.model.mechanical
-        return values_of(self.statistics, self.fit.unknowns[first : first + len(self.statistics)])
+        return values_of(self.statistics, self.fit.model.split_statistics(self.fit.unknowns)[0])
 
 
 def fit_narrow_band(question: Question, broad: Posed, found: Fit, *, thorough: bool = False) -> NarrowBandFit | None:
@@ -136,9 +140,8 @@ def fit_narrow_band(question: Question, broad: Posed, found: Fit, *, thorough: b
     gain = ends[0].log_evidence - plain
     near = [
         end
-        for end in ends
-        if end.log_evidence > ends[0].log_evidence - CLOSE
-        and (thorough or end.log_evidence > plain or _may_matter(question, found, end, end.log_evidence - plain))
+        for end in rank(ends, LOG_EVIDENCE).within(CLOSE)
+        if (thorough or end.log_evidence > plain or _may_matter(question, found, end, end.log_evidence - plain))
     ]
     if not near:
         return NarrowBandFit(posed, ends[0], gain, _off(question, found, ends[0])[1], None)
@@ -171,10 +174,10 @@ def doubts_of_narrow_band(found: NarrowBandFit | None, *, asked: str) -> tuple[F
 
 def note_narrow_band(found: NarrowBandFit) -> Finding:
     """What a reader should know of a narrow-band load that a result takes into account."""
-    levels = {one.name: one.unit for one in found.statistics if one.name.startswith(LEVEL)}
-    loudest = max(levels, key=lambda name: found.values[name])
+    levels = [one for one in found.statistics if one.kind == "narrow-band level"]
+    loudest = max(levels, key=lambda one: found.values[one.name])
     data = {
-        "rms": found.values[loudest], "unit": levels[loudest], "load": loudest.removeprefix(LEVEL),
+        "rms": found.values[loudest.name], "unit": loudest.unit, "load": loudest.of,
         "frequency": found.values[FREQUENCY], "width": found.values[WIDTH],
     }  # fmt: skip
     return Finding("narrow_band_load", "note", data)
@@ -192,7 +195,7 @@ def _ends(question: Question, posed: Posed, starts: Sequence[Array], *, rough: b
                 else fit(posed.model, start, WHOLE, posed.smoothed, enough=ENOUGH)
             )
     ends = list[Fit]()
-    for end in sorted(found, key=lambda end: -end.log_evidence):
+    for end in sorted(found, key=LOG_EVIDENCE, reverse=True):
         if not any(_off(question, other, end)[1] < SAME for other in ends):
             ends.append(end)
     return ends
@@ -201,8 +204,8 @@ def _ends(question: Question, posed: Posed, starts: Sequence[Array], *, rough: b
 def _starts(question: Question, found: Fit, model: LiftedModel) -> list[Array]:
     """Where to begin: beside the modes as they were found, damped as the prior has them, and damped more than that."""
     damped, more = found.unknowns.copy(), found.unknowns.copy()
-    supports = {f"c_{one.name}" for one in question.turbine.model.freedoms if not one.blade}
-    of_support = [i for i, q in enumerate(question.parameters) if q.name in supports]
+    supports = {one.name for one in question.turbine.model.freedoms if not one.blade}
+    of_support = [i for i, q in enumerate(question.parameters) if q.kind == "damping" and q.part in supports]
     damped[of_support] = model.prior[0][of_support]
     more[of_support] = damped[of_support] + model.prior[1][of_support]
     tried = [one for known in (damped, found.unknowns) for one in _places(question, model, known)]
@@ -219,7 +222,7 @@ def _swapped(question: Question, place: "_Place") -> Array:
     """The mode where the load was, and the load where the mode was."""
     start = place.start.copy()
     for i, q in enumerate(question.parameters):
-        if q.name == f"k_{place.name}":
+        if q.kind == "stiffness" and q.part == place.name:
             start[i] = q.coordinate(float(q.physical(start[i])) * (place.frequency / place.mode) ** 2)
     start[place.at] += math.log(place.mode / place.frequency)
     return start
@@ -257,10 +260,10 @@ class _Place(NamedTuple):
 def _places(question: Question, model: LiftedModel, known: Array) -> Iterator[_Place]:
     """The best frequency of a load on each degree of freedom of the support, for every width and strength."""
     narrow = narrow_band_statistics(question.turbine, question.loads)
-    levels, at = narrow[2:], len(known) - len(model.noise)
+    levels, at = narrow[2:], model.unknowns.of("statistics").stop - len(model.noise) - len(narrow)
     values = {q.name: float(q.physical(u)) for q, u in zip(question.parameters, known, strict=False)}
     turbine = question.turbine.with_values(values)
-    modes = [turbine.natural_frequency(one.name.removeprefix(LEVEL)) / (2.0 * math.pi) for one in levels]
+    modes = [turbine.natural_frequency(one.of) / (2.0 * math.pi) for one in levels]
     places = np.exp(np.linspace(math.log(min(modes)) - ASIDE, math.log(max(modes)) + ASIDE, PLACES))
     order = model.place.orders[model.place.entries // len(model.combine)]
     frequency = model.base[:, None] + model.place.rotor_hz * order
@@ -295,21 +298,20 @@ def _places(question: Question, model: LiftedModel, known: Array) -> Iterator[_P
                 best = int(np.argmin(costs))
                 there = {FREQUENCY: float(places[best]), WIDTH: width, level.name: float(rms[best])}
                 yield _Place(
-                    there[FREQUENCY], level.name.removeprefix(LEVEL), modes[i], known, float(cost - costs[best]),
+                    there[FREQUENCY], level.of, modes[i], known, float(cost - costs[best]),
                     with_load(alone(i, there, LITTLE)), at,
                 )  # fmt: skip
 
 
 def _is_narrow(question: Question, posed: Posed, end: Fit) -> bool:
     """Whether the load is narrower than a mode beside it: one as wide would take a part of any mode's peak."""
-    at = end.model.mechanical + len(posed.model.statistics) - len(posed.model.noise)
     narrow = narrow_band_statistics(question.turbine, question.loads)
-    values = values_of(narrow, end.unknowns[at - len(narrow) : at])
+    values = values_of(narrow, posed.model.split_statistics(end.unknowns)[0][-len(narrow) :])
     found = {q.name: float(q.physical(u)) for q, u in zip(question.parameters, end.unknowns, strict=False)}
     turbine = question.turbine.with_values(found)
     beside = [
         turbine.damping(name) / turbine.critical_damping(name)
-        for name in (one.name.removeprefix(LEVEL) for one in narrow[2:])
+        for name in (one.of for one in narrow[2:])
         if abs(math.log(turbine.natural_frequency(name) / (2.0 * math.pi * values[FREQUENCY]))) < ASIDE
     ]
     return values[WIDTH] < NARROWER * max(beside, default=0.0)
@@ -317,8 +319,8 @@ def _is_narrow(question: Question, posed: Posed, end: Fit) -> bool:
 
 def _off(question: Question, best: Fit, other: Fit) -> tuple[str, float]:
     """Which coefficient is elsewhere most under another explanation, and by how many standard deviations."""
-    n = len(question.parameters)
-    off = np.abs(other.unknowns[:n] - best.unknowns[:n]) / np.sqrt(np.diag(best.cov)[:n])
+    theta = best.model.unknowns.of("parameters")
+    off = np.abs(other.unknowns[theta] - best.unknowns[theta]) / np.sqrt(np.diag(best.cov)[theta])
     i = int(np.argmax(off))
     return question.parameters[i].name, float(off[i])
 

@@ -53,7 +53,7 @@ def narrow_band_beside(
     Priors are those that were given. One that was made wider since the readings want more damping stays so: no
     narrow-band load makes a mode look damped more, and it would be held against what the prior does not explain.
     """
-    undamped = any(q.name.startswith("c_") and t <= 0.0 for q, t in zip(near.model.parameters, near.theta, strict=True))
+    undamped = any(q.kind == "damping" and t <= 0.0 for q, t in zip(near.model.parameters, near.theta, strict=True))
     far = any(one.group in ("gain", "masses") and abs(one.estimate) > FAR for one in near.tolerances)
     if undamped or far or near.hypothesis in (NarrowBand.name, RotorWind.name):
         return None
@@ -125,5 +125,5 @@ def _where_it_ended(near: Outcome, question: Question, posed: Posed) -> tuple[Ar
     known = {one.name: one.estimate for one in near.statistics}
     if not all(one.name in known for one in statistics):
         return start, AGAIN
-    start[posed.model.mechanical :] = coordinates_of(statistics, known)
+    start[posed.model.unknowns.of("statistics")] = coordinates_of(statistics, known)
     return start, WHOLE

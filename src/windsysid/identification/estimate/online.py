@@ -27,7 +27,7 @@ from windsysid.filters.bank import Bank, bank_of
 from windsysid.identification.estimate.scoring import (
     INCREMENT,
     THREADS,
-    find_mode,
+    find_innovation_mode,
     look,
     neighbours,
     score,
@@ -269,10 +269,9 @@ def _find_anew(
     start: tuple[Array, Array],
 ) -> Online:  # fmt: skip
     """The mode of the posterior of all samples since the start, and the bank there."""
-    mode = find_mode(
+    mode = find_innovation_mode(
         build, [(inputs, readings)],
-        prior_mean=online.prior_mean, prior_cov=online.prior_cov,
-        start=start[0], start_cov=start[1], tolerance=ON_LINE_TOLERANCE,
+        prior=(online.prior_mean, online.prior_cov), start=start, tolerance=ON_LINE_TOLERANCE,
     )  # fmt: skip
     seen = mode.look
     if not mode.decrement < ON_LINE_TOLERANCE:  # too long a step to follow along the slopes

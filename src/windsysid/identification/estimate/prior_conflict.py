@@ -89,7 +89,7 @@ def find_held(
 
 def _may_be_held(q: Parameter, theta: float) -> bool:
     mean, std = q.prior
-    return q.name.startswith("c_") and not q.logarithmic and theta > 0.0 and abs(theta - mean) > PULLED * std
+    return q.kind == "damping" and not q.logarithmic and theta > 0.0 and abs(theta - mean) > PULLED * std
 
 
 def _beyond(unknowns: Array, cov: Array, j: int, q: Parameter) -> list[Array]:

@@ -18,7 +18,7 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError
 from windsysid.identification.condition.readings import usable_sensors
-from windsysid.identification.estimate.scoring import Posterior, posterior_mode
+from windsysid.identification.estimate.scoring import FilteredMode, posterior_mode
 from windsysid.identification.identify import identify
 from windsysid.identification.model.prior import Prior
 from windsysid.identification.model.turbine_problem import TurbineProblem, pose
@@ -143,33 +143,17 @@ def profile_likelihood(
 
 
 def _profile(problem: TurbineProblem, k: int, found: Identification, progress: Progress) -> Profile:
-    prior_mean, prior_cov = problem.prior
-    n, q = len(problem.parameters), problem.parameters[k]
-    start = np.concatenate(
-        [[_coordinate(p, found[p.name].estimate) for p in problem.parameters], np.zeros(len(prior_mean) - n)]
-    )
+    prior_cov = problem.prior[1]
+    known, q = problem.unknowns.only("parameters", "statistics"), problem.parameters[k]
+    theta = known.of("parameters")
+    start = known.vector(parameters=[_coordinate(p, found[p.name].estimate) for p in problem.parameters])
     start_cov = prior_cov.copy()
-    start_cov[:n, :n] = found.cov
+    start_cov[theta, theta] = found.cov
     mode = posterior_mode(
-        problem.build,
-        problem.inputs,
-        problem.readings,
-        prior_mean=prior_mean,
-        prior_cov=prior_cov,
-        start=start,
-        start_cov=start_cov,
+        problem.build, problem.inputs, problem.readings, prior=problem.prior, start=(start, start_cov)
     )
     centre, sigma = mode.mean[k], math.sqrt(mode.cov[k, k])
-    height = _log_posterior(mode.mean, mode.log_likelihood, prior_mean, prior_cov)
-    drops = {0.0: 0.0}
-    for side in (-1.0, 1.0):
-        steps = list(STEPS)
-        while steps:
-            at = side * steps.pop(0)
-            progress(f"{q.name} held {at:+g} σ from its estimate", None)
-            drops[at] = height - _held(problem, k, centre + at * sigma, mode)
-            if not steps and drops[at] < 0.5 * SIGMAS**2 and abs(at) < FARTHEST:
-                steps = [2.0 * abs(at)]
+    drops = _drops(problem, k, mode, progress)
     shifts = np.array(sorted(drops))
     depth = np.array([drops[shift] for shift in shifts])
     shifts, depth = shifts + 0.0, depth - depth.min()  # should a held fit have found a higher place than the mode
@@ -183,16 +167,33 @@ def _profile(problem: TurbineProblem, k: int, found: Identification, progress: P
     return Profile(q.name, e.unit, values, -depth, estimate, low, high, (e.low, e.high))
 
 
-def _held(problem: TurbineProblem, k: int, value: float, mode: Posterior) -> float:
+def _drops(problem: TurbineProblem, k: int, mode: FilteredMode, progress: Progress) -> dict[float, float]:
+    """How far the log posterior drops, by the distance of unknown k from the mode in its standard deviations."""
+    height = _log_posterior(mode.mean, mode.log_likelihood, *problem.prior)
+    drops = {0.0: 0.0}
+    for side in (-1.0, 1.0):
+        steps = list(STEPS)
+        while steps:
+            at = side * steps.pop(0)
+            progress(f"{problem.parameters[k].name} held {at:+g} σ from its estimate", None)
+            drops[at] = height - _held(problem, k, mode.mean[k] + at * math.sqrt(mode.cov[k, k]), mode)
+            if not steps and drops[at] < 0.5 * SIGMAS**2 and abs(at) < FARTHEST:
+                steps = [2.0 * abs(at)]
+    return drops
+
+
+def _held(problem: TurbineProblem, k: int, value: float, mode: FilteredMode) -> float:
     """The greatest log posterior with unknown k held at `value`."""
     prior_mean, prior_cov = problem.prior
     others = np.arange(len(prior_mean)) != k
     slope = mode.cov[others, k] / mode.cov[k, k]
     free = posterior_mode(
         lambda values: problem.build(np.insert(values, k, value)), problem.inputs, problem.readings,
-        prior_mean=prior_mean[others], prior_cov=prior_cov[np.ix_(others, others)],
-        start=mode.mean[others] + slope * (value - mode.mean[k]),
-        start_cov=mode.cov[np.ix_(others, others)] - np.outer(slope, mode.cov[k, others]),
+        prior=(prior_mean[others], prior_cov[np.ix_(others, others)]),
+        start=(
+            mode.mean[others] + slope * (value - mode.mean[k]),
+            mode.cov[np.ix_(others, others)] - np.outer(slope, mode.cov[k, others]),
+        ),
     )  # fmt: skip
     return _log_posterior(np.insert(free.mean, k, value), free.log_likelihood, prior_mean, prior_cov)
 

@@ -13,11 +13,12 @@ from windsysid.errors import ConfigurationError, WindsysidError
 from windsysid.identification.estimate.prior_conflict import find_held, one_by_one
 from windsysid.loads.statistics import Statistic
 from windsysid.results.finding import Finding
+from windsysid.scoring import covariance
 from windsysid.spectral.rotor.model import Inexact
 from windsysid.spectral.rotor.problem import Question
-from windsysid.spectral.rotor.scoring import covariance
 from windsysid.spectral.rotor_bands.build import PosedBands, centre_bands, search_bands
 from windsysid.spectral.rotor_bands.check import doubts_of_bands
+from windsysid.statespace.unknowns import Unknowns
 
 __all__ = ["ReadInBands", "read_in_bands"]
 
@@ -28,7 +29,9 @@ class ReadInBands(NamedTuple):
     Attributes
     ----------
     unknowns, cov
-        θ, the mean lag angle, τ and η at the mode of the posterior (n,), and their covariance (n, n).
+        Mode of the posterior (n,), and its covariance (n, n).
+    blocks
+        Names of the unknowns.
     log_likelihood
         There.
     statistics
@@ -41,6 +44,7 @@ class ReadInBands(NamedTuple):
 
     unknowns: Array
     cov: Array
+    blocks: Unknowns
     log_likelihood: float
     statistics: tuple[Statistic, ...]
     doubts: tuple[Finding, ...]
@@ -75,26 +79,27 @@ def read_in_bands(question: Question, loads: str, inexact: Inexact | None = None
             "no spectrum of this model is positive: expected loads, noise and priors of the size of the record's; "
             "check units and the turbine file"
         ) from None
-    settled = fit.mode.settled and found.settled
+    converged = fit.mode.converged and found.converged
     mean, spread = wide.model.prior
     off = (found.unknowns - mean) / spread
     return ReadInBands(
         found.unknowns,
         cov,
+        wide.model.unknowns,
         -(found.value - 0.5 * float(off @ off)),
         posed.model.statistics,
-        tuple(doubts_of_bands(question, posed, fit._replace(mode=fit.mode._replace(settled=settled)))),
-        _notes(posed, found.unknowns, cov, len(question.parameters)),
+        tuple(doubts_of_bands(question, posed, fit._replace(mode=fit.mode._replace(converged=converged)))),
+        _notes(posed, found.unknowns, cov, wide.model.unknowns.of("lag").start),
         find_held(one_by_one(lambda u: -wide.model.likelihood(u)[0]), found.unknowns, cov, question.parameters),
     )
 
 
-def _notes(posed: PosedBands, unknowns: Array, cov: Array, n: int) -> tuple[Finding, ...]:
+def _notes(posed: PosedBands, unknowns: Array, cov: Array, lag: int) -> tuple[Finding, ...]:
     """Mean lag angle, loads, and where the modes were read."""
     hz = posed.spectra.rotor_hz
     modes = {p.name: p.frequency - (p.shape or 0) * hz for p in posed.places}
     return (
-        Finding("lag_angle", "note", {"angle": unknowns[n], "std": math.sqrt(cov[n, n])}),
+        Finding("lag_angle", "note", {"angle": unknowns[lag], "std": math.sqrt(cov[lag, lag])}),
         Finding("loads_in_bands", "note"),
         Finding("damping_is_total", "note"),
         Finding("bands_read", "note", {"modes": modes}),

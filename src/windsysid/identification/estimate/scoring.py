@@ -15,6 +15,7 @@ Svensson, ch. 16.
 import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -26,15 +27,16 @@ from windsysid.filters import EKF, Info
 from windsysid.filters.bank import Bank, bank_of, run_bank
 from windsysid.identification.condition.samples import Samples
 from windsysid.output.progress import passed
+from windsysid.scoring import Evaluation, SearchLimits, find_mode
 from windsysid.statespace.compose import StateSpace
 
 __all__ = [
     "Changes",
+    "FilteredMode",
+    "InnovationMode",
     "Look",
-    "Mode",
-    "Posterior",
     "Score",
-    "find_mode",
+    "find_innovation_mode",
     "information",
     "log_likelihoods",
     "look",
@@ -44,21 +46,17 @@ __all__ = [
 ]
 
 
-MAX_ITERATIONS = 15
 MODE_TOLERANCE = 0.05
-"""Newton's decrement, the squared length of a step in standard deviations, below which it is the last."""
+"""Newton's decrement of the last step: 0.2 standard deviations, of which the step takes all but a few per cent."""
 
-LEFT = 0.01
-"""The same of the step that would follow, were it as much shorter than this one as this one is than the step before."""
-
-NEARLY_SETTLED = 1.0
-"""The same, below which a search that cannot rise any more has settled."""
+SEARCH = SearchLimits(
+    MODE_TOLERANCE, max_steps=20, unseen=MODE_TOLERANCE, unseen_remainder=0.01, stalled=1.0, damping=0.0
+)
+"""An evaluation runs a bank of filters over all samples: so the last step is taken unseen. Searches begin where the
+recursion on line ends, near the mode."""
 
 MAX_STEP_SIGMAS = 3.0
 """No step moves a parameter by more than so many standard deviations of its prior."""
-
-MAX_HALVINGS = 8
-"""How often a step that does not raise the posterior is halved."""
 
 INCREMENT = 0.01
 """Width of the forward differences, in standard deviations of a parameter with all others held: so narrow that
@@ -134,8 +132,8 @@ class Look(NamedTuple):
     found: Score
 
 
-class Mode(NamedTuple):
-    """Where a search ended.
+class InnovationMode(NamedTuple):
+    """The mode of a posterior of innovations.
 
     Attributes
     ----------
@@ -146,9 +144,9 @@ class Mode(NamedTuple):
     settled
         Whether the last step was small enough.
     decrement
-        The squared length of the last step in standard deviations.
+        Newton's decrement of the last step.
     look
-        The last look that the search went on from: θ is one step away from there where it settled.
+        The last evaluation: θ is one step away from there where it settled.
     """
 
     mean: Array
@@ -159,13 +157,13 @@ class Mode(NamedTuple):
     look: Look
 
 
-class Posterior(NamedTuple):
-    """The mode of the posterior with its curvature.
+class FilteredMode(NamedTuple):
+    """The mode of a posterior of innovations, and the filter there.
 
     Attributes
     ----------
     mean, cov, iterations, settled
-        See `Mode`.
+        See `InnovationMode`.
     log_likelihood
         Of the readings at the mode.
     info
@@ -180,36 +178,28 @@ class Posterior(NamedTuple):
     info: Info
 
 
+@dataclass(frozen=True, eq=False)
+class _BankEvaluation(Evaluation):
+    """−log posterior at one point, and the filters that gave it."""
+
+    look: Look
+
+
 def posterior_mode(
-    build: Callable[[Array], StateSpace],
-    inputs: Array,
-    readings: Array,
-    *,
-    prior_mean: Array,
-    prior_cov: Array,
-    start: Array,
-    start_cov: Array,
-) -> Posterior:
-    """Find the mode of the posterior of θ, and what the state-only filter says there; arguments as for `find_mode`."""
-    mode = find_mode(
-        build, [(inputs, readings)], prior_mean=prior_mean, prior_cov=prior_cov, start=start, start_cov=start_cov
-    )
+    build: Callable[[Array], StateSpace], inputs: Array, readings: Array, *,
+    prior: tuple[Array, Array], start: tuple[Array, Array],
+) -> FilteredMode:  # fmt: skip
+    """Find the mode of the posterior of θ, and filter there; arguments as for `find_innovation_mode`."""
+    mode = find_innovation_mode(build, [(inputs, readings)], prior=prior, start=start)
     model = build(mode.mean)
     info = EKF.run(model, EKF.init(model), inputs, readings)[1]
-    return Posterior(mode.mean, mode.cov, float(info.log_likelihood.sum()), mode.iterations, mode.settled, info)
+    return FilteredMode(mode.mean, mode.cov, float(info.log_likelihood.sum()), mode.iterations, mode.settled, info)
 
 
-def find_mode(
-    build: Callable[[Array], StateSpace],
-    samples: Samples,
-    *,
-    prior_mean: Array,
-    prior_cov: Array,
-    start: Array,
-    start_cov: Array,
-    changes: Changes | None = None,
-    tolerance: float = MODE_TOLERANCE,
-) -> Mode:
+def find_innovation_mode(
+    build: Callable[[Array], StateSpace], samples: Samples, *, prior: tuple[Array, Array],
+    start: tuple[Array, Array], changes: Changes | None = None, tolerance: float = MODE_TOLERANCE,
+) -> InnovationMode:  # fmt: skip
     """Find the mode of the posterior of θ.
 
     Parameters
@@ -218,64 +208,54 @@ def find_mode(
         The state-only model for a value of θ (n_θ,).
     samples
         Blocks of inputs and readings as `windsysid.filters.EKF.run` takes them.
-    prior_mean, prior_cov
-        Gaussian prior of θ (n_θ,), (n_θ, n_θ).
-    start, start_cov
+    prior
+        Mean and covariance of the Gaussian prior of θ (n_θ,), (n_θ, n_θ).
+    start
         Where to start, and the covariance whose inverse scales the first differences.
     changes
-        Changes of the readings whose mixed derivatives the looks tell too.
+        Changes of the readings whose mixed derivatives the evaluations give, too.
     tolerance
-        Newton's decrement below which a step is the last.
+        Newton's decrement of the last step.
 
     Raises
     ------
     WindsysidError
-        If the likelihood can be computed neither at the start nor at the prior's mean, or slopes are not finite.
+        If the likelihood can be computed neither at the start nor at the prior's mean.
     """
-    information = np.linalg.inv(prior_cov)
-
-    def objective(look: Look) -> float:
-        off = look.theta - prior_mean
-        value = float(look.found.log_likelihood - 0.5 * off @ information @ off)
-        return value if np.isfinite(value) else -np.inf
-
-    widths = INCREMENT * np.sqrt(1.0 / np.diag(np.linalg.inv(start_cov) + information))
-    settled, before = False, 0.0
+    precision = np.asarray(np.linalg.inv(prior[1]), dtype=np.float64)
+    curvature = np.linalg.inv(start[1]) + precision
     with ThreadPoolExecutor(THREADS) as pool:
-        for begun in (start, prior_mean):  # a recursion may have lost its way
-            here = look(build, samples, begun.copy(), widths, pool, changes)
-            if np.isfinite(best := objective(here)):
-                break
-        else:
-            raise _not_finite("the likelihood is not finite at the start")
-        for count in range(1, MAX_ITERATIONS + 1):  # noqa: B007 (told to the caller)
-            theta = here.theta
-            curvature = here.found.fisher + information
-            pull = here.found.gradient - information @ (theta - prior_mean)
-            step = np.asarray(np.linalg.solve(curvature, pull), dtype=np.float64)
-            if not np.isfinite(step).all():
-                raise _not_finite("the slopes of the likelihood are not finite")
-            distance = float(step @ curvature @ step)
-            step *= min(1.0, MAX_STEP_SIGMAS / float(np.max(np.abs(step) * np.sqrt(np.diag(information)))))
-            if distance < tolerance or distance**2 < LEFT * before:  # so short a step is taken unseen
-                theta, settled = theta + step, True
-                break
-            widths = INCREMENT / np.sqrt(np.diag(curvature))
-            for _ in range(MAX_HALVINGS):
-                candidate = look(build, samples, theta + step, widths, pool, changes)
-                if (value := objective(candidate)) > best:
-                    here, best, before = candidate, value, float(step @ curvature @ step)
-                    theta = here.theta
-                    break
-                step = 0.5 * step
-            else:
-                settled = distance < NEARLY_SETTLED
-                break
-    return Mode(theta, np.linalg.inv(curvature), count, settled, distance, here)
+
+        def evaluate(theta: Array) -> _BankEvaluation:
+            nonlocal curvature
+            there = look(build, samples, theta, INCREMENT / np.sqrt(np.diag(curvature)), pool, changes)
+            score = Evaluation(-there.found.log_likelihood, -there.found.gradient, there.found.fisher)
+            found = score.with_prior(theta - prior[0], precision)
+            if not all(np.isfinite(part).all() for part in (found.value, found.gradient, found.information)):
+                raise np.linalg.LinAlgError("the likelihood or its derivatives are not finite")
+            curvature = found.information
+            return _BankEvaluation(found.value, found.gradient, found.information, there)
+
+        first = _first_finite(evaluate, (start[0].copy(), prior[0]))
+        limits = SEARCH._replace(tolerance=tolerance, unseen=tolerance)
+        mode = find_mode(
+            evaluate, first.look.theta, limits, max_step=MAX_STEP_SIGMAS / np.sqrt(np.diag(precision)), first=first
+        )
+    here = mode.evaluation
+    cov = np.asarray(np.linalg.inv(here.information), dtype=np.float64)
+    return InnovationMode(mode.point, cov, mode.steps, mode.converged, mode.decrement, here.look)
 
 
-def _not_finite(what: str) -> WindsysidError:
-    return WindsysidError(f"{what}: check units, the turbine file and the priors")
+def _first_finite(evaluate: Callable[[Array], _BankEvaluation], points: Sequence[Array]) -> _BankEvaluation:
+    """The evaluation at the first point that has one: a recursion may have lost its way."""
+    for point in points:
+        try:
+            return evaluate(point)
+        except np.linalg.LinAlgError:
+            continue
+    raise WindsysidError(
+        "the likelihood or its derivatives are not finite at the start: check units, the turbine file and the priors"
+    )
 
 
 def look(

@@ -1,9 +1,10 @@
 """One way from samples to an estimate, for whole records, records in pieces, and equations of one's own.
 
-A `Problem` says what is looked for; samples come in blocks (`windsysid.identification.condition.samples`). `solve`
-takes them in as they would be on line (`windsysid.identification.estimate.online`), finds the mode of the posterior of
-all of them from where that ends (`windsysid.identification.estimate.scoring`), leaves outliers out, and filters once
-more at the mode: those innovations judge the result.
+A `windsysid.identification.model.problem.Problem` has the unknowns; samples come in blocks
+(`windsysid.identification.condition.samples`). `solve` takes them in as they would be on line
+(`windsysid.identification.estimate.online`), finds the mode of the posterior of all of them from where that ends
+(`windsysid.identification.estimate.scoring`), leaves outliers out, and filters once more at the mode: those innovations
+judge the result.
 
 Maximum likelihood needs a fixed set of readings. So the mode is found with all of them, the outliers there are left
 out, and the mode is found anew; the set is judged again from all readings, until it stays.
@@ -11,7 +12,7 @@ out, and the mode is found anew; the set is judged again from all readings, unti
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,15 +27,16 @@ from windsysid.identification.condition.samples import Samples, split_evenly
 from windsysid.identification.estimate.clock_lag import Lateness, add_clocks, shifted
 from windsysid.identification.estimate.online import History, Online, advance, finish, join_histories
 from windsysid.identification.estimate.outlier import Outliers, find_spikes
-from windsysid.identification.estimate.scoring import Mode, find_mode
+from windsysid.identification.estimate.scoring import InnovationMode, find_innovation_mode
 from windsysid.identification.model.fit import check_finite, diverged
+from windsysid.identification.model.problem import Problem
 from windsysid.output.progress import expect
 from windsysid.results.finding import Finding
 from windsysid.results.load_history import Loads
 from windsysid.statespace.acting_loads import acting_loads
 from windsysid.statespace.compose import StateSpace
 
-__all__ = ["Problem", "Solution", "expect_search", "solve"]
+__all__ = ["Solution", "expect_search", "solve"]
 
 GATE_SIGMAS = 5.0
 """Standard deviations beyond which an innovation is an outlier: one in two million of normal ones."""
@@ -57,31 +59,6 @@ COVARIANCE_CHUNK = 1024
 
 PASSES, LAST_PASS = 3.0, 0.25
 """For progress only: how often a search goes through all samples, and what is left of it until it ends."""
-
-
-class Problem(Protocol):
-    """What a record leaves to be found: n unknowns, and the model at any value of them."""
-
-    @property
-    def prior(self) -> tuple[Array, Array]:
-        """Mean (n,) and covariance (n, n) of the unknowns that are looked for on line."""
-
-    @property
-    def wide_prior(self) -> tuple[Array, Array]:
-        """The same of all unknowns but the clocks: what else is known within tolerances only comes behind."""
-
-    @property
-    def clocks(self) -> Sequence[Array]:
-        """For each clock, by how much readings (m,) are late [s] at one standard deviation of its tolerance."""
-
-    def build(self, unknowns: Array, /) -> StateSpace:
-        """The state-only model at the unknowns (n,)."""
-
-    def start(self, inputs: Array, readings: Array) -> tuple[Array, Array]:
-        """Where to begin to look for the unknowns, and how uncertain that is (n,), (n, n), from the first T samples."""
-
-    def frequencies(self, unknowns: Array) -> Sequence[float]:
-        """Natural frequencies [Hz], near which unexplained vibration matters; none where every frequency does."""
 
 
 class Solution(NamedTuple):
@@ -224,15 +201,15 @@ def _take_in(problem: Problem, samples: Samples, online: Online) -> tuple[Online
 
 def _search(
     problem: Problem, samples: Samples, start: tuple[Array, Array], rate: float, spikes: Outliers
-) -> "tuple[Mode, Outliers, _Seen]":
+) -> "tuple[InnovationMode, Outliers, _Seen]":
     """The mode of the posterior without the readings that are outliers there, those, and what the filter says at the
     mode. The first search leaves the spikes out."""
+    searched, late = problem.unknowns.but("clocks"), problem.unknowns.of("clocks")
     outliers, clocks, kept = spikes, np.zeros(len(problem.clocks)), spikes.left_out_of(samples)
     for searches in range(1, MAX_GATED_SEARCHES + 1):
         mode = _climb(problem, kept, start, clocks)
-        n = len(mode.look.theta)
-        start, clocks = (mode.mean[:n], mode.cov[:n, :n]), mode.mean[n:]
-        model, frequencies = problem.build(mode.mean[:n]), problem.frequencies(mode.mean)
+        start, clocks = (mode.mean[searched], mode.cov[np.ix_(searched, searched)]), mode.mean[late]
+        model, frequencies = problem.build(start[0]), problem.frequencies(mode.mean)
         gated = replace(model, blocks=model.blocks._replace(gate=np.array([GATE_SIGMAS])))
         seen = _filter(gated, shifted(problem, samples, clocks), rate, frequencies)
         found = seen.gated.that_matter(seen.gated_power, seen.read, seen.stretch.samples)
@@ -244,17 +221,18 @@ def _search(
     return mode, outliers, seen
 
 
-def _climb(problem: Problem, samples: Samples, start: tuple[Array, Array], clocks: Array) -> Mode:
+def _climb(problem: Problem, samples: Samples, start: tuple[Array, Array], clocks: Array) -> InnovationMode:
     """The mode of the posterior of all unknowns; of its `look`, the clocks are no part."""
-    prior = problem.wide_prior
-    n, known = len(prior[0]), len(start[0])
+    prior, searched, late = problem.wide_prior, problem.unknowns.but("clocks"), problem.unknowns.of("clocks")
     mean, cov = prior[0].copy(), prior[1].copy()
-    mean[:known], cov[:known, :known] = start
+    whole = len(start[0]) == len(mean)
+    given = slice(None) if whole else problem.unknowns.of("parameters", "statistics")
+    mean[given], cov[given, given] = start
     for _ in range(MAX_SHIFTS):
         moved = shifted(problem, samples, clocks)
         for _ in range(MAX_CLIMBS):
-            mode = find_mode(
-                problem.build, moved, prior_mean=prior[0], prior_cov=prior[1], start=mean, start_cov=cov,
+            mode = find_innovation_mode(
+                problem.build, moved, prior=prior, start=(mean, cov),
                 changes=Lateness(moved, problem.clocks) if problem.clocks else None,
             )  # fmt: skip
             mean, cov = mode.mean, mode.cov
@@ -263,10 +241,10 @@ def _climb(problem: Problem, samples: Samples, start: tuple[Array, Array], clock
         check_finite(mode.mean, mode.cov)
         if not problem.clocks:
             break
-        wide = add_clocks(problem.build, moved, mode.look, prior, problem.clocks, clocks)
+        wide = add_clocks(problem, moved, mode.look, clocks)
         check_finite(wide.mean, wide.cov)
         mode = mode._replace(mean=wide.mean, cov=wide.cov)
-        mean, clocks = wide.mean[:n], wide.mean[n:]
+        mean, clocks = wide.mean[searched], wide.mean[late]
         if wide.moved < CLOSE or not mode.settled:
             break
     else:
@@ -274,10 +252,10 @@ def _climb(problem: Problem, samples: Samples, start: tuple[Array, Array], clock
     return mode
 
 
-def _constancy(problem: Problem, mode: Mode) -> Constancy:
+def _constancy(problem: Problem, mode: InnovationMode) -> Constancy:
     """What parts of the samples say where a search has ended."""
-    theta = mode.look.theta
-    return judge_constancy(mode.look.found.parts, problem.wide_prior[1], mode.mean[: len(theta)] - theta)
+    step = mode.mean[problem.unknowns.but("clocks")] - mode.look.theta
+    return judge_constancy(mode.look.found.parts, problem.wide_prior[1], step)
 
 
 class _Seen(NamedTuple):

@@ -37,6 +37,7 @@ from windsysid.records.record import Record
 from windsysid.results.finding import Finding
 from windsysid.results.smoothed_loads import SmoothedLoads
 from windsysid.results.tolerance import Tolerance
+from windsysid.statespace.unknowns import BlockName
 from windsysid.turbine.turbine import Turbine
 
 __all__ = [
@@ -112,8 +113,8 @@ def identify_jointly_from(
         return None
     if not solution.settled or (explained and not is_explained(solution.whiteness)):
         return None
-    n, elapsed = len(problem.parameters), time.perf_counter() - started
-    only = solution.mean[None, :n], np.sqrt(np.diag(solution.cov)[:n])[None]
+    theta, elapsed = problem.unknowns.of("parameters"), time.perf_counter() - started
+    only = solution.mean[None, theta], np.sqrt(np.diag(solution.cov)[theta])[None]
     reason = "explains" if explained else "as before"
     why = Finding("load_model_chosen", "note", {"model": near.hypothesis, "reason": reason})
     found = describe_solution(problem, solution, turbine, why, only, elapsed)
@@ -134,11 +135,10 @@ def where_it_ended(near: Outcome, problem: TurbineProblem) -> Array:
     """Where a search ended, in a problem's unknowns but the clocks (n,)."""
     mean = problem.wide_prior[0].copy()
     found = {q.name: float(q.physical(t)) for q, t in zip(near.model.parameters, near.theta, strict=True)}
-    n = len(problem.parameters)
-    mean[:n] = [q.coordinate(found[q.name]) for q in problem.parameters]
-    first = n + len(problem.statistics)
-    mean[n:first] = coordinates_of(problem.statistics, {one.name: one.estimate for one in near.statistics})
-    mean[first:] = [one.estimate / one.spread for one in near.tolerances][: len(mean) - first]
+    of = problem.unknowns.of
+    mean[of("parameters")] = [q.coordinate(found[q.name]) for q in problem.parameters]
+    mean[of("statistics")] = coordinates_of(problem.statistics, {one.name: one.estimate for one in near.statistics})
+    mean[of("tolerances")] = [one.estimate / one.spread for one in near.tolerances if one.group != "clock"]
     return mean
 
 
@@ -148,21 +148,18 @@ def _where_it_ended(near: Outcome, problem: TurbineProblem) -> tuple[Array, Arra
     if near.joint_cov is None or [*near.model.parameters] != [*problem.parameters]:
         return None
     mean, cov = where_it_ended(near, problem), problem.wide_prior[1].copy()
-    n, ours, theirs = len(near.theta), [one.name for one in problem.statistics], [one.name for one in near.statistics]
-    first = n + len(ours)
-    if ours == theirs:
-        known = near.joint_cov[: len(mean), : len(mean)]
-        return mean, known
-    same = [*range(n), *range(n + len(theirs), n + len(theirs) + len(mean) - first)]
-    kept = [*range(n), *range(first, len(mean))]
+    ours, theirs = problem.unknowns, near.unknowns
+    blocks: tuple[BlockName, ...] = ("parameters", "tolerances")
+    if ours.statistics == theirs.statistics:
+        blocks = ("parameters", "statistics", "tolerances")
+    kept, same = ours.places(*blocks), theirs.places(*blocks)
     cov[np.ix_(kept, kept)] = near.joint_cov[np.ix_(same, same)]
     return mean, cov
 
 
 def _with_likeliest_noise(problem: TurbineProblem, mean: Array, cov: Array) -> tuple[Array, Array]:
     """A start of a search with the likeliest of some levels of noise: spectra take leakage for noise, too."""
-    n = len(problem.parameters)
-    noise = [n + i for i, one in enumerate(problem.statistics) if one.name.startswith("noise_")]
+    noise = problem.unknowns.places("statistics")[[one.kind == "noise" for one in problem.statistics]]
     starts = [mean.copy() for _ in QUIETER]
     for start, share in zip(starts, QUIETER, strict=True):
         start[noise] += math.log(share)
@@ -173,10 +170,10 @@ def _with_likeliest_noise(problem: TurbineProblem, mean: Array, cov: Array) -> t
 
 def _smoothed_loads(problem: TurbineProblem, solution: Solution) -> SmoothedLoads | None:
     """What smoothed loads say, of a record in one block."""
-    n = len(solution.mean) - len(problem.clocks)
-    ((inputs, readings),) = shifted(problem, [(problem.inputs, problem.readings)], solution.mean[n:])
+    late = solution.mean[problem.unknowns.of("clocks")]
+    ((inputs, readings),) = shifted(problem, [(problem.inputs, problem.readings)], late)
     return judge_smoothed_loads(
-        problem.build(solution.mean[:n]), inputs, readings, solution.info, freedoms=problem.turbine.model.freedoms
+        problem.build(solution.mean), inputs, readings, solution.info, freedoms=problem.turbine.model.freedoms
     )  # fmt: skip
 
 
@@ -212,17 +209,17 @@ def describe_solution(
     elapsed
         Seconds in the filter.
     """
-    n = len(problem.parameters)
-    end = n + len(problem.statistics)
-    tolerances = learned_tolerances(problem.tolerances, solution.mean[end:], solution.cov[end:, end:])
+    known = problem.unknowns
+    theta, eta, tau = known.of("parameters"), known.of("statistics"), known.of("tolerances", "clocks")
+    tolerances = learned_tolerances(problem.tolerances, solution.mean[tau], solution.cov[tau, tau])
     return Outcome(
         turbine=problem.turbine,
         model=problem.model,
-        history_mean=history[0][:, :n],
-        history_std=history[1][:, :n],
+        history_mean=history[0][:, theta],
+        history_std=history[1][:, theta],
         final=solution.info,
-        theta=solution.mean[:n],
-        cov=solution.cov[:n, :n],
+        theta=solution.mean[theta],
+        cov=solution.cov[theta, theta],
         rotor=solution.mean_inputs[None, : len(problem.model.compiled.inputs)],
         channels=tuple(sensor.channel for sensor in problem.sensors),
         elapsed=elapsed,
@@ -232,7 +229,7 @@ def describe_solution(
             *note_tolerances(tolerances),
             *solution.notes,
         ),
-        statistics=learned_statistics(problem.statistics, solution.mean[n:end], solution.cov[n:end, n:end]),
+        statistics=learned_statistics(problem.statistics, solution.mean[eta], solution.cov[eta, eta]),
         doubts=_list_doubts(solution, given, problem.turbine, tolerances),
         loads=solution.loads,
         joint_cov=solution.cov,
@@ -241,6 +238,7 @@ def describe_solution(
         log_likelihood=solution.log_likelihood,
         hypothesis=problem.loads.name,
         tolerances=tolerances,
+        sensors=problem.sensors,
     )
 
 
@@ -261,6 +259,6 @@ def _list_doubts(
     doubts = list(doubt_tolerances(tolerances))
     if not solution.settled:
         doubts.append(Finding("search_not_converged", "reason", {"steps": solution.iterations}))
-    if getattr(given.model, "lag", "") == "free" and getattr(used.model, "lag", "") == "locked":
+    if any(one.blade for one in given.model.freedoms) and not any(one.blade for one in used.model.freedoms):
         doubts.append(Finding("blades_locked_unseen", "reason"))
     return tuple(doubts)

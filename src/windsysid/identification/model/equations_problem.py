@@ -20,6 +20,7 @@ from windsysid.statespace.compose import StateSpace
 from windsysid.statespace.gauss_markov import GaussMarkov
 from windsysid.statespace.load_model import LoadModel
 from windsysid.statespace.parameter import Parameter
+from windsysid.statespace.unknowns import Unknowns
 
 __all__ = [
     "EquationsJob",
@@ -93,17 +94,24 @@ class OwnProblem(NamedTuple):
     loads: tuple[LoadModel, ...]
     levels: Array
 
+    @property
+    def unknowns(self) -> Unknowns:
+        """Names of the unknowns."""
+        levels = (*self.model.readings, *(load.states[0] for load in self.loads)) if len(self.levels) else ()
+        return Unknowns(tuple(q.name for q in self.model.parameters), (), levels)
+
     def build(self, unknowns: Array) -> StateSpace:
         """The state-only model at the unknowns (n,)."""
-        return state_only_model(self.plain, self.model.parameters, self.loads, unknowns)
+        theta, eta = (unknowns[self.unknowns.of(block)] for block in ("parameters", "statistics"))
+        return state_only_model(self.plain, self.model.parameters, self.loads, theta, eta)
 
     @property
     def prior(self) -> tuple[Array, Array]:
         """Mean and covariance of the unknowns."""
-        block, n = self.model.parameter_block, len(self.model.parameters)
-        cov = np.diag(np.concatenate([np.zeros(n), np.square(self.levels)]))
-        cov[:n, :n] = self.model.cov[block, block]
-        return np.concatenate([self.model.mean[block], np.zeros(len(self.levels))]), cov
+        block, known = self.model.parameter_block, self.unknowns
+        cov, theta = np.diag(known.vector(statistics=np.square(self.levels))), known.of("parameters")
+        cov[theta, theta] = self.model.cov[block, block]
+        return known.vector(parameters=self.model.mean[block]), cov
 
     @property
     def wide_prior(self) -> tuple[Array, Array]:
@@ -125,7 +133,7 @@ class OwnProblem(NamedTuple):
 
     def start_from(self, samples: Samples) -> tuple[Array, Array]:
         """The same from samples in blocks."""
-        block, n = self.model.parameter_block, len(self.model.parameters)
+        block, theta = self.model.parameter_block, self.unknowns.of("parameters")
         mean, cov = self.prior
         best = -np.inf
         for factor in LOUDER:
@@ -136,15 +144,15 @@ class OwnProblem(NamedTuple):
                 belief = EKF.run(louder, belief, inputs, readings)[0]
             if not (np.isfinite(belief.mean).all() and np.isfinite(belief.cov).all()):
                 continue
-            at = np.concatenate([belief.mean[block], np.zeros(len(self.levels))])
+            at = self.unknowns.vector(parameters=belief.mean[block])
             if len(self.levels):  # of all levels together: rather too loud, from where a few steps lead down
-                at[n:] = np.log(_measure_excess(self.build(at), samples)[0])
+                at[self.unknowns.of("statistics")] = np.log(_measure_excess(self.build(at), samples)[0])
             off = at - self.prior[0]
             log_likelihood = _measure_excess(self.build(at), samples)[1]
             reached = float(log_likelihood - 0.5 * off @ np.linalg.solve(self.prior[1], off))
             if reached > best:
                 best, mean, cov = reached, at, np.diag(np.full(len(at), FIRST_WIDTH**2))
-                cov[:n, :n] = belief.cov[block, block]
+                cov[theta, theta] = belief.cov[block, block]
         return mean, cov
 
 
@@ -162,16 +170,16 @@ def _measure_excess(model: StateSpace, samples: Samples) -> tuple[float, float]:
 
 
 def state_only_model(
-    plain: StateSpace, parameters: Sequence[Parameter], loads: Sequence[LoadModel], at: Array
+    plain: StateSpace, parameters: Sequence[Parameter], loads: Sequence[LoadModel], theta: Array, eta: Array
 ) -> StateSpace:
-    """`plain` with the parameters and levels of [θ | η]: noise of each reading first, then one factor for each load."""
-    n, m = len(parameters), len(plain.readings)
-    p = plain.blocks.p.copy()
-    for q, theta in zip(parameters, at, strict=False):
-        p[plain.compiled.parameters.index(q.name)] = float(q.physical(theta))
-    if len(at) == n:
+    """`plain` with the parameters θ and levels η: noise of each reading first, then one factor for each load; none
+    where they are as given."""
+    m, p = len(plain.readings), plain.blocks.p.copy()
+    for q, value in zip(parameters, theta, strict=True):
+        p[plain.compiled.parameters.index(q.name)] = float(q.physical(value))
+    if not len(eta):
         return replace(plain, blocks=plain.blocks._replace(p=p))
-    factor = np.exp(2.0 * at[n:])
+    factor = np.exp(2.0 * eta)
     load_noise, within, cov = plain.blocks.load_noise.copy(), plain.blocks.load_within.copy(), plain.cov.copy()
     first = 0
     for load, power in zip(loads, factor[m:], strict=True):

@@ -20,12 +20,13 @@ from windsysid.records.record import LOW_PASS, Record
 from windsysid.results.finding import Finding
 from windsysid.results.load_history import Loads
 from windsysid.results.smoothed_loads import SmoothedLoads
-from windsysid.results.tolerance import Group, Tolerance
+from windsysid.results.tolerance import Group, Tolerance, unknowns_of
 from windsysid.signals import resample
 from windsysid.signals.inputs import TURNING, read_inputs
 from windsysid.statespace.compose import StateSpace
 from windsysid.statespace.gauss_markov import GaussMarkov
 from windsysid.statespace.parameter import Parameter
+from windsysid.statespace.unknowns import Unknowns
 from windsysid.turbine.turbine import Turbine
 
 __all__ = ["PART_OF", "Outcome", "check_finite", "diverged", "known_inputs", "known_loads", "no_innovations"]
@@ -90,6 +91,8 @@ class Outcome(NamedTuple):
         The identified parameters with their priors as they were given, where some were made wider; else none.
     drifts
         How clocks drift by what the halves of the record say, much or little.
+    sensors
+        The sensors of `channels`, in the same order.
     """
 
     turbine: Turbine
@@ -118,6 +121,7 @@ class Outcome(NamedTuple):
     held: tuple[str, ...] = ()
     given_priors: tuple[Parameter, ...] = ()
     drifts: tuple[Drift, ...] = ()
+    sensors: tuple[Sensor, ...] = ()
 
     @property
     def priors(self) -> tuple[Parameter, ...]:
@@ -125,17 +129,24 @@ class Outcome(NamedTuple):
         known = {q.name: q for q in self.given_priors}
         return tuple(known.get(q.name, q) for q in self.model.parameters)
 
+    @property
+    def unknowns(self) -> Unknowns:
+        """Names of the unknowns of `joint_cov`, or of `cov` where it is None."""
+        known = unknowns_of(self.model.parameters, self.statistics, self.tolerances)
+        return known if self.joint_cov is not None else known.only("parameters")
+
     def given(self, *groups: Group, as_in: "Outcome | None" = None) -> tuple[Array, Array]:
         """θ (n_θ,), and the covariance of all unknowns, given that what these groups of tolerances hold is as the file
         says, or as another result has found it."""
-        cov = self.cov if self.joint_cov is None else self.joint_cov
-        first = len(cov) - len(self.tolerances)
-        mean = np.zeros(len(cov))
-        mean[: len(self.theta)] = self.theta
+        cov, at = self.cov if self.joint_cov is None else self.joint_cov, self.unknowns
         known = {one.name: one.estimate for one in as_in.tolerances} if as_in is not None else {}
-        mean[first:] = [(one.estimate - known.get(one.name, 0.0)) / one.spread for one in self.tolerances]
-        found, left = hold(mean, cov, [first + at for at, one in enumerate(self.tolerances) if one.group in groups])
-        return found[: len(self.theta)], left
+        mean = at.vector(parameters=self.theta)
+        mean[at.of("tolerances", "clocks")] = [
+            (one.estimate - known.get(one.name, 0.0)) / one.spread for one in self.tolerances
+        ]
+        places = at.places("tolerances", "clocks")
+        found, left = hold(mean, cov, places[[one.group in groups for one in self.tolerances]].tolist())
+        return found[at.of("parameters")], left
 
 
 def known_inputs(record: Record, turbine: Turbine, sensors: Sequence[Sensor]) -> Array:

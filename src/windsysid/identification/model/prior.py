@@ -50,15 +50,21 @@ class Prior:
             if known.kind == "damping":
                 centre = reference * self.damping
                 spread = max((self.spread or turbine.spread[1]) * abs(centre), abs(centre - reference))
-                chosen.append(Parameter(name, centre, spread, False, turbine.critical_damping(known.part)))
+                chosen.append(
+                    Parameter(name, centre, spread, False, turbine.critical_damping(known.part), known.kind, known.part)
+                )
                 continue
             centre = reference * (self.stiffness if known.kind == "stiffness" else 1.0)
             relative = self.spread or turbine.spread[0]
             if linear or known.kind == "geometry":
                 spread = max(relative * abs(centre), abs(centre - reference))
-                chosen.append(Parameter(name, centre, spread, False, abs(centre)))
+                chosen.append(Parameter(name, centre, spread, False, abs(centre), known.kind, known.part))
             else:
-                chosen.append(Parameter(name, centre, max(relative, abs(math.log(centre / reference)))))
+                chosen.append(
+                    Parameter(
+                        name, centre, max(relative, abs(math.log(centre / reference))), kind=known.kind, part=known.part
+                    )
+                )
         return tuple(chosen)
 
 

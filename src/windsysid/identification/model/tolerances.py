@@ -90,7 +90,8 @@ def in_numbers(
     at = np.array([turbine.values.get(name, 0.0) for name in names])
     each = np.eye(len(tolerances))
     moved = [with_tolerances(at, names, tolerances, tau, turbine, sensors, identified) - at for tau in each]
-    return Inexact(np.array(moved), np.array([seconds_late(tolerances, tau, sensors) for tau in each]))
+    late = np.array([seconds_late(tolerances, tau, sensors) for tau in each])
+    return Inexact(np.array(moved), late, tuple(one.name for one in tolerances))
 
 
 def note_tolerances(tolerances: Sequence[Tolerance]) -> tuple[Finding, ...]:

@@ -1,7 +1,7 @@
 """The state-only problem of a record: a model for every value of the unknowns, with the prior of the unknowns.
 
-The unknowns are θ, the identified parameters in filter coordinates, after them η, the statistics of loads and noise
-(`windsysid.loads.statistics`), and then τ, what is known of instruments and masses within tolerances only
+The unknowns (`windsysid.statespace.unknowns`) are θ, η and τ: the identified parameters, the statistics of loads and
+noise (`windsysid.loads.statistics`), and the errors of instruments and masses within their tolerances
 (`windsysid.identification.model.tolerances`). A search begins without τ, as if all were exact. What the likelihood of a
 record is a function of, and what a planned record informs about, is said here once.
 """
@@ -27,10 +27,11 @@ from windsysid.mechanics.model import MechanicalModel
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
 from windsysid.results.finding import Finding
-from windsysid.results.tolerance import Tolerance
+from windsysid.results.tolerance import Tolerance, unknowns_of
 from windsysid.statespace.compose import LoadBlocks, StateSpace, compose, discretise_loads, parameters_given
 from windsysid.statespace.load_model import LoadModel
 from windsysid.statespace.parameter import Parameter
+from windsysid.statespace.unknowns import Unknowns
 from windsysid.turbine.turbine import Turbine
 
 __all__ = ["TurbineProblem", "pose", "seen_by"]
@@ -91,22 +92,27 @@ class TurbineProblem(NamedTuple):
         return self.model.parameters
 
     @property
+    def unknowns(self) -> Unknowns:
+        """Names of all unknowns."""
+        return unknowns_of(self.parameters, self.statistics, self.tolerances)
+
+    @property
     def prior(self) -> tuple[Array, Array]:
         """Mean (n,) and covariance (n, n) of θ and η."""
-        block, n = self.model.parameter_block, len(self.parameters)
-        mean = np.concatenate([self.model.mean[block], np.zeros(len(self.statistics))])
-        cov = np.diag(np.concatenate([np.zeros(n), np.square([s.spread for s in self.statistics])]))
-        cov[:n, :n] = self.model.cov[block, block]
-        return mean, cov
+        block, known = self.model.parameter_block, self.unknowns.only("parameters", "statistics")
+        cov = np.diag(known.vector(statistics=np.square([s.spread for s in self.statistics])))
+        theta = known.of("parameters")
+        cov[theta, theta] = self.model.cov[block, block]
+        return known.vector(parameters=self.model.mean[block]), cov
 
     @property
     def wide_prior(self) -> tuple[Array, Array]:
         """The same of θ, η and those of τ that are numbers of the model: all but the clocks."""
         mean, cov = self.prior
-        n, extra = len(mean), len(self.tolerances) - len(self.clocks)
-        wide = np.eye(n + extra)
-        wide[:n, :n] = cov
-        return np.concatenate([mean, np.zeros(extra)]), wide
+        known = self.unknowns.only("parameters", "statistics", "tolerances")
+        at, wide = known.of("parameters", "statistics"), np.eye(known.size)
+        wide[at, at] = cov
+        return np.concatenate([mean, np.zeros(known.size - len(mean))]), wide
 
     @property
     def clocks(self) -> list[Array]:
@@ -116,19 +122,20 @@ class TurbineProblem(NamedTuple):
 
     def build(self, unknowns: Array) -> StateSpace:
         """The state-only model at the unknowns (n,), with τ or without."""
-        n, end = len(self.parameters), len(self.parameters) + len(self.statistics)
-        eta = unknowns[n:end].tobytes()
+        known = self.unknowns
+        statistics, off = unknowns[known.of("statistics")], unknowns[known.of("tolerances")]
+        eta = statistics.tobytes()
         if eta not in self.made:  # of the neighbours of a value, most differ in θ alone
             if len(self.made) >= MAX_MADE:
                 self.made.clear()
-            self.made[eta] = self._levels(values_of(self.statistics, unknowns[n:end]))
+            self.made[eta] = self._levels(values_of(self.statistics, statistics))
         found = parameters_given(
-            self.model, _compiled(self.turbine.model, self.sensors), unknowns[:n], *self.made[eta]
+            self.model, _compiled(self.turbine.model, self.sensors), unknowns[known.of("parameters")], *self.made[eta]
         )  # fmt: skip
-        if not unknowns[end:].any():
+        if not off.any():
             return found
         tau = np.zeros(len(self.tolerances))
-        tau[: len(unknowns) - end] = unknowns[end:]
+        tau[: len(off)] = off
         p = with_tolerances(
             found.blocks.p, found.compiled.parameters, self.tolerances, tau, self.turbine, self.sensors,
             [q.name for q in self.parameters],
@@ -139,7 +146,7 @@ class TurbineProblem(NamedTuple):
         """The loads and the standard deviation of each reading's noise at the statistics."""
         compiled = _compiled(self.turbine.model, self.sensors)
         loads = discretise_loads(self.loads.blocks(values), compiled, self.model.blocks.step, continuous=True)
-        sensors = moved_sensors([s for s in self.statistics if s.name.startswith("noise_")], values, self.sensors)
+        sensors = moved_sensors([s for s in self.statistics if s.kind == "noise"], values, self.sensors)
         return loads, [sensor.noise for sensor in sensors]
 
     def start(self, inputs: Array, readings: Array) -> tuple[Array, Array]:
@@ -150,7 +157,7 @@ class TurbineProblem(NamedTuple):
         with the original prior covariance and the pull of the prior added afterwards, exactly so for a linear model: θ
         ← θ₁ + P₁ P₀⁻¹ (θ₀ − θ_start).
         """
-        block, n = self.model.parameter_block, len(self.parameters)
+        block, known = self.model.parameter_block, self.unknowns.only("parameters", "statistics")
         prior_mean, prior_cov = self.model.mean[block], self.model.cov[block, block]
         theta, cov = prior_mean, prior_cov
         for _ in range(MAX_PASSES):
@@ -163,14 +170,14 @@ class TurbineProblem(NamedTuple):
             theta = belief.mean[block] + cov @ np.linalg.solve(prior_cov, prior_mean - before)
             if np.all(np.abs(theta - before) < START_TOLERANCE * np.sqrt(np.diag(cov))):
                 break
-        extra = len(self.statistics)
-        start_cov = np.diag(np.full(n + extra, FIRST_WIDTH**2))
-        start_cov[:n, :n] = cov
-        return np.concatenate([theta, np.zeros(extra)]), start_cov
+        at, start_cov = known.of("parameters"), np.diag(np.full(known.size, FIRST_WIDTH**2))
+        start_cov[at, at] = cov
+        return known.vector(parameters=theta), start_cov
 
     def frequencies(self, unknowns: Array) -> list[float]:
         """Natural frequencies [Hz] at the unknowns (n,)."""
-        found = {q.name: float(q.physical(theta)) for q, theta in zip(self.parameters, unknowns, strict=False)}
+        at = zip(self.parameters, unknowns[self.unknowns.of("parameters")], strict=True)
+        found = {q.name: float(q.physical(theta)) for q, theta in at}
         turbine = self.turbine.with_values(found)
         return [turbine.natural_frequency(name) / (2.0 * math.pi) for name in turbine.model.coordinates]
 

@@ -38,13 +38,13 @@ def planned_information(
     The tolerances come last, in standard deviations of what the files say; that is information from the start.
     """
     theta = problem.wide_prior[0]
-    n, exact = len(problem.parameters), len(problem.prior[0])
-    relative = np.array([1.0 if q.logarithmic else t for q, t in zip(problem.parameters, theta, strict=False)])
-    to_relative = np.zeros((len(theta), len(theta)))  # ∂ unknowns / ∂ ln p
-    to_relative[range(n), range(n)] = relative
-    to_relative[n:exact, n:exact] = np.linalg.inv(_logarithms(problem))
-    to_relative[range(exact, len(theta)), range(exact, len(theta))] = 1.0
-    widths = STEP * np.concatenate([np.abs(relative), np.ones(len(theta) - n)])
+    known = problem.unknowns.only("parameters", "statistics", "tolerances")
+    at, eta = known.of("parameters"), known.of("statistics")
+    relative = [1.0 if q.logarithmic else t for q, t in zip(problem.parameters, theta[at].tolist(), strict=True)]
+    sizes = known.vector(parameters=relative, statistics=1.0, tolerances=1.0)
+    to_relative = np.diag(sizes)  # ∂ unknowns / ∂ ln p
+    to_relative[eta, eta] = np.linalg.inv(_logarithms(problem))
+    widths = STEP * np.abs(sizes)
     first = max(1, round(finding * rate))
     ends = np.linspace(first, len(problem.readings), BLOCKS + 1).astype(int)
     bank = bank_of([problem.build(values) for values in neighbours(theta, widths)])
@@ -59,7 +59,7 @@ def planned_information(
     size, whole = len(theta), len(theta) + len(problem.clocks)
     growths = np.zeros((BLOCKS, whole, whole))
     growths[:, :size, :size] = np.array(found[1:]) / seconds
-    start = np.diag(np.repeat([0.0, 1.0], [exact, whole - exact]))
+    start = np.diag(problem.unknowns.vector(tolerances=1.0, clocks=1.0))
     start[:size, :size] += found[0]
     if problem.clocks:
         progress("information on clocks", None)

@@ -17,8 +17,8 @@ Statistical Signal Processing: Estimation Theory (Prentice Hall 1993), ch. 3; Lj
 
 import json
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -86,6 +86,8 @@ class Plan(Answer):
         What a reader must know.
     tolerances
         What is known of instruments and masses within tolerances only: the last of `names`.
+    kinds
+        Kind of each of `coefficients`: ``stiffness``, ``damping`` …
     """
 
     turbine: str
@@ -104,6 +106,7 @@ class Plan(Answer):
     locked: tuple[str, ...]
     notes: tuple[str, ...]
     tolerances: tuple[Tolerance, ...] = ()
+    kinds: Mapping[str, str] = field(default_factory=dict)
 
     def information(self, duration: float) -> Array:
         """I(T) (n, n) of a record of `duration` [s], not shorter than t₀."""
@@ -324,6 +327,7 @@ def plan(
         turbine.name, tuple(sensor.channel for sensor in turbine.sensors), turbine.rotor_speed, rate, duration, within,
         told.names, len(unknown), tuple(asked), finding, told.start, told.growths.mean(axis=0), 0.0,
         tuple(name for name in asked if name not in unknown), (*map(str, notes), *told.notes), told.tolerances,
+        {name: turbine.model.role(name)[0] for name in (*unknown, *asked)},
     )  # fmt: skip
     accuracy = _accuracy(draft, told.growths, told.length * damping)
     return replace(draft, accuracy=accuracy, notes=(*draft.notes, f"these numbers are good to {percent(accuracy)}"))

@@ -128,9 +128,9 @@ def _information(found: Outcome) -> Array:
     to_relative = np.eye(len(whole))  # ∂ unknowns / ∂ ln p
     values = found.theta.tolist()
     relative = [1.0 if q.logarithmic else value for q, value in zip(parameters, values, strict=True)]
-    n, end = len(parameters), len(parameters) + len(statistics)
-    to_relative[range(n), range(n)] = relative
-    to_relative[n:end, n:end] = np.linalg.inv(to_logarithms(statistics))
+    theta, eta = found.unknowns.of("parameters"), found.unknowns.of("statistics")
+    to_relative[theta, theta] = np.diag(relative)
+    to_relative[eta, eta] = np.linalg.inv(to_logarithms(statistics))
     return np.asarray(to_relative.T @ (whole - np.diag(np.array(spreads) ** -2.0)) @ to_relative)
 
 

@@ -205,14 +205,13 @@ def _late(outcome: Outcome, record: Record) -> Late | None:
 
     Where a clock is an unknown, readings have been moved in its band only, and what is faster is late still.
     """
-    z, names = outcome.final.whitened, outcome.model.readings
-    along = {axis: [i for i, name in enumerate(names) if name.startswith(f"tower_{axis}_")] for axis in ("x", "y")}
+    z, sensors = outcome.final.whitened, outcome.sensors
+    along = {axis: [i for i, s in enumerate(sensors) if not s.blade and s.directions == {axis}] for axis in ("x", "y")}
     turbine = outcome.turbine.model
     blades = {
-        i: 2.0 * math.pi * (blade - 1) / turbine.blades
-        for i, name in enumerate(names)
-        for blade in range(1, turbine.blades + 1)
-        if name.startswith(f"blade_{blade}_lag_")
+        i: 2.0 * math.pi * (sensor.blade - 1) / turbine.blades
+        for i, sensor in enumerate(sensors)
+        if sensor.blade and sensor.directions == {"lag"}
     }
     if not (along["x"] and along["y"] and blades and "rotor_azimuth" in record and len(z) == record.samples):
         return None
@@ -240,13 +239,12 @@ def _budget(outcome: Outcome, modes: Sequence[Mode], slopes: Array, given_masses
     """What widens the bands of coefficients and of modes, these with the masses of the file."""
     if outcome.joint_cov is None:
         return Budget()
-    n, first = len(outcome.theta), len(outcome.joint_cov) - len(outcome.tolerances)
-    unit = np.eye(n, len(outcome.joint_cov))
+    unit = np.eye(len(outcome.theta), len(outcome.joint_cov))
     rows = [
         (q.name, unit[i] * (1.0 if q.logarithmic else q.scale), q.logarithmic)
         for i, q in enumerate(outcome.model.parameters)
     ]
-    statistics = slice(n, first)
+    statistics = outcome.unknowns.of("statistics")
     coefficients = budget_of(rows, outcome.joint_cov, statistics, outcome.tolerances)
     rows = [
         (f"{mode.name}: {what}", slope @ unit, False)

@@ -18,6 +18,7 @@ from windsysid.live.series_words import series_title
 from windsysid.live.sources.source import Source
 from windsysid.live.store.contents import Alarm, Health, Level, Result, Status
 from windsysid.live.store.store import Store
+from windsysid.mechanics.sensors import noise_source
 from windsysid.units import unit_text
 
 __all__ = [
@@ -332,7 +333,7 @@ def _loads_over_time(rows: Sequence[Mapping[str, Any]]) -> list[models.Loads]:
     return [
         models.Loads(name=name, title=name.replace("_", " "), unit=unit_text(str(first.get("unit") or "")), **found)
         for name, (found, first) in columns.items()
-        if not name.startswith("noise_")
+        if not noise_source(name)
     ]
 
 

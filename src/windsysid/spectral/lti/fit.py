@@ -13,7 +13,7 @@ import numpy as np
 
 from windsysid._types import Array, Complex
 from windsysid.spectral.lti.likelihood import LinearModel
-from windsysid.spectral.rotor.scoring import Mode, find_mode
+from windsysid.spectral.rotor.scoring import SpectralMode, find_in_stages
 from windsysid.spectral.transforms.cross_spectra import CrossSpectra, PooledBins
 
 __all__ = ["LinearFit", "fit_linear"]
@@ -76,18 +76,18 @@ def fit_linear(model: LinearModel, spectra: CrossSpectra) -> LinearFit:
     for widening, weight in WIDE:
         rows = model.rows(spectra, unknowns, widening)
         evaluate = _evaluator(model, rows, factor, None, widening)
-        unknowns = find_mode(evaluate, unknowns, mean, std, [(weight, 1)], rough=True).unknowns
+        unknowns = find_in_stages(evaluate, unknowns, model.prior, [(weight, 1)], rough=True).unknowns
         unknowns = _aligned(model, unknowns)
     for stage in TEMPERED:
         rows = model.rows(spectra, unknowns)
         evaluate = _evaluator(model, rows, factor, None)
-        unknowns = find_mode(evaluate, unknowns, mean, std, [stage], rough=True).unknowns
+        unknowns = find_in_stages(evaluate, unknowns, model.prior, [stage], rough=True).unknowns
     stays = False
     rows = model.rows(spectra, unknowns)
     for _ in range(MOST_ROUNDS):
         smear = model.smear(spectra, rows, unknowns)
-        mode = find_mode(_evaluator(model, rows, factor, smear), unknowns, mean, std, [(1.0, 1)])
-        stays = mode.settled and _moved(mode, unknowns) < STAYS
+        mode = find_in_stages(_evaluator(model, rows, factor, smear), unknowns, model.prior, [(1.0, 1)])
+        stays = mode.converged and _moved(mode, unknowns) < STAYS
         unknowns = mode.unknowns
         if stays:
             break
@@ -97,7 +97,7 @@ def fit_linear(model: LinearModel, spectra: CrossSpectra) -> LinearFit:
     return LinearFit(mode.unknowns, 0.5 * (cov + cov.T), log_likelihood, rows, smear, stays)
 
 
-def _moved(mode: Mode, before: Array) -> float:
+def _moved(mode: SpectralMode, before: Array) -> float:
     """Greatest step of an unknown in its standard deviations, others held."""
     return float(np.max(np.abs(mode.unknowns - before) * np.sqrt(np.diag(mode.information))))
 
@@ -120,11 +120,11 @@ def _evaluator(
 
 def _aligned(model: LinearModel, unknowns: Array) -> Array:
     """The most probable θ beforehand that has the natural frequencies of `unknowns`, η as they are."""
-    n = len(model.parameters)
-    mean, std = (values[:n] for values in model.prior)
+    at, n = model.unknowns.of("parameters"), len(model.parameters)
+    mean, std = (values[at] for values in model.prior)
     wanted = model.natural_frequencies(unknowns[None])[0]
     steps = 1e-4 * np.minimum(std, 1.0)
-    theta = unknowns[:n].copy()
+    theta = unknowns[at].copy()
     for _ in range(ALIGNED):
         points = np.concatenate([theta[None], theta + np.diag(steps), theta - np.diag(steps)])
         found = model.natural_frequencies(points)
@@ -134,15 +134,15 @@ def _aligned(model: LinearModel, unknowns: Array) -> Array:
         information = slopes @ slopes.T / CLOSE**2 + np.diag(std**-2.0)
         pull = slopes @ (wanted - found[0]) / CLOSE**2 - (theta - mean) / std**2
         theta = theta + np.clip(np.linalg.solve(information, pull), -std, std)
-    aligned = np.concatenate([theta, unknowns[n:]])
+    aligned = unknowns.copy()
+    aligned[at] = theta
     return aligned if model.stable(aligned) else unknowns
 
 
 def _stable_start(model: LinearModel) -> Array:
     """The centre of the prior; where a motion grows there, linear parameters as far above as it takes."""
     mean, std = model.prior
-    linear = np.zeros(len(mean))
-    linear[: len(model.parameters)] = [not q.logarithmic for q in model.parameters]
+    linear = model.unknowns.vector(parameters=[not q.logarithmic for q in model.parameters])
     for above in UNSTABLE:
         start = np.asarray(mean + above * linear * std)
         if model.stable(start):

@@ -22,6 +22,7 @@ from windsysid.spectral.rotor.load_filters import LoadShape
 from windsysid.spectral.transforms.cross_spectra import CrossSpectra, FixedBlock, PooledBins, pool
 from windsysid.spectral.transforms.dft import WINDOW_REACH, window_weights
 from windsysid.statespace.parameter import Parameter
+from windsysid.statespace.unknowns import Unknowns
 
 __all__ = ["LinearModel"]
 
@@ -71,6 +72,12 @@ class LinearModel(NamedTuple):
     loads: tuple[LoadShape, ...]
     levels: Array
     blur: float = 0.0
+
+    @property
+    def unknowns(self) -> Unknowns:
+        """Names of the unknowns; those of η are noise of each reading, then the level of each load."""
+        levels = [f"noise_{i + 1}" for i in range(len(self.noise))] + [f"level_{i + 1}" for i in range(len(self.loads))]
+        return Unknowns(tuple(q.name for q in self.parameters), (), tuple(levels) if len(self.levels) else ())
 
     @property
     def prior(self) -> tuple[Array, Array]:
@@ -124,9 +131,10 @@ class LinearModel(NamedTuple):
         LinAlgError
             Where there is no stationary vibration, or a spectrum is not positive definite.
         """
-        n, m = len(self.parameters), len(self.noise)
-        steps = STEP * np.minimum(self.prior[1][:n], 1.0)
-        points = np.concatenate([unknowns[:n] + np.diag(steps), unknowns[:n] - np.diag(steps), unknowns[None, :n]])
+        known, m = self.unknowns, len(self.noise)
+        n, theta = len(known.parameters), unknowns[known.of("parameters")]
+        steps = STEP * np.minimum(self.prior[1][known.of("parameters")], 1.0)
+        points = np.concatenate([theta + np.diag(steps), theta - np.diag(steps), theta[None]])
         systems = self._systems(points)
         block = systems.block
         slopes = low_rank((block[:n] - block[n : 2 * n]) / (2.0 * steps[:, None, None]))
@@ -134,7 +142,8 @@ class LinearModel(NamedTuple):
         sources = [load.rank for load in self.loads]
         owner = slopes.owner
         if len(self.levels):
-            owner = np.concatenate([owner, n + m + np.repeat(np.arange(len(sources)), sources), n + np.arange(m)])
+            noise_places, load_places = np.split(known.places("statistics"), [m])
+            owner = np.concatenate([owner, np.repeat(load_places, sources), noise_places])
         indicator = (np.arange(len(unknowns))[:, None] == owner).astype(np.float64)
         J, g, F = 0.0, np.zeros(len(owner)), np.zeros((len(owner), len(owner)))
         size = max(1, MOST_NUMBERS // max(1, len(owner) ** 2, len(at.A[0]) ** 2))
@@ -164,8 +173,8 @@ class LinearModel(NamedTuple):
 
     def spectrum(self, frequency: Array, unknowns: Array) -> Complex:
         """S (K, m, m), one-sided [unit²/Hz]."""
-        n, size = len(self.parameters), max(1, MOST_NUMBERS // max(1, len(self.compiled.states)) ** 2)
-        at = self._systems(unknowns[None, :n])
+        size = max(1, MOST_NUMBERS // max(1, len(self.compiled.states)) ** 2)
+        at = self._systems(unknowns[None, self.unknowns.of("parameters")])
         parts = []
         for first in range(0, len(frequency), size):
             some = frequency[first : first + size]
@@ -212,10 +221,10 @@ class LinearModel(NamedTuple):
         self, at: LinearSystem, frequency: Array, unknowns: Array, widening: float
     ) -> tuple[Complex, Complex, Complex]:
         """[C X | 1], [X G ; 1] h and T h at frequencies (K,)."""
-        n, m = len(self.parameters), len(self.noise)
+        m = len(self.noise)
         s = np.asarray((1j + widening) * 2.0 * np.pi * frequency + self.blur)
         left, right, T = resolve(at, s)
-        factor = np.exp(unknowns[n + m :]) if len(self.levels) else np.ones(len(self.loads))
+        factor = np.exp(unknowns[self.unknowns.of("statistics")][m:]) if len(self.levels) else np.ones(len(self.loads))
         driven = [
             np.sqrt(2.0) * f * load(np.asarray(2j * np.pi * frequency))
             for load, f in zip(self.loads, factor, strict=True)
@@ -226,8 +235,8 @@ class LinearModel(NamedTuple):
 
     def _noise(self, frequency: Array, unknowns: Array) -> tuple[Array, Array]:
         """Density of the white noise, and of white noise and drift (K, m)."""
-        n, m = len(self.parameters), len(self.noise)
-        level = self.noise * (np.exp(2.0 * unknowns[n : n + m]) if len(self.levels) else 1.0)
+        m = len(self.noise)
+        level = self.noise * (np.exp(2.0 * unknowns[self.unknowns.of("statistics")][:m]) if len(self.levels) else 1.0)
         white = np.broadcast_to(level, (len(frequency), m))
         return white, white + self.drift / frequency[:, None] ** 2
 

@@ -7,7 +7,7 @@ import numpy as np
 from windsysid._types import Array, Complex
 from windsysid.spectral.modal_bands.model import prominence, spectrum
 from windsysid.spectral.modal_bands.model_order import BandFit, Shapes
-from windsysid.spectral.modal_bands.scoring import Fit, score
+from windsysid.spectral.modal_bands.scoring import HALF_TOLERANCE, Fit, score
 from windsysid.spectral.oma.condition import Line, Readings
 from windsysid.spectral.oma.result import Doubt
 from windsysid.spectral.transforms.dft import band_data
@@ -109,7 +109,7 @@ def part_fits(found: BandFit, parts: Sequence[tuple[Array, Complex]], samples: i
         if len(bins) < LEAST_BINS:
             return []
         band = band_data(values[bins] @ back.T, bins, samples // len(parts), rate)
-        fits.append(score(found.fit.modes, band, max_steps=15, converged=0.01))
+        fits.append(score(found.fit.modes, band, max_steps=15, tolerance=HALF_TOLERANCE))
     return fits
 
 
@@ -230,7 +230,7 @@ def _along_shape(found: BandFit, j: int) -> Fit:
     start = modes._replace(
         shape=(way.conj() @ modes.shape)[None], rest=np.array([[rest]], dtype=np.complex128), drift=drift
     )
-    return score(start, band._replace(power=np.ascontiguousarray(power)), converged=0.01)
+    return score(start, band._replace(power=np.ascontiguousarray(power)), tolerance=HALF_TOLERANCE)
 
 
 def _line_doubts(f: float, z: float, std_z: float, length: float, lines: Sequence[Line]) -> list[str]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.spectral.modal_bands.model import Modes, with_real_elements
-from windsysid.spectral.modal_bands.scoring import CLEARLY, ROUGH, Fit, evidence, score, slopes
+from windsysid.spectral.modal_bands.scoring import CLEARLY, COARSE_TOLERANCE, Fit, evidence, score, slopes
 from windsysid.spectral.modal_bands.start import add_mode, modes_at
 from windsysid.spectral.transforms.dft import Band
 
@@ -64,7 +64,7 @@ def fit_shared(plain: Fit, band: Band, bins: int, most: int) -> Fit | None:
         fits.append(score(modes.let_drift(), band, max_steps=STEPS))
     last = min(fits[:2], key=lambda fit: evidence(fit, bins))
     for _ in range(2, min(most, MOST_MODES) + 1):
-        more = score(add_mode(last.modes, band).let_drift(), band, max_steps=STEPS_MORE, converged=ROUGH)
+        more = score(add_mode(last.modes, band).let_drift(), band, max_steps=STEPS_MORE, tolerance=COARSE_TOLERANCE)
         fits.append(more)
         if evidence(more, bins) > evidence(last, bins) - CLEARLY:
             break

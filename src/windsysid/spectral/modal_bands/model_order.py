@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from windsysid._types import Array, Complex
 from windsysid.spectral.modal_bands.correlated_loads import are_shared, fit_shared
 from windsysid.spectral.modal_bands.model import Modes, responses
-from windsysid.spectral.modal_bands.scoring import CLEARLY, ROUGH, Fit, evidence, score
+from windsysid.spectral.modal_bands.scoring import CLEARLY, COARSE_TOLERANCE, Fit, evidence, score
 from windsysid.spectral.modal_bands.start import add_mode, deviance, modes_at, without_modes
 from windsysid.spectral.transforms.dft import Band, band_data
 
@@ -127,7 +127,7 @@ def _most_evident(band: Band, bins: int, none: Fit, peaks: int, most: int, known
     for r in range(first, most + 1):
         more = modes_at(known, band) if known and r == first else add_mode(last.modes, band)
         target = np.inf if r <= peaks else least - CLEARLY - more.size * float(np.log(bins))
-        last = score(more, band, converged=ROUGH, target=target)
+        last = score(more, band, tolerance=COARSE_TOLERANCE, target=target)
         now = evidence(last, bins)
         if now < least - CLEARLY and last.modes.damping.max() < MOST_DAMPED:
             best, least = last, now

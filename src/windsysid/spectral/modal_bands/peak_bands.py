@@ -103,13 +103,10 @@ def group_peaks(peaks: list[Peak], step: float, low: float, high: float) -> list
     """
     groups: list[list[Peak]] = []
     for peak in peaks:
-        if groups and len(groups[-1]) < LARGEST_GROUP and not (peak.alone or groups[-1][-1].alone):
-            last = groups[-1][-1]
-            near = 3.0 * (last.half_width + peak.half_width)
-            if peak.frequency - last.frequency < max(near, NEAR_BINS * step):
-                groups[-1].append(peak)
-                continue
-        groups.append([peak])
+        if groups and _overlap(groups[-1], peak, step):
+            groups[-1].append(peak)
+        else:
+            groups.append([peak])
     bands = []
     for i, group in enumerate(groups):
         first, last = group[0], group[-1]
@@ -121,6 +118,15 @@ def group_peaks(peaks: list[Peak], step: float, low: float, high: float) -> list
             end = min(end, _border(last, groups[i + 1][0]))
         bands.append((start, end, len(group)))
     return bands
+
+
+def _overlap(group: list[Peak], peak: Peak, step: float) -> bool:
+    """Whether the flanks of the next peak and of a group's last overlap, and the group has room for it."""
+    last = group[-1]
+    if len(group) >= LARGEST_GROUP or peak.alone or last.alone:
+        return False
+    near = 3.0 * (last.half_width + peak.half_width)
+    return peak.frequency - last.frequency < max(near, NEAR_BINS * step)
 
 
 def widened(inside: list[Peak], others: list[Peak], low: float, high: float, step: float) -> tuple[float, float]:

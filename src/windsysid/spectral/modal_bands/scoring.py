@@ -3,8 +3,8 @@
     J = c_h⁻¹ Σ_k n_k [ln det S̄ + tr S̄⁻¹ P_k] + ½ Σ ((θ − θ₀)/s)²,
     g_a = c_h⁻¹ Σ n_k tr(S̄⁻¹ dS_a (1 − S̄⁻¹ P_k)) + prior,        F_ab = c_h⁻¹ Σ n_k tr(S̄⁻¹ dS_a S̄⁻¹ dS_b) + prior
 
-(Au, Operational Modal Analysis, Springer 2017). Steps are Levenberg's, (F + μ diag F) δ = −g, and the covariance is F⁻¹
-at the end.
+(Au, Operational Modal Analysis, Springer 2017). The mode is found by Fisher scoring (`windsysid.scoring`), and the
+covariance is F⁻¹ there.
 """
 
 from collections.abc import Sequence
@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.scoring import SearchLimits, find_mode
 from windsysid.spectral.modal_bands.model import (
     SLOPE_SPREAD,
     Modes,
@@ -24,23 +25,18 @@ from windsysid.spectral.modal_bands.model import (
 )
 from windsysid.spectral.transforms.dft import Band
 
-__all__ = ["CLEARLY", "ROUGH", "Fit", "evidence", "score", "score_together", "slopes"]
+__all__ = ["CLEARLY", "COARSE_TOLERANCE", "HALF_TOLERANCE", "Fit", "evidence", "score", "score_together", "slopes"]
 
-MAX_STEPS = 40
-MAX_TRIALS = 12
-"""Of steps ever shorter."""
+FINE_TOLERANCE, HALF_TOLERANCE, COARSE_TOLERANCE = 1e-3, 0.02, 0.1
+"""Newton's decrement of the last step: 0.03 standard deviations of a result, 0.14 of halves that are compared with it,
+0.3 where only the evidence of numbers of modes is compared."""
 
-CONVERGED = 0.01
-"""Decrease of J that a step promises, below which it is the last: a seventh of a standard deviation."""
-
-ENDED = 0.1
-"""Decrease of J that may be left where a search has ended."""
+SEARCH = SearchLimits(FINE_TOLERANCE, max_steps=40, stalled=0.2, damping=1e-2, refused_damping=1e-3)
+"""Of a search: where J cannot decrease any more, a decrease of 0.1 may be left. Starts are rough, so damping is strong;
+of the many optima the near one is meant, so a refused step is turned little by little."""
 
 HOPELESS = 40.0
 """How many steps like the last a search may be from where it must come."""
-
-ROUGH = 0.05
-"""Of J: how far fits are taken that are only compared."""
 
 CLEARLY = 6.0
 """2 ln of the evidence that a mode more must bring."""
@@ -77,22 +73,27 @@ class Fit(NamedTuple):
 
 
 def score(
-    start: Modes, band: Band, *, max_steps: int = MAX_STEPS, converged: float = CONVERGED, target: float = np.inf
+    start: Modes,
+    band: Band,
+    *,
+    max_steps: int = SEARCH.max_steps,
+    tolerance: float = FINE_TOLERANCE,
+    target: float = np.inf,
 ) -> Fit:
     """The mode of the posterior from a start.
 
     A search whose −2 ln likelihood is so far above `target` that steps like the last would not bring it there is given
     up.
     """
-    return score_together([start], [band], max_steps=max_steps, converged=converged, target=target)[0]
+    return score_together([start], [band], max_steps=max_steps, tolerance=tolerance, target=target)[0]
 
 
 def score_together(
     starts: Sequence[Modes],
     bands: Sequence[Band],
     *,
-    max_steps: int = MAX_STEPS,
-    converged: float = CONVERGED,
+    max_steps: int = SEARCH.max_steps,
+    tolerance: float = FINE_TOLERANCE,
     target: float = np.inf,
 ) -> list[Fit]:
     """The mode of the posterior of several records' modes, which have their frequencies and damping ratios in common.
@@ -104,57 +105,75 @@ def score_together(
     shared = starts[0].frequency, starts[0].damping
     modes = [with_real_elements(start._replace(frequency=shared[0], damping=shared[1])) for start in starts]
     priors = [_Prior(one, 1.0 / len(modes)) for one in modes]
-    here, cost = _joint(modes, bands, priors)
-    mu, grow, ended, small = 1e-2, 2.0, False, 0
-    for _ in range(max_steps):
-        for _ in range(MAX_TRIALS):
-            steps = _limited(_solved(here, len(shared[0]), mu), modes)
-            promised = -sum(
-                float(s.gradient @ step + 0.5 * step @ s.fisher @ step) for s, step in zip(here, steps, strict=True)
-            )
-            trial = [advance(one, step) for one, step in zip(modes, steps, strict=True)]
-            there, new = _joint(trial, bands, priors)
-            if new < cost or promised < converged:
-                break
-            mu, grow = max(grow * mu, 1e-3), 2.0 * grow
-        ended = promised < max(converged, ENDED)
-        if not new < cost:
-            break
-        gained = cost - new
-        modes, here, cost = trial, there, new
-        # Nielsen's rule: what a step brings, over what it promised, says how far the model of second order reaches
-        mu, grow = max(mu * max(0.2, 1.0 - (2.0 * gained / promised - 1.0) ** 3), 1e-9), 2.0
-        small = small + 1 if gained < converged else 0
-        if promised < converged or small == 2:
-            ended = True
-            break
-        if np.isfinite(target) and 2.0 * (cost - priors[0].cost(modes[0])) - target > HOPELESS * gained:
-            break
+    ends = np.cumsum([one.size for one in modes])[:-1]
+
+    def evaluate(modes: Sequence[Modes]) -> _JointEvaluation:
+        found = [_posterior(*each) for each in zip(modes, bands, priors, strict=True)]
+        return _JointEvaluation(tuple(scores for scores, _ in found), sum(cost for _, cost in found), len(shared[0]))
+
+    def move(modes: list[Modes], step: Array) -> list[Modes]:
+        return [advance(one, part) for one, part in zip(modes, np.split(step, ends), strict=True)]
+
+    def is_hopeless(there: _JointEvaluation, decrease: float) -> bool:
+        return 2.0 * there.parts[0].cost / bands[0].factor - target > HOPELESS * decrease
+
+    found = find_mode(
+        evaluate, modes, SEARCH._replace(tolerance=tolerance, max_steps=max_steps),
+        max_step=np.concatenate([_max_step(one) for one in modes]), move=move,
+        give_up=is_hopeless if np.isfinite(target) else None,
+    )  # fmt: skip
+    here = found.evaluation.parts
     covs = _covariances(here, len(shared[0]))
     return [
-        Fit(one, cov, 2.0 * found.cost / band.factor, ended)
-        for one, cov, found, band in zip(modes, covs, here, bands, strict=True)
+        Fit(one, cov, 2.0 * part.cost / band.factor, found.converged)
+        for one, cov, part, band in zip(found.point, covs, here, bands, strict=True)
     ]
 
 
-def _joint(modes: Sequence[Modes], bands: Sequence[Band], priors: Sequence["_Prior"]) -> tuple[list[Scores], float]:
-    """Slopes of J for each record, and J of all."""
-    found = [_posterior(*each) for each in zip(modes, bands, priors, strict=True)]
-    return [scores for scores, _ in found], sum(cost for _, cost in found)
+def _max_step(modes: Modes) -> Array:
+    """How far a step may move the unknowns of a record (p,)."""
+    most, r = np.full(modes.size, np.inf), len(modes.frequency)
+    most[:r], most[r : 2 * r], most[modes.size - modes.drifting - 1] = MAX_MOVES
+    return most
 
 
-def _solved(here: Sequence[Scores], r: int, mu: float) -> list[Array]:
-    """Levenberg's step of each record, the first 2 r unknowns being all records'."""
-    shared, vector, own = np.zeros((2 * r, 2 * r)), np.zeros(2 * r), []
-    for found in here:
-        damped = found.fisher + mu * np.diag(np.diagonal(found.fisher))
-        across = damped[: 2 * r, 2 * r :]
-        solved = np.linalg.solve(damped[2 * r :, 2 * r :], np.column_stack([across.T, found.gradient[2 * r :]]))
-        shared += damped[: 2 * r, : 2 * r] - across @ solved[:, :-1]
-        vector += found.gradient[: 2 * r] - across @ solved[:, -1]
-        own.append(solved)
-    common = -np.linalg.solve(shared, vector) if r else vector
-    return [np.concatenate([common, -solved[:, -1] - solved[:, :-1] @ common]) for solved in own]
+class _JointEvaluation(NamedTuple):
+    """−log posterior of several records, of whose unknowns the first 2 r are the same.
+
+    Attributes
+    ----------
+    parts
+        Of each record.
+    value
+        J of all.
+    modes
+        r.
+    """
+
+    parts: tuple[Scores, ...]
+    value: float
+    modes: int
+
+    def step(self, damping: float) -> Array:
+        """The damped step of each record's unknowns, one record behind the other."""
+        r, own = self.modes, []
+        shared, vector = np.zeros((2 * r, 2 * r)), np.zeros(2 * r)
+        for found in self.parts:
+            damped = found.fisher + damping * np.diag(np.diagonal(found.fisher))
+            across = damped[: 2 * r, 2 * r :]
+            solved = np.linalg.solve(damped[2 * r :, 2 * r :], np.column_stack([across.T, found.gradient[2 * r :]]))
+            shared += damped[: 2 * r, : 2 * r] - across @ solved[:, :-1]
+            vector += found.gradient[: 2 * r] - across @ solved[:, -1]
+            own.append(solved)
+        common = -np.linalg.solve(shared, vector) if r else vector
+        return np.concatenate([part for solved in own for part in (common, -solved[:, -1] - solved[:, :-1] @ common)])
+
+    def decrement(self, step: Array) -> float:
+        """Twice the decrease of J that a step promises."""
+        steps = np.split(step, np.cumsum([len(part.gradient) for part in self.parts])[:-1])
+        return -sum(
+            float((2.0 * part.gradient + part.fisher @ own) @ own) for part, own in zip(self.parts, steps, strict=True)
+        )
 
 
 def _covariances(here: Sequence[Scores], r: int) -> list[Array]:
@@ -227,14 +246,3 @@ def _posterior(modes: Modes, band: Band, prior: _Prior) -> tuple[Scores, float]:
     fisher[prior.at, prior.at] += prior.weight
     cost = found.cost / band.factor + prior.cost(modes)
     return Scores(found.cost, gradient, fisher), cost if np.isfinite(cost) else np.inf
-
-
-def _limited(steps: Sequence[Array], modes: Sequence[Modes]) -> list[Array]:
-    """Steps that move no mode too far."""
-    r = len(modes[0].frequency)
-    share = 1.0
-    for step, one in zip(steps, modes, strict=True):
-        b = len(step) - one.drifting - 1
-        moves = [float(np.max(np.abs(part), initial=0.0)) for part in (step[:r], step[r : 2 * r], step[b : b + 1])]
-        share = max(share, *(move / most for move, most in zip(moves, MAX_MOVES, strict=True)))
-    return [np.asarray(step / share) for step in steps]

@@ -14,7 +14,7 @@ from windsysid.loads.narrow_band import NarrowBand
 from windsysid.spectral.rotor.build_parked import pose_standing
 from windsysid.spectral.rotor.harmonic_transfer import HIGHEST, matrix_harmonics
 from windsysid.spectral.rotor.likelihood import Place
-from windsysid.spectral.rotor.load_spectra import BroadbandLoads, Sources, WindLoads
+from windsysid.spectral.rotor.load_spectra import BroadbandLoads, Sources, WindLoads, WindRotor
 from windsysid.spectral.rotor.model import LiftedModel, finer_bins, taper_window
 from windsysid.spectral.rotor.problem import Posed, Question
 from windsysid.spectral.rotor.start import damped_start
@@ -36,7 +36,7 @@ MOST_HARMONICS = 10
 
 def turns_couple(question: Question) -> bool:
     """Whether the azimuth stands in the equations or the readings, and the rotor turns."""
-    p, speed = question.centres, float(question.inputs[:, 1].mean())
+    p, speed = question.centres, float(question.speed.mean())
     found = matrix_harmonics(question.compiled, p[None], np.zeros((1, question.size)), speed, question.inputs[0])
     others = np.arange(2 * HIGHEST + 1) != HIGHEST
     return bool(found.mechanics[:, :, others].any() or found.readings[:, :, others].any())
@@ -74,7 +74,7 @@ def harmonics_of(question: Question) -> int:
     if not turns_couple(question):
         return 0
     turbine, rate = question.turbine, question.rate
-    rotor_hz = float(question.inputs[:, 1].mean()) / (2.0 * math.pi)
+    rotor_hz = float(question.speed.mean()) / (2.0 * math.pi)
     fastest = _fastest(turbine)
     K = math.ceil(fastest / rotor_hz) + 2
     if K > MOST_HARMONICS:
@@ -134,7 +134,7 @@ def _pose_turning(question: Question, loads: str) -> Posed:
             lifted.overlap,
             np.eye(m, dtype=np.complex128),
             question.compiled,
-            turbine.model.coordinates,
+            turbine.model.freedoms,
             question.centres,
             question.inputs[0],
             question.parameters,
@@ -165,14 +165,12 @@ def _pooled(entries: Complex, pools: Sequence[NDArray[np.intp]]) -> Complex:
 
 def _turning_loads(question: Question, loads: str, base: Array, lifted: Lifted, fastest: float) -> Sources:
     """The load model at base frequencies."""
-    turbine, names = question.turbine, question.compiled.loads
+    model, v = question.turbine.model, question.turbine.values
     if loads != "rotor-wind":
         frequency = base[:, None] + lifted.rotor_hz * lifted.harmonics
-        broad = BroadbandLoads(question.loads, turbine.model, frequency)
+        broad = BroadbandLoads(question.loads, model, frequency)
         return question.with_narrow_band(broad, frequency) if loads == NarrowBand.name else broad
-    v = turbine.values
-    moment = next(load.rms for load in question.loads if load.load.startswith("load_beta"))
+    moment = next(load.rms for load in question.loads if model.freedom(load.load).blade)
     lever = v["blade_inertia_1"] / v["blade_first_moment_1"]
-    return WindLoads(
-        names, turbine.model.blades, v["hinge_offset"], lever, lifted.rotor_hz, base, lifted.harmonics, moment, fastest
-    )
+    rotor = WindRotor(model.blades, v["hinge_offset"], lever, lifted.rotor_hz, moment, fastest)
+    return WindLoads(model.freedoms, rotor, base, lifted.harmonics)

@@ -1,7 +1,8 @@
 """The spectrum of a tower or a parked machine, whose matrices do not turn: bands around its modes."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,40 +47,23 @@ LEAST_BINS = 12
 def pose_standing(question: Question, given_bands: Sequence[tuple[float, float]], *, narrow: bool = False) -> Posed:
     """Matrices that do not turn: bands around the modes, with loads of any smooth spectrum in each, and a narrow-band
     one on the support where that is asked."""
-    sums = question.sums
+    sums, m = question.sums, len(question.sensors)
     lifted, blocks = question.lifted(0), 1.0 if sums is None else sums.blocks
-    lines = _on_lines(lifted, question.inputs[:, 1])
+    lines = _on_lines(lifted, question.speed)
     peaks = _peaks(question, lifted, lines)
     bands = tuple(given_bands) or _bands(list(peaks.values()), lifted)
-    used = np.zeros(len(lifted.base), dtype=np.bool_)
-    for low, high in bands:
-        inside = (lifted.base >= low) & (lifted.base <= high)
-        used |= inside
-    used &= ~lines
-    number = np.round(lifted.base * lifted.duration).astype(np.intp)[used]
-    if len(number) < LEAST_BINS * len(bands) and not given_bands:
-        needed = lifted.duration * LEAST_BINS * len(bands) / max(len(number), 1)
-        raise RecordError(
-            f"expected {needed:.3g} s or more for the bands around the modes, got {lifted.duration:.3g} s: choose a "
-            f"longer record"
-        )
+    used = _in_bands(lifted.base, bands) & ~lines
+    if not given_bands:
+        _check_length(int(used.sum()), LEAST_BINS * len(bands), lifted.duration)
     width = question.narrowest * lifted.duration
-    m, alike = len(question.sensors), 1
-    if width < NARROW:
-        base, window = finer_bins(int(number[0]), int(number[-1])) / lifted.duration, taper_window(lifted.taper, number)
-    else:
-        alike = int(width / ALIKE)
-        groups = len(number) // alike
-        base, window = number[: groups * alike].reshape(groups, alike).mean(axis=1) / lifted.duration, None
-    groups = len(number) // alike
-    data = single = np.swapaxes(lifted.data[used, 0][: groups * alike].reshape(groups, alike, m), 1, 2)
+    base, window, alike = _grid(lifted, used, width)
+    data = single = _grouped(lifted.data[used, 0], alike).swapaxes(1, 2)
     if sums is not None:
-        data = factored(sums.power[used][: groups * alike].reshape(groups, alike, m, m).sum(axis=1))
-    orders = lifted.harmonics
-    place = Place(base, orders, lifted.rotor_hz, np.arange(m), np.zeros((len(base), m), dtype=np.bool_))
+        data = factored(_grouped(sums.power[used], alike).sum(axis=1))
+    place = Place(base, lifted.harmonics, lifted.rotor_hz, np.arange(m), np.zeros((len(base), m), dtype=np.bool_))
     ends = np.array(bands).ravel()
     given = {name: [_given_amplitude(question.loads, name, f) for f in ends] for name in question.compiled.loads}
-    broad = BandLoads(given, question.compiled.loads, bands, base[:, None])
+    broad = BandLoads(given, question.turbine.model.freedoms, bands, base[:, None])
     sources = question.with_narrow_band(broad, base[:, None]) if narrow else broad
     noise, levels = question.noise(base[:, None], place.entries)
     model = LiftedModel(
@@ -91,7 +75,7 @@ def pose_standing(question: Question, given_bands: Sequence[tuple[float, float]]
         lifted.overlap,
         np.eye(m, dtype=np.complex128),
         question.compiled,
-        question.turbine.model.coordinates,
+        question.turbine.model.freedoms,
         question.centres,
         question.inputs[0],
         question.parameters,
@@ -99,24 +83,59 @@ def pose_standing(question: Question, given_bands: Sequence[tuple[float, float]]
         sources,
         noise,
         levels,
-        np.full(groups, blocks * alike),
+        np.full(len(data), blocks * alike),
         blocks,
         None if sums is None else np.ascontiguousarray(single),
         1.0 if sums is None else sums.gusts,
     )
-    start = damped_start(question.turbine, question.parameters, *model.prior)
-    for i, q in enumerate(question.parameters):
-        name = q.name.removeprefix("k_")
-        if q.name.startswith("k_") and q.logarithmic and name in peaks:
-            start[i] = 2.0 * math.log(peaks[name] / question.frequency(name))
     return Posed(
         model,
         None,
-        start,
+        _start(question, model, peaks),
         bands,
         "any smooth spectrum in the bands around the modes" + narrow * ", and a narrow-band process on the support",
         2.0 * math.pi * width * blocks / lifted.overlap,
     )
+
+
+def _check_length(bins: int, least: int, duration: float) -> None:
+    """Refuse a record of too few bins."""
+    if bins < least:
+        raise RecordError(
+            f"expected {duration * least / max(bins, 1):.3g} s or more for the bands around the modes, got "
+            f"{duration:.3g} s: choose a longer record"
+        )
+
+
+def _in_bands(frequency: Array, bands: Sequence[tuple[float, float]]) -> NDArray[np.bool_]:
+    """Which frequencies (B,) are in a band."""
+    low, high = np.array(bands).T
+    return np.asarray(((frequency[:, None] >= low) & (frequency[:, None] <= high)).any(axis=1))
+
+
+def _grid(lifted: Lifted, used: NDArray[np.bool_], width: float) -> tuple[Array, Array | None, int]:
+    """Frequencies at which spectra are taken [Hz], the weights of the taper's window where they are smoothed by it, and
+    how many neighbouring bins share a spectrum; `width` is half the half-power width of the narrowest mode in bins."""
+    number = np.round(lifted.base * lifted.duration).astype(np.intp)[used]
+    if width < NARROW:
+        return finer_bins(int(number[0]), int(number[-1])) / lifted.duration, taper_window(lifted.taper, number), 1
+    alike = int(width / ALIKE)
+    return _grouped(number, alike).mean(axis=1) / lifted.duration, None, alike
+
+
+def _grouped(bins: NDArray[Any], alike: int) -> NDArray[Any]:
+    """Values of bins (B, …) by groups of so many neighbours (B // alike, alike, …), the rest left out."""
+    groups = len(bins) // alike
+    return bins[: groups * alike].reshape(groups, alike, *bins.shape[1:])
+
+
+def _start(question: Question, model: LiftedModel, peaks: Mapping[str, float]) -> Array:
+    """Where a search begins: with stiffnesses at which natural frequencies are those of the peaks."""
+    start = damped_start(question.turbine, question.parameters, *model.prior)
+    for i, q in enumerate(question.parameters):
+        if q.kind == "stiffness" and q.logarithmic and q.part in peaks:
+            start[i] = 2.0 * math.log(peaks[q.part] / question.frequency(q.part))
+    return start
 
 
 def _peaks(question: Question, lifted: Lifted, lines: NDArray[np.bool_]) -> dict[str, float]:
@@ -125,10 +144,10 @@ def _peaks(question: Question, lifted: Lifted, lines: NDArray[np.bool_]) -> dict
         question.compiled,
         question.centres[None],
         np.zeros((1, question.size)),
-        float(question.inputs[:, 1].mean()),
+        float(question.speed.mean()),
         question.inputs[0],
     )
-    known = {q.name: q for q in question.parameters}
+    springs = {q.part: q for q in question.parameters if q.kind == "stiffness"}
     kernel = np.full(PEAK_BINS, 1.0 / PEAK_BINS)
     squares = np.abs(lifted.data[:, 0]) ** 2
     if question.sums is not None:
@@ -137,7 +156,7 @@ def _peaks(question: Question, lifted: Lifted, lines: NDArray[np.bool_]) -> dict
     peaks = {}
     for i, name in enumerate(question.turbine.model.coordinates):
         middle = question.frequency(name)
-        q = known.get(f"k_{name}")
+        q = springs.get(name)
         reach = SEARCHED * 0.5 * q.spread if q is not None and q.logarithmic else 0.0
         inside = np.flatnonzero(np.abs(np.log(lifted.base / middle)) <= max(reach, 1e-9))
         R = coupled(found.readings[:, 0], np.array([middle]), lifted.harmonics, lifted.rotor_hz)[0, 0, :, 0, i]

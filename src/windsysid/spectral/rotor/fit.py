@@ -6,8 +6,9 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.scoring import covariance, laplace_evidence
 from windsysid.spectral.rotor.model import Inexact, LiftedModel
-from windsysid.spectral.rotor.scoring import SETTLED, Mode, covariance, find_mode, reach_mode
+from windsysid.spectral.rotor.scoring import FINE_TOLERANCE, SpectralMode, find_in_stages, find_nearby
 
 __all__ = ["COARSE", "WHOLE", "Fit", "admit", "fit"]
 
@@ -50,7 +51,7 @@ class Fit(NamedTuple):
 
 def fit(
     model: LiftedModel, start: Array, stages: Sequence[tuple[float, int]] = (*COARSE, *WHOLE),
-    smoothed: LiftedModel | None = None, *, rough: bool = False, enough: float = SETTLED,
+    smoothed: LiftedModel | None = None, *, rough: bool = False, enough: float = FINE_TOLERANCE,
 ) -> Fit:  # fmt: skip
     """The mode of the posterior from a start (n,).
 
@@ -64,37 +65,41 @@ def fit(
     LinAlgError
         If the spectrum is not positive definite at the start.
     """
-    mean, spread = model.prior
     if model.window is not None:  # all bins at once
         stages = [(weight, 1) for weight, _ in stages]
     if smoothed is None:
-        mode = find_mode(_evaluator(model), start, mean, spread, stages, rough=rough)
+        mode = find_in_stages(_evaluator(model), start, model.prior, stages, rough=rough)
     else:
-        mode, plain = find_mode(_evaluator(model), start, mean, spread, stages[:-1], rough=True), model
+        unknowns, plain = start, model
+        if before := stages[:-1]:
+            unknowns = find_in_stages(_evaluator(model), start, model.prior, before, rough=True).unknowns
         for last in (False, True):
-            full = smoothed.spectrum(mode.unknowns).spectrum
-            smear = full - plain.spectrum(mode.unknowns).spectrum
+            full = smoothed.spectrum(unknowns).spectrum
+            smear = full - plain.spectrum(unknowns).spectrum
             model = plain._replace(smear=smear, overlap=model.likeness(full))
-            mode = find_mode(_evaluator(model), mode.unknowns, mean, spread, stages[-1:], rough=not last, enough=enough)
+            mode = find_in_stages(
+                _evaluator(model), unknowns, model.prior, stages[-1:], rough=not last, tolerance=enough
+            )
+            unknowns = mode.unknowns
     return _described(model, mode)
 
 
 def admit(found: Fit, inexact: Inexact) -> Fit:
     """The mode of the posterior with instruments and masses as unknowns beside, looked for from that without."""
     model = found.model._replace(inexact=inexact)
-    start = np.insert(found.unknowns, found.model.mechanical, np.zeros(len(inexact.late)))
-    mode = reach_mode(_evaluator(model), start, *model.prior)
-    return _described(model, mode._replace(settled=mode.settled and found.settled))
+    start = model.unknowns.from_other(found.unknowns, found.model.unknowns)
+    mode = find_nearby(_evaluator(model), start, model.prior)
+    return _described(model, mode._replace(converged=mode.converged and found.settled))
 
 
-def _described(model: LiftedModel, mode: Mode) -> Fit:
+def _described(model: LiftedModel, mode: SpectralMode) -> Fit:
     """What a mode says."""
     mean, spread = model.prior
     off = (mode.unknowns - mean) / spread
     log_likelihood = -(mode.value - 0.5 * float(off @ off))
-    evidence = -mode.value - float(np.sum(np.log(spread))) - 0.5 * float(np.linalg.slogdet(mode.information)[1])
+    evidence = laplace_evidence(-mode.value, np.diag(spread**-2.0), mode.information)
     cov = covariance(mode.information)
-    return Fit(mode.unknowns, cov, log_likelihood, evidence, mode.steps, mode.settled, model)
+    return Fit(mode.unknowns, cov, log_likelihood, evidence, mode.steps, mode.converged, model)
 
 
 def _evaluator(model: LiftedModel) -> Callable[[Array, int], tuple[float, Array, Array]]:

@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from windsysid._types import Array
 from windsysid.kernels.jit import JACOBIAN, compiled, pasted
 from windsysid.mechanics.compile import CompiledModel
+from windsysid.mechanics.model import Coordinate
 from windsysid.spectral.transforms.lifted import Complex
 
 __all__ = ["MatrixHarmonics", "coupled", "element_sizes", "equal_lag", "matrix_harmonics", "without_rounding"]
@@ -254,6 +255,6 @@ def _sweep_azimuth(
                     seen_load[v, point, i, j] = E[i, j]
 
 
-def equal_lag(coordinates: Sequence[str], lag: float) -> Array:
+def equal_lag(freedoms: Sequence[Coordinate], lag: float) -> Array:
     """The working point (n,) at which every blade leads by `lag` [rad]."""
-    return np.array([lag if name.startswith("beta_") else 0.0 for name in coordinates])
+    return np.array([lag if freedom.blade else 0.0 for freedom in freedoms])

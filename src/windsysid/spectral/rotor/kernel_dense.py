@@ -37,7 +37,7 @@ from windsysid.kernels.complex_solve import factor, solve, solve_turned, whiten
 from windsysid.kernels.jit import called, compiled
 from windsysid.kernels.rows import padded
 from windsysid.spectral.rotor.harmonic_transfer import HIGHEST
-from windsysid.spectral.rotor.kernel_sparse import _at
+from windsysid.spectral.rotor.kernel_sparse import element_at
 from windsysid.spectral.transforms.lifted import Complex
 
 __all__ = ["add_up_dense", "elements_of", "entries_at", "places_of", "spectra_dense"]
@@ -190,7 +190,7 @@ def _couple(matrices: Any, elements: Any, omega: Any, out: Any) -> int:
         shift = h - HIGHEST
         apart = max(apart, abs(shift * n + i - j))
         for k in range(max(0, -shift), min(count, count - shift)):
-            out[(k + shift) * n + i, k * n + j] = _at(matrices[:, 0], h, i, j, omega[k])
+            out[(k + shift) * n + i, k * n + j] = element_at(matrices[:, 0], h, i, j, omega[k])
     return apart
 
 
@@ -208,7 +208,7 @@ def _read(
             x = entry_of[k + shift, i]
             if x < 0 or left_out[x]:
                 continue
-            value = _at(matrices[:, 0], h, i, j, omega[k]) * phase[x]
+            value = element_at(matrices[:, 0], h, i, j, omega[k]) * phase[x]
             add_row(out, k * n + j, value.real, value.imag, white, x)
 
 
@@ -319,7 +319,7 @@ def _half_moved(
         h, i, j = dm_at[at, 1], dm_at[at, 2], dm_at[at, 3]
         shift = h - HIGHEST
         for k in range(max(0, -shift), min(count, count - shift)):
-            to, value = k * n + j, _at(d_mechanics[:, which], h, i, j, omega[k])
+            to, value = k * n + j, element_at(d_mechanics[:, which], h, i, j, omega[k])
             if room.slot[to] < 0:
                 room.slot[to] = used
                 clear_row(room.left, used)
@@ -335,7 +335,7 @@ def _half_moved(
             x, to = entry_of[k + shift, i], k * n + j
             if x < 0 or left_out[x]:
                 continue
-            value = _at(d_readings[:, which], h, i, j, omega[k]) * room.phase[x]
+            value = element_at(d_readings[:, which], h, i, j, omega[k]) * room.phase[x]
             if room.slot[to] >= 0:
                 add_row(room.left, room.slot[to], value.real, value.imag, room.turned_whitener, x)
                 continue

@@ -15,7 +15,7 @@ from numba import types
 from windsysid.kernels.jit import called, compiled, inlined
 from windsysid.spectral.rotor.harmonic_transfer import HIGHEST
 
-__all__ = ["FEW", "add_up", "smooth", "spectra"]
+__all__ = ["FEW", "add_up", "element_at", "smooth", "spectra"]
 
 FEW = 12
 """Most entries of a spectrum for which these loops are faster than products of matrices."""
@@ -110,7 +110,7 @@ def _solve_right(D: Any, order: Any, columns: Any) -> None:
 
 
 @inlined
-def _at(matrices: Any, h: int, i: int, j: int, omega: float) -> Any:
+def element_at(matrices: Any, h: int, i: int, j: int, omega: float) -> Any:
     """−ω² X_a + iω X_v + X_q of an element."""
     s = complex(0.0, omega)
     return (s * matrices[0, h, i, j] + matrices[1, h, i, j]) * s + matrices[2, h, i, j]
@@ -160,7 +160,7 @@ def _halves(
                 if _nothing(d_mechanics, h, i, j):
                     continue
                 for k in range(max(0, -shift), min(count, count - shift)):
-                    value = _at(d_mechanics, h, i, j, omega[k])
+                    value = element_at(d_mechanics, h, i, j, omega[k])
                     for x in range(e):
                         moved[x, k * n + j] -= T[x, (k + shift) * n + i] * value
         for x in range(e):
@@ -169,7 +169,7 @@ def _halves(
                 continue
             for j in range(n):
                 if not _nothing(d_readings, h, i, j):
-                    moved[x, k * n + j] += _at(d_readings, h, i, j, omega[k])
+                    moved[x, k * n + j] += element_at(d_readings, h, i, j, omega[k])
     for x in range(e):
         for c in range(count * n):
             if moved[x, c] != 0.0:
@@ -198,14 +198,14 @@ def _spectra(
                     if _nothing(mechanics, h, i, j):
                         continue
                     for k in range(max(0, -shift), min(count, count - shift)):
-                        D[(k + shift) * n + i, k * n + j] = _at(mechanics, h, i, j, omega[b, k])
+                        D[(k + shift) * n + i, k * n + j] = element_at(mechanics, h, i, j, omega[b, k])
             for x in range(e):
                 k = entries[x] // r - shift
                 if not left_out[b, x] and 0 <= k < count:
                     for j in range(n):
                         if _nothing(readings, h, entries[x] % r, j):
                             continue
-                        T[x, k * n + j] = _at(readings, h, entries[x] % r, j, omega[b, k])
+                        T[x, k * n + j] = element_at(readings, h, entries[x] % r, j, omega[b, k])
         _factor(D, order)
         _solve_left(D, order, T)
         for i in range(size):

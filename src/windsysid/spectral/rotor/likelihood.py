@@ -16,6 +16,7 @@ https://doi.org/10.1093/biomet/asy071). Where a resonance is as narrow as a few 
 a grid twice as fine and smoothed before they meet the data.
 """
 
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -127,6 +128,11 @@ class Ingredients(NamedTuple):
     more: Complex | None
     late: Array
 
+    @property
+    def is_on_time(self) -> bool:
+        """Whether no clock is late or may be."""
+        return not self.late.any() and (self.slopes is None or not len(self.slopes.late))
+
 
 def spectrum_of_bins(of: Ingredients, *, whiten: bool) -> ModelSpectrum:
     """S and its derivatives.
@@ -134,58 +140,102 @@ def spectrum_of_bins(of: Ingredients, *, whiten: bool) -> ModelSpectrum:
     `whiten` hands the derivatives back whitened, which costs less than to whiten them later; where there are few
     entries it does not, and they are not.
     """
-    place, matrices, placement, sources, noise, slopes, more, late = of
-    bins, entries = place.left_out.shape
-    on_time = not late.any() and (slopes is None or not len(slopes.late))
-    if entries <= FEW and on_time:
-        return _few_entries(place, matrices, placement, sources, noise, slopes, more)
-    empty = place.left_out
-    if slopes is None and entries > FEW:
+    bins, entries = of.place.left_out.shape
+    if entries <= FEW and of.is_on_time:
+        return _few_entries(of)
+    if of.slopes is None and entries > FEW:
         S = np.empty((bins, entries, entries), dtype=np.complex128)
         spectra_dense(_many_entries(of), S)
         return ModelSpectrum(S, np.empty((0, *S.shape), dtype=np.complex128), None)
+    response = _respond(of)
+    if of.slopes is None:
+        S = response.spectrum
+        return ModelSpectrum(S, np.empty((0, *S.shape), dtype=np.complex128), None)
+    L_inv = _whitener(response.spectrum) if whiten else None
+    return ModelSpectrum(response.spectrum, _differentiate(of, of.slopes, response, L_inv), L_inv)
+
+
+class _Response(NamedTuple):
+    """How the entries answer the sources.
+
+    Attributes
+    ----------
+    transfer, placed
+        T (B, e, (2K+1) n), and T U (B, e, s).
+    driven
+        Q = D⁻¹ U S_s Uᴴ Tᴴ (B, (2K+1) n, e).
+    signal, spectrum
+        T U S_s Uᴴ Tᴴ and S (B, e, e).
+    turn, phase
+        −iω of every entry (B, e), and e^{−iωκ} (B, e, 1); None where nothing is late.
+    """
+
+    transfer: Complex
+    placed: Complex
+    driven: Complex
+    signal: Complex
+    spectrum: Complex
+    turn: Complex
+    phase: Complex | None
+
+
+def _respond(of: Ingredients) -> _Response:
+    """The response of the entries at every place."""
+    place, matrices = of.place, of.matrices
+    bins, entries = place.left_out.shape
     D = coupled(matrices.mechanics[:, 0], place.base, place.orders, place.rotor_hz)
     R = coupled(matrices.readings[:, 0], place.base, place.orders, place.rotor_hz)
     size = D.shape[1] * D.shape[2]
     seen = R.reshape(bins, -1, size)[:, place.entries]
-    seen[empty] = 0.0
+    seen[place.left_out] = 0.0
     turn = -2j * np.pi * (place.base[:, None] + place.rotor_hz * place.orders[place.entries // R.shape[2]])
-    phase = np.exp(turn * late)[:, :, None] if late.any() else None
+    phase = np.exp(turn * of.late)[:, :, None] if of.late.any() else None
     if phase is not None:
         seen *= phase
     inverse = np.asarray(np.linalg.inv(D.reshape(bins, size, size)), dtype=np.complex128)
     T = seen @ inverse
-    T_s = T @ placement
-    driven = times_sources(T_s, sources)
+    T_s = T @ of.placement
+    driven = times_sources(T_s, of.sources)
     signal = driven @ _h(T_s)
     S = signal.copy()
-    S[:, range(entries), range(entries)] += np.where(empty, 1.0, noise)
-    if more is not None:
-        S += more
-    if slopes is None:
-        return ModelSpectrum(S, np.empty((0, *S.shape), dtype=np.complex128), None)
-    Q = inverse @ (placement @ _h(driven))
-    L_inv = _whitener(S) if whiten else None
+    S[:, range(entries), range(entries)] += np.where(place.left_out, 1.0, of.noise)
+    if of.more is not None:
+        S += of.more
+    return _Response(T, T_s, inverse @ (of.placement @ _h(driven)), signal, S, turn, phase)
+
+
+def _differentiate(of: Ingredients, slopes: Slopes, response: _Response, L_inv: Complex | None) -> Complex:
+    """The derivatives of S (n, B, e, e), whitened where L⁻¹ is there."""
+    T, T_s, Q = response.transfer, response.placed, response.driven
     if L_inv is not None:
         T, T_s, Q = L_inv @ T, L_inv @ T_s, Q @ _h(L_inv)
     moved = slopes.mechanics.mechanics.shape[1]
-    clocks = moved + len(slopes.late)
-    A = np.zeros((clocks + len(slopes.sources.own) + len(slopes.noise), *S.shape), dtype=np.complex128)
-    for a in range(moved):
-        half = _mechanical(slopes.mechanics, a, place, T, Q, L_inv, phase)
-        A[a] = half + _h(half)
-    for a, later in enumerate(slopes.late, moved):
-        half = (turn * later)[:, :, None] * signal
-        A[a] = half + _h(half) if L_inv is None else L_inv @ (half + _h(half)) @ _h(L_inv)
-    for a, slope in enumerate(zip(*slopes.sources, strict=True), clocks):
-        A[a] = times_sources(T_s, SourceSpectra(*slope)) @ _h(T_s)
-    for a, density in enumerate(slopes.noise, clocks + len(slopes.sources.own)):
-        level = np.where(empty, 0.0, density)
-        if L_inv is None:
-            A[a, :, range(entries), range(entries)] = level.T
-        else:
-            A[a] = (L_inv * level[:, None, :]) @ _h(L_inv)
-    return ModelSpectrum(S, A, L_inv)
+    halves = chain(
+        (_mechanical(slopes.mechanics, a, of.place, T, Q, L_inv, response.phase) for a in range(moved)),
+        (_whitened((response.turn * later)[:, :, None] * response.signal, L_inv) for later in slopes.late),
+    )
+    wholes = chain(
+        (half + _h(half) for half in halves),
+        (times_sources(T_s, SourceSpectra(*slope)) @ _h(T_s) for slope in zip(*slopes.sources, strict=True)),
+        (_of_noise(np.where(of.place.left_out, 0.0, density), L_inv) for density in slopes.noise),
+    )
+    count = moved + len(slopes.late) + len(slopes.sources.own) + len(slopes.noise)
+    A = np.empty((count, *response.spectrum.shape), dtype=np.complex128)
+    for a, whole in enumerate(wholes):
+        A[a] = whole
+    return A
+
+
+def _whitened(matrix: Complex, L_inv: Complex | None) -> Complex:
+    """L⁻¹ M L⁻ᴴ where L⁻¹ is there."""
+    return matrix if L_inv is None else np.asarray(L_inv @ matrix @ _h(L_inv))
+
+
+def _of_noise(density: Array, L_inv: Complex | None) -> Complex:
+    """The diagonal matrices of densities (B, e), whitened where L⁻¹ is there."""
+    if L_inv is None:
+        return np.asarray(density[:, :, None] * np.eye(density.shape[1]), dtype=np.complex128)
+    return np.asarray((L_inv * density[:, None, :]) @ _h(L_inv))
 
 
 def whittle(data: Complex, counts: Array, model: ModelSpectrum) -> Likelihood:
@@ -249,17 +299,15 @@ def _many_entries(of: Ingredients) -> list[NDArray[Any]]:
     return [np.ascontiguousarray(array) for array in given]
 
 
-def _few_entries(
-    place: Place, matrices: MatrixHarmonics, placement: Complex, sources: SourceSpectra, noise: Array,
-    slopes: Slopes | None, more: Complex | None,
-) -> ModelSpectrum:  # fmt: skip
-    """The same by loops."""
+def _few_entries(of: Ingredients) -> ModelSpectrum:
+    """`spectrum_of_bins` for spectra of few entries on time: by loops."""
+    place, matrices, slopes = of.place, of.matrices, of.slopes
     bins, entries = place.left_out.shape
     if slopes is None:
         slopes = Slopes(
             MatrixHarmonics(matrices.mechanics[:, :0], matrices.readings[:, :0]),
-            SourceSpectra(*(part[None][:0] for part in sources)),
-            noise[None][:0],
+            SourceSpectra(*(part[None][:0] for part in of.sources)),
+            of.noise[None][:0],
             np.empty((0, entries)),
         )
     count = slopes.mechanics.mechanics.shape[1] + len(slopes.sources.own) + len(slopes.noise)
@@ -268,10 +316,10 @@ def _few_entries(
     omega = 2.0 * np.pi * (place.base[:, None] + place.rotor_hz * place.orders)
     given = (
         matrices.mechanics[:, 0], matrices.readings[:, 0], *slopes.mechanics, omega, place.entries, place.left_out,
-        placement, *sources, *slopes.sources, noise, slopes.noise,
+        of.placement, *of.sources, *slopes.sources, of.noise, slopes.noise,
     )  # fmt: skip
     spectra()(*(np.ascontiguousarray(array) for array in given), S, A)
-    return ModelSpectrum(S if more is None else S + more, A, None)
+    return ModelSpectrum(S if of.more is None else S + of.more, A, None)
 
 
 def times_sources(matrix: Complex, sources: SourceSpectra) -> Complex:

@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from windsysid._types import Array
 from windsysid.kernels.jit import compiled
 from windsysid.loads.statistics import Statistic, load_groups, moved_loads
-from windsysid.mechanics.model import MechanicalModel
+from windsysid.mechanics.model import Coordinate, MechanicalModel
 from windsysid.spectral.transforms.lifted import Complex
 from windsysid.statespace.gauss_markov import GaussMarkov
 
-__all__ = ["BandLoads", "BroadbandLoads", "SourceSpectra", "Sources", "WindLoads"]
+__all__ = ["BandLoads", "BroadbandLoads", "SourceSpectra", "Sources", "WindLoads", "WindRotor", "coherence_table"]
 
 
 class SourceSpectra(NamedTuple):
@@ -116,6 +116,18 @@ EDDY_MOMENT = 1.2
 moment."""
 
 
+class WindRotor(NamedTuple):
+    """A rotor in the wind: how many blades, hinges [m] from the hub, wind loads at `lever` [m] from these and of
+    `moment` rms [N·m] on a blade, the rotor's frequency and the structure's highest [Hz]."""
+
+    blades: int
+    hinge: float
+    lever: float
+    rotor_hz: float
+    moment: float
+    fastest: float
+
+
 class WindLoads:
     """Wind on a turning rotor: turbulence frozen in space, with the coherence of IEC 61400-1, cut by the blades.
 
@@ -133,17 +145,9 @@ class WindLoads:
     push the hub by −Σ_i G_i sin θ_i sideways and Σ_i G_i cos θ_i up.
     """
 
-    def __init__(
-        self, names: Sequence[str], blades: int, hinge: float, lever: float, rotor_hz: float, base: Array,
-        orders: NDArray[np.intp],
-        moment: float, fastest: float,
-    ) -> None:  # fmt: skip
-        """A rotor with its hinges `hinge` [m] from the hub, its wind loads at `lever` [m] from the hinges, `moment`
-        [N·m] rms on a blade.
-
-        `names` are the model's loads (n,), `base` (B,) [Hz] and `orders` (2K+1,) the lifted frequencies, `fastest` the
-        highest natural frequency [Hz].
-        """
+    def __init__(self, freedoms: Sequence[Coordinate], rotor: WindRotor, base: Array, orders: NDArray[np.intp]) -> None:
+        """`freedoms` are the model's (n,), `base` (B,) [Hz] and `orders` (2K+1,) the lifted frequencies."""
+        blades, hinge, lever, rotor_hz, moment, fastest = rotor
         self._blades, self._rotor_hz = blades, rotor_hz
         reach = int(orders[-1]) + 1
         self._orders = np.arange(-reach, reach + 1)
@@ -155,16 +159,16 @@ class WindLoads:
         speed = 2.0 * math.pi * rotor_hz * tip / 5.0
         length = 8.1 * 0.7 * min(60.0, 2.0 * tip)
         self.statistics = (
-            Statistic("load_rms_wind", "N*m", moment, spread=1.5),
+            Statistic("load_rms_wind", "N*m", moment, spread=1.5, kind="level"),
             Statistic("load_wind_time", "s", length / speed, spread=0.7),
             Statistic("load_decay", "s/m", 12.0 / speed, spread=0.5),
             Statistic("load_power", "1", 0.4, spread=0.8),
             Statistic("load_lever", "m", lever, spread=0.3),
-            Statistic("load_rms_eddies", "N*m", 0.1 * moment, spread=3.0),
+            Statistic("load_rms_eddies", "N*m", 0.1 * moment, spread=3.0, kind="level"),
             Statistic("load_eddies_frequency", "Hz", fastest, spread=1.5),
             Statistic("load_eddies_lever", "1", 1.0, spread=0.3),
         )
-        self.placement = _wind_placement(names, blades, orders, self._orders)
+        self.placement = _wind_placement(freedoms, blades, orders, self._orders)
         self._terms = lru_cache(maxsize=4)(self._coherent)
         self._parts = lru_cache(maxsize=16)(self._turbulence)
 
@@ -205,7 +209,7 @@ class WindLoads:
         along = r**power
         outer = along * (r - self._hinge)
         weights = np.stack([along / along.sum(), outer / outer.sum()])
-        grid, table = _coherence_table(tuple(r.tolist()))
+        grid, table = coherence_table(tuple(r.tolist()))
         pairs = np.einsum("cr,cs->crs", weights[[0, 0, 1]], weights[[0, 1, 1]])
         return grid, np.ascontiguousarray(np.einsum("crs,grsn->gcn", pairs, table, optimize=True))
 
@@ -234,7 +238,7 @@ def _sum_classes(level: Any, place: Any, terms: Any, out: Any) -> None:
 
 
 @lru_cache(maxsize=8)
-def _coherence_table(radii: tuple[float, ...]) -> tuple[Array, Array]:
+def coherence_table(radii: tuple[float, ...]) -> tuple[Array, Array]:
     """ln κ (g,), and ⟨e^{−κ d(θ)} cos nθ⟩ for every two radii (g, r, r, `SERIES` + 1)."""
     r = np.array(radii)
     angle = 2.0 * np.pi * np.arange(RING) / RING
@@ -246,10 +250,10 @@ def _coherence_table(radii: tuple[float, ...]) -> tuple[Array, Array]:
 
 
 def _wind_placement(
-    names: Sequence[str], blades: int, orders: NDArray[np.intp], source_orders: NDArray[np.intp]
+    freedoms: Sequence[Coordinate], blades: int, orders: NDArray[np.intp], source_orders: NDArray[np.intp]
 ) -> Complex:
     """U from forces and moments, each by class and harmonic, to the generalised loads of all harmonics."""
-    n, slots = len(names), len(source_orders)
+    n, slots = len(freedoms), len(source_orders)
     count = blades * slots
     U = np.zeros((len(orders) * n, 2 * count), dtype=np.complex128)
     phase = 2.0 * np.pi * np.arange(blades) / blades
@@ -258,13 +262,13 @@ def _wind_placement(
         ahead, behind = np.sum(shape * np.exp(1j * phase)), np.sum(shape * np.exp(-1j * phase))
         for k, order in enumerate(orders):
             slot = p * slots + int(order - source_orders[0])
-            for j, name in enumerate(names):
+            for j, freedom in enumerate(freedoms):
                 row = k * n + j
-                if name.startswith("load_beta_"):
-                    U[row, count + slot] = shape[int(name.removeprefix("load_beta_")) - 1]
-                elif name in ("load_x", "load_y"):
-                    factor = 0.5j if name == "load_x" else 0.5
-                    sign = -1.0 if name == "load_x" else 1.0
+                if freedom.blade:
+                    U[row, count + slot] = shape[freedom.blade - 1]
+                elif freedom.name in ("x", "y"):
+                    factor = 0.5j if freedom.name == "x" else 0.5
+                    sign = -1.0 if freedom.name == "x" else 1.0
                     U[row, slot - 1] += factor * ahead
                     U[row, slot + 1] += factor * sign * behind
     U[np.abs(U) < 1e-12] = 0.0
@@ -279,15 +283,16 @@ class BandLoads:
     """
 
     def __init__(
-        self, given: Mapping[str, Sequence[float]], names: Sequence[str], bands: Sequence[tuple[float, float]],
-        frequency: Array
+        self, given: Mapping[str, Sequence[float]], freedoms: Sequence[Coordinate],
+        bands: Sequence[tuple[float, float]], frequency: Array
     ) -> None:  # fmt: skip
-        """`given` amplitudes of each load (2 bands: low, high, low …), the model's `names` (n,), `bands` [Hz], signed
-        `frequency` (B, 2K+1) [Hz]."""
-        count = frequency.shape[1]
+        """`given` amplitudes of each load (2 bands: low, high, low …), the model's `freedoms` (n,), `bands` [Hz],
+        signed `frequency` (B, 2K+1) [Hz]."""
+        count, units = frequency.shape[1], {freedom.load: freedom.load_unit for freedom in freedoms}
+        names = list(units)
         self._bands, self._frequency, self._loads = bands, np.abs(frequency), list(given)
         self.statistics = tuple(
-            Statistic(f"{load.replace('load_', 'load_density_')}_{end}", _density_unit(load), float(value))
+            Statistic(f"{load.replace('load_', 'load_density_')}_{end}", f"{units[load]}/√Hz", float(value))
             for load, values in given.items()
             for end, value in zip(_ends(bands), values, strict=True)
         )
@@ -329,8 +334,3 @@ class BandLoads:
 def _ends(bands: Sequence[tuple[float, float]]) -> list[str]:
     """A name for either end of every band: its frequency."""
     return [f"{frequency:.3g}Hz" for band in bands for frequency in band]
-
-
-def _density_unit(load: str) -> str:
-    """Of a spectral amplitude."""
-    return "N*m/√Hz" if load.startswith(("load_beta", "load_roll")) else "N/√Hz"

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from windsysid._types import Array
 from windsysid.loads.statistics import Statistic, to_logarithms, values_of
 from windsysid.mechanics.compile import CompiledModel
-from windsysid.mechanics.rotor import MEAN_LAG_SPREAD
+from windsysid.mechanics.model import Coordinate
+from windsysid.mechanics.rotor import MEAN_LAG, MEAN_LAG_SPREAD
 from windsysid.spectral.rotor.harmonic_transfer import (
     MatrixHarmonics,
     element_sizes,
@@ -32,8 +33,12 @@ from windsysid.spectral.rotor.likelihood import (
 from windsysid.spectral.rotor.load_spectra import Sources, SourceSpectra
 from windsysid.spectral.transforms.lifted import Complex
 from windsysid.statespace.parameter import Parameter
+from windsysid.statespace.unknowns import BlockName, Unknowns
 
 __all__ = ["FINER", "Inexact", "LiftedModel", "finer_bins", "taper_window"]
+
+MECHANICAL: tuple[BlockName, ...] = ("parameters", "lag", "tolerances")
+"""Unknowns of the matrices."""
 
 STEP = 1e-4
 """Of an unknown, for central differences: of a logarithm, of a damping ratio; in units of its prior's spread."""
@@ -71,10 +76,13 @@ class Inexact(NamedTuple):
         By how much each τ moves all parameters (n_τ, n_p).
     late
         By how much it makes each reading later (n_τ, m) [s]; the clocks come last.
+    names
+        Names of the tolerances (n_τ,).
     """
 
     parameters: Array
     late: Array
+    names: tuple[str, ...] = ()
 
     @property
     def clocks(self) -> int:
@@ -107,7 +115,7 @@ class LiftedModel(NamedTuple):
         c_h.
     combine
         The readings' combinations (r, m) that are the entries of one harmonic.
-    compiled, coordinates, given
+    compiled, freedoms, given
         The model with its readings, its degrees of freedom, and all its parameters (n_p,).
     inputs
         Its inputs but for azimuth and speed (n_u,).
@@ -139,7 +147,7 @@ class LiftedModel(NamedTuple):
     overlap: float
     combine: Complex
     compiled: CompiledModel
-    coordinates: tuple[str, ...]
+    freedoms: tuple[Coordinate, ...]
     given: Array
     inputs: Array
     parameters: tuple[Parameter, ...]
@@ -154,9 +162,16 @@ class LiftedModel(NamedTuple):
     inexact: Inexact = EXACT
 
     @property
-    def mechanical(self) -> int:
-        """How many unknowns come before those of loads and noise: θ, the mean lag angle where it is one, τ."""
-        return len(self.parameters) + self.lag + len(self.inexact.late)
+    def unknowns(self) -> Unknowns:
+        """Names of the unknowns."""
+        numbers = len(self.inexact.names) - self.inexact.clocks
+        return Unknowns(
+            tuple(q.name for q in self.parameters),
+            (MEAN_LAG,) * self.lag,
+            tuple(s.name for s in self.statistics),
+            self.inexact.names[:numbers],
+            self.inexact.names[numbers:],
+        )
 
     @property
     def counts(self) -> Array:
@@ -170,12 +185,18 @@ class LiftedModel(NamedTuple):
 
     @property
     def prior(self) -> tuple[Array, Array]:
-        """Mean and standard deviation of the unknowns: θ, the mean lag angle where it is one, τ, η."""
+        """Mean and standard deviation of the unknowns."""
         known = [q.prior for q in self.parameters] + [(0.0, MEAN_LAG_SPREAD)] * self.lag
-        known += [(0.0, 1.0)] * len(self.inexact.late)
         known += [(0.0, s.spread) for s in self.statistics]
+        known += [(0.0, 1.0)] * len(self.inexact.late)
         mean, spread = np.array(known).T
         return mean, spread
+
+    def split_statistics(self, unknowns: Array) -> tuple[Array, Array]:
+        """η of the loads, and η of the noise."""
+        eta = unknowns[self.unknowns.of("statistics")]
+        loads = len(self.sources.statistics)
+        return eta[:loads], eta[loads:]
 
     def likelihood(
         self, unknowns: Array, every: int = 1, *, slopes: bool = True, matrices: Matrices | None = None
@@ -209,7 +230,14 @@ class LiftedModel(NamedTuple):
             np.sum([part.gradient for part in parts], axis=0),
             np.sum([part.information for part in parts], axis=0),
         )
+        if slopes:
+            at = self._from_kernels()
+            whole = Likelihood(whole.value, whole.gradient[at], whole.information[np.ix_(at, at)])
         return _scaled(whole, float(counts.sum() / counts[bins].sum()) / self.overlap)
+
+    def _from_kernels(self) -> NDArray[np.intp]:
+        """Where each unknown is among the derivatives of the kernels, which have the statistics last (n,)."""
+        return np.argsort(self.unknowns.places(*MECHANICAL, "clocks", "statistics"))
 
     def spectrum(self, unknowns: Array, *, slopes: bool = False, matrices: Matrices | None = None) -> ModelSpectrum:
         """S (B, e, e) of all bins, smoothed where it has to be, and its derivatives (n, B, e, e)."""
@@ -217,6 +245,7 @@ class LiftedModel(NamedTuple):
         if self.window is None:
             every_part = [part for _, part in parts]
             whole = np.concatenate([part.slopes for part in every_part], axis=1)
+            whole = whole[self._from_kernels()] if slopes else whole
             return ModelSpectrum(np.concatenate([part.spectrum for part in every_part]), whole, None)
         e, bins = len(self.place.entries), len(self.data)
         S = np.zeros((1, bins, e, e), dtype=np.complex128)
@@ -225,7 +254,7 @@ class LiftedModel(NamedTuple):
             weights = np.ascontiguousarray(self.window[at])
             smooth()(weights, part.spectrum[None], S)
             smooth()(weights, part.slopes, A)
-        return self._masked(S[0], A)
+        return self._masked(S[0], A[self._from_kernels()] if slopes else A)
 
     def _masked(self, S: Complex, A: Complex) -> ModelSpectrum:
         """S and its derivatives, entries that are left out with unit variance."""
@@ -297,11 +326,11 @@ class LiftedModel(NamedTuple):
         bins = np.arange(every // 2, len(self.place.base), every)
         still, moved = self.matrices(unknowns, slopes=slopes) if matrices is None else matrices
         late, later = self._late(unknowns)
-        eta = unknowns[self.mechanical :]
-        spectra, noise = self._levels(eta, every)
-        loads, entries = len(self.sources.statistics), len(self.place.entries)
-        steps = self._source_slopes(eta, every) if slopes else None
-        densities = 2.0 * np.exp(2.0 * eta[loads:])[:, None, None] * self.noise_given
+        of_loads, of_noise = self.split_statistics(unknowns)
+        spectra, noise = self._levels(of_loads, of_noise, every)
+        entries = len(self.place.entries)
+        steps = self._source_slopes(of_loads, every) if slopes else None
+        densities = 2.0 * np.exp(2.0 * of_noise)[:, None, None] * self.noise_given
         chunk = max(8, MOST_NUMBERS // (len(unknowns) * entries**2))
         for first in range(0, len(bins), chunk):
             at, near = bins[first : first + chunk], slice(first, first + chunk)
@@ -317,27 +346,26 @@ class LiftedModel(NamedTuple):
     def _late(self, unknowns: Array) -> tuple[Array, Array]:
         """By how much the readings of every entry are late (e,) [s], and by how much more for each clock (c, e): what
         is combined has one clock."""
-        count, tolerances = self.inexact.clocks, len(self.inexact.late)
-        tau = unknowns[self.mechanical - tolerances : self.mechanical]
+        clocks = unknowns[self.unknowns.of("clocks")]
         of = np.argmax(np.abs(self.combine), axis=1)[self.place.entries % len(self.combine)]
-        later = self.inexact.late[tolerances - count :][:, of] if count else np.empty((0, len(of)))
-        return np.asarray(tau[tolerances - count :] @ later), later
+        late = self.inexact.late[len(self.inexact.late) - len(clocks) :]
+        later = late[:, of] if len(clocks) else np.empty((0, len(of)))
+        return np.asarray(clocks @ later), later
 
     def matrices(self, unknowns: Array, *, slopes: bool) -> Matrices:
         """The matrices at the unknowns, and their derivatives to the mechanical ones by central differences."""
-        n, end = len(self.parameters), self.mechanical - self.inexact.clocks
-        mechanical = unknowns[:end]
-        steps = STEP * self.prior[1][:end]
+        places, known = self.unknowns.places(*MECHANICAL), self.unknowns.only(*MECHANICAL)
+        mechanical, steps = unknowns[places], STEP * self.prior[1][places]
         points = mechanical[None]
         if slopes:
             points = np.concatenate([points, mechanical + np.diag(steps), mechanical - np.diag(steps)])
         p = np.tile(self.given, (len(points), 1))
         for i, q in enumerate(self.parameters):
             p[:, self.compiled.parameters.index(q.name)] = q.physical(points[:, i])
-        if end > n + self.lag:
-            p += points[:, n + self.lag :] @ self.inexact.parameters[: end - n - self.lag]
-        lag = equal_lag(self.coordinates, 1.0)
-        deflections = points[:, n : n + 1] * lag if self.lag else np.zeros((len(points), len(lag)))
+        if known.tolerances:
+            p += points[:, known.of("tolerances")] @ self.inexact.parameters[: len(known.tolerances)]
+        lag = equal_lag(self.freedoms, 1.0)
+        deflections = points[:, known.of("lag")] * lag if self.lag else np.zeros((len(points), len(lag)))
         found = matrix_harmonics(self.compiled, p, deflections, 2.0 * np.pi * self.place.rotor_hz, self.inputs)
         readings = self.combine @ found.readings
         at = MatrixHarmonics(found.mechanics[:, :1], readings[:, :1])
@@ -348,17 +376,16 @@ class LiftedModel(NamedTuple):
             moved.append(change / (2.0 * steps[:, None, None, None]) if slopes else change)
         return Matrices(at, MatrixHarmonics(*moved))
 
-    def _levels(self, eta: Array, every: int) -> tuple[SourceSpectra, Array]:
+    def _levels(self, of_loads: Array, of_noise: Array, every: int) -> tuple[SourceSpectra, Array]:
         """Spectra of the sources, and of the noise of every entry (F, e)."""
-        loads = len(self.sources.statistics)
-        values = values_of(self.sources.statistics, eta[:loads])
-        noise = np.tensordot(np.exp(2.0 * eta[loads:]), self.noise_given, 1)
+        values = values_of(self.sources.statistics, of_loads)
+        noise = np.tensordot(np.exp(2.0 * of_noise), self.noise_given, 1)
         return self.sources.spectra(values, every), np.asarray(noise)
 
     def _source_slopes(self, eta: Array, every: int) -> SourceSpectra:
-        """Derivatives of the sources' spectra to η, (n, F, …)."""
+        """Derivatives of the sources' spectra to their η, (n, F, …)."""
         statistics = self.sources.statistics
-        found = self.sources.slopes(values_of(statistics, eta[: len(statistics)]), every)
+        found = self.sources.slopes(values_of(statistics, eta), every)
         factors = to_logarithms(statistics)
         if np.array_equal(factors, np.eye(len(factors))):
             return found

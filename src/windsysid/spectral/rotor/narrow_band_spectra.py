@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.loads.narrow_band import FREQUENCY, LEVEL, WIDTH
+from windsysid.loads.narrow_band import FREQUENCY, WIDTH
 from windsysid.loads.statistics import Statistic
 from windsysid.mechanics.model import MechanicalModel
 from windsysid.spectral.rotor.load_spectra import Sources, SourceSpectra
@@ -31,11 +31,11 @@ class NarrowBandBeside:
         self.statistics = (*broad.statistics, *narrow)
         self.placement = broad.placement
         driven = {one.name: one.load for one in model.freedoms}
-        self._levels = [one.name for one in narrow if one.name.startswith(LEVEL)]
+        levels = [one for one in narrow if one.kind == "narrow-band level"]
+        self._levels = [one.name for one in levels]
         orders = np.arange(frequency.shape[1]) * len(loads)
         self._columns = [
-            np.argmax(np.abs(broad.placement[orders + loads.index(driven[name.removeprefix(LEVEL)])]), axis=1)
-            for name in self._levels
+            np.argmax(np.abs(broad.placement[orders + loads.index(driven[one.of])]), axis=1) for one in levels
         ]
 
     def spectra(self, values: Mapping[str, float], every: int = 1) -> SourceSpectra:

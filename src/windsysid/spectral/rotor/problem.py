@@ -10,7 +10,6 @@ from windsysid._types import Array
 from windsysid.loads.narrow_band import narrow_band_statistics
 from windsysid.loads.statistics import Statistic, noise_groups
 from windsysid.mechanics.compile import CompiledModel
-from windsysid.mechanics.rotor import RotorModel
 from windsysid.mechanics.sensors import Sensor
 from windsysid.spectral.rotor.load_spectra import Sources
 from windsysid.spectral.rotor.model import LiftedModel
@@ -35,7 +34,7 @@ class Question(NamedTuple):
     sensors, readings, rate
         Instruments, and what they read without gaps (T, m) at `rate` [Hz].
     inputs
-        The model's inputs (T, n_u): ψ and Ω first.
+        The model's inputs (T, n_u).
     compiled
         The model with these sensors.
     parameters
@@ -65,6 +64,20 @@ class Question(NamedTuple):
         return len(self.turbine.model.coordinates)
 
     @property
+    def azimuth(self) -> Array:
+        """ψ (T,) [rad]; zero where the model has no rotor."""
+        return self._input("rotor_azimuth")
+
+    @property
+    def speed(self) -> Array:
+        """Ω (T,) [rad/s]; zero where the model has no rotor."""
+        return self._input("rotor_speed")
+
+    def _input(self, name: str) -> Array:
+        names = self.turbine.model.inputs
+        return self.inputs[:, names.index(name)] if name in names else np.zeros(len(self.inputs))
+
+    @property
     def centres(self) -> Array:
         """All parameters (n_p,), those that are identified at the centres of their priors."""
         centres = {q.name: q.centre for q in self.parameters}
@@ -80,14 +93,14 @@ class Question(NamedTuple):
     def narrowest(self) -> float:
         """Half of the least half-power width of a mode, c/(4π m) [Hz], with the turbine file's damping."""
         turbine = self.turbine
-        widths = [turbine.values[f"c_{name}"] / turbine.inertia(name) for name in turbine.model.coordinates]
+        widths = [turbine.damping(name) / turbine.inertia(name) for name in turbine.model.coordinates]
         return max(0.0, 0.5 * min(widths) / (2.0 * math.pi))
 
     @property
     def has_lag(self) -> bool:
         """Whether the blades' mean lag angle matters: a rotor on a hub that moves."""
-        model = self.turbine.model
-        return isinstance(model, RotorModel) and model.lag == "free" and "load_x" in model.loads
+        rotor = self.turbine.model.rotor
+        return rotor is not None and rotor.lag == "free" and rotor.x == "free"
 
     def frequency(self, name: str) -> float:
         """Natural frequency of a degree of freedom at the centres of the priors [Hz]."""
@@ -97,7 +110,7 @@ class Question(NamedTuple):
         """The record's lifted spectrum; of several blocks the last's."""
         if self.sums is not None:
             return self.sums.last
-        return lift(self.readings, self.inputs[:, 0], self.rate, harmonics)
+        return lift(self.readings, self.azimuth, self.rate, harmonics)
 
     def with_narrow_band(self, broad: Sources, frequency: Array) -> NarrowBandBeside:
         """Broad loads at signed frequencies (B, 2K+1) [Hz], and a narrow-band one on the support."""

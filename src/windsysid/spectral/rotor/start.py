@@ -16,8 +16,7 @@ def damped_start(turbine: Turbine, parameters: Sequence[Parameter], mean: Array,
     """The prior's mean (n,), with damping that is not negative. A spectrum says |c| and not c: from the wrong side the
     search ends at the mirror image."""
     start = mean.copy()
-    damping = {f"c_{name}" for name in turbine.model.coordinates}
     for i, q in enumerate(parameters):
-        if q.name in damping and not q.logarithmic:
+        if q.kind == "damping" and q.part in turbine.model.coordinates and not q.logarithmic:
             start[i] = max(start[i], LEAST_DAMPING * std[i])
     return start

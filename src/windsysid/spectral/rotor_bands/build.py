@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from windsysid._types import Array
 from windsysid.errors import RecordError
 from windsysid.loads.statistics import Statistic
-from windsysid.mechanics.rotor import RotorModel
 from windsysid.modal.analysis import modes
 from windsysid.results.finding import Finding
 from windsysid.spectral.rotor.build import MOST_HARMONICS
@@ -115,12 +114,12 @@ def belongs_in_bands(question: Question) -> bool:
     """Whether a rotor whose turns couple its motion is to be read in bands: three blades with the modes of a real
     machine, lightly damped, many turns' harmonics apart or with sensors that read what the model has not."""
     turbine = question.turbine
-    rotor_hz = abs(float(question.inputs[:, 1].mean())) / (2.0 * math.pi)
-    model = turbine.model
-    if not isinstance(model, RotorModel) or model.blades != len(WHIRLS) or model.lag != "free":
+    rotor_hz = abs(float(question.speed.mean())) / (2.0 * math.pi)
+    rotor = turbine.model.rotor
+    if rotor is None or rotor.blades != len(WHIRLS) or rotor.lag != "free":
         return False
-    natural = {name: turbine.natural_frequency(name) for name in model.coordinates}
-    many = math.ceil(max(natural.values()) / (2.0 * math.pi * rotor_hz)) + 2 > MOST_HARMONICS
+    highest = max(turbine.natural_frequency(name) for name in rotor.coordinates)
+    many = math.ceil(highest / (2.0 * math.pi * rotor_hz)) + 2 > MOST_HARMONICS
     drifts = any(sensor.blade and sensor.drift > 0.0 for sensor in question.sensors)
     return many or drifts or is_lightly_damped(turbine)
 
@@ -136,7 +135,7 @@ def highest_in_bands(question: Question) -> float:
     p = question.centres
     for name, value in stiff.items():
         p[question.compiled.parameters.index(name)] = value
-    rotor_hz = abs(float(question.inputs[:, 1].mean())) / (2.0 * math.pi)
+    rotor_hz = abs(float(question.speed.mean())) / (2.0 * math.pi)
     there = modes(question.turbine.model, question.compiled, p, 2.0 * math.pi * rotor_hz)
     return SEARCHED * (max(frequency for _, frequency, _ in there) + 2.0 * rotor_hz)
 
@@ -161,12 +160,13 @@ def search_bands(question: Question) -> PosedBands | None:
 
     of_file = np.array([question.turbine.values.get(name, 0.0) for name in names])
     ratios = {name: ratio for name, (_, ratio) in _modes(question, of_file, spectra).items()}
-    found = find_places(frequencies, ratios, question.parameters, spectra, combined, len(WHIRLS))
+    blades = [freedom.name for freedom in question.turbine.model.freedoms if freedom.blade]
+    found = find_places(frequencies, ratios, question.parameters, spectra, combined, blades)
     if found is None:
         return None
     posed = pose_bands(question, found.places, spectra)
     start = posed.start.copy()
-    start[: len(found.start)] = found.start
+    start[posed.model.unknowns.of("parameters")] = found.start
     return posed._replace(start=start, doubts=found.doubts)
 
 
@@ -198,8 +198,9 @@ def centre_bands(question: Question, posed: PosedBands, unknowns: Array) -> Pose
     """The same with the bands around the modes of the unknowns (n,), so that they do not depend on how a peak was
     found; it starts there."""
     p = question.centres
-    for q, theta in zip(question.parameters, unknowns[: len(question.parameters)].tolist(), strict=True):
-        p[question.compiled.parameters.index(q.name)] = float(q.physical(theta))
+    theta = unknowns[posed.model.unknowns.of("parameters")].tolist()
+    for q, value in zip(question.parameters, theta, strict=True):
+        p[question.compiled.parameters.index(q.name)] = float(q.physical(value))
     there = _modes(question, p, posed.spectra)
     hz = posed.spectra.rotor_hz
     places = [
@@ -214,7 +215,7 @@ def _read(question: Question) -> tuple[TurnedSpectra, list[Combined]]:
     if question.turned is not None:
         spectra = combine_groups(question.turned)
     else:
-        spectra = turned_spectra(question.readings, question.inputs[:, 0], question.rate, 1)
+        spectra = turned_spectra(question.readings, question.azimuth, question.rate, 1)
     return spectra, combine(question.sensors, len(WHIRLS))
 
 
@@ -264,32 +265,44 @@ class _Builder:
 
     def blades(self, of_blades: Sequence[Place], places: Sequence[Place]) -> Band:
         """The band of all modes of the blades."""
-        reach = {place.shape: self._reach(place.frequency, BLADES_REACH) for place in of_blades}
-        span = {place.shape: (place.frequency - reach[place.shape], place.frequency + reach[place.shape])
-                for place in of_blades}  # fmt: skip
-        low, high = min(a for a, _ in span.values()), max(b for _, b in span.values())
-        rows, loads = [], []
-        kappa = self.question.turbine.values.get("kappa", 0.0)
-        for i, c in enumerate(self.combined):
-            if c.turns and (c.shape is None or c.shape in span):
-                rows.append(Row(i, 0, *(span[c.shape] if c.shape is not None else (low, high))))
-        for p, (a, b) in span.items():
-            row = next((r for r in rows if self.combined[r.combination].shape == p), rows[0])
-            push = blade_class(self.freedoms, p or 0, len(WHIRLS), self.lever, self.hinge, kappa)
-            loads.append(_Load(f"blades_{_WAY[p or 0]}", "N*m/√Hz", push, row._replace(low=a, high=b), p or 0))
+        span = {}
         for place in of_blades:
-            side = -(place.shape or 0)
-            if not side:
-                continue
-            a, b = self._apart(place, places, *span[place.shape])
-            support = [Row(i, side, a, b) for i, c in enumerate(self.combined) if not c.turns]
-            rows += support
-            for freedom in self.freedoms if support else ():
-                if not freedom.blade and freedom.name != "roll":
-                    push = one_force(self.freedoms, freedom.name, ABOUT_BLADES, side)
-                    loads.append(_Load(f"{freedom.name}_{_WAY[-side]}", "N/√Hz", push, support[0], None))
+            reach = self._reach(place.frequency, BLADES_REACH)
+            span[place.shape] = (place.frequency - reach, place.frequency + reach)
+        ends = np.array(list(span.values()))
+        low, high = float(ends.min()), float(ends.max())
+        whole: dict[int | None, tuple[float, float]] = {None: (low, high), **span}
+        rows = [Row(i, 0, *whole[c.shape]) for i, c in enumerate(self.combined) if c.turns and c.shape in whole]
+        loads = [self._on_blades(p or 0, limits, rows) for p, limits in span.items()]
+        for place in of_blades:
+            if place.shape:  # only whirls shake the hub
+                more = self._hub_rows(place, places, span[place.shape])
+                rows += more
+                loads += self._on_hub(-place.shape, more)
         wide = min(place.ratio * place.frequency for place in of_blades) * self.duration > WIDE
         return self._band("blades", bins_between(self.spectra, low, high), ABOUT_BLADES, rows, loads, wide=wide)
+
+    def _on_blades(self, p: int, ends: tuple[float, float], rows: Sequence[Row]) -> _Load:
+        """The load on the blades in class p, between two frequencies."""
+        row = next((r for r in rows if self.combined[r.combination].shape == p), rows[0])
+        kappa = self.question.turbine.values.get("kappa", 0.0)
+        push = blade_class(self.freedoms, p, len(WHIRLS), self.lever, self.hinge, kappa)
+        return _Load(f"blades_{_WAY[p]}", "N*m/√Hz", push, row._replace(low=ends[0], high=ends[1]), p)
+
+    def _hub_rows(self, place: Place, places: Sequence[Place], ends: tuple[float, float]) -> list[Row]:
+        """The rows in which the support shows a whirl of the blades."""
+        low, high = self._apart(place, places, *ends)
+        return [Row(i, -(place.shape or 0), low, high) for i, c in enumerate(self.combined) if not c.turns]
+
+    def _on_hub(self, side: int, rows: Sequence[Row]) -> list[_Load]:
+        """The loads on the support at the frequencies of a whirl, if it is read there."""
+        if not rows:
+            return []
+        pushed = [f.name for f in self.freedoms if not f.blade and f.name != "roll"]
+        return [
+            _Load(f"{name}_{_WAY[-side]}", "N/√Hz", one_force(self.freedoms, name, ABOUT_BLADES, side), rows[0], None)
+            for name in pushed
+        ]
 
     def support(self, group: Sequence[Place], places: Sequence[Place]) -> Band:
         """The band of modes of the support that are near each other."""
@@ -360,7 +373,7 @@ class _Builder:
                 self.spectra.overlap,
                 self.weights,
                 question.compiled,
-                question.turbine.model.coordinates,
+                self.freedoms,
                 self.given,
                 question.inputs[0],
                 question.parameters,
@@ -428,7 +441,9 @@ class _Builder:
                 density[:, i] = level * term
                 given.append(density)
                 amplitude = math.sqrt(level)
-                statistics.append(Statistic(f"noise_{where}_{place}_{end}", f"{sensor.unit}/√Hz", amplitude))
+                statistics.append(
+                    Statistic(f"noise_{where}_{place}_{end}", f"{sensor.unit}/√Hz", amplitude, kind="noise")
+                )
         return tuple(statistics), np.array(given)
 
 

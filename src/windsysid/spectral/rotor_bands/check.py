@@ -18,7 +18,7 @@ from windsysid.results.finding import Finding
 from windsysid.spectral.rotor.check import Part, parts_of, unexplained, unsteady
 from windsysid.spectral.rotor.model import LiftedModel
 from windsysid.spectral.rotor.problem import Question
-from windsysid.spectral.rotor.scoring import Mode
+from windsysid.spectral.rotor.scoring import SpectralMode
 from windsysid.spectral.rotor_bands.build import PosedBands, pose_bands
 from windsysid.spectral.rotor_bands.model import BandFit
 from windsysid.spectral.transforms.rotating_frame import combine_groups
@@ -44,7 +44,7 @@ def doubts_of_bands(question: Question, posed: PosedBands, fit: BandFit) -> list
     """What speaks against a result."""
     posed, found = posed._replace(model=fit.model), fit.mode
     doubts = [*posed.doubts, *_short(posed)]
-    if not found.settled:
+    if not found.converged:
         doubts.append(Finding("search_not_converged", "reason", {"steps": found.steps}))
     doubts += unexplained(_parts(posed, found.unknowns))[:3]
     try:
@@ -75,7 +75,7 @@ def _halves(question: Question, posed: PosedBands) -> list[PosedBands]:
 
 
 def _disagreements(
-    question: Question, posed: PosedBands, found: Mode, halves: Sequence[PosedBands], narrow: PosedBands
+    question: Question, posed: PosedBands, found: SpectralMode, halves: Sequence[PosedBands], narrow: PosedBands
 ) -> list[Finding]:
     """Whether the halves and the narrower bands say another stiffness than the record."""
     which = [i for i, q in enumerate(question.parameters) if q.logarithmic]
@@ -105,7 +105,7 @@ def _short(posed: PosedBands) -> list[Finding]:
     return doubts
 
 
-def _again(whole: PosedBands, found: Mode, other: PosedBands) -> Mode:
+def _again(whole: PosedBands, found: SpectralMode, other: PosedBands) -> SpectralMode:
     """The mode of a part of the record, looked for from that of the whole."""
     return other.model.fit(other.model.start_from(found.unknowns, whole.model), rough=True).mode
 

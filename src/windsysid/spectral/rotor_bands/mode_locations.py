@@ -6,7 +6,7 @@ spring of the roll for the mode in which the blades move together, then one on e
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -97,7 +97,7 @@ class _Group(NamedTuple):
 
 def find_places(
     frequencies: Callable[[Mapping[str, float]], dict[str, float]], ratios: Mapping[str, float],
-    parameters: Sequence[Parameter], spectra: TurnedSpectra, combined: Sequence[Combined], blades: int,
+    parameters: Sequence[Parameter], spectra: TurnedSpectra, combined: Sequence[Combined], blades: Sequence[str],
 ) -> Places | None:  # fmt: skip
     """The modes and where they are; None where they come so near each other within the priors' reach that the model's
     change their names.
@@ -108,46 +108,62 @@ def find_places(
         Gives the fixed-frame frequency [Hz] of every mode for values of the parameters; others at the priors' centres.
     ratios
         The damping ratio of each in the turbine file.
+    blades
+        Names of the blades' lag angles.
     """
     values = {q.name: q.centre for q in parameters}
     there = frequencies(values)
-    seen_on = {combination.turns for combination in combined}
-    named = [name for name in there if (name in WHIRLS and True in seen_on) or (_stands(name) and False in seen_on)]
-    traces: dict[str, Trace] = {}
+    named = _read_modes(there, combined)
     found: dict[str, float] = {}
     doubts: list[Finding] = []
-    for group in _groups(frequencies, values, parameters, named, there):
+
+    def trace_of(name: str, low: float, high: float) -> Trace:
+        return _trace(spectra, combined, name, len(blades), low, high)
+
+    for group in _groups(frequencies, values, _springs(parameters, blades), named, there):
         scales = np.linspace(-REACH * group.spread, REACH * group.spread, SUPPOSED)
         curves = _curves(frequencies, values, group, scales, spectra.rotor_hz)
         if len(curves) < len(group.modes):
             return None
-        fine = np.arange(scales[0], scales[-1] + SCANNED, SCANNED)
-        score = -0.5 * (fine / group.spread) ** 2
-        for name in group.modes:
-            low, high = float(np.exp(curves[name].min())), float(np.exp(curves[name].max()))
-            traces[name] = _trace(spectra, combined, name, blades, 0.97 * low, 1.03 * high)
-            score += traces[name].widened(NEAR).at(np.exp(np.interp(fine, scales, curves[name])))
-        leading = np.interp(fine, scales, curves[group.modes[0]])
-        best, rivals = best_of(score, fine, leading)
-        gain = 0.0
-        for name in group.modes:
-            expected = float(np.exp(np.interp(best, scales, curves[name])))
-            found[name] = traces[name].peak(expected, NEAR)
-            gain = max(gain, float(traces[name].widened(NEAR).at(np.array([expected]))[0]))
-        mean_curve = np.mean([curves[name] for name in group.modes], axis=0)
-        peaks = float(np.mean([math.log(found[name]) for name in group.modes]))
-        best = float(np.interp(peaks, mean_curve, scales))
+        best, peaks, more = _search(group, scales, curves, trace_of)
+        found |= peaks
         values |= {q.name: group.middle * math.exp(best) for q in group.members}
-        doubts += _doubts(group, found, gain, rivals)
+        doubts += more
     last = frequencies(values)
     if not set(named) <= set(last) & set(ratios):
         return None
-    places = tuple(
-        Place(name, WHIRLS.get(name), found.get(name, _base(name, last[name], spectra.rotor_hz)), ratios[name])
-        for name in named
-    )
+    where = {name: _base(name, last[name], spectra.rotor_hz) for name in named} | found
+    places = tuple(Place(name, WHIRLS.get(name), where[name], ratios[name]) for name in named)
     start = np.array([float(q.coordinate(values[q.name])) for q in parameters])
     return Places(places, start, tuple(doubts))
+
+
+def _read_modes(modes: Iterable[str], combined: Sequence[Combined]) -> list[str]:
+    """Those of the modes that some combination of readings shows: whirls where it turns, the support's where not."""
+    turns = {combination.turns for combination in combined}
+    return [name for name in modes if (name in WHIRLS and True in turns) or (_stands(name) and False in turns)]
+
+
+def _search(
+    group: _Group, scales: Array, curves: Mapping[str, Array], trace_of: Callable[[str, float, float], Trace]
+) -> tuple[float, dict[str, float], list[Finding]]:
+    """The logarithm of the group's factor that explains the peaks of its modes best, these peaks [Hz], and what speaks
+    against them; `curves` as of `_curves` over logarithms of the factor (S,)."""
+    fine = np.arange(scales[0], scales[-1] + SCANNED, SCANNED)
+    score = -0.5 * (fine / group.spread) ** 2
+    traces = {}
+    for name in group.modes:
+        low, high = float(np.exp(curves[name].min())), float(np.exp(curves[name].max()))
+        traces[name] = trace_of(name, 0.97 * low, 1.03 * high)
+        score += traces[name].widened(NEAR).at(np.exp(np.interp(fine, scales, curves[name])))
+    best, rivals = best_of(score, fine, np.interp(fine, scales, curves[group.modes[0]]))
+    expected = {name: float(np.exp(np.interp(best, scales, curves[name]))) for name in group.modes}
+    found = {name: traces[name].peak(place, NEAR) for name, place in expected.items()}
+    gain = max(float(traces[name].widened(NEAR).at(np.array([place]))[0]) for name, place in expected.items())
+    mean_curve = np.mean([curves[name] for name in group.modes], axis=0)
+    peaks = float(np.mean([math.log(place) for place in found.values()]))
+    doubts = _doubts(group, found, max(gain, 0.0), rivals)
+    return float(np.interp(peaks, mean_curve, scales)), found, doubts
 
 
 def _stands(name: str) -> bool:
@@ -162,13 +178,9 @@ def _base(name: str, frequency: float, rotor_hz: float) -> float:
 
 def _groups(
     frequencies: Callable[[Mapping[str, float]], dict[str, float]], values: Mapping[str, float],
-    parameters: Sequence[Parameter], named: Sequence[str], there: Mapping[str, float],
+    springs: Mapping[str, list[Parameter]], named: Sequence[str], there: Mapping[str, float],
 ) -> list[_Group]:  # fmt: skip
     """The groups in the order in which they are searched, each with the modes that it moves most."""
-    springs: dict[str, list[Parameter]] = {}
-    for q in parameters:
-        if q.logarithmic and q.name.startswith("k_"):
-            springs.setdefault("beta" if q.name.startswith("k_beta_") else q.name.removeprefix("k_"), []).append(q)
     first: tuple[str, ...] = ("beta", "roll")
     order = [name for name in first if name in springs]
     order += [name for name in springs if name not in order]
@@ -176,16 +188,28 @@ def _groups(
     moved = {name: frequencies({**values, **{q.name: 1.02 * values[q.name] for q in springs[name]}}) for name in order}
     for mode in named:
         slope = {name: math.log(moved[name].get(mode, there[mode]) / there[mode]) / math.log(1.02) for name in order}
-        if mode == "lag collective":
-            choices = ["roll"] if slope.get("roll", 0.0) > MATTERS else ["beta"]
-        elif mode in WHIRLS:
-            choices = ["beta"]
-        else:
-            choices = [name for name in order if name not in ("beta", "roll")]
-        choices = [name for name in choices if name in springs]
+        choices = [name for name in _springs_of(mode, slope) if name in springs]
         if choices:
-            told[max(choices, key=lambda name: slope[name])].append(mode)
+            told[max(choices, key=slope.__getitem__)].append(mode)
     return [_Group(tuple(springs[name]), tuple(told[name])) for name in order if told[name]]
+
+
+def _springs_of(mode: str, slope: Mapping[str, float]) -> list[str]:
+    """The springs that may be searched by a mode, from its d ln f / d ln k for each."""
+    if mode == "lag collective" and slope.get("roll", 0.0) > MATTERS:
+        return ["roll"]
+    if mode in WHIRLS:
+        return ["beta"]
+    return [name for name in slope if name not in ("beta", "roll")]
+
+
+def _springs(parameters: Sequence[Parameter], blades: Sequence[str]) -> dict[str, list[Parameter]]:
+    """The springs that are identified by the degree of freedom that they hold, those of all blades together."""
+    springs: dict[str, list[Parameter]] = {}
+    for q in parameters:
+        if q.logarithmic and q.kind == "stiffness":
+            springs.setdefault("beta" if q.part in blades else q.part, []).append(q)
+    return springs
 
 
 def _curves(

@@ -1,7 +1,7 @@
 """Several bands of a record as one function of the unknowns: their likelihoods multiply, the mechanics are shared.
 
-The unknowns are those of `windsysid.spectral.rotor.model.LiftedModel`: the coefficients θ, the mean lag angle and the
-tolerances τ, which all bands share, then the statistics of loads and readings, band by band.
+The unknowns are those of `windsysid.spectral.rotor.model.LiftedModel`: coefficients, mean lag angle and tolerances,
+which all bands share, and the statistics of loads and readings, band by band.
 """
 
 import math
@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from windsysid._types import Array
 from windsysid.loads.statistics import Statistic
 from windsysid.spectral.rotor.model import Inexact, LiftedModel
-from windsysid.spectral.rotor.scoring import SETTLED, Mode, find_mode, reach_mode
+from windsysid.spectral.rotor.scoring import FINE_TOLERANCE, SpectralMode, find_in_stages, find_nearby
 from windsysid.spectral.rotor_bands.channels import Row
+from windsysid.statespace.unknowns import Unknowns
 
 __all__ = ["Band", "BandFit", "BandModel"]
 
@@ -47,7 +48,7 @@ class BandFit(NamedTuple):
     """The mode of a posterior, and the model that has it."""
 
     model: "BandModel"
-    mode: Mode
+    mode: SpectralMode
 
 
 class BandModel(NamedTuple):
@@ -56,9 +57,9 @@ class BandModel(NamedTuple):
     bands: tuple[Band, ...]
 
     @property
-    def shared(self) -> int:
-        """How many unknowns all bands share: θ, the mean lag angle where it is one, τ."""
-        return self.bands[0].model.mechanical
+    def unknowns(self) -> Unknowns:
+        """Names of the unknowns."""
+        return self.bands[0].model.unknowns._replace(statistics=tuple(s.name for s in self.statistics))
 
     @property
     def statistics(self) -> tuple[Statistic, ...]:
@@ -68,18 +69,20 @@ class BandModel(NamedTuple):
     @property
     def prior(self) -> tuple[Array, Array]:
         """Mean and standard deviation of the unknowns."""
-        each = [band.model.prior for band in self.bands]
-        mean, spread = (
-            np.concatenate([each[0][i][: self.shared], *(part[i][self.shared :] for part in each)]) for i in (0, 1)
-        )
+        mean, spread = np.zeros((2, self.unknowns.size))
+        for band, place in zip(self.bands, self.places(), strict=True):
+            mean[place], spread[place] = band.model.prior
         return mean, spread
 
     def places(self) -> list[NDArray[np.intp]]:
         """For each band which of the unknowns are its own."""
-        places, first = [], self.shared
+        known, places = self.unknowns, []
+        every = np.arange(known.size)
+        first = known.of("statistics").start
         for band in self.bands:
             count = len(band.model.statistics)
-            places.append(np.r_[0 : self.shared, first : first + count])
+            own = every[first : first + count]
+            places.append(np.r_[every[known.of("parameters", "lag")], own, every[known.of("tolerances", "clocks")]])
             first += count
         return places
 
@@ -93,7 +96,7 @@ class BandModel(NamedTuple):
         """
         n = len(unknowns)
         value, gradient, information = 0.0, np.zeros(n), np.zeros((n, n))
-        matrices = self.bands[0].model.matrices(unknowns[: self.shared], slopes=True)
+        matrices = self.bands[0].model.matrices(unknowns[self.places()[0]], slopes=True)
         for band, place in zip(self.bands, self.places(), strict=True):
             found = band.model.likelihood(unknowns[place], every, matrices=matrices)
             value += found.value
@@ -103,22 +106,23 @@ class BandModel(NamedTuple):
 
     def start_from(self, unknowns: Array, other: "BandModel") -> Array:
         """The unknowns (n,) of another model as those of this one: levels that both have stay what they are."""
-        levels = zip(other.statistics, unknowns[self.shared :].tolist(), strict=True)
+        levels = zip(other.statistics, unknowns[other.unknowns.of("statistics")].tolist(), strict=True)
         known = {theirs.name: eta + math.log(theirs.given) for theirs, eta in levels}
+        found = self.unknowns.from_other(unknowns, other.unknowns)
         ours = [known.get(s.name, math.log(s.given)) - math.log(s.given) for s in self.statistics]
-        return np.concatenate([unknowns[: self.shared], ours])
+        found[self.unknowns.of("statistics")] = ours
+        return found
 
     def admit(self, at: Array, inexact: Inexact) -> "BandFit":
         """The mode of the posterior with instruments and masses as unknowns beside, looked for from that without
         (n,)."""
         wide = BandModel(tuple(b._replace(model=b.model._replace(inexact=inexact)) for b in self.bands))
-        start = np.insert(at, self.shared, np.zeros(len(inexact.late)))
-        return BandFit(wide, reach_mode(wide.likelihood, start, *wide.prior))
+        start = wide.unknowns.from_other(at, self.unknowns)
+        return BandFit(wide, find_nearby(wide.likelihood, start, wide.prior))
 
     def near(self, start: Array) -> Array:
         """Unknowns (n,) roughly at the mode of the posterior, looked for from afar."""
-        mean, spread = self.prior
-        return find_mode(self.likelihood, start, mean, spread, ROUGH).unknowns
+        return find_in_stages(self.likelihood, start, self.prior, ROUGH).unknowns
 
     def fit(self, start: Array, *, rough: bool = False) -> BandFit:
         """The mode of the posterior, looked for from `start` (n,).
@@ -127,8 +131,7 @@ class BandModel(NamedTuple):
         at the mode without them, and the mode found anew. A `rough` search ends with a step that is short beside the
         bands: for comparing results.
         """
-        mean, spread = self.prior
-        mode = find_mode(self.likelihood, start, mean, spread, WHOLE, enough=COMPARED)
+        mode = find_in_stages(self.likelihood, start, self.prior, WHOLE, tolerance=COMPARED)
         bands = []
         for band, place in zip(self.bands, self.places(), strict=True):
             if band.smoothed is not None:
@@ -137,8 +140,8 @@ class BandModel(NamedTuple):
                 band = band._replace(model=band.model._replace(smear=smear))
             bands.append(band)
         whole = BandModel(tuple(bands))._with_gusts(mode.unknowns)
-        enough = COMPARED if rough else SETTLED
-        return BandFit(whole, find_mode(whole.likelihood, mode.unknowns, mean, spread, WHOLE, enough=enough))
+        tolerance = COMPARED if rough else FINE_TOLERANCE
+        return BandFit(whole, find_in_stages(whole.likelihood, mode.unknowns, self.prior, WHOLE, tolerance=tolerance))
 
     def _with_gusts(self, unknowns: Array) -> "BandModel":
         """The same with c_h as the record has it: that of the taper, or more. Bands have few bins, so all have one."""

@@ -27,8 +27,7 @@ from numpy.typing import NDArray
 from windsysid._types import Array
 from windsysid.loads.statistics import Statistic
 from windsysid.mechanics.model import Coordinate
-from windsysid.spectral.rotor.load_spectra import SERIES, STATIONS, SourceSpectra
-from windsysid.spectral.rotor.load_spectra import _coherence_table as coherence_table
+from windsysid.spectral.rotor.load_spectra import SERIES, STATIONS, SourceSpectra, coherence_table
 from windsysid.spectral.rotor_bands.channels import ABOUT_BLADES
 from windsysid.spectral.transforms.lifted import Complex
 

@@ -1,0 +1,32 @@
+"""Compiled loops over few entries against NumPy."""
+
+import numpy as np
+import pytest
+
+from windsysid.spectral.rotor.kernel_sparse import add_up, element_at, smooth
+
+
+def test_an_element_is_a_polynomial_in_the_frequency():
+    rng = np.random.default_rng(1)
+    X = rng.normal(size=(3, 7, 2, 2)) + 1j * rng.normal(size=(3, 7, 2, 2))
+    a, v, q = X[:, 4, 1, 0]
+    found = getattr(element_at, "py_func", element_at)(X, 4, 1, 0, 1.3)
+    assert found == pytest.approx(-(1.3**2) * a + 1.3j * v + q)
+
+
+def test_smoothing_is_a_weighted_sum():
+    rng = np.random.default_rng(2)
+    weights, fine = rng.random((6, 4)), rng.normal(size=(2, 6, 3, 3)) + 1j * rng.normal(size=(2, 6, 3, 3))
+    out = np.zeros((2, 4, 3, 3), dtype=complex)
+    smooth()(weights, fine, out)
+    expected = np.einsum("fb,nfij->nbij", weights, fine)
+    np.testing.assert_allclose(np.tril(out), np.tril(expected), atol=1e-12)
+
+
+def test_a_spectrum_that_is_not_positive_has_no_likelihood():
+    S = -np.eye(2, dtype=complex)[None]
+    value = add_up()(
+        S, np.zeros((0, 1, 2, 2), dtype=complex), np.ones((1, 2, 1), dtype=complex), np.ones(1), np.zeros(0),
+        np.zeros((0, 0)),
+    )  # fmt: skip
+    assert not np.isfinite(value)
