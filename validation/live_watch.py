@@ -98,8 +98,8 @@ def rows_of(blocks: Blocks, noise: Mapping[str, Array], trusted: NDArray[np.bool
             for name, value in zip(blocks.covariate_names, blocks.covariates[k], strict=True)
         }
         row["parameters"] = [
-            {"name": name, "unit": "1", "logarithmic": logarithmic, "prior_centre": 1.0, "coordinate_scale": 1.0,
-             "own": theta, "own_std": std}
+            {"name": name, "unit": "1", "kind": "damping" if name.startswith("c_") else "stiffness",
+             "logarithmic": logarithmic, "prior_centre": 1.0, "coordinate_scale": 1.0, "own": theta, "own_std": std}
             for name, logarithmic, theta, std in zip(
                 blocks.names, blocks.logarithmic, blocks.theta[k], blocks.std[k], strict=True
             ) if math.isfinite(theta)

@@ -24,8 +24,8 @@ def row(theta: dict[str, float], noise: dict[str, float] | None = None, **more: 
     """A row that says ln(k / 100 N/m) of coefficients and the logarithm of sensors' noise."""
     found = empty_row("stream", 0, "sha256:0") | {"status": "ok", "state": "unknown", "trusted": True}
     found["parameters"] = [
-        {"name": name, "unit": "N/m", "logarithmic": True, "prior_centre": 100.0, "coordinate_scale": 1.0, "own": own,
-         "own_std": SIGMA} for name, own in theta.items()
+        {"name": name, "unit": "N/m", "kind": "stiffness", "logarithmic": True, "prior_centre": 100.0,
+         "coordinate_scale": 1.0, "own": own, "own_std": SIGMA} for name, own in theta.items()
     ]  # fmt: skip
     found["statistics"] = [
         {"name": name, "unit": "m/s^2", "estimate": math.exp(own), "low": math.exp(own - 2.0 * NOISE_SIGMA),
