@@ -12,13 +12,7 @@ from windsysid.inspection.health import sampled_every
 from windsysid.inspection.plausibility import MIN_ROTOR_SPEED, rotor_of
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import LOW_PASS, Record
-from windsysid.spectral.oma.limits import (
-    MAX_ENERGY_SHARE,
-    MAX_FREQUENCY_SHARE,
-    MAX_LOW_PASS_SHARE,
-    MAX_SPEED_VARIATION,
-    MIN_CYCLES,
-)
+from windsysid.spectral.oma import limits
 from windsysid.spectral.oma.samples import Samples, choose_samples
 from windsysid.spectral.oma.sensors import ModalSensor, derivative_order
 from windsysid.spectral.transforms.dft import transform
@@ -109,7 +103,7 @@ def prepare_readings(record: Record, sensors: Sequence[Sensor | ModalSensor | st
         If channels are missing, dead or copies of each other, or the record is too short.
     """
     samples = choose_samples(record, sensors)
-    used, low = samples.record, MIN_CYCLES / samples.record.duration
+    used, low = samples.record, limits.MIN_CYCLES / samples.record.duration
     high, high_notes = _highest_frequency(samples)
     rotation = _rotation_of(used, high)
     values = samples.values - samples.values.mean(axis=0)
@@ -157,12 +151,12 @@ def transforms(readings: Readings, part: slice = slice(None)) -> tuple[Array, Co
 def _highest_frequency(samples: Samples) -> tuple[float, list[str]]:
     """Highest frequency of modes [Hz], by the sampling rate, the record's low-pass and the slowest channel; notes."""
     record = samples.record
-    high = MAX_FREQUENCY_SHARE * record.rate
+    high = limits.MAX_FREQUENCY_SHARE * record.rate
     if LOW_PASS in record.attributes:
-        high = min(high, MAX_LOW_PASS_SHARE * float(record.attributes[LOW_PASS]))
+        high = min(high, limits.MAX_LOW_PASS_SHARE * float(record.attributes[LOW_PASS]))
     channels = zip(samples.values.T, samples.sensors, strict=True)
     every, slowest = max((sampled_every(column)[0], sensor.channel) for column, sensor in channels)
-    slow_high = MAX_FREQUENCY_SHARE * record.rate / every
+    slow_high = limits.MAX_FREQUENCY_SHARE * record.rate / every
     if every <= 1 or slow_high >= high:
         return high, []
     read = f"{record.rate / every:.4g} times a second and filled in between"
@@ -184,7 +178,7 @@ def _rotation_of(record: Record, high: float) -> _Rotation:
         f"the rotor speed varies by {100 * rotor.variation:.1f} %: harmonics and whirls are smeared; choose a "
         f"steadier section",
     )
-    smeared = rotor.variation > MAX_SPEED_VARIATION
+    smeared = rotor.variation > limits.MAX_SPEED_VARIATION
     return _Rotation(_unwrapped_azimuth(record, rotor.mean), once, tuple(harmonics), doubts if smeared else ())
 
 
@@ -215,12 +209,12 @@ def _without_rotor_harmonics(values: Array, rate: float, rotation: _Rotation) ->
 
 
 def _without_sinusoids(
-    values: Array, rate: float, rotation: _Rotation, limits: tuple[float, float]
+    values: Array, rate: float, rotation: _Rotation, between: tuple[float, float]
 ) -> tuple[Array, list[RemovedLine]]:
-    """Remove sinusoids between limits [Hz] that are no rotor harmonics from values (T, n)."""
+    """Remove sinusoids between two frequencies [Hz] that are no rotor harmonics from values (T, n)."""
     sinusoids = [
         RemovedLine("line", f, 2.0 * rate / len(values))
-        for f in find_lines(values, rate, *limits)
+        for f in find_lines(values, rate, *between)
         if all(abs(f - line.frequency) > 2.0 * line.half_width for line in rotation.harmonics)
     ]
     for line in sinusoids:
@@ -273,7 +267,7 @@ def _transient_doubts(values: Array) -> list[str]:
     """Doubt a record with most of the vibration of half the channels in one eighth of it."""
     energy = np.array([np.sum(part**2, axis=0) for part in np.array_split(np.diff(values, axis=0), 8)])
     most = float(np.median(energy.max(axis=0) / np.maximum(energy.sum(axis=0), 1e-300)))
-    if most < MAX_ENERGY_SHARE:
+    if most < limits.MAX_ENERGY_SHARE:
         return []
     return [
         f"the record is a transient: an eighth of it has {100 * most:.0f} % of the vibration; a free decay is for "

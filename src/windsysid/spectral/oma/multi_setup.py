@@ -22,7 +22,7 @@ from windsysid.spectral.modal_bands.check import fit_doubts, shape_doubts
 from windsysid.spectral.modal_bands.correlated_loads import are_shared
 from windsysid.spectral.modal_bands.model_order import BandFit, full_shapes, principal_directions
 from windsysid.spectral.modal_bands.peak_bands import Peak, group_peaks
-from windsysid.spectral.modal_bands.scoring import score_together
+from windsysid.spectral.modal_bands.scoring import Fit, score_together
 from windsysid.spectral.modal_bands.start import modes_at
 from windsysid.spectral.oma.assemble import RecordAnalysis, drawn, result_of
 from windsysid.spectral.oma.describe import mode_of, with_neighbours
@@ -197,7 +197,7 @@ def _fit_jointly(setups: _Setups, group: Sequence[Track], limits: tuple[float, f
         fits.append((band, values, bins, directions))
     bands = [band for band, *_ in fits]
     joint = score_together([modes_at(known, band) for band in bands], bands, max_steps=JOINT_STEPS)
-    own = [None] * len(joint)
+    own: Sequence[Fit | None] = [None] * len(joint)
     if any(map(are_shared, joint, bands)):
         own, start = joint, [fit.modes.let_drift() for fit in joint]
         joint = score_together(start, bands, max_steps=JOINT_STEPS)

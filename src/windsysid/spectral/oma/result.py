@@ -25,22 +25,9 @@ ANALYSIS = "operational modes"
 """Kind of analysis in ``summary.json``."""
 
 DoubtKind = Literal[
-    "search",
-    "short",
-    "line",
-    "border",
-    "misfit",
-    "history",
-    "channels",
-    "halves",
-    "shape",
-    "faint",
-    "shared",
-    "image",
-    "neighbour",
-    "records",
-    "record",
-]
+    "search", "short", "line", "border", "misfit", "history", "channels", "halves", "shape", "faint", "shared",
+    "image", "neighbour", "records", "record",
+]  # fmt: skip
 
 
 class Doubt(NamedTuple):
@@ -318,21 +305,6 @@ class OperationalModes(Answer):
             rows.append((*mode.mode.cells(), *known, largest, "yes" if mode.trusted else "no"))
         return rows
 
-    @property
-    def agreement(self) -> list[tuple[str, ...]]:
-        """Each mode's frequency and damping ratio record by record, under `agreement_headings`."""
-        rows = []
-        for i, mode in enumerate(self.modes):
-            alone = [part.modes[i] for part in self.parts]
-            cells = ("not seen" if one is None else f"{one.frequency:.4f}, {100 * one.damping:.2f}" for one in alone)
-            rows.append((mode.name, *cells))
-        return rows
-
-    @property
-    def agreement_headings(self) -> tuple[str, ...]:
-        """Names of the records."""
-        return ("f [Hz], ζ [%]", *(part.record for part in self.parts))
-
     def __repr__(self) -> str:
         trusted = "trusted" if self.trusted else "not trusted"
         return f"<OperationalModes of {self.record}: {len(self.modes)} modes, {trusted}; print it for the table>"
@@ -352,8 +324,14 @@ class OperationalModes(Answer):
         return Table(self.headings, self.rows, f"modes of {of}" if caption is None else caption, (0, last, last + 1))
 
     def agreement_table(self, caption: str = "record by record") -> Table:
-        """`agreement`, under `caption`."""
-        return Table(self.agreement_headings, self.agreement, caption, tuple(range(1 + len(self.parts))))
+        """Frequency and damping ratio of each mode, record by record, under `caption`."""
+        rows = []
+        for i, mode in enumerate(self.modes):
+            alone = [part.modes[i] for part in self.parts]
+            cells = ("not seen" if one is None else f"{one.frequency:.4f}, {100 * one.damping:.2f}" for one in alone)
+            rows.append((mode.name, *cells))
+        headings = ("f [Hz], ζ [%]", *(part.record for part in self.parts))
+        return Table(headings, rows, caption, tuple(range(len(headings))))
 
     def unit(self, channel: str) -> str:
         """The unit of a channel, as text."""

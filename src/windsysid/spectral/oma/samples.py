@@ -83,7 +83,11 @@ def without_gaps(record: Record, channels: Sequence[str]) -> tuple[Record, list[
         If a channel has no readings, or too few samples are left.
     """
     notes = [record.attributes[key] for key in (STAMPS, RATE_DOUBT) if key in record.attributes]
-    record, grid_notes = _on_uniform_grid(record)
+    try:
+        record = record.on_uniform_grid()
+    except RecordError:
+        record = resample(record, record.rate)
+        notes.append("the sampling is irregular: readings were interpolated to a uniform grid")
     columns = [record.channels.index(name) for name in channels]
     _refuse_empty(record, columns)
     record, fill_notes = _with_short_gaps_filled(record, columns)
@@ -93,15 +97,7 @@ def without_gaps(record: Record, channels: Sequence[str]) -> tuple[Record, list[
             f"{record.name}: {record.samples} samples are too few for modes: expected {MIN_MODAL_SAMPLES} at least, "
             f"and 100 cycles of a mode"
         )
-    return record, [*notes, *grid_notes, *fill_notes, *missing_notes]
-
-
-def _on_uniform_grid(record: Record) -> tuple[Record, list[str]]:
-    try:
-        return record.on_uniform_grid(), []
-    except RecordError:
-        note = "the sampling is irregular: readings were interpolated to a uniform grid"
-        return resample(record, record.rate), [note]
+    return record, [*notes, *fill_notes, *missing_notes]
 
 
 def _refuse_empty(record: Record, columns: Sequence[int]) -> None:
@@ -138,7 +134,7 @@ def _with_few_gaps(record: Record, columns: Sequence[int]) -> tuple[Record, list
     if share <= MAX_BRIDGED_SHARE:
         note = f"{100 * share:.2g} % of a channel is missing and was bridged by straight lines"
         return record, [note] if share > 0.0 else []
-    first, past = _longest_run(~np.isnan(record.values[:, columns]).any(axis=1))
+    first, past = _longest_whole(np.isnan(record.values[:, columns]))
     if past - first < MIN_MODAL_SAMPLES:
         raise RecordError(
             f"{record.name}: {100 * share:.0f} % of a channel is missing and no stretch is whole: choose other "
@@ -152,13 +148,11 @@ def _with_few_gaps(record: Record, columns: Sequence[int]) -> tuple[Record, list
     ]
 
 
-def _longest_run(whole: NDArray[np.bool_]) -> tuple[int, int]:
-    """Return the first index of the longest run of true values and the index past it; (0, 0) if there is none."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], whole.astype(np.int8), [0]])))
-    if not edges.size:
-        return 0, 0
-    k = int(np.argmax(edges[1::2] - edges[::2]))
-    return int(edges[2 * k]), int(edges[2 * k + 1])
+def _longest_whole(missing: NDArray[np.bool_]) -> tuple[int, int]:
+    """First index of the longest run of rows (T, n) in which nothing is missing, and the index past it."""
+    broken = np.concatenate([[-1], np.flatnonzero(missing.any(axis=1)), [len(missing)]])
+    longest = int(np.argmax(np.diff(broken)))
+    return int(broken[longest]) + 1, int(broken[longest + 1])
 
 
 def _without_spikes(record: Record, channel: str, spikes: Sequence[Finding]) -> Array:

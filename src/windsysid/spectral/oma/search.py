@@ -12,32 +12,13 @@ from windsysid.output.progress import Progress
 from windsysid.spectral.modal_bands.check import is_flank
 from windsysid.spectral.modal_bands.model_order import BandFit, fit_band
 from windsysid.spectral.modal_bands.peak_bands import Peak, find_peaks, group_peaks, widened
+from windsysid.spectral.oma import limits
 from windsysid.spectral.oma.condition import Readings, transforms
-from windsysid.spectral.oma.limits import (
-    BAND_SEARCHES,
-    MAX_BAND_MODES,
-    MAX_BANDS,
-    MAX_BORDER_SHIFT,
-    MAX_HARMONIC_DISTANCE,
-    MIN_BAND_BINS,
-    MIN_LOG_ODDS,
-    MIN_PEAK_SIGMAS,
-    MODE_HALF_WIDTHS,
-    PEAK_WIDTH_FACTOR,
-)
 
 __all__ = [
-    "RecordSpectrum",
-    "SearchResult",
-    "band_bins",
-    "covered_note",
-    "fit_between",
-    "is_rotational_peak",
-    "modes_inside",
-    "modes_of",
-    "search_again",
-    "search_modes",
-]
+    "RecordSpectrum", "SearchResult", "band_bins", "covered_note", "fit_between", "is_rotational_peak", "modes_inside",
+    "modes_of", "search_again", "search_modes",
+]  # fmt: skip
 
 
 class RecordSpectrum(NamedTuple):
@@ -80,29 +61,29 @@ class SearchResult(NamedTuple):
 def search_modes(
     readings: Readings,
     bands: Sequence[tuple[float, float]] | None,
-    limits: tuple[float, float] | None,
+    between: tuple[float, float] | None,
     progress: Progress,
 ) -> SearchResult:
-    """Find the modes in given bands, or in those of spectral peaks between limits [Hz]; without limits, in the lowest
-    `MAX_BANDS`."""
-    if limits is not None:
-        if not 0.0 <= limits[0] < min(limits[1], readings.high):
+    """Find the modes in given bands, or in those of spectral peaks between two frequencies [Hz]; by default in the
+    lowest `MAX_BANDS`."""
+    if between is not None:
+        low, high = between
+        if not 0.0 <= low < min(high, readings.high):
             raise ConfigurationError(
-                f"limits {limits[0]:g} {limits[1]:g} Hz: expected two rising frequencies between 0 and "
-                f"{readings.high:.4g} Hz"
+                f"limits {low:g} {high:g} Hz: expected two rising frequencies between 0 and {readings.high:.4g} Hz"
             )
-        readings = readings._replace(low=max(readings.low, limits[0]), high=min(readings.high, limits[1]))
+        readings = readings._replace(low=max(readings.low, low), high=min(readings.high, high))
     spectrum = RecordSpectrum(readings, *transforms(readings))
     if bands is not None:
         return _search_given(spectrum, bands, progress)
-    return _search_peaks(spectrum, MAX_BANDS if limits is None else None, progress)
+    return _search_peaks(spectrum, limits.MAX_BANDS if between is None else None, progress)
 
 
 def _search_given(spectrum: RecordSpectrum, bands: Sequence[tuple[float, float]], progress: Progress) -> SearchResult:
     """Fit the modes of given bands."""
     for band in bands:
         _check_band(band, spectrum)
-    fits = _fit_each(spectrum, [(low, high, 1, MAX_BAND_MODES) for low, high in bands], progress)
+    fits = _fit_each(spectrum, [(low, high, 1, limits.MAX_BAND_MODES) for low, high in bands], progress)
     pairs = list(zip(bands, fits, strict=True))
     return SearchResult(
         spectrum,
@@ -132,11 +113,11 @@ def _refined(
     spectrum: RecordSpectrum, found: list[BandFit], peaks: Sequence[Peak], progress: Progress
 ) -> list[BandFit]:
     """Place bands anew around the modes that were found, and around clear peaks without a mode."""
-    for again in range(BAND_SEARCHES):
+    for again in range(limits.BAND_SEARCHES):
         progress("bands around what was found", None)
         found = search_again(spectrum, found, [] if again else peaks, keep=again > 0)
     left = [
-        peak._replace(half_width=PEAK_WIDTH_FACTOR * peak.half_width)
+        peak._replace(half_width=limits.PEAK_WIDTH_FACTOR * peak.half_width)
         for peak in peaks
         if not _is_explained(peak, found, 1.0 / spectrum.step)
     ]
@@ -184,7 +165,7 @@ def fit_between(
     `known` are start values of modes, as in `fit_band`.
     """
     bins = band_bins(spectrum, band)
-    if len(bins) < MIN_BAND_BINS:
+    if len(bins) < limits.MIN_BAND_BINS:
         return None
     readings = spectrum.readings
     return fit_band(spectrum.values[bins], bins, readings.samples, readings.rate, count, most, known)
@@ -209,7 +190,7 @@ def covered_note(band: tuple[float, float]) -> str:
 
 def modes_of(found: BandFit) -> int:
     """Number of modes of a band, skirts of modes outside it among them; 0 if the evidence is too weak."""
-    return len(found.fit.modes.frequency) if found.against_none > 2.0 * MIN_LOG_ODDS else 0
+    return len(found.fit.modes.frequency) if found.against_none > 2.0 * limits.MIN_LOG_ODDS else 0
 
 
 def modes_inside(found: BandFit, length: float) -> int:
@@ -262,11 +243,11 @@ def _fit_anew(
     length = 1.0 / spectrum.step
     inside = [peak for peak in peaks if low < peak.frequency < high]
     known = [(peak.frequency, peak.half_width / peak.frequency) for peak in inside if peak.frequency in modes]
-    fit = _same_band(kept, band, length) or fit_between(spectrum, (low, high), count, MAX_BAND_MODES, known)
+    fit = _same_band(kept, band, length) or fit_between(spectrum, (low, high), count, limits.MAX_BAND_MODES, known)
     if known and (fit is None or not modes_inside(fit, length)):  # too narrow: neighbours' skirts are let in
         low, high = widened(inside, peaks, low, high, spectrum.step)
         low, high = max(low, spectrum.readings.low), min(high, spectrum.readings.high)
-        fit = fit_between(spectrum, (low, high), count, MAX_BAND_MODES, known)
+        fit = fit_between(spectrum, (low, high), count, limits.MAX_BAND_MODES, known)
     return fit
 
 
@@ -293,11 +274,11 @@ def _marked(peaks: Sequence[Peak], readings: Readings) -> list[Peak]:
 
 def _is_explained(peak: Peak, found: Sequence[BandFit], length: float) -> bool:
     """True if a peak requires no mode, or has one within its half-widths or the mode's."""
-    if peak.alone or peak.rise < MIN_PEAK_SIGMAS:
+    if peak.alone or peak.rise < limits.MIN_PEAK_SIGMAS:
         return True
-    near = PEAK_WIDTH_FACTOR * peak.half_width
+    near = limits.PEAK_WIDTH_FACTOR * peak.half_width
     return any(
-        abs(f - peak.frequency) < max(MODE_HALF_WIDTHS * f * z, near) and not is_flank(one, j, length)
+        abs(f - peak.frequency) < max(limits.MODE_HALF_WIDTHS * f * z, near) and not is_flank(one, j, length)
         for one in found
         for j, (f, z) in enumerate(_modes_in(one))
     )
@@ -306,7 +287,7 @@ def _is_explained(peak: Peak, found: Sequence[BandFit], length: float) -> bool:
 def is_rotational_peak(peak: Peak, readings: Readings) -> bool:
     """True if a peak is at a rotor harmonic: rotationally sampled wind, which shares no band with a mode."""
     n = round(peak.frequency / readings.rotor_hz) if readings.rotor_hz else 0
-    near = max(MAX_HARMONIC_DISTANCE * peak.frequency, 1.5 * peak.half_width)
+    near = max(limits.MAX_HARMONIC_DISTANCE * peak.frequency, 1.5 * peak.half_width)
     return n > 0 and abs(peak.frequency - n * readings.rotor_hz) < near
 
 
@@ -316,6 +297,6 @@ def _same_band(found: Sequence[BandFit], band: tuple[float, float, int], length:
     for one in found:
         first, last = one.band.frequency[[0, -1]]
         shift = max(abs(first - low), abs(last - high))
-        if modes_inside(one, length) == count and shift < MAX_BORDER_SHIFT * (high - low):
+        if modes_inside(one, length) == count and shift < limits.MAX_BORDER_SHIFT * (high - low):
             return one
     return None
