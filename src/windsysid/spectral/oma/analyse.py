@@ -18,9 +18,9 @@ from windsysid.mechanics.sensors import Sensor
 from windsysid.output.progress import Progress, unheard
 from windsysid.records.coercion import RecordLike, as_record
 from windsysid.records.record import Record
-from windsysid.spectral.clock_lag import aligned, clock_lags, lag_doubt
 from windsysid.spectral.modal_bands.images import with_images
 from windsysid.spectral.oma.assemble import RecordAnalysis, result_of
+from windsysid.spectral.oma.clock_lag import aligned, clock_lags, lag_doubt
 from windsysid.spectral.oma.condition import Readings, prepare_readings, transforms
 from windsysid.spectral.oma.describe import described, named, with_neighbours, with_references, without_skirts
 from windsysid.spectral.oma.multi_setup import join

@@ -1,13 +1,15 @@
 """Limits of operational modal analysis: each says whether it is a probability, odds, a size or a setting."""
 
 __all__ = [
-    "BAND_SEARCHES", "FREQUENCY_SCALE", "JOINT_STEPS", "MAX_BANDS", "MAX_BAND_MODES", "MAX_BORDER_SHIFT",
-    "MAX_BRIDGED_SHARE", "MAX_ENERGY_SHARE", "MAX_FILLED_SHARE", "MAX_FREQUENCY_SHARE", "MAX_FREQUENCY_STEP",
-    "MAX_HARMONIC_DISTANCE", "MAX_LOW_PASS_SHARE", "MAX_RECORD_DISTANCE", "MAX_REFERENCE_DISTANCE",
-    "MAX_SENSORS", "MAX_SPEED_VARIATION", "MAX_SPIKE_SHARE", "MIN_ASSURANCE", "MIN_BAND_BINS",
-    "MIN_BLADE_RATIO", "MIN_CORRELATION_SIGMAS", "MIN_CYCLES", "MIN_LOG_ODDS", "MIN_PEAK_SIGMAS",
-    "MIN_SCATTER_PROBABILITY", "MIN_SHAPE_ASSURANCE", "MODE_HALF_WIDTHS", "PEAK_WIDTH_FACTOR", "SHAPE_SCALE",
-    "SKIRT_HALF_WIDTHS",
+    "BAND_SEARCHES", "FREQUENCY_SCALE", "JOINT_STEPS", "LAGS_PER_PERIOD", "LAG_FALSE_ALARM_PROBABILITY",
+    "LAG_SWEEPS", "MAX_BANDS", "MAX_BAND_MODES", "MAX_BORDER_SHIFT", "MAX_BRIDGED_SHARE", "MAX_CLOCK_SIGMAS",
+    "MAX_ENERGY_SHARE", "MAX_FILLED_SHARE", "MAX_FREQUENCY_SHARE", "MAX_FREQUENCY_STEP",
+    "MAX_HARMONIC_DISTANCE", "MAX_LAG_PERIODS", "MAX_LOW_PASS_SHARE", "MAX_RECORD_DISTANCE",
+    "MAX_REFERENCE_DISTANCE", "MAX_SEARCHED_PERIODS", "MAX_SENSORS", "MAX_SPEED_VARIATION", "MAX_SPIKE_SHARE",
+    "MIN_ASSURANCE", "MIN_BAND_BINS", "MIN_BLADE_RATIO", "MIN_CORRELATION_SIGMAS", "MIN_CYCLES",
+    "MIN_FREQUENCY_RATIO", "MIN_LAG_MODES", "MIN_LOG_ODDS", "MIN_MISFIT_INCREASE", "MIN_PEAK_SIGMAS",
+    "MIN_SCATTER_PROBABILITY", "MIN_SHAPE_ASSURANCE", "MODE_HALF_WIDTHS", "PEAK_WIDTH_FACTOR",
+    "SHAPE_PHASE_FREEDOM", "SHAPE_PHASE_STD", "SHAPE_SCALE", "SKIRT_HALF_WIDTHS",
 ]  # fmt: skip
 
 MAX_BRIDGED_SHARE = 0.02
@@ -103,3 +105,33 @@ JOINT_STEPS = 120
 
 MAX_SENSORS = 60
 """Setting: largest number of channels that are chosen if none are listed."""
+
+SHAPE_PHASE_STD = 0.03
+"""Size: standard deviation of the phases of mode shapes of real structures [rad], added to their uncertainty."""
+
+SHAPE_PHASE_FREEDOM = 2.0
+"""Size: degrees of freedom of the prior knowledge of that standard deviation."""
+
+LAG_FALSE_ALARM_PROBABILITY = 1e-4
+"""Probability: significance level of the F test of a clock lag, over all channels of a record."""
+
+MIN_MISFIT_INCREASE = 25.0
+"""Size: increase of Q (`clock_lag`), in units of its scatter, for other lags and for a constant phase: 5 σ."""
+
+MIN_LAG_MODES = 2
+"""Size: number of modes for an estimate of lags."""
+
+MIN_FREQUENCY_RATIO = 1.5
+"""Size: ratio of the highest to the lowest frequency; for a smaller one a lag resembles a constant phase."""
+
+MAX_LAG_PERIODS, MAX_SEARCHED_PERIODS = 0.5, 2.0
+"""Size: largest lag that is corrected, and that is searched, in periods of the highest mode."""
+
+LAGS_PER_PERIOD = 80
+"""Setting: number of lags that are evaluated in a period of the highest mode."""
+
+LAG_SWEEPS = 20
+"""Setting: number of sweeps over the channels; from half of them on, the steps become smaller."""
+
+MAX_CLOCK_SIGMAS = 4.0
+"""Size in standard deviations: largest difference of the lags of channels with a common clock."""
