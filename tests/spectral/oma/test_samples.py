@@ -61,6 +61,7 @@ def test_a_spike_is_replaced_by_the_line_between_its_neighbours():
     values[300, 0] += 50.0
     found = choose_samples(record(values), None)
     assert found.values[300, 0] == pytest.approx(0.5 * (clean[299, 0] + clean[301, 0]))
+    np.testing.assert_array_equal(found.values[:, 1], clean[:, 1])
     assert any("1 samples of spikes among 600" in note for note in found.notes)
     assert found.doubts == ()
 
