@@ -10,7 +10,7 @@ import windsysid as ws
 from windsysid.simulation.record import simulate_record
 from windsysid.spectral.modal_bands.peak_bands import Peak
 from windsysid.spectral.oma.condition import prepare_readings, transforms
-from windsysid.spectral.oma.search import fit_between, search_again
+from windsysid.spectral.oma.search import RecordSpectrum, fit_between, search_again
 from windsysid.spectral.oma.sensors import choose_sensors
 from windsysid.spectral.transforms.harmonics import find_lines
 from windsysid.spectral.transforms.multiblade import multiblade
@@ -82,11 +82,11 @@ def test_a_quiet_mode_beside_a_loud_ones_flank_is_looked_for_again():
     q /= q.std(axis=0)
     y = np.column_stack([q[:, 1], 0.4 * q[:, 1] + 0.15 * q[:, 0]]) + 0.02 * rng.normal(size=q.shape)
     readings = prepare_readings(record_of(y, 8.0), None)
-    frequency, values = transforms(readings)
-    first = fit_between(frequency, values, readings, 0.75, 1.07, 1, 1)
+    spectrum = RecordSpectrum(readings, *transforms(readings))
+    first = fit_between(spectrum, (0.75, 1.07), 1, 1)
     assert first is not None
     assert first.fit.modes.frequency == pytest.approx([1.04], abs=0.01)
-    again = search_again([first], frequency, values, readings, [Peak(0.89, 0.015, 6.0)], keep=False)
+    again = search_again(spectrum, [first], [Peak(0.89, 0.015, 6.0)], keep=False)
     found = sorted(float(f) for one in again for f in one.fit.modes.frequency)
     assert found == pytest.approx([0.89, 1.04], abs=0.01)
 
@@ -457,7 +457,7 @@ def test_a_load_that_drives_neighbours_is_told_from_one_that_does_not():
     def fit_of(loads):
         true, y = frame(2, loads, storeys=3, zeta=0.01, noise=0.01)
         readings = prepare_readings(record_of(y, 50.0, unit="m/s"), None)
-        return true[1], fit_between(*transforms(readings), readings, 7.5, 9.1, 1, 2)
+        return true[1], fit_between(RecordSpectrum(readings, *transforms(readings)), (7.5, 9.1), 1, 2)
 
     _, own = fit_of(np.eye(3))
     true, shared = fit_of(np.ones((3, 1)))

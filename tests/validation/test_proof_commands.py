@@ -80,6 +80,7 @@ QUICK: dict[str, str] = {
     "validation.frames": "--storeys 2 --runs 1 --seconds 60",
     "validation.kills": "--runs 1",
     "validation.mutation": "--sample 0",
+    "validation.structure": "{root}",
 }
 """Short forms that take some seconds, run by `make test`: program and arguments."""
 

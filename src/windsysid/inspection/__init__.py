@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 MIN_SAMPLES, MIN_MODAL_SAMPLES = 20, 256
 """Smallest number of samples for identification (`windsysid.identification.condition.readings`) and for operational
-modal analysis (`windsysid.spectral.oma.condition`)."""
+modal analysis (`windsysid.spectral.oma.samples`)."""
 
 __all__ = ["Fault", "Inspection", "Proposal", "Stop", "inspect_record"]
 

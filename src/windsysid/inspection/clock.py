@@ -14,7 +14,7 @@ GAP_MIN_STEPS = 1.5
 """A step longer than this many usual ones is a gap."""
 
 MAX_SHORT_GAP_SAMPLES = 10
-"""Largest number of lost samples in a short gap, which `windsysid.spectral.oma.condition` fills by interpolation."""
+"""Largest number of lost samples in a short gap, which `windsysid.spectral.oma.samples` fills by interpolation."""
 MAX_SEPARATE_GAPS = 20
 """Largest number of short gaps between which a section can be chosen."""
 MAX_OFF_GRID_STEPS = 0.25

@@ -8,7 +8,7 @@ from windsysid._types import Array, Complex
 from windsysid.spectral.modal_bands.model import prominence, spectrum
 from windsysid.spectral.modal_bands.model_order import BandFit, Shapes
 from windsysid.spectral.modal_bands.scoring import HALF_TOLERANCE, Fit, score
-from windsysid.spectral.oma.condition import Line, Readings
+from windsysid.spectral.oma.condition import Readings, RemovedLine
 from windsysid.spectral.oma.result import Doubt
 from windsysid.spectral.transforms.dft import band_data
 
@@ -233,7 +233,7 @@ def _along_shape(found: BandFit, j: int) -> Fit:
     return score(start, band._replace(power=np.ascontiguousarray(power)), tolerance=HALF_TOLERANCE)
 
 
-def _line_doubts(f: float, z: float, std_z: float, length: float, lines: Sequence[Line]) -> list[str]:
+def _line_doubts(f: float, z: float, std_z: float, length: float, lines: Sequence[RemovedLine]) -> list[str]:
     found = []
     for line in lines:
         reach = BESIDE_LINE if line.name == "line" else BESIDE_HARMONIC

@@ -1,16 +1,16 @@
-"""Operational modal analysis: the modes of any structure from its ambient vibration, no model needed.
+"""Operational modal analysis: the modes of any structure from its ambient vibration, without a model.
 
-The spectra of the readings are searched for peaks; in each band around one or a few of them the modes are the most
-probable ones under loads that nobody measured (`modal_model`), as many as the evidence asks for (`order`), with their
-bands (Laplace). What was found says where the bands should have been, so that they are placed once more
-(`mode_search`). Then each mode is doubted (`modal_checks`). Several records of one structure have their modes in common
-(`several`).
+Spectral peaks of the readings give frequency bands; in each band, with one or a few modes, the modes are the most
+probable ones under unmeasured random loads (`modal_bands.model`), as many as the evidence supports
+(`modal_bands.model_order`), with intervals by Laplace's approximation. Bands are then placed anew around the modes
+(`search`), and each mode is checked (`modal_bands.check`). Several records of one structure have common modes
+(`multi_setup`).
 """
 
 import time
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import cast
+from typing import NamedTuple, cast
 
 from windsysid.errors import ConfigurationError
 from windsysid.kernels.threads import one_thread
@@ -18,11 +18,11 @@ from windsysid.mechanics.sensors import Sensor
 from windsysid.output.progress import Progress, unheard
 from windsysid.records.coercion import RecordLike, as_record
 from windsysid.records.record import Record
-from windsysid.spectral.clock_lag import aligned, clock_lags, lag_doubt
 from windsysid.spectral.modal_bands.images import with_images
-from windsysid.spectral.oma.assemble import Single, result_of
+from windsysid.spectral.oma.assemble import RecordAnalysis, result_of
+from windsysid.spectral.oma.clock_lag import aligned, clock_lags, lag_doubt
 from windsysid.spectral.oma.condition import Readings, prepare_readings, transforms
-from windsysid.spectral.oma.describe import described, named, with_neighbours, with_references, without_flanks
+from windsysid.spectral.oma.describe import described, named, with_neighbours, with_references, without_skirts
 from windsysid.spectral.oma.multi_setup import join
 from windsysid.spectral.oma.result import Doubt, OperationalModes
 from windsysid.spectral.oma.search import covered_note, modes_of, search_modes
@@ -51,35 +51,34 @@ def analyse_vibration(
     Parameters
     ----------
     record
-        Any record: readings of acceleration, velocity, displacement, strain or load. Where a rotor turns, with
-        rotor_azimuth, blades' readings go into multi-blade coordinates. A list of records is one structure in one
+        Any record: readings of acceleration, velocity, displacement, strain or load. If a rotor turns, blades' readings
+        are transformed into multi-blade coordinates by rotor_azimuth. A list of records is of one structure in one
         state: with the same sensors, or with some in common while others moved (setups).
     sensors
         Sensors or names of channels, or such a list for each record; by default the turbine's, or else the record's
-        accelerometers. Sensors of several records that have a position and a direction are the same where these are;
-        others where their channels are.
+        accelerometers. Sensors of several records with a position and a direction are the same if these are; others if
+        their channels are.
     turbine
-        Its sensors are used, and its modes are named where one is near.
+        Its sensors are used, and modes near those of the turbine file have their names.
     bands
-        (lowest, highest) [Hz], one for each group of modes that are near each other; found from the spectra where none
-        are given.
+        (lowest, highest) [Hz], one for each group of close modes; by default found from the spectra.
     limits
-        Between which frequencies bands are sought [Hz]; by default from the lowest on, up to a number of bands that a
-        note tells where there are more.
+        Frequency range of the search for bands [Hz]; by default from the lowest on, up to a largest number of bands;
+        a note names its end if there are more.
     section
         Start and end [s].
     progress
-        Told what is being done and its share that is done, 0 to 1; None where nobody knows.
+        Called with the present step and the share that is done, 0 to 1, or None if that is unknown.
 
     Returns
     -------
     OperationalModes
-        Frequencies [Hz], damping ratios and shapes with their bands, and what speaks against them.
+        Frequencies [Hz], damping ratios and shapes with their intervals, and reasons for doubt.
 
     Raises
     ------
     ConfigurationError, RecordError
-        If there is nothing to analyse, a channel cannot be used, or records have no sensor in common.
+        If there is no record, a channel cannot be used, or records have no sensor in common.
     """
     begun = time.process_time()
     several = isinstance(record, list | tuple)
@@ -89,11 +88,9 @@ def analyse_vibration(
     if not records:
         raise ConfigurationError("records: expected one at least, got an empty list")
     machine = None if turbine is None else as_turbine(turbine)
+    request = _Request(machine, bands, limits, section, progress)
     lists = _sensors_of_each(sensors, len(records))
-    singles = [
-        _analysed(each, listed, machine, bands, limits, section, progress)
-        for each, listed in zip(records, lists, strict=True)
-    ]
+    singles = [_analysed(each, listed, request) for each, listed in zip(records, lists, strict=True)]
     progress("the result", None)
     found = result_of(singles[0]) if len(singles) == 1 else join(singles)
     modes = with_references(named(found.modes, found.channels), machine, found.rotor_hz)
@@ -103,8 +100,18 @@ def analyse_vibration(
     return replace(found, modes=tuple(modes), elapsed=time.process_time() - begun)
 
 
+class _Request(NamedTuple):
+    """Options of `analyse_vibration` for each record."""
+
+    turbine: Turbine | None
+    bands: Sequence[tuple[float, float]] | None
+    limits: tuple[float, float] | None
+    section: tuple[float, float] | None
+    progress: Progress
+
+
 def _sensors_of_each(sensors: "Sensors | Sequence[Sensors] | None", count: int) -> "list[Sensors | None]":
-    """The sensor list of each record."""
+    """Sensor list of each record."""
     if sensors is None or not any(isinstance(one, list | tuple) for one in sensors):
         return [sensors] * count  # type: ignore[list-item]
     lists = [list(one) for one in sensors if isinstance(one, list | tuple)]
@@ -115,40 +122,28 @@ def _sensors_of_each(sensors: "Sensors | Sequence[Sensors] | None", count: int) 
     return [*lists]
 
 
-def _analysed(
-    whole: Record,
-    sensors: "Sensors | None",
-    machine: Turbine | None,
-    bands: Sequence[tuple[float, float]] | None,
-    limits: tuple[float, float] | None,
-    section: tuple[float, float] | None,
-    progress: Progress,
-) -> Single:
-    """One record's modes."""
-    used = whole.section(*section) if section is not None else whole
-    if sensors is None and machine is not None:
-        sensors = [sensor for sensor in machine.sensors if sensor.channel in used] or None
-    progress("lines and multi-blade coordinates", None)
-    readings = prepare_readings(used, sensors)
-    single = _searched(whole, readings, bands, limits, progress)
+def _analysed(record: Record, sensors: "Sensors | None", request: _Request) -> RecordAnalysis:
+    """Analyse one record; align channels with an unambiguous clock lag, and search again."""
+    used = record.section(*request.section) if request.section is not None else record
+    request.progress("lines and multi-blade coordinates", None)
+    readings = prepare_readings(used, _sensors_in(used, request.turbine) if sensors is None else sensors)
+    single = _searched(record, readings, request)
     lags = clock_lags(single.modes, readings)
-    sure = [lag for lag in lags if not lag.others]
-    if sure:
-        progress("alignment of channels", None)
-        single = _searched(whole, aligned(readings, sure), bands, limits, progress)
-    unsure = [lag_doubt(single.readings.names[lag.channel], lag) for lag in lags if lag.others]
-    return single._replace(readings=single.readings._replace(doubts=(*single.readings.doubts, *unsure)))
+    if clear := [lag for lag in lags if not lag.others]:
+        request.progress("alignment of channels", None)
+        single = _searched(record, aligned(readings, clear), request)
+    doubts = [lag_doubt(single.readings.names[lag.channel], lag) for lag in lags if lag.others]
+    return single._replace(readings=single.readings._replace(doubts=(*single.readings.doubts, *doubts)))
 
 
-def _searched(
-    whole: Record,
-    readings: Readings,
-    bands: Sequence[tuple[float, float]] | None,
-    limits: tuple[float, float] | None,
-    progress: Progress,
-) -> Single:
-    """Search and check the modes in readings of a record."""
-    found = search_modes(readings, bands, limits, progress)
+def _sensors_in(record: Record, turbine: Turbine | None) -> "Sensors | None":
+    """Sensors of the turbine that the record has; None if there are none."""
+    return [sensor for sensor in turbine.sensors if sensor.channel in record] or None if turbine is not None else None
+
+
+def _searched(record: Record, readings: Readings, request: _Request) -> RecordAnalysis:
+    """Search the modes in readings of a record, and check them."""
+    found = search_modes(readings, request.bands, request.limits, request.progress)
     noted = readings
     if found.reached is not None:
         further = (
@@ -156,14 +151,15 @@ def _searched(
         )
         noted = noted._replace(high=found.reached, notes=(*noted.notes, further))
     noted = noted._replace(notes=(*noted.notes, *map(covered_note, found.covered)))
-    progress("checks", None)
+    request.progress("checks", None)
     parts = [[transforms(readings, part) for part in _parts(readings.samples, count)] for count in (2, 4)]
-    parted = without_flanks([described(one, parts, noted) for one in found.bands if modes_of(one)])
-    modes = sorted((mode for band in parted for mode in with_neighbours(band)), key=lambda mode: mode.frequency)
-    return Single(whole, noted, found, tuple(with_images(modes, found.frequency, found.values)))
+    bands = without_skirts([described(one, parts, noted) for one in found.bands if modes_of(one)])
+    modes = sorted((mode for band in bands for mode in with_neighbours(band)), key=lambda mode: mode.frequency)
+    checked = with_images(modes, found.spectrum.frequency, found.spectrum.values)
+    return RecordAnalysis(record, noted, found, tuple(checked))
 
 
 def _parts(samples: int, count: int) -> list[slice]:
-    """So many equal parts of a record."""
+    """Divide a record into equal parts."""
     length = samples // count
     return [slice(i * length, (i + 1) * length) for i in range(count)]

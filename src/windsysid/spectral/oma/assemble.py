@@ -1,4 +1,4 @@
-"""From the modes that were found to the result: units, spectra to draw."""
+"""Result of operational modal analysis from the modes of one record: units, spectra of the figures."""
 
 from typing import NamedTuple
 
@@ -11,22 +11,22 @@ from windsysid.spectral.modal_bands.model import spectrum
 from windsysid.spectral.modal_bands.model_order import BandFit
 from windsysid.spectral.oma.condition import Readings
 from windsysid.spectral.oma.result import BandSpectrum, OperationalMode, OperationalModes
-from windsysid.spectral.oma.search import Found, modes_inside
+from windsysid.spectral.oma.search import SearchResult, modes_inside
 
-__all__ = ["Single", "drawn", "result_of"]
+__all__ = ["RecordAnalysis", "drawn", "result_of"]
 
 
-class Single(NamedTuple):
-    """One record's analysis: the whole record, what was used of it, what was found, the modes without names."""
+class RecordAnalysis(NamedTuple):
+    """Analysis of one record: the whole record, its readings, the result of the search, the modes without names."""
 
     record: Record
     readings: Readings
-    found: Found
+    found: SearchResult
     modes: tuple[OperationalMode, ...]
 
 
-def result_of(single: Single) -> OperationalModes:
-    """One record's result."""
+def result_of(single: RecordAnalysis) -> OperationalModes:
+    """Result of one record."""
     record, readings, found, modes = single
     return OperationalModes(
         record=record.name,
@@ -41,8 +41,8 @@ def result_of(single: Single) -> OperationalModes:
         modes=modes,
         lines=tuple((line.name, line.frequency) for line in readings.lines),
         empty=found.empty,
-        frequency=found.frequency,
-        level=_level(found.values),
+        frequency=found.spectrum.frequency,
+        level=_level(found.spectrum.values),
         bands=tuple(drawn(one) for one in found.bands if modes_inside(one, readings.samples / readings.rate)),
         rotor_hz=readings.rotor_hz,
         doubts=readings.doubts,
@@ -54,14 +54,14 @@ def result_of(single: Single) -> OperationalModes:
 
 
 def drawn(found: BandFit) -> BandSpectrum:
-    """A band as it is drawn."""
+    """Spectra of a band for the figure."""
     measured = np.einsum("kii->k", found.band.power).real
     fitted = np.einsum("kii->k", spectrum(found.fit.modes, found.band)).real
     return BandSpectrum(found.band.frequency, measured, fitted)
 
 
 def _level(values: Complex) -> Array:
-    """The channels' spectra (F,), scaled to the same median and added."""
+    """Mean (F,) of the spectra of the channels, scaled to the same median."""
     power = np.abs(values) ** 2
     return np.asarray((power / np.maximum(np.median(power, axis=0), 1e-300)).mean(axis=1))
 

@@ -1,4 +1,4 @@
-"""Modes in words and numbers: what a band's fit says of each, what moves, which mode of the turbine file it may be."""
+"""Description of the modes of a band: values, doubts, names, and the modes of the turbine file that they may be."""
 
 import re
 from collections.abc import Sequence
@@ -11,25 +11,17 @@ from windsysid.inspection.spectra import expected_modes
 from windsysid.spectral.modal_bands.check import is_flank, mode_doubts, part_fits
 from windsysid.spectral.modal_bands.model_order import BandFit, Shapes, full_shapes
 from windsysid.spectral.oma.condition import Readings
+from windsysid.spectral.oma.limits import MAX_REFERENCE_DISTANCE, MIN_BLADE_RATIO, SKIRT_HALF_WIDTHS
 from windsysid.spectral.oma.result import Doubt, OperationalMode
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["described", "mode_of", "named", "with_neighbours", "with_references", "without_flanks"]
-
-FLANK = 2.0
-"""In ζ f: so far a mode reaches into the next band."""
-
-NEAR_REFERENCE = 0.08
-"""A mode this near to one that the turbine file gives may be that mode."""
-
-BLADES_MOVE = 3.0
-"""Blades move that many times as much as the support in a mode of the blades."""
+__all__ = ["described", "mode_of", "named", "with_neighbours", "with_references", "without_skirts"]
 
 
 def described(
     found: BandFit, parts: Sequence[Sequence[tuple[Array, Complex]]], readings: Readings
 ) -> list[OperationalMode]:
-    """The modes of a band with their shapes and doubts, from the transforms of the record's halves and quarters."""
+    """Modes of a band with their shapes and doubts, by the transforms of the record's halves and quarters."""
     shapes = full_shapes(found)
     halves, quarters = (part_fits(found, some, readings.samples, readings.rate) for some in parts)
     return [
@@ -59,11 +51,11 @@ def mode_of(found: BandFit, j: int, shapes: Shapes, grounds: Sequence[Doubt]) ->
     )
 
 
-def without_flanks(bands: list[list[OperationalMode]]) -> list[list[OperationalMode]]:
-    """Modes band by band; one at the border of its band that another band's mode reaches is that one's flank."""
+def without_skirts(bands: list[list[OperationalMode]]) -> list[list[OperationalMode]]:
+    """Remove modes at the border of their band that are the skirt of another band's mode; a list for each band."""
 
     def reach(mode: OperationalMode) -> float:
-        return FLANK * mode.damping * mode.frequency
+        return SKIRT_HALF_WIDTHS * mode.damping * mode.frequency
 
     kept = []
     for band in bands:
@@ -80,7 +72,7 @@ def without_flanks(bands: list[list[OperationalMode]]) -> list[list[OperationalM
 
 
 def with_neighbours(modes: list[OperationalMode]) -> list[OperationalMode]:
-    """Modes of one band: where one is doubtful the others are, since they were found together."""
+    """Doubt all modes of a band if one is doubtful, since they are estimated together."""
     doubtful = [mode for mode in modes if any(doubt.kind not in ("shape", "faint") for doubt in mode.grounds)]
     if not doubtful:
         return modes
@@ -89,29 +81,29 @@ def with_neighbours(modes: list[OperationalMode]) -> list[OperationalMode]:
 
 
 def named(modes: Sequence[OperationalMode], channels: Sequence[str]) -> list[OperationalMode]:
-    """Modes with names: numbers, or where a rotor turns what moves and which way it turns."""
+    """Name modes: by numbers, or if a rotor turns by the channel that moves most and the direction of the whirl."""
     if not any(name.startswith("blades_") for name in channels):
         return [replace(mode, name=f"mode {i}") for i, mode in enumerate(modes, start=1)]
     known: dict[str, int] = {}
-    told = []
+    result = []
     for mode in modes:
-        name = _what_moves(np.abs(mode.shape), channels)
+        name = _motion_name(np.abs(mode.shape), channels)
         known[name] = known.get(name, 0) + 1
-        told.append(replace(mode, name=name if known[name] == 1 else f"{name} {known[name]}"))
-    return told
+        result.append(replace(mode, name=name if known[name] == 1 else f"{name} {known[name]}"))
+    return result
 
 
-def _what_moves(size: Array, names: Sequence[str]) -> str:
+def _motion_name(size: Array, names: Sequence[str]) -> str:
     on_blades = np.array([name.startswith("blades_") for name in names])
     support = size[~on_blades].max(initial=0.0)
-    if support * BLADES_MOVE > size[on_blades].max(initial=0.0):
+    if support * MIN_BLADE_RATIO > size[on_blades].max(initial=0.0):
         return " ".join(names[int(np.argmax(np.where(on_blades, -1.0, size)))].split("_")[:2])
     what, _, way = names[int(np.argmax(np.where(on_blades, size, -1.0)))].removeprefix("blades_").rpartition(" ")
     return f"{'flap' if re.search('flap|out', what) else 'lag'} {way}"
 
 
 def with_references(modes: list[OperationalMode], machine: Turbine | None, rotor_hz: float) -> list[OperationalMode]:
-    """Modes with the turbine file's frequencies beside them, each used once, the nearest first."""
+    """Add the frequencies of the turbine file to the modes, each used once, the nearest first."""
     if machine is None:
         return modes
     expected = expected_modes(machine, 2.0 * np.pi * rotor_hz)
@@ -120,7 +112,7 @@ def with_references(modes: list[OperationalMode], machine: Turbine | None, rotor
     )
     taken: set[int] = set()
     for off, i, k in pairs:
-        if off < NEAR_REFERENCE and modes[i].reference is None and k not in taken:
+        if off < MAX_REFERENCE_DISTANCE and modes[i].reference is None and k not in taken:
             name, f, z = expected[k]
             modes[i] = replace(modes[i], name=name, reference=(f, z))
             taken.add(k)

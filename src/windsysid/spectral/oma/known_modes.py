@@ -1,4 +1,4 @@
-"""The modes of a result as later questions need them: from `windsysid.oma`, or from the folder it was saved in."""
+"""Modes of a result of `windsysid.oma`, or of the folder that it was saved in, for comparisons and diagrams."""
 
 import math
 from pathlib import Path
@@ -19,7 +19,7 @@ __all__ = ["KnownMode", "KnownModes", "ModesLike", "as_modes", "holds_modes", "i
 
 
 class KnownMode(NamedTuple):
-    """A mode: its name, ln f and ln ζ with their standard deviations, its shape by channel, and whether it was
+    """Mode: its name, ln f and ln ζ with their standard deviations, its shape by channel, and whether it was
     trusted."""
 
     name: str
@@ -32,20 +32,20 @@ class KnownMode(NamedTuple):
 
 
 class KnownModes(NamedTuple):
-    """The modes of a record.
+    """Modes of a record.
 
     Attributes
     ----------
     record
-        Its name, and its section where that is known.
+        Its name, and its section if that is known.
     start, section, record_hash
         As in `windsysid.results.posterior.Posterior`.
     modes
         By rising frequency.
     trusted
-        Whether nothing spoke against the record as a whole.
+        False if there are doubts about the whole record.
     rotor_speed
-        [rad/s]; 0 where none turned.
+        [rad/s]; 0 if none turned.
     """
 
     record: str
@@ -57,7 +57,7 @@ class KnownModes(NamedTuple):
     rotor_speed: float = 0.0
 
     def measured(self) -> list[MeasuredMode]:
-        """The modes, to stand beside a Campbell diagram."""
+        """Modes to be drawn in a Campbell diagram."""
         found = []
         for mode in self.modes:
             f, z, half = math.exp(mode.ln_frequency), math.exp(mode.ln_damping), SIGMAS * mode.ln_damping_std
@@ -71,14 +71,14 @@ ModesLike: TypeAlias = OperationalModes | KnownModes | str | Path
 
 
 def holds_modes(given: object) -> bool:
-    """Whether something is a result of `windsysid.oma`, or the folder of one."""
+    """True for a result of `windsysid.oma`, or the folder of one."""
     if isinstance(given, OperationalModes | KnownModes):
         return True
     return isinstance(given, str | Path) and _summary_of(Path(given)).get("analysis") == ANALYSIS
 
 
 def as_modes(given: ModesLike) -> KnownModes:
-    """The modes of a result, or of the folder that it was saved in; ConfigurationError if there are none."""
+    """Modes of a result, or of the folder that it was saved in; ConfigurationError if there are none."""
     if isinstance(given, KnownModes):
         return given
     summary = given.summary() if isinstance(given, OperationalModes) else _summary_of(Path(given))
@@ -94,7 +94,7 @@ def as_modes(given: ModesLike) -> KnownModes:
 
 
 def without_damping_prior(mode: KnownMode) -> tuple[float, float]:
-    """ln ζ and its standard deviation by what the record itself says."""
+    """ln ζ and its standard deviation by the likelihood alone: the prior of damping is divided out."""
     centre, spread = DAMPING_PRIOR
     information = mode.ln_damping_std**-2.0 - spread**-2.0
     if information <= 1e-3 * spread**-2.0:
@@ -136,5 +136,5 @@ def _read(summary: dict[str, Any]) -> KnownModes:
 
 
 def in_channels(mode: KnownMode, channels: list[str]) -> Complex:
-    """The shape in a list of channels, NaN where it has none."""
+    """Shape in a list of channels, NaN for those without a value."""
     return np.array([mode.shape.get(channel, math.nan) for channel in channels], dtype=np.complex128)

@@ -1,6 +1,6 @@
-"""Which modes of several records are the same: by frequency and by shape.
+"""Assignment of the modes of several records to tracks, by frequency and by shape.
 
-Records come one after the other. Each mode goes to the track whose last mode is like it, the least unlike first, by
+Records come one after the other. Each mode is assigned to the track whose last mode is nearest by the distance
 
     (ln f_a/f_b / 0.05)² + (1 − MAC) / 0.3,        MAC = |φ_aᴴ φ_b|² / (φ_aᴴ φ_a φ_bᴴ φ_b),
 
@@ -14,27 +14,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Complex
+from windsysid.spectral.oma.limits import FREQUENCY_SCALE, MAX_FREQUENCY_STEP, MIN_ASSURANCE, SHAPE_SCALE
 
 __all__ = ["Seen", "assurance", "follow_modes"]
 
-APART = 0.1
-"""Greatest step of ln f from one record to the next."""
-
-LEAST_ASSURANCE = 0.4
-"""Least modal assurance criterion of two shapes of one mode, where they have two sensors in common."""
-
-FREQUENCY_SCALE, SHAPE_SCALE = 0.05, 0.3
-
 
 class Seen(NamedTuple):
-    """A mode of one record: frequency [Hz], and the shape (N,) in the sensors of all records, NaN where it has none."""
+    """Mode of one record: frequency [Hz], and shape (N,) in the sensors of all records, NaN without a sensor."""
 
     frequency: float
     shape: Complex
 
 
 def assurance(a: Complex, b: Complex) -> float:
-    """Modal assurance criterion of two shapes (N,) over the sensors that both have; NaN where that is one or none."""
+    """Modal assurance criterion of two shapes (N,) over the sensors that both have; NaN for fewer than two."""
     both = np.isfinite(a) & np.isfinite(b)
     if both.sum() < 2:
         return float("nan")
@@ -44,13 +37,13 @@ def assurance(a: Complex, b: Complex) -> float:
 
 
 def follow_modes(records: Sequence[Sequence[Seen]]) -> list[dict[int, int]]:
-    """Tracks by rising frequency: for each, which mode of which record, {record: mode}."""
+    """Return tracks by rising frequency: for each, the number of its mode in each record, {record: mode}."""
     from scipy.optimize import linear_sum_assignment
 
     tracks: list[dict[int, int]] = []
     last: list[Seen] = []
     for number, modes in enumerate(records):
-        cost = np.array([[_unlikeness(old, new) for new in modes] for old in last]).reshape(len(last), len(modes))
+        cost = np.array([[_distance(old, new) for new in modes] for old in last]).reshape(len(last), len(modes))
         allowed: NDArray[np.bool_] = np.isfinite(cost)
         rows, columns = linear_sum_assignment(np.where(allowed, cost, 1e6))
         placed = {int(j): int(i) for i, j in zip(rows, columns, strict=True) if allowed[i, j]}
@@ -66,9 +59,9 @@ def follow_modes(records: Sequence[Sequence[Seen]]) -> list[dict[int, int]]:
     return [tracks[i] for i in order]
 
 
-def _unlikeness(a: Seen, b: Seen) -> float:
+def _distance(a: Seen, b: Seen) -> float:
     step = float(np.log(b.frequency / a.frequency))
     alike = assurance(a.shape, b.shape)
-    if abs(step) > APART or alike < LEAST_ASSURANCE:
+    if abs(step) > MAX_FREQUENCY_STEP or alike < MIN_ASSURANCE:
         return float("inf")
     return (step / FREQUENCY_SCALE) ** 2 + (0.0 if np.isnan(alike) else (1.0 - alike) / SHAPE_SCALE)

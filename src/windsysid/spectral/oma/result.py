@@ -1,4 +1,4 @@
-"""The result of operational modal analysis: modes with their bands, shapes and what speaks against them."""
+"""Result of operational modal analysis: modes with their intervals, shapes and reasons for doubt."""
 
 import json
 from dataclasses import dataclass
@@ -18,33 +18,20 @@ from windsysid.units import unit_text
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["ANALYSIS", "BandSpectrum", "Doubt", "DoubtKind", "OperationalMode", "OperationalModes", "Part"]
+__all__ = ["ANALYSIS", "BandSpectrum", "Doubt", "DoubtKind", "OperationalMode", "OperationalModes", "RecordModes"]
 
 
 ANALYSIS = "operational modes"
-"""What ``summary.json`` is of."""
+"""Kind of analysis in ``summary.json``."""
 
 DoubtKind = Literal[
-    "search",
-    "short",
-    "line",
-    "border",
-    "misfit",
-    "history",
-    "channels",
-    "halves",
-    "shape",
-    "faint",
-    "shared",
-    "image",
-    "neighbour",
-    "records",
-    "record",
-]
+    "search", "short", "line", "border", "misfit", "history", "channels", "halves", "shape", "faint", "shared",
+    "image", "neighbour", "records", "record",
+]  # fmt: skip
 
 
 class Doubt(NamedTuple):
-    """What speaks against a mode: of which kind, and in a sentence."""
+    """Reason why a mode is not trusted: its kind, and a sentence."""
 
     kind: DoubtKind
     text: str
@@ -57,25 +44,25 @@ class OperationalMode:
     Attributes
     ----------
     name
-        ``mode 1`` …, or what moves where a rotor turns: ``lag forward``.
+        ``mode 1`` …; if a rotor turns, the part that moves most: ``lag forward``.
     frequency, frequency_std
         [Hz].
     damping, ln_damping_std
         ζ [1], and the standard deviation of its logarithm [1].
     shape, shape_std
-        (n,) complex, 1 in the channel that moves most, as accelerations; standard deviations of real and imaginary
-        part.
+        (n,) complex, 1 in the channel with the largest motion, as accelerations; standard deviations of real and
+        imaginary part.
     load, ln_load_std
         One-sided spectrum of the load that drives it, per modal mass where the shape is 1 [unit²/Hz], and the standard
         deviation of its logarithm.
     band
         Lowest and highest frequency that were used [Hz].
     grounds
-        Why it is not to be trusted.
+        Reasons why it is not trusted.
     reference
         Frequency [Hz] and damping ratio [1] that the turbine file gives; None where nothing is near.
     shape_cov
-        Covariance (2 n, 2 n) of the shape's real parts and then its imaginary ones; None where it was not kept.
+        Covariance (2 n, 2 n) of the shape's real parts and then its imaginary ones; None if it was not kept.
     """
 
     name: str
@@ -94,34 +81,34 @@ class OperationalMode:
 
     @property
     def trusted(self) -> bool:
-        """Whether nothing speaks against it."""
+        """True if there is no reason for doubt."""
         return not self.grounds
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """Why it is not to be trusted, in sentences."""
+        """Reasons why it is not trusted, in sentences."""
         return tuple(doubt.text for doubt in self.grounds)
 
     def doubted_for(self, *kinds: DoubtKind) -> bool:
-        """Whether a doubt of one of these kinds speaks against it."""
+        """True if it has a doubt of one of these kinds."""
         return any(doubt.kind in kinds for doubt in self.grounds)
 
     @property
     def mode(self) -> Mode:
-        """Frequency and damping ratio with ±2σ, as every other result has them; the damping's band is one of its
-        logarithm."""
+        """Frequency and damping ratio with ±2σ, as every other result has them; the interval of the damping ratio is
+        that of its logarithm."""
         half, factor = SIGMAS * self.frequency_std, float(np.exp(SIGMAS * min(self.ln_damping_std, 3.0)))
         f, z = self.frequency, self.damping
         return Mode(self.name, (f, f - half, f + half), (z, z / factor, z * factor), self.reference)
 
     @property
     def complexity(self) -> float:
-        """Share of the shape's square that is out of phase, 0 for a real shape, ½ for a travelling one."""
+        """Share of the squared shape that is out of phase: 0 for a real shape, ½ for a travelling wave."""
         turned = self.shape * np.exp(-0.5j * np.angle(np.sum(self.shape**2)))
         return float(np.sum(turned.imag**2) / np.sum(np.abs(turned) ** 2))
 
     def summary(self, channels: tuple[str, ...], units: tuple[str, ...]) -> dict[str, Any]:
-        """As plain values, its shape by `channels` in their `units`."""
+        """Plain values for JSON, with the shape by `channels` in their `units`."""
         factor = float(np.exp(SIGMAS * min(self.ln_load_std, 3.0)))
         largest = int(np.argmax(np.abs(self.shape)))
         return {
@@ -146,17 +133,17 @@ class OperationalMode:
 
 
 @dataclass(frozen=True)
-class Part:
-    """One of several records that were analysed together.
+class RecordModes:
+    """Modes of one of several records that were analysed jointly.
 
     Attributes
     ----------
     record, start, section, rate, samples
         As in `OperationalModes`.
     modes
-        Each mode as this record alone has it; None where it does not show it.
+        Each joint mode as this record alone gives it; None if this record does not show it.
     notes
-        What a reader must know of this record.
+        Remarks on this record.
     """
 
     record: str
@@ -168,7 +155,7 @@ class Part:
     notes: tuple[str, ...]
 
     def summary(self) -> dict[str, Any]:
-        """As plain values."""
+        """Plain values for JSON."""
         alone = [None if mode is None else mode.mode.summary() for mode in self.modes]
         own = {"record": self.record, "start": self.start, "section": list(self.section)}
         return {**own, "rate_hz": self.rate, "samples": self.samples, "modes": alone, "notes": list(self.notes)}
@@ -176,8 +163,8 @@ class Part:
 
 @dataclass(frozen=True)
 class BandSpectrum:
-    """What is drawn of a band: frequencies (K,), the sum of its channels' spectra, scaled, as measured and as fitted
-    (K,)."""
+    """Spectra of a band for the figure: frequencies (K,), and the scaled sum of its channels' spectra as measured and
+    as fitted (K,)."""
 
     frequency: Array
     measured: Array
@@ -191,30 +178,30 @@ class OperationalModes(Answer):
     Attributes
     ----------
     record, section, rate, samples
-        What they come from; start and end [s], samples per second [Hz].
+        Record of the modes; start and end [s], samples per second [Hz].
     channels, units, sensors
         Of the shapes: channels of the record, or multi-blade coordinates, which have no sensor.
     modes
         By rising frequency.
     lines
-        Names and frequencies [Hz] of lines that were taken out.
+        Names and frequencies [Hz] of sinusoids that were removed.
     empty
-        Bands that were asked for and hold no mode [Hz].
+        Given bands without a mode [Hz].
     frequency, level, bands
         Frequencies [Hz] (F,), the largest singular value of the scaled spectra there (F,), and each band, for the
         figure.
     rotor_hz
         Turns per second [Hz]; 0 where none turns.
     doubts
-        What makes all of it doubtful.
+        Reasons why the whole result is doubtful.
     notes
-        What a reader must know.
+        Remarks on the record and the analysis.
     elapsed
-        Time that it took [s].
+        Processor time of the analysis [s].
     start
-        The moment of the record's time 0.
+        Date of the record's time 0.
     parts
-        The records, where several were analysed together; the rest is then of all of them, `frequency`, `level` and
+        The records, if several were analysed jointly; the rest is then of all of them, `frequency`, `level` and
         `bands` of the first.
     record_hash
         Of the whole record, as `windsysid.results.provenance.record_hash` gives it; None of several.
@@ -238,17 +225,17 @@ class OperationalModes(Answer):
     notes: tuple[str, ...]
     elapsed: float
     start: str | None = None
-    parts: tuple[Part, ...] = ()
+    parts: tuple[RecordModes, ...] = ()
     record_hash: str | None = None
 
     @property
     def trusted(self) -> bool:
-        """Whether every mode is to be trusted."""
+        """True if every mode is trusted."""
         return not self.reasons
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Why not."""
+        """Reasons for doubt about the record, its bands and its modes."""
         of_modes = (
             f"{mode.name}, {mode.frequency:.4g} Hz: {doubt.text}"
             for mode in self.modes
@@ -259,12 +246,12 @@ class OperationalModes(Answer):
 
     @property
     def reasons_of_record(self) -> tuple[str, ...]:
-        """What speaks against the record or a band, and not against one mode."""
+        """Reasons for doubt about the record or a band, without those about one mode."""
         empty = [f"no mode stands out between {low:.4g} and {high:.4g} Hz" for low, high in self.empty]
         return (*self.doubts, *empty, *(() if self.modes else ("no mode was found",)))
 
     def summary(self) -> dict[str, Any]:
-        """What ``summary.json`` holds."""
+        """Contents of ``summary.json``."""
         return {
             "analysis": ANALYSIS,
             "record": self.record,
@@ -291,20 +278,20 @@ class OperationalModes(Answer):
 
     def to_dataframe(self) -> "pd.DataFrame":
         """Frequency and damping ratio of each mode, a row each: ``name``, ``quantity``, ``unit``, ``estimate``,
-        ``low``, ``high`` (±2σ), ``in_file``, what the turbine file gives, NaN without one, and ``trusted``."""
+        ``low``, ``high`` (±2σ), ``in_file``, the value of the turbine file or NaN, and ``trusted``."""
         import pandas as pd
 
         rows: list[tuple[Any, ...]] = []
         for mode in self.modes:
-            known, told = mode.reference or (np.nan, np.nan), mode.mode
-            rows.append((mode.name, "frequency", "Hz", *told.frequency_hz, known[0], mode.trusted))
-            rows.append((mode.name, "damping ratio", "1", *told.damping_ratio, known[1], mode.trusted))
+            known, values = mode.reference or (np.nan, np.nan), mode.mode
+            rows.append((mode.name, "frequency", "Hz", *values.frequency_hz, known[0], mode.trusted))
+            rows.append((mode.name, "damping ratio", "1", *values.damping_ratio, known[1], mode.trusted))
         columns = ["name", "quantity", "unit", "estimate", "low", "high", "in_file", "trusted"]
         return pd.DataFrame(rows, columns=columns)
 
     @property
     def headings(self) -> tuple[str, ...]:
-        """Of `rows`."""
+        """Headings of `rows`."""
         known = ("reference [Hz]",) if any(mode.reference for mode in self.modes) else ()
         return ("mode", "f [Hz]", "±2σ band", "ζ [%]", "±2σ band", *known, "moves most", "trusted")
 
@@ -318,27 +305,12 @@ class OperationalModes(Answer):
             rows.append((*mode.mode.cells(), *known, largest, "yes" if mode.trusted else "no"))
         return rows
 
-    @property
-    def agreement(self) -> list[tuple[str, ...]]:
-        """Each mode's frequency and damping ratio record by record, under `agreement_headings`."""
-        rows = []
-        for i, mode in enumerate(self.modes):
-            alone = [part.modes[i] for part in self.parts]
-            told = ("not seen" if one is None else f"{one.frequency:.4f}, {100 * one.damping:.2f}" for one in alone)
-            rows.append((mode.name, *told))
-        return rows
-
-    @property
-    def agreement_headings(self) -> tuple[str, ...]:
-        """The records."""
-        return ("f [Hz], ζ [%]", *(part.record for part in self.parts))
-
     def __repr__(self) -> str:
         trusted = "trusted" if self.trusted else "not trusted"
         return f"<OperationalModes of {self.record}: {len(self.modes)} modes, {trusted}; print it for the table>"
 
     def contents(self) -> list[Table | str]:
-        """The modes, whether to trust them, record by record where there are several, the notes."""
+        """The modes, the verdict with its reasons, the table record by record if there are several, the notes."""
         verdict = "trusted" if self.trusted else "not to be trusted:"
         return [
             self.table(), verdict, *(f"  {reason}" for reason in self.reasons),
@@ -352,8 +324,14 @@ class OperationalModes(Answer):
         return Table(self.headings, self.rows, f"modes of {of}" if caption is None else caption, (0, last, last + 1))
 
     def agreement_table(self, caption: str = "record by record") -> Table:
-        """`agreement`, under `caption`."""
-        return Table(self.agreement_headings, self.agreement, caption, tuple(range(1 + len(self.parts))))
+        """Frequency and damping ratio of each mode, record by record, under `caption`."""
+        rows = []
+        for i, mode in enumerate(self.modes):
+            alone = [part.modes[i] for part in self.parts]
+            cells = ("not seen" if one is None else f"{one.frequency:.4f}, {100 * one.damping:.2f}" for one in alone)
+            rows.append((mode.name, *cells))
+        headings = ("f [Hz], ζ [%]", *(part.record for part in self.parts))
+        return Table(headings, rows, caption, tuple(range(len(headings))))
 
     def unit(self, channel: str) -> str:
         """The unit of a channel, as text."""

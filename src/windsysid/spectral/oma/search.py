@@ -1,6 +1,6 @@
-"""The search for modes in a record's spectra: bands, the modes of each, and bands placed anew around them."""
+"""Search for modes in the spectra of a record: bands around peaks, the modes of each, and bands placed anew."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -12,73 +12,46 @@ from windsysid.output.progress import Progress
 from windsysid.spectral.modal_bands.check import is_flank
 from windsysid.spectral.modal_bands.model_order import BandFit, fit_band
 from windsysid.spectral.modal_bands.peak_bands import Peak, find_peaks, group_peaks, widened
+from windsysid.spectral.oma import limits
 from windsysid.spectral.oma.condition import Readings, transforms
 
 __all__ = [
-    "MIN_BINS",
-    "Found",
-    "band_bins",
-    "covered_note",
-    "fit_between",
-    "is_hump",
-    "modes_inside",
-    "modes_of",
-    "search_again",
-    "search_modes",
-]
-
-MOST_MODES = 5
-"""In one band."""
-
-MOST_BANDS = 24
-"""Bands that are analysed where no limits are given."""
-
-AGAIN = 2
-"""Times that bands are placed anew."""
-
-MOVED = 0.15
-"""Of a band's width: a band whose borders should have been farther away than that is fitted again."""
-
-HUMP = 0.01
-"""A peak this near to a harmonic of the rotor, relative, or nearer than one and a half of its half-widths, is of the
-wind that blades sample."""
-
-CLEAR = 8.0
-"""Rise of a peak, in standard deviations, that calls for a mode."""
-
-WIDER = 3.0
-"""Times the half-width that a clear peak without a mode is given: few bins tell half its height badly."""
-
-EXPLAINED = 5.0
-"""Half-widths of a mode from which on it does not account for a peak."""
-
-LEAST_EVIDENCE = 10.0
-"""2 ln of the evidence for a mode against none."""
-
-MIN_BINS = 8
-"""Smallest number of frequency bins of a band without those of lines: with fewer, the halves of a record cannot be
-compared."""
+    "RecordSpectrum", "SearchResult", "band_bins", "covered_note", "fit_between", "is_rotational_peak", "modes_inside",
+    "modes_of", "search_again", "search_modes",
+]  # fmt: skip
 
 
-class Found(NamedTuple):
-    """What was found in a record.
+class RecordSpectrum(NamedTuple):
+    """Readings of a record, the frequencies of their transforms (F,) [Hz], and the transforms (F, n)."""
+
+    readings: Readings
+    frequency: Array
+    values: Complex
+
+    @property
+    def step(self) -> float:
+        """Distance of frequency bins [Hz]."""
+        return float(self.frequency[1])
+
+
+class SearchResult(NamedTuple):
+    """Modes of a record, band by band.
 
     Attributes
     ----------
-    frequency, values
-        Transforms (F, n) and their frequencies (F,) [Hz].
+    spectrum
+        The transforms.
     bands
         The modes of each band.
     empty
-        Bands that were asked for and hold no mode.
+        Given bands without a mode [Hz].
     reached
-        Up to where modes were sought [Hz], where peaks go on beyond; else None.
+        Upper end of the search [Hz], if there are peaks beyond; else None.
     covered
-        Bands [Hz] that were not analysed, because rotor harmonics and other lines leave too few bins.
+        Bands [Hz] that were not analysed, because rotor harmonics and other sinusoids leave too few bins.
     """
 
-    frequency: Array
-    values: Complex
+    spectrum: RecordSpectrum
     bands: tuple[BandFit, ...]
     empty: tuple[tuple[float, float], ...]
     reached: float | None = None
@@ -88,64 +61,78 @@ class Found(NamedTuple):
 def search_modes(
     readings: Readings,
     bands: Sequence[tuple[float, float]] | None,
-    limits: tuple[float, float] | None,
+    between: tuple[float, float] | None,
     progress: Progress,
-) -> Found:
-    """The modes in bands that are given, or in those that spectra show between limits [Hz]; without any, in the lowest
-    `MOST_BANDS`."""
-    frequency, values = transforms(readings)
-    step, reached = float(frequency[1]), None
-    if limits is not None:
-        if not 0.0 <= limits[0] < min(limits[1], readings.high):
+) -> SearchResult:
+    """Find the modes in given bands, or in those of spectral peaks between two frequencies [Hz]; by default in the
+    lowest `MAX_BANDS`."""
+    if between is not None:
+        low, high = between
+        if not 0.0 <= low < min(high, readings.high):
             raise ConfigurationError(
-                f"limits {limits[0]:g} {limits[1]:g} Hz: expected two rising frequencies between 0 and "
-                f"{readings.high:.4g} Hz"
+                f"limits {low:g} {high:g} Hz: expected two rising frequencies between 0 and {readings.high:.4g} Hz"
             )
-        readings = readings._replace(low=max(readings.low, limits[0]), high=min(readings.high, limits[1]))
-    if bands is None:
-        progress("spectral peaks", None)
-        seen = [
-            peak._replace(alone=is_hump(peak, readings))
-            for peak in find_peaks(frequency, values, readings.low, readings.high)
-        ]
-        wanted = group_peaks(seen, step, readings.low, readings.high)
-        if limits is None and len(wanted) > MOST_BANDS:
-            reached = 0.5 * (wanted[MOST_BANDS - 1][1] + wanted[MOST_BANDS][0])
-            readings, wanted = readings._replace(high=reached), wanted[:MOST_BANDS]
-            seen = [peak for peak in seen if peak.frequency < reached]
-    else:
-        seen = []
-        wanted = [_checked_band(band, readings, step) for band in bands]
-    fits: list[BandFit | None] = []
-    for i, (low, high, count) in enumerate(wanted):
-        progress(f"modes from {low:.4g} to {high:.4g} Hz", i / len(wanted))
-        most = count if bands is None else MOST_MODES
-        fits.append(fit_between(frequency, values, readings, low, high, count, most))
-    covered = tuple((low, high) for (low, high, _), one in zip(wanted, fits, strict=True) if one is None)
-    found = [one for one in fits if one is not None]
-    for again in range(AGAIN if bands is None else 0):
+        readings = readings._replace(low=max(readings.low, low), high=min(readings.high, high))
+    spectrum = RecordSpectrum(readings, *transforms(readings))
+    if bands is not None:
+        return _search_given(spectrum, bands, progress)
+    return _search_peaks(spectrum, limits.MAX_BANDS if between is None else None, progress)
+
+
+def _search_given(spectrum: RecordSpectrum, bands: Sequence[tuple[float, float]], progress: Progress) -> SearchResult:
+    """Fit the modes of given bands."""
+    for band in bands:
+        _check_band(band, spectrum)
+    fits = _fit_each(spectrum, [(low, high, 1, limits.MAX_BAND_MODES) for low, high in bands], progress)
+    pairs = list(zip(bands, fits, strict=True))
+    return SearchResult(
+        spectrum,
+        bands=tuple(fit for fit in fits if fit is not None),
+        empty=tuple(band for band, fit in pairs if fit is None or not modes_inside(fit, 1.0 / spectrum.step)),
+        covered=tuple(band for band, fit in pairs if fit is None),
+    )
+
+
+def _search_peaks(spectrum: RecordSpectrum, most: int | None, progress: Progress) -> SearchResult:
+    """Fit the modes around spectral peaks, in the lowest `most` bands, and place the bands anew around them."""
+    progress("spectral peaks", None)
+    low, high = spectrum.readings.low, spectrum.readings.high
+    peaks = _marked(find_peaks(spectrum.frequency, spectrum.values, low, high), spectrum.readings)
+    wanted, reached = group_peaks(peaks, spectrum.step, low, high), None
+    if most is not None and len(wanted) > most:
+        reached = 0.5 * (wanted[most - 1][1] + wanted[most][0])
+        spectrum, wanted = spectrum._replace(readings=spectrum.readings._replace(high=reached)), wanted[:most]
+        peaks = [peak for peak in peaks if peak.frequency < reached]
+    fits = _fit_each(spectrum, [(low, high, count, count) for low, high, count in wanted], progress)
+    found = [fit for fit in fits if fit is not None]
+    covered = tuple((low, high) for (low, high, _), fit in zip(wanted, fits, strict=True) if fit is None)
+    return SearchResult(spectrum, tuple(_refined(spectrum, found, peaks, progress)), (), reached, covered)
+
+
+def _refined(
+    spectrum: RecordSpectrum, found: list[BandFit], peaks: Sequence[Peak], progress: Progress
+) -> list[BandFit]:
+    """Place bands anew around the modes that were found, and around clear peaks without a mode."""
+    for again in range(limits.BAND_SEARCHES):
         progress("bands around what was found", None)
-        found = search_again(found, frequency, values, readings, [] if again else seen, keep=again > 0)
+        found = search_again(spectrum, found, [] if again else peaks, keep=again > 0)
     left = [
-        peak._replace(half_width=WIDER * peak.half_width) for peak in seen if not _explained(peak, found, 1.0 / step)
+        peak._replace(half_width=limits.PEAK_WIDTH_FACTOR * peak.half_width)
+        for peak in peaks
+        if not _is_explained(peak, found, 1.0 / spectrum.step)
     ]
     if left:
         progress("peaks without a mode, in wider bands", None)
-        found = search_again(found, frequency, values, readings, left, keep=True)
-        found = search_again(found, frequency, values, readings, [], keep=True)
-    empty = [
-        (low, high)
-        for (low, high, _), one in zip(wanted, fits, strict=True)
-        if bands is not None and (one is None or not modes_inside(one, 1.0 / step))
-    ]
-    return Found(frequency, values, tuple(found), tuple(empty), reached, covered)
+        found = search_again(spectrum, found, left, keep=True)
+        found = search_again(spectrum, found, [], keep=True)
+    return found
 
 
-def _checked_band(band: tuple[float, float], readings: Readings, step: float) -> tuple[float, float, int]:
-    low, high = band
-    if not (0.0 < low < high < 0.5 * readings.rate):
+def _check_band(band: tuple[float, float], spectrum: RecordSpectrum) -> None:
+    (low, high), half_rate, step = band, 0.5 * spectrum.readings.rate, spectrum.step
+    if not (0.0 < low < high < half_rate):
         raise ConfigurationError(
-            f"band {low:g} {high:g} Hz: expected two rising frequencies between 0 and {0.5 * readings.rate:.4g} Hz, "
+            f"band {low:g} {high:g} Hz: expected two rising frequencies between 0 and {half_rate:.4g} Hz, "
             f"half the sampling rate"
         )
     if high - low < 16.0 * step:
@@ -153,39 +140,48 @@ def _checked_band(band: tuple[float, float], readings: Readings, step: float) ->
             f"band {low:g} {high:g} Hz: expected {16 * step:.3g} Hz of width at least in a record of {1 / step:.4g} "
             f"s; widen it"
         )
-    return low, high, 1
+
+
+def _fit_each(
+    spectrum: RecordSpectrum, wanted: Sequence[tuple[float, float, int, int]], progress: Progress
+) -> list[BandFit | None]:
+    """Fit bands of (lowest, highest) frequency with a number of peaks and a largest number of modes."""
+    fits = []
+    for i, (low, high, count, most) in enumerate(wanted):
+        progress(f"modes from {low:.4g} to {high:.4g} Hz", i / len(wanted))
+        fits.append(fit_between(spectrum, (low, high), count, most))
+    return fits
 
 
 def fit_between(
-    frequency: Array,
-    values: Complex,
-    readings: Readings,
-    low: float,
-    high: float,
+    spectrum: RecordSpectrum,
+    band: tuple[float, float],
     count: int,
     most: int,
     known: Sequence[tuple[float, float]] = (),
 ) -> BandFit | None:
-    """Fit the modes of one band without the bins of lines; None if fewer than `MIN_BINS` bins remain.
+    """Fit the modes of one band without the bins of sinusoids; None if fewer than `MIN_BAND_BINS` bins remain.
 
     `known` are start values of modes, as in `fit_band`.
     """
-    bins = band_bins(frequency, readings, low, high)
-    if len(bins) < MIN_BINS:
+    bins = band_bins(spectrum, band)
+    if len(bins) < limits.MIN_BAND_BINS:
         return None
-    return fit_band(values[bins], bins, readings.samples, readings.rate, count, most, known)
+    readings = spectrum.readings
+    return fit_band(spectrum.values[bins], bins, readings.samples, readings.rate, count, most, known)
 
 
-def band_bins(frequency: Array, readings: Readings, low: float, high: float) -> NDArray[np.int64]:
-    """The bins of a band, those of lines left out."""
-    inside = (frequency >= low) & (frequency <= high)
-    for line in readings.lines:
+def band_bins(spectrum: RecordSpectrum, band: tuple[float, float]) -> NDArray[np.int64]:
+    """Indices of the frequencies of a band, without those of rotor harmonics and other sinusoids."""
+    frequency = spectrum.frequency
+    inside = (frequency >= band[0]) & (frequency <= band[1])
+    for line in spectrum.readings.lines:
         inside &= np.abs(frequency - line.frequency) > line.half_width
     return np.flatnonzero(inside)
 
 
 def covered_note(band: tuple[float, float]) -> str:
-    """Note on a band that was not analysed, because lines leave too few bins."""
+    """Note on a band that was not analysed, because sinusoids leave too few bins."""
     return (
         f"{band[0]:.4g} to {band[1]:.4g} Hz was left out: rotor harmonics or other lines cover it;"
         " choose a steadier section or a wider band"
@@ -193,98 +189,114 @@ def covered_note(band: tuple[float, float]) -> str:
 
 
 def modes_of(found: BandFit) -> int:
-    """How many modes a band has, flanks among them."""
-    return len(found.fit.modes.frequency) if found.against_none > LEAST_EVIDENCE else 0
+    """Number of modes of a band, skirts of modes outside it among them; 0 if the evidence is too weak."""
+    return len(found.fit.modes.frequency) if found.against_none > 2.0 * limits.MIN_LOG_ODDS else 0
 
 
 def modes_inside(found: BandFit, length: float) -> int:
-    """How many modes of a band are inside it."""
+    """Number of modes inside a band of a record of some length [s]."""
     return sum(not is_flank(found, j, length) for j in range(modes_of(found)))
 
 
 def search_again(
-    found: Sequence[BandFit],
-    frequency: Array,
-    values: Complex,
-    readings: Readings,
-    peaked: Sequence[Peak],
-    *,
-    keep: bool,
+    spectrum: RecordSpectrum, found: Sequence[BandFit], peaked: Sequence[Peak], *, keep: bool
 ) -> list[BandFit]:
-    """Bands around the modes that were found, and around `peaked` frequencies where none was; bands that are where they
-    should be stay where `keep` says so.
+    """Fit bands around the modes that were found, and around `peaked` frequencies without one.
 
-    A band with one peak of its own may hold the flank of a louder mode: the first search then finds that one.
+    If `keep`, bands whose borders hardly move stay as they are. A band with one peak may hold the skirt of a mode of
+    larger amplitude: the first search then finds that one.
     """
-    step = float(frequency[1])
-    peaks = [peak for one in found if modes_of(one) for peak in _peaks_of(one, readings, step)]
-    modes = {peak.frequency for peak in peaks}
-    peaks += [
-        peak
-        for peak in peaked
-        if all(abs(peak.frequency - p.frequency) > 2.0 * max(peak.half_width, p.half_width) for p in peaks)
-    ]
-    single: list[Peak] = []
+    of_modes = _marked(_peaks_of_modes(found, spectrum.step), spectrum.readings)
+    others = [peak for peak in peaked if all(_are_apart(peak, mode) for mode in of_modes)]
+    peaks = _merged([*of_modes, *others])
+    modes = {peak.frequency for peak in of_modes}
+    readings, kept = spectrum.readings, found if keep else ()
+    bands = group_peaks(peaks, spectrum.step, readings.low, readings.high)
+    fits = [_fit_anew(spectrum, band, peaks, modes, kept) for band in bands]
+    return [fit for fit in fits if fit is not None]
+
+
+def _are_apart(peak: Peak, other: Peak) -> bool:
+    return abs(peak.frequency - other.frequency) > 2.0 * max(peak.half_width, other.half_width)
+
+
+def _merged(peaks: Sequence[Peak]) -> list[Peak]:
+    """Peaks by rising frequency, of neighbours within 0.3 half-widths the higher one alone."""
+    merged: list[Peak] = []
     for peak in sorted(peaks):
-        if single and peak.frequency - single[-1].frequency < 0.3 * min(peak.half_width, single[-1].half_width):
-            single[-1] = max(peak, single[-1], key=lambda p: p.rise)
+        if merged and peak.frequency - merged[-1].frequency < 0.3 * min(peak.half_width, merged[-1].half_width):
+            merged[-1] = max(peak, merged[-1], key=lambda p: p.rise)
         else:
-            single.append(peak)
-    again = []
-    for low, high, count in group_peaks(single, step, readings.low, readings.high):
-        same = keep and [one for one in found if _is_same(one, low, high, count, 1.0 / step)]
-        known = [
-            (peak.frequency, peak.half_width / peak.frequency)
-            for peak in single
-            if peak.frequency in modes and low < peak.frequency < high
-        ]
-        fit: BandFit | None = same[0] if same else None
-        if fit is None:
-            fit = fit_between(frequency, values, readings, low, high, count, MOST_MODES, known)
-        if known and (fit is None or not modes_inside(fit, 1.0 / step)):  # too narrow: neighbours' flanks are let in
-            inside = [peak for peak in single if low < peak.frequency < high]
-            low, high = widened(inside, [peak for peak in single if peak not in inside], low, high, step)
-            low, high = max(low, readings.low), min(high, readings.high)
-            fit = fit_between(frequency, values, readings, low, high, count, MOST_MODES, known)
-        if fit is not None:
-            again.append(fit)
-    return again
+            merged.append(peak)
+    return merged
 
 
-def _peaks_of(found: BandFit, readings: Readings, step: float) -> list[Peak]:
-    """Peaks of the modes of a band, without flanks; `step` is the distance of frequency bins [Hz]."""
-    modes = zip(found.fit.modes.frequency, found.fit.modes.damping, strict=True)
-    peaks = [
-        Peak(float(f), float(max(z * f, 0.5 * step)), found.against_none)
-        for j, (f, z) in enumerate(modes)
-        if not is_flank(found, j, 1.0 / step)
+def _fit_anew(
+    spectrum: RecordSpectrum,
+    band: tuple[float, float, int],
+    peaks: list[Peak],
+    modes: Collection[float],
+    kept: Sequence[BandFit],
+) -> BandFit | None:
+    """Fit a band with a number of peaks, or take it from those that are kept; widen it if it loses all its modes."""
+    low, high, count = band
+    length = 1.0 / spectrum.step
+    inside = [peak for peak in peaks if low < peak.frequency < high]
+    known = [(peak.frequency, peak.half_width / peak.frequency) for peak in inside if peak.frequency in modes]
+    fit = _same_band(kept, band, length) or fit_between(spectrum, (low, high), count, limits.MAX_BAND_MODES, known)
+    if known and (fit is None or not modes_inside(fit, length)):  # too narrow: neighbours' skirts are let in
+        low, high = widened(inside, peaks, low, high, spectrum.step)
+        low, high = max(low, spectrum.readings.low), min(high, spectrum.readings.high)
+        fit = fit_between(spectrum, (low, high), count, limits.MAX_BAND_MODES, known)
+    return fit
+
+
+def _peaks_of_modes(found: Sequence[BandFit], step: float) -> list[Peak]:
+    """Peaks of the modes of bands, without skirts of modes outside them, for a distance of bins [Hz]."""
+    return [
+        Peak(float(f), float(max(z * f, 0.5 * step)), one.against_none)
+        for one in found
+        for j, (f, z) in enumerate(_modes_in(one))
+        if not is_flank(one, j, 1.0 / step)
     ]
-    return [peak._replace(alone=is_hump(peak, readings)) for peak in peaks]
 
 
-def _explained(peak: Peak, found: Sequence[BandFit], length: float) -> bool:
-    """Whether a peak asks for no mode, or has one within its half-widths or the mode's."""
-    return (
-        peak.alone
-        or peak.rise < CLEAR
-        or any(
-            abs(f - peak.frequency) < max(EXPLAINED * f * z, WIDER * peak.half_width)
-            for one in found
-            for j, (f, z) in enumerate(
-                zip(one.fit.modes.frequency[: modes_of(one)], one.fit.modes.damping, strict=False)
-            )
-            if not is_flank(one, j, length)
-        )
+def _modes_in(found: BandFit) -> list[tuple[float, float]]:
+    """Frequency [Hz] and damping ratio of each mode of a band, skirts among them."""
+    modes = found.fit.modes
+    return list(zip(modes.frequency, modes.damping, strict=True))[: modes_of(found)]
+
+
+def _marked(peaks: Sequence[Peak], readings: Readings) -> list[Peak]:
+    """Mark peaks of rotationally sampled wind, which need a band of their own."""
+    return [peak._replace(alone=is_rotational_peak(peak, readings)) for peak in peaks]
+
+
+def _is_explained(peak: Peak, found: Sequence[BandFit], length: float) -> bool:
+    """True if a peak requires no mode, or has one within its half-widths or the mode's."""
+    if peak.alone or peak.rise < limits.MIN_PEAK_SIGMAS:
+        return True
+    near = limits.PEAK_WIDTH_FACTOR * peak.half_width
+    return any(
+        abs(f - peak.frequency) < max(limits.MODE_HALF_WIDTHS * f * z, near) and not is_flank(one, j, length)
+        for one in found
+        for j, (f, z) in enumerate(_modes_in(one))
     )
 
 
-def is_hump(peak: Peak, readings: Readings) -> bool:
-    """Whether a peak stands on a harmonic of the rotor: the wind that blades sample, which shares no band with a
-    mode."""
+def is_rotational_peak(peak: Peak, readings: Readings) -> bool:
+    """True if a peak is at a rotor harmonic: rotationally sampled wind, which shares no band with a mode."""
     n = round(peak.frequency / readings.rotor_hz) if readings.rotor_hz else 0
-    return n > 0 and abs(peak.frequency - n * readings.rotor_hz) < max(HUMP * peak.frequency, 1.5 * peak.half_width)
+    near = max(limits.MAX_HARMONIC_DISTANCE * peak.frequency, 1.5 * peak.half_width)
+    return n > 0 and abs(peak.frequency - n * readings.rotor_hz) < near
 
 
-def _is_same(found: BandFit, low: float, high: float, count: int, length: float) -> bool:
-    first, last = found.band.frequency[[0, -1]]
-    return modes_inside(found, length) == count and max(abs(first - low), abs(last - high)) < MOVED * (high - low)
+def _same_band(found: Sequence[BandFit], band: tuple[float, float, int], length: float) -> BandFit | None:
+    """First of some bands with the number of modes, and nearly the borders, of another; None if there is none."""
+    low, high, count = band
+    for one in found:
+        first, last = one.band.frequency[[0, -1]]
+        shift = max(abs(first - low), abs(last - high))
+        if modes_inside(one, length) == count and shift < limits.MAX_BORDER_SHIFT * (high - low):
+            return one
+    return None

@@ -1,6 +1,6 @@
-"""Sensors of operational modal analysis: which channels, what they read, where they sit and where they point."""
+"""Sensors of operational modal analysis: channels, physical quantities, positions and directions."""
 
-from collections.abc import Container, Sequence
+from collections.abc import Container, Mapping, Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -11,16 +11,15 @@ from windsysid._types import Array
 from windsysid.checks.dead_channel import is_constant
 from windsysid.errors import ConfigurationError
 from windsysid.inspection.bodies import body_of
-from windsysid.inspection.channels import VIBRATION, kind_of
+from windsysid.inspection.channels import VIBRATION, Kind, kind_of
 from windsysid.inspection.plausibility import rotor_of
 from windsysid.mechanics.sensor_lists import first_problem, parse_sensors, read_sensor_tables
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
+from windsysid.spectral.oma.limits import MAX_SENSORS
 from windsysid.spectral.transforms.multiblade import is_blade
 
 __all__ = ["ModalSensor", "choose_sensors", "derivative_order", "read_modal_sensors"]
-
-MOST_SENSORS = 60
 
 Quantity = Literal["acceleration", "velocity", "displacement", "strain", "load"]
 
@@ -35,11 +34,11 @@ class ModalSensor(BaseModel):
     channel
         Name of the record's channel.
     quantity
-        What it reads; told by the channel's unit and name where it is not given.
+        Physical quantity; by default that of the channel's unit and name.
     position
-        Where it sits [m], for drawing; None where that is not known.
+        Position [m], for figures; None if it is unknown.
     direction
-        Where it points [1]; of any length.
+        Direction [1]; of any length.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -129,30 +128,43 @@ def choose_sensors(
 
 def _of_the_structure(record: Record) -> tuple[tuple[ModalSensor, ...], tuple[str, ...]]:
     """Choose the channels of the best kind that measure the structure, with notes on channels of other bodies."""
-    known = {name: kind_of(name, unit) for name, unit in zip(record.channels, record.units, strict=True)}
-    shaking = [name for name, kind in known.items() if kind in VIBRATION and not _has_measured_twin(name, known)]
-    live = [name for name in shaking if _moves(record[name])]
-    media = [name for name in live if body_of(name) not in ("structure", "rotor")]
-    blades = _turning_blades(record, [name for name in live if name not in media])
-    for kind in VIBRATION:
-        of_kind = [name for name in live if known[name] == kind]
-        names = [name for name in of_kind if name not in media and name not in blades]
-        if names:
-            notes = _left_out(
-                [name for name in blades if known[name] in VIBRATION[: VIBRATION.index(kind) + 1]],
-                [name for name in media if name in of_kind],
-            )
-            return tuple(ModalSensor(channel=name) for name in names[:MOST_SENSORS]), notes
-    still = [name for name in shaking if name not in live and body_of(name) in ("structure", "rotor")]
-    if blades or not still:
-        got = "got none" if not live else f"got only {_listed(live)} of blades, water, air or mooring lines"
-        raise ConfigurationError(
-            f"{record.name}: expected channels that show the structure's vibration (acceleration, strain, load, "
-            f"displacement, velocity), {got}: list them (--sensors)"
+    kinds = _vibration_kinds(record)
+    live = [name for name in kinds if _moves(record[name])]
+    media, blades = _other_bodies(record, live)
+    usable = {name: kinds[name] for name in live if name not in (*media, *blades)}
+    if not usable:
+        raise _without_vibration(record, list(kinds), live, blades)
+    best = min(usable.values(), key=VIBRATION.index)
+    chosen = tuple(ModalSensor(channel=name) for name, kind in usable.items() if kind == best)
+    return chosen[:MAX_SENSORS], _left_out(blades, media, kinds, best)
+
+
+def _vibration_kinds(record: Record) -> dict[str, Kind]:
+    """Kinds of the channels that measure vibration, without simulated twins of measured ones."""
+    kinds = {name: kind_of(name, unit) for name, unit in zip(record.channels, record.units, strict=True)}
+    return {n: kind for n, kind in kinds.items() if kind in VIBRATION and not _has_measured_twin(n, kinds)}
+
+
+def _without_vibration(
+    record: Record, vibration: Sequence[str], live: Sequence[str], blades: Sequence[str]
+) -> ConfigurationError:
+    """Error for a record without usable channels, of which some may be constant or of other bodies."""
+    dead = [name for name in vibration if name not in live and body_of(name) in ("structure", "rotor")]
+    if dead and not blades:
+        return ConfigurationError(
+            f"{record.name}: {', '.join(dead[:3])}: constant or empty; expected vibration; check sensors and file"
         )
-    raise ConfigurationError(
-        f"{record.name}: {', '.join(still[:3])}: constant or empty; expected vibration; check sensors and file"
+    got = f"got only {_listed(live)} of blades, water, air or mooring lines" if live else "got none"
+    return ConfigurationError(
+        f"{record.name}: expected channels that show the structure's vibration (acceleration, strain, load, "
+        f"displacement, velocity), {got}: list them (--sensors)"
     )
+
+
+def _other_bodies(record: Record, names: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Channels of water, air and mooring lines, and those of rotating blades."""
+    media = [name for name in names if body_of(name) not in ("structure", "rotor")]
+    return media, _turning_blades(record, [name for name in names if name not in media])
 
 
 def _turning_blades(record: Record, names: Sequence[str]) -> list[str]:
@@ -168,8 +180,11 @@ def _turning_blades(record: Record, names: Sequence[str]) -> list[str]:
     return blades if rotor is None and len(blades) < len(names) else []
 
 
-def _left_out(blades: Sequence[str], media: Sequence[str]) -> tuple[str, ...]:
-    """Write notes on channels that were left out."""
+def _left_out(blades: Sequence[str], media: Sequence[str], kinds: Mapping[str, Kind], best: Kind) -> tuple[str, ...]:
+    """Notes on channels that were left out although their kind is as good as the best of the structure."""
+    rank = VIBRATION.index(best)
+    blades = [name for name in blades if VIBRATION.index(kinds[name]) <= rank]
+    media = [name for name in media if kinds[name] == best]
     notes = []
     if blades:
         notes.append(
@@ -188,12 +203,12 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def derivative_order(sensor: ModalSensor, record: Record) -> int:
-    """How often what a sensor reads is derived by time: acceleration 2, velocity 1, displacement, strain and load 0.
+    """Order of the time derivative that a sensor reads: acceleration 2, velocity 1, displacement, strain and load 0.
 
     Raises
     ------
     ConfigurationError
-        If neither the sensor nor its channel says.
+        If neither the sensor nor its channel names a vibration.
     """
     kind = sensor.quantity or kind_of(sensor.channel, record.unit(sensor.channel))
     if kind not in _ORDERS:
@@ -205,7 +220,7 @@ def derivative_order(sensor: ModalSensor, record: Record) -> int:
 
 
 def _has_measured_twin(channel: str, others: Container[str]) -> bool:
-    """Whether the record has a simulated acceleration without gravity also with gravity, as sensors measure it."""
+    """True for a simulated acceleration without gravity that the record also has with gravity, as sensors measure."""
     return channel.endswith("_kinematic") and channel.removesuffix("_kinematic") in others
 
 

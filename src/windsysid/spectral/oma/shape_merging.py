@@ -1,4 +1,4 @@
-"""One shape from those of several records, which need not have the same sensors.
+"""Least-squares merging of mode shapes of several records, which need not have the same sensors.
 
 Record s has the ratios ρ_s(c) = φ(c)/φ(l_s) of the shape φ in its sensors c to its largest l_s, with their covariance.
 The most probable φ, 1 in one sensor, follows by least squares (Gauss and Newton); sensors that records have in common
@@ -15,15 +15,16 @@ from windsysid._types import Array, Complex
 
 __all__ = ["MergedShape", "Ratios", "merge_shapes"]
 
-STEPS = 20
-SETTLED = 1e-9
-LEAST_STD = 1e-6
-"""Of a ratio: no sensor is more exact."""
+MAX_ITERATIONS, STEP_TOLERANCE = 20, 1e-9
+"""Numerical tolerance: iterations of Gauss and Newton's method, and the step at which they have converged."""
+
+MIN_RATIO_STD = 1e-6
+"""Numerical tolerance: smallest standard deviation of a ratio."""
 
 
 class Ratios(NamedTuple):
-    """A record's shape: sensors (n,) as places among all, ratios (n,) with 1 in the largest, and the covariance (2 n,
-    2 n) of their real parts and then their imaginary ones."""
+    """Shape of one record: sensors (n,) as indices among all, ratios (n,) with 1 in the largest, and the covariance
+    (2 n, 2 n) of their real parts and then their imaginary ones."""
 
     place: NDArray[np.int64]
     ratio: Complex
@@ -31,8 +32,8 @@ class Ratios(NamedTuple):
 
 
 class MergedShape(NamedTuple):
-    """Shape (N,), 1 in its largest sensor, its covariance (2 N, 2 N), and how far the records are from it: the weighted
-    sum of squares and its degrees of freedom."""
+    """Shape (N,), 1 in its largest sensor, its covariance (2 N, 2 N), and the misfit of the records: weighted sum of
+    squares and its degrees of freedom."""
 
     shape: Complex
     cov: Array
@@ -41,13 +42,13 @@ class MergedShape(NamedTuple):
 
 
 def merge_shapes(records: Sequence[Ratios], sensors: int) -> MergedShape:
-    """One shape in all N sensors; each must be in a record."""
+    """Merge the shapes of records into one in all N sensors, each of which must be in a record."""
     phi = _start(records, sensors)
     fixed = int(np.argmax(np.abs(phi)))
     phi = phi / phi[fixed]
     free = np.array([c for c in range(sensors) if c != fixed], dtype=np.int64)
     weights = [_weight(one) for one in records]
-    for _ in range(STEPS):
+    for _ in range(MAX_ITERATIONS):
         normal, vector = np.zeros((2 * len(free), 2 * len(free))), np.zeros(2 * len(free))
         misfit, rows = 0.0, 0
         for one, weight in zip(records, weights, strict=True):
@@ -60,7 +61,7 @@ def merge_shapes(records: Sequence[Ratios], sensors: int) -> MergedShape:
             break
         step = np.linalg.solve(normal, vector)
         phi[free] += step[: len(free)] + 1j * step[len(free) :]
-        if np.max(np.abs(step)) < SETTLED:
+        if np.max(np.abs(step)) < STEP_TOLERANCE:
             break
     cov = np.zeros((2 * sensors, 2 * sensors))
     at = np.concatenate([free, free + sensors])
@@ -70,7 +71,7 @@ def merge_shapes(records: Sequence[Ratios], sensors: int) -> MergedShape:
 
 
 def _start(records: Sequence[Ratios], sensors: int) -> Complex:
-    """A shape by scaling one record after the other on what is known."""
+    """Start value of the shape: scale one record after the other to those before it."""
     phi = np.full(sensors, np.nan, dtype=np.complex128)
     phi[records[0].place] = records[0].ratio
     waiting = list(records[1:])
@@ -85,7 +86,7 @@ def _start(records: Sequence[Ratios], sensors: int) -> Complex:
 
 
 def _linear(one: Ratios, phi: Complex, free: NDArray[np.int64]) -> tuple[Array, Array]:
-    """How a record's ratios follow the free elements of φ (2 (n − 1), 2 N_f), and how far they are off."""
+    """Derivatives (2 (n − 1), 2 N_f) of a record's ratios by the free elements of φ, and residuals."""
     largest = int(np.argmax(np.abs(one.ratio)))
     others = np.array([i for i in range(len(one.place)) if i != largest], dtype=np.int64)
     base = phi[one.place[largest]]
@@ -99,15 +100,15 @@ def _linear(one: Ratios, phi: Complex, free: NDArray[np.int64]) -> tuple[Array, 
 
 
 def _weight(one: Ratios) -> Array:
-    """Inverse covariance of the ratios but the largest."""
+    """Inverse covariance of the ratios without the largest."""
     n, largest = len(one.place), int(np.argmax(np.abs(one.ratio)))
     kept = np.array([i for i in range(2 * n) if i % n != largest], dtype=np.int64)
-    cov = one.cov[np.ix_(kept, kept)] + LEAST_STD**2 * np.eye(len(kept))
+    cov = one.cov[np.ix_(kept, kept)] + MIN_RATIO_STD**2 * np.eye(len(kept))
     return np.asarray(np.linalg.inv(cov))
 
 
 def _scaled(phi: Complex, cov: Array) -> tuple[Complex, Array]:
-    """The shape 1 where it is largest, and its covariance."""
+    """Scale the shape to 1 in its largest sensor, with its covariance."""
     n, largest = len(phi), int(np.argmax(np.abs(phi)))
     shape = phi / phi[largest]
     slope = np.eye(n, dtype=np.complex128) / phi[largest]

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import windsysid as ws
-from windsysid.spectral.clock_lag import _Shapes, _tested_lags
+from windsysid.spectral.oma.clock_lag import _Shapes, _tested_lags
 
-from .oscillators import modal_responses
-from .test_oma import record_of
+from ..oscillators import modal_responses
+from ..test_oma import record_of
 
 RATE = 20.0
 SHAPES = np.array([[0.33, -0.74, -0.59], [0.59, -0.33, 0.74], [0.74, 0.59, -0.33], [0.5, 0.2, 0.6]])

@@ -18,43 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array, Complex
+from windsysid.spectral.oma import limits
 from windsysid.spectral.oma.condition import Readings
 from windsysid.spectral.oma.result import DoubtKind, OperationalMode
 
 __all__ = ["Lag", "aligned", "clock_lags", "lag_doubt", "lag_note"]
 
-SHAPE_PHASE_STD = 0.03
-"""Standard deviation of the phases of mode shapes of real structures [rad], added to their uncertainty."""
-
-PRIOR_DEGREES_OF_FREEDOM = 2.0
-"""Degrees of freedom of the prior knowledge of that standard deviation."""
-
-FALSE_ALARM_PROBABILITY = 1e-4
-"""Significance level of the F test of a lag, over all channels of a record."""
-
-MIN_MISFIT_INCREASE = 25.0
-"""Smallest increase of Q, in units of its scatter, for other lags and for a constant phase: 5 σ."""
-
-MIN_MODES = 2
-"""Smallest number of modes for an estimate of lags."""
-
-DOUBTS_WITHOUT_SHAPE: tuple[DoubtKind, ...] = ("channels", "halves", "neighbour")
+DOUBTS_WITHOUT_SHAPE: frozenset[DoubtKind] = frozenset({"channels", "halves", "neighbour"})
 """Kinds of doubts that do not concern the shape of a mode."""
-
-MIN_FREQUENCY_RATIO = 1.5
-"""Smallest ratio of the highest to the lowest frequency: for a smaller one a lag resembles a constant phase."""
-
-MAX_LAG_PERIODS, MAX_SEARCHED_PERIODS = 0.5, 2.0
-"""Largest lag that is corrected, and that is searched, in periods of the highest mode."""
-
-STEPS_PER_PERIOD = 80
-"""Number of lags that are evaluated in a period of the highest mode."""
-
-MAX_SWEEPS = 20
-"""Number of sweeps over the channels; from half of them on, the steps become smaller."""
-
-MAX_GROUP_SIGMAS = 4.0
-"""Largest difference of the lags of channels with a common clock [σ]."""
 
 
 class Lag(NamedTuple):
@@ -99,15 +70,21 @@ class _Shapes(NamedTuple):
 def clock_lags(modes: Sequence[OperationalMode], readings: Readings) -> list[Lag]:
     """Estimate the clock lags of the channels of one record from the shapes of its modes."""
     channels = [i for i, sensor in enumerate(readings.sensors) if sensor is not None]
-    used = [mode for mode in modes if all(doubt.kind in DOUBTS_WITHOUT_SHAPE for doubt in mode.grounds)]
-    frequency = np.array([mode.frequency for mode in used])
-    if len(channels) < 2 or len(used) < MIN_MODES or frequency.max() < MIN_FREQUENCY_RATIO * frequency.min():
+    used = [mode for mode in modes if {doubt.kind for doubt in mode.grounds} <= DOUBTS_WITHOUT_SHAPE]
+    if len(channels) < 2 or len(used) < limits.MIN_LAG_MODES:
         return []
-    shape = np.array([mode.shape[channels] for mode in used]).T
-    std = np.array([mode.shape_std[channels] for mode in used]).T
-    sigma = np.hypot(np.maximum(std, 1e-6), SHAPE_PHASE_STD * np.abs(shape))
-    shapes = _Shapes(frequency, shape / sigma)
+    shapes = _weighted_shapes(used, channels)
+    if shapes.frequency.max() < limits.MIN_FREQUENCY_RATIO * shapes.frequency.min():
+        return []
     return [lag._replace(channel=channels[lag.channel]) for lag in _tested_lags(shapes)]
+
+
+def _weighted_shapes(modes: Sequence[OperationalMode], channels: Sequence[int]) -> _Shapes:
+    """Shapes of modes in some channels, over their standard deviations."""
+    shape = np.array([mode.shape[channels] for mode in modes]).T
+    std = np.array([mode.shape_std[channels] for mode in modes]).T
+    sigma = np.hypot(np.maximum(std, 1e-6), limits.SHAPE_PHASE_STD * np.abs(shape))
+    return _Shapes(np.array([mode.frequency for mode in modes]), shape / sigma)
 
 
 def aligned(readings: Readings, lags: Sequence[Lag]) -> Readings:
@@ -147,17 +124,17 @@ def _tested_lags(shapes: _Shapes) -> list[Lag]:
         return []
     lags = _fitted(shapes, np.where(np.isin(np.arange(count), late), lags - _common(shapes, lags), 0.0), late)
     least = shapes.misfit(lags)
-    freedom = PRIOR_DEGREES_OF_FREEDOM + shapes.freedom - len(late)
-    if freedom < PRIOR_DEGREES_OF_FREEDOM:
+    freedom = limits.SHAPE_PHASE_FREEDOM + shapes.freedom - len(late)
+    if freedom < limits.SHAPE_PHASE_FREEDOM:
         return []
-    scatter = max(1.0, (PRIOR_DEGREES_OF_FREEDOM + least) / freedom)
+    scatter = max(1.0, (limits.SHAPE_PHASE_FREEDOM + least) / freedom)
     found = []
     for channel in late:
         without = shapes.misfit(np.where(np.arange(count) == channel, 0.0, lags))
-        if _chance((without - least) / scatter, freedom) < FALSE_ALARM_PROBABILITY / count:
-            if _constant_phase(shapes, lags, channel) - least < MIN_MISFIT_INCREASE * scatter:
+        if _chance((without - least) / scatter, freedom) < limits.LAG_FALSE_ALARM_PROBABILITY / count:
+            if _constant_phase(shapes, lags, channel) - least < limits.MIN_MISFIT_INCREASE * scatter:
                 return []
-            others = _other_lags(shapes, lags, channel, least + MIN_MISFIT_INCREASE * scatter)
+            others = _other_lags(shapes, lags, channel, least + limits.MIN_MISFIT_INCREASE * scatter)
             std = np.sqrt(scatter) * _std(shapes, lags, channel)
             found.append(Lag(channel, float(lags[channel]), std, others, len(shapes.frequency)))
     return found if len(found) == len(late) else []
@@ -174,14 +151,14 @@ def _fitted(shapes: _Shapes, lags: Array, free: Sequence[int]) -> Array:
     """Minimise Q over the lags (n,) of the channels `free`, by coordinate descent."""
     highest = float(shapes.frequency.max())
     lags = lags.copy()
-    reach = MAX_LAG_PERIODS / highest
-    grid = np.linspace(-reach, reach, 2 * round(MAX_LAG_PERIODS * STEPS_PER_PERIOD) + 1)
-    for sweep in range(MAX_SWEEPS):
-        fine = 0.5 ** max(0, sweep - MAX_SWEEPS // 2)
+    reach = limits.MAX_LAG_PERIODS / highest
+    grid = np.linspace(-reach, reach, 2 * round(limits.MAX_LAG_PERIODS * limits.LAGS_PER_PERIOD) + 1)
+    for sweep in range(limits.LAG_SWEEPS):
+        fine = 0.5 ** max(0, sweep - limits.LAG_SWEEPS // 2)
         for channel in free:
             tried = (
                 grid
-                if sweep < MAX_SWEEPS // 2
+                if sweep < limits.LAG_SWEEPS // 2
                 else lags[channel] + fine * np.linspace(-1.0, 1.0, 9) * (grid[1] - grid[0])
             )
             lags[channel] = tried[int(np.argmin(shapes.misfits(lags, channel, tried)))]
@@ -198,7 +175,7 @@ def _std(shapes: _Shapes, lags: Array, channel: int) -> float:
 def _groups(shapes: _Shapes, lags: Array) -> NDArray[np.bool_]:
     """Mask (n, n) of pairs of channels with equal lags."""
     std = np.array([_std(shapes, lags, channel) for channel in range(len(lags))])
-    return np.asarray(np.abs(lags[:, None] - lags) <= MAX_GROUP_SIGMAS * np.hypot(std[:, None], std))
+    return np.asarray(np.abs(lags[:, None] - lags) <= limits.MAX_CLOCK_SIGMAS * np.hypot(std[:, None], std))
 
 
 def _common(shapes: _Shapes, lags: Array) -> float:
@@ -224,8 +201,8 @@ def _constant_phase(shapes: _Shapes, lags: Array, channel: int) -> float:
 
 def _other_lags(shapes: _Shapes, lags: Array, channel: int, bound: float) -> tuple[float, ...]:
     """Other lags of one channel with Q below a bound [s], the smallest Q first."""
-    reach = MAX_SEARCHED_PERIODS / float(shapes.frequency.max())
-    tried = np.linspace(-reach, reach, 2 * round(MAX_SEARCHED_PERIODS * STEPS_PER_PERIOD) + 1)
+    reach = limits.MAX_SEARCHED_PERIODS / float(shapes.frequency.max())
+    tried = np.linspace(-reach, reach, 2 * round(limits.MAX_SEARCHED_PERIODS * limits.LAGS_PER_PERIOD) + 1)
     q = shapes.misfits(lags, channel, tried)
     inner = np.arange(1, len(q) - 1)
     minima = inner[(q[inner] <= q[inner - 1]) & (q[inner] < q[inner + 1]) & (q[inner] < bound)]

@@ -1,0 +1,137 @@
+"""Limits of operational modal analysis: each says whether it is a probability, odds, a size or a setting."""
+
+__all__ = [
+    "BAND_SEARCHES", "FREQUENCY_SCALE", "JOINT_STEPS", "LAGS_PER_PERIOD", "LAG_FALSE_ALARM_PROBABILITY",
+    "LAG_SWEEPS", "MAX_BANDS", "MAX_BAND_MODES", "MAX_BORDER_SHIFT", "MAX_BRIDGED_SHARE", "MAX_CLOCK_SIGMAS",
+    "MAX_ENERGY_SHARE", "MAX_FILLED_SHARE", "MAX_FREQUENCY_SHARE", "MAX_FREQUENCY_STEP",
+    "MAX_HARMONIC_DISTANCE", "MAX_LAG_PERIODS", "MAX_LOW_PASS_SHARE", "MAX_RECORD_DISTANCE",
+    "MAX_REFERENCE_DISTANCE", "MAX_SEARCHED_PERIODS", "MAX_SENSORS", "MAX_SPEED_VARIATION", "MAX_SPIKE_SHARE",
+    "MIN_ASSURANCE", "MIN_BAND_BINS", "MIN_BLADE_RATIO", "MIN_CORRELATION_SIGMAS", "MIN_CYCLES",
+    "MIN_FREQUENCY_RATIO", "MIN_LAG_MODES", "MIN_LOG_ODDS", "MIN_MISFIT_INCREASE", "MIN_PEAK_SIGMAS",
+    "MIN_SCATTER_PROBABILITY", "MIN_SHAPE_ASSURANCE", "MODE_HALF_WIDTHS", "PEAK_WIDTH_FACTOR",
+    "SHAPE_PHASE_FREEDOM", "SHAPE_PHASE_STD", "SHAPE_SCALE", "SKIRT_HALF_WIDTHS",
+]  # fmt: skip
+
+MAX_BRIDGED_SHARE = 0.02
+"""Size: share of missing samples up to which straight lines bridge them; if more are missing, the longest segment
+without gaps is used."""
+
+MAX_FILLED_SHARE = 0.2
+"""Size: share of missing samples up to which short gaps are filled by interpolation (`fill_short_gaps`)."""
+
+MAX_SPIKE_SHARE = 0.002
+"""Size: share of a channel's samples in spikes up to which they are bridged; if more are, the record is doubtful."""
+
+MAX_FREQUENCY_SHARE = 0.42
+"""Size: highest frequency of modes over the sampling rate; anti-aliasing filters fall off beyond."""
+
+MAX_LOW_PASS_SHARE = 0.8
+"""Size: highest frequency of modes over the cut-off of a record's low-pass filter."""
+
+MIN_CYCLES = 8
+"""Size: cycles in the record of the lowest frequency of modes."""
+
+MAX_SPEED_VARIATION = 0.02
+"""Size: relative standard deviation of the rotor speed beyond which harmonics and whirl modes are smeared."""
+
+MAX_ENERGY_SHARE = 0.6
+"""Size: share of the vibration in an eighth of the record beyond which it is a transient."""
+
+MAX_BAND_MODES = 5
+"""Setting: largest number of modes in one band."""
+
+MAX_BANDS = 24
+"""Setting: number of bands that are analysed if no limits are given."""
+
+BAND_SEARCHES = 2
+"""Setting: number of times that bands are placed anew."""
+
+MAX_BORDER_SHIFT = 0.15
+"""Size: distance of a band's borders from their right places, over its width, beyond which it is fitted again."""
+
+MAX_HARMONIC_DISTANCE = 0.01
+"""Size: relative distance from a rotor harmonic up to which a peak is one of rotationally sampled wind; so is one
+nearer than one and a half of its half-widths."""
+
+MIN_PEAK_SIGMAS = 8.0
+"""Size in standard deviations: rise of a peak that requires a mode."""
+
+PEAK_WIDTH_FACTOR = 3.0
+"""Size: factor on the half-width of such a peak without a mode, since few bins give its half height inaccurately."""
+
+MODE_HALF_WIDTHS = 5.0
+"""Size: half-widths of a mode within which it explains a peak."""
+
+MIN_LOG_ODDS = 5.0
+"""Log odds: evidence of the modes of a band against none, very strong beyond 5 (Kass & Raftery, J. Am. Stat. Assoc.
+90, 1995)."""
+
+MIN_BAND_BINS = 8
+"""Size: number of frequency bins of a band without those of sinusoids; with fewer, the halves of a record cannot be
+compared."""
+
+SKIRT_HALF_WIDTHS = 2.0
+"""Size: half-widths by which the skirt of a mode reaches into the next band."""
+
+MAX_REFERENCE_DISTANCE = 0.08
+"""Size: relative distance up to which a mode may be one of the turbine file."""
+
+MIN_BLADE_RATIO = 3.0
+"""Size: motion of the blades over that of the support from which on a mode is one of the blades."""
+
+MAX_FREQUENCY_STEP = 0.1
+"""Size: step of ln f from one record to the next up to which two modes may be the same."""
+
+MIN_ASSURANCE = 0.4
+"""Size: modal assurance criterion from which on two shapes with two common sensors may be of the same mode."""
+
+FREQUENCY_SCALE, SHAPE_SCALE = 0.05, 0.3
+"""Size: step of ln f, and 1 − MAC, that count as 1 in the distance of two modes."""
+
+MIN_CORRELATION_SIGMAS = 8.0
+"""Size in standard deviations: peak of the correlation of two records beyond which they hold the same motion."""
+
+MAX_RECORD_DISTANCE = 3
+"""Setting: number of following records that are searched for overlap; equal files are found wherever they are."""
+
+MIN_SCATTER_PROBABILITY = 1e-3
+"""Probability: of a larger scatter between records; below it they are not of one state."""
+
+MIN_SHAPE_ASSURANCE = 0.95
+"""Size: modal assurance criterion below which shapes that scatter too much are not one shape."""
+
+JOINT_STEPS = 120
+"""Setting: largest number of iterations of a fit of several records."""
+
+MAX_SENSORS = 60
+"""Setting: largest number of channels that are chosen if none are listed."""
+
+SHAPE_PHASE_STD = 0.03
+"""Size: standard deviation of the phases of mode shapes of real structures [rad], added to their uncertainty."""
+
+SHAPE_PHASE_FREEDOM = 2.0
+"""Size: degrees of freedom of the prior knowledge of that standard deviation."""
+
+LAG_FALSE_ALARM_PROBABILITY = 1e-4
+"""Probability: significance level of the F test of a clock lag, over all channels of a record."""
+
+MIN_MISFIT_INCREASE = 25.0
+"""Size: increase of Q (`clock_lag`), in units of its scatter, for other lags and for a constant phase: 5 σ."""
+
+MIN_LAG_MODES = 2
+"""Size: number of modes for an estimate of lags."""
+
+MIN_FREQUENCY_RATIO = 1.5
+"""Size: ratio of the highest to the lowest frequency; for a smaller one a lag resembles a constant phase."""
+
+MAX_LAG_PERIODS, MAX_SEARCHED_PERIODS = 0.5, 2.0
+"""Size: largest lag that is corrected, and that is searched, in periods of the highest mode."""
+
+LAGS_PER_PERIOD = 80
+"""Setting: number of lags that are evaluated in a period of the highest mode."""
+
+LAG_SWEEPS = 20
+"""Setting: number of sweeps over the channels; from half of them on, the steps become smaller."""
+
+MAX_CLOCK_SIGMAS = 4.0
+"""Size in standard deviations: largest difference of the lags of channels with a common clock."""

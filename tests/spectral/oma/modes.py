@@ -1,0 +1,18 @@
+"""Modes for tests, of which only a few values matter."""
+
+import numpy as np
+
+from windsysid.spectral.oma.result import Doubt, OperationalMode
+
+
+def mode(
+    frequency: float = 1.0,
+    damping: float = 0.01,
+    shape: tuple[complex, ...] = (1.0, 0.5),
+    doubts: tuple[Doubt, ...] = (),
+) -> OperationalMode:
+    size, values = len(shape), np.array(shape, dtype=np.complex128)
+    std = np.full(size, 0.01)
+    band = (0.9 * frequency, 1.1 * frequency)
+    cov = 1e-4 * np.eye(2 * size)
+    return OperationalMode("", frequency, 0.001, damping, 0.1, values, std, 1.0, 0.1, band, doubts, None, cov)

@@ -1,0 +1,49 @@
+"""Names, skirts and neighbours of modes."""
+
+import pytest
+
+import windsysid as ws
+from windsysid.inspection.spectra import expected_modes
+from windsysid.spectral.oma.describe import named, with_neighbours, with_references, without_skirts
+from windsysid.spectral.oma.result import Doubt
+
+from .modes import mode
+
+BLADES = ("tower_x_acceleration", "blades_root_lag collective", "blades_root_lag forward", "blades_root_lag backward")
+
+
+def test_modes_without_a_rotor_have_numbers():
+    assert [one.name for one in named([mode(1.0), mode(2.0)], ("a", "b"))] == ["mode 1", "mode 2"]
+
+
+@pytest.mark.parametrize(
+    ("shape", "name"),
+    [
+        ((1.0, 0.1, 0.1, 0.1), "tower x"),
+        ((0.4, 0.1, 1.0, 0.1), "tower x"),
+        ((0.2, 0.1, 1.0, 0.1), "lag forward"),
+        ((0.0, 1.0, 0.1, 0.1), "lag collective"),
+    ],
+)
+def test_a_mode_has_the_name_of_the_part_that_moves_most(shape: tuple[complex, ...], name: str):
+    assert [one.name for one in named([mode(shape=shape), mode(shape=shape)], BLADES)] == [name, f"{name} 2"]
+
+
+@pytest.mark.parametrize(("frequency", "kept"), [(1.03, 1), (1.05, 2)])
+def test_a_mode_at_the_border_near_a_mode_of_the_next_band_is_its_skirt(frequency: float, kept: int):
+    """Half-widths of 0.01 Hz reach two of them, from both sides: 0.04 Hz."""
+    border = mode(frequency, 0.01 / frequency, doubts=(Doubt("border", "it sits at the border of its band"),))
+    assert sum(map(len, without_skirts([[mode(1.0, 0.01)], [border]]))) == kept
+
+
+def test_modes_of_a_band_are_doubtful_together_except_for_faint_ones():
+    doubtful, faint = mode(1.0, doubts=(Doubt("short", ""),)), mode(1.1, doubts=(Doubt("faint", ""),))
+    assert [one.trusted for one in with_neighbours([doubtful, mode(1.2)])] == [False, False]
+    assert [one.trusted for one in with_neighbours([faint, mode(1.2)])] == [False, True]
+
+
+def test_the_nearest_mode_takes_the_name_of_the_turbine_file():
+    turbine = ws.load_turbine("nrel5mw")
+    name, f, damping = expected_modes(turbine, 0.0)[0]
+    found = with_references([mode(1.03 * f), mode(1.01 * f), mode(1.2 * f)], turbine, 0.0)
+    assert [(one.name, one.reference) for one in found] == [("", None), (name, (f, damping)), ("", None)]
