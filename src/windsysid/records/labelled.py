@@ -64,7 +64,7 @@ def of_frame(frame: Any) -> Labelled:
     time, start = _seconds(moments, unit, "DataFrame")
     values = {name: (column.to_numpy(), unit) for name, (column, unit) in columns.items()}
     texts = {str(k): str(v) for k, v in frame.attrs.items() if k != "units"}
-    noted, attributes = split_start(texts, float(time[0]) if time.size else 0.0)
+    noted, attributes = split_start(texts, time)
     return Labelled(values, time, start or noted, attributes, "DataFrame")
 
 
@@ -99,7 +99,7 @@ def of_dataset(dataset: Any, *, every: bool = True) -> Labelled:
             )
     time, start = _seconds(dataset["time"].to_index(), dataset["time"].attrs.get("units"), "Dataset")
     texts = {str(k): str(v) for k, v in dataset.attrs.items() if not str(k).startswith(_MINE)}
-    noted, attributes = split_start(texts, float(time[0]) if time.size else 0.0)
+    noted, attributes = split_start(texts, time)
     return Labelled(columns, time, start or noted, attributes, str(dataset.attrs.get(f"{_MINE}name", "record")))
 
 

@@ -124,15 +124,9 @@ def open_openfast(path: Path, mapping: Mapping, *, whole: bool = False) -> Sourc
         raw = found.rows(low, high)
         return np.column_stack([_channel(known[c.index], c.values(raw[:, c.index - 1])) for c in columns])
 
-    return indexed_source(
-        path.name,
-        tuple(column.name for column in columns),
-        tuple(column.unit for column in columns),
-        time,
-        rows,
-        {"source": "OpenFAST", "description": found.description, **found.notes},
-        place=found.place,
-        rows_at_once=max(1, (1 << 20) // len(columns)),
+    return replace(
+        indexed_source(path.name, columns, time, rows, place=found.place),
+        attributes={"source": "OpenFAST", "description": found.description, **found.notes},
         start=start_of(mapping.time, None),
     )
 

@@ -28,7 +28,6 @@ from windsysid.records.record import Array
 __all__ = ["Grid", "Series", "cell_of", "short_names", "source_of_series", "tidy_step", "utc"]
 
 _SOME = 10_000  # values that show in which units they are plausible
-_VALUES = 1 << 20  # read at once
 
 
 @dataclass(frozen=True)
@@ -124,41 +123,40 @@ def source_of_series(
     cells = [one.cell for one in series]
     at = _time_index(series, mapping, hint)
     columns = plan_columns(cells, at, mapping, lambda i: series[i].numbers(0, min(_SOME, series[i].samples)), how)
-    chosen = [series[column.index] for column in columns]
-    if at is not None or mapping.time.rate is not None:
-        _check_lengths(chosen if at is None else [series[at], *chosen])
-        time, said = _times(series, at, chosen[0], mapping)
-        places: list[Rows | None] = [None] * len(chosen)
-    else:
-        _check_grids(chosen)
-        fastest = max(chosen, key=lambda one: one.samples)
-        time, said = _own_times(fastest)
-        places = [_place(one, fastest, time) for one in chosen]
+    time, said, places = _placing(
+        [series[column.index] for column in columns], None if at is None else series[at], mapping
+    )
     whole = [k for k, place in enumerate(places) if place is None]
-    noted, attributes = split_start(attributes, float(time[0]) if time.size else 0.0)
+    noted, attributes = split_start(attributes, time)
 
     def rows(low: int, high: int) -> Array:
-        if together is not None:
-            raw = together([columns[k].index for k in whole], low, high)
-        else:
-            raw = [chosen[k].numbers(low, high) for k in whole]
+        indices = [columns[k].index for k in whole]
+        raw = together(indices, low, high) if together else [series[i].numbers(low, high) for i in indices]
         found = {k: _values(columns[k], values, low, high) for k, values in zip(whole, raw, strict=True)}
         for k, place in enumerate(places):
             if place is not None:
-                found[k] = _placed(columns[k], chosen[k], place, low, high)
+                found[k] = _placed(columns[k], series[columns[k].index], place, low, high)
         return np.column_stack([found[k] for k in range(len(columns))])
 
-    source = indexed_source(
-        name,
-        tuple(column.name for column in columns),
-        tuple(column.unit for column in columns),
-        time,
-        rows,
-        attributes,
-        rows_at_once=max(1, _VALUES // len(columns)),
+    return replace(
+        indexed_source(name, columns, time, rows),
+        attributes=attributes,
         start=start_of(mapping.time, said or noted),
+        rate=None if at is None else mapping.time.rate,
     )
-    return source if at is None else replace(source, rate=mapping.time.rate)
+
+
+def _placing(
+    chosen: Sequence[Series], clock: Series | None, mapping: Mapping
+) -> tuple[Array, str | None, list[Rows | None]]:
+    """Times (T,) [s], the moment of time 0, and the rows of each of the `chosen` series; None for all rows."""
+    if clock is not None or mapping.time.rate is not None:
+        _check_lengths(chosen if clock is None else [clock, *chosen])
+        return *_times(clock, chosen[0].samples, mapping), [None] * len(chosen)
+    _check_grids(chosen)
+    fastest = max(chosen, key=lambda one: one.samples)
+    time, said = _own_times(fastest)
+    return time, said, [_place(one, fastest, time) for one in chosen]
 
 
 def _values(column: Column, raw: Array, low: int, high: int) -> Array:
@@ -184,15 +182,9 @@ def _time_index(series: Sequence[Series], mapping: Mapping, hint: str) -> int | 
     cells = [one.cell for one in series]
     if mapping.time.column is not None:
         return find_time(cells, mapping)
-    wanted = [
-        one for one in series if not mapping.only_listed or mapping.rule_of(one.cell.written, one.cell.name) is not None
-    ]
-    timed = any(one.grid is not None or one.times is not None for one in wanted)
-    if timed and mapping.time.rate is not None:
-        raise ConfigurationError(f"{mapping.place}: time.rate: the file itself says its times; remove the key")
-    if timed and (mapping.time.unit, mapping.time.format) != (None, None):
-        raise ConfigurationError(f"{mapping.place}: time: the file itself says its times; leave only zone and start")
-    if timed:
+    wanted = [one for one in series if not mapping.only_listed or mapping.rule_of(one.cell.written, one.cell.name)]
+    if any(one.grid or one.times for one in wanted):
+        _check_own_times(mapping)
         return None
     called = [i for i, cell in enumerate(cells) if is_called_time(cell.name)]
     if len(called) == 1:
@@ -200,11 +192,18 @@ def _time_index(series: Sequence[Series], mapping: Mapping, hint: str) -> int | 
     if mapping.time.rate is not None:
         return None
     found = f"{len(called)} are called so" if called else "none is called so"
-    found += f"; {hint}" if hint else ""
     raise UnknownTimeError(
-        f"no series is known to be the time: {found}; name it in the mapping file ([time] column), or say the rate [Hz]"
-        " there ([time] rate)"
+        f"no series is known to be the time: {'; '.join(filter(None, (found, hint)))}; name it in the mapping file"
+        " ([time] column), or say the rate [Hz] there ([time] rate)"
     )
+
+
+def _check_own_times(mapping: Mapping) -> None:
+    """Refuse a mapping that says what the times of a file are which has them."""
+    if mapping.time.rate is not None:
+        raise ConfigurationError(f"{mapping.place}: time.rate: the file itself says its times; remove the key")
+    if (mapping.time.unit, mapping.time.format) != (None, None):
+        raise ConfigurationError(f"{mapping.place}: time: the file itself says its times; leave only zone and start")
 
 
 def _check_lengths(chosen: Sequence[Series]) -> None:
@@ -271,23 +270,23 @@ def _sampling(series: Series) -> str:
     return f"{series.samples} samples{rate}{begin}{clock}"
 
 
-def _times(series: Sequence[Series], at: int | None, first: Series, mapping: Mapping) -> tuple[Array, str | None]:
-    """Times (T,) [s] from the series `at`, or from the mapping's rate, and the moment of time 0."""
-    moments = None if at is None else series[at].moments
-    if moments is not None:
-        instants = moments()
+def _times(clock: Series | None, samples: int, mapping: Mapping) -> tuple[Array, str | None]:
+    """Times (T,) [s] from the series with the time, or from the mapping's rate, and the moment of time 0."""
+    place = "sample {}".format
+    if clock is not None and clock.moments is not None:
+        instants = clock.moments()
         dated = moments_clock(int(instants[0]), "UTC", mapping.time)
-        return exact_seconds(dated, instants, "sample {}".format), dated.start
-    if at is not None:
-        raw = series[at].numbers(0, series[at].samples)
+        return exact_seconds(dated, instants, place), dated.start
+    if clock is not None:
+        raw = clock.numbers(0, clock.samples)
         cells = [repr(value) for value in raw[:20].tolist()]
         make = make_clock if mapping.time.rate is None else counted_clock
-        clock = make(cells, series[at].cell.unit, mapping.time, "sample {}".format, ".")
-        if clock is not None and clock.textual:
+        found = make(cells, clock.cell.unit, mapping.time, place, ".")
+        if found is not None and found.textual:
             raise RecordError("the time is a number, but the mapping says that it is text; correct [time] format")
-        if clock is not None:
-            return clock.seconds(raw, "sample {}".format), clock.start
-    return np.arange(first.samples) / (mapping.time.rate or 1.0), None
+        if found is not None:
+            return found.seconds(raw, place), found.start
+    return np.arange(samples) / (mapping.time.rate or 1.0), None
 
 
 def _own_times(first: Series) -> tuple[Array, str | None]:

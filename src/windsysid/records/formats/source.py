@@ -7,7 +7,7 @@ checked whole: time must increase inside a block and from one block to the next.
 
 import itertools
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -15,6 +15,7 @@ import numpy as np
 
 from windsysid.errors import RecordError
 from windsysid.records.checks import Array, check_block, check_channels, refuse_outside
+from windsysid.records.formats.columns import Column, names_and_units
 from windsysid.records.packets import RegularTimes, is_even, place_packets, place_rounded, shares_stamps
 from windsysid.records.record import STAMPS, Record
 from windsysid.records.rounded import is_coarse
@@ -222,29 +223,27 @@ def pieces(
 
 def indexed_source(
     name: str,
-    channels: tuple[str, ...],
-    units: tuple[str, ...],
+    columns: Sequence[Column],
     time: Array,
     rows: Callable[[int, int], Array],
-    attributes: Mapping[str, str],
     *,
     place: Callable[[int], str] = "sample {}".format,
-    rows_at_once: int | None = None,
-    start: str | None = None,
+    values_at_once: int = 1 << 20,
 ) -> Source:
     """A source whose times (T,) are known and whose ``rows(low, high)`` can be read anywhere, in SI (high − low, m)."""
+    size = max(1, values_at_once // len(columns))
 
     def blocks(start: float, end: float) -> Iterator[Block]:
         low, high = 0, time.size
         if (start > -np.inf or end < np.inf) and np.all(np.diff(time) > 0.0):
             low = min(int(np.searchsorted(time, start)), max(time.size - 2, 0))
             high = min(int(np.searchsorted(time, end)) + 1, time.size)
-        size = rows_at_once or max(high - low, 1)
         for first in range(low, high, size):
             last = min(first + size, high)
             yield Block(time[first:last], rows(first, last), shifted(place, first), last / time.size)
 
-    return Source(name, channels, units, blocks, attributes, float(time[0]) if time.size else np.nan, start)
+    first = float(time[0]) if time.size else np.nan
+    return Source(name, *names_and_units(columns), blocks, first=first)
 
 
 def shifted(place: Callable[[int], str], first: int) -> Callable[[int], str]:
