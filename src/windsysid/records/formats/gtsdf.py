@@ -17,7 +17,7 @@ import numpy as np
 
 from windsysid.errors import RecordError
 from windsysid.records.formats.columns import Cell
-from windsysid.records.formats.files import damaged
+from windsysid.records.formats.files import reading
 from windsysid.records.formats.hawc2 import distinct_names, known_unit
 from windsysid.records.formats.mapping import Mapping
 from windsysid.records.formats.series import Series, source_of_series
@@ -71,7 +71,7 @@ def source_of_blocks(
     RecordError
         If blocks are missing or do not fit each other.
     """
-    try:
+    with reading():
         blocks = [
             _block(found, f"block{number:04d}", groups.get(f"block{number:04d}", {}))
             for number in range(min(int(about["no_blocks"]), 1 + len(groups)))
@@ -80,8 +80,6 @@ def source_of_blocks(
         if len(widths) != 1:
             raise RecordError("has blocks of different width, or none; it is damaged; copy or export it again")
         cells = _cells(found, widths.pop())
-    except Exception as error:
-        raise damaged(error) from error
     listed = [block.time for block in blocks if block.time is not None]
     times = partial(np.concatenate, listed) if len(listed) == len(blocks) else None
     ends = np.cumsum([len(block.data) for block in blocks])

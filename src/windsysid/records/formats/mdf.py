@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from windsysid.errors import RecordError
-from windsysid.records.formats.files import damaged, quiet, read_start
+from windsysid.records.formats.files import damaged, quiet, read_start, reading
 from windsysid.records.formats.format import Format, package
 from windsysid.records.formats.mapping import Mapping
 from windsysid.records.formats.probing import probe
@@ -48,13 +48,11 @@ def open_mdf(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
     _follow(path)
     probe(path, "asammdf")
     file = _opened(path)
-    try:
+    with reading():
         paths, found = _channels(file, path.stat().st_size)
         names = short_names(paths)
         began = _start(file)
         series = [_series(file, group, index, *name, began) for (group, index), name in zip(found, names, strict=True)]
-    except Exception as error:
-        raise damaged(error) from error
     if not series:
         raise RecordError("holds no channel with samples; expected at least one; record it again")
 
@@ -153,11 +151,8 @@ def _series(file: Any, group: int, index: int, written: str, name: str, start: s
     samples = int(file.groups[group].channel_group.cycles_nr)
 
     def times() -> Array:
-        try:
-            with quiet("asammdf"):
-                return doubles(file.get_master(group))
-        except Exception as error:
-            raise damaged(error) from error
+        with reading(), quiet("asammdf"):
+            return doubles(file.get_master(group))
 
     master = file.masters_db.get(group)
     timed = master is not None and file.groups[group].channels[master].sync_type == _TIME
@@ -172,12 +167,9 @@ def _series(file: Any, group: int, index: int, written: str, name: str, start: s
 
 
 def _read(file: Any, channels: list[tuple[int, int]], low: int, high: int) -> list[Array]:
-    try:
-        wanted = [(None, group, index) for group, index in channels]
-        with quiet("asammdf"):
-            signals = file.select(wanted, record_offset=low, record_count=high - low, copy_master=False)
-    except Exception as error:
-        raise damaged(error) from error
+    wanted = [(None, group, index) for group, index in channels]
+    with reading(), quiet("asammdf"):
+        signals = file.select(wanted, record_offset=low, record_count=high - low, copy_master=False)
     return [_numbers(signal) for signal in signals]
 
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from windsysid.errors import RecordError
 from windsysid.records.formats.arrays import Stored, rate_hint, source_of_arrays
-from windsysid.records.formats.files import damaged
+from windsysid.records.formats.files import reading
 from windsysid.records.formats.format import Format
 from windsysid.records.formats.mapping import Mapping
 from windsysid.records.formats.source import Source, doubles
@@ -42,10 +42,8 @@ class _Header(NamedTuple):
 
 def open_numpy(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
     """Open a file; an ``.npy`` is read as far as it is needed, an ``.npz`` array by array."""
-    try:
+    with reading():
         arrays = list(_archive(path) if zipfile.is_zipfile(path) else _single(path))
-    except Exception as error:
-        raise damaged(error) from error
     return source_of_arrays(path.name, arrays, mapping, {"source": "NumPy"}, rate_hint(arrays))
 
 
@@ -63,11 +61,8 @@ def _single(path: Path) -> Iterator[Stored]:
 def _archive(path: Path) -> Iterator[Stored]:
     @cache  # such a file is read array by array, not in parts
     def array(name: str) -> Any:
-        try:
-            with zipfile.ZipFile(path) as archive, archive.open(name) as file:
-                return np.lib.format.read_array(file, allow_pickle=False)
-        except Exception as error:
-            raise damaged(error) from error
+        with reading(), zipfile.ZipFile(path) as archive, archive.open(name) as file:
+            return np.lib.format.read_array(file, allow_pickle=False)
 
     with zipfile.ZipFile(path) as archive:
         members = [one for one in archive.infolist() if one.filename.endswith(_ENDING)]

@@ -182,9 +182,7 @@ def _time_index(series: Sequence[Series], mapping: Mapping, hint: str) -> int | 
     cells = [one.cell for one in series]
     if mapping.time.column is not None:
         return find_time(cells, mapping)
-    wanted = [one for one in series if not mapping.only_listed or mapping.rule_of(one.cell.written, one.cell.name)]
-    if any(one.grid or one.times for one in wanted):
-        _check_own_times(mapping)
+    if _has_times(series, mapping):
         return None
     called = [i for i, cell in enumerate(cells) if is_called_time(cell.name)]
     if len(called) == 1:
@@ -198,12 +196,15 @@ def _time_index(series: Sequence[Series], mapping: Mapping, hint: str) -> int | 
     )
 
 
-def _check_own_times(mapping: Mapping) -> None:
-    """Refuse a mapping that says what the times of a file are which has them."""
-    if mapping.time.rate is not None:
+def _has_times(series: Sequence[Series], mapping: Mapping) -> bool:
+    """Whether the wanted series have times; refuses a mapping that says otherwise what they are."""
+    wanted = [one for one in series if not mapping.only_listed or mapping.rule_of(one.cell.written, one.cell.name)]
+    timed = any(one.grid or one.times for one in wanted)
+    if timed and mapping.time.rate is not None:
         raise ConfigurationError(f"{mapping.place}: time.rate: the file itself says its times; remove the key")
-    if (mapping.time.unit, mapping.time.format) != (None, None):
+    if timed and (mapping.time.unit, mapping.time.format) != (None, None):
         raise ConfigurationError(f"{mapping.place}: time: the file itself says its times; leave only zone and start")
+    return timed
 
 
 def _check_lengths(chosen: Sequence[Series]) -> None:
