@@ -81,18 +81,21 @@ def source_of_arrays(
     series, left = [], []
     for array in arrays:
         short = array.name if counts[array.name] == 1 else "_".join(array.parts)
-        parts = _series(array, short, length, mapping)
-        listed = [one for one in parts if {one.cell.written, one.cell.name} & {*mapping.channels}]  # not by a pattern
-        if length is not None and parts and parts[0].samples != length and not listed:
-            parts = []
+        parts = _fitting(_series(array, short, length, mapping), length, mapping)
         series += parts
-        if not parts and len(array.shape) > 0:
+        if not parts and array.shape:
             left.append(array.path)
     if not series:
         raise _no_channel(arrays)
     if left and not mapping.only_listed:
         attributes = {**attributes, "left_out": ", ".join(left)}
     return source_of_series(name, series, mapping, attributes, how=_HOW, hint=hint)
+
+
+def _fitting(parts: list[Series], length: int | None, mapping: Mapping) -> list[Series]:
+    """The channels of an array; none if it is not as long as the time and the mapping does not list it."""
+    listed = any({one.cell.written, one.cell.name} & {*mapping.channels} for one in parts)  # not by a pattern
+    return [one for one in parts if listed or length in (None, one.samples)]
 
 
 def _no_channel(arrays: Sequence[Stored]) -> RecordError:

@@ -11,13 +11,12 @@ Source: NI, "Specification for the LabVIEW measurement file (.lvm)".
 import itertools
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from windsysid.errors import RecordError
-from windsysid.records.formats.columns import Cell
 from windsysid.records.formats.dialect import MISSING, is_number
 from windsysid.records.formats.files import read_start
 from windsysid.records.formats.format import Format
@@ -54,22 +53,18 @@ def open_lvm(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
     if not read_start(path, len(_BEGIN)).startswith(_BEGIN.encode()):
         raise RecordError("is no LabVIEW measurement file; give the file the ending of what it is")
     head, segments = _parsed(path)
-    if not segments or not any(one.rows for one in segments):
-        raise RecordError("holds no samples; expected a segment with rows; record it again")
+    channels = _common_channels(segments)
     first = segments[0]
-    channels = _channels(first)
-    if any(_channels(one) != channels or one.names != first.names for one in segments):
-        raise RecordError("has segments with different channels; expected the same in all; split it in LabVIEW")
     tables = [np.array(one.rows) for one in segments]
     multi = head.get("X_Columns", ["One"])[0].lower() == "multi"
     start = _moment(head, first)
     time = _time(head, segments, tables, start, multi)
     values = np.concatenate(tables)[:, 1 : 1 + len(channels) * (1 + multi) : 1 + multi]
     units = itertools.chain(first.header.get("Y_Unit_Label", []), itertools.repeat(None))
-    axis = Series(Cell("", ""), len(values), _column(values[:, 0]), start=start)
-    axis = replace(axis, grid=time) if isinstance(time, Grid) else replace(axis, times=lambda: time)
+    grid = time if isinstance(time, Grid) else None
+    times = None if isinstance(time, Grid) else lambda: time
     series = [
-        replace(axis, cell=cell_of(name, name, unit), numbers=_column(column))
+        Series(cell_of(name, name, unit), len(values), _column(column), grid, times, start=start)
         for name, unit, column in zip(channels, units, values.T, strict=False)
     ]
     about = {key: head[key][0] for key in ("Description", "Operator", "Project") if head.get(key)}
@@ -169,6 +164,16 @@ def _row(cells: list[str], segment: _Segment, decimal: str, number: int) -> list
         else:
             raise RecordError(f"column '{segment.names[index]}', line {number}: '{cell[:40]}' is not a number")
     return values
+
+
+def _common_channels(segments: list[_Segment]) -> list[str]:
+    """The channels of the first segment, which all must have."""
+    if not any(one.rows for one in segments):
+        raise RecordError("holds no samples; expected a segment with rows; record it again")
+    channels = _channels(segments[0])
+    if any(_channels(one) != channels or one.names != segments[0].names for one in segments):
+        raise RecordError("has segments with different channels; expected the same in all; split it in LabVIEW")
+    return channels
 
 
 def _channels(segment: _Segment) -> list[str]:

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 
 import numpy as np
 
-from windsysid.configuration import parse_json
 from windsysid.errors import ConfigurationError, OutputError, RecordError
 from windsysid.records.formats.clock import split_since, start_of
 from windsysid.records.formats.columns import Cell, Column, name_and_unit, plan_columns
@@ -26,6 +25,7 @@ from windsysid.records.formats.mapping import Mapping
 from windsysid.records.formats.probing import probe
 from windsysid.records.formats.source import Block, Source, doubles, indexed_source
 from windsysid.records.formats.time_units import confirmed_unit
+from windsysid.records.labelled import written_order
 from windsysid.records.moments import has_zone, split_start
 from windsysid.records.record import Array, Record
 from windsysid.units import si_unit, to_si
@@ -198,11 +198,7 @@ def _order(file: "h5netcdf.File") -> list[str]:
     listed = [str(item.attrs.get("coordinates", "")).split() for item in (file, *file.variables.values())]
     coordinates = {*file.dimensions, *(name for some in listed for name in some)}
     names = [name for name in file.variables if name not in coordinates]
-    try:
-        order = [str(name) for name in parse_json(file.attrs.get("windsysid_channels", "[]"))]
-    except (TypeError, ValueError):
-        return names
-    return order if sorted(order) == sorted(names) else names
+    return written_order(names, file.attrs.get("windsysid_channels", "[]"))
 
 
 def _time_name(mapping: Mapping) -> str:

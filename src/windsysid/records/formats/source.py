@@ -6,7 +6,6 @@ checked whole: time must increase inside a block and from one block to the next.
 """
 
 import itertools
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
@@ -113,30 +112,31 @@ def without_repeats(source: Source) -> Source:
     RecordError
         If channels of one name differ in unit or, when their block is read, in a value.
     """
-    counts = Counter(source.channels)
-    repeated = [name for name, count in counts.items() if count > 1]
-    if not repeated:
+    first: dict[str, int] = {}
+    again = {k: one for k, name in enumerate(source.channels) if (one := first.setdefault(name, k)) != k}
+    if not again:
         return source
-    first = {name: source.channels.index(name) for name in repeated}
-    again = [k for k, name in enumerate(source.channels) if name in first and k != first[name]]
-    kept = [k for k in range(len(source.channels)) if k not in again]
+    kept = sorted(first.values())
+    for k, one in again.items():
+        if source.units[k] != source.units[one]:
+            raise _differing(source.channels[k], "units")
 
     def blocks(start: float, end: float) -> Iterator[Block]:
         for block in source.blocks(start, end):
-            for k in again:
-                _check_same(source.channels[k], block, first[source.channels[k]], k)
+            for k, one in again.items():
+                _check_same(source.channels[k], block, one, k)
             yield block._replace(values=block.values[:, kept])
 
-    for k in again:
-        if source.units[k] != source.units[first[source.channels[k]]]:
-            raise _differing(source.channels[k], "units")
-    text = f"listed several times with the same values, one kept: {', '.join(repeated)}"
+    repeated = dict.fromkeys(source.channels[one] for one in sorted(again.values()))
     return replace(
         source,
-        channels=tuple(source.channels[k] for k in kept),
+        channels=tuple(first),
         units=tuple(source.units[k] for k in kept),
         blocks=blocks,
-        attributes={**source.attributes, "repeated": text},
+        attributes={
+            **source.attributes,
+            "repeated": f"listed several times with the same values, one kept: {', '.join(repeated)}",
+        },
     )
 
 
