@@ -174,21 +174,20 @@ def _rows(found: Spectrum) -> list[tuple[str, float, float]]:
 def modes_with_slopes(
     rotor: MechanicalModel,
     model: CompiledModel,
-    p: Array,
+    reference: Array,
     rotor_speed: float,
     parameters: Sequence[Parameter],
     theta: Array,
     cov: Array,
-    reference: Array,
 ) -> tuple[tuple[Mode, ...], Array]:
     """Modes with ±2σ bands from the covariance of θ (n_θ, n_θ) around `theta` (n_θ,), which
     `windsysid.modal.sweep.find_modes` gives at that speed; and the derivatives of frequencies [Hz] and damping ratios
     to θ (2, modes, n_θ).
 
-    `p` and `reference` (n_p,) are the identified and the reference values of all parameters. Empty where there are no
-    modes to be had (two blades without a periodic motion).
+    `reference` (n_p,) are the values of all parameters, before the identification. Empty where there are no modes to be
+    had (two blades without a periodic motion).
     """
-    p = p.copy()
+    p = reference.copy()
     p[[model.parameters.index(q.name) for q in parameters]] = [
         float(q.physical(t)) for q, t in zip(parameters, theta, strict=True)
     ]

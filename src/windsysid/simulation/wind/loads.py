@@ -53,7 +53,6 @@ def wind_loads(
     rate: float,
     direction: Direction | None = None,
     seed: int = 0,
-    harmonics: int = 16,
 ) -> WindLoads:
     """Loads of turbulent wind on a turning rotor; reproducible for a seed.
 
@@ -75,13 +74,12 @@ def wind_loads(
     if rotor.ndim != 2 or rotor.shape[1] < 2:
         raise ConfigurationError(f"rotor: expected columns azimuth and speed, (T, 2) or more, got {rotor.shape}")
     speed_seed, direction_seed = np.random.SeedSequence(seed).spawn(2)
-    azimuth, rotor_speed = rotor[:, 0], rotor[:, 1]
     wind = rotor_wind(
-        conditions, azimuth, aerodynamics.radii, blades=turbine.model.blades, rate=rate,
-        seed=np.random.default_rng(speed_seed), harmonics=harmonics,
+        conditions, rotor[:, 0], aerodynamics.radii, blades=turbine.model.blades, rate=rate,
+        seed=np.random.default_rng(speed_seed),
     )  # fmt: skip
     delta = simulate_direction(
         direction or Direction(), len(rotor), rate=rate, seed=np.random.default_rng(direction_seed)
     )
-    made = blade_loads(turbine, aerodynamics, wind.blades, azimuth, rotor_speed, delta, mean_speed=conditions.speed)
+    made = blade_loads(turbine, aerodynamics, wind.blades, rotor, delta, mean_speed=conditions.speed)
     return WindLoads(made.loads, made.damping, wind.hub, delta, wind.blades, made.torque)
