@@ -206,15 +206,22 @@ def _rotor_blocks(to: BladeForces, values: Values, hub: Sequence[str]) -> tuple[
             own = _own(m, corner).times(size * values["load_hub_share"])
             blocks.append(rotor_harmonic(own, m, to, levers[m], f"hub_{m}P", moments=False))
     if "load_rms_eddies" in values:
-        eddies = second_order(values["load_rms_eddies"], values["load_eddies_frequency"], values["load_eddies_damping"])
+        eddies = _eddies(values, "load_rms_eddies")
         blocks += [blade_force(eddies, i, to, levers[-1], f"eddies_{i}") for i in range(1, N + 1)]
-    if hub:
-        if "load_rms_eddies" in values:
-            rest = second_order(values["load_rms_hub"], values["load_eddies_frequency"], values["load_eddies_damping"])
-        else:
-            rest = first_order(values["load_rms_hub"], values["load_hub_time_constant"])
-        blocks += [load_on(name, rest) for name in hub]
+    blocks += [load_on(name, _rest_of_hub(values)) for name in hub]
     return tuple(block for block in blocks if block.outputs)
+
+
+def _eddies(values: Values, level: str) -> Process:
+    """The process of small eddies, with the level of that name."""
+    return second_order(values[level], values["load_eddies_frequency"], values["load_eddies_damping"])
+
+
+def _rest_of_hub(values: Values) -> Process:
+    """What else acts on the hub: eddies as on the blades, or a process of its own without loads on blades."""
+    if "load_rms_eddies" in values:
+        return _eddies(values, "load_rms_hub")
+    return first_order(values["load_rms_hub"], values["load_hub_time_constant"])
 
 
 def _shape_of(m: int) -> _Term:

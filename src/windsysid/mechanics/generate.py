@@ -156,7 +156,7 @@ def _simplified(
 
 
 def _groups(equations: Equations, identified: Sequence[sp.Symbol] | None) -> list[tuple[str, Sequence[sp.Symbol]]]:
-    """What a Jacobian kernel differentiates by, and the name of the matrix it goes into; nothing without derivatives."""
+    """What a Jacobian kernel differentiates by, and the name of the matrix it goes into; empty without derivatives."""
     if identified is None:
         return []
     return [("dx", equations.states), ("dp", identified), ("dw", equations.loads)]

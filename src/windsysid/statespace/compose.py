@@ -122,69 +122,78 @@ def compose(
     """
     compiled = compile_model(model, sensors, [parameter.name for parameter in parameters])
     steps = _intervals(rate, intervals)
-    p = np.empty(len(compiled.parameters))
-    known = dict(values) | {parameter.name: parameter.centre for parameter in parameters}
-    for i, name in enumerate(compiled.parameters):
-        if name not in known or not np.isfinite(known[name]):
-            raise ConfigurationError(f"parameter '{name}': expected a finite value, got {known.get(name, 'none')}")
-        p[i] = known[name]
-
     _check_sensors(sensors)
     if gate is not None and not gate > 0.0:
         raise ConfigurationError(f"gate: expected a positive number of standard deviations, got {gate}")
     drift = dict(walk or {})
     _check_walk(drift, [parameter.name for parameter in parameters])
     load_states, load_cov, load_output = _join_loads(loads, compiled)
-    given = _discretise(loads, steps, len(load_states), continuous=continuous)
-
+    transition, load_noise, within = _discretise(loads, steps, len(load_states), continuous=continuous)
     biased = [sensor for sensor in sensors if sensor.bias > 0.0]
-    bias_of = np.array([biased.index(s) if s in biased else -1 for s in sensors], dtype=np.int64)
-    nx, nz, nb, nt = len(compiled.states), len(load_states), len(biased), len(parameters)
+    drifts = [*(getattr(sensor, "drift", 0.0) for sensor in biased), *(drift.get(q.name, 0.0) for q in parameters)]
+    sizes = [compiled.states, load_states, biased, parameters, compiled.inputs, compiled.loads]
     blocks = Blocks(
-        sizes=np.array([nx, nz, nb, nt, len(compiled.inputs), len(compiled.loads)], dtype=np.int64),
+        sizes=np.array(list(map(len, sizes)), dtype=np.int64),
         step=steps,
         azimuth=np.array([compiled.inputs.index("rotor_azimuth") if len(load_output) > 1 else -1], dtype=np.int64),
-        p=p,
-        chosen=np.array([compiled.parameters.index(q.name) for q in parameters], dtype=np.int64),
-        reference=np.array([q.reference for q in parameters], dtype=np.float64),
-        logarithmic=np.array([q.logarithmic for q in parameters], dtype=np.int64),
-        load_transition=given[0],
-        load_noise=given[1],
+        **_parameter_arrays(compiled, values, parameters),
+        load_transition=transition,
+        load_noise=load_noise,
         load_output=load_output,
-        load_within=given[2],
-        walk=np.outer(
-            steps,
-            np.square(
-                [*(getattr(sensor, "drift", 0.0) for sensor in biased), *(drift.get(q.name, 0.0) for q in parameters)]
-            ),
-        ),
-        bias_of=bias_of,
+        load_within=within,
+        walk=np.outer(steps, np.square(drifts)),
+        bias_of=np.array([biased.index(s) if s in biased else -1 for s in sensors], dtype=np.int64),
         noise=np.array([sensor.noise**2 for sensor in sensors], dtype=np.float64),
         gate=np.array([np.inf if gate is None else gate], dtype=np.float64),
     )
-    prior = [q.prior for q in parameters]
-    full_cov = np.zeros((nx + nz + nb + nt,) * 2)
-    full_cov[:nx, :nx] = _prior("covariance", np.eye(nx) if cov is None else cov, (nx, nx))
-    full_cov[nx : nx + nz, nx : nx + nz] = load_cov
-    spread = [sensor.bias for sensor in biased] + [std for _, std in prior]
-    full_cov[range(nx + nz, nx + nz + nb + nt), range(nx + nz, nx + nz + nb + nt)] = np.square(spread)
-    full_mean = np.zeros(nx + nz + nb + nt)
-    full_mean[:nx] = _prior("mean", np.zeros(nx) if mean is None else mean, (nx,))
-    full_mean[nx + nz + nb :] = [centre for centre, _ in prior]
+    nx = len(compiled.states)
+    mechanical = (
+        _prior("mean", np.zeros(nx) if mean is None else mean, (nx,)),
+        _prior("covariance", np.eye(nx) if cov is None else cov, (nx, nx)),
+    )
+    full_mean, full_cov = _joint_prior(mechanical, load_cov, biased, parameters)
+    biases, names = [f"bias_{sensor.channel}" for sensor in biased], [parameter.name for parameter in parameters]
     return StateSpace(
         compiled=compiled,
         blocks=blocks,
-        states=(
-            *compiled.states,
-            *load_states,
-            *(f"bias_{sensor.channel}" for sensor in biased),
-            *(parameter.name for parameter in parameters),
-        ),
+        states=(*compiled.states, *load_states, *biases, *names),
         parameters=tuple(parameters),
         readings=tuple(sensor.channel for sensor in sensors),
         mean=full_mean,
         cov=full_cov,
     )
+
+
+def _parameter_arrays(
+    compiled: CompiledModel, values: Mapping[str, float], parameters: Sequence[Parameter]
+) -> dict[str, Array]:
+    """What `Blocks` holds of the parameters."""
+    p = np.empty(len(compiled.parameters))
+    known = dict(values) | {parameter.name: parameter.centre for parameter in parameters}
+    for i, name in enumerate(compiled.parameters):
+        if name not in known or not np.isfinite(known[name]):
+            raise ConfigurationError(f"parameter '{name}': expected a finite value, got {known.get(name, 'none')}")
+        p[i] = known[name]
+    return {
+        "p": p,
+        "chosen": np.array([compiled.parameters.index(q.name) for q in parameters], dtype=np.int64),
+        "reference": np.array([q.reference for q in parameters], dtype=np.float64),
+        "logarithmic": np.array([q.logarithmic for q in parameters], dtype=np.int64),
+    }
+
+
+def _joint_prior(
+    mechanical: tuple[Array, Array], load_cov: Array, biased: Sequence[Any], parameters: Sequence[Parameter]
+) -> tuple[Array, Array]:
+    """Mean (n,) and covariance (n, n) of the whole state, from those of the mechanical states (n_x,), (n_x, n_x)."""
+    prior = [q.prior for q in parameters]
+    spread = [sensor.bias for sensor in biased] + [std for _, std in prior]
+    nx, nz, rest = len(mechanical[0]), len(load_cov), len(spread)
+    cov = np.zeros((nx + nz + rest,) * 2)
+    cov[:nx, :nx] = mechanical[1]
+    cov[nx : nx + nz, nx : nx + nz] = load_cov
+    cov[nx + nz :, nx + nz :] = np.diag(np.square(spread))
+    return np.concatenate([mechanical[0], np.zeros(nz + len(biased)), [centre for centre, _ in prior]]), cov
 
 
 class LoadBlocks(NamedTuple):
