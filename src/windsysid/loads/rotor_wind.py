@@ -202,9 +202,11 @@ def _rotor_blocks(to: BladeForces, values: Values, hub: Sequence[str]) -> tuple[
     levers = [values["load_lever"] * _shape_of(m).lever for m in terms]
     blocks = [rotor_harmonic(shape.times(size), m, to, levers[m], f"wind_{m}P") for m, shape in enumerate(shapes)]
     if "load_hub_share" in values:
-        for m in (m for m in terms if (m + 1) % N == 0 or (m - 1) % N == 0):  # which the hub feels
-            own = _own(m, corner).times(size * values["load_hub_share"])
-            blocks.append(rotor_harmonic(own, m, to, levers[m], f"hub_{m}P", moments=False))
+        felt = [m for m in terms if (m + 1) % N == 0 or (m - 1) % N == 0]
+        own = [_own(m, corner).times(size * values["load_hub_share"]) for m in felt]
+        blocks += [
+            rotor_harmonic(p, m, to, levers[m], f"hub_{m}P", moments=False) for m, p in zip(felt, own, strict=True)
+        ]
     if "load_rms_eddies" in values:
         eddies = _eddies(values, "load_rms_eddies")
         blocks += [blade_force(eddies, i, to, levers[-1], f"eddies_{i}") for i in range(1, N + 1)]

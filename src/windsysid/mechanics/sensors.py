@@ -222,26 +222,28 @@ class PlacedSensor(Sensor):
 
     @model_validator(mode="after")
     def _axis_belongs_to_frame(self) -> "PlacedSensor":
-        place = 1 if self.blade else 0
-        axes, on = _AXES[self.frame][place], "a blade" if place else "the tower"
-        if not axes:
-            raise ValueError(
-                f"the frame '{self.frame}' belongs to a sensor on {'the tower' if place else 'a blade'}, got point "
-                f"'{self.point}'"
-            )
-        if self.axis not in axes:
-            frames = [frame for frame, there in _AXES.items() if self.axis in there[place]]
-            hint = f": that axis belongs to the frame {' or '.join(frames)}" if frames else ""
-            raise ValueError(
-                f"on {on} the frame '{self.frame}' has the axes {', '.join(axes)}, got '{self.axis}'{hint}"
-            )
-        if not place and (self.deflection is not None or self.slope != 1.0):
+        self._check_axis(1 if self.blade else 0)
+        if not self.blade and (self.deflection is not None or self.slope != 1.0):
             raise ValueError(
                 "'deflection' and 'slope' describe a bending blade: remove them from a sensor on the tower"
             )
         if self.feels_gravity and not self.may_feel_gravity:
             raise ValueError(f"'feels_gravity' describes an accelerometer: remove it from a sensor of {self.quantity}")
         return self
+
+    def _check_axis(self, place: int) -> None:
+        """Refuse an axis that its frame does not have on the tower (place 0) or on a blade (1)."""
+        axes, places = _AXES[self.frame][place], ("the tower", "a blade")
+        if not axes:
+            raise ValueError(
+                f"the frame '{self.frame}' belongs to a sensor on {places[1 - place]}, got point '{self.point}'"
+            )
+        if self.axis not in axes:
+            frames = [frame for frame, there in _AXES.items() if self.axis in there[place]]
+            hint = f": that axis belongs to the frame {' or '.join(frames)}" if frames else ""
+            raise ValueError(
+                f"on {places[place]} the frame '{self.frame}' has the axes {', '.join(axes)}, got '{self.axis}'{hint}"
+            )
 
     @property
     def blade(self) -> int:

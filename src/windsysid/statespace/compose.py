@@ -125,12 +125,10 @@ def compose(
     _check_sensors(sensors)
     if gate is not None and not gate > 0.0:
         raise ConfigurationError(f"gate: expected a positive number of standard deviations, got {gate}")
-    drift = dict(walk or {})
-    _check_walk(drift, [parameter.name for parameter in parameters])
+    names, biased = [parameter.name for parameter in parameters], [sensor for sensor in sensors if sensor.bias > 0.0]
+    walking = _walking(walk or {}, biased, names)
     load_states, load_cov, load_output = _join_loads(loads, compiled)
     transition, load_noise, within = _discretise(loads, steps, len(load_states), continuous=continuous)
-    biased = [sensor for sensor in sensors if sensor.bias > 0.0]
-    drifts = [*(getattr(sensor, "drift", 0.0) for sensor in biased), *(drift.get(q.name, 0.0) for q in parameters)]
     sizes = [compiled.states, load_states, biased, parameters, compiled.inputs, compiled.loads]
     blocks = Blocks(
         sizes=np.array(list(map(len, sizes)), dtype=np.int64),
@@ -141,22 +139,16 @@ def compose(
         load_noise=load_noise,
         load_output=load_output,
         load_within=within,
-        walk=np.outer(steps, np.square(drifts)),
+        walk=np.outer(steps, np.square(walking)),
         bias_of=np.array([biased.index(s) if s in biased else -1 for s in sensors], dtype=np.int64),
         noise=np.array([sensor.noise**2 for sensor in sensors], dtype=np.float64),
         gate=np.array([np.inf if gate is None else gate], dtype=np.float64),
     )
-    nx = len(compiled.states)
-    mechanical = (
-        _prior("mean", np.zeros(nx) if mean is None else mean, (nx,)),
-        _prior("covariance", np.eye(nx) if cov is None else cov, (nx, nx)),
-    )
-    full_mean, full_cov = _joint_prior(mechanical, load_cov, biased, parameters)
-    biases, names = [f"bias_{sensor.channel}" for sensor in biased], [parameter.name for parameter in parameters]
+    full_mean, full_cov = _joint_prior(_prior(len(compiled.states), mean, cov), load_cov, biased, parameters)
     return StateSpace(
         compiled=compiled,
         blocks=blocks,
-        states=(*compiled.states, *load_states, *biases, *names),
+        states=(*compiled.states, *load_states, *(f"bias_{sensor.channel}" for sensor in biased), *names),
         parameters=tuple(parameters),
         readings=tuple(sensor.channel for sensor in sensors),
         mean=full_mean,
@@ -306,18 +298,24 @@ def _join_loads(loads: Sequence[LoadModel], compiled: CompiledModel) -> tuple[li
     for name in names:
         if names.count(name) > 1:
             raise ConfigurationError(f"load '{name}': two load models have a state of this name: expected each once")
+    for name in (name for load in loads for name in load.outputs):
+        if name not in compiled.loads:
+            raise ConfigurationError(f"load '{name}': expected one of {', '.join(compiled.loads) or 'no loads'}")
     rows = max((len(matrix) for load in loads for matrix in load.outputs.values()), default=1)
     if rows > 1 and "rotor_azimuth" not in compiled.inputs:
         raise ConfigurationError("a load that turns with the rotor needs a model with the input 'rotor_azimuth'")
-    output = np.zeros((rows, len(compiled.loads), len(names)))
+    return names, *_summed(loads, compiled, rows, len(names))
+
+
+def _summed(loads: Sequence[LoadModel], compiled: CompiledModel, rows: int, size: int) -> tuple[Array, Array]:
+    """Covariance (n_z, n_z) of all load states and H₀, C₁, S₁ … (rows, n_w, n_z) of all loads."""
+    output = np.zeros((rows, len(compiled.loads), size))
     first = 0
     for load in loads:
         for name, matrix in load.outputs.items():
-            if name not in compiled.loads:
-                raise ConfigurationError(f"load '{name}': expected one of {', '.join(compiled.loads) or 'no loads'}")
             output[: len(matrix), compiled.loads.index(name), first : first + len(load.states)] += matrix
         first += len(load.states)
-    return names, _diagonal([[load.cov for load in loads]], len(names))[0], output
+    return _diagonal([[load.cov for load in loads]], size)[0], output
 
 
 def _diagonal(blocks: Sequence[Sequence[Array]], size: int) -> Array:
@@ -331,15 +329,17 @@ def _diagonal(blocks: Sequence[Sequence[Array]], size: int) -> Array:
     return whole
 
 
-def _prior(what: str, given: ArrayLike, shape: tuple[int, ...]) -> Array:
-    """The prior of the mechanical states as an array of the shape they need."""
-    array = np.asarray(given, dtype=np.float64)
-    if array.shape != shape or not np.isfinite(array).all():
-        raise ConfigurationError(
-            f"prior {what}: expected {' × '.join(map(str, shape))} finite numbers, one per mechanical state, "
-            f"got shape {array.shape}"
-        )
-    return array
+def _prior(size: int, mean: ArrayLike | None, cov: ArrayLike | None) -> tuple[Array, Array]:
+    """Prior mean (n_x,) and covariance (n_x, n_x) of the mechanical states: those given, or zero and the identity."""
+    centre = np.asarray(np.zeros(size) if mean is None else mean, dtype=np.float64)
+    spread = np.asarray(np.eye(size) if cov is None else cov, dtype=np.float64)
+    for what, array, shape in (("mean", centre, (size,)), ("covariance", spread, (size, size))):
+        if array.shape != shape or not np.isfinite(array).all():
+            raise ConfigurationError(
+                f"prior {what}: expected {' × '.join(map(str, shape))} finite numbers, one per mechanical state, "
+                f"got shape {array.shape}"
+            )
+    return centre, spread
 
 
 def _check_sensors(sensors: Sequence[Any]) -> None:
@@ -351,7 +351,8 @@ def _check_sensors(sensors: Sequence[Any]) -> None:
             raise ConfigurationError(f"sensor '{sensor.channel}': expected a positive noise, got {sensor.noise}")
 
 
-def _check_walk(walk: Mapping[str, float], identified: Sequence[str]) -> None:
+def _walking(walk: Mapping[str, float], biased: Sequence[Any], identified: Sequence[str]) -> list[float]:
+    """Standard deviations per √s of all biases and parameters."""
     for name, deviation in walk.items():
         if name not in identified:
             raise ConfigurationError(
@@ -359,3 +360,4 @@ def _check_walk(walk: Mapping[str, float], identified: Sequence[str]) -> None:
             )
         if not (np.isfinite(deviation) and deviation >= 0.0):
             raise ConfigurationError(f"walk of '{name}': expected a finite number, 0 or more, got {deviation}")
+    return [*(getattr(sensor, "drift", 0.0) for sensor in biased), *(walk.get(name, 0.0) for name in identified)]
