@@ -30,6 +30,7 @@ from windsysid.units import RPM, canonical, si_unit, to_si
 
 __all__ = ["Guess", "MappingProposal", "propose_mapping"]
 
+_IN_FILE = "the file says its unit"
 _UPRIGHT = 0.03  # of g: so near to it is the mean of an upright accelerometer, or its swing in a turning rotor
 _UNITS_OF_ACCELERATION = ("m/s^2", "g", "mg", "mm/s^2")
 _MOST_SAMPLES = 1 << 18  # that show a spectrum
@@ -204,7 +205,7 @@ def _units(record: Record, name: str, quantity: str) -> tuple[tuple[str, ...], s
     said = record.unit(name).removeprefix(AS_WRITTEN)
     if said not in ("unknown", ""):
         try:
-            return (canonical(said),), "the file says its unit"
+            return (canonical(said),), _IN_FILE
         except ConfigurationError:
             return (), f"the file says '{said}', which windsysid does not know"
     if implied_unit(quantity) is None:
@@ -225,24 +226,28 @@ def _guess(record: Record, name: str, meaning: Meaning | None, rotor: Rotor | No
     gravity, shown = _gravity(record, name, values, rotor)
     if gravity is not None and implied_unit(ours or name) in ("m/s^2", None):
         evidence.append(shown)
-        if why == "the file says its unit" and units and units[0] != gravity:
+        if why == _IN_FILE and units and units[0] != gravity:
             doubts.append(f"the file says {units[0]}, gravity says {gravity}")
         elif implied_unit(ours or name) == "m/s^2":
             units, why = (gravity,), "gravity"
         else:
             doubts.append(f"is it an accelerometer in {gravity}?")
-    if len(units) == 1:
-        if why == "the file says its unit":
-            evidence.append(why)
-        if why.startswith("told by"):
-            doubts.append(f"the unit is told by the values only ({units[0]})")
-    else:
-        doubts.append(f"in {' or '.join(units)}? Its values allow each" if units else why)
+    evidence += [why] if why == _IN_FILE else []
+    doubts += _doubts_of_unit(units, why)
     evidence += _peak(record, values, rotor) if timed else []
     unit = units[0] if len(units) == 1 else None
     if unit is not None and ours is not None and _contradicts(ours, unit):
         doubts.append(f"the name says a quantity that is not measured in {unit}")
     return Guess(name, ours, unit, tuple(evidence), tuple(doubts))
+
+
+def _doubts_of_unit(units: tuple[str, ...], why: str) -> list[str]:
+    """What is not known of a unit that was found among `units`, and why."""
+    if len(units) > 1:
+        return [f"in {' or '.join(units)}? Its values allow each"]
+    if not units:
+        return [why]
+    return [f"the unit is told by the values only ({units[0]})"] if why.startswith("told by") else []
 
 
 def _contradicts(name: str, unit: str) -> bool:

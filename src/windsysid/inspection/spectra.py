@@ -130,6 +130,22 @@ class Spectrogram:
 
 def cleaned(record: Record, channels: Sequence[str], findings: Sequence[Finding]) -> tuple[Array, Array, float, str]:
     """Time (T,), values (T, m) and rate of channels on a uniform grid, faults bridged; and a remark, if one is due."""
+    values = _without_faults(record, channels, findings)
+    if record.is_uniform:
+        return record.time, values, record.rate, ""
+    rate = record.rate
+    rows = int(record.duration * rate * (1.0 + 1e-9)) + 1
+    if rows > 10 * record.samples:
+        refuse_gaps(record.name, record.time, rows)
+    grid = record.time[0] + np.arange(rows) / rate
+    resampled = np.empty((grid.size, values.shape[1]))
+    for to, column in zip(resampled.T, values.T, strict=True):
+        to[:] = np.interp(grid, record.time, column)
+    return grid, resampled, rate, "Spectra: gaps and irregular steps are bridged by straight lines."
+
+
+def _without_faults(record: Record, channels: Sequence[str], findings: Sequence[Finding]) -> Array:
+    """Values (T, m) of channels whose spikes, frozen readings and gaps are bridged by straight lines."""
     values = np.column_stack([record[name] for name in channels]) if channels else np.empty((record.samples, 0))
     for finding in findings:
         if finding.kind in ("spikes", "frozen") and finding.channel in channels:
@@ -142,19 +158,7 @@ def cleaned(record: Record, channels: Sequence[str], findings: Sequence[Finding]
         ok = np.isfinite(column)
         if not ok.all():
             column[:] = np.interp(record.time, record.time[ok], column[ok])
-    if record.is_uniform:
-        return record.time, values, record.rate, ""
-    rate = record.rate
-    rows = int(record.duration * rate * (1.0 + 1e-9)) + 1
-    if rows > 10 * record.samples:
-        refuse_gaps(record.name, record.time, rows)
-    grid = record.time[0] + np.arange(rows) / rate
-    resampled = (
-        np.column_stack([np.interp(grid, record.time, column) for column in values.T])
-        if channels
-        else np.empty((grid.size, 0))
-    )
-    return grid, resampled, rate, "Spectra: gaps and irregular steps are bridged by straight lines."
+    return values
 
 
 def expected_modes(turbine: "Turbine", rotor_speed: float) -> list[tuple[str, float, float]]:

@@ -202,16 +202,19 @@ def _rotor_blocks(to: BladeForces, values: Values, hub: Sequence[str]) -> tuple[
     levers = [values["load_lever"] * _shape_of(m).lever for m in terms]
     blocks = [rotor_harmonic(shape.times(size), m, to, levers[m], f"wind_{m}P") for m, shape in enumerate(shapes)]
     if "load_hub_share" in values:
-        felt = [m for m in terms if (m + 1) % N == 0 or (m - 1) % N == 0]
-        own = [_own(m, corner).times(size * values["load_hub_share"]) for m in felt]
-        blocks += [
-            rotor_harmonic(p, m, to, levers[m], f"hub_{m}P", moments=False) for m, p in zip(felt, own, strict=True)
-        ]
+        blocks += _felt_by_hub(to, values, levers, size)
     if "load_rms_eddies" in values:
         eddies = _eddies(values, "load_rms_eddies")
         blocks += [blade_force(eddies, i, to, levers[-1], f"eddies_{i}") for i in range(1, N + 1)]
     blocks += [load_on(name, _rest_of_hub(values)) for name in hub]
     return tuple(block for block in blocks if block.outputs)
+
+
+def _felt_by_hub(to: BladeForces, values: Values, levers: Sequence[float], size: float) -> list[LoadModel]:
+    """What the hub feels in addition, at the harmonics of which blades together do not cancel."""
+    each = [m for m in range(len(levers)) if (m + 1) % to.blades == 0 or (m - 1) % to.blades == 0]
+    own = [_own(m, values["load_corner"]).times(size * values["load_hub_share"]) for m in each]
+    return [rotor_harmonic(p, m, to, levers[m], f"hub_{m}P", moments=False) for m, p in zip(each, own, strict=True)]
 
 
 def _eddies(values: Values, level: str) -> Process:

@@ -10,7 +10,7 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError
@@ -120,12 +120,13 @@ def compose(
         If a value is missing or not finite, a load is unknown or two blocks share a state's name, the rate, a noise or
         the gate is not positive, a channel is read twice, or the prior does not fit the states.
     """
-    compiled = compile_model(model, sensors, [parameter.name for parameter in parameters])
+    names = [parameter.name for parameter in parameters]
+    compiled = compile_model(model, sensors, names)
     steps = _intervals(rate, intervals)
     _check_sensors(sensors)
     if gate is not None and not gate > 0.0:
         raise ConfigurationError(f"gate: expected a positive number of standard deviations, got {gate}")
-    names, biased = [parameter.name for parameter in parameters], [sensor for sensor in sensors if sensor.bias > 0.0]
+    biased, bias_of, noise = _sensor_arrays(sensors)
     walking = _walking(walk or {}, biased, names)
     load_states, load_cov, load_output = _join_loads(loads, compiled)
     transition, load_noise, within = _discretise(loads, steps, len(load_states), continuous=continuous)
@@ -140,8 +141,8 @@ def compose(
         load_output=load_output,
         load_within=within,
         walk=np.outer(steps, np.square(walking)),
-        bias_of=np.array([biased.index(s) if s in biased else -1 for s in sensors], dtype=np.int64),
-        noise=np.array([sensor.noise**2 for sensor in sensors], dtype=np.float64),
+        bias_of=bias_of,
+        noise=noise,
         gate=np.array([np.inf if gate is None else gate], dtype=np.float64),
     )
     full_mean, full_cov = _joint_prior(_prior(len(compiled.states), mean, cov), load_cov, biased, parameters)
@@ -154,6 +155,13 @@ def compose(
         mean=full_mean,
         cov=full_cov,
     )
+
+
+def _sensor_arrays(sensors: Sequence[Any]) -> tuple[list[Any], NDArray[np.int64], Array]:
+    """Sensors with a bias, the number of each sensor's among them or −1 (m,), and the variance of its noise (m,)."""
+    biased = [sensor for sensor in sensors if sensor.bias > 0.0]
+    bias_of = np.array([biased.index(s) if s in biased else -1 for s in sensors], dtype=np.int64)
+    return biased, bias_of, np.array([sensor.noise**2 for sensor in sensors], dtype=np.float64)
 
 
 def _parameter_arrays(
@@ -295,16 +303,21 @@ def _intervals(rate: float | None, intervals: ArrayLike | None) -> Array:
 def _join_loads(loads: Sequence[LoadModel], compiled: CompiledModel) -> tuple[list[str], Array, Array]:
     """Names of all load states, their covariance (n_z, n_z) and H₀, C₁, S₁ … (1 + 2K, n_w, n_z)."""
     names = [name for load in loads for name in load.states]
-    for name in names:
-        if names.count(name) > 1:
-            raise ConfigurationError(f"load '{name}': two load models have a state of this name: expected each once")
-    for name in (name for load in loads for name in load.outputs):
-        if name not in compiled.loads:
-            raise ConfigurationError(f"load '{name}': expected one of {', '.join(compiled.loads) or 'no loads'}")
+    _check_loads(loads, names, compiled.loads)
     rows = max((len(matrix) for load in loads for matrix in load.outputs.values()), default=1)
     if rows > 1 and "rotor_azimuth" not in compiled.inputs:
         raise ConfigurationError("a load that turns with the rotor needs a model with the input 'rotor_azimuth'")
     return names, *_summed(loads, compiled, rows, len(names))
+
+
+def _check_loads(loads: Sequence[LoadModel], states: Sequence[str], known: Sequence[str]) -> None:
+    """Refuse two states of one name, and a load that the model does not have."""
+    for name in states:
+        if states.count(name) > 1:
+            raise ConfigurationError(f"load '{name}': two load models have a state of this name: expected each once")
+    for name in (name for load in loads for name in load.outputs):
+        if name not in known:
+            raise ConfigurationError(f"load '{name}': expected one of {', '.join(known) or 'no loads'}")
 
 
 def _summed(loads: Sequence[LoadModel], compiled: CompiledModel, rows: int, size: int) -> tuple[Array, Array]:
