@@ -26,7 +26,7 @@ from windsysid.kernels.simd import LANES
 from windsysid.mechanics.compile import CompiledModel
 from windsysid.statespace.compose import StateSpace
 
-__all__ = ["LANES", "Bank", "Scores", "bank_of", "run_bank"]
+__all__ = ["LANES", "Bank", "BankScores", "bank_of", "run_bank"]
 
 
 class Bank(NamedTuple):
@@ -60,7 +60,7 @@ class Bank(NamedTuple):
     filters: int
 
 
-class Scores(NamedTuple):
+class BankScores(NamedTuple):
     """What came out of T samples of m readings for each filter.
 
     Attributes
@@ -108,7 +108,7 @@ def bank_of(models: Sequence[StateSpace], changes: int = 0) -> Bank:
 
 def run_bank(
     bank: Bank, inputs: Array, readings: Array, pool: ThreadPoolExecutor | None = None, changes: Array | None = None
-) -> tuple[Bank, Scores]:
+) -> tuple[Bank, BankScores]:
     """Filter T samples with every filter: inputs (T, n_u + n_w), readings (T, m), NaN = missing.
 
     With `changes` (T, m, c) of the readings, the same filters tell how their likelihood goes with each of them, as if
@@ -137,4 +137,4 @@ def run_bank(
     along = slopes.transpose(1, 0, 2).reshape(c, groups * LANES)[:, : bank.filters]
     last = inputs[-1].copy() if samples else bank.inputs
     after = bank._replace(mean=mean, cov=cov, tangents=tangents, inputs=last, samples=bank.samples + samples)
-    return after, Scores(z, log_s, along)
+    return after, BankScores(z, log_s, along)

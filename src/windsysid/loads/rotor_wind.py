@@ -39,7 +39,7 @@ from windsysid.mechanics.rotor import COUPLING, MEAN_LAG, MEAN_LAG_SPREAD, as_ro
 from windsysid.statespace.gauss_markov import GaussMarkov
 from windsysid.statespace.load_model import LoadModel
 from windsysid.statespace.parameter import Parameter
-from windsysid.statespace.process import Process, first_order, load_on, rational, second_order
+from windsysid.statespace.process import PlacedProcess, Process, first_order, load_on, rational, second_order
 from windsysid.turbine.turbine import Turbine
 
 __all__ = ["RotorWind"]
@@ -202,7 +202,7 @@ def _rotor_blocks(to: BladeForces, values: Values, hub: Sequence[str]) -> tuple[
     levers = [values["load_lever"] * _shape_of(m).lever for m in terms]
     blocks = [rotor_harmonic(shape.times(size), m, to, levers[m], f"wind_{m}P") for m, shape in enumerate(shapes)]
     if "load_hub_share" in values:
-        blocks += _felt_by_hub(to, values, levers, size)
+        blocks += _blocks_of_hub(to, values, levers, size)
     if "load_rms_eddies" in values:
         eddies = _eddies(values, "load_rms_eddies")
         blocks += [blade_force(eddies, i, to, levers[-1], f"eddies_{i}") for i in range(1, N + 1)]
@@ -210,8 +210,8 @@ def _rotor_blocks(to: BladeForces, values: Values, hub: Sequence[str]) -> tuple[
     return tuple(block for block in blocks if block.outputs)
 
 
-def _felt_by_hub(to: BladeForces, values: Values, levers: Sequence[float], size: float) -> list[LoadModel]:
-    """What the hub feels in addition, at the harmonics of which blades together do not cancel."""
+def _blocks_of_hub(to: BladeForces, values: Values, levers: Sequence[float], size: float) -> list[PlacedProcess]:
+    """Loads on the hub alone, at the harmonics that do not cancel between the blades."""
     each = [m for m in range(len(levers)) if (m + 1) % to.blades == 0 or (m - 1) % to.blades == 0]
     own = [_own(m, values["load_corner"]).times(size * values["load_hub_share"]) for m in each]
     return [rotor_harmonic(p, m, to, levers[m], f"hub_{m}P", moments=False) for m, p in zip(each, own, strict=True)]

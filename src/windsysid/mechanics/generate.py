@@ -120,7 +120,7 @@ def _kernel(
     n = len(a) if a and any(output.has(*a) for output in outputs) else 0
     mass = {(i, j): m for i in range(n) for j in range(i + 1) if (m := equations.mass[i, j]) != 0}
     groups = _groups(equations, identified)
-    roles = [mass, dict(enumerate(equations.force[:n])), dict(enumerate(outputs))]
+    roles: list[dict[Any, sp.Expr]] = [mass, dict(enumerate(equations.force[:n])), dict(enumerate(outputs))]
     shared, texts, used = _simplified([*roles, *_slopes(equations, outputs, groups, n)])
     mass_text, force_text, output_text, *slope_texts = texts
     early, late = _by_dependence(shared, set(a))

@@ -5,9 +5,9 @@ Jacobians beside the equations of motion, and the simulator and the filters call
 reads the total acceleration of its point, the effect of loads included; one that feels gravity reads the specific
 force a − g along its own axis, in its own turning frame.
 
-A mechanical model says how its parts move (`Motion`); a sensor says what it makes of that. A sensor of one's own
-derives from `Sensor` or `PlacedSensor`, says its `quantity`, `unit` and `reading`, and is known to sensor lists after
-`register_sensor`.
+A mechanical model says how its parts move (`StructuralMotion`); a sensor says what it makes of that. A sensor of one's
+own derives from `Sensor` or `PlacedSensor`, says its `quantity`, `unit` and `reading`, and is known to sensor lists
+after `register_sensor`.
 """
 
 import math
@@ -28,10 +28,10 @@ __all__ = [
     "AngularRateSensor",
     "DisplacementSensor",
     "MomentSensor",
-    "Motion",
     "PlacedSensor",
     "Sensor",
     "StrainGauge",
+    "StructuralMotion",
     "VelocitySensor",
     "instrument_parameters",
     "register_sensor",
@@ -50,7 +50,7 @@ MIN_SIZE, MAX_SIZE = 1e-12, 1e12
 of the finest strain gauge to the moments of the largest turbine. Double precision can represent their squares."""
 
 
-class Motion(Protocol):
+class StructuralMotion(Protocol):
     """How a structure moves, in symbols: what a mechanical model tells its sensors."""
 
     @property
@@ -125,7 +125,7 @@ class Sensor(BaseModel):
         """SI unit of its channel."""
 
     @abstractmethod
-    def reading(self, motion: Motion) -> "sp.Expr":
+    def reading(self, motion: StructuralMotion) -> "sp.Expr":
         """What it reads of a structure in `motion`, noise and offset apart."""
 
     @property
@@ -143,7 +143,7 @@ class Sensor(BaseModel):
         """Standard deviation [rad] of the angle by which its axis may be off in the plane of motion; 0: none."""
         return 0.0
 
-    def across(self, motion: Motion) -> "sp.Expr | None":
+    def across(self, motion: StructuralMotion) -> "sp.Expr | None":
         """What it would read of `motion` if turned by 90°; None where turning changes nothing that is modelled."""
         return None
 
@@ -271,7 +271,7 @@ class PlacedSensor(Sensor):
         """Standard deviation [rad] of the angle of its axis."""
         return math.radians(self.alignment_tolerance) if self.turned else 0.0
 
-    def across(self, motion: Motion) -> "sp.Expr | None":
+    def across(self, motion: StructuralMotion) -> "sp.Expr | None":
         """What it would read of `motion` if its axis were turned by 90°."""
         if self.turned is None:
             return None
@@ -333,7 +333,7 @@ class _MotionSensor(PlacedSensor):
         """SI unit of its channel."""
         return ("rad" if self.axis == "lag" else "m") + ("", "/s", "/s^2")[self.order]
 
-    def reading(self, motion: Motion) -> "sp.Expr":
+    def reading(self, motion: StructuralMotion) -> "sp.Expr":
         """The gain times the motion along the axis."""
         return self.gain * motion.along(self, self.order)
 
@@ -379,7 +379,7 @@ class AngularRateSensor(PlacedSensor):
         """It reads the same along any axis."""
         return None
 
-    def reading(self, motion: Motion) -> "sp.Expr":
+    def reading(self, motion: StructuralMotion) -> "sp.Expr":
         """The gain times the rate at which its part turns in `motion`."""
         return self.gain * motion.turning(self)
 
@@ -401,7 +401,7 @@ class MomentSensor(PlacedSensor):
         """On a blade it reads the lag spring, whatever its axis."""
         return None if self.blade else super().turned
 
-    def reading(self, motion: Motion) -> "sp.Expr":
+    def reading(self, motion: StructuralMotion) -> "sp.Expr":
         """The gain times force or moment in `motion`."""
         return self.gain * motion.spring_force(self)
 

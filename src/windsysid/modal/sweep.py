@@ -16,7 +16,7 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError
 from windsysid.mechanics.compile import compile_model
-from windsysid.modal.analysis import Spectrum, analyse, analyse_unlocked, directions_of
+from windsysid.modal.analysis import ModalSpectrum, analyse, analyse_unlocked, directions_of
 from windsysid.modal.campbell import Campbell
 from windsysid.modal.stability import NEUTRAL_GROWTH, GroundResonance, meeting_speed, unstable_ranges
 from windsysid.modal.tracking import Curve, bends, link
@@ -73,7 +73,7 @@ def find_modes(
         If a range of speeds is none, or no mode can be found in it.
     """
     posterior = _posterior(source)
-    machine = _Machine(posterior)
+    machine = _CompiledTurbine(posterior)
     chosen, working = _speed_ranges(machine.turbine, speeds, operating)
     usual = machine.turbine.rotor_speed
     reference = usual if chosen[0] <= usual <= chosen[1] else 0.5 * (working[0] + working[1])
@@ -119,11 +119,11 @@ class _Diagram(NamedTuple):
     speeds: Array
     at: int
     curves: tuple[Curve, ...]
-    known: dict[float, Spectrum]
+    known: dict[float, ModalSpectrum]
     notes: list[str]
 
 
-class _Machine:
+class _CompiledTurbine:
     """A turbine compiled, with what is known of its coefficients."""
 
     def __init__(self, posterior: Posterior) -> None:
@@ -133,7 +133,7 @@ class _Machine:
         self.p = np.array([self.turbine.values[name] for name in self.model.parameters])
         self.directions = directions_of(self.model, self.parameters, posterior.theta)
 
-    def spectrum(self, speed: float) -> Spectrum:
+    def spectrum(self, speed: float) -> ModalSpectrum:
         """The modes at a speed, or a hair beside it where a mode is locked so narrowly that its band would vanish."""
         return analyse_unlocked(self.turbine.model, self.model, self.p, speed, self.directions)
 
@@ -141,7 +141,7 @@ class _Machine:
         self, chosen: tuple[float, float], working: tuple[float, float], reference: float, progress: Progress
     ) -> _Diagram:
         """Modes at speeds of both ranges, refined where a curve bends or ends."""
-        known: dict[float, Spectrum] = {}
+        known: dict[float, ModalSpectrum] = {}
         left_out: dict[str, list[float]] = {}
         new = [*np.linspace(*chosen, DIAGRAM_SPEEDS), *np.linspace(*working, OPERATING_SPEEDS), reference]
         for _ in range(REFINEMENT_ROUNDS):

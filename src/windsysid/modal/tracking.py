@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.modal.analysis import Spectrum
+from windsysid.modal.analysis import ModalSpectrum
 from windsysid.results.posterior import SIGMAS
 
 __all__ = ["Curve", "bends", "link"]
@@ -38,7 +38,7 @@ class Curve:
         return (f, f - SIGMAS * df, f + SIGMAS * df), (z, z - SIGMAS * dz, z + SIGMAS * dz)
 
 
-def link(spectra: Sequence[Spectrum], speeds: Array, start: int, cov: Array) -> tuple[Curve, ...]:
+def link(spectra: Sequence[ModalSpectrum], speeds: Array, start: int, cov: Array) -> tuple[Curve, ...]:
     """Modes (S spectra) linked from speed to speed, outward from the usual one, `start`; `cov` (n_θ, n_θ) gives the
     standard deviations.
 
@@ -63,7 +63,7 @@ def link(spectra: Sequence[Spectrum], speeds: Array, start: int, cov: Array) -> 
     return tuple(found)
 
 
-def _tracks(spectra: Sequence[Spectrum], speeds: Array, start: int) -> list[dict[int, int]]:
+def _tracks(spectra: Sequence[ModalSpectrum], speeds: Array, start: int) -> list[dict[int, int]]:
     """The number of a mode by the index of the speed, for each mode that was followed from `start` or from where it
     begins."""
     tracks: list[dict[int, int]] = [{start: m} for m in range(len(spectra[start].exponents))]
@@ -78,7 +78,7 @@ def _tracks(spectra: Sequence[Spectrum], speeds: Array, start: int) -> list[dict
     return tracks
 
 
-def _values(track: dict[int, int], spectra: Sequence[Spectrum], cov: Array) -> Array:
+def _values(track: dict[int, int], spectra: Sequence[ModalSpectrum], cov: Array) -> Array:
     """Frequency [Hz] and damping ratio with their standard deviations (4, S), as `Curve`; NaN where there is none."""
     values = np.full((4, len(spectra)), np.nan)
     for i, m in track.items():
@@ -104,7 +104,7 @@ def bends(curves: Sequence[Curve], speeds: Array) -> list[float]:
     return [float(speed) for speed in (0.5 * (speeds[:-1] + speeds[1:]))[wide]]
 
 
-def _track_name(track: dict[int, int], spectra: Sequence[Spectrum], speeds: Array, start: int) -> str:
+def _track_name(track: dict[int, int], spectra: Sequence[ModalSpectrum], speeds: Array, start: int) -> str:
     """The name, without a number, that a mode has at the usual speed, or else over most of its speeds."""
     if start in track:
         return spectra[start].names[track[start]].partition(" (")[0]
@@ -116,7 +116,7 @@ def _track_name(track: dict[int, int], spectra: Sequence[Spectrum], speeds: Arra
 
 
 def _linked(
-    spectra: Sequence[Spectrum], speeds: Array, before: Sequence[tuple[int, int | None]], i: int, way: int
+    spectra: Sequence[ModalSpectrum], speeds: Array, before: Sequence[tuple[int, int | None]], i: int, way: int
 ) -> list[int | None]:
     """For each track the mode at speed i that continues it, or None; its modes one and two steps before tell."""
     from scipy.optimize import linear_sum_assignment

@@ -18,7 +18,7 @@ from windsysid.records.checks import refuse_gaps
 from windsysid.records.record import LOW_PASS, Record
 from windsysid.signals.integration import GRAVITY
 
-__all__ = ["Despiked", "Level", "Unbiased", "despike", "remove_bias", "remove_gravity_and_tilt", "resample"]
+__all__ = ["Despiked", "LevelledPair", "Unbiased", "despike", "remove_bias", "remove_gravity_and_tilt", "resample"]
 
 
 _TURN = 2.0 * math.pi
@@ -44,7 +44,7 @@ class Unbiased(NamedTuple):
     bias: float
 
 
-class Level(NamedTuple):
+class LevelledPair(NamedTuple):
     """A pair of axes (T,) turned level and freed of gravity; the tilt [rad] and the gravity [m/s²] that were found."""
 
     lateral: Array
@@ -292,7 +292,7 @@ def remove_bias(values: ArrayLike) -> Unbiased:
     return Unbiased(y - bias, bias)
 
 
-def remove_gravity_and_tilt(lateral: ArrayLike, upward: ArrayLike, *, gravity: float = GRAVITY) -> Level:
+def remove_gravity_and_tilt(lateral: ArrayLike, upward: ArrayLike, *, gravity: float = GRAVITY) -> LevelledPair:
     """Turn a pair of accelerometer axes level, by the direction of gravity in their means, and take gravity out.
 
     An instrument tilted by θ, counter-clockwise, reads (a + g ŷ) e^{−iθ} along its axes; with zero mean acceleration
@@ -327,4 +327,4 @@ def remove_gravity_and_tilt(lateral: ArrayLike, upward: ArrayLike, *, gravity: f
     tilt = float(np.angle(1j / mean))
     level = reading * np.exp(1j * tilt) - 1j * abs(mean)
     level[~known] = np.nan
-    return Level(level.real.copy(), level.imag.copy(), tilt, abs(mean))
+    return LevelledPair(level.real.copy(), level.imag.copy(), tilt, abs(mean))

@@ -9,7 +9,14 @@ from scipy.signal import welch
 from windsysid.errors import ConfigurationError
 from windsysid.mechanics import RotorModel, compile_model
 from windsysid.simulation.integrate import constant_speed_inputs, integrate
-from windsysid.simulation.wind import BladeAerodynamics, Change, Direction, blade_loads, packaged_wind, wind_loads
+from windsysid.simulation.wind import (
+    BladeAerodynamics,
+    Direction,
+    DirectionChange,
+    blade_loads,
+    packaged_wind,
+    wind_loads,
+)
 from windsysid.simulation.wind.feedback import integrate_with_feedback
 from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine
@@ -88,7 +95,7 @@ def test_the_shadow_passes_when_the_blade_points_down(verne555: Turbine):
 
 
 def test_a_change_of_direction_is_seen_in_the_loads_and_nowhere_else(verne555: Turbine, rotor: np.ndarray, wind):
-    changes = (Change(520.0, 42.0), Change(534.0, -42.0))
+    changes = (DirectionChange(520.0, 42.0), DirectionChange(534.0, -42.0))
     turned = wind_loads(verne555, CONDITIONS, BLADE, rotor, rate=RATE, direction=Direction(changes=changes), seed=5)
     time = np.arange(len(rotor)) / RATE
     np.testing.assert_array_equal(turned.blade_speed, wind.blade_speed)

@@ -33,7 +33,7 @@ from windsysid.records.formats.dates import fitting_formats, is_stamp
 from windsysid.records.formats.dialect import Layout, counts_rows, find_layout, is_number, split
 from windsysid.records.formats.format import Format
 from windsysid.records.formats.mapping import Mapping
-from windsysid.records.formats.source import Block, Source
+from windsysid.records.formats.source import FileBlock, FileSource
 from windsysid.records.formats.text import LineBlock, encoding_of, last_line, line_blocks
 from windsysid.records.record import Array, Record
 
@@ -59,7 +59,7 @@ class _Head(NamedTuple):
     counter: tuple[int, ...] = ()
 
 
-def open_csv(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
+def open_csv(path: Path, mapping: Mapping, *, whole: bool = False) -> FileSource:
     """Find out how a file is written; `windsysid.records.formats` is the way in."""
     encoding = encoding_of(path, mapping.csv.encoding)
     last = last_line(path, encoding)
@@ -81,7 +81,7 @@ def open_csv(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
     names, units = tuple(column.name for column in columns), tuple(column.unit for column in columns)
     start = reader.first_time(first[0][1]) if times else 0.0
     began = start_of(mapping.time, clock.start)
-    return Source(path.name, names, units, reader.blocks, attributes, start, began, rate if times else None)
+    return FileSource(path.name, names, units, reader.blocks, attributes, start, began, rate if times else None)
 
 
 def _first_stamps(head: _Head, mapping: Mapping) -> list[tuple[int, str]]:
@@ -273,7 +273,7 @@ class _Reader:
         self.short = plain and path.stat().st_size < _SHORT
         self.width = len(self.layout.cells)
 
-    def blocks(self, start: float, end: float) -> Iterator[Block]:
+    def blocks(self, start: float, end: float) -> Iterator[FileBlock]:
         waiting = None  # a block before `start`, only read if it turns out to be the last one
         row = 0
         for block in line_blocks(self.path, self.encoding, keep_last=self.keep):
@@ -377,7 +377,7 @@ class _Reader:
                 self._refuse(index, number, cells[index])
         return mark.join(re.sub(rf'["{mark}]', "_", cell) for cell in cells)
 
-    def _parsed(self, text: bytes, numbers: Numbers, done: float, read: int) -> Block:
+    def _parsed(self, text: bytes, numbers: Numbers, done: float, read: int) -> FileBlock:
         def place(row: int) -> str:
             return f"line {numbers[row]}"
 
@@ -392,7 +392,7 @@ class _Reader:
             values = table[:, at]
         else:
             values = np.column_stack([column.values(table[:, i]) for i, column in zip(at, self.columns, strict=True)])
-        return Block(time, np.ascontiguousarray(values), place, done)
+        return FileBlock(time, np.ascontiguousarray(values), place, done)
 
     def _cells(self, text: bytes, numbers: Numbers) -> tuple[Array, list[list[str]]]:
         """The `numeric` columns (T, n), and the texts of times that are no numbers."""

@@ -20,8 +20,8 @@ from windsysid.records.formats.columns import Cell
 from windsysid.records.formats.files import reading
 from windsysid.records.formats.hawc2 import distinct_names, known_unit
 from windsysid.records.formats.mapping import Mapping
-from windsysid.records.formats.series import Series, source_of_series
-from windsysid.records.formats.source import Source, doubles
+from windsysid.records.formats.series import FileSeries, source_of_series
+from windsysid.records.formats.source import FileSource, doubles
 from windsysid.records.record import Array
 
 __all__ = ["TYPE", "source_of_blocks"]
@@ -51,7 +51,7 @@ class _Block(NamedTuple):
 
 def source_of_blocks(
     name: str, about: dict[str, Any], found: dict[str, Any], groups: dict[str, dict[str, Any]], mapping: Mapping
-) -> Source:
+) -> FileSource:
     """Make the source of a GTSDF file.
 
     Parameters
@@ -100,7 +100,7 @@ def source_of_blocks(
         return np.ascontiguousarray(rows(low, high)[:, k])
 
     columns = [k for k, cell in enumerate(cells) if cell.name.lower() != "time"]
-    series = [Series(cells[k], int(ends[-1]), partial(column, k), times=times) for k in columns]
+    series = [FileSeries(cells[k], int(ends[-1]), partial(column, k), times=times) for k in columns]
     if not series:
         raise RecordError("holds no channel but the time; expected at least one")
     texts = {key: str(about[key]) for key in ("name", "description") if about.get(key)}

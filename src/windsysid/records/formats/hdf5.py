@@ -20,7 +20,7 @@ from windsysid.records.formats.hdf5_tree import datasets
 from windsysid.records.formats.mapping import Mapping
 from windsysid.records.formats.netcdf import check_seal, unpacked
 from windsysid.records.formats.probing import probe
-from windsysid.records.formats.source import Source, doubles
+from windsysid.records.formats.source import FileSource, doubles
 from windsysid.records.record import Array
 
 __all__ = ["FORMAT", "opened", "stored"]
@@ -29,7 +29,7 @@ _MAGIC = b"\x89HDF\r\n\x1a\n"
 _UNITS = ("units", "unit", "Units", "Unit")
 
 
-def open_hdf5_file(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
+def open_hdf5_file(path: Path, mapping: Mapping, *, whole: bool = False) -> FileSource:
     """Open a file of any layout; its datasets are read as far as they are needed."""
     if read_start(path, len(_MAGIC)) != _MAGIC:
         raise RecordError("is not HDF5; give the file the ending of what it is, or export it again")
@@ -48,7 +48,7 @@ def open_hdf5_file(path: Path, mapping: Mapping, *, whole: bool = False) -> Sour
     return source_of_arrays(path.name, arrays, mapping, texts)
 
 
-def _gtsdf(name: str, file: Any, found: list[tuple[str, Any]], mapping: Mapping) -> Source:
+def _gtsdf(name: str, file: Any, found: list[tuple[str, Any]], mapping: Mapping) -> FileSource:
     about = {str(key): _plain(value) for key, value in file.attrs.items()}
     groups = {name: dict(file[name].attrs) for name in {path.split("/")[0] for path, _ in found if "/" in path}}
     return gtsdf.source_of_blocks(name, about, dict(found), groups, mapping)

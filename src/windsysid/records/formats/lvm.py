@@ -21,8 +21,8 @@ from windsysid.records.formats.dialect import MISSING, is_number
 from windsysid.records.formats.files import read_start
 from windsysid.records.formats.format import Format
 from windsysid.records.formats.mapping import Mapping
-from windsysid.records.formats.series import Grid, Series, cell_of, source_of_series
-from windsysid.records.formats.source import Source
+from windsysid.records.formats.series import FileSeries, TimeGrid, cell_of, source_of_series
+from windsysid.records.formats.source import FileSource
 from windsysid.records.formats.text import encoding_of, line_blocks
 from windsysid.records.moments import moment, tidy
 from windsysid.records.record import Array
@@ -48,7 +48,7 @@ class _Segment:
             raise RecordError(f"has no number behind {key}; it is damaged; export it again") from None
 
 
-def open_lvm(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
+def open_lvm(path: Path, mapping: Mapping, *, whole: bool = False) -> FileSource:
     """Open a file; such files are read whole."""
     if not read_start(path, len(_BEGIN)).startswith(_BEGIN.encode()):
         raise RecordError("is no LabVIEW measurement file; give the file the ending of what it is")
@@ -61,10 +61,10 @@ def open_lvm(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
     time = _time(head, segments, tables, start, multi)
     values = np.concatenate(tables)[:, 1 : 1 + len(channels) * (1 + multi) : 1 + multi]
     units = itertools.chain(first.header.get("Y_Unit_Label", []), itertools.repeat(None))
-    grid = time if isinstance(time, Grid) else None
-    times = None if isinstance(time, Grid) else lambda: time
+    grid = time if isinstance(time, TimeGrid) else None
+    times = None if isinstance(time, TimeGrid) else lambda: time
     series = [
-        Series(cell_of(name, name, unit), len(values), _column(column), grid, times, start=start)
+        FileSeries(cell_of(name, name, unit), len(values), _column(column), grid, times, start=start)
         for name, unit, column in zip(channels, units, values.T, strict=False)
     ]
     about = {key: head[key][0] for key in ("Description", "Operator", "Project") if head.get(key)}
@@ -201,7 +201,7 @@ def _moment(head: dict[str, list[str]], segment: _Segment) -> str | None:
 
 def _time(
     head: dict[str, list[str]], segments: list[_Segment], tables: list[Array], start: str | None, multi: bool
-) -> Array | Grid:
+) -> Array | TimeGrid:
     """Times [s] after the first segment's moment, or their grid where only that is written."""
     parts = []
     for one, table in zip(segments, tables, strict=True):
@@ -215,7 +215,7 @@ def _time(
             if not step or len({*step}) > 1 or len({*begin}) > 1 or not step[0] > 0.0:
                 raise RecordError("has channels without a common step of the time; export channels of one clock")
             if len(segments) == 1:
-                return Grid(begin[0], step[0], start)
+                return TimeGrid(begin[0], step[0], start)
             written = np.asarray(begin[0] + step[0] * np.arange(table.shape[0]))
         parts.append(written)
     return np.concatenate(_apart(head, segments, parts, start))

@@ -22,7 +22,7 @@ from windsysid.records.formats.hdf5 import opened, stored
 from windsysid.records.formats.hdf5_tree import datasets
 from windsysid.records.formats.mapping import Mapping
 from windsysid.records.formats.probing import probe
-from windsysid.records.formats.source import Source, doubles
+from windsysid.records.formats.source import FileSource, doubles
 from windsysid.records.record import Array
 
 __all__ = ["FORMAT"]
@@ -33,7 +33,7 @@ _ELEMENTS = (14, 15)  # a variable, plain or compressed
 _NO_NUMBERS = ("char", "cell", "function_handle", "struct", "object", "unknown", "opaque", "function")
 
 
-def open_matlab(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
+def open_matlab(path: Path, mapping: Mapping, *, whole: bool = False) -> FileSource:
     """Open a file of either kind; variables are read where they are needed."""
     start = read_start(path, 128)
     if not start.startswith((_OLD, _NEW)):

@@ -17,8 +17,8 @@ from windsysid.records.formats.files import damaged, quiet, read_start, reading
 from windsysid.records.formats.format import Format, package
 from windsysid.records.formats.mapping import Mapping
 from windsysid.records.formats.probing import probe
-from windsysid.records.formats.series import Series, cell_of, short_names, source_of_series, utc
-from windsysid.records.formats.source import Source, doubles
+from windsysid.records.formats.series import FileSeries, cell_of, short_names, source_of_series, utc
+from windsysid.records.formats.source import FileSource, doubles
 from windsysid.records.moments import tidy
 from windsysid.records.record import Array
 
@@ -36,7 +36,7 @@ _CHAINED = {
 _MOST_PACKED = 1100  # zlib packs 1032 bytes into one at most
 
 
-def open_mdf(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
+def open_mdf(path: Path, mapping: Mapping, *, whole: bool = False) -> FileSource:
     """Open a file; its channels are read as far as they are needed."""
     start = read_start(path, 16)
     if start.startswith(b"UnFinMF"):
@@ -145,7 +145,7 @@ def _start(file: Any) -> str | None:
     return utc(1000 * round(1e6 * began.timestamp()))
 
 
-def _series(file: Any, group: int, index: int, written: str, name: str, start: str | None) -> Series:
+def _series(file: Any, group: int, index: int, written: str, name: str, start: str | None) -> FileSeries:
     channel = file.groups[group].channels[index]
     unit = channel.unit or (channel.conversion.unit if channel.conversion is not None else "")
     samples = int(file.groups[group].channel_group.cycles_nr)
@@ -156,7 +156,7 @@ def _series(file: Any, group: int, index: int, written: str, name: str, start: s
 
     master = file.masters_db.get(group)
     timed = master is not None and file.groups[group].channels[master].sync_type == _TIME
-    return Series(
+    return FileSeries(
         cell_of(written, name, unit),
         samples,
         lambda low, high: _read(file, [(group, index)], low, high)[0],

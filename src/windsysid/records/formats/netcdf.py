@@ -23,7 +23,7 @@ from windsysid.records.formats.format import Format
 from windsysid.records.formats.hdf5_tree import check_tree
 from windsysid.records.formats.mapping import Mapping
 from windsysid.records.formats.probing import probe
-from windsysid.records.formats.source import Block, Source, doubles, indexed_source
+from windsysid.records.formats.source import FileBlock, FileSource, doubles, indexed_source
 from windsysid.records.formats.time_units import confirmed_unit
 from windsysid.records.labelled import written_order
 from windsysid.records.moments import has_zone, split_start
@@ -55,7 +55,7 @@ class _Contents(NamedTuple):
     name: str
 
 
-def open_netcdf(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
+def open_netcdf(path: Path, mapping: Mapping, *, whole: bool = False) -> FileSource:
     """Open a file; its variables are read as far as they are needed."""
     start = read_start(path, len(_HDF5))
     if start[:3] == b"CDF":
@@ -78,7 +78,7 @@ def open_netcdf(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
     at_once = values if whole and values <= _MAX_VALUES_AT_ONCE else _VALUES
     source = indexed_source(found.name, columns, found.time, rows, values_at_once=at_once)
 
-    def blocks(start: float, end: float) -> Iterator[Block]:
+    def blocks(start: float, end: float) -> Iterator[FileBlock]:
         opened.append(open_hdf5(path))
         try:
             yield from source.blocks(start, end)

@@ -19,11 +19,11 @@ from windsysid.records.formats.source import doubles
 from windsysid.records.formats.text import decoded
 from windsysid.records.record import Array
 
-__all__ = ["Packed", "open_packed"]
+__all__ = ["PackedOutput", "open_packed"]
 
 
 @dataclass(frozen=True)
-class Packed:
+class PackedOutput:
     """An ``.outb`` file whose header has been read.
 
     Attributes
@@ -96,7 +96,7 @@ class Packed:
         return f"sample {row}"
 
 
-def open_packed(path: Path) -> Packed:
+def open_packed(path: Path) -> PackedOutput:
     """Read the header and hold it against the size of the file.
 
     Raises
@@ -118,13 +118,13 @@ def open_packed(path: Path) -> Packed:
             with np.errstate(all="ignore"):
                 times = (np.fromfile(file, "<i4", head.samples) - second) / first
             start = step = np.nan
-        return Packed(
+        return PackedOutput(
             path, names, tuple(unit[1:-1] for unit in units), text, head.samples, start, step, times,
             doubles(scale), doubles(offset), file.tell(), head.kind == 3, behind,
         )  # fmt: skip
 
 
-class _Head(NamedTuple):
+class _PackedHead(NamedTuple):
     """Format, characters of a name, numbers of channels and samples, and position of what follows them."""
 
     kind: int
@@ -144,7 +144,7 @@ class _Head(NamedTuple):
         return self.channels * (8 if self.kind == 3 else 2) + (4 if self.kind == 1 else 0)
 
 
-def _head(file: BinaryIO) -> _Head:
+def _head(file: BinaryIO) -> _PackedHead:
     data = file.read(12)
     (kind,) = struct.unpack_from("<h", data) if len(data) == 12 else (0,)
     if kind not in (1, 2, 3, 4):
@@ -153,14 +153,14 @@ def _head(file: BinaryIO) -> _Head:
     channels, samples = struct.unpack_from("<ii", data, at)
     if width <= 0 or channels <= 0 or samples < 0:
         raise _rubbish()
-    return _Head(kind, width, channels, samples, at + 8)
+    return _PackedHead(kind, width, channels, samples, at + 8)
 
 
 def _rubbish() -> RecordError:
     return RecordError("is not OpenFAST binary output; give the file the ending of what it is")
 
 
-def _description_size(file: BinaryIO, head: _Head, size: int) -> tuple[int, int]:
+def _description_size(file: BinaryIO, head: _PackedHead, size: int) -> tuple[int, int]:
     """Bytes of the description, and of what follows the counted rows; RecordError if the file is too short."""
     fixed = head.at + 16 + (0 if head.kind == 3 else 8 * head.channels)  # two numbers for the time, scales
     needed, description = fixed + 4 + 2 * head.names_size + head.samples * head.row, 0
@@ -177,7 +177,7 @@ def _description_size(file: BinaryIO, head: _Head, size: int) -> tuple[int, int]
     return description, size - needed - description
 
 
-def _scales(file: BinaryIO, head: _Head) -> tuple[Array, Array]:
+def _scales(file: BinaryIO, head: _PackedHead) -> tuple[Array, Array]:
     if head.kind == 3:
         return np.ones(head.channels), np.ones(head.channels)
     scale, offset = np.fromfile(file, "<f4", head.channels), np.fromfile(file, "<f4", head.channels)

@@ -35,7 +35,7 @@ from windsysid.records.formats.columns import (
 from windsysid.records.formats.files import read_start, reading
 from windsysid.records.formats.format import Format, package
 from windsysid.records.formats.mapping import Mapping
-from windsysid.records.formats.source import Block, Source, doubles, shifted
+from windsysid.records.formats.source import FileBlock, FileSource, doubles, shifted
 from windsysid.records.moments import split_start
 from windsysid.records.record import Array, Record
 
@@ -55,7 +55,7 @@ _TAIL = 8
 """Bytes behind the footer: its length, and four letters."""
 
 
-def open_parquet(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
+def open_parquet(path: Path, mapping: Mapping, *, whole: bool = False) -> FileSource:
     """Open a file; its row groups are read as far as they are needed."""
     if read_start(path, 4) != b"PAR1":
         raise RecordError("is not Parquet; give the file the ending of what it is, or export it again")
@@ -70,7 +70,7 @@ def open_parquet(path: Path, mapping: Mapping, *, whole: bool = False) -> Source
         said, attributes = split_start(attributes, np.array([start]))
     if rows.counter:
         attributes["dropped"] = "pandas' index counts the rows; it is left out"
-    return Source(
+    return FileSource(
         notes.get("windsysid_name", path.name),
         *names_and_units(rows.columns),
         partial(_blocks, file, rows, mapping.time.rate or 1.0),
@@ -121,7 +121,7 @@ def _notes(schema: Any) -> dict[str, str]:
     return {key.decode(): text.decode() for key, text in (schema.metadata or {}).items()}
 
 
-def _blocks(file: Any, rows: _Rows, rate: float, start: float, end: float) -> Iterator[Block]:
+def _blocks(file: Any, rows: _Rows, rate: float, start: float, end: float) -> Iterator[FileBlock]:
     """Blocks of the rows from `start` to `end` [s]."""
     done, total, waiting = 0, max(file.metadata.num_rows, 1), None
     wanted = [*rows.times, *(column.index for column in rows.columns)]
@@ -130,7 +130,7 @@ def _blocks(file: Any, rows: _Rows, rate: float, start: float, end: float) -> It
         done += len(table[0])
         seconds = np.arange(first, done) / rate if rows.clock is None else _seconds(rows.clock, table[0])
         values = [column.values(_numbers(table[i])) for i, column in enumerate(rows.columns, len(rows.times))]
-        block = Block(seconds, np.column_stack(values), shifted("sample {}".format, first), done / total)
+        block = FileBlock(seconds, np.column_stack(values), shifted("sample {}".format, first), done / total)
         waiting = block if seconds.size and seconds[-1] < start else None
         if waiting is None:
             yield block

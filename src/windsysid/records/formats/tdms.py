@@ -22,8 +22,8 @@ from windsysid.records.formats.columns import Cell
 from windsysid.records.formats.files import damaged, quiet, reading
 from windsysid.records.formats.format import Format, package
 from windsysid.records.formats.mapping import Mapping
-from windsysid.records.formats.series import Grid, Series, cell_of, short_names, source_of_series, utc
-from windsysid.records.formats.source import Source, doubles
+from windsysid.records.formats.series import FileSeries, TimeGrid, cell_of, short_names, source_of_series, utc
+from windsysid.records.formats.source import FileSource, doubles
 from windsysid.records.record import RATE_DOUBT, Array
 
 __all__ = ["FORMAT"]
@@ -39,7 +39,7 @@ _DEFAULT_RATE = (
 )
 
 
-def open_tdms(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
+def open_tdms(path: Path, mapping: Mapping, *, whole: bool = False) -> FileSource:
     """Open a file; its channels are read as far as they are needed."""
     numbers, plain = _follow(path)
     nptdms = package("nptdms", "NI TDMS files", "formats")
@@ -114,12 +114,12 @@ def _follow(path: Path) -> tuple[int, bool]:
     return numbers, plain
 
 
-def _series(channel: Any, written: str, name: str) -> Series:
+def _series(channel: Any, written: str, name: str) -> FileSeries:
     properties = channel.properties
     unit = properties.get("unit_string") or properties.get("NI_UnitDescription")
     cell = cell_of(written, name, None if unit is None else str(unit))
     if channel.dtype.kind == "M":
-        return Series(Cell(written, name), len(channel), _no_numbers(name), moments=lambda: _moments(channel))
+        return FileSeries(Cell(written, name), len(channel), _no_numbers(name), moments=lambda: _moments(channel))
 
     def numbers(low: int, high: int) -> Array:
         with reading():
@@ -128,7 +128,7 @@ def _series(channel: Any, written: str, name: str) -> Series:
             raise RecordError(f"channel '{name}' holds text, expected numbers; leave it out of the mapping file")
         return doubles(values)
 
-    return Series(cell, len(channel), numbers, _grid(properties))
+    return FileSeries(cell, len(channel), numbers, _grid(properties))
 
 
 def _no_numbers(name: str) -> Any:
@@ -145,7 +145,7 @@ def _moments(channel: Any) -> Moments:
         return np.asarray(channel[:], dtype="datetime64[ns]").astype(np.int64)
 
 
-def _grid(properties: Any) -> Grid | None:
+def _grid(properties: Any) -> TimeGrid | None:
     step = float(properties.get("wf_increment", 0.0))
     if not 0.0 < step < np.inf:
         return None
@@ -153,7 +153,7 @@ def _grid(properties: Any) -> Grid | None:
     start = None
     if began is not None and np.datetime64(began) > np.datetime64("1904-01-02"):  # LabVIEW's zero means not known
         start = utc(1000 * round(int(np.datetime64(began, "ns").astype(np.int64)) / 1000))  # fractions of 2^-64 s
-    return Grid(float(properties.get("wf_start_offset", 0.0)), step, start)
+    return TimeGrid(float(properties.get("wf_start_offset", 0.0)), step, start)
 
 
 FORMAT = Format("NI TDMS", (".tdms",), open_tdms, begins=(b"TDSm",))

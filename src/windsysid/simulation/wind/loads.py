@@ -13,10 +13,10 @@ from windsysid.simulation.wind.field import WindConditions, rotor_wind
 if TYPE_CHECKING:
     from windsysid.turbine.turbine import Turbine
 
-__all__ = ["WindLoads", "wind_loads"]
+__all__ = ["SimulatedWindLoads", "wind_loads"]
 
 
-class WindLoads(NamedTuple):
+class SimulatedWindLoads(NamedTuple):
     """What the wind does to a turbine over T samples.
 
     Attributes
@@ -53,7 +53,7 @@ def wind_loads(
     rate: float,
     direction: Direction | None = None,
     seed: int = 0,
-) -> WindLoads:
+) -> SimulatedWindLoads:
     """Loads of turbulent wind on a turning rotor; reproducible for a seed.
 
     Parameters
@@ -82,4 +82,4 @@ def wind_loads(
         direction or Direction(), len(rotor), rate=rate, seed=np.random.default_rng(direction_seed)
     )
     made = blade_loads(turbine, aerodynamics, wind.blades, rotor, delta, mean_speed=conditions.speed)
-    return WindLoads(made.loads, made.damping, wind.hub, delta, wind.blades, made.torque)
+    return SimulatedWindLoads(made.loads, made.damping, wind.hub, delta, wind.blades, made.torque)
