@@ -140,7 +140,7 @@ def _with_noise(readings: Array, sensors: Sequence[Any], rng: np.random.Generato
     """Readings (T, m) with the noise and the biases of their sensors."""
     noise = rng.standard_normal(readings.shape) * [sensor.noise for sensor in sensors]
     bias = rng.standard_normal(len(sensors)) * [sensor.bias for sensor in sensors]
-    return readings + noise + bias
+    return np.asarray(readings + noise + bias)
 
 
 def _under_random_loads(machine: _Machine, supposed: SupposedLoads, rng: np.random.Generator) -> Array:

@@ -95,12 +95,12 @@ def conclude(
         {q.name: float(q.physical(t)) for q, t in zip(model.parameters, at_masses, strict=True)}
     )  # fmt: skip
     compiled = model.compiled if formulation != "force-balance" else compile_model(turbine.model)
-    reference = np.array([turbine.values[name] for name in compiled.parameters])
+    at_reference = np.array([turbine.values[name] for name in compiled.parameters])
     turned = [i for i, name in enumerate(compiled.inputs) if name == "rotor_speed"]
     speed = float(outcome.rotor[:, turned[0]].mean()) if turned else turbine.rotor_speed
     n = len(theta)
     modes, slopes = modes_with_slopes(
-        turbine.model, compiled, reference, speed, model.parameters, at_masses, given_masses[:n, :n]
+        turbine.model, compiled, at_reference, speed, model.parameters, at_masses, given_masses[:n, :n]
     )
     line: Line | None = None
     beside: tuple[str, ...] = ()
