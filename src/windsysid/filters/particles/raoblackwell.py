@@ -122,7 +122,7 @@ class MixtureInfo(NamedTuple):
 
 @dataclass(frozen=True)
 class RaoBlackwellised:
-    """Particles on the parameters, with a Kalman filter each, of a `SplitModel`; protocol of `windsysid.filters.Filter`.
+    """Particles on a `SplitModel`'s parameters, a Kalman filter each; the protocol of `windsysid.filters.Filter`.
 
     Attributes
     ----------
