@@ -124,7 +124,7 @@ def _kernel(
     shared, texts, used = _simplified([*roles, *_slopes(equations, outputs, groups, n)])
     mass_text, force_text, output_text, *slope_texts = texts
     early, late = _by_dependence(shared, set(a))
-    factor = _Factor({key: f"_m{key[0]}_{key[1]}" for key in mass}, n)
+    factor = _Factor(mass, n)
 
     yield f"def {name}(_x, _u, _p, _w, _value{''.join(f', _{group}' for group, _ in groups)}):"
     yield from _indented(_unpack(equations, used))
@@ -263,10 +263,12 @@ def _text(expression: sp.Expr) -> str:
 class _Factor:
     """M = L D Lᵀ written out along the nonzero pattern of M, eliminating the row with fewest neighbours first."""
 
-    def __init__(self, entries: dict[tuple[int, int], str], n: int) -> None:
+    def __init__(self, entries: Iterable[tuple[int, int]], n: int) -> None:
         self.lines: list[str] = []
-        self.value = dict(entries)
-        self.neighbours = {i: {j for j in range(n) if j != i and (max(i, j), min(i, j)) in entries} for i in range(n)}
+        self.value = {(i, j): f"_m{i}_{j}" for i, j in entries}
+        self.neighbours = {
+            i: {j for j in range(n) if j != i and (max(i, j), min(i, j)) in self.value} for i in range(n)
+        }
         self.below: dict[int, list[int]] = {}
         while len(self.below) < n:
             left = (i for i in range(n) if i not in self.below)

@@ -72,14 +72,8 @@ def source_of_blocks(
         If blocks are missing or do not fit each other.
     """
     with reading():
-        blocks = [
-            _block(found, f"block{number:04d}", groups.get(f"block{number:04d}", {}))
-            for number in range(min(int(about["no_blocks"]), 1 + len(groups)))
-        ]
-        widths = {block.data.shape[1] for block in blocks}
-        if len(widths) != 1:
-            raise RecordError("has blocks of different width, or none; it is damaged; copy or export it again")
-        cells = _cells(found, widths.pop())
+        blocks = _blocks(about, found, groups)
+        cells = _cells(found, blocks[0].data.shape[1])
     listed = [block.time for block in blocks if block.time is not None]
     times = partial(np.concatenate, listed) if len(listed) == len(blocks) else None
     ends = np.cumsum([len(block.data) for block in blocks])
@@ -106,6 +100,14 @@ def source_of_blocks(
     texts = {key: str(about[key]) for key in ("name", "description") if about.get(key)}
     how = "write its unit into attribute_units"
     return source_of_series(name, series, mapping, {"source": "GTSDF", **texts}, how=how, together=together)
+
+
+def _blocks(about: dict[str, Any], found: dict[str, Any], groups: dict[str, dict[str, Any]]) -> list[_Block]:
+    numbers = range(min(int(about["no_blocks"]), 1 + len(groups)))
+    blocks = [_block(found, name, groups.get(name, {})) for name in (f"block{number:04d}" for number in numbers)]
+    if len({block.data.shape[1] for block in blocks}) != 1:
+        raise RecordError("has blocks of different width, or none; it is damaged; copy or export it again")
+    return blocks
 
 
 def _block(found: dict[str, Any], name: str, about: dict[str, Any]) -> _Block:

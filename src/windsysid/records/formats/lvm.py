@@ -84,12 +84,14 @@ def _parsed(path: Path) -> tuple[dict[str, list[str]], list[_Segment]]:
     rows = ((number, [cell.strip() for cell in line.split(mark)]) for number, line in lines)
     segments: list[_Segment] = []
     for number, cells in rows:
+        if not any(cells):
+            continue
         if cells[0] == "Channels":
             segments.append(_segment(cells, rows, decimal))
-        elif any(cells) and not segments:
-            raise RecordError(f"line {number} should begin a segment with 'Channels'; it is damaged; export it again")
-        elif any(cells):
+        elif segments:
             segments[-1].rows.append(_row(cells, segments[-1], decimal, number))
+        else:
+            raise RecordError(f"line {number} should begin a segment with 'Channels'; it is damaged; export it again")
     for one in segments:
         said = one.numbers("Samples")
         if said and len(one.rows) < max(said):
