@@ -14,7 +14,12 @@ def spectrum(speed):
     order = np.argsort(np.abs(exponents))
     names = np.array(["tower x", "lag forward"])[order]
     return ModalSpectrum(
-        exponents[order], tuple(names), np.eye(2)[order], np.array([[1j], [0j]])[order], -0.1, "Coleman"
+        exponents[order],
+        tuple(names),
+        np.eye(2, dtype=np.complex128)[order],
+        np.array([[1j], [0j]])[order],
+        -0.1,
+        "Coleman",
     )
 
 

@@ -8,7 +8,7 @@ from windsysid.records.formats.columns import Column
 from windsysid.records.formats.source import FileBlock, FileSource, gather, gather_section, indexed_source, pieces
 from windsysid.records.formats.source import without_repeats as kept_once
 
-TIME, VALUES = 0.1 * np.arange(50), np.random.default_rng(1).standard_normal((50, 2))
+TIME, VALUES = np.linspace(0.0, 4.9, 50), np.random.default_rng(1).standard_normal((50, 2))
 
 
 def source():

@@ -225,9 +225,9 @@ def counted_clock(
     off = np.abs(steps / step - np.rint(steps / step)) if np.all(steps > 0.0) else np.array([np.inf])
     if np.any(off > _MAX_OFF_GRID):
         return None
-    for name in given or ("s", "ms", "µs", "min", "h", "d"):
-        if abs(step * to_si(1.0, str(split_since(name)[0])) * rate - 1.0) < _MAX_RATE_DEVIATION:
-            return make_clock(cells, name, TimeRule(zone=rule.zone), place, decimal)
+    fitting = _unit_of_step(step, rate, given or ["s", "ms", "µs", "min", "h", "d"])
+    if fitting is not None:
+        return make_clock(cells, fitting, TimeRule(zone=rule.zone), place, decimal)
     if given:
         raise ConfigurationError(
             f"time.rate is {rate:g} Hz, but the time column has steps of {step:.4g} {unit}; correct or remove the rate"
@@ -235,6 +235,12 @@ def counted_clock(
     if np.any(off > _MAX_COUNT_DEVIATION):
         return None
     return Clock(factor=1.0 / (rate * step), zero=float(numbers[0]))
+
+
+def _unit_of_step(step: float, rate: float, units: Sequence[str]) -> str | None:
+    """The first unit in which a step is that of the rate [Hz]."""
+    factors = {unit: to_si(1.0, str(split_since(unit)[0])) for unit in units}
+    return next((unit for unit in units if abs(step * factors[unit] * rate - 1.0) < _MAX_RATE_DEVIATION), None)
 
 
 def _dated_clock(

@@ -191,11 +191,11 @@ def find_times(cells: Sequence[Cell], mapping: Mapping) -> tuple[int, ...]:
     wanted = mapping.time.column
     if isinstance(wanted, tuple):
         return tuple(find_time(cells, replace(mapping, time=replace(mapping.time, column=name))) for name in wanted)
-    names = [cell.name.lower() for cell in cells[:2]]
-    if wanted is None and len(names) == 2 and names[0] in DATE_NAMES and is_called_time(names[1]):
+    first, second = [*(cell.name.lower() for cell in cells[:2]), "", ""][:2]
+    if wanted is None and first in DATE_NAMES and is_called_time(second):
         return 0, 1
     if wanted is None and mapping.time.rate is not None:
-        return (0,) if cells and (is_called_time(cells[0].name) or names[0] in COUNTER_NAMES) else ()
+        return (0,) if cells and (is_called_time(cells[0].name) or first in COUNTER_NAMES) else ()
     return (find_time(cells, mapping),)
 
 
