@@ -298,7 +298,7 @@ class _Factor:
         """Lines that solve M z = right into variables called `names`."""
         lines: list[str] = []
         current = dict(right)
-        tag = names[0] if names else ""
+        tag = "".join(names[:1])
         for k in self.order:
             if k not in current:
                 continue

@@ -72,18 +72,15 @@ def plausible_units(channel: str, values: Array) -> tuple[str, ...]:
         Some of its values, as the file has them.
     """
     si, known = implied_unit(channel), values[np.isfinite(values)]
-    if si is None or not known.size or not known.any():
+    if si is None or not known.any():
         return ()
     words, largest = _words(channel), float(np.abs(known).max())
     if "azimuth" in words:
         return _units_of_azimuth(known, largest)
     units, low, high = _CANDIDATES[_quantity(words, si)]
-    if si == "m/s^2":  # an accelerometer that stands upright reads gravity
-        mean = abs(float(np.mean(known)))
-        upright = tuple(unit for unit in units if abs(to_si(mean, unit) / _GRAVITY - 1.0) < 0.03)
-        if upright:
-            return upright
-    return tuple(unit for unit in units if low <= to_si(largest, unit) <= high)
+    mean = abs(float(np.mean(known)))  # an accelerometer that stands upright reads gravity
+    upright = tuple(unit for unit in units if si == "m/s^2" and abs(to_si(mean, unit) / _GRAVITY - 1.0) < 0.03)
+    return upright or tuple(unit for unit in units if low <= to_si(largest, unit) <= high)
 
 
 def _quantity(words: list[str], si: str) -> str:

@@ -95,9 +95,7 @@ def integrate(
     acceleration = np.asarray(acceleration, dtype=np.float64)
     if acceleration.ndim != 1 or len(acceleration) < 2:
         raise RecordError(f"acceleration: expected (T,) with T ≥ 2, got {acceleration.shape}")
-    if noise is not None and not (np.isfinite(noise) and noise > 0.0):
-        raise RecordError(f"noise of the accelerometer: expected a positive number, got {noise:g} m/s²")
-    _check_method(method, cutoff, roll_per_metre)
+    _check_options(method, cutoff, noise, roll_per_metre)
     missing = ~np.isfinite(acceleration)
     whole = bridged(acceleration, "of acceleration")
     whole = whole - whole.mean()
@@ -116,7 +114,9 @@ def integrate(
     return motion
 
 
-def _check_method(method: str, cutoff: float, roll_per_metre: float) -> None:
+def _check_options(method: str, cutoff: float, noise: float | None, roll_per_metre: float) -> None:
+    if noise is not None and not (np.isfinite(noise) and noise > 0.0):
+        raise RecordError(f"noise of the accelerometer: expected a positive number, got {noise:g} m/s²")
     if method not in METHODS:
         raise RecordError(f"method of integration: expected one of {', '.join(METHODS)}, got '{method}'")
     if roll_per_metre != 0.0 and method not in ("frequency", "kalman"):

@@ -6,6 +6,7 @@ too: `windsysid.signals.harmonics`.
 """
 
 import math
+from collections.abc import Mapping
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -17,7 +18,7 @@ from windsysid.records.record import Record
 from windsysid.signals.azimuth import steadied
 from windsysid.signals.band import bridged
 
-__all__ = ["RotorMotion", "rotor_from_encoder", "rotor_from_pulses", "rotor_inputs", "smooth_slope"]
+__all__ = ["RotorMotion", "check_units", "rotor_from_encoder", "rotor_from_pulses", "rotor_inputs", "smooth_slope"]
 
 
 STANDING_MAX_SPEED = 0.05
@@ -68,9 +69,7 @@ def rotor_inputs(record: Record, rotor_speed: float) -> Array:
     """
     record = steadied(record)
     azimuth, measured = record["rotor_azimuth"], "rotor_speed" in record
-    for channel, unit in (("rotor_azimuth", "rad"), ("rotor_speed", "rad/s")):
-        if channel in record and record.unit(channel) != unit:
-            raise RecordError(f"channel '{channel}': expected {unit}, got {record.unit(channel)}: correct its unit")
+    check_units(record, {"rotor_azimuth": "rad", "rotor_speed": "rad/s"})
     time = record.time - record.time[0]
     known = np.isfinite(azimuth)
     if known.sum() < 2:
@@ -86,6 +85,13 @@ def rotor_inputs(record: Record, rotor_speed: float) -> Array:
     if not measured:
         speed = smooth_slope(psi, record.rate)
     return np.column_stack([psi, speed, smooth_slope(speed, record.rate)])
+
+
+def check_units(record: Record, units: Mapping[str, str]) -> None:
+    """Refuse a record that has one of these channels in another unit."""
+    for channel, unit in units.items():
+        if channel in record and record.unit(channel) != unit:
+            raise RecordError(f"channel '{channel}': expected {unit}, got {record.unit(channel)}: correct its unit")
 
 
 def _check_rotation(mean_speed: float, drift: float, rotor_speed: float, *, measured: bool) -> None:
