@@ -29,7 +29,7 @@ import sympy as sp
 import windsysid as ws
 from windsysid.loads.statistics import Statistic
 from windsysid.mechanics.equations import lagrange
-from windsysid.mechanics.sensors import Motion
+from windsysid.mechanics.sensors import StructuralMotion
 from windsysid.reports.identification import identification_report
 from windsysid.statespace.process import load_on, rational
 
@@ -102,7 +102,7 @@ class DampedTower(ws.MechanicalModel):
 
 
 class DampedTowerMotion:
-    """How the tower moves, as its sensors ask for it (`windsysid.mechanics.sensors.Motion`)."""
+    """How the tower moves, as its sensors ask for it (`windsysid.mechanics.sensors.StructuralMotion`)."""
 
     def __init__(self, model: DampedTower) -> None:
         self.parameters = model.symbols()
@@ -184,7 +184,7 @@ class StrokeSensor(ws.Sensor):
         """A length."""
         return "m"
 
-    def reading(self, motion: Motion) -> sp.Expr:
+    def reading(self, motion: StructuralMotion) -> sp.Expr:
         """v − u."""
         return self.gain * (motion.displacement("damper") - motion.displacement("tower"))
 

@@ -12,12 +12,12 @@ from windsysid import cli
 from windsysid.loads.hypothesis import HYPOTHESES
 from windsysid.mechanics.model import MODELS
 from windsysid.mechanics.sensors import SENSORS
-from windsysid.records.formats.probing import Guard
+from windsysid.records.formats.probing import ProcessGuard
 from windsysid.results.finding import Finding
 from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine
 
-Guard.on = True
+ProcessGuard.on = True
 """Damaged HDF5 files of the tests are those of fixed seeds; `tests/records/formats/test_probing.py` looks first."""
 
 

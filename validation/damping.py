@@ -126,7 +126,8 @@ def air_of_the_tower(rotor_speed: float, wind_speed: float) -> dict[str, float]:
         blade = replace(blade, pitch_deg=90.0, induction=0.0)
     azimuth = np.linspace(0.0, 2.0 * np.pi, 60, endpoint=False)
     wind = np.full((60, rotor.rotor.blades, len(blade.radii)), wind_speed)
-    made = blade_loads(rotor, blade, wind, azimuth, np.full(60, rotor_speed), mean_speed=wind_speed)
+    turning = np.column_stack([azimuth, np.full(60, rotor_speed)])
+    made = blade_loads(rotor, blade, wind, turning, mean_speed=wind_speed)
     lift = sum(c * r * w for c, r, w in zip(blade.chords, blade.radii, blade.widths, strict=True))
     fore_aft = 0.5 * rotor.rotor.blades * blade.density * blade.lift_slope * rotor_speed * lift
     return {

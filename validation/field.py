@@ -353,7 +353,7 @@ def _modes(posterior: Posterior, cov: "np.ndarray[tuple[int, ...], np.dtype[np.f
     compiled = compile_model(turbine.model)
     p = np.array([turbine.values[name] for name in compiled.parameters])
     found, _ = modes_with_slopes(
-        turbine.model, compiled, p, turbine.rotor_speed, posterior.parameters, posterior.theta, cov, p
+        turbine.model, compiled, p, turbine.rotor_speed, posterior.parameters, posterior.theta, cov
     )
     return {mode.name: mode for mode in found}
 

@@ -29,7 +29,7 @@ from windsysid.errors import WindsysidError
 from windsysid.output.console import render
 from windsysid.output.table import Table
 from windsysid.records.formats import read_record
-from windsysid.records.formats.probing import Guard
+from windsysid.records.formats.probing import ProcessGuard
 from windsysid.records.moments import moment
 from windsysid.records.record import Record
 from windsysid.units import si_unit, to_si
@@ -171,7 +171,7 @@ class _Reader:
 
 def _serve(pipe: Connection, name: str) -> None:
     mapping = SAMPLES[name].mapping
-    Guard.on = True
+    ProcessGuard.on = True
     warnings.simplefilter("error")
     while True:
         path = pipe.recv()

@@ -16,7 +16,7 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.mechanics.compile import compile_model
-from windsysid.modal.analysis import Spectrum, analyse
+from windsysid.modal.analysis import ModalSpectrum, analyse
 from windsysid.modal.stability import Unstable, unstable_ranges
 from windsysid.output.console import render
 from windsysid.turbine.file import load_turbine
@@ -74,7 +74,7 @@ def examine(turbine: Turbine, speeds: Array = SPEEDS) -> tuple[str, list[Unstabl
     return "Coleman", unstable, max(differences)
 
 
-def compare(one: Spectrum, other: Spectrum) -> float:
+def compare(one: ModalSpectrum, other: ModalSpectrum) -> float:
     """Greatest distance of exponents [1/s], each with its own partner; infinite where their numbers differ."""
     from scipy.optimize import linear_sum_assignment
 

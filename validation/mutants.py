@@ -439,8 +439,8 @@ _LIKELIHOOD = (
     ),
     Mutant(
         "variance of a walk", "compose.py",
-        "walk=np.outer(\n            steps,",
-        "walk=np.outer(\n            np.square(steps),",
+        "walk=np.outer(steps,",
+        "walk=np.outer(np.square(steps),",
         "a wandering bias gains variance with the square of time",
     ),
     Mutant(

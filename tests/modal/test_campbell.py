@@ -197,7 +197,7 @@ def test_an_identification_and_the_diagram_give_one_answer_however_narrow_the_ba
     posterior = uncertain(turbine, **{n: 1e-5 if n.startswith("k_") else 1e-3 for n in names})
     model, cov = compile_model(turbine.model), posterior.cov
     p = np.array([turbine.values[n] for n in model.parameters])
-    known = (turbine.rotor_speed, posterior.parameters, posterior.theta, cov, p)
+    known = (turbine.rotor_speed, posterior.parameters, posterior.theta, cov)
     printed, _ = modes_with_slopes(turbine.model, model, p, *known)
     along = directions_of(model, posterior.parameters, posterior.theta)
     floquet = analyse(turbine.model, model, p, turbine.rotor_speed, along, method="Floquet")
@@ -217,7 +217,7 @@ def test_a_turn_too_slow_for_floquet_still_has_modes_in_an_identification(verne5
     posterior = uncertain(verne555, k_x=1e-2)
     model = compile_model(verne555.model)
     p = np.array([verne555.values[n] for n in model.parameters])
-    known = (posterior.parameters, posterior.theta, posterior.cov, p)
+    known = (posterior.parameters, posterior.theta, posterior.cov)
     idling, standing = (modes_with_slopes(verne555.model, model, p, speed, *known)[0] for speed in (1e-3 / RPM, 0.0))
     assert [mode.name for mode in idling if mode.name.startswith("tower")] == ["tower y", "tower x"]
     assert idling[0].frequency_hz == pytest.approx(standing[0].frequency_hz, rel=1e-4)

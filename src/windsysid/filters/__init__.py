@@ -5,7 +5,7 @@ from windsysid.filters.ekf import EKF
 from windsysid.filters.iekf import IEKF
 from windsysid.filters.particles.cloud import Cloud
 from windsysid.filters.particles.filter import ParticleFilter
-from windsysid.filters.particles.raoblackwell import Mixture, MixtureInfo, RaoBlackwellised, Split
+from windsysid.filters.particles.raoblackwell import Mixture, MixtureInfo, RaoBlackwellised, SplitModel
 from windsysid.filters.particles.weights import ParticleInfo, degeneracy
 from windsysid.filters.protocol import Belief, Filter, Info
 from windsysid.filters.smoother import Smoothed, smooth
@@ -26,7 +26,7 @@ __all__ = [
     "ParticleInfo",
     "RaoBlackwellised",
     "Smoothed",
-    "Split",
+    "SplitModel",
     "degeneracy",
     "load_belief",
     "save_belief",

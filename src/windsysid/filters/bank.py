@@ -27,7 +27,7 @@ from windsysid.kernels.simd import LANES
 from windsysid.mechanics.compile import CompiledModel
 from windsysid.statespace.compose import StateSpace
 
-__all__ = ["LANES", "Bank", "Scores", "bank_of", "run_bank"]
+__all__ = ["LANES", "Bank", "BankScores", "bank_of", "run_bank"]
 
 
 class Bank(NamedTuple):
@@ -64,7 +64,7 @@ class Bank(NamedTuple):
     filters: int
 
 
-class Scores(NamedTuple):
+class BankScores(NamedTuple):
     """What came out of T samples of m readings for each filter.
 
     Attributes
@@ -118,7 +118,7 @@ def bank_of(models: Sequence[StateSpace], changes: int = 0) -> Bank:
 def run_bank(
     bank: Bank, inputs: Array, readings: Array, pool: ThreadPoolExecutor | None = None, changes: Array | None = None, *,
     respond: bool = False,
-) -> tuple[Bank, Scores]:  # fmt: skip
+) -> tuple[Bank, BankScores]:  # fmt: skip
     """Filter T samples with every filter: inputs (T, n_u + n_w), readings (T, m), NaN = missing.
 
     With `changes` of the readings (T, m, c), or of readings and loads in each lane (T, m + n_w, c, LANES), the same
@@ -153,7 +153,7 @@ def run_bank(
     after = bank._replace(
         mean=mean, cov=cov, tangents=tangents, inputs=last, changed=changed, samples=bank.samples + samples
     )
-    return after, Scores(z, log_s, along, responses)
+    return after, BankScores(z, log_s, along, responses)
 
 
 def _in_lanes(changes: Array | None, shape: tuple[int, ...]) -> Array:

@@ -34,7 +34,7 @@ from windsysid.output.locks import release, try_lock
 from windsysid.records.formats import format_of, load_mapping, read_record
 from windsysid.records.formats.files import named_after
 from windsysid.records.formats.mapping import Mapping
-from windsysid.records.formats.probing import Guard
+from windsysid.records.formats.probing import ProcessGuard
 from windsysid.records.moments import shift_moment
 from windsysid.records.record import Record
 from windsysid.results.serialization import finite
@@ -54,7 +54,7 @@ _compiled: set[str] = set()
 
 def main() -> None:
     """Answer requests until standard input ends."""
-    Guard.on = True
+    ProcessGuard.on = True
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)  # what libraries print is no answer
 

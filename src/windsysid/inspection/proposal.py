@@ -30,6 +30,7 @@ from windsysid.units import RPM, canonical, si_unit, to_si
 
 __all__ = ["Guess", "MappingProposal", "propose_mapping"]
 
+_BY_FILE, _BY_VALUES = "the file says its unit", "the range of its values tells its unit"
 _UPRIGHT = 0.03  # of g: so near to it is the mean of an upright accelerometer, or its swing in a turning rotor
 _UNITS_OF_ACCELERATION = ("m/s^2", "g", "mg", "mm/s^2")
 _MOST_SAMPLES = 1 << 18  # that show a spectrum
@@ -132,7 +133,7 @@ def _proposal(path: Path, given: Mapping, *, timed: bool = True) -> MappingPropo
         return _of_openfast(record, given)
     known = {name: meaning_of(name) for name in record.channels}
     rotor, remark = _rotor(record, known) if timed else (None, _UNTIMED)
-    guesses = [_guess(record, name, known[name], rotor, timed=timed) for name in record.channels]
+    guesses = [_guess(record, name, known[name] or Meaning(None, ""), rotor, timed=timed) for name in record.channels]
     left = [f"Left out, because they hold text: {', '.join(texts)}."] if texts else []
     left += reading_notes(record.attributes)
     about = _about(record) if timed else [f"{record.samples} samples."]
@@ -199,9 +200,6 @@ def _rotor(record: Record, known: dict[str, Meaning | None]) -> tuple[Rotor | No
     return None, "No rotor speed is known: gravity in turning sensors (1P) was not looked for."
 
 
-_BY_FILE, _BY_VALUES = "the file says its unit", "the range of its values tells its unit"
-
-
 def _units(record: Record, name: str, quantity: str) -> tuple[tuple[str, ...], str]:
     """Units that a channel may be in, and what says so; `quantity` is its name in windsysid, which says one."""
     said = record.unit(name).removeprefix(AS_WRITTEN)
@@ -216,41 +214,53 @@ def _units(record: Record, name: str, quantity: str) -> tuple[tuple[str, ...], s
     return units, _BY_VALUES if units else "its values fit no unit of what its name says"
 
 
-def _guess(record: Record, name: str, meaning: Meaning | None, rotor: Rotor | None, *, timed: bool = True) -> Guess:
-    ours = meaning.name if meaning is not None else None
-    evidence = [meaning.source] if meaning is not None else []
-    doubts = list(meaning.doubts) if meaning is not None else []
-    units, why = _units(record, name, ours or name)
+def _guess(record: Record, name: str, meaning: Meaning, rotor: Rotor | None, *, timed: bool = True) -> Guess:
+    ours, doubts = meaning.name, list(meaning.doubts)
+    evidence = [meaning.source] if meaning.source else []
+    quantity = ours or name
+    units, why = _units(record, name, quantity)
     values = record[name]
     if not np.isfinite(values).any():
         return Guess(name, ours, None, tuple(evidence), (*doubts, "it holds no value"))
     evidence.append(f"{np.nanmin(values):.4g} … {np.nanmax(values):.4g}, mean {np.nanmean(values):.4g}")
     gravity, shown = _gravity(record, name, values, rotor)
-    if gravity is not None and implied_unit(ours or name) in ("m/s^2", None):
+    if gravity is not None and implied_unit(quantity) in ("m/s^2", None):
         evidence.append(shown)
-        if why == _BY_FILE and units and units[0] != gravity:
-            doubts.append(f"the file says {units[0]}, gravity says {gravity}")
-        elif implied_unit(ours or name) == "m/s^2":
-            units, why = (gravity,), "gravity"
-        else:
-            doubts.append(f"is it an accelerometer in {gravity}?")
-    if len(units) == 1:
-        if why == _BY_FILE:
-            evidence.append(why)
-        if why == _BY_VALUES:
-            doubts.append(f"the unit is told by the values only ({units[0]})")
-    else:
-        doubts.append(f"in {' or '.join(units)}? Its values allow each" if units else why)
+        units, why, more = _with_gravity(units, why, gravity, implied_unit(quantity))
+        doubts += more
+    evidence += [why] if why == _BY_FILE else []
+    doubts += _doubts_of_unit(units, why)
     evidence += _peak(record, values, rotor) if timed else []
     unit = units[0] if len(units) == 1 else None
-    if unit is not None and ours is not None and _contradicts(ours, unit):
+    if _contradicts(ours, unit):
         doubts.append(f"the name says a quantity that is not measured in {unit}")
     return Guess(name, ours, unit, tuple(evidence), tuple(doubts))
 
 
-def _contradicts(name: str, unit: str) -> bool:
-    implied = implied_unit(name)
-    return implied is not None and si_unit(unit) not in (implied, {"rad": "1", "1": "rad"}.get(implied))
+def _doubts_of_unit(units: tuple[str, ...], why: str) -> list[str]:
+    """What is not known of a unit that was found among `units`, and why."""
+    if len(units) > 1:
+        return [f"in {' or '.join(units)}? Its values allow each"]
+    if not units:
+        return [why]
+    return [f"the unit is told by the values only ({units[0]})"] if why == _BY_VALUES else []
+
+
+def _with_gravity(
+    units: tuple[str, ...], why: str, gravity: str, implied: str | None
+) -> tuple[tuple[str, ...], str, list[str]]:
+    """Units, their reason and doubts, where a channel shows gravity in the unit `gravity`."""
+    if why == _BY_FILE and units[0] != gravity:
+        return units, why, [f"the file says {units[0]}, gravity says {gravity}"]
+    if implied == "m/s^2":
+        return (gravity,), "gravity", []
+    return units, why, [f"is it an accelerometer in {gravity}?"]
+
+
+def _contradicts(name: str | None, unit: str | None) -> bool:
+    """Whether a name says another quantity than a unit."""
+    implied = implied_unit(name) if name else None
+    return bool(implied and unit) and si_unit(str(unit)) not in (implied, {"rad": "1", "1": "rad"}.get(str(implied)))
 
 
 def _gravity(record: Record, name: str, values: Array, rotor: Rotor | None) -> tuple[str | None, str]:

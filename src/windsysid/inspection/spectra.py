@@ -20,7 +20,17 @@ from windsysid.records.record import Record
 if TYPE_CHECKING:
     from windsysid.turbine.turbine import Turbine
 
-__all__ = ["Line", "Peak", "Spectrogram", "Spectrum", "cleaned", "expected_modes", "lines_in", "spectra", "spectrogram"]
+__all__ = [
+    "ExpectedLine",
+    "SpectralPeak",
+    "Spectrogram",
+    "Spectrum",
+    "cleaned",
+    "expected_modes",
+    "lines_in",
+    "spectra",
+    "spectrogram",
+]
 
 
 MOST_PEAKS = 8
@@ -37,7 +47,7 @@ SPECTROGRAM_MIN_SPREAD = 0.02
 
 
 @dataclass(frozen=True)
-class Line:
+class ExpectedLine:
     """A frequency to look for: a harmonic of the rotor or an expected mode.
 
     Attributes
@@ -62,7 +72,7 @@ class Line:
 
 
 @dataclass(frozen=True)
-class Peak:
+class SpectralPeak:
     """A peak of a spectrum: frequency [Hz], height above its surroundings [dB], rms [channel's unit], cause."""
 
     frequency: float
@@ -94,8 +104,8 @@ class Spectrum:
     frequency: Array
     density: Array
     resolution: float
-    peaks: tuple[Peak, ...]
-    lines: tuple[Line, ...]
+    peaks: tuple[SpectralPeak, ...]
+    lines: tuple[ExpectedLine, ...]
 
     def summary(self) -> dict[str, Any]:
         """Peaks as plain values."""
@@ -130,6 +140,22 @@ class Spectrogram:
 
 def cleaned(record: Record, channels: Sequence[str], findings: Sequence[Fault]) -> tuple[Array, Array, float, str]:
     """Time (T,), values (T, m) and rate of channels on a uniform grid, faults bridged; and a remark, if one is due."""
+    values = _without_faults(record, channels, findings)
+    if record.is_uniform:
+        return record.time, values, record.rate, ""
+    rate = record.rate
+    rows = int(record.duration * rate * (1.0 + 1e-9)) + 1
+    if rows > 10 * record.samples:
+        refuse_gaps(record.name, record.time, rows)
+    grid = record.time[0] + np.arange(rows) / rate
+    resampled = np.empty((grid.size, values.shape[1]))
+    for to, column in zip(resampled.T, values.T, strict=True):
+        to[:] = np.interp(grid, record.time, column)
+    return grid, resampled, rate, "Spectra: gaps and irregular steps are bridged by straight lines."
+
+
+def _without_faults(record: Record, channels: Sequence[str], findings: Sequence[Fault]) -> Array:
+    """Values (T, m) of channels whose spikes, frozen readings and gaps are bridged by straight lines."""
     values = np.column_stack([record[name] for name in channels]) if channels else np.empty((record.samples, 0))
     for finding in findings:
         if finding.kind in ("spikes", "frozen") and finding.channel in channels:
@@ -142,19 +168,7 @@ def cleaned(record: Record, channels: Sequence[str], findings: Sequence[Fault]) 
         ok = np.isfinite(column)
         if not ok.all():
             column[:] = np.interp(record.time, record.time[ok], column[ok])
-    if record.is_uniform:
-        return record.time, values, record.rate, ""
-    rate = record.rate
-    rows = int(record.duration * rate * (1.0 + 1e-9)) + 1
-    if rows > 10 * record.samples:
-        refuse_gaps(record.name, record.time, rows)
-    grid = record.time[0] + np.arange(rows) / rate
-    resampled = (
-        np.column_stack([np.interp(grid, record.time, column) for column in values.T])
-        if channels
-        else np.empty((grid.size, 0))
-    )
-    return grid, resampled, rate, "Spectra: gaps and irregular steps are bridged by straight lines."
+    return values
 
 
 def expected_modes(turbine: "Turbine", rotor_speed: float) -> list[tuple[str, float, float]]:
@@ -173,7 +187,7 @@ def lines_in(
     blades: int,
     highest: float,
     resolution: float,
-) -> tuple[Line, ...]:
+) -> tuple[ExpectedLine, ...]:
     """Harmonics to 2N P and modes, as an instrument on `channel` sees them.
 
     An instrument that turns sees a mode shifted by 1P.
@@ -184,11 +198,11 @@ def lines_in(
     spread = 2.0 * rotor.variation if rotor is not None else 0.0
     for n in range(1, 2 * blades + 1):
         if 0.0 < n * once < highest:
-            lines.append(Line(f"{n}P", n * once, 1.5 * resolution + n * once * min(spread, 0.3 / n), False, n))
+            lines.append(ExpectedLine(f"{n}P", n * once, 1.5 * resolution + n * once * min(spread, 0.3 / n), False, n))
     for number, (name, frequency, _) in enumerate(modes, start=1):
         for seen, said in seen_from(name, frequency, once, turning):
             if 0.0 < seen < highest:
-                lines.append(Line(said, seen, 1.5 * resolution, True, number))
+                lines.append(ExpectedLine(said, seen, 1.5 * resolution, True, number))
     return tuple(lines)
 
 
@@ -231,8 +245,8 @@ def spectra(
 
 
 def _peaks(
-    frequency: Array, density: Array, resolution: float, segments: int, lines: Sequence[Line]
-) -> tuple[Peak, ...]:
+    frequency: Array, density: Array, resolution: float, segments: int, lines: Sequence[ExpectedLine]
+) -> tuple[SpectralPeak, ...]:
     from scipy.ndimage import median_filter
 
     top = float(density.max())
@@ -249,21 +263,23 @@ def _peaks(
     chance = 10.0 * np.log10((1.0 - 2.0 / (9.0 * freedom) + 4.3 * np.sqrt(2.0 / (9.0 * freedom))) ** 3)
     # What lies 100 dB below the largest peak is arithmetic, not vibration.
     index = index[(above[index] > max(6.0, chance)) & (frequency[index] > 2.0 * step) & (density[index] > 1e-10 * top)]
-    found: list[Peak] = []
+    found: list[SpectralPeak] = []
     for i in sorted(index, key=lambda i: -density[i]):
         left, middle, right = level[i - 1 : i + 2]
         bend = left - 2.0 * middle + right
         at = float(frequency[i] + (0.5 * (left - right) / bend * step if bend < 0.0 else 0.0))
         if all(abs(at - peak.frequency) > 2.0 * resolution for peak in found):
             around = density[max(i - 2, 0) : i + 3]
-            found.append(Peak(at, float(above[i]), float(np.sqrt(around.sum() * step)), _matches(at, lines)))
+            found.append(SpectralPeak(at, float(above[i]), float(np.sqrt(around.sum() * step)), _matches(at, lines)))
     for peak in _broad_peaks(frequency, density, resolution, lines):
         if all(abs(peak.frequency - other.frequency) > BROAD_PEAK_HALF_WIDTH * peak.frequency for other in found):
             found.append(peak)
     return tuple(sorted(found, key=lambda peak: -peak.rms)[:MOST_PEAKS])
 
 
-def _broad_peaks(frequency: Array, density: Array, resolution: float, lines: Sequence[Line]) -> list[Peak]:
+def _broad_peaks(
+    frequency: Array, density: Array, resolution: float, lines: Sequence[ExpectedLine]
+) -> list[SpectralPeak]:
     """Find the peaks of modes whose damping makes them wider than the background's window.
 
     The search is the same, on a logarithmic axis.
@@ -294,10 +310,10 @@ def _broad_peaks(frequency: Array, density: Array, resolution: float, lines: Seq
             inside = np.abs(frequency - at) <= BROAD_PEAK_HALF_WIDTH * at
             at = float(np.average(frequency[inside], weights=density[inside]))
             wide = [
-                Line(x.name, x.frequency, max(x.half_width, 0.5 * BROAD_PEAK_HALF_WIDTH * at), x.mode, x.number)
+                ExpectedLine(x.name, x.frequency, max(x.half_width, 0.5 * BROAD_PEAK_HALF_WIDTH * at), x.mode, x.number)
                 for x in lines
             ]
-            found.append(Peak(at, rise, float(np.sqrt(band[i])), _matches(at, wide)))
+            found.append(SpectralPeak(at, rise, float(np.sqrt(band[i])), _matches(at, wide)))
     return found
 
 
@@ -305,7 +321,7 @@ def _without_mean(segments: Any) -> Any:
     return segments - segments.mean(axis=-1, keepdims=True)
 
 
-def _matches(at: float, lines: Sequence[Line]) -> tuple[str, ...]:
+def _matches(at: float, lines: Sequence[ExpectedLine]) -> tuple[str, ...]:
     """Names of the lines a peak may be, the nearest first; a mode that is only near is named with its distance."""
     near = sorted(lines, key=lambda line: abs(line.frequency - at))
     exact = tuple(line.name for line in near if abs(line.frequency - at) <= line.half_width)

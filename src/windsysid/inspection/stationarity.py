@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from windsysid._types import Array, Mask
 from windsysid.records.record import Record
 
-__all__ = ["FALSE_ALARM_PROBABILITY", "MAX_VIBRATION_CHANGE", "Changes", "Vibration", "changes", "vibration_of"]
+__all__ = ["FALSE_ALARM_PROBABILITY", "MAX_VIBRATION_CHANGE", "SectionChanges", "Vibration", "changes", "vibration_of"]
 
 FALSE_ALARM_PROBABILITY = 0.01
 """False-alarm probability of a stationary record, all comparisons together. Simulated records of one to four modes with
@@ -91,7 +91,7 @@ class Vibration(NamedTuple):
         return np.maximum(energy, 1e-300) / np.maximum(weight, 1e-9), np.maximum(freedom, MIN_DEGREES_OF_FREEDOM)
 
 
-class Changes(NamedTuple):
+class SectionChanges(NamedTuple):
     """Changes of vibration within sections.
 
     Attributes
@@ -142,13 +142,13 @@ def vibration_of(record: Record, channel: str) -> Vibration | None:
     return Vibration(edges, np.array(energy), weight, np.array(degrees), cycles)
 
 
-def changes(vibrations: Sequence[Vibration], starts: NDArray[np.int64], ends: NDArray[np.int64]) -> Changes:
+def changes(vibrations: Sequence[Vibration], starts: NDArray[np.int64], ends: NDArray[np.int64]) -> SectionChanges:
     """Test whether vibration changes within sections from samples `starts` (w,) to `ends` (w,)."""
     from scipy.special import fdtri
 
     comparisons = len(EXPONENTS) * sum(n * (n - 1) // 2 for n in SEGMENTS)
     sections = len(starts)
-    best = Changes(
+    best = SectionChanges(
         np.zeros(sections), np.ones(sections, dtype=np.bool_), np.ones(sections), np.full(sections, np.inf),
         np.full(sections, SEGMENTS[0]),
     )  # fmt: skip
@@ -168,7 +168,7 @@ def changes(vibrations: Sequence[Vibration], starts: NDArray[np.int64], ends: ND
             for k in range(len(EXPONENTS)):
                 larger = excess[k] > best.excess
                 sign = np.where(ratio[:, k].mean(axis=0) < 0.0, -0.5, 0.5)
-                best = Changes(
+                best = SectionChanges(
                     np.where(larger, excess[k], best.excess),
                     by_chance,
                     np.where(larger, np.exp(sign * np.sqrt(np.mean(ratio[:, k] ** 2, axis=0))), best.factor),

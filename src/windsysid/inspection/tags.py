@@ -120,21 +120,20 @@ def _words(name: str) -> Meaning | None:
 
 
 def _acceleration(words: list[str]) -> Meaning:
-    doubts: list[str] = []
+    said = f"the words '{' '.join(words)}'"
+    if "blade" in words:
+        return _blade_acceleration(words, said)
     place = next((word for word in _PLACES if any(part.startswith(word[:3]) for part in words)), None)
-    blade = "blade" in words
-    if blade:
-        number = next((word for word in words if word.isdecimal()), "1")
-        axis = next((word for word in ("lag", "edge", "flap") if any(part.startswith(word) for part in words)), "")
-        name = f"blade_{number}_tip_{'flap' if axis == 'flap' else 'lag'}_acceleration"
-        if not axis:
-            doubts.append("along the rotor's plane (lag) or across it (flap)?")
-        return Meaning(name, f"the words '{' '.join(words)}'", (*doubts, "at the tip? If not, name its place"))
     for listed, axis, notes in _AXES:
         if any(word in words for word in listed):
-            doubts += notes
-            return Meaning(
-                f"{place or 'tower'}_{axis}_acceleration", f"the words '{' '.join(words)}'",
-                (*doubts, *(() if place else ("where does it sit? The name does not say",))),
-            )  # fmt: skip
-    return Meaning(None, f"the words '{' '.join(words)}'", ("along which axis, and where does it sit?",))
+            doubts = notes if place else (*notes, "where does it sit? The name does not say")
+            return Meaning(f"{place or 'tower'}_{axis}_acceleration", said, doubts)
+    return Meaning(None, said, ("along which axis, and where does it sit?",))
+
+
+def _blade_acceleration(words: list[str], said: str) -> Meaning:
+    number = next((word for word in words if word.isdecimal()), "1")
+    axis = next((word for word in ("lag", "edge", "flap") if any(part.startswith(word) for part in words)), "")
+    name = f"blade_{number}_tip_{'flap' if axis == 'flap' else 'lag'}_acceleration"
+    doubts = () if axis else ("along the rotor's plane (lag) or across it (flap)?",)
+    return Meaning(name, said, (*doubts, "at the tip? If not, name its place"))

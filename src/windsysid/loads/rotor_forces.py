@@ -123,15 +123,18 @@ def _pushed(to: BladeForces, forces: Sequence[Mapping[int, complex]]) -> _Pushed
             push(0, f"load_beta_{i + 1}", n, amount)
             for name, share in (("load_roll", 1.0), ("load_x", to.kappa)):
                 push(2, name, n, share * amount)
-            for side, towards in (
-                (1, turn),
-                (-1, turn.conjugate()),
-            ):  # −sin ψ_i = Re(i e^{iψ_i}), cos ψ_i = Re(e^{iψ_i})
+            # −sin ψ_i = Re(i e^{iψ_i}), cos ψ_i = Re(e^{iψ_i})
+            for side, towards in ((1, turn), (-1, turn.conjugate())):
                 push(1, "load_x", n + side, 0.5j * side * towards * amount)
                 push(1, "load_y", n + side, 0.5 * towards * amount)
+    return _Pushed(*_as_rows(found))
+
+
+def _as_rows(found: Sequence[Mapping[str, Mapping[int, complex]]]) -> list[dict[str, Array]]:
+    """Rows of every series that is not zero, all as long as the longest."""
     highest = max(n for kind in found for series in kind.values() for n in series)
     rows = ({name: _rows(series, highest) for name, series in kind.items()} for kind in found)
-    return _Pushed(*({name: row for name, row in kind.items() if row.any()} for kind in rows))
+    return [{name: row for name, row in kind.items() if row.any()} for kind in rows]
 
 
 def _at_lever(pushed: _Pushed, lever: float, hinge_offset: float, *, moments: bool) -> dict[str, Array]:

@@ -39,7 +39,7 @@ from windsysid.mechanics.rotor import COUPLING, MEAN_LAG, MEAN_LAG_SPREAD
 from windsysid.statespace.gauss_markov import GaussMarkov
 from windsysid.statespace.load_model import LoadModel
 from windsysid.statespace.parameter import Parameter
-from windsysid.statespace.process import Process, first_order, load_on, rational, second_order
+from windsysid.statespace.process import PlacedProcess, Process, first_order, load_on, rational, second_order
 from windsysid.turbine.turbine import Turbine
 
 __all__ = ["RotorWind"]
@@ -200,19 +200,31 @@ def _rotor_blocks(to: BladeForces, values: Values, hub: Sequence[str]) -> tuple[
     levers = [values["load_lever"] * _shape_of(m).lever for m in terms]
     blocks = [rotor_harmonic(shape.times(size), m, to, levers[m], f"wind_{m}P") for m, shape in enumerate(shapes)]
     if "load_hub_share" in values:
-        for m in (m for m in terms if (m + 1) % N == 0 or (m - 1) % N == 0):  # which the hub feels
-            own = _own(m, corner).times(size * values["load_hub_share"])
-            blocks.append(rotor_harmonic(own, m, to, levers[m], f"hub_{m}P", moments=False))
+        blocks += _blocks_of_hub(to, values, levers, size)
     if "load_rms_eddies" in values:
-        eddies = second_order(values["load_rms_eddies"], values["load_eddies_frequency"], values["load_eddies_damping"])
+        eddies = _eddies(values, "load_rms_eddies")
         blocks += [blade_force(eddies, i, to, levers[-1], f"eddies_{i}") for i in range(1, N + 1)]
-    if hub:
-        if "load_rms_eddies" in values:
-            rest = second_order(values["load_rms_hub"], values["load_eddies_frequency"], values["load_eddies_damping"])
-        else:
-            rest = first_order(values["load_rms_hub"], values["load_hub_time_constant"])
-        blocks += [load_on(name, rest) for name in hub]
+    blocks += [load_on(name, _rest_of_hub(values)) for name in hub]
     return tuple(block for block in blocks if block.outputs)
+
+
+def _blocks_of_hub(to: BladeForces, values: Values, levers: Sequence[float], size: float) -> list[PlacedProcess]:
+    """Loads on the hub alone, at the harmonics that do not cancel between the blades."""
+    each = [m for m in range(len(levers)) if (m + 1) % to.blades == 0 or (m - 1) % to.blades == 0]
+    own = [_own(m, values["load_corner"]).times(size * values["load_hub_share"]) for m in each]
+    return [rotor_harmonic(p, m, to, levers[m], f"hub_{m}P", moments=False) for m, p in zip(each, own, strict=True)]
+
+
+def _eddies(values: Values, level: str) -> Process:
+    """The process of small eddies, with the level of that name."""
+    return second_order(values[level], values["load_eddies_frequency"], values["load_eddies_damping"])
+
+
+def _rest_of_hub(values: Values) -> Process:
+    """What else acts on the hub: eddies as on the blades, or a process of its own without loads on blades."""
+    if "load_rms_eddies" in values:
+        return _eddies(values, "load_rms_hub")
+    return first_order(values["load_rms_hub"], values["load_hub_time_constant"])
 
 
 def _shape_of(m: int) -> _Term:

@@ -7,6 +7,7 @@ itself is wanted anyway: it is ∂a/∂w for loads on the degrees of freedom. Wi
     ∂y/∂· = ∂y/∂·|_a + Σ_k ∂y/∂a_k · (M⁻¹ ∂R/∂·)_k.
 """
 
+import itertools
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import lru_cache
@@ -38,22 +39,12 @@ def generate_source(
     """
     equations = model.equations()
     _check_agreement(model, equations)
-    names = [symbol.name for symbol in equations.parameters]
-    for name in identified:
-        if name not in names:
-            raise ConfigurationError(f"no parameter '{name}' to identify: expected one of {', '.join(names)}")
-    if len(set(identified)) < len(identified):
-        raise ConfigurationError(f"a parameter is listed twice among those to identify: {', '.join(identified)}")
-    chosen = [equations.parameters[names.index(name)] for name in identified]
+    chosen = _chosen(equations, identified)
     readings = model.readings(sensors)
     if instruments:
         off = [tuple(sp.Symbol(name, real=True) for name in instrument_parameters(i)) for i in range(len(sensors))]
-        across = model.readings_across(sensors)
-        readings = [
-            (1 + gain) * (y if other is None else y * sp.cos(turn) + other * sp.sin(turn))
-            for y, other, (gain, turn) in zip(readings, across, off, strict=True)
-        ]
-        equations = replace(equations, parameters=(*equations.parameters, *(symbol for pair in off for symbol in pair)))
+        readings = list(map(_read_askew, readings, model.readings_across(sensors), off))
+        equations = replace(equations, parameters=(*equations.parameters, *itertools.chain(*off)))
     equations.check_expressions(readings)
     lines = [
         '"""Kernels written by windsysid. Do not edit: a file that was changed is made again."""',
@@ -68,7 +59,7 @@ def generate_source(
         ("STATES", equations.states),
         ("INPUTS", equations.inputs),
         ("PARAMETERS", equations.parameters),
-        ("IDENTIFIED", tuple(chosen)),
+        ("IDENTIFIED", chosen),
         ("LOADS", equations.loads),
     ):
         lines.append(f"{constant} = {tuple(symbol.name for symbol in symbols)!r}")
@@ -77,6 +68,23 @@ def generate_source(
         lines += ["", "", *_kernel(name, equations, outputs)]
         lines += ["", "", *_kernel(f"{name}_jacobian", equations, outputs, chosen)]
     return "\n".join(lines) + "\n"
+
+
+def _chosen(equations: Equations, identified: Sequence[str]) -> list[sp.Symbol]:
+    """The symbols of the parameters to identify; ConfigurationError if one is unknown or listed twice."""
+    known = {symbol.name: symbol for symbol in equations.parameters}
+    for name in identified:
+        if name not in known:
+            raise ConfigurationError(f"no parameter '{name}' to identify: expected one of {', '.join(known)}")
+    if len(set(identified)) < len(identified):
+        raise ConfigurationError(f"a parameter is listed twice among those to identify: {', '.join(identified)}")
+    return [known[name] for name in identified]
+
+
+def _read_askew(y: sp.Expr, across: sp.Expr | None, off: Sequence[sp.Symbol]) -> sp.Expr:
+    """What a sensor reads whose gain and angle are `off`."""
+    gain, turn = off
+    return (1 + gain) * (y if across is None else y * sp.cos(turn) + across * sp.sin(turn))
 
 
 def _check_agreement(model: "Model", equations: Equations) -> None:
@@ -109,44 +117,48 @@ def _kernel(
 ) -> Iterator[str]:
     """Source lines of one kernel; with derivatives if `identified` is given."""
     a = equations.accelerations
-    n = len(a) if any(output.has(*a) for output in outputs if a) else 0
+    n = len(a) if a and any(output.has(*a) for output in outputs) else 0
     mass = {(i, j): m for i in range(n) for j in range(i + 1) if (m := equations.mass[i, j]) != 0}
-    force = [equations.force[i] for i in range(n)]
-    groups = [] if identified is None else _groups(equations, identified)
-    slopes = _slopes(equations, outputs, groups, n)
+    groups = _groups(equations, identified)
+    roles: list[dict[Any, sp.Expr]] = [mass, dict(enumerate(equations.force[:n])), dict(enumerate(outputs))]
+    shared, texts, used = _simplified([*roles, *_slopes(equations, outputs, groups, n)])
+    mass_text, force_text, output_text, *slope_texts = texts
+    early, late = _by_dependence(shared, set(a))
+    factor = _Factor(mass, n)
 
-    roles: list[dict[Any, sp.Expr]] = [mass, dict(enumerate(force)), dict(enumerate(outputs)), *slopes]
+    yield f"def {name}(_x, _u, _p, _w, _value{''.join(f', _{group}' for group, _ in groups)}):"
+    yield from _indented(_unpack(equations, used))
+    yield from _indented(early)
+    yield from _indented(_assigned("_m%d_%d", mass_text))
+    yield from _indented(_assigned("_f%d", force_text))
+    yield from _indented(factor.lines)
+    yield from _indented(factor.solve({i: f"_f{i}" for i in range(n)}, list(map(str, a[:n]))))
+    yield from _indented(late)
+    yield from _indented(_assigned("_value[%d]", output_text))
+    if groups:
+        yield from _indented(factor.inverse())
+    yield from _indented(_jacobians(groups, len(outputs), _Slopes(*slope_texts)))
+    yield "    return"
+
+
+def _simplified(
+    roles: Sequence[dict[Any, sp.Expr]],
+) -> tuple[list[tuple[sp.Symbol, sp.Expr]], list[dict[Any, str]], set[sp.Symbol]]:
+    """Shared subexpressions, the text of every expression in terms of them, and all symbols that occur."""
     shared, reduced = sp.cse(
         [expression for role in roles for expression in role.values()],
         symbols=sp.numbered_symbols("_t", real=True),
         order="none",
     )
     texts = iter(_text(expression) for expression in reduced)
-    mass_text, force_text, output_text, *slope_texts = [{key: next(texts) for key in role} for role in roles]
-    early, late = _by_dependence(shared, set(a))
-
-    yield f"def {name}(_x, _u, _p, _w, _value{''.join(f', _{group}' for group, _ in groups)}):"
-    yield from _indented(
-        _unpack(equations, set().union(*(e.free_symbols for e in (*reduced, *(e for _, e in shared)))))
-    )
-    yield from _indented(early)
-    if n:
-        yield from _indented(f"_m{i}_{j} = {text}" for (i, j), text in mass_text.items())
-        yield from _indented(f"_f{i} = {text}" for i, text in force_text.items())
-        factor = _Factor({(i, j): f"_m{i}_{j}" for i, j in mass}, n)
-        yield from _indented(factor.lines)
-        yield from _indented(factor.solve({i: f"_f{i}" for i in range(n)}, [symbol.name for symbol in a]))
-    yield from _indented(late)
-    yield from _indented(f"_value[{i}] = {text}" for i, text in output_text.items())
-    if n and groups:
-        for column in range(n):
-            yield from _indented(factor.solve({column: "1.0"}, [f"_g{i}_{column}" for i in range(n)]))
-    yield from _indented(_jacobians(groups, len(outputs), _Slopes(*slope_texts)))
-    yield "    return"
+    used = set().union(*(e.free_symbols for e in (*reduced, *(e for _, e in shared))))
+    return shared, [{key: next(texts) for key in role} for role in roles], used
 
 
-def _groups(equations: Equations, identified: Sequence[sp.Symbol]) -> list[tuple[str, Sequence[sp.Symbol]]]:
-    """What a Jacobian kernel differentiates by, and the name of the matrix it goes into."""
+def _groups(equations: Equations, identified: Sequence[sp.Symbol] | None) -> list[tuple[str, Sequence[sp.Symbol]]]:
+    """What a Jacobian kernel differentiates by, and the name of the matrix it goes into; empty without derivatives."""
+    if identified is None:
+        return []
     return [("dx", equations.states), ("dp", identified), ("dw", equations.loads)]
 
 
@@ -203,20 +215,32 @@ def _jacobians(groups: Sequence[tuple[str, Sequence[sp.Symbol]]], rows: int, tex
     """The entries of dx, dp and dw from the texts of the slopes and the columns _g of M⁻¹."""
     for (group, i, j), text in texts.residual.items():
         yield f"_r_{group}_{i}_{j} = {text}"
-    for group, symbols in groups:
-        for j in range(len(symbols)):
-            pushed = [i for (g, i, column) in texts.residual if g == group and column == j]
-            if pushed:
-                for k in sorted({k for _, k in texts.through}):
-                    products = [f"_g{max(k, i)}_{min(k, i)}*_r_{group}_{i}_{j}" for i in pushed]
-                    yield f"_a_{group}_{k}_{j} = {' + '.join(products)}"
-            for i in range(rows):
-                terms = [texts.direct[group, i, j]] if (group, i, j) in texts.direct else []
-                for (row, k), slope in texts.through.items():
-                    if row == i and pushed:
-                        terms.append(f"_a_{group}_{k}_{j}" if slope == "1" else f"({slope})*_a_{group}_{k}_{j}")
-                if terms:
-                    yield f"_{group}[{i}, {j}] = {' + '.join(terms)}"
+    for group, j in ((group, j) for group, symbols in groups for j in range(len(symbols))):
+        pushed = [i for (g, i, column) in texts.residual if g == group and column == j]
+        if pushed:
+            yield from _accelerations(texts, f"{group}_{{}}_{j}", pushed)
+        for i in range(rows):
+            terms = [texts.direct[group, i, j]] if (group, i, j) in texts.direct else []
+            terms += _terms(texts, i, f"_a_{group}_{{}}_{j}") if pushed else []
+            if terms:
+                yield f"_{group}[{i}, {j}] = {' + '.join(terms)}"
+
+
+def _accelerations(texts: "_Slopes", name: str, pushed: Sequence[int]) -> Iterator[str]:
+    """Slopes of the accelerations to one variable that outputs depend on, from those of the residuals `pushed`."""
+    for k in sorted({k for _, k in texts.through}):
+        products = [f"_g{max(k, i)}_{min(k, i)}*_r_{name.format(i)}" for i in pushed]
+        yield f"_a_{name.format(k)} = {' + '.join(products)}"
+
+
+def _terms(texts: "_Slopes", i: int, acceleration: str) -> list[str]:
+    """The terms of output i that depend on accelerations, by the pattern of their slopes' names."""
+    slopes = {acceleration.format(k): slope for (row, k), slope in texts.through.items() if row == i}
+    return [name if slope == "1" else f"({slope})*{name}" for name, slope in slopes.items()]
+
+
+def _assigned(target: str, texts: dict[Any, str]) -> Iterator[str]:
+    return (f"{target % key} = {text}" for key, text in texts.items())
 
 
 def _indented(lines: Iterable[str]) -> Iterator[str]:
@@ -239,38 +263,42 @@ def _text(expression: sp.Expr) -> str:
 class _Factor:
     """M = L D Lᵀ written out along the nonzero pattern of M, eliminating the row with fewest neighbours first."""
 
-    def __init__(self, entries: dict[tuple[int, int], str], n: int) -> None:
+    def __init__(self, entries: Iterable[tuple[int, int]], n: int) -> None:
         self.lines: list[str] = []
-        value = dict(entries)
-        neighbours = {i: {j for j in range(n) if j != i and (max(i, j), min(i, j)) in value} for i in range(n)}
-        self.order: list[int] = []
+        self.value = {(i, j): f"_m{i}_{j}" for i, j in entries}
+        self.neighbours = {
+            i: {j for j in range(n) if j != i and (max(i, j), min(i, j)) in self.value} for i in range(n)
+        }
         self.below: dict[int, list[int]] = {}
-        while len(self.order) < n:
-            k = min((i for i in range(n) if i not in self.order), key=lambda i: (len(neighbours[i]), i))
-            rest = sorted(neighbours[k])
-            self.order.append(k)
-            self.below[k] = rest
-            self.lines.append(f"_d{k} = 1.0/{value[k, k]}")
-            for i in rest:
-                self.lines.append(f"_l{i}_{k} = {value[max(i, k), min(i, k)]}*_d{k}")
-                neighbours[i].discard(k)
-            for i in rest:
-                for j in (j for j in rest if j <= i):
-                    update = f"_l{i}_{k}*{value[max(j, k), min(j, k)]}"
-                    name = f"_s{i}_{j}_{k}"
-                    self.lines.append(
-                        f"{name} = {value[i, j]} - {update}" if (i, j) in value else f"{name} = -{update}"
-                    )
-                    value[i, j] = name
-                    if i != j:
-                        neighbours[i].add(j)
-                        neighbours[j].add(i)
+        while len(self.below) < n:
+            left = (i for i in range(n) if i not in self.below)
+            self._eliminate(min(left, key=lambda i: (len(self.neighbours[i]), i)))
+        self.order = list(self.below)
+
+    def _eliminate(self, k: int) -> None:
+        value = self.value
+        rest = self.below[k] = sorted(self.neighbours[k])
+        self.lines.append(f"_d{k} = 1.0/{value[k, k]}")
+        for i in rest:
+            self.lines.append(f"_l{i}_{k} = {value[max(i, k), min(i, k)]}*_d{k}")
+            self.neighbours[i] |= {*rest}
+            self.neighbours[i] -= {i, k}
+        for i, j in ((i, j) for i in rest for j in rest if j <= i):
+            update = f"_l{i}_{k}*{value[max(j, k), min(j, k)]}"
+            name = f"_s{i}_{j}_{k}"
+            self.lines.append(f"{name} = {value[i, j]} - {update}" if (i, j) in value else f"{name} = -{update}")
+            value[i, j] = name
+
+    def inverse(self) -> Iterator[str]:
+        """Lines of the columns _g of M⁻¹."""
+        for column in range(len(self.order)):
+            yield from self.solve({column: "1.0"}, [f"_g{i}_{column}" for i in range(len(self.order))])
 
     def solve(self, right: dict[int, str], names: list[str]) -> list[str]:
         """Lines that solve M z = right into variables called `names`."""
         lines: list[str] = []
         current = dict(right)
-        tag = names[0]
+        tag = "".join(names[:1])
         for k in self.order:
             if k not in current:
                 continue

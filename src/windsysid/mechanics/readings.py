@@ -11,10 +11,10 @@ if TYPE_CHECKING:
 
 from windsysid.mechanics.sensors import PlacedSensor
 
-__all__ = ["RotorMotion"]
+__all__ = ["SymbolicRotorMotion"]
 
 
-class RotorMotion:
+class SymbolicRotorMotion:
     """The `windsysid.mechanics.sensors.Motion` of a rotor with these kinematics."""
 
     def __init__(self, kinematics: "Kinematics") -> None:

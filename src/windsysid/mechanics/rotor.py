@@ -222,15 +222,15 @@ class RotorModel(MechanicalModel):
 
     def readings(self, sensors: "Sequence[Sensor]") -> "list[sp.Expr]":
         """What each of `sensors` reads, in x, a, u, p and w."""
-        from windsysid.mechanics.readings import RotorMotion
+        from windsysid.mechanics.readings import SymbolicRotorMotion
 
-        return [sensor.reading(RotorMotion(self.kinematics)) for sensor in sensors]
+        return [sensor.reading(SymbolicRotorMotion(self.kinematics)) for sensor in sensors]
 
     def readings_across(self, sensors: "Sequence[Sensor]") -> "list[sp.Expr | None]":
         """The same with the axis of each of `sensors` turned by 90°; None where that changes nothing."""
-        from windsysid.mechanics.readings import RotorMotion
+        from windsysid.mechanics.readings import SymbolicRotorMotion
 
-        return [sensor.across(RotorMotion(self.kinematics)) for sensor in sensors]
+        return [sensor.across(SymbolicRotorMotion(self.kinematics)) for sensor in sensors]
 
 
 COUPLING = "c_hub_blade"

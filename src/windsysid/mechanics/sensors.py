@@ -5,9 +5,9 @@ Jacobians beside the equations of motion, and the simulator and the filters call
 reads the total acceleration of its point, the effect of loads included; one that feels gravity reads the specific
 force a − g along its own axis, in its own turning frame.
 
-A mechanical model says how its parts move (`Motion`); a sensor says what it makes of that. A sensor of one's own
-derives from `Sensor` or `PlacedSensor`, says its `quantity`, `unit` and `reading`, and is known to sensor lists after
-`register_sensor`.
+A mechanical model says how its parts move (`StructuralMotion`); a sensor says what it makes of that. A sensor of one's
+own derives from `Sensor` or `PlacedSensor`, says its `quantity`, `unit` and `reading`, and is known to sensor lists
+after `register_sensor`.
 """
 
 import math
@@ -28,10 +28,10 @@ __all__ = [
     "AngularRateSensor",
     "DisplacementSensor",
     "MomentSensor",
-    "Motion",
     "PlacedSensor",
     "Sensor",
     "StrainGauge",
+    "StructuralMotion",
     "VelocitySensor",
     "instrument_parameters",
     "noise_source",
@@ -61,7 +61,7 @@ def noise_source(name: str) -> str:
     return name.removeprefix(NOISE) if name.startswith(NOISE) else ""
 
 
-class Motion(Protocol):
+class StructuralMotion(Protocol):
     """How a structure moves, in symbols: what a mechanical model tells its sensors."""
 
     @property
@@ -136,7 +136,7 @@ class Sensor(BaseModel):
         """SI unit of its channel."""
 
     @abstractmethod
-    def reading(self, motion: Motion) -> "sp.Expr":
+    def reading(self, motion: StructuralMotion) -> "sp.Expr":
         """What it reads of a structure in `motion`, noise and offset apart."""
 
     @property
@@ -154,7 +154,7 @@ class Sensor(BaseModel):
         """Standard deviation [rad] of the angle by which its axis may be off in the plane of motion; 0: none."""
         return 0.0
 
-    def across(self, motion: Motion) -> "sp.Expr | None":
+    def across(self, motion: StructuralMotion) -> "sp.Expr | None":
         """What it would read of `motion` if turned by 90°; None where turning changes nothing that is modelled."""
         return None
 
@@ -233,26 +233,28 @@ class PlacedSensor(Sensor):
 
     @model_validator(mode="after")
     def _axis_belongs_to_frame(self) -> "PlacedSensor":
-        place = 1 if self.blade else 0
-        axes, on = _AXES[self.frame][place], "a blade" if place else "the tower"
-        if not axes:
-            raise ValueError(
-                f"the frame '{self.frame}' belongs to a sensor on {'the tower' if place else 'a blade'}, got point "
-                f"'{self.point}'"
-            )
-        if self.axis not in axes:
-            frames = [frame for frame, there in _AXES.items() if self.axis in there[place]]
-            hint = f": that axis belongs to the frame {' or '.join(frames)}" if frames else ""
-            raise ValueError(
-                f"on {on} the frame '{self.frame}' has the axes {', '.join(axes)}, got '{self.axis}'{hint}"
-            )
-        if not place and (self.deflection is not None or self.slope != 1.0):
+        self._check_axis(1 if self.blade else 0)
+        if not self.blade and (self.deflection is not None or self.slope != 1.0):
             raise ValueError(
                 "'deflection' and 'slope' describe a bending blade: remove them from a sensor on the tower"
             )
         if self.feels_gravity and not self.may_feel_gravity:
             raise ValueError(f"'feels_gravity' describes an accelerometer: remove it from a sensor of {self.quantity}")
         return self
+
+    def _check_axis(self, place: int) -> None:
+        """Refuse an axis that its frame does not have on the tower (place 0) or on a blade (1)."""
+        axes, places = _AXES[self.frame][place], ("the tower", "a blade")
+        if not axes:
+            raise ValueError(
+                f"the frame '{self.frame}' belongs to a sensor on {places[1 - place]}, got point '{self.point}'"
+            )
+        if self.axis not in axes:
+            frames = [frame for frame, there in _AXES.items() if self.axis in there[place]]
+            hint = f": that axis belongs to the frame {' or '.join(frames)}" if frames else ""
+            raise ValueError(
+                f"on {places[place]} the frame '{self.frame}' has the axes {', '.join(axes)}, got '{self.axis}'{hint}"
+            )
 
     @property
     def blade(self) -> int:
@@ -280,7 +282,7 @@ class PlacedSensor(Sensor):
         """Standard deviation [rad] of the angle of its axis."""
         return math.radians(self.alignment_tolerance) if self.turned else 0.0
 
-    def across(self, motion: Motion) -> "sp.Expr | None":
+    def across(self, motion: StructuralMotion) -> "sp.Expr | None":
         """What it would read of `motion` if its axis were turned by 90°."""
         if self.turned is None:
             return None
@@ -342,7 +344,7 @@ class _MotionSensor(PlacedSensor):
         """SI unit of its channel."""
         return ("rad" if self.axis == "lag" else "m") + ("", "/s", "/s^2")[self.order]
 
-    def reading(self, motion: Motion) -> "sp.Expr":
+    def reading(self, motion: StructuralMotion) -> "sp.Expr":
         """The gain times the motion along the axis."""
         return self.gain * motion.along(self, self.order)
 
@@ -388,7 +390,7 @@ class AngularRateSensor(PlacedSensor):
         """It reads the same along any axis."""
         return None
 
-    def reading(self, motion: Motion) -> "sp.Expr":
+    def reading(self, motion: StructuralMotion) -> "sp.Expr":
         """The gain times the rate at which its part turns in `motion`."""
         return self.gain * motion.turning(self)
 
@@ -410,7 +412,7 @@ class MomentSensor(PlacedSensor):
         """On a blade it reads the lag spring, whatever its axis."""
         return None if self.blade else super().turned
 
-    def reading(self, motion: Motion) -> "sp.Expr":
+    def reading(self, motion: StructuralMotion) -> "sp.Expr":
         """The gain times force or moment in `motion`."""
         return self.gain * motion.spring_force(self)
 

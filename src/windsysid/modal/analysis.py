@@ -25,7 +25,7 @@ from windsysid.modal.floquet import about_periodic_motion, resolve
 from windsysid.results.mode import Mode
 from windsysid.statespace.parameter import Parameter
 
-__all__ = ["Spectrum", "analyse", "analyse_unlocked", "modes", "modes_with_slopes"]
+__all__ = ["ModalSpectrum", "analyse", "analyse_unlocked", "modes", "modes_with_slopes"]
 
 
 AVERAGED_AZIMUTHS = 24
@@ -38,7 +38,7 @@ LOCK_ASIDE_SHARES = (1e-3, 3e-3)
 """Shares of the rotor speed by which to step aside from a narrow lock, to either side."""
 
 
-class Spectrum(NamedTuple):
+class ModalSpectrum(NamedTuple):
     """The modes at one rotor speed.
 
     Attributes
@@ -94,7 +94,7 @@ def analyse(
     directions: Array | None = None,
     *,
     method: Literal["Coleman", "Floquet"] | None = None,
-) -> Spectrum:
+) -> ModalSpectrum:
     """The modes at one rotor speed, by Coleman's transform where it applies and by Floquet's theory elsewhere.
 
     Parameters
@@ -137,7 +137,7 @@ def analyse(
 
 def analyse_unlocked(
     rotor: MechanicalModel, model: CompiledModel, p: Array, rotor_speed: float, directions: Array | None = None
-) -> Spectrum:
+) -> ModalSpectrum:
     """`analyse`, except where a mode is locked to the rotor so narrowly that its band would vanish.
 
     There it returns the mean of the modes at speeds a hair below and above.
@@ -153,7 +153,7 @@ def analyse_unlocked(
 
 def _known(
     rotor: MechanicalModel, model: CompiledModel, p: Array, rotor_speed: float, directions: Array | None = None
-) -> Spectrum:
+) -> ModalSpectrum:
     """`unlocked`, and where Floquet's theory has nothing to say of a slow turn, what an average over the turn says."""
     try:
         return analyse_unlocked(rotor, model, p, rotor_speed, directions)
@@ -167,28 +167,27 @@ def modes(rotor: MechanicalModel, model: CompiledModel, p: Array, rotor_speed: f
     return _rows(analyse(rotor, model, p, rotor_speed, method="Coleman"))
 
 
-def _rows(found: Spectrum) -> list[tuple[str, float, float]]:
+def _rows(found: ModalSpectrum) -> list[tuple[str, float, float]]:
     return [(n, float(f), float(z)) for n, f, z in zip(found.names, found.frequency, found.damping, strict=True)]
 
 
 def modes_with_slopes(
     rotor: MechanicalModel,
     model: CompiledModel,
-    p: Array,
+    reference: Array,
     rotor_speed: float,
     parameters: Sequence[Parameter],
     theta: Array,
     cov: Array,
-    reference: Array,
 ) -> tuple[tuple[Mode, ...], Array]:
     """Modes with ±2σ bands from the covariance of θ (n_θ, n_θ) around `theta` (n_θ,), which
     `windsysid.modal.sweep.find_modes` gives at that speed; and the derivatives of frequencies [Hz] and damping ratios
     to θ (2, modes, n_θ).
 
-    `p` and `reference` (n_p,) are the identified and the reference values of all parameters. Empty where there are no
-    modes to be had (two blades without a periodic motion).
+    `reference` (n_p,) are the values of all parameters, before the identification. Empty where there are no modes to be
+    had (two blades without a periodic motion).
     """
-    p = p.copy()
+    p = reference.copy()
     p[[model.parameters.index(q.name) for q in parameters]] = [
         float(q.physical(t)) for q, t in zip(parameters, theta, strict=True)
     ]
@@ -267,7 +266,7 @@ class _Frame:
 
     def spectrum(
         self, exponents: Complex, shapes: Complex, slopes: Complex, growth: float, method: str, weights: Array
-    ) -> Spectrum:
+    ) -> ModalSpectrum:
         """The exponents (m,) that oscillate, with shapes (n, m) and slopes (m, n_θ), named, by rising magnitude."""
         lower = exponents.imag < 0.0
         exponents, shapes, slopes = (
@@ -281,7 +280,7 @@ class _Frame:
         weighted /= np.linalg.norm(weighted, axis=0)
         turned = np.conj(weighted) if self.speed < 0.0 else weighted
         names = _numbered([self.axes.name(shape) for shape in turned.T])
-        return Spectrum(exponents[order], tuple(names), weighted.T, slopes[order], growth, method)
+        return ModalSpectrum(exponents[order], tuple(names), weighted.T, slopes[order], growth, method)
 
 
 def _numbered(names: Sequence[str]) -> list[str]:
@@ -291,7 +290,7 @@ def _numbered(names: Sequence[str]) -> list[str]:
     ]
 
 
-def _constant(frame: _Frame, directions: Array, psi: Array, method: str) -> Spectrum:
+def _constant(frame: _Frame, directions: Array, psi: Array, method: str) -> ModalSpectrum:
     """Modes at rest, from the system matrix in multi-blade coordinates, averaged over azimuths."""
     S, rate = frame.multi_blade(psi)
     system = np.linalg.solve(S, frame.rates(psi)[1] @ S - rate).mean(axis=0)
@@ -299,7 +298,7 @@ def _constant(frame: _Frame, directions: Array, psi: Array, method: str) -> Spec
     return _of_matrix(frame, system, moved, method)
 
 
-def _standing(frame: _Frame, directions: Array) -> Spectrum:
+def _standing(frame: _Frame, directions: Array) -> ModalSpectrum:
     """Modes of a standing rotor about its static equilibrium."""
     psi = np.zeros(1)
     x = np.zeros((1, 2 * frame.n))
@@ -322,7 +321,7 @@ def _standing(frame: _Frame, directions: Array) -> Spectrum:
     return _of_matrix(frame, system, moved, "constant")
 
 
-def _of_matrix(frame: _Frame, system: Array, moved: Array, method: str) -> Spectrum:
+def _of_matrix(frame: _Frame, system: Array, moved: Array, method: str) -> ModalSpectrum:
     """The spectrum of a constant system (2n, 2n) with derivatives (n_θ, 2n, 2n)."""
     exponents, vectors = (v.astype(np.complex128) for v in np.linalg.eig(system))
     upper = exponents.imag >= 0.0
@@ -335,7 +334,7 @@ def _of_matrix(frame: _Frame, system: Array, moved: Array, method: str) -> Spect
     )
 
 
-def _turning(frame: _Frame, directions: Array) -> Spectrum:
+def _turning(frame: _Frame, directions: Array) -> ModalSpectrum:
     """Modes about the periodic motion of the turning rotor, by Floquet's theory."""
     speed, states = abs(frame.speed), 2 * frame.n
     period = 2.0 * math.pi / speed

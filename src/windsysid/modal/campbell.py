@@ -226,13 +226,12 @@ class Campbell(Answer):
             return f"Resonance {over}: {each}."
         nearest = min(self.margins, key=lambda m: abs(m.distance[0]))
         d = nearest.distance
-        size = _band(d if d[0] > 0.0 else (-d[0], -d[2], -d[1]), 100.0, 1.0)
         harmonics = " or ".join((", ".join(f"{n}P" for n in self.orders[:-1]), f"{self.orders[-1]}P"))
-        doubtful = [f"{m.mode} and {m.order}P" for m in self.margins if not m.certain]
-        sure = f" Within the bands they may: {', '.join(doubtful)}." if doubtful else ""
+        doubtful = ", ".join(f"{m.mode} and {m.order}P" for m in self.margins if not m.certain)
+        sure = f" Within the bands they may: {doubtful}." if doubtful else ""
         return (
-            f"No mode meets {harmonics} {over}: the nearest is {nearest.mode}, {size} %"
-            f" {'above' if d[0] > 0.0 else 'below'} {nearest.order}P at {nearest.speed[0] * RPM:.3g} rpm.{sure}"
+            f"No mode meets {harmonics} {over}: the nearest is {nearest.mode}, {_distance(d, 1.0)} {nearest.order}P at"
+            f" {nearest.speed[0] * RPM:.3g} rpm.{sure}"
         )
 
     def _stability(self) -> str:
@@ -256,8 +255,7 @@ class Campbell(Answer):
         if g.margin[0] == 0.0:
             where = "within the operating range"
         else:
-            size = _band(g.margin if g.margin[0] > 0.0 else (-g.margin[0], -g.margin[2], -g.margin[1]), 100.0, 10.0)
-            where = f"{size} % {'above' if g.margin[0] > 0.0 else 'below'} the operating range"
+            where = f"{_distance(g.margin, 10.0)} the operating range"
         then = "a mode grows there" if g.growing else f"least damping there {_band(g.damping, 100.0)} %"
         return f"{meets}{where}; {then}."
 
@@ -395,6 +393,12 @@ def _band(triple: Triple, factor: float = 1.0, least: float = 0.0, sign: str = "
         return f"{value:{sign}.4g}"
     digits = max(0, 1 - math.floor(math.log10(max(half, least))))
     return f"{value:{sign}.{digits}f}" + (f" ± {half:.{digits}f}" if half > 0.0 else "")
+
+
+def _distance(triple: Triple, least: float) -> str:
+    """A relative distance in % with its band, and whether it is above or below."""
+    size = triple if triple[0] > 0.0 else (-triple[0], -triple[2], -triple[1])
+    return f"{_band(size, 100.0, least)} % {'above' if triple[0] > 0.0 else 'below'}"
 
 
 def _named(triple: Triple, factor: float = 1.0) -> dict[str, float]:

@@ -8,6 +8,7 @@ meets the support's,
 Source: Coleman & Feingold, NACA Report 1351 (1958).
 """
 
+import itertools
 import math
 from collections.abc import Callable
 from typing import NamedTuple
@@ -81,30 +82,28 @@ def unstable_ranges(
 
     at = [float(s) for s in speeds]
     value = [over(s) for s in at]
-    extra = []
-    for i in range(1, len(at) - 1):
-        rise = max(value[i] - value[i - 1], value[i] - value[i + 1])
-        if value[i] < 0.0 and value[i] >= max(value[i - 1], value[i + 1]) and value[i] + rise > 0.0:
-            extra.append(peak(at[i - 1], at[i + 1]))
+    inner = range(1, len(at) - 1)
+    extra = [peak(at[i - 1], at[i + 1]) for i in inner if _may_rise_above_zero(*value[i - 1 : i + 2])]
     at, value = (list(v) for v in zip(*sorted([*zip(at, value, strict=True), *extra]), strict=True))
     ranges = []
-    i = 0
-    while i < len(at):
-        if value[i] <= 0.0:
-            i += 1
+    for grows, group in itertools.groupby(range(len(at)), key=lambda i: value[i] > 0.0):
+        if not grows:
             continue
-        first = i
-        while i + 1 < len(at) and value[i + 1] > 0.0:
-            i += 1
+        numbers = list(group)
+        first, last = numbers[0], numbers[-1]
         low = at[first] if first == 0 else _edge(over, at[first - 1], at[first], resolution)
-        high = at[i] if i + 1 == len(at) else _edge(over, at[i + 1], at[i], resolution)
-        top = max(range(first, i + 1), key=lambda k: value[k])
+        high = at[last] if last + 1 == len(at) else _edge(over, at[last + 1], at[last], resolution)
+        top = max(range(first, last + 1), key=lambda k: value[k])
         worst, largest = peak(max(low, at[max(top - 1, 0)]), min(high, at[min(top + 1, len(at) - 1)]))
-        if value[top] > largest:
-            worst, largest = at[top], value[top]
+        worst = at[top] if value[top] > largest else worst
         ranges.append(Unstable(low, high, growth(worst), worst))
-        i += 1
     return ranges
+
+
+def _may_rise_above_zero(before: float, here: float, after: float) -> bool:
+    """Whether growth below zero peaks at a speed, and by as much as it would have to rise to zero."""
+    rise = max(here - before, here - after)
+    return here < 0.0 and here >= max(before, after) and here + rise > 0.0
 
 
 def _edge(over: Callable[[float], float], stable: float, unstable: float, resolution: float) -> float:

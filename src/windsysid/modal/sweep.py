@@ -9,26 +9,23 @@ Energy Handbook (3rd ed. 2021), ch. 5.
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
 import numpy as np
 
+from windsysid._types import Array
 from windsysid.errors import ConfigurationError
 from windsysid.mechanics.compile import compile_model
-from windsysid.modal.analysis import Spectrum, analyse, analyse_unlocked, directions_of
+from windsysid.modal.analysis import ModalSpectrum, analyse, analyse_unlocked, directions_of
+from windsysid.modal.campbell import Campbell
 from windsysid.modal.stability import NEUTRAL_GROWTH, GroundResonance, meeting_speed, unstable_ranges
-from windsysid.modal.tracking import bends, link
+from windsysid.modal.tracking import Curve, bends, link
 from windsysid.output.progress import Progress, unheard
 from windsysid.results.coercion import PosteriorLike, as_posterior
 from windsysid.results.posterior import SIGMAS, Posterior
 from windsysid.turbine.coercion import TurbineLike, as_turbine
 from windsysid.turbine.turbine import Turbine
 from windsysid.units import RPM
-
-if TYPE_CHECKING:
-    pass
-
-from windsysid.modal.campbell import Campbell
 
 __all__ = ["find_modes"]
 
@@ -75,64 +72,58 @@ def find_modes(
     ConfigurationError
         If a range of speeds is none, or no mode can be found in it.
     """
-    if isinstance(source, str | Path) and not Path(source).is_dir():
-        source = as_turbine(source)
-    if isinstance(source, Turbine):
-        posterior = Posterior(source, (), np.zeros(0), np.zeros((0, 0)), "", True)
-    else:
-        posterior = as_posterior(source)
-    machine = _Machine(posterior)
+    posterior = _posterior(source)
+    machine = _CompiledTurbine(posterior)
+    chosen, working = _speed_ranges(machine.turbine, speeds, operating)
     usual = machine.turbine.rotor_speed
-    parked = usual == 0.0 and operating is None
-    usually = (0.1 * usual, 1.3 * usual) if usual > 0.0 else (0.0, 0.5 * machine.turbine.slowest_frequency)
-    chosen = _checked("speeds", speeds or usually)
-    working = (0.0, 0.0)
-    if not parked:
-        working = _checked(
-            "operating range", operating or ((1.0 - OPERATING_SHARE) * usual, (1.0 + OPERATING_SHARE) * usual)
-        )
-    chosen = (min(chosen[0], working[0]), max(chosen[1], working[1]))
     reference = usual if chosen[0] <= usual <= chosen[1] else 0.5 * (working[0] + working[1])
-    known: dict[float, Spectrum] = {}
-    left_out: dict[str, list[float]] = {}
-    new = [*np.linspace(*chosen, DIAGRAM_SPEEDS).tolist(), *np.linspace(*working, OPERATING_SPEEDS).tolist(), reference]
-    for _ in range(REFINEMENT_ROUNDS):
-        for i, speed in enumerate(new):
-            progress(f"modes at {speed * RPM:.3g} rpm", i / len(new))
-            try:
-                known[speed] = machine.spectrum(speed)
-            except ConfigurationError as error:
-                left_out.setdefault(str(error), []).append(speed)
-        if not known:
-            raise ConfigurationError(next(iter(left_out)))
-        grid = np.array(sorted(known))
-        grid = grid[np.diff(grid, prepend=-1.0) > 1e-9 * grid[-1]]
-        found = [known[speed] for speed in grid.tolist()]
-        at = int(np.argmin(np.abs(grid - reference)))
-        curves = link(found, grid, at, posterior.cov)
-        new = bends(curves, grid)
-        if not new:
-            break
-    if not curves:
-        raise ConfigurationError(
-            f"turbine '{machine.turbine.name}': nothing oscillates between {grid[0] * RPM:.3g} and"
-            f" {grid[-1] * RPM:.3g} rpm"
-        )
+    diagram = machine.diagram(chosen, working, reference, progress)
     progress("stability", None)
-    unstable = unstable_ranges(lambda s: known[s].growth if s in known else machine.growth(s), grid)
-    notes = [*machine.notes(found[at].method, posterior), *(
-        f"left out, {len(where)} speeds up to {max(where) * RPM:.3g} rpm: {why}" for why, where in left_out.items()
-    )]  # fmt: skip
+    known, method = diagram.known, diagram.known[float(diagram.speeds[diagram.at])].method
+    unstable = unstable_ranges(lambda s: known[s].growth if s in known else machine.growth(s), diagram.speeds)
     N = machine.turbine.model.blades
+    turns = any(working)
     return Campbell(
-        machine.turbine.name, posterior.record or None, bool(posterior.parameters), grid, at, working,
-        () if parked or not N else tuple(sorted({1, N, 2 * N})),
-        curves, tuple(unstable), () if parked else tuple(machine.ground_resonance(working)), found[at].method,
-        tuple(notes),
+        machine.turbine.name, posterior.record or None, bool(posterior.parameters), diagram.speeds, diagram.at, working,
+        tuple(sorted({1, N, 2 * N})) if turns and N else (),
+        diagram.curves, tuple(unstable), tuple(machine.ground_resonance(working)) if turns else (), method,
+        (*machine.notes(method, posterior), *diagram.notes),
     )  # fmt: skip
 
 
-class _Machine:
+def _posterior(source: "TurbineLike | PosteriorLike") -> Posterior:
+    """What is known of a turbine: its file's values, taken as exact, or those of an identification."""
+    if isinstance(source, str | Path) and not Path(source).is_dir():
+        source = as_turbine(source)
+    if isinstance(source, Turbine):
+        return Posterior(source, (), np.zeros(0), np.zeros((0, 0)), "", True)
+    return as_posterior(source)
+
+
+def _speed_ranges(
+    turbine: Turbine, speeds: tuple[float, float] | None, operating: tuple[float, float] | None
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Rotor speeds [rad/s] of the diagram and of operation; both zero for the operation of a parked rotor."""
+    usual = turbine.rotor_speed
+    usually = (0.1 * usual, 1.3 * usual) if usual > 0.0 else (0.0, 0.5 * turbine.slowest_frequency)
+    chosen, working = _checked("speeds", speeds or usually), (0.0, 0.0)
+    if usual != 0.0 or operating is not None:
+        around = ((1.0 - OPERATING_SHARE) * usual, (1.0 + OPERATING_SHARE) * usual)
+        working = _checked("operating range", operating or around)
+    return (min(chosen[0], working[0]), max(chosen[1], working[1])), working
+
+
+class _Diagram(NamedTuple):
+    """Speeds (S,) [rad/s] with the index of the reference, linked curves, spectra by speed, and what was left out."""
+
+    speeds: Array
+    at: int
+    curves: tuple[Curve, ...]
+    known: dict[float, ModalSpectrum]
+    notes: list[str]
+
+
+class _CompiledTurbine:
     """A turbine compiled, with what is known of its coefficients."""
 
     def __init__(self, posterior: Posterior) -> None:
@@ -142,9 +133,40 @@ class _Machine:
         self.p = np.array([self.turbine.values[name] for name in self.model.parameters])
         self.directions = directions_of(self.model, self.parameters, posterior.theta)
 
-    def spectrum(self, speed: float) -> Spectrum:
+    def spectrum(self, speed: float) -> ModalSpectrum:
         """The modes at a speed, or a hair beside it where a mode is locked so narrowly that its band would vanish."""
         return analyse_unlocked(self.turbine.model, self.model, self.p, speed, self.directions)
+
+    def diagram(
+        self, chosen: tuple[float, float], working: tuple[float, float], reference: float, progress: Progress
+    ) -> _Diagram:
+        """Modes at speeds of both ranges, refined where a curve bends or ends."""
+        known: dict[float, ModalSpectrum] = {}
+        left_out: dict[str, list[float]] = {}
+        new = [*np.linspace(*chosen, DIAGRAM_SPEEDS), *np.linspace(*working, OPERATING_SPEEDS), reference]
+        for _ in range(REFINEMENT_ROUNDS):
+            for i, speed in enumerate(map(float, new)):
+                progress(f"modes at {speed * RPM:.3g} rpm", i / len(new))
+                try:
+                    known[speed] = self.spectrum(speed)
+                except ConfigurationError as error:
+                    left_out.setdefault(str(error), []).append(speed)
+            if not known:
+                raise ConfigurationError(next(iter(left_out)))
+            grid = np.array(sorted(known))
+            grid = grid[np.diff(grid, prepend=-1.0) > 1e-9 * grid[-1]]
+            at = int(np.argmin(np.abs(grid - reference)))
+            curves = link([known[speed] for speed in grid.tolist()], grid, at, self.cov)
+            new = bends(curves, grid)
+            if not new:
+                break
+        if not curves:
+            raise ConfigurationError(
+                f"turbine '{self.turbine.name}': nothing oscillates between {grid[0] * RPM:.3g} and"
+                f" {grid[-1] * RPM:.3g} rpm"
+            )
+        notes = [f"left out, {len(s)} speeds up to {max(s) * RPM:.3g} rpm: {why}" for why, s in left_out.items()]
+        return _Diagram(grid, at, curves, known, notes)
 
     def growth(self, speed: float) -> float:
         return analyse(self.turbine.model, self.model, self.p, speed).growth
@@ -181,50 +203,45 @@ class _Machine:
 
     def ground_resonance(self, operating: tuple[float, float]) -> list[GroundResonance]:
         """Where lag and support meet, for each direction in which the support moves."""
-        turbine = self.turbine
-        if turbine.model.modes().hinged_blades < 2:
+        if self.turbine.model.modes().hinged_blades < 2:
             return []
-        found = []
-        for axis in ("x", "y"):
-            if axis not in turbine.model.coordinates:
-                continue
-            centre = meeting_speed(turbine, axis)
-            if centre is None:
-                continue
-            slopes = []
-            for q, direction in zip(self.parameters, self.directions, strict=True):
-                step = 1e-4 * float(np.abs(direction).max())
-                moved = (
-                    meeting_speed(turbine.with_values({q.name: turbine.values[q.name] + sign * step}), axis)
-                    for sign in (1, -1)
-                )
-                above, below = (value if value is not None else centre for value in moved)
-                slopes.append((above - below) / 2e-4)
-            std = math.sqrt(max(float(np.array(slopes) @ self.cov @ np.array(slopes)), 0.0)) if slopes else 0.0
-            speed = (centre, centre - SIGMAS * std, centre + SIGMAS * std)
-            low, high = operating
-            end = high if centre > high else low
-            margin = (
-                tuple(value / end - 1.0 for value in speed) if not low <= centre <= high and end > 0.0 else (0.0,) * 3
+        found = (self._meeting(axis, operating) for axis in ("x", "y") if axis in self.turbine.model.coordinates)
+        return [one for one in found if one is not None]
+
+    def _meeting(self, axis: str, operating: tuple[float, float]) -> GroundResonance | None:
+        """Where lag and support meet in a direction; None where they do not, or modes cannot be found there."""
+        centre = meeting_speed(self.turbine, axis)
+        if centre is None:
+            return None
+        std = self._meeting_std(axis, centre)
+        speed = (centre, centre - SIGMAS * std, centre + SIGMAS * std)
+        low, high = operating
+        end = high if centre > high else low
+        apart = not low <= centre <= high and end > 0.0
+        margin = tuple(value / end - 1.0 for value in speed) if apart else (0.0,) * 3
+        try:
+            there = self.spectrum(centre)
+        except ConfigurationError:
+            return None
+        i = int(np.argmin(there.damping))
+        slope = there.frequency_and_damping_slopes()[1][i]
+        spread = SIGMAS * math.sqrt(max(float(slope @ self.cov @ slope), 0.0))
+        z = float(there.damping[i])
+        grows = there.growth > NEUTRAL_GROWTH * centre
+        return GroundResonance(axis, speed, (margin[0], margin[1], margin[2]), (z, z - spread, z + spread), grows)
+
+    def _meeting_std(self, axis: str, centre: float) -> float:
+        """Standard deviation [rad/s] of the speed at which lag and support meet."""
+        slopes = []
+        for q, direction in zip(self.parameters, self.directions, strict=True):
+            step = 1e-4 * float(np.abs(direction).max())
+            moved = (
+                meeting_speed(self.turbine.with_values({q.name: self.turbine.values[q.name] + sign * step}), axis)
+                for sign in (1, -1)
             )
-            try:
-                there = self.spectrum(centre)
-            except ConfigurationError:
-                continue
-            i = int(np.argmin(there.damping))
-            slope = there.frequency_and_damping_slopes()[1][i]
-            spread = SIGMAS * math.sqrt(max(float(slope @ self.cov @ slope), 0.0))
-            z = float(there.damping[i])
-            found.append(
-                GroundResonance(
-                    axis,
-                    speed,
-                    (margin[0], margin[1], margin[2]),
-                    (z, z - spread, z + spread),
-                    there.growth > NEUTRAL_GROWTH * centre,
-                )
-            )
-        return found
+            above, below = (value if value is not None else centre for value in moved)
+            slopes.append((above - below) / 2e-4)
+        return math.sqrt(max(float(np.array(slopes) @ self.cov @ np.array(slopes)), 0.0)) if slopes else 0.0
 
 
 def _checked(what: str, ends: tuple[float, float]) -> tuple[float, float]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.modal.analysis import Spectrum
+from windsysid.modal.analysis import ModalSpectrum
 from windsysid.results.posterior import SIGMAS
 
 __all__ = ["Curve", "bends", "link"]
@@ -38,45 +38,54 @@ class Curve:
         return (f, f - SIGMAS * df, f + SIGMAS * df), (z, z - SIGMAS * dz, z + SIGMAS * dz)
 
 
-def link(spectra: Sequence[Spectrum], speeds: Array, start: int, cov: Array) -> tuple[Curve, ...]:
+def link(spectra: Sequence[ModalSpectrum], speeds: Array, start: int, cov: Array) -> tuple[Curve, ...]:
     """Modes (S spectra) linked from speed to speed, outward from the usual one, `start`; `cov` (n_θ, n_θ) gives the
     standard deviations.
 
     Those that are there at the usual speed come first, by frequency. A mode whose largest harmonic gives way to another
     jumps by Ω: one curve ends there, and another begins.
     """
+    named = [
+        (_track_name(track, spectra, speeds, start), _values(track, spectra, cov))
+        for track in _tracks(spectra, speeds, start)
+        if len(track) > 2
+    ]
+
+    def there(values: Array) -> bool:
+        return bool(np.isfinite(values[0, start]))
+
+    named.sort(key=lambda item: (not there(item[1]), item[1][0, start] if there(item[1]) else np.nanmean(item[1][0])))
+    usual, seen, found = Counter(name for name, values in named if there(values)), Counter[str](), []
+    for name, values in named:
+        seen[name] += 1
+        numbered = usual[name] > 1 or seen[name] > 1
+        found.append(Curve(f"{name} ({seen[name]})" if numbered else name, *values))
+    return tuple(found)
+
+
+def _tracks(spectra: Sequence[ModalSpectrum], speeds: Array, start: int) -> list[dict[int, int]]:
+    """The number of a mode by the index of the speed, for each mode that was followed from `start` or from where it
+    begins."""
     tracks: list[dict[int, int]] = [{start: m} for m in range(len(spectra[start].exponents))]
-    for way in (1, -1):
-        i = start + way
-        while 0 <= i < len(spectra):
+    for way, end in ((1, len(spectra)), (-1, -1)):
+        for i in range(start + way, end, way):
             ending = [track for track in tracks if i - way in track]
             linked = _linked(spectra, speeds, [(track[i - way], track.get(i - 2 * way)) for track in ending], i, way)
             for track, m in zip(ending, linked, strict=True):
                 if m is not None:
                     track[i] = m
             tracks += [{i: m} for m in range(len(spectra[i].exponents)) if m not in linked]
-            i += way
-    tracks = [track for track in tracks if len(track) > 2]
-    names = [_track_name(track, spectra, speeds, start) for track in tracks]
-    curves = []
-    for track, name in zip(tracks, names, strict=True):
-        values = np.full((4, len(spectra)), np.nan)
-        for i, m in track.items():
-            s = spectra[i]
-            deviations = [math.sqrt(max(float(d[m] @ cov @ d[m]), 0.0)) for d in s.frequency_and_damping_slopes()]
-            values[:, i] = s.frequency[m], deviations[0], s.damping[m], deviations[1]
-        curves.append((name, values))
+    return tracks
 
-    def there(values: Array) -> bool:
-        return bool(np.isfinite(values[0, start]))
 
-    curves.sort(key=lambda item: (not there(item[1]), item[1][0, start] if there(item[1]) else np.nanmean(item[1][0])))
-    usual, seen, found = Counter(name for name, values in curves if there(values)), Counter[str](), []
-    for name, values in curves:
-        seen[name] += 1
-        numbered = usual[name] > 1 or seen[name] > 1
-        found.append(Curve(f"{name} ({seen[name]})" if numbered else name, *values))
-    return tuple(found)
+def _values(track: dict[int, int], spectra: Sequence[ModalSpectrum], cov: Array) -> Array:
+    """Frequency [Hz] and damping ratio with their standard deviations (4, S), as `Curve`; NaN where there is none."""
+    values = np.full((4, len(spectra)), np.nan)
+    for i, m in track.items():
+        s = spectra[i]
+        deviations = [math.sqrt(max(float(d[m] @ cov @ d[m]), 0.0)) for d in s.frequency_and_damping_slopes()]
+        values[:, i] = s.frequency[m], deviations[0], s.damping[m], deviations[1]
+    return values
 
 
 def bends(curves: Sequence[Curve], speeds: Array) -> list[float]:
@@ -95,7 +104,7 @@ def bends(curves: Sequence[Curve], speeds: Array) -> list[float]:
     return [float(speed) for speed in (0.5 * (speeds[:-1] + speeds[1:]))[wide]]
 
 
-def _track_name(track: dict[int, int], spectra: Sequence[Spectrum], speeds: Array, start: int) -> str:
+def _track_name(track: dict[int, int], spectra: Sequence[ModalSpectrum], speeds: Array, start: int) -> str:
     """The name, without a number, that a mode has at the usual speed, or else over most of its speeds."""
     if start in track:
         return spectra[start].names[track[start]].partition(" (")[0]
@@ -107,7 +116,7 @@ def _track_name(track: dict[int, int], spectra: Sequence[Spectrum], speeds: Arra
 
 
 def _linked(
-    spectra: Sequence[Spectrum], speeds: Array, before: Sequence[tuple[int, int | None]], i: int, way: int
+    spectra: Sequence[ModalSpectrum], speeds: Array, before: Sequence[tuple[int, int | None]], i: int, way: int
 ) -> list[int | None]:
     """For each track the mode at speed i that continues it, or None; its modes one and two steps before tell."""
     from scipy.optimize import linear_sum_assignment

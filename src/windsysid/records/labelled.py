@@ -14,7 +14,7 @@ from windsysid.errors import ConfigurationError, RecordError
 from windsysid.records.moments import moment_text, split_start, zone_offset
 from windsysid.units import si_unit, to_si
 
-__all__ = ["Labelled", "of_dataset", "of_frame"]
+__all__ = ["Labelled", "of_dataset", "of_frame", "written_order"]
 
 _HEADING = re.compile(r"(.*\S)\s*[\[(]([^\[\]()]*)[\])]\s*")
 _MINE = "windsysid_"
@@ -64,7 +64,7 @@ def of_frame(frame: Any) -> Labelled:
     time, start = _seconds(moments, unit, "DataFrame")
     values = {name: (column.to_numpy(), unit) for name, (column, unit) in columns.items()}
     texts = {str(k): str(v) for k, v in frame.attrs.items() if k != "units"}
-    noted, attributes = split_start(texts, float(time[0]) if time.size else 0.0)
+    noted, attributes = split_start(texts, time)
     return Labelled(values, time, start or noted, attributes, "DataFrame")
 
 
@@ -81,12 +81,7 @@ def of_dataset(dataset: Any, *, every: bool = True) -> Labelled:
     if "time" not in dataset.variables or dataset["time"].dims != ("time",):
         found = ", ".join(str(name) for name in list(dataset.variables)[:12]) or "none"
         raise RecordError(f"Dataset: not a record: expected a coordinate 'time' (T,), got the variables {found}")
-    try:
-        order = [str(name) for name in parse_json(dataset.attrs.get(f"{_MINE}channels", "[]"))]
-    except (TypeError, ValueError):
-        order = []
-    if sorted(order) != sorted(map(str, dataset.data_vars)):
-        order = [str(name) for name in dataset.data_vars]
+    order = written_order([str(name) for name in dataset.data_vars], dataset.attrs.get(f"{_MINE}channels", "[]"))
     columns = {}
     for name in order:
         variable = dataset[name]
@@ -99,8 +94,17 @@ def of_dataset(dataset: Any, *, every: bool = True) -> Labelled:
             )
     time, start = _seconds(dataset["time"].to_index(), dataset["time"].attrs.get("units"), "Dataset")
     texts = {str(k): str(v) for k, v in dataset.attrs.items() if not str(k).startswith(_MINE)}
-    noted, attributes = split_start(texts, float(time[0]) if time.size else 0.0)
+    noted, attributes = split_start(texts, time)
     return Labelled(columns, time, start or noted, attributes, str(dataset.attrs.get(f"{_MINE}name", "record")))
+
+
+def written_order(names: list[str], listed: str) -> list[str]:
+    """Names in the order in which a record listed them, as JSON; as they are if it lists others or none."""
+    try:
+        order = [str(name) for name in parse_json(listed)]
+    except (TypeError, ValueError):
+        return names
+    return order if sorted(order) == sorted(names) else names
 
 
 def _seconds(moments: Any, unit: str | None, kind: str) -> tuple[Array, str | None]:
@@ -122,10 +126,14 @@ def _seconds(moments: Any, unit: str | None, kind: str) -> tuple[Array, str | No
         seconds = np.asarray(array, dtype=np.float64)
     except (TypeError, ValueError):
         raise RecordError(f"{kind}: time: expected seconds or dates, got {array.dtype}") from None
+    factor = _seconds_in(unit or "s", kind)
+    return (seconds if factor == 1.0 else seconds * factor), None
+
+
+def _seconds_in(unit: str, kind: str) -> float:
     try:
-        factor = to_si(1.0, unit or "s")
-        if si_unit(unit or "s") != "s":
+        if si_unit(unit) != "s":
             raise RecordError(f"{kind}: time: expected s, got {unit}; convert it first")
+        return to_si(1.0, unit)
     except ConfigurationError as error:
         raise RecordError(f"{kind}: time: {error}") from error
-    return (seconds if factor == 1.0 else seconds * factor), None

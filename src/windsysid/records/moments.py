@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from windsysid._types import Array
+
 __all__ = [
     "SINCE", "has_zone", "in_words", "moment", "moment_text", "shift_moment", "split_start", "tidy", "zone_offset",
 ]  # fmt: skip
@@ -79,12 +81,13 @@ def zone_offset(origin: int, zone: Any) -> int:
     return 0 if ahead is None else int(ahead.total_seconds())
 
 
-def split_start(attributes: Mapping[str, str], first: float) -> tuple[str | None, dict[str, str]]:
+def split_start(attributes: Mapping[str, str], time: Array) -> tuple[str | None, dict[str, str]]:
     """The moment of time 0 that a file's attributes give, and the attributes without it.
 
     Ours is ``start_time`` (``start_time_local`` in files of version 0.1.0). ``time_coverage_start`` (ACDD 1.3) is the
-    moment of the first sample, at `first` [s].
+    moment of the first sample; times (T,) are in s.
     """
+    first = float(time[0]) if time.size else 0.0
     for key, seconds in (("start_time", 0.0), ("start_time_local", 0.0), ("time_coverage_start", first)):
         try:
             text = tidy(attributes[key])

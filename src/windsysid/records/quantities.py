@@ -72,27 +72,27 @@ def plausible_units(channel: str, values: Array) -> tuple[str, ...]:
         Some of its values, as the file has them.
     """
     si, known = implied_unit(channel), values[np.isfinite(values)]
-    if si is None or not known.size or not known.any():
+    if si is None or not known.any():
         return ()
     words, largest = _words(channel), float(np.abs(known).max())
     if "azimuth" in words:
-        if largest <= _FULL_CIRCLE:
-            return ("rad",) if np.ptp(known) > 0.5 * _FULL_CIRCLE else ("rad", "deg")
-        return ("deg",) if largest <= np.rad2deg(_FULL_CIRCLE) else ("rad", "deg")
-    quantity = (
-        "rotor speed"
-        if "rotor" in words and si == "rad/s"
-        else "wind speed"
-        if words[0] == "wind" and si == "m/s"
-        else si
-    )
-    units, low, high = _CANDIDATES[quantity]
-    if si == "m/s^2":  # an accelerometer that stands upright reads gravity
-        mean = abs(float(np.mean(known)))
-        upright = tuple(unit for unit in units if abs(to_si(mean, unit) / _GRAVITY - 1.0) < 0.03)
-        if upright:
-            return upright
-    return tuple(unit for unit in units if low <= to_si(largest, unit) <= high)
+        return _units_of_azimuth(known, largest)
+    units, low, high = _CANDIDATES[_quantity(words, si)]
+    mean = abs(float(np.mean(known)))  # an accelerometer that stands upright reads gravity
+    upright = tuple(unit for unit in units if si == "m/s^2" and abs(to_si(mean, unit) / _GRAVITY - 1.0) < 0.03)
+    return upright or tuple(unit for unit in units if low <= to_si(largest, unit) <= high)
+
+
+def _quantity(words: list[str], si: str) -> str:
+    if "rotor" in words and si == "rad/s":
+        return "rotor speed"
+    return "wind speed" if words[0] == "wind" and si == "m/s" else si
+
+
+def _units_of_azimuth(known: Array, largest: float) -> tuple[str, ...]:
+    if largest <= _FULL_CIRCLE and np.ptp(known) > 0.5 * _FULL_CIRCLE:
+        return ("rad",)
+    return ("deg",) if _FULL_CIRCLE < largest <= np.rad2deg(_FULL_CIRCLE) else ("rad", "deg")
 
 
 def missing_units(channels: Sequence[tuple[str, Array]], how: str) -> str:

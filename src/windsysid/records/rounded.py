@@ -11,7 +11,7 @@ import numpy as np
 
 from windsysid._types import Array
 
-__all__ = ["Grid", "is_coarse", "rounded_grid"]
+__all__ = ["RoundedGrid", "is_coarse", "rounded_grid"]
 
 UNITS = (86_400.0, 3600.0, 60.0, 1.0)
 """Units [s] whose decimal fractions stamps are multiples of."""
@@ -37,7 +37,7 @@ _SLACK = 1e-3  # of the quantum, for numbers that were computed
 _HALVINGS = 60
 
 
-class Grid(NamedTuple):
+class RoundedGrid(NamedTuple):
     """Beginning [s] and step [s] of a regular grid, and each row's place on it (T,), the first at 0."""
 
     begin: float
@@ -55,7 +55,7 @@ def is_coarse(time: Array) -> bool:
     return _quantum(time) > MIN_QUANTUM_STEPS * float(np.median(steps))
 
 
-def rounded_grid(time: Array) -> Grid | None:
+def rounded_grid(time: Array) -> RoundedGrid | None:
     """The regular grid from which all stamps (T,) [s] differ only by the rounding to their digits.
 
     Parameters
@@ -83,7 +83,7 @@ def rounded_grid(time: Array) -> Grid | None:
     off = elapsed - step * grid
     if quantum < MIN_QUANTUM_STEPS * step or np.ptp(off) <= _SLACK * quantum:
         return None
-    return Grid(float(time[0]) + _beginning(off, quantum, step), step, grid)
+    return RoundedGrid(float(time[0]) + _beginning(off, quantum, step), step, grid)
 
 
 def _quantum(time: Array) -> float:

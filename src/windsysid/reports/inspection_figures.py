@@ -12,7 +12,7 @@ from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 from windsysid._types import Array
 from windsysid.inspection.bodies import body_of
 from windsysid.inspection.fault import Fault
-from windsysid.inspection.spectra import Line, Spectrogram, Spectrum, seen_from
+from windsysid.inspection.spectra import ExpectedLine, Spectrogram, Spectrum, seen_from
 from windsysid.reports.canvas import label
 from windsysid.reports.plots import (
     BAND,
@@ -180,17 +180,17 @@ def _density_unit(unit: str) -> str:
     )
 
 
-def _highest(lines: Sequence[Line], nyquist: float, blades: int) -> float:
+def _highest(lines: Sequence[ExpectedLine], nyquist: float, blades: int) -> float:
     """Upper end of the frequency axis: somewhat above 2N P and the modes."""
     marked = [line.frequency for line in lines if line.mode or line.number in (1, blades, 2 * blades)]
     return min(nyquist, 1.35 * max(marked)) if marked else nyquist
 
 
-def _drawn_lines(lines: Sequence[Line], blades: int, top: float) -> list[Line]:
+def _drawn_lines(lines: Sequence[ExpectedLine], blades: int, top: float) -> list[ExpectedLine]:
     return [line for line in lines if (line.mode or line.number in (1, blades, 2 * blades)) and line.frequency < top]
 
 
-def _mark_lines(ax: Axes, lines: Sequence[Line], top: float) -> None:
+def _mark_lines(ax: Axes, lines: Sequence[ExpectedLine], top: float) -> None:
     """Vertical lines; names above the axes, harmonics in the lower row and modes in the upper, near ones together."""
     for mode, y, colour, style in ((False, 1.01, REFERENCE, ":"), (True, 1.085, ERROR, "--")):
         labels: list[tuple[float, str]] = []
@@ -278,7 +278,7 @@ def _spectrogram(figure: Figure, ax: Axes, picture: Spectrogram, inspection: "In
     ax.tick_params(labelsize=8)
 
 
-def _over_speed(inspection: "Inspection", picture: Spectrogram, line: Line) -> tuple[Array, Array]:
+def _over_speed(inspection: "Inspection", picture: Spectrogram, line: ExpectedLine) -> tuple[Array, Array]:
     """A mode's frequency as this channel sees it, over rotor speed [rpm]."""
     speeds, values = [], []
     for speed, modes in inspection.modes_over_speed:

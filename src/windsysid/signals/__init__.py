@@ -16,7 +16,7 @@ from windsysid.signals.causal import (
 )
 from windsysid.signals.condition import (
     Despiked,
-    Level,
+    LevelledPair,
     Unbiased,
     despike,
     remove_bias,
@@ -35,7 +35,7 @@ __all__ = [
     "CausalState",
     "ClockOffset",
     "Despiked",
-    "Level",
+    "LevelledPair",
     "Motion",
     "RotorMotion",
     "Unbiased",

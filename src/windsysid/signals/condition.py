@@ -18,7 +18,7 @@ from windsysid.records.checks import refuse_gaps
 from windsysid.records.record import LOW_PASS, Record
 from windsysid.signals.integration import GRAVITY
 
-__all__ = ["Despiked", "Level", "Unbiased", "despike", "remove_bias", "remove_gravity_and_tilt", "resample"]
+__all__ = ["Despiked", "LevelledPair", "Unbiased", "despike", "remove_bias", "remove_gravity_and_tilt", "resample"]
 
 
 _TURN = 2.0 * math.pi
@@ -44,7 +44,7 @@ class Unbiased(NamedTuple):
     bias: float
 
 
-class Level(NamedTuple):
+class LevelledPair(NamedTuple):
     """A pair of axes (T,) turned level and freed of gravity; the tilt [rad] and the gravity [m/s²] that were found."""
 
     lateral: Array
@@ -84,6 +84,35 @@ def resample(
     """
     first = float(record.time[0]) if start is None else float(start)
     last = float(record.time[-1]) if end is None else float(end)
+    grid = _grid(record, rate, first, last, (max_gap + 1.5) / record.rate)
+    columns = [_on_grid(record, name, grid) for name in record.channels]
+    passed = {LOW_PASS: f"{0.5 * rate:.6g}"} if grid.factor > 1 else {}
+    return Record(
+        first + np.arange(grid.rows) / rate,
+        np.column_stack(columns) if columns else np.empty((grid.rows, 0)),
+        record.channels,
+        record.units,
+        name=record.name,
+        attributes={**record.attributes, "resampled": f"from {record.rate:g} to {rate:g} Hz", **passed},
+        start=record.start,
+    )
+
+
+class _Grid(NamedTuple):
+    """A grid of `rows` times, `factor` times finer [s] with `margin` more times at both ends, which the low-pass needs.
+
+    Gaps longer than `limit` [s] stay missing.
+    """
+
+    rows: int
+    factor: int
+    margin: int
+    fine: Array
+    limit: float
+
+
+def _grid(record: Record, rate: float, first: float, last: float, limit: float) -> _Grid:
+    """The grid of `rate` [Hz] from the first to the last time [s]; RecordError where there is none."""
     if not (np.isfinite(rate) and rate > 0.0):
         raise RecordError(f"resampling: expected a positive rate, got {rate:g} Hz")
     if not (last - first) * rate >= 1.0:
@@ -98,38 +127,31 @@ def resample(
         raise RecordError(
             f"resampling: {rows} rows at {rate:g} Hz are too many; choose a lower rate or a shorter section"
         )
-    limit = (max_gap + 1.5) / record.rate
-    margin = 40 * factor if factor > 1 else 0  # the low-pass reaches that far
+    margin = 40 * factor if factor > 1 else 0
     fine = first + (np.arange(rows * factor + 2 * margin) - margin) / (rate * factor)
-    columns = []
-    for name in record.channels:
-        values, unit = record[name], record.unit(name)
-        known = np.isfinite(values)
-        wraps = unit == "rad" and bool({"azimuth", "yaw", "direction"} & set(name.split("_")))
-        low = -math.pi if wraps and known.any() and float(values[known].min()) < 0.0 else 0.0
-        time, values = record.time[known], values[known]
-        if known.any() and np.abs(values).max() > _MAX_VALUE:
-            raise RecordError(
-                f"channel '{name}' reaches {np.abs(values).max():.3g}, too large to be resampled; correct its values,"
-                " or leave the column out"
-            )
-        column = _interpolated(time, _unwrapped(values, time, limit) if wraps else values, fine, limit)
-        if factor > 1:
-            column = _decimated(column, factor, margin)
-        if wraps:
-            column = np.mod(column - low, _TURN) + low
-        columns.append(column[:rows])
-    grid = first + np.arange(rows) / rate
-    passed = {LOW_PASS: f"{0.5 * rate:.6g}"} if factor > 1 else {}
-    return Record(
-        grid,
-        np.column_stack(columns) if columns else np.empty((rows, 0)),
-        record.channels,
-        record.units,
-        name=record.name,
-        attributes={**record.attributes, "resampled": f"from {record.rate:g} to {rate:g} Hz", **passed},
-        start=record.start,
-    )
+    return _Grid(rows, factor, margin, fine, limit)
+
+
+def _on_grid(record: Record, name: str, grid: _Grid) -> Array:
+    """The values of a channel (rows,) on a grid."""
+    values = record[name]
+    known = np.isfinite(values)
+    time, values = record.time[known], values[known]
+    if not len(values):
+        return np.full(grid.rows, np.nan)
+    if np.abs(values).max() > _MAX_VALUE:
+        raise RecordError(
+            f"channel '{name}' reaches {np.abs(values).max():.3g}, too large to be resampled; correct its values,"
+            " or leave the column out"
+        )
+    wraps = record.unit(name) == "rad" and bool({"azimuth", "yaw", "direction"} & set(name.split("_")))
+    column = _interpolated(time, _unwrapped(values, time, grid.limit) if wraps else values, grid.fine, grid.limit)
+    if grid.factor > 1:
+        column = _decimated(column, grid.factor, grid.margin)
+    if wraps:
+        low = -math.pi if float(values.min()) < 0.0 else 0.0
+        column = np.mod(column - low, _TURN) + low
+    return column[: grid.rows]
 
 
 def _blocks(time: Array, limit: float) -> Sequence[slice]:
@@ -140,7 +162,7 @@ def _blocks(time: Array, limit: float) -> Sequence[slice]:
 
 def _unwrapped(values: Array, time: Array, limit: float) -> Array:
     """Each stretch unwrapped by itself: how far it turned in a gap is not known, and does not matter."""
-    return np.concatenate([np.unwrap(values[block]) for block in _blocks(time, limit)]) if len(values) else values
+    return np.concatenate([np.unwrap(values[block]) for block in _blocks(time, limit)])
 
 
 def _interpolated(time: Array, values: Array, grid: Array, limit: float) -> Array:
@@ -270,7 +292,7 @@ def remove_bias(values: ArrayLike) -> Unbiased:
     return Unbiased(y - bias, bias)
 
 
-def remove_gravity_and_tilt(lateral: ArrayLike, upward: ArrayLike, *, gravity: float = GRAVITY) -> Level:
+def remove_gravity_and_tilt(lateral: ArrayLike, upward: ArrayLike, *, gravity: float = GRAVITY) -> LevelledPair:
     """Turn a pair of accelerometer axes level, by the direction of gravity in their means, and take gravity out.
 
     An instrument tilted by θ, counter-clockwise, reads (a + g ŷ) e^{−iθ} along its axes; with zero mean acceleration
@@ -305,4 +327,4 @@ def remove_gravity_and_tilt(lateral: ArrayLike, upward: ArrayLike, *, gravity: f
     tilt = float(np.angle(1j / mean))
     level = reading * np.exp(1j * tilt) - 1j * abs(mean)
     level[~known] = np.nan
-    return Level(level.real.copy(), level.imag.copy(), tilt, abs(mean))
+    return LevelledPair(level.real.copy(), level.imag.copy(), tilt, abs(mean))

@@ -25,7 +25,7 @@ from windsysid.errors import RecordError
 from windsysid.signals.band import bridged
 from windsysid.signals.rotor import RotorMotion, smooth_slope
 
-__all__ = ["Line", "follow_line", "rotor_from_blades", "rotor_from_tower"]
+__all__ = ["HarmonicPhase", "follow_line", "rotor_from_blades", "rotor_from_tower"]
 
 ComplexArray = NDArray[np.complex128]
 
@@ -34,7 +34,7 @@ _MIN_CLARITY = 5.0
 _SURE_CLARITY = 30.0  # noise, followed where it is loudest, looks up to half as clear as this
 
 
-class Line(NamedTuple):
+class HarmonicPhase(NamedTuple):
     """A line followed through a record: its phase, unwrapped (T,) [rad], its amplitude (T,), and how clear it is.
 
     `clarity` is the power within a quarter of 1P of the line, against as much bandwidth beside it. Noise reaches 15,
@@ -171,7 +171,7 @@ def _straight_ends(phase: Array, n: int) -> Array:
     return result
 
 
-def _how_clear(line: Line) -> str:
+def _how_clear(line: HarmonicPhase) -> str:
     return (
         f"{line.clarity:.2g} times its surroundings, {line.worst:.2g} at the worst, expected more than"
         f" {_SURE_CLARITY:g} and {_MIN_CLARITY:g}"
@@ -196,7 +196,9 @@ def _check_order(seen: dict[int, complex], blades: int) -> None:
         raise RecordError(f"blade accelerations: expected blade b at ψ + 360° (b − 1)/{blades}; {what}")
 
 
-def follow_line(values: ArrayLike, rate: float, harmonic: int, *, rotor_speed: float, search: float = 0.15) -> Line:
+def follow_line(
+    values: ArrayLike, rate: float, harmonic: int, *, rotor_speed: float, search: float = 0.15
+) -> HarmonicPhase:
     """Follow the line near `harmonic` · `rotor_speed` through a channel (T,) without gaps.
 
     Raises
@@ -245,7 +247,7 @@ def follow_line(values: ArrayLike, rate: float, harmonic: int, *, rotor_speed: f
     worst = min(
         _ratio(a, b) for a, b in zip(np.array_split(inside, pieces), np.array_split(beside, pieces), strict=True)
     )
-    return Line(phase, 2.0 * np.abs(base), _ratio(inside, beside), worst)
+    return HarmonicPhase(phase, 2.0 * np.abs(base), _ratio(inside, beside), worst)
 
 
 def _ratio(inside: Array, beside: Array) -> float:

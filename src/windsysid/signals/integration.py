@@ -95,17 +95,7 @@ def integrate(
     acceleration = np.asarray(acceleration, dtype=np.float64)
     if acceleration.ndim != 1 or len(acceleration) < 2:
         raise RecordError(f"acceleration: expected (T,) with T ≥ 2, got {acceleration.shape}")
-    if method not in METHODS:
-        raise RecordError(f"method of integration: expected one of {', '.join(METHODS)}, got '{method}'")
-    if noise is not None and not (np.isfinite(noise) and noise > 0.0):
-        raise RecordError(f"noise of the accelerometer: expected a positive number, got {noise:g} m/s²")
-    if roll_per_metre != 0.0 and method not in ("frequency", "kalman"):
-        raise RecordError(f"roll_per_metre: the method '{method}' cannot undo gravity; use 'kalman' or 'frequency'")
-    if not roll_per_metre * GRAVITY < 0.5 * (2.0 * np.pi * cutoff) ** 2:
-        raise RecordError(
-            f"roll_per_metre: at {cutoff:g} Hz gravity outweighs the acceleration; expected its sign as in the turbine"
-            " file (kappa), or a higher cut-off"
-        )
+    _check_options(method, cutoff, noise, roll_per_metre)
     missing = ~np.isfinite(acceleration)
     whole = bridged(acceleration, "of acceleration")
     whole = whole - whole.mean()
@@ -118,13 +108,31 @@ def integrate(
     elif method == "high-pass":
         motion = _by_high_pass(whole, rate, cutoff)
     else:
-        velocity = _trapezoid(whole, rate)
-        velocity = velocity - velocity.mean()
-        displacement = _trapezoid(velocity, rate)
-        motion = Motion(velocity, displacement - displacement.mean())
+        motion = _by_trapezoids(whole, rate)
     for values in motion:
         values[missing] = np.nan
     return motion
+
+
+def _check_options(method: str, cutoff: float, noise: float | None, roll_per_metre: float) -> None:
+    if noise is not None and not (np.isfinite(noise) and noise > 0.0):
+        raise RecordError(f"noise of the accelerometer: expected a positive number, got {noise:g} m/s²")
+    if method not in METHODS:
+        raise RecordError(f"method of integration: expected one of {', '.join(METHODS)}, got '{method}'")
+    if roll_per_metre != 0.0 and method not in ("frequency", "kalman"):
+        raise RecordError(f"roll_per_metre: the method '{method}' cannot undo gravity; use 'kalman' or 'frequency'")
+    if not roll_per_metre * GRAVITY < 0.5 * (2.0 * np.pi * cutoff) ** 2:
+        raise RecordError(
+            f"roll_per_metre: at {cutoff:g} Hz gravity outweighs the acceleration; expected its sign as in the turbine"
+            " file (kappa), or a higher cut-off"
+        )
+
+
+def _by_trapezoids(acceleration: Array, rate: float) -> Motion:
+    velocity = _trapezoid(acceleration, rate)
+    velocity = velocity - velocity.mean()
+    displacement = _trapezoid(velocity, rate)
+    return Motion(velocity, displacement - displacement.mean())
 
 
 def _trapezoid(values: Array, rate: float) -> Array:

@@ -6,6 +6,7 @@ too: `windsysid.signals.harmonics`.
 """
 
 import math
+from collections.abc import Mapping
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -17,7 +18,7 @@ from windsysid.records.record import Record
 from windsysid.signals.azimuth import steadied
 from windsysid.signals.band import bridged
 
-__all__ = ["RotorMotion", "rotor_from_encoder", "rotor_from_pulses", "rotor_inputs", "smooth_slope"]
+__all__ = ["RotorMotion", "check_units", "rotor_from_encoder", "rotor_from_pulses", "rotor_inputs", "smooth_slope"]
 
 
 STANDING_MAX_SPEED = 0.05
@@ -67,50 +68,55 @@ def rotor_inputs(record: Record, rotor_speed: float) -> Array:
         the recorded or the turbine's usual speed.
     """
     record = steadied(record)
-    azimuth = record["rotor_azimuth"]
-    for channel, unit in (("rotor_azimuth", "rad"), ("rotor_speed", "rad/s")):
-        if channel in record and record.unit(channel) != unit:
-            raise RecordError(f"channel '{channel}': expected {unit}, got {record.unit(channel)}: correct its unit")
+    azimuth, measured = record["rotor_azimuth"], "rotor_speed" in record
+    check_units(record, {"rotor_azimuth": "rad", "rotor_speed": "rad/s"})
     time = record.time - record.time[0]
     known = np.isfinite(azimuth)
     if known.sum() < 2:
         raise RecordError(
             "channel 'rotor_azimuth': expected angles, got no numbers; the blades' positions are not known"
         )
-    speed = (
-        bridged(record["rotor_speed"], "rotor_speed") if "rotor_speed" in record else np.full_like(time, rotor_speed)
-    )
+    speed = bridged(record["rotor_speed"], "rotor_speed") if measured else np.full_like(time, rotor_speed)
     turned = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(time))])
     offset = np.unwrap((azimuth - turned)[known])
     drift = float(np.polyfit(time[known], offset, 1)[0])
-    mean_speed = float(speed.mean())
     psi = turned + np.interp(time, time[known], offset)
-    parked = rotor_speed == 0.0  # then the turbine says nothing of how fast it turns
-    slow = max(abs(mean_speed), abs(mean_speed + drift)) < (
-        STANDING_MAX_SPEED if parked else rotor_speed / MAX_SPEED_FACTOR
-    )
-    if slow and parked and "rotor_speed" not in record:
-        speed = smooth_slope(psi, record.rate)
-    if slow and (parked or "rotor_speed" in record):  # parked or idling: the azimuth need not run forward
-        return np.column_stack([psi, speed, smooth_slope(speed, record.rate)])
-    if not mean_speed + drift > 0.0:
-        raise RecordError(
-            f"channel 'rotor_azimuth': expected angles that increase with time, got {mean_speed + drift:.3g} rad/s on"
-            " average: count them in the sense of rotation"
-        )
-    if "rotor_speed" in record and abs(drift) > 0.02 * mean_speed:
-        raise RecordError(
-            f"rotor_azimuth turns at {mean_speed + drift:.4g} rad/s but rotor_speed says {mean_speed:.4g} rad/s: "
-            "check the unit of both channels"
-        )
-    if not (parked or 1.0 / MAX_SPEED_FACTOR < (mean_speed + drift) / rotor_speed < MAX_SPEED_FACTOR):
-        raise RecordError(
-            f"rotor_azimuth turns at {mean_speed + drift:.4g} rad/s, but the turbine's usual speed is {rotor_speed:.4g}"
-            " rad/s: check the unit of the azimuth, or the turbine file"
-        )
-    if "rotor_speed" not in record:
+    _check_rotation(float(speed.mean()), drift, rotor_speed, measured=measured)
+    if not measured:
         speed = smooth_slope(psi, record.rate)
     return np.column_stack([psi, speed, smooth_slope(speed, record.rate)])
+
+
+def check_units(record: Record, units: Mapping[str, str]) -> None:
+    """Refuse a record that has one of these channels in another unit."""
+    for channel, unit in units.items():
+        if channel in record and record.unit(channel) != unit:
+            raise RecordError(f"channel '{channel}': expected {unit}, got {record.unit(channel)}: correct its unit")
+
+
+def _check_rotation(mean_speed: float, drift: float, rotor_speed: float, *, measured: bool) -> None:
+    """Refuse an azimuth that turns `drift` faster than the `mean_speed`, `measured` or usual, unless it may stand still
+    [rad/s]."""
+    parked = rotor_speed == 0.0  # then the turbine says nothing of how fast it turns
+    turning = mean_speed + drift
+    standing = STANDING_MAX_SPEED if parked else rotor_speed / MAX_SPEED_FACTOR
+    if max(abs(mean_speed), abs(turning)) < standing and (parked or measured):
+        return  # parked or idling: the azimuth need not run forward
+    if not turning > 0.0:
+        raise RecordError(
+            f"channel 'rotor_azimuth': expected angles that increase with time, got {turning:.3g} rad/s on average:"
+            " count them in the sense of rotation"
+        )
+    if measured and abs(drift) > 0.02 * mean_speed:
+        raise RecordError(
+            f"rotor_azimuth turns at {turning:.4g} rad/s but rotor_speed says {mean_speed:.4g} rad/s: "
+            "check the unit of both channels"
+        )
+    if not (parked or 1.0 / MAX_SPEED_FACTOR < turning / rotor_speed < MAX_SPEED_FACTOR):
+        raise RecordError(
+            f"rotor_azimuth turns at {turning:.4g} rad/s, but the turbine's usual speed is {rotor_speed:.4g}"
+            " rad/s: check the unit of the azimuth, or the turbine file"
+        )
 
 
 def rotor_from_encoder(

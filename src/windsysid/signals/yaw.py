@@ -19,7 +19,7 @@ from windsysid._types import Array
 from windsysid.errors import RecordError
 from windsysid.records.record import Record
 from windsysid.signals.band import bridged
-from windsysid.signals.rotor import rotor_inputs
+from windsysid.signals.rotor import check_units, rotor_inputs
 
 __all__ = ["to_nacelle", "tower_inputs", "with_nacelle_axes"]
 
@@ -81,8 +81,7 @@ def with_nacelle_axes(
         raise RecordError(
             f"channels '{first}' and '{second}': expected one unit, got {record.unit(first)} and {record.unit(second)}"
         )
-    if record.unit(yaw) != "rad":
-        raise RecordError(f"channel '{yaw}': expected rad, got {record.unit(yaw)}: correct its unit")
+    check_units(record, {yaw: "rad"})
     quantity = first.rsplit("_", 1)[-1]
     names = (f"{point}_x_{quantity}", f"{point}_z_{quantity}")
     for name in names:
@@ -106,9 +105,7 @@ def tower_inputs(record: Record, rotor_speed: float, *, needs_yaw: bool) -> Arra
         If `needs_yaw`, for a sensor that is fixed to the tower, and the record has none; or a unit or an azimuth is
         wrong.
     """
-    for channel, unit in (("rotor_speed", "rad/s"), ("nacelle_yaw", "rad")):
-        if channel in record and record.unit(channel) != unit:
-            raise RecordError(f"channel '{channel}': expected {unit}, got {record.unit(channel)}: correct its unit")
+    check_units(record, {"rotor_speed": "rad/s", "nacelle_yaw": "rad"})
     inputs = np.zeros((record.samples, 5))
     known = "rotor_speed" in record and bool(np.isfinite(record["rotor_speed"]).any())
     speed = bridged(record["rotor_speed"], "rotor_speed") if known else np.full(record.samples, rotor_speed)

@@ -12,7 +12,7 @@ from windsysid.errors import ConfigurationError
 from windsysid.kernels.jit import VALUE, compiled
 from windsysid.mechanics.compile import CompiledModel
 
-__all__ = ["Response", "constant_speed_inputs", "integrate", "integrator"]
+__all__ = ["Response", "check_bounded", "constant_speed_inputs", "integrate", "integrator"]
 
 
 class Response(NamedTuple):
@@ -67,13 +67,16 @@ def integrate(
         model.rates, model.reading, p, inputs, beside, no_damping, len(model.inputs), start, 1.0 / rate, substeps,
         *response, no_loads
     )  # fmt: skip
-    if not np.isfinite(response.states).all():
-        when = int(np.argmin(np.isfinite(response.states).all(axis=1))) / rate
-        raise ConfigurationError(
-            f"the simulated motion grows without bound after {when:.3g} s: check stiffness and damping, or sample "
-            f"faster"
-        )
+    check_bounded(response, rate, "the simulated motion", "stiffness and damping")
     return response
+
+
+def check_bounded(response: Response, rate: float, motion: str, causes: str) -> None:
+    """Refuse a response that grows without bound, with the time and what to check."""
+    finite = np.isfinite(response.states).all(axis=1)
+    if not finite.all():
+        when = int(np.argmin(finite)) / rate
+        raise ConfigurationError(f"{motion} grows without bound after {when:.3g} s: check {causes}, or sample faster")
 
 
 def constant_speed_inputs(rotor_speed: float, duration: float, rate: float) -> Array:

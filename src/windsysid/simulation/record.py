@@ -5,18 +5,23 @@ samples; random loads move the machine as they do in continuous time (`windsysid
 """
 
 import os
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from windsysid._types import Array
 from windsysid.errors import ConfigurationError
 from windsysid.loads.family import hypothesis
-from windsysid.loads.hypothesis import HYPOTHESES
-from windsysid.mechanics.compile import compile_model
+from windsysid.loads.hypothesis import HYPOTHESES, SupposedLoads
+from windsysid.mechanics.compile import CompiledModel, compile_model
 from windsysid.records.record import Record
 from windsysid.signals.inputs import TURNING, steady_inputs
 from windsysid.simulation.integrate import constant_speed_inputs, integrate
 from windsysid.simulation.random_loads import draw_loads, draw_within_steps
 from windsysid.turbine.coercion import TurbineLike, as_turbine
+from windsysid.turbine.turbine import Turbine
 
 __all__ = ["simulate_record"]
 
@@ -69,6 +74,98 @@ def simulate_record(
     supposed = hypothesis(played, turbine, turbine.loads) if played not in WIND else None
     turbine = turbine if supposed is None else supposed.turbine
     fastest = max(turbine.natural_frequency(name) for name in turbine.model.coordinates) / (2.0 * np.pi)
+    _check_sampling(duration, rate, fastest)
+    before = LEAD_IN  # the air damps, and what it does before is costly
+    if supposed is not None:
+        before = max(LEAD_IN, min(RELAXATIONS / turbine.slowest_decay, MOST_LEAD_IN))
+    _check_memory(turbine, duration, rate, before)
+    machine = _Machine.turning(turbine, before + duration, rate, max(1, int(np.ceil(20.0 * fastest / rate))))
+    rng = np.random.default_rng(seed)
+    if supposed is not None:
+        readings = _under_random_loads(machine, supposed, rng)
+    else:
+        readings = _in_wind(machine, seed, feedback=loads == "wind-feedback")
+    record = machine.recorded(_with_noise(readings, turbine.sensors, rng), round(before * rate))
+    about = f"windsysid simulate, turbine {turbine.name}, loads {loads}, seed {seed}"
+    return replace(record, name=f"simulated record, seed {seed}", attributes={"source": about})
+
+
+class _Machine(NamedTuple):
+    """A turbine, compiled, with its parameters (n_p,), the rotor's motion (T, 3), the model's inputs (T, n_u), their
+    rate [Hz] and the integration steps between two samples."""
+
+    turbine: Turbine
+    model: CompiledModel
+    p: Array
+    rotor: Array
+    inputs: Array
+    rate: float
+    substeps: int
+
+    @classmethod
+    def turning(cls, turbine: Turbine, duration: float, rate: float, substeps: int) -> "_Machine":
+        """A turbine that turns at its usual speed for `duration` [s]."""
+        model = compile_model(turbine.model, turbine.sensors)
+        p = np.array([turbine.values[name] for name in model.parameters])
+        turning = (turbine.rotor_speed, duration, rate)
+        rotor, inputs = constant_speed_inputs(*turning), steady_inputs(model.inputs, *turning)
+        return cls(turbine, model, p, rotor, inputs, rate, substeps)
+
+    @property
+    def at_rest(self) -> dict[str, Any]:
+        """How to integrate from rest."""
+        return {"rate": self.rate, "start": np.zeros(len(self.model.states)), "substeps": self.substeps}
+
+    def recorded(self, readings: Array, lead: int) -> Record:
+        """The record of readings (T, m) and of the rotor's motion from the sample `lead` on."""
+        names = [name for name in TURNING if name in self.model.inputs]
+        columns = [self.inputs[lead:, self.model.inputs.index(name)] for name in names]
+        motion = [
+            np.mod(psi, 2.0 * np.pi) if name == "rotor_azimuth" else psi
+            for name, psi in zip(names, columns, strict=True)
+        ]
+        values = np.column_stack([*motion, readings[lead:]])
+        return Record(
+            time=np.arange(len(values)) / self.rate,
+            values=values,
+            channels=(*names, *(sensor.channel for sensor in self.turbine.sensors)),
+            units=(
+                *("rad/s" if name == "rotor_speed" else "rad" for name in names),
+                *(sensor.unit for sensor in self.turbine.sensors),
+            ),
+        )
+
+
+def _with_noise(readings: Array, sensors: Sequence[Any], rng: np.random.Generator) -> Array:
+    """Readings (T, m) with the noise and the biases of their sensors."""
+    noise = rng.standard_normal(readings.shape) * [sensor.noise for sensor in sensors]
+    bias = rng.standard_normal(len(sensors)) * [sensor.bias for sensor in sensors]
+    return np.asarray(readings + noise + bias)
+
+
+def _under_random_loads(machine: _Machine, supposed: SupposedLoads, rng: np.random.Generator) -> Array:
+    """Readings without noise (T, m) under loads that are drawn from a hypothesis."""
+    model, psi = machine.model, machine.rotor[:, 0]
+    asked, (apart,) = (supposed.given(), model.loads, len(psi), machine.rate), rng.spawn(1)
+    inputs = np.hstack([machine.inputs, draw_loads(*asked, rng, psi)])
+    within = draw_within_steps(*asked, apart, psi)
+    return integrate(model, machine.p, inputs, within=within, **machine.at_rest).readings
+
+
+def _in_wind(machine: _Machine, seed: int, *, feedback: bool) -> Array:
+    """Readings without noise (T, m) in turbulent wind, with aerodynamic damping if `feedback`."""
+    from windsysid.simulation.wind import packaged_wind, wind_loads
+    from windsysid.simulation.wind.feedback import integrate_with_feedback
+
+    turbine = machine.turbine
+    wind = wind_loads(turbine, *packaged_wind(turbine.name), machine.rotor, rate=machine.rate, seed=seed)
+    damping = wind.damping if feedback else np.zeros_like(wind.damping)
+    inputs = np.hstack([machine.inputs, wind.loads])
+    return integrate_with_feedback(machine.model, machine.p, inputs, damping, **machine.at_rest).response.readings
+
+
+def _check_sampling(duration: float, rate: float, fastest: float) -> None:
+    """Refuse a duration [s] that is none, and a rate [Hz] too low for the fastest spring [Hz]."""
     if not (np.isfinite(rate) and 4.0 * fastest <= rate <= 1e5):
         raise ConfigurationError(
             f"rate: expected {4.0 * fastest:.3g} to 100000 Hz (four samples per period of the fastest spring), got "
@@ -76,53 +173,17 @@ def simulate_record(
         )
     if not (np.isfinite(duration) and duration > 0.0):
         raise ConfigurationError(f"duration: expected a positive time in seconds, got {duration:g}")
+
+
+def _check_memory(turbine: Turbine, duration: float, rate: float, before: float) -> None:
+    """Refuse what does not fit into the memory of this machine, with `before` [s] simulated in addition."""
     columns = 4 * len(turbine.model.states) + 3 * (3 + len(turbine.loads) + len(turbine.sensors))
-    before = LEAD_IN  # the air damps, and what it does before is costly
-    if supposed is not None:
-        before = max(LEAD_IN, min(RELAXATIONS / turbine.slowest_decay, MOST_LEAD_IN))
     needed, there = 8e-9 * columns * rate * (before + duration), memory()
     if needed > SHARE * there:
         raise ConfigurationError(
             f"{duration:g} s at {rate:g} Hz need about {needed:.3g} GB of memory, and this machine has {there:.3g} GB: "
             f"simulate {SHARE * there / needed * duration:.2g} s at most, or at a lower rate"
         )
-    rng = np.random.default_rng(seed)
-    model = compile_model(turbine.model, turbine.sensors)
-    lead = round(before * rate)
-    rotor = constant_speed_inputs(turbine.rotor_speed, before + duration, rate)
-    inputs = steady_inputs(model.inputs, turbine.rotor_speed, before + duration, rate)
-    p = np.array([turbine.values[name] for name in model.parameters])
-    start, substeps = np.zeros(len(model.states)), max(1, int(np.ceil(20.0 * fastest / rate)))
-    if supposed is not None:
-        asked, (apart,) = (supposed.given(), model.loads, len(rotor), rate), rng.spawn(1)
-        drawn = draw_loads(*asked, rng, rotor[:, 0])
-        within = draw_within_steps(*asked, apart, rotor[:, 0])
-        response = integrate(
-            model, p, np.hstack([inputs, drawn]), rate=rate, start=start, substeps=substeps, within=within
-        )
-    else:
-        from windsysid.simulation.wind import packaged_wind, wind_loads
-        from windsysid.simulation.wind.feedback import integrate_with_feedback
-
-        wind = wind_loads(turbine, *packaged_wind(turbine.name), rotor, rate=rate, seed=seed)
-        damping = wind.damping if loads == "wind-feedback" else np.zeros_like(wind.damping)
-        response, _ = integrate_with_feedback(
-            model, p, np.hstack([inputs, wind.loads]), damping, rate=rate, start=start, substeps=substeps
-        )
-    noise = rng.standard_normal(response.readings.shape) * [sensor.noise for sensor in turbine.sensors]
-    bias = rng.standard_normal(len(turbine.sensors)) * [sensor.bias for sensor in turbine.sensors]
-    known = [(name, "rad/s" if name == "rotor_speed" else "rad") for name in TURNING if name in model.inputs]
-    scada = {name: inputs[lead:, model.inputs.index(name)] for name, _ in known}
-    scada |= {name: np.mod(psi, 2.0 * np.pi) for name, psi in scada.items() if name == "rotor_azimuth"}
-    values = np.column_stack([*scada.values(), (response.readings + noise + bias)[lead:]])
-    return Record(
-        time=np.arange(len(values)) / rate,
-        values=values,
-        channels=(*(name for name, _ in known), *(sensor.channel for sensor in turbine.sensors)),
-        units=(*(unit for _, unit in known), *(sensor.unit for sensor in turbine.sensors)),
-        name=f"simulated record, seed {seed}",
-        attributes={"source": f"windsysid simulate, turbine {turbine.name}, loads {loads}, seed {seed}"},
-    )
 
 
 def memory() -> float:

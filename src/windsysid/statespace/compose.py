@@ -10,7 +10,7 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError
@@ -120,71 +120,80 @@ def compose(
         If a value is missing or not finite, a load is unknown or two blocks share a state's name, the rate, a noise or
         the gate is not positive, a channel is read twice, or the prior does not fit the states.
     """
-    compiled = compile_model(model, sensors, [parameter.name for parameter in parameters])
+    names = [parameter.name for parameter in parameters]
+    compiled = compile_model(model, sensors, names)
     steps = _intervals(rate, intervals)
+    _check_sensors(sensors)
+    if gate is not None and not gate > 0.0:
+        raise ConfigurationError(f"gate: expected a positive number of standard deviations, got {gate}")
+    biased, bias_of, noise = _sensor_arrays(sensors)
+    walking = _walking(walk or {}, biased, names)
+    load_states, load_cov, load_output = _join_loads(loads, compiled)
+    transition, load_noise, within = _discretise(loads, steps, len(load_states), continuous=continuous)
+    sizes = [compiled.states, load_states, biased, parameters, compiled.inputs, compiled.loads]
+    blocks = Blocks(
+        sizes=np.array(list(map(len, sizes)), dtype=np.int64),
+        step=steps,
+        azimuth=np.array([compiled.inputs.index("rotor_azimuth") if len(load_output) > 1 else -1], dtype=np.int64),
+        **_parameter_arrays(compiled, values, parameters),
+        load_transition=transition,
+        load_noise=load_noise,
+        load_output=load_output,
+        load_within=within,
+        walk=np.outer(steps, np.square(walking)),
+        bias_of=bias_of,
+        noise=noise,
+        gate=np.array([np.inf if gate is None else gate], dtype=np.float64),
+    )
+    full_mean, full_cov = _joint_prior(_prior(len(compiled.states), mean, cov), load_cov, biased, parameters)
+    return StateSpace(
+        compiled=compiled,
+        blocks=blocks,
+        states=(*compiled.states, *load_states, *(f"bias_{sensor.channel}" for sensor in biased), *names),
+        parameters=tuple(parameters),
+        readings=tuple(sensor.channel for sensor in sensors),
+        mean=full_mean,
+        cov=full_cov,
+    )
+
+
+def _sensor_arrays(sensors: Sequence[Any]) -> tuple[list[Any], NDArray[np.int64], Array]:
+    """Sensors with a bias, the number of each sensor's among them or −1 (m,), and the variance of its noise (m,)."""
+    biased = [sensor for sensor in sensors if sensor.bias > 0.0]
+    bias_of = np.array([biased.index(s) if s in biased else -1 for s in sensors], dtype=np.int64)
+    return biased, bias_of, np.array([sensor.noise**2 for sensor in sensors], dtype=np.float64)
+
+
+def _parameter_arrays(
+    compiled: CompiledModel, values: Mapping[str, float], parameters: Sequence[Parameter]
+) -> dict[str, Array]:
+    """What `Blocks` holds of the parameters."""
     p = np.empty(len(compiled.parameters))
     known = dict(values) | {parameter.name: parameter.centre for parameter in parameters}
     for i, name in enumerate(compiled.parameters):
         if name not in known or not np.isfinite(known[name]):
             raise ConfigurationError(f"parameter '{name}': expected a finite value, got {known.get(name, 'none')}")
         p[i] = known[name]
+    return {
+        "p": p,
+        "chosen": np.array([compiled.parameters.index(q.name) for q in parameters], dtype=np.int64),
+        "reference": np.array([q.reference for q in parameters], dtype=np.float64),
+        "logarithmic": np.array([q.logarithmic for q in parameters], dtype=np.int64),
+    }
 
-    _check_sensors(sensors)
-    if gate is not None and not gate > 0.0:
-        raise ConfigurationError(f"gate: expected a positive number of standard deviations, got {gate}")
-    drift = dict(walk or {})
-    _check_walk(drift, [parameter.name for parameter in parameters])
-    load_states, load_cov, load_output = _join_loads(loads, compiled)
-    given = _discretise(loads, steps, len(load_states), continuous=continuous)
 
-    biased = [sensor for sensor in sensors if sensor.bias > 0.0]
-    bias_of = np.array([biased.index(s) if s in biased else -1 for s in sensors], dtype=np.int64)
-    nx, nz, nb, nt = len(compiled.states), len(load_states), len(biased), len(parameters)
-    blocks = Blocks(
-        sizes=np.array([nx, nz, nb, nt, len(compiled.inputs), len(compiled.loads)], dtype=np.int64),
-        step=steps,
-        azimuth=np.array([compiled.inputs.index("rotor_azimuth") if len(load_output) > 1 else -1], dtype=np.int64),
-        p=p,
-        chosen=np.array([compiled.parameters.index(q.name) for q in parameters], dtype=np.int64),
-        reference=np.array([q.reference for q in parameters], dtype=np.float64),
-        logarithmic=np.array([q.logarithmic for q in parameters], dtype=np.int64),
-        load_transition=given[0],
-        load_noise=given[1],
-        load_output=load_output,
-        load_within=given[2],
-        walk=np.outer(
-            steps,
-            np.square(
-                [*(getattr(sensor, "drift", 0.0) for sensor in biased), *(drift.get(q.name, 0.0) for q in parameters)]
-            ),
-        ),
-        bias_of=bias_of,
-        noise=np.array([sensor.noise**2 for sensor in sensors], dtype=np.float64),
-        gate=np.array([np.inf if gate is None else gate], dtype=np.float64),
-    )
+def _joint_prior(
+    mechanical: tuple[Array, Array], load_cov: Array, biased: Sequence[Any], parameters: Sequence[Parameter]
+) -> tuple[Array, Array]:
+    """Mean (n,) and covariance (n, n) of the whole state, from those of the mechanical states (n_x,), (n_x, n_x)."""
     prior = [q.prior for q in parameters]
-    full_cov = np.zeros((nx + nz + nb + nt,) * 2)
-    full_cov[:nx, :nx] = _prior("covariance", np.eye(nx) if cov is None else cov, (nx, nx))
-    full_cov[nx : nx + nz, nx : nx + nz] = load_cov
     spread = [sensor.bias for sensor in biased] + [std for _, std in prior]
-    full_cov[range(nx + nz, nx + nz + nb + nt), range(nx + nz, nx + nz + nb + nt)] = np.square(spread)
-    full_mean = np.zeros(nx + nz + nb + nt)
-    full_mean[:nx] = _prior("mean", np.zeros(nx) if mean is None else mean, (nx,))
-    full_mean[nx + nz + nb :] = [centre for centre, _ in prior]
-    return StateSpace(
-        compiled=compiled,
-        blocks=blocks,
-        states=(
-            *compiled.states,
-            *load_states,
-            *(f"bias_{sensor.channel}" for sensor in biased),
-            *(parameter.name for parameter in parameters),
-        ),
-        parameters=tuple(parameters),
-        readings=tuple(sensor.channel for sensor in sensors),
-        mean=full_mean,
-        cov=full_cov,
-    )
+    nx, nz, rest = len(mechanical[0]), len(load_cov), len(spread)
+    cov = np.zeros((nx + nz + rest,) * 2)
+    cov[:nx, :nx] = mechanical[1]
+    cov[nx : nx + nz, nx : nx + nz] = load_cov
+    cov[nx + nz :, nx + nz :] = np.diag(np.square(spread))
+    return np.concatenate([mechanical[0], np.zeros(nz + len(biased)), [centre for centre, _ in prior]]), cov
 
 
 class LoadBlocks(NamedTuple):
@@ -294,21 +303,32 @@ def _intervals(rate: float | None, intervals: ArrayLike | None) -> Array:
 def _join_loads(loads: Sequence[LoadModel], compiled: CompiledModel) -> tuple[list[str], Array, Array]:
     """Names of all load states, their covariance (n_z, n_z) and H₀, C₁, S₁ … (1 + 2K, n_w, n_z)."""
     names = [name for load in loads for name in load.states]
-    for name in names:
-        if names.count(name) > 1:
-            raise ConfigurationError(f"load '{name}': two load models have a state of this name: expected each once")
+    _check_loads(loads, names, compiled.loads)
     rows = max((len(matrix) for load in loads for matrix in load.outputs.values()), default=1)
     if rows > 1 and "rotor_azimuth" not in compiled.inputs:
         raise ConfigurationError("a load that turns with the rotor needs a model with the input 'rotor_azimuth'")
-    output = np.zeros((rows, len(compiled.loads), len(names)))
+    return names, *_summed(loads, compiled, rows, len(names))
+
+
+def _check_loads(loads: Sequence[LoadModel], states: Sequence[str], known: Sequence[str]) -> None:
+    """Refuse two states of one name, and a load that the model does not have."""
+    for name in states:
+        if states.count(name) > 1:
+            raise ConfigurationError(f"load '{name}': two load models have a state of this name: expected each once")
+    for name in (name for load in loads for name in load.outputs):
+        if name not in known:
+            raise ConfigurationError(f"load '{name}': expected one of {', '.join(known) or 'no loads'}")
+
+
+def _summed(loads: Sequence[LoadModel], compiled: CompiledModel, rows: int, size: int) -> tuple[Array, Array]:
+    """Covariance (n_z, n_z) of all load states and H₀, C₁, S₁ … (rows, n_w, n_z) of all loads."""
+    output = np.zeros((rows, len(compiled.loads), size))
     first = 0
     for load in loads:
         for name, matrix in load.outputs.items():
-            if name not in compiled.loads:
-                raise ConfigurationError(f"load '{name}': expected one of {', '.join(compiled.loads) or 'no loads'}")
             output[: len(matrix), compiled.loads.index(name), first : first + len(load.states)] += matrix
         first += len(load.states)
-    return names, _diagonal([[load.cov for load in loads]], len(names))[0], output
+    return _diagonal([[load.cov for load in loads]], size)[0], output
 
 
 def _diagonal(blocks: Sequence[Sequence[Array]], size: int) -> Array:
@@ -322,15 +342,17 @@ def _diagonal(blocks: Sequence[Sequence[Array]], size: int) -> Array:
     return whole
 
 
-def _prior(what: str, given: ArrayLike, shape: tuple[int, ...]) -> Array:
-    """The prior of the mechanical states as an array of the shape they need."""
-    array = np.asarray(given, dtype=np.float64)
-    if array.shape != shape or not np.isfinite(array).all():
-        raise ConfigurationError(
-            f"prior {what}: expected {' × '.join(map(str, shape))} finite numbers, one per mechanical state, "
-            f"got shape {array.shape}"
-        )
-    return array
+def _prior(size: int, mean: ArrayLike | None, cov: ArrayLike | None) -> tuple[Array, Array]:
+    """Prior mean (n_x,) and covariance (n_x, n_x) of the mechanical states: those given, or zero and the identity."""
+    centre = np.asarray(np.zeros(size) if mean is None else mean, dtype=np.float64)
+    spread = np.asarray(np.eye(size) if cov is None else cov, dtype=np.float64)
+    for what, array, shape in (("mean", centre, (size,)), ("covariance", spread, (size, size))):
+        if array.shape != shape or not np.isfinite(array).all():
+            raise ConfigurationError(
+                f"prior {what}: expected {' × '.join(map(str, shape))} finite numbers, one per mechanical state, "
+                f"got shape {array.shape}"
+            )
+    return centre, spread
 
 
 def _check_sensors(sensors: Sequence[Any]) -> None:
@@ -342,7 +364,8 @@ def _check_sensors(sensors: Sequence[Any]) -> None:
             raise ConfigurationError(f"sensor '{sensor.channel}': expected a positive noise, got {sensor.noise}")
 
 
-def _check_walk(walk: Mapping[str, float], identified: Sequence[str]) -> None:
+def _walking(walk: Mapping[str, float], biased: Sequence[Any], identified: Sequence[str]) -> list[float]:
+    """Standard deviations per √s of all biases and parameters."""
     for name, deviation in walk.items():
         if name not in identified:
             raise ConfigurationError(
@@ -350,3 +373,4 @@ def _check_walk(walk: Mapping[str, float], identified: Sequence[str]) -> None:
             )
         if not (np.isfinite(deviation) and deviation >= 0.0):
             raise ConfigurationError(f"walk of '{name}': expected a finite number, 0 or more, got {deviation}")
+    return [*(getattr(sensor, "drift", 0.0) for sensor in biased), *(walk.get(name, 0.0) for name in identified)]

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.filters import EKF, Cloud, Info, ParticleFilter, ParticleInfo, RaoBlackwellised, Split, degeneracy
+from windsysid.filters import EKF, Cloud, Info, ParticleFilter, ParticleInfo, RaoBlackwellised, SplitModel, degeneracy
 from windsysid.identification.estimate.force_balance import Balance, analysis_band, balance_statespace
 from windsysid.identification.model.fit import Outcome
 from windsysid.identification.model.prior import Prior, identifiable
@@ -312,7 +312,7 @@ def joint_formulation(samples: int) -> Rows:
     problem = pose(record, turbine, turbine.sensors, Prior())
     inputs, readings, block = problem.inputs[:samples], problem.readings[:samples], problem.model.parameter_block
     truth = np.array([q.coordinate(turbine.values[q.name]) for q in problem.model.parameters])
-    split = Split(problem.model, problem.build(problem.prior[0]))
+    split = SplitModel(problem.model, problem.build(problem.prior[0]))
     rows: list[tuple[str, ...]] = []
 
     def add(name: str, mean: Array, cov: Array, log_likelihood: Array, fared: str, began: float) -> None:

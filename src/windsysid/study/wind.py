@@ -26,9 +26,9 @@ from windsysid.reports.plots import BAND, ERROR, ESTIMATE, MEASURED, REFERENCE, 
 from windsysid.results.identification import Identification
 from windsysid.simulation.integrate import constant_speed_inputs
 from windsysid.simulation.wind import (
-    Change,
     Direction,
-    WindLoads,
+    DirectionChange,
+    SimulatedWindLoads,
     extreme_direction_change,
     kaimal_spectrum,
     packaged_wind,
@@ -72,7 +72,7 @@ class WindReference(NamedTuple):
     """A reference record under wind, its wind, and the loads at rest that the old direction would have made."""
 
     reference: Reference
-    wind: WindLoads
+    wind: SimulatedWindLoads
     old_direction: Array
 
 
@@ -121,7 +121,7 @@ def direction_change_study(seed: int = 0) -> DirectionChangeStudy:
     diameter = 2.0 * blade.radii[-1] + blade.widths[-1]
     size = float(np.rad2deg(extreme_direction_change(conditions, diameter)))
     away, back = SECTION[0] + WINDOW[0], SECTION[0] + WINDOW[1] - TURNING
-    changes = (Change(away, size, TURNING), Change(back, -size, TURNING))
+    changes = (DirectionChange(away, size, TURNING), DirectionChange(back, -size, TURNING))
     under = simulate_wind_reference(turbine, seed, Direction(std_deg=SPREAD_DEG, changes=changes))
     steady = simulate_wind_reference(turbine, seed, Direction(std_deg=SPREAD_DEG))
     return DirectionChangeStudy(

@@ -12,8 +12,8 @@ from windsysid.turbine.turbine import MASS_TOLERANCE, Turbine
 from windsysid.units import parse_quantity, si_unit
 
 __all__ = [
-    "AngularDamping", "AngularStiffness", "Damping", "File", "FirstMoment", "Inertia", "Length", "Mass", "NotNegative",
-    "Positive", "Rotor", "Stiffness", "Table", "quantity", "read_quantity",
+    "AngularDamping", "AngularStiffness", "Damping", "File", "FileTable", "FirstMoment", "Inertia", "Length", "Mass",
+    "NotNegative", "Positive", "RotorEntry", "Stiffness", "quantity", "read_quantity",
 ]  # fmt: skip
 
 RANGES: dict[str, tuple[float, float, str]] = {
@@ -86,7 +86,7 @@ AngularStiffness = Annotated[float, quantity("N*m/rad"), NotNegative]
 AngularDamping = Annotated[float, quantity("N*m*s/rad"), AnyValue]
 
 
-class Table(BaseModel):
+class FileTable(BaseModel):
     """A table of a turbine file: a key that it does not know is an error."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -103,25 +103,25 @@ def spread(widest: float) -> AfterValidator:
     return AfterValidator(check)
 
 
-class Prior(Table):
+class PriorEntry(FileTable):
     stiffness: Annotated[float, spread(3.0)] = 0.3
     damping: Annotated[float, spread(10.0)] = 0.3
 
 
-class Tolerances(Table):
+class Tolerances(FileTable):
     """How well the file's numbers are known, as standard deviations."""
 
     masses: Annotated[float, quantity("%"), Field(ge=0.0, le=1.0)] = MASS_TOLERANCE
 
 
-class File(Table):
+class File(FileTable):
     """What every turbine file says."""
 
     name: str
     description: str
     source: str
     assumed: tuple[str, ...] = ()
-    prior: Prior = Prior()
+    prior: PriorEntry = PriorEntry()
     tolerances: Tolerances = Tolerances()
 
     @abstractmethod
@@ -129,7 +129,7 @@ class File(Table):
         """The turbine that the file describes, with these sensors."""
 
 
-class Rotor(Table):
+class RotorEntry(FileTable):
     """A rotor of which only the speed matters."""
 
     speed: Annotated[float, quantity("rad/s"), NotNegative]

@@ -14,14 +14,14 @@ from windsysid.errors import ConfigurationError
 from windsysid.mechanics.model import MODELS, MechanicalModel
 from windsysid.mechanics.sensors import Sensor
 from windsysid.statespace.gauss_markov import GaussMarkov
-from windsysid.turbine.entries import File, Positive, Rotor, Table, quantity, read_quantity
+from windsysid.turbine.entries import File, FileTable, Positive, RotorEntry, quantity, read_quantity
 from windsysid.turbine.turbine import Turbine
 from windsysid.units import parse_quantity
 
 __all__ = ["ModelFile", "model_tables"]
 
 
-class _Load(Table):
+class _LoadEntry(FileTable):
     """A random load: on which degree of freedom, how large in its own unit, how fast it wanders, and with which
     harmonic of the rotor."""
 
@@ -35,9 +35,9 @@ class ModelFile(File):
     """Tables ``[model]`` with ``kind`` and the model's fields, ``[rotor]``, ``[values]`` and ``[[load]]``."""
 
     model: dict[str, Any]
-    rotor: Rotor
+    rotor: RotorEntry
     values: dict[str, str]
-    load: tuple[_Load, ...] = ()
+    load: tuple[_LoadEntry, ...] = ()
 
     def turbine(self, sensors: tuple[Sensor, ...]) -> Turbine:
         """The turbine with this model."""

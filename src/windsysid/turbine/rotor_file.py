@@ -13,6 +13,7 @@ from windsysid.turbine.entries import (
     AngularStiffness,
     Damping,
     File,
+    FileTable,
     FirstMoment,
     Inertia,
     Length,
@@ -20,7 +21,6 @@ from windsysid.turbine.entries import (
     NotNegative,
     Positive,
     Stiffness,
-    Table,
     quantity,
 )
 from windsysid.turbine.turbine import Turbine
@@ -28,7 +28,7 @@ from windsysid.turbine.turbine import Turbine
 __all__ = ["RotorFile", "rotor_tables"]
 
 
-class _Model(Table):
+class _Model(FileTable):
     kind: Literal["rotor"] = "rotor"
     blades: int = Field(ge=1, le=12)
     x: Literal["free", "locked"] = "free"
@@ -37,7 +37,7 @@ class _Model(Table):
     lag: Literal["free", "locked"] = "free"
 
 
-class _Rotor(Table):
+class _Rotor(FileTable):
     speed: Annotated[float, quantity("rad/s"), NotNegative]
     hinge_offset: Length
     gravity: Annotated[float, quantity("m/s^2"), NotNegative] = 9.80665
@@ -47,7 +47,7 @@ class _Rotor(Table):
     mean_lag_angle: Annotated[float, quantity("rad")] | None = None
 
 
-class _Support(Table):
+class _Support(FileTable):
     hub_mass_x: Mass
     hub_mass_y: Mass
     k_x: Stiffness
@@ -61,7 +61,7 @@ class _Support(Table):
     c_hub_blade: Annotated[float, quantity("N*s")] | None = None
 
 
-class _Blade(Table):
+class _Blade(FileTable):
     """Either mass, first moment and inertia about the link, or the paper's plate of length and width on an arm."""
 
     mass: Mass
@@ -100,7 +100,7 @@ class _Blade(Table):
         return self.mass * arm, self.mass * ((h**2 + w**2) / 12.0 + arm**2)
 
 
-class _Loads(Table):
+class _Loads(FileTable):
     time_constant: Annotated[float, quantity("s"), Positive]
     hub_rms: Annotated[float, quantity("N"), Positive]
     blade_rms: Annotated[float, quantity("N*m"), Positive]

@@ -8,20 +8,20 @@ from pydantic import Field, model_validator
 from windsysid.mechanics.sensors import Sensor
 from windsysid.mechanics.tower import DIRECTIONS, TowerModel
 from windsysid.statespace.gauss_markov import GaussMarkov
-from windsysid.turbine.entries import File, Mass, NotNegative, Positive, Rotor, Table, quantity
+from windsysid.turbine.entries import File, FileTable, Mass, NotNegative, Positive, RotorEntry, quantity
 from windsysid.turbine.turbine import Turbine
 
 __all__ = ["TowerFile", "tower_tables"]
 
 
-class _TowerModel(Table):
+class _TowerModel(FileTable):
     kind: Literal["tower"]
     blades: int = Field(default=3, ge=1, le=12)
     side_side: Literal["free", "locked"] = "free"
     fore_aft: Literal["free", "locked"] = "free"
 
 
-class _Direction(Table):
+class _Direction(FileTable):
     """One direction as the field knows it: how heavy, how fast, how damped."""
 
     modal_mass: Mass
@@ -35,12 +35,12 @@ class _Direction(Table):
         return {f"mass_{name}": self.modal_mass, f"k_{name}": stiffness, f"c_{name}": damping}
 
 
-class _Top(Table):
+class _Top(FileTable):
     tilt: Annotated[float, quantity("rad/m"), NotNegative] = 0.0
     gravity: Annotated[float, quantity("m/s^2"), NotNegative] = 9.80665
 
 
-class _Forces(Table):
+class _Forces(FileTable):
     """Random forces on the tower top: how large, how fast they wander."""
 
     time_constant: Annotated[float, quantity("s"), Positive]
@@ -57,7 +57,7 @@ class TowerFile(File):
     ``[blade_passing]``."""
 
     model: _TowerModel
-    rotor: Rotor
+    rotor: RotorEntry
     side_side: _Direction
     fore_aft: _Direction
     top: _Top = _Top()

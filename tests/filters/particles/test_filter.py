@@ -23,7 +23,7 @@ from tests.filters.test_protocol import (
 )
 from tests.mechanics.models import CHAIN_VALUES, Reads, chain_sensors, symbols
 from windsysid.errors import ConfigurationError
-from windsysid.filters import EKF, Mixture, MixtureInfo, ParticleFilter, RaoBlackwellised, Split, degeneracy
+from windsysid.filters import EKF, Mixture, MixtureInfo, ParticleFilter, RaoBlackwellised, SplitModel, degeneracy
 from windsysid.filters.particles.cloud import weighted_quantiles
 from windsysid.filters.particles.resampling import Resampling, ancestors
 from windsysid.filters.particles.weights import ParticleInfo, liu_west
@@ -326,7 +326,7 @@ def test_outliers_carry_a_gaussian_filter_away_and_not_one_with_student_sensors(
 # particles on the parameters, a Kalman filter on the rest
 
 
-def split(truth: float = 300.0) -> tuple[Split, np.ndarray, np.ndarray]:
+def split(truth: float = 300.0) -> tuple[SplitModel, np.ndarray, np.ndarray]:
     """The chain with one unknown spring, linear given it, and a record of it."""
     values = CHAIN_VALUES | {"k_2": truth}
     rng = np.random.default_rng(16)
@@ -338,10 +338,10 @@ def split(truth: float = 300.0) -> tuple[Split, np.ndarray, np.ndarray]:
     clean = integrate(given.compiled, p, loads, rate=50.0, start=np.zeros(6), substeps=4).readings
     readings = clean + np.sqrt(given.blocks.noise) * rng.standard_normal(clean.shape)
     readings[rng.random(readings.shape) < 0.05] = np.nan
-    return Split(joint, given), np.zeros((400, 3)), readings
+    return SplitModel(joint, given), np.zeros((400, 3)), readings
 
 
-def exact_posterior(model: Split, inputs: np.ndarray, readings: np.ndarray) -> tuple[float, float, float]:
+def exact_posterior(model: SplitModel, inputs: np.ndarray, readings: np.ndarray) -> tuple[float, float, float]:
     """Mean and standard deviation of θ, and the log-likelihood: Kalman filters on a grid."""
     (prior,) = model.joint.parameters
     grid = np.linspace(-0.5, 0.3, 401)
@@ -409,7 +409,7 @@ def test_two_models_that_are_not_one_are_refused():
     model, inputs, readings = split()
     rb = RaoBlackwellised(particles=8)
     with pytest.raises(ConfigurationError, match="expected a joint model and the same one without parameters"):
-        rb.run(Split(model.joint, model.joint), rb.init(model), inputs, readings)
+        rb.run(SplitModel(model.joint, model.joint), rb.init(model), inputs, readings)
 
 
 # resampling and random numbers

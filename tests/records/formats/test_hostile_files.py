@@ -193,9 +193,9 @@ def nested(depth, *, packed=False):
 
 @pytest.mark.parametrize("packed", [False, True])
 def test_matlab_structures_in_structures_do_not_end_the_interpreter(tmp_path, packed, monkeypatch):
-    from windsysid.records.formats.probing import Guard
+    from windsysid.records.formats.probing import ProcessGuard
 
-    monkeypatch.setattr(Guard, "on", False)
+    monkeypatch.setattr(ProcessGuard, "on", False)
     refused(write(tmp_path, nested(20_000, packed=packed), "x.mat"), "MATLAB library crashes|is damaged")
     refused(write(tmp_path, nested(3, packed=packed), "x.mat"), "no series is known to be the time|no array of numbers")
 

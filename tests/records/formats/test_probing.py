@@ -14,7 +14,7 @@ from validation.format_samples import SAMPLES, truth
 
 from tests.records.formats.helpers import refused
 from windsysid.records.formats import probing, read_record
-from windsysid.records.formats.probing import Guard
+from windsysid.records.formats.probing import ProcessGuard
 
 T = 100
 
@@ -30,7 +30,7 @@ def written(name: str, folder: Path) -> Path:
 
 @pytest.fixture
 def alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Guard, "on", False)
+    monkeypatch.setattr(ProcessGuard, "on", False)
 
 
 @pytest.fixture(params=[".h5", ".nc", ".mat"])
@@ -96,7 +96,7 @@ def test_a_small_sound_file_costs_a_tenth_of_a_second_more(tmp_path: Path, name:
     read_record(path, mapping=sample.mapping)
     spent = []
     for on in (True, False):
-        Guard.on = on
+        ProcessGuard.on = on
         probing._probed.cache_clear()
         began = time.process_time() + sum(resource.getrusage(resource.RUSAGE_CHILDREN)[:2])
         read_record(path, mapping=sample.mapping)

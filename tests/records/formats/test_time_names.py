@@ -6,7 +6,8 @@ from scipy.io import savemat
 
 from tests.records.formats.helpers import refused, write
 from windsysid.records.formats import read_record
-from windsysid.records.formats.columns import is_called_time
+from windsysid.records.formats.columns import Cell, find_times, is_called_time
+from windsysid.records.formats.mapping import Mapping, TimeRule
 
 
 @pytest.mark.parametrize(
@@ -58,3 +59,9 @@ def test_a_second_time_is_a_channel_under_its_whole_name(tmp_path):
 def test_a_matlab_time_says_its_unit_in_its_name(tmp_path):
     savemat(tmp_path / "x.mat", {"time_ms": 50.0 * np.arange(100), "a": np.arange(100.0)})
     np.testing.assert_allclose(read_record(tmp_path / "x.mat").time, 0.05 * np.arange(100))
+
+
+def test_with_a_rate_a_first_column_with_a_unit_in_its_name_is_the_time():
+    mapping = Mapping(time=TimeRule(rate=10.0))
+    assert find_times([Cell("timeMs", "timeMs"), Cell("x", "x")], mapping) == (0,)
+    assert find_times([Cell("x", "x"), Cell("timeMs", "timeMs")], mapping) == ()

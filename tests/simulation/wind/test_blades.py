@@ -9,7 +9,14 @@ from scipy.signal import welch
 from windsysid.errors import ConfigurationError
 from windsysid.mechanics import RotorModel, compile_model
 from windsysid.simulation.integrate import constant_speed_inputs, integrate
-from windsysid.simulation.wind import BladeAerodynamics, Change, Direction, blade_loads, packaged_wind, wind_loads
+from windsysid.simulation.wind import (
+    BladeAerodynamics,
+    Direction,
+    DirectionChange,
+    blade_loads,
+    packaged_wind,
+    wind_loads,
+)
 from windsysid.simulation.wind.feedback import integrate_with_feedback
 from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine
@@ -88,7 +95,7 @@ def test_the_shadow_passes_when_the_blade_points_down(verne555: Turbine):
 
 
 def test_a_change_of_direction_is_seen_in_the_loads_and_nowhere_else(verne555: Turbine, rotor: np.ndarray, wind):
-    changes = (Change(520.0, 42.0), Change(534.0, -42.0))
+    changes = (DirectionChange(520.0, 42.0), DirectionChange(534.0, -42.0))
     turned = wind_loads(verne555, CONDITIONS, BLADE, rotor, rate=RATE, direction=Direction(changes=changes), seed=5)
     time = np.arange(len(rotor)) / RATE
     np.testing.assert_array_equal(turned.blade_speed, wind.blade_speed)
@@ -102,13 +109,11 @@ def test_a_change_of_direction_is_seen_in_the_loads_and_nowhere_else(verne555: T
 def test_wind_from_the_side_is_a_hub_that_moves_against_it(verne555: Turbine):
     """δ > 0 blows towards +x: blades feel what a hub moving towards −x feels, in wind weaker across the rotor."""
     psi, delta = np.linspace(0.0, 6.0, 40), np.deg2rad(20.0)
-    speed, wind = np.full(40, verne555.rotor_speed), np.full((40, 3, 3), CALM.speed)
+    rotor, wind = np.column_stack([psi, np.full(40, verne555.rotor_speed)]), np.full((40, 3, 3), CALM.speed)
     velocity = np.zeros((40, 5))
     velocity[:, 0] = -CALM.speed * np.sin(delta)
-    side = blade_loads(verne555, BLADE, wind, psi, speed, delta, mean_speed=CALM.speed)
-    straight = blade_loads(
-        verne555, BLADE, wind * np.cos(delta), psi, speed, mean_speed=CALM.speed, velocity=velocity
-    )  # fmt: skip
+    side = blade_loads(verne555, BLADE, wind, rotor, delta, mean_speed=CALM.speed)
+    straight = blade_loads(verne555, BLADE, wind * np.cos(delta), rotor, mean_speed=CALM.speed, velocity=velocity)
     np.testing.assert_allclose(side.loads, straight.loads, rtol=1e-10, atol=1e-10)
     assert np.ptp(side.loads[:, 2]) > 0.5  # once per turn
 
@@ -121,7 +126,7 @@ def test_damping_is_the_slope_of_the_loads_and_symmetric(name):
     rotor = constant_speed_inputs(turbine.rotor_speed, 20.0, 10.0)
     wind = wind_loads(turbine, conditions, blade, rotor, rate=10.0, seed=1)
     delta = np.full(len(rotor), 0.1)
-    args = (turbine, blade, wind.blade_speed, rotor[:, 0], rotor[:, 1], delta)
+    args = (turbine, blade, wind.blade_speed, rotor, delta)
     rest = blade_loads(*args, mean_speed=conditions.speed)
     np.testing.assert_allclose(rest.damping, rest.damping.transpose(0, 2, 1))
     for j in range(n):
@@ -188,7 +193,7 @@ def test_linearised_feedback_is_the_full_expression_within_one_percent(verne555:
         model, p, np.hstack([rotor, wind.loads]), wind.damping, rate=RATE, start=np.zeros(10)
     )
     full = blade_loads(
-        verne555, BLADE, wind.blade_speed, rotor[:, 0], rotor[:, 1], wind.misalignment, mean_speed=CONDITIONS.speed,
+        verne555, BLADE, wind.blade_speed, rotor, wind.misalignment, mean_speed=CONDITIONS.speed,
         velocity=response.states[:, 5:],
     ).loads  # fmt: skip
     np.testing.assert_array_less((full - loads).std(axis=0), 0.01 * loads.std(axis=0))
@@ -234,7 +239,7 @@ def test_what_does_not_fit_is_refused(verne555: Turbine):
     with pytest.raises(ConfigurationError, match="rotor: expected columns"):
         wind_loads(verne555, CONDITIONS, BLADE, np.zeros(5), rate=RATE)
     with pytest.raises(ConfigurationError, match="blade loads: expected wind"):
-        blade_loads(verne555, BLADE, np.zeros((5, 2, 3)), np.zeros(5), np.zeros(5), mean_speed=5.0)
+        blade_loads(verne555, BLADE, np.zeros((5, 2, 3)), np.zeros((5, 2)), mean_speed=5.0)
     model = compile_model(verne555.model)
     p = np.array([verne555.values[name] for name in model.parameters])
     with pytest.raises(ValueError, match="expected p, inputs, damping, start"):

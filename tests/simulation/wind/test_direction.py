@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from windsysid.errors import ConfigurationError
-from windsysid.simulation.wind import Change, Direction, simulate_direction
+from windsysid.simulation.wind import Direction, DirectionChange, simulate_direction
 
 
 def test_direction_reverts_to_its_mean_with_its_time_constant():
@@ -18,7 +18,11 @@ def test_direction_reverts_to_its_mean_with_its_time_constant():
 
 
 def test_a_change_of_direction_is_where_it_was_asked_for():
-    changes = (Change(at=20.0, by_deg=42.0, over=6.0), Change(at=34.0, by_deg=-42.0, over=6.0), Change(50.0, 10.0, 0.0))
+    changes = (
+        DirectionChange(at=20.0, by_deg=42.0, over=6.0),
+        DirectionChange(at=34.0, by_deg=-42.0, over=6.0),
+        DirectionChange(50.0, 10.0, 0.0),
+    )
     delta = np.rad2deg(simulate_direction(Direction(changes=changes), 6000, rate=100.0))
     time = np.arange(6000) / 100.0
     assert np.all(delta[time <= 20.0] == 0.0)
@@ -50,6 +54,6 @@ def test_impossible_directions_are_refused_by_name(options, message):
 
 def test_an_impossible_change_is_refused():
     with pytest.raises(ConfigurationError, match="direction change"):
-        Change(at=20.0, by_deg=40.0, over=-1.0)
+        DirectionChange(at=20.0, by_deg=40.0, over=-1.0)
     with pytest.raises(ConfigurationError, match="positive rate"):
         simulate_direction(Direction(), 10, rate=0.0)

@@ -212,7 +212,7 @@ class ParticleFilter:
         samples, n, m = len(inputs), len(model.states), len(model.readings)
         if np.isfinite(model.blocks.gate[0]):
             raise ConfigurationError("gate: a particle filter has none: give `freedom`, for sensors with outliers")
-        run = _Run(self, model, belief, moves)
+        run = _ParticleRun(self, model, belief, moves)
         states, missing = (samples, n), np.full((samples, m), np.nan)
         info = ParticleInfo(
             np.empty(states), np.empty(states), missing, missing.copy(), missing.copy(), missing.copy(),
@@ -250,7 +250,7 @@ class ParticleFilter:
         return np.array([self.freedom.get(name, math.inf) for name in model.readings])
 
 
-class _Run:
+class _ParticleRun:
     """One call of `run`: the particles as they go through the samples, in arrays of its own."""
 
     def __init__(self, options: ParticleFilter, model: StateSpace, belief: Cloud, moves: bool) -> None:
@@ -414,7 +414,7 @@ class _Run:
         return survivors(chosen)
 
 
-def _write(info: ParticleInfo, found: dict[str, Array], first: int, samples: int, run: _Run) -> None:
+def _write(info: ParticleInfo, found: dict[str, Array], first: int, samples: int, run: _ParticleRun) -> None:
     """Put what is known after each of some samples into `info`."""
     now, then = slice(first, first + samples), slice(1, 1 + samples)
     info.mean[now], info.std[now] = found["mean"][then], np.sqrt(found["variance"][then])

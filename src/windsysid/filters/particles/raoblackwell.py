@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError
-from windsysid.filters.bank import LANES, Bank, Scores, bank_of, run_bank
+from windsysid.filters.bank import LANES, Bank, BankScores, bank_of, run_bank
 from windsysid.filters.particles.cloud import reflected
 from windsysid.filters.particles.filter import ParticleFilter, pool
 from windsysid.filters.particles.resampling import Resampling, normalised
@@ -35,14 +35,14 @@ from windsysid.filters.particles.weights import resample, survivors
 from windsysid.filters.protocol import checked_samples
 from windsysid.statespace.compose import StateSpace
 
-__all__ = ["Mixture", "MixtureInfo", "RaoBlackwellised", "Split"]
+__all__ = ["Mixture", "MixtureInfo", "RaoBlackwellised", "SplitModel"]
 
 
 MAX_BLOCK_SAMPLES = 256
 """Most samples that the bank is run over at once."""
 
 
-class Split(NamedTuple):
+class SplitModel(NamedTuple):
     """One model written twice.
 
     Attributes
@@ -122,7 +122,7 @@ class MixtureInfo(NamedTuple):
 
 @dataclass(frozen=True)
 class RaoBlackwellised:
-    """Particles on the parameters with a Kalman filter each; the protocol of `windsysid.filters.Filter` over a `Split`.
+    """Particles on a `SplitModel`'s parameters, a Kalman filter each; the protocol of `windsysid.filters.Filter`.
 
     Attributes
     ----------
@@ -147,27 +147,27 @@ class RaoBlackwellised:
     def __post_init__(self) -> None:
         self._as_particle_filter()
 
-    def init(self, model: Split) -> Mixture:
+    def init(self, model: SplitModel) -> Mixture:
         """Particles of the prior of the parameters of `model`, and the prior of all the rest for each."""
         block = model.joint.parameter_block
         theta = np.ascontiguousarray(self._as_particle_filter().init(model.joint).particles[block])
         return Mixture(theta, np.zeros(self.particles), _bank(model, theta))
 
-    def predict(self, model: Split, belief: Mixture, inputs: Array) -> Mixture:
+    def predict(self, model: SplitModel, belief: Mixture, inputs: Array) -> Mixture:
         """The `belief` of `model` at the time of `inputs` (n_u + n_w,), one sample on; the first stays at the prior."""
         return self.step(model, belief, inputs, np.full(len(model.given.readings), np.nan))[0]
 
-    def update(self, model: Split, belief: Mixture, readings: Array) -> tuple[Mixture, MixtureInfo]:
+    def update(self, model: SplitModel, belief: Mixture, readings: Array) -> tuple[Mixture, MixtureInfo]:
         """The `belief` of `model` after `readings` (m,) taken at its own time."""
         at_rest = belief._replace(bank=belief.bank._replace(samples=0))  # which the first sample finds where it is
         end, info = self._filter(model, at_rest, belief.bank.inputs[None], np.atleast_2d(readings))
         return end._replace(bank=end.bank._replace(samples=belief.bank.samples)), info
 
-    def step(self, model: Split, belief: Mixture, inputs: Array, readings: Array) -> tuple[Mixture, MixtureInfo]:
+    def step(self, model: SplitModel, belief: Mixture, inputs: Array, readings: Array) -> tuple[Mixture, MixtureInfo]:
         """Filter one sample from `belief` on: `run` of `model` over `inputs` (n_u + n_w,) and `readings` (m,)."""
         return self.run(model, belief, np.atleast_2d(inputs), np.atleast_2d(readings))
 
-    def run(self, model: Split, belief: Mixture, inputs: Array, readings: Array) -> tuple[Mixture, MixtureInfo]:
+    def run(self, model: SplitModel, belief: Mixture, inputs: Array, readings: Array) -> tuple[Mixture, MixtureInfo]:
         """Filter T samples from `belief` on: inputs (T, n_u + n_w) and readings (T, m), NaN = missing.
 
         Raises
@@ -185,7 +185,9 @@ class RaoBlackwellised:
             threads=self.threads
         )  # fmt: skip
 
-    def _filter(self, model: Split, belief: Mixture, inputs: Array, readings: Array) -> tuple[Mixture, MixtureInfo]:
+    def _filter(
+        self, model: SplitModel, belief: Mixture, inputs: Array, readings: Array
+    ) -> tuple[Mixture, MixtureInfo]:
         inputs, readings = checked_samples(model.given, inputs, readings)
         samples, m, nt = len(inputs), len(model.given.readings), len(model.joint.parameters)
         _check(model)
@@ -225,7 +227,7 @@ class RaoBlackwellised:
         return Mixture(theta, log_weights, bank), info
 
 
-def _check(model: Split) -> None:
+def _check(model: SplitModel) -> None:
     joint, given = model
     n = len(joint.states) - len(joint.parameters)
     if given.parameters or given.states != joint.states[:n] or given.readings != joint.readings:
@@ -237,7 +239,7 @@ def _check(model: Split) -> None:
         raise ConfigurationError("Rao–Blackwellised filter: expected parameters that stay, got some that walk")
 
 
-def _models(model: Split, theta: Array) -> list[StateSpace]:
+def _models(model: SplitModel, theta: Array) -> list[StateSpace]:
     """The model without parameters in the state, at each particle's."""
     joint, given = model
     where = [given.compiled.parameters.index(q.name) for q in joint.parameters]
@@ -250,11 +252,11 @@ def _models(model: Split, theta: Array) -> list[StateSpace]:
     return models
 
 
-def _bank(model: Split, theta: Array) -> Bank:
+def _bank(model: SplitModel, theta: Array) -> Bank:
     return bank_of(_models(model, theta))
 
 
-def _resample_bank(model: Split, bank: Bank, theta: Array, chosen: NDArray[np.int64]) -> Bank:
+def _resample_bank(model: SplitModel, bank: Bank, theta: Array, chosen: NDArray[np.int64]) -> Bank:
     """Filters at new parameters that believe what their ancestors did."""
     mean, cov = (np.ascontiguousarray(values[chosen]) for values in _filters(bank))
     filled = np.concatenate([np.arange(len(mean)), np.full(-len(mean) % LANES, len(mean) - 1)])
@@ -273,7 +275,7 @@ def _filters(bank: Bank) -> tuple[Array, Array]:
     return mean, np.moveaxis(bank.cov, -1, 1).reshape(-1, n, n)[: bank.filters]
 
 
-def _add_scores(log_weights: Array, scores: Scores, readings: Array) -> Array:
+def _add_scores(log_weights: Array, scores: BankScores, readings: Array) -> Array:
     """Log-weights after each sample (T, N)."""
     density = -0.5 * (scores.whitened**2 + math.log(2.0 * math.pi)) - scores.log_std
     density[np.isnan(readings)] = 0.0
@@ -285,7 +287,9 @@ def _effective(log_weights: Array) -> Array:
     return np.asarray(w.sum(axis=1) ** 2 / np.sum(w**2, axis=1))
 
 
-def _write(info: MixtureInfo, first: int, theta: Array, log_weights: Array, scores: Scores, readings: Array) -> None:
+def _write(
+    info: MixtureInfo, first: int, theta: Array, log_weights: Array, scores: BankScores, readings: Array
+) -> None:
     """Fill `info` from samples whose log-weights before the first and after each are (1 + T, N)."""
     from scipy.special import ndtr, ndtri
 

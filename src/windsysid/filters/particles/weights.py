@@ -58,7 +58,7 @@ def liu_west(values: Array, weights: Array, chosen: NDArray[np.int64], noise: Ar
     return out
 
 
-class Options(Protocol):
+class ResamplingOptions(Protocol):
     """What resampling asks of a filter's options."""
 
     @property
@@ -70,7 +70,7 @@ class Options(Protocol):
 
 
 def resample(
-    options: Options, values: Array, log_weights: Array, number: int, part: int = 0
+    options: ResamplingOptions, values: Array, log_weights: Array, number: int, part: int = 0
 ) -> tuple[NDArray[np.int64], Array]:
     """Ancestors (N,) of the next particles and their static values (n, N), drawn anew if the filter has a kernel."""
     weights = normalised(log_weights)

@@ -45,10 +45,10 @@ def modes_of(outcome: Outcome, compiled: CompiledModel | None = None) -> FittedM
     at_masses, given_masses = outcome.given("masses")
     final = file.with_values({q.name: float(q.physical(t)) for q, t in zip(model.parameters, at_masses, strict=True)})
     compiled = compiled or model.compiled
-    p, at_reference = (np.array([source.values[name] for name in compiled.parameters]) for source in (final, file))
+    at_reference = np.array([file.values[name] for name in compiled.parameters])
     turning = [i for i, name in enumerate(compiled.inputs) if name == "rotor_speed"]
     speed = float(outcome.rotor[:, turning[0]].mean()) if turning else file.rotor_speed
     modes, slopes = modes_with_slopes(
-        file.model, compiled, p, speed, model.parameters, at_masses, given_masses[:n, :n], at_reference
+        file.model, compiled, at_reference, speed, model.parameters, at_masses, given_masses[:n, :n]
     )
     return FittedModes(final, speed, modes, slopes, given_masses)

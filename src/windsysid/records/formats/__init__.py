@@ -33,7 +33,7 @@ from windsysid.records.formats import (
 from windsysid.records.formats.files import check_input, named_after, read_start
 from windsysid.records.formats.format import Format
 from windsysid.records.formats.mapping import Mapping, load_mapping
-from windsysid.records.formats.source import Progress, Source, gather, gather_section, pieces, without_repeats
+from windsysid.records.formats.source import FileSource, Progress, gather, gather_section, pieces, without_repeats
 from windsysid.records.record import Record
 
 __all__ = [
@@ -135,7 +135,7 @@ def iterate_record(
         yield from pieces(_opened(found, path, rules), seconds_per_piece, progress, section)
 
 
-def _opened(found: Format, path: Path, rules: Mapping, *, whole: bool = False) -> Source:
+def _opened(found: Format, path: Path, rules: Mapping, *, whole: bool = False) -> FileSource:
     """Open a file as a source without repeated channels."""
     return without_repeats(found.open(path, rules, whole=whole))
 

@@ -17,8 +17,8 @@ import numpy as np
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.records.formats.columns import Cell, is_called_time, name_and_unit
 from windsysid.records.formats.mapping import Mapping
-from windsysid.records.formats.series import Series, cell_of, source_of_series
-from windsysid.records.formats.source import Source
+from windsysid.records.formats.series import FileSeries, cell_of, source_of_series
+from windsysid.records.formats.source import FileSource
 from windsysid.records.record import Array
 
 __all__ = ["Stored", "rate_hint", "source_of_arrays"]
@@ -66,7 +66,7 @@ class Stored:
 
 def source_of_arrays(
     name: str, arrays: Sequence[Stored], mapping: Mapping, attributes: dict[str, str], hint: str = ""
-) -> Source:
+) -> FileSource:
     """The source of a file that holds these arrays.
 
     Raises
@@ -81,18 +81,21 @@ def source_of_arrays(
     series, left = [], []
     for array in arrays:
         short = array.name if counts[array.name] == 1 else "_".join(array.parts)
-        parts = _series(array, short, length, mapping)
-        listed = [one for one in parts if {one.cell.written, one.cell.name} & {*mapping.channels}]  # not by a pattern
-        if length is not None and parts and parts[0].samples != length and not listed:
-            parts = []
+        parts = _fitting(_series(array, short, length, mapping), length, mapping)
         series += parts
-        if not parts and len(array.shape) > 0:
+        if not parts and array.shape:
             left.append(array.path)
     if not series:
         raise _no_channel(arrays)
     if left and not mapping.only_listed:
         attributes = {**attributes, "left_out": ", ".join(left)}
     return source_of_series(name, series, mapping, attributes, how=_HOW, hint=hint)
+
+
+def _fitting(parts: list[FileSeries], length: int | None, mapping: Mapping) -> list[FileSeries]:
+    """The channels of an array; none if it is not as long as the time and the mapping does not list it."""
+    listed = any({one.cell.written, one.cell.name} & {*mapping.channels} for one in parts)  # not by a pattern
+    return [one for one in parts if listed or length in (None, one.samples)]
 
 
 def _no_channel(arrays: Sequence[Stored]) -> RecordError:
@@ -127,7 +130,7 @@ def _length(arrays: Sequence[Stored], mapping: Mapping) -> int | None:
     return found[0].shape[0] if len(found) == 1 else None
 
 
-def _series(array: Stored, short: str, length: int | None, mapping: Mapping) -> list[Series]:
+def _series(array: Stored, short: str, length: int | None, mapping: Mapping) -> list[FileSeries]:
     """The channels that an array could be."""
     if not array.numeric or not array.shape or 0 in array.shape:
         if {array.path, short} & {*mapping.channels}:
@@ -137,7 +140,7 @@ def _series(array: Stored, short: str, length: int | None, mapping: Mapping) -> 
         return []
     if len(array.shape) == 1:
         numbers = lambda low, high: array.read((slice(low, high),))  # noqa: E731 - as in the loop below
-        return [Series(cell_of(array.path, short, array.unit), array.shape[0], numbers)]
+        return [FileSeries(cell_of(array.path, short, array.unit), array.shape[0], numbers)]
     axis = _time_axis(array, length) if len(array.shape) == 2 else None
     if axis is None:
         return []
@@ -150,7 +153,7 @@ def _series(array: Stored, short: str, length: int | None, mapping: Mapping) -> 
         Cell(f"{array.path}_{k}", f"{whole.name}_{k}", whole.unit)
         for k in range(1, 1 + min(array.shape[1 - axis], _MOST))
     ]
-    return [Series(cell, array.shape[axis], column(k)) for k, cell in enumerate(cells)]
+    return [FileSeries(cell, array.shape[axis], column(k)) for k, cell in enumerate(cells)]
 
 
 def _time_axis(array: Stored, length: int | None) -> int | None:

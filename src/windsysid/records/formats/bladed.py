@@ -23,8 +23,8 @@ from windsysid.records.formats.columns import Cell
 from windsysid.records.formats.files import read_start
 from windsysid.records.formats.format import Format
 from windsysid.records.formats.mapping import Mapping
-from windsysid.records.formats.series import Grid, Series, source_of_series, tidy_step
-from windsysid.records.formats.source import Source, doubles
+from windsysid.records.formats.series import FileSeries, TimeGrid, source_of_series, tidy_step
+from windsysid.records.formats.source import FileSource, doubles
 from windsysid.records.formats.text import decoded, plain_numbers
 from windsysid.records.record import AS_WRITTEN, Array
 
@@ -46,7 +46,7 @@ _MOST_HEADER = 1 << 22  # bytes
 
 
 @dataclass(frozen=True)
-class _Header:
+class _ResultHeader:
     """Header of a result: its lines (keyword, rest, whole line) in order, and the file with the numbers."""
 
     lines: tuple[tuple[str, str, str], ...]
@@ -98,7 +98,7 @@ class _Header:
         return _KINDS[form]
 
 
-def open_bladed(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
+def open_bladed(path: Path, mapping: Mapping, *, whole: bool = False) -> FileSource:
     """Open a pair of files by either; binary numbers are read as far as they are needed."""
     header = _read_header(path)
     samples, width, kind = header.shape[-1], header.width, header.kind
@@ -130,7 +130,7 @@ def open_bladed(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
 
     grid = _grid(header)
     series = [
-        Series(cell, samples, lambda low, high, k=k: together([k], low, high)[0], grid)  # type: ignore[misc]
+        FileSeries(cell, samples, lambda low, high, k=k: together([k], low, high)[0], grid)  # type: ignore[misc]
         for k, cell in enumerate(_cells(header))
     ]
     attributes = {"source": "Bladed", "description": header.one("GENLAB").strip(" '")}
@@ -138,7 +138,7 @@ def open_bladed(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
     return source_of_series(header.data.name, series, mapping, attributes, how=how, together=together)
 
 
-def _read_header(path: Path) -> _Header:
+def _read_header(path: Path) -> _ResultHeader:
     listing, data = (path.with_name(f"{path.stem}.{mark}{path.suffix[2:]}") for mark in "%$")
     for other in (listing, data):
         if not other.is_file():
@@ -148,10 +148,10 @@ def _read_header(path: Path) -> _Header:
     found = tuple((whole[0].upper(), whole[1] if len(whole) > 1 else "", " ".join(whole)) for whole in lines)
     if not found or found[0][0] != "FILE":
         raise RecordError(f"{listing.name} is not the header of a Bladed result; run the simulation or copy it again")
-    return _Header(found, data)
+    return _ResultHeader(found, data)
 
 
-def _cells(header: _Header) -> list[Cell]:
+def _cells(header: _ResultHeader) -> list[Cell]:
     count = header.shape[0]
     names, units = header.listed("VARIAB", count), header.listed("VARUNIT", count)
     if len(names) != header.shape[0] or len(units) != header.shape[0]:
@@ -166,7 +166,7 @@ def _cells(header: _Header) -> list[Cell]:
     ]
 
 
-def _stations(header: _Header) -> list[str]:
+def _stations(header: _ResultHeader) -> list[str]:
     """What to add to the names of variables, for each station."""
     if len(header.shape) == 2:
         return [""]
@@ -192,7 +192,7 @@ def _split(bare: str, text: str) -> list[tuple[str, str | None]]:
     return [(found[1] or "", found[2]) for found in re.finditer(rf"'([^']*)'|({bare})", text)]
 
 
-def _grid(header: _Header) -> Grid:
+def _grid(header: _ResultHeader) -> TimeGrid:
     try:
         first, step = float(header.all("MIN")[-1]), float(header.all("STEP")[-1])
         if not (math.isfinite(first) and math.isfinite(step)):
@@ -205,7 +205,7 @@ def _grid(header: _Header) -> Grid:
     if not labels or labels[-1].strip(" '").lower() != "time":
         raise RecordError("holds no results over time; expected a last axis 'Time'; choose another result")
     tidy = tidy_step(step, _SINGLE * step)
-    return Grid(first if first == 0.0 or tidy <= 0.0 else _near(first, tidy), tidy)
+    return TimeGrid(first if first == 0.0 or tidy <= 0.0 else _near(first, tidy), tidy)
 
 
 def _near(first: float, step: float) -> float:

@@ -168,26 +168,36 @@ def make_clock(
     cells = [cell for cell in cells if cell.lower() not in _NOTHING]
     if not cells:
         return Clock()  # the time is missing everywhere, which whoever checks the rows says better
-    numbers = [value for value in (_number(cell, decimal) for cell in cells) if value is not None]
+    numbers = _numbers(cells, decimal)
     if 2 * len(numbers) >= len(cells) and rule.format != "iso":
-        return _numeric(np.array(numbers), unit, rule)
+        return _numeric(numbers, unit, rule)
+    return _text_clock(cells, unit, rule, place)
+
+
+def _text_clock(cells: Sequence[str], unit: str | None, rule: TimeRule, place: Callable[[int], str]) -> Clock:
+    """The clock of ISO times, with a zone or in that of the mapping or the header."""
     stamps = [cell for cell in cells if is_stamp(cell)]
     if not stamps:
-        cell = cells[0][:40]
-        pattern = format_without_date(cell)
-        if pattern is not None:
-            raise RecordError(
-                f"the time '{cell}' at {place(0)} has no date; write into a mapping file [time] format ="
-                f' "{pattern}" or rate = … [Hz], or column = ["Date", "Time"]'
-            )
-        fitting = " or ".join(f'"{one}"' for one in fitting_formats(cells)) or '"%d.%m.%Y %H:%M:%S" or the like'
-        raise RecordError(
-            f"the time '{cell}' at {place(0)} is neither a number nor ISO (2021-07-07T12:00:00Z); give its format in"
-            f" a mapping file: [time] format = {fitting}"
-        )
+        raise _unknown_format(cells, place)
     zoned = is_zoned(stamps[0])
     zone = "" if zoned else rule.zone or ("UTC" if (unit or "").lower() in _UTC else "")
     return _absolute(Clock(textual=True, zoned=zoned, zone=zone), stamps[:1], place)
+
+
+def _unknown_format(cells: Sequence[str], place: Callable[[int], str]) -> RecordError:
+    """The error for times that are neither numbers nor ISO; it names the formats that fit."""
+    cell = cells[0][:40]
+    pattern = format_without_date(cell)
+    if pattern is not None:
+        return RecordError(
+            f"the time '{cell}' at {place(0)} has no date; write into a mapping file [time] format ="
+            f' "{pattern}" or rate = … [Hz], or column = ["Date", "Time"]'
+        )
+    fitting = " or ".join(f'"{one}"' for one in fitting_formats(cells)) or '"%d.%m.%Y %H:%M:%S" or the like'
+    return RecordError(
+        f"the time '{cell}' at {place(0)} is neither a number nor ISO (2021-07-07T12:00:00Z); give its format in"
+        f" a mapping file: [time] format = {fitting}"
+    )
 
 
 def counted_clock(
@@ -204,7 +214,7 @@ def counted_clock(
         If the column has a unit, and another rate than the mapping.
     """
     rate = rule.rate or 1.0
-    numbers = np.array([value for value in (_number(cell, decimal) for cell in cells) if value is not None])
+    numbers = _numbers(cells, decimal)
     if len(numbers) < max(2, len(cells)):
         return _dated_clock(cells, unit, rule, place, decimal)
     step, steps = usual_step(numbers), np.diff(numbers)
@@ -212,18 +222,25 @@ def counted_clock(
     if given and not np.ptp(steps) <= _MAX_OFF_GRID * step > 0.0:
         # the whole column contains more than its first rows (`source.with_regular_times`)
         return make_clock(cells, unit, TimeRule(zone=rule.zone), place, decimal)
-    if not np.all(steps > 0.0) or np.any(np.abs(steps / step - np.rint(steps / step)) > _MAX_OFF_GRID):
+    off = np.abs(steps / step - np.rint(steps / step)) if np.all(steps > 0.0) else np.array([np.inf])
+    if np.any(off > _MAX_OFF_GRID):
         return None
-    for name in given or ("s", "ms", "µs", "min", "h", "d"):
-        if abs(step * to_si(1.0, str(split_since(name)[0])) * rate - 1.0) < _MAX_RATE_DEVIATION:
-            return make_clock(cells, name, TimeRule(zone=rule.zone), place, decimal)
+    fitting = _unit_of_step(step, rate, given or ["s", "ms", "µs", "min", "h", "d"])
+    if fitting is not None:
+        return make_clock(cells, fitting, TimeRule(zone=rule.zone), place, decimal)
     if given:
         raise ConfigurationError(
             f"time.rate is {rate:g} Hz, but the time column has steps of {step:.4g} {unit}; correct or remove the rate"
         )
-    if np.any(np.abs(steps / step - np.rint(steps / step)) > _MAX_COUNT_DEVIATION):
+    if np.any(off > _MAX_COUNT_DEVIATION):
         return None
     return Clock(factor=1.0 / (rate * step), zero=float(numbers[0]))
+
+
+def _unit_of_step(step: float, rate: float, units: Sequence[str]) -> str | None:
+    """The first unit in which a step is that of the rate [Hz]."""
+    factors = {unit: to_si(1.0, str(split_since(unit)[0])) for unit in units}
+    return next((unit for unit in units if abs(step * factors[unit] * rate - 1.0) < _MAX_RATE_DEVIATION), None)
 
 
 def _dated_clock(
@@ -296,40 +313,42 @@ def exact_seconds(clock: Clock, moments: Moments, place: Callable[[int], str]) -
 
 
 def _numeric(numbers: Array, unit: str | None, rule: TimeRule) -> Clock:
+    first, zone = numbers[:1], rule.zone or ""
     if rule.format is not None:
         count, days = _EPOCHS[rule.format]
         if rule.unit is not None:
             count = round(to_si(1.0, rule.unit) * _SECOND)
-        clock = Clock(count=count, epoch=days * _DAY, zone=rule.zone or "")
         zoned = rule.format in ("unix", "labview")  # these count in UTC by definition
-        return _absolute(Clock(count=count, epoch=days * _DAY, zoned=True) if zoned else clock, numbers[:1], str)
+        return _absolute(Clock(count=count, epoch=days * _DAY, zoned=zoned, zone="" if zoned else zone), first, str)
     unit, since = split_since(unit)
     unit = rule.unit if rule.unit is not None else unit
-    count = _since_1970(float(numbers[0]), unit) if since is None else 0
+    count = _since_1970(float(first[0]), unit) if since is None else 0
     if count:
-        return _absolute(Clock(count=count, zoned=True), numbers[:1], str)
-    first = float(numbers[0])
-    if unit is None:
-        with np.errstate(over="ignore"):  # the check of the rows reports a time that is too large
-            try:
-                unit = confirmed_unit(numbers)
-            except RecordError as error:
-                raise UnknownTimeError(str(error)) from None
-    try:
-        factor = to_si(1.0, unit)
-        if si_unit(unit) != "s":
-            raise ConfigurationError
-    except ConfigurationError:
-        raise RecordError(
-            f"the time is in '{unit}', not in a unit of time; expected 'time [s]', or in a mapping file [time] unit, or"
-            " for a count of samples [time] rate = … [Hz]"
-        ) from None
+        return _absolute(Clock(count=count, zoned=True), first, str)
+    factor = _seconds_in(unit if unit is not None else _confirmed(numbers))
     if factor != 86_400.0 or since is not None:
         return Clock(factor=factor, start=since)
     for name, (low, high) in (("excel", _EXCEL), ("matlab", _MATLAB)):
-        if low <= first < high:
-            return _absolute(Clock(count=_DAY, epoch=_EPOCHS[name][1] * _DAY, zone=rule.zone or ""), numbers[:1], str)
-    return Clock(factor=factor, zero=first)
+        if low <= first[0] < high:
+            return _absolute(Clock(count=_DAY, epoch=_EPOCHS[name][1] * _DAY, zone=zone), first, str)
+    return Clock(factor=factor, zero=float(first[0]))
+
+
+def _confirmed(numbers: Array) -> str:
+    with np.errstate(over="ignore"):  # the check of the rows reports a time that is too large
+        try:
+            return confirmed_unit(numbers)
+        except RecordError as error:
+            raise UnknownTimeError(str(error)) from None
+
+
+def _seconds_in(unit: str) -> float:
+    if not _is_of_time(unit):
+        raise RecordError(
+            f"the time is in '{unit}', not in a unit of time; expected 'time [s]', or in a mapping file [time] unit, or"
+            " for a count of samples [time] rate = … [Hz]"
+        )
+    return to_si(1.0, unit)
 
 
 def _since_1970(first: float, unit: str | None) -> int:
@@ -376,6 +395,11 @@ def _to_utc(moments: Moments, zone: str, place: Callable[[int], str]) -> Moments
             " out that hour, or record in UTC"
         )
     return np.asarray(local.tz_convert("UTC").as_unit("ns").asi8)
+
+
+def _numbers(cells: Sequence[str], decimal: str) -> Array:
+    """The cells that are finite numbers."""
+    return np.array([value for cell in cells if (value := _number(cell, decimal)) is not None])
 
 
 def _number(cell: str, decimal: str) -> float | None:

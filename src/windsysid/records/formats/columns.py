@@ -35,6 +35,7 @@ __all__ = [
     "is_called_time",
     "is_no_time_unit",
     "name_and_unit",
+    "names_and_units",
     "occurrences",
     "plan_columns",
     "split_unit",
@@ -102,6 +103,11 @@ class Column:
             return raw if self.factor == 1.0 else -raw
         with np.errstate(all="ignore"):  # a damaged number; infinity is named by whoever checks the rows
             return raw * self.factor
+
+
+def names_and_units(columns: Sequence[Column]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The names and the units of channels, each (m,)."""
+    return tuple(column.name for column in columns), tuple(column.unit for column in columns)
 
 
 def split_unit(written: str) -> Cell:
@@ -185,11 +191,11 @@ def find_times(cells: Sequence[Cell], mapping: Mapping) -> tuple[int, ...]:
     wanted = mapping.time.column
     if isinstance(wanted, tuple):
         return tuple(find_time(cells, replace(mapping, time=replace(mapping.time, column=name))) for name in wanted)
-    names = [cell.name.lower() for cell in cells[:2]]
-    if wanted is None and len(names) == 2 and names[0] in DATE_NAMES and is_called_time(names[1]):
+    first, second = [*(cell.name.lower() for cell in cells[:2]), "", ""][:2]
+    if wanted is None and first in DATE_NAMES and is_called_time(second):
         return 0, 1
     if wanted is None and mapping.time.rate is not None:
-        return (0,) if cells and (is_called_time(cells[0].name) or names[0] in COUNTER_NAMES) else ()
+        return (0,) if cells and (is_called_time(cells[0].name) or first in COUNTER_NAMES) else ()
     return (find_time(cells, mapping),)
 
 
@@ -252,35 +258,46 @@ def plan_columns(
     """
     times = time if isinstance(time, tuple) else (time,)
     keys = [(*more, cell.written, cell.name) for cell, more in zip(cells, occurrences(cells), strict=True)]
+    _check_listed(keys, times, mapping, cells)
+    rules = _rules(keys, times, mapping)
+    columns = tuple(_column(index, cells[index], rule) for index, rule in rules.items())
+    unsaid = [one for one in columns if not (cells[one.index].unit or rules[one.index].unit) and implied_unit(one.name)]
+    if unsaid:
+        advice = f"{how}, or name its unit in a mapping file"
+        raise RecordError(missing_units([(one.name, some(one.index)) for one in unsaid], advice))
+    _check_names(columns, rules)
+    return columns
+
+
+def _check_listed(
+    keys: Sequence[tuple[str, ...]], times: tuple[int | None, ...], mapping: Mapping, cells: Sequence[Cell]
+) -> None:
+    """Refuse a mapping that lists a column that the file does not have."""
     for key in mapping.channels:
         if not any(matches(key, *names) for i, names in enumerate(keys) if i not in times):
             raise ConfigurationError(
                 f'{mapping.place}: channels."{key}": the record has no such column: {_hint(key, cells)}'
             )
-    columns, unsaid, renamed = [], [], []
-    for index, cell in enumerate(cells):
-        rule = mapping.rule_of(*keys[index])
-        if index in times or (rule is None and mapping.only_listed):
-            continue
-        column = _column(index, cell, rule or ChannelRule())
-        columns.append(column)
-        renamed += [column.name] if rule is not None and rule.name else []
-        if not (cell.unit or (rule and rule.unit)) and implied_unit(column.name):
-            unsaid.append((column.name, index))
-    if unsaid:
-        advice = f"{how}, or name its unit in a mapping file"
-        raise RecordError(missing_units([(name, some(index)) for name, index in unsaid], advice))
-    if not columns and mapping.only_listed:
+
+
+def _rules(keys: Sequence[tuple[str, ...]], times: tuple[int | None, ...], mapping: Mapping) -> dict[int, ChannelRule]:
+    """What the mapping says about each column that becomes a channel, by its index."""
+    found = {i: mapping.rule_of(*names) for i, names in enumerate(keys) if i not in times}
+    rules = {i: rule or ChannelRule() for i, rule in found.items() if rule or not mapping.only_listed}
+    if not rules and mapping.only_listed:
         raise ConfigurationError(
             f"{mapping.place}: lists no channel of the record, and only_listed = true leaves out the others; list one"
         )
-    if not columns:
+    if not rules:
         raise RecordError("holds no channel but the time; expected at least one")
+    return rules
+
+
+def _check_names(columns: Sequence[Column], rules: dict[int, ChannelRule]) -> None:
+    """Refuse names that are none, and names that a mapping repeats; `without_repeats` compares those of the file."""
     names = [column.name for column in columns]
-    repeated = {name for name, count in Counter(names).items() if count > 1}
-    # `without_repeats` compares the values of names that the file repeats; names that a mapping repeats are an error
-    check_channels(names if repeated.intersection(renamed) else dict.fromkeys(names))
-    return tuple(columns)
+    renamed = [column.name for column in columns if rules[column.index].name]
+    check_channels(names if any(names.count(name) > 1 for name in renamed) else dict.fromkeys(names))
 
 
 def occurrences(cells: Sequence[Cell]) -> list[tuple[str, ...]]:

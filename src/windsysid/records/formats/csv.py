@@ -21,7 +21,7 @@ import re
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, BinaryIO, NoReturn
+from typing import Any, BinaryIO, NamedTuple, NoReturn
 
 import numpy as np
 import numpy.typing as npt
@@ -33,7 +33,7 @@ from windsysid.records.formats.dates import fitting_formats, is_stamp
 from windsysid.records.formats.dialect import Layout, counts_rows, find_layout, is_number, split
 from windsysid.records.formats.format import Format
 from windsysid.records.formats.mapping import Mapping
-from windsysid.records.formats.source import Block, Source
+from windsysid.records.formats.source import FileBlock, FileSource
 from windsysid.records.formats.text import LineBlock, encoding_of, last_line, line_blocks
 from windsysid.records.record import Array, Record
 
@@ -42,6 +42,7 @@ __all__ = ["FORMAT", "columns_of_text", "format_of_dates"]
 Numbers = npt.NDArray[np.int64]
 
 _TRUTHS = (b"True", b"TRUE", b"true", b"False", b"FALSE", b"false")
+_HOW = "write '{}' in the header"
 _HEAD = 1 << 18  # bytes that tell how a file is written
 _NUMBER_ROWS, _DATE_ROWS = 20, 1000  # rows from which the unit of a time, or the format of dates, is determined
 _SHORT = 1 << 23
@@ -49,58 +50,80 @@ _SHORT = 1 << 23
 in a sixth of the time."""
 
 
-def open_csv(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
+class _Head(NamedTuple):
+    """Layout of a file, cells of its first rows, columns of the time, and the column that only counts rows."""
+
+    layout: Layout
+    rows: list[tuple[int, list[str]]]
+    times: tuple[int, ...]
+    counter: tuple[int, ...] = ()
+
+
+def open_csv(path: Path, mapping: Mapping, *, whole: bool = False) -> FileSource:
     """Find out how a file is written; `windsysid.records.formats` is the way in."""
     encoding = encoding_of(path, mapping.csv.encoding)
     last = last_line(path, encoding)
-    head = list(_head(path, encoding))
-    if not head:
-        raise RecordError("holds only blank lines; expected a header line and rows of numbers")
-    rate = mapping.time.rate
-    layout, rows, times, counter = _read_head(head, mapping)
+    head = _read_head(path, encoding, mapping)
+    layout, rows = head.layout, head.rows
     columns = plan_columns(
-        layout.cells, (*times, *counter), mapping, lambda i: _numbers(rows, i, layout), "write '{}' in the header"
+        layout.cells, (*head.times, *head.counter), mapping, lambda i: _numbers(rows, i, layout), _HOW
     )
     attributes = dict(layout.attributes)
-    if counter:
+    if head.counter:
         attributes["dropped"] = f"the column '{layout.cells[0].written}' counts the rows; it is left out"
-    keep = last is None or not last.strip() or _is_complete(last, rows, layout.delimiter)
+    keep = not last or not last.strip() or _is_complete(last, rows, layout.delimiter)
     if not keep:
         attributes["cut_off"] = "the last line has no end and may be cut off; it is left out"
-    width = max(1, len(layout.cells))
-    first = _stamps(rows, times, width)
+    first = _first_stamps(head, mapping)
+    times, clock = _clock(head, first, mapping)
+    rate = mapping.time.rate
+    reader = _Reader(path, encoding, head._replace(times=times), columns, clock, keep, rate or 1.0)
+    names, units = tuple(column.name for column in columns), tuple(column.unit for column in columns)
+    start = reader.first_time(first[0][1]) if times else 0.0
+    began = start_of(mapping.time, clock.start)
+    return FileSource(path.name, names, units, reader.blocks, attributes, start, began, rate if times else None)
+
+
+def _first_stamps(head: _Head, mapping: Mapping) -> list[tuple[int, str]]:
+    """Lines and times of the first rows; RecordError if no row is as wide as the header, or times do not increase."""
+    layout, rows = head.layout, head.rows
+    first = _stamps(rows, head.times, len(layout.cells))
     if not first:
+        number, found = rows[0] if rows else (layout.first_row, [])
         raise RecordError(
-            f"line {rows[0][0] if rows else layout.first_row} has {len(rows[0][1]) if rows else 0} cells, expected"
-            f" {width} as in the header; complete or remove that line"
+            f"line {number} has {len(found)} cells, expected {max(1, len(layout.cells))} as in the header; complete or"
+            " remove that line"
         )
-    if not layout.headed and times and mapping.time.column is None:
+    if not layout.headed and head.times and mapping.time.column is None:
         _check_headless_time(first, layout.decimal)
-    clock = Clock()
-    if times:
-        unit, cells = layout.cells[times[0]].unit, [cell for _, cell in first]
-        make = make_clock if rate is None else counted_clock
-        found = make(cells, unit, mapping.time, lambda k: f"line {first[k][0]}", layout.decimal)
-        times, clock = ((), clock) if found is None else (times, found)
-    if len(times) == 2 and not clock.textual:
+    return first
+
+
+def _clock(head: _Head, first: list[tuple[int, str]], mapping: Mapping) -> tuple[tuple[int, ...], Clock]:
+    """Columns of the time, none where rows are counted, and their clock."""
+    if not head.times:
+        return (), Clock()
+    unit, cells = head.layout.cells[head.times[0]].unit, [cell for _, cell in first]
+    make = make_clock if mapping.time.rate is None else counted_clock
+    clock = make(cells, unit, mapping.time, lambda k: f"line {first[k][0]}", head.layout.decimal)
+    if clock is None:
+        return (), Clock()
+    if len(head.times) == 2 and not clock.textual:
         raise RecordError(
             f"the date '{first[0][1][:40]}' in two columns is a number; name the columns of date and time in the"
             ' mapping file: [time] column = ["Date", "Time"]'
         )
-    reader = _Reader(path, encoding, layout, times, columns, clock, keep, rate or 1.0)
-    names, units = tuple(column.name for column in columns), tuple(column.unit for column in columns)
-    start = reader.first_time(first[0][1]) if times else 0.0
-    began = start_of(mapping.time, clock.start)
-    return Source(path.name, names, units, reader.blocks, attributes, start, began, rate if times else None)
+    return head.times, clock
 
 
-def _read_head(
-    head: list[tuple[int, str]], mapping: Mapping
-) -> tuple[Layout, list[tuple[int, list[str]]], tuple[int, ...], tuple[int, ...]]:
-    """Layout of a file, cells of its first rows, columns of the time, and the column that only counts rows.
+def _read_head(path: Path, encoding: str, mapping: Mapping) -> _Head:
+    """Read the first lines of a file.
 
     Where the mapping gives the rate, a first column without a header that counts is the time.
     """
+    head = list(_head(path, encoding))
+    if not head:
+        raise RecordError("holds only blank lines; expected a header line and rows of numbers")
 
     def rows(layout: Layout) -> list[tuple[int, list[str]]]:
         return [(number, split(text, layout.delimiter)) for number, text in head if number >= layout.first_row]
@@ -110,9 +133,9 @@ def _read_head(
         cells = [row[0] for _, row in rows(layout)[:20]]
         if counted_clock(cells, None, mapping.time, "row {}".format, layout.decimal) is not None:
             layout = find_layout(head, mapping.csv, timed=True)
-            return layout, rows(layout), (0,), ()
+            return _Head(layout, rows(layout), (0,))
     found = rows(layout)
-    return layout, found, *_times_and_counter(layout.cells, [cells for _, cells in found], mapping)
+    return _Head(layout, found, *_times_and_counter(layout.cells, [cells for _, cells in found], mapping))
 
 
 def _stamps(rows: list[tuple[int, list[str]]], times: tuple[int, ...], width: int) -> list[tuple[int, str]]:
@@ -124,8 +147,7 @@ def _stamps(rows: list[tuple[int, list[str]]], times: tuple[int, ...], width: in
 
 def format_of_dates(path: Path, mapping: Mapping) -> str | None:
     """Strptime pattern that fits the dates in the first lines; None if several fit, or the time needs none."""
-    head = list(_head(path, encoding_of(path, mapping.csv.encoding)))
-    layout, rows, times, _ = _read_head(head, mapping)
+    layout, rows, times, _ = _read_head(path, encoding_of(path, mapping.csv.encoding), mapping)
     cells = [cell for _, cell in _stamps(rows, times, len(layout.cells))] if times else []
     needed = mapping.time.format is None and cells and not any(map(is_stamp, cells))
     fitting = fitting_formats(cells) if needed else ()
@@ -134,8 +156,7 @@ def format_of_dates(path: Path, mapping: Mapping) -> str | None:
 
 def columns_of_text(path: Path, mapping: Mapping) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Names of the columns that hold numbers in the first lines, and of those that hold text; the time is neither."""
-    head = list(_head(path, encoding_of(path, mapping.csv.encoding)))
-    layout, numbered, times, counter = _read_head(head, mapping)
+    layout, numbered, times, counter = _read_head(path, encoding_of(path, mapping.csv.encoding), mapping)
     rows = [cells for _, cells in numbered]
     numbers: list[str] = []
     texts: list[str] = []
@@ -217,6 +238,19 @@ def _check_headless_time(first: list[tuple[int, str]], decimal: str) -> None:
         )
 
 
+def _without_blanks(text: bytes, mark: bytes) -> bytes:
+    """Lines without blanks around cells; runs of blanks become one where they are the delimiter."""
+    if mark == b" ":
+        text = re.sub(rb"[ \t]+", b" ", text)
+    if b" " not in text and (b"\t" not in text or mark == b"\t"):
+        return text
+    edge = rb"[\n]" if mark in b" \t" else rb"[\n" + mark + rb"]"
+    # The look-behind makes the search linear: a match from each blank of a run would make it quadratic.
+    text = re.sub(rb"(?<![ \t])[ \t]++(?=" + edge + rb")", b"", text)
+    text = re.sub(rb"(?<=" + edge + rb")[ \t]++", b"", text)
+    return text.lstrip(b" ") if mark == b"\t" else text.lstrip(b" \t")
+
+
 class _Reader:
     """Rows of one file as numbers, block by block."""
 
@@ -224,23 +258,22 @@ class _Reader:
         self,
         path: Path,
         encoding: str,
-        layout: Layout,
-        times: tuple[int, ...],
+        head: _Head,
         columns: tuple[Column, ...],
         clock: Clock,
         keep: bool,
         rate: float,
     ) -> None:
-        self.path, self.encoding, self.layout, self.times = path, encoding, layout, times
+        self.path, self.encoding, self.layout, self.times = path, encoding, head.layout, head.times
         self.columns, self.clock, self.keep, self.rate = columns, clock, keep, rate
-        self.wanted = [*times, *(column.index for column in columns)]
-        self.numeric = sorted({*self.wanted} - ({*times} if clock.textual else set()))
-        marked = any(is_number(mark) and not np.isnan(float(mark)) for mark in layout.missing)
-        plain = layout.decimal == "." and layout.delimiter != " " and not marked
+        self.wanted = [*self.times, *(column.index for column in columns)]
+        self.numeric = sorted({*self.wanted} - ({*self.times} if clock.textual else set()))
+        marked = any(is_number(mark) and not np.isnan(float(mark)) for mark in self.layout.missing)
+        plain = self.layout.decimal == "." and self.layout.delimiter != " " and not marked
         self.short = plain and path.stat().st_size < _SHORT
-        self.width = len(layout.cells)
+        self.width = len(self.layout.cells)
 
-    def blocks(self, start: float, end: float) -> Iterator[Block]:
+    def blocks(self, start: float, end: float) -> Iterator[FileBlock]:
         waiting = None  # a block before `start`, only read if it turns out to be the last one
         row = 0
         for block in line_blocks(self.path, self.encoding, keep_last=self.keep):
@@ -277,20 +310,11 @@ class _Reader:
 
     def _rows(self, block: LineBlock) -> tuple[bytes, Numbers]:
         """The rows of a block, all as wide as the header, without blanks, quotes and blank lines; and their lines."""
-        text, first, mark = block.text, block.first, self.layout.delimiter.encode()
-        if first < self.layout.first_row:
-            lines = text.split(b"\n", self.layout.first_row - first)
-            text, first = (lines[-1], self.layout.first_row) if len(lines) > self.layout.first_row - first else (b"", 0)
+        text, first = self._below_header(block)
+        mark = self.layout.delimiter.encode()
         if b'"' in text:
             text = self._without_quotes(text, first)
-        if mark == b" ":
-            text = re.sub(rb"[ \t]+", b" ", text)
-        if b" " in text or (b"\t" in text and mark != b"\t"):
-            edge = rb"[\n]" if mark in b" \t" else rb"[\n" + mark + rb"]"
-            # The look-behind makes the search linear: a match from each blank of a run would make it quadratic.
-            text = re.sub(rb"(?<![ \t])[ \t]++(?=" + edge + rb")", b"", text)
-            text = re.sub(rb"(?<=" + edge + rb")[ \t]++", b"", text)
-            text = text.lstrip(b" ") if mark == b"\t" else text.lstrip(b" \t")
+        text = _without_blanks(text, mark)
         symbols = np.frombuffer(text, dtype=np.uint8)
         ends = np.flatnonzero(symbols == 10)
         numbers = np.arange(first, first + ends.size)
@@ -310,6 +334,14 @@ class _Reader:
             )
         return text, numbers
 
+    def _below_header(self, block: LineBlock) -> tuple[bytes, int]:
+        """The lines of a block that hold rows, and the number of the first of them."""
+        above = self.layout.first_row - block.first
+        if above <= 0:
+            return block.text, block.first
+        lines = block.text.split(b"\n", above)
+        return (lines[-1], self.layout.first_row) if len(lines) > above else (b"", 0)
+
     def _without_last_delimiter(self, text: bytes, widths: Numbers, mark: bytes) -> bytes:
         """The text without the delimiter that ends every line, where the header has one too."""
         if self.layout.closed and np.all(widths == self.width + 1) and text.count(mark + b"\n") == widths.size:
@@ -327,24 +359,25 @@ class _Reader:
         text = simple.sub(rb"\1", text)
         if b'"' not in text:
             return text
-        lines = text.decode().split("\n")
-        for i, line in enumerate(lines):
-            if '"' not in line:
-                continue
-            if line.count('"') % 2:
-                raise RecordError(f"line {first + i} has a quote that is not closed; correct that line")
-            cells = split(line, mark)
-            if len(cells) != self.width:
-                continue  # named with its width below
-            if self.clock.textual and mark == ",":
-                cells = [re.sub(r"(:\d\d),(\d)", r"\1.\2", c) if k in self.times else c for k, c in enumerate(cells)]
-            for index, cell in enumerate(cells):
-                if index in self.wanted and (mark in cell or '"' in cell):
-                    self._refuse(index, first + i, cell)
-            lines[i] = mark.join(re.sub(rf'["{mark}]', "_", cell) for cell in cells)
-        return "\n".join(lines).encode()
+        lines = enumerate(text.decode().split("\n"), first)
+        return "\n".join(self._without_quoted(*line) if '"' in line[1] else line[1] for line in lines).encode()
 
-    def _parsed(self, text: bytes, numbers: Numbers, done: float, read: int) -> Block:
+    def _without_quoted(self, number: int, line: str) -> str:
+        """One line without its quotes and the delimiters between them."""
+        mark = self.layout.delimiter
+        if line.count('"') % 2:
+            raise RecordError(f"line {number} has a quote that is not closed; correct that line")
+        cells = split(line, mark)
+        if len(cells) != self.width:
+            return line  # named with its width by `_rows`
+        if self.clock.textual and mark == ",":
+            cells = [re.sub(r"(:\d\d),(\d)", r"\1.\2", c) if k in self.times else c for k, c in enumerate(cells)]
+        for index in sorted(self.wanted):
+            if re.search(rf'["{mark}]', cells[index]):
+                self._refuse(index, number, cells[index])
+        return mark.join(re.sub(rf'["{mark}]', "_", cell) for cell in cells)
+
+    def _parsed(self, text: bytes, numbers: Numbers, done: float, read: int) -> FileBlock:
         def place(row: int) -> str:
             return f"line {numbers[row]}"
 
@@ -359,7 +392,7 @@ class _Reader:
             values = table[:, at]
         else:
             values = np.column_stack([column.values(table[:, i]) for i, column in zip(at, self.columns, strict=True)])
-        return Block(time, np.ascontiguousarray(values), place, done)
+        return FileBlock(time, np.ascontiguousarray(values), place, done)
 
     def _cells(self, text: bytes, numbers: Numbers) -> tuple[Array, list[list[str]]]:
         """The `numeric` columns (T, n), and the texts of times that are no numbers."""

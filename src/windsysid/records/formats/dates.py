@@ -16,6 +16,7 @@ __all__ = ["Moments", "fitting_formats", "format_without_date", "has_year", "is_
 
 Moments = npt.NDArray[np.int64]
 
+_UNFIT = (ValueError, OverflowError, TypeError)  # what `_parse` raises for cells that do not fit
 _ISO = re.compile(r"\d{4}-\d{2}-\d{2}[ T]\d{2}:\d{2}(?::\d{2}(?:[.,]\d{1,9})?)?")
 _ISO_ZONED = re.compile(_ISO.pattern + r" ?(?:Z|[+-]\d{2}(?::?\d{2})?)")
 _FRACTION = re.compile(r"(\d{1,2}:\d{2})[.,](\d{1,9})(?!\d)")
@@ -87,30 +88,31 @@ def parse_column(cells: list[str], pattern: str, zoned: bool, place: Callable[[i
         If a cell has another form; the message gives its `place`.
     """
     if not pattern:
-        shape = _ISO_ZONED if zoned else _ISO
-        for k, cell in enumerate(cells):
-            if not isinstance(cell, str) or not shape.fullmatch(cell):
-                shown = cell[:40] if isinstance(cell, str) else ""
-                wanted = "with a zone" if zoned else "without a zone"
-                raise RecordError(
-                    f"the time '{shown}' at {place(k)} is not an ISO time {wanted} as in the first row; "
-                    "remove that row or write its time"
-                )
-        if any("," in cell for cell in cells):
-            cells = [cell.replace(",", ".") for cell in cells]
+        _check_iso(cells, zoned, place)
+        cells = [cell.replace(",", ".") for cell in cells]
     try:
         return _parse(cells, pattern)
-    except (ValueError, OverflowError, TypeError):
-        for k, cell in enumerate(cells):
-            try:
-                _parse([cell], pattern)
-            except (ValueError, OverflowError, TypeError):
-                wanted = f"'{pattern}'" if pattern else "a date that exists"
-                raise RecordError(
-                    f"the time '{str(cell)[:40]}' at {place(k)} does not fit, expected {wanted}; correct that row, or "
-                    "the format in the mapping file"
-                ) from None
-        raise RecordError("the time holds dates that are too far away, expected years 1678 to 2262") from None
+    except _UNFIT:
+        bad = next((k for k, cell in enumerate(cells) if not _fits(pattern, [cell])), None)
+    if bad is None:
+        raise RecordError("the time holds dates that are too far away, expected years 1678 to 2262")
+    wanted = f"'{pattern}'" if pattern else "a date that exists"
+    raise RecordError(
+        f"the time '{str(cells[bad])[:40]}' at {place(bad)} does not fit, expected {wanted}; correct that row, or "
+        "the format in the mapping file"
+    )
+
+
+def _check_iso(cells: list[str], zoned: bool, place: Callable[[int], str]) -> None:
+    """Refuse a cell that is no ISO time, with a zone if `zoned` and else without one."""
+    shape, wanted = (_ISO_ZONED, "with a zone") if zoned else (_ISO, "without a zone")
+    for k, cell in enumerate(cells):
+        if not isinstance(cell, str) or not shape.fullmatch(cell):
+            shown = cell[:40] if isinstance(cell, str) else ""
+            raise RecordError(
+                f"the time '{shown}' at {place(k)} is not an ISO time {wanted} as in the first row; "
+                "remove that row or write its time"
+            )
 
 
 def _parse(cells: Sequence[str], pattern: str) -> Moments:
@@ -126,12 +128,10 @@ def _parse(cells: Sequence[str], pattern: str) -> Moments:
     nanoseconds = np.zeros(len(cells), dtype=np.int64)
     if pattern:
         bare = _SECONDS.sub(lambda found: found[0][:2], pattern)
-        split = [_FRACTION.search(cell) for cell in cells] if bare != pattern or pattern.find("%f") < 0 else []
-        if any(split):
-            digits = [found[2] if found else "0" for found in split]
-            nanoseconds = np.array([int(one.ljust(9, "0")) for one in digits], dtype=np.int64)
-        cells = [_FRACTION.sub(r"\1", cell, count=1) for cell in cells] if split else cells
-        pattern = bare if split else pattern
+        if bare != pattern or "%f" not in pattern:
+            split = [_FRACTION.search(cell) for cell in cells]
+            nanoseconds = np.array([int(one[2].ljust(9, "0")) if one else 0 for one in split], dtype=np.int64)
+            cells, pattern = [_FRACTION.sub(r"\1", cell, count=1) for cell in cells], bare
     dates = pd.to_datetime(pd.Series(list(cells), dtype="object"), format=pattern or "ISO8601", utc=True)
     if dates.isna().any():
         raise ValueError
@@ -152,6 +152,6 @@ def _clock_pattern(clock: re.Match[str], cells: Sequence[str]) -> str:
 def _fits(pattern: str, cells: Sequence[str]) -> bool:
     try:
         _parse(cells, pattern)
-    except (ValueError, OverflowError, TypeError):
+    except _UNFIT:
         return False
     return True

@@ -12,14 +12,14 @@ from typing import Any, NoReturn
 from windsysid.errors import RecordError
 from windsysid.records.formats.format import Format, package
 from windsysid.records.formats.mapping import Mapping
-from windsysid.records.formats.series import Series, cell_of, source_of_series, utc
-from windsysid.records.formats.source import Source, doubles
+from windsysid.records.formats.series import FileSeries, cell_of, source_of_series, utc
+from windsysid.records.formats.source import FileSource, doubles
 from windsysid.records.record import Array
 
 __all__ = ["FORMAT"]
 
 
-def open_dewesoft(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
+def open_dewesoft(path: Path, mapping: Mapping, *, whole: bool = False) -> FileSource:
     """Open a file; its channels are read as far as they are needed."""
     library = package("dwdatareader", "Dewesoft files", "formats")
     languages = locale.setlocale(locale.LC_ALL)
@@ -37,7 +37,7 @@ def open_dewesoft(path: Path, mapping: Mapping, *, whole: bool = False) -> Sourc
     return source_of_series(path.name, series, mapping, {"source": "Dewesoft"}, how="let Dewesoft write its unit")
 
 
-def _series(file: Any, name: str, channel: Any, start: str) -> Series:
+def _series(file: Any, name: str, channel: Any, start: str) -> FileSeries:
     samples, rate = int(channel.number_of_samples), float(channel.sample_rate)
 
     def read(part: int, low: int, high: int) -> Array:
@@ -50,7 +50,7 @@ def _series(file: Any, name: str, channel: Any, start: str) -> Series:
         both = found if rate > 0.0 else tuple(values[low:high] for values in found)
         return doubles(both[part])
 
-    return Series(
+    return FileSeries(
         cell_of(name, name, channel.unit),
         samples,
         lambda low, high: read(1, low, high),

@@ -14,6 +14,7 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.records.formats.clock import is_stamp
@@ -31,6 +32,7 @@ _TOA5_MISSING = ("INF", "-INF", "+INF")  # a Campbell logger's mark of an overfl
 _NUMBER = re.compile(r"[+-]?(?:\d++(?:[.,]\d*+)?|[.,]\d++)(?:[eE][+-]?\d+)?|[+-]?(?:inf|infinity|nan)", re.IGNORECASE)
 _GROUPED = re.compile(r"[+-]?\d{1,3}(?:[.,']\d{3})+(?:[.,]\d+)?")
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(?:,\d{3})+")
+_IN_BRACKETS = re.compile(r"\[.*\]|\(.*\)")
 _NAMES = {",": "commas", ";": "semicolons", "\t": "tabs", " ": "blanks"}
 _SEPARATOR = re.compile(r'"?sep=([,;\t])"?', re.IGNORECASE)
 _LOOK = 100  # lines
@@ -88,64 +90,108 @@ def find_layout(lines: Sequence[Line], rule: CsvRule, *, timed: bool = True) -> 
     RecordError
         If the lines are no table, or could be read in two ways.
     """
-    said = _SEPARATOR.fullmatch(lines[0][1].strip("\r\n ")) if lines else None
-    if said:
-        lines = lines[1:]
-    commented: list[str] = []
-    if rule.header_row:
-        preamble = [text for number, text in lines if number < rule.header_row]
-        lines = [line for line in lines if line[0] >= rule.header_row]
-        if not lines or lines[0][0] != rule.header_row:
-            raise RecordError(f"line {rule.header_row} should be the header (csv.header_row) but is blank or missing")
-    else:
-        count = next((i for i, (_, text) in enumerate(lines) if text.lstrip()[0] not in "#%"), len(lines))
-        preamble, lines = [text.strip() for _, text in lines[:count]], lines[count:]
-    commented = list(preamble)
+    table, comments = _table(lines, rule)
+    if table.rows[0][0] == "TOA5":
+        return _toa5(table)
+    if rule.header_row == 0 or (rule.header_row is None and _is_headless(table.rows[0])):
+        return _headless(table, comments, timed)
+    return _headed(table)
+
+
+class _Table(NamedTuple):
+    """The lines of a table, the cells of the first of them, and what is known about it from elsewhere."""
+
+    lines: Sequence[Line]
+    rows: list[list[str]]
+    delimiter: str
+    rule: CsvRule
+    attributes: dict[str, str]
+
+
+def _table(lines: Sequence[Line], rule: CsvRule) -> tuple[_Table, list[str]]:
+    """The table in a file, and the comments above it."""
+    separator = _separator(lines)
+    comments, lines = _without_comments(lines[1:] if separator else lines, rule.header_row)
     if not lines:
         raise RecordError("holds no table, only comments; expected a header line and rows of numbers")
-    delimiter = rule.delimiter or (said and said[1]) or _delimiter([text for _, text in lines[:_LOOK]])
-    rows = [split(text, delimiter) for _, text in lines[:_LOOK]]
+    texts = [text for _, text in lines[:_LOOK]]
+    delimiter = rule.delimiter or separator or _delimiter(texts)
+    rows = [split(text, delimiter) for text in texts]
     above = _preamble(rows) if rule.header_row is None else 0
-    preamble, lines, rows = [*preamble, *(text.strip() for _, text in lines[:above])], lines[above:], rows[above:]
-    attributes = {"comments": "\n".join(preamble)} if preamble else {}
-    if rows[0][0] == "TOA5":
-        return _toa5(lines, rows, delimiter, rule, attributes)
-    if rule.header_row == 0 or (rule.header_row is None and _is_headless(rows[0])):
-        names = _commented_names(commented, delimiter, len(rows[0]))
-        cells = tuple(Cell(f"column_{i}", f"column_{i}", AS_WRITTEN + "unknown") for i in range(1, len(rows[0]) + 1))
-        first, headed = lines[0][0], names is not None
-        cells = names or ((Cell("column_1", "time", None), *cells[1:]) if timed else cells)
-        decimal = rule.decimal or _decimal(rows, delimiter)
-        return Layout(delimiter, decimal, cells, first, headed, MISSING + rule.missing, attributes)
-    header, closed = rows[0], False
-    if len(header) > 1 and header[-1] == "" and all(row[-1] == "" for row in rows if len(row) == len(header)):
-        closed, header = True, header[:-1]  # every line ends in a delimiter: a last column without name and values
-    if not header[0] and _counts(rows[1:]):
-        header = ["Unnamed: 0", *header[1:]]
-    cells = _named(header)
-    if closed:
-        rows = [row[:-1] if len(row) == len(header) + 1 and not row[-1] else row for row in rows]
-    unit_row = _unit_row(lines, rows, rule)
-    if unit_row:
-        cells = _with_units(header, rows[unit_row], lines[unit_row][0])
-    below = 1 + (unit_row or 0)
+    preamble = "\n".join(comments + [text.strip() for text in texts[:above]])
+    attributes = {"comments": preamble} if preamble else {}
+    return _Table(lines[above:], rows[above:], delimiter, rule, attributes), comments
+
+
+def _separator(lines: Sequence[Line]) -> str | None:
+    found = _SEPARATOR.fullmatch(lines[0][1].strip("\r\n ")) if lines else None
+    return found[1] if found else None
+
+
+def _without_comments(lines: Sequence[Line], header_row: int | None) -> tuple[list[str], Sequence[Line]]:
+    """The comments, or all lines above the header if its number is given; and the lines below."""
+    if not header_row:
+        count = next((i for i, (_, text) in enumerate(lines) if text.lstrip()[0] not in "#%"), len(lines))
+        return [text.strip() for _, text in lines[:count]], lines[count:]
+    count = sum(number < header_row for number, _ in lines)
+    if count == len(lines) or lines[count][0] != header_row:
+        raise RecordError(f"line {header_row} should be the header (csv.header_row) but is blank or missing")
+    return [text for _, text in lines[:count]], lines[count:]
+
+
+def _headless(table: _Table, comments: list[str], timed: bool) -> Layout:
+    """The layout of a table without a line of names; the last comment may have them."""
+    width = len(table.rows[0])
+    cells = _commented_names(comments, table.delimiter, width)
+    headed = cells is not None
+    if cells is None:
+        cells = tuple(Cell(f"column_{i}", f"column_{i}", AS_WRITTEN + "unknown") for i in range(1, width + 1))
+        cells = (Cell("column_1", "time", None), *cells[1:]) if timed else cells
+    decimal = table.rule.decimal or _decimal(table.rows, table.delimiter)
+    missing = MISSING + table.rule.missing
+    return Layout(table.delimiter, decimal, cells, table.lines[0][0], headed, missing, table.attributes)
+
+
+def _headed(table: _Table) -> Layout:
+    """The layout of a table with a line of names and perhaps one of units."""
+    rows, lines = _without_end(table.rows), table.lines
+    header = ["Unnamed: 0", *rows[0][1:]] if not rows[0][0] and _counts(rows[1:]) else rows[0]
+    cells, below = _named(header), 1
+    if _has_units(lines, rows, table.rule):
+        cells, below = _with_units(header, rows[1], lines[1][0]), 2
     if len(lines) <= below:
         raise RecordError("has 0 rows under the header, expected at least 2; export it again")
-    decimal = rule.decimal or _decimal(rows[below:], delimiter)
-    return Layout(delimiter, decimal, cells, lines[below][0], True, MISSING + rule.missing, attributes, closed)
+    decimal = table.rule.decimal or _decimal(rows[below:], table.delimiter)
+    missing, closed = MISSING + table.rule.missing, rows is not table.rows
+    return Layout(table.delimiter, decimal, cells, lines[below][0], True, missing, table.attributes, closed)
+
+
+def _without_end(rows: list[list[str]]) -> list[list[str]]:
+    """The rows without the empty cell behind a delimiter that ends every line; the same list if some have no such."""
+    width = len(rows[0])
+    if width < 2 or any(len(row) == width and row[-1] for row in rows):
+        return rows
+    return [row[:-1] if len(row) == width else row for row in rows]
+
+
+def _usual_width(rows: list[list[str]]) -> int:
+    """The number of cells that most rows have, 0 if no row has more than one."""
+    sizes = Counter(len(row) for row in rows if len(row) > 1)
+    return max(sizes, key=lambda n: (sizes[n], n), default=0)
 
 
 def _preamble(rows: list[list[str]]) -> int:
     """How many lines of text stand above the names: none of them as wide as the table, and none of numbers."""
-    sizes = Counter(len(row) for row in rows if len(row) > 1)
-    width = max(sizes, key=lambda n: (sizes[n], n), default=0)
+    width = _usual_width(rows)
     first = next((i for i, row in enumerate(rows) if len(row) == width), 0)
-    below = rows[first + 1 : first + 3]
-    named = not any(map(_is_value, rows[first])) and not all(re.fullmatch(r"\[.*\]|\(.*\)", c) for c in rows[first])
-    if not first or not named or len(below) < 2 or any(len(row) != width for row in rows[first:]):
-        return 0
-    numbers = any(len(row) > 1 and _is_headless(row) for row in rows[:first])
-    return 0 if numbers or not _is_headless(below[1]) else first
+    table = rows[first:]
+    full = len(table) > 2 and all(len(row) == width for row in table)
+    is_table = full and _are_names(table[0]) and _is_headless(table[2])
+    return first if is_table and not any(map(_is_headless, rows[:first])) else 0
+
+
+def _are_names(row: list[str]) -> bool:
+    return not any(map(_is_value, row)) and not all(map(_IN_BRACKETS.fullmatch, row))
 
 
 def split(line: str, delimiter: str) -> list[str]:
@@ -183,56 +229,62 @@ def _is_headless(row: list[str]) -> bool:
 def _delimiter(texts: list[str]) -> str:
     if split(texts[0], ",")[0] == "TOA5":
         return ","
-    scores = {}
-    for delimiter in _NAMES:
-        rows = [split(text, delimiter) for text in texts]
-        sizes = Counter(len(row) for row in rows if len(row) > 1)
-        if not sizes:
-            continue
-        size = max(sizes, key=lambda n: (sizes[n], n))
-        values = sum(map(_is_value, (cell for row in rows if len(row) == size for cell in row)))
-        names = (
-            0.5 if len(rows[0]) == size else 0.0
-        )  # a table without good values still has a header as wide as its rows
-        scores[delimiter] = (values + names) / sum(map(len, rows))
+    scores = _scores(texts)
+    best = max(scores.values())
+    if len(texts) == 1 and best <= 0.25:
+        raise RecordError("has 0 rows under the header, expected at least 2; export it again")
+    winners = [delimiter for delimiter, score in scores.items() if score == best]
+    if len(winners) > 1 and winners != ["\t", " "]:
+        raise RecordError(
+            f"cells could be separated by {' or by '.join(map(_NAMES.__getitem__, winners))}; say which in the mapping"
+            " file: [csv] delimiter"
+        )
+    return winners[0]
+
+
+def _scores(texts: list[str]) -> dict[str, float]:
+    """The part of all cells that are values, by delimiter, for those that split most lines in two or more."""
+    tables = {delimiter: [split(text, delimiter) for text in texts] for delimiter in _NAMES}
+    scores = {delimiter: _share_of_values(rows) for delimiter, rows in tables.items() if _usual_width(rows)}
     if not scores:
         raise RecordError(
             f"the line '{texts[0].strip()[:60]}' has one column; expected a table with the time first, its cells"
             " separated by commas, semicolons, tabs or blanks"
         )
-    best = max(scores.values())
-    if len(texts) == 1 and best <= 0.25:
-        raise RecordError("has 0 rows under the header, expected at least 2; export it again")
-    winners = [delimiter for delimiter, score in scores.items() if score == best]
-    if winners == ["\t", " "]:
-        return "\t"
-    if len(winners) > 1:
-        raise RecordError(
-            f"cells could be separated by {' or by '.join(_NAMES[d] for d in winners)}; say which in the mapping file: "
-            "[csv] delimiter"
-        )
-    return winners[0]
+    return scores
+
+
+def _share_of_values(rows: list[list[str]]) -> float:
+    """The part of all cells that are values in rows of the usual width; a header of that width counts as half a one."""
+    width = _usual_width(rows)
+    wide = [row for row in rows if len(row) == width]
+    header = 0.5 if wide[0] is rows[0] else 0.0  # a table without good values still has a header as wide as its rows
+    return (sum(map(_is_value, itertools.chain(*wide))) + header) / sum(map(len, rows))
 
 
 def _decimal(rows: list[list[str]], delimiter: str) -> str:
     """The decimal mark; RecordError if commas could be decimal marks or marks of thousands."""
     if delimiter == ",":
         return "."
-    commas = [cell for row in rows for cell in row if "," in cell and not is_stamp(cell)]
-    numbers = [cell for cell in commas if _NUMBER.fullmatch(cell) or _THOUSANDS.fullmatch(cell)]
+    cells = list(itertools.chain(*rows))
+    numbers = list(filter(_is_number_with_comma, cells))
     if not numbers:
         return "."
-    points = [cell for row in rows for cell in row if "." in cell and _NUMBER.fullmatch(cell)]
+    points = [cell for cell in cells if "." in cell and _NUMBER.fullmatch(cell)]
     hint = "say what it is in the mapping file: [csv] decimal, and write numbers without marks of thousands"
     if points:
         raise RecordError(
             f"has '{numbers[0]}' as well as '{points[0]}': a comma could be a decimal mark or one of thousands; {hint}"
         )
-    if all(_THOUSANDS.fullmatch(cell) for cell in numbers):
+    if all(map(_THOUSANDS.fullmatch, numbers)):
         raise RecordError(f"'{numbers[0]}' could be a number with a decimal comma or one in thousands; {hint}")
     if delimiter == " ":
         raise RecordError(f"'{numbers[0]}' between blanks could be one number or two; {hint}, and [csv] delimiter")
     return ","
+
+
+def _is_number_with_comma(cell: str) -> bool:
+    return "," in cell and not is_stamp(cell) and bool(_NUMBER.fullmatch(cell) or _THOUSANDS.fullmatch(cell))
 
 
 def counts_rows(cells: Sequence[Cell], rows: list[list[str]]) -> bool:
@@ -264,22 +316,22 @@ def _commented_names(preamble: list[str], delimiter: str, size: int) -> tuple[Ce
     return _named(header)
 
 
-def _unit_row(lines: Sequence[Line], rows: list[list[str]], rule: CsvRule) -> int | None:
-    """Index of the line with the units, None if there is none."""
+def _has_units(lines: Sequence[Line], rows: list[list[str]], rule: CsvRule) -> bool:
+    """Whether the line below the header holds units."""
     if rule.unit_row == 0 or len(rows) < 2:
-        return None
-    if rule.unit_row is not None:
-        found = [i for i, (number, _) in enumerate(lines[:_LOOK]) if number == rule.unit_row]
-        if found != [1]:
-            raise ConfigurationError(f"csv.unit_row: expected the line below the header, got {rule.unit_row}")
-        return 1
-    row = rows[1]
-    if all(re.fullmatch(r"\[.*\]|\(.*\)|", cell) for cell in row) and any(row):
-        return 1
+        return False
+    if rule.unit_row is None:
+        return _are_units(rows[1])
+    if lines[1][0] != rule.unit_row:
+        raise ConfigurationError(f"csv.unit_row: expected the line below the header, got {rule.unit_row}")
+    return True
+
+
+def _are_units(row: list[str]) -> bool:
+    if any(row) and all(map(_IN_BRACKETS.fullmatch, filter(None, row))):
+        return True
     texts = [cell for cell in row if cell not in MISSING and not _NUMBER.fullmatch(cell) and not is_stamp(cell)]
-    if row[0] in texts and _is_time_unit(row[0]) and sum(map(bool, row)) <= len(texts) + row.count("1"):
-        return 1
-    return None
+    return row[0] in texts and _is_time_unit(row[0]) and sum(map(bool, row)) <= len(texts) + row.count("1")
 
 
 def _is_time_unit(cell: str) -> bool:
@@ -292,16 +344,17 @@ def _is_time_unit(cell: str) -> bool:
 def _with_units(header: list[str], units: list[str], line: int) -> tuple[Cell, ...]:
     if len(units) != len(header):
         raise RecordError(f"line {line}, the units, has {len(units)} cells, expected {len(header)} as in the header")
-    cells = []
-    for name, unit in zip(header, units, strict=True):
-        bare = unit[1:-1].strip() if unit[:1] + unit[-1:] in ("[]", "()") and len(unit) > 1 else unit
-        cell = split_unit(name) if bare else name_and_unit(name)
-        if cell.unit is not None and name[-1] not in ")]" and is_no_time_unit(bare):
-            cell = Cell(name, name)  # T_s in degC: the name only looks like a time
-        if bare and cell.unit is not None and not _same(cell.unit, bare):
-            raise RecordError(f"column '{name}' is in '{bare}' after line {line}; expected one unit; correct either")
-        cells.append(Cell(name, cell.name, bare or cell.unit))
-    return tuple(cells)
+    return tuple(_with_unit(name, unit, line) for name, unit in zip(header, units, strict=True))
+
+
+def _with_unit(name: str, unit: str, line: int) -> Cell:
+    bare = unit[1:-1].strip() if _IN_BRACKETS.fullmatch(unit) else unit
+    cell = split_unit(name) if bare else name_and_unit(name)
+    if cell.unit is not None and name[-1] not in ")]" and is_no_time_unit(bare):
+        cell = Cell(name, name)  # T_s in degC: the name only looks like a time
+    if bare and cell.unit is not None and not _same(cell.unit, bare):
+        raise RecordError(f"column '{name}' is in '{bare}' after line {line}; expected one unit; correct either")
+    return Cell(name, cell.name, bare or cell.unit)
 
 
 def _same(unit: str, other: str) -> bool:
@@ -311,10 +364,10 @@ def _same(unit: str, other: str) -> bool:
         return unit == other
 
 
-def _toa5(
-    lines: Sequence[Line], rows: list[list[str]], delimiter: str, rule: CsvRule, attributes: dict[str, str]
-) -> Layout:
-    if len(rows) < 6 or [lines[i][0] - lines[0][0] for i in range(4)] != [0, 1, 2, 3]:
+def _toa5(table: _Table) -> Layout:
+    """The layout of a Campbell TOA5 file."""
+    lines, rows, rule = table.lines, table.rows, table.rule
+    if len(rows) < 6 or lines[3][0] - lines[0][0] != 3:
         raise RecordError("looks like a Campbell TOA5 file, expected four header lines and two rows; export it again")
     environment, names, units, processing = rows[:4]
     if len({len(names), len(units), len(processing)}) > 1:
@@ -322,19 +375,15 @@ def _toa5(
             f"is a Campbell TOA5 file whose header has {len(names)} names, {len(units)} units and {len(processing)}"
             " processings; expected one each per column; export it again"
         )
-    cells = []
-    for cell, unit in zip(_named(names), units, strict=True):
-        unit = {"RN": "1"}.get(unit, unit)
-        cells.append(Cell(cell.written, cell.written, unit or (None if cell.name == cell.written else cell.unit)))
+    cells = tuple(map(_toa5_cell, _named(names), units))
     keys = ("format", "station", "logger", "serial", "system", "program", "signature", "table")
     about = dict(zip(keys, environment, strict=False))
     how = {f"processing {name}": text for name, text in zip(names, processing, strict=True) if text}
-    return Layout(
-        delimiter,
-        rule.decimal or ".",
-        tuple(cells),
-        lines[4][0],
-        True,
-        MISSING + _TOA5_MISSING + rule.missing,
-        {**attributes, **about, **how},
-    )
+    missing = MISSING + _TOA5_MISSING + rule.missing
+    attributes = {**table.attributes, **about, **how}
+    return Layout(table.delimiter, rule.decimal or ".", cells, lines[4][0], True, missing, attributes)
+
+
+def _toa5_cell(cell: Cell, unit: str) -> Cell:
+    unit = {"RN": "1"}.get(unit, unit)
+    return Cell(cell.written, cell.written, unit or (None if cell.name == cell.written else cell.unit))

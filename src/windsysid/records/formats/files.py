@@ -9,7 +9,7 @@ from pathlib import Path
 from windsysid.configuration import special_file_kind
 from windsysid.errors import ConfigurationError, RecordError
 
-__all__ = ["check_input", "damaged", "named_after", "quiet", "read_start"]
+__all__ = ["check_input", "damaged", "named_after", "quiet", "read_start", "reading"]
 
 
 # os.path answers where Path would raise: a folder that may not be entered, a name that cannot be one.
@@ -85,3 +85,12 @@ def damaged(error: Exception) -> Exception:
         return error
     reason = " ".join(str(error).split())[:120] or type(error).__name__
     return RecordError(f"is damaged or cut off ({reason}); copy or export it again")
+
+
+@contextlib.contextmanager
+def reading() -> Iterator[None]:
+    """Raise what a library raises while it reads a file as the error of `damaged`."""
+    try:
+        yield
+    except Exception as error:
+        raise damaged(error) from error

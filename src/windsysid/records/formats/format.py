@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from windsysid.errors import RecordError
-from windsysid.records.formats.source import Source
+from windsysid.records.formats.source import FileSource
 from windsysid.records.record import Record
 
 __all__ = ["Format", "package"]
@@ -30,7 +30,7 @@ class Format:
     endings : tuple of str
         Of file names, in small letters; ``#`` stands for digits.
     open : callable
-        ``open(path, mapping, whole=False)`` gives a `Source`; it is told whether the `whole` file will be read.
+        ``open(path, mapping, whole=False)`` gives a `FileSource`; it is told whether the `whole` file will be read.
     write : callable or None
         ``write(record, file)``; None where windsysid only reads.
     begins : tuple of bytes
@@ -41,7 +41,7 @@ class Format:
 
     name: str
     endings: tuple[str, ...]
-    open: Callable[..., Source]
+    open: Callable[..., FileSource]
     write: Callable[[Record, BinaryIO], None] | None = None
     begins: tuple[bytes, ...] = ()
     claims: Callable[[Path], bool] | None = None

@@ -17,11 +17,11 @@ import numpy as np
 
 from windsysid.errors import RecordError
 from windsysid.records.formats.columns import Cell
-from windsysid.records.formats.files import damaged
+from windsysid.records.formats.files import reading
 from windsysid.records.formats.hawc2 import distinct_names, known_unit
 from windsysid.records.formats.mapping import Mapping
-from windsysid.records.formats.series import Series, source_of_series
-from windsysid.records.formats.source import Source, doubles
+from windsysid.records.formats.series import FileSeries, source_of_series
+from windsysid.records.formats.source import FileSource, doubles
 from windsysid.records.record import Array
 
 __all__ = ["TYPE", "source_of_blocks"]
@@ -51,7 +51,7 @@ class _Block(NamedTuple):
 
 def source_of_blocks(
     name: str, about: dict[str, Any], found: dict[str, Any], groups: dict[str, dict[str, Any]], mapping: Mapping
-) -> Source:
+) -> FileSource:
     """Make the source of a GTSDF file.
 
     Parameters
@@ -71,17 +71,9 @@ def source_of_blocks(
     RecordError
         If blocks are missing or do not fit each other.
     """
-    try:
-        blocks = [
-            _block(found, f"block{number:04d}", groups.get(f"block{number:04d}", {}))
-            for number in range(min(int(about["no_blocks"]), 1 + len(groups)))
-        ]
-        widths = {block.data.shape[1] for block in blocks}
-        if len(widths) != 1:
-            raise RecordError("has blocks of different width, or none; it is damaged; copy or export it again")
-        cells = _cells(found, widths.pop())
-    except Exception as error:
-        raise damaged(error) from error
+    with reading():
+        blocks = _blocks(about, found, groups)
+        cells = _cells(found, blocks[0].data.shape[1])
     listed = [block.time for block in blocks if block.time is not None]
     times = partial(np.concatenate, listed) if len(listed) == len(blocks) else None
     ends = np.cumsum([len(block.data) for block in blocks])
@@ -102,12 +94,20 @@ def source_of_blocks(
         return np.ascontiguousarray(rows(low, high)[:, k])
 
     columns = [k for k, cell in enumerate(cells) if cell.name.lower() != "time"]
-    series = [Series(cells[k], int(ends[-1]), partial(column, k), times=times) for k in columns]
+    series = [FileSeries(cells[k], int(ends[-1]), partial(column, k), times=times) for k in columns]
     if not series:
         raise RecordError("holds no channel but the time; expected at least one")
     texts = {key: str(about[key]) for key in ("name", "description") if about.get(key)}
     how = "write its unit into attribute_units"
     return source_of_series(name, series, mapping, {"source": "GTSDF", **texts}, how=how, together=together)
+
+
+def _blocks(about: dict[str, Any], found: dict[str, Any], groups: dict[str, dict[str, Any]]) -> list[_Block]:
+    numbers = range(min(int(about["no_blocks"]), 1 + len(groups)))
+    blocks = [_block(found, name, groups.get(name, {})) for name in (f"block{number:04d}" for number in numbers)]
+    if len({block.data.shape[1] for block in blocks}) != 1:
+        raise RecordError("has blocks of different width, or none; it is damaged; copy or export it again")
+    return blocks
 
 
 def _block(found: dict[str, Any], name: str, about: dict[str, Any]) -> _Block:

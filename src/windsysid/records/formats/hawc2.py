@@ -19,8 +19,8 @@ from windsysid.errors import ConfigurationError, RecordError
 from windsysid.records.formats.columns import Cell
 from windsysid.records.formats.format import Format
 from windsysid.records.formats.mapping import Mapping
-from windsysid.records.formats.series import Grid, Series, source_of_series
-from windsysid.records.formats.source import Source
+from windsysid.records.formats.series import FileSeries, TimeGrid, source_of_series
+from windsysid.records.formats.source import FileSource
 from windsysid.records.formats.text import decoded, plain_numbers
 from windsysid.records.record import AS_WRITTEN, Array
 from windsysid.units import canonical
@@ -43,7 +43,7 @@ class _List:
     scales: Array | None
 
 
-def open_hawc2(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
+def open_hawc2(path: Path, mapping: Mapping, *, whole: bool = False) -> FileSource:
     """Open a pair of files by either; binary numbers are read as far as they are needed."""
     listing, data = path.with_suffix(_suffix(path, "sel")), path.with_suffix(_suffix(path, "dat"))
     for other in (listing, data):
@@ -78,7 +78,7 @@ def open_hawc2(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
     grid = _grid(known, column)
     numbers = [k for k, cell in enumerate(known.cells) if cell.name.lower() != "time"]
     series = [
-        Series(known.cells[k], known.scans, lambda low, high, k=k: column(k, low, high), grid)  # type: ignore[misc]
+        FileSeries(known.cells[k], known.scans, lambda low, high, k=k: column(k, low, high), grid)  # type: ignore[misc]
         for k in numbers
     ]
     if not series:
@@ -138,11 +138,11 @@ def known_unit(text: str) -> str:
     return text or "-"
 
 
-def _grid(known: _List, column: Callable[[int, int, int], Array]) -> Grid:
+def _grid(known: _List, column: Callable[[int, int, int], Array]) -> TimeGrid:
     step = known.duration / known.scans
     at = next((k for k, cell in enumerate(known.cells) if cell.name.lower() == "time"), None)
     if at is None:
-        return Grid(step, step)
+        return TimeGrid(step, step)
     time = column(at, 0, known.scans)
     if not np.isfinite(time).all():
         raise RecordError("the channel Time holds what is no time; it is damaged; run the simulation again")
@@ -161,7 +161,7 @@ def _grid(known: _List, column: Callable[[int, int, int], Array]) -> Grid:
             f"the channel Time is not the grid of {known.scans} scans in {known.duration:g} s that the list says; it is"
             " damaged; run the simulation again"
         )
-    return Grid(first, step)
+    return TimeGrid(first, step)
 
 
 def _has_list(path: Path) -> bool:

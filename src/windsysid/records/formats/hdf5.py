@@ -14,13 +14,13 @@ import numpy as np
 from windsysid.errors import RecordError
 from windsysid.records.formats import gtsdf
 from windsysid.records.formats.arrays import Stored, source_of_arrays
-from windsysid.records.formats.files import damaged, read_start
+from windsysid.records.formats.files import damaged, read_start, reading
 from windsysid.records.formats.format import Format
 from windsysid.records.formats.hdf5_tree import datasets
 from windsysid.records.formats.mapping import Mapping
 from windsysid.records.formats.netcdf import check_seal, unpacked
 from windsysid.records.formats.probing import probe
-from windsysid.records.formats.source import Source, doubles
+from windsysid.records.formats.source import FileSource, doubles
 from windsysid.records.record import Array
 
 __all__ = ["FORMAT", "opened", "stored"]
@@ -29,7 +29,7 @@ _MAGIC = b"\x89HDF\r\n\x1a\n"
 _UNITS = ("units", "unit", "Units", "Unit")
 
 
-def open_hdf5_file(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
+def open_hdf5_file(path: Path, mapping: Mapping, *, whole: bool = False) -> FileSource:
     """Open a file of any layout; its datasets are read as far as they are needed."""
     if read_start(path, len(_MAGIC)) != _MAGIC:
         raise RecordError("is not HDF5; give the file the ending of what it is, or export it again")
@@ -39,9 +39,7 @@ def open_hdf5_file(path: Path, mapping: Mapping, *, whole: bool = False) -> Sour
     try:
         found = list(datasets(file))
         if _text(file.attrs.get("type", "")).lower().startswith(gtsdf.TYPE.lower()):
-            about = {str(key): _plain(value) for key, value in file.attrs.items()}
-            groups = {name: dict(file[name].attrs) for name in {path.split("/")[0] for path, _ in found if "/" in path}}
-            return gtsdf.source_of_blocks(path.name, about, dict(found), groups, mapping)
+            return _gtsdf(path.name, file, found, mapping)
         arrays = [array for name, dataset in found for array in stored(name, dataset)]
         texts = {str(key): str(value) for key, value in file.attrs.items() if isinstance(value, str)}
     except Exception as error:
@@ -50,14 +48,18 @@ def open_hdf5_file(path: Path, mapping: Mapping, *, whole: bool = False) -> Sour
     return source_of_arrays(path.name, arrays, mapping, texts)
 
 
+def _gtsdf(name: str, file: Any, found: list[tuple[str, Any]], mapping: Mapping) -> FileSource:
+    about = {str(key): _plain(value) for key, value in file.attrs.items()}
+    groups = {name: dict(file[name].attrs) for name in {path.split("/")[0] for path, _ in found if "/" in path}}
+    return gtsdf.source_of_blocks(name, about, dict(found), groups, mapping)
+
+
 def opened(path: Path) -> Any:
     """An h5py file, closed when nobody holds it any more; RecordError where it is damaged."""
     import h5py  # type: ignore[import-untyped,unused-ignore]
 
-    try:
+    with reading():  # damaged HDF5 raises nearly anything
         return h5py.File(path, "r")
-    except Exception as error:  # damaged HDF5 raises nearly anything
-        raise damaged(error) from error
 
 
 def stored(path: str, dataset: Any, *, unit: str | None = None) -> list[Stored]:
@@ -77,12 +79,10 @@ def _stored(path: str, values: Any, dataset: Any, kind: Any, unit: str | None) -
         whole: list[Any] = [0] * len(shape)
         for axis, one in zip(kept, index, strict=True):
             whole[axis] = one
-        try:
+        with reading():
             if values is dataset:
                 return doubles(unpacked(dataset, tuple(whole)))
             return doubles(values[tuple(whole)])
-        except Exception as error:
-            raise damaged(error) from error
 
     return Stored(path, tuple(shape[axis] for axis in kept), read, kind.kind in "fiu" and not kind.subdtype, unit)
 

@@ -10,7 +10,7 @@ Source: NI, "Specification for the LabVIEW measurement file (.lvm)".
 
 import itertools
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -21,8 +21,8 @@ from windsysid.records.formats.dialect import MISSING, is_number
 from windsysid.records.formats.files import read_start
 from windsysid.records.formats.format import Format
 from windsysid.records.formats.mapping import Mapping
-from windsysid.records.formats.series import Grid, Series, cell_of, source_of_series
-from windsysid.records.formats.source import Source
+from windsysid.records.formats.series import FileSeries, TimeGrid, cell_of, source_of_series
+from windsysid.records.formats.source import FileSource
 from windsysid.records.formats.text import encoding_of, line_blocks
 from windsysid.records.moments import moment, tidy
 from windsysid.records.record import Array
@@ -48,81 +48,50 @@ class _Segment:
             raise RecordError(f"has no number behind {key}; it is damaged; export it again") from None
 
 
-def open_lvm(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
+def open_lvm(path: Path, mapping: Mapping, *, whole: bool = False) -> FileSource:
     """Open a file; such files are read whole."""
     if not read_start(path, len(_BEGIN)).startswith(_BEGIN.encode()):
         raise RecordError("is no LabVIEW measurement file; give the file the ending of what it is")
     head, segments = _parsed(path)
-    if not segments or not any(one.rows for one in segments):
-        raise RecordError("holds no samples; expected a segment with rows; record it again")
+    channels = _common_channels(segments)
     first = segments[0]
-    channels = _channels(head, first)
-    if any(_channels(head, one) != channels or one.names != first.names for one in segments):
-        raise RecordError("has segments with different channels; expected the same in all; split it in LabVIEW")
     tables = [np.array(one.rows) for one in segments]
     multi = head.get("X_Columns", ["One"])[0].lower() == "multi"
-    columns = [2 * k + 1 for k in range(len(channels))] if multi else [1 + k for k in range(len(channels))]
     start = _moment(head, first)
     time = _time(head, segments, tables, start, multi)
-    values = np.concatenate([table[:, columns] for table in tables])
-    units = first.header.get("Y_Unit_Label", [])
-    series = []
-    for k, name in enumerate(channels):
-        grid = time if isinstance(time, Grid) else None
-        listed = None if isinstance(time, Grid) else time
-        series.append(
-            Series(
-                cell_of(name, name, units[k] if k < len(units) else None),
-                values.shape[0],
-                lambda low, high, k=k: np.ascontiguousarray(values[low:high, k]),  # type: ignore[misc]
-                grid,
-                times=None if listed is None else (lambda listed=listed: listed),  # type: ignore[misc]
-                start=start,
-            )
-        )
+    values = np.concatenate(tables)[:, 1 : 1 + len(channels) * (1 + multi) : 1 + multi]
+    units = itertools.chain(first.header.get("Y_Unit_Label", []), itertools.repeat(None))
+    grid = time if isinstance(time, TimeGrid) else None
+    times = None if isinstance(time, TimeGrid) else lambda: time
+    series = [
+        FileSeries(cell_of(name, name, unit), len(values), _column(column), grid, times, start=start)
+        for name, unit, column in zip(channels, units, values.T, strict=False)
+    ]
     about = {key: head[key][0] for key in ("Description", "Operator", "Project") if head.get(key)}
     return source_of_series(path.name, series, mapping, about, how="give it a unit in LabVIEW (Y_Unit_Label)")
+
+
+def _column(values: Array) -> Callable[[int, int], Array]:
+    return lambda low, high: np.ascontiguousarray(values[low:high])
 
 
 def _parsed(path: Path) -> tuple[dict[str, list[str]], list[_Segment]]:
     """The header of the file and all segments."""
     lines = _lines(path)
-    next(lines, None)
-    head: dict[str, list[str]] = {}
-    for _, line in lines:
-        cells = re.split(r"[\t,]", line)
-        if cells[0] == "Decimal_Separator":
-            head[cells[0]] = [line[len(cells[0]) + 1 :].strip("\t ") or "."]  # which may be the comma itself
-            continue
-        if cells[0] == _END:
-            break
-        if cells[0]:
-            head[cells[0]] = [cell.strip() for cell in cells[1:] if cell.strip()]
+    head = _file_header(lines)
     mark = _SEPARATORS.get(head.get("Separator", ["Tab"])[0].lower(), "\t")
     decimal = head.get("Decimal_Separator", ["."])[0]
+    rows = ((number, [cell.strip() for cell in line.split(mark)]) for number, line in lines)
     segments: list[_Segment] = []
-    header: dict[str, list[str]] | None = None
-    for number, line in lines:
-        cells = [cell.strip() for cell in line.split(mark)]
+    for number, cells in rows:
         if not any(cells):
             continue
-        if header is None and cells[0] == "Channels":
-            header = {"Channels": cells[1:]}
-        elif header is not None and cells[0] == _END:
-            continue
-        elif header is not None and cells[0] == "X_Value":
-            segments.append(_Segment(header, cells))
-            header = None
-        elif header is not None:
-            if not cells[0] or cells[0] == "Channels" or is_number(cells[0], decimal):
-                raise RecordError(f"line {number} is no header line, expected X_Value before it; export it again")
-            header[cells[0]] = cells[1:]
-        elif not segments:
-            raise RecordError(f"line {number} should begin a segment with 'Channels'; it is damaged; export it again")
-        else:
+        if cells[0] == "Channels":
+            segments.append(_segment(cells, rows, decimal))
+        elif segments:
             segments[-1].rows.append(_row(cells, segments[-1], decimal, number))
-    if header is not None:
-        raise RecordError("is cut off in the header of its last segment; copy or export it again")
+        else:
+            raise RecordError(f"line {number} should begin a segment with 'Channels'; it is damaged; export it again")
     for one in segments:
         said = one.numbers("Samples")
         if said and len(one.rows) < max(said):
@@ -130,6 +99,35 @@ def _parsed(path: Path) -> tuple[dict[str, list[str]], list[_Segment]]:
                 f"is cut off: a segment says {max(said):g} samples and has {len(one.rows)}; copy or export it again"
             )
     return head, segments
+
+
+def _file_header(lines: Iterator[tuple[int, str]]) -> dict[str, list[str]]:
+    """The header of the file, by keyword."""
+    head: dict[str, list[str]] = {}
+    next(lines, None)
+    for _, line in lines:
+        key, *cells = re.split(r"[\t,]", line)
+        if key == _END:
+            break
+        if key == "Decimal_Separator":
+            cells = [line[len(key) + 1 :].strip("\t ") or "."]  # which may be the comma itself
+        if key:
+            head[key] = [cell.strip() for cell in cells if cell.strip()]
+    return head
+
+
+def _segment(first: list[str], rows: Iterator[tuple[int, list[str]]], decimal: str) -> _Segment:
+    """A segment without its rows, from the first line of its header to the names of its columns."""
+    header = {first[0]: first[1:]}
+    for number, (key, *cells) in rows:
+        if key == "X_Value":
+            return _Segment(header, [key, *cells])
+        if key == _END or not any([key, *cells]):
+            continue
+        if not key or key == "Channels" or is_number(key, decimal):
+            raise RecordError(f"line {number} is no header line, expected X_Value before it; export it again")
+        header[key] = cells
+    raise RecordError("is cut off in the header of its last segment; copy or export it again")
 
 
 def _lines(path: Path) -> Iterator[tuple[int, str]]:
@@ -170,7 +168,17 @@ def _row(cells: list[str], segment: _Segment, decimal: str, number: int) -> list
     return values
 
 
-def _channels(head: dict[str, list[str]], segment: _Segment) -> list[str]:
+def _common_channels(segments: list[_Segment]) -> list[str]:
+    """The channels of the first segment, which all must have."""
+    if not any(one.rows for one in segments):
+        raise RecordError("holds no samples; expected a segment with rows; record it again")
+    channels = _channels(segments[0])
+    if any(_channels(one) != channels or one.names != segments[0].names for one in segments):
+        raise RecordError("has segments with different channels; expected the same in all; split it in LabVIEW")
+    return channels
+
+
+def _channels(segment: _Segment) -> list[str]:
     names = [name for name in segment.names[1:] if name not in ("Comment", "X_Value")]
     said = segment.numbers("Channels")
     if not names or not said or said[0] != len(names):
@@ -195,7 +203,7 @@ def _moment(head: dict[str, list[str]], segment: _Segment) -> str | None:
 
 def _time(
     head: dict[str, list[str]], segments: list[_Segment], tables: list[Array], start: str | None, multi: bool
-) -> Array | Grid:
+) -> Array | TimeGrid:
     """Times [s] after the first segment's moment, or their grid where only that is written."""
     parts = []
     for one, table in zip(segments, tables, strict=True):
@@ -209,7 +217,7 @@ def _time(
             if not step or len({*step}) > 1 or len({*begin}) > 1 or not step[0] > 0.0:
                 raise RecordError("has channels without a common step of the time; export channels of one clock")
             if len(segments) == 1:
-                return Grid(begin[0], step[0], start)
+                return TimeGrid(begin[0], step[0], start)
             written = np.asarray(begin[0] + step[0] * np.arange(table.shape[0]))
         parts.append(written)
     return np.concatenate(_apart(head, segments, parts, start))

@@ -87,26 +87,12 @@ class TimeRule(_Strict):
             )
         if self.unit is not None and si_unit(self.unit) != "s":
             raise ValueError(f"unit '{self.unit}' is not a unit of time, expected s, ms, min, h or d")
-        if self.format is not None and self.format not in NAMED_FORMATS and "%" not in self.format:
-            raise ValueError(
-                f"format '{self.format}' is neither a pattern such as '%d.%m.%Y %H:%M:%S' nor one of "
-                f"{', '.join(NAMED_FORMATS)}"
-            )
-        if self.format is not None and "%" in self.format:
+        if self.format is not None and self.format not in NAMED_FORMATS:
             _check_pattern(self.format)
         if self.start is not None:
-            text = self.start if isinstance(self.start, str) else self.start.isoformat()
-            try:
-                object.__setattr__(self, "start", tidy(text))
-            except ValueError as error:
-                raise ValueError(f"start: {error}") from None
+            object.__setattr__(self, "start", _checked_start(self.start))
         if self.zone is not None:
-            import zoneinfo
-
-            try:
-                zoneinfo.ZoneInfo(self.zone)
-            except (zoneinfo.ZoneInfoNotFoundError, ValueError, OSError):
-                raise ValueError(f"unknown zone '{self.zone}', expected one like 'UTC' or 'Europe/Stockholm'") from None
+            _check_zone(self.zone)
 
 
 @dataclass(frozen=True)
@@ -211,10 +197,30 @@ class Mapping(_Strict):
         return next((rule for key, rule in self.channels.items() if matches(key, *names)), None)
 
 
+def _checked_start(start: str | datetime) -> str:
+    try:
+        return tidy(start if isinstance(start, str) else start.isoformat())
+    except ValueError as error:
+        raise ValueError(f"start: {error}") from None
+
+
+def _check_zone(zone: str) -> None:
+    import zoneinfo
+
+    try:
+        zoneinfo.ZoneInfo(zone)
+    except (zoneinfo.ZoneInfoNotFoundError, ValueError, OSError):
+        raise ValueError(f"unknown zone '{zone}', expected one like 'UTC' or 'Europe/Stockholm'") from None
+
+
 def _check_pattern(pattern: str) -> None:
     """Raise a ValueError with the reason if pandas cannot use a pattern for any text."""
     import pandas as pd
 
+    if "%" not in pattern:
+        raise ValueError(
+            f"format '{pattern}' is neither a pattern such as '%d.%m.%Y %H:%M:%S' nor one of {', '.join(NAMED_FORMATS)}"
+        )
     if "%Z" in pattern.replace("%%", ""):
         raise ValueError(
             f"format '{pattern[:40]}': names of zones (%Z) are not read; write the name itself into the format, and"

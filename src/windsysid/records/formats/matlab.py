@@ -16,13 +16,13 @@ import numpy as np
 
 from windsysid.errors import RecordError
 from windsysid.records.formats.arrays import Stored, rate_hint, source_of_arrays
-from windsysid.records.formats.files import damaged, read_start
+from windsysid.records.formats.files import read_start, reading
 from windsysid.records.formats.format import Format
 from windsysid.records.formats.hdf5 import opened, stored
 from windsysid.records.formats.hdf5_tree import datasets
 from windsysid.records.formats.mapping import Mapping
 from windsysid.records.formats.probing import probe
-from windsysid.records.formats.source import Source, doubles
+from windsysid.records.formats.source import FileSource, doubles
 from windsysid.records.record import Array
 
 __all__ = ["FORMAT"]
@@ -33,19 +33,17 @@ _ELEMENTS = (14, 15)  # a variable, plain or compressed
 _NO_NUMBERS = ("char", "cell", "function_handle", "struct", "object", "unknown", "opaque", "function")
 
 
-def open_matlab(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
+def open_matlab(path: Path, mapping: Mapping, *, whole: bool = False) -> FileSource:
     """Open a file of either kind; variables are read where they are needed."""
     start = read_start(path, 128)
     if not start.startswith((_OLD, _NEW)):
         raise RecordError("is no MATLAB file of version 5 to 7.3; save it in MATLAB with -v7.3, or as what it is")
-    try:
+    with reading():
         if start.startswith(_OLD):
             _follow(path, ">" if start[126:128] == b"MI" else "<")
             probe(path, "scipy.io")
         arrays = list(_new(path) if start.startswith(_NEW) else _old(path))
         hint = rate_hint(arrays)
-    except Exception as error:
-        raise damaged(error) from error
     about = start[:116].decode("latin-1").strip()
     return source_of_arrays(path.name, arrays, mapping, {"source": about}, hint)
 
@@ -90,10 +88,8 @@ def _old(path: Path) -> Iterator[Stored]:
     def variable(name: str) -> Any:
         from scipy.io import loadmat
 
-        try:
+        with reading():
             return loadmat(str(path), variable_names=[name], squeeze_me=True, struct_as_record=False)[name]
-        except Exception as error:
-            raise damaged(error) from error
 
     for name, shape, kind in whosmat(str(path)):
         if kind == "struct":

@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 
 from windsysid.errors import RecordError
-from windsysid.records.formats.files import damaged, quiet, read_start
+from windsysid.records.formats.files import damaged, quiet, read_start, reading
 from windsysid.records.formats.format import Format, package
 from windsysid.records.formats.mapping import Mapping
 from windsysid.records.formats.probing import probe
-from windsysid.records.formats.series import Series, cell_of, short_names, source_of_series, utc
-from windsysid.records.formats.source import Source, doubles
+from windsysid.records.formats.series import FileSeries, cell_of, short_names, source_of_series, utc
+from windsysid.records.formats.source import FileSource, doubles
 from windsysid.records.moments import tidy
 from windsysid.records.record import Array
 
@@ -36,7 +36,7 @@ _CHAINED = {
 _MOST_PACKED = 1100  # zlib packs 1032 bytes into one at most
 
 
-def open_mdf(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
+def open_mdf(path: Path, mapping: Mapping, *, whole: bool = False) -> FileSource:
     """Open a file; its channels are read as far as they are needed."""
     start = read_start(path, 16)
     if start.startswith(b"UnFinMF"):
@@ -48,13 +48,11 @@ def open_mdf(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
     _follow(path)
     probe(path, "asammdf")
     file = _opened(path)
-    try:
+    with reading():
         paths, found = _channels(file, path.stat().st_size)
         names = short_names(paths)
         began = _start(file)
         series = [_series(file, group, index, *name, began) for (group, index), name in zip(found, names, strict=True)]
-    except Exception as error:
-        raise damaged(error) from error
     if not series:
         raise RecordError("holds no channel with samples; expected at least one; record it again")
 
@@ -147,21 +145,18 @@ def _start(file: Any) -> str | None:
     return utc(1000 * round(1e6 * began.timestamp()))
 
 
-def _series(file: Any, group: int, index: int, written: str, name: str, start: str | None) -> Series:
+def _series(file: Any, group: int, index: int, written: str, name: str, start: str | None) -> FileSeries:
     channel = file.groups[group].channels[index]
     unit = channel.unit or (channel.conversion.unit if channel.conversion is not None else "")
     samples = int(file.groups[group].channel_group.cycles_nr)
 
     def times() -> Array:
-        try:
-            with quiet("asammdf"):
-                return doubles(file.get_master(group))
-        except Exception as error:
-            raise damaged(error) from error
+        with reading(), quiet("asammdf"):
+            return doubles(file.get_master(group))
 
     master = file.masters_db.get(group)
     timed = master is not None and file.groups[group].channels[master].sync_type == _TIME
-    return Series(
+    return FileSeries(
         cell_of(written, name, unit),
         samples,
         lambda low, high: _read(file, [(group, index)], low, high)[0],
@@ -172,12 +167,9 @@ def _series(file: Any, group: int, index: int, written: str, name: str, start: s
 
 
 def _read(file: Any, channels: list[tuple[int, int]], low: int, high: int) -> list[Array]:
-    try:
-        wanted = [(None, group, index) for group, index in channels]
-        with quiet("asammdf"):
-            signals = file.select(wanted, record_offset=low, record_count=high - low, copy_master=False)
-    except Exception as error:
-        raise damaged(error) from error
+    wanted = [(None, group, index) for group, index in channels]
+    with reading(), quiet("asammdf"):
+        signals = file.select(wanted, record_offset=low, record_count=high - low, copy_master=False)
     return [_numbers(signal) for signal in signals]
 
 

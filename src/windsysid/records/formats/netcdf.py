@@ -11,21 +11,21 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 
 import numpy as np
 
-from windsysid.configuration import parse_json
 from windsysid.errors import ConfigurationError, OutputError, RecordError
 from windsysid.records.formats.clock import split_since, start_of
-from windsysid.records.formats.columns import Cell, name_and_unit, plan_columns
-from windsysid.records.formats.files import read_start
+from windsysid.records.formats.columns import Cell, Column, name_and_unit, plan_columns
+from windsysid.records.formats.files import read_start, reading
 from windsysid.records.formats.format import Format
 from windsysid.records.formats.hdf5_tree import check_tree
 from windsysid.records.formats.mapping import Mapping
 from windsysid.records.formats.probing import probe
-from windsysid.records.formats.source import Block, Source, doubles, indexed_source
+from windsysid.records.formats.source import FileBlock, FileSource, doubles, indexed_source
 from windsysid.records.formats.time_units import confirmed_unit
+from windsysid.records.labelled import written_order
 from windsysid.records.moments import has_zone, split_start
 from windsysid.records.record import Array, Record
 from windsysid.units import si_unit, to_si
@@ -44,7 +44,18 @@ _HOW = "give the variable its attribute units"
 _MAX_VALUES_AT_ONCE = 1 << 24  # values that fit into memory without thinking
 
 
-def open_netcdf(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
+class _Contents(NamedTuple):
+    """What a file holds: channels, the names of the file's variables, times [s], and what it says about itself."""
+
+    columns: tuple[Column, ...]
+    variables: list[str]
+    time: Array
+    start: str | None
+    attributes: dict[str, str]
+    name: str
+
+
+def open_netcdf(path: Path, mapping: Mapping, *, whole: bool = False) -> FileSource:
     """Open a file; its variables are read as far as they are needed."""
     start = read_start(path, len(_HDF5))
     if start[:3] == b"CDF":
@@ -53,69 +64,63 @@ def open_netcdf(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
         raise RecordError("is not netCDF-4; give the file the ending of what it is, or export it again")
     if (whole or path.stat().st_size < _MAX_CHECKED_BYTES) and not check_seal(path):
         probe(path)
-    file = open_hdf5(path)
-    try:
-        time_name = _time_name(mapping)
-        if time_name not in file.variables or len(file[time_name].dimensions) != 1:
-            raise RecordError(
-                "not a record: expected a coordinate 'time' (T,) in seconds, got the variables "
-                f"{', '.join(list(file.variables)[:12]) or 'none'}"
-            )
-        names = [name for name in _order(file) if name != time_name]
-        scalars = [name for name in names if not file[name].dimensions and name not in mapping.channels]
-        names = [name for name in names if name not in scalars]
-        (dimension,) = file[time_name].dimensions
-
-        def some(index: int) -> Array:
-            _check_variable(file[names[index]], names[index], dimension)
-            return unpacked(file[names[index]], slice(0, _SOME))
-
-        columns = plan_columns([_cell(name, file[name]) for name in names], None, mapping, some, _HOW)
-        for column in columns:
-            _check_variable(file[names[column.index]], names[column.index], dimension)
-        time = _seconds(file[time_name], time_name, mapping)
-        texts = {k: str(v) for k, v in file.attrs.items() if not k.startswith("windsysid_")}
-        said, attributes = split_start(texts, float(time[0]) if time.size else 0.0)
-        if scalars and not mapping.only_listed:
-            attributes = {**attributes, "left_out": ", ".join(scalars)}
-        began = start_of(mapping.time, _since(file[time_name]) or said)
-        name = str(file.attrs.get("windsysid_name", path.name))
-    except (RecordError, ConfigurationError):
-        raise
-    except Exception as error:
-        raise _damaged(error) from error
-    finally:
-        file.close()
-
+    with reading(), open_hdf5(path) as file:
+        found = _contents(file, mapping, path.name)
+    columns = found.columns
     opened: list[h5netcdf.File] = []
 
     def rows(low: int, high: int) -> Array:
-        try:
-            parts = [unpacked(opened[-1][names[c.index]], slice(low, high)) for c in columns]
-        except Exception as error:
-            raise _damaged(error) from error
+        with reading():
+            parts = [unpacked(opened[-1][found.variables[c.index]], slice(low, high)) for c in columns]
         return np.column_stack([column.values(part) for column, part in zip(columns, parts, strict=True)])
 
-    many = time.size * len(columns) > _MAX_VALUES_AT_ONCE or not whole
-    source = indexed_source(
-        name,
-        tuple(column.name for column in columns),
-        tuple(column.unit for column in columns),
-        time,
-        rows,
-        attributes,
-        rows_at_once=max(1, _VALUES // len(columns)) if many else None,
-        start=began,
-    )
+    values = found.time.size * len(columns)
+    at_once = values if whole and values <= _MAX_VALUES_AT_ONCE else _VALUES
+    source = indexed_source(found.name, columns, found.time, rows, values_at_once=at_once)
 
-    def blocks(start: float, end: float) -> Iterator[Block]:
+    def blocks(start: float, end: float) -> Iterator[FileBlock]:
         opened.append(open_hdf5(path))
         try:
             yield from source.blocks(start, end)
         finally:
             opened.pop().close()
 
-    return replace(source, blocks=blocks)
+    return replace(source, blocks=blocks, attributes=found.attributes, start=found.start)
+
+
+def _contents(file: "h5netcdf.File", mapping: Mapping, name: str) -> _Contents:
+    time_name = _time_name(mapping)
+    if time_name not in file.variables or len(file[time_name].dimensions) != 1:
+        raise RecordError(
+            "not a record: expected a coordinate 'time' (T,) in seconds, got the variables "
+            f"{', '.join(list(file.variables)[:12]) or 'none'}"
+        )
+    columns, names, scalars = _channels(file, time_name, mapping)
+    time = _seconds(file[time_name], time_name, mapping)
+    texts = {key: str(value) for key, value in file.attrs.items() if not key.startswith("windsysid_")}
+    said, attributes = split_start(texts, time)
+    left_out = {"left_out": ", ".join(scalars)} if scalars and not mapping.only_listed else {}
+    start = start_of(mapping.time, _since(file[time_name]) or said)
+    return _Contents(columns, names, time, start, attributes | left_out, str(file.attrs.get("windsysid_name", name)))
+
+
+def _channels(
+    file: "h5netcdf.File", time_name: str, mapping: Mapping
+) -> tuple[tuple[Column, ...], list[str], list[str]]:
+    """Channels of a file, the names of all variables with samples, and those of scalars that the mapping leaves out."""
+    names = [name for name in _order(file) if name != time_name]
+    scalars = [name for name in names if not file[name].dimensions and name not in mapping.channels]
+    names = [name for name in names if name not in scalars]
+    (dimension,) = file[time_name].dimensions
+
+    def some(index: int) -> Array:
+        _check_variable(file[names[index]], names[index], dimension)
+        return unpacked(file[names[index]], slice(0, _SOME))
+
+    columns = plan_columns([_cell(name, file[name]) for name in names], None, mapping, some, _HOW)
+    for column in columns:
+        _check_variable(file[names[column.index]], names[column.index], dimension)
+    return columns, names, scalars
 
 
 def write_netcdf(record: Record, file: BinaryIO) -> None:
@@ -180,21 +185,12 @@ def open_hdf5(path: Path) -> "h5netcdf.File":
     import h5netcdf
     import h5py  # type: ignore[import-untyped,unused-ignore]
 
-    try:
+    with reading():  # damaged HDF5 raises nearly anything
         # h5netcdf leaves a traceback on stderr where it fails half-way: fail before it in the same places.
         with h5py.File(path) as file:
             file.attrs.get("_nc3_strict")
             check_tree(file)
         return h5netcdf.File(path, decode_vlen_strings=True)
-    except RecordError:
-        raise
-    except Exception as error:  # damaged HDF5 raises nearly anything
-        raise _damaged(error) from error
-
-
-def _damaged(error: Exception) -> RecordError:
-    reason = " ".join(str(error).split())[:120]
-    return RecordError(f"is damaged, cut off or not netCDF-4 ({reason}); copy or export it again")
 
 
 def _order(file: "h5netcdf.File") -> list[str]:
@@ -202,11 +198,7 @@ def _order(file: "h5netcdf.File") -> list[str]:
     listed = [str(item.attrs.get("coordinates", "")).split() for item in (file, *file.variables.values())]
     coordinates = {*file.dimensions, *(name for some in listed for name in some)}
     names = [name for name in file.variables if name not in coordinates]
-    try:
-        order = [str(name) for name in parse_json(file.attrs.get("windsysid_channels", "[]"))]
-    except (TypeError, ValueError):
-        return names
-    return order if sorted(order) == sorted(names) else names
+    return written_order(names, file.attrs.get("windsysid_channels", "[]"))
 
 
 def _time_name(mapping: Mapping) -> str:

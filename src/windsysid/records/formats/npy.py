@@ -19,10 +19,10 @@ import numpy as np
 
 from windsysid.errors import RecordError
 from windsysid.records.formats.arrays import Stored, rate_hint, source_of_arrays
-from windsysid.records.formats.files import damaged
+from windsysid.records.formats.files import reading
 from windsysid.records.formats.format import Format
 from windsysid.records.formats.mapping import Mapping
-from windsysid.records.formats.source import Source, doubles
+from windsysid.records.formats.source import FileSource, doubles
 from windsysid.records.record import Array
 
 __all__ = ["FORMAT"]
@@ -32,7 +32,7 @@ _ENDING = ".npy"
 _COARSE = ("Y", "M", "generic")  # units of dates that have no fixed number of seconds
 
 
-class _Header(NamedTuple):
+class _ArrayHeader(NamedTuple):
     """Shape and data type of an array, and size of its header and numbers together [bytes]."""
 
     shape: tuple[int, ...]
@@ -40,12 +40,10 @@ class _Header(NamedTuple):
     size: int
 
 
-def open_numpy(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
+def open_numpy(path: Path, mapping: Mapping, *, whole: bool = False) -> FileSource:
     """Open a file; an ``.npy`` is read as far as it is needed, an ``.npz`` array by array."""
-    try:
+    with reading():
         arrays = list(_archive(path) if zipfile.is_zipfile(path) else _single(path))
-    except Exception as error:
-        raise damaged(error) from error
     return source_of_arrays(path.name, arrays, mapping, {"source": "NumPy"}, rate_hint(arrays))
 
 
@@ -63,11 +61,8 @@ def _single(path: Path) -> Iterator[Stored]:
 def _archive(path: Path) -> Iterator[Stored]:
     @cache  # such a file is read array by array, not in parts
     def array(name: str) -> Any:
-        try:
-            with zipfile.ZipFile(path) as archive, archive.open(name) as file:
-                return np.lib.format.read_array(file, allow_pickle=False)
-        except Exception as error:
-            raise damaged(error) from error
+        with reading(), zipfile.ZipFile(path) as archive, archive.open(name) as file:
+            return np.lib.format.read_array(file, allow_pickle=False)
 
     with zipfile.ZipFile(path) as archive:
         members = [one for one in archive.infolist() if one.filename.endswith(_ENDING)]
@@ -80,7 +75,7 @@ def _archive(path: Path) -> Iterator[Stored]:
             yield from _stored(one.filename.removesuffix(_ENDING), header, partial(array, one.filename))
 
 
-def _header(file: IO[bytes]) -> _Header:
+def _header(file: IO[bytes]) -> _ArrayHeader:
     if file.read(len(_MAGIC)) != _MAGIC:
         raise RecordError("is no array of NumPy; give the file the ending of what it is")
     file.seek(0)
@@ -90,16 +85,16 @@ def _header(file: IO[bytes]) -> _Header:
     if version == (3, 0) and kind.names is not None:  # as 2.0, but for names in UTF-8, which was read as Latin-1
         kind.names = tuple(name.encode("latin-1").decode() for name in kind.names)
     count = math.prod(map(int, shape))
-    return _Header(shape, kind, file.tell() + count * kind.itemsize)
+    return _ArrayHeader(shape, kind, file.tell() + count * kind.itemsize)
 
 
-def _check_size(name: str, header: _Header, size: int) -> None:
+def _check_size(name: str, header: _ArrayHeader, size: int) -> None:
     if header.kind.hasobject or size >= header.size:
         return
     raise RecordError(f"is cut off: {name} needs {header.size} bytes, got {size}; copy or save it again")
 
 
-def _stored(path: str, header: _Header, get: Callable[[], Any]) -> list[Stored]:
+def _stored(path: str, header: _ArrayHeader, get: Callable[[], Any]) -> list[Stored]:
     """Channels of an array; a structured array has one for each field."""
     if header.kind.hasobject and header.kind.names is None:
         return [Stored(path, header.shape, lambda index: np.empty(0), numeric=False)]

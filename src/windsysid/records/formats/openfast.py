@@ -44,7 +44,7 @@ from windsysid.records.formats.format import Format
 from windsysid.records.formats.mapping import Mapping, TimeRule
 from windsysid.records.formats.openfast_text import read_text_output
 from windsysid.records.formats.packed import open_packed
-from windsysid.records.formats.source import Source, indexed_source
+from windsysid.records.formats.source import FileSource, indexed_source
 from windsysid.records.record import AS_WRITTEN, Array
 from windsysid.units import canonical
 
@@ -100,7 +100,7 @@ Source: ElastoDyn's output parameters (OpenFAST, ``OutListParameters.xlsx``, col
 """
 
 
-def open_openfast(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
+def open_openfast(path: Path, mapping: Mapping, *, whole: bool = False) -> FileSource:
     """Open OpenFAST output; a binary file is read as far as it is needed, a text file always whole."""
     found = open_packed(path) if path.suffix.lower() == ".outb" else read_text_output(path)
     names, units = found.names, found.units
@@ -124,15 +124,9 @@ def open_openfast(path: Path, mapping: Mapping, *, whole: bool = False) -> Sourc
         raw = found.rows(low, high)
         return np.column_stack([_channel(known[c.index], c.values(raw[:, c.index - 1])) for c in columns])
 
-    return indexed_source(
-        path.name,
-        tuple(column.name for column in columns),
-        tuple(column.unit for column in columns),
-        time,
-        rows,
-        {"source": "OpenFAST", "description": found.description, **found.notes},
-        place=found.place,
-        rows_at_once=max(1, (1 << 20) // len(columns)),
+    return replace(
+        indexed_source(path.name, columns, time, rows, place=found.place),
+        attributes={"source": "OpenFAST", "description": found.description, **found.notes},
         start=start_of(mapping.time, None),
     )
 
@@ -144,29 +138,29 @@ def known_channel(name: str) -> tuple[str, float]:
 
 
 @dataclass(frozen=True)
-class _Known:
+class _KnownChannel:
     """Name of a column in windsysid, and the sign by which OpenFAST's values are multiplied."""
 
     name: str
     sign: float = 1.0
 
 
-def _ours(name: str) -> _Known:
+def _ours(name: str) -> _KnownChannel:
     blade = re.fullmatch(r"(.*[A-Za-z])(\d)", name)
     number = blade[2] if blade and {blade[1] + "#"} & {*CHANNELS, *ALIASES} else ""
     key = f"{blade[1]}#" if blade and number else name
     ours, sign = CHANNELS.get(ALIASES.get(key, key), (name, 1.0))
-    return _Known(ours.replace("#", number), sign)
+    return _KnownChannel(ours.replace("#", number), sign)
 
 
-def _known(names: Sequence[str], mapping: Mapping) -> list[_Known]:
+def _known(names: Sequence[str], mapping: Mapping) -> list[_KnownChannel]:
     """Names and signs of the columns: the file's own where a mapping lists one, or an earlier column has the name."""
-    found: list[_Known] = []
+    found: list[_KnownChannel] = []
     taken: dict[str, str] = {}
     for name in names:
         ours = _ours(name)
         own = mapping.rule_of(name) is not None or taken.setdefault(ours.name, name) != name
-        found.append(_Known(name) if own else ours)
+        found.append(_KnownChannel(name) if own else ours)
     return found
 
 
@@ -178,7 +172,7 @@ def _unit(unit: str) -> str:
     return unit
 
 
-def _channel(known: _Known, values: Array) -> Array:
+def _channel(known: _KnownChannel, values: Array) -> Array:
     if known.name == "rotor_azimuth":
         values = _azimuth(values)
     return values if known.sign > 0.0 else -values

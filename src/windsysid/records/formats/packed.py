@@ -10,6 +10,7 @@ are left out, and the attribute ``left_over`` reports them. The numbers are thos
 import struct
 from dataclasses import dataclass
 from pathlib import Path
+from typing import BinaryIO, NamedTuple
 
 import numpy as np
 
@@ -18,11 +19,11 @@ from windsysid.records.formats.source import doubles
 from windsysid.records.formats.text import decoded
 from windsysid.records.record import Array
 
-__all__ = ["Packed", "open_packed"]
+__all__ = ["PackedOutput", "open_packed"]
 
 
 @dataclass(frozen=True)
-class Packed:
+class PackedOutput:
     """An ``.outb`` file whose header has been read.
 
     Attributes
@@ -95,7 +96,7 @@ class Packed:
         return f"sample {row}"
 
 
-def open_packed(path: Path) -> Packed:
+def open_packed(path: Path) -> PackedOutput:
     """Read the header and hold it against the size of the file.
 
     Raises
@@ -103,55 +104,86 @@ def open_packed(path: Path) -> Packed:
     RecordError
         If the header is invalid, or the file is shorter than it requires.
     """
-    size = path.stat().st_size
-    rubbish = RecordError("is not OpenFAST binary output; give the file the ending of what it is")
     with path.open("rb") as file:
-        head = file.read(12)
-        if len(head) < 12:
-            raise rubbish
-        (kind,) = struct.unpack_from("<h", head)
-        if kind not in (1, 2, 3, 4):
-            raise rubbish
-        width, at = (struct.unpack_from("<h", head, 2)[0], 4) if kind == 4 else (10, 2)
-        channels, samples = struct.unpack_from("<ii", head, at)
-        if width <= 0 or channels <= 0 or samples < 0:
-            raise rubbish
-        fixed = at + 8 + 16 + (0 if kind == 3 else 8 * channels)  # two counts, two numbers for the time, scales
-        row = channels * (8 if kind == 3 else 2) + (4 if kind == 1 else 0)
-        names_size = width * (channels + 1)
-        needed = fixed + 4 + 2 * names_size + samples * row
-        if size >= fixed + 4:
-            file.seek(fixed)
-            (description_size,) = struct.unpack("<i", file.read(4))
-            if description_size < 0:
-                raise rubbish
-            needed += description_size
-        if size < needed:
-            raise RecordError(
-                f"is cut off: {samples} samples of {channels} channels need {needed} bytes, got {size}; run the"
-                " simulation or copy the file again"
-            )
-        file.seek(at + 8)
+        head = _head(file)
+        description, behind = _description_size(file, head, path.stat().st_size)
+        file.seek(head.at)
         first, second = struct.unpack("<dd", file.read(16))
-        scale = offset = np.ones(channels)
-        if kind != 3:
-            scale, offset = np.fromfile(file, "<f4", channels), np.fromfile(file, "<f4", channels)
-            if not (np.isfinite(scale).all() and np.isfinite(offset).all()):
-                raise RecordError(
-                    "has a channel whose scale is not a number; run the simulation or copy the file again"
-                )
-        file.seek(fixed + 4)
-        description = decoded(file.read(description_size)).strip()
-        names, units = (_texts(file.read(names_size), width) for _ in range(2))
-        times = None
-        if kind == 1:
+        scale, offset = _scales(file, head)
+        file.seek(4, 1)
+        text = decoded(file.read(description)).strip()
+        names, units = (_texts(file.read(head.names_size), head.width) for _ in range(2))
+        times, start, step = None, first, second
+        if head.kind == 1:
             with np.errstate(all="ignore"):
-                times = (np.fromfile(file, "<i4", samples) - second) / first
-        start, step = (np.nan, np.nan) if kind == 1 else (first, second)
-        return Packed(
-            path, names, tuple(unit[1:-1] for unit in units), description, samples, start, step, times,
-            doubles(scale), doubles(offset), file.tell(), kind == 3, size - needed,
+                times = (np.fromfile(file, "<i4", head.samples) - second) / first
+            start = step = np.nan
+        return PackedOutput(
+            path, names, tuple(unit[1:-1] for unit in units), text, head.samples, start, step, times,
+            doubles(scale), doubles(offset), file.tell(), head.kind == 3, behind,
         )  # fmt: skip
+
+
+class _PackedHead(NamedTuple):
+    """Format, characters of a name, numbers of channels and samples, and position of what follows them."""
+
+    kind: int
+    width: int
+    channels: int
+    samples: int
+    at: int
+
+    @property
+    def names_size(self) -> int:
+        """Bytes of all names, and of all units."""
+        return self.width * (self.channels + 1)
+
+    @property
+    def row(self) -> int:
+        """Bytes of a row, with its time in format 1."""
+        return self.channels * (8 if self.kind == 3 else 2) + (4 if self.kind == 1 else 0)
+
+
+def _head(file: BinaryIO) -> _PackedHead:
+    data = file.read(12)
+    (kind,) = struct.unpack_from("<h", data) if len(data) == 12 else (0,)
+    if kind not in (1, 2, 3, 4):
+        raise _rubbish()
+    width, at = (struct.unpack_from("<h", data, 2)[0], 4) if kind == 4 else (10, 2)
+    channels, samples = struct.unpack_from("<ii", data, at)
+    if width <= 0 or channels <= 0 or samples < 0:
+        raise _rubbish()
+    return _PackedHead(kind, width, channels, samples, at + 8)
+
+
+def _rubbish() -> RecordError:
+    return RecordError("is not OpenFAST binary output; give the file the ending of what it is")
+
+
+def _description_size(file: BinaryIO, head: _PackedHead, size: int) -> tuple[int, int]:
+    """Bytes of the description, and of what follows the counted rows; RecordError if the file is too short."""
+    fixed = head.at + 16 + (0 if head.kind == 3 else 8 * head.channels)  # two numbers for the time, scales
+    needed, description = fixed + 4 + 2 * head.names_size + head.samples * head.row, 0
+    if size >= fixed + 4:
+        file.seek(fixed)
+        (description,) = struct.unpack("<i", file.read(4))
+        if description < 0:
+            raise _rubbish()
+    if size < needed + description:
+        raise RecordError(
+            f"is cut off: {head.samples} samples of {head.channels} channels need {needed + description} bytes, got"
+            f" {size}; run the simulation or copy the file again"
+        )
+    return description, size - needed - description
+
+
+def _scales(file: BinaryIO, head: _PackedHead) -> tuple[Array, Array]:
+    if head.kind == 3:
+        return np.ones(head.channels), np.ones(head.channels)
+    scale, offset = np.fromfile(file, "<f4", head.channels), np.fromfile(file, "<f4", head.channels)
+    if not (np.isfinite(scale).all() and np.isfinite(offset).all()):
+        raise RecordError("has a channel whose scale is not a number; run the simulation or copy the file again")
+    return scale, offset
 
 
 def _texts(cells: bytes, width: int) -> tuple[str, ...]:

@@ -13,21 +13,29 @@ import io
 import json
 import re
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 
 from windsysid.configuration import parse_json
-from windsysid.errors import ConfigurationError, OutputError, RecordError
+from windsysid.errors import OutputError, RecordError
 from windsysid.records.formats.clock import Clock, counted_clock, exact_seconds, make_clock, moments_clock, start_of
-from windsysid.records.formats.columns import Cell, Column, find_times, is_called_time, name_and_unit, plan_columns
-from windsysid.records.formats.files import read_start
+from windsysid.records.formats.columns import (
+    Cell,
+    Column,
+    find_times,
+    is_called_time,
+    name_and_unit,
+    names_and_units,
+    plan_columns,
+)
+from windsysid.records.formats.files import read_start, reading
 from windsysid.records.formats.format import Format, package
 from windsysid.records.formats.mapping import Mapping
-from windsysid.records.formats.source import Block, Source, doubles, shifted
+from windsysid.records.formats.source import FileBlock, FileSource, doubles, shifted
 from windsysid.records.moments import split_start
 from windsysid.records.record import Array, Record
 
@@ -47,69 +55,82 @@ _TAIL = 8
 """Bytes behind the footer: its length, and four letters."""
 
 
-def open_parquet(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
+def open_parquet(path: Path, mapping: Mapping, *, whole: bool = False) -> FileSource:
     """Open a file; its row groups are read as far as they are needed."""
     if read_start(path, 4) != b"PAR1":
         raise RecordError("is not Parquet; give the file the ending of what it is, or export it again")
     _check_seal(path)
     file = _opened(path)
-    try:
-        schema = file.schema_arrow
-        notes = {key.decode(): text.decode() for key, text in (schema.metadata or {}).items()}
-        cells = [_cell(schema.field(i)) for i in range(len(schema))]
-        times, counter = _times_and_counter(cells, _pandas_index(notes, [cell.written for cell in cells]), mapping)
-        rate = mapping.time.rate
-
-        def some(index: int) -> Array:
-            _check_type(schema.field(index), dates=False)
-            batch = next(file.iter_batches(_SOME, columns=[schema.names[index]]), None)
-            return np.empty(0) if batch is None else _numbers(_column(batch, schema.names, index))
-
-        columns = plan_columns(cells, (*times, *counter), mapping, some, "name the column '{}'")
-        for i in [*times, *(column.index for column in columns)]:
-            _check_type(schema.field(i), dates=i in times)
+    with reading():
+        rows = _rows(file, mapping)
+        notes = _notes(file.schema_arrow)
         attributes = {str(k): str(v) for k, v in parse_json(notes.get("windsysid_attributes", "{}")).items()}
-        if counter:
-            attributes["dropped"] = "pandas' index counts the rows; it is left out"
-        shown = times[0] if times else 0
-        batch = next(file.iter_batches(20, columns=[schema.names[shown]]), None)
-        if batch is None or not batch.num_rows:
-            raise RecordError("expected at least 2 samples, got 0; give a longer record")
-        first = _column(batch, schema.names, shown)
-        clock = _clock(first, cells[shown].unit, mapping) if times else None
-        times = times if clock is not None else ()
-        start = 0.0 if clock is None else float(_seconds(clock, first)[0])
-        said, attributes = split_start(attributes, start)
-    except (RecordError, ConfigurationError):
-        raise
-    except (ValueError, OSError, AttributeError, KeyError, TypeError) as error:
-        raise _damaged(error) from error
-    wanted = [*times, *(column.index for column in columns)]
-    return Source(
+        clock = rows.clock
+        start = 0.0 if clock is None else float(_seconds(clock, rows.first)[0])
+        said, attributes = split_start(attributes, np.array([start]))
+    if rows.counter:
+        attributes["dropped"] = "pandas' index counts the rows; it is left out"
+    return FileSource(
         notes.get("windsysid_name", path.name),
-        tuple(column.name for column in columns),
-        tuple(column.unit for column in columns),
-        partial(_blocks, file, schema.names, wanted, clock, columns, rate),
+        *names_and_units(rows.columns),
+        partial(_blocks, file, rows, mapping.time.rate or 1.0),
         attributes,
         start,
         start_of(mapping.time, (None if clock is None else clock.start) or said),
-        None if clock is None else rate,
+        None if clock is None else mapping.time.rate,
     )
 
 
-def _blocks(
-    file: Any, names: list[str], wanted: list[int], clock: Clock | None, columns: Sequence[Column], rate: float | None,
-    start: float, end: float,
-) -> Iterator[Block]:  # fmt: skip
-    """Blocks of the rows from `start` to `end` [s]; without a clock rows are counted, with no time in `wanted`."""
+class _Rows(NamedTuple):
+    """How rows are read: channels, columns of the time and of their number, the clock and the times of the first rows.
+
+    Without a clock rows are counted.
+    """
+
+    columns: tuple[Column, ...]
+    times: tuple[int, ...]
+    counter: tuple[int, ...]
+    clock: Clock | None
+    first: Any
+
+
+def _rows(file: Any, mapping: Mapping) -> _Rows:
+    schema = file.schema_arrow
+    cells = [_cell(schema.field(i)) for i in range(len(schema))]
+    index = _pandas_index(_notes(schema), schema.names)
+    times, counter = _times_and_counter(cells, index, mapping)
+
+    def some(index: int) -> Array:
+        _check_type(schema.field(index), dates=False)
+        batch = next(file.iter_batches(_SOME, columns=[schema.names[index]]), None)
+        return np.empty(0) if batch is None else _numbers(_column(batch, schema.names, index))
+
+    columns = plan_columns(cells, (*times, *counter), mapping, some, "name the column '{}'")
+    for i in [*times, *(column.index for column in columns)]:
+        _check_type(schema.field(i), dates=i in times)
+    shown = times[0] if times else 0
+    batch = next(file.iter_batches(20, columns=[schema.names[shown]]), None)
+    if batch is None or not batch.num_rows:
+        raise RecordError("expected at least 2 samples, got 0; give a longer record")
+    first = _column(batch, schema.names, shown)
+    clock = _clock(first, cells[shown].unit, mapping) if times else None
+    return _Rows(columns, times if clock else (), counter, clock, first)
+
+
+def _notes(schema: Any) -> dict[str, str]:
+    return {key.decode(): text.decode() for key, text in (schema.metadata or {}).items()}
+
+
+def _blocks(file: Any, rows: _Rows, rate: float, start: float, end: float) -> Iterator[FileBlock]:
+    """Blocks of the rows from `start` to `end` [s]."""
     done, total, waiting = 0, max(file.metadata.num_rows, 1), None
-    for rows in _batches(file, names, wanted):
-        counted = np.arange(done, done + len(rows[0])) / (rate or 1.0)
-        seconds = counted if clock is None else _seconds(clock, rows[0])
-        done += seconds.size
-        values = [column.values(_numbers(rows[i])) for i, column in enumerate(columns, len(wanted) - len(columns))]
-        first = done - seconds.size
-        block = Block(seconds, np.column_stack(values), shifted("sample {}".format, first), done / total)
+    wanted = [*rows.times, *(column.index for column in rows.columns)]
+    for table in _batches(file, file.schema_arrow.names, wanted):
+        first = done
+        done += len(table[0])
+        seconds = np.arange(first, done) / rate if rows.clock is None else _seconds(rows.clock, table[0])
+        values = [column.values(_numbers(table[i])) for i, column in enumerate(rows.columns, len(rows.times))]
+        block = FileBlock(seconds, np.column_stack(values), shifted("sample {}".format, first), done / total)
         waiting = block if seconds.size and seconds[-1] < start else None
         if waiting is None:
             yield block
@@ -182,31 +203,37 @@ class _Footer:
     def check(self, batch: Any) -> None:
         """Refuse rows of which the footer says something else."""
         self.done += batch.num_rows
-        limits: dict[int, list[tuple[Any, Any]]] = {index: [] for index in self.at}
-        groups = 0
-        while self.begin < self.done and self.group < self.about.num_row_groups:
-            group = self.about.row_group(self.group)
-            for index, i in self.at.items():
-                column = group.column(i)
-                if column.path_in_schema != self.names[index]:
-                    raise RecordError("is damaged: its footer gives a column two names; copy or export it again")
-                told = column.statistics
-                if told is not None and told.has_min_max and isinstance(told.min, int | float):
-                    limits[index].append((told.min, told.max))
-            groups += 1
-            if self.begin + group.num_rows > self.done:
-                break
-            self.group, self.begin = self.group + 1, self.begin + group.num_rows
+        groups = self._groups()
         compute = _pyarrow("pyarrow.compute")
-        for index, pairs in limits.items():
+        for index, at in self.at.items():
+            pairs = [limits for group in groups if (limits := self._limits(group.column(at), index)) is not None]
             found = compute.min_max(_column(batch, self.names, index)).as_py()
-            if len(pairs) < groups or found["min"] is None:
+            if len(pairs) < len(groups) or found["min"] is None:
                 continue
             if found["min"] < min(low for low, _ in pairs) or found["max"] > max(high for _, high in pairs):
                 raise RecordError(
                     f"is damaged: column '{self.names[index]}' has values beyond the least and greatest that the footer"
                     " says; copy or export it again"
                 )
+
+    def _groups(self) -> list[Any]:
+        """The groups that the rows since the last call are of."""
+        groups = []
+        while self.begin < self.done and self.group < self.about.num_row_groups:
+            groups.append(self.about.row_group(self.group))
+            if self.begin + groups[-1].num_rows > self.done:
+                break
+            self.group, self.begin = self.group + 1, self.begin + groups[-1].num_rows
+        return groups
+
+    def _limits(self, column: Any, index: int) -> tuple[Any, Any] | None:
+        """The least and greatest value of a column of a group; None if the footer does not say them as numbers."""
+        if column.path_in_schema != self.names[index]:
+            raise RecordError("is damaged: its footer gives a column two names; copy or export it again")
+        known = column.statistics
+        if known is None or not known.has_min_max or not isinstance(known.min, int | float):
+            return None
+        return known.min, known.max
 
     def check_end(self) -> None:
         """Refuse a file with another number of rows."""
@@ -220,30 +247,19 @@ def _pyarrow(module: str) -> Any:
 
 def _opened(path: Path) -> Any:
     pq = _pyarrow("pyarrow.parquet")
-    try:
+    with reading():
         return pq.ParquetFile(path, page_checksum_verification=True)
-    except (ValueError, OSError, KeyError, TypeError) as error:
-        raise _damaged(error) from error
-
-
-def _damaged(error: Exception) -> RecordError:
-    reason = " ".join(str(error).split())[:120]
-    return RecordError(f"is damaged, cut off or no Parquet ({reason}); copy or export it again")
 
 
 def _batches(file: Any, names: list[str], wanted: list[int]) -> Iterator[list[Any]]:
     """The columns at the indices `wanted` of a file with columns of these names, batch by batch."""
-    try:
+    with reading():
         footer = _Footer(file, names, wanted)
         read = list(dict.fromkeys(names[i] for i in wanted))
         for batch in file.iter_batches(max(1, min(_GROUP, _VALUES // len(wanted))), columns=read):
             footer.check(batch)
             yield [_column(batch, names, i) for i in wanted]
         footer.check_end()
-    except (ValueError, OSError, KeyError) as error:
-        if isinstance(error, RecordError):
-            raise
-        raise _damaged(error) from error
 
 
 def _column(batch: Any, names: list[str], index: int) -> Any:

@@ -24,7 +24,7 @@ from pathlib import Path
 from windsysid.errors import RecordError
 from windsysid.records.formats.probed import OUT_OF_MEMORY, read
 
-__all__ = ["MAX_BYTES", "Guard", "memory_for", "probe"]
+__all__ = ["MAX_BYTES", "ProcessGuard", "memory_for", "probe"]
 
 MAX_BYTES = 1 << 28
 """Largest size of a file that is read on trial [bytes]: a larger one would take too long."""
@@ -47,7 +47,7 @@ WITHOUT_MEMORY_LIMIT = ("scipy.io",)
 """Libraries that read a whole compressed variable at once, which may be a thousand times as large as the file."""
 
 
-class Guard:
+class ProcessGuard:
     """Whether another process watches this one, and ends it if it hangs."""
 
     on = False
@@ -61,7 +61,7 @@ def probe(path: Path, library: str = "h5py") -> None:
     RecordError
         If it does.
     """
-    if not Guard.on:
+    if not ProcessGuard.on:
         found = path.stat()
         why = _probed(library, str(path.absolute()), found.st_size, found.st_mtime_ns)
         if why:

@@ -1,4 +1,4 @@
-"""Formats that hold each channel as a series of its own: from their series to one `Source`.
+"""Formats that hold each channel as a series of its own: from their series to one `FileSource`.
 
 MATLAB, HDF5, TDMS, UFF, MDF and others keep channels apart, each with its name, unit and clock. A record is one table,
 with the times of the fastest of the series that the mapping chooses. A slower series may join where each of its samples
@@ -21,18 +21,17 @@ from windsysid.records.formats.clock import Moments, counted_clock, exact_second
 from windsysid.records.formats.columns import Cell, Column, find_time, is_called_time, name_and_unit, plan_columns
 from windsysid.records.formats.mapping import Mapping, TimeRule
 from windsysid.records.formats.placing import Rows, coinciding
-from windsysid.records.formats.source import Source, indexed_source
+from windsysid.records.formats.source import FileSource, indexed_source
 from windsysid.records.moments import has_zone, moment, split_start
 from windsysid.records.record import Array
 
-__all__ = ["Grid", "Series", "cell_of", "short_names", "source_of_series", "tidy_step", "utc"]
+__all__ = ["FileSeries", "TimeGrid", "cell_of", "short_names", "source_of_series", "tidy_step", "utc"]
 
 _SOME = 10_000  # values that show in which units they are plausible
-_VALUES = 1 << 20  # read at once
 
 
 @dataclass(frozen=True)
-class Grid:
+class TimeGrid:
     """Equally spaced times: sample k is at ``first + k step`` [s] after the moment `start`, where that is known."""
 
     first: float
@@ -41,7 +40,7 @@ class Grid:
 
 
 @dataclass(frozen=True)
-class Series:
+class FileSeries:
     """One series of a file.
 
     Attributes
@@ -66,7 +65,7 @@ class Series:
     cell: Cell
     samples: int
     numbers: Callable[[int, int], Array]
-    grid: Grid | None = None
+    grid: TimeGrid | None = None
     times: Callable[[], Array] | None = None
     clock: str = ""
     start: str | None = None
@@ -88,14 +87,14 @@ def utc(nanoseconds: int) -> str:
 
 def source_of_series(
     name: str,
-    series: Sequence[Series],
+    series: Sequence[FileSeries],
     mapping: Mapping,
     attributes: dict[str, str],
     *,
     how: str,
     hint: str = "",
     together: Callable[[Sequence[int], int, int], Sequence[Array]] | None = None,
-) -> Source:
+) -> FileSource:
     """The source of a file whose series are these.
 
     Parameters
@@ -124,41 +123,40 @@ def source_of_series(
     cells = [one.cell for one in series]
     at = _time_index(series, mapping, hint)
     columns = plan_columns(cells, at, mapping, lambda i: series[i].numbers(0, min(_SOME, series[i].samples)), how)
-    chosen = [series[column.index] for column in columns]
-    if at is not None or mapping.time.rate is not None:
-        _check_lengths(chosen if at is None else [series[at], *chosen])
-        time, said = _times(series, at, chosen[0], mapping)
-        places: list[Rows | None] = [None] * len(chosen)
-    else:
-        _check_grids(chosen)
-        fastest = max(chosen, key=lambda one: one.samples)
-        time, said = _own_times(fastest)
-        places = [_place(one, fastest, time) for one in chosen]
+    time, said, places = _placing(
+        [series[column.index] for column in columns], None if at is None else series[at], mapping
+    )
     whole = [k for k, place in enumerate(places) if place is None]
-    noted, attributes = split_start(attributes, float(time[0]) if time.size else 0.0)
+    noted, attributes = split_start(attributes, time)
 
     def rows(low: int, high: int) -> Array:
-        if together is not None:
-            raw = together([columns[k].index for k in whole], low, high)
-        else:
-            raw = [chosen[k].numbers(low, high) for k in whole]
+        indices = [columns[k].index for k in whole]
+        raw = together(indices, low, high) if together else [series[i].numbers(low, high) for i in indices]
         found = {k: _values(columns[k], values, low, high) for k, values in zip(whole, raw, strict=True)}
         for k, place in enumerate(places):
             if place is not None:
-                found[k] = _placed(columns[k], chosen[k], place, low, high)
+                found[k] = _placed(columns[k], series[columns[k].index], place, low, high)
         return np.column_stack([found[k] for k in range(len(columns))])
 
-    source = indexed_source(
-        name,
-        tuple(column.name for column in columns),
-        tuple(column.unit for column in columns),
-        time,
-        rows,
-        attributes,
-        rows_at_once=max(1, _VALUES // len(columns)),
+    return replace(
+        indexed_source(name, columns, time, rows),
+        attributes=attributes,
         start=start_of(mapping.time, said or noted),
+        rate=None if at is None else mapping.time.rate,
     )
-    return source if at is None else replace(source, rate=mapping.time.rate)
+
+
+def _placing(
+    chosen: Sequence[FileSeries], clock: FileSeries | None, mapping: Mapping
+) -> tuple[Array, str | None, list[Rows | None]]:
+    """Times (T,) [s], the moment of time 0, and the rows of each of the `chosen` series; None for all rows."""
+    if clock is not None or mapping.time.rate is not None:
+        _check_lengths(chosen if clock is None else [clock, *chosen])
+        return *_times(clock, chosen[0].samples, mapping), [None] * len(chosen)
+    _check_grids(chosen)
+    fastest = max(chosen, key=lambda one: one.samples)
+    time, said = _own_times(fastest)
+    return time, said, [_place(one, fastest, time) for one in chosen]
 
 
 def _values(column: Column, raw: Array, low: int, high: int) -> Array:
@@ -170,7 +168,7 @@ def _values(column: Column, raw: Array, low: int, high: int) -> Array:
     return column.values(raw)
 
 
-def _placed(column: Column, series: Series, rows: Rows, low: int, high: int) -> Array:
+def _placed(column: Column, series: FileSeries, rows: Rows, low: int, high: int) -> Array:
     """Rows low … high − 1 of a slower series, whose samples stand in `rows`; NaN between them."""
     first, last = (int(k) for k in np.searchsorted(rows, (low, high)))
     values = np.full(high - low, np.nan)
@@ -179,20 +177,12 @@ def _placed(column: Column, series: Series, rows: Rows, low: int, high: int) -> 
     return values
 
 
-def _time_index(series: Sequence[Series], mapping: Mapping, hint: str) -> int | None:
+def _time_index(series: Sequence[FileSeries], mapping: Mapping, hint: str) -> int | None:
     """Which of the series is the time; None where the clock is said otherwise."""
     cells = [one.cell for one in series]
     if mapping.time.column is not None:
         return find_time(cells, mapping)
-    wanted = [
-        one for one in series if not mapping.only_listed or mapping.rule_of(one.cell.written, one.cell.name) is not None
-    ]
-    timed = any(one.grid is not None or one.times is not None for one in wanted)
-    if timed and mapping.time.rate is not None:
-        raise ConfigurationError(f"{mapping.place}: time.rate: the file itself says its times; remove the key")
-    if timed and (mapping.time.unit, mapping.time.format) != (None, None):
-        raise ConfigurationError(f"{mapping.place}: time: the file itself says its times; leave only zone and start")
-    if timed:
+    if _has_times(series, mapping):
         return None
     called = [i for i, cell in enumerate(cells) if is_called_time(cell.name)]
     if len(called) == 1:
@@ -200,21 +190,31 @@ def _time_index(series: Sequence[Series], mapping: Mapping, hint: str) -> int | 
     if mapping.time.rate is not None:
         return None
     found = f"{len(called)} are called so" if called else "none is called so"
-    found += f"; {hint}" if hint else ""
     raise UnknownTimeError(
-        f"no series is known to be the time: {found}; name it in the mapping file ([time] column), or say the rate [Hz]"
-        " there ([time] rate)"
+        f"no series is known to be the time: {'; '.join(filter(None, (found, hint)))}; name it in the mapping file"
+        " ([time] column), or say the rate [Hz] there ([time] rate)"
     )
 
 
-def _check_lengths(chosen: Sequence[Series]) -> None:
+def _has_times(series: Sequence[FileSeries], mapping: Mapping) -> bool:
+    """Whether the wanted series have times; refuses a mapping that says otherwise what they are."""
+    wanted = [one for one in series if not mapping.only_listed or mapping.rule_of(one.cell.written, one.cell.name)]
+    timed = any(one.grid or one.times for one in wanted)
+    if timed and mapping.time.rate is not None:
+        raise ConfigurationError(f"{mapping.place}: time.rate: the file itself says its times; remove the key")
+    if timed and (mapping.time.unit, mapping.time.format) != (None, None):
+        raise ConfigurationError(f"{mapping.place}: time: the file itself says its times; leave only zone and start")
+    return timed
+
+
+def _check_lengths(chosen: Sequence[FileSeries]) -> None:
     """Refuse series of unequal length, where the time does not come from them."""
     for other in chosen[1:]:
         if other.samples != chosen[0].samples:
             raise _apart(chosen[0], other)
 
 
-def _check_grids(chosen: Sequence[Series]) -> None:
+def _check_grids(chosen: Sequence[FileSeries]) -> None:
     """Refuse a grid whose first time or step is not finite."""
     for one in chosen:
         if one.grid is not None and not np.isfinite([one.grid.first, one.grid.step]).all():
@@ -224,7 +224,7 @@ def _check_grids(chosen: Sequence[Series]) -> None:
             )
 
 
-def _place(one: Series, fastest: Series, time: Array) -> Rows | None:
+def _place(one: FileSeries, fastest: FileSeries, time: Array) -> Rows | None:
     """The rows where the samples of a slower series stand; None for a series that is sampled with the fastest."""
     if one.samples == fastest.samples and _same_clock(fastest, one):
         return None
@@ -237,14 +237,14 @@ def _place(one: Series, fastest: Series, time: Array) -> Rows | None:
     return rows
 
 
-def _apart(one: Series, other: Series) -> RecordError:
+def _apart(one: FileSeries, other: FileSeries) -> RecordError:
     return RecordError(
         f"'{one.cell.name}' ({_sampling(one)}) and '{other.cell.name}' ({_sampling(other)}) are not sampled"
         " together; list channels of one clock in a mapping file, with only_listed = true"
     )
 
 
-def _start_of(series: Series) -> str | None:
+def _start_of(series: FileSeries) -> str | None:
     return series.grid.start if series.grid is not None else series.start
 
 
@@ -255,7 +255,7 @@ def _between(start: str | None, other: str | None) -> float:
     return (moment(other) - moment(start)).total_seconds()
 
 
-def _same_clock(one: Series, other: Series) -> bool:
+def _same_clock(one: FileSeries, other: FileSeries) -> bool:
     if one.clock != other.clock or (one.grid is None) != (other.grid is None):
         return False
     if one.grid is None or other.grid is None:
@@ -264,33 +264,33 @@ def _same_clock(one: Series, other: Series) -> bool:
     return one.grid.step == other.grid.step and abs(apart) <= UNIFORM * one.grid.step
 
 
-def _sampling(series: Series) -> str:
+def _sampling(series: FileSeries) -> str:
     rate = f" at {1.0 / series.grid.step:.6g} Hz" if series.grid is not None and series.grid.step > 0.0 else ""
     begin = f" from {series.grid.first:.6g} s" if series.grid is not None and series.grid.first else ""
     clock = f" of '{series.clock}'" if series.clock else ""
     return f"{series.samples} samples{rate}{begin}{clock}"
 
 
-def _times(series: Sequence[Series], at: int | None, first: Series, mapping: Mapping) -> tuple[Array, str | None]:
-    """Times (T,) [s] from the series `at`, or from the mapping's rate, and the moment of time 0."""
-    moments = None if at is None else series[at].moments
-    if moments is not None:
-        instants = moments()
+def _times(clock: FileSeries | None, samples: int, mapping: Mapping) -> tuple[Array, str | None]:
+    """Times (T,) [s] from the series with the time, or from the mapping's rate, and the moment of time 0."""
+    place = "sample {}".format
+    if clock is not None and clock.moments is not None:
+        instants = clock.moments()
         dated = moments_clock(int(instants[0]), "UTC", mapping.time)
-        return exact_seconds(dated, instants, "sample {}".format), dated.start
-    if at is not None:
-        raw = series[at].numbers(0, series[at].samples)
+        return exact_seconds(dated, instants, place), dated.start
+    if clock is not None:
+        raw = clock.numbers(0, clock.samples)
         cells = [repr(value) for value in raw[:20].tolist()]
         make = make_clock if mapping.time.rate is None else counted_clock
-        clock = make(cells, series[at].cell.unit, mapping.time, "sample {}".format, ".")
-        if clock is not None and clock.textual:
+        found = make(cells, clock.cell.unit, mapping.time, place, ".")
+        if found is not None and found.textual:
             raise RecordError("the time is a number, but the mapping says that it is text; correct [time] format")
-        if clock is not None:
-            return clock.seconds(raw, "sample {}".format), clock.start
-    return np.arange(first.samples) / (mapping.time.rate or 1.0), None
+        if found is not None:
+            return found.seconds(raw, place), found.start
+    return np.arange(samples) / (mapping.time.rate or 1.0), None
 
 
-def _own_times(first: Series) -> tuple[Array, str | None]:
+def _own_times(first: FileSeries) -> tuple[Array, str | None]:
     """Times (T,) [s] that a series says, and the moment of time 0."""
     if first.times is not None:
         return first.times(), first.start

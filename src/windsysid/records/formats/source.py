@@ -1,13 +1,12 @@
 """A file that has been opened but not read: what is in it, and its samples block by block.
 
-Every format gives a `Source`. `gather` makes one `Record` of it, `gather_section` reads a part, `pieces` gives
+Every format gives a `FileSource`. `gather` makes one `Record` of it, `gather_section` reads a part, `pieces` gives
 the record in pieces that fit into memory. Blocks are checked as they pass, so that a file of any size is
 checked whole: time must increase inside a block and from one block to the next.
 """
 
 import itertools
-from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -15,14 +14,15 @@ import numpy as np
 
 from windsysid.errors import RecordError
 from windsysid.records.checks import Array, check_block, check_channels, refuse_outside
+from windsysid.records.formats.columns import Column, names_and_units
 from windsysid.records.packets import RegularTimes, is_even, place_packets, place_rounded, shares_stamps
 from windsysid.records.record import STAMPS, Record
 from windsysid.records.rounded import is_coarse
 from windsysid.records.stamps import usual_step
 
 __all__ = [
-    "Block", "Progress", "Source", "doubles", "gather", "gather_section", "indexed_source", "pieces", "reading_notes",
-    "shifted", "with_regular_times", "without_repeats",
+    "FileBlock", "FileSource", "Progress", "doubles", "gather", "gather_section", "indexed_source", "pieces",
+    "reading_notes", "shifted", "with_regular_times", "without_repeats",
 ]  # fmt: skip
 
 Progress = Callable[[float], None]
@@ -47,7 +47,7 @@ def doubles(values: Any) -> Array:
         return np.asarray(values, dtype=np.float64)
 
 
-class Block(NamedTuple):
+class FileBlock(NamedTuple):
     """Consecutive samples of a file, in SI.
 
     Attributes
@@ -68,7 +68,7 @@ class Block(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Source:
+class FileSource:
     """An opened file.
 
     Attributes
@@ -92,7 +92,7 @@ class Source:
     name: str
     channels: tuple[str, ...]
     units: tuple[str, ...]
-    blocks: Callable[[float, float], Iterator[Block]]
+    blocks: Callable[[float, float], Iterator[FileBlock]]
     attributes: Mapping[str, str] = field(default_factory=dict)
     first: float = np.nan
     start: str | None = None
@@ -104,7 +104,7 @@ def reading_notes(attributes: Mapping[str, str]) -> list[str]:
     return [f"Reading the file: {text.format(attributes[key])}." for key, text in _NOTES.items() if key in attributes]
 
 
-def without_repeats(source: Source) -> Source:
+def without_repeats(source: FileSource) -> FileSource:
     """Keep one of several channels with the same name and the same values.
 
     Raises
@@ -112,34 +112,35 @@ def without_repeats(source: Source) -> Source:
     RecordError
         If channels of one name differ in unit or, when their block is read, in a value.
     """
-    counts = Counter(source.channels)
-    repeated = [name for name, count in counts.items() if count > 1]
-    if not repeated:
+    first: dict[str, int] = {}
+    again = {k: one for k, name in enumerate(source.channels) if (one := first.setdefault(name, k)) != k}
+    if not again:
         return source
-    first = {name: source.channels.index(name) for name in repeated}
-    again = [k for k, name in enumerate(source.channels) if name in first and k != first[name]]
-    kept = [k for k in range(len(source.channels)) if k not in again]
+    kept = sorted(first.values())
+    for k, one in again.items():
+        if source.units[k] != source.units[one]:
+            raise _differing(source.channels[k], "units")
 
-    def blocks(start: float, end: float) -> Iterator[Block]:
+    def blocks(start: float, end: float) -> Iterator[FileBlock]:
         for block in source.blocks(start, end):
-            for k in again:
-                _check_same(source.channels[k], block, first[source.channels[k]], k)
+            for k, one in again.items():
+                _check_same(source.channels[k], block, one, k)
             yield block._replace(values=block.values[:, kept])
 
-    for k in again:
-        if source.units[k] != source.units[first[source.channels[k]]]:
-            raise _differing(source.channels[k], "units")
-    text = f"listed several times with the same values, one kept: {', '.join(repeated)}"
+    repeated = dict.fromkeys(source.channels[one] for one in sorted(again.values()))
     return replace(
         source,
-        channels=tuple(source.channels[k] for k in kept),
+        channels=tuple(first),
         units=tuple(source.units[k] for k in kept),
         blocks=blocks,
-        attributes={**source.attributes, "repeated": text},
+        attributes={
+            **source.attributes,
+            "repeated": f"listed several times with the same values, one kept: {', '.join(repeated)}",
+        },
     )
 
 
-def _check_same(name: str, block: Block, one: int, other: int) -> None:
+def _check_same(name: str, block: FileBlock, one: int, other: int) -> None:
     left, right = block.values[:, one], block.values[:, other]
     same = (left == right) | (np.isnan(left) & np.isnan(right))
     if not same.all():
@@ -153,7 +154,7 @@ def _differing(name: str, what: str) -> RecordError:
     )
 
 
-def gather(source: Source, progress: Progress | None = None) -> Record:
+def gather(source: FileSource, progress: Progress | None = None) -> Record:
     """The whole file as one record."""
     time, values = [], []
     source = with_regular_times(source)
@@ -163,7 +164,7 @@ def gather(source: Source, progress: Progress | None = None) -> Record:
     return _record(source, time, values)
 
 
-def gather_section(source: Source, start: float, end: float, progress: Progress | None = None) -> Record:
+def gather_section(source: FileSource, start: float, end: float, progress: Progress | None = None) -> Record:
     """The samples with start ≤ t < end, as `Record.section` gives them; the rest of the file is not kept.
 
     Raises
@@ -177,7 +178,7 @@ def gather_section(source: Source, start: float, end: float, progress: Progress 
 
 
 def pieces(
-    source: Source, seconds: float, progress: Progress | None = None, section: tuple[float, float] | None = None
+    source: FileSource, seconds: float, progress: Progress | None = None, section: tuple[float, float] | None = None
 ) -> Iterator[Record]:
     """The file, or a section of it [s], as records of about `seconds` each; every sample is in exactly one of them.
 
@@ -222,29 +223,27 @@ def pieces(
 
 def indexed_source(
     name: str,
-    channels: tuple[str, ...],
-    units: tuple[str, ...],
+    columns: Sequence[Column],
     time: Array,
     rows: Callable[[int, int], Array],
-    attributes: Mapping[str, str],
     *,
     place: Callable[[int], str] = "sample {}".format,
-    rows_at_once: int | None = None,
-    start: str | None = None,
-) -> Source:
+    values_at_once: int = 1 << 20,
+) -> FileSource:
     """A source whose times (T,) are known and whose ``rows(low, high)`` can be read anywhere, in SI (high − low, m)."""
+    size = max(1, values_at_once // len(columns))
 
-    def blocks(start: float, end: float) -> Iterator[Block]:
+    def blocks(start: float, end: float) -> Iterator[FileBlock]:
         low, high = 0, time.size
         if (start > -np.inf or end < np.inf) and np.all(np.diff(time) > 0.0):
             low = min(int(np.searchsorted(time, start)), max(time.size - 2, 0))
             high = min(int(np.searchsorted(time, end)) + 1, time.size)
-        size = rows_at_once or max(high - low, 1)
         for first in range(low, high, size):
             last = min(first + size, high)
-            yield Block(time[first:last], rows(first, last), shifted(place, first), last / time.size)
+            yield FileBlock(time[first:last], rows(first, last), shifted(place, first), last / time.size)
 
-    return Source(name, channels, units, blocks, attributes, float(time[0]) if time.size else np.nan, start)
+    first = float(time[0]) if time.size else np.nan
+    return FileSource(name, *names_and_units(columns), blocks, first=first)
 
 
 def shifted(place: Callable[[int], str], first: int) -> Callable[[int], str]:
@@ -252,7 +251,7 @@ def shifted(place: Callable[[int], str], first: int) -> Callable[[int], str]:
     return lambda row: place(first + row)
 
 
-def with_regular_times(source: Source, start: float = -np.inf, end: float = np.inf) -> Source:
+def with_regular_times(source: FileSource, start: float = -np.inf, end: float = np.inf) -> FileSource:
     """Place rows on a regular grid (`windsysid.records.packets`), if rows of the first block share time stamps or have
     rounded ones.
 
@@ -275,7 +274,7 @@ def with_regular_times(source: Source, start: float = -np.inf, end: float = np.i
         if source.rate is not None and not _has_rhythm(times):
             return _timed(source, np.arange(times.size) / source.rate, source.attributes)
 
-    def resumed(_start: float, _end: float) -> Iterator[Block]:
+    def resumed(_start: float, _end: float) -> Iterator[FileBlock]:
         while held:
             yield held.pop()
         yield from blocks
@@ -283,7 +282,7 @@ def with_regular_times(source: Source, start: float = -np.inf, end: float = np.i
     return replace(source, blocks=resumed)
 
 
-def _placed(times: Array, first: Block, units: tuple[str, ...]) -> RegularTimes | None:
+def _placed(times: Array, first: FileBlock, units: tuple[str, ...]) -> RegularTimes | None:
     """All rows on the grid behind their stamps (T,) [s], if there is one and the `first` block's readings agree."""
     if shares_stamps(times):
         return place_packets(times) if is_even(first.time, first.values) else None
@@ -325,10 +324,10 @@ def _check_span(times: Array, placed: RegularTimes | None, rate: float) -> None:
         )
 
 
-def _timed(source: Source, times: Array, attributes: Mapping[str, str]) -> Source:
+def _timed(source: FileSource, times: Array, attributes: Mapping[str, str]) -> FileSource:
     """Replace the times of a source by others (T,) [s]."""
 
-    def blocks(_start: float, end: float) -> Iterator[Block]:
+    def blocks(_start: float, end: float) -> Iterator[FileBlock]:
         low = 0
         for block in source.blocks(-np.inf, np.inf):
             high = low + block.time.size
@@ -340,7 +339,7 @@ def _timed(source: Source, times: Array, attributes: Mapping[str, str]) -> Sourc
     return replace(source, blocks=blocks, attributes=attributes, first=float(times[0]))
 
 
-def _checked(source: Source, start: float, end: float, progress: Progress | None) -> Iterator[Block]:
+def _checked(source: FileSource, start: float, end: float, progress: Progress | None) -> Iterator[FileBlock]:
     check_channels(source.channels)
     previous = np.nan
     if progress is not None:
@@ -356,7 +355,7 @@ def _checked(source: Source, start: float, end: float, progress: Progress | None
         progress(1.0)
 
 
-def _within(source: Source, start: float, end: float, progress: Progress | None) -> Iterator[Block]:
+def _within(source: FileSource, start: float, end: float, progress: Progress | None) -> Iterator[FileBlock]:
     """The samples with start ≤ t < end of every block that has some; RecordError as of `gather_section`."""
     first, last, steps, kept = source.first, np.nan, np.empty(0), 0
     if start < end:
@@ -373,7 +372,7 @@ def _within(source: Source, start: float, end: float, progress: Progress | None)
     refuse_outside(start, end, kept, float(first), float(last), step)
 
 
-def _record(source: Source, time: list[Array], values: list[Array]) -> Record:
+def _record(source: FileSource, time: list[Array], values: list[Array]) -> Record:
     if not time:
         raise RecordError("expected at least 2 samples, got 0; give a longer record")
     whole = len(time) > 1

@@ -19,11 +19,11 @@ import numpy as np
 from windsysid.errors import RecordError
 from windsysid.records.formats.clock import Moments
 from windsysid.records.formats.columns import Cell
-from windsysid.records.formats.files import damaged, quiet
+from windsysid.records.formats.files import damaged, quiet, reading
 from windsysid.records.formats.format import Format, package
 from windsysid.records.formats.mapping import Mapping
-from windsysid.records.formats.series import Grid, Series, cell_of, short_names, source_of_series, utc
-from windsysid.records.formats.source import Source, doubles
+from windsysid.records.formats.series import FileSeries, TimeGrid, cell_of, short_names, source_of_series, utc
+from windsysid.records.formats.source import FileSource, doubles
 from windsysid.records.record import RATE_DOUBT, Array
 
 __all__ = ["FORMAT"]
@@ -39,7 +39,7 @@ _DEFAULT_RATE = (
 )
 
 
-def open_tdms(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
+def open_tdms(path: Path, mapping: Mapping, *, whole: bool = False) -> FileSource:
     """Open a file; its channels are read as far as they are needed."""
     numbers, plain = _follow(path)
     nptdms = package("nptdms", "NI TDMS files", "formats")
@@ -51,34 +51,32 @@ def open_tdms(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
         attributes = {str(key): str(value) for key, value in file.properties.items()}
         if mapping.time.column is None and {channel.properties.get("wf_increment") for channel in channels} == {1.0}:
             attributes[RATE_DOUBT] = _DEFAULT_RATE
-        if plain and all(channel.data_type.size for channel in channels):
-            needed = sum(len(channel) * channel.data_type.size for channel in channels)
-            if needed != numbers:
-                raise RecordError(
-                    f"is damaged: its channels need {needed} bytes of numbers, its segments have {numbers}; copy it"
-                    " again"
-                )
-        for channel in channels:
-            if len(channel) > numbers:  # in all kinds of data a value takes at least a byte
-                raise RecordError(
-                    f"is damaged: channel '{channel.name}' declares {len(channel)} values in {numbers} bytes;"
-                    " copy it again"
-                )
+        _check_sizes(channels, numbers, plain)
         names = short_names([(channel.group_name, channel.name) for channel in channels])
         series = [_series(channel, *name) for channel, name in zip(channels, names, strict=True)]
+        if not series:
+            raise RecordError("holds no channel with samples; expected at least one; record it again")
+        how = "set the channel's property unit_string"
+        source = source_of_series(path.name, series, mapping, attributes, how=how)
     except Exception as error:
         stream.close()
         raise damaged(error) from error
-    if not series:
-        raise RecordError("holds no channel with samples; expected at least one; record it again")
-    try:
-        how = "set the channel's property unit_string"
-        source = source_of_series(path.name, series, mapping, attributes, how=how)
-    except BaseException:
-        stream.close()
-        raise
     weakref.finalize(source, stream.close)
     return source
+
+
+def _check_sizes(channels: list[Any], numbers: int, plain: bool) -> None:
+    """Refuse channels that need another number of bytes than the segments have, or more of them."""
+    needed = sum(len(channel) * (channel.data_type.size or 0) for channel in channels)
+    if plain and all(channel.data_type.size for channel in channels) and needed != numbers:
+        raise RecordError(
+            f"is damaged: its channels need {needed} bytes of numbers, its segments have {numbers}; copy it again"
+        )
+    for channel in channels:
+        if len(channel) > numbers:  # in all kinds of data a value takes at least a byte
+            raise RecordError(
+                f"is damaged: channel '{channel.name}' declares {len(channel)} values in {numbers} bytes; copy it again"
+            )
 
 
 def _follow(path: Path) -> tuple[int, bool]:
@@ -95,9 +93,11 @@ def _follow(path: Path) -> tuple[int, bool]:
             file.seek(at)
             lead = file.read(_LEAD)
             if not lead.startswith(b"TDSm"):
-                if at == 0:
-                    raise RecordError("is not NI TDMS; give the file the ending of what it is, or export it again")
-                raise RecordError(f"is damaged: no segment begins at byte {at}; copy it again")
+                raise RecordError(
+                    f"is damaged: no segment begins at byte {at}; copy it again"
+                    if at
+                    else "is not NI TDMS; give the file the ending of what it is, or export it again"
+                )
             if len(lead) < _LEAD:
                 raise RecordError(f"is cut off: the segment at byte {at} has no length; copy it again")
             (flags,) = struct.unpack_from("<I", lead, 4)
@@ -114,23 +114,21 @@ def _follow(path: Path) -> tuple[int, bool]:
     return numbers, plain
 
 
-def _series(channel: Any, written: str, name: str) -> Series:
+def _series(channel: Any, written: str, name: str) -> FileSeries:
     properties = channel.properties
     unit = properties.get("unit_string") or properties.get("NI_UnitDescription")
     cell = cell_of(written, name, None if unit is None else str(unit))
     if channel.dtype.kind == "M":
-        return Series(Cell(written, name), len(channel), _no_numbers(name), moments=lambda: _moments(channel))
+        return FileSeries(Cell(written, name), len(channel), _no_numbers(name), moments=lambda: _moments(channel))
 
     def numbers(low: int, high: int) -> Array:
-        try:
+        with reading():
             values = channel[low:high]
-        except Exception as error:
-            raise damaged(error) from error
         if values.dtype.kind not in "fiub":
             raise RecordError(f"channel '{name}' holds text, expected numbers; leave it out of the mapping file")
         return doubles(values)
 
-    return Series(cell, len(channel), numbers, _grid(properties))
+    return FileSeries(cell, len(channel), numbers, _grid(properties))
 
 
 def _no_numbers(name: str) -> Any:
@@ -143,13 +141,11 @@ def _no_numbers(name: str) -> Any:
 
 
 def _moments(channel: Any) -> Moments:
-    try:
+    with reading():
         return np.asarray(channel[:], dtype="datetime64[ns]").astype(np.int64)
-    except Exception as error:
-        raise damaged(error) from error
 
 
-def _grid(properties: Any) -> Grid | None:
+def _grid(properties: Any) -> TimeGrid | None:
     step = float(properties.get("wf_increment", 0.0))
     if not 0.0 < step < np.inf:
         return None
@@ -157,7 +153,7 @@ def _grid(properties: Any) -> Grid | None:
     start = None
     if began is not None and np.datetime64(began) > np.datetime64("1904-01-02"):  # LabVIEW's zero means not known
         start = utc(1000 * round(int(np.datetime64(began, "ns").astype(np.int64)) / 1000))  # fractions of 2^-64 s
-    return Grid(float(properties.get("wf_start_offset", 0.0)), step, start)
+    return TimeGrid(float(properties.get("wf_start_offset", 0.0)), step, start)
 
 
 FORMAT = Format("NI TDMS", (".tdms",), open_tdms, begins=(b"TDSm",))

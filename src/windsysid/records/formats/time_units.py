@@ -63,15 +63,19 @@ def confirmed_unit(numbers: Array) -> str:
         return "d"
     if step == 0.0:
         raise RecordError(f"the time has no unit, and its first values are all equal; {_HOW}")
-    fast = step * MAX_RATE >= 1.0 - MAX_STEP_DEVIATION
-    if fast and RECENT[0] <= first < RECENT[1] and step <= 1.0 + MAX_STEP_DEVIATION:
-        return "s"
-    if fast and step <= MAX_STEP * (1.0 + MAX_STEP_DEVIATION) and not _is_usual_elsewhere(numbers, step):
+    if step * MAX_RATE >= 1.0 - MAX_STEP_DEVIATION and _are_seconds(numbers, first, step):
         return "s"
     raise RecordError(
         f"the time has no unit: steps of {step:.4g} mean {1.0 / step:.4g} Hz in s, {1e3 / step:.4g} Hz in ms, or a"
         f" count; {_HOW}"
     )
+
+
+def _are_seconds(numbers: Array, first: float, step: float) -> bool:
+    """Whether numbers are seconds since 1970, or have steps that are unusual in other units."""
+    if RECENT[0] <= first < RECENT[1] and step <= 1.0 + MAX_STEP_DEVIATION:
+        return True
+    return step <= MAX_STEP * (1.0 + MAX_STEP_DEVIATION) and not _is_usual_elsewhere(numbers, step)
 
 
 def _is_usual_elsewhere(numbers: Array, step: float) -> bool:

@@ -22,8 +22,8 @@ import numpy as np
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.records.formats.format import Format
 from windsysid.records.formats.mapping import Mapping
-from windsysid.records.formats.series import Grid, Series, cell_of, source_of_series, tidy_step
-from windsysid.records.formats.source import Source, doubles
+from windsysid.records.formats.series import FileSeries, TimeGrid, cell_of, source_of_series, tidy_step
+from windsysid.records.formats.source import FileSource, doubles
 from windsysid.records.formats.text import decoded
 from windsysid.records.record import Array
 from windsysid.units import si_unit, to_si
@@ -131,7 +131,7 @@ class _Set:
         return found if stride == 1 else np.ascontiguousarray(found[part::2])
 
 
-def open_uff(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
+def open_uff(path: Path, mapping: Mapping, *, whole: bool = False) -> FileSource:
     """Open a file; the numbers of binary sets are read where they are needed."""
     sets, left, system = [], [], 0
     with path.open("rb") as file:
@@ -258,20 +258,20 @@ def _point(one: _Set) -> str:
     return f"{name}_{one.field(5, 41, 51) or 0}{'_minus' if direction < 0 else ''}{axis}"
 
 
-def _series(one: _Set, name: str, system: int) -> Series:
+def _series(one: _Set, name: str, system: int) -> FileSeries:
     label = one.field(8, 47, 67)
     unit = label if label.upper() not in _NOTHING else _SI.get(int(one.number(8, 0, 10))) if system == 1 else None
     cell = cell_of(name, name, unit)
     scale = _seconds(one.field(7, 47, 67))
     if one.is_even:
-        grid = Grid(one.number(6, 30, 43) * scale, _shortest(one.number(6, 43, 56)) * scale)
-        return Series(cell, one.samples, one.values, grid)
+        grid = TimeGrid(one.number(6, 30, 43) * scale, _shortest(one.number(6, 43, 56)) * scale)
+        return FileSeries(cell, one.samples, one.values, grid)
 
     def times() -> Array:
         return one.values(0, one.samples, 0) * scale
 
     clock = f"times {zlib.crc32(times().tobytes()):08x}"
-    return Series(cell, one.samples, one.values, times=times, clock=clock)
+    return FileSeries(cell, one.samples, one.values, times=times, clock=clock)
 
 
 def _seconds(unit: str) -> float:

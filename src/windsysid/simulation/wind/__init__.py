@@ -6,7 +6,7 @@ Every equation and its source: docs/wind.md.
 """
 
 from windsysid.simulation.wind.blades import BladeAerodynamics, BladeLoads, blade_loads
-from windsysid.simulation.wind.direction import Change, Direction, simulate_direction
+from windsysid.simulation.wind.direction import Direction, DirectionChange, simulate_direction
 from windsysid.simulation.wind.field import (
     WindConditions,
     coherence,
@@ -16,16 +16,16 @@ from windsysid.simulation.wind.field import (
     rotating_turbulence,
     rotor_wind,
 )
-from windsysid.simulation.wind.loads import WindLoads, wind_loads
+from windsysid.simulation.wind.loads import SimulatedWindLoads, wind_loads
 from windsysid.simulation.wind.packaged import packaged_wind
 
 __all__ = [
     "BladeAerodynamics",
     "BladeLoads",
-    "Change",
     "Direction",
+    "DirectionChange",
+    "SimulatedWindLoads",
     "WindConditions",
-    "WindLoads",
     "blade_loads",
     "coherence",
     "extreme_direction_change",

@@ -80,22 +80,22 @@ class BladeAerodynamics:
     assumed: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        columns = {"widths": self.widths, "chords": self.chords, "twists_deg": self.twists_deg, "levers": self.levers}
-        for name, column in columns.items():
+        for name in ("widths", "chords", "twists_deg", "levers"):
+            column = getattr(self, name)
             if column is not None and len(column) != len(self.radii):
                 raise ConfigurationError(
                     f"blade stations: expected {len(self.radii)} {name}, one per radius, got {len(column)}"
                 )
-        positive = {"radii": self.radii, "widths": self.widths, "chords": self.chords, "density": (self.density,)}
-        for name, values in positive.items():
-            if not values or not all(math.isfinite(value) and value > 0.0 for value in values):
-                raise ConfigurationError(f"blade {name}: expected positive numbers, got {values}")
+        for name in ("radii", "widths", "chords", "density"):
+            values = np.atleast_1d(getattr(self, name))
+            if not values.size or not np.all(np.isfinite(values) & (values > 0.0)):
+                raise ConfigurationError(f"blade {name}: expected positive numbers, got {getattr(self, name)}")
         numbers = (*self.twists_deg, *(self.levers or ()), self.pitch_deg, self.zero_lift_deg)
         if not all(map(math.isfinite, numbers)):
             raise ConfigurationError("blade twist, pitch, levers and zero-lift angle: expected finite numbers")
-        for name in ("lift_slope", "drag", "drag_factor"):
-            if not (math.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):
-                raise ConfigurationError(f"blade {name}: expected 0 or more, got {getattr(self, name)}")
+        for name, value in (("lift_slope", self.lift_slope), ("drag", self.drag), ("drag_factor", self.drag_factor)):
+            if not 0.0 <= value < math.inf:
+                raise ConfigurationError(f"blade {name}: expected 0 or more, got {value}")
         if not 0.0 <= self.induction < 0.5:
             raise ConfigurationError(
                 f"induction: expected 0 to 0.5 (momentum theory ends there), got {self.induction}; 1/3 is Betz's"
@@ -124,8 +124,7 @@ def blade_loads(
     turbine: "Turbine",
     aerodynamics: BladeAerodynamics,
     wind: Array,
-    azimuth: Array,
-    rotor_speed: Array,
+    rotor: Array,
     misalignment: Array | float = 0.0,
     *,
     mean_speed: float,
@@ -137,8 +136,8 @@ def blade_loads(
     ----------
     wind
         Longitudinal wind speed at the stations (T, N, R) [m/s].
-    azimuth, rotor_speed
-        ψ [rad], Ω [rad/s], (T,).
+    rotor
+        ψ [rad], Ω [rad/s], … (T, 2 or more).
     misalignment
         δ (T,) [rad], positive towards +x.
     mean_speed
@@ -153,19 +152,18 @@ def blade_loads(
     """
     model = turbine.rotor
     radii = np.array(aerodynamics.radii)
-    samples, n = len(azimuth), len(model.coordinates)
-    if wind.shape != (samples, model.blades, len(radii)) or np.shape(rotor_speed) != (samples,):
+    samples, n = len(rotor), len(model.coordinates)
+    if wind.shape != (samples, model.blades, len(radii)):
         raise ConfigurationError(
-            f"blade loads: expected wind ({samples}, {model.blades}, {len(radii)}) and rotor speed ({samples},), "
-            f"got {wind.shape} and {np.shape(rotor_speed)}"
+            f"blade loads: expected wind ({samples}, {model.blades}, {len(radii)}), got {wind.shape}"
         )
     if velocity is not None and velocity.shape != (samples, n):
         raise ConfigurationError(f"blade loads: expected velocity ({samples}, {n}), got {velocity.shape}")
-    theta = blade_angles(azimuth, model.blades)[:, :, None]
+    theta = blade_angles(rotor[:, 0], model.blades)[:, :, None]
     delta = np.broadcast_to(np.asarray(misalignment, dtype=np.float64), (samples,))[:, None, None]
     motion = _station_motion(turbine, aerodynamics, theta)
     across = wind * np.cos(delta) - aerodynamics.induction * mean_speed
-    along = radii * np.asarray(rotor_speed)[:, None, None] + wind * np.sin(delta) * np.sin(theta)
+    along = radii * rotor[:, 1, None, None] + wind * np.sin(delta) * np.sin(theta)
     if velocity is not None:
         along = along + sum(motion[j] * velocity[:, j, None, None] for j in range(n))
     force, slope = _tangential_force(aerodynamics, across, along)

@@ -13,11 +13,11 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError
 
-__all__ = ["Change", "Direction", "simulate_direction"]
+__all__ = ["Direction", "DirectionChange", "simulate_direction"]
 
 
 @dataclass(frozen=True)
-class Change:
+class DirectionChange:
     """The mean direction turns `by_deg` from the time `at` [s] on and takes `over` [s] to do it; 0 is a step."""
 
     at: float
@@ -51,7 +51,7 @@ class Direction:
     mean_deg: float = 0.0
     std_deg: float = 0.0
     time_constant: float = 20.0
-    changes: tuple[Change, ...] = ()
+    changes: tuple[DirectionChange, ...] = ()
 
     def __post_init__(self) -> None:
         if not math.isfinite(self.mean_deg):
@@ -96,7 +96,7 @@ def simulate_direction(
     return np.asarray(np.deg2rad(delta))
 
 
-def _ramp(time: Array, change: Change) -> Array:
+def _ramp(time: Array, change: DirectionChange) -> Array:
     if change.over == 0.0:
         return (time >= change.at).astype(np.float64)
     return np.asarray(0.5 * (1.0 - np.cos(np.pi * np.clip((time - change.at) / change.over, 0.0, 1.0))))

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from windsysid._types import Array
-from windsysid.errors import ConfigurationError
 from windsysid.mechanics.compile import CompiledModel
-from windsysid.simulation.integrate import Response, integrator
+from windsysid.simulation.integrate import Response, check_bounded, integrator
 
 __all__ = ["AeroelasticResponse", "integrate_with_feedback"]
 
@@ -70,10 +69,5 @@ def integrate_with_feedback(
         model.rates, model.reading, p, inputs, np.empty((0, 0)), damping, nu, start, 1.0 / rate, substeps, *response,
         loads
     )  # fmt: skip
-    if not np.isfinite(response.states).all():
-        when = int(np.argmin(np.isfinite(response.states).all(axis=1))) / rate
-        raise ConfigurationError(
-            f"the motion under wind grows without bound after {when:.3g} s: "
-            "check stiffness, damping and blade aerodynamics, or sample faster"
-        )
+    check_bounded(response, rate, "the motion under wind", "stiffness, damping and blade aerodynamics")
     return AeroelasticResponse(response, loads)

@@ -28,8 +28,8 @@ from windsysid._types import Array
 from windsysid.errors import ConfigurationError
 
 __all__ = [
-    "RotorWind",
     "WindConditions",
+    "WindOnRotor",
     "coherence",
     "extreme_direction_change",
     "iec_turbulence_intensity",
@@ -98,7 +98,7 @@ class WindConditions:
         return self.turbulence_intensity * self.speed
 
 
-class RotorWind(NamedTuple):
+class WindOnRotor(NamedTuple):
     """Longitudinal wind speed at the hub (T,) and at the stations of every blade (T, N, R), both [m/s]."""
 
     hub: Array
@@ -156,7 +156,7 @@ def rotor_wind(
     rate: float,
     seed: int | np.random.Generator = 0,
     harmonics: int = 16,
-) -> RotorWind:
+) -> WindOnRotor:
     """Wind speed at the blades: mean with shear, turbulence, tower shadow; reproducible for a seed.
 
     Parameters
@@ -181,7 +181,9 @@ def rotor_wind(
     theta = blade_angles(azimuth, blades)[:, :, None]
     r = np.asarray(radii, dtype=np.float64)
     mean = conditions.speed * _shear(conditions, r * np.sin(theta))
-    return RotorWind(conditions.speed + turbulence.hub, (mean + turbulence.blades) * tower_shadow(conditions, theta, r))
+    return WindOnRotor(
+        conditions.speed + turbulence.hub, (mean + turbulence.blades) * tower_shadow(conditions, theta, r)
+    )
 
 
 def rotating_turbulence(
@@ -193,7 +195,7 @@ def rotating_turbulence(
     rate: float,
     seed: int | np.random.Generator = 0,
     harmonics: int = 16,
-) -> RotorWind:
+) -> WindOnRotor:
     """The turbulence alone, with zero mean: the parameters and errors of `rotor_wind`.
 
     A Gaussian process. It is drawn for a time longer than T by five length scales, so that its end knows nothing of its
@@ -209,7 +211,7 @@ def rotating_turbulence(
     rng = np.random.default_rng(seed)
     turn = np.exp(1j * blade_angles(psi, blades))
     turned = np.ones_like(turn)
-    total = RotorWind(np.zeros(len(psi)), np.zeros((len(psi), blades, len(rings) - 1)))
+    total = WindOnRotor(np.zeros(len(psi)), np.zeros((len(psi), blades, len(rings) - 1)))
     correlations = _ring_coherence(frequency, rings, conditions, harmonics)
     for n in range(harmonics + 1):
         factor = np.asarray(np.linalg.cholesky(_harmonic(correlations, n, len(rings))), dtype=np.float64)

@@ -13,10 +13,10 @@ from windsysid.simulation.wind.field import WindConditions, rotor_wind
 if TYPE_CHECKING:
     from windsysid.turbine.turbine import Turbine
 
-__all__ = ["WindLoads", "wind_loads"]
+__all__ = ["SimulatedWindLoads", "wind_loads"]
 
 
-class WindLoads(NamedTuple):
+class SimulatedWindLoads(NamedTuple):
     """What the wind does to a turbine over T samples.
 
     Attributes
@@ -53,8 +53,7 @@ def wind_loads(
     rate: float,
     direction: Direction | None = None,
     seed: int = 0,
-    harmonics: int = 16,
-) -> WindLoads:
+) -> SimulatedWindLoads:
     """Loads of turbulent wind on a turning rotor; reproducible for a seed.
 
     Parameters
@@ -75,13 +74,12 @@ def wind_loads(
     if rotor.ndim != 2 or rotor.shape[1] < 2:
         raise ConfigurationError(f"rotor: expected columns azimuth and speed, (T, 2) or more, got {rotor.shape}")
     speed_seed, direction_seed = np.random.SeedSequence(seed).spawn(2)
-    azimuth, rotor_speed = rotor[:, 0], rotor[:, 1]
     wind = rotor_wind(
-        conditions, azimuth, aerodynamics.radii, blades=turbine.model.blades, rate=rate,
-        seed=np.random.default_rng(speed_seed), harmonics=harmonics,
+        conditions, rotor[:, 0], aerodynamics.radii, blades=turbine.model.blades, rate=rate,
+        seed=np.random.default_rng(speed_seed),
     )  # fmt: skip
     delta = simulate_direction(
         direction or Direction(), len(rotor), rate=rate, seed=np.random.default_rng(direction_seed)
     )
-    made = blade_loads(turbine, aerodynamics, wind.blades, azimuth, rotor_speed, delta, mean_speed=conditions.speed)
-    return WindLoads(made.loads, made.damping, wind.hub, delta, wind.blades, made.torque)
+    made = blade_loads(turbine, aerodynamics, wind.blades, rotor, delta, mean_speed=conditions.speed)
+    return SimulatedWindLoads(made.loads, made.damping, wind.hub, delta, wind.blades, made.torque)
