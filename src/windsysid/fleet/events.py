@@ -12,6 +12,7 @@ A jump with which noise or trust changed is the sensor's
 import itertools
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from datetime import UTC
 from typing import NamedTuple
 
@@ -78,54 +79,91 @@ class Event(NamedTuple):
     told: str
 
 
+@dataclass(frozen=True, eq=False)
+class _Jump:
+    """A jump of one coefficient of one turbine, and the watch that found it."""
+
+    turbine: str
+    watch: Watch
+    change: Change
+
+    @property
+    def seconds(self) -> float:
+        """When it happened [s since 1970]."""
+        return _epoch(self.watch) + self.change.time
+
+    def is_alike(self, other: "_Jump") -> bool:
+        """Whether two jumps are of one coefficient, in one direction, about the same date."""
+        one, another = self.change, other.change
+        same = one.name == another.name and one.percent * another.percent > 0.0
+        return same and abs(self.seconds - other.seconds) <= SHARED_DAYS * DAY
+
+
 def events_of(
     watches: Mapping[str, Watch], failing: Sequence[Failing], standings: Sequence[Standing],
     air: Mapping[str, tuple[Array, Array]],
 ) -> list[Event]:  # fmt: skip
     """What stands out, the worst first, each thing once."""
-    changes = [(name, change) for name, one in watches.items() for change in _told(one)]
-    found: list[Event] = []
-    done: set[int] = set()
-    for i, (name, change) in enumerate(changes):
-        alike = [j for j, (_, other) in enumerate(changes) if j not in done and _is_alike(watches, changes, i, j)]
-        sisters = list(dict.fromkeys(changes[j][0] for j in alike))
-        if i not in done and len(sisters) >= max(MIN_SHARED, 0.5 * len(watches)):
-            done.update(alike)
-            verb = "rose" if change.percent > 0.0 else "fell"
-            when = watches[name].blocks.when(change.time)
-            told = f"{change.name} {verb} about {when} at {len(sisters)} of {len(watches)}: season, site or software"
-            found.append(Event(", ".join(sisters), "shared", told))
-    meanwhile = {
-        one: [
-            i for i, (name, change) in enumerate(changes)
-            if name == one.turbine and i not in done and one.covers(_epoch(watches[name]) + change.time)
-        ]
-        for one in failing
-    }  # fmt: skip
-    done.update(i for theirs in meanwhile.values() for i in theirs)
-    for i, (name, change) in enumerate(changes):
-        if i in done:
-            continue
-        if change.cause in (NOISE, SENSOR):
-            found.append(Event(name, "sensor", change.told))
-            continue
-        later = [
-            j for j in range(i + 1, len(changes))
-            if j not in done and changes[j][0] == name and changes[j][1].name == change.name
-        ]  # fmt: skip
-        back = _steps_back(watches[name], [change, *(changes[j][1] for j in later)])
-        if not back:
-            found.append(Event(name, "turbine", change.told))
-            continue
-        done.update(later[:back])
-        steps = [change, *(changes[j][1] for j in later[:back])]
-        found.append(_went(name, steps, watches[name], *air[name]))
-    for one, theirs in meanwhile.items():
-        more = f"; jumps found meanwhile, {len(theirs)}, are put down to it" if theirs else ""
-        found.append(Event(one.turbine, "shared" if one.shared else "sensor", one.told + more))
-    doubtful = {one.turbine for one, theirs in meanwhile.items() if theirs}
-    found += [Event(s.turbine, "outlier", s.told) for s in standings if s.outlier and s.turbine not in doubtful]
+    jumps = [_Jump(name, one, change) for name, one in watches.items() for change in _told(one)]
+    shared, single = _shared_jumps(jumps, len(watches))
+    sensors, unexplained = _sensor_failures(single, failing)
+    doubtful = {jump.turbine for jump in single if jump not in unexplained}
+    outliers = [Event(s.turbine, "outlier", s.told) for s in standings if s.outlier and s.turbine not in doubtful]
+    found = shared + _single_jumps(unexplained, air) + sensors + outliers
     return sorted(found, key=lambda event: _WORST.index(event.kind))
+
+
+def _shared_jumps(jumps: Sequence[_Jump], turbines: int) -> tuple[list[Event], list[_Jump]]:
+    """Events of jumps that enough turbines have about the same date, and the jumps that are left."""
+    events: list[Event] = []
+    left = list(jumps)
+    for jump in jumps:
+        alike = [other for other in left if jump.is_alike(other)]
+        sisters = list(dict.fromkeys(other.turbine for other in alike))
+        if jump not in left or len(sisters) < max(MIN_SHARED, 0.5 * turbines):
+            continue
+        left = [other for other in left if other not in alike]
+        verb = "rose" if jump.change.percent > 0.0 else "fell"
+        when = jump.watch.blocks.when(jump.change.time)
+        told = f"{jump.change.name} {verb} about {when} at {len(sisters)} of {turbines}: season, site or software"
+        events.append(Event(", ".join(sisters), "shared", told))
+    return events, left
+
+
+def _sensor_failures(jumps: Sequence[_Jump], failing: Sequence[Failing]) -> tuple[list[Event], list[_Jump]]:
+    """Events of sensors that fail, and the jumps that are not put down to one of them."""
+    events: list[Event] = []
+    explained: set[_Jump] = set()
+    for one in failing:
+        theirs = [jump for jump in jumps if jump.turbine == one.turbine and one.covers(jump.seconds)]
+        explained.update(theirs)
+        more = f"; jumps found meanwhile, {len(theirs)}, are put down to it" if theirs else ""
+        events.append(Event(one.turbine, "shared" if one.shared else "sensor", one.told + more))
+    return events, [jump for jump in jumps if jump not in explained]
+
+
+def _single_jumps(jumps: Sequence[_Jump], air: Mapping[str, tuple[Array, Array]]) -> list[Event]:
+    """Events of jumps that one turbine has; a jump and those that take it back are one event."""
+    events: list[Event] = []
+    left = list(jumps)
+    while left:
+        jump = left.pop(0)
+        sensor = jump.change.cause in (NOISE, SENSOR)
+        back = [] if sensor else _taken_back_by(jump, left)
+        if back:
+            left = [other for other in left if other not in back]
+            steps = [one.change for one in (jump, *back)]
+            events.append(_went(jump.turbine, steps, jump.watch, *air[jump.turbine]))
+        else:
+            events.append(Event(jump.turbine, "sensor" if sensor else "turbine", jump.change.told))
+    return events
+
+
+def _taken_back_by(jump: _Jump, later: Sequence[_Jump]) -> list[_Jump]:
+    """The later jumps of the same coefficient that take a jump back; none where it stays."""
+    key = jump.turbine, jump.change.name
+    same = [other for other in later if (other.turbine, other.change.name) == key]
+    return same[: _steps_back(jump.watch, [jump.change, *(other.change for other in same)])]
 
 
 def _told(one: Watch) -> list[Change]:
@@ -174,15 +212,6 @@ def _epoch(one: Watch) -> float:
     if begin is None:
         return 0.0
     return (begin if begin.tzinfo is not None else begin.replace(tzinfo=UTC)).timestamp()
-
-
-def _is_alike(watches: Mapping[str, Watch], changes: Sequence[tuple[str, Change]], i: int, j: int) -> bool:
-    """Whether two jumps are of one coefficient, in one direction, about the same date."""
-    (name, one), (other_name, other) = changes[i], changes[j]
-    if one.name != other.name or one.percent * other.percent <= 0.0:
-        return False
-    apart = _epoch(watches[name]) + one.time - _epoch(watches[other_name]) - other.time
-    return abs(apart) <= SHARED_DAYS * DAY
 
 
 def _levels(one: Watch, steps: Sequence[Change]) -> list[float]:

@@ -275,11 +275,9 @@ def _months(begin: float, end: float) -> dict[str, tuple[float, float]]:
 
 def _standings(watches: Mapping[str, Watch]) -> list[Standing]:
     """Turbines that have the same coefficients, against each other, at the same covariates."""
-    kinds: dict[tuple[Any, ...], list[str]] = {}
+    kinds: dict[tuple[tuple[str, str, float], ...], list[str]] = {}
     for name, one in watches.items():
-        coefficients = [i for i, s in enumerate(one.series) if not s.name.startswith("noise_")]
-        key = tuple((one.series[i].name, one.series[i].unit, one.blocks.reference[i]) for i in coefficients)
-        kinds.setdefault(key, []).append(name)
+        kinds.setdefault(_coefficients(one), []).append(name)
     tests = sum(len(key) for key, names in kinds.items() if len(names) >= MIN_SISTERS)
     found: list[Standing] = []
     for key, names in kinds.items():
@@ -288,6 +286,12 @@ def _standings(watches: Mapping[str, Watch]) -> list[Standing]:
             levels = {name: _level(watches[name], coefficient, means) for name in names}
             found += stand(levels, coefficient, OUTLIER_CHANCE / max(tests, 1))
     return found
+
+
+def _coefficients(one: Watch) -> tuple[tuple[str, str, float], ...]:
+    """Name, unit and reference of each coefficient that is watched."""
+    reference = dict(zip(one.blocks.names, one.blocks.reference, strict=True))
+    return tuple((s.name, s.unit, reference[s.name]) for s in one.series if not s.name.startswith("noise_"))
 
 
 def _learned_means(one: Watch) -> dict[str, float]:
