@@ -537,12 +537,12 @@ _LIVE = (
 _FLEET_AND_MODES = (
     Mutant(
         "jumps of sisters", "events.py",
-        "max(MIN_SHARED, 0.5 * len(watches))", "max(2, 0.5 * len(watches))",
+        "max(MIN_SHARED, 0.5 * turbines)", "max(2, 0.5 * turbines)",
         "two turbines that jump in a week are the site's",
     ),
     Mutant(
         "jumps of one coefficient in two directions", "events.py",
-        "if one.name != other.name or one.percent * other.percent <= 0.0:", "if one.name != other.name:",
+        "same = one.name == another.name and one.percent * another.percent > 0.0", "same = one.name == another.name",
         "a rise and a fall of sisters are one event",
     ),
     Mutant(

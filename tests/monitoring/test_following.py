@@ -8,7 +8,7 @@ import pytest
 from windsysid._types import Array
 from windsysid.monitoring import following
 from windsysid.monitoring.following import Follower, Kept, Now
-from windsysid.monitoring.jumps import Rates, threshold, track
+from windsysid.monitoring.jumps import Observations, Rates, threshold, track
 from windsysid.monitoring.locating import Jump, first_belief
 from windsysid.monitoring.series import Blocks
 from windsysid.monitoring.together import PRIOR_BLOCKS
@@ -67,7 +67,7 @@ def test_without_a_jump_a_follower_is_the_filter_of_all_blocks():
         for k in range(200, 500):
             again.append(y[k], SIGMA)
             now = again.follow(x[k : k + 1], lambda part=x[: k + 1]: part, LIMIT)  # type: ignore[misc]
-        of = [track(y, r, x, kept.before, one, tolerated=0.005) for one, _ in rates.hypotheses()]
+        of = [track(Observations.of(y, r, x), kept.before, one, tolerated=0.005) for one, _ in rates.hypotheses()]
         evidence = np.array([one.progress.evidence for one in of]) + [prior for _, prior in rates.hypotheses()]
         weight = np.exp(evidence - evidence.max()) / np.exp(evidence - evidence.max()).sum()
         level, std = (np.array([getattr(one, name)[-1] for one in of]) for name in ("level", "std"))

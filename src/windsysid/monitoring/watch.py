@@ -20,7 +20,6 @@ comes first (docs/monitor.md).
 
 import math
 from collections.abc import Mapping, Sequence
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -29,7 +28,7 @@ from numpy.typing import NDArray
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError
 from windsysid.monitoring.changes import Change, Series, Watch
-from windsysid.monitoring.jumps import Belief, Rates, Track, shared_error, threshold, track
+from windsysid.monitoring.jumps import Observations, Rates, Track, shared_error, threshold, track
 from windsysid.monitoring.learning import learn_rates
 from windsysid.monitoring.locating import (
     JUMP_SLOPE_PRIOR,
@@ -139,68 +138,45 @@ def _follow(
     blocks: Blocks, i: int, y: Array, x: Array, begins: int, limit: float, tolerated: Mapping[str, float]
 ) -> _Followed:
     """Level, rates and jumps of one series from its blocks (T,) and standardised covariates (T, m)."""
-    count = len(y)
-    y, r = y.copy(), np.where(np.isfinite(y), blocks.std[:, i], 1.0) ** 2
-    kind = blocks.kind(i)
-    prior, scale = first_belief(y, r, x.shape[1], kind, blocks.logarithmic[i])
-    jump, freed, jumps = JUMP_SLOPE_PRIOR[kind] * scale, np.zeros((count, 1 + x.shape[1])), []
-    begin, first, least = begins, begins, tolerated[kind] * scale
+    count, kind = len(y), blocks.kind(i)
+    seen = Observations.of(y.copy(), np.where(np.isfinite(y), blocks.std[:, i], 1.0) ** 2, x)
+    prior, scale = first_belief(seen.y, seen.r, x.shape[1], kind, blocks.logarithmic[i])
+    jump, least = JUMP_SLOPE_PRIOR[kind] * scale, tolerated[kind] * scale
+    jumps: list[Jump] = []
+    begin = first = begins
     tested = np.zeros(count)
     while True:
-        rates = learn_rates(
-            y[:begin], r[:begin], x[:begin], prior, freed[:begin], kind=kind, logarithmic=blocks.logarithmic[i]
-        )
+        rates = learn_rates(seen.part(slice(begin)), prior, kind=kind, logarithmic=blocks.logarithmic[i])
         end = min(2 * begin, count)
         while True:
-            whole = track(
-                y[:end],
-                r[:end],
-                x[:end],
-                prior,
-                rates,
-                limit=limit,
-                tolerated=least,
-                first=first,
-                freed=freed[:end],
-            )
+            whole = track(seen.part(slice(end)), prior, rates, limit=limit, tolerated=least, first=first)
             upto = whole.stopped + 1 or end
             tested[first:upto] = whole.statistic[first:upto]
             if whole.stopped < 0:
                 break
-            free, stopped, first = freedom(whole.belief.mean, jump, scale), whole.stopped, whole.stopped + 1
-            place = partial(_locate, y, r, x, prior, rates, freed, stopped, int(whole.since[stopped]), jump, scale)
-            seen, seen_freed = _part(y, r, freed, place(first), rates, free)
-            ahead = min(first + max(first - int(whole.since[stopped]), MAX_HINDSIGHT_BLOCKS), count)
-            after = track(
-                seen[:ahead], r[:ahead], x[:ahead], prior, rates, limit=limit, tolerated=least, first=first,
-                freed=seen_freed[:ahead],
-            )  # fmt: skip
+            since, free = int(whole.since[whole.stopped]), freedom(whole.belief.mean, jump, scale)
+            where = whole.stopped, since, jump, scale
+            first = whole.stopped + 1
+            ahead = min(first + max(first - since, MAX_HINDSIGHT_BLOCKS), count)
+            parted = _part(seen, locate(seen.part(slice(first)), prior, rates, *where), rates, free)
+            after = track(parted.part(slice(ahead)), prior, rates, limit=limit, tolerated=least, first=first)
             until = count if after.stopped < 0 else max(first, int(after.since[after.stopped]))
-            found = place(until)  # by blocks up to the next jump: two are not one
-            jumps.append(found)
-            y, freed = _part(y, r, freed, found, rates, free)
+            jumps.append(locate(seen.part(slice(until)), prior, rates, *where))  # by blocks up to the next jump
+            seen = _part(seen, jumps[-1], rates, free)
         if end == count:
             learned = float(whole.level[begins - 1])
             return _Followed(whole._replace(statistic=tested), rates, limit, jumps, scale, learned, least)
         begin = first = end
 
 
-def _locate(
-    y: Array, r: Array, x: Array, prior: Belief, rates: Rates, freed: Array, found: int, likely: int, jump: float,
-    scale: float, end: int,
-) -> Jump:  # fmt: skip
-    """`locate` by the blocks before `end`."""
-    return locate(y[:end], r[:end], x[:end], prior, rates, freed[:end], found, likely, jump, scale)
-
-
-def _part(y: Array, r: Array, freed: Array, jump: Jump, rates: Rates, free: Array) -> tuple[Array, Array]:
-    """Blocks (T,) without what is bad near a jump or on neither side of it, and what is free (T, d) with it."""
-    y, freed = y.copy(), freed.copy()
+def _part(blocks: Observations, jump: Jump, rates: Rates, free: Array) -> Observations:
+    """Blocks without what is bad near a jump or on neither side of it, and with what is free at it."""
+    y, freed = blocks.y.copy(), blocks.freed.copy()
     near = slice(max(0, jump.earliest - MAX_HINDSIGHT_BLOCKS), jump.found + 1)
-    y[near] = without_bad(y[near], rates.scatter * r[near])
+    y[near] = without_bad(y[near], rates.scatter * blocks.r[near])
     y[jump.earliest : jump.latest] = np.nan
     freed[jump.latest] = free
-    return y, freed
+    return blocks._replace(y=y, freed=freed)
 
 
 def _describe(
