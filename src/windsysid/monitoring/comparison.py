@@ -93,18 +93,12 @@ def _compare_coefficients(before: Posterior, after: Posterior) -> Comparison:
     both = (*frame, *levels)
     statistics = _changes(before, after, both, difference_between(before, after, both))[len(frame) :] if levels else ()
     same, notes = _shared_data(before, after)
-    doubts = [
-        f"the result of {result.record} is not trusted by itself: see its report"
-        for result in (before, after)
-        if not result.trusted
-    ]
-    doubts += _differing_models(before, after)
+    doubts = [*_distrusted(before, after), *_differing_models(before, after)]
     moved = [change.name for change in coefficients if change.moved]
     if same and moved:
-        sure = _have_same_values(before, after)
-        same = sure
+        same = _have_same_values(before, after)
         doubts.append(
-            f"both results are of {before.record}{', the same values' if sure else ': if that is one record'}, so"
+            f"both results are of {before.record}{', the same values' if same else ': if that is one record'}, so"
             " nothing moved, and priors, sensors or loads of the two identifications do not agree about"
             f" {', '.join(moved)}"
         )
@@ -112,6 +106,11 @@ def _compare_coefficients(before: Posterior, after: Posterior) -> Comparison:
         (before.record, after.record), coefficients, _modes(before, after, frame, difference), statistics, same,
         tuple(doubts), notes,
     )  # fmt: skip
+
+
+def _distrusted(before: Posterior, after: Posterior) -> list[str]:
+    distrusted = [result.record for result in (before, after) if not result.trusted]
+    return [f"the result of {name} is not trusted by itself: see its report" for name in distrusted]
 
 
 def _frame_of_statistics(before: Posterior, after: Posterior) -> tuple[Parameter, ...]:
@@ -226,24 +225,21 @@ def _shared_data(before: Posterior, after: Posterior) -> tuple[bool, tuple[str, 
 
     The hashes of the records tell; their names do where an older version wrote no hash.
     """
-    names = [result.record.rpartition(", ")[0] for result in (before, after)]
+    name = before.record.rpartition(", ")[0]
     if _have_same_values(before, after):
-        if before.record_hash != after.record_hash:
-            return False, ()
-        if before.section == after.section:
-            return True, ()
-    elif before.record == after.record:
-        return True, ()
-    elif names[0] != names[1] or not names[0]:
-        return False, ()
-    if before.section is None or after.section is None:
-        return False, ()
+        one_record = before.record_hash == after.record_hash
+        same = one_record and before.section == after.section
+    else:
+        one_record = bool(name) and name == after.record.rpartition(", ")[0]
+        same = before.record == after.record
+    if same or not one_record or before.section is None or after.section is None:
+        return same, ()
     common = min(before.section[1], after.section[1]) - max(before.section[0], after.section[0])
     if common <= 0.0:
         return False, ()
     return False, (
         (
-            f"the two sections of {names[0] or before.record} have {common:.4g} s in common: bands and odds take them"
+            f"the two sections of {name or before.record} have {common:.4g} s in common: bands and odds take them"
             " for independent, which errs towards no change"
         ),
     )
@@ -251,26 +247,25 @@ def _shared_data(before: Posterior, after: Posterior) -> tuple[bool, tuple[str, 
 
 def _differing_models(before: Posterior, after: Posterior) -> list[str]:
     """One sentence for each difference in what the two turbines take for known or have identified."""
-    identified = [{q.name for q in result.parameters} for result in (before, after)]
-    a, b = (result.turbine.values for result in (before, after))
-    fixed = [
-        name for name in a
-        if name in b and name not in identified[0] | identified[1] and not math.isclose(a[name], b[name], rel_tol=1e-9)
-    ]  # fmt: skip
+    a, b = ([q.name for q in result.parameters] for result in (before, after))
+    fixed = [name for name in _differing_values(before, after) if name not in (*a, *b)]
     told = []
     if fixed:
         told.append(
             f"the turbine files of the two results differ in {_list_some(fixed)}: what moved may be the files; identify"
             " both with one file"
         )
-    alone = [
-        q.name for r in (before, after) for q in r.parameters if (q.name in identified[0]) != (q.name in identified[1])
-    ]
+    alone = [name for name in (*a, *b) if (name in a) != (name in b)]
     if alone:
         told.append(
             f"only one of the two results identified {_list_some(alone)}: what the other took for it counts as change"
         )
     return told
+
+
+def _differing_values(before: Posterior, after: Posterior) -> list[str]:
+    a, b = before.turbine.values, after.turbine.values
+    return [name for name in a if name in b and not math.isclose(a[name], b[name], rel_tol=1e-9)]
 
 
 def _list_some(names: Sequence[str]) -> str:

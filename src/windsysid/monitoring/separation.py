@@ -2,8 +2,9 @@
 
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from windsysid.output.answers import Answer
 from windsysid.output.table import Table
@@ -31,6 +32,9 @@ class Band(NamedTuple):
     def span(self) -> str:
         """The band."""
         return f"{self.low:.3g} … {self.high:.3g}"
+
+
+AnyBand = TypeVar("AnyBand", Band, Band | None)
 
 
 class State(NamedTuple):
@@ -178,18 +182,16 @@ class Separation(Answer):
                     ("structure and what turns with the rotor", split.calm),
                     ("a metre per second of wind more", split.per_wind),
                 ]
-            parts += [
-                (f"{air}, {state}", band)
-                for state, band in zip(self.states, split.aerodynamic, strict=True)
-            ]  # fmt: skip
-            shown = [(of, band) for of, band in parts if band is not None] or [
-                (f"total, {state}", band) for state, band in zip(self.states, split.measured, strict=True)
-            ]
+            parts += self._by_state(air, split.aerodynamic)
+            shown = [(of, band) for of, band in parts if band is not None] or self._by_state("total", split.measured)
             for of, band in shown:
                 ratio = band.over(0.01 * split.critical)
                 head = (split.name, unit_text(split.unit)) if (of, band) == shown[0] else ("", "")
                 rows.append((*head, of, f"{band.value:.4g}", band.span, f"{ratio.value:.3g} %", f"{ratio.span} %"))
         return rows
+
+    def _by_state(self, what: str, bands: Sequence[AnyBand]) -> list[tuple[str, AnyBand]]:
+        return [(f"{what}, {state}", band) for state, band in zip(self.states, bands, strict=True)]
 
     def summary(self) -> dict[str, Any]:
         """Plain values, for ``summary.json``."""

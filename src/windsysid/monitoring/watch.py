@@ -88,24 +88,15 @@ def watch(blocks: Blocks, *, alarms_per_year: float = 0.1, tolerated: Mapping[st
     ConfigurationError
         If the rate is not between 1e-6 and 100 a year, or no series can be followed.
     """
-    kinds = dict.fromkeys(blocks.kind(i) for i in range(len(blocks.names)))
-    missing = [kind for kind in kinds if kind not in tolerated]
-    if missing:
-        raise ConfigurationError(
-            f"tolerated: expected a size for {', '.join(kinds)}, got none for {', '.join(missing)}"
-        )
-    if not 1e-6 <= alarms_per_year <= 100.0:
-        raise ConfigurationError(f"alarms per year: expected 1e-6 to 100, got {alarms_per_year:g}")
+    _check_options(blocks, alarms_per_year, tolerated)
     count = len(blocks.time)
     begins = min(MAX_LEARNING_BLOCKS, count // 2)
     step = float(np.median(np.diff(blocks.time)))
-    x, names, scales, notes = _standardise_covariates(blocks, begins)
-    there = np.asarray(np.isfinite(x).all(axis=1))
+    covariates, notes = _standardise_covariates(blocks, begins)
+    there = np.asarray(np.isfinite(covariates.x).all(axis=1))
     if not there.all():
         notes.append(f"{int((~there).sum())} of {count} records lack a covariate and were left out")
-    followed = [
-        i for i in range(len(blocks.names)) if np.isfinite(blocks.theta[there][:begins, i]).sum() >= MIN_BLOCKS // 2
-    ]
+    followed = np.flatnonzero(np.isfinite(blocks.theta[there][:begins]).sum(axis=0) >= MIN_BLOCKS // 2).tolist()
     if not followed:
         raise ConfigurationError(
             f"expected at least {MIN_BLOCKS // 2} estimates to learn from in the first {begins} records"
@@ -114,14 +105,33 @@ def watch(blocks: Blocks, *, alarms_per_year: float = 0.1, tolerated: Mapping[st
     series, jumps = [], []
     for i in followed:
         y = np.where(there, blocks.theta[:, i], np.nan)
-        one = _follow(blocks, i, y, np.where(there[:, None], x, 0.0), begins, limit, tolerated)
-        series.append(_describe(blocks, i, one, y, x, names, scales, begins, step))
+        one = _follow(blocks, i, y, np.where(there[:, None], covariates.x, 0.0), begins, limit, tolerated)
+        series.append(_describe(blocks, i, one, y, covariates, begins))
         jumps += [(i, jump) for jump in one.jumps]
     jumps.sort(key=lambda found: found[1].found)
     changes = tuple(_change(blocks, i, jump, jumps) for i, jump in jumps)
     notes = [*blocks.notes, *notes]
     notes.insert(0, f"alarms from {blocks.when(float(blocks.time[begins]))} on: {begins} records to learn from")
     return Watch(blocks, tuple(series), changes, alarms_per_year, begins, tuple(notes))
+
+
+def _check_options(blocks: Blocks, alarms_per_year: float, tolerated: Mapping[str, float]) -> None:
+    kinds = dict.fromkeys(map(blocks.kind, range(len(blocks.names))))
+    missing = [kind for kind in kinds if kind not in tolerated]
+    if missing:
+        raise ConfigurationError(
+            f"tolerated: expected a size for {', '.join(kinds)}, got none for {', '.join(missing)}"
+        )
+    if not 1e-6 <= alarms_per_year <= 100.0:
+        raise ConfigurationError(f"alarms per year: expected 1e-6 to 100, got {alarms_per_year:g}")
+
+
+class _Standardised(NamedTuple):
+    """Covariates (T, m) as standard scores of the learning time, their names, and their standard deviations (m,)."""
+
+    x: Array
+    names: list[str]
+    scales: Array
 
 
 class _Followed(NamedTuple):
@@ -179,11 +189,9 @@ def _part(blocks: Observations, jump: Jump, rates: Rates, free: Array) -> Observ
     return blocks._replace(y=y, freed=freed)
 
 
-def _describe(
-    blocks: Blocks, i: int, one: _Followed, y: Array, x: Array, names: Sequence[str], scales: Array,
-    begins: int, step: float
-) -> Series:  # fmt: skip
+def _describe(blocks: Blocks, i: int, one: _Followed, y: Array, covariates: _Standardised, begins: int) -> Series:
     """A `Series` in units and percent."""
+    x, names, scales = covariates
     level, std = one.track.level, one.track.std
     belief, now = one.track.belief, float(level[-1])
     told = np.hypot(std, shared_error(now, y, blocks.std[:, i] ** 2, one.rates))
@@ -196,7 +204,7 @@ def _describe(
     def share(part: float, spread: float, of: float) -> tuple[float, float, float]:
         return _percent(blocks, i, part, spread, of)
 
-    day = max(1, round(DAY / step))
+    day = max(1, round(DAY / float(np.median(np.diff(blocks.time)))))
     return Series(
         name=name,
         unit=blocks.units[i] if blocks.units else "",
@@ -236,23 +244,27 @@ def _change(blocks: Blocks, i: int, jump: Jump, jumps: Sequence[tuple[int, Jump]
     name = blocks.names[i]
     percent, low, high = _percent(blocks, i, jump.size, jump.std, jump.before)
     time, earliest, latest, found = (float(blocks.time[k]) for k in (jump.at, jump.earliest, jump.latest, jump.found))
-    noisy = [
-        blocks.names[j]
-        for j, other in jumps
-        if blocks.kind(j) == "noise" and other.earliest <= jump.found and jump.earliest <= other.found
-    ]
-    if blocks.kind(i) == "noise":
-        cause, why = NOISE, HEARD
-    elif noisy:
-        cause, why = SENSOR, f"{SENSOR}: {', '.join(noisy)} changed with it"
-    elif blocks.trusted is not None and was_lost(blocks.trusted, jump):
-        cause, why = SENSOR, f"{SENSOR}: {UNEXPLAINED}"
-    elif any(blocks.kind(j) == "noise" for j in range(len(blocks.names))):
-        cause, why = STRUCTURE, SOUND
-    else:
-        cause, why = STRUCTURE, UNWATCHED
+    cause, why = _cause(blocks, i, jump, jumps)
     told = tell(name, (percent, low, high), blocks.between(earliest, latest), blocks.when(found), why)
     return Change(name, time, earliest, latest, found, percent, low, high, cause, told)
+
+
+def _cause(blocks: Blocks, i: int, jump: Jump, jumps: Sequence[tuple[int, Jump]]) -> tuple[str, str]:
+    """Where to look for the cause of a jump of series i, and why there."""
+    kinds = list(map(blocks.kind, range(len(blocks.names))))
+    noisy = [blocks.names[j] for j, other in jumps if kinds[j] == "noise" and _meet(jump, other)]
+    if kinds[i] == "noise":
+        return NOISE, HEARD
+    if noisy:
+        return SENSOR, f"{SENSOR}: {', '.join(noisy)} changed with it"
+    if blocks.trusted is not None and was_lost(blocks.trusted, jump):
+        return SENSOR, f"{SENSOR}: {UNEXPLAINED}"
+    return STRUCTURE, SOUND if "noise" in kinds else UNWATCHED
+
+
+def _meet(one: Jump, other: Jump) -> bool:
+    """Whether one jump may have happened before the other was found, and the other way round."""
+    return other.earliest <= one.found and one.earliest <= other.found
 
 
 def tell(name: str, percent: tuple[float, float, float], when: str, found: str, why: str) -> str:
@@ -269,8 +281,8 @@ def was_lost(good: NDArray[np.bool_], jump: Jump) -> bool:
     return bool(len(before) and len(after) and before.mean() > 0.5 > after.mean())
 
 
-def _standardise_covariates(blocks: Blocks, begins: int) -> tuple[Array, list[str], Array, list[str]]:
-    """Covariates as standard scores of the learning time, their names, standard deviations, and those left out."""
+def _standardise_covariates(blocks: Blocks, begins: int) -> tuple[_Standardised, list[str]]:
+    """Covariates as standard scores of the learning time, and notes of those left out."""
     x = np.asarray(blocks.covariates, dtype=np.float64)
     missing = [
         name for name, column in zip(blocks.covariate_names, x.T, strict=True) if np.isfinite(column[:begins]).sum() < 2
@@ -288,7 +300,7 @@ def _standardise_covariates(blocks: Blocks, begins: int) -> tuple[Array, list[st
     ]  # fmt: skip
     names = [name for name, there in zip(blocks.covariate_names, moves, strict=True) if there]
     centred = (x[:, moves] - np.nanmean(x[:begins, moves], axis=0)) / scales[moves]
-    return np.ascontiguousarray(centred), names, scales[moves], notes
+    return _Standardised(np.ascontiguousarray(centred), names, scales[moves]), notes
 
 
 def _percent(blocks: Blocks, i: int, part: float, std: float, of: float) -> tuple[float, float, float]:
