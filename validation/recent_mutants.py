@@ -443,7 +443,7 @@ _LIVE = (
     ),
     Mutant(
         "a clock that was set back", "timeline.py",
-        "if step < 0 and not", "if step < -1000000 and not",
+        "if set_back and not", "if False and not",
         "blocks of a clock that was set back lie upon others",
     ),
     Mutant(
@@ -499,7 +499,7 @@ _LIVE = (
     ),
     Mutant(
         "windows in a row that drift", "streams.py",
-        "if outside == DRIFT_WINDOWS:", "if outside == 1:",
+        '"drift" if outside == DRIFT_WINDOWS', '"drift" if outside == 1',
         "one odd window is a drift",
     ),
     Mutant(

@@ -232,23 +232,29 @@ def _of_json(payload: bytes, turbine: str) -> Block:
         told = json.loads(payload)
     except (ValueError, RecursionError) as error:
         raise BlockRefused(f"no JSON: {' '.join(str(error).split())[:100]}") from None
-    known = ("sequence", "start", "rate", "stream", "channels")
-    unknown = [key for key in told if key not in known]
-    if unknown or not isinstance(told.get("channels"), dict):
-        what = f"unknown key {unknown[0][:40]!r}" if unknown else "no object 'channels'"
-        raise BlockRefused(f"block has {what}: expected {', '.join(known)}")
+    _check_keys(told)
     listed: dict[str, Any] = told["channels"]
-    columns, units = [], []
-    for name, channel in listed.items():
-        if not isinstance(channel, dict) or set(channel) != {"unit", "values"} or not isinstance(channel["unit"], str):
-            raise BlockRefused(f'channel {name[:40]!r}: expected {{"unit": "m/s^2", "values": [...]}}')
-        columns.append(_numbers(name, channel["values"]))
-        units.append(channel["unit"])
+    units = [_unit(name, channel) for name, channel in listed.items()]
+    columns = [_numbers(name, channel["values"]) for name, channel in listed.items()]
     lengths = {len(column) for column in columns}
     if len(lengths) > 1:
         raise BlockRefused(f"channels have {min(lengths)} to {max(lengths)} values: expected as many in each")
     values = np.column_stack(columns) if columns else np.empty((0, 0))
     return _built(turbine, told, tuple(listed), tuple(units), values)
+
+
+def _check_keys(told: dict[str, Any]) -> None:
+    known = ("sequence", "start", "rate", "stream", "channels")
+    unknown = [key for key in told if key not in known]
+    if unknown or not isinstance(told.get("channels"), dict):
+        what = f"unknown key {unknown[0][:40]!r}" if unknown else "no object 'channels'"
+        raise BlockRefused(f"block has {what}: expected {', '.join(known)}")
+
+
+def _unit(name: str, channel: Any) -> str:
+    if not isinstance(channel, dict) or set(channel) != {"unit", "values"} or not isinstance(channel["unit"], str):
+        raise BlockRefused(f'channel {name[:40]!r}: expected {{"unit": "m/s^2", "values": [...]}}')
+    return str(channel["unit"])
 
 
 def _numbers(name: str, values: Any) -> NDArray[np.float64]:

@@ -103,14 +103,7 @@ class Engine:
         self._sums, self._summing = Counter[str](), threading.Lock()
         self._rate = 0.0
         self._followers = {followed.member.name: self._follower(followed) for followed in turbines}
-        for status in store.statuses():
-            if status.turbine in self._followers:
-                self._followers[status.turbine].restore(status)
-        for alarm in store.alarms(open_only=True, most=100_000):
-            if alarm.turbine in self._followers and alarm.ended is None:
-                self._followers[alarm.turbine].alarms.restore(alarm)
-        for follower in self._followers.values():
-            self._go_on(follower)
+        self._restore()
         self._turns = ShortTurns()
         self._estimators = estimators(workers)
         self._threads = [
@@ -293,35 +286,39 @@ class Engine:
                     row = None if task is None else follower.rows.get(task.window)
                 if task is None or row is None:
                     return
-                begun = time.thread_time()
-                concluded = follower.concluded
-                if concluded is None:  # else the store refused it before
-                    concluded = follower.concluded = conclude(follower, task, row, self._now())
-                    follower.counts["windows"] += 1
-                with follower.lock:
-                    if follower.state != "silent":
-                        follower.state = "running" if row["state"] in (None, "unknown") else row["state"]
-                    follower.rotor_speed = row["rotor_speed"]
-                    drifting = [a for verdict in concluded.verdicts for a in self._sensor_alarms(follower, verdict)]
-                    healths = [verdict.health(follower.name) for verdict in concluded.verdicts]
-                    alarms = [*concluded.alarms, *drifting]
-                    stored = self._store.submit(
-                        Commit((), [follower.status()], healths, results=[concluded.result], alarms=alarms)
-                    )
-                self._count(windows=1, watch_ns=round((time.thread_time() - begun) * SECOND))
-                stored.result()
-                with follower.lock:
-                    follower.means, follower.concluded = concluded.means, None
-                    del follower.rows[task.window]
-                    follower.order.popleft()
-                    free = follower.withheld if len(follower.order) <= WITHHELD_WINDOWS else []
-                    if free:
-                        follower.withheld = []
-                for future in free:
-                    future.set_result(None)
+                self._take_row(follower, task, row)
                 self._tell("window", turbine=task.turbine, window=task.window, status=row["status"], why=row["why"])
                 with self._idle:
                     self._idle.notify_all()
+
+    def _take_row(self, follower: Follower, task: WindowTask, row: Row) -> None:
+        """Let the watch take in a row, and wait until the store has what it made of it."""
+        begun = time.thread_time()
+        concluded = follower.concluded
+        if concluded is None:  # else the store refused it before
+            concluded = follower.concluded = conclude(follower, task, row, self._now())
+            follower.counts["windows"] += 1
+        with follower.lock:
+            if follower.state != "silent":
+                follower.state = "running" if row["state"] in (None, "unknown") else row["state"]
+            follower.rotor_speed = row["rotor_speed"]
+            drifting = [a for verdict in concluded.verdicts for a in self._sensor_alarms(follower, verdict)]
+            healths = [verdict.health(follower.name) for verdict in concluded.verdicts]
+            alarms = [*concluded.alarms, *drifting]
+            stored = self._store.submit(
+                Commit((), [follower.status()], healths, results=[concluded.result], alarms=alarms)
+            )
+        self._count(windows=1, watch_ns=round((time.thread_time() - begun) * SECOND))
+        stored.result()
+        with follower.lock:
+            follower.means, follower.concluded = concluded.means, None
+            del follower.rows[task.window]
+            follower.order.popleft()
+            free: list[Future[None]] = []
+            if len(follower.order) <= WITHHELD_WINDOWS:
+                free, follower.withheld = follower.withheld, []
+        for future in free:
+            future.set_result(None)
 
     # alarms
 
@@ -357,15 +354,7 @@ class Engine:
 
     def _look_at(self, follower: Follower) -> None:
         now = self._now()
-        quiet = now - follower.received
-        if follower.received and quiet > self._silence and follower.state != "silent":
-            follower.state = "silent"
-            text = f"no block for {quiet / SECOND:.0f} s: check logger, network and broker"
-            self._data_alarm(follower, "silent", "warning", text)
-        if quiet > self._patience:
-            for window in sorted(follower.open):
-                if window + follower.windows.length < now:
-                    self._close(follower, window)
+        self._look_for_silence(follower, now)
         behind = now - follower.order[0].closed if follower.order else 0
         if behind > BEHIND_WINDOWS * follower.windows.length:
             text = (
@@ -378,6 +367,18 @@ class Engine:
             ended += follower.alarms.ended("behind", now)
         if ended:
             self._store.submit(Commit(statuses=[follower.status()], alarms=ended))
+
+    def _look_for_silence(self, follower: Follower, now: int) -> None:
+        """Say that a turbine fell silent; after a while, close its windows."""
+        quiet = now - follower.received
+        if follower.received and quiet > self._silence and follower.state != "silent":
+            follower.state = "silent"
+            text = f"no block for {quiet / SECOND:.0f} s: check logger, network and broker"
+            self._data_alarm(follower, "silent", "warning", text)
+        if quiet > self._patience:
+            for window in sorted(follower.open):
+                if window + follower.windows.length < now:
+                    self._close(follower, window)
 
     # waiting and ending
 
@@ -455,6 +456,17 @@ class Engine:
         tables = {"turbine": load_turbine(member.turbine).name, "formulation": followed.formulation}
         self._store.configure(member.name, settings, tables | {"window": followed.window, **options._asdict()})
         return follower
+
+    def _restore(self) -> None:
+        """Go on where the store stands: statuses, open alarms, and windows that have no result."""
+        for status in self._store.statuses():
+            if status.turbine in self._followers:
+                self._followers[status.turbine].restore(status)
+        for alarm in self._store.alarms(open_only=True, most=100_000):
+            if alarm.turbine in self._followers and alarm.ended is None:
+                self._followers[alarm.turbine].alarms.restore(alarm)
+        for follower in self._followers.values():
+            self._go_on(follower)
 
     def _go_on(self, follower: Follower) -> None:
         """Take up the windows that the store has blocks of."""

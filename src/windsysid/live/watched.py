@@ -40,12 +40,14 @@ def said_of(row: Row) -> dict[Watched, tuple[float, float]]:
         kind = "c" if name.partition("_")[0] == "c" else "k"
         found[Watched(name, one["unit"], kind, logarithmic, reference)] = (float(one["own"]), float(one["own_std"]))
     for one in row["statistics"]:
-        values = one["estimate"], one["low"], one["high"]
-        if not one["name"].startswith("noise_") or not all(v is not None and 0.0 < v < math.inf for v in values):
-            continue
-        std = math.log(values[2] / values[1]) / (2.0 * SIGMAS)
-        found[Watched(one["name"], one["unit"], "noise", True, 1.0)] = (math.log(values[0]), std)
+        if one["name"].startswith("noise_") and all(map(_is_positive, (one["estimate"], one["low"], one["high"]))):
+            std = math.log(one["high"] / one["low"]) / (2.0 * SIGMAS)
+            found[Watched(one["name"], one["unit"], "noise", True, 1.0)] = (math.log(one["estimate"]), std)
     return found
+
+
+def _is_positive(value: float | None) -> bool:
+    return value is not None and 0.0 < value < math.inf
 
 
 def in_coordinates_of(known: Watched, one: Watched, theta: float, std: float) -> tuple[float, float]:

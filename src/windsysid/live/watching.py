@@ -8,7 +8,7 @@ level wanders on, its band widens.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -187,54 +187,67 @@ class Watching:
         self._windows = self._windows.and_then(window, row)
         takes = bool(self._windows.state[-1] != NONE)
         for name, follower in self._followers.items():
-            follower.append(*(own.get(name, (math.nan, math.nan)) if takes else (math.nan, math.nan)))
+            follower.append(*(own.get(name, _NOTHING) if takes else _NOTHING))
         learning = self._count(row, takes)
         newest = self._covariates(1)
         limit = self._limit() if self._state.taken >= self.options.learn else math.inf
-        now = {}
-        for name, follower in self._followers.items():
-            enough = follower.kept.rates is not None or follower.known >= MIN_BLOCKS // 2
-            if learning is not None and enough:
-                x = self._covariates()
-                now[name] = follower.learn(x, anew=learning)
-                if not learning:
-                    past, wander = self._past.get(name, Past()), follower.wander_beside_trend(x)
-                    first = int(self._windows.time[0])
-                    self._past[name] = remembered(past, follower.kept, LET_GO_BLOCKS, first, wander)
-            else:
-                now[name] = follower.follow(newest, self._covariates, limit)
+        now = {name: self._advance(name, learning, newest, limit) for name in self._followers}
         self._see(window, row, newest, any(math.isfinite(follower.kept.y[-1]) for follower in self._followers.values()))
         return own, now
 
+    def _advance(self, name: str, learning: bool | None, newest: Array, limit: float) -> Now:
+        """Take the newest window into a series; `learning` is what `_count` gave."""
+        follower = self._followers[name]
+        if learning is None or not (follower.kept.rates is not None or follower.known >= MIN_BLOCKS // 2):
+            return follower.follow(newest, self._covariates, limit)
+        x = self._covariates()
+        now = follower.learn(x, anew=learning)
+        if not learning:
+            past, wander = self._past.get(name, Past()), follower.wander_beside_trend(x)
+            first = int(self._windows.time[0])
+            self._past[name] = remembered(past, follower.kept, LET_GO_BLOCKS, first, wander)
+        return now
+
     def _count(self, row: Row | None, takes: bool) -> bool | None:
         """Count the newest window; whether rates are to be learned, from the beginning (True) or on (False)."""
-        state = self._state
         if row is not None and row["status"] == "ok":
-            made = f"{row['settings']} {row['windsysid']}"
-            if made != state.settings:
-                changed = None if not state.settings else int(self._windows.time[-1])
-                state = state._replace(settings=made, changed=changed)
-        self._state = state = state._replace(taken=state.taken + takes)
+            self._note_settings(f"{row['settings']} {row['windsysid']}")
+        self._state = state = self._state._replace(taken=self._state.taken + takes)
+        learned = state.standards is not None
         if len(self._windows.time) > MAX_KEPT_BLOCKS:
-            x = self._covariates()
-            for follower in self._followers.values():
-                follower.let_go(x, LET_GO_BLOCKS)
-            self._windows = self._windows.later(LET_GO_BLOCKS)
-            self._state = state = state._replace(let_go=state.let_go + LET_GO_BLOCKS)
-            if state.standards is not None:
+            self._let_go()
+            if learned:
                 return False
-        elif state.let_go and state.standards is not None:
+        elif state.let_go and learned:
             return None
         if not takes or state.taken < state.next_learning:
             return None
         standards = learn_standards(self._windows.state, self._windows.conditions)
-        following = self.options.learn
-        while following <= state.taken:
-            following *= 2
-        while following >= 4 * MIN_BLOCKS and following // 2 > state.taken:
-            following //= 2
-        self._state = state._replace(next_learning=following, standards=standards)
+        self._state = self._state._replace(next_learning=self._next_learning(), standards=standards)
         return True
+
+    def _note_settings(self, made: str) -> None:
+        """Note with which settings a window was estimated, and since when they are others than before."""
+        if made != self._state.settings:
+            changed = int(self._windows.time[-1]) if self._state.settings else None
+            self._state = self._state._replace(settings=made, changed=changed)
+
+    def _let_go(self) -> None:
+        """Forget the oldest windows but for what they taught."""
+        x = self._covariates()
+        for follower in self._followers.values():
+            follower.let_go(x, LET_GO_BLOCKS)
+        self._windows = self._windows.later(LET_GO_BLOCKS)
+        self._state = self._state._replace(let_go=self._state.let_go + LET_GO_BLOCKS)
+
+    def _next_learning(self) -> int:
+        """The number of windows at which rates are learned next: `learn` times a power of two."""
+        taken, following = self._state.taken, self.options.learn
+        while following <= taken:
+            following *= 2
+        while following >= 4 * MIN_BLOCKS and following // 2 > taken:
+            following //= 2
+        return following
 
     def _limit(self) -> float:
         """Of the test of each series for a jump; together they have half of the false alarms that are accepted."""
@@ -252,20 +265,7 @@ class Watching:
     def _alarms(self, now: Mapping[str, Now], end: int, *, drifts: bool) -> tuple[Alarm, ...]:
         """What is new, measured again, put down to another cause, or over after the window that ends at `end`."""
         before = {case.alarm.key: case.alarm for case in self._cases}
-        found = {(name, jump.found): jump for name, one in self._followers.items() for jump in one.kept.jumps}
-        cases = [
-            case if case.drift else case._replace(jump=found.pop((case.series, case.jump.found), case.jump))
-            for case in self._cases
-        ]
-        moved = bool(found) or any(case.jump != one.jump for case, one in zip(cases, self._cases, strict=True))
-        for (name, _), jump in sorted(found.items(), key=lambda one: one[1].found):
-            earlier = [case.jump for case in cases if case.series == name and not case.returns]
-            returns = any(takes_back(one, jump) for one in earlier)
-            cases.append(Case(name, jump, returns, self._jump_alarm(name, jump, cases, returns=returns)))
-            if name in self._past:
-                self._past[name] = self._past[name]._replace(references=())
-        if moved:
-            cases = [self._said_anew(case, cases) for case in cases]
+        cases = self._with_jumps()
         if drifts:
             cases = self._with_drifts(cases, now)
         cases = [self._ended(case, now[case.series], end) for case in cases]
@@ -273,6 +273,18 @@ class Watching:
         changed = [case.alarm for case in cases if before.get(case.alarm.key) != case.alarm]
         blind = self._blind(end)
         return (*changed, *([] if blind is None else [blind]))
+
+    def _with_jumps(self) -> list[Case]:
+        """With the jumps that are new; where one is, or was measured again, all are said anew."""
+        found = {(name, jump.found): jump for name, one in self._followers.items() for jump in one.kept.jumps}
+        cases = [_measured_again(case, found) for case in self._cases]
+        moved = bool(found) or any(case.jump != one.jump for case, one in zip(cases, self._cases, strict=True))
+        for (name, _), jump in sorted(found.items(), key=lambda one: one[1].found):
+            returns = _is_return(name, jump, cases)
+            cases.append(Case(name, jump, returns, self._jump_alarm(name, jump, cases, returns=returns)))
+            if name in self._past:
+                self._past[name] = self._past[name]._replace(references=())
+        return [self._said_anew(case, cases) for case in cases] if moved else cases
 
     def _said_anew(self, case: Case, cases: list[Case]) -> Case:
         """What is said of a jump by all that is known now, while what was about it is kept."""
@@ -295,7 +307,7 @@ class Watching:
             if since is None or name in open_ones or not z > limit:
                 continue
             found = self._drift(name, since, now[name])
-            returns = any(takes_back(it.jump, found.jump) for it in cases if it.series == name and not it.returns)
+            returns = _is_return(name, found.jump, cases)
             alarm = self._drift_alarm(name, found, cases, returns=returns)
             cases.append(Case(name, found.jump, returns, alarm, drift=True))
         return cases
@@ -388,6 +400,18 @@ class Watching:
 
 _PLACES = ("earliest", "latest", "found")
 
+_NOTHING = math.nan, math.nan
+
+
+def _measured_again(case: Case, found: dict[tuple[str, int], Jump]) -> Case:
+    """A case with its jump as it is measured now, which is taken out of `found`."""
+    return case if case.drift else case._replace(jump=found.pop((case.series, case.jump.found), case.jump))
+
+
+def _is_return(series: str, jump: Jump, cases: Sequence[Case]) -> bool:
+    """Whether a jump of a series takes back an earlier one."""
+    return any(takes_back(case.jump, jump) for case in cases if case.series == series and not case.returns)
+
 
 def start(turbine: str, options: Options = Options()) -> Watching:
     """A watch that has seen nothing yet.
@@ -419,13 +443,7 @@ def resume(checkpoint: bytes, turbine: str, options: Options = Options()) -> Wat
         raise ConfigurationError(f"checkpoint of {turbine}: it is one of '{header['turbine']}': start without it")
     rest = iter(arrays)
     windows = KeptWindows._make(next(rest) for _ in KeptWindows._fields)
-    series = {}
-    for one in header["series"]:
-        y, std = next(rest), next(rest)
-        before = Belief(next(rest), next(rest)) if one["learned"] else None
-        rates = None if one["rates"] is None else Rates(*one["rates"])
-        jumps = tuple(Jump(*jump) for jump in one["jumps"])
-        series[Watched(*one["watched"])] = Kept(y, std, one["let_go"], before, rates, one["scale"], jumps)
+    series = {Watched(*one["watched"]): _kept(one, rest) for one in header["series"]}
     state = WatchState(**header["state"])
     if state.standards is not None:
         parts = (tuple(part) if isinstance(part, list) else part for part in state.standards)
@@ -436,6 +454,14 @@ def resume(checkpoint: bytes, turbine: str, options: Options = Options()) -> Wat
     )
     past = {Watched(*one["watched"]).name: past_of(one["past"]) for one in header["series"] if one.get("past")}
     return Watching(turbine, options, state, windows, series, cases, past)
+
+
+def _kept(one: Mapping[str, Any], rest: Iterator[NDArray[Any]]) -> Kept:
+    """What is kept of a series: its part of a header, and the arrays that are next."""
+    y, std = next(rest), next(rest)
+    before = Belief(next(rest), next(rest)) if one["learned"] else None
+    rates = None if one["rates"] is None else Rates(*one["rates"])
+    return Kept(y, std, one["let_go"], before, rates, one["scale"], tuple(Jump(*jump) for jump in one["jumps"]))
 
 
 def _check(options: Options) -> None:

@@ -105,19 +105,11 @@ def compare(seeds: int) -> list[Rows]:
         errors.append([_average_errors(turbine, case.model, mean) for mean in (ekf[-1].mean, sir[-1].mean, bare.mean)])
     table = np.median(errors, axis=0)  # (ways, windows, n_θ)
     names = [e.name for e in ekf[0].estimates]
-    rows: list[tuple[str, ...]] = []
-    for name, published in PUBLISHED.items():
-        i = names.index(name)
-        cells = [f"{table[way, window, i]:.3g} %" for window in (0, 1) for way in (0, 1)]
-        rows.append((name, f"{published:g} %", *cells, f"{table[2, 1, i]:.3g} %"))
+    rows = [_error_row(name, table[:, :, names.index(name)]) for name in PUBLISHED]
     seconds = [f"{np.median([found.elapsed for found in several]):.3f} s" for several in (ekf, sir)]
     rows.append(("time", f"{PUBLISHED_SECONDS:g} s; {PUBLISHED_HOURS:g} h", *seconds, *seconds, ""))
     off = [(s.mean - e.mean)[-1] / e.std[-1] for s, e in zip(sir, ekf, strict=True)]
     width = [s.std[-1] / e.std[-1] for s, e in zip(sir, ekf, strict=True)]
-    held = [
-        float(np.mean([e.low <= (e.reference or 0.0) <= e.high for found in several for e in found.estimates]))
-        for several in (ekf, sir)
-    ]
     headings = (
         "coefficient",
         "published",
@@ -137,13 +129,24 @@ def compare(seeds: int) -> list[Rows]:
             "At the end of the section",
             ("", "EKF", "SIR"),
             [
-                ("±2σ holds the reference", *(f"{100.0 * share:.0f} %" for share in held)),
+                ("±2σ holds the reference", _coverage(ekf), _coverage(sir)),
                 ("estimate − EKF's, in its σ, rms", "", f"{np.sqrt(np.mean(np.square(off))):.2f}"),
                 ("σ ÷ EKF's", "", f"{np.mean(width):.2f}"),
             ],
         ),
         Rows("The first record, in words", ("filter", ""), [("SIR", sir[0].notes[-1]), ("no kernel", words[0])]),
     ]
+
+
+def _error_row(name: str, errors: Array) -> tuple[str, ...]:
+    """Cells of a coefficient from its errors (ways, windows) [%]."""
+    return (name, f"{PUBLISHED[name]:g} %", *(f"{error:.3g} %" for error in (*errors[:2].T.flat, errors[2, 1])))
+
+
+def _coverage(several: Sequence[Identification]) -> str:
+    """Share of all estimates whose ±2σ band holds the reference."""
+    held = [e.low <= (e.reference or 0.0) <= e.high for found in several for e in found.estimates]
+    return f"{100.0 * float(np.mean(held)):.0f} %"
 
 
 def _average_errors(turbine: Turbine, model: StateSpace, mean: Array) -> Array:

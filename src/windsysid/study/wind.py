@@ -170,23 +170,12 @@ def direction_change_figure(study: DirectionChangeStudy, names: Sequence[str] = 
     window = slice(round(SECTION[0] * RATE), round(SECTION[1] * RATE))
     time = np.arange(window.stop - window.start) / RATE
     columns = ((ARMS[:2], "the filter is told the loads"), (ARMS[2:], "the loads are withheld"))
-    colours = dict(zip(ARMS, (ESTIMATE, ERROR, MEASURED), strict=True))
     for column, (arms, title) in enumerate(columns):
         top = axes[0, column]
         top.plot(time, np.rad2deg(study.under.wind.misalignment[window]), color=REFERENCE, lw=1.0)
         top.set_title(title, fontsize=10)
         for ax, name in zip(axes[1:, column], names, strict=True):
-            reference = study.turbine.values[name]
-            seen = [reference]
-            for arm in arms:
-                found, calm = study.arms[arm].history(name)[0], study.unchanged[arm].history(name)[0]
-                ax.plot(time, calm, color=colours[arm], lw=1.0, ls=":")
-                ax.plot(time, found, color=colours[arm], lw=1.5, label=arm)
-                for history in (found, calm):
-                    seen += [history[time >= SETTLING_SECONDS].min(), history[time >= SETTLING_SECONDS].max()]
-            ax.axhline(reference, color=REFERENCE, ls="--", lw=1)
-            margin = 0.1 * (max(seen) - min(seen))
-            ax.set_ylim(min(seen) - margin, max(seen) + margin)
+            _draw_histories(ax, study, name, arms, time)
         for ax in axes[:, column]:
             ax.axvspan(*WINDOW, color=BAND, alpha=0.45, lw=0)
             tidy(ax)
@@ -207,6 +196,22 @@ def direction_change_figure(study: DirectionChangeStudy, names: Sequence[str] = 
         fontsize=9,
     )
     return figure
+
+
+def _draw_histories(ax: Axes, study: DirectionChangeStudy, name: str, arms: Sequence[str], time: Array) -> None:
+    """Plot the on-line estimates of a coefficient; dotted in a steady wind."""
+    colours = dict(zip(ARMS, (ESTIMATE, ERROR, MEASURED), strict=True))
+    reference = study.turbine.values[name]
+    seen = [reference]
+    for arm in arms:
+        found, calm = study.arms[arm].history(name)[0], study.unchanged[arm].history(name)[0]
+        ax.plot(time, calm, color=colours[arm], lw=1.0, ls=":")
+        ax.plot(time, found, color=colours[arm], lw=1.5, label=arm)
+        for history in (found, calm):
+            seen += [history[time >= SETTLING_SECONDS].min(), history[time >= SETTLING_SECONDS].max()]
+    ax.axhline(reference, color=REFERENCE, ls="--", lw=1)
+    margin = 0.1 * (max(seen) - min(seen))
+    ax.set_ylim(min(seen) - margin, max(seen) + margin)
 
 
 def load_spectra_figure(study: DirectionChangeStudy) -> Figure:

@@ -15,6 +15,7 @@ import random
 import threading
 import time
 from collections import deque
+from collections.abc import Iterable
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -159,17 +160,12 @@ class Publisher:
         if longest > LONGEST_PAYLOAD:
             raise BlockRefused(f"block of {longest} bytes: expected {LONGEST_PAYLOAD} at most; send shorter blocks")
         with self._changed:
-            new = []
-            newest = dict(self._newest)
-            for flow, one in packed:
-                if flow not in newest or one.sequence > newest[flow]:
-                    newest[flow] = one.sequence
-                    new.append((flow, one))
+            new, newest = self._new(packed)
             if not new:
                 return 0
             dropped = self.ring.put(new)
             self._newest = newest
-            for flow in {flow for flow, _ in new}:
+            for flow, _ in new:
                 self._open(flow)
                 self._due[flow] = None
             self._changed.notify_all()
@@ -177,6 +173,15 @@ class Publisher:
             self.dropped += dropped
             logger.warning("buffer full: %d blocks dropped, the oldest (%d in all)", dropped, self.dropped)
         return len(new)
+
+    def _new(self, packed: Iterable[tuple[Flow, Packed]]) -> tuple[list[tuple[Flow, Packed]], dict[Flow, int]]:
+        """Blocks with a higher number than all before of their flow, and the newest numbers with them."""
+        new, newest = [], dict(self._newest)
+        for flow, one in packed:
+            if flow not in newest or one.sequence > newest[flow]:
+                newest[flow] = one.sequence
+                new.append((flow, one))
+        return new, newest
 
     def wait(self, timeout: float | None = None, *, room: int | None = None) -> bool:
         """Wait until everything is committed, or the buffer has `room` [bytes]; False after `timeout` [s]."""

@@ -138,26 +138,32 @@ class SqlStore:
         while True:
             try:
                 values = self._transact([job.work for job in jobs])
+                break
             except Exception as error:  # also what a driver raises that is none of its own errors
                 self._disconnect()
-                refused = isinstance(error, StoreError)  # by another service, while the server was away
-                if refused or (isinstance(error, self._database.errors) and self._database.passes(error)):
-                    if not self._wait(error, pause):
-                        return self._fail(jobs, error)
-                    pause = min(2 * pause, LONGEST)
-                elif len(jobs) > 1:  # one of them is wrong, not all
-                    for job in jobs:
-                        self._attempt([job])
-                    return None
-                else:
+                if not self._passes(error):
+                    return self._refuse(jobs, error)
+                if not self._wait(error, pause):
                     return self._fail(jobs, error)
-            else:
-                break
+                pause = min(2 * pause, LONGEST)
         if self._trouble:
             logging.getLogger("windsysid").warning("%s is written again", self._database.name)
             self._trouble = ""
         for job, value in zip(jobs, values, strict=True):
             job.done.set_result(value)
+        return None
+
+    def _passes(self, error: Exception) -> bool:
+        """Whether an error may be over if one waits; a `StoreError` is another service's, while the server was away."""
+        database = self._database
+        return isinstance(error, StoreError) or (isinstance(error, database.errors) and database.passes(error))
+
+    def _refuse(self, jobs: Sequence[_Job], error: Exception) -> None:
+        """Write jobs one by one, since one of them is wrong, not all; fail the one that is."""
+        if len(jobs) == 1:
+            return self._fail(jobs, error)
+        for job in jobs:
+            self._attempt([job])
         return None
 
     def _transact(self, works: Sequence["Prepared | Callable[[Any], Any]"]) -> list[Any]:
