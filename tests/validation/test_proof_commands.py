@@ -119,6 +119,7 @@ SHORT: dict[str, tuple[str, ...]] = {
     "validation.live_watch": ("--only bands --trials 1", "--only causes --trials 1"),
     "validation.mismatch": ("--runs 1 --models broadband",),
     "validation.oma": ("--runs 1 --frames 0",),
+    "validation.particles": ("--runs 1 --seeds 1",),
     "validation.pieces": ("--only -",),
     "validation.robustness": ("--runs 1 --only clean",),
     "validation.spectral": ("--runs 1 --loads random",),
