@@ -24,7 +24,7 @@ from windsysid.live.estimate import Estimated, Here
 from windsysid.live.store.contents import Commit
 from windsysid.live.store.store import ContentError
 from windsysid.live.streams import StreamHealth
-from windsysid.live.timeline import SECOND, Gathered, Windows, gather
+from windsysid.live.timeline import SECOND, Gathered, TurbineWindows, gather
 from windsysid.records.record import Record
 from windsysid.results.identification import finite
 from windsysid.turbine.file import load_turbine
@@ -32,7 +32,7 @@ from windsysid.turbine.file import load_turbine
 WAIT = 120.0
 """Far longer than anything here takes [s]."""
 
-START = Windows.of("T01", 60.0).start(NOON)
+START = TurbineWindows.of("T01", 60.0).start(NOON)
 
 
 class Counting:
@@ -233,7 +233,7 @@ def test_windows_of_another_length_after_a_restart_cut_the_one_that_is_open(site
     assert [(r.window - START) // SECOND for r in results[:2]] == [0, 60]
     assert results[1].until == START + 90 * SECOND  # its last sample
     assert [r.row["samples"] for r in results[:2]] == [1200, 600]
-    boundary = Windows.of("T01", 70.0)
+    boundary = TurbineWindows.of("T01", 70.0)
     assert [r.window for r in results[2:]] == [boundary.start(r.window) for r in results[2:]]
     assert 0 <= results[2].window - results[1].until < 70 * SECOND  # what comes before is too late
     assert [r.row["samples"] for r in results[2:-1]] == [1400] * (len(results) - 3)
@@ -528,7 +528,7 @@ def _names() -> tuple[tuple[str, ...], tuple[str, ...]]:
 def test_the_row_of_a_window_is_the_one_of_the_same_samples_in_a_file():
     given = ws.simulate("tower", duration=700.0, rate=20.0, seed=3)
     store = MemoryStore()
-    start = Windows.of("T01", 600.0).start(NOON)
+    start = TurbineWindows.of("T01", 600.0).start(NOON)
     engine = Engine([Followed(Member("T01", "tower"))], store, workers=0)
     push(engine, blocks_of(given, 20.0, (7, 300, 41), start=start))
     finish(engine)

@@ -9,7 +9,7 @@ import scipy.stats
 
 from windsysid.monitoring import jumps as glr
 from windsysid.monitoring import learning
-from windsysid.monitoring.jumps import Belief, Observations, Rates, shared_error, threshold, track
+from windsysid.monitoring.jumps import LevelBelief, Observations, Rates, shared_error, threshold, track
 from windsysid.monitoring.learning import learn_growth, learn_rates
 
 
@@ -27,8 +27,8 @@ def unclipped(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(glr, "PULL_LIMIT_SIGMAS", 1e9)
 
 
-def vague(d: int, variance: float = 4.0) -> Belief:
-    return Belief(np.zeros(d), variance * np.eye(d))
+def vague(d: int, variance: float = 4.0) -> LevelBelief:
+    return LevelBelief(np.zeros(d), variance * np.eye(d))
 
 
 def test_tracking_is_the_gaussian_conditional_of_the_whole_series(monkeypatch: pytest.MonkeyPatch):
@@ -203,7 +203,7 @@ def test_blocks_one_by_one_give_bit_for_bit_what_they_give_together(slopes: tupl
     rates = Rates(1e-4, 1.1)
     blocks = Observations(y, r, x, freed)
     whole = track(blocks, vague(1 + len(slopes)), rates, tolerated=0.1)
-    past: Belief | glr.Progress = vague(1 + len(slopes))
+    past: LevelBelief | glr.Progress = vague(1 + len(slopes))
     for t in range(700):
         part = slice(t, t + 1)
         one = track(blocks.part(part), past, rates, tolerated=0.1)
@@ -237,7 +237,7 @@ def test_the_level_of_a_damping_is_not_pulled_low_by_estimates_that_are_sure_bec
         y, truth = (np.log(value), 0.0) if logarithmic else (value, 1.0)
         if logarithmic:
             truth = float(np.log(value).mean())  # the mean of logarithms has a bias of its own
-        prior = Belief(np.array([truth]), np.array([[9.0 * sigma**2]]))
+        prior = LevelBelief(np.array([truth]), np.array([[9.0 * sigma**2]]))
         rates = learn_rates(Observations.of(y, std**2, x), prior, kind="c", logarithmic=logarithmic)
         done = track(Observations.of(y, std**2, x), prior, rates._replace(wander=0.0), test=False)
         errors.append((done.level[-1] - truth) / done.std[-1])
@@ -260,7 +260,10 @@ def test_a_block_that_says_nothing_above_zero_still_has_a_variance():
     # A record may find no damping at all: it is a low block, not an infinite or a nameless one.
     y, r, x = np.array([1.0, 1.1, -0.2, 0.0, 1e-9, 0.9]), np.full(6, 0.04), np.empty((6, 0))
     done = track(
-        Observations.of(y, r, x), Belief(np.array([1.0]), np.array([[1.0]])), Rates(0.0, 1.0, 1.0, False), test=False
+        Observations.of(y, r, x),
+        LevelBelief(np.array([1.0]), np.array([[1.0]])),
+        Rates(0.0, 1.0, 1.0, False),
+        test=False,
     )
     assert np.isfinite(done.level).all()
     assert (np.diff(done.std) < 0.0).all()

@@ -15,7 +15,7 @@ from windsysid.output.files import path_text
 if TYPE_CHECKING:
     from windsysid.identification.model.prior import Prior
     from windsysid.mechanics.sensors import Sensor
-    from windsysid.output.progress import Progress
+    from windsysid.output.progress import Progress, Shown
     from windsysid.records.formats.mapping import Mapping as FileMapping
     from windsysid.records.record import Record
     from windsysid.results.identification import Identification
@@ -143,7 +143,7 @@ class _Request(NamedTuple):
 
 
 def _identify_whole(
-    asked: _Request, add_noise: float, seed: int, progress: "Progress"
+    asked: _Request, add_noise: float, seed: int, progress: "Shown"
 ) -> tuple["Identification", "Record"]:
     """Identify a file that is read as a whole; the section that was used too."""
     from dataclasses import replace

@@ -18,7 +18,7 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError
 from windsysid.fleet.archive import read_table, turbines_of
-from windsysid.fleet.events import Event, events_of
+from windsysid.fleet.events import FleetEvent, events_of
 from windsysid.fleet.sensors import Failing, failing_sensors, weeks_of
 from windsysid.fleet.series import WANTED, blocks_of, numbers, seconds_of, texts
 from windsysid.fleet.sisters import MIN_SISTERS, Standing, stand
@@ -32,7 +32,7 @@ from windsysid.results.serialization import finite
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Glance", "Overview", "oversee", "overview_of"]
+__all__ = ["FleetOverview", "Glance", "oversee", "overview_of"]
 
 OUTLIER_CHANCE = 0.05
 """That the page of a healthy fleet names an outlier among sisters: one page in twenty."""
@@ -69,7 +69,7 @@ class Glance(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Overview(Answer):
+class FleetOverview(Answer):
     """A fleet at a glance.
 
     Attributes
@@ -97,7 +97,7 @@ class Overview(Answer):
     watches: Mapping[str, Watch]
     standings: tuple[Standing, ...]
     failing: tuple[Failing, ...]
-    events: tuple[Event, ...]
+    events: tuple[FleetEvent, ...]
     alarms_per_year: float
     notes: tuple[str, ...] = field(default=())
 
@@ -174,7 +174,7 @@ class Overview(Answer):
         return [*self.sentences, *self.tables(), *self.notes]
 
 
-def oversee(archive: str | Path, *, alarms_per_year: float = 0.1, progress: Progress = unheard) -> Overview:
+def oversee(archive: str | Path, *, alarms_per_year: float = 0.1, progress: Progress = unheard) -> FleetOverview:
     """Look over all turbines of an archive.
 
     Parameters
@@ -201,7 +201,7 @@ def oversee(archive: str | Path, *, alarms_per_year: float = 0.1, progress: Prog
 
 def overview_of(
     tables: Mapping[str, Any], archive: Path, *, alarms_per_year: float, progress: Progress = unheard
-) -> Overview:
+) -> FleetOverview:
     """The same of rows by turbine that have been read."""
     notes: list[str] = []
     seconds = np.concatenate([seconds_of(table) for table in tables.values()])
@@ -222,7 +222,7 @@ def overview_of(
         notes.append(f"outliers among sisters are looked for from {MIN_SISTERS} turbines on")
     air = {name: (seconds_of(table), numbers(table, "scada_temperature")) for name, table in tables.items()}
     events = events_of(watches, failing, standings, air)
-    return Overview(
+    return FleetOverview(
         archive, glances, watches, tuple(standings), tuple(failing), tuple(events), alarms_per_year, tuple(notes)
     )
 

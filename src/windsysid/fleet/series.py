@@ -19,7 +19,7 @@ from windsysid._types import Array
 from windsysid.errors import ConfigurationError
 from windsysid.fleet.archive import read_table
 from windsysid.mechanics.rotor import MEAN_LAG
-from windsysid.monitoring.series import MIN_BLOCKS, Blocks
+from windsysid.monitoring.series import MIN_BLOCKS, RecordBlocks
 from windsysid.monitoring.watch import MAX_LEARNING_BLOCKS
 from windsysid.records.moments import moment
 from windsysid.results.posterior import SIGMAS
@@ -61,7 +61,7 @@ class Pairs(NamedTuple):
         return numbers_of(self.entries.field(name))
 
 
-def archive_blocks(archive: str | Path, turbine: str) -> Blocks:
+def archive_blocks(archive: str | Path, turbine: str) -> RecordBlocks:
     """Blocks of one turbine of an archive.
 
     Raises
@@ -72,7 +72,7 @@ def archive_blocks(archive: str | Path, turbine: str) -> Blocks:
     return blocks_of(read_table(archive, turbine, WANTED))
 
 
-def blocks_of(table: Any) -> Blocks:
+def blocks_of(table: Any) -> RecordBlocks:
     """Blocks from rows with the columns `WANTED`; ConfigurationError as `archive_blocks`."""
     notes: list[str] = []
     table = _usable(table, notes)
@@ -90,7 +90,7 @@ def blocks_of(table: Any) -> Blocks:
     centre, scale = parameters.field("prior_centre"), parameters.field("coordinate_scale")
     reference = [float((centre if logs else scale)[first[name]]) for name, logs in zip(order, logarithmic, strict=True)]
     units = [str(parameters.entries.field("unit")[first[name]].as_py()) for name in order]
-    return Blocks(
+    return RecordBlocks(
         names=(*order, *sensors),
         time=seconds_of(table) - seconds_of(table)[0],
         theta=np.hstack([theta, noise_theta]),
@@ -109,7 +109,7 @@ def blocks_of(table: Any) -> Blocks:
 
 def _usable(table: Any, notes: list[str]) -> Any:
     """Identified rows with a date, each once, in a steady state of which there are enough to learn from."""
-    good = (texts(table, "status") == "ok") & np.not_equal(texts(table, "start"), None)
+    good = (texts(table, "status") == "ok") & np.array([start is not None for start in texts(table, "start")])
     table = _first_of_each(table.filter(_mask(good)), notes)
     state = texts(table, "state")
     table = table.filter(_mask(_learned(state, state != "transient", notes)))

@@ -33,7 +33,7 @@ from windsysid.results.posterior import SIGMAS
 
 __all__ = [
     "BLIND_WINDOWS",
-    "Case",
+    "AlarmCase",
     "Circumstances",
     "blind_alarm",
     "came_back",
@@ -57,7 +57,7 @@ ADVICE = {
 }
 
 
-class Case(NamedTuple):
+class AlarmCase(NamedTuple):
     """A jump and what was said of it.
 
     Attributes

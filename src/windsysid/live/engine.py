@@ -23,7 +23,7 @@ from windsysid.fleet.guard import StoppedError
 from windsysid.fleet.rows import Row
 from windsysid.live.block import Block
 from windsysid.live.closing import conclude, estimate, unpack
-from windsysid.live.codec import BlockRefused, Limits, check, refusing
+from windsysid.live.codec import BlockLimits, BlockRefused, check, refusing
 from windsysid.live.engine_state import EngineState, TurbineState
 from windsysid.live.estimate import Estimator, estimators
 from windsysid.live.follower import Followed, Follower, Placed, WindowTask
@@ -91,7 +91,7 @@ class Engine:
     def __init__(
         self, turbines: Sequence[Followed], store: Store, *, workers: int | None = None, lateness: float = 30.0,
         silence: float = 300.0, patience: float = 3600.0, now: Callable[[], int] = time.time_ns,
-        on_event: Callable[..., None] | None = None, limits: Limits = Limits(),
+        on_event: Callable[..., None] | None = None, limits: BlockLimits = BlockLimits(),
     ) -> None:  # fmt: skip
         self._store, self._now, self._limits = store, now, limits
         self._lateness, self._silence, self._patience = (round(x * SECOND) for x in (lateness, silence, patience))

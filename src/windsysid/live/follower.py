@@ -20,8 +20,8 @@ from windsysid.live.open_alarms import OpenAlarms
 from windsysid.live.store.contents import Alarm, Result, Status
 from windsysid.live.streams import Drift, StreamHealth, Verdict
 from windsysid.live.table_size import Growth, TableSize, growth
-from windsysid.live.timeline import SECOND, Windows, sample_time
-from windsysid.live.watching import Options, Watching
+from windsysid.live.timeline import SECOND, TurbineWindows, sample_time
+from windsysid.live.watching import Watching, WatchOptions
 
 __all__ = ["Conclusion", "Followed", "Follower", "Placed", "WindowTask"]
 
@@ -54,7 +54,7 @@ class Followed:
     member: Member
     window: float = 600.0
     formulation: str = "spectral"
-    options: Options = field(default_factory=Options)
+    options: WatchOptions = field(default_factory=WatchOptions)
 
 
 class WindowTask(NamedTuple):
@@ -110,7 +110,7 @@ class Follower:
             )
         self.followed, self.settings, self.watching = followed, settings, watching
         self.name = followed.member.name
-        self.windows = Windows.of(self.name, followed.window)
+        self.windows = TurbineWindows.of(self.name, followed.window)
         self.lock, self.taking = threading.RLock(), threading.Lock()
         self.streams: dict[str, _Stream] = {}
         self.open: dict[int, dict[str, set[int]]] = {}

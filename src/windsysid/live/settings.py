@@ -105,11 +105,6 @@ class PageSettings:
     certificate: Path | None = None
     key: Path | None = None
 
-    @property
-    def is_local(self) -> bool:
-        """Whether only this machine sees the page."""
-        return self.host in LOOPBACK
-
 
 @dataclass(frozen=True)
 class LogSettings:

@@ -24,7 +24,7 @@ from windsysid.inspection.channels import VIBRATION, Kind, kind_of
 from windsysid.inspection.health import MAX_SPIKE_SAMPLES
 from windsysid.live.block import Block
 from windsysid.live.limits import MAX_TABLE_CHANNELS
-from windsysid.live.store.contents import Alarm, Health
+from windsysid.live.store.contents import Alarm, SensorHealth
 from windsysid.live.timeline import SECOND
 from windsysid.units import unit_text
 
@@ -87,9 +87,9 @@ class Verdict(NamedTuple):
     at: int
     text: str
 
-    def health(self, turbine: str) -> Health:
+    def health(self, turbine: str) -> SensorHealth:
         """As the store keeps it."""
-        return Health(turbine, self.channel, self.state, self.since, self.text)
+        return SensorHealth(turbine, self.channel, self.state, self.since, self.text)
 
 
 def sensor_alarm(turbine: str, verdict: Verdict) -> Alarm:

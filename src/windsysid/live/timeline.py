@@ -26,7 +26,7 @@ from windsysid.live.limits import MAX_TABLE_CHANNELS, cells_allowed
 from windsysid.records.moments import moment_text
 from windsysid.records.record import Record
 
-__all__ = ["SECOND", "Gathered", "Windows", "gather", "sample_time"]
+__all__ = ["SECOND", "Gathered", "TurbineWindows", "gather", "sample_time"]
 
 SECOND = 1_000_000_000
 """Nanoseconds."""
@@ -42,7 +42,7 @@ MIN_LEAD_SHARE = 0.01
 """Minimum duration of a logger's samples, relative to the longest logger's, for its grid to be the record's."""
 
 
-class Windows(NamedTuple):
+class TurbineWindows(NamedTuple):
     """How a turbine's time is cut.
 
     Attributes
@@ -57,7 +57,7 @@ class Windows(NamedTuple):
     offset: int = 0
 
     @classmethod
-    def of(cls, turbine: str, seconds: float) -> "Windows":
+    def of(cls, turbine: str, seconds: float) -> "TurbineWindows":
         """Those of a turbine: whole seconds off, by its name, so that not all turbines' windows end at once."""
         digest = int.from_bytes(hashlib.sha256(turbine.encode()).digest()[:8], "big")
         return cls(round(seconds * SECOND), digest % max(1, int(seconds)) * SECOND)
@@ -209,7 +209,7 @@ def _indices(blocks: Sequence[Block], first: int) -> list[int]:
     index: list[int] = []
     end = 0  # of what is placed
     lags: list[float] = []  # of stamps behind the grid, in samples: of the newest blocks that went on evenly
-    known = _Known()
+    known = _PlacedBlocks()
     some = max(1, min(MOST_AVERAGED, math.ceil(AVERAGED * rate / max(1, len(blocks[first].values)))))
 
     def off(k: int) -> float:
@@ -240,7 +240,7 @@ def _indices(blocks: Sequence[Block], first: int) -> list[int]:
     return index
 
 
-class _Known:
+class _PlacedBlocks:
     """The blocks of a piece that are placed, sorted by their first rows."""
 
     def __init__(self) -> None:

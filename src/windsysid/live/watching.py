@@ -20,7 +20,7 @@ from windsysid.fleet.rows import Row
 from windsysid.fleet.series import COVARIATES
 from windsysid.live.alarms import (
     BLIND_WINDOWS,
-    Case,
+    AlarmCase,
     Circumstances,
     blind_alarm,
     came_back,
@@ -34,24 +34,24 @@ from windsysid.live.conditions import NONE, Standards, covariates_of, learn_stan
 from windsysid.live.slow_drifts import (
     TEST_EVERY_BLOCKS,
     Drifted,
+    DriftReference,
     Past,
-    Reference,
     drifted_since,
     grew,
     limit_of,
     past_of,
     remembered,
 )
-from windsysid.live.store.contents import Alarm, Level
+from windsysid.live.store.contents import Alarm, SeriesLevel
 from windsysid.live.watch_state import NO_WINDOWS, KeptWindows, WatchState
 from windsysid.live.watched import Watched, band_of, in_coordinates_of, said_of
-from windsysid.monitoring.following import LET_GO_BLOCKS, MAX_KEPT_BLOCKS, Follower, Kept, Now
-from windsysid.monitoring.jumps import Belief, Rates, threshold
+from windsysid.monitoring.following import LET_GO_BLOCKS, MAX_KEPT_BLOCKS, Kept, LevelFollower, Now
+from windsysid.monitoring.jumps import LevelBelief, Rates, threshold
 from windsysid.monitoring.locating import MAX_HINDSIGHT_BLOCKS, Jump
 from windsysid.monitoring.series import MIN_BLOCKS
 from windsysid.monitoring.watch import TOLERATED_DRIFT, YEAR, was_lost
 
-__all__ = ["Options", "Taken", "Watching", "resume", "start"]
+__all__ = ["Taken", "WatchOptions", "Watching", "resume", "start"]
 
 MAX_CASES = 256
 """Jumps of which a watch knows what was said; of more, the oldest are no longer measured again or ended by it."""
@@ -59,7 +59,7 @@ MAX_CASES = 256
 _KINDS = ("k", "c", "f", "noise")
 
 
-class Options(NamedTuple):
+class WatchOptions(NamedTuple):
     """How a turbine is watched.
 
     Attributes
@@ -90,7 +90,7 @@ class Taken(NamedTuple):
         New ones, and those that changed: an alarm that is known is replaced by the one of its key.
     """
 
-    levels: tuple[Level, ...]
+    levels: tuple[SeriesLevel, ...]
     alarms: tuple[Alarm, ...]
     checkpoint: bytes
 
@@ -102,8 +102,8 @@ class Watching:
     """
 
     def __init__(
-        self, turbine: str, options: Options, state: WatchState, windows: KeptWindows,
-        series: Mapping[Watched, Kept], cases: tuple[Case, ...], past: Mapping[str, Past],
+        self, turbine: str, options: WatchOptions, state: WatchState, windows: KeptWindows,
+        series: Mapping[Watched, Kept], cases: tuple[AlarmCase, ...], past: Mapping[str, Past],
     ) -> None:  # fmt: skip
         self.turbine, self.options = turbine, options
         self._state, self._windows, self._cases = state, windows, cases
@@ -164,8 +164,8 @@ class Watching:
         """Windows so far, with those that are missing."""
         return self._state.let_go + len(self._windows.time)
 
-    def _follower(self, one: Watched, kept: Kept) -> Follower:
-        return Follower(one.kind, one.logarithmic, self.options.tolerated[one.kind], kept)
+    def _follower(self, one: Watched, kept: Kept) -> LevelFollower:
+        return LevelFollower(one.kind, one.logarithmic, self.options.tolerated[one.kind], kept)
 
     def _covariates(self, newest: int = 0) -> Array:
         """Of all windows, or of so many of the newest."""
@@ -180,7 +180,7 @@ class Watching:
         said = {} if row is None else said_of(row)
         for one in said:
             if one.name not in self._watched:
-                kept = Follower.beginning(len(self._windows.time), self._state.let_go)
+                kept = LevelFollower.beginning(len(self._windows.time), self._state.let_go)
                 self._watched[one.name] = one
                 self._followers[one.name] = self._follower(one, kept)
         own = {one.name: in_coordinates_of(self._watched[one.name], one, *value) for one, value in said.items()}
@@ -254,11 +254,11 @@ class Watching:
         rate = 0.5 * self.options.alarms_per_year / max(1, len(self._followers))
         return threshold(rate * self.options.window / YEAR)
 
-    def _level(self, name: str, said: tuple[float, float] | None, now: Now) -> Level:
+    def _level(self, name: str, said: tuple[float, float] | None, now: Now) -> SeriesLevel:
         one = self._watched[name]
         window = band_of(one, *(said or (math.nan, math.nan)))
         level = band_of(one, now.level, math.hypot(now.std, now.shared))
-        return Level(name, one.unit, one.kind, *window, *level, now.statistic, self._limit())
+        return SeriesLevel(name, one.unit, one.kind, *window, *level, now.statistic, self._limit())
 
     # what is said of it
 
@@ -274,19 +274,19 @@ class Watching:
         blind = self._blind(end)
         return (*changed, *([] if blind is None else [blind]))
 
-    def _with_jumps(self) -> list[Case]:
+    def _with_jumps(self) -> list[AlarmCase]:
         """With the jumps that are new; where one is, or was measured again, all are said anew."""
         found = {(name, jump.found): jump for name, one in self._followers.items() for jump in one.kept.jumps}
         cases = [_measured_again(case, found) for case in self._cases]
         moved = bool(found) or any(case.jump != one.jump for case, one in zip(cases, self._cases, strict=True))
         for (name, _), jump in sorted(found.items(), key=lambda one: one[1].found):
             returns = _is_return(name, jump, cases)
-            cases.append(Case(name, jump, returns, self._jump_alarm(name, jump, cases, returns=returns)))
+            cases.append(AlarmCase(name, jump, returns, self._jump_alarm(name, jump, cases, returns=returns)))
             if name in self._past:
                 self._past[name] = self._past[name]._replace(references=())
         return [self._said_anew(case, cases) for case in cases] if moved else cases
 
-    def _said_anew(self, case: Case, cases: list[Case]) -> Case:
+    def _said_anew(self, case: AlarmCase, cases: list[AlarmCase]) -> AlarmCase:
         """What is said of a jump by all that is known now, while what was about it is kept."""
         newest = self._windows_so_far - 1
         young = newest - case.jump.found <= MAX_HINDSIGHT_BLOCKS
@@ -295,7 +295,7 @@ class Watching:
         alarm = self._jump_alarm(case.series, case.jump, cases, returns=case.returns)
         return case._replace(alarm=alarm._replace(ended=case.alarm.ended))
 
-    def _with_drifts(self, cases: list[Case], now: Mapping[str, Now]) -> list[Case]:
+    def _with_drifts(self, cases: list[AlarmCase], now: Mapping[str, Now]) -> list[AlarmCase]:
         """With the drifts that are new; those that are open are said anew where they grew."""
         limit = limit_of(0.5 * self.options.alarms_per_year, self.options.window, len(self._followers))
         cases = [self._grown(case, now[case.series], cases) for case in cases]
@@ -309,10 +309,10 @@ class Watching:
             found = self._drift(name, since, now[name])
             returns = _is_return(name, found.jump, cases)
             alarm = self._drift_alarm(name, found, cases, returns=returns)
-            cases.append(Case(name, found.jump, returns, alarm, drift=True))
+            cases.append(AlarmCase(name, found.jump, returns, alarm, drift=True))
         return cases
 
-    def _grown(self, case: Case, now: Now, cases: list[Case]) -> Case:
+    def _grown(self, case: AlarmCase, now: Now, cases: list[AlarmCase]) -> AlarmCase:
         """A drift that is open, as it is now, where it grew."""
         references = self._past.get(case.series, Past()).references
         since = next((it for it in references if it.block == case.jump.earliest), None)
@@ -324,14 +324,14 @@ class Watching:
             return case
         return case._replace(jump=drift.jump._replace(found=case.jump.found), alarm=alarm._replace(key=case.alarm.key))
 
-    def _drift(self, name: str, since: Reference, now: Now) -> Drifted:
+    def _drift(self, name: str, since: DriftReference, now: Now) -> Drifted:
         """A drift as it is told: to the level of the last day, for the one that is followed lags behind."""
         one = self._followers[name]
         level, std = one.newest_level(self._covariates(), TEST_EVERY_BLOCKS)
         return drifted_since(since, self._past[name], now._replace(level=level, std=std), one.kept, one.tolerated)
 
     def _drift_alarm(
-        self, name: str, drift: Drifted, cases: list[Case], *, returns: bool, opened: int | None = None
+        self, name: str, drift: Drifted, cases: list[AlarmCase], *, returns: bool, opened: int | None = None
     ) -> Alarm:
         newest = int(self._windows.time[-1])
         when = drift.time, newest, newest, opened or newest + round(1e9 * self.options.window)
@@ -340,12 +340,12 @@ class Watching:
         weather = standards is not None and COVARIATES.index("temperature") in standards.columns
         return drift_alarm(self.turbine, self._watched[name], drift, when, about, returns=returns, weather=weather)
 
-    def _jump_alarm(self, name: str, jump: Jump, cases: list[Case], *, returns: bool) -> Alarm:
+    def _jump_alarm(self, name: str, jump: Jump, cases: list[AlarmCase], *, returns: bool) -> Alarm:
         when = self._when(jump)
         about = self._circumstances(name, jump, cases, when)
         return jump_alarm(self.turbine, self._watched[name], jump, when, about, returns=returns)
 
-    def _ended(self, case: Case, now: Now, end: int) -> Case:
+    def _ended(self, case: AlarmCase, now: Now, end: int) -> AlarmCase:
         if case.alarm.ended is not None or not came_back(case.jump, now.level, now.std):
             return case
         return case._replace(alarm=case.alarm._replace(ended=end))
@@ -358,7 +358,7 @@ class Watching:
         return earliest, latest, found, found + round(1e9 * self.options.window)
 
     def _circumstances(
-        self, name: str, jump: Jump, cases: list[Case], when: tuple[int, int, int, int]
+        self, name: str, jump: Jump, cases: list[AlarmCase], when: tuple[int, int, int, int]
     ) -> Circumstances:
         noisy = [
             case.series for case in cases
@@ -403,17 +403,17 @@ _PLACES = ("earliest", "latest", "found")
 _NOTHING = math.nan, math.nan
 
 
-def _measured_again(case: Case, found: dict[tuple[str, int], Jump]) -> Case:
+def _measured_again(case: AlarmCase, found: dict[tuple[str, int], Jump]) -> AlarmCase:
     """A case with its jump as it is measured now, which is taken out of `found`."""
     return case if case.drift else case._replace(jump=found.pop((case.series, case.jump.found), case.jump))
 
 
-def _is_return(series: str, jump: Jump, cases: Sequence[Case]) -> bool:
+def _is_return(series: str, jump: Jump, cases: Sequence[AlarmCase]) -> bool:
     """Whether a jump of a series takes back an earlier one."""
     return any(takes_back(case.jump, jump) for case in cases if case.series == series and not case.returns)
 
 
-def start(turbine: str, options: Options = Options()) -> Watching:
+def start(turbine: str, options: WatchOptions = WatchOptions()) -> Watching:
     """A watch that has seen nothing yet.
 
     Raises
@@ -429,7 +429,7 @@ def start(turbine: str, options: Options = Options()) -> Watching:
     return Watching(turbine, options, state, NO_WINDOWS, {}, (), {})
 
 
-def resume(checkpoint: bytes, turbine: str, options: Options = Options()) -> Watching:
+def resume(checkpoint: bytes, turbine: str, options: WatchOptions = WatchOptions()) -> Watching:
     """The watch as it was when it gave this checkpoint: it goes on, bit for bit, as if it had never stopped.
 
     Raises
@@ -449,7 +449,7 @@ def resume(checkpoint: bytes, turbine: str, options: Options = Options()) -> Wat
         parts = (tuple(part) if isinstance(part, list) else part for part in state.standards)
         state = state._replace(standards=Standards._make(parts))
     cases = tuple(
-        Case(name, Jump(*jump), returns, Alarm(*alarm), *drift)
+        AlarmCase(name, Jump(*jump), returns, Alarm(*alarm), *drift)
         for name, jump, returns, alarm, *drift in header["cases"]
     )
     past = {Watched(*one["watched"]).name: past_of(one["past"]) for one in header["series"] if one.get("past")}
@@ -459,12 +459,12 @@ def resume(checkpoint: bytes, turbine: str, options: Options = Options()) -> Wat
 def _kept(one: Mapping[str, Any], rest: Iterator[NDArray[Any]]) -> Kept:
     """What is kept of a series: its part of a header, and the arrays that are next."""
     y, std = next(rest), next(rest)
-    before = Belief(next(rest), next(rest)) if one["learned"] else None
+    before = LevelBelief(next(rest), next(rest)) if one["learned"] else None
     rates = None if one["rates"] is None else Rates(*one["rates"])
     return Kept(y, std, one["let_go"], before, rates, one["scale"], tuple(Jump(*jump) for jump in one["jumps"]))
 
 
-def _check(options: Options) -> None:
+def _check(options: WatchOptions) -> None:
     if not 12 <= options.learn <= MAX_KEPT_BLOCKS // 2:
         raise ConfigurationError(f"learn: expected 12 to {MAX_KEPT_BLOCKS // 2} windows, got {options.learn}")
     if not 1e-6 <= options.alarms_per_year <= 100.0:

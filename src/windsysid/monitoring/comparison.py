@@ -30,7 +30,7 @@ import numpy as np
 from windsysid.errors import ConfigurationError
 from windsysid.mechanics.compile import compile_model
 from windsysid.modal.analysis import analyse, directions_of
-from windsysid.monitoring.change import UNTOLD, Change, Comparison
+from windsysid.monitoring.change import UNTOLD, Comparison, QuantityChange
 from windsysid.monitoring.modal_comparison import compare_modes
 from windsysid.monitoring.own_information import (
     TYPICAL_CHANGE,
@@ -126,7 +126,7 @@ def _frame_of_statistics(before: Posterior, after: Posterior) -> tuple[Parameter
 
 def _changes(
     before: Posterior, after: Posterior, frame: Sequence[Parameter], difference: Difference
-) -> tuple[Change, ...]:
+) -> tuple[QuantityChange, ...]:
     """The changes of what is in `frame`."""
     delta, cov = difference.with_prior(VAGUE_PRIOR_FACTOR)
     of_damage, cov_of_damage = difference.with_prior(1.0)
@@ -144,7 +144,7 @@ def _changes(
         chance = math.erfc(abs(delta[i]) / sigma / math.sqrt(2.0))
         unit, kind = (units[q.name], "") if q.name in units else (known[q.name].unit, known[q.name].kind)
         a, b = (estimate_of(result, q.name) for result in (before, after))
-        changes.append(Change(q.name, unit, a, b, *limits, log_odds, chance, kind))
+        changes.append(QuantityChange(q.name, unit, a, b, *limits, log_odds, chance, kind))
     return tuple(changes)
 
 
@@ -183,7 +183,7 @@ def _inverse(ratio: float) -> float:
 
 def _modes(
     before: Posterior, after: Posterior, frame: Sequence[Parameter], difference: Difference
-) -> tuple[Change, ...]:
+) -> tuple[QuantityChange, ...]:
     """Changes of the modes' frequencies at the mean of the two rotor speeds.
 
     They are the coefficients' changes times d ln f / dθ, averaged over both results.
@@ -211,7 +211,7 @@ def _modes(
         slope = 0.5 * (slope_a + slope_b)
         step, sigma = float(slope @ delta), math.sqrt(float(slope @ cov @ slope))
         chance = math.erfc(abs(step) / sigma / math.sqrt(2.0)) if sigma > 0.0 else 1.0
-        changes.append(Change(name, "Hz", f_a, f_b, *_growth(step, sigma), math.nan, chance))
+        changes.append(QuantityChange(name, "Hz", f_a, f_b, *_growth(step, sigma), math.nan, chance))
     return tuple(changes)
 
 

@@ -26,7 +26,7 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError
 from windsysid.monitoring.own_information import without_prior
-from windsysid.monitoring.separation import Band, Separation, Split, State
+from windsysid.monitoring.separation import DampingBand, DampingSplit, Separation, State
 from windsysid.results.coercion import PosteriorLike, as_posterior
 from windsysid.results.posterior import SIGMAS, Posterior
 
@@ -199,13 +199,13 @@ class _Fit:
         self.free = len(value) - len(self.seen)
         self.square = float((((value - fitted) / s) ** 2).sum())
 
-    def at(self, row: Array, width: float) -> Band | None:
+    def at(self, row: Array, width: float) -> DampingBand | None:
         """The combination `row` of c₀, a, b and d with its band; None where the records do not determine it."""
         along = self.seen @ row
         if np.linalg.norm(row - along @ self.seen) > DESIGN_TOLERANCE * np.linalg.norm(row):
             return None
         value, half = float(along @ self.mean), width * math.sqrt(along @ self.cov @ along)
-        return Band(value, value - half, value + half)
+        return DampingBand(value, value - half, value + half)
 
 
 def _stretch(fitted: Array, value: Array) -> Array:
@@ -237,7 +237,9 @@ def _is_scatter_significant(free: int, square: float) -> bool:
     return free > 0 and bool(gammaincc(0.5 * free, 0.5 * square) < SCATTER_PROBABILITY)
 
 
-def _split(name: str, fit: _Fit, width: float, frame: Posterior, states: Sequence[State], design: _Design) -> Split:
+def _split(
+    name: str, fit: _Fit, width: float, frame: Posterior, states: Sequence[State], design: _Design
+) -> DampingSplit:
     """One coefficient, taken apart."""
     known = frame.turbine.model.coefficient(name)
     coordinate = known.part
@@ -249,12 +251,12 @@ def _split(name: str, fit: _Fit, width: float, frame: Posterior, states: Sequenc
         for row, state in zip(design.rows, states, strict=True)
     ]
     own = zip(fit.value.tolist(), (SIGMAS * fit.std).tolist(), strict=True)
-    return Split(
+    return DampingSplit(
         name=name,
         unit=known.unit,
         critical=2.0 * frame.turbine.inertia(coordinate) * frequency,
         frequency=frequency,
-        measured=tuple(Band(value, value - half, value + half) for value, half in own),
+        measured=tuple(DampingBand(value, value - half, value + half) for value, half in own),
         structural=structural,
         aerodynamic=tuple(air),
         calm=fit.at(np.array([1.0, design.rows[running, 1].mean(), 0.0, 0.0]), width) if design.running_wind else None,
@@ -277,7 +279,7 @@ def _read_estimates(results: Sequence[Posterior], name: str) -> tuple[Array, Arr
     return value, std
 
 
-def _lacking(states: Sequence[State], splits: Sequence[Split]) -> list[str]:
+def _lacking(states: Sequence[State], splits: Sequence[DampingSplit]) -> list[str]:
     """What the records do not tell, why, and what would help."""
     parked = [state.parked for state in states]
     if all(parked):
@@ -304,14 +306,14 @@ def _lacking(states: Sequence[State], splits: Sequence[Split]) -> list[str]:
     return [f"the structure's part of {names} is not told from nothing, because {how}: {help_}"]
 
 
-def _minutes(split: Split) -> float:
+def _minutes(split: DampingSplit) -> float:
     """Length of a parked record that brings structural damping to `WISHED_RELATIVE_BAND`: σ_c/c = 1/√(ζωT)."""
     seen = [split.structural.value] if split.structural is not None else [band.value for band in split.measured]
     ratio = max(min(seen) / split.critical, 1e-3)
     return math.ceil((SIGMAS / WISHED_RELATIVE_BAND) ** 2 / (ratio * split.frequency) / 60.0)
 
 
-def _notes(states: Sequence[State], splits: Sequence[Split], design: _Design) -> list[str]:
+def _notes(states: Sequence[State], splits: Sequence[DampingSplit], design: _Design) -> list[str]:
     """What a reader must know."""
     notes = []
     parked = [state for state in states if state.parked]

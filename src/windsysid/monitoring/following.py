@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from windsysid._types import Array
 from windsysid.monitoring.jumps import (
-    Belief,
+    LevelBelief,
     Observations,
     Progress,
     Rates,
@@ -43,7 +43,7 @@ from windsysid.monitoring.locating import (
 )
 from windsysid.monitoring.together import most_likely_begin, together, with_likely
 
-__all__ = ["HINDSIGHTS", "LET_GO_BLOCKS", "MAX_KEPT_BLOCKS", "Follower", "Kept", "Now"]
+__all__ = ["HINDSIGHTS", "LET_GO_BLOCKS", "MAX_KEPT_BLOCKS", "Kept", "LevelFollower", "Now"]
 
 MAX_KEPT_BLOCKS = 4032
 """Blocks that are kept: four weeks of 10 minutes."""
@@ -105,13 +105,13 @@ class Kept(NamedTuple):
     y: Ring
     std: Ring
     let_go: int
-    before: Belief | None
+    before: LevelBelief | None
     rates: Rates | None
     scale: float
     jumps: tuple[Jump, ...]
 
 
-class Follower:
+class LevelFollower:
     """One series: it changes with every block.
 
     Parameters
@@ -195,7 +195,7 @@ class Follower:
         d = trend.shape[1]
         cov = np.zeros((d + 1, d + 1))
         cov[:d, :d], cov[d, d] = kept.before.cov, (SLOPE_PRIOR[self.kind] * kept.scale) ** 2
-        before = Belief(np.append(kept.before.mean, 0.0), cov)
+        before = LevelBelief(np.append(kept.before.mean, 0.0), cov)
         blocks = Observations(y, r, trend, np.column_stack([freed, np.zeros(len(y))]))
         return learn_rates(blocks, before, kind=self.kind, logarithmic=self.logarithmic).wander
 
@@ -275,7 +275,7 @@ class Follower:
         assert kept.before is not None
         y, r = self._blocks(x)
         blocks = Observations.of(y, r, np.where(_told(x)[:, None], x, 0.0))
-        past: Belief | Progress = kept.before
+        past: LevelBelief | Progress = kept.before
         begin = 0
         size, least = JUMP_SLOPE_PRIOR[self.kind] * kept.scale, self.tolerated * kept.scale
         jumps = kept.jumps if jumps is None else jumps

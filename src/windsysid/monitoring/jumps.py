@@ -40,7 +40,7 @@ from windsysid._types import Array
 __all__ = [
     "INNOVATION_LIMIT_SIGMAS",
     "MAX_JUMP_AGE_BLOCKS",
-    "Belief",
+    "LevelBelief",
     "Observations",
     "Progress",
     "Rates",
@@ -73,7 +73,7 @@ MAX_VALUE_RATIO = 4.0
 """Factor between a block and the level beyond which the variance of the block is moved no further."""
 
 
-class Belief(NamedTuple):
+class LevelBelief(NamedTuple):
     """Mean (d,) and covariance (d, d) of [level, slopes]."""
 
     mean: Array
@@ -157,7 +157,7 @@ class Progress(NamedTuple):
         Of all blocks (`Track`).
     """
 
-    belief: Belief
+    belief: LevelBelief
     blocks: int
     begun: NDArray[np.int64]
     sums: Array
@@ -202,14 +202,14 @@ class Track(NamedTuple):
     progress: Progress
 
     @property
-    def belief(self) -> Belief:
+    def belief(self) -> LevelBelief:
         """After the last block that was taken in."""
         return self.progress.belief
 
 
 def track(
-    blocks: Observations, prior: Belief | Progress, rates: Rates, *, limit: float = math.inf, tolerated: float = 0.0,
-    first: int = 0, test: bool = True,
+    blocks: Observations, prior: LevelBelief | Progress, rates: Rates, *, limit: float = math.inf,
+    tolerated: float = 0.0, first: int = 0, test: bool = True,
 ) -> Track:  # fmt: skip
     """Follow a level through T blocks and test for a jump.
 
@@ -249,7 +249,7 @@ def track(
         y, r, h, freed, rest, whole, mean, cov, begun, sums, level, std, whitened, statistic, since, evidence, excused
     )
     taken = before.blocks + (count if stopped < 0 else stopped + 1)
-    progress = Progress(Belief(mean, cov), taken, begun[:kept].copy(), sums[:kept].copy(), float(rest[-1]))
+    progress = Progress(LevelBelief(mean, cov), taken, begun[:kept].copy(), sums[:kept].copy(), float(rest[-1]))
     return Track(level, std, whitened, statistic, since, evidence, excused, log_likelihood, stopped, progress)
 
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.monitoring.jumps import Belief, Observations, Rates, track
+from windsysid.monitoring.jumps import LevelBelief, Observations, Rates, track
 
 __all__ = ["EXPECTED_SCATTER", "TYPICAL_SCATTER", "learn_growth", "learn_rates"]
 
@@ -28,7 +28,7 @@ MAX_GROWTH = 2.0
 """Power with which a variance may grow with its estimate: 1 for a mode under broadband load, 2 for a constant ratio."""
 
 
-def learn_rates(blocks: Observations, prior: Belief, *, kind: str = "k", logarithmic: bool = True) -> Rates:
+def learn_rates(blocks: Observations, prior: LevelBelief, *, kind: str = "k", logarithmic: bool = True) -> Rates:
     """Wander and scatter of a series by maximum likelihood, with priors `TYPICAL_WANDER` and `TYPICAL_SCATTER`.
 
     The wander is averaged over its likelihood. Of a damping, kind ``c``, it is learned how its variance grows, too.

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.monitoring.jumps import Belief, Observations, Rates, track
+from windsysid.monitoring.jumps import LevelBelief, Observations, Rates, track
 from windsysid.results.posterior import SIGMAS
 
 __all__ = [
@@ -70,7 +70,7 @@ class Jump(NamedTuple):
     before: float
 
 
-def first_belief(y: Array, r: Array, slopes: int, kind: str, logarithmic: bool) -> tuple[Belief, float]:
+def first_belief(y: Array, r: Array, slopes: int, kind: str, logarithmic: bool) -> tuple[LevelBelief, float]:
     """Of level and slopes before the first of blocks (T,) with variances (T,); and what a relative change is of.
 
     At least one block must be known.
@@ -80,11 +80,11 @@ def first_belief(y: Array, r: Array, slopes: int, kind: str, logarithmic: bool) 
     usual = math.sqrt(float(np.median(r[there])))
     scale = 1.0 if logarithmic else max(abs(centre), usual)
     spread = np.append((10.0 * usual) ** 2, np.full(slopes, (SLOPE_PRIOR[kind] * scale) ** 2))
-    return Belief(np.append(centre, np.zeros(slopes)), np.diag(spread)), scale
+    return LevelBelief(np.append(centre, np.zeros(slopes)), np.diag(spread)), scale
 
 
 def locate(
-    blocks: Observations, prior: Belief, rates: Rates, found: int, likely: int, jump: float, scale: float
+    blocks: Observations, prior: LevelBelief, rates: Rates, found: int, likely: int, jump: float, scale: float
 ) -> Jump:
     """Date and measure a jump that block `found` of blocks (T,) set off, and that lies before block `likely` or so.
 
@@ -114,7 +114,7 @@ def locate(
     for row, place in enumerate(places):
         after = (np.arange(start, end) >= place)[:, None]
         stepped = np.hstack([x[part], after, after * x[part]])
-        tried = track(Observations.of(good, r[part], stepped), Belief(mean, cov), rates, test=False)
+        tried = track(Observations.of(good, r[part], stepped), LevelBelief(mean, cov), rates, test=False)
         levels[row] = tried.belief.mean[d], tried.belief.cov[d, d], tried.belief.mean[0]
         likelihoods[row] = tried.log_likelihood
     weight = np.exp(likelihoods - likelihoods.max())

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from windsysid.errors import ConfigurationError
-from windsysid.monitoring.change import UNTOLD, Change, Comparison
+from windsysid.monitoring.change import UNTOLD, Comparison, QuantityChange
 from windsysid.monitoring.modal_tracks import tracks_of
 from windsysid.monitoring.own_information import TYPICAL_CHANGE
 from windsysid.results.posterior import SIGMAS
@@ -73,7 +73,7 @@ def _left_out(records: Sequence[KnownModes], tracks: Sequence[dict[int, int]]) -
     return notes + alone
 
 
-def _other_shapes(pairs: Sequence[tuple[KnownMode, KnownMode]], channels: Sequence[str]) -> list[str]:
+def _other_shapes(pairs: Sequence[tuple[KnownMode, KnownMode]], channels: list[str]) -> list[str]:
     """Notes of modes whose shape changed."""
     alike = [(old, assurance(in_channels(old, channels), in_channels(new, channels))) for old, new in pairs]
     return [
@@ -85,7 +85,7 @@ def _named(mode: KnownMode) -> str:
     return f"{mode.name}, {math.exp(mode.ln_frequency):.4g} Hz"
 
 
-def _changes(old: KnownMode, new: KnownMode) -> list[Change]:
+def _changes(old: KnownMode, new: KnownMode) -> list[QuantityChange]:
     frequency = (old.ln_frequency, old.ln_frequency_std), (new.ln_frequency, new.ln_frequency_std)
     damping = without_damping_prior(old), without_damping_prior(new)
     return [
@@ -94,15 +94,15 @@ def _changes(old: KnownMode, new: KnownMode) -> list[Change]:
     ]
 
 
-def _change(name: str, unit: str, kind: str, old: tuple[float, float], new: tuple[float, float]) -> Change:
+def _change(name: str, unit: str, kind: str, old: tuple[float, float], new: tuple[float, float]) -> QuantityChange:
     """A change of a logarithm, each record's with its standard deviation."""
     step, sigma = new[0] - old[0], math.hypot(old[1], new[1])
     values = math.exp(old[0]), math.exp(new[0])
     prior = 0.5 * TYPICAL_CHANGE["stiffness"] if kind == "frequency" else TYPICAL_CHANGE["damping"]
     if not SIGMAS * sigma < UNTOLD:
-        return Change(name, unit, *values, math.nan, -100.0, math.inf, 0.0, 1.0, kind)
+        return QuantityChange(name, unit, *values, math.nan, -100.0, math.inf, 0.0, 1.0, kind)
     posterior = 1.0 / (sigma**-2.0 + prior**-2.0)
     log_odds = 0.5 * math.log(posterior / prior**2) + 0.5 * step**2 * posterior / sigma**4
     chance = math.erfc(abs(step) / sigma / math.sqrt(2.0))
     percent, low, high = (100.0 * float(np.expm1(step + k * sigma)) for k in (0.0, -SIGMAS, SIGMAS))
-    return Change(name, unit, *values, percent, low, high, log_odds, chance, kind)
+    return QuantityChange(name, unit, *values, percent, low, high, log_odds, chance, kind)

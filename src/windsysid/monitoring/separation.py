@@ -14,19 +14,19 @@ from windsysid.units import RPM, unit_text
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["HEADINGS", "Band", "Separation", "Split", "State"]
+__all__ = ["HEADINGS", "DampingBand", "DampingSplit", "Separation", "State"]
 
 
-class Band(NamedTuple):
+class DampingBand(NamedTuple):
     """A value and its ±2σ band, SI."""
 
     value: float
     low: float
     high: float
 
-    def over(self, unit: float) -> "Band":
+    def over(self, unit: float) -> "DampingBand":
         """The same in another unit."""
-        return Band(self.value / unit, self.low / unit, self.high / unit)
+        return DampingBand(self.value / unit, self.low / unit, self.high / unit)
 
     @property
     def span(self) -> str:
@@ -34,7 +34,7 @@ class Band(NamedTuple):
         return f"{self.low:.3g} … {self.high:.3g}"
 
 
-AnyBand = TypeVar("AnyBand", Band, Band | None)
+AnyBand = TypeVar("AnyBand", DampingBand, DampingBand | None)
 
 
 class State(NamedTuple):
@@ -51,7 +51,7 @@ class State(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Split:
+class DampingSplit:
     """The damping of one degree of freedom, taken apart; what the records do not determine is None.
 
     Attributes
@@ -80,11 +80,11 @@ class Split:
     unit: str
     critical: float
     frequency: float
-    measured: tuple[Band, ...]
-    structural: Band | None
-    aerodynamic: tuple[Band | None, ...]
-    calm: Band | None
-    per_wind: Band | None
+    measured: tuple[DampingBand, ...]
+    structural: DampingBand | None
+    aerodynamic: tuple[DampingBand | None, ...]
+    calm: DampingBand | None
+    per_wind: DampingBand | None
     scatter: float
 
     @property
@@ -92,7 +92,7 @@ class Split:
         """Whether the structure's part is told from nothing."""
         return self.structural is not None and self.structural.low > 0.0
 
-    def percent(self, band: Band) -> str:
+    def percent(self, band: DampingBand) -> str:
         """A band in % of critical damping."""
         ratio = band.over(0.01 * self.critical)
         return f"{ratio.value:.3g} % ({ratio.span} %)"
@@ -120,7 +120,7 @@ class Separation(Answer):
 
     states: tuple[State, ...]
     parked_air: bool
-    splits: tuple[Split, ...]
+    splits: tuple[DampingSplit, ...]
     lacking: tuple[str, ...]
     notes: tuple[str, ...]
     doubts: tuple[str, ...]
@@ -221,8 +221,8 @@ class Separation(Answer):
 HEADINGS = ("", "unit", "of", "c", "±2σ band", "of critical", "±2σ band")
 
 
-def _plain(split: Split) -> dict[str, Any]:
-    def plain(band: Band | None) -> dict[str, float] | None:
+def _plain(split: DampingSplit) -> dict[str, Any]:
+    def plain(band: DampingBand | None) -> dict[str, float] | None:
         return None if band is None else band._asdict()
 
     return {

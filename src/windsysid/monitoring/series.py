@@ -26,7 +26,7 @@ from windsysid.results.posterior import SIGMAS, Posterior, load_posterior
 from windsysid.spectral.oma.known_modes import KnownModes, ModesLike, as_modes, holds_modes
 from windsysid.statespace.parameter import Parameter
 
-__all__ = ["DAY", "MIN_BLOCKS", "Blocks", "gather", "gather_modes", "read_blocks"]
+__all__ = ["DAY", "MIN_BLOCKS", "RecordBlocks", "gather", "gather_modes", "read_blocks"]
 
 
 DAY = 86400.0
@@ -35,7 +35,7 @@ Result = Posterior | KnownModes
 
 
 @dataclass(frozen=True, eq=False)
-class Blocks:
+class RecordBlocks:
     """What records say, one after the other.
 
     Attributes
@@ -129,7 +129,7 @@ def gather(
     covariates: Mapping[str, Array] | None = None,
     noise: Sequence[Mapping[str, tuple[float, float]]] = (),
     begin: datetime | None = None,
-) -> Blocks:
+) -> RecordBlocks:
     """Blocks from the posteriors of records, each less its prior, in the coordinates of the first.
 
     Without `time`, the records are put in order of when they began, where all of them say it; otherwise they stay as
@@ -172,7 +172,7 @@ def gather(
 
 
 class _SeriesColumns(NamedTuple):
-    """Fields of `Blocks` that have an entry for each series."""
+    """Fields of `RecordBlocks` that have an entry for each series."""
 
     names: tuple[str, ...]
     theta: Array
@@ -186,9 +186,9 @@ class _SeriesColumns(NamedTuple):
 def _blocks(
     series: _SeriesColumns, results: Sequence[Result], placed: Order, covariates: Mapping[str, Array] | None,
     notes: Sequence[str] = (),
-) -> Blocks:  # fmt: skip
+) -> RecordBlocks:  # fmt: skip
     """Blocks of results that are in order."""
-    return Blocks(
+    return RecordBlocks(
         **series._asdict(),
         time=placed.time,
         covariates=placed.covariates,
@@ -225,7 +225,7 @@ def _noise_levels(noise: Sequence[Mapping[str, tuple[float, float]]], count: int
     return sensors, theta, std
 
 
-def read_blocks(folders: Sequence[str | Path], covariates: str | Path | None = None) -> Blocks:
+def read_blocks(folders: Sequence[str | Path], covariates: str | Path | None = None) -> RecordBlocks:
     """Blocks from folders that ``windsysid identify`` or ``oma`` wrote, and a CSV file of covariates, a line for each.
 
     Records that say when they began are put in order of time. Folders of others are taken in the order given; where
@@ -281,14 +281,14 @@ def _join_covariates(
     """Results, in order of the file's times where these alone say it, and the lines of each."""
     table = read_covariates(path, len(found))
     rows = lines_of(table, [folder for folder, _ in found], spans)
-    dated = spans is None and table.time is not None
-    if dated and table.folders:
-        order = np.argsort(table.time[rows])
+    time = table.time if spans is None else None
+    if time is not None and table.folders:
+        order = np.argsort(time[rows])
         found, rows = [found[i] for i in order], [rows[i] for i in order]
     columns = {name: values[rows] for name, values in table.columns.items()}
-    if not dated:
+    if time is None:
         return found, _Covariates(columns)
-    return found, _Covariates(columns, table.time[rows], table.dates[0] if table.dates else None)
+    return found, _Covariates(columns, time[rows], table.dates[0] if table.dates else None)
 
 
 def _in_natural_order(found: list[tuple[Path, Result]], notes: list[str]) -> list[tuple[Path, Result]]:
@@ -303,7 +303,7 @@ def _in_natural_order(found: list[tuple[Path, Result]], notes: list[str]) -> lis
 
 def _gather_results(
     results: Sequence[Result], known: _Covariates, notes: list[str]
-) -> Blocks:  # fmt: skip
+) -> RecordBlocks:  # fmt: skip
     """`gather_modes` or `gather`, with the noise that posteriors hold."""
     modes = [result for result in results if isinstance(result, KnownModes)]
     if modes:
@@ -325,7 +325,7 @@ def gather_modes(
     time: Array | None = None,
     covariates: Mapping[str, Array] | None = None,
     begin: datetime | None = None,
-) -> Blocks:
+) -> RecordBlocks:
     """Blocks from the modes of records, followed from one to the next by frequency and shape, as `gather` puts them in
     order.
 

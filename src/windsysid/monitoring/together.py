@@ -30,7 +30,7 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.monitoring.jumps import (
     INNOVATION_LIMIT_SIGMAS,
-    Belief,
+    LevelBelief,
     Observations,
     Rates,
     Track,
@@ -61,7 +61,7 @@ class Together(NamedTuple):
     statistic: Array
 
 
-def with_likely(blocks: Observations, prior: Belief, rates: Rates) -> Rates:
+def with_likely(blocks: Observations, prior: LevelBelief, rates: Rates) -> Rates:
     """These rates, and the wanders that are likely after the blocks, each with the scatter that fits them best.
 
     Arguments are those of `windsysid.monitoring.learning.learn_rates`; of the rates the scatter is where it begins.

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError
-from windsysid.monitoring.changes import Change, Series, Watch
+from windsysid.monitoring.changes import DetectedJump, Watch, WatchedSeries
 from windsysid.monitoring.jumps import Observations, Rates, Track, shared_error, threshold, track
 from windsysid.monitoring.learning import learn_rates
 from windsysid.monitoring.locating import (
@@ -39,7 +39,7 @@ from windsysid.monitoring.locating import (
     locate,
     without_bad,
 )
-from windsysid.monitoring.series import DAY, MIN_BLOCKS, Blocks
+from windsysid.monitoring.series import DAY, MIN_BLOCKS, RecordBlocks
 from windsysid.results.posterior import SIGMAS
 
 __all__ = ["TOLERATED_DRIFT", "YEAR", "percent_of", "tell", "was_lost", "watch"]
@@ -65,7 +65,9 @@ UNEXPLAINED, HEARD, SOUND, UNWATCHED = (
 """Why a jump is put down to a sensor or to the structure."""
 
 
-def watch(blocks: Blocks, *, alarms_per_year: float = 0.1, tolerated: Mapping[str, float] = TOLERATED_DRIFT) -> Watch:
+def watch(
+    blocks: RecordBlocks, *, alarms_per_year: float = 0.1, tolerated: Mapping[str, float] = TOLERATED_DRIFT
+) -> Watch:
     """What drifted and what jumped.
 
     Parameters
@@ -115,7 +117,7 @@ def watch(blocks: Blocks, *, alarms_per_year: float = 0.1, tolerated: Mapping[st
     return Watch(blocks, tuple(series), changes, alarms_per_year, begins, tuple(notes))
 
 
-def _check_options(blocks: Blocks, alarms_per_year: float, tolerated: Mapping[str, float]) -> None:
+def _check_options(blocks: RecordBlocks, alarms_per_year: float, tolerated: Mapping[str, float]) -> None:
     kinds = dict.fromkeys(map(blocks.kind, range(len(blocks.names))))
     missing = [kind for kind in kinds if kind not in tolerated]
     if missing:
@@ -145,7 +147,7 @@ class _Followed(NamedTuple):
 
 
 def _follow(
-    blocks: Blocks, i: int, y: Array, x: Array, begins: int, limit: float, tolerated: Mapping[str, float]
+    blocks: RecordBlocks, i: int, y: Array, x: Array, begins: int, limit: float, tolerated: Mapping[str, float]
 ) -> _Followed:
     """Level, rates and jumps of one series from its blocks (T,) and standardised covariates (T, m)."""
     count, kind = len(y), blocks.kind(i)
@@ -189,8 +191,10 @@ def _part(blocks: Observations, jump: Jump, rates: Rates, free: Array) -> Observ
     return blocks._replace(y=y, freed=freed)
 
 
-def _describe(blocks: Blocks, i: int, one: _Followed, y: Array, covariates: _Standardised, begins: int) -> Series:
-    """A `Series` in units and percent."""
+def _describe(
+    blocks: RecordBlocks, i: int, one: _Followed, y: Array, covariates: _Standardised, begins: int
+) -> WatchedSeries:
+    """A `WatchedSeries` in units and percent."""
     x, names, scales = covariates
     level, std = one.track.level, one.track.std
     belief, now = one.track.belief, float(level[-1])
@@ -205,7 +209,7 @@ def _describe(blocks: Blocks, i: int, one: _Followed, y: Array, covariates: _Sta
         return _percent(blocks, i, part, spread, of)
 
     day = max(1, round(DAY / float(np.median(np.diff(blocks.time)))))
-    return Series(
+    return WatchedSeries(
         name=name,
         unit=blocks.units[i] if blocks.units else "",
         level=value(level),
@@ -225,7 +229,7 @@ def _describe(blocks: Blocks, i: int, one: _Followed, y: Array, covariates: _Sta
     )
 
 
-def _smallest(blocks: Blocks, i: int, one: _Followed, within: int) -> float:
+def _smallest(blocks: RecordBlocks, i: int, one: _Followed, within: int) -> float:
     """Least jump in filter coordinates that passes the test within so many blocks with a probability of 0.9.
 
     The level is taken to be as well known as it gets.
@@ -239,17 +243,17 @@ def _smallest(blocks: Blocks, i: int, one: _Followed, within: int) -> float:
     return one.least + (math.sqrt(one.limit) + 1.28) / math.sqrt(energy)
 
 
-def _change(blocks: Blocks, i: int, jump: Jump, jumps: Sequence[tuple[int, Jump]]) -> Change:
+def _change(blocks: RecordBlocks, i: int, jump: Jump, jumps: Sequence[tuple[int, Jump]]) -> DetectedJump:
     """A jump in words, percent and seconds, and where to look for its cause."""
     name = blocks.names[i]
     percent, low, high = _percent(blocks, i, jump.size, jump.std, jump.before)
     time, earliest, latest, found = (float(blocks.time[k]) for k in (jump.at, jump.earliest, jump.latest, jump.found))
     cause, why = _cause(blocks, i, jump, jumps)
     told = tell(name, (percent, low, high), blocks.between(earliest, latest), blocks.when(found), why)
-    return Change(name, time, earliest, latest, found, percent, low, high, cause, told)
+    return DetectedJump(name, time, earliest, latest, found, percent, low, high, cause, told)
 
 
-def _cause(blocks: Blocks, i: int, jump: Jump, jumps: Sequence[tuple[int, Jump]]) -> tuple[str, str]:
+def _cause(blocks: RecordBlocks, i: int, jump: Jump, jumps: Sequence[tuple[int, Jump]]) -> tuple[str, str]:
     """Where to look for the cause of a jump of series i, and why there."""
     kinds = list(map(blocks.kind, range(len(blocks.names))))
     noisy = [blocks.names[j] for j, other in jumps if kinds[j] == "noise" and _meet(jump, other)]
@@ -281,7 +285,7 @@ def was_lost(good: NDArray[np.bool_], jump: Jump) -> bool:
     return bool(len(before) and len(after) and before.mean() > 0.5 > after.mean())
 
 
-def _standardise_covariates(blocks: Blocks, begins: int) -> tuple[_Standardised, list[str]]:
+def _standardise_covariates(blocks: RecordBlocks, begins: int) -> tuple[_Standardised, list[str]]:
     """Covariates as standard scores of the learning time, and notes of those left out."""
     x = np.asarray(blocks.covariates, dtype=np.float64)
     missing = [
@@ -303,7 +307,7 @@ def _standardise_covariates(blocks: Blocks, begins: int) -> tuple[_Standardised,
     return _Standardised(np.ascontiguousarray(centred), names, scales[moves]), notes
 
 
-def _percent(blocks: Blocks, i: int, part: float, std: float, of: float) -> tuple[float, float, float]:
+def _percent(blocks: RecordBlocks, i: int, part: float, std: float, of: float) -> tuple[float, float, float]:
     return percent_of(part, std, of, blocks.logarithmic[i])
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from windsysid.monitoring.change import MOVED_MIN_ODDS, Change, Comparison
+from windsysid.monitoring.change import MOVED_MIN_ODDS, Comparison, QuantityChange
 from windsysid.reports.canvas import canvas
 from windsysid.reports.html import Section, png, report_page
 from windsysid.reports.plots import ERROR, ESTIMATE, MEASURED, REFERENCE, symbol, tidy
@@ -32,7 +32,7 @@ def figure(comparison: Comparison, place: Axes | None = None) -> Figure:
     return drawn
 
 
-def _draw_changes(ax: Axes, group: Sequence[Change], comparison: Comparison) -> None:
+def _draw_changes(ax: Axes, group: Sequence[QuantityChange], comparison: Comparison) -> None:
     """One line a change."""
     ends = [end for c in group for end in (c.low, c.percent, c.high) if c.told and math.isfinite(end)]
     low, high = (min(ends), max(ends)) if ends else (-100.0, 100.0)
@@ -86,7 +86,7 @@ READING = (
 )
 
 
-def _colour(change: Change, comparison: Comparison) -> str:
+def _colour(change: QuantityChange, comparison: Comparison) -> str:
     if change in comparison.coefficients:
         return ERROR if change in comparison.moved else ESTIMATE
     return MEASURED

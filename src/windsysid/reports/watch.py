@@ -8,7 +8,7 @@ from matplotlib.dates import ConciseDateFormatter
 from matplotlib.figure import Figure
 
 from windsysid._types import Array
-from windsysid.monitoring.changes import Series, Watch
+from windsysid.monitoring.changes import Watch, WatchedSeries
 from windsysid.monitoring.series import DAY
 from windsysid.output.table import Table
 from windsysid.reports.canvas import canvas
@@ -59,7 +59,7 @@ def _limits(values: Array) -> tuple[float, float]:
     return low - room, high + room
 
 
-def _title(series: Series) -> str:
+def _title(series: WatchedSeries) -> str:
     name = symbol(series.name.removeprefix("noise_"))
     if series.name.startswith("noise_"):
         return f"noise, {name}"

@@ -17,7 +17,7 @@ from windsysid.identification.verdict.conclude import conclude
 from windsysid.results.identification import Identification
 from windsysid.statespace.compose import StateSpace
 from windsysid.study.arms import START
-from windsysid.study.scenario import RATE, SECTION, Reference
+from windsysid.study.scenario import RATE, SECTION, StudyReference
 from windsysid.turbine.turbine import Turbine
 
 __all__ = ["PUBLISHED_HOURS", "SIR", "LinearCase", "force_balance_case", "identify_section_by_particles"]
@@ -40,7 +40,7 @@ class LinearCase(NamedTuple):
 
 def identify_section_by_particles(
     turbine: Turbine,
-    reference: Reference,
+    reference: StudyReference,
     balance: Balance,
     filter_: ParticleFilter = SIR,
     section: tuple[float, float] = SECTION,

@@ -36,7 +36,7 @@ from windsysid.simulation.wind import (
 )
 from windsysid.simulation.wind.feedback import integrate_with_feedback
 from windsysid.study.arms import identify_section, record_balance
-from windsysid.study.scenario import DURATION, RATE, SECTION, Reference, measure
+from windsysid.study.scenario import DURATION, RATE, SECTION, StudyReference, measure
 from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine
 from windsysid.units import unit_text
@@ -71,7 +71,7 @@ SETTLING_SECONDS = 8.0
 class WindReference(NamedTuple):
     """A reference record under wind, its wind, and the loads at rest that the old direction would have made."""
 
-    reference: Reference
+    reference: StudyReference
     wind: WindLoads
     old_direction: Array
 
@@ -149,7 +149,7 @@ def simulate_wind_reference(turbine: Turbine, seed: int, direction: Direction) -
     )
     inputs = np.hstack([rotor, acted])
     record = measure(turbine, response, rotor, np.random.default_rng([seed, 1]), f"wind, seed {seed}")
-    return WindReference(Reference(record, response, inputs), wind, without_change.loads)
+    return WindReference(StudyReference(record, response, inputs), wind, without_change.loads)
 
 
 def _arms(turbine: Turbine, under: WindReference) -> dict[str, Identification]:
@@ -158,7 +158,7 @@ def _arms(turbine: Turbine, under: WindReference) -> dict[str, Identification]:
     return {arm: _identify(turbine, under.reference, loads) for arm, loads in zip(ARMS, told, strict=True)}
 
 
-def _identify(turbine: Turbine, reference: Reference, loads: Array | None) -> Identification:
+def _identify(turbine: Turbine, reference: StudyReference, loads: Array | None) -> Identification:
     """The paper's filter over the section, told these loads."""
     return identify_section(turbine, reference, record_balance(turbine, reference, loads))
 

@@ -15,7 +15,7 @@ from starlette.requests import ClientDisconnect
 
 from windsysid.live.page.access import COOKIE, LOOPBACK, Access
 
-__all__ = ["Buckets", "Guard", "Limits", "client_of"]
+__all__ = ["Buckets", "RequestGuard", "RequestLimits", "client_of"]
 
 Message = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[Message]]
@@ -39,7 +39,7 @@ SAFE = ("GET", "HEAD", "OPTIONS")
 
 
 @dataclass(frozen=True)
-class Limits:
+class RequestLimits:
     """Bounds of what clients may ask.
 
     Attributes
@@ -92,10 +92,10 @@ class _TooLargeError(Exception):
     """A body that grew beyond its bound while it came."""
 
 
-class Guard:
+class RequestGuard:
     """ASGI middleware."""
 
-    def __init__(self, app: App, access: Access, limits: Limits) -> None:
+    def __init__(self, app: App, access: Access, limits: RequestLimits) -> None:
         self._app, self._access, self._limits = app, access, limits
         self._requests = Buckets(limits.rate, limits.burst, limits.clients)
 

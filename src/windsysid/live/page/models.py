@@ -7,7 +7,7 @@ from pydantic import BaseModel, Field
 __all__ = [
     "Acknowledgement",
     "AlarmSeen",
-    "Changes",
+    "BudgetShare",
     "ChannelHealth",
     "ChannelStatistics",
     "Configuration",
@@ -15,17 +15,17 @@ __all__ = [
     "Excitation",
     "FoundMode",
     "Health",
+    "JournalChanges",
     "Levels",
-    "Loads",
+    "LoadTrack",
     "ModeTrack",
     "Overview",
-    "Problem",
+    "RequestProblem",
     "Results",
-    "Series",
+    "SeriesHistory",
     "Service",
-    "Share",
-    "Source",
     "SourceStateName",
+    "SourceStatus",
     "TurbinePage",
     "TurbineSummary",
     "Verdict",
@@ -43,7 +43,7 @@ usual. ``waiting``: no window has ended yet. ``steady``: as it was.
 Numbers = list[float | None]
 
 
-class Problem(BaseModel):
+class RequestProblem(BaseModel):
     """Why a request was not answered."""
 
     detail: str
@@ -119,7 +119,7 @@ class Service(BaseModel):
     compiling: Annotated[bool, Field(description="a turbine's equations are being compiled: the estimate waits")]
 
 
-class Source(BaseModel):
+class SourceStatus(BaseModel):
     """Where samples come from, and how that goes."""
 
     name: Annotated[str, Field(description="what it reads from, without secrets")]
@@ -142,7 +142,7 @@ class Overview(BaseModel):
     store: Annotated[str, Field(description="why the store accepts no blocks; empty if it does")] = ""
     turbines: list[TurbineSummary]
     service: Service | None
-    sources: list[Source] = []
+    sources: list[SourceStatus] = []
 
 
 class FoundMode(BaseModel):
@@ -166,7 +166,7 @@ class Excitation(BaseModel):
     frequency: Annotated[float, Field(description="Hz")]
 
 
-class Share(BaseModel):
+class BudgetShare(BaseModel):
     """What makes a coefficient's band as wide as it is."""
 
     name: str
@@ -220,7 +220,7 @@ class Detail(BaseModel):
     formulation: str
     modes: list[FoundMode]
     excitations: list[Excitation]
-    budget: list[Share]
+    budget: list[BudgetShare]
     health: list[WindowHealth]
     channels: list[ChannelStatistics]
 
@@ -245,7 +245,7 @@ class TurbinePage(BaseModel):
     configurations: list[Configuration]
 
 
-class Series(BaseModel):
+class SeriesHistory(BaseModel):
     """A watched series; all lists are as long as `Levels.windows`."""
 
     name: str
@@ -266,7 +266,7 @@ class Levels(BaseModel):
     """Watched series of a turbine over time."""
 
     windows: Annotated[list[float], Field(description="begins of windows")]
-    series: list[Series]
+    series: list[SeriesHistory]
 
 
 class ModeTrack(BaseModel):
@@ -281,7 +281,7 @@ class ModeTrack(BaseModel):
     damping_ratio_high: Numbers
 
 
-class Loads(BaseModel):
+class LoadTrack(BaseModel):
     """A statistic of the loads over time, ±2σ; all lists are as long as `Results.windows`."""
 
     name: str
@@ -304,7 +304,7 @@ class Results(BaseModel):
     rotor_speed: Annotated[Numbers, Field(description="rad/s")]
     blades: Annotated[int | None, Field(description="of the rotor: 1P and its multiples are what excites")]
     modes: list[ModeTrack]
-    loads: list[Loads]
+    loads: list[LoadTrack]
 
 
 class Acknowledgement(BaseModel):
@@ -316,7 +316,7 @@ class Acknowledgement(BaseModel):
     remark: Annotated[str, Field(max_length=1000, pattern=r"^[^\x00-\x08\x0b-\x1f\x7f]*$")] = ""
 
 
-class Changes(BaseModel):
+class JournalChanges(BaseModel):
     """What changed since the last message: read again what you show of it."""
 
     turbines: Annotated[list[str], Field(description="whose status, health or results changed")]

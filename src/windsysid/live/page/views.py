@@ -12,12 +12,12 @@ from windsysid._version import __version__
 from windsysid.checks.conditioning import hold
 from windsysid.configuration import parse_toml
 from windsysid.errors import StoreError
+from windsysid.live.engine_state import PageEngine, TurbineState
 from windsysid.live.page import models
 from windsysid.live.page.newest import Newest
-from windsysid.live.page.states import Engine, TurbineState
 from windsysid.live.series_words import series_title
-from windsysid.live.sources.source import Source
-from windsysid.live.store.contents import Alarm, Health, Level, Result, Status
+from windsysid.live.sources.source import BlockSource
+from windsysid.live.store.contents import Alarm, Result, SensorHealth, SeriesLevel, Status
 from windsysid.live.store.store import Store
 from windsysid.units import unit_text
 
@@ -48,10 +48,10 @@ MULTIPLES = 4
 TWO_PI = 2.0 * math.pi
 
 
-def sources_of(sources: Iterable[Source]) -> list[models.Source]:
+def sources_of(sources: Iterable[BlockSource]) -> list[models.SourceStatus]:
     """How the sources are."""
     return [
-        models.Source(name=source.describe(), **source.state._asdict())  # a state is of one moment
+        models.SourceStatus(name=source.describe(), **source.state._asdict())  # a state is of one moment
         for source in sources
     ]
 
@@ -67,7 +67,7 @@ def trouble_of(store: Store) -> str:
     return ""
 
 
-def overview_of(store: Store, engine: Engine | None, newest: Newest, role: str, login: bool) -> models.Overview:
+def overview_of(store: Store, engine: PageEngine | None, newest: Newest, role: str, login: bool) -> models.Overview:
     """All turbines, the worst first."""
     event = store.last_event()
     state = None if engine is None else engine.state()
@@ -94,7 +94,7 @@ def overview_of(store: Store, engine: Engine | None, newest: Newest, role: str, 
     )  # fmt: skip
 
 
-def turbine_of(store: Store, engine: Engine | None, newest: Newest, name: str) -> models.TurbinePage:
+def turbine_of(store: Store, engine: PageEngine | None, newest: Newest, name: str) -> models.TurbinePage:
     """What is known of a turbine now; KeyError where there is none of this name."""
     event = store.last_event()
     state = {} if engine is None else engine.state().turbines
@@ -119,7 +119,7 @@ def turbine_of(store: Store, engine: Engine | None, newest: Newest, name: str) -
     )  # fmt: skip
 
 
-def levels_of(found: Sequence[tuple[int, Level]]) -> models.Levels:
+def levels_of(found: Sequence[tuple[int, SeriesLevel]]) -> models.Levels:
     """Levels as columns: windows that a series has no level of have null."""
     windows = sorted({window for window, _ in found})
     at = {window: i for i, window in enumerate(windows)}
@@ -127,7 +127,7 @@ def levels_of(found: Sequence[tuple[int, Level]]) -> models.Levels:
         "estimate", "low", "high", "level", "level_low", "level_high", "statistic", "limit",
     )  # fmt: skip
     columns: dict[str, dict[str, list[float | None]]] = {}
-    shown: dict[str, Level] = {}
+    shown: dict[str, SeriesLevel] = {}
     for window, level in found:
         if level.name not in columns:
             columns[level.name] = {field: [None] * len(windows) for field in fields}
@@ -137,7 +137,7 @@ def levels_of(found: Sequence[tuple[int, Level]]) -> models.Levels:
     return models.Levels(
         windows=[_ms(window) for window in windows],
         series=[
-            models.Series(
+            models.SeriesHistory(
                 name=name, title=series_title(name, level.kind), unit=unit_text(level.unit), kind=level.kind,
                 **columns[name],
             )
@@ -203,7 +203,7 @@ def alarm_seen(alarm: Alarm) -> models.AlarmSeen:
 def _summary(
     name: str,
     status: Status | None,
-    healths: Iterable[Health],
+    healths: Iterable[SensorHealth],
     alarms: Iterable[Alarm],
     result: Result | None,
     engine: Mapping[str, TurbineState],
@@ -275,7 +275,7 @@ def _alarm_order(alarm: models.AlarmSeen) -> tuple[bool, int, float]:
     return alarm.acknowledged is not None, SEVERITIES.index(alarm.severity), -alarm.opened
 
 
-def _channel(health: Health) -> models.ChannelHealth:
+def _channel(health: SensorHealth) -> models.ChannelHealth:
     return models.ChannelHealth(channel=health.channel, state=health.state, since=_ms(health.since), text=health.text)
 
 
@@ -323,10 +323,10 @@ def _modes_over_time(rows: Sequence[Mapping[str, Any]]) -> list[models.ModeTrack
     return [models.ModeTrack(name=name, **found) for name, (found, _) in columns.items()]
 
 
-def _loads_over_time(rows: Sequence[Mapping[str, Any]]) -> list[models.Loads]:
+def _loads_over_time(rows: Sequence[Mapping[str, Any]]) -> list[models.LoadTrack]:
     columns = _over_time(rows, "statistics", ("estimate", "low", "high"))
     return [
-        models.Loads(name=name, title=name.replace("_", " "), unit=unit_text(_text(first, "unit")), **found)
+        models.LoadTrack(name=name, title=name.replace("_", " "), unit=unit_text(_text(first, "unit")), **found)
         for name, (found, first) in columns.items()
         if not name.startswith("noise_")
     ]
@@ -347,7 +347,7 @@ def _over_time(
     return found
 
 
-def _budget(row: Mapping[str, Any]) -> list[models.Share]:
+def _budget(row: Mapping[str, Any]) -> list[models.BudgetShare]:
     """What makes the bands as wide as they are, from the row's covariance of all unknowns."""
     parameters, cov = _rows(row, "parameters"), _covariance(row)
     n, count = len(parameters), len(cov)
@@ -360,7 +360,7 @@ def _budget(row: Mapping[str, Any]) -> list[models.Share]:
     }
     rest = hold(np.zeros(count), cov, list(range(n, count)))[1]
     return [
-        models.Share(
+        models.BudgetShare(
             name=str(one["name"]), title=series_title(str(one["name"])), unit=unit_text(_text(one, "unit")),
             **{key: _number(one.get(key)) for key in ("estimate", "low", "high")},
             informed=_number(one.get("informed_by_data")),

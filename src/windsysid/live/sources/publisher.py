@@ -33,7 +33,7 @@ from windsysid.live.sources.broker import (
     new_client,
     properties_of,
 )
-from windsysid.live.sources.ring import Flow, Packed, Ring
+from windsysid.live.sources.ring import Flow, PackedBlock, Ring
 from windsysid.live.turns import ShortTurns
 
 __all__ = ["Publisher"]
@@ -155,7 +155,9 @@ class Publisher:
         """
         for block in blocks:
             check(block)  # what the service could never take is not worth a place in the buffer
-        packed = [(Flow(block.turbine, block.stream), Packed(block.sequence, encode_arrow(block))) for block in blocks]
+        packed = [
+            (Flow(block.turbine, block.stream), PackedBlock(block.sequence, encode_arrow(block))) for block in blocks
+        ]
         longest = max((len(one.payload) for _, one in packed), default=0)
         if longest > LONGEST_PAYLOAD:
             raise BlockRefused(f"block of {longest} bytes: expected {LONGEST_PAYLOAD} at most; send shorter blocks")
@@ -174,7 +176,9 @@ class Publisher:
             logger.warning("buffer full: %d blocks dropped, the oldest (%d in all)", dropped, self.dropped)
         return len(new)
 
-    def _new(self, packed: Iterable[tuple[Flow, Packed]]) -> tuple[list[tuple[Flow, Packed]], dict[Flow, int]]:
+    def _new(
+        self, packed: Iterable[tuple[Flow, PackedBlock]]
+    ) -> tuple[list[tuple[Flow, PackedBlock]], dict[Flow, int]]:
         """Blocks with a higher number than all before of their flow, and the newest numbers with them."""
         new, newest = [], dict(self._newest)
         for flow, one in packed:

@@ -13,7 +13,7 @@ from windsysid.live.block import Block
 from windsysid.live.codec import BlockRefused
 from windsysid.live.limits import one_line
 
-__all__ = ["Commits", "Push", "Source", "SourceState", "refuse", "retries", "stopped_within"]
+__all__ = ["BlockSource", "Commits", "Push", "SourceState", "refuse", "retries", "stopped_within"]
 
 Push = Callable[[Block], Future[None]]
 """Takes a block in: the future ends when it is committed. It may wait, and goes with any thread."""
@@ -51,7 +51,7 @@ class SourceState(NamedTuple):
         return self._replace(refused=self.refused + 1, refusal=one_line(why))
 
 
-class Source(Protocol):
+class BlockSource(Protocol):
     """Brings blocks of one turbine or of many."""
 
     state: SourceState
@@ -75,7 +75,7 @@ AHEAD = 32
 _log = logging.getLogger(__name__)
 
 
-def refuse(source: Source, why: str) -> None:
+def refuse(source: BlockSource, why: str) -> None:
     """Log and count a block, message or file that a source can never take."""
     _log.warning("%s: refused: %s", source.describe(), why)
     source.state = source.state.with_refusal(why)
@@ -92,7 +92,7 @@ class Commits:
         What refusals begin with.
     """
 
-    def __init__(self, source: Source, about: str = "") -> None:
+    def __init__(self, source: BlockSource, about: str = "") -> None:
         self._source, self._about = source, about
         self._waiting: deque[asyncio.Future[None]] = deque()
 

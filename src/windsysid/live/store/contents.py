@@ -9,9 +9,9 @@ __all__ = [
     "Alarm",
     "Commit",
     "Event",
-    "Health",
-    "Level",
     "Result",
+    "SensorHealth",
+    "SeriesLevel",
     "Severity",
     "Status",
     "StoredBlock",
@@ -64,7 +64,7 @@ class Status(NamedTuple):
     counts: Mapping[str, int]
 
 
-class Health(NamedTuple):
+class SensorHealth(NamedTuple):
     """How a channel is; one row a channel, the newest.
 
     Attributes
@@ -84,7 +84,7 @@ class Health(NamedTuple):
     text: str
 
 
-class Level(NamedTuple):
+class SeriesLevel(NamedTuple):
     """One watched series after one window.
 
     Attributes
@@ -136,7 +136,7 @@ class Result(NamedTuple):
     until: int
     closed: int
     row: Mapping[str, Any]
-    levels: Sequence[Level]
+    levels: Sequence[SeriesLevel]
     checkpoint: bytes
 
 
@@ -183,7 +183,7 @@ class Commit(NamedTuple):
 
     blocks: Sequence[StoredBlock] = ()
     statuses: Sequence[Status] = ()
-    healths: Sequence[Health] = ()
+    healths: Sequence[SensorHealth] = ()
     results: Sequence[Result] = ()
     alarms: Sequence[Alarm] = ()
 

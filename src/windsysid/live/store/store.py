@@ -6,7 +6,7 @@ from typing import Any, Protocol
 
 from windsysid.errors import StoreError
 from windsysid.live.block import Block
-from windsysid.live.store.contents import Alarm, Commit, Event, Health, Level, Result, Status
+from windsysid.live.store.contents import Alarm, Commit, Event, Result, SensorHealth, SeriesLevel, Status
 
 __all__ = ["ContentError", "Store"]
 
@@ -84,7 +84,7 @@ class Store(Protocol):
         """One of every turbine."""
         ...
 
-    def healths(self, turbine: str | None = None) -> list[Health]:
+    def healths(self, turbine: str | None = None) -> list[SensorHealth]:
         """One of every channel."""
         ...
 
@@ -102,7 +102,7 @@ class Store(Protocol):
 
     def levels(
         self, turbine: str, *, since: int | None = None, until: int | None = None, most: int = 2000
-    ) -> list[tuple[int, Level]]:
+    ) -> list[tuple[int, SeriesLevel]]:
         """Start of the window and level, in order of time; of more than `most` windows, every so manieth."""
         ...
 
