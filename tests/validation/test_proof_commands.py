@@ -125,6 +125,7 @@ SHORT: dict[str, tuple[str, ...]] = {
     "validation.spectral": ("--runs 1 --loads random",),
     "validation.tolerances": ('--runs 1 --jobs 1 --only "as the"',),
     "validation.towers": ("--runs 1 --only healthy",),
+    "validation.wind_study": ("--output {tmp}",),
     "validation.years": ("--years 1",),
 }
 """Short forms that take longer, run by `make test-all`."""

@@ -96,8 +96,7 @@ def inspect_command(
         float | None, typer.Option(help="Length of the sections to propose \\[s]; else the longest that are good.")
     ] = None,
     write_mapping: Annotated[
-        Path | None,
-        typer.Option(help="Instead: propose a mapping with its doubts, and write this TOML file."),
+        Path | None, typer.Option(help="Instead: propose a mapping with its doubts, and write this TOML file.")
     ] = None,
     overwrite: Overwrite = False,
 ) -> None:

@@ -390,13 +390,7 @@ def _tasks(
     settings, limit = run.settings, run.limit
     return [
         Task(
-            of[name],
-            day,
-            str(place_of(run.folder, name, day)),
-            tuple(sources),
-            run.formulation,
-            settings[name],
-            limit,
+            of[name], day, str(place_of(run.folder, name, day)), tuple(sources), run.formulation, settings[name], limit
         )
         for (name, day), sources in sorted(days.items())  # turbine by turbine: each worker reads its SCADA once
     ]

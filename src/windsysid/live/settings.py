@@ -21,27 +21,12 @@ from typing import Any, Literal
 from windsysid.configuration import parse_toml, read_toml
 from windsysid.errors import ConfigurationError
 from windsysid.fleet.members import Member
-from windsysid.live.source_settings import (
-    Broker,
-    FolderSettings,
-    ReplaySettings,
-    SourceSettings,
-    broker_of,
-    source_of,
-)
+from windsysid.live.source_settings import Broker, FolderSettings, ReplaySettings, SourceSettings, broker_of, source_of
 from windsysid.live.store.keep import span
 from windsysid.live.toml_table import Secret, TomlTable
 from windsysid.turbine.file import packaged_turbines
 
-__all__ = [
-    "LogSettings",
-    "MqttNotice",
-    "PageSettings",
-    "Settings",
-    "SettingsError",
-    "WebhookNotice",
-    "read_settings",
-]
+__all__ = ["LogSettings", "MqttNotice", "PageSettings", "Settings", "SettingsError", "WebhookNotice", "read_settings"]
 
 LOOPBACK = ("127.0.0.1", "::1", "localhost")
 SEVERITIES = ("notice", "warning", "alarm")

@@ -21,15 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array
-from windsysid.monitoring.jumps import (
-    LevelBelief,
-    Observations,
-    Progress,
-    Rates,
-    Track,
-    shared_error,
-    track,
-)
+from windsysid.monitoring.jumps import LevelBelief, Observations, Progress, Rates, Track, shared_error, track
 from windsysid.monitoring.learning import EXPECTED_SCATTER, learn_growth, learn_rates
 from windsysid.monitoring.locating import (
     JUMP_SLOPE_PRIOR,

@@ -28,14 +28,7 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.monitoring.jumps import (
-    INNOVATION_LIMIT_SIGMAS,
-    LevelBelief,
-    Observations,
-    Rates,
-    Track,
-    track,
-)
+from windsysid.monitoring.jumps import INNOVATION_LIMIT_SIGMAS, LevelBelief, Observations, Rates, Track, track
 from windsysid.monitoring.learning import EXPECTED_SCATTER, TYPICAL_SCATTER
 
 __all__ = ["Together", "most_likely_begin", "together", "with_likely"]

@@ -21,8 +21,7 @@ def figure(separation: Separation, place: Axes | None = None) -> Figure:
     columns = min(COLUMNS, len(splits))
     rows = -(-len(splits) // columns)
     order = sorted(
-        range(len(states)),
-        key=lambda i: (not states[i].parked, states[i].rotor_speed, states[i].wind_speed or 0.0),
+        range(len(states)), key=lambda i: (not states[i].parked, states[i].rotor_speed, states[i].wind_speed or 0.0)
     )
     width = max(3.4, 1.2 + 0.75 * len(states))
     drawn = canvas((width * columns, 3.2 * rows + 0.4), place)

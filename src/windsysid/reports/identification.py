@@ -81,10 +81,7 @@ def _explains_section(identification: Identification) -> Section:
             *i.diagnosis.remarks,
         ],
         tables=diagnosis_tables(i),
-        figures=[
-            *([(spectra, WHITENESS)] if spectra else []),
-            (innovations(i), "Whitened innovations of the result."),
-        ],
+        figures=[*([(spectra, WHITENESS)] if spectra else []), (innovations(i), "Whitened innovations of the result.")],
     )
 
 

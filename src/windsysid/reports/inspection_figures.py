@@ -14,16 +14,7 @@ from windsysid.inspection.bodies import body_of
 from windsysid.inspection.health import Finding
 from windsysid.inspection.spectra import Line, Spectrogram, Spectrum, seen_from
 from windsysid.reports.canvas import label
-from windsysid.reports.plots import (
-    BAND,
-    ERROR,
-    ESTIMATE,
-    MAX_UNIT_CHARACTERS,
-    MEASURED,
-    REFERENCE,
-    envelope,
-    tidy,
-)
+from windsysid.reports.plots import BAND, ERROR, ESTIMATE, MAX_UNIT_CHARACTERS, MEASURED, REFERENCE, envelope, tidy
 from windsysid.units import RPM, unit_text
 
 if TYPE_CHECKING:
@@ -38,12 +29,7 @@ SMALL = 7.5
 MAX_TITLE_CHARACTERS = 40
 """Largest length of a name above one of three spectra in a row."""
 
-_DRAWN = {
-    "rad/s": ("rpm", RPM),
-    "N*m": ("kN·m", 1e-3),
-    "N": ("kN", 1e-3),
-    "W": ("kW", 1e-3),
-}
+_DRAWN = {"rad/s": ("rpm", RPM), "N*m": ("kN·m", 1e-3), "N": ("kN", 1e-3), "W": ("kW", 1e-3)}
 
 
 _COLOURS, _STYLES = (REFERENCE, ERROR), (":", "--")

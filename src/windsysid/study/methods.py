@@ -200,20 +200,11 @@ def method_table(methods: Sequence[Method]) -> Table:
 
 def main() -> None:
     """Print the table."""
-    from rich import table
-
     parser = argparse.ArgumentParser(prog="python -m windsysid.study.methods", description=__doc__)
     parser.add_argument("--runs", type=int, default=10, help="records (10)")
     turbine = load_turbine("verne555").exact()
-    found = method_table(
-        gather([one for seed in range(parser.parse_args().runs) for one in run_methods(turbine, seed)])
-    )
-    shown = table.Table(title=found.caption, title_justify="left")
-    for i, heading in enumerate(found.headings):
-        shown.add_column(heading, justify="left" if i in found.words else "right")
-    for row in found.rows:
-        shown.add_row(*row)
-    print(render(shown))
+    runs = [one for seed in range(parser.parse_args().runs) for one in run_methods(turbine, seed)]
+    print(render(method_table(gather(runs))))
 
 
 if __name__ == "__main__":

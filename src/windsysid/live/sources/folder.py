@@ -58,12 +58,7 @@ class FolderSource:
     """
 
     def __init__(
-        self,
-        path: str | Path,
-        turbine: str,
-        *,
-        pattern: str = "*",
-        mapping: str | Path | Mapping | None = None,
+        self, path: str | Path, turbine: str, *, pattern: str = "*", mapping: str | Path | Mapping | None = None
     ) -> None:
         self.path, self.turbine, self.pattern, self.mapping = Path(path), turbine, pattern, mapping
         self.state = SourceState()

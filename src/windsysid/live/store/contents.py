@@ -5,17 +5,7 @@ from typing import Any, Literal, NamedTuple
 
 from windsysid.live.block import Block
 
-__all__ = [
-    "Alarm",
-    "Commit",
-    "Event",
-    "Result",
-    "SensorHealth",
-    "SeriesLevel",
-    "Severity",
-    "Status",
-    "StoredBlock",
-]
+__all__ = ["Alarm", "Commit", "Event", "Result", "SensorHealth", "SeriesLevel", "Severity", "Status", "StoredBlock"]
 
 Severity = Literal["notice", "warning", "alarm"]
 
