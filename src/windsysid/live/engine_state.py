@@ -60,8 +60,6 @@ class PageEngine(Protocol):
 
     def state(self) -> EngineState:
         """How it does now."""
-        ...
 
     def acknowledge(self, key: str, by: str, remark: str) -> Alarm:
         """Acknowledge an alarm; KeyError if there is none of this key."""
-        ...

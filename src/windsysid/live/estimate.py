@@ -35,16 +35,13 @@ class Estimator(Protocol):
 
     def take(self, gathered: Gathered, source: str, member: Member, formulation: str, settings: str) -> Estimated:
         """The row of a window, whatever happens."""
-        ...
 
     @property
     def compiling(self) -> bool:
         """Whether a turbine's equations are being compiled, which takes minutes on a machine that never did."""
-        ...
 
     def close(self) -> None:
         """End what is under way: `take` raises `windsysid.fleet.guard.StoppedError`."""
-        ...
 
 
 class Here:

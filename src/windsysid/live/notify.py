@@ -82,11 +82,9 @@ class Recipient(Protocol):
 
     async def send(self, alarm: Alarm) -> None:
         """Tell of an alarm as it is now; `UndeliveredError` where it is not confirmed."""
-        ...
 
     async def close(self) -> None:
         """Let go of connections."""
-        ...
 
 
 def notice_of(alarm: Alarm) -> dict[str, Any]:

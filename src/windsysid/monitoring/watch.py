@@ -206,7 +206,7 @@ def _describe(
         return blocks.reference[i] * (np.exp(theta) if blocks.logarithmic[i] else theta)
 
     def share(part: float, spread: float, of: float) -> tuple[float, float, float]:
-        return _percent(blocks, i, part, spread, of)
+        return percent_of(part, spread, of, blocks.logarithmic[i])
 
     day = max(1, round(DAY / float(np.median(np.diff(blocks.time)))))
     return WatchedSeries(
@@ -246,7 +246,7 @@ def _smallest(blocks: RecordBlocks, i: int, one: _Followed, within: int) -> floa
 def _change(blocks: RecordBlocks, i: int, jump: Jump, jumps: Sequence[tuple[int, Jump]]) -> DetectedJump:
     """A jump in words, percent and seconds, and where to look for its cause."""
     name = blocks.names[i]
-    percent, low, high = _percent(blocks, i, jump.size, jump.std, jump.before)
+    percent, low, high = percent_of(jump.size, jump.std, jump.before, blocks.logarithmic[i])
     time, earliest, latest, found = (float(blocks.time[k]) for k in (jump.at, jump.earliest, jump.latest, jump.found))
     cause, why = _cause(blocks, i, jump, jumps)
     told = tell(name, (percent, low, high), blocks.between(earliest, latest), blocks.when(found), why)
@@ -305,10 +305,6 @@ def _standardise_covariates(blocks: RecordBlocks, begins: int) -> tuple[_Standar
     names = [name for name, there in zip(blocks.covariate_names, moves, strict=True) if there]
     centred = (x[:, moves] - np.nanmean(x[:begins, moves], axis=0)) / scales[moves]
     return _Standardised(np.ascontiguousarray(centred), names, scales[moves]), notes
-
-
-def _percent(blocks: RecordBlocks, i: int, part: float, std: float, of: float) -> tuple[float, float, float]:
-    return percent_of(part, std, of, blocks.logarithmic[i])
 
 
 BEYOND = 700.0

@@ -36,27 +36,26 @@ def _lines(name: str, kind: str, text: str, samples: Iterable[Sample]) -> list[s
 def _of_turbines(overview: Overview) -> list[Metric]:
     turbines = overview.turbines
     counts = Counter(turbine.verdict for turbine in turbines)
-
-    def each(value: Callable[[TurbineSummary], float | None]) -> list[Sample]:
-        return [({"turbine": one.name}, value(one)) for one in turbines]
-
+    values: tuple[tuple[str, str, Callable[[TurbineSummary], float | None]], ...] = (
+        ("turbine_trusted", "Whether the newest estimate is to be trusted.", lambda one: one.trusted),
+        ("sample_timestamp_seconds", "When the newest sample was taken.", lambda one: _seconds(one.stream)),
+        ("block_timestamp_seconds", "When the newest block came.", lambda one: _seconds(one.received)),
+        ("window_timestamp_seconds", "End of the newest window that has a result.", lambda one: _seconds(one.until)),
+        ("behind_seconds", "By how much the results are behind the samples.", lambda one: one.behind),
+        ("windows_waiting", "Windows that ended and have no result yet.", lambda one: one.windows_waiting),
+        ("sensor_faults", "Channels that are not good.", lambda one: len(one.faults)),
+    )
     return [
         ("info", "gauge", "The version that runs.", [({"version": overview.version}, 1.0)]),
         ("turbines", "gauge", "Turbines by verdict.",
          [({"verdict": verdict}, float(counts[verdict])) for verdict in get_args(Verdict)]),
         ("turbine_verdict", "gauge", "1 for the verdict that holds of a turbine.",
          [({"turbine": one.name, "verdict": one.verdict}, 1.0) for one in turbines]),
-        ("turbine_trusted", "gauge", "Whether the newest estimate is to be trusted.", each(lambda one: one.trusted)),
-        ("sample_timestamp_seconds", "gauge", "When the newest sample was taken.",
-         each(lambda one: _seconds(one.stream))),
-        ("block_timestamp_seconds", "gauge", "When the newest block came.", each(lambda one: _seconds(one.received))),
-        ("window_timestamp_seconds", "gauge", "End of the newest window that has a result.",
-         each(lambda one: _seconds(one.until))),
-        ("behind_seconds", "gauge", "By how much the results are behind the samples.", each(lambda one: one.behind)),
-        ("windows_waiting", "gauge", "Windows that ended and have no result yet.",
-         each(lambda one: one.windows_waiting)),
         ("open_alarms", "gauge", "Alarms that are open.", _open_alarms(overview)),
-        ("sensor_faults", "gauge", "Channels that are not good.", each(lambda one: len(one.faults))),
+        *(
+            (name, "gauge", text, [({"turbine": one.name}, value(one)) for one in turbines])
+            for name, text, value in values
+        ),
     ]  # fmt: skip
 
 

@@ -58,7 +58,6 @@ class BlockSource(Protocol):
 
     def describe(self) -> str:
         """What it reads from, in a few words without secrets."""
-        ...
 
     async def run(self, push: Push, stop: asyncio.Event) -> None:
         """Bring blocks until `stop` is set or there are no more.
@@ -66,7 +65,6 @@ class BlockSource(Protocol):
         What cannot be reached is tried again by the source itself; an error that comes out of here is one that trying
         again does not mend.
         """
-        ...
 
 
 AHEAD = 32
