@@ -1,6 +1,5 @@
 """Take a folder of records, or many, into an archive: what is new, and nothing twice."""
 
-import glob
 import math
 import os
 import time
@@ -18,14 +17,12 @@ from windsysid.fleet.engine import run_here, run_on_dask, share
 from windsysid.fleet.guard import DeadWorkerError, HangingWorkerError, Worker
 from windsysid.fleet.joining import check_clocks, join_late, read_scadas
 from windsysid.fleet.members import Member, member_of, read_fleet, single
-from windsysid.fleet.paths import is_file_or_broken_link, size_or_unknown
-from windsysid.fleet.remote import is_remote, list_remote
+from windsysid.fleet.paths import record_paths, size_or_unknown
+from windsysid.fleet.remote import is_remote
 from windsysid.fleet.scada import Scada
 from windsysid.fleet.tasks import Task
 from windsysid.output.console import printable
-from windsysid.output.files import path_text
 from windsysid.output.progress import Progress, unheard
-from windsysid.records.formats import FORMATS
 from windsysid.turbine.file import load_turbine
 from windsysid.units import spell
 
@@ -157,7 +154,7 @@ def batch(
     settings = {member.name: _settings(member, formulation) for member in members}
     scadas, notes = read_scadas(members)
     progress("looking for records", None)
-    theirs, unmatched = _assigned(_files(sources, folder), members)
+    theirs, unmatched = _assigned(record_paths(sources, folder), members)
     notes += _unused_patterns(theirs, members) if unmatched else ()
     with claim_archive(folder):
         known = {member.name: known_sources(folder, member.name) for member in members}
@@ -273,62 +270,6 @@ def _settings(member: Member, formulation: str) -> str:
         return member.settings(formulation)
     except ConfigurationError as error:
         raise ConfigurationError(f"'{member.name}': {error}") from None
-
-
-def _files(sources: str | Path | Iterable[str | Path], archive: Path) -> list[str]:
-    """List the absolute paths of records, each once, in order; of folders, those with the ending of a format.
-
-    A broken link is listed, so that its row reports it; a device or a named pipe is no record.
-    """
-    listed = [sources] if isinstance(sources, str | Path) else list(sources)
-    found: dict[str, None] = {}
-    for source in listed:
-        below = _records_of(source, archive)
-        if not below:
-            raise ConfigurationError(f"source {source}: expected a file, a folder or a pattern with records, got none")
-        found |= dict.fromkeys(map(path_text, below))
-    return sorted(found)
-
-
-def _records_of(source: str | Path, archive: Path) -> list[str]:
-    """List the possible records of an address, a folder, a file or a pattern."""
-    path = Path(source)
-    if isinstance(source, str) and is_remote(source):
-        return list_remote(source)
-    if path.is_dir():
-        return _walk(path.resolve(), archive)
-    if is_file_or_broken_link(path):
-        return [str(_absolute(path))]
-    named = [_absolute(Path(name)) for name in glob.glob(str(source), recursive=True)]
-    return [each for one in named for each in _below(one, archive)]
-
-
-def _absolute(path: Path) -> Path:
-    """Absolute path of the file, with links resolved unless they are broken."""
-    return path.resolve() if os.path.exists(path) else path.absolute()
-
-
-def _below(path: Path, archive: Path) -> list[str]:
-    """List the possible records of a path that matches a pattern."""
-    if path.is_dir():
-        return _walk(path, archive)
-    return [str(path)] if is_file_or_broken_link(path) else []
-
-
-def _walk(folder: Path, archive: Path) -> list[str]:
-    """Files below a folder that may be records, none of them hidden or of the archive."""
-    found = []
-    for place, folders, names in os.walk(folder):
-        here = Path(place)
-        folders[:] = [name for name in folders if not name.startswith(".") and here / name != archive]
-        found += [str(here / name) for name in names if _is_record(here / name)]
-    return found
-
-
-def _is_record(path: Path) -> bool:
-    """Whether a path may be a record: it is not hidden, and has the ending of a format."""
-    named = any(one.is_named(path) for one in FORMATS)
-    return named and not path.name.startswith(".") and is_file_or_broken_link(path)
 
 
 def _assigned(files: Sequence[str], members: Sequence[Member]) -> tuple[dict[str, list[str]], int]:

@@ -32,15 +32,8 @@ from windsysid.monitoring.watch import HEARD, SENSOR, SOUND, UNEXPLAINED, UNWATC
 from windsysid.results.posterior import SIGMAS
 
 __all__ = [
-    "BLIND_WINDOWS",
-    "AlarmCase",
-    "Circumstances",
-    "blind_alarm",
-    "came_back",
-    "drift_alarm",
-    "jump_alarm",
-    "why_blind",
-]
+    "BLIND_WINDOWS", "AlarmCase", "Circumstances", "blind_alarm", "came_back", "drift_alarm", "jump_alarm", "why_blind",
+]  # fmt: skip
 
 GRAVE_LOSS = {"k": 2.0, "f": 1.0, "c": 30.0}
 """Loss from which a jump of the structure is an alarm [%]: of stiffness, frequency, damping."""

@@ -24,15 +24,9 @@ from windsysid.live.store.contents import Alarm, Event
 from windsysid.live.store.store import Store
 
 __all__ = [
-    "LogRecipient",
-    "MqttRecipient",
-    "Recipient",
-    "UndeliveredError",
-    "Webhook",
-    "notice_of",
-    "recipient_of",
+    "LogRecipient", "MqttRecipient", "Recipient", "UndeliveredError", "Webhook", "notice_of", "recipient_of",
     "tell_alarms",
-]
+]  # fmt: skip
 
 POLL_SECONDS = 1.0
 """How often the journal is looked at."""

@@ -27,16 +27,9 @@ from windsysid.monitoring.watch import YEAR
 from windsysid.results.posterior import SIGMAS
 
 __all__ = [
-    "TEST_EVERY_BLOCKS",
-    "DriftReference",
-    "Drifted",
-    "Past",
-    "drifted_since",
-    "grew",
-    "limit_of",
-    "past_of",
+    "TEST_EVERY_BLOCKS", "DriftReference", "Drifted", "Past", "drifted_since", "grew", "limit_of", "past_of",
     "remembered",
-]
+]  # fmt: skip
 
 MAX_REFERENCES = 13
 """With four weeks between them: a year."""

@@ -8,11 +8,10 @@ level wanders on, its band widens.
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError
@@ -29,8 +28,8 @@ from windsysid.live.alarms import (
     takes_back,
     why_blind,
 )
-from windsysid.live.checkpoint import pack, unpack
-from windsysid.live.conditions import NONE, Standards, covariates_of, learn_standards
+from windsysid.live.checkpoint import KeptWatch, pack_watch, unpack_watch
+from windsysid.live.conditions import NONE, covariates_of, learn_standards
 from windsysid.live.slow_drifts import (
     TEST_EVERY_BLOCKS,
     Drifted,
@@ -39,14 +38,13 @@ from windsysid.live.slow_drifts import (
     drifted_since,
     grew,
     limit_of,
-    past_of,
     remembered,
 )
 from windsysid.live.store.contents import Alarm, SeriesLevel
-from windsysid.live.watch_state import NO_WINDOWS, KeptWindows, WatchState
+from windsysid.live.watch_state import NO_WINDOWS, WatchState
 from windsysid.live.watched import Watched, band_of, in_coordinates_of, said_of
 from windsysid.monitoring.following import LET_GO_BLOCKS, MAX_KEPT_BLOCKS, Kept, LevelFollower, Now
-from windsysid.monitoring.jumps import LevelBelief, Rates, threshold
+from windsysid.monitoring.jumps import threshold
 from windsysid.monitoring.locating import MAX_HINDSIGHT_BLOCKS, Jump
 from windsysid.monitoring.series import MIN_BLOCKS
 from windsysid.monitoring.watch import TOLERATED_DRIFT, YEAR, was_lost
@@ -101,15 +99,11 @@ class Watching:
     `start` and `resume` make one.
     """
 
-    def __init__(
-        self, turbine: str, options: WatchOptions, state: WatchState, windows: KeptWindows,
-        series: Mapping[Watched, Kept], cases: tuple[AlarmCase, ...], past: Mapping[str, Past],
-    ) -> None:  # fmt: skip
+    def __init__(self, turbine: str, options: WatchOptions, kept: KeptWatch) -> None:
         self.turbine, self.options = turbine, options
-        self._state, self._windows, self._cases = state, windows, cases
-        self._followers = {one.name: self._follower(one, kept) for one, kept in series.items()}
-        self._watched = {one.name: one for one in series}
-        self._past = dict(past)
+        self._state, self._windows, self._cases, self._past = kept.state, kept.windows, kept.cases, dict(kept.past)
+        self._followers = {one.name: self._follower(one, series) for one, series in kept.series.items()}
+        self._watched = {one.name: one for one in kept.series}
 
     def take(self, row: Row, window: int) -> Taken:
         """Take in the row of the window that begins at `window` [ns since 1970]; rows come in order of windows.
@@ -141,23 +135,8 @@ class Watching:
 
     def checkpoint(self) -> bytes:
         """All that it takes to go on, as bytes: no more than `MAX_KEPT_BLOCKS` windows need."""
-        series = [(one, self._followers[name].kept) for name, one in self._watched.items()]
-        header = {
-            "turbine": self.turbine,
-            "state": self._state._asdict() | {"standards": self._state.standards and list(self._state.standards)},
-            "series": [
-                {"watched": list(one), "let_go": kept.let_go, "rates": kept.rates and list(kept.rates),
-                 "scale": kept.scale, "jumps": [list(jump) for jump in kept.jumps], "learned": kept.before is not None,
-                 "past": self._past.get(one.name)}
-                for one, kept in series
-            ],
-            "cases": [[one.series, list(one.jump), one.returns, list(one.alarm), one.drift] for one in self._cases],
-        }  # fmt: skip
-        arrays: list[NDArray[Any]] = [*self._windows]
-        for _, kept in series:
-            arrays += [kept.y, kept.std]
-            arrays += [] if kept.before is None else [*kept.before]
-        return pack(header, arrays)
+        series = {one: self._followers[name].kept for name, one in self._watched.items()}
+        return pack_watch(self.turbine, KeptWatch(self._state, self._windows, series, self._cases, self._past))
 
     @property
     def _windows_so_far(self) -> int:
@@ -426,7 +405,7 @@ def start(turbine: str, options: WatchOptions = WatchOptions()) -> Watching:
     while first >= 2 * MIN_BLOCKS:
         first //= 2
     state = WatchState(0, first, None, 0, None, 0, None, "", "", None)
-    return Watching(turbine, options, state, NO_WINDOWS, {}, (), {})
+    return Watching(turbine, options, KeptWatch(state, NO_WINDOWS, {}, (), {}))
 
 
 def resume(checkpoint: bytes, turbine: str, options: WatchOptions = WatchOptions()) -> Watching:
@@ -438,30 +417,7 @@ def resume(checkpoint: bytes, turbine: str, options: WatchOptions = WatchOptions
         If the checkpoint is damaged, or of another turbine or version; or an option is out of its range.
     """
     _check(options)
-    header, arrays = unpack(checkpoint, f"checkpoint of {turbine}")
-    if header["turbine"] != turbine:
-        raise ConfigurationError(f"checkpoint of {turbine}: it is one of '{header['turbine']}': start without it")
-    rest = iter(arrays)
-    windows = KeptWindows._make(next(rest) for _ in KeptWindows._fields)
-    series = {Watched(*one["watched"]): _kept(one, rest) for one in header["series"]}
-    state = WatchState(**header["state"])
-    if state.standards is not None:
-        parts = (tuple(part) if isinstance(part, list) else part for part in state.standards)
-        state = state._replace(standards=Standards._make(parts))
-    cases = tuple(
-        AlarmCase(name, Jump(*jump), returns, Alarm(*alarm), *drift)
-        for name, jump, returns, alarm, *drift in header["cases"]
-    )
-    past = {Watched(*one["watched"]).name: past_of(one["past"]) for one in header["series"] if one.get("past")}
-    return Watching(turbine, options, state, windows, series, cases, past)
-
-
-def _kept(one: Mapping[str, Any], rest: Iterator[NDArray[Any]]) -> Kept:
-    """What is kept of a series: its part of a header, and the arrays that are next."""
-    y, std = next(rest), next(rest)
-    before = LevelBelief(next(rest), next(rest)) if one["learned"] else None
-    rates = None if one["rates"] is None else Rates(*one["rates"])
-    return Kept(y, std, one["let_go"], before, rates, one["scale"], tuple(Jump(*jump) for jump in one["jumps"]))
+    return Watching(turbine, options, unpack_watch(checkpoint, turbine))
 
 
 def _check(options: WatchOptions) -> None:

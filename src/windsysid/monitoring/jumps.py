@@ -38,17 +38,9 @@ from numpy.typing import NDArray
 from windsysid._types import Array
 
 __all__ = [
-    "INNOVATION_LIMIT_SIGMAS",
-    "MAX_JUMP_AGE_BLOCKS",
-    "LevelBelief",
-    "Observations",
-    "Progress",
-    "Rates",
-    "Track",
-    "shared_error",
-    "threshold",
-    "track",
-]
+    "INNOVATION_LIMIT_SIGMAS", "MAX_JUMP_AGE_BLOCKS", "LevelBelief", "Observations", "Progress", "Rates", "Track",
+    "shared_error", "threshold", "track",
+]  # fmt: skip
 
 
 INNOVATION_LIMIT_SIGMAS = 3.0

@@ -14,15 +14,9 @@ from windsysid.monitoring.jumps import LevelBelief, Observations, Rates, track
 from windsysid.results.posterior import SIGMAS
 
 __all__ = [
-    "JUMP_SLOPE_PRIOR",
-    "MAX_HINDSIGHT_BLOCKS",
-    "SLOPE_PRIOR",
-    "Jump",
-    "first_belief",
-    "freedom",
-    "locate",
+    "JUMP_SLOPE_PRIOR", "MAX_HINDSIGHT_BLOCKS", "SLOPE_PRIOR", "Jump", "first_belief", "freedom", "locate",
     "without_bad",
-]
+]  # fmt: skip
 
 SLOPE_PRIOR = {"k": 0.05, "f": 0.025, "c": 0.5, "noise": 0.5}
 """Relative prior standard deviation of a covariate's effect: on stiffness (and anything else), frequency, damping,

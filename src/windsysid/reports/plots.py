@@ -21,18 +21,9 @@ from windsysid.results.identification import Identification, coefficient_errors
 from windsysid.units import unit_text
 
 __all__ = [
-    "balance_error_comparison",
-    "coefficient_histories",
-    "envelope",
-    "innovations",
-    "plot_loads",
-    "record_overview",
-    "response_comparison",
-    "start_indifference",
-    "symbol",
-    "tidy",
-    "whiteness",
-]
+    "balance_error_comparison", "coefficient_histories", "envelope", "innovations", "plot_loads", "record_overview",
+    "response_comparison", "start_indifference", "symbol", "tidy", "whiteness",
+]  # fmt: skip
 
 
 ESTIMATE, BAND, REFERENCE, MEASURED, ERROR = "#1764ab", "#a9cbe8", "#111111", "#9a9a9a", "#d1661b"

@@ -38,16 +38,9 @@ from windsysid.turbine.turbine import Turbine
 from windsysid.units import unit_text
 
 __all__ = [
-    "ARMS",
-    "WINDOW",
-    "DirectionChangeStudy",
-    "WindReference",
-    "direction_change_figure",
-    "direction_change_study",
-    "load_spectra_figure",
-    "mean_spectrum",
-    "simulate_wind_reference",
-]
+    "ARMS", "WINDOW", "DirectionChangeStudy", "WindReference", "direction_change_figure", "direction_change_study",
+    "load_spectra_figure", "mean_spectrum", "simulate_wind_reference",
+]  # fmt: skip
 
 
 WINDOW = (20.0, 40.0)

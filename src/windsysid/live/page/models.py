@@ -5,32 +5,11 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, Field
 
 __all__ = [
-    "Acknowledgement",
-    "AlarmSeen",
-    "BudgetShare",
-    "ChannelHealth",
-    "ChannelStatistics",
-    "Configuration",
-    "Detail",
-    "Excitation",
-    "FoundMode",
-    "Health",
-    "JournalChanges",
-    "Levels",
-    "LoadTrack",
-    "ModeTrack",
-    "Overview",
-    "RequestProblem",
-    "Results",
-    "SeriesHistory",
-    "Service",
-    "SourceStateName",
-    "SourceStatus",
-    "TurbinePage",
-    "TurbineSummary",
-    "Verdict",
-    "WindowHealth",
-]
+    "Acknowledgement", "AlarmSeen", "BudgetShare", "ChannelHealth", "ChannelStatistics", "Configuration", "Detail",
+    "Excitation", "FoundMode", "Health", "JournalChanges", "Levels", "LoadTrack", "ModeTrack", "Overview",
+    "RequestProblem", "Results", "SeriesHistory", "Service", "SourceStateName", "SourceStatus", "TurbinePage",
+    "TurbineSummary", "Verdict", "WindowHealth",
+]  # fmt: skip
 
 Verdict = Literal["moved", "sensor", "silent", "unsure", "learning", "waiting", "steady"]
 """The answer to "is it as it was?", the worst first.

@@ -22,16 +22,9 @@ from windsysid.live.store.store import Store
 from windsysid.units import unit_text
 
 __all__ = [
-    "NS_PER_MS",
-    "alarm_seen",
-    "detail_of",
-    "levels_of",
-    "overview_of",
-    "results_of",
-    "sources_of",
-    "trouble_of",
+    "NS_PER_MS", "alarm_seen", "detail_of", "levels_of", "overview_of", "results_of", "sources_of", "trouble_of",
     "turbine_of",
-]
+]  # fmt: skip
 
 NS_PER_MS = 1_000_000
 

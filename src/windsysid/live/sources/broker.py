@@ -18,16 +18,8 @@ from windsysid.errors import ConfigurationError
 from windsysid.live.source_settings import Broker
 
 __all__ = [
-    "LONGEST_PAYLOAD",
-    "TOPIC",
-    "Marks",
-    "Topics",
-    "connect",
-    "marks_of",
-    "needed",
-    "new_client",
-    "properties_of",
-]
+    "LONGEST_PAYLOAD", "TOPIC", "Marks", "Topics", "connect", "marks_of", "needed", "new_client", "properties_of",
+]  # fmt: skip
 
 TOPIC = "windsysid/{turbine}/blocks"
 """Of blocks."""
