@@ -31,7 +31,7 @@ from validation.postgres_server import Server, postgres
 from windsysid.errors import StoreError
 from windsysid.fleet.members import Member
 from windsysid.live.block import Block
-from windsysid.live.engine import Engine, Followed
+from windsysid.live.engine import Delays, Engine, Followed
 from windsysid.live.store import open_store
 from windsysid.live.store.encoding import pack_levels, pack_row
 from windsysid.live.store.sql_store import SqlStore
@@ -110,7 +110,7 @@ def serve(url: str, memory: Path, blocks: list[Block]) -> None:
 
     engine = Engine(
         [Followed(Member(name, "tower"), window) for name, window in WINDOWS.items()], store, workers=0,
-        lateness=20.0, now=lambda: clock,
+        delays=Delays(lateness=20.0), now=lambda: clock,
     )  # fmt: skip
     acknowledged = remembered(memory)
     handle = os.open(memory, os.O_WRONLY | os.O_APPEND | os.O_CREAT)

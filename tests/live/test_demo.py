@@ -9,7 +9,7 @@ import pytest
 
 from windsysid.live.block import Block
 from windsysid.live.demo import DemoPlan, DemoTower, demo, story
-from windsysid.live.engine import Engine, Followed
+from windsysid.live.engine import Delays, Engine, Followed
 from windsysid.live.settings import PageSettings
 from windsysid.live.store import open_store
 from windsysid.live.timeline import SECOND, TurbineWindows
@@ -63,7 +63,8 @@ def test_the_watch_sees_what_happens_and_nothing_else():
     settings, towers = demo(PageSettings(), plan)
     store = open_store(":memory:")
     options = WatchOptions(plan.window, plan.history, settings.alarms_per_year)
-    engine = Engine([Followed(member, plan.window, options=options) for member in settings.turbines], store, lateness=0)
+    followed = [Followed(member, plan.window, options=options) for member in settings.turbines]
+    engine = Engine(followed, store, delays=Delays(lateness=0.0))
     windows = plan.history + plan.fails_after + 6
 
     async def play() -> None:

@@ -17,6 +17,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from dataclasses import replace
+from typing import NamedTuple
 
 from windsysid.errors import StoreError
 from windsysid.fleet.guard import StoppedError
@@ -38,7 +39,7 @@ from windsysid.live.watching import resume, start
 from windsysid.records.moments import moment_text
 from windsysid.turbine.file import load_turbine
 
-__all__ = ["Engine", "EngineState", "Followed", "TurbineState"]
+__all__ = ["Delays", "Engine", "EngineState", "Followed", "TurbineState"]
 
 AHEAD = 300 * SECOND
 """How far a block may lie ahead of the service's clock [ns]."""
@@ -56,6 +57,24 @@ TICK = 1.0
 """How often silent turbines are looked for [s]."""
 
 
+class Delays(NamedTuple):
+    """How long an engine waits, in seconds.
+
+    Attributes
+    ----------
+    lateness
+        Stream time that a window is kept open after its end, for blocks out of order.
+    silence
+        Time without a block after which a turbine is called silent.
+    patience
+        Time without a block after which a silent turbine's windows are closed; what comes for them is too late.
+    """
+
+    lateness: float = 30.0
+    silence: float = 300.0
+    patience: float = 3600.0
+
+
 class Engine:
     """Follows turbines: the one mutable thing beside its store.
 
@@ -67,12 +86,8 @@ class Engine:
         Where everything goes, and from where the engine goes on.
     workers
         Processes that estimate, one for each processor by default; 0 estimates in a thread of this process.
-    lateness
-        Seconds of stream time that a window is kept open after its end, for blocks out of order.
-    silence
-        Seconds without a block after which a turbine is called silent.
-    patience
-        Seconds without a block after which a silent turbine's windows are closed; what comes for them is too late.
+    delays
+        How long it waits for blocks.
     now
         The service's clock [ns since 1970].
     on_event
@@ -89,12 +104,12 @@ class Engine:
     """
 
     def __init__(
-        self, turbines: Sequence[Followed], store: Store, *, workers: int | None = None, lateness: float = 30.0,
-        silence: float = 300.0, patience: float = 3600.0, now: Callable[[], int] = time.time_ns,
-        on_event: Callable[..., None] | None = None, limits: BlockLimits = BlockLimits(),
+        self, turbines: Sequence[Followed], store: Store, *, workers: int | None = None, delays: Delays = Delays(),
+        now: Callable[[], int] = time.time_ns, on_event: Callable[..., None] | None = None,
+        limits: BlockLimits = BlockLimits(),
     ) -> None:  # fmt: skip
         self._store, self._now, self._limits = store, now, limits
-        self._lateness, self._silence, self._patience = (round(x * SECOND) for x in (lateness, silence, patience))
+        self._lateness, self._silence, self._patience = (round(x * SECOND) for x in delays)
         self._tell = on_event or (lambda *_, **__: None)
         self._tasks: queue.Queue[WindowTask | None] = queue.Queue()
         self._stopping = threading.Event()

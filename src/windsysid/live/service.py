@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from windsysid.errors import ConfigurationError, WindsysidError
-from windsysid.live.engine import Engine, Followed
+from windsysid.live.engine import Delays, Engine, Followed
 from windsysid.live.logs import event
 from windsysid.live.notify import LogRecipient, Recipient, recipient_of, tell_alarms
 from windsysid.live.settings import PageSettings, Settings
@@ -127,10 +127,8 @@ def serve(
         stack.callback(store.close)
         options = WatchOptions(settings.window, settings.learn, settings.alarms_per_year)
         followed = [Followed(member, settings.window, settings.formulation, options) for member in settings.turbines]
-        engine = Engine(
-            followed, store, workers=settings.workers, lateness=settings.lateness, silence=settings.silence, now=now,
-            on_event=_log_event,
-        )  # fmt: skip
+        delays = Delays(settings.lateness, settings.silence)
+        engine = Engine(followed, store, workers=settings.workers, delays=delays, now=now, on_event=_log_event)
         return asyncio.run(_run(settings, sources, listening, store, engine, ready, note))
 
 
