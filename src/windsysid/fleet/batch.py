@@ -1,4 +1,4 @@
-"""Take a folder of records, or many, into an archive: what is new, and nothing twice."""
+"""Batch identification of folders of records into an archive, each record once."""
 
 import math
 import os

@@ -1,4 +1,4 @@
-"""What stands out of a fleet, in sentences: jumps, sensors that fail, outliers, each thing once.
+"""Events of a fleet, in sentences: jumps, failing sensors, outliers, each once.
 
 An alarm whose jump has zero in its band, once its date is known, is left out, unless a jump that has not takes it back;
 the watch of the turbine lists it.

@@ -1,4 +1,4 @@
-"""Put SCADA beside the rows of records, whichever came first.
+"""Joining of SCADA to the rows of records, whichever came first.
 
 SCADA has no part in an identification, so that a row which was written before its SCADA gets it later, with no record
 opened again, and then has the bytes of a row that was written after.

@@ -1,4 +1,4 @@
-"""Every turbine of an archive at a glance: who stands out, what jumped, what is missing, which sensors fail.
+"""Overview of all turbines of an archive: outliers, jumps, availability, failing sensors.
 
 Each turbine is watched by itself (`windsysid.monitoring.watch`), at a rate of false alarms that is stated for the whole
 page and shared out among the turbines. What then looks alike at half of the sisters on the same date is the site's or

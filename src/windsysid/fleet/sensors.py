@@ -1,4 +1,4 @@
-"""Which sensors fail: channels whose records have findings week after week, where their sisters' have none."""
+"""Failing sensors: channels with findings week after week, where turbines of the same type have none."""
 
 import math
 from collections.abc import Mapping, Sequence

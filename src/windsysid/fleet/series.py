@@ -1,4 +1,4 @@
-"""What the records of an archive say of one turbine, one after the other: the blocks that the watch follows.
+"""Estimates of the records of one turbine of an archive, in order of time: the blocks that the watch follows.
 
 States and SCADA are covariates. A state other than the commonest has an indicator, 0 or 1, which holds all that the air
 does to it: wind, pitch and rotor speed count in the commonest state only, since they act otherwise on a parked rotor

@@ -1,4 +1,4 @@
-"""What a watch found, as alarms: what moved, whether the structure or a sensor, how bad it is, and when it is over.
+"""Alarms of a watch: what changed, its cause (structure or sensor), its severity, and its end.
 
 Rules, in their order:
 

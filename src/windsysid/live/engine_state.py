@@ -1,4 +1,4 @@
-"""Where the engine stands: for the page, for metrics, and for whoever asks how fast it is."""
+"""State of the engine, and the engine as the page needs it."""
 
 from typing import NamedTuple, Protocol
 

@@ -1,4 +1,4 @@
-"""Who is told of alarms: the log, a web address, or a broker.
+"""Recipients of alarms: the log, a web address, or a broker.
 
 Every recipient has a place in the store: up to which event it was told. It moves when the recipient has confirmed, so
 that a restart loses nothing. What changes while a recipient is away is told as it is when it comes back. Recipients

@@ -1,4 +1,4 @@
-"""How the sensors of a stream are: told within seconds from the blocks, and drift from windows.
+"""Faults of the sensors of a stream, detected within seconds from the blocks, and drift from windows.
 
 The tests are those of `windsysid.inspection.health` with a memory of fixed size instead of the whole record: a channel
 is judged by what it is used to. A fault is told at once; it is over when the channel has been good for a while.

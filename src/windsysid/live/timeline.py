@@ -1,4 +1,4 @@
-"""From blocks to windows: which window a sample belongs to, and the record that a window's blocks are.
+"""Assembly of blocks into windows: the window of a sample, and the record of a window's blocks.
 
 Everything here is a function of values. The record of a window depends on the set of its blocks, and not on the order
 in which they came or on how a stream was cut into them. `docs/live_engine.md` lists what happens in every case.

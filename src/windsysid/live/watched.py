@@ -1,4 +1,4 @@
-"""What a window's row says of each series that is watched: coefficients without their prior, noise of sensors."""
+"""Watched series of a window's row: coefficients without their prior, noise of sensors."""
 
 import math
 from typing import NamedTuple

@@ -1,4 +1,4 @@
-"""From the row of a window to what is known of its turbine: levels that forget, alarms, and a checkpoint.
+"""On-line watch over one turbine: levels, alarms and a checkpoint from the row of each window.
 
 A row gives a block of each series: of a coefficient what the window says without its prior, of a sensor the noise that
 was found. Each is followed by `windsysid.monitoring.following`, through the conditions of

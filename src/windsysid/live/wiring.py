@@ -1,4 +1,4 @@
-"""From settings to the sources that they mean."""
+"""Construction of sources from settings."""
 
 from windsysid.live.settings import Settings
 from windsysid.live.source_settings import MqttSettings, OpcuaSettings, ReplaySettings, SourceSettings

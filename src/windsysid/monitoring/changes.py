@@ -1,4 +1,4 @@
-"""What a watch over many records found: series, changes, alarms."""
+"""Result of a watch over many records: series, jumps, alarms."""
 
 import json
 from collections.abc import Mapping

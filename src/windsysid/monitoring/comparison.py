@@ -1,4 +1,4 @@
-"""What moved between two records of one turbine, and how sure that is.
+"""Comparison of two records of one turbine: changes of coefficients, and the odds that they moved.
 
 A result is the posterior N(θ̂, S⁻¹) of a record and its own prior N(θ₀, S₀⁻¹). What the record itself says is the
 likelihood that is left when the prior is divided out, of information J = S − S₀ and vector h = S θ̂ − S₀ θ₀

@@ -1,4 +1,4 @@
-"""A file of what else moved: a line for each record."""
+"""File of covariates, one line for each record."""
 
 import csv
 import math

@@ -1,4 +1,4 @@
-"""What of a damping is the structure's and what the air's, from records of one turbine in several states.
+"""Separation of structural and aerodynamic damping, from records of one turbine in several states.
 
 Each record tells the total c of a degree of freedom. Quasi-steady forces on blade sections are of second degree in
 rotor speed Ω and wind speed V, so that what the air adds to c is of first degree in them. To first order of that,

@@ -1,4 +1,4 @@
-"""When records began, and in which order they are."""
+"""Order of records in time."""
 
 from collections.abc import Mapping, Sequence
 from datetime import datetime, timedelta

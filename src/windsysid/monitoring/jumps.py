@@ -1,5 +1,4 @@
-"""A level that may wander and may jump, seen in blocks through covariates: Kalman filter, and a generalised likelihood
-ratio for the jump.
+"""Random-walk level with jumps, observed in blocks through covariates: Kalman filter and generalised likelihood ratio.
 
     y_t = level_t + slopes · x_t + e_t,    e_t ~ N(0, s² r_t),    level_t = level_{t−1} + w_t,    w_t ~ N(0, q),
 

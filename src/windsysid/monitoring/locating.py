@@ -1,4 +1,4 @@
-"""Dating and measuring a jump of a level: what a watch over records and one on line share.
+"""Date and size of a jump of a level, for a watch over records and for one on line.
 
 Jumps of level and slopes are more coefficients of the regression, tried before each block where they may have happened:
 their likelihoods are when, their mixture is how much.

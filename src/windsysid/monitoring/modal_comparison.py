@@ -1,4 +1,4 @@
-"""What moved between the modes of two records: frequencies and damping ratios, mode by mode.
+"""Comparison of the modes of two records: frequencies and damping ratios, mode by mode.
 
 Modes are paired by frequency and shape (`windsysid.spectral.oma.mode_tracking`). Each pair's change of ln f and of ln ζ
 is Gaussian, the prior of damping taken out of both. Odds are those of `windsysid.monitoring.comparison`, with priors of

@@ -1,4 +1,4 @@
-"""What a record itself says: its posterior with the prior taken out."""
+"""Likelihood of a record: its posterior with the prior divided out."""
 
 import math
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Structural and aerodynamic damping told apart: the result and its words."""
+"""Result of the separation of structural and aerodynamic damping, and its words."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""What records say, one after the other: the series that the watch follows.
+"""Estimates of records in order of time: the series that the watch follows.
 
 A block is one record's estimates without their prior, the noise found in its sensors, and the covariates of its time.
 """

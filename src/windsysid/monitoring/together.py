@@ -1,4 +1,4 @@
-"""What a level is, and whether it jumped, where its wander and its scatter are not known well.
+"""Level and jump statistic averaged over uncertain wander and scatter.
 
 A watch of a day knows neither. Plugged in as if they were known, a wander that came out too small makes jumps of what
 only wanders, and bands that are too narrow. So each wander q that is likely has a filter of its own (Magill's bank, or

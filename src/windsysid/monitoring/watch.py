@@ -1,5 +1,5 @@
-"""What drifts and what jumps over many records of one turbine: season and wind regressed out, alarms at a stated rate,
-a failing sensor told from a failing tower.
+"""Detection of drifts and jumps over many records of one turbine: season and wind regressed out, alarms at a stated
+rate, failing sensors told from failing structures.
 
 Every record leaves a block: what it says of each coefficient, without its prior, and the covariates of its time
 (temperature, wind speed, power …). Each coefficient is a level that may wander, plus slopes times covariates, plus the

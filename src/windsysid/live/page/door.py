@@ -1,4 +1,4 @@
-"""Who asks: a token or a session at every request, and the login form."""
+"""Authentication of requests: tokens, sessions, and the login form."""
 
 from urllib.parse import parse_qs
 

@@ -1,4 +1,4 @@
-"""What stands before the page: bounds of sizes and rates, foreign origins, headers that tell browsers what to refuse.
+"""Limits on requests to the page: sizes, rates, origins, and security headers.
 
 Nothing of a request is logged. A request beyond a bound gets a status and one line, before anything reads it.
 """

@@ -1,4 +1,4 @@
-"""What Prometheus scrapes: the overview as text."""
+"""Metrics in Prometheus' text format, from the overview."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping

@@ -1,4 +1,4 @@
-"""What the API answers. Moments are milliseconds since 1970, UTC; whatever is not known is null."""
+"""Models of the answers of the API. Moments are milliseconds since 1970, UTC; whatever is not known is null."""
 
 from typing import Annotated, Literal
 

@@ -1,4 +1,4 @@
-"""From the store's contents to what the API answers: no decision of the service is made here."""
+"""Conversion of the store's contents into the models of the API; no decision of the service is made here."""
 
 import math
 import time

@@ -1,4 +1,4 @@
-"""What every source does: it brings blocks until it is told to stop, and lets go of none before it is committed."""
+"""Protocol of sources of blocks, and the queue of blocks that are not committed yet."""
 
 import asyncio
 import contextlib

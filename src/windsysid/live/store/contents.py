@@ -1,4 +1,4 @@
-"""What a store holds. All times are integers: nanoseconds since 1970, UTC."""
+"""Contents of a store. All times are integers: nanoseconds since 1970, UTC."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal, NamedTuple

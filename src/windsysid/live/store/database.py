@@ -1,4 +1,4 @@
-"""What SQLite and PostgreSQL do differently: open, lock, say what passes, and count bytes. All else is the same SQL."""
+"""Protocol of databases: what differs between SQLite and PostgreSQL. All other SQL is the same."""
 
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager

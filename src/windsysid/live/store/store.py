@@ -1,4 +1,4 @@
-"""What every store does: `windsysid.live.store.open_store` opens one by its URL."""
+"""Protocol of stores: `windsysid.live.store.open_store` opens one by its URL."""
 
 from collections.abc import Iterator
 from concurrent.futures import Future
