@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from validation.years import Site, site
 from windsysid._types import Array
 from windsysid.fleet.archive import add_rows, place_of, table_of
-from windsysid.fleet.overview import FleetOverview, oversee, overview_of
+from windsysid.fleet.overview import Overview, oversee, overview_of
 from windsysid.fleet.rows import Row, empty_row
 from windsysid.monitoring.watch import YEAR
 from windsysid.records.formats import write_record
@@ -315,7 +315,7 @@ def _spiked(record: Record, rng: np.random.Generator) -> Record:
     return replace(record, values=values)
 
 
-def _page(place: Site, seed: int, faults: tuple[Fault, ...], levelled: bool, rate: float) -> FleetOverview:
+def _page(place: Site, seed: int, faults: tuple[Fault, ...], levelled: bool, rate: float) -> Overview:
     fleet = simulate_fleet(place, seed, faults=faults, levelled=levelled)
     tables = {name: table_of(rows) for name, rows in fleet}
     return overview_of(tables, Path("simulated"), alarms_per_year=rate)

@@ -10,7 +10,7 @@ from validation.years import Site
 
 from windsysid.errors import ConfigurationError
 from windsysid.fleet.archive import add_rows, place_of, table_of
-from windsysid.fleet.overview import FleetOverview, oversee, overview_of
+from windsysid.fleet.overview import Overview, oversee, overview_of
 from windsysid.fleet.rows import Row, empty_row
 from windsysid.fleet.series import archive_blocks, blocks_of
 from windsysid.fleet.sisters import stand
@@ -27,14 +27,12 @@ def rows() -> dict[str, list[Row]]:
 
 
 @pytest.fixture(scope="module")
-def page(rows: dict[str, list[Row]]) -> FleetOverview:
+def page(rows: dict[str, list[Row]]) -> Overview:
     tables = {name: table_of(theirs) for name, theirs in rows.items()}
     return overview_of(tables, Path("simulated"), alarms_per_year=0.1)
 
 
-def test_a_softened_turbine_and_a_failing_sensor_are_named_and_no_other(
-    page: FleetOverview, rows: dict[str, list[Row]]
-):
+def test_a_softened_turbine_and_a_failing_sensor_are_named_and_no_other(page: Overview, rows: dict[str, list[Row]]):
     assert {(event.turbine, event.kind) for event in page.events} == {("T02", "turbine"), ("T04", "sensor")}
     (fall,) = [event.told for event in page.events if event.turbine == "T02"]
     assert fall.startswith("k_side_side fell by ")
@@ -45,7 +43,7 @@ def test_a_softened_turbine_and_a_failing_sensor_are_named_and_no_other(
     assert sensor.share == pytest.approx(0.6, abs=0.1)
 
 
-def test_the_page_shows_every_turbine(page: FleetOverview):
+def test_the_page_shows_every_turbine(page: Overview):
     files = page.files()
     html = files["report.html"].decode()
     assert all(name in html for name in ("T01", "T02", "T05", "Data availability", "2025-11"))

@@ -32,7 +32,7 @@ from windsysid.results.serialization import finite
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["FleetOverview", "Glance", "oversee", "overview_of"]
+__all__ = ["Glance", "Overview", "oversee", "overview_of"]
 
 OUTLIER_CHANCE = 0.05
 """That the page of a healthy fleet names an outlier among sisters: one page in twenty."""
@@ -69,7 +69,7 @@ class Glance(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class FleetOverview(Answer):
+class Overview(Answer):
     """A fleet at a glance.
 
     Attributes
@@ -174,7 +174,7 @@ class FleetOverview(Answer):
         return [*self.sentences, *self.tables(), *self.notes]
 
 
-def oversee(archive: str | Path, *, alarms_per_year: float = 0.1, progress: Progress = unheard) -> FleetOverview:
+def oversee(archive: str | Path, *, alarms_per_year: float = 0.1, progress: Progress = unheard) -> Overview:
     """Look over all turbines of an archive.
 
     Parameters
@@ -201,7 +201,7 @@ def oversee(archive: str | Path, *, alarms_per_year: float = 0.1, progress: Prog
 
 def overview_of(
     tables: Mapping[str, Any], archive: Path, *, alarms_per_year: float, progress: Progress = unheard
-) -> FleetOverview:
+) -> Overview:
     """The same of rows by turbine that have been read."""
     notes: list[str] = []
     seconds = np.concatenate([seconds_of(table) for table in tables.values()])
@@ -222,7 +222,7 @@ def overview_of(
         notes.append(f"outliers among sisters are looked for from {MIN_SISTERS} turbines on")
     air = {name: (seconds_of(table), numbers(table, "scada_temperature")) for name, table in tables.items()}
     events = events_of(watches, failing, standings, air)
-    return FleetOverview(
+    return Overview(
         archive, glances, watches, tuple(standings), tuple(failing), tuple(events), alarms_per_year, tuple(notes)
     )
 

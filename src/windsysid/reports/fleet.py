@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from windsysid.fleet.overview import OUTLIER_CHANCE, FleetOverview
+from windsysid.fleet.overview import OUTLIER_CHANCE, Overview
 from windsysid.monitoring.changes import Watch
 from windsysid.monitoring.series import DAY
 from windsysid.output.table import Table
@@ -21,7 +21,7 @@ POINTS = 400
 """Points shown of a level."""
 
 
-def figure(overview: FleetOverview, place: Axes | None = None) -> Figure:
+def figure(overview: Overview, place: Axes | None = None) -> Figure:
     """Levels of every coefficient since the end of learning, and turbines against sisters where there are enough."""
     names = list(dict.fromkeys(s.name for one in overview.watches.values() for s in one.series if _shown(s.name)))
     rows = max(len(names), 1)
@@ -42,7 +42,7 @@ def _shown(name: str) -> bool:
     return not name.startswith("noise_")
 
 
-def _levels(ax: Axes, overview: FleetOverview, name: str, named: set[str]) -> None:
+def _levels(ax: Axes, overview: Overview, name: str, named: set[str]) -> None:
     """Change of the level since the end of learning, day by day; turbines that stand out have a colour."""
     for turbine, one in overview.watches.items():
         series = next((s for s in one.series if s.name == name), None)
@@ -74,7 +74,7 @@ def _days(one: Watch) -> NDArray[Any]:
     return np.asarray(first + one.blocks.time.astype("timedelta64[s]"))
 
 
-def _sisters(ax: Axes, overview: FleetOverview, name: str) -> None:
+def _sisters(ax: Axes, overview: Overview, name: str) -> None:
     """Each turbine with its band, and the scatter of the others."""
     mine = [s for s in overview.standings if s.name == name]
     for at, s in enumerate(mine):
@@ -92,7 +92,7 @@ def _sisters(ax: Axes, overview: FleetOverview, name: str) -> None:
     tidy(ax)
 
 
-def _availability(overview: FleetOverview) -> Figure:
+def _availability(overview: Overview) -> Figure:
     """Share of each month that identified records cover, turbine by turbine."""
     from matplotlib.colors import LinearSegmentedColormap
 
@@ -111,7 +111,7 @@ def _availability(overview: FleetOverview) -> Figure:
     return drawn
 
 
-def files(overview: FleetOverview) -> dict[str, bytes]:
+def files(overview: Overview) -> dict[str, bytes]:
     """``report.html``, ``fleet.png`` and ``summary.json``, by name."""
     drawn = png(figure(overview))
     levels = (
@@ -146,7 +146,7 @@ def files(overview: FleetOverview) -> dict[str, bytes]:
     }
 
 
-def _sentences(overview: FleetOverview) -> list[str]:
+def _sentences(overview: Overview) -> list[str]:
     return [f"WARNING: {text}" for text in overview.sentences] if overview.events else overview.sentences
 
 
@@ -157,7 +157,7 @@ def _listed(title: str, nothing: str, table: Table, *, folded: bool = False) -> 
     return Section(title, text=[nothing] if nothing else [], folded=folded)
 
 
-def _sensors(overview: FleetOverview) -> Table:
+def _sensors(overview: Overview) -> Table:
     rows = [
         (
             one.turbine, one.channel, one.kind, f"{100.0 * one.share:.0f} %", one.first, one.last,
@@ -168,7 +168,7 @@ def _sensors(overview: FleetOverview) -> Table:
     return Table(("turbine", "channel", "finding", "of the records", "from", "to", "sisters"), rows, words=(0, 1, 2, 6))
 
 
-def _jumps(overview: FleetOverview) -> Table:
+def _jumps(overview: Overview) -> Table:
     rows = [
         (
             name, c.name, one.blocks.between(c.earliest, c.latest), f"{c.percent:+.3g} %",
@@ -179,12 +179,12 @@ def _jumps(overview: FleetOverview) -> Table:
     return Table(("turbine", "", "when", "change", "±2σ band", "where to look"), rows, words=(0, 1, 2, 5))
 
 
-def _without_result(overview: FleetOverview) -> Table:
+def _without_result(overview: Overview) -> Table:
     rows = [(name, str(count), why) for name, glance in overview.glances.items() for why, count in glance.reasons]
     return Table(("turbine", "records", "why they have no result"), rows, words=(0, 2))
 
 
-def _numbers(overview: FleetOverview) -> list[Table]:
+def _numbers(overview: Overview) -> list[Table]:
     """Levels, drifts and the effects of covariates of each turbine."""
     found: list[Table] = []
     for name, one in overview.watches.items():

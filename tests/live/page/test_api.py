@@ -178,7 +178,7 @@ def test_openapi_lists_every_path_with_a_model(client):
     schema = client.get("/api/openapi.json").json()
     assert "/api/alarms/{key}/acknowledge" in schema["paths"]
     overview = schema["paths"]["/api/overview"]["get"]["responses"]["200"]["content"]["application/json"]["schema"]
-    assert overview["$ref"].endswith("/Overview")
+    assert overview["$ref"].endswith("/PageOverview")
 
 
 async def _told(streams, after, count):

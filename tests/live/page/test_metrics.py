@@ -7,7 +7,7 @@ import pytest
 
 from windsysid.live.engine_state import EngineState, TurbineState
 from windsysid.live.page.metrics import metrics_text
-from windsysid.live.page.models import AlarmSeen, ChannelHealth, Overview, TurbineSummary
+from windsysid.live.page.models import AlarmSeen, ChannelHealth, PageOverview, TurbineSummary
 from windsysid.live.page.views import _covariance, _verdict_of_alarms, _verdict_of_result
 
 
@@ -18,8 +18,8 @@ def summary(name: str) -> TurbineSummary:
     )  # fmt: skip
 
 
-def overview(*names: str) -> Overview:
-    return Overview(
+def overview(*names: str) -> PageOverview:
+    return PageOverview(
         at=0.0, event=0, role="reader", login=False, version="1", turbines=[summary(name) for name in names],
         service=None,
     )  # fmt: skip

@@ -144,7 +144,7 @@ class _Overviews:
         self.newest = Newest(store)
         self._store, self._engine, self._door, self._sources, self._note = store, engine, door, sources, note
 
-    def __call__(self, role: Role) -> models.Overview:
+    def __call__(self, role: Role) -> models.PageOverview:
         found = overview_of(self._store, self._engine, self.newest, role, self._door.asks)
         known = {"note": self._note, "sources": sources_of(self._sources), "store": self._store.trouble}
         return found.model_copy(update=known)
@@ -159,7 +159,7 @@ def _service(store: Store, overview: _Overviews, door: Door, sources: Sequence[B
         return FileResponse(STATIC / "index.html")
 
     @router.get("/api/overview")
-    def read_overview(role: Annotated[Role, Depends(door)]) -> models.Overview:
+    def read_overview(role: Annotated[Role, Depends(door)]) -> models.PageOverview:
         """All turbines, the worst first."""
         return overview(role)
 

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from typing import get_args
 
-from windsysid.live.page.models import Overview, TurbineSummary, Verdict
+from windsysid.live.page.models import PageOverview, TurbineSummary, Verdict
 
 __all__ = ["MEDIA_TYPE", "metrics_text"]
 
@@ -15,7 +15,7 @@ Metric = tuple[str, str, str, Iterable[Sample]]
 """Name, kind, text and samples."""
 
 
-def metrics_text(overview: Overview, sizes: Mapping[str, int], streams: int) -> str:
+def metrics_text(overview: PageOverview, sizes: Mapping[str, int], streams: int) -> str:
     """Metrics in the text format of Prometheus; what is not known is left out."""
     metrics = [
         *_of_turbines(overview), *_of_sources(overview), *_of_service(overview),
@@ -33,7 +33,7 @@ def _lines(name: str, kind: str, text: str, samples: Iterable[Sample]) -> list[s
     return [f"# HELP windsysid_{name} {text}", f"# TYPE windsysid_{name} {kind}", *known] if known else []
 
 
-def _of_turbines(overview: Overview) -> list[Metric]:
+def _of_turbines(overview: PageOverview) -> list[Metric]:
     turbines = overview.turbines
     counts = Counter(turbine.verdict for turbine in turbines)
     values: tuple[tuple[str, str, Callable[[TurbineSummary], float | None]], ...] = (
@@ -59,7 +59,7 @@ def _of_turbines(overview: Overview) -> list[Metric]:
     ]  # fmt: skip
 
 
-def _of_sources(overview: Overview) -> list[Metric]:
+def _of_sources(overview: PageOverview) -> list[Metric]:
     sources = overview.sources
     return [
         ("source_state", "gauge", "1 for the state that a source is in.",
@@ -71,7 +71,7 @@ def _of_sources(overview: Overview) -> list[Metric]:
     ]  # fmt: skip
 
 
-def _of_service(overview: Overview) -> list[Metric]:
+def _of_service(overview: PageOverview) -> list[Metric]:
     service = overview.service
     if service is None:
         return []
@@ -86,7 +86,7 @@ def _seconds(ms: float | None) -> float | None:
     return None if ms is None else ms / 1e3
 
 
-def _open_alarms(overview: Overview) -> list[Sample]:
+def _open_alarms(overview: PageOverview) -> list[Sample]:
     """Of every turbine, by kind, severity, and whether somebody acknowledged."""
     counts = Counter(
         (one.name, alarm.kind, alarm.severity, alarm.acknowledged is not None)

@@ -6,7 +6,7 @@ from pydantic import BaseModel, Field
 
 __all__ = [
     "Acknowledgement", "AlarmSeen", "BudgetShare", "ChannelHealth", "ChannelStatistics", "Configuration", "Detail",
-    "Excitation", "FoundMode", "Health", "JournalChanges", "Levels", "LoadTrack", "ModeTrack", "Overview",
+    "Excitation", "FoundMode", "Health", "JournalChanges", "Levels", "LoadTrack", "ModeTrack", "PageOverview",
     "RequestProblem", "Results", "SeriesHistory", "Service", "SourceStateName", "SourceStatus", "TurbinePage",
     "TurbineSummary", "Verdict", "WindowHealth",
 ]  # fmt: skip
@@ -109,7 +109,7 @@ class SourceStatus(BaseModel):
     refusal: Annotated[str, Field(description="why the last one was refused; empty if none was")] = ""
 
 
-class Overview(BaseModel):
+class PageOverview(BaseModel):
     """All turbines, the worst first."""
 
     at: Annotated[float, Field(description="the service's clock")]

@@ -60,7 +60,7 @@ def trouble_of(store: Store) -> str:
     return ""
 
 
-def overview_of(store: Store, engine: PageEngine | None, newest: Newest, role: str, login: bool) -> models.Overview:
+def overview_of(store: Store, engine: PageEngine | None, newest: Newest, role: str, login: bool) -> models.PageOverview:
     """All turbines, the worst first."""
     event = store.last_event()
     state = None if engine is None else engine.state()
@@ -81,7 +81,7 @@ def overview_of(store: Store, engine: PageEngine | None, newest: Newest, role: s
         service = models.Service(
             blocks_per_second=_number(state.rate), cost_per_sample=_number(cost), compiling=state.compiling
         )
-    return models.Overview(
+    return models.PageOverview(
         at=_now(), event=event, role="operator" if role == "operator" else "reader", login=login,
         version=__version__, turbines=summaries, service=service,
     )  # fmt: skip
