@@ -19,7 +19,7 @@ from validation.postgres_server import postgres
 from windsysid.fleet.rows import empty_row, row_of
 from windsysid.live.block import Block
 from windsysid.live.store import open_store
-from windsysid.live.store.contents import Commit, Level, Result, Status, StoredBlock
+from windsysid.live.store.contents import Commit, Result, SeriesLevel, Status, StoredBlock
 from windsysid.live.store.sql_store import SqlStore
 from windsysid.simulation.record import simulate_record
 from windsysid.turbine.file import load_turbine
@@ -89,7 +89,7 @@ def _windows(store: SqlStore) -> None:
         results = [
             Result(
                 "T", n * WINDOW, (n + 1) * WINDOW, n * WINDOW, row,
-                [Level(f"k_{i}", "N/m", "k", *random.standard_normal(8).tolist()) for i in range(12)], b"",
+                [SeriesLevel(f"k_{i}", "N/m", "k", *random.standard_normal(8).tolist()) for i in range(12)], b"",
             )
             for n in range(first, min(first + 100, MONTH))
         ]  # fmt: skip

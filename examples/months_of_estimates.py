@@ -10,7 +10,7 @@ from datetime import UTC, datetime
 import matplotlib.pyplot as plt
 import numpy as np
 
-from windsysid.monitoring.series import Blocks
+from windsysid.monitoring.series import RecordBlocks
 from windsysid.monitoring.watch import watch
 
 # %%
@@ -21,7 +21,7 @@ days = np.arange(90 * 12) / 12.0
 warmth = 10.0 * np.sin(2.0 * np.pi * days / 90.0) + 5.0 * np.sin(2.0 * np.pi * days) + rng.normal(size=days.size)
 logarithm = -0.001 * warmth + np.where(days > 60.0, np.log(0.97), 0.0)
 std = np.full((days.size, 1), 0.005)
-blocks = Blocks(
+blocks = RecordBlocks(
     names=("k_x",),
     time=86400.0 * days,
     theta=(logarithm + 0.005 * rng.normal(size=days.size))[:, None],

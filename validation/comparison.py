@@ -29,7 +29,7 @@ from typing import Any, NamedTuple
 
 from windsysid.identification.identify import identify
 from windsysid.identification.model.prior import Prior
-from windsysid.monitoring.change import Change
+from windsysid.monitoring.change import QuantityChange
 from windsysid.monitoring.comparison import compare
 from windsysid.output.console import render
 from windsysid.results.posterior import Posterior
@@ -64,7 +64,7 @@ class Outcome(NamedTuple):
     apart: bool
     name: str
     informed: float
-    change: Change
+    change: QuantityChange
 
     @property
     def truth(self) -> float:

@@ -27,7 +27,7 @@ from windsysid.identification.identify import identify
 from windsysid.inspection import inspect_record
 from windsysid.mechanics.compile import compile_model
 from windsysid.monitoring.damping import separate_damping
-from windsysid.monitoring.separation import Band
+from windsysid.monitoring.separation import DampingBand
 from windsysid.output.console import render
 from windsysid.records.formats import write_record
 from windsysid.records.record import Record
@@ -105,7 +105,7 @@ class Outcome(NamedTuple):
     name: str
     part: str
     truth: float
-    found: Band | None
+    found: DampingBand | None
 
 
 @lru_cache(maxsize=1)

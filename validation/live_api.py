@@ -18,8 +18,8 @@ from typing import Any
 
 from windsysid.live.page.access import Access
 from windsysid.live.page.app import app, streams_of
-from windsysid.live.page.guard import Limits
-from windsysid.live.page.models import Changes
+from windsysid.live.page.guard import RequestLimits
+from windsysid.live.page.models import JournalChanges
 from windsysid.live.store import open_store
 from windsysid.output.console import render
 from windsysid.output.table import Table
@@ -59,7 +59,7 @@ def main() -> int:
     KNOWN["window"] = sample.fill(store, days=0.5) / 1e6
     rows, failures = [], []
     for who, (access, headers) in WHO.items():
-        page = app(store, access=access, limits=Limits(rate=1e9, burst=1e9, guesses=1e9))
+        page = app(store, access=access, limits=RequestLimits(rate=1e9, burst=1e9, guesses=1e9))
         streams_of(page).follow = _one_change  # type: ignore[method-assign]
         for label, fuzz in _operations(page, headers, who == "nobody"):
             statuses, failed = fuzz(options.cases, options.seed)
@@ -133,9 +133,9 @@ def _operations(page: Any, headers: dict[str, str], refused: bool) -> list[tuple
     return [(operation.label, fuzz_of(operation)) for operation in found]
 
 
-async def _one_change(after: int | None) -> AsyncIterator[tuple[int, Changes]]:
+async def _one_change(after: int | None) -> AsyncIterator[tuple[int, JournalChanges]]:
     """A stream that ends: a fuzz waits for no event."""
-    yield (after or 0) + 1, Changes(turbines=[], results=[], alarms=[], all=True)
+    yield (after or 0) + 1, JournalChanges(turbines=[], results=[], alarms=[], all=True)
 
 
 def _resident() -> float:

@@ -46,7 +46,7 @@ from windsysid.live.sources.broker import Marks, connect, new_client, properties
 from windsysid.live.sources.mqtt import MqttSource
 from windsysid.live.sources.publisher import Publisher
 from windsysid.live.store.opening import open_store
-from windsysid.live.timeline import SECOND, Windows
+from windsysid.live.timeline import SECOND, TurbineWindows
 from windsysid.simulation.record import simulate_record
 
 __all__ = ["main"]
@@ -65,7 +65,7 @@ SETTLED = 0.7
 
 def block_of(number: int, turbine: str) -> Block:
     """Block `number` of a turbine: always the same."""
-    start = Windows.of(turbine, LONG).start(1_767_614_400 * SECOND) + number * SECOND
+    start = TurbineWindows.of(turbine, LONG).start(1_767_614_400 * SECOND) + number * SECOND
     values = np.random.default_rng([number, TURBINES.index(turbine)]).standard_normal((20, 2)).astype(np.float32)
     return Block(turbine, number, start, 20.0, CHANNELS, UNITS, values)
 

@@ -36,8 +36,8 @@ from windsysid.live.codec import decode, encode_arrow
 from windsysid.live.engine import Engine, Followed
 from windsysid.live.store.opening import open_store
 from windsysid.live.store.store import Store
-from windsysid.live.timeline import SECOND, Windows
-from windsysid.live.watching import Options
+from windsysid.live.timeline import SECOND, TurbineWindows
+from windsysid.live.watching import WatchOptions
 from windsysid.records.record import Record
 from windsysid.simulation.record import simulate_record
 from windsysid.turbine.file import load_turbine
@@ -69,7 +69,7 @@ def speed(turbines: int, rate: float, hours: float, *, workers: int, pace: float
             told[turbine, window] = time.time_ns()
 
     engine = Engine([Followed(Member(name, "tower")) for name in names], store, workers=workers, on_event=tell)
-    starts = {name: BEGIN if pace else Windows.of(name, WINDOW).start(BEGIN) for name in names}
+    starts = {name: BEGIN if pace else TurbineWindows.of(name, WINDOW).start(BEGIN) for name in names}
     pushes, decoding, waits, lag = round(3600.0 * hours / block), 0.0, _Waits(), 0.0
     begun, process, own = time.monotonic(), time.process_time(), time.thread_time()
     print(
@@ -223,7 +223,7 @@ def coverage(towers: int, windows: int, first: int, *, workers: int, rate: float
     nominal = load_turbine("tower")
     store = open_store(":memory:")
     names = [f"T{i:04d}" for i in range(towers)]
-    options = Options(window=WINDOW, learn=12)
+    options = WatchOptions(window=WINDOW, learn=12)
     engine = Engine([Followed(Member(name, "tower"), options=options) for name in names], store, workers=workers)
     truths = {}
     for i, name in enumerate(names):
@@ -287,7 +287,7 @@ def _judge(
 
 
 def _blocks(record: Record, name: str, rate: float) -> Iterator[Block]:
-    n, start = round(60.0 * rate), Windows.of(name, WINDOW).start(BEGIN)
+    n, start = round(60.0 * rate), TurbineWindows.of(name, WINDOW).start(BEGIN)
     for i, low in enumerate(range(0, record.samples, n)):
         values = record.values[low : low + n]
         yield Block(name, i, start + i * 60 * SECOND, rate, record.channels, record.units, values)

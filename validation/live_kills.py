@@ -31,11 +31,11 @@ from validation.postgres_server import Server, postgres
 from windsysid.errors import StoreError
 from windsysid.fleet.members import Member
 from windsysid.live.block import Block
-from windsysid.live.engine import Engine, Followed
+from windsysid.live.engine import Delays, Engine, Followed
 from windsysid.live.store import open_store
 from windsysid.live.store.encoding import pack_levels, pack_row
 from windsysid.live.store.sql_store import SqlStore
-from windsysid.live.timeline import SECOND, Windows
+from windsysid.live.timeline import SECOND, TurbineWindows
 from windsysid.simulation.record import simulate_record
 
 __all__ = ["Tally", "main"]
@@ -110,7 +110,7 @@ def serve(url: str, memory: Path, blocks: list[Block]) -> None:
 
     engine = Engine(
         [Followed(Member(name, "tower"), window) for name, window in WINDOWS.items()], store, workers=0,
-        lateness=20.0, now=lambda: clock,
+        delays=Delays(lateness=20.0), now=lambda: clock,
     )  # fmt: skip
     acknowledged = remembered(memory)
     handle = os.open(memory, os.O_WRONLY | os.O_APPEND | os.O_CREAT)
@@ -231,7 +231,7 @@ def missing(url: str, acknowledged: set[str], blocks: list[Block]) -> tuple[list
     lost = []
     for block in blocks:
         if key_of(block) in acknowledged:
-            for window in Windows.of(block.turbine, WINDOWS[block.turbine]).of_block(block):
+            for window in TurbineWindows.of(block.turbine, WINDOWS[block.turbine]).of_block(block):
                 known = (key_of(block), window) in there
                 if known == ((block.turbine, window) in done):
                     lost.append(f"{key_of(block)}: {'kept beside its result' if known else 'lost'}")

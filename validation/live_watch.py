@@ -34,8 +34,8 @@ from validation.years import BLOCK, Site, simulate_blocks, site
 from windsysid._types import Array
 from windsysid.fleet.rows import Row, empty_row
 from windsysid.live.store.contents import Alarm
-from windsysid.live.watching import Options, Taken, start
-from windsysid.monitoring.series import DAY, Blocks
+from windsysid.live.watching import Taken, WatchOptions, start
+from windsysid.monitoring.series import DAY, RecordBlocks
 from windsysid.monitoring.watch import TOLERATED_DRIFT, YEAR
 from windsysid.output.console import render
 
@@ -88,7 +88,9 @@ class Delays(NamedTuple):
     other: int
 
 
-def rows_of(blocks: Blocks, noise: Mapping[str, Array], trusted: NDArray[np.bool_] | None = None) -> Iterator[Row]:
+def rows_of(
+    blocks: RecordBlocks, noise: Mapping[str, Array], trusted: NDArray[np.bool_] | None = None
+) -> Iterator[Row]:
     """Rows of windows (T,) that say this of coefficients, and this logarithm (T,) of each noise."""
     for k in range(len(blocks.time)):
         row = empty_row("simulated", 0, "sha256:0")
@@ -118,7 +120,7 @@ def noise_of(count: int, seed: int) -> Array:
     return np.asarray(level + 1.2 * NOISE_SIGMA * rng.standard_normal(count), dtype=np.float64)
 
 
-def watched(rows: Iterator[Row], options: Options) -> tuple[list[Taken], float]:
+def watched(rows: Iterator[Row], options: WatchOptions) -> tuple[list[Taken], float]:
     """What a watch gave of them, without checkpoints, and its processor time of a window [s]."""
     watching, taken, spent = start("simulated", options), [], 0.0
     watching.checkpoint = lambda: b""  # type: ignore[method-assign]  # which nobody reads here
@@ -142,7 +144,7 @@ def false_alarms(
     processor time of a window [s]."""
     blocks = simulate_blocks(of_these(place, FOLLOWED), days=days, seed=seed)
     noise = {NOISE: noise_of(len(blocks.time), seed)}
-    taken, cost = watched(rows_of(blocks, noise), Options(learn=learn, alarms_per_year=rate, tolerated=tolerated))
+    taken, cost = watched(rows_of(blocks, noise), WatchOptions(learn=learn, alarms_per_year=rate, tolerated=tolerated))
     alarms = said(taken)
     return [(alarm.opened - BEGIN) / 1e9 / DAY for alarm in alarms], [alarm.about == NOISE for alarm in alarms], cost
 
@@ -157,7 +159,7 @@ def delay(place: Site, factor: float, before: float, seed: int) -> tuple[float, 
     blocks = simulate_blocks(place, days=before + AFTER, seed=seed, only="k_x")
     blocks.theta[blocks.time >= before * DAY] += math.log(factor)
     series = len(place.names) + 2  # noises
-    taken, _ = watched(rows_of(blocks, {}), Options(alarms_per_year=STATED / series))
+    taken, _ = watched(rows_of(blocks, {}), WatchOptions(alarms_per_year=STATED / series))
     change = BEGIN + round(before * DAY) * 10**9
     right = [alarm for alarm in said(taken) if alarm.opened > change]
     others = len(said(taken)) - min(len(right), 1)
@@ -179,7 +181,7 @@ def drift(place: Site, factor: float, seed: int) -> tuple[float, bool, int, int]
     truth = fall + exact.theta[:, 0] + 0.0003 * exact.covariates[:, 0]  # without what the temperature does
     blocks.theta[:, 0] += fall
     series = len(place.names) + 2  # noises
-    taken, _ = watched(rows_of(blocks, {}), Options(alarms_per_year=STATED / series))
+    taken, _ = watched(rows_of(blocks, {}), WatchOptions(alarms_per_year=STATED / series))
     every = [alarm for one in taken for alarm in one.alarms if alarm.kind != "data"]
     keys = {alarm.key for alarm in every}
     slow = {key for key in keys if ":drift:" in key}
@@ -202,7 +204,7 @@ def quiet(
     if not weather:
         blocks = replace(blocks, covariates=np.empty((len(blocks.time), 0)), covariate_names=())
     noise = {NOISE: noise_of(len(blocks.time), seed)}
-    taken, _ = watched(rows_of(blocks, noise), Options(alarms_per_year=rate, tolerated=tolerated))
+    taken, _ = watched(rows_of(blocks, noise), WatchOptions(alarms_per_year=rate, tolerated=tolerated))
     keys = [alarm.key for alarm in said(taken)]
     slow = sum(":drift:" in key for key in keys)
     return len(keys) - slow, slow
@@ -222,7 +224,7 @@ def cause(place: Site, what: str, seed: int) -> list[str]:
         blocks.theta[after, 1] *= 1.48
         noise[after] += math.log(0.67)
         trusted[after] = np.random.default_rng(seed).random(int(after.sum())) < 0.1
-    taken, _ = watched(rows_of(blocks, {NOISE: noise}, trusted), Options())
+    taken, _ = watched(rows_of(blocks, {NOISE: noise}, trusted), WatchOptions())
     return [alarm.kind for alarm in said(taken)]
 
 
@@ -232,11 +234,11 @@ def coverage(wander: float, seed: int) -> tuple[float, float, float]:
     count = round(21.0 * DAY / BLOCK)
     truth = np.cumsum(wander * math.sqrt(BLOCK / DAY) * rng.standard_normal(count))
     theta = truth + 1.2 * SIGMA * rng.standard_normal(count)
-    blocks = Blocks(
+    blocks = RecordBlocks(
         ("k_x",), np.asarray(BLOCK * np.arange(count)), theta[:, None], np.full((count, 1), SIGMA), (True,), (1.0,),
         np.empty((count, 0)),
     )  # fmt: skip
-    taken, _ = watched(rows_of(blocks, {}), Options())
+    taken, _ = watched(rows_of(blocks, {}), WatchOptions())
     inside = np.array([
         (one.levels[0].level_low or 0.0) <= math.exp(at) <= (one.levels[0].level_high or 0.0)
         for one, at in zip(taken, truth, strict=True)

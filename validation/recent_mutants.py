@@ -444,7 +444,7 @@ _LIVE = (
     ),
     Mutant(
         "a clock that was set back", "timeline.py",
-        "if step < 0 and not", "if step < -1000000 and not",
+        "if set_back and not", "if False and not",
         "blocks of a clock that was set back lie upon others",
     ),
     Mutant(
@@ -500,7 +500,7 @@ _LIVE = (
     ),
     Mutant(
         "windows in a row that drift", "streams.py",
-        "if outside == DRIFT_WINDOWS:", "if outside == 1:",
+        '"drift" if outside == DRIFT_WINDOWS', '"drift" if outside == 1',
         "one odd window is a drift",
     ),
     Mutant(
@@ -538,12 +538,12 @@ _LIVE = (
 _FLEET_AND_MODES = (
     Mutant(
         "jumps of sisters", "events.py",
-        "max(MIN_SHARED, 0.5 * len(watches))", "max(2, 0.5 * len(watches))",
+        "max(MIN_SHARED, 0.5 * turbines)", "max(2, 0.5 * turbines)",
         "two turbines that jump in a week are the site's",
     ),
     Mutant(
         "jumps of one coefficient in two directions", "events.py",
-        "if one.name != other.name or one.percent * other.percent <= 0.0:", "if one.name != other.name:",
+        "same = one.name == another.name and one.percent * another.percent > 0.0", "same = one.name == another.name",
         "a rise and a fall of sisters are one event",
     ),
     Mutant(

@@ -36,7 +36,7 @@ from windsysid.checks.identifiability import standard_deviations
 from windsysid.errors import WindsysidError
 from windsysid.identification.planning.plan import plan
 from windsysid.monitoring.changes import Watch
-from windsysid.monitoring.series import DAY, Blocks, gather
+from windsysid.monitoring.series import DAY, RecordBlocks, gather
 from windsysid.monitoring.watch import TOLERATED_DRIFT, YEAR, watch
 from windsysid.output.console import render
 from windsysid.results.posterior import Posterior
@@ -95,7 +95,7 @@ def site(turbine: str, wind: float) -> Site:
 
 def simulate_blocks(
     place: Site, *, days: float, seed: int, change: tuple[str, float] | None = None, only: str | None = None
-) -> Blocks:
+) -> RecordBlocks:
     """Blocks of a turbine, one coefficient of which is multiplied by a factor after `BEFORE` days.
 
     Relative coordinates: ln(k / k₀) for stiffness, c / c₀ for damping.
@@ -129,7 +129,7 @@ def simulate_blocks(
         out = int(rng.uniform(0.0, count - 14.0 * DAY / BLOCK))
         lost[out : out + int(14.0 * DAY / BLOCK)] = True
     theta[lost] = np.nan
-    return Blocks(
+    return RecordBlocks(
         names, np.asarray(time, dtype=np.float64), theta, std, tuple(name.startswith("k_") for name in names),
         (1.0,) * len(names),
         np.column_stack([temperature, wind]), ("temperature", "wind_speed"),
@@ -169,7 +169,7 @@ def delays(place: Site, change: tuple[str, float], trials: int, *, seed: int = 1
     return Delay(seconds, when / seen, size / seen)
 
 
-def raw(turbine: str, records: int, *, factor: float = 0.95) -> tuple[Blocks, Watch]:
+def raw(turbine: str, records: int, *, factor: float = 0.95) -> tuple[RecordBlocks, Watch]:
     """Simulate and identify raw records of 10 minutes, k_x times `factor` in the second half; watch their blocks."""
     from rich.console import Console
     from rich.progress import track

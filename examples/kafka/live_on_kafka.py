@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 
 from windsysid.fleet.members import Member
 from windsysid.live.block import Block
-from windsysid.live.codec import BlockRefused, Limits, decode, encode_arrow
+from windsysid.live.codec import BlockLimits, BlockRefused, decode, encode_arrow
 from windsysid.live.engine import Engine, Followed
 from windsysid.live.store.contents import Alarm, Commit, Status
 from windsysid.results.serialization import finite
@@ -35,7 +35,7 @@ FOLLOWED = [Followed(Member("T01", "tower")), Followed(Member("T02", "tower"))]
 PATIENCE = 240.0
 """How long a block and the windows that it closes may take [s]: Kafka gives the partition away after 300 s."""
 
-OWN = Limits(payload=2**30)
+OWN = BlockLimits(payload=2**30)
 """Blocks in the state were checked before they came there."""
 
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from windsysid._types import Array
-from windsysid.fleet.events import Event, events_of
-from windsysid.monitoring.changes import Change, Series, Watch
-from windsysid.monitoring.series import DAY, Blocks
+from windsysid.fleet.events import FleetEvent, events_of
+from windsysid.monitoring.changes import DetectedJump, Watch, WatchedSeries
+from windsysid.monitoring.series import DAY, RecordBlocks
 
 DAYS = 120
 BEGIN = datetime(2026, 1, 1, tzinfo=UTC)
@@ -25,17 +25,17 @@ def watch_of(*jumps: tuple[float, float], spreads: Sequence[float] = ()) -> Watc
     for day, size in jumps:
         log[day * DAY <= TIME] += 0.01 * size
     level: Array = np.exp(log)
-    blocks = Blocks(
+    blocks = RecordBlocks(
         ("k",), TIME, column, column, (True,), (1.0,), np.empty((DAYS, 0)), (), None,
         tuple("x" * DAYS), begin=BEGIN,
     )  # fmt: skip
-    series = Series(
+    series = WatchedSeries(
         "k", "N/m", level=level, low=level, high=level, adjusted=level, whitened=level, statistic=level, limit=1.0,
         drift=(0.0, 0.0, 0.0), slopes={}, wander=0.0, scatter=1.0, smallest=1.0,
     )  # fmt: skip
     spreads = spreads or [0.1] * len(jumps)
     changes = tuple(
-        Change(
+        DetectedJump(
             "k", day * DAY, day * DAY, day * DAY, day * DAY, size, size - spread, size + spread, "the turbine",
             f"k {size:+g} %",
         )
@@ -44,7 +44,7 @@ def watch_of(*jumps: tuple[float, float], spreads: Sequence[float] = ()) -> Watc
     return Watch(blocks, (series,), changes, 0.1, 0, ())
 
 
-def events(*jumps: tuple[float, float], spreads: Sequence[float] = ()) -> list[Event]:
+def events(*jumps: tuple[float, float], spreads: Sequence[float] = ()) -> list[FleetEvent]:
     """Of one turbine that has these jumps."""
     return events_of({"T01": watch_of(*jumps, spreads=spreads)}, [], [], AIR)
 

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from tests.fleet.conftest import rows_of
-from windsysid.fleet.batch import _files, batch
-from windsysid.fleet.paths import UNKNOWN_SIZE, size_or_unknown, why_missing
+from windsysid.fleet.batch import batch
+from windsysid.fleet.paths import UNKNOWN_SIZE, record_paths, size_or_unknown, why_missing
 from windsysid.output.files import path_text
 
 WET = "time [s],tower_x_acceleration [m/s^2]\n0,1\n1,wet\n"
@@ -34,17 +34,17 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_files_and_broken_links_are_records_and_pipes_and_folders_are_none(folder: Path):
-    found = _files(folder, folder / "archive")
+    found = record_paths(folder, folder / "archive")
     assert len(found) == len(NAMES) + 2
     assert all(path.encode() for path in found)
     assert not [path for path in found if path.endswith(("pipe.csv", "sub.csv"))]
-    assert _files(f"{folder}/*.csv*", folder / "archive") == found
-    assert _files(folder / "loop.csv", folder / "archive") == [str(folder / "loop.csv")]
+    assert record_paths(f"{folder}/*.csv*", folder / "archive") == found
+    assert record_paths(folder / "loop.csv", folder / "archive") == [str(folder / "loop.csv")]
 
 
 def test_a_pipe_alone_is_no_record(folder: Path):
     with pytest.raises(ValueError, match=r"pipe\.csv: expected a file, a folder or a pattern with records, got none"):
-        _files(folder / "pipe.csv", folder / "archive")
+        record_paths(folder / "pipe.csv", folder / "archive")
 
 
 def test_every_file_has_its_row_and_says_what_to_do(folder: Path, tmp_path: Path):

@@ -25,7 +25,7 @@ from windsysid.records.record import Record
 from windsysid.results.sentences.model import LOADS_WITHHELD
 from windsysid.signals import band_pass
 from windsysid.simulation.record import simulate_record
-from windsysid.study.scenario import RATE, Reference, simulate_reference
+from windsysid.study.scenario import RATE, StudyReference, simulate_reference
 from windsysid.turbine.turbine import Turbine
 
 STATIONARY = slice(3000, None)
@@ -34,12 +34,12 @@ START = Prior(stiffness=1.3, damping=0.7, spread=1.0)
 
 
 @pytest.fixture(scope="module")
-def reference(verne555: Turbine) -> Reference:
+def reference(verne555: Turbine) -> StudyReference:
     return simulate_reference(verne555, 0)
 
 
 @pytest.fixture(scope="module")
-def motion(reference: Reference) -> Kinematic:
+def motion(reference: StudyReference) -> Kinematic:
     """The noise-free motion of the reference scenario."""
     response = reference.response
     return Kinematic(response.states[:, :5], response.states[:, 5:], response.rates[:, 5:])
@@ -48,7 +48,7 @@ def motion(reference: Reference) -> Kinematic:
 def balance_of(
     turbine: Turbine,
     motion: Kinematic,
-    reference: Reference,
+    reference: StudyReference,
     window: slice,
     *,
     loads: bool,
@@ -133,7 +133,7 @@ def test_the_regressors_are_displacement_and_velocity(verne555, reference, motio
             assert not others.any(), f"{kind}_{name} acts on {name} alone"
 
 
-def power_of_loads_and_dampers(turbine: Turbine, reference: Reference) -> tuple[np.ndarray, np.ndarray]:
+def power_of_loads_and_dampers(turbine: Turbine, reference: StudyReference) -> tuple[np.ndarray, np.ndarray]:
     """f v and c v² of every degree of freedom over stationary vibration, (T, n) each."""
     n = len(turbine.model.coordinates)
     velocity = reference.response.states[STATIONARY, n:]
@@ -206,7 +206,7 @@ def test_the_band_holds_every_natural_frequency(verne555):
 # from a record
 
 
-def kinematic_record(reference: Reference, quantities: tuple[str, ...]) -> Record:
+def kinematic_record(reference: StudyReference, quantities: tuple[str, ...]) -> Record:
     """The noise-free motion as channels."""
     channels = {"rotor_azimuth": (np.mod(reference.inputs[:, 0], 2 * np.pi), "rad")}
     response, stems = reference.response, ("tower_x", "tower_y", *(f"blade_{i}_lag" for i in (1, 2, 3)))

@@ -6,7 +6,7 @@ from concurrent.futures import Future
 from typing import Any
 
 from windsysid.live.block import Block
-from windsysid.live.store.contents import Alarm, Commit, Event, Health, Level, Result, Status
+from windsysid.live.store.contents import Alarm, Commit, Event, Result, SensorHealth, SeriesLevel, Status
 
 
 class MemoryStore:
@@ -18,7 +18,7 @@ class MemoryStore:
         self.kept_results: dict[tuple[str, int], Result] = {}
         self.kept_alarms: dict[str, Alarm] = {}
         self.kept_statuses: dict[str, Status] = {}
-        self.kept_healths: dict[tuple[str, str], Health] = {}
+        self.kept_healths: dict[tuple[str, str], SensorHealth] = {}
         self.refuse: Callable[[Commit], Exception | None] = lambda _: None
         self.commits = 0
 
@@ -77,7 +77,7 @@ class MemoryStore:
     def statuses(self) -> list[Status]:
         return list(self.kept_statuses.values())
 
-    def healths(self, turbine: str | None = None) -> list[Health]:
+    def healths(self, turbine: str | None = None) -> list[SensorHealth]:
         return [health for health in self.kept_healths.values() if turbine in (None, health.turbine)]
 
     def results(
@@ -94,7 +94,7 @@ class MemoryStore:
 
     def levels(
         self, turbine: str, *, since: int | None = None, until: int | None = None, most: int = 2000
-    ) -> list[tuple[int, Level]]:
+    ) -> list[tuple[int, SeriesLevel]]:
         return [(result.window, level) for result in self.results(turbine) for level in result.levels]
 
     def alarms(self, *, turbine: str | None = None, open_only: bool = False, most: int = 500) -> list[Alarm]:

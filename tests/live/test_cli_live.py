@@ -9,7 +9,7 @@ from windsysid.cli import app
 from windsysid.errors import ConfigurationError, WindsysidError
 from windsysid.fleet.rows import empty_row
 from windsysid.live.store import open_store
-from windsysid.live.store.contents import Commit, Level
+from windsysid.live.store.contents import Commit, SeriesLevel
 from windsysid.live.store.contents import Result as Stored
 
 CONFIG = """
@@ -22,7 +22,7 @@ kind = "mqtt"
 broker = "mqtt://localhost"
 """
 
-LEVEL = Level("k_side_side", "N/m", "k", 1.0, 0.9, 1.1, 1.0, 0.95, 1.05, 0.0, 10.0)
+LEVEL = SeriesLevel("k_side_side", "N/m", "k", 1.0, 0.9, 1.1, 1.0, 0.95, 1.05, 0.0, 10.0)
 
 
 def run(*arguments: str | Path) -> Result:

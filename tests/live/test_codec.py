@@ -12,7 +12,7 @@ from tests.live.streaming import NOON, blocks_of, record
 from windsysid.live import arrow
 from windsysid.live.arrow import NotArrowError, read_columns
 from windsysid.live.block import Block
-from windsysid.live.codec import BlockRefused, Limits, check, decode, encode_arrow, encode_json
+from windsysid.live.codec import BlockLimits, BlockRefused, check, decode, encode_arrow, encode_json
 from windsysid.live.timeline import SECOND
 from windsysid.records.record import AS_WRITTEN
 
@@ -232,12 +232,12 @@ def test_arrow_without_units_or_of_texts_is_refused():
 def test_sizes_are_bounded():
     block = a_block()
     for limits, said in (
-        (Limits(payload=100), "expected 100 at most"),
-        (Limits(samples=49), "more than 49 samples"),
-        (Limits(channels=1), "channels"),
-        (Limits(rate=10.0), "rate: expected 0.0001 to 10 Hz"),
-        (Limits(lowest_rate=30.0), "rate: expected 30 to 20000 Hz"),
-        (Limits(name=10), "expected up to 10 printable characters"),
+        (BlockLimits(payload=100), "expected 100 at most"),
+        (BlockLimits(samples=49), "more than 49 samples"),
+        (BlockLimits(channels=1), "channels"),
+        (BlockLimits(rate=10.0), "rate: expected 0.0001 to 10 Hz"),
+        (BlockLimits(lowest_rate=30.0), "rate: expected 30 to 20000 Hz"),
+        (BlockLimits(name=10), "expected up to 10 printable characters"),
     ):
         with pytest.raises(BlockRefused, match=said):
             check(decode(encode_arrow(block), turbine="T01", limits=limits), limits)

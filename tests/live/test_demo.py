@@ -8,19 +8,19 @@ import numpy as np
 import pytest
 
 from windsysid.live.block import Block
-from windsysid.live.demo import DemoTower, Plan, demo, story
-from windsysid.live.engine import Engine, Followed
+from windsysid.live.demo import DemoPlan, DemoTower, demo, story
+from windsysid.live.engine import Delays, Engine, Followed
 from windsysid.live.settings import PageSettings
 from windsysid.live.store import open_store
-from windsysid.live.timeline import SECOND, Windows
-from windsysid.live.watching import Options
+from windsysid.live.timeline import SECOND, TurbineWindows
+from windsysid.live.watching import WatchOptions
 
 NOW = 1_767_614_400 * SECOND
-SHORT = Plan(window=60.0, history=12, softer_after=6, fails_after=6)
+SHORT = DemoPlan(window=60.0, history=12, softer_after=6, fails_after=6)
 """Three pieces: two that are learned from, one as it was, and then what happens."""
 
 
-def tower(number: int, plan: Plan = SHORT) -> DemoTower:
+def tower(number: int, plan: DemoPlan = SHORT) -> DemoTower:
     return demo(PageSettings(), plan, now=NOW)[1][number]
 
 
@@ -30,7 +30,7 @@ def of(number: int, pieces: int) -> list[Block]:
 
 def test_blocks_follow_each_other_without_a_gap_from_a_windows_begin():
     blocks = of(0, 2)
-    assert Windows.of("T1", SHORT.window).start(blocks[0].start) == blocks[0].start
+    assert TurbineWindows.of("T1", SHORT.window).start(blocks[0].start) == blocks[0].start
     for one, next_ in itertools.pairwise(blocks):
         assert next_.start - one.start == 60 * SECOND
         assert len(one.values) == 600
@@ -59,11 +59,12 @@ def test_the_story_tells_the_readers_minutes():
 
 @pytest.mark.slow
 def test_the_watch_sees_what_happens_and_nothing_else():
-    plan = Plan(speed=1e9)
+    plan = DemoPlan(speed=1e9)
     settings, towers = demo(PageSettings(), plan)
     store = open_store(":memory:")
-    options = Options(plan.window, plan.history, settings.alarms_per_year)
-    engine = Engine([Followed(member, plan.window, options=options) for member in settings.turbines], store, lateness=0)
+    options = WatchOptions(plan.window, plan.history, settings.alarms_per_year)
+    followed = [Followed(member, plan.window, options=options) for member in settings.turbines]
+    engine = Engine(followed, store, delays=Delays(lateness=0.0))
     windows = plan.history + plan.fails_after + 6
 
     async def play() -> None:

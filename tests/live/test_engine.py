@@ -19,12 +19,12 @@ from windsysid.fleet.rows import Row, empty_row, row_of
 from windsysid.live import engine as module
 from windsysid.live.block import Block
 from windsysid.live.codec import BlockRefused
-from windsysid.live.engine import Engine, Followed
+from windsysid.live.engine import Delays, Engine, Followed
 from windsysid.live.estimate import Estimated, Here
 from windsysid.live.store.contents import Commit
 from windsysid.live.store.store import ContentError
 from windsysid.live.streams import StreamHealth
-from windsysid.live.timeline import SECOND, Gathered, Windows, gather
+from windsysid.live.timeline import SECOND, Gathered, TurbineWindows, gather
 from windsysid.records.record import Record
 from windsysid.results.identification import finite
 from windsysid.turbine.file import load_turbine
@@ -32,7 +32,7 @@ from windsysid.turbine.file import load_turbine
 WAIT = 120.0
 """Far longer than anything here takes [s]."""
 
-START = Windows.of("T01", 60.0).start(NOON)
+START = TurbineWindows.of("T01", 60.0).start(NOON)
 
 
 class Counting:
@@ -130,7 +130,7 @@ def test_windows_are_whole_and_in_order(site):
 
 
 def test_a_window_closes_when_the_stream_is_late_enough(site):
-    engine = site.start(lateness=10.0)
+    engine = site.start(delays=Delays(lateness=10.0))
     push(engine, stream(69.0))
     assert not site.store.kept_results
     push(engine, stream(72.0, first=69.0))
@@ -139,7 +139,7 @@ def test_a_window_closes_when_the_stream_is_late_enough(site):
 
 
 def test_order_of_arrival_within_lateness_changes_nothing(site):
-    engine = site.start(lateness=30.0)
+    engine = site.start(delays=Delays(lateness=30.0))
     blocks = stream(300.0)
     rng = np.random.default_rng(0)
     late = sorted(blocks, key=lambda block: block.sequence + rng.uniform(0.0, 25.0))
@@ -161,7 +161,7 @@ def test_repeated_blocks_change_nothing(site):
 
 
 def test_blocks_of_closed_windows_are_counted_and_told(site):
-    engine = site.start(lateness=10.0)
+    engine = site.start(delays=Delays(lateness=10.0))
     blocks = stream(180.0)
     push(engine, blocks[:20] + blocks[40:])
     assert engine.wait_idle(WAIT)
@@ -193,7 +193,7 @@ def test_a_stream_that_jumps_ahead_goes_on_there(site):
 
 
 def test_a_clock_set_back_leaves_results_as_they_are_and_is_told(site):
-    engine = site.start(lateness=10.0)
+    engine = site.start(delays=Delays(lateness=10.0))
     blocks = stream(240.0)
     push(engine, blocks[:150])
     assert engine.wait_idle(WAIT)
@@ -233,7 +233,7 @@ def test_windows_of_another_length_after_a_restart_cut_the_one_that_is_open(site
     assert [(r.window - START) // SECOND for r in results[:2]] == [0, 60]
     assert results[1].until == START + 90 * SECOND  # its last sample
     assert [r.row["samples"] for r in results[:2]] == [1200, 600]
-    boundary = Windows.of("T01", 70.0)
+    boundary = TurbineWindows.of("T01", 70.0)
     assert [r.window for r in results[2:]] == [boundary.start(r.window) for r in results[2:]]
     assert 0 <= results[2].window - results[1].until < 70 * SECOND  # what comes before is too late
     assert [r.row["samples"] for r in results[2:-1]] == [1400] * (len(results) - 3)
@@ -268,7 +268,7 @@ def test_a_turbine_with_scada_of_files_is_refused(site):
 
 
 def test_publishers_hear_up_to_where_nothing_is_missing(site):
-    engine = site.start(lateness=10.0)
+    engine = site.start(delays=Delays(lateness=10.0))
     blocks = stream(200.0)
     push(engine, blocks[:30])
     push(engine, blocks[31:50])
@@ -440,7 +440,7 @@ def test_a_window_that_cannot_be_joined_has_a_row_that_says_so_and_holds_up_no_o
 
 
 def test_a_silent_turbine_is_told_and_its_windows_close_in_the_end(site):
-    engine = site.start(silence=100.0, patience=1000.0)
+    engine = site.start(delays=Delays(silence=100.0, patience=1000.0))
     push(engine, stream(40.0))
     site.clock.now += 200 * SECOND
     wait_for(lambda: site.store.kept_alarms)
@@ -457,7 +457,7 @@ def test_a_silent_turbine_is_told_and_its_windows_close_in_the_end(site):
 
 
 def test_an_engine_that_is_behind_says_so_and_slows_its_senders_down(site):
-    engine = site.start(lateness=0.0)
+    engine = site.start(delays=Delays(lateness=0.0))
     site.estimator.free.clear()
     push(engine, stream(250.0))
     futures = [engine.push(block) for block in stream(400.0, first=250.0)]
@@ -489,7 +489,7 @@ def test_a_block_that_is_sent_again_is_not_acknowledged_before_the_others_of_its
 
 
 def test_ending_leaves_what_is_open_or_waits_in_the_store(site):
-    engine = site.start(lateness=0.0)
+    engine = site.start(delays=Delays(lateness=0.0))
     push(engine, stream(100.0))
     assert engine.wait_idle(WAIT)
     site.estimator.free.clear()
@@ -497,7 +497,7 @@ def test_ending_leaves_what_is_open_or_waits_in_the_store(site):
     site.end()
     assert len(site.samples()) == 1
     assert {window for _, window, _, _ in site.store.blocks} == {START + 60 * SECOND, START + 120 * SECOND}
-    engine = site.start(lateness=0.0)
+    engine = site.start(delays=Delays(lateness=0.0))
     push(engine, stream(180.0, first=150.0))
     finish(engine)
     assert site.samples() == [1200] * 3
@@ -528,7 +528,7 @@ def _names() -> tuple[tuple[str, ...], tuple[str, ...]]:
 def test_the_row_of_a_window_is_the_one_of_the_same_samples_in_a_file():
     given = ws.simulate("tower", duration=700.0, rate=20.0, seed=3)
     store = MemoryStore()
-    start = Windows.of("T01", 600.0).start(NOON)
+    start = TurbineWindows.of("T01", 600.0).start(NOON)
     engine = Engine([Followed(Member("T01", "tower"))], store, workers=0)
     push(engine, blocks_of(given, 20.0, (7, 300, 41), start=start))
     finish(engine)

@@ -11,16 +11,16 @@ from windsysid.fleet.members import Member
 from windsysid.live.block import Block
 from windsysid.live.codec import BlockRefused
 from windsysid.live.follower import Followed, Follower, Placed
-from windsysid.live.timeline import SECOND, Windows
-from windsysid.live.watching import Options, start
+from windsysid.live.timeline import SECOND, TurbineWindows
+from windsysid.live.watching import WatchOptions, start
 
-START = Windows.of("T01", 60.0).start(NOON)
+START = TurbineWindows.of("T01", 60.0).start(NOON)
 JUMP = 300 * SECOND
 
 
 @pytest.fixture
 def follower() -> Follower:
-    return Follower(Followed(Member("T01", "tower"), window=60.0), "", start("T01", Options(60.0)))
+    return Follower(Followed(Member("T01", "tower"), window=60.0), "", start("T01", WatchOptions(60.0)))
 
 
 def blocks(count: int, *, first: int = 0) -> list[Block]:
@@ -131,7 +131,7 @@ def test_one_wide_or_fast_block_leaves_room_for_those_behind_it(follower, one):
 
 @pytest.mark.parametrize(("channels", "gap"), [(60, 1), (60, 300), (60, 598), (200, 1), (200, 400)])
 def test_a_gap_is_no_reason_to_refuse_a_logger_that_may_still_send_enough(channels, gap):
-    usual = Follower(Followed(Member("T01", "tower"), window=600.0), "", start("T01", Options(600.0)))
+    usual = Follower(Followed(Member("T01", "tower"), window=600.0), "", start("T01", WatchOptions(600.0)))
     begin = usual.windows.start(NOON)
     make: Callable[[int], Block] = lambda second: Block(  # noqa: E731
         "T01", second, begin + second * SECOND, 100.0, tuple(f"c{i}" for i in range(channels)), ("m",) * channels,

@@ -42,7 +42,6 @@ def test_the_smallest_file_has_defaults_for_all_else(tmp_path: Path):
     assert found.store == str(tmp_path / "store.sqlite")
     assert (found.window, found.lateness, found.silence, found.learn) == (600.0, 30.0, 300.0, 144)
     assert [member.name for member in found.turbines] == ["T01"]
-    assert found.page.is_local
     source = found.sources[0]
     assert isinstance(source, MqttSettings)
     assert source.topic == "windsysid/{turbine}/blocks"

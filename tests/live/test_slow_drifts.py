@@ -6,15 +6,15 @@ import pytest
 from windsysid.live.slow_drifts import (
     MAX_REFERENCES,
     TEST_EVERY_BLOCKS,
+    DriftReference,
     Past,
-    Reference,
     drifted_since,
     grew,
     limit_of,
     remembered,
 )
 from windsysid.monitoring.following import MAX_KEPT_BLOCKS, Kept, Now
-from windsysid.monitoring.jumps import Belief, Rates
+from windsysid.monitoring.jumps import LevelBelief, Rates
 from windsysid.monitoring.locating import Jump
 from windsysid.monitoring.watch import YEAR
 
@@ -23,7 +23,7 @@ BLOCKS = np.zeros(1000, dtype=np.float32)
 
 
 def kept(let_go: int, *, jumps: tuple[Jump, ...] = (), level: float = 0.0, scale: float = 1.0) -> Kept:
-    belief = Belief(np.array([level, 0.3]), np.diag([4e-6, 1.0]))
+    belief = LevelBelief(np.array([level, 0.3]), np.diag([4e-6, 1.0]))
     return Kept(BLOCKS, BLOCKS, let_go, belief, Rates(WANDER, 1.0), scale, jumps)
 
 
@@ -46,7 +46,7 @@ def test_nothing_is_remembered_beside_a_jump_or_before_anything_was_learned():
 
 
 def test_a_drift_is_held_against_what_the_level_wanders_by_itself_and_what_is_tolerated():
-    reference, now = Reference(1008, 5, 0.01, 0.002, 1e-7), Now(-0.02, 0.001, 0.002, 0.0)
+    reference, now = DriftReference(1008, 5, 0.01, 0.002, 1e-7), Now(-0.02, 0.001, 0.002, 0.0)
     past = Past((reference,), 9e-7, WANDER)
     drift = drifted_since(reference, past, now, kept(9009), 0.005)
     wander = np.sqrt(8e-7 + 1000 * WANDER)

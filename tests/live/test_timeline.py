@@ -9,7 +9,7 @@ import pytest
 from tests.live.streaming import NOON, blocks_of, record
 from windsysid.live.block import Block
 from windsysid.live.limits import cells_allowed
-from windsysid.live.timeline import SECOND, Gathered, Windows, gather
+from windsysid.live.timeline import SECOND, Gathered, TurbineWindows, gather
 from windsysid.records.record import Record
 
 UNTIL = NOON + 600 * SECOND
@@ -220,13 +220,13 @@ def test_fewer_than_two_samples_are_no_record():
 
 
 def test_windows_of_turbines_end_at_different_seconds():
-    starts = {Windows.of(f"T{i:02d}", 600.0).start(NOON) for i in range(50)}
+    starts = {TurbineWindows.of(f"T{i:02d}", 600.0).start(NOON) for i in range(50)}
     assert len(starts) > 40
     assert all(start % SECOND == 0 and NOON - 600 * SECOND < start <= NOON for start in starts)
 
 
 def test_a_block_over_a_boundary_belongs_to_both_windows():
-    windows = Windows(600 * SECOND)
+    windows = TurbineWindows(600 * SECOND)
     block = blocks_of(record(40), 20.0, 40, start=UNTIL - SECOND)[0]
     assert list(windows.of_block(block)) == [NOON, UNTIL]
     on_it = blocks_of(record(20), 20.0, 20, start=UNTIL - SECOND)[0]

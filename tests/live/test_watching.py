@@ -12,7 +12,7 @@ from windsysid.live import slow_drifts
 from windsysid.live import watching as watching_module
 from windsysid.live.checkpoint import pack, unpack
 from windsysid.live.store.contents import Alarm
-from windsysid.live.watching import Options, Taken, Watching, resume, start
+from windsysid.live.watching import Taken, Watching, WatchOptions, resume, start
 from windsysid.monitoring import following
 
 STEP = 600 * 10**9
@@ -104,7 +104,7 @@ def test_a_watch_goes_on_from_any_checkpoint_to_the_same_bits(monkeypatch: pytes
     monkeypatch.setattr("windsysid.live.watching.LET_GO_BLOCKS", 40)
     rows = stream(330, at=100, jump={"k_x": -0.04, "noise_tower": 0.8})
     rows[60:63] = [refused()] * 3
-    options = Options(learn=24)
+    options = WatchOptions(learn=24)
     windows = [BEGIN + (k + 5 * (k > 200)) * STEP for k in range(len(rows))]
     whole = start("T1", options)
     once = [whole.take(one, at) for one, at in zip(rows, windows, strict=True)]
@@ -136,7 +136,7 @@ def drifting(count: int, end: float, *, seed: int = 0, since: int = 170, over: i
 
 @pytest.mark.usefixtures("weeks_of_40_windows")
 def test_a_tower_that_softens_slowly_is_one_alarm_that_grows_with_it():
-    taken = feed(start("T1", Options(learn=24)), drifting(640, -0.06))
+    taken = feed(start("T1", WatchOptions(learn=24)), drifting(640, -0.06))
     said = [(k, alarm) for k, one in enumerate(taken) for alarm in one.alarms]
     assert {alarm.key for _, alarm in said} == {said[0][1].key}
     (first, opened), (_, last) = said[0], said[-1]
@@ -155,7 +155,7 @@ def test_a_drift_that_goes_back_ends_its_alarm():
     rows = drifting(900, -0.04)
     for k, one in enumerate(rows[600:], 600):
         one["parameters"][0]["own"] += 0.04 * min((k - 600) / 100.0, 1.0)
-    alarms = list(last_said(feed(start("T1", Options(learn=24)), rows)).values())
+    alarms = list(last_said(feed(start("T1", WatchOptions(learn=24)), rows)).values())
     assert alarms[0].ended is not None
     assert BEGIN + 600 * STEP < alarms[0].ended < BEGIN + 760 * STEP
     assert {alarm.severity for alarm in alarms[1:]} <= {"notice"}
@@ -164,19 +164,19 @@ def test_a_drift_that_goes_back_ends_its_alarm():
 @pytest.mark.usefixtures("weeks_of_40_windows")
 def test_what_does_not_drift_beyond_what_is_tolerated_is_no_alarm():
     for seed in range(4):
-        assert not last_said(feed(start("T1", Options(learn=24)), drifting(640, -0.004, seed=seed)))
+        assert not last_said(feed(start("T1", WatchOptions(learn=24)), drifting(640, -0.004, seed=seed)))
 
 
 @pytest.mark.usefixtures("weeks_of_40_windows")
 def test_after_a_jump_no_drift_is_counted_from_before_it():
-    taken = feed(start("T1", Options(learn=24)), stream(640, at=300, jump={"k_x": -0.03}))
+    taken = feed(start("T1", WatchOptions(learn=24)), stream(640, at=300, jump={"k_x": -0.03}))
     (alarm,) = last_said(taken).values()
     assert "slowly" not in alarm.text
 
 
 @pytest.mark.usefixtures("weeks_of_40_windows")
 def test_a_watch_goes_on_from_a_checkpoint_through_a_drift_to_the_same_bits():
-    rows, options = drifting(420, -0.06), Options(learn=24)
+    rows, options = drifting(420, -0.06), WatchOptions(learn=24)
     once = feed(start("T1", options), rows)
     assert any("slowly" in alarm.text for one in once for alarm in one.alarms)
     watching = start("T1", options)
@@ -204,7 +204,7 @@ def test_a_checkpoint_of_the_version_before_is_read():
 def test_a_checkpoint_never_outgrows_the_windows_that_are_kept(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("windsysid.live.watching.MAX_KEPT_BLOCKS", 100)
     monkeypatch.setattr("windsysid.live.watching.LET_GO_BLOCKS", 25)
-    sizes = [len(one.checkpoint) for one in feed(start("T1", Options(learn=12)), stream(400))]
+    sizes = [len(one.checkpoint) for one in feed(start("T1", WatchOptions(learn=12)), stream(400))]
     assert max(sizes[:150]) >= max(sizes[150:]) - 200
     assert sizes[99] > sizes[50]
 
@@ -230,13 +230,13 @@ def test_a_checkpoint_that_does_not_fit_is_one_line(spoil: Any, message: str):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (Options(learn=5), "learn: expected 12 to 2016"),
-        (Options(alarms_per_year=0.0), "alarms per year"),
-        (Options(window=0.0), "window: expected"),
-        (Options(tolerated={"k": 0.01}), "tolerated: expected a size of 0 or more for c, f, noise"),
+        (WatchOptions(learn=5), "learn: expected 12 to 2016"),
+        (WatchOptions(alarms_per_year=0.0), "alarms per year"),
+        (WatchOptions(window=0.0), "window: expected"),
+        (WatchOptions(tolerated={"k": 0.01}), "tolerated: expected a size of 0 or more for c, f, noise"),
     ],
 )
-def test_options_out_of_range_are_refused(options: Options, message: str):
+def test_options_out_of_range_are_refused(options: WatchOptions, message: str):
     with pytest.raises(ConfigurationError, match=message):
         start("T1", options)
 
@@ -249,7 +249,7 @@ def test_windows_come_in_order():
 
 
 def test_refused_and_missing_windows_widen_the_band_and_long_silence_is_said():
-    watching = start("T1", Options(learn=12))
+    watching = start("T1", WatchOptions(learn=12))
     before = feed(watching, stream(40))[-1].levels[0]
     taken = feed(watching, [refused()] * 40, 40)
     after = taken[-1].levels[0]

@@ -19,7 +19,7 @@ from windsysid.identification.model.prior import Prior
 from windsysid.loads.statistics import Statistic
 from windsysid.mechanics.compile import compile_model
 from windsysid.modal.analysis import modes
-from windsysid.monitoring.change import MOVED_MIN_ODDS, Change, Comparison
+from windsysid.monitoring.change import MOVED_MIN_ODDS, Comparison, QuantityChange
 from windsysid.monitoring.comparison import compare
 from windsysid.monitoring.damping import separate_damping
 from windsysid.monitoring.own_information import own_information, without_prior
@@ -116,7 +116,7 @@ def growth(percent: float) -> float:
     return math.log1p(percent / 100.0) if percent > -100.0 else -math.inf
 
 
-def everything(comparison: Comparison) -> tuple[Change, ...]:
+def everything(comparison: Comparison) -> tuple[QuantityChange, ...]:
     return (*comparison.coefficients, *comparison.modes, *comparison.statistics)
 
 

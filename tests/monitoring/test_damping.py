@@ -16,7 +16,7 @@ from windsysid import cli
 from windsysid.errors import ConfigurationError
 from windsysid.inspection import inspect_record
 from windsysid.monitoring.damping import _half_width, separate_damping
-from windsysid.monitoring.separation import Band, Separation
+from windsysid.monitoring.separation import DampingBand, Separation
 from windsysid.records.formats import write_record
 from windsysid.results.posterior import Conditions, Posterior, load_posterior
 from windsysid.statespace.parameter import Parameter
@@ -47,7 +47,7 @@ def result(
     return Posterior(turbine, parameters, mean / scale, np.diag(variance / scale**2), name, True, conditions)
 
 
-def told(band: Band | None) -> Band:
+def told(band: DampingBand | None) -> DampingBand:
     """What a record set told."""
     assert band is not None
     return band

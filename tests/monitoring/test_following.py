@@ -7,10 +7,10 @@ import pytest
 
 from windsysid._types import Array
 from windsysid.monitoring import following
-from windsysid.monitoring.following import Follower, Kept, Now
-from windsysid.monitoring.jumps import Rates, threshold, track
+from windsysid.monitoring.following import Kept, LevelFollower, Now
+from windsysid.monitoring.jumps import Observations, Rates, threshold, track
 from windsysid.monitoring.locating import Jump, first_belief
-from windsysid.monitoring.series import Blocks
+from windsysid.monitoring.series import RecordBlocks
 from windsysid.monitoring.together import PRIOR_BLOCKS
 from windsysid.monitoring.watch import watch
 
@@ -18,8 +18,8 @@ SIGMA = 0.004
 LIMIT = threshold(1e-6)
 
 
-def follow(y: Array, x: Array, *, learn: int = 300, limit: float = LIMIT) -> tuple[list[Now], Follower]:
-    follower = Follower("k", True, 0.005, Follower.beginning(0, 0))
+def follow(y: Array, x: Array, *, learn: int = 300, limit: float = LIMIT) -> tuple[list[Now], LevelFollower]:
+    follower = LevelFollower("k", True, 0.005, LevelFollower.beginning(0, 0))
     found = []
     for k, one in enumerate(y, 1):
         follower.append(one, SIGMA)
@@ -40,7 +40,7 @@ def test_a_jump_is_found_when_where_and_as_large_as_with_all_blocks_known(jump: 
     y, x = simulated(600, jump, 400, seed), np.zeros((600, 1))
     found, follower = follow(y, x)
     (new,) = [one.new for one in found if one.new is not None]
-    blocks = Blocks(
+    blocks = RecordBlocks(
         ("k_x",), np.asarray(600.0 * np.arange(600)), y[:, None], np.full((600, 1), SIGMA), (True,), (1.0,),
         np.empty((600, 0)),
     )  # fmt: skip
@@ -63,11 +63,11 @@ def test_without_a_jump_a_follower_is_the_filter_of_all_blocks():
     assert kept.rates is not None
     r = np.full(500, float(np.float32(SIGMA)) ** 2)
     for rates in (kept.rates._replace(likely=(), learned_from=0), kept.rates):
-        again = Follower("k", True, 0.005, kept._replace(rates=rates))
+        again = LevelFollower("k", True, 0.005, kept._replace(rates=rates))
         for k in range(200, 500):
             again.append(y[k], SIGMA)
             now = again.follow(x[k : k + 1], lambda part=x[: k + 1]: part, LIMIT)  # type: ignore[misc]
-        of = [track(y, r, x, kept.before, one, tolerated=0.005) for one, _ in rates.hypotheses()]
+        of = [track(Observations.of(y, r, x), kept.before, one, tolerated=0.005) for one, _ in rates.hypotheses()]
         evidence = np.array([one.progress.evidence for one in of]) + [prior for _, prior in rates.hypotheses()]
         weight = np.exp(evidence - evidence.max()) / np.exp(evidence - evidence.max()).sum()
         level, std = (np.array([getattr(one, name)[-1] for one in of]) for name in ("level", "std"))
@@ -89,7 +89,7 @@ def test_what_leaves_is_in_the_belief_before_what_is_kept():
     (stays,) = {one.shape for one in (follower.kept.y, follower.kept.std)}
     assert stays == (250,)
     assert before.rates == follower.kept.rates
-    again = Follower("k", True, 0.005, follower.kept)
+    again = LevelFollower("k", True, 0.005, follower.kept)
     for one in (follower, again):
         one.append(0.0, SIGMA)
     x = np.zeros((251, 1))
@@ -101,7 +101,7 @@ def test_what_leaves_is_in_the_belief_before_what_is_kept():
 def test_a_jump_that_lies_between_blocks_that_leave_and_stay_is_kept():
     jump = Jump(100, 90, 110, 120, -0.03, 0.001, 0.0)
     kept = Kept(np.zeros(200, np.float32), np.full(200, SIGMA, np.float32), 0, None, Rates(1e-9, 1.0), 1.0, (jump,))
-    follower = Follower("k", True, 0.005, kept)
+    follower = LevelFollower("k", True, 0.005, kept)
     follower.kept = follower.kept._replace(before=first_belief(np.zeros(200), np.ones(200), 1, "k", True)[0])
     follower.let_go(np.zeros((200, 1)), 100)
     assert list(follower.kept.jumps) == [jump]
@@ -122,7 +122,7 @@ def test_a_series_of_nothing_has_no_level():
 
 
 def test_numbers_beyond_single_precision_are_missing():
-    follower = Follower("k", True, 0.005, Follower.beginning(0, 0))
+    follower = LevelFollower("k", True, 0.005, LevelFollower.beginning(0, 0))
     for y, std in ((1e300, 1.0), (0.0, 1e-60), (0.0, 0.0), (math.nan, 1.0), (0.0, math.inf)):
         follower.append(y, std)
     assert follower.known == 0
@@ -138,7 +138,7 @@ def test_a_drift_is_a_wander_but_beside_a_trend_and_the_last_blocks_do_not_lag_b
     assert follower.kept.rates is not None
     assert follower.wander_beside_trend(x) < 0.25 * follower.kept.rates.wander
     # The level that is followed, with the little wander of a level that was steady, lags.
-    steady = Follower("k", True, 0.005, follower.kept._replace(rates=Rates(1e-11, 1.0)))
+    steady = LevelFollower("k", True, 0.005, follower.kept._replace(rates=Rates(1e-11, 1.0)))
     steady.append(float(y[-1]), SIGMA)
     lagging = steady.follow(x[:1], lambda: np.zeros((2401, 1)), math.inf)
     assert lagging.level - fall[-1] > 3.0 * lagging.std

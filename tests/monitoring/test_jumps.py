@@ -9,7 +9,7 @@ import scipy.stats
 
 from windsysid.monitoring import jumps as glr
 from windsysid.monitoring import learning
-from windsysid.monitoring.jumps import Belief, Rates, shared_error, threshold, track
+from windsysid.monitoring.jumps import LevelBelief, Observations, Rates, shared_error, threshold, track
 from windsysid.monitoring.learning import learn_growth, learn_rates
 
 
@@ -27,8 +27,8 @@ def unclipped(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(glr, "PULL_LIMIT_SIGMAS", 1e9)
 
 
-def vague(d: int, variance: float = 4.0) -> Belief:
-    return Belief(np.zeros(d), variance * np.eye(d))
+def vague(d: int, variance: float = 4.0) -> LevelBelief:
+    return LevelBelief(np.zeros(d), variance * np.eye(d))
 
 
 def test_tracking_is_the_gaussian_conditional_of_the_whole_series(monkeypatch: pytest.MonkeyPatch):
@@ -38,7 +38,7 @@ def test_tracking_is_the_gaussian_conditional_of_the_whole_series(monkeypatch: p
     count, q, s2 = 40, 0.3, 1.7
     y, r, x = series(count, slopes=(0.8, -0.5), wander=q)
     y[7:11] = np.nan
-    done = track(y, r, x, vague(3), Rates(q, s2), test=False)
+    done = track(Observations.of(y, r, x), vague(3), Rates(q, s2), test=False)
     there = np.isfinite(y)
     h = np.column_stack([np.ones(count), x])
     steps = np.minimum.outer(np.arange(1, count + 1), np.arange(1, count + 1)) * q  # of a random walk
@@ -59,7 +59,7 @@ def test_the_statistic_is_the_likelihood_ratio_of_a_regression(monkeypatch: pyte
     monkeypatch.setattr(glr, "CANDIDATE_SPACING", 0.0)
     y, r, x = series(60, slopes=(0.5,))
     y[35:] += 2.0
-    done = track(y, r, x, vague(2, 1e8), Rates(0.0, 1.0))
+    done = track(Observations.of(y, r, x), vague(2, 1e8), Rates(0.0, 1.0))
 
     def squares(*columns: np.ndarray) -> float:
         A = np.column_stack([np.ones(60), x, *columns]) / np.sqrt(r)[:, None]
@@ -78,7 +78,7 @@ def test_rates_are_those_of_scipys_likelihood(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(learning, "TYPICAL_SCATTER", 1e3)
     count = 80
     y, r, x = series(count, wander=0.2, seed=3)
-    found = learn_rates(y, r, x, vague(1))
+    found = learn_rates(Observations.of(y, r, x), vague(1))
     steps = np.minimum.outer(np.arange(1, count + 1), np.arange(1, count + 1))
 
     def cost(logs: np.ndarray) -> float:
@@ -106,10 +106,8 @@ def test_false_alarms_come_as_often_as_stated_or_less(
     for _ in range(300):
         y, at = rng.standard_normal(count), 0
         while at < count:
-            done = track(
-                y[at:], np.ones(count - at), np.empty((count - at, 0)), vague(1, 100.0), Rates(0.0, 1.0),
-                limit=threshold(rate)
-            )  # fmt: skip
+            left = Observations.of(y[at:], np.ones(count - at), np.empty((count - at, 0)))
+            done = track(left, vague(1, 100.0), Rates(0.0, 1.0), limit=threshold(rate))
             at += done.stopped + 1 if done.stopped >= 0 else count
             alarms += done.stopped >= 0
         blocks += count
@@ -136,9 +134,9 @@ def test_bad_blocks_are_no_alarm_and_a_real_jump_is_one():
     alone = y.copy()
     alone[[100, 200, 300, 301, 400]] += [50.0, -80.0, 60.0, 60.0, 1000.0]
     alone[350:360] = np.nan
-    assert track(alone, r, x, vague(1), Rates(0.0, 1.0), limit=limit).stopped == -1
+    assert track(Observations.of(alone, r, x), vague(1), Rates(0.0, 1.0), limit=limit).stopped == -1
     jumped = y + 20.0 * (np.arange(500) >= 250)
-    done = track(jumped, r, x, vague(1), Rates(0.0, 1.0), limit=limit)
+    done = track(Observations.of(jumped, r, x), vague(1), Rates(0.0, 1.0), limit=limit)
     assert 252 <= done.stopped <= 256
     assert done.since[done.stopped] == 250
 
@@ -147,8 +145,8 @@ def test_a_tolerated_jump_is_no_alarm_however_sure():
     y, r, x = series(4000, seed=4)
     y += 0.4 * (np.arange(4000) >= 1000)
     limit, rates = threshold(1e-6), Rates(0.0, 1.0)
-    assert track(y, r, x, vague(1), rates, limit=limit, first=500).stopped > 1000
-    assert track(y, r, x, vague(1), rates, limit=limit, first=500, tolerated=0.5).stopped == -1
+    assert track(Observations.of(y, r, x), vague(1), rates, limit=limit, first=500).stopped > 1000
+    assert track(Observations.of(y, r, x), vague(1), rates, limit=limit, first=500, tolerated=0.5).stopped == -1
 
 
 def brute_force(y: np.ndarray, r: np.ndarray, x: np.ndarray, n: int, window: int) -> tuple[float, int]:
@@ -174,7 +172,7 @@ def test_a_jump_is_looked_for_in_windows_of_every_length_up_to_the_longest(
     monkeypatch.setattr(glr, "MAX_JUMP_AGE_BLOCKS", window)
     y, r, x = series(70, slopes=(0.5,), seed=7)
     y[30:] += 3.0
-    done = track(y, r, x, vague(2, 1e8), Rates(0.0, 1.0))
+    done = track(Observations.of(y, r, x), vague(2, 1e8), Rates(0.0, 1.0))
     for n in (20, 30, 31, 32, 30 + window, 31 + window, 70):
         highest, k = brute_force(y, r, x, n, window)
         assert done.statistic[n - 1] == pytest.approx(highest, rel=1e-4), n
@@ -186,7 +184,7 @@ def test_a_jump_is_looked_for_ninety_days_back_and_no_longer():
     assert ninety_days == glr.MAX_JUMP_AGE_BLOCKS
     jump, count = 40, ninety_days + 2000
     y = np.random.default_rng(8).standard_normal(count) + 8.0 * (np.arange(count) >= jump)
-    done = track(y, np.ones(count), np.empty((count, 0)), vague(1, 1e8), Rates(0.0, 1.0))
+    done = track(Observations.of(y, np.ones(count), np.empty((count, 0))), vague(1, 1e8), Rates(0.0, 1.0))
     age = np.arange(1, count + 1) - done.since
     assert age[jump:].max() <= ninety_days
     # The blocks k that are kept lie a tenth of their age apart, so that one near the jump is the likeliest until it is
@@ -203,11 +201,12 @@ def test_blocks_one_by_one_give_bit_for_bit_what_they_give_together(slopes: tupl
     freed = np.zeros((700, 1 + len(slopes)))
     freed[450] = 2.0
     rates = Rates(1e-4, 1.1)
-    whole = track(y, r, x, vague(1 + len(slopes)), rates, tolerated=0.1, freed=freed)
-    past: Belief | glr.Progress = vague(1 + len(slopes))
+    blocks = Observations(y, r, x, freed)
+    whole = track(blocks, vague(1 + len(slopes)), rates, tolerated=0.1)
+    past: LevelBelief | glr.Progress = vague(1 + len(slopes))
     for t in range(700):
         part = slice(t, t + 1)
-        one = track(y[part], r[part], x[part], past, rates, tolerated=0.1, freed=freed[part])
+        one = track(blocks.part(part), past, rates, tolerated=0.1)
         for name in ("level", "std", "whitened", "statistic", "since"):
             np.testing.assert_array_equal(getattr(one, name)[0], getattr(whole, name)[t])
         past = one.progress
@@ -220,11 +219,11 @@ def test_a_track_that_stopped_at_a_jump_goes_on_from_there():
     y, r, x = series(300, seed=1)
     y[200:] += 8.0
     limit, rates = threshold(1e-6), Rates(0.0, 1.0)
-    stopped = track(y, r, x, vague(1), rates, limit=limit)
+    stopped = track(Observations.of(y, r, x), vague(1), rates, limit=limit)
     assert 200 < stopped.stopped < 210
     rest = slice(stopped.stopped + 1, None)
-    further = track(y[rest], r[rest], x[rest], stopped.progress, rates)
-    np.testing.assert_array_equal(further.statistic, track(y, r, x, vague(1), rates).statistic[rest])
+    further = track(Observations.of(y[rest], r[rest], x[rest]), stopped.progress, rates)
+    np.testing.assert_array_equal(further.statistic, track(Observations.of(y, r, x), vague(1), rates).statistic[rest])
 
 
 @pytest.mark.parametrize("logarithmic", [False, True])
@@ -238,9 +237,9 @@ def test_the_level_of_a_damping_is_not_pulled_low_by_estimates_that_are_sure_bec
         y, truth = (np.log(value), 0.0) if logarithmic else (value, 1.0)
         if logarithmic:
             truth = float(np.log(value).mean())  # the mean of logarithms has a bias of its own
-        prior = Belief(np.array([truth]), np.array([[9.0 * sigma**2]]))
-        rates = learn_rates(y, std**2, x, prior, kind="c", logarithmic=logarithmic)
-        done = track(y, std**2, x, prior, rates._replace(wander=0.0), test=False)
+        prior = LevelBelief(np.array([truth]), np.array([[9.0 * sigma**2]]))
+        rates = learn_rates(Observations.of(y, std**2, x), prior, kind="c", logarithmic=logarithmic)
+        done = track(Observations.of(y, std**2, x), prior, rates._replace(wander=0.0), test=False)
         errors.append((done.level[-1] - truth) / done.std[-1])
     assert abs(np.mean(errors)) < 0.6  # 3 standard errors of a mean of 30
     assert np.mean(np.abs(errors) < 2.0) > 0.8
@@ -260,7 +259,12 @@ def test_a_growth_is_learned_where_there_is_one():
 def test_a_block_that_says_nothing_above_zero_still_has_a_variance():
     # A record may find no damping at all: it is a low block, not an infinite or a nameless one.
     y, r, x = np.array([1.0, 1.1, -0.2, 0.0, 1e-9, 0.9]), np.full(6, 0.04), np.empty((6, 0))
-    done = track(y, r, x, Belief(np.array([1.0]), np.array([[1.0]])), Rates(0.0, 1.0, 1.0, False), test=False)
+    done = track(
+        Observations.of(y, r, x),
+        LevelBelief(np.array([1.0]), np.array([[1.0]])),
+        Rates(0.0, 1.0, 1.0, False),
+        test=False,
+    )
     assert np.isfinite(done.level).all()
     assert (np.diff(done.std) < 0.0).all()
 

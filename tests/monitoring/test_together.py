@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from windsysid._types import Array
-from windsysid.monitoring.jumps import Rates, threshold, track
+from windsysid.monitoring.jumps import Observations, Rates, threshold, track
 from windsysid.monitoring.learning import learn_rates
 from windsysid.monitoring.locating import first_belief
 from windsysid.monitoring.together import Together, most_likely_begin, together, with_likely
@@ -18,11 +18,11 @@ def learned(y: Array, count: int, *, known: bool = False) -> tuple[Together, Rat
     """What is said of blocks of which the first `count` were learned from; with `known` as if rates were known."""
     r, x = np.full(len(y), SIGMA**2), np.zeros((len(y), 1))
     prior, _ = first_belief(y[:count], r[:count], 1, "k", True)
-    rates = learn_rates(y[:count], r[:count], x[:count], prior)
-    rates = with_likely(y[:count], r[:count], x[:count], prior, rates)
+    rates = learn_rates(Observations.of(y[:count], r[:count], x[:count]), prior)
+    rates = with_likely(Observations.of(y[:count], r[:count], x[:count]), prior, rates)
     if known:
         rates = rates._replace(likely=(), learned_from=0)
-    return together([track(y, r, x, prior, one) for one, _ in rates.hypotheses()], rates), rates
+    return together([track(Observations.of(y, r, x), prior, one) for one, _ in rates.hypotheses()], rates), rates
 
 
 def wandering(count: int, share: float, seed: int) -> tuple[Array, Array]:
@@ -58,9 +58,7 @@ def test_one_wander_is_the_filter_with_it_and_a_scatter_of_few_blocks_counts_for
     _, y = wandering(300, 0.01, 1)
     alone, rates = learned(y, 200, known=True)
     done = track(
-        y,
-        np.full(300, SIGMA**2),
-        np.zeros((300, 1)),
+        Observations.of(y, np.full(300, SIGMA**2), np.zeros((300, 1))),
         first_belief(y[:200], np.full(200, SIGMA**2), 1, "k", True)[0],
         rates,
     )
@@ -77,10 +75,10 @@ def test_blocks_one_by_one_say_what_they_say_together():
     r, x = np.full(60, SIGMA**2), np.zeros((60, 1))
     prior, _ = first_belief(y, r, 1, "k", True)
     rates = Rates(1e-6, 1.0)
-    whole = track(y, r, x, prior, rates, tolerated=SIGMA)
-    head = track(y[:1], r[:1], x[:1], prior, rates, tolerated=SIGMA)
+    whole = track(Observations.of(y, r, x), prior, rates, tolerated=SIGMA)
+    head = track(Observations.of(y[:1], r[:1], x[:1]), prior, rates, tolerated=SIGMA)
     for k in range(1, 60):
-        head = track(y[k : k + 1], r[k : k + 1], x[k : k + 1], head.progress, rates, tolerated=SIGMA)
+        head = track(Observations.of(y[k : k + 1], r[k : k + 1], x[k : k + 1]), head.progress, rates, tolerated=SIGMA)
         assert (head.evidence[0], head.excused[0]) == (whole.evidence[k], whole.excused[k])
     assert math.isfinite(head.progress.evidence)
     assert head.progress.evidence == whole.progress.evidence
@@ -92,11 +90,11 @@ def test_a_level_is_as_uncertain_as_its_wander_leaves_it():
     _, y = wandering(200, 0.05, 2)
     r, x = np.full(len(y), SIGMA**2), np.zeros((len(y), 1))
     prior, _ = first_belief(y[:100], r[:100], 1, "k", True)
-    rates = learn_rates(y[:100], r[:100], x[:100], prior)
+    rates = learn_rates(Observations.of(y[:100], r[:100], x[:100]), prior)
     likely = tuple((SIGMA**2 * share**2, 1.0, 0.0) for share in (1e-3, 0.3))
     rates = rates._replace(likely=likely, learned_from=0)
     y[150:] += 3.0 * SIGMA  # of which one wander takes in little and the other much
-    tracks = [track(y, r, x, prior, one) for one, _ in rates.hypotheses()]
+    tracks = [track(Observations.of(y, r, x), prior, one) for one, _ in rates.hypotheses()]
     found, evidence = together(tracks, rates), np.array([one.evidence for one in tracks])
     weight = np.exp(evidence - evidence.max(axis=0))
     weight /= weight.sum(axis=0)

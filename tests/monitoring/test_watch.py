@@ -19,7 +19,7 @@ from windsysid._types import Array
 from windsysid.identification.identify import identify
 from windsysid.identification.planning.plan import plan
 from windsysid.monitoring.jumps import threshold
-from windsysid.monitoring.series import DAY, Blocks, gather, read_blocks
+from windsysid.monitoring.series import DAY, RecordBlocks, gather, read_blocks
 from windsysid.monitoring.watch import NOISE, SENSOR, STRUCTURE, percent_of, watch
 from windsysid.results.posterior import Posterior
 from windsysid.simulation.record import simulate_record
@@ -30,18 +30,18 @@ from windsysid.turbine.turbine import Turbine
 PLACE = Site("none", ("k_x", "c_x", "k_beta_1"), np.array([0.003, 0.4, 0.0012]), 10.0)
 
 
-def quiet(names: tuple[str, ...], count: int = 3000, *, seed: int = 0, sigma: float = 0.004) -> Blocks:
+def quiet(names: tuple[str, ...], count: int = 3000, *, seed: int = 0, sigma: float = 0.004) -> RecordBlocks:
     """Logarithmic series at zero, no covariates."""
     rng = np.random.default_rng(seed)
     n = len(names)
-    return Blocks(
+    return RecordBlocks(
         names, np.asarray(600.0 * np.arange(count)), sigma * rng.standard_normal((count, n)),
         np.full((count, n), sigma), (True,) * n, (1.0,) * n,
         np.empty((count, 0)), kinds=tuple(name.partition("_")[0] for name in names),
     )  # fmt: skip
 
 
-def stepped(blocks: Blocks, name: str, size: float, at: int) -> Blocks:
+def stepped(blocks: RecordBlocks, name: str, size: float, at: int) -> RecordBlocks:
     theta = blocks.theta.copy()
     theta[at:, blocks.names.index(name)] += size
     return replace(blocks, theta=theta)
@@ -131,14 +131,14 @@ def test_two_jumps_are_two_alarms():
     assert [round(c.percent) for c in changes] == [-3, 5]
 
 
-def frosty(seed: int, *, loss: float) -> Blocks:
+def frosty(seed: int, *, loss: float) -> RecordBlocks:
     """Three days of a record every two hours: after 42 hours it is 8 K colder for 18, and stiffness falls meanwhile."""
     rng = np.random.default_rng(seed)
     hours: Array = np.arange(0.0, 72.0, 2.0)
     cold = (hours >= 42.0) & (hours < 60.0)
     temperature: Array = np.where(cold, -4.0, 4.0) + 3.0 * np.sin(2.0 * np.pi * hours / 24.0)
     theta = -0.0003 * temperature + math.log1p(loss) * cold + 0.0053 * rng.standard_normal(len(hours))
-    return Blocks(
+    return RecordBlocks(
         ("k_x",), 3600.0 * hours, theta[:, None], np.full((len(hours), 1), 0.0053), (True,), (1.0,),
         temperature[:, None], ("temperature",),
     )  # fmt: skip

@@ -134,11 +134,11 @@ def of_damping(found: ws.Identification, record: ws.Record) -> Any:
 
 
 def of_monitor(found: ws.Identification, record: ws.Record) -> Any:
-    from windsysid.monitoring.series import Blocks
+    from windsysid.monitoring.series import RecordBlocks
 
     rng = np.random.default_rng(0)
     theta = 0.01 * rng.standard_normal((60, 1))
-    blocks = Blocks(
+    blocks = RecordBlocks(
         ("k_x",), 3600.0 * np.arange(60.0), theta, np.full((60, 1), 0.01), (True,), (1.0,), np.empty((60, 0)),
     )  # fmt: skip
     return ws.monitor(blocks)

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from validation.wind_study import main, summary
 
 from windsysid.identification.estimate.force_balance import analysis_band
 from windsysid.output.folders import claim
@@ -22,8 +23,6 @@ from windsysid.study.wind import (
     DirectionChangeStudy,
     direction_change_figure,
     load_spectra_figure,
-    main,
-    summary,
 )
 
 FIVE = ("k_x", "k_y", "k_beta_1", "c_x", "c_y")

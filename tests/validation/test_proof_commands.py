@@ -120,11 +120,13 @@ SHORT: dict[str, tuple[str, ...]] = {
     "validation.live_watch": ("--only bands --trials 1", "--only causes --trials 1"),
     "validation.mismatch": ("--runs 1 --models broadband",),
     "validation.oma": ("--runs 1 --frames 0",),
+    "validation.particles": ("--runs 1 --seeds 1",),
     "validation.pieces": ("--only -",),
     "validation.robustness": ("--runs 1 --only clean",),
     "validation.spectral": ("--runs 1 --loads random",),
     "validation.tolerances": ('--runs 1 --jobs 1 --only "as the"',),
     "validation.towers": ("--runs 1 --only healthy",),
+    "validation.wind_study": ("--output {tmp}",),
     "validation.years": ("--years 1",),
 }
 """Short forms that take longer, run by `make test-all`."""

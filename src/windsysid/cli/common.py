@@ -15,15 +15,9 @@ if TYPE_CHECKING:
     from windsysid.output.progress import Shown
 
 __all__ = [
-    "ListsLoads",
-    "Write",
-    "claim_output",
-    "parse_option",
-    "print_and_save",
-    "print_table",
-    "rotor_speeds",
+    "ListsLoads", "Write", "claim_output", "parse_option", "print_and_save", "print_table", "rotor_speeds",
     "show_progress",
-]
+]  # fmt: skip
 
 ORDER = (
     "inspect", "identify", "oma", "modes", "compare", "monitor", "damping", "plan", "simulate", "batch", "report",

@@ -1,8 +1,9 @@
 """The commands for many records of many turbines: batch and report."""
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -18,6 +19,9 @@ from windsysid.cli.common import (
 )
 from windsysid.errors import ConfigurationError
 from windsysid.output.console import printable
+
+if TYPE_CHECKING:
+    from windsysid.monitoring.changes import Watch
 
 __all__ = ["watch_archive"]
 
@@ -106,13 +110,29 @@ def watch_archive(
     from json import dumps
 
     from windsysid.fleet.archive import turbines_of
-    from windsysid.fleet.series import archive_blocks
-    from windsysid.monitoring.watch import watch
 
     names = turbines_of(archive) if turbine is None else (turbine,)
     if output is not None and len(names) > 1:
         raise ConfigurationError("--output goes with one turbine: give --turbine, or take windsysid report")
-    found, short = {}, {}
+    found, short = _watch_each(archive, names, alarms_per_year)
+    if len(names) == 1:
+        print_and_save(found[names[0]], output, write, json=json)
+    elif json:
+        print(dumps({name: one.summary() for name, one in found.items()}, indent=2))
+    else:
+        print(*(f"{name}: {one.sentence}" for name, one in found.items()), sep="\n")
+        print(*(f"{name} is not watched: {why}" for name, why in short.items()), sep="\n", end="\n" if short else "")
+
+
+def _watch_each(
+    archive: Path, names: Sequence[str], alarms_per_year: float
+) -> tuple[dict[str, "Watch"], dict[str, str]]:
+    """What the watch of each turbine found, and why others cannot be watched; ConfigurationError where none can."""
+    from windsysid.fleet.series import archive_blocks
+    from windsysid.monitoring.watch import watch
+
+    found: dict[str, Watch] = {}
+    short: dict[str, str] = {}
     with show_progress("monitor") as progress:
         for i, name in enumerate(names):
             progress(f"watching {name}", i / len(names))
@@ -122,10 +142,4 @@ def watch_archive(
                 short[name] = str(error)
     if not found:
         raise ConfigurationError(f"no turbine can be watched; {names[0]}: {short[names[0]]}")
-    if len(names) == 1:
-        print_and_save(found[names[0]], output, write, json=json)
-    elif json:
-        print(dumps({name: one.summary() for name, one in found.items()}, indent=2))
-    else:
-        print(*(f"{name}: {one.sentence}" for name, one in found.items()), sep="\n")
-        print(*(f"{name} is not watched: {why}" for name, why in short.items()), sep="\n", end="\n" if short else "")
+    return found, short

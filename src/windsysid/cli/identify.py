@@ -1,10 +1,10 @@
 """The command that identifies a record, whole or in pieces."""
 
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
 import typer
 
@@ -15,7 +15,7 @@ from windsysid.output.files import path_text
 if TYPE_CHECKING:
     from windsysid.identification.model.prior import Prior
     from windsysid.mechanics.sensors import Sensor
-    from windsysid.output.progress import Progress
+    from windsysid.output.progress import Progress, Shown
     from windsysid.records.formats.mapping import Mapping as FileMapping
     from windsysid.records.record import Record
     from windsysid.results.identification import Identification
@@ -88,48 +88,29 @@ def identify(
     no_report: Annotated[bool, typer.Option("--no-report", metavar="", help="Write no report.html.")] = False,
 ) -> None:
     """Identify stiffness and damping of a turbine from a record."""
-    from dataclasses import replace
-
     from windsysid.filters import bank_kernel, ekf
-    from windsysid.identification.identify import identify as identify_record
     from windsysid.identification.model.prior import Prior
     from windsysid.kernels.ahead import compile_ahead
     from windsysid.mechanics.sensor_lists import read_sensors
-    from windsysid.records.formats import load_mapping, read_record
-    from windsysid.results.provenance import mapping_tables, record_hash
+    from windsysid.records.formats import load_mapping
     from windsysid.turbine.file import load_turbine
 
     write = claim_output(context, output, record, overwrite=overwrite)
-    machine = load_turbine(turbine)
-    rules = load_mapping(mapping) if mapping is not None else None
-    listed = read_sensors(sensors) if sensors is not None else None
+    asked = _Request(
+        record,
+        load_turbine(turbine),
+        load_mapping(mapping) if mapping is not None else None,
+        read_sensors(sensors) if sensors is not None else None,
+        Prior(prior_scale, prior_scale, spread=1.0 if formulation == "force-balance" else None),
+        formulation, section, rate, loads,
+    )  # fmt: skip
     if formulation == "auto":  # spectra come first, then filters
         compile_ahead(ekf.run_kernel, bank_kernel.run_kernel)
-    prior = Prior(prior_scale, prior_scale, spread=1.0 if formulation == "force-balance" else None)
     with show_progress("identify") as progress:
-        if in_pieces is not None:
-            if formulation == "force-balance" or add_noise != 0.0:
-                raise ConfigurationError("--in-pieces goes with joint or spectral: leave --add-noise out")
-            length = parse_option("--in-pieces", in_pieces, "s")
-            found, used = _identify_in_pieces(
-                record, machine, listed, prior, rules, length, section, output, progress, rate=rate, loads=loads,
-                formulation="spectral" if formulation == "spectral" else "joint",
-            )  # fmt: skip
+        if in_pieces is None:
+            found, used = _identify_whole(asked, add_noise, seed, progress)
         else:
-            recorded = data = read_record(record, mapping=rules, progress=partial(progress, f"reading {record}"))
-            if add_noise != 0.0:
-                data, listed = _noisy(data, machine, listed, formulation, section, add_noise, seed)
-            found = identify_record(
-                data, machine, sensors=listed, formulation=formulation, section=section, prior=prior,
-                rate=rate, loads=loads, progress=progress,
-            )  # fmt: skip
-            used = data.section(*section) if section else data
-            if found.provenance is not None:
-                traced = found.provenance.with_options(file=path_text(record), mapping=mapping_tables(rules))
-                if add_noise != 0.0:
-                    traced = traced.with_options(add_noise_percent=add_noise, seed=seed)
-                    traced = replace(traced, record_hash=record_hash(recorded))
-                found = replace(found, provenance=traced)
+            found, used = _identify_in_pieces(asked, _length(in_pieces, formulation, add_noise), output, progress)
     print(found)
     with show_progress("identify") as progress:
         files = found.files()
@@ -147,20 +128,58 @@ def identify(
     )
 
 
+class _Request(NamedTuple):
+    """What is to be identified, and how."""
+
+    record: Path
+    turbine: "Turbine"
+    mapping: "FileMapping | None"
+    sensors: "tuple[Sensor, ...] | None"
+    prior: "Prior"
+    formulation: Literal["joint", "spectral", "force-balance", "auto"]
+    section: tuple[float, float] | None
+    rate: float | None
+    loads: str
+
+
+def _identify_whole(
+    asked: _Request, add_noise: float, seed: int, progress: "Shown"
+) -> tuple["Identification", "Record"]:
+    """Identify a file that is read as a whole; the section that was used too."""
+    from dataclasses import replace
+
+    from windsysid.identification.identify import identify as identify_record
+    from windsysid.records.formats import read_record
+    from windsysid.results.provenance import mapping_tables, record_hash
+
+    recorded = data = read_record(
+        asked.record, mapping=asked.mapping, progress=partial(progress, f"reading {asked.record}")
+    )
+    sensors = asked.sensors
+    if add_noise != 0.0:
+        data, sensors = _noisy(data, asked, add_noise, seed)
+    found = identify_record(
+        data, asked.turbine, sensors=sensors, formulation=asked.formulation, section=asked.section, prior=asked.prior,
+        rate=asked.rate, loads=asked.loads, progress=progress,
+    )  # fmt: skip
+    if found.provenance is not None:
+        traced = found.provenance.with_options(file=path_text(asked.record), mapping=mapping_tables(asked.mapping))
+        if add_noise != 0.0:
+            traced = traced.with_options(add_noise_percent=add_noise, seed=seed)
+            traced = replace(traced, record_hash=record_hash(recorded))
+        found = replace(found, provenance=traced)
+    return found, data.section(*asked.section) if asked.section else data
+
+
+def _length(in_pieces: str, formulation: str, add_noise: float) -> float:
+    """Length of a piece [s]."""
+    if formulation == "force-balance" or add_noise != 0.0:
+        raise ConfigurationError("--in-pieces goes with joint or spectral: leave --add-noise out")
+    return parse_option("--in-pieces", in_pieces, "s")
+
+
 def _identify_in_pieces(
-    record: Path,
-    machine: "Turbine",
-    listed: Sequence["Sensor"] | None,
-    prior: "Prior",
-    mapping: "FileMapping | None",
-    length: float,
-    section: tuple[float, float] | None,
-    output: Path,
-    progress: "Progress",
-    *,
-    rate: float | None,
-    loads: str,
-    formulation: Literal["joint", "spectral"],
+    asked: _Request, length: float, output: Path, progress: "Progress"
 ) -> tuple["Identification", "Record"]:
     """Identify a file piece by piece, going on from where an earlier call was interrupted; the last piece too."""
     from windsysid.identification.streaming.identify_pieces import identify_pieces
@@ -168,6 +187,7 @@ def _identify_in_pieces(
     from windsysid.records.formats import iterate_record
     from windsysid.results.provenance import mapping_tables
 
+    record, mapping, section = asked.record, asked.mapping, asked.section
     checkpoint = _checkpoint(output)
     share, reached = 0.0, 0.0
     last: list[Record] = []
@@ -195,8 +215,9 @@ def _identify_in_pieces(
         }  # fmt: skip
         with hear(progress, f"{record}, search for the mode"):
             found = identify_pieces(
-                pieces(), machine, sensors=listed, prior=prior, formulation=formulation, rate=rate, loads=loads,
-                checkpoint=checkpoint, keep_checkpoint=True, progress=taken, options=told,
+                pieces(), asked.turbine, sensors=asked.sensors, prior=asked.prior,
+                formulation="spectral" if asked.formulation == "spectral" else "joint", rate=asked.rate,
+                loads=asked.loads, checkpoint=checkpoint, keep_checkpoint=True, progress=taken, options=told,
             )  # fmt: skip
     except KeyboardInterrupt:
         where = f"interrupted at {reached:.0f} s: the same command goes on from there ({checkpoint})"
@@ -211,16 +232,14 @@ def _checkpoint(output: Path) -> Path:
     return folder.with_name(f".{folder.name}.checkpoint.npz")
 
 
-def _noisy(
-    record: "Record", turbine: "Turbine", sensors: "tuple[Sensor, ...] | None", formulation: str,
-    section: tuple[float, float] | None, percent: float, seed: int,
-) -> "tuple[Record, tuple[Sensor, ...] | None]":  # fmt: skip
+def _noisy(record: "Record", asked: _Request, percent: float, seed: int) -> "tuple[Record, tuple[Sensor, ...] | None]":
     """The record with noise added to what will be measured, and the sensors told of it."""
     from windsysid.identification.condition.readings import add_noise, usable_sensors, with_noise
     from windsysid.identification.estimate.force_balance import measured_channels
 
-    if formulation == "force-balance":
-        return add_noise(record, measured_channels(record, turbine), percent, seed)[0], sensors
-    found = usable_sensors(record.section(*section) if section else record, turbine, sensors)
+    if asked.formulation == "force-balance":
+        return add_noise(record, measured_channels(record, asked.turbine), percent, seed)[0], asked.sensors
+    used = record.section(*asked.section) if asked.section else record
+    found = usable_sensors(used, asked.turbine, asked.sensors)
     noisy, added = add_noise(record, [sensor.channel for sensor in found], percent, seed)
     return noisy, with_noise(found, added)

@@ -12,7 +12,7 @@ from windsysid.output.console import printable
 
 if TYPE_CHECKING:
     from windsysid.live.settings import Settings
-    from windsysid.live.sources.source import Source
+    from windsysid.live.sources.source import BlockSource
 
 __all__ = ["export", "live"]
 
@@ -68,7 +68,7 @@ def live(
         settings = replace(settings, page=replace(settings.page, port=port))
     from windsysid.live.wiring import sources_of
 
-    fed: list[Source] = sources_of(settings)
+    fed: list[BlockSource] = sources_of(settings)
     if check:
         print(printable(f"{config}: nothing is wrong; {_count(len(settings.turbines))}, store {settings.store}"))
         print(*(f"source: {source.describe()}" for source in fed), sep="\n")

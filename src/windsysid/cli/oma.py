@@ -78,39 +78,37 @@ def oma(
     ] = False,
 ) -> None:
     """Modes of any structure from its ambient vibration: frequencies, damping, shapes, no model needed."""
-    from windsysid.records.coercion import RecordLike
     from windsysid.records.formats import load_mapping, read_record
     from windsysid.reports.loading import kept
     from windsysid.spectral.oma.analyse import analyse_vibration
-    from windsysid.spectral.oma.sensors import read_modal_sensors
 
     write = claim_output(context, output, *records, *(sensors or []), overwrite=overwrite)
     rules = load_mapping(mapping) if mapping is not None else None
-    lists = [read_modal_sensors(path) for path in sensors or []]
-    if lists and len(lists) not in (1, len(records)):
-        raise ConfigurationError(
-            f"--sensors: expected one list for all records, or {len(records)}, one for each, got {len(lists)}"
-        )
-    bands = [_band(text) for text in band] if band else None
+    lists = _sensor_lists(sensors or [], len(records))
+    bands = list(map(_band, band)) if band else None
     with show_progress("oma") as progress:
-        data: list[RecordLike] = []
-        for record in records:
-            data.append(read_record(record, mapping=rules, progress=partial(progress, f"reading {record}")))
         found = analyse_vibration(
-            data,
-            sensors=None if not lists else lists if len(lists) > 1 else lists[0],
-            turbine=turbine,
-            bands=bands,
-            limits=limits,
-            section=section,
-            progress=progress,
-        )
+            [read_record(path, mapping=rules, progress=partial(progress, f"reading {path}")) for path in records],
+            sensors=lists, turbine=turbine, bands=bands, limits=limits, section=section, progress=progress,
+        )  # fmt: skip
     print(found.to_json().rstrip() if json else found)
     with show_progress("oma") as progress:
         progress("writing the report")
         write({"summary.json": found.to_json().encode(), **kept(found)} if no_report else found.files())
     if not json:
         print(f"results: {printable(output / ('summary.json' if no_report else 'report.html'))}")
+
+
+def _sensor_lists(paths: list[Path], records: int) -> Any:
+    """The list of sensors for all records, one for each, or None."""
+    from windsysid.spectral.oma.sensors import read_modal_sensors
+
+    lists = [read_modal_sensors(path) for path in paths]
+    if len(lists) > 1 and len(lists) != records:
+        raise ConfigurationError(
+            f"--sensors: expected one list for all records, or {records}, one for each, got {len(lists)}"
+        )
+    return lists if len(lists) > 1 else lists[0] if lists else None
 
 
 def _band(text: str) -> tuple[float, float]:

@@ -69,11 +69,10 @@ def publish(
     sent = known = 0
     try:
         with show_progress("publish") as progress:
-            blocks = (
-                _from_logger(turbine, stream)
-                if logger
-                else _from_records(records, turbine, begin, seconds, speed, stream, mapping)
-            )
+            if logger:
+                blocks = _from_logger(turbine, stream)
+            else:
+                blocks = _from_records(records, turbine, begin, seconds, speed, stream, mapping)
             for one in blocks:
                 if not logger:
                     publisher.wait(room=_ROOM)
@@ -83,12 +82,16 @@ def publish(
             while not publisher.wait(1.0):
                 progress(f"{sent} blocks, {len(publisher.ring)} not committed. {publisher.trouble}")
     except KeyboardInterrupt:
-        left, kept = len(publisher.ring), f"they wait in {buffer}" if buffer else "send the records again"
-        print(f"interrupted: {sent} blocks sent, {left} not committed: {kept}", file=sys.stderr)
+        print(_interrupted(publisher, sent, buffer), file=sys.stderr)
         raise typer.Exit(130) from None
     finally:
         publisher.close()
     print(_told(publisher, turbine, sent, known))
+
+
+def _interrupted(publisher: "Publisher", sent: int, buffer: Path | None) -> str:
+    kept = f"they wait in {buffer}" if buffer else "send the records again"
+    return f"interrupted: {sent} blocks sent, {len(publisher.ring)} not committed: {kept}"
 
 
 def _told(publisher: "Publisher", turbine: str, sent: int, known: int) -> str:

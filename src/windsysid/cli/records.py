@@ -2,15 +2,9 @@
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
-
-from windsysid.output.console import printable
-from windsysid.units import RPM
-
-if TYPE_CHECKING:
-    pass
 
 from windsysid.cli.common import (
     ListsLoads,
@@ -23,6 +17,8 @@ from windsysid.cli.common import (
     print_table,
     show_progress,
 )
+from windsysid.output.console import printable
+from windsysid.units import RPM
 
 __all__ = []
 
@@ -100,8 +96,7 @@ def inspect_command(
         float | None, typer.Option(help="Length of the sections to propose \\[s]; else the longest that are good.")
     ] = None,
     write_mapping: Annotated[
-        Path | None,
-        typer.Option(help="Instead: propose a mapping with its doubts, and write this TOML file."),
+        Path | None, typer.Option(help="Instead: propose a mapping with its doubts, and write this TOML file.")
     ] = None,
     overwrite: Overwrite = False,
 ) -> None:

@@ -28,20 +28,9 @@ from windsysid.records.formats.format import package
 from windsysid.records.moments import moment
 
 __all__ = [
-    "UNDATED",
-    "Known",
-    "add_rows",
-    "claim_archive",
-    "day_of",
-    "files_of",
-    "is_archive",
-    "known_sources",
-    "place_of",
-    "read_table",
-    "rows_in",
-    "table_of",
-    "turbines_of",
-]
+    "UNDATED", "Known", "add_rows", "claim_archive", "day_of", "files_of", "is_archive", "known_sources", "place_of",
+    "read_table", "rows_in", "table_of", "turbines_of",
+]  # fmt: skip
 
 FORM = b"windsysid archive 1\n"
 """What every digest begins with: the form of the files."""

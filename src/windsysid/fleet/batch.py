@@ -1,15 +1,15 @@
-"""Take a folder of records, or many, into an archive: what is new, and nothing twice."""
+"""Batch identification of folders of records into an archive, each record once."""
 
-import glob
 import math
 import os
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import asdict, dataclass, field
 from itertools import islice
 from pathlib import Path
+from typing import NamedTuple
 
 from windsysid.errors import ConfigurationError
 from windsysid.fleet.archive import UNDATED, Known, claim_archive, day_of, known_sources, place_of
@@ -17,14 +17,12 @@ from windsysid.fleet.engine import run_here, run_on_dask, share
 from windsysid.fleet.guard import DeadWorkerError, HangingWorkerError, Worker
 from windsysid.fleet.joining import check_clocks, join_late, read_scadas
 from windsysid.fleet.members import Member, member_of, read_fleet, single
-from windsysid.fleet.paths import is_file_or_broken_link, size_or_unknown
-from windsysid.fleet.remote import is_remote, list_remote
+from windsysid.fleet.paths import record_paths, size_or_unknown
+from windsysid.fleet.remote import is_remote
 from windsysid.fleet.scada import Scada
 from windsysid.fleet.tasks import Task
 from windsysid.output.console import printable
-from windsysid.output.files import path_text
 from windsysid.output.progress import Progress, unheard
-from windsysid.records.formats import FORMATS
 from windsysid.turbine.file import load_turbine
 from windsysid.units import spell
 
@@ -146,6 +144,45 @@ def batch(
     OutputError
         If the archive cannot be written: what was filed stays, and the same call goes on.
     """
+    _check_options(turbine, fleet, formulation, workers, limit)
+    members = _members(turbine, fleet, mapping=mapping, sensors=sensors, scada=scada, scada_mapping=scada_mapping)
+    if is_remote(str(archive)):
+        raise ConfigurationError(
+            f"archive {archive}: expected a folder: records may be in an object store, the archive not; copy it there"
+        )
+    begun, folder = time.monotonic(), Path(archive).resolve()
+    settings = {member.name: _settings(member, formulation) for member in members}
+    scadas, notes = read_scadas(members)
+    progress("looking for records", None)
+    theirs, unmatched = _assigned(record_paths(sources, folder), members)
+    notes += _unused_patterns(theirs, members) if unmatched else ()
+    with claim_archive(folder):
+        known = {member.name: known_sources(folder, member.name) for member in members}
+        _check_settings(folder, known, settings)
+        new = {member: _new(theirs[member.name], known[member.name]) for member in members}
+        there = sum(map(len, theirs.values())) - sum(map(len, new.values()))
+        run = _ArchiveRun(folder, formulation, limit, settings, scadas, known)
+        joined = _join_scada(run, members, progress)
+        counted = _identify(run, new, workers or _processors(), scheduler, progress)
+    return Batch(
+        folder, dict(counted.taken), there, unmatched, joined, (*counted.reasons(), *notes), time.monotonic() - begun
+    )
+
+
+class _ArchiveRun(NamedTuple):
+    """The archive of one run, how its records are identified, and by turbine the settings, SCADA and known records."""
+
+    folder: Path
+    formulation: str
+    limit: float
+    settings: dict[str, str]
+    scadas: dict[str, Scada]
+    known: dict[str, dict[str, Known]]
+
+
+def _check_options(
+    turbine: str | Path | None, fleet: str | Path | None, formulation: str, workers: int | None, limit: float
+) -> None:
     if (turbine is None) == (fleet is None):
         raise ConfigurationError(
             "batch: whose records are they? Expected one of turbine (T, of all) and fleet (FILE, of several), got "
@@ -157,51 +194,51 @@ def batch(
         raise ConfigurationError(f"workers: expected 1 or more, got {workers}")
     if not limit > 0.0:
         raise ConfigurationError(f"limit: expected a time above 0 s, got {limit:g}")
-    own = {"mapping": mapping, "sensors": sensors, "scada": scada, "scada_mapping": scada_mapping}
-    if fleet is not None:
-        if any(own.values()):
-            raise ConfigurationError("batch: with a fleet file, mapping, sensors and SCADA are named in it")
-        members = read_fleet(fleet)
-    else:
-        members = (single(str(turbine), **own),)
-    if is_remote(str(archive)):
-        raise ConfigurationError(
-            f"archive {archive}: expected a folder: records may be in an object store, the archive not; copy it there"
-        )
-    begun, folder = time.monotonic(), Path(archive).resolve()
-    settings = {member.name: _settings(member, formulation) for member in members}
-    scadas, notes = read_scadas(members)
-    progress("looking for records", None)
-    theirs, unmatched = _assigned(_files(sources, folder), members)
-    if unmatched:
-        bare = (member for member in members if not theirs[member.name])
-        notes += tuple(
-            f"no file fits the pattern of '{member.name}': {member.pattern}" for member in islice(bare, REASONS)
-        )
-    with claim_archive(folder):
-        known = {member.name: known_sources(folder, member.name) for member in members}
-        _check_settings(folder, known, settings)
-        new = {member: _new(theirs[member.name], known[member.name]) for member in members}
-        there = sum(len(paths) for paths in theirs.values()) - sum(len(paths) for paths in new.values())
-        joined = 0
-        for member in members:
-            if member.name in scadas and known[member.name]:
-                progress(f"joining SCADA to records of {member.name}", None)
-                usual = load_turbine(member.turbine).rotor_speed
-                joined += join_late(folder, member.name, scadas[member.name], usual, known[member.name])
-        with ExitStack() as stack:
-            team = [stack.enter_context(closing(Worker(limit))) for _ in range(workers or _processors())]
-            tasks = _tasks(new, known, folder, formulation, settings, limit, team, progress, scadas)
-            total = sum(len(task.sources) for task in tasks)
-            counted = _Counted(total, progress)
-            if scheduler is None:
-                run_here(tasks, team[:total], counted.tell)
-            else:
-                stack.close()
-                run_on_dask(tasks, scheduler, counted.tell)
-    return Batch(
-        folder, dict(counted.taken), there, unmatched, joined, (*counted.reasons(), *notes), time.monotonic() - begun
-    )
+
+
+def _members(
+    turbine: str | Path | None, fleet: str | Path | None, **files: str | Path | None
+) -> tuple[Member, ...]:  # fmt: skip
+    """The turbines of a fleet file, or the one turbine with its files."""
+    if fleet is None:
+        return (single(str(turbine), **files),)
+    if any(files.values()):
+        raise ConfigurationError("batch: with a fleet file, mapping, sensors and SCADA are named in it")
+    return read_fleet(fleet)
+
+
+def _unused_patterns(theirs: Mapping[str, Sequence[str]], members: Sequence[Member]) -> tuple[str, ...]:
+    bare = (member for member in members if not theirs[member.name])
+    return tuple(f"no file fits the pattern of '{member.name}': {member.pattern}" for member in islice(bare, REASONS))
+
+
+def _join_scada(run: _ArchiveRun, members: Sequence[Member], progress: Progress) -> int:
+    """Join SCADA to the records that the archive has already; how many changed."""
+    joined = 0
+    for member in members:
+        known = run.known[member.name]
+        if member.name in run.scadas and known:
+            progress(f"joining SCADA to records of {member.name}", None)
+            usual = load_turbine(member.turbine).rotor_speed
+            joined += join_late(run.folder, member.name, run.scadas[member.name], usual, known)
+    return joined
+
+
+def _identify(
+    run: _ArchiveRun, new: Mapping[Member, Sequence[str]], workers: int, scheduler: str | None, progress: Progress
+) -> "_Counted":
+    """Identify the new records of each turbine, here or on Dask."""
+    with ExitStack() as stack:
+        team = [stack.enter_context(closing(Worker(run.limit))) for _ in range(workers)]
+        tasks = _tasks(run, new, team, progress)
+        total = sum(len(task.sources) for task in tasks)
+        counted = _Counted(total, progress)
+        if scheduler is None:
+            run_here(tasks, team[:total], counted.tell)
+        else:
+            stack.close()
+            run_on_dask(tasks, scheduler, counted.tell)
+    return counted
 
 
 class _Counted:
@@ -233,55 +270,6 @@ def _settings(member: Member, formulation: str) -> str:
         return member.settings(formulation)
     except ConfigurationError as error:
         raise ConfigurationError(f"'{member.name}': {error}") from None
-
-
-def _files(sources: str | Path | Iterable[str | Path], archive: Path) -> list[str]:
-    """List the absolute paths of records, each once, in order; of folders, those with the ending of a format.
-
-    A broken link is listed, so that its row reports it; a device or a named pipe is no record.
-    """
-    listed = [sources] if isinstance(sources, str | Path) else list(sources)
-    found: dict[str, None] = {}
-    for source in listed:
-        path = Path(source)
-        if isinstance(source, str) and is_remote(source):
-            below = list_remote(source)
-        elif path.is_dir():
-            below = _walk(path.resolve(), archive)
-        elif is_file_or_broken_link(path):
-            below = [str(_absolute(path))]
-        else:
-            named = [_absolute(Path(name)) for name in glob.glob(str(source), recursive=True)]
-            below = [each for one in named for each in _below(one, archive)]
-        if not below:
-            raise ConfigurationError(f"source {source}: expected a file, a folder or a pattern with records, got none")
-        found |= dict.fromkeys(map(path_text, below))
-    return sorted(found)
-
-
-def _absolute(path: Path) -> Path:
-    """Absolute path of the file, with links resolved unless they are broken."""
-    return path.resolve() if os.path.exists(path) else path.absolute()
-
-
-def _below(path: Path, archive: Path) -> list[str]:
-    """List the possible records of a path that matches a pattern."""
-    if path.is_dir():
-        return _walk(path, archive)
-    return [str(path)] if is_file_or_broken_link(path) else []
-
-
-def _walk(folder: Path, archive: Path) -> list[str]:
-    """Files below a folder that may be records, none of them hidden or of the archive."""
-    found = []
-    for place, folders, names in os.walk(folder):
-        here = Path(place)
-        folders[:] = [name for name in folders if not name.startswith(".") and here / name != archive]
-        paths = (here / name for name in names if not name.startswith("."))
-        found += [
-            str(path) for path in paths if any(one.is_named(path) for one in FORMATS) and is_file_or_broken_link(path)
-        ]
-    return found
 
 
 def _assigned(files: Sequence[str], members: Sequence[Member]) -> tuple[dict[str, list[str]], int]:
@@ -325,28 +313,32 @@ def _new(paths: Sequence[str], known: dict[str, Known]) -> list[str]:
 
 
 def _tasks(
-    new: dict[Member, list[str]], known: dict[str, dict[str, Known]], archive: Path, formulation: str,
-    settings: dict[str, str], limit: float, team: Sequence[Worker], progress: Progress,
-    scadas: dict[str, Scada],
-) -> list[Task]:  # fmt: skip
+    run: _ArchiveRun, new: Mapping[Member, Sequence[str]], team: Sequence[Worker], progress: Progress
+) -> list[Task]:
     """Records of a turbine and day together, in order; ConfigurationError where all have another clock than
     their SCADA: SCADA says its zone, and they do not, or the other way round."""
-    days: dict[tuple[str, str], list[tuple[str, int]]] = {}
-    of = {member.name: member for member in new}
+    known, of = run.known, {member.name: member for member in new}
     asked = [(member, path) for member, paths in new.items() for path in paths if _unknown(path, known[member.name])]
     begins = _begins(asked, team, progress)
-    for member, paths in new.items():
-        for path in paths:
-            row = known[member.name].get(path)
-            day = row.day if row is not None else day_of(begins.get(path), path)
-            days.setdefault((member.name, day), []).append((path, row.tries if row is not None else 0))
-        starts = {start for start in map(begins.get, paths) if start is not None}
-        if member.name in scadas and starts:
-            check_clocks(member.name, scadas[member.name], starts)
+    days: dict[tuple[str, str], list[tuple[str, int]]] = {}
+    for name, member in of.items():
+        for path in new[member]:
+            day, tries = _day_and_tries(path, known[name].get(path), begins)
+            days.setdefault((name, day), []).append((path, tries))
+        starts = set(filter(None, map(begins.get, new[member])))
+        if name in run.scadas and starts:
+            check_clocks(name, run.scadas[name], starts)
+    settings, limit = run.settings, run.limit
     return [
-        Task(of[name], day, str(place_of(archive, name, day)), tuple(sources), formulation, settings[name], limit)
+        Task(
+            of[name], day, str(place_of(run.folder, name, day)), tuple(sources), run.formulation, settings[name], limit
+        )
         for (name, day), sources in sorted(days.items())  # turbine by turbine: each worker reads its SCADA once
     ]
+
+
+def _day_and_tries(path: str, row: Known | None, begins: Mapping[str, str | None]) -> tuple[str, int]:
+    return (day_of(begins.get(path), path), 0) if row is None else (row.day, row.tries)
 
 
 def _unknown(path: str, known: dict[str, Known]) -> bool:

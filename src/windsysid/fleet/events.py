@@ -1,4 +1,4 @@
-"""What stands out of a fleet, in sentences: jumps, sensors that fail, outliers, each thing once.
+"""Events of a fleet, in sentences: jumps, failing sensors, outliers, each once.
 
 An alarm whose jump has zero in its band, once its date is known, is left out, unless a jump that has not takes it back;
 the watch of the turbine lists it.
@@ -12,6 +12,7 @@ A jump with which noise or trust changed is the sensor's
 import itertools
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from datetime import UTC
 from typing import NamedTuple
 
@@ -20,11 +21,11 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.fleet.sensors import Failing
 from windsysid.fleet.sisters import Standing
-from windsysid.monitoring.changes import Change, Watch
+from windsysid.monitoring.changes import DetectedJump, Watch
 from windsysid.monitoring.series import DAY
 from windsysid.monitoring.watch import NOISE, SENSOR
 
-__all__ = ["Event", "events_of"]
+__all__ = ["FleetEvent", "events_of"]
 
 SHARED_DAYS = 7.0
 """Jumps of sisters within so many days of each other belong together."""
@@ -60,7 +61,7 @@ ICE_DAY = 0.5 * DAY
 _WORST = ("turbine", "ice", "sensor", "outlier", "shared")
 
 
-class Event(NamedTuple):
+class FleetEvent(NamedTuple):
     """One thing that stands out.
 
     Attributes
@@ -78,57 +79,94 @@ class Event(NamedTuple):
     told: str
 
 
+@dataclass(frozen=True, eq=False)
+class _Jump:
+    """A jump of one coefficient of one turbine, and the watch that found it."""
+
+    turbine: str
+    watch: Watch
+    change: DetectedJump
+
+    @property
+    def seconds(self) -> float:
+        """When it happened [s since 1970]."""
+        return _epoch(self.watch) + self.change.time
+
+    def is_alike(self, other: "_Jump") -> bool:
+        """Whether two jumps are of one coefficient, in one direction, about the same date."""
+        one, another = self.change, other.change
+        same = one.name == another.name and one.percent * another.percent > 0.0
+        return same and abs(self.seconds - other.seconds) <= SHARED_DAYS * DAY
+
+
 def events_of(
     watches: Mapping[str, Watch], failing: Sequence[Failing], standings: Sequence[Standing],
     air: Mapping[str, tuple[Array, Array]],
-) -> list[Event]:  # fmt: skip
+) -> list[FleetEvent]:  # fmt: skip
     """What stands out, the worst first, each thing once."""
-    changes = [(name, change) for name, one in watches.items() for change in _told(one)]
-    found: list[Event] = []
-    done: set[int] = set()
-    for i, (name, change) in enumerate(changes):
-        alike = [j for j, (_, other) in enumerate(changes) if j not in done and _is_alike(watches, changes, i, j)]
-        sisters = list(dict.fromkeys(changes[j][0] for j in alike))
-        if i not in done and len(sisters) >= max(MIN_SHARED, 0.5 * len(watches)):
-            done.update(alike)
-            verb = "rose" if change.percent > 0.0 else "fell"
-            when = watches[name].blocks.when(change.time)
-            told = f"{change.name} {verb} about {when} at {len(sisters)} of {len(watches)}: season, site or software"
-            found.append(Event(", ".join(sisters), "shared", told))
-    meanwhile = {
-        one: [
-            i for i, (name, change) in enumerate(changes)
-            if name == one.turbine and i not in done and one.covers(_epoch(watches[name]) + change.time)
-        ]
-        for one in failing
-    }  # fmt: skip
-    done.update(i for theirs in meanwhile.values() for i in theirs)
-    for i, (name, change) in enumerate(changes):
-        if i in done:
-            continue
-        if change.cause in (NOISE, SENSOR):
-            found.append(Event(name, "sensor", change.told))
-            continue
-        later = [
-            j for j in range(i + 1, len(changes))
-            if j not in done and changes[j][0] == name and changes[j][1].name == change.name
-        ]  # fmt: skip
-        back = _steps_back(watches[name], [change, *(changes[j][1] for j in later)])
-        if not back:
-            found.append(Event(name, "turbine", change.told))
-            continue
-        done.update(later[:back])
-        steps = [change, *(changes[j][1] for j in later[:back])]
-        found.append(_went(name, steps, watches[name], *air[name]))
-    for one, theirs in meanwhile.items():
-        more = f"; jumps found meanwhile, {len(theirs)}, are put down to it" if theirs else ""
-        found.append(Event(one.turbine, "shared" if one.shared else "sensor", one.told + more))
-    doubtful = {one.turbine for one, theirs in meanwhile.items() if theirs}
-    found += [Event(s.turbine, "outlier", s.told) for s in standings if s.outlier and s.turbine not in doubtful]
+    jumps = [_Jump(name, one, change) for name, one in watches.items() for change in _told(one)]
+    shared, single = _shared_jumps(jumps, len(watches))
+    sensors, unexplained = _sensor_failures(single, failing)
+    doubtful = {jump.turbine for jump in single if jump not in unexplained}
+    outliers = [FleetEvent(s.turbine, "outlier", s.told) for s in standings if s.outlier and s.turbine not in doubtful]
+    found = shared + _single_jumps(unexplained, air) + sensors + outliers
     return sorted(found, key=lambda event: _WORST.index(event.kind))
 
 
-def _told(one: Watch) -> list[Change]:
+def _shared_jumps(jumps: Sequence[_Jump], turbines: int) -> tuple[list[FleetEvent], list[_Jump]]:
+    """Events of jumps that enough turbines have about the same date, and the jumps that are left."""
+    events: list[FleetEvent] = []
+    left = list(jumps)
+    for jump in jumps:
+        alike = [other for other in left if jump.is_alike(other)]
+        sisters = list(dict.fromkeys(other.turbine for other in alike))
+        if jump not in left or len(sisters) < max(MIN_SHARED, 0.5 * turbines):
+            continue
+        left = [other for other in left if other not in alike]
+        verb = "rose" if jump.change.percent > 0.0 else "fell"
+        when = jump.watch.blocks.when(jump.change.time)
+        told = f"{jump.change.name} {verb} about {when} at {len(sisters)} of {turbines}: season, site or software"
+        events.append(FleetEvent(", ".join(sisters), "shared", told))
+    return events, left
+
+
+def _sensor_failures(jumps: Sequence[_Jump], failing: Sequence[Failing]) -> tuple[list[FleetEvent], list[_Jump]]:
+    """Events of sensors that fail, and the jumps that are not put down to one of them."""
+    events: list[FleetEvent] = []
+    explained: set[_Jump] = set()
+    for one in failing:
+        theirs = [jump for jump in jumps if jump.turbine == one.turbine and one.covers(jump.seconds)]
+        explained.update(theirs)
+        more = f"; jumps found meanwhile, {len(theirs)}, are put down to it" if theirs else ""
+        events.append(FleetEvent(one.turbine, "shared" if one.shared else "sensor", one.told + more))
+    return events, [jump for jump in jumps if jump not in explained]
+
+
+def _single_jumps(jumps: Sequence[_Jump], air: Mapping[str, tuple[Array, Array]]) -> list[FleetEvent]:
+    """Events of jumps that one turbine has; a jump and those that take it back are one event."""
+    events: list[FleetEvent] = []
+    left = list(jumps)
+    while left:
+        jump = left.pop(0)
+        sensor = jump.change.cause in (NOISE, SENSOR)
+        back = [] if sensor else _taken_back_by(jump, left)
+        if back:
+            left = [other for other in left if other not in back]
+            steps = [one.change for one in (jump, *back)]
+            events.append(_went(jump.turbine, steps, jump.watch, *air[jump.turbine]))
+        else:
+            events.append(FleetEvent(jump.turbine, "sensor" if sensor else "turbine", jump.change.told))
+    return events
+
+
+def _taken_back_by(jump: _Jump, later: Sequence[_Jump]) -> list[_Jump]:
+    """The later jumps of the same coefficient that take a jump back; none where it stays."""
+    key = jump.turbine, jump.change.name
+    same = [other for other in later if (other.turbine, other.change.name) == key]
+    return same[: _steps_back(jump.watch, [jump.change, *(other.change for other in same)])]
+
+
+def _told(one: Watch) -> list[DetectedJump]:
     """Jumps that are told: those that are some, once it is known when they were, and what such a one takes back."""
     merged = _merged(one)
     told = []
@@ -139,15 +177,15 @@ def _told(one: Watch) -> list[Change]:
     return told
 
 
-def _is_sure(change: Change) -> bool:
+def _is_sure(change: DetectedJump) -> bool:
     """Whether a jump's band holds nothing but jumps."""
     return change.low > 0.0 or change.high < 0.0
 
 
-def _merged(one: Watch) -> list[Change]:
+def _merged(one: Watch) -> list[DetectedJump]:
     """The jumps of a watch, those that are steps of one taken together, in the order of their alarms."""
-    runs: list[list[Change]] = []
-    newest: dict[str, list[Change]] = {}
+    runs: list[list[DetectedJump]] = []
+    newest: dict[str, list[DetectedJump]] = {}
     for change in one.changes:
         run = newest.get(change.name)
         if run is None or change.percent * run[-1].percent <= 0.0 or change.earliest - run[-1].latest > STEP_DAYS * DAY:
@@ -157,7 +195,7 @@ def _merged(one: Watch) -> list[Change]:
     return [run[0] if len(run) == 1 else _as_one(one, run) for run in runs]
 
 
-def _as_one(one: Watch, run: Sequence[Change]) -> Change:
+def _as_one(one: Watch, run: Sequence[DetectedJump]) -> DetectedJump:
     """Steps of one coefficient as one jump: its size by the blocks before and after."""
     first, last = run[0], max(run, key=lambda step: step.latest)
     (percent,) = _levels(one, [first._replace(latest=last.latest, percent=sum(step.percent for step in run))])
@@ -176,16 +214,7 @@ def _epoch(one: Watch) -> float:
     return (begin if begin.tzinfo is not None else begin.replace(tzinfo=UTC)).timestamp()
 
 
-def _is_alike(watches: Mapping[str, Watch], changes: Sequence[tuple[str, Change]], i: int, j: int) -> bool:
-    """Whether two jumps are of one coefficient, in one direction, about the same date."""
-    (name, one), (other_name, other) = changes[i], changes[j]
-    if one.name != other.name or one.percent * other.percent <= 0.0:
-        return False
-    apart = _epoch(watches[name]) + one.time - _epoch(watches[other_name]) - other.time
-    return abs(apart) <= SHARED_DAYS * DAY
-
-
-def _levels(one: Watch, steps: Sequence[Change]) -> list[float]:
+def _levels(one: Watch, steps: Sequence[DetectedJump]) -> list[float]:
     """Level after each of some jumps of a coefficient, less that before the first, in percent of that."""
     time, values = one.blocks.time, next(series.adjusted for series in one.series if series.name == steps[0].name)
     side = SIDE_DAYS * DAY
@@ -202,14 +231,14 @@ def _levels(one: Watch, steps: Sequence[Change]) -> list[float]:
     return [float(value) for value in np.where(np.isfinite(found), found, told)]
 
 
-def _steps_back(one: Watch, steps: Sequence[Change]) -> int:
+def _steps_back(one: Watch, steps: Sequence[DetectedJump]) -> int:
     """After how many more jumps of a coefficient the first one is taken back; 0 where it is not."""
     levels = _levels(one, [step for step in steps if step.time - steps[0].time <= RETURN_DAYS * DAY])
     back = int(np.argmin(np.abs(levels)))
     return back if abs(levels[back]) <= RETURN_MAX_REST * np.max(np.abs(levels[: back + 1])) else 0
 
 
-def _went(name: str, steps: Sequence[Change], one: Watch, seconds: Array, temperature: Array) -> Event:
+def _went(name: str, steps: Sequence[DetectedJump], one: Watch, seconds: Array, temperature: Array) -> FleetEvent:
     """What came and went, in words."""
     levels = np.array(_levels(one, steps)[:-1])
     top = int(np.argmax(np.abs(levels)))
@@ -222,7 +251,7 @@ def _went(name: str, steps: Sequence[Change], one: Watch, seconds: Array, temper
     when = one.blocks.between(first.earliest, reached.latest), one.blocks.between(begins.earliest, last.latest)
     told = f"{first.name} {verbs[0]} by {abs(levels[top]):.2g} % on {when[0]} and {verbs[1]} again on {when[1]}"
     if mean is None:
-        return Event(name, "turbine", told)
+        return FleetEvent(name, "turbine", told)
     if mean > ICE_MAX_TEMPERATURE or levels[top] > 0.0:
-        return Event(name, "turbine", f"{told}, at {round(mean)} °C when it {verbs[0]}")
-    return Event(name, "ice", f"{told}, at {round(mean)} °C when it fell: as ice on blades does")
+        return FleetEvent(name, "turbine", f"{told}, at {round(mean)} °C when it {verbs[0]}")
+    return FleetEvent(name, "ice", f"{told}, at {round(mean)} °C when it fell: as ice on blades does")

@@ -1,4 +1,4 @@
-"""Put SCADA beside the rows of records, whichever came first.
+"""Joining of SCADA to the rows of records, whichever came first.
 
 SCADA has no part in an identification, so that a row which was written before its SCADA gets it later, with no record
 opened again, and then has the bytes of a row that was written after.
@@ -121,9 +121,8 @@ def join_late(archive: Path, turbine: str, scada: Scada, usual: float, known: Ma
     changed = 0
     for day in sorted({one.day for one in known.values() if scada.is_near(one.time, one.seconds)}):
         path = place_of(archive, turbine, day)
-        before = {row["source"]: row for row in rows_in(path, _READ)}
-        joined = {source: join(row, scada, usual) for source, row in before.items()}
-        late = {source: row for source, row in joined.items() if row != before[source]}
+        both = [(row, join(row, scada, usual)) for row in rows_in(path, _READ)]
+        late = {row["source"]: joined for row, joined in both if joined != row}
         if late:
             add_rows(path, [row | late[row["source"]] for row in rows_in(path) if row["source"] in late])
             changed += len(late)

@@ -17,6 +17,7 @@ Paths in it are relative to its own folder.
 import fnmatch
 import hashlib
 import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -109,23 +110,14 @@ def read_fleet(path: str | Path) -> tuple[Member, ...]:
         got = ", ".join(tables) or "none"
         raise ConfigurationError(f"fleet {path}: expected tables [[turbine]] and nothing else, got {got}")
     members = [_member(path, i, table) for i, table in enumerate(listed, 1)]
-    names = [member.name for member in members]
-    twice = next((name for name in names if names.count(name) > 1), None)
-    if twice is not None:
-        raise ConfigurationError(f"fleet {path}: two turbines are called '{twice}': give each a name of its own")
+    (name, count), *_ = Counter(member.name for member in members).most_common(1)
+    if count > 1:
+        raise ConfigurationError(f"fleet {path}: two turbines are called '{name}': give each a name of its own")
     return tuple(members)
 
 
 def _member(path: Path, number: int, table: Any) -> Member:
-    keys = ("name", "pattern", "turbine", *_FILES)
-    where = f"fleet {path}: [[turbine]] {number}"
-    if not isinstance(table, dict) or not all(isinstance(value, str) for value in table.values()):
-        raise ConfigurationError(f"{where}: expected every value to be a text in quotes")
-    unknown = [key for key in table if key not in keys]
-    missing = [key for key in keys[:3] if not table.get(key)]
-    if unknown or missing:
-        what = f"unknown key '{unknown[0]}'" if unknown else f"'{missing[0]}' is missing"
-        raise ConfigurationError(f"{where}: {what}: expected {', '.join(keys[:3])} and, if there are any, {_OPTIONAL}")
+    _check_keys(f"fleet {path}: [[turbine]] {number}", table)
     turbine = table["turbine"]
     if turbine not in packaged_turbines():
         turbine = str((path.parent / turbine).resolve())
@@ -133,7 +125,16 @@ def _member(path: Path, number: int, table: Any) -> Member:
     return Member(table["name"], turbine, table["pattern"], **files)
 
 
-_OPTIONAL = ", ".join(_FILES)
+def _check_keys(where: str, table: Any) -> None:
+    keys = ("name", "pattern", "turbine", *_FILES)
+    if not isinstance(table, dict) or not all(isinstance(value, str) for value in table.values()):
+        raise ConfigurationError(f"{where}: expected every value to be a text in quotes")
+    wrong = [f"unknown key '{key}'" for key in table if key not in keys]
+    wrong += [f"'{key}' is missing" for key in keys[:3] if not table.get(key)]
+    if wrong:
+        raise ConfigurationError(
+            f"{where}: {wrong[0]}: expected {', '.join(keys[:3])} and, if there are any, {', '.join(_FILES)}"
+        )
 
 
 def member_of(path: Path, members: Sequence[Member]) -> Member | None:

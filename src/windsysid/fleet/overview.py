@@ -1,4 +1,4 @@
-"""Every turbine of an archive at a glance: who stands out, what jumped, what is missing, which sensors fail.
+"""Overview of all turbines of an archive: outliers, jumps, availability, failing sensors.
 
 Each turbine is watched by itself (`windsysid.monitoring.watch`), at a rate of false alarms that is stated for the whole
 page and shared out among the turbines. What then looks alike at half of the sisters on the same date is the site's or
@@ -18,7 +18,7 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError
 from windsysid.fleet.archive import read_table, turbines_of
-from windsysid.fleet.events import Event, events_of
+from windsysid.fleet.events import FleetEvent, events_of
 from windsysid.fleet.sensors import Failing, failing_sensors, weeks_of
 from windsysid.fleet.series import WANTED, blocks_of, numbers, seconds_of, texts
 from windsysid.fleet.sisters import MIN_SISTERS, Standing, stand
@@ -97,7 +97,7 @@ class Overview(Answer):
     watches: Mapping[str, Watch]
     standings: tuple[Standing, ...]
     failing: tuple[Failing, ...]
-    events: tuple[Event, ...]
+    events: tuple[FleetEvent, ...]
     alarms_per_year: float
     notes: tuple[str, ...] = field(default=())
 
@@ -275,11 +275,9 @@ def _months(begin: float, end: float) -> dict[str, tuple[float, float]]:
 
 def _standings(watches: Mapping[str, Watch]) -> list[Standing]:
     """Turbines that have the same coefficients, against each other, at the same covariates."""
-    kinds: dict[tuple[Any, ...], list[str]] = {}
+    kinds: dict[tuple[tuple[str, str, float], ...], list[str]] = {}
     for name, one in watches.items():
-        coefficients = [i for i in range(len(one.series)) if one.blocks.kind(i) != "noise"]
-        key = tuple((one.series[i].name, one.series[i].unit, one.blocks.reference[i]) for i in coefficients)
-        kinds.setdefault(key, []).append(name)
+        kinds.setdefault(_coefficients(one), []).append(name)
     tests = sum(len(key) for key, names in kinds.items() if len(names) >= MIN_SISTERS)
     found: list[Standing] = []
     for key, names in kinds.items():
@@ -288,6 +286,13 @@ def _standings(watches: Mapping[str, Watch]) -> list[Standing]:
             levels = {name: _level(watches[name], coefficient, means) for name in names}
             found += stand(levels, coefficient, OUTLIER_CHANCE / max(tests, 1))
     return found
+
+
+def _coefficients(one: Watch) -> tuple[tuple[str, str, float], ...]:
+    """Name, unit and reference of each coefficient that is watched."""
+    reference = dict(zip(one.blocks.names, one.blocks.reference, strict=True))
+    coefficients = (s for i, s in enumerate(one.series) if one.blocks.kind(i) != "noise")
+    return tuple((s.name, s.unit, reference[s.name]) for s in coefficients)
 
 
 def _learned_means(one: Watch) -> dict[str, float]:

@@ -38,7 +38,7 @@ def list_remote(source: str) -> list[str]:
     """
     scheme, path = source.split("://", 1)
     fixed = re.split(r"[*?\[]", path)[0]
-    folder = path.rstrip("/") if fixed == path else fixed.rpartition("/")[0]
+    folder, pattern = (path.rstrip("/"), "*") if fixed == path else (fixed.rpartition("/")[0], path)
     try:
         store = _store(scheme, path.split("/")[0])
         fs = package("pyarrow.fs", "object stores", "fleet")
@@ -47,12 +47,14 @@ def list_remote(source: str) -> list[str]:
         listed = store.get_file_info(fs.FileSelector(folder, recursive=True, allow_not_found=True))
     except (OSError, ValueError) as error:
         raise ConfigurationError(f"source {source}: cannot be reached ({_short(error)})") from None
-    found = [one.path for one in listed if one.is_file and (fixed == path or fnmatch.fnmatchcase(one.path, path))]
-    below = ((name, PurePosixPath(name).relative_to(folder)) for name in found)
-    return sorted(
-        f"{scheme}://{name}" for name, short in below
-        if not any(part.startswith(".") for part in short.parts) and any(one.is_named(Path(name)) for one in FORMATS)
-    )  # fmt: skip
+    found = [one.path for one in listed if one.is_file and _is_record(PurePosixPath(one.path), folder)]
+    return sorted(f"{scheme}://{name}" for name in found if fnmatch.fnmatchcase(name, pattern))
+
+
+def _is_record(path: PurePosixPath, folder: str) -> bool:
+    """Whether an object below a folder is not hidden and has the ending of a format."""
+    hidden = any(part.startswith(".") for part in path.relative_to(folder).parts)
+    return not hidden and any(one.is_named(Path(path)) for one in FORMATS)
 
 
 def size_of(source: str) -> int:

@@ -1,7 +1,7 @@
-"""Which sensors fail: channels whose records have findings week after week, where their sisters' have none."""
+"""Failing sensors: channels with findings week after week, where turbines of the same type have none."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Any, NamedTuple
 
@@ -97,15 +97,21 @@ def failing_sensors(weeks: Mapping[str, Weeks]) -> list[Failing]:
             bad = (share >= FAILING_MIN_SHARE) & (mine.records >= MIN_RECORDS)
             for first, last in _runs(mine.number, bad):
                 part = slice(first, last + 1)
-                theirs = [_share(other, channel, mine.number[part]) for name, other in weeks.items() if name != turbine]
-                usual = [value for value in theirs if not math.isnan(value)]
                 worst = max((kind for kind in kinds if kind), key=lambda kind: int(kinds[kind][part].sum()))
                 of = float(kinds[""][part].sum() / mine.records[part].sum())
-                shared = bool(usual) and float(np.median(usual)) >= SHARED_MIN_SHARE
+                sisters = [other for name, other in weeks.items() if name != turbine]
+                shared = _is_shared(sisters, channel, mine.number[part])
                 found.append(
                     Failing(turbine, channel, worst, of, _day(mine.number[first]), _day(mine.number[last] + 1), shared)
                 )
     return found
+
+
+def _is_shared(sisters: Sequence[Weeks], channel: str, numbers: NDArray[np.int64]) -> bool:
+    """Whether the sisters' channel has findings in these weeks too."""
+    shares = np.array([_share(other, channel, numbers) for other in sisters])
+    known = shares[~np.isnan(shares)]
+    return bool(known.size) and float(np.median(known)) >= SHARED_MIN_SHARE
 
 
 def _share(weeks: Weeks, channel: str, numbers: NDArray[np.int64]) -> float:

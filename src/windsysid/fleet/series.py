@@ -1,4 +1,4 @@
-"""What the records of an archive say of one turbine, one after the other: the blocks that the watch follows.
+"""Estimates of the records of one turbine of an archive, in order of time: the blocks that the watch follows.
 
 States and SCADA are covariates. A state other than the commonest has an indicator, 0 or 1, which holds all that the air
 does to it: wind, pitch and rotor speed count in the commonest state only, since they act otherwise on a parked rotor
@@ -20,7 +20,7 @@ from windsysid.errors import ConfigurationError
 from windsysid.fleet.archive import read_table
 from windsysid.mechanics.rotor import MEAN_LAG
 from windsysid.mechanics.sensors import noise_source
-from windsysid.monitoring.series import MIN_BLOCKS, Blocks
+from windsysid.monitoring.series import MIN_BLOCKS, RecordBlocks
 from windsysid.monitoring.watch import MAX_LEARNING_BLOCKS
 from windsysid.records.moments import moment
 from windsysid.results.posterior import SIGMAS
@@ -62,7 +62,7 @@ class Pairs(NamedTuple):
         return numbers_of(self.entries.field(name))
 
 
-def archive_blocks(archive: str | Path, turbine: str) -> Blocks:
+def archive_blocks(archive: str | Path, turbine: str) -> RecordBlocks:
     """Blocks of one turbine of an archive.
 
     Raises
@@ -73,33 +73,19 @@ def archive_blocks(archive: str | Path, turbine: str) -> Blocks:
     return blocks_of(read_table(archive, turbine, WANTED))
 
 
-def blocks_of(table: Any) -> Blocks:
+def blocks_of(table: Any) -> RecordBlocks:
     """Blocks from rows with the columns `WANTED`; ConfigurationError as `archive_blocks`."""
     notes: list[str] = []
-    good = (texts(table, "status") == "ok") & np.array([start is not None for start in texts(table, "start")])
-    table = _first_of_each(table.filter(_mask(good)), notes)
-    state, steady = texts(table, "state"), texts(table, "state") != "transient"
-    keep = steady & _learned(state, steady, notes)
-    table, state = table.filter(_mask(keep)), state[keep]
-    if table.num_rows < MIN_BLOCKS:
-        raise ConfigurationError(
-            f"expected at least {MIN_BLOCKS} identified records with a date, in a steady state; got {table.num_rows}"
-        )
+    table = _usable(table, notes)
     begin = _begin(texts(table, "start").tolist())
     versions = sorted(set(texts(table, "windsysid")))
     if len(versions) > 1:
         notes.append(f"identified by windsysid {', '.join(versions)}: a change of version may look like a jump")
-    covariates, names = _covariates(table, state, notes)
+    covariates, names = _covariates(table, texts(table, "state"), notes)
     parameters = pairs(table, "parameters")
     own, own_std = parameters.field("own"), parameters.field("own_std")
     theta, std, order = _spread(parameters, table.num_rows, own, own_std, parameters.names != MEAN_LAG)
-    noise = pairs(table, "statistics")
-    with np.errstate(invalid="ignore", divide="ignore"):
-        relative = np.log(noise.field("high") / noise.field("low")) / (2.0 * SIGMAS)
-        level = np.log(noise.field("estimate"))
-    heard = np.array([bool(noise_source(name)) for name in noise.names], dtype=bool) & np.isfinite(level + relative)
-    heard &= relative > 0.0
-    noise_theta, noise_std, sensors = _spread(noise, table.num_rows, level, relative, heard)
+    noise_theta, noise_std, sensors = _noise(table)
     first = {name: i for i, name in reversed(list(enumerate(parameters.names)))}
     logarithmic = [bool(parameters.entries.field("logarithmic")[first[name]].as_py()) for name in order]
     centre, scale = parameters.field("prior_centre"), parameters.field("coordinate_scale")
@@ -107,7 +93,7 @@ def blocks_of(table: Any) -> Blocks:
     units, kinds = (
         [str(parameters.entries.field(of)[first[name]].as_py()) for name in order] for of in ("unit", "kind")
     )
-    return Blocks(
+    return RecordBlocks(
         names=(*order, *sensors),
         time=seconds_of(table) - seconds_of(table)[0],
         theta=np.hstack([theta, noise_theta]),
@@ -123,6 +109,29 @@ def blocks_of(table: Any) -> Blocks:
         begin=begin,
         notes=tuple(notes),
     )
+
+
+def _usable(table: Any, notes: list[str]) -> Any:
+    """Identified rows with a date, each once, in a steady state of which there are enough to learn from."""
+    good = (texts(table, "status") == "ok") & np.array([start is not None for start in texts(table, "start")])
+    table = _first_of_each(table.filter(_mask(good)), notes)
+    state = texts(table, "state")
+    table = table.filter(_mask(_learned(state, state != "transient", notes)))
+    if table.num_rows < MIN_BLOCKS:
+        raise ConfigurationError(
+            f"expected at least {MIN_BLOCKS} identified records with a date, in a steady state; got {table.num_rows}"
+        )
+    return table
+
+
+def _noise(table: Any) -> tuple[Array, Array, list[str]]:
+    """Logarithms (T, n) of the noise found in sensors, their standard deviations, and the n names."""
+    noise = pairs(table, "statistics")
+    with np.errstate(invalid="ignore", divide="ignore"):
+        relative = np.log(noise.field("high") / noise.field("low")) / (2.0 * SIGMAS)
+        level = np.log(noise.field("estimate"))
+    wanted = np.array([bool(noise_source(name)) for name in noise.names], dtype=bool) & np.isfinite(level + relative)
+    return _spread(noise, table.num_rows, level, relative, wanted & (relative > 0.0))
 
 
 def numbers(table: Any, column: str) -> Array:

@@ -1,4 +1,4 @@
-"""What a watch found, as alarms: what moved, whether the structure or a sensor, how bad it is, and when it is over.
+"""Alarms of a watch: what changed, its cause (structure or sensor), its severity, and its end.
 
 Rules, in their order:
 
@@ -32,15 +32,8 @@ from windsysid.monitoring.watch import HEARD, SENSOR, SOUND, UNEXPLAINED, UNWATC
 from windsysid.results.posterior import SIGMAS
 
 __all__ = [
-    "BLIND_WINDOWS",
-    "Case",
-    "Circumstances",
-    "blind_alarm",
-    "came_back",
-    "drift_alarm",
-    "jump_alarm",
-    "why_blind",
-]
+    "BLIND_WINDOWS", "AlarmCase", "Circumstances", "blind_alarm", "came_back", "drift_alarm", "jump_alarm", "why_blind",
+]  # fmt: skip
 
 GRAVE_LOSS = {"k": 2.0, "f": 1.0, "c": 30.0}
 """Loss from which a jump of the structure is an alarm [%]: of stiffness, frequency, damping."""
@@ -57,7 +50,7 @@ ADVICE = {
 }
 
 
-class Case(NamedTuple):
+class AlarmCase(NamedTuple):
     """A jump and what was said of it.
 
     Attributes

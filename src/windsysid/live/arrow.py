@@ -81,6 +81,11 @@ class _Schema(NamedTuple):
     fields: tuple[_Field, ...]
     marks: tuple[tuple[str, int, int], ...]
 
+    @property
+    def texts(self) -> tuple[tuple[str, ...], tuple[str | None, ...]]:
+        """Names and units of the fields."""
+        return tuple([field.name for field in self.fields]), tuple([field.unit for field in self.fields])
+
 
 class _Message(NamedTuple):
     """Where the table of its header and its body begin, and the body's length [bytes]."""
@@ -111,28 +116,13 @@ def read_columns(payload: bytes, *, most_rows: int, most_columns: int) -> Column
     """
     try:
         messages = _messages(payload)
-        first = next(messages, None)
-        if first is None or first.kind != SCHEMA:
-            raise NotArrowError("expected a schema first")
-        schema = _known_schema(payload, first) or _schema(payload, first, most_columns)
+        schema = _opened(payload, messages, most_columns)
         fields = schema.fields
-        if len(fields) > most_columns:  # the cache may hold a schema that was read with other limits
-            raise _too_wide(len(fields), most_columns)
-        batches = []
-        rows = 0
-        for message in messages:
-            if message.kind != BATCH:
-                raise NotArrowError("expected batches of samples after the schema, no dictionaries and no tensors")
-            batch = _batch(payload, message, len(fields))
-            rows += batch.rows
-            if not 0 <= batch.rows <= rows <= most_rows:
-                raise NotArrowError(f"more than {most_rows} samples: send shorter blocks")
-            batches.append(batch)
-            if len(batches) > MOST_BATCHES:
-                raise NotArrowError(f"more than {MOST_BATCHES} batches: send one")
-        if rows * sum(field.dtype.itemsize for field in fields) > len(payload):
+        batches = _batches(payload, messages, len(fields), most_rows)
+        rows = sum([batch.rows for batch in batches])
+        if rows * sum([field.dtype.itemsize for field in fields]) > len(payload):
             raise NotArrowError("columns share their bytes: expected separate bytes for each column")
-        single = bool(fields) and all(field.dtype.itemsize == 4 for field in fields)
+        single = {field.dtype.itemsize for field in fields} == {4}
         values = np.empty((rows, len(fields)), dtype=np.float32 if single else np.float64)
         at = 0
         for batch in batches:
@@ -141,7 +131,35 @@ def read_columns(payload: bytes, *, most_rows: int, most_columns: int) -> Column
         marks = {name: payload[begin:end].decode() for name, begin, end in schema.marks}
     except (struct.error, IndexError, UnicodeDecodeError) as error:
         raise NotArrowError(f"an offset leads out of it ({error})") from None
-    return Columns(marks, tuple([field.name for field in fields]), tuple([field.unit for field in fields]), values)
+    return Columns(marks, *schema.texts, values)
+
+
+def _opened(payload: bytes, messages: Iterator[_Message], most_columns: int) -> _Schema:
+    """The schema, which is the first message."""
+    first = next(messages, None)
+    if first is None or first.kind != SCHEMA:
+        raise NotArrowError("expected a schema first")
+    schema = _known_schema(payload, first) or _schema(payload, first, most_columns)
+    if len(schema.fields) > most_columns:  # the cache may hold a schema that was read with other limits
+        raise _too_wide(len(schema.fields), most_columns)
+    return schema
+
+
+def _batches(payload: bytes, messages: Iterator[_Message], columns: int, most_rows: int) -> list[_Batch]:
+    """The batches that follow the schema."""
+    batches: list[_Batch] = []
+    rows = 0
+    for message in messages:
+        if message.kind != BATCH:
+            raise NotArrowError("expected batches of samples after the schema, no dictionaries and no tensors")
+        batch = _batch(payload, message, columns)
+        rows += batch.rows
+        if not 0 <= batch.rows <= rows <= most_rows:
+            raise NotArrowError(f"more than {most_rows} samples: send shorter blocks")
+        batches.append(batch)
+        if len(batches) > MOST_BATCHES:
+            raise NotArrowError(f"more than {MOST_BATCHES} batches: send one")
+    return batches
 
 
 def _messages(payload: bytes) -> Iterator[_Message]:
@@ -158,7 +176,7 @@ def _messages(payload: bytes) -> Iterator[_Message]:
         long = _i64(payload, length)[0] if length else 0
         if size < 0 or not 0 <= long <= end - begin:
             raise NotArrowError("a message is cut")
-        if not (version and kind and header and 3 <= _i16(payload, version)[0] <= 4):
+        if not all((version, kind, header)) or not 3 <= _i16(payload, version)[0] <= 4:
             raise NotArrowError("expected version 4 or 5 of the format")
         yield _Message(payload[kind], _table(payload, header), begin, long)
         at = begin + long

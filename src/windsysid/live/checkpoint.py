@@ -1,17 +1,26 @@
-"""Plain values and arrays as bytes, with a mark, a version and a checksum."""
+"""A watch as bytes, with a mark, a version and a checksum: all that it takes to go on, bit for bit."""
 
 import json
 import struct
 import zlib
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from windsysid.errors import ConfigurationError
+from windsysid.live.alarms import AlarmCase
+from windsysid.live.conditions import Standards
+from windsysid.live.slow_drifts import Past, past_of
+from windsysid.live.store.contents import Alarm
+from windsysid.live.watch_state import KeptWindows, WatchState
+from windsysid.live.watched import Watched
+from windsysid.monitoring.following import Kept
+from windsysid.monitoring.jumps import LevelBelief, Rates
+from windsysid.monitoring.locating import Jump
 
-__all__ = ["pack", "unpack"]
+__all__ = ["KeptWatch", "pack", "pack_watch", "unpack", "unpack_watch"]
 
 MARK = b"windsysid watch 2\n"
 """The number is the version: it grows when what is kept, or what follows from it, is another."""
@@ -20,8 +29,67 @@ READ = (b"windsysid watch 1\n", MARK)
 """Versions that are read: the first has no references of slow drifts."""
 
 
+class KeptWatch(NamedTuple):
+    """All that a watch is: its state, windows, series, cases, and by series what drifts are measured from."""
+
+    state: WatchState
+    windows: KeptWindows
+    series: Mapping[Watched, Kept]
+    cases: tuple[AlarmCase, ...]
+    past: Mapping[str, Past]
+
+
+def pack_watch(turbine: str, watch: KeptWatch) -> bytes:
+    """The checkpoint of a turbine's watch."""
+    state = watch.state
+    header = {
+        "turbine": turbine,
+        "state": state._asdict() | {"standards": state.standards and list(state.standards)},
+        "series": [
+            {"watched": list(one), "let_go": kept.let_go, "rates": kept.rates and list(kept.rates),
+             "scale": kept.scale, "jumps": [list(jump) for jump in kept.jumps], "learned": kept.before is not None,
+             "past": watch.past.get(one.name)}
+            for one, kept in watch.series.items()
+        ],
+        "cases": [[one.series, list(one.jump), one.returns, list(one.alarm), one.drift] for one in watch.cases],
+    }  # fmt: skip
+    arrays: list[NDArray[Any]] = [*watch.windows]
+    for kept in watch.series.values():
+        arrays += [kept.y, kept.std]
+        arrays += [] if kept.before is None else [*kept.before]
+    return pack(header, arrays)
+
+
+def unpack_watch(checkpoint: bytes, turbine: str) -> KeptWatch:
+    """The watch of a checkpoint; ConfigurationError if it is damaged, or of another turbine or version."""
+    header, arrays = unpack(checkpoint, f"checkpoint of {turbine}")
+    if header["turbine"] != turbine:
+        raise ConfigurationError(f"checkpoint of {turbine}: it is one of '{header['turbine']}': start without it")
+    rest = iter(arrays)
+    windows = KeptWindows._make(next(rest) for _ in KeptWindows._fields)
+    series = {Watched(*one["watched"]): _kept(one, rest) for one in header["series"]}
+    state = WatchState(**header["state"])
+    if state.standards is not None:
+        parts = (tuple(part) if isinstance(part, list) else part for part in state.standards)
+        state = state._replace(standards=Standards._make(parts))
+    cases = tuple(
+        AlarmCase(name, Jump(*jump), returns, Alarm(*alarm), *drift)
+        for name, jump, returns, alarm, *drift in header["cases"]
+    )
+    past = {Watched(*one["watched"]).name: past_of(one["past"]) for one in header["series"] if one.get("past")}
+    return KeptWatch(state, windows, series, cases, past)
+
+
+def _kept(one: Mapping[str, Any], rest: Iterator[NDArray[Any]]) -> Kept:
+    """What is kept of a series: its part of a header, and the arrays that are next."""
+    y, std = next(rest), next(rest)
+    before = LevelBelief(next(rest), next(rest)) if one["learned"] else None
+    rates = None if one["rates"] is None else Rates(*one["rates"])
+    return Kept(y, std, one["let_go"], before, rates, one["scale"], tuple(Jump(*jump) for jump in one["jumps"]))
+
+
 def pack(header: dict[str, Any], arrays: Sequence[NDArray[Any]]) -> bytes:
-    """The bytes."""
+    """Plain values and arrays as bytes."""
     parts = [np.ascontiguousarray(array) for array in arrays]
     described = header | {"arrays": [[part.dtype.str, list(part.shape)] for part in parts]}
     text = json.dumps(described).encode()

@@ -29,13 +29,13 @@ from numpy.typing import NDArray
 from windsysid.errors import ConfigurationError, RecordError, StoreError, WindsysidError
 from windsysid.live.arrow import NotArrowError, read_columns
 from windsysid.live.block import Block
-from windsysid.live.limits import LAST_MOMENT, Limits, one_line
+from windsysid.live.limits import LAST_MOMENT, BlockLimits, one_line
 from windsysid.records.checks import check_channels
 from windsysid.records.moments import moment, tidy
 from windsysid.records.record import AS_WRITTEN
 from windsysid.units import si_unit, to_si
 
-__all__ = ["BlockRefused", "Limits", "check", "decode", "encode_arrow", "encode_json", "refusing"]
+__all__ = ["BlockLimits", "BlockRefused", "check", "decode", "encode_arrow", "encode_json", "refusing"]
 
 ARROW = b"\xff\xff\xff\xff"
 """How an Arrow IPC stream begins; a JSON object begins with a brace."""
@@ -64,7 +64,7 @@ def refusing(what: str) -> Iterator[None]:
         raise BlockRefused(f"block cannot be {what} ({type(error).__name__}: {error})"[:2000]) from error
 
 
-def decode(payload: bytes, *, turbine: str, limits: Limits = Limits()) -> Block:
+def decode(payload: bytes, *, turbine: str, limits: BlockLimits = BlockLimits()) -> Block:
     """The block that a sender means, as it says it: `check`, which `Engine.push` calls, says whether it can be taken.
 
     Parameters
@@ -83,7 +83,7 @@ def decode(payload: bytes, *, turbine: str, limits: Limits = Limits()) -> Block:
         return _decoded(payload, turbine, limits)
 
 
-def _decoded(payload: bytes, turbine: str, limits: Limits) -> Block:
+def _decoded(payload: bytes, turbine: str, limits: BlockLimits) -> Block:
     if len(payload) > limits.payload:
         raise BlockRefused(f"block of {len(payload)} bytes: expected {limits.payload} at most; send shorter blocks")
     if payload.startswith(ARROW):
@@ -120,7 +120,7 @@ def encode_json(block: Block) -> bytes:
     return json.dumps(told | ({"stream": block.stream} if block.stream else {}), allow_nan=False).encode()
 
 
-def check(block: Block, limits: Limits = Limits()) -> Block:
+def check(block: Block, limits: BlockLimits = BlockLimits()) -> Block:
     """Return the block in SI, its rate to twelve digits, with values that are infinite or too large set to missing.
 
     Raises
@@ -132,7 +132,7 @@ def check(block: Block, limits: Limits = Limits()) -> Block:
         return _checked(block, limits)
 
 
-def _checked(block: Block, limits: Limits) -> Block:
+def _checked(block: Block, limits: BlockLimits) -> Block:
     _check_shape(block, limits)
     _check_numbers(block, limits)
     if not _STREAM.fullmatch(block.stream):
@@ -148,7 +148,7 @@ def _checked(block: Block, limits: Limits) -> Block:
     return replace(block, units=units, values=values, rate=rate)
 
 
-def _check_shape(block: Block, limits: Limits) -> None:
+def _check_shape(block: Block, limits: BlockLimits) -> None:
     values = block.values
     if values.ndim != 2 or values.dtype not in (np.float32, np.float64):
         raise BlockRefused(f"values: expected float32 or float64 (n, m), got {values.dtype} {values.shape}")
@@ -165,7 +165,7 @@ def _check_shape(block: Block, limits: Limits) -> None:
         )
 
 
-def _check_numbers(block: Block, limits: Limits) -> None:
+def _check_numbers(block: Block, limits: BlockLimits) -> None:
     if not limits.lowest_rate <= block.rate <= limits.rate:
         raise BlockRefused(f"rate: expected {limits.lowest_rate:g} to {limits.rate:g} Hz, got {block.rate:g}")
     for name, number in (("start", block.start), ("sequence", block.sequence)):
@@ -179,7 +179,7 @@ def _check_numbers(block: Block, limits: Limits) -> None:
 
 
 def _in_si(
-    channels: tuple[str, ...], units: tuple[str, ...], values: NDArray[np.floating], limits: Limits
+    channels: tuple[str, ...], units: tuple[str, ...], values: NDArray[np.floating], limits: BlockLimits
 ) -> tuple[tuple[str, ...], NDArray[np.floating]]:
     """Units and values in SI; names and units are those of a record or refused."""
     key = channels, units, limits.name
@@ -202,7 +202,7 @@ def _in_si(
         return own, values.astype(np.float64) * scale
 
 
-def _check_texts(channels: tuple[str, ...], units: tuple[str, ...], limits: Limits) -> None:
+def _check_texts(channels: tuple[str, ...], units: tuple[str, ...], limits: BlockLimits) -> None:
     """Refuse names and units that a database or a page cannot show: unpaired surrogates, control characters."""
     for text in (*channels, *units):
         if not (isinstance(text, str) and len(text) <= limits.name and text.isprintable()):
@@ -214,7 +214,7 @@ _known: dict[tuple[tuple[str, ...], tuple[str, ...], int], tuple[tuple[str, ...]
 """Names and units that were looked at before: the same loggers send the same ones all day."""
 
 
-def _of_arrow(payload: bytes, turbine: str, limits: Limits) -> Block:
+def _of_arrow(payload: bytes, turbine: str, limits: BlockLimits) -> Block:
     try:
         told = read_columns(payload, most_rows=limits.samples, most_columns=limits.channels)
     except NotArrowError as error:
@@ -232,23 +232,29 @@ def _of_json(payload: bytes, turbine: str) -> Block:
         told = json.loads(payload)
     except (ValueError, RecursionError) as error:
         raise BlockRefused(f"no JSON: {' '.join(str(error).split())[:100]}") from None
-    known = ("sequence", "start", "rate", "stream", "channels")
-    unknown = [key for key in told if key not in known]
-    if unknown or not isinstance(told.get("channels"), dict):
-        what = f"unknown key {unknown[0][:40]!r}" if unknown else "no object 'channels'"
-        raise BlockRefused(f"block has {what}: expected {', '.join(known)}")
+    _check_keys(told)
     listed: dict[str, Any] = told["channels"]
-    columns, units = [], []
-    for name, channel in listed.items():
-        if not isinstance(channel, dict) or set(channel) != {"unit", "values"} or not isinstance(channel["unit"], str):
-            raise BlockRefused(f'channel {name[:40]!r}: expected {{"unit": "m/s^2", "values": [...]}}')
-        columns.append(_numbers(name, channel["values"]))
-        units.append(channel["unit"])
+    units = [_unit(name, channel) for name, channel in listed.items()]
+    columns = [_numbers(name, channel["values"]) for name, channel in listed.items()]
     lengths = {len(column) for column in columns}
     if len(lengths) > 1:
         raise BlockRefused(f"channels have {min(lengths)} to {max(lengths)} values: expected as many in each")
     values = np.column_stack(columns) if columns else np.empty((0, 0))
     return _built(turbine, told, tuple(listed), tuple(units), values)
+
+
+def _check_keys(told: dict[str, Any]) -> None:
+    known = ("sequence", "start", "rate", "stream", "channels")
+    unknown = [key for key in told if key not in known]
+    if unknown or not isinstance(told.get("channels"), dict):
+        what = f"unknown key {unknown[0][:40]!r}" if unknown else "no object 'channels'"
+        raise BlockRefused(f"block has {what}: expected {', '.join(known)}")
+
+
+def _unit(name: str, channel: Any) -> str:
+    if not isinstance(channel, dict) or set(channel) != {"unit", "values"} or not isinstance(channel["unit"], str):
+        raise BlockRefused(f'channel {name[:40]!r}: expected {{"unit": "m/s^2", "values": [...]}}')
+    return str(channel["unit"])
 
 
 def _numbers(name: str, values: Any) -> NDArray[np.float64]:

@@ -16,12 +16,12 @@ from windsysid.live.block import Block
 from windsysid.live.settings import PageSettings, Settings
 from windsysid.live.sources.cutting import blocks_of
 from windsysid.live.sources.source import Push, SourceState, stopped_within
-from windsysid.live.timeline import SECOND, Windows
+from windsysid.live.timeline import SECOND, TurbineWindows
 from windsysid.records.record import Record
 from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["DemoTower", "Plan", "demo", "story"]
+__all__ = ["DemoPlan", "DemoTower", "demo", "story"]
 
 RATE = 10.0
 """Of the loggers [Hz]: thirty times a tower's frequency."""
@@ -42,7 +42,7 @@ AHEAD = 16
 
 
 @dataclass(frozen=True)
-class Plan:
+class DemoPlan:
     """How the demo runs.
 
     Attributes
@@ -67,7 +67,9 @@ class Plan:
     softer_by: float = 0.05
 
 
-def demo(page: PageSettings, plan: Plan = Plan(), *, now: int | None = None) -> tuple[Settings, list["DemoTower"]]:
+def demo(
+    page: PageSettings, plan: DemoPlan = DemoPlan(), *, now: int | None = None
+) -> tuple[Settings, list["DemoTower"]]:
     """The settings of a service that is gone when it ends, and what feeds it.
 
     Parameters
@@ -84,7 +86,7 @@ def demo(page: PageSettings, plan: Plan = Plan(), *, now: int | None = None) -> 
     return settings, [DemoTower(member.name, plan, begin, seed) for seed, member in enumerate(members)]
 
 
-def story(plan: Plan = Plan()) -> str:
+def story(plan: DemoPlan = DemoPlan()) -> str:
     """What will happen, in the reader's minutes."""
     softer, fails = (plan.window * after / plan.speed for after in (plan.softer_after, plan.fails_after))
     return " ".join((
@@ -99,9 +101,9 @@ def story(plan: Plan = Plan()) -> str:
 class DemoTower:
     """A tower that is simulated while it is played."""
 
-    def __init__(self, turbine: str, plan: Plan, begin: int, seed: int) -> None:
+    def __init__(self, turbine: str, plan: DemoPlan, begin: int, seed: int) -> None:
         self.turbine, self.plan, self.seed = turbine, plan, seed
-        windows = Windows.of(turbine, plan.window)
+        windows = TurbineWindows.of(turbine, plan.window)
         self.begin = windows.start(begin) + windows.length
         self.state = SourceState()
 

@@ -17,13 +17,14 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from dataclasses import replace
+from typing import NamedTuple
 
 from windsysid.errors import StoreError
 from windsysid.fleet.guard import StoppedError
 from windsysid.fleet.rows import Row
 from windsysid.live.block import Block
 from windsysid.live.closing import conclude, estimate, unpack
-from windsysid.live.codec import BlockRefused, Limits, check, refusing
+from windsysid.live.codec import BlockLimits, BlockRefused, check, refusing
 from windsysid.live.engine_state import EngineState, TurbineState
 from windsysid.live.estimate import Estimator, estimators
 from windsysid.live.follower import Followed, Follower, Placed, WindowTask
@@ -38,7 +39,7 @@ from windsysid.live.watching import resume, start
 from windsysid.records.moments import moment_text
 from windsysid.turbine.file import load_turbine
 
-__all__ = ["Engine", "EngineState", "Followed", "TurbineState"]
+__all__ = ["Delays", "Engine", "EngineState", "Followed", "TurbineState"]
 
 AHEAD = 300 * SECOND
 """How far a block may lie ahead of the service's clock [ns]."""
@@ -56,6 +57,24 @@ TICK = 1.0
 """How often silent turbines are looked for [s]."""
 
 
+class Delays(NamedTuple):
+    """How long an engine waits, in seconds.
+
+    Attributes
+    ----------
+    lateness
+        Stream time that a window is kept open after its end, for blocks out of order.
+    silence
+        Time without a block after which a turbine is called silent.
+    patience
+        Time without a block after which a silent turbine's windows are closed; what comes for them is too late.
+    """
+
+    lateness: float = 30.0
+    silence: float = 300.0
+    patience: float = 3600.0
+
+
 class Engine:
     """Follows turbines: the one mutable thing beside its store.
 
@@ -67,12 +86,8 @@ class Engine:
         Where everything goes, and from where the engine goes on.
     workers
         Processes that estimate, one for each processor by default; 0 estimates in a thread of this process.
-    lateness
-        Seconds of stream time that a window is kept open after its end, for blocks out of order.
-    silence
-        Seconds without a block after which a turbine is called silent.
-    patience
-        Seconds without a block after which a silent turbine's windows are closed; what comes for them is too late.
+    delays
+        How long it waits for blocks.
     now
         The service's clock [ns since 1970].
     on_event
@@ -89,12 +104,12 @@ class Engine:
     """
 
     def __init__(
-        self, turbines: Sequence[Followed], store: Store, *, workers: int | None = None, lateness: float = 30.0,
-        silence: float = 300.0, patience: float = 3600.0, now: Callable[[], int] = time.time_ns,
-        on_event: Callable[..., None] | None = None, limits: Limits = Limits(),
+        self, turbines: Sequence[Followed], store: Store, *, workers: int | None = None, delays: Delays = Delays(),
+        now: Callable[[], int] = time.time_ns, on_event: Callable[..., None] | None = None,
+        limits: BlockLimits = BlockLimits(),
     ) -> None:  # fmt: skip
         self._store, self._now, self._limits = store, now, limits
-        self._lateness, self._silence, self._patience = (round(x * SECOND) for x in (lateness, silence, patience))
+        self._lateness, self._silence, self._patience = (round(x * SECOND) for x in delays)
         self._tell = on_event or (lambda *_, **__: None)
         self._tasks: queue.Queue[WindowTask | None] = queue.Queue()
         self._stopping = threading.Event()
@@ -103,14 +118,7 @@ class Engine:
         self._sums, self._summing = Counter[str](), threading.Lock()
         self._rate = 0.0
         self._followers = {followed.member.name: self._follower(followed) for followed in turbines}
-        for status in store.statuses():
-            if status.turbine in self._followers:
-                self._followers[status.turbine].restore(status)
-        for alarm in store.alarms(open_only=True, most=100_000):
-            if alarm.turbine in self._followers and alarm.ended is None:
-                self._followers[alarm.turbine].alarms.restore(alarm)
-        for follower in self._followers.values():
-            self._go_on(follower)
+        self._restore()
         self._turns = ShortTurns()
         self._estimators = estimators(workers)
         self._threads = [
@@ -293,35 +301,39 @@ class Engine:
                     row = None if task is None else follower.rows.get(task.window)
                 if task is None or row is None:
                     return
-                begun = time.thread_time()
-                concluded = follower.concluded
-                if concluded is None:  # else the store refused it before
-                    concluded = follower.concluded = conclude(follower, task, row, self._now())
-                    follower.counts["windows"] += 1
-                with follower.lock:
-                    if follower.state != "silent":
-                        follower.state = "running" if row["state"] in (None, "unknown") else row["state"]
-                    follower.rotor_speed = row["rotor_speed"]
-                    drifting = [a for verdict in concluded.verdicts for a in self._sensor_alarms(follower, verdict)]
-                    healths = [verdict.health(follower.name) for verdict in concluded.verdicts]
-                    alarms = [*concluded.alarms, *drifting]
-                    stored = self._store.submit(
-                        Commit((), [follower.status()], healths, results=[concluded.result], alarms=alarms)
-                    )
-                self._count(windows=1, watch_ns=round((time.thread_time() - begun) * SECOND))
-                stored.result()
-                with follower.lock:
-                    follower.means, follower.concluded = concluded.means, None
-                    del follower.rows[task.window]
-                    follower.order.popleft()
-                    free = follower.withheld if len(follower.order) <= WITHHELD_WINDOWS else []
-                    if free:
-                        follower.withheld = []
-                for future in free:
-                    future.set_result(None)
+                self._take_row(follower, task, row)
                 self._tell("window", turbine=task.turbine, window=task.window, status=row["status"], why=row["why"])
                 with self._idle:
                     self._idle.notify_all()
+
+    def _take_row(self, follower: Follower, task: WindowTask, row: Row) -> None:
+        """Let the watch take in a row, and wait until the store has what it made of it."""
+        begun = time.thread_time()
+        concluded = follower.concluded
+        if concluded is None:  # else the store refused it before
+            concluded = follower.concluded = conclude(follower, task, row, self._now())
+            follower.counts["windows"] += 1
+        with follower.lock:
+            if follower.state != "silent":
+                follower.state = "running" if row["state"] in (None, "unknown") else row["state"]
+            follower.rotor_speed = row["rotor_speed"]
+            drifting = [a for verdict in concluded.verdicts for a in self._sensor_alarms(follower, verdict)]
+            healths = [verdict.health(follower.name) for verdict in concluded.verdicts]
+            alarms = [*concluded.alarms, *drifting]
+            stored = self._store.submit(
+                Commit((), [follower.status()], healths, results=[concluded.result], alarms=alarms)
+            )
+        self._count(windows=1, watch_ns=round((time.thread_time() - begun) * SECOND))
+        stored.result()
+        with follower.lock:
+            follower.means, follower.concluded = concluded.means, None
+            del follower.rows[task.window]
+            follower.order.popleft()
+            free: list[Future[None]] = []
+            if len(follower.order) <= WITHHELD_WINDOWS:
+                free, follower.withheld = follower.withheld, []
+        for future in free:
+            future.set_result(None)
 
     # alarms
 
@@ -357,15 +369,7 @@ class Engine:
 
     def _look_at(self, follower: Follower) -> None:
         now = self._now()
-        quiet = now - follower.received
-        if follower.received and quiet > self._silence and follower.state != "silent":
-            follower.state = "silent"
-            text = f"no block for {quiet / SECOND:.0f} s: check logger, network and broker"
-            self._data_alarm(follower, "silent", "warning", text)
-        if quiet > self._patience:
-            for window in sorted(follower.open):
-                if window + follower.windows.length < now:
-                    self._close(follower, window)
+        self._look_for_silence(follower, now)
         behind = now - follower.order[0].closed if follower.order else 0
         if behind > BEHIND_WINDOWS * follower.windows.length:
             text = (
@@ -378,6 +382,18 @@ class Engine:
             ended += follower.alarms.ended("behind", now)
         if ended:
             self._store.submit(Commit(statuses=[follower.status()], alarms=ended))
+
+    def _look_for_silence(self, follower: Follower, now: int) -> None:
+        """Say that a turbine fell silent; after a while, close its windows."""
+        quiet = now - follower.received
+        if follower.received and quiet > self._silence and follower.state != "silent":
+            follower.state = "silent"
+            text = f"no block for {quiet / SECOND:.0f} s: check logger, network and broker"
+            self._data_alarm(follower, "silent", "warning", text)
+        if quiet > self._patience:
+            for window in sorted(follower.open):
+                if window + follower.windows.length < now:
+                    self._close(follower, window)
 
     # waiting and ending
 
@@ -455,6 +471,17 @@ class Engine:
         tables = {"turbine": load_turbine(member.turbine).name, "formulation": followed.formulation}
         self._store.configure(member.name, settings, tables | {"window": followed.window, **options._asdict()})
         return follower
+
+    def _restore(self) -> None:
+        """Go on where the store stands: statuses, open alarms, and windows that have no result."""
+        for status in self._store.statuses():
+            if status.turbine in self._followers:
+                self._followers[status.turbine].restore(status)
+        for alarm in self._store.alarms(open_only=True, most=100_000):
+            if alarm.turbine in self._followers and alarm.ended is None:
+                self._followers[alarm.turbine].alarms.restore(alarm)
+        for follower in self._followers.values():
+            self._go_on(follower)
 
     def _go_on(self, follower: Follower) -> None:
         """Take up the windows that the store has blocks of."""

@@ -1,8 +1,10 @@
-"""Where the engine stands: for the page, for metrics, and for whoever asks how fast it is."""
+"""State of the engine, and the engine as the page needs it."""
 
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
-__all__ = ["EngineState", "TurbineState"]
+from windsysid.live.store.contents import Alarm
+
+__all__ = ["EngineState", "PageEngine", "TurbineState"]
 
 
 class TurbineState(NamedTuple):
@@ -51,3 +53,13 @@ class EngineState(NamedTuple):
     seconds: dict[str, float]
     workers: int
     compiling: bool = False
+
+
+class PageEngine(Protocol):
+    """An engine, as far as the page needs one."""
+
+    def state(self) -> EngineState:
+        """How it does now."""
+
+    def acknowledge(self, key: str, by: str, remark: str) -> Alarm:
+        """Acknowledge an alarm; KeyError if there is none of this key."""

@@ -1,4 +1,4 @@
-"""From a window's record to its row: in a worker process of its own, or here.
+"""Estimation of a window's record, in a worker process or in this one.
 
 The row is the one that `windsysid batch` gives of a file with the same samples (`windsysid.fleet.rows.row_of`), bit for
 bit. A worker that dies is started again and the window tried again; one that hangs is ended. What cannot be estimated
@@ -35,16 +35,13 @@ class Estimator(Protocol):
 
     def take(self, gathered: Gathered, source: str, member: Member, formulation: str, settings: str) -> Estimated:
         """The row of a window, whatever happens."""
-        ...
 
     @property
     def compiling(self) -> bool:
         """Whether a turbine's equations are being compiled, which takes minutes on a machine that never did."""
-        ...
 
     def close(self) -> None:
         """End what is under way: `take` raises `windsysid.fleet.guard.StoppedError`."""
-        ...
 
 
 class Here:

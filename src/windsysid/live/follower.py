@@ -20,8 +20,8 @@ from windsysid.live.open_alarms import OpenAlarms
 from windsysid.live.store.contents import Alarm, Result, Status
 from windsysid.live.streams import Drift, StreamHealth, Verdict
 from windsysid.live.table_size import Growth, TableSize, growth
-from windsysid.live.timeline import SECOND, Windows, sample_time
-from windsysid.live.watching import Options, Watching
+from windsysid.live.timeline import SECOND, TurbineWindows, sample_time
+from windsysid.live.watching import Watching, WatchOptions
 
 __all__ = ["Conclusion", "Followed", "Follower", "Placed", "WindowTask"]
 
@@ -54,7 +54,7 @@ class Followed:
     member: Member
     window: float = 600.0
     formulation: str = "spectral"
-    options: Options = field(default_factory=Options)
+    options: WatchOptions = field(default_factory=WatchOptions)
 
 
 class WindowTask(NamedTuple):
@@ -96,6 +96,9 @@ class _Stream:
     restarted: bool = False
     health: StreamHealth | None = None
 
+    def has_committed(self, sequence: int) -> bool:
+        return self.committed is not None and sequence <= self.committed
+
 
 class Follower:
     """What the engine knows of one turbine."""
@@ -107,7 +110,7 @@ class Follower:
             )
         self.followed, self.settings, self.watching = followed, settings, watching
         self.name = followed.member.name
-        self.windows = Windows.of(self.name, followed.window)
+        self.windows = TurbineWindows.of(self.name, followed.window)
         self.lock, self.taking = threading.RLock(), threading.Lock()
         self.streams: dict[str, _Stream] = {}
         self.open: dict[int, dict[str, set[int]]] = {}
@@ -140,27 +143,17 @@ class Follower:
             If it is longer than two windows, there are too many loggers, or the table of a window would grow by far
             more cells than the block has values.
         """
-        windows = self.windows.of_block(block)
-        if len(windows) > LONGEST:
-            raise BlockRefused(
-                f"block of {len(block.values) / block.rate:.6g} s: expected no longer than a window of"
-                f" {self.windows.length / SECOND:g} s; send shorter blocks"
-            )
-        if block.stream not in self.streams and len(self.streams) >= STREAMS:
-            raise BlockRefused(f"stream '{block.stream}': the turbine has {STREAMS} loggers already, expected no more")
-        stream = self.streams.get(block.stream, _Stream())
-        still = tuple(window for window in windows if window >= self.closed_until)
+        stream = self._stream(block)
+        still = tuple(window for window in self.windows.of_block(block) if window >= self.closed_until)
         sequence = block.sequence
         if not still:
-            known = stream.committed is not None and sequence <= stream.committed
-            return Placed("repeated" if known else "too late", sequence)
-        if not stream.restarted and self._has(block.stream, sequence):
-            if stream.newest is None or block.start <= stream.newest:
-                return Placed("repeated", sequence)
+            return Placed("repeated" if stream.has_committed(sequence) else "too late", sequence)
+        if self._restarts(stream, block):
             self.counts["numbering restarted"] += 1
             stream.restarted = True
-        for window in still:
-            self._grown(block, window).check(block, window + self.windows.length)
+        elif not stream.restarted and self._has(block.stream, sequence):
+            return Placed("repeated", sequence)
+        self._check_tables(block, still)
         self.streams[block.stream] = stream
         if stream.restarted:
             sequence = block.start  # the sender counts from the beginning again: its starts go on growing
@@ -170,6 +163,26 @@ class Follower:
         self.note(block, sequence, still)
         self._move_clock(stream, block, jump)
         return Placed("new", sequence, still)
+
+    def _stream(self, block: Block) -> _Stream:
+        """The logger of a block, new or known."""
+        if len(self.windows.of_block(block)) > LONGEST:
+            raise BlockRefused(
+                f"block of {len(block.values) / block.rate:.6g} s: expected no longer than a window of"
+                f" {self.windows.length / SECOND:g} s; send shorter blocks"
+            )
+        if block.stream not in self.streams and len(self.streams) >= STREAMS:
+            raise BlockRefused(f"stream '{block.stream}': the turbine has {STREAMS} loggers already, expected no more")
+        return self.streams.get(block.stream, _Stream())
+
+    def _check_tables(self, block: Block, windows: Iterable[int]) -> None:
+        for window in windows:
+            self._grown(block, window).check(block, window + self.windows.length)
+
+    def _restarts(self, stream: _Stream, block: Block) -> bool:
+        """Whether a block has the number of an earlier one and is later than all: its sender counts anew."""
+        later = stream.newest is not None and block.start > stream.newest
+        return later and not stream.restarted and self._has(block.stream, block.sequence)
 
     def note(self, block: Block, sequence: int, windows: Iterable[int]) -> None:
         """Write down that a block is known."""

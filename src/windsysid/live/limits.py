@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from windsysid.output.console import printable
 
-__all__ = ["LAST_MOMENT", "MAX_TABLE_CHANNELS", "Limits", "cells_allowed", "one_line"]
+__all__ = ["LAST_MOMENT", "MAX_TABLE_CHANNELS", "BlockLimits", "cells_allowed", "one_line"]
 
 LAST_MOMENT = 2**62
 """Latest time of a sample [ns since 1970], in the year 2116."""
@@ -26,7 +26,7 @@ _MAX_REASON_CHARACTERS = 300
 """Length of the reason for a refusal."""
 
 
-class Limits(NamedTuple):
+class BlockLimits(NamedTuple):
     """Limits on a block.
 
     Attributes

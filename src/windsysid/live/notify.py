@@ -1,4 +1,4 @@
-"""Who is told of alarms: the log, a web address, or a broker.
+"""Recipients of alarms: the log, a web address, or a broker.
 
 Every recipient has a place in the store: up to which event it was told. It moves when the recipient has confirmed, so
 that a restart loses nothing. What changes while a recipient is away is told as it is when it comes back. Recipients
@@ -10,7 +10,7 @@ import hashlib
 import json
 import logging
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime
 from typing import Any, Protocol
 from urllib.parse import quote, urlsplit
@@ -24,15 +24,9 @@ from windsysid.live.store.contents import Alarm, Event
 from windsysid.live.store.store import Store
 
 __all__ = [
-    "LogRecipient",
-    "MqttRecipient",
-    "Recipient",
-    "UndeliveredError",
-    "Webhook",
-    "notice_of",
-    "recipient_of",
+    "LogRecipient", "MqttRecipient", "Recipient", "UndeliveredError", "Webhook", "notice_of", "recipient_of",
     "tell_alarms",
-]
+]  # fmt: skip
 
 POLL_SECONDS = 1.0
 """How often the journal is looked at."""
@@ -82,11 +76,9 @@ class Recipient(Protocol):
 
     async def send(self, alarm: Alarm) -> None:
         """Tell of an alarm as it is now; `UndeliveredError` where it is not confirmed."""
-        ...
 
     async def close(self) -> None:
         """Let go of connections."""
-        ...
 
 
 def notice_of(alarm: Alarm) -> dict[str, Any]:
@@ -128,24 +120,35 @@ async def tell_alarms(store: Store, recipient: Recipient, stop: asyncio.Event) -
     if place is None:
         place = await _in_thread(stop, store.last_event)
         fresh = await _in_thread(stop, store.alarms, open_only=True, most=ALARMS_AT_ONCE)
-        await _send_all(recipient, reversed(fresh or []), stop)
-        if not stop.is_set():
-            await _in_thread(stop, store.tell, recipient.key, place)
+        await _tell(store, recipient, stop, fresh or [], place)
     while not stop.is_set():
         events: list[Event] = await _in_thread(stop, store.events, place, most=EVENTS_AT_ONCE) or []
-        changed = {one.key for one in events if one.kind == "alarm"}
-        if changed:
-            known = await _in_thread(stop, store.alarms, most=ALARMS_AT_ONCE) or []
-            await _send_all(recipient, [alarm for alarm in reversed(known) if alarm.key in changed], stop)
-        if stop.is_set():
-            break
         if events:
             place = events[-1].id
-        if changed:
-            await _in_thread(stop, store.tell, recipient.key, place)
+        changed = await _changed(store, stop, events)
+        if changed is not None:
+            await _tell(store, recipient, stop, changed, place)
         if len(events) < EVENTS_AT_ONCE:
             await _pause(stop, POLL_SECONDS)
     await recipient.close()
+
+
+async def _changed(store: Store, stop: asyncio.Event, events: Sequence[Event]) -> list[Alarm] | None:
+    """The alarms that events are about, as they are now; None where no event is about one."""
+    changed = {one.key for one in events if one.kind == "alarm"}
+    if not changed:
+        return None
+    known = await _in_thread(stop, store.alarms, most=ALARMS_AT_ONCE) or []
+    return [alarm for alarm in known if alarm.key in changed]
+
+
+async def _tell(
+    store: Store, recipient: Recipient, stop: asyncio.Event, alarms: Sequence[Alarm], place: int
+) -> None:  # fmt: skip
+    """Tell of alarms, the oldest first, and keep the place in the events up to which all was told."""
+    await _send_all(recipient, reversed(alarms), stop)
+    if not stop.is_set():
+        await _in_thread(stop, store.tell, recipient.key, place)
 
 
 async def _in_thread(stop: asyncio.Event, ask: Any, *given: Any, **options: Any) -> Any:

@@ -18,15 +18,15 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from windsysid.errors import ConfigurationError, WindsysidError
-from windsysid.live.engine import Engine, Followed
+from windsysid.live.engine import Delays, Engine, Followed
 from windsysid.live.logs import event
 from windsysid.live.notify import LogRecipient, Recipient, recipient_of, tell_alarms
 from windsysid.live.settings import PageSettings, Settings
-from windsysid.live.sources.source import Source
+from windsysid.live.sources.source import BlockSource
 from windsysid.live.store.keep import Keep
 from windsysid.live.store.opening import open_store
 from windsysid.live.store.store import Store
-from windsysid.live.watching import Options
+from windsysid.live.watching import WatchOptions
 
 __all__ = ["END_SECONDS", "listen", "serve", "url_of"]
 
@@ -95,7 +95,7 @@ def url_of(page: PageSettings, listening: socket.socket) -> str:
 
 def serve(
     settings: Settings,
-    sources: Sequence[Source],
+    sources: Sequence[BlockSource],
     listening: socket.socket,
     *,
     now: Callable[[], int] = time.time_ns,
@@ -125,12 +125,10 @@ def serve(
         _access_of(settings.page)  # wrong tokens are told before a store is made
         store = open_store(settings.store, Keep(**settings.keep))
         stack.callback(store.close)
-        options = Options(settings.window, settings.learn, settings.alarms_per_year)
+        options = WatchOptions(settings.window, settings.learn, settings.alarms_per_year)
         followed = [Followed(member, settings.window, settings.formulation, options) for member in settings.turbines]
-        engine = Engine(
-            followed, store, workers=settings.workers, lateness=settings.lateness, silence=settings.silence, now=now,
-            on_event=_log_event,
-        )  # fmt: skip
+        delays = Delays(settings.lateness, settings.silence)
+        engine = Engine(followed, store, workers=settings.workers, delays=delays, now=now, on_event=_log_event)
         return asyncio.run(_run(settings, sources, listening, store, engine, ready, note))
 
 
@@ -144,7 +142,7 @@ def _access_of(page: PageSettings) -> Any:
 
 async def _run(
     settings: Settings,
-    sources: Sequence[Source],
+    sources: Sequence[BlockSource],
     listening: socket.socket,
     store: Store,
     engine: Engine,
@@ -221,7 +219,9 @@ def _on_signal(number: signal.Signals, act: Callable[[], None]) -> None:
             signal.signal(number, lambda *_: loop.call_soon_threadsafe(act))
 
 
-def _server(settings: Settings, store: Store, engine: Engine, sources: Sequence[Source], note: str) -> tuple[Any, Any]:
+def _server(
+    settings: Settings, store: Store, engine: Engine, sources: Sequence[BlockSource], note: str
+) -> tuple[Any, Any]:
     import uvicorn
 
     from windsysid.live.page.app import app, streams_of
@@ -243,7 +243,7 @@ def _server(settings: Settings, store: Store, engine: Engine, sources: Sequence[
     return Server(config), streams_of(page)
 
 
-async def _supply(source: Source, engine: Engine, stop: asyncio.Event) -> None:
+async def _supply(source: BlockSource, engine: Engine, stop: asyncio.Event) -> None:
     """Run a source; one that fails is started again, and the others go on meanwhile."""
     while not stop.is_set():
         event(logging.INFO, "source", source=source.describe())

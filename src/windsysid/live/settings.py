@@ -21,27 +21,12 @@ from typing import Any, Literal
 from windsysid.configuration import parse_toml, read_toml
 from windsysid.errors import ConfigurationError
 from windsysid.fleet.members import Member
-from windsysid.live.source_settings import (
-    Broker,
-    FolderSettings,
-    ReplaySettings,
-    SourceSettings,
-    broker_of,
-    source_of,
-)
+from windsysid.live.source_settings import Broker, FolderSettings, ReplaySettings, SourceSettings, broker_of, source_of
 from windsysid.live.store.keep import span
 from windsysid.live.toml_table import Secret, TomlTable
 from windsysid.turbine.file import packaged_turbines
 
-__all__ = [
-    "LogSettings",
-    "MqttNotice",
-    "PageSettings",
-    "Settings",
-    "SettingsError",
-    "WebhookNotice",
-    "read_settings",
-]
+__all__ = ["LogSettings", "MqttNotice", "PageSettings", "Settings", "SettingsError", "WebhookNotice", "read_settings"]
 
 LOOPBACK = ("127.0.0.1", "::1", "localhost")
 SEVERITIES = ("notice", "warning", "alarm")
@@ -104,11 +89,6 @@ class PageSettings:
     operator: Secret | None = None
     certificate: Path | None = None
     key: Path | None = None
-
-    @property
-    def is_local(self) -> bool:
-        """Whether only this machine sees the page."""
-        return self.host in LOOPBACK
 
 
 @dataclass(frozen=True)
@@ -188,18 +168,12 @@ def _settings(file: TomlTable) -> Settings:
     workers = file.whole("workers", None, 1, 256)
     alarms = file.number("alarms_per_year", 0.1, 1e-3, 100.0)
     turbines = _turbines(file)
-    names = [member.name for member in turbines]
-    sources = [made for table in file.tables("source", "source") if (made := source_of(table, names)) is not None]
-    read = {one.turbine for one in sources if isinstance(one, FolderSettings | ReplaySettings)}
-    for name in (one.name for one in turbines if one.mapping is not None and one.name not in read):
-        file.fault(f"[[turbine]] '{name}': mapping is for sources folder and replay, and it has none: take it out")
+    sources = _sources(file, turbines)
     notices = [told for table in file.tables("notify", "notify") if (told := _notice(table)) is not None]
-    if not file.given.get("source"):
-        file.fault("[[source]] is missing: expected one table or more, of kind mqtt, folder, opcua or replay")
     page, log, keep = _page(file.table("page")), _log(file.table("log")), _keep(file.table("keep"))
     file.done()
     return Settings(
-        store=store, turbines=turbines, sources=tuple(sources), notices=tuple(notices), page=page, log=log,
+        store=store, turbines=turbines, sources=sources, notices=tuple(notices), page=page, log=log,
         window=window, lateness=lateness, silence=silence, formulation=formulation, workers=workers,
         alarms_per_year=alarms, learn=max(round(learn / window), LEAST_LEARNED), keep=keep,
     )  # fmt: skip
@@ -225,19 +199,32 @@ def _turbines(file: TomlTable) -> tuple[Member, ...]:
     return tuple(members)
 
 
+def _sources(file: TomlTable, turbines: tuple[Member, ...]) -> tuple[SourceSettings, ...]:
+    names = [member.name for member in turbines]
+    sources = [made for table in file.tables("source", "source") if (made := source_of(table, names)) is not None]
+    read = {one.turbine for one in sources if isinstance(one, FolderSettings | ReplaySettings)}
+    for one in turbines:
+        if one.mapping is not None and one.name not in read:
+            what = "mapping is for sources folder and replay, and it has none: take it out"
+            file.fault(f"[[turbine]] '{one.name}': {what}")
+    if not file.given.get("source"):
+        file.fault("[[source]] is missing: expected one table or more, of kind mqtt, folder, opcua or replay")
+    return tuple(sources)
+
+
 def _turbine(table: TomlTable) -> Member | None:
     name = table.text("name", needed=True)
     machine = table.text("turbine", expected="a packaged turbine or a path, in quotes", needed=True)
     optional = ("mapping", "sensors")
     files = {key: path for key in optional if (path := table.path(key, exists="file")) is not None}
     table.done()
-    if machine and machine not in packaged_turbines():
-        machine = str((table.folder / machine).resolve())
     if not (name and machine):
         return None
+    if machine not in packaged_turbines():
+        machine = str((table.folder / machine).resolve())
     try:
         member = Member(name, machine, **{key: str(path) for key, path in files.items()})
-        if all(path.is_file() for path in files.values()):
+        if all(map(Path.is_file, files.values())):
             member.settings("spectral")
     except ConfigurationError as error:
         table.fault(" ".join(str(error).split()))

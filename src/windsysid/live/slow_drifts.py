@@ -27,16 +27,9 @@ from windsysid.monitoring.watch import YEAR
 from windsysid.results.posterior import SIGMAS
 
 __all__ = [
-    "TEST_EVERY_BLOCKS",
-    "Drifted",
-    "Past",
-    "Reference",
-    "drifted_since",
-    "grew",
-    "limit_of",
-    "past_of",
+    "TEST_EVERY_BLOCKS", "DriftReference", "Drifted", "Past", "drifted_since", "grew", "limit_of", "past_of",
     "remembered",
-]
+]  # fmt: skip
 
 MAX_REFERENCES = 13
 """With four weeks between them: a year."""
@@ -48,7 +41,7 @@ GROWN = 1.5
 """Factor on a drift, by the whole of its ±2σ band, from which on an alarm says it anew."""
 
 
-class Reference(NamedTuple):
+class DriftReference(NamedTuple):
     """A level that was.
 
     Attributes
@@ -83,7 +76,7 @@ class Past(NamedTuple):
         A window's, as it was learned last, beside a straight line.
     """
 
-    references: tuple[Reference, ...] = ()
+    references: tuple[DriftReference, ...] = ()
     wandered: float = 0.0
     wander: float = 0.0
 
@@ -122,11 +115,11 @@ def remembered(past: Past, kept: Kept, left: int, time: int, wander: float) -> P
     references = past.references
     if kept.let_go - last >= MAX_KEPT_BLOCKS and kept.before is not None and not kept.jumps:
         level, std = float(kept.before.mean[0]), math.sqrt(float(kept.before.cov[0, 0]))
-        references = (*references, Reference(kept.let_go, time, level, std, wandered))[-MAX_REFERENCES:]
+        references = (*references, DriftReference(kept.let_go, time, level, std, wandered))[-MAX_REFERENCES:]
     return Past(references, wandered, wander)
 
 
-def drifted_since(reference: Reference, past: Past, now: Now, kept: Kept, tolerated: float) -> Drifted:
+def drifted_since(reference: DriftReference, past: Past, now: Now, kept: Kept, tolerated: float) -> Drifted:
     """How far a series has drifted since a reference; `tolerated` is relative."""
     newest = kept.let_go + len(kept.y) - 1
     size, std = now.level - reference.level, math.hypot(now.std, reference.std, now.shared)
@@ -139,7 +132,7 @@ def drifted_since(reference: Reference, past: Past, now: Now, kept: Kept, tolera
 def past_of(plain: Sequence[Any]) -> Past:
     """From plain values, as a checkpoint has them."""
     references, *rest = plain
-    return Past(tuple(Reference(*one) for one in references), *rest)
+    return Past(tuple(DriftReference(*one) for one in references), *rest)
 
 
 def grew(before: Jump, jump: Jump) -> bool:

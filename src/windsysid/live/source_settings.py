@@ -6,16 +6,9 @@ from pathlib import Path
 from windsysid.live.toml_table import Secret, TomlTable
 
 __all__ = [
-    "Broker",
-    "Certificates",
-    "FolderSettings",
-    "MqttSettings",
-    "OpcuaSettings",
-    "ReplaySettings",
-    "SourceSettings",
-    "broker_of",
-    "source_of",
-]
+    "Broker", "Certificates", "FolderSettings", "MqttSettings", "OpcuaSettings", "ReplaySettings", "SourceSettings",
+    "broker_of", "source_of",
+]  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""How the sensors of a stream are: told within seconds from the blocks, and drift from windows.
+"""Faults of the sensors of a stream, detected within seconds from the blocks, and drift from windows.
 
 The tests are those of `windsysid.inspection.health` with a memory of fixed size instead of the whole record: a channel
 is judged by what it is used to. A fault is told at once; it is over when the channel has been good for a while.
@@ -12,7 +12,7 @@ is judged by what it is used to. A fault is told at once; it is over when the ch
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -24,7 +24,7 @@ from windsysid.inspection.channels import VIBRATION, Kind, kind_of
 from windsysid.inspection.health import MAX_SPIKE_SAMPLES
 from windsysid.live.block import Block
 from windsysid.live.limits import MAX_TABLE_CHANNELS
-from windsysid.live.store.contents import Alarm, Health
+from windsysid.live.store.contents import Alarm, SensorHealth
 from windsysid.live.timeline import SECOND
 from windsysid.units import unit_text
 
@@ -87,9 +87,9 @@ class Verdict(NamedTuple):
     at: int
     text: str
 
-    def health(self, turbine: str) -> Health:
+    def health(self, turbine: str) -> SensorHealth:
         """As the store keeps it."""
-        return Health(turbine, self.channel, self.state, self.since, self.text)
+        return SensorHealth(turbine, self.channel, self.state, self.since, self.text)
 
 
 def sensor_alarm(turbine: str, verdict: Verdict) -> Alarm:
@@ -133,10 +133,14 @@ class StreamHealth:
             verdict = channel.take(x, 1.0 / first.rate, first.start)
             if verdict is not None:
                 changed.append(verdict)
+        self._forget_silent()
+        return changed
+
+    def _forget_silent(self) -> None:
+        """Of more than `MAX_TABLE_CHANNELS` channels, forget those that gave no samples for longest."""
         if len(self._channels) > MAX_TABLE_CHANNELS:
             newest = sorted(self._channels.values(), key=lambda channel: channel.lost)[:MAX_TABLE_CHANNELS]
             self._channels = {channel.name: channel for channel in newest}
-        return changed
 
 
 @dataclass
@@ -147,6 +151,34 @@ class _Side:
     at: int = 0
     runs: int = 0
     beside: Array = field(default_factory=lambda: np.zeros(3))
+
+    @property
+    def is_clipped(self) -> bool:
+        """Whether far more samples are at the very largest value than just below, in several runs."""
+        return self.at >= 10 and self.runs >= 3 and self.at > 5 * float(self.beside.max())
+
+    def count(self, y: Array, ordered: Array, near: float, level: float) -> None:
+        """Count samples `y` (n,), which are also given `ordered`.
+
+        Parameters
+        ----------
+        near, level
+            Distances from the largest value [its unit] up to which a sample is at it, and of the bands just below.
+        """
+        top = float(ordered[-1])
+        if top > self.top + near:
+            self.top, self.at, self.runs, self.beside = top, 0, 0, np.zeros(3)
+        elif top < self.top - 4.0 * level:
+            return
+        edges = self.top - np.array([near, 0.5 * level, 1.5 * level, 2.5 * level, 3.5 * level])
+        above = len(y) - np.searchsorted(ordered, edges)
+        count = int(above[0])
+        self.at += count
+        if count == 1:
+            self.runs += 1
+        elif count:
+            self.runs += 1 + int(np.sum(np.diff(np.flatnonzero(y >= edges[0])) > 1))
+        self.beside += np.diff(above[1:])
 
 
 @dataclass
@@ -214,12 +246,8 @@ class _Channel:
         interval = self.seen / self.samples if self.samples else 0.0
         if self.lost >= max(DEAD, DEAD_INTERVALS * interval):
             return "dead", end - round(self.lost * SECOND)
-        limit = STUCK.get(self.kind)
-        lively = self.changes >= _LIVELY
-        if limit is not None and (lively or (self.changes == 0 and self.kind in VIBRATION)):
-            shortest = max(limit, STUCK_FACTOR * self.longest) if lively else CONSTANT
-            if self.run >= shortest and (self.kind in VIBRATION or self.last != 0.0):
-                return "stuck", end - round(self.run * SECOND)
+        if self._is_stuck():
+            return "stuck", end - round(self.run * SECOND)
         recent = end - round(MEMORY * SECOND)
         if self.seen > MEMORY and self.missing > self.usual_missing + MORE_MISSING:
             return "missing", recent
@@ -228,6 +256,15 @@ class _Channel:
         if self.spikes >= (SPIKES if self.state != "spikes" else 0.5):
             return "spikes", recent
         return None, end
+
+    def _is_stuck(self) -> bool:
+        limit = STUCK.get(self.kind)
+        vibrates = self.kind in VIBRATION
+        if limit is None or not (vibrates or self.last != 0.0):
+            return False
+        if self.changes >= _LIVELY:
+            return self.run >= max(limit, STUCK_FACTOR * self.longest)
+        return vibrates and self.changes == 0 and self.run >= CONSTANT
 
     def _count_missing(self, there: float, seconds: float) -> None:
         self.seen += seconds
@@ -289,28 +326,10 @@ class _Channel:
         level = max(lsb, span / 2000.0)
         near = 0.5 * lsb if lsb > 1e-3 * span else 1e-9 * span
         for side, sign in zip(self.sides, (1.0, -1.0), strict=True):
-            top = float(ordered[-1]) if sign > 0.0 else -float(ordered[0])
-            if top > side.top + near:
-                side.top, side.at, side.runs, side.beside = top, 0, 0, np.zeros(3)
-            elif top < side.top - 4.0 * level:
-                continue
-            edges = side.top - np.array([near, 0.5 * level, 1.5 * level, 2.5 * level, 3.5 * level])
-            if sign > 0.0:
-                above = len(y) - np.searchsorted(ordered, edges)
-            else:
-                above = np.searchsorted(ordered, -edges, side="right")
-            count = int(above[0])
-            side.at += count
-            if count == 1:
-                side.runs += 1
-            elif count:
-                side.runs += 1 + int(np.sum(np.diff(np.flatnonzero(sign * y >= edges[0])) > 1))
-            side.beside += np.diff(above[1:])
+            side.count(sign * y, ordered if sign > 0.0 else -ordered[::-1], near, level)
         self.counted += seconds
         if self.counted >= MEMORY:
-            self.clipped = any(
-                side.at >= 10 and side.runs >= 3 and side.at > 5 * float(side.beside.max()) for side in self.sides
-            )
+            self.clipped = any(side.is_clipped for side in self.sides)
             self.sides, self.counted = (_Side(), _Side()), 0.0
 
 
@@ -345,30 +364,46 @@ def drifts(known: Mapping[str, list[float]], row: Row, window: int, until: int) 
         name, mean, own = channel["name"], channel["mean"], channel["std"]
         if mean is None or not own or kind_of(name, channel["unit"]) not in VIBRATION:
             continue
-        n, centre, variance, largest, outside = known.get(name, [0.0, 0.0, 0.0, 0.0, 0.0])
-        off = mean - centre
-        limit = max(DRIFT_SIGMAS * math.sqrt(variance), DRIFT_RANGES * largest, DRIFT_SHARE * own)
-        if n >= DRIFT_LEARN and abs(off) > limit:
-            outside += 1.0
-            if outside == DRIFT_WINDOWS:
-                text = f"{name} {_ADVICE['drift']}: {mean:.4g} {unit_text(channel['unit'])} instead of {centre:.4g}"
-                since = window - (DRIFT_WINDOWS - 1) * (until - window)
-                changed.append(Verdict(name, "drift", since, until, text))
-            if outside < DRIFT_GIVE_UP:
-                after[name] = [n, centre, variance, largest, outside]
-                continue
-            n = centre = variance = largest = 0.0
-            off = mean
-        if outside >= DRIFT_WINDOWS:
+        before = known.get(name, [0.0, 0.0, 0.0, 0.0, 0.0])
+        now, state = _follow_mean(before, mean, own)
+        if state == "drift":
+            text = f"{name} {_ADVICE['drift']}: {mean:.4g} {unit_text(channel['unit'])} instead of {before[1]:.4g}"
+            since = window - (DRIFT_WINDOWS - 1) * (until - window)
+            changed.append(Verdict(name, "drift", since, until, text))
+        elif state == "good":
             changed.append(Verdict(name, "good", until, until, ""))
-        n += 1.0
-        weight = 1.0 / min(n, 1000.0)
-        if n > DRIFT_LEARN // 2:  # by then the centre is known
-            largest = max(largest, abs(off) if n <= DRIFT_LEARN else min(abs(off), DRIFT_GROWTH * largest))
-        if n > DRIFT_LEARN:  # what lies outside must not widen what is usual
-            off = math.copysign(min(abs(off), 3.0 * math.sqrt(variance)), off)
-        after.pop(name, None)  # the newest come last
-        after[name] = [n, centre + weight * off, (1.0 - weight) * (variance + weight * off * off), largest, 0.0]
+        if not now[-1]:
+            after.pop(name, None)  # the newest come last
+        after[name] = now
     while len(after) > MAX_TABLE_CHANNELS:
         del after[next(iter(after))]
     return after, changed
+
+
+def _follow_mean(known: Sequence[float], mean: float, own: float) -> tuple[list[float], str]:
+    """What is known of a channel's mean after one more window, and ``drift`` or ``good`` where that began or ceased.
+
+    Parameters
+    ----------
+    known
+        As of `Drift`.
+    mean, own
+        Of the window, and its standard deviation, in the channel's unit.
+    """
+    n, centre, variance, largest, outside = known
+    off = mean - centre
+    limit = max(DRIFT_SIGMAS * math.sqrt(variance), DRIFT_RANGES * largest, DRIFT_SHARE * own)
+    if n >= DRIFT_LEARN and abs(off) > limit:
+        outside += 1.0
+        if outside < DRIFT_GIVE_UP:
+            return [n, centre, variance, largest, outside], "drift" if outside == DRIFT_WINDOWS else ""
+        n = centre = variance = largest = 0.0
+        off = mean
+    n += 1.0
+    weight = 1.0 / min(n, 1000.0)
+    if n > DRIFT_LEARN // 2:  # by then the centre is known
+        largest = max(largest, abs(off) if n <= DRIFT_LEARN else min(abs(off), DRIFT_GROWTH * largest))
+    if n > DRIFT_LEARN:  # what lies outside must not widen what is usual
+        off = math.copysign(min(abs(off), 3.0 * math.sqrt(variance)), off)
+    now = [n, centre + weight * off, (1.0 - weight) * (variance + weight * off * off), largest, 0.0]
+    return now, "good" if outside >= DRIFT_WINDOWS else ""

@@ -1,4 +1,4 @@
-"""From blocks to windows: which window a sample belongs to, and the record that a window's blocks are.
+"""Assembly of blocks into windows: the window of a sample, and the record of a window's blocks.
 
 Everything here is a function of values. The record of a window depends on the set of its blocks, and not on the order
 in which they came or on how a stream was cut into them. `docs/live_engine.md` lists what happens in every case.
@@ -26,7 +26,7 @@ from windsysid.live.limits import MAX_TABLE_CHANNELS, cells_allowed
 from windsysid.records.moments import moment_text
 from windsysid.records.record import Record
 
-__all__ = ["SECOND", "Gathered", "Windows", "gather", "sample_time"]
+__all__ = ["SECOND", "Gathered", "TurbineWindows", "gather", "sample_time"]
 
 SECOND = 1_000_000_000
 """Nanoseconds."""
@@ -42,7 +42,7 @@ MIN_LEAD_SHARE = 0.01
 """Minimum duration of a logger's samples, relative to the longest logger's, for its grid to be the record's."""
 
 
-class Windows(NamedTuple):
+class TurbineWindows(NamedTuple):
     """How a turbine's time is cut.
 
     Attributes
@@ -57,7 +57,7 @@ class Windows(NamedTuple):
     offset: int = 0
 
     @classmethod
-    def of(cls, turbine: str, seconds: float) -> "Windows":
+    def of(cls, turbine: str, seconds: float) -> "TurbineWindows":
         """Those of a turbine: whole seconds off, by its name, so that not all turbines' windows end at once."""
         digest = int.from_bytes(hashlib.sha256(turbine.encode()).digest()[:8], "big")
         return cls(round(seconds * SECOND), digest % max(1, int(seconds)) * SECOND)
@@ -200,7 +200,7 @@ def _longest(blocks: Sequence[Block]) -> tuple[_Piece, int, int]:
 
 
 def _duration(piece: _Piece) -> tuple[float, int]:
-    return piece.there / piece.rate, -piece.start
+    return _seconds(piece), -piece.start
 
 
 def _indices(blocks: Sequence[Block], first: int) -> list[int]:
@@ -209,11 +209,19 @@ def _indices(blocks: Sequence[Block], first: int) -> list[int]:
     index: list[int] = []
     end = 0  # of what is placed
     lags: list[float] = []  # of stamps behind the grid, in samples: of the newest blocks that went on evenly
-    known = _Known()
+    known = _PlacedBlocks()
     some = max(1, min(MOST_AVERAGED, math.ceil(AVERAGED * rate / max(1, len(blocks[first].values)))))
 
     def off(k: int) -> float:
         return (blocks[k].start - origin) * rate / SECOND
+
+    def mean_shift(k: int, expected: float, shift: float) -> float:
+        ahead = []
+        for j in range(k, min(k + some, len(blocks))):
+            if abs(off(j) - expected - shift) < 1.5:
+                ahead.append(off(j) - expected)
+            expected += len(blocks[j].values)
+        return sum(ahead) / len(ahead)
 
     for k in range(first, len(blocks)):
         block = blocks[k]
@@ -222,24 +230,17 @@ def _indices(blocks: Sequence[Block], first: int) -> list[int]:
         base = sum(lags) / len(lags) if lags else 0.0
         shift, step = off(k) - end - base, 0
         if k > first and abs(shift) >= 0.5:  # a stamp may be off: what the next ones say counts
-            counted, ahead = end, []
-            for j in range(k, min(k + some, len(blocks))):
-                if abs(off(j) - counted - base - shift) < 1.5:
-                    ahead.append(off(j) - counted - base)
-                counted += len(blocks[j].values)
-            shift = sum(ahead) / len(ahead)
+            shift = mean_shift(k, end + base, shift)
             step = math.floor(shift + 0.5) if abs(shift) >= 0.5 + 0.25 / len(lags) else 0
-        if step < 0 and not known.repeats(block, end + step):
-            return index  # its clock was set back
-        if not known.add(block, end + step):
-            return index  # a gap that is too long for what came
+        if not known.add(block, end + step, set_back=step < 0):
+            return index  # its clock was set back, or a gap is too long for what came
         index.append(end + step)
         lags = [*lags[1 - some :], off(k) - (end + step)] if some > 1 else [off(k) - (end + step)]
         end = max(end, end + step + len(block.values))
     return index
 
 
-class _Known:
+class _PlacedBlocks:
     """The blocks of a piece that are placed, sorted by their first rows."""
 
     def __init__(self) -> None:
@@ -248,8 +249,13 @@ class _Known:
         self._longest = self._rows = self._values = 0
         self._channels: frozenset[str] = frozenset()
 
-    def add(self, block: Block, begin: int) -> bool:
-        """Add a block, unless the table would become too large for the values received; the first one always fits."""
+    def add(self, block: Block, begin: int, *, set_back: bool) -> bool:
+        """Add a block, unless the table would become too large for the values received; the first one always fits.
+
+        Of a clock that was `set_back`, only a block that repeats what is there.
+        """
+        if set_back and not self.repeats(block, begin):
+            return False
         rows, values = max(self._rows, begin + len(block.values)), self._values + block.values.size
         new = not self._channels.issuperset(block.channels)
         channels = self._channels.union(block.channels) if new else self._channels
@@ -314,37 +320,46 @@ def _joined(pieces: Sequence[_Piece], name: str) -> tuple[Record | None, float, 
     The grid is that of the fastest logger, of several the one with the most samples; loggers with less than
     `MIN_LEAD_SHARE` do not count.
     """
-    least = MIN_LEAD_SHARE * max(piece.there / piece.rate for piece in pieces)
-    lead = max(
-        (piece for piece in pieces if piece.there / piece.rate >= least), key=lambda piece: (piece.rate, piece.there)
-    )
+    least = MIN_LEAD_SHARE * max(map(_seconds, pieces))
+    lead = max((piece for piece in pieces if _seconds(piece) >= least), key=lambda piece: (piece.rate, piece.there))
     if len(lead.values) < 2:
         return None, lead.rate, 0
-    rows = len(lead.values)
+    placed, left_out = _placed(pieces, lead)
     columns: dict[str, NDArray[np.float64]] = {}
     units: dict[str, str] = {}
-    most = cells_allowed(sum(piece.there * len(piece.channels) for piece in pieces)) / rows
-    wide, left_out = len(lead.channels), 0
-    for piece in pieces:
-        placed = piece.values
-        if piece is not lead:
-            wide += len(piece.channels)
-            if wide > most:
-                left_out += piece.there
-                wide -= len(piece.channels)
-                continue
-            placed = _on_grid(piece, lead)
-        for i, (channel, unit) in enumerate(piece.channels.items()):
-            if channel not in columns:
-                columns[channel], units[channel] = placed[:, i], unit
+    for piece, values in placed:
+        for (channel, unit), column in zip(piece.channels.items(), values.T, strict=True):
+            known = columns.get(channel)
+            if known is None:
+                columns[channel], units[channel] = column, unit
             elif units[channel] == unit:
-                columns[channel] = np.where(np.isnan(columns[channel]), placed[:, i], columns[channel])
-    values = lead.values if len(pieces) == 1 else np.column_stack(list(columns.values()))
+                columns[channel] = np.where(np.isnan(known), column, known)
     record = Record(
-        time=np.arange(rows) / lead.rate, values=values, channels=tuple(columns), units=tuple(units.values()),
-        name=name, start=moment_text(lead.start, 0),
+        time=np.arange(len(lead.values)) / lead.rate,
+        values=lead.values if len(pieces) == 1 else np.column_stack(list(columns.values())),
+        channels=tuple(columns), units=tuple(units.values()), name=name, start=moment_text(lead.start, 0),
     )  # fmt: skip
     return record, lead.rate, left_out
+
+
+def _placed(pieces: Sequence[_Piece], lead: _Piece) -> tuple[list[tuple[_Piece, NDArray[np.float64]]], int]:
+    """Put pieces on the grid of `lead`; count the samples of those that would make the table too large."""
+    values = sum(piece.there * len(piece.channels) for piece in pieces)
+    room = cells_allowed(values) / len(lead.values) - len(lead.channels)
+    placed, left_out = [], 0
+    for piece in pieces:
+        width = 0 if piece is lead else len(piece.channels)
+        if width > room:
+            left_out += piece.there
+            continue
+        room -= width
+        placed.append((piece, piece.values if piece is lead else _on_grid(piece, lead)))
+    return placed, left_out
+
+
+def _seconds(piece: _Piece) -> float:
+    """Duration of a piece's samples."""
+    return piece.there / piece.rate
 
 
 def _on_grid(piece: _Piece, lead: _Piece) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""What a window's row says of each series that is watched: coefficients without their prior, noise of sensors."""
+"""Watched series of a window's row: coefficients without their prior, noise of sensors."""
 
 import math
 from typing import NamedTuple
@@ -41,12 +41,14 @@ def said_of(row: Row) -> dict[Watched, tuple[float, float]]:
         kind = "c" if one["kind"] == "damping" else "k"
         found[Watched(name, one["unit"], kind, logarithmic, reference)] = (float(one["own"]), float(one["own_std"]))
     for one in row["statistics"]:
-        values = one["estimate"], one["low"], one["high"]
-        if not noise_source(one["name"]) or not all(v is not None and 0.0 < v < math.inf for v in values):
-            continue
-        std = math.log(values[2] / values[1]) / (2.0 * SIGMAS)
-        found[Watched(one["name"], one["unit"], "noise", True, 1.0)] = (math.log(values[0]), std)
+        if noise_source(one["name"]) and all(map(_is_positive, (one["estimate"], one["low"], one["high"]))):
+            std = math.log(one["high"] / one["low"]) / (2.0 * SIGMAS)
+            found[Watched(one["name"], one["unit"], "noise", True, 1.0)] = (math.log(one["estimate"]), std)
     return found
+
+
+def _is_positive(value: float | None) -> bool:
+    return value is not None and 0.0 < value < math.inf
 
 
 def in_coordinates_of(known: Watched, one: Watched, theta: float, std: float) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""From the row of a window to what is known of its turbine: levels that forget, alarms, and a checkpoint.
+"""On-line watch over one turbine: levels, alarms and a checkpoint from the row of each window.
 
 A row gives a block of each series: of a coefficient what the window says without its prior, of a sensor the noise that
 was found. Each is followed by `windsysid.monitoring.following`, through the conditions of
@@ -8,11 +8,10 @@ level wanders on, its band widens.
 """
 
 import math
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError
@@ -20,7 +19,7 @@ from windsysid.fleet.rows import Row
 from windsysid.fleet.series import COVARIATES
 from windsysid.live.alarms import (
     BLIND_WINDOWS,
-    Case,
+    AlarmCase,
     Circumstances,
     blind_alarm,
     came_back,
@@ -29,29 +28,28 @@ from windsysid.live.alarms import (
     takes_back,
     why_blind,
 )
-from windsysid.live.checkpoint import pack, unpack
-from windsysid.live.conditions import NONE, Standards, covariates_of, learn_standards
+from windsysid.live.checkpoint import KeptWatch, pack_watch, unpack_watch
+from windsysid.live.conditions import NONE, covariates_of, learn_standards
 from windsysid.live.slow_drifts import (
     TEST_EVERY_BLOCKS,
     Drifted,
+    DriftReference,
     Past,
-    Reference,
     drifted_since,
     grew,
     limit_of,
-    past_of,
     remembered,
 )
-from windsysid.live.store.contents import Alarm, Level
-from windsysid.live.watch_state import NO_WINDOWS, KeptWindows, WatchState
+from windsysid.live.store.contents import Alarm, SeriesLevel
+from windsysid.live.watch_state import NO_WINDOWS, WatchState
 from windsysid.live.watched import Watched, band_of, in_coordinates_of, said_of
-from windsysid.monitoring.following import LET_GO_BLOCKS, MAX_KEPT_BLOCKS, Follower, Kept, Now
-from windsysid.monitoring.jumps import Belief, Rates, threshold
+from windsysid.monitoring.following import LET_GO_BLOCKS, MAX_KEPT_BLOCKS, Kept, LevelFollower, Now
+from windsysid.monitoring.jumps import threshold
 from windsysid.monitoring.locating import MAX_HINDSIGHT_BLOCKS, Jump
 from windsysid.monitoring.series import MIN_BLOCKS
 from windsysid.monitoring.watch import TOLERATED_DRIFT, YEAR, was_lost
 
-__all__ = ["Options", "Taken", "Watching", "resume", "start"]
+__all__ = ["Taken", "WatchOptions", "Watching", "resume", "start"]
 
 MAX_CASES = 256
 """Jumps of which a watch knows what was said; of more, the oldest are no longer measured again or ended by it."""
@@ -59,7 +57,7 @@ MAX_CASES = 256
 _KINDS = ("k", "c", "f", "noise")
 
 
-class Options(NamedTuple):
+class WatchOptions(NamedTuple):
     """How a turbine is watched.
 
     Attributes
@@ -90,7 +88,7 @@ class Taken(NamedTuple):
         New ones, and those that changed: an alarm that is known is replaced by the one of its key.
     """
 
-    levels: tuple[Level, ...]
+    levels: tuple[SeriesLevel, ...]
     alarms: tuple[Alarm, ...]
     checkpoint: bytes
 
@@ -101,15 +99,11 @@ class Watching:
     `start` and `resume` make one.
     """
 
-    def __init__(
-        self, turbine: str, options: Options, state: WatchState, windows: KeptWindows,
-        series: Mapping[Watched, Kept], cases: tuple[Case, ...], past: Mapping[str, Past],
-    ) -> None:  # fmt: skip
+    def __init__(self, turbine: str, options: WatchOptions, kept: KeptWatch) -> None:
         self.turbine, self.options = turbine, options
-        self._state, self._windows, self._cases = state, windows, cases
-        self._followers = {one.name: self._follower(one, kept) for one, kept in series.items()}
-        self._watched = {one.name: one for one in series}
-        self._past = dict(past)
+        self._state, self._windows, self._cases, self._past = kept.state, kept.windows, kept.cases, dict(kept.past)
+        self._followers = {one.name: self._follower(one, series) for one, series in kept.series.items()}
+        self._watched = {one.name: one for one in kept.series}
 
     def take(self, row: Row, window: int) -> Taken:
         """Take in the row of the window that begins at `window` [ns since 1970]; rows come in order of windows.
@@ -141,31 +135,16 @@ class Watching:
 
     def checkpoint(self) -> bytes:
         """All that it takes to go on, as bytes: no more than `MAX_KEPT_BLOCKS` windows need."""
-        series = [(one, self._followers[name].kept) for name, one in self._watched.items()]
-        header = {
-            "turbine": self.turbine,
-            "state": self._state._asdict() | {"standards": self._state.standards and list(self._state.standards)},
-            "series": [
-                {"watched": list(one), "let_go": kept.let_go, "rates": kept.rates and list(kept.rates),
-                 "scale": kept.scale, "jumps": [list(jump) for jump in kept.jumps], "learned": kept.before is not None,
-                 "past": self._past.get(one.name)}
-                for one, kept in series
-            ],
-            "cases": [[one.series, list(one.jump), one.returns, list(one.alarm), one.drift] for one in self._cases],
-        }  # fmt: skip
-        arrays: list[NDArray[Any]] = [*self._windows]
-        for _, kept in series:
-            arrays += [kept.y, kept.std]
-            arrays += [] if kept.before is None else [*kept.before]
-        return pack(header, arrays)
+        series = {one: self._followers[name].kept for name, one in self._watched.items()}
+        return pack_watch(self.turbine, KeptWatch(self._state, self._windows, series, self._cases, self._past))
 
     @property
     def _windows_so_far(self) -> int:
         """Windows so far, with those that are missing."""
         return self._state.let_go + len(self._windows.time)
 
-    def _follower(self, one: Watched, kept: Kept) -> Follower:
-        return Follower(one.kind, one.logarithmic, self.options.tolerated[one.kind], kept)
+    def _follower(self, one: Watched, kept: Kept) -> LevelFollower:
+        return LevelFollower(one.kind, one.logarithmic, self.options.tolerated[one.kind], kept)
 
     def _covariates(self, newest: int = 0) -> Array:
         """Of all windows, or of so many of the newest."""
@@ -180,92 +159,92 @@ class Watching:
         said = {} if row is None else said_of(row)
         for one in said:
             if one.name not in self._watched:
-                kept = Follower.beginning(len(self._windows.time), self._state.let_go)
+                kept = LevelFollower.beginning(len(self._windows.time), self._state.let_go)
                 self._watched[one.name] = one
                 self._followers[one.name] = self._follower(one, kept)
         own = {one.name: in_coordinates_of(self._watched[one.name], one, *value) for one, value in said.items()}
         self._windows = self._windows.and_then(window, row)
         takes = bool(self._windows.state[-1] != NONE)
         for name, follower in self._followers.items():
-            follower.append(*(own.get(name, (math.nan, math.nan)) if takes else (math.nan, math.nan)))
+            follower.append(*(own.get(name, _NOTHING) if takes else _NOTHING))
         learning = self._count(row, takes)
         newest = self._covariates(1)
         limit = self._limit() if self._state.taken >= self.options.learn else math.inf
-        now = {}
-        for name, follower in self._followers.items():
-            enough = follower.kept.rates is not None or follower.known >= MIN_BLOCKS // 2
-            if learning is not None and enough:
-                x = self._covariates()
-                now[name] = follower.learn(x, anew=learning)
-                if not learning:
-                    past, wander = self._past.get(name, Past()), follower.wander_beside_trend(x)
-                    first = int(self._windows.time[0])
-                    self._past[name] = remembered(past, follower.kept, LET_GO_BLOCKS, first, wander)
-            else:
-                now[name] = follower.follow(newest, self._covariates, limit)
+        now = {name: self._advance(name, learning, newest, limit) for name in self._followers}
         self._see(window, row, newest, any(math.isfinite(follower.kept.y[-1]) for follower in self._followers.values()))
         return own, now
 
+    def _advance(self, name: str, learning: bool | None, newest: Array, limit: float) -> Now:
+        """Take the newest window into a series; `learning` is what `_count` gave."""
+        follower = self._followers[name]
+        if learning is None or not (follower.kept.rates is not None or follower.known >= MIN_BLOCKS // 2):
+            return follower.follow(newest, self._covariates, limit)
+        x = self._covariates()
+        now = follower.learn(x, anew=learning)
+        if not learning:
+            past, wander = self._past.get(name, Past()), follower.wander_beside_trend(x)
+            first = int(self._windows.time[0])
+            self._past[name] = remembered(past, follower.kept, LET_GO_BLOCKS, first, wander)
+        return now
+
     def _count(self, row: Row | None, takes: bool) -> bool | None:
         """Count the newest window; whether rates are to be learned, from the beginning (True) or on (False)."""
-        state = self._state
         if row is not None and row["status"] == "ok":
-            made = f"{row['settings']} {row['windsysid']}"
-            if made != state.settings:
-                changed = None if not state.settings else int(self._windows.time[-1])
-                state = state._replace(settings=made, changed=changed)
-        self._state = state = state._replace(taken=state.taken + takes)
+            self._note_settings(f"{row['settings']} {row['windsysid']}")
+        self._state = state = self._state._replace(taken=self._state.taken + takes)
+        learned = state.standards is not None
         if len(self._windows.time) > MAX_KEPT_BLOCKS:
-            x = self._covariates()
-            for follower in self._followers.values():
-                follower.let_go(x, LET_GO_BLOCKS)
-            self._windows = self._windows.later(LET_GO_BLOCKS)
-            self._state = state = state._replace(let_go=state.let_go + LET_GO_BLOCKS)
-            if state.standards is not None:
+            self._let_go()
+            if learned:
                 return False
-        elif state.let_go and state.standards is not None:
+        elif state.let_go and learned:
             return None
         if not takes or state.taken < state.next_learning:
             return None
         standards = learn_standards(self._windows.state, self._windows.conditions)
-        following = self.options.learn
-        while following <= state.taken:
-            following *= 2
-        while following >= 4 * MIN_BLOCKS and following // 2 > state.taken:
-            following //= 2
-        self._state = state._replace(next_learning=following, standards=standards)
+        self._state = self._state._replace(next_learning=self._next_learning(), standards=standards)
         return True
+
+    def _note_settings(self, made: str) -> None:
+        """Note with which settings a window was estimated, and since when they are others than before."""
+        if made != self._state.settings:
+            changed = int(self._windows.time[-1]) if self._state.settings else None
+            self._state = self._state._replace(settings=made, changed=changed)
+
+    def _let_go(self) -> None:
+        """Forget the oldest windows but for what they taught."""
+        x = self._covariates()
+        for follower in self._followers.values():
+            follower.let_go(x, LET_GO_BLOCKS)
+        self._windows = self._windows.later(LET_GO_BLOCKS)
+        self._state = self._state._replace(let_go=self._state.let_go + LET_GO_BLOCKS)
+
+    def _next_learning(self) -> int:
+        """The number of windows at which rates are learned next: `learn` times a power of two."""
+        taken, following = self._state.taken, self.options.learn
+        while following <= taken:
+            following *= 2
+        while following >= 4 * MIN_BLOCKS and following // 2 > taken:
+            following //= 2
+        return following
 
     def _limit(self) -> float:
         """Of the test of each series for a jump; together they have half of the false alarms that are accepted."""
         rate = 0.5 * self.options.alarms_per_year / max(1, len(self._followers))
         return threshold(rate * self.options.window / YEAR)
 
-    def _level(self, name: str, said: tuple[float, float] | None, now: Now) -> Level:
+    def _level(self, name: str, said: tuple[float, float] | None, now: Now) -> SeriesLevel:
         one = self._watched[name]
         window = band_of(one, *(said or (math.nan, math.nan)))
         level = band_of(one, now.level, math.hypot(now.std, now.shared))
-        return Level(name, one.unit, one.kind, *window, *level, now.statistic, self._limit())
+        return SeriesLevel(name, one.unit, one.kind, *window, *level, now.statistic, self._limit())
 
     # what is said of it
 
     def _alarms(self, now: Mapping[str, Now], end: int, *, drifts: bool) -> tuple[Alarm, ...]:
         """What is new, measured again, put down to another cause, or over after the window that ends at `end`."""
         before = {case.alarm.key: case.alarm for case in self._cases}
-        found = {(name, jump.found): jump for name, one in self._followers.items() for jump in one.kept.jumps}
-        cases = [
-            case if case.drift else case._replace(jump=found.pop((case.series, case.jump.found), case.jump))
-            for case in self._cases
-        ]
-        moved = bool(found) or any(case.jump != one.jump for case, one in zip(cases, self._cases, strict=True))
-        for (name, _), jump in sorted(found.items(), key=lambda one: one[1].found):
-            earlier = [case.jump for case in cases if case.series == name and not case.returns]
-            returns = any(takes_back(one, jump) for one in earlier)
-            cases.append(Case(name, jump, returns, self._jump_alarm(name, jump, cases, returns=returns)))
-            if name in self._past:
-                self._past[name] = self._past[name]._replace(references=())
-        if moved:
-            cases = [self._said_anew(case, cases) for case in cases]
+        cases = self._with_jumps()
         if drifts:
             cases = self._with_drifts(cases, now)
         cases = [self._ended(case, now[case.series], end) for case in cases]
@@ -274,7 +253,19 @@ class Watching:
         blind = self._blind(end)
         return (*changed, *([] if blind is None else [blind]))
 
-    def _said_anew(self, case: Case, cases: list[Case]) -> Case:
+    def _with_jumps(self) -> list[AlarmCase]:
+        """With the jumps that are new; where one is, or was measured again, all are said anew."""
+        found = {(name, jump.found): jump for name, one in self._followers.items() for jump in one.kept.jumps}
+        cases = [_measured_again(case, found) for case in self._cases]
+        moved = bool(found) or any(case.jump != one.jump for case, one in zip(cases, self._cases, strict=True))
+        for (name, _), jump in sorted(found.items(), key=lambda one: one[1].found):
+            returns = _is_return(name, jump, cases)
+            cases.append(AlarmCase(name, jump, returns, self._jump_alarm(name, jump, cases, returns=returns)))
+            if name in self._past:
+                self._past[name] = self._past[name]._replace(references=())
+        return [self._said_anew(case, cases) for case in cases] if moved else cases
+
+    def _said_anew(self, case: AlarmCase, cases: list[AlarmCase]) -> AlarmCase:
         """What is said of a jump by all that is known now, while what was about it is kept."""
         newest = self._windows_so_far - 1
         young = newest - case.jump.found <= MAX_HINDSIGHT_BLOCKS
@@ -283,7 +274,7 @@ class Watching:
         alarm = self._jump_alarm(case.series, case.jump, cases, returns=case.returns)
         return case._replace(alarm=alarm._replace(ended=case.alarm.ended))
 
-    def _with_drifts(self, cases: list[Case], now: Mapping[str, Now]) -> list[Case]:
+    def _with_drifts(self, cases: list[AlarmCase], now: Mapping[str, Now]) -> list[AlarmCase]:
         """With the drifts that are new; those that are open are said anew where they grew."""
         limit = limit_of(0.5 * self.options.alarms_per_year, self.options.window, len(self._followers))
         cases = [self._grown(case, now[case.series], cases) for case in cases]
@@ -295,12 +286,12 @@ class Watching:
             if since is None or name in open_ones or not z > limit:
                 continue
             found = self._drift(name, since, now[name])
-            returns = any(takes_back(it.jump, found.jump) for it in cases if it.series == name and not it.returns)
+            returns = _is_return(name, found.jump, cases)
             alarm = self._drift_alarm(name, found, cases, returns=returns)
-            cases.append(Case(name, found.jump, returns, alarm, drift=True))
+            cases.append(AlarmCase(name, found.jump, returns, alarm, drift=True))
         return cases
 
-    def _grown(self, case: Case, now: Now, cases: list[Case]) -> Case:
+    def _grown(self, case: AlarmCase, now: Now, cases: list[AlarmCase]) -> AlarmCase:
         """A drift that is open, as it is now, where it grew."""
         references = self._past.get(case.series, Past()).references
         since = next((it for it in references if it.block == case.jump.earliest), None)
@@ -312,14 +303,14 @@ class Watching:
             return case
         return case._replace(jump=drift.jump._replace(found=case.jump.found), alarm=alarm._replace(key=case.alarm.key))
 
-    def _drift(self, name: str, since: Reference, now: Now) -> Drifted:
+    def _drift(self, name: str, since: DriftReference, now: Now) -> Drifted:
         """A drift as it is told: to the level of the last day, for the one that is followed lags behind."""
         one = self._followers[name]
         level, std = one.newest_level(self._covariates(), TEST_EVERY_BLOCKS)
         return drifted_since(since, self._past[name], now._replace(level=level, std=std), one.kept, one.tolerated)
 
     def _drift_alarm(
-        self, name: str, drift: Drifted, cases: list[Case], *, returns: bool, opened: int | None = None
+        self, name: str, drift: Drifted, cases: list[AlarmCase], *, returns: bool, opened: int | None = None
     ) -> Alarm:
         newest = int(self._windows.time[-1])
         when = drift.time, newest, newest, opened or newest + round(1e9 * self.options.window)
@@ -328,12 +319,12 @@ class Watching:
         weather = standards is not None and COVARIATES.index("temperature") in standards.columns
         return drift_alarm(self.turbine, self._watched[name], drift, when, about, returns=returns, weather=weather)
 
-    def _jump_alarm(self, name: str, jump: Jump, cases: list[Case], *, returns: bool) -> Alarm:
+    def _jump_alarm(self, name: str, jump: Jump, cases: list[AlarmCase], *, returns: bool) -> Alarm:
         when = self._when(jump)
         about = self._circumstances(name, jump, cases, when)
         return jump_alarm(self.turbine, self._watched[name], jump, when, about, returns=returns)
 
-    def _ended(self, case: Case, now: Now, end: int) -> Case:
+    def _ended(self, case: AlarmCase, now: Now, end: int) -> AlarmCase:
         if case.alarm.ended is not None or not came_back(case.jump, now.level, now.std):
             return case
         return case._replace(alarm=case.alarm._replace(ended=end))
@@ -346,7 +337,7 @@ class Watching:
         return earliest, latest, found, found + round(1e9 * self.options.window)
 
     def _circumstances(
-        self, name: str, jump: Jump, cases: list[Case], when: tuple[int, int, int, int]
+        self, name: str, jump: Jump, cases: list[AlarmCase], when: tuple[int, int, int, int]
     ) -> Circumstances:
         noisy = [
             case.series for case in cases
@@ -388,8 +379,20 @@ class Watching:
 
 _PLACES = ("earliest", "latest", "found")
 
+_NOTHING = math.nan, math.nan
 
-def start(turbine: str, options: Options = Options()) -> Watching:
+
+def _measured_again(case: AlarmCase, found: dict[tuple[str, int], Jump]) -> AlarmCase:
+    """A case with its jump as it is measured now, which is taken out of `found`."""
+    return case if case.drift else case._replace(jump=found.pop((case.series, case.jump.found), case.jump))
+
+
+def _is_return(series: str, jump: Jump, cases: Sequence[AlarmCase]) -> bool:
+    """Whether a jump of a series takes back an earlier one."""
+    return any(takes_back(case.jump, jump) for case in cases if case.series == series and not case.returns)
+
+
+def start(turbine: str, options: WatchOptions = WatchOptions()) -> Watching:
     """A watch that has seen nothing yet.
 
     Raises
@@ -402,10 +405,10 @@ def start(turbine: str, options: Options = Options()) -> Watching:
     while first >= 2 * MIN_BLOCKS:
         first //= 2
     state = WatchState(0, first, None, 0, None, 0, None, "", "", None)
-    return Watching(turbine, options, state, NO_WINDOWS, {}, (), {})
+    return Watching(turbine, options, KeptWatch(state, NO_WINDOWS, {}, (), {}))
 
 
-def resume(checkpoint: bytes, turbine: str, options: Options = Options()) -> Watching:
+def resume(checkpoint: bytes, turbine: str, options: WatchOptions = WatchOptions()) -> Watching:
     """The watch as it was when it gave this checkpoint: it goes on, bit for bit, as if it had never stopped.
 
     Raises
@@ -414,31 +417,10 @@ def resume(checkpoint: bytes, turbine: str, options: Options = Options()) -> Wat
         If the checkpoint is damaged, or of another turbine or version; or an option is out of its range.
     """
     _check(options)
-    header, arrays = unpack(checkpoint, f"checkpoint of {turbine}")
-    if header["turbine"] != turbine:
-        raise ConfigurationError(f"checkpoint of {turbine}: it is one of '{header['turbine']}': start without it")
-    rest = iter(arrays)
-    windows = KeptWindows._make(next(rest) for _ in KeptWindows._fields)
-    series = {}
-    for one in header["series"]:
-        y, std = next(rest), next(rest)
-        before = Belief(next(rest), next(rest)) if one["learned"] else None
-        rates = None if one["rates"] is None else Rates(*one["rates"])
-        jumps = tuple(Jump(*jump) for jump in one["jumps"])
-        series[Watched(*one["watched"])] = Kept(y, std, one["let_go"], before, rates, one["scale"], jumps)
-    state = WatchState(**header["state"])
-    if state.standards is not None:
-        parts = (tuple(part) if isinstance(part, list) else part for part in state.standards)
-        state = state._replace(standards=Standards._make(parts))
-    cases = tuple(
-        Case(name, Jump(*jump), returns, Alarm(*alarm), *drift)
-        for name, jump, returns, alarm, *drift in header["cases"]
-    )
-    past = {Watched(*one["watched"]).name: past_of(one["past"]) for one in header["series"] if one.get("past")}
-    return Watching(turbine, options, state, windows, series, cases, past)
+    return Watching(turbine, options, unpack_watch(checkpoint, turbine))
 
 
-def _check(options: Options) -> None:
+def _check(options: WatchOptions) -> None:
     if not 12 <= options.learn <= MAX_KEPT_BLOCKS // 2:
         raise ConfigurationError(f"learn: expected 12 to {MAX_KEPT_BLOCKS // 2} windows, got {options.learn}")
     if not 1e-6 <= options.alarms_per_year <= 100.0:

@@ -1,4 +1,4 @@
-"""From settings to the sources that they mean."""
+"""Construction of sources from settings."""
 
 from windsysid.live.settings import Settings
 from windsysid.live.source_settings import MqttSettings, OpcuaSettings, ReplaySettings, SourceSettings
@@ -6,12 +6,12 @@ from windsysid.live.sources.folder import FolderSource
 from windsysid.live.sources.mqtt import MqttSource
 from windsysid.live.sources.opcua import OpcuaSource
 from windsysid.live.sources.replay import Replay
-from windsysid.live.sources.source import Source
+from windsysid.live.sources.source import BlockSource
 
 __all__ = ["sources_of"]
 
 
-def sources_of(settings: Settings) -> list[Source]:
+def sources_of(settings: Settings) -> list[BlockSource]:
     """The sources of a settings file, not yet running.
 
     Raises
@@ -24,7 +24,7 @@ def sources_of(settings: Settings) -> list[Source]:
     return [_source(one, names, mappings) for one in settings.sources]
 
 
-def _source(one: SourceSettings, names: list[str], mappings: dict[str, str | None]) -> Source:
+def _source(one: SourceSettings, names: list[str], mappings: dict[str, str | None]) -> BlockSource:
     if isinstance(one, ReplaySettings):
         return Replay(one.record, one.turbine, speed=one.speed, begin=one.start, mapping=mappings[one.turbine])
     if isinstance(one, MqttSettings):

@@ -13,7 +13,7 @@ from windsysid.units import unit_text
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["HEADINGS", "MOVED_MIN_ODDS", "Change", "Comparison"]
+__all__ = ["HEADINGS", "MOVED_MIN_ODDS", "Comparison", "QuantityChange"]
 
 UNTOLD = math.log(10.0)
 """A change is not told where its band (±2σ) reaches further than this factor either way."""
@@ -25,7 +25,7 @@ SUSPECT_MIN_ODDS = 10.0
 """Odds from which it is said that it may have."""
 
 
-class Change(NamedTuple):
+class QuantityChange(NamedTuple):
     """How a quantity of record B differs from that of record A.
 
     Attributes
@@ -105,28 +105,37 @@ class Comparison(Answer):
     """
 
     records: tuple[str, str]
-    coefficients: tuple[Change, ...]
-    modes: tuple[Change, ...]
-    statistics: tuple[Change, ...]
+    coefficients: tuple[QuantityChange, ...]
+    modes: tuple[QuantityChange, ...]
+    statistics: tuple[QuantityChange, ...]
     same: bool
     doubts: tuple[str, ...]
     notes: tuple[str, ...]
 
     def to_dataframe(self) -> "pd.DataFrame":
-        """A row for each `Change`: its fields, whether it ``moved``, and whether it is of a coefficient, a mode or a
-        statistic (``quantity``)."""
+        """A row for each `QuantityChange`: its fields, whether it ``moved``, and whether it is of a coefficient, a mode
+        or a statistic (``quantity``)."""
         import pandas as pd
 
         of = (("coefficient", self.coefficients), ("mode", self.modes), ("statistic", self.statistics))
         moved = self.moved
         rows = [(quantity, *one, one in moved) for quantity, changes in of for one in changes]
-        return pd.DataFrame(rows, columns=["quantity", *Change._fields, "moved"])
+        return pd.DataFrame(rows, columns=["quantity", *QuantityChange._fields, "moved"])
 
     @property
-    def moved(self) -> tuple[Change, ...]:
+    def _ranked(self) -> list[QuantityChange]:
+        """The coefficients, the surest first."""
+        return sorted(self.coefficients, key=lambda change: -change.log_odds)
+
+    @property
+    def moved(self) -> tuple[QuantityChange, ...]:
         """The coefficients that moved, the surest first."""
-        ranked = sorted(self.coefficients, key=lambda change: -change.log_odds)
-        return () if self.same else tuple(change for change in ranked if change.moved)
+        return () if self.same else tuple(change for change in self._ranked if change.moved)
+
+    @property
+    def _suspects(self) -> list[QuantityChange]:
+        """The coefficients that may have moved, the surest first."""
+        return [change for change in self._ranked if change.suspect and not change.moved]
 
     @property
     def sentence(self) -> str:
@@ -136,16 +145,12 @@ class Comparison(Answer):
                 f"nothing moved: both results are of the same record and section ({self.records[0]}), and one record"
                 " cannot differ from itself"
             )
-        ranked = sorted(self.coefficients, key=lambda change: -change.log_odds)
-        suspects = [str(change) for change in ranked if change.suspect and not change.moved]
-        if self.moved:
-            told = [f"moved: {', '.join(map(str, self.moved))}"]
-        else:
-            told = [f"nothing moved: no coefficient reaches odds of {MOVED_MIN_ODDS:g} : 1"]
+        moved = ", ".join(map(str, self.moved))
+        suspects = ", ".join(map(str, self._suspects))
+        told = [f"moved: {moved}" if moved else f"nothing moved: no coefficient reaches odds of {MOVED_MIN_ODDS:g} : 1"]
         if suspects:
-            told.append(f"may have moved: {', '.join(suspects)}")
-        if not self.moved:
-            told += self._unseen()
+            told.append(f"may have moved: {suspects}")
+        told += [] if moved else self._unseen()
         other = [change.name for change in self.statistics if change.moved]
         if other:
             told.append(f"loads and noise differ in {', '.join(other)}")
@@ -159,12 +164,7 @@ class Comparison(Answer):
             dark += [name for name, step in steps.items() if step > UNTOLD]
             greatest = max((step for step in steps.values() if step <= UNTOLD), default=None)
             if greatest is not None:
-                size = (
-                    f"{100.0 * math.expm1(greatest):.2g} %"
-                    if greatest < math.log(2.0)
-                    else f"a factor of {math.exp(greatest):.2g}"
-                )
-                told.append(f"a change of {kind} by less than {size} could go unseen")
+                told.append(f"a change of {kind} by less than {_size(greatest)} could go unseen")
         return told + ([f"the records say too little of {', '.join(dark)} to show a change"] if dark else [])
 
     def table(self) -> Table:
@@ -214,14 +214,19 @@ HEADINGS = ("", "unit", "A", "B", "change %", "±2σ %", "odds")
 """Seven columns: 80 signs of a terminal hold no more."""
 
 
-def _half_width(change: Change) -> float:
+def _half_width(change: QuantityChange) -> float:
     """Half of the ±2σ band in ln(B/A)."""
     if change.low <= -100.0 or math.isinf(change.high):
         return math.inf
     return 0.5 * math.log((100.0 + change.high) / (100.0 + change.low))
 
 
-def _band(change: Change) -> str:
+def _size(step: float) -> str:
+    """A step of a logarithm as a percentage, or as a factor from two on."""
+    return f"{100.0 * math.expm1(step):.2g} %" if step < math.log(2.0) else f"a factor of {math.exp(step):.2g}"
+
+
+def _band(change: QuantityChange) -> str:
     return f"{_percent(change.low)} … {_percent(change.high)}"
 
 

@@ -1,4 +1,4 @@
-"""What a watch over many records found: series, changes, alarms."""
+"""Result of a watch over many records: series, jumps, alarms."""
 
 import json
 from collections.abc import Mapping
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from windsysid._types import Array
-from windsysid.monitoring.series import DAY, Blocks
+from windsysid.monitoring.series import DAY, RecordBlocks
 from windsysid.output.answers import Answer
 from windsysid.output.table import Table
 from windsysid.results.serialization import finite
@@ -16,10 +16,10 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-__all__ = ["HEADINGS", "Change", "Series", "Watch"]
+__all__ = ["HEADINGS", "DetectedJump", "Watch", "WatchedSeries"]
 
 
-class Change(NamedTuple):
+class DetectedJump(NamedTuple):
     """A jump that set off an alarm.
 
     Attributes
@@ -50,7 +50,7 @@ class Change(NamedTuple):
     told: str
 
 
-class Series(NamedTuple):
+class WatchedSeries(NamedTuple):
     """How one coefficient was followed.
 
     Attributes
@@ -113,9 +113,9 @@ class Watch(Answer):
         What a reader must know.
     """
 
-    blocks: Blocks
-    series: tuple[Series, ...]
-    changes: tuple[Change, ...]
+    blocks: RecordBlocks
+    series: tuple[WatchedSeries, ...]
+    changes: tuple[DetectedJump, ...]
     alarms_per_year: float
     begins: int
     notes: tuple[str, ...]

@@ -1,4 +1,4 @@
-"""What moved between two records of one turbine, and how sure that is.
+"""Comparison of two records of one turbine: changes of coefficients, and the odds that they moved.
 
 A result is the posterior N(θ̂, S⁻¹) of a record and its own prior N(θ₀, S₀⁻¹). What the record itself says is the
 likelihood that is left when the prior is divided out, of information J = S − S₀ and vector h = S θ̂ − S₀ θ₀
@@ -30,7 +30,7 @@ import numpy as np
 from windsysid.errors import ConfigurationError
 from windsysid.mechanics.compile import compile_model
 from windsysid.modal.analysis import analyse, directions_of
-from windsysid.monitoring.change import UNTOLD, Change, Comparison
+from windsysid.monitoring.change import UNTOLD, Comparison, QuantityChange
 from windsysid.monitoring.modal_comparison import compare_modes
 from windsysid.monitoring.own_information import (
     TYPICAL_CHANGE,
@@ -93,18 +93,12 @@ def _compare_coefficients(before: Posterior, after: Posterior) -> Comparison:
     both = (*frame, *levels)
     statistics = _changes(before, after, both, difference_between(before, after, both))[len(frame) :] if levels else ()
     same, notes = _shared_data(before, after)
-    doubts = [
-        f"the result of {result.record} is not trusted by itself: see its report"
-        for result in (before, after)
-        if not result.trusted
-    ]
-    doubts += _differing_models(before, after)
+    doubts = [*_distrusted(before, after), *_differing_models(before, after)]
     moved = [change.name for change in coefficients if change.moved]
     if same and moved:
-        sure = _have_same_values(before, after)
-        same = sure
+        same = _have_same_values(before, after)
         doubts.append(
-            f"both results are of {before.record}{', the same values' if sure else ': if that is one record'}, so"
+            f"both results are of {before.record}{', the same values' if same else ': if that is one record'}, so"
             " nothing moved, and priors, sensors or loads of the two identifications do not agree about"
             f" {', '.join(moved)}"
         )
@@ -112,6 +106,11 @@ def _compare_coefficients(before: Posterior, after: Posterior) -> Comparison:
         (before.record, after.record), coefficients, _modes(before, after, frame, difference), statistics, same,
         tuple(doubts), notes,
     )  # fmt: skip
+
+
+def _distrusted(before: Posterior, after: Posterior) -> list[str]:
+    distrusted = [result.record for result in (before, after) if not result.trusted]
+    return [f"the result of {name} is not trusted by itself: see its report" for name in distrusted]
 
 
 def _frame_of_statistics(before: Posterior, after: Posterior) -> tuple[Parameter, ...]:
@@ -131,7 +130,7 @@ def _frame_of_statistics(before: Posterior, after: Posterior) -> tuple[Parameter
 
 def _changes(
     before: Posterior, after: Posterior, frame: Sequence[Parameter], difference: Difference
-) -> tuple[Change, ...]:
+) -> tuple[QuantityChange, ...]:
     """The changes of what is in `frame`."""
     delta, cov = difference.with_prior(VAGUE_PRIOR_FACTOR)
     of_damage, cov_of_damage = difference.with_prior(1.0)
@@ -149,7 +148,7 @@ def _changes(
         chance = math.erfc(abs(delta[i]) / sigma / math.sqrt(2.0))
         unit, kind = (units[q.name], "") if q.name in units else (known[q.name].unit, known[q.name].kind)
         a, b = (estimate_of(result, q.name) for result in (before, after))
-        changes.append(Change(q.name, unit, a, b, *limits, log_odds, chance, kind))
+        changes.append(QuantityChange(q.name, unit, a, b, *limits, log_odds, chance, kind))
     return tuple(changes)
 
 
@@ -188,7 +187,7 @@ def _inverse(ratio: float) -> float:
 
 def _modes(
     before: Posterior, after: Posterior, frame: Sequence[Parameter], difference: Difference
-) -> tuple[Change, ...]:
+) -> tuple[QuantityChange, ...]:
     """Changes of the modes' frequencies at the mean of the two rotor speeds.
 
     They are the coefficients' changes times d ln f / dθ, averaged over both results.
@@ -216,7 +215,7 @@ def _modes(
         slope = 0.5 * (slope_a + slope_b)
         step, sigma = float(slope @ delta), math.sqrt(float(slope @ cov @ slope))
         chance = math.erfc(abs(step) / sigma / math.sqrt(2.0)) if sigma > 0.0 else 1.0
-        changes.append(Change(name, "Hz", f_a, f_b, *_growth(step, sigma), math.nan, chance))
+        changes.append(QuantityChange(name, "Hz", f_a, f_b, *_growth(step, sigma), math.nan, chance))
     return tuple(changes)
 
 
@@ -230,24 +229,21 @@ def _shared_data(before: Posterior, after: Posterior) -> tuple[bool, tuple[str, 
 
     The hashes of the records tell; their names do where an older version wrote no hash.
     """
-    names = [result.record.rpartition(", ")[0] for result in (before, after)]
+    name = before.record.rpartition(", ")[0]
     if _have_same_values(before, after):
-        if before.record_hash != after.record_hash:
-            return False, ()
-        if before.section == after.section:
-            return True, ()
-    elif before.record == after.record:
-        return True, ()
-    elif names[0] != names[1] or not names[0]:
-        return False, ()
-    if before.section is None or after.section is None:
-        return False, ()
+        one_record = before.record_hash == after.record_hash
+        same = one_record and before.section == after.section
+    else:
+        one_record = bool(name) and name == after.record.rpartition(", ")[0]
+        same = before.record == after.record
+    if same or not one_record or before.section is None or after.section is None:
+        return same, ()
     common = min(before.section[1], after.section[1]) - max(before.section[0], after.section[0])
     if common <= 0.0:
         return False, ()
     return False, (
         (
-            f"the two sections of {names[0] or before.record} have {common:.4g} s in common: bands and odds take them"
+            f"the two sections of {name or before.record} have {common:.4g} s in common: bands and odds take them"
             " for independent, which errs towards no change"
         ),
     )
@@ -255,26 +251,25 @@ def _shared_data(before: Posterior, after: Posterior) -> tuple[bool, tuple[str, 
 
 def _differing_models(before: Posterior, after: Posterior) -> list[str]:
     """One sentence for each difference in what the two turbines take for known or have identified."""
-    identified = [{q.name for q in result.parameters} for result in (before, after)]
-    a, b = (result.turbine.values for result in (before, after))
-    fixed = [
-        name for name in a
-        if name in b and name not in identified[0] | identified[1] and not math.isclose(a[name], b[name], rel_tol=1e-9)
-    ]  # fmt: skip
+    a, b = ([q.name for q in result.parameters] for result in (before, after))
+    fixed = [name for name in _differing_values(before, after) if name not in (*a, *b)]
     told = []
     if fixed:
         told.append(
             f"the turbine files of the two results differ in {_list_some(fixed)}: what moved may be the files; identify"
             " both with one file"
         )
-    alone = [
-        q.name for r in (before, after) for q in r.parameters if (q.name in identified[0]) != (q.name in identified[1])
-    ]
+    alone = [name for name in (*a, *b) if (name in a) != (name in b)]
     if alone:
         told.append(
             f"only one of the two results identified {_list_some(alone)}: what the other took for it counts as change"
         )
     return told
+
+
+def _differing_values(before: Posterior, after: Posterior) -> list[str]:
+    a, b = before.turbine.values, after.turbine.values
+    return [name for name in a if name in b and not math.isclose(a[name], b[name], rel_tol=1e-9)]
 
 
 def _list_some(names: Sequence[str]) -> str:

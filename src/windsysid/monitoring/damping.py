@@ -1,4 +1,4 @@
-"""What of a damping is the structure's and what the air's, from records of one turbine in several states.
+"""Separation of structural and aerodynamic damping, from records of one turbine in several states.
 
 Each record tells the total c of a degree of freedom. Quasi-steady forces on blade sections are of second degree in
 rotor speed Ω and wind speed V, so that what the air adds to c is of first degree in them. To first order of that,
@@ -26,7 +26,7 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError
 from windsysid.monitoring.own_information import without_prior
-from windsysid.monitoring.separation import Band, Separation, Split, State
+from windsysid.monitoring.separation import DampingBand, DampingSplit, Separation, State
 from windsysid.results.coercion import PosteriorLike, as_posterior
 from windsysid.results.posterior import SIGMAS, Posterior
 
@@ -83,26 +83,38 @@ def separate_damping(results: Sequence[PosteriorLike]) -> Separation:
     posteriors = [as_posterior(result) for result in results]
     known = [result for result in posteriors if result.conditions.rotor_speed is not None]
     if not known:
+        got = ", ".join(map(_record, posteriors)) or "none"
         raise ConfigurationError(
-            "damping: expected results that say how fast the rotor turned, got"
-            f" {', '.join(result.record for result in posteriors) or 'none'}: record rotor_speed and identify again"
+            f"damping: expected results that say how fast the rotor turned, got {got}: record rotor_speed and identify"
+            " again"
         )
-    frame = known[0]
-    model = frame.turbine.model
+    names = _common_damping(known)
+    states = _states(known)
+    design = _design(states)
+    fits = [_Fit(design.rows, *_read_estimates(known, name)) for name in names]
+    free, square = sum(fit.free for fit in fits), sum(fit.square for fit in fits)
+    width = _half_width(free, square)
+    pairs = zip(names, fits, strict=True)
+    splits = tuple(_split(name, fit, width, known[0], states, design) for name, fit in pairs)
+    lacking, notes = _lacking(states, splits), _notes(states, splits, design)
+    doubts = _doubts(posteriors, known, free, square)
+    return Separation(states, design.parked_air, splits, tuple(lacking), tuple(notes), tuple(doubts))
+
+
+def _common_damping(known: Sequence[Posterior]) -> list[str]:
+    """Damping coefficients that all results identified; ConfigurationError without any."""
+    model = known[0].turbine.model
     damping = [name for name in model.coefficients if model.coefficient(name).kind == "damping"]
     names = [name for name in damping if all(_identified(result, name) for result in known)]
     if not names:
         raise ConfigurationError(
-            f"{', '.join(result.record for result in known)}: expected a damping coefficient that all of them"
-            " identified, got none"
+            f"{', '.join(map(_record, known))}: expected a damping coefficient that all of them identified, got none"
         )
-    states = _states(known)
-    design = _design(states)
-    fits = [_Fit(design.rows, *_read_estimates(known, name)) for name in names]
-    parked_air = any(state.parked for state in states) and not design.parked_wind
-    free, square = sum(fit.free for fit in fits), sum(fit.square for fit in fits)
-    width = _half_width(free, square)
-    splits = tuple(_split(name, fit, width, frame, states, design) for name, fit in zip(names, fits, strict=True))
+    return names
+
+
+def _doubts(posteriors: Sequence[Posterior], known: Sequence[Posterior], free: int, square: float) -> list[str]:
+    """Why the separation is not to be trusted."""
     doubts = [f"the result of {r.record} is not trusted by itself: see its report" for r in known if not r.trusted]
     doubts += [
         f"{result.record} is left out: its rotor speed was not recorded"
@@ -114,14 +126,11 @@ def separate_damping(results: Sequence[PosteriorLike]) -> Separation:
             f"records scatter about the fits by {math.sqrt(square / free):.2g} of their own σ: something else moved"
             " too, or their bands are too narrow; the bands given here have it in"
         )
-    return Separation(
-        states,
-        parked_air,
-        splits,
-        tuple(_lacking(states, splits)),
-        tuple(_notes(states, splits, design)),
-        tuple(doubts),
-    )
+    return doubts
+
+
+def _record(result: Posterior) -> str:
+    return result.record
 
 
 def _identified(result: Posterior, name: str) -> bool:
@@ -139,7 +148,8 @@ def _states(results: Sequence[Posterior]) -> tuple[State, ...]:
 
 
 class _Design(NamedTuple):
-    """Rows (T, 4) of the regression, V* [m/s], and whether the wind counts in either state.
+    """Rows (T, 4) of the regression, V* [m/s], whether the wind counts in either state, and whether what it does to
+    parked rotors counts as structure.
 
     A running record has (1, Ω/Ω*, V/V*, 0), a parked one (1, 0, 0, V/V*).
     """
@@ -148,24 +158,28 @@ class _Design(NamedTuple):
     strongest: float
     running_wind: bool
     parked_wind: bool
+    parked_air: bool
 
 
 def _design(states: Sequence[State]) -> _Design:
     """The rows of the records; a wind that is not known, or the same for all parked rotors, has a column of zeros."""
-    running, parked = ([state for state in states if state.parked == which] for which in (False, True))
-    running_wind = bool(running) and all(state.wind_speed is not None for state in running)
-    blowing = [state.wind_speed for state in parked if state.wind_speed is not None]
-    parked_wind = len(blowing) > 1 and len(blowing) == len(parked) and max(blowing) > MIN_WIND_RATIO * min(blowing)
-    fastest = max((state.rotor_speed for state in running), default=1.0)
-    strongest = max((state.wind_speed or 0.0 for state in states), default=0.0) or 1.0
-    rows = []
-    for state in states:
-        wind = (state.wind_speed or 0.0) / strongest
-        if state.parked:
-            rows.append((1.0, 0.0, 0.0, wind * parked_wind))
-        else:
-            rows.append((1.0, state.rotor_speed / fastest, wind * running_wind, 0.0))
-    return _Design(np.array(rows), strongest, running_wind, parked_wind)
+    parked = np.array([state.parked for state in states])
+    wind = np.array([math.nan if state.wind_speed is None else state.wind_speed for state in states])
+    running_wind = not parked.all() and bool(np.isfinite(wind[~parked]).all())
+    blowing = wind[parked]
+    parked_wind = len(blowing) > 1 and bool(blowing.max() > MIN_WIND_RATIO * blowing.min())  # False with a NaN
+    speed = np.array([state.rotor_speed for state in states])
+    fastest = speed[~parked].max() if not parked.all() else 1.0
+    strongest = float(np.nan_to_num(wind).max(initial=0.0)) or 1.0
+    share = np.nan_to_num(wind) / strongest
+    running = ~parked
+    rows = [
+        np.ones(len(states)),
+        running * speed / fastest,
+        running * share * running_wind,
+        parked * share * parked_wind,
+    ]
+    return _Design(np.column_stack(rows), strongest, running_wind, parked_wind, bool(parked.any()) and not parked_wind)
 
 
 class _Fit:
@@ -185,13 +199,13 @@ class _Fit:
         self.free = len(value) - len(self.seen)
         self.square = float((((value - fitted) / s) ** 2).sum())
 
-    def at(self, row: Array, width: float) -> Band | None:
+    def at(self, row: Array, width: float) -> DampingBand | None:
         """The combination `row` of c₀, a, b and d with its band; None where the records do not determine it."""
         along = self.seen @ row
         if np.linalg.norm(row - along @ self.seen) > DESIGN_TOLERANCE * np.linalg.norm(row):
             return None
         value, half = float(along @ self.mean), width * math.sqrt(along @ self.cov @ along)
-        return Band(value, value - half, value + half)
+        return DampingBand(value, value - half, value + half)
 
 
 def _stretch(fitted: Array, value: Array) -> Array:
@@ -223,7 +237,9 @@ def _is_scatter_significant(free: int, square: float) -> bool:
     return free > 0 and bool(gammaincc(0.5 * free, 0.5 * square) < SCATTER_PROBABILITY)
 
 
-def _split(name: str, fit: _Fit, width: float, frame: Posterior, states: Sequence[State], design: _Design) -> Split:
+def _split(
+    name: str, fit: _Fit, width: float, frame: Posterior, states: Sequence[State], design: _Design
+) -> DampingSplit:
     """One coefficient, taken apart."""
     known = frame.turbine.model.coefficient(name)
     coordinate = known.part
@@ -235,12 +251,12 @@ def _split(name: str, fit: _Fit, width: float, frame: Posterior, states: Sequenc
         for row, state in zip(design.rows, states, strict=True)
     ]
     own = zip(fit.value.tolist(), (SIGMAS * fit.std).tolist(), strict=True)
-    return Split(
+    return DampingSplit(
         name=name,
         unit=known.unit,
         critical=2.0 * frame.turbine.inertia(coordinate) * frequency,
         frequency=frequency,
-        measured=tuple(Band(value, value - half, value + half) for value, half in own),
+        measured=tuple(DampingBand(value, value - half, value + half) for value, half in own),
         structural=structural,
         aerodynamic=tuple(air),
         calm=fit.at(np.array([1.0, design.rows[running, 1].mean(), 0.0, 0.0]), width) if design.running_wind else None,
@@ -263,10 +279,10 @@ def _read_estimates(results: Sequence[Posterior], name: str) -> tuple[Array, Arr
     return value, std
 
 
-def _lacking(states: Sequence[State], splits: Sequence[Split]) -> list[str]:
+def _lacking(states: Sequence[State], splits: Sequence[DampingSplit]) -> list[str]:
     """What the records do not tell, why, and what would help."""
-    parked = any(state.parked for state in states)
-    if all(state.parked for state in states):
+    parked = [state.parked for state in states]
+    if all(parked):
         return [
             "no record is of a running rotor, so nothing is known of aerodynamic damping: identify a record of the"
             " running machine too"
@@ -274,7 +290,7 @@ def _lacking(states: Sequence[State], splits: Sequence[Split]) -> list[str]:
     wanted = [split for split in splits if not split.resolved]
     if not wanted:
         return []
-    minutes = max(_minutes(split) for split in wanted)
+    minutes = max(map(_minutes, wanted))
     help_ = (
         f"record {minutes:.0f} min with the rotor parked or idling in weak wind for ±{100 * WISHED_RELATIVE_BAND:.0f}"
         " %, or a stop with the decay after it (windsysid inspect finds it)"
@@ -286,37 +302,28 @@ def _lacking(states: Sequence[State], splits: Sequence[Split]) -> list[str]:
         )  # fmt: skip
         return [f"{why}: {help_}"]
     names = ", ".join(split.name for split in wanted)
-    how = "the parked records are too short" if parked else "standstill is too far from the records"
+    how = "the parked records are too short" if any(parked) else "standstill is too far from the records"
     return [f"the structure's part of {names} is not told from nothing, because {how}: {help_}"]
 
 
-def _minutes(split: Split) -> float:
+def _minutes(split: DampingSplit) -> float:
     """Length of a parked record that brings structural damping to `WISHED_RELATIVE_BAND`: σ_c/c = 1/√(ζωT)."""
     seen = [split.structural.value] if split.structural is not None else [band.value for band in split.measured]
     ratio = max(min(seen) / split.critical, 1e-3)
     return math.ceil((SIGMAS / WISHED_RELATIVE_BAND) ** 2 / (ratio * split.frequency) / 60.0)
 
 
-def _notes(states: Sequence[State], splits: Sequence[Split], design: _Design) -> list[str]:
+def _notes(states: Sequence[State], splits: Sequence[DampingSplit], design: _Design) -> list[str]:
     """What a reader must know."""
     notes = []
     parked = [state for state in states if state.parked]
     if parked:
-        blowing = [state.wind_speed for state in parked if state.wind_speed is not None]
-        at = f" ({', '.join(f'{speed:.3g}' for speed in blowing)} m/s)" if blowing else ""
-        notes.append(
-            "the structure's part is where the parked records go back to without wind"
-            if design.parked_wind
-            else (
-                f"what the air does to a parked or idling rotor{at} counts as structure: parked records in winds"
-                f" {MIN_WIND_RATIO:g} times apart tell the two apart (docs/damping.md)"
-            )
-        )
+        notes.append(_parked_note(parked, design))
     elif splits[0].structural is not None:
         notes.append(
             "no rotor is parked: the structure's part is where a line in rotor speed and wind goes at standstill"
         )
-    if not design.running_wind and sum(not state.parked for state in states) > 1:
+    if not design.running_wind and len(states) - len(parked) > 1:
         notes.append(
             "some running records have no wind speed (channel wind_speed): what the wind changes counts as scatter"
         )
@@ -325,3 +332,15 @@ def _notes(states: Sequence[State], splits: Sequence[Split], design: _Design) ->
             "no more records than unknowns: nothing shows whether bands are true, so they are widened as elsewhere"
         )
     return notes
+
+
+def _parked_note(parked: Sequence[State], design: _Design) -> str:
+    """Whether the structure's part holds what the air does to a parked rotor."""
+    if design.parked_wind:
+        return "the structure's part is where the parked records go back to without wind"
+    blowing = [f"{state.wind_speed:.3g}" for state in parked if state.wind_speed is not None]
+    at = f" ({', '.join(blowing)} m/s)" if blowing else ""
+    return (
+        f"what the air does to a parked or idling rotor{at} counts as structure: parked records in winds"
+        f" {MIN_WIND_RATIO:g} times apart tell the two apart (docs/damping.md)"
+    )

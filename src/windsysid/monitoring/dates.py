@@ -1,4 +1,4 @@
-"""When records began, and in which order they are."""
+"""Order of records in time."""
 
 from collections.abc import Mapping, Sequence
 from datetime import datetime, timedelta
@@ -56,17 +56,14 @@ def in_order(
     count = len(results)
     if count < MIN_BLOCKS:
         raise ConfigurationError(f"expected at least {MIN_BLOCKS} records to learn from, got {count}")
-    columns = [np.asarray(values, dtype=np.float64) for values in (covariates or {}).values()]
     notes: list[str] = []
     order = list(range(count))
     spans = spans_of(results) if time is None else None
     if spans is not None:
         order = sorted(range(count), key=[span.begin for span in spans].__getitem__)
-        spans = [spans[i] for i in order]
-        columns = [values[order] for values in columns]
-        notes += _overlaps(spans)
-        begin = first = spans[0].begin
-        time = np.array([(span.begin - first).total_seconds() for span in spans], dtype=np.float64)
+        notes += _overlaps([spans[i] for i in order])
+        begin = first = spans[order[0]].begin
+        time = np.array([(spans[i].begin - first).total_seconds() for i in order], dtype=np.float64)
     elif time is None:
         silent = sum(result.start is None for result in results)
         notes.append(
@@ -74,8 +71,20 @@ def in_order(
             " apart"
         )
         time = np.asarray(600.0 * np.arange(count), dtype=np.float64)
-    table = np.column_stack(columns) if columns else np.empty((count, 0))
+    table = _table(covariates or {}, count)[order]
     return Order(order, np.asarray(time, dtype=np.float64), table, begin, tuple(notes))
+
+
+def _table(covariates: Mapping[str, Array], count: int) -> Array:
+    """Covariates as columns (T, m)."""
+    table = np.empty((count, len(covariates)))
+    for i, (name, values) in enumerate(covariates.items()):
+        if np.shape(values) != (count,):
+            raise ConfigurationError(
+                f"covariates: expected {count} values of {name}, one for each record, got {np.shape(values)}"
+            )
+        table[:, i] = values
+    return table
 
 
 class Span(NamedTuple):
@@ -94,12 +103,11 @@ def spans_of(results: Sequence[Dated]) -> list[Span] | None:
             return None
         begin, end = (moment(result.start) + timedelta(seconds=seconds) for seconds in result.section)
         spans.append(Span(begin, end, result.record))
-    with_zone = [span.record for span in spans if span.begin.tzinfo is not None]
-    without = [span.record for span in spans if span.begin.tzinfo is None]
-    if with_zone and without:
+    by_zone = {span.begin.tzinfo is not None: span.record for span in reversed(spans)}
+    if len(by_zone) > 1:
         raise ConfigurationError(
-            f"records with a zone ('{with_zone[0]}') and without ('{without[0]}') cannot be put in order: give the zone"
-            " in the mapping file, [time] zone, and identify again"
+            f"records with a zone ('{by_zone[True]}') and without ('{by_zone[False]}') cannot be put in order: give the"
+            " zone in the mapping file, [time] zone, and identify again"
         )
     return spans
 

@@ -21,14 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array
-from windsysid.monitoring.jumps import (
-    Belief,
-    Progress,
-    Rates,
-    Track,
-    shared_error,
-    track,
-)
+from windsysid.monitoring.jumps import LevelBelief, Observations, Progress, Rates, Track, shared_error, track
 from windsysid.monitoring.learning import EXPECTED_SCATTER, learn_growth, learn_rates
 from windsysid.monitoring.locating import (
     JUMP_SLOPE_PRIOR,
@@ -42,7 +35,7 @@ from windsysid.monitoring.locating import (
 )
 from windsysid.monitoring.together import most_likely_begin, together, with_likely
 
-__all__ = ["HINDSIGHTS", "LET_GO_BLOCKS", "MAX_KEPT_BLOCKS", "Follower", "Kept", "Now"]
+__all__ = ["HINDSIGHTS", "LET_GO_BLOCKS", "MAX_KEPT_BLOCKS", "Kept", "LevelFollower", "Now"]
 
 MAX_KEPT_BLOCKS = 4032
 """Blocks that are kept: four weeks of 10 minutes."""
@@ -104,13 +97,13 @@ class Kept(NamedTuple):
     y: Ring
     std: Ring
     let_go: int
-    before: Belief | None
+    before: LevelBelief | None
     rates: Rates | None
     scale: float
     jumps: tuple[Jump, ...]
 
 
-class Follower:
+class LevelFollower:
     """One series: it changes with every block.
 
     Parameters
@@ -154,11 +147,11 @@ class Follower:
         y, r = self._blocks()
         if not np.isfinite(y).any():
             return Now(math.nan, math.nan, 0.0, 0.0)
-        nothing = np.empty((len(y), 0))
+        blocks = Observations.of(y, r, np.empty((len(y), 0)))
         prior, _ = first_belief(y, r, 0, self.kind, self.logarithmic)
         growth = learn_growth(y, r, self.logarithmic) if self.kind == "c" else 0.0
-        rates = with_likely(y, r, nothing, prior, Rates(0.0, EXPECTED_SCATTER, growth, self.logarithmic))
-        return self._now([track(y, r, nothing, prior, one, test=False) for one, _ in rates.hypotheses()], rates)
+        rates = with_likely(blocks, prior, Rates(0.0, EXPECTED_SCATTER, growth, self.logarithmic))
+        return self._now([track(blocks, prior, one, test=False) for one, _ in rates.hypotheses()], rates)
 
     def learn(self, x: Array, *, anew: bool) -> Now:
         """Learn the rates from the blocks that are kept, with covariates x (n, m).
@@ -176,9 +169,9 @@ class Follower:
             before, scale = first_belief(y, r, x.shape[1], self.kind, self.logarithmic)
         rates = self.kept.rates or Rates(0.0, 1.0, logarithmic=self.logarithmic)
         self.kept = self.kept._replace(before=before, scale=scale, rates=rates)
-        y, r, freed = self._cleared(x)
-        rates = learn_rates(y, r, x, before, freed, kind=self.kind, logarithmic=self.logarithmic)
-        self.kept = self.kept._replace(rates=with_likely(y, r, x, before, rates, freed))
+        blocks = self._cleared(x)
+        rates = learn_rates(blocks, before, kind=self.kind, logarithmic=self.logarithmic)
+        self.kept = self.kept._replace(rates=with_likely(blocks, before, rates))
         return self._stands(x)
 
     def wander_beside_trend(self, x: Array) -> float:
@@ -189,14 +182,14 @@ class Follower:
         kept = self.kept
         if kept.before is None or kept.rates is None or not np.isfinite(kept.y).any():
             return 0.0
-        y, r, freed = self._cleared(x)
-        trend = np.column_stack([np.where(_told(x)[:, None], x, 0.0), np.linspace(0.0, 1.0, len(y))])
+        y, r, x, freed = self._cleared(x)
+        trend = np.column_stack([x, np.linspace(0.0, 1.0, len(y))])
         d = trend.shape[1]
         cov = np.zeros((d + 1, d + 1))
         cov[:d, :d], cov[d, d] = kept.before.cov, (SLOPE_PRIOR[self.kind] * kept.scale) ** 2
-        before = Belief(np.append(kept.before.mean, 0.0), cov)
-        freed = np.column_stack([freed, np.zeros(len(y))])
-        return learn_rates(y, r, trend, before, freed, kind=self.kind, logarithmic=self.logarithmic).wander
+        before = LevelBelief(np.append(kept.before.mean, 0.0), cov)
+        blocks = Observations(y, r, trend, np.column_stack([freed, np.zeros(len(y))]))
+        return learn_rates(blocks, before, kind=self.kind, logarithmic=self.logarithmic).wander
 
     def newest_level(self, x: Array, count: int) -> tuple[float, float]:
         """The level by the last `count` blocks alone, and its standard deviation, with covariates x (n, m).
@@ -206,18 +199,16 @@ class Follower:
         kept = self.kept
         assert kept.before is not None
         assert kept.rates is not None
-        y, r, freed = self._cleared(x)
-        freed[-min(count, len(y)), 0] = (3.0 * JUMP_SLOPE_PRIOR[self.kind] * kept.scale) ** 2
-        x = np.where(_told(x)[:, None], x, 0.0)
-        done = track(y, r, x, kept.before, kept.rates, freed=freed, test=False)
+        blocks = self._cleared(x)
+        blocks.freed[-min(count, len(blocks.y)), 0] = (3.0 * JUMP_SLOPE_PRIOR[self.kind] * kept.scale) ** 2
+        done = track(blocks, kept.before, kept.rates, test=False)
         return float(done.level[-1]), float(done.std[-1])
 
     def let_go(self, x: Array, count: int) -> None:
         """Forget the first `count` of the blocks, with covariates x (n, m), but for what they taught."""
         kept, before = self.kept, self.kept.before
         if before is not None and kept.rates is not None:
-            y, r, freed = (part[:count] for part in self._cleared(x))
-            before = track(y, r, x[:count], before, kept.rates, freed=freed, test=False).belief
+            before = track(self._cleared(x).part(slice(count)), before, kept.rates, test=False).belief
         self._heads = []
         first = kept.let_go + count
         self.kept = kept._replace(
@@ -238,12 +229,9 @@ class Follower:
         if not self._heads:
             done = self._restart(covariates())
         else:
-            y, r = self._blocks(newest, 1)
+            block = Observations.of(*self._blocks(newest, 1), newest)
             rates, least = self.kept.rates.hypotheses(), self.tolerated * self.kept.scale
-            done = [
-                track(y, r, newest, head, one, tolerated=least)
-                for head, (one, _) in zip(self._heads, rates, strict=True)
-            ]
+            done = [track(block, head, one, tolerated=least) for head, (one, _) in zip(self._heads, rates, strict=True)]
             self._heads = [one.progress for one in done]
         again = self._look_back(covariates)
         if again:
@@ -268,41 +256,33 @@ class Follower:
             y[~_told(x[-len(y) :])] = np.nan
         return y, np.where(np.isfinite(y), std, 1.0) ** 2
 
-    def _cleared(self, x: Array, jumps: tuple[Jump, ...] | None = None) -> tuple[Array, Array, Array]:
-        """Blocks without what is bad or of no side near a jump, variances, and what jumps free (n, 1 + m)."""
+    def _cleared(self, x: Array, jumps: tuple[Jump, ...] | None = None) -> Observations:
+        """Blocks without what is bad or of no side near a jump."""
         assert self.kept.rates is not None
-        _, y, r, freed = self._run(x, self.kept.rates, jumps)
-        return y, r, freed
+        return self._run(x, self.kept.rates, jumps)[1]
 
-    def _run(self, x: Array, rates: Rates, jumps: tuple[Jump, ...] | None = None) -> tuple[Track, Array, Array, Array]:
+    def _run(self, x: Array, rates: Rates, jumps: tuple[Jump, ...] | None = None) -> tuple[Track, Observations]:
         """The filter and the test through all blocks, and what `_cleared` says."""
         kept = self.kept
         assert kept.before is not None
         y, r = self._blocks(x)
-        x = np.where(_told(x)[:, None], x, 0.0)
-        freed = np.zeros((len(y), 1 + x.shape[1]))
-        past: Belief | Progress = kept.before
+        blocks = Observations.of(y, r, np.where(_told(x)[:, None], x, 0.0))
+        past: LevelBelief | Progress = kept.before
         begin = 0
-        size = JUMP_SLOPE_PRIOR[self.kind] * kept.scale
-        for jump in kept.jumps if jumps is None else jumps:
+        size, least = JUMP_SLOPE_PRIOR[self.kind] * kept.scale, self.tolerated * kept.scale
+        jumps = kept.jumps if jumps is None else jumps
+        for jump in jumps:
             earliest, latest, found = (max(0, at - kept.let_go) for at in (jump.earliest, jump.latest, jump.found))
             near = slice(max(0, earliest - MAX_HINDSIGHT_BLOCKS), found + 1)
             y[near] = without_bad(y[near], rates.scatter * r[near])
             y[earliest:latest] = np.nan  # nobody knows on which side these are
-        for jump in kept.jumps if jumps is None else jumps:
+        for jump in jumps:
             end = max(begin, jump.latest - kept.let_go)
             if end > begin:
-                part = slice(begin, end)
-                past = self._track(y, r, x, freed, past, part, rates).progress
+                past = track(blocks.part(slice(begin, end)), past, rates, tolerated=least).progress
             mean = (past.belief if isinstance(past, Progress) else past).mean
-            freed[end], begin = freedom(mean, size, kept.scale), end
-        return self._track(y, r, x, freed, past, slice(begin, None), rates), y, r, freed
-
-    def _track(
-        self, y: Array, r: Array, x: Array, freed: Array, past: Belief | Progress, part: slice, rates: Rates
-    ) -> Track:
-        least = self.tolerated * self.kept.scale
-        return track(y[part], r[part], x[part], past, rates, tolerated=least, freed=freed[part])
+            blocks.freed[end], begin = freedom(mean, size, kept.scale), end
+        return track(blocks.part(slice(begin, None)), past, rates, tolerated=least), blocks
 
     def _now(self, done: Sequence[Track], rates: Rates) -> Now:
         """What all likely wanders say together after the newest block."""
@@ -340,11 +320,8 @@ class Follower:
         kept = self.kept
         assert kept.before is not None
         assert kept.rates is not None
-        y, r, freed = self._cleared(x, jumps)
-        x = np.where(_told(x)[:, None], x, 0.0)
-        part = slice(0, end)
-        size = JUMP_SLOPE_PRIOR[self.kind] * kept.scale
-        jump = locate(y[part], r[part], x[part], kept.before, kept.rates, freed[part], found, likely, size, kept.scale)
+        blocks, size = self._cleared(x, jumps).part(slice(end)), JUMP_SLOPE_PRIOR[self.kind] * kept.scale
+        jump = locate(blocks, kept.before, kept.rates, found, likely, size, kept.scale)
         first = kept.let_go
         return jump._replace(
             at=jump.at + first, earliest=jump.earliest + first, latest=jump.latest + first, found=jump.found + first

@@ -1,5 +1,4 @@
-"""A level that may wander and may jump, seen in blocks through covariates: Kalman filter, and a generalised likelihood
-ratio for the jump.
+"""Random-walk level with jumps, observed in blocks through covariates: Kalman filter and generalised likelihood ratio.
 
     y_t = level_t + slopes · x_t + e_t,    e_t ~ N(0, s² r_t),    level_t = level_{t−1} + w_t,    w_t ~ N(0, q),
 
@@ -30,7 +29,7 @@ https://doi.org/10.1214/aos/1176324466; Huber, Ann. Math. Statist. 35(1), 1964, 
 import math
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,16 +37,9 @@ from numpy.typing import NDArray
 from windsysid._types import Array
 
 __all__ = [
-    "INNOVATION_LIMIT_SIGMAS",
-    "MAX_JUMP_AGE_BLOCKS",
-    "Belief",
-    "Progress",
-    "Rates",
-    "Track",
-    "shared_error",
-    "threshold",
-    "track",
-]
+    "INNOVATION_LIMIT_SIGMAS", "MAX_JUMP_AGE_BLOCKS", "LevelBelief", "Observations", "Progress", "Rates", "Track",
+    "shared_error", "threshold", "track",
+]  # fmt: skip
 
 
 INNOVATION_LIMIT_SIGMAS = 3.0
@@ -72,11 +64,38 @@ MAX_VALUE_RATIO = 4.0
 """Factor between a block and the level beyond which the variance of the block is moved no further."""
 
 
-class Belief(NamedTuple):
+class LevelBelief(NamedTuple):
     """Mean (d,) and covariance (d, d) of [level, slopes]."""
 
     mean: Array
     cov: Array
+
+
+class Observations(NamedTuple):
+    """T blocks of one series.
+
+    Attributes
+    ----------
+    y, r, x
+        Values (T,), NaN where one is missing, their variances (T,), and covariates (T, m).
+    freed
+        (T, 1 + m): variance that level and slopes gain before a block where the level is known to have jumped, 0
+        elsewhere. No jump from before is looked for any more.
+    """
+
+    y: Array
+    r: Array
+    x: Array
+    freed: Array
+
+    @classmethod
+    def of(cls, y: Array, r: Array, x: Array) -> "Observations":
+        """Blocks of a level that is not known to have jumped."""
+        return cls(y, r, x, np.zeros((len(y), 1 + x.shape[1])))
+
+    def part(self, at: slice) -> "Observations":
+        """Some of the blocks."""
+        return Observations(self.y[at], self.r[at], self.x[at], self.freed[at])
 
 
 class Rates(NamedTuple):
@@ -129,7 +148,7 @@ class Progress(NamedTuple):
         Of all blocks (`Track`).
     """
 
-    belief: Belief
+    belief: LevelBelief
     blocks: int
     begun: NDArray[np.int64]
     sums: Array
@@ -174,30 +193,21 @@ class Track(NamedTuple):
     progress: Progress
 
     @property
-    def belief(self) -> Belief:
+    def belief(self) -> LevelBelief:
         """After the last block that was taken in."""
         return self.progress.belief
 
 
 def track(
-    y: Array,
-    r: Array,
-    x: Array,
-    prior: Belief | Progress,
-    rates: Rates,
-    *,
-    limit: float = math.inf,
-    tolerated: float = 0.0,
-    first: int = 0,
-    freed: Array | None = None,
-    test: bool = True,
-) -> Track:
+    blocks: Observations, prior: LevelBelief | Progress, rates: Rates, *, limit: float = math.inf,
+    tolerated: float = 0.0, first: int = 0, test: bool = True,
+) -> Track:  # fmt: skip
     """Follow a level through T blocks and test for a jump.
 
     Parameters
     ----------
-    y, r, x
-        Blocks (T,), their variances (T,), covariates (T, m).
+    blocks
+        T of them, with m covariates.
     prior, rates
         Of [level, slopes] before the first block, d = 1 + m; or how far a track came that goes on: T blocks one by one
         give what they give together.
@@ -205,18 +215,15 @@ def track(
         Stop at the first block from `first` on with ℓ_t above `limit`.
     tolerated
         ν₀.
-    freed
-        (T, d): variance that level and slopes gain before a block where the level is known to have jumped; 0 elsewhere.
-        No jump from before is looked for any more.
     test
         Whether ℓ is wanted.
     """
+    y, r, x, freed = blocks
     count = len(y)
     level, std, whitened = np.full((3, count), np.nan)
     statistic, excused, evidence = np.zeros((3, count))
     since = np.full(count, -1, dtype=np.int64)
     h = np.column_stack([np.ones(count), x])
-    freed = np.zeros(h.shape) if freed is None else freed
     before = prior if isinstance(prior, Progress) else Progress(prior, 0, *_no_candidates(h.shape[1]))
     mean, cov = before.belief.mean.copy(), np.ascontiguousarray(before.belief.cov.copy())
     kept = len(before.begun)
@@ -227,11 +234,13 @@ def track(
          rates.growth, float(rates.logarithmic), MAX_VALUE_RATIO, before.evidence]
     )  # fmt: skip
     whole = np.array([first, MAX_JUMP_AGE_BLOCKS if test else 0, before.blocks, kept], dtype=np.int64)
-    log_likelihood, stopped, kept = _kernel()(
+    from windsysid.monitoring.jump_kernel import run_kernel
+
+    log_likelihood, stopped, kept = run_kernel()(
         y, r, h, freed, rest, whole, mean, cov, begun, sums, level, std, whitened, statistic, since, evidence, excused
     )
     taken = before.blocks + (count if stopped < 0 else stopped + 1)
-    progress = Progress(Belief(mean, cov), taken, begun[:kept].copy(), sums[:kept].copy(), float(rest[-1]))
+    progress = Progress(LevelBelief(mean, cov), taken, begun[:kept].copy(), sums[:kept].copy(), float(rest[-1]))
     return Track(level, std, whitened, statistic, since, evidence, excused, log_likelihood, stopped, progress)
 
 
@@ -272,111 +281,3 @@ def threshold(rate: float) -> float:
         return math.log(b * norm.pdf(b) * integral / rate)
 
     return float(brentq(excess, 1.0, 30.0)) ** 2
-
-
-@lru_cache(maxsize=1)
-def _kernel() -> Any:
-    from numba import types
-
-    from windsysid.kernels.jit import compiled
-
-    v, m, i = types.float64[::1], types.float64[:, ::1], types.int64[::1]
-    found = types.Tuple((types.float64, types.int64, types.int64))
-    return compiled(_run, found(v, v, m, m, v, i, v, m, i, m, v, v, v, v, i, v, v))
-
-
-def _run(
-    y: Array, r: Array, h: Array, freed: Array, rest: Array, whole: Array, mean: Array, cov: Array, begun: Array,
-    sums: Array, level: Array, std: Array, whitened: Array, statistic: Array, since: Array,
-    evidence: Array, excused: Array,
-) -> tuple[float, int, int]:  # fmt: skip
-    """`track`, compiled; `mean`, `cov`, `begun`, `sums` and the evidence become those after the last block.
-
-    It gives the likelihood, the block that it stopped at, and how many blocks k are kept.
-    """
-    wander, scatter, limit, clip, spacing = rest[0], rest[1], rest[2], rest[3], rest[4]
-    tolerated, pull, growth, logarithmic, most_ratio = rest[5], rest[6], rest[7], rest[8], rest[9]
-    first, window, before, kept = whole[0], whole[1], whole[2], whole[3]
-    d = h.shape[1]
-    gain, cross = np.zeros(d), np.zeros(d)
-    log_likelihood = 0.0
-    for t in range(len(y)):
-        cov[0, 0] += wander
-        if freed[t, 0] > 0.0:
-            kept = 0
-            for j in range(d):
-                cov[j, j] += freed[t, j]
-        if window > 0:
-            for j in range(2 + d):
-                sums[kept, j] = 0.0
-            sums[kept, 2] = 1.0
-            begun[kept] = before + t
-            kept += 1
-        if not np.isnan(y[t]):
-            variance, innovation = scatter * r[t], y[t]
-            for i in range(d):
-                cross[i] = 0.0
-                for j in range(d):
-                    cross[i] += cov[i, j] * h[t, j]
-                innovation -= h[t, i] * mean[i]
-            if growth != 0.0:
-                foreseen, ratio = y[t] - innovation, 1.0
-                if logarithmic > 0.0:
-                    ratio = math.exp(min(max(-innovation, -30.0), 30.0))
-                elif foreseen > 0.0:
-                    ratio = foreseen / max(y[t], foreseen / most_ratio)
-                variance *= min(max(ratio, 1.0 / most_ratio), most_ratio) ** growth
-            for i in range(d):
-                variance += h[t, i] * cross[i]
-            root = math.sqrt(variance)
-            z = innovation / root
-            whitened[t] = z
-            most_of_it = clip + tolerated / root
-            small = min(max(z, -most_of_it), most_of_it)
-            log_likelihood -= 0.5 * math.log(variance) + 0.5 * small * small + most_of_it * (abs(z) - abs(small))
-            rest[10] -= 0.5 * math.log(variance) + 0.5 * small * small
-            for i in range(d):
-                gain[i] = cross[i] / variance
-                mean[i] += gain[i] * min(max(z, -pull), pull) * root
-            # Joseph's form: (I − K hᵀ) P (I − K hᵀ)ᵀ + K s² r Kᵀ, written out
-            for i in range(d):
-                for j in range(i, d):
-                    value = cov[i, j] - gain[i] * cross[j] - cross[i] * gain[j] + gain[i] * gain[j] * variance
-                    cov[i, j] = value
-                    cov[j, i] = value
-            for c in range(kept):
-                seen = 0.0
-                for j in range(d):
-                    seen += h[t, j] * sums[c, 2 + j]
-                for j in range(d):
-                    sums[c, 2 + j] -= gain[j] * seen
-                sums[c, 0] += seen * seen / variance
-                sums[c, 1] += seen * small / root
-        level[t], evidence[t] = mean[0], rest[10]
-        std[t] = math.sqrt(cov[0, 0])
-        if window == 0:
-            continue
-        for c in range(kept):
-            energy, product = sums[c, 0], sums[c, 1]
-            excess = abs(product) - tolerated * energy
-            if energy > 0.0 and excess > 0.0 and excess * excess > statistic[t] * energy:
-                statistic[t] = excess * excess / energy
-                since[t] = begun[c]
-            if tolerated > 0.0 and energy > 0.0:
-                least = min(tolerated, abs(product) / energy)
-                excused[t] = max(excused[t], least * (2.0 * abs(product) - least * energy))
-        last = -1  # thinning: the blocks kept lie about `spacing` of their age apart
-        for c in range(kept):
-            age = before + t - begun[c] + 1
-            crowded = last >= 0 and 0 < c < kept - 1 and begun[c + 1] - begun[last] <= spacing * age
-            if age >= window or crowded:  # one older by the next block
-                continue
-            last += 1
-            if last != c:
-                begun[last] = begun[c]
-                for j in range(2 + d):
-                    sums[last, j] = sums[c, j]
-        kept = last + 1
-        if t >= first and statistic[t] > limit:
-            return log_likelihood, t, kept
-    return log_likelihood, -1, kept

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.monitoring.jumps import Belief, Rates, track
+from windsysid.monitoring.jumps import LevelBelief, Observations, Rates, track
 
 __all__ = ["EXPECTED_SCATTER", "TYPICAL_SCATTER", "learn_growth", "learn_rates"]
 
@@ -28,22 +28,14 @@ MAX_GROWTH = 2.0
 """Power with which a variance may grow with its estimate: 1 for a mode under broadband load, 2 for a constant ratio."""
 
 
-def learn_rates(
-    y: Array,
-    r: Array,
-    x: Array,
-    prior: Belief,
-    freed: Array | None = None,
-    *,
-    kind: str = "k",
-    logarithmic: bool = True,
-) -> Rates:
+def learn_rates(blocks: Observations, prior: LevelBelief, *, kind: str = "k", logarithmic: bool = True) -> Rates:
     """Wander and scatter of a series by maximum likelihood, with priors `TYPICAL_WANDER` and `TYPICAL_SCATTER`.
 
     The wander is averaged over its likelihood. Of a damping, kind ``c``, it is learned how its variance grows, too.
     """
     from scipy.optimize import minimize
 
+    y, r = blocks.y, blocks.r
     usual = float(np.nanmedian(np.where(np.isfinite(y), r, np.nan)))
     growth = learn_growth(y, r, logarithmic) if kind == "c" else 0.0
 
@@ -54,7 +46,7 @@ def learn_rates(
         if abs(at).max() > 30.0:
             return math.inf
         off = ((at[0] - TYPICAL_WANDER[0]) / TYPICAL_WANDER[1]) ** 2 + (at[1] / TYPICAL_SCATTER) ** 2
-        return 0.5 * float(off) - track(y, r, x, prior, rates(at), freed=freed, test=False).log_likelihood
+        return 0.5 * float(off) - track(blocks, prior, rates(at), test=False).log_likelihood
 
     start = np.array([TYPICAL_WANDER[0], 0.0])
     simplex = start + np.array([[0.0, 0.0], [3.0, 0.0], [0.0, 0.5]])

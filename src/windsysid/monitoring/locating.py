@@ -1,4 +1,4 @@
-"""Dating and measuring a jump of a level: what a watch over records and one on line share.
+"""Date and size of a jump of a level, for a watch over records and for one on line.
 
 Jumps of level and slopes are more coefficients of the regression, tried before each block where they may have happened:
 their likelihoods are when, their mixture is how much.
@@ -10,19 +10,13 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.monitoring.jumps import Belief, Rates, track
+from windsysid.monitoring.jumps import LevelBelief, Observations, Rates, track
 from windsysid.results.posterior import SIGMAS
 
 __all__ = [
-    "JUMP_SLOPE_PRIOR",
-    "MAX_HINDSIGHT_BLOCKS",
-    "SLOPE_PRIOR",
-    "Jump",
-    "first_belief",
-    "freedom",
-    "locate",
+    "JUMP_SLOPE_PRIOR", "MAX_HINDSIGHT_BLOCKS", "SLOPE_PRIOR", "Jump", "first_belief", "freedom", "locate",
     "without_bad",
-]
+]  # fmt: skip
 
 SLOPE_PRIOR = {"k": 0.05, "f": 0.025, "c": 0.5, "noise": 0.5}
 """Relative prior standard deviation of a covariate's effect: on stiffness (and anything else), frequency, damping,
@@ -70,7 +64,7 @@ class Jump(NamedTuple):
     before: float
 
 
-def first_belief(y: Array, r: Array, slopes: int, kind: str, logarithmic: bool) -> tuple[Belief, float]:
+def first_belief(y: Array, r: Array, slopes: int, kind: str, logarithmic: bool) -> tuple[LevelBelief, float]:
     """Of level and slopes before the first of blocks (T,) with variances (T,); and what a relative change is of.
 
     At least one block must be known.
@@ -80,27 +74,27 @@ def first_belief(y: Array, r: Array, slopes: int, kind: str, logarithmic: bool) 
     usual = math.sqrt(float(np.median(r[there])))
     scale = 1.0 if logarithmic else max(abs(centre), usual)
     spread = np.append((10.0 * usual) ** 2, np.full(slopes, (SLOPE_PRIOR[kind] * scale) ** 2))
-    return Belief(np.append(centre, np.zeros(slopes)), np.diag(spread)), scale
+    return LevelBelief(np.append(centre, np.zeros(slopes)), np.diag(spread)), scale
 
 
 def locate(
-    y: Array, r: Array, x: Array, prior: Belief, rates: Rates, freed: Array, found: int, likely: int,
-    jump: float, scale: float,
-) -> Jump:  # fmt: skip
+    blocks: Observations, prior: LevelBelief, rates: Rates, found: int, likely: int, jump: float, scale: float
+) -> Jump:
     """Date and measure a jump that block `found` of blocks (T,) set off, and that lies before block `likely` or so.
 
     Parameters
     ----------
-    y, r, x, prior, rates, freed
+    blocks, prior, rates
         As `windsysid.monitoring.jumps.track` takes them. Blocks after `found` help, as far as there are any.
     jump, scale
         Of `JUMP_SLOPE_PRIOR` in filter coordinates, and what a relative change is of.
     """
+    y, r, x, freed = blocks
     age = found - likely + 1
-    since = int(np.flatnonzero(freed[: found + 1, 0])[-1]) + 1 if freed[: found + 1].any() else 0
+    since = int(np.flatnonzero(np.append(1.0, freed[: found + 1, 0]))[-1])
     start = max(since, likely - max(2 * age, MAX_HINDSIGHT_BLOCKS))
     end = min(found + max(age, MAX_HINDSIGHT_BLOCKS), len(y))
-    before = track(y[:start], r[:start], x[:start], prior, rates, freed=freed[:start], test=False).belief
+    before = track(blocks.part(slice(start)), prior, rates, test=False).belief
     d = len(before.mean)
     mean, cov = np.append(before.mean, np.zeros(d)), np.zeros((2 * d, 2 * d))
     cov[:d, :d] = before.cov
@@ -114,7 +108,7 @@ def locate(
     for row, place in enumerate(places):
         after = (np.arange(start, end) >= place)[:, None]
         stepped = np.hstack([x[part], after, after * x[part]])
-        tried = track(good, r[part], stepped, Belief(mean, cov), rates, test=False)
+        tried = track(Observations.of(good, r[part], stepped), LevelBelief(mean, cov), rates, test=False)
         levels[row] = tried.belief.mean[d], tried.belief.cov[d, d], tried.belief.mean[0]
         likelihoods[row] = tried.log_likelihood
     weight = np.exp(likelihoods - likelihoods.max())

@@ -2,17 +2,17 @@
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError
-from windsysid.spectral.oma.known_modes import KnownModes, in_channels, without_damping_prior
+from windsysid.spectral.oma.known_modes import KnownMode, KnownModes, in_channels, without_damping_prior
 from windsysid.spectral.oma.mode_tracking import Seen, follow_modes
 
-__all__ = ["ModalTrack", "modal_tracks"]
+__all__ = ["ModalTrack", "modal_tracks", "tracks_of"]
 
 
 class ModalTrack(NamedTuple):
@@ -32,31 +32,50 @@ def modal_tracks(records: Sequence[KnownModes]) -> tuple[list[ModalTrack], list[
     ConfigurationError
         If there is none.
     """
-    records = [result._replace(modes=tuple(mode for mode in result.modes if mode.trusted)) for result in records]
+    records = [_trusted(result) for result in records]
+    tracks: list[ModalTrack] = []
+    rare: list[str] = []
+    taken: set[str] = set()
+    for followed in tracks_of(records)[1]:
+        sure = {t: records[t].modes[j] for t, j in followed.items()}
+        at = _frequency(sure.values())
+        if 2 * len(sure) < len(records):
+            rare.append(f"{at} ({len(sure)} of {len(records)})")
+        else:
+            usual, _ = Counter(mode.name for mode in sure.values()).most_common(1)[0]
+            named = usual not in taken
+            taken.add(usual)
+            tracks.append(_track(usual if named else f"the mode at {at}", sure, len(records)))
+    if not tracks:
+        got = ", ".join(rare[:4] or ["no modes"])
+        raise ConfigurationError(f"expected a mode that half of {len(records)} records trust, got none: {got}")
+    notes = [f"trusted in fewer than half of the records, and not followed: {', '.join(rare[:8])}"] if rare else []
+    return tracks, notes
+
+
+def _trusted(result: KnownModes) -> KnownModes:
+    return result._replace(modes=tuple(mode for mode in result.modes if mode.trusted))
+
+
+def _frequency(modes: Iterable[KnownMode]) -> str:
+    return f"{math.exp(float(np.median([mode.ln_frequency for mode in modes]))):.4g} Hz"
+
+
+def tracks_of(records: Sequence[KnownModes]) -> tuple[list[str], list[dict[int, int]]]:
+    """All channels, and the modes of the records paired by frequency and shape: the mode's index by record."""
     channels = list(dict.fromkeys(name for result in records for mode in result.modes for name in mode.shape))
     seen = [
         [Seen(math.exp(mode.ln_frequency), in_channels(mode, channels)) for mode in result.modes] for result in records
     ]
-    tracks: list[ModalTrack] = []
-    rare: list[str] = []
-    for followed in follow_modes(seen):
-        sure = {t: records[t].modes[j] for t, j in followed.items()}
-        at = f"{math.exp(float(np.median([mode.ln_frequency for mode in sure.values()]))):.4g} Hz"
-        if 2 * len(sure) < len(records):
-            rare.append(f"{at} ({len(sure)} of {len(records)})")
-            continue
-        values, std = np.full((len(records), 2), np.nan), np.full((len(records), 2), np.nan)
-        for t, mode in sure.items():
-            damping, spread = without_damping_prior(mode)
-            values[t], std[t] = (mode.ln_frequency, damping), (mode.ln_frequency_std, spread)
-        unknown = ~np.isfinite(std)
-        values[unknown] = std[unknown] = np.nan
-        usual, _ = Counter(mode.name for mode in sure.values()).most_common(1)[0]
-        name = usual if usual not in [track.name for track in tracks] else f"the mode at {at}"
-        tracks.append(ModalTrack(name, values, std))
-    if not tracks:
-        raise ConfigurationError(
-            f"expected a mode that half of {len(records)} records trust, got none: {', '.join(rare[:4]) or 'no modes'}"
-        )
-    notes = [f"trusted in fewer than half of the records, and not followed: {', '.join(rare[:8])}"] if rare else []
-    return tracks, notes
+    return channels, follow_modes(seen)
+
+
+def _track(name: str, modes: Mapping[int, KnownMode], count: int) -> ModalTrack:
+    """A mode over `count` records from what some of them say."""
+    values, std = np.full((2, count, 2), np.nan)
+    for t, mode in modes.items():
+        damping, spread = without_damping_prior(mode)
+        values[t], std[t] = (mode.ln_frequency, damping), (mode.ln_frequency_std, spread)
+    unknown = ~np.isfinite(std)
+    values[unknown] = std[unknown] = np.nan
+    return ModalTrack(name, values, std)

@@ -1,4 +1,4 @@
-"""What a record itself says: its posterior with the prior taken out."""
+"""Likelihood of a record: its posterior with the prior divided out."""
 
 import math
 from collections.abc import Sequence
@@ -128,9 +128,10 @@ def common_frame(before: Posterior, after: Posterior) -> tuple[Parameter, ...]:
     Their priors are as wide as changes by damage.
     """
     found = []
+    others = {q.name: q for q in after.parameters if q.name != MEAN_LAG}
     for q in before.parameters:
-        other = next((r for r in after.parameters if r.name == q.name), None)
-        if other is None or q.name == MEAN_LAG:
+        other = others.get(q.name)
+        if other is None:
             continue
         a, b = estimate_of(before, q.name), estimate_of(after, q.name)
         kind = before.turbine.model.coefficient(q.name).kind

@@ -1,9 +1,10 @@
-"""Structural and aerodynamic damping told apart: the result and its words."""
+"""Result of the separation of structural and aerodynamic damping, and its words."""
 
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from windsysid.output.answers import Answer
 from windsysid.output.table import Table
@@ -13,24 +14,27 @@ from windsysid.units import RPM, unit_text
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["HEADINGS", "Band", "Separation", "Split", "State"]
+__all__ = ["HEADINGS", "DampingBand", "DampingSplit", "Separation", "State"]
 
 
-class Band(NamedTuple):
+class DampingBand(NamedTuple):
     """A value and its ±2σ band, SI."""
 
     value: float
     low: float
     high: float
 
-    def over(self, unit: float) -> "Band":
+    def over(self, unit: float) -> "DampingBand":
         """The same in another unit."""
-        return Band(self.value / unit, self.low / unit, self.high / unit)
+        return DampingBand(self.value / unit, self.low / unit, self.high / unit)
 
     @property
     def span(self) -> str:
         """The band."""
         return f"{self.low:.3g} … {self.high:.3g}"
+
+
+AnyBand = TypeVar("AnyBand", DampingBand, DampingBand | None)
 
 
 class State(NamedTuple):
@@ -47,7 +51,7 @@ class State(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Split:
+class DampingSplit:
     """The damping of one degree of freedom, taken apart; what the records do not determine is None.
 
     Attributes
@@ -76,11 +80,11 @@ class Split:
     unit: str
     critical: float
     frequency: float
-    measured: tuple[Band, ...]
-    structural: Band | None
-    aerodynamic: tuple[Band | None, ...]
-    calm: Band | None
-    per_wind: Band | None
+    measured: tuple[DampingBand, ...]
+    structural: DampingBand | None
+    aerodynamic: tuple[DampingBand | None, ...]
+    calm: DampingBand | None
+    per_wind: DampingBand | None
     scatter: float
 
     @property
@@ -88,7 +92,7 @@ class Split:
         """Whether the structure's part is told from nothing."""
         return self.structural is not None and self.structural.low > 0.0
 
-    def percent(self, band: Band) -> str:
+    def percent(self, band: DampingBand) -> str:
         """A band in % of critical damping."""
         ratio = band.over(0.01 * self.critical)
         return f"{ratio.value:.3g} % ({ratio.span} %)"
@@ -116,7 +120,7 @@ class Separation(Answer):
 
     states: tuple[State, ...]
     parked_air: bool
-    splits: tuple[Split, ...]
+    splits: tuple[DampingSplit, ...]
     lacking: tuple[str, ...]
     notes: tuple[str, ...]
     doubts: tuple[str, ...]
@@ -178,18 +182,16 @@ class Separation(Answer):
                     ("structure and what turns with the rotor", split.calm),
                     ("a metre per second of wind more", split.per_wind),
                 ]
-            parts += [
-                (f"{air}, {state}", band)
-                for state, band in zip(self.states, split.aerodynamic, strict=True)
-            ]  # fmt: skip
-            shown = [(of, band) for of, band in parts if band is not None] or [
-                (f"total, {state}", band) for state, band in zip(self.states, split.measured, strict=True)
-            ]
+            parts += self._by_state(air, split.aerodynamic)
+            shown = [(of, band) for of, band in parts if band is not None] or self._by_state("total", split.measured)
             for of, band in shown:
                 ratio = band.over(0.01 * split.critical)
                 head = (split.name, unit_text(split.unit)) if (of, band) == shown[0] else ("", "")
                 rows.append((*head, of, f"{band.value:.4g}", band.span, f"{ratio.value:.3g} %", f"{ratio.span} %"))
         return rows
+
+    def _by_state(self, what: str, bands: Sequence[AnyBand]) -> list[tuple[str, AnyBand]]:
+        return [(f"{what}, {state}", band) for state, band in zip(self.states, bands, strict=True)]
 
     def summary(self) -> dict[str, Any]:
         """Plain values, for ``summary.json``."""
@@ -219,8 +221,8 @@ class Separation(Answer):
 HEADINGS = ("", "unit", "of", "c", "±2σ band", "of critical", "±2σ band")
 
 
-def _plain(split: Split) -> dict[str, Any]:
-    def plain(band: Band | None) -> dict[str, float] | None:
+def _plain(split: DampingSplit) -> dict[str, Any]:
+    def plain(band: DampingBand | None) -> dict[str, float] | None:
         return None if band is None else band._asdict()
 
     return {

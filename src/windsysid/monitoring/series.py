@@ -1,4 +1,4 @@
-"""What records say, one after the other: the series that the watch follows.
+"""Estimates of records in order of time: the series that the watch follows.
 
 A block is one record's estimates without their prior, the noise found in its sensors, and the covariates of its time.
 """
@@ -9,6 +9,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from pathlib import Path
+from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,20 +20,23 @@ from windsysid.errors import ConfigurationError
 from windsysid.mechanics.rotor import MEAN_LAG
 from windsysid.mechanics.sensors import noise_source
 from windsysid.monitoring.covariates import lines_of, read_covariates
-from windsysid.monitoring.dates import MIN_BLOCKS, in_order, spans_of
+from windsysid.monitoring.dates import MIN_BLOCKS, Order, Span, in_order, spans_of
 from windsysid.monitoring.modal_tracks import modal_tracks
 from windsysid.monitoring.own_information import without_prior
 from windsysid.results.posterior import SIGMAS, Posterior, load_posterior
 from windsysid.spectral.oma.known_modes import KnownModes, ModesLike, as_modes, holds_modes
+from windsysid.statespace.parameter import Parameter
 
-__all__ = ["DAY", "MIN_BLOCKS", "Blocks", "gather", "gather_modes", "read_blocks"]
+__all__ = ["DAY", "MIN_BLOCKS", "RecordBlocks", "gather", "gather_modes", "read_blocks"]
 
 
 DAY = 86400.0
 
+Result = Posterior | KnownModes
+
 
 @dataclass(frozen=True, eq=False)
-class Blocks:
+class RecordBlocks:
     """What records say, one after the other.
 
     Attributes
@@ -122,7 +127,7 @@ def gather(
     covariates: Mapping[str, Array] | None = None,
     noise: Sequence[Mapping[str, tuple[float, float]]] = (),
     begin: datetime | None = None,
-) -> Blocks:
+) -> RecordBlocks:
     """Blocks from the posteriors of records, each less its prior, in the coordinates of the first.
 
     Without `time`, the records are put in order of when they began, where all of them say it; otherwise they stay as
@@ -148,42 +153,79 @@ def gather(
         do not, or lengths disagree.
     """
     placed = in_order(posteriors, time, covariates, begin)
-    posteriors, count = [posteriors[i] for i in placed.order], len(posteriors)
-    noise = [noise[i] for i in placed.order] if noise else ()
+    posteriors = [posteriors[i] for i in placed.order]
     frame = [q for q in posteriors[0].parameters if q.name != MEAN_LAG]  # which is the wind's
     names = [q.name for q in frame]
     known = [posteriors[0].turbine.model.coefficient(name) for name in names]
-    sensors = sorted({name for found in noise for name in found})
-    theta = np.full((count, len(names) + len(sensors)), np.nan)
-    std = theta.copy()
-    for row, posterior in enumerate(posteriors):
-        shared = [q for q in frame if q.name in [own.name for own in posterior.parameters]]
-        at = [names.index(q.name) for q in shared]
-        theta[row, at], cov = without_prior(posterior, shared)
-        std[row, at] = np.sqrt(np.diag(cov))
-    for row, found in enumerate(noise):
-        for name, (value, relative) in found.items():
-            theta[row, len(names) + sensors.index(name)] = math.log(value)
-            std[row, len(names) + sensors.index(name)] = relative
-    return Blocks(
+    theta, std = _own_estimates(posteriors, frame)
+    sensors, noise_theta, noise_std = _noise_levels([noise[i] for i in placed.order] if noise else (), len(posteriors))
+    series = _SeriesColumns(
         names=(*names, *sensors),
+        theta=np.hstack([theta, noise_theta]),
+        std=np.hstack([std, noise_std]),
+        logarithmic=(*(q.logarithmic for q in frame), *(True,) * len(sensors)),
+        reference=(*(q.reference for q in frame), *(1.0,) * len(sensors)),
+        units=(*(one.unit for one in known), *("1",) * len(sensors)),
+        kinds=(*("c" if one.kind == "damping" else "k" for one in known), *("noise",) * len(sensors)),
+    )
+    return _blocks(series, posteriors, placed, covariates)
+
+
+class _SeriesColumns(NamedTuple):
+    """Fields of `RecordBlocks` that have an entry for each series."""
+
+    names: tuple[str, ...]
+    theta: Array
+    std: Array
+    logarithmic: tuple[bool, ...]
+    reference: tuple[float, ...]
+    units: tuple[str, ...]
+    kinds: tuple[str, ...] = ()
+
+
+def _blocks(
+    series: _SeriesColumns, results: Sequence[Result], placed: Order, covariates: Mapping[str, Array] | None,
+    notes: Sequence[str] = (),
+) -> RecordBlocks:  # fmt: skip
+    """Blocks of results that are in order."""
+    return RecordBlocks(
+        **series._asdict(),
         time=placed.time,
-        theta=theta,
-        std=std,
-        logarithmic=(*(q.logarithmic for q in frame), *(True for _ in sensors)),
-        reference=(*(q.reference for q in frame), *(1.0 for _ in sensors)),
         covariates=placed.covariates,
         covariate_names=tuple(covariates or ()),
-        trusted=np.array([posterior.trusted for posterior in posteriors]),
-        records=tuple(posterior.record for posterior in posteriors),
-        units=(*(one.unit for one in known), *("1" for _ in sensors)),
-        kinds=(*("c" if one.kind == "damping" else "k" for one in known), *("noise" for _ in sensors)),
+        trusted=np.array([result.trusted for result in results]),
+        records=tuple(result.record for result in results),
         begin=placed.begin,
-        notes=placed.notes,
+        notes=(*placed.notes, *notes),
     )
 
 
-def read_blocks(folders: Sequence[str | Path], covariates: str | Path | None = None) -> Blocks:
+def _own_estimates(posteriors: Sequence[Posterior], frame: Sequence[Parameter]) -> tuple[Array, Array]:
+    """Estimates (T, n) of a frame's coefficients without their prior, and standard deviations; NaN where there are
+    none."""
+    names = [q.name for q in frame]
+    theta, std = np.full((2, len(posteriors), len(names)), np.nan)
+    for row, posterior in enumerate(posteriors):
+        own = {q.name for q in posterior.parameters}
+        known = [q for q in frame if q.name in own]
+        at = [names.index(q.name) for q in known]
+        theta[row, at], cov = without_prior(posterior, known)
+        std[row, at] = np.sqrt(np.diag(cov))
+    return theta, std
+
+
+def _noise_levels(noise: Sequence[Mapping[str, tuple[float, float]]], count: int) -> tuple[list[str], Array, Array]:
+    """Names of n sensors, logarithms (T, n) of their noise, and standard deviations; NaN where there are none."""
+    sensors = sorted({name for found in noise for name in found})
+    theta, std = np.full((2, count, len(sensors)), np.nan)
+    for row, found in enumerate(noise):
+        for name, (value, relative) in found.items():
+            at = row, sensors.index(name)
+            theta[at], std[at] = math.log(value), relative
+    return sensors, theta, std
+
+
+def read_blocks(folders: Sequence[str | Path], covariates: str | Path | None = None) -> RecordBlocks:
     """Blocks from folders that ``windsysid identify`` or ``oma`` wrote, and a CSV file of covariates, a line for each.
 
     Records that say when they began are put in order of time. Folders of others are taken in the order given; where
@@ -204,35 +246,69 @@ def read_blocks(folders: Sequence[str | Path], covariates: str | Path | None = N
     ConfigurationError
         If a folder holds no result, records cannot be put in order, or the file does not fit.
     """
-    of_modes = [holds_modes(folder) for folder in folders]
-    if any(of_modes) and not all(of_modes):
-        raise ConfigurationError("expected results of windsysid identify or of windsysid oma, got some of each")
-    read: Callable[[str | Path], Posterior | KnownModes] = as_modes if any(of_modes) else load_posterior
-    found = [(Path(folder), read(folder)) for folder in folders]
+    found = _read_results(folders)
     spans = spans_of([result for _, result in found])
     notes: list[str] = []
     if spans is None:
-        texts = [str(folder) for folder, _ in found]
-        natural = sorted(range(len(found)), key=lambda i: _natural(texts[i]))
-        if texts == sorted(texts) and natural != sorted(natural):
-            found = [found[i] for i in natural]
-            notes.append(f"folders were taken in natural order, {found[0][0].name} … {found[-1][0].name}")
-    columns: dict[str, Array] = {}
-    time, begin = None, None
+        found = _in_natural_order(found, notes)
+    known = _Covariates()
     if covariates is not None:
-        table = read_covariates(Path(covariates), len(found))
-        rows = lines_of(table, [folder for folder, _ in found], spans)
-        if spans is None and table.time is not None:
-            if table.folders:
-                order = np.argsort(table.time[rows])
-                found, rows = [found[i] for i in order], [rows[i] for i in order]
-            time, begin = table.time[rows], table.dates[0] if table.dates else None
-        columns = {name: values[rows] for name, values in table.columns.items()}
-    modes = [result for _, result in found if isinstance(result, KnownModes)]
+        found, known = _join_covariates(Path(covariates), found, spans)
+    blocks = _gather_results([result for _, result in found], known, notes)
+    return replace(blocks, notes=(*notes, *blocks.notes))
+
+
+def _read_results(folders: Sequence[str | Path]) -> list[tuple[Path, Result]]:
+    """Each folder with its result, all of them of one kind."""
+    of_modes = [holds_modes(folder) for folder in folders]
+    if any(of_modes) and not all(of_modes):
+        raise ConfigurationError("expected results of windsysid identify or of windsysid oma, got some of each")
+    read: Callable[[str | Path], Result] = as_modes if any(of_modes) else load_posterior
+    return [(Path(folder), read(folder)) for folder in folders]
+
+
+class _Covariates(NamedTuple):
+    """Columns (T,) of a file, and where results do not say when they began, its times (T,) [s] and their begin."""
+
+    columns: Mapping[str, Array] = MappingProxyType({})
+    time: Array | None = None
+    begin: datetime | None = None
+
+
+def _join_covariates(
+    path: Path, found: list[tuple[Path, Result]], spans: Sequence[Span] | None
+) -> tuple[list[tuple[Path, Result]], _Covariates]:
+    """Results, in order of the file's times where these alone say it, and the lines of each."""
+    table = read_covariates(path, len(found))
+    rows = lines_of(table, [folder for folder, _ in found], spans)
+    time = table.time if spans is None else None
+    if time is not None and table.folders:
+        order = np.argsort(time[rows])
+        found, rows = [found[i] for i in order], [rows[i] for i in order]
+    columns = {name: values[rows] for name, values in table.columns.items()}
+    if time is None:
+        return found, _Covariates(columns)
+    return found, _Covariates(columns, time[rows], table.dates[0] if table.dates else None)
+
+
+def _in_natural_order(found: list[tuple[Path, Result]], notes: list[str]) -> list[tuple[Path, Result]]:
+    """Results in natural order where they came in alphabetical order; otherwise as they came."""
+    texts = [str(folder) for folder, _ in found]
+    natural = sorted(found, key=lambda one: _natural(str(one[0])))
+    if texts != sorted(texts) or texts == [str(folder) for folder, _ in natural]:
+        return found
+    notes.append(f"folders were taken in natural order, {natural[0][0].name} … {natural[-1][0].name}")
+    return natural
+
+
+def _gather_results(
+    results: Sequence[Result], known: _Covariates, notes: list[str]
+) -> RecordBlocks:  # fmt: skip
+    """`gather_modes` or `gather`, with the noise that posteriors hold."""
+    modes = [result for result in results if isinstance(result, KnownModes)]
     if modes:
-        blocks = gather_modes(modes, time=time, covariates=columns, begin=begin)
-        return replace(blocks, notes=(*notes, *blocks.notes))
-    posteriors = [result for _, result in found if isinstance(result, Posterior)]
+        return gather_modes(modes, time=known.time, covariates=known.columns, begin=known.begin)
+    posteriors = [result for result in results if isinstance(result, Posterior)]
     silent = sum(posterior.record_hash is None for posterior in posteriors)
     if silent:
         notes.append(
@@ -240,8 +316,7 @@ def read_blocks(folders: Sequence[str | Path], covariates: str | Path | None = N
             " them: identify again"
         )
     noise = [_noise(posterior) for posterior in posteriors]
-    blocks = gather(posteriors, time=time, covariates=columns, noise=noise, begin=begin)
-    return replace(blocks, notes=(*notes, *blocks.notes))
+    return gather(posteriors, time=known.time, covariates=known.columns, noise=noise, begin=known.begin)
 
 
 def gather_modes(
@@ -250,7 +325,7 @@ def gather_modes(
     time: Array | None = None,
     covariates: Mapping[str, Array] | None = None,
     begin: datetime | None = None,
-) -> Blocks:
+) -> RecordBlocks:
     """Blocks from the modes of records, followed from one to the next by frequency and shape, as `gather` puts them in
     order.
 
@@ -264,27 +339,18 @@ def gather_modes(
     """
     known = [as_modes(result) for result in results]
     placed = in_order(known, time, covariates, begin)
-    tracks, notes = modal_tracks([known[i] for i in placed.order])
-    width = 2 * len(tracks)
-    theta, std = np.full((len(known), width), np.nan), np.full((len(known), width), np.nan)
-    for k, track in enumerate(tracks):
-        theta[:, 2 * k : 2 * k + 2], std[:, 2 * k : 2 * k + 2] = track.values, track.std
-    return Blocks(
+    known = [known[i] for i in placed.order]
+    tracks, notes = modal_tracks(known)
+    series = _SeriesColumns(
         names=tuple(f"{what} of {track.name}" for track in tracks for what in ("frequency", "damping")),
-        time=placed.time,
-        theta=theta,
-        std=std,
-        logarithmic=(True,) * width,
-        reference=(1.0,) * width,
-        covariates=placed.covariates,
-        covariate_names=tuple(covariates or ()),
-        trusted=np.array([known[i].trusted for i in placed.order]),
-        records=tuple(known[i].record for i in placed.order),
+        theta=np.hstack([track.values for track in tracks]),
+        std=np.hstack([track.std for track in tracks]),
+        logarithmic=(True, True) * len(tracks),
+        reference=(1.0, 1.0) * len(tracks),
         units=("Hz", "1") * len(tracks),
         kinds=("f", "c") * len(tracks),
-        begin=placed.begin,
-        notes=(*placed.notes, *notes),
     )
+    return _blocks(series, known, placed, covariates, notes)
 
 
 def _natural(text: str) -> list[tuple[int, str]]:

@@ -1,4 +1,4 @@
-"""What a level is, and whether it jumped, where its wander and its scatter are not known well.
+"""Level and jump statistic averaged over uncertain wander and scatter.
 
 A watch of a day knows neither. Plugged in as if they were known, a wander that came out too small makes jumps of what
 only wanders, and bands that are too narrow. So each wander q that is likely has a filter of its own (Magill's bank, or
@@ -28,13 +28,7 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.monitoring.jumps import (
-    INNOVATION_LIMIT_SIGMAS,
-    Belief,
-    Rates,
-    Track,
-    track,
-)
+from windsysid.monitoring.jumps import INNOVATION_LIMIT_SIGMAS, LevelBelief, Observations, Rates, Track, track
 from windsysid.monitoring.learning import EXPECTED_SCATTER, TYPICAL_SCATTER
 
 __all__ = ["Together", "most_likely_begin", "together", "with_likely"]
@@ -60,23 +54,23 @@ class Together(NamedTuple):
     statistic: Array
 
 
-def with_likely(y: Array, r: Array, x: Array, prior: Belief, rates: Rates, freed: Array | None = None) -> Rates:
+def with_likely(blocks: Observations, prior: LevelBelief, rates: Rates) -> Rates:
     """These rates, and the wanders that are likely after the blocks, each with the scatter that fits them best.
 
     Arguments are those of `windsysid.monitoring.learning.learn_rates`; of the rates the scatter is where it begins.
     """
-    usual = float(np.median(r[np.isfinite(y)]))
-    count = int(np.isfinite(y).sum())
+    there = np.isfinite(blocks.y)
+    usual, count = float(np.median(blocks.r[there])), int(there.sum())
     found, evidence = [], []
     for share in WANDERS:
         one = rates._replace(wander=usual * rates.scatter * share**2, likely=())
-        whitened = track(y, r, x, prior, one, freed=freed, test=False).whitened
+        whitened = track(blocks, prior, one, test=False).whitened
         squares = np.minimum(whitened[np.isfinite(whitened)] ** 2, INNOVATION_LIMIT_SIGMAS**2)
         scatter = (rates.scatter * float(squares.sum()) + PRIOR_BLOCKS * EXPECTED_SCATTER) / (count + PRIOR_BLOCKS)
         one = one._replace(wander=usual * scatter * share**2, scatter=scatter)
         chance = math.log(share / (1.0 + (share / USUAL_WANDER) ** 2))
         found.append((one.wander, one.scatter, chance))
-        evidence.append(chance + float(track(y, r, x, prior, one, freed=freed, test=False).evidence[-1]))
+        evidence.append(chance + float(track(blocks, prior, one, test=False).evidence[-1]))
     least = max(evidence) + math.log(LEAST_LIKELY)
     likely = tuple(one for one, of in zip(found, evidence, strict=True) if of >= least)
     return rates._replace(likely=likely, learned_from=count)

@@ -1,5 +1,5 @@
-"""What drifts and what jumps over many records of one turbine: season and wind regressed out, alarms at a stated rate,
-a failing sensor told from a failing tower.
+"""Detection of drifts and jumps over many records of one turbine: season and wind regressed out, alarms at a stated
+rate, failing sensors told from failing structures.
 
 Every record leaves a block: what it says of each coefficient, without its prior, and the covariates of its time
 (temperature, wind speed, power …). Each coefficient is a level that may wander, plus slopes times covariates, plus the
@@ -20,7 +20,6 @@ comes first (docs/monitor.md).
 
 import math
 from collections.abc import Mapping, Sequence
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -28,8 +27,8 @@ from numpy.typing import NDArray
 
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError
-from windsysid.monitoring.changes import Change, Series, Watch
-from windsysid.monitoring.jumps import Belief, Rates, Track, shared_error, threshold, track
+from windsysid.monitoring.changes import DetectedJump, Watch, WatchedSeries
+from windsysid.monitoring.jumps import Observations, Rates, Track, shared_error, threshold, track
 from windsysid.monitoring.learning import learn_rates
 from windsysid.monitoring.locating import (
     JUMP_SLOPE_PRIOR,
@@ -40,7 +39,7 @@ from windsysid.monitoring.locating import (
     locate,
     without_bad,
 )
-from windsysid.monitoring.series import DAY, MIN_BLOCKS, Blocks
+from windsysid.monitoring.series import DAY, MIN_BLOCKS, RecordBlocks
 from windsysid.results.posterior import SIGMAS
 
 __all__ = ["TOLERATED_DRIFT", "YEAR", "percent_of", "tell", "was_lost", "watch"]
@@ -66,7 +65,9 @@ UNEXPLAINED, HEARD, SOUND, UNWATCHED = (
 """Why a jump is put down to a sensor or to the structure."""
 
 
-def watch(blocks: Blocks, *, alarms_per_year: float = 0.1, tolerated: Mapping[str, float] = TOLERATED_DRIFT) -> Watch:
+def watch(
+    blocks: RecordBlocks, *, alarms_per_year: float = 0.1, tolerated: Mapping[str, float] = TOLERATED_DRIFT
+) -> Watch:
     """What drifted and what jumped.
 
     Parameters
@@ -89,24 +90,15 @@ def watch(blocks: Blocks, *, alarms_per_year: float = 0.1, tolerated: Mapping[st
     ConfigurationError
         If the rate is not between 1e-6 and 100 a year, or no series can be followed.
     """
-    kinds = dict.fromkeys(blocks.kind(i) for i in range(len(blocks.names)))
-    missing = [kind for kind in kinds if kind not in tolerated]
-    if missing:
-        raise ConfigurationError(
-            f"tolerated: expected a size for {', '.join(kinds)}, got none for {', '.join(missing)}"
-        )
-    if not 1e-6 <= alarms_per_year <= 100.0:
-        raise ConfigurationError(f"alarms per year: expected 1e-6 to 100, got {alarms_per_year:g}")
+    _check_options(blocks, alarms_per_year, tolerated)
     count = len(blocks.time)
     begins = min(MAX_LEARNING_BLOCKS, count // 2)
     step = float(np.median(np.diff(blocks.time)))
-    x, names, scales, notes = _standardise_covariates(blocks, begins)
-    there = np.asarray(np.isfinite(x).all(axis=1))
+    covariates, notes = _standardise_covariates(blocks, begins)
+    there = np.asarray(np.isfinite(covariates.x).all(axis=1))
     if not there.all():
         notes.append(f"{int((~there).sum())} of {count} records lack a covariate and were left out")
-    followed = [
-        i for i in range(len(blocks.names)) if np.isfinite(blocks.theta[there][:begins, i]).sum() >= MIN_BLOCKS // 2
-    ]
+    followed = np.flatnonzero(np.isfinite(blocks.theta[there][:begins]).sum(axis=0) >= MIN_BLOCKS // 2).tolist()
     if not followed:
         raise ConfigurationError(
             f"expected at least {MIN_BLOCKS // 2} estimates to learn from in the first {begins} records"
@@ -115,14 +107,33 @@ def watch(blocks: Blocks, *, alarms_per_year: float = 0.1, tolerated: Mapping[st
     series, jumps = [], []
     for i in followed:
         y = np.where(there, blocks.theta[:, i], np.nan)
-        one = _follow(blocks, i, y, np.where(there[:, None], x, 0.0), begins, limit, tolerated)
-        series.append(_describe(blocks, i, one, y, x, names, scales, begins, step))
+        one = _follow(blocks, i, y, np.where(there[:, None], covariates.x, 0.0), begins, limit, tolerated)
+        series.append(_describe(blocks, i, one, y, covariates, begins))
         jumps += [(i, jump) for jump in one.jumps]
     jumps.sort(key=lambda found: found[1].found)
     changes = tuple(_change(blocks, i, jump, jumps) for i, jump in jumps)
     notes = [*blocks.notes, *notes]
     notes.insert(0, f"alarms from {blocks.when(float(blocks.time[begins]))} on: {begins} records to learn from")
     return Watch(blocks, tuple(series), changes, alarms_per_year, begins, tuple(notes))
+
+
+def _check_options(blocks: RecordBlocks, alarms_per_year: float, tolerated: Mapping[str, float]) -> None:
+    kinds = dict.fromkeys(map(blocks.kind, range(len(blocks.names))))
+    missing = [kind for kind in kinds if kind not in tolerated]
+    if missing:
+        raise ConfigurationError(
+            f"tolerated: expected a size for {', '.join(kinds)}, got none for {', '.join(missing)}"
+        )
+    if not 1e-6 <= alarms_per_year <= 100.0:
+        raise ConfigurationError(f"alarms per year: expected 1e-6 to 100, got {alarms_per_year:g}")
+
+
+class _Standardised(NamedTuple):
+    """Covariates (T, m) as standard scores of the learning time, their names, and their standard deviations (m,)."""
+
+    x: Array
+    names: list[str]
+    scales: Array
 
 
 class _Followed(NamedTuple):
@@ -136,78 +147,55 @@ class _Followed(NamedTuple):
 
 
 def _follow(
-    blocks: Blocks, i: int, y: Array, x: Array, begins: int, limit: float, tolerated: Mapping[str, float]
+    blocks: RecordBlocks, i: int, y: Array, x: Array, begins: int, limit: float, tolerated: Mapping[str, float]
 ) -> _Followed:
     """Level, rates and jumps of one series from its blocks (T,) and standardised covariates (T, m)."""
-    count = len(y)
-    y, r = y.copy(), np.where(np.isfinite(y), blocks.std[:, i], 1.0) ** 2
-    kind = blocks.kind(i)
-    prior, scale = first_belief(y, r, x.shape[1], kind, blocks.logarithmic[i])
-    jump, freed, jumps = JUMP_SLOPE_PRIOR[kind] * scale, np.zeros((count, 1 + x.shape[1])), []
-    begin, first, least = begins, begins, tolerated[kind] * scale
+    count, kind = len(y), blocks.kind(i)
+    seen = Observations.of(y.copy(), np.where(np.isfinite(y), blocks.std[:, i], 1.0) ** 2, x)
+    prior, scale = first_belief(seen.y, seen.r, x.shape[1], kind, blocks.logarithmic[i])
+    jump, least = JUMP_SLOPE_PRIOR[kind] * scale, tolerated[kind] * scale
+    jumps: list[Jump] = []
+    begin = first = begins
     tested = np.zeros(count)
     while True:
-        rates = learn_rates(
-            y[:begin], r[:begin], x[:begin], prior, freed[:begin], kind=kind, logarithmic=blocks.logarithmic[i]
-        )
+        rates = learn_rates(seen.part(slice(begin)), prior, kind=kind, logarithmic=blocks.logarithmic[i])
         end = min(2 * begin, count)
         while True:
-            whole = track(
-                y[:end],
-                r[:end],
-                x[:end],
-                prior,
-                rates,
-                limit=limit,
-                tolerated=least,
-                first=first,
-                freed=freed[:end],
-            )
+            whole = track(seen.part(slice(end)), prior, rates, limit=limit, tolerated=least, first=first)
             upto = whole.stopped + 1 or end
             tested[first:upto] = whole.statistic[first:upto]
             if whole.stopped < 0:
                 break
-            free, stopped, first = freedom(whole.belief.mean, jump, scale), whole.stopped, whole.stopped + 1
-            place = partial(_locate, y, r, x, prior, rates, freed, stopped, int(whole.since[stopped]), jump, scale)
-            seen, seen_freed = _part(y, r, freed, place(first), rates, free)
-            ahead = min(first + max(first - int(whole.since[stopped]), MAX_HINDSIGHT_BLOCKS), count)
-            after = track(
-                seen[:ahead], r[:ahead], x[:ahead], prior, rates, limit=limit, tolerated=least, first=first,
-                freed=seen_freed[:ahead],
-            )  # fmt: skip
+            since, free = int(whole.since[whole.stopped]), freedom(whole.belief.mean, jump, scale)
+            where = whole.stopped, since, jump, scale
+            first = whole.stopped + 1
+            ahead = min(first + max(first - since, MAX_HINDSIGHT_BLOCKS), count)
+            parted = _part(seen, locate(seen.part(slice(first)), prior, rates, *where), rates, free)
+            after = track(parted.part(slice(ahead)), prior, rates, limit=limit, tolerated=least, first=first)
             until = count if after.stopped < 0 else max(first, int(after.since[after.stopped]))
-            found = place(until)  # by blocks up to the next jump: two are not one
-            jumps.append(found)
-            y, freed = _part(y, r, freed, found, rates, free)
+            jumps.append(locate(seen.part(slice(until)), prior, rates, *where))  # by blocks up to the next jump
+            seen = _part(seen, jumps[-1], rates, free)
         if end == count:
             learned = float(whole.level[begins - 1])
             return _Followed(whole._replace(statistic=tested), rates, limit, jumps, scale, learned, least)
         begin = first = end
 
 
-def _locate(
-    y: Array, r: Array, x: Array, prior: Belief, rates: Rates, freed: Array, found: int, likely: int, jump: float,
-    scale: float, end: int,
-) -> Jump:  # fmt: skip
-    """`locate` by the blocks before `end`."""
-    return locate(y[:end], r[:end], x[:end], prior, rates, freed[:end], found, likely, jump, scale)
-
-
-def _part(y: Array, r: Array, freed: Array, jump: Jump, rates: Rates, free: Array) -> tuple[Array, Array]:
-    """Blocks (T,) without what is bad near a jump or on neither side of it, and what is free (T, d) with it."""
-    y, freed = y.copy(), freed.copy()
+def _part(blocks: Observations, jump: Jump, rates: Rates, free: Array) -> Observations:
+    """Blocks without what is bad near a jump or on neither side of it, and with what is free at it."""
+    y, freed = blocks.y.copy(), blocks.freed.copy()
     near = slice(max(0, jump.earliest - MAX_HINDSIGHT_BLOCKS), jump.found + 1)
-    y[near] = without_bad(y[near], rates.scatter * r[near])
+    y[near] = without_bad(y[near], rates.scatter * blocks.r[near])
     y[jump.earliest : jump.latest] = np.nan
     freed[jump.latest] = free
-    return y, freed
+    return blocks._replace(y=y, freed=freed)
 
 
 def _describe(
-    blocks: Blocks, i: int, one: _Followed, y: Array, x: Array, names: Sequence[str], scales: Array,
-    begins: int, step: float
-) -> Series:  # fmt: skip
-    """A `Series` in units and percent."""
+    blocks: RecordBlocks, i: int, one: _Followed, y: Array, covariates: _Standardised, begins: int
+) -> WatchedSeries:
+    """A `WatchedSeries` in units and percent."""
+    x, names, scales = covariates
     level, std = one.track.level, one.track.std
     belief, now = one.track.belief, float(level[-1])
     told = np.hypot(std, shared_error(now, y, blocks.std[:, i] ** 2, one.rates))
@@ -218,10 +206,10 @@ def _describe(
         return blocks.reference[i] * (np.exp(theta) if blocks.logarithmic[i] else theta)
 
     def share(part: float, spread: float, of: float) -> tuple[float, float, float]:
-        return _percent(blocks, i, part, spread, of)
+        return percent_of(part, spread, of, blocks.logarithmic[i])
 
-    day = max(1, round(DAY / step))
-    return Series(
+    day = max(1, round(DAY / float(np.median(np.diff(blocks.time)))))
+    return WatchedSeries(
         name=name,
         unit=blocks.units[i] if blocks.units else "",
         level=value(level),
@@ -241,7 +229,7 @@ def _describe(
     )
 
 
-def _smallest(blocks: Blocks, i: int, one: _Followed, within: int) -> float:
+def _smallest(blocks: RecordBlocks, i: int, one: _Followed, within: int) -> float:
     """Least jump in filter coordinates that passes the test within so many blocks with a probability of 0.9.
 
     The level is taken to be as well known as it gets.
@@ -255,28 +243,32 @@ def _smallest(blocks: Blocks, i: int, one: _Followed, within: int) -> float:
     return one.least + (math.sqrt(one.limit) + 1.28) / math.sqrt(energy)
 
 
-def _change(blocks: Blocks, i: int, jump: Jump, jumps: Sequence[tuple[int, Jump]]) -> Change:
+def _change(blocks: RecordBlocks, i: int, jump: Jump, jumps: Sequence[tuple[int, Jump]]) -> DetectedJump:
     """A jump in words, percent and seconds, and where to look for its cause."""
     name = blocks.names[i]
-    percent, low, high = _percent(blocks, i, jump.size, jump.std, jump.before)
+    percent, low, high = percent_of(jump.size, jump.std, jump.before, blocks.logarithmic[i])
     time, earliest, latest, found = (float(blocks.time[k]) for k in (jump.at, jump.earliest, jump.latest, jump.found))
-    noisy = [
-        blocks.names[j]
-        for j, other in jumps
-        if blocks.kind(j) == "noise" and other.earliest <= jump.found and jump.earliest <= other.found
-    ]
-    if blocks.kind(i) == "noise":
-        cause, why = NOISE, HEARD
-    elif noisy:
-        cause, why = SENSOR, f"{SENSOR}: {', '.join(noisy)} changed with it"
-    elif blocks.trusted is not None and was_lost(blocks.trusted, jump):
-        cause, why = SENSOR, f"{SENSOR}: {UNEXPLAINED}"
-    elif any(blocks.kind(j) == "noise" for j in range(len(blocks.names))):
-        cause, why = STRUCTURE, SOUND
-    else:
-        cause, why = STRUCTURE, UNWATCHED
+    cause, why = _cause(blocks, i, jump, jumps)
     told = tell(name, (percent, low, high), blocks.between(earliest, latest), blocks.when(found), why)
-    return Change(name, time, earliest, latest, found, percent, low, high, cause, told)
+    return DetectedJump(name, time, earliest, latest, found, percent, low, high, cause, told)
+
+
+def _cause(blocks: RecordBlocks, i: int, jump: Jump, jumps: Sequence[tuple[int, Jump]]) -> tuple[str, str]:
+    """Where to look for the cause of a jump of series i, and why there."""
+    kinds = list(map(blocks.kind, range(len(blocks.names))))
+    noisy = [blocks.names[j] for j, other in jumps if kinds[j] == "noise" and _meet(jump, other)]
+    if kinds[i] == "noise":
+        return NOISE, HEARD
+    if noisy:
+        return SENSOR, f"{SENSOR}: {', '.join(noisy)} changed with it"
+    if blocks.trusted is not None and was_lost(blocks.trusted, jump):
+        return SENSOR, f"{SENSOR}: {UNEXPLAINED}"
+    return STRUCTURE, SOUND if "noise" in kinds else UNWATCHED
+
+
+def _meet(one: Jump, other: Jump) -> bool:
+    """Whether one jump may have happened before the other was found, and the other way round."""
+    return other.earliest <= one.found and one.earliest <= other.found
 
 
 def tell(name: str, percent: tuple[float, float, float], when: str, found: str, why: str) -> str:
@@ -293,8 +285,8 @@ def was_lost(good: NDArray[np.bool_], jump: Jump) -> bool:
     return bool(len(before) and len(after) and before.mean() > 0.5 > after.mean())
 
 
-def _standardise_covariates(blocks: Blocks, begins: int) -> tuple[Array, list[str], Array, list[str]]:
-    """Covariates as standard scores of the learning time, their names, standard deviations, and those left out."""
+def _standardise_covariates(blocks: RecordBlocks, begins: int) -> tuple[_Standardised, list[str]]:
+    """Covariates as standard scores of the learning time, and notes of those left out."""
     x = np.asarray(blocks.covariates, dtype=np.float64)
     missing = [
         name for name, column in zip(blocks.covariate_names, x.T, strict=True) if np.isfinite(column[:begins]).sum() < 2
@@ -312,11 +304,7 @@ def _standardise_covariates(blocks: Blocks, begins: int) -> tuple[Array, list[st
     ]  # fmt: skip
     names = [name for name, there in zip(blocks.covariate_names, moves, strict=True) if there]
     centred = (x[:, moves] - np.nanmean(x[:begins, moves], axis=0)) / scales[moves]
-    return np.ascontiguousarray(centred), names, scales[moves], notes
-
-
-def _percent(blocks: Blocks, i: int, part: float, std: float, of: float) -> tuple[float, float, float]:
-    return percent_of(part, std, of, blocks.logarithmic[i])
+    return _Standardised(np.ascontiguousarray(centred), names, scales[moves]), notes
 
 
 BEYOND = 700.0

@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING, Any
 from windsysid.output.table import Table as OurTable
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from rich.console import Console
-    from rich.table import Table
+    from rich.table import Column, Table
 
 __all__ = ["plain", "printable", "render", "show_what_can_be_shown"]
 
@@ -124,15 +126,20 @@ def _fit(table: "Table", console: "Console", encoding: str) -> None:
         column._cells = [plain(str(cell), encoding) for cell in column._cells]
     if Measurement.get(console, console.options.update(max_width=10_000), table).maximum > console.width:
         table.box, table.show_edge, table.pad_edge, table.padding = box.SIMPLE_HEAD, False, False, (0, 1, 0, 0)
-        texts = [[str(text) for text in (column.header, *column._cells)] for column in table.columns]
-        natural = [max(map(len, own)) for own in texts]
-        least = [max(map(len, " ".join(own).replace(" …", "_…").split()), default=1) for own in texts]
-        spare = console.width - sum(least) - 2 * (len(least) - 1)  # columns stand two apart
-        for i in sorted(range(len(least)), key=lambda i: natural[i] - least[i]):
-            if table.columns[i].justify == "right" or spare >= 0:  # names may be folded where nothing else helps
-                given = min(max(spare, 0), natural[i] - least[i])
-                table.columns[i].width = least[i] + given
-                spare -= given
+        _share_width(table.columns, console.width)
+
+
+def _share_width(columns: "Sequence[Column]", width: int) -> None:
+    """Give each column what its longest word needs, and the narrowest of them what is spare."""
+    texts = [[str(text) for text in (column.header, *column._cells)] for column in columns]
+    natural = [max(map(len, own)) for own in texts]
+    least = [max(map(len, " ".join(own).replace(" …", "_…").split()), default=1) for own in texts]
+    spare = width - sum(least) - 2 * (len(least) - 1)  # columns stand two apart
+    for i in sorted(range(len(least)), key=lambda i: natural[i] - least[i]):
+        if columns[i].justify == "right" or spare >= 0:  # names may be folded where nothing else helps
+            given = min(max(spare, 0), natural[i] - least[i])
+            columns[i].width = least[i] + given
+            spare -= given
 
 
 def _wrapped(text: str, width: int) -> str:

@@ -47,16 +47,12 @@ def _draw(ax: Axes, estimates: Sequence[Estimate], priors: dict[str, list[float]
     known = any(e.reference for e in estimates)
     half = 0.0
     for row, e in enumerate(estimates):
-        base = e.reference or e.estimate or 1.0
-        value, low, high, before, after = (
-            100.0 * (x / base - 1.0) for x in (e.estimate, e.low, e.high, *priors[e.name])
-        )  # fmt: skip
+        low, high = _draw_row(ax, row, e, priors[e.name])
+        told = f"{e.estimate:.4g} {unit_text(e.unit)}".removesuffix(" 1")
         if e.reference or not known:
             half = max(half, abs(low), abs(high))
-        ax.barh(row, after - before, left=before, height=0.62, color=BAND, alpha=0.45, lw=0)
-        ax.plot([low, high], [row, row], color=ESTIMATE, lw=2.2, solid_capstyle="butt")
-        ax.plot(value, row, "o", color=ESTIMATE, ms=5, mfc=None if e.reference else "white")
-        told = f"{e.estimate:.4g} {unit_text(e.unit)}".removesuffix(" 1") + ("" if e.reference or not known else " *")
+        else:
+            told += " *"
         ax.text(1.01, row, told, transform=ax.get_yaxis_transform(), va="center", fontsize=8.5)
     ax.axvline(0.0, color=REFERENCE, ls="--", lw=1)
     ax.set(ylim=(rows - 0.5, -0.6), xlim=(-WIDER * half, WIDER * half))
@@ -65,3 +61,13 @@ def _draw(ax: Axes, estimates: Sequence[Estimate], priors: dict[str, list[float]
     ax.tick_params(axis="y", labelsize=10, length=0)
     ax.set_title(estimates[0].kind, fontsize=10, loc="left")
     ax.set_xlabel("difference from the turbine file [%]" if known else "difference from the result [%]", fontsize=9)
+
+
+def _draw_row(ax: Axes, row: int, e: Estimate, prior: Sequence[float]) -> tuple[float, float]:
+    """One coefficient; the ends of its band [%]."""
+    base = e.reference or e.estimate or 1.0
+    value, low, high, before, after = (100.0 * (x / base - 1.0) for x in (e.estimate, e.low, e.high, *prior))
+    ax.barh(row, after - before, left=before, height=0.62, color=BAND, alpha=0.45, lw=0)
+    ax.plot([low, high], [row, row], color=ESTIMATE, lw=2.2, solid_capstyle="butt")
+    ax.plot(value, row, "o", color=ESTIMATE, ms=5, mfc=None if e.reference else "white")
+    return low, high

@@ -25,31 +25,8 @@ def figure(found: Campbell, place: Axes | None = None) -> Figure:
     above, below = drawn.subplots(2, 1, sharex=True, height_ratios=[1.9, 1.0])
     rpm = found.speeds * RPM
     top = 1.06 * max(float(np.nanmax(curve.frequency + SIGMAS * curve.frequency_std)) for curve in found.curves)
-    ends: list[tuple[Axes, float, str, str]] = []
-    for curve in found.curves:
-        colour, band = (BLADES, BLADES_BAND) if curve.name.startswith("lag") else (ESTIMATE, BAND)
-        for ax, value, std in (
-            (above, curve.frequency, curve.frequency_std), (below, 100.0 * curve.damping, 100.0 * curve.damping_std),
-        ):  # fmt: skip
-            ax.fill_between(rpm, value - SIGMAS * std, value + SIGMAS * std, color=band, alpha=0.55, lw=0)
-            ax.plot(rpm, value, color=colour, lw=1.0)
-            seen = np.flatnonzero(np.isfinite(value))
-            if seen[-1] == len(rpm) - 1:
-                ends.append((ax, float(value[-1]), curve.name, colour))
-            elif np.isfinite(value[found.usual]):
-                ax.annotate(
-                    curve.name, (rpm[seen[-1]], value[seen[-1]]), (5, 0), textcoords="offset points", fontsize=8.5,
-                    color=colour, va="bottom",
-                )  # fmt: skip
-    for mode in found.measured:
-        fill = REFERENCE if mode.trusted else "white"
-        z, z_low, z_high = (100.0 * value for value in mode.damping)
-        for ax, at, reach in (
-            (above, mode.frequency, [[SIGMAS * mode.frequency_std]] * 2), (below, z, [[z - z_low], [z_high - z]]),
-        ):  # fmt: skip
-            ax.errorbar(
-                mode.speed * RPM, at, yerr=reach, fmt="o", ms=5, color=REFERENCE, mfc=fill, elinewidth=0.9, zorder=4
-            )
+    ends = _draw_curves(found, above, below)
+    _draw_measured(found, above, below)
     for order in found.orders:
         above.plot(rpm, order * rpm / 60.0, color=MEASURED, ls="--", lw=0.9, zorder=1)
         near = min(0.95 * (rpm[-1] - rpm[0]) + rpm[0], 60.0 * 0.94 * top / order)
@@ -68,12 +45,51 @@ def figure(found: Campbell, place: Axes | None = None) -> Figure:
         for each in found.unstable:
             ax.axvspan(each.low * RPM, each.high * RPM, color=ERROR, alpha=0.25, lw=0, zorder=0)
         tidy(ax)
-        _label_ends(ax, [end[1:] for end in ends if end[0] is ax])
+        _label_ends(ax, ends[ax])
     if least < 0.0:
         below.axhline(0.0, color=REFERENCE, lw=0.8)
     words = ("operating range" if found.orders else "parked") + ("; orange: unstable" if found.unstable else "")
     above.text(0.5 * (low + high), 1.012, words, transform=above.get_xaxis_transform(), ha="center", fontsize=8.5)
     return drawn
+
+
+Ends = dict[Axes, list[tuple[float, str, str]]]
+"""Of each axes, the value, name and colour of the curves that reach its right end."""
+
+
+def _draw_curves(found: Campbell, above: Axes, below: Axes) -> Ends:
+    """Draw the modes' frequencies and damping ratios with ±2σ."""
+    rpm = found.speeds * RPM
+    ends: Ends = {above: [], below: []}
+    for curve in found.curves:
+        colour, band = (BLADES, BLADES_BAND) if curve.name.startswith("lag") else (ESTIMATE, BAND)
+        for ax, value, std in (
+            (above, curve.frequency, curve.frequency_std), (below, 100.0 * curve.damping, 100.0 * curve.damping_std),
+        ):  # fmt: skip
+            ax.fill_between(rpm, value - SIGMAS * std, value + SIGMAS * std, color=band, alpha=0.55, lw=0)
+            ax.plot(rpm, value, color=colour, lw=1.0)
+            seen = np.flatnonzero(np.isfinite(value))
+            if seen[-1] == len(rpm) - 1:
+                ends[ax].append((float(value[-1]), curve.name, colour))
+            elif np.isfinite(value[found.usual]):
+                ax.annotate(
+                    curve.name, (rpm[seen[-1]], value[seen[-1]]), (5, 0), textcoords="offset points", fontsize=8.5,
+                    color=colour, va="bottom",
+                )  # fmt: skip
+    return ends
+
+
+def _draw_measured(found: Campbell, above: Axes, below: Axes) -> None:
+    """Draw measured modes as points with ±2σ, hollow where they are not to be trusted."""
+    for mode in found.measured:
+        fill = REFERENCE if mode.trusted else "white"
+        z, z_low, z_high = (100.0 * value for value in mode.damping)
+        for ax, at, reach in (
+            (above, mode.frequency, [[SIGMAS * mode.frequency_std]] * 2), (below, z, [[z - z_low], [z_high - z]]),
+        ):  # fmt: skip
+            ax.errorbar(
+                mode.speed * RPM, at, yerr=reach, fmt="o", ms=5, color=REFERENCE, mfc=fill, elinewidth=0.9, zorder=4
+            )
 
 
 def _label_ends(ax: Axes, ends: list[tuple[float, str, str]]) -> None:

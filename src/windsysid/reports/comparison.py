@@ -1,12 +1,13 @@
 """A comparison of two records as a figure and as one page."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from windsysid.monitoring.change import MOVED_MIN_ODDS, Change, Comparison
+from windsysid.monitoring.change import MOVED_MIN_ODDS, Comparison, QuantityChange
 from windsysid.reports.canvas import canvas
 from windsysid.reports.html import Section, png, report_page
 from windsysid.reports.plots import ERROR, ESTIMATE, MEASURED, REFERENCE, symbol, tidy
@@ -22,35 +23,36 @@ def figure(comparison: Comparison, place: Axes | None = None) -> Figure:
     """
     of_damping = [c for c in comparison.coefficients if c.kind == "damping"]
     rest = [c for c in (*comparison.coefficients, *comparison.modes) if c not in of_damping]
-    titles = ("stiffness and frequencies", "damping", "loads and noise")
-    groups = [
-        (title, group) for title, group in zip(titles, (rest, of_damping, comparison.statistics), strict=True) if group
-    ]
+    titled = ("stiffness and frequencies", rest), ("damping", of_damping), ("loads and noise", comparison.statistics)
+    groups = [(title, group) for title, group in titled if group]
     drawn = canvas((12.0, 1.0 + 0.32 * max(len(group) for _, group in groups)), place)
     for ax, (title, group) in zip(drawn.subplots(1, len(groups), squeeze=False)[0], groups, strict=True):
-        ends = [end for c in group for end in (c.low, c.percent, c.high) if c.told and math.isfinite(end)] or [
-            -100.0,
-            100.0,
-        ]
-        margin = 0.08 * max(max(ends) - min(ends), 1e-3)
-        left, right = min(*ends, -margin) - margin, max(*ends, margin) + margin
-        rows = np.arange(len(group))[::-1]
-        for row, change in zip(rows, group, strict=True):
-            colour = _colour(change, comparison)
-            band = [max(change.low, left), min(change.high, right)]
-            if change.told:
-                ax.plot(band, [row, row], color=colour, lw=5, alpha=0.45, solid_capstyle="butt")
-                ax.plot(min(change.percent, right), row, "o", color=colour, ms=5)
-            else:
-                ax.plot([left, right], [row, row], color=colour, lw=1.5, ls=":")
-        ax.axvline(0.0, color=REFERENCE, ls="--", lw=0.8)
-        ax.set_yticks(rows, [symbol(c.name) for c in group])
-        ax.set_ylim(-0.7, len(group) - 0.3)
-        ax.set_xlim(left, right)
+        _draw_changes(ax, group, comparison)
         ax.set_title(title, fontsize=10, loc="left")
-        ax.set_xlabel("change [%], ±2σ")
-        tidy(ax)
     return drawn
+
+
+def _draw_changes(ax: Axes, group: Sequence[QuantityChange], comparison: Comparison) -> None:
+    """One line a change."""
+    ends = [end for c in group for end in (c.low, c.percent, c.high) if c.told and math.isfinite(end)]
+    low, high = (min(ends), max(ends)) if ends else (-100.0, 100.0)
+    margin = 0.08 * max(high - low, 1e-3)
+    left, right = min(low, -margin) - margin, max(high, margin) + margin
+    rows = np.arange(len(group))[::-1]
+    for row, change in zip(rows, group, strict=True):
+        colour = _colour(change, comparison)
+        band = [max(change.low, left), min(change.high, right)]
+        if change.told:
+            ax.plot(band, [row, row], color=colour, lw=5, alpha=0.45, solid_capstyle="butt")
+            ax.plot(min(change.percent, right), row, "o", color=colour, ms=5)
+        else:
+            ax.plot([left, right], [row, row], color=colour, lw=1.5, ls=":")
+    ax.axvline(0.0, color=REFERENCE, ls="--", lw=0.8)
+    ax.set_yticks(rows, [symbol(c.name) for c in group])
+    ax.set_ylim(-0.7, len(group) - 0.3)
+    ax.set_xlim(left, right)
+    ax.set_xlabel("change [%], ±2σ")
+    tidy(ax)
 
 
 def files(comparison: Comparison) -> dict[str, bytes]:
@@ -84,7 +86,7 @@ READING = (
 )
 
 
-def _colour(change: Change, comparison: Comparison) -> str:
+def _colour(change: QuantityChange, comparison: Comparison) -> str:
     if change in comparison.coefficients:
         return ERROR if change in comparison.moved else ESTIMATE
     return MEASURED

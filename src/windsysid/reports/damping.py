@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from windsysid.monitoring.separation import Separation, Split
+from windsysid.monitoring.separation import DampingSplit, Separation
 from windsysid.output.table import Table
 from windsysid.reports.canvas import canvas
 from windsysid.reports.html import Section, png, report_page
@@ -21,8 +21,7 @@ def figure(separation: Separation, place: Axes | None = None) -> Figure:
     columns = min(COLUMNS, len(splits))
     rows = -(-len(splits) // columns)
     order = sorted(
-        range(len(states)),
-        key=lambda i: (not states[i].parked, states[i].rotor_speed, states[i].wind_speed or 0.0),
+        range(len(states)), key=lambda i: (not states[i].parked, states[i].rotor_speed, states[i].wind_speed or 0.0)
     )
     width = max(3.4, 1.2 + 0.75 * len(states))
     drawn = canvas((width * columns, 3.2 * rows + 0.4), place)
@@ -44,7 +43,7 @@ def figure(separation: Separation, place: Axes | None = None) -> Figure:
     return drawn
 
 
-def _panel(ax: Axes, split: Split, order: list[int], base: str) -> None:
+def _panel(ax: Axes, split: DampingSplit, order: list[int], base: str) -> None:
     at, percent = np.arange(len(order)), 0.01 * split.critical
     measured = [split.measured[i].over(percent) for i in order]
     if split.structural is not None:

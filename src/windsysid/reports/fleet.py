@@ -123,45 +123,15 @@ def files(overview: Overview) -> dict[str, bytes]:
             " pale bar; orange: an outlier."
         )
     months = "Share of each month that identified records cover [%]."
-    sensors = Table(
-        ("turbine", "channel", "finding", "of the records", "from", "to", "sisters"),
-        [
-            (
-                one.turbine, one.channel, one.kind, f"{100.0 * one.share:.0f} %", one.first, one.last,
-                "have it too" if one.shared else "do not",
-            )
-            for one in overview.failing
-        ],
-        words=(0, 1, 2, 6),
-    )  # fmt: skip
-    jumps = Table(
-        ("turbine", "", "when", "change", "±2σ band", "where to look"),
-        [
-            (
-                name, c.name, one.blocks.between(c.earliest, c.latest), f"{c.percent:+.3g} %",
-                f"{c.low:+.3g} … {c.high:+.3g} %", c.cause,
-            )
-            for name, one in overview.watches.items() for c in one.changes
-        ],
-        words=(0, 1, 2, 5),
-    )  # fmt: skip
-    refused = Table(
-        ("turbine", "records", "why they have no result"),
-        [(name, str(count), why) for name, glance in overview.glances.items() for why, count in glance.reasons],
-        words=(0, 2),
-    )
-    bad = [f"WARNING: {text}" for text in overview.sentences] if overview.events else overview.sentences
     sections = [
-        Section("What stands out", text=[*bad, *overview.notes]),
+        Section("What stands out", text=[*_sentences(overview), *overview.notes]),
         Section("Every turbine at a glance", tables=overview.tables()),
         Section("Levels and sisters", text=[READING], figures=[(drawn, levels)]),
         Section("Data availability", figures=[(_availability(overview), months)]),
-        Section(
-            "Sensors", text=[] if overview.failing else ["No sensor fails."], tables=[sensors] * bool(overview.failing)
-        ),
-        Section("Jumps", text=[] if jumps.rows else ["Nothing jumped."], tables=[jumps] if jumps.rows else []),
-        Section("Records without a result", tables=[refused] if refused.rows else [], folded=True),
-        Section("Turbine by turbine", tables=[table for one in _numbers(overview) for table in one], folded=True),
+        _listed("Sensors", "No sensor fails.", _sensors(overview)),
+        _listed("Jumps", "Nothing jumped.", _jumps(overview)),
+        _listed("Records without a result", "", _without_result(overview), folded=True),
+        Section("Turbine by turbine", tables=_numbers(overview), folded=True),
     ]
     count = sum(glance.records for glance in overview.glances.values())
     subtitle = (
@@ -175,12 +145,50 @@ def files(overview: Overview) -> dict[str, bytes]:
     }
 
 
-def _numbers(overview: Overview) -> list[list[Table]]:
+def _sentences(overview: Overview) -> list[str]:
+    return [f"WARNING: {text}" for text in overview.sentences] if overview.events else overview.sentences
+
+
+def _listed(title: str, nothing: str, table: Table, *, folded: bool = False) -> Section:
+    """A section with a table, or with what is said where it has no rows."""
+    if table.rows:
+        return Section(title, tables=[table], folded=folded)
+    return Section(title, text=[nothing] if nothing else [], folded=folded)
+
+
+def _sensors(overview: Overview) -> Table:
+    rows = [
+        (
+            one.turbine, one.channel, one.kind, f"{100.0 * one.share:.0f} %", one.first, one.last,
+            "have it too" if one.shared else "do not",
+        )
+        for one in overview.failing
+    ]  # fmt: skip
+    return Table(("turbine", "channel", "finding", "of the records", "from", "to", "sisters"), rows, words=(0, 1, 2, 6))
+
+
+def _jumps(overview: Overview) -> Table:
+    rows = [
+        (
+            name, c.name, one.blocks.between(c.earliest, c.latest), f"{c.percent:+.3g} %",
+            f"{c.low:+.3g} … {c.high:+.3g} %", c.cause,
+        )
+        for name, one in overview.watches.items() for c in one.changes
+    ]  # fmt: skip
+    return Table(("turbine", "", "when", "change", "±2σ band", "where to look"), rows, words=(0, 1, 2, 5))
+
+
+def _without_result(overview: Overview) -> Table:
+    rows = [(name, str(count), why) for name, glance in overview.glances.items() for why, count in glance.reasons]
+    return Table(("turbine", "records", "why they have no result"), rows, words=(0, 2))
+
+
+def _numbers(overview: Overview) -> list[Table]:
     """Levels, drifts and the effects of covariates of each turbine."""
-    found = []
+    found: list[Table] = []
     for name, one in overview.watches.items():
         first, *more = one.tables()
-        found.append([Table(first.headings, first.rows, f"{name}, {first.caption}", first.words), *more])
+        found += [Table(first.headings, first.rows, f"{name}, {first.caption}", first.words), *more]
     return found
 
 

@@ -28,7 +28,6 @@ def identification_report(identification: Identification, record: Record | None 
     from windsysid.reports.plots import coefficient_histories, record_overview
 
     i = identification
-    channels = [] if record is None else [channel for channel in i.sensors if channel in record]
     sections = [
         Section(
             "Result",
@@ -36,33 +35,29 @@ def identification_report(identification: Identification, record: Record | None 
             tables=[*([i.modes_table()] if i.modes else []), i.table()],
             figures=[(coefficient_bands(i), caption(i))],
         ),
-        Section(
-            "What it rests on",
-            text=i.notes,
-            tables=[
-                *([i.statistics_table()] if i.statistics else []),
-                *([i.budget.table(), i.tolerances_table()] if i.tolerances else []),
-            ],
-        ),
-        *(
-            [Section("How the estimates came about", figures=[(coefficient_histories(i), _HISTORIES[i.formulation])])]
-            if i.formulation in _HISTORIES and len(i.mean) > 1
-            else []
-        ),
-        _explains_section(i),
-        *([_load_section(i)] if i.loads is not None and i.loads.names else []),
-        *(
-            [Section("The record", figures=[(record_overview(record, channels), "The channels that were used.")])]
-            if record is not None
-            else []
-        ),
-        *([provenance_section(i, i.provenance)] if i.provenance is not None else []),
+        Section("What it rests on", text=i.notes, tables=_tables_of_rest(i)),
     ]
+    if i.formulation in _HISTORIES and len(i.mean) > 1:
+        figures = [(coefficient_histories(i), _HISTORIES[i.formulation])]
+        sections.append(Section("How the estimates came about", figures=figures))
+    sections.append(_explains_section(i))
+    if i.loads is not None and i.loads.names:
+        sections.append(_load_section(i))
+    if record is not None:
+        used = record_overview(record, [channel for channel in i.sensors if channel in record])
+        sections.append(Section("The record", figures=[(used, "The channels that were used.")]))
+    if i.provenance is not None:
+        sections.append(provenance_section(i, i.provenance))
     subtitle = (
         f"{i.turbine} · {i.record}, {i.section[0]:g}–{i.section[1]:g} s at {i.rate:g} Hz · {i.formulation} formulation,"
         f" {i.method}, {i.samples} samples in {i.elapsed:.2f} s"
     )
     return report_page("Stiffness and damping", subtitle, sections)
+
+
+def _tables_of_rest(i: Identification) -> list[Table]:
+    statistics = [i.statistics_table()] if i.statistics else []
+    return [*statistics, *([i.budget.table(), i.tolerances_table()] if i.tolerances else [])]
 
 
 def _explains_section(identification: Identification) -> Section:
@@ -86,10 +81,7 @@ def _explains_section(identification: Identification) -> Section:
             *i.diagnosis.remarks,
         ],
         tables=diagnosis_tables(i),
-        figures=[
-            *([(spectra, WHITENESS)] if spectra else []),
-            (innovations(i), "Whitened innovations of the result."),
-        ],
+        figures=[*([(spectra, WHITENESS)] if spectra else []), (innovations(i), "Whitened innovations of the result.")],
     )
 
 

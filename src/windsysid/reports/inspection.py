@@ -21,40 +21,42 @@ def files(inspection: "Inspection") -> dict[str, bytes]:
     i = inspection
     figures = {"overview": overview(i), "spectra": spectra_figure(i), "spectrogram": spectrogram_figure(i)}
     pictures = {name: png(figure) for name, figure in figures.items() if figure is not None}
-    good = sum(p.good for p in i.proposals)
     sections = [
         Section("What was found", text=[f"{i.verdict[0].upper()}{i.verdict[1:]}.", *_findings(i), *i.notes]),
         Section(
             "Which part to use",
-            text=[
-                *([] if good else ["WARNING: no section of this record is good."]),
-                *(
-                    f"{n}. {p.start:g}–{p.end:g} s, {'good' if p.good else 'poor'}: {p}."
-                    for n, p in enumerate(i.proposals, 1)
-                ),
-            ],
+            text=_proposals(i),
             tables=[i.stops_table()] if i.stops else [],
             figures=_with(pictures.get("overview"), _overview_caption(i)),
         ),
+        *_vibration(i, pictures),
     ]
-    if i.spectra:
-        peaks = i.peaks_table(most_channels=12)
-        sections.append(
-            Section(
-                "What vibrates",
-                text=[_mode_text(i)] if i.modes else [],
-                tables=[peaks] if peaks.rows else [],
-                figures=[
-                    *_with(pictures.get("spectra"), _spectra_caption(i)),
-                    *_with(pictures.get("spectrogram"), _spectrogram_caption(i)),
-                ],
-            )
-        )
     return {
         "report.html": report_page("Inspection of a record", i.heading(), sections),
         "inspection.json": i.to_json().encode(),
         **{f"{name}.png": picture for name, picture in pictures.items()},
     }
+
+
+def _proposals(i: "Inspection") -> list[str]:
+    """The proposed sections, one paragraph each."""
+    listed = [
+        f"{n}. {p.start:g}–{p.end:g} s, {'good' if p.good else 'poor'}: {p}." for n, p in enumerate(i.proposals, 1)
+    ]
+    return listed if any(p.good for p in i.proposals) else ["WARNING: no section of this record is good.", *listed]
+
+
+def _vibration(i: "Inspection", pictures: dict[str, bytes]) -> list[Section]:
+    """What vibrates, where there are spectra."""
+    if not i.spectra:
+        return []
+    peaks = i.peaks_table(most_channels=12)
+    figures = [
+        *_with(pictures.get("spectra"), _spectra_caption(i)),
+        *_with(pictures.get("spectrogram"), _spectrogram_caption(i)),
+    ]
+    text = [_mode_text(i)] if i.modes else []
+    return [Section("What vibrates", text=text, tables=[peaks] if peaks.rows else [], figures=figures)]
 
 
 def _findings(i: "Inspection") -> list[str]:

@@ -14,16 +14,7 @@ from windsysid.inspection.bodies import body_of
 from windsysid.inspection.fault import Fault
 from windsysid.inspection.spectra import ExpectedLine, Spectrogram, Spectrum, seen_from
 from windsysid.reports.canvas import label
-from windsysid.reports.plots import (
-    BAND,
-    ERROR,
-    ESTIMATE,
-    MAX_UNIT_CHARACTERS,
-    MEASURED,
-    REFERENCE,
-    envelope,
-    tidy,
-)
+from windsysid.reports.plots import BAND, ERROR, ESTIMATE, MAX_UNIT_CHARACTERS, MEASURED, REFERENCE, envelope, tidy
 from windsysid.units import RPM, unit_text
 
 if TYPE_CHECKING:
@@ -38,12 +29,11 @@ SMALL = 7.5
 MAX_TITLE_CHARACTERS = 40
 """Largest length of a name above one of three spectra in a row."""
 
-_DRAWN = {
-    "rad/s": ("rpm", RPM),
-    "N*m": ("kN·m", 1e-3),
-    "N": ("kN", 1e-3),
-    "W": ("kW", 1e-3),
-}
+_DRAWN = {"rad/s": ("rpm", RPM), "N*m": ("kN·m", 1e-3), "N": ("kN", 1e-3), "W": ("kW", 1e-3)}
+
+
+_COLOURS, _STYLES = (REFERENCE, ERROR), (":", "--")
+"""Of harmonics and of modes."""
 
 
 def overview(inspection: "Inspection") -> Figure:
@@ -59,14 +49,7 @@ def overview(inspection: "Inspection") -> Figure:
         unit, factor = _unit_drawn(channel, record.unit(channel))
         values = factor * record[channel]
         time, low, high = _broken(*envelope(record.time, values), inspection.of(""))
-        for rank, proposal in enumerate(inspection.proposals):
-            if proposal.good:
-                ax.axvspan(proposal.start, proposal.end, color=BAND, alpha=0.75 if rank == 0 else 0.35, lw=0)
-                for edge in (proposal.start, proposal.end):
-                    ax.axvline(edge, color=BAND, lw=0.8)
-        for stop in inspection.stops:
-            for edge in (stop.start, stop.end):
-                ax.axvline(edge, color=REFERENCE, lw=0.8, ls="--")
+        _mark_sections(ax, inspection)
         ax.fill_between(time, low, high, color=MEASURED, lw=0.6, edgecolor=MEASURED)
         said = _mark_faults(ax, inspection, channel, record.time, values)
         ax.set_title(label(channel.replace("_", " ")), fontsize=8.5, loc="left", pad=2)
@@ -84,6 +67,18 @@ def overview(inspection: "Inspection") -> Figure:
     axes[-1].set_xlabel("time [s]", fontsize=9)
     axes[-1].set_xlim(record.time[0], record.time[-1])
     return figure
+
+
+def _mark_sections(ax: Axes, inspection: "Inspection") -> None:
+    """Shade the sections that are good, and mark where the rotor stops and starts."""
+    for rank, proposal in enumerate(inspection.proposals):
+        if proposal.good:
+            ax.axvspan(proposal.start, proposal.end, color=BAND, alpha=0.75 if rank == 0 else 0.35, lw=0)
+            for edge in (proposal.start, proposal.end):
+                ax.axvline(edge, color=BAND, lw=0.8)
+    for stop in inspection.stops:
+        for edge in (stop.start, stop.end):
+            ax.axvline(edge, color=REFERENCE, lw=0.8, ls="--")
 
 
 def _broken(time: Array, low: Array, high: Array, findings: Sequence[Fault]) -> tuple[Array, Array, Array]:
@@ -109,21 +104,29 @@ def _unit_drawn(channel: str, unit: str) -> tuple[str, float]:
 def _mark_faults(ax: Axes, inspection: "Inspection", channel: str, time: Array, values: Array) -> str:
     """Shade long faults, dot short ones; return what they are, in words."""
     pixel = (time[-1] - time[0]) / 1000.0
-    kinds = []
-    for finding in (*inspection.of(channel), *(f for f in inspection.of("") if f.kind == "gaps")):
-        if finding.severity == "note":
-            continue
-        if finding.channel:
-            kinds.append(finding.kind)
-        spans = finding.spans[:: -(-len(finding.spans) // MOST_MARKS) or 1]
-        for a, b in spans[(spans[:, 1] - spans[:, 0]) > pixel] if len(spans) else ():
+    gaps = [finding for finding in inspection.of("") if finding.kind == "gaps"]
+    faults = [finding for finding in (*inspection.of(channel), *gaps) if finding.severity != "note"]
+    for finding in faults:
+        spans = _some(finding.spans)
+        long = spans[:, 1] - spans[:, 0] > pixel
+        for a, b in spans[long]:
             ax.axvspan(a, b, color=ERROR, alpha=0.25, lw=0)
-        short = spans[(spans[:, 1] - spans[:, 0]) <= pixel] if len(spans) else spans
-        if len(short) and finding.channel:
-            index = np.searchsorted(time, short[:, 0])
-            index = index[np.isfinite(values[index])]
-            ax.plot(time[index], values[index], "o", ms=3, mfc="none", color=ERROR, lw=0, clip_on=False)
-    return ", ".join(dict.fromkeys(kinds))
+        if finding.channel:
+            _dot(ax, spans[~long, 0], time, values)
+    return ", ".join(dict.fromkeys(finding.kind for finding in faults if finding.channel))
+
+
+def _some(spans: Array) -> Array:
+    """At most `MOST_MARKS` of some spans (n, 2)."""
+    return spans[:: -(-len(spans) // MOST_MARKS) or 1].reshape(-1, 2)
+
+
+def _dot(ax: Axes, begins: Array, time: Array, values: Array) -> None:
+    """Dot the values at these times, as far as there are any."""
+    index = np.searchsorted(time, begins)
+    index = index[np.isfinite(values[index])]
+    if index.size:
+        ax.plot(time[index], values[index], "o", ms=3, mfc="none", color=ERROR, lw=0, clip_on=False)
 
 
 def spectra_figure(inspection: "Inspection") -> Figure | None:
@@ -192,7 +195,8 @@ def _drawn_lines(lines: Sequence[ExpectedLine], blades: int, top: float) -> list
 
 def _mark_lines(ax: Axes, lines: Sequence[ExpectedLine], top: float) -> None:
     """Vertical lines; names above the axes, harmonics in the lower row and modes in the upper, near ones together."""
-    for mode, y, colour, style in ((False, 1.01, REFERENCE, ":"), (True, 1.085, ERROR, "--")):
+    for mode, y in ((False, 1.01), (True, 1.085)):
+        colour, style = _COLOURS[mode], _STYLES[mode]
         labels: list[tuple[float, str]] = []
         for line in sorted((line for line in lines if line.mode is mode), key=lambda line: line.frequency):
             ax.axvline(line.frequency, color=colour, ls=style, lw=0.8, alpha=0.8, zorder=1)
@@ -230,52 +234,52 @@ def spectrogram_figure(inspection: "Inspection") -> Figure | None:
 
 
 def _spectrogram(figure: Figure, ax: Axes, picture: Spectrogram, inspection: "Inspection") -> None:
-    lines = next(s.lines for s in inspection.spectra if s.channel == picture.channel) if inspection.spectra else ()
+    lines = {spectrum.channel: spectrum.lines for spectrum in inspection.spectra}.get(picture.channel, ())
     top = _highest(lines, picture.frequency[-1], inspection.blades)
     inside = picture.frequency <= 1.02 * top + picture.frequency[1]
-    frequency = picture.frequency[inside]
-    frequency_step = picture.frequency[1]
-    density = picture.density[inside]
-    every = max(1, frequency.size // 500)
-    frequency, density = frequency[::every], density[::every]
+    every = max(1, int(inside.sum()) // 500)
+    frequency = picture.frequency[inside][::every]
     with np.errstate(divide="ignore"):
-        level = 10.0 * np.log10(density)
-    finite = level[np.isfinite(level)]
-    if not finite.size:
+        level = 10.0 * np.log10(picture.density[inside][::every])
+    if not np.isfinite(level).any():
         ax.set_axis_off()
         return
     campbell = picture.against == "rotor speed"
     x = picture.position * (RPM if campbell else 1.0)
-    once_mean = inspection.rotor.mean / (2.0 * np.pi) if inspection.rotor is not None else 0.0
-    vibrating = level[frequency > 0.5 * once_mean]  # slow changes of the load would take all the colours
-    high = float(np.percentile(vibrating[np.isfinite(vibrating)], 99.9))
-    low = max(float(np.percentile(finite, 5.0)), high - 60.0)
+    once = inspection.rotor.mean / (2.0 * np.pi) if inspection.rotor is not None else 0.0
+    low, high = _level_limits(level, level[frequency > 0.5 * once])
     mesh = ax.pcolormesh(x, frequency, level, vmin=low, vmax=high, cmap="Blues", shading="nearest", rasterized=True)
     bar = figure.colorbar(mesh, ax=ax, pad=0.09)
-    density_unit = _density_unit(picture.unit)
-    bar.set_label(f"[dB re {'' if density_unit.startswith('1/') else '1 '}{density_unit}]", fontsize=8)
-    ax.set_facecolor("#e9e9e9")
+    bar.set_label(f"[dB re {f'1 {_density_unit(picture.unit)}'.replace('1 1/', '1/')}]", fontsize=8)
     bar.ax.tick_params(labelsize=8)
+    ax.set_facecolor("#e9e9e9")
     right: list[tuple[float, str, str]] = []
-    once = x / 60.0 if campbell else None
     for line in _drawn_lines(lines, inspection.blades, top * 1.0001):
-        colour, style = (ERROR, "--") if line.mode else (REFERENCE, ":")
-        if campbell and once is not None:
-            curve = _over_speed(inspection, picture, line) if line.mode else (x, line.number * once)
-        else:
-            curve = (x[[0, -1]], np.full(2, line.frequency))
-        ax.plot(*curve, color=colour, ls=style, lw=1.1, alpha=0.9)
+        curve, colour = _curve(inspection, picture, line, x), _COLOURS[line.mode]
+        ax.plot(*curve, color=colour, ls=_STYLES[line.mode], lw=1.1, alpha=0.9)
         right.append((float(curve[1][-1]), line.name, colour))
     _name_at_right(ax, right, top)
-    ax.set_ylim(0.0 if every == 1 else frequency_step, top)
-    ax.set_xlim(
-        x[0] - 0.5 * (x[1] - x[0]) if x.size > 1 else None, x[-1] + 0.5 * (x[-1] - x[-2]) if x.size > 1 else None
-    )
+    ax.set_ylim(0.0 if every == 1 else picture.frequency[1], top)
+    if x.size > 1:
+        ax.set_xlim(x[0] - 0.5 * (x[1] - x[0]), x[-1] + 0.5 * (x[-1] - x[-2]))
     ax.set_xlabel("rotor speed [rpm]" if campbell else "time [s]", fontsize=8.5)
     ax.set_ylabel("frequency [Hz]", fontsize=8.5)
     ax.set_title(label(picture.channel.replace("_", " ")), fontsize=9, loc="left", pad=3)
     ax.spines[["top", "right"]].set_visible(False)
     ax.tick_params(labelsize=8)
+
+
+def _level_limits(level: Array, vibrating: Array) -> tuple[float, float]:
+    """Lowest and highest level [dB] that has a colour; slow changes of the load would take all the colours."""
+    high = float(np.percentile(vibrating[np.isfinite(vibrating)], 99.9))
+    return max(float(np.percentile(level[np.isfinite(level)], 5.0)), high - 60.0), high
+
+
+def _curve(inspection: "Inspection", picture: Spectrogram, line: ExpectedLine, x: Array) -> tuple[Array, Array]:
+    """Where a line is drawn: a harmonic rises with the rotor speed [rpm], a mode stays or splits."""
+    if picture.against != "rotor speed":
+        return x[[0, -1]], np.full(2, line.frequency)
+    return _over_speed(inspection, picture, line) if line.mode else (x, line.number * x / 60.0)
 
 
 def _over_speed(inspection: "Inspection", picture: Spectrogram, line: ExpectedLine) -> tuple[Array, Array]:

@@ -118,11 +118,7 @@ def files(found: OperationalModes) -> dict[str, bytes]:
         "band. Bands of frequencies and damping ratios are ±2σ of the posterior."
     )
     sections = [
-        Section(
-            "Modes",
-            text=[verdict, *found.reasons_of_record],
-            tables=[found.table("")],
-        ),
+        Section("Modes", text=[verdict, *found.reasons_of_record], tables=[found.table("")]),
         Section("Spectra", figures=[(drawn, caption)]),
     ]
     if found.parts:

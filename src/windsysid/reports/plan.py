@@ -1,12 +1,14 @@
 """A plan as a figure and as one page."""
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
+from windsysid._types import Array
 from windsysid.checks.identifiability import standard_deviations
 from windsysid.identification.planning.plan import Plan, percent
 from windsysid.output.table import Table
@@ -36,19 +38,7 @@ def figure(plan: Plan, place: Axes | None = None) -> Figure:
     time = np.geomspace(plan.start_seconds, max(3.0 * max([plan.duration, *needed]), 10.0 * plan.start_seconds), 60)
     sigmas = np.array([standard_deviations(plan.information(t)) for t in time])
     drawn, ax = single((9.0, 5.2), place)
-    groups: list[tuple[str, float, list[str]]] = []
-    for name in sorted(seen, key=lambda name: sigmas[-1, plan.names.index(name)]):
-        curve = 100.0 * SIGMAS * sigmas[:, plan.names.index(name)]
-        colour = {"stiffness": ESTIMATE, "damping": ERROR}.get(plan.kinds.get(name, ""), MEASURED)
-        ax.loglog(time, curve, color=colour, lw=1.2, alpha=0.8)
-        shown = symbol(name) if colour != MEASURED else label(name)
-        if groups and groups[-1][0] == colour and curve[-1] < LABEL_SHARE_FACTOR * groups[-1][1]:
-            groups[-1][2].append(shown)
-        else:
-            groups.append((colour, float(curve[-1]), [shown]))
-    for colour, end, labels in groups:
-        text = ", ".join(sorted(labels))
-        ax.annotate(text, (time[-1], end), (6, 0), textcoords="offset points", color=colour, va="center", fontsize=9)
+    _draw_bands(ax, time, {name: 100.0 * SIGMAS * sigmas[:, plan.names.index(name)] for name in seen}, plan.kinds)
     ax.axhline(100.0 * plan.within, color=REFERENCE, ls="--", lw=1)
     ax.text(1.05 * time[0], 103.0 * plan.within, f"wish: ±{percent(plan.within)}", fontsize=8, va="bottom")
     ax.axvline(plan.duration, color=REFERENCE, ls=":", lw=1)
@@ -61,6 +51,22 @@ def figure(plan: Plan, place: Axes | None = None) -> Figure:
     ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     tidy(ax)
     return drawn
+
+
+def _draw_bands(ax: Axes, time: Array, curves: dict[str, Array], kinds: Mapping[str, str]) -> None:
+    """Draw ±2σ of each parameter against time, with one label where curves end together."""
+    groups: list[tuple[str, float, list[str]]] = []
+    for name, curve in sorted(curves.items(), key=lambda one: float(one[1][-1])):
+        colour = {"stiffness": ESTIMATE, "damping": ERROR}.get(kinds.get(name, ""), MEASURED)
+        ax.loglog(time, curve, color=colour, lw=1.2, alpha=0.8)
+        shown = symbol(name) if colour != MEASURED else label(name)
+        if groups and groups[-1][0] == colour and curve[-1] < LABEL_SHARE_FACTOR * groups[-1][1]:
+            groups[-1][2].append(shown)
+        else:
+            groups.append((colour, float(curve[-1]), [shown]))
+    for colour, end, labels in groups:
+        text = ", ".join(sorted(labels))
+        ax.annotate(text, (time[-1], end), (6, 0), textcoords="offset points", color=colour, va="center", fontsize=9)
 
 
 def files(plan: Plan) -> dict[str, bytes]:

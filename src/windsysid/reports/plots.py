@@ -21,18 +21,9 @@ from windsysid.results.identification import Identification, coefficient_errors
 from windsysid.units import unit_text
 
 __all__ = [
-    "balance_error_comparison",
-    "coefficient_histories",
-    "envelope",
-    "innovations",
-    "plot_loads",
-    "record_overview",
-    "response_comparison",
-    "start_indifference",
-    "symbol",
-    "tidy",
-    "whiteness",
-]
+    "balance_error_comparison", "coefficient_histories", "envelope", "innovations", "plot_loads", "record_overview",
+    "response_comparison", "start_indifference", "symbol", "tidy", "whiteness",
+]  # fmt: skip
 
 
 ESTIMATE, BAND, REFERENCE, MEASURED, ERROR = "#1764ab", "#a9cbe8", "#111111", "#9a9a9a", "#d1661b"
@@ -49,13 +40,20 @@ def symbol(name: str) -> str:
     """A name as formulas have it, ``k_beta_1`` → k_β1, ``k_side_side`` → k side-side; words stay words."""
     letter, *words = name.split("_")
     plain = name.isascii() and name.isidentifier() and all((letter, *words))
-    if not plain or (len(letter) > 1 and letter not in GREEK):
+    if not plain or not _is_letter(letter):
         return label(name.replace("_", " "))
-    letter = rf"\{letter}" if letter in GREEK else letter
-    if len([word for word in words if len(word) > 1 and word not in GREEK]) > 1:
-        return f"${letter}$ {'-'.join(words)}"
-    of = " ".join(rf"\{w}" if w in GREEK else w if len(w) == 1 else rf"\mathrm{{{w}}}" for w in words)
-    return f"${letter}_{{{of}}}$" if of else f"${letter}$"
+    if sum(not _is_letter(word) for word in words) > 1:
+        return f"${_escaped(letter)}$ {'-'.join(words)}"
+    of = " ".join(_escaped(word) if _is_letter(word) else rf"\mathrm{{{word}}}" for word in words)
+    return f"${_escaped(letter)}_{{{of}}}$" if of else f"${_escaped(letter)}$"
+
+
+def _is_letter(word: str) -> bool:
+    return len(word) == 1 or word in GREEK
+
+
+def _escaped(letter: str) -> str:
+    return rf"\{letter}" if letter in GREEK else letter
 
 
 def coefficient_histories(

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from windsysid._types import Array
 from windsysid.mechanics.sensors import noise_source
-from windsysid.monitoring.changes import Watch
+from windsysid.monitoring.changes import Watch, WatchedSeries
 from windsysid.monitoring.series import DAY
 from windsysid.output.table import Table
 from windsysid.reports.canvas import canvas
@@ -37,21 +37,12 @@ def figure(watch: Watch, place: Axes | None = None) -> Figure:
         left.fill_between(when[some], s.low[some], s.high[some], color=BAND, lw=0)
         left.plot(when[some], s.level[some], color=ESTIMATE, lw=1.2)
         left.plot(when[some], s.adjusted[some], "o", color="#555555", mew=0, ms=size, alpha=0.7, rasterized=True)
-        shown = s.adjusted[np.isfinite(s.adjusted)]
-        low, high = np.percentile(shown, [0.5, 99.5])
-        room = 0.3 * (high - low) or 0.01 * abs(high) or 1.0
-        left.set_ylim(low - room, high + room)
-        source, name = noise_source(s.name), symbol(noise_source(s.name) or s.name)
-        title = f"noise, {name}" if source else f"{name} [{unit_text(s.unit)}]" if s.unit else name
-        left.set_title(title, fontsize=9, loc="left")
+        left.set_ylim(_limits(s.adjusted))
+        left.set_title(_title(s), fontsize=9, loc="left")
         right.plot(when[some], _highest(s.statistic, some.step) / s.limit, color=ESTIMATE, lw=0.8)
         right.axhline(1.0, color=REFERENCE, ls="--", lw=0.8)
-        for change in (c for c in watch.changes if c.name == s.name):
-            for ax in (left, right):
-                at, earliest, latest = _moments(watch, np.array([change.time, change.earliest, change.latest]))
-                ax.axvline(at, color=ERROR, lw=1.2)
-                ax.axvspan(earliest, latest, color=ERROR, alpha=0.25, lw=0)
         for ax in (left, right):
+            _mark_changes(ax, watch, s.name)
             tidy(ax)
     panels[0, 1].set_title("test for a jump ÷ threshold", fontsize=9, loc="left")
     for ax in panels[-1]:
@@ -60,6 +51,30 @@ def figure(watch: Watch, place: Axes | None = None) -> Figure:
         else:
             ax.xaxis.set_major_formatter(ConciseDateFormatter(ax.xaxis.get_major_locator()))  # type: ignore[no-untyped-call]
     return drawn
+
+
+def _limits(values: Array) -> tuple[float, float]:
+    """Limits of an axis that shows all but the farthest values."""
+    low, high = np.percentile(values[np.isfinite(values)], [0.5, 99.5])
+    room = 0.3 * (high - low) or 0.01 * abs(high) or 1.0
+    return low - room, high + room
+
+
+def _title(series: WatchedSeries) -> str:
+    source = noise_source(series.name)
+    name = symbol(source or series.name)
+    if source:
+        return f"noise, {name}"
+    return f"{name} [{unit_text(series.unit)}]" if series.unit else name
+
+
+def _mark_changes(ax: Axes, watch: Watch, name: str) -> None:
+    """Mark the jumps of a series, with the interval in which each happened."""
+    for change in watch.changes:
+        if change.name == name:
+            at, earliest, latest = _moments(watch, np.array([change.time, change.earliest, change.latest]))
+            ax.axvline(at, color=ERROR, lw=1.2)
+            ax.axvspan(earliest, latest, color=ERROR, alpha=0.25, lw=0)
 
 
 def _moments(watch: Watch, time: Array) -> Any:

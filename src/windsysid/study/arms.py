@@ -13,7 +13,7 @@ from windsysid.identification.estimate.force_balance import (
 from windsysid.identification.model.prior import Prior, identifiable
 from windsysid.identification.verdict.conclude import conclude
 from windsysid.results.identification import Identification
-from windsysid.study.scenario import RATE, SECTION, Reference
+from windsysid.study.scenario import RATE, SECTION, StudyReference
 from windsysid.turbine.turbine import Turbine
 
 __all__ = ["START", "identify_section", "record_balance"]
@@ -24,7 +24,10 @@ START = Prior(stiffness=1.3, damping=0.7, spread=1.0)
 
 
 def record_balance(
-    turbine: Turbine, reference: Reference, loads: Array | None, jacobian: Literal["exact", "differences"] = "exact"
+    turbine: Turbine,
+    reference: StudyReference,
+    loads: Array | None,
+    jacobian: Literal["exact", "differences"] = "exact",
 ) -> Balance:
     """The force balance of a whole record, told these loads (T, n) or none."""
     band = analysis_band(turbine)
@@ -35,7 +38,7 @@ def record_balance(
 
 def identify_section(
     turbine: Turbine,
-    reference: Reference,
+    reference: StudyReference,
     balance: Balance,
     section: tuple[float, float] = SECTION,
     prior: Prior = START,

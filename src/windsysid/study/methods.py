@@ -28,7 +28,7 @@ from windsysid.simulation.integrate import integrate
 from windsysid.study.arms import identify_section, record_balance
 from windsysid.study.drawn_prior import DrawnPrior
 from windsysid.study.particles import SIR, identify_section_by_particles
-from windsysid.study.scenario import RATE, SECTION, Reference, simulate_reference
+from windsysid.study.scenario import RATE, SECTION, StudyReference, simulate_reference
 from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine
 
@@ -130,7 +130,7 @@ def _methods(turbine: Turbine, seed: int) -> Iterator[tuple[str, str, Callable[[
     yield "joint, posterior mode", "nothing", partial(_mode, turbine, record, seed)
 
 
-def accelerometers(turbine: Turbine, reference: Reference, seed: int) -> Record:
+def accelerometers(turbine: Turbine, reference: StudyReference, seed: int) -> Record:
     """The section as the turbine's own accelerometers see it."""
     rng = np.random.default_rng([seed, 3])
     window = slice(round(SECTION[0] * RATE), round(SECTION[1] * RATE))
@@ -155,12 +155,12 @@ def _joint(turbine: Turbine, supposed: Turbine, record: Record, f: Filter, seed:
     return values / truth - 1.0, (at - off) / info.std[-1, block]
 
 
-def _balance(turbine: Turbine, reference: Reference, loads: Array | None) -> tuple[Array, Array]:
+def _balance(turbine: Turbine, reference: StudyReference, loads: Array | None) -> tuple[Array, Array]:
     """The paper's filter, told these loads or none."""
     return _judged(turbine, identify_section(turbine, reference, record_balance(turbine, reference, loads)))
 
 
-def _particles(turbine: Turbine, reference: Reference) -> tuple[Array, Array]:
+def _particles(turbine: Turbine, reference: StudyReference) -> tuple[Array, Array]:
     """The paper's other filter, told the loads."""
     balance = record_balance(turbine, reference, reference.inputs[:, 3:])
     return _judged(turbine, identify_section_by_particles(turbine, reference, balance))
@@ -200,20 +200,11 @@ def method_table(methods: Sequence[Method]) -> Table:
 
 def main() -> None:
     """Print the table."""
-    from rich import table
-
     parser = argparse.ArgumentParser(prog="python -m windsysid.study.methods", description=__doc__)
     parser.add_argument("--runs", type=int, default=10, help="records (10)")
     turbine = load_turbine("verne555").exact()
-    found = method_table(
-        gather([one for seed in range(parser.parse_args().runs) for one in run_methods(turbine, seed)])
-    )
-    shown = table.Table(title=found.caption, title_justify="left")
-    for i, heading in enumerate(found.headings):
-        shown.add_column(heading, justify="left" if i in found.words else "right")
-    for row in found.rows:
-        shown.add_row(*row)
-    print(render(shown))
+    runs = [one for seed in range(parser.parse_args().runs) for one in run_methods(turbine, seed)]
+    print(render(method_table(gather(runs))))
 
 
 if __name__ == "__main__":

@@ -1,41 +1,27 @@
-"""What the particle filter is worth: beside the Kalman filter where that is exact, where it fails, and on the published
-study.
+"""The published comparison's particle filter: SIR with 2 000 particles on the paper's force balance.
 
-The paper compares its extended Kalman filter (30 s) with a SIR particle filter of 2 000 particles (103 hours, similar
-errors). ``python -m windsysid.study.particles [--runs N]`` prints that comparison and what a particle filter has to
-show beforehand: errors that fall as 1/√N, static coefficients under four kinds of treatment, sensors with heavy tails,
-a posterior with two summits, and motion and loads unknown.
+The paper compares its extended Kalman filter (30 s) with it (103 hours, similar errors). What particle filters are
+worth elsewhere: ``python -m validation.particles``.
 """
 
-import argparse
 import time
-from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-import numpy as np
-
 from windsysid._types import Array
-from windsysid.filters import EKF, Cloud, Info, ParticleFilter, ParticleInfo, RaoBlackwellised, SplitModel, degeneracy
+from windsysid.filters import Info, ParticleFilter, degeneracy
 from windsysid.identification.estimate.force_balance import Balance, analysis_band, balance_statespace
 from windsysid.identification.model.fit import Outcome
-from windsysid.identification.model.prior import Prior, identifiable
-from windsysid.identification.model.turbine_problem import pose
+from windsysid.identification.model.prior import identifiable
 from windsysid.identification.verdict.conclude import conclude
-from windsysid.mechanics.equations import Equations
-from windsysid.output.console import render
 from windsysid.results.finding import Finding
 from windsysid.results.identification import Identification
-from windsysid.simulation.record import simulate_record
-from windsysid.statespace.compose import StateSpace, compose
-from windsysid.statespace.parameter import Parameter
-from windsysid.study.arms import START, identify_section, record_balance
-from windsysid.study.published import PUBLISHED, PUBLISHED_SECONDS
-from windsysid.study.scenario import RATE, SECTION, Reference, simulate_reference
-from windsysid.turbine.file import load_turbine
+from windsysid.statespace.compose import StateSpace
+from windsysid.study.arms import START
+from windsysid.study.scenario import RATE, SECTION, StudyReference
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["PUBLISHED_HOURS", "SIR", "compare", "identify_section_by_particles"]
+__all__ = ["PUBLISHED_HOURS", "SIR", "LinearCase", "force_balance_case", "identify_section_by_particles"]
 
 
 SIR = ParticleFilter(particles=2000)
@@ -45,7 +31,7 @@ PUBLISHED_HOURS = 103.0
 """Published computing time of the SIR particle filter."""
 
 
-class Case(NamedTuple):
+class LinearCase(NamedTuple):
     """A linear Gaussian model with its record."""
 
     model: StateSpace
@@ -53,17 +39,9 @@ class Case(NamedTuple):
     readings: Array
 
 
-class Rows(NamedTuple):
-    """A table that is to be printed."""
-
-    title: str
-    headings: tuple[str, ...]
-    rows: Sequence[tuple[str, ...]]
-
-
 def identify_section_by_particles(
     turbine: Turbine,
-    reference: Reference,
+    reference: StudyReference,
     balance: Balance,
     filter_: ParticleFilter = SIR,
     section: tuple[float, float] = SECTION,
@@ -72,7 +50,7 @@ def identify_section_by_particles(
 
     The notes say how the particles fared.
     """
-    case = _case(turbine, balance, section)
+    case = force_balance_case(turbine, balance, section)
     start = filter_.init(case.model)
     filter_.run(
         case.model, start, case.inputs[:2], case.readings[:2]
@@ -91,322 +69,12 @@ def identify_section_by_particles(
     return replace(found, method=filter_.name)
 
 
-def compare(seeds: int) -> list[Rows]:
-    """The paper's comparison on several records: average errors, Eq (24), of both filters, with the time they took."""
-    turbine = load_turbine("verne555").exact()
-    plain = replace(SIR, discount=1.0, tempering=False)
-    ekf, sir, errors, words = [], [], [], []
-    for seed in range(seeds):
-        reference = simulate_reference(turbine, seed)
-        balance = record_balance(turbine, reference, reference.inputs[:, 3:])
-        ekf.append(identify_section(turbine, reference, balance))
-        sir.append(identify_section_by_particles(turbine, reference, balance, replace(SIR, seed=seed)))
-        case = _case(turbine, balance, SECTION)
-        _, bare = _run(case, replace(plain, seed=seed))
-        words.append(degeneracy(bare))
-        errors.append([_average_errors(turbine, case.model, mean) for mean in (ekf[-1].mean, sir[-1].mean, bare.mean)])
-    table = np.median(errors, axis=0)  # (ways, windows, n_θ)
-    names = [e.name for e in ekf[0].estimates]
-    rows: list[tuple[str, ...]] = []
-    for name, published in PUBLISHED.items():
-        i = names.index(name)
-        cells = [f"{table[way, window, i]:.3g} %" for window in (0, 1) for way in (0, 1)]
-        rows.append((name, f"{published:g} %", *cells, f"{table[2, 1, i]:.3g} %"))
-    seconds = [f"{np.median([found.elapsed for found in several]):.3f} s" for several in (ekf, sir)]
-    rows.append(("time", f"{PUBLISHED_SECONDS:g} s; {PUBLISHED_HOURS:g} h", *seconds, *seconds, ""))
-    off = [(s.mean - e.mean)[-1] / e.std[-1] for s, e in zip(sir, ekf, strict=True)]
-    width = [s.std[-1] / e.std[-1] for s, e in zip(sir, ekf, strict=True)]
-    held = [
-        float(np.mean([e.low <= (e.reference or 0.0) <= e.high for found in several for e in found.estimates]))
-        for several in (ekf, sir)
-    ]
-    headings = (
-        "coefficient",
-        "published",
-        "EKF 0–100 s",
-        "SIR 0–100 s",
-        "EKF 30–100 s",
-        "SIR 30–100 s",
-        "no kernel, 30–100 s",
-    )
-    title = (
-        f"The paper's comparison: {SIR.particles} particles, {sir[0].samples} samples, loads known, median of {seeds}"
-        " records"
-    )
-    return [
-        Rows(title, headings, rows),
-        Rows(
-            "At the end of the section",
-            ("", "EKF", "SIR"),
-            [
-                ("±2σ holds the reference", *(f"{100.0 * share:.0f} %" for share in held)),
-                ("estimate − EKF's, in its σ, rms", "", f"{np.sqrt(np.mean(np.square(off))):.2f}"),
-                ("σ ÷ EKF's", "", f"{np.mean(width):.2f}"),
-            ],
-        ),
-        Rows("The first record, in words", ("filter", ""), [("SIR", sir[0].notes[-1]), ("no kernel", words[0])]),
-    ]
-
-
-def _average_errors(turbine: Turbine, model: StateSpace, mean: Array) -> Array:
-    """Average error (Eq 24) [%] of each coefficient over the whole section and from 30 s on (2, n_θ)."""
-    history = np.column_stack([q.physical(theta) for q, theta in zip(model.parameters, mean.T, strict=True)])
-    off = 100.0 * np.abs(history / [turbine.values[q.name] for q in model.parameters] - 1.0)
-    return np.array([off.mean(axis=0), off[round(30.0 * RATE) :].mean(axis=0)])
-
-
-def convergence(case: Case, seeds: int) -> Rows:
-    """Errors against the Kalman filter by number of particles."""
-    exact, info = EKF.run(case.model, EKF.init(case.model), case.inputs, case.readings)
-    std = np.sqrt(np.diag(exact.cov))
-    rows: list[tuple[str, ...]] = []
-    for count in (500, 2000, 8000, 32_000):
-        off, width, log = [], [], []
-        for seed in range(seeds):
-            cloud, found = _run(case, ParticleFilter(count, seed))
-            off.append((cloud.mean - exact.mean) / std)
-            width.append(np.sqrt(np.diag(cloud.cov)) / std)
-            log.append(found.log_likelihood.sum() - info.log_likelihood.sum())
-        error = float(np.sqrt(np.mean(np.square(off))))
-        rows.append(
-            (
-                f"{count}",
-                f"{error:.3f}",
-                f"{error * np.sqrt(count):.1f}",
-                f"{np.mean(width):.3f}",
-                f"{np.sqrt(np.mean(np.square(log))):.2f}",
-            )
-        )
-    return Rows(
-        f"Against the Kalman filter: ten coefficients, {len(case.readings)} samples, {seeds} seeds",
-        ("particles", "error of means/σ", "× √N", "σ ÷ Kalman's", "error of log-likelihood"), rows,
-    )  # fmt: skip
-
-
-def static_coefficients(case: Case, seeds: int) -> Rows:
-    """What becomes of coefficients that stay: resampled only, walking, or drawn from Liu and West's kernel."""
-    second = round(RATE)
-    start, _ = EKF.run(case.model, EKF.init(case.model), case.inputs[:second], case.readings[:second])
-    model = replace(case.model, mean=start.mean, cov=start.cov)
-    rest = Case(model, case.inputs[second:], case.readings[second:])
-    exact, _ = EKF.run(model, EKF.init(model), rest.inputs, rest.readings)
-    std = np.sqrt(np.diag(exact.cov))
-
-    def walking(share: float) -> Case:
-        """Coefficients that walk by `share` of their final standard deviation per sample."""
-        walk = np.atleast_2d((share * std) ** 2)
-        return rest._replace(model=replace(model, blocks=model.blocks._replace(walk=walk)))
-
-    plain = ParticleFilter(discount=1.0, tempering=False)
-    kinds = {
-        "resampled only": (rest, plain),
-        "random walk, 0.001 σ a sample": (walking(0.001), plain),
-        "random walk, 0.01 σ a sample": (walking(0.01), plain),
-        "random walk, 0.1 σ a sample": (walking(0.1), plain),
-        **{f"Liu–West, δ = {delta:g}": (rest, ParticleFilter(discount=delta)) for delta in (0.99, 0.95, 0.9, 0.8, 0.6)},
-    }
-    rows = []
-    for name, (here, options) in kinds.items():
-        off, width, distinct = [], [], []
-        for seed in range(seeds):
-            cloud, _ = _run(here, replace(options, seed=seed))
-            off.append((cloud.mean - exact.mean) / std)
-            width.append(np.sqrt(np.diag(cloud.cov)) / std)
-            distinct.append(len(np.unique(cloud.particles[0])))
-        rows.append(
-            (name, f"{np.mean(distinct):.0f}", f"{np.sqrt(np.mean(np.square(off))):.2f}", f"{np.mean(width):.3f}")
-        )
-    return Rows(
-        f"Static coefficients, 2000 particles, {len(rest.readings)} samples after the first second, {seeds} seeds",
-        ("treatment", "values left", "error of means/σ", "σ ÷ Kalman's"), rows,
-    )  # fmt: skip
-
-
-def heavy_tails(case: Case, runs: int) -> Rows:
-    """Readings with Student t noise, 3 degrees of freedom: how often ±2σ holds the coefficients."""
-    samples, nu = 1000, 3.0
-    rows_of, turbine = case.inputs[:samples], load_turbine("verne555").exact()
-    truth = np.array([turbine.values[q.name] / q.reference for q in case.model.parameters])
-    blocks = case.model.blocks
-    scale = np.sqrt(blocks.noise)
-    m = len(scale)
-    clean = np.einsum("tmn,n->tm", rows_of.reshape(samples, m, -1), truth * blocks.reference)
-    told = {
-        "EKF, told the scale": (blocks.noise, None),
-        "EKF, told the standard deviation": (blocks.noise * nu / (nu - 2.0), None),
-        "particle filter, Student t": (blocks.noise, ParticleFilter(freedom=nu)),
-    }
-    deviations: dict[str, list[Array]] = {name: [] for name in told}
-    widths: dict[str, list[Array]] = {name: [] for name in told}
-    errors: dict[str, list[Array]] = {name: [] for name in told}
-    for seed in range(runs):
-        rng = np.random.default_rng([seed, 7])
-        readings = clean + scale * rng.standard_t(nu, (samples, m))
-        for name, (noise, options) in told.items():
-            model = replace(case.model, blocks=blocks._replace(noise=noise))
-            if options is None:
-                belief, _ = EKF.run(model, EKF.init(model), rows_of, readings)
-                mean, cov = belief.mean, belief.cov
-            else:
-                cloud, _ = _run(Case(model, rows_of, readings), replace(options, seed=seed))
-                mean, cov = cloud.mean, cloud.cov
-            std = np.sqrt(np.diag(cov))
-            deviations[name].append((mean - truth) / std)
-            widths[name].append(std)
-            errors[name].append(mean - truth)
-    least = np.sqrt(np.mean(np.square(errors["EKF, told the scale"]), axis=0))
-    rows = [
-        (
-            name, f"{100.0 * np.mean(np.abs(deviations[name]) < 2.0):.1f} %",
-            f"{np.sqrt(np.mean(np.square(deviations[name]))):.2f}",
-            f"{np.mean(np.sqrt(np.mean(np.square(errors[name]), axis=0)) / least):.2f}",
-        )
-        for name in told
-    ]  # fmt: skip
-    return Rows(
-        f"Student t noise of 3 degrees of freedom: {runs} runs of {samples} samples, ten coefficients",
-        ("filter", "±2σ holds", "rms of error/σ", "rms error ÷ the EKF's"), rows,
-    )  # fmt: skip
-
-
-def two_summits(seeds: int) -> Rows:
-    """An accelerometer tilted by α reads a cos α of a known motion: α and −α are equally possible."""
-    import sympy as sp
-
-    alpha, motion = sp.symbols("alpha motion", real=True)
-    model = compose(
-        Equations("tilted", (), (motion,), (alpha,), (), ()), rate=10.0, values={},
-        parameters=[Parameter("alpha", 0.05, 0.3, False)], sensors=(_Reads("reading", motion * sp.cos(alpha), 0.2),),
-    )  # fmt: skip
-    rng = np.random.default_rng(11)
-    inputs = 2.0 * rng.standard_normal((400, 1))
-    readings = inputs * np.cos(0.35) + 0.2 * rng.standard_normal((400, 1))
-    grid = np.linspace(-1.5, 1.5, 30_001)
-    log_density = (
-        -0.5 * ((grid - 0.05) / 0.3) ** 2 - 0.5 * np.sum((readings - inputs * np.cos(grid)) ** 2, axis=0) / 0.04
-    )
-    weights = np.exp(log_density - log_density.max())
-    weights /= weights.sum()
-
-    def row(name: str, values: Array, weights: Array) -> tuple[str, ...]:
-        size = float(np.abs(values) @ weights)
-        width = float(np.sqrt(values**2 @ weights - size**2))
-        return name, f"{100.0 * weights[values > 0.0].sum():.0f} %", f"{size:.3f} ± {width:.3f} rad"
-
-    rows = [row("exact, by quadrature", grid, weights)]
-    for seed in range(seeds):
-        cloud, _ = _run(Case(model, inputs, readings), ParticleFilter(5000, seed, discount=0.9995))
-        rows.append(row(f"particle filter, seed {seed}", cloud.particles[0], cloud.weights))
-    belief, _ = EKF.run(model, EKF.init(model), inputs, readings)
-    std = float(np.sqrt(belief.cov[0, 0]))
-    rows.append(("EKF", "one summit", f"{belief.mean[0]:.3f} ± {std:.3f} rad"))
-    return Rows(
-        "A posterior with two summits: tilt of an accelerometer, ±0.35 rad", ("filter", "share above 0", "|α|"), rows
-    )
-
-
-def joint_formulation(samples: int) -> Rows:
-    """Motion, loads and ten coefficients from accelerometers: particles on everything, or on the coefficients alone."""
-    turbine = load_turbine("verne555").exact()
-    record = simulate_record(turbine, duration=60.0, rate=RATE, seed=1)
-    problem = pose(record, turbine, turbine.sensors, Prior())
-    inputs, readings, block = problem.inputs[:samples], problem.readings[:samples], problem.model.parameter_block
-    truth = np.array([q.coordinate(turbine.values[q.name]) for q in problem.model.parameters])
-    split = SplitModel(problem.model, problem.build(problem.prior[0]))
-    rows: list[tuple[str, ...]] = []
-
-    def add(name: str, mean: Array, cov: Array, log_likelihood: Array, fared: str, began: float) -> None:
-        std = np.sqrt(np.diag(cov))[block]
-        off = np.sqrt(np.mean(((mean[block] - truth) / std) ** 2))
-        rows.append(
-            (
-                name,
-                f"{log_likelihood.sum():.0f}",
-                f"{off:.1f}" if off < 100.0 else "> 100",
-                fared,
-                f"{time.process_time() - began:.2f} s",
-            )
-        )
-
-    began = time.process_time()
-    belief, info = EKF.run(problem.model, EKF.init(problem.model), inputs, readings)
-    add("EKF", belief.mean, belief.cov, info.log_likelihood, "", began)
-    for count in (2000, 8000):
-        began = time.process_time()
-        pf = ParticleFilter(count)
-        cloud, one = pf.run(problem.model, pf.init(problem.model), inputs, readings)
-        add(f"SIR, {count}", cloud.mean, cloud.cov, one.log_likelihood, degeneracy(one).partition(":")[0], began)
-    for count in (256, 1024):
-        began = time.process_time()
-        rb = RaoBlackwellised(count)
-        mixture, two = rb.run(split, rb.init(split), inputs, readings)
-        add(
-            f"Rao-Blackwellised, {count}",
-            mixture.mean,
-            mixture.cov,
-            two.log_likelihood,
-            degeneracy(two).partition(":")[0],
-            began,
-        )
-    return Rows(
-        f"The joint formulation: 25 states, {samples} samples of five accelerometers",
-        ("filter", "log-likelihood", "rms of error/σ", "particles", "processor time"), rows,
-    )  # fmt: skip
-
-
-class _Reads(NamedTuple):
-    """A sensor that reads an expression."""
-
-    channel: str
-    expression: object
-    noise: float
-    bias: float = 0.0
-
-
-def _case(turbine: Turbine, balance: Balance, section: tuple[float, float]) -> Case:
+def force_balance_case(turbine: Turbine, balance: Balance, section: tuple[float, float]) -> LinearCase:
+    """A section of the force balance as a linear model with its record."""
     window = slice(round(section[0] * RATE), round(section[1] * RATE))
     cut = Balance(balance.force[window], balance.regressors[window])
     parameters = START.parameters(turbine, identifiable(turbine), linear=True)
     model, inputs = balance_statespace(
         cut, turbine.model.coordinates, parameters, rate=RATE, band=analysis_band(turbine)
     )
-    return Case(model, inputs, cut.force)
-
-
-def _run(case: Case, options: ParticleFilter) -> tuple[Cloud, ParticleInfo]:
-    return options.run(case.model, options.init(case.model), case.inputs, case.readings)
-
-
-def main() -> None:
-    """Print the tables."""
-    from rich.table import Table
-
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--runs", type=int, default=50, help="records with heavy tails (50)")
-    parser.add_argument("--seeds", type=int, default=5, help="seeds of everything else (5)")
-    options = parser.parse_args()
-    turbine = load_turbine("verne555").exact()
-    reference = simulate_reference(turbine, 0)
-    balance = record_balance(turbine, reference, reference.inputs[:, 3:])
-    case = _case(turbine, balance, (400.0, 500.0))
-    short = Case(case.model, case.inputs[:2000], case.readings[:2000])
-    tables: tuple[Callable[[], Sequence[Rows]], ...] = (
-        lambda: [convergence(short, options.seeds)],
-        lambda: [static_coefficients(case, options.seeds)],
-        lambda: [heavy_tails(case, options.runs)],
-        lambda: [two_summits(3)],
-        lambda: [joint_formulation(1000)],
-        lambda: compare(options.seeds),
-    )
-    for made in tables:
-        for found in made():
-            table = Table(title=found.title, title_justify="left")
-            for i, heading in enumerate(found.headings):
-                table.add_column(heading, justify="right" if i and len(found.headings) > 2 else "left")
-            for row in found.rows:
-                table.add_row(*row)
-            print(render(table), flush=True)
-
-
-if __name__ == "__main__":
-    main()
+    return LinearCase(model, inputs, cut.force)

@@ -37,130 +37,43 @@ def study_files(study: Study) -> dict[str, bytes]:
 
 def study_report(study: Study) -> bytes:
     """The study's ``report.html``."""
-    turbine, arm_a = study.turbine, study.arm_a
-    low, high = analysis_band(turbine)
-    shown = list(PUBLISHED)
+    turbine, arm_a, shown = study.turbine, study.arm_a, list(PUBLISHED)
+    errors = study.errors[:, 0][:, [_index(study, name) for name in shown]]
+    over_seeds = f"Average error over the whole section, from the first sample, for {len(study.errors)} seeds."
+    overview = record_overview(study.reference.record, ["tower_x_acceleration", "tower_y_acceleration"], SECTION)
+    starts = start_indifference(shown, study.histories, arm_a.time, study.sections)
+    turning = (
+        f"The wind turns by {study.wind.change_deg:.0f}° at 20 s of the section and back by 40 s (the scatter of the"
+        " paper's Figs 4, 5, 7 and 8)."
+    )
     sections = [
         Section(
             "Ten coefficients at once, loads known (arm A)",
-            text=[
-                (
-                    f"Scenario: {turbine.description}, {turbine.rotor_speed * 30 / np.pi:.1f} rpm, {RATE:g} Hz, the"
-                    f" {SECTION[0]:g}–{SECTION[1]:g} s section of a {DURATION:g} s record. The machine of the study is"
-                    " not published: this one honours what is, and every other value is assumed. Wind: random loads on"
-                    " every degree of freedom, no mean wind."
-                ),
-                (
-                    "Tower displacement and velocity are integrated from accelerometers with"
-                    f" {NOISE['tower_acceleration']:g} m/s² of noise; blade channels are synthetic with the published"
-                    f" noise. Both sides of the balance pass the same zero-phase filter, {low:.2f}–{high:.2f} Hz."
-                    " Start: 1.3 × stiffness, 0.7 × damping."
-                ),
-                (
-                    f"The filter took {arm_a.elapsed:.3f} s for {arm_a.samples} samples; published:"
-                    f" {PUBLISHED_SECONDS:g} s, on the machine of its day. Exact Jacobians and finite differences with"
-                    f" the paper's centesimal increment agree to {study.difference:.0e}: the balance is linear in the"
-                    " coefficients."
-                ),
-                (
-                    f"Over {len(study.errors)} seeds, ±2σ at the end of the section holds the reference in"
-                    f" {100 * study.covered:.0f} % of the {len(study.errors) * study.errors.shape[2]} cases (95 % if"
-                    " the bands were perfect)."
-                ),
-                (
-                    f"The published SIR particle filter took {PUBLISHED_HOURS:g} hours for {SIR.particles} particles;"
-                    f" here it takes {study.particles.elapsed:.2g} s on the same force balance. How it fared:"
-                    f" {study.particles.notes[-1]}."
-                ),
-                ERRORS_IN_VARIABLES,
-            ],
+            text=_scenario(study),
             tables=[error_table(study), arm_a.table(), *([arm_a.modes_table()] if arm_a.modes else [])],
-            figures=[
-                (
-                    balance_error_comparison(
-                        shown, study.errors[:, 0][:, [_index(study, name) for name in shown]], PUBLISHED
-                    ),
-                    f"Average error over the whole section, from the first sample, for {len(study.errors)} seeds.",
-                )
-            ],
+            figures=[(balance_error_comparison(shown, errors, PUBLISHED), over_seeds)],
         ),
-        Section(
-            "The record",
-            figures=[
-                (
-                    record_overview(study.reference.record, ["tower_x_acceleration", "tower_y_acceleration"], SECTION),
-                    "Tower accelerations of the whole record with the section used (the paper's Fig 3).",
-                )
-            ],
-        ),
-        Section(
-            "Identification of the coefficients",
-            figures=[
-                (
-                    coefficient_histories(arm_a, shown),
-                    (
-                        "Estimate, ±2σ band, reference and error of each coefficient (the paper's Figs 4–9; blades 2"
-                        " and 3 are alike)."
-                    ),
-                )
-            ],
-        ),
+        Section("The record", figures=[(overview, OVERVIEW)]),
+        Section("Identification of the coefficients", figures=[(coefficient_histories(arm_a, shown), HISTORIES)]),
         Section("The response with identified coefficients", figures=_responses(study)),
         Section(
             "Does it matter where it starts?",
-            text=[
-                "The published claim: initial conditions are indifferent, and the process can start at any point of a"
-                " record. Left, starts that are off by 0.3 to 3 times; right, 100 s sections of the same record."
-            ],
-            figures=[
-                (
-                    start_indifference(shown, study.histories, arm_a.time, study.sections),
-                    "Estimates relative to their references.",
-                )
-            ],
+            text=STARTS_TEXT,
+            figures=[(starts, "Estimates relative to their references.")],
         ),
-        Section(
-            "Loads withheld (arm B)",
-            text=[
-                "The same record and filter, but the loads are not given. " + LOADS_WITHHELD,
-                (
-                    "The joint formulation (windsysid identify --formulation joint) makes the loads states and needs"
-                    " accelerometers only."
-                ),
-            ],
-            tables=[withheld_table(study)],
-            figures=[
-                (
-                    coefficient_histories(study.arm_b, shown),
-                    "The bands are narrow and wrong: they know nothing of the load.",
-                )
-            ],
-        ),
-    ]
-    sections.append(Section("The methods side by side", text=METHODS_TEXT, tables=[method_table(study.methods)]))
-    sections.insert(
-        -2,
         Section(
             "Wind that changes direction",
             text=WIND_TEXT,
-            figures=[
-                (
-                    direction_change_figure(study.wind),
-                    (
-                        f"The wind turns by {study.wind.change_deg:.0f}° at 20 s of the section and back by 40 s (the"
-                        " scatter of the paper's Figs 4, 5, 7 and 8)."
-                    ),
-                ),
-                (
-                    load_spectra_figure(study.wind),
-                    (
-                        "Wind at the hub and at a turning blade, and the loads they make: the rotor's multiples are"
-                        " marked."
-                    ),
-                ),
-            ],
+            figures=[(direction_change_figure(study.wind), turning), (load_spectra_figure(study.wind), LOAD_SPECTRA)],
         ),
-    )
+        Section(
+            "Loads withheld (arm B)",
+            text=WITHHELD_TEXT,
+            tables=[withheld_table(study)],
+            figures=[(coefficient_histories(study.arm_b, shown), WITHHELD_HISTORIES)],
+        ),
+        Section("The methods side by side", text=METHODS_TEXT, tables=[method_table(study.methods)]),
+    ]
     subtitle = (
         f"Extended Kalman filter identification of a three-blade turbine · {turbine.name},"
         f" {study.reference.record.name}"
@@ -168,6 +81,48 @@ def study_report(study: Study) -> bytes:
     return report_page("The published study, repeated", subtitle, sections)
 
 
+def _scenario(study: Study) -> list[str]:
+    """What was simulated, how long the filters took, and what limits them, one paragraph each."""
+    turbine, arm_a = study.turbine, study.arm_a
+    low, high = analysis_band(turbine)
+    return [
+        f"Scenario: {turbine.description}, {turbine.rotor_speed * 30 / np.pi:.1f} rpm, {RATE:g} Hz, the"
+        f" {SECTION[0]:g}–{SECTION[1]:g} s section of a {DURATION:g} s record. The machine of the study is"
+        " not published: this one honours what is, and every other value is assumed. Wind: random loads on"
+        " every degree of freedom, no mean wind.",
+        "Tower displacement and velocity are integrated from accelerometers with"
+        f" {NOISE['tower_acceleration']:g} m/s² of noise; blade channels are synthetic with the published"
+        f" noise. Both sides of the balance pass the same zero-phase filter, {low:.2f}–{high:.2f} Hz."
+        " Start: 1.3 × stiffness, 0.7 × damping.",
+        f"The filter took {arm_a.elapsed:.3f} s for {arm_a.samples} samples; published:"
+        f" {PUBLISHED_SECONDS:g} s, on the machine of its day. Exact Jacobians and finite differences with"
+        f" the paper's centesimal increment agree to {study.difference:.0e}: the balance is linear in the"
+        " coefficients.",
+        f"Over {len(study.errors)} seeds, ±2σ at the end of the section holds the reference in"
+        f" {100 * study.covered:.0f} % of the {len(study.errors) * study.errors.shape[2]} cases (95 % if"
+        " the bands were perfect).",
+        f"The published SIR particle filter took {PUBLISHED_HOURS:g} hours for {SIR.particles} particles;"
+        f" here it takes {study.particles.elapsed:.2g} s on the same force balance. How it fared:"
+        f" {study.particles.notes[-1]}.",
+        ERRORS_IN_VARIABLES,
+    ]  # fmt: skip
+
+
+OVERVIEW = "Tower accelerations of the whole record with the section used (the paper's Fig 3)."
+HISTORIES = (
+    "Estimate, ±2σ band, reference and error of each coefficient (the paper's Figs 4–9; blades 2 and 3 are alike)."
+)
+LOAD_SPECTRA = "Wind at the hub and at a turning blade, and the loads they make: the rotor's multiples are marked."
+WITHHELD_HISTORIES = "The bands are narrow and wrong: they know nothing of the load."
+STARTS_TEXT = (
+    "The published claim: initial conditions are indifferent, and the process can start at any point of a record. Left,"
+    " starts that are off by 0.3 to 3 times; right, 100 s sections of the same record.",
+)
+WITHHELD_TEXT = (
+    f"The same record and filter, but the loads are not given. {LOADS_WITHHELD}",
+    "The joint formulation (windsysid identify --formulation joint) makes the loads states and needs accelerometers"
+    " only.",
+)  # fmt: skip
 ERRORS_IN_VARIABLES = (
     "The published 0.01 % for c_β1 cannot be reached with the published noise. White noise σ on a measured velocity"
     " shrinks a regression on it by σ²/var(velocity). For 0.01 rad/s against a lag rate of 0.11 rad/s rms that is 0.8"
@@ -177,28 +132,22 @@ ERRORS_IN_VARIABLES = (
 
 
 WIND_TEXT = (
-    (
-        "Here the loads come from turbulent wind (Kaimal spectrum, IEC coherence, shear, tower shadow) on the turning"
-        " blades, aerodynamic damping included. The published estimates scatter while the wind blows from elsewhere,"
-        " and the study names the direction as the cause."
-    ),
-    (
-        "With the loads that acted, the filter hardly notices. With the loads of the old direction, as equations with a"
-        " constant wind hold them, its estimates wander until the wind is back and then recover: that is the published"
-        " picture. Without the loads they wander all the time, and the change cannot be told apart."
-    ),
+    "Here the loads come from turbulent wind (Kaimal spectrum, IEC coherence, shear, tower shadow) on the turning"
+    " blades, aerodynamic damping included. The published estimates scatter while the wind blows from elsewhere,"
+    " and the study names the direction as the cause.",
+    "With the loads that acted, the filter hardly notices. With the loads of the old direction, as equations with a"
+    " constant wind hold them, its estimates wander until the wind is back and then recover: that is the published"
+    " picture. Without the loads they wander all the time, and the change cannot be told apart.",
 )
 
 
 METHODS_TEXT = (
-    (
-        "Every method identifies the same sections of the same records. The force balance needs the loads, and"
-        " displacement, velocity and acceleration of every degree of freedom. The joint methods need accelerometers;"
-        " their priors are drawn 30 % off. A filter with the coefficients in its state must be told how strong the"
-        " loads are and how loud the sensors; where that is wrong its bands are too. The posterior mode is told"
-        " nothing. Errors are those at the end of the section. The force balance's time includes the integration of the"
-        " whole record."
-    ),
+    "Every method identifies the same sections of the same records. The force balance needs the loads, and"
+    " displacement, velocity and acceleration of every degree of freedom. The joint methods need accelerometers;"
+    " their priors are drawn 30 % off. A filter with the coefficients in its state must be told how strong the"
+    " loads are and how loud the sensors; where that is wrong its bands are too. The posterior mode is told"
+    " nothing. Errors are those at the end of the section. The force balance's time includes the integration of the"
+    " whole record.",
 )
 
 

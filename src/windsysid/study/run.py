@@ -22,7 +22,7 @@ from windsysid.study.arms import identify_section, record_balance
 from windsysid.study.methods import Method, gather, run_methods
 from windsysid.study.particles import PUBLISHED_HOURS, identify_section_by_particles
 from windsysid.study.published import PUBLISHED, PUBLISHED_SECONDS
-from windsysid.study.scenario import RATE, SECTION, Reference, simulate_reference
+from windsysid.study.scenario import RATE, SECTION, StudyReference, simulate_reference
 from windsysid.study.wind import DirectionChangeStudy, direction_change_study
 from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine
@@ -69,7 +69,7 @@ class Study:
     """
 
     turbine: Turbine
-    reference: Reference
+    reference: StudyReference
     motion: tuple[Array, Array]
     arm_a: Identification
     arm_b: Identification
@@ -188,7 +188,7 @@ def average_errors(identification: Identification) -> Array:
     return rows
 
 
-def _respond(turbine: Turbine, found: Identification, reference: Reference) -> Response:
+def _respond(turbine: Turbine, found: Identification, reference: StudyReference) -> Response:
     """The section once more, by the model with the identified coefficients, from the reference's first state."""
     identified = turbine.with_values({e.name: e.estimate for e in found.estimates})
     model = compile_model(turbine.model)

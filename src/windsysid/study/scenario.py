@@ -19,7 +19,7 @@ from windsysid.simulation.integrate import Response, constant_speed_inputs, inte
 from windsysid.simulation.random_loads import draw_loads
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["DURATION", "NOISE", "RATE", "SECTION", "Reference", "measure", "simulate_reference"]
+__all__ = ["DURATION", "NOISE", "RATE", "SECTION", "StudyReference", "measure", "simulate_reference"]
 
 
 RATE = 100.0
@@ -33,7 +33,7 @@ NOISE = {
 }
 
 
-class Reference(NamedTuple):
+class StudyReference(NamedTuple):
     """The record as measured, the noise-free response behind it, and the inputs that drove it (ψ, Ω, dΩ/dt, loads)."""
 
     record: Record
@@ -41,7 +41,7 @@ class Reference(NamedTuple):
     inputs: Array
 
 
-def simulate_reference(turbine: Turbine, seed: int) -> Reference:
+def simulate_reference(turbine: Turbine, seed: int) -> StudyReference:
     """The reference record of a turbine with independent lags, tower x and y; SI units, reproducible for a seed."""
     rng = np.random.default_rng(seed)
     model = compile_model(turbine.model)
@@ -50,7 +50,7 @@ def simulate_reference(turbine: Turbine, seed: int) -> Reference:
     inputs = np.hstack([constant_speed_inputs(turbine.rotor_speed, DURATION, RATE), loads])
     p = np.array([turbine.values[name] for name in model.parameters])
     response = integrate(model, p, inputs, rate=RATE, start=np.zeros(len(model.states)))
-    return Reference(measure(turbine, response, inputs, rng, f"reference scenario, seed {seed}"), response, inputs)
+    return StudyReference(measure(turbine, response, inputs, rng, f"reference scenario, seed {seed}"), response, inputs)
 
 
 def measure(turbine: Turbine, response: Response, inputs: Array, rng: np.random.Generator, name: str) -> Record:

@@ -3,14 +3,12 @@ estimates.
 
 The paper sees its estimates scatter there (Figs 4, 5, 7, 8) and names the direction as the cause, but its equations
 hold no wind. So the same record is identified three times: with the loads that acted, with the loads of the old
-direction, and with no loads. ``python -m windsysid.study.wind --output DIR`` writes two figures and prints the numbers.
+direction, and with no loads. ``python -m validation.wind_study --output DIR`` writes two figures and prints
+the numbers.
 """
 
-import argparse
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -19,9 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from windsysid._types import Array
-from windsysid.errors import WindsysidError
 from windsysid.mechanics.compile import compile_model
-from windsysid.output.console import render
 from windsysid.reports.plots import BAND, ERROR, ESTIMATE, MEASURED, REFERENCE, symbol, tidy
 from windsysid.results.identification import Identification
 from windsysid.simulation.integrate import constant_speed_inputs
@@ -36,21 +32,15 @@ from windsysid.simulation.wind import (
 )
 from windsysid.simulation.wind.feedback import integrate_with_feedback
 from windsysid.study.arms import identify_section, record_balance
-from windsysid.study.scenario import DURATION, RATE, SECTION, Reference, measure
+from windsysid.study.scenario import DURATION, RATE, SECTION, StudyReference, measure
 from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine
 from windsysid.units import unit_text
 
 __all__ = [
-    "ARMS",
-    "WINDOW",
-    "DirectionChangeStudy",
-    "WindReference",
-    "direction_change_figure",
-    "direction_change_study",
-    "load_spectra_figure",
-    "simulate_wind_reference",
-]
+    "ARMS", "WINDOW", "DirectionChangeStudy", "WindReference", "direction_change_figure", "direction_change_study",
+    "load_spectra_figure", "mean_spectrum", "simulate_wind_reference",
+]  # fmt: skip
 
 
 WINDOW = (20.0, 40.0)
@@ -71,7 +61,7 @@ SETTLING_SECONDS = 8.0
 class WindReference(NamedTuple):
     """A reference record under wind, its wind, and the loads at rest that the old direction would have made."""
 
-    reference: Reference
+    reference: StudyReference
     wind: SimulatedWindLoads
     old_direction: Array
 
@@ -149,7 +139,7 @@ def simulate_wind_reference(turbine: Turbine, seed: int, direction: Direction) -
     )
     inputs = np.hstack([rotor, acted])
     record = measure(turbine, response, rotor, np.random.default_rng([seed, 1]), f"wind, seed {seed}")
-    return WindReference(Reference(record, response, inputs), wind, without_change.loads)
+    return WindReference(StudyReference(record, response, inputs), wind, without_change.loads)
 
 
 def _arms(turbine: Turbine, under: WindReference) -> dict[str, Identification]:
@@ -158,7 +148,7 @@ def _arms(turbine: Turbine, under: WindReference) -> dict[str, Identification]:
     return {arm: _identify(turbine, under.reference, loads) for arm, loads in zip(ARMS, told, strict=True)}
 
 
-def _identify(turbine: Turbine, reference: Reference, loads: Array | None) -> Identification:
+def _identify(turbine: Turbine, reference: StudyReference, loads: Array | None) -> Identification:
     """The paper's filter over the section, told these loads."""
     return identify_section(turbine, reference, record_balance(turbine, reference, loads))
 
@@ -170,23 +160,12 @@ def direction_change_figure(study: DirectionChangeStudy, names: Sequence[str] = 
     window = slice(round(SECTION[0] * RATE), round(SECTION[1] * RATE))
     time = np.arange(window.stop - window.start) / RATE
     columns = ((ARMS[:2], "the filter is told the loads"), (ARMS[2:], "the loads are withheld"))
-    colours = dict(zip(ARMS, (ESTIMATE, ERROR, MEASURED), strict=True))
     for column, (arms, title) in enumerate(columns):
         top = axes[0, column]
         top.plot(time, np.rad2deg(study.under.wind.misalignment[window]), color=REFERENCE, lw=1.0)
         top.set_title(title, fontsize=10)
         for ax, name in zip(axes[1:, column], names, strict=True):
-            reference = study.turbine.values[name]
-            seen = [reference]
-            for arm in arms:
-                found, calm = study.arms[arm].history(name)[0], study.unchanged[arm].history(name)[0]
-                ax.plot(time, calm, color=colours[arm], lw=1.0, ls=":")
-                ax.plot(time, found, color=colours[arm], lw=1.5, label=arm)
-                for history in (found, calm):
-                    seen += [history[time >= SETTLING_SECONDS].min(), history[time >= SETTLING_SECONDS].max()]
-            ax.axhline(reference, color=REFERENCE, ls="--", lw=1)
-            margin = 0.1 * (max(seen) - min(seen))
-            ax.set_ylim(min(seen) - margin, max(seen) + margin)
+            _draw_histories(ax, study, name, arms, time)
         for ax in axes[:, column]:
             ax.axvspan(*WINDOW, color=BAND, alpha=0.45, lw=0)
             tidy(ax)
@@ -209,6 +188,22 @@ def direction_change_figure(study: DirectionChangeStudy, names: Sequence[str] = 
     return figure
 
 
+def _draw_histories(ax: Axes, study: DirectionChangeStudy, name: str, arms: Sequence[str], time: Array) -> None:
+    """Plot the on-line estimates of a coefficient; dotted in a steady wind."""
+    colours = dict(zip(ARMS, (ESTIMATE, ERROR, MEASURED), strict=True))
+    reference = study.turbine.values[name]
+    seen = [reference]
+    for arm in arms:
+        found, calm = study.arms[arm].history(name)[0], study.unchanged[arm].history(name)[0]
+        ax.plot(time, calm, color=colours[arm], lw=1.0, ls=":")
+        ax.plot(time, found, color=colours[arm], lw=1.5, label=arm)
+        for history in (found, calm):
+            seen += [history[time >= SETTLING_SECONDS].min(), history[time >= SETTLING_SECONDS].max()]
+    ax.axhline(reference, color=REFERENCE, ls="--", lw=1)
+    margin = 0.1 * (max(seen) - min(seen))
+    ax.set_ylim(min(seen) - margin, max(seen) + margin)
+
+
 def load_spectra_figure(study: DirectionChangeStudy) -> Figure:
     """Spectra of the wind, a blade's load and a hub load, with the rotor's multiples and the Kaimal target."""
     conditions, aerodynamics = packaged_wind(study.turbine.name)
@@ -216,9 +211,9 @@ def load_spectra_figure(study: DirectionChangeStudy) -> Figure:
     figure = Figure(figsize=(10, 8.2), layout="constrained")
     axes = figure.subplots(3, 1, sharex=True)
     outer = wind.blade_speed[:, :, -1] - wind.blade_speed[:, :, -1].mean()
-    frequency, hub = _spectrum(wind.hub_speed[:, None])
+    frequency, hub = mean_spectrum(wind.hub_speed[:, None])
     axes[0].loglog(
-        frequency, _spectrum(outer)[1], color=ERROR, lw=1.1, label=f"blades, r = {aerodynamics.radii[-1]:g} m"
+        frequency, mean_spectrum(outer)[1], color=ERROR, lw=1.1, label=f"blades, r = {aerodynamics.radii[-1]:g} m"
     )
     axes[0].loglog(frequency, hub, color=ESTIMATE, lw=1.1, label="hub")
     axes[0].loglog(
@@ -227,10 +222,10 @@ def load_spectra_figure(study: DirectionChangeStudy) -> Figure:
     axes[0].set_ylabel("wind speed\n[m²/s² / Hz]")
     n = study.turbine.model.coordinates.index("beta_1")
     axes[1].loglog(
-        frequency, _spectrum(wind.loads[:, n:])[1], color=ERROR, lw=1.1, label="lag moment, mean of the blades"
+        frequency, mean_spectrum(wind.loads[:, n:])[1], color=ERROR, lw=1.1, label="lag moment, mean of the blades"
     )
     axes[1].set_ylabel("blade load\n[(N·m)² / Hz]")
-    axes[2].loglog(frequency, _spectrum(wind.loads[:, :1])[1], color=ESTIMATE, lw=1.1, label="hub force x")
+    axes[2].loglog(frequency, mean_spectrum(wind.loads[:, :1])[1], color=ESTIMATE, lw=1.1, label="hub force x")
     axes[2].set_ylabel("hub load\n[N² / Hz]")
     for ax in axes:
         for multiple in (1, 2, 3, 6):
@@ -248,17 +243,7 @@ def load_spectra_figure(study: DirectionChangeStudy) -> Figure:
     return figure
 
 
-def peak_ratios(loads: Array, once: float) -> dict[int, float]:
-    """Height of the loads' (T, …) spectrum at 1P, 2P, 3P: peak over the median within ±0.45P."""
-    frequency, spectrum = _spectrum(loads)
-    ratios = {}
-    for multiple in (1, 2, 3):
-        away = np.abs(frequency / once - multiple)
-        ratios[multiple] = float(spectrum[away < 0.05].max() / np.median(spectrum[(away < 0.45) & (away > 0.1)]))
-    return ratios
-
-
-def _spectrum(values: Array) -> tuple[Array, Array]:
+def mean_spectrum(values: Array) -> tuple[Array, Array]:
     """One-sided spectrum (Welch, 41 s pieces), the mean over columns."""
     from scipy.signal import welch
 
@@ -275,68 +260,3 @@ def _fit(ax: Axes) -> None:
         if len(x := np.asarray(line.get_xdata())) > 2
     ]
     ax.set_ylim(0.5 * min(map(np.min, seen)), 2.0 * max(map(np.max, seen)))
-
-
-def summary(study: DirectionChangeStudy) -> str:
-    """The numbers as text."""
-    once = study.turbine.rotor_speed / (2.0 * np.pi)
-    wind, acted = study.steady.wind, study.steady.reference.inputs[:, 3:]
-    conditions, _ = packaged_wind(study.turbine.name)
-    rms = acted.std(axis=0)
-    lines = [
-        f"wind {conditions.speed:.2f} m/s, turbulence {100 * conditions.turbulence_intensity:.1f} %, "
-        f"direction ±{SPREAD_DEG:g} deg, turning by {study.change_deg:.1f} deg at {WINDOW[0]:g} s "
-        f"and back by {WINDOW[1]:g} s",
-        f"hub wind: std {wind.hub_speed.std():.3f} m/s (target {conditions.std:.3f})",
-        "load rms: " + ", ".join(
-            f"{name} {value:.1f}" for name, value in zip(study.turbine.model.loads, rms, strict=True)
-        ),
-    ]  # fmt: skip
-    blades = peak_ratios(wind.loads[:, 2:], once)
-    hub = peak_ratios(wind.loads[:, :2], once)
-    for label, ratios in (("blade lag moment", blades), ("hub forces", hub)):
-        lines.append(f"{label}: peak over neighbourhood " + ", ".join(f"{m}P {r:.1f}" for m, r in ratios.items()))
-    lines.append(
-        "wander of the on-line estimate from 20 s to 40 s, % of the reference (in brackets: the wind not turning):"
-    )
-    for arm in ARMS:
-        cells = [
-            f"{name} {100 * study.wander(arm, name):.2f} ({100 * study.wander(arm, name, changed=False):.2f})"
-            for name in ("k_x", "k_y", "c_x", "c_y")
-        ]
-        lines.append(f"  {arm}: " + ", ".join(cells))
-    lines.append("estimate at the end, of the reference:")
-    for arm in ARMS:
-        found = study.arms[arm]
-        cells = [f"{n} {found[n].estimate / study.turbine.values[n]:.4f}" for n in ("k_x", "k_y", "c_x", "c_y")]
-        lines.append(f"  {arm}: " + ", ".join(cells))
-    lines.append("damping when only the loads at rest are known (in brackets: structure + mean of C's diagonal):")
-    own = dict(zip(study.turbine.model.coordinates, np.diagonal(study.under.wind.damping.mean(axis=0)), strict=True))
-    cells = [
-        f"c_{n} {study.loads_at_rest[f'c_{n}'].estimate:.2f} ({study.turbine.values[f'c_{n}']:g} + {own[n]:.2f})"
-        for n in ("x", "y", "beta_1")
-    ]
-    lines.append("  " + ", ".join(cells))
-    return "\n".join(lines)
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Write ``direction_change.png`` and ``load_spectra.png`` and print the numbers."""
-    parser = argparse.ArgumentParser(prog="python -m windsysid.study.wind", description=__doc__.splitlines()[0])
-    parser.add_argument("--output", type=Path, required=True, help="folder of the two figures")
-    parser.add_argument("--seed", type=int, default=0)
-    options = parser.parse_args(arguments)
-    try:
-        options.output.mkdir(parents=True, exist_ok=True)
-        study = direction_change_study(options.seed)
-        direction_change_figure(study).savefig(options.output / "direction_change.png", dpi=150)
-        load_spectra_figure(study).savefig(options.output / "load_spectra.png", dpi=150)
-    except (WindsysidError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    print(render(summary(study)))
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from windsysid.live.store.contents import Alarm, Commit, Health, Level, Result, Status
+from windsysid.live.store.contents import Alarm, Commit, Result, SensorHealth, SeriesLevel, Status
 from windsysid.live.store.store import Store
 
 ROWS = Path(__file__).with_name("rows.json")
@@ -91,7 +91,7 @@ class _Watch:
     def __init__(self) -> None:
         self._known: dict[str, tuple[float, float]] = {}
 
-    def level(self, one: dict[str, Any], turbine: str, share: float) -> Level:
+    def level(self, one: dict[str, Any], turbine: str, share: float) -> SeriesLevel:
         y, std = one["estimate"], (one["high"] - one["low"]) / 4.0
         mean, var = self._known.get(one["name"], (y, std**2))
         jumped = turbine == "T02" and one["name"] == "k_fore_aft" and 0.8 < share < 0.802
@@ -101,7 +101,7 @@ class _Watch:
         self._known[one["name"]] = mean, var
         level, spread = (None, 0.0) if share < 1.0 / 7.0 else (mean, 2.0 * math.sqrt(var))
         statistic = 3.0 if turbine != "T02" or one["name"] != "k_fore_aft" or not 0.8 < share < 0.81 else 19.0
-        return Level(
+        return SeriesLevel(
             one["name"], one["unit"], one["name"][0], y, one["low"], one["high"],
             level, None if level is None else level - spread, None if level is None else level + spread,
             0.0 if level is None else statistic, 14.0,
@@ -119,16 +119,16 @@ def statuses(now: int) -> list[Status]:
     ]  # fmt: skip
 
 
-def healths(now: int) -> list[Health]:
+def healths(now: int) -> list[SensorHealth]:
     towers = ("rotor_azimuth", "rotor_speed", "tower_x_acceleration", "tower_z_acceleration")
     blades = ("rotor_azimuth", "tower_x_acceleration", "tower_y_acceleration", "blade_1_lag_acceleration")
     good = [
-        Health(name, channel, "good", now - 7 * 86400 * SECOND, "")
+        SensorHealth(name, channel, "good", now - 7 * 86400 * SECOND, "")
         for name, channels in (("T01", towers), ("T02", towers), ("T03", blades))
         for channel in channels
     ]
     text = "blade_2_lag_acceleration repeats -0.412 rad/s² for 5 h: see the sensor and its cable"
-    return [*good, Health("T03", "blade_2_lag_acceleration", "stuck", now - 5 * 3600 * SECOND, text)]
+    return [*good, SensorHealth("T03", "blade_2_lag_acceleration", "stuck", now - 5 * 3600 * SECOND, text)]
 
 
 def alarms(last: int, count: int) -> list[Alarm]:

@@ -15,7 +15,7 @@ from windsysid.live.page.streams import Streams, TooManyStreams
 from windsysid.live.sources.folder import FolderSource
 from windsysid.live.sources.source import SourceState
 from windsysid.live.store import open_store, sqlite
-from windsysid.live.store.contents import Commit, Level, Result
+from windsysid.live.store.contents import Commit, Result, SeriesLevel
 
 from . import sample
 
@@ -91,7 +91,7 @@ def test_what_there_is_not_is_not_found_and_not_repeated(client, name):
 
 def test_nothing_that_is_not_a_number_reaches_the_answer():
     store = open_store(":memory:")
-    level = Level("k_x", "N/m", "k", math.nan, -math.inf, math.inf, None, None, None, math.nan, math.inf)
+    level = SeriesLevel("k_x", "N/m", "k", math.nan, -math.inf, math.inf, None, None, None, math.nan, math.inf)
     row = {"status": "ok", "trusted": True, "rotor_speed": math.nan, "modes": [{"name": "m", "frequency": math.nan}]}
     store.submit(Commit(results=[Result("T", 0, 1, 1, row, [level], b"")])).result(60)
     client = TestClient(app(store), base_url=OWN)
@@ -178,7 +178,7 @@ def test_openapi_lists_every_path_with_a_model(client):
     schema = client.get("/api/openapi.json").json()
     assert "/api/alarms/{key}/acknowledge" in schema["paths"]
     overview = schema["paths"]["/api/overview"]["get"]["responses"]["200"]["content"]["application/json"]["schema"]
-    assert overview["$ref"].endswith("/Overview")
+    assert overview["$ref"].endswith("/PageOverview")
 
 
 async def _told(streams, after, count):

@@ -3,7 +3,7 @@ from fastapi.testclient import TestClient
 
 from windsysid.live.page.access import Access
 from windsysid.live.page.app import app
-from windsysid.live.page.guard import Buckets, Limits
+from windsysid.live.page.guard import Buckets, RequestLimits
 
 READ, OPERATE = "r" * 20, "o" * 20
 OWN = "http://localhost"
@@ -50,7 +50,7 @@ def test_what_is_too_large_is_refused(page):
 
 
 def test_who_asks_too_often_waits(store):
-    client = TestClient(app(store, limits=Limits(rate=0.001, burst=5)), base_url=OWN)
+    client = TestClient(app(store, limits=RequestLimits(rate=0.001, burst=5)), base_url=OWN)
     statuses = [client.get("/health").status_code for _ in range(7)]
     assert statuses == [200] * 5 + [429] * 2
 
@@ -90,7 +90,7 @@ def test_readers_look_and_operators_act(store):
 
 def test_wrong_tokens_wait_and_the_right_one_of_the_same_address_never_does(store):
     """Behind a proxy all come from one address."""
-    client = TestClient(app(store, access=Access(READ), limits=Limits(guesses=3)), base_url="http://site")
+    client = TestClient(app(store, access=Access(READ), limits=RequestLimits(guesses=3)), base_url="http://site")
 
     def status(token: str) -> int:
         return int(client.get("/api/overview", headers={"authorization": f"Bearer {token}"}).status_code)
@@ -103,7 +103,7 @@ def test_wrong_tokens_wait_and_the_right_one_of_the_same_address_never_does(stor
 
 
 def test_who_floods_without_a_token_takes_nothing_from_those_of_the_same_address_who_have_one(store):
-    limits = Limits(rate=0.001, burst=5, guesses=3)
+    limits = RequestLimits(rate=0.001, burst=5, guesses=3)
     client = TestClient(app(store, access=Access(READ, OPERATE), limits=limits), base_url="http://site")
     bearer = {"authorization": f"Bearer {READ}"}
     assert [client.get("/", headers={"authorization": "Bearer x"}).status_code for _ in range(6)] == [200] * 5 + [429]

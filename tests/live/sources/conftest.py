@@ -9,7 +9,7 @@ import pytest
 
 from tests.live.sources.servers import Mosquitto
 from windsysid.live.block import Block
-from windsysid.live.sources.source import Source
+from windsysid.live.sources.source import BlockSource
 
 
 @pytest.fixture
@@ -46,7 +46,7 @@ class Taker:
 class Service:
     """A source that runs in a thread, and what it brings."""
 
-    def __init__(self, source: Source, taker: Taker | None = None) -> None:
+    def __init__(self, source: BlockSource, taker: Taker | None = None) -> None:
         self.source, self.taker = source, taker or Taker()
         self._loop = asyncio.new_event_loop()
         self._stop = asyncio.Event()

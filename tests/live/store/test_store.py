@@ -14,7 +14,7 @@ from tests.live.store.conftest import Open
 from tests.live.store.things import SECOND, WINDOW, alarm, block, blocks, level, result, status
 from windsysid.errors import ConfigurationError, StoreError
 from windsysid.live.store import Keep, open_store, schema, sql_store
-from windsysid.live.store.contents import Commit, Event, Health
+from windsysid.live.store.contents import Commit, Event, SensorHealth
 from windsysid.live.store.keep import DAY
 from windsysid.live.store.sql_store import SqlStore
 from windsysid.live.store.store import ContentError
@@ -57,7 +57,7 @@ def test_a_block_over_a_boundary_waits_for_both_windows(store: SqlStore):
 
 
 def test_a_commit_that_comes_again_changes_nothing(store: SqlStore):
-    health = Health("T01", "tower", "stuck", 5, "look at its cable")
+    health = SensorHealth("T01", "tower", "stuck", 5, "look at its cable")
     whole = Commit(blocks(1, 2).blocks, [status()], [health], [result(0)], [alarm()])
     submit(store, blocks(1), whole)
     store.acknowledge("T01/k_x/0", by="ada", remark="seen", at=9)
@@ -127,7 +127,7 @@ def test_an_alarm_is_replaced_but_never_unacknowledged(store: SqlStore):
 def test_events_tell_once_what_changed_since(again: Open):
     store = again()
     assert (store.last_event(), store.events(0)) == (0, [])
-    good = Health("T01", "tower", "good", 5, "")
+    good = SensorHealth("T01", "tower", "good", 5, "")
     submit(store, Commit(statuses=[status(), status("T02")], healths=[good]), Commit(results=[result(0)]))
     told = store.events(0)
     assert [(event.kind, event.turbine, event.key) for event in told] == [
@@ -162,8 +162,8 @@ def test_statuses_and_healths_are_the_newest(store: SqlStore):
     submit(store, Commit(statuses=[status(), status("T00")]), Commit(statuses=[status(received=99)]))
     assert store.statuses() == [status("T00"), status(received=99)]
     for state in ("stuck", "good"):
-        submit(store, Commit(healths=[Health("T01", "x", state, 1, ""), Health("T02", "x", state, 1, "")]))
-    assert store.healths("T01") == [Health("T01", "x", "good", 1, "")]
+        submit(store, Commit(healths=[SensorHealth("T01", "x", state, 1, ""), SensorHealth("T02", "x", state, 1, "")]))
+    assert store.healths("T01") == [SensorHealth("T01", "x", "good", 1, "")]
     assert len(store.healths()) == 2
 
 

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from windsysid.live.block import Block
-from windsysid.live.store.contents import Alarm, Commit, Level, Result, Status, StoredBlock
+from windsysid.live.store.contents import Alarm, Commit, Result, SeriesLevel, Status, StoredBlock
 
 SECOND = 1_000_000_000
 WINDOW = 600 * SECOND
@@ -21,8 +21,8 @@ def blocks(*numbers: int, window: int = 0, **options: Any) -> Commit:
     return Commit(blocks=[StoredBlock(window, block(number, **options)) for number in numbers])
 
 
-def level(name: str = "k_x", estimate: float | None = 1.1) -> Level:
-    return Level(name, "N/m", "k", estimate, None, 1.3, 0.1 + 0.2, 5e-324, 1e308, 2.5, float("inf"))
+def level(name: str = "k_x", estimate: float | None = 1.1) -> SeriesLevel:
+    return SeriesLevel(name, "N/m", "k", estimate, None, 1.3, 0.1 + 0.2, 5e-324, 1e308, 2.5, float("inf"))
 
 
 def result(number: int, turbine: str = "T01", text: str = "") -> Result:

@@ -17,13 +17,13 @@ from fastapi.staticfiles import StaticFiles
 
 from windsysid._version import __version__
 from windsysid.errors import WindsysidError
+from windsysid.live.engine_state import PageEngine
 from windsysid.live.page import models
 from windsysid.live.page.access import Access, Role
 from windsysid.live.page.door import Door
-from windsysid.live.page.guard import Guard, Limits
+from windsysid.live.page.guard import RequestGuard, RequestLimits
 from windsysid.live.page.metrics import MEDIA_TYPE, metrics_text
 from windsysid.live.page.newest import Newest
-from windsysid.live.page.states import Engine
 from windsysid.live.page.streams import Streams, TooManyStreams
 from windsysid.live.page.views import (
     NS_PER_MS,
@@ -36,7 +36,7 @@ from windsysid.live.page.views import (
     trouble_of,
     turbine_of,
 )
-from windsysid.live.sources.source import Source
+from windsysid.live.sources.source import BlockSource
 from windsysid.live.store.store import Store
 
 __all__ = ["app", "streams_of"]
@@ -62,7 +62,7 @@ Responses = dict[int | str, dict[str, Any]]
 
 def _errors(**of: str) -> Responses:
     """Statuses, and what they say."""
-    return {int(status[1:]): {"model": models.Problem, "description": text} for status, text in of.items()}
+    return {int(status[1:]): {"model": models.RequestProblem, "description": text} for status, text in of.items()}
 
 
 def _beside_text(errors: Responses) -> Responses:
@@ -84,8 +84,9 @@ UNKNOWN = _errors(_404="there is none of this name")
 
 
 def app(
-    store: Store, engine: Engine | None = None, access: Access = Access(), *, limits: Limits = Limits(),
-    sources: Sequence[Source] = (), note: str = "",
+    store: Store, engine: PageEngine | None = None, access: Access = Access(), *,
+    limits: RequestLimits = RequestLimits(),
+    sources: Sequence[BlockSource] = (), note: str = "",
 ) -> FastAPI:  # fmt: skip
     """The page over a store.
 
@@ -124,7 +125,7 @@ def app(
     page.include_router(door.routes())
     page.add_exception_handler(WindsysidError, _store_is_away)
     page.add_exception_handler(RequestValidationError, _invalid)
-    page.add_middleware(Guard, access=access, limits=limits)
+    page.add_middleware(RequestGuard, access=access, limits=limits)
     page.mount("/static", StaticFiles(directory=STATIC), name="static")
     return page
 
@@ -137,17 +138,19 @@ def streams_of(page: FastAPI) -> Streams:
 class _Overviews:
     """Overviews of one store."""
 
-    def __init__(self, store: Store, engine: Engine | None, door: Door, sources: Sequence[Source], note: str) -> None:
+    def __init__(
+        self, store: Store, engine: PageEngine | None, door: Door, sources: Sequence[BlockSource], note: str
+    ) -> None:
         self.newest = Newest(store)
         self._store, self._engine, self._door, self._sources, self._note = store, engine, door, sources, note
 
-    def __call__(self, role: Role) -> models.Overview:
+    def __call__(self, role: Role) -> models.PageOverview:
         found = overview_of(self._store, self._engine, self.newest, role, self._door.asks)
         known = {"note": self._note, "sources": sources_of(self._sources), "store": self._store.trouble}
         return found.model_copy(update=known)
 
 
-def _service(store: Store, overview: _Overviews, door: Door, sources: Sequence[Source]) -> APIRouter:
+def _service(store: Store, overview: _Overviews, door: Door, sources: Sequence[BlockSource]) -> APIRouter:
     """The page itself, the overview and health."""
     router = APIRouter()
 
@@ -156,7 +159,7 @@ def _service(store: Store, overview: _Overviews, door: Door, sources: Sequence[S
         return FileResponse(STATIC / "index.html")
 
     @router.get("/api/overview")
-    def read_overview(role: Annotated[Role, Depends(door)]) -> models.Overview:
+    def read_overview(role: Annotated[Role, Depends(door)]) -> models.PageOverview:
         """All turbines, the worst first."""
         return overview(role)
 
@@ -185,7 +188,7 @@ def _metrics(store: Store, overview: _Overviews, streams: Streams, door: Door) -
     return router
 
 
-def _turbines(store: Store, engine: Engine | None, newest: Newest, door: Door) -> APIRouter:
+def _turbines(store: Store, engine: PageEngine | None, newest: Newest, door: Door) -> APIRouter:
     """One turbine, now and over time."""
     router = APIRouter(prefix="/api/turbines/{turbine}", dependencies=[Depends(door)], responses=UNKNOWN)
 
@@ -231,7 +234,7 @@ def _turbines(store: Store, engine: Engine | None, newest: Newest, door: Door) -
     return router
 
 
-def _alarms(store: Store, engine: Engine | None, door: Door) -> APIRouter:
+def _alarms(store: Store, engine: PageEngine | None, door: Door) -> APIRouter:
     """Alarms, and their acknowledgement."""
     router = APIRouter(prefix="/api/alarms")
 

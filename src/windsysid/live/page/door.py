@@ -1,4 +1,4 @@
-"""Who asks: a token or a session at every request, and the login form."""
+"""Authentication of requests: tokens, sessions, and the login form."""
 
 from urllib.parse import parse_qs
 
@@ -6,7 +6,7 @@ from fastapi import APIRouter, HTTPException, Request
 from fastapi.responses import RedirectResponse
 
 from windsysid.live.page.access import COOKIE, SESSION_SECONDS, Access, Role
-from windsysid.live.page.guard import Buckets, Limits, client_of
+from windsysid.live.page.guard import Buckets, RequestLimits, client_of
 
 __all__ = ["Door"]
 
@@ -18,7 +18,7 @@ SEE_OTHER = 303
 class Door:
     """Finds out who asks; calling it is a dependency of FastAPI."""
 
-    def __init__(self, access: Access, limits: Limits) -> None:
+    def __init__(self, access: Access, limits: RequestLimits) -> None:
         self._access = access
         self._guesses = Buckets(limits.guesses / 60.0, limits.guesses, limits.clients)
 

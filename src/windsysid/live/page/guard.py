@@ -1,4 +1,4 @@
-"""What stands before the page: bounds of sizes and rates, foreign origins, headers that tell browsers what to refuse.
+"""Limits on requests to the page: sizes, rates, origins, and security headers.
 
 Nothing of a request is logged. A request beyond a bound gets a status and one line, before anything reads it.
 """
@@ -15,7 +15,7 @@ from starlette.requests import ClientDisconnect
 
 from windsysid.live.page.access import COOKIE, LOOPBACK, Access
 
-__all__ = ["Buckets", "Guard", "Limits", "client_of"]
+__all__ = ["Buckets", "RequestGuard", "RequestLimits", "client_of"]
 
 Message = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[Message]]
@@ -39,7 +39,7 @@ SAFE = ("GET", "HEAD", "OPTIONS")
 
 
 @dataclass(frozen=True)
-class Limits:
+class RequestLimits:
     """Bounds of what clients may ask.
 
     Attributes
@@ -92,10 +92,10 @@ class _TooLargeError(Exception):
     """A body that grew beyond its bound while it came."""
 
 
-class Guard:
+class RequestGuard:
     """ASGI middleware."""
 
-    def __init__(self, app: App, access: Access, limits: Limits) -> None:
+    def __init__(self, app: App, access: Access, limits: RequestLimits) -> None:
         self._app, self._access, self._limits = app, access, limits
         self._requests = Buckets(limits.rate, limits.burst, limits.clients)
 
@@ -137,18 +137,23 @@ class Guard:
         return None
 
     def _refusal(self, scope: Message) -> tuple[int, str] | None:
-        limits = self._limits
         if not self._is_within_rate(scope):
-            return 429, f"too many requests: expected {limits.rate:g} a second or fewer"
+            return 429, f"too many requests: expected {self._limits.rate:g} a second or fewer"
+        return self._size_refusal(scope) or self._content_refusal(scope)
+
+    def _size_refusal(self, scope: Message) -> tuple[int, str] | None:
+        limits = self._limits
         if len(scope.get("raw_path") or b"") + len(scope.get("query_string", b"")) > limits.address:
             return 414, f"address: expected {limits.address} bytes or less"
-        headers = scope["headers"]
-        if sum(len(name) + len(value) for name, value in headers) > limits.headers:
+        if sum(len(name) + len(value) for name, value in scope["headers"]) > limits.headers:
             return 431, f"headers: expected {limits.headers} bytes or less"
-        said = {name.lower(): value.decode("latin-1") for name, value in headers}
+        return None
+
+    def _content_refusal(self, scope: Message) -> tuple[int, str] | None:
+        said = {name.lower(): value.decode("latin-1") for name, value in scope["headers"]}
         length = said.get(b"content-length", "0")
-        if not length.isdecimal() or int(length) > limits.body:
-            return 413, f"body: expected {limits.body} bytes or less"
+        if not length.isdecimal() or int(length) > self._limits.body:
+            return 413, f"body: expected {self._limits.body} bytes or less"
         host = said.get(b"host", "")
         if not self._access.asked and _name(host) not in LOOPBACK:
             return 403, "host: expected localhost or 127.0.0.1: for another name, give the page tokens"

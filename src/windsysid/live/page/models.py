@@ -1,36 +1,15 @@
-"""What the API answers. Moments are milliseconds since 1970, UTC; whatever is not known is null."""
+"""Models of the answers of the API. Moments are milliseconds since 1970, UTC; whatever is not known is null."""
 
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, Field
 
 __all__ = [
-    "Acknowledgement",
-    "AlarmSeen",
-    "Changes",
-    "ChannelHealth",
-    "ChannelStatistics",
-    "Configuration",
-    "Detail",
-    "Excitation",
-    "FoundMode",
-    "Health",
-    "Levels",
-    "Loads",
-    "ModeTrack",
-    "Overview",
-    "Problem",
-    "Results",
-    "Series",
-    "Service",
-    "Share",
-    "Source",
-    "SourceStateName",
-    "TurbinePage",
-    "TurbineSummary",
-    "Verdict",
-    "WindowHealth",
-]
+    "Acknowledgement", "AlarmSeen", "BudgetShare", "ChannelHealth", "ChannelStatistics", "Configuration", "Detail",
+    "Excitation", "FoundMode", "Health", "JournalChanges", "Levels", "LoadTrack", "ModeTrack", "PageOverview",
+    "RequestProblem", "Results", "SeriesHistory", "Service", "SourceStateName", "SourceStatus", "TurbinePage",
+    "TurbineSummary", "Verdict", "WindowHealth",
+]  # fmt: skip
 
 Verdict = Literal["moved", "sensor", "silent", "unsure", "learning", "waiting", "steady"]
 """The answer to "is it as it was?", the worst first.
@@ -43,7 +22,7 @@ usual. ``waiting``: no window has ended yet. ``steady``: as it was.
 Numbers = list[float | None]
 
 
-class Problem(BaseModel):
+class RequestProblem(BaseModel):
     """Why a request was not answered."""
 
     detail: str
@@ -119,7 +98,7 @@ class Service(BaseModel):
     compiling: Annotated[bool, Field(description="a turbine's equations are being compiled: the estimate waits")]
 
 
-class Source(BaseModel):
+class SourceStatus(BaseModel):
     """Where samples come from, and how that goes."""
 
     name: Annotated[str, Field(description="what it reads from, without secrets")]
@@ -130,7 +109,7 @@ class Source(BaseModel):
     refusal: Annotated[str, Field(description="why the last one was refused; empty if none was")] = ""
 
 
-class Overview(BaseModel):
+class PageOverview(BaseModel):
     """All turbines, the worst first."""
 
     at: Annotated[float, Field(description="the service's clock")]
@@ -142,7 +121,7 @@ class Overview(BaseModel):
     store: Annotated[str, Field(description="why the store accepts no blocks; empty if it does")] = ""
     turbines: list[TurbineSummary]
     service: Service | None
-    sources: list[Source] = []
+    sources: list[SourceStatus] = []
 
 
 class FoundMode(BaseModel):
@@ -166,7 +145,7 @@ class Excitation(BaseModel):
     frequency: Annotated[float, Field(description="Hz")]
 
 
-class Share(BaseModel):
+class BudgetShare(BaseModel):
     """What makes a coefficient's band as wide as it is."""
 
     name: str
@@ -220,7 +199,7 @@ class Detail(BaseModel):
     formulation: str
     modes: list[FoundMode]
     excitations: list[Excitation]
-    budget: list[Share]
+    budget: list[BudgetShare]
     health: list[WindowHealth]
     channels: list[ChannelStatistics]
 
@@ -245,7 +224,7 @@ class TurbinePage(BaseModel):
     configurations: list[Configuration]
 
 
-class Series(BaseModel):
+class SeriesHistory(BaseModel):
     """A watched series; all lists are as long as `Levels.windows`."""
 
     name: str
@@ -266,7 +245,7 @@ class Levels(BaseModel):
     """Watched series of a turbine over time."""
 
     windows: Annotated[list[float], Field(description="begins of windows")]
-    series: list[Series]
+    series: list[SeriesHistory]
 
 
 class ModeTrack(BaseModel):
@@ -281,7 +260,7 @@ class ModeTrack(BaseModel):
     damping_ratio_high: Numbers
 
 
-class Loads(BaseModel):
+class LoadTrack(BaseModel):
     """A statistic of the loads over time, ±2σ; all lists are as long as `Results.windows`."""
 
     name: str
@@ -304,7 +283,7 @@ class Results(BaseModel):
     rotor_speed: Annotated[Numbers, Field(description="rad/s")]
     blades: Annotated[int | None, Field(description="of the rotor: 1P and its multiples are what excites")]
     modes: list[ModeTrack]
-    loads: list[Loads]
+    loads: list[LoadTrack]
 
 
 class Acknowledgement(BaseModel):
@@ -316,7 +295,7 @@ class Acknowledgement(BaseModel):
     remark: Annotated[str, Field(max_length=1000, pattern=r"^[^\x00-\x08\x0b-\x1f\x7f]*$")] = ""
 
 
-class Changes(BaseModel):
+class JournalChanges(BaseModel):
     """What changed since the last message: read again what you show of it."""
 
     turbines: Annotated[list[str], Field(description="whose status, health or results changed")]

@@ -9,7 +9,7 @@ from collections import deque
 from collections.abc import AsyncIterator
 
 from windsysid.errors import WindsysidError
-from windsysid.live.page.models import Changes
+from windsysid.live.page.models import JournalChanges
 from windsysid.live.store.contents import Event
 from windsysid.live.store.store import Store
 
@@ -68,7 +68,7 @@ class Streams:
             self._watcher.cancel()
             self._watcher = None
 
-    async def follow(self, after: int | None) -> AsyncIterator[tuple[int, Changes]]:
+    async def follow(self, after: int | None) -> AsyncIterator[tuple[int, JournalChanges]]:
         """What changed after an event, and the id of the last event told: a stream that was counted in."""
         await self._watch()
         told = self._last if after is None else min(after, self._last)
@@ -110,8 +110,8 @@ class Streams:
         waiting.set()
 
 
-def _changes(events: list[Event], missed: bool) -> Changes:
-    return Changes(
+def _changes(events: list[Event], missed: bool) -> JournalChanges:
+    return JournalChanges(
         turbines=sorted({event.turbine for event in events}),
         results=sorted({event.turbine for event in events if event.kind == "result"}),
         alarms=sorted({event.key for event in events if event.kind == "alarm"}),

@@ -1,4 +1,4 @@
-"""From the store's contents to what the API answers: no decision of the service is made here."""
+"""Conversion of the store's contents into the models of the API; no decision of the service is made here."""
 
 import math
 import time
@@ -7,31 +7,25 @@ from typing import Any
 
 import numpy as np
 
+from windsysid._types import Array
 from windsysid._version import __version__
 from windsysid.checks.conditioning import hold
 from windsysid.configuration import parse_toml
 from windsysid.errors import StoreError
+from windsysid.live.engine_state import PageEngine, TurbineState
 from windsysid.live.page import models
 from windsysid.live.page.newest import Newest
-from windsysid.live.page.states import Engine, TurbineState
 from windsysid.live.series_words import series_title
-from windsysid.live.sources.source import Source
-from windsysid.live.store.contents import Alarm, Health, Level, Result, Status
+from windsysid.live.sources.source import BlockSource
+from windsysid.live.store.contents import Alarm, Result, SensorHealth, SeriesLevel, Status
 from windsysid.live.store.store import Store
 from windsysid.mechanics.sensors import noise_source
 from windsysid.units import unit_text
 
 __all__ = [
-    "NS_PER_MS",
-    "alarm_seen",
-    "detail_of",
-    "levels_of",
-    "overview_of",
-    "results_of",
-    "sources_of",
-    "trouble_of",
+    "NS_PER_MS", "alarm_seen", "detail_of", "levels_of", "overview_of", "results_of", "sources_of", "trouble_of",
     "turbine_of",
-]
+]  # fmt: skip
 
 NS_PER_MS = 1_000_000
 
@@ -48,10 +42,10 @@ MULTIPLES = 4
 TWO_PI = 2.0 * math.pi
 
 
-def sources_of(sources: Iterable[Source]) -> list[models.Source]:
+def sources_of(sources: Iterable[BlockSource]) -> list[models.SourceStatus]:
     """How the sources are."""
     return [
-        models.Source(name=source.describe(), **source.state._asdict())  # a state is of one moment
+        models.SourceStatus(name=source.describe(), **source.state._asdict())  # a state is of one moment
         for source in sources
     ]
 
@@ -67,7 +61,7 @@ def trouble_of(store: Store) -> str:
     return ""
 
 
-def overview_of(store: Store, engine: Engine | None, newest: Newest, role: str, login: bool) -> models.Overview:
+def overview_of(store: Store, engine: PageEngine | None, newest: Newest, role: str, login: bool) -> models.PageOverview:
     """All turbines, the worst first."""
     event = store.last_event()
     state = None if engine is None else engine.state()
@@ -88,37 +82,38 @@ def overview_of(store: Store, engine: Engine | None, newest: Newest, role: str, 
         service = models.Service(
             blocks_per_second=_number(state.rate), cost_per_sample=_number(cost), compiling=state.compiling
         )
-    return models.Overview(
+    return models.PageOverview(
         at=_now(), event=event, role="operator" if role == "operator" else "reader", login=login,
         version=__version__, turbines=summaries, service=service,
     )  # fmt: skip
 
 
-def turbine_of(store: Store, engine: Engine | None, newest: Newest, name: str) -> models.TurbinePage:
+def turbine_of(store: Store, engine: PageEngine | None, newest: Newest, name: str) -> models.TurbinePage:
     """What is known of a turbine now; KeyError where there is none of this name."""
     event = store.last_event()
     state = {} if engine is None else engine.state().turbines
     if name not in state and name not in store.turbines():
         raise KeyError(name)
-    status = next((one for one in store.statuses() if one.turbine == name), None)
+    status = {one.turbine: one for one in store.statuses()}.get(name)
     healths = store.healths(name)
     alarms = store.alarms(turbine=name, open_only=True)
     result = newest.of([name])[name]
     configurations = store.configurations(name)
+    window = configurations[0]["tables"].get("window") if configurations else None
     return models.TurbinePage(
         at=_now(), event=event,
         summary=_summary(name, status, healths, alarms, result, state),
-        counts={} if status is None else dict(status.counts),
+        counts=dict(status.counts) if status is not None else {},
         channels=[_channel(health) for health in healths],
         newest=None if result is None else detail_of(result),
-        window_length=_number(configurations[0]["tables"].get("window")) if configurations else None,
+        window_length=_number(window),
         configurations=[
             models.Configuration(at=_ms(one["at"]), settings=str(one["settings"])) for one in configurations
         ],
     )  # fmt: skip
 
 
-def levels_of(found: Sequence[tuple[int, Level]]) -> models.Levels:
+def levels_of(found: Sequence[tuple[int, SeriesLevel]]) -> models.Levels:
     """Levels as columns: windows that a series has no level of have null."""
     windows = sorted({window for window, _ in found})
     at = {window: i for i, window in enumerate(windows)}
@@ -126,7 +121,7 @@ def levels_of(found: Sequence[tuple[int, Level]]) -> models.Levels:
         "estimate", "low", "high", "level", "level_low", "level_high", "statistic", "limit",
     )  # fmt: skip
     columns: dict[str, dict[str, list[float | None]]] = {}
-    shown: dict[str, Level] = {}
+    shown: dict[str, SeriesLevel] = {}
     for window, level in found:
         if level.name not in columns:
             columns[level.name] = {field: [None] * len(windows) for field in fields}
@@ -136,7 +131,7 @@ def levels_of(found: Sequence[tuple[int, Level]]) -> models.Levels:
     return models.Levels(
         windows=[_ms(window) for window in windows],
         series=[
-            models.Series(
+            models.SeriesHistory(
                 name=name, title=series_title(name, level.kind), unit=unit_text(level.unit), kind=level.kind,
                 **columns[name],
             )
@@ -151,9 +146,9 @@ def results_of(results: Sequence[Result]) -> models.Results:
     return models.Results(
         windows=[_ms(result.window) for result in results],
         until=[_ms(result.until) for result in results],
-        status=[str(row.get("status") or "") for row in rows],
+        status=[_text(row, "status") for row in rows],
         trusted=[row.get("trusted") for row in rows],
-        state=[str(row.get("state") or "unknown") for row in rows],
+        state=[_text(row, "state", "unknown") for row in rows],
         why=["; ".join(_reasons(row)) for row in rows],
         rotor_speed=[_number(row.get("rotor_speed")) for row in rows],
         blades=_blades(rows[-1]) if rows else None,
@@ -168,20 +163,20 @@ def detail_of(result: Result) -> models.Detail:
     excitations = _excitations(row)
     return models.Detail(
         window=_ms(result.window), until=_ms(result.until),
-        status=str(row.get("status") or ""), why=str(row.get("why") or ""), trusted=row.get("trusted"),
+        status=_text(row, "status"), why=_text(row, "why"), trusted=row.get("trusted"),
         reasons=_texts(row, "reasons"), remarks=_texts(row, "remarks"), notes=_texts(row, "notes"),
-        state=str(row.get("state") or "unknown"), rotor_speed=_number(row.get("rotor_speed")),
-        rate=_number(row.get("rate")), samples=row.get("samples"), formulation=str(row.get("formulation") or ""),
+        state=_text(row, "state", "unknown"), rotor_speed=_number(row.get("rotor_speed")),
+        rate=_number(row.get("rate")), samples=row.get("samples"), formulation=_text(row, "formulation"),
         modes=[_mode(mode, excitations) for mode in _rows(row, "modes")],
         excitations=excitations,
         budget=_budget(row),
         health=[
-            models.WindowHealth(**{key: str(one.get(key) or "") for key in ("channel", "kind", "severity", "text")})
+            models.WindowHealth(**{key: _text(one, key) for key in ("channel", "kind", "severity", "text")})
             for one in _rows(row, "health")
         ],
         channels=[
             models.ChannelStatistics(
-                channel=str(one["name"]), unit=unit_text(str(one.get("unit") or "")),
+                channel=str(one["name"]), unit=unit_text(_text(one, "unit")),
                 **{key: _number(one.get(key)) for key in ("mean", "std", "missing")},
             )
             for one in _rows(row, "channels")
@@ -202,7 +197,7 @@ def alarm_seen(alarm: Alarm) -> models.AlarmSeen:
 def _summary(
     name: str,
     status: Status | None,
-    healths: Iterable[Health],
+    healths: Iterable[SensorHealth],
     alarms: Iterable[Alarm],
     result: Result | None,
     engine: Mapping[str, TurbineState],
@@ -210,63 +205,57 @@ def _summary(
     row: Mapping[str, Any] = {} if result is None else result.row
     seen = sorted((alarm_seen(alarm) for alarm in alarms), key=_alarm_order)
     faults = [_channel(health) for health in healths if health.state != "good"]
+    known = status or Status(name, {}, 0, 0, "waiting", None, {})
     state = engine.get(name)
-    behind = None if state is None else _number(state.behind)
-    verdict, answer = _verdict(seen, faults, status, 0 if state is None else state.windows, result)
+    waiting, behind = (None, None) if state is None else (state.windows, _number(state.behind))
+    window, until = (None, None) if result is None else (_ms(result.window), _ms(result.until))
+    verdict, answer = _verdict_of_alarms(seen, faults, status) or _verdict_of_result(status, waiting, result)
     return models.TurbineSummary(
-        name=name, verdict=verdict, answer=answer,
-        state="waiting" if status is None else status.state,
-        rotor_speed=None if status is None else _number(status.rotor_speed),
-        stream=None if status is None or not status.stream else _ms(status.stream),
-        received=None if status is None or not status.received else _ms(status.received),
-        window=None if result is None else _ms(result.window),
-        until=None if result is None else _ms(result.until),
-        trusted=None if result is None else row.get("status") == "ok" and bool(row.get("trusted")),
-        reasons=_reasons(row),
-        windows_waiting=None if state is None else state.windows,
-        behind=behind, alarms=seen, faults=faults,
+        name=name, verdict=verdict, answer=answer, state=known.state, rotor_speed=_number(known.rotor_speed),
+        stream=_ms_or_none(known.stream), received=_ms_or_none(known.received), window=window, until=until,
+        trusted=_trusted(result), reasons=_reasons(row), windows_waiting=waiting, behind=behind, alarms=seen,
+        faults=faults,
     )  # fmt: skip
 
 
-def _verdict(
-    alarms: Sequence[models.AlarmSeen],
-    faults: Sequence[models.ChannelHealth],
-    status: Status | None,
-    waiting: int,
-    result: Result | None,
-) -> tuple[models.Verdict, str]:
-    """The worst that is known of a turbine, and a sentence that says it."""
-    first = {kind: next((alarm for alarm in alarms if alarm.kind == kind), None) for kind in _ALARM_KINDS}
-    if (moved := first["structure"]) is not None:
-        return "moved", moved.text
-    if (sensor := first["sensor"]) is not None:
-        return "sensor", sensor.text
+def _trusted(result: Result | None) -> bool | None:
+    return None if result is None else result.row.get("status") == "ok" and bool(result.row.get("trusted"))
+
+
+def _verdict_of_alarms(
+    alarms: Sequence[models.AlarmSeen], faults: Sequence[models.ChannelHealth], status: Status | None
+) -> tuple[models.Verdict, str] | None:
+    """The worst that alarms and sensors say of a turbine, and a sentence that says it; None where all is well."""
+    first = {alarm.kind: alarm.text for alarm in reversed(alarms)}
+    if "structure" in first:
+        return "moved", first["structure"]
+    if "sensor" in first:
+        return "sensor", first["sensor"]
     if faults:
         return "sensor", faults[0].text or f"{faults[0].channel}: {faults[0].state}"
-    if (data := first["data"]) is not None:
-        return "silent", data.text
+    if "data" in first:
+        return "silent", first["data"]
     if status is not None and status.state == "silent":
         return "silent", "No samples come: see the logger and the link."
+    return None
+
+
+def _verdict_of_result(status: Status | None, waiting: int | None, result: Result | None) -> tuple[models.Verdict, str]:
+    """What the newest result says of a turbine without alarms, or why there is none."""
     if result is None:
         if status is None:
             return "waiting", "Nothing has come yet: estimates begin when the first window of samples has ended."
         if waiting:
             return "waiting", f"The first estimates are being worked out: windows that wait: {waiting}."
         return "waiting", "Samples come: the first estimate is there soon after the first window has ended."
+    why = "; ".join(_reasons(result.row)) or "no reason is known"
     if result.row.get("status") != "ok":
-        return (
-            "unsure",
-            f"The newest window has no estimate: {'; '.join(_reasons(result.row)) or 'no reason is known'}.",
-        )
+        return "unsure", f"The newest window has no estimate: {why}."
     if not result.row.get("trusted"):
-        why = "; ".join(_reasons(result.row)) or "no reason is known"
         return "unsure", f"The newest estimate is not to be trusted: {why}."
     if not any(level.statistic > 0.0 for level in result.levels):
         return "learning", "Nothing is watched yet: the service learns what is usual here."
     return "steady", "As it was: nothing moved beyond what is usual."
-
-
-_ALARM_KINDS = ("structure", "sensor", "data")
 
 
 def _how_bad(summary: models.TurbineSummary) -> tuple[int, bool, int, str]:
@@ -280,7 +269,7 @@ def _alarm_order(alarm: models.AlarmSeen) -> tuple[bool, int, float]:
     return alarm.acknowledged is not None, SEVERITIES.index(alarm.severity), -alarm.opened
 
 
-def _channel(health: Health) -> models.ChannelHealth:
+def _channel(health: SensorHealth) -> models.ChannelHealth:
     return models.ChannelHealth(channel=health.channel, state=health.state, since=_ms(health.since), text=health.text)
 
 
@@ -297,7 +286,7 @@ def _mode(mode: Mapping[str, Any], excitations: Sequence[models.Excitation]) -> 
     if frequency and excitations:
         at = min(excitations, key=lambda one: abs(one.frequency - frequency))
         nearest, distance = at.name, (frequency - at.frequency) / frequency
-    return models.FoundMode(name=str(mode.get("name") or ""), **values, nearest=nearest, distance=distance)
+    return models.FoundMode(name=_text(mode, "name"), **values, nearest=nearest, distance=distance)
 
 
 _MODE_NUMBERS = (
@@ -317,7 +306,7 @@ def _excitations(row: Mapping[str, Any]) -> list[models.Excitation]:
 def _blades(row: Mapping[str, Any]) -> int | None:
     """The number of blades in the turbine file that a row keeps."""
     try:
-        blades = parse_toml(str(row.get("turbine_file") or ""))["model"]["blades"]
+        blades = parse_toml(_text(row, "turbine_file"))["model"]["blades"]
     except (KeyError, TypeError, ValueError):
         return None
     return blades if isinstance(blades, int) else None
@@ -328,10 +317,10 @@ def _modes_over_time(rows: Sequence[Mapping[str, Any]]) -> list[models.ModeTrack
     return [models.ModeTrack(name=name, **found) for name, (found, _) in columns.items()]
 
 
-def _loads_over_time(rows: Sequence[Mapping[str, Any]]) -> list[models.Loads]:
+def _loads_over_time(rows: Sequence[Mapping[str, Any]]) -> list[models.LoadTrack]:
     columns = _over_time(rows, "statistics", ("estimate", "low", "high"))
     return [
-        models.Loads(name=name, title=name.replace("_", " "), unit=unit_text(str(first.get("unit") or "")), **found)
+        models.LoadTrack(name=name, title=name.replace("_", " "), unit=unit_text(_text(first, "unit")), **found)
         for name, (found, first) in columns.items()
         if not noise_source(name)
     ]
@@ -344,7 +333,7 @@ def _over_time(
     found: dict[str, tuple[dict[str, list[float | None]], Mapping[str, Any]]] = {}
     for i, row in enumerate(rows):
         for entry in _rows(row, column):
-            name = str(entry.get("name") or "")
+            name = _text(entry, "name")
             if name not in found:
                 found[name] = {field: [None] * len(rows) for field in fields}, entry
             for field in fields:
@@ -352,16 +341,11 @@ def _over_time(
     return found
 
 
-def _budget(row: Mapping[str, Any]) -> list[models.Share]:
+def _budget(row: Mapping[str, Any]) -> list[models.BudgetShare]:
     """What makes the bands as wide as they are, from the row's covariance of all unknowns."""
-    parameters, triangle = _rows(row, "parameters"), row.get("covariance") or []
-    n, count = len(parameters), round((math.sqrt(8 * len(triangle) + 1) - 1) / 2)
-    if not n or count < n or count * (count + 1) // 2 != len(triangle):
-        return []
-    cov = np.zeros((count, count))
-    cov[np.tril_indices(count)] = triangle
-    cov += np.tril(cov, -1).T
-    if not np.isfinite(cov).all():
+    parameters, cov = _rows(row, "parameters"), _covariance(row)
+    n, count = len(parameters), len(cov)
+    if not 0 < n <= count:
         return []
     first = min(n + len(_rows(row, "statistics")), count)
     held = {
@@ -370,8 +354,8 @@ def _budget(row: Mapping[str, Any]) -> list[models.Share]:
     }
     rest = hold(np.zeros(count), cov, list(range(n, count)))[1]
     return [
-        models.Share(
-            name=str(one["name"]), title=series_title(str(one["name"])), unit=unit_text(str(one.get("unit") or "")),
+        models.BudgetShare(
+            name=str(one["name"]), title=series_title(str(one["name"])), unit=unit_text(_text(one, "unit")),
             **{key: _number(one.get(key)) for key in ("estimate", "low", "high")},
             informed=_number(one.get("informed_by_data")),
             **{cause: _number(1.0 - known[i, i] / cov[i, i]) for cause, known in held.items()},
@@ -380,6 +364,18 @@ def _budget(row: Mapping[str, Any]) -> list[models.Share]:
         for i, one in enumerate(parameters)
         if cov[i, i] > 0.0
     ]  # fmt: skip
+
+
+def _covariance(row: Mapping[str, Any]) -> Array:
+    """Covariance (n, n) of all unknowns from its lower triangle; (0, 0) where it is none."""
+    triangle = row.get("covariance") or []
+    count = round((math.sqrt(8 * len(triangle) + 1) - 1) / 2)
+    if count * (count + 1) // 2 != len(triangle):
+        return np.empty((0, 0))
+    cov = np.zeros((count, count))
+    cov[np.tril_indices(count)] = triangle
+    cov += np.tril(cov, -1).T
+    return cov if np.isfinite(cov).all() else np.empty((0, 0))
 
 
 def _by_turbine(found: Iterable[Any]) -> dict[str, list[Any]]:
@@ -391,6 +387,10 @@ def _by_turbine(found: Iterable[Any]) -> dict[str, list[Any]]:
 
 def _rows(row: Mapping[str, Any], key: str) -> list[Mapping[str, Any]]:
     return list(row.get(key) or ())
+
+
+def _text(row: Mapping[str, Any], key: str, default: str = "") -> str:
+    return str(row.get(key) or default)
 
 
 def _texts(row: Mapping[str, Any], key: str) -> list[str]:
@@ -410,7 +410,8 @@ def _ms(ns: int) -> float:
 
 
 def _ms_or_none(ns: int | None) -> float | None:
-    return None if ns is None else _ms(ns)
+    """None where there was none yet, which is 0 in the store."""
+    return _ms(ns) if ns else None
 
 
 def _now() -> float:

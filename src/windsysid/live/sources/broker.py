@@ -1,4 +1,4 @@
-"""How an MQTT 5 broker is reached, and which topics and marks blocks have there.
+"""Connection to an MQTT 5 broker, and the topics and properties of blocks there.
 
 Blocks come on one topic of each turbine, ``windsysid/<turbine>/blocks``. Beside it the service publishes
 ``windsysid/<turbine>/committed`` (retained: the number of the newest block up to which all are on its disk, as text; of
@@ -18,16 +18,8 @@ from windsysid.errors import ConfigurationError
 from windsysid.live.source_settings import Broker
 
 __all__ = [
-    "LONGEST_PAYLOAD",
-    "TOPIC",
-    "Marks",
-    "Topics",
-    "connect",
-    "marks_of",
-    "needed",
-    "new_client",
-    "properties_of",
-]
+    "LONGEST_PAYLOAD", "TOPIC", "Marks", "Topics", "connect", "marks_of", "needed", "new_client", "properties_of",
+]  # fmt: skip
 
 TOPIC = "windsysid/{turbine}/blocks"
 """Of blocks."""

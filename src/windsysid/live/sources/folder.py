@@ -2,9 +2,7 @@
 
 import asyncio
 import logging
-from collections import deque
-from collections.abc import Iterator
-from concurrent.futures import Future
+from collections.abc import Container, Iterator
 from dataclasses import replace
 from fnmatch import fnmatch
 from pathlib import Path
@@ -14,9 +12,8 @@ import numpy as np
 
 from windsysid.errors import RecordError, WindsysidError
 from windsysid.live.block import Block
-from windsysid.live.codec import BlockRefused
 from windsysid.live.sources.cutting import begin_of, blocks_of
-from windsysid.live.sources.source import Push, SourceState, stopped_within
+from windsysid.live.sources.source import Commits, Push, SourceState, refuse, stopped_within
 from windsysid.records.formats import iterate_record
 from windsysid.records.formats.mapping import Mapping
 from windsysid.records.record import Record
@@ -33,9 +30,6 @@ BLOCK = 10.0
 
 _PIECE = 600.0
 """Of a file that is in memory at once [s]."""
-
-_AHEAD = 32
-"""Blocks that wait for their commit at most."""
 
 
 class _Face(NamedTuple):
@@ -64,12 +58,7 @@ class FolderSource:
     """
 
     def __init__(
-        self,
-        path: str | Path,
-        turbine: str,
-        *,
-        pattern: str = "*",
-        mapping: str | Path | Mapping | None = None,
+        self, path: str | Path, turbine: str, *, pattern: str = "*", mapping: str | Path | Mapping | None = None
     ) -> None:
         self.path, self.turbine, self.pattern, self.mapping = Path(path), turbine, pattern, mapping
         self.state = SourceState()
@@ -89,7 +78,7 @@ class FolderSource:
                 try:
                     await self._take(path, push, stop)
                 except _UnreadableError as error:
-                    self._refuse(str(error))
+                    refuse(self, str(error))
                 except BaseException:  # the store failed or the service ends: the file is read again later
                     self._until.pop(path, None)
                     if until is not None:
@@ -104,56 +93,40 @@ class FolderSource:
     def _complete(self) -> list[tuple[Path, _Face]]:
         """Files that are new or changed since they were taken, and did not change since the last look."""
         try:
-            names = sorted(self.path.iterdir())
-            if self.state.state in ("waiting", "trying"):
-                self.state = self.state._replace(state="running", text="")
+            found = {path: face for path in self._listed() if (face := _face(path)) is not None}
         except OSError as error:
-            if self.state.state != "trying":
-                logger.warning("%s: %s; trying again", self.describe(), error.strerror or error)
-            self.state = self.state._replace(state="trying", text=str(error.strerror or error))
+            self._cannot_look(error)
             return []
-        found: dict[Path, _Face] = {}
-        for path in names:
-            if path.name.startswith(".") or not fnmatch(path.name, self.pattern):
-                continue
-            try:
-                about = path.stat()
-            except OSError:  # it was taken away meanwhile
-                continue
-            if path.is_file() and about.st_size:
-                found[path] = _Face(about.st_size, about.st_mtime_ns)
+        if self.state.state in ("waiting", "trying"):
+            self.state = self.state._replace(state="running", text="")
         before, self._seen = self._seen, found
+        self._forget_others(found)
+        complete = (one for one in found.items() if one in before.items())
+        return [(path, face) for path, face in complete if self._taken.get(path) != face]
+
+    def _forget_others(self, found: Container[Path]) -> None:
+        """Forget files that are not there any more."""
         for known in (self._taken, self._until):
             for path in [path for path in known if path not in found]:
                 known.pop(path)
-        return [
-            (path, face) for path, face in found.items() if before.get(path) == face and self._taken.get(path) != face
-        ]
+
+    def _cannot_look(self, error: OSError) -> None:
+        why = str(error.strerror or error)
+        if self.state.state != "trying":
+            logger.warning("%s: %s; trying again", self.describe(), why)
+        self.state = self.state._replace(state="trying", text=why)
+
+    def _listed(self) -> list[Path]:
+        """Paths of the folder whose names fit, in their order."""
+        names = (path for path in self.path.iterdir() if not path.name.startswith("."))
+        return sorted(path for path in names if fnmatch(path.name, self.pattern))
 
     async def _take(self, path: Path, push: Push, stop: asyncio.Event) -> None:
-        waiting: deque[asyncio.Future[None]] = deque()
+        commits = Commits(self, f"{path.name}: ")
         blocks = self._blocks(path)
         while not stop.is_set() and (block := await asyncio.to_thread(_next, blocks, path.name)) is not None:
-            try:
-                future: Future[None] = await asyncio.to_thread(push, block)
-                waiting.append(asyncio.wrap_future(future))
-            except BlockRefused as error:
-                self._refuse(f"{path.name}: {error}")
-            while len(waiting) >= _AHEAD:
-                await self._committed(path, waiting.popleft())
-        while waiting:
-            await self._committed(path, waiting.popleft())
-
-    async def _committed(self, path: Path, future: asyncio.Future[None]) -> None:
-        try:
-            await future
-            self.state = self.state._replace(blocks=self.state.blocks + 1)
-        except BlockRefused as error:
-            self._refuse(f"{path.name}: {error}")
-
-    def _refuse(self, why: str) -> None:
-        logger.warning("%s: %s", self.describe(), why)
-        self.state = self.state.with_refusal(why)
+            await commits.push(push, block)
+        await commits.finish()
 
     def _blocks(self, path: Path) -> Iterator[Block]:
         until = self._until.get(path)
@@ -168,6 +141,15 @@ class FolderSource:
             if fresh is not None:
                 yield from blocks_of(fresh, self.turbine, begin, seconds=BLOCK)
                 self._until[path] = float(fresh.time[-1])
+
+
+def _face(path: Path) -> _Face | None:
+    """What a file looks like; None where it is empty, no file, or was taken away meanwhile."""
+    try:
+        about = path.stat()
+    except OSError:
+        return None
+    return _Face(about.st_size, about.st_mtime_ns) if path.is_file() and about.st_size else None
 
 
 class _UnreadableError(RecordError):

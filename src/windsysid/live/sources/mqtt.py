@@ -17,7 +17,7 @@ from concurrent.futures import Future
 from typing import Any
 
 from windsysid.live.block import Block
-from windsysid.live.codec import BlockRefused, Limits, decode, refusing
+from windsysid.live.codec import BlockLimits, BlockRefused, decode, refusing
 from windsysid.live.source_settings import Broker
 from windsysid.live.sources.broker import LONGEST_PAYLOAD, TOPIC, Marks, Topics, connect, marks_of, new_client
 from windsysid.live.sources.source import Push, SourceState, retries, stopped_within
@@ -264,7 +264,7 @@ class _Session:
         try:
             with refusing("read"):
                 marks = marks_of(message)
-                block = decode(message.payload, turbine=turbine, limits=Limits(payload=LONGEST_PAYLOAD))
+                block = decode(message.payload, turbine=turbine, limits=BlockLimits(payload=LONGEST_PAYLOAD))
             future = self._push(block)
         except BlockRefused as error:
             self._refuse(message, turbine, marks, str(error))

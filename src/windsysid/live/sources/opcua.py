@@ -10,7 +10,7 @@ import contextlib
 import logging
 import math
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ from windsysid.live.block import Block
 from windsysid.live.codec import BlockRefused
 from windsysid.live.source_settings import Certificates
 from windsysid.live.sources.broker import needed
-from windsysid.live.sources.source import Push, SourceState, retries, stopped_within
+from windsysid.live.sources.source import Push, SourceState, refuse, retries, stopped_within
 from windsysid.live.toml_table import Secret
 
 __all__ = ["OpcuaSource"]
@@ -185,8 +185,7 @@ class OpcuaSource:
                     await asyncio.wrap_future(await asyncio.to_thread(push, block))
                     self.state = self.state._replace(blocks=self.state.blocks + 1)
                 except BlockRefused as error:
-                    logger.warning("%s: block refused: %s", self.describe(), error)
-                    self.state = self.state.with_refusal(str(error))
+                    refuse(self, str(error))
                 except Exception as error:
                     logger.warning("%s: block not committed: %s; trying again", self.describe(), error)
                     continue
@@ -222,18 +221,20 @@ async def _secure(client: Any, files: Certificates) -> None:
         ) from None
     client.application_uri = _application_uri(own) or client.application_uri
     encrypted = ua.MessageSecurityMode.SignAndEncrypt
-    offers = {
-        offer.SecurityPolicyUri: offer.ServerCertificate
-        for offer in await client.connect_and_get_server_endpoints()
-        if offer.SecurityMode == encrypted
-    }
-    policies = [getattr(security_policies, f"SecurityPolicy{name}") for name in POLICIES]
-    policy = next((policy for policy in policies if policy.URI in offers), None)
+    endpoints = await client.connect_and_get_server_endpoints()
+    offers = {one.SecurityPolicyUri: one.ServerCertificate for one in endpoints if one.SecurityMode == encrypted}
+    policy = _strongest(security_policies, offers)
     if policy is None:
         raise ConnectionError(f"the server offers no encryption that is safe: expected one of {', '.join(POLICIES)}")
     if not offers[policy.URI].startswith(uacrypto.der_from_x509(theirs)):
         raise ConnectionError("the server's certificate is not server_certificate: another server, or a renewed one")
     await client.set_security(policy, certificate, key, server_certificate=server, mode=encrypted)
+
+
+def _strongest(known: Any, offers: Container[str]) -> Any:
+    """The first of `POLICIES` whose address is offered; None without one."""
+    policies = (getattr(known, f"SecurityPolicy{name}") for name in POLICIES)
+    return next((policy for policy in policies if policy.URI in offers), None)
 
 
 def _application_uri(certificate: Any) -> str:

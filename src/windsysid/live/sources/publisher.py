@@ -15,6 +15,7 @@ import random
 import threading
 import time
 from collections import deque
+from collections.abc import Iterable
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -32,7 +33,7 @@ from windsysid.live.sources.broker import (
     new_client,
     properties_of,
 )
-from windsysid.live.sources.ring import Flow, Packed, Ring
+from windsysid.live.sources.ring import Flow, PackedBlock, Ring
 from windsysid.live.turns import ShortTurns
 
 __all__ = ["Publisher"]
@@ -154,22 +155,19 @@ class Publisher:
         """
         for block in blocks:
             check(block)  # what the service could never take is not worth a place in the buffer
-        packed = [(Flow(block.turbine, block.stream), Packed(block.sequence, encode_arrow(block))) for block in blocks]
+        packed = [
+            (Flow(block.turbine, block.stream), PackedBlock(block.sequence, encode_arrow(block))) for block in blocks
+        ]
         longest = max((len(one.payload) for _, one in packed), default=0)
         if longest > LONGEST_PAYLOAD:
             raise BlockRefused(f"block of {longest} bytes: expected {LONGEST_PAYLOAD} at most; send shorter blocks")
         with self._changed:
-            new = []
-            newest = dict(self._newest)
-            for flow, one in packed:
-                if flow not in newest or one.sequence > newest[flow]:
-                    newest[flow] = one.sequence
-                    new.append((flow, one))
+            new, newest = self._new(packed)
             if not new:
                 return 0
             dropped = self.ring.put(new)
             self._newest = newest
-            for flow in {flow for flow, _ in new}:
+            for flow, _ in new:
                 self._open(flow)
                 self._due[flow] = None
             self._changed.notify_all()
@@ -177,6 +175,17 @@ class Publisher:
             self.dropped += dropped
             logger.warning("buffer full: %d blocks dropped, the oldest (%d in all)", dropped, self.dropped)
         return len(new)
+
+    def _new(
+        self, packed: Iterable[tuple[Flow, PackedBlock]]
+    ) -> tuple[list[tuple[Flow, PackedBlock]], dict[Flow, int]]:
+        """Blocks with a higher number than all before of their flow, and the newest numbers with them."""
+        new, newest = [], dict(self._newest)
+        for flow, one in packed:
+            if flow not in newest or one.sequence > newest[flow]:
+                newest[flow] = one.sequence
+                new.append((flow, one))
+        return new, newest
 
     def wait(self, timeout: float | None = None, *, room: int | None = None) -> bool:
         """Wait until everything is committed, or the buffer has `room` [bytes]; False after `timeout` [s]."""

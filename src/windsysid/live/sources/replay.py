@@ -2,29 +2,22 @@
 
 import asyncio
 import itertools
-import logging
 import time
 from collections import deque
 from collections.abc import Iterator
 from pathlib import Path
 
 from windsysid.live.block import Block
-from windsysid.live.codec import BlockRefused
 from windsysid.live.sources.cutting import SECOND, begin_of, blocks_of
-from windsysid.live.sources.source import Push, SourceState, stopped_within
+from windsysid.live.sources.source import Commits, Push, SourceState, stopped_within
 from windsysid.records.formats import iterate_record
 from windsysid.records.formats.mapping import Mapping
 from windsysid.records.record import Record
 
 __all__ = ["Replay", "begin_or_now", "paced", "record_blocks"]
 
-logger = logging.getLogger(__name__)
-
 _PIECE = 600.0
 """Of a file that is in memory at once [s]."""
-
-_AHEAD = 32
-"""Blocks that wait for their commit at most."""
 
 
 class Replay:
@@ -83,7 +76,7 @@ class Replay:
             self.record, self.turbine, begin, seconds=self.seconds, stream=self.stream, mapping=self.mapping
         )
         self.state = self.state._replace(state="running")
-        waiting: deque[asyncio.Future[None]] = deque()  # commits of blocks, in the order of the blocks
+        commits = Commits(self)
         began = first = None
         while (block := await asyncio.to_thread(next, blocks, None)) is not None and not stop.is_set():
             if began is None or first is None:
@@ -91,26 +84,9 @@ class Replay:
             due = began + _due(block, first) / self.speed if self.speed else 0.0
             if self.speed and await stopped_within(stop, due - time.monotonic()):
                 break
-            try:
-                waiting.append(asyncio.wrap_future(await asyncio.to_thread(push, block)))
-            except BlockRefused as error:
-                self._refused(error)
-            while len(waiting) >= _AHEAD or (waiting and waiting[0].done()):
-                await self._committed(waiting.popleft())
-        while waiting:
-            await self._committed(waiting.popleft())
+            await commits.push(push, block)
+        await commits.finish()
         self.state = self.state._replace(state="ended")
-
-    async def _committed(self, future: asyncio.Future[None]) -> None:
-        try:
-            await future
-            self.state = self.state._replace(blocks=self.state.blocks + 1)
-        except BlockRefused as error:
-            self._refused(error)
-
-    def _refused(self, error: BlockRefused) -> None:
-        logger.warning("%s: block refused: %s", self.describe(), error)
-        self.state = self.state.with_refusal(str(error))
 
 
 def paced(blocks: Iterator[Block], speed: float) -> Iterator[Block]:

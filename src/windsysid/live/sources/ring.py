@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from windsysid.errors import OutputError
 
-__all__ = ["Flow", "Packed", "Ring"]
+__all__ = ["Flow", "PackedBlock", "Ring"]
 
 _APPLICATION = 0x77736272
 """Marks the file as ours: SQLite's application_id."""
@@ -29,7 +29,7 @@ class Flow(NamedTuple):
     stream: str
 
 
-class Packed(NamedTuple):
+class PackedBlock(NamedTuple):
     """A block as bytes, with its number."""
 
     sequence: int
@@ -82,7 +82,7 @@ class Ring:
         rows = self._ask("SELECT turbine, stream, newest FROM flow")
         return {Flow(turbine, stream): newest for turbine, stream, newest in rows}
 
-    def put(self, blocks: Iterable[tuple[Flow, Packed]]) -> int:
+    def put(self, blocks: Iterable[tuple[Flow, PackedBlock]]) -> int:
         """Keep blocks, all or none; how many old ones were dropped for them. One that is there is left as it is."""
         with self._lock:
             self._begin()
@@ -129,14 +129,14 @@ class Ring:
                 raise self._failed(error) from None
             self._blocks, self._bytes = self._blocks - count, self._bytes - size
 
-    def after(self, flow: Flow, sequence: int | None, most: int) -> list[Packed]:
+    def after(self, flow: Flow, sequence: int | None, most: int) -> list[PackedBlock]:
         """The next blocks of a flow behind a number, or its first ones."""
         rows = self._ask(
             "SELECT sequence, payload FROM block WHERE turbine = ? AND stream = ? AND sequence > ?"
             " ORDER BY sequence LIMIT ?",
             (*flow, -(2**63) if sequence is None else sequence, most),
         )
-        return [Packed(number, payload) for number, payload in rows]
+        return [PackedBlock(number, payload) for number, payload in rows]
 
     def holds(self, flow: Flow, sequence: int) -> bool:
         """Whether a block is kept."""

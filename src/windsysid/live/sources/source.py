@@ -1,16 +1,19 @@
-"""What every source does: it brings blocks until it is told to stop, and lets go of none before it is committed."""
+"""Protocol of sources of blocks, and the queue of blocks that are not committed yet."""
 
 import asyncio
 import contextlib
+import logging
 import random
+from collections import deque
 from collections.abc import AsyncIterator, Callable
 from concurrent.futures import Future
 from typing import NamedTuple, Protocol
 
 from windsysid.live.block import Block
+from windsysid.live.codec import BlockRefused
 from windsysid.live.limits import one_line
 
-__all__ = ["Push", "Source", "SourceState", "retries", "stopped_within"]
+__all__ = ["BlockSource", "Commits", "Push", "SourceState", "refuse", "retries", "stopped_within"]
 
 Push = Callable[[Block], Future[None]]
 """Takes a block in: the future ends when it is committed. It may wait, and goes with any thread."""
@@ -48,14 +51,13 @@ class SourceState(NamedTuple):
         return self._replace(refused=self.refused + 1, refusal=one_line(why))
 
 
-class Source(Protocol):
+class BlockSource(Protocol):
     """Brings blocks of one turbine or of many."""
 
     state: SourceState
 
     def describe(self) -> str:
         """What it reads from, in a few words without secrets."""
-        ...
 
     async def run(self, push: Push, stop: asyncio.Event) -> None:
         """Bring blocks until `stop` is set or there are no more.
@@ -63,7 +65,56 @@ class Source(Protocol):
         What cannot be reached is tried again by the source itself; an error that comes out of here is one that trying
         again does not mend.
         """
-        ...
+
+
+AHEAD = 32
+"""Blocks that wait for their commit at most."""
+
+_log = logging.getLogger(__name__)
+
+
+def refuse(source: BlockSource, why: str) -> None:
+    """Log and count a block, message or file that a source can never take."""
+    _log.warning("%s: refused: %s", source.describe(), why)
+    source.state = source.state.with_refusal(why)
+
+
+class Commits:
+    """Blocks that a source has pushed, in their order, until they are committed.
+
+    Parameters
+    ----------
+    source
+        Its state counts them.
+    about
+        What refusals begin with.
+    """
+
+    def __init__(self, source: BlockSource, about: str = "") -> None:
+        self._source, self._about = source, about
+        self._waiting: deque[asyncio.Future[None]] = deque()
+
+    async def push(self, push: Push, block: Block) -> None:
+        """Push a block; wait while `AHEAD` blocks are on their way."""
+        try:
+            self._waiting.append(asyncio.wrap_future(await asyncio.to_thread(push, block)))
+        except BlockRefused as error:
+            refuse(self._source, f"{self._about}{error}")
+        while len(self._waiting) >= AHEAD or (self._waiting and self._waiting[0].done()):
+            await self._settle()
+
+    async def finish(self) -> None:
+        """Wait for all of them."""
+        while self._waiting:
+            await self._settle()
+
+    async def _settle(self) -> None:
+        source = self._source
+        try:
+            await self._waiting.popleft()
+            source.state = source.state._replace(blocks=source.state.blocks + 1)
+        except BlockRefused as error:
+            refuse(source, f"{self._about}{error}")
 
 
 async def stopped_within(stop: asyncio.Event, seconds: float) -> bool:

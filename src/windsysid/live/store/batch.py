@@ -7,12 +7,12 @@ from windsysid.live.store import statements as sql
 from windsysid.live.store.contents import Commit
 from windsysid.live.store.encoding import columns_of, pack_levels, pack_row, pack_text
 
-__all__ = ["Batch", "Prepared", "prepare"]
+__all__ = ["CommitBatch", "PreparedCommit", "prepare"]
 
 Values = tuple[Any, ...]
 
 
-class Prepared(NamedTuple):
+class PreparedCommit(NamedTuple):
     """A commit whose rows are encoded, in the thread that submits it.
 
     Attributes
@@ -31,11 +31,11 @@ class Prepared(NamedTuple):
     windows: list[tuple[str, int]]
 
 
-def prepare(commit: Commit) -> Prepared:
+def prepare(commit: Commit) -> PreparedCommit:
     """Encode the rows of a commit."""
     windows = [(result.turbine, result.window) for result in commit.results]
     of = dict(windows)
-    return Prepared(
+    return PreparedCommit(
         [(*columns_of(stored.block), stored.window, stored.block.turbine, stored.window) for stored in commit.blocks],
         [
             (status[0], pack_text(dict(status.sequences)), *status[2:-1], pack_text(dict(status.counts)))
@@ -56,7 +56,7 @@ def prepare(commit: Commit) -> Prepared:
     )
 
 
-class Batch:
+class CommitBatch:
     """Commits that are written together.
 
     Attributes
@@ -65,7 +65,7 @@ class Batch:
         The number of the last event.
     """
 
-    def __init__(self, commits: Sequence[Prepared], event: int) -> None:
+    def __init__(self, commits: Sequence[PreparedCommit], event: int) -> None:
         self.event = event
         self._blocks: list[Values] = []
         self._statuses: dict[str, Values] = {}
@@ -80,7 +80,7 @@ class Batch:
         self.event += 1
         return self.event
 
-    def _add(self, commit: Prepared) -> None:
+    def _add(self, commit: PreparedCommit) -> None:
         self._blocks += commit.blocks
         for status in commit.statuses:
             self._statuses[status[0]] = (*status, self._next())

@@ -1,21 +1,11 @@
-"""What a store holds. All times are integers: nanoseconds since 1970, UTC."""
+"""Contents of a store. All times are integers: nanoseconds since 1970, UTC."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal, NamedTuple
 
 from windsysid.live.block import Block
 
-__all__ = [
-    "Alarm",
-    "Commit",
-    "Event",
-    "Health",
-    "Level",
-    "Result",
-    "Severity",
-    "Status",
-    "StoredBlock",
-]
+__all__ = ["Alarm", "Commit", "Event", "Result", "SensorHealth", "SeriesLevel", "Severity", "Status", "StoredBlock"]
 
 Severity = Literal["notice", "warning", "alarm"]
 
@@ -64,7 +54,7 @@ class Status(NamedTuple):
     counts: Mapping[str, int]
 
 
-class Health(NamedTuple):
+class SensorHealth(NamedTuple):
     """How a channel is; one row a channel, the newest.
 
     Attributes
@@ -84,7 +74,7 @@ class Health(NamedTuple):
     text: str
 
 
-class Level(NamedTuple):
+class SeriesLevel(NamedTuple):
     """One watched series after one window.
 
     Attributes
@@ -136,7 +126,7 @@ class Result(NamedTuple):
     until: int
     closed: int
     row: Mapping[str, Any]
-    levels: Sequence[Level]
+    levels: Sequence[SeriesLevel]
     checkpoint: bytes
 
 
@@ -183,7 +173,7 @@ class Commit(NamedTuple):
 
     blocks: Sequence[StoredBlock] = ()
     statuses: Sequence[Status] = ()
-    healths: Sequence[Health] = ()
+    healths: Sequence[SensorHealth] = ()
     results: Sequence[Result] = ()
     alarms: Sequence[Alarm] = ()
 

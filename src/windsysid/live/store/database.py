@@ -1,4 +1,4 @@
-"""What SQLite and PostgreSQL do differently: open, lock, say what passes, and count bytes. All else is the same SQL."""
+"""Protocol of databases: what differs between SQLite and PostgreSQL. All other SQL is the same."""
 
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
@@ -32,7 +32,6 @@ class Database(Protocol):
 
     def sql(self, statement: str) -> str:
         """A statement in its dialect."""
-        ...
 
     def connect(self) -> Any:
         """A connection to write by, which nobody else has.
@@ -42,31 +41,24 @@ class Database(Protocol):
         StoreError
             If another service has it, or what is there is no store.
         """
-        ...
 
     def reader(self) -> AbstractContextManager[Any]:
         """A connection to read by."""
-        ...
 
     def passes(self, error: Exception) -> bool:
         """Whether an error may be over if one waits: a full disk, a server that restarts."""
-        ...
 
     def explain(self, error: Exception) -> str:
         """What its driver says, in one line, without its password."""
-        ...
 
     def bytes(self, connection: Any) -> int:
         """What the store takes on disk."""
-        ...
 
     def tidy(self, connection: Any) -> None:
         """Give back to the disk what was thinned."""
-        ...
 
     def release(self) -> None:
         """Let another service have it."""
-        ...
 
 
 def one_line(error: BaseException) -> str:

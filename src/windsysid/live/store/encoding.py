@@ -10,7 +10,7 @@ from typing import Any, cast
 import numpy as np
 
 from windsysid.live.block import Block
-from windsysid.live.store.contents import Level
+from windsysid.live.store.contents import SeriesLevel
 
 __all__ = ["block_of", "columns_of", "levels_of", "pack_levels", "pack_row", "pack_text", "row_of"]
 
@@ -73,20 +73,20 @@ def row_of(content: bytes) -> dict[str, Any]:
     return cast(dict[str, Any], json.loads(zlib.decompress(content)))
 
 
-def pack_levels(levels: Sequence[Level]) -> bytes:
+def pack_levels(levels: Sequence[SeriesLevel]) -> bytes:
     """All series of one window: names, units and kinds, then their numbers; NaN stands for None."""
     head = pack_text([[getattr(level, key) for key in TEXTS] for level in levels]).encode()
     numbers = np.array([[_number(getattr(level, key)) for key in NUMBERS] for level in levels], dtype="<f8")
     return zlib.compress(len(head).to_bytes(4, "little") + head + numbers.tobytes(), 1)
 
 
-def levels_of(content: bytes) -> list[Level]:
+def levels_of(content: bytes) -> list[SeriesLevel]:
     """The levels of `pack_levels`."""
     whole = zlib.decompress(content)
     end = 4 + int.from_bytes(whole[:4], "little")
     numbers = np.frombuffer(whole, "<f8", offset=end).reshape(-1, len(NUMBERS)).tolist()
     return [
-        Level(*texts, *(None if math.isnan(value) else value for value in values[:-2]), *values[-2:])
+        SeriesLevel(*texts, *(None if math.isnan(value) else value for value in values[:-2]), *values[-2:])
         for texts, values in zip(json.loads(whole[4:end]), numbers, strict=True)
     ]
 

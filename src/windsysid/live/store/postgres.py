@@ -58,14 +58,7 @@ class Postgres:
         self._read_only = read_only
         self._idle: list[Any] = []
         self._guard = threading.Lock()
-        try:
-            parts = psycopg.conninfo.conninfo_to_dict(url)
-            self._secrets = {str(parts.get("password") or ""), unquote(urlsplit(url).password or "")} - {""}
-        except (psycopg.Error, ValueError):
-            raise StoreError("the store's URL cannot be read: expected postgresql://user@host:port/database") from None
-        self._parts: dict[str, Any] = WAITING | parts
-        place = "/".join(str(parts[key]) for key in ("host", "dbname") if key in parts)
-        self.name = f"database {place or 'of the environment'}"
+        self._read(url)
         self._first: Any = None
         try:
             self._first = self._open() if read_only else self._claim()
@@ -76,6 +69,17 @@ class Postgres:
         except BaseException:
             self.release()
             raise
+
+    def _read(self, url: str) -> None:
+        """Take the parts of a URL, its name for messages, and what these must not hold."""
+        try:
+            parts = self._driver.conninfo.conninfo_to_dict(url)
+            self._secrets = {str(parts.get("password") or ""), unquote(urlsplit(url).password or "")} - {""}
+        except (self._driver.Error, ValueError):
+            raise StoreError("the store's URL cannot be read: expected postgresql://user@host:port/database") from None
+        self._parts: dict[str, Any] = WAITING | parts
+        place = "/".join(str(parts[key]) for key in ("host", "dbname") if key in parts)
+        self.name = f"database {place or 'of the environment'}"
 
     def explain(self, error: Exception) -> str:
         """What its driver says, in one line, without its password."""

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 from windsysid.errors import StoreError
 from windsysid.live.block import Block
 from windsysid.live.store import statements as sql
-from windsysid.live.store.batch import Batch, Prepared, prepare
-from windsysid.live.store.contents import Alarm, Commit, Event, Health, Level, Result, Status
+from windsysid.live.store.batch import CommitBatch, PreparedCommit, prepare
+from windsysid.live.store.contents import Alarm, Commit, Event, Result, SensorHealth, SeriesLevel, Status
 from windsysid.live.store.database import Database
 from windsysid.live.store.encoding import block_of, levels_of, pack_text, row_of
 from windsysid.live.store.keep import DAY, Keep, span
@@ -41,7 +41,7 @@ class _Job(NamedTuple):
     """What the writer does: a commit, or a call with its connection."""
 
     done: "Future[Any]"
-    work: "Prepared | Callable[[Any], Any]"
+    work: "PreparedCommit | Callable[[Any], Any]"
 
 
 class SqlStore:
@@ -89,7 +89,7 @@ class SqlStore:
         """Queue a commit; the future ends when it is on disk. Its callbacks run in the writer: they must not wait."""
         return self._queue(prepare(commit))
 
-    def _queue(self, work: "Prepared | Callable[[Any], Any]") -> "Future[Any]":
+    def _queue(self, work: "PreparedCommit | Callable[[Any], Any]") -> "Future[Any]":
         done: Future[Any] = Future()
         done.set_running_or_notify_cancel()  # what is queued is written: nobody cancels it
         with self._changed:
@@ -119,8 +119,8 @@ class SqlStore:
                 while (
                     self._jobs
                     and len(jobs) < MOST
-                    and isinstance(jobs[0].work, Prepared)
-                    and isinstance(self._jobs[0].work, Prepared)
+                    and isinstance(jobs[0].work, PreparedCommit)
+                    and isinstance(self._jobs[0].work, PreparedCommit)
                 ):
                     jobs.append(self._jobs.popleft())
             self._write(jobs)
@@ -138,21 +138,14 @@ class SqlStore:
         while True:
             try:
                 values = self._transact([job.work for job in jobs])
+                break
             except Exception as error:  # also what a driver raises that is none of its own errors
                 self._disconnect()
-                refused = isinstance(error, StoreError)  # by another service, while the server was away
-                if refused or (isinstance(error, self._database.errors) and self._database.passes(error)):
-                    if not self._wait(error, pause):
-                        return self._fail(jobs, error)
-                    pause = min(2 * pause, LONGEST)
-                elif len(jobs) > 1:  # one of them is wrong, not all
-                    for job in jobs:
-                        self._attempt([job])
-                    return None
-                else:
+                if not self._passes(error):
+                    return self._refuse(jobs, error)
+                if not self._wait(error, pause):
                     return self._fail(jobs, error)
-            else:
-                break
+                pause = min(2 * pause, LONGEST)
         if self._trouble:
             logging.getLogger("windsysid").warning("%s is written again", self._database.name)
             self._trouble = ""
@@ -160,14 +153,27 @@ class SqlStore:
             job.done.set_result(value)
         return None
 
-    def _transact(self, works: Sequence["Prepared | Callable[[Any], Any]"]) -> list[Any]:
+    def _passes(self, error: Exception) -> bool:
+        """Whether an error may be over if one waits; a `StoreError` is another service's, while the server was away."""
+        database = self._database
+        return isinstance(error, StoreError) or (isinstance(error, database.errors) and database.passes(error))
+
+    def _refuse(self, jobs: Sequence[_Job], error: Exception) -> None:
+        """Write jobs one by one, since one of them is wrong, not all; fail the one that is."""
+        if len(jobs) == 1:
+            return self._fail(jobs, error)
+        for job in jobs:
+            self._attempt([job])
+        return None
+
+    def _transact(self, works: Sequence["PreparedCommit | Callable[[Any], Any]"]) -> list[Any]:
         if self._connection is None:
             self._connection = self._database.connect()
         connection = self._connection
         connection.execute(self._database.begin)
         values: list[Any] = [None]
-        if isinstance(works[0], Prepared):
-            batch = Batch([work for work in works if isinstance(work, Prepared)], self._event)
+        if isinstance(works[0], PreparedCommit):
+            batch = CommitBatch([work for work in works if isinstance(work, PreparedCommit)], self._event)
             self._event = batch.event
             cursor = connection.cursor()
             for statement, rows in batch.statements():
@@ -306,14 +312,14 @@ class SqlStore:
             for turbine, sequences, stream, received, state, rotor_speed, counts in found
         ]
 
-    def healths(self, turbine: str | None = None) -> list[Health]:
+    def healths(self, turbine: str | None = None) -> list[SensorHealth]:
         """One of every channel."""
         found = self._read(
             "SELECT turbine, channel, state, since, text FROM healths WHERE turbine = coalesce(?, turbine)"
             " ORDER BY turbine, channel",
             (turbine,),
         )
-        return [Health(*columns) for columns in found]
+        return [SensorHealth(*columns) for columns in found]
 
     def results(
         self,
@@ -336,7 +342,7 @@ class SqlStore:
 
     def levels(
         self, turbine: str, *, since: int | None = None, until: int | None = None, most: int = 2000
-    ) -> list[tuple[int, Level]]:
+    ) -> list[tuple[int, SeriesLevel]]:
         """Start of the window and level, in order of time; of more than `most` windows, every so manieth."""
         windows, values = self._windows("levels", turbine, since, until, most)
         found = self._read(sql.LEVELS_OF.format(windows=windows), (turbine, *values))

@@ -52,12 +52,7 @@ class Sqlite:
         self._read_only = read_only
         self._lock = self._path.with_name(f".{self._path.name}{LOCK}")
         self._handle: int | None = None
-        if not self._path.parent.is_dir():
-            raise StoreError(f"{self.name}: its folder is not there: make it, or choose another")
-        if self._path.is_dir():
-            raise StoreError(f"{self.name} is a folder, expected the name of a file: add one")
-        if read_only and not self._path.exists():
-            raise StoreError(f"{self.name} is not there: expected a file that windsysid live wrote")
+        self._check_path()
         if not read_only:
             self._claim()
         try:
@@ -65,6 +60,14 @@ class Sqlite:
         except BaseException:
             self.release()
             raise
+
+    def _check_path(self) -> None:
+        if not self._path.parent.is_dir():
+            raise StoreError(f"{self.name}: its folder is not there: make it, or choose another")
+        if self._path.is_dir():
+            raise StoreError(f"{self.name} is a folder, expected the name of a file: add one")
+        if self._read_only and not self._path.exists():
+            raise StoreError(f"{self.name} is not there: expected a file that windsysid live wrote")
 
     def _claim(self) -> None:
         try:
@@ -78,13 +81,7 @@ class Sqlite:
 
     def _make(self) -> None:
         """Check that the file is ours; make it where there is none."""
-        if self._path.exists() and self._path.stat().st_size:
-            with self._path.open("rb") as file:
-                if file.read(16) != b"SQLite format 3\0":
-                    raise StoreError(f"{self.name} is no store of windsysid: choose another name")
-        elif not self._read_only:
-            with contextlib.suppress(FileExistsError):
-                os.close(os.open(self._path, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o640))
+        self._make_file()
         try:
             with closing(self._open()) as connection:
                 tables = [row[0] for row in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")]
@@ -98,6 +95,15 @@ class Sqlite:
                 bring_up_to_date(connection, self.name, tables, self.sql, begin=self.begin, read_only=self._read_only)
         except sqlite3.Error as error:
             raise StoreError(f"{self.name} cannot be opened: {one_line(error)}") from None
+
+    def _make_file(self) -> None:
+        if self._path.exists() and self._path.stat().st_size:
+            with self._path.open("rb") as file:
+                if file.read(16) != b"SQLite format 3\0":
+                    raise StoreError(f"{self.name} is no store of windsysid: choose another name")
+        elif not self._read_only:
+            with contextlib.suppress(FileExistsError):
+                os.close(os.open(self._path, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o640))
 
     def _open(self) -> sqlite3.Connection:
         """A file that has gone is not made anew: whoever took it away wants to know."""

@@ -4,22 +4,9 @@ What is there already is left as it is, so that every commit may come again, in 
 """
 
 __all__ = [
-    "ALARM",
-    "BLOCK",
-    "CHECKPOINT",
-    "CONFIGURATION",
-    "DONE",
-    "EVENTS",
-    "EVERY_SO_MANIETH",
-    "HEALTH",
-    "LEVELS",
-    "LEVELS_OF",
-    "RESULT",
-    "RESULTS_OF",
-    "STATUS",
-    "THIN_LEVELS",
-    "TOLD",
-]
+    "ALARM", "BLOCK", "CHECKPOINT", "CONFIGURATION", "DONE", "EVENTS", "EVERY_SO_MANIETH", "HEALTH", "LEVELS",
+    "LEVELS_OF", "RESULT", "RESULTS_OF", "STATUS", "THIN_LEVELS", "TOLD",
+]  # fmt: skip
 
 NEW = "NOT EXISTS (SELECT 1 FROM results WHERE turbine = ? AND window_start = ?)"
 
