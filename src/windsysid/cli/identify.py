@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from windsysid.identification.model.prior import Prior
     from windsysid.mechanics.sensors import Sensor
     from windsysid.output.progress import Progress, Shown
-    from windsysid.records.formats.mapping import Mapping as FileMapping
+    from windsysid.records.formats.contents.mapping import Mapping as FileMapping
     from windsysid.records.record import Record
     from windsysid.results.identification import Identification
     from windsysid.turbine.turbine import Turbine
