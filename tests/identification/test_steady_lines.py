@@ -268,7 +268,7 @@ def test_a_sine_has_one_amplitude_in_all_parts_of_a_record(growth: float, least:
     made = Record(
         time, noise + np.column_stack([wave, np.zeros_like(wave)]), (channel, "tower_z_acceleration"), ("m/s^2",) * 2
     )
-    seen = steady_lines._Seen.of(made, channel, 0.4)
+    seen = steady_lines._SeenLine.of(made, channel, 0.4)
     assert seen is not None
     assert least < seen.scatter < most
     assert (find_sine(made, tower, tower.sensors, channel, 0.4) is not None) is steady

@@ -14,8 +14,8 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.identification.effects.regression import RegressorEffect
-from windsysid.identification.effects.score_test import Candidate
-from windsysid.identification.estimate.linearisation import Column, Linearisation
+from windsysid.identification.effects.score_test import RegressorCandidate
+from windsysid.identification.estimate.linearisation import Linearisation, RegressorColumn
 from windsysid.identification.job import Job
 from windsysid.identification.model.effect import Effect
 from windsysid.identification.model.fit import Outcome, known_inputs
@@ -90,10 +90,10 @@ class SmallBias(RegressorEffect):
 
     code = "bias"
 
-    def candidates(self, at: Linearisation) -> Sequence[Candidate]:
+    def candidates(self, at: Linearisation) -> Sequence[RegressorCandidate]:
         """One candidate for each channel whose sensor has no bias."""
         return [
-            Candidate(self.code, sensor.channel, (Column(row, Constant()),))
+            RegressorCandidate(self.code, sensor.channel, (RegressorColumn(row, Constant()),))
             for row, sensor in enumerate(at.problem.sensors)
             if not (sensor.bias or sensor.drift)
         ]

@@ -12,8 +12,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from windsysid.identification.effects.score_test import Candidate, ScoreTest, promising, score_tests
-from windsysid.identification.estimate.linearisation import Column, Linearisation, linearise
+from windsysid.identification.effects.score_test import RegressorCandidate, ScoreTest, promising, score_tests
+from windsysid.identification.estimate.linearisation import Linearisation, RegressorColumn, linearise
 from windsysid.identification.job import FittedJob, Job
 from windsysid.identification.model.effect import Detection, Effect
 from windsysid.identification.model.regressor import Regressors, Term
@@ -38,7 +38,7 @@ class RegressorEffect:
 
     code: ClassVar[str]
 
-    def candidates(self, at: Linearisation) -> Sequence[Candidate]:
+    def candidates(self, at: Linearisation) -> Sequence[RegressorCandidate]:
         """Regressors that a fit may lack."""
         raise NotImplementedError
 
@@ -78,14 +78,14 @@ class Regression(Effect):
             return Detection(fit.noting(found.finding(best.candidate.channel, None)))
         return Detection(fit, found, digits, fit)
 
-    def _included(self, job: Job, at: Linearisation) -> list[Candidate]:
+    def _included(self, job: Job, at: Linearisation) -> list[RegressorCandidate]:
         """What the job includes, as candidates for a correction of its size."""
         found = []
         for code, effect in self.effects.items():
             known = _known(job, effect)
             for channel in known.before:
-                columns = [Column(at.channels.index(channel), one.wave) for one in known.of(channel)]
-                found.append(Candidate(code, channel, tuple(columns)))
+                columns = [RegressorColumn(at.channels.index(channel), one.wave) for one in known.of(channel)]
+                found.append(RegressorCandidate(code, channel, tuple(columns)))
         return found
 
     def _with(self, job: Job, at: Linearisation, fit: FittedJob, test: ScoreTest) -> Regressors:

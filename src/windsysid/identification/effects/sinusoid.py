@@ -95,13 +95,13 @@ def find_sine(
     step, psi = 1.0 / record.duration, turned(record, turbine, sensors)
     rotor_hz = 0.0 if psi is None else _turns(record, psi)
     on_blades = any(sensor.blade for sensor in sensors if sensor.channel == channel)
-    seen = _Seen.of(record, channel, frequency)
+    seen = _SeenLine.of(record, channel, frequency)
     if seen is None or abs(seen.frequency - rotor_hz) < APART * step:
         return None
     if seen.steadiness < max(LEAST_STEADINESS, OWN_SHARE * seen.over):
         return None
     others = [sensor.channel for sensor in sensors if bool(sensor.blade) is on_blades and sensor.channel != channel]
-    for one in (seen, *(_Seen.of(record, other, seen.frequency) for other in others)):
+    for one in (seen, *(_SeenLine.of(record, other, seen.frequency) for other in others)):
         if one is None or (one is not seen and one.over < LOUD):
             continue
         apart = ALIKE * step * math.sqrt(max(1.0, FAINT / one.over))
@@ -110,7 +110,7 @@ def find_sine(
     return Sine(seen.frequency, on_blades)
 
 
-class _Seen(NamedTuple):
+class _SeenLine(NamedTuple):
     """A line in a channel: its frequency [Hz], Thomson's F, its power over its surroundings, and the squared scatter of
     its amplitude and phase in parts of the record over what chance does."""
 
@@ -120,7 +120,7 @@ class _Seen(NamedTuple):
     scatter: float
 
     @classmethod
-    def of(cls, record: Record, channel: str, frequency: float) -> "_Seen | None":
+    def of(cls, record: Record, channel: str, frequency: float) -> "_SeenLine | None":
         """What stands near a frequency [Hz]; None where there are no surroundings."""
         if not np.isfinite(record[channel]).any():
             return None
