@@ -32,7 +32,7 @@ __all__ = ["Biases", "SensorBias", "SmallBias", "find_biases"]
 SIGMAS = 5.0
 """Standard deviations of the mean by chance, beyond which it is an offset."""
 
-NEIGHBOURS = (3, 23)
+NEIGHBOURS = (1, 23)
 """Periods in a record, from and to, of the slow variations that tell what chance does to a mean."""
 
 SLOW = 0.5
