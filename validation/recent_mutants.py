@@ -684,7 +684,7 @@ _FLEET_AND_MODES = (
     ),
     Mutant(
         "a mode more", "modal_bands/model_order.py",
-        "if now < least - CLEARLY and", "if now < least + 100.0 * CLEARLY and",
+        "if now < least - MIN_DOUBLE_LOG_ODDS and", "if now < least + 100.0 * MIN_DOUBLE_LOG_ODDS and",
         "noise has modes",
     ),
     Mutant(

@@ -48,9 +48,9 @@ from windsysid.records.record import Record
 from windsysid.results.finding import Finding
 from windsysid.results.tolerance import Tolerance
 from windsysid.spectral.rotor.build import pose_lifted, turns_couple
-from windsysid.spectral.rotor.fit import COARSE, WHOLE, Fit, admit, fit
+from windsysid.spectral.rotor.fit import COARSE, WHOLE, RotorFit, admit, fit
 from windsysid.spectral.rotor.model import Inexact
-from windsysid.spectral.rotor.problem import Posed, Question
+from windsysid.spectral.rotor.problem import Posed, RotorQuestion
 from windsysid.spectral.rotor_bands.build import belongs_in_bands
 from windsysid.spectral.transforms.block_sums import BlockSums
 from windsysid.spectral.transforms.rotating_frame import TurnedBlock
@@ -153,7 +153,7 @@ def identify_by_spectrum(
     )._replace(turns=coupled, drifts=drifts_of(question, halves, best.unknowns, tolerances))  # fmt: skip
 
 
-def _in_bands(question: Question, loads: str, doubts: list[Finding], notes: list[Finding]) -> Outcome | None:
+def _in_bands(question: RotorQuestion, loads: str, doubts: list[Finding], notes: list[Finding]) -> Outcome | None:
     """The result of a rotor that is read in bands; None where its modes cannot be told apart."""
     started = time.perf_counter()
     tolerances = tolerances_in(question)
@@ -168,7 +168,7 @@ def _in_bands(question: Question, loads: str, doubts: list[Finding], notes: list
 
 
 def _outcome(
-    question: Question, unknowns: Array, cov: Array, blocks: Unknowns, tolerances: Sequence[Tolerance], *,
+    question: RotorQuestion, unknowns: Array, cov: Array, blocks: Unknowns, tolerances: Sequence[Tolerance], *,
     log_likelihood: float, statistics: Sequence[Statistic], elapsed: float, notes: Sequence[Finding],
     doubts: Sequence[Finding], hypothesis: str, held: tuple[str, ...],
 ) -> Outcome:  # fmt: skip
@@ -204,12 +204,12 @@ def _outcome(
     )
 
 
-def tolerances_in(question: Question) -> tuple[Tolerance, ...]:
+def tolerances_in(question: RotorQuestion) -> tuple[Tolerance, ...]:
     """What is known of instruments and masses within tolerances only."""
     return tolerances_of(question.turbine, question.sensors, [q.name for q in question.parameters])
 
 
-def inexact_of(question: Question, tolerances: Sequence[Tolerance]) -> Inexact:
+def inexact_of(question: RotorQuestion, tolerances: Sequence[Tolerance]) -> Inexact:
     """The same in numbers."""
     names = [q.name for q in question.parameters]
     return in_numbers(tolerances, question.compiled.parameters, question.turbine, question.sensors, names)
@@ -234,7 +234,7 @@ def _names(turbine: Turbine, loads: str, *, coupled: bool) -> tuple[str, ...]:
 def ask(
     record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior, chosen: Sequence[str] | None,
     inputs: Array, readings: Array, loads: str, sums: BlockSums[Any] | None = None,
-) -> Question:  # fmt: skip
+) -> RotorQuestion:  # fmt: skip
     """The question under a load model, which may bring coefficients of its own."""
     file_loads = known_loads(record, turbine)[1]
     supposed = hypothesis(loads, turbine, file_loads)
@@ -247,7 +247,9 @@ def ask(
     else:
         turbine = supposed.turbine
     compiled = compile_model(turbine.model, tuple(sensors), instruments=True)
-    question = Question(turbine, tuple(sensors), readings, record.rate, inputs, compiled, parameters, tuple(file_loads))
+    question = RotorQuestion(
+        turbine, tuple(sensors), readings, record.rate, inputs, compiled, parameters, tuple(file_loads)
+    )
     in_frame = sums is not None and isinstance(sums.last, TurnedBlock)
     return question._replace(turned=sums) if in_frame else question._replace(sums=sums)
 
@@ -270,7 +272,7 @@ class _Found(NamedTuple):
     which `part` of the record only was used."""
 
     name: str
-    fit: Fit
+    fit: RotorFit
     why: dict[str, Any]
 
 
@@ -290,7 +292,7 @@ def _fitted(poses: dict[str, Posed]) -> _Found:
         ) from None
 
 
-def _fit_alone(posed: Posed) -> Fit:
+def _fit_alone(posed: Posed) -> RotorFit:
     """The mode from the prior's centre; of a block, which has few bins, on all of them from the first stage on."""
     whole = posed.model.blocks <= 1.0
     stages = [(weight, every if whole else 1) for weight, every in (*COARSE, *WHOLE)]
@@ -324,6 +326,6 @@ def _after_all(poses: dict[str, Posed]) -> _Found:
     return _Found(ranking.best, best, {"rivals": ranking.rivals(), "part": False})
 
 
-def _ranked(tried: Mapping[str, Fit]) -> Ranking[str]:
+def _ranked(tried: Mapping[str, RotorFit]) -> Ranking[str]:
     """Load models by the evidence of their fits."""
     return rank(tried, lambda name: tried[name].log_evidence)

@@ -28,10 +28,10 @@ from windsysid.loads.narrow_band import FREQUENCY, WIDTH, NarrowBand, narrow_ban
 from windsysid.loads.statistics import Statistic, coordinates_of, values_of
 from windsysid.results.finding import Finding
 from windsysid.spectral.rotor.build import pose_lifted
-from windsysid.spectral.rotor.fit import WHOLE, Fit, fit
+from windsysid.spectral.rotor.fit import WHOLE, RotorFit, fit
 from windsysid.spectral.rotor.model import LiftedModel
 from windsysid.spectral.rotor.narrow_band_spectra import narrow_density
-from windsysid.spectral.rotor.problem import Posed, Question
+from windsysid.spectral.rotor.problem import Posed, RotorQuestion
 
 __all__ = ["NarrowBandFit", "doubts_of_narrow_band", "fit_narrow_band", "note_narrow_band"]
 
@@ -97,7 +97,7 @@ class NarrowBandFit(NamedTuple):
     """
 
     posed: Posed
-    fit: Fit
+    fit: RotorFit
     gain: float
     moved: float
     rival: tuple[str, float] | None
@@ -118,7 +118,9 @@ class NarrowBandFit(NamedTuple):
         return values_of(self.statistics, self.fit.model.split_statistics(self.fit.unknowns)[0])
 
 
-def fit_narrow_band(question: Question, broad: Posed, found: Fit, *, thorough: bool = False) -> NarrowBandFit | None:
+def fit_narrow_band(
+    question: RotorQuestion, broad: Posed, found: RotorFit, *, thorough: bool = False
+) -> NarrowBandFit | None:
     """What a record's spectra say with a narrow-band load on the support; None where it could push nothing.
 
     The search ends early where such a load explains nothing and changes nothing, if it need not be `thorough`.
@@ -183,10 +185,10 @@ def note_narrow_band(found: NarrowBandFit) -> Finding:
     return Finding("narrow_band_load", "note", data)
 
 
-def _ends(question: Question, posed: Posed, starts: Sequence[Array], *, rough: bool = False) -> list[Fit]:
+def _ends(question: RotorQuestion, posed: Posed, starts: Sequence[Array], *, rough: bool = False) -> list[RotorFit]:
     """Where searches end, the best first: those that say the same of the coefficients count as one. A rough one looks
     at every other bin, and not at what the taper adds."""
-    found = list[Fit]()
+    found = list[RotorFit]()
     for start in starts:
         with suppress(np.linalg.LinAlgError):  # no spectrum there
             found.append(
@@ -194,14 +196,14 @@ def _ends(question: Question, posed: Posed, starts: Sequence[Array], *, rough: b
                 if rough
                 else fit(posed.model, start, WHOLE, posed.smoothed, enough=ENOUGH)
             )
-    ends = list[Fit]()
+    ends = list[RotorFit]()
     for end in sorted(found, key=LOG_EVIDENCE, reverse=True):
         if not any(_off(question, other, end)[1] < SAME for other in ends):
             ends.append(end)
     return ends
 
 
-def _starts(question: Question, found: Fit, model: LiftedModel) -> list[Array]:
+def _starts(question: RotorQuestion, found: RotorFit, model: LiftedModel) -> list[Array]:
     """Where to begin: beside the modes as they were found, damped as the prior has them, and damped more than that."""
     damped, more = found.unknowns.copy(), found.unknowns.copy()
     supports = {one.name for one in question.turbine.model.freedoms if not one.blade}
@@ -218,7 +220,7 @@ def _starts(question: Question, found: Fit, model: LiftedModel) -> list[Array]:
     return [*(one.start for one in chosen), *swapped[:1], last.start]
 
 
-def _swapped(question: Question, place: "_Place") -> Array:
+def _swapped(question: RotorQuestion, place: "_Place") -> Array:
     """The mode where the load was, and the load where the mode was."""
     start = place.start.copy()
     for i, q in enumerate(question.parameters):
@@ -257,7 +259,7 @@ class _Place(NamedTuple):
         return self.known is other.known and abs(math.log(self.frequency / other.frequency)) < APART
 
 
-def _places(question: Question, model: LiftedModel, known: Array) -> Iterator[_Place]:
+def _places(question: RotorQuestion, model: LiftedModel, known: Array) -> Iterator[_Place]:
     """The best frequency of a load on each degree of freedom of the support, for every width and strength."""
     narrow = narrow_band_statistics(question.turbine, question.loads)
     levels, at = narrow[2:], model.unknowns.of("statistics").stop - len(model.noise) - len(narrow)
@@ -303,7 +305,7 @@ def _places(question: Question, model: LiftedModel, known: Array) -> Iterator[_P
                 )  # fmt: skip
 
 
-def _is_narrow(question: Question, posed: Posed, end: Fit) -> bool:
+def _is_narrow(question: RotorQuestion, posed: Posed, end: RotorFit) -> bool:
     """Whether the load is narrower than a mode beside it: one as wide would take a part of any mode's peak."""
     narrow = narrow_band_statistics(question.turbine, question.loads)
     values = values_of(narrow, posed.model.split_statistics(end.unknowns)[0][-len(narrow) :])
@@ -317,7 +319,7 @@ def _is_narrow(question: Question, posed: Posed, end: Fit) -> bool:
     return values[WIDTH] < NARROWER * max(beside, default=0.0)
 
 
-def _off(question: Question, best: Fit, other: Fit) -> tuple[str, float]:
+def _off(question: RotorQuestion, best: RotorFit, other: RotorFit) -> tuple[str, float]:
     """Which coefficient is elsewhere most under another explanation, and by how many standard deviations."""
     theta = best.model.unknowns.of("parameters")
     off = np.abs(other.unknowns[theta] - best.unknowns[theta]) / np.sqrt(np.diag(best.cov)[theta])
@@ -325,13 +327,13 @@ def _off(question: Question, best: Fit, other: Fit) -> tuple[str, float]:
     return question.parameters[i].name, float(off[i])
 
 
-def _may_matter(question: Question, found: Fit, end: Fit, gain: float) -> bool:
+def _may_matter(question: RotorQuestion, found: RotorFit, end: RotorFit, gain: float) -> bool:
     """Whether a rough end may be another explanation that counts, searched to the end."""
     off = _off(question, found, end)[1]
     return off > HARDLY and off * math.exp(min(gain, 0.0)) > 0.5 * EXPECTED
 
 
-def _elsewhere(question: Question, best: Fit, other: Fit) -> tuple[str, float] | None:
+def _elsewhere(question: RotorQuestion, best: RotorFit, other: RotorFit) -> tuple[str, float] | None:
     """Which coefficient is elsewhere under another explanation that is nearly as good, and by how many standard
     deviations."""
     name, off = _off(question, best, other)

@@ -24,7 +24,7 @@ from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
 from windsysid.spectral.rotor.build import pose_lifted, turns_couple
 from windsysid.spectral.rotor.fit import WHOLE, fit
-from windsysid.spectral.rotor.problem import Posed, Question
+from windsysid.spectral.rotor.problem import Posed, RotorQuestion
 from windsysid.spectral.rotor_bands.build import belongs_in_bands
 from windsysid.spectral.transforms.block_sums import BlockSums
 from windsysid.turbine.turbine import Turbine
@@ -100,7 +100,7 @@ def told_before(near: Outcome, found: Outcome) -> Outcome:
     return near._replace(tolerances=tuple(tolerances))
 
 
-def _with_tolerances(question: Question, near: Outcome) -> Question:
+def _with_tolerances(question: RotorQuestion, near: Outcome) -> RotorQuestion:
     """The question with instruments and masses where a search has put them: an axis that is off shows a mode of one
     direction in the other."""
     tolerances = tolerances_in(question)
@@ -115,7 +115,7 @@ def _with_tolerances(question: Question, near: Outcome) -> Question:
     return question._replace(turbine=replace(question.turbine, values=values))
 
 
-def _where_it_ended(near: Outcome, question: Question, posed: Posed) -> tuple[Array, Sequence[tuple[float, int]]]:
+def _where_it_ended(near: Outcome, question: RotorQuestion, posed: Posed) -> tuple[Array, Sequence[tuple[float, int]]]:
     """The unknowns of spectra where a search has ended, as far as it knows them (n,), and the stages of a search from
     there."""
     found = {q.name: float(q.physical(t)) for q, t in zip(near.model.parameters, near.theta, strict=True)}

@@ -33,7 +33,7 @@ from windsysid.identification.streaming.run import SegmentsEstimate, StreamingJo
 from windsysid.records.record import Record
 from windsysid.results.finding import Finding, read_finding
 from windsysid.spectral.rotor.build import harmonics_of, turns_couple
-from windsysid.spectral.rotor.problem import Question
+from windsysid.spectral.rotor.problem import RotorQuestion
 from windsysid.spectral.rotor_bands.build import belongs_in_bands, highest_in_bands
 from windsysid.spectral.transforms.block_sums import BlockSums, cut_blocks, cut_turns
 from windsysid.spectral.transforms.dft import TAPERED
@@ -88,7 +88,7 @@ class BlockLayout(NamedTuple):
         return Lifted if self.support is None else TurnedBlock
 
 
-def layout_of(part: Record, question: Question) -> BlockLayout:
+def layout_of(part: Record, question: RotorQuestion) -> BlockLayout:
     """How the record that begins with a segment is cut and transformed for a question; RecordError where the segment
     has too few turns of the rotor."""
     if not turns_couple(question):

@@ -15,9 +15,9 @@ from windsysid.results.finding import Finding
 from windsysid.results.tolerance import Tolerance
 from windsysid.results.transient import find_burst
 from windsysid.spectral.rotor.build import pose_lifted
-from windsysid.spectral.rotor.check import Part, parts_of, unexplained, unsteady
-from windsysid.spectral.rotor.fit import Fit
-from windsysid.spectral.rotor.problem import Posed, Question
+from windsysid.spectral.rotor.check import RangePower, parts_of, unexplained, unsteady
+from windsysid.spectral.rotor.fit import RotorFit
+from windsysid.spectral.rotor.problem import Posed, RotorQuestion
 from windsysid.spectral.transforms.block_sums import BlockSums
 from windsysid.spectral.transforms.lifted import Lifted
 
@@ -35,7 +35,7 @@ LEAST_OF_A_BLOCK = 20.0
 """And in each block of one that came in pieces: what the taper does to narrower ones was not proven."""
 
 
-def halves_of(question: Question, posed: Posed, found: Fit, loads: str) -> list[Posed]:
+def halves_of(question: RotorQuestion, posed: Posed, found: RotorFit, loads: str) -> list[Posed]:
     """The halves of a record with the unknowns of what was found; none of blocks, and where it is too short."""
     if question.sums is not None:
         return []
@@ -50,7 +50,7 @@ def halves_of(question: Question, posed: Posed, found: Fit, loads: str) -> list[
 
 
 def drifts_of(
-    question: Question, halves: Sequence[Posed], unknowns: Array, tolerances: Sequence[Tolerance]
+    question: RotorQuestion, halves: Sequence[Posed], unknowns: Array, tolerances: Sequence[Tolerance]
 ) -> tuple[Drift, ...]:
     """How clocks drift by what the halves say."""
     if not halves:
@@ -61,7 +61,7 @@ def drifts_of(
 
 
 def doubts_of_spectra(
-    question: Question, posed: Posed, found: Fit, loads: str, halves: Sequence[Posed]
+    question: RotorQuestion, posed: Posed, found: RotorFit, loads: str, halves: Sequence[Posed]
 ) -> list[Finding]:
     """What speaks against the bands: a search that did not end, a record that the spectra do not explain or that is not
     stationary."""
@@ -86,7 +86,7 @@ def doubts_of_spectra(
     return doubts + unsteady(first, second)[:2]
 
 
-def passed_by(question: Question, unknowns: Array, rotor_hz: float) -> list[Finding]:
+def passed_by(question: RotorQuestion, unknowns: Array, rotor_hz: float) -> list[Finding]:
     """Whether the blades pass nearly as often as a structure vibrates on which nothing turns: wind makes no line there,
     and spectra have no model of it."""
     values = {q.name: float(q.physical(u)) for q, u in zip(question.parameters, unknowns, strict=False)}
@@ -96,7 +96,7 @@ def passed_by(question: Question, unknowns: Array, rotor_hz: float) -> list[Find
     return [] if passing is None else [passing.finding(blades)]
 
 
-def _unsteady_blocks(question: Question, sums: BlockSums[Lifted], posed: Posed) -> list[Finding]:
+def _unsteady_blocks(question: RotorQuestion, sums: BlockSums[Lifted], posed: Posed) -> list[Finding]:
     """Whether the first half of the blocks is much louder or quieter than the second, and whether a block is long
     enough."""
     blocks, doubts = len(sums.energies), list[Finding]()
@@ -109,7 +109,7 @@ def _unsteady_blocks(question: Question, sums: BlockSums[Lifted], posed: Posed) 
     low, high = posed.bands[0][0], posed.bands[-1][1]
     halves = [
         [
-            Part(sensor.channel, low, high, 1.0, 1.0, float(energy), 0.5 * blocks * max(alone, 1.0))
+            RangePower(sensor.channel, low, high, 1.0, 1.0, float(energy), 0.5 * blocks * max(alone, 1.0))
             for sensor, energy in zip(question.sensors, part.mean(axis=0), strict=True)
         ]
         for part in (sums.energies[: blocks // 2], sums.energies[blocks // 2 :])
@@ -117,12 +117,12 @@ def _unsteady_blocks(question: Question, sums: BlockSums[Lifted], posed: Posed) 
     return doubts + unsteady(*halves)[:2]
 
 
-def _alike(posed: Posed, found: Fit) -> Posed:
+def _alike(posed: Posed, found: RotorFit) -> Posed:
     """The same with the unknowns of what was found."""
     return posed._replace(model=posed.model._replace(inexact=found.model.inexact))
 
 
-def _parts(posed: Posed, whole: Posed, unknowns: Array, question: Question) -> list[Part]:
+def _parts(posed: Posed, whole: Posed, unknowns: Array, question: RotorQuestion) -> list[RangePower]:
     """Mean squares of a record, or of a part of it, by channel and frequency."""
     measured = posed.model.powers(unknowns)
     channels = [sensor.channel for sensor in question.sensors]

@@ -11,25 +11,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array, Complex
-from windsysid.spectral.modal_bands.model import SLOPE_SPREAD, Modes, responses, spectrum
+from windsysid.spectral.modal_bands.model import SLOPE_STD, Modes, responses, spectrum
 from windsysid.spectral.transforms.dft import Band, plain_band
 
 __all__ = ["add_mode", "deviance", "expect", "modes_at", "quiet_start", "without_modes"]
 
-PLACES, TRIED = 19, 3
-"""Frequencies over a band at which a mode may be, and how many of them are tried."""
+TRIAL_FREQUENCIES, MAX_TRIALS = 19, 3
+"""Setting: number of frequencies over a band at which a mode may be, and how many of them are tried."""
 
-WIDTH = 0.04
-"""ζ f of a mode that is tried, over the width of the band."""
+TRIAL_WIDTH = 0.04
+"""Setting: ζ f of a mode that is tried, over the width of the band."""
 
 COARSE_ROWS = 100
-"""Of the data that starts are compared on."""
+"""Setting: number of rows of the data on which starts are compared."""
 
-STEEPEST = 40.0
-"""Slope b of a band without modes at most."""
+MAX_SLOPE = 40.0
+"""Numerical: largest slope b of a band without modes."""
 
-PASSES = 8
-"""Of expectation and maximisation."""
+EM_STEPS = 8
+"""Numerical: steps of expectation and maximisation."""
 
 
 def without_modes(band: Band) -> Modes:
@@ -45,9 +45,9 @@ def without_modes(band: Band) -> Modes:
 
     def cost(b: float) -> float:
         ratio = float(np.linalg.slogdet(level(b))[1]) * total + b * channels * float(band.counts @ x)
-        return float(ratio / band.factor + 0.5 * (b / SLOPE_SPREAD) ** 2)
+        return float(ratio / band.factor + 0.5 * (b / SLOPE_STD) ** 2)
 
-    best = minimize_scalar(cost, bounds=(-STEEPEST, STEEPEST), method="bounded", options={"xatol": 1e-3})
+    best = minimize_scalar(cost, bounds=(-MAX_SLOPE, MAX_SLOPE), method="bounded", options={"xatol": 1e-3})
     found = level(float(best.x))
     found = found + 1e-9 * np.diag(np.einsum("kii->i", band.power).real / len(band.power))
     none, no = np.empty(0), np.empty((channels, 0), dtype=np.complex128)
@@ -66,10 +66,10 @@ def add_mode(modes: Modes, band: Band) -> Modes:
     low, high = band.frequency[0], band.frequency[-1]
     band = _coarse(band)
     quiet = quiet_start(band)
-    places = low + (high - low) * (np.arange(PLACES) + 1.0) / (PLACES + 1.0)
-    width = WIDTH * (high - low)
+    places = low + (high - low) * (np.arange(TRIAL_FREQUENCIES) + 1.0) / (TRIAL_FREQUENCIES + 1.0)
+    width = TRIAL_WIDTH * (high - low)
     best, least = modes, np.inf
-    for i in np.argsort(-_unexplained(modes, band, places, width))[:TRIED]:
+    for i in np.argsort(-_unexplained(modes, band, places, width))[:MAX_TRIALS]:
         frequency, damping = np.append(modes.frequency, places[i]), np.append(modes.damping, width / places[i])
         trial = expect(_begin(frequency, damping, band, quiet), band)
         cost = deviance(trial, band)
@@ -123,7 +123,7 @@ def _begin(frequency: Array, damping: Array, band: Band, rest: Complex) -> Modes
     return Modes(frequency, damping, shape, np.eye(r, dtype=np.complex128), 0.0, rest, 0.0)
 
 
-def expect(modes: Modes, band: Band, passes: int = PASSES) -> Modes:
+def expect(modes: Modes, band: Band, passes: int = EM_STEPS) -> Modes:
     """Shapes, loads and rest by a few steps of expectation and maximisation, frequencies and damping ratios as they
     are."""
     h = responses(modes, band.frequency).T  # (K, r)
