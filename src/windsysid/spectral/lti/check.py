@@ -22,7 +22,6 @@ RANGE_COUNT = 8
 MAX_RANGE_RATIO = 50.0
 """Setting: largest ratio of the end of the last range to the edge of the first."""
 
-
 ALL = "what all channels have in common"
 
 

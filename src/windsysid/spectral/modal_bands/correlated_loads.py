@@ -19,7 +19,6 @@ from windsysid.spectral.transforms.dft import Band
 
 __all__ = ["are_shared", "fit_shared"]
 
-
 MIN_INFORMATION_SHARE = 1e-8
 """Numerical: smallest information on a direction of Ψ over the largest."""
 

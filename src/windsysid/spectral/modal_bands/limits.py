@@ -23,8 +23,7 @@ MIN_STRUCTURE_DAMPING = 0.001
 """Size: damping ratio of a structure; if the whole interval is below, a machine is more likely."""
 
 LINE_HALF_WIDTHS, HARMONIC_HALF_WIDTHS = 0.3, 1.0
-"""Size: distance from a mode, in half-widths ζ f, below which a sinusoid, or a rotor harmonic, disturbs it;
-rotationally sampled wind makes peaks around harmonics."""
+"""Size: distance in half-widths ζ f below which a sinusoid, or a rotor harmonic with its skirts, disturbs a mode."""
 
 MIN_BAND_BINS = 8
 """Size: number of frequency bins, sinusoids apart, of a band that is fitted: of a whole record, a half or a quarter."""
@@ -44,13 +43,11 @@ MIN_MODE_CYCLES = 40
 
 MIN_PROMINENCE, MIN_BORDER_PROMINENCE, MIN_CLEAR_PROMINENCE = 2.0, 7.0, 5.0
 """Size: power of a mode at its natural frequency over the background. Below the first, or at the border of a band the
-second, the mode represents a variation of the background over the band, as no single power law fits the skirts of
-several modes; below the third it may."""
+second, it represents the background, as no single power law fits the skirts of several modes; below the third it may."""
 
 MIN_ENVELOPE_VARIANCE, MIN_ENVELOPE_VARIANCE_PER_ROOT = 0.35, 0.06
-"""Probability: 0.01, as the variance of a mode's squared amplitude over its squared mean: 1 under a random load, 0 for
-a sinusoid. Below the first, and the second times √(2π ζ f T), it is a sinusoid; so is one mode of 100 under white
-noise."""
+"""Probability: 0.01 for a mode under white noise. Variance of the squared amplitude over its squared mean: 1 under a
+random load, 0 for a sinusoid; the limit is the first, or the second times √(2π ζ f T) if smaller."""
 
 MAX_QUARTER_SIGMAS, MAX_QUARTER_ENERGY, MAX_SINGLE_QUARTER_ENERGY = 4.5, 2.6, 3.6
 """Size: energy of a quarter of the record in standard deviations from the mean, and over the mean: both make a

@@ -29,18 +29,9 @@ from windsysid.spectral.modal_bands.kernel import whitened_slopes
 from windsysid.spectral.transforms.dft import Band
 
 __all__ = [
-    "SLOPE_STD",
-    "Modes",
-    "Scores",
-    "advance",
-    "coordinates",
-    "prominence",
-    "responses",
-    "scores",
-    "spectrum",
-    "tilt_of",
-    "with_real_elements",
-]
+    "SLOPE_STD", "Modes", "Scores", "advance", "coordinates", "prominence", "responses", "scores", "spectrum",
+    "tilt_of", "with_real_elements",
+]  # fmt: skip
 
 
 SLOPE_STD = 8.0

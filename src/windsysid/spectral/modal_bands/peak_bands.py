@@ -18,7 +18,6 @@ __all__ = ["Peak", "find_peaks", "group_peaks", "merge_peaks", "widened"]
 AVERAGING_WIDTHS = ((10, 0.004), (40, 0.03))
 """Setting: smallest number of bins, and share of the frequency, of averages for narrow and for wide peaks."""
 
-
 BACKGROUND_HALF_WIDTH = 0.25
 """Setting: relative half-width of the background of a frequency."""
 

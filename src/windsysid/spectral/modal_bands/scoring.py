@@ -38,7 +38,6 @@ damping is strong; the nearest of many optima is wanted, so a refused step is tu
 MAX_STEPS_TO_TARGET = 40.0
 """Numerical: steps as large as the last one between a search and its target, beyond which it terminates."""
 
-
 DAMPING_PRIOR = (np.log(0.015), 1.5)
 """Setting: mean and standard deviation of ln ζ: 0.075 … 30 % are within two of it."""
 

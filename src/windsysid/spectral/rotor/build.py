@@ -118,27 +118,12 @@ def _pose_turning(question: RotorQuestion, loads: str) -> Posed:
         sources = _turning_loads(question, loads, where, lifted, _fastest(turbine))
         noise, given = question.noise(where[:, None] + lifted.rotor_hz * lifted.harmonics, entries)
         return LiftedModel(
-            data,
-            place,
-            weights,
-            None,
-            np.zeros(data.shape[:2], dtype=np.bool_),
-            lifted.overlap,
-            np.eye(m, dtype=np.complex128),
-            question.compiled,
-            turbine.model.freedoms,
-            question.centres,
-            question.inputs[0],
-            question.parameters,
-            question.has_lag,
-            sources,
-            noise,
-            given,
-            np.array([blocks * len(pool) for pool in pools]),
-            blocks,
-            None if sums is None else single,
+            data, place, weights, None, np.zeros(data.shape[:2], dtype=np.bool_), lifted.overlap,
+            np.eye(m, dtype=np.complex128), question.compiled, turbine.model.freedoms, question.centres,
+            question.inputs[0], question.parameters, question.has_lag, sources, noise, given,
+            np.array([blocks * len(pool) for pool in pools]), blocks, None if sums is None else single,
             1.0 if sums is None else sums.gusts,
-        )
+        )  # fmt: skip
 
     model, bands = model_at(base, None), ((float(base[0]), (K - 0.5) * lifted.rotor_hz),)
     text = HYPOTHESES[loads].text

@@ -68,27 +68,11 @@ def pose_standing(
     sources = question.with_narrow_band(broad, base[:, None]) if narrow else broad
     noise, levels = question.noise(base[:, None], place.entries)
     model = LiftedModel(
-        np.ascontiguousarray(data),
-        place,
-        window,
-        None,
-        np.zeros(data.shape[:2], dtype=np.bool_),
-        lifted.overlap,
-        np.eye(m, dtype=np.complex128),
-        question.compiled,
-        question.turbine.model.freedoms,
-        question.centres,
-        question.inputs[0],
-        question.parameters,
-        False,
-        sources,
-        noise,
-        levels,
-        np.full(len(data), blocks * alike),
-        blocks,
-        None if sums is None else np.ascontiguousarray(single),
-        1.0 if sums is None else sums.gusts,
-    )
+        np.ascontiguousarray(data), place, window, None, np.zeros(data.shape[:2], dtype=np.bool_), lifted.overlap,
+        np.eye(m, dtype=np.complex128), question.compiled, question.turbine.model.freedoms, question.centres,
+        question.inputs[0], question.parameters, False, sources, noise, levels, np.full(len(data), blocks * alike),
+        blocks, None if sums is None else np.ascontiguousarray(single), 1.0 if sums is None else sums.gusts,
+    )  # fmt: skip
     return Posed(
         model,
         None,

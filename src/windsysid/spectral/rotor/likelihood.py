@@ -30,15 +30,9 @@ from windsysid.spectral.rotor.load_spectra import SourceSpectra
 from windsysid.spectral.transforms.lifted import Complex
 
 __all__ = [
-    "Ingredients",
-    "Likelihood",
-    "ModelSpectrum",
-    "Slopes",
-    "SpectrumGrid",
-    "spectrum_of_bins",
-    "whittle",
+    "Ingredients", "Likelihood", "ModelSpectrum", "Slopes", "SpectrumGrid", "spectrum_of_bins", "whittle",
     "whittle_of_many",
-]
+]  # fmt: skip
 
 
 class SpectrumGrid(NamedTuple):

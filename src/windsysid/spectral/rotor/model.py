@@ -56,7 +56,6 @@ it."""
 WINDOW_BINS = 8
 """Numerical: bins on either side over which the taper's window is summed; 2 % of a Tukey window's power lies beyond."""
 
-
 NEIGHBOUR_SHARE = 0.25
 """Setting: share of the bins over which neighbours are compared."""
 

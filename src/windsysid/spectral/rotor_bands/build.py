@@ -43,14 +43,9 @@ from windsysid.spectral.transforms.rotating_frame import TurnedSpectra, combine_
 from windsysid.turbine.turbine import Turbine
 
 __all__ = [
-    "PosedBands",
-    "belongs_in_bands",
-    "centre_bands",
-    "highest_in_bands",
-    "is_lightly_damped",
-    "pose_bands",
+    "PosedBands", "belongs_in_bands", "centre_bands", "highest_in_bands", "is_lightly_damped", "pose_bands",
     "search_bands",
-]
+]  # fmt: skip
 
 BLADES_HALF_WIDTH, SUPPORT_HALF_WIDTH = 0.10, 0.14
 """Setting: relative half-width of the band of a mode of the blades, of the support."""
@@ -58,14 +53,12 @@ BLADES_HALF_WIDTH, SUPPORT_HALF_WIDTH = 0.10, 0.14
 MIN_HALF_WIDTH_BINS = 5.0
 """Setting: smallest half-width of a band in bins."""
 
-
 MIN_WIDE_BINS = 2.0
 """Setting: bins in half the half-power width of a mode from which on the effect of the taper's window is taken as
 known."""
 
 DISTURBANCE_SHARE = 0.2
 """Setting: prior mean of a row's disturbance over its median power."""
-
 
 SEARCH_FACTOR = 1.4
 """Setting: factor on the highest frequency of a mode up to which spectra are computed, for bands and backgrounds."""
@@ -361,27 +354,11 @@ class _Builder:
             sources = [self._source(load, ordered, powers, T, left_out, where) for load in loads]
             noise, given = self._disturbances(name, ordered, powers, where)
             return LiftedModel(
-                data,
-                SpectrumGrid(where, orders, self.hz, entries, unseen),
-                window,
-                None,
-                left_out,
-                self.spectra.overlap,
-                self.weights,
-                question.compiled,
-                self.freedoms,
-                self.given,
-                question.inputs[0],
-                question.parameters,
-                True,
-                HumpLoads(sources),
-                noise,
-                given,
-                np.full(len(bins), blocks),
-                blocks,
-                recent,
+                data, SpectrumGrid(where, orders, self.hz, entries, unseen), window, None, left_out,
+                self.spectra.overlap, self.weights, question.compiled, self.freedoms, self.given, question.inputs[0],
+                question.parameters, True, HumpLoads(sources), noise, given, np.full(len(bins), blocks), blocks, recent,
                 self.spectra.gusts,
-            )
+            )  # fmt: skip
 
         smoothed = model_at(fine, taper_window(self.spectra.taper, bins))
         return (

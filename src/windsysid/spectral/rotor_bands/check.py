@@ -31,7 +31,6 @@ from windsysid.spectral.transforms.rotating_frame import combine_groups
 
 __all__ = ["doubts_of_bands"]
 
-
 NARROW_SHARE, KNOWN_SHARE = 0.65, 0.1
 """Setting: width of the narrower bands over that of the bands, and remaining share of a covariance if they contain as
 much, since levels at the ends of a band are estimated anew. A step of less than a standard deviation is no reason."""

@@ -19,16 +19,9 @@ from numpy.typing import NDArray
 from windsysid._types import Array, Complex
 
 __all__ = [
-    "TAPERED",
-    "WINDOW_REACH",
-    "Band",
-    "band_data",
-    "plain_band",
-    "taper",
-    "taper_factor",
-    "transform",
+    "TAPERED", "WINDOW_REACH", "Band", "band_data", "plain_band", "taper", "taper_factor", "transform",
     "window_weights",
-]
+]  # fmt: skip
 
 TAPERED = 0.1
 """Setting: share of the record over which the taper rises and falls."""

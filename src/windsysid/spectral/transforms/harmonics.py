@@ -21,7 +21,6 @@ MAX_HARMONIC = 30
 TAPERS, BANDWIDTH = 7, 4.0
 """Setting: number and half-width [bins] of the tapers of the F test."""
 
-
 MAX_STATISTIC_LOSS = 3.0
 """Numerical: largest loss in F of a sinusoid between two frequencies of a transform."""
 

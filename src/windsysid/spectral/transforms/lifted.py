@@ -39,7 +39,6 @@ FIRST_BIN = 2
 NYQUIST_SHARE = 0.8
 """Setting: highest frequency in use, harmonics included, over half the sampling rate."""
 
-
 LANES = 64
 """Numerical: samples that are processed in parallel."""
 
