@@ -1,4 +1,4 @@
-"""Whether equations of one's own explain a record's cross-spectra, and whether the record is stationary."""
+"""Goodness of fit of a user's equations to cross-spectra, and stationarity of the record."""
 
 import math
 from collections.abc import Sequence

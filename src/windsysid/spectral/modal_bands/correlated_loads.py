@@ -1,11 +1,11 @@
-"""Loads that drive a mode and its neighbours at once: one gust on all storeys, the ground below them.
+"""Correlated modal loads: detection by a score test, and a model with shapes that vary over the band.
 
-The motion d that the load of a mode makes of the rest of the structure is coherent with the mode's own, φ h + d, and
-bends the spectrum where d is not small: a frequency can come out ten standard deviations off. A model with shapes that
-change over the band, Φ + Ψ (f/f_j − 1), has room for it (`modal_model`). Whether it is needed is asked of the fit
-without Ψ by its score, gᵀ F⁻¹ g for the slopes g to Ψ with all other unknowns eliminated, χ² with as many degrees of
-freedom where loads are independent (Rao, Proc. Camb. Phil. Soc. 44, 1948,
-https://doi.org/10.1017/S0305004100023987).
+A gust on all storeys, or motion of the ground, drives a mode and the rest of the structure at once. The motion d of the
+rest is coherent with that of the mode, φ h + d, and distorts the spectrum unless d is small: a frequency can be ten
+standard deviations off. A model with shapes that vary over the band, Φ + Ψ (f/f_j − 1), describes it
+(`windsysid.spectral.modal_bands.model`). The fit without Ψ is tested by its score, gᵀ F⁻¹ g for the derivatives g to Ψ
+with all other unknowns eliminated, χ² with as many degrees of freedom if loads are independent (Rao, Proc. Camb. Phil.
+Soc. 44, 1948, https://doi.org/10.1017/S0305004100023987).
 """
 
 import numpy as np
@@ -30,7 +30,7 @@ MAX_MODES = 3
 
 
 def are_shared(fit: ModalFit, band: Band) -> bool:
-    """Whether the load of some mode of a fit without Ψ reaches its neighbours, too."""
+    """True if the load of any mode of a fit without Ψ also drives other modes."""
     from scipy.special import chdtrc
 
     modes = fit.modes.let_drift()

@@ -1,4 +1,4 @@
-"""Modes that are images of others, of readings that were taken more slowly and filled in between.
+"""Images of modes: aliases of readings that were interpolated from a lower sampling rate.
 
 Whatever fills in, straight lines, splines or a filter that is not steep enough, leaves a faint copy of a mode at
 F − f and at F + f, with F the rate at which the readings were taken. The motion of an image is that of its mode, turned
@@ -36,7 +36,7 @@ class _Motion(NamedTuple):
 
 
 def with_images(modes: Sequence[OperationalMode], frequency: Array, values: Complex) -> list[OperationalMode]:
-    """The same modes, with a doubt for each that is the image of a stronger one.
+    """Add a reason to each mode that is the image of a stronger one.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def _motion_of(mode: OperationalMode, frequency: Array, values: Complex) -> _Mot
 
 
 def _go_together(one: _Motion, other: _Motion) -> bool:
-    """Whether the product of two motions, or of one and the other turned back, has one line."""
+    """True if the product of two motions, or of one and the conjugate of the other, is a sinusoid."""
     freedom = min(one.freedom, other.freedom)
     if freedom < MIN_MOTION_FREEDOM:
         return False

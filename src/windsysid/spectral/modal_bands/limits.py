@@ -43,7 +43,7 @@ MIN_MODE_CYCLES = 40
 
 MIN_PROMINENCE, MIN_BORDER_PROMINENCE, MIN_CLEAR_PROMINENCE = 2.0, 7.0, 5.0
 """Size: power of a mode at its natural frequency over the background. Below the first, or at the border of a band the
-second, it represents the background, as no single power law fits the skirts of several modes; below the third it may."""
+second, it represents the background, as no power law fits the skirts of several modes; below the third it may."""
 
 MIN_ENVELOPE_VARIANCE, MIN_ENVELOPE_VARIANCE_PER_ROOT = 0.35, 0.06
 """Probability: 0.01 for a mode under white noise. Variance of the squared amplitude over its squared mean: 1 under a

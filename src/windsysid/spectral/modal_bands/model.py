@@ -1,4 +1,4 @@
-"""The spectrum of a few modes in a band, and its slopes.
+"""Spectral model of a few modes in a band, with its derivatives.
 
     S(f) = Φ_f [D(f) ∘ C Cᴴ] Φ_fᴴ + (f/f_c)^b L Lᴴ,        D_jk(f) = h_j(f) h_k(f)* (f/f_c)^a,
     h_j(f) = −r² / (1 − r² + 2 i ζ_j r),        r = f / f_j,        Φ_f = Φ + Ψ diag(f/f_j − 1),
@@ -79,7 +79,7 @@ class Modes(NamedTuple):
         return np.asarray(self.shape + away[:, None] * self.drift)
 
     def let_drift(self) -> "Modes":
-        """The same with Ψ as an unknown."""
+        """These modes with Ψ as an unknown."""
         return self._replace(drift=np.zeros_like(self.shape))
 
     @property

@@ -1,4 +1,4 @@
-"""How many modes a band has, and their shapes in all channels.
+"""Model order of a band by evidence, and mode shapes in all channels.
 
 A band's transforms are scaled and turned into their first m principal directions, as many as its modes can need and two
 more; modes are added one by one as long as Schwarz's approximation of the evidence rises (Ann. Statist. 1978,
@@ -121,7 +121,7 @@ def fit_band(
 def _most_evident(
     band: Band, bins: int, none: ModalFit, peaks: int, most: int, known: Sequence[tuple[float, float]]
 ) -> ModalFit:
-    """As many modes as the evidence asks for, added one by one to those that are known."""
+    """Fit with the model order of the largest evidence; modes are added one by one to known ones."""
     best, least = none, evidence(none, bins)
     last = none
     first = max(1, len(known))
@@ -185,7 +185,7 @@ def _modal_responses(modes: Modes, band: Band, values: Complex) -> tuple[Complex
 
 
 def _unknowns(modes: Modes, j: int) -> Complex:
-    """How the shape (m,) of mode j follows the unknowns of a step: (m, p)."""
+    """Derivative (m, p) of the shape (m,) of mode j with respect to a step of the unknowns."""
     m, r = modes.shape.shape
     weight = np.zeros((m, modes.size), dtype=np.complex128)
     real, at = modes.real, 2 * r + m * r

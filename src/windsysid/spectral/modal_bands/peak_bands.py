@@ -1,4 +1,4 @@
-"""Where modes may be: peaks of the readings' spectra, and the bands around them.
+"""Spectral peaks of readings, and the bands around them.
 
 Readings are scaled by the level around each frequency, and peaks are sought in the singular values of their spectral
 matrices, averaged over widths that grow with frequency, a narrow and a wide one. The search may find too much: whether

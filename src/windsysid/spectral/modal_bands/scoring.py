@@ -1,4 +1,4 @@
-"""The posterior of a band's modes: its mode by scoring, its width by the Fisher information.
+"""Posterior of a band's modes: mode by Fisher scoring, covariance by the Fisher information.
 
     J = c_h⁻¹ Σ_k n_k [ln det S̄ + tr S̄⁻¹ P_k] + ½ Σ ((θ − θ₀)/s)²,
     g_a = c_h⁻¹ Σ n_k tr(S̄⁻¹ dS_a (1 − S̄⁻¹ P_k)) + prior,        F_ab = c_h⁻¹ Σ n_k tr(S̄⁻¹ dS_a S̄⁻¹ dS_b) + prior
@@ -56,8 +56,7 @@ MAX_STEPS_OF_UNKNOWNS = (0.02, 1.1, 10.0)
 
 
 class ModalFit(NamedTuple):
-    """What scoring found: modes, the covariance (p, p) of a step, −2 ln of the likelihood, and whether it ended by
-    itself."""
+    """Result of scoring: modes, the covariance (p, p) of a step, −2 ln of the likelihood, and convergence."""
 
     modes: Modes
     cov: Array
@@ -129,7 +128,7 @@ def score_together(
 
 
 def _max_step(modes: Modes) -> Array:
-    """How far a step may move the unknowns of a record (p,)."""
+    """Largest step of the unknowns of a record (p,)."""
     most, r = np.full(modes.size, np.inf), len(modes.frequency)
     most[:r], most[r : 2 * r], most[modes.size - modes.drifting - 1] = MAX_STEPS_OF_UNKNOWNS
     return most

@@ -1,4 +1,4 @@
-"""Where scoring starts: one mode more than the last fit has, where it explains most.
+"""Start values of scoring: one mode more than in the last fit, at the largest excess of the data.
 
 Where the data exceed the last fit most a mode is added, and shapes, loads and what else is in the band follow by a few
 steps of expectation and maximisation (Dempster, Laird & Rubin 1977), the modal responses being what is not seen. The
@@ -33,7 +33,7 @@ EM_STEPS = 8
 
 
 def without_modes(band: Band) -> Modes:
-    """What is in a band without modes: the most probable slope b, and for it the mean of what is left, which has the
+    """Background of a band without modes: the most probable slope b, and the mean of the scaled spectra, which has the
     greatest likelihood."""
     from scipy.optimize import minimize_scalar
 
@@ -90,7 +90,7 @@ def _unexplained(modes: Modes, band: Band, places: Array, width: float) -> Array
 
 
 def _coarse(band: Band) -> Band:
-    """The same band with neighbouring rows averaged: enough for a start."""
+    """Average neighbouring rows of a band, which is accurate enough for a start."""
     size = -(-len(band.counts) // COARSE_ROWS)
     if size == 1:
         return band

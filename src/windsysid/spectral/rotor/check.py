@@ -1,4 +1,4 @@
-"""Whether a lifted spectrum explains its record: the size of what the model leaves, part by part.
+"""Goodness of fit of a lifted spectrum in each channel and frequency range, and stationarity of its record.
 
 Every used entry Y of the record has the expected square S. Where the model holds, |Y|²/S is exponential with mean 1,
 and the mean of N of them, c_h of which count as one, scatters by √(c_h/N). A mean that is off by more than that says in

@@ -1,4 +1,4 @@
-"""What any load model is in the frequency domain.
+"""Spectra of load models in continuous time.
 
 A stationary linear block dz = F z dt + noise of covariance P is known by Φ = e^{Fh} and P. So F = ln Φ / h, the noise
 has the intensity Q = −(F P + P Fᵀ), and what the block drives, H z, has the two-sided spectrum h hᴴ with

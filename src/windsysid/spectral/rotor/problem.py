@@ -1,4 +1,4 @@
-"""What is asked of a record in the frequency domain, and what both kinds of machine, still and turning, ask of it."""
+"""Record, turbine and unknowns of an identification in the frequency domain, parked or turning."""
 
 import math
 from collections.abc import Sequence
@@ -29,7 +29,7 @@ MIN_START_DAMPING = 0.3
 
 
 class RotorQuestion(NamedTuple):
-    """What is asked of a record.
+    """A record, its turbine and the parameters to identify in the frequency domain.
 
     Attributes
     ----------
@@ -137,7 +137,7 @@ class RotorQuestion(NamedTuple):
 
 
 class Posed(NamedTuple):
-    """A question in the frequency domain.
+    """The model of a question's spectrum, with the start of its search.
 
     Attributes
     ----------

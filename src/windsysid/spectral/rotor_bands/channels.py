@@ -1,4 +1,4 @@
-"""What is read of a turning rotor in narrow bands: blades where they turn, the support where it stands.
+"""Channels of a turning rotor in narrow bands: blades in the rotating frame, the support in the fixed frame.
 
 A real turbine has more modes than a model of it: a spectrum is explained around a mode and nowhere else. A blade's mode
 keeps one frequency in the frame of the blades, whichever way it whirls, and the support sees it at that frequency ± Ω.

@@ -1,4 +1,4 @@
-"""Whether a record read in bands bears its result out: the size of what is left, the halves, and narrower bands.
+"""Goodness of fit of narrow bands, and agreement of the halves of a record and of narrower bands.
 
 Levels of loads are learned, so that the size of a whole band says nothing. What can be wrong is its shape (thirds of
 each row), its steadiness (energy of the halves), and the stiffness itself: each half of the record must say the same,
@@ -37,7 +37,7 @@ much, since levels at the ends of a band are estimated anew. A step of less than
 
 
 def doubts_of_bands(question: RotorQuestion, posed: PosedBands, fit: RotorBandFit) -> list[Finding]:
-    """What speaks against a result."""
+    """Reasons against a result."""
     posed, found = posed._replace(model=fit.model), fit.mode
     doubts = [*posed.doubts, *_short(posed)]
     if not found.converged:

@@ -1,4 +1,4 @@
-"""Around which frequencies a turning rotor's modes are read, and where to begin to look for its stiffness.
+"""Frequencies around which a turning rotor's modes are analysed, and start of the search for its stiffness.
 
 The turbine file names the modes, and its prior says how far they may be from where it puts them. Peaks of the record
 decide (`band_search`), group by group: one factor on the stiffness of all blades for both whirls, then one on the
@@ -38,7 +38,7 @@ MAX_PEAK_DISTANCE = 0.012
 
 
 class ModeLocation(NamedTuple):
-    """A mode and where it is read.
+    """A mode and the frequency at which it is analysed.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ class ModeLocation(NamedTuple):
 
 
 class ModeLocations(NamedTuple):
-    """What the search found.
+    """Modes that the search located, and start values.
 
     Attributes
     ----------

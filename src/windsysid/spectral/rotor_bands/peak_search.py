@@ -1,4 +1,4 @@
-"""Where in a record the modes of a turning rotor stand: looked for within the prior's reach, not known.
+"""Search for the peaks of a turning rotor's modes within a few standard deviations of the prior.
 
 A mode at F multiplies the spectrum around it by a resonance. For every F the gain in likelihood of one resonance over
 what is there without is

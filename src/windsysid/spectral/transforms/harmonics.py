@@ -1,4 +1,4 @@
-"""Lines: what turns with the rotor, and what other machines add.
+"""Rotor harmonics and other sinusoids: detection and removal.
 
 A rotor's harmonics are taken out of the readings by least squares on its azimuth. Other lines are found by Thomson's F
 test (Proc. IEEE 1982, https://doi.org/10.1109/PROC.1982.12433): the same frequency and phase under several orthogonal
