@@ -14,6 +14,8 @@ RECENT_TESTS: dict[str, tuple[str, ...]] = {
     "checks/constancy.py": ("test_constancy.py",),
     "continuity.py": ("test_continuity.py",),
     "effects/clock_drift.py": ("test_drifting_clocks.py",),
+    "model/drift.py": ("test_drifting_clocks.py",),
+    "estimate/drift_of_halves.py": ("test_drifting_clocks.py",),
     "effects/random_walk_bias.py": ("test_drifting_offsets.py",),
     "events.py": ("test_events.py",),
     "follower.py": ("test_engine.py", "test_turns.py"),
@@ -105,7 +107,7 @@ _READINGS = (
     ),
     Mutant(
         "size of an offset", "effects/bias.py",
-        'update={"bias": abs(off)}', 'update={"bias": 0.01 * abs(off)}',
+        'update={"bias": abs(sizes[one.channel])}', 'update={"bias": 0.01 * abs(sizes[one.channel])}',
         "an offset that was seen is not allowed for",
     ),
     Mutant(
@@ -147,7 +149,7 @@ _READINGS = (
 
 _CLOCKS_AND_LINES = (
     Mutant(
-        "a clock faster than any", "effects/clock_drift.py",
+        "a clock faster than any", "model/drift.py",
         "< abs(self.rate) < GREATEST", "< abs(self.rate)",
         "a logger is put back by more than clocks drift",
     ),
@@ -162,7 +164,7 @@ _CLOCKS_AND_LINES = (
         "a second look at a drift forgets the first",
     ),
     Mutant(
-        "halves of a drifting record", "effects/clock_drift.py",
+        "halves of a drifting record", "estimate/drift_of_halves.py",
         "(late - early) / apart", "(early - late) / apart",
         "a clock that is late later runs early",
     ),
