@@ -97,7 +97,7 @@ _READINGS = (
     ),
     Mutant(
         "offset by chance", "effects/bias.py",
-        "max(SIGMAS * chance, LEAST * sensor.noise)", "LEAST * sensor.noise",
+        "max(OUTLIER_SIGMAS * chance, NEGLIGIBLE_SHARE * sensor.noise)", "NEGLIGIBLE_SHARE * sensor.noise",
         "sensors get offsets that are chance",
     ),
     Mutant(
@@ -142,7 +142,7 @@ _READINGS = (
     ),
     Mutant(
         "neighbours of a spike", "estimate/outlier.py",
-        "& (beside < ALONE * off)", "",
+        "& (beside < MAX_NEIGHBOUR_SHARE * off)", "",
         "neighbours of a spike are left out with it",
     ),
 )  # fmt: skip
@@ -150,7 +150,7 @@ _READINGS = (
 _CLOCKS_AND_LINES = (
     Mutant(
         "a clock faster than any", "model/drift.py",
-        "< abs(self.rate) < GREATEST", "< abs(self.rate)",
+        "< abs(self.rate) < MAX_DRIFT_RATE", "< abs(self.rate)",
         "a logger is put back by more than clocks drift",
     ),
     Mutant(
@@ -175,12 +175,12 @@ _CLOCKS_AND_LINES = (
     ),
     Mutant(
         "scatter of a sine", "effects/sinusoid.py",
-        "if one.scatter > SCATTER or", "if",
+        "if one.scatter > MAX_SINE_SCATTER or", "if",
         "a load that swells and fades is taken out as a sine",
     ),
     Mutant(
         "a sine beside 1P", "effects/sinusoid.py",
-        "abs(seen.frequency - rotor_hz) < APART * step", "False",
+        "abs(seen.frequency - rotor_hz) < RESOLUTION_BINS * step", "False",
         "a sine at 1P is taken for a machine's",
     ),
     Mutant(
@@ -205,7 +205,7 @@ _CLOCKS_AND_LINES = (
     ),
     Mutant(
         "a line that may be chance", "estimate/influence.py",
-        "return bool(name) and off < MOVED", "return bool(name)",
+        "return bool(name) and off < MAX_INFLUENCE_SIGMAS", "return bool(name)",
         "a line is called harmless though a coefficient depends on it",
     ),
     Mutant(
@@ -220,12 +220,12 @@ _CLOCKS_AND_LINES = (
     ),
     Mutant(
         "a narrow band that matters", "estimate/narrow_band.py",
-        "self.gain > SURE and self.moved > HARDLY", "self.gain > SURE",
+        "self.gain > MIN_LOG_ODDS and self.moved > NEGLIGIBLE_SHIFT_SIGMAS", "self.gain > MIN_LOG_ODDS",
         "loads that move no coefficient condemn a result",
     ),
     Mutant(
         "a rival that explains much worse", "estimate/narrow_band.py",
-        "off * math.exp(min(other.log_evidence - best.log_evidence, 0.0)) < EXPECTED", "off < EXPECTED",
+        "or expected < MIN_EXPECTED_SHIFT_SIGMAS", "or off < MIN_EXPECTED_SHIFT_SIGMAS",
         "an explanation that is hardly possible is a doubt",
     ),
     Mutant(
@@ -248,12 +248,12 @@ _DOUBTS = (
     ),
     Mutant(
         "a likelihood that rises beyond", "estimate/prior_conflict.py",
-        "> here + GAIN", "> here - GAIN",
+        "> here + MIN_LOG_LIKELIHOOD_RISE", "> here - MIN_LOG_LIKELIHOOD_RISE",
         "any prior is made wider",
     ),
     Mutant(
         "width of a wider prior", "estimate/prior_conflict.py",
-        "spread=WIDER * q.spread", "spread=q.spread",
+        "spread=WIDENING_FACTOR * q.spread", "spread=q.spread",
         "a prior that holds an estimate is not made wider",
     ),
     Mutant(
