@@ -25,6 +25,13 @@ from windsysid.identification.estimate.narrow_band import (
 )
 from windsysid.identification.estimate.prior_conflict import find_held, one_by_one
 from windsysid.identification.estimate.rotor_bands import read_in_bands
+from windsysid.identification.limits import (
+    MAX_RIVAL_LOG_ODDS,
+    MAX_SPEED_VARIATION,
+    MAX_SPEED_VARIATION_IN_BANDS,
+    NEGLIGIBLE_SPEED_VARIATION,
+    NEGLIGIBLE_SPEED_VARIATION_IN_BANDS,
+)
 from windsysid.identification.model.fit import Outcome, known_inputs, known_loads, no_innovations
 from windsysid.identification.model.prior import Prior, identifiable
 from windsysid.identification.model.tolerances import (
@@ -60,16 +67,6 @@ from windsysid.turbine.turbine import Turbine
 
 __all__ = ["ask", "identify_by_spectrum", "inexact_of", "tolerances_in"]
 
-STEADY, VARYING = 0.005, 0.02
-"""Standard deviation of the rotor's speed over its mean: up to the first it costs nothing, beyond the second the
-spectra are not those of a constant speed."""
-
-STEADY_IN_BANDS, VARYING_IN_BANDS = 0.15, 0.2
-"""The same of a rotor that is read in bands, which follow its blades (``python -m validation.auto``)."""
-
-CLEAR = 50.0
-"""Log evidence by which a load model is out of the race after the first stages, which weigh the record with a fifth."""
-
 
 def identify_by_spectrum(
     record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior, chosen: Sequence[str] | None = None, *,
@@ -99,14 +96,15 @@ def identify_by_spectrum(
     coupled = turns_couple(questions["broadband"])
     speeds = questions["broadband"].speed if speeds is None else speeds
     if coupled and belongs_in_bands(questions["broadband"]):
-        in_bands = _in_bands(questions["broadband"], loads, _speed(speeds, STEADY_IN_BANDS, VARYING_IN_BANDS), notes)
+        varying = _speed(speeds, NEGLIGIBLE_SPEED_VARIATION_IN_BANDS, MAX_SPEED_VARIATION_IN_BANDS)
+        in_bands = _in_bands(questions["broadband"], loads, varying, notes)
         if in_bands is not None:
             return in_bands
         if sums is not None:
             raise ConfigurationError(
                 "modes of the rotor are too near each other to be told apart in pieces: identify a section of it"
             )
-    doubts = _speed(speeds, STEADY, VARYING) if coupled else []
+    doubts = _speed(speeds, NEGLIGIBLE_SPEED_VARIATION, MAX_SPEED_VARIATION) if coupled else []
     names = _names(turbine, loads, coupled=coupled)
     if "rotor-wind" in names:
         questions["rotor-wind"] = ask(record, turbine, sensors, prior, chosen, inputs, readings, "rotor-wind", sums)
@@ -304,7 +302,7 @@ def _after_stages(poses: dict[str, Posed]) -> _Found:
     elsewhere; fitted to the end."""
     tried = {name: fit(posed.model, posed.start, COARSE[:-1], rough=True) for name, posed in poses.items()}
     ranking = _ranked(tried)
-    rivals = ranking.within(CLEAR)
+    rivals = ranking.within(MAX_RIVAL_LOG_ODDS)
     later: Sequence[tuple[float, int]] = (*COARSE[-1:], *WHOLE)
     why = {"rivals": ranking.rivals(), "part": True}
     if len(rivals) > 1:

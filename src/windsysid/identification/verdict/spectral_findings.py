@@ -10,6 +10,7 @@ from windsysid._types import Array
 from windsysid.checks.blade_passing import find_passing
 from windsysid.errors import RecordError
 from windsysid.identification.estimate.drift_of_halves import drift_of_halves
+from windsysid.identification.limits import MAX_RESONANCE_DOF, MIN_RESONANCE_DOF, MIN_STANDING_RESONANCE_DOF
 from windsysid.identification.model.drift import Drift
 from windsysid.results.finding import Finding
 from windsysid.results.tolerance import Tolerance
@@ -22,17 +23,6 @@ from windsysid.spectral.transforms.block_sums import BlockSums
 from windsysid.spectral.transforms.lifted import Lifted
 
 __all__ = ["doubts_of_spectra", "drifts_of", "halves_of", "passed_by"]
-
-MOST_RESONANCE = 50.0
-"""As how many independent values the narrowest resonance of a rotor under wind may count at most: bands grow narrower
-with the record, what the load model does not know stays. ``python -m validation.spectral`` shows them for 36."""
-
-LEAST_RESONANCE, LEAST_STANDING = 20.0, 4.0
-"""As how many independent values the narrowest resonance has to count, of a turning rotor and where nothing turns.
-Below, bands of a rotor were never proven; those of a tower are up to 18 times too narrow where it counts as one."""
-
-LEAST_OF_A_BLOCK = 20.0
-"""And in each block of one that came in pieces: what the taper does to narrower ones was not proven."""
 
 
 def halves_of(question: RotorQuestion, posed: Posed, found: RotorFit, loads: str) -> list[Posed]:
@@ -68,11 +58,11 @@ def doubts_of_spectra(
     doubts = list[Finding]()
     if not found.settled:
         doubts.append(Finding("search_not_converged", "reason", {"steps": found.steps}))
-    least = LEAST_STANDING if posed.smoothed is None else LEAST_RESONANCE
+    least = MIN_STANDING_RESONANCE_DOF if posed.smoothed is None else MIN_RESONANCE_DOF
     if posed.resonance < least:
         doubts.append(Finding("narrow_resonance", "reason", {"count": posed.resonance, "least": least}))
-    if loads == "rotor-wind" and posed.resonance > MOST_RESONANCE:
-        proven = len(question.readings) / question.rate * MOST_RESONANCE / posed.resonance
+    if loads == "rotor-wind" and posed.resonance > MAX_RESONANCE_DOF:
+        proven = len(question.readings) / question.rate * MAX_RESONANCE_DOF / posed.resonance
         doubts.append(Finding("long_record_under_wind", "reason", {"duration": proven}))
     doubts += unexplained(_parts(_alike(posed, found), posed, found.unknowns, question))[:3]
     if question.sums is not None:
@@ -101,8 +91,8 @@ def _unsteady_blocks(question: RotorQuestion, sums: BlockSums[Lifted], posed: Po
     enough."""
     blocks, doubts = len(sums.energies), list[Finding]()
     alone = posed.resonance / sums.blocks
-    if posed.smoothed is not None and alone < LEAST_OF_A_BLOCK:
-        data = {"count": alone, "least": LEAST_OF_A_BLOCK}
+    if posed.smoothed is not None and alone < MIN_RESONANCE_DOF:
+        data = {"count": alone, "least": MIN_RESONANCE_DOF}
         doubts.append(Finding("narrow_resonance_in_pieces", "reason", data))
     if blocks < 2:
         return [*doubts, Finding("one_block", "reason")]
