@@ -1,7 +1,7 @@
 """Look at a record before anything is identified from it: faults, spectra, and the part worth using.
 
 `inspect_record` is the one function; it reads nothing and writes nothing, so a notebook, the command line and a test
-use it alike. Its parts: `clock` and `health` (faults of the clock and of channels), `plausibility` (units and
+use it alike. Its parts: `faults` (of the clock, of channels and of the order of rows), `plausibility` (units and
 contradictions), `screening` (all of them, for identifications too), `spectra` (what vibrates), `sections` (which part
 to use), `stops` (of the rotor), `figures` and `report`.
 """

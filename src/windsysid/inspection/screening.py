@@ -13,13 +13,13 @@ import numpy as np
 
 from windsysid.errors import RecordError
 from windsysid.inspection.channels import VIBRATION, Kind, kinds
-from windsysid.inspection.clock import clock_faults
-from windsysid.inspection.continuity import copied_channels, copied_passages, lost_samples, overrun
 from windsysid.inspection.fault import SEVERITIES, Fault
-from windsysid.inspection.health import channel_faults
-from windsysid.inspection.losses import lost_rows
+from windsysid.inspection.faults.clock import clock_faults
+from windsysid.inspection.faults.continuity import copied_channels, copied_passages, lost_samples, overrun
+from windsysid.inspection.faults.health import channel_faults
+from windsysid.inspection.faults.losses import lost_rows
+from windsysid.inspection.faults.silence import silent_stretches
 from windsysid.inspection.plausibility import MIN_ROTOR_SPEED, TIME, Rotor, implausible, rotor_of
-from windsysid.inspection.silence import silent_stretches
 from windsysid.records.record import Record
 from windsysid.results.finding import Finding
 from windsysid.results.finding import Severity as FindingSeverity

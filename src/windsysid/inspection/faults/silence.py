@@ -12,9 +12,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.inspection.continuity import PREDICTORS, normalised_errors, prediction_errors
 from windsysid.inspection.fault import Fault
-from windsysid.inspection.runs import runs_of
+from windsysid.inspection.faults.continuity import PREDICTORS, normalised_errors, prediction_errors
+from windsysid.inspection.faults.runs import runs_of
 from windsysid.records.record import Record
 
 __all__ = ["silent_stretches"]

@@ -10,9 +10,9 @@ import numpy as np
 from windsysid._types import Array, Mask
 from windsysid.checks.dead_channel import is_constant
 from windsysid.inspection.channels import VIBRATION, Kind, is_torque
-from windsysid.inspection.clock import GAP_MIN_STEPS
 from windsysid.inspection.fault import Fault, Severity
-from windsysid.inspection.runs import runs_of, spans_of
+from windsysid.inspection.faults.clock import GAP_MIN_STEPS
+from windsysid.inspection.faults.runs import runs_of, spans_of
 from windsysid.records.record import AS_WRITTEN, Record
 
 __all__ = ["MAX_SPIKE_SAMPLES", "channel_faults", "sampled_every"]

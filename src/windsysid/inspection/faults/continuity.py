@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from windsysid._types import Array
 from windsysid.inspection.fault import Fault
-from windsysid.inspection.runs import spans_of
+from windsysid.inspection.faults.runs import spans_of
 from windsysid.records.record import Record
 
 __all__ = [

@@ -20,7 +20,7 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.inspection.fault import Fault
-from windsysid.inspection.health import sampled_every
+from windsysid.inspection.faults.health import sampled_every
 from windsysid.records.record import Record
 
 __all__ = ["lost_rows"]

@@ -5,7 +5,7 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.inspection.channels import VIBRATION, kinds
 from windsysid.inspection.fault import Fault
-from windsysid.inspection.runs import spans_of
+from windsysid.inspection.faults.runs import spans_of
 from windsysid.records.record import RATE_DOUBT, STAMPS, Record
 
 __all__ = ["GAP_MIN_STEPS", "MAX_SHORT_GAP_SAMPLES", "clock_faults"]
