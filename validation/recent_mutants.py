@@ -256,17 +256,18 @@ _DOUBTS = (
     ),
     Mutant(
         "a prior far from its estimate", "estimate/prior_conflict.py",
-        "if abs(off) > CONFLICT_SIGMAS:", "if off > CONFLICT_SIGMAS:",
+        "if abs(off) > MAX_PRIOR_SHIFT_SIGMAS:", "if off > MAX_PRIOR_SHIFT_SIGMAS:",
         "an estimate far below its prior is no doubt",
     ),
     Mutant(
         "number of names of halves", "checks/constancy.py",
-        "halves[i] >= CHANCE / len(names)", "halves[i] >= CHANCE",
+        "halves[i] >= FALSE_ALARM_PROBABILITY / len(names)", "halves[i] >= FALSE_ALARM_PROBABILITY",
         "many coefficients condemn a healthy record more often than few",
     ),
     Mutant(
         "number of names of parts", "checks/constancy.py",
-        "scattered[j] >= CHANCE_OF_SCATTER / len(names)", "scattered[j] >= CHANCE_OF_SCATTER",
+        "scattered[j] >= SCATTER_FALSE_ALARM_PROBABILITY / len(names)",
+        "scattered[j] >= SCATTER_FALSE_ALARM_PROBABILITY",
         "parts of a healthy record condemn it more often where it has many coefficients",
     ),
     Mutant(
@@ -291,7 +292,7 @@ _DOUBTS = (
     ),
     Mutant(
         "blades that pass beside a mode", "checks/blade_passing.py",
-        "> width + BEYOND * step", "> 10.0 * width + BEYOND * step",
+        "> width + BLADE_PASSING_MARGIN_BINS * step", "> 10.0 * width + BLADE_PASSING_MARGIN_BINS * step",
         "blades that pass far from a mode are said to pass on it",
     ),
     Mutant(

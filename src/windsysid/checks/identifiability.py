@@ -18,25 +18,21 @@ from fractions import Fraction
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.checks.limits import MAX_NEGLIGIBLE_ENTRY, MIN_CONDITION_INDEX, MIN_NAMED_CORRELATION
 from windsysid.results.finding import Finding
 
 __all__ = ["describe_directions", "describe_information", "standard_deviations"]
 
 
 MIN_SEEN_EIGENVALUE = 1e-9
-"""Least eigenvalue of the scaled information (1 on average) that counts as seen; rounding leaves some 1e-15."""
+"""Numerical: smallest eigenvalue of the scaled information (1 on average) that is not zero; rounding leaves some
+1e-15."""
 
 MIN_SEEN_INFORMATION = 1e-8
-"""Information on ln p, σ = 10⁴, below which a parameter is not seen at all."""
+"""Numerical: smallest information on ln p, σ = 10⁴, that is not zero."""
 
-MIN_CONDITION_INDEX = 30.0
-"""Condition index from which parameters are told apart badly (Belsley, Kuh & Welsch)."""
-
-MIN_NAMED_CORRELATION = 0.9
-"""Correlation from which two parameters are named."""
-
-ZERO_ENTRY_UNSEEN, ZERO_ENTRY_BADLY_SEEN = 1e-4, 0.15
-"""Entries of a direction that count as zero: where it is unseen, where it is only badly seen."""
+ZERO_ENTRY_UNSEEN = 1e-4
+"""Numerical: entry of an unseen direction, over the largest, that counts as zero."""
 
 
 def standard_deviations(information: Array) -> Array:
@@ -111,7 +107,7 @@ def describe_directions(
     size = np.where(logarithmic, 1.0, spread if theta is None else np.where(theta == 0.0, spread, theta))
     before, after = np.linalg.inv(prior_cov), np.linalg.inv(cov)
     found = []
-    for who, left, moved, rows in _describe_rules(names, prior_rules, 1.0 / spread, ZERO_ENTRY_BADLY_SEEN, 1.0 / size):
+    for who, left, moved, rows in _describe_rules(names, prior_rules, 1.0 / spread, MAX_NEGLIGIBLE_ENTRY, 1.0 / size):
         left_of_prior = np.trace(np.linalg.solve(rows @ after @ rows.T, rows @ before @ rows.T)) / len(rows)
         data = {"share": 1.0 - left_of_prior, "seen": left, "direction": moved}
         found.append(Finding("prior_dominates", "remark", data, tuple(who)))
@@ -123,7 +119,7 @@ def _correlation(one: str, other: str, value: float) -> Finding:
 
 
 def _correlated(cov: Array) -> list[tuple[int, int, float]]:
-    """Pairs whose correlation exceeds 0.9 in size, strongest first."""
+    """Pairs whose correlation exceeds `MIN_NAMED_CORRELATION` in size, strongest first."""
     std = np.sqrt(np.maximum(np.diag(cov), 1e-300))
     correlation = cov / np.outer(std, std)
     pairs = [(i, j, float(correlation[i, j])) for j in range(len(cov)) for i in range(j)]

@@ -17,7 +17,8 @@ from windsysid.checks.innovation_sums import (
     measure_stretch,
     spectral_window,
 )
-from windsysid.checks.lines import LINE_CHANCE, line_bound
+from windsysid.checks.limits import FALSE_ALARM_PROBABILITY, LINE_FALSE_ALARM_PROBABILITY
+from windsysid.checks.lines import line_bound
 from windsysid.checks.stationarity import Shared, most_shared, steadiness
 
 __all__ = [
@@ -29,15 +30,8 @@ __all__ = [
 ]
 
 
-FALSE_ALARM_CHANCE = 1e-3
-"""A departure that noise alone would show in one record out of so many is no reason: for each kind of test, all
-channels and frequencies together."""
-
 NEAR_MODE_FACTOR = 1.3
-"""Factor about a natural frequency over which the spectrum is averaged.
-
-From `LEVEL` on that average condemns a result: bands are √2 too narrow.
-"""
+"""Setting: factor on a natural frequency within which the spectrum is averaged."""
 
 
 class ChannelCheck(NamedTuple):
@@ -120,7 +114,7 @@ class Whiteness(NamedTuple):
     colour_bound
         What the colour of white noise stays below, but for one record in 1000.
     line_bound
-        The same for the ratio of a line, but for a share `LINE_CHANCE` of records.
+        The same for the ratio of a line, but for a share `LINE_FALSE_ALARM_PROBABILITY` of records.
     shared
         What two channels share most (`windsysid.checks.stationarity`); None of one channel alone.
     smooth
@@ -280,16 +274,16 @@ def _judge_alike(sums: Sums, names: Sequence[str], frequencies: Sequence[float])
         autocorrelation_bound=2.0 / math.sqrt(fewest),
         frequency=frequency,
         spectrum=spectrum,
-        spectrum_bound=chance_limit(FALSE_ALARM_CHANCE / max(spectrum.size, 1), freedom) / freedom,
-        colour_bound=(chance_limit(FALSE_ALARM_CHANCE / m, lags) - lags) / fewest,
-        line_bound=line_bound(sums.tested, LINE_SURROUNDINGS, LINE_CHANCE),
+        spectrum_bound=chance_limit(FALSE_ALARM_PROBABILITY / max(spectrum.size, 1), freedom) / freedom,
+        colour_bound=(chance_limit(FALSE_ALARM_PROBABILITY / m, lags) - lags) / fewest,
+        line_bound=line_bound(sums.tested, LINE_SURROUNDINGS, LINE_FALSE_ALARM_PROBABILITY),
         shared=most_shared(sums.shared, sums.shared_pairs),
         smooth=smooth_colour(
             frequency,
             np.where(frequency[:, None] <= sums.highest, spectrum, np.nan),
             freedom,
             reach=reach,
-            chance=FALSE_ALARM_CHANCE,
+            chance=FALSE_ALARM_PROBABILITY,
         ),
     )
 
