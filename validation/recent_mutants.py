@@ -594,22 +594,22 @@ _FLEET_AND_MODES = (
     ),
     Mutant(
         "rows that are copied", "continuity.py",
-        "np.add.at(mask, again + PASSAGE, -1)", "np.add.at(mask, again + 1, -1)",
+        "np.add.at(mask, again + MIN_COPIED_ROWS, -1)", "np.add.at(mask, again + 1, -1)",
         "of a copied passage only its beginning is seen",
     ),
     Mutant(
         "copies of a channel upside down", "continuity.py",
-        "1.0 - alike[i, j] ** 2 < COPY", "1.0 - alike[i, j] < COPY",
+        "1.0 - alike[i, j] ** 2 < MAX_COPY_RESIDUAL", "1.0 - alike[i, j] < MAX_COPY_RESIDUAL",
         "a channel of the other sign is no copy",
     ),
     Mutant(
         "breaks at odd places", "continuity.py",
-        "max(FEWEST_SEAMS, SHARE_IN_STEP * rows.size)", "FEWEST_SEAMS",
+        "max(MIN_SEAMS, MIN_SEAM_SHARE * rows.size)", "MIN_SEAMS",
         "blows are said to be lost samples",
     ),
     Mutant(
         "a converter that ran over", "continuity.py",
-        "* far.size) or np.mean((place > 0.25) & (place < 0.75)) < 0.2:", "* far.size):",
+        "far.size) or between < 0.2:", "far.size):",
         "a switch between two values is an overrun",
     ),
     Mutant(
@@ -629,7 +629,7 @@ _FLEET_AND_MODES = (
     ),
     Mutant(
         "where a section after a stop ends", "stops.py",
-        "min(end, float(time[entry]) + MAX_SECTION_SECONDS)", "float(time[entry]) + MAX_SECTION_SECONDS",
+        "min(end, float(time[entry]) + MAX_STOP_SECONDS)", "float(time[entry]) + MAX_STOP_SECONDS",
         "a section after a stop goes on when the rotor turns again",
     ),
     Mutant(
@@ -639,7 +639,7 @@ _FLEET_AND_MODES = (
     ),
     Mutant(
         "an offset that is allowed for", "screening.py",
-        "> _OFFSET_SIGMAS * offset", "> 0.0 * offset",
+        "> MAX_OFFSET_SIGMAS * offset", "> 0.0 * offset",
         "a sensor whose offset is known is refused",
     ),
     Mutant(

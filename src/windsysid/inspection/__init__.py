@@ -14,18 +14,11 @@ from windsysid.errors import ConfigurationError
 from windsysid.inspection.channels import most_telling
 from windsysid.inspection.fault import Fault, Severity
 from windsysid.inspection.inspection import Inspection
+from windsysid.inspection.limits import MIN_MODAL_SAMPLES, MIN_SAMPLES, MIN_SPECTROGRAM_VARIATION
 from windsysid.inspection.plausibility import Rotor
 from windsysid.inspection.screening import examine
 from windsysid.inspection.sections import Proposal, propose, propose_longest
-from windsysid.inspection.spectra import (
-    SPECTROGRAM_MIN_SPREAD,
-    Spectrogram,
-    Spectrum,
-    cleaned,
-    expected_modes,
-    spectra,
-    spectrogram,
-)
+from windsysid.inspection.spectra import Spectrogram, Spectrum, cleaned, expected_modes, spectra, spectrogram
 from windsysid.inspection.stops import Stop, find_stops
 from windsysid.records.coercion import RecordLike, as_record
 from windsysid.records.formats.contents.source import reading_notes
@@ -35,10 +28,6 @@ from windsysid.units import RPM
 
 if TYPE_CHECKING:
     from windsysid.turbine.turbine import Turbine
-
-MIN_SAMPLES, MIN_MODAL_SAMPLES = 20, 256
-"""Smallest number of samples for identification (`windsysid.identification.condition.readings`) and for operational
-modal analysis (`windsysid.spectral.oma.samples`)."""
 
 __all__ = ["Fault", "Inspection", "Proposal", "Stop", "inspect_record"]
 
@@ -148,7 +137,7 @@ def _modes(
     found = tuple(expected_modes(turbine, speed))
     if not found:
         notes.append(f"{turbine.name}: a rotor with fewer than three free blades has no modes in the fixed frame.")
-    if rotor is None or rotor.variation < SPECTROGRAM_MIN_SPREAD:
+    if rotor is None or rotor.variation < MIN_SPECTROGRAM_VARIATION:
         return found, ()
     low, high = np.percentile(rotor.speed, (0.5, 99.5))
     speeds = np.linspace(float(low), float(high), 9)

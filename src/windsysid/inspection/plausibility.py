@@ -1,5 +1,6 @@
 """Units that cannot be right, and channels that contradict each other."""
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -7,6 +8,12 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.inspection.channels import Kind, is_position
 from windsysid.inspection.fault import Fault, Severity
+from windsysid.inspection.limits import (
+    MAX_ACCELERATION_RATE,
+    MAX_DOUBTFUL_ACCELERATION_RATE,
+    MIN_ACCELERATION_RATE,
+    MIN_ROTOR_SPEED,
+)
 from windsysid.records.record import Record
 from windsysid.signals.azimuth import MAX_SCATTER, steadied
 
@@ -17,23 +24,17 @@ __all__ = ["GRAVITY", "TIME", "Rotor", "implausible", "once_per_turn", "rotor_of
 
 
 GRAVITY = 9.80665
+"""Setting: standard acceleration of gravity [m/s²]."""
 TIME = "time"
 """What findings about the time's unit are about."""
-MIN_ROTOR_SPEED = 0.05
-"""Least rotor speed of a running machine [rad/s]."""
-
-SLOW, ONCE_A_SECOND, FAST = 0.5, 1.0, 20_000.0
-"""Readings of an acceleration a second [Hz]: below the first no structure shows, up to the second few do, and few
-loggers are as fast as the third."""
-
-_TURN = 2.0 * np.pi
+_TURN = math.tau
 _RATIOS = (
     (60.0 / _TURN, "rpm marked as rad/s"),
     (360.0 / _TURN, "degrees marked as radians"),
     (1.0 / _TURN, "turns (Hz) marked as radians"),
     (6.0, "rpm and deg/s mixed up"),
 )
-"""Ratio of what is written to what it should be, and the mistake that makes it."""
+"""Setting: ratio of a written value to the right one, and the mistake that makes it."""
 
 
 _GRAVITIES = (
@@ -42,7 +43,7 @@ _GRAVITIES = (
     (1e3, "mm/s² marked as m/s²"),
     (GRAVITY, "m/s² marked as g"),
 )
-"""Gravity as a wrong unit shows it, over 9.81 m/s², and the mistake that makes it."""
+"""Setting: gravity in a wrong unit over 9.81 m/s², and the mistake that makes it."""
 
 
 class Rotor:
@@ -109,10 +110,10 @@ def implausible(record: Record, known: dict[str, Kind], rotor: Rotor | None, tur
 def _pace(record: Record) -> list[Fault]:
     """Whether accelerations come so seldom that the time was in milliseconds, or so often that it was in days."""
     step = 1.0 / record.rate
-    if record.rate < SLOW:
+    if record.rate < MIN_ACCELERATION_RATE:
         return [_unit(TIME, "no structure so slow", step=step)]
-    slow = record.rate <= ONCE_A_SECOND and np.array_equal(record.time, np.round(record.time))
-    if not slow and record.rate <= FAST:
+    slow = record.rate <= MAX_DOUBTFUL_ACCELERATION_RATE and np.array_equal(record.time, np.round(record.time))
+    if not slow and record.rate <= MAX_ACCELERATION_RATE:
         return []
     return [Fault(TIME, "pace", "warning", 0, data={"step": step, "slow": slow})]
 

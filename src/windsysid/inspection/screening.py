@@ -19,7 +19,8 @@ from windsysid.inspection.faults.continuity import copied_channels, copied_passa
 from windsysid.inspection.faults.health import channel_faults
 from windsysid.inspection.faults.losses import lost_rows
 from windsysid.inspection.faults.silence import silent_stretches
-from windsysid.inspection.plausibility import MIN_ROTOR_SPEED, TIME, Rotor, implausible, rotor_of
+from windsysid.inspection.limits import MAX_OFFSET_SIGMAS, MIN_ROTOR_SPEED
+from windsysid.inspection.plausibility import TIME, Rotor, implausible, rotor_of
 from windsysid.records.record import Record
 from windsysid.results.finding import Finding
 from windsysid.results.finding import Severity as FindingSeverity
@@ -36,8 +37,7 @@ _FALSE = frozenset({"copied passage", "copy", "lost rows", "lost samples", "over
 _JUMPING = frozenset({"clipping", "frozen", "held", "interpolated", "missing", "overrun", "silent", "spikes"})
 """Kinds of findings that jumps of a channel come from."""
 _MAX_VALUE = 1e100
-_OFFSET_SIGMAS = 3.0
-"""A mean is expected where a sensor's offset has a prior standard deviation of a third of it."""
+"""Numerical: largest value whose square cannot overflow in sums."""
 
 
 def examine(record: Record, turbine: "Turbine | None") -> tuple[list[Fault], dict[str, Kind], Rotor | None]:
@@ -156,7 +156,7 @@ def screen(
         if finding.kind != "unit" or finding.severity != "warning" or known[channel] == "wind speed":
             continue
         offset = (offsets or {}).get(channel, 0.0)
-        if not offset or abs(float(np.nanmean(record[channel]))) > _OFFSET_SIGMAS * offset:
+        if not offset or abs(float(np.nanmean(record[channel]))) > MAX_OFFSET_SIGMAS * offset:
             way_out = ", or leave it out of the sensors" if channel in measured else ""
             raise RecordError(f"{record.name}: channel '{channel}': {finding.text} Correct its unit{way_out}")
     return [finding for finding in findings if finding.severity != "note"]

@@ -5,27 +5,27 @@ extremes (clipping is more than that), a coarse converter repeats values (a froz
 it is used to), an impact jumps (a spike jumps back at once).
 """
 
+import math
+
 import numpy as np
 
 from windsysid._types import Array, Mask
 from windsysid.checks.dead_channel import is_constant
 from windsysid.inspection.channels import VIBRATION, Kind, is_torque
 from windsysid.inspection.fault import Fault, Severity
-from windsysid.inspection.faults.clock import GAP_MIN_STEPS
 from windsysid.inspection.faults.runs import runs_of, spans_of
+from windsysid.inspection.limits import (
+    MAX_SPIKE_SAMPLES,
+    MAX_STRAIGHT_BEND_RATIO,
+    MIN_CODE_RMS,
+    MIN_GAP_STEPS,
+    MIN_SPIKE_SIGMAS,
+)
 from windsysid.records.record import AS_WRITTEN, Record
 
-__all__ = ["MAX_SPIKE_SAMPLES", "channel_faults", "sampled_every"]
+__all__ = ["channel_faults", "sampled_every"]
 
-SPIKE_MIN_SIGMAS = 8.0
-"""A spike's jump, in standard deviations of the steps around it."""
-CODE_MIN_RMS = 30.0
-"""How far a value is from the median, in the channel's rms, that repeats itself and is no reading."""
-MAX_SPIKE_SAMPLES = 5
-"""Samples; what lasts longer is not called a spike."""
-STRAIGHT = 0.02
-"""Of the root mean square of a channel's bends: less is none."""
-_TURN = 2.0 * np.pi
+_TURN = math.tau
 
 
 def channel_faults(record: Record, channel: str, kind: Kind, standing: bool = False) -> list[Fault]:
@@ -50,7 +50,7 @@ def channel_faults(record: Record, channel: str, kind: Kind, standing: bool = Fa
     if is_constant(x):
         return [*found, _constant(channel, kind, x, unit, standing)]
     step, spread = float(np.median(np.diff(time))), float(np.ptp(x))
-    adjacent = np.diff(time) < GAP_MIN_STEPS * step
+    adjacent = np.diff(time) < MIN_GAP_STEPS * step
     lsb = _converter_step(x)
     turning = kind == "azimuth" and spread < 1.1 * max(_TURN, 360.0 if spread > 2.2 * _TURN else 0.0)
     turn = 0.0 if not turning else (360.0 if spread > 1.1 * _TURN else _TURN)
@@ -77,7 +77,7 @@ def sampled_every(x: Array) -> tuple[int, str]:
     bends = np.abs(np.diff(x, 2))
     changes = {
         "held": np.flatnonzero(np.diff(x) != 0.0),
-        "interpolated": np.flatnonzero(bends > STRAIGHT * np.sqrt(np.mean(bends**2))),
+        "interpolated": np.flatnonzero(bends > MAX_STRAIGHT_BEND_RATIO * np.sqrt(np.mean(bends**2))),
     }
     for name, least in (("held", 3), ("interpolated", 2)):
         lengths = np.diff(changes[name])
@@ -124,9 +124,9 @@ def _spikes(x: Array, adjacent: Mask, lsb: float, step: float, turn: float, kind
     scale = _local_scale(np.where(adjacent, np.abs(d), 0.0), step)
     quartile = np.percentile(x, (25.0, 75.0))
     floor = 0.03 * turn if turn else 0.5 * 0.7413 * float(quartile[1] - quartile[0])
-    jump = SPIKE_MIN_SIGMAS
+    jump = MIN_SPIKE_SIGMAS
     if kind in ("wind speed", "direction"):  # gusts are short too
-        jump, floor = 2.0 * SPIKE_MIN_SIGMAS, 6.0 * floor
+        jump, floor = 2.0 * MIN_SPIKE_SIGMAS, 6.0 * floor
     threshold = np.maximum(jump * scale, max(floor, 4.0 * lsb))
     out = np.flatnonzero((np.abs(d) > threshold) & adjacent)
     level = np.concatenate([[0.0], np.cumsum(d)])
@@ -237,7 +237,7 @@ def _frozen(
     long = (lengths >= np.maximum(enough, 5.0 * usual)) & ~clipped[starts]
     low, middle, high = np.percentile(x, (25.0, 50.0, 75.0))
     if kind in VIBRATION and usual < 2.0 and high > low:  # what no vibration reaches is a code for "no reading"
-        far = np.abs(x[starts] - middle) > CODE_MIN_RMS * 0.7413 * (high - low)
+        far = np.abs(x[starts] - middle) > MIN_CODE_RMS * 0.7413 * (high - low)
         long |= (lengths > MAX_SPIKE_SAMPLES) & far
     if not long.any() or (standing and kind in ("azimuth", "rotor speed")):
         return []

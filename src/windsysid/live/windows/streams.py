@@ -21,7 +21,7 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.fleet.rows import Row
 from windsysid.inspection.channels import VIBRATION, Kind, kind_of
-from windsysid.inspection.faults.health import MAX_SPIKE_SAMPLES
+from windsysid.inspection.limits import MAX_SPIKE_SAMPLES
 from windsysid.live.blocks.block import Block
 from windsysid.live.blocks.limits import MAX_TABLE_CHANNELS
 from windsysid.live.store.contents import Alarm, SensorHealth
