@@ -5,16 +5,17 @@ to what healthy records show. Each of some ten tests may condemn one healthy rec
 """
 
 __all__ = [
-    "BLADE_PASSING_MARGIN_BINS", "FALSE_ALARM_PROBABILITY", "HARMONIC_HALF_WIDTH_BINS", "HARMONIC_HALF_WIDTH_SHARE",
-    "INTEREST_FACTORS", "LINE_FALSE_ALARM_PROBABILITY", "LINE_NEAR_MODE_FACTOR", "LINE_SEARCH_FACTOR",
-    "MAX_CHANCE_SIGMAS", "MAX_CHANNEL_LEVEL_FACTOR", "MAX_COLOUR", "MAX_CROSS_CORRELATION", "MAX_FAR_PEAK_LEVEL",
-    "MAX_GATED_SHARE", "MAX_KURTOSIS", "MAX_LEVEL_DEPARTURE", "MAX_LEVEL_FACTOR", "MAX_LEVEL_VARIATION",
-    "MAX_MISSING_SHARE", "MAX_NEAR_MODE_LEVEL", "MAX_NEGLIGIBLE_ENTRY", "MAX_OUTLIER_POWER_SHARE", "MAX_PEAK_LEVEL",
-    "MAX_PRIOR_SHIFT_SIGMAS", "MIN_CONDITION_INDEX", "MIN_DOMINANT_PEAK_LEVEL", "MIN_INFORMED_SHARE",
-    "MIN_LONG_RECORD_BINS", "MIN_NAMED_CORRELATION", "MIN_NONLINEARITY_SAMPLES", "MIN_REMARKED_OUTLIERS",
-    "MIN_RESONANCE_WIDTH_BINS", "MIN_VIBRATION_BINS", "NARROW_RESONANCE_MARGIN_BINS", "NOISE_VIBRATION_PROBABILITY",
-    "OUTLIER_SIGMAS", "SCATTER_FALSE_ALARM_PROBABILITY", "SHORT_NOISE_VIBRATION_PROBABILITY",
-    "UNMODELLED_BLADE_PASSING_FACTOR",
+    "BLADE_PASSING_MARGIN_BINS", "BURST_PROBABILITY", "FALSE_ALARM_PROBABILITY", "HARMONIC_HALF_WIDTH_BINS",
+    "HARMONIC_HALF_WIDTH_SHARE", "INTEREST_FACTORS", "LINE_FALSE_ALARM_PROBABILITY", "LINE_NEAR_MODE_FACTOR",
+    "LINE_SEARCH_FACTOR", "MAX_CHANCE_SIGMAS", "MAX_CHANNEL_LEVEL_FACTOR", "MAX_COLOUR", "MAX_CROSS_CORRELATION",
+    "MAX_EARLIER_RATIO", "MAX_FAR_PEAK_LEVEL", "MAX_GATED_SHARE", "MAX_INFORMED_STD_RATIO", "MAX_KURTOSIS",
+    "MAX_LEVEL_DEPARTURE", "MAX_LEVEL_FACTOR", "MAX_LEVEL_VARIATION", "MAX_MISSING_SHARE", "MAX_NEAR_MODE_LEVEL",
+    "MAX_NEGLIGIBLE_ENTRY", "MAX_OUTLIER_POWER_SHARE", "MAX_PEAK_LEVEL", "MAX_PRIOR_SHIFT_SIGMAS", "MAX_RISE_RATIO",
+    "MAX_TOLERANCE_SIGMAS", "MIN_BURST_SHARE", "MIN_COMMON_RMS_FALL", "MIN_CONDITION_INDEX", "MIN_DEVIATION_SIGMAS",
+    "MIN_DOMINANT_PEAK_LEVEL", "MIN_INFORMED_SHARE", "MIN_LONG_RECORD_BINS", "MIN_NAMED_CORRELATION",
+    "MIN_NONLINEARITY_SAMPLES", "MIN_REMARKED_OUTLIERS", "MIN_RESONANCE_WIDTH_BINS", "MIN_RMS_FALL",
+    "MIN_VIBRATION_BINS", "NARROW_RESONANCE_MARGIN_BINS", "NOISE_VIBRATION_PROBABILITY", "OUTLIER_SIGMAS",
+    "SCATTER_FALSE_ALARM_PROBABILITY", "SHORT_NOISE_VIBRATION_PROBABILITY", "UNMODELLED_BLADE_PASSING_FACTOR",
 ]  # fmt: skip
 
 FALSE_ALARM_PROBABILITY = 1e-3
@@ -144,3 +145,32 @@ UNMODELLED_BLADE_PASSING_FACTOR = 1.2
 
 BLADE_PASSING_MARGIN_BINS = 2.0
 """Size: distance in frequency bins 1/T beyond a mode's half-width ζf within which a blade-passing line is in it."""
+
+MAX_INFORMED_STD_RATIO = 0.7
+"""Size: standard deviation of a tolerance's estimate over that of its prior, below which the record is informative."""
+
+MIN_DEVIATION_SIGMAS = 2.0
+"""Size in standard deviations: estimate of an informed tolerance from which on its file is wrong."""
+
+MAX_TOLERANCE_SIGMAS = 3.0
+"""Size in standard deviations: estimate over the prior of a tolerance beyond which they conflict."""
+
+BURST_PROBABILITY = 1e-4
+"""Probability: significance level of a burst in a stationary record, all channels together."""
+
+MIN_BURST_SHARE = 0.375
+"""Size: share of a channel's power in one of 16 segments of a burst: the rms is three times that of the rest."""
+
+MIN_RMS_FALL = 3.0
+"""Size: ratio of rms values of a transient in one channel; of 1500 simulated stationary records at most one of 160
+exceeds it."""
+
+MIN_COMMON_RMS_FALL = 1.5
+"""Size: the same ratio if all of two or more channels exceed it, as one of 20 such records does in one channel."""
+
+MAX_RISE_RATIO = 1.1
+"""Size: ratio of the mean square of a quarter to that of the previous one in a decay."""
+
+MAX_EARLIER_RATIO = 0.3
+"""Size: ratio of the mean square of segments before the strongest to it in a decay, except the one immediately before,
+in which the decay may begin."""
