@@ -619,7 +619,7 @@ _FLEET_AND_MODES = (
     ),
     Mutant(
         "vibration that fades", "silence.py",
-        "not (_is_back(before, usual) and _is_back(after, usual))", "not _is_back(before, usual)",
+        "_is_back(before, usual) and _is_back(after, usual)", "_is_back(before, usual)",
         "a decay is a silent channel",
     ),
     Mutant(

@@ -239,16 +239,15 @@ def _judge_rotor(record: Record, rotor: Rotor, cut: "_Blocks", judge: Any) -> No
 
 def _judge_wind(record: Record, known: dict[str, Kind], cut: "_Blocks", judge: Any) -> None:
     """Judge variation and drift of the wind, in the first channels of its speed and of its direction."""
-    channel = next((name for name, kind in known.items() if kind == "wind speed"), None)
-    if channel is not None:
-        mean, std, drift = cut.moments(record[channel], record.time)
+    first = {kind: name for name, kind in reversed(known.items())}
+    if "wind speed" in first:
+        mean, std, drift = cut.moments(record[first["wind speed"]], record.time)
         slow = np.maximum(np.abs(mean), 0.5)
         words = [f"wind {m:.3g} ± {s:.2g} m/s" for m, s in zip(mean, std, strict=True)]
         complaint = [f"{text}, drifting by {d:+.2g} m/s" for text, d in zip(words, drift, strict=True)]
         judge(std / slow / MAX_WIND_VARIATION + 0.5 * np.abs(drift) / slow / MAX_WIND_VARIATION, words, complaint, 2.0)
-    channel = next((name for name, kind in known.items() if kind == "direction"), None)
-    if channel is not None:
-        spread = cut.circular_spread(record[channel])
+    if "direction" in first:
+        spread = cut.circular_spread(record[first["direction"]])
         words = [f"direction within ± {np.degrees(s):.2g}°" for s in spread]
         judge(spread / MAX_DIRECTION_SPREAD, words, [f"the wind turns ({text})" for text in words])
 
@@ -299,35 +298,45 @@ class _Blocks:
 
 def _judge_faults(record: Record, known: dict[str, Kind], findings: Sequence[Fault], cut: _Blocks, judge: Any) -> None:
     """Share of samples that a fault touches; gaps count with the samples they lost."""
-    touched = np.zeros(record.samples + 1)
-    lost = np.zeros(record.samples)
-    kinds: dict[str, Array] = {}
-    for finding in findings:
-        matters = finding.channel in known and known[finding.channel] in (*VIBRATION, "azimuth", "rotor speed")
-        if not len(finding.spans) or not (matters or not finding.channel):
-            continue
-        low = np.searchsorted(record.time, finding.spans[:, 0], side="left")
-        high = np.searchsorted(record.time, finding.spans[:, 1], side="right")
-        if finding.kind == "gaps":
-            lost[np.minimum(high - 1, record.samples - 1)] += (
-                np.rint((finding.spans[:, 1] - finding.spans[:, 0]) * record.rate) - 1
-            )
-            kinds.setdefault("gaps", np.zeros(record.samples))[np.minimum(high - 1, record.samples - 1)] = 1.0
-            continue
-        marks = np.zeros(record.samples + 1)
-        np.add.at(marks, low, 1.0)
-        np.add.at(marks, high, -1.0)
-        touched += marks
-        marked = kinds.setdefault(finding.kind, np.zeros(record.samples))
-        np.maximum(marked, np.cumsum(marks)[:-1] > 0.0, out=marked)
-    faulty = (np.cumsum(touched)[:-1] > 0.0).astype(np.float64)
-    share = cut.windows(cut.sums(faulty + lost)) / np.maximum(cut.windows(cut.sums(1.0 + lost)), 1.0)
-    present = {kind: cut.windows(cut.sums(where)) > 0.0 for kind, where in kinds.items()}
+    lost, faulty = _faulty_samples(record, known, findings)
+    touched = np.max([np.zeros(record.samples), *(marked for kind, marked in faulty.items() if kind != "gaps")], axis=0)
+    share = cut.windows(cut.sums(touched + lost)) / np.maximum(cut.windows(cut.sums(1.0 + lost)), 1.0)
+    present = {kind: cut.windows(cut.sums(marked)) > 0.0 for kind, marked in faulty.items()}
     words = []
     for w in range(share.size):
         here = [kind for kind, where in present.items() if where[w]]
         words.append(f"{joined(here)} in {_percent(share[w])} of the samples" if here else "no gaps or faults")
     judge(share / MAX_FAULT_SHARE, words, words)
+
+
+def _faulty_samples(
+    record: Record, known: dict[str, Kind], findings: Sequence[Fault]
+) -> tuple[Array, dict[str, Array]]:
+    """Number of samples lost before each sample (T,), and, by kinds of faults, 1 for samples that they touch (T,)."""
+    lost = np.zeros(record.samples)
+    faulty: dict[str, Array] = {}
+    for finding in findings:
+        matters = not finding.channel or known.get(finding.channel) in (*VIBRATION, "azimuth", "rotor speed")
+        if not len(finding.spans) or not matters:
+            continue
+        marked = faulty.setdefault(finding.kind, np.zeros(record.samples))
+        low = np.searchsorted(record.time, finding.spans[:, 0], side="left")
+        high = np.searchsorted(record.time, finding.spans[:, 1], side="right")
+        if finding.kind == "gaps":
+            after = np.minimum(high - 1, record.samples - 1)
+            lost[after] += np.rint((finding.spans[:, 1] - finding.spans[:, 0]) * record.rate) - 1
+            marked[after] = 1.0
+        else:
+            np.maximum(marked, _inside(low, high, record.samples), out=marked)
+    return lost, faulty
+
+
+def _inside(low: NDArray[np.int64], high: NDArray[np.int64], samples: int) -> Array:
+    """1 for the samples (T,) from one of `low` to before its `high`, else 0."""
+    marks = np.zeros(samples + 1)
+    np.add.at(marks, low, 1.0)
+    np.add.at(marks, high, -1.0)
+    return (np.cumsum(marks)[:-1] > 0.0).astype(np.float64)
 
 
 _NAMES = {2: "halves", 4: "quarters"}

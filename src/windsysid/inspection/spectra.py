@@ -357,14 +357,17 @@ def spectrogram(
     )
     if not varies or rotor is None:
         return Spectrogram(channel, unit, "time", time[0] + middle, frequency, density)
-    speed = np.interp(middle, time - time[0], rotor.speed)
+    speeds, mean = _over_speed(np.interp(middle, time - time[0], rotor.speed), density)
+    return Spectrogram(channel, unit, "rotor speed", speeds, frequency, mean)
+
+
+def _over_speed(speed: Array, density: Array) -> tuple[Array, Array]:
+    """Bins of rotor speed (P,) [rad/s] and the mean density (F, P) within each, of densities (F, S) at speeds (S,)."""
     low, high = np.percentile(speed, (0.5, 99.5))
-    bins = int(np.clip(middle.size // 8, 4, 40))
+    bins = int(np.clip(speed.size // 8, 4, 40))
     edges = np.linspace(low, high, bins + 1)
     which = np.digitize(speed, edges) - 1
-    mean = np.full((frequency.size, bins), np.nan)
-    for b in range(bins):
-        inside = which == b
-        if inside.any():
-            mean[:, b] = density[:, inside].mean(axis=1)
-    return Spectrogram(channel, unit, "rotor speed", 0.5 * (edges[1:] + edges[:-1]), frequency, mean)
+    mean = np.full((len(density), bins), np.nan)
+    for b in np.unique(which[(which >= 0) & (which < bins)]):
+        mean[:, b] = density[:, which == b].mean(axis=1)
+    return 0.5 * (edges[1:] + edges[:-1]), mean

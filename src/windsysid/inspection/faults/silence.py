@@ -71,16 +71,17 @@ def _silent(x: Array) -> list[tuple[int, int]]:
     mean, square = windows.sum(axis=1) / np.maximum(samples, 1), (windows**2).sum(axis=1) / np.maximum(samples, 1)
     rms = np.sqrt(np.maximum(square - mean**2, 0.0))
     usual = float(np.median(rms[told]))
-    found = []
-    for first, end in runs_of((rms < MAX_SILENT_RMS_RATIO * usual) & told).tolist():
-        before = rms[max(first - NEIGHBOUR_WINDOWS, 0) : max(first - 1, 0)]
-        after = rms[end + 1 : end + NEIGHBOUR_WINDOWS]
-        if end - first < MIN_SILENT_PERIODS or not (_is_back(before, usual) and _is_back(after, usual)):
-            continue
-        inside = x[first * width : end * width]
-        if np.nanmax(inside) > np.nanmin(inside):  # what repeats one value is frozen
-            found.append(_widened(x, first * width, end * width))
-    return found
+    runs = runs_of((rms < MAX_SILENT_RMS_RATIO * usual) & told).tolist()
+    silent = [(first * width, end * width) for first, end in runs if _is_silent(rms, usual, first, end)]
+    # what repeats one value is frozen
+    return [_widened(x, *run) for run in silent if np.nanmax(x[slice(*run)]) > np.nanmin(x[slice(*run)])]
+
+
+def _is_silent(rms: Array, usual: float, first: int, end: int) -> bool:
+    """Whether a run of quiet windows is long enough, and vibration is back before and after it."""
+    before = rms[max(first - NEIGHBOUR_WINDOWS, 0) : max(first - 1, 0)]
+    after = rms[end + 1 : end + NEIGHBOUR_WINDOWS]
+    return end - first >= MIN_SILENT_PERIODS and _is_back(before, usual) and _is_back(after, usual)
 
 
 def _is_back(rms: Array, usual: float) -> bool:
