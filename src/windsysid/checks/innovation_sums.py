@@ -127,17 +127,17 @@ def measure_stretch(
     added to it.
     """
     gated = np.zeros(whitened.shape, dtype=np.bool_) if gated is None else gated
-    past = 0 if before is None else before.samples
-    grids = before.grids if before else tuple(_own_samples(seen) for seen in (np.isfinite(whitened) | gated).T)
+    if before is None:
+        before = Stretch(tuple(_own_samples(seen) for seen in (np.isfinite(whitened) | gated).T), 0, {})
     parts = {}
-    for own in dict.fromkeys(grids):
-        columns = tuple(c for c, other in enumerate(grids) if other == own)
+    for own in dict.fromkeys(before.grids):
+        columns = tuple(c for c, other in enumerate(before.grids) if other == own)
         first, step = own
-        rows = slice((first - past) % step if before else first, None, step)
-        like = before.parts[columns] if before else None
+        rows = slice((first - before.samples) % step, None, step)
+        like = before.parts.get(columns)
         found = _add_up(whitened[rows, columns], gated[rows, columns], rate / step, frequencies, like)
         parts[columns] = found if like is None else _join(like, found)
-    return Stretch(grids, past + len(whitened), parts)
+    return Stretch(before.grids, before.samples + len(whitened), parts)
 
 
 def band_of_interest(frequencies: Sequence[float]) -> tuple[float, float]:

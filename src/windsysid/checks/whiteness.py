@@ -1,6 +1,7 @@
 """Whether innovations are white: their size, their spectra and their peaks, channel by channel."""
 
 import math
+import operator
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -176,41 +177,55 @@ def _together(parts: dict[tuple[int, ...], Whiteness], m: int) -> Whiteness:
     """The innovations of all channels, from those of channels read at the same times, by their columns."""
     if len(parts) == 1:
         return next(iter(parts.values()))
-    finest = max(parts.values(), key=lambda w: len(w.frequency))
-    lags = np.unique(np.concatenate([w.lags for w in parts.values()]).round(9))
-    correlation, spectrum = np.full((len(lags), m), np.nan), np.full((len(finest.frequency), m), np.nan)
-    channels: list[ChannelCheck | None] = [None] * m
-    for columns, w in parts.items():
-        where = np.ix_(np.searchsorted(lags, w.lags.round(9)), np.array(columns, dtype=np.intp))
-        correlation[where] = w.autocorrelation
-        inside = finest.frequency <= w.frequency[-1:].max(initial=0.0) * (1.0 + 1e-9)
-        for own, column in enumerate(columns):
-            channels[column] = w.channels[own]
-            if len(w.frequency):
-                spectrum[inside, column] = np.interp(finest.frequency[inside], w.frequency, w.spectrum[:, own])
-    total = sum(w.used for w in parts.values())
+    alike = parts.values()
+    lags, correlation = _joined_correlation(parts, m)
+    frequency, spectrum = _joined_spectrum(parts, m)
+    channels = [(column, one) for columns, w in parts.items() for column, one in zip(columns, w.channels, strict=True)]
+    total = sum(w.used for w in alike)
     low, high = _chi_square_interval(total)
     return Whiteness(
         used=total,
-        nis=sum(w.nis * w.used for w in parts.values()) / max(total, 1),
+        nis=sum(w.nis * w.used for w in alike) / max(total, 1),
         nis_low=low,
         nis_high=high,
-        channels=tuple(c for c in channels if c is not None),
+        channels=tuple(one for _, one in sorted(channels, key=operator.itemgetter(0))),
         lags=lags,
         autocorrelation=correlation,
-        autocorrelation_bound=max(w.autocorrelation_bound for w in parts.values()),
-        frequency=finest.frequency,
+        autocorrelation_bound=max(w.autocorrelation_bound for w in alike),
+        frequency=frequency,
         spectrum=spectrum,
-        spectrum_bound=max(w.spectrum_bound for w in parts.values()),
-        colour_bound=max(w.colour_bound for w in parts.values()),
-        line_bound=max(w.line_bound for w in parts.values()),
+        spectrum_bound=max(w.spectrum_bound for w in alike),
+        colour_bound=max(w.colour_bound for w in alike),
+        line_bound=max(w.line_bound for w in alike),
         shared=_most_shared_of(parts),
-        smooth=max(
-            (w.smooth for w in parts.values() if w.smooth is not None),
-            key=lambda smooth: smooth.statistic / smooth.bound,
-            default=None,
-        ),
+        smooth=_strongest_colour_of(parts),
     )
+
+
+def _strongest_colour_of(parts: dict[tuple[int, ...], Whiteness]) -> Colour | None:
+    """The departure from a level spectrum that is largest over its bound."""
+    found = [w.smooth for w in parts.values() if w.smooth is not None]
+    return max(found, key=lambda smooth: smooth.statistic / smooth.bound, default=None)
+
+
+def _joined_correlation(parts: dict[tuple[int, ...], Whiteness], m: int) -> tuple[Array, Array]:
+    """Lags of all parts (L,) and autocorrelations of all m channels (L, m), NaN at lags that one does not have."""
+    lags = np.unique(np.concatenate([w.lags for w in parts.values()]).round(9))
+    correlation = np.full((len(lags), m), np.nan)
+    for columns, w in parts.items():
+        correlation[np.ix_(np.searchsorted(lags, w.lags.round(9)), columns)] = w.autocorrelation
+    return lags, correlation
+
+
+def _joined_spectrum(parts: dict[tuple[int, ...], Whiteness], m: int) -> tuple[Array, Array]:
+    """Frequencies of the finest part (F,) and spectra of all m channels there (F, m), NaN above the highest of each."""
+    frequency = max((w.frequency for w in parts.values()), key=len)
+    spectrum = np.full((len(frequency), m), np.nan)
+    for columns, w in parts.items():
+        inside = frequency <= w.frequency[-1:].max(initial=0.0) * (1.0 + 1e-9)
+        for own, column in enumerate(columns if len(w.frequency) else ()):
+            spectrum[inside, column] = np.interp(frequency[inside], w.frequency, w.spectrum[:, own])
+    return frequency, spectrum
 
 
 def _most_shared_of(parts: dict[tuple[int, ...], Whiteness]) -> Shared | None:
