@@ -69,10 +69,10 @@ def describe_information(names: Sequence[str], information: Array, aside: Collec
     told = list[set[int]]()
     for weak in np.flatnonzero(~unseen & (values * MIN_CONDITION_INDEX**2 < values.max())):
         share = np.square(vectors[:, weak]) / values[weak] / np.maximum(np.diag(covariance) * scale**2, 1e-300)
-        members = np.flatnonzero((share > 0.5) & ~hidden)
+        members: list[int] = np.flatnonzero((share > 0.5) & ~hidden).tolist()
         who = [names[i] for i in members]
         if len(members) > 1 and not set(who) <= set(aside):
-            told.append(set(members.tolist()))
+            told.append(set(members))
             row, cov = (vectors[:, weak] / scale)[members], covariance[np.ix_(members, members)]
             found.append(_badly(tuple(who), row, cov))
     return found + _new_correlations(names, covariance, told, hidden, aside)

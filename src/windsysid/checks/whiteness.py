@@ -180,7 +180,6 @@ def _together(parts: dict[tuple[int, ...], Whiteness], m: int) -> Whiteness:
     alike = parts.values()
     lags, correlation = _joined_correlation(parts, m)
     frequency, spectrum = _joined_spectrum(parts, m)
-    channels = [(column, one) for columns, w in parts.items() for column, one in zip(columns, w.channels, strict=True)]
     total = sum(w.used for w in alike)
     low, high = _chi_square_interval(total)
     return Whiteness(
@@ -188,7 +187,7 @@ def _together(parts: dict[tuple[int, ...], Whiteness], m: int) -> Whiteness:
         nis=sum(w.nis * w.used for w in alike) / max(total, 1),
         nis_low=low,
         nis_high=high,
-        channels=tuple(one for _, one in sorted(channels, key=operator.itemgetter(0))),
+        channels=_channels_of(parts),
         lags=lags,
         autocorrelation=correlation,
         autocorrelation_bound=max(w.autocorrelation_bound for w in alike),
@@ -202,6 +201,12 @@ def _together(parts: dict[tuple[int, ...], Whiteness], m: int) -> Whiteness:
     )
 
 
+def _channels_of(parts: dict[tuple[int, ...], Whiteness]) -> tuple[ChannelCheck, ...]:
+    """The channels of all parts by their columns."""
+    found = [(column, one) for columns, w in parts.items() for column, one in zip(columns, w.channels, strict=True)]
+    return tuple(one for _, one in sorted(found, key=operator.itemgetter(0)))
+
+
 def _strongest_colour_of(parts: dict[tuple[int, ...], Whiteness]) -> Colour | None:
     """The departure from a level spectrum that is largest over its bound."""
     found = [w.smooth for w in parts.values() if w.smooth is not None]
@@ -213,7 +218,7 @@ def _joined_correlation(parts: dict[tuple[int, ...], Whiteness], m: int) -> tupl
     lags = np.unique(np.concatenate([w.lags for w in parts.values()]).round(9))
     correlation = np.full((len(lags), m), np.nan)
     for columns, w in parts.items():
-        correlation[np.ix_(np.searchsorted(lags, w.lags.round(9)), columns)] = w.autocorrelation
+        correlation[np.ix_(np.searchsorted(lags, w.lags.round(9)), np.array(columns))] = w.autocorrelation
     return lags, correlation
 
 
