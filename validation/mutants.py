@@ -592,8 +592,8 @@ _LOADS = (
     ),
     Mutant(
         "loads that matter", "estimate/load_selection.py",
-        "by_loads > MIN_LOAD_SHARE**2 * motion",
-        "by_loads > MIN_LOAD_SHARE * motion",
+        "by_loads > NEGLIGIBLE_SHARE**2 * motion",
+        "by_loads > NEGLIGIBLE_SHARE * motion",
         "a share of amplitudes is compared with powers",
     ),
 )  # fmt: skip

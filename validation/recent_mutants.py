@@ -14,6 +14,8 @@ RECENT_TESTS: dict[str, tuple[str, ...]] = {
     "checks/constancy.py": ("test_constancy.py",),
     "continuity.py": ("test_continuity.py",),
     "effects/clock_drift.py": ("test_drifting_clocks.py",),
+    "model/drift.py": ("test_drifting_clocks.py",),
+    "estimate/drift_of_halves.py": ("test_drifting_clocks.py",),
     "effects/random_walk_bias.py": ("test_drifting_offsets.py",),
     "events.py": ("test_events.py",),
     "follower.py": ("test_engine.py", "test_turns.py"),
@@ -95,7 +97,7 @@ _READINGS = (
     ),
     Mutant(
         "offset by chance", "effects/bias.py",
-        "max(SIGMAS * chance, LEAST * sensor.noise)", "LEAST * sensor.noise",
+        "max(OUTLIER_SIGMAS * chance, NEGLIGIBLE_SHARE * sensor.noise)", "NEGLIGIBLE_SHARE * sensor.noise",
         "sensors get offsets that are chance",
     ),
     Mutant(
@@ -105,7 +107,7 @@ _READINGS = (
     ),
     Mutant(
         "size of an offset", "effects/bias.py",
-        'update={"bias": abs(off)}', 'update={"bias": 0.01 * abs(off)}',
+        'update={"bias": abs(sizes[one.channel])}', 'update={"bias": 0.01 * abs(sizes[one.channel])}',
         "an offset that was seen is not allowed for",
     ),
     Mutant(
@@ -140,15 +142,15 @@ _READINGS = (
     ),
     Mutant(
         "neighbours of a spike", "estimate/outlier.py",
-        "& (beside < ALONE * off)", "",
+        "& (beside < MAX_NEIGHBOUR_SHARE * off)", "",
         "neighbours of a spike are left out with it",
     ),
 )  # fmt: skip
 
 _CLOCKS_AND_LINES = (
     Mutant(
-        "a clock faster than any", "effects/clock_drift.py",
-        "< abs(self.rate) < GREATEST", "< abs(self.rate)",
+        "a clock faster than any", "model/drift.py",
+        "< abs(self.rate) < MAX_DRIFT_RATE", "< abs(self.rate)",
         "a logger is put back by more than clocks drift",
     ),
     Mutant(
@@ -162,7 +164,7 @@ _CLOCKS_AND_LINES = (
         "a second look at a drift forgets the first",
     ),
     Mutant(
-        "halves of a drifting record", "effects/clock_drift.py",
+        "halves of a drifting record", "estimate/drift_of_halves.py",
         "(late - early) / apart", "(early - late) / apart",
         "a clock that is late later runs early",
     ),
@@ -173,12 +175,12 @@ _CLOCKS_AND_LINES = (
     ),
     Mutant(
         "scatter of a sine", "effects/sinusoid.py",
-        "if one.scatter > SCATTER or", "if",
+        "if one.scatter > MAX_SINE_SCATTER or", "if",
         "a load that swells and fades is taken out as a sine",
     ),
     Mutant(
         "a sine beside 1P", "effects/sinusoid.py",
-        "abs(seen.frequency - rotor_hz) < APART * step", "False",
+        "abs(seen.frequency - rotor_hz) < RESOLUTION_BINS * step", "False",
         "a sine at 1P is taken for a machine's",
     ),
     Mutant(
@@ -203,7 +205,7 @@ _CLOCKS_AND_LINES = (
     ),
     Mutant(
         "a line that may be chance", "estimate/influence.py",
-        "return bool(name) and off < MOVED", "return bool(name)",
+        "return bool(name) and off < MAX_INFLUENCE_SIGMAS", "return bool(name)",
         "a line is called harmless though a coefficient depends on it",
     ),
     Mutant(
@@ -218,12 +220,12 @@ _CLOCKS_AND_LINES = (
     ),
     Mutant(
         "a narrow band that matters", "estimate/narrow_band.py",
-        "self.gain > SURE and self.moved > HARDLY", "self.gain > SURE",
+        "self.gain > MIN_LOG_ODDS and self.moved > NEGLIGIBLE_SHIFT_SIGMAS", "self.gain > MIN_LOG_ODDS",
         "loads that move no coefficient condemn a result",
     ),
     Mutant(
         "a rival that explains much worse", "estimate/narrow_band.py",
-        "off * math.exp(min(other.log_evidence - best.log_evidence, 0.0)) < EXPECTED", "off < EXPECTED",
+        "or expected < MIN_EXPECTED_SHIFT_SIGMAS", "or off < MIN_EXPECTED_SHIFT_SIGMAS",
         "an explanation that is hardly possible is a doubt",
     ),
     Mutant(
@@ -246,12 +248,12 @@ _DOUBTS = (
     ),
     Mutant(
         "a likelihood that rises beyond", "estimate/prior_conflict.py",
-        "> here + GAIN", "> here - GAIN",
+        "> here + MIN_LOG_LIKELIHOOD_RISE", "> here - MIN_LOG_LIKELIHOOD_RISE",
         "any prior is made wider",
     ),
     Mutant(
         "width of a wider prior", "estimate/prior_conflict.py",
-        "spread=WIDER * q.spread", "spread=q.spread",
+        "spread=WIDENING_FACTOR * q.spread", "spread=q.spread",
         "a prior that holds an estimate is not made wider",
     ),
     Mutant(
@@ -685,7 +687,7 @@ _FLEET_AND_MODES = (
     ),
     Mutant(
         "a mode more", "modal_bands/model_order.py",
-        "if now < least - CLEARLY and", "if now < least + 100.0 * CLEARLY and",
+        "if now < least - MIN_DOUBLE_LOG_ODDS and", "if now < least + 100.0 * MIN_DOUBLE_LOG_ODDS and",
         "noise has modes",
     ),
     Mutant(

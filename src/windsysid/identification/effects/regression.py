@@ -15,22 +15,11 @@ import numpy as np
 from windsysid.identification.effects.score_test import RegressorCandidate, ScoreTest, promising, score_tests
 from windsysid.identification.estimate.linearisation import Linearisation, RegressorColumn, linearise
 from windsysid.identification.job import FittedJob, Job
+from windsysid.identification.limits import MIN_LOG_STD_CHANGE, MIN_NUISANCE_SHIFT_SIGMAS, MIN_SHIFT_SIGMAS, P_EFFECT
 from windsysid.identification.model.effect import Detection, Effect
 from windsysid.identification.model.regressor import Regressors, Term
 
-__all__ = ["P_EFFECT", "Regression", "RegressorEffect"]
-
-P_EFFECT = 1e-3
-"""Probability: share of records without any of these effects in which one is included; each test has an equal share."""
-
-MATTERS = 0.2
-"""Size: shift of an estimate, in standard deviations, from which on an effect is included, and its size estimated
-again. An error of that size widens a band by 2 %."""
-FAR = 1.0
-"""Size: the same for statistics of loads and for tolerances, which coefficients follow."""
-
-RESIZED_STD = 0.3
-"""Size: the same for the logarithm of the standard deviation of a size."""
+__all__ = ["Regression", "RegressorEffect"]
 
 
 class RegressorEffect:
@@ -111,7 +100,7 @@ class Regression(Effect):
 def _matters(at: Linearisation, test: ScoreTest) -> bool:
     """Whether an estimate would change, or the loads so much that the first order does not tell."""
     n, off = len(at.problem.parameters), np.abs(test.shift)
-    return bool(off[:n].max() > MATTERS or off.max() > FAR)
+    return bool(off[:n].max() > MIN_SHIFT_SIGMAS or off.max() > MIN_NUISANCE_SHIFT_SIGMAS)
 
 
 def _known(job: Job, effect: RegressorEffect) -> Regressors:
@@ -123,4 +112,4 @@ def _known(job: Job, effect: RegressorEffect) -> Regressors:
 def _is_other_std(known: Regressors, test: ScoreTest) -> bool:
     """Whether the standard deviations of included sizes were told by a fit that lacked them."""
     before = np.array([one.std for one in known.of(test.candidate.channel)])
-    return bool(np.any(np.abs(np.log(before / np.sqrt(np.diag(test.cov)))) > RESIZED_STD))
+    return bool(np.any(np.abs(np.log(before / np.sqrt(np.diag(test.cov)))) > MIN_LOG_STD_CHANGE))

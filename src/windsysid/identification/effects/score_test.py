@@ -24,15 +24,12 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.identification.estimate.linearisation import Linearisation, RegressorColumn
+from windsysid.identification.limits import P_CANDIDATE
 
 __all__ = ["RegressorCandidate", "ScoreTest", "log_tail_of_f", "promising", "score_tests"]
 
 HANN_LOSS = 1.94
-"""Variance of the mean of neighbouring frequencies under Hann's window, over that of independent ones."""
-
-
-SCREENED = 0.01
-"""Probability: of a statistic with the fit's unknowns held, from which on a candidate is tested with them."""
+"""Numerical: variance of the mean of neighbouring frequencies under Hann's window, over that of independent ones."""
 
 SLOW = (8.0, 60.0)
 """Setting: periods over the record next to those of what varies a few times in it; loads are smooth there."""
@@ -86,9 +83,9 @@ class ScoreTest(NamedTuple):
 
 
 def promising(at: Linearisation, candidates: Sequence[RegressorCandidate]) -> list[RegressorCandidate]:
-    """Candidates whose statistic with the fit's unknowns held is beyond `SCREENED`: I is seldom less than half of JᵀJ,
-    and S is at most twice as large then."""
-    return [one.candidate for one in score_tests(at.held, candidates) if one.log10_p < math.log10(SCREENED)]
+    """Candidates whose statistic with the fit's unknowns fixed is beyond `P_CANDIDATE`: I is seldom less than half of
+    JᵀJ, and S is at most twice as large then."""
+    return [one.candidate for one in score_tests(at.held, candidates) if one.log10_p < math.log10(P_CANDIDATE)]
 
 
 def score_tests(at: Linearisation, candidates: Sequence[RegressorCandidate]) -> list[ScoreTest]:

@@ -25,6 +25,13 @@ from windsysid.identification.estimate.narrow_band import (
 )
 from windsysid.identification.estimate.prior_conflict import find_held, one_by_one
 from windsysid.identification.estimate.rotor_bands import read_in_bands
+from windsysid.identification.limits import (
+    MAX_RIVAL_LOG_ODDS,
+    MAX_SPEED_VARIATION,
+    MAX_SPEED_VARIATION_IN_BANDS,
+    NEGLIGIBLE_SPEED_VARIATION,
+    NEGLIGIBLE_SPEED_VARIATION_IN_BANDS,
+)
 from windsysid.identification.model.fit import Outcome, known_inputs, known_loads, no_innovations
 from windsysid.identification.model.prior import Prior, identifiable
 from windsysid.identification.model.tolerances import (
@@ -48,9 +55,9 @@ from windsysid.records.record import Record
 from windsysid.results.finding import Finding
 from windsysid.results.tolerance import Tolerance
 from windsysid.spectral.rotor.build import pose_lifted, turns_couple
-from windsysid.spectral.rotor.fit import COARSE, WHOLE, Fit, admit, fit
+from windsysid.spectral.rotor.fit import COARSE, WHOLE, RotorFit, admit, fit
 from windsysid.spectral.rotor.model import Inexact
-from windsysid.spectral.rotor.problem import Posed, Question
+from windsysid.spectral.rotor.problem import Posed, RotorQuestion
 from windsysid.spectral.rotor_bands.build import belongs_in_bands
 from windsysid.spectral.transforms.block_sums import BlockSums
 from windsysid.spectral.transforms.rotating_frame import TurnedBlock
@@ -59,16 +66,6 @@ from windsysid.statespace.unknowns import Unknowns
 from windsysid.turbine.turbine import Turbine
 
 __all__ = ["ask", "identify_by_spectrum", "inexact_of", "tolerances_in"]
-
-STEADY, VARYING = 0.005, 0.02
-"""Standard deviation of the rotor's speed over its mean: up to the first it costs nothing, beyond the second the
-spectra are not those of a constant speed."""
-
-STEADY_IN_BANDS, VARYING_IN_BANDS = 0.15, 0.2
-"""The same of a rotor that is read in bands, which follow its blades (``python -m validation.auto``)."""
-
-CLEAR = 50.0
-"""Log evidence by which a load model is out of the race after the first stages, which weigh the record with a fifth."""
 
 
 def identify_by_spectrum(
@@ -99,14 +96,15 @@ def identify_by_spectrum(
     coupled = turns_couple(questions["broadband"])
     speeds = questions["broadband"].speed if speeds is None else speeds
     if coupled and belongs_in_bands(questions["broadband"]):
-        in_bands = _in_bands(questions["broadband"], loads, _speed(speeds, STEADY_IN_BANDS, VARYING_IN_BANDS), notes)
+        varying = _speed(speeds, NEGLIGIBLE_SPEED_VARIATION_IN_BANDS, MAX_SPEED_VARIATION_IN_BANDS)
+        in_bands = _in_bands(questions["broadband"], loads, varying, notes)
         if in_bands is not None:
             return in_bands
         if sums is not None:
             raise ConfigurationError(
                 "modes of the rotor are too near each other to be told apart in pieces: identify a section of it"
             )
-    doubts = _speed(speeds, STEADY, VARYING) if coupled else []
+    doubts = _speed(speeds, NEGLIGIBLE_SPEED_VARIATION, MAX_SPEED_VARIATION) if coupled else []
     names = _names(turbine, loads, coupled=coupled)
     if "rotor-wind" in names:
         questions["rotor-wind"] = ask(record, turbine, sensors, prior, chosen, inputs, readings, "rotor-wind", sums)
@@ -153,7 +151,7 @@ def identify_by_spectrum(
     )._replace(turns=coupled, drifts=drifts_of(question, halves, best.unknowns, tolerances))  # fmt: skip
 
 
-def _in_bands(question: Question, loads: str, doubts: list[Finding], notes: list[Finding]) -> Outcome | None:
+def _in_bands(question: RotorQuestion, loads: str, doubts: list[Finding], notes: list[Finding]) -> Outcome | None:
     """The result of a rotor that is read in bands; None where its modes cannot be told apart."""
     started = time.perf_counter()
     tolerances = tolerances_in(question)
@@ -168,7 +166,7 @@ def _in_bands(question: Question, loads: str, doubts: list[Finding], notes: list
 
 
 def _outcome(
-    question: Question, unknowns: Array, cov: Array, blocks: Unknowns, tolerances: Sequence[Tolerance], *,
+    question: RotorQuestion, unknowns: Array, cov: Array, blocks: Unknowns, tolerances: Sequence[Tolerance], *,
     log_likelihood: float, statistics: Sequence[Statistic], elapsed: float, notes: Sequence[Finding],
     doubts: Sequence[Finding], hypothesis: str, held: tuple[str, ...],
 ) -> Outcome:  # fmt: skip
@@ -204,12 +202,12 @@ def _outcome(
     )
 
 
-def tolerances_in(question: Question) -> tuple[Tolerance, ...]:
+def tolerances_in(question: RotorQuestion) -> tuple[Tolerance, ...]:
     """What is known of instruments and masses within tolerances only."""
     return tolerances_of(question.turbine, question.sensors, [q.name for q in question.parameters])
 
 
-def inexact_of(question: Question, tolerances: Sequence[Tolerance]) -> Inexact:
+def inexact_of(question: RotorQuestion, tolerances: Sequence[Tolerance]) -> Inexact:
     """The same in numbers."""
     names = [q.name for q in question.parameters]
     return in_numbers(tolerances, question.compiled.parameters, question.turbine, question.sensors, names)
@@ -234,7 +232,7 @@ def _names(turbine: Turbine, loads: str, *, coupled: bool) -> tuple[str, ...]:
 def ask(
     record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior, chosen: Sequence[str] | None,
     inputs: Array, readings: Array, loads: str, sums: BlockSums[Any] | None = None,
-) -> Question:  # fmt: skip
+) -> RotorQuestion:  # fmt: skip
     """The question under a load model, which may bring coefficients of its own."""
     file_loads = known_loads(record, turbine)[1]
     supposed = hypothesis(loads, turbine, file_loads)
@@ -247,7 +245,9 @@ def ask(
     else:
         turbine = supposed.turbine
     compiled = compile_model(turbine.model, tuple(sensors), instruments=True)
-    question = Question(turbine, tuple(sensors), readings, record.rate, inputs, compiled, parameters, tuple(file_loads))
+    question = RotorQuestion(
+        turbine, tuple(sensors), readings, record.rate, inputs, compiled, parameters, tuple(file_loads)
+    )
     in_frame = sums is not None and isinstance(sums.last, TurnedBlock)
     return question._replace(turned=sums) if in_frame else question._replace(sums=sums)
 
@@ -270,7 +270,7 @@ class _Found(NamedTuple):
     which `part` of the record only was used."""
 
     name: str
-    fit: Fit
+    fit: RotorFit
     why: dict[str, Any]
 
 
@@ -290,7 +290,7 @@ def _fitted(poses: dict[str, Posed]) -> _Found:
         ) from None
 
 
-def _fit_alone(posed: Posed) -> Fit:
+def _fit_alone(posed: Posed) -> RotorFit:
     """The mode from the prior's centre; of a block, which has few bins, on all of them from the first stage on."""
     whole = posed.model.blocks <= 1.0
     stages = [(weight, every if whole else 1) for weight, every in (*COARSE, *WHOLE)]
@@ -302,7 +302,7 @@ def _after_stages(poses: dict[str, Posed]) -> _Found:
     elsewhere; fitted to the end."""
     tried = {name: fit(posed.model, posed.start, COARSE[:-1], rough=True) for name, posed in poses.items()}
     ranking = _ranked(tried)
-    rivals = ranking.within(CLEAR)
+    rivals = ranking.within(MAX_RIVAL_LOG_ODDS)
     later: Sequence[tuple[float, int]] = (*COARSE[-1:], *WHOLE)
     why = {"rivals": ranking.rivals(), "part": True}
     if len(rivals) > 1:
@@ -324,6 +324,6 @@ def _after_all(poses: dict[str, Posed]) -> _Found:
     return _Found(ranking.best, best, {"rivals": ranking.rivals(), "part": False})
 
 
-def _ranked(tried: Mapping[str, Fit]) -> Ranking[str]:
+def _ranked(tried: Mapping[str, RotorFit]) -> Ranking[str]:
     """Load models by the evidence of their fits."""
     return rank(tried, lambda name: tried[name].log_evidence)

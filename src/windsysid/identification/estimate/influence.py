@@ -17,6 +17,7 @@ from windsysid.checks.lines import SURROUNDINGS, Line, find_line, stand_out_of_a
 from windsysid.errors import WindsysidError
 from windsysid.identification.estimate.frequency_domain import identify_by_spectrum
 from windsysid.identification.estimate.modal_residuals import channel_of, mode_of, ranges_of_narrow_band
+from windsysid.identification.limits import MARGINAL_LINE_FACTOR, MAX_INFLUENCE_SIGMAS, MIN_LINE_POWER
 from windsysid.identification.model.agreement import compare
 from windsysid.identification.model.fit import Outcome
 from windsysid.identification.model.prior import Prior
@@ -30,21 +31,12 @@ from windsysid.turbine.turbine import Turbine
 
 __all__ = ["Dependence", "doubt_line", "doubt_sine", "is_harmless"]
 
-REACH = 1.25
-"""Factor about a mode's frequency within which a line is looked for."""
-
-SUSPECT = 9.0
-"""Power over its surroundings from which on a frequency may be a line: one in ten healthy records has it."""
-
-MARGINAL = 1.25
-"""Times its bound within which a line may be chance: it is no reason if nothing depends on it."""
-
-MOVED = 2.5
-"""Standard deviations by which a coefficient may move when one frequency, or those beside a sine, are taken out."""
+SEARCH_RADIUS_FACTOR = 1.25
+"""Setting: factor about a mode's frequency within which a line is looked for."""
 
 BESIDE, AWAY = 3, 8
-"""Frequencies of the periodogram to either side of a sine in which a narrow-band load would have left something, and
-beyond which their surroundings tell what would be there without one."""
+"""Setting: frequencies of the periodogram to either side of a sinusoid in which a narrow-band load would have left
+something, and beyond which their surroundings tell what would be there without one."""
 
 
 class Dependence(NamedTuple):
@@ -64,13 +56,13 @@ def doubt_line(
     `windsysid.identification.estimate.frequency_domain.identify_by_spectrum`, on whose record `outcome` was found, by
     filters if not `by_spectra`."""
     line = _suspect(outcome, record)
-    if line is None or line.ratio < SUSPECT:
+    if line is None or line.ratio < MIN_LINE_POWER:
         return None
     name, off = _moved(
         _without(record, outcome.channels, line.frequency), outcome, record, turbine, sensors, prior, parameters,
         by_spectra=by_spectra,
     )  # fmt: skip
-    if off < MOVED:
+    if off < MAX_INFLUENCE_SIGMAS:
         return None
     data = {"channel": line.channel, "frequency": line.frequency, "sigmas": off}
     return Dependence(line.channel, line.frequency, Finding("line_influence", "reason", data, (name,)))
@@ -82,13 +74,13 @@ def is_harmless(
 ) -> bool:  # fmt: skip
     """Whether a line hardly stands out more than chance may, and nothing depends on it. Arguments as for
     `doubt_line`."""
-    if line.ratio > MARGINAL * line.bound:
+    if line.ratio > MARGINAL_LINE_FACTOR * line.bound:
         return False
     name, off = _moved(
         _without(record, outcome.channels, line.frequency), outcome, record, turbine, sensors, prior, parameters,
         by_spectra=by_spectra,
     )  # fmt: skip
-    return bool(name) and off < MOVED
+    return bool(name) and off < MAX_INFLUENCE_SIGMAS
 
 
 def doubt_sine(
@@ -101,7 +93,7 @@ def doubt_sine(
         _without(record, outcome.channels, frequency, BESIDE), outcome, record, turbine, sensors, prior, parameters,
         by_spectra=by_spectra,
     )  # fmt: skip
-    if off < MOVED:
+    if off < MAX_INFLUENCE_SIGMAS:
         return ()
     return (Finding("tone_influence", "reason", {"frequency": frequency, "sigmas": off}, (name,)),)
 
@@ -147,7 +139,7 @@ def _suspect(outcome: Outcome, record: Record) -> Line | None:
             (mode_of(turbine, name)[0], max(mode_of(one, name)[1] for one in (turbine, outcome.turbine)))
             for name in channels
         ],
-        rotor_hz=rotor_hz, reach=REACH, known=ranges_of_narrow_band(outcome, record, rotor_hz),
+        rotor_hz=rotor_hz, reach=SEARCH_RADIUS_FACTOR, known=ranges_of_narrow_band(outcome, record, rotor_hz),
     )  # fmt: skip
 
 

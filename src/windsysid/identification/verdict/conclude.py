@@ -19,6 +19,7 @@ from windsysid.identification.estimate.clock_lag import PASSED
 from windsysid.identification.estimate.modal_residuals import doubts_beside_modes
 from windsysid.identification.estimate.modes import modes_of
 from windsysid.identification.job import Formulation
+from windsysid.identification.limits import MAX_RATE_MISMATCH
 from windsysid.identification.model.fit import Outcome
 from windsysid.inspection.fault import Fault
 from windsysid.inspection.screening import doubted, noted
@@ -36,10 +37,6 @@ from windsysid.signals.rotor import STANDING_MAX_SPEED, rotor_inputs
 from windsysid.turbine.turbine import Turbine
 
 __all__ = ["conclude", "doubts_of_innovations"]
-
-
-OFF_CLOCK = 0.01
-"""Share of the rotor's speed by which azimuth and speed may contradict each other."""
 
 
 def conclude(
@@ -183,7 +180,7 @@ def _off_clock(record: Record, speed: float) -> tuple[Finding, ...]:
         return ()
     mean = float(recorded.mean())
     turned = float(psi[-1] - psi[0]) / float(record.time[-1] - record.time[0])
-    if not mean > STANDING_MAX_SPEED or abs(turned / mean - 1.0) < OFF_CLOCK:
+    if not mean > STANDING_MAX_SPEED or abs(turned / mean - 1.0) < MAX_RATE_MISMATCH:
         return ()
     return (Finding("azimuth_contradicts_speed", "reason", {"ratio": turned / mean}),)
 

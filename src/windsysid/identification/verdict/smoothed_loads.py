@@ -35,6 +35,7 @@ import numpy as np
 from windsysid._types import Array, Complex
 from windsysid.checks.nonlinearity import Bending, Law
 from windsysid.filters import Info, smooth
+from windsysid.identification.limits import MAX_FORCE_SIGMAS, MAX_JOINT_SIGMAS, MIN_WHITENED_SAMPLES
 from windsysid.mechanics.model import Coordinate
 from windsysid.results.smoothed_loads import CorrelatedLoads, SmoothedLoads
 from windsysid.statespace.acting_loads import acting_loads
@@ -43,21 +44,10 @@ from windsysid.statespace.compose import StateSpace
 __all__ = ["judge_smoothed_loads"]
 
 TURN_Q, TURN_V = 1.0, 0.1
-"""Displacement and velocity, in their rms, about which a force turns round."""
+"""Setting: displacement and velocity, in their rms, about which a force turns round."""
 
 CHUNK = 4096
-"""Samples for which all H(ψ) are held at once."""
-
-FEWEST = 500
-"""Samples with a reading below which nothing is said."""
-
-MAX_SIGMAS, MAX_SIGMAS_ALIKE = 3.8, 3.2
-"""Standard deviations of chance that count, of one degree of freedom and of those that are alike together. Of five, the
-ten and the four that are looked at exceed them in one healthy record of 140."""
-
-MAX_TOGETHER = 3.2
-"""Standard deviations of chance by which two loads may go together. Where sensors may be off their axes, healthy towers
-show a third of one, as the fit takes the rest for that."""
+"""Setting: samples for which all H(ψ) are held at once."""
 
 
 def judge_smoothed_loads(
@@ -75,7 +65,7 @@ def judge_smoothed_loads(
     """
     names = acting_loads(model, inputs[:1])[0]
     asked = [j for j, one in enumerate(freedoms) if one.load in names and np.any(info.mean[:, j])]
-    if model.blocks.step.size > 1 or np.isfinite(info.whitened).any(axis=1).sum() < FEWEST or not asked:
+    if model.blocks.step.size > 1 or np.isfinite(info.whitened).any(axis=1).sum() < MIN_WHITENED_SAMPLES or not asked:
         return None
     state = smooth(model, inputs, np.where(info.gated, np.nan, readings)).mean
     n, own = len(freedoms), [freedoms[j].load for j in asked]
@@ -88,12 +78,12 @@ def judge_smoothed_loads(
         for group in groups:
             if group:
                 sigmas = float(t[group].sum()) / math.sqrt(len(group))
-                bound = MAX_SIGMAS if len(group) == 1 else MAX_SIGMAS_ALIKE
+                bound = MAX_FORCE_SIGMAS if len(group) == 1 else MAX_JOINT_SIGMAS
                 found.append(Bending(law, tuple(freedoms[asked[i]].name for i in group), sigmas, bound))
     apart = readings.shape[1] >= len(asked) and not any(one.blade for one in freedoms)
     pairs = combinations(range(len(asked) if apart else 0), 2)
     together = [
-        CorrelatedLoads((own[i], own[j]), float(_score(driven[:, i], driven[:, j])), MAX_TOGETHER) for i, j in pairs
+        CorrelatedLoads((own[i], own[j]), float(_score(driven[:, i], driven[:, j])), MAX_JOINT_SIGMAS) for i, j in pairs
     ]
     return SmoothedLoads(
         max(found, key=lambda one: abs(one.sigmas) / one.bound),
