@@ -7,7 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from windsysid.checks.lines import READINGS_REACH, TURNING_SHARE, Line
+from windsysid.checks.limits import HARMONIC_HALF_WIDTH_SHARE, LINE_SEARCH_FACTOR
+from windsysid.checks.lines import Line
 from windsysid.checks.verdict import found_line
 from windsysid.identification.effects.sinusoid import Sine, find_sine, find_turning, one_turn, turned
 from windsysid.identification.effects.sinusoidal_force import Sinusoids, forces_of
@@ -134,7 +135,7 @@ def _steady_in_readings(fit: FittedJob) -> list[tuple[str, float]]:
         values = record[sensor.channel]
         if sensor.blade or not np.isfinite(values).all():
             continue
-        low, high = min(hz) / READINGS_REACH, min(max(hz) * READINGS_REACH, 0.4 * record.rate)
+        low, high = min(hz) / LINE_SEARCH_FACTOR, min(max(hz) * LINE_SEARCH_FACTOR, 0.4 * record.rate)
         lines = find_lines(values[:, None] - values.mean(), record.rate, low, high)
         found += [(sensor.channel, f) for f in lines if not _turns_with(f, rotor_hz)]
     return found
@@ -143,7 +144,7 @@ def _steady_in_readings(fit: FittedJob) -> list[tuple[str, float]]:
 def _turns_with(frequency: float, rotor_hz: float) -> bool:
     """Whether a frequency is a harmonic of the rotor."""
     order = round(frequency / rotor_hz) if rotor_hz > 0.0 else 0
-    return order > 0 and abs(frequency - order * rotor_hz) < TURNING_SHARE * frequency
+    return order > 0 and abs(frequency - order * rotor_hz) < HARMONIC_HALF_WIDTH_SHARE * frequency
 
 
 def _sines(known: Sinusoids | None) -> tuple[Sine, ...]:
