@@ -7,7 +7,7 @@ from validation.adversary.scenarios import SCENARIOS, record
 from tests.findings import codes
 from validation import towers
 from windsysid.identification.effects.random_walk_bias import find_random_walks
-from windsysid.identification.estimate.frequency_domain import ask
+from windsysid.identification.estimate.spectral.frequency_domain import ask
 from windsysid.identification.identify import identify
 from windsysid.identification.model.fit import known_inputs
 from windsysid.identification.model.prior import Prior

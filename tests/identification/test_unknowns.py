@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import windsysid as ws
-from windsysid.identification.estimate.frequency_domain import ask, inexact_of, tolerances_in
+from windsysid.identification.estimate.spectral.frequency_domain import ask, inexact_of, tolerances_in
 from windsysid.identification.model.fit import known_inputs
 from windsysid.identification.model.prior import Prior
 from windsysid.identification.model.problem import Problem

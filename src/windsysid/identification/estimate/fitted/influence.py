@@ -15,8 +15,8 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.checks.lines import SURROUNDINGS, Line, find_line, stand_out_of_a_bend
 from windsysid.errors import WindsysidError
-from windsysid.identification.estimate.frequency_domain import identify_by_spectrum
-from windsysid.identification.estimate.modal_residuals import channel_of, mode_of, ranges_of_narrow_band
+from windsysid.identification.estimate.fitted.modal_residuals import channel_of, mode_of, ranges_of_narrow_band
+from windsysid.identification.estimate.spectral.frequency_domain import identify_by_spectrum
 from windsysid.identification.limits import MARGINAL_LINE_FACTOR, MAX_INFLUENCE_SIGMAS, MIN_LINE_POWER
 from windsysid.identification.model.agreement import compare
 from windsysid.identification.model.fit import Outcome
@@ -53,8 +53,8 @@ def doubt_line(
 ) -> Dependence | None:  # fmt: skip
     """Whether a coefficient depends on one frequency; None where spectra do not apply, and for bands around the
     modes of a real rotor, which have other tests. Arguments as for
-    `windsysid.identification.estimate.frequency_domain.identify_by_spectrum`, on whose record `outcome` was found, by
-    filters if not `by_spectra`."""
+    `windsysid.identification.estimate.spectral.frequency_domain.identify_by_spectrum`, on whose record `outcome` was
+    found, by filters if not `by_spectra`."""
     line = _suspect(outcome, record)
     if line is None or line.ratio < MIN_LINE_POWER:
         return None
