@@ -16,6 +16,7 @@ from windsysid.identification.job import FittedJob, Job
 from windsysid.identification.limits import MAX_DISAGREEMENT_SIGMAS
 from windsysid.identification.model.agreement import compare, disagreement
 from windsysid.identification.model.fit import Outcome
+from windsysid.identification.model.regressor import Regressors
 from windsysid.identification.pipeline import run
 from windsysid.identification.verdict.conclude import doubts_of_innovations
 from windsysid.loads.family import Broadband
@@ -90,10 +91,10 @@ def _cross_checked(job: Job, spectral_job: Job, spectral: FittedJob) -> FittedJo
     """By filters where something turns, by spectra elsewhere, and held against the other."""
     job, joint = _fitted_beside(job, spectral)
     joint = _with_priors_of(spectral, joint)
-    if (
-        sinusoids_in(job) != sinusoids_in(spectral_job) and not spectral.outcome.turns
-    ):  # what filters found, spectra lack
-        _, spectral = run(spectral_job.with_effects_of(job, "clock_drift", Sinusoid.code).by("spectral"))
+    waves = tuple(one.code for one in job.effects if isinstance(one, Regressors))
+    found_more = bool(waves) or sinusoids_in(job) != sinusoids_in(spectral_job)
+    if found_more and not spectral.outcome.turns:  # spectra lack what filters found
+        _, spectral = run(spectral_job.with_effects_of(job, "clock_drift", Sinusoid.code, *waves))
     name, off = compare(joint.outcome, spectral.outcome)
     against = [disagreement(name, off, joint.outcome, job.turbine)]
     if spectral.outcome.turns:

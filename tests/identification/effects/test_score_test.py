@@ -14,6 +14,7 @@ from windsysid.identification.effects.score_test import RegressorCandidate, log_
 from windsysid.identification.effects.step import Step, likeliest_change
 from windsysid.identification.estimate.fitted.linearisation import Linearisation, RegressorColumn, linearise
 from windsysid.identification.formulations import estimate
+from windsysid.identification.identify import identify
 from windsysid.identification.job import FittedJob, Job
 from windsysid.identification.model.prior import Prior
 from windsysid.identification.model.regressor import Constant, Legendre, StepAt, Waveform
@@ -175,3 +176,13 @@ def test_steps_are_looked_for_in_sensors_without_a_random_walk(tower: Turbine):
     walking = replace(tower, sensors=tuple(one.model_copy(update={"drift": 0.01}) for one in tower.sensors))
     assert len(Step().candidates(at_the_truth(tower, made))) == 2
     assert not Step().candidates(at_the_truth(walking, made))
+
+
+def test_the_automatic_choice_says_what_filters_found():
+    """A step of a channel was in no note where spectra answered."""
+    made = simulate_record("tower", duration=600.0, rate=12.5, seed=5)
+    found = identify(added(made, "tower_z_acceleration", StepAt(330.0), 0.03), "tower")
+    assert found.formulation == "spectral"
+    step = only(found.findings, "step")
+    assert step.data["size"] == pytest.approx(0.03, abs=4.0 * step.data["std"])
+    assert step.data["time"] == pytest.approx(330.0, abs=5.0)
