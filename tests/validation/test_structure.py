@@ -13,7 +13,7 @@ BOUNDS = {
     "functions over complexity 10 [%]": 2.4,  # target 4.0
     "lines of src": 81987,  # target 72 904: those of commit 103975a
     "lines of the middle": 27193,  # target 19 500
-    "large folders": 0
+    "large folders": 0,
     "long signatures": 25,  # target 30
     "repeated classes": 0,  # target 0
     "untested modules": 19,  # target 0
