@@ -3,7 +3,7 @@ harmonics in the innovations."""
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -100,10 +100,9 @@ class _Lines(NamedTuple):
     @classmethod
     def of(cls, job: Job, fit: FittedJob) -> "_Lines":
         """What a fit shows."""
-        of, spectral = _arguments(job, fit), fit.formulation == "spectral"
-        dependence = doubt_line(*of, by_spectra=spectral)
+        dependence = doubt_line(job, fit)
         line = line_of(fit.outcome, fit.read)
-        if line is not None and line.ratio > line.bound and is_harmless(line, *of, by_spectra=spectral):
+        if line is not None and line.ratio > line.bound and is_harmless(line, job, fit):
             line = None
         if dependence is None:
             return cls(line, (), ())
@@ -119,8 +118,7 @@ class _Lines(NamedTuple):
         fit = fit.lacking(*self.doubts)._replace(line=self.line)
         for sine in _sines(known):
             if not (sine.order or fit.outcome.doubts or fit.unmodelled):
-                spectral = fit.formulation == "spectral"
-                fit = fit.lacking(*doubt_sine(sine.frequency, *_arguments(job, fit), by_spectra=spectral))
+                fit = fit.lacking(*doubt_sine(sine.frequency, job, fit))
         return fit
 
 
@@ -173,7 +171,3 @@ def _as_forces(job: Job, fit: FittedJob, judged: FittedJob, sines: tuple[Sine, .
     prior = job.prior or Prior()
     forces = forces_of(sines, fit.outcome, at.record, job.turbine, at.sensors, prior, job.parameters)
     return Detection(judged, Sinusoids(sines, tuple(forces)), math.inf, fit)
-
-
-def _arguments(job: Job, fit: FittedJob) -> tuple[Any, ...]:
-    return fit.outcome, fit.read, job.turbine, fit.sensors, fit.prior, job.parameters

@@ -27,7 +27,7 @@ Rydén, Inference in Hidden Markov Models, 2005, section 10.1 (scores from smoot
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import combinations
 
 import numpy as np
@@ -78,27 +78,35 @@ def judge_smoothed_loads(
     if model.blocks.step.size > 1 or np.isfinite(info.whitened).any(axis=1).sum() < FEWEST or not asked:
         return None
     state = smooth(model, inputs, np.where(info.gated, np.nan, readings)).mean
-    n, own = len(freedoms), [freedoms[j].load for j in asked]
-    loads = _loads(model, inputs, state)[:, [names.index(name) for name in own]]
+    n, tested = len(freedoms), [freedoms[j] for j in asked]
+    loads = _loads(model, inputs, state)[:, [names.index(one.load) for one in tested]]
     driven = np.fft.rfft(np.diff(loads, axis=0), axis=0)
-    found: list[Bending] = []
-    for law, t in _scores(state[:, asked], state[:, [n + j for j in asked]], driven).items():
-        groups = [[i] for i in range(len(asked))]
-        groups += [[i for i, j in enumerate(asked) if bool(freedoms[j].blade) is blade] for blade in (False, True)]
-        for group in groups:
-            if group:
-                sigmas = float(t[group].sum()) / math.sqrt(len(group))
-                bound = MAX_SIGMAS if len(group) == 1 else MAX_SIGMAS_ALIKE
-                found.append(Bending(law, tuple(freedoms[asked[i]].name for i in group), sigmas, bound))
+    scores = _scores(state[:, asked], state[:, [n + j for j in asked]], driven)
+    bendings = [one for law, t in scores.items() for one in _bendings(law, t, tested)]
     apart = readings.shape[1] >= len(asked) and not any(one.blade for one in freedoms)
-    pairs = combinations(range(len(asked) if apart else 0), 2)
-    together = [
-        CorrelatedLoads((own[i], own[j]), float(_score(driven[:, i], driven[:, j])), MAX_TOGETHER) for i, j in pairs
-    ]
     return SmoothedLoads(
-        max(found, key=lambda one: abs(one.sigmas) / one.bound),
-        max(together, key=lambda one: abs(one.sigmas), default=None),
+        max(bendings, key=lambda one: abs(one.sigmas) / one.bound), _most_correlated(tested, driven) if apart else None
     )
+
+
+def _bendings(law: Law, t: Array, freedoms: Sequence[Coordinate]) -> Iterator[Bending]:
+    """Scores t (n,) of a law of force for each of n degrees of freedom, and for those of the support and of the blades
+    together."""
+    groups = [[i] for i in range(len(freedoms))]
+    groups += [[i for i, one in enumerate(freedoms) if bool(one.blade) is blade] for blade in (False, True)]
+    for group in filter(None, groups):
+        sigmas = float(t[group].sum()) / math.sqrt(len(group))
+        bound = MAX_SIGMAS if len(group) == 1 else MAX_SIGMAS_ALIKE
+        yield Bending(law, tuple(freedoms[i].name for i in group), sigmas, bound)
+
+
+def _most_correlated(freedoms: Sequence[Coordinate], driven: Complex) -> CorrelatedLoads | None:
+    """The two loads of n degrees of freedom that go together most, of what drives them (F, n); None of fewer."""
+    pairs = [
+        CorrelatedLoads((freedoms[i].load, freedoms[j].load), float(_score(driven[:, i], driven[:, j])), MAX_TOGETHER)
+        for i, j in combinations(range(len(freedoms)), 2)
+    ]
+    return max(pairs, key=lambda one: abs(one.sigmas), default=None)
 
 
 def _loads(model: StateSpace, inputs: Array, state: Array) -> Array:
