@@ -202,18 +202,22 @@ def _left(who: Sequence[str], rows: Array) -> str:
     kept = _small_integers(np.linalg.svd(rows)[2][-1])
     if kept is None:
         return ""
-    alike = len({name.rstrip("0123456789") for name in who}) == 1
     if all(power == kept[0] for power in kept):
+        alike = len({name.rstrip("0123456789") for name in who}) == 1
         return "their sum" if alike else "their product " + "·".join(who)
-    kept = [-power for power in kept] if kept[0] < 0 else kept
+    return _ratio(who, [-power for power in kept] if kept[0] < 0 else kept)
+
+
+def _ratio(who: Sequence[str], powers: Sequence[int]) -> str:
+    """A product of powers as a ratio: ``their ratio k_x/m``."""
     over, under = (
-        "·".join(name + _SUPERSCRIPTS[abs(p)] for name, p in zip(who, kept, strict=True) if p * sign > 0)
+        "·".join(name + _SUPERSCRIPTS[abs(p)] for name, p in zip(who, powers, strict=True) if p * sign > 0)
         for sign in (1, -1)
     )
     if not under:
         return over
     text = f"{over}/({under})" if "·" in under else f"{over}/{under}"
-    return f"their ratio {text}" if sorted(kept) == [-1, 1] else text  # fmt: skip
+    return f"their ratio {text}" if sorted(powers) == [-1, 1] else text
 
 
 _SUPERSCRIPTS = ("", "", "²", "³", "⁴")

@@ -72,7 +72,7 @@ def test_the_mode_is_the_one_that_scipy_finds_on_paper():
 def test_a_reading_that_is_far_off_is_left_out_and_counted():
     y = process()
     whole = solve(Autoregression(), samples_of(y), None, rate=1.0, start=PRIOR)
-    y[200] += 40.0 * SIGMA
+    y[200] += 6.0 * SIGMA
     found = solve(Autoregression(), samples_of(y), None, rate=1.0, start=PRIOR)
     (note,) = found.notes
     assert (note.code, note.data["count"], note.data["sigmas"]) == ("outliers", 1, GATE_SIGMAS)
