@@ -71,17 +71,18 @@ def describe_information(names: Sequence[str], information: Array, aside: Collec
             found.append(Finding(code, "remark", {"seen": left, "direction": moved}, tuple(who)))
     covariance = (vectors[:, ~unseen] / values[~unseen]) @ vectors[:, ~unseen].T / np.outer(scale, scale)
     hidden = np.isinf(standard_deviations(information))
-    told: list[list[int]] = []
+    told: list[set[str]] = []
     for weak in np.flatnonzero(~unseen & (values * MIN_CONDITION_INDEX**2 < values.max())):
         share = np.square(vectors[:, weak]) / values[weak] / np.maximum(np.diag(covariance) * scale**2, 1e-300)
         members = [int(i) for i in np.flatnonzero((share > 0.5) & ~hidden)]
-        if len(members) > 1 and not {names[i] for i in members} <= set(aside):
-            told.append(members)
+        who = {names[i] for i in members}
+        if len(members) > 1 and not who <= set(aside):
+            told.append(who)
             row, cov = (vectors[:, weak] / scale)[members], covariance[np.ix_(members, members)]
             found.append(_badly(tuple(names[i] for i in members), row, cov))
     for i, j, value in _correlated(covariance):
-        known = hidden[i] or hidden[j] or {names[i], names[j]} <= set(aside)
-        if not (known or any({i, j} <= set(members) for members in told)):
+        both = {names[i], names[j]}
+        if not (hidden[[i, j]].any() or any(both <= who for who in (set(aside), *told))):
             found.append(_correlation(names[i], names[j], value))
     return found
 

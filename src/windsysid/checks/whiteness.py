@@ -182,7 +182,8 @@ def _together(parts: dict[tuple[int, ...], Whiteness], m: int) -> Whiteness:
     """The innovations of all channels, from those of channels read at the same times, by their columns."""
     if len(parts) == 1:
         return next(iter(parts.values()))
-    finest = max(parts.values(), key=lambda w: len(w.frequency))
+    every = [*parts.values()]
+    finest = max(every, key=lambda w: len(w.frequency))
     lags = np.unique(np.concatenate([w.lags for w in parts.values()]).round(9))
     correlation, spectrum = np.full((len(lags), m), np.nan), np.full((len(finest.frequency), m), np.nan)
     channels: list[ChannelCheck | None] = [None] * m
@@ -194,28 +195,25 @@ def _together(parts: dict[tuple[int, ...], Whiteness], m: int) -> Whiteness:
             channels[column] = w.channels[own]
             if len(w.frequency):
                 spectrum[inside, column] = np.interp(finest.frequency[inside], w.frequency, w.spectrum[:, own])
-    total = sum(w.used for w in parts.values())
+    total = sum(w.used for w in every)
+    smooth = [w.smooth for w in every if w.smooth is not None]
     low, high = _chi_square_interval(total)
     return Whiteness(
         used=total,
-        nis=sum(w.nis * w.used for w in parts.values()) / max(total, 1),
+        nis=sum(w.nis * w.used for w in every) / max(total, 1),
         nis_low=low,
         nis_high=high,
         channels=tuple(c for c in channels if c is not None),
         lags=lags,
         autocorrelation=correlation,
-        autocorrelation_bound=max(w.autocorrelation_bound for w in parts.values()),
+        autocorrelation_bound=max(w.autocorrelation_bound for w in every),
         frequency=finest.frequency,
         spectrum=spectrum,
-        spectrum_bound=max(w.spectrum_bound for w in parts.values()),
-        colour_bound=max(w.colour_bound for w in parts.values()),
-        line_bound=max(w.line_bound for w in parts.values()),
+        spectrum_bound=max(w.spectrum_bound for w in every),
+        colour_bound=max(w.colour_bound for w in every),
+        line_bound=max(w.line_bound for w in every),
         shared=_most_shared_of(parts),
-        smooth=max(
-            (w.smooth for w in parts.values() if w.smooth is not None),
-            key=lambda smooth: smooth.statistic / smooth.bound,
-            default=None,
-        ),
+        smooth=max(smooth, key=lambda one: one.statistic / one.bound, default=None),
     )
 
 

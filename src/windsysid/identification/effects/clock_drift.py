@@ -133,12 +133,12 @@ def _by_gravity(record: Record, turbine: Turbine, sensors: Sequence[Sensor]) -> 
     """The drifts that gravity shows."""
     if "rotor_azimuth" not in record:
         return ()
-    drifts = []
-    for logger in dict.fromkeys(sensor.sampled_by for sensor in sensors if sensor.blade):
-        channels = [sensor.channel for sensor in sensors if sensor.sampled_by == logger and sensor.blade]
-        found = None if logger == TOWER_LOGGER else find_drift(record, channels, abs(turbine.rotor_speed))
-        if found is not None:
-            drifts.append(Drift(logger, *found))
+    channels: dict[str, list[str]] = {}
+    for sensor in sensors:
+        if sensor.blade and sensor.sampled_by != TOWER_LOGGER:
+            channels.setdefault(sensor.sampled_by, []).append(sensor.channel)
+    found = {logger: find_drift(record, of, abs(turbine.rotor_speed)) for logger, of in channels.items()}
+    drifts = [Drift(logger, *drift) for logger, drift in found.items() if drift is not None]
     return tuple(one for one in drifts if one.matters(turbine, record.duration))
 
 

@@ -101,13 +101,10 @@ def find_sine(
     if seen.steadiness < max(LEAST_STEADINESS, OWN_SHARE * seen.over):
         return None
     others = [sensor.channel for sensor in sensors if bool(sensor.blade) is on_blades and sensor.channel != channel]
-    for one in (seen, *(_Seen.of(record, other, seen.frequency) for other in others)):
-        if one is None or (one is not seen and one.over < LOUD):
-            continue
-        apart = ALIKE * step * math.sqrt(max(1.0, FAINT / one.over))
-        if one.scatter > SCATTER or abs(one.frequency - seen.frequency) > apart:
-            return None
-    return Sine(seen.frequency, on_blades)
+    elsewhere = (_Seen.of(record, other, seen.frequency) for other in others)
+    loud = [one for one in elsewhere if one is not None and one.over >= LOUD]
+    steady = all(one.is_steady_at(seen.frequency, step) for one in (seen, *loud))
+    return Sine(seen.frequency, on_blades) if steady else None
 
 
 class _Seen(NamedTuple):
@@ -118,6 +115,12 @@ class _Seen(NamedTuple):
     steadiness: float
     over: float
     scatter: float
+
+    def is_steady_at(self, frequency: float, step: float) -> bool:
+        """Whether it is as steady as a sine at a frequency [Hz], in a periodogram whose frequencies are a step apart,
+        may be by chance."""
+        apart = ALIKE * step * math.sqrt(max(1.0, FAINT / self.over))
+        return self.scatter <= SCATTER and abs(self.frequency - frequency) <= apart
 
     @classmethod
     def of(cls, record: Record, channel: str, frequency: float) -> "_Seen | None":
@@ -164,16 +167,20 @@ def find_turning(
     psi = turned(record, turbine, sensors)
     if psi is None or not record.is_uniform or len(whitened) != record.samples:
         return []
-    rotor_hz = _turns(record, psi)
+    rotor_hz, apart = _turns(record, psi), APART / record.duration
     turning = [Sine(order * rotor_hz, on_blades=False, order=order) for order in range(1, ORDERS + 1)]
-    apart, left = APART / record.duration, []
     turning = [one for one in turning if apart < one.frequency < 0.4 * record.rate]
     turning = [one for one in turning if not any(one.same_as(other, apart) for other in known)]
-    for sine in (*known, *turning):
-        felt = [i for i, sensor in enumerate(sensors) if bool(sensor.blade) is sine.on_blades]
-        if max(steadiness(np.nan_to_num(whitened[:, i]), record.rate, sine.frequency) for i in felt) > LEAST_TURNING:
-            left.append(sine)
-    return left
+    z, on_blades = np.nan_to_num(whitened).T, [bool(sensor.blade) for sensor in sensors]
+
+    def is_left(sine: Sine) -> bool:
+        of_channels = zip(z, on_blades, strict=True)
+        most = max(
+            steadiness(one, record.rate, sine.frequency) for one, turns in of_channels if turns is sine.on_blades
+        )
+        return most > LEAST_TURNING
+
+    return [sine for sine in (*known, *turning) if is_left(sine)]
 
 
 def without_sines(record: Record, turbine: Turbine, sensors: Sequence[Sensor], sines: Sequence[Sine]) -> Record:
