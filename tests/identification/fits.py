@@ -42,10 +42,9 @@ def outcome_of(record: Record, *, std: float = 0.01, **changes: Any) -> Outcome:
 
 
 def job_of(record: Record, **changes: Any) -> Job:
-    return Job(**({
-        "record": record, "part": record, "turbine": TOWER, "sensors": None, "prior": None, "parameters": None,
-        "rate": None, "loads": "auto",
-    } | changes))  # fmt: skip
+    known: dict[str, Any] = dict.fromkeys(("sensors", "prior", "parameters", "rate"))
+    known |= {"record": record, "part": record, "turbine": TOWER, "loads": "auto"}
+    return Job(**(known | changes))
 
 
 def fitted(record: Record, formulation: Any = "spectral", **changes: Any) -> FittedJob:

@@ -35,7 +35,11 @@ def diagnosed(z: np.ndarray, *, is_white: bool = True, damping: Any = (), findin
     z = np.atleast_2d(z.T).T
     gated = more.pop("gated", np.zeros(z.shape, dtype=bool))
     whiteness = examined(np.where(gated, np.nan, z), gated=gated) if is_white else None
-    known = {"parameters": (Parameter("k_x", 100.0, 0.3),), "theta": np.array([0.1]), "cov": np.array([[1e-4]])}
+    known: dict[str, Any] = {
+        "parameters": (Parameter("k_x", 100.0, 0.3),),
+        "theta": np.array([0.1]),
+        "cov": np.array([[1e-4]]),
+    }
     fitted = FittedParameters(**(known | more), damping=damping)
     rotor = TurningRotor(2 * math.pi * 0.5, 3)
     return diagnose(whiteness, fitted, frequencies=NATURAL, rotor=rotor, findings=findings)

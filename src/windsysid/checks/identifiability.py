@@ -75,14 +75,14 @@ def describe_information(names: Sequence[str], information: Array, aside: Collec
     for weak in np.flatnonzero(~unseen & (values * MIN_CONDITION_INDEX**2 < values.max())):
         share = np.square(vectors[:, weak]) / values[weak] / np.maximum(np.diag(covariance) * scale**2, 1e-300)
         members = [int(i) for i in np.flatnonzero((share > 0.5) & ~hidden)]
-        who = {names[i] for i in members}
-        if len(members) > 1 and not who <= set(aside):
-            told.append(who)
+        mixed = {names[i] for i in members}
+        if len(members) > 1 and not mixed <= set(aside):
+            told.append(mixed)
             row, cov = (vectors[:, weak] / scale)[members], covariance[np.ix_(members, members)]
             found.append(_badly(tuple(names[i] for i in members), row, cov))
     for i, j, value in _correlated(covariance):
         both = {names[i], names[j]}
-        if not (hidden[[i, j]].any() or any(both <= who for who in (set(aside), *told))):
+        if not (hidden[[i, j]].any() or any(both <= mixed for mixed in (set(aside), *told))):
             found.append(_correlation(names[i], names[j], value))
     return found
 

@@ -141,7 +141,7 @@ def find_line(
     None where there is nothing to be looked at.
     """
     step = rate / len(values)
-    frequency = np.arange(len(values) // 2 + 1) * step
+    frequency = np.arange(len(values) // 2 + 1, dtype=np.float64) * step
     near = _near_modes(frequency, [natural for natural, _ in modes], reach)
     near &= ~_near_harmonics(frequency, rotor_hz, step)
     narrow = [natural for natural, damping in modes if damping * natural < NARROWEST * step]

@@ -46,7 +46,7 @@ def refits(monkeypatch: pytest.MonkeyPatch) -> Any:
 
 def power_at(record: Record, hz: float) -> np.ndarray:
     wave = np.exp(-2j * np.pi * hz * TIME)
-    return np.abs(wave @ (record.values[:, :2] - record.values[:, :2].mean(axis=0))) / SAMPLES
+    return np.asarray(np.abs(wave @ (record.values[:, :2] - record.values[:, :2].mean(axis=0))) / SAMPLES)
 
 
 def test_a_coefficient_that_changes_without_a_line_is_named(refits: Any):

@@ -45,7 +45,8 @@ def test_a_line_beside_a_mode_stands_out_and_noise_does_not():
     line = line_of(outcome_of(record), record)
     assert line is not None
     assert line.ratio > line.bound
-    assert (line.channel, line.frequency) == (CHANNELS[1], pytest.approx(0.43, abs=RATE / len(readings)))
+    assert line.channel == CHANNELS[1]
+    assert line.frequency == pytest.approx(0.43, abs=RATE / len(readings))
 
 
 def test_a_narrow_band_load_is_no_line_within_four_half_widths_of_its_frequency():

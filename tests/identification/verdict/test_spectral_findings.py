@@ -54,7 +54,7 @@ def test_blocks_of_other_energy_are_not_stationary():
 
 
 def test_a_block_that_is_too_short_for_its_resonance_is_a_reason():
-    short = SimpleNamespace(**(vars(POSED) | {"resonance": 1.6 * LEAST_OF_A_BLOCK, "smoothed": object()}))
+    short: Any = SimpleNamespace(**(vars(POSED) | {"resonance": 1.6 * LEAST_OF_A_BLOCK, "smoothed": object()}))
     (found,) = _unsteady_blocks(QUESTION, sums(1.0, 1.0), short)
     assert (found.code, found.data["count"]) == ("narrow_resonance_in_pieces", pytest.approx(0.8 * LEAST_OF_A_BLOCK))
 

@@ -160,8 +160,9 @@ def find_drift(record: Record, channels: Sequence[str], usual_speed: float) -> t
     centres, late, weights = [], [], []
     for channel in channels:
         amplitudes = np.array([_amplitude(record[channel][a:b], wave[a:b]) for a, b in pairwise(bounds)])
-        usual = np.nanmean(amplitudes) if np.isfinite(amplitudes).any() else 0.0
-        scatter = float(np.nanstd(np.abs(amplitudes))) if np.isfinite(amplitudes).any() else math.inf
+        if not np.isfinite(amplitudes).any():
+            continue
+        usual, scatter = np.nanmean(amplitudes), float(np.nanstd(np.abs(amplitudes)))
         if not abs(usual) > STEADY * scatter:
             continue
         off = -np.angle(amplitudes / usual) / mean

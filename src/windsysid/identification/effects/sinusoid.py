@@ -174,11 +174,8 @@ def find_turning(
     z, on_blades = np.nan_to_num(whitened).T, [bool(sensor.blade) for sensor in sensors]
 
     def is_left(sine: Sine) -> bool:
-        of_channels = zip(z, on_blades, strict=True)
-        most = max(
-            steadiness(one, record.rate, sine.frequency) for one, turns in of_channels if turns is sine.on_blades
-        )
-        return most > LEAST_TURNING
+        channels = [one for one, turns in zip(z, on_blades, strict=True) if turns is sine.on_blades]
+        return max(steadiness(one, record.rate, sine.frequency) for one in channels) > LEAST_TURNING
 
     return [sine for sine in (*known, *turning) if is_left(sine)]
 

@@ -101,10 +101,6 @@ def identify_by_spectrum(
         in_bands = _in_bands(broad, loads, _speed(speeds, STEADY_IN_BANDS, VARYING_IN_BANDS), notes)
         if in_bands is not None:
             return in_bands
-        if blocks is not None:
-            raise ConfigurationError(
-                "modes of the rotor are too near each other to be told apart in pieces: identify a section of it"
-            )
     doubts = _speed(speeds, STEADY, VARYING) if coupled else []
     names = _names(turbine, loads, coupled=coupled)
     questions = {one: broad if one == "broadband" else ask(samples, turbine, prior, chosen, one) for one in names}
@@ -141,6 +137,10 @@ def _in_bands(question: Question, loads: str, doubts: list[Finding], notes: list
     tolerances = tolerances_in(question)
     found = read_in_bands(question, loads, inexact_of(question, tolerances) if tolerances else None)
     if found is None:
+        if question.sums is not None or question.turned is not None:
+            raise ConfigurationError(
+                "modes of the rotor are too near each other to be told apart in pieces: identify a section of it"
+            )
         return None
     found = found._replace(notes=(*notes, *found.notes), doubts=(*doubts, *found.doubts))
     outcome = _outcome(question, found, tolerances, RotorWind.name)

@@ -74,8 +74,8 @@ def judge_smoothed_loads(
         The n degrees of freedom; one whose load is no state is not asked.
     """
     names = acting_loads(model, inputs[:1])[0]
-    asked = [j for j, one in enumerate(freedoms) if one.load in names and np.any(info.mean[:, j])]
-    if model.blocks.step.size > 1 or np.isfinite(info.whitened).any(axis=1).sum() < FEWEST or not asked:
+    asked = _testable(model, info, freedoms, names)
+    if not asked:
         return None
     state = smooth(model, inputs, np.where(info.gated, np.nan, readings)).mean
     n, tested = len(freedoms), [freedoms[j] for j in asked]
@@ -87,6 +87,14 @@ def judge_smoothed_loads(
     return SmoothedLoads(
         max(bendings, key=lambda one: abs(one.sigmas) / one.bound), _most_correlated(tested, driven) if apart else None
     )
+
+
+def _testable(model: StateSpace, info: Info, freedoms: Sequence[Coordinate], names: Sequence[str]) -> list[int]:
+    """Numbers of the degrees of freedom that move and whose load is a state; none where times are unequal, or the
+    record is too short."""
+    if model.blocks.step.size > 1 or np.isfinite(info.whitened).any(axis=1).sum() < FEWEST:
+        return []
+    return [j for j, one in enumerate(freedoms) if one.load in names and np.any(info.mean[:, j])]
 
 
 def _bendings(law: Law, t: Array, freedoms: Sequence[Coordinate]) -> Iterator[Bending]:
