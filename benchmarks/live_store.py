@@ -17,7 +17,7 @@ import numpy as np
 from validation.postgres_server import postgres
 
 from windsysid.fleet.rows import empty_row, row_of
-from windsysid.live.block import Block
+from windsysid.live.blocks.block import Block
 from windsysid.live.store import open_store
 from windsysid.live.store.contents import Commit, Result, SeriesLevel, Status, StoredBlock
 from windsysid.live.store.sql_store import SqlStore

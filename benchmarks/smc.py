@@ -18,12 +18,12 @@ import time
 from collections.abc import Callable
 
 import numpy as np
-import particles
-from particles import distributions as dists
 from particles.collectors import Moments
 from rich.console import Console
 from rich.table import Table
 
+import particles
+from particles import distributions as dists
 from windsysid import load_turbine
 from windsysid.filters import EKF, ParticleFilter
 from windsysid.identification.estimate.force_balance import Balance, analysis_band, balance_statespace

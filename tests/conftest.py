@@ -12,7 +12,7 @@ from windsysid import cli
 from windsysid.loads.hypothesis import HYPOTHESES
 from windsysid.mechanics.model import MODELS
 from windsysid.mechanics.sensors import SENSORS
-from windsysid.records.formats.probing import ProcessGuard
+from windsysid.records.formats.access.probing import ProcessGuard
 from windsysid.results.finding import Finding
 from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine

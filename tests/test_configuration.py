@@ -8,7 +8,7 @@ import pytest
 from windsysid.configuration import MAX_TOML_CHARACTERS, parse_json, parse_toml
 from windsysid.errors import ConfigurationError, WindsysidError
 from windsysid.fleet.members import read_fleet
-from windsysid.live.settings import SettingsError, read_settings
+from windsysid.live.configuration.settings import SettingsError, read_settings
 from windsysid.mechanics.sensor_lists import read_sensors
 from windsysid.monitoring.covariates import read_covariates
 from windsysid.records.formats import load_mapping, read_record

@@ -6,7 +6,7 @@ from fractions import Fraction
 import pytest
 
 from windsysid.errors import ConfigurationError
-from windsysid.records.formats.columns import SUFFIXES
+from windsysid.records.formats.contents.columns import SUFFIXES
 from windsysid.units import UNITS, canonical, is_same_quantity, parse_quantity, si_unit, to_si, unit_text
 
 

@@ -435,13 +435,13 @@ def figure(found: Comparison) -> "Figure":
 
 
 def _colours(found: Comparison) -> dict[str, str]:
-    from windsysid.reports.plots import ERROR, ESTIMATE
+    from windsysid.reports.figures.plots import ERROR, ESTIMATE
 
     return dict(zip(found.tracks, (ERROR, "#5b8c3e", "#8a5aa8"), strict=False)) | {ON_LINE: ESTIMATE}
 
 
 def _parameter(ax: "Axes", found: Comparison, i: int, name: str) -> None:
-    from windsysid.reports.plots import REFERENCE, symbol, tidy
+    from windsysid.reports.figures.plots import REFERENCE, symbol, tidy
 
     colours, true = _colours(found), found.benchmark.truth[name]
     for method, track in found.tracks.items():
@@ -466,7 +466,7 @@ def _parameter(ax: "Axes", found: Comparison, i: int, name: str) -> None:
 
 
 def _loop(ax: "Axes", found: Comparison, x: int, z: int) -> None:
-    from windsysid.reports.plots import REFERENCE, tidy
+    from windsysid.reports.figures.plots import REFERENCE, tidy
 
     colours, part = _colours(found), found.time <= LOOP
     for method, track in found.tracks.items():

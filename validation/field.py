@@ -511,7 +511,7 @@ def figure(rows: Sequence[Row]) -> "Figure":
     """Estimates over the truth with ±2σ bands, a mark per seed; left stiffness and frequencies, right damping."""
     from matplotlib.figure import Figure
 
-    from windsysid.reports.plots import ESTIMATE, REFERENCE, tidy
+    from windsysid.reports.figures.plots import ESTIMATE, REFERENCE, tidy
 
     known = [row for row in rows if row.truth is not None and row.found]
     sides = [[row for row in known if _is_damping(row) == damping] for damping in (False, True)]

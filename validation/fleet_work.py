@@ -36,7 +36,7 @@ from windsysid.fleet.archive import add_rows, read_table
 from windsysid.fleet.batch import batch
 from windsysid.fleet.members import single
 from windsysid.fleet.rows import Row
-from windsysid.fleet.worker import take
+from windsysid.fleet.work.worker import take
 from windsysid.records.formats import read_record, write_record
 from windsysid.records.record import Record
 from windsysid.simulation.record import simulate_record
@@ -243,7 +243,7 @@ def _works(pid: int) -> bool:
         told = Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ")
     except OSError:
         return False
-    return b"windsysid.fleet.worker" in told or b"spawn_main" in told
+    return b"windsysid.fleet.work.worker" in told or b"spawn_main" in told
 
 
 def _small_files() -> None:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from windsysid.records.formats import write_record
-from windsysid.records.formats.mapping import ChannelRule, Mapping, TimeRule
+from windsysid.records.formats.contents.mapping import ChannelRule, Mapping, TimeRule
 from windsysid.records.record import Array, Record
 from windsysid.units import si_unit, to_si
 

@@ -29,7 +29,7 @@ from windsysid.errors import WindsysidError
 from windsysid.output.console import render
 from windsysid.output.table import Table
 from windsysid.records.formats import read_record
-from windsysid.records.formats.probing import ProcessGuard
+from windsysid.records.formats.access.probing import ProcessGuard
 from windsysid.records.moments import moment
 from windsysid.records.record import Record
 from windsysid.units import si_unit, to_si

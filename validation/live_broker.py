@@ -38,15 +38,15 @@ from typing import Any
 import numpy as np
 
 from windsysid.fleet.members import Member
-from windsysid.live.block import Block
-from windsysid.live.codec import encode_arrow, encode_json
+from windsysid.live.blocks.block import Block
+from windsysid.live.blocks.codec import encode_arrow, encode_json
+from windsysid.live.configuration.source_settings import Broker
 from windsysid.live.engine import Engine, Followed
-from windsysid.live.source_settings import Broker
 from windsysid.live.sources.broker import Marks, connect, new_client, properties_of
 from windsysid.live.sources.mqtt import MqttSource
 from windsysid.live.sources.publisher import Publisher
 from windsysid.live.store.opening import open_store
-from windsysid.live.timeline import SECOND, TurbineWindows
+from windsysid.live.windows.timeline import SECOND, TurbineWindows
 from windsysid.simulation.record import simulate_record
 
 __all__ = ["main"]

@@ -31,13 +31,13 @@ import numpy as np
 
 from windsysid.fleet.members import Member
 from windsysid.identification.identify import identify
-from windsysid.live.block import Block
-from windsysid.live.codec import decode, encode_arrow
+from windsysid.live.blocks.block import Block
+from windsysid.live.blocks.codec import decode, encode_arrow
 from windsysid.live.engine import Engine, Followed
 from windsysid.live.store.opening import open_store
 from windsysid.live.store.store import Store
-from windsysid.live.timeline import SECOND, TurbineWindows
-from windsysid.live.watching import WatchOptions
+from windsysid.live.watch.watching import WatchOptions
+from windsysid.live.windows.timeline import SECOND, TurbineWindows
 from windsysid.records.record import Record
 from windsysid.simulation.record import simulate_record
 from windsysid.turbine.file import load_turbine

@@ -22,15 +22,15 @@ import numpy as np
 
 from windsysid.fleet.members import Member
 from windsysid.fleet.rows import empty_row
-from windsysid.live.block import Block
-from windsysid.live.codec import BlockRefused, decode, encode_arrow, encode_json
+from windsysid.live.blocks.block import Block
+from windsysid.live.blocks.codec import BlockRefused, decode, encode_arrow, encode_json
+from windsysid.live.blocks.limits import ALWAYS_ALLOWED_CELLS, BlockLimits
 from windsysid.live.engine import Engine, Followed
-from windsysid.live.estimate import Estimated
-from windsysid.live.limits import ALWAYS_ALLOWED_CELLS, BlockLimits
 from windsysid.live.sources.broker import LONGEST_PAYLOAD
 from windsysid.live.store.opening import open_store
 from windsysid.live.store.store import Store
-from windsysid.live.timeline import SECOND, Gathered
+from windsysid.live.windows.estimate import Estimated
+from windsysid.live.windows.timeline import SECOND, Gathered
 
 __all__ = ["Outcome", "hostile", "main", "message"]
 

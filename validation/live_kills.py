@@ -30,12 +30,12 @@ from typing import Any
 from validation.postgres_server import Server, postgres
 from windsysid.errors import StoreError
 from windsysid.fleet.members import Member
-from windsysid.live.block import Block
+from windsysid.live.blocks.block import Block
 from windsysid.live.engine import Delays, Engine, Followed
 from windsysid.live.store import open_store
 from windsysid.live.store.encoding import pack_levels, pack_row
 from windsysid.live.store.sql_store import SqlStore
-from windsysid.live.timeline import SECOND, TurbineWindows
+from windsysid.live.windows.timeline import SECOND, TurbineWindows
 from windsysid.simulation.record import simulate_record
 
 __all__ = ["Tally", "main"]

@@ -3,7 +3,7 @@
 Estimates are simulated as `validation.years` has them, one for each coefficient and 10 minutes: a season, weather, wind
 that moves the damping, a wander that no covariate explains, scatter 1.2 times the bands, bad windows, gaps. No record
 is simulated or identified. Each becomes the row that an identification would give, and
-`windsysid.live.watching.Watching` takes it in as the service does. A watch learns a day.
+`windsysid.live.watch.watching.Watching` takes it in as the service does. A watch learns a day.
 
 - False alarms: k_x, c_x and k_beta_1 of nrel5mw and the noise of a sensor, in wind of 12 m/s; watches of three weeks,
   so that most of it is a young watch's.
@@ -34,7 +34,7 @@ from validation.years import BLOCK, Site, simulate_blocks, site
 from windsysid._types import Array
 from windsysid.fleet.rows import Row, empty_row
 from windsysid.live.store.contents import Alarm
-from windsysid.live.watching import Taken, WatchOptions, start
+from windsysid.live.watch.watching import Taken, WatchOptions, start
 from windsysid.monitoring.series import DAY, RecordBlocks
 from windsysid.monitoring.watch import TOLERATED_DRIFT, YEAR
 from windsysid.output.console import render

@@ -5,31 +5,33 @@ from validation.mutants import Mutant
 __all__ = ["RECENT_MUTANTS", "RECENT_TESTS"]
 
 RECENT_TESTS: dict[str, tuple[str, ...]] = {
-    "alarms.py": ("test_alarms.py", "test_watching.py"),
-    "arrow.py": ("test_codec.py",),
+    "watch/alarms.py": ("test_alarms.py", "test_watching.py"),
+    "blocks/arrow.py": ("test_codec.py",),
     "azimuth.py": ("test_signals.py", "test_rotor_sources.py", "test_faulty_readings.py"),
     "cache.py": ("test_cache.py",),
-    "codec.py": ("test_codec.py",),
+    "blocks/codec.py": ("test_codec.py",),
     "checks/colour.py": ("test_colour.py",),
     "checks/constancy.py": ("test_constancy.py",),
     "continuity.py": ("test_continuity.py",),
     "effects/clock_drift.py": ("test_drifting_clocks.py",),
+    "model/drift.py": ("test_drifting_clocks.py",),
+    "estimate/drift_of_halves.py": ("test_drifting_clocks.py",),
     "effects/random_walk_bias.py": ("test_drifting_offsets.py",),
     "events.py": ("test_events.py",),
     "follower.py": ("test_engine.py", "test_turns.py"),
-    "gate.py": ("test_gate.py",),
+    "blocks/gate.py": ("test_gate.py",),
     "estimate/prior_conflict.py": ("test_held_priors.py",),
     "modal_bands/images.py": ("test_oma.py",),
     "oma/known_modes.py": ("test_known_modes.py", "test_modes.py"),
-    "learning.py": ("test_jumps.py", "test_watch.py"),
+    "levels/learning.py": ("test_jumps.py", "test_watch.py"),
     "estimate/influence.py": ("test_line_dependence.py",),
-    "locating.py": ("test_locating.py", "test_jumps.py", "test_watch.py"),
+    "levels/locating.py": ("test_locating.py", "test_jumps.py", "test_watch.py"),
     "modal_bands/check.py": ("test_oma.py",),
     "modal_bands/scoring.py": ("test_modal_model.py", "test_oma.py"),
     "estimate/narrow_band_alternative.py": ("test_narrow_band_beside.py",),
     "estimate/narrow_band.py": ("test_narrow_bands.py",),
     "effects/bias.py": ("test_offsets.py",),
-    "open_alarms.py": ("test_open_alarms.py", "test_engine.py"),
+    "watch/open_alarms.py": ("test_open_alarms.py", "test_engine.py"),
     "oma/result.py": ("test_result.py", "test_oma.py"),
     "modal_bands/model_order.py": ("test_oma.py",),
     "estimate/outlier.py": ("test_outliers.py", "test_gate.py"),
@@ -41,7 +43,7 @@ RECENT_TESTS: dict[str, tuple[str, ...]] = {
     "oma/shape_merging.py": ("test_shape_merging.py", "test_oma.py"),
     "silence.py": ("test_silence.py",),
     "sisters.py": ("test_overview.py",),
-    "slow_drifts.py": ("test_slow_drifts.py",),
+    "watch/slow_drifts.py": ("test_slow_drifts.py",),
     "stamps.py": ("test_stamps.py",),
     "checks/stationarity.py": ("test_steadiness.py",),
     "effects/sinusoid.py": ("test_steady_lines.py",),
@@ -50,8 +52,8 @@ RECENT_TESTS: dict[str, tuple[str, ...]] = {
     "checks/nonlinearity.py": ("test_straightness.py",),
     "sentences/innovations.py": ("test_straightness.py",),
     "streams.py": ("test_streams.py",),
-    "timeline.py": ("test_timeline.py",),
-    "together.py": ("test_together.py",),
+    "windows/timeline.py": ("test_timeline.py",),
+    "levels/together.py": ("test_together.py",),
     "transforms/harmonics.py": ("test_oma.py", "test_steady_lines.py"),
     "within_step.py": ("test_within_step.py",),
 }
@@ -95,7 +97,7 @@ _READINGS = (
     ),
     Mutant(
         "offset by chance", "effects/bias.py",
-        "max(SIGMAS * chance, LEAST * sensor.noise)", "LEAST * sensor.noise",
+        "max(OUTLIER_SIGMAS * chance, NEGLIGIBLE_SHARE * sensor.noise)", "NEGLIGIBLE_SHARE * sensor.noise",
         "sensors get offsets that are chance",
     ),
     Mutant(
@@ -105,7 +107,7 @@ _READINGS = (
     ),
     Mutant(
         "size of an offset", "effects/bias.py",
-        'update={"bias": abs(off)}', 'update={"bias": 0.01 * abs(off)}',
+        'update={"bias": abs(sizes[one.channel])}', 'update={"bias": 0.01 * abs(sizes[one.channel])}',
         "an offset that was seen is not allowed for",
     ),
     Mutant(
@@ -140,15 +142,15 @@ _READINGS = (
     ),
     Mutant(
         "neighbours of a spike", "estimate/outlier.py",
-        "& (beside < ALONE * off)", "",
+        "& (beside < MAX_NEIGHBOUR_SHARE * off)", "",
         "neighbours of a spike are left out with it",
     ),
 )  # fmt: skip
 
 _CLOCKS_AND_LINES = (
     Mutant(
-        "a clock faster than any", "effects/clock_drift.py",
-        "< abs(self.rate) < GREATEST", "< abs(self.rate)",
+        "a clock faster than any", "model/drift.py",
+        "< abs(self.rate) < MAX_DRIFT_RATE", "< abs(self.rate)",
         "a logger is put back by more than clocks drift",
     ),
     Mutant(
@@ -162,7 +164,7 @@ _CLOCKS_AND_LINES = (
         "a second look at a drift forgets the first",
     ),
     Mutant(
-        "halves of a drifting record", "effects/clock_drift.py",
+        "halves of a drifting record", "estimate/drift_of_halves.py",
         "(late - early) / apart", "(early - late) / apart",
         "a clock that is late later runs early",
     ),
@@ -173,12 +175,12 @@ _CLOCKS_AND_LINES = (
     ),
     Mutant(
         "scatter of a sine", "effects/sinusoid.py",
-        "if one.scatter > SCATTER or", "if",
+        "if one.scatter > MAX_SINE_SCATTER or", "if",
         "a load that swells and fades is taken out as a sine",
     ),
     Mutant(
         "a sine beside 1P", "effects/sinusoid.py",
-        "abs(seen.frequency - rotor_hz) < APART * step", "False",
+        "abs(seen.frequency - rotor_hz) < RESOLUTION_BINS * step", "False",
         "a sine at 1P is taken for a machine's",
     ),
     Mutant(
@@ -203,7 +205,7 @@ _CLOCKS_AND_LINES = (
     ),
     Mutant(
         "a line that may be chance", "estimate/influence.py",
-        "return bool(name) and off < MOVED", "return bool(name)",
+        "return bool(name) and off < MAX_INFLUENCE_SIGMAS", "return bool(name)",
         "a line is called harmless though a coefficient depends on it",
     ),
     Mutant(
@@ -218,12 +220,12 @@ _CLOCKS_AND_LINES = (
     ),
     Mutant(
         "a narrow band that matters", "estimate/narrow_band.py",
-        "self.gain > SURE and self.moved > HARDLY", "self.gain > SURE",
+        "self.gain > MIN_LOG_ODDS and self.moved > NEGLIGIBLE_SHIFT_SIGMAS", "self.gain > MIN_LOG_ODDS",
         "loads that move no coefficient condemn a result",
     ),
     Mutant(
         "a rival that explains much worse", "estimate/narrow_band.py",
-        "off * math.exp(min(other.log_evidence - best.log_evidence, 0.0)) < EXPECTED", "off < EXPECTED",
+        "or expected < MIN_EXPECTED_SHIFT_SIGMAS", "or off < MIN_EXPECTED_SHIFT_SIGMAS",
         "an explanation that is hardly possible is a doubt",
     ),
     Mutant(
@@ -246,12 +248,12 @@ _DOUBTS = (
     ),
     Mutant(
         "a likelihood that rises beyond", "estimate/prior_conflict.py",
-        "> here + GAIN", "> here - GAIN",
+        "> here + MIN_LOG_LIKELIHOOD_RISE", "> here - MIN_LOG_LIKELIHOOD_RISE",
         "any prior is made wider",
     ),
     Mutant(
         "width of a wider prior", "estimate/prior_conflict.py",
-        "spread=WIDER * q.spread", "spread=q.spread",
+        "spread=WIDENING_FACTOR * q.spread", "spread=q.spread",
         "a prior that holds an estimate is not made wider",
     ),
     Mutant(
@@ -378,77 +380,77 @@ _DOUBTS = (
 
 _LIVE = (
     Mutant(
-        "texts without end", "arrow.py",
+        "texts without end", "blocks/arrow.py",
         "if length > LONGEST_TEXT or begin + length > len(payload):", "if begin + length > len(payload):",
         "a name of megabytes is taken in",
     ),
     Mutant(
-        "texts beyond the payload", "arrow.py",
+        "texts beyond the payload", "blocks/arrow.py",
         "if length > LONGEST_TEXT or begin + length > len(payload):", "if length > LONGEST_TEXT:",
         "a text that leads out of the payload is cut in silence",
     ),
     Mutant(
-        "batches without end", "arrow.py",
+        "batches without end", "blocks/arrow.py",
         "if len(batches) > MOST_BATCHES:", "if len(batches) > 1000 * MOST_BATCHES:",
         "a block of a million empty batches is taken in",
     ),
     Mutant(
-        "values that are null", "arrow.py",
+        "values that are null", "blocks/arrow.py",
         "[:rows] == 0, i] = np.nan", "[:rows] == 1, i] = np.nan",
         "readings that are there are missing, and the other way round",
     ),
     Mutant(
-        "a column that is cut", "arrow.py",
+        "a column that is cut", "blocks/arrow.py",
         "or length < size or", "or",
         "a column that is cut goes on in the next one",
     ),
     Mutant(
-        "schemas that are alike but for units", "arrow.py",
+        "schemas that are alike but for units", "blocks/arrow.py",
         "if all(payload[begin:end] == piece for begin, end, piece in known.pieces):", "if known:",
         "a logger that changes its channels keeps the names it had",
     ),
     Mutant(
-        "a sequence that is no whole number", "codec.py",
+        "a sequence that is no whole number", "blocks/codec.py",
         "isinstance(sequence, bool | float)", "isinstance(sequence, bool)",
         "block 7.9 is block 7",
     ),
     Mutant(
-        "units of a stream", "codec.py",
+        "units of a stream", "blocks/codec.py",
         "values.astype(np.float64) * scale", "values.astype(np.float64) / scale",
         "g of a stream are a hundredth of m/s²",
     ),
     Mutant(
-        "fraction of a second", "codec.py",
+        "fraction of a second", "blocks/codec.py",
         'int(fraction[1].ljust(9, "0"))', "int(fraction[1])",
         "a block that starts at half a second starts at 5 ns",
     ),
     Mutant(
-        "channels in unlike lengths", "codec.py",
+        "channels in unlike lengths", "blocks/codec.py",
         "if len(lengths) > 1:", "if len(lengths) > 2:",
         "channels of unlike lengths end in an error of NumPy",
     ),
     Mutant(
-        "samples that came in part", "timeline.py",
+        "samples that came in part", "windows/timeline.py",
         "np.isnan(values[at : at + n]).all(axis=1)", "np.isnan(values[at : at + n]).any(axis=1)",
         "samples that came again count as new",
     ),
     Mutant(
-        "samples that come again", "timeline.py",
+        "samples that come again", "windows/timeline.py",
         "np.where(np.isnan(old), block.values, old)", "block.values",
         "what comes again replaces what is there",
     ),
     Mutant(
-        "a stamp on the boundary", "timeline.py",
+        "a stamp on the boundary", "windows/timeline.py",
         "math.ceil((until - block.start) / step - EDGE)", "math.ceil((until - block.start) / step + EDGE)",
         "the first sample of a window is in the one before, too",
     ),
     Mutant(
-        "a clock that was set back", "timeline.py",
+        "a clock that was set back", "windows/timeline.py",
         "if set_back and not", "if False and not",
         "blocks of a clock that was set back lie upon others",
     ),
     Mutant(
-        "a slower logger", "timeline.py",
+        "a slower logger", "windows/timeline.py",
         "np.floor(moments * lead.rate + 0.5)", "np.floor(moments * lead.rate)",
         "samples of a slower logger are half a sample early",
     ),
@@ -474,17 +476,17 @@ _LIVE = (
         "one wrong stamp closes all windows",
     ),
     Mutant(
-        "room for the store", "gate.py",
+        "room for the store", "blocks/gate.py",
         "self.inside < self._most and self._bytes < self._most_bytes", "self.inside < self._most",
         "blocks on their way to the store fill memory",
     ),
     Mutant(
-        "end of a drift and of a fault", "open_alarms.py",
+        "end of a drift and of a fault", "watch/open_alarms.py",
         "f\"{'drift' if state == 'drift' else 'sensor'}:{channel}\"", 'f"sensor:{channel}"',
         "a spike ends the alarm of a drift",
     ),
     Mutant(
-        "a stream that is quiet", "open_alarms.py",
+        "a stream that is quiet", "watch/open_alarms.py",
         "if now - self._heard.get(cause, 0) > QUIET]", "if now - self._heard.get(cause, 0) > 0]",
         "an alarm of late blocks ends at once",
     ),
@@ -509,27 +511,27 @@ _LIVE = (
         "a loose plug is good and bad in turns",
     ),
     Mutant(
-        "an alarm of stiffness", "alarms.py",
+        "an alarm of stiffness", "watch/alarms.py",
         'cause == "structure" and percent[2] <= -GRAVE_LOSS', 'percent[2] <= -GRAVE_LOSS',
         "a sensor that failed raises the alarm of the structure",
     ),
     Mutant(
-        "a level that came back", "alarms.py",
+        "a level that came back", "watch/alarms.py",
         "abs(level - jump.before) + SIGMAS * std <= BACK_MAX_SHARE", "abs(level - jump.before) <= BACK_MAX_SHARE",
         "a level that nobody knows is said to be back",
     ),
     Mutant(
-        "a jump that takes back another", "alarms.py",
+        "a jump that takes back another", "watch/alarms.py",
         "return earlier.found < jump.found and", "return",
         "a loss is said to take back a rise that came after it",
     ),
     Mutant(
-        "wander of a slow drift", "slow_drifts.py",
+        "wander of a slow drift", "watch/slow_drifts.py",
         "/ math.hypot(std, wander)", "/ std",
         "what wanders by itself is an alarm",
     ),
     Mutant(
-        "a drift that grew", "slow_drifts.py",
+        "a drift that grew", "watch/slow_drifts.py",
         "abs(jump.size) - SIGMAS * jump.std >= GROWN", "abs(jump.size) >= GROWN",
         "a drift is told anew for its scatter",
     ),
@@ -684,7 +686,7 @@ _FLEET_AND_MODES = (
     ),
     Mutant(
         "a mode more", "modal_bands/model_order.py",
-        "if now < least - CLEARLY and", "if now < least + 100.0 * CLEARLY and",
+        "if now < least - MIN_DOUBLE_LOG_ODDS and", "if now < least + 100.0 * MIN_DOUBLE_LOG_ODDS and",
         "noise has modes",
     ),
     Mutant(
@@ -698,22 +700,22 @@ _FLEET_AND_MODES = (
         "the mode is the image of its image",
     ),
     Mutant(
-        "a wander that is averaged", "together.py",
+        "a wander that is averaged", "levels/together.py",
         "weight * (std**2 + (level - mean) ** 2)", "weight * std**2",
         "a level is known better than its wander",
     ),
     Mutant(
-        "a scatter that was learned from few", "together.py",
+        "a scatter that was learned from few", "levels/together.py",
         "jumped = blocks * np.log1p(jumped / blocks)", "pass",
         "a scatter learned from few blocks finds jumps by chance",
     ),
     Mutant(
-        "growth of a variance", "learning.py",
+        "growth of a variance", "levels/learning.py",
         "lowest = -2.0 if logarithmic else 0.0", "lowest = 0.0",
         "bands of a logarithmic damping grow the wrong way",
     ),
     Mutant(
-        "date of a jump", "locating.py",
+        "date of a jump", "levels/locating.py",
         ">= place)[:, None]", "> place)[:, None]",
         "a jump is dated a block early",
     ),

@@ -6,8 +6,8 @@ The live engine on Kafka
 outgrow one machine. Start it on as many machines as the topic ``blocks`` has partitions. It needs ``pip install
 quixstreams``.
 
-In: blocks as `windsysid.live.codec.encode_arrow` writes them, keyed by the turbine's name. Out: JSON, in the topics
-``estimates`` and ``alarms``. An alarm that comes again with the same ``key`` replaces the one before.
+In: blocks as `windsysid.live.blocks.codec.encode_arrow` writes them, keyed by the turbine's name. Out: JSON, in the
+topics ``estimates`` and ``alarms``. An alarm that comes again with the same ``key`` replaces the one before.
 
 What a turbine's engine has to know is in the keyed state of Quix Streams: blocks whose window is open, the watch's
 checkpoint, the stream's status, open alarms. It moves with the partition. Offset, state and what goes out are one
@@ -23,8 +23,8 @@ from concurrent.futures import Future
 from typing import Any, NamedTuple
 
 from windsysid.fleet.members import Member
-from windsysid.live.block import Block
-from windsysid.live.codec import BlockLimits, BlockRefused, decode, encode_arrow
+from windsysid.live.blocks.block import Block
+from windsysid.live.blocks.codec import BlockLimits, BlockRefused, decode, encode_arrow
 from windsysid.live.engine import Engine, Followed
 from windsysid.live.store.contents import Alarm, Commit, Status
 from windsysid.results.serialization import finite

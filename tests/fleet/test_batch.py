@@ -15,11 +15,11 @@ from tests.fleet.conftest import contents, rows_of
 from windsysid.errors import ConfigurationError, OutputError, RecordError
 from windsysid.fleet.archive import add_rows, day_of, place_of
 from windsysid.fleet.batch import Batch, batch
-from windsysid.fleet.engine import run_on_dask
-from windsysid.fleet.guard import Worker
 from windsysid.fleet.members import read_fleet, single
 from windsysid.fleet.rows import COLUMNS, empty_row
-from windsysid.fleet.tasks import Task, run_task
+from windsysid.fleet.work.engine import run_on_dask
+from windsysid.fleet.work.guard import Worker
+from windsysid.fleet.work.tasks import Task, run_task
 
 
 def test_every_record_is_a_row_under_its_day(taken: tuple[Batch, Path]):

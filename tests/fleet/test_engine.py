@@ -9,11 +9,11 @@ import pytest
 
 from windsysid.errors import OutputError
 from windsysid.fleet.archive import rows_in
-from windsysid.fleet.engine import run_here, share
-from windsysid.fleet.guard import StoppedError, Worker
 from windsysid.fleet.members import single
 from windsysid.fleet.rows import empty_row
-from windsysid.fleet.tasks import Task
+from windsysid.fleet.work.engine import run_here, share
+from windsysid.fleet.work.guard import StoppedError, Worker
+from windsysid.fleet.work.tasks import Task
 
 
 def test_workers_share_items_and_what_they_say_is_heard_by_the_caller():

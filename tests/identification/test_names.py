@@ -19,8 +19,7 @@ from windsysid.identification.verdict.conclude import _late
 from windsysid.loads.statistics import load_groups, to_logarithms
 from windsysid.mechanics.equations import lagrange
 from windsysid.results.identification import Identification
-from windsysid.spectral.rotor.problem import Question
-from windsysid.spectral.rotor.start import damped_start
+from windsysid.spectral.rotor.problem import RotorQuestion, damped_start
 
 JOINT: Formulation = "joint"
 SPECTRAL: Formulation = "spectral"
@@ -133,7 +132,7 @@ def test_a_search_of_spectra_begins_with_positive_damping(turbine: ws.Turbine):
 
 def test_the_narrowest_resonance_is_known(turbine: ws.Turbine):
     nothing = np.empty((0, 0))
-    question = Question(turbine, turbine.sensors, nothing, 10.0, nothing, None, (), ())  # type: ignore[arg-type]
+    question = RotorQuestion(turbine, turbine.sensors, nothing, 10.0, nothing, None, (), ())  # type: ignore[arg-type]
     assert question.narrowest == pytest.approx(1000.0 / 32000.0 / (4.0 * math.pi))
 
 
@@ -146,7 +145,7 @@ def test_level_and_time_constant_of_a_load_are_told_apart(turbine: ws.Turbine):
 def test_a_structure_without_a_rotor_does_not_turn(turbine: ws.Turbine):
     """It has no azimuth and no speed among its inputs; spectra took the first two columns for these: IndexError."""
     nothing = np.empty((0, 0))
-    question = Question(turbine, turbine.sensors, nothing, 10.0, np.empty((4, 0)), None, (), ())  # type: ignore[arg-type]
+    question = RotorQuestion(turbine, turbine.sensors, nothing, 10.0, np.empty((4, 0)), None, (), ())  # type: ignore[arg-type]
     assert question.azimuth.tolist() == question.speed.tolist() == [0.0] * 4
 
 

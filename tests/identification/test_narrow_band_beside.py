@@ -12,7 +12,7 @@ from windsysid.identification.model.fit import Outcome
 from windsysid.identification.model.prior import Prior
 from windsysid.identification.model.tolerances import ALL
 from windsysid.records.record import Record
-from windsysid.spectral.rotor.problem import Question
+from windsysid.spectral.rotor.problem import RotorQuestion
 from windsysid.study.drawn_prior import DrawnPrior
 from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine
@@ -36,9 +36,9 @@ def found(turned: Record, rotor: Turbine) -> Outcome:
     return identify_jointly(turned, rotor, rotor.sensors, Prior(), loads="broadband")
 
 
-def asked_of(found: Outcome, made: Record, turbine: Turbine, monkeypatch: pytest.MonkeyPatch) -> list[Question]:
+def asked_of(found: Outcome, made: Record, turbine: Turbine, monkeypatch: pytest.MonkeyPatch) -> list[RotorQuestion]:
     """The questions that were asked beside what was found."""
-    questions = list[Question]()
+    questions = list[RotorQuestion]()
     monkeypatch.setattr(beside, "fit_narrow_band", lambda question, posed, broad: questions.append(question))
     beside.narrow_band_beside(found, made, turbine, turbine.sensors)
     return questions

@@ -67,7 +67,7 @@ def test_the_modes_of_a_parked_machine_are_those_of_its_springs(parked: Turbine)
 def test_a_parked_machine_can_be_planned_and_its_record_inspected(
     parked: Turbine, record: Record, monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr(planned_ways, "MOST_SAMPLES", 2000)
+    monkeypatch.setattr(planned_ways, "MAX_SIMULATED_SAMPLES", 2000)
     found = plan(parked, duration=20.0, rate=100.0)
     assert found.rotor_speed == 0.0
     turning = load_turbine("verne555")

@@ -54,7 +54,7 @@ def test_one_mode_under_broadband_load_is_seen_as_well_as_the_closed_form_says(m
     # σ_k/k = 2 √(ζ/ωT), σ_c/c = 1/√(ζωT). The simulated record renews its energy 400 times: σ is known to 2.5 %, bound
     # at three of them and 2 % for noise and the unknown load.
     monkeypatch.setattr(planned_ways, "RELAXATIONS", 400.0)
-    monkeypatch.setattr(planned_ways, "MOST_SAMPLES", 400_000)
+    monkeypatch.setattr(planned_ways, "MAX_SIMULATED_SAMPLES", 400_000)
     turbine = one_mode(**options)
     found = plan(turbine, duration=600.0, rate=rate, seed=1)
     zeta, omega = options.get("damping_ratio", 0.037), turbine.natural_frequency("x")
@@ -292,7 +292,7 @@ def test_durations_are_spelt_out(seconds, words):
 
 
 def test_the_command_answers_and_writes_its_report(run, tmp_path, monkeypatch):
-    monkeypatch.setattr(planned_ways, "MOST_SAMPLES", 10_000)
+    monkeypatch.setattr(planned_ways, "MAX_SIMULATED_SAMPLES", 10_000)
     options = (
         "--duration",
         "100 s",
@@ -332,7 +332,7 @@ def test_the_command_answers_and_writes_its_report(run, tmp_path, monkeypatch):
 
 
 def test_the_summary_as_json_is_all_that_is_printed(run, tmp_path, monkeypatch):
-    monkeypatch.setattr(planned_ways, "MOST_SAMPLES", 10_000)
+    monkeypatch.setattr(planned_ways, "MAX_SIMULATED_SAMPLES", 10_000)
     sensor = '[[sensor]]\nchannel="a"\nquantity="acceleration"\npoint="tower"\naxis="x"\nnoise=0.05\n'
     (tmp_path / "sensors.toml").write_text(sensor)
     code, out, err = run("plan", "verne555", "--sensors", tmp_path / "sensors.toml", "--rate", "50", "--json")

@@ -18,6 +18,7 @@ from windsysid.identification.effects import sinusoid as steady_lines
 from windsysid.identification.effects.sinusoid import Sine, find_sine, find_turning, one_turn, turned, without_sines
 from windsysid.identification.effects.sinusoidal_force import SineForce, find_forces, with_forces
 from windsysid.identification.identify import identify
+from windsysid.identification.limits import MAX_SINE_SCATTER
 from windsysid.identification.model.fit import PART_OF, known_loads
 from windsysid.identification.model.prior import Prior
 from windsysid.identification.model.turbine_problem import pose
@@ -256,7 +257,7 @@ def test_gravity_stays_where_sines_are_left_out(verne555: Turbine):
 
 def test_one_steady_sine_in_a_hundred_scatters_by_more_than_its_bound():
     """Four parts about their mean have three complex degrees of freedom: half a χ² of six."""
-    assert gammaincc(steady_lines.PARTS - 1, steady_lines.SCATTER) == pytest.approx(0.01, rel=0.01)
+    assert gammaincc(steady_lines.SEGMENTS - 1, MAX_SINE_SCATTER) == pytest.approx(0.01, rel=0.01)
 
 
 @pytest.mark.parametrize(("growth", "least", "most", "steady"), [(0.6, 7.8, 8.4, True), (0.65, 8.4, 9.0, False)])
@@ -268,7 +269,7 @@ def test_a_sine_has_one_amplitude_in_all_parts_of_a_record(growth: float, least:
     made = Record(
         time, noise + np.column_stack([wave, np.zeros_like(wave)]), (channel, "tower_z_acceleration"), ("m/s^2",) * 2
     )
-    seen = steady_lines._Seen.of(made, channel, 0.4)
+    seen = steady_lines._SeenLine.of(made, channel, 0.4)
     assert seen is not None
     assert least < seen.scatter < most
     assert (find_sine(made, tower, tower.sensors, channel, 0.4) is not None) is steady

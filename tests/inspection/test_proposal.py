@@ -9,7 +9,7 @@ from windsysid.errors import ConfigurationError, RecordError
 from windsysid.inspection.proposal import propose_mapping
 from windsysid.inspection.tags import meaning_of
 from windsysid.records.formats import load_mapping, read_record
-from windsysid.records.formats.mapping import Mapping, TimeRule
+from windsysid.records.formats.contents.mapping import Mapping, TimeRule
 
 G = 9.80665
 TIME = 0.02 * np.arange(3000)

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from windsysid.live.block import Block
-from windsysid.live.timeline import SECOND
+from windsysid.live.blocks.block import Block
+from windsysid.live.windows.timeline import SECOND
 from windsysid.records.record import Record
 
 NOON = 1_767_268_800 * SECOND

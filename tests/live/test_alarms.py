@@ -4,9 +4,9 @@ from typing import Any
 
 import pytest
 
-from windsysid.live.alarms import Circumstances, blind_alarm, came_back, jump_alarm, takes_back
-from windsysid.live.watched import Watched
-from windsysid.monitoring.locating import Jump
+from windsysid.live.watch.alarms import Circumstances, blind_alarm, came_back, jump_alarm, takes_back
+from windsysid.live.watch.watched import Watched
+from windsysid.monitoring.levels.locating import Jump
 
 K_X = Watched("k_x", "N/m", "k", True, 1e6)
 WHEN = tuple(1_767_225_600 * 10**9 + k * 600 * 10**9 for k in (0, 1, 4, 5))

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from tests.live.streaming import NOON, blocks_of, record
-from windsysid.live import arrow
-from windsysid.live.arrow import NotArrowError, read_columns
-from windsysid.live.block import Block
-from windsysid.live.codec import BlockLimits, BlockRefused, check, decode, encode_arrow, encode_json
-from windsysid.live.timeline import SECOND
+from windsysid.live.blocks import arrow
+from windsysid.live.blocks.arrow import NotArrowError, read_columns
+from windsysid.live.blocks.block import Block
+from windsysid.live.blocks.codec import BlockLimits, BlockRefused, check, decode, encode_arrow, encode_json
+from windsysid.live.windows.timeline import SECOND
 from windsysid.records.record import AS_WRITTEN
 
 pa = pytest.importorskip("pyarrow")
@@ -121,7 +121,7 @@ def test_an_error_that_nobody_foresaw_is_a_refusal(monkeypatch):
     def broken(*_: object) -> None:
         raise MemoryError("no\nroom \ud800")
 
-    monkeypatch.setattr("windsysid.live.codec.json.loads", broken)
+    monkeypatch.setattr("windsysid.live.blocks.codec.json.loads", broken)
     with pytest.raises(BlockRefused, match=r"^block cannot be decoded \(MemoryError: no room \?\)$"):
         decode(b"{}", turbine="T01")
 

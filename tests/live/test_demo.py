@@ -7,13 +7,13 @@ import time
 import numpy as np
 import pytest
 
-from windsysid.live.block import Block
+from windsysid.live.blocks.block import Block
+from windsysid.live.configuration.settings import PageSettings
 from windsysid.live.demo import DemoPlan, DemoTower, demo, story
 from windsysid.live.engine import Delays, Engine, Followed
-from windsysid.live.settings import PageSettings
 from windsysid.live.store import open_store
-from windsysid.live.timeline import SECOND, TurbineWindows
-from windsysid.live.watching import WatchOptions
+from windsysid.live.watch.watching import WatchOptions
+from windsysid.live.windows.timeline import SECOND, TurbineWindows
 
 NOW = 1_767_614_400 * SECOND
 SHORT = DemoPlan(window=60.0, history=12, softer_after=6, fails_after=6)

@@ -13,18 +13,18 @@ import windsysid as ws
 from tests.live.memory import MemoryStore
 from tests.live.streaming import NOON, blocks_of, record
 from windsysid.errors import StoreError, WindsysidError
-from windsysid.fleet.guard import StoppedError
 from windsysid.fleet.members import Member
 from windsysid.fleet.rows import Row, empty_row, row_of
+from windsysid.fleet.work.guard import StoppedError
 from windsysid.live import engine as module
-from windsysid.live.block import Block
-from windsysid.live.codec import BlockRefused
+from windsysid.live.blocks.block import Block
+from windsysid.live.blocks.codec import BlockRefused
 from windsysid.live.engine import Delays, Engine, Followed
-from windsysid.live.estimate import Estimated, Here
 from windsysid.live.store.contents import Commit
 from windsysid.live.store.store import ContentError
-from windsysid.live.streams import StreamHealth
-from windsysid.live.timeline import SECOND, Gathered, TurbineWindows, gather
+from windsysid.live.windows.estimate import Estimated, Here
+from windsysid.live.windows.streams import StreamHealth
+from windsysid.live.windows.timeline import SECOND, Gathered, TurbineWindows, gather
 from windsysid.records.record import Record
 from windsysid.results.identification import finite
 from windsysid.turbine.file import load_turbine
@@ -429,7 +429,7 @@ def test_a_window_that_cannot_be_joined_has_a_row_that_says_so_and_holds_up_no_o
             raise ZeroDivisionError("by what")
         return gather(blocks, window, *more)
 
-    monkeypatch.setattr("windsysid.live.closing.gather", broken)
+    monkeypatch.setattr("windsysid.live.windows.closing.gather", broken)
     engine = site.start()
     push(engine, stream(120.0))
     finish(engine)

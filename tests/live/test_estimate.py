@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from tests.live.streaming import NOON, blocks_of, record
-from windsysid.fleet.guard import DeadWorkerError, HangingWorkerError
 from windsysid.fleet.members import Member
-from windsysid.live.estimate import Here, InWorker
-from windsysid.live.timeline import SECOND, Gathered, gather
+from windsysid.fleet.work.guard import DeadWorkerError, HangingWorkerError
+from windsysid.live.windows.estimate import Here, InWorker
+from windsysid.live.windows.timeline import SECOND, Gathered, gather
 
 MEMBER = Member("T01", "tower")
 

@@ -8,11 +8,11 @@ import pytest
 
 from tests.live.streaming import NOON, blocks_of, record
 from windsysid.fleet.members import Member
-from windsysid.live.block import Block
-from windsysid.live.codec import BlockRefused
+from windsysid.live.blocks.block import Block
+from windsysid.live.blocks.codec import BlockRefused
 from windsysid.live.follower import Followed, Follower, Placed
-from windsysid.live.timeline import SECOND, TurbineWindows
-from windsysid.live.watching import WatchOptions, start
+from windsysid.live.watch.watching import WatchOptions, start
+from windsysid.live.windows.timeline import SECOND, TurbineWindows
 
 START = TurbineWindows.of("T01", 60.0).start(NOON)
 JUMP = 300 * SECOND

@@ -3,7 +3,7 @@
 import threading
 import time
 
-from windsysid.live.gate import Gate
+from windsysid.live.blocks.gate import Gate
 
 
 def enters(gate: Gate, size: int) -> bool:

@@ -15,9 +15,9 @@ from typing import Any
 import pytest
 
 from windsysid.live import notify
+from windsysid.live.configuration.settings import MqttNotice
+from windsysid.live.configuration.source_settings import Broker
 from windsysid.live.notify import MqttRecipient, UndeliveredError, Webhook, notice_of, tell_alarms
-from windsysid.live.settings import MqttNotice
-from windsysid.live.source_settings import Broker
 from windsysid.live.store.contents import Alarm, Commit, Status
 from windsysid.live.store.opening import open_store
 from windsysid.live.store.store import Store

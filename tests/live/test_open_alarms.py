@@ -1,7 +1,7 @@
 """Alarms that the engine opens and ends itself: one a cause, and each cause by itself."""
 
-from windsysid.live.open_alarms import QUIET, OpenAlarms
-from windsysid.live.streams import Verdict
+from windsysid.live.watch.open_alarms import QUIET, OpenAlarms
+from windsysid.live.windows.streams import Verdict
 
 
 def verdict(state: str, at: int) -> Verdict:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from windsysid.live.series_words import said_with_name, series_title
+from windsysid.live.watch.series_words import said_with_name, series_title
 
 
 def test_titles():

@@ -23,9 +23,9 @@ import pytest
 import windsysid as ws
 from windsysid.errors import ConfigurationError, StoreError
 from windsysid.fleet.members import Member
+from windsysid.live.configuration.settings import LogSettings, PageSettings, Settings
 from windsysid.live.logs import RepeatFilter, event, start_log
 from windsysid.live.service import _supply, listen, serve, url_of
-from windsysid.live.settings import LogSettings, PageSettings, Settings
 from windsysid.live.sources.folder import FolderSource
 from windsysid.live.sources.source import SourceState
 from windsysid.live.store import open_store

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from windsysid.live.settings import MqttNotice, SettingsError, WebhookNotice, read_settings
-from windsysid.live.source_settings import Certificates, FolderSettings, MqttSettings, OpcuaSettings
+from windsysid.live.configuration.settings import MqttNotice, SettingsError, WebhookNotice, read_settings
+from windsysid.live.configuration.source_settings import Certificates, FolderSettings, MqttSettings, OpcuaSettings
+from windsysid.live.configuration.wiring import sources_of
 from windsysid.live.sources.replay import Replay
-from windsysid.live.wiring import sources_of
 
 SMALLEST = """
 store = "store.sqlite"

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from windsysid.live.slow_drifts import (
+from windsysid.live.watch.slow_drifts import (
     MAX_REFERENCES,
     TEST_EVERY_BLOCKS,
     DriftReference,
@@ -13,9 +13,9 @@ from windsysid.live.slow_drifts import (
     limit_of,
     remembered,
 )
-from windsysid.monitoring.following import MAX_KEPT_BLOCKS, Kept, Now
-from windsysid.monitoring.jumps import LevelBelief, Rates
-from windsysid.monitoring.locating import Jump
+from windsysid.monitoring.levels.following import MAX_KEPT_BLOCKS, Kept, Now
+from windsysid.monitoring.levels.jumps import LevelBelief, Rates
+from windsysid.monitoring.levels.locating import Jump
 from windsysid.monitoring.watch import YEAR
 
 WANDER = 1e-10

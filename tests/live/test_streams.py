@@ -9,8 +9,8 @@ import pytest
 import windsysid as ws
 from tests.live.streaming import NOON, blocks_of, record
 from windsysid.fleet.rows import empty_row
-from windsysid.live.streams import Drift, StreamHealth, Verdict, drifts, sensor_alarm
-from windsysid.live.timeline import SECOND
+from windsysid.live.windows.streams import Drift, StreamHealth, Verdict, drifts, sensor_alarm
+from windsysid.live.windows.timeline import SECOND
 from windsysid.records.record import Record
 
 RATE = 50.0

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from tests.live.streaming import NOON, blocks_of, record
-from windsysid.live.block import Block
-from windsysid.live.limits import cells_allowed
-from windsysid.live.timeline import SECOND, Gathered, TurbineWindows, gather
+from windsysid.live.blocks.block import Block
+from windsysid.live.blocks.limits import cells_allowed
+from windsysid.live.windows.timeline import SECOND, Gathered, TurbineWindows, gather
 from windsysid.records.record import Record
 
 UNTIL = NOON + 600 * SECOND

@@ -8,12 +8,12 @@ import pytest
 
 from windsysid.errors import ConfigurationError
 from windsysid.fleet.rows import Row, empty_row
-from windsysid.live import slow_drifts
-from windsysid.live import watching as watching_module
 from windsysid.live.checkpoint import pack, unpack
 from windsysid.live.store.contents import Alarm
-from windsysid.live.watching import Taken, Watching, WatchOptions, resume, start
-from windsysid.monitoring import following
+from windsysid.live.watch import slow_drifts
+from windsysid.live.watch import watching as watching_module
+from windsysid.live.watch.watching import Taken, Watching, WatchOptions, resume, start
+from windsysid.monitoring.levels import following
 
 STEP = 600 * 10**9
 BEGIN = 1_700_000_400 * 10**9 // STEP * STEP
@@ -100,8 +100,8 @@ def test_a_watch_goes_on_from_any_checkpoint_to_the_same_bits(monkeypatch: pytes
     # Through learning, a jump and what is measured again of it, a gap, and blocks that leave.
     monkeypatch.setattr(following, "MAX_KEPT_BLOCKS", 160)
     monkeypatch.setattr(following, "LET_GO_BLOCKS", 40)
-    monkeypatch.setattr("windsysid.live.watching.MAX_KEPT_BLOCKS", 160)
-    monkeypatch.setattr("windsysid.live.watching.LET_GO_BLOCKS", 40)
+    monkeypatch.setattr("windsysid.live.watch.watching.MAX_KEPT_BLOCKS", 160)
+    monkeypatch.setattr("windsysid.live.watch.watching.LET_GO_BLOCKS", 40)
     rows = stream(330, at=100, jump={"k_x": -0.04, "noise_tower": 0.8})
     rows[60:63] = [refused()] * 3
     options = WatchOptions(learn=24)
@@ -202,8 +202,8 @@ def test_a_checkpoint_of_the_version_before_is_read():
 
 
 def test_a_checkpoint_never_outgrows_the_windows_that_are_kept(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("windsysid.live.watching.MAX_KEPT_BLOCKS", 100)
-    monkeypatch.setattr("windsysid.live.watching.LET_GO_BLOCKS", 25)
+    monkeypatch.setattr("windsysid.live.watch.watching.MAX_KEPT_BLOCKS", 100)
+    monkeypatch.setattr("windsysid.live.watch.watching.LET_GO_BLOCKS", 25)
     sizes = [len(one.checkpoint) for one in feed(start("T1", WatchOptions(learn=12)), stream(400))]
     assert max(sizes[:150]) >= max(sizes[150:]) - 200
     assert sizes[99] > sizes[50]

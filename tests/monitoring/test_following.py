@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from windsysid._types import Array
-from windsysid.monitoring import following
-from windsysid.monitoring.following import Kept, LevelFollower, Now
-from windsysid.monitoring.jumps import Observations, Rates, threshold, track
-from windsysid.monitoring.locating import Jump, first_belief
+from windsysid.monitoring.levels import following
+from windsysid.monitoring.levels.following import Kept, LevelFollower, Now
+from windsysid.monitoring.levels.jumps import Observations, Rates, threshold, track
+from windsysid.monitoring.levels.locating import Jump, first_belief
+from windsysid.monitoring.levels.together import PRIOR_BLOCKS
 from windsysid.monitoring.series import RecordBlocks
-from windsysid.monitoring.together import PRIOR_BLOCKS
 from windsysid.monitoring.watch import watch
 
 SIGMA = 0.004

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from windsysid.monitoring import jump_kernel
-from windsysid.monitoring.jumps import LevelBelief, Observations, Rates, track
+from windsysid.monitoring.levels import jump_kernel
+from windsysid.monitoring.levels.jumps import LevelBelief, Observations, Rates, track
 
 KERNEL: Any = jump_kernel
 """With `py_func` of each compiled function."""

@@ -7,10 +7,10 @@ import pytest
 import scipy.optimize
 import scipy.stats
 
-from windsysid.monitoring import jumps as glr
-from windsysid.monitoring import learning
-from windsysid.monitoring.jumps import LevelBelief, Observations, Rates, shared_error, threshold, track
-from windsysid.monitoring.learning import learn_growth, learn_rates
+from windsysid.monitoring.levels import jumps as glr
+from windsysid.monitoring.levels import learning
+from windsysid.monitoring.levels.jumps import LevelBelief, Observations, Rates, shared_error, threshold, track
+from windsysid.monitoring.levels.learning import learn_growth, learn_rates
 
 
 def series(count: int, *, slopes: tuple[float, ...] = (), wander: float = 0.0, seed: int = 0):

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from windsysid.monitoring.jumps import Observations, Rates
-from windsysid.monitoring.locating import first_belief, locate
+from windsysid.monitoring.levels.jumps import Observations, Rates
+from windsysid.monitoring.levels.locating import first_belief, locate
 
 SIGMA = 0.004
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from windsysid._types import Array
-from windsysid.monitoring.jumps import Observations, Rates, threshold, track
-from windsysid.monitoring.learning import learn_rates
-from windsysid.monitoring.locating import first_belief
-from windsysid.monitoring.together import Together, most_likely_begin, together, with_likely
+from windsysid.monitoring.levels.jumps import Observations, Rates, threshold, track
+from windsysid.monitoring.levels.learning import learn_rates
+from windsysid.monitoring.levels.locating import first_belief
+from windsysid.monitoring.levels.together import Together, most_likely_begin, together, with_likely
 
 SIGMA = 0.004
 

@@ -18,7 +18,7 @@ from windsysid import ConfigurationError, cli
 from windsysid._types import Array
 from windsysid.identification.identify import identify
 from windsysid.identification.planning.plan import plan
-from windsysid.monitoring.jumps import threshold
+from windsysid.monitoring.levels.jumps import threshold
 from windsysid.monitoring.series import DAY, RecordBlocks, gather, read_blocks
 from windsysid.monitoring.watch import NOISE, SENSOR, STRUCTURE, percent_of, watch
 from windsysid.results.posterior import Posterior

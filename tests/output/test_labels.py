@@ -13,9 +13,9 @@ from windsysid.inspection import inspect_record
 from windsysid.records.record import AS_WRITTEN
 from windsysid.reports import figure as figure_of
 from windsysid.reports import files
-from windsysid.reports.canvas import label
+from windsysid.reports.figures.canvas import label
+from windsysid.reports.figures.plots import innovations, record_overview, symbol, whiteness
 from windsysid.reports.html import png
-from windsysid.reports.plots import innovations, record_overview, symbol, whiteness
 from windsysid.spectral.oma.analyse import analyse_vibration
 
 HOSTILE = [

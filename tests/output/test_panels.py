@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from windsysid.reports.plots import _panels
+from windsysid.reports.figures.plots import _panels
 
 
 def test_a_layout_of_the_figure_does_not_pile_panels_up():

@@ -10,7 +10,7 @@ import xarray as xr
 
 from tests.records.formats.helpers import write
 from windsysid.errors import RecordError
-from windsysid.records.formats.mapping import Mapping, TimeRule
+from windsysid.records.formats.contents.mapping import Mapping, TimeRule
 from windsysid.records.record import Record
 from windsysid.records.xarray_backend import WindsysidBackend
 

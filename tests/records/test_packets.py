@@ -7,7 +7,7 @@ from scipy.signal import periodogram
 from tests.records.formats.helpers import refused, write
 from windsysid.inspection import inspect_record
 from windsysid.records.formats import iterate_record, read_record
-from windsysid.records.formats.mapping import Mapping, TimeRule
+from windsysid.records.formats.contents.mapping import Mapping, TimeRule
 from windsysid.records.packets import is_even, place_packets
 
 RATE, ROWS = 100.0, 6000

@@ -9,8 +9,9 @@ from matplotlib.figure import Figure
 
 from windsysid.monitoring.change import Comparison, QuantityChange
 from windsysid.output.table import Table
-from windsysid.reports import bands, campbell, comparison, fleet, inspection, inspection_figures, plan, plots, watch
-from windsysid.reports.plots import ERROR, ESTIMATE, MEASURED
+from windsysid.reports import campbell, comparison, fleet, inspection, plan, watch
+from windsysid.reports.figures import bands, inspection_figures, plots
+from windsysid.reports.figures.plots import ERROR, ESTIMATE, MEASURED
 
 
 def change(name: str, percent: float, log_odds: float) -> QuantityChange:

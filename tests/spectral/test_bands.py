@@ -16,12 +16,13 @@ from windsysid.identification.model.tolerances import in_numbers, tolerances_of
 from windsysid.mechanics.compile import compile_model
 from windsysid.records.record import Record
 from windsysid.simulation.record import simulate_record
-from windsysid.spectral.rotor.problem import Question
+from windsysid.spectral.rotor.problem import RotorQuestion
 from windsysid.spectral.rotor_bands.build import PosedBands, belongs_in_bands, pose_bands, search_bands
 from windsysid.spectral.rotor_bands.channels import bins_between, combine
-from windsysid.spectral.rotor_bands.mode_locations import Place, find_places
+from windsysid.spectral.rotor_bands.limits import MIN_PEAK_LOG_ODDS
+from windsysid.spectral.rotor_bands.mode_locations import ModeLocation, find_places
 from windsysid.spectral.rotor_bands.model import BandModel
-from windsysid.spectral.rotor_bands.peak_search import FAINT, best_of, trace
+from windsysid.spectral.rotor_bands.peak_search import best_of, trace
 from windsysid.spectral.rotor_bands.rotational_sampling import hump_terms, line_terms, wind_of
 from windsysid.spectral.transforms.block_sums import BlockSums
 from windsysid.spectral.transforms.rotating_frame import (
@@ -45,7 +46,7 @@ def record() -> Record:
     return simulate_record(TURBINE, duration=360.0, rate=25.0, seed=201, loads="wind-feedback")
 
 
-def question(of: Record, *, sensors: tuple[str, ...] = ()) -> Question:
+def question(of: Record, *, sensors: tuple[str, ...] = ()) -> RotorQuestion:
     chosen = tuple(s for s in TURBINE.sensors if s.channel in of and (not sensors or s.channel in sensors))
     parameters = DrawnPrior(seed=1).parameters(TURBINE, list(TURBINE.model.coefficients), linear=False)
     parameters = tuple(q for q in parameters if q.name not in ("k_y", "c_y"))
@@ -53,7 +54,7 @@ def question(of: Record, *, sensors: tuple[str, ...] = ()) -> Question:
     inputs = np.zeros((of.samples, 3))
     inputs[:, 0], inputs[:, 1] = np.unwrap(of["rotor_azimuth"]), TURBINE.rotor_speed
     readings = np.column_stack([of[s.channel] for s in chosen])
-    return Question(TURBINE, chosen, readings, of.rate, inputs, model.compiled, parameters, TURBINE.loads)
+    return RotorQuestion(TURBINE, chosen, readings, of.rate, inputs, model.compiled, parameters, TURBINE.loads)
 
 
 def turning(hz: float, samples: int, rate: float) -> Array:
@@ -146,7 +147,7 @@ def test_a_resonance_is_found_beside_a_hump() -> None:
     row = np.sqrt(0.5 * S) * (rng.standard_normal(8000) + 1j * rng.standard_normal(8000))
     found = trace(spectra, [row[:, None]], 0, 3, 0.25, 0.48)
     assert found.frequency[np.argmax(found.gain)] == pytest.approx(0.31, rel=0.01)
-    assert found.gain.max() > 2.0 * FAINT
+    assert found.gain.max() > 2.0 * MIN_PEAK_LOG_ODDS
 
 
 def test_blocks_find_what_one_alone_does_not() -> None:
@@ -158,7 +159,7 @@ def test_blocks_find_what_one_alone_does_not() -> None:
     alone = trace(spectra, [rows[:, :1]], 0, 3, 0.25, 0.4)
     found = trace(spectra._replace(blocks=16.0), [rows], 0, 3, 0.25, 0.4)
     assert found.frequency[np.argmax(found.gain)] == pytest.approx(0.31, rel=0.01)
-    assert found.gain.max() > max(FAINT, 3.0 * alone.gain.max())
+    assert found.gain.max() > max(MIN_PEAK_LOG_ODDS, 3.0 * alone.gain.max())
 
 
 def test_rivals_are_told() -> None:
@@ -265,8 +266,8 @@ def test_nothing_is_used_twice_where_modes_are_near() -> None:
     inputs = asked.inputs.copy()
     inputs[:, 1] = slow.rotor_speed
     places = (
-        Place("tower x", None, 0.315, 0.004), Place("lag backward", 1, 1.09, 0.005),
-        Place("lag collective", 0, 1.04, 0.005), Place("lag forward", -1, 1.10, 0.005),
+        ModeLocation("tower x", None, 0.315, 0.004), ModeLocation("lag backward", 1, 1.09, 0.005),
+        ModeLocation("lag collective", 0, 1.04, 0.005), ModeLocation("lag forward", -1, 1.10, 0.005),
     )  # fmt: skip
     found = pose_bands(asked._replace(turbine=slow, inputs=inputs), places)
     used = [
@@ -317,7 +318,7 @@ def test_modes_that_cannot_be_told_apart_are_not_read_in_bands() -> None:
     inputs[:, 0], inputs[:, 1] = np.unwrap(wind["rotor_azimuth"]), light.rotor_speed
     readings = np.column_stack([wind[s.channel] for s in light.sensors])
     compiled = compile_model(light.model, light.sensors, instruments=True)
-    asked = Question(light, light.sensors, readings, wind.rate, inputs, compiled, parameters, light.loads)
+    asked = RotorQuestion(light, light.sensors, readings, wind.rate, inputs, compiled, parameters, light.loads)
     assert belongs_in_bands(asked)
     assert search_bands(asked) is None
 

@@ -18,7 +18,7 @@ from windsysid.spectral.rotor.build import pose_lifted
 from windsysid.spectral.rotor.harmonic_transfer import coupled, matrix_harmonics
 from windsysid.spectral.rotor.load_spectra import STATIONS, WindLoads, WindRotor
 from windsysid.spectral.rotor.model import LiftedModel
-from windsysid.spectral.rotor.problem import Posed, Question
+from windsysid.spectral.rotor.problem import Posed, RotorQuestion
 from windsysid.spectral.transforms.dft import taper
 from windsysid.spectral.transforms.lifted import count_harmonics, lift, without_rotor_harmonics
 from windsysid.statespace.parameter import Parameter
@@ -143,7 +143,7 @@ def _posed(kind: str, duration: float = 40.0) -> Posed:
     inputs[:, 0] = np.unwrap(record["rotor_azimuth"])
     inputs[:, 1] = turbine.rotor_speed
     inexact = kind.endswith(", inexact")
-    question = Question(
+    question = RotorQuestion(
         turbine, turbine.sensors, np.column_stack([record[s.channel] for s in turbine.sensors]), rate, inputs,
         compile_model(turbine.model, turbine.sensors, instruments=inexact), parameters, turbine.loads,
     )  # fmt: skip
@@ -207,8 +207,8 @@ def test_loops_say_what_products_of_matrices_say(kind: str, monkeypatch: pytest.
         model = model._replace(place=place, smear=smear, data=data)
     found, spectra = [], []
     for few, dense in ((0, 1000), (1000, 1000), (0, 0)):
-        monkeypatch.setattr(lifted_likelihood, "FEW", few)
-        monkeypatch.setattr(lifted_model, "FEW", dense)
+        monkeypatch.setattr(lifted_likelihood, "MAX_LOOP_ENTRIES", few)
+        monkeypatch.setattr(lifted_model, "MAX_LOOP_ENTRIES", dense)
         found.append(model.likelihood(at))
         spectra.append(model.spectrum(at).spectrum)
     for loops, spectrum in zip(found[1:], spectra[1:], strict=True):

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from windsysid.identification.model.prior import Prior
     from windsysid.mechanics.sensors import Sensor
     from windsysid.output.progress import Progress, Shown
-    from windsysid.records.formats.mapping import Mapping as FileMapping
+    from windsysid.records.formats.contents.mapping import Mapping as FileMapping
     from windsysid.records.record import Record
     from windsysid.results.identification import Identification
     from windsysid.turbine.turbine import Turbine
@@ -96,7 +96,7 @@ def identify(
     from windsysid.turbine.file import load_turbine
 
     write = claim_output(context, output, record, overwrite=overwrite)
-    asked = _Request(
+    asked = _IdentifyRequest(
         record,
         load_turbine(turbine),
         load_mapping(mapping) if mapping is not None else None,
@@ -128,7 +128,7 @@ def identify(
     )
 
 
-class _Request(NamedTuple):
+class _IdentifyRequest(NamedTuple):
     """What is to be identified, and how."""
 
     record: Path
@@ -143,7 +143,7 @@ class _Request(NamedTuple):
 
 
 def _identify_whole(
-    asked: _Request, add_noise: float, seed: int, progress: "Shown"
+    asked: _IdentifyRequest, add_noise: float, seed: int, progress: "Shown"
 ) -> tuple["Identification", "Record"]:
     """Identify a file that is read as a whole; the section that was used too."""
     from dataclasses import replace
@@ -179,7 +179,7 @@ def _length(in_pieces: str, formulation: str, add_noise: float) -> float:
 
 
 def _identify_in_pieces(
-    asked: _Request, length: float, output: Path, progress: "Progress"
+    asked: _IdentifyRequest, length: float, output: Path, progress: "Progress"
 ) -> tuple["Identification", "Record"]:
     """Identify a file piece by piece, going on from where an earlier call was interrupted; the last piece too."""
     from windsysid.identification.streaming.identify_pieces import identify_pieces
@@ -232,7 +232,9 @@ def _checkpoint(output: Path) -> Path:
     return folder.with_name(f".{folder.name}.checkpoint.npz")
 
 
-def _noisy(record: "Record", asked: _Request, percent: float, seed: int) -> "tuple[Record, tuple[Sensor, ...] | None]":
+def _noisy(
+    record: "Record", asked: _IdentifyRequest, percent: float, seed: int
+) -> "tuple[Record, tuple[Sensor, ...] | None]":
     """The record with noise added to what will be measured, and the sensors told of it."""
     from windsysid.identification.condition.readings import add_noise, usable_sensors, with_noise
     from windsysid.identification.estimate.force_balance import measured_channels

@@ -11,7 +11,7 @@ from windsysid.errors import ConfigurationError
 from windsysid.output.console import printable
 
 if TYPE_CHECKING:
-    from windsysid.live.settings import Settings
+    from windsysid.live.configuration.settings import Settings
     from windsysid.live.sources.source import BlockSource
 
 __all__ = ["export", "live"]
@@ -46,9 +46,9 @@ def live(
     if demo == (config is not None):
         raise ConfigurationError("live: expected a CONFIG, or --demo to look around; docs/live.md has a first CONFIG")
     _needs_extra()
+    from windsysid.live.configuration.settings import LogSettings, PageSettings
     from windsysid.live.logs import start_log
     from windsysid.live.service import listen, serve
-    from windsysid.live.settings import LogSettings, PageSettings
     from windsysid.output.console import render
 
     if demo:
@@ -66,7 +66,7 @@ def live(
     settings = _settings(config)
     if port is not None:
         settings = replace(settings, page=replace(settings.page, port=port))
-    from windsysid.live.wiring import sources_of
+    from windsysid.live.configuration.wiring import sources_of
 
     fed: list[BlockSource] = sources_of(settings)
     if check:
@@ -108,7 +108,7 @@ def export(
 
 def _settings(config: Path) -> "Settings":
     """The settings of a file, or everything that is wrong with it: a line each, and exit code 2."""
-    from windsysid.live.settings import SettingsError, read_settings
+    from windsysid.live.configuration.settings import SettingsError, read_settings
 
     try:
         return read_settings(config)

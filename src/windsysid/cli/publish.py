@@ -12,8 +12,8 @@ from windsysid.cli.common import Mapping, app, parse_option, show_progress
 from windsysid.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from windsysid.live.block import Block
-    from windsysid.live.source_settings import Broker
+    from windsysid.live.blocks.block import Block
+    from windsysid.live.configuration.source_settings import Broker
     from windsysid.live.sources.publisher import Publisher
 
 __all__ = []
@@ -108,8 +108,8 @@ def _told(publisher: "Publisher", turbine: str, sent: int, known: int) -> str:
 
 def _broker(url: str, user: str, password_file: Path | None, ca: Path | None) -> "Broker":
     """The broker as it is told, checked as a settings file is."""
-    from windsysid.live.source_settings import Broker
-    from windsysid.live.toml_table import TomlTable
+    from windsysid.live.configuration.source_settings import Broker
+    from windsysid.live.configuration.toml_table import TomlTable
 
     told: dict[str, str] = {"broker": url}
     if password_file is not None:
@@ -158,7 +158,7 @@ def _from_logger(turbine: str, stream: str) -> Iterator["Block"]:
     """Blocks of a logger's lines; one that is none is said, and the next is taken."""
     from dataclasses import replace
 
-    from windsysid.live.codec import BlockRefused, check, decode
+    from windsysid.live.blocks.codec import BlockRefused, check, decode
 
     for number, line in enumerate(sys.stdin.buffer, 1):
         if not line.strip():

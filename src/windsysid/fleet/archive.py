@@ -24,7 +24,7 @@ from windsysid.errors import ConfigurationError, OutputError
 from windsysid.fleet.rows import COLUMNS, COUNT, FLAG, MOMENT, NUMBER, NUMBERS, TEXT, TEXTS, Row
 from windsysid.output.files import explain_errors, make_folders, replace_file
 from windsysid.output.locks import LOCK, release, try_lock
-from windsysid.records.formats.format import package
+from windsysid.records.formats.contents.format import package
 from windsysid.records.moments import moment
 
 __all__ = [

@@ -13,14 +13,14 @@ from typing import NamedTuple
 
 from windsysid.errors import ConfigurationError
 from windsysid.fleet.archive import UNDATED, Known, claim_archive, day_of, known_sources, place_of
-from windsysid.fleet.engine import run_here, run_on_dask, share
-from windsysid.fleet.guard import DeadWorkerError, HangingWorkerError, Worker
 from windsysid.fleet.joining import check_clocks, join_late, read_scadas
 from windsysid.fleet.members import Member, member_of, read_fleet, single
 from windsysid.fleet.paths import record_paths, size_or_unknown
 from windsysid.fleet.remote import is_remote
 from windsysid.fleet.scada import Scada
-from windsysid.fleet.tasks import Task
+from windsysid.fleet.work.engine import run_here, run_on_dask, share
+from windsysid.fleet.work.guard import DeadWorkerError, HangingWorkerError, Worker
+from windsysid.fleet.work.tasks import Task
 from windsysid.output.console import printable
 from windsysid.output.progress import Progress, unheard
 from windsysid.turbine.file import load_turbine

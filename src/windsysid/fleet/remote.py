@@ -16,7 +16,7 @@ from typing import Any
 
 from windsysid.errors import ConfigurationError
 from windsysid.records.formats import FORMATS
-from windsysid.records.formats.format import package
+from windsysid.records.formats.contents.format import package
 
 __all__ = ["fetched", "is_remote", "list_remote", "size_of"]
 

@@ -13,7 +13,8 @@ from windsysid.identification.effects.lines import Sinusoid, harmonics_of_spectr
 from windsysid.identification.effects.random_walk_bias import RandomWalkBias
 from windsysid.identification.formulations import estimate
 from windsysid.identification.job import FittedJob, Job
-from windsysid.identification.model.agreement import DISAGREEMENT, compare, disagreement
+from windsysid.identification.limits import MAX_DISAGREEMENT_SIGMAS
+from windsysid.identification.model.agreement import compare, disagreement
 from windsysid.identification.model.fit import Outcome
 from windsysid.identification.pipeline import run
 from windsysid.identification.verdict.conclude import doubts_of_innovations
@@ -26,8 +27,8 @@ from windsysid.spectral.rotor_bands.build import is_lightly_damped
 __all__ = ["choose", "spectral_alone"]
 
 BEGINNING = 60.0
-"""Periods of the slowest mode at a record's beginning in which filters look for loads that they cannot explain: where
-there are, a search of all of it takes minutes."""
+"""Setting: periods of the slowest mode at a record's beginning in which filters look for loads that they cannot
+explain: where there are, a search of all of it takes minutes."""
 
 WITHOUT_WIND = Finding("bands_suppose_wind", "reason")
 
@@ -80,7 +81,7 @@ def _filters_instead(job: Job, spectral: FittedJob, doubt: Finding) -> FittedJob
     """By filters where something speaks against spectra."""
     joint = _with_priors_of(spectral, run(job)[1])
     explained = joint.rivals or joint.outcome.hypothesis == NarrowBand.name
-    if not explained and compare(joint.outcome, spectral.outcome)[1] < DISAGREEMENT:
+    if not explained and compare(joint.outcome, spectral.outcome)[1] < MAX_DISAGREEMENT_SIGMAS:
         joint = joint.with_rivals(*spectral.rivals)  # filters have ended where spectra did
     return joint.noting(_note("joint_as_spectra_are_doubtful", because=doubt))
 
@@ -96,10 +97,10 @@ def _cross_checked(job: Job, spectral_job: Job, spectral: FittedJob) -> FittedJo
     name, off = compare(joint.outcome, spectral.outcome)
     against = [disagreement(name, off, joint.outcome, job.turbine)]
     if spectral.outcome.turns:
-        if off > DISAGREEMENT:
+        if off > MAX_DISAGREEMENT_SIGMAS:
             return joint.noting(_note("joint_with_spectra"), *against)
         return joint.noting(_note("joint_agrees", sigmas=off))
-    if off > DISAGREEMENT:
+    if off > MAX_DISAGREEMENT_SIGMAS:
         return spectral.noting(_note("spectral_with_filters"), *against)
     innovations = doubts_of_innovations(joint.outcome, joint.read.rate)
     return spectral.noting(_note("spectral_agrees", sigmas=off), *innovations)
@@ -114,14 +115,14 @@ def _fitted_beside(job: Job, spectral: FittedJob) -> tuple[Job, FittedJob]:
     there and explains it, with that drift."""
     near = spectral if sinusoids_in(job) is None else None  # filters have not looked there yet
     answered, joint = run(job, spectral if near is not None else None, effects=(EFFECTS,))
-    if compare(joint.outcome, spectral.outcome)[1] <= DISAGREEMENT:
+    if compare(joint.outcome, spectral.outcome)[1] <= MAX_DISAGREEMENT_SIGMAS:
         return answered, joint
     wander = RandomWalkBias().find(job, leaning=True)
     if wander is None or not wander.drifts:
         return answered, joint
     leaning = job.including(wander)
     drifting = estimate(leaning, spectral)
-    agrees = compare(drifting.outcome, spectral.outcome)[1] <= DISAGREEMENT
+    agrees = compare(drifting.outcome, spectral.outcome)[1] <= MAX_DISAGREEMENT_SIGMAS
     if agrees and not doubts_of_innovations(drifting.outcome, drifting.read.rate):
         return leaning, drifting
     return answered, joint

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from windsysid.errors import ConfigurationError
-from windsysid.identification.condition.readings import MAX_READING_OF_SPECTRA, check_length, thin_to_readings
+from windsysid.identification.condition.readings import check_length, thin_to_readings
 from windsysid.identification.effects.clock_drift import drifts_in
 from windsysid.identification.effects.lines import sinusoids_in
 from windsysid.identification.effects.narrow_band_load import narrow_band_in
@@ -18,6 +18,7 @@ from windsysid.identification.estimate.narrow_band_alternative import heard_on_t
 from windsysid.identification.estimate.prior_conflict import with_wide_priors
 from windsysid.identification.estimate.time_domain import identify_jointly, identify_jointly_from
 from windsysid.identification.job import Conditioned, FittedJob, Formulation, Job
+from windsysid.identification.limits import MAX_RADIANS_PER_SPECTRAL_READING
 from windsysid.identification.model.fit import Outcome
 from windsysid.identification.model.prior import Prior
 from windsysid.identification.model.regressor import widening_of
@@ -68,7 +69,7 @@ def _widened(job: Job, outcome: Outcome) -> Outcome:
 
 def _by_spectra(job: Job, start: FittedJob | None) -> FittedJob:
     uniform, turbine = job.part.on_uniform_grid(), job.turbine
-    check_length(uniform.name, uniform.duration, uniform.rate, turbine, MAX_READING_OF_SPECTRA)
+    check_length(uniform.name, uniform.duration, uniform.rate, turbine, MAX_RADIANS_PER_SPECTRAL_READING)
     if job.rate is not None:
         raise ConfigurationError("the spectral formulation reads the bands that it needs: leave the rate out")
     at = job.condition()

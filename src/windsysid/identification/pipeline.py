@@ -5,12 +5,10 @@ from collections.abc import Sequence
 from windsysid.identification.effects import ALTERNATIVES, EFFECTS
 from windsysid.identification.formulations import estimate
 from windsysid.identification.job import FittedJob, Job
+from windsysid.identification.limits import MAX_EXTENSIONS
 from windsysid.identification.model.effect import Detection, Effect, Inclusion
 
 __all__ = ["run"]
-
-MAX_EXTENSIONS = 8
-"""Size: effects that a record may have; each costs a search, and a record with more is not for these models."""
 
 
 def run(

@@ -28,7 +28,7 @@ from windsysid.inspection.spectra import (
 )
 from windsysid.inspection.stops import Stop, find_stops
 from windsysid.records.coercion import RecordLike, as_record
-from windsysid.records.formats.source import reading_notes
+from windsysid.records.formats.contents.source import reading_notes
 from windsysid.records.record import Record
 from windsysid.turbine.coercion import TurbineLike, as_turbine
 from windsysid.units import RPM

@@ -19,10 +19,10 @@ from windsysid.inspection.tags import Meaning, meaning_of
 from windsysid.output.console import render
 from windsysid.output.table import Table
 from windsysid.records.formats import csv, format_of, read_record
-from windsysid.records.formats.files import named_after
-from windsysid.records.formats.mapping import AS_IT_IS, ChannelRule, Mapping, TimeRule, load_mapping
+from windsysid.records.formats.access.files import named_after
+from windsysid.records.formats.contents.mapping import AS_IT_IS, ChannelRule, Mapping, TimeRule, load_mapping
+from windsysid.records.formats.contents.source import reading_notes
 from windsysid.records.formats.openfast import known_channel
-from windsysid.records.formats.source import reading_notes
 from windsysid.records.moments import has_zone
 from windsysid.records.quantities import implied_unit, plausible_units
 from windsysid.records.record import AS_WRITTEN, Record

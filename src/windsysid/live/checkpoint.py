@@ -10,15 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid.errors import ConfigurationError
-from windsysid.live.alarms import AlarmCase
-from windsysid.live.conditions import Standards
-from windsysid.live.slow_drifts import Past, past_of
 from windsysid.live.store.contents import Alarm
-from windsysid.live.watch_state import KeptWindows, WatchState
-from windsysid.live.watched import Watched
-from windsysid.monitoring.following import Kept
-from windsysid.monitoring.jumps import LevelBelief, Rates
-from windsysid.monitoring.locating import Jump
+from windsysid.live.watch.alarms import AlarmCase
+from windsysid.live.watch.slow_drifts import Past, past_of
+from windsysid.live.watch.watch_state import KeptWindows, WatchState
+from windsysid.live.watch.watched import Watched
+from windsysid.live.windows.conditions import Standards
+from windsysid.monitoring.levels.following import Kept
+from windsysid.monitoring.levels.jumps import LevelBelief, Rates
+from windsysid.monitoring.levels.locating import Jump
 
 __all__ = ["KeptWatch", "pack", "pack_watch", "unpack", "unpack_watch"]
 

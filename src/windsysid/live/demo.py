@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from windsysid.fleet.members import Member
-from windsysid.live.block import Block
-from windsysid.live.settings import PageSettings, Settings
+from windsysid.live.blocks.block import Block
+from windsysid.live.configuration.settings import PageSettings, Settings
 from windsysid.live.sources.cutting import blocks_of
 from windsysid.live.sources.source import Push, SourceState, stopped_within
-from windsysid.live.timeline import SECOND, TurbineWindows
+from windsysid.live.windows.timeline import SECOND, TurbineWindows
 from windsysid.records.record import Record
 from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine

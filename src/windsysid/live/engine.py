@@ -20,22 +20,22 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from windsysid.errors import StoreError
-from windsysid.fleet.guard import StoppedError
 from windsysid.fleet.rows import Row
-from windsysid.live.block import Block
-from windsysid.live.closing import conclude, estimate, unpack
-from windsysid.live.codec import BlockLimits, BlockRefused, check, refusing
+from windsysid.fleet.work.guard import StoppedError
+from windsysid.live.blocks.block import Block
+from windsysid.live.blocks.codec import BlockLimits, BlockRefused, check, refusing
+from windsysid.live.blocks.gate import Gate
 from windsysid.live.engine_state import EngineState, TurbineState
-from windsysid.live.estimate import Estimator, estimators
 from windsysid.live.follower import Followed, Follower, Placed, WindowTask
-from windsysid.live.gate import Gate
-from windsysid.live.open_alarms import TOO_LATE
 from windsysid.live.store.contents import Alarm, Commit, Severity, StoredBlock
 from windsysid.live.store.store import ContentError, Store
-from windsysid.live.streams import StreamHealth, Verdict
-from windsysid.live.timeline import SECOND, sample_time
 from windsysid.live.turns import ShortTurns
-from windsysid.live.watching import resume, start
+from windsysid.live.watch.open_alarms import TOO_LATE
+from windsysid.live.watch.watching import resume, start
+from windsysid.live.windows.closing import conclude, estimate, unpack
+from windsysid.live.windows.estimate import Estimator, estimators
+from windsysid.live.windows.streams import StreamHealth, Verdict
+from windsysid.live.windows.timeline import SECOND, sample_time
 from windsysid.records.moments import moment_text
 from windsysid.turbine.file import load_turbine
 

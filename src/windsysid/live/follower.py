@@ -14,14 +14,14 @@ from typing import Literal, NamedTuple
 from windsysid.errors import ConfigurationError
 from windsysid.fleet.members import Member
 from windsysid.fleet.rows import Row
-from windsysid.live.block import Block
-from windsysid.live.codec import BlockRefused
-from windsysid.live.open_alarms import OpenAlarms
+from windsysid.live.blocks.block import Block
+from windsysid.live.blocks.codec import BlockRefused
 from windsysid.live.store.contents import Alarm, Result, Status
-from windsysid.live.streams import Drift, StreamHealth, Verdict
-from windsysid.live.table_size import Growth, TableSize, growth
-from windsysid.live.timeline import SECOND, TurbineWindows, sample_time
-from windsysid.live.watching import Watching, WatchOptions
+from windsysid.live.watch.open_alarms import OpenAlarms
+from windsysid.live.watch.watching import Watching, WatchOptions
+from windsysid.live.windows.streams import Drift, StreamHealth, Verdict
+from windsysid.live.windows.table_size import Growth, TableSize, growth
+from windsysid.live.windows.timeline import SECOND, TurbineWindows, sample_time
 
 __all__ = ["Conclusion", "Followed", "Follower", "Placed", "WindowTask"]
 

@@ -11,8 +11,8 @@ import time
 from collections import OrderedDict
 from datetime import UTC, datetime
 
-from windsysid.live.limits import one_line
-from windsysid.live.settings import LogSettings
+from windsysid.live.blocks.limits import one_line
+from windsysid.live.configuration.settings import LogSettings
 
 __all__ = ["event", "start_log"]
 

@@ -17,8 +17,8 @@ from urllib.parse import quote, urlsplit
 
 from windsysid._version import __version__
 from windsysid.errors import WindsysidError
+from windsysid.live.configuration.settings import SEVERITIES, MqttNotice, NoticeSettings, WebhookNotice
 from windsysid.live.logs import event
-from windsysid.live.settings import SEVERITIES, MqttNotice, NoticeSettings, WebhookNotice
 from windsysid.live.sources.broker import connect, new_client
 from windsysid.live.store.contents import Alarm, Event
 from windsysid.live.store.store import Store

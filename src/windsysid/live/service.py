@@ -18,15 +18,15 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from windsysid.errors import ConfigurationError, WindsysidError
+from windsysid.live.configuration.settings import PageSettings, Settings
 from windsysid.live.engine import Delays, Engine, Followed
 from windsysid.live.logs import event
 from windsysid.live.notify import LogRecipient, Recipient, recipient_of, tell_alarms
-from windsysid.live.settings import PageSettings, Settings
 from windsysid.live.sources.source import BlockSource
 from windsysid.live.store.keep import Keep
 from windsysid.live.store.opening import open_store
 from windsysid.live.store.store import Store
-from windsysid.live.watching import WatchOptions
+from windsysid.live.watch.watching import WatchOptions
 
 __all__ = ["END_SECONDS", "listen", "serve", "url_of"]
 

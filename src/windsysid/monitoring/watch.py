@@ -3,11 +3,11 @@ rate, failing sensors told from failing structures.
 
 Every record leaves a block: what it says of each coefficient, without its prior, and the covariates of its time
 (temperature, wind speed, power …). Each coefficient is a level that may wander, plus slopes times covariates, plus the
-block's own error (`windsysid.monitoring.jumps`). Level and slopes are learned as the blocks come, from a prior; how
-fast the level wanders and by how much blocks scatter more than their bands say is learned by maximum likelihood from
-the first `MAX_LEARNING_BLOCKS` blocks, and again whenever there are twice as many. A test for a jump of any size above
-`TOLERATED_DRIFT` at any time runs on the whitened innovations of each series; the false alarms of a year are shared out
-evenly among the series.
+block's own error (`windsysid.monitoring.levels.jumps`). Level and slopes are learned as the blocks come, from a prior;
+how fast the level wanders and by how much blocks scatter more than their bands say is learned by maximum likelihood
+from the first `MAX_LEARNING_BLOCKS` blocks, and again whenever there are twice as many. A test for a jump of any size
+above `TOLERATED_DRIFT` at any time runs on the whitened innovations of each series; the false alarms of a year are
+shared out evenly among the series.
 
 After an alarm the jump becomes one more coefficient of the regression, before each block that it may have happened
 before: their likelihoods are when, their mixture is how much. The level is then free to be another, and the watch goes
@@ -28,9 +28,9 @@ from numpy.typing import NDArray
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError
 from windsysid.monitoring.changes import DetectedJump, Watch, WatchedSeries
-from windsysid.monitoring.jumps import Observations, Rates, Track, shared_error, threshold, track
-from windsysid.monitoring.learning import learn_rates
-from windsysid.monitoring.locating import (
+from windsysid.monitoring.levels.jumps import Observations, Rates, Track, shared_error, threshold, track
+from windsysid.monitoring.levels.learning import learn_rates
+from windsysid.monitoring.levels.locating import (
     JUMP_SLOPE_PRIOR,
     MAX_HINDSIGHT_BLOCKS,
     Jump,

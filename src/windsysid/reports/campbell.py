@@ -6,9 +6,9 @@ from matplotlib.figure import Figure
 
 from windsysid.modal.campbell import MEASURED_HEADINGS, Campbell
 from windsysid.output.table import Table
-from windsysid.reports.canvas import canvas
+from windsysid.reports.figures.canvas import canvas
+from windsysid.reports.figures.plots import BAND, ERROR, ESTIMATE, MEASURED, REFERENCE, tidy
 from windsysid.reports.html import Section, png, report_page
-from windsysid.reports.plots import BAND, ERROR, ESTIMATE, MEASURED, REFERENCE, tidy
 from windsysid.results.posterior import SIGMAS
 from windsysid.units import RPM
 

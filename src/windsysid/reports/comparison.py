@@ -8,9 +8,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from windsysid.monitoring.change import MOVED_MIN_ODDS, Comparison, QuantityChange
-from windsysid.reports.canvas import canvas
+from windsysid.reports.figures.canvas import canvas
+from windsysid.reports.figures.plots import ERROR, ESTIMATE, MEASURED, REFERENCE, symbol, tidy
 from windsysid.reports.html import Section, png, report_page
-from windsysid.reports.plots import ERROR, ESTIMATE, MEASURED, REFERENCE, symbol, tidy
 
 __all__ = ["figure", "files"]
 

@@ -6,9 +6,9 @@ from matplotlib.figure import Figure
 
 from windsysid.monitoring.separation import DampingSplit, Separation
 from windsysid.output.table import Table
-from windsysid.reports.canvas import canvas
+from windsysid.reports.figures.canvas import canvas
+from windsysid.reports.figures.plots import BAND, ERROR, ESTIMATE, MEASURED, REFERENCE, symbol, tidy
 from windsysid.reports.html import Section, png, report_page
-from windsysid.reports.plots import BAND, ERROR, ESTIMATE, MEASURED, REFERENCE, symbol, tidy
 
 __all__ = ["figure", "files"]
 

@@ -11,9 +11,9 @@ from windsysid.fleet.overview import OUTLIER_CHANCE, Overview
 from windsysid.monitoring.changes import Watch
 from windsysid.monitoring.series import DAY
 from windsysid.output.table import Table
-from windsysid.reports.canvas import MAX_TICK_CHARACTERS, canvas, label
+from windsysid.reports.figures.canvas import MAX_TICK_CHARACTERS, canvas, label
+from windsysid.reports.figures.plots import BAND, ERROR, ESTIMATE, MEASURED, REFERENCE, symbol, tidy
 from windsysid.reports.html import Section, png, report_page
-from windsysid.reports.plots import BAND, ERROR, ESTIMATE, MEASURED, REFERENCE, symbol, tidy
 
 __all__ = ["figure", "files"]
 

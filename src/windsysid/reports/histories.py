@@ -3,8 +3,8 @@
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from windsysid.reports.bands import coefficient_bands
-from windsysid.reports.plots import coefficient_histories
+from windsysid.reports.figures.bands import coefficient_bands
+from windsysid.reports.figures.plots import coefficient_histories
 from windsysid.results.identification import Identification
 
 __all__ = ["figure"]

@@ -24,8 +24,8 @@ _HISTORIES = {
 def identification_report(identification: Identification, record: Record | None = None) -> bytes:
     """The report of one identification on the section of the record that it used; without its channels where the record
     is not given."""
-    from windsysid.reports.bands import caption, coefficient_bands
-    from windsysid.reports.plots import coefficient_histories, record_overview
+    from windsysid.reports.figures.bands import caption, coefficient_bands
+    from windsysid.reports.figures.plots import coefficient_histories, record_overview
 
     i = identification
     sections = [
@@ -62,7 +62,7 @@ def _tables_of_rest(i: Identification) -> list[Table]:
 
 def _explains_section(identification: Identification) -> Section:
     """Whether the model explains the record: by its innovations, or in words where there are none."""
-    from windsysid.reports.plots import innovations, whiteness
+    from windsysid.reports.figures.plots import innovations, whiteness
 
     i, title = identification, "Does the model explain the record?"
     if i.formulation == "spectral":
@@ -87,7 +87,7 @@ def _explains_section(identification: Identification) -> Section:
 
 def _load_section(identification: Identification) -> Section:
     """The loads as the filter knew them."""
-    from windsysid.reports.plots import plot_loads
+    from windsysid.reports.figures.plots import plot_loads
 
     caption = (
         "The loads that moved the structure, as the filter knew them at the result: over the record, and a stretch of"

@@ -2,8 +2,8 @@
 
 from typing import TYPE_CHECKING
 
+from windsysid.reports.figures.inspection_figures import overview, spectra_figure, spectrogram_figure
 from windsysid.reports.html import Section, png, report_page
-from windsysid.reports.inspection_figures import overview, spectra_figure, spectrogram_figure
 
 if TYPE_CHECKING:
     from windsysid.inspection.inspection import Inspection

@@ -5,9 +5,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from windsysid.output.table import Table
-from windsysid.reports.canvas import MAX_TICK_CHARACTERS, canvas, label
+from windsysid.reports.figures.canvas import MAX_TICK_CHARACTERS, canvas, label
+from windsysid.reports.figures.plots import BAND, ERROR, ESTIMATE, MEASURED, REFERENCE, tidy
 from windsysid.reports.html import Section, png, report_page
-from windsysid.reports.plots import BAND, ERROR, ESTIMATE, MEASURED, REFERENCE, tidy
 from windsysid.spectral.oma.result import OperationalMode, OperationalModes
 
 __all__ = ["figure", "files"]

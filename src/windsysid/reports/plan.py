@@ -12,9 +12,9 @@ from windsysid._types import Array
 from windsysid.checks.identifiability import standard_deviations
 from windsysid.identification.planning.plan import Plan, percent
 from windsysid.output.table import Table
-from windsysid.reports.canvas import label, single
+from windsysid.reports.figures.canvas import label, single
+from windsysid.reports.figures.plots import ERROR, ESTIMATE, MEASURED, REFERENCE, symbol, tidy
 from windsysid.reports.html import Section, png, report_page
-from windsysid.reports.plots import ERROR, ESTIMATE, MEASURED, REFERENCE, symbol, tidy
 from windsysid.results.posterior import SIGMAS
 from windsysid.units import RPM, spell
 

@@ -5,8 +5,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from windsysid.identification.estimate.profile import Profile, interpolate_on
-from windsysid.reports.canvas import single
-from windsysid.reports.plots import BAND, ESTIMATE, REFERENCE, symbol, tidy
+from windsysid.reports.figures.canvas import single
+from windsysid.reports.figures.plots import BAND, ESTIMATE, REFERENCE, symbol, tidy
 from windsysid.results.posterior import SIGMAS
 from windsysid.units import unit_text
 

@@ -12,9 +12,9 @@ from windsysid.mechanics.sensors import noise_source
 from windsysid.monitoring.changes import Watch, WatchedSeries
 from windsysid.monitoring.series import DAY
 from windsysid.output.table import Table
-from windsysid.reports.canvas import canvas
+from windsysid.reports.figures.canvas import canvas
+from windsysid.reports.figures.plots import BAND, ERROR, ESTIMATE, REFERENCE, symbol, tidy
 from windsysid.reports.html import Section, png, report_page
-from windsysid.reports.plots import BAND, ERROR, ESTIMATE, REFERENCE, symbol, tidy
 from windsysid.units import unit_text
 
 __all__ = ["figure", "files"]

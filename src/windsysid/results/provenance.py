@@ -16,7 +16,7 @@ from windsysid.turbine.tables import as_tables
 from windsysid.turbine.turbine import Turbine
 
 if TYPE_CHECKING:
-    from windsysid.records.formats.mapping import Mapping as FileMapping
+    from windsysid.records.formats.contents.mapping import Mapping as FileMapping
 
 __all__ = ["Provenance", "RecordHash", "mapping_tables", "record_hash", "sensor_tables", "trace", "turbine_hash"]
 

@@ -8,14 +8,14 @@ from matplotlib.figure import Figure
 from windsysid._types import Array
 from windsysid.identification.estimate.force_balance import analysis_band
 from windsysid.output.table import Table
-from windsysid.reports.html import Section, report_page
-from windsysid.reports.plots import (
+from windsysid.reports.figures.plots import (
     balance_error_comparison,
     coefficient_histories,
     record_overview,
     response_comparison,
     start_indifference,
 )
+from windsysid.reports.html import Section, report_page
 from windsysid.results.sentences.model import LOADS_WITHHELD
 from windsysid.signals import band_pass
 from windsysid.study.methods import method_table

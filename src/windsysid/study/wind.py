@@ -18,7 +18,7 @@ from matplotlib.lines import Line2D
 
 from windsysid._types import Array
 from windsysid.mechanics.compile import compile_model
-from windsysid.reports.plots import BAND, ERROR, ESTIMATE, MEASURED, REFERENCE, symbol, tidy
+from windsysid.reports.figures.plots import BAND, ERROR, ESTIMATE, MEASURED, REFERENCE, symbol, tidy
 from windsysid.results.identification import Identification
 from windsysid.simulation.integrate import constant_speed_inputs
 from windsysid.simulation.wind import (

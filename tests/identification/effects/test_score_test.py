@@ -10,9 +10,9 @@ from tests.findings import only
 from windsysid.filters import EKF
 from windsysid.identification.effects import EFFECTS
 from windsysid.identification.effects.regression import Regression
-from windsysid.identification.effects.score_test import Candidate, log_tail_of_f, score_tests
+from windsysid.identification.effects.score_test import RegressorCandidate, log_tail_of_f, score_tests
 from windsysid.identification.effects.step import Step, likeliest_change
-from windsysid.identification.estimate.linearisation import Column, Linearisation, linearise
+from windsysid.identification.estimate.linearisation import Linearisation, RegressorColumn, linearise
 from windsysid.identification.formulations import estimate
 from windsysid.identification.job import FittedJob, Job
 from windsysid.identification.model.prior import Prior
@@ -52,13 +52,13 @@ def at_the_truth(turbine: Turbine, made: Record) -> Linearisation:
     return Linearisation(problem, made.time, problem.readings, problem.inputs, unknowns, cov, info.whitened)
 
 
-def slow_candidates(at: Linearisation) -> list[Candidate]:
+def slow_candidates(at: Linearisation) -> list[RegressorCandidate]:
     first, last = float(at.time[0]), float(at.time[-1])
     trend = [Legendre(order, first, last) for order in range(1, 5)]
     middle = StepAt(0.5 * (first + last))
     waves: dict[str, list[Waveform]] = {"bias": [Constant()], "trend": list(trend), "step": [middle]}
     return [
-        Candidate(code, channel, tuple(Column(row, wave) for wave in of))
+        RegressorCandidate(code, channel, tuple(RegressorColumn(row, wave) for wave in of))
         for code, of in waves.items()
         for row, channel in enumerate(at.channels)
     ]
@@ -87,7 +87,7 @@ def test_columns_answer_as_differences_of_filters_do(tower: Turbine):
     """Independently: filter the record with the waveform and without."""
     made = simulate_record(tower, duration=100.0, rate=RATE, seed=4)
     at = at_the_truth(tower, made)
-    columns = [Column(1, StepAt(40.0)), Column(2, Constant())]  # a reading, and a load
+    columns = [RegressorColumn(1, StepAt(40.0)), RegressorColumn(2, Constant())]  # a reading, and a load
     sums = at.sums(columns)
     model, z = at.problem.build(at.unknowns), at.innovations
     changed = at.readings.copy()

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from windsysid.identification.estimate import frequency_domain
-from windsysid.identification.estimate.frequency_domain import CLEAR
+from windsysid.identification.limits import MAX_RIVAL_LOG_ODDS
 
 Fits = dict[tuple[str, int], float]
 
@@ -34,9 +34,9 @@ def selected(monkeypatch: pytest.MonkeyPatch) -> Any:
 
 
 def test_a_clear_winner_of_the_first_stages_is_fitted_alone(selected: Any):
-    name, why, fits = selected({"a": 0.0, "b": CLEAR + 1.0}, {"a": 0.0, "b": 0.0})
+    name, why, fits = selected({"a": 0.0, "b": MAX_RIVAL_LOG_ODDS + 1.0}, {"a": 0.0, "b": 0.0})
     assert (name, fits) == ("b", 3)
-    assert why == {"rivals": {"a": CLEAR + 1.0}, "part": True}
+    assert why == {"rivals": {"a": MAX_RIVAL_LOG_ODDS + 1.0}, "part": True}
 
 
 def test_rivals_are_compared_again_on_more_of_the_record(selected: Any):

@@ -9,7 +9,12 @@ from tests.identification.fits import CHANNELS, RATE, SAMPLES, fitted, job_of, n
 from windsysid.checks.lines import Line
 from windsysid.errors import RecordError
 from windsysid.identification.estimate import influence
-from windsysid.identification.estimate.influence import MARGINAL, MOVED, doubt_line, doubt_sine, is_harmless
+from windsysid.identification.estimate.influence import (
+    doubt_line,
+    doubt_sine,
+    is_harmless,
+)
+from windsysid.identification.limits import MARGINAL_LINE_FACTOR, MAX_INFLUENCE_SIGMAS
 from windsysid.identification.model.fit import Outcome
 from windsysid.records.record import Record
 
@@ -62,21 +67,21 @@ def test_a_coefficient_that_changes_without_a_line_is_named(refits: Any):
 
 
 def test_a_line_on_which_nothing_depends_is_no_reason(refits: Any):
-    refits(0.9 * MOVED)
+    refits(0.9 * MAX_INFLUENCE_SIGMAS)
     record = tone(1.5)
     job, fit = job_of(record), fitted(record, std=STD)
     assert doubt_line(job, fit) is None
     assert doubt_sine(HZ, job, fit) == ()
-    line = Line(CHANNELS[0], HZ, 0.9 * MARGINAL * 10.0, 10.0)
+    line = Line(CHANNELS[0], HZ, 0.9 * MARGINAL_LINE_FACTOR * 10.0, 10.0)
     assert is_harmless(line, job, fit)
-    assert not is_harmless(line._replace(ratio=1.1 * MARGINAL * 10.0), job, fit)
+    assert not is_harmless(line._replace(ratio=1.1 * MARGINAL_LINE_FACTOR * 10.0), job, fit)
 
 
 def test_a_line_is_not_harmless_where_something_depends_on_it_or_spectra_do_not_apply(refits: Any):
     record = tone(1.5)
     job, fit = job_of(record), fitted(record, std=STD)
     line = Line(CHANNELS[0], HZ, 10.0, 10.0)
-    for sigmas in (1.1 * MOVED, RecordError("too short")):
+    for sigmas in (1.1 * MAX_INFLUENCE_SIGMAS, RecordError("too short")):
         refits(sigmas)
         assert not is_harmless(line, job, fit)
 

@@ -7,7 +7,6 @@ import pytest
 
 from tests.identification.fits import CHANNELS, RATE, SAMPLES, TOWER, noise, outcome_of, record_of
 from windsysid.identification.estimate.modal_residuals import (
-    REACHED,
     channel_of,
     doubts_beside_modes,
     line_of,
@@ -15,6 +14,7 @@ from windsysid.identification.estimate.modal_residuals import (
     ranges_of_narrow_band,
 )
 from windsysid.identification.estimate.modes import modes_of
+from windsysid.identification.limits import RESOLUTION_BINS
 from windsysid.loads.narrow_band import FREQUENCY, WIDTH
 from windsysid.loads.statistics import Statistic
 
@@ -52,7 +52,7 @@ def test_a_line_beside_a_mode_stands_out_and_noise_does_not():
 def test_a_narrow_band_load_is_no_line_within_four_half_widths_of_its_frequency():
     statistics = Statistic(FREQUENCY, "Hz", 0.5, estimate=0.5), Statistic(WIDTH, "1", 0.01, estimate=0.04)
     outcome = outcome_of(RECORD, statistics=statistics)
-    away = REACHED * 0.5 * 0.04
+    away = RESOLUTION_BINS * 0.5 * 0.04
     expected = [(f - away, f + away) for f in (0.3, 0.5, 0.7)]
     np.testing.assert_allclose(ranges_of_narrow_band(outcome, RECORD, 0.2), expected)
     narrow = statistics[0], Statistic(WIDTH, "1", 0.01, estimate=1e-4)

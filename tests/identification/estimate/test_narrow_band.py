@@ -8,15 +8,17 @@ import pytest
 
 from tests.identification.fits import TOWER
 from windsysid.identification.estimate.narrow_band import (
-    EXPECTED,
-    HARDLY,
-    MOVED,
-    SURE,
     NarrowBandFit,
     _elsewhere,
     doubts_of_narrow_band,
     fit_narrow_band,
     note_narrow_band,
+)
+from windsysid.identification.limits import (
+    MAX_DISAGREEMENT_SIGMAS,
+    MIN_EXPECTED_SHIFT_SIGMAS,
+    MIN_LOG_ODDS,
+    NEGLIGIBLE_SHIFT_SIGMAS,
 )
 from windsysid.loads.narrow_band import FREQUENCY, WIDTH, narrow_band_statistics
 from windsysid.loads.statistics import coordinates_of
@@ -27,7 +29,11 @@ VALUES = {one.name: one.given for one in STATISTICS} | {FREQUENCY: 0.4, WIDTH: 0
 QUESTION: Any = SimpleNamespace(parameters=[SimpleNamespace(name="k_x"), SimpleNamespace(name="c_x")])
 
 
-def narrow(gain: float = 2.0 * SURE, moved: float = 2.0 * HARDLY, rival: tuple[str, float] | None = None) -> Any:
+def narrow(
+    gain: float = 2.0 * MIN_LOG_ODDS,
+    moved: float = 2.0 * NEGLIGIBLE_SHIFT_SIGMAS,
+    rival: tuple[str, float] | None = None,
+) -> Any:
     """A fit with such a load of `VALUES`."""
     eta = coordinates_of(STATISTICS, VALUES)
     fit: Any = SimpleNamespace(unknowns=None, model=SimpleNamespace(split_statistics=lambda unknowns: (eta, None)))
@@ -43,8 +49,8 @@ def end(*theta: float, log_evidence: float = 0.0) -> Any:
 
 def test_it_is_needed_where_its_evidence_is_clear_and_a_coefficient_changes():
     assert narrow().is_needed
-    assert not narrow(gain=0.9 * SURE).is_needed
-    assert not narrow(moved=0.9 * HARDLY).is_needed
+    assert not narrow(gain=0.9 * MIN_LOG_ODDS).is_needed
+    assert not narrow(moved=0.9 * NEGLIGIBLE_SHIFT_SIGMAS).is_needed
 
 
 def test_it_speaks_against_given_loads_and_where_another_explanation_is_as_good():
@@ -53,7 +59,7 @@ def test_it_speaks_against_given_loads_and_where_another_explanation_is_as_good(
     (found,) = doubts_of_narrow_band(narrow(), asked="broadband")
     assert (found.code, found.data["frequency"]) == ("narrow_band_load_preferred", pytest.approx(0.4))
     rival = "c_x", 4.0
-    for gain, code in ((0.0, "narrow_band_load_possible"), (2.0 * SURE, "narrow_band_load_ambiguous")):
+    for gain, code in ((0.0, "narrow_band_load_possible"), (2.0 * MIN_LOG_ODDS, "narrow_band_load_ambiguous")):
         (found,) = doubts_of_narrow_band(narrow(gain, rival=rival), asked="auto")
         assert (found.code, found.quantities, found.data["sigmas"]) == (code, ("c_x",), 4.0)
 
@@ -67,12 +73,12 @@ def test_its_note_has_the_strongest_level():
 
 def test_an_explanation_is_a_rival_where_its_odds_times_its_distance_is_large():
     best = end(0.0, 0.0)
-    off = 10.0 * MOVED
-    assert _elsewhere(QUESTION, best, end(0.0, 0.09 * MOVED)) is None
+    off = 10.0 * MAX_DISAGREEMENT_SIGMAS
+    assert _elsewhere(QUESTION, best, end(0.0, 0.09 * MAX_DISAGREEMENT_SIGMAS)) is None
     name, sigmas = _elsewhere(QUESTION, best, end(0.0, 0.1 * off)) or ("", 0.0)
     assert name == "c_x"
     assert sigmas == pytest.approx(off)
-    unlikely = np.log(EXPECTED / off)
+    unlikely = np.log(MIN_EXPECTED_SHIFT_SIGMAS / off)
     assert _elsewhere(QUESTION, best, end(0.0, 0.1 * off, log_evidence=unlikely - 0.1)) is None
     assert _elsewhere(QUESTION, best, end(0.0, 0.1 * off, log_evidence=unlikely + 0.1)) is not None
 

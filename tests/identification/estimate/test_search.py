@@ -9,7 +9,8 @@ from scipy.optimize import minimize
 from tests.identification.test_posterior_mode import autoregression
 from windsysid._types import Array
 from windsysid.errors import WindsysidError
-from windsysid.identification.estimate.search import GATE_SIGMAS, solve
+from windsysid.identification.estimate.search import solve
+from windsysid.identification.limits import OUTLIER_SIGMAS
 from windsysid.statespace.compose import StateSpace
 from windsysid.statespace.unknowns import Unknowns
 
@@ -75,7 +76,7 @@ def test_a_reading_that_is_far_off_is_left_out_and_counted():
     y[200] += 6.0 * SIGMA
     found = solve(Autoregression(), samples_of(y), None, rate=1.0, start=PRIOR)
     (note,) = found.notes
-    assert (note.code, note.data["count"], note.data["sigmas"]) == ("outliers", 1, GATE_SIGMAS)
+    assert (note.code, note.data["count"], note.data["sigmas"]) == ("outliers", 1, OUTLIER_SIGMAS)
     assert np.all(np.abs(found.mean - whole.mean) < np.sqrt(np.diag(whole.cov)))
 
 

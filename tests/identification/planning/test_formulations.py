@@ -2,7 +2,7 @@
 
 import pytest
 
-from windsysid.identification.planning.formulations import MOST_SAMPLES, Planned
+from windsysid.identification.planning.formulations import MAX_SIMULATED_SAMPLES, Planned
 from windsysid.output.progress import unheard
 from windsysid.turbine.file import load_turbine
 
@@ -16,7 +16,7 @@ def test_samples_that_are_left_out_leave_the_density_of_the_noise():
 
 
 def test_a_record_is_as_long_as_its_samples_allow_and_settles_within_three_decays():
-    assert PLANNED.most == MOST_SAMPLES / 25.0
+    assert PLANNED.most == MAX_SIMULATED_SAMPLES / 25.0
     assert PLANNED.settling == 300.0
     assert PLANNED._replace(damping=1e-6).settling == PLANNED.most
     assert not PLANNED.turns  # a tower has no blades that wind drives

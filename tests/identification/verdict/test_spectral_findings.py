@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from tests.identification.fits import TOWER
+from windsysid.identification.limits import MIN_RESONANCE_DOF
 from windsysid.identification.model.prior import Prior, identifiable
 from windsysid.identification.verdict.spectral_findings import (
-    LEAST_OF_A_BLOCK,
     _unsteady_blocks,
     drifts_of,
     halves_of,
@@ -54,9 +54,9 @@ def test_blocks_of_other_energy_are_not_stationary():
 
 
 def test_a_block_that_is_too_short_for_its_resonance_is_a_reason():
-    short: Any = SimpleNamespace(**(vars(POSED) | {"resonance": 1.6 * LEAST_OF_A_BLOCK, "smoothed": object()}))
+    short: Any = SimpleNamespace(**(vars(POSED) | {"resonance": 1.6 * MIN_RESONANCE_DOF, "smoothed": object()}))
     (found,) = _unsteady_blocks(QUESTION, sums(1.0, 1.0), short)
-    assert (found.code, found.data["count"]) == ("narrow_resonance_in_pieces", pytest.approx(0.8 * LEAST_OF_A_BLOCK))
+    assert (found.code, found.data["count"]) == ("narrow_resonance_in_pieces", pytest.approx(0.8 * MIN_RESONANCE_DOF))
 
 
 def test_blocks_have_no_halves_and_no_halves_no_drifts():

@@ -8,7 +8,7 @@ from concurrent.futures import Future
 import pytest
 
 from tests.live.sources.servers import Mosquitto
-from windsysid.live.block import Block
+from windsysid.live.blocks.block import Block
 from windsysid.live.sources.source import BlockSource
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from windsysid.live.source_settings import Broker
+from windsysid.live.configuration.source_settings import Broker
 
 __all__ = ["Mosquitto", "free_port", "wait_for"]
 

@@ -13,7 +13,7 @@ import pytest
 from tests.live.sources.conftest import Service, Taker
 from tests.live.sources.servers import wait_for
 from windsysid.errors import StoreError
-from windsysid.live.block import Block
+from windsysid.live.blocks.block import Block
 from windsysid.live.sources import folder
 from windsysid.live.sources.folder import FolderSource
 from windsysid.records.formats import iterate_record, write_record

@@ -12,8 +12,8 @@ from examples.kafka.live_on_kafka import Turbines, application
 from tests.live.streaming import blocks_of, record
 from windsysid.fleet.members import Member
 from windsysid.live import engine as module
-from windsysid.live.block import Block
-from windsysid.live.codec import encode_arrow
+from windsysid.live.blocks.block import Block
+from windsysid.live.blocks.codec import encode_arrow
 from windsysid.live.engine import Engine, Followed
 from windsysid.live.store import open_store
 from windsysid.results.serialization import finite

@@ -17,15 +17,15 @@ from tests.live.sources.conftest import Service, Taker
 from tests.live.sources.servers import Mosquitto, free_port, wait_for
 from windsysid.errors import ConfigurationError
 from windsysid.fleet.members import Member
-from windsysid.live.block import Block
-from windsysid.live.codec import BlockRefused, encode_json
+from windsysid.live.blocks.block import Block
+from windsysid.live.blocks.codec import BlockRefused, encode_json
+from windsysid.live.configuration.source_settings import Broker
+from windsysid.live.configuration.toml_table import Secret
 from windsysid.live.engine import Engine, Followed
-from windsysid.live.source_settings import Broker
 from windsysid.live.sources.broker import Marks, Topics, connect, new_client, properties_of
 from windsysid.live.sources.mqtt import Inbox, MqttSource
 from windsysid.live.sources.publisher import WIDEST, Publisher
 from windsysid.live.store.opening import open_store
-from windsysid.live.toml_table import Secret
 
 SECOND = 1_000_000_000
 
@@ -322,7 +322,7 @@ def test_a_broker_that_is_killed_and_a_service_that_is_away_lose_nothing(mosquit
 PUBLISHER = """
 import sys
 from tests.live.sources.test_mqtt import block_of
-from windsysid.live.source_settings import Broker
+from windsysid.live.configuration.source_settings import Broker
 from windsysid.live.sources.publisher import Publisher
 with Publisher(Broker(sys.argv[1]), buffer=sys.argv[2]) as publisher:
     publisher.send(*(block_of(k) for k in range(1, 31)))

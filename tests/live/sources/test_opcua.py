@@ -12,7 +12,7 @@ import pytest
 from tests.live.sources.conftest import Service, Taker
 from tests.live.sources.servers import free_port, wait_for
 from windsysid.errors import ConfigurationError
-from windsysid.live.source_settings import Certificates
+from windsysid.live.configuration.source_settings import Certificates
 from windsysid.live.sources.opcua import OpcuaSource, _number
 
 asyncua = pytest.importorskip("asyncua", reason="asyncua is not installed")

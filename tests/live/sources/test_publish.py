@@ -9,7 +9,7 @@ import pytest
 
 from tests.live.sources.conftest import Service
 from tests.live.sources.servers import Mosquitto
-from windsysid.live.codec import encode_json
+from windsysid.live.blocks.codec import encode_json
 from windsysid.live.sources.cutting import blocks_of
 from windsysid.live.sources.mqtt import MqttSource
 from windsysid.records.formats import write_record

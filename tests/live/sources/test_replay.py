@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from windsysid.errors import ConfigurationError, RecordError
-from windsysid.live.block import Block
-from windsysid.live.codec import BlockRefused
+from windsysid.live.blocks.block import Block
+from windsysid.live.blocks.codec import BlockRefused
 from windsysid.live.sources.cutting import begin_of, blocks_of, even_rate, moment_ns
 from windsysid.live.sources.replay import Replay, begin_or_now
 from windsysid.records.formats import write_record

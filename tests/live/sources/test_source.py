@@ -5,8 +5,8 @@ from concurrent.futures import Future
 
 import numpy as np
 
-from windsysid.live.block import Block
-from windsysid.live.codec import BlockRefused
+from windsysid.live.blocks.block import Block
+from windsysid.live.blocks.codec import BlockRefused
 from windsysid.live.sources.ring import Flow, PackedBlock, Ring
 from windsysid.live.sources.source import Commits, SourceState
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from windsysid.live.block import Block
+from windsysid.live.blocks.block import Block
 from windsysid.live.store.batch import CommitBatch, prepare
 from windsysid.live.store.contents import Commit, Status, StoredBlock
 from windsysid.live.store.database import one_line

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from windsysid.live.block import Block
+from windsysid.live.blocks.block import Block
 from windsysid.live.store.contents import Alarm, Commit, Result, SeriesLevel, Status, StoredBlock
 
 SECOND = 1_000_000_000

@@ -10,7 +10,7 @@ from scipy.io import savemat
 from tests.records.formats.helpers import refused, write
 from windsysid.errors import ConfigurationError
 from windsysid.records.formats import iterate_record, read_record
-from windsysid.records.formats.mapping import ChannelRule, Mapping, TimeRule
+from windsysid.records.formats.contents.mapping import ChannelRule, Mapping, TimeRule
 
 T = 300
 TIME = 0.01 * np.arange(T)

@@ -5,7 +5,7 @@ import xarray as xr
 from tests.records.formats.helpers import refused, write
 from windsysid.errors import RecordError, WindsysidError
 from windsysid.records.formats import read_record, write_record
-from windsysid.records.formats.mapping import Mapping, TimeRule
+from windsysid.records.formats.contents.mapping import Mapping, TimeRule
 from windsysid.records.moments import in_words
 from windsysid.records.record import Record
 

@@ -10,7 +10,7 @@ from tests.records.formats.helpers import write
 from windsysid.errors import RecordError
 from windsysid.inspection.proposal import propose_mapping
 from windsysid.records.formats import read_record
-from windsysid.records.formats.dates import fitting_formats
+from windsysid.records.formats.text.dates import fitting_formats
 
 TIME = np.arange(80) * 0.125
 MOMENTS = [pd.Timestamp("2024-01-13T11:59:55") + pd.Timedelta(seconds=t) for t in TIME]

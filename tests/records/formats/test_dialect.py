@@ -3,8 +3,8 @@
 import pytest
 
 from windsysid.errors import RecordError
-from windsysid.records.formats.dialect import find_layout
-from windsysid.records.formats.mapping import CsvRule
+from windsysid.records.formats.contents.mapping import CsvRule
+from windsysid.records.formats.text.dialect import find_layout
 
 
 def layout_of(text, rule=None):

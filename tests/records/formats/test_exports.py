@@ -7,7 +7,7 @@ import pytest
 from tests.records.formats.helpers import refused, table, text, write
 from windsysid.errors import ConfigurationError
 from windsysid.records.formats import iterate_record, load_mapping, read_record
-from windsysid.records.formats.mapping import CsvRule, Mapping, TimeRule
+from windsysid.records.formats.contents.mapping import CsvRule, Mapping, TimeRule
 
 TIME, VALUES = table()
 

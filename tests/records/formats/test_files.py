@@ -3,7 +3,7 @@
 import pytest
 
 from windsysid.errors import ConfigurationError, RecordError
-from windsysid.records.formats.files import reading
+from windsysid.records.formats.access.files import reading
 
 
 def test_what_a_library_raises_is_one_line_on_a_damaged_file():

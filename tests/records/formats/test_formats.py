@@ -7,7 +7,7 @@ import pytest
 
 from windsysid.errors import ConfigurationError, OutputError, RecordError
 from windsysid.records.formats import read_record, write_record
-from windsysid.records.formats.mapping import ChannelRule, Mapping
+from windsysid.records.formats.contents.mapping import ChannelRule, Mapping
 from windsysid.records.record import Record
 
 SHARED = Path(__file__).parents[4] / "shared" / "data"

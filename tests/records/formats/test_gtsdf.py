@@ -6,7 +6,7 @@ import pytest
 
 from tests.records.formats.helpers import refused
 from windsysid.records.formats import iterate_record, read_record
-from windsysid.records.formats.mapping import Mapping, TimeRule
+from windsysid.records.formats.contents.mapping import Mapping, TimeRule
 
 T = 300
 VALUES = np.random.default_rng(3).standard_normal((T, 3)).cumsum(axis=0)

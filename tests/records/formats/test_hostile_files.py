@@ -193,7 +193,7 @@ def nested(depth, *, packed=False):
 
 @pytest.mark.parametrize("packed", [False, True])
 def test_matlab_structures_in_structures_do_not_end_the_interpreter(tmp_path, packed, monkeypatch):
-    from windsysid.records.formats.probing import ProcessGuard
+    from windsysid.records.formats.access.probing import ProcessGuard
 
     monkeypatch.setattr(ProcessGuard, "on", False)
     refused(write(tmp_path, nested(20_000, packed=packed), "x.mat"), "MATLAB library crashes|is damaged")

@@ -32,7 +32,8 @@ def make(folder, name, rows=5000, gap=True):
 @pytest.fixture(autouse=True)
 def small_blocks(monkeypatch):
     """Blocks of a few rows, so that their seams are tested."""
-    from windsysid.records.formats import csv, netcdf, parquet, text
+    from windsysid.records.formats import csv, netcdf, parquet
+    from windsysid.records.formats.text import text
 
     plain = text.line_blocks
     monkeypatch.setattr(csv, "line_blocks", lambda *a, **k: plain(*a, **{"size": 1000, **k}))

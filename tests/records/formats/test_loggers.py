@@ -15,7 +15,7 @@ from tests.records.formats.helpers import refused, write
 from windsysid.errors import ConfigurationError
 from windsysid.inspection import inspect_record
 from windsysid.records.formats import iterate_record, read_record
-from windsysid.records.formats.mapping import ChannelRule, Mapping, TimeRule
+from windsysid.records.formats.contents.mapping import ChannelRule, Mapping, TimeRule
 
 T = 200
 VALUES = np.random.default_rng(8).standard_normal((T, 3))

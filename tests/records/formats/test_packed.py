@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from windsysid.records.formats.packed import open_packed
+from windsysid.records.formats.access.packed import open_packed
 
 
 def test_packed_numbers_are_taken_off_their_offset_and_then_scaled(tmp_path: Path):

@@ -8,7 +8,7 @@ import pytest
 from tests.records.formats.helpers import refused, write
 from windsysid.errors import OutputError, RecordError
 from windsysid.records.formats import read_record, write_record
-from windsysid.records.formats.mapping import Mapping, TimeRule, load_mapping
+from windsysid.records.formats.contents.mapping import Mapping, TimeRule, load_mapping
 from windsysid.records.record import Record
 
 pa = pytest.importorskip("pyarrow", reason="the extra windsysid[parquet] is not installed")

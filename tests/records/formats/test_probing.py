@@ -13,8 +13,9 @@ import pytest
 from validation.format_samples import SAMPLES, truth
 
 from tests.records.formats.helpers import refused
-from windsysid.records.formats import probing, read_record
-from windsysid.records.formats.probing import ProcessGuard
+from windsysid.records.formats import read_record
+from windsysid.records.formats.access import probing
+from windsysid.records.formats.access.probing import ProcessGuard
 
 T = 100
 

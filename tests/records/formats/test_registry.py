@@ -7,7 +7,7 @@ import pytest
 from tests.records.formats.helpers import refused, write
 from windsysid.errors import RecordError
 from windsysid.records.formats import FORMATS, read_record
-from windsysid.records.formats.format import package
+from windsysid.records.formats.contents.format import package
 
 
 def test_endings_are_written_in_small_letters_and_every_format_has_some():

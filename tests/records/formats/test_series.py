@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from windsysid.errors import RecordError
-from windsysid.records.formats.columns import Cell
-from windsysid.records.formats.mapping import Mapping
-from windsysid.records.formats.series import FileSeries, TimeGrid, source_of_series
-from windsysid.records.formats.source import gather
+from windsysid.records.formats.contents.columns import Cell
+from windsysid.records.formats.contents.mapping import Mapping
+from windsysid.records.formats.contents.series import FileSeries, TimeGrid, source_of_series
+from windsysid.records.formats.contents.source import gather
 
 
 def series(name, values, step, first=0.0):

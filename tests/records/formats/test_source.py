@@ -4,9 +4,16 @@ import numpy as np
 import pytest
 
 from windsysid.errors import RecordError
-from windsysid.records.formats.columns import Column
-from windsysid.records.formats.source import FileBlock, FileSource, gather, gather_section, indexed_source, pieces
-from windsysid.records.formats.source import without_repeats as kept_once
+from windsysid.records.formats.contents.columns import Column
+from windsysid.records.formats.contents.source import (
+    FileBlock,
+    FileSource,
+    gather,
+    gather_section,
+    indexed_source,
+    pieces,
+)
+from windsysid.records.formats.contents.source import without_repeats as kept_once
 
 TIME, VALUES = np.linspace(0.0, 4.9, 50), np.random.default_rng(1).standard_normal((50, 2))
 

@@ -6,8 +6,8 @@ from scipy.io import savemat
 
 from tests.records.formats.helpers import refused, write
 from windsysid.records.formats import read_record
-from windsysid.records.formats.columns import Cell, find_times, is_called_time
-from windsysid.records.formats.mapping import Mapping, TimeRule
+from windsysid.records.formats.contents.columns import Cell, find_times, is_called_time
+from windsysid.records.formats.contents.mapping import Mapping, TimeRule
 
 
 @pytest.mark.parametrize(

@@ -8,8 +8,8 @@ import xarray as xr
 from tests.records.formats.helpers import refused, write
 from windsysid.errors import ConfigurationError
 from windsysid.records.formats import iterate_record, read_record
-from windsysid.records.formats.mapping import Mapping, TimeRule
-from windsysid.records.formats.time_units import confirmed_unit
+from windsysid.records.formats.contents.mapping import Mapping, TimeRule
+from windsysid.records.formats.time.time_units import confirmed_unit
 
 SECONDS = {"ms": 1e-3, "µs": 1e-6, "min": 60.0, "h": 3600.0, "d": 86_400.0}
 

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from windsysid.results.finding import Finding
-from windsysid.spectral.lti.check import LEAST_RESONANCE, doubts_of, frequency_ranges
+from windsysid.spectral.lti.check import doubts_of, frequency_ranges
+from windsysid.spectral.lti.limits import MIN_RESONANCE_FREEDOM
 from windsysid.spectral.transforms.block_sums import BlockSums
 from windsysid.spectral.transforms.cross_spectra import pool, transform_block
 
@@ -59,6 +60,6 @@ def test_halves_of_unequal_loudness_are_a_doubt(noise: np.ndarray):
 
 
 def test_a_narrow_resonance_or_an_unfinished_search_is_a_doubt(noise: np.ndarray):
-    (narrow,) = judged(noise, decay=0.9 * LEAST_RESONANCE / 200.0)
+    (narrow,) = judged(noise, decay=0.9 * MIN_RESONANCE_FREEDOM / 200.0)
     assert narrow.code == "narrow_resonance"
     assert len(judged(noise, settled=False)) == 1

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from windsysid.spectral.modal_bands.check import is_flank, misfit, part_fits
+from windsysid.spectral.modal_bands.check import is_spurious, misfit, part_fits
 from windsysid.spectral.modal_bands.model import Modes
 from windsysid.spectral.modal_bands.model_order import BandFit
 from windsysid.spectral.modal_bands.scoring import score
@@ -30,10 +30,10 @@ def test_a_misfit_is_told_in_its_standard_deviations_and_its_place(found: BandFi
     assert where == pytest.approx(float(np.mean(found.band.frequency[100:125])))
 
 
-def test_a_clear_mode_inside_is_no_flank_and_one_outside_is(found: BandFit):
-    assert not is_flank(found, 0, LENGTH)
+def test_a_clear_mode_inside_is_real_and_one_outside_is_spurious(found: BandFit):
+    assert not is_spurious(found, 0, LENGTH)
     outside = found.fit._replace(modes=found.fit.modes._replace(frequency=np.array([1.3])))
-    assert is_flank(found._replace(fit=outside), 0, LENGTH)
+    assert is_spurious(found._replace(fit=outside), 0, LENGTH)
 
 
 def test_parts_with_too_few_bins_are_not_fitted(found: BandFit):

@@ -2,7 +2,7 @@
 
 import pytest
 
-from windsysid.spectral.modal_bands.peak_bands import LARGEST_GROUP, Peak, group_peaks, merge_peaks
+from windsysid.spectral.modal_bands.peak_bands import MAX_BAND_PEAKS, Peak, group_peaks, merge_peaks
 
 
 def peak(frequency: float, rise: float = 10.0, alone: bool = False) -> Peak:
@@ -25,7 +25,7 @@ def test_a_peak_that_is_to_be_alone_has_a_band_of_its_own():
 
 
 def test_no_group_is_larger_than_the_largest():
-    peaks = [peak(1.0 + 0.01 * i) for i in range(LARGEST_GROUP + 1)]
+    peaks = [peak(1.0 + 0.01 * i) for i in range(MAX_BAND_PEAKS + 1)]
     bands = group_peaks(peaks, 0.001, 0.1, 5.0)
-    assert [count for *_, count in bands] == [LARGEST_GROUP, 1]
+    assert [count for *_, count in bands] == [MAX_BAND_PEAKS, 1]
     assert bands[0][1] == pytest.approx(bands[1][0])

@@ -7,7 +7,7 @@ import windsysid as ws
 from windsysid.spectral.oma.assemble import RecordAnalysis
 from windsysid.spectral.oma.condition import prepare_readings, transforms
 from windsysid.spectral.oma.duplicate_records import find_duplicates
-from windsysid.spectral.oma.search import RecordSpectrum, SearchResult
+from windsysid.spectral.oma.search import RecordSpectrum, SearchedBands
 
 MOTION = np.random.default_rng(4).normal(size=(5000, 2))
 
@@ -16,7 +16,7 @@ def analysis(values: np.ndarray, name: str) -> RecordAnalysis:
     names = ("floor_1_acceleration", "floor_2_acceleration")
     record = ws.Record(np.arange(len(values)) / 10.0, values, names, ("m/s^2",) * 2, name=name)
     readings = prepare_readings(record, None)
-    return RecordAnalysis(record, readings, SearchResult(RecordSpectrum(readings, *transforms(readings)), (), ()), ())
+    return RecordAnalysis(record, readings, SearchedBands(RecordSpectrum(readings, *transforms(readings)), (), ()), ())
 
 
 @pytest.mark.parametrize(("shift", "found"), [(0, 1), (500, 1), (2000, 0)])

@@ -5,11 +5,11 @@ import pytest
 
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.spectral.rotor.build_parked import _bands, _given_amplitude, _grouped, _in_bands, pose_standing
-from windsysid.spectral.rotor.problem import Posed, Question
+from windsysid.spectral.rotor.problem import Posed, RotorQuestion
 from windsysid.statespace.gauss_markov import GaussMarkov
 
 
-def test_every_mode_has_a_band_around_it(question: Question, posed: Posed):
+def test_every_mode_has_a_band_around_it(question: RotorQuestion, posed: Posed):
     for name in question.turbine.model.coordinates:
         assert any(low < question.frequency(name) < high for low, high in posed.bands)
 
@@ -20,7 +20,7 @@ def test_bins_are_those_of_the_bands(posed: Posed):
     assert len(posed.model.data) == len(posed.model.counts)
 
 
-def test_bands_that_meet_are_one(question: Question):
+def test_bands_that_meet_are_one(question: RotorQuestion):
     lifted = question.lifted(0)
     assert len(_bands([0.3, 0.35], lifted)) == 1
     assert len(_bands([0.3, 1.5], lifted)) == 2
@@ -45,7 +45,7 @@ def test_the_amplitude_of_the_files_load_is_that_of_its_spectrum():
         _given_amplitude([load], "load_y", 0.3)
 
 
-def test_a_record_of_few_bins_is_refused(question: Question):
+def test_a_record_of_few_bins_is_refused(question: RotorQuestion):
     short = question._replace(readings=question.readings[:250], inputs=question.inputs[:250])
     with pytest.raises(RecordError, match="longer record"):
         pose_standing(short, ())

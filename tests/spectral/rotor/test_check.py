@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from windsysid.spectral.rotor.check import Part, parts_of, unsteady
+from windsysid.spectral.rotor.check import RangePower, parts_of, unsteady
 
 
-def part(low: float, energy: float, channel: str = "tower_x_acceleration") -> Part:
+def part(low: float, energy: float, channel: str = "tower_x_acceleration") -> RangePower:
     """A range of 0.1 Hz in which many independent entries were read."""
-    return Part(channel, low, low + 0.1, 1.0, 0.1, energy, 200.0)
+    return RangePower(channel, low, low + 0.1, 1.0, 0.1, energy, 200.0)
 
 
 def test_a_range_that_one_half_lacks_is_not_compared():
@@ -33,7 +33,7 @@ def test_halves_whose_harmonics_lie_elsewhere_are_compared_where_both_have_bins(
     rng, frequency = np.random.default_rng(4), np.linspace(0.2, 0.8, 600)
     ranges = [(0.2, 0.4), (0.4, 0.6), (0.6, 0.800001)]
 
-    def half(level: float, left_out: tuple[float, float]) -> list[Part]:
+    def half(level: float, left_out: tuple[float, float]) -> list[RangePower]:
         power = level * rng.exponential(size=frequency.size)
         power[(frequency > left_out[0]) & (frequency < left_out[1])] = np.nan
         return parts_of(power, np.ones(frequency.size), frequency, "tower_x_acceleration", ranges, 1.0, 4.0)

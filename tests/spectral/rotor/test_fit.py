@@ -5,24 +5,24 @@ import pytest
 
 from windsysid.identification.model.tolerances import in_numbers, tolerances_of
 from windsysid.mechanics.compile import compile_model
-from windsysid.spectral.rotor.fit import Fit, admit, fit
-from windsysid.spectral.rotor.problem import Posed, Question
+from windsysid.spectral.rotor.fit import RotorFit, admit, fit
+from windsysid.spectral.rotor.problem import Posed, RotorQuestion
 from windsysid.turbine.file import load_turbine
 
 
 @pytest.fixture(scope="module")
-def found(posed: Posed) -> Fit:
+def found(posed: Posed) -> RotorFit:
     return fit(posed.model, posed.start, smoothed=posed.smoothed, enough=1e-8)
 
 
-def test_no_slope_of_the_log_posterior_is_left_at_the_mode(found: Fit):
+def test_no_slope_of_the_log_posterior_is_left_at_the_mode(found: RotorFit):
     mean, std = found.model.prior
     gradient = found.model.likelihood(found.unknowns).gradient + (found.unknowns - mean) / std**2
     assert found.settled
     assert np.all(np.abs(gradient) * np.sqrt(np.diag(found.cov)) < 1e-2)
 
 
-def test_covariance_and_evidence_are_laplaces(found: Fit):
+def test_covariance_and_evidence_are_laplaces(found: RotorFit):
     mean, std = found.model.prior
     information = found.model.likelihood(found.unknowns).information + np.diag(std**-2.0)
     np.testing.assert_allclose(found.cov @ information, np.eye(len(std)), atol=1e-2)
@@ -33,7 +33,7 @@ def test_covariance_and_evidence_are_laplaces(found: Fit):
     assert found.evidence_at(2.0 * found.model.overlap) == pytest.approx(doubled)
 
 
-def test_a_tolerance_of_mass_widens_a_stiffness_by_as_much(found: Fit, question: Question):
+def test_a_tolerance_of_mass_widens_a_stiffness_by_as_much(found: RotorFit, question: RotorQuestion):
     turbine = load_turbine("tower")
     names = [q.name for q in question.parameters]
     tolerances = tolerances_of(turbine, turbine.sensors, names)

@@ -5,7 +5,7 @@ import pytest
 
 from windsysid.spectral.rotor import likelihood as module
 from windsysid.spectral.rotor.kernel_dense import elements_of, entries_at, places_of, spectra_dense
-from windsysid.spectral.rotor.kernel_sparse import FEW
+from windsysid.spectral.rotor.kernel_sparse import MAX_LOOP_ENTRIES
 from windsysid.spectral.rotor.likelihood import Ingredients, ModelSpectrum, spectrum_of_bins, times_sources, whittle
 from windsysid.spectral.rotor.load_spectra import SourceSpectra
 from windsysid.spectral.rotor.problem import Posed
@@ -21,7 +21,7 @@ def spectra_of(rng: np.random.Generator, e: int) -> np.ndarray:
     return X @ X.conj().swapaxes(1, 2) + np.eye(e)
 
 
-@pytest.mark.parametrize("entries", [3, FEW + 2])
+@pytest.mark.parametrize("entries", [3, MAX_LOOP_ENTRIES + 2])
 def test_value_gradient_and_information_are_whittles(entries: int):
     rng = np.random.default_rng(1)
     S, A = spectra_of(rng, entries), np.array([spectra_of(rng, entries) for _ in range(2)])

@@ -5,15 +5,15 @@ import pytest
 
 from windsysid.loads.statistics import values_of
 from windsysid.spectral.rotor.load_spectra import BroadbandLoads, coherence_table, slopes_by_differences
-from windsysid.spectral.rotor.problem import Question
+from windsysid.spectral.rotor.problem import RotorQuestion
 
 
 @pytest.fixture(scope="module")
-def loads(question: Question) -> BroadbandLoads:
+def loads(question: RotorQuestion) -> BroadbandLoads:
     return BroadbandLoads(question.loads, question.turbine.model, np.array([[0.1], [0.4]]))
 
 
-def test_a_broadband_load_has_the_spectrum_of_a_first_order_process(loads: BroadbandLoads, question: Question):
+def test_a_broadband_load_has_the_spectrum_of_a_first_order_process(loads: BroadbandLoads, question: RotorQuestion):
     values = values_of(loads.statistics, np.zeros(len(loads.statistics)))
     f = np.array([0.1, 0.4])
     found = loads.spectra(values).own

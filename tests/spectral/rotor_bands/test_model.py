@@ -7,7 +7,7 @@ import numpy as np
 
 from windsysid.loads.statistics import Statistic
 from windsysid.spectral.rotor.likelihood import Likelihood
-from windsysid.spectral.rotor_bands.model import Band, BandModel
+from windsysid.spectral.rotor_bands.model import BandModel, RotorBand
 from windsysid.statespace.unknowns import Unknowns
 
 
@@ -20,7 +20,7 @@ def band(name: str, given: float, count: int = 1) -> Any:
         matrices=lambda unknowns, slopes: None,
         likelihood=lambda u, every, matrices: Likelihood(float(u @ u), 2.0 * u, 2.0 * np.eye(size)),
     )  # fmt: skip
-    return Band(model, None, ())  # type: ignore[arg-type]
+    return RotorBand(model, None, ())  # type: ignore[arg-type]
 
 
 def test_each_band_has_the_shared_unknowns_and_its_own():

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from windsysid.spectral.rotor_bands.peak_search import STEP, Trace, best_of
+from windsysid.spectral.rotor_bands.peak_search import FREQUENCY_STEP, Trace, best_of
 
-FREQUENCY = 0.5 * np.exp(STEP * np.arange(400))
+FREQUENCY = 0.5 * np.exp(FREQUENCY_STEP * np.arange(400))
 
 
 def gains(*places: int) -> Trace:
@@ -26,7 +26,7 @@ def test_the_peak_nearby_is_found_and_without_one_the_place_itself():
 
 
 def test_a_widened_trace_has_the_greatest_gain_within_reach():
-    found = gains(200).widened(3.0 * STEP)
+    found = gains(200).widened(3.0 * FREQUENCY_STEP)
     np.testing.assert_array_equal(np.flatnonzero(found.gain), np.arange(197, 204))
 
 

@@ -32,11 +32,11 @@ from windsysid.turbine.turbine import Turbine
 __all__ = ["BlockwiseConditioner", "ConditionedSamples"]
 
 SMOOTHING = 8.0
-"""Seconds that the slopes of azimuth and yaw look ahead and back at most (`windsysid.signals.yaw`,
+"""Setting: seconds that the slopes of azimuth and yaw look ahead and back at most (`windsysid.signals.yaw`,
 `windsysid.signals.rotor`)."""
 
 RESAMPLING = 50.0
-"""The same for resampling, in samples of the lower rate (`windsysid.signals.condition`)."""
+"""Setting: samples of the lower rate that resampling looks ahead and back at most (`windsysid.signals.condition`)."""
 
 
 class ConditionedSamples(NamedTuple):

@@ -9,6 +9,11 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.filters import Info
+from windsysid.identification.limits import (
+    MAX_RADIANS_PER_READING,
+    MAX_RADIANS_PER_UNREFINED_STEP,
+    MIN_SAMPLES_PER_PERIOD,
+)
 from windsysid.identification.model.fit import PART_OF, Outcome
 from windsysid.inspection import MIN_SAMPLES
 from windsysid.inspection.channels import VIBRATION, kinds
@@ -43,24 +48,12 @@ __all__ = [
 TAKEN_AS_MISSING = frozenset({"frozen", "silent", "spikes"})
 """Kinds of faults whose readings are left out."""
 
-FEWEST_PER_PERIOD = 2.5
-"""Samples per period of the slowest mode below which nothing of it is left in a resampled record."""
-
 MAX_STEP = 0.31
-"""Longest step of the equations, times the highest natural frequency [rad].
+"""Numerical: longest step of the equations, times the highest natural frequency [rad].
 
 The Runge–Kutta method is fast by a share (ωh)⁴/60 of a mode's stiffness: 0.015 %, a tenth of the standard deviation
 that ten minutes leave of a mode with 1 % damping at some hertz.
 """
-
-MAX_READING = 2.5
-"""Longest time between readings, times the highest natural frequency [rad]: two and a half readings for each period."""
-
-MAX_UNREFINED_STEP = 0.6
-"""The same where the equations cannot take shorter steps than readings."""
-
-MAX_READING_OF_SPECTRA = 1.3
-"""The same of spectra, which take no steps: what is faster than half the rate hardly reaches down to the modes."""
 
 
 def add_noise(record: Record, channels: Sequence[str], percent: float, seed: int) -> tuple[Record, dict[str, float]]:
@@ -278,7 +271,7 @@ def _check_rate(duration: float, turbine: Turbine, rate: float) -> None:
     """Refuse a rate whose low-pass, flat to 0.4 of it, takes every mode out of the record, or that leaves next to no
     readings."""
     slowest = turbine.slowest_frequency / (2.0 * math.pi)
-    least = max(FEWEST_PER_PERIOD * slowest, MIN_SAMPLES / duration)
+    least = max(MIN_SAMPLES_PER_PERIOD * slowest, MIN_SAMPLES / duration)
     if rate < least:
         periods = duration * slowest
         left = (
@@ -304,7 +297,7 @@ def thin_to_readings(outcome: Outcome, steps: int) -> Outcome:
 
 
 def check_length(
-    name: str, duration: float, rate: float, turbine: Turbine, longest: float = MAX_UNREFINED_STEP
+    name: str, duration: float, rate: float, turbine: Turbine, longest: float = MAX_RADIANS_PER_UNREFINED_STEP
 ) -> None:
     """Refuse a record that is too short [s], or read too slowly [Hz], for the turbine's modes; `longest` as for
     `check_readings`."""
@@ -327,7 +320,7 @@ def check_length(
     check_readings(name, rate, turbine, longest)
 
 
-def check_readings(name: str, rate: float, turbine: Turbine, longest: float = MAX_READING) -> None:
+def check_readings(name: str, rate: float, turbine: Turbine, longest: float = MAX_RADIANS_PER_READING) -> None:
     """Refuse a record that is read too slowly [Hz] for the fastest mode, `longest` [rad] of it from reading to
     reading."""
     fastest = max(turbine.natural_frequency(coordinate) for coordinate in turbine.model.coordinates)

@@ -26,7 +26,7 @@ Samples = Iterable[Block]
 """Blocks in order, the same each time: a list of blocks, or `SamplesOnDisk`."""
 
 MAX_BLOCK = 100_000
-"""Samples read back at once, which bound memory, and innovations that are judged together."""
+"""Setting: samples read back at once, which bound memory, and innovations that are judged together."""
 
 
 def split_evenly(count: int, every: int = 1) -> list[slice]:

@@ -6,14 +6,12 @@ from dataclasses import replace
 import numpy as np
 
 from windsysid.errors import RecordError
+from windsysid.identification.limits import MAX_RATE_MISMATCH
 from windsysid.inspection.fault import Fault
 from windsysid.inspection.screening import screen
 from windsysid.records.record import Record
 
 __all__ = ["SegmentReader", "require_alike", "steps_after"]
-
-MAX_RATE_ERROR = 0.01
-"""Relative difference between the sampling rates of two segments: rounded time stamps make less."""
 
 
 class SegmentReader:
@@ -47,7 +45,7 @@ class SegmentReader:
 
 def require_alike(segment: Record, rate: float, channels: Sequence[str] = ()) -> None:
     """Refuse a segment of another rate than that of the first [Hz], or without its channels."""
-    if abs(segment.rate / rate - 1.0) > MAX_RATE_ERROR:
+    if abs(segment.rate / rate - 1.0) > MAX_RATE_MISMATCH:
         raise RecordError(f"{segment.name}: expected pieces of {rate:.6g} Hz, got one of {segment.rate:.6g} Hz")
     missing = [channel for channel in channels if channel not in segment]
     if missing:

@@ -7,6 +7,7 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.errors import RecordError
+from windsysid.identification.limits import MAX_MISSING_SHARE
 from windsysid.identification.model.fit import known_inputs
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
@@ -16,9 +17,6 @@ from windsysid.turbine.turbine import Turbine
 
 __all__ = ["SpectralSamples", "read_bridged"]
 
-GAPS = 0.01
-"""Share of a channel that may be missing: so little is bridged by straight lines."""
-
 
 def read_bridged(record: Record, channels: Sequence[str], notes: list[Finding]) -> Array:
     """What channels hold (T, m), short gaps bridged, which `notes` then say.
@@ -26,15 +24,15 @@ def read_bridged(record: Record, channels: Sequence[str], notes: list[Finding]) 
     Raises
     ------
     RecordError
-        If more than `GAPS` of a channel is missing.
+        If more than `MAX_MISSING_SHARE` of a channel is missing.
     """
     columns = []
     for name in channels:
         values = record[name]
         missing = ~np.isfinite(values)
-        if missing.mean() > GAPS:
+        if missing.mean() > MAX_MISSING_SHARE:
             raise RecordError(
-                f"channel '{name}': expected at most {100 * GAPS:g} % missing samples for spectra, got "
+                f"channel '{name}': expected at most {100 * MAX_MISSING_SHARE:g} % missing samples for spectra, got "
                 f"{100 * missing.mean():.3g} %: choose another section, or the joint formulation"
             )
         if missing.any():

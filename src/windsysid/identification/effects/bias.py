@@ -14,9 +14,10 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.identification.effects.regression import RegressorEffect
-from windsysid.identification.effects.score_test import Candidate
-from windsysid.identification.estimate.linearisation import Column, Linearisation
+from windsysid.identification.effects.score_test import RegressorCandidate
+from windsysid.identification.estimate.linearisation import Linearisation, RegressorColumn
 from windsysid.identification.job import Job
+from windsysid.identification.limits import NEGLIGIBLE_SHARE, OUTLIER_SIGMAS
 from windsysid.identification.model.effect import Effect
 from windsysid.identification.model.fit import Outcome, known_inputs
 from windsysid.identification.model.regressor import Constant, Term
@@ -29,20 +30,14 @@ from windsysid.turbine.turbine import Turbine
 
 __all__ = ["Biases", "SensorBias", "SmallBias", "find_biases"]
 
-SIGMAS = 5.0
-"""Standard deviations of the mean by chance, beyond which it is an offset."""
+SLOW_PERIODS = (1, 23)
+"""Setting: periods in a record, from and to, of the slow variations that tell what chance does to a mean."""
 
-NEIGHBOURS = (3, 23)
-"""Periods in a record, from and to, of the slow variations that tell what chance does to a mean."""
+SLOW_SHARE = 0.5
+"""Setting: share of the slowest mode's frequency below which variations are slow."""
 
-SLOW = 0.5
-"""Of the slowest mode's frequency, below which they are."""
-
-LEAST = 0.1
-"""Of the noise of one sample: an offset below hardly shows."""
-
-AT_REST = 2000
-"""Samples, at most, at which the machine at rest is read."""
+MAX_SAMPLES_AT_REST = 2000
+"""Setting: samples, at most, at which the machine at rest is read."""
 
 
 @dataclass(frozen=True)
@@ -90,10 +85,10 @@ class SmallBias(RegressorEffect):
 
     code = "bias"
 
-    def candidates(self, at: Linearisation) -> Sequence[Candidate]:
+    def candidates(self, at: Linearisation) -> Sequence[RegressorCandidate]:
         """One candidate for each channel whose sensor has no bias."""
         return [
-            Candidate(self.code, sensor.channel, (Column(row, Constant()),))
+            RegressorCandidate(self.code, sensor.channel, (RegressorColumn(row, Constant()),))
             for row, sensor in enumerate(at.problem.sensors)
             if not (sensor.bias or sensor.drift)
         ]
@@ -112,13 +107,13 @@ def find_biases(record: Record, turbine: Turbine, sensors: Sequence[Sensor]) -> 
     turbine = seen_by(turbine, sensors, [])
     inputs, turning = known_inputs(record, turbine, sensors), "rotor_azimuth" in turbine.model.inputs
     psi = np.unwrap(inputs[:, turbine.model.inputs.index("rotor_azimuth")]) if turning else np.zeros(len(inputs))
-    some = slice(None, None, max(1, record.samples // AT_REST))
+    some = slice(None, None, max(1, record.samples // MAX_SAMPLES_AT_REST))
     at_rest = _at_rest(turbine, sensors, inputs[some])
     sizes = {}
     for i, sensor in asked:
         off = _mean(record[sensor.channel], psi) - _mean(at_rest[:, i], psi[some])
         chance = _chance(record[sensor.channel], record.duration * turbine.slowest_frequency / (2.0 * np.pi))
-        if abs(off) > max(SIGMAS * chance, LEAST * sensor.noise):
+        if abs(off) > max(OUTLIER_SIGMAS * chance, NEGLIGIBLE_SHARE * sensor.noise):
             sizes[sensor.channel] = off
     return Biases(sizes, {s.channel: s.unit for s in sensors}) if sizes else None
 
@@ -154,7 +149,7 @@ def _chance(readings: Array, periods: float) -> float:
     """Standard deviation of a mean, from how strong slow variations are, of a record of so many periods of the slowest
     mode."""
     known, weight = _weighed(readings)
-    counts = np.arange(NEIGHBOURS[0], max(min(NEIGHBOURS[1], SLOW * periods), NEIGHBOURS[0] + 1))
+    counts = np.arange(SLOW_PERIODS[0], max(min(SLOW_PERIODS[1], SLOW_SHARE * periods), SLOW_PERIODS[0] + 1))
     mean = float(weight @ known / weight.sum())
     off, turn = weight * (known - mean), 2j * np.pi * np.arange(len(readings)) / len(readings)
     return float(np.sqrt(np.mean([abs(np.exp(count * turn) @ off) ** 2 for count in counts])) / weight.sum())

@@ -22,7 +22,8 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.errors import RecordError
 from windsysid.identification.job import FittedJob, Job
-from windsysid.identification.model.drift import CLEAR, Drift
+from windsysid.identification.limits import MIN_AMPLITUDE_OVER_SCATTER, MIN_DRIFT_WINDOWS, MIN_EFFECT_SIGMAS
+from windsysid.identification.model.drift import Drift
 from windsysid.identification.model.effect import Detection, Effect
 from windsysid.identification.model.fit import Outcome
 from windsysid.mechanics.sensors import TOWER_LOGGER, Sensor
@@ -33,14 +34,11 @@ from windsysid.turbine.turbine import Turbine
 
 __all__ = ["ClockDrift", "ClockDrifts", "drifts_in", "find_drift", "left_over", "persists", "together"]
 
-TURNS, FEWEST, MOST = 5.0, 6, 40
-"""Turns of a window at least; windows of a record at least and at most."""
-
-STEADY = 10.0
-"""How many times the amplitude that repeats in every turn must be as large as it scatters from window to window."""
+TURNS_PER_WINDOW, MAX_WINDOWS = 5.0, 40
+"""Setting: turns of a window at least; windows of a record at most."""
 
 FINER = 8
-"""Values between which a shifted one is interpolated, to each that was read."""
+"""Numerical: values between which a shifted one is interpolated, to each that was read."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +114,7 @@ def persists(left: Sequence[Drift], before: Sequence[Drift]) -> bool:
     """Whether more than half of a drift is left, beyond chance, where it was put back: something else looked like
     one."""
     was = {one.logger: abs(one.rate) for one in before}
-    return any(abs(one.rate) > max(CLEAR * one.std, 0.5 * was.get(one.logger, math.inf)) for one in left)
+    return any(abs(one.rate) > max(MIN_EFFECT_SIGMAS * one.std, 0.5 * was.get(one.logger, math.inf)) for one in left)
 
 
 def together(drifts: Sequence[Drift], more: Sequence[Drift]) -> tuple[Drift, ...]:
@@ -152,8 +150,8 @@ def find_drift(record: Record, channels: Sequence[str], usual_speed: float) -> t
     mean = abs(float(speed.mean()))
     if mean <= STANDING_MAX_SPEED:
         return None
-    count = min(MOST, int(record.duration * mean / (2.0 * math.pi * TURNS)))
-    if count < FEWEST:
+    count = min(MAX_WINDOWS, int(record.duration * mean / (2.0 * math.pi * TURNS_PER_WINDOW)))
+    if count < MIN_DRIFT_WINDOWS:
         return None
     bounds = np.linspace(0, record.samples, count + 1).astype(int)
     wave = np.exp(-1j * psi)
@@ -163,14 +161,14 @@ def find_drift(record: Record, channels: Sequence[str], usual_speed: float) -> t
         if not np.isfinite(amplitudes).any():
             continue
         usual, scatter = np.nanmean(amplitudes), float(np.nanstd(np.abs(amplitudes)))
-        if not abs(usual) > STEADY * scatter:
+        if not abs(usual) > MIN_AMPLITUDE_OVER_SCATTER * scatter:
             continue
         off = -np.angle(amplitudes / usual) / mean
         known = np.isfinite(off)
         centres.append(0.5 * (record.time[bounds[:-1]] + record.time[bounds[1:] - 1])[known])
         late.append(off[known])
         weights.append(np.full(known.sum(), (abs(usual) / max(scatter, 1e-12 * abs(usual))) ** 2))
-    if not centres or sum(map(len, centres)) < FEWEST:
+    if not centres or sum(map(len, centres)) < MIN_DRIFT_WINDOWS:
         return None
     return _line(np.concatenate(centres), np.concatenate(late), np.concatenate(weights))
 
@@ -204,7 +202,7 @@ def _moved(time: Array, values: Array, late: Array) -> Array:
     from scipy.signal import resample
 
     known = np.isfinite(values)
-    if known.sum() < FEWEST:
+    if known.sum() < MIN_DRIFT_WINDOWS:
         return values
     whole = np.interp(time, time[known], values[known])
     line = np.polynomial.Polynomial.fit(time, whole, 1)

@@ -9,13 +9,14 @@ import numpy as np
 
 from windsysid.checks.lines import READINGS_REACH, TURNING_SHARE, Line
 from windsysid.checks.verdict import found_line
-from windsysid.identification.effects.sinusoid import APART, Sine, find_sine, find_turning, one_turn, turned
+from windsysid.identification.effects.sinusoid import Sine, find_sine, find_turning, one_turn, turned
 from windsysid.identification.effects.sinusoidal_force import Sinusoids, forces_of
 from windsysid.identification.estimate.influence import doubt_line, doubt_sine, is_harmless
 from windsysid.identification.estimate.modal_residuals import line_of
 from windsysid.identification.estimate.modes import modes_of
 from windsysid.identification.estimate.time_domain import innovations_of
 from windsysid.identification.job import FittedJob, Job
+from windsysid.identification.limits import RESOLUTION_BINS, SINUSOID_DIGITS
 from windsysid.identification.model.effect import Detection, Effect
 from windsysid.identification.model.prior import Prior
 from windsysid.loads.family import Broadband
@@ -44,7 +45,7 @@ class Sinusoid(Effect):
         sines = [find_sine(read, job.turbine, fit.sensors, *line) for line in seen.candidates(fit)]
         new = _unknown([sine for sine in sines if sine is not None], known, part.duration)
         if new:
-            return Detection(judged, Sinusoids((*_sines(known), *new)), STEADY)
+            return Detection(judged, Sinusoids((*_sines(known), *new)), SINUSOID_DIGITS)
         if job.filtered and _are_waves(known) and _turns(job, fit):
             return _as_forces(job, fit, judged, _sines(known))
         return Detection(judged)
@@ -85,10 +86,6 @@ def sinusoids_in(job: Job) -> Sinusoids | None:
     """The sinusoids that a job includes."""
     included = job.included(Sinusoid.code)
     return included if isinstance(included, Sinusoids) else None
-
-
-STEADY = 5.0
-"""Odds: decimal digits of the chance that a line of the periodogram is as steady as `find_sine` asks."""
 
 
 class _Lines(NamedTuple):
@@ -165,7 +162,7 @@ def _are_waves(known: Sinusoids | None) -> bool:
 
 def _unknown(found: Sequence[Sine], known: Sinusoids | None, duration: float) -> list[Sine]:
     """Sinusoids that are not included yet, each once."""
-    new, apart = list[Sine](), APART / duration
+    new, apart = list[Sine](), RESOLUTION_BINS / duration
     for sine in found:
         if not any(sine.same_as(other, apart) for other in (*_sines(known), *new)):
             new.append(sine)

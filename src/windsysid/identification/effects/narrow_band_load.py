@@ -20,7 +20,8 @@ from windsysid.identification.estimate.narrow_band_alternative import (
 )
 from windsysid.identification.estimate.prior_conflict import with_wide_priors
 from windsysid.identification.job import FittedJob, Job
-from windsysid.identification.model.agreement import DISAGREEMENT, compare, disagreement
+from windsysid.identification.limits import MAX_DISAGREEMENT_SIGMAS
+from windsysid.identification.model.agreement import compare, disagreement
 from windsysid.identification.model.effect import Detection, Effect
 from windsysid.identification.model.fit import Outcome
 from windsysid.loads.family import Broadband
@@ -89,7 +90,7 @@ class NarrowBandLoad(Effect):
         if after.outcome.hypothesis != NarrowBand.name:
             return after.with_rivals(*doubts_of_narrow_band(included.alternative, asked=Broadband.name))
         name, off = compare(after.outcome, found.start.outcome)
-        against = [disagreement(name, off, after.outcome, job.turbine)] if off > DISAGREEMENT else []
+        against = [disagreement(name, off, after.outcome, job.turbine)] if off > MAX_DISAGREEMENT_SIGMAS else []
         doubts = doubts_of_narrow_band(included.alternative, asked="auto")
         return after.noting(note_narrow_band(included.alternative), *doubts, *against)
 

@@ -19,6 +19,7 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.identification.job import Job
+from windsysid.identification.limits import MIN_DRIFT_LOG_ODDS, MIN_SLOW_FREQUENCIES, MIN_TREND_POWER
 from windsysid.identification.model.effect import Effect
 from windsysid.identification.model.fit import Outcome
 from windsysid.mechanics.sensors import Accelerometer, Sensor
@@ -28,27 +29,17 @@ from windsysid.turbine.turbine import Turbine
 
 __all__ = ["RandomWalkBias", "RandomWalkBiases", "find_random_walks"]
 
-SLOW = 0.5
-"""Of the slowest mode's and the rotor's frequency, below which readings are slow."""
+SLOW_SHARE = 0.5
+"""Setting: share of the slowest mode's and the rotor's frequency below which readings are slow."""
 
-FIRST = 3
-"""Periods in a record of the slowest variation that tells a drift; what is slower is taken out where there is one."""
-
-FEWEST = 12
-"""Frequencies that are needed."""
-
-CLEAR = 12.0
-"""Log likelihood by which drifts have to explain the slow readings of like sensors better."""
-
-TREND = 100.0
-"""Power of what varies less than `FIRST` times over the record, over what varies up to twice as fast, that is a trend:
-chance alone leaves 45 once in ten thousand."""
+SLOWEST_PERIODS = 3
+"""Setting: periods in a record of the slowest variation that shows a drift; slower ones are taken out with it."""
 
 ROUNDS = 300
-"""Of multiplicative updates (Févotte, Bertin & Durrieu 2009, doi:10.1162/neco.2008.04-08-771)."""
+"""Numerical: multiplicative updates (Févotte, Bertin & Durrieu 2009, doi:10.1162/neco.2008.04-08-771)."""
 
 SETTLED = 10.0
-"""Seconds of a drift that make the offset at the beginning."""
+"""Setting: seconds of a drift that make the offset at the beginning."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +51,7 @@ class RandomWalkBiases:
     drifts
         For each channel the standard deviation of a random walk after one second, and its bias at the beginning.
     detrended
-        Channels without what varies less than `FIRST` times over the record.
+        Channels without what varies less than `SLOWEST_PERIODS` times over the record.
     units
         Of the channels.
     """
@@ -117,13 +108,13 @@ def find_random_walks(
     `leaning`."""
     slowest = turbine.slowest_frequency / (2.0 * np.pi)
     once = abs(turbine.rotor_speed) / (2.0 * np.pi)
-    below = SLOW * (min(slowest, once) if once > 0.0 else slowest)
-    if below * record.duration < 2 * FIRST:  # what is slow is the motion
+    below = SLOW_SHARE * (min(slowest, once) if once > 0.0 else slowest)
+    if below * record.duration < 2 * SLOWEST_PERIODS:  # what is slow is the motion
         return None
     drifts, detrended = dict[str, tuple[float, float]](), list[str]()
     for group in _alike(sensors, leaning):
         found = [_wandering(record[sensor.channel], record.rate, below, slowest) for sensor in group]
-        if sum(clear for clear, _ in found) < CLEAR:
+        if sum(clear for clear, _ in found) < MIN_DRIFT_LOG_ODDS:
             detrended += [sensor.channel for sensor in group if _trends(record[sensor.channel])]
             continue
         for sensor, (_, drift) in zip(group, found, strict=True):
@@ -146,8 +137,8 @@ def _wandering(readings: Array, rate: float, below: float, at: float) -> tuple[f
     """By how much log likelihood a random walk or flicker explains readings (T,) better below a frequency [Hz], and the
     standard deviation after one second of the random walk that is as strong at another one."""
     n = len(readings)
-    first, last = FIRST, int(below * n / rate)
-    if last - first < FEWEST:
+    first, last = SLOWEST_PERIODS, int(below * n / rate)
+    if last - first < MIN_SLOW_FREQUENCIES:
         return 0.0, 0.0
     known = np.isfinite(readings)
     weight = np.where(known, np.sin(np.pi * (np.arange(n) + 0.5) / n) ** 2, 0.0)
@@ -174,18 +165,18 @@ def _explained(power: Array, shapes: Array) -> tuple[float, Array]:
 
 
 def _trends(readings: Array) -> bool:
-    """Whether what varies less than `FIRST` times over the record is much stronger than what varies a little faster."""
+    """Whether variations of fewer than `SLOWEST_PERIODS` periods are much stronger than those a little faster."""
     known = np.isfinite(readings)
-    terms = _slow_terms(len(readings), 4 * FIRST)[:, 1:]
+    terms = _slow_terms(len(readings), 4 * SLOWEST_PERIODS)[:, 1:]
     share = np.linalg.lstsq(terms[known], readings[known] - np.mean(readings[known]), rcond=None)[0]
-    slow, faster = np.mean(share[: 2 * FIRST] ** 2), np.mean(share[2 * FIRST :] ** 2)
-    return bool(slow > TREND * faster)
+    slow, faster = np.mean(share[: 2 * SLOWEST_PERIODS] ** 2), np.mean(share[2 * SLOWEST_PERIODS :] ** 2)
+    return bool(slow > MIN_TREND_POWER * faster)
 
 
 def _without_trend(readings: Array) -> Array:
-    """Readings without what varies less than `FIRST` times over the record; their mean stays."""
+    """Readings without what varies less than `SLOWEST_PERIODS` times over the record; their mean stays."""
     known = np.isfinite(readings)
-    terms = _slow_terms(len(readings), 2 * FIRST)
+    terms = _slow_terms(len(readings), 2 * SLOWEST_PERIODS)
     share = np.linalg.lstsq(terms[known], readings[known], rcond=None)[0]
     return np.asarray(readings - terms[:, 1:] @ share[1:])
 

@@ -12,25 +12,14 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from windsysid.identification.effects.score_test import Candidate, ScoreTest, promising, score_tests
-from windsysid.identification.estimate.linearisation import Column, Linearisation, linearise
+from windsysid.identification.effects.score_test import RegressorCandidate, ScoreTest, promising, score_tests
+from windsysid.identification.estimate.linearisation import Linearisation, RegressorColumn, linearise
 from windsysid.identification.job import FittedJob, Job
+from windsysid.identification.limits import MIN_LOG_STD_CHANGE, MIN_NUISANCE_SHIFT_SIGMAS, MIN_SHIFT_SIGMAS, P_EFFECT
 from windsysid.identification.model.effect import Detection, Effect
 from windsysid.identification.model.regressor import Regressors, Term
 
-__all__ = ["P_EFFECT", "Regression", "RegressorEffect"]
-
-P_EFFECT = 1e-3
-"""Probability: share of records without any of these effects in which one is included; each test has an equal share."""
-
-MATTERS = 0.2
-"""Size: shift of an estimate, in standard deviations, from which on an effect is included, and its size estimated
-again. An error of that size widens a band by 2 %."""
-FAR = 1.0
-"""Size: the same for statistics of loads and for tolerances, which coefficients follow."""
-
-RESIZED_STD = 0.3
-"""Size: the same for the logarithm of the standard deviation of a size."""
+__all__ = ["Regression", "RegressorEffect"]
 
 
 class RegressorEffect:
@@ -38,7 +27,7 @@ class RegressorEffect:
 
     code: ClassVar[str]
 
-    def candidates(self, at: Linearisation) -> Sequence[Candidate]:
+    def candidates(self, at: Linearisation) -> Sequence[RegressorCandidate]:
         """Regressors that a fit may lack."""
         raise NotImplementedError
 
@@ -76,17 +65,17 @@ class Regression(Effect):
             return Detection(fit.noting(found.finding(best.candidate.channel, None)))
         return Detection(fit, found, digits, fit)
 
-    def _included(self, job: Job, at: Linearisation) -> list[Candidate]:
+    def _included(self, job: Job, at: Linearisation) -> list[RegressorCandidate]:
         """What the job includes, as candidates for a correction of its size."""
         found = []
         for code, effect in self.effects.items():
             known = _known(job, effect)
             for channel in known.before:
-                columns = [Column(at.channels.index(channel), one.wave) for one in known.of(channel)]
-                found.append(Candidate(code, channel, tuple(columns)))
+                columns = [RegressorColumn(at.channels.index(channel), one.wave) for one in known.of(channel)]
+                found.append(RegressorCandidate(code, channel, tuple(columns)))
         return found
 
-    def _proposed(self, at: Linearisation, included: Sequence[Candidate]) -> list[Candidate]:
+    def _proposed(self, at: Linearisation, included: Sequence[RegressorCandidate]) -> list[RegressorCandidate]:
         """What a fit may lack, without what the job includes."""
         known = {(one.code, one.channel) for one in included}
         proposed = (one for effect in self.effects.values() for one in effect.candidates(at))
@@ -115,7 +104,7 @@ class Regression(Effect):
 def _matters(at: Linearisation, test: ScoreTest) -> bool:
     """Whether an estimate would change, or the loads so much that the first order does not tell."""
     n, off = len(at.problem.parameters), np.abs(test.shift)
-    return bool(off[:n].max() > MATTERS or off.max() > FAR)
+    return bool(off[:n].max() > MIN_SHIFT_SIGMAS or off.max() > MIN_NUISANCE_SHIFT_SIGMAS)
 
 
 def _known(job: Job, effect: RegressorEffect) -> Regressors:
@@ -127,4 +116,4 @@ def _known(job: Job, effect: RegressorEffect) -> Regressors:
 def _is_other_std(known: Regressors, test: ScoreTest) -> bool:
     """Whether the standard deviations of included sizes were told by a fit that lacked them."""
     before = np.array([one.std for one in known.of(test.candidate.channel)])
-    return bool(np.any(np.abs(np.log(before / np.sqrt(np.diag(test.cov)))) > RESIZED_STD))
+    return bool(np.any(np.abs(np.log(before / np.sqrt(np.diag(test.cov)))) > MIN_LOG_STD_CHANGE))

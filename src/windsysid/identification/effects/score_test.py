@@ -23,22 +23,19 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.identification.estimate.linearisation import Column, Linearisation
+from windsysid.identification.estimate.linearisation import Linearisation, RegressorColumn
+from windsysid.identification.limits import P_CANDIDATE
 
-__all__ = ["Candidate", "ScoreTest", "log_tail_of_f", "promising", "score_tests"]
+__all__ = ["RegressorCandidate", "ScoreTest", "log_tail_of_f", "promising", "score_tests"]
 
 HANN_LOSS = 1.94
-"""Variance of the mean of neighbouring frequencies under Hann's window, over that of independent ones."""
-
-
-SCREENED = 0.01
-"""Probability: of a statistic with the fit's unknowns held, from which on a candidate is tested with them."""
+"""Numerical: variance of the mean of neighbouring frequencies under Hann's window, over that of independent ones."""
 
 SLOW = (8.0, 60.0)
 """Setting: periods over the record next to those of what varies a few times in it; loads are smooth there."""
 
 
-class Candidate(NamedTuple):
+class RegressorCandidate(NamedTuple):
     """Regressors that a fit may lack.
 
     Attributes
@@ -55,7 +52,7 @@ class Candidate(NamedTuple):
 
     code: str
     channel: str
-    columns: tuple[Column, ...]
+    columns: tuple[RegressorColumn, ...]
     beside: tuple[float, float] = SLOW
     places: float = 1.0
 
@@ -77,7 +74,7 @@ class ScoreTest(NamedTuple):
         What they add to the covariance of the unknowns (n, n).
     """
 
-    candidate: Candidate
+    candidate: RegressorCandidate
     log10_p: float
     size: Array
     cov: Array
@@ -85,13 +82,13 @@ class ScoreTest(NamedTuple):
     widening: Array
 
 
-def promising(at: Linearisation, candidates: Sequence[Candidate]) -> list[Candidate]:
-    """Candidates whose statistic with the fit's unknowns held is beyond `SCREENED`: I is seldom less than half of JᵀJ,
-    and S is at most twice as large then."""
-    return [one.candidate for one in score_tests(at.held, candidates) if one.log10_p < math.log10(SCREENED)]
+def promising(at: Linearisation, candidates: Sequence[RegressorCandidate]) -> list[RegressorCandidate]:
+    """Candidates whose statistic with the fit's unknowns fixed is beyond `P_CANDIDATE`: I is seldom less than half of
+    JᵀJ, and S is at most twice as large then."""
+    return [one.candidate for one in score_tests(at.held, candidates) if one.log10_p < math.log10(P_CANDIDATE)]
 
 
-def score_tests(at: Linearisation, candidates: Sequence[Candidate]) -> list[ScoreTest]:
+def score_tests(at: Linearisation, candidates: Sequence[RegressorCandidate]) -> list[ScoreTest]:
     """Test candidates, all in one pass over the record."""
     if not candidates:
         return []

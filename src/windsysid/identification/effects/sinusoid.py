@@ -21,6 +21,16 @@ import numpy as np
 from windsysid._types import Array, Complex
 from windsysid.checks.lines import SURROUNDINGS, stand_out_of_a_bend
 from windsysid.errors import RecordError
+from windsysid.identification.limits import (
+    FAINT_LINE_POWER,
+    MAX_SINE_SCATTER,
+    MAX_SINE_SHIFT_BINS,
+    MIN_F_OVER_POWER,
+    MIN_HARMONIC_F,
+    MIN_LINE_POWER,
+    MIN_SINE_F,
+    RESOLUTION_BINS,
+)
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
 from windsysid.results.finding import Finding
@@ -29,36 +39,13 @@ from windsysid.signals.rotor import rotor_inputs
 from windsysid.spectral.transforms.harmonics import steadiness
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["APART", "Sine", "find_sine", "find_turning", "one_turn", "phase_of", "turned", "ways_of", "without_sines"]
+__all__ = ["Sine", "find_sine", "find_turning", "one_turn", "phase_of", "turned", "ways_of", "without_sines"]
 
-LEAST_STEADINESS = 20.0
-"""Probability: Thomson's F from which on a line that was seen otherwise may be a sine; chance exceeds it at one
-frequency in 6600."""
-
-OWN_SHARE = 0.5
-"""Of a line's power over its surroundings, what F has to be: nearly all sines have more, most narrow-band loads less.
-"""
-
-LOUD = 9.0
-"""Power over its surroundings from which on a line in another channel has to be the same sine."""
-
-PARTS, SCATTER = 4, 8.4
-"""In how many parts of a record, which overlap by half, a sine has to have one amplitude and phase; and by how much
-they may scatter, squared, over what chance does: one in 100 of chance does more."""
-
-ALIKE, FAINT = 0.3, 25.0
-"""By how much the frequency of a sine may differ between channels, in frequencies of the periodogram; and the power
-over its surroundings below which chance moves it more, with the root of that power."""
+SEGMENTS = 4
+"""Setting: segments of a record, which overlap by half, in which a sinusoid has to have one amplitude and phase."""
 
 ORDERS = 6
-"""Harmonics nP of the rotor that are looked for."""
-
-LEAST_TURNING = 14.0
-"""Thomson's F of innovations at nP from which on the rotor pushes: of two channels chance exceeds it in one record of
-100, which costs a search."""
-
-APART = 4.0
-"""Frequencies of the periodogram within which two sines are not told from each other."""
+"""Setting: harmonics nP of the rotor that are looked for."""
 
 
 class Sine(NamedTuple):
@@ -95,19 +82,19 @@ def find_sine(
     step, psi = 1.0 / record.duration, turned(record, turbine, sensors)
     rotor_hz = 0.0 if psi is None else _turns(record, psi)
     on_blades = any(sensor.blade for sensor in sensors if sensor.channel == channel)
-    seen = _Seen.of(record, channel, frequency)
-    if seen is None or abs(seen.frequency - rotor_hz) < APART * step:
+    seen = _SeenLine.of(record, channel, frequency)
+    if seen is None or abs(seen.frequency - rotor_hz) < RESOLUTION_BINS * step:
         return None
-    if seen.steadiness < max(LEAST_STEADINESS, OWN_SHARE * seen.over):
+    if seen.steadiness < max(MIN_SINE_F, MIN_F_OVER_POWER * seen.over):
         return None
     others = [sensor.channel for sensor in sensors if bool(sensor.blade) is on_blades and sensor.channel != channel]
-    elsewhere = (_Seen.of(record, other, seen.frequency) for other in others)
-    loud = [one for one in elsewhere if one is not None and one.over >= LOUD]
+    elsewhere = (_SeenLine.of(record, other, seen.frequency) for other in others)
+    loud = [one for one in elsewhere if one is not None and one.over >= MIN_LINE_POWER]
     steady = all(one.is_steady_at(seen.frequency, step) for one in (seen, *loud))
     return Sine(seen.frequency, on_blades) if steady else None
 
 
-class _Seen(NamedTuple):
+class _SeenLine(NamedTuple):
     """A line in a channel: its frequency [Hz], Thomson's F, its power over its surroundings, and the squared scatter of
     its amplitude and phase in parts of the record over what chance does."""
 
@@ -119,11 +106,11 @@ class _Seen(NamedTuple):
     def is_steady_at(self, frequency: float, step: float) -> bool:
         """Whether it is as steady as a sine at a frequency [Hz], in a periodogram whose frequencies are a step apart,
         may be by chance."""
-        apart = ALIKE * step * math.sqrt(max(1.0, FAINT / self.over))
-        return self.scatter <= SCATTER and abs(self.frequency - frequency) <= apart
+        apart = MAX_SINE_SHIFT_BINS * step * math.sqrt(max(1.0, FAINT_LINE_POWER / self.over))
+        return self.scatter <= MAX_SINE_SCATTER and abs(self.frequency - frequency) <= apart
 
     @classmethod
-    def of(cls, record: Record, channel: str, frequency: float) -> "_Seen | None":
+    def of(cls, record: Record, channel: str, frequency: float) -> "_SeenLine | None":
         """What stands near a frequency [Hz]; None where there are no surroundings."""
         if not np.isfinite(record[channel]).any():
             return None
@@ -143,9 +130,9 @@ def _scatter(wave: Complex, level: float) -> float:
     """By how much the means of parts of a wave (T,) scatter, squared, over what white noise of a level per sample
     does."""
     samples = len(wave)
-    length = 2 * samples // (PARTS + 1)
-    windows = np.zeros((PARTS, samples))
-    for window, first in zip(windows, np.linspace(0, samples - length, PARTS).astype(int), strict=True):
+    length = 2 * samples // (SEGMENTS + 1)
+    windows = np.zeros((SEGMENTS, samples))
+    for window, first in zip(windows, np.linspace(0, samples - length, SEGMENTS).astype(int), strict=True):
         window[first : first + length] = np.hanning(length) / np.hanning(length).sum()
     means, weight = windows @ wave, np.linalg.inv(level * windows @ windows.T)
     off = means - np.sum(weight @ means) / np.sum(weight)
@@ -156,7 +143,7 @@ def one_turn(record: Record, turbine: Turbine, sensors: Sequence[Sensor]) -> Sin
     """The sine at 1P on the support; None where no blades turn that are read."""
     psi = turned(record, turbine, sensors)
     hz = 0.0 if psi is None else _turns(record, psi)
-    return Sine(hz, on_blades=False, order=1) if hz > APART / record.duration else None
+    return Sine(hz, on_blades=False, order=1) if hz > RESOLUTION_BINS / record.duration else None
 
 
 def find_turning(
@@ -167,7 +154,7 @@ def find_turning(
     psi = turned(record, turbine, sensors)
     if psi is None or not record.is_uniform or len(whitened) != record.samples:
         return []
-    rotor_hz, apart = _turns(record, psi), APART / record.duration
+    rotor_hz, apart = _turns(record, psi), RESOLUTION_BINS / record.duration
     turning = [Sine(order * rotor_hz, on_blades=False, order=order) for order in range(1, ORDERS + 1)]
     turning = [one for one in turning if apart < one.frequency < 0.4 * record.rate]
     turning = [one for one in turning if not any(one.same_as(other, apart) for other in known)]
@@ -175,7 +162,7 @@ def find_turning(
 
     def is_left(sine: Sine) -> bool:
         channels = [one for one, turns in zip(z, on_blades, strict=True) if turns is sine.on_blades]
-        return max(steadiness(one, record.rate, sine.frequency) for one in channels) > LEAST_TURNING
+        return max(steadiness(one, record.rate, sine.frequency) for one in channels) > MIN_HARMONIC_F
 
     return [sine for sine in (*known, *turning) if is_left(sine)]
 
@@ -192,7 +179,7 @@ def without_sines(record: Record, turbine: Turbine, sensors: Sequence[Sensor], s
             seen = [(sine.frequency, phase)]
             if bool(sensor.blade) != sine.on_blades and psi is not None:
                 seen = [(abs(sine.frequency + turn * rotor_hz), phase + turn * psi) for turn in (-1.0, 1.0)]
-            phases += [one for hz, one in seen if min(hz, abs(hz - rotor_hz)) > APART * step]
+            phases += [one for hz, one in seen if min(hz, abs(hz - rotor_hz)) > RESOLUTION_BINS * step]
         values = record[sensor.channel]
         left[sensor.channel] = values - _waves(values, window, phases), record.unit(sensor.channel)
     return record.with_channels(left)
@@ -203,7 +190,7 @@ def ways_of(sine: Sine, record: Record, psi: Array | None) -> list[Sine]:
     ψ (T,)."""
     if psi is None or sine.order:
         return [sine]
-    rotor_hz, least = _turns(record, psi), APART / record.duration
+    rotor_hz, least = _turns(record, psi), RESOLUTION_BINS / record.duration
     others = [Sine(abs(sine.frequency + turn * rotor_hz), not sine.on_blades) for turn in (-1.0, 1.0)]
     return [sine, *(one for one in others if min(one.frequency, abs(one.frequency - rotor_hz)) > least)]
 

@@ -22,9 +22,10 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.filters import EKF
 from windsysid.filters.bank import bank_of, run_bank
-from windsysid.identification.effects.sinusoid import APART, Sine, phase_of, turned, ways_of, without_sines
+from windsysid.identification.effects.sinusoid import Sine, phase_of, turned, ways_of, without_sines
 from windsysid.identification.estimate.scoring import THREADS
 from windsysid.identification.estimate.time_domain import where_it_ended
+from windsysid.identification.limits import MIN_EFFECT_SIGMAS, RESOLUTION_BINS
 from windsysid.identification.model.fit import PART_OF, Outcome
 from windsysid.identification.model.prior import Prior
 from windsysid.identification.model.turbine_problem import TurbineProblem, pose
@@ -38,13 +39,10 @@ __all__ = ["SineForce", "Sinusoids", "find_forces", "forces_of", "with_forces"]
 
 
 STEP = 0.5
-"""Of the slopes of innovations, in standard deviations of a tolerance."""
+"""Numerical: width of the slopes of innovations, in standard deviations of a tolerance."""
 
 REPEATED = 8
-"""Harmonics nP by which innovations that repeat in every turn are told."""
-
-SURE = 4.0
-"""Standard deviations from which on a force is told: one in 3000 of chance is larger."""
+"""Setting: harmonics nP by which innovations that repeat in every turn are told."""
 
 
 class SineForce(NamedTuple):
@@ -66,7 +64,7 @@ class SineForce(NamedTuple):
     @property
     def matters(self) -> bool:
         """Whether it is surely there."""
-        return self.amplitude > SURE * self.std
+        return self.amplitude > MIN_EFFECT_SIGMAS * self.std
 
     @property
     def note(self) -> Finding:
@@ -115,7 +113,7 @@ def find_forces(
     now, pushing = innovations(model, problem.inputs), list[_Pushing]()
     for sine in sorted(sines, key=lambda one: not one.order):  # what turns is seen on the other side of the hub, too
         best = max((push(way) for way in ways_of(sine, record, psi)), key=lambda one: one.explains(now.ravel()))
-        if not any(best.sine.same_as(other.sine, APART / record.duration) for other in pushing):
+        if not any(best.sine.same_as(other.sine, RESOLUTION_BINS / record.duration) for other in pushing):
             pushing.append(best)
     free, turning = ([one for one in pushing if bool(one.sine.order) is turns] for turns in (False, True))
     found = _amplitudes(free, now.ravel(), np.empty((now.size, 0)), np.empty(0))

@@ -7,8 +7,8 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.identification.effects.regression import RegressorEffect
-from windsysid.identification.effects.score_test import Candidate
-from windsysid.identification.estimate.linearisation import Column, Linearisation
+from windsysid.identification.effects.score_test import RegressorCandidate
+from windsysid.identification.estimate.linearisation import Linearisation, RegressorColumn
 from windsysid.identification.model.regressor import StepAt, Term
 
 __all__ = ["Step", "likeliest_change"]
@@ -25,14 +25,14 @@ class Step(RegressorEffect):
 
     code = "step"
 
-    def candidates(self, at: Linearisation) -> Sequence[Candidate]:
+    def candidates(self, at: Linearisation) -> Sequence[RegressorCandidate]:
         """One candidate for each channel, where the mean of its readings changes most: a structure that vibrates has no
         mean acceleration, and the sum of its readings stays small."""
         return [
-            Candidate(
+            RegressorCandidate(
                 self.code,
                 sensor.channel,
-                (Column(row, StepAt(float(at.time[likeliest_change(at.readings[:, row])]))),),
+                (RegressorColumn(row, StepAt(float(at.time[likeliest_change(at.readings[:, row])]))),),
                 places=PLACES,
             )
             for row, sensor in enumerate(at.problem.sensors)

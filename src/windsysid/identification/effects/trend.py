@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from windsysid.identification.effects.regression import RegressorEffect
-from windsysid.identification.effects.score_test import Candidate
-from windsysid.identification.estimate.linearisation import Column, Linearisation
+from windsysid.identification.effects.score_test import RegressorCandidate
+from windsysid.identification.estimate.linearisation import Linearisation, RegressorColumn
 from windsysid.identification.model.regressor import Legendre, Term
 
 __all__ = ["Trend"]
@@ -21,12 +21,12 @@ class Trend(RegressorEffect):
 
     code = "trend"
 
-    def candidates(self, at: Linearisation) -> Sequence[Candidate]:
+    def candidates(self, at: Linearisation) -> Sequence[RegressorCandidate]:
         """One candidate for each channel whose sensor has no random walk."""
         first, last = float(at.time[0]), float(at.time[-1])
         waves = [Legendre(order, first, last) for order in range(1, ORDERS + 1)]
         return [
-            Candidate(self.code, sensor.channel, tuple(Column(row, wave) for wave in waves))
+            RegressorCandidate(self.code, sensor.channel, tuple(RegressorColumn(row, wave) for wave in waves))
             for row, sensor in enumerate(at.problem.sensors)
             if not sensor.drift
         ]

@@ -21,7 +21,7 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.filters import EKF
 from windsysid.identification.condition.samples import Block, Samples
-from windsysid.identification.estimate.scoring import Look, Score
+from windsysid.identification.estimate.scoring import MAX_STEP_SIGMAS, Look, Score
 from windsysid.identification.model.problem import Problem
 from windsysid.records.record import Record
 from windsysid.statespace.compose import StateSpace
@@ -40,16 +40,13 @@ __all__ = [
 ]
 
 BAND, PASSED = 2.7, 2.0
-"""Edge of the band that is shifted, and up to where all of it passes, in highest natural frequencies."""
+"""Setting: edge of the band that is shifted, and up to where all of it passes, in highest natural frequencies."""
 
 TAPS = 24.0
-"""Half-length of the convolution, in samples, times the edge in radians per sample."""
+"""Numerical: half-length of the convolution, in samples, times the edge in radians per sample."""
 
 WIDTH = 0.2
-"""Of the differences, in standard deviations of a clock's tolerance."""
-
-MOST = 3.0
-"""No step moves a clock by more than so many standard deviations of its tolerance."""
+"""Numerical: width of the differences, in standard deviations of a clock's tolerance."""
 
 
 @dataclass(frozen=True)
@@ -212,7 +209,7 @@ def add_clocks(problem: Problem, samples: Shifted, seen: Look, at: Array) -> Wid
     pull = seen.found.gradient - information @ (seen.theta - prior[0])
     cov = _joint_covariance(seen.found.fisher + information, said.mixed, said.curvature + np.eye(len(clocks)))
     step = cov @ np.concatenate([pull, said.gradient - at])
-    step *= min(1.0, MOST / float(np.abs(step[late]).max()))
+    step *= min(1.0, MAX_STEP_SIGMAS / float(np.abs(step[late]).max()))
     moved = float(step[others] @ np.linalg.solve(cov[np.ix_(others, others)], step[others]))
     return Widened(np.concatenate([seen.theta, at]) + step, cov, moved)
 

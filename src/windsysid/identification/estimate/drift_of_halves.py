@@ -12,7 +12,7 @@ from windsysid.spectral.rotor.model import LiftedModel
 __all__ = ["drift_of_halves"]
 
 STEPS, SMALL = 3, 1.0
-"""Most steps of scoring to the clock of a half; one of so many standard deviations or fewer is the last."""
+"""Numerical: most steps of scoring to the clock of a half; one of so many standard deviations or fewer is the last."""
 
 
 def drift_of_halves(

@@ -16,6 +16,7 @@ from windsysid.errors import ConfigurationError, RecordError, WindsysidError
 from windsysid.identification.condition.segments import SegmentReader
 from windsysid.identification.condition.spectral_readings import read_bridged
 from windsysid.identification.estimate.equations_time import EquationsEstimate
+from windsysid.identification.limits import MIN_BINS
 from windsysid.identification.model.equations_problem import EquationsJob, constant_loads, known_columns
 from windsysid.identification.model.fit import no_innovations
 from windsysid.mechanics.compile import CompiledModel, compile_model
@@ -31,17 +32,14 @@ from windsysid.spectral.transforms.cross_spectra import CrossSpectra, FixedBlock
 __all__ = ["fit_by_spectra"]
 
 NYQUIST_SHARE = 0.8
-"""Of half the sampling rate: no frequency above it is used."""
+"""Setting: share of half the sampling rate: no frequency above it is used."""
 
 BEYOND = 2.0
-"""Spectra are read from the lowest natural frequency that the priors allow, over this, to the highest, times this:
-beyond they say nothing of the structure, and the shape of a load has to hold over a narrower range."""
-
-LEAST_BINS = 30
-"""Fewest bins of a block."""
+"""Setting: spectra are read from the lowest natural frequency that the priors allow, over this, to the highest, times
+this: none beyond informs on the structure, and the shape of a load has to hold over a narrower range."""
 
 VARIES = 1e-6
-"""Standard deviation of an input, beside its size, from which it is no working point."""
+"""Numerical: standard deviation of an input, over its size, from which it is no working point."""
 
 
 def fit_by_spectra(job: EquationsJob, segments: SegmentReader) -> EquationsEstimate:
@@ -115,10 +113,10 @@ def _take(job: EquationsJob, segments: SegmentReader) -> _TakenSpectra:
 
 def _begun(block: FixedBlock) -> CrossSpectra:
     """The sums over the first block; RecordError where it has too few bins."""
-    if len(block.data) < LEAST_BINS:
+    if len(block.data) < MIN_BINS:
         seconds = block.samples / block.rate
         raise RecordError(
-            f"expected {seconds * LEAST_BINS / max(len(block.data), 1):.3g} s or more for spectra, got {seconds:.3g} "
+            f"expected {seconds * MIN_BINS / max(len(block.data), 1):.3g} s or more for spectra, got {seconds:.3g} "
             f"s: choose a longer record"
         )
     return BlockSums.of(block)

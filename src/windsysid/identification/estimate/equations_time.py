@@ -25,6 +25,7 @@ from windsysid.identification.condition.samples import Samples, SamplesOnDisk
 from windsysid.identification.condition.segments import SegmentReader
 from windsysid.identification.estimate.online import begin, spread_over_samples
 from windsysid.identification.estimate.search import Solution, solve
+from windsysid.identification.limits import NEGLIGIBLE_SHARE
 from windsysid.identification.model.equations_problem import (
     EquationsJob,
     OwnProblem,
@@ -41,10 +42,7 @@ from windsysid.statespace.load_model import LoadModel
 __all__ = ["EquationsEstimate", "fit_by_filter"]
 
 FIRST_FRACTION = 16
-"""The first estimate on line comes after this fraction of the record."""
-
-MAX_STEP_SHARE = 0.1
-"""Share of a vibration's damping that may be the integration's."""
+"""Setting: the first estimate on line comes after this fraction of the record."""
 
 
 class EquationsEstimate(NamedTuple):
@@ -144,8 +142,8 @@ def _list_doubts(problem: OwnProblem, found: Solution) -> tuple[Finding, ...]:
 
 
 def _list_step_doubts(model: StateSpace, info: Info, inputs: Array) -> tuple[Finding, ...]:
-    """A doubt where the Runge–Kutta method itself makes more than `MAX_STEP_SHARE` of the damping of a vibration about
-    the last state."""
+    """A doubt where the Runge–Kutta method itself makes more than `NEGLIGIBLE_SHARE` of the damping of a vibration
+    about the last state."""
     compiled, h = model.compiled, float(model.blocks.step[0])
     n, nu = len(compiled.states), len(compiled.inputs)
     if not (n and len(inputs)):
@@ -160,11 +158,11 @@ def _list_step_doubts(model: StateSpace, info: Info, inputs: Array) -> tuple[Fin
     step = h * exponents[exponents.imag > 1e-6 * np.abs(exponents)]
     stepped = np.log(1.0 + step * (1.0 + step / 2.0 * (1.0 + step / 3.0 * (1.0 + step / 4.0))))
     ratio, own = -stepped.real / np.abs(stepped), -step.real / np.abs(step)
-    worse = np.abs(ratio - own) - MAX_STEP_SHARE * np.abs(ratio)
+    worse = np.abs(ratio - own) - NEGLIGIBLE_SHARE * np.abs(ratio)
     if not worse.max(initial=-1.0) > 0.0:
         return ()
     i = int(np.argmax(worse))
     size = float(np.abs(step[i]))
-    enough = size / h / (72.0 * MAX_STEP_SHARE * max(abs(float(ratio[i])), 1e-4)) ** 0.2
+    enough = size / h / (72.0 * NEGLIGIBLE_SHARE * max(abs(float(ratio[i])), 1e-4)) ** 0.2
     data = {"frequency": size / h / (2.0 * np.pi), "damping": ratio[i] - own[i], "rate": enough}
     return (Finding("steps_too_long", "reason", data),)

@@ -58,11 +58,11 @@ __all__ = [
 
 
 RINGING = 2.0
-"""Periods of the band's lower edge at either end of a record that are left out: there the filters know one side
-only."""
+"""Setting: periods of the band's lower edge at either end of a record that are left out: there the filters know one
+side only."""
 
 INCREMENT = 0.01
-"""The paper's "centesimal increment": relative step of its finite differences."""
+"""Numerical: the paper's "centesimal increment": relative step of its finite differences."""
 
 
 class Kinematic(NamedTuple):

@@ -25,6 +25,13 @@ from windsysid.identification.estimate.narrow_band import (
 )
 from windsysid.identification.estimate.prior_conflict import find_held, one_by_one
 from windsysid.identification.estimate.rotor_bands import SpectralEstimate, read_in_bands
+from windsysid.identification.limits import (
+    MAX_RIVAL_LOG_ODDS,
+    MAX_SPEED_VARIATION,
+    MAX_SPEED_VARIATION_IN_BANDS,
+    NEGLIGIBLE_SPEED_VARIATION,
+    NEGLIGIBLE_SPEED_VARIATION_IN_BANDS,
+)
 from windsysid.identification.model.fit import Outcome, known_loads, no_innovations
 from windsysid.identification.model.prior import Prior, identifiable
 from windsysid.identification.model.tolerances import (
@@ -48,9 +55,9 @@ from windsysid.records.record import Record
 from windsysid.results.finding import Finding
 from windsysid.results.tolerance import Tolerance
 from windsysid.spectral.rotor.build import pose_lifted, turns_couple
-from windsysid.spectral.rotor.fit import COARSE, WHOLE, Fit, admit, fit
+from windsysid.spectral.rotor.fit import COARSE, WHOLE, RotorFit, admit, fit
 from windsysid.spectral.rotor.model import Inexact
-from windsysid.spectral.rotor.problem import Posed, Question
+from windsysid.spectral.rotor.problem import Posed, RotorQuestion
 from windsysid.spectral.rotor_bands.build import belongs_in_bands
 from windsysid.spectral.transforms.block_sums import BlockSums
 from windsysid.spectral.transforms.rotating_frame import TurnedBlock
@@ -58,16 +65,6 @@ from windsysid.statespace.compose import compose
 from windsysid.turbine.turbine import Turbine
 
 __all__ = ["SpectralBlocks", "ask", "identify_by_spectrum", "inexact_of", "tolerances_in"]
-
-STEADY, VARYING = 0.005, 0.02
-"""Standard deviation of the rotor's speed over its mean: up to the first it costs nothing, beyond the second the
-spectra are not those of a constant speed."""
-
-STEADY_IN_BANDS, VARYING_IN_BANDS = 0.15, 0.2
-"""The same of a rotor that is read in bands, which follow its blades (``python -m validation.auto``)."""
-
-CLEAR = 50.0
-"""Log evidence by which a load model is out of the race after the first stages, which weigh the record with a fifth."""
 
 
 class SpectralBlocks(NamedTuple):
@@ -98,10 +95,12 @@ def identify_by_spectrum(
     broad = ask(samples, turbine, prior, chosen, "broadband")
     coupled, speeds = turns_couple(broad), blocks.speeds if blocks else broad.speed
     if coupled and belongs_in_bands(broad):
-        in_bands = _in_bands(broad, loads, _speed(speeds, STEADY_IN_BANDS, VARYING_IN_BANDS), notes)
+        in_bands = _in_bands(
+            broad, loads, _speed(speeds, NEGLIGIBLE_SPEED_VARIATION_IN_BANDS, MAX_SPEED_VARIATION_IN_BANDS), notes
+        )
         if in_bands is not None:
             return in_bands
-    doubts = _speed(speeds, STEADY, VARYING) if coupled else []
+    doubts = _speed(speeds, NEGLIGIBLE_SPEED_VARIATION, MAX_SPEED_VARIATION) if coupled else []
     names = _names(turbine, loads, coupled=coupled)
     questions = {one: broad if one == "broadband" else ask(samples, turbine, prior, chosen, one) for one in names}
     poses = {name: pose_lifted(question, name) for name, question in questions.items()}
@@ -131,7 +130,7 @@ def _compile(poses: Iterable[Posed]) -> float:
     return time.perf_counter() - started
 
 
-def _in_bands(question: Question, loads: str, doubts: list[Finding], notes: list[Finding]) -> Outcome | None:
+def _in_bands(question: RotorQuestion, loads: str, doubts: list[Finding], notes: list[Finding]) -> Outcome | None:
     """The result of a rotor that is read in bands; None where its modes cannot be told apart."""
     started = time.perf_counter()
     tolerances = tolerances_in(question)
@@ -148,7 +147,7 @@ def _in_bands(question: Question, loads: str, doubts: list[Finding], notes: list
 
 
 def _lifted_outcome(
-    question: Question, found: "_Found", findings: tuple[list[Finding], list[Finding]], passing_speed: float | None
+    question: RotorQuestion, found: "_Found", findings: tuple[list[Finding], list[Finding]], passing_speed: float | None
 ) -> Outcome:
     """The result of a load model's fit, with notes and doubts before its own; blades pass a support at a speed [rad/s]
     where their turns are no part of the model."""
@@ -178,7 +177,7 @@ def _lifted_outcome(
     return _outcome(question, estimate, tolerances, found.name)._replace(drifts=drifts)
 
 
-def _lag_angle(found: Fit) -> tuple[Finding, ...]:
+def _lag_angle(found: RotorFit) -> tuple[Finding, ...]:
     """The blades' mean lag angle, where it is an unknown."""
     if not found.model.lag:
         return ()
@@ -186,7 +185,9 @@ def _lag_angle(found: Fit) -> tuple[Finding, ...]:
     return (Finding("lag_angle", "note", {"angle": found.unknowns[lag], "std": math.sqrt(found.cov[lag, lag])}),)
 
 
-def _outcome(question: Question, found: SpectralEstimate, tolerances: Sequence[Tolerance], hypothesis: str) -> Outcome:
+def _outcome(
+    question: RotorQuestion, found: SpectralEstimate, tolerances: Sequence[Tolerance], hypothesis: str
+) -> Outcome:
     """An estimate in filter coordinates."""
     unknowns, cov, blocks = found.unknowns, found.cov, found.blocks
     theta, eta, tau = blocks.of("parameters"), blocks.of("statistics"), blocks.of("tolerances", "clocks")
@@ -220,12 +221,12 @@ def _outcome(question: Question, found: SpectralEstimate, tolerances: Sequence[T
     )
 
 
-def tolerances_in(question: Question) -> tuple[Tolerance, ...]:
+def tolerances_in(question: RotorQuestion) -> tuple[Tolerance, ...]:
     """What is known of instruments and masses within tolerances only."""
     return tolerances_of(question.turbine, question.sensors, [q.name for q in question.parameters])
 
 
-def inexact_of(question: Question, tolerances: Sequence[Tolerance]) -> Inexact:
+def inexact_of(question: RotorQuestion, tolerances: Sequence[Tolerance]) -> Inexact:
     """The same in numbers."""
     names = [q.name for q in question.parameters]
     return in_numbers(tolerances, question.compiled.parameters, question.turbine, question.sensors, names)
@@ -247,7 +248,9 @@ def _names(turbine: Turbine, loads: str, *, coupled: bool) -> tuple[str, ...]:
     return ("broadband", "rotor-wind") if coupled and pushed else ("broadband",)
 
 
-def ask(samples: SpectralSamples, turbine: Turbine, prior: Prior, chosen: Sequence[str] | None, loads: str) -> Question:
+def ask(
+    samples: SpectralSamples, turbine: Turbine, prior: Prior, chosen: Sequence[str] | None, loads: str
+) -> RotorQuestion:
     """The question under a load model, which may bring coefficients of its own."""
     record, sensors, sums = samples.record, samples.sensors, samples.sums
     file_loads = known_loads(record, turbine)[1]
@@ -256,7 +259,7 @@ def ask(samples: SpectralSamples, turbine: Turbine, prior: Prior, chosen: Sequen
     parameters = (*prior.parameters(turbine, identifiable(turbine, chosen), linear=False), *own)
     turbine = _without_lag(supposed.turbine, turbine)
     compiled = compile_model(turbine.model, sensors, instruments=True)
-    question = Question(
+    question = RotorQuestion(
         turbine, sensors, samples.readings, record.rate, samples.inputs, compiled, parameters, tuple(file_loads)
     )
     in_frame = sums is not None and isinstance(sums.last, TurnedBlock)
@@ -291,13 +294,13 @@ class _Found(NamedTuple):
 
     name: str
     posed: Posed
-    fit: Fit
+    fit: RotorFit
     why: dict[str, Any]
     notes: tuple[Finding, ...] = ()
     doubts: tuple[Finding, ...] = ()
 
 
-def _with_narrow_band(question: Question, broad: _Found) -> _Found:
+def _with_narrow_band(question: RotorQuestion, broad: _Found) -> _Found:
     """A narrow-band load in addition to broad ones; WindsysidError where none fits."""
     beside = fit_narrow_band(question, broad.posed, broad.fit, thorough=True)
     if beside is None:
@@ -323,7 +326,7 @@ def _fitted(poses: dict[str, Posed]) -> _Found:
         ) from None
 
 
-def _fit_alone(posed: Posed) -> Fit:
+def _fit_alone(posed: Posed) -> RotorFit:
     """The mode from the prior's centre; of a block, which has few bins, on all of them from the first stage on."""
     whole = posed.model.blocks <= 1.0
     stages = [(weight, every if whole else 1) for weight, every in (*COARSE, *WHOLE)]
@@ -335,7 +338,7 @@ def _after_stages(poses: dict[str, Posed]) -> _Found:
     elsewhere; fitted to the end."""
     tried = {name: fit(posed.model, posed.start, COARSE[:-1], rough=True) for name, posed in poses.items()}
     ranking = _ranked(tried)
-    rivals = ranking.within(CLEAR)
+    rivals = ranking.within(MAX_RIVAL_LOG_ODDS)
     later: Sequence[tuple[float, int]] = (*COARSE[-1:], *WHOLE)
     why = {"rivals": ranking.rivals(), "part": True}
     if len(rivals) > 1:
@@ -358,6 +361,6 @@ def _after_all(poses: dict[str, Posed]) -> _Found:
     return _Found(ranking.best, poses[ranking.best], best, {"rivals": ranking.rivals(), "part": False})
 
 
-def _ranked(tried: Mapping[str, Fit]) -> Ranking[str]:
+def _ranked(tried: Mapping[str, RotorFit]) -> Ranking[str]:
     """Load models by the evidence of their fits."""
     return rank(tried, lambda name: tried[name].log_evidence)

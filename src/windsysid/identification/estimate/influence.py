@@ -18,6 +18,7 @@ from windsysid.errors import WindsysidError
 from windsysid.identification.estimate.frequency_domain import identify_by_spectrum
 from windsysid.identification.estimate.modal_residuals import channel_of, mode_of, ranges_of_narrow_band
 from windsysid.identification.job import FittedJob, Job
+from windsysid.identification.limits import MARGINAL_LINE_FACTOR, MAX_INFLUENCE_SIGMAS, MIN_LINE_POWER
 from windsysid.identification.model.agreement import compare
 from windsysid.identification.model.fit import Outcome
 from windsysid.loads.narrow_band import NarrowBand
@@ -29,21 +30,12 @@ from windsysid.turbine.turbine import Turbine
 
 __all__ = ["Dependence", "doubt_line", "doubt_sine", "is_harmless"]
 
-REACH = 1.25
-"""Factor about a mode's frequency within which a line is looked for."""
-
-SUSPECT = 9.0
-"""Power over its surroundings from which on a frequency may be a line: one in ten healthy records has it."""
-
-MARGINAL = 1.25
-"""Times its bound within which a line may be chance: it is no reason if nothing depends on it."""
-
-MOVED = 2.5
-"""Standard deviations by which a coefficient may move when one frequency, or those beside a sine, are taken out."""
+SEARCH_RADIUS_FACTOR = 1.25
+"""Setting: factor about a mode's frequency within which a line is looked for."""
 
 BESIDE, AWAY = 3, 8
-"""Frequencies of the periodogram to either side of a sine in which a narrow-band load would have left something, and
-beyond which their surroundings tell what would be there without one."""
+"""Setting: frequencies of the periodogram to either side of a sinusoid in which a narrow-band load would have left
+something, and beyond which their surroundings tell what would be there without one."""
 
 
 class Dependence(NamedTuple):
@@ -58,10 +50,10 @@ def doubt_line(job: Job, fit: FittedJob) -> Dependence | None:
     """Whether a coefficient of a fit depends on one frequency; None where spectra do not apply, and for bands around
     the modes of a real rotor, which have other tests."""
     line = _suspect(fit.outcome, fit.read)
-    if line is None or line.ratio < SUSPECT:
+    if line is None or line.ratio < MIN_LINE_POWER:
         return None
     name, off = _influence(job, fit, line.frequency)
-    if off < MOVED:
+    if off < MAX_INFLUENCE_SIGMAS:
         return None
     data = {"channel": line.channel, "frequency": line.frequency, "sigmas": off}
     return Dependence(line.channel, line.frequency, Finding("line_influence", "reason", data, (name,)))
@@ -69,17 +61,17 @@ def doubt_line(job: Job, fit: FittedJob) -> Dependence | None:
 
 def is_harmless(line: Line, job: Job, fit: FittedJob) -> bool:
     """Whether a line hardly stands out more than chance may, and no coefficient of a fit depends on it."""
-    if line.ratio > MARGINAL * line.bound:
+    if line.ratio > MARGINAL_LINE_FACTOR * line.bound:
         return False
     name, off = _influence(job, fit, line.frequency)
-    return bool(name) and off < MOVED
+    return bool(name) and off < MAX_INFLUENCE_SIGMAS
 
 
 def doubt_sine(frequency: float, job: Job, fit: FittedJob) -> tuple[Finding, ...]:
     """Reason not to trust a fit if the power that is left around a removed sinusoid at a frequency [Hz] still changes a
     coefficient: a narrow-band load would."""
     name, off = _influence(job, fit, frequency, BESIDE)
-    if off < MOVED:
+    if off < MAX_INFLUENCE_SIGMAS:
         return ()
     return (Finding("tone_influence", "reason", {"frequency": frequency, "sigmas": off}, (name,)),)
 
@@ -118,7 +110,7 @@ def _suspect(outcome: Outcome, record: Record) -> Line | None:
     return find_line(
         np.column_stack([record[channel] for channel in read]), read, rate=record.rate,
         modes=modes, rotor_hz=rotor_hz,
-        reach=REACH, known=ranges_of_narrow_band(outcome, record, rotor_hz),
+        reach=SEARCH_RADIUS_FACTOR, known=ranges_of_narrow_band(outcome, record, rotor_hz),
     )  # fmt: skip
 
 

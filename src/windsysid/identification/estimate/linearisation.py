@@ -25,17 +25,17 @@ from windsysid.identification.model.prior import Prior
 from windsysid.identification.model.regressor import Waveform, widening_of
 from windsysid.identification.model.turbine_problem import TurbineProblem, pose
 
-__all__ = ["Column", "Linearisation", "Sums", "linearise"]
+__all__ = ["Linearisation", "RegressorColumn", "RegressorSums", "linearise"]
 
 
-class Column(NamedTuple):
+class RegressorColumn(NamedTuple):
     """A waveform in one reading, by its index, or in a load, counted after the readings."""
 
     row: int
     wave: Waveform
 
 
-class Sums(NamedTuple):
+class RegressorSums(NamedTuple):
     """What innovations say of c columns.
 
     Attributes
@@ -92,14 +92,14 @@ class Linearisation:
         """The same with all unknowns held: its sums cost a fraction."""
         return replace(self, cov=np.zeros((0, 0)))
 
-    def sums(self, columns: Sequence[Column]) -> Sums:
+    def sums(self, columns: Sequence[RegressorColumn]) -> RegressorSums:
         """Add up what the innovations say of columns."""
         n, m, c = len(self.cov), self.readings.shape[1], len(columns)
         widths = INCREMENT * np.sqrt(np.diag(self.cov))
         beside = bank_of([self.problem.build(one) for one in neighbours(self.unknowns, widths)])
         along = bank_of([self.problem.build(self.unknowns)] * LANES, -(-c // LANES))
         waves = np.array([column.wave(self.time) for column in columns])
-        total = Sums(np.zeros(c), np.zeros((c, c)), np.zeros((n, c)), np.zeros((m, c)))
+        total = RegressorSums(np.zeros(c), np.zeros((c, c)), np.zeros((n, c)), np.zeros((m, c)))
         with ThreadPoolExecutor(THREADS) as pool:
             for first in range(0, len(self.time), CHUNK):
                 part = slice(first, first + CHUNK)
@@ -109,7 +109,7 @@ class Linearisation:
                 z = near.whitened[..., 0]
                 J = far.responses.reshape(*z.shape, -1)[..., :c]
                 slopes = (near.whitened[..., 1:] - z[..., None]) / widths
-                total = Sums(
+                total = RegressorSums(
                     total.gradient + np.einsum("tmc,tm->c", J, z),
                     total.information + J.reshape(-1, c).T @ J.reshape(-1, c),
                     total.mixed + np.einsum("tmn,tmc->nc", slopes, J, optimize=True),
@@ -117,7 +117,7 @@ class Linearisation:
                 )
         return total
 
-    def _changes(self, columns: Sequence[Column], waves: Array) -> Array:
+    def _changes(self, columns: Sequence[RegressorColumn], waves: Array) -> Array:
         """Changes of readings and loads with each column, in the lanes of a bank (T, m + n_w, ⌈c/LANES⌉, LANES)."""
         rows = self.readings.shape[1] + len(self.problem.model.compiled.loads)
         changes = np.zeros((waves.shape[1], rows, -(-len(columns) // LANES), LANES))

@@ -24,8 +24,10 @@ from windsysid.filters import EKF, Info
 from windsysid.filters.bank import bank_of, run_bank
 from windsysid.identification.estimate.evidence import Ranking, rank
 from windsysid.identification.estimate.online import MEMORY, History, Online, advance, begin, finish, join_histories
+from windsysid.identification.limits import NEGLIGIBLE_SHARE
 from windsysid.identification.model.prior import Prior
-from windsysid.identification.model.turbine_problem import FIRST_WIDTH, TurbineProblem, pose
+from windsysid.identification.model.problem import FIRST_WIDTH
+from windsysid.identification.model.turbine_problem import TurbineProblem, pose
 from windsysid.loads.hypothesis import HYPOTHESES
 from windsysid.loads.statistics import coordinates_of, values_of
 from windsysid.mechanics.sensors import Sensor
@@ -41,11 +43,7 @@ Start = Callable[[Array, Array], tuple[Array, Array]]
 
 
 TRIAL_LENGTH = 2
-"""How many times the first samples are enough to compare models: a difference that matters is overwhelming there."""
-
-
-MIN_LOAD_SHARE = 0.1
-"""Share of the motion's rms that loads make by themselves in some degree of freedom, or they hardly matter."""
+"""Setting: times the first samples that compare models: a difference that matters is overwhelming there."""
 
 
 class Question(NamedTuple):
@@ -200,7 +198,7 @@ def _loads_matter(model: StateSpace, inputs: Array, info: Info) -> bool:
     nothing = np.full((len(inputs), len(model.readings)), np.nan)
     alone = EKF.run(at_rest, EKF.init(at_rest), inputs, nothing)[1]
     by_loads, motion = np.mean(alone.std[:, :n] ** 2, axis=0), np.mean(info.mean[:, :n] ** 2, axis=0)
-    return bool(np.any(by_loads > MIN_LOAD_SHARE**2 * motion))
+    return bool(np.any(by_loads > NEGLIGIBLE_SHARE**2 * motion))
 
 
 def _start(problem: TurbineProblem, tried: Sequence[Candidate]) -> Start:

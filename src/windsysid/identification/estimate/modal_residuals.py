@@ -12,6 +12,7 @@ from windsysid.checks.dead_channel import find_still
 from windsysid.checks.lines import Line, find_line
 from windsysid.errors import RecordError
 from windsysid.identification.estimate.modes import modes_of
+from windsysid.identification.limits import MAX_NEIGHBOUR_FACTOR, NEGLIGIBLE_SHARE, RESOLUTION_BINS
 from windsysid.identification.model.fit import Outcome
 from windsysid.loads.narrow_band import FREQUENCY, WIDTH
 from windsysid.records.record import Record
@@ -21,14 +22,6 @@ from windsysid.signals.rotor import rotor_inputs
 from windsysid.turbine.turbine import Turbine
 
 __all__ = ["channel_of", "doubts_beside_modes", "line_of", "mode_of", "ranges_of_narrow_band"]
-
-
-REACHED = 4.0
-"""Half-widths of a narrow-band load, or frequencies of the periodogram, within which it may look like a line."""
-
-MIXED, NEIGHBOURS = 0.1, 1.6
-"""Share of one degree of freedom's motion in a reading of another, whose mode would look like a narrow-band load; and
-the factor of their frequencies within which it matters."""
 
 
 def doubts_beside_modes(
@@ -65,7 +58,7 @@ def ranges_of_narrow_band(outcome: Outcome, record: Record, rotor_hz: float) -> 
     own, width = known[FREQUENCY], known[FREQUENCY] * known[WIDTH]
     if 2.0 * width * record.duration < 1.0:
         return []
-    away = max(REACHED * width, REACHED / record.duration)
+    away = max(RESOLUTION_BINS * width, RESOLUTION_BINS / record.duration)
     return [(abs(seen) - away, abs(seen) + away) for seen in (own - rotor_hz, own, own + rotor_hz)]
 
 
@@ -130,13 +123,14 @@ def channel_of(outcome: Outcome, record: Record, name: str) -> str | None:
     anything else near its frequency; None where there is none."""
     file = outcome.turbine
     hz = {other: file.natural_frequency(other) for other in file.model.coordinates}  # free ones have none
-    near = [hz[name] / NEIGHBOURS < hz[other] < hz[name] * NEIGHBOURS for other in hz if other != name]
+    low, high = hz[name] / MAX_NEIGHBOUR_FACTOR, hz[name] * MAX_NEIGHBOUR_FACTOR
+    near = [low < hz[other] < high for other in hz if other != name]
     i = list(hz).index(name)
     seen, turned = (np.abs(_seen(outcome, turn)) for turn in (0.0, 1.0))
     own, rest = seen[:, i], np.delete(seen, i, axis=1)[:, near]
     stands = np.isclose(own, turned[:, i]) & (own > 0.0)
     values = np.column_stack([record[channel] for channel in outcome.channels])
-    alone = stands & np.isfinite(values).all(axis=0) & (rest < MIXED * own[:, None]).all(axis=1)
+    alone = stands & np.isfinite(values).all(axis=0) & (rest < NEGLIGIBLE_SHARE * own[:, None]).all(axis=1)
     if not alone.any():
         return None
     return outcome.channels[int(np.argmax(np.where(alone, own / np.maximum(values.std(axis=0), 1e-300), -1.0)))]

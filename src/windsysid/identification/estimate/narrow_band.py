@@ -24,60 +24,54 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.identification.estimate.evidence import rank
+from windsysid.identification.limits import (
+    MAX_DISAGREEMENT_SIGMAS,
+    MAX_NARROW_DAMPING_SHARE,
+    MIN_EXPECTED_SHIFT_SIGMAS,
+    MIN_LOG_ODDS,
+    NEGLIGIBLE_SHIFT_SIGMAS,
+)
 from windsysid.loads.narrow_band import FREQUENCY, WIDTH, NarrowBand, narrow_band_statistics
 from windsysid.loads.statistics import Statistic, coordinates_of, values_of
 from windsysid.results.finding import Finding
 from windsysid.spectral.rotor.build import pose_lifted
-from windsysid.spectral.rotor.fit import WHOLE, Fit, fit
+from windsysid.spectral.rotor.fit import WHOLE, RotorFit, fit
 from windsysid.spectral.rotor.model import LiftedModel
 from windsysid.spectral.rotor.narrow_band_spectra import narrow_density
-from windsysid.spectral.rotor.problem import Posed, Question
+from windsysid.spectral.rotor.problem import Posed, RotorQuestion
 
 __all__ = ["NarrowBandFit", "doubts_of_narrow_band", "fit_narrow_band", "note_narrow_band"]
 
-SURE = 2.5
-"""Log evidence by which one of two explanations has to be the better one: odds of 12 to 1."""
+MAX_STARTS, FIRST_STAGES = 3, ((1.0, 2),)
+"""Setting: how many starts are searched from; and, of the searches that tell which are worth it, the weight of the
+likelihood and every how many-th bin is used."""
 
-MOVED, HARDLY = 3.0, 1.5
-"""Standard deviations by which a coefficient may be elsewhere under an explanation that is nearly as good, and up to
-which it does not matter."""
+MAX_START_LOG_ODDS = 5.0
+"""Setting: log evidence below the best within which starts are worth a search to the end."""
 
-EXPECTED = 0.25
-"""The same, times the odds of that explanation: the farther away it puts a coefficient, the less likely it may be."""
+ROUGH_TOLERANCE = 0.1
+"""Numerical: squared length of the last step in standard deviations of a search that tells evidence."""
 
-NARROWER = 0.5
-"""Of the damping ratio of the mode beside it, below which a load may have passed for the mode."""
+SAME_END_SIGMAS = 0.5
+"""Numerical: standard deviations of the coefficients within which two searches have ended in one place."""
 
-TRIED, FIRST = 3, ((1.0, 2),)
-"""How many starts are searched from; and, of the searches that tell which are worth it, the weight of the likelihood
-and every how many-th bin is used."""
-
-CLOSE = 5.0
-"""Log evidence of the best within which they are."""
-
-ENOUGH = 0.1
-"""Squared length of the last step in standard deviations of a search that tells evidence."""
-
-SAME = 0.5
-"""Standard deviations of the coefficients within which two searches have ended in one place."""
-
-APART = 0.04
-"""Of the logarithm of frequency, within which two places are one to begin at."""
+START_SPACING = 0.04
+"""Numerical: difference of the logarithm of frequency within which two places are one to begin at."""
 
 PLACES, ASIDE = 61, 0.25
-"""How many frequencies are tried, and of the logarithm of frequency, how far beyond the modes of the support."""
+"""Setting: count of frequencies tried, and how far beyond the support's modes they reach, in log frequency."""
 
 WIDTHS, OVER = (0.001, 0.004, 0.02), (3.0, 30.0, 300.0)
-"""Damping ratios that are tried, and strengths over the spectrum without the load where it stands out most."""
+"""Setting: damping ratios that are tried, and strengths over the spectrum without the load where it stands out most."""
 
 EVERYWHERE = 3.0
-"""Damping ratio of a load that is hardly narrow: it tells how the support answers at any frequency."""
+"""Setting: damping ratio of a load that is hardly narrow: it tells how the support answers at any frequency."""
 
 LOG_EVIDENCE = attrgetter("log_evidence")
 """Of a fit."""
 
 NOTHING, LITTLE = -8.0, -1.0
-"""Coordinates of the level of a load that does not push, and of one that hardly does."""
+"""Setting: coordinates of the level of a load that is absent, and of one that is hardly present."""
 
 
 class NarrowBandFit(NamedTuple):
@@ -97,7 +91,7 @@ class NarrowBandFit(NamedTuple):
     """
 
     posed: Posed
-    fit: Fit
+    fit: RotorFit
     gain: float
     moved: float
     rival: tuple[str, float] | None
@@ -105,7 +99,7 @@ class NarrowBandFit(NamedTuple):
     @property
     def is_needed(self) -> bool:
         """Whether broad loads alone explain the record much worse, and that matters."""
-        return self.gain > SURE and self.moved > HARDLY
+        return self.gain > MIN_LOG_ODDS and self.moved > NEGLIGIBLE_SHIFT_SIGMAS
 
     @property
     def statistics(self) -> tuple[Statistic, ...]:
@@ -118,7 +112,9 @@ class NarrowBandFit(NamedTuple):
         return values_of(self.statistics, self.fit.model.split_statistics(self.fit.unknowns)[0])
 
 
-def fit_narrow_band(question: Question, broad: Posed, found: Fit, *, thorough: bool = False) -> NarrowBandFit | None:
+def fit_narrow_band(
+    question: RotorQuestion, broad: Posed, found: RotorFit, *, thorough: bool = False
+) -> NarrowBandFit | None:
     """What a record's spectra say with a narrow-band load on the support; None where it could push nothing.
 
     The search ends early where such a load explains nothing and changes nothing, if it need not be `thorough`.
@@ -136,9 +132,9 @@ def fit_narrow_band(question: Question, broad: Posed, found: Fit, *, thorough: b
     ends = _ends(question, posed, _starts(question, found, posed.model), rough=True)
     if not ends:
         return None
-    plain = fit(found.model._replace(smear=None), found.unknowns, FIRST, rough=True).log_evidence
+    plain = fit(found.model._replace(smear=None), found.unknowns, FIRST_STAGES, rough=True).log_evidence
     gain = ends[0].log_evidence - plain
-    near = rank(ends, LOG_EVIDENCE).within(CLOSE)
+    near = rank(ends, LOG_EVIDENCE).within(MAX_START_LOG_ODDS)
     if not thorough:
         near = tuple(end for end in near if _may_matter(question, found, end, end.log_evidence - plain))
     if not near:
@@ -148,7 +144,7 @@ def fit_narrow_band(question: Question, broad: Posed, found: Fit, *, thorough: b
         return None
     ends = [end._replace(log_evidence=end.evidence_at(overlap)) for end in ends]
     gain = ends[0].log_evidence - found.log_evidence
-    if gain > SURE:
+    if gain > MIN_LOG_ODDS:
         best, others = ends[0], [*ends[1:], found]
     else:
         best, others = found, [end for end in ends if _is_narrow(question, posed, end)]
@@ -181,25 +177,25 @@ def note_narrow_band(found: NarrowBandFit) -> Finding:
     return Finding("narrow_band_load", "note", data)
 
 
-def _ends(question: Question, posed: Posed, starts: Sequence[Array], *, rough: bool = False) -> list[Fit]:
+def _ends(question: RotorQuestion, posed: Posed, starts: Sequence[Array], *, rough: bool = False) -> list[RotorFit]:
     """Where searches end, the best first: those that say the same of the coefficients count as one. A rough one looks
     at every other bin, and not at what the taper adds."""
-    found = list[Fit]()
+    found = list[RotorFit]()
     for start in starts:
         with suppress(np.linalg.LinAlgError):  # no spectrum there
             found.append(
-                fit(posed.model, start, FIRST, rough=True)
+                fit(posed.model, start, FIRST_STAGES, rough=True)
                 if rough
-                else fit(posed.model, start, WHOLE, posed.smoothed, enough=ENOUGH)
+                else fit(posed.model, start, WHOLE, posed.smoothed, enough=ROUGH_TOLERANCE)
             )
-    ends = list[Fit]()
+    ends = list[RotorFit]()
     for end in sorted(found, key=LOG_EVIDENCE, reverse=True):
-        if not any(_off(question, other, end)[1] < SAME for other in ends):
+        if not any(_off(question, other, end)[1] < SAME_END_SIGMAS for other in ends):
             ends.append(end)
     return ends
 
 
-def _starts(question: Question, found: Fit, model: LiftedModel) -> list[Array]:
+def _starts(question: RotorQuestion, found: RotorFit, model: LiftedModel) -> list[Array]:
     """Where to begin: beside the modes as they were found, damped as the prior has them, and damped more than that."""
     damped, more = found.unknowns.copy(), found.unknowns.copy()
     supports = {one.name for one in question.turbine.model.freedoms if not one.blade}
@@ -207,7 +203,7 @@ def _starts(question: Question, found: Fit, model: LiftedModel) -> list[Array]:
     damped[of_support] = model.prior[0][of_support]
     more[of_support] = damped[of_support] + model.prior[1][of_support]
     chosen = _best_of([*_places(question, model, damped), *_places(question, model, found.unknowns)])
-    swapped = [_swapped(question, one) for one in chosen if abs(math.log(one.frequency / one.mode)) > APART]
+    swapped = [_swapped(question, one) for one in chosen if abs(math.log(one.frequency / one.mode)) > START_SPACING]
     last = max(_places(question, model, more), key=lambda one: one.gain)
     return [*(one.start for one in chosen), *swapped[:1], last.start]
 
@@ -216,12 +212,12 @@ def _best_of(places: "Sequence[_Place]") -> "list[_Place]":
     """The best places whose searches end differently."""
     chosen = list[_Place]()
     for one in sorted(places, key=lambda one: -one.gain):
-        if len(chosen) < TRIED and not any(one.is_like(other) for other in chosen):
+        if len(chosen) < MAX_STARTS and not any(one.is_like(other) for other in chosen):
             chosen.append(one)
     return chosen
 
 
-def _swapped(question: Question, place: "_Place") -> Array:
+def _swapped(question: RotorQuestion, place: "_Place") -> Array:
     """The mode where the load was, and the load where the mode was."""
     start = place.start.copy()
     for i, q in enumerate(question.parameters):
@@ -257,10 +253,10 @@ class _Place(NamedTuple):
 
     def is_like(self, other: "_Place") -> bool:
         """Whether a search from the other ends where one from here does."""
-        return self.known is other.known and abs(math.log(self.frequency / other.frequency)) < APART
+        return self.known is other.known and abs(math.log(self.frequency / other.frequency)) < START_SPACING
 
 
-def _places(question: Question, model: LiftedModel, known: Array) -> Iterator[_Place]:
+def _places(question: RotorQuestion, model: LiftedModel, known: Array) -> Iterator[_Place]:
     """The best frequency of a load on each degree of freedom of the support, for every width and strength."""
     narrow = narrow_band_statistics(question.turbine, question.loads)
     levels, at = narrow[2:], model.unknowns.of("statistics").stop - len(model.noise) - len(narrow)
@@ -306,7 +302,7 @@ def _places(question: Question, model: LiftedModel, known: Array) -> Iterator[_P
                 )  # fmt: skip
 
 
-def _is_narrow(question: Question, posed: Posed, end: Fit) -> bool:
+def _is_narrow(question: RotorQuestion, posed: Posed, end: RotorFit) -> bool:
     """Whether the load is narrower than a mode beside it: one as wide would take a part of any mode's peak."""
     narrow = narrow_band_statistics(question.turbine, question.loads)
     values = values_of(narrow, posed.model.split_statistics(end.unknowns)[0][-len(narrow) :])
@@ -317,10 +313,10 @@ def _is_narrow(question: Question, posed: Posed, end: Fit) -> bool:
         for name in (one.of for one in narrow[2:])
         if abs(math.log(turbine.natural_frequency(name) / (2.0 * math.pi * values[FREQUENCY]))) < ASIDE
     ]
-    return values[WIDTH] < NARROWER * max(beside, default=0.0)
+    return values[WIDTH] < MAX_NARROW_DAMPING_SHARE * max(beside, default=0.0)
 
 
-def _off(question: Question, best: Fit, other: Fit) -> tuple[str, float]:
+def _off(question: RotorQuestion, best: RotorFit, other: RotorFit) -> tuple[str, float]:
     """Which coefficient is elsewhere most under another explanation, and by how many standard deviations."""
     theta = best.model.unknowns.of("parameters")
     off = np.abs(other.unknowns[theta] - best.unknowns[theta]) / np.sqrt(np.diag(best.cov)[theta])
@@ -328,17 +324,18 @@ def _off(question: Question, best: Fit, other: Fit) -> tuple[str, float]:
     return question.parameters[i].name, float(off[i])
 
 
-def _may_matter(question: Question, found: Fit, end: Fit, gain: float) -> bool:
+def _may_matter(question: RotorQuestion, found: RotorFit, end: RotorFit, gain: float) -> bool:
     """Whether a rough end of so much log evidence more is better, or may be another explanation that counts, searched
     to the end."""
     off = _off(question, found, end)[1]
-    return gain > 0.0 or (off > HARDLY and off * math.exp(gain) > 0.5 * EXPECTED)
+    return gain > 0.0 or (off > NEGLIGIBLE_SHIFT_SIGMAS and off * math.exp(gain) > 0.5 * MIN_EXPECTED_SHIFT_SIGMAS)
 
 
-def _elsewhere(question: Question, best: Fit, other: Fit) -> tuple[str, float] | None:
+def _elsewhere(question: RotorQuestion, best: RotorFit, other: RotorFit) -> tuple[str, float] | None:
     """Which coefficient is elsewhere under another explanation that is nearly as good, and by how many standard
     deviations."""
     name, off = _off(question, best, other)
-    if off < MOVED or off * math.exp(min(other.log_evidence - best.log_evidence, 0.0)) < EXPECTED:
+    expected = off * math.exp(min(other.log_evidence - best.log_evidence, 0.0))
+    if off < MAX_DISAGREEMENT_SIGMAS or expected < MIN_EXPECTED_SHIFT_SIGMAS:
         return None
     return name, off

@@ -12,6 +12,7 @@ from windsysid.identification.condition.spectral_readings import SpectralSamples
 from windsysid.identification.estimate.clock_lag import put_on_time
 from windsysid.identification.estimate.frequency_domain import ask, inexact_of, tolerances_in
 from windsysid.identification.estimate.narrow_band import NarrowBandFit, fit_narrow_band
+from windsysid.identification.limits import MAX_TOLERANCE_CHANGE, MAX_YAW_CHANGE
 from windsysid.identification.model.fit import Outcome, known_loads
 from windsysid.identification.model.prior import Prior
 from windsysid.identification.model.tolerances import seconds_late
@@ -24,7 +25,7 @@ from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
 from windsysid.spectral.rotor.build import pose_lifted, turns_couple
 from windsysid.spectral.rotor.fit import WHOLE, fit
-from windsysid.spectral.rotor.problem import Posed, Question
+from windsysid.spectral.rotor.problem import Posed, RotorQuestion
 from windsysid.spectral.rotor_bands.build import belongs_in_bands
 from windsysid.spectral.transforms.block_sums import BlockSums
 from windsysid.turbine.turbine import Turbine
@@ -33,13 +34,7 @@ __all__ = ["heard_on_time", "narrow_band_beside", "told_before"]
 
 
 AGAIN = ((0.2, 1), *WHOLE)
-"""The stages of a search that begins where another one has ended, which knew loads by other statistics."""
-
-FAR = 0.5
-"""Share of a gain or of a mass by which a search may have moved it, where spectra are asked beside."""
-
-TURNED = 0.05
-"""[rad] by which a nacelle may yaw in a record whose spectra are asked beside filters."""
+"""Setting: the stages of a search that begins where another one has ended, which knew loads by other statistics."""
 
 
 def narrow_band_beside(
@@ -82,7 +77,7 @@ def _is_far(near: Outcome) -> bool:
     gain or a mass that is nothing like what it should be."""
     at = zip(near.model.parameters, near.theta, strict=True)
     undamped = any(q.kind == "damping" and theta <= 0.0 for q, theta in at)
-    far = any(one.group in ("gain", "masses") and abs(one.estimate) > FAR for one in near.tolerances)
+    far = any(one.group in ("gain", "masses") and abs(one.estimate) > MAX_TOLERANCE_CHANGE for one in near.tolerances)
     return undamped or far or near.hypothesis in (NarrowBand.name, RotorWind.name)
 
 
@@ -91,7 +86,7 @@ def _may_be_there(samples: SpectralSamples, turbine: Turbine) -> bool:
     which spectra know one value."""
     measured, loads = known_loads(samples.record, turbine)
     some_known = measured.any() or len({load.load for load in loads}) < len(turbine.model.loads)
-    turned = np.ptp(samples.inputs[:, 2:], axis=0).max(initial=0.0) > TURNED
+    turned = np.ptp(samples.inputs[:, 2:], axis=0).max(initial=0.0) > MAX_YAW_CHANGE
     return not (some_known or turned) and bool(narrow_band_statistics(turbine, loads))
 
 
@@ -112,7 +107,7 @@ def told_before(near: Outcome, found: Outcome) -> Outcome:
     return near._replace(tolerances=tuple(tolerances))
 
 
-def _with_tolerances(question: Question, near: Outcome) -> Question:
+def _with_tolerances(question: RotorQuestion, near: Outcome) -> RotorQuestion:
     """The question with instruments and masses where a search has put them: an axis that is off shows a mode of one
     direction in the other."""
     tolerances = tolerances_in(question)
@@ -127,7 +122,7 @@ def _with_tolerances(question: Question, near: Outcome) -> Question:
     return question._replace(turbine=replace(question.turbine, values=values))
 
 
-def _where_it_ended(near: Outcome, question: Question, posed: Posed) -> tuple[Array, Sequence[tuple[float, int]]]:
+def _where_it_ended(near: Outcome, question: RotorQuestion, posed: Posed) -> tuple[Array, Sequence[tuple[float, int]]]:
     """The unknowns of spectra where a search has ended, as far as it knows them (n,), and the stages of a search from
     there."""
     found = {q.name: float(q.physical(t)) for q, t in zip(near.model.parameters, near.theta, strict=True)}

@@ -48,19 +48,19 @@ __all__ = [
 Start = Callable[[Array, Array], tuple[Array, Array]]
 
 DOUBLINGS = 1, 2, 4, 8
-"""Multiples of the first samples at which the mode is found anew from all that are held."""
+"""Setting: multiples of the first samples at which the mode is found anew from all that are held."""
 
 MEMORY = DOUBLINGS[-1]
 """How many times the first samples are held."""
 
 ON_LINE_TOLERANCE = 0.2
-"""Newton's decrement below which a step of a search on line is the last: blocks move θ as far, and filters follow."""
+"""Numerical: Newton's decrement of the last step of a search on line: blocks move θ as far, and filters follow."""
 
 BLOCKS_PER_RECORD = 20
-"""A block is one of so many equal parts of what has been seen."""
+"""Setting: a block is one of so many equal parts of what has been seen."""
 
 MAX_BLOCK = 50_000
-"""Samples beyond which blocks do not grow: those of a block are held."""
+"""Setting: samples beyond which blocks do not grow: those of a block are held."""
 
 
 class Online(NamedTuple):

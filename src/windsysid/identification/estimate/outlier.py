@@ -8,19 +8,9 @@ from numpy.typing import NDArray
 
 from windsysid._types import Array
 from windsysid.identification.condition.samples import Block, Samples
+from windsysid.identification.limits import MAX_NEIGHBOUR_SHARE, MAX_OUTLIER_SHARE, MIN_OUTLIER_POWER, MIN_SPIKE_MEDIANS
 
 __all__ = ["Outliers", "find_spikes"]
-
-MIN_OUTLIER_POWER = 0.02
-"""What outliers must add to a channel's mean squared innovation to be left out: a few that are hardly beyond the gate
-do no harm."""
-
-MAX_OUTLIER_SHARE = 0.05
-"""Share of a channel beyond which they are not outliers: then the model is wrong, and all are kept."""
-
-SPIKE, ALONE = 15.0, 0.75
-"""Medians of a channel by which a spike is off the middle of its neighbours: ten standard deviations of normal ones;
-and the share of that by which these may be, which are half as far off beside a spike."""
 
 
 @dataclass(frozen=True)
@@ -95,5 +85,7 @@ def _alone(readings: Array) -> NDArray[np.int64]:
     off = np.zeros(len(values))
     off[1:-1] = np.abs(values[1:-1] - 0.5 * (values[:-2] + values[2:]))
     beside = np.maximum(np.roll(off, 1), np.roll(off, -1))
-    spikes = (off > SPIKE * np.median(off)) & (beside < ALONE * off) if len(off) else np.zeros(0, dtype=np.bool_)
+    if not len(off):
+        return read
+    spikes = (off > MIN_SPIKE_MEDIANS * np.median(off)) & (beside < MAX_NEIGHBOUR_SHARE * off)
     return read[spikes] if np.count_nonzero(spikes) <= MAX_OUTLIER_SHARE * len(values) else read[:0]

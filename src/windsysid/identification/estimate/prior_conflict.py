@@ -3,9 +3,9 @@
 Damping of a structure is known to half of it at best, and what the air adds may be several times as much. A prior that
 is too far off draws the estimate to itself, and Fisher's information, taken where the estimate came to lie, says that
 the readings know it well there: a tower with four times the damping of its file came out ten standard deviations off.
-So the likelihood is asked on the far side: where it rises by more than `GAIN` with up to twice as much damping, all
-other unknowns following, or with half as much where the prior is above, the prior is made wider, and the search is made
-again.
+So the likelihood is evaluated on the far side: where it rises by more than `MIN_LOG_LIKELIHOOD_RISE` with up to twice
+as much damping, all other unknowns following, or with half as much where the prior is above, the prior is made wider,
+and the search is made again.
 """
 
 import math
@@ -23,6 +23,7 @@ from windsysid.identification.estimate.clock_lag import shifted
 from windsysid.identification.estimate.online import Online
 from windsysid.identification.estimate.scoring import THREADS, log_likelihoods
 from windsysid.identification.estimate.search import Solution, solve
+from windsysid.identification.limits import MIN_LOG_LIKELIHOOD_RISE, MIN_PRIOR_PULL_SIGMAS
 from windsysid.identification.model.fit import Outcome
 from windsysid.identification.model.prior import Prior
 from windsysid.identification.model.turbine_problem import TurbineProblem
@@ -32,24 +33,19 @@ from windsysid.turbine.turbine import Turbine
 
 __all__ = ["find_held", "note_wide_priors", "one_by_one", "solve_with_wide_priors", "with_wide_priors"]
 
-PULLED = 0.3
-"""Standard deviations of the prior from which on an estimate may be held by it."""
-
 FACTORS = (1.25, 1.5, 2.0)
-"""On damping, at which the likelihood is asked."""
+"""Setting: factors on damping at which the likelihood is evaluated."""
 
-GAIN = 0.5
-"""Rise of the log likelihood: the readings alone would have it a standard deviation away."""
+WIDENING_FACTOR = 4.0
+"""Setting: how many times as wide a prior becomes."""
 
-WIDER = 4.0
-"""How many times as wide a prior becomes."""
-
-MOST_WIDENINGS = 2
+MAX_WIDENINGS = 2
+"""Setting: how often priors are widened."""
 
 
 @dataclass(frozen=True)
 class _WidenedPrior(Prior):
-    """Another prior, some of whose standard deviations are `WIDER` times as wide."""
+    """Another prior, some of whose standard deviations are `WIDENING_FACTOR` times as wide."""
 
     of: Prior = field(default_factory=Prior)
     names: tuple[str, ...] = ()
@@ -60,7 +56,7 @@ class _WidenedPrior(Prior):
 
 
 def _widened(q: Parameter, names: Sequence[str]) -> Parameter:
-    return replace(q, spread=WIDER * q.spread) if q.name in names else q
+    return replace(q, spread=WIDENING_FACTOR * q.spread) if q.name in names else q
 
 
 def find_held(
@@ -83,13 +79,13 @@ def find_held(
     here, *beyond = log_likelihoods(points)
     values = np.reshape(beyond, (len(asked), len(FACTORS)))
     known = np.logical_and.accumulate(np.isfinite(values), axis=1)
-    rises = np.max(values, axis=1, initial=here, where=known) > here + GAIN
+    rises = np.max(values, axis=1, initial=here, where=known) > here + MIN_LOG_LIKELIHOOD_RISE
     return tuple(q.name for (_, q), rise in zip(asked, rises, strict=True) if rise)
 
 
 def _may_be_held(q: Parameter, theta: float) -> bool:
     mean, std = q.prior
-    return q.kind == "damping" and not q.logarithmic and theta > 0.0 and abs(theta - mean) > PULLED * std
+    return q.kind == "damping" and not q.logarithmic and theta > 0.0 and abs(theta - mean) > MIN_PRIOR_PULL_SIGMAS * std
 
 
 def _beyond(unknowns: Array, cov: Array, j: int, q: Parameter) -> list[Array]:
@@ -120,7 +116,7 @@ def with_wide_priors(identify: Callable[[Prior], Outcome], prior: Prior) -> tupl
     doubt, a short one for most, keeps it."""
     found = identify(prior)
     given = found.model.parameters
-    for _ in range(MOST_WIDENINGS):
+    for _ in range(MAX_WIDENINGS):
         if not found.held or found.doubts:
             break
         prior = _WidenedPrior(of=prior, names=found.held)
@@ -134,7 +130,7 @@ def solve_with_wide_priors(
     """The same for filters: the search goes on from where it ended. Arguments as for
     `windsysid.identification.estimate.search.solve`."""
     solution = first = solve(problem, samples, online, rate=rate)
-    for _ in range(MOST_WIDENINGS):
+    for _ in range(MAX_WIDENINGS):
         n = len(solution.mean) - len(problem.clocks)
         mean, cov = solution.mean[:n], solution.cov[:n, :n]
         heard = shifted(problem, solution.outliers.left_out_of(samples), solution.mean[n:])
@@ -144,7 +140,7 @@ def solve_with_wide_priors(
         if not (held and solution.settled):
             break
         model, block = problem.model, problem.model.parameter_block
-        wide = np.array([WIDER if q.name in held else 1.0 for q in model.parameters])
+        wide = np.array([WIDENING_FACTOR if q.name in held else 1.0 for q in model.parameters])
         prior = model.cov.copy()
         prior[block, block] *= np.outer(wide, wide)
         parameters = tuple(_widened(q, held) for q in model.parameters)

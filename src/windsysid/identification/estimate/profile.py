@@ -44,10 +44,10 @@ __all__ = [
 
 
 STEPS = (1.0, 2.0, 3.0)
-"""Where the posterior is profiled on either side, in standard deviations of the Gaussian."""
+"""Setting: where the posterior is profiled on either side, in standard deviations of the Gaussian."""
 
 FARTHEST = 12.0
-"""How far it goes on where the band has not ended by then."""
+"""Setting: standard deviations up to which the profile goes on where the interval has not ended before."""
 
 
 @dataclass(frozen=True, eq=False)

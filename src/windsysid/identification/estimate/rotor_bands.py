@@ -15,7 +15,7 @@ from windsysid.loads.statistics import Statistic
 from windsysid.results.finding import Finding
 from windsysid.scoring import covariance
 from windsysid.spectral.rotor.model import Inexact
-from windsysid.spectral.rotor.problem import Question
+from windsysid.spectral.rotor.problem import RotorQuestion
 from windsysid.spectral.rotor_bands.build import PosedBands, centre_bands, search_bands
 from windsysid.spectral.rotor_bands.check import doubts_of_bands
 from windsysid.statespace.unknowns import Unknowns
@@ -52,7 +52,7 @@ class SpectralEstimate(NamedTuple):
     held: tuple[str, ...]
 
 
-def read_in_bands(question: Question, loads: str, inexact: Inexact | None = None) -> SpectralEstimate | None:
+def read_in_bands(question: RotorQuestion, loads: str, inexact: Inexact | None = None) -> SpectralEstimate | None:
     """Coefficients and statistics from bands around the modes; with τ where instruments or masses are not exact. None
     where the modes cannot be told apart.
 

@@ -47,25 +47,26 @@ __all__ = [
 
 
 MODE_TOLERANCE = 0.05
-"""Newton's decrement of the last step: 0.2 standard deviations, of which the step takes all but a few per cent."""
+"""Numerical: Newton's decrement of the last step: 0.2 σ, of which the step takes all but a few per cent."""
 
 SEARCH = SearchLimits(
     MODE_TOLERANCE, max_steps=20, unseen=MODE_TOLERANCE, unseen_remainder=0.01, stalled=1.0, damping=0.0
 )
-"""An evaluation runs a bank of filters over all samples: so the last step is taken unseen. Searches begin where the
-recursion on line ends, near the mode."""
+"""Numerical: an evaluation runs a bank of filters over all samples: so the last step is taken unseen. Searches begin
+where the recursion on line ends, near the mode."""
 
 MAX_STEP_SIGMAS = 3.0
-"""No step moves a parameter by more than so many standard deviations of its prior."""
+"""Numerical: standard deviations of its prior, or of a clock's tolerance, by which a step moves an unknown at most."""
 
 INCREMENT = 0.01
-"""Width of the forward differences, in standard deviations of a parameter with all others held: so narrow that
-curvature does not matter, and far wider than rounding."""
+"""Numerical: width of the forward differences, in standard deviations of a parameter with all others fixed: so narrow
+that curvature does not matter, and far wider than rounding."""
 
 THREADS = 2
+"""Setting: threads of a bank of filters."""
 
 CHUNK = 1000
-"""Samples between two sums over the bank, which bound its memory: either half is a part of the record."""
+"""Setting: samples between two sums over the bank, which bound its memory: either half is a part of the record."""
 
 
 class Changes(Protocol):

@@ -28,6 +28,7 @@ from windsysid.identification.estimate.clock_lag import Lateness, add_clocks, sh
 from windsysid.identification.estimate.online import History, Online, advance, finish, join_histories
 from windsysid.identification.estimate.outlier import Outliers, find_spikes
 from windsysid.identification.estimate.scoring import InnovationMode, find_innovation_mode
+from windsysid.identification.limits import OUTLIER_SIGMAS
 from windsysid.identification.model.fit import check_finite, diverged
 from windsysid.identification.model.problem import Problem
 from windsysid.output.progress import expect
@@ -38,27 +39,23 @@ from windsysid.statespace.compose import StateSpace
 
 __all__ = ["Solution", "expect_search", "solve"]
 
-GATE_SIGMAS = 5.0
-"""Standard deviations beyond which an innovation is an outlier: one in two million of normal ones."""
-
 MAX_GATED_SEARCHES = 4
-"""Searches for the mode until the set of outliers stays."""
+"""Setting: searches for the mode until the set of outliers stays."""
 
 MAX_CLIMBS = 2
-"""How often a search that has not settled goes on."""
+"""Setting: how often a search that has not converged goes on."""
 
 MAX_SHIFTS = 3
-"""How often readings are shifted by what their clocks are late, and the search goes on."""
+"""Setting: how often readings are shifted by the lags of their clocks, and the search goes on."""
 
-CLOSE = 4.0
-"""The squared length of the step that a shift asks of the other unknowns, in their standard deviations, below which it
-is taken unseen."""
+UNSEEN_STEP = 4.0
+"""Numerical: squared length [σ] of a shift's step of the other unknowns, below which it is taken unseen."""
 
 COVARIANCE_CHUNK = 1024
-"""Samples whose covariances are held at once."""
+"""Setting: samples whose covariances are held at once."""
 
 PASSES, LAST_PASS = 3.0, 0.25
-"""For progress only: how often a search goes through all samples, and what is left of it until it ends."""
+"""Setting: for progress only: how often a search goes through all samples, and what is left of it until it ends."""
 
 
 class Solution(NamedTuple):
@@ -110,7 +107,9 @@ class Solution(NamedTuple):
         """What was left out."""
         counts = self.outliers.counts(len(self.read))
         return tuple(
-            Finding("outliers", "note", {"channel": channel.name, "count": count, "read": read, "sigmas": GATE_SIGMAS})
+            Finding(
+                "outliers", "note", {"channel": channel.name, "count": count, "read": read, "sigmas": OUTLIER_SIGMAS}
+            )
             for channel, count, read in zip(self.whiteness.channels, counts, self.read, strict=True)
             if count
         )
@@ -210,7 +209,7 @@ def _search(
         mode = _climb(problem, kept, start, clocks)
         start, clocks = (mode.mean[searched], mode.cov[np.ix_(searched, searched)]), mode.mean[late]
         model, frequencies = problem.build(start[0]), problem.frequencies(mode.mean)
-        gated = replace(model, blocks=model.blocks._replace(gate=np.array([GATE_SIGMAS])))
+        gated = replace(model, blocks=model.blocks._replace(gate=np.array([OUTLIER_SIGMAS])))
         seen = _filter(gated, shifted(problem, samples, clocks), rate, frequencies)
         found = seen.gated.that_matter(seen.gated_power, seen.read, seen.stretch.samples)
         if found.same_as(outliers) or (searches > 1 and not mode.settled):  # no set of readings makes it settle
@@ -245,7 +244,7 @@ def _climb(problem: Problem, samples: Samples, start: tuple[Array, Array], clock
         check_finite(wide.mean, wide.cov)
         mode = mode._replace(mean=wide.mean, cov=wide.cov)
         mean, clocks = wide.mean[searched], wide.mean[late]
-        if wide.moved < CLOSE or not mode.settled:
+        if wide.moved < UNSEEN_STEP or not mode.settled:
             break
     else:
         mode = mode._replace(settled=mode.settled and not problem.clocks)

@@ -52,13 +52,13 @@ __all__ = [
 
 
 FIRST_PERIODS = 10.0
-"""Periods of the slowest degree of freedom before the first estimate on line."""
+"""Setting: periods of the slowest degree of freedom before the first estimate on line."""
 
 QUIETER = 1.0, 0.7, 0.5, 0.35
-"""Shares of the noise where a search has ended, with which another one may begin."""
+"""Setting: shares of the noise where a search has ended, with which another one may begin."""
 
 CHOICE = 4.0
-"""For progress only: how often the choice of a load model goes through the samples that it looks at."""
+"""Setting: for progress only: how often the choice of a load model goes through the samples that it looks at."""
 
 
 def identify_jointly(

@@ -7,11 +7,7 @@ from windsysid.results.finding import Finding
 from windsysid.results.tolerance import Group
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["DISAGREEMENT", "compare", "disagreement"]
-
-DISAGREEMENT = 3.0
-"""Probability: standard deviations between what filters and spectra say of a coefficient, beyond which neither is
-trusted; two independent estimates exceed it once in 370, and these two share their readings."""
+__all__ = ["compare", "disagreement"]
 
 
 def compare(one: Outcome, other: Outcome) -> tuple[str, float]:

@@ -3,17 +3,11 @@
 import math
 from typing import NamedTuple
 
+from windsysid.identification.limits import MAX_DRIFT_RATE, MIN_DRIFT_ANGLE, MIN_EFFECT_SIGMAS
 from windsysid.results.finding import Finding
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["CLEAR", "Drift"]
-
-CLEAR = 4.0
-"""Standard deviations from which on a drift is one."""
-
-LEAST, GREATEST = 0.07, 3e-4
-"""Angle [rad] of the fastest motion of a degree of freedom by which a drift over the record matters, and [s/s] that a
-clock can have."""
+__all__ = ["Drift"]
 
 
 class Drift(NamedTuple):
@@ -42,5 +36,5 @@ class Drift(NamedTuple):
     def matters(self, turbine: Turbine, duration: float) -> bool:
         """Whether it is beyond chance, no faster than clocks drift, and moves what vibrates in such a record [s]."""
         fastest = max((turbine.natural_frequency(name) for name in turbine.model.coordinates), default=0.0)
-        least = LEAST / (fastest * duration) if fastest > 0.0 else math.inf
-        return max(CLEAR * self.std, least) < abs(self.rate) < GREATEST
+        least = MIN_DRIFT_ANGLE / (fastest * duration) if fastest > 0.0 else math.inf
+        return max(MIN_EFFECT_SIGMAS * self.std, least) < abs(self.rate) < MAX_DRIFT_RATE

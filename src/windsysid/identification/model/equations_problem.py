@@ -12,6 +12,7 @@ from windsysid._types import Array
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.filters import EKF
 from windsysid.identification.condition.samples import Samples
+from windsysid.identification.model.problem import FIRST_WIDTH
 from windsysid.mechanics.compile import CompiledModel
 from windsysid.mechanics.model import Model
 from windsysid.records.record import LOW_PASS, Record
@@ -34,13 +35,10 @@ __all__ = [
 
 
 LEVEL_SPREAD = 1.5
-"""Prior standard deviation of the logarithm of a level: noise and loads may be wrong by a factor of four or five."""
+"""Setting: prior standard deviation of the logarithm of a level: noise and loads may be 4 to 5 times off."""
 
 LOUDER = (1.0, 10.0, 100.0)
-"""Factors on all noise with which the joint filter looks for a start."""
-
-FIRST_WIDTH = 0.05
-"""Standard deviation of the logarithm of a level that scales its first differences."""
+"""Setting: factors on all noise with which the joint filter looks for a start."""
 
 
 class EquationsJob(NamedTuple):

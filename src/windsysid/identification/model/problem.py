@@ -7,7 +7,10 @@ from windsysid._types import Array
 from windsysid.statespace.compose import StateSpace
 from windsysid.statespace.unknowns import Unknowns
 
-__all__ = ["Problem"]
+__all__ = ["FIRST_WIDTH", "Problem"]
+
+FIRST_WIDTH = 0.05
+"""Setting: standard deviation of the logarithm of a statistic of loads or noise that scales its first differences."""
 
 
 class Problem(Protocol):

@@ -34,7 +34,7 @@ __all__ = [
 ALL = "all bodies"
 
 SHARED = 0.5
-"""Share of the variance of a body's mass that all have together; half is its own."""
+"""Setting: share of the variance of a body's mass that all have together; half is its own."""
 
 
 def tolerances_of(turbine: Turbine, sensors: Sequence[Sensor], identified: Sequence[str]) -> tuple[Tolerance, ...]:

@@ -18,6 +18,7 @@ from windsysid._types import Array
 from windsysid.filters import EKF
 from windsysid.identification.model.fit import known_inputs, known_loads
 from windsysid.identification.model.prior import Prior, identifiable
+from windsysid.identification.model.problem import FIRST_WIDTH
 from windsysid.identification.model.tolerances import seconds_late, tolerances_of, with_tolerances
 from windsysid.loads.family import hypothesis
 from windsysid.loads.hypothesis import SupposedLoads
@@ -38,16 +39,13 @@ __all__ = ["TurbineProblem", "pose", "seen_by"]
 
 
 MAX_PASSES = 4
-"""Passes of the joint filter towards a start."""
+"""Numerical: passes of the joint filter towards a start."""
 
 START_TOLERANCE = 0.05
-"""They stop when one moves no parameter by more than so many standard deviations."""
+"""Numerical: the passes stop when one moves no parameter by more than so many standard deviations."""
 
 MAX_MADE = 64
-"""Values of η whose loads and noise are kept."""
-
-FIRST_WIDTH = 0.05
-"""Standard deviation of the logarithm of a statistic that scales its first differences."""
+"""Setting: values of η whose loads and noise are kept."""
 
 
 class TurbineProblem(NamedTuple):

@@ -26,11 +26,11 @@ from windsysid.units import spell
 __all__ = ["WAYS", "Planned"]
 
 RELAXATIONS = 100.0
-"""How many times the energy of the least damped mode is renewed in the simulated record: σ is then known to 1/(2√100) =
-5 %."""
+"""Setting: how many times the energy of the least damped mode is renewed in the simulated record: σ is then known to
+1/(2√100) = 5 %."""
 
-MOST_SAMPLES = 50_000
-"""Of the simulated record, whatever the damping."""
+MAX_SIMULATED_SAMPLES = 50_000
+"""Setting: samples of the simulated record, whatever the damping."""
 
 
 class Planned(NamedTuple):
@@ -65,7 +65,7 @@ class Planned(NamedTuple):
     @property
     def most(self) -> float:
         """The longest record that is simulated [s]."""
-        return max(MOST_SAMPLES / self.simulated_rate, 2.0 * self.finding)
+        return max(MAX_SIMULATED_SAMPLES / self.simulated_rate, 2.0 * self.finding)
 
     @property
     def thinned(self) -> Turbine:

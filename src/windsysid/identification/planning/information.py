@@ -21,13 +21,13 @@ from windsysid.output.progress import Progress
 __all__ = ["planned_information"]
 
 BLOCKS = 10
-"""Parts of the record from whose scatter the accuracy is told."""
+"""Setting: parts of the record from whose scatter the accuracy is told."""
 
 STEP = 1e-6
-"""Relative width of the differences."""
+"""Numerical: relative width of the differences."""
 
 CLOCK_SAMPLES = 10_000
-"""From which the information on clocks is taken."""
+"""Setting: samples from which the information on clocks is taken."""
 
 
 def planned_information(

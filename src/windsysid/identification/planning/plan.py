@@ -27,6 +27,7 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.checks.identifiability import describe_information, standard_deviations
 from windsysid.errors import ConfigurationError
+from windsysid.identification.limits import MAX_PLANNED_SECONDS
 from windsysid.identification.model.prior import identifiable
 from windsysid.identification.model.turbine_problem import seen_by
 from windsysid.identification.planning.formulations import WAYS, Planned
@@ -51,13 +52,10 @@ __all__ = ["Plan", "plan"]
 
 
 PERIODS = 5.0
-"""Of the slowest mode, in which the filter finds the state."""
+"""Setting: periods of the slowest mode in which the filter finds the state."""
 
-ENOUGH = 20.0
-"""Samples per period of the fastest mode beyond which the simulation samples no faster than it must."""
-
-FOREVER = 10.0 * 365.25 * 86400.0
-"""[s] What takes longer than ten years is never seen."""
+SAMPLES_PER_PERIOD = 20.0
+"""Setting: samples per period of the fastest mode beyond which the simulation samples no faster than it must."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,9 +122,9 @@ class Plan(Answer):
         years."""
         low = high = self.start_seconds
         while self.band(name, high) > self.within:  # after ten years rounding would hide what tolerances leave open
-            if high >= FOREVER:
+            if high >= MAX_PLANNED_SECONDS:
                 return math.inf
-            low, high = high, min(2.0 * high, FOREVER)
+            low, high = high, min(2.0 * high, MAX_PLANNED_SECONDS)
         for _ in range(60):
             middle = math.sqrt(low * high)
             low, high = (low, middle) if self.band(name, middle) <= self.within else (middle, high)
@@ -320,7 +318,7 @@ def plan(
     unknown = tuple(name for name in dict.fromkeys([*known, *asked]) if seen.model.acts(name))
     slowest, fastest, damping = _time_scales(seen)
     finding = min(PERIODS * 2.0 * math.pi / slowest, duration)
-    thinning = max(1, int(rate / (ENOUGH * fastest / (2.0 * math.pi))))
+    thinning = max(1, int(rate / (SAMPLES_PER_PERIOD * fastest / (2.0 * math.pi))))
     planned = Planned(seen, unknown, rate, duration, damping, finding, thinning, seed, progress)
     told = WAYS[formulation](planned)
     draft = Plan(
@@ -364,7 +362,7 @@ def _check_record(turbine: Turbine, duration: float, rate: float) -> None:
     """Refuse a record of the turbine that is too short, endless, or too slow for its modes."""
     _require_positive("rate", rate, 1e5)
     least, why = turbine.least_duration
-    if not (math.isfinite(duration) and least <= duration <= FOREVER):
+    if not (math.isfinite(duration) and least <= duration <= MAX_PLANNED_SECONDS):
         raise ConfigurationError(f"duration: expected {why} to ten years, got {duration:g} s: plan another record")
     fastest = max(turbine.natural_frequency(name) for name in turbine.model.coordinates)
     if fastest / rate > 0.6:

@@ -29,10 +29,10 @@ from windsysid.turbine.turbine import Turbine
 __all__ = ["PlannedInformation", "PlannedRecord", "planned_spectra"]
 
 RECORDS = 4
-"""Records that are simulated; their scatter tells the accuracy."""
+"""Setting: records that are simulated; their scatter tells the accuracy."""
 
 ROUNDING = 1e-7
-"""Scaled eigenvalue of the information up to which nothing is seen: what is left where the priors' is taken out."""
+"""Numerical: scaled eigenvalue up to which the information is rounding where the priors' is taken out."""
 
 
 class PlannedRecord(NamedTuple):

@@ -18,7 +18,7 @@ from windsysid.output.files import claim_file
 __all__ = ["Checkpoint"]
 
 LAYOUT = 2
-"""Number of the archive's layout: another one is refused."""
+"""Setting: number of the archive's layout: another one is refused."""
 
 
 class Checkpoint(NamedTuple):

@@ -31,7 +31,7 @@ from windsysid.turbine.turbine import Turbine
 __all__ = ["Accumulator", "SegmentsEstimate", "StreamingJob", "run_segments"]
 
 FIRST_SAMPLES = 1000
-"""Samples that are hashed to recognise another record at once."""
+"""Setting: samples that are hashed to recognise another record at once."""
 
 
 class StreamingJob(NamedTuple):

@@ -20,32 +20,30 @@ from numpy.typing import NDArray
 
 from windsysid._types import Array
 from windsysid.errors import RecordError
-from windsysid.identification.condition.readings import MAX_READING_OF_SPECTRA, check_length
+from windsysid.identification.condition.readings import check_length
 from windsysid.identification.condition.segments import require_alike
 from windsysid.identification.condition.spectral_readings import SpectralSamples
 from windsysid.identification.estimate.frequency_domain import SpectralBlocks, ask, identify_by_spectrum
 from windsysid.identification.estimate.narrow_band import doubts_of_narrow_band
 from windsysid.identification.estimate.narrow_band_alternative import narrow_band_beside
 from windsysid.identification.estimate.prior_conflict import note_wide_priors, with_wide_priors
+from windsysid.identification.limits import MAX_RADIANS_PER_SPECTRAL_READING, MIN_TURNS
 from windsysid.identification.model.turbine_problem import seen_by
 from windsysid.identification.streaming.run import SegmentsEstimate, StreamingJob
 from windsysid.records.record import Record
 from windsysid.results.finding import Finding, read_finding
 from windsysid.spectral.rotor.build import harmonics_of, turns_couple
-from windsysid.spectral.rotor.problem import Question
+from windsysid.spectral.rotor.problem import RotorQuestion
 from windsysid.spectral.rotor_bands.build import belongs_in_bands, highest_in_bands
 from windsysid.spectral.transforms.block_sums import BlockSums, cut_blocks, cut_turns
 from windsysid.spectral.transforms.dft import TAPERED
-from windsysid.spectral.transforms.lifted import FIRST_BIN, Lifted, lift
+from windsysid.spectral.transforms.lifted import Lifted, lift
 from windsysid.spectral.transforms.rotating_frame import MAX_GROUPS, TurnedBlock, turned_block, turned_spectra
 
 __all__ = ["BlockLayout", "SpectraAccumulator", "layout_of"]
 
-MIN_TURNS = 2 * FIRST_BIN + 1
-"""Turns of a rotor in a block: with fewer there is no bin between its harmonics."""
-
 OVERLAP = 0.5 * TAPERED
-"""Share of a block that the next one repeats."""
+"""Setting: share of a block that the next one repeats."""
 
 
 class BlockLayout(NamedTuple):
@@ -87,7 +85,7 @@ class BlockLayout(NamedTuple):
         return Lifted if self.support is None else TurnedBlock
 
 
-def layout_of(part: Record, question: Question) -> BlockLayout:
+def layout_of(part: Record, question: RotorQuestion) -> BlockLayout:
     """How the record that begins with a segment is cut and transformed for a question; RecordError where the segment
     has too few turns of the rotor."""
     if not turns_couple(question):
@@ -112,7 +110,7 @@ class SpectraAccumulator:
         self.notes: list[Finding] = []
         self.seen = seen_by(job.turbine, self.sensors, self.notes)
         part = first.on_uniform_grid()
-        check_length(part.name, part.duration, part.rate, job.turbine, MAX_READING_OF_SPECTRA)
+        check_length(part.name, part.duration, part.rate, job.turbine, MAX_RADIANS_PER_SPECTRAL_READING)
         samples = self._samples(part)
         question = ask(samples, self.seen, job.prior, job.parameters, "broadband")
         self.layout = layout_of(part, question)

@@ -20,6 +20,7 @@ from windsysid.identification.estimate.clock_lag import PASSED
 from windsysid.identification.estimate.modal_residuals import doubts_beside_modes
 from windsysid.identification.estimate.modes import FittedModes, modes_of
 from windsysid.identification.job import Formulation
+from windsysid.identification.limits import MAX_RATE_MISMATCH
 from windsysid.identification.model.fit import Outcome
 from windsysid.inspection.fault import Fault
 from windsysid.inspection.screening import doubted, noted
@@ -38,10 +39,6 @@ from windsysid.statespace.parameter import Parameter
 from windsysid.turbine.turbine import Turbine
 
 __all__ = ["WholeRecord", "conclude", "doubts_of_innovations"]
-
-
-OFF_CLOCK = 0.01
-"""Share of the rotor's speed by which azimuth and speed may contradict each other."""
 
 
 class WholeRecord(NamedTuple):
@@ -207,7 +204,7 @@ def _off_clock(record: Record, speed: float) -> tuple[Finding, ...]:
         return ()
     mean = float(recorded.mean())
     turned = float(psi[-1] - psi[0]) / float(record.time[-1] - record.time[0])
-    if not mean > STANDING_MAX_SPEED or abs(turned / mean - 1.0) < OFF_CLOCK:
+    if not mean > STANDING_MAX_SPEED or abs(turned / mean - 1.0) < MAX_RATE_MISMATCH:
         return ()
     return (Finding("azimuth_contradicts_speed", "reason", {"ratio": turned / mean}),)
 

@@ -35,6 +35,7 @@ import numpy as np
 from windsysid._types import Array, Complex
 from windsysid.checks.nonlinearity import Bending, Law
 from windsysid.filters import Info, smooth
+from windsysid.identification.limits import MAX_FORCE_SIGMAS, MAX_JOINT_SIGMAS, MIN_WHITENED_SAMPLES
 from windsysid.mechanics.model import Coordinate
 from windsysid.results.smoothed_loads import CorrelatedLoads, SmoothedLoads
 from windsysid.statespace.acting_loads import acting_loads
@@ -43,21 +44,10 @@ from windsysid.statespace.compose import StateSpace
 __all__ = ["judge_smoothed_loads"]
 
 TURN_Q, TURN_V = 1.0, 0.1
-"""Displacement and velocity, in their rms, about which a force turns round."""
+"""Setting: displacement and velocity, in their rms, about which a force turns round."""
 
 CHUNK = 4096
-"""Samples for which all H(ψ) are held at once."""
-
-FEWEST = 500
-"""Samples with a reading below which nothing is said."""
-
-MAX_SIGMAS, MAX_SIGMAS_ALIKE = 3.8, 3.2
-"""Standard deviations of chance that count, of one degree of freedom and of those that are alike together. Of five, the
-ten and the four that are looked at exceed them in one healthy record of 140."""
-
-MAX_TOGETHER = 3.2
-"""Standard deviations of chance by which two loads may go together. Where sensors may be off their axes, healthy towers
-show a third of one, as the fit takes the rest for that."""
+"""Setting: samples for which all H(ψ) are held at once."""
 
 
 def judge_smoothed_loads(
@@ -92,7 +82,7 @@ def judge_smoothed_loads(
 def _testable(model: StateSpace, info: Info, freedoms: Sequence[Coordinate], names: Sequence[str]) -> list[int]:
     """Numbers of the degrees of freedom that move and whose load is a state; none where times are unequal, or the
     record is too short."""
-    if model.blocks.step.size > 1 or np.isfinite(info.whitened).any(axis=1).sum() < FEWEST:
+    if model.blocks.step.size > 1 or np.isfinite(info.whitened).any(axis=1).sum() < MIN_WHITENED_SAMPLES:
         return []
     return [j for j, one in enumerate(freedoms) if one.load in names and np.any(info.mean[:, j])]
 
@@ -104,14 +94,16 @@ def _bendings(law: Law, t: Array, freedoms: Sequence[Coordinate]) -> Iterator[Be
     groups += [[i for i, one in enumerate(freedoms) if bool(one.blade) is blade] for blade in (False, True)]
     for group in filter(None, groups):
         sigmas = float(t[group].sum()) / math.sqrt(len(group))
-        bound = MAX_SIGMAS if len(group) == 1 else MAX_SIGMAS_ALIKE
+        bound = MAX_FORCE_SIGMAS if len(group) == 1 else MAX_JOINT_SIGMAS
         yield Bending(law, tuple(freedoms[i].name for i in group), sigmas, bound)
 
 
 def _most_correlated(freedoms: Sequence[Coordinate], driven: Complex) -> CorrelatedLoads | None:
     """The two loads of n degrees of freedom that go together most, of what drives them (F, n); None of fewer."""
     pairs = [
-        CorrelatedLoads((freedoms[i].load, freedoms[j].load), float(_score(driven[:, i], driven[:, j])), MAX_TOGETHER)
+        CorrelatedLoads(
+            (freedoms[i].load, freedoms[j].load), float(_score(driven[:, i], driven[:, j])), MAX_JOINT_SIGMAS
+        )
         for i, j in combinations(range(len(freedoms)), 2)
     ]
     return max(pairs, key=lambda one: abs(one.sigmas), default=None)

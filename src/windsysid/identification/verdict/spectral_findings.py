@@ -10,32 +10,22 @@ from windsysid._types import Array
 from windsysid.checks.blade_passing import find_passing
 from windsysid.errors import RecordError
 from windsysid.identification.estimate.drift_of_halves import drift_of_halves
+from windsysid.identification.limits import MAX_RESONANCE_DOF, MIN_RESONANCE_DOF, MIN_STANDING_RESONANCE_DOF
 from windsysid.identification.model.drift import Drift
 from windsysid.results.finding import Finding
 from windsysid.results.tolerance import Tolerance
 from windsysid.results.transient import find_burst
 from windsysid.spectral.rotor.build import pose_lifted
-from windsysid.spectral.rotor.check import Part, parts_of, unexplained, unsteady
-from windsysid.spectral.rotor.fit import Fit
-from windsysid.spectral.rotor.problem import Posed, Question
+from windsysid.spectral.rotor.check import RangePower, parts_of, unexplained, unsteady
+from windsysid.spectral.rotor.fit import RotorFit
+from windsysid.spectral.rotor.problem import Posed, RotorQuestion
 from windsysid.spectral.transforms.block_sums import BlockSums
 from windsysid.spectral.transforms.lifted import Lifted
 
 __all__ = ["doubts_of_spectra", "drifts_of", "halves_of", "passed_by"]
 
-MOST_RESONANCE = 50.0
-"""As how many independent values the narrowest resonance of a rotor under wind may count at most: bands grow narrower
-with the record, what the load model does not know stays. ``python -m validation.spectral`` shows them for 36."""
 
-LEAST_RESONANCE, LEAST_STANDING = 20.0, 4.0
-"""As how many independent values the narrowest resonance has to count, of a turning rotor and where nothing turns.
-Below, bands of a rotor were never proven; those of a tower are up to 18 times too narrow where it counts as one."""
-
-LEAST_OF_A_BLOCK = 20.0
-"""And in each block of one that came in pieces: what the taper does to narrower ones was not proven."""
-
-
-def halves_of(question: Question, posed: Posed, found: Fit, loads: str) -> list[Posed]:
+def halves_of(question: RotorQuestion, posed: Posed, found: RotorFit, loads: str) -> list[Posed]:
     """The halves of a record with the unknowns of what was found; none of blocks, and where it is too short."""
     if question.sums is not None:
         return []
@@ -50,7 +40,7 @@ def halves_of(question: Question, posed: Posed, found: Fit, loads: str) -> list[
 
 
 def drifts_of(
-    question: Question, halves: Sequence[Posed], unknowns: Array, tolerances: Sequence[Tolerance]
+    question: RotorQuestion, halves: Sequence[Posed], unknowns: Array, tolerances: Sequence[Tolerance]
 ) -> tuple[Drift, ...]:
     """How clocks drift by what the halves say."""
     if not halves:
@@ -61,7 +51,7 @@ def drifts_of(
 
 
 def doubts_of_spectra(
-    question: Question, posed: Posed, found: Fit, loads: str, halves: Sequence[Posed]
+    question: RotorQuestion, posed: Posed, found: RotorFit, loads: str, halves: Sequence[Posed]
 ) -> list[Finding]:
     """What speaks against the bands: a search that did not end, a record that the spectra do not explain or that is not
     stationary."""
@@ -81,18 +71,18 @@ def doubts_of_spectra(
     return doubts + unsteady(first, second)[:2]
 
 
-def _unproven_length(question: Question, posed: Posed, loads: str) -> list[Finding]:
+def _unproven_length(question: RotorQuestion, posed: Posed, loads: str) -> list[Finding]:
     """Whether the narrowest resonance counts as fewer independent values, or under wind as more, than were proven."""
-    doubts, least = list[Finding](), LEAST_STANDING if posed.smoothed is None else LEAST_RESONANCE
+    doubts, least = list[Finding](), MIN_STANDING_RESONANCE_DOF if posed.smoothed is None else MIN_RESONANCE_DOF
     if posed.resonance < least:
         doubts.append(Finding("narrow_resonance", "reason", {"count": posed.resonance, "least": least}))
-    if loads == "rotor-wind" and posed.resonance > MOST_RESONANCE:
-        proven = len(question.readings) / question.rate * MOST_RESONANCE / posed.resonance
+    if loads == "rotor-wind" and posed.resonance > MAX_RESONANCE_DOF:
+        proven = len(question.readings) / question.rate * MAX_RESONANCE_DOF / posed.resonance
         doubts.append(Finding("long_record_under_wind", "reason", {"duration": proven}))
     return doubts
 
 
-def passed_by(question: Question, unknowns: Array, rotor_hz: float) -> list[Finding]:
+def passed_by(question: RotorQuestion, unknowns: Array, rotor_hz: float) -> list[Finding]:
     """Whether the blades pass nearly as often as a structure vibrates on which nothing turns: wind makes no line there,
     and spectra have no model of it."""
     values = {q.name: float(q.physical(u)) for q, u in zip(question.parameters, unknowns, strict=False)}
@@ -102,20 +92,20 @@ def passed_by(question: Question, unknowns: Array, rotor_hz: float) -> list[Find
     return [] if passing is None else [passing.finding(blades)]
 
 
-def _unsteady_blocks(question: Question, sums: BlockSums[Lifted], posed: Posed) -> list[Finding]:
+def _unsteady_blocks(question: RotorQuestion, sums: BlockSums[Lifted], posed: Posed) -> list[Finding]:
     """Whether the first half of the blocks is much louder or quieter than the second, and whether a block is long
     enough."""
     blocks, doubts = len(sums.energies), list[Finding]()
     alone = posed.resonance / sums.blocks
-    if posed.smoothed is not None and alone < LEAST_OF_A_BLOCK:
-        data = {"count": alone, "least": LEAST_OF_A_BLOCK}
+    if posed.smoothed is not None and alone < MIN_RESONANCE_DOF:
+        data = {"count": alone, "least": MIN_RESONANCE_DOF}
         doubts.append(Finding("narrow_resonance_in_pieces", "reason", data))
     if blocks < 2:
         return [*doubts, Finding("one_block", "reason")]
     low, high = posed.bands[0][0], posed.bands[-1][1]
     halves = [
         [
-            Part(sensor.channel, low, high, 1.0, 1.0, float(energy), 0.5 * blocks * max(alone, 1.0))
+            RangePower(sensor.channel, low, high, 1.0, 1.0, float(energy), 0.5 * blocks * max(alone, 1.0))
             for sensor, energy in zip(question.sensors, part.mean(axis=0), strict=True)
         ]
         for part in (sums.energies[: blocks // 2], sums.energies[blocks // 2 :])
@@ -123,12 +113,12 @@ def _unsteady_blocks(question: Question, sums: BlockSums[Lifted], posed: Posed) 
     return doubts + unsteady(*halves)[:2]
 
 
-def _alike(posed: Posed, found: Fit) -> Posed:
+def _alike(posed: Posed, found: RotorFit) -> Posed:
     """The same with the unknowns of what was found."""
     return posed._replace(model=posed.model._replace(inexact=found.model.inexact))
 
 
-def _parts(posed: Posed, whole: Posed, unknowns: Array, question: Question) -> list[Part]:
+def _parts(posed: Posed, whole: Posed, unknowns: Array, question: RotorQuestion) -> list[RangePower]:
     """Mean squares of a record, or of a part of it, by channel and frequency."""
     measured = posed.model.powers(unknowns)
     channels = [sensor.channel for sensor in question.sensors]

@@ -15,10 +15,10 @@ from windsysid.errors import StoreError
 from windsysid.live.engine_state import PageEngine, TurbineState
 from windsysid.live.page import models
 from windsysid.live.page.newest import Newest
-from windsysid.live.series_words import series_title
 from windsysid.live.sources.source import BlockSource
 from windsysid.live.store.contents import Alarm, Result, SensorHealth, SeriesLevel, Status
 from windsysid.live.store.store import Store
+from windsysid.live.watch.series_words import series_title
 from windsysid.mechanics.sensors import noise_source
 from windsysid.units import unit_text
 

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 from urllib.parse import urlsplit
 
 from windsysid.errors import ConfigurationError
-from windsysid.live.source_settings import Broker
+from windsysid.live.configuration.source_settings import Broker
 
 __all__ = [
     "LONGEST_PAYLOAD", "TOPIC", "Marks", "Topics", "connect", "marks_of", "needed", "new_client", "properties_of",

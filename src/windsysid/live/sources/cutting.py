@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from windsysid.errors import ConfigurationError, RecordError
-from windsysid.live.block import Block
+from windsysid.live.blocks.block import Block
 from windsysid.records.moments import has_zone, moment, tidy
 from windsysid.records.record import Record
 

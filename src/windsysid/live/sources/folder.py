@@ -11,11 +11,11 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid.errors import RecordError, WindsysidError
-from windsysid.live.block import Block
+from windsysid.live.blocks.block import Block
 from windsysid.live.sources.cutting import begin_of, blocks_of
 from windsysid.live.sources.source import Commits, Push, SourceState, refuse, stopped_within
 from windsysid.records.formats import iterate_record
-from windsysid.records.formats.mapping import Mapping
+from windsysid.records.formats.contents.mapping import Mapping
 from windsysid.records.record import Record
 
 __all__ = ["FolderSource"]

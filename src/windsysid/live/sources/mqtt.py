@@ -16,9 +16,9 @@ from collections.abc import Iterable
 from concurrent.futures import Future
 from typing import Any
 
-from windsysid.live.block import Block
-from windsysid.live.codec import BlockLimits, BlockRefused, decode, refusing
-from windsysid.live.source_settings import Broker
+from windsysid.live.blocks.block import Block
+from windsysid.live.blocks.codec import BlockLimits, BlockRefused, decode, refusing
+from windsysid.live.configuration.source_settings import Broker
 from windsysid.live.sources.broker import LONGEST_PAYLOAD, TOPIC, Marks, Topics, connect, marks_of, new_client
 from windsysid.live.sources.source import Push, SourceState, retries, stopped_within
 

@@ -17,12 +17,12 @@ from typing import Any
 import numpy as np
 
 from windsysid.errors import ConfigurationError
-from windsysid.live.block import Block
-from windsysid.live.codec import BlockRefused
-from windsysid.live.source_settings import Certificates
+from windsysid.live.blocks.block import Block
+from windsysid.live.blocks.codec import BlockRefused
+from windsysid.live.configuration.source_settings import Certificates
+from windsysid.live.configuration.toml_table import Secret
 from windsysid.live.sources.broker import needed
 from windsysid.live.sources.source import Push, SourceState, refuse, retries, stopped_within
-from windsysid.live.toml_table import Secret
 
 __all__ = ["OpcuaSource"]
 

@@ -20,9 +20,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from windsysid.live.block import Block
-from windsysid.live.codec import BlockRefused, check, encode_arrow
-from windsysid.live.source_settings import Broker
+from windsysid.live.blocks.block import Block
+from windsysid.live.blocks.codec import BlockRefused, check, encode_arrow
+from windsysid.live.configuration.source_settings import Broker
 from windsysid.live.sources.broker import (
     LONGEST_PAYLOAD,
     TOPIC,

@@ -7,11 +7,11 @@ from collections import deque
 from collections.abc import Iterator
 from pathlib import Path
 
-from windsysid.live.block import Block
+from windsysid.live.blocks.block import Block
 from windsysid.live.sources.cutting import SECOND, begin_of, blocks_of
 from windsysid.live.sources.source import Commits, Push, SourceState, stopped_within
 from windsysid.records.formats import iterate_record
-from windsysid.records.formats.mapping import Mapping
+from windsysid.records.formats.contents.mapping import Mapping
 from windsysid.records.record import Record
 
 __all__ = ["Replay", "begin_or_now", "paced", "record_blocks"]

@@ -9,9 +9,9 @@ from collections.abc import AsyncIterator, Callable
 from concurrent.futures import Future
 from typing import NamedTuple, Protocol
 
-from windsysid.live.block import Block
-from windsysid.live.codec import BlockRefused
-from windsysid.live.limits import one_line
+from windsysid.live.blocks.block import Block
+from windsysid.live.blocks.codec import BlockRefused
+from windsysid.live.blocks.limits import one_line
 
 __all__ = ["BlockSource", "Commits", "Push", "SourceState", "refuse", "retries", "stopped_within"]
 

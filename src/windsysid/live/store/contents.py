@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal, NamedTuple
 
-from windsysid.live.block import Block
+from windsysid.live.blocks.block import Block
 
 __all__ = ["Alarm", "Commit", "Event", "Result", "SensorHealth", "SeriesLevel", "Severity", "Status", "StoredBlock"]
 

@@ -9,7 +9,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from windsysid.live.block import Block
+from windsysid.live.blocks.block import Block
 from windsysid.live.store.contents import SeriesLevel
 
 __all__ = ["block_of", "columns_of", "levels_of", "pack_levels", "pack_row", "pack_text", "row_of"]

@@ -10,7 +10,7 @@ from concurrent.futures import Future
 from typing import Any, NamedTuple
 
 from windsysid.errors import StoreError
-from windsysid.live.block import Block
+from windsysid.live.blocks.block import Block
 from windsysid.live.store import statements as sql
 from windsysid.live.store.batch import CommitBatch, PreparedCommit, prepare
 from windsysid.live.store.contents import Alarm, Commit, Event, Result, SensorHealth, SeriesLevel, Status

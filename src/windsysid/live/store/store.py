@@ -5,7 +5,7 @@ from concurrent.futures import Future
 from typing import Any, Protocol
 
 from windsysid.errors import StoreError
-from windsysid.live.block import Block
+from windsysid.live.blocks.block import Block
 from windsysid.live.store.contents import Alarm, Commit, Event, Result, SensorHealth, SeriesLevel, Status
 
 __all__ = ["ContentError", "Store"]

@@ -3,9 +3,9 @@
 `read_record`, `iterate_record` and `write_record` pick the format by the file name; each format is one module, which
 ends in its `Format`, and `FORMATS` below lists them. ``docs/records.md`` has the table.
 
-What a file does not say about itself, a mapping file does (`windsysid.records.formats.mapping`). Whatever is wrong with
-a file becomes one line: a `RecordError` on reading, an `OutputError` on writing; what is wrong with a mapping is a
-`ConfigurationError`.
+What a file does not say about itself, a mapping file does (`windsysid.records.formats.contents.mapping`). Whatever is
+wrong with a file becomes one line: a `RecordError` on reading, an `OutputError` on writing; what is wrong with a
+mapping is a `ConfigurationError`.
 """
 
 from collections.abc import Callable, Iterator
@@ -30,10 +30,17 @@ from windsysid.records.formats import (
     tdms,
     uff,
 )
-from windsysid.records.formats.files import check_input, named_after, read_start
-from windsysid.records.formats.format import Format
-from windsysid.records.formats.mapping import Mapping, load_mapping
-from windsysid.records.formats.source import FileSource, Progress, gather, gather_section, pieces, without_repeats
+from windsysid.records.formats.access.files import check_input, named_after, read_start
+from windsysid.records.formats.contents.format import Format
+from windsysid.records.formats.contents.mapping import Mapping, load_mapping
+from windsysid.records.formats.contents.source import (
+    FileSource,
+    Progress,
+    gather,
+    gather_section,
+    pieces,
+    without_repeats,
+)
 from windsysid.records.record import Record
 
 __all__ = [

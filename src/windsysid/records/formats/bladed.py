@@ -19,13 +19,13 @@ from pathlib import Path
 import numpy as np
 
 from windsysid.errors import RecordError
-from windsysid.records.formats.columns import Cell
-from windsysid.records.formats.files import read_start
-from windsysid.records.formats.format import Format
-from windsysid.records.formats.mapping import Mapping
-from windsysid.records.formats.series import FileSeries, TimeGrid, source_of_series, tidy_step
-from windsysid.records.formats.source import FileSource, doubles
-from windsysid.records.formats.text import decoded, plain_numbers
+from windsysid.records.formats.access.files import read_start
+from windsysid.records.formats.contents.columns import Cell
+from windsysid.records.formats.contents.format import Format
+from windsysid.records.formats.contents.mapping import Mapping
+from windsysid.records.formats.contents.series import FileSeries, TimeGrid, source_of_series, tidy_step
+from windsysid.records.formats.contents.source import FileSource, doubles
+from windsysid.records.formats.text.text import decoded, plain_numbers
 from windsysid.records.record import AS_WRITTEN, Array
 
 __all__ = ["FORMAT"]

@@ -4,8 +4,8 @@
     0.0,1.2671,0.0132
     0.01,1.2671,
 
-`windsysid.records.formats.dialect` finds out how a file is written, `columns` what its columns are, `clock` what its
-time counts; here rows become numbers. A row that is not exactly as wide as the header is an error, so that columns
+`windsysid.records.formats.text.dialect` finds out how a file is written, `columns` what its columns are, `clock` what
+its time counts; here rows become numbers. A row that is not exactly as wide as the header is an error, so that columns
 never shift; an empty cell or NaN means missing. A last line that nothing ends may be cut in the middle of a number: it
 is left out, and the attribute ``cut_off`` says so, unless its last number is as long as those above.
 
@@ -27,14 +27,14 @@ import numpy as np
 import numpy.typing as npt
 
 from windsysid.errors import RecordError
-from windsysid.records.formats.clock import Clock, counted_clock, make_clock, start_of
-from windsysid.records.formats.columns import Cell, Column, find_times, plan_columns
-from windsysid.records.formats.dates import fitting_formats, is_stamp
-from windsysid.records.formats.dialect import Layout, counts_rows, find_layout, is_number, split
-from windsysid.records.formats.format import Format
-from windsysid.records.formats.mapping import Mapping
-from windsysid.records.formats.source import FileBlock, FileSource
-from windsysid.records.formats.text import LineBlock, encoding_of, last_line, line_blocks
+from windsysid.records.formats.contents.columns import Cell, Column, find_times, plan_columns
+from windsysid.records.formats.contents.format import Format
+from windsysid.records.formats.contents.mapping import Mapping
+from windsysid.records.formats.contents.source import FileBlock, FileSource
+from windsysid.records.formats.text.dates import fitting_formats, is_stamp
+from windsysid.records.formats.text.dialect import Layout, counts_rows, find_layout, is_number, split
+from windsysid.records.formats.text.text import LineBlock, encoding_of, last_line, line_blocks
+from windsysid.records.formats.time.clock import Clock, counted_clock, make_clock, start_of
 from windsysid.records.record import Array, Record
 
 __all__ = ["FORMAT", "columns_of_text", "format_of_dates"]

@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from windsysid.errors import RecordError
-from windsysid.records.formats.format import Format, package
-from windsysid.records.formats.mapping import Mapping
-from windsysid.records.formats.series import FileSeries, cell_of, source_of_series, utc
-from windsysid.records.formats.source import FileSource, doubles
+from windsysid.records.formats.contents.format import Format, package
+from windsysid.records.formats.contents.mapping import Mapping
+from windsysid.records.formats.contents.series import FileSeries, cell_of, source_of_series, utc
+from windsysid.records.formats.contents.source import FileSource, doubles
 from windsysid.records.record import Array
 
 __all__ = ["FORMAT"]

@@ -16,12 +16,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from windsysid.errors import RecordError
-from windsysid.records.formats.columns import Cell
-from windsysid.records.formats.files import reading
+from windsysid.records.formats.access.files import reading
+from windsysid.records.formats.contents.columns import Cell
+from windsysid.records.formats.contents.mapping import Mapping
+from windsysid.records.formats.contents.series import FileSeries, source_of_series
+from windsysid.records.formats.contents.source import FileSource, doubles
 from windsysid.records.formats.hawc2 import distinct_names, known_unit
-from windsysid.records.formats.mapping import Mapping
-from windsysid.records.formats.series import FileSeries, source_of_series
-from windsysid.records.formats.source import FileSource, doubles
 from windsysid.records.record import Array
 
 __all__ = ["TYPE", "source_of_blocks"]

@@ -16,12 +16,12 @@ from pathlib import Path
 import numpy as np
 
 from windsysid.errors import ConfigurationError, RecordError
-from windsysid.records.formats.columns import Cell
-from windsysid.records.formats.format import Format
-from windsysid.records.formats.mapping import Mapping
-from windsysid.records.formats.series import FileSeries, TimeGrid, source_of_series
-from windsysid.records.formats.source import FileSource
-from windsysid.records.formats.text import decoded, plain_numbers
+from windsysid.records.formats.contents.columns import Cell
+from windsysid.records.formats.contents.format import Format
+from windsysid.records.formats.contents.mapping import Mapping
+from windsysid.records.formats.contents.series import FileSeries, TimeGrid, source_of_series
+from windsysid.records.formats.contents.source import FileSource
+from windsysid.records.formats.text.text import decoded, plain_numbers
 from windsysid.records.record import AS_WRITTEN, Array
 from windsysid.units import canonical
 

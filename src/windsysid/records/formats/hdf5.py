@@ -13,14 +13,14 @@ import numpy as np
 
 from windsysid.errors import RecordError
 from windsysid.records.formats import gtsdf
-from windsysid.records.formats.arrays import Stored, source_of_arrays
-from windsysid.records.formats.files import damaged, read_start, reading
-from windsysid.records.formats.format import Format
-from windsysid.records.formats.hdf5_tree import datasets
-from windsysid.records.formats.mapping import Mapping
+from windsysid.records.formats.access.files import damaged, read_start, reading
+from windsysid.records.formats.access.hdf5_tree import datasets
+from windsysid.records.formats.access.probing import probe
+from windsysid.records.formats.contents.arrays import Stored, source_of_arrays
+from windsysid.records.formats.contents.format import Format
+from windsysid.records.formats.contents.mapping import Mapping
+from windsysid.records.formats.contents.source import FileSource, doubles
 from windsysid.records.formats.netcdf import check_seal, unpacked
-from windsysid.records.formats.probing import probe
-from windsysid.records.formats.source import FileSource, doubles
 from windsysid.records.record import Array
 
 __all__ = ["FORMAT", "opened", "stored"]

@@ -17,13 +17,13 @@ from pathlib import Path
 import numpy as np
 
 from windsysid.errors import RecordError
-from windsysid.records.formats.dialect import MISSING, is_number
-from windsysid.records.formats.files import read_start
-from windsysid.records.formats.format import Format
-from windsysid.records.formats.mapping import Mapping
-from windsysid.records.formats.series import FileSeries, TimeGrid, cell_of, source_of_series
-from windsysid.records.formats.source import FileSource
-from windsysid.records.formats.text import encoding_of, line_blocks
+from windsysid.records.formats.access.files import read_start
+from windsysid.records.formats.contents.format import Format
+from windsysid.records.formats.contents.mapping import Mapping
+from windsysid.records.formats.contents.series import FileSeries, TimeGrid, cell_of, source_of_series
+from windsysid.records.formats.contents.source import FileSource
+from windsysid.records.formats.text.dialect import MISSING, is_number
+from windsysid.records.formats.text.text import encoding_of, line_blocks
 from windsysid.records.moments import moment, tidy
 from windsysid.records.record import Array
 

@@ -1,9 +1,10 @@
 """MATLAB's ``.mat``: files to version 7 by scipy, those of version 7.3, which are HDF5, by h5py.
 
-A variable is an array of `windsysid.records.formats.arrays`; the fields of a structure are ``name/field``. HDF5 counts
-axes from the other end than MATLAB, so that a matrix of T rows and m columns lies there as (m, T): what is the time
-is told by its length, so that both versions give the same record. A scalar called ``fs`` or the like is no time; the
-message that asks for the rate names it. Cells, characters and objects (``timetable``, ``datetime``) are left out.
+A variable is an array of `windsysid.records.formats.contents.arrays`; the fields of a structure are ``name/field``.
+HDF5 counts axes from the other end than MATLAB, so that a matrix of T rows and m columns lies there as (m, T): what is
+the time is told by its length, so that both versions give the same record. A scalar called ``fs`` or the like is no
+time; the message that asks for the rate names it. Cells, characters and objects (``timetable``, ``datetime``) are left
+out.
 """
 
 import struct
@@ -15,14 +16,14 @@ from typing import Any
 import numpy as np
 
 from windsysid.errors import RecordError
-from windsysid.records.formats.arrays import Stored, rate_hint, source_of_arrays
-from windsysid.records.formats.files import read_start, reading
-from windsysid.records.formats.format import Format
+from windsysid.records.formats.access.files import read_start, reading
+from windsysid.records.formats.access.hdf5_tree import datasets
+from windsysid.records.formats.access.probing import probe
+from windsysid.records.formats.contents.arrays import Stored, rate_hint, source_of_arrays
+from windsysid.records.formats.contents.format import Format
+from windsysid.records.formats.contents.mapping import Mapping
+from windsysid.records.formats.contents.source import FileSource, doubles
 from windsysid.records.formats.hdf5 import opened, stored
-from windsysid.records.formats.hdf5_tree import datasets
-from windsysid.records.formats.mapping import Mapping
-from windsysid.records.formats.probing import probe
-from windsysid.records.formats.source import FileSource, doubles
 from windsysid.records.record import Array
 
 __all__ = ["FORMAT"]

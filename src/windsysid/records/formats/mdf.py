@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 
 from windsysid.errors import RecordError
-from windsysid.records.formats.files import damaged, quiet, read_start, reading
-from windsysid.records.formats.format import Format, package
-from windsysid.records.formats.mapping import Mapping
-from windsysid.records.formats.probing import probe
-from windsysid.records.formats.series import FileSeries, cell_of, short_names, source_of_series, utc
-from windsysid.records.formats.source import FileSource, doubles
+from windsysid.records.formats.access.files import damaged, quiet, read_start, reading
+from windsysid.records.formats.access.probing import probe
+from windsysid.records.formats.contents.format import Format, package
+from windsysid.records.formats.contents.mapping import Mapping
+from windsysid.records.formats.contents.series import FileSeries, cell_of, short_names, source_of_series, utc
+from windsysid.records.formats.contents.source import FileSource, doubles
 from windsysid.records.moments import tidy
 from windsysid.records.record import Array
 

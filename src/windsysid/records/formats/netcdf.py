@@ -16,15 +16,15 @@ from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 import numpy as np
 
 from windsysid.errors import ConfigurationError, OutputError, RecordError
-from windsysid.records.formats.clock import split_since, start_of
-from windsysid.records.formats.columns import Cell, Column, name_and_unit, plan_columns
-from windsysid.records.formats.files import read_start, reading
-from windsysid.records.formats.format import Format
-from windsysid.records.formats.hdf5_tree import check_tree
-from windsysid.records.formats.mapping import Mapping
-from windsysid.records.formats.probing import probe
-from windsysid.records.formats.source import FileBlock, FileSource, doubles, indexed_source
-from windsysid.records.formats.time_units import confirmed_unit
+from windsysid.records.formats.access.files import read_start, reading
+from windsysid.records.formats.access.hdf5_tree import check_tree
+from windsysid.records.formats.access.probing import probe
+from windsysid.records.formats.contents.columns import Cell, Column, name_and_unit, plan_columns
+from windsysid.records.formats.contents.format import Format
+from windsysid.records.formats.contents.mapping import Mapping
+from windsysid.records.formats.contents.source import FileBlock, FileSource, doubles, indexed_source
+from windsysid.records.formats.time.clock import split_since, start_of
+from windsysid.records.formats.time.time_units import confirmed_unit
 from windsysid.records.labelled import written_order
 from windsysid.records.moments import has_zone, split_start
 from windsysid.records.record import Array, Record

@@ -2,8 +2,8 @@
 
 The fields of a structured array are channels by their names. The columns of a matrix are ``column_1``, ``column_2`` …;
 like text without a header it needs a mapping with the names and the rate. The arrays of an ``.npz`` are read by the
-rules of `windsysid.records.formats.arrays`. Headers are read first and compared with the size of the file. Pickles are
-not read: they could run any program. Dates become seconds after the first one.
+rules of `windsysid.records.formats.contents.arrays`. Headers are read first and compared with the size of the file.
+Pickles are not read: they could run any program. Dates become seconds after the first one.
 
 Source: NumPy, ``numpy.lib.format``.
 """
@@ -18,11 +18,11 @@ from typing import IO, Any, NamedTuple
 import numpy as np
 
 from windsysid.errors import RecordError
-from windsysid.records.formats.arrays import Stored, rate_hint, source_of_arrays
-from windsysid.records.formats.files import reading
-from windsysid.records.formats.format import Format
-from windsysid.records.formats.mapping import Mapping
-from windsysid.records.formats.source import FileSource, doubles
+from windsysid.records.formats.access.files import reading
+from windsysid.records.formats.contents.arrays import Stored, rate_hint, source_of_arrays
+from windsysid.records.formats.contents.format import Format
+from windsysid.records.formats.contents.mapping import Mapping
+from windsysid.records.formats.contents.source import FileSource, doubles
 from windsysid.records.record import Array
 
 __all__ = ["FORMAT"]

@@ -38,13 +38,13 @@ from pathlib import Path
 import numpy as np
 
 from windsysid.errors import ConfigurationError, RecordError
-from windsysid.records.formats.clock import start_of
-from windsysid.records.formats.columns import Cell, plan_columns
-from windsysid.records.formats.format import Format
-from windsysid.records.formats.mapping import Mapping, TimeRule
-from windsysid.records.formats.openfast_text import read_text_output
-from windsysid.records.formats.packed import open_packed
-from windsysid.records.formats.source import FileSource, indexed_source
+from windsysid.records.formats.access.packed import open_packed
+from windsysid.records.formats.contents.columns import Cell, plan_columns
+from windsysid.records.formats.contents.format import Format
+from windsysid.records.formats.contents.mapping import Mapping, TimeRule
+from windsysid.records.formats.contents.source import FileSource, indexed_source
+from windsysid.records.formats.text.openfast_text import read_text_output
+from windsysid.records.formats.time.clock import start_of
 from windsysid.records.record import AS_WRITTEN, Array
 from windsysid.units import canonical
 

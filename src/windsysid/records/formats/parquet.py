@@ -22,8 +22,8 @@ import numpy as np
 
 from windsysid.configuration import parse_json
 from windsysid.errors import OutputError, RecordError
-from windsysid.records.formats.clock import Clock, counted_clock, exact_seconds, make_clock, moments_clock, start_of
-from windsysid.records.formats.columns import (
+from windsysid.records.formats.access.files import read_start, reading
+from windsysid.records.formats.contents.columns import (
     Cell,
     Column,
     find_times,
@@ -32,10 +32,17 @@ from windsysid.records.formats.columns import (
     names_and_units,
     plan_columns,
 )
-from windsysid.records.formats.files import read_start, reading
-from windsysid.records.formats.format import Format, package
-from windsysid.records.formats.mapping import Mapping
-from windsysid.records.formats.source import FileBlock, FileSource, doubles, shifted
+from windsysid.records.formats.contents.format import Format, package
+from windsysid.records.formats.contents.mapping import Mapping
+from windsysid.records.formats.contents.source import FileBlock, FileSource, doubles, shifted
+from windsysid.records.formats.time.clock import (
+    Clock,
+    counted_clock,
+    exact_seconds,
+    make_clock,
+    moments_clock,
+    start_of,
+)
 from windsysid.records.moments import split_start
 from windsysid.records.record import Array, Record
 

@@ -17,13 +17,13 @@ from typing import Any
 import numpy as np
 
 from windsysid.errors import RecordError
-from windsysid.records.formats.clock import Moments
-from windsysid.records.formats.columns import Cell
-from windsysid.records.formats.files import damaged, quiet, reading
-from windsysid.records.formats.format import Format, package
-from windsysid.records.formats.mapping import Mapping
-from windsysid.records.formats.series import FileSeries, TimeGrid, cell_of, short_names, source_of_series, utc
-from windsysid.records.formats.source import FileSource, doubles
+from windsysid.records.formats.access.files import damaged, quiet, reading
+from windsysid.records.formats.contents.columns import Cell
+from windsysid.records.formats.contents.format import Format, package
+from windsysid.records.formats.contents.mapping import Mapping
+from windsysid.records.formats.contents.series import FileSeries, TimeGrid, cell_of, short_names, source_of_series, utc
+from windsysid.records.formats.contents.source import FileSource, doubles
+from windsysid.records.formats.time.clock import Moments
 from windsysid.records.record import RATE_DOUBT, Array
 
 __all__ = ["FORMAT"]

@@ -20,11 +20,11 @@ from typing import BinaryIO
 import numpy as np
 
 from windsysid.errors import ConfigurationError, RecordError
-from windsysid.records.formats.format import Format
-from windsysid.records.formats.mapping import Mapping
-from windsysid.records.formats.series import FileSeries, TimeGrid, cell_of, source_of_series, tidy_step
-from windsysid.records.formats.source import FileSource, doubles
-from windsysid.records.formats.text import decoded
+from windsysid.records.formats.contents.format import Format
+from windsysid.records.formats.contents.mapping import Mapping
+from windsysid.records.formats.contents.series import FileSeries, TimeGrid, cell_of, source_of_series, tidy_step
+from windsysid.records.formats.contents.source import FileSource, doubles
+from windsysid.records.formats.text.text import decoded
 from windsysid.records.record import Array
 from windsysid.units import si_unit, to_si
 

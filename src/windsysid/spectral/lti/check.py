@@ -1,4 +1,4 @@
-"""Whether equations of one's own explain a record's cross-spectra, and whether the record is stationary."""
+"""Goodness of fit of a user's equations to cross-spectra, and stationarity of the record."""
 
 import math
 from collections.abc import Sequence
@@ -10,20 +10,17 @@ from windsysid._types import Array, Complex
 from windsysid.results.finding import Finding
 from windsysid.spectral.lti.fit import LinearFit
 from windsysid.spectral.lti.likelihood import LinearModel
-from windsysid.spectral.rotor.check import Part, unexplained, unsteady
+from windsysid.spectral.lti.limits import MIN_RESONANCE_FREEDOM
+from windsysid.spectral.rotor.check import RangePower, unexplained, unsteady
 from windsysid.spectral.transforms.cross_spectra import CrossSpectra
 
-__all__ = ["LEAST_RESONANCE", "doubts_of", "frequency_ranges"]
+__all__ = ["doubts_of", "frequency_ranges"]
 
-RANGES = 8
-"""In how many ranges a record is judged."""
+RANGE_COUNT = 8
+"""Setting: number of frequency ranges in which a record is judged."""
 
-REACH = 50.0
-"""Greatest factor between the edge of the first of them and the end of the last."""
-
-LEAST_RESONANCE = 12.0
-"""As how many independent values the narrowest resonance has to count in a block: what a finite record does to a
-narrower one was never proven."""
+MAX_RANGE_RATIO = 50.0
+"""Setting: largest ratio of the end of the last range to the edge of the first."""
 
 ALL = "what all channels have in common"
 
@@ -31,17 +28,13 @@ ALL = "what all channels have in common"
 def frequency_ranges(limits: tuple[float, float]) -> list[tuple[float, float]]:
     """Ranges between two frequencies [Hz]."""
     low, high = limits
-    edges = np.geomspace(max(low, high / REACH), high, RANGES + 1)
+    edges = np.geomspace(max(low, high / MAX_RANGE_RATIO), high, RANGE_COUNT + 1)
     edges[0], edges[-1] = low, 1.001 * high
     return [(float(low), float(high)) for low, high in pairwise(edges)]
 
 
 def doubts_of(
-    model: LinearModel,
-    spectra: CrossSpectra,
-    fit: LinearFit,
-    channels: Sequence[str],
-    energies: Array,
+    model: LinearModel, spectra: CrossSpectra, fit: LinearFit, channels: Sequence[str], energies: Array
 ) -> list[Finding]:
     """What speaks against the bands: a search that did not end, resonances of few bins, what the model does not
     explain, blocks of different loudness.
@@ -59,15 +52,15 @@ def doubts_of(
     poles = poles[(poles.imag > 0.0) & (poles.imag < 2.0 * math.pi * spectra.last.frequency[-1])]
     least = float(np.min(-poles.real, initial=math.inf)) * duration
     values = least / spectra.last.overlap
-    if values < LEAST_RESONANCE:
-        data = {"count": max(values, 0.0), "least": LEAST_RESONANCE}
+    if values < MIN_RESONANCE_FREEDOM:
+        data = {"count": max(values, 0.0), "least": MIN_RESONANCE_FREEDOM}
         doubts.append(Finding("narrow_resonance", "reason", data))
     doubts += unexplained(parts)[:3]
     halves = [np.nanmean(half, axis=0) for half in np.array_split(energies, 2) if len(half)]
     if len(halves) < 2:
         return doubts
     own = np.einsum("kii->ki", S).real
-    pairs: list[list[Part]] = [[], []]
+    pairs: list[list[RangePower]] = [[], []]
     for i, (low, high) in enumerate(ranges):
         inside = (fit.rows.frequency >= low) & (fit.rows.frequency < high)
         if not inside.any():
@@ -77,13 +70,13 @@ def doubts_of(
             independent = float((n @ s) ** 2 / (n @ s**2))
             independent = max(independent, min(0.5 * least, float(n.sum()))) / spectra.last.overlap
             for pair, half in zip(pairs, halves, strict=True):
-                pair.append(Part(channel, low, high, 1.0, 0.0, float(half[i, j]), independent))
+                pair.append(RangePower(channel, low, high, 1.0, 0.0, float(half[i, j]), independent))
     return doubts + unsteady(*pairs)[:2]
 
 
 def _parts(
     S: Complex, fit: LinearFit, ranges: Sequence[tuple[float, float]], factor: float, channels: Sequence[str]
-) -> list[Part]:
+) -> list[RangePower]:
     """Mean squares by channel and frequency, and of what whitens all channels together."""
     rows = fit.rows
     L_inv = np.linalg.inv(np.linalg.cholesky(S))
@@ -99,5 +92,5 @@ def _parts(
             *((channel, own[inside, j], n.sum()) for j, channel in enumerate(channels)),
             (ALL, whitened[inside], n.sum() * len(channels)),
         ]:
-            found.append(Part(name, low, high, float(n @ mean / n.sum()), math.sqrt(factor / number), 1.0, 1.0))
+            found.append(RangePower(name, low, high, float(n @ mean / n.sum()), math.sqrt(factor / number), 1.0, 1.0))
     return found

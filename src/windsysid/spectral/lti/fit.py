@@ -18,26 +18,27 @@ from windsysid.spectral.transforms.cross_spectra import CrossSpectra, PooledBins
 
 __all__ = ["LinearFit", "fit_linear"]
 
-WIDE = ((0.3, 0.05), (0.1, 0.2))
-"""Share of the frequency by which resonances are made wider, and weight of the likelihood, of the first stages."""
+WIDENING_STAGES = ((0.3, 0.05), (0.1, 0.2))
+"""Setting: share of the frequency by which resonances are widened, and weight of the likelihood, of the first
+stages."""
 
-TEMPERED = ((0.03, 3), (0.2, 3), (1.0, 1))
-"""Weight of the next, and every how many-th row is used."""
+WEIGHT_STAGES = ((0.03, 3), (0.2, 3), (1.0, 1))
+"""Setting: weight of the likelihood of the next stages, and step between the rows in use."""
 
-MOST_ROUNDS = 8
-"""With what a finite record does to the spectra."""
+MAX_SMEAR_ITERATIONS = 8
+"""Numerical: largest number of searches with the effect of a finite record on the spectra."""
 
-STAYS = 0.1
-"""Standard deviations by which no unknown moves any more."""
+MAX_STEP_SIGMAS = 0.1
+"""Numerical: step of an unknown in standard deviations below which these searches have converged."""
 
-CLOSE = 0.02
-"""How well the natural frequencies of the first stages are kept, relative."""
+FREQUENCY_STD = 0.02
+"""Setting: relative standard deviation within which the natural frequencies of the first stages are kept."""
 
-ALIGNED = 6
-"""Steps towards them."""
+ALIGNMENT_STEPS = 6
+"""Numerical: Gauss–Newton steps towards these natural frequencies."""
 
-UNSTABLE = (0.0, 0.5, 1.0, 2.0, 4.0)
-"""Standard deviations above the prior's centre at which a start is tried."""
+START_SIGMAS = (0.0, 0.5, 1.0, 2.0, 4.0)
+"""Setting: standard deviations above the prior mean at which a start is tried, until one is stable."""
 
 
 class LinearFit(NamedTuple):
@@ -73,21 +74,21 @@ def fit_linear(model: LinearModel, spectra: CrossSpectra) -> LinearFit:
     """
     mean, std = model.prior
     factor, unknowns = spectra.last.overlap, _stable_start(model)
-    for widening, weight in WIDE:
+    for widening, weight in WIDENING_STAGES:
         rows = model.rows(spectra, unknowns, widening)
         evaluate = _evaluator(model, rows, factor, None, widening)
         unknowns = find_in_stages(evaluate, unknowns, model.prior, [(weight, 1)], rough=True).unknowns
         unknowns = _aligned(model, unknowns)
-    for stage in TEMPERED:
+    for stage in WEIGHT_STAGES:
         rows = model.rows(spectra, unknowns)
         evaluate = _evaluator(model, rows, factor, None)
         unknowns = find_in_stages(evaluate, unknowns, model.prior, [stage], rough=True).unknowns
     stays = False
     rows = model.rows(spectra, unknowns)
-    for _ in range(MOST_ROUNDS):
+    for _ in range(MAX_SMEAR_ITERATIONS):
         smear = model.smear(spectra, rows, unknowns)
         mode = find_in_stages(_evaluator(model, rows, factor, smear), unknowns, model.prior, [(1.0, 1)])
-        stays = mode.converged and _moved(mode, unknowns) < STAYS
+        stays = mode.converged and _moved(mode, unknowns) < MAX_STEP_SIGMAS
         unknowns = mode.unknowns
         if stays:
             break
@@ -125,14 +126,14 @@ def _aligned(model: LinearModel, unknowns: Array) -> Array:
     wanted = model.natural_frequencies(unknowns[None])[0]
     steps = 1e-4 * np.minimum(std, 1.0)
     theta = unknowns[at].copy()
-    for _ in range(ALIGNED):
+    for _ in range(ALIGNMENT_STEPS):
         points = np.concatenate([theta[None], theta + np.diag(steps), theta - np.diag(steps)])
         found = model.natural_frequencies(points)
         if found.shape[1] != len(wanted) or not len(wanted):
             return unknowns
         slopes = (found[1 : n + 1] - found[n + 1 :]) / (2.0 * steps[:, None])
-        information = slopes @ slopes.T / CLOSE**2 + np.diag(std**-2.0)
-        pull = slopes @ (wanted - found[0]) / CLOSE**2 - (theta - mean) / std**2
+        information = slopes @ slopes.T / FREQUENCY_STD**2 + np.diag(std**-2.0)
+        pull = slopes @ (wanted - found[0]) / FREQUENCY_STD**2 - (theta - mean) / std**2
         theta = theta + np.clip(np.linalg.solve(information, pull), -std, std)
     aligned = unknowns.copy()
     aligned[at] = theta
@@ -143,7 +144,7 @@ def _stable_start(model: LinearModel) -> Array:
     """The centre of the prior; where a motion grows there, linear parameters as far above as it takes."""
     mean, std = model.prior
     linear = model.unknowns.vector(parameters=[not q.logarithmic for q in model.parameters])
-    for above in UNSTABLE:
+    for above in START_SIGMAS:
         start = np.asarray(mean + above * linear * std)
         if model.stable(start):
             return start

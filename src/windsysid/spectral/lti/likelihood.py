@@ -26,17 +26,17 @@ from windsysid.statespace.unknowns import Unknowns
 
 __all__ = ["LinearModel"]
 
-STEP = 1e-4
-"""Of a parameter for central differences, in standard deviations of its prior (of 1, where that is wider)."""
+DIFFERENCE_STEP = 1e-4
+"""Numerical: step of central differences in standard deviations of the prior, or in units if these are wider than 1."""
 
-ALIKE = 3.0
-"""Bins in the distance to the nearest pole for each bin that shares its spectrum with others."""
+BINS_PER_POOL = 3.0
+"""Setting: bins in the distance to the nearest pole for each bin of a pool that shares one spectrum."""
 
-WIDEST = 0.03
-"""Widest pool, beside its frequency, where resonances are not made wider."""
+MAX_POOL_WIDTH = 0.03
+"""Setting: largest width of a pool over its frequency if resonances are not widened."""
 
-MOST_NUMBERS = 2_000_000
-"""Complex numbers that are held at once."""
+MAX_NUMBERS = 2_000_000
+"""Numerical: complex numbers in memory at once."""
 
 
 class LinearModel(NamedTuple):
@@ -111,7 +111,11 @@ class LinearModel(NamedTuple):
         poles = self.poles(unknowns)
         distance = np.min([np.abs(s - pole) for pole in poles], axis=0) / (2.0 * np.pi)
         step = block.rate / block.samples
-        return pool(spectra, np.minimum(distance / ALIKE, max(WIDEST, widening / ALIKE) * block.frequency) / step)
+        return pool(
+            spectra,
+            np.minimum(distance / BINS_PER_POOL, max(MAX_POOL_WIDTH, widening / BINS_PER_POOL) * block.frequency)
+            / step,
+        )
 
     def likelihood(
         self, rows: PooledBins, factor: float, unknowns: Array, smear: Complex | None = None, widening: float = 0.0
@@ -133,7 +137,7 @@ class LinearModel(NamedTuple):
         """
         known, m = self.unknowns, len(self.noise)
         n, theta = len(known.parameters), unknowns[known.of("parameters")]
-        steps = STEP * np.minimum(self.prior[1][known.of("parameters")], 1.0)
+        steps = DIFFERENCE_STEP * np.minimum(self.prior[1][known.of("parameters")], 1.0)
         points = np.concatenate([theta + np.diag(steps), theta - np.diag(steps), theta[None]])
         systems = self._systems(points)
         block = systems.block
@@ -146,7 +150,7 @@ class LinearModel(NamedTuple):
             owner = np.concatenate([owner, np.repeat(load_places, sources), noise_places])
         indicator = (np.arange(len(unknowns))[:, None] == owner).astype(np.float64)
         J, g, F = 0.0, np.zeros(len(owner)), np.zeros((len(owner), len(owner)))
-        size = max(1, MOST_NUMBERS // max(1, len(owner) ** 2, len(at.A[0]) ** 2))
+        size = max(1, MAX_NUMBERS // max(1, len(owner) ** 2, len(at.A[0]) ** 2))
         for first in range(0, len(rows.frequency), size):
             some = slice(first, first + size)
             frequency, counts = rows.frequency[some], rows.counts[some]
@@ -173,7 +177,7 @@ class LinearModel(NamedTuple):
 
     def spectrum(self, frequency: Array, unknowns: Array) -> Complex:
         """S (K, m, m), one-sided [unit²/Hz]."""
-        size = max(1, MOST_NUMBERS // max(1, len(self.compiled.states)) ** 2)
+        size = max(1, MAX_NUMBERS // max(1, len(self.compiled.states)) ** 2)
         at = self._systems(unknowns[None, self.unknowns.of("parameters")])
         parts = []
         for first in range(0, len(frequency), size):
@@ -194,7 +198,7 @@ class LinearModel(NamedTuple):
         middle, sharp = self.spectrum(rows.frequency, unknowns), self._replace(blur=0.0)
         around = sharp.spectrum(places.ravel(), unknowns).reshape(len(number), 3, *middle.shape[1:])
         mean = np.einsum("g,kgij->kij", 0.5 * weights, around)
-        near = np.flatnonzero(number <= 2.0 * WINDOW_REACH / ALIKE)
+        near = np.flatnonzero(number <= 2.0 * WINDOW_REACH / BINS_PER_POOL)
         for run in np.split(near, np.flatnonzero(np.diff(near) > 1) + 1):
             if len(run):
                 mean[run] = sharp._windowed(spectra.last, rows.first[run[0] : run[-1] + 2], unknowns)

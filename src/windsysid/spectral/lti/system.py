@@ -21,17 +21,17 @@ from windsysid.mechanics.compile import CompiledModel
 
 __all__ = ["LinearSystem", "LowRankSlopes", "is_stable", "linearise", "low_rank", "resolve"]
 
-MOST_STEPS = 50
-"""Newton's steps to the working point."""
+MAX_NEWTON_STEPS = 50
+"""Numerical: largest number of Newton steps to the working point."""
 
-SETTLED = 1e-9
-"""Length of the last one, beside that of the working point."""
+MAX_RELATIVE_STEP = 1e-9
+"""Numerical: length of the last step over that of the working point."""
 
-RANK = 1e-7
-"""Singular values of a derivative that are taken for rounding, beside the largest."""
+MIN_SINGULAR_VALUE = 1e-7
+"""Numerical: singular values of a derivative over the largest, below which they are rounding."""
 
-DEPENDENT = 1e8
-"""Condition of the eigenvectors beyond which they are not used: a body that nothing holds has too few."""
+MAX_CONDITION = 1e8
+"""Numerical: condition of the eigenvectors beyond which they are not used: a free body has too few."""
 
 
 class LinearSystem(NamedTuple):
@@ -90,13 +90,13 @@ def linearise(compiled: CompiledModel, parameters: Array, inputs: Array, loads: 
     B, D = np.zeros((n, count)), np.zeros((m, count))
     for v, p in enumerate(np.ascontiguousarray(parameters, dtype=np.float64)):
         A, G, C, E = (matrix[v] for matrix in found)
-        for _ in range(MOST_STEPS):
+        for _ in range(MAX_NEWTON_STEPS):
             A[:], G[:] = 0.0, 0.0
             compiled.rates_jacobian(x, inputs, p, loads, rates, A, B, G)
             if not (np.isfinite(A).all() and np.isfinite(rates).all()):
                 raise _no_working_point(compiled.name)
             step = np.linalg.lstsq(A, -rates, rcond=None)[0] if rates.any() else np.zeros(n)
-            if np.abs(step).max(initial=0.0) <= SETTLED * (1e-3 + np.abs(x).max(initial=0.0)):
+            if np.abs(step).max(initial=0.0) <= MAX_RELATIVE_STEP * (1e-3 + np.abs(x).max(initial=0.0)):
                 break
             x = x + step
         else:
@@ -112,7 +112,7 @@ def low_rank(derivatives: Array) -> LowRankSlopes:
         rows = np.abs(matrix).max(axis=1, keepdims=True)
         scale = np.where(rows > 0.0, rows, 1.0)  # readings and rates have units of their own
         U, values, V = np.linalg.svd(matrix / scale, full_matrices=False)
-        for j in range(int(np.sum(values > RANK * max(values.max(initial=0.0), 1e-300)))):
+        for j in range(int(np.sum(values > MIN_SINGULAR_VALUE * max(values.max(initial=0.0), 1e-300)))):
             left.append(scale[:, 0] * U[:, j] * values[j])
             right.append(V[j])
             owner.append(which)
@@ -134,7 +134,7 @@ def resolve(system: LinearSystem, s: Complex) -> tuple[Complex, Complex, Complex
     poles, vectors = np.linalg.eig(A)
     if not is_stable(poles):
         raise np.linalg.LinAlgError("the system is unstable")
-    if poles.size and np.linalg.cond(vectors) < DEPENDENT:
+    if poles.size and np.linalg.cond(vectors) < MAX_CONDITION:
         back = np.linalg.inv(vectors)
         gain = 1.0 / (s[:, None] - poles)
         left = ((C @ vectors) * gain[:, None, :]) @ back

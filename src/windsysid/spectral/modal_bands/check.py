@@ -1,82 +1,34 @@
-"""What speaks against a mode: its spectrum, its history, the halves of the record, lines."""
+"""Reasons against a mode: misfit of its spectrum, its envelope, segments of the record, sinusoids."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
 from windsysid._types import Array, Complex
+from windsysid.spectral.modal_bands import limits
 from windsysid.spectral.modal_bands.model import prominence, spectrum
 from windsysid.spectral.modal_bands.model_order import BandFit, Shapes
-from windsysid.spectral.modal_bands.scoring import HALF_TOLERANCE, Fit, score
+from windsysid.spectral.modal_bands.scoring import HALF_TOLERANCE, ModalFit, score
 from windsysid.spectral.oma.condition import Readings, RemovedLine
 from windsysid.spectral.oma.result import Doubt
 from windsysid.spectral.transforms.dft import band_data
 
-__all__ = ["fit_doubts", "is_flank", "misfit", "mode_doubts", "part_fits", "shape_doubts"]
-
-MAX_MISFIT = 5.0
-"""Standard deviations by which the spectrum may leave the model in an eighth of a band."""
-
-MAX_HALVES = 3.5
-"""Standard deviations by which the halves of a record may differ."""
-
-NARROWEST = 0.001
-"""Damping ratio of a structure: where the whole band is below, a machine is likelier."""
-
-BESIDE_LINE, BESIDE_HARMONIC = 0.3, 1.0
-"""In ζ f: a line nearer than that stands on a mode; round the rotor's harmonics the sampled wind makes humps."""
-
-LEAST_BINS = 8
-"""Of a half or a quarter of a record in a band: with fewer they are not compared."""
-
-MAX_QUARTERS = 21.1
-"""Of the χ² by which the frequencies of the quarters scatter about their mean, with three degrees of freedom: one in
-10 000."""
-
-MAX_ALONE = 2.0
-"""Standard deviations by which all channels together may differ from what is along the shape."""
-
-MAX_SHARED = 1.0
-"""Standard deviations by which a mode may be elsewhere than it would be if no load drove two modes."""
-
-UNSEEN = 1.2
-"""Standard deviation of ln ζ, beyond which it is the prior's."""
-
-SURE_OF_DAMPING = 0.6
-"""Standard deviation of ln ζ, beyond which a record is too short for the mode."""
-
-LEAST_CYCLES = 40
-
-FAINT, FAINT_AT_BORDER, CLEAR = 2.0, 7.0, 5.0
-"""Power of a mode at its natural frequency over what else is there. Below the first two it stands for how that varies
-over the band, as no one law of power has the flanks of several modes; below the third it may."""
-
-STEADY_ENVELOPE, STEADY_PER_LIFE = 0.35, 0.06
-"""Variance of a mode's squared amplitude over the square of its mean: 1 under a random load, 0 for a steady sine. Below
-the first, and the second times the root of ζ ω T, it is a line: of modes under white noise, one in 100 is as steady."""
-
-MAX_FADE = 4.5
-"""Standard deviations by which a quarter of the record may differ from the mean in energy …"""
-
-FADED = 2.6
-"""… where it also has that many times the mean."""
+__all__ = ["fit_doubts", "is_spurious", "misfit", "mode_doubts", "part_fits", "shape_doubts"]
 
 
-MAX_SHAPE_STD = 0.15
-"""Root mean square of a shape's standard deviations, beyond which it is hardly seen."""
-
-
-def is_flank(found: BandFit, j: int, length: float) -> bool:
-    """Whether mode j stands for what reaches into the band from outside, or for what else is in it: its frequency is
-    not inside, its damping is not seen, or it does not stand out."""
+def is_spurious(found: BandFit, j: int, length: float) -> bool:
+    """True if mode j represents the background or the skirt of a mode outside the band: its frequency is not inside,
+    its damping is that of the prior, or its prominence is low."""
     modes = found.fit.modes
-    if not found.bins[0] < float(modes.frequency[j]) * length < found.bins[-1] or found.fit.std(j)[1] > UNSEEN:
+    inside = found.bins[0] < float(modes.frequency[j]) * length < found.bins[-1]
+    if not inside or found.fit.std(j)[1] > limits.MAX_LOG_DAMPING_STD:
         return True
-    return prominence(modes, j, found.band) < (FAINT_AT_BORDER if _at_border(found, j, length) else FAINT)
+    least = limits.MIN_BORDER_PROMINENCE if _at_border(found, j, length) else limits.MIN_PROMINENCE
+    return prominence(modes, j, found.band) < least
 
 
 def _at_border(found: BandFit, j: int, length: float) -> bool:
-    """Whether a mode's half-width reaches out of its band."""
+    """True if a mode's half-power range ends outside its band."""
     f, z = float(found.fit.modes.frequency[j]), float(found.fit.modes.damping[j])
     return not found.bins[0] < (f - z * f) * length or not (f + z * f) * length < found.bins[-1]
 
@@ -98,7 +50,7 @@ def misfit(found: BandFit) -> tuple[float, float]:
     return worst
 
 
-def part_fits(found: BandFit, parts: Sequence[tuple[Array, Complex]], samples: int, rate: float) -> list[Fit]:
+def part_fits(found: BandFit, parts: Sequence[tuple[Array, Complex]], samples: int, rate: float) -> list[ModalFit]:
     """The modes of a band from the transforms of equal parts of a record, starting from those of the whole; none where
     a part has too few bins in the band."""
     back = np.linalg.pinv(found.directions)
@@ -106,7 +58,7 @@ def part_fits(found: BandFit, parts: Sequence[tuple[Array, Complex]], samples: i
     fits = []
     for frequency, values in parts:
         bins = np.flatnonzero((frequency >= low) & (frequency <= high))
-        if len(bins) < LEAST_BINS:
+        if len(bins) < limits.MIN_BAND_BINS:
             return []
         band = band_data(values[bins] @ back.T, bins, samples // len(parts), rate)
         fits.append(score(found.fit.modes, band, max_steps=15, tolerance=HALF_TOLERANCE))
@@ -114,9 +66,9 @@ def part_fits(found: BandFit, parts: Sequence[tuple[Array, Complex]], samples: i
 
 
 def mode_doubts(
-    found: BandFit, j: int, shapes: Shapes, halves: Sequence[Fit], quarters: Sequence[Fit], readings: Readings
+    found: BandFit, j: int, shapes: Shapes, halves: Sequence[ModalFit], quarters: Sequence[ModalFit], readings: Readings
 ) -> list[Doubt]:
-    """Why mode j of a band is not to be trusted, `halves` and `quarters` of the record being compared."""
+    """Reasons against mode j of a band, with a comparison of `halves` and `quarters` of the record."""
     fit = found.fit
     f = float(fit.modes.frequency[j])
     length = readings.samples / readings.rate
@@ -125,21 +77,19 @@ def mode_doubts(
         doubts.append(Doubt("border", "it sits at the border of its band"))
     alone = _along_shape(found, j)
     apart = abs(np.log(float(alone.modes.frequency[j]) / f)) / alone.std(j)[0]
-    if apart > MAX_ALONE:
+    if apart > limits.MAX_CHANNEL_SIGMAS:
         there = f"{float(alone.modes.frequency[j]):.4g} Hz, {apart:.1f} σ away"
         text = f"the channels disagree: along its shape alone its frequency is {there}"
         doubts.append(Doubt("channels", text))
     over = prominence(fit.modes, j, found.band)
-    if over < CLEAR:
-        text = (
-            f"it stands only {over:.2g} times above what else is there: it may stand for the flanks of its neighbours"
-        )
+    if over < limits.MIN_CLEAR_PROMINENCE:
+        text = f"its power is only {over:.2g} times that of the background: it may be the skirt of a neighbouring mode"
         doubts.append(Doubt("faint", text))
     return doubts + (_half_doubts(j, halves) or _quarter_doubts(j, quarters)) + shape_doubts(shapes.std[:, j])
 
 
 def fit_doubts(found: BandFit, j: int, shapes: Shapes, readings: Readings) -> list[Doubt]:
-    """What the fit of a band, lines and the mode's history say against mode j."""
+    """Reasons against mode j from the fit of a band, sinusoids and the envelope of the mode."""
     fit = found.fit
     f, z = float(fit.modes.frequency[j]), float(fit.modes.damping[j])
     std_z = fit.std(j)[1]
@@ -147,31 +97,29 @@ def fit_doubts(found: BandFit, j: int, shapes: Shapes, readings: Readings) -> li
     doubts = []
     if not fit.converged:
         doubts.append(Doubt("search", "the search for its posterior did not end"))
-    if std_z > SURE_OF_DAMPING or f * length < LEAST_CYCLES:
+    if std_z > limits.MAX_RELIABLE_LOG_DAMPING_STD or f * length < limits.MIN_MODE_CYCLES:
         factor = np.exp(2.0 * min(std_z, 3.0))
         text = f"the record is too short for it: {f * length:.0f} cycles, damping known to a factor of {factor:.2g}"
         doubts.append(Doubt("short", text))
     off, at = misfit(found)
-    if abs(off) > MAX_MISFIT:
-        text = (
-            f"the spectrum does not follow the modes: {off:+.1f} σ around {at:.4g} Hz; give the band by hand (--band)"
-        )
-        doubts.append(Doubt("misfit", text))
+    if abs(off) > limits.MAX_MISFIT_SIGMAS:
+        text = f"the spectrum does not follow the modes: {off:+.1f} σ around {at:.4g} Hz; give the band by hand"
+        doubts.append(Doubt("misfit", f"{text} (--band)"))
     doubts += [Doubt("line", text) for text in _line_doubts(f, z, std_z, length, readings.lines)]
     doubts += [Doubt("history", text) for text in _history_doubts(found, f, z, shapes.responses[:, j], length)]
     return doubts + _shared_doubts(found, j)
 
 
 def shape_doubts(std: Array) -> list[Doubt]:
-    """A doubt where a shape with these standard deviations (n,) is hardly seen."""
+    """A reason if a shape with these standard deviations (n,) is uncertain."""
     size = float(np.sqrt(np.mean(std**2)))
-    if size < MAX_SHAPE_STD:
+    if size < limits.MAX_SHAPE_STD:
         return []
-    text = f"its shape is hardly seen (±{size:.2g}): it may stand for the flanks of its neighbours"
+    text = f"its shape is uncertain (±{size:.2g}): it may be the skirt of a neighbouring mode"
     return [Doubt("shape", text)]
 
 
-def _half_doubts(j: int, halves: Sequence[Fit]) -> list[Doubt]:
+def _half_doubts(j: int, halves: Sequence[ModalFit]) -> list[Doubt]:
     if not halves:
         text = "its band is too narrow to compare the halves of the record: record longer, or widen --band"
         return [Doubt("halves", text)]
@@ -179,26 +127,26 @@ def _half_doubts(j: int, halves: Sequence[Fit]) -> list[Doubt]:
     for i, name in enumerate(("frequency", "damping")):
         logs = [np.log((half.modes.frequency, half.modes.damping)[i][j]) for half in halves]
         apart = abs(logs[0] - logs[1]) / np.hypot(halves[0].std(j)[i], halves[1].std(j)[i])
-        if apart > MAX_HALVES:
+        if apart > limits.MAX_HALVES_SIGMAS:
             doubts.append(Doubt("halves", f"the halves of the record differ in {name} by {apart:.1f} σ"))
     return doubts
 
 
-def _quarter_doubts(j: int, quarters: Sequence[Fit]) -> list[Doubt]:
-    """A frequency that goes up and down again, with the sun for one, leaves both halves alike."""
+def _quarter_doubts(j: int, quarters: Sequence[ModalFit]) -> list[Doubt]:
+    """Reason if a frequency varies within halves that have equal means, as in daily cycles."""
     if not quarters:
         return []
     logs = np.array([np.log(one.modes.frequency[j]) for one in quarters])
     weight = np.array([one.std(j)[0] ** -2.0 for one in quarters])
     square = float(weight @ (logs - weight @ logs / weight.sum()) ** 2)
-    if square < MAX_QUARTERS:
+    if square < limits.MAX_QUARTERS_CHI_SQUARE:
         return []
     text = f"its frequency moves during the record: its quarters differ by up to {100.0 * np.ptp(logs):.2g} %"
     return [Doubt("halves", f"{text} (χ² {square:.3g} for 3)")]
 
 
 def _shared_doubts(found: BandFit, j: int) -> list[Doubt]:
-    """A doubt where loads are shared and the mode is elsewhere than it would be if they were not."""
+    """A reason if the mode shifts when loads are assumed to be independent."""
     if found.plain is None:
         return []
     f, plain = float(found.fit.modes.frequency[j]), found.plain.modes
@@ -213,15 +161,15 @@ def _shared_doubts(found: BandFit, j: int) -> list[Doubt]:
             strict=True,
         )
     ]
-    if max(map(abs, moves)) < MAX_SHARED:
+    if max(map(abs, moves)) < limits.MAX_LOAD_SHIFT_SIGMAS:
         return []
     text = f"its load drives its neighbours, too: that moves its frequency by {moves[0]:+.1f} σ, its damping by"
     return [Doubt("shared", f"{text} {moves[1]:+.1f} σ")]
 
 
-def _along_shape(found: BandFit, j: int) -> Fit:
-    """The modes of a band from the readings along the shape of mode j alone: loads that reach other channels by other
-    ways have no say there."""
+def _along_shape(found: BandFit, j: int) -> ModalFit:
+    """Modes of a band from the component of the readings along the shape of mode j: loads that reach other channels
+    by other paths have no influence on it."""
     modes, band = found.fit.modes, found.band
     way = modes.shape[:, j] / np.linalg.norm(modes.shape[:, j])
     power = np.einsum("i,kij,j->k", way.conj(), band.power, way).reshape(-1, 1, 1)
@@ -236,17 +184,17 @@ def _along_shape(found: BandFit, j: int) -> Fit:
 def _line_doubts(f: float, z: float, std_z: float, length: float, lines: Sequence[RemovedLine]) -> list[str]:
     found = []
     for line in lines:
-        reach = BESIDE_LINE if line.name == "line" else BESIDE_HARMONIC
+        reach = limits.LINE_HALF_WIDTHS if line.name == "line" else limits.HARMONIC_HALF_WIDTHS
         if abs(line.frequency - f) < line.half_width + reach * z * f:
             found.append(
                 f"{'a steady line' if line.name == 'line' else line.name} at {line.frequency:.4g} Hz stands on it"
             )
-    if np.exp(2.0 * std_z) * z < NARROWEST:
+    if np.exp(2.0 * std_z) * z < limits.MIN_STRUCTURE_DAMPING:
         found.append(
             f"it is as narrow as a machine's line that wanders: a damping ratio of {100 * z:.2g} %, which structures "
             f"hardly have"
         )
-    if z * f * length < 0.4:
+    if z * f * length < limits.MIN_HALF_WIDTH_BINS:
         found.append(
             f"it is as narrow as a line: a damping ratio of {100 * z:.2g} % cannot be told from none in {length:.4g} s"
         )
@@ -254,7 +202,7 @@ def _line_doubts(f: float, z: float, std_z: float, length: float, lines: Sequenc
 
 
 def _history_doubts(found: BandFit, f: float, z: float, response: Complex, length: float) -> list[str]:
-    """A line that wanders, or a decay: from the envelope of the mode's response."""
+    """Reasons from the envelope of the mode's response: a sinusoid of varying frequency, or a transient."""
     near = np.abs(found.bins / length - f) <= max(3.0 * z * f, 4.0 / length)
     kept = found.bins[near]
     if len(kept) < 6:
@@ -266,10 +214,12 @@ def _history_doubts(found: BandFit, f: float, z: float, response: Complex, lengt
     lives = 2.0 * np.pi * z * f * length
     doubts = []
     steadiness = float(np.var(inner) / np.mean(inner) ** 2)
-    if steadiness < min(STEADY_ENVELOPE, STEADY_PER_LIFE * np.sqrt(lives)):
+    if steadiness < min(limits.MIN_ENVELOPE_VARIANCE, limits.MIN_ENVELOPE_VARIANCE_PER_ROOT * np.sqrt(lives)):
         doubts.append("its amplitude is as steady as a machine's line, not that of a mode under random loads")
     quarters = np.array([part.mean() for part in np.array_split(inner, 4)]) / inner.mean()
     scatter = np.sqrt(4.0 / max(lives, 1.0))
-    if (quarters.max() > FADED and (quarters.max() - 1.0) / scatter > MAX_FADE) or quarters.max() > 3.6:
-        doubts.append(f"it is a transient: a quarter of the record has {25 * quarters.max():.0f} % of its energy")
+    most = float(quarters.max())
+    rises = most > limits.MAX_QUARTER_ENERGY and (most - 1.0) / scatter > limits.MAX_QUARTER_SIGMAS
+    if rises or most > limits.MAX_SINGLE_QUARTER_ENERGY:
+        doubts.append(f"it is a transient: a quarter of the record has {25 * most:.0f} % of its energy")
     return doubts

@@ -1,38 +1,36 @@
-"""Loads that drive a mode and its neighbours at once: one gust on all storeys, the ground below them.
+"""Correlated modal loads: detection by a score test, and a model with shapes that vary over the band.
 
-The motion d that the load of a mode makes of the rest of the structure is coherent with the mode's own, φ h + d, and
-bends the spectrum where d is not small: a frequency can come out ten standard deviations off. A model with shapes that
-change over the band, Φ + Ψ (f/f_j − 1), has room for it (`modal_model`). Whether it is needed is asked of the fit
-without Ψ by its score, gᵀ F⁻¹ g for the slopes g to Ψ with all other unknowns eliminated, χ² with as many degrees of
-freedom where loads are independent (Rao, Proc. Camb. Phil. Soc. 44, 1948,
-https://doi.org/10.1017/S0305004100023987).
+A gust on all storeys, or motion of the ground, drives a mode and the rest of the structure at once. The motion d of the
+rest is coherent with that of the mode, φ h + d, and distorts the spectrum unless d is small: a frequency can be ten
+standard deviations off. A model with shapes that vary over the band, Φ + Ψ (f/f_j − 1), describes it
+(`windsysid.spectral.modal_bands.model`). The fit without Ψ is tested by its score, gᵀ F⁻¹ g for the derivatives g to Ψ
+with all other unknowns eliminated, χ² with as many degrees of freedom if loads are independent (Rao, Proc. Camb. Phil.
+Soc. 44, 1948, https://doi.org/10.1017/S0305004100023987).
 """
 
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.spectral.modal_bands.limits import LOAD_FALSE_ALARM_PROBABILITY, MIN_DOUBLE_LOG_ODDS
 from windsysid.spectral.modal_bands.model import Modes, with_real_elements
-from windsysid.spectral.modal_bands.scoring import CLEARLY, COARSE_TOLERANCE, Fit, evidence, score, slopes
+from windsysid.spectral.modal_bands.scoring import COARSE_TOLERANCE, ModalFit, evidence, score, slopes
 from windsysid.spectral.modal_bands.start import add_mode, modes_at
 from windsysid.spectral.transforms.dft import Band
 
 __all__ = ["are_shared", "fit_shared"]
 
-UNLIKELY = 1e-4
-"""Probability of the score of a mode, below which loads are shared."""
+MIN_INFORMATION_SHARE = 1e-8
+"""Numerical: smallest information on a direction of Ψ over the largest."""
 
-SEEN = 1e-8
-"""Least information on a direction of Ψ, relative to the most."""
+MAX_STEPS, MAX_STEPS_OF_MORE_MODES = 60, 40
+"""Numerical: largest number of steps of a search from each start, and with one mode more."""
 
-STEPS, STEPS_MORE = 60, 40
-"""Of searches from each start, and with a mode more."""
-
-MOST_MODES = 3
-"""That are tried where loads are shared: what more modes would stand for, Ψ does."""
+MAX_MODES = 3
+"""Setting: largest number of modes under correlated loads: Ψ replaces further modes."""
 
 
-def are_shared(fit: Fit, band: Band) -> bool:
-    """Whether the load of some mode of a fit without Ψ reaches its neighbours, too."""
+def are_shared(fit: ModalFit, band: Band) -> bool:
+    """True if the load of any mode of a fit without Ψ also drives other modes."""
     from scipy.special import chdtrc
 
     modes = fit.modes.let_drift()
@@ -45,13 +43,16 @@ def are_shared(fit: Fit, band: Band) -> bool:
     for j in range(r):
         own = j * m + np.concatenate([np.arange(m), m * r + np.arange(m)])
         sizes, ways = np.linalg.eigh(information[np.ix_(own, own)])
-        seen = sizes > SEEN * sizes[-1]
-        if chdtrc(seen.sum(), np.sum((ways[:, seen].T @ gradient[own]) ** 2 / sizes[seen])) < UNLIKELY:
+        seen = sizes > MIN_INFORMATION_SHARE * sizes[-1]
+        if (
+            chdtrc(seen.sum(), np.sum((ways[:, seen].T @ gradient[own]) ** 2 / sizes[seen]))
+            < LOAD_FALSE_ALARM_PROBABILITY
+        ):
             return True
     return False
 
 
-def fit_shared(plain: Fit, band: Band, bins: int, most: int) -> Fit | None:
+def fit_shared(plain: ModalFit, band: Band, bins: int, most: int) -> ModalFit | None:
     """The most evident fit with Ψ of at most `most` modes, from several starts: the fit without Ψ, its strongest mode
     alone, and that mode with the shapes that the directions of the readings show; None where the fit without Ψ is more
     evident."""
@@ -59,14 +60,16 @@ def fit_shared(plain: Fit, band: Band, bins: int, most: int) -> Fit | None:
     strongest = int(np.argmax(np.linalg.norm(modes.shape, axis=0) / modes.damping))
     f, zeta = float(modes.frequency[strongest]), float(modes.damping[strongest])
     starts = [_from_directions(f, zeta, band), modes_at([(f, zeta)], band).let_drift()]
-    fits = [score(start, band, max_steps=STEPS) for start in starts]
+    fits = [score(start, band, max_steps=MAX_STEPS) for start in starts]
     if len(modes.frequency) > 1:
-        fits.append(score(modes.let_drift(), band, max_steps=STEPS))
+        fits.append(score(modes.let_drift(), band, max_steps=MAX_STEPS))
     last = min(fits[:2], key=lambda fit: evidence(fit, bins))
-    for _ in range(2, min(most, MOST_MODES) + 1):
-        more = score(add_mode(last.modes, band).let_drift(), band, max_steps=STEPS_MORE, tolerance=COARSE_TOLERANCE)
+    for _ in range(2, min(most, MAX_MODES) + 1):
+        more = score(
+            add_mode(last.modes, band).let_drift(), band, max_steps=MAX_STEPS_OF_MORE_MODES, tolerance=COARSE_TOLERANCE
+        )
         fits.append(more)
-        if evidence(more, bins) > evidence(last, bins) - CLEARLY:
+        if evidence(more, bins) > evidence(last, bins) - MIN_DOUBLE_LOG_ODDS:
             break
         last = more
     best = min(fits, key=lambda fit: evidence(fit, bins))

@@ -1,4 +1,4 @@
-"""Modes that are images of others, of readings that were taken more slowly and filled in between.
+"""Images of modes: aliases of readings that were interpolated from a lower sampling rate.
 
 Whatever fills in, straight lines, splines or a filter that is not steep enough, leaves a faint copy of a mode at
 F − f and at F + f, with F the rate at which the readings were taken. The motion of an image is that of its mode, turned
@@ -12,21 +12,16 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array, Complex
+from windsysid.spectral.modal_bands.limits import IMAGE_FALSE_ALARM_PROBABILITY, MIN_MOTION_FREEDOM
 from windsysid.spectral.oma.result import Doubt, OperationalMode
 
 __all__ = ["with_images"]
 
-REACH = 6.0
-"""Half-widths ζ f of a mode within which its motion is taken."""
+MOTION_HALF_WIDTHS = 6.0
+"""Setting: half-widths ζ f of a mode within which its motion is taken."""
 
-LEAST_BINS = 20
-"""To either side, within which it is taken at least."""
-
-FEWEST = 8.0
-"""Independent values of a motion: with fewer, two modes may look alike by chance."""
-
-UNLIKELY = 1e-6
-"""Probability of so strong a line in the product of two modes."""
+MIN_MOTION_BINS = 20
+"""Setting: smallest number of bins on either side within which it is taken."""
 
 
 class _Motion(NamedTuple):
@@ -41,7 +36,7 @@ class _Motion(NamedTuple):
 
 
 def with_images(modes: Sequence[OperationalMode], frequency: Array, values: Complex) -> list[OperationalMode]:
-    """The same modes, with a doubt for each that is the image of a stronger one.
+    """Add a reason to each mode that is the image of a stronger one.
 
     Parameters
     ----------
@@ -66,7 +61,7 @@ def with_images(modes: Sequence[OperationalMode], frequency: Array, values: Comp
 
 def _motion_of(mode: OperationalMode, frequency: Array, values: Complex) -> _Motion:
     step = float(frequency[1])
-    half = max(int(REACH * mode.damping * mode.frequency / step), LEAST_BINS)
+    half = max(int(MOTION_HALF_WIDTHS * mode.damping * mode.frequency / step), MIN_MOTION_BINS)
     middle = round(mode.frequency / step)
     bins = np.arange(max(middle - half, 1), min(middle + half, len(frequency)))
     along = values[bins] @ mode.shape.conj()
@@ -76,13 +71,13 @@ def _motion_of(mode: OperationalMode, frequency: Array, values: Complex) -> _Mot
 
 
 def _go_together(one: _Motion, other: _Motion) -> bool:
-    """Whether the product of two motions, or of one and the other turned back, has one line."""
+    """True if the product of two motions, or of one and the conjugate of the other, is a sinusoid."""
     freedom = min(one.freedom, other.freedom)
-    if freedom < FEWEST:
+    if freedom < MIN_MOTION_FREEDOM:
         return False
     length = 2 * max(len(one.transform), len(other.transform))
     first, second = (np.fft.ifft(motion.transform, length) for motion in (one, other))
-    bound = 1.0 - (UNLIKELY / length) ** (1.0 / (freedom - 1.0))
+    bound = 1.0 - (IMAGE_FALSE_ALARM_PROBABILITY / length) ** (1.0 / (freedom - 1.0))
     whole = float(np.sum(np.abs(first) ** 2) * np.sum(np.abs(second) ** 2))
     lines = [np.abs(np.fft.fft(first * turned, 4 * length)).max() ** 2 for turned in (second, second.conj())]
     return bool(max(lines) > bound * whole)

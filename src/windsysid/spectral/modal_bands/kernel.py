@@ -1,4 +1,4 @@
-"""The compiled part of scoring: a band's spectrum and its whitened slopes, row by row.
+"""Compiled loops of scoring: a band's spectrum and its whitened derivatives, row by row.
 
 The equations of D and S̄ are those of `windsysid.spectral.modal_bands.model`. With S̄ = G Gᴴ in each row, a slope dS of
 the model becomes A = G⁻¹ dS G⁻ᴴ. All slopes are sums of u vᴴ + v uᴴ, so that only vectors are whitened. A Hermitian

@@ -1,10 +1,10 @@
-"""The spectrum of a few modes in a band, and its slopes.
+"""Spectral model of a few modes in a band, with its derivatives.
 
     S(f) = Φ_f [D(f) ∘ C Cᴴ] Φ_fᴴ + (f/f_c)^b L Lᴴ,        D_jk(f) = h_j(f) h_k(f)* (f/f_c)^a,
     h_j(f) = −r² / (1 − r² + 2 i ζ_j r),        r = f / f_j,        Φ_f = Φ + Ψ diag(f/f_j − 1),
 
 the response in acceleration of modes f_j, ζ_j with complex shapes Φ (m, r) to modal loads of the spectrum C Cᴴ
-(f/f_c)^a, beside whatever else is in the band, L Lᴴ (f/f_c)^b: noise and the flanks of other modes, any Hermitian
+(f/f_c)^a, plus the background, L Lᴴ (f/f_c)^b: noise and the skirts of other modes, any Hermitian
 matrix. Where the load of a mode drives the rest of the structure too, as wind and the ground do, the motion d that it
 makes there adds to φ h. Near the mode h is nearly 1/(2 (f/f_j − 1 − i ζ_j)), so that φ h + d is h times
 φ − 2 i ζ_j d + 2 d (f/f_j − 1): Ψ = 2 d. Where every mode has a load of its own, Ψ is 0 and no unknown.
@@ -29,25 +29,16 @@ from windsysid.spectral.modal_bands.kernel import whitened_slopes
 from windsysid.spectral.transforms.dft import Band
 
 __all__ = [
-    "SLOPE_SPREAD",
-    "Modes",
-    "Scores",
-    "advance",
-    "coordinates",
-    "prominence",
-    "responses",
-    "scores",
-    "spectrum",
-    "tilt_of",
-    "with_real_elements",
-]
+    "SLOPE_STD", "Modes", "Scores", "advance", "coordinates", "prominence", "responses", "scores", "spectrum",
+    "tilt_of", "with_real_elements",
+]  # fmt: skip
 
 
-SLOPE_SPREAD = 8.0
-"""Spread of the slope b of what else is in a band."""
+SLOPE_STD = 8.0
+"""Setting: prior standard deviation of the slope b of the background."""
 
-FLOOR = 1e-10
-"""Least power of what else is in a band, each channel being scaled to a power of about 1."""
+MIN_BACKGROUND_POWER = 1e-10
+"""Numerical: smallest power of the background, each channel being scaled to a power of about 1."""
 
 
 class Modes(NamedTuple):
@@ -88,7 +79,7 @@ class Modes(NamedTuple):
         return np.asarray(self.shape + away[:, None] * self.drift)
 
     def let_drift(self) -> "Modes":
-        """The same with Ψ as an unknown."""
+        """These modes with Ψ as an unknown."""
         return self._replace(drift=np.zeros_like(self.shape))
 
     @property
@@ -119,7 +110,7 @@ class Scores(NamedTuple):
 
 
 def prominence(modes: Modes, j: int, band: Band) -> float:
-    """Power of mode j at its natural frequency over what else is there, in the direction where that is largest."""
+    """Power of mode j at its natural frequency over the background, in the direction of the largest ratio."""
     at, others = modes.frequency[j : j + 1], np.arange(len(modes.frequency)) != j
     h = responses(modes, at)[:, 0]
     driven = h[:, None] * (modes.load @ modes.load.conj().T) * h.conj() * tilt_of(at, band, modes.load_slope)
@@ -168,7 +159,7 @@ def advance(modes: Modes, step: Array) -> Modes:
     x[at[2], at[3]] = xr + 1j * xi
     sizes_x, directions = np.linalg.eigh(x)  # of its lower triangle
     grown = modes.rest @ directions * np.exp(0.5 * np.clip(sizes_x, -2.0, 2.0))
-    rest = np.linalg.cholesky(grown @ grown.conj().T + FLOOR * np.eye(m))
+    rest = np.linalg.cholesky(grown @ grown.conj().T + MIN_BACKGROUND_POWER * np.eye(m))
     return Modes(
         modes.frequency * np.exp(f),
         modes.damping * np.exp(z),

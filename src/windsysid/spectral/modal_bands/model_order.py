@@ -1,4 +1,4 @@
-"""How many modes a band has, and their shapes in all channels.
+"""Model order of a band by evidence, and mode shapes in all channels.
 
 A band's transforms are scaled and turned into their first m principal directions, as many as its modes can need and two
 more; modes are added one by one as long as Schwarz's approximation of the evidence rises (Ann. Statist. 1978,
@@ -14,20 +14,19 @@ from numpy.typing import NDArray
 
 from windsysid._types import Array, Complex
 from windsysid.spectral.modal_bands.correlated_loads import are_shared, fit_shared
+from windsysid.spectral.modal_bands.limits import MAX_DAMPING, MIN_DOUBLE_LOG_ODDS
 from windsysid.spectral.modal_bands.model import Modes, responses
-from windsysid.spectral.modal_bands.scoring import CLEARLY, COARSE_TOLERANCE, Fit, evidence, score
+from windsysid.spectral.modal_bands.scoring import COARSE_TOLERANCE, ModalFit, evidence, score
 from windsysid.spectral.modal_bands.start import add_mode, deviance, modes_at, without_modes
 from windsysid.spectral.transforms.dft import Band, band_data
 
 __all__ = ["BandFit", "Shapes", "fit_band", "full_shapes", "principal_directions"]
 
-POLISH_STEPS = 120
+MAX_FINAL_STEPS = 120
+"""Numerical: largest number of steps of the last search in a band."""
 
-WEAKEST = 1e-9
-"""Least power of a direction, relative to the strongest's."""
-
-MOST_DAMPED = 0.2
-"""A mode beyond is none: what is as wide as that is background."""
+MIN_DIRECTION_POWER = 1e-9
+"""Numerical: smallest power of a principal direction over the largest."""
 
 
 class BandFit(NamedTuple):
@@ -51,13 +50,13 @@ class BandFit(NamedTuple):
         The fit for which every mode has a load of its own, where the data speak against that; else None.
     """
 
-    fit: Fit
+    fit: ModalFit
     band: Band
     values: Complex
     bins: NDArray[np.int64]
     directions: Complex
     against_none: float
-    plain: Fit | None = None
+    plain: ModalFit | None = None
 
 
 class Shapes(NamedTuple):
@@ -107,29 +106,31 @@ def fit_band(
     directions, back = principal_directions(values, min(values.shape[1], peaks + 2))
     band = band_data(values @ back.T, bins, samples, rate)
     empty, plain = without_modes(band), None
-    none = Fit(empty, np.empty((0, 0)), deviance(empty, band), True)
+    none = ModalFit(empty, np.empty((0, 0)), deviance(empty, band), True)
     best = _most_evident(band, len(bins), none, peaks, most, known[:most])
     if known and not len(best.modes.frequency):  # what was known is not here: from the beginning
         best = _most_evident(band, len(bins), none, peaks, most, ())
     if len(best.modes.frequency) and most > peaks:
-        best = score(best.modes, band, max_steps=POLISH_STEPS)
+        best = score(best.modes, band, max_steps=MAX_FINAL_STEPS)
         if are_shared(best, band) and (shared := fit_shared(best, band, len(bins), most)):
-            plain, best = best, score(shared.modes, band, max_steps=POLISH_STEPS)
+            plain, best = best, score(shared.modes, band, max_steps=MAX_FINAL_STEPS)
     against = evidence(none, len(bins)) - evidence(best, len(bins))
     return BandFit(best, band, values, bins, directions, against, plain)
 
 
-def _most_evident(band: Band, bins: int, none: Fit, peaks: int, most: int, known: Sequence[tuple[float, float]]) -> Fit:
-    """As many modes as the evidence asks for, added one by one to those that are known."""
+def _most_evident(
+    band: Band, bins: int, none: ModalFit, peaks: int, most: int, known: Sequence[tuple[float, float]]
+) -> ModalFit:
+    """Fit with the model order of the largest evidence; modes are added one by one to known ones."""
     best, least = none, evidence(none, bins)
     last = none
     first = max(1, len(known))
     for r in range(first, most + 1):
         more = modes_at(known, band) if known and r == first else add_mode(last.modes, band)
-        target = np.inf if r <= peaks else least - CLEARLY - more.size * float(np.log(bins))
+        target = np.inf if r <= peaks else least - MIN_DOUBLE_LOG_ODDS - more.size * float(np.log(bins))
         last = score(more, band, tolerance=COARSE_TOLERANCE, target=target)
         now = evidence(last, bins)
-        if now < least - CLEARLY and last.modes.damping.max() < MOST_DAMPED:
+        if now < least - MIN_DOUBLE_LOG_ODDS and last.modes.damping.max() < MAX_DAMPING:
             best, least = last, now
         elif r >= peaks:
             break
@@ -184,7 +185,7 @@ def _modal_responses(modes: Modes, band: Band, values: Complex) -> tuple[Complex
 
 
 def _unknowns(modes: Modes, j: int) -> Complex:
-    """How the shape (m,) of mode j follows the unknowns of a step: (m, p)."""
+    """Derivative (m, p) of the shape (m,) of mode j with respect to a step of the unknowns."""
     m, r = modes.shape.shape
     weight = np.zeros((m, modes.size), dtype=np.complex128)
     real, at = modes.real, 2 * r + m * r
@@ -208,7 +209,7 @@ def principal_directions(values: Complex, most: int) -> tuple[Complex, Complex]:
     scaled = values / scale
     sizes, turned = np.linalg.eigh(scaled.T @ scaled.conj() / len(scaled))
     order = np.argsort(sizes)[::-1][:most]
-    order = order[sizes[order] > WEAKEST * sizes[order[0]]]
+    order = order[sizes[order] > MIN_DIRECTION_POWER * sizes[order[0]]]
     root = np.sqrt(sizes[order])
     turned = turned[:, order]
     return scale[:, None] * turned * root, turned.conj().T / root[:, None] / scale[None]

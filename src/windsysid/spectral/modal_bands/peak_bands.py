@@ -1,4 +1,4 @@
-"""Where modes may be: peaks of the readings' spectra, and the bands around them.
+"""Spectral peaks of readings, and the bands around them.
 
 Readings are scaled by the level around each frequency, and peaks are sought in the singular values of their spectral
 matrices, averaged over widths that grow with frequency, a narrow and a wide one. The search may find too much: whether
@@ -11,44 +11,39 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array, Complex
+from windsysid.spectral.modal_bands.limits import MIN_RISE_SIGMAS, MIN_VALLEY_SIGMAS
 
 __all__ = ["Peak", "find_peaks", "group_peaks", "merge_peaks", "widened"]
 
-WIDTHS = ((10, 0.004), (40, 0.03))
-"""Least bins, and share of the frequency, over which spectra are averaged: for narrow and for wide peaks."""
+AVERAGING_WIDTHS = ((10, 0.004), (40, 0.03))
+"""Setting: smallest number of bins, and share of the frequency, of averages for narrow and for wide peaks."""
 
-LEAST_RISE = 4.5
-"""Of a peak above what is around it, in standard deviations of the averaged spectrum's logarithm."""
+BACKGROUND_HALF_WIDTH = 0.25
+"""Setting: relative half-width of the background of a frequency."""
 
-LEAST_VALLEY = 3.5
-"""By how much the spectrum falls on either side of a peak, in the same unit."""
+BACKGROUND_STEP = 4
+"""Setting: step between frequencies at which the background is computed; linear interpolation between."""
 
-BACKGROUND = 0.25
-"""Half-width of what is around a frequency, relative."""
+SINGULAR_VALUES = 3
+"""Setting: number of singular values in which peaks are sought."""
 
-SPARSE = 4
-"""The level around is taken at every so many-th frequency, and straight lines between."""
+MIN_DENSITY_SHARE = 1e-7
+"""Numerical: spectral density over a channel's largest; below it in all channels there is rounding, no vibration."""
 
-SECOND = 3
-"""Singular values in which peaks are sought."""
+BAND_HALF_WIDTHS = 10.0
+"""Setting: half-width of a mode's band over ζ f."""
 
-FAINT = 1e-7
-"""Of a channel's largest spectral density: what lies below in all channels is arithmetic, not vibration."""
+MIN_HALF_BAND_BINS = 30
+"""Setting: smallest half-width of a band in bins: with fewer, damping and background are hard to separate."""
 
-REACH = 10.0
-"""Half-width of a mode's band, in ζ f."""
+MAX_SHARED_BINS = 12
+"""Setting: distance of peaks in bins below which they share a band."""
 
-LEAST_BINS = 30
-"""Half-width of a band in bins at least: fewer tell a mode's damping from what else is there too badly."""
+CORE_HALF_WIDTHS = 3.0
+"""Setting: half-width over ζ f of a mode's core, which is in no other band."""
 
-NEAR_BINS = 12
-"""Peaks nearer to each other than that many bins share a band."""
-
-CORE = 3.0
-"""Half-width of a mode's core, which no other mode's band should reach, in ζ f."""
-
-LARGEST_GROUP = 4
-"""Peaks in one band."""
+MAX_BAND_PEAKS = 4
+"""Setting: largest number of peaks in one band."""
 
 
 class Peak(NamedTuple):
@@ -64,21 +59,23 @@ class Peak(NamedTuple):
 def find_peaks(frequency: Array, values: Complex, low: float, high: float) -> list[Peak]:
     """Peaks between two frequencies of transforms (F, n) at even frequencies (F,) from 0, by rising frequency."""
     found: list[Peak] = []
-    for bins, share in WIDTHS:
+    for bins, share in AVERAGING_WIDTHS:
         own: list[Peak] = []
         centre, counts, power = _averages(frequency, values, low, high, bins, share)
         if len(centre) < 5:
             continue
-        levels = np.linalg.eigvalsh(power)[:, ::-1][:, :SECOND]
+        levels = np.linalg.eigvalsh(power)[:, ::-1][:, :SINGULAR_VALUES]
         scatter = 1.0 / np.sqrt(counts)
         for level in np.log(np.maximum(levels.T, 1e-300)):
             for i in _maxima(level):
-                around = np.abs(np.log(centre / centre[i])) < max(BACKGROUND, 4.0 * bins * frequency[1] / centre[i])
+                around = np.abs(np.log(centre / centre[i])) < max(
+                    BACKGROUND_HALF_WIDTH, 4.0 * bins * frequency[1] / centre[i]
+                )
                 rise = (level[i] - np.median(level[around])) / scatter[i]
-                if rise < LEAST_RISE:
+                if rise < MIN_RISE_SIGMAS:
                     continue
                 valley = level[i] - max(_valley(level, i, -1), _valley(level, i, 1))
-                if valley > LEAST_VALLEY * scatter[i]:
+                if valley > MIN_VALLEY_SIGMAS * scatter[i]:
                     own.append(Peak(float(centre[i]), _half_width(centre, level, i), float(rise)))
         found += merge_peaks(own, found)
     return sorted(found)
@@ -98,7 +95,7 @@ def merge_peaks(peaks: list[Peak], kept: list[Peak]) -> list[Peak]:
 def group_peaks(peaks: list[Peak], step: float, low: float, high: float) -> list[tuple[float, float, int]]:
     """Bands (lowest, highest frequency, number of peaks) around peaks; `step` is the distance of bins [Hz].
 
-    Peaks whose flanks overlap share a band. Bands do not overlap: between two groups the border is in the middle, by
+    Peaks whose skirts overlap share a band. Bands do not overlap: between two groups the border is in the middle, by
     their widths.
     """
     groups: list[list[Peak]] = []
@@ -110,7 +107,7 @@ def group_peaks(peaks: list[Peak], step: float, low: float, high: float) -> list
     bands = []
     for i, group in enumerate(groups):
         first, last = group[0], group[-1]
-        reach = [max(REACH * p.half_width, LEAST_BINS * step) for p in (first, last)]
+        reach = [max(BAND_HALF_WIDTHS * p.half_width, MIN_HALF_BAND_BINS * step) for p in (first, last)]
         start, end = max(first.frequency - reach[0], low), min(last.frequency + reach[1], high)
         if i > 0:
             start = max(start, _border(groups[i - 1][-1], first))
@@ -121,26 +118,26 @@ def group_peaks(peaks: list[Peak], step: float, low: float, high: float) -> list
 
 
 def _overlap(group: list[Peak], peak: Peak, step: float) -> bool:
-    """Whether the flanks of the next peak and of a group's last overlap, and the group has room for it."""
+    """True if the skirts of the next peak and of a group's last overlap, and the group is not full."""
     last = group[-1]
-    if len(group) >= LARGEST_GROUP or peak.alone or last.alone:
+    if len(group) >= MAX_BAND_PEAKS or peak.alone or last.alone:
         return False
     near = 3.0 * (last.half_width + peak.half_width)
-    return peak.frequency - last.frequency < max(near, NEAR_BINS * step)
+    return peak.frequency - last.frequency < max(near, MAX_SHARED_BINS * step)
 
 
 def widened(inside: list[Peak], others: list[Peak], low: float, high: float, step: float) -> tuple[float, float]:
     """A band around peaks as wide as they ask for, as far as it leaves out the cores of the others."""
-    reach = [max(REACH * peak.half_width, LEAST_BINS * step) for peak in inside]
+    reach = [max(BAND_HALF_WIDTHS * peak.half_width, MIN_HALF_BAND_BINS * step) for peak in inside]
     first = min(peak.frequency - wide for peak, wide in zip(inside, reach, strict=True))
     last = max(peak.frequency + wide for peak, wide in zip(inside, reach, strict=True))
-    below = [peak.frequency + CORE * peak.half_width for peak in others if peak.frequency < low]
-    above = [peak.frequency - CORE * peak.half_width for peak in others if peak.frequency > high]
+    below = [peak.frequency + CORE_HALF_WIDTHS * peak.half_width for peak in others if peak.frequency < low]
+    above = [peak.frequency - CORE_HALF_WIDTHS * peak.half_width for peak in others if peak.frequency > high]
     return min(low, max([first, *below])), max(high, min([last, *above]))
 
 
 def _border(below: Peak, above: Peak) -> float:
-    if below.alone != above.alone:  # a mode needs its flanks, what the rotor makes does not
+    if below.alone != above.alone:  # a mode needs its skirts, a rotationally sampled peak does not
         share = 0.25 if below.alone else 0.75
     else:
         share = below.half_width / (below.half_width + above.half_width)
@@ -167,14 +164,14 @@ def _averages(
     power = (halves[:-1] + halves[1:]) / total[:, None, None]
     centre = 0.5 * (frequency[marks[:-2]] + frequency[marks[2:] - 1])
     powers = np.einsum("gii->gi", power).real
-    few = np.arange(0, len(centre), SPARSE)
+    few = np.arange(0, len(centre), BACKGROUND_STEP)
     levels = np.empty((len(few), powers.shape[1]))
     for i, f in enumerate(centre[few]):
-        around = np.abs(np.log(centre / f)) < max(BACKGROUND, 4.0 * bins * step / f)
+        around = np.abs(np.log(centre / f)) < max(BACKGROUND_HALF_WIDTH, 4.0 * bins * step / f)
         levels[i] = np.median(powers[around], axis=0)
     scale = np.column_stack([np.interp(centre, centre[few], column) for column in levels.T])
     root = 1.0 / np.sqrt(np.maximum(scale, 1e-300))
-    faint = np.all(powers < FAINT * powers.max(axis=0), axis=1)
+    faint = np.all(powers < MIN_DENSITY_SHARE * powers.max(axis=0), axis=1)
     scaled = power * root[:, :, None] * root[:, None, :]
     scaled[faint] = np.eye(scaled.shape[1])  # no peaks there
     return centre, total, scaled

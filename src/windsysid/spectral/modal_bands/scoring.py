@@ -1,4 +1,4 @@
-"""The posterior of a band's modes: its mode by scoring, its width by the Fisher information.
+"""Posterior of a band's modes: mode by Fisher scoring, covariance by the Fisher information.
 
     J = c_h⁻¹ Σ_k n_k [ln det S̄ + tr S̄⁻¹ P_k] + ½ Σ ((θ − θ₀)/s)²,
     g_a = c_h⁻¹ Σ n_k tr(S̄⁻¹ dS_a (1 − S̄⁻¹ P_k)) + prior,        F_ab = c_h⁻¹ Σ n_k tr(S̄⁻¹ dS_a S̄⁻¹ dS_b) + prior
@@ -15,7 +15,7 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.scoring import SearchLimits, find_mode
 from windsysid.spectral.modal_bands.model import (
-    SLOPE_SPREAD,
+    SLOPE_STD,
     Modes,
     Scores,
     advance,
@@ -25,41 +25,38 @@ from windsysid.spectral.modal_bands.model import (
 )
 from windsysid.spectral.transforms.dft import Band
 
-__all__ = ["CLEARLY", "COARSE_TOLERANCE", "HALF_TOLERANCE", "Fit", "evidence", "score", "score_together", "slopes"]
+__all__ = ["COARSE_TOLERANCE", "HALF_TOLERANCE", "ModalFit", "evidence", "score", "score_together", "slopes"]
 
 FINE_TOLERANCE, HALF_TOLERANCE, COARSE_TOLERANCE = 1e-3, 0.02, 0.1
-"""Newton's decrement of the last step: 0.03 standard deviations of a result, 0.14 of halves that are compared with it,
-0.3 where only the evidence of numbers of modes is compared."""
+"""Numerical: Newton decrement of the last step: 0.03 standard deviations of a result, 0.14 of halves that are compared
+with it, 0.3 if only the evidence of model orders is compared."""
 
 SEARCH = SearchLimits(FINE_TOLERANCE, max_steps=40, stalled=0.2, damping=1e-2, refused_damping=1e-3)
-"""Of a search: where J cannot decrease any more, a decrease of 0.1 may be left. Starts are rough, so damping is strong;
-of the many optima the near one is meant, so a refused step is turned little by little."""
+"""Numerical: limits of a search. If J cannot decrease any more, a decrease of 0.1 may be left. Starts are rough, so
+damping is strong; the nearest of many optima is wanted, so a refused step is turned in small steps."""
 
-HOPELESS = 40.0
-"""How many steps like the last a search may be from where it must come."""
-
-CLEARLY = 6.0
-"""2 ln of the evidence that a mode more must bring."""
+MAX_STEPS_TO_TARGET = 40.0
+"""Numerical: steps as large as the last one between a search and its target, beyond which it terminates."""
 
 DAMPING_PRIOR = (np.log(0.015), 1.5)
-"""Centre and spread of ln ζ: 0.075 … 30 % are within two of it."""
+"""Setting: mean and standard deviation of ln ζ: 0.075 … 30 % are within two of it."""
 
-SLOPE_PRIORS = (1.0, SLOPE_SPREAD)
-"""Spread of the slopes a of loads and b of what else is in the band, both about 0."""
+SLOPE_STDS = (1.0, SLOPE_STD)
+"""Setting: prior standard deviations of the slopes a of loads and b of the background, both with mean 0."""
 
-COHERENCE_PRIOR = 1.0
-"""Spread of the elements of C."""
+COHERENCE_STD = 1.0
+"""Setting: prior standard deviation of the elements of C."""
 
-DRIFT_PRIOR = 4.0
-"""Spread of the real and the imaginary parts of a column of Ψ, over the norm of the shape where a search begins."""
+DRIFT_STD = 4.0
+"""Setting: prior standard deviation of real and imaginary parts of a column of Ψ over the norm of the shape at the
+start."""
 
-MAX_MOVES = (0.02, 1.1, 10.0)
-"""By how much a step may change ln f, ln ζ and b."""
+MAX_STEPS_OF_UNKNOWNS = (0.02, 1.1, 10.0)
+"""Numerical: largest step of ln f, ln ζ and b."""
 
 
-class Fit(NamedTuple):
-    """What scoring found: modes, the covariance (p, p) of a step, −2 ln of the likelihood, and whether it ended by
-    itself."""
+class ModalFit(NamedTuple):
+    """Result of scoring: modes, the covariance (p, p) of a step, −2 ln of the likelihood, and convergence."""
 
     modes: Modes
     cov: Array
@@ -79,7 +76,7 @@ def score(
     max_steps: int = SEARCH.max_steps,
     tolerance: float = FINE_TOLERANCE,
     target: float = np.inf,
-) -> Fit:
+) -> ModalFit:
     """The mode of the posterior from a start.
 
     A search whose −2 ln likelihood is so far above `target` that steps like the last would not bring it there is given
@@ -95,7 +92,7 @@ def score_together(
     max_steps: int = SEARCH.max_steps,
     tolerance: float = FINE_TOLERANCE,
     target: float = np.inf,
-) -> list[Fit]:
+) -> list[ModalFit]:
     """The mode of the posterior of several records' modes, which have their frequencies and damping ratios in common.
 
     Likelihoods add. Shapes, loads and what else is in the band are each record's own, and its part of the joint
@@ -115,7 +112,7 @@ def score_together(
         return [advance(one, part) for one, part in zip(modes, np.split(step, ends), strict=True)]
 
     def is_hopeless(there: _JointEvaluation, decrease: float) -> bool:
-        return 2.0 * there.parts[0].cost / bands[0].factor - target > HOPELESS * decrease
+        return 2.0 * there.parts[0].cost / bands[0].factor - target > MAX_STEPS_TO_TARGET * decrease
 
     found = find_mode(
         evaluate, modes, SEARCH._replace(tolerance=tolerance, max_steps=max_steps),
@@ -125,15 +122,15 @@ def score_together(
     here = found.evaluation.parts
     covs = _covariances(here, len(shared[0]))
     return [
-        Fit(one, cov, 2.0 * part.cost / band.factor, found.converged)
+        ModalFit(one, cov, 2.0 * part.cost / band.factor, found.converged)
         for one, cov, part, band in zip(found.point, covs, here, bands, strict=True)
     ]
 
 
 def _max_step(modes: Modes) -> Array:
-    """How far a step may move the unknowns of a record (p,)."""
+    """Largest step of the unknowns of a record (p,)."""
     most, r = np.full(modes.size, np.inf), len(modes.frequency)
-    most[:r], most[r : 2 * r], most[modes.size - modes.drifting - 1] = MAX_MOVES
+    most[:r], most[r : 2 * r], most[modes.size - modes.drifting - 1] = MAX_STEPS_OF_UNKNOWNS
     return most
 
 
@@ -192,7 +189,7 @@ def _covariances(here: Sequence[Scores], r: int) -> list[Array]:
     ]
 
 
-def evidence(fit: Fit, bins: int) -> float:
+def evidence(fit: ModalFit, bins: int) -> float:
     """−2 ln of the evidence of so many transforms: by Schwarz's approximation, and by Laplace's for Ψ, of which the
     prior says something."""
     modes = fit.modes
@@ -216,7 +213,7 @@ def _drift_spread(modes: Modes) -> Array:
     """Spread of the unknowns of Ψ (2 m r,)."""
     if modes.drift is None:
         return np.empty(0)
-    return np.tile(np.repeat(DRIFT_PRIOR * np.linalg.norm(modes.shape, axis=0), len(modes.shape)), 2)
+    return np.tile(np.repeat(DRIFT_STD * np.linalg.norm(modes.shape, axis=0), len(modes.shape)), 2)
 
 
 class _Prior:
@@ -227,7 +224,7 @@ class _Prior:
         loads = r * (r - 1)
         some = int(r > 0)
         self.centre = np.concatenate([np.full(r, DAMPING_PRIOR[0]), np.zeros(loads + some + 1 + modes.drifting)])
-        spread = [DAMPING_PRIOR[1]] * r + [COHERENCE_PRIOR] * loads + [SLOPE_PRIORS[0]] * some + [SLOPE_PRIORS[1]]
+        spread = [DAMPING_PRIOR[1]] * r + [COHERENCE_STD] * loads + [SLOPE_STDS[0]] * some + [SLOPE_STDS[1]]
         self.weight = np.concatenate([spread, _drift_spread(modes)]) ** -2.0
         self.weight[:r] *= share
         first = 2 * r + 2 * m * r - r

@@ -1,4 +1,4 @@
-"""Where scoring starts: one mode more than the last fit has, where it explains most.
+"""Start values of scoring: one mode more than in the last fit, at the largest excess of the data.
 
 Where the data exceed the last fit most a mode is added, and shapes, loads and what else is in the band follow by a few
 steps of expectation and maximisation (Dempster, Laird & Rubin 1977), the modal responses being what is not seen. The
@@ -11,29 +11,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array, Complex
-from windsysid.spectral.modal_bands.model import SLOPE_SPREAD, Modes, responses, spectrum
+from windsysid.spectral.modal_bands.model import SLOPE_STD, Modes, responses, spectrum
 from windsysid.spectral.transforms.dft import Band, plain_band
 
 __all__ = ["add_mode", "deviance", "expect", "modes_at", "quiet_start", "without_modes"]
 
-PLACES, TRIED = 19, 3
-"""Frequencies over a band at which a mode may be, and how many of them are tried."""
+TRIAL_FREQUENCIES, MAX_TRIALS = 19, 3
+"""Setting: number of frequencies over a band at which a mode may be, and how many of them are tried."""
 
-WIDTH = 0.04
-"""ζ f of a mode that is tried, over the width of the band."""
+TRIAL_WIDTH = 0.04
+"""Setting: ζ f of a mode that is tried, over the width of the band."""
 
 COARSE_ROWS = 100
-"""Of the data that starts are compared on."""
+"""Setting: number of rows of the data on which starts are compared."""
 
-STEEPEST = 40.0
-"""Slope b of a band without modes at most."""
+MAX_SLOPE = 40.0
+"""Numerical: largest slope b of a band without modes."""
 
-PASSES = 8
-"""Of expectation and maximisation."""
+EM_STEPS = 8
+"""Numerical: steps of expectation and maximisation."""
 
 
 def without_modes(band: Band) -> Modes:
-    """What is in a band without modes: the most probable slope b, and for it the mean of what is left, which has the
+    """Background of a band without modes: the most probable slope b, and the mean of the scaled spectra, which has the
     greatest likelihood."""
     from scipy.optimize import minimize_scalar
 
@@ -45,9 +45,9 @@ def without_modes(band: Band) -> Modes:
 
     def cost(b: float) -> float:
         ratio = float(np.linalg.slogdet(level(b))[1]) * total + b * channels * float(band.counts @ x)
-        return float(ratio / band.factor + 0.5 * (b / SLOPE_SPREAD) ** 2)
+        return float(ratio / band.factor + 0.5 * (b / SLOPE_STD) ** 2)
 
-    best = minimize_scalar(cost, bounds=(-STEEPEST, STEEPEST), method="bounded", options={"xatol": 1e-3})
+    best = minimize_scalar(cost, bounds=(-MAX_SLOPE, MAX_SLOPE), method="bounded", options={"xatol": 1e-3})
     found = level(float(best.x))
     found = found + 1e-9 * np.diag(np.einsum("kii->i", band.power).real / len(band.power))
     none, no = np.empty(0), np.empty((channels, 0), dtype=np.complex128)
@@ -66,10 +66,10 @@ def add_mode(modes: Modes, band: Band) -> Modes:
     low, high = band.frequency[0], band.frequency[-1]
     band = _coarse(band)
     quiet = quiet_start(band)
-    places = low + (high - low) * (np.arange(PLACES) + 1.0) / (PLACES + 1.0)
-    width = WIDTH * (high - low)
+    places = low + (high - low) * (np.arange(TRIAL_FREQUENCIES) + 1.0) / (TRIAL_FREQUENCIES + 1.0)
+    width = TRIAL_WIDTH * (high - low)
     best, least = modes, np.inf
-    for i in np.argsort(-_unexplained(modes, band, places, width))[:TRIED]:
+    for i in np.argsort(-_unexplained(modes, band, places, width))[:MAX_TRIALS]:
         frequency, damping = np.append(modes.frequency, places[i]), np.append(modes.damping, width / places[i])
         trial = expect(_begin(frequency, damping, band, quiet), band)
         cost = deviance(trial, band)
@@ -90,7 +90,7 @@ def _unexplained(modes: Modes, band: Band, places: Array, width: float) -> Array
 
 
 def _coarse(band: Band) -> Band:
-    """The same band with neighbouring rows averaged: enough for a start."""
+    """Average neighbouring rows of a band, which is accurate enough for a start."""
     size = -(-len(band.counts) // COARSE_ROWS)
     if size == 1:
         return band
@@ -123,7 +123,7 @@ def _begin(frequency: Array, damping: Array, band: Band, rest: Complex) -> Modes
     return Modes(frequency, damping, shape, np.eye(r, dtype=np.complex128), 0.0, rest, 0.0)
 
 
-def expect(modes: Modes, band: Band, passes: int = PASSES) -> Modes:
+def expect(modes: Modes, band: Band, passes: int = EM_STEPS) -> Modes:
     """Shapes, loads and rest by a few steps of expectation and maximisation, frequencies and damping ratios as they
     are."""
     h = responses(modes, band.frequency).T  # (K, r)

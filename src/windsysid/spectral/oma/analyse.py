@@ -88,7 +88,7 @@ def analyse_vibration(
     if not records:
         raise ConfigurationError("records: expected one at least, got an empty list")
     machine = None if turbine is None else as_turbine(turbine)
-    request = _Request(machine, bands, limits, section, progress)
+    request = _AnalysisOptions(machine, bands, limits, section, progress)
     lists = _sensors_of_each(sensors, len(records))
     singles = [_analysed(each, listed, request) for each, listed in zip(records, lists, strict=True)]
     progress("the result", None)
@@ -100,7 +100,7 @@ def analyse_vibration(
     return replace(found, modes=tuple(modes), elapsed=time.process_time() - begun)
 
 
-class _Request(NamedTuple):
+class _AnalysisOptions(NamedTuple):
     """Options of `analyse_vibration` for each record."""
 
     turbine: Turbine | None
@@ -122,7 +122,7 @@ def _sensors_of_each(sensors: "Sensors | Sequence[Sensors] | None", count: int) 
     return [*lists]
 
 
-def _analysed(record: Record, sensors: "Sensors | None", request: _Request) -> RecordAnalysis:
+def _analysed(record: Record, sensors: "Sensors | None", request: _AnalysisOptions) -> RecordAnalysis:
     """Analyse one record; align channels with an unambiguous clock lag, and search again."""
     used = record.section(*request.section) if request.section is not None else record
     request.progress("lines and multi-blade coordinates", None)
@@ -141,7 +141,7 @@ def _sensors_in(record: Record, turbine: Turbine | None) -> "Sensors | None":
     return [sensor for sensor in turbine.sensors if sensor.channel in record] or None if turbine is not None else None
 
 
-def _searched(record: Record, readings: Readings, request: _Request) -> RecordAnalysis:
+def _searched(record: Record, readings: Readings, request: _AnalysisOptions) -> RecordAnalysis:
     """Search the modes in readings of a record, and check them."""
     found = search_modes(readings, request.bands, request.limits, request.progress)
     noted = readings

@@ -11,7 +11,7 @@ from windsysid.spectral.modal_bands.model import spectrum
 from windsysid.spectral.modal_bands.model_order import BandFit
 from windsysid.spectral.oma.condition import Readings
 from windsysid.spectral.oma.result import BandSpectrum, OperationalMode, OperationalModes
-from windsysid.spectral.oma.search import SearchResult, modes_inside
+from windsysid.spectral.oma.search import SearchedBands, modes_inside
 
 __all__ = ["RecordAnalysis", "drawn", "result_of"]
 
@@ -21,7 +21,7 @@ class RecordAnalysis(NamedTuple):
 
     record: Record
     readings: Readings
-    found: SearchResult
+    found: SearchedBands
     modes: tuple[OperationalMode, ...]
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from windsysid._types import Array, Complex
 from windsysid.inspection.spectra import expected_modes
-from windsysid.spectral.modal_bands.check import is_flank, mode_doubts, part_fits
+from windsysid.spectral.modal_bands.check import is_spurious, mode_doubts, part_fits
 from windsysid.spectral.modal_bands.model_order import BandFit, Shapes, full_shapes
 from windsysid.spectral.oma.condition import Readings
 from windsysid.spectral.oma.limits import MAX_REFERENCE_DISTANCE, MIN_BLADE_RATIO, SKIRT_HALF_WIDTHS
@@ -27,7 +27,7 @@ def described(
     return [
         mode_of(found, j, shapes, mode_doubts(found, j, shapes, halves, quarters, readings))
         for j in range(len(found.fit.modes.frequency))
-        if not is_flank(found, j, readings.samples / readings.rate)
+        if not is_spurious(found, j, readings.samples / readings.rate)
     ]
 
 

@@ -20,14 +20,15 @@ from windsysid._types import Complex
 from windsysid.errors import ConfigurationError
 from windsysid.spectral.modal_bands.check import fit_doubts, shape_doubts
 from windsysid.spectral.modal_bands.correlated_loads import are_shared
+from windsysid.spectral.modal_bands.limits import MIN_BAND_BINS
 from windsysid.spectral.modal_bands.model_order import BandFit, full_shapes, principal_directions
 from windsysid.spectral.modal_bands.peak_bands import Peak, group_peaks
-from windsysid.spectral.modal_bands.scoring import Fit, score_together
+from windsysid.spectral.modal_bands.scoring import ModalFit, score_together
 from windsysid.spectral.modal_bands.start import modes_at
 from windsysid.spectral.oma.assemble import RecordAnalysis, drawn, result_of
 from windsysid.spectral.oma.describe import mode_of, with_neighbours
 from windsysid.spectral.oma.duplicate_records import find_duplicates
-from windsysid.spectral.oma.limits import JOINT_STEPS, MIN_BAND_BINS, MIN_SCATTER_PROBABILITY, MIN_SHAPE_ASSURANCE
+from windsysid.spectral.oma.limits import JOINT_STEPS, MIN_SCATTER_PROBABILITY, MIN_SHAPE_ASSURANCE
 from windsysid.spectral.oma.mode_tracking import Seen, assurance, follow_modes
 from windsysid.spectral.oma.result import Doubt, DoubtKind, OperationalMode, OperationalModes, RecordModes
 from windsysid.spectral.oma.search import band_bins, covered_note, is_rotational_peak
@@ -197,7 +198,7 @@ def _fit_jointly(setups: _Setups, group: Sequence[Track], limits: tuple[float, f
         fits.append((band, values, bins, directions))
     bands = [band for band, *_ in fits]
     joint = score_together([modes_at(known, band) for band in bands], bands, max_steps=JOINT_STEPS)
-    own: Sequence[Fit | None] = [None] * len(joint)
+    own: Sequence[ModalFit | None] = [None] * len(joint)
     if any(map(are_shared, joint, bands)):
         own, start = joint, [fit.modes.let_drift() for fit in joint]
         joint = score_together(start, bands, max_steps=JOINT_STEPS)

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
 __all__ = ["ANALYSIS", "BandSpectrum", "Doubt", "DoubtKind", "OperationalMode", "OperationalModes", "RecordModes"]
 
-
 ANALYSIS = "operational modes"
 """Kind of analysis in ``summary.json``."""
 

@@ -9,14 +9,15 @@ from numpy.typing import NDArray
 from windsysid._types import Array, Complex
 from windsysid.errors import ConfigurationError
 from windsysid.output.progress import Progress
-from windsysid.spectral.modal_bands.check import is_flank
+from windsysid.spectral.modal_bands.check import is_spurious
+from windsysid.spectral.modal_bands.limits import MIN_BAND_BINS
 from windsysid.spectral.modal_bands.model_order import BandFit, fit_band
 from windsysid.spectral.modal_bands.peak_bands import Peak, find_peaks, group_peaks, widened
 from windsysid.spectral.oma import limits
 from windsysid.spectral.oma.condition import Readings, transforms
 
 __all__ = [
-    "RecordSpectrum", "SearchResult", "band_bins", "covered_note", "fit_between", "is_rotational_peak", "modes_inside",
+    "RecordSpectrum", "SearchedBands", "band_bins", "covered_note", "fit_between", "is_rotational_peak", "modes_inside",
     "modes_of", "search_again", "search_modes",
 ]  # fmt: skip
 
@@ -34,7 +35,7 @@ class RecordSpectrum(NamedTuple):
         return float(self.frequency[1])
 
 
-class SearchResult(NamedTuple):
+class SearchedBands(NamedTuple):
     """Modes of a record, band by band.
 
     Attributes
@@ -63,7 +64,7 @@ def search_modes(
     bands: Sequence[tuple[float, float]] | None,
     between: tuple[float, float] | None,
     progress: Progress,
-) -> SearchResult:
+) -> SearchedBands:
     """Find the modes in given bands, or in those of spectral peaks between two frequencies [Hz]; by default in the
     lowest `MAX_BANDS`."""
     if between is not None:
@@ -79,13 +80,13 @@ def search_modes(
     return _search_peaks(spectrum, limits.MAX_BANDS if between is None else None, progress)
 
 
-def _search_given(spectrum: RecordSpectrum, bands: Sequence[tuple[float, float]], progress: Progress) -> SearchResult:
+def _search_given(spectrum: RecordSpectrum, bands: Sequence[tuple[float, float]], progress: Progress) -> SearchedBands:
     """Fit the modes of given bands."""
     for band in bands:
         _check_band(band, spectrum)
     fits = _fit_each(spectrum, [(low, high, 1, limits.MAX_BAND_MODES) for low, high in bands], progress)
     pairs = list(zip(bands, fits, strict=True))
-    return SearchResult(
+    return SearchedBands(
         spectrum,
         bands=tuple(fit for fit in fits if fit is not None),
         empty=tuple(band for band, fit in pairs if fit is None or not modes_inside(fit, 1.0 / spectrum.step)),
@@ -93,7 +94,7 @@ def _search_given(spectrum: RecordSpectrum, bands: Sequence[tuple[float, float]]
     )
 
 
-def _search_peaks(spectrum: RecordSpectrum, most: int | None, progress: Progress) -> SearchResult:
+def _search_peaks(spectrum: RecordSpectrum, most: int | None, progress: Progress) -> SearchedBands:
     """Fit the modes around spectral peaks, in the lowest `most` bands, and place the bands anew around them."""
     progress("spectral peaks", None)
     low, high = spectrum.readings.low, spectrum.readings.high
@@ -106,7 +107,7 @@ def _search_peaks(spectrum: RecordSpectrum, most: int | None, progress: Progress
     fits = _fit_each(spectrum, [(low, high, count, count) for low, high, count in wanted], progress)
     found = [fit for fit in fits if fit is not None]
     covered = tuple((low, high) for (low, high, _), fit in zip(wanted, fits, strict=True) if fit is None)
-    return SearchResult(spectrum, tuple(_refined(spectrum, found, peaks, progress)), (), reached, covered)
+    return SearchedBands(spectrum, tuple(_refined(spectrum, found, peaks, progress)), (), reached, covered)
 
 
 def _refined(
@@ -165,7 +166,7 @@ def fit_between(
     `known` are start values of modes, as in `fit_band`.
     """
     bins = band_bins(spectrum, band)
-    if len(bins) < limits.MIN_BAND_BINS:
+    if len(bins) < MIN_BAND_BINS:
         return None
     readings = spectrum.readings
     return fit_band(spectrum.values[bins], bins, readings.samples, readings.rate, count, most, known)
@@ -195,7 +196,7 @@ def modes_of(found: BandFit) -> int:
 
 def modes_inside(found: BandFit, length: float) -> int:
     """Number of modes inside a band of a record of some length [s]."""
-    return sum(not is_flank(found, j, length) for j in range(modes_of(found)))
+    return sum(not is_spurious(found, j, length) for j in range(modes_of(found)))
 
 
 def search_again(
@@ -257,7 +258,7 @@ def _peaks_of_modes(found: Sequence[BandFit], step: float) -> list[Peak]:
         Peak(float(f), float(max(z * f, 0.5 * step)), one.against_none)
         for one in found
         for j, (f, z) in enumerate(_modes_in(one))
-        if not is_flank(one, j, 1.0 / step)
+        if not is_spurious(one, j, 1.0 / step)
     ]
 
 
@@ -278,7 +279,7 @@ def _is_explained(peak: Peak, found: Sequence[BandFit], length: float) -> bool:
         return True
     near = limits.PEAK_WIDTH_FACTOR * peak.half_width
     return any(
-        abs(f - peak.frequency) < max(limits.MODE_HALF_WIDTHS * f * z, near) and not is_flank(one, j, length)
+        abs(f - peak.frequency) < max(limits.MODE_HALF_WIDTHS * f * z, near) and not is_spurious(one, j, length)
         for one in found
         for j, (f, z) in enumerate(_modes_in(one))
     )

@@ -24,6 +24,7 @@ __all__ = ["ModalSensor", "choose_sensors", "derivative_order", "read_modal_sens
 Quantity = Literal["acceleration", "velocity", "displacement", "strain", "load"]
 
 _ORDERS = {"acceleration": 2, "velocity": 1, "displacement": 0, "strain": 0, "load": 0}
+"""Setting: order of the time derivative of a displacement."""
 
 
 class ModalSensor(BaseModel):

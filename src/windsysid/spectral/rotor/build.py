@@ -13,28 +13,22 @@ from windsysid.loads.hypothesis import HYPOTHESES
 from windsysid.loads.narrow_band import NarrowBand
 from windsysid.spectral.rotor.build_parked import pose_standing
 from windsysid.spectral.rotor.harmonic_transfer import HIGHEST, matrix_harmonics
-from windsysid.spectral.rotor.likelihood import Place
+from windsysid.spectral.rotor.likelihood import SpectrumGrid
+from windsysid.spectral.rotor.limits import MAX_HARMONICS, MIN_BINS, MIN_TURNS
 from windsysid.spectral.rotor.load_spectra import BroadbandLoads, Sources, WindLoads, WindRotor
 from windsysid.spectral.rotor.model import LiftedModel, finer_bins, taper_window
-from windsysid.spectral.rotor.problem import Posed, Question
-from windsysid.spectral.rotor.start import damped_start
+from windsysid.spectral.rotor.problem import Posed, RotorQuestion, damped_start
 from windsysid.spectral.transforms.block_sums import factored
 from windsysid.spectral.transforms.lifted import Complex, Lifted
 from windsysid.turbine.turbine import Turbine
 
 __all__ = ["harmonics_of", "pose_lifted", "turns_couple"]
 
-ALIKE = 1.4
-"""Bins in half the half-power width of a mode for each bin that shares its spectrum with others: the mean of theirs."""
-
-LEAST_BINS, LEAST_TURNS = 3, 24
-"""Fewest bins that have a spectrum of their own, and turns of the rotor that are asked for where there are fewer."""
-
-MOST_HARMONICS = 10
-"""Highest K: a rotor that turns more slowly beside its modes makes matrices too large."""
+BINS_PER_POOL = 1.4
+"""Setting: bins in half the half-power width of a mode for each bin of a pool; a pool has the mean of their spectra."""
 
 
-def turns_couple(question: Question) -> bool:
+def turns_couple(question: RotorQuestion) -> bool:
     """Whether the azimuth stands in the equations or the readings, and the rotor turns."""
     p, speed = question.centres, float(question.speed.mean())
     found = matrix_harmonics(question.compiled, p[None], np.zeros((1, question.size)), speed, question.inputs[0])
@@ -42,7 +36,7 @@ def turns_couple(question: Question) -> bool:
     return bool(found.mechanics[:, :, others].any() or found.readings[:, :, others].any())
 
 
-def pose_lifted(question: Question, loads: str, bands: Sequence[tuple[float, float]] = ()) -> Posed:
+def pose_lifted(question: RotorQuestion, loads: str, bands: Sequence[tuple[float, float]] = ()) -> Posed:
     """The problem under a load model: ``"broadband"``, ``"narrow-band"``, or for a rotor whose turns couple its motion
     ``"rotor-wind"``.
 
@@ -63,7 +57,7 @@ def pose_lifted(question: Question, loads: str, bands: Sequence[tuple[float, flo
     return pose_standing(question, bands, narrow=loads == NarrowBand.name)
 
 
-def harmonics_of(question: Question) -> int:
+def harmonics_of(question: RotorQuestion) -> int:
     """K: every harmonic up to the blades' modes, and the next; 0 where nothing turns.
 
     Raises
@@ -77,10 +71,10 @@ def harmonics_of(question: Question) -> int:
     rotor_hz = float(question.speed.mean()) / (2.0 * math.pi)
     fastest = _fastest(turbine)
     K = math.ceil(fastest / rotor_hz) + 2
-    if K > MOST_HARMONICS:
+    if K > MAX_HARMONICS:
         raise RecordError(
             f"the rotor turns at {rotor_hz:.3g} Hz, and modes reach {fastest:.3g} Hz: expected at most "
-            f"{MOST_HARMONICS - 2} P; use --formulation joint"
+            f"{MAX_HARMONICS - 2} P; use --formulation joint"
         )
     if (K + 0.5) * rotor_hz > 0.5 * rate:
         raise RecordError(
@@ -95,17 +89,15 @@ def _fastest(turbine: Turbine) -> float:
     return max(turbine.natural_frequency(name) for name in turbine.model.coordinates) / (2.0 * math.pi)
 
 
-def _pose_turning(question: Question, loads: str) -> Posed:
+def _pose_turning(question: RotorQuestion, loads: str) -> Posed:
     """A rotor whose turns couple its motion."""
     turbine, K, sums = question.turbine, harmonics_of(question), question.sums
     lifted, blocks = question.lifted(K), 1.0 if sums is None else sums.blocks
     width = question.narrowest * lifted.duration
-    bins, alike = len(lifted.base), max(1, int(width / ALIKE))
-    if bins < LEAST_BINS * alike:
+    bins, alike = len(lifted.base), max(1, int(width / BINS_PER_POOL))
+    if bins < MIN_BINS * alike:
         turned = lifted.duration * lifted.rotor_hz
-        raise RecordError(
-            f"expected {LEAST_TURNS} turns of the rotor or more, got {turned:.3g}: choose a longer record"
-        )
+        raise RecordError(f"expected {MIN_TURNS} turns of the rotor or more, got {turned:.3g}: choose a longer record")
     pools = np.array_split(np.arange(bins), -(-bins // alike))
     base = np.array([lifted.base[pool].mean() for pool in pools])
     m = len(question.sensors)
@@ -120,33 +112,18 @@ def _pose_turning(question: Question, loads: str) -> Posed:
     window = np.column_stack([window[:, pool].mean(axis=1) for pool in pools])
 
     def model_at(where: Array, weights: Array | None) -> LiftedModel:
-        place = Place(
+        place = SpectrumGrid(
             where, lifted.harmonics, lifted.rotor_hz, entries, np.zeros((len(where), len(entries)), dtype=np.bool_)
         )
         sources = _turning_loads(question, loads, where, lifted, _fastest(turbine))
         noise, given = question.noise(where[:, None] + lifted.rotor_hz * lifted.harmonics, entries)
         return LiftedModel(
-            data,
-            place,
-            weights,
-            None,
-            np.zeros(data.shape[:2], dtype=np.bool_),
-            lifted.overlap,
-            np.eye(m, dtype=np.complex128),
-            question.compiled,
-            turbine.model.freedoms,
-            question.centres,
-            question.inputs[0],
-            question.parameters,
-            question.has_lag,
-            sources,
-            noise,
-            given,
-            np.array([blocks * len(pool) for pool in pools]),
-            blocks,
-            None if sums is None else single,
+            data, place, weights, None, np.zeros(data.shape[:2], dtype=np.bool_), lifted.overlap,
+            np.eye(m, dtype=np.complex128), question.compiled, turbine.model.freedoms, question.centres,
+            question.inputs[0], question.parameters, question.has_lag, sources, noise, given,
+            np.array([blocks * len(pool) for pool in pools]), blocks, None if sums is None else single,
             1.0 if sums is None else sums.gusts,
-        )
+        )  # fmt: skip
 
     model, bands = model_at(base, None), ((float(base[0]), (K - 0.5) * lifted.rotor_hz),)
     text = HYPOTHESES[loads].text
@@ -163,7 +140,7 @@ def _pooled(entries: Complex, pools: Sequence[NDArray[np.intp]]) -> Complex:
     return data
 
 
-def _turning_loads(question: Question, loads: str, base: Array, lifted: Lifted, fastest: float) -> Sources:
+def _turning_loads(question: RotorQuestion, loads: str, base: Array, lifted: Lifted, fastest: float) -> Sources:
     """The load model at base frequencies."""
     model, v = question.turbine.model, question.turbine.values
     if loads != "rotor-wind":

@@ -10,41 +10,40 @@ from numpy.typing import NDArray
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.spectral.rotor.harmonic_transfer import coupled, matrix_harmonics
-from windsysid.spectral.rotor.likelihood import Place
+from windsysid.spectral.rotor.likelihood import SpectrumGrid
+from windsysid.spectral.rotor.limits import MIN_BAND_BINS
 from windsysid.spectral.rotor.load_spectra import BandLoads
 from windsysid.spectral.rotor.model import LiftedModel, finer_bins, taper_window
-from windsysid.spectral.rotor.problem import Posed, Question
-from windsysid.spectral.rotor.start import damped_start
+from windsysid.spectral.rotor.problem import Posed, RotorQuestion, damped_start
 from windsysid.spectral.transforms.block_sums import factored
 from windsysid.spectral.transforms.lifted import Lifted
 from windsysid.statespace.gauss_markov import GaussMarkov
 
 __all__ = ["pose_standing"]
 
-BAND = 1.4
-"""How far the band of a mode reaches to either side of its frequency, as a factor."""
+BAND_RATIO = 1.4
+"""Setting: ratio of a band's upper end to the frequency of its mode, and of that to the lower end."""
 
-SEARCHED = 3.0
-"""Standard deviations of the prior within which a mode's peak is looked for."""
+SEARCH_SIGMAS = 3.0
+"""Setting: standard deviations of the prior within which the peaks of modes are searched."""
 
-NARROW = 4.0
-"""Bins in half the half-power width of a mode below which spectra are smoothed by the taper's window."""
+MIN_EXACT_BINS = 4.0
+"""Setting: bins in half the half-power width of a mode below which spectra are smoothed by the taper's window."""
 
 LINE_BINS, LINE_SHARE = 2.5, 0.006
-"""Half-width of a harmonic of the rotor: in bins, and as a share of its frequency, since no speed is quite constant."""
+"""Setting: half-width of a rotor harmonic in bins, and as a share of its frequency, since no speed is constant."""
 
 PEAK_BINS = 5
-"""Bins over which a spectrum is averaged where its peak is looked for."""
+"""Setting: bins over which a spectrum is averaged before its peak is searched."""
 
-ALIKE = 3.0
-"""Bins in half the half-power width of a mode for each bin that shares its spectrum, the one in their middle, with
-others."""
-
-LEAST_BINS = 12
-"""Fewest bins of a band."""
+BINS_PER_GROUP = 3.0
+"""Setting: bins in half the half-power width of a mode for each bin of a group, which has the spectrum in its
+middle."""
 
 
-def pose_standing(question: Question, given_bands: Sequence[tuple[float, float]], *, narrow: bool = False) -> Posed:
+def pose_standing(
+    question: RotorQuestion, given_bands: Sequence[tuple[float, float]], *, narrow: bool = False
+) -> Posed:
     """Matrices that do not turn: bands around the modes, with loads of any smooth spectrum in each, and a narrow-band
     one on the support where that is asked."""
     sums, m = question.sums, len(question.sensors)
@@ -54,40 +53,26 @@ def pose_standing(question: Question, given_bands: Sequence[tuple[float, float]]
     bands = tuple(given_bands) or _bands(list(peaks.values()), lifted)
     used = _in_bands(lifted.base, bands) & ~lines
     if not given_bands:
-        _check_length(int(used.sum()), LEAST_BINS * len(bands), lifted.duration)
+        _check_length(int(used.sum()), MIN_BAND_BINS * len(bands), lifted.duration)
     width = question.narrowest * lifted.duration
     base, window, alike = _grid(lifted, used, width)
     data = single = _grouped(lifted.data[used, 0], alike).swapaxes(1, 2)
     if sums is not None:
         data = factored(_grouped(sums.power[used], alike).sum(axis=1))
-    place = Place(base, lifted.harmonics, lifted.rotor_hz, np.arange(m), np.zeros((len(base), m), dtype=np.bool_))
+    place = SpectrumGrid(
+        base, lifted.harmonics, lifted.rotor_hz, np.arange(m), np.zeros((len(base), m), dtype=np.bool_)
+    )
     ends = np.array(bands).ravel()
     given = {name: [_given_amplitude(question.loads, name, f) for f in ends] for name in question.compiled.loads}
     broad = BandLoads(given, question.turbine.model.freedoms, bands, base[:, None])
     sources = question.with_narrow_band(broad, base[:, None]) if narrow else broad
     noise, levels = question.noise(base[:, None], place.entries)
     model = LiftedModel(
-        np.ascontiguousarray(data),
-        place,
-        window,
-        None,
-        np.zeros(data.shape[:2], dtype=np.bool_),
-        lifted.overlap,
-        np.eye(m, dtype=np.complex128),
-        question.compiled,
-        question.turbine.model.freedoms,
-        question.centres,
-        question.inputs[0],
-        question.parameters,
-        False,
-        sources,
-        noise,
-        levels,
-        np.full(len(data), blocks * alike),
-        blocks,
-        None if sums is None else np.ascontiguousarray(single),
-        1.0 if sums is None else sums.gusts,
-    )
+        np.ascontiguousarray(data), place, window, None, np.zeros(data.shape[:2], dtype=np.bool_), lifted.overlap,
+        np.eye(m, dtype=np.complex128), question.compiled, question.turbine.model.freedoms, question.centres,
+        question.inputs[0], question.parameters, False, sources, noise, levels, np.full(len(data), blocks * alike),
+        blocks, None if sums is None else np.ascontiguousarray(single), 1.0 if sums is None else sums.gusts,
+    )  # fmt: skip
     return Posed(
         model,
         None,
@@ -117,9 +102,9 @@ def _grid(lifted: Lifted, used: NDArray[np.bool_], width: float) -> tuple[Array,
     """Frequencies at which spectra are taken [Hz], the weights of the taper's window where they are smoothed by it, and
     how many neighbouring bins share a spectrum; `width` is half the half-power width of the narrowest mode in bins."""
     number = np.round(lifted.base * lifted.duration).astype(np.intp)[used]
-    if width < NARROW:
+    if width < MIN_EXACT_BINS:
         return finer_bins(int(number[0]), int(number[-1])) / lifted.duration, taper_window(lifted.taper, number), 1
-    alike = int(width / ALIKE)
+    alike = int(width / BINS_PER_GROUP)
     return _grouped(number, alike).mean(axis=1) / lifted.duration, None, alike
 
 
@@ -129,7 +114,7 @@ def _grouped(bins: NDArray[Any], alike: int) -> NDArray[Any]:
     return bins[: groups * alike].reshape(groups, alike, *bins.shape[1:])
 
 
-def _start(question: Question, model: LiftedModel, peaks: Mapping[str, float]) -> Array:
+def _start(question: RotorQuestion, model: LiftedModel, peaks: Mapping[str, float]) -> Array:
     """Where a search begins: with stiffnesses at which natural frequencies are those of the peaks."""
     start = damped_start(question.turbine, question.parameters, *model.prior)
     for i, q in enumerate(question.parameters):
@@ -138,7 +123,7 @@ def _start(question: Question, model: LiftedModel, peaks: Mapping[str, float]) -
     return start
 
 
-def _peaks(question: Question, lifted: Lifted, lines: NDArray[np.bool_]) -> dict[str, float]:
+def _peaks(question: RotorQuestion, lifted: Lifted, lines: NDArray[np.bool_]) -> dict[str, float]:
     """For each degree of freedom where [Hz], within the prior's reach, the channel that sees most of it is loudest."""
     found = matrix_harmonics(
         question.compiled,
@@ -157,7 +142,7 @@ def _peaks(question: Question, lifted: Lifted, lines: NDArray[np.bool_]) -> dict
     for i, name in enumerate(question.turbine.model.coordinates):
         middle = question.frequency(name)
         q = springs.get(name)
-        reach = SEARCHED * 0.5 * q.spread if q is not None and q.logarithmic else 0.0
+        reach = SEARCH_SIGMAS * 0.5 * q.spread if q is not None and q.logarithmic else 0.0
         inside = np.flatnonzero(np.abs(np.log(lifted.base / middle)) <= max(reach, 1e-9))
         R = coupled(found.readings[:, 0], np.array([middle]), lifted.harmonics, lifted.rotor_hz)[0, 0, :, 0, i]
         off_lines = inside[~lines[inside]]
@@ -172,7 +157,7 @@ def _bands(peaks: Sequence[float], lifted: Lifted) -> tuple[tuple[float, float],
     """Bands around the peaks; those that meet are one."""
     joined: list[tuple[float, float]] = []
     for peak in sorted(peaks):
-        low, high = max(peak / BAND, lifted.base[0]), min(peak * BAND, lifted.base[-1])
+        low, high = max(peak / BAND_RATIO, lifted.base[0]), min(peak * BAND_RATIO, lifted.base[-1])
         if low >= high:
             raise RecordError(
                 f"a mode near {peak:.3g} Hz: expected it below {lifted.base[-1]:.3g} Hz: sample faster, or lock what "

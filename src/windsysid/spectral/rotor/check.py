@@ -1,4 +1,4 @@
-"""Whether a lifted spectrum explains its record: the size of what the model leaves, part by part.
+"""Goodness of fit of a lifted spectrum in each channel and frequency range, and stationarity of its record.
 
 Every used entry Y of the record has the expected square S. Where the model holds, |Y|²/S is exponential with mean 1,
 and the mean of N of them, c_h of which count as one, scatters by √(c_h/N). A mean that is off by more than that says in
@@ -13,20 +13,18 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.results.finding import Finding
+from windsysid.spectral.rotor.limits import (
+    HALVES_FALSE_ALARM_PROBABILITY,
+    MAX_HALVES_RATIO,
+    MAX_MEAN_SIGMAS,
+    MAX_MEAN_SQUARE,
+    MIN_MEAN_SQUARE,
+)
 
-__all__ = ["Part", "parts_of", "unexplained", "unsteady"]
-
-SIGMAS = 4.5
-"""Standard deviations by which a mean has to be off: one in 150 000 by chance."""
-
-LOUD, QUIET = 1.5, 0.6
-"""And the factors: bands of what answers there are √1.5 too narrow."""
-
-UNSTEADY, CHANCE = 3.0, 1e-4
-"""Factor between the energies of a record's halves, and how rarely chance makes one as large."""
+__all__ = ["RangePower", "parts_of", "unexplained", "unsteady"]
 
 
-class Part(NamedTuple):
+class RangePower(NamedTuple):
     """One channel between two frequencies.
 
     Attributes
@@ -62,7 +60,7 @@ def parts_of(
     ranges: Sequence[tuple[float, float]],
     overlap: float,
     fewest: float,
-) -> list[Part]:
+) -> list[RangePower]:
     """One channel's parts: |Y|² and S (N,), NaN where nothing is said, at unsigned frequencies (N,) [Hz].
 
     c_h = `overlap` entries count as one. Energy counts as `fewest` entries at least: a decay that was taken for noise
@@ -76,24 +74,28 @@ def parts_of(
             Y, S = power[inside], expected[inside]
             count = max(float(S.sum() ** 2 / np.sum(S**2)) / overlap, fewest)
             mean, energy = float(np.mean(Y / S)), float(Y.sum() / S.sum())
-            found.append(Part(channel, low, high, mean, math.sqrt(overlap / number), energy, count))
+            found.append(RangePower(channel, low, high, mean, math.sqrt(overlap / number), energy, count))
     return found
 
 
-def unexplained(parts: Sequence[Part]) -> list[Finding]:
+def unexplained(parts: Sequence[RangePower]) -> list[Finding]:
     """Reasons where a channel is louder or quieter than the model expects, the worst first."""
-    off = [p for p in parts if (p.mean > LOUD or p.mean < QUIET) and abs(p.mean - 1.0) > SIGMAS * p.scatter]
+    off = [
+        p
+        for p in parts
+        if (p.mean > MAX_MEAN_SQUARE or p.mean < MIN_MEAN_SQUARE) and abs(p.mean - 1.0) > MAX_MEAN_SIGMAS * p.scatter
+    ]
     return [
         Finding("unexplained_power", "reason", _data(p, p.mean))
         for p in sorted(off, key=lambda p: -abs(math.log(max(p.mean, 1e-12))))
     ]
 
 
-def _data(part: Part, ratio: float) -> dict[str, Any]:
+def _data(part: RangePower, ratio: float) -> dict[str, Any]:
     return {"channel": part.channel, "ratio": ratio, "low": part.low, "high": part.high}
 
 
-def unsteady(first: Sequence[Part], second: Sequence[Part]) -> list[Finding]:
+def unsteady(first: Sequence[RangePower], second: Sequence[RangePower]) -> list[Finding]:
     """Reasons where the halves of a record differ in energy by more than chance and by more than a factor, the worst
     first.
 
@@ -112,8 +114,8 @@ def unsteady(first: Sequence[Part], second: Sequence[Part]) -> list[Finding]:
         loud, quiet = (a, b) if a.energy > b.energy else (b, a)
         factor = loud.energy / max(quiet.energy, 1e-300)
         # 1/F follows F with the degrees of freedom exchanged
-        rare = 1.0 / float(fdtri(2.0 * quiet.independent, 2.0 * loud.independent, CHANCE))
-        if factor > max(UNSTEADY, rare):
+        rare = 1.0 / float(fdtri(2.0 * quiet.independent, 2.0 * loud.independent, HALVES_FALSE_ALARM_PROBABILITY))
+        if factor > max(MAX_HALVES_RATIO, rare):
             off.append((factor, a))
     return [
         Finding("nonstationary", "reason", _data(p, factor)) for factor, p in sorted(off, key=lambda pair: -pair[0])

@@ -10,16 +10,16 @@ from windsysid.scoring import covariance, laplace_evidence
 from windsysid.spectral.rotor.model import Inexact, LiftedModel
 from windsysid.spectral.rotor.scoring import FINE_TOLERANCE, SpectralMode, find_in_stages, find_nearby
 
-__all__ = ["COARSE", "WHOLE", "Fit", "admit", "fit"]
+__all__ = ["COARSE", "WHOLE", "RotorFit", "admit", "fit"]
 
 COARSE = ((0.03, 4), (0.2, 4), (1.0, 2))
-"""Weight of the likelihood, and every how many-th bin is used, from the first stage of a search to the last but one."""
+"""Setting: weight of the likelihood, and step between the bins in use, of all stages of a search but the last."""
 
 WHOLE = ((1.0, 1),)
-"""The last stage."""
+"""Setting: weight and step of the last stage."""
 
 
-class Fit(NamedTuple):
+class RotorFit(NamedTuple):
     """What a record says of the unknowns.
 
     Attributes
@@ -52,7 +52,7 @@ class Fit(NamedTuple):
 def fit(
     model: LiftedModel, start: Array, stages: Sequence[tuple[float, int]] = (*COARSE, *WHOLE),
     smoothed: LiftedModel | None = None, *, rough: bool = False, enough: float = FINE_TOLERANCE,
-) -> Fit:  # fmt: skip
+) -> RotorFit:  # fmt: skip
     """The mode of the posterior from a start (n,).
 
     What the taper's window adds to the spectra is the difference of those of `smoothed` and of `model`. It hardly
@@ -84,7 +84,7 @@ def fit(
     return _described(model, mode)
 
 
-def admit(found: Fit, inexact: Inexact) -> Fit:
+def admit(found: RotorFit, inexact: Inexact) -> RotorFit:
     """The mode of the posterior with instruments and masses as unknowns beside, looked for from that without."""
     model = found.model._replace(inexact=inexact)
     start = model.unknowns.from_other(found.unknowns, found.model.unknowns)
@@ -92,14 +92,14 @@ def admit(found: Fit, inexact: Inexact) -> Fit:
     return _described(model, mode._replace(converged=mode.converged and found.settled))
 
 
-def _described(model: LiftedModel, mode: SpectralMode) -> Fit:
+def _described(model: LiftedModel, mode: SpectralMode) -> RotorFit:
     """What a mode says."""
     mean, spread = model.prior
     off = (mode.unknowns - mean) / spread
     log_likelihood = -(mode.value - 0.5 * float(off @ off))
     evidence = laplace_evidence(-mode.value, np.diag(spread**-2.0), mode.information)
     cov = covariance(mode.information)
-    return Fit(mode.unknowns, cov, log_likelihood, evidence, mode.steps, mode.converged, model)
+    return RotorFit(mode.unknowns, cov, log_likelihood, evidence, mode.steps, mode.converged, model)
 
 
 def _evaluator(model: LiftedModel) -> Callable[[Array, int], tuple[float, Array, Array]]:

@@ -34,13 +34,14 @@ from windsysid.spectral.transforms.lifted import Complex
 __all__ = ["MatrixHarmonics", "coupled", "element_sizes", "equal_lag", "matrix_harmonics", "without_rounding"]
 
 POINTS = 8
-"""Azimuths at which the matrices are taken: harmonics up to `HIGHEST` are exact where there are none above 4."""
+"""Numerical: azimuths at which matrices are evaluated: harmonics up to `HIGHEST` are exact if there are none above
+4."""
 
 HIGHEST = 3
-"""Highest harmonic |h| of a matrix that is kept; those of a rotor's equations and readings end at 2 and 3."""
+"""Numerical: highest harmonic |h| of a matrix; those of a rotor's equations and readings end at 2 and 3."""
 
 ROUNDING = 1e-13
-"""Size of an element, beside that of the others of its matrix, below which it is nothing but rounding."""
+"""Numerical: size of an element over that of the others of its matrix, below which it is rounding."""
 
 
 class MatrixHarmonics(NamedTuple):
@@ -134,8 +135,7 @@ def coupled(matrices: Complex, base: Array, orders: NDArray[np.intp], rotor_hz: 
 def _coupler() -> Any:
     """The compiled loops of `coupled`."""
     return compiled(
-        _couple,
-        types.void(types.complex128[:, :, :, ::1], types.float64[:, ::1], types.complex128[:, :, :, :, ::1]),
+        _couple, types.void(types.complex128[:, :, :, ::1], types.float64[:, ::1], types.complex128[:, :, :, :, ::1])
     )
 
 

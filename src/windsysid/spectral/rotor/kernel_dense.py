@@ -150,7 +150,7 @@ def _room(model: Sequence[Any], columns: int = 0, unknowns: int = 0) -> Room:
 
 _C1, _C2, _C3, _C5 = (types.Array(types.complex128, rank, "C") for rank in (1, 2, 3, 5))
 _F1, _F2, _F3 = (types.Array(types.float64, rank, "C") for rank in (1, 2, 3))
-_I1, _I2 = types.Array(types.int64, 1, "C"), types.Array(types.int64, 2, "C")
+_I1, _I2 = (types.Array(types.int64, rank, "C") for rank in (1, 2))
 _MODEL = (_C5, _I2, _C5, _I2, _F2, _I1, _I2, types.boolean[:, ::1], _F1, _I2, _C1, _F2, _F2, _F2, _C3)
 _ROOM = {"D": _C2, "turned": _C2, "order": _I1, "phase": _C1, "weights": _C2, "slot": _I1}
 _ROOM_TYPE = types.NamedTuple([_ROOM.get(name, _F2) for name in Room._fields], Room)

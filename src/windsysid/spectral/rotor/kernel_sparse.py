@@ -15,10 +15,10 @@ from numba import types
 from windsysid.kernels.jit import called, compiled, inlined
 from windsysid.spectral.rotor.harmonic_transfer import HIGHEST
 
-__all__ = ["FEW", "add_up", "element_at", "smooth", "spectra"]
+__all__ = ["MAX_LOOP_ENTRIES", "add_up", "element_at", "smooth", "spectra"]
 
-FEW = 12
-"""Most entries of a spectrum for which these loops are faster than products of matrices."""
+MAX_LOOP_ENTRIES = 12
+"""Numerical: entries of a spectrum up to which these loops are faster than products of matrices."""
 
 
 @lru_cache(maxsize=1)

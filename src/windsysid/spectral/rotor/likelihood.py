@@ -25,23 +25,17 @@ from numpy.typing import NDArray
 from windsysid._types import Array
 from windsysid.spectral.rotor.harmonic_transfer import MatrixHarmonics, coupled
 from windsysid.spectral.rotor.kernel_dense import add_up_dense, elements_of, entries_at, places_of, spectra_dense
-from windsysid.spectral.rotor.kernel_sparse import FEW, add_up, spectra
+from windsysid.spectral.rotor.kernel_sparse import MAX_LOOP_ENTRIES, add_up, spectra
 from windsysid.spectral.rotor.load_spectra import SourceSpectra
 from windsysid.spectral.transforms.lifted import Complex
 
 __all__ = [
-    "Ingredients",
-    "Likelihood",
-    "ModelSpectrum",
-    "Place",
-    "Slopes",
-    "spectrum_of_bins",
-    "whittle",
+    "Ingredients", "Likelihood", "ModelSpectrum", "Slopes", "SpectrumGrid", "spectrum_of_bins", "whittle",
     "whittle_of_many",
-]
+]  # fmt: skip
 
 
-class Place(NamedTuple):
+class SpectrumGrid(NamedTuple):
     """Where B spectra are taken.
 
     Attributes
@@ -119,7 +113,7 @@ class Ingredients(NamedTuple):
         By how much the readings of every entry are late (e,) [s].
     """
 
-    place: Place
+    place: SpectrumGrid
     matrices: MatrixHarmonics
     placement: Complex
     sources: SourceSpectra
@@ -141,9 +135,9 @@ def spectrum_of_bins(of: Ingredients, *, whiten: bool) -> ModelSpectrum:
     entries it does not, and they are not.
     """
     bins, entries = of.place.left_out.shape
-    if entries <= FEW and of.is_on_time:
+    if entries <= MAX_LOOP_ENTRIES and of.is_on_time:
         return _few_entries(of)
-    if of.slopes is None and entries > FEW:
+    if of.slopes is None and entries > MAX_LOOP_ENTRIES:
         S = np.empty((bins, entries, entries), dtype=np.complex128)
         spectra_dense(_many_entries(of), S)
         return ModelSpectrum(S, np.empty((0, *S.shape), dtype=np.complex128), None)
@@ -247,7 +241,7 @@ def whittle(data: Complex, counts: Array, model: ModelSpectrum) -> Likelihood:
     LinAlgError
         Where a spectrum is not positive definite.
     """
-    if data.shape[1] <= FEW and model.whitener is None:
+    if data.shape[1] <= MAX_LOOP_ENTRIES and model.whitener is None:
         g, F = np.zeros(len(model.slopes)), np.zeros((len(model.slopes), len(model.slopes)))
         J = add_up()(model.spectrum, model.slopes, data, counts, g, F)
         if not np.isfinite(J):
@@ -333,7 +327,7 @@ def times_sources(matrix: Complex, sources: SourceSpectra) -> Complex:
 
 
 def _mechanical(
-    slopes: MatrixHarmonics, which: int, place: Place, T: Complex, Q: Complex, L_inv: Complex | None,
+    slopes: MatrixHarmonics, which: int, place: SpectrumGrid, T: Complex, Q: Complex, L_inv: Complex | None,
     phase: Complex | None,
 ) -> Complex:  # fmt: skip
     """(dR − T dD) Q of one mechanical unknown (B, e, e), T and Q being whitened where L⁻¹ is there; `phase` (B, e, 1)

@@ -1,4 +1,4 @@
-"""What any load model is in the frequency domain.
+"""Spectra of load models in continuous time.
 
 A stationary linear block dz = F z dt + noise of covariance P is known by Φ = e^{Fh} and P. So F = ln Φ / h, the noise
 has the intensity Q = −(F P + P Fᵀ), and what the block drives, H z, has the two-sided spectrum h hᴴ with
@@ -15,12 +15,12 @@ from windsysid.statespace.load_model import LoadModel
 
 __all__ = ["LoadShape", "load_shapes"]
 
-LONGEST, SHORT = 1.0, 0.01
-"""Longest step for which Φ is asked [s], and how little its eigenvalues may differ from 1, for a logarithm on the right
-branch."""
+MAX_STEP, MAX_DECAY = 1.0, 0.01
+"""Numerical: longest step at which Φ is evaluated [s], and largest distance of its eigenvalues from 1: the logarithm is
+then on the right branch."""
 
-FAINT = 1e-9
-"""Intensities that are taken for rounding, beside the largest."""
+MIN_INTENSITY_SHARE = 1e-9
+"""Numerical: intensity over the largest, below which it is rounding."""
 
 
 class LoadShape:
@@ -48,7 +48,7 @@ class LoadShape:
         intensity = -(self._drift @ load.cov + load.cov @ self._drift.T)
         size = 1.0 / np.sqrt(np.maximum(np.diag(load.cov), 1e-300))  # states have units of their own
         values, vectors = np.linalg.eigh(0.5 * (intensity + intensity.T) * size[:, None] * size)
-        kept = values > FAINT * values.max()
+        kept = values > MIN_INTENSITY_SHARE * values.max()
         self.rank = int(kept.sum())
         self._root = (vectors[:, kept] * np.sqrt(values[kept])) / size[:, None]
 
@@ -69,8 +69,10 @@ def _drift(load: LoadModel) -> Array:
     """F (n, n)."""
     from scipy.linalg import logm
 
-    step = LONGEST
-    while _turned(load, step) > SHORT or _turned(load, step / 7.0) > SHORT:  # 7: a step of whole periods turns nothing
+    step = MAX_STEP
+    while (
+        _turned(load, step) > MAX_DECAY or _turned(load, step / 7.0) > MAX_DECAY
+    ):  # 7: a step of whole periods turns nothing
         step *= 0.1
     return np.asarray(logm(load.discretise(step)[0]).real / step, dtype=np.float64)
 

@@ -57,8 +57,8 @@ class Sources(Protocol):
         """Their derivatives to the logarithm of every statistic, one after the other (n, B, …)."""
 
 
-STEP = 1e-4
-"""Of a logarithm, for central differences."""
+DIFFERENCE_STEP = 1e-4
+"""Numerical: step of a logarithm for central differences."""
 
 
 def slopes_by_differences(sources: Sources, values: Mapping[str, float], every: int) -> SourceSpectra:
@@ -66,9 +66,10 @@ def slopes_by_differences(sources: Sources, values: Mapping[str, float], every: 
     found = []
     for name in [s.name for s in sources.statistics]:
         up, down = (
-            sources.spectra({**values, name: values[name] * math.exp(sign * STEP)}, every) for sign in (1.0, -1.0)
+            sources.spectra({**values, name: values[name] * math.exp(sign * DIFFERENCE_STEP)}, every)
+            for sign in (1.0, -1.0)
         )
-        found.append([(a - b) / (2.0 * STEP) for a, b in zip(up, down, strict=True)])
+        found.append([(a - b) / (2.0 * DIFFERENCE_STEP) for a, b in zip(up, down, strict=True)])
     return SourceSpectra(*(np.array(part) for part in zip(*found, strict=True)))
 
 
@@ -103,17 +104,16 @@ class BroadbandLoads:
 
 
 STATIONS = 6
-"""Stations along a blade at which the wind pushes."""
+"""Setting: stations along a blade at which the wind acts."""
 
-SERIES = 12
-"""Highest harmonic of the wind in azimuth."""
+MAX_WIND_HARMONIC = 12
+"""Setting: highest harmonic of the wind in azimuth."""
 
-RING = 96
-"""Points on a ring over which coherence is averaged."""
+RING_POINTS = 96
+"""Numerical: points on a ring over which coherence is averaged."""
 
 EDDY_MOMENT = 1.2
-"""Small eddies push further out than the wind's mean lever: how many times, in moment and in squared force over squared
-moment."""
+"""Setting: factor on the wind's mean lever for small eddies, in moment and in squared force over squared moment."""
 
 
 class WindRotor(NamedTuple):
@@ -152,7 +152,7 @@ class WindLoads:
         reach = int(orders[-1]) + 1
         self._orders = np.arange(-reach, reach + 1)
         self._base = base
-        self._shifted = base[:, None] + rotor_hz * np.arange(-reach - SERIES, reach + SERIES + 1)
+        self._shifted = base[:, None] + rotor_hz * np.arange(-reach - MAX_WIND_HARMONIC, reach + MAX_WIND_HARMONIC + 1)
         tip = hinge + 1.5 * lever
         self._radii = hinge + (np.arange(STATIONS) + 0.5) / STATIONS * (tip - hinge)
         self._hinge = hinge
@@ -204,7 +204,7 @@ class WindLoads:
         return force, both, moment
 
     def _coherent(self, power: float) -> tuple[Array, Array]:
-        """ln κ (g,), and Σ_rs w_r w_s ⟨e^{−κ d_rs(θ)} cos nθ⟩ of GG, GF and FF (g, 3, `SERIES` + 1)."""
+        """ln κ (g,), and Σ_rs w_r w_s ⟨e^{−κ d_rs(θ)} cos nθ⟩ of GG, GF and FF (g, 3, `MAX_WIND_HARMONIC` + 1)."""
         r = self._radii
         along = r**power
         outer = along * (r - self._hinge)
@@ -239,13 +239,13 @@ def _sum_classes(level: Any, place: Any, terms: Any, out: Any) -> None:
 
 @lru_cache(maxsize=8)
 def coherence_table(radii: tuple[float, ...]) -> tuple[Array, Array]:
-    """ln κ (g,), and ⟨e^{−κ d(θ)} cos nθ⟩ for every two radii (g, r, r, `SERIES` + 1)."""
+    """ln κ (g,), and ⟨e^{−κ d(θ)} cos nθ⟩ for every two radii (g, r, r, `MAX_WIND_HARMONIC` + 1)."""
     r = np.array(radii)
-    angle = 2.0 * np.pi * np.arange(RING) / RING
+    angle = 2.0 * np.pi * np.arange(RING_POINTS) / RING_POINTS
     squared = (r[:, None] - r) ** 2
     distance = np.sqrt(squared[..., None] + 4.0 * np.outer(r, r)[..., None] * np.sin(0.5 * angle) ** 2)
     grid = np.linspace(math.log(1e-3 / r[-1]), math.log(3e2 / r[-1]), 120)
-    cosine = np.cos(np.outer(angle, np.arange(SERIES + 1))) / RING
+    cosine = np.cos(np.outer(angle, np.arange(MAX_WIND_HARMONIC + 1))) / RING_POINTS
     return grid, np.exp(-np.exp(grid)[:, None, None, None] * distance) @ cosine
 
 

@@ -19,13 +19,13 @@ from windsysid.spectral.rotor.harmonic_transfer import (
     matrix_harmonics,
     without_rounding,
 )
-from windsysid.spectral.rotor.kernel_sparse import FEW, smooth
+from windsysid.spectral.rotor.kernel_sparse import MAX_LOOP_ENTRIES, smooth
 from windsysid.spectral.rotor.likelihood import (
     Ingredients,
     Likelihood,
     ModelSpectrum,
-    Place,
     Slopes,
+    SpectrumGrid,
     spectrum_of_bins,
     whittle,
     whittle_of_many,
@@ -40,24 +40,24 @@ __all__ = ["FINER", "Inexact", "LiftedModel", "finer_bins", "taper_window"]
 MECHANICAL: tuple[BlockName, ...] = ("parameters", "lag", "tolerances")
 """Unknowns of the matrices."""
 
-STEP = 1e-4
-"""Of an unknown, for central differences: of a logarithm, of a damping ratio; in units of its prior's spread."""
+DIFFERENCE_STEP = 1e-4
+"""Numerical: step for central differences of a logarithm, of a damping ratio; in standard deviations of its prior."""
 
-UNMOVED = 1e-11
-"""Change of an element, beside the size of the others of its matrix, below which it does not move."""
+MIN_RELATIVE_CHANGE = 1e-11
+"""Numerical: change of an element over the size of the others of its matrix, below which it is constant."""
 
-MOST_NUMBERS = 400_000
-"""Complex numbers of derivatives that are held at once."""
+MAX_NUMBERS = 400_000
+"""Numerical: complex numbers of derivatives in memory at once."""
 
 FINER = 2
-"""Spectra are smoothed on a grid this many times as fine as the bins: on it the window of the taper is exact."""
+"""Numerical: bins of the grid on which spectra are smoothed per bin of the record: the taper's window is exact on
+it."""
 
-REACH = 8
-"""Bins on either side over which the window of the taper is summed; 2 % of a Tukey window's power lies beyond."""
+WINDOW_BINS = 8
+"""Numerical: bins on either side over which the taper's window is summed; 2 % of a Tukey window's power lies beyond."""
 
-
-LIKENESS = 0.25
-"""Share of the bins over which neighbours are compared."""
+NEIGHBOUR_SHARE = 0.25
+"""Setting: share of the bins over which neighbours are compared."""
 
 
 class Matrices(NamedTuple):
@@ -91,7 +91,7 @@ class Inexact(NamedTuple):
 
 
 EXACT = Inexact(np.empty((0, 0)), np.empty((0, 0)))
-"""Everything is as files say."""
+"""Setting: instruments and masses exactly as stated in the files."""
 
 
 class LiftedModel(NamedTuple):
@@ -140,7 +140,7 @@ class LiftedModel(NamedTuple):
     """
 
     data: Complex
-    place: Place
+    place: SpectrumGrid
     window: Array | None
     smear: Complex | None
     left_out: NDArray[np.bool_]
@@ -215,7 +215,7 @@ class LiftedModel(NamedTuple):
             whole = whittle(self.data, counts, self.spectrum(unknowns, slopes=slopes, matrices=matrices))
             return _scaled(whole, 1.0 / self.overlap)
         bins = np.arange(every // 2, len(self.place.base), every)
-        if slopes and len(self.place.entries) > FEW:
+        if slopes and len(self.place.entries) > MAX_LOOP_ENTRIES:
             parts = [
                 whittle_of_many(of, self.data[at], counts[at])
                 for at, of in self._ingredients(unknowns, every, matrices, slopes=True)
@@ -299,7 +299,7 @@ class LiftedModel(NamedTuple):
         used = np.broadcast_to(~self.left_out[:, None], (*columns.shape, y.shape[1]))[columns]
         bins = np.where(used, bins, 0.0)
         shared = 0.0
-        for d in range(1, int(LIKENESS * len(bins)) + 1):
+        for d in range(1, int(NEIGHBOUR_SHARE * len(bins)) + 1):
             products = int(np.count_nonzero(used[:-d] & used[d:]))
             if products:
                 shared += abs(np.vdot(bins[:-d], bins[d:]) / products) ** 2 - 1.0 / products
@@ -331,7 +331,7 @@ class LiftedModel(NamedTuple):
         entries = len(self.place.entries)
         steps = self._source_slopes(of_loads, every) if slopes else None
         densities = 2.0 * np.exp(2.0 * of_noise)[:, None, None] * self.noise_given
-        chunk = max(8, MOST_NUMBERS // (len(unknowns) * entries**2))
+        chunk = max(8, MAX_NUMBERS // (len(unknowns) * entries**2))
         for first in range(0, len(bins), chunk):
             at, near = bins[first : first + chunk], slice(first, first + chunk)
             part = None
@@ -355,7 +355,7 @@ class LiftedModel(NamedTuple):
     def matrices(self, unknowns: Array, *, slopes: bool) -> Matrices:
         """The matrices at the unknowns, and their derivatives to the mechanical ones by central differences."""
         places, known = self.unknowns.places(*MECHANICAL), self.unknowns.only(*MECHANICAL)
-        mechanical, steps = unknowns[places], STEP * self.prior[1][places]
+        mechanical, steps = unknowns[places], DIFFERENCE_STEP * self.prior[1][places]
         points = mechanical[None]
         if slopes:
             points = np.concatenate([points, mechanical + np.diag(steps), mechanical - np.diag(steps)])
@@ -372,7 +372,7 @@ class LiftedModel(NamedTuple):
         moved = []
         for X, size in zip((found.mechanics, readings), element_sizes(at), strict=True):
             up, down = X[:, 1 : 1 + len(steps)], X[:, 1 + len(steps) :]
-            change = without_rounding(up - down, UNMOVED * size) if slopes else X[:, :0]
+            change = without_rounding(up - down, MIN_RELATIVE_CHANGE * size) if slopes else X[:, :0]
             moved.append(change / (2.0 * steps[:, None, None, None]) if slopes else change)
         return Matrices(at, MatrixHarmonics(*moved))
 
@@ -394,7 +394,7 @@ class LiftedModel(NamedTuple):
 
 def finer_bins(first: int, last: int) -> Array:
     """The finer grid (F,) for the bins first … last, in bins."""
-    reach = REACH * FINER
+    reach = WINDOW_BINS * FINER
     return np.asarray(np.arange(first * FINER - reach, last * FINER + reach + 1) / FINER)
 
 
@@ -402,7 +402,7 @@ def taper_window(taper: Array, bins: NDArray[np.intp]) -> Array:
     """The weights (F, B) with which spectra on the finer grid between the first and the last of `bins` make up the
     smoothed ones at `bins` (B,)."""
     padded = np.abs(np.fft.fft(taper, FINER * len(taper))) ** 2
-    reach = REACH * FINER
+    reach = WINDOW_BINS * FINER
     weights = np.concatenate([padded[-reach:], padded[: reach + 1]])
     weights /= weights.sum()
     out = np.zeros(((bins[-1] - bins[0]) * FINER + 2 * reach + 1, len(bins)))

@@ -1,6 +1,7 @@
-"""What is asked of a record in the frequency domain, and what both kinds of machine, still and turning, ask of it."""
+"""Record, turbine and unknowns of an identification in the frequency domain, parked or turning."""
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -21,11 +22,14 @@ from windsysid.statespace.gauss_markov import GaussMarkov
 from windsysid.statespace.parameter import Parameter
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["Posed", "Question"]
+__all__ = ["MIN_START_DAMPING", "Posed", "RotorQuestion", "damped_start"]
+
+MIN_START_DAMPING = 0.3
+"""Setting: smallest damping at the start of a search in standard deviations of its prior."""
 
 
-class Question(NamedTuple):
-    """What is asked of a record.
+class RotorQuestion(NamedTuple):
+    """A record, its turbine and the parameters to identify in the frequency domain.
 
     Attributes
     ----------
@@ -133,7 +137,7 @@ class Question(NamedTuple):
 
 
 class Posed(NamedTuple):
-    """A question in the frequency domain.
+    """The model of a question's spectrum, with the start of its search.
 
     Attributes
     ----------
@@ -158,3 +162,13 @@ class Posed(NamedTuple):
     bands: tuple[tuple[float, float], ...]
     text: str
     resonance: float
+
+
+def damped_start(turbine: Turbine, parameters: Sequence[Parameter], mean: Array, std: Array) -> Array:
+    """The prior's mean (n,), with damping that is not negative. A spectrum says |c| and not c: from the wrong side the
+    search ends at the mirror image."""
+    start = mean.copy()
+    for i, q in enumerate(parameters):
+        if q.kind == "damping" and q.part in turbine.model.coordinates and not q.logarithmic:
+            start[i] = max(start[i], MIN_START_DAMPING * std[i])
+    return start

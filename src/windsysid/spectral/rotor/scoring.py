@@ -14,17 +14,17 @@ from windsysid.scoring import Evaluation, SearchLimits, SearchResult, find_mode
 __all__ = ["FINE_TOLERANCE", "SpectralMode", "find_in_stages", "find_nearby"]
 
 FINE_TOLERANCE, COARSE_TOLERANCE = 1e-3, 0.1
-"""Newton's decrement of the last step: 0.03 standard deviations in the last stage, 0.3 in those before it, where the
-next stage moves the mode by more."""
+"""Numerical: Newton decrement of the last step: 0.03 standard deviations in the last stage, 0.3 before it."""
 
 FINE = SearchLimits(FINE_TOLERANCE, max_steps=60)
+"""Numerical: limits of the last stage."""
 COARSE = SearchLimits(COARSE_TOLERANCE, max_steps=8)
+"""Numerical: limits of the stages before it."""
 NEARBY = SearchLimits(COARSE_TOLERANCE, max_steps=60, unseen=0.5, damping=0.0)
-"""Of the last stage, of a stage before it, and of a search that begins near the mode: a step of 0.7 standard deviations
-is then taken unseen."""
+"""Numerical: limits of a search that starts near the mode: a step of 0.7 standard deviations is taken untested."""
 
 MAX_STEP = 1.0
-"""Longest step of an unknown, where its prior is wider: a factor e of a level."""
+"""Numerical: longest step of an unknown with a wider prior: a factor e of a level."""
 
 Likelihood = Callable[[Array, int], tuple[float, Array, Array]]
 """(u, every n-th bin) → J, g, F."""

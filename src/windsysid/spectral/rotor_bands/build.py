@@ -20,21 +20,15 @@ from windsysid.errors import RecordError
 from windsysid.loads.statistics import Statistic
 from windsysid.modal.analysis import modes
 from windsysid.results.finding import Finding
-from windsysid.spectral.rotor.build import MOST_HARMONICS
 from windsysid.spectral.rotor.harmonic_transfer import coupled, matrix_harmonics
-from windsysid.spectral.rotor.likelihood import Place as Where
+from windsysid.spectral.rotor.likelihood import SpectrumGrid
+from windsysid.spectral.rotor.limits import MAX_HARMONICS
 from windsysid.spectral.rotor.model import LiftedModel, finer_bins, taper_window
-from windsysid.spectral.rotor.problem import Question
-from windsysid.spectral.rotor_bands.channels import (
-    ABOUT_BLADES,
-    ABOUT_SUPPORT,
-    Combined,
-    Row,
-    bins_between,
-    combine,
-)
-from windsysid.spectral.rotor_bands.mode_locations import REACH, WHIRLS, Place, find_places
-from windsysid.spectral.rotor_bands.model import Band, BandModel
+from windsysid.spectral.rotor.problem import RotorQuestion
+from windsysid.spectral.rotor_bands.channels import ABOUT_BLADES, ABOUT_SUPPORT, Combined, Row, bins_between, combine
+from windsysid.spectral.rotor_bands.limits import MAX_LIGHT_DAMPING, MIN_BAND_BINS
+from windsysid.spectral.rotor_bands.mode_locations import SEARCH_SIGMAS, WHIRLS, ModeLocation, find_places
+from windsysid.spectral.rotor_bands.model import BandModel, RotorBand
 from windsysid.spectral.rotor_bands.rotational_sampling import (
     BandSource,
     HumpLoads,
@@ -49,38 +43,25 @@ from windsysid.spectral.transforms.rotating_frame import TurnedSpectra, combine_
 from windsysid.turbine.turbine import Turbine
 
 __all__ = [
-    "PosedBands",
-    "belongs_in_bands",
-    "centre_bands",
-    "highest_in_bands",
-    "is_lightly_damped",
-    "pose_bands",
+    "PosedBands", "belongs_in_bands", "centre_bands", "highest_in_bands", "is_lightly_damped", "pose_bands",
     "search_bands",
-]
+]  # fmt: skip
 
-BLADES_REACH, SUPPORT_REACH = 0.10, 0.14
-"""Half-width of a mode's band, relative."""
+BLADES_HALF_WIDTH, SUPPORT_HALF_WIDTH = 0.10, 0.14
+"""Setting: relative half-width of the band of a mode of the blades, of the support."""
 
-REACH_BINS = 5.0
-"""And in bins at least."""
+MIN_HALF_WIDTH_BINS = 5.0
+"""Setting: smallest half-width of a band in bins."""
 
-LEAST_BINS = 6
-"""Fewest bins of a band."""
+MIN_WIDE_BINS = 2.0
+"""Setting: bins in half the half-power width of a mode from which on the effect of the taper's window is taken as
+known."""
 
-WIDE = 2.0
-"""Bins in half the half-power width of a mode from which on what the taper's window adds is taken as known."""
+DISTURBANCE_SHARE = 0.2
+"""Setting: prior mean of a row's disturbance over its median power."""
 
-DISTURBED = 0.2
-"""Share of a row's median power that its disturbance is supposed to have."""
-
-
-LIGHT = 0.01
-"""Damping ratio below which a rotor is read in bands: its resonances are so narrow beside the prior's reach that a
-search which does not look for their peaks ends elsewhere."""
-
-
-SEARCHED = 1.4
-"""How much further than a mode may be its spectrum is looked at: bands, and what is around a peak."""
+SEARCH_FACTOR = 1.4
+"""Setting: factor on the highest frequency of a mode up to which spectra are computed, for bands and backgrounds."""
 
 
 class PosedBands(NamedTuple):
@@ -104,13 +85,13 @@ class PosedBands(NamedTuple):
 
     model: BandModel
     start: Array
-    places: tuple[Place, ...]
+    places: tuple[ModeLocation, ...]
     combined: tuple[Combined, ...]
     doubts: tuple[Finding, ...]
     spectra: TurnedSpectra
 
 
-def belongs_in_bands(question: Question) -> bool:
+def belongs_in_bands(question: RotorQuestion) -> bool:
     """Whether a rotor whose turns couple its motion is to be read in bands: three blades with the modes of a real
     machine, lightly damped, many turns' harmonics apart or with sensors that read what the model has not."""
     turbine = question.turbine
@@ -119,28 +100,30 @@ def belongs_in_bands(question: Question) -> bool:
     if rotor is None or rotor.blades != len(WHIRLS) or rotor.lag != "free":
         return False
     highest = max(turbine.natural_frequency(name) for name in rotor.coordinates)
-    many = math.ceil(highest / (2.0 * math.pi * rotor_hz)) + 2 > MOST_HARMONICS
+    many = math.ceil(highest / (2.0 * math.pi * rotor_hz)) + 2 > MAX_HARMONICS
     drifts = any(sensor.blade and sensor.drift > 0.0 for sensor in question.sensors)
     return many or drifts or is_lightly_damped(turbine)
 
 
 def is_lightly_damped(turbine: Turbine) -> bool:
     """Whether a mode is damped as little as those of a real machine."""
-    return any(turbine.damping(name) < LIGHT * turbine.critical_damping(name) for name in turbine.model.coordinates)
+    return any(
+        turbine.damping(name) < MAX_LIGHT_DAMPING * turbine.critical_damping(name) for name in turbine.model.coordinates
+    )
 
 
-def highest_in_bands(question: Question) -> float:
+def highest_in_bands(question: RotorQuestion) -> float:
     """The highest frequency [Hz] that bands look at, with springs as stiff as priors reach."""
-    stiff = {q.name: q.centre * math.exp(REACH * q.spread) for q in question.parameters if q.logarithmic}
+    stiff = {q.name: q.centre * math.exp(SEARCH_SIGMAS * q.spread) for q in question.parameters if q.logarithmic}
     p = question.centres
     for name, value in stiff.items():
         p[question.compiled.parameters.index(name)] = value
     rotor_hz = abs(float(question.speed.mean())) / (2.0 * math.pi)
     there = modes(question.turbine.model, question.compiled, p, 2.0 * math.pi * rotor_hz)
-    return SEARCHED * (max(frequency for _, frequency, _ in there) + 2.0 * rotor_hz)
+    return SEARCH_FACTOR * (max(frequency for _, frequency, _ in there) + 2.0 * rotor_hz)
 
 
-def search_bands(question: Question) -> PosedBands | None:
+def search_bands(question: RotorQuestion) -> PosedBands | None:
     """The problem in bands around the modes, which are looked for; None where they cannot be told apart.
 
     Raises
@@ -171,7 +154,7 @@ def search_bands(question: Question) -> PosedBands | None:
 
 
 def pose_bands(
-    question: Question, places: Sequence[Place], spectra: TurnedSpectra | None = None, *, width: float = 1.0
+    question: RotorQuestion, places: Sequence[ModeLocation], spectra: TurnedSpectra | None = None, *, width: float = 1.0
 ) -> PosedBands:
     """The problem in bands around modes whose places are known; `width` makes bands narrower.
 
@@ -194,7 +177,7 @@ def pose_bands(
     return PosedBands(model, model.prior[0].copy(), tuple(places), tuple(combined), (), spectra)
 
 
-def centre_bands(question: Question, posed: PosedBands, unknowns: Array) -> PosedBands:
+def centre_bands(question: RotorQuestion, posed: PosedBands, unknowns: Array) -> PosedBands:
     """The same with the bands around the modes of the unknowns (n,), so that they do not depend on how a peak was
     found; it starts there."""
     p = question.centres
@@ -211,7 +194,7 @@ def centre_bands(question: Question, posed: PosedBands, unknowns: Array) -> Pose
     return moved._replace(start=moved.model.start_from(unknowns, posed.model), doubts=posed.doubts)
 
 
-def _read(question: Question) -> tuple[TurnedSpectra, list[Combined]]:
+def _read(question: RotorQuestion) -> tuple[TurnedSpectra, list[Combined]]:
     if question.turned is not None:
         spectra = combine_groups(question.turned)
     else:
@@ -219,7 +202,7 @@ def _read(question: Question) -> tuple[TurnedSpectra, list[Combined]]:
     return spectra, combine(question.sensors, len(WHIRLS))
 
 
-def _modes(question: Question, p: Array, spectra: TurnedSpectra) -> dict[str, tuple[float, float]]:
+def _modes(question: RotorQuestion, p: Array, spectra: TurnedSpectra) -> dict[str, tuple[float, float]]:
     """Frequency [Hz] and damping ratio of every mode for all parameters (n_p,); of several of a name the slowest."""
     found: dict[str, tuple[float, float]] = {}
     speed = 2.0 * math.pi * spectra.rotor_hz
@@ -228,11 +211,11 @@ def _modes(question: Question, p: Array, spectra: TurnedSpectra) -> dict[str, tu
     return found
 
 
-def _near_each_other(places: Sequence[Place]) -> list[list[Place]]:
+def _near_each_other(places: Sequence[ModeLocation]) -> list[list[ModeLocation]]:
     """Modes of the support by rising frequency, those together whose bands would overlap."""
-    groups: list[list[Place]] = []
+    groups: list[list[ModeLocation]] = []
     for place in sorted((p for p in places if p.shape is None), key=lambda p: p.frequency):
-        if groups and place.frequency < groups[-1][-1].frequency * (1.0 + SUPPORT_REACH):
+        if groups and place.frequency < groups[-1][-1].frequency * (1.0 + SUPPORT_HALF_WIDTH):
             groups[-1].append(place)
         else:
             groups.append([place])
@@ -253,7 +236,9 @@ class _Load(NamedTuple):
 class _Builder:
     """The parts of every band's model."""
 
-    def __init__(self, question: Question, spectra: TurnedSpectra, combined: Sequence[Combined], width: float) -> None:
+    def __init__(
+        self, question: RotorQuestion, spectra: TurnedSpectra, combined: Sequence[Combined], width: float
+    ) -> None:
         self.question, self.spectra, self.combined, self.width = question, spectra, combined, width
         self.weights = np.array([c.weights for c in combined])
         self.freedoms = question.turbine.model.freedoms
@@ -263,11 +248,11 @@ class _Builder:
         self.lever, self.hinge = v["blade_inertia_1"] / v["blade_first_moment_1"], v["hinge_offset"]
         self.wind = wind_of(self.hinge, self.lever, self.hz)
 
-    def blades(self, of_blades: Sequence[Place], places: Sequence[Place]) -> Band:
+    def blades(self, of_blades: Sequence[ModeLocation], places: Sequence[ModeLocation]) -> RotorBand:
         """The band of all modes of the blades."""
         span = {}
         for place in of_blades:
-            reach = self._reach(place.frequency, BLADES_REACH)
+            reach = self._reach(place.frequency, BLADES_HALF_WIDTH)
             span[place.shape] = (place.frequency - reach, place.frequency + reach)
         ends = np.array(list(span.values()))
         low, high = float(ends.min()), float(ends.max())
@@ -279,7 +264,7 @@ class _Builder:
                 more = self._hub_rows(place, places, span[place.shape])
                 rows += more
                 loads += self._on_hub(-place.shape, more)
-        wide = min(place.ratio * place.frequency for place in of_blades) * self.duration > WIDE
+        wide = min(place.ratio * place.frequency for place in of_blades) * self.duration > MIN_WIDE_BINS
         return self._band("blades", bins_between(self.spectra, low, high), ABOUT_BLADES, rows, loads, wide=wide)
 
     def _on_blades(self, p: int, ends: tuple[float, float], rows: Sequence[Row]) -> _Load:
@@ -289,7 +274,7 @@ class _Builder:
         push = blade_class(self.freedoms, p, len(WHIRLS), self.lever, self.hinge, kappa)
         return _Load(f"blades_{_WAY[p]}", "N*m/√Hz", push, row._replace(low=ends[0], high=ends[1]), p)
 
-    def _hub_rows(self, place: Place, places: Sequence[Place], ends: tuple[float, float]) -> list[Row]:
+    def _hub_rows(self, place: ModeLocation, places: Sequence[ModeLocation], ends: tuple[float, float]) -> list[Row]:
         """The rows in which the support shows a whirl of the blades."""
         low, high = self._apart(place, places, *ends)
         return [Row(i, -(place.shape or 0), low, high) for i, c in enumerate(self.combined) if not c.turns]
@@ -304,24 +289,28 @@ class _Builder:
             for name in pushed
         ]
 
-    def support(self, group: Sequence[Place], places: Sequence[Place]) -> Band:
+    def support(self, group: Sequence[ModeLocation], places: Sequence[ModeLocation]) -> RotorBand:
         """The band of modes of the support that are near each other."""
         place, last = group[0], group[-1]
         others = [other for other in places if other not in group]
-        low, _ = self._apart(place, others, place.frequency - self._reach(place.frequency, SUPPORT_REACH), math.inf)
-        _, high = self._apart(last, others, 0.0, last.frequency + self._reach(last.frequency, SUPPORT_REACH))
+        low, _ = self._apart(
+            place, others, place.frequency - self._reach(place.frequency, SUPPORT_HALF_WIDTH), math.inf
+        )
+        _, high = self._apart(last, others, 0.0, last.frequency + self._reach(last.frequency, SUPPORT_HALF_WIDTH))
         rows = [Row(i, 0, low, high) for i, c in enumerate(self.combined) if not c.turns]
         name = place.name.replace(" ", "_")
         pushed = [freedom.name for freedom in self.freedoms if not freedom.blade and freedom.name != "roll"]
         pushes = [one_force(self.freedoms, freedom, ABOUT_SUPPORT, 0) for freedom in pushed]
         loads = [_Load(f"{of}_{name}", "N/√Hz", push, rows[0], 0) for of, push in zip(pushed, pushes, strict=True)]
-        wide = place.ratio * place.frequency * self.duration > WIDE
+        wide = place.ratio * place.frequency * self.duration > MIN_WIDE_BINS
         return self._band(name, bins_between(self.spectra, low, high), ABOUT_SUPPORT, rows, loads, wide=wide)
 
     def _reach(self, frequency: float, share: float) -> float:
-        return max(self.width * share * frequency, REACH_BINS / self.duration)
+        return max(self.width * share * frequency, MIN_HALF_WIDTH_BINS / self.duration)
 
-    def _apart(self, place: Place, places: Sequence[Place], low: float, high: float) -> tuple[float, float]:
+    def _apart(
+        self, place: ModeLocation, places: Sequence[ModeLocation], low: float, high: float
+    ) -> tuple[float, float]:
         """A band cut where, in the fixed frame, another mode is nearer: nothing is used twice."""
         here = place.frequency - (place.shape or 0) * self.hz
         for other in places:
@@ -336,11 +325,11 @@ class _Builder:
     def _band(
         self, name: str, bins: NDArray[np.intp], orders: NDArray[np.intp], rows: Sequence[Row], loads: Sequence[_Load],
         *, wide: bool,
-    ) -> Band:  # fmt: skip
+    ) -> RotorBand:  # fmt: skip
         """The model of a band. Where its modes are wide, what the taper's window adds is taken as known."""
         question, width = self.question, len(self.combined)
-        if len(bins) < LEAST_BINS:
-            needed = self.duration * LEAST_BINS / max(len(bins), 1)
+        if len(bins) < MIN_BAND_BINS:
+            needed = self.duration * MIN_BAND_BINS / max(len(bins), 1)
             raise RecordError(
                 f"band of {name}: expected {needed:.3g} s or more, got {self.duration:.3g} s: choose a longer record"
             )
@@ -365,30 +354,18 @@ class _Builder:
             sources = [self._source(load, ordered, powers, T, left_out, where) for load in loads]
             noise, given = self._disturbances(name, ordered, powers, where)
             return LiftedModel(
-                data,
-                Where(where, orders, self.hz, entries, unseen),
-                window,
-                None,
-                left_out,
-                self.spectra.overlap,
-                self.weights,
-                question.compiled,
-                self.freedoms,
-                self.given,
-                question.inputs[0],
-                question.parameters,
-                True,
-                HumpLoads(sources),
-                noise,
-                given,
-                np.full(len(bins), blocks),
-                blocks,
-                recent,
+                data, SpectrumGrid(where, orders, self.hz, entries, unseen), window, None, left_out,
+                self.spectra.overlap, self.weights, question.compiled, self.freedoms, self.given, question.inputs[0],
+                question.parameters, True, HumpLoads(sources), noise, given, np.full(len(bins), blocks), blocks, recent,
                 self.spectra.gusts,
-            )
+            )  # fmt: skip
 
         smoothed = model_at(fine, taper_window(self.spectra.taper, bins))
-        return Band(model_at(f, None), smoothed, tuple(ordered)) if wide else Band(smoothed, None, tuple(ordered))
+        return (
+            RotorBand(model_at(f, None), smoothed, tuple(ordered))
+            if wide
+            else RotorBand(smoothed, None, tuple(ordered))
+        )
 
     def _entries(
         self, spectra: TurnedSpectra, rows: Sequence[Row], bins: NDArray[np.intp], left_out: NDArray[np.bool_]
@@ -436,7 +413,7 @@ class _Builder:
             where = f"{sensor.channel}_{_WAY[what.shape]}" if what.shape is not None else sensor.channel
             place = name if row.order == 0 else f"{name}_{_WAY[-row.order]}"
             for end, term in zip(("low", "high"), line_terms(fine, row.low, row.high), strict=True):
-                level = max(DISTURBED * powers[i], sensor.noise**2 / self.question.rate)
+                level = max(DISTURBANCE_SHARE * powers[i], sensor.noise**2 / self.question.rate)
                 density = np.zeros((len(fine), len(rows)))
                 density[:, i] = level * term
                 given.append(density)

@@ -1,4 +1,4 @@
-"""What is read of a turning rotor in narrow bands: blades where they turn, the support where it stands.
+"""Channels of a turning rotor in narrow bands: blades in the rotating frame, the support in the fixed frame.
 
 A real turbine has more modes than a model of it: a spectrum is explained around a mode and nowhere else. A blade's mode
 keeps one frequency in the frame of the blades, whichever way it whirls, and the support sees it at that frequency ± Ω.
@@ -26,22 +26,14 @@ from windsysid.mechanics.sensors import Sensor
 from windsysid.spectral.transforms.lifted import Complex
 from windsysid.spectral.transforms.rotating_frame import TurnedSpectra
 
-__all__ = [
-    "ABOUT_BLADES",
-    "ABOUT_SUPPORT",
-    "LINE_BINS",
-    "Combined",
-    "Row",
-    "bins_between",
-    "combine",
-]
+__all__ = ["ABOUT_BLADES", "ABOUT_SUPPORT", "LINE_BINS", "Combined", "Row", "bins_between", "combine"]
 
 ABOUT_BLADES, ABOUT_SUPPORT = np.arange(-2, 3), np.arange(-1, 2)
-"""Harmonics of the motion about a frequency. Blades move the hub at ±1, which moves blades at ±2; the hub moves blades
-at ±1, which move it where it was. Equal blades do no more, and unequal ones hardly."""
+"""Setting: harmonics of the motion about a frequency. Blades move the hub at ±1, which moves blades at ±2; the hub
+moves blades at ±1, which move it at its own frequency. Equal blades do no more, and unequal ones hardly."""
 
 LINE_BINS = 1.5
-"""Bins to either side of a harmonic of the rotor that are not used."""
+"""Setting: bins on either side of a rotor harmonic that are not used."""
 
 
 class Combined(NamedTuple):

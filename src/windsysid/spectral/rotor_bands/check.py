@@ -1,4 +1,4 @@
-"""Whether a record read in bands bears its result out: the size of what is left, the halves, and narrower bands.
+"""Goodness of fit of narrow bands, and agreement of the halves of a record and of narrower bands.
 
 Levels of loads are learned, so that the size of a whole band says nothing. What can be wrong is its shape (thirds of
 each row), its steadiness (energy of the halves), and the stiffness itself: each half of the record must say the same,
@@ -15,33 +15,29 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.errors import RecordError
 from windsysid.results.finding import Finding
-from windsysid.spectral.rotor.check import Part, parts_of, unexplained, unsteady
+from windsysid.spectral.rotor.check import RangePower, parts_of, unexplained, unsteady
 from windsysid.spectral.rotor.model import LiftedModel
-from windsysid.spectral.rotor.problem import Question
+from windsysid.spectral.rotor.problem import RotorQuestion
 from windsysid.spectral.rotor.scoring import SpectralMode
 from windsysid.spectral.rotor_bands.build import PosedBands, pose_bands
-from windsysid.spectral.rotor_bands.model import BandFit
+from windsysid.spectral.rotor_bands.limits import (
+    DISAGREEMENT_PROBABILITY,
+    MIN_BLADES_FREEDOM,
+    MIN_ENERGY_FREEDOM,
+    MIN_SUPPORT_FREEDOM,
+)
+from windsysid.spectral.rotor_bands.model import RotorBandFit
 from windsysid.spectral.transforms.rotating_frame import combine_groups
 
 __all__ = ["doubts_of_bands"]
 
-CHANCE = 1e-3
-"""How rarely chance makes two estimates differ as much."""
-
-NARROWER, UNSAID = 0.65, 0.1
-"""Width of the bands that look again; what is left of a covariance where they hold as much, since levels at the ends of
-a band are learned anew. A step of less than a standard deviation is no doubt."""
-
-LEAST_OF_BLADES, LEAST_OF_SUPPORT = 6.0, 0.7
-"""As how many independent values the narrowest resonances have to count (``python -m validation.field_spectral``): in
-windows of 120 s of OpenFAST's records, where blades' count as 3, their whirls err by 2.5 times what the bands say."""
-
-LEAST_ENERGY = 4.0
-"""Independent values that an energy counts as at least: a resonance as narrow as a bin has few."""
+NARROW_SHARE, KNOWN_SHARE = 0.65, 0.1
+"""Setting: width of the narrower bands over that of the bands, and remaining share of a covariance if they contain as
+much, since levels at the ends of a band are estimated anew. A step of less than a standard deviation is no reason."""
 
 
-def doubts_of_bands(question: Question, posed: PosedBands, fit: BandFit) -> list[Finding]:
-    """What speaks against a result."""
+def doubts_of_bands(question: RotorQuestion, posed: PosedBands, fit: RotorBandFit) -> list[Finding]:
+    """Reasons against a result."""
     posed, found = posed._replace(model=fit.model), fit.mode
     doubts = [*posed.doubts, *_short(posed)]
     if not found.converged:
@@ -49,7 +45,7 @@ def doubts_of_bands(question: Question, posed: PosedBands, fit: BandFit) -> list
     doubts += unexplained(_parts(posed, found.unknowns))[:3]
     try:
         halves = _halves(question, posed)
-        narrow = pose_bands(question, posed.places, posed.spectra, width=NARROWER)
+        narrow = pose_bands(question, posed.places, posed.spectra, width=NARROW_SHARE)
     except RecordError:
         return [*doubts, Finding("too_short_for_stationarity", "reason")]
     if len(halves) < 2:
@@ -61,7 +57,7 @@ def doubts_of_bands(question: Question, posed: PosedBands, fit: BandFit) -> list
         return [*doubts, Finding("segments_without_spectrum", "reason")]
 
 
-def _halves(question: Question, posed: PosedBands) -> list[PosedBands]:
+def _halves(question: RotorQuestion, posed: PosedBands) -> list[PosedBands]:
     """The problem of either half of the record; of one block none."""
     if question.turned is not None:
         halves = [combine_groups(question.turned, groups) for groups in question.turned.halves() or ()]
@@ -75,7 +71,7 @@ def _halves(question: Question, posed: PosedBands) -> list[PosedBands]:
 
 
 def _disagreements(
-    question: Question, posed: PosedBands, found: SpectralMode, halves: Sequence[PosedBands], narrow: PosedBands
+    question: RotorQuestion, posed: PosedBands, found: SpectralMode, halves: Sequence[PosedBands], narrow: PosedBands
 ) -> list[Finding]:
     """Whether the halves and the narrower bands say another stiffness than the record."""
     which = [i for i, q in enumerate(question.parameters) if q.logarithmic]
@@ -88,14 +84,14 @@ def _disagreements(
     doubts = _differ("halves_disagree_in_bands", between, one + other, names)
     step = again.unknowns[which] - found.unknowns[which]
     if np.any(np.abs(step) > np.sqrt(np.diag(known))):
-        doubts += _differ("narrower_bands_disagree", step, less - (1.0 - UNSAID) * known, names)
+        doubts += _differ("narrower_bands_disagree", step, less - (1.0 - KNOWN_SHARE) * known, names)
     return doubts
 
 
 def _short(posed: PosedBands) -> list[Finding]:
     """Whether resonances are narrower in the record than those whose bands were proven."""
     spectra, doubts = posed.spectra, list[Finding]()
-    for of_blades, least in ((True, LEAST_OF_BLADES), (False, LEAST_OF_SUPPORT)):
+    for of_blades, least in ((True, MIN_BLADES_FREEDOM), (False, MIN_SUPPORT_FREEDOM)):
         widths = [p.ratio * p.frequency for p in posed.places if (p.shape is not None) == of_blades]
         counts = [2.0 * np.pi * width * spectra.duration / spectra.overlap for width in widths]
         if counts and min(counts) < least:
@@ -117,13 +113,13 @@ def _differ(code: str, step: Array, cov: Array, names: list[str]) -> list[Findin
     values, vectors = np.linalg.eigh(cov)
     values = np.maximum(values, 1e-3 * values.max())
     size = float(np.sum((vectors.T @ step) ** 2 / values))
-    if size <= float(chdtri(len(step), CHANCE)):
+    if size <= float(chdtri(len(step), DISAGREEMENT_PROBABILITY)):
         return []
     worst = int(np.argmax(np.abs(step) / np.sqrt(np.diag(cov).clip(1e-300))))
     return [Finding(code, "reason", {"change": step[worst]}, (names[worst],))]
 
 
-def _parts(posed: PosedBands, unknowns: Array) -> list[Part]:
+def _parts(posed: PosedBands, unknowns: Array) -> list[RangePower]:
     """Mean squares by row and third of its band."""
     found = []
     for (band, _, rows), place in zip(posed.model.bands, posed.model.places(), strict=True):
@@ -134,7 +130,7 @@ def _parts(posed: PosedBands, unknowns: Array) -> list[Part]:
             edges = np.linspace(row.low, row.high * 1.000001, 4)
             label = posed.combined[row.combination].label
             thirds = [(float(a), float(b)) for a, b in pairwise(edges)]
-            found += parts_of(power[:, i], S[:, i], f, label, thirds, band.overlap / band.blocks, LEAST_ENERGY)
+            found += parts_of(power[:, i], S[:, i], f, label, thirds, band.overlap / band.blocks, MIN_ENERGY_FREEDOM)
     return found
 
 
@@ -143,7 +139,7 @@ def _power(band: LiftedModel) -> Array:
     return np.where(band.left_out, np.nan, np.sum(np.abs(band.data) ** 2, axis=2) / band.blocks)
 
 
-def _energies(whole: PosedBands, piece: PosedBands, unknowns: Array) -> list[Part]:
+def _energies(whole: PosedBands, piece: PosedBands, unknowns: Array) -> list[RangePower]:
     """The same of a part of the record, what is expected being the whole's, row by row."""
     found = []
     for (of, _, _), (band, _, rows), place in zip(
@@ -156,5 +152,5 @@ def _energies(whole: PosedBands, piece: PosedBands, unknowns: Array) -> list[Par
             label = piece.combined[row.combination].label
             every = [(row.low, row.high * 1.000001)]
             overlap = band.overlap / band.blocks
-            found += parts_of(power, expected, band.base, label, every, overlap, LEAST_ENERGY)
+            found += parts_of(power, expected, band.base, label, every, overlap, MIN_ENERGY_FREEDOM)
     return found

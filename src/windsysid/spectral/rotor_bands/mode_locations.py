@@ -1,4 +1,4 @@
-"""Around which frequencies a turning rotor's modes are read, and where to begin to look for its stiffness.
+"""Frequencies around which a turning rotor's modes are analysed, and start of the search for its stiffness.
 
 The turbine file names the modes, and its prior says how far they may be from where it puts them. Peaks of the record
 decide (`band_search`), group by group: one factor on the stiffness of all blades for both whirls, then one on the
@@ -14,33 +14,31 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.results.finding import Finding
 from windsysid.spectral.rotor_bands.channels import Combined
-from windsysid.spectral.rotor_bands.peak_search import FAINT, Trace, best_of, trace
+from windsysid.spectral.rotor_bands.limits import MIN_FREQUENCY_SLOPE, MIN_PEAK_LOG_ODDS
+from windsysid.spectral.rotor_bands.peak_search import Trace, best_of, trace
 from windsysid.spectral.transforms.rotating_frame import TurnedSpectra
 from windsysid.statespace.parameter import Parameter
 
-__all__ = ["Place", "Places", "find_places"]
+__all__ = ["ModeLocation", "ModeLocations", "find_places"]
 
 WHIRLS = {"lag backward": 1, "lag collective": 0, "lag forward": -1}
-"""Modes of the blades, and the classes in which they show."""
+"""Setting: modes of the blades, and the classes in which they show."""
 
-REACH = 3.0
-"""Standard deviations of the prior that are searched."""
+SEARCH_SIGMAS = 3.0
+"""Setting: standard deviations of the prior that are searched."""
 
-SCANNED = 0.01
-"""Between the factors on a stiffness that are tried, in the logarithm."""
+FACTOR_STEP = 0.01
+"""Setting: step between factors on a stiffness that are tried, in the logarithm."""
 
-SUPPOSED = 9
-"""Factors for which the model's modes are computed; between them they are interpolated."""
+FACTOR_COUNT = 9
+"""Setting: number of factors at which modes are computed; interpolated between."""
 
-NEAR = 0.012
-"""How far a peak may be from where the best factor puts it, relative."""
-
-MATTERS = 0.03
-"""Least d ln f / d ln k of a spring that is searched by a mode."""
+MAX_PEAK_DISTANCE = 0.012
+"""Setting: relative distance of a peak from its frequency for the best factor."""
 
 
-class Place(NamedTuple):
-    """A mode and where it is read.
+class ModeLocation(NamedTuple):
+    """A mode and the frequency at which it is analysed.
 
     Attributes
     ----------
@@ -60,8 +58,8 @@ class Place(NamedTuple):
     ratio: float
 
 
-class Places(NamedTuple):
-    """What the search found.
+class ModeLocations(NamedTuple):
+    """Modes that the search located, and start values.
 
     Attributes
     ----------
@@ -73,7 +71,7 @@ class Places(NamedTuple):
         What speaks against them: peaks that do not stand out, and others that might be meant.
     """
 
-    places: tuple[Place, ...]
+    places: tuple[ModeLocation, ...]
     start: Array
     doubts: tuple[Finding, ...]
 
@@ -98,7 +96,7 @@ class _Group(NamedTuple):
 def find_places(
     frequencies: Callable[[Mapping[str, float]], dict[str, float]], ratios: Mapping[str, float],
     parameters: Sequence[Parameter], spectra: TurnedSpectra, combined: Sequence[Combined], blades: Sequence[str],
-) -> Places | None:  # fmt: skip
+) -> ModeLocations | None:  # fmt: skip
     """The modes and where they are; None where they come so near each other within the priors' reach that the model's
     change their names.
 
@@ -121,7 +119,7 @@ def find_places(
         return _trace(spectra, combined, name, len(blades), low, high)
 
     for group in _groups(frequencies, values, _springs(parameters, blades), named, there):
-        scales = np.linspace(-REACH * group.spread, REACH * group.spread, SUPPOSED)
+        scales = np.linspace(-SEARCH_SIGMAS * group.spread, SEARCH_SIGMAS * group.spread, FACTOR_COUNT)
         curves = _curves(frequencies, values, group, scales, spectra.rotor_hz)
         if len(curves) < len(group.modes):
             return None
@@ -133,9 +131,9 @@ def find_places(
     if not set(named) <= set(last) & set(ratios):
         return None
     where = {name: _base(name, last[name], spectra.rotor_hz) for name in named} | found
-    places = tuple(Place(name, WHIRLS.get(name), where[name], ratios[name]) for name in named)
+    places = tuple(ModeLocation(name, WHIRLS.get(name), where[name], ratios[name]) for name in named)
     start = np.array([float(q.coordinate(values[q.name])) for q in parameters])
-    return Places(places, start, tuple(doubts))
+    return ModeLocations(places, start, tuple(doubts))
 
 
 def _read_modes(modes: Iterable[str], combined: Sequence[Combined]) -> list[str]:
@@ -149,17 +147,19 @@ def _search(
 ) -> tuple[float, dict[str, float], list[Finding]]:
     """The logarithm of the group's factor that explains the peaks of its modes best, these peaks [Hz], and what speaks
     against them; `curves` as of `_curves` over logarithms of the factor (S,)."""
-    fine = np.arange(scales[0], scales[-1] + SCANNED, SCANNED)
+    fine = np.arange(scales[0], scales[-1] + FACTOR_STEP, FACTOR_STEP)
     score = -0.5 * (fine / group.spread) ** 2
     traces = {}
     for name in group.modes:
         low, high = float(np.exp(curves[name].min())), float(np.exp(curves[name].max()))
         traces[name] = trace_of(name, 0.97 * low, 1.03 * high)
-        score += traces[name].widened(NEAR).at(np.exp(np.interp(fine, scales, curves[name])))
+        score += traces[name].widened(MAX_PEAK_DISTANCE).at(np.exp(np.interp(fine, scales, curves[name])))
     best, rivals = best_of(score, fine, np.interp(fine, scales, curves[group.modes[0]]))
     expected = {name: float(np.exp(np.interp(best, scales, curves[name]))) for name in group.modes}
-    found = {name: traces[name].peak(place, NEAR) for name, place in expected.items()}
-    gain = max(float(traces[name].widened(NEAR).at(np.array([place]))[0]) for name, place in expected.items())
+    found = {name: traces[name].peak(place, MAX_PEAK_DISTANCE) for name, place in expected.items()}
+    gain = max(
+        float(traces[name].widened(MAX_PEAK_DISTANCE).at(np.array([place]))[0]) for name, place in expected.items()
+    )
     mean_curve = np.mean([curves[name] for name in group.modes], axis=0)
     peaks = float(np.mean([math.log(place) for place in found.values()]))
     doubts = _doubts(group, found, max(gain, 0.0), rivals)
@@ -196,7 +196,7 @@ def _groups(
 
 def _springs_of(mode: str, slope: Mapping[str, float]) -> list[str]:
     """The springs that may be searched by a mode, from its d ln f / d ln k for each."""
-    if mode == "lag collective" and slope.get("roll", 0.0) > MATTERS:
+    if mode == "lag collective" and slope.get("roll", 0.0) > MIN_FREQUENCY_SLOPE:
         return ["roll"]
     if mode in WHIRLS:
         return ["beta"]
@@ -247,6 +247,6 @@ def _trace(
 def _doubts(group: _Group, found: Mapping[str, float], gain: float, rivals: Sequence[float]) -> list[Finding]:
     """What speaks against the peaks of a group."""
     data = {"modes": group.modes, "frequencies": [found[name] for name in group.modes]}
-    if gain < FAINT:
+    if gain < MIN_PEAK_LOG_ODDS:
         return [Finding("faint_peak", "reason", data)]
     return [Finding("ambiguous_peak", "reason", data | {"others": rivals[:3]})] if rivals else []

@@ -12,21 +12,22 @@ from numpy.typing import NDArray
 
 from windsysid._types import Array
 from windsysid.loads.statistics import Statistic
+from windsysid.spectral.rotor.fit import WHOLE
 from windsysid.spectral.rotor.model import Inexact, LiftedModel
 from windsysid.spectral.rotor.scoring import FINE_TOLERANCE, SpectralMode, find_in_stages, find_nearby
 from windsysid.spectral.rotor_bands.channels import Row
 from windsysid.statespace.unknowns import Unknowns
 
-__all__ = ["Band", "BandFit", "BandModel"]
+__all__ = ["BandModel", "RotorBand", "RotorBandFit"]
 
-ROUGH, WHOLE = ((0.2, 3),), ((1.0, 1),)
-"""Weights of the likelihood, and every how many-th bin is used, stage by stage: from afar, and near the end."""
+ROUGH = ((0.2, 3),)
+"""Setting: weight of the likelihood, and step between bins, of the stage far from the mode."""
 
-COMPARED = 0.01
-"""Squared length of the last step, in standard deviations, where results are compared only."""
+COMPARISON_TOLERANCE = 0.01
+"""Numerical: squared length of the last step, in standard deviations, if results are only compared."""
 
 
-class Band(NamedTuple):
+class RotorBand(NamedTuple):
     """One band.
 
     Attributes
@@ -44,7 +45,7 @@ class Band(NamedTuple):
     rows: tuple[Row, ...]
 
 
-class BandFit(NamedTuple):
+class RotorBandFit(NamedTuple):
     """The mode of a posterior, and the model that has it."""
 
     model: "BandModel"
@@ -54,7 +55,7 @@ class BandFit(NamedTuple):
 class BandModel(NamedTuple):
     """The bands of a record: models of the same parameters."""
 
-    bands: tuple[Band, ...]
+    bands: tuple[RotorBand, ...]
 
     @property
     def unknowns(self) -> Unknowns:
@@ -113,25 +114,25 @@ class BandModel(NamedTuple):
         found[self.unknowns.of("statistics")] = ours
         return found
 
-    def admit(self, at: Array, inexact: Inexact) -> "BandFit":
+    def admit(self, at: Array, inexact: Inexact) -> "RotorBandFit":
         """The mode of the posterior with instruments and masses as unknowns beside, looked for from that without
         (n,)."""
         wide = BandModel(tuple(b._replace(model=b.model._replace(inexact=inexact)) for b in self.bands))
         start = wide.unknowns.from_other(at, self.unknowns)
-        return BandFit(wide, find_nearby(wide.likelihood, start, wide.prior))
+        return RotorBandFit(wide, find_nearby(wide.likelihood, start, wide.prior))
 
     def near(self, start: Array) -> Array:
         """Unknowns (n,) roughly at the mode of the posterior, looked for from afar."""
         return find_in_stages(self.likelihood, start, self.prior, ROUGH).unknowns
 
-    def fit(self, start: Array, *, rough: bool = False) -> BandFit:
+    def fit(self, start: Array, *, rough: bool = False) -> RotorBandFit:
         """The mode of the posterior, looked for from `start` (n,).
 
         What the taper's window adds to the spectra of wide modes, and how alike gusts make neighbouring bins, is taken
         at the mode without them, and the mode found anew. A `rough` search ends with a step that is short beside the
         bands: for comparing results.
         """
-        mode = find_in_stages(self.likelihood, start, self.prior, WHOLE, tolerance=COMPARED)
+        mode = find_in_stages(self.likelihood, start, self.prior, WHOLE, tolerance=COMPARISON_TOLERANCE)
         bands = []
         for band, place in zip(self.bands, self.places(), strict=True):
             if band.smoothed is not None:
@@ -140,8 +141,10 @@ class BandModel(NamedTuple):
                 band = band._replace(model=band.model._replace(smear=smear))
             bands.append(band)
         whole = BandModel(tuple(bands))._with_gusts(mode.unknowns)
-        tolerance = COMPARED if rough else FINE_TOLERANCE
-        return BandFit(whole, find_in_stages(whole.likelihood, mode.unknowns, self.prior, WHOLE, tolerance=tolerance))
+        tolerance = COMPARISON_TOLERANCE if rough else FINE_TOLERANCE
+        return RotorBandFit(
+            whole, find_in_stages(whole.likelihood, mode.unknowns, self.prior, WHOLE, tolerance=tolerance)
+        )
 
     def _with_gusts(self, unknowns: Array) -> "BandModel":
         """The same with c_h as the record has it: that of the taper, or more. Bands have few bins, so all have one."""

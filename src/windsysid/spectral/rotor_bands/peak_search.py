@@ -1,4 +1,4 @@
-"""Where in a record the modes of a turning rotor stand: looked for within the prior's reach, not known.
+"""Search for the peaks of a turning rotor's modes within a few standard deviations of the prior.
 
 A mode at F multiplies the spectrum around it by a resonance. For every F the gain in likelihood of one resonance over
 what is there without is
@@ -19,30 +19,29 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.errors import RecordError
 from windsysid.spectral.rotor_bands.channels import LINE_BINS, bins_between
+from windsysid.spectral.rotor_bands.limits import MAX_RIVAL_LOG_ODDS, MIN_RIVAL_DISTANCE
 from windsysid.spectral.transforms.lifted import Complex
 from windsysid.spectral.transforms.rotating_frame import TurnedSpectra
 
 __all__ = ["Trace", "best_of", "trace"]
 
-RATIOS = (0.004, 0.012)
-"""Damping ratios of the resonances that are tried."""
+TRIAL_DAMPING = (0.004, 0.012)
+"""Setting: damping ratios of the resonances that are tried."""
 
-STEP = 0.0025
-"""Between the frequencies that are tried, relative."""
+FREQUENCY_STEP = 0.0025
+"""Setting: relative step between the frequencies that are tried."""
 
 MEDIAN_SHARE, MEDIAN_BINS = 0.15, 8
-"""Half-width of the running median: relative, and in bins at least."""
+"""Setting: half-width of the running median: relative, and the smallest number of bins."""
 
-HUMP_BINS = 3.0
-"""Least half-width of a hump, in bins; a hump's is otherwise `HUMP_HZ`."""
+MIN_SAMPLED_PEAK_BINS = 3.0
+"""Setting: smallest half-width in bins of a rotationally sampled peak."""
 
-HUMP_HZ = 0.008
+SAMPLED_PEAK_HZ = 0.008
+"""Setting: half-width of a rotationally sampled peak [Hz]."""
 
-STEPS = 12
-"""Steps that find an amplitude."""
-
-FAINT, RIVAL, APART = 8.0, 3.0, 0.04
-"""Nats that a peak has to gain; within how many of the best another is its rival, if it is so far away (relative)."""
+AMPLITUDE_STEPS = 12
+"""Numerical: steps that find an amplitude."""
 
 
 class Trace(NamedTuple):
@@ -57,7 +56,7 @@ class Trace(NamedTuple):
 
     def widened(self, reach: float) -> "Trace":
         """The greatest L within a relative reach of each frequency."""
-        steps = round(reach / STEP)
+        steps = round(reach / FREQUENCY_STEP)
         padded = np.concatenate([np.zeros(steps), self.gain, np.zeros(steps)])
         return Trace(self.frequency, np.lib.stride_tricks.sliding_window_view(padded, 2 * steps + 1).max(axis=1))
 
@@ -79,7 +78,7 @@ def trace(spectra: TurnedSpectra, rows: Sequence[Complex], humps: int, blades: i
     RecordError
         If fewer than `MEDIAN_BINS` bins lie there.
     """
-    grid = np.exp(np.arange(math.log(low), math.log(high) + STEP, STEP))
+    grid = np.exp(np.arange(math.log(low), math.log(high) + FREQUENCY_STEP, FREQUENCY_STEP))
     margin = 1.0 + 2.0 * MEDIAN_SHARE
     bins = bins_between(spectra, low / margin, high * margin)
     if len(bins) < MEDIAN_BINS:
@@ -95,7 +94,7 @@ def trace(spectra: TurnedSpectra, rows: Sequence[Complex], humps: int, blades: i
         power = np.sum(np.abs(row[bins]) ** 2, axis=1) / spectra.blocks
         ratio = power / _median(f, power, spectra)
         ratio /= _humps(f, ratio, spectra, humps, blades)
-        gain += np.max([_gains(f, ratio, grid, ratio_of, spectra) for ratio_of in RATIOS], axis=0)
+        gain += np.max([_gains(f, ratio, grid, ratio_of, spectra) for ratio_of in TRIAL_DAMPING], axis=0)
     return Trace(grid, gain)
 
 
@@ -107,8 +106,8 @@ def best_of(score: Array, at: Array, log_frequency: Array) -> tuple[float, list[
         i
         for i in range(len(score))
         if score[i] == score[max(i - 2, 0) : i + 3].max()
-        and score[i] > score[best] - RIVAL
-        and abs(log_frequency[i] - log_frequency[best]) > APART
+        and score[i] > score[best] - MAX_RIVAL_LOG_ODDS
+        and abs(log_frequency[i] - log_frequency[best]) > MIN_RIVAL_DISTANCE
     ]
     return float(at[best]), [float(np.exp(log_frequency[i])) for i in summits]
 
@@ -129,14 +128,14 @@ def _median(f: Array, power: Array, spectra: TurnedSpectra) -> Array:
 
 def _humps(f: Array, ratio: Array, spectra: TurnedSpectra, humps: int, blades: int) -> Array:
     """1 + Σ a_n g_n (F,): what humps of the wind explain."""
-    width = max(HUMP_HZ, HUMP_BINS / spectra.duration)
+    width = max(SAMPLED_PEAK_HZ, MIN_SAMPLED_PEAK_BINS / spectra.duration)
     first, last = math.floor(f[0] / spectra.rotor_hz), math.ceil(f[-1] / spectra.rotor_hz)
     orders = [n for n in range(first, last + 1) if (n - humps) % blades == 0]
     if not orders:
         return np.ones(len(f))
     shapes = (1.0 + np.abs(f - np.array(orders)[:, None] * spectra.rotor_hz) / width) ** (-5.0 / 3.0)
     amplitude = np.ones(len(orders))
-    for _ in range(4 * STEPS):  # multiplicative steps, which keep amplitudes positive
+    for _ in range(4 * AMPLITUDE_STEPS):  # multiplicative steps, which keep amplitudes positive
         S = 1.0 + amplitude @ shapes
         amplitude *= (shapes @ (ratio / S**2)) / (shapes @ (1.0 / S))
     return np.asarray(1.0 + amplitude @ shapes)
@@ -150,7 +149,7 @@ def _gains(f: Array, ratio: Array, grid: Array, damping: float, spectra: TurnedS
     near = np.abs(np.log(r)) < MEDIAN_SHARE
     shape = np.where(near, shape, 0.0)
     amplitude = np.ones(len(grid))
-    for _ in range(STEPS):
+    for _ in range(AMPLITUDE_STEPS):
         S = 1.0 + amplitude[:, None] * shape
         amplitude *= np.sum(shape * ratio / S**2, axis=1) / np.maximum(np.sum(shape / S, axis=1), 1e-300)
     S = 1.0 + amplitude[:, None] * shape

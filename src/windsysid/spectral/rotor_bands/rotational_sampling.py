@@ -27,14 +27,14 @@ from numpy.typing import NDArray
 from windsysid._types import Array
 from windsysid.loads.statistics import Statistic
 from windsysid.mechanics.model import Coordinate
-from windsysid.spectral.rotor.load_spectra import SERIES, STATIONS, SourceSpectra, coherence_table
+from windsysid.spectral.rotor.load_spectra import MAX_WIND_HARMONIC, STATIONS, SourceSpectra, coherence_table
 from windsysid.spectral.rotor_bands.channels import ABOUT_BLADES
 from windsysid.spectral.transforms.lifted import Complex
 
 __all__ = ["BandSource", "HumpLoads", "Wind", "blade_class", "hump_terms", "line_terms", "one_force", "wind_of"]
 
-TIP_OVER_WIND = 5.0
-"""Speed of the tip over that of the wind: any real turbine's is near enough for the shape of a flank."""
+TIP_SPEED_RATIO = 5.0
+"""Setting: tip-speed ratio; that of any real turbine gives nearly the same skirts."""
 
 
 class Wind(NamedTuple):
@@ -56,14 +56,14 @@ class Wind(NamedTuple):
     def flank(self, off: Array, order: int) -> Array:
         """g_n at distances δ [Hz] from the harmonic."""
         kappa = self.decay * np.hypot(off, 0.12 / self.memory)
-        shape = np.interp(np.log(kappa), self.grid, self.table[:, min(max(abs(order), 1), SERIES)])
+        shape = np.interp(np.log(kappa), self.grid, self.table[:, min(max(abs(order), 1), MAX_WIND_HARMONIC)])
         return np.asarray((1.0 + 6.0 * self.memory * np.abs(off)) ** (-5.0 / 3.0) * shape)
 
 
 def wind_of(hinge_offset: float, lever: float, rotor_hz: float) -> Wind:
     """The wind on a rotor whose loads act at `lever` [m] from links `hinge_offset` [m] from the hub."""
     tip = hinge_offset + 1.5 * lever
-    speed = 2.0 * math.pi * rotor_hz * tip / TIP_OVER_WIND
+    speed = 2.0 * math.pi * rotor_hz * tip / TIP_SPEED_RATIO
     radii = hinge_offset + (np.arange(STATIONS) + 0.5) / STATIONS * (tip - hinge_offset)
     weights = radii * (radii - hinge_offset)
     grid, table = coherence_table(tuple(radii.tolist()))

@@ -18,7 +18,7 @@ from windsysid.spectral.transforms.dft import taper_factor, transform
 __all__ = ["CrossSpectra", "FixedBlock", "PooledBins", "pool", "transform_block"]
 
 FIRST_BIN = 2
-"""Lowest bin in use: nearer to 0 the mean has been taken out."""
+"""Setting: lowest bin in use: the removal of the mean affects those below."""
 
 
 class FixedBlock(NamedTuple):

@@ -19,25 +19,18 @@ from numpy.typing import NDArray
 from windsysid._types import Array, Complex
 
 __all__ = [
-    "TAPERED",
-    "WINDOW_REACH",
-    "Band",
-    "band_data",
-    "plain_band",
-    "taper",
-    "taper_factor",
-    "transform",
+    "TAPERED", "WINDOW_REACH", "Band", "band_data", "plain_band", "taper", "taper_factor", "transform",
     "window_weights",
-]
+]  # fmt: skip
 
 TAPERED = 0.1
-"""Share of the record over which the taper rises and falls."""
+"""Setting: share of the record over which the taper rises and falls."""
 
 WINDOW_REACH = 24
-"""Bins to either side over which the taper's window is summed: what lies beyond is less than a hundredth of it."""
+"""Numerical: bins on either side over which the taper's window is summed: less than a hundredth of it lies beyond."""
 
 MAX_ROWS = 160
-"""Rows of a band's data: neighbouring bins are averaged where there would be more."""
+"""Setting: largest number of rows of a band's data; neighbouring bins are averaged if there are more."""
 
 
 class Band(NamedTuple):

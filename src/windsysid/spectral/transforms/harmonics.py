@@ -1,4 +1,4 @@
-"""Lines: what turns with the rotor, and what other machines add.
+"""Rotor harmonics and other sinusoids: detection and removal.
 
 A rotor's harmonics are taken out of the readings by least squares on its azimuth. Other lines are found by Thomson's F
 test (Proc. IEEE 1982, https://doi.org/10.1109/PROC.1982.12433): the same frequency and phase under several orthogonal
@@ -11,30 +11,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array, Complex
+from windsysid.spectral.transforms.limits import SINUSOID_FALSE_ALARM_PROBABILITY
 
 __all__ = ["find_lines", "steadiness", "without_harmonics", "without_line"]
 
-HARMONICS = 30
-"""Orders of the rotor that are taken out."""
+MAX_HARMONIC = 30
+"""Setting: highest rotor harmonic that is fitted and removed."""
 
 TAPERS, BANDWIDTH = 7, 4.0
-"""Number and half-width [bins] of the tapers of the F test."""
+"""Setting: number and half-width [bins] of the tapers of the F test."""
 
-FALSE_LINES = 1e-3
-"""Lines that the test may find by chance in a record without any."""
+MAX_STATISTIC_LOSS = 3.0
+"""Numerical: largest loss in F of a sinusoid between two frequencies of a transform."""
 
-MISSED = 3.0
-"""By how much a line between two frequencies of a transform may be seen less."""
-
-MOST_TRIED = 5
-"""Possible lines of a channel that are looked at closely."""
+MAX_REFINED = 5
+"""Setting: number of candidate sinusoids of a channel that are refined."""
 
 
 def without_harmonics(values: Array, azimuth: Array) -> Array:
     """Values (T, n) without their mean and what follows cos kψ, sin kψ of the azimuth ψ (T,) [rad]."""
     samples = len(values)
     step = np.max(np.abs(np.diff(np.unwrap(azimuth))))
-    orders = int(min(HARMONICS, 0.8 * np.pi / max(step, 1e-6), samples // 20))
+    orders = int(min(MAX_HARMONIC, 0.8 * np.pi / max(step, 1e-6), samples // 20))
     left = values - values.mean(axis=0)
     if orders < 1:
         return np.asarray(left)
@@ -54,12 +52,12 @@ def find_lines(values: Array, rate: float, low: float, high: float) -> list[floa
     frequency = np.arange(size // 2 + 1) * rate / size
     inside = (frequency > low) & (frequency < high)
     found: list[tuple[float, float]] = []
-    limit = float(fisher.isf(FALSE_LINES / max(1, samples // 2 * channels), 2, 2 * TAPERS - 2))
+    limit = float(fisher.isf(SINUSOID_FALSE_ALARM_PROBABILITY / max(1, samples // 2 * channels), 2, 2 * TAPERS - 2))
     for column in values.T:
         tapered = tapers * column
         ratio = _ratio(rfft(tapered, size, axis=1)[:, inside], sums)
-        peaks = np.flatnonzero((ratio > limit / MISSED) & (ratio == _largest_near(ratio)))
-        for i in peaks[np.argsort(ratio[peaks])[::-1][:MOST_TRIED]]:
+        peaks = np.flatnonzero((ratio > limit / MAX_STATISTIC_LOSS) & (ratio == _largest_near(ratio)))
+        for i in peaks[np.argsort(ratio[peaks])[::-1][:MAX_REFINED]]:
             near = frequency[inside][i] + rate / size * np.linspace(-0.5, 0.5, 9)  # a line between bins is seen less
             wave = np.exp(-2j * np.pi * np.outer(np.arange(samples) / rate, near))
             fine = _ratio(tapered @ wave, sums)

@@ -27,23 +27,20 @@ from numpy.typing import NDArray
 from windsysid._types import Array
 from windsysid.kernels.jit import compiled
 from windsysid.spectral.transforms.dft import taper, taper_factor
+from windsysid.spectral.transforms.harmonics import MAX_HARMONIC
 
 __all__ = ["FIRST_BIN", "Complex", "Lifted", "count_harmonics", "lift", "without_rotor_harmonics"]
 
 Complex = NDArray[np.complex128]
 
 FIRST_BIN = 2
-"""Lowest base bin in use: nearer to the lines nP their fit has taken out what is random too."""
-
-MOST_LINES = 30
-"""Highest harmonic of the rotor that is fitted."""
+"""Setting: lowest base bin in use: the fit of harmonics nP removes random power below."""
 
 NYQUIST_SHARE = 0.8
-"""Of half the sampling rate: no frequency above it is used, and no line."""
-
+"""Setting: highest frequency in use, harmonics included, over half the sampling rate."""
 
 LANES = 64
-"""Samples that are worked on side by side."""
+"""Numerical: samples that are processed in parallel."""
 
 
 class Lifted(NamedTuple):
@@ -108,7 +105,7 @@ class Lifted(NamedTuple):
 
 def count_harmonics(rotor_hz: float, rate: float) -> int:
     """The number of harmonics of the rotor that are fitted."""
-    return 0 if rotor_hz <= 0.0 else min(MOST_LINES, int(0.5 * NYQUIST_SHARE * rate / rotor_hz))
+    return 0 if rotor_hz <= 0.0 else min(MAX_HARMONIC, int(0.5 * NYQUIST_SHARE * rate / rotor_hz))
 
 
 def lift(readings: Array, azimuth: Array, rate: float, harmonics: int) -> Lifted:

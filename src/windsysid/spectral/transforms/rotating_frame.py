@@ -19,10 +19,10 @@ from windsysid.spectral.transforms.lifted import count_harmonics, without_rotor_
 __all__ = ["MAX_GROUPS", "TurnedBlock", "TurnedSpectra", "combine_groups", "turned_block", "turned_spectra"]
 
 MAX_GROUPS = 4
-"""Groups of blocks that are kept, so that the beginning can be compared with the end."""
+"""Setting: number of groups of blocks that are kept for a comparison of beginning and end."""
 
 HARMONICS = (0, 1, -1)
-"""Harmonics at which the support is read; blades are read at the first."""
+"""Setting: harmonics at which sensors of the support are analysed; those of blades at the first."""
 
 
 class TurnedSpectra(NamedTuple):

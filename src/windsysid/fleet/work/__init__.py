@@ -1,0 +1,1 @@
+"""Distribution of the records of a fleet over processes."""

@@ -1,0 +1,231 @@
+"""Decision limits of an identification: probabilities, odds and sizes that decide on models and findings.
+
+Settings of solvers and arithmetic stand beside their code. "Proven" means that intervals were validated.
+"""
+
+from windsysid.spectral.transforms.lifted import FIRST_BIN
+
+__all__ = [
+    "FAINT_LINE_POWER", "MARGINAL_LINE_FACTOR", "MAX_DISAGREEMENT_SIGMAS", "MAX_DRIFT_RATE", "MAX_EXTENSIONS",
+    "MAX_FORCE_SIGMAS", "MAX_INFLUENCE_SIGMAS", "MAX_JOINT_SIGMAS", "MAX_MISSING_SHARE", "MAX_NARROW_DAMPING_SHARE",
+    "MAX_NEIGHBOUR_FACTOR", "MAX_NEIGHBOUR_SHARE", "MAX_OUTLIER_SHARE", "MAX_PLANNED_SECONDS",
+    "MAX_RADIANS_PER_READING", "MAX_RADIANS_PER_SPECTRAL_READING", "MAX_RADIANS_PER_UNREFINED_STEP",
+    "MAX_RATE_MISMATCH", "MAX_RESONANCE_DOF", "MAX_RIVAL_LOG_ODDS", "MAX_SINE_SCATTER", "MAX_SINE_SHIFT_BINS",
+    "MAX_SPEED_VARIATION", "MAX_SPEED_VARIATION_IN_BANDS", "MAX_TOLERANCE_CHANGE", "MAX_YAW_CHANGE",
+    "MIN_AMPLITUDE_OVER_SCATTER", "MIN_BINS", "MIN_DRIFT_ANGLE", "MIN_DRIFT_LOG_ODDS", "MIN_DRIFT_WINDOWS",
+    "MIN_EFFECT_SIGMAS", "MIN_EXPECTED_SHIFT_SIGMAS", "MIN_F_OVER_POWER", "MIN_HARMONIC_F", "MIN_LINE_POWER",
+    "MIN_LOG_LIKELIHOOD_RISE", "MIN_LOG_ODDS", "MIN_LOG_STD_CHANGE", "MIN_NUISANCE_SHIFT_SIGMAS", "MIN_OUTLIER_POWER",
+    "MIN_PRIOR_PULL_SIGMAS", "MIN_RESONANCE_DOF", "MIN_SAMPLES_PER_PERIOD", "MIN_SHIFT_SIGMAS", "MIN_SINE_F",
+    "MIN_SLOW_FREQUENCIES", "MIN_SPIKE_MEDIANS", "MIN_STANDING_RESONANCE_DOF", "MIN_TREND_POWER", "MIN_TURNS",
+    "MIN_WHITENED_SAMPLES", "NEGLIGIBLE_SHARE", "NEGLIGIBLE_SHIFT_SIGMAS", "NEGLIGIBLE_SPEED_VARIATION",
+    "NEGLIGIBLE_SPEED_VARIATION_IN_BANDS", "OUTLIER_SIGMAS", "P_CANDIDATE", "P_EFFECT", "RESOLUTION_BINS",
+    "SINUSOID_DIGITS",
+]  # fmt: skip
+
+# Records
+
+MIN_SAMPLES_PER_PERIOD = 2.5
+"""Size: samples per period of the slowest mode below which nothing of it is left in a resampled record."""
+
+MAX_RADIANS_PER_READING = 2.5
+"""Size: longest time between readings, times the highest natural frequency [rad]: 2.5 readings for each period."""
+
+MAX_RADIANS_PER_UNREFINED_STEP = 0.6
+"""Size: the longest time between readings [rad] where the equations cannot take shorter steps than readings."""
+
+MAX_RADIANS_PER_SPECTRAL_READING = 1.3
+"""Size: the longest time between readings [rad] for spectra: motion above half the rate hardly reaches the modes."""
+
+MAX_RATE_MISMATCH = 0.01
+"""Size: relative difference between the sampling rates of two segments (rounded time stamps make less), or between the
+rotor's speed as a channel and as the slope of the azimuth."""
+
+MAX_MISSING_SHARE = 0.01
+"""Size: share of a channel that may be missing for spectra: straight lines bridge so little."""
+
+MAX_PLANNED_SECONDS = 10.0 * 365.25 * 86400.0
+"""Size: longest planned duration [s]; an accuracy that takes longer than ten years is called unreachable."""
+
+MIN_TURNS = 2 * FIRST_BIN + 1
+"""Size: turns of a rotor in a block: with fewer there is no bin between its harmonics."""
+
+MIN_BINS = 30
+"""Size: fewest bins of a spectrum that equations are fitted to."""
+
+MIN_WHITENED_SAMPLES = 500
+"""Size: samples with a reading below which smoothed loads are not tested."""
+
+NEGLIGIBLE_SPEED_VARIATION = 0.005
+"""Size: standard deviation of the rotor's speed over its mean, up to which spectra of a constant speed lose nothing."""
+
+MAX_SPEED_VARIATION = 0.02
+"""Size: standard deviation of the rotor's speed over its mean, beyond which spectra of a constant speed are refused."""
+
+NEGLIGIBLE_SPEED_VARIATION_IN_BANDS = 0.15
+"""Size: as `NEGLIGIBLE_SPEED_VARIATION`, of bands that follow the blades; source: ``python -m validation.auto``."""
+
+MAX_SPEED_VARIATION_IN_BANDS = 0.2
+"""Size: as `MAX_SPEED_VARIATION`, of bands that follow the blades; source: ``python -m validation.auto``."""
+
+MAX_YAW_CHANGE = 0.05
+"""Size: range of the yaw [rad] beyond which spectra, which know one yaw only, are not compared with filters."""
+
+NEGLIGIBLE_SHARE = 0.1
+"""Size: share of a quantity up to which a contribution to it is neglected: an offset of a sample's noise, loads of a
+motion's rms, another coordinate of a reading, the integration of a damping ratio. In squares it is 1 %."""
+
+# Outliers
+
+OUTLIER_SIGMAS = 5.0
+"""Probability: standard deviations beyond which an innovation is an outlier, or a mean a bias: 1 in 2 000 000."""
+
+MIN_OUTLIER_POWER = 0.02
+"""Size: share of a channel's mean squared innovation that outliers must add to be left out; fewer do no harm."""
+
+MAX_OUTLIER_SHARE = 0.05
+"""Size: share of a channel beyond which values are not outliers: then the model is wrong, and all are kept."""
+
+MIN_SPIKE_MEDIANS = 15.0
+"""Size: medians of a channel by which a spike differs from the mean of its neighbours: ten σ of normal values."""
+
+MAX_NEIGHBOUR_SHARE = 0.75
+"""Size: share of a spike's difference that its neighbours may have; beside a spike they have half of it."""
+
+# Effects
+
+MAX_EXTENSIONS = 8
+"""Size: effects that a record may have; each costs a search, and a record with more is not for these models."""
+
+P_EFFECT = 1e-3
+"""Probability: share of records without any of these effects in which one is included; each test has an equal share."""
+
+P_CANDIDATE = 0.01
+"""Probability: of a statistic with the fit's unknowns fixed, below which a candidate is tested with them."""
+
+MIN_SHIFT_SIGMAS = 0.2
+"""Size: shift of an estimate, in standard deviations, from which on an effect is included, and its size estimated
+again. An error of that size widens an interval by 2 %."""
+
+MIN_NUISANCE_SHIFT_SIGMAS = 1.0
+"""Size: as `MIN_SHIFT_SIGMAS`, for statistics of loads and for tolerances, which coefficients follow."""
+
+MIN_LOG_STD_CHANGE = 0.3
+"""Size: change of the logarithm of an effect's standard deviation from which on its size is estimated again."""
+
+MIN_EFFECT_SIGMAS = 4.0
+"""Probability: standard deviations from which on a clock drift or the amplitude of a force is taken as real; one
+amplitude of chance in 3000 is larger."""
+
+MIN_DRIFT_ANGLE = 0.07
+"""Size: angle [rad] of the fastest motion of a coordinate by which a clock drift over the record matters."""
+
+MAX_DRIFT_RATE = 3e-4
+"""Size: largest drift that a clock can have [s/s]."""
+
+MIN_DRIFT_WINDOWS = 6
+"""Size: windows of a record, and samples of a channel, below which no clock drift is looked for."""
+
+MIN_AMPLITUDE_OVER_SCATTER = 10.0
+"""Size: amplitude that repeats in every turn, over its scatter from window to window, for a clock drift."""
+
+MIN_SLOW_FREQUENCIES = 12
+"""Size: frequencies below which no random-walk bias is looked for."""
+
+MIN_DRIFT_LOG_ODDS = 12.0
+"""Log odds: rise of the log likelihood of slow readings of like sensors from which on they have random-walk biases."""
+
+MIN_TREND_POWER = 100.0
+"""Probability: power of the slowest terms over that of terms up to twice as fast, beyond which they are a trend;
+chance alone leaves 45 once in ten thousand."""
+
+# Sinusoids
+
+MIN_SINE_F = 20.0
+"""Probability: Thomson's F of a line that may be a sinusoid; chance exceeds it at one frequency in 6600."""
+
+MIN_HARMONIC_F = 14.0
+"""Probability: Thomson's F of innovations at nP from which on the rotor exerts a force; of two channels chance exceeds
+it in one record of 100, which costs a search."""
+
+MIN_F_OVER_POWER = 0.5
+"""Size: F over a line's relative power: nearly all sinusoids have more, most narrow-band loads less."""
+
+MIN_LINE_POWER = 9.0
+"""Probability: power over its surroundings from which on a frequency may be a line, or a line in another channel the
+same sinusoid; one in ten healthy records has it."""
+
+MARGINAL_LINE_FACTOR = 1.25
+"""Size: times its bound within which a line may be chance: it is no reason if nothing depends on it."""
+
+MAX_SINE_SCATTER = 8.4
+"""Probability: squared scatter of a sinusoid's amplitude and phase over segments, relative to chance: 1 in 100."""
+
+MAX_SINE_SHIFT_BINS = 0.3
+"""Size: difference of a sinusoid's frequency between channels, in frequencies of the periodogram."""
+
+FAINT_LINE_POWER = 25.0
+"""Size: power over its surroundings below which chance moves a sinusoid's frequency more, with the root of it."""
+
+RESOLUTION_BINS = 4.0
+"""Size: frequencies of the periodogram within which two sinusoids are not resolved; and half-widths of a narrow-band
+load, or frequencies, within which it may look like a line."""
+
+SINUSOID_DIGITS = 5.0
+"""Odds: decimal digits of the chance that a line of the periodogram is as steady as `find_sine` requires."""
+
+# Alternative explanations
+
+MAX_DISAGREEMENT_SIGMAS = 3.0
+"""Probability: standard deviations between two values of a coefficient, by filters and by spectra or under two
+explanations nearly as good, beyond which neither is trusted; two independent estimates exceed it once in 370, and these
+two share their readings."""
+
+MAX_INFLUENCE_SIGMAS = 2.5
+"""Size: standard deviations by which a coefficient may move without one frequency, or those beside a sinusoid."""
+
+NEGLIGIBLE_SHIFT_SIGMAS = 1.5
+"""Size: standard deviations up to which a coefficient may differ under another explanation without effect."""
+
+MIN_EXPECTED_SHIFT_SIGMAS = 0.25
+"""Size: standard deviations by which a coefficient differs under another explanation, times the odds of that."""
+
+MIN_LOG_ODDS = 2.5
+"""Log odds: of two explanations the better one, 12 to 1."""
+
+MAX_RIVAL_LOG_ODDS = 50.0
+"""Log odds: against a load model that is dropped after the first stages, which weigh the record with a fifth."""
+
+MAX_NARROW_DAMPING_SHARE = 0.5
+"""Size: share of the damping ratio of the mode beside it, below which a load may have passed for the mode."""
+
+MAX_TOLERANCE_CHANGE = 0.5
+"""Size: share of a gain or of a mass by which a search may have moved it where spectra check filters."""
+
+MAX_NEIGHBOUR_FACTOR = 1.6
+"""Size: factor between frequencies within which another coordinate's mode may look like a narrow-band load."""
+
+MIN_PRIOR_PULL_SIGMAS = 0.3
+"""Size: standard deviations of the prior from which on it may pull an estimate of damping."""
+
+MIN_LOG_LIKELIHOOD_RISE = 0.5
+"""Log odds: rise of the log likelihood beyond an estimate that conflicts with its prior: one σ by the data alone."""
+
+# Verdict
+
+MAX_FORCE_SIGMAS = 3.8
+"""Probability: standard deviations of chance of a force law of one coordinate. Of five, the ten and the four that are
+tested exceed this bound and `MAX_JOINT_SIGMAS` in one healthy record of 140 (docs/adversary.md)."""
+
+MAX_JOINT_SIGMAS = 3.2
+"""Probability: standard deviations of chance of a force law of like coordinates together, and of the correlation of two
+loads. Where sensors may be misaligned, the fit leaves a third of a correlation."""
+
+MAX_RESONANCE_DOF = 50.0
+"""Size: equivalent degrees of freedom within the narrowest resonance of a rotor under wind: bands grow narrower with
+the record, errors of the load model stay. ``python -m validation.spectral`` shows them for 36."""
+
+MIN_RESONANCE_DOF = 20.0
+"""Size: as `MAX_RESONANCE_DOF`, at least, of a turning rotor and of each block of one: not proven below."""
+
+MIN_STANDING_RESONANCE_DOF = 4.0
+"""Size: as `MIN_RESONANCE_DOF`, where nothing turns: intervals of a tower are up to 18 times too narrow at one."""

@@ -1,0 +1,1 @@
+"""Blocks of samples from senders: their bytes, their limits, and how many may wait."""

@@ -1,0 +1,1 @@
+"""Settings of a live service, and the sources that they describe."""

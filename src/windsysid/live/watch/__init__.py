@@ -1,0 +1,1 @@
+"""The watch over windows: levels, drifts and alarms."""

@@ -1,0 +1,209 @@
+"""Alarms of a watch: what changed, its cause (structure or sensor), its severity, and its end.
+
+Rules, in their order:
+
+- **Drift.** What is said of a jump holds for a slow drift, which is a jump from what the level was weeks or months ago
+  to what it is now. While it is open, its alarm is said anew where the drift became half as large again, or grave.
+- **Cause.** A jump of a sensor's noise is the sensor's. A jump of anything else is put down to a sensor first where a
+  noise jumped with it, where most results were trusted before and are not after, or where records have findings of
+  their channels since. Otherwise it is the structure.
+- **Severity.** ``alarm``: the structure lost, by the whole of its ±2σ band, at least `GRAVE_LOSS`. ``warning``: any
+  other jump. ``notice``: a jump that took back an earlier one.
+- **End.** An alarm ends when the level has come back: when its ±2σ band lies nearer to the level before than half of
+  the jump; or when it was measured again and there is none in its band. It opens at the threshold of the test and ends
+  at half of the jump, so that it does not flicker. Who has acknowledged it knows it; it lasts as long as the turbine is
+  not what it was.
+- **Nothing to watch.** Where no window could be taken in for `BLIND_WINDOWS` windows, a notice says why; it ends with
+  the first that is.
+"""
+
+import math
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from typing import Literal, NamedTuple
+
+from windsysid.fleet.rows import Row
+from windsysid.live.store.contents import Alarm, Severity
+from windsysid.live.watch.series_words import said_with_name
+from windsysid.live.watch.slow_drifts import Drifted
+from windsysid.live.watch.watched import Watched
+from windsysid.monitoring.levels.locating import Jump
+from windsysid.monitoring.watch import HEARD, SENSOR, SOUND, UNEXPLAINED, UNWATCHED, percent_of, tell
+from windsysid.results.posterior import SIGMAS
+
+__all__ = [
+    "BLIND_WINDOWS", "AlarmCase", "Circumstances", "blind_alarm", "came_back", "drift_alarm", "jump_alarm", "why_blind",
+]  # fmt: skip
+
+GRAVE_LOSS = {"k": 2.0, "f": 1.0, "c": 30.0}
+"""Loss from which a jump of the structure is an alarm [%]: of stiffness, frequency, damping."""
+
+BACK_MAX_SHARE = 0.5
+"""Share of a jump that may be left where it came back."""
+
+BLIND_WINDOWS = 36
+"""Windows without a block after which somebody is told: six hours of 10 minutes."""
+
+ADVICE = {
+    "structure": "compare the records before and after (windsysid compare) and have the turbine looked at",
+    "sensor": "look at sensor, cable and logger before the turbine",
+}
+
+
+class AlarmCase(NamedTuple):
+    """A jump and what was said of it.
+
+    Attributes
+    ----------
+    series
+        Its name.
+    jump
+        In filter coordinates, by blocks.
+    returns
+        Whether it takes back an earlier one.
+    alarm
+        As it was last said.
+    drift
+        Whether it is a slow drift: a jump from a reference to what was said last.
+    """
+
+    series: str
+    jump: Jump
+    returns: bool
+    alarm: Alarm
+    drift: bool = False
+
+
+class Circumstances(NamedTuple):
+    """What else happened about a jump.
+
+    Attributes
+    ----------
+    noisy
+        Sensors' noises that jumped with it.
+    hears
+        Whether any noise is watched.
+    lost_trust, lost_health
+        Whether results were trusted, or channels without findings, before it and not after.
+    changed
+        Whether the turbine's settings or the version of windsysid changed with it.
+    """
+
+    noisy: Sequence[str]
+    hears: bool
+    lost_trust: bool
+    lost_health: bool
+    changed: bool
+
+
+def jump_alarm(
+    turbine: str, watched: Watched, jump: Jump, when: tuple[int, int, int, int], about: Circumstances, *, returns: bool
+) -> Alarm:
+    """A jump as an alarm.
+
+    Parameters
+    ----------
+    when
+        The earliest and the latest window that it may lie before, and the window that found it: their starts; and the
+        end of the last [ns since 1970].
+    returns
+        Whether it takes back an earlier one.
+    """
+    earliest, latest, found, opened = when
+    kind, why = _cause(watched, about)
+    percent = percent_of(jump.size, jump.std, jump.before, watched.logarithmic)
+    between = date(earliest) if earliest == latest else f"{date(earliest)} … {date(latest)}"
+    told = tell(said_with_name(watched.name), percent, between, f"{date(opened)} UTC", why)
+    severity = "notice" if returns else _severity(watched.kind, kind, percent)
+    return Alarm(
+        f"{turbine}:{watched.name}:{found}", turbine, kind, severity, watched.name, opened, earliest, latest,
+        opened if returns else None, told + _advice(kind, about, returns=returns),
+    )  # fmt: skip
+
+
+def drift_alarm(
+    turbine: str, watched: Watched, drift: Drifted, when: tuple[int, int, int, int], about: Circumstances, *,
+    returns: bool, weather: bool,
+) -> Alarm:  # fmt: skip
+    """A slow drift as an alarm; parameters as of `jump_alarm`.
+
+    Parameters
+    ----------
+    weather
+        Whether the temperature is known, so that a season is taken out.
+    """
+    earliest, latest, found, opened = when
+    kind, why = _cause(watched, about)
+    jump = drift.jump
+    percent = percent_of(jump.size, jump.std, jump.before, watched.logarithmic)
+    verb = "rose" if percent[0] > 0.0 else "fell"
+    alone = percent_of(SIGMAS * drift.wander, 0.0, jump.before, watched.logarithmic)[0]
+    told = (
+        f"{said_with_name(watched.name)} {verb} slowly, by {abs(percent[0]):.3g} %"
+        f" ({percent[1]:+.3g} … {percent[2]:+.3g} %) from {date(earliest)} to {date(latest)}"
+    )
+    told += f", found on {date(opened)} UTC: its usual wander in such a time is {alone:.2g} % (2σ); {why}"
+    if not weather and watched.kind != "noise":
+        told += "; the temperature is not known here, and a season moves it as well"
+    severity = "notice" if returns else _severity(watched.kind, kind, percent)
+    return Alarm(
+        f"{turbine}:{watched.name}:drift:{found}", turbine, kind, severity, watched.name, opened, earliest, latest,
+        opened if returns else None, told + _advice(kind, about, returns=returns),
+    )  # fmt: skip
+
+
+def _advice(kind: Literal["structure", "sensor"], about: Circumstances, *, returns: bool) -> str:
+    text = f"; {'it takes back an earlier change' if returns else ADVICE[kind]}"
+    return f"{text}; settings or version changed with it: look at these first" if about.changed else text
+
+
+def _cause(watched: Watched, about: Circumstances) -> tuple[Literal["structure", "sensor"], str]:
+    if watched.kind == "noise":
+        return "sensor", HEARD
+    if about.noisy:
+        return "sensor", f"{SENSOR}: {' and '.join(map(said_with_name, about.noisy))} changed with it"
+    if about.lost_trust:
+        return "sensor", f"{SENSOR}: {UNEXPLAINED}"
+    if about.lost_health:
+        return "sensor", f"{SENSOR}: records have findings since"
+    return "structure", SOUND if about.hears else UNWATCHED
+
+
+def _severity(series: str, cause: str, percent: tuple[float, float, float]) -> Severity:
+    """`percent` is a change and its ±2σ band."""
+    grave = cause == "structure" and percent[2] <= -GRAVE_LOSS.get(series, math.inf)
+    return "alarm" if grave else "warning"
+
+
+def came_back(jump: Jump, level: float, std: float) -> bool:
+    """Whether a level with this standard deviation is again what it was before a jump, or the jump was none."""
+    none = abs(jump.size) <= SIGMAS * jump.std
+    return none or abs(level - jump.before) + SIGMAS * std <= BACK_MAX_SHARE * abs(jump.size)
+
+
+def takes_back(earlier: Jump, jump: Jump) -> bool:
+    """Whether a jump takes back an earlier one of the same series."""
+    rest = abs(earlier.size + jump.size)
+    return earlier.found < jump.found and earlier.size * jump.size < 0.0 and rest <= BACK_MAX_SHARE * abs(earlier.size)
+
+
+def blind_alarm(turbine: str, since: int, opened: int, ended: int | None, why: str) -> Alarm:
+    """Nothing could be taken in since a window began."""
+    text = f"nothing of {turbine} could be watched since {date(since)} UTC: {why}; jumps are found when it can again"
+    return Alarm(f"{turbine}::{since}", turbine, "data", "notice", "", opened, since, opened, ended, text)
+
+
+def why_blind(row: Row | None) -> str:
+    """Why a window could not be taken in; None is one that is missing."""
+    if row is None:
+        return "no window came"
+    if row["status"] != "ok":
+        return f"windows are {row['status']}: {' '.join(str(row['why']).split())[:120]}"
+    if row["state"] == "transient":
+        return "the rotor starts or stops in every window"
+    return f"windows of a turbine that is {row['state']} lack SCADA, or there were too few of them to learn from"
+
+
+def date(time: int) -> str:
+    """[ns since 1970] as a date and minutes, UTC."""
+    return datetime.fromtimestamp(time // 1_000_000_000, UTC).strftime("%Y-%m-%d %H:%M")

@@ -1,0 +1,1 @@
+"""Windows of a stream: from blocks to records, from records to rows."""

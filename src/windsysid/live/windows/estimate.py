@@ -1,0 +1,116 @@
+"""Estimation of a window's record, in a worker process or in this one.
+
+The row is the one that `windsysid batch` gives of a file with the same samples (`windsysid.fleet.rows.row_of`), bit for
+bit. A worker that dies is started again and the window tried again; one that hangs is ended. What cannot be estimated
+is a row that says why.
+"""
+
+import os
+import time
+from dataclasses import asdict
+from typing import NamedTuple, Protocol
+
+from windsysid.fleet.members import Member
+from windsysid.fleet.rows import Row, empty_row, failed_row
+from windsysid.fleet.work.guard import DEATHS, DeadWorkerError, HangingWorkerError, Worker
+from windsysid.fleet.work.worker import pack_samples, take_samples
+from windsysid.live.windows.timeline import Gathered
+from windsysid.results.serialization import finite
+
+__all__ = ["LIMIT_SECONDS", "Estimated", "Estimator", "Here", "InWorker", "estimators"]
+
+LIMIT_SECONDS = 600.0
+"""Time that a window may take before its worker counts as hanging."""
+
+
+class Estimated(NamedTuple):
+    """A window's row, and the processor time that it took [s]."""
+
+    row: Row
+    seconds: float
+
+
+class Estimator(Protocol):
+    """What takes windows, one after the other."""
+
+    def take(self, gathered: Gathered, source: str, member: Member, formulation: str, settings: str) -> Estimated:
+        """The row of a window, whatever happens."""
+
+    @property
+    def compiling(self) -> bool:
+        """Whether a turbine's equations are being compiled, which takes minutes on a machine that never did."""
+
+    def close(self) -> None:
+        """End what is under way: `take` raises `windsysid.fleet.work.guard.StoppedError`."""
+
+
+class Here:
+    """Windows taken in the caller's thread: for tests, and where a process is too much."""
+
+    compiling = False
+
+    def take(self, gathered: Gathered, source: str, member: Member, formulation: str, settings: str) -> Estimated:
+        """The row of a window, whatever happens."""
+        if gathered.record is None:
+            return Estimated(_too_short(source, settings), 0.0)
+        begun = time.thread_time()
+        request = pack_samples(gathered.record, gathered.rate)
+        row: Row = finite(take_samples(request, member, formulation, settings, lambda _: None))
+        return Estimated(row, time.thread_time() - begun)
+
+    def close(self) -> None:
+        """There is nothing to end."""
+
+
+class InWorker:
+    """Windows taken in a process of their own, which may hang or die.
+
+    Parameters
+    ----------
+    limit
+        Seconds that a window may take.
+    """
+
+    def __init__(self, limit: float = LIMIT_SECONDS) -> None:
+        self._worker = Worker(limit)
+
+    @property
+    def compiling(self) -> bool:
+        """Whether a turbine's equations are being compiled."""
+        return self._worker.compiling
+
+    def take(self, gathered: Gathered, source: str, member: Member, formulation: str, settings: str) -> Estimated:
+        """The row of a window, whatever happens."""
+        if gathered.record is None:
+            return Estimated(_too_short(source, settings), 0.0)
+        asked = {"member": asdict(member), "formulation": formulation, "settings": settings}
+        request = pack_samples(gathered.record, gathered.rate) | asked
+        why = ""
+        for _ in range(DEATHS):
+            try:
+                answer = self._worker.ask(request)
+                return Estimated(answer["row"], answer["seconds"])
+            except HangingWorkerError as error:
+                why = str(error)
+                break
+            except DeadWorkerError as error:
+                why = f"{error}, {DEATHS} times"
+        return Estimated(failed_row(source, gathered.record.values.nbytes, settings, why), 0.0)
+
+    def close(self) -> None:
+        """End the process, whatever it does."""
+        self._worker.close()
+
+
+def estimators(workers: int | None) -> list[Estimator]:
+    """One for each window that is taken at once: as many as processors by default, one in this process for 0."""
+    if workers == 0:
+        return [Here()]
+    if workers is None:
+        workers = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return [InWorker() for _ in range(workers)]
+
+
+def _too_short(source: str, settings: str) -> Row:
+    why = "the window holds fewer than 2 samples: expected a record"
+    return empty_row(source, 0, settings) | {"status": "refused", "why": why}

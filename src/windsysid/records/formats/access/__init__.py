@@ -1,0 +1,1 @@
+"""Access to files that may be damaged or large."""

@@ -1,0 +1,1 @@
+"""From a file's columns or series to the channels of a record."""

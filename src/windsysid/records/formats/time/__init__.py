@@ -1,0 +1,1 @@
+"""Time columns: units, clocks and series of several rates."""

@@ -1,0 +1,450 @@
+"""Figures: one function per picture, a Matplotlib `Figure` out, nothing shown and nothing saved.
+
+Blue is the estimate with its ±2σ band, dashed black the reference, grey what was measured, orange an error.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, MaxNLocator
+from numpy.typing import NDArray
+
+from windsysid._types import Array
+from windsysid.checks.verdict import PEAK_MAX_LEVEL
+from windsysid.errors import ConfigurationError
+from windsysid.records.record import Record
+from windsysid.reports.figures.canvas import canvas, label
+from windsysid.results.identification import Identification, coefficient_errors
+from windsysid.units import unit_text
+
+__all__ = [
+    "balance_error_comparison", "coefficient_histories", "envelope", "innovations", "plot_loads", "record_overview",
+    "response_comparison", "start_indifference", "symbol", "tidy", "whiteness",
+]  # fmt: skip
+
+
+ESTIMATE, BAND, REFERENCE, MEASURED, ERROR = "#1764ab", "#a9cbe8", "#111111", "#9a9a9a", "#d1661b"
+MOST_POINTS = 4000
+MAX_UNIT_CHARACTERS = 16
+"""Largest length of a unit in a figure; units of unknown quantities are texts from files."""
+GREEK = (
+    "alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta", "kappa", "lambda", "mu", "nu", "rho", "sigma",
+    "tau", "omega",
+)  # fmt: skip
+
+
+def symbol(name: str) -> str:
+    """A name as formulas have it, ``k_beta_1`` → k_β1, ``k_side_side`` → k side-side; words stay words."""
+    letter, *words = name.split("_")
+    plain = name.isascii() and name.isidentifier() and all((letter, *words))
+    if not plain or not _is_letter(letter):
+        return label(name.replace("_", " "))
+    if sum(not _is_letter(word) for word in words) > 1:
+        return f"${_escaped(letter)}$ {'-'.join(words)}"
+    of = " ".join(_escaped(word) if _is_letter(word) else rf"\mathrm{{{word}}}" for word in words)
+    return f"${_escaped(letter)}_{{{of}}}$" if of else f"${_escaped(letter)}$"
+
+
+def _is_letter(word: str) -> bool:
+    return len(word) == 1 or word in GREEK
+
+
+def _escaped(letter: str) -> str:
+    return rf"\{letter}" if letter in GREEK else letter
+
+
+def coefficient_histories(
+    identification: Identification, names: Sequence[str] | None = None, *, place: Axes | None = None
+) -> Figure:
+    """Estimate, ±2σ band and reference of each coefficient over the record, off the file by (Eq 24) below."""
+    names = list(names or [e.name for e in identification.estimates])
+    columns = min(4 if len(names) > 6 else 3, len(names))
+    rows = -(-len(names) // columns)
+    width, height, legend = 12.6 / columns, 3.3, 0.3
+    size = 12.6, rows * height + legend
+    figure = Figure(figsize=size) if place is None else canvas(size, place)
+    for i, name in enumerate(names):
+        known = identification[name].reference is not None
+        left, bottom = i % columns * width, (rows - 1 - i // columns) * height
+        axes = _panels(
+            figure, (left + 0.8, bottom + 0.46, left + width - 0.12, bottom + height - 0.2),
+            heights=[3, 1.4] if known else [1], apart=(0.0, 0.14), size=size,
+        )[:, 0]  # fmt: skip
+        _history(axes[0], identification, name)
+        if known:
+            _error(axes[1], identification, name)
+        axes[-1].set_xlabel("time [s]")
+    handles, labels = figure.axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="upper center", ncols=4, frameon=False, fontsize=9)
+    return figure
+
+
+def _panels(
+    figure: Figure, box: tuple[float, float, float, float], *,
+    heights: Sequence[float], widths: Sequence[float] = (1.0,), apart: tuple[float, float],
+    size: tuple[float, float] | None = None,
+) -> NDArray[Any]:  # fmt: skip
+    """Axes (rows, columns) over common times in a `box` (left, bottom, right, top), `apart` from each other across and
+    down, all in inches of a figure of some `size`, its own by default.
+
+    Matplotlib's constrained layout finds such margins by measuring every label, which takes longer than the drawing.
+    """
+    (left, bottom, right, top), (across, down) = box, apart
+    width, height = size or figure.get_size_inches()
+    grid = figure.add_gridspec(
+        len(heights), len(widths), height_ratios=heights, width_ratios=widths,
+        left=left / width, right=right / width, bottom=bottom / height, top=top / height,
+        wspace=across * len(widths) / (right - left - across * (len(widths) - 1)),
+        hspace=down * len(heights) / (top - bottom - down * (len(heights) - 1)),
+    )  # fmt: skip
+    axes: NDArray[Any] = grid.subplots(squeeze=False, sharex="col")
+    for ax in axes.flat:
+        ax.set_in_layout(False)  # somebody's figure may have a layout that would pile all boxes up
+        ax.ticklabel_format(axis="y", scilimits=(-3, 5))  # no label of more than six characters
+        ax.yaxis.get_offset_text().set(x=-0.015, horizontalalignment="right", fontsize=8)  # beside the name, not on it
+    for ax in axes[:, 0]:
+        ax.yaxis.set_label_coords(-0.56 / (ax.get_position().width * width), 0.5)
+    return axes
+
+
+def _name(ax: Axes, text: str) -> None:
+    """A channel's name over its axes."""
+    ax.set_title(label(text.replace("_", " ")), fontsize=9, loc="left", y=1.0, pad=2)
+
+
+def _history(ax: Axes, identification: Identification, name: str) -> None:
+    estimate = identification[name]
+    every = _thin(len(identification.time))
+    time = identification.time[every]
+    middle, low, high = (values[every] for values in identification.history(name))
+    ax.fill_between(time, low, high, color=BAND, lw=0, label="±2σ")
+    ax.plot(time, middle, color=ESTIMATE, lw=1.2, label="on-line estimate")
+    if estimate.reference is not None:
+        ax.axhline(estimate.reference, color=REFERENCE, ls="--", lw=1, label="reference")
+    ax.errorbar(
+        time[-1], estimate.estimate, yerr=[[estimate.estimate - estimate.low], [estimate.high - estimate.estimate]],
+        fmt="o", ms=4, color=REFERENCE, capsize=3, label="result ±2σ", clip_on=False, zorder=5,
+    )  # fmt: skip
+    late = slice(len(time) // 8, None)
+    bounds = (low[late].min(), high[late].max(), estimate.low, estimate.high, estimate.reference)
+    shown = [bound for bound in bounds if bound is not None and np.isfinite(bound)]
+    centre, half = 0.5 * (max(shown) + min(shown)), 0.5 * (max(shown) - min(shown))
+    ax.set_ylim(centre - 1.4 * half, centre + 1.4 * half)
+    ax.set_ylabel(symbol(name) + (f" [{unit_text(estimate.unit)}]" if estimate.unit else ""))
+    ax.yaxis.set_major_locator(MaxNLocator(5))
+    tidy(ax)
+
+
+def _error(ax: Axes, identification: Identification, name: str) -> None:
+    estimate = identification[name]
+    every = _thin(len(identification.time))
+    reference = estimate.reference or 1.0
+    errors = coefficient_errors(identification.history(name)[0], reference)
+    ax.semilogy(identification.time[every], np.maximum(errors[every], 1e-4), color=ERROR, lw=0.9)
+    ax.set_ylabel("off file [%]")
+    ax.yaxis.set_major_locator(LogLocator(numticks=4))
+    ax.minorticks_off()
+    mean = f"mean {float(f'{np.mean(errors):.2g}'):g} %"
+    ax.text(0.98, 0.92, mean, transform=ax.transAxes, ha="right", va="top", fontsize=8)
+    tidy(ax)
+
+
+def record_overview(record: Record, channels: Sequence[str], section: tuple[float, float] | None = None) -> Figure:
+    """Channels over time, the section that is used marked (the paper's Fig 3)."""
+    height = 1.5 * len(channels) + 0.8
+    figure = Figure(figsize=(10, height))
+    axes = _panels(figure, (0.8, 0.5, 9.9, height - 0.25), heights=[1.0] * len(channels), apart=(0.0, 0.3))[:, 0]
+    for ax, channel in zip(axes, channels, strict=True):
+        time, low, high = envelope(record.time, record[channel])
+        ax.fill_between(time, low, high, color=MEASURED, lw=0.4, edgecolor=MEASURED)
+        if section is not None:
+            ax.axvspan(*section, color=BAND, alpha=0.6, lw=0)
+        unit = record.units[record.channels.index(channel)]
+        _name(ax, channel)
+        ax.set_ylabel(f"[{label(unit_text(unit), MAX_UNIT_CHARACTERS)}]")
+        tidy(ax)
+    if section is not None:
+        axes[0].text(
+            np.mean(section), 1.02, "section used", transform=axes[0].get_xaxis_transform(), ha="center", fontsize=9
+        )
+    axes[-1].set_xlabel("time [s]")
+    axes[-1].set_xlim(record.time[0], record.time[-1])
+    return figure
+
+
+def response_comparison(
+    time: Array,
+    curves: Mapping[str, tuple[Array, Array]],
+    label: str,
+    units: tuple[str, str],
+    window: tuple[float, float],
+) -> Figure:
+    """Displacement and velocity of one degree of freedom: measured, reference and model (the paper's Figs 10–12).
+
+    `curves` maps ``measured``, ``reference`` and ``model`` to displacement and velocity (T,).
+    """
+    figure = Figure(figsize=(10, 4.6), layout="constrained")
+    styles = {
+        "measured": {"color": MEASURED, "lw": 3.2},
+        "model": {"color": ESTIMATE, "lw": 1.6},
+        "reference": {"color": REFERENCE, "lw": 1.1, "ls": (0, (4, 3))},
+    }
+    inside = (time >= window[0]) & (time <= window[1])
+    for ax, row, quantity, unit in zip(
+        figure.subplots(2, 1, sharex=True), (0, 1), ("displacement", "velocity"), units, strict=True
+    ):
+        for name, style in styles.items():
+            text = "model with identified coefficients" if name == "model" else name
+            ax.plot(time[inside], curves[name][row][inside], label=text, **style)
+        ax.set_ylabel(f"{label}\n{quantity} [{unit}]")
+        tidy(ax)
+    figure.axes[-1].set_xlabel("time [s]")
+    figure.axes[-1].set_xlim(*window)
+    figure.legend(
+        *figure.axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False, fontsize=9
+    )
+    return figure
+
+
+def start_indifference(
+    names: Sequence[str],
+    starts: Mapping[float, Sequence[Array]],
+    time: Array,
+    sections: Mapping[float, Mapping[str, tuple[float, float]]],
+) -> Figure:
+    """Left: relative estimates over time from priors 0.3 to 3 times off; right: results of sections from any start.
+
+    `starts` maps each factor to one relative history (T,) per name; `sections` maps each start [s] to the relative
+    estimate and its relative 2σ by name.
+    """
+    figure = Figure(figsize=(10, 2.1 * len(names) + 0.6), layout="constrained")
+    axes = figure.subplots(len(names), 2, sharex="col", squeeze=False, width_ratios=[1.3, 1])
+    colours = {factor: _ramp(i / max(1, len(starts) - 1)) for i, factor in enumerate(starts)}
+    every = np.unique(np.round(np.geomspace(1, len(time), 800)).astype(int)) - 1
+    for row, name in enumerate(names):
+        left, right = axes[row]
+        for factor, histories in starts.items():
+            left.semilogx(
+                time[every] - time[0] + time[1] - time[0],
+                histories[row][every],
+                color=colours[factor],
+                lw=1.1,
+                label=f"{factor:g} ×",
+            )
+        left.axhline(1.0, color=REFERENCE, ls="--", lw=1)
+        left.set_ylabel(f"{symbol(name)} / reference")
+        for start, estimates in sections.items():
+            value, half = estimates[name]
+            right.errorbar(start, value, yerr=half, fmt="o", ms=4, color=ESTIMATE, capsize=2)
+        right.axhline(1.0, color=REFERENCE, ls="--", lw=1)
+        right.ticklabel_format(axis="y", useOffset=False)
+        tidy(left)
+        tidy(right)
+    axes[-1, 0].set_xlabel("time since the start [s], logarithmic")
+    axes[-1, 1].set_xlabel("section starts at [s], 100 s long")
+    axes[0, 0].set_title("priors off by a factor", fontsize=10)
+    axes[0, 1].set_title("any starting point of the record, ±2σ", fontsize=10)
+    figure.legend(
+        *axes[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=len(starts), frameon=False, fontsize=8
+    )
+    return figure
+
+
+def balance_error_comparison(names: Sequence[str], ours: Array, published: Mapping[str, float]) -> Figure:
+    """Average errors over many seeds (S, n_names) [%], beside the published ones."""
+    figure = Figure(figsize=(8, 3.6), layout="constrained")
+    ax = figure.subplots()
+    for i, name in enumerate(names):
+        jitter = np.linspace(-0.16, 0.16, len(ours))
+        ax.semilogy(
+            i + jitter,
+            ours[:, i],
+            "o",
+            ms=3.5,
+            color=ESTIMATE,
+            alpha=0.7,
+            label="ours, one dot a seed" if i == 0 else None,
+        )
+        ax.plot(
+            [i - 0.25, i + 0.25],
+            [np.median(ours[:, i])] * 2,
+            color=ESTIMATE,
+            lw=2,
+            label="our median" if i == 0 else None,
+        )
+        if name in published:
+            ax.plot([i - 0.3, i + 0.3], [published[name]] * 2, color=ERROR, lw=2, label="published" if i == 0 else None)
+    ax.set_xticks(range(len(names)), [symbol(name) for name in names])
+    ax.set_ylabel("average error, Eq (24) [%]")
+    ax.legend(frameon=False, fontsize=8, ncols=3, loc="upper left", bbox_to_anchor=(0.0, 1.14))
+    tidy(ax)
+    return figure
+
+
+def innovations(identification: Identification) -> Figure:
+    """Draw each reading's whitened innovations over time, and their distribution against the normal one."""
+    m = len(identification.readings)
+    height = 1.4 * m + 0.8
+    figure = Figure(figsize=(10, height))
+    axes = _panels(figure, (0.8, 0.5, 9.9, height - 0.25), heights=[1.0] * m, widths=[3, 1], apart=(0.1, 0.28))
+    grid = np.linspace(-4.5, 4.5, 91)
+    normal = np.exp(-0.5 * grid**2) / np.sqrt(2.0 * np.pi)
+    for row, name in enumerate(identification.readings):
+        left, right = axes[row]
+        whitened = identification.whitened[:, row]
+        time, low, high = envelope(identification.innovation_time, whitened)
+        left.fill_between(time, low, high, color=MEASURED, lw=0.4, edgecolor=MEASURED)
+        for bound in (-2.0, 2.0):
+            left.axhline(bound, color=REFERENCE, ls="--", lw=0.8)
+        _name(left, name)
+        left.set_ylabel("[σ]")
+        known = whitened[np.isfinite(whitened)]
+        right.stairs(*np.histogram(np.clip(known, -4.5, 4.5), bins=grid[::2], density=True), fill=True, color=BAND)
+        right.plot(grid, normal, color=REFERENCE, lw=1, ls="--")
+        right.set_yticks([])
+        tidy(left)
+        tidy(right)
+    axes[-1, 0].set_xlabel("time [s]")
+    axes[-1, 1].set_xlabel("[σ], dashed: as it should be")
+    return figure
+
+
+def whiteness(identification: Identification) -> Figure | None:
+    """Draw autocorrelation and spectrum of whitened innovations against white noise; mark harmonics and modes."""
+    diagnosis = identification.diagnosis
+    if diagnosis.whiteness is None:
+        return None
+    w, m = diagnosis.whiteness, len(diagnosis.whiteness.channels)
+    height = 1.9 * m + 0.9
+    figure = Figure(figsize=(10, height))
+    axes = _panels(figure, (0.55, 0.5, 9.9, height - 0.5), heights=[1.0] * m, widths=[1, 1.6], apart=(0.5, 0.32))
+    for row, check in enumerate(w.channels):
+        left, right = axes[row]
+        left.axhspan(-w.autocorrelation_bound, w.autocorrelation_bound, color=BAND, lw=0)
+        left.vlines(w.lags, 0.0, w.autocorrelation[:, row], color=ESTIMATE, lw=1.0)
+        left.axhline(0.0, color=REFERENCE, lw=0.6)
+        reached = float(np.nanmax(np.abs(w.autocorrelation[:, row]), initial=0.0))
+        left.set_ylim(*(np.array([-1.2, 1.2]) * max(reached, 2.0 * w.autocorrelation_bound)))
+        _name(left, check.name)
+        tidy(left)
+        if np.isfinite(w.spectrum[:, row]).any():
+            _spectrum(right, identification, row)
+    axes[-1, 0].set_xlabel("lag [s]; blue: 95 % of white noise")
+    axes[-1, 1].set_xlabel("frequency [Hz]; dotted: modes, dashed: as it should be")
+    axes[0, 0].text(0.0, 1.18, "autocorrelation", transform=axes[0, 0].transAxes, fontsize=9, va="bottom")
+    axes[0, 1].text(0.0, 1.18, "spectrum", transform=axes[0, 1].transAxes, fontsize=9, va="bottom")
+    return figure
+
+
+def _spectrum(ax: Axes, identification: Identification, row: int) -> None:
+    """The spectrum of one channel's whitened innovations: blue where a peak matters, orange above what condemns it."""
+    diagnosis = identification.diagnosis
+    assert diagnosis.whiteness is not None
+    w, (low, high) = diagnosis.whiteness, diagnosis.reach
+    level = w.spectrum[:, row]
+    ax.axvspan(low, min(high, w.frequency[-1]), color=BAND, alpha=0.35, lw=0)
+    ax.loglog(w.frequency, level, color=ESTIMATE, lw=0.9)
+    bound = max(PEAK_MAX_LEVEL, w.spectrum_bound)
+    wrong = (level > bound) & (w.frequency > low) & (w.frequency < high)
+    ax.plot(np.where(wrong, w.frequency, np.nan), np.where(wrong, level, np.nan), "o", color=ERROR, ms=3.5)
+    ax.axhline(1.0, color=REFERENCE, ls="--", lw=0.8)
+    ax.axhline(bound, color=ERROR, lw=0.8)
+    for mode in identification.modes:
+        ax.axvline(mode.frequency_hz[0], color=REFERENCE, ls=":", lw=0.8)
+    for order in sorted({1, diagnosis.blades, 2 * diagnosis.blades} - {0}) if diagnosis.rotor_hz else ():
+        at = order * diagnosis.rotor_hz
+        if w.frequency[0] <= at <= w.frequency[-1]:
+            ax.axvline(at, color=MEASURED, lw=0.9)
+            ax.text(
+                at,
+                1.0,
+                f"{order}P",
+                transform=ax.get_xaxis_transform(),
+                fontsize=7,
+                color="#555555",
+                ha="center",
+                va="bottom",
+            )
+    ax.set_ylim(min(0.1, max(0.01, 0.8 * np.nanmin(level))), max(10.0, 2.0 * bound, 1.5 * np.nanmax(level)))
+    ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    ax.xaxis.set_major_formatter("{x:g}")
+    ax.minorticks_off()
+    ax.set_xlim(w.frequency[0], w.frequency[-1])
+    tidy(ax)
+
+
+def plot_loads(identification: Identification, window: float | None = None) -> Figure:
+    """The loads that were states, with ±2σ: the whole record, and the middle `window` seconds of it; eight turns of the
+    rotor by default.
+
+    Raises
+    ------
+    ConfigurationError
+        If no load was a state.
+    """
+    loads, time, machine = identification.loads, identification.innovation_time, identification.machine
+    if loads is None or not loads.names:
+        raise ConfigurationError(
+            "no load was a state here: expected a result of the joint formulation without measured loads"
+        )
+    turning = identification.diagnosis.rotor_hz
+    width = window or (8.0 / turning if turning > 0.0 else 0.1 * (time[-1] - time[0]))
+    centre = 0.5 * (time[0] + time[-1])
+    inside = np.abs(time - centre) <= 0.5 * width
+    height = 1.5 * len(loads.names) + 0.9
+    figure = Figure(figsize=(10, height))
+    axes = _panels(
+        figure, (0.8, 0.5, 9.9, height - 0.35), heights=[1.0] * len(loads.names), widths=[3, 2], apart=(0.65, 0.3)
+    )
+    for (left, right), name, mean, std in zip(axes, loads.names, loads.mean.T, loads.std.T, strict=True):
+        start, low, high = envelope(time, mean)
+        left.fill_between(start, low, high, color=MEASURED, lw=0.4, edgecolor=MEASURED)
+        left.axvspan(centre - 0.5 * width, centre + 0.5 * width, color=BAND, alpha=0.6, lw=0)
+        right.fill_between(
+            time[inside], (mean - 2.0 * std)[inside], (mean + 2.0 * std)[inside], color=BAND, lw=0, label="±2σ"
+        )
+        right.plot(time[inside], mean[inside], color=ESTIMATE, lw=1.0, label="estimate")
+        _name(left, name)
+        if machine is not None:
+            left.set_ylabel(f"[{unit_text(machine.model.freedom(name).load_unit)}]")
+        tidy(left)
+        tidy(right)
+    axes[0, 1].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, fontsize=8)
+    for ax in axes[-1]:
+        ax.set_xlabel("time [s]")
+    axes[-1, 0].set_xlim(time[0], time[-1])
+    axes[-1, 1].set_xlim(centre - 0.5 * width, centre + 0.5 * width)
+    return figure
+
+
+def tidy(ax: Axes) -> None:
+    """House style of an axes: no box, a faint grid, small ticks."""
+    ax.spines[["top", "right"]].set_visible(False)
+    ax.grid(alpha=0.25, lw=0.6)
+    ax.tick_params(labelsize=8)
+
+
+def _thin(samples: int) -> slice:
+    """Every so many samples that a figure stays light."""
+    return slice(None, None, max(1, samples // MOST_POINTS))
+
+
+def envelope(time: Array, values: Array) -> tuple[Array, Array, Array]:
+    """Least and greatest value in each of some thousand stretches, so that no spike is lost to thinning."""
+    size = max(1, len(values) // MOST_POINTS)
+    stretches = len(values) // size
+    cut = values[: stretches * size].reshape(stretches, size)
+    empty = ~np.isfinite(cut).any(axis=1)
+    low = np.where(empty, np.nan, np.nanmin(np.where(np.isfinite(cut), cut, np.inf), axis=1))
+    high = np.where(empty, np.nan, np.nanmax(np.where(np.isfinite(cut), cut, -np.inf), axis=1))
+    return time[: stretches * size : size], low, high
+
+
+def _ramp(fraction: float) -> tuple[float, float, float]:
+    """A colour between blue and orange."""
+    low, high = np.array([23, 100, 171]) / 255.0, np.array([209, 102, 27]) / 255.0
+    red, green, blue = low + fraction * (high - low)
+    return float(red), float(green), float(blue)

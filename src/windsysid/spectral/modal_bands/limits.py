@@ -1,0 +1,77 @@
+"""Limits of the modes of a band; those without a source were set on simulated records."""
+
+__all__ = [
+    "HARMONIC_HALF_WIDTHS", "IMAGE_FALSE_ALARM_PROBABILITY", "LINE_HALF_WIDTHS", "LOAD_FALSE_ALARM_PROBABILITY",
+    "MAX_CHANNEL_SIGMAS", "MAX_DAMPING", "MAX_HALVES_SIGMAS", "MAX_LOAD_SHIFT_SIGMAS", "MAX_LOG_DAMPING_STD",
+    "MAX_MISFIT_SIGMAS", "MAX_QUARTERS_CHI_SQUARE", "MAX_QUARTER_ENERGY", "MAX_QUARTER_SIGMAS",
+    "MAX_RELIABLE_LOG_DAMPING_STD", "MAX_SHAPE_STD", "MAX_SINGLE_QUARTER_ENERGY", "MIN_BAND_BINS",
+    "MIN_BORDER_PROMINENCE", "MIN_CLEAR_PROMINENCE", "MIN_DOUBLE_LOG_ODDS", "MIN_ENVELOPE_VARIANCE",
+    "MIN_ENVELOPE_VARIANCE_PER_ROOT", "MIN_HALF_WIDTH_BINS", "MIN_MODE_CYCLES", "MIN_MOTION_FREEDOM", "MIN_PROMINENCE",
+    "MIN_RISE_SIGMAS", "MIN_STRUCTURE_DAMPING", "MIN_VALLEY_SIGMAS",
+]  # fmt: skip
+
+MAX_MISFIT_SIGMAS = 5.0
+"""Size in standard deviations: difference of the spectrum from the model in an eighth of a band."""
+
+MAX_HALVES_SIGMAS = 3.5
+"""Size in standard deviations: difference of a frequency or damping ratio between the halves of a record."""
+
+MAX_QUARTERS_CHI_SQUARE = 21.1
+"""Probability: 1e-4, as χ² of the frequencies of the quarters about their mean with three degrees of freedom."""
+
+MIN_STRUCTURE_DAMPING = 0.001
+"""Size: damping ratio of a structure; if the whole interval is below, a machine is more likely."""
+
+LINE_HALF_WIDTHS, HARMONIC_HALF_WIDTHS = 0.3, 1.0
+"""Size: distance in half-widths ζ f below which a sinusoid, or a rotor harmonic with its skirts, disturbs a mode."""
+
+MIN_BAND_BINS = 8
+"""Size: number of frequency bins, sinusoids apart, of a band that is fitted: of a whole record, a half or a quarter."""
+
+MAX_CHANNEL_SIGMAS = 2.0
+"""Size in standard deviations: difference between a mode's frequency in all channels and in the component along its
+shape."""
+
+MAX_LOAD_SHIFT_SIGMAS = 1.0
+"""Size in standard deviations: shift of a mode against the fit in which every mode has a load of its own."""
+
+MAX_LOG_DAMPING_STD, MAX_RELIABLE_LOG_DAMPING_STD = 1.2, 0.6
+"""Size: standard deviation of ln ζ beyond which it is that of the prior, and beyond which a record is too short."""
+
+MIN_MODE_CYCLES = 40
+"""Size: cycles of a mode in the record."""
+
+MIN_PROMINENCE, MIN_BORDER_PROMINENCE, MIN_CLEAR_PROMINENCE = 2.0, 7.0, 5.0
+"""Size: power of a mode at its natural frequency over the background. Below the first, or at the border of a band the
+second, it represents the background, as no power law fits the skirts of several modes; below the third it may."""
+
+MIN_ENVELOPE_VARIANCE, MIN_ENVELOPE_VARIANCE_PER_ROOT = 0.35, 0.06
+"""Probability: 0.01 for a mode under white noise. Variance of the squared amplitude over its squared mean: 1 under a
+random load, 0 for a sinusoid; the limit is the first, or the second times √(2π ζ f T) if smaller."""
+
+MAX_QUARTER_SIGMAS, MAX_QUARTER_ENERGY, MAX_SINGLE_QUARTER_ENERGY = 4.5, 2.6, 3.6
+"""Size: energy of a quarter of the record in standard deviations from the mean, and over the mean: both make a
+transient; the last one, over the mean, does alone."""
+
+MIN_HALF_WIDTH_BINS = 0.4
+"""Size: half-width ζ f of a mode in bins; a narrower one cannot be distinguished from a sinusoid."""
+
+MAX_SHAPE_STD = 0.15
+"""Size: root mean square of a shape's standard deviations beyond which the shape is uncertain."""
+
+LOAD_FALSE_ALARM_PROBABILITY, IMAGE_FALSE_ALARM_PROBABILITY = 1e-4, 1e-6
+"""Probability: significance levels of the score test for correlated loads of a mode, and of the line in the product of
+the motions of two modes."""
+
+MIN_MOTION_FREEDOM = 8.0
+"""Size: equivalent degrees of freedom of a motion; with fewer, two modes may be equal by chance."""
+
+MAX_DAMPING = 0.2
+"""Size: damping ratio beyond which a mode is background."""
+
+MIN_DOUBLE_LOG_ODDS = 6.0
+"""Log odds times two: evidence for one mode more, strong from 6 (Kass & Raftery, J. Am. Stat. Assoc. 90, 1995)."""
+
+MIN_RISE_SIGMAS, MIN_VALLEY_SIGMAS = 4.5, 3.5
+"""Size in standard deviations: height of a peak above the background in the averaged log spectrum, and its fall on
+either side."""

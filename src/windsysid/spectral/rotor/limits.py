@@ -1,0 +1,27 @@
+"""Limits of lifted spectra; those without a source were set on simulated records."""
+
+__all__ = [
+    "HALVES_FALSE_ALARM_PROBABILITY", "MAX_HALVES_RATIO", "MAX_HARMONICS", "MAX_MEAN_SIGMAS", "MAX_MEAN_SQUARE",
+    "MIN_BAND_BINS", "MIN_BINS", "MIN_MEAN_SQUARE", "MIN_TURNS",
+]  # fmt: skip
+
+MIN_BINS, MIN_TURNS = 3, 24
+"""Size: number of pools of bins, and turns of the rotor that the message states if there are fewer."""
+
+MAX_HARMONICS = 10
+"""Size: highest harmonic K; if the rotor turns more slowly relative to its modes, matrices are too large."""
+
+MIN_BAND_BINS = 12
+"""Size: mean number of bins of a band around a mode of a parked machine."""
+
+MAX_MEAN_SIGMAS = 4.5
+"""Size in standard deviations: difference of a mean square from 1; beyond it one in 150 000 is by chance."""
+
+MAX_MEAN_SQUARE, MIN_MEAN_SQUARE = 1.5, 0.6
+"""Size: mean squares of which only those beyond are a reason; at 1.5 intervals are √1.5 too narrow."""
+
+MAX_HALVES_RATIO = 3.0
+"""Size: ratio of the energies of a record's halves."""
+
+HALVES_FALSE_ALARM_PROBABILITY = 1e-4
+"""Probability: significance level of the F test of that ratio."""

@@ -1,0 +1,35 @@
+"""Limits of a turning rotor's spectra in narrow bands; those without a source were set on simulated records."""
+
+__all__ = [
+    "DISAGREEMENT_PROBABILITY", "MAX_LIGHT_DAMPING", "MAX_RIVAL_LOG_ODDS", "MIN_BAND_BINS", "MIN_BLADES_FREEDOM",
+    "MIN_ENERGY_FREEDOM", "MIN_FREQUENCY_SLOPE", "MIN_PEAK_LOG_ODDS", "MIN_RIVAL_DISTANCE", "MIN_SUPPORT_FREEDOM",
+]  # fmt: skip
+
+MIN_BAND_BINS = 6
+"""Size: number of bins of a band."""
+
+MAX_LIGHT_DAMPING = 0.01
+"""Size: damping ratio below which a rotor is analysed in bands: resonances are so narrow compared with the prior that a
+search that does not start at their peaks converges elsewhere."""
+
+DISAGREEMENT_PROBABILITY = 1e-3
+"""Probability: of a larger difference between two estimates by chance."""
+
+MIN_BLADES_FREEDOM, MIN_SUPPORT_FREEDOM = 6.0, 0.7
+"""Size: equivalent degrees of freedom within the narrowest resonance (``python -m validation.field_spectral``): in
+windows of 120 s of OpenFAST's records, where the blades have 3, their whirl modes err by 2.5 times their intervals."""
+
+MIN_ENERGY_FREEDOM = 4.0
+"""Size: lower bound of the equivalent degrees of freedom of an energy; a resonance as narrow as a bin has few."""
+
+MIN_FREQUENCY_SLOPE = 0.03
+"""Size: d ln f / d ln k of a spring from which on a mode locates it."""
+
+MIN_PEAK_LOG_ODDS = 8.0
+"""Log odds: gain in log-likelihood of a peak; below it the peak is too weak."""
+
+MAX_RIVAL_LOG_ODDS = 3.0
+"""Log odds: difference from the best score within which another peak makes the choice ambiguous."""
+
+MIN_RIVAL_DISTANCE = 0.04
+"""Size: relative distance in frequency of such a peak from the best one."""

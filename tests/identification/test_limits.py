@@ -1,0 +1,39 @@
+"""Decision limits of an identification against the chance that their docstrings state."""
+
+import ast
+import math
+from pathlib import Path
+
+import pytest
+from scipy.stats import f, norm, rayleigh
+from validation.structure import KINDS, SETTINGS, limits_of
+
+import windsysid.identification
+from windsysid.identification import limits
+from windsysid.identification.effects.sinusoid import ORDERS
+
+ROOM = Path(windsysid.identification.__file__).parent
+SINE = f(2, 12)
+"""Thomson's F of seven tapers under chance."""
+
+
+@pytest.mark.parametrize(
+    ("chance", "one_in"),
+    [
+        (2.0 * norm.sf(limits.OUTLIER_SIGMAS), 2e6),
+        (2.0 * norm.sf(limits.MAX_DISAGREEMENT_SIGMAS), 370),
+        (rayleigh.sf(limits.MIN_EFFECT_SIGMAS), 3000),
+        (SINE.sf(limits.MIN_SINE_F), 6600),
+        (2 * ORDERS * SINE.sf(limits.MIN_HARMONIC_F), 100),
+        (math.exp(-limits.MIN_LOG_ODDS), 12),
+    ],
+)
+def test_chance_exceeds_a_limit_as_rarely_as_it_states(chance: float, one_in: float):
+    assert 1.0 / chance == pytest.approx(one_in, rel=0.15)
+
+
+def test_decisions_have_their_limits_in_one_module_and_settings_stand_beside_their_code():
+    for path in ROOM.rglob("*.py"):
+        kinds = KINDS if path == ROOM / "limits.py" else SETTINGS
+        for name, kind in limits_of(ast.parse(path.read_text(encoding="utf-8"))):
+            assert kind in kinds, f"{path}: {name}"
