@@ -258,17 +258,18 @@ _DOUBTS = (
     ),
     Mutant(
         "a prior far from its estimate", "estimate/prior_conflict.py",
-        "if abs(off) > CONFLICT_SIGMAS:", "if off > CONFLICT_SIGMAS:",
+        "if abs(off) > MAX_PRIOR_SHIFT_SIGMAS:", "if off > MAX_PRIOR_SHIFT_SIGMAS:",
         "an estimate far below its prior is no doubt",
     ),
     Mutant(
         "number of names of halves", "checks/constancy.py",
-        "halves[i] >= CHANCE / len(names)", "halves[i] >= CHANCE",
+        "halves[i] >= FALSE_ALARM_PROBABILITY / len(names)", "halves[i] >= FALSE_ALARM_PROBABILITY",
         "many coefficients condemn a healthy record more often than few",
     ),
     Mutant(
         "number of names of parts", "checks/constancy.py",
-        "scattered[j] >= CHANCE_OF_SCATTER / len(names)", "scattered[j] >= CHANCE_OF_SCATTER",
+        "scattered[j] >= SCATTER_FALSE_ALARM_PROBABILITY / len(names)",
+        "scattered[j] >= SCATTER_FALSE_ALARM_PROBABILITY",
         "parts of a healthy record condemn it more often where it has many coefficients",
     ),
     Mutant(
@@ -293,7 +294,7 @@ _DOUBTS = (
     ),
     Mutant(
         "blades that pass beside a mode", "checks/blade_passing.py",
-        "> width + BEYOND * step", "> 10.0 * width + BEYOND * step",
+        "> width + BLADE_PASSING_MARGIN_BINS * step", "> 10.0 * width + BLADE_PASSING_MARGIN_BINS * step",
         "blades that pass far from a mode are said to pass on it",
     ),
     Mutant(
@@ -595,22 +596,22 @@ _FLEET_AND_MODES = (
     ),
     Mutant(
         "rows that are copied", "continuity.py",
-        "np.add.at(mask, again + PASSAGE, -1)", "np.add.at(mask, again + 1, -1)",
+        "np.add.at(mask, again + MIN_COPIED_ROWS, -1)", "np.add.at(mask, again + 1, -1)",
         "of a copied passage only its beginning is seen",
     ),
     Mutant(
         "copies of a channel upside down", "continuity.py",
-        "1.0 - alike[i, j] ** 2 < COPY", "1.0 - alike[i, j] < COPY",
+        "1.0 - alike[i, j] ** 2 < MAX_COPY_RESIDUAL", "1.0 - alike[i, j] < MAX_COPY_RESIDUAL",
         "a channel of the other sign is no copy",
     ),
     Mutant(
         "breaks at odd places", "continuity.py",
-        "max(FEWEST_SEAMS, SHARE_IN_STEP * rows.size)", "FEWEST_SEAMS",
+        "max(MIN_SEAMS, MIN_SEAM_SHARE * rows.size)", "MIN_SEAMS",
         "blows are said to be lost samples",
     ),
     Mutant(
         "a converter that ran over", "continuity.py",
-        "* far.size) or np.mean((place > 0.25) & (place < 0.75)) < 0.2:", "* far.size):",
+        "far.size) or between < 0.2:", "far.size):",
         "a switch between two values is an overrun",
     ),
     Mutant(
@@ -620,7 +621,7 @@ _FLEET_AND_MODES = (
     ),
     Mutant(
         "vibration that fades", "silence.py",
-        "not (_is_back(before, usual) and _is_back(after, usual))", "not _is_back(before, usual)",
+        "_is_back(before, usual) and _is_back(after, usual)", "_is_back(before, usual)",
         "a decay is a silent channel",
     ),
     Mutant(
@@ -630,7 +631,7 @@ _FLEET_AND_MODES = (
     ),
     Mutant(
         "where a section after a stop ends", "stops.py",
-        "min(end, float(time[entry]) + MAX_SECTION_SECONDS)", "float(time[entry]) + MAX_SECTION_SECONDS",
+        "min(end, float(time[entry]) + MAX_STOP_SECONDS)", "float(time[entry]) + MAX_STOP_SECONDS",
         "a section after a stop goes on when the rotor turns again",
     ),
     Mutant(
@@ -640,7 +641,7 @@ _FLEET_AND_MODES = (
     ),
     Mutant(
         "an offset that is allowed for", "screening.py",
-        "> _OFFSET_SIGMAS * offset", "> 0.0 * offset",
+        "> MAX_OFFSET_SIGMAS * offset", "> 0.0 * offset",
         "a sensor whose offset is known is refused",
     ),
     Mutant(

@@ -58,7 +58,7 @@ class SearchLimits(NamedTuple):
         Decrement below which a search that cannot decrease J any more has converged: rounding or differences hide the
         rest.
     damping
-        At the start; with 0, for a search that begins near the mode, a step is damped only after one was refused.
+        At the start; with 0, for a search that begins near the mode, a step that was refused is halved, not damped.
     refused_damping
         Least damping after a step that was refused: 1 about halves the next, less turns it a little.
     """
@@ -176,7 +176,7 @@ def find_mode(
     search = _Search(start, evaluate(start) if first is None else first, limits)
     while search.goes_on:
         step = search.evaluation.step(search.damping)
-        step = step / max(1.0, float(np.max(np.abs(step) / max_step)))
+        step = search.share * step / max(1.0, float(np.max(np.abs(step) / max_step)))
         if not np.isfinite(step).all():
             raise np.linalg.LinAlgError("the gradient or the information is not finite")
         decrement, point = search.evaluation.decrement(step), move(search.point, step)
@@ -206,7 +206,7 @@ class _Search(Generic[Point, Evaluated]):
 
     def __init__(self, point: Point, evaluation: Evaluated, limits: SearchLimits) -> None:
         self.point, self.evaluation, self.limits = point, evaluation, limits
-        self.damping, self.refusals, self.steps, self.small = limits.damping, 0, 0, 0
+        self.damping, self.refusals, self.steps, self.small, self.share = limits.damping, 0, 0, 0, 1.0
         self.decrement = self.before = 0.0
         self.converged = self.stopped = False
 
@@ -216,7 +216,7 @@ class _Search(Generic[Point, Evaluated]):
 
     def may_stop_unseen(self, decrement: float) -> bool:
         """Whether an undamped step of this decrement is the last, without an evaluation behind it."""
-        if self.damping > self.limits.damping:
+        if self.damping > self.limits.damping or self.share < 1.0:
             return False
         return decrement < self.limits.unseen or decrement**2 < self.limits.unseen_remainder * self.before
 
@@ -225,7 +225,7 @@ class _Search(Generic[Point, Evaluated]):
         reaches."""
         self.point, self.evaluation = point, trial
         self.decrement = self.before = decrement
-        self.refusals = 0
+        self.refusals, self.share = 0, 1.0
         ratio = 2.0 * decrease / max(decrement, 1e-300)
         self.damping *= max(MIN_DAMPING_FACTOR, 1.0 - (2.0 * ratio - 1.0) ** 3)
         if not self.limits.damping:
@@ -240,7 +240,10 @@ class _Search(Generic[Point, Evaluated]):
         self.refusals += 1
         if self.refusals == 1:
             self.decrement = decrement  # of the least damped step from here
-        self.damping = max(2.0**self.refusals * self.damping, self.limits.refused_damping)
+        if self.limits.damping:
+            self.damping = max(2.0**self.refusals * self.damping, self.limits.refused_damping)
+        else:
+            self.share *= 0.5
         self.stopped = self.refusals > self.limits.max_refusals or decrement < self.limits.tolerance
         self.converged = self.stopped and self.decrement < max(self.limits.tolerance, self.limits.stalled)
 

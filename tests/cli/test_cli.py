@@ -107,7 +107,7 @@ def test_a_bad_record_is_refused_in_one_line(run, record, tmp_path, results, edi
         ("rubbish.nc", bytes(range(256)) * 9, "is not netCDF-4"),
         ("rubbish.out", bytes(range(256)) * 9, "is binary, not text"),
         ("rubbish.outb", bytes(range(255, -1, -1)) * 9, "is not OpenFAST binary output"),
-        ("cut.nc", b"\x89HDF\r\n\x1a\n" + bytes(200), "damaged, cut off"),
+        ("cut.nc", b"\x89HDF\r\n\x1a\n" + bytes(200), "damaged or cut off"),
         ("sheet.xlsx", b"PK\x03\x04", "unknown ending '.xlsx'"),
     ],
 )

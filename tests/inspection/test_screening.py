@@ -14,8 +14,9 @@ from windsysid.errors import RecordError
 from windsysid.fleet.rows import empty_row, row_of
 from windsysid.identification.condition.readings import screened, usable_sensors
 from windsysid.identification.streaming.identify_pieces import identify_pieces
-from windsysid.inspection import clock, screening
+from windsysid.inspection import screening
 from windsysid.inspection.fault import Fault
+from windsysid.inspection.faults import clock
 from windsysid.inspection.screening import noted, screen
 from windsysid.records.record import Record
 from windsysid.simulation.record import simulate_record

@@ -36,7 +36,7 @@ def test_every_kind_has_a_text_that_can_be_read(kind: str, severity: Any):
 
 def test_every_fault_that_is_made_is_in_the_table():
     made = set()
-    for path in (Path(windsysid.__file__).parent / "inspection").glob("*.py"):
+    for path in (Path(windsysid.__file__).parent / "inspection").rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Call) and getattr(node.func, "id", "") in ("Fault", "_unit") and len(node.args) > 1:
                 kind = node.args[1]

@@ -5,8 +5,9 @@ import pytest
 from scipy.signal import lfilter
 
 from windsysid.inspection.channels import kinds
+from windsysid.inspection.limits import FALSE_ALARM_PROBABILITY
 from windsysid.inspection.sections import Proposal, propose_longest
-from windsysid.inspection.stationarity import FALSE_ALARM_PROBABILITY, vibration_of
+from windsysid.inspection.stationarity import vibration_of
 from windsysid.records.record import Record
 
 RATE = 10.0

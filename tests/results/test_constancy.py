@@ -8,8 +8,6 @@ from scipy.special import gammainccinv, ndtri
 
 from windsysid._types import Array
 from windsysid.checks.constancy import (
-    CHANCE,
-    CHANCE_OF_SCATTER,
     Constancy,
     Part,
     chances,
@@ -19,6 +17,7 @@ from windsysid.checks.constancy import (
     join_parts,
     judge_constancy,
 )
+from windsysid.checks.limits import FALSE_ALARM_PROBABILITY, SCATTER_FALSE_ALARM_PROBABILITY
 from windsysid.results.finding import Finding
 
 SLOPES = np.array([1.0, 0.3, 2.0])
@@ -113,7 +112,7 @@ def test_the_chance_of_a_false_doubt_is_shared_by_all_parameters(
     doubt: Callable[..., list[Finding]], names: tuple[str]
 ):
     """Bonferroni: of n parameters each may be condemned by the n-th part of the chance."""
-    chance = {doubt_halves: CHANCE, doubt_scatter: CHANCE_OF_SCATTER}[doubt]
+    chance = {doubt_halves: FALSE_ALARM_PROBABILITY, doubt_scatter: SCATTER_FALSE_ALARM_PROBABILITY}[doubt]
     n, freedom = len(names), 9.0
 
     def as_rare_as(p: float) -> Constancy:

@@ -75,6 +75,7 @@ PROGRAMS = sorted({one.program for one in CITED} | runnable())
 QUICK: dict[str, str] = {
     "validation.auto": '--only spectral --runs 1 --kinds "tower, random loads, 120 s"',
     "validation.damping": "--stop {tmp}/stop.nc",
+    "validation.effects": "--first 1 --runs 1 --machines tower --only bias --sizes 0.4",
     "validation.endurance": "--hours 0.02",
     "validation.formats": "--files 1 --only CSV",
     "validation.frames": "--storeys 2 --runs 1 --seconds 60",

@@ -14,21 +14,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from validation.adversary.scenarios import SCENARIOS, record
-from windsysid.checks.constancy import CHANCE, CHANCE_OF_SCATTER, Constancy, chances, judge_constancy
+from windsysid.checks.constancy import Constancy, chances, judge_constancy
+from windsysid.checks.limits import (
+    FALSE_ALARM_PROBABILITY,
+    MAX_CHANCE_SIGMAS,
+    MAX_CHANNEL_LEVEL_FACTOR,
+    MAX_CROSS_CORRELATION,
+    MAX_KURTOSIS,
+    MAX_LEVEL_FACTOR,
+    MAX_LEVEL_VARIATION,
+    MAX_NEAR_MODE_LEVEL,
+    MAX_PEAK_LEVEL,
+    SCATTER_FALSE_ALARM_PROBABILITY,
+)
 from windsysid.checks.lines import find_line
 from windsysid.checks.nonlinearity import find_bent
 from windsysid.checks.stationarity import how_late
-from windsysid.checks.verdict import (
-    CHANNEL_MAX_FACTOR,
-    MAX_SIGMAS,
-    NEAR_MAX_LEVEL,
-    PEAK_MAX_LEVEL,
-    SHARED_MAX,
-    SIZE_MAX_FACTOR,
-    TAILS_MAX,
-    UNSTEADY_MAX,
-)
-from windsysid.checks.whiteness import FALSE_ALARM_CHANCE, examine
+from windsysid.checks.whiteness import examine
 from windsysid.filters import EKF
 from windsysid.identification.condition.readings import resample_for_model
 from windsysid.identification.estimate.clock_lag import PASSED
@@ -54,25 +56,25 @@ SHARE = 1.0 / 500.0
 """Of healthy records that one test may condemn."""
 
 LIMITS = {
-    "size of all, ln": math.log(SIZE_MAX_FACTOR),
-    "size of a channel, ln": math.log(CHANNEL_MAX_FACTOR),
-    "level over time": UNSTEADY_MAX,
-    "level over time, σ": MAX_SIGMAS,
-    "tails": TAILS_MAX,
-    "tails, σ": MAX_SIGMAS,
-    "shared by two channels": SHARED_MAX,
-    "shared by two channels, σ": MAX_SIGMAS,
-    "blades late, σ": MAX_SIGMAS,
-    "peak": PEAK_MAX_LEVEL,
+    "size of all, ln": math.log(MAX_LEVEL_FACTOR),
+    "size of a channel, ln": math.log(MAX_CHANNEL_LEVEL_FACTOR),
+    "level over time": MAX_LEVEL_VARIATION,
+    "level over time, σ": MAX_CHANCE_SIGMAS,
+    "tails": MAX_KURTOSIS,
+    "tails, σ": MAX_CHANCE_SIGMAS,
+    "shared by two channels": MAX_CROSS_CORRELATION,
+    "shared by two channels, σ": MAX_CHANCE_SIGMAS,
+    "blades late, σ": MAX_CHANCE_SIGMAS,
+    "peak": MAX_PEAK_LEVEL,
     "peak, over its bound": 1.0,
-    "around a mode": NEAR_MAX_LEVEL,
+    "around a mode": MAX_NEAR_MODE_LEVEL,
     "line in innovations, over its bound": 1.0,
     "line in readings, over its bound": 1.0,
     "cubes, over their bound": 1.0,
     "level over frequency, over its bounds": 1.0,
     "bending with amplitude, over its bound": 1.0,
-    "halves of the record, −lg chance": -math.log10(CHANCE),
-    "scatter of its parts, −lg chance": -math.log10(CHANCE_OF_SCATTER),
+    "halves of the record, −lg chance": -math.log10(FALSE_ALARM_PROBABILITY),
+    "scatter of its parts, −lg chance": -math.log10(SCATTER_FALSE_ALARM_PROBABILITY),
 }
 """What is judged."""
 
@@ -106,7 +108,7 @@ def measure(name: str, seed: int) -> list[float]:
     n = len(frequencies)
     bent = find_bent(
         z, info.mean[::steps, :n], info.mean[::steps, n : 2 * n], channels=model.readings,
-        coordinates=turbine.model.coordinates, chance=FALSE_ALARM_CHANCE,
+        coordinates=turbine.model.coordinates, chance=FALSE_ALARM_PROBABILITY,
     )  # fmt: skip
     count = len(problem.parameters)
     return [

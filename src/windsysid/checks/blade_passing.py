@@ -13,27 +13,20 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.checks.lines import (
-    LINE_CHANCE,
-    LINE_REACH,
-    NARROWEST,
-    PARABOLA_LOSS,
-    SURROUNDINGS,
-    line_bound,
-    stand_out_of_a_bend,
+from windsysid.checks.limits import (
+    BLADE_PASSING_MARGIN_BINS,
+    LINE_FALSE_ALARM_PROBABILITY,
+    LINE_NEAR_MODE_FACTOR,
+    MIN_RESONANCE_WIDTH_BINS,
+    UNMODELLED_BLADE_PASSING_FACTOR,
 )
+from windsysid.checks.lines import PARABOLA_LOSS, SURROUNDINGS, line_bound, stand_out_of_a_bend
 from windsysid.results.finding import Finding
 
 __all__ = ["Passing", "find_passing"]
 
-UNMODELLED_FACTOR = 1.2
-"""Factor about a natural frequency within which a load of the blades that is not modelled biases the mode."""
-
-BEYOND = 2.0
-"""Frequencies 1/T of a record beyond a mode's half-width ζf within which the line is in it."""
-
-SMOOTHED = 20.0
-"""Seconds over which the rotor's speed is told: an azimuth has noise of its own."""
+SPEED_AVERAGE_SECONDS = 20.0
+"""Setting: time over which the rotor speed is averaged [s], since an azimuth has noise of its own."""
 
 
 class Passing(NamedTuple):
@@ -63,7 +56,7 @@ class Passing(NamedTuple):
         if self.unmodelled:
             return Finding("blade_passing_near_mode", "reason", data | {"coordinate": self.unmodelled})
         off = abs(self.frequency - self.natural)
-        if off <= (LINE_REACH - 1.0) * self.natural:
+        if off <= (LINE_NEAR_MODE_FACTOR - 1.0) * self.natural:
             return Finding("blade_passing_on_mode", "reason", data)
         if off <= self.half_width:
             return Finding("blade_passing_in_mode", "reason", data | {"damping": self.half_width / self.natural})
@@ -90,7 +83,7 @@ def find_passing(
         return _find_steady(modes, blades, *readings)
     passing = blades * rotor_hz
     for name, natural, damping in modes:
-        if passing and natural / UNMODELLED_FACTOR < passing < natural * UNMODELLED_FACTOR:
+        if passing and natural / UNMODELLED_BLADE_PASSING_FACTOR < passing < natural * UNMODELLED_BLADE_PASSING_FACTOR:
             return Passing(passing, natural, damping * natural, 0.0, name)
     return None
 
@@ -101,14 +94,14 @@ def _find_steady(
     """The first mode with a steady line of the passing blades."""
     step, cycle = rate / len(values), 0.5 * blades / np.pi
     passing = cycle * abs(float(azimuth[-1] - azimuth[0])) / ((len(azimuth) - 1) / rate)
-    hop = max(1, min(round(SMOOTHED * rate), len(azimuth) // 2))
+    hop = max(1, min(round(SPEED_AVERAGE_SECONDS * rate), len(azimuth) // 2))
     scatter = cycle * float(np.std(azimuth[hop:] - azimuth[:-hop])) * rate / hop
     for _, natural, damping in modes:
         width = damping * natural
-        if abs(passing - natural) > width + BEYOND * step or scatter > width:
+        if abs(passing - natural) > width + BLADE_PASSING_MARGIN_BINS * step or scatter > width:
             continue
-        if width < NARROWEST * step or _stands_out(values, blades * azimuth):
-            return Passing(passing, natural, width, BEYOND * step)
+        if width < MIN_RESONANCE_WIDTH_BINS * step or _stands_out(values, blades * azimuth):
+            return Passing(passing, natural, width, BLADE_PASSING_MARGIN_BINS * step)
     return None
 
 
@@ -118,4 +111,4 @@ def _stands_out(values: Array, phase: Array) -> bool:
     power = np.abs(np.fft.fft((window * np.exp(-1j * phase))[:, None] * (values - values.mean(axis=0)), axis=0)) ** 2
     around = np.concatenate([power[-SURROUNDINGS:], power[: SURROUNDINGS + 1]])
     ratio = stand_out_of_a_bend(around, np.array([SURROUNDINGS]), SURROUNDINGS)
-    return bool(ratio.max() > line_bound(values.shape[1], SURROUNDINGS, LINE_CHANCE, PARABOLA_LOSS))
+    return bool(ratio.max() > line_bound(values.shape[1], SURROUNDINGS, LINE_FALSE_ALARM_PROBABILITY, PARABOLA_LOSS))

@@ -19,20 +19,18 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.checks.limits import MAX_LEVEL_DEPARTURE
 
 __all__ = ["Colour", "smooth_colour"]
 
-STEP = math.sqrt(2.0)
-"""Half an octave."""
+HALF_OCTAVE = math.sqrt(2.0)
+"""Setting: ratio of the limits of a frequency range."""
 
-FEWEST = 2
-"""Frequencies of the spectrum in one; narrower ones are joined with the next."""
+MIN_RANGE_BINS = 2
+"""Setting: smallest number of frequency bins in a range; narrower ones are joined with the next."""
 
-MAX_SIZE = 0.05
-"""Departure of the level, beyond chance, that is large; healthy fits have 0.04."""
-
-NEIGHBOURS = ((1, 4.0 / 9.0), (2, 1.0 / 36.0))
-"""Correlation of powers so many frequencies apart, by Hann's window."""
+HANN_CORRELATIONS = ((1, 4.0 / 9.0), (2, 1.0 / 36.0))
+"""Numerical: correlation of the powers of bins so many apart, for Hann's window."""
 
 
 class Colour(NamedTuple):
@@ -63,7 +61,7 @@ class Colour(NamedTuple):
     @property
     def ratio(self) -> float:
         """The least of Σ x², of the slope and of the size over their bounds: beyond 1 a result is not to be trusted."""
-        return min(self.statistic / self.bound, self.slope / self.slope_bound, self.size / MAX_SIZE)
+        return min(self.statistic / self.bound, self.slope / self.slope_bound, self.size / MAX_LEVEL_DEPARTURE)
 
 
 def smooth_colour(
@@ -78,13 +76,13 @@ def smooth_colour(
     levels: list[float] = []
     freedoms: list[float] = []
     while len(inside):
-        count = max(int(np.searchsorted(frequency[inside], frequency[inside[0]] * STEP)), FEWEST)
+        count = max(int(np.searchsorted(frequency[inside], frequency[inside[0]] * HALF_OCTAVE)), MIN_RANGE_BINS)
         own, inside = inside[:count], inside[count:]
         values = spectrum[own]
         seen = np.isfinite(values)
-        if len(own) < FEWEST or not seen.any():
+        if len(own) < MIN_RANGE_BINS or not seen.any():
             continue
-        alike = 1.0 + 2.0 * sum(share * max(1.0 - lag / len(own), 0.0) for lag, share in NEIGHBOURS)
+        alike = 1.0 + 2.0 * sum(share * max(1.0 - lag / len(own), 0.0) for lag, share in HANN_CORRELATIONS)
         places.append(float(np.sqrt(frequency[own[0]] * frequency[own[-1]])))
         levels.append(float(values[seen].mean()))
         freedoms.append(freedom * float(seen.sum()) / alike)

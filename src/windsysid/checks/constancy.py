@@ -21,11 +21,10 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.checks.limits import FALSE_ALARM_PROBABILITY, MIN_INFORMED_SHARE, SCATTER_FALSE_ALARM_PROBABILITY
 from windsysid.results.finding import Finding
 
 __all__ = [
-    "CHANCE",
-    "CHANCE_OF_SCATTER",
     "Constancy",
     "Part",
     "chances",
@@ -37,18 +36,11 @@ __all__ = [
     "sum_of",
 ]
 
-PARTS, FEWEST_PARTS = 10, 4
-"""Parts whose scatter is asked, and fewer than which say nothing of it."""
+MAX_SEGMENTS, MIN_SEGMENTS = 10, 4
+"""Setting: number of segments of a record whose scatter is tested, and the smallest number that has a scatter."""
 
-HELD = 64
-"""Parts from which on neighbours are taken together: a long record needs no more memory."""
-
-INFORMED = 0.1
-"""Share of an unknown's prior variance that the record has to take away, for its parts to say something of it."""
-
-CHANCE, CHANCE_OF_SCATTER = 1e-3, 4e-5
-"""Share of true records that halves and scatter may condemn, were what parts say normal. Its tails are longer: the
-second is where one healthy record in 500 lies (`python -m validation.adversary.calibrate`)."""
+MAX_STORED_SEGMENTS = 64
+"""Setting: number of segments from which on neighbours are joined, so that memory is bounded."""
 
 
 class Part(NamedTuple):
@@ -90,9 +82,9 @@ class Constancy(NamedTuple):
 
 
 def join_parts(parts: Sequence[Part]) -> tuple[Part, ...]:
-    """The same in at most `HELD` parts."""
+    """The same in at most `MAX_STORED_SEGMENTS` parts."""
     found = tuple(parts)
-    while len(found) > HELD:
+    while len(found) > MAX_STORED_SEGMENTS:
         pairs = [one.plus(other) for one, other in zip(found[::2], found[1::2], strict=False)]
         found = (*pairs, *found[2 * len(pairs) :])
     return found
@@ -120,7 +112,7 @@ def judge_constancy(parts: Sequence[Part], prior_cov: Array, step: Array) -> Con
     """
     n = len(step)
     C = np.linalg.inv(sum_of(parts, n).fisher + np.linalg.inv(prior_cov))
-    informed = np.diag(C) < (1.0 - INFORMED) * np.diag(prior_cov)
+    informed = np.diag(C) < (1.0 - MIN_INFORMED_SHARE) * np.diag(prior_cov)
     apart, scatter, freedom = np.zeros(n), np.ones(n), np.zeros(n)
 
     if len(parts) > 1:
@@ -130,8 +122,8 @@ def judge_constancy(parts: Sequence[Part], prior_cov: Array, step: Array) -> Con
         own = np.diag(C @ (both.fisher - more @ C @ more) @ C)
         asked = informed & (own > 0.0)
         apart[asked] = (C @ pull)[asked] / np.sqrt(own[asked])
-    if len(parts) >= FEWEST_PARTS:
-        some = _grouped(parts, min(PARTS, len(parts)))
+    if len(parts) >= MIN_SEGMENTS:
+        some = _grouped(parts, min(MAX_SEGMENTS, len(parts)))
         by = np.array([C @ (part.gradient - part.fisher @ step) for part in some])
         known = np.array([np.diag(C @ (part.fisher - part.fisher @ C @ part.fisher) @ C) for part in some])
         total = known.sum(axis=0)
@@ -173,7 +165,7 @@ def doubt_halves(names: Sequence[str], found: Constancy | None) -> list[Finding]
         return []
     halves = chances(found, len(names))[0]
     i = int(np.argmin(halves))
-    if halves[i] >= CHANCE / len(names):
+    if halves[i] >= FALSE_ALARM_PROBABILITY / len(names):
         return []
     return [Finding("halves_disagree", "reason", {"sigmas": found.apart[i]}, (names[i],))]
 
@@ -184,6 +176,6 @@ def doubt_scatter(names: Sequence[str], found: Constancy | None) -> list[Finding
         return []
     scattered = chances(found, len(names))[1]
     j = int(np.argmin(scattered))
-    if scattered[j] >= CHANCE_OF_SCATTER / len(names):
+    if scattered[j] >= SCATTER_FALSE_ALARM_PROBABILITY / len(names):
         return []
     return [Finding("segments_scatter", "reason", {"ratio": np.sqrt(found.scatter[j])}, (names[j],))]

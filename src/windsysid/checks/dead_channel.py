@@ -14,34 +14,26 @@ from collections.abc import Sequence
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.checks.limits import (
+    HARMONIC_HALF_WIDTH_BINS,
+    HARMONIC_HALF_WIDTH_SHARE,
+    MAX_MISSING_SHARE,
+    MIN_LONG_RECORD_BINS,
+    MIN_VIBRATION_BINS,
+    NOISE_VIBRATION_PROBABILITY,
+    SHORT_NOISE_VIBRATION_PROBABILITY,
+)
 
-__all__ = ["CHANCE", "find_still", "is_constant"]
+__all__ = ["find_still", "is_constant"]
 
 MAX_CONSTANT_SPREAD = 1e-12
-"""Spread of a constant channel over its greatest value: rounding of a unit's conversion."""
+"""Numerical: range of a constant channel over its largest value, from rounding in the conversion of its unit."""
 
-CHANCE, CHANCE_OF_FEW = 1e-3, 0.1
-"""Share of channels of noise in which something seems to vibrate, and the same of records that are short or end just
-above the highest mode, whose resonances stand out little from a power law."""
+FREQUENCY_RANGE_FACTOR = 2.0
+"""Setting: factor below the lowest and above the highest natural frequency to which vibration is searched."""
 
-FEW = 200
-"""Frequencies below which a record is short."""
-
-REACH = 2.0
-"""Factor below the lowest and above the highest natural frequency between which vibration is looked for."""
-
-LEAST = 40
-"""Frequencies below which a channel is not judged."""
-
-WIDEST = 2
-"""Share of all frequencies, one in so many, that the widest window holds."""
-
-TURNING_SHARE, TURNING_WIDTH = 0.02, 3.0
-"""Share of a frequency nP to either side, and frequencies of the periodogram, within which what turns with the rotor
-stands out."""
-
-MOST_MISSING = 0.05
-"""Share of a channel beyond which it is not judged."""
+WIDEST_WINDOW_DIVISOR = 2
+"""Setting: number of frequency bins over that of the widest window."""
 
 
 def is_constant(values: Array) -> bool:
@@ -61,18 +53,19 @@ def find_still(
     window = np.hanning(len(readings))[:, None]
     power = np.abs(np.fft.rfft(np.where(missing, 0.0, readings - mean) * window, axis=0)) ** 2
     f = np.asarray(np.fft.rfftfreq(len(readings), 1.0 / rate), dtype=np.float64)
-    highest = min(REACH * max(frequencies), 0.45 * rate)
-    there = (f > min(frequencies) / REACH) & (f < highest)
+    highest = min(FREQUENCY_RANGE_FACTOR * max(frequencies), 0.45 * rate)
+    there = (f > min(frequencies) / FREQUENCY_RANGE_FACTOR) & (f < highest)
     if rotor_hz > 0.0:
         away = np.abs(f - rotor_hz * np.maximum(np.round(f / rotor_hz), 1.0))
-        there &= away > np.maximum(TURNING_SHARE * f, TURNING_WIDTH * rate / len(readings))
-    if there.sum() < LEAST:
+        there &= away > np.maximum(HARMONIC_HALF_WIDTH_SHARE * f, HARMONIC_HALF_WIDTH_BINS * rate / len(readings))
+    if there.sum() < MIN_VIBRATION_BINS:
         return ()
-    clear = there.sum() >= FEW and highest == REACH * max(frequencies)
-    judged = (missing.mean(axis=0) <= MOST_MISSING) & (power[there].max(axis=0) > 0.0)
+    clear = there.sum() >= MIN_LONG_RECORD_BINS and highest == FREQUENCY_RANGE_FACTOR * max(frequencies)
+    chance = NOISE_VIBRATION_PROBABILITY if clear else SHORT_NOISE_VIBRATION_PROBABILITY
+    judged = (missing.mean(axis=0) <= MAX_MISSING_SHARE) & (power[there].max(axis=0) > 0.0)
     return tuple(
         channel for channel, one, look in zip(channels, power[there].T, judged, strict=True)
-        if look and not _stands_out(_levelled(f[there], one), CHANCE if clear else CHANCE_OF_FEW)
+        if look and not _stands_out(_levelled(f[there], one), chance)
     )  # fmt: skip
 
 
@@ -89,7 +82,7 @@ def _stands_out(power: Array, chance: float) -> bool:
     n, total = len(power), float(power.sum())
     sums = np.concatenate([[0.0], np.cumsum(power)])
     width, tried, least = 1, 0, 1.0
-    while width <= n // WIDEST:
+    while width <= n // WIDEST_WINDOW_DIVISOR:
         inside = sums[width:] - sums[:-width]
         ratio = float(inside.max()) / width / ((total - float(inside.max())) / (n - width))
         least = min(least, float(fdtrc(2.0 * _shape(width), 2.0 * _shape(n - width), ratio)))

@@ -11,11 +11,11 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.checks.limits import MAX_PRIOR_SHIFT_SIGMAS
 from windsysid.results.finding import Finding
 from windsysid.statespace.parameter import Parameter
 
 __all__ = [
-    "CONFLICT_SIGMAS",
     "Band",
     "CoefficientCheck",
     "conflict",
@@ -26,9 +26,6 @@ __all__ = [
 
 Band = tuple[float, float, float]
 """Value, and ±2σ around it: low, high."""
-
-CONFLICT_SIGMAS = 4.0
-"""Standard deviations between estimate and prior beyond which one of the two is wrong: one in 16 000."""
 
 
 class CoefficientCheck(NamedTuple):
@@ -48,7 +45,7 @@ def hold_against_priors(parameters: Sequence[Parameter], theta: Array, cov: Arra
 
 def doubt_priors(checks: Sequence[CoefficientCheck]) -> list[Finding]:
     """A reason for each estimate that contradicts its prior."""
-    return [conflict(check.name, check.shift) for check in checks if abs(check.shift) > CONFLICT_SIGMAS]
+    return [conflict(check.name, check.shift) for check in checks if abs(check.shift) > MAX_PRIOR_SHIFT_SIGMAS]
 
 
 def conflict(name: str, shift: float) -> Finding:

@@ -18,25 +18,21 @@ from fractions import Fraction
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.checks.limits import MAX_NEGLIGIBLE_ENTRY, MIN_CONDITION_INDEX, MIN_NAMED_CORRELATION
 from windsysid.results.finding import Finding
 
 __all__ = ["describe_directions", "describe_information", "standard_deviations"]
 
 
 MIN_SEEN_EIGENVALUE = 1e-9
-"""Least eigenvalue of the scaled information (1 on average) that counts as seen; rounding leaves some 1e-15."""
+"""Numerical: smallest eigenvalue of the scaled information (1 on average) that is not zero; rounding leaves some
+1e-15."""
 
 MIN_SEEN_INFORMATION = 1e-8
-"""Information on ln p, σ = 10⁴, below which a parameter is not seen at all."""
+"""Numerical: smallest information on ln p, σ = 10⁴, that is not zero."""
 
-MIN_CONDITION_INDEX = 30.0
-"""Condition index from which parameters are told apart badly (Belsley, Kuh & Welsch)."""
-
-MIN_NAMED_CORRELATION = 0.9
-"""Correlation from which two parameters are named."""
-
-ZERO_ENTRY_UNSEEN, ZERO_ENTRY_BADLY_SEEN = 1e-4, 0.15
-"""Entries of a direction that count as zero: where it is unseen, where it is only badly seen."""
+ZERO_ENTRY_UNSEEN = 1e-4
+"""Numerical: entry of an unseen direction, over the largest, that counts as zero."""
 
 
 def standard_deviations(information: Array) -> Array:
@@ -63,28 +59,35 @@ def describe_information(names: Sequence[str], information: Array, aside: Collec
     scale, values, vectors = _scaled(information)
     unseen = values <= MIN_SEEN_EIGENVALUE
     found = []
-    for who, left, moved, _ in _describe_rules(
-        names, (vectors[:, unseen] / scale[:, None]).T, scale, ZERO_ENTRY_UNSEEN, np.ones(len(names))
-    ):
+    unseen_rules = (vectors[:, unseen] / scale[:, None]).T
+    for who, left, moved, _ in _describe_rules(names, unseen_rules, scale, ZERO_ENTRY_UNSEEN, np.ones(len(names))):
         if not set(who) <= set(aside):
             code = "unseen" if len(who) == 1 else "unseen_combination" if left else "unseen_direction"
             found.append(Finding(code, "remark", {"seen": left, "direction": moved}, tuple(who)))
     covariance = (vectors[:, ~unseen] / values[~unseen]) @ vectors[:, ~unseen].T / np.outer(scale, scale)
     hidden = np.isinf(standard_deviations(information))
-    told: list[set[str]] = []
+    told = list[set[int]]()
     for weak in np.flatnonzero(~unseen & (values * MIN_CONDITION_INDEX**2 < values.max())):
         share = np.square(vectors[:, weak]) / values[weak] / np.maximum(np.diag(covariance) * scale**2, 1e-300)
-        members = [int(i) for i in np.flatnonzero((share > 0.5) & ~hidden)]
-        mixed = {names[i] for i in members}
-        if len(members) > 1 and not mixed <= set(aside):
-            told.append(mixed)
+        members: list[int] = np.flatnonzero((share > 0.5) & ~hidden).tolist()
+        who = [names[i] for i in members]
+        if len(members) > 1 and not set(who) <= set(aside):
+            told.append(set(members))
             row, cov = (vectors[:, weak] / scale)[members], covariance[np.ix_(members, members)]
-            found.append(_badly(tuple(names[i] for i in members), row, cov))
-    for i, j, value in _correlated(covariance):
-        both = {names[i], names[j]}
-        if not (hidden[[i, j]].any() or any(both <= mixed for mixed in (set(aside), *told))):
-            found.append(_correlation(names[i], names[j], value))
-    return found
+            found.append(_badly(tuple(who), row, cov))
+    return found + _new_correlations(names, covariance, told, hidden, aside)
+
+
+def _new_correlations(
+    names: Sequence[str], covariance: Array, told: Sequence[set[int]], hidden: Array, aside: Collection[str]
+) -> list[Finding]:
+    """Remarks on correlated parameters that are seen, not both `aside`, and not told together before."""
+    return [
+        _correlation(names[i], names[j], value)
+        for i, j, value in _correlated(covariance)
+        if not (hidden[i] or hidden[j] or {names[i], names[j]} <= set(aside))
+        and not any({i, j} <= members for members in told)
+    ]
 
 
 def describe_directions(
@@ -112,7 +115,7 @@ def describe_directions(
     size = np.where(logarithmic, 1.0, spread if theta is None else np.where(theta == 0.0, spread, theta))
     before, after = np.linalg.inv(prior_cov), np.linalg.inv(cov)
     found = []
-    for who, left, moved, rows in _describe_rules(names, prior_rules, 1.0 / spread, ZERO_ENTRY_BADLY_SEEN, 1.0 / size):
+    for who, left, moved, rows in _describe_rules(names, prior_rules, 1.0 / spread, MAX_NEGLIGIBLE_ENTRY, 1.0 / size):
         left_of_prior = np.trace(np.linalg.solve(rows @ after @ rows.T, rows @ before @ rows.T)) / len(rows)
         data = {"share": 1.0 - left_of_prior, "seen": left, "direction": moved}
         found.append(Finding("prior_dominates", "remark", data, tuple(who)))
@@ -124,7 +127,7 @@ def _correlation(one: str, other: str, value: float) -> Finding:
 
 
 def _correlated(cov: Array) -> list[tuple[int, int, float]]:
-    """Pairs whose correlation exceeds 0.9 in size, strongest first."""
+    """Pairs whose correlation exceeds `MIN_NAMED_CORRELATION` in size, strongest first."""
     std = np.sqrt(np.maximum(np.diag(cov), 1e-300))
     correlation = cov / np.outer(std, std)
     pairs = [(i, j, float(correlation[i, j])) for j in range(len(cov)) for i in range(j)]
@@ -193,24 +196,22 @@ def _left(who: Sequence[str], rows: Array) -> str:
     if len(who) == 1:
         return ""
     if len(rows) == 1 and len(who) > 2:
-        return (
-            "the proportion between them (not their common factor)"
-            if np.allclose(rows[0], rows[0, 0], rtol=0.01)
-            else ""
-        )
-    if len(rows) != len(who) - 1:
-        return ""
-    kept = _small_integers(np.linalg.svd(rows)[2][-1])
-    if kept is None:
-        return ""
-    if all(power == kept[0] for power in kept):
+        common = np.allclose(rows[0], rows[0, 0], rtol=0.01)
+        return "the proportion between them (not their common factor)" if common else ""
+    kept = _small_integers(np.linalg.svd(rows)[2][-1]) if len(rows) == len(who) - 1 else None
+    return "" if kept is None else _product(who, kept)
+
+
+def _product(who: Sequence[str], powers: Sequence[int]) -> str:
+    """A product of powers, in words if they are equal."""
+    if len(set(powers)) == 1:
         alike = len({name.rstrip("0123456789") for name in who}) == 1
         return "their sum" if alike else "their product " + "·".join(who)
-    return _ratio(who, [-power for power in kept] if kept[0] < 0 else kept)
+    return _fraction(who, [-power for power in powers] if powers[0] < 0 else powers)
 
 
-def _ratio(who: Sequence[str], powers: Sequence[int]) -> str:
-    """A product of powers as a ratio: ``their ratio k_x/m``."""
+def _fraction(who: Sequence[str], powers: Sequence[int]) -> str:
+    """A product of powers as a fraction."""
     over, under = (
         "·".join(name + _SUPERSCRIPTS[abs(p)] for name, p in zip(who, powers, strict=True) if p * sign > 0)
         for sign in (1, -1)

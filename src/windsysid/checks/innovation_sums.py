@@ -10,12 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array
-from windsysid.checks.lines import LINE_REACH, stand_out
+from windsysid.checks.limits import INTEREST_FACTORS, LINE_NEAR_MODE_FACTOR, OUTLIER_SIGMAS
+from windsysid.checks.lines import stand_out
 from windsysid.checks.stationarity import levels, shared_products
 
 __all__ = [
-    "MIN_REMARKED_OUTLIERS",
-    "OUTLIER_SIGMAS",
     "Stretch",
     "Sums",
     "band_of_interest",
@@ -24,26 +23,20 @@ __all__ = [
 ]
 
 
-REACH_FACTORS = (0.4, 2.5)
-"""How far below the lowest and above the highest natural frequency a peak still matters, as factors."""
-
-OUTLIER_SIGMAS, MIN_REMARKED_OUTLIERS = 5.0, 3
-"""Standard deviations beyond which an innovation is an outlier, one in two million of normal ones, and how many are
-remarked."""
-
 SEGMENTS_PER_RECORD = 16
-"""Lengths that a record is cut into for its spectrum; overlapping by half, one less than twice as many segments."""
+"""Setting: segment lengths per record for its spectrum; overlapping by half, one less than twice as many segments."""
 
 MIN_SEGMENT_SAMPLES = 16
-"""Samples in such a segment, below which there is no spectrum."""
+"""Setting: smallest number of samples of such a segment, below which there is no spectrum."""
 
-MOST_LAGS = 200
+MAX_LAGS = 200
+"""Setting: largest number of lags of the autocorrelation."""
 
 LINE_SURROUNDINGS = 40
-"""Frequencies of the periodogram of innovations to either side of one that tell the level around it."""
+"""Setting: frequency bins to either side of a line that give the level around it in innovations."""
 
 LEVEL_PERIODS = 5.0
-"""Periods of the lowest natural frequency in a window over which the level of innovations is taken."""
+"""Setting: periods of the lowest natural frequency in a window in which the level of innovations is estimated."""
 
 
 class Sums(NamedTuple):
@@ -134,22 +127,22 @@ def measure_stretch(
     added to it.
     """
     gated = np.zeros(whitened.shape, dtype=np.bool_) if gated is None else gated
-    past = 0 if before is None else before.samples
-    grids = before.grids if before else tuple(_own_samples(seen) for seen in (np.isfinite(whitened) | gated).T)
+    if before is None:
+        before = Stretch(tuple(_own_samples(seen) for seen in (np.isfinite(whitened) | gated).T), 0, {})
     parts = {}
-    for own in dict.fromkeys(grids):
-        columns = tuple(c for c, other in enumerate(grids) if other == own)
+    for own in dict.fromkeys(before.grids):
+        columns = tuple(c for c, other in enumerate(before.grids) if other == own)
         first, step = own
-        rows = slice((first - past) % step if before else first, None, step)
-        like = before.parts[columns] if before else None
+        rows = slice((first - before.samples) % step, None, step)
+        like = before.parts.get(columns)
         found = _add_up(whitened[rows, columns], gated[rows, columns], rate / step, frequencies, like)
         parts[columns] = found if like is None else _join(like, found)
-    return Stretch(grids, past + len(whitened), parts)
+    return Stretch(before.grids, before.samples + len(whitened), parts)
 
 
 def band_of_interest(frequencies: Sequence[float]) -> tuple[float, float]:
     """Lowest and highest frequency [Hz] within reach of the natural ones."""
-    return REACH_FACTORS[0] * min(frequencies, default=0.0), REACH_FACTORS[1] * max(frequencies, default=math.inf)
+    return INTEREST_FACTORS[0] * min(frequencies, default=0.0), INTEREST_FACTORS[1] * max(frequencies, default=math.inf)
 
 
 def _own_samples(seen: NDArray[np.bool_]) -> tuple[int, int]:
@@ -174,7 +167,7 @@ def _add_up(
     scaled = centred / np.sqrt(variance)  # size is one question, colour and spikes are others
     beyond = np.abs(scaled) > OUTLIER_SIGMAS
     lowest = band_of_interest(frequencies)[0]
-    most = int(np.clip(rate / max(lowest, 1e-12), 10, max(10, min(MOST_LAGS, samples // 10))))
+    most = int(np.clip(rate / max(lowest, 1e-12), 10, max(10, min(MAX_LAGS, samples // 10))))
     pairs, products = _lagged(scaled, used, most if like is None else len(like.pairs))
     length = samples // SEGMENTS_PER_RECORD if like is None else like.length
     segments, power = _power(scaled, length)
@@ -270,7 +263,8 @@ def _strongest_line(z: Array, rate: float, frequencies: Sequence[float]) -> tupl
     frequency = np.arange(len(power)) * (rate / samples)
     near = np.zeros(len(power), dtype=np.bool_)
     for natural in frequencies or [0.0]:
-        near |= (frequency > natural / LINE_REACH) & (frequency < (natural * LINE_REACH or math.inf))
+        highest = natural * LINE_NEAR_MODE_FACTOR or math.inf
+        near |= (frequency > natural / LINE_NEAR_MODE_FACTOR) & (frequency < highest)
     near[: LINE_SURROUNDINGS + 1] = near[-LINE_SURROUNDINGS - 1 :] = False
     if not near.any():
         return np.zeros(m), np.full(m, math.nan), 0

@@ -23,54 +23,37 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array
+from windsysid.checks.limits import (
+    HARMONIC_HALF_WIDTH_BINS,
+    HARMONIC_HALF_WIDTH_SHARE,
+    LINE_FALSE_ALARM_PROBABILITY,
+    LINE_SEARCH_FACTOR,
+    MAX_MISSING_SHARE,
+    MIN_RESONANCE_WIDTH_BINS,
+    NARROW_RESONANCE_MARGIN_BINS,
+)
 
-__all__ = [
-    "LINE_CHANCE", "READINGS_REACH", "TURNING_SHARE", "Line", "find_line", "line_bound", "stand_out",
-    "stand_out_of_a_bend",
-]  # fmt: skip
-
-LINE_CHANCE = 2e-3
-"""Share of records without a line in which one is seen by chance."""
-
-LINE_REACH = 1.15
-"""Factor about a natural frequency within which a line bends what is found of the mode."""
+__all__ = ["Line", "find_line", "line_bound", "stand_out", "stand_out_of_a_bend"]
 
 WIDTH = 2
-"""Frequencies of a periodogram to either side of a line that its own power reaches by Hann's window."""
+"""Setting: frequency bins to either side of a line that its own power reaches with Hann's window."""
 
 HANN_VARIANCE = 1.94
-"""Variance of the mean of neighbouring frequencies under Hann's window over that of independent ones."""
+"""Numerical: variance of the mean of neighbouring bins with Hann's window over that of independent ones."""
 
 SURROUNDINGS = 30
-"""Frequencies to either side of one that tell the level around it in readings, where resonances bend it."""
-
-READINGS_REACH = 1.6
-"""Factor about a natural frequency within which a line of the readings is looked for: it bends the level of the loads
-there, too."""
+"""Setting: frequency bins to either side of one that give the level around it in readings, where resonances bend it."""
 
 PARABOLA_LOSS = 1.9
-"""By how much fewer frequencies a level seems to be told where a parabola is fitted to them: of white noise from 1.7 at
-one point in 1000 to 2.0 at one in 100 000 (``tests/results/test_steadiness.py``)."""
+"""Numerical: factor by which fewer bins seem to give the level if a parabola is fitted to them: for white noise from
+1.7 at one point in 1000 to 2.0 at one in 100 000 (``tests/results/test_steadiness.py``)."""
 
-HIGH = 4.0
-"""Over the mean of its surroundings, bent or not, what a frequency has to be to be worth a parabola: no bound is below
-8, and no resonance of `NARROWEST` falls to half that mean beside its peak."""
+MIN_FITTED_RATIO = 4.0
+"""Setting: ratio of a bin to the mean of its surroundings from which on a parabola is fitted: no bound is below 8, and
+no resonance of `MIN_RESONANCE_WIDTH_BINS` falls to half that mean next to its peak."""
 
-CLIMBS = 12
-"""Steps of Newton's method for the parabola; it settles in half as many."""
-
-NARROWEST = 5.0
-"""Half-power width of a resonance in frequencies of the periodogram, below which its peak may look like a line."""
-
-BESIDE = 8.0
-"""Frequencies of the periodogram to either side of a narrow resonance where no line is looked for: from 5 on, its
-flanks are parabolas in 1/S however narrow it is (``tests/results/test_steadiness.py``)."""
-
-TURNING_SHARE = 0.02
-"""Share of a frequency nP to either side within which what turns with the rotor stands out."""
-
-MOST_MISSING = 0.05
-"""Share of a channel beyond which it is not looked at."""
+NEWTON_STEPS = 12
+"""Numerical: number of iterations of Newton's method for the parabola; it converges in half as many."""
 
 
 class Line(NamedTuple):
@@ -83,7 +66,8 @@ class Line(NamedTuple):
     frequency
         [Hz].
     ratio, bound
-        Power over that of its surroundings, and what chance exceeds in a share `LINE_CHANCE` of records.
+        Power over that of its surroundings, and what chance exceeds in a share `LINE_FALSE_ALARM_PROBABILITY` of
+        records.
     """
 
     channel: str
@@ -114,7 +98,7 @@ def stand_out_of_a_bend(power: Array, at: NDArray[np.int64], surroundings: int, 
     around = around / mean[:, :, None]
     bend = np.zeros((*mean.shape, 3))
     bend[..., 0] = 1.0
-    for _ in range(CLIMBS):
+    for _ in range(NEWTON_STEPS):
         level = bend @ x.T  # 1/S in units of the mean
         slope = (around - 1.0 / level) @ x
         curvature = np.einsum("kmn,ni,nj->kmij", level**-2.0, x, x, optimize=True)
@@ -133,7 +117,7 @@ def line_bound(tested: int, surroundings: int, chance: float, loss: float = 1.0)
 
 def find_line(
     values: Array, channels: Sequence[str], *, rate: float, modes: Sequence[tuple[float, float]], rotor_hz: float,
-    reach: float = READINGS_REACH, known: Sequence[tuple[float, float]] = (),
+    reach: float = LINE_SEARCH_FACTOR, known: Sequence[tuple[float, float]] = (),
 ) -> Line | None:  # fmt: skip
     """The line that stands out most of readings (T, m), beside modes of frequencies f [Hz] and damping ratios ζ, within
     a factor `reach`, but for ranges [Hz] in which something is known.
@@ -144,19 +128,19 @@ def find_line(
     frequency = np.arange(len(values) // 2 + 1, dtype=np.float64) * step
     near = _near_modes(frequency, [natural for natural, _ in modes], reach)
     near &= ~_near_harmonics(frequency, rotor_hz, step)
-    narrow = [natural for natural, damping in modes if damping * natural < NARROWEST * step]
+    narrow = [natural for natural, damping in modes if damping * natural < MIN_RESONANCE_WIDTH_BINS * step]
     for seen in (abs(natural + turn) for natural in narrow for turn in (-rotor_hz, 0.0, rotor_hz)):
-        near &= np.abs(frequency - seen) > BESIDE * step  # by what turns, and by what does not
+        near &= np.abs(frequency - seen) > NARROW_RESONANCE_MARGIN_BINS * step  # by what turns, and by what does not
     for low, high in known:
         near &= (frequency < low) | (frequency > high)
     near[: SURROUNDINGS + 1] = near[-SURROUNDINGS - 1 :] = False
-    whole = np.flatnonzero(np.mean(~np.isfinite(values), axis=0) <= MOST_MISSING)
+    whole = np.flatnonzero(np.mean(~np.isfinite(values), axis=0) <= MAX_MISSING_SHARE)
     if not near.any() or not whole.size:
         return None
     at = np.flatnonzero(near)
     ratio = _ratios(np.column_stack([_filled(column) for column in values[:, whole].T]), at)
     row, column = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
-    bound = line_bound(ratio.size, SURROUNDINGS, LINE_CHANCE, PARABOLA_LOSS)
+    bound = line_bound(ratio.size, SURROUNDINGS, LINE_FALSE_ALARM_PROBABILITY, PARABOLA_LOSS)
     return Line(channels[int(whole[column])], float(frequency[at[row]]), float(ratio[row, column]), bound)
 
 
@@ -173,7 +157,8 @@ def _near_harmonics(frequency: Array, rotor_hz: float, step: float) -> NDArray[n
     if not rotor_hz:
         return np.zeros(len(frequency), dtype=np.bool_)
     order = np.maximum(np.round(frequency / rotor_hz), 1.0)
-    return np.asarray(np.abs(frequency - order * rotor_hz) <= np.maximum(TURNING_SHARE * frequency, 3.0 * step))
+    width = np.maximum(HARMONIC_HALF_WIDTH_SHARE * frequency, HARMONIC_HALF_WIDTH_BINS * step)
+    return np.asarray(np.abs(frequency - order * rotor_hz) <= width)
 
 
 def _ratios(values: Array, at: NDArray[np.int64]) -> Array:
@@ -181,7 +166,7 @@ def _ratios(values: Array, at: NDArray[np.int64]) -> Array:
     they are far above its mean."""
     power = np.abs(np.fft.rfft(np.hanning(len(values))[:, None] * values, axis=0)) ** 2
     ratio = stand_out(power, at, SURROUNDINGS)
-    high = ratio.max(axis=1) > HIGH
+    high = ratio.max(axis=1) > MIN_FITTED_RATIO
     ratio[high] = stand_out_of_a_bend(power, at[high], SURROUNDINGS)
     return ratio
 

@@ -19,6 +19,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.checks.limits import MIN_NONLINEARITY_SAMPLES
 from windsysid.results.finding import Finding
 
 __all__ = ["Bending", "Bent", "Law", "doubt_bending", "doubt_bent", "find_bent"]
@@ -27,10 +28,7 @@ Law = Literal["stiffness", "damping"]
 """What goes with amplitude: a force with the cube of displacement, or with the sign of velocity."""
 
 CUBES = ((3, 0), (2, 1), (1, 2), (0, 3))
-"""Powers of q and of q̇."""
-
-FEWEST = 200
-"""Readings of a channel below which nothing is said."""
+"""Setting: powers of q and of q̇ in the cubic terms."""
 
 
 class Bent(NamedTuple):
@@ -83,7 +81,7 @@ def find_bent(
     tested = 0
     for column, channel in enumerate(channels):
         seen = np.isfinite(later[:, column]) & np.isfinite(known).all(axis=1)
-        if seen.sum() < FEWEST:
+        if seen.sum() < MIN_NONLINEARITY_SAMPLES:
             continue
         own = later[seen, column]
         basis = np.linalg.qr(known[seen])[0]

@@ -23,7 +23,7 @@ from windsysid._types import Array
 __all__ = ["LAGS", "Late", "Level", "Shared", "how_late", "levels", "most_shared", "shared_products", "steadiness"]
 
 LAGS = 3
-"""Samples by which one channel may be later than another, to either side."""
+"""Setting: largest lag of one channel behind another that is tested, to either side [samples]."""
 
 
 class Level(NamedTuple):

@@ -32,49 +32,34 @@ from windsysid._types import Array
 from windsysid.checks.constancy import Constancy, doubt_halves, doubt_scatter
 from windsysid.checks.estimates import Band, CoefficientCheck, doubt_damping, doubt_priors, hold_against_priors
 from windsysid.checks.identifiability import describe_directions
-from windsysid.checks.innovation_sums import MIN_REMARKED_OUTLIERS, OUTLIER_SIGMAS, band_of_interest
+from windsysid.checks.innovation_sums import band_of_interest
+from windsysid.checks.limits import (
+    FALSE_ALARM_PROBABILITY,
+    MAX_CHANCE_SIGMAS,
+    MAX_CHANNEL_LEVEL_FACTOR,
+    MAX_COLOUR,
+    MAX_CROSS_CORRELATION,
+    MAX_FAR_PEAK_LEVEL,
+    MAX_GATED_SHARE,
+    MAX_KURTOSIS,
+    MAX_LEVEL_FACTOR,
+    MAX_LEVEL_VARIATION,
+    MAX_NEAR_MODE_LEVEL,
+    MAX_OUTLIER_POWER_SHARE,
+    MAX_PEAK_LEVEL,
+    MIN_DOMINANT_PEAK_LEVEL,
+    MIN_REMARKED_OUTLIERS,
+    OUTLIER_SIGMAS,
+)
 from windsysid.checks.lines import Line
 from windsysid.checks.nonlinearity import Bent, doubt_bending, doubt_bent
 from windsysid.checks.stationarity import Late
-from windsysid.checks.whiteness import FALSE_ALARM_CHANCE, ChannelCheck, Whiteness, chance_limit
+from windsysid.checks.whiteness import ChannelCheck, Whiteness, chance_limit
 from windsysid.results.finding import Finding, Severity
 from windsysid.results.smoothed_loads import SmoothedLoads, doubt_correlated
 from windsysid.statespace.parameter import Parameter
 
 __all__ = ["Diagnosis", "FittedParameters", "RecordTests", "TurningRotor", "diagnose", "found_line"]
-
-PEAK_MAX_LEVEL = 2.0
-"""Level of the spectrum from which a peak within reach of a natural frequency condemns a result, where it is beyond its
-bound, too: bands are √2 too narrow for what answers there. One healthy record in 500 has 2.1."""
-
-PLAIN_PEAK_LEVEL = 4.0
-"""Level from which a peak tells more than what channels share because of it."""
-
-FAR_REMARK_LEVEL = 3.0
-"""Level from which a peak out of reach is remarked."""
-
-NEAR_MAX_LEVEL = 1.6
-"""The same of the average around a natural frequency, which one healthy record in 500 has."""
-
-COLOUR_REMARK_LEVEL = 0.02
-"""Least sum of squared autocorrelations that is remarked as colour: a correlation of 0.14 between samples."""
-
-SIZE_MAX_FACTOR, CHANNEL_MAX_FACTOR = 1.1, 1.15
-"""Greatest factor on normalised innovation squared, of all channels together and of one. Levels of loads and noise are
-learned: healthy records scatter by 0.02, and one in 500 is 1.06 off in all and 1.14 in one channel."""
-
-MAX_SIGMAS = 4.5
-"""Standard deviations of chance beyond which level, tails, lateness and what channels share count, all but lateness
-where they are large, too. One healthy record in 500 exceeds 4.2, 3.9, 4.2 and 4.5 of them."""
-
-UNSTEADY_MAX, TAILS_MAX, SHARED_MAX = 0.25, 1.0, 0.06
-"""What is large: variation of the level over the record, excess kurtosis, correlation of two channels."""
-
-OUTLIER_MAX_SHARE = 0.1
-"""Share of a channel's squared innovations that outliers may carry before the result hangs on a few readings."""
-
-GATED_MAX_SHARE = 0.05
-"""Share of a channel's readings that a gate may leave out before it hides a wrong model rather than outliers."""
 
 
 @dataclass(frozen=True)
@@ -223,7 +208,7 @@ def _judge_innovations(
     """Findings of innovations, of a line and of halves that differ, the most telling first."""
     spectrum = _judge_spectrum(w, abs(rotor.speed) / (2.0 * math.pi), rotor.blades_move)
     bending, together = tests.smoothed_loads or (None, None)
-    loud = max(np.nan_to_num(c.peak) for c in w.channels) > PLAIN_PEAK_LEVEL
+    loud = max(np.nan_to_num(c.peak) for c in w.channels) > MIN_DOMINANT_PEAK_LEVEL
     return [
         *_judge_steadiness(w), *line, *changed, *(spectrum if loud else ()), *_judge_shared(w), *_judge_size(w),
         *_judge_lateness(tests.late), *doubt_correlated(together), *doubt_bent(tests.bent), *doubt_bending(bending),
@@ -243,11 +228,11 @@ def _judge_size(w: Whiteness) -> list[Finding]:
     others = (w.nis * w.used - worst.nis * worst.used) / rest if rest > 0 else math.inf
     if (
         rest > 0
-        and _is_size_off(worst.nis, worst.used, CHANNEL_MAX_FACTOR)
-        and not _is_size_off(others, rest, SIZE_MAX_FACTOR)
+        and _is_size_off(worst.nis, worst.used, MAX_CHANNEL_LEVEL_FACTOR)
+        and not _is_size_off(others, rest, MAX_LEVEL_FACTOR)
     ):
         found.append(Finding("channel_level", "reason", {"channel": worst.name, "ratio": math.sqrt(worst.nis)}))
-    elif _is_size_off(w.nis, w.used, SIZE_MAX_FACTOR):
+    elif _is_size_off(w.nis, w.used, MAX_LEVEL_FACTOR):
         data = {"ratio": math.sqrt(w.nis), "mean_square": w.nis, "low": w.nis_low, "high": w.nis_high}
         found.append(Finding("innovation_level", "reason", data))
     for c in w.channels:
@@ -263,9 +248,9 @@ def _is_size_off(nis: float, used: int, factor: float) -> bool:
     if used < 1 or 1.0 / factor < nis < factor:
         return False
     return (
-        not chance_limit(1.0 - 0.5 * FALSE_ALARM_CHANCE, used)
+        not chance_limit(1.0 - 0.5 * FALSE_ALARM_PROBABILITY, used)
         < nis * used
-        < chance_limit(0.5 * FALSE_ALARM_CHANCE, used)
+        < chance_limit(0.5 * FALSE_ALARM_PROBABILITY, used)
     )
 
 
@@ -282,12 +267,12 @@ def _judge_spectrum(w: Whiteness, rotor_hz: float, blades_move: bool) -> list[Fi
 
 
 def _judge_peak(w: Whiteness, rotor_hz: float) -> list[Finding]:
-    over = sorted((c for c in w.channels if c.peak > max(PEAK_MAX_LEVEL, w.spectrum_bound)), key=lambda c: -c.peak)
+    over = sorted((c for c in w.channels if c.peak > max(MAX_PEAK_LEVEL, w.spectrum_bound)), key=lambda c: -c.peak)
     loud = max(w.channels, key=lambda c: np.nan_to_num(c.near))
     if over:
         where = {"channels": [c.name for c in over], "frequency": over[0].peak_hz, "rotor_frequency": rotor_hz}
         return [Finding("unexplained_peak", "reason", where | {"level": over[0].peak})]
-    if loud.near > max(NEAR_MAX_LEVEL, w.spectrum_bound):
+    if loud.near > max(MAX_NEAR_MODE_LEVEL, w.spectrum_bound):
         where = {"channel": loud.name, "frequency": loud.near_hz, "rotor_frequency": rotor_hz}
         return [Finding("unexplained_level", "reason", where | {"level": loud.near})]
     return []
@@ -296,11 +281,11 @@ def _judge_peak(w: Whiteness, rotor_hz: float) -> list[Finding]:
 def _judge_colour(w: Whiteness, rotor_hz: float) -> list[Finding]:
     found = list[Finding]()
     far = max(w.channels, key=lambda c: np.nan_to_num(c.far))
-    if far.far > max(FAR_REMARK_LEVEL, w.spectrum_bound):
+    if far.far > max(MAX_FAR_PEAK_LEVEL, w.spectrum_bound):
         where = {"channel": far.name, "frequency": far.far_hz, "rotor_frequency": rotor_hz}
         found.append(Finding("far_peak", "remark", where | {"level": far.far}))
     worst = max(w.channels, key=lambda c: c.colour)
-    if worst.colour > max(COLOUR_REMARK_LEVEL, w.colour_bound):
+    if worst.colour > max(MAX_COLOUR, w.colour_bound):
         found.append(Finding("coloured_innovations", "remark", {"channel": worst.name, "colour": worst.colour}))
     return found
 
@@ -321,7 +306,7 @@ def _judge_line(found: tuple[str, float] | None, rotor_hz: float) -> list[Findin
 
 
 def _judge_lateness(late: Late | None) -> list[Finding]:
-    if late is None or late.sigmas <= MAX_SIGMAS:
+    if late is None or late.sigmas <= MAX_CHANCE_SIGMAS:
         return []
     return [Finding("late_blades", "reason", {"lag": late.lag, "sigmas": late.sigmas})]
 
@@ -333,14 +318,14 @@ def _judge_steadiness(w: Whiteness) -> list[Finding]:
         return found
     swelling = sorted(judged, key=lambda c: -c.unsteady_sigmas)
     first = swelling[0]
-    if first.unsteady_sigmas > MAX_SIGMAS:
+    if first.unsteady_sigmas > MAX_CHANCE_SIGMAS:
         alone = len(swelling) > 1 and swelling[1].unsteady < 0.5 * first.unsteady
         data = {"channel": first.name, "variation": first.unsteady, "alone": alone}
-        found.append(_graded("nonstationary_level", data, large=first.unsteady > UNSTEADY_MAX))
+        found.append(_graded("nonstationary_level", data, large=first.unsteady > MAX_LEVEL_VARIATION))
     tailed = max(judged, key=lambda c: c.tails_sigmas)
-    if tailed.tails_sigmas > MAX_SIGMAS:
+    if tailed.tails_sigmas > MAX_CHANCE_SIGMAS:
         data = {"channel": tailed.name, "kurtosis": tailed.tails}
-        found.append(_graded("heavy_tails", data, large=tailed.tails > TAILS_MAX))
+        found.append(_graded("heavy_tails", data, large=tailed.tails > MAX_KURTOSIS))
         if tailed.tails_sigmas > first.unsteady_sigmas:
             found.reverse()
     return found
@@ -349,12 +334,12 @@ def _judge_steadiness(w: Whiteness) -> list[Finding]:
 def _is_ruled_from_afar(channel: ChannelCheck, w: Whiteness) -> bool:
     """Whether frequencies that no mode of the model answers to make most of a channel's innovations: what they do over
     time is not the modes'."""
-    return channel.far > max(FAR_REMARK_LEVEL, w.spectrum_bound)
+    return channel.far > max(MAX_FAR_PEAK_LEVEL, w.spectrum_bound)
 
 
 def _judge_shared(w: Whiteness) -> list[Finding]:
     shared = w.shared
-    if shared is None or shared.sigmas < MAX_SIGMAS or abs(shared.correlation) < SHARED_MAX:
+    if shared is None or shared.sigmas < MAX_CHANCE_SIGMAS or abs(shared.correlation) < MAX_CROSS_CORRELATION:
         return []
     first, second = w.channels[shared.first], w.channels[shared.second]
     data = {"channels": [first.name, second.name], "correlation": shared.correlation}
@@ -365,11 +350,11 @@ def _judge_shared(w: Whiteness) -> list[Finding]:
 def _judge_outliers(w: Whiteness) -> list[Finding]:
     found = list[Finding]()
     for c in w.channels:
-        if c.gated > GATED_MAX_SHARE:
+        if c.gated > MAX_GATED_SHARE:
             found.append(Finding("too_many_outliers", "reason", {"channel": c.name, "share": c.gated}))
         elif c.gated > 0.0:
             found.append(Finding("gated_readings", "remark", {"channel": c.name, "share": c.gated}))
         if c.outliers >= MIN_REMARKED_OUTLIERS:
             data = {"channel": c.name, "count": c.outliers, "sigmas": OUTLIER_SIGMAS, "share": c.outlying}
-            found.append(_graded("outlying_innovations", data, large=c.outlying > OUTLIER_MAX_SHARE))
+            found.append(_graded("outlying_innovations", data, large=c.outlying > MAX_OUTLIER_POWER_SHARE))
     return found

@@ -1,6 +1,7 @@
 """Whether innovations are white: their size, their spectra and their peaks, channel by channel."""
 
 import math
+import operator
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -17,7 +18,8 @@ from windsysid.checks.innovation_sums import (
     measure_stretch,
     spectral_window,
 )
-from windsysid.checks.lines import LINE_CHANCE, line_bound
+from windsysid.checks.limits import FALSE_ALARM_PROBABILITY, LINE_FALSE_ALARM_PROBABILITY
+from windsysid.checks.lines import line_bound
 from windsysid.checks.stationarity import Shared, most_shared, steadiness
 
 __all__ = [
@@ -29,15 +31,8 @@ __all__ = [
 ]
 
 
-FALSE_ALARM_CHANCE = 1e-3
-"""A departure that noise alone would show in one record out of so many is no reason: for each kind of test, all
-channels and frequencies together."""
-
 NEAR_MODE_FACTOR = 1.3
-"""Factor about a natural frequency over which the spectrum is averaged.
-
-From `LEVEL` on that average condemns a result: bands are √2 too narrow.
-"""
+"""Setting: factor on a natural frequency within which the spectrum is averaged."""
 
 
 class ChannelCheck(NamedTuple):
@@ -120,7 +115,7 @@ class Whiteness(NamedTuple):
     colour_bound
         What the colour of white noise stays below, but for one record in 1000.
     line_bound
-        The same for the ratio of a line, but for a share `LINE_CHANCE` of records.
+        The same for the ratio of a line, but for a share `LINE_FALSE_ALARM_PROBABILITY` of records.
     shared
         What two channels share most (`windsysid.checks.stationarity`); None of one channel alone.
     smooth
@@ -182,39 +177,60 @@ def _together(parts: dict[tuple[int, ...], Whiteness], m: int) -> Whiteness:
     """The innovations of all channels, from those of channels read at the same times, by their columns."""
     if len(parts) == 1:
         return next(iter(parts.values()))
-    every = [*parts.values()]
-    finest = max(every, key=lambda w: len(w.frequency))
-    lags = np.unique(np.concatenate([w.lags for w in parts.values()]).round(9))
-    correlation, spectrum = np.full((len(lags), m), np.nan), np.full((len(finest.frequency), m), np.nan)
-    channels: list[ChannelCheck | None] = [None] * m
-    for columns, w in parts.items():
-        where = np.ix_(np.searchsorted(lags, w.lags.round(9)), np.array(columns, dtype=np.intp))
-        correlation[where] = w.autocorrelation
-        inside = finest.frequency <= w.frequency[-1:].max(initial=0.0) * (1.0 + 1e-9)
-        for own, column in enumerate(columns):
-            channels[column] = w.channels[own]
-            if len(w.frequency):
-                spectrum[inside, column] = np.interp(finest.frequency[inside], w.frequency, w.spectrum[:, own])
-    total = sum(w.used for w in every)
-    smooth = [w.smooth for w in every if w.smooth is not None]
+    alike = parts.values()
+    lags, correlation = _joined_correlation(parts, m)
+    frequency, spectrum = _joined_spectrum(parts, m)
+    total = sum(w.used for w in alike)
     low, high = _chi_square_interval(total)
     return Whiteness(
         used=total,
-        nis=sum(w.nis * w.used for w in every) / max(total, 1),
+        nis=sum(w.nis * w.used for w in alike) / max(total, 1),
         nis_low=low,
         nis_high=high,
-        channels=tuple(c for c in channels if c is not None),
+        channels=_channels_of(parts),
         lags=lags,
         autocorrelation=correlation,
-        autocorrelation_bound=max(w.autocorrelation_bound for w in every),
-        frequency=finest.frequency,
+        autocorrelation_bound=max(w.autocorrelation_bound for w in alike),
+        frequency=frequency,
         spectrum=spectrum,
-        spectrum_bound=max(w.spectrum_bound for w in every),
-        colour_bound=max(w.colour_bound for w in every),
-        line_bound=max(w.line_bound for w in every),
+        spectrum_bound=max(w.spectrum_bound for w in alike),
+        colour_bound=max(w.colour_bound for w in alike),
+        line_bound=max(w.line_bound for w in alike),
         shared=_most_shared_of(parts),
-        smooth=max(smooth, key=lambda one: one.statistic / one.bound, default=None),
+        smooth=_strongest_colour_of(parts),
     )
+
+
+def _channels_of(parts: dict[tuple[int, ...], Whiteness]) -> tuple[ChannelCheck, ...]:
+    """The channels of all parts by their columns."""
+    found = [(column, one) for columns, w in parts.items() for column, one in zip(columns, w.channels, strict=True)]
+    return tuple(one for _, one in sorted(found, key=operator.itemgetter(0)))
+
+
+def _strongest_colour_of(parts: dict[tuple[int, ...], Whiteness]) -> Colour | None:
+    """The departure from a level spectrum that is largest over its bound."""
+    found = [w.smooth for w in parts.values() if w.smooth is not None]
+    return max(found, key=lambda smooth: smooth.statistic / smooth.bound, default=None)
+
+
+def _joined_correlation(parts: dict[tuple[int, ...], Whiteness], m: int) -> tuple[Array, Array]:
+    """Lags of all parts (L,) and autocorrelations of all m channels (L, m), NaN at lags that one does not have."""
+    lags = np.unique(np.concatenate([w.lags for w in parts.values()]).round(9))
+    correlation = np.full((len(lags), m), np.nan)
+    for columns, w in parts.items():
+        correlation[np.ix_(np.searchsorted(lags, w.lags.round(9)), np.array(columns))] = w.autocorrelation
+    return lags, correlation
+
+
+def _joined_spectrum(parts: dict[tuple[int, ...], Whiteness], m: int) -> tuple[Array, Array]:
+    """Frequencies of the finest part (F,) and spectra of all m channels there (F, m), NaN above the highest of each."""
+    frequency = max((w.frequency for w in parts.values()), key=len)
+    spectrum = np.full((len(frequency), m), np.nan)
+    for columns, w in parts.items():
+        inside = frequency <= w.frequency[-1:].max(initial=0.0) * (1.0 + 1e-9)
+        for own, column in enumerate(columns if len(w.frequency) else ()):
+            spectrum[inside, column] = np.interp(frequency[inside], w.frequency, w.spectrum[:, own])
+    return frequency, spectrum
 
 
 def _most_shared_of(parts: dict[tuple[int, ...], Whiteness]) -> Shared | None:
@@ -278,16 +294,16 @@ def _judge_alike(sums: Sums, names: Sequence[str], frequencies: Sequence[float])
         autocorrelation_bound=2.0 / math.sqrt(fewest),
         frequency=frequency,
         spectrum=spectrum,
-        spectrum_bound=chance_limit(FALSE_ALARM_CHANCE / max(spectrum.size, 1), freedom) / freedom,
-        colour_bound=(chance_limit(FALSE_ALARM_CHANCE / m, lags) - lags) / fewest,
-        line_bound=line_bound(sums.tested, LINE_SURROUNDINGS, LINE_CHANCE),
+        spectrum_bound=chance_limit(FALSE_ALARM_PROBABILITY / max(spectrum.size, 1), freedom) / freedom,
+        colour_bound=(chance_limit(FALSE_ALARM_PROBABILITY / m, lags) - lags) / fewest,
+        line_bound=line_bound(sums.tested, LINE_SURROUNDINGS, LINE_FALSE_ALARM_PROBABILITY),
         shared=most_shared(sums.shared, sums.shared_pairs),
         smooth=smooth_colour(
             frequency,
             np.where(frequency[:, None] <= sums.highest, spectrum, np.nan),
             freedom,
             reach=reach,
-            chance=FALSE_ALARM_CHANCE,
+            chance=FALSE_ALARM_PROBABILITY,
         ),
     )
 

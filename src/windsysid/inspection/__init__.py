@@ -1,7 +1,7 @@
 """Look at a record before anything is identified from it: faults, spectra, and the part worth using.
 
 `inspect_record` is the one function; it reads nothing and writes nothing, so a notebook, the command line and a test
-use it alike. Its parts: `clock` and `health` (faults of the clock and of channels), `plausibility` (units and
+use it alike. Its parts: `faults` (of the clock, of channels and of the order of rows), `plausibility` (units and
 contradictions), `screening` (all of them, for identifications too), `spectra` (what vibrates), `sections` (which part
 to use), `stops` (of the rotor), `figures` and `report`.
 """
@@ -11,21 +11,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from windsysid.errors import ConfigurationError
-from windsysid.inspection.channels import most_telling
+from windsysid.inspection.channels import Kind, most_telling
 from windsysid.inspection.fault import Fault, Severity
 from windsysid.inspection.inspection import Inspection
+from windsysid.inspection.limits import MIN_MODAL_SAMPLES, MIN_SAMPLES, MIN_SPECTROGRAM_VARIATION
 from windsysid.inspection.plausibility import Rotor
 from windsysid.inspection.screening import examine
 from windsysid.inspection.sections import Proposal, propose, propose_longest
-from windsysid.inspection.spectra import (
-    SPECTROGRAM_MIN_SPREAD,
-    Spectrogram,
-    Spectrum,
-    cleaned,
-    expected_modes,
-    spectra,
-    spectrogram,
-)
+from windsysid.inspection.spectra import Spectrogram, Spectrum, cleaned, expected_modes, spectra, spectrogram
 from windsysid.inspection.stops import Stop, find_stops
 from windsysid.records.coercion import RecordLike, as_record
 from windsysid.records.formats.contents.source import reading_notes
@@ -35,10 +28,6 @@ from windsysid.units import RPM
 
 if TYPE_CHECKING:
     from windsysid.turbine.turbine import Turbine
-
-MIN_SAMPLES, MIN_MODAL_SAMPLES = 20, 256
-"""Smallest number of samples for identification (`windsysid.identification.condition.readings`) and for operational
-modal analysis (`windsysid.spectral.oma.samples`)."""
 
 __all__ = ["Fault", "Inspection", "Proposal", "Stop", "inspect_record"]
 
@@ -71,35 +60,21 @@ def inspect_record(
         If `section_length` is not a positive time, or `turbine` is none.
     """
     record, turbine = as_record(record), None if turbine is None else as_turbine(turbine)
-    if section_length is not None and not (np.isfinite(section_length) and section_length > 0.0):
+    if section_length is not None and not 0.0 < section_length < np.inf:
         raise ConfigurationError(f"section_length: expected a positive time in seconds, got {section_length:g}")
-    first = tuple(s.channel for s in turbine.sensors if s.channel in record) if turbine is not None else ()
     findings, usable, rotor = examine(record, turbine)
     findings = [*_too_short(record), *findings]
+    first = () if turbine is None else tuple(s.channel for s in turbine.sensors if s.channel in record)
 
     notes = reading_notes(record.attributes)
     blades = turbine.model.blades if turbine is not None else _blades(record, notes)
     modes, over_speed = _modes(turbine, rotor, notes)
-    if rotor is None:
-        notes.append(
-            "No usable rotor speed or azimuth in the record: harmonics of the rotor cannot be marked, nor its"
-            " steadiness judged."
-        )
-    elif not rotor.turns:
-        notes.append("The rotor stands still: there are no harmonics.")
-    chosen = [name for name in most_telling(record, first) if name in usable]
-    if not chosen:
-        chosen = [
-            name for name, kind in usable.items() if kind in ("power", "rotor speed") and np.nanstd(record[name]) > 0.0
-        ]
-        notes.append(
-            "No channel in which vibration would show"
-            + (f": spectra of {' and '.join(chosen)} instead." if chosen else ", so no spectra.")
-        )
+    notes += _rotor_notes(rotor)
+    chosen = _spectral_channels(record, usable, first, notes)
     found, pictures = _frequencies(record, chosen, findings, rotor, modes, blades, notes)
     return Inspection(
         record=record,
-        turbine=turbine.name if turbine is not None else None,
+        turbine=None if turbine is None else turbine.name,
         findings=tuple(findings),
         rotor=rotor,
         blades=blades,
@@ -107,17 +82,44 @@ def inspect_record(
         modes_over_speed=over_speed,
         spectra=found,
         spectrograms=pictures,
-        proposals=()
-        if record.samples < MIN_SAMPLES
-        else (
-            propose(record, usable, rotor, findings, section_length)
-            if section_length is not None
-            else propose_longest(record, usable, rotor, findings)
-        ),
+        proposals=_proposals(record, usable, rotor, findings, section_length),
         stops=find_stops(record, rotor, usable),
         notes=tuple(notes),
         first=first,
     )
+
+
+def _rotor_notes(rotor: Rotor | None) -> list[str]:
+    """Note that there are no rotor harmonics, and why."""
+    if rotor is None:
+        return [
+            "No usable rotor speed or azimuth in the record: harmonics of the rotor cannot be marked, nor its"
+            " steadiness judged."
+        ]
+    return [] if rotor.turns else ["The rotor stands still: there are no harmonics."]
+
+
+def _spectral_channels(record: Record, usable: dict[str, Kind], first: tuple[str, ...], notes: list[str]) -> list[str]:
+    """Usable channels of vibration, or else of power and rotor speed that vary."""
+    vibrating = [name for name in most_telling(record, first) if name in usable]
+    if vibrating:
+        return vibrating
+    operating = [name for name, kind in usable.items() if kind in ("power", "rotor speed")]
+    chosen = [name for name in operating if np.nanstd(record[name]) > 0.0]
+    instead = f": spectra of {' and '.join(chosen)} instead." if chosen else ", so no spectra."
+    notes.append("No channel in which vibration would show" + instead)
+    return chosen
+
+
+def _proposals(
+    record: Record, usable: dict[str, Kind], rotor: Rotor | None, findings: list[Fault], length: float | None
+) -> tuple[Proposal, ...]:
+    """Sections of a length, or the longest ones that are as good as short ones; none of a record that is too short."""
+    if record.samples < MIN_SAMPLES:
+        return ()
+    if length is None:
+        return propose_longest(record, usable, rotor, findings)
+    return propose(record, usable, rotor, findings, length)
 
 
 def _too_short(record: Record) -> list[Fault]:
@@ -148,7 +150,7 @@ def _modes(
     found = tuple(expected_modes(turbine, speed))
     if not found:
         notes.append(f"{turbine.name}: a rotor with fewer than three free blades has no modes in the fixed frame.")
-    if rotor is None or rotor.variation < SPECTROGRAM_MIN_SPREAD:
+    if rotor is None or rotor.variation < MIN_SPECTROGRAM_VARIATION:
         return found, ()
     low, high = np.percentile(rotor.speed, (0.5, 99.5))
     speeds = np.linspace(float(low), float(high), 9)
@@ -162,19 +164,14 @@ def _frequencies(
     """Spectra of all chosen channels, spectrograms of the first on the support and the first on a blade."""
     if not chosen:
         return (), ()
-    units = {name: record.unit(name) for name in chosen}
     time, values, rate, remark = cleaned(record, chosen, findings)
-    if remark:
-        notes.append(remark)
-    found = spectra(values, rate, chosen, units, rotor, modes, blades)
-    if not found:
-        notes.append(f"{record.samples} samples are too few for a spectrum.")
-    on_grid = None
-    if rotor is not None:
-        on_grid = Rotor(np.interp(time, record.time, rotor.speed), rotor.source)
-    on_blade = [name for name in chosen if name.startswith("blade") and name != chosen[0]]
-    pictures = [
-        spectrogram(time, values[:, chosen.index(name)], rate, name, units[name], on_grid)
+    found = spectra(values, rate, chosen, {name: record.unit(name) for name in chosen}, rotor, modes, blades)
+    notes += [remark] if remark else []
+    notes += [] if found else [f"{record.samples} samples are too few for a spectrum."]
+    on_grid = None if rotor is None else Rotor(np.interp(time, record.time, rotor.speed), rotor.source)
+    on_blade = [name for name in chosen[1:] if name.startswith("blade")]
+    pictures = (
+        spectrogram(time, values[:, chosen.index(name)], rate, name, record.unit(name), on_grid)
         for name in (chosen[0], *on_blade[:1])
-    ]
-    return found, tuple(picture for picture in pictures if picture is not None)
+    )
+    return found, tuple(filter(None, pictures))

@@ -56,6 +56,11 @@ _AIR = re.compile(r"^RtV|^(AB|B)\d+N\d+(V|Alpha|Phi|Theta|AxInd|TnInd)", re.IGNO
 def kind_of(channel: str, unit: str) -> Kind:
     """Kind of a channel by its name and unit; ``other`` if it is unknown, or is no vibration."""
     words = _words(channel)
+    return _kind_of_operation(channel, words, unit) or _kind_of_vibration(words, unit)
+
+
+def _kind_of_operation(channel: str, words: set[str], unit: str) -> Kind | None:
+    """Kind of a channel of the rotor, of the air or of a control; None if it is none."""
     if "azimuth" in words:
         return "azimuth"
     if words & {"rotor", "rot"} and words & {"speed", "rpm"}:
@@ -64,14 +69,17 @@ def kind_of(channel: str, unit: str) -> Kind:
         return "direction"
     if _of_the_air(channel, words, unit):
         return "wind speed" if channel.lower().startswith("wind") and "speed" in words else "other"
+    return _kind_of_control(words, unit)
+
+
+def _kind_of_control(words: set[str], unit: str) -> Kind | None:
+    """Kind of a power, of a controlled angle or of another quantity of operation; None if it is none."""
     if words & {"power", "pwr"} and unit in ("rad", "W", "1"):
         return "power"
     angle = _set_angle(words) if unit in ("rad", "rad/s", "1", "W") else None
     if angle is not None:
         return "other" if unit == "rad/s" else angle
-    if _is_operational(words, unit):
-        return "other"
-    return _kind_of_vibration(words, unit)
+    return "other" if _is_operational(words, unit) else None
 
 
 def _is_operational(words: set[str], unit: str) -> bool:

@@ -1,6 +1,7 @@
 """The result of an inspection: what is wrong, what vibrates, which part to use; as text, figures and files."""
 
 import json
+from collections import Counter
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -82,23 +83,23 @@ class Inspection(Answer):
     @property
     def verdict(self) -> str:
         """Whether this record can be used, and which part of it, in one line."""
-        counts = {severity: sum(f.severity == severity for f in self.findings) for severity in SEVERITIES}
-        listed = [
-            text
-            for severity, text in (
-                ("unusable", f"{counts['unusable']} unusable"),
-                ("warning", f"{counts['warning']} warning{'' if counts['warning'] == 1 else 's'}"),
-                ("note", f"{counts['note']} note{'' if counts['note'] == 1 else 's'}"),
-            )
-            if counts[severity]  # type: ignore[index]
-        ]
-        faults = ", ".join(listed) or "nothing to complain about"
         good = [p for p in self.proposals if p.good]
         if good and good[0].end - good[0].start >= self.record.duration:
-            return f"{faults}; use all of it"
+            return f"{self._counts}; use all of it"
         if good:
-            return f"{faults}; use {good[0].start:g}–{good[0].end:g} s"
-        return f"{faults}; no section is good" + (": " + "; ".join(self.proposals[0].against) if self.proposals else "")
+            return f"{self._counts}; use {good[0].start:g}–{good[0].end:g} s"
+        against = ": " + "; ".join(self.proposals[0].against) if self.proposals else ""
+        return f"{self._counts}; no section is good{against}"
+
+    @property
+    def _counts(self) -> str:
+        """How many findings there are of each severity."""
+        counts = Counter(f.severity for f in self.findings)
+        words = {severity: severity + "s" * (counts[severity] != 1) for severity in SEVERITIES} | {
+            "unusable": "unusable"
+        }
+        listed = [f"{counts[severity]} {words[severity]}" for severity in SEVERITIES if counts[severity]]
+        return ", ".join(listed) or "nothing to complain about"
 
     def of(self, channel: str) -> tuple[Fault, ...]:
         """The findings on one channel; ``""`` for those on the whole record."""
@@ -171,9 +172,14 @@ class Inspection(Answer):
         """Channels that a figure shows: rotor and wind, those with warnings, then the most telling."""
         known = kinds(self.record)
         driving = ("rotor speed", "wind speed", "direction", "power")
-        operating = [name for kind in driving for name in self.record.channels if known[name] == kind]
-        faulty = [f.channel for f in self.findings if f.channel and f.severity == "warning"]
-        broken = [f.channel for f in self.findings if f.channel and f.severity == "unusable"]
+        operating = sorted(
+            (name for name in self.record.channels if known[name] in driving),
+            key=lambda name: driving.index(known[name]),
+        )
+        faulty, broken = (
+            [f.channel for f in self.findings if f.channel and f.severity == severity]
+            for severity in ("warning", "unusable")
+        )
         telling = [name for name in most_telling(self.record, self.first) if name not in broken]
         return list(dict.fromkeys([*operating[:4], *faulty, *telling, *broken, *self.record.channels]))[:most]
 

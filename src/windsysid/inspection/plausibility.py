@@ -1,5 +1,6 @@
 """Units that cannot be right, and channels that contradict each other."""
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -7,6 +8,12 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.inspection.channels import Kind, is_position
 from windsysid.inspection.fault import Fault, Severity
+from windsysid.inspection.limits import (
+    MAX_ACCELERATION_RATE,
+    MAX_DOUBTFUL_ACCELERATION_RATE,
+    MIN_ACCELERATION_RATE,
+    MIN_ROTOR_SPEED,
+)
 from windsysid.records.record import Record
 from windsysid.signals.azimuth import MAX_SCATTER, steadied
 
@@ -17,23 +24,17 @@ __all__ = ["GRAVITY", "TIME", "Rotor", "implausible", "once_per_turn", "rotor_of
 
 
 GRAVITY = 9.80665
+"""Setting: standard acceleration of gravity [m/s²]."""
 TIME = "time"
 """What findings about the time's unit are about."""
-MIN_ROTOR_SPEED = 0.05
-"""Least rotor speed of a running machine [rad/s]."""
-
-SLOW, ONCE_A_SECOND, FAST = 0.5, 1.0, 20_000.0
-"""Readings of an acceleration a second [Hz]: below the first no structure shows, up to the second few do, and few
-loggers are as fast as the third."""
-
-_TURN = 2.0 * np.pi
+_TURN = math.tau
 _RATIOS = (
     (60.0 / _TURN, "rpm marked as rad/s"),
     (360.0 / _TURN, "degrees marked as radians"),
     (1.0 / _TURN, "turns (Hz) marked as radians"),
     (6.0, "rpm and deg/s mixed up"),
 )
-"""Ratio of what is written to what it should be, and the mistake that makes it."""
+"""Setting: ratio of a written value to the right one, and the mistake that makes it."""
 
 
 _GRAVITIES = (
@@ -42,7 +43,7 @@ _GRAVITIES = (
     (1e3, "mm/s² marked as m/s²"),
     (GRAVITY, "m/s² marked as g"),
 )
-"""Gravity as a wrong unit shows it, over 9.81 m/s², and the mistake that makes it."""
+"""Setting: gravity in a wrong unit over 9.81 m/s², and the mistake that makes it."""
 
 
 class Rotor:
@@ -88,17 +89,7 @@ def implausible(record: Record, known: dict[str, Kind], rotor: Rotor | None, tur
     """Faults of units and contradictions over all channels (`known`: those that are usable, with their kinds)."""
     found = _pace(record) if "acceleration" in known.values() else []
     for channel, kind in known.items():
-        values = record[channel]
-        x = values[np.isfinite(values)]
-        unit = record.unit(channel)
-        if kind == "acceleration" and unit == "m/s^2":
-            found += _acceleration(record, channel, values, x, rotor)
-        elif kind == "displacement" and unit == "m" and np.std(x) > 10.0 and not is_position(channel):
-            found.append(_unit(channel, "no deflection so large", rms=float(np.std(x))))
-        elif unit == "rad":
-            found += _angle(record, channel, kind, values, x)
-        elif kind == "wind speed" and np.mean(x) > 40.0:
-            found.append(_unit(channel, "no wind so strong", mean=float(np.mean(x))))
+        found += _wrong_unit(record, channel, kind, rotor)
     if "rotor_speed" in known:
         found += _rotor_speed(record, turbine)
     if "rotor_azimuth" in known:
@@ -106,32 +97,54 @@ def implausible(record: Record, known: dict[str, Kind], rotor: Rotor | None, tur
     return found
 
 
+def _wrong_unit(record: Record, channel: str, kind: Kind, rotor: Rotor | None) -> list[Fault]:
+    """A unit that the values of a channel contradict."""
+    values, unit = record[channel], record.unit(channel)
+    x = values[np.isfinite(values)]
+    if kind == "acceleration" and unit == "m/s^2":
+        return _acceleration(record, channel, x, rotor)
+    if kind == "displacement" and unit == "m":
+        large = np.std(x) > 10.0 and not is_position(channel)
+        return [_unit(channel, "no deflection so large", rms=float(np.std(x)))] if large else []
+    if unit == "rad":
+        return _angle(channel, kind, x)
+    if kind == "wind speed" and np.mean(x) > 40.0:
+        return [_unit(channel, "no wind so strong", mean=float(np.mean(x)))]
+    return []
+
+
 def _pace(record: Record) -> list[Fault]:
     """Whether accelerations come so seldom that the time was in milliseconds, or so often that it was in days."""
     step = 1.0 / record.rate
-    if record.rate < SLOW:
+    if record.rate < MIN_ACCELERATION_RATE:
         return [_unit(TIME, "no structure so slow", step=step)]
-    slow = record.rate <= ONCE_A_SECOND and np.array_equal(record.time, np.round(record.time))
-    if not slow and record.rate <= FAST:
+    slow = record.rate <= MAX_DOUBTFUL_ACCELERATION_RATE and np.array_equal(record.time, np.round(record.time))
+    if not slow and record.rate <= MAX_ACCELERATION_RATE:
         return []
     return [Fault(TIME, "pace", "warning", 0, data={"step": step, "slow": slow})]
 
 
-def _acceleration(record: Record, channel: str, values: Array, x: Array, rotor: Rotor | None) -> list[Fault]:
+def _acceleration(record: Record, channel: str, x: Array, rotor: Rotor | None) -> list[Fault]:
     mean, rms = float(np.mean(x)), float(np.std(x))
     for factor, mistake in _GRAVITIES:
         if abs(abs(mean) / (GRAVITY * factor) - 1.0) < 0.03 and rms < 0.5 * GRAVITY * factor:
             return [_unit(channel, "gravity in another unit", mean=mean, mistake=mistake)]
     if abs(abs(mean) - GRAVITY) < 0.3:
         return [Fault(channel, "gravity", "note", x.size, data={"mean": mean})]
-    on_support = channel.startswith(("tower", "nacelle", "hub", "foundation"))
-    if rms > 10.0 * GRAVITY and on_support:
+    if rms > 10.0 * GRAVITY and channel.startswith(("tower", "nacelle", "hub", "foundation")):
         return [_unit(channel, "no support so shaken", rms=rms, gravities=rms / GRAVITY)]
-    if channel.startswith("blade") and "kinematic" not in channel and rotor is not None and rotor.turns:
-        amplitude = once_per_turn(record, values, rotor)
-        for factor, mistake in _GRAVITIES:
-            if abs(amplitude / (GRAVITY * factor) - 1.0) < 0.05 and amplitude > 1.2 * rms:
-                return [_unit(channel, "gravity once per turn", amplitude=amplitude, mistake=mistake)]
+    on_blade = channel.startswith("blade") and "kinematic" not in channel
+    return _gravity_once_per_turn(record, channel, rms, rotor) if on_blade and rotor is not None else []
+
+
+def _gravity_once_per_turn(record: Record, channel: str, rms: float, rotor: Rotor) -> list[Fault]:
+    """A wrong unit of an accelerometer on a blade, by its amplitude at 1P."""
+    if not rotor.turns:
+        return []
+    amplitude = once_per_turn(record, record[channel], rotor)
+    for factor, mistake in _GRAVITIES:
+        if abs(amplitude / (GRAVITY * factor) - 1.0) < 0.05 and amplitude > 1.2 * rms:
+            return [_unit(channel, "gravity once per turn", amplitude=amplitude, mistake=mistake)]
     return []
 
 
@@ -142,44 +155,51 @@ def once_per_turn(record: Record, values: Array, rotor: Rotor) -> float:
     return float(2.0 * np.abs(np.mean((values[ok] - values[ok].mean()) * np.exp(-1j * psi[ok]))))
 
 
-def _angle(record: Record, channel: str, kind: Kind, values: Array, x: Array) -> list[Fault]:
-    span = float(np.ptp(x))
-    drops = np.diff(x)
-    wraps = drops[np.abs(drops) > 0.5 * span] if span > 0.0 else drops[:0]
-    size = float(np.median(np.abs(wraps))) if wraps.size else 0.0
-    in_degrees = 300.0 < size < 361.0 and span < 361.0
-    if kind in ("direction", "yaw"):
-        in_degrees |= bool(np.abs(x).max() > 4.0 * np.pi and np.abs(x).max() <= 361.0)
-    elif kind == "pitch":
-        in_degrees |= bool(np.abs(x).max() > _TURN)
-    if in_degrees:
+def _angle(channel: str, kind: Kind, x: Array) -> list[Fault]:
+    span, largest = float(np.ptp(x)), float(np.abs(x).max())
+    drops = np.abs(np.diff(x))
+    wraps = drops[drops > 0.5 * span] if span > 0.0 else drops[:0]
+    size = float(np.median(wraps)) if wraps.size else 0.0
+    if _is_in_degrees(kind, size, span, largest):
         if not size:
-            return [_unit(channel, "angle too large", largest=float(np.abs(x).max()))]
+            return [_unit(channel, "angle too large", largest=largest)]
         return [_unit(channel, "wraps elsewhere", at=360, mistake="degrees marked as rad")]
     if kind == "azimuth" and wraps.size >= 3 and 0.8 < size < 1.05 and span < 1.05:
         return [_unit(channel, "wraps elsewhere", at=1, mistake="turns marked as rad")]
     return []
 
 
+def _is_in_degrees(kind: Kind, wrap: float, span: float, largest: float) -> bool:
+    """Whether an angle is in degrees, by the median size of its wraps, its span and its largest value."""
+    if 300.0 < wrap < 361.0 and span < 361.0:
+        return True
+    if kind in ("direction", "yaw"):
+        return 2.0 * _TURN < largest <= 361.0
+    return kind == "pitch" and largest > _TURN
+
+
 def _rotor_speed(record: Record, turbine: "Turbine | None") -> list[Fault]:
-    values = record["rotor_speed"]
-    usual = float(np.nanmedian(values))
+    usual = float(np.nanmedian(record["rotor_speed"]))
     if "rotor_azimuth" in record and _azimuth_speed(record) is not None:
         return []  # the azimuth tells more, see below
     if turbine is not None and turbine.rotor_speed > 0.0 and usual != 0.0:
-        ratio = abs(usual) / turbine.rotor_speed
-        for factor, mistake in _RATIOS[:3]:
-            # the machine may run away from its usual speed, but hardly this far
-            if abs(np.log(ratio / factor)) < 0.35 and abs(np.log(ratio)) > 1.0:
-                severity: Severity = "warning" if factor > 1.0 else "note"  # an idling rotor is slow too
-                speeds = {"speed": usual, "usual": turbine.rotor_speed, "turbine": turbine.name}
-                return [_unit("rotor_speed", "another usual speed", severity, **speeds, mistake=mistake)]
-        return []
+        return _against_usual_speed(usual, turbine)
     rpm = usual * 60.0 / _TURN
     if abs(usual) > 30.0:
         return [_unit("rotor_speed", "fast rotor", speed=usual, rpm=rpm)]
     if abs(usual) > 10.0:
         return [_unit("rotor_speed", "small rotor", "note", speed=usual, rpm=rpm)]
+    return []
+
+
+def _against_usual_speed(speed: float, turbine: "Turbine") -> list[Fault]:
+    """A wrong unit of a rotor speed, by that of the turbine file: a machine may run away, but hardly this far."""
+    ratio = abs(speed) / turbine.rotor_speed
+    for factor, mistake in _RATIOS[:3]:
+        if abs(np.log(ratio / factor)) < 0.35 and abs(np.log(ratio)) > 1.0:
+            severity: Severity = "warning" if factor > 1.0 else "note"  # an idling rotor is slow too
+            speeds = {"speed": speed, "usual": turbine.rotor_speed, "turbine": turbine.name}
+            return [_unit("rotor_speed", "another usual speed", severity, **speeds, mistake=mistake)]
     return []
 
 
@@ -196,13 +216,11 @@ def _azimuth_speed(record: Record) -> float | None:
 
 
 def _azimuth_against_speed(record: Record, with_speed: bool) -> list[Fault]:
-    values = record["rotor_azimuth"]
-    ok = np.isfinite(values)
-    time, psi = record.time[ok], values[ok]
-    unwrapped = np.diff(psi)
+    psi = record["rotor_azimuth"]
+    psi = psi[np.isfinite(psi)]
     span = float(np.ptp(psi))
-    wraps = np.abs(unwrapped) > 0.5 * span
-    if wraps.any() and not 0.95 * _TURN < span < 1.05 * _TURN and np.sum(wraps) >= 3 and span < 400.0:
+    wraps = int(np.count_nonzero(np.abs(np.diff(psi)) > 0.5 * span))
+    if wraps >= 3 and not 0.95 * _TURN < span < 1.05 * _TURN and span < 400.0:
         return []  # the unit is wrong: said already
     own = _azimuth_speed(record)
     if own is None:
@@ -212,22 +230,40 @@ def _azimuth_against_speed(record: Record, with_speed: bool) -> list[Fault]:
     found = _azimuth_scatter(record)
     if not with_speed:
         return found
-    speed = record["rotor_speed"][ok]
-    filled = np.interp(time, time[np.isfinite(speed)], speed[np.isfinite(speed)])
-    mean = float(np.median(filled))
-    if abs(mean) > 0.05 and abs(own / mean - 1.0) > 0.02:
-        ratio = mean / own if own else np.inf
-        mistake = next((text for factor, text in _RATIOS if abs(abs(ratio) / factor - 1.0) < 0.02), "")
-        return [_contradiction(azimuth=own, speed=mean, ratio=ratio, mistake=mistake)]
-    expected = 0.5 * (filled[1:] + filled[:-1]) * np.diff(time)
-    slip = np.mod(unwrapped - expected + np.pi, _TURN) - np.pi
+    return _against_speed(record, own) or [*found, *_azimuth_jumps(record)]
+
+
+def _against_speed(record: Record, own: float) -> list[Fault]:
+    """A mean speed of the azimuth [rad/s] that contradicts the rotor speed."""
+    mean = float(np.median(_speed_at_azimuth(record)))
+    if abs(mean) <= 0.05 or abs(own / mean - 1.0) <= 0.02:
+        return []
+    ratio = mean / own if own else np.inf
+    mistake = next((text for factor, text in _RATIOS if abs(abs(ratio) / factor - 1.0) < 0.02), "")
+    return [_contradiction(azimuth=own, speed=mean, ratio=ratio, mistake=mistake)]
+
+
+def _azimuth_jumps(record: Record) -> list[Fault]:
+    """Places where the azimuth jumps by more than the rotor turned."""
+    ok = np.isfinite(record["rotor_azimuth"])
+    time, speed = record.time[ok], _speed_at_azimuth(record)
+    expected = 0.5 * (speed[1:] + speed[:-1]) * np.diff(time)
+    slip = np.mod(np.diff(record["rotor_azimuth"][ok]) - expected + np.pi, _TURN) - np.pi
     # two glitches that cancel are a spike, reported as such; a slip stays
     lasting = np.flatnonzero((np.abs(slip) > 0.3) & (np.abs(_around(slip)) > 0.3) & (np.diff(time) < 1.5 / record.rate))
-    if lasting.size:
-        spans = np.column_stack([time[lasting], time[lasting + 1]])
-        data = {"largest": float(np.max(np.abs(slip[lasting])))}
-        found.append(Fault("rotor_azimuth", "azimuth jumps", "warning", int(lasting.size), spans, data))
-    return found
+    if not lasting.size:
+        return []
+    spans = np.column_stack([time[lasting], time[lasting + 1]])
+    data = {"largest": float(np.max(np.abs(slip[lasting])))}
+    return [Fault("rotor_azimuth", "azimuth jumps", "warning", int(lasting.size), spans, data)]
+
+
+def _speed_at_azimuth(record: Record) -> Array:
+    """Rotor speed at the times of known azimuths, bridged where it is missing."""
+    ok = np.isfinite(record["rotor_azimuth"])
+    time, speed = record.time[ok], record["rotor_speed"][ok]
+    known = np.isfinite(speed)
+    return np.interp(time, time[known], speed[known])
 
 
 def _azimuth_scatter(record: Record) -> list[Fault]:

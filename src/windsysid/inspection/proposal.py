@@ -14,6 +14,7 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError, UnknownTimeError
+from windsysid.inspection.limits import MAX_GRAVITY_DEVIATION
 from windsysid.inspection.plausibility import GRAVITY, Rotor, once_per_turn
 from windsysid.inspection.tags import Meaning, meaning_of
 from windsysid.output.console import render
@@ -31,9 +32,9 @@ from windsysid.units import RPM, canonical, si_unit, to_si
 __all__ = ["Guess", "MappingProposal", "propose_mapping"]
 
 _BY_FILE, _BY_VALUES = "the file says its unit", "the range of its values tells its unit"
-_UPRIGHT = 0.03  # of g: so near to it is the mean of an upright accelerometer, or its swing in a turning rotor
 _UNITS_OF_ACCELERATION = ("m/s^2", "g", "mg", "mm/s^2")
-_MOST_SAMPLES = 1 << 18  # that show a spectrum
+_MAX_SAMPLES = 1 << 18
+"""Setting: largest number of samples of a spectrum."""
 _UNTIMED = "The file gives no times: write the rate, or the column and unit of the time, into [time] below."
 _TIME_TO_FILL_IN = ["", "[time]", "# ? rate = # Hz", "# ? column = ", '# ? unit = "s"']
 
@@ -268,13 +269,13 @@ def _gravity(record: Record, name: str, values: Array, rotor: Rotor | None) -> t
     mean, rms = float(np.nanmean(values)), float(np.nanstd(values))
     for unit in _UNITS_OF_ACCELERATION:
         g = GRAVITY / to_si(1.0, unit)
-        if abs(abs(mean) / g - 1.0) < _UPRIGHT and 0.0 < rms < 0.3 * g:
+        if abs(abs(mean) / g - 1.0) < MAX_GRAVITY_DEVIATION and 0.0 < rms < 0.3 * g:
             return unit, f"its mean is gravity in {unit}: it stands upright"
     if rotor is not None and rotor.turns:
         swing = once_per_turn(record, values, rotor)
         for unit in _UNITS_OF_ACCELERATION:
             g = GRAVITY / to_si(1.0, unit)
-            if abs(swing / g - 1.0) < _UPRIGHT and swing > 1.2 * rms:
+            if abs(swing / g - 1.0) < MAX_GRAVITY_DEVIATION and swing > 1.2 * rms:
                 return unit, f"it swings by gravity in {unit} once per turn: it turns with the rotor"
     return None, ""
 
@@ -283,7 +284,7 @@ def _peak(record: Record, values: Array, rotor: Rotor | None) -> list[str]:
     """The strongest frequency of a channel, where there is one."""
     from scipy.signal import welch
 
-    some = values[:_MOST_SAMPLES]
+    some = values[:_MAX_SAMPLES]
     ok = np.isfinite(some)
     if ok.sum() < 256 or not np.nanstd(some) > 0.0:
         return []

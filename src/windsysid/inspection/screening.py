@@ -12,14 +12,15 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from windsysid.errors import RecordError
-from windsysid.inspection.channels import VIBRATION, Kind, kinds
-from windsysid.inspection.clock import clock_faults
-from windsysid.inspection.continuity import copied_channels, copied_passages, lost_samples, overrun
+from windsysid.inspection.channels import VIBRATION, Kind, kind_of, kinds
 from windsysid.inspection.fault import SEVERITIES, Fault
-from windsysid.inspection.health import channel_faults
-from windsysid.inspection.losses import lost_rows
-from windsysid.inspection.plausibility import MIN_ROTOR_SPEED, TIME, Rotor, implausible, rotor_of
-from windsysid.inspection.silence import silent_stretches
+from windsysid.inspection.faults.clock import clock_faults
+from windsysid.inspection.faults.continuity import copied_channels, copied_passages, lost_samples, overrun
+from windsysid.inspection.faults.health import channel_faults
+from windsysid.inspection.faults.losses import lost_rows
+from windsysid.inspection.faults.silence import silent_stretches
+from windsysid.inspection.limits import MAX_OFFSET_SIGMAS, MIN_ROTOR_SPEED
+from windsysid.inspection.plausibility import TIME, Rotor, implausible, rotor_of
 from windsysid.records.record import Record
 from windsysid.results.finding import Finding
 from windsysid.results.finding import Severity as FindingSeverity
@@ -36,8 +37,7 @@ _FALSE = frozenset({"copied passage", "copy", "lost rows", "lost samples", "over
 _JUMPING = frozenset({"clipping", "frozen", "held", "interpolated", "missing", "overrun", "silent", "spikes"})
 """Kinds of findings that jumps of a channel come from."""
 _MAX_VALUE = 1e100
-_OFFSET_SIGMAS = 3.0
-"""A mean is expected where a sensor's offset has a prior standard deviation of a third of it."""
+"""Numerical: largest value whose square cannot overflow in sums."""
 
 
 def examine(record: Record, turbine: "Turbine | None") -> tuple[list[Fault], dict[str, Kind], Rotor | None]:
@@ -50,6 +50,22 @@ def examine(record: Record, turbine: "Turbine | None") -> tuple[list[Fault], dic
         If a value is so large that its square could overflow.
     """
     known = kinds(record)
+    _refuse_overflow(record)
+    findings = [*clock_faults(record), *_faults_of_channels(record, known)]
+    broken = {finding.channel for finding in findings if finding.severity == "unusable"}
+    usable = {channel: kind for channel, kind in known.items() if channel not in broken}
+    moving = [channel for channel, kind in usable.items() if kind in VIBRATION]
+    findings += copied_passages(record, moving)
+    findings += silent_stretches(record, moving)
+    findings += _losses(record, moving, findings)
+    rotor = rotor_of(record, set(usable))
+    findings += implausible(record, usable, rotor, turbine)
+    findings.sort(key=lambda f: (SEVERITIES.index(f.severity), f.channel != ""))
+    return findings, usable, rotor
+
+
+def _refuse_overflow(record: Record) -> None:
+    """Refuse a record with a value whose square could overflow."""
     size = np.nanmax(np.abs(record.values), axis=0, initial=0.0)
     if np.any(size > _MAX_VALUE):
         k = int(np.argmax(size))
@@ -57,27 +73,28 @@ def examine(record: Record, turbine: "Turbine | None") -> tuple[list[Fault], dic
             f"{record.name}: channel '{record.channels[k]}' reaches {size[k]:.3g}: expected less than {_MAX_VALUE:g}; "
             "leave those cells empty, or write NaN"
         )
+
+
+def _faults_of_channels(record: Record, known: Mapping[str, Kind]) -> list[Fault]:
+    """Faults of single channels; jumps of a converter that overran are no spikes."""
     standing = "rotor_speed" in record and bool(
         np.nanmin(np.abs(record["rotor_speed"]), initial=np.inf) < MIN_ROTOR_SPEED
     )
-    findings = clock_faults(record)
+    found = list[Fault]()
     for channel, kind in known.items():
         ran_over = overrun(record, channel) if kind in VIBRATION else []
         faults = channel_faults(record, channel, kind, standing)
-        findings += ran_over + [fault for fault in faults if not (ran_over and fault.kind == "spikes")]
-    broken = {finding.channel for finding in findings if finding.severity == "unusable"}
-    usable = {channel: kind for channel, kind in known.items() if channel not in broken}
-    moving = [channel for channel, kind in usable.items() if kind in VIBRATION]
-    findings += copied_passages(record, moving)
-    findings += silent_stretches(record, moving)
+        found += ran_over + [fault for fault in faults if not (ran_over and fault.kind == "spikes")]
+    return found
+
+
+def _losses(record: Record, moving: Sequence[str], findings: Sequence[Fault]) -> list[Fault]:
+    """Rows that were lost though the time goes on, unless `findings` have gaps, in channels that do not jump."""
+    if any(finding.kind in ("gaps", "short gaps", "repeated rows") for finding in findings):
+        return []
     jumping = {finding.channel for finding in findings if finding.kind in _JUMPING}
-    if not any(finding.kind in ("gaps", "short gaps", "repeated rows") for finding in findings):
-        whole = [channel for channel in moving if channel not in jumping]
-        findings += lost_samples(record, whole) or lost_rows(record, whole)
-    rotor = rotor_of(record, set(usable))
-    findings += implausible(record, usable, rotor, turbine)
-    findings.sort(key=lambda f: (SEVERITIES.index(f.severity), f.channel != ""))
-    return findings, usable, rotor
+    whole = [channel for channel in moving if channel not in jumping]
+    return lost_samples(record, whole) or lost_rows(record, whole)
 
 
 def faults_of(record: Record, channels: Iterable[str], turbine: "Turbine | None") -> Sequence[Fault]:
@@ -140,26 +157,37 @@ def screen(
     measured = list(sensors)
     read = [*measured, *(channel for channel in others if channel in record)]
     findings = [*faults_of(record, read, turbine), *copied_channels(record, measured)]
-    known = kinds(record)
     for finding in findings if refuse else ():
-        channel = finding.channel
-        dead = finding.kind in _DEAD and finding.severity == "unusable" and channel in measured
-        if dead and known[channel] in VIBRATION:
-            constant = finding.kind == "constant"
-            what = finding.statement if constant else "repeats one value in most of the record"
-            raise RecordError(
-                f"{record.name}: channel '{channel}' {what}: disconnected? "
-                "leave it out of the sensors, or choose another section"
-            )
-        if channel == TIME and finding.kind == "unit":
-            raise RecordError(f"{record.name}: time: {finding.text}")
-        if finding.kind != "unit" or finding.severity != "warning" or known[channel] == "wind speed":
-            continue
-        offset = (offsets or {}).get(channel, 0.0)
-        if not offset or abs(float(np.nanmean(record[channel]))) > _OFFSET_SIGMAS * offset:
-            way_out = ", or leave it out of the sensors" if channel in measured else ""
-            raise RecordError(f"{record.name}: channel '{channel}': {finding.text} Correct its unit{way_out}")
+        reason = _refusal(record, finding, measured, (offsets or {}).get(finding.channel, 0.0))
+        if reason:
+            raise RecordError(f"{record.name}: {reason}")
     return [finding for finding in findings if finding.severity != "note"]
+
+
+def _refusal(record: Record, fault: Fault, sensors: Sequence[str], offset: float) -> str:
+    """Why a record with this fault is refused, where its sensor's offset has this prior standard deviation; else ''."""
+    channel = fault.channel
+    if fault.kind in _DEAD and fault.severity == "unusable" and channel in sensors:
+        return _dead(record, fault)
+    if fault.kind != "unit":
+        return ""
+    if channel == TIME:
+        return f"time: {fault.text}"
+    allowed = offset and not abs(float(np.nanmean(record[channel]))) > MAX_OFFSET_SIGMAS * offset
+    if allowed or fault.severity != "warning" or kind_of(channel, record.unit(channel)) == "wind speed":
+        return ""
+    return f"channel '{channel}': {fault.text} Correct its unit" + ", or leave it out of the sensors" * (
+        channel in sensors
+    )
+
+
+def _dead(record: Record, fault: Fault) -> str:
+    """Why a vibration channel that is constant or frozen is refused; '' for another one."""
+    if kind_of(fault.channel, record.unit(fault.channel)) not in VIBRATION:
+        return ""
+    what = fault.statement if fault.kind == "constant" else "repeats one value in most of the record"
+    advice = "disconnected? leave it out of the sensors, or choose another section"
+    return f"channel '{fault.channel}' {what}: {advice}"
 
 
 def noted(faults: Iterable[Fault]) -> tuple[Finding, ...]:

@@ -22,32 +22,34 @@ from numpy.typing import NDArray
 from windsysid._types import Array
 from windsysid.inspection.channels import VIBRATION, Kind, most_telling
 from windsysid.inspection.fault import Fault
-from windsysid.inspection.plausibility import MIN_ROTOR_SPEED, Rotor
+from windsysid.inspection.limits import (
+    FALSE_ALARM_PROBABILITY,
+    MAX_DIRECTION_SPREAD,
+    MAX_FAULT_SHARE,
+    MAX_LENGTH_PENALTY,
+    MAX_SPEED_VARIATION,
+    MAX_WIND_VARIATION,
+    MIN_CYCLES,
+    MIN_DEGREES_OF_FREEDOM,
+    MIN_ROTOR_SPEED,
+    MIN_SECTION_SECONDS,
+    MIN_VIBRATION_FACTOR,
+)
+from windsysid.inspection.plausibility import Rotor
 from windsysid.inspection.sentences import joined
-from windsysid.inspection.stationarity import FALSE_ALARM_PROBABILITY, Vibration, changes, vibration_of
+from windsysid.inspection.stationarity import Vibration, changes, vibration_of
 from windsysid.records.record import Record
 from windsysid.units import RPM
 
 __all__ = ["Proposal", "propose", "propose_longest"]
 
-SHORTEST_SECTION = 100.0
-"""Of those that nobody asked for by their length [s]: that of the published study."""
-MAX_PENALTY_OF_LENGTH = 0.6
-"""Largest penalty of a longer section above that of the median short one: equal to 3 % of the rotor speed, or 12 % of
-the wind speed, since turbulence varies more over a longer time."""
-
 MAX_PROPOSALS = 5
+"""Setting: largest number of sections that are proposed."""
 BLOCKS_PER_SECTION = 40
-"""Blocks in a section: windows start at each block."""
+"""Setting: number of blocks in a section: windows start at each block."""
 
-ROTOR_LIMIT, WIND_LIMIT, DIRECTION_LIMIT, FAULT_LIMIT = 0.05, 0.20, np.radians(15.0), 0.02
-MIN_VIBRATION_FACTOR = 0.25
-"""Vibration below this many times the record's median is too little to identify from."""
-PENALTY_OF_CHANGE = 0.2
-"""Penalty of a change of vibration at the limit of what chance explains; a larger change is an objection."""
-MIN_CYCLES, MIN_DEGREES_OF_FREEDOM = 40.0, 4.0
-"""Smallest number of periods in a section, which `oma` needs, and of equivalent degrees of freedom of its power, which
-`identify` needs: a shorter section is not proposed."""
+CHANGE_PENALTY = 0.2
+"""Setting: penalty of a change of vibration at the limit of what chance explains; a larger change is an objection."""
 
 
 @dataclass(frozen=True)
@@ -111,14 +113,14 @@ def propose_longest(
     """
     vibrations = _vibrations(record, known)
     length = whole = record.duration + 1.0 / record.rate
-    least = max(SHORTEST_SECTION, whole * min(1.0, _least_share(record, known, vibrations)))
+    least = max(MIN_SECTION_SECONDS, whole * min(1.0, _least_share(record, known, vibrations)))
     short = _judged(record, known, rotor, findings, min(least, whole), vibrations)
     if short is None:
         return ()
     usual = float(np.median(short.penalty))
     while length > least:
         found = _judged(record, known, rotor, findings, length, vibrations)
-        if found is not None and (best := found.best())[0].good and best[0].penalty <= usual + MAX_PENALTY_OF_LENGTH:
+        if found is not None and (best := found.best())[0].good and best[0].penalty <= usual + MAX_LENGTH_PENALTY:
             return best
         length /= 2.0
     return short.best()
@@ -232,23 +234,22 @@ def _judge_rotor(record: Record, rotor: Rotor, cut: "_Blocks", judge: Any) -> No
         f"the rotor speed ({v:.3g} rpm) varies by {_percent(s)} and drifts by {_percent(d)}"
         for v, s, d in zip(rpm, spread, drift, strict=True)
     ]
-    judge(spread / ROTOR_LIMIT + 0.5 * drift / ROTOR_LIMIT, steady, unsteady, 1.5)
+    judge(spread / MAX_SPEED_VARIATION + 0.5 * drift / MAX_SPEED_VARIATION, steady, unsteady, 1.5)
 
 
 def _judge_wind(record: Record, known: dict[str, Kind], cut: "_Blocks", judge: Any) -> None:
     """Judge variation and drift of the wind, in the first channels of its speed and of its direction."""
-    channel = next((name for name, kind in known.items() if kind == "wind speed"), None)
-    if channel is not None:
-        mean, std, drift = cut.moments(record[channel], record.time)
+    first = {kind: name for name, kind in reversed(known.items())}
+    if "wind speed" in first:
+        mean, std, drift = cut.moments(record[first["wind speed"]], record.time)
         slow = np.maximum(np.abs(mean), 0.5)
         words = [f"wind {m:.3g} ± {s:.2g} m/s" for m, s in zip(mean, std, strict=True)]
         complaint = [f"{text}, drifting by {d:+.2g} m/s" for text, d in zip(words, drift, strict=True)]
-        judge(std / slow / WIND_LIMIT + 0.5 * np.abs(drift) / slow / WIND_LIMIT, words, complaint, 2.0)
-    channel = next((name for name, kind in known.items() if kind == "direction"), None)
-    if channel is not None:
-        spread = cut.circular_spread(record[channel])
+        judge(std / slow / MAX_WIND_VARIATION + 0.5 * np.abs(drift) / slow / MAX_WIND_VARIATION, words, complaint, 2.0)
+    if "direction" in first:
+        spread = cut.circular_spread(record[first["direction"]])
         words = [f"direction within ± {np.degrees(s):.2g}°" for s in spread]
-        judge(spread / DIRECTION_LIMIT, words, [f"the wind turns ({text})" for text in words])
+        judge(spread / MAX_DIRECTION_SPREAD, words, [f"the wind turns ({text})" for text in words])
 
 
 class _Blocks:
@@ -297,35 +298,45 @@ class _Blocks:
 
 def _judge_faults(record: Record, known: dict[str, Kind], findings: Sequence[Fault], cut: _Blocks, judge: Any) -> None:
     """Share of samples that a fault touches; gaps count with the samples they lost."""
-    touched = np.zeros(record.samples + 1)
-    lost = np.zeros(record.samples)
-    kinds: dict[str, Array] = {}
-    for finding in findings:
-        matters = finding.channel in known and known[finding.channel] in (*VIBRATION, "azimuth", "rotor speed")
-        if not len(finding.spans) or not (matters or not finding.channel):
-            continue
-        low = np.searchsorted(record.time, finding.spans[:, 0], side="left")
-        high = np.searchsorted(record.time, finding.spans[:, 1], side="right")
-        if finding.kind == "gaps":
-            lost[np.minimum(high - 1, record.samples - 1)] += (
-                np.rint((finding.spans[:, 1] - finding.spans[:, 0]) * record.rate) - 1
-            )
-            kinds.setdefault("gaps", np.zeros(record.samples))[np.minimum(high - 1, record.samples - 1)] = 1.0
-            continue
-        marks = np.zeros(record.samples + 1)
-        np.add.at(marks, low, 1.0)
-        np.add.at(marks, high, -1.0)
-        touched += marks
-        marked = kinds.setdefault(finding.kind, np.zeros(record.samples))
-        np.maximum(marked, np.cumsum(marks)[:-1] > 0.0, out=marked)
-    faulty = (np.cumsum(touched)[:-1] > 0.0).astype(np.float64)
-    share = cut.windows(cut.sums(faulty + lost)) / np.maximum(cut.windows(cut.sums(1.0 + lost)), 1.0)
-    present = {kind: cut.windows(cut.sums(where)) > 0.0 for kind, where in kinds.items()}
+    lost, faulty = _faulty_samples(record, known, findings)
+    touched = np.max([np.zeros(record.samples), *(marked for kind, marked in faulty.items() if kind != "gaps")], axis=0)
+    share = cut.windows(cut.sums(touched + lost)) / np.maximum(cut.windows(cut.sums(1.0 + lost)), 1.0)
+    present = {kind: cut.windows(cut.sums(marked)) > 0.0 for kind, marked in faulty.items()}
     words = []
     for w in range(share.size):
         here = [kind for kind, where in present.items() if where[w]]
         words.append(f"{joined(here)} in {_percent(share[w])} of the samples" if here else "no gaps or faults")
-    judge(share / FAULT_LIMIT, words, words)
+    judge(share / MAX_FAULT_SHARE, words, words)
+
+
+def _faulty_samples(
+    record: Record, known: dict[str, Kind], findings: Sequence[Fault]
+) -> tuple[Array, dict[str, Array]]:
+    """Number of samples lost before each sample (T,), and, by kinds of faults, 1 for samples that they touch (T,)."""
+    lost = np.zeros(record.samples)
+    faulty: dict[str, Array] = {}
+    for finding in findings:
+        matters = not finding.channel or known.get(finding.channel) in (*VIBRATION, "azimuth", "rotor speed")
+        if not len(finding.spans) or not matters:
+            continue
+        marked = faulty.setdefault(finding.kind, np.zeros(record.samples))
+        low = np.searchsorted(record.time, finding.spans[:, 0], side="left")
+        high = np.searchsorted(record.time, finding.spans[:, 1], side="right")
+        if finding.kind == "gaps":
+            after = np.minimum(high - 1, record.samples - 1)
+            lost[after] += np.rint((finding.spans[:, 1] - finding.spans[:, 0]) * record.rate) - 1
+            marked[after] = 1.0
+        else:
+            np.maximum(marked, _inside(low, high, record.samples), out=marked)
+    return lost, faulty
+
+
+def _inside(low: NDArray[np.int64], high: NDArray[np.int64], samples: int) -> Array:
+    """1 for the samples (T,) from one of `low` to before its `high`, else 0."""
+    marks = np.zeros(samples + 1)
+    np.add.at(marks, low, 1.0)
+    np.add.at(marks, high, -1.0)
+    return (np.cumsum(marks)[:-1] > 0.0).astype(np.float64)
 
 
 _NAMES = {2: "halves", 4: "quarters"}
@@ -360,7 +371,7 @@ def _judge_excitation(vibrations: dict[str, Vibration], cut: _Blocks, judge: Any
         else f"it {v} by {f:.2g} × between its {_NAMES[n]}"
         for f, v, n, c in zip(size, verb, found.segments, found.by_chance, strict=True)
     ]
-    judge(PENALTY_OF_CHANGE * found.excess, words, complaint, PENALTY_OF_CHANGE)
+    judge(CHANGE_PENALTY * found.excess, words, complaint, CHANGE_PENALTY)
 
 
 def _levels(vibrations: Sequence[Vibration], windows: NDArray[np.int64]) -> tuple[Array, Array]:

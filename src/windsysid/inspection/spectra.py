@@ -13,6 +13,7 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.inspection.bodies import body_of
 from windsysid.inspection.fault import Fault
+from windsysid.inspection.limits import MAX_REFERENCE_DISTANCE, MIN_SPECTROGRAM_VARIATION
 from windsysid.inspection.plausibility import Rotor
 from windsysid.records.checks import refuse_gaps
 from windsysid.records.record import Record
@@ -33,17 +34,15 @@ __all__ = [
 ]
 
 
-MOST_PEAKS = 8
+MAX_PEAKS = 8
+"""Setting: largest number of peaks of a spectrum that are listed."""
 SEGMENTS_PER_RECORD = 6
-"""A record is cut into so many lengths (eleven segments, overlapping by half), none longer than
+"""Setting: number of segment lengths in a record (eleven segments, overlapping by half), none longer than
 `MAX_SEGMENT_SECONDS`."""
 MAX_SEGMENT_SECONDS = 100.0
-MODE_TOLERANCE = 0.08
-"""A peak this near to an expected mode may be that mode: the turbine file's values are references, not truth."""
+"""Setting: largest length of a segment [s]."""
 BROAD_PEAK_HALF_WIDTH = 0.06
-"""Half-width of a broad peak, relative to its frequency."""
-SPECTROGRAM_MIN_SPREAD = 0.02
-"""Relative standard deviation of the rotor speed from which a spectrogram is drawn against it."""
+"""Setting: half-width of the window for broad peaks, relative to its frequency."""
 
 
 @dataclass(frozen=True)
@@ -274,7 +273,7 @@ def _peaks(
     for peak in _broad_peaks(frequency, density, resolution, lines):
         if all(abs(peak.frequency - other.frequency) > BROAD_PEAK_HALF_WIDTH * peak.frequency for other in found):
             found.append(peak)
-    return tuple(sorted(found, key=lambda peak: -peak.rms)[:MOST_PEAKS])
+    return tuple(sorted(found, key=lambda peak: -peak.rms)[:MAX_PEAKS])
 
 
 def _broad_peaks(
@@ -330,7 +329,7 @@ def _matches(at: float, lines: Sequence[ExpectedLine]) -> tuple[str, ...]:
     return tuple(
         f"{line.name} {100.0 * (at / line.frequency - 1.0):+.1f} %".replace("-", "−")
         for line in near
-        if line.mode and abs(at - line.frequency) <= MODE_TOLERANCE * line.frequency
+        if line.mode and abs(at - line.frequency) <= MAX_REFERENCE_DISTANCE * line.frequency
     )
 
 
@@ -346,7 +345,7 @@ def spectrogram(
 
     duration = values.size / rate
     seconds = 5.0 * 2.0 * np.pi / abs(rotor.mean) if rotor is not None and rotor.turns else duration / 20.0
-    if not (varies := rotor is not None and rotor.turns and rotor.variation > SPECTROGRAM_MIN_SPREAD):
+    if not (varies := rotor is not None and rotor.turns and rotor.variation > MIN_SPECTROGRAM_VARIATION):
         seconds = max(2.0 * seconds, duration / 60.0)
     size = int(min(max(seconds * rate, 32), values.size / 4))
     if size < 16:
@@ -358,14 +357,17 @@ def spectrogram(
     )
     if not varies or rotor is None:
         return Spectrogram(channel, unit, "time", time[0] + middle, frequency, density)
-    speed = np.interp(middle, time - time[0], rotor.speed)
+    speeds, mean = _over_speed(np.interp(middle, time - time[0], rotor.speed), density)
+    return Spectrogram(channel, unit, "rotor speed", speeds, frequency, mean)
+
+
+def _over_speed(speed: Array, density: Array) -> tuple[Array, Array]:
+    """Bins of rotor speed (P,) [rad/s] and the mean density (F, P) within each, of densities (F, S) at speeds (S,)."""
     low, high = np.percentile(speed, (0.5, 99.5))
-    bins = int(np.clip(middle.size // 8, 4, 40))
+    bins = int(np.clip(speed.size // 8, 4, 40))
     edges = np.linspace(low, high, bins + 1)
     which = np.digitize(speed, edges) - 1
-    mean = np.full((frequency.size, bins), np.nan)
-    for b in range(bins):
-        inside = which == b
-        if inside.any():
-            mean[:, b] = density[:, inside].mean(axis=1)
-    return Spectrogram(channel, unit, "rotor speed", 0.5 * (edges[1:] + edges[:-1]), frequency, mean)
+    mean = np.full((len(density), bins), np.nan)
+    for b in np.unique(which[(which >= 0) & (which < bins)]):
+        mean[:, b] = density[:, which == b].mean(axis=1)
+    return 0.5 * (edges[1:] + edges[:-1]), mean

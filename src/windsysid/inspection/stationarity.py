@@ -23,37 +23,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array, Mask
+from windsysid.inspection.limits import FALSE_ALARM_PROBABILITY, MAX_VIBRATION_CHANGE
 from windsysid.records.record import Record
 
-__all__ = ["FALSE_ALARM_PROBABILITY", "MAX_VIBRATION_CHANGE", "SectionChanges", "Vibration", "changes", "vibration_of"]
-
-FALSE_ALARM_PROBABILITY = 0.01
-"""False-alarm probability of a stationary record, all comparisons together. Simulated records of one to four modes with
-damping of 0.2 % to 5 % and 300 s to 3600 s are called changing in fewer than 1 % (tests/inspection)."""
-
-MAX_VIBRATION_CHANGE = 2.0
-"""Largest ratio of the rms values of two segments that is accepted even if it is significant."""
+__all__ = ["SectionChanges", "Vibration", "changes", "vibration_of"]
 
 EXPONENTS = (1.0, 0.5, 0.0)
-"""Powers to which the spectrum is raised: as it is, half and fully whitened."""
+"""Setting: powers to which the spectrum is raised: as it is, half and fully whitened."""
 
 SEGMENTS = (2, 4)
-"""Numbers of segments into which a section is divided."""
+"""Setting: numbers of segments into which a section is divided."""
 
 POWER_SHARE_OUTSIDE = 0.01
-"""Share of the power outside the whitened frequency range, which contains sensor noise and drift."""
+"""Setting: share of the power outside the whitened frequency range, which contains sensor noise and drift."""
 
 SMOOTHED_BINS = 16
-"""Number of frequency bins over which the periodogram is averaged for whitening."""
+"""Setting: number of frequency bins over which the periodogram is averaged for whitening."""
 
 TAPERED_SHARE = 0.05
-"""Share of a record at each end that is tapered, so that a resonance does not leak into all frequencies."""
+"""Setting: share of a record at each end that is tapered, so that a resonance does not leak into all frequencies."""
 
 MAX_SAMPLES = 500_000
-"""Largest number of samples of the test; longer records are averaged to fewer."""
+"""Setting: largest number of samples of the test; longer records are averaged to fewer."""
 
-MIN_DEGREES_OF_FREEDOM = 0.5
-"""Lower limit of the degrees of freedom of a segment."""
+MIN_SEGMENT_FREEDOM = 0.5
+"""Numerical: lower limit of the degrees of freedom of a segment."""
 
 
 class Vibration(NamedTuple):
@@ -88,7 +82,7 @@ class Vibration(NamedTuple):
         energy = total[:, where[..., 1]] - total[:, where[..., 0]]
         share = weight / max(count[-1], 1e-300)
         freedom = self.degrees.reshape(3, *np.ones(weight.ndim, dtype=int)) * share
-        return np.maximum(energy, 1e-300) / np.maximum(weight, 1e-9), np.maximum(freedom, MIN_DEGREES_OF_FREEDOM)
+        return np.maximum(energy, 1e-300) / np.maximum(weight, 1e-9), np.maximum(freedom, MIN_SEGMENT_FREEDOM)
 
 
 class SectionChanges(NamedTuple):

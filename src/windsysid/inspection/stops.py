@@ -12,27 +12,27 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.inspection.channels import VIBRATION, Kind
-from windsysid.inspection.plausibility import MIN_ROTOR_SPEED, Rotor
+from windsysid.inspection.limits import (
+    MAX_FALL_SECONDS,
+    MAX_STOPPED_SHARE,
+    MIN_DECAY_FACTOR,
+    MIN_ROTOR_SPEED,
+    MIN_RUNNING_SHARE,
+    MIN_STARTED_SHARE,
+    MIN_STOP_SECONDS,
+)
+from windsysid.inspection.plausibility import Rotor
 from windsysid.records.record import Record
 from windsysid.units import RPM
 
 __all__ = ["Stop", "find_stops"]
 
 
-RUNNING_MIN_SHARE, STOPPED_MAX_SHARE, STARTED_MIN_SHARE = 0.6, 0.1, 0.2
-"""Shares of the usual rotor speed: it runs above the first, stands below the second, turns again above the third."""
-
-MAX_FALL_SECONDS = 60.0
-"""Longest fall from running to stopped [s]."""
-
-MIN_SECTION_SECONDS, MAX_SECTION_SECONDS = 30.0, 1200.0
-"""Length of a section after a stop [s]: a shorter one is not listed, a longer one is cut."""
+MAX_STOP_SECONDS = 1200.0
+"""Setting: length to which a section after a stop is cut [s]."""
 
 EARLY_SECONDS = 10.0
-"""Vibration right after the stop is that of so many seconds."""
-
-DECAY_MIN_FACTOR = 1.5
-"""Vibration right after the stop over that of the section's second half, from which it is a decay."""
+"""Setting: time after a stop over which the first vibration is taken [s]."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class Stop:
     @property
     def decays(self) -> bool:
         """Whether the stop set off a vibration that dies away."""
-        return self.decay >= DECAY_MIN_FACTOR
+        return self.decay >= MIN_DECAY_FACTOR
 
     def summary(self) -> dict[str, Any]:
         """As plain values."""
@@ -98,9 +98,9 @@ def find_stops(record: Record, rotor: Rotor | None, known: dict[str, Kind]) -> t
     if not turning.size:
         return ()
     usual = float(np.median(turning))
-    stopped = speed < STOPPED_MAX_SHARE * usual
+    stopped = speed < MAX_STOPPED_SHARE * usual
     entries = np.flatnonzero(stopped[1:] & ~stopped[:-1]) + 1
-    runs, turns = np.flatnonzero(speed > RUNNING_MIN_SHARE * usual), np.flatnonzero(speed > STARTED_MIN_SHARE * usual)
+    runs, turns = np.flatnonzero(speed > MIN_RUNNING_SHARE * usual), np.flatnonzero(speed > MIN_STARTED_SHARE * usual)
     found: list[Stop] = []
     for entry in entries:
         before = np.searchsorted(runs, entry) - 1
@@ -112,8 +112,8 @@ def find_stops(record: Record, rotor: Rotor | None, known: dict[str, Kind]) -> t
             continue
         again = np.searchsorted(turns, entry)
         end = float(time[turns[again]] if again < len(turns) else time[-1])
-        start, end = float(time[entry]), min(end, float(time[entry]) + MAX_SECTION_SECONDS)
-        if end - start >= MIN_SECTION_SECONDS:
+        start, end = float(time[entry]), min(end, float(time[entry]) + MAX_STOP_SECONDS)
+        if end - start >= MIN_STOP_SECONDS:
             channel, decay = _decay(record.section(start, end), known)
             lasted = runs[: before + 1]
             earlier = speed[lasted[time[lasted] > time[lasted[-1]] - MAX_FALL_SECONDS]]

@@ -109,10 +109,10 @@ def _tag(name: str) -> Meaning | None:
 def _words(name: str) -> Meaning | None:
     words = words_of(name)
     joined = " ".join(words)
-    if any(word in words for word in _ACCELERATION):
+    if not set(_ACCELERATION).isdisjoint(words):
         return _acceleration(words)
     for wanted, ours in _WORDS:
-        if all(word in words for word in wanted):
+        if set(wanted) <= set(words):
             number = next((word for word in words if word.isdecimal()), "")
             doubts = () if "#" not in ours or number else ("of which blade? the name has no number",)
             return Meaning(ours.replace("#", number or "1"), f"the words '{joined}'", doubts)

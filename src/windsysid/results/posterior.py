@@ -37,7 +37,8 @@ __all__ = [
 
 
 SIGMAS = 2.0
-"""Half-width of every band, in standard deviations: ±2σ, 95.45 % of a normal distribution (the paper's choice)."""
+"""Setting: half-width of every interval in standard deviations: ±2σ, 95.45 % of a normal distribution (the paper's
+choice)."""
 
 
 class Conditions(NamedTuple):

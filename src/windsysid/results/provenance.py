@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Provenance", "RecordHash", "mapping_tables", "record_hash", "sensor_tables", "trace", "turbine_hash"]
 
-_ROWS = 1 << 16  # rows that are hashed at once
+_ROWS = 1 << 16
+"""Setting: number of rows that are hashed at once."""
 
 
 @dataclass(frozen=True)

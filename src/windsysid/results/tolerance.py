@@ -5,27 +5,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from windsysid.checks.limits import MAX_INFORMED_STD_RATIO, MAX_TOLERANCE_SIGMAS, MIN_DEVIATION_SIGMAS
 from windsysid.loads.statistics import Statistic
+from windsysid.results.sentences.estimates import TOLERANCE_UNITS
 from windsysid.statespace.parameter import Parameter
 from windsysid.statespace.unknowns import Unknowns
 
-__all__ = ["INFORMED", "MOST", "Group", "Tolerance", "unknowns_of"]
+__all__ = ["Group", "Tolerance", "unknowns_of"]
 
 Group = Literal["gain", "alignment", "clock", "masses"]
-
-INFORMED = 0.7
-"""Standard deviation over that of the prior, below which the record has something to say."""
-
-CLEAR = 2.0
-"""Standard deviations of an estimate beyond which something is off."""
-
-MOST = 3.0
-"""Standard deviations of the prior beyond which an estimate contradicts its tolerance."""
-
-_SHOWN: dict[str, tuple[float, str]] = {
-    "gain": (100.0, "%"), "alignment": (180.0 / math.pi, "°"), "clock": (1e3, "ms"), "masses": (100.0, "%"),
-}  # fmt: skip
-"""By which factor a group is shown, and in which unit."""
 
 
 @dataclass(frozen=True)
@@ -57,21 +45,21 @@ class Tolerance:
     @property
     def informed(self) -> bool:
         """Whether the record says more of it than its tolerance does."""
-        return self.std < INFORMED * self.spread
+        return self.std < MAX_INFORMED_STD_RATIO * self.spread
 
     @property
     def off(self) -> bool:
         """Whether the record shows that it is not as its file says."""
-        return self.informed and abs(self.estimate) > CLEAR * self.std
+        return self.informed and abs(self.estimate) > MIN_DEVIATION_SIGMAS * self.std
 
     @property
     def contradicted(self) -> bool:
         """Whether the record says that it is off by more than its tolerance allows."""
-        return abs(self.estimate) > MOST * self.spread
+        return abs(self.estimate) > MAX_TOLERANCE_SIGMAS * self.spread
 
     def cells(self) -> tuple[str, str, str]:
         """Name, tolerance and estimate, as text for a table."""
-        factor, unit = _SHOWN[self.group]
+        factor, unit = TOLERANCE_UNITS[self.group]
         spread, value, std = (factor * number for number in (self.spread, self.estimate, self.std))
         return self.name, f"± {spread:.3g} {unit}", f"{value:+.2f} ± {std:.2f} {unit}"
 

@@ -5,8 +5,9 @@ level decreases, the only frequency resembles a sinusoid, and most of the square
 the vibration decreases, a result that is in doubt gives this as the reason.
 
 From the segment with the largest power on, the mean squares of consecutive quarters of the rest are compared. Of 1500
-stationary records of a mode with 3 to 16 equivalent degrees of freedom, the rms decreases by a factor of `MIN_FALL` in
-at most one of 160, and of `MIN_COMMON_FALL` in one of 20: the smaller factor counts only if all channels exceed it.
+stationary records of a mode with 3 to 16 equivalent degrees of freedom, the rms decreases by a factor of `MIN_RMS_FALL`
+in at most one of 160, and of `MIN_COMMON_RMS_FALL` in one of 20: the smaller factor counts only if all channels exceed
+it.
 
 A burst is a segment that holds most of the power of a record: a blow, a pull, a start. Cochran's C is the largest of N
 variances over their sum. For N segments with ν equivalent degrees of freedom each, P(C > c) ≤ N P(B > c), where B has
@@ -22,27 +23,23 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.checks.limits import (
+    BURST_PROBABILITY,
+    MAX_EARLIER_RATIO,
+    MAX_RISE_RATIO,
+    MIN_BURST_SHARE,
+    MIN_COMMON_RMS_FALL,
+    MIN_RMS_FALL,
+)
 from windsysid.checks.verdict import Diagnosis
 from windsysid.results.finding import Finding
 from windsysid.results.sentences import names_cause
 
 __all__ = ["Burst", "Transient", "explain_by_transient", "find_burst", "find_transient"]
 
-BURST_PROBABILITY = 1e-4
-"""False-alarm probability of a burst in a stationary record, all channels together."""
-
-MIN_BURST_SHARE = 0.375
-"""Smallest share of a channel's power in one of 16 segments of a burst: the rms is three times that of the rest."""
-
-MIN_FALL, MIN_COMMON_FALL = 3.0, 1.5
-"""Smallest ratio of rms values of a transient, for one channel, and for two or more channels together."""
-
 SEGMENTS, QUARTERS = 16, 4
-"""Number of segments of the record, and of parts into which the rest from the strongest segment on is divided."""
-
-MAX_RISE, MAX_BEFORE = 1.1, 0.3
-"""Largest ratios of mean squares: of a quarter to the previous one, and of segments before the strongest to it, except
-the one immediately before, in which the decay may begin."""
+"""Setting: number of segments of the record, and of parts into which the rest from the strongest segment on is
+divided."""
 
 
 class Transient(NamedTuple):
@@ -113,7 +110,7 @@ def _largest_share(readings: Array) -> tuple[float, int, float]:
 def find_transient(values: Array, channels: Sequence[str]) -> Transient | None:
     """Find the channels of readings (T, m) whose vibration decreases; None if there are none."""
     falls = {name: _fall(column) for name, column in zip(channels, values.T, strict=True)}
-    least = MIN_COMMON_FALL if len(falls) > 1 and min(falls.values()) >= MIN_COMMON_FALL else MIN_FALL
+    least = MIN_COMMON_RMS_FALL if len(falls) > 1 and min(falls.values()) >= MIN_COMMON_RMS_FALL else MIN_RMS_FALL
     falling = sorted((name for name in falls if falls[name] >= least), key=lambda name: -falls[name])
     return Transient(tuple(falling), falls[falling[0]]) if falling else None
 
@@ -148,11 +145,12 @@ def _fall(readings: Array) -> float:
     known = _detrended(known)
     power = _mean_squares(known, SEGMENTS)
     loudest = int(np.argmax(power))
-    if loudest > SEGMENTS // 2 or not power[: max(loudest - 1, 0)].max(initial=0.0) <= MAX_BEFORE * power[loudest]:
+    earlier = power[: max(loudest - 1, 0)].max(initial=0.0)
+    if loudest > SEGMENTS // 2 or not earlier <= MAX_EARLIER_RATIO * power[loudest]:
         return 0.0
     rest = _mean_squares(known[len(known) * loudest // SEGMENTS :], QUARTERS)
-    rises = rest[1:] > MAX_RISE * rest[:-1]
-    if (rises & (rest[1:] > rest[0] / MIN_FALL**2)).any():  # below that is noise
+    rises = rest[1:] > MAX_RISE_RATIO * rest[:-1]
+    if (rises & (rest[1:] > rest[0] / MIN_RMS_FALL**2)).any():  # below that is noise
         return 0.0
     return float(np.sqrt(rest[0] / max(rest[-1], 1e-300)))
 

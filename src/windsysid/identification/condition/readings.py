@@ -15,9 +15,9 @@ from windsysid.identification.limits import (
     MIN_SAMPLES_PER_PERIOD,
 )
 from windsysid.identification.model.fit import PART_OF, Outcome
-from windsysid.inspection import MIN_SAMPLES
 from windsysid.inspection.channels import VIBRATION, kinds
 from windsysid.inspection.fault import Fault
+from windsysid.inspection.limits import MIN_SAMPLES
 from windsysid.inspection.screening import read_besides, screen
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record

@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from windsysid.checks.lines import READINGS_REACH, TURNING_SHARE, Line
+from windsysid.checks.limits import HARMONIC_HALF_WIDTH_SHARE, LINE_SEARCH_FACTOR
+from windsysid.checks.lines import Line
 from windsysid.checks.verdict import found_line
 from windsysid.identification.effects.sinusoid import Sine, find_sine, find_turning, one_turn, turned
 from windsysid.identification.effects.sinusoidal_force import Sinusoids, forces_of
@@ -142,13 +143,13 @@ def _near_supports(turbine: Turbine) -> tuple[float, float] | None:
     names = [one.name for one in turbine.model.freedoms if not one.blade]
     hz = [turbine.natural_frequency(name) / (2.0 * math.pi) for name in names]
     hz = [one for one in hz if one > 0.0]
-    return (min(hz) / READINGS_REACH, max(hz) * READINGS_REACH) if hz else None
+    return (min(hz) / LINE_SEARCH_FACTOR, max(hz) * LINE_SEARCH_FACTOR) if hz else None
 
 
 def _turns_with(frequency: float, rotor_hz: float) -> bool:
     """Whether a frequency is a harmonic of the rotor."""
     order = round(frequency / rotor_hz) if rotor_hz > 0.0 else 0
-    return order > 0 and abs(frequency - order * rotor_hz) < TURNING_SHARE * frequency
+    return order > 0 and abs(frequency - order * rotor_hz) < HARMONIC_HALF_WIDTH_SHARE * frequency
 
 
 def _sines(known: Sinusoids | None) -> tuple[Sine, ...]:

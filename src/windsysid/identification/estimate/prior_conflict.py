@@ -17,7 +17,8 @@ from functools import partial
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.checks.estimates import CONFLICT_SIGMAS, conflict
+from windsysid.checks.estimates import conflict
+from windsysid.checks.limits import MAX_PRIOR_SHIFT_SIGMAS
 from windsysid.identification.condition.samples import Samples
 from windsysid.identification.estimate.clock_lag import shifted
 from windsysid.identification.estimate.online import Online
@@ -159,6 +160,6 @@ def note_wide_priors(found: Outcome) -> Outcome:
             notes.append(
                 Finding("prior_widened", "note", {"sigmas": off, "factor": q.spread / given.spread}, (q.name,))
             )
-            if abs(off) > CONFLICT_SIGMAS:
+            if abs(off) > MAX_PRIOR_SHIFT_SIGMAS:
                 doubts.append(conflict(q.name, off))
     return found._replace(notes=tuple(notes), doubts=tuple(doubts))

@@ -50,7 +50,7 @@ MODE_TOLERANCE = 0.05
 """Numerical: Newton's decrement of the last step: 0.2 σ, of which the step takes all but a few per cent."""
 
 SEARCH = SearchLimits(
-    MODE_TOLERANCE, max_steps=20, unseen=MODE_TOLERANCE, unseen_remainder=0.01, stalled=1.0, damping=0.0
+    MODE_TOLERANCE, max_steps=40, unseen=MODE_TOLERANCE, unseen_remainder=0.01, stalled=1.0, damping=0.0
 )
 """Numerical: an evaluation runs a bank of filters over all samples: so the last step is taken unseen. Searches begin
 where the recursion on line ends, near the mode."""

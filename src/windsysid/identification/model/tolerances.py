@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.checks.limits import MAX_TOLERANCE_SIGMAS
 from windsysid.mechanics.sensors import TOWER_LOGGER, Sensor, instrument_parameters
 from windsysid.results.finding import Finding
-from windsysid.results.tolerance import MOST, Tolerance
+from windsysid.results.tolerance import Tolerance
 from windsysid.spectral.rotor.model import Inexact
 from windsysid.turbine.turbine import Turbine
 
@@ -107,7 +108,7 @@ def note_tolerances(tolerances: Sequence[Tolerance]) -> tuple[Finding, ...]:
 def doubt_tolerances(tolerances: Sequence[Tolerance]) -> tuple[Finding, ...]:
     """What a record says little of, and yet puts far off."""
     return tuple(
-        Finding("tolerance_conflict", "reason", _data(one) | {"factor": MOST})
+        Finding("tolerance_conflict", "reason", _data(one) | {"factor": MAX_TOLERANCE_SIGMAS})
         for one in tolerances
         if one.contradicted and not one.informed
     )

@@ -9,11 +9,12 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.checks.constancy import doubt_constancy
+from windsysid.checks.limits import FALSE_ALARM_PROBABILITY
 from windsysid.checks.lines import Line
 from windsysid.checks.nonlinearity import Bent, find_bent
 from windsysid.checks.stationarity import Late, how_late
 from windsysid.checks.verdict import Diagnosis, FittedParameters, RecordTests, TurningRotor, diagnose
-from windsysid.checks.whiteness import FALSE_ALARM_CHANCE, Whiteness, examine
+from windsysid.checks.whiteness import Whiteness, examine
 from windsysid.errors import RecordError
 from windsysid.filters import EKF
 from windsysid.identification.estimate.clock_lag import PASSED
@@ -260,7 +261,7 @@ def _bent(outcome: Outcome) -> Bent | None:
     n, mean = len(coordinates), outcome.final.mean
     return find_bent(
         outcome.final.whitened, mean[:, :n], mean[:, n : 2 * n],
-        channels=outcome.model.readings, coordinates=coordinates, chance=FALSE_ALARM_CHANCE,
+        channels=outcome.model.readings, coordinates=coordinates, chance=FALSE_ALARM_PROBABILITY,
     )  # fmt: skip
 
 

@@ -1,7 +1,7 @@
 """Faults of the sensors of a stream, detected within seconds from the blocks, and drift from windows.
 
-The tests are those of `windsysid.inspection.health` with a memory of fixed size instead of the whole record: a channel
-is judged by what it is used to. A fault is told at once; it is over when the channel has been good for a while.
+The tests are those of `windsysid.inspection.faults.health` with a memory of fixed size instead of the whole record: a
+channel is judged by what it is used to. A fault is told at once; it is over when the channel has been good for a while.
 
 ``dead``      no number for 10 s, and for 20 of its usual intervals
 ``missing``   a fifth more samples missing than usual, over about a minute
@@ -21,7 +21,7 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.fleet.rows import Row
 from windsysid.inspection.channels import VIBRATION, Kind, kind_of
-from windsysid.inspection.health import MAX_SPIKE_SAMPLES
+from windsysid.inspection.limits import MAX_SPIKE_SAMPLES
 from windsysid.live.blocks.block import Block
 from windsysid.live.blocks.limits import MAX_TABLE_CHANNELS
 from windsysid.live.store.contents import Alarm, SensorHealth
@@ -321,7 +321,7 @@ class _Channel:
         self._count_ends(y, ordered, lsb, seconds)
 
     def _count_ends(self, y: Array, ordered: Array, lsb: float, seconds: float) -> None:
-        """Samples at the ends of the range, as `windsysid.inspection.health` counts them, over a minute."""
+        """Samples at the ends of the range, as `windsysid.inspection.faults.health` counts them, over a minute."""
         span = float(ordered[-1] - ordered[0])
         level = max(lsb, span / 2000.0)
         near = 0.5 * lsb if lsb > 1e-3 * span else 1e-9 * span

@@ -13,7 +13,7 @@ from matplotlib.ticker import LogLocator, MaxNLocator
 from numpy.typing import NDArray
 
 from windsysid._types import Array
-from windsysid.checks.verdict import PEAK_MAX_LEVEL
+from windsysid.checks.limits import MAX_PEAK_LEVEL
 from windsysid.errors import ConfigurationError
 from windsysid.records.record import Record
 from windsysid.reports.figures.canvas import canvas, label
@@ -347,7 +347,7 @@ def _spectrum(ax: Axes, identification: Identification, row: int) -> None:
     level = w.spectrum[:, row]
     ax.axvspan(low, min(high, w.frequency[-1]), color=BAND, alpha=0.35, lw=0)
     ax.loglog(w.frequency, level, color=ESTIMATE, lw=0.9)
-    bound = max(PEAK_MAX_LEVEL, w.spectrum_bound)
+    bound = max(MAX_PEAK_LEVEL, w.spectrum_bound)
     wrong = (level > bound) & (w.frequency > low) & (w.frequency < high)
     ax.plot(np.where(wrong, w.frequency, np.nan), np.where(wrong, level, np.nan), "o", color=ERROR, ms=3.5)
     ax.axhline(1.0, color=REFERENCE, ls="--", lw=0.8)

@@ -6,9 +6,12 @@ from typing import Final
 
 from windsysid.results.sentences.template import LIKELY_MACHINE, Data, Sentence
 
-__all__ = ["ESTIMATES"]
+__all__ = ["ESTIMATES", "TOLERANCE_UNITS"]
 
-_SHOWN = {"gain": (100.0, "%"), "alignment": (180.0 / math.pi, "°"), "clock": (1e3, "ms"), "masses": (100.0, "%")}
+TOLERANCE_UNITS = {
+    "gain": (100.0, "%"), "alignment": (180.0 / math.pi, "°"), "clock": (1e3, "ms"), "masses": (100.0, "%")
+}  # fmt: skip
+"""Setting: factor and unit in which a tolerance of each group is shown."""
 
 
 def _damping_not_positive(d: Data) -> str:
@@ -48,7 +51,7 @@ def _prior_dominates(d: Data) -> str:
 
 def _tolerance(d: Data) -> str:
     """What is off, and by how much."""
-    factor, unit = _SHOWN[d["group"]]
+    factor, unit = TOLERANCE_UNITS[d["group"]]
     value, std = factor * d["estimate"], factor * d["std"]
     digits = max(0, 1 - math.floor(math.log10(std))) if 0.0 < std < math.inf else 3
     size = f"{abs(value):.{digits}f} ± {std:.{digits}f} {unit}"

@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 
 from windsysid._types import Array, Complex
 from windsysid.errors import RecordError
-from windsysid.inspection.health import sampled_every
-from windsysid.inspection.plausibility import MIN_ROTOR_SPEED, rotor_of
+from windsysid.inspection.faults.health import sampled_every
+from windsysid.inspection.limits import MIN_ROTOR_SPEED
+from windsysid.inspection.plausibility import rotor_of
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import LOW_PASS, Record
 from windsysid.spectral.oma import limits

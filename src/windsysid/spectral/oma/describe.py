@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 
 from windsysid._types import Array, Complex
+from windsysid.inspection.limits import MAX_REFERENCE_DISTANCE
 from windsysid.inspection.spectra import expected_modes
 from windsysid.spectral.modal_bands.check import is_spurious, mode_doubts, part_fits
 from windsysid.spectral.modal_bands.model_order import BandFit, Shapes, full_shapes
 from windsysid.spectral.oma.condition import Readings
-from windsysid.spectral.oma.limits import MAX_REFERENCE_DISTANCE, MIN_BLADE_RATIO, SKIRT_HALF_WIDTHS
+from windsysid.spectral.oma.limits import MIN_BLADE_RATIO, SKIRT_HALF_WIDTHS
 from windsysid.spectral.oma.result import Doubt, OperationalMode
 from windsysid.turbine.turbine import Turbine
 

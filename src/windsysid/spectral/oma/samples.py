@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 
 from windsysid._types import Array
 from windsysid.errors import RecordError
-from windsysid.inspection import MIN_MODAL_SAMPLES
-from windsysid.inspection.clock import MAX_SHORT_GAP_SAMPLES
-from windsysid.inspection.continuity import copies_among
 from windsysid.inspection.fault import Fault
+from windsysid.inspection.faults.continuity import copies_among
+from windsysid.inspection.limits import MAX_SHORT_GAP_SAMPLES, MIN_MODAL_SAMPLES
 from windsysid.inspection.screening import doubted, noted, screen
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import RATE_DOUBT, STAMPS, Record

@@ -12,7 +12,19 @@ from numpy.typing import NDArray
 
 from windsysid._types import Array
 from windsysid.inspection.fault import Fault
-from windsysid.inspection.runs import spans_of
+from windsysid.inspection.faults.runs import spans_of
+from windsysid.inspection.limits import (
+    MAX_COPY_RESIDUAL,
+    MAX_OVERRUN_STEP_STD,
+    MAX_UNWRAPPED_RATIO,
+    MIN_COPIED_ROWS,
+    MIN_END_JUMP_SHARE,
+    MIN_OVERRUN_JUMPS,
+    MIN_PREDICTED_ROWS,
+    MIN_SEAM_SHARE,
+    MIN_SEAMS,
+    SEAM_PROBABILITY,
+)
 from windsysid.records.record import Record
 
 __all__ = [
@@ -25,51 +37,22 @@ __all__ = [
     "prediction_errors",
 ]
 
-PASSAGE = 32
-"""Rows in a row that are equal to others, in every channel that vibrates, before a passage counts as copied."""
-
-COPY = 1e-6
-"""Share of a channel's power, in steps from sample to sample, that another one does not explain: less is a copy."""
-
 PREDICTORS = 24
-"""Readings from which the next one is predicted."""
+"""Setting: number of readings from which the next one is predicted."""
 
-FITTED = 20_000
-"""Rows that a prediction is fitted to, at most."""
-
-FEWEST = 1000
-"""Rows below which no prediction is made."""
-
-UNLIKELY = 1e-7
-"""Chance by which errors of prediction of all channels exceed, in one row of white noise, what makes it a seam."""
-
-FEWEST_SEAMS = 6
-"""Seams that keep to multiples of some rows: 6 of 7 do so by chance in one of 1000 such records."""
-
-SHARE_IN_STEP = 0.8
-"""Of all seams: so many do."""
-
-SHARE_AT_ENDS = 0.9
-"""Of all jumps across a channel's range: so many start and end at its ends."""
-
-FEWEST_JUMPS = 3
-"""Jumps across a channel's range before its converter is said to have run over."""
-
-LARGEST_STEP = 0.17
-"""Of a channel's range: standard deviation of its other steps, beyond which a jump across it is nothing unusual."""
-
-UNWRAPPED = 0.06
-"""Squares of what unwrapped jumps differ from the steps beside them, over those of the jumps as they are: a spike's
-reach 0.1."""
+MAX_FITTED_ROWS = 20_000
+"""Setting: largest number of rows that a prediction is fitted to."""
 
 _BLOCK = 400
+"""Setting: number of rows over which the size of prediction errors is estimated."""
 _FACTOR, _MODULUS = 0x9E3779B97F4A7C15, 2**64
+"""Numerical: multiplier and modulus of the hash of a passage."""
 
 
 def copied_passages(record: Record, channels: Sequence[str]) -> list[Fault]:
     """Passages that repeat an earlier one to the last digit, in all these channels."""
     values = _columns(record, channels)
-    if len(values) < 2 * PASSAGE or not channels:
+    if len(values) < 2 * MIN_COPIED_ROWS or not channels:
         return []
     moving = np.ones(len(values), dtype=np.bool_)
     moving[1:] = np.any(values[1:] != values[:-1], axis=1)
@@ -79,7 +62,7 @@ def copied_passages(record: Record, channels: Sequence[str]) -> list[Fault]:
         key = (key ^ np.ascontiguousarray(column).view(np.uint64)) * np.uint64(_FACTOR)
         key ^= key >> np.uint64(29)
     count, factor = 1, _FACTOR
-    while count < PASSAGE:  # what stands for a passage, from what stands for its halves
+    while count < MIN_COPIED_ROWS:  # what stands for a passage, from what stands for its halves
         key = key[:-count] * np.uint64(factor) + key[count:]
         usable = usable[:-count] & usable[count:]
         count, factor = 2 * count, factor * factor % _MODULUS
@@ -93,7 +76,7 @@ def copied_passages(record: Record, channels: Sequence[str]) -> list[Fault]:
         return []
     mask = np.zeros(len(values) + 1, dtype=np.int64)
     np.add.at(mask, again, 1)
-    np.add.at(mask, again + PASSAGE, -1)
+    np.add.at(mask, again + MIN_COPIED_ROWS, -1)
     copied = np.cumsum(mask)[:-1] > 0
     spans = spans_of(record.time, copied)
     share, origin = float(copied.mean()), float(record.time[source[np.searchsorted(at, again[0])]])
@@ -105,7 +88,7 @@ def copies_among(values: Array) -> list[tuple[int, int]]:
     """Pairs (kept, copy) of the columns of values (T, n) that are the same reading, whatever their scale and offset."""
     steps = np.diff(values, axis=0)  # slow drifts that channels share are no copy
     steps = steps[np.isfinite(steps).all(axis=1)]
-    if len(steps) < 2 * PASSAGE:
+    if len(steps) < 2 * MIN_COPIED_ROWS:
         return []
     steps /= np.maximum(np.sqrt(np.mean(steps**2, axis=0)), 1e-300)
     alike = steps.T @ steps / len(steps)
@@ -113,7 +96,7 @@ def copies_among(values: Array) -> list[tuple[int, int]]:
     gone: set[int] = set()
     for i in range(len(alike)):
         for j in range(i + 1, len(alike)):
-            if i not in gone and j not in gone and 1.0 - alike[i, j] ** 2 < COPY:
+            if i not in gone and j not in gone and 1.0 - alike[i, j] ** 2 < MAX_COPY_RESIDUAL:
                 found.append((i, j))
                 gone.add(j)
     return found
@@ -132,7 +115,7 @@ def overrun(record: Record, channel: str) -> list[Fault]:
     on where it should have stopped."""
     x = record[channel]
     known = np.flatnonzero(np.isfinite(x))
-    if known.size < 2 * PASSAGE:
+    if known.size < 2 * MIN_COPIED_ROWS:
         return []
     low, span = float(x[known].min()), float(np.ptp(x[known]))
     if span <= 0.0:
@@ -142,12 +125,13 @@ def overrun(record: Record, channel: str) -> list[Fault]:
     far = 1 + np.flatnonzero(np.abs(step[1:-1]) > 0.75)
     around = 0.5 * (step[far - 1] + step[far + 1])
     ends = (np.minimum(place[far], place[far + 1]) < 0.2) & (np.maximum(place[far], place[far + 1]) > 0.8)
-    if ends.sum() < max(FEWEST_JUMPS, SHARE_AT_ENDS * far.size) or np.mean((place > 0.25) & (place < 0.75)) < 0.2:
+    between = np.mean((place > 0.25) & (place < 0.75))
+    if ends.sum() < max(MIN_OVERRUN_JUMPS, MIN_END_JUMP_SHARE * far.size) or between < 0.2:
         return []
-    if np.std(step[np.abs(step) <= 0.75]) > LARGEST_STEP:  # some readings a period: crests follow troughs
+    if np.std(step[np.abs(step) <= 0.75]) > MAX_OVERRUN_STEP_STD:  # some readings a period: crests follow troughs
         return []
     unwrapped = step[far] - np.sign(step[far])
-    if np.median((unwrapped - around) ** 2 / (step[far] - around) ** 2) > UNWRAPPED:
+    if np.median((unwrapped - around) ** 2 / (step[far] - around) ** 2) > MAX_UNWRAPPED_RATIO:
         return []
     time = record.time[known[far + 1][ends]]
     spans = np.column_stack([time, time])
@@ -161,7 +145,7 @@ def lost_samples(record: Record, channels: Sequence[str]) -> list[Fault]:
 
     values = _columns(record, channels)
     values = values[:, np.isfinite(values).all(axis=0)]
-    if len(values) < FEWEST or not values.shape[1]:
+    if len(values) < MIN_PREDICTED_ROWS or not values.shape[1]:
         return []
     errors = np.array([normalised_errors(prediction_errors(column)) for column in values.T])
     usual = np.clip(errors, -4.0, 4.0)
@@ -169,7 +153,7 @@ def lost_samples(record: Record, channels: Sequence[str]) -> list[Fault]:
     apart = own > 1e-6 * own[-1]
     together = np.sum((into.T @ errors)[apart] ** 2 / own[apart, None], axis=0)
     middle = np.partition(errors**2, (len(errors) - 1) // 2, axis=0)[(len(errors) - 1) // 2]
-    bound = 2.0 * float(gammainccinv(0.5 * apart.sum(), UNLIKELY))  # of chi-squared
+    bound = 2.0 * float(gammainccinv(0.5 * apart.sum(), SEAM_PROBABILITY))  # of chi-squared
     rows = np.flatnonzero((together > bound) & (middle > 3.0))
     if not rows.size:
         return []
@@ -191,7 +175,7 @@ def _common_divisor(rows: NDArray[np.int64]) -> int:
             break
         count = np.bincount(rows % apart, minlength=apart)
         in_step = int((count + np.roll(count, 1) + np.roll(count, -1)).max())
-        if in_step >= max(FEWEST_SEAMS, SHARE_IN_STEP * rows.size):
+        if in_step >= max(MIN_SEAMS, MIN_SEAM_SHARE * rows.size):
             return int(apart)
     return 0
 
@@ -200,8 +184,8 @@ def prediction_errors(x: Array) -> Array:
     """Errors (T,) of the best linear prediction from the previous readings."""
     x = x - x.mean()
     rows = np.arange(PREDICTORS, len(x))
-    if rows.size > FITTED:
-        starts = np.linspace(PREDICTORS, len(x) - 1000, FITTED // 1000).astype(np.int64)
+    if rows.size > MAX_FITTED_ROWS:
+        starts = np.linspace(PREDICTORS, len(x) - 1000, MAX_FITTED_ROWS // 1000).astype(np.int64)
         rows = (starts[:, None] + np.arange(1000)).ravel()
     past = np.column_stack([x[rows - lag] for lag in range(PREDICTORS + 1)])
     used = past

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from windsysid.inspection.runs import runs_of, spans_of
+from windsysid.inspection.faults.runs import runs_of, spans_of
 
 
 def test_runs_are_those_that_were_put_there():

@@ -5,27 +5,29 @@ extremes (clipping is more than that), a coarse converter repeats values (a froz
 it is used to), an impact jumps (a spike jumps back at once).
 """
 
+import math
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from windsysid._types import Array, Mask
 from windsysid.checks.dead_channel import is_constant
 from windsysid.inspection.channels import VIBRATION, Kind, is_torque
-from windsysid.inspection.clock import GAP_MIN_STEPS
 from windsysid.inspection.fault import Fault, Severity
-from windsysid.inspection.runs import runs_of, spans_of
+from windsysid.inspection.faults.runs import runs_of, spans_of
+from windsysid.inspection.limits import (
+    MAX_SPIKE_SAMPLES,
+    MAX_STRAIGHT_BEND_RATIO,
+    MIN_CODE_RMS,
+    MIN_GAP_STEPS,
+    MIN_SPIKE_SIGMAS,
+)
 from windsysid.records.record import AS_WRITTEN, Record
 
-__all__ = ["MAX_SPIKE_SAMPLES", "channel_faults", "sampled_every"]
+__all__ = ["channel_faults", "sampled_every"]
 
-SPIKE_MIN_SIGMAS = 8.0
-"""A spike's jump, in standard deviations of the steps around it."""
-CODE_MIN_RMS = 30.0
-"""How far a value is from the median, in the channel's rms, that repeats itself and is no reading."""
-MAX_SPIKE_SAMPLES = 5
-"""Samples; what lasts longer is not called a spike."""
-STRAIGHT = 0.02
-"""Of the root mean square of a channel's bends: less is none."""
-_TURN = 2.0 * np.pi
+_TURN = math.tau
 
 
 def channel_faults(record: Record, channel: str, kind: Kind, standing: bool = False) -> list[Fault]:
@@ -43,29 +45,43 @@ def channel_faults(record: Record, channel: str, kind: Kind, standing: bool = Fa
     found = _missing(record, channel, known)
     if known.sum() < 3 or any(fault.severity == "unusable" for fault in found):
         return found
-    x, time = values[known], record.time[known]
-    unit = record.unit(channel)
+    x, unit = values[known], record.unit(channel)
     if unit.startswith(AS_WRITTEN):
         found.append(Fault(channel, "unknown unit", "note", x.size, data={"unit": unit.removeprefix(AS_WRITTEN)}))
     if is_constant(x):
         return [*found, _constant(channel, kind, x, unit, standing)]
-    step, spread = float(np.median(np.diff(time))), float(np.ptp(x))
-    adjacent = np.diff(time) < GAP_MIN_STEPS * step
-    lsb = _converter_step(x)
-    turning = kind == "azimuth" and spread < 1.1 * max(_TURN, 360.0 if spread > 2.2 * _TURN else 0.0)
-    turn = 0.0 if not turning else (360.0 if spread > 1.1 * _TURN else _TURN)
-    spike = _spikes(x, adjacent, lsb, step, turn, kind)
+    time = record.time[known]
+    readings = _Readings(channel, kind, unit, x, time, float(np.median(np.diff(time))), _converter_step(x))
+    return found + _faults_of(readings, standing)
+
+
+class _Readings(NamedTuple):
+    """Known readings (T,) of a channel that is not constant, their times (T,) [s], usual time step [s] and step of the
+    converter, 0 if there is none."""
+
+    channel: str
+    kind: Kind
+    unit: str
+    x: Array
+    time: Array
+    step: float
+    lsb: float
+
+
+def _faults_of(r: _Readings, standing: bool) -> list[Fault]:
+    """Spikes, clipping, frozen readings and coarse steps."""
+    found = list[Fault]()
+    spike = _spikes(r)
     if spike.any():
-        found.append(_spikes_found(channel, kind, x, time, spike, unit))
-    clipped = np.zeros(x.size, dtype=np.bool_)
-    if kind in VIBRATION:
-        clipped = _clipped(x, lsb, ~spike)
-        if clipped.any():
-            found.append(_clipping_found(channel, kind, x, time, clipped, unit))
-    if kind not in ("pitch", "yaw", "direction", "power", "other"):
-        found += _frozen(channel, kind, x, time, step, lsb, clipped, standing)
-    if kind in VIBRATION and lsb > 0.0:
-        found += _quantised(channel, x[~spike], lsb, unit)
+        found.append(_spikes_found(r, spike))
+    vibrates = r.kind in VIBRATION
+    clipped = _clipped(r.x, r.lsb, ~spike) if vibrates else np.zeros(r.x.size, dtype=np.bool_)
+    if clipped.any():
+        found.append(_clipping_found(r, clipped))
+    if r.kind not in ("pitch", "yaw", "direction", "power", "other"):
+        found += _frozen(r, clipped, standing)
+    if vibrates and r.lsb > 0.0:
+        found += _quantised(r.channel, r.x[~spike], r.lsb, r.unit)
     return found
 
 
@@ -77,7 +93,7 @@ def sampled_every(x: Array) -> tuple[int, str]:
     bends = np.abs(np.diff(x, 2))
     changes = {
         "held": np.flatnonzero(np.diff(x) != 0.0),
-        "interpolated": np.flatnonzero(bends > STRAIGHT * np.sqrt(np.mean(bends**2))),
+        "interpolated": np.flatnonzero(bends > MAX_STRAIGHT_BEND_RATIO * np.sqrt(np.mean(bends**2))),
     }
     for name, least in (("held", 3), ("interpolated", 2)):
         lengths = np.diff(changes[name])
@@ -114,40 +130,67 @@ def _constant(channel: str, kind: Kind, x: Array, unit: str, standing: bool) -> 
     return Fault(channel, "constant", "note", x.size, data=data)
 
 
-def _spikes(x: Array, adjacent: Mask, lsb: float, step: float, turn: float, kind: Kind) -> Mask:
+def _spikes(r: _Readings) -> Mask:
     """Excursions of a few samples that jump out and straight back, larger than anything the steps around them do."""
-    spike = np.zeros(x.size, dtype=np.bool_)
-    d = np.diff(x)
+    spike = np.zeros(r.x.size, dtype=np.bool_)
+    adjacent = np.diff(r.time) < MIN_GAP_STEPS * r.step
+    turn = _turn_of(r)
+    d = np.diff(r.x)
     if turn:
         d = np.mod(d + 0.5 * turn, turn) - 0.5 * turn
-    d = d - np.median(d[adjacent]) if kind == "azimuth" else d
-    scale = _local_scale(np.where(adjacent, np.abs(d), 0.0), step)
-    quartile = np.percentile(x, (25.0, 75.0))
-    floor = 0.03 * turn if turn else 0.5 * 0.7413 * float(quartile[1] - quartile[0])
-    jump = SPIKE_MIN_SIGMAS
-    if kind in ("wind speed", "direction"):  # gusts are short too
-        jump, floor = 2.0 * SPIKE_MIN_SIGMAS, 6.0 * floor
-    threshold = np.maximum(jump * scale, max(floor, 4.0 * lsb))
-    out = np.flatnonzero((np.abs(d) > threshold) & adjacent)
-    level = np.concatenate([[0.0], np.cumsum(d)])
-    width = np.zeros(out.size, dtype=np.int64)
-    away = np.ones(out.size, dtype=np.bool_)
-    for w in range(1, MAX_SPIKE_SAMPLES + 1):
-        inside = out + w + 1 < x.size
-        at = np.minimum(out + w, x.size - 2)
-        height = np.abs(d[out])
-        away &= (np.abs(level[at] - level[out]) > 0.5 * height) & adjacent[at]
-        back = np.abs(level[at + 1] - level[out]) < 0.4 * height
-        width[inside & away & back & (width == 0)] = w
+    d = d - np.median(d[adjacent]) if r.kind == "azimuth" else d
+    out = np.flatnonzero((np.abs(d) > _least_jump(r, d, adjacent, turn)) & adjacent)
+    width = _widths(d, out, adjacent)
     end = -1
     for k, w in zip(out[width > 0], width[width > 0], strict=True):
         if k > end:  # the jump back from one spike is no way into the next
             spike[k + 1 : k + w + 1] = True
             end = k + w
-    if kind in VIBRATION:  # a jump between the first two or the last two is a spike at the end: it has one side
-        spike[0] |= bool(out.size and out[0] == 0 and width[0] == 0)
-        spike[-1] |= bool(out.size and out[-1] == d.size - 1 and end < d.size - 1)
+    if r.kind in VIBRATION and out.size:  # a jump between the first two or the last two is a spike at the end
+        spike[0] |= out[0] == 0 and width[0] == 0
+        spike[-1] |= out[-1] == d.size - 1 and end < d.size - 1
     return spike
+
+
+def _turn_of(r: _Readings) -> float:
+    """Size of a turn of an azimuth, in radians or degrees, by the range of its readings; 0 for other channels."""
+    spread = float(np.ptp(r.x))
+    if r.kind != "azimuth" or spread >= 1.1 * 360.0:
+        return 0.0
+    if spread < 1.1 * _TURN:
+        return _TURN
+    return 360.0 if spread > 2.2 * _TURN else 0.0
+
+
+def _least_jump(r: _Readings, d: Array, adjacent: Mask, turn: float) -> Array:
+    """Size (T - 1,) from which on steps `d` (T - 1,) may be those of a spike."""
+    scale = _local_scale(np.where(adjacent, np.abs(d), 0.0), r.step)
+    floor = 0.03 * turn if turn else 0.5 * _usual_size(r.x)
+    jump = MIN_SPIKE_SIGMAS
+    if r.kind in ("wind speed", "direction"):  # gusts are short too
+        jump, floor = 2.0 * MIN_SPIKE_SIGMAS, 6.0 * floor
+    return np.maximum(jump * scale, max(floor, 4.0 * r.lsb))
+
+
+def _widths(d: Array, out: NDArray[np.int64], adjacent: Mask) -> NDArray[np.int64]:
+    """Number of samples after which the readings are back from each of the steps `out` of `d` (T - 1,); else 0."""
+    level = np.concatenate([[0.0], np.cumsum(d)])
+    width = np.zeros(out.size, dtype=np.int64)
+    away = np.ones(out.size, dtype=np.bool_)
+    height = np.abs(d[out])
+    for w in range(1, MAX_SPIKE_SAMPLES + 1):
+        inside = out + w < d.size
+        at = np.minimum(out + w, d.size - 1)
+        away &= (np.abs(level[at] - level[out]) > 0.5 * height) & adjacent[at]
+        back = np.abs(level[at + 1] - level[out]) < 0.4 * height
+        width[inside & away & back & (width == 0)] = w
+    return width
+
+
+def _usual_size(x: Array) -> float:
+    """Standard deviation of readings (T,) by their quartiles."""
+    quartile = np.percentile(x, (25.0, 75.0))
+    return 0.7413 * float(quartile[1] - quartile[0])
 
 
 def _local_scale(steps: Array, step: float) -> Array:
@@ -170,17 +213,14 @@ def _local_scale(steps: Array, step: float) -> Array:
     return np.concatenate([np.repeat(scale, block), np.full(steps.size - whole * block, scale[-1])])
 
 
-def _spikes_found(channel: str, kind: Kind, x: Array, time: Array, spike: Mask, unit: str) -> Fault:
-    spans = spans_of(time, spike)
-    quartile = np.percentile(x, (25.0, 75.0))
-    usual = 0.7413 * float(quartile[1] - quartile[0])
-    largest = float(np.max(np.abs(x[spike] - np.median(x))))
-    share = float(spike.mean())
-    severity: Severity = "unusable" if share > 0.1 else "warning"
-    if kind == "other":  # counters, states and solver outputs may jump
+def _spikes_found(r: _Readings, spike: Mask) -> Fault:
+    usual = _usual_size(r.x)
+    largest = float(np.max(np.abs(r.x[spike] - np.median(r.x))))
+    severity: Severity = "unusable" if float(spike.mean()) > 0.1 else "warning"
+    if r.kind == "other":  # counters, states and solver outputs may jump
         severity = "note"
-    data = {"largest": largest, "relative": largest / usual if usual > 0.0 else None, "unit": unit}
-    return Fault(channel, "spikes", severity, int(spike.sum()), spans, data)
+    data = {"largest": largest, "relative": largest / usual if usual > 0.0 else None, "unit": r.unit}
+    return Fault(r.channel, "spikes", severity, int(spike.sum()), spans_of(r.time, spike), data)
 
 
 def _clipped(x: Array, lsb: float, healthy: Mask) -> Mask:
@@ -199,53 +239,61 @@ def _clipped(x: Array, lsb: float, healthy: Mask) -> Mask:
     return clipped
 
 
-def _clipping_found(channel: str, kind: Kind, x: Array, time: Array, clipped: Mask, unit: str) -> Fault:
-    ends = sorted({float(f"{x[clipped].min():.4g}"), float(f"{x[clipped].max():.4g}")})
-    spans = spans_of(time, clipped)
+def _clipping_found(r: _Readings, clipped: Mask) -> Fault:
+    ends = sorted({float(f"{r.x[clipped].min():.4g}"), float(f"{r.x[clipped].max():.4g}")})
+    spans, count = spans_of(r.time, clipped), int(clipped.sum())
     share = float(clipped.mean())
-    data = {"share": share, "ends": ends, "unit": unit}
-    if _has_limits(channel, kind, x, clipped, unit):
-        return Fault(channel, "limit", "note", int(clipped.sum()), spans, data)
-    return Fault(channel, "clipping", "unusable" if share > 0.05 else "warning", int(clipped.sum()), spans, data)
+    data = {"share": share, "ends": ends, "unit": r.unit}
+    if _has_limits(r, clipped):
+        return Fault(r.channel, "limit", "note", count, spans, data)
+    return Fault(r.channel, "clipping", "unusable" if share > 0.05 else "warning", count, spans, data)
 
 
-def _has_limits(channel: str, kind: Kind, x: Array, clipped: Mask, unit: str) -> bool:
+def _has_limits(r: _Readings, clipped: Mask) -> bool:
     """Whether the quantity itself has limits: an angle, a controlled torque, or a quantity that cannot be negative and
     rests at zero, such as the tension of a line."""
-    if is_torque(channel) or (kind == "displacement" and unit == "rad"):
+    if is_torque(r.channel) or (r.kind == "displacement" and r.unit == "rad"):
         return True
-    at_zero = not x[clipped].any() and not (x.min() < 0.0 < x.max())
-    return at_zero and kind in ("load", "displacement")
+    at_zero = not r.x[clipped].any() and not (r.x.min() < 0.0 < r.x.max())
+    return at_zero and r.kind in ("load", "displacement")
 
 
-def _frozen(
-    channel: str, kind: Kind, x: Array, time: Array, step: float, lsb: float, clipped: Mask, standing: bool
-) -> list[Fault]:
-    """Stretches in which a value repeats far longer than this channel is used to."""
-    every, filled = sampled_every(x)
+def _frozen(r: _Readings, clipped: Mask, standing: bool) -> list[Fault]:
+    """Segments in which a value repeats far longer than is usual in this channel."""
+    every, filled = sampled_every(r.x)
     if every > 1:
-        return [Fault(channel, filled, "note", x.size, data={"every": every, "rate": 1.0 / (every * step)})]
-    starts = np.flatnonzero(np.concatenate([[True], np.diff(x) != 0.0]))
-    lengths = np.diff(np.concatenate([starts, [x.size]]))
-    usual = float(np.percentile(lengths, 95.0))
-    shortest = 0.5 if kind in VIBRATION or kind == "azimuth" else 5.0
-    # A slow signal dwells on a level of its converter, comes from the next one and leaves to the next one.
-    edge = np.pad(np.abs(np.diff(x[starts])), 1, constant_values=0.0)
-    level = max(lsb, 1.2e-7 * float(np.abs(x).max()))  # a file in single precision has its own
-    smooth = np.maximum(edge[:-1], edge[1:]) <= 2.5 * level
-    enough = np.maximum(10.0, np.where(smooth, 10.0, 1.0) * shortest / step)
-    long = (lengths >= np.maximum(enough, 5.0 * usual)) & ~clipped[starts]
-    low, middle, high = np.percentile(x, (25.0, 50.0, 75.0))
-    if kind in VIBRATION and usual < 2.0 and high > low:  # what no vibration reaches is a code for "no reading"
-        far = np.abs(x[starts] - middle) > CODE_MIN_RMS * 0.7413 * (high - low)
-        long |= (lengths > MAX_SPIKE_SAMPLES) & far
-    if not long.any() or (standing and kind in ("azimuth", "rotor speed")):
+        return [Fault(r.channel, filled, "note", r.x.size, data={"every": every, "rate": 1.0 / (every * r.step)})]
+    starts = np.flatnonzero(np.concatenate([[True], np.diff(r.x) != 0.0]))
+    lengths = np.diff(np.concatenate([starts, [r.x.size]]))
+    long = (_far_too_long(r, starts, lengths) & ~clipped[starts]) | _coded(r, starts, lengths)
+    if not long.any() or (standing and r.kind in ("azimuth", "rotor speed")):
         return []
     begin, last = starts[long], starts[long] + lengths[long] - 1
-    spans = np.column_stack([time[begin], time[last]])
+    spans = np.column_stack([r.time[begin], r.time[last]])
     count = int(lengths[long].sum())
-    data = {"longest": float((spans[:, 1] - spans[:, 0]).max()) + step, "share": count / x.size}
-    return [Fault(channel, "frozen", "unusable" if count > 0.5 * x.size else "warning", count, spans, data)]
+    data = {"longest": float((spans[:, 1] - spans[:, 0]).max()) + r.step, "share": count / r.x.size}
+    severity: Severity = "unusable" if count > 0.5 * r.x.size else "warning"
+    return [Fault(r.channel, "frozen", severity, count, spans, data)]
+
+
+def _far_too_long(r: _Readings, starts: NDArray[np.int64], lengths: NDArray[np.int64]) -> Mask:
+    """Which repetitions of a value (n,), from these samples on, are far longer than usual."""
+    shortest = 0.5 if r.kind in VIBRATION or r.kind == "azimuth" else 5.0
+    # A slow signal dwells on a level of its converter, comes from the next one and leaves to the next one.
+    edge = np.pad(np.abs(np.diff(r.x[starts])), 1, constant_values=0.0)
+    level = max(r.lsb, 1.2e-7 * float(np.abs(r.x).max()))  # a file in single precision has its own
+    smooth = np.maximum(edge[:-1], edge[1:]) <= 2.5 * level
+    enough = np.maximum(10.0, np.where(smooth, 10.0, 1.0) * shortest / r.step)
+    return np.asarray(lengths >= np.maximum(enough, 5.0 * float(np.percentile(lengths, 95.0))))
+
+
+def _coded(r: _Readings, starts: NDArray[np.int64], lengths: NDArray[np.int64]) -> Mask:
+    """Which repetitions (n,) are a code for "no reading": a value that no vibration reaches."""
+    low, middle, high = np.percentile(r.x, (25.0, 50.0, 75.0))
+    if r.kind not in VIBRATION or np.percentile(lengths, 95.0) >= 2.0 or high <= low:
+        return np.zeros(len(starts), dtype=np.bool_)
+    far = np.abs(r.x[starts] - middle) > MIN_CODE_RMS * 0.7413 * (high - low)
+    return np.asarray((lengths > MAX_SPIKE_SAMPLES) & far)
 
 
 def _quantised(channel: str, x: Array, lsb: float, unit: str) -> list[Fault]:

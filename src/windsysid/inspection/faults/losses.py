@@ -20,41 +20,32 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.inspection.fault import Fault
-from windsysid.inspection.health import sampled_every
+from windsysid.inspection.faults.health import sampled_every
+from windsysid.inspection.limits import (
+    MAX_OTHER_GAIN_RATIO,
+    MAX_PREVIOUS_GAIN_RATIO,
+    MIN_LOSS_GAIN,
+    MIN_LOSS_SIGMAS,
+    MIN_LOSS_SUM_RATIO,
+    MIN_PREDICTED_ROWS,
+)
 from windsysid.records.record import Record
 
 __all__ = ["lost_rows"]
 
 MODEL_ORDERS = (3, 8, 12)
-"""Orders of the autoregressive models: the memory of a low order is shorter than the distance between losses, a high
-order describes more modes."""
-
-MIN_ROWS = 1000
-"""Smallest number of rows for fitting a model."""
+"""Setting: orders of the autoregressive models: the memory of a low order is shorter than the distance between losses,
+a high order describes more modes."""
 
 MAX_ROWS = 100_000
-"""Largest number of rows that are examined, from the beginning of the record."""
+"""Setting: largest number of rows that are examined, from the beginning of the record."""
 
 MAX_SINGLE_CHANNELS = 8
-"""Largest number of channels that are examined one by one, in addition to all together."""
+"""Setting: largest number of channels that are examined one by one, in addition to all together."""
 
 MIN_PERIOD, MAX_PERIOD = 4, 64
-"""Smallest and largest number of rows from one loss to the next: more frequent losses bias the models, rarer ones are
-lost buffers (`continuity.lost_samples`)."""
-
-MIN_SIGMAS = 7.0
-"""Smallest normalised sum of a remainder: exceeded by chance in one of 10⁷ records, over all 2 000 remainders, models
-and channels."""
-
-MIN_GAIN = 0.4
-"""Smallest g after a loss: 1 for one lost row, less because the losses bias the model."""
-
-MAX_OTHER_GAIN_RATIO, MAX_PREVIOUS_GAIN_RATIO = 0.6, 0.3
-"""Largest |g| at any other remainder, and largest g at the previous one, relative to g after a loss. A sinusoid at a
-multiple of the rate over 2k gives a g that alternates."""
-
-MIN_SUM_RATIO = 0.5
-"""Smallest ratio of the sums after two losses: if only every second or third is a loss, k is larger."""
+"""Setting: smallest and largest number of rows from one loss to the next that are searched: more frequent losses bias
+the models, rarer ones are lost buffers (`continuity.lost_samples`)."""
 
 
 class _Prediction(NamedTuple):
@@ -69,7 +60,7 @@ def lost_rows(record: Record, channels: Sequence[str]) -> list[Fault]:
     values = np.column_stack([record[name][:MAX_ROWS] for name in channels]) if channels else np.empty((0, 0))
     usable = [np.isfinite(column).all() and sampled_every(column)[0] == 1 for column in values.T]
     values = values[:, usable]
-    if len(values) < MIN_ROWS or not values.shape[1]:
+    if len(values) < MIN_PREDICTED_ROWS or not values.shape[1]:
         return []
     period = max(_agreed(_predictions(values, order)) for order in MODEL_ORDERS)[1]
     if not period:
@@ -122,8 +113,8 @@ def _detected(prediction: _Prediction) -> tuple[float, int]:
     for period in range(MIN_PERIOD, min(MAX_PERIOD, len(terms) // 50) + 1):
         significance = _significance(terms, period)
         if (
-            significance > max(MIN_SIGMAS, found[0])
-            and _significance(_terms(_without_cycle(prediction, period)), period) > MIN_SIGMAS
+            significance > max(MIN_LOSS_SIGMAS, found[0])
+            and _significance(_terms(_without_cycle(prediction, period)), period) > MIN_LOSS_SIGMAS
         ):
             found = (significance, period)
     return found
@@ -146,7 +137,7 @@ def _significance(terms: Array, period: int) -> float:
     for losses in (2, 3):
         at = terms[after : after + losses * period * ((cycles - 1) // losses) : period]
         each = at[: len(at) // losses * losses].reshape(-1, losses, 3).sum(axis=0)
-        if each[:, 0].min() < MIN_SUM_RATIO * each[:, 0].max():
+        if each[:, 0].min() < MIN_LOSS_SUM_RATIO * each[:, 0].max():
             return 0.0
     return float(sums[after] / np.sqrt(max(squares[after], 1e-300)))
 
@@ -165,7 +156,7 @@ def _falls_off(gain: Array) -> bool:
     """Whether g (k,), from the row after a loss on, has the pattern of a loss."""
     top = gain[0]
     return bool(
-        top > MIN_GAIN
+        top > MIN_LOSS_GAIN
         and gain[-1] < MAX_PREVIOUS_GAIN_RATIO * top
         and np.abs(gain[1:]).max() < MAX_OTHER_GAIN_RATIO * top
     )

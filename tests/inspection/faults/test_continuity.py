@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 
 import windsysid as ws
 from tests.findings import reasons
-from windsysid.inspection.continuity import copies_among
+from windsysid.inspection.faults.continuity import copies_among
 from windsysid.inspection.screening import doubted, examine, noted, screen
 from windsysid.records.record import Record
 from windsysid.simulation.record import simulate_record

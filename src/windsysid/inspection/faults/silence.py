@@ -12,38 +12,29 @@ from collections.abc import Sequence
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.inspection.continuity import PREDICTORS, normalised_errors, prediction_errors
 from windsysid.inspection.fault import Fault
-from windsysid.inspection.runs import runs_of
+from windsysid.inspection.faults.continuity import PREDICTORS, normalised_errors, prediction_errors
+from windsysid.inspection.faults.runs import runs_of
+from windsysid.inspection.limits import (
+    MAX_QUIET_POWER,
+    MAX_SILENT_RMS_RATIO,
+    MIN_ABRUPT_POWER,
+    MIN_ABRUPT_SIGMAS,
+    MIN_OTHER_RMS_RATIO,
+    MIN_QUIET_SAMPLES,
+    MIN_RETURN_RMS_RATIO,
+    MIN_SILENT_PERIODS,
+    SILENT_SIGMAS,
+)
 from windsysid.records.record import Record
 
 __all__ = ["silent_stretches"]
 
-QUIET, BACK = 1.0 / 8.0, 0.4
-"""Of a channel's usual rms over a period: below which it is silent, and above which it is beside that."""
+NEIGHBOUR_WINDOWS = 4
+"""Setting: number of windows next to a silent segment within which vibration is back."""
 
-REACH = 4
-"""Windows beside a stretch in which vibration has to be back."""
-
-FEWEST_PERIODS = 5
-"""Periods in a row that are silent."""
-
-FEWEST_SAMPLES = 16
-"""Of a window, which is a period long otherwise."""
-
-GOING_ON = 0.3
-"""Of another channel's rms, that it has meanwhile."""
-
-NOISE = 5.0
-"""Standard deviations of what a silent channel reads, within which its neighbouring samples are silent, too."""
-
-
-MIN_ABRUPT_SIGMAS, MIN_ABRUPT_POWER, MAX_QUIET_POWER = 6.0, 4.0, 0.25
-"""Limits of normalised prediction errors: one error, and the mean square, at an end of a silent segment (Gaussian
-errors exceed them with probability 1e-6), and the mean square within the segment."""
-
-MIN_SEGMENT_SAMPLES = 40
-"""Smallest number of readings within a segment for judging their mean square error."""
+MIN_WINDOW_SAMPLES = 16
+"""Setting: smallest number of samples of a window, which is one period long otherwise."""
 
 
 def silent_stretches(record: Record, channels: Sequence[str]) -> list[Fault]:
@@ -68,9 +59,9 @@ def _silent(x: Array) -> list[tuple[int, int]]:
     seen = np.isfinite(x)
     centred = np.where(seen, x - (np.median(x[seen]) if seen.any() else 0.0), 0.0)
     size, steps = float(np.linalg.norm(centred)), float(np.linalg.norm(np.diff(centred[seen])))
-    width = max(FEWEST_SAMPLES, round(2.0 * math.pi * size / steps) if steps else len(x))
+    width = max(MIN_WINDOW_SAMPLES, round(2.0 * math.pi * size / steps) if steps else len(x))
     count = len(x) // width
-    if count < 2 * FEWEST_PERIODS:
+    if count < 2 * MIN_SILENT_PERIODS:
         return []
     windows, known = (array[: count * width].reshape(count, width) for array in (centred, seen))
     samples = known.sum(axis=1)
@@ -80,26 +71,28 @@ def _silent(x: Array) -> list[tuple[int, int]]:
     mean, square = windows.sum(axis=1) / np.maximum(samples, 1), (windows**2).sum(axis=1) / np.maximum(samples, 1)
     rms = np.sqrt(np.maximum(square - mean**2, 0.0))
     usual = float(np.median(rms[told]))
-    found = []
-    for first, end in runs_of((rms < QUIET * usual) & told).tolist():
-        before, after = rms[max(first - REACH, 0) : max(first - 1, 0)], rms[end + 1 : end + REACH]
-        if end - first < FEWEST_PERIODS or not (_is_back(before, usual) and _is_back(after, usual)):
-            continue
-        inside = x[first * width : end * width]
-        if np.nanmax(inside) > np.nanmin(inside):  # what repeats one value is frozen
-            found.append(_widened(x, first * width, end * width))
-    return found
+    runs = runs_of((rms < MAX_SILENT_RMS_RATIO * usual) & told).tolist()
+    silent = [(first * width, end * width) for first, end in runs if _is_silent(rms, usual, first, end)]
+    # what repeats one value is frozen
+    return [_widened(x, *run) for run in silent if np.nanmax(x[slice(*run)]) > np.nanmin(x[slice(*run)])]
+
+
+def _is_silent(rms: Array, usual: float, first: int, end: int) -> bool:
+    """Whether a run of quiet windows is long enough, and vibration is back before and after it."""
+    before = rms[max(first - NEIGHBOUR_WINDOWS, 0) : max(first - 1, 0)]
+    after = rms[end + 1 : end + NEIGHBOUR_WINDOWS]
+    return end - first >= MIN_SILENT_PERIODS and _is_back(before, usual) and _is_back(after, usual)
 
 
 def _is_back(rms: Array, usual: float) -> bool:
     """Whether a channel vibrates as usual in one window or another beside a stretch, the nearest left out: it may be
     half silent."""
-    return len(rms) > 0 and float(rms.max()) > BACK * usual
+    return len(rms) > 0 and float(rms.max()) > MIN_RETURN_RMS_RATIO * usual
 
 
 def _widened(x: Array, first: int, end: int) -> tuple[int, int]:
     """The same up to the last sample on either side that is as small."""
-    middle, size = float(np.nanmean(x[first:end])), NOISE * float(np.nanstd(x[first:end]))
+    middle, size = float(np.nanmean(x[first:end])), SILENT_SIGMAS * float(np.nanstd(x[first:end]))
     while first > 0 and abs(x[first - 1] - middle) < size:
         first -= 1
     while end < len(x) and abs(x[end] - middle) < size:
@@ -127,7 +120,7 @@ def _abrupt(x: Array, runs: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
 
     def quiet(first: int, end: int) -> bool:
         inside = raw[first + PREDICTORS : end]
-        return len(inside) >= MIN_SEGMENT_SAMPLES and float(np.mean(inside**2)) < MAX_QUIET_POWER * usual**2
+        return len(inside) >= MIN_QUIET_SAMPLES and float(np.mean(inside**2)) < MAX_QUIET_POWER * usual**2
 
     return [run for run in runs if breaks(run[0]) or breaks(run[1]) or quiet(*run)]
 
@@ -136,4 +129,4 @@ def _goes_on(x: Array, run: tuple[int, int]) -> bool:
     """Whether a channel vibrates in a stretch as elsewhere."""
     stretch = x[slice(*run)]
     inside, usual = stretch[np.isfinite(stretch)], float(np.nanstd(x))
-    return len(inside) > 0 and float(np.std(inside)) > GOING_ON * usual > 0.0
+    return len(inside) > 0 and float(np.std(inside)) > MIN_OTHER_RMS_RATIO * usual > 0.0

@@ -5,21 +5,11 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.inspection.channels import VIBRATION, kinds
 from windsysid.inspection.fault import Fault
-from windsysid.inspection.runs import spans_of
+from windsysid.inspection.faults.runs import spans_of
+from windsysid.inspection.limits import MAX_OFF_GRID_STEPS, MAX_SEPARATE_GAPS, MAX_SHORT_GAP_SAMPLES, MIN_GAP_STEPS
 from windsysid.records.record import RATE_DOUBT, STAMPS, Record
 
-__all__ = ["GAP_MIN_STEPS", "MAX_SHORT_GAP_SAMPLES", "clock_faults"]
-
-GAP_MIN_STEPS = 1.5
-"""A step longer than this many usual ones is a gap."""
-
-MAX_SHORT_GAP_SAMPLES = 10
-"""Largest number of lost samples in a short gap, which `windsysid.spectral.oma.samples` fills by interpolation."""
-MAX_SEPARATE_GAPS = 20
-"""Largest number of short gaps between which a section can be chosen."""
-MAX_OFF_GRID_STEPS = 0.25
-"""Largest 90th percentile of the distance of steps from whole multiples of the usual step, in usual steps, for a
-regular clock that lost samples; for uniformly distributed steps it is 0.45."""
+__all__ = ["clock_faults"]
 
 
 def clock_faults(record: Record) -> list[Fault]:
@@ -37,7 +27,7 @@ def _gaps_and_steps(record: Record) -> list[Fault]:
     usual = 1.0 / record.rate
     found = list[Fault]()
     scatter = _scatter_of_steps(steps / usual)
-    gap = steps > max(GAP_MIN_STEPS, 1.0 + 5.0 * scatter) * usual  # a clock that scatters loses no sample by it
+    gap = steps > max(MIN_GAP_STEPS, 1.0 + 5.0 * scatter) * usual  # a clock that scatters loses no sample by it
     short = gap & (steps <= (MAX_SHORT_GAP_SAMPLES + 1.5) * usual)
     if np.count_nonzero(short) > MAX_SEPARATE_GAPS:
         lost = int(np.sum(np.rint(steps[short] / usual) - 1))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from windsysid.inspection.clock import clock_faults
+from windsysid.inspection.faults.clock import clock_faults
 from windsysid.records.record import Record
 
 

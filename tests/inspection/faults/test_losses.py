@@ -4,7 +4,7 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
 import windsysid as ws
-from windsysid.inspection.losses import lost_rows
+from windsysid.inspection.faults.losses import lost_rows
 
 RATE = 50.0
 NAMES = ("acceleration_1", "acceleration_2", "acceleration_3")

@@ -5,8 +5,8 @@ import pytest
 from scipy.signal import lfilter
 
 from windsysid.identification.condition.readings import without_faulty
+from windsysid.inspection.faults.silence import silent_stretches
 from windsysid.inspection.screening import screen
-from windsysid.inspection.silence import silent_stretches
 from windsysid.records.record import Record
 
 RATE, SAMPLES = 20.0, 6000

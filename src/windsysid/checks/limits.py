@@ -1,0 +1,176 @@
+"""Limits of the checks of a result: each says whether it is a probability, odds or a size, and where it comes from.
+
+Most were set on simulated records; ``python -m validation.adversary.calibrate`` prints those of the verdict in addition
+to what healthy records show. Each of some ten tests may condemn one healthy record in 500.
+"""
+
+__all__ = [
+    "BLADE_PASSING_MARGIN_BINS", "BURST_PROBABILITY", "FALSE_ALARM_PROBABILITY", "HARMONIC_HALF_WIDTH_BINS",
+    "HARMONIC_HALF_WIDTH_SHARE", "INTEREST_FACTORS", "LINE_FALSE_ALARM_PROBABILITY", "LINE_NEAR_MODE_FACTOR",
+    "LINE_SEARCH_FACTOR", "MAX_CHANCE_SIGMAS", "MAX_CHANNEL_LEVEL_FACTOR", "MAX_COLOUR", "MAX_CROSS_CORRELATION",
+    "MAX_EARLIER_RATIO", "MAX_FAR_PEAK_LEVEL", "MAX_GATED_SHARE", "MAX_INFORMED_STD_RATIO", "MAX_KURTOSIS",
+    "MAX_LEVEL_DEPARTURE", "MAX_LEVEL_FACTOR", "MAX_LEVEL_VARIATION", "MAX_MISSING_SHARE", "MAX_NEAR_MODE_LEVEL",
+    "MAX_NEGLIGIBLE_ENTRY", "MAX_OUTLIER_POWER_SHARE", "MAX_PEAK_LEVEL", "MAX_PRIOR_SHIFT_SIGMAS", "MAX_RISE_RATIO",
+    "MAX_TOLERANCE_SIGMAS", "MIN_BURST_SHARE", "MIN_COMMON_RMS_FALL", "MIN_CONDITION_INDEX", "MIN_DEVIATION_SIGMAS",
+    "MIN_DOMINANT_PEAK_LEVEL", "MIN_INFORMED_SHARE", "MIN_LONG_RECORD_BINS", "MIN_NAMED_CORRELATION",
+    "MIN_NONLINEARITY_SAMPLES", "MIN_REMARKED_OUTLIERS", "MIN_RESONANCE_WIDTH_BINS", "MIN_RMS_FALL",
+    "MIN_VIBRATION_BINS", "NARROW_RESONANCE_MARGIN_BINS", "NOISE_VIBRATION_PROBABILITY", "OUTLIER_SIGMAS",
+    "SCATTER_FALSE_ALARM_PROBABILITY", "SHORT_NOISE_VIBRATION_PROBABILITY", "UNMODELLED_BLADE_PASSING_FACTOR",
+]  # fmt: skip
+
+FALSE_ALARM_PROBABILITY = 1e-3
+"""Probability: significance level of a test of the innovations, all channels and frequencies together, and of the test
+that compares the halves of a record; set on simulated records (`validation.adversary.calibrate`)."""
+
+SCATTER_FALSE_ALARM_PROBABILITY = 4e-5
+"""Probability: significance level of the scatter of segments if their scores were normal. Their tails are longer: one
+healthy record in 500 exceeds it (`python -m validation.adversary.calibrate`)."""
+
+LINE_FALSE_ALARM_PROBABILITY = 2e-3
+"""Probability: significance level of the test for a spectral line; one healthy record in 500 (`python -m
+validation.adversary.calibrate`)."""
+
+NOISE_VIBRATION_PROBABILITY = 1e-3
+"""Probability: share of channels of noise that are taken for vibration; set on simulated records."""
+
+SHORT_NOISE_VIBRATION_PROBABILITY = 0.1
+"""Probability: the same share for records that are short or end just above the highest mode, whose resonances rise
+little above a power law."""
+
+MIN_LONG_RECORD_BINS = 200
+"""Size: number of frequency bins below which a record is short for the test of dead channels."""
+
+MIN_VIBRATION_BINS = 40
+"""Size: number of frequency bins below which no channel is tested for vibration."""
+
+MAX_MISSING_SHARE = 0.05
+"""Size: share of missing samples beyond which a channel is tested neither for lines nor for vibration."""
+
+HARMONIC_HALF_WIDTH_SHARE = 0.02
+"""Size: relative distance from a rotor harmonic nP within which power is the rotor's."""
+
+HARMONIC_HALF_WIDTH_BINS = 3.0
+"""Size: the same distance in frequency bins 1/T; the larger of both counts."""
+
+MAX_PRIOR_SHIFT_SIGMAS = 4.0
+"""Size in standard deviations: distance of an estimate from the mean of its prior beyond which they conflict; by chance
+one in 16 000."""
+
+MIN_CONDITION_INDEX = 30.0
+"""Size: condition index from which on a combination of parameters is hardly identifiable (Belsley, Kuh & Welsch)."""
+
+MIN_NAMED_CORRELATION = 0.9
+"""Size: correlation of two estimates from which on both are named."""
+
+MAX_NEGLIGIBLE_ENTRY = 0.15
+"""Size: entry of a direction that the prior determines, over the largest, that counts as zero."""
+
+MIN_INFORMED_SHARE = 0.1
+"""Size: share of an unknown's prior variance that a record must remove before its segments are compared."""
+
+INTEREST_FACTORS = (0.4, 2.5)
+"""Size: factors on the lowest and on the highest natural frequency between which a spectral peak matters."""
+
+OUTLIER_SIGMAS = 5.0
+"""Size in standard deviations: innovation from which on it is an outlier; one normal value in two million."""
+
+MIN_REMARKED_OUTLIERS = 3
+"""Size: number of outliers of a channel from which on they are remarked."""
+
+MAX_OUTLIER_POWER_SHARE = 0.1
+"""Size: share of a channel's squared innovations in outliers beyond which the result depends on a few readings."""
+
+MAX_GATED_SHARE = 0.05
+"""Size: share of a channel's readings that are left out as outliers beyond which the model is wrong."""
+
+MAX_LEVEL_FACTOR = 1.1
+"""Size: factor on the normalised innovation squared of all channels. Levels are learned: healthy records scatter by
+0.02, and one in 500 is 1.06 off (`python -m validation.adversary.calibrate`)."""
+
+MAX_CHANNEL_LEVEL_FACTOR = 1.15
+"""Size: the same factor for one channel; one healthy record in 500 is 1.14 off."""
+
+MAX_CHANCE_SIGMAS = 4.5
+"""Size in standard deviations: statistic of level, tails, lag of blades, or correlation of channels beyond chance; all
+but the lag must be large, too. One healthy record in 500 exceeds 4.2, 3.9, 4.2 and 4.5."""
+
+MAX_LEVEL_VARIATION = 0.25
+"""Size: relative variation of the level of innovations over a record that is large."""
+
+MAX_KURTOSIS = 1.0
+"""Size: excess kurtosis of innovations that is large."""
+
+MAX_CROSS_CORRELATION = 0.06
+"""Size: correlation of the innovations of two channels that is large."""
+
+MAX_PEAK_LEVEL = 2.0
+"""Size: spectrum of the innovations at a peak near a natural frequency, 1 if white; intervals are √2 too narrow there.
+One healthy record in 500 has 2.1."""
+
+MAX_NEAR_MODE_LEVEL = 1.6
+"""Size: mean spectrum of the innovations around a natural frequency, 1 if white; one healthy record in 500 has it."""
+
+MAX_FAR_PEAK_LEVEL = 3.0
+"""Size: spectrum of the innovations, 1 if white, beyond which a peak far from natural frequencies is remarked."""
+
+MIN_DOMINANT_PEAK_LEVEL = 4.0
+"""Size: spectrum of the innovations, 1 if white, from which on a peak is named before the correlation of channels."""
+
+MAX_COLOUR = 0.02
+"""Size: sum of squared autocorrelations beyond which colour is remarked; one correlation of 0.14."""
+
+MAX_LEVEL_DEPARTURE = 0.05
+"""Size: rms departure of the spectrum of innovations from 1 over half-octaves, beyond chance; healthy fits have
+0.04."""
+
+MIN_NONLINEARITY_SAMPLES = 200
+"""Size: number of innovations of a channel below which it is not tested for nonlinearity."""
+
+LINE_NEAR_MODE_FACTOR = 1.15
+"""Size: factor on a natural frequency within which a line of the innovations biases the mode."""
+
+LINE_SEARCH_FACTOR = 1.6
+"""Size: factor on a natural frequency within which lines of the readings are searched: they bias the level of the loads
+there, too."""
+
+MIN_RESONANCE_WIDTH_BINS = 5.0
+"""Size: half-power width of a resonance in frequency bins 1/T below which its peak resembles a line."""
+
+NARROW_RESONANCE_MARGIN_BINS = 8.0
+"""Size: distance from a narrow resonance in frequency bins 1/T within which no line is searched: from 5 on, its skirts
+are parabolas in 1/S (``tests/results/test_steadiness.py``)."""
+
+UNMODELLED_BLADE_PASSING_FACTOR = 1.2
+"""Size: factor on a natural frequency within which a blade-passing load that is not modelled biases the mode."""
+
+BLADE_PASSING_MARGIN_BINS = 2.0
+"""Size: distance in frequency bins 1/T beyond a mode's half-width ζf within which a blade-passing line is in it."""
+
+MAX_INFORMED_STD_RATIO = 0.7
+"""Size: standard deviation of a tolerance's estimate over that of its prior, below which the record is informative."""
+
+MIN_DEVIATION_SIGMAS = 2.0
+"""Size in standard deviations: estimate of an informed tolerance from which on its file is wrong."""
+
+MAX_TOLERANCE_SIGMAS = 3.0
+"""Size in standard deviations: estimate over the prior of a tolerance beyond which they conflict."""
+
+BURST_PROBABILITY = 1e-4
+"""Probability: significance level of a burst in a stationary record, all channels together."""
+
+MIN_BURST_SHARE = 0.375
+"""Size: share of a channel's power in one of 16 segments of a burst: the rms is three times that of the rest."""
+
+MIN_RMS_FALL = 3.0
+"""Size: ratio of rms values of a transient in one channel; of 1500 simulated stationary records at most one of 160
+exceeds it."""
+
+MIN_COMMON_RMS_FALL = 1.5
+"""Size: the same ratio if all of two or more channels exceed it, as one of 20 such records does in one channel."""
+
+MAX_RISE_RATIO = 1.1
+"""Size: ratio of the mean square of a quarter to that of the previous one in a decay."""
+
+MAX_EARLIER_RATIO = 0.3
+"""Size: ratio of the mean square of segments before the strongest to it in a decay, except the one immediately before,
+in which the decay may begin."""

@@ -1,0 +1,206 @@
+"""Limits of the inspection of a record: each says whether it is a probability, odds or a size, and where it comes from.
+
+Where a docstring names no source, the limit was set on simulated records.
+"""
+
+import math
+
+__all__ = [
+    "FALSE_ALARM_PROBABILITY", "MAX_ACCELERATION_RATE", "MAX_COPY_RESIDUAL", "MAX_DIRECTION_SPREAD",
+    "MAX_DOUBTFUL_ACCELERATION_RATE", "MAX_FALL_SECONDS", "MAX_FAULT_SHARE", "MAX_GRAVITY_DEVIATION",
+    "MAX_LENGTH_PENALTY", "MAX_OFFSET_SIGMAS", "MAX_OFF_GRID_STEPS", "MAX_OTHER_GAIN_RATIO", "MAX_OVERRUN_STEP_STD",
+    "MAX_PREVIOUS_GAIN_RATIO", "MAX_QUIET_POWER", "MAX_REFERENCE_DISTANCE", "MAX_SEPARATE_GAPS",
+    "MAX_SHORT_GAP_SAMPLES", "MAX_SILENT_RMS_RATIO", "MAX_SPEED_VARIATION", "MAX_SPIKE_SAMPLES", "MAX_STOPPED_SHARE",
+    "MAX_STRAIGHT_BEND_RATIO", "MAX_UNWRAPPED_RATIO", "MAX_VIBRATION_CHANGE", "MAX_WIND_VARIATION", "MIN_ABRUPT_POWER",
+    "MIN_ABRUPT_SIGMAS", "MIN_ACCELERATION_RATE", "MIN_CODE_RMS", "MIN_COPIED_ROWS", "MIN_CYCLES", "MIN_DECAY_FACTOR",
+    "MIN_DEGREES_OF_FREEDOM", "MIN_END_JUMP_SHARE", "MIN_GAP_STEPS", "MIN_LOSS_GAIN", "MIN_LOSS_SIGMAS",
+    "MIN_LOSS_SUM_RATIO", "MIN_MODAL_SAMPLES", "MIN_OTHER_RMS_RATIO", "MIN_OVERRUN_JUMPS", "MIN_PREDICTED_ROWS",
+    "MIN_QUIET_SAMPLES", "MIN_RETURN_RMS_RATIO", "MIN_ROTOR_SPEED", "MIN_RUNNING_SHARE", "MIN_SAMPLES", "MIN_SEAMS",
+    "MIN_SEAM_SHARE", "MIN_SECTION_SECONDS", "MIN_SILENT_PERIODS", "MIN_SPECTROGRAM_VARIATION", "MIN_SPIKE_SIGMAS",
+    "MIN_STARTED_SHARE", "MIN_STOP_SECONDS", "MIN_VIBRATION_FACTOR", "SEAM_PROBABILITY", "SILENT_SIGMAS",
+]  # fmt: skip
+
+MIN_SAMPLES = 20
+"""Size: number of samples for identification (`windsysid.identification.condition.readings`)."""
+
+MIN_MODAL_SAMPLES = 256
+"""Size: number of samples for operational modal analysis (`windsysid.spectral.oma.samples`)."""
+
+MIN_ROTOR_SPEED = 0.05
+"""Size: rotor speed of a running machine [rad/s]."""
+
+MIN_GAP_STEPS = 1.5
+"""Size: time step in usual steps from which on it is a gap."""
+
+MAX_SHORT_GAP_SAMPLES = 10
+"""Size: number of lost samples of a short gap, which `windsysid.spectral.oma.samples` fills by interpolation."""
+
+MAX_SEPARATE_GAPS = 20
+"""Size: number of short gaps between which a section can be chosen."""
+
+MAX_OFF_GRID_STEPS = 0.25
+"""Size: 90th percentile of the distance of steps from whole multiples of the usual step, in usual steps, for a regular
+clock that lost samples; for uniformly distributed steps it is 0.45."""
+
+MIN_SPIKE_SIGMAS = 8.0
+"""Size in standard deviations: jump of a spike over the steps around it."""
+
+MAX_SPIKE_SAMPLES = 5
+"""Size: number of samples of a spike."""
+
+MIN_CODE_RMS = 30.0
+"""Size: distance from the median, over the channel's robust rms, of a repeated value that is no reading."""
+
+MAX_STRAIGHT_BEND_RATIO = 0.02
+"""Size: second difference over its rms below which three samples are on a straight line."""
+
+MIN_COPIED_ROWS = 32
+"""Size: number of consecutive rows that equal others, in every channel that vibrates, of a copied passage."""
+
+MAX_COPY_RESIDUAL = 1e-6
+"""Size: share of the power of a channel's steps that another channel does not explain, below which one is a copy."""
+
+MIN_PREDICTED_ROWS = 1000
+"""Size: number of rows for fitting a linear prediction, which detects lost rows and samples."""
+
+SEAM_PROBABILITY = 1e-7
+"""Probability: of prediction errors of all channels, in one row of white noise, beyond which the row is a seam."""
+
+MIN_SEAMS = 6
+"""Size: number of seams at multiples of a number of rows; 6 of 7 are by chance in one of 1000 such records."""
+
+MIN_SEAM_SHARE = 0.8
+"""Size: share of all seams at multiples of a number of rows."""
+
+MIN_OVERRUN_JUMPS = 3
+"""Size: number of jumps across a channel's range from which on its converter overran."""
+
+MIN_END_JUMP_SHARE = 0.9
+"""Size: share of those jumps that start and end at the ends of the range."""
+
+MAX_OVERRUN_STEP_STD = 0.17
+"""Size: standard deviation of a channel's other steps over its range, beyond which a jump across it is usual."""
+
+MAX_UNWRAPPED_RATIO = 0.06
+"""Size: squared difference of an unwrapped jump from the steps next to it over that of the jump itself; spikes have at
+least 0.1."""
+
+MIN_LOSS_SIGMAS = 7.0
+"""Size in standard deviations: normalised sum of a remainder, exceeded by chance in one of 10⁷ records, over all 2 000
+remainders, models and channels."""
+
+MIN_LOSS_GAIN = 0.4
+"""Size: g after a loss: 1 for one lost row, less because the losses bias the model."""
+
+MAX_OTHER_GAIN_RATIO = 0.6
+"""Size: |g| at any other remainder, relative to g after a loss."""
+
+MAX_PREVIOUS_GAIN_RATIO = 0.3
+"""Size: g at the previous remainder, relative to g after a loss. A sinusoid at a multiple of the rate over 2k gives a g
+that alternates."""
+
+MIN_LOSS_SUM_RATIO = 0.5
+"""Size: ratio of the sums after two losses; if only every second or third is a loss, k is larger."""
+
+MAX_SILENT_RMS_RATIO = 1.0 / 8.0
+"""Size: rms of a channel over a period, relative to its usual one, below which it is silent."""
+
+MIN_RETURN_RMS_RATIO = 0.4
+"""Size: the same ratio in a window next to a silent segment, from which on vibration is back."""
+
+MIN_SILENT_PERIODS = 5
+"""Size: number of consecutive silent periods."""
+
+MIN_OTHER_RMS_RATIO = 0.3
+"""Size: rms of another channel during a silent segment, relative to its usual one."""
+
+SILENT_SIGMAS = 5.0
+"""Size in standard deviations: readings of a silent segment within which its neighbouring samples are silent, too."""
+
+MIN_ABRUPT_SIGMAS = 6.0
+"""Size in standard deviations: one prediction error at an end of a silent segment; of Gaussian errors one in 10⁶."""
+
+MIN_ABRUPT_POWER = 4.0
+"""Size: mean square of the normalised prediction errors at an end of a silent segment; of Gaussian errors one in
+10⁶."""
+
+MAX_QUIET_POWER = 0.25
+"""Size: mean square of the normalised prediction errors within a silent segment."""
+
+MIN_QUIET_SAMPLES = 40
+"""Size: number of readings within a segment for judging their mean square error."""
+
+MIN_ACCELERATION_RATE = 0.5
+"""Size: sampling rate of an acceleration [Hz] below which it shows no structure."""
+
+MAX_DOUBTFUL_ACCELERATION_RATE = 1.0
+"""Size: sampling rate of an acceleration [Hz] up to which whole seconds may be milliseconds in truth."""
+
+MAX_ACCELERATION_RATE = 20_000.0
+"""Size: sampling rate of an acceleration [Hz] beyond which the time may be in another unit; few loggers are as fast."""
+
+MAX_OFFSET_SIGMAS = 3.0
+"""Size in standard deviations: mean of an acceleration over the prior of its sensor's offset, up to which it is
+expected."""
+
+MAX_GRAVITY_DEVIATION = 0.03
+"""Size: relative distance from g of the mean of an upright accelerometer, or of its amplitude on a rotor."""
+
+MIN_SECTION_SECONDS = 100.0
+"""Size: length of a section [s] if none is given; that of the published study."""
+
+MAX_LENGTH_PENALTY = 0.6
+"""Size: penalty of a longer section above that of the median short one: equal to 3 % of the rotor speed, or 12 % of the
+wind speed, since turbulence varies more over a longer time."""
+
+MAX_SPEED_VARIATION = 0.05
+"""Size: variation and drift of the rotor speed over a section, relative to its mean, of penalty 1."""
+
+MAX_WIND_VARIATION = 0.20
+"""Size: variation and drift of the wind speed over a section, relative to its mean, of penalty 1."""
+
+MAX_DIRECTION_SPREAD = math.radians(15.0)
+"""Size: circular standard deviation of the wind direction over a section [rad], of penalty 1."""
+
+MAX_FAULT_SHARE = 0.02
+"""Size: share of faulty or missing samples of a section, of penalty 1."""
+
+MIN_VIBRATION_FACTOR = 0.25
+"""Size: rms of vibration over the record's median that is enough for identification."""
+
+MIN_CYCLES = 40.0
+"""Size: number of periods in a section, which `oma` needs."""
+
+MIN_DEGREES_OF_FREEDOM = 4.0
+"""Size: equivalent degrees of freedom of the power of a section, which `identify` needs."""
+
+FALSE_ALARM_PROBABILITY = 0.01
+"""Probability: significance level of a change of vibration, all comparisons together. Simulated records of one to four
+modes with damping of 0.2 % to 5 % and 300 s to 3600 s exceed it in fewer than 1 % (tests/inspection)."""
+
+MAX_VIBRATION_CHANGE = 2.0
+"""Size: ratio of the rms values of two segments that is accepted even if it is significant."""
+
+MAX_REFERENCE_DISTANCE = 0.08
+"""Size: relative distance up to which a peak or a mode may be one of the turbine file, whose values are references."""
+
+MIN_SPECTROGRAM_VARIATION = 0.02
+"""Size: relative standard deviation of the rotor speed from which on a spectrogram is drawn against it."""
+
+MIN_RUNNING_SHARE = 0.6
+"""Size: share of the usual rotor speed above which the rotor runs."""
+
+MAX_STOPPED_SHARE = 0.1
+"""Size: share of the usual rotor speed below which the rotor stands."""
+
+MIN_STARTED_SHARE = 0.2
+"""Size: share of the usual rotor speed above which the rotor turns again."""
+
+MAX_FALL_SECONDS = 60.0
+"""Size: time from running to stopped [s]."""
+
+MIN_STOP_SECONDS = 30.0
+"""Size: length of a section after a stop [s]; a shorter one is not listed."""
+
+MIN_DECAY_FACTOR = 1.5
+"""Size: vibration right after a stop over that of the section's second half, from which on it is a decay."""
