@@ -19,6 +19,7 @@ from numba import types
 from filters import joint_model, record, scenarios
 from windsysid import EKF, Prior, StateSpace, Turbine
 from windsysid.identification.estimate.force_balance import (
+    MeasuredMotion,
     analysis_band,
     balance_forces,
     balance_statespace,
@@ -86,7 +87,7 @@ class Balance:
         rotor = rotor_inputs(record, turbine.rotor_speed)
         names = identifiable(turbine)
         motion = measured_motion(record, turbine, cutoff=band[0] / 2.0)
-        balance = balance_forces(turbine, motion, rotor, None, names, rate=rate, band=band)
+        balance = balance_forces(turbine, MeasuredMotion(motion, rotor, None, rate), names, band)
         parameters = Prior(spread=1.0).parameters(turbine, names, linear=True)
         model, inputs = balance_statespace(balance, turbine.model.coordinates, parameters, rate=rate, band=band)
         first = int(np.flatnonzero(np.isfinite(balance.force).all(axis=1))[0])

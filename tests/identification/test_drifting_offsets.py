@@ -6,10 +6,10 @@ from validation.adversary.scenarios import SCENARIOS, record
 
 from tests.findings import codes
 from validation import towers
+from windsysid.identification.condition.spectral_readings import SpectralSamples
 from windsysid.identification.effects.random_walk_bias import find_random_walks
 from windsysid.identification.estimate.spectral.frequency_domain import ask
 from windsysid.identification.identify import identify
-from windsysid.identification.model.fit import known_inputs
 from windsysid.identification.model.prior import Prior
 from windsysid.records.record import Record
 from windsysid.simulation.record import simulate_record
@@ -112,8 +112,7 @@ def test_spectra_give_a_drift_the_density_of_a_random_walk():
     tower = load_turbine("tower")
     sensors = [sensor.model_copy(update={"noise": 0.2, "bias": 0.1, "drift": 0.3}) for sensor in tower.sensors]
     made = simulate_record(tower, duration=100.0, rate=20.0, seed=1)
-    inputs, readings = known_inputs(made, tower, sensors), np.column_stack([made[s.channel] for s in sensors])
-    posed = ask(made, tower, sensors, Prior(), None, inputs, readings, "broadband")
+    posed = ask(SpectralSamples.of(made, tower, sensors, []), tower, Prior(), None, "broadband")
     _, density = posed.noise(np.array([[0.0, 0.01, -0.5]]), np.arange(6))
     expected = 0.2**2 / 20.0 + (0.3 / (2.0 * np.pi * np.array([0.01, 0.01, 0.5]))) ** 2
     assert density.sum(axis=0) == pytest.approx(np.repeat(expected, 2)[None])

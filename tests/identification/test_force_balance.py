@@ -11,6 +11,7 @@ from windsysid.errors import RecordError
 from windsysid.identification.estimate.force_balance import (
     Balance,
     Kinematic,
+    MeasuredMotion,
     analysis_band,
     balance_forces,
     balance_statespace,
@@ -57,10 +58,8 @@ def balance_of(
 ) -> Balance:
     inputs = reference.inputs[window]
     cut = Kinematic(*(quantity[window] for quantity in motion))
-    return balance_forces(
-        turbine, cut, inputs[:, :3], inputs[:, 3:] if loads else None, identifiable(turbine),
-        rate=RATE, band=band or analysis_band(turbine), jacobian=jacobian,
-    )  # fmt: skip
+    measured = MeasuredMotion(cut, inputs[:, :3], inputs[:, 3:] if loads else None, RATE)
+    return balance_forces(turbine, measured, identifiable(turbine), band or analysis_band(turbine), jacobian=jacobian)
 
 
 def relative(turbine: Turbine, outcome: Outcome) -> dict[str, float]:

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import windsysid as ws
+from windsysid.identification.condition.spectral_readings import SpectralSamples
 from windsysid.identification.estimate.spectral.frequency_domain import ask, inexact_of, tolerances_in
-from windsysid.identification.model.fit import known_inputs
 from windsysid.identification.model.prior import Prior
 from windsysid.identification.model.problem import Problem
 from windsysid.identification.model.turbine_problem import pose
@@ -25,9 +25,7 @@ def record(tower: ws.Turbine) -> ws.Record:
 
 def test_filters_and_spectra_hold_the_same_blocks_in_the_same_order(tower: ws.Turbine, record: ws.Record):
     problem: Problem = pose(record, tower, tower.sensors, Prior())
-    readings = np.column_stack([record[sensor.channel] for sensor in tower.sensors])
-    inputs = known_inputs(record, tower, tower.sensors)
-    question = ask(record, tower, tower.sensors, Prior(), None, inputs, readings, "broadband")
+    question = ask(SpectralSamples.of(record, tower, tower.sensors, []), tower, Prior(), None, "broadband")
     model = pose_lifted(question, "broadband").model
     model = model._replace(inexact=inexact_of(question, tolerances_in(question)))
     ours, theirs = problem.unknowns, model.unknowns

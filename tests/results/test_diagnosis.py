@@ -10,9 +10,8 @@ from scipy import signal, stats
 from validation.trust import FAULTS, faulty_record, identify_broadband
 
 from tests.findings import codes, only, reasons, remarks
-from windsysid.checks.verdict import Diagnosis, diagnose
+from windsysid.checks.verdict import Diagnosis, FittedParameters, TurningRotor, diagnose
 from windsysid.checks.whiteness import Whiteness, examine
-from windsysid.filters import Info
 from windsysid.identification import identify as front
 from windsysid.identification.model.prior import Prior
 from windsysid.results.finding import Finding
@@ -32,15 +31,18 @@ def examined(z: np.ndarray, **more) -> Whiteness:
     return examine(z, names=[f"channel_{i}" for i in range(z.shape[1])], rate=RATE, frequencies=NATURAL, **more)
 
 
-def diagnosed(z: np.ndarray, **more) -> Diagnosis:
+def diagnosed(z: np.ndarray, *, is_white: bool = True, damping: Any = (), findings: Any = (), **more) -> Diagnosis:
     z = np.atleast_2d(z.T).T
     gated = more.pop("gated", np.zeros(z.shape, dtype=bool))
-    blank: Any = dict.fromkeys(Info._fields, np.empty(0))
-    info = Info(**blank)._replace(whitened=np.where(gated, np.nan, z), gated=gated)
-    k = Parameter("k_x", 100.0, 0.3)
-    known: dict[str, Any] = {"rotor_speed": 2 * math.pi * 0.5, "blades": 3, "frequencies": NATURAL, "rate": RATE}
-    known |= {"parameters": (k,), "theta": np.array([0.1]), "cov": np.array([[1e-4]])}
-    return diagnose(info, readings=[f"channel_{i}" for i in range(z.shape[1])], **(known | more))
+    whiteness = examined(np.where(gated, np.nan, z), gated=gated) if is_white else None
+    known: dict[str, Any] = {
+        "parameters": (Parameter("k_x", 100.0, 0.3),),
+        "theta": np.array([0.1]),
+        "cov": np.array([[1e-4]]),
+    }
+    fitted = FittedParameters(**(known | more), damping=damping)
+    rotor = TurningRotor(2 * math.pi * 0.5, 3)
+    return diagnose(whiteness, fitted, frequencies=NATURAL, rotor=rotor, findings=findings)
 
 
 def white(samples: int = 5000, m: int = 2, seed: int = 0) -> np.ndarray:
@@ -339,7 +341,7 @@ def test_no_frequency_above_half_the_rate_at_which_a_channel_is_read_is_named(ga
 
 def test_doubts_condemn_and_what_is_not_white_is_not_asked_to_be():
     doubt, note = Finding("one_block", "reason"), Finding("damping_is_total", "note")
-    found = diagnosed(np.cumsum(white(), axis=0), white=False, findings=(doubt, note))
+    found = diagnosed(np.cumsum(white(), axis=0), is_white=False, findings=(doubt, note))
     assert found.whiteness is None
     assert (found.findings, found.trusted) == ((doubt, note), False)
     assert str(found) == f"trust: NO: because {doubt}"

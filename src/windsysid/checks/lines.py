@@ -117,43 +117,58 @@ def line_bound(tested: int, surroundings: int, chance: float, loss: float = 1.0)
 
 def find_line(
     values: Array, channels: Sequence[str], *, rate: float, modes: Sequence[tuple[float, float]], rotor_hz: float,
-    chance: float = LINE_FALSE_ALARM_PROBABILITY, reach: float = LINE_SEARCH_FACTOR,
-    known: Sequence[tuple[float, float]] = (),
+    reach: float = LINE_SEARCH_FACTOR, known: Sequence[tuple[float, float]] = (),
 ) -> Line | None:  # fmt: skip
     """The line that stands out most of readings (T, m), beside modes of frequencies f [Hz] and damping ratios ζ, within
     a factor `reach`, but for ranges [Hz] in which something is known.
 
     None where there is nothing to be looked at.
     """
-    frequency = np.arange(len(values) // 2 + 1) * (rate / len(values))
     step = rate / len(values)
-    near = np.zeros(len(frequency), dtype=np.bool_)
-    for natural, _ in modes:
-        near |= (frequency > natural / reach) & (frequency < natural * reach)
-    if rotor_hz:
-        order = np.maximum(np.round(frequency / rotor_hz), 1.0)
-        width = np.maximum(HARMONIC_HALF_WIDTH_SHARE * frequency, HARMONIC_HALF_WIDTH_BINS * step)
-        near &= np.abs(frequency - order * rotor_hz) > width
-    for natural, damping in modes:
-        if damping * natural < MIN_RESONANCE_WIDTH_BINS * step:
-            for seen in (natural - rotor_hz, natural, natural + rotor_hz):  # by what turns, and by what does not
-                near &= np.abs(frequency - abs(seen)) > NARROW_RESONANCE_MARGIN_BINS * step
+    frequency = np.arange(len(values) // 2 + 1, dtype=np.float64) * step
+    near = _near_modes(frequency, [natural for natural, _ in modes], reach)
+    near &= ~_near_harmonics(frequency, rotor_hz, step)
+    narrow = [natural for natural, damping in modes if damping * natural < MIN_RESONANCE_WIDTH_BINS * step]
+    for seen in (abs(natural + turn) for natural in narrow for turn in (-rotor_hz, 0.0, rotor_hz)):
+        near &= np.abs(frequency - seen) > NARROW_RESONANCE_MARGIN_BINS * step  # by what turns, and by what does not
     for low, high in known:
         near &= (frequency < low) | (frequency > high)
     near[: SURROUNDINGS + 1] = near[-SURROUNDINGS - 1 :] = False
-    whole = np.mean(~np.isfinite(values), axis=0) <= MAX_MISSING_SHARE
-    if not near.any() or not whole.any():
+    whole = np.flatnonzero(np.mean(~np.isfinite(values), axis=0) <= MAX_MISSING_SHARE)
+    if not near.any() or not whole.size:
         return None
-    z = np.column_stack([_filled(column) for column in values[:, whole].T])
-    power = np.abs(np.fft.rfft(np.hanning(len(z))[:, None] * z, axis=0)) ** 2
     at = np.flatnonzero(near)
+    ratio = _ratios(np.column_stack([_filled(column) for column in values[:, whole].T]), at)
+    row, column = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
+    bound = line_bound(ratio.size, SURROUNDINGS, LINE_FALSE_ALARM_PROBABILITY, PARABOLA_LOSS)
+    return Line(channels[int(whole[column])], float(frequency[at[row]]), float(ratio[row, column]), bound)
+
+
+def _near_modes(frequency: Array, naturals: Sequence[float], reach: float) -> NDArray[np.bool_]:
+    """Which frequencies (F,) are within a factor of a natural one (F,)."""
+    near = np.zeros(len(frequency), dtype=np.bool_)
+    for natural in naturals:
+        near |= (frequency > natural / reach) & (frequency < natural * reach)
+    return near
+
+
+def _near_harmonics(frequency: Array, rotor_hz: float, step: float) -> NDArray[np.bool_]:
+    """Which frequencies (F,), a step apart, may turn with the rotor (F,); none of a rotor at rest."""
+    if not rotor_hz:
+        return np.zeros(len(frequency), dtype=np.bool_)
+    order = np.maximum(np.round(frequency / rotor_hz), 1.0)
+    width = np.maximum(HARMONIC_HALF_WIDTH_SHARE * frequency, HARMONIC_HALF_WIDTH_BINS * step)
+    return np.asarray(np.abs(frequency - order * rotor_hz) <= width)
+
+
+def _ratios(values: Array, at: NDArray[np.int64]) -> Array:
+    """Power of values (T, m) at points of their periodogram (K,) over the level around them (K, m), a parabola where
+    they are far above its mean."""
+    power = np.abs(np.fft.rfft(np.hanning(len(values))[:, None] * values, axis=0)) ** 2
     ratio = stand_out(power, at, SURROUNDINGS)
     high = ratio.max(axis=1) > MIN_FITTED_RATIO
     ratio[high] = stand_out_of_a_bend(power, at[high], SURROUNDINGS)
-    row, column = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
-    bound = line_bound(ratio.size, SURROUNDINGS, chance, PARABOLA_LOSS)
-    named = [channel for channel, kept in zip(channels, whole, strict=True) if kept][int(column)]
-    return Line(named, float(frequency[at[row]]), float(ratio[row, column]), bound)
+    return ratio
 
 
 def _filled(column: Array) -> Array:

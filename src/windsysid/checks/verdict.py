@@ -24,7 +24,7 @@ AU-15(2), 1967, https://doi.org/10.1109/TAU.1967.1161901, for the degrees of fre
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -54,13 +54,12 @@ from windsysid.checks.limits import (
 from windsysid.checks.lines import Line
 from windsysid.checks.nonlinearity import Bent, doubt_bending, doubt_bent
 from windsysid.checks.stationarity import Late
-from windsysid.checks.whiteness import ChannelCheck, Whiteness, chance_limit, examine
-from windsysid.filters import Info
+from windsysid.checks.whiteness import ChannelCheck, Whiteness, chance_limit
 from windsysid.results.finding import Finding, Severity
 from windsysid.results.smoothed_loads import SmoothedLoads, doubt_correlated
 from windsysid.statespace.parameter import Parameter
 
-__all__ = ["Diagnosis", "diagnose", "found_line"]
+__all__ = ["Diagnosis", "FittedParameters", "RecordTests", "TurningRotor", "diagnose", "found_line"]
 
 
 @dataclass(frozen=True)
@@ -128,90 +127,93 @@ class Diagnosis:
         }
 
 
+class FittedParameters(NamedTuple):
+    """The identified parameters with their priors, their estimates (n_θ,) and covariance (n_θ, n_θ) in filter
+    coordinates; and of each mode its name and its damping ratio with the ±2σ band."""
+
+    parameters: Sequence[Parameter]
+    theta: Array
+    cov: Array
+    damping: Sequence[tuple[str, Band]] = ()
+
+
+class TurningRotor(NamedTuple):
+    """Mean speed [rad/s] and number of blades, to name frequencies as harmonics; and whether blades are degrees of
+    freedom: only for them was it measured what a level of the innovations that goes with frequency does to estimates;
+    elsewhere it is a remark."""
+
+    speed: float = 0.0
+    blades: int = 0
+    blades_move: bool = False
+
+
+class RecordTests(NamedTuple):
+    """Statistics of a record apart from the whiteness of its innovations, each None where it was not computed.
+
+    Attributes
+    ----------
+    line
+        What stands out most of the readings beside a mode.
+    late, bent, smoothed_loads
+        How late the blades seem to be, what shows most that a spring or damper is no straight line, and what smoothed
+        loads say.
+    constancy
+        What parts of the record say of the parameters.
+    """
+
+    line: Line | None = None
+    late: Late | None = None
+    bent: Bent | None = None
+    smoothed_loads: SmoothedLoads | None = None
+    constancy: Constancy | None = None
+
+
 def diagnose(
-    info: Info,
-    *,
-    readings: Sequence[str],
-    rate: float,
-    frequencies: Sequence[float],
-    parameters: Sequence[Parameter],
-    theta: Array,
-    cov: Array,
-    rotor_speed: float = 0.0,
-    blades: int = 0,
-    white: bool = True,
-    whiteness: Whiteness | None = None,
-    findings: Sequence[Finding] = (),
-    damping: Sequence[tuple[str, Band]] = (),
-    line: Line | None = None,
-    late: Late | None = None,
-    bent: Bent | None = None,
-    smoothed_loads: SmoothedLoads | None = None,
-    constancy: Constancy | None = None,
-    blades_move: bool = False,
-) -> Diagnosis:
+    whiteness: Whiteness | None, fitted: FittedParameters, *, frequencies: Sequence[float],
+    rotor: TurningRotor | None = None, tests: RecordTests | None = None, findings: Sequence[Finding] = (),
+) -> Diagnosis:  # fmt: skip
     """Judge a result by its innovations and its priors.
 
     Parameters
     ----------
-    info
-        What came out of the last pass over the record.
-    readings
-        Names of its m readings.
-    rate
-        Samples per second [Hz].
+    whiteness
+        The innovations against white noise; None where they are not expected to be white, as those of the force
+        balance, which is band-passed.
     frequencies
         Natural frequencies of what moves [Hz]; empty where they are not known, and every frequency matters.
-    parameters, theta, cov
-        The identified parameters with their priors, their estimates (n_θ,) and covariance (n_θ, n_θ), in filter
-        coordinates.
-    rotor_speed, blades
-        Mean Ω [rad/s] and number of blades, to name frequencies as harmonics.
-    white
-        Whether the innovations are expected to be white; those of the force balance, which is band-passed, are not.
-    whiteness
-        The innovations against white noise, where they were examined already; those of `info` are by default.
+    rotor, tests
+        Nothing turns, and nothing was tested, by default.
     findings
         What the estimation found out about its own result.
-    damping
-        Of each mode, its name and its damping ratio with the ±2σ band.
-    line
-        What stands out most of the readings beside a mode, where that was looked for.
-    late, bent, smoothed_loads
-        How late the blades seem to be, what shows most that a spring or damper is no straight line, and what smoothed
-        loads say, where that was looked for.
-    constancy
-        What parts of the record say of the parameters, where they were asked.
-    blades_move
-        Whether blades are degrees of freedom. Only for them was it measured what a level of the innovations that goes
-        with frequency does to estimates; elsewhere it is a remark.
     """
-    rotor_hz = abs(rotor_speed) / (2.0 * math.pi)
+    rotor, tests = rotor or TurningRotor(), tests or RecordTests()
+    parameters, theta, cov, damping = fitted
+    rotor_hz = abs(rotor.speed) / (2.0 * math.pi)
     checks = hold_against_priors(parameters, theta, cov)
     names, logarithmic = [q.name for q in parameters], [q.logarithmic for q in parameters]
-    found, seen = list(findings), found_line(None, line)
-    changed = doubt_halves(names, constancy)
-    if white and whiteness is None:
-        whiteness = examine(info.whitened, names=readings, rate=rate, frequencies=frequencies, gated=info.gated)
-    if whiteness is not None:
-        seen = found_line(whiteness, line)
-        common, spectrum = _judge_shared(whiteness), _judge_spectrum(whiteness, rotor_hz, blades_move)
-        bending, together = smoothed_loads or (None, None)
-        loud = max(np.nan_to_num(c.peak) for c in whiteness.channels) > MIN_DOMINANT_PEAK_LEVEL
-        for verdict in (  # the most telling first
-            _judge_steadiness(whiteness), _judge_line(seen, rotor_hz), changed,
-            *((spectrum, common) if loud else (common,)), _judge_size(whiteness), _judge_lateness(late),
-            doubt_correlated(together), doubt_bent(bent), doubt_bending(bending),
-            *(() if loud else (spectrum,)), _judge_outliers(whiteness),
-        ):  # fmt: skip
-            found += verdict
-    else:
-        found += [*_judge_line(seen, rotor_hz), *changed]
-    found += [*doubt_scatter(names, constancy), *doubt_priors(checks)]
+    seen = found_line(whiteness, tests.line)
+    line, changed = _judge_line(seen, rotor_hz), doubt_halves(names, tests.constancy)
+    found = [*findings]
+    found += [*line, *changed] if whiteness is None else _judge_innovations(whiteness, tests, rotor, line, changed)
+    found += [*doubt_scatter(names, tests.constancy), *doubt_priors(checks)]
     prior_cov = np.diag([q.prior[1] ** 2 for q in parameters])
     found += describe_directions(names, cov, prior_cov, logarithmic, theta) if names else []
     found += doubt_damping(parameters, theta, cov, damping)
-    return Diagnosis(tuple(found), whiteness, checks, rotor_hz, blades, band_of_interest(frequencies), seen)
+    return Diagnosis(tuple(found), whiteness, checks, rotor_hz, rotor.blades, band_of_interest(frequencies), seen)
+
+
+def _judge_innovations(
+    w: Whiteness, tests: RecordTests, rotor: TurningRotor, line: list[Finding], changed: list[Finding]
+) -> list[Finding]:
+    """Findings of innovations, of a line and of halves that differ, the most telling first."""
+    spectrum = _judge_spectrum(w, abs(rotor.speed) / (2.0 * math.pi), rotor.blades_move)
+    bending, together = tests.smoothed_loads or (None, None)
+    loud = max(np.nan_to_num(c.peak) for c in w.channels) > MIN_DOMINANT_PEAK_LEVEL
+    return [
+        *_judge_steadiness(w), *line, *changed, *(spectrum if loud else ()), *_judge_shared(w), *_judge_size(w),
+        *_judge_lateness(tests.late), *doubt_correlated(together), *doubt_bent(tests.bent), *doubt_bending(bending),
+        *(() if loud else spectrum), *_judge_outliers(w),
+    ]  # fmt: skip
 
 
 def _graded(code: str, data: Mapping[str, Any], *, large: bool) -> Finding:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from windsysid._types import Array
-from windsysid.checks.verdict import diagnose
+from windsysid.checks.verdict import FittedParameters, RecordTests, diagnose
 from windsysid.errors import ConfigurationError
 from windsysid.identification.condition.segments import SegmentReader
 from windsysid.identification.estimate.equations_time import EquationsEstimate, fit_by_filter
@@ -211,8 +211,8 @@ def _describe(job: EquationsJob, segments: SegmentReader, found: EquationsEstima
         log_likelihood=found.log_likelihood,
         statistics=_describe_levels(job, found, units),
         diagnosis=diagnose(
-            found.info, readings=job.readings, rate=last.rate, frequencies=(), parameters=parameters, theta=theta,
-            cov=cov, white=not spectral, whiteness=found.whiteness, constancy=found.constancy,
+            found.whiteness, FittedParameters(parameters, theta, cov), frequencies=(),
+            tests=RecordTests(constancy=found.constancy),
             findings=(*doubted(segments.faults), *found.doubts, *found.notes, *noted(segments.faults), *lost),
         ),
         states=found.states,

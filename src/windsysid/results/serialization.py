@@ -7,12 +7,13 @@ has: named tuples, data classes, sequences, mappings, arrays, moments, turbines 
 import base64
 import math
 import types
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from datetime import datetime
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel
 
 from windsysid.turbine.tables import as_tables, parse_turbine
@@ -29,35 +30,47 @@ def as_plain(value: Any) -> Any:
     TypeError
         If it has parts that no file can hold.
     """
-    if value is None or isinstance(value, bool | str):
+    if value is None or isinstance(value, str | int):
         return value
-    if isinstance(value, np.generic):
-        return as_plain(value.item())
-    if isinstance(value, int):
-        return value
-    if isinstance(value, float):
-        return value if math.isfinite(value) else str(value)
-    if isinstance(value, np.ndarray):
-        bits = np.ascontiguousarray(value, dtype=value.dtype.newbyteorder("<"))
-        bytes_ = base64.b64encode(bits.tobytes()).decode("ascii")
-        return {"type": bits.dtype.str, "shape": list(value.shape), "base64": bytes_}
-    if isinstance(value, datetime):
-        return value.isoformat()
-    if isinstance(value, Turbine):
-        import tomli_w
-
-        return tomli_w.dumps(as_tables(value))
-    if isinstance(value, BaseModel):
-        return value.model_dump(mode="json")
-    if is_dataclass(value):
-        return {field.name: as_plain(getattr(value, field.name)) for field in fields(value)}
-    if isinstance(value, tuple) and hasattr(value, "_asdict"):
-        return {name: as_plain(part) for name, part in value._asdict().items()}
-    if isinstance(value, Mapping):
-        return {str(name): as_plain(part) for name, part in value.items()}
-    if isinstance(value, Sequence):
-        return [as_plain(part) for part in value]
+    for kinds, written in _WRITTEN:
+        if isinstance(value, kinds):
+            return written(value)
+    parts = _parts(value)
+    if isinstance(parts, Mapping):
+        return {str(name): as_plain(part) for name, part in parts.items()}
+    if isinstance(parts, Sequence):
+        return [as_plain(part) for part in parts]
     raise TypeError(f"no file holds a {type(value).__name__}")
+
+
+def _parts(value: Any) -> Any:
+    """The parts of a data class or of a named tuple by name; anything else as it is."""
+    if is_dataclass(value):
+        return {field.name: getattr(value, field.name) for field in fields(value)}
+    return value._asdict() if isinstance(value, tuple) and hasattr(value, "_asdict") else value
+
+
+def _array(value: NDArray[Any]) -> dict[str, Any]:
+    bits = np.ascontiguousarray(value, dtype=value.dtype.newbyteorder("<"))
+    bytes_ = base64.b64encode(bits.tobytes()).decode("ascii")
+    return {"type": bits.dtype.str, "shape": list(value.shape), "base64": bytes_}
+
+
+def _turbine_file(value: Turbine) -> str:
+    import tomli_w
+
+    return tomli_w.dumps(as_tables(value))
+
+
+_WRITTEN: tuple[tuple[type, Callable[[Any], Any]], ...] = (
+    (np.generic, lambda value: as_plain(value.item())),  # before float, which a float64 is
+    (float, lambda value: value if math.isfinite(value) else str(value)),
+    (np.ndarray, _array),
+    (datetime, datetime.isoformat),
+    (Turbine, _turbine_file),
+    (BaseModel, lambda value: value.model_dump(mode="json")),
+)
+"""How values of these classes are written, in the order in which they are tried."""
 
 
 def from_plain(kind: Any, value: Any) -> Any:
@@ -72,21 +85,30 @@ def from_plain(kind: Any, value: Any) -> Any:
     if kind is Any or origin is Literal:
         return value
     if origin in (Union, types.UnionType):
-        given = [part for part in parts if part is not types.NoneType]
-        if value is None and len(given) < len(parts):
-            return None
-        (only,) = given
-        return from_plain(only, value)
+        return _from_union(parts, value)
     if origin is np.ndarray:
         bits = base64.b64decode(value["base64"], validate=True)
         return np.frombuffer(bits, dtype=value["type"]).reshape(value["shape"]).copy()
+    return _from_class(kind, value) if origin is None else _from_collection(origin, parts, value)
+
+
+def _from_union(parts: Sequence[Any], value: Any) -> Any:
+    """What may be None."""
+    given = [part for part in parts if part is not types.NoneType]
+    if value is None and len(given) < len(parts):
+        return None
+    (only,) = given
+    return from_plain(only, value)
+
+
+def _from_collection(origin: type[Any], parts: Sequence[Any], value: Any) -> Any:
     if origin is tuple and parts[-1] is not Ellipsis:
         return tuple(from_plain(part, one) for part, one in zip(parts, value, strict=True))
-    if origin is not None and issubclass(origin, Mapping):
+    if issubclass(origin, Mapping):
         return {name: from_plain(parts[1], part) for name, part in value.items()}
-    if origin is not None and issubclass(origin, Sequence):
+    if issubclass(origin, Sequence):
         return tuple(from_plain(parts[0], part) for part in value)
-    return _from_class(kind, value)
+    raise TypeError(f"no file holds a {origin.__name__}")
 
 
 def _from_class(kind: type[Any], value: Any) -> Any:

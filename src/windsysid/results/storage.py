@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from windsysid._types import Array
 from windsysid._version import __version__
 from windsysid.checks.verdict import Diagnosis
+from windsysid.checks.whiteness import Whiteness
 from windsysid.configuration import parse_json
 from windsysid.records.formats.netcdf import sealed
 from windsysid.results.budget import Budget
@@ -69,6 +70,23 @@ WHITENESS = {
 
 def variables_of(found: IdentificationValues) -> dict[str, Variable]:
     """What ``identification.nc`` holds."""
+    axis = "time" if len(found.innovation) == len(found.time) else "innovation_time"
+    variables = _parameter_variables(found) | _whiteness_variables(found.diagnosis.whiteness)
+    variables["innovation"] = (axis, "reading"), found.innovation, {}
+    variables["whitened"] = (axis, "reading"), found.whitened, {}
+    variables["reading"] = ("reading",), np.array(found.readings, dtype=object), {}
+    if found.loads is not None:
+        variables["load"] = (axis, "load_name"), found.loads.mean, {}
+        variables["load_std"] = (axis, "load_name"), found.loads.std, {}
+        variables["load_name"] = ("load_name",), np.array(found.loads.names, dtype=object), {}
+    variables |= _state_variables(found, axis)
+    if axis != "time":
+        variables[axis] = (axis,), found.innovation_time, {"units": "s"}
+    return variables
+
+
+def _parameter_variables(found: IdentificationValues) -> dict[str, Variable]:
+    """Histories, estimates, priors and covariances of the parameters."""
     names = [parameter.name for parameter in found.parameters]
     histories = np.reshape([found.history(name) for name in names], (len(names), 3, len(found.time)))
     variables: dict[str, Variable] = {"time": (("time",), found.time, {"units": "s"})}
@@ -81,33 +99,34 @@ def variables_of(found: IdentificationValues) -> dict[str, Variable]:
         variables[f"final_{what}"] = ("parameter",), finals, {}
     note = "in filter coordinates: ln(k / prior_centre) for stiffness, c / coordinate_scale for damping"
     variables["cov"] = ("parameter", "parameter_2"), found.cov, {"note": note}
-    for key, what in PRIORS.items():
-        variables[key] = ("parameter",), np.array([getattr(q, what) for q in found.parameters], dtype=np.float64), {}
-    for key, what in ROLES.items():
-        variables[key] = ("parameter",), np.array([getattr(q, what) for q in found.parameters], dtype=object), {}
+    for kinds, kind in ((PRIORS, np.float64), (ROLES, object)):
+        for key, what in kinds.items():
+            variables[key] = ("parameter",), np.array([getattr(q, what) for q in found.parameters], dtype=kind), {}
     if found.joint_cov is not None:
         note = "of parameters, statistics' coordinates (windsysid.loads.statistics), tolerances [prior σ]"
         variables["joint_cov"] = ("unknown", "unknown_2"), found.joint_cov, {"note": note}
-    if (w := found.diagnosis.whiteness) is not None:
-        variables["lag"] = ("lag",), w.lags, {"units": "s"}
-        variables["autocorrelation"] = ("lag", "channel"), w.autocorrelation, {}
-        variables["whitened_frequency"] = ("whitened_frequency",), w.frequency, {"units": "Hz"}
-        variables["whitened_spectrum"] = ("whitened_frequency", "channel"), w.spectrum, {"note": "1: white noise"}
-    axis = "time" if len(found.innovation) == len(found.time) else "innovation_time"
-    variables["innovation"] = (axis, "reading"), found.innovation, {}
-    variables["whitened"] = (axis, "reading"), found.whitened, {}
-    variables["reading"] = ("reading",), np.array(found.readings, dtype=object), {}
-    if found.loads is not None:
-        variables["load"] = (axis, "load_name"), found.loads.mean, {}
-        variables["load_std"] = (axis, "load_name"), found.loads.std, {}
-        variables["load_name"] = ("load_name",), np.array(found.loads.names, dtype=object), {}
-    states = getattr(found, "states", ())  # of a `Fit`
+    return variables
+
+
+def _whiteness_variables(w: Whiteness | None) -> dict[str, Variable]:
+    """Autocorrelations and spectra of the innovations."""
+    if w is None:
+        return {}
+    return {
+        "lag": (("lag",), w.lags, {"units": "s"}),
+        "autocorrelation": (("lag", "channel"), w.autocorrelation, {}),
+        "whitened_frequency": (("whitened_frequency",), w.frequency, {"units": "Hz"}),
+        "whitened_spectrum": (("whitened_frequency", "channel"), w.spectrum, {"note": "1: white noise"}),
+    }
+
+
+def _state_variables(found: IdentificationValues, axis: str) -> dict[str, Variable]:
+    """The states of a `Fit` along its own times, or those of the innovations."""
+    states, variables = getattr(found, "states", ()), dict[str, Variable]()
     for what in ("state_mean", "state_std") if states else ():
         values = getattr(found, what)
         variables[what] = ("time" if len(values) == len(found.time) else axis, "state"), values, {}
         variables["state"] = ("state",), np.array(states, dtype=object), {}
-    if axis != "time":
-        variables[axis] = (axis,), found.innovation_time, {"units": "s"}
     return variables
 
 
@@ -180,7 +199,7 @@ def read_fields(folder: str | Path) -> dict[str, Any]:
         said = parse_json(file.attrs["result"])
         findings = _read_findings(said)
         fields = {name: from_plain(kind, said[name]) for name, kind in REST.items()}
-        fields["diagnosis"] = replace(fields["diagnosis"], findings=findings)
+        fields["diagnosis"] = _read_diagnosis(file, replace(fields["diagnosis"], findings=findings))
         fields |= {name: str(file.attrs[name]) for name in ("method", "formulation", "record", "turbine")}
         parameters = read_parameters(file)
         histories = [file[name][...] for name in ("estimate", "low", "high")]
@@ -205,18 +224,26 @@ def read_fields(folder: str | Path) -> dict[str, Any]:
             "joint_cov": file["joint_cov"][...] if "joint_cov" in file else None,
             "tolerances": read_tolerances(file),
         }
-        judged: Diagnosis = fields["diagnosis"]
-        if judged.whiteness is not None:
-            arrays = {name: file[variable][...] for name, variable in WHITENESS.items()}
-            fields["diagnosis"] = replace(judged, whiteness=judged.whiteness._replace(**arrays))
         if "turbine_file" in file.attrs:
-            fields["machine"] = parse_turbine(file.attrs["turbine_file"], f"of the result {folder}")
-        else:
-            known = "state" in file
-            nothing = np.empty((len(fields["time"]), 0))
-            fields["states"] = tuple(file["state"][...].tolist()) if known else ()
-            fields |= {name: file[name][...] if known else nothing for name in ("state_mean", "state_std")}
-    return fields
+            return fields | {"machine": parse_turbine(file.attrs["turbine_file"], f"of the result {folder}")}
+        return fields | _read_states(file, len(fields["time"]))
+
+
+def _read_diagnosis(file: "h5netcdf.File", judged: Diagnosis) -> Diagnosis:
+    """A diagnosis with the arrays of its whiteness, which are variables."""
+    if judged.whiteness is None:
+        return judged
+    arrays = {name: file[variable][...] for name, variable in WHITENESS.items()}
+    return replace(judged, whiteness=judged.whiteness._replace(**arrays))
+
+
+def _read_states(file: "h5netcdf.File", samples: int) -> dict[str, Any]:
+    """The states of a `Fit`; none where none were written."""
+    if "state" not in file:
+        nothing = np.empty((samples, 0))
+        return {"states": (), "state_mean": nothing, "state_std": nothing}
+    arrays = {name: file[name][...] for name in ("state_mean", "state_std")}
+    return {"states": tuple(file["state"][...].tolist()), **arrays}
 
 
 def _coordinates(parameters: Sequence[Parameter], values: Array) -> Array:

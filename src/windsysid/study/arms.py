@@ -5,6 +5,7 @@ from typing import Literal
 from windsysid._types import Array
 from windsysid.identification.estimate.force_balance import (
     Balance,
+    MeasuredMotion,
     analysis_band,
     balance_forces,
     filter_balance,
@@ -32,8 +33,8 @@ def record_balance(
     """The force balance of a whole record, told these loads (T, n) or none."""
     band = analysis_band(turbine)
     motion = measured_motion(reference.record, turbine, cutoff=band[0] / 2.0)
-    rotor, names = reference.inputs[:, :3], identifiable(turbine)
-    return balance_forces(turbine, motion, rotor, loads, names, rate=RATE, band=band, jacobian=jacobian)
+    measured = MeasuredMotion(motion, reference.inputs[:, :3], loads, RATE)
+    return balance_forces(turbine, measured, identifiable(turbine), band, jacobian=jacobian)
 
 
 def identify_section(

@@ -100,8 +100,8 @@ def interrupted(of: Sequence[Record], asked: StreamingJob) -> None:
 def test_one_pass_takes_every_segment_and_says_what_the_whole_was(tower: Turbine, segments: list[Record]):
     counter, result = run(segments, job(tower))
     assert counter.calls == ["take", "take", "take", "finish"]
-    assert result["section"] == (0.0, 59.9)
-    assert result["wind_speed"] == pytest.approx(np.mean(8.0 + 0.01 * np.arange(200, 600) / 10.0))
+    assert result["whole"].section == (0.0, 59.9)
+    assert result["whole"].wind_speed == pytest.approx(np.mean(8.0 + 0.01 * np.arange(200, 600) / 10.0))
     whole = replace(
         segments[0], time=np.concatenate([s.time for s in segments]), values=np.vstack([s.values for s in segments])
     )
@@ -118,7 +118,7 @@ def test_a_call_that_resumes_replays_restores_and_ends_the_same(tower: Turbine, 
     straight, expected = run(segments, job(tower))
     assert resumed.calls == ["replay", "replay", "restore", "take", "finish"]
     assert resumed.total == straight.total
-    assert result["wind_speed"] == expected["wind_speed"]
+    assert result["whole"].wind_speed == expected["whole"].wind_speed
     assert not asked.checkpoint.exists()
 
 

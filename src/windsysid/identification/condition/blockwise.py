@@ -112,12 +112,7 @@ class BlockwiseConditioner:
         held = self._held
         if held is None or until <= self._reached or held.samples < 2:
             return None
-        part, read = held.on_uniform_grid(), [sensor.channel for sensor in self._sensors]
-        if self._slow is not None:
-            start = self._origin + math.ceil((part.time[0] - self._origin) * self._slow - 1e-6) / self._slow
-            part = slow_down(part, read, self._slow, self.steps, start=start)
-        elif self.steps > 1:
-            part = refine(part, read, self.steps)
+        part = self._resampled(held.on_uniform_grid())
         new = (part.time > self._reached + 0.5 / self.rate) & (part.time < until)
         last = int(np.flatnonzero(new)[-1]) + 1 if new.any() else 0
         first = int(np.argmax(new))
@@ -139,6 +134,14 @@ class BlockwiseConditioner:
         record = replace(part, time=part.time[new_rows], values=part.values[new_rows])
         readings = np.column_stack([record[sensor.channel] for sensor in self._sensors])
         return ConditionedSamples(record, inputs[new_rows], readings)
+
+    def _resampled(self, part: Record) -> Record:
+        """A part of the record at the rate of the model."""
+        read = [sensor.channel for sensor in self._sensors]
+        if self._slow is not None:
+            start = self._origin + math.ceil((part.time[0] - self._origin) * self._slow - 1e-6) / self._slow
+            return slow_down(part, read, self._slow, self.steps, start=start)
+        return refine(part, read, self.steps) if self.steps > 1 else part
 
     def _turns(self, part: Record, azimuth: Array) -> float:
         """What must be added to the azimuth so that it goes on where it was: whole turns where it was recorded."""

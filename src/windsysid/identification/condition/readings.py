@@ -103,33 +103,13 @@ def with_noise(sensors: Sequence[Sensor], added: Mapping[str, float]) -> tuple[S
 
 def usable_sensors(record: Record, turbine: Turbine, sensors: Sequence[Sensor] | None) -> tuple[Sensor, ...]:
     """The sensors given, all of which the record must hold, or those of the turbine's usual ones that it does hold."""
-    if sensors is None:
-        found = tuple(sensor for sensor in turbine.sensors if sensor.channel in record)
-        if not found:
-            wanted = ", ".join(sensor.channel for sensor in turbine.sensors)
-            raise RecordError(
-                f"{record.name}: expected at least one of the channels {wanted}; got {', '.join(record.channels)}; "
-                "list the record's own channels with --sensors FILE"
-            )
-    else:
-        found = tuple(sensors)
-        if not found:
-            raise ConfigurationError(
-                "the sensor list is empty: expected at least one sensor; leave it out for the usual ones"
-            )
+    if sensors is not None and not sensors:
+        raise ConfigurationError(
+            "the sensor list is empty: expected at least one sensor; leave it out for the usual ones"
+        )
+    found = _recorded_sensors(record, turbine) if sensors is None else tuple(sensors)
     for sensor in found:
-        values = record[sensor.channel]
-        unit = record.units[record.channels.index(sensor.channel)]
-        if not sensor.accepts(unit):
-            raise RecordError(
-                f"channel '{sensor.channel}': expected {sensor.unit} for {sensor.quantity}, got {unit}: correct the "
-                f"unit or the sensor"
-            )
-        if not np.isfinite(values).any():
-            raise RecordError(
-                f"channel '{sensor.channel}' holds no numbers in this section: leave it out of the sensor list, "
-                "or choose another section"
-            )
+        _check_channel(record, sensor)
     for name in turbine.model.loads:
         expected = turbine.model.freedom(name).load_unit
         for channel in (name, PART_OF + name):
@@ -138,6 +118,34 @@ def usable_sensors(record: Record, turbine: Turbine, sensors: Sequence[Sensor] |
                     f"channel '{channel}': expected {expected}, got {record.unit(channel)}: correct its unit"
                 )
     return found
+
+
+def _recorded_sensors(record: Record, turbine: Turbine) -> tuple[Sensor, ...]:
+    """The turbine's usual sensors that a record holds; RecordError where it holds none."""
+    found = tuple(sensor for sensor in turbine.sensors if sensor.channel in record)
+    if not found:
+        wanted = ", ".join(sensor.channel for sensor in turbine.sensors)
+        raise RecordError(
+            f"{record.name}: expected at least one of the channels {wanted}; got {', '.join(record.channels)}; "
+            "list the record's own channels with --sensors FILE"
+        )
+    return found
+
+
+def _check_channel(record: Record, sensor: Sensor) -> None:
+    """RecordError where the channel of a sensor has another unit or no numbers."""
+    values = record[sensor.channel]
+    unit = record.units[record.channels.index(sensor.channel)]
+    if not sensor.accepts(unit):
+        raise RecordError(
+            f"channel '{sensor.channel}': expected {sensor.unit} for {sensor.quantity}, got {unit}: correct the "
+            f"unit or the sensor"
+        )
+    if not np.isfinite(values).any():
+        raise RecordError(
+            f"channel '{sensor.channel}' holds no numbers in this section: leave it out of the sensor list, "
+            "or choose another section"
+        )
 
 
 def screened(record: Record, turbine: Turbine, sensors: Sequence[Sensor], *, refuse: bool = True) -> list[Fault]:

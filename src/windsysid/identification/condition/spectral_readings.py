@@ -1,16 +1,21 @@
 """Readings as spectra need them: without gaps."""
 
 from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from windsysid._types import Array
 from windsysid.errors import RecordError
 from windsysid.identification.limits import MAX_MISSING_SHARE
+from windsysid.identification.model.fit import known_inputs
+from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
 from windsysid.results.finding import Finding
+from windsysid.spectral.transforms.block_sums import BlockSums
+from windsysid.turbine.turbine import Turbine
 
-__all__ = ["read_bridged"]
+__all__ = ["SpectralSamples", "read_bridged"]
 
 
 def read_bridged(record: Record, channels: Sequence[str], notes: list[Finding]) -> Array:
@@ -36,3 +41,33 @@ def read_bridged(record: Record, channels: Sequence[str], notes: list[Finding]) 
             notes.append(Finding("missing_samples_bridged", "note", data))
         columns.append(values)
     return np.column_stack(columns)
+
+
+class SpectralSamples(NamedTuple):
+    """A record without gaps, as spectra need it.
+
+    Attributes
+    ----------
+    record, sensors
+        Where it comes from.
+    inputs, readings
+        The model's inputs (T, n_u), and what the sensors read (T, m).
+    sums
+        Sums over all blocks of a longer record, of which this is the last; None where this is all of it.
+    """
+
+    record: Record
+    sensors: tuple[Sensor, ...]
+    inputs: Array
+    readings: Array
+    sums: BlockSums[Any] | None = None
+
+    @classmethod
+    def of(
+        cls, record: Record, turbine: Turbine, sensors: Sequence[Sensor], notes: list[Finding],
+        sums: BlockSums[Any] | None = None,
+    ) -> "SpectralSamples":  # fmt: skip
+        """Read a record; `notes` are told of gaps that were bridged. RecordError as of `read_bridged`."""
+        inputs = known_inputs(record, turbine, sensors)
+        readings = read_bridged(record, [sensor.channel for sensor in sensors], notes)
+        return cls(record, tuple(sensors), inputs, readings, sums)

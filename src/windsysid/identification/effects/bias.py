@@ -101,7 +101,7 @@ class SmallBias(RegressorEffect):
 
 def find_biases(record: Record, turbine: Turbine, sensors: Sequence[Sensor]) -> Biases | None:
     """Find accelerometers whose mean differs from the reading of the machine at rest by more than chance."""
-    asked = [i for i, s in enumerate(sensors) if isinstance(s, Accelerometer) and not s.bias]
+    asked = [(i, s) for i, s in enumerate(sensors) if isinstance(s, Accelerometer) and not s.bias]
     if not asked or record.samples < 3:
         return None
     turbine = seen_by(turbine, sensors, [])
@@ -110,8 +110,7 @@ def find_biases(record: Record, turbine: Turbine, sensors: Sequence[Sensor]) -> 
     some = slice(None, None, max(1, record.samples // MAX_SAMPLES_AT_REST))
     at_rest = _at_rest(turbine, sensors, inputs[some])
     sizes = {}
-    for i in asked:
-        sensor = sensors[i]
+    for i, sensor in asked:
         off = _mean(record[sensor.channel], psi) - _mean(at_rest[:, i], psi[some])
         chance = _chance(record[sensor.channel], record.duration * turbine.slowest_frequency / (2.0 * np.pi))
         if abs(off) > max(OUTLIER_SIGMAS * chance, NEGLIGIBLE_SHARE * sensor.noise):

@@ -131,12 +131,12 @@ def _by_gravity(record: Record, turbine: Turbine, sensors: Sequence[Sensor]) -> 
     """The drifts that gravity shows."""
     if "rotor_azimuth" not in record:
         return ()
-    drifts = []
-    for logger in dict.fromkeys(sensor.sampled_by for sensor in sensors if sensor.blade):
-        channels = [sensor.channel for sensor in sensors if sensor.sampled_by == logger and sensor.blade]
-        found = None if logger == TOWER_LOGGER else find_drift(record, channels, abs(turbine.rotor_speed))
-        if found is not None:
-            drifts.append(Drift(logger, *found))
+    channels: dict[str, list[str]] = {}
+    for sensor in sensors:
+        if sensor.blade and sensor.sampled_by != TOWER_LOGGER:
+            channels.setdefault(sensor.sampled_by, []).append(sensor.channel)
+    found = {logger: find_drift(record, of, abs(turbine.rotor_speed)) for logger, of in channels.items()}
+    drifts = [Drift(logger, *drift) for logger, drift in found.items() if drift is not None]
     return tuple(one for one in drifts if one.matters(turbine, record.duration))
 
 
@@ -158,8 +158,9 @@ def find_drift(record: Record, channels: Sequence[str], usual_speed: float) -> t
     centres, late, weights = [], [], []
     for channel in channels:
         amplitudes = np.array([_amplitude(record[channel][a:b], wave[a:b]) for a, b in pairwise(bounds)])
-        usual = np.nanmean(amplitudes) if np.isfinite(amplitudes).any() else 0.0
-        scatter = float(np.nanstd(np.abs(amplitudes))) if np.isfinite(amplitudes).any() else math.inf
+        if not np.isfinite(amplitudes).any():
+            continue
+        usual, scatter = np.nanmean(amplitudes), float(np.nanstd(np.abs(amplitudes)))
         if not abs(usual) > MIN_AMPLITUDE_OVER_SCATTER * scatter:
             continue
         off = -np.angle(amplitudes / usual) / mean

@@ -3,7 +3,7 @@ harmonics in the innovations."""
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from windsysid.identification.model.prior import Prior
 from windsysid.loads.family import Broadband
 from windsysid.results.finding import Finding
 from windsysid.spectral.transforms.harmonics import find_lines
+from windsysid.turbine.turbine import Turbine
 
 __all__ = ["RotorHarmonic", "Sinusoid", "harmonics_of_spectra", "sinusoids_in"]
 
@@ -46,8 +47,8 @@ class Sinusoid(Effect):
         new = _unknown([sine for sine in sines if sine is not None], known, part.duration)
         if new:
             return Detection(judged, Sinusoids((*_sines(known), *new)), SINUSOID_DIGITS)
-        if known is not None and not known.forces and job.filtered and _turns(job, fit):
-            return _as_forces(job, fit, judged, known.sines)
+        if job.filtered and _are_waves(known) and _turns(job, fit):
+            return _as_forces(job, fit, judged, _sines(known))
         return Detection(judged)
 
 
@@ -98,10 +99,9 @@ class _Lines(NamedTuple):
     @classmethod
     def of(cls, job: Job, fit: FittedJob) -> "_Lines":
         """What a fit shows."""
-        of, spectral = _arguments(job, fit), fit.formulation == "spectral"
-        dependence = doubt_line(*of, by_spectra=spectral)
+        dependence = doubt_line(job, fit)
         line = line_of(fit.outcome, fit.read)
-        if line is not None and line.ratio > line.bound and is_harmless(line, *of, by_spectra=spectral):
+        if line is not None and line.ratio > line.bound and is_harmless(line, job, fit):
             line = None
         if dependence is None:
             return cls(line, (), ())
@@ -117,8 +117,7 @@ class _Lines(NamedTuple):
         fit = fit.lacking(*self.doubts)._replace(line=self.line)
         for sine in _sines(known):
             if not (sine.order or fit.outcome.doubts or fit.unmodelled):
-                spectral = fit.formulation == "spectral"
-                fit = fit.lacking(*doubt_sine(sine.frequency, *_arguments(job, fit), by_spectra=spectral))
+                fit = fit.lacking(*doubt_sine(sine.frequency, job, fit))
         return fit
 
 
@@ -126,19 +125,25 @@ def _steady_in_readings(fit: FittedJob) -> list[tuple[str, float]]:
     """Frequencies near the modes of the support at which its readings are steady by Thomson's F, but for those that
     turn with the rotor: a line that a mode has taken in does not stand out."""
     at, record = modes_of(fit.outcome), fit.read
-    hz = [
-        at.turbine.natural_frequency(one.name) / (2.0 * math.pi) for one in at.turbine.model.freedoms if not one.blade
-    ]
-    hz = [one for one in hz if one > 0.0]
+    between = _near_supports(at.turbine)
+    if between is None or not record.is_uniform:
+        return []
     rotor_hz, found = abs(at.speed) / (2.0 * math.pi), list[tuple[str, float]]()
-    for sensor in fit.sensors if hz and record.is_uniform else ():
-        values = record[sensor.channel]
-        if sensor.blade or not np.isfinite(values).all():
-            continue
-        low, high = min(hz) / LINE_SEARCH_FACTOR, min(max(hz) * LINE_SEARCH_FACTOR, 0.4 * record.rate)
-        lines = find_lines(values[:, None] - values.mean(), record.rate, low, high)
-        found += [(sensor.channel, f) for f in lines if not _turns_with(f, rotor_hz)]
+    for channel in (sensor.channel for sensor in fit.sensors if not sensor.blade):
+        values = record[channel]
+        if np.isfinite(values).all():
+            low, high = between[0], min(between[1], 0.4 * record.rate)
+            lines = find_lines(values[:, None] - values.mean(), record.rate, low, high)
+            found += [(channel, f) for f in lines if not _turns_with(f, rotor_hz)]
     return found
+
+
+def _near_supports(turbine: Turbine) -> tuple[float, float] | None:
+    """Lowest and highest frequency [Hz] near a mode of the support; None where it has no mode."""
+    names = [one.name for one in turbine.model.freedoms if not one.blade]
+    hz = [turbine.natural_frequency(name) / (2.0 * math.pi) for name in names]
+    hz = [one for one in hz if one > 0.0]
+    return (min(hz) / LINE_SEARCH_FACTOR, max(hz) * LINE_SEARCH_FACTOR) if hz else None
 
 
 def _turns_with(frequency: float, rotor_hz: float) -> bool:
@@ -149,6 +154,11 @@ def _turns_with(frequency: float, rotor_hz: float) -> bool:
 
 def _sines(known: Sinusoids | None) -> tuple[Sine, ...]:
     return known.sines if known is not None else ()
+
+
+def _are_waves(known: Sinusoids | None) -> bool:
+    """Whether sinusoids are included as waves in the readings, and not as forces."""
+    return known is not None and not known.forces
 
 
 def _unknown(found: Sequence[Sine], known: Sinusoids | None, duration: float) -> list[Sine]:
@@ -171,7 +181,3 @@ def _as_forces(job: Job, fit: FittedJob, judged: FittedJob, sines: tuple[Sine, .
     prior = job.prior or Prior()
     forces = forces_of(sines, fit.outcome, at.record, job.turbine, at.sensors, prior, job.parameters)
     return Detection(judged, Sinusoids(sines, tuple(forces)), math.inf, fit)
-
-
-def _arguments(job: Job, fit: FittedJob) -> tuple[Any, ...]:
-    return fit.outcome, fit.read, job.turbine, fit.sensors, fit.prior, job.parameters

@@ -111,20 +111,26 @@ def find_random_walks(
     below = SLOW_SHARE * (min(slowest, once) if once > 0.0 else slowest)
     if below * record.duration < 2 * SLOWEST_PERIODS:  # what is slow is the motion
         return None
-    alike: dict[str, list[int]] = {}
-    for i, sensor in enumerate(sensors):
-        if isinstance(sensor, Accelerometer) and not sensor.drift and (leaning or not sensor.feels_gravity):
-            alike.setdefault(sensor.unit, []).append(i)
     drifts, detrended = dict[str, tuple[float, float]](), list[str]()
-    for group in alike.values():
-        found = [_wandering(record[sensors[i].channel], record.rate, below, slowest) for i in group]
+    for group in _alike(sensors, leaning):
+        found = [_wandering(record[sensor.channel], record.rate, below, slowest) for sensor in group]
         if sum(clear for clear, _ in found) < MIN_DRIFT_LOG_ODDS:
-            detrended += [sensors[i].channel for i in group if _trends(record[sensors[i].channel])]
+            detrended += [sensor.channel for sensor in group if _trends(record[sensor.channel])]
             continue
-        for i, (_, drift) in zip(group, found, strict=True):
-            drifts[sensors[i].channel] = drift, max(sensors[i].bias, drift * math.sqrt(SETTLED))
-            detrended.append(sensors[i].channel)
+        for sensor, (_, drift) in zip(group, found, strict=True):
+            drifts[sensor.channel] = drift, max(sensor.bias, drift * math.sqrt(SETTLED))
+            detrended.append(sensor.channel)
     return RandomWalkBiases(drifts, tuple(detrended), {s.channel: s.unit for s in sensors}) if detrended else None
+
+
+def _alike(sensors: Sequence[Sensor], leaning: bool) -> list[list[Accelerometer]]:
+    """Accelerometers of one unit without a random walk of their own; those that are sensitive to gravity only if
+    `leaning`."""
+    alike: dict[str, list[Accelerometer]] = {}
+    for sensor in sensors:
+        if isinstance(sensor, Accelerometer) and not sensor.drift and (leaning or not sensor.feels_gravity):
+            alike.setdefault(sensor.unit, []).append(sensor)
+    return [*alike.values()]
 
 
 def _wandering(readings: Array, rate: float, below: float, at: float) -> tuple[float, float]:

@@ -50,9 +50,7 @@ class Regression(Effect):
         if at is None:
             return Detection(fit)
         included = self._included(job, at)
-        known = {(one.code, one.channel) for one in included}
-        proposed = (one for effect in self.effects.values() for one in effect.candidates(at))
-        new = [one for one in proposed if (one.code, one.channel) not in known]
+        new = self._proposed(at, included)
         tests = score_tests(at, [*included, *promising(at, new)])
         for one in tests[: len(included)]:  # a fit that lacked it bends its size: sizes settle first
             known_of = _known(job, self.effects[one.candidate.code])
@@ -76,6 +74,12 @@ class Regression(Effect):
                 columns = [RegressorColumn(at.channels.index(channel), one.wave) for one in known.of(channel)]
                 found.append(RegressorCandidate(code, channel, tuple(columns)))
         return found
+
+    def _proposed(self, at: Linearisation, included: Sequence[RegressorCandidate]) -> list[RegressorCandidate]:
+        """What a fit may lack, without what the job includes."""
+        known = {(one.code, one.channel) for one in included}
+        proposed = (one for effect in self.effects.values() for one in effect.candidates(at))
+        return [one for one in proposed if (one.code, one.channel) not in known]
 
     def _with(self, job: Job, at: Linearisation, fit: FittedJob, test: ScoreTest) -> Regressors:
         """What is included of an effect, with what a test says."""

@@ -88,13 +88,10 @@ def find_sine(
     if seen.steadiness < max(MIN_SINE_F, MIN_F_OVER_POWER * seen.over):
         return None
     others = [sensor.channel for sensor in sensors if bool(sensor.blade) is on_blades and sensor.channel != channel]
-    for one in (seen, *(_SeenLine.of(record, other, seen.frequency) for other in others)):
-        if one is None or (one is not seen and one.over < MIN_LINE_POWER):
-            continue
-        apart = MAX_SINE_SHIFT_BINS * step * math.sqrt(max(1.0, FAINT_LINE_POWER / one.over))
-        if one.scatter > MAX_SINE_SCATTER or abs(one.frequency - seen.frequency) > apart:
-            return None
-    return Sine(seen.frequency, on_blades)
+    elsewhere = (_SeenLine.of(record, other, seen.frequency) for other in others)
+    loud = [one for one in elsewhere if one is not None and one.over >= MIN_LINE_POWER]
+    steady = all(one.is_steady_at(seen.frequency, step) for one in (seen, *loud))
+    return Sine(seen.frequency, on_blades) if steady else None
 
 
 class _SeenLine(NamedTuple):
@@ -105,6 +102,12 @@ class _SeenLine(NamedTuple):
     steadiness: float
     over: float
     scatter: float
+
+    def is_steady_at(self, frequency: float, step: float) -> bool:
+        """Whether it is as steady as a sine at a frequency [Hz], in a periodogram whose frequencies are a step apart,
+        may be by chance."""
+        apart = MAX_SINE_SHIFT_BINS * step * math.sqrt(max(1.0, FAINT_LINE_POWER / self.over))
+        return self.scatter <= MAX_SINE_SCATTER and abs(self.frequency - frequency) <= apart
 
     @classmethod
     def of(cls, record: Record, channel: str, frequency: float) -> "_SeenLine | None":
@@ -151,16 +154,17 @@ def find_turning(
     psi = turned(record, turbine, sensors)
     if psi is None or not record.is_uniform or len(whitened) != record.samples:
         return []
-    rotor_hz = _turns(record, psi)
+    rotor_hz, apart = _turns(record, psi), RESOLUTION_BINS / record.duration
     turning = [Sine(order * rotor_hz, on_blades=False, order=order) for order in range(1, ORDERS + 1)]
-    apart, left = RESOLUTION_BINS / record.duration, []
     turning = [one for one in turning if apart < one.frequency < 0.4 * record.rate]
     turning = [one for one in turning if not any(one.same_as(other, apart) for other in known)]
-    for sine in (*known, *turning):
-        felt = [i for i, sensor in enumerate(sensors) if bool(sensor.blade) is sine.on_blades]
-        if max(steadiness(np.nan_to_num(whitened[:, i]), record.rate, sine.frequency) for i in felt) > MIN_HARMONIC_F:
-            left.append(sine)
-    return left
+    z, on_blades = np.nan_to_num(whitened).T, [bool(sensor.blade) for sensor in sensors]
+
+    def is_left(sine: Sine) -> bool:
+        channels = [one for one, turns in zip(z, on_blades, strict=True) if turns is sine.on_blades]
+        return max(steadiness(one, record.rate, sine.frequency) for one in channels) > MIN_HARMONIC_F
+
+    return [sine for sine in (*known, *turning) if is_left(sine)]
 
 
 def without_sines(record: Record, turbine: Turbine, sensors: Sequence[Sensor], sines: Sequence[Sine]) -> Record:

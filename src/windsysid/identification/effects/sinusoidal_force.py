@@ -228,9 +228,10 @@ class Sinusoids:
         """What was found of them."""
         if not (filtered and self.forces):
             return tuple(sine.note for sine in self.sines)
-        sure = [force.note for force in self.forces if force.matters]
-        turning = {one.sine.order for one in self.forces} - {one.sine.order for one in self.forces if one.matters} - {0}
-        return (*sure, *(next(one.note for one in self.forces if one.sine.order == order) for order in sorted(turning)))
+        sure = [force for force in self.forces if force.matters]
+        known = {0, *(force.sine.order for force in sure)}
+        first = {one.sine.order: one for one in reversed(self.forces) if one.sine.order not in known}
+        return (*(force.note for force in sure), *(first[order].note for order in sorted(first)))
 
 
 def with_forces(record: Record, forces: Sequence[SineForce], psi: Array | None) -> Record:

@@ -46,6 +46,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Balance",
     "Kinematic",
+    "MeasuredMotion",
     "analysis_band",
     "balance_forces",
     "balance_statespace",
@@ -72,6 +73,16 @@ class Kinematic(NamedTuple):
     acceleration: Array
 
 
+class MeasuredMotion(NamedTuple):
+    """What a force balance reads: the motion of every free degree of freedom, (T, n) each; ψ, Ω, dΩ/dt of the rotor
+    (T, 3); known generalised loads (T, n), or None: withheld; samples per second [Hz]."""
+
+    motion: Kinematic
+    rotor: Array
+    loads: Array | None
+    rate: float
+
+
 class Balance(NamedTuple):
     """Both sides of the force balance: s (T, n) [N or N·m] and Φ (T, n, n_θ) with s = Φ θ + noise."""
 
@@ -89,7 +100,7 @@ def identify_by_force_balance(whole: Record, part: Record, turbine: Turbine, pri
     motion = measured_motion(whole, turbine, cutoff=band[0] / 2.0)
     known, withheld = known_loads(whole, turbine)
     rotor = rotor_inputs(whole, turbine.rotor_speed)
-    balance = balance_forces(turbine, motion, rotor, known, identifiable(turbine), rate=whole.rate, band=band)
+    balance = balance_forces(turbine, MeasuredMotion(motion, rotor, known, whole.rate), identifiable(turbine), band)
     start = int(np.argmin(np.abs(whole.time - part.time[0])))
     window = slice(start, start + part.samples)
     notes = [Finding("balance_filtered", "note", {"low": band[0], "high": band[1]})]
@@ -174,29 +185,18 @@ def _check_channels(record: Record, stem: str) -> None:
 
 def balance_forces(
     turbine: Turbine,
-    motion: Kinematic,
-    rotor: Array,
-    loads: Array | None,
+    measured: MeasuredMotion,
     parameters: Sequence[str],
-    *,
-    rate: float,
     band: tuple[float, float],
+    *,
     jacobian: Literal["exact", "differences"] = "exact",
 ) -> Balance:
     """Both sides of the force balance of a record, filtered to a band.
 
     Parameters
     ----------
-    motion
-        Displacement, velocity and acceleration of every free degree of freedom (T, n).
-    rotor
-        ψ, Ω, dΩ/dt (T, 3).
-    loads
-        Known generalised loads (T, n), or None: withheld.
     parameters
         Names of the coefficients to identify.
-    rate
-        [Hz].
     band
         Lower and upper frequency of the zero-phase filter [Hz].
     jacobian
@@ -208,35 +208,43 @@ def balance_forces(
     RecordError
         If an array does not fit, or a channel holds no numbers.
     """
-    n = len(turbine.model.coordinates)
+    (motion, rotor, loads, rate), n = measured, len(turbine.model.coordinates)
     samples = len(rotor)
     for name, array in zip(Kinematic._fields, motion, strict=True):
         if array.shape != (samples, n):
             raise RecordError(f"{name}: expected ({samples}, {n}), one column per degree of freedom, got {array.shape}")
     compiled = compile_model(_BalanceModel(turbine.rotor), [f"residual {name}" for name in turbine.model.coordinates])
     known = np.zeros((samples, n)) if loads is None else loads
-    inputs = np.hstack([motion.displacement, motion.velocity, motion.acceleration, rotor, known])
+    inputs = np.hstack([*motion, rotor, known])
     values = dict(turbine.values) | dict.fromkeys(parameters, 0.0)
 
     def residual(changed: dict[str, float]) -> Array:
         p = np.array([(values | changed)[name] for name in compiled.parameters])
         return integrate(compiled, p, inputs, rate=rate, start=np.empty(0)).readings
 
+    def slope(name: str) -> Array:
+        if jacobian == "exact":
+            return force - residual({name: 1.0})
+        at = turbine.values[name]
+        return (residual({name: at}) - residual({name: at * (1.0 + INCREMENT)})) / (at * INCREMENT)
+
     force = residual({})
     regressors = np.empty((samples, n, len(parameters)))
     for i, name in enumerate(parameters):
-        if jacobian == "exact":
-            regressors[:, :, i] = force - residual({name: 1.0})
-        else:
-            at = turbine.values[name]
-            regressors[:, :, i] = (residual({name: at}) - residual({name: at * (1.0 + INCREMENT)})) / (at * INCREMENT)
+        regressors[:, :, i] = slope(name)
+    return _filtered(Balance(force, regressors), rate, band)
+
+
+def _filtered(balance: Balance, rate: float, band: tuple[float, float]) -> Balance:
+    """A force balance in a band [Hz]; its ends, which the filters distort, are missing."""
+    force, regressors = balance
     missing = ~np.isfinite(force)
     ends = math.ceil(RINGING / band[0] * rate)
     missing[:ends] = missing[-ends:] = True
     filtered = Balance(np.empty_like(force), np.zeros_like(regressors))
-    for j in range(n):
+    for j in range(force.shape[1]):
         filtered.force[:, j] = band_pass(force[:, j], rate, band)
-        for i in range(len(parameters)):
+        for i in range(regressors.shape[2]):
             if np.any(regressors[:, j, i] != 0.0):
                 filtered.regressors[:, j, i] = band_pass(regressors[:, j, i], rate, band)
     filtered.force[missing] = np.nan

@@ -84,9 +84,9 @@ def identifiable(turbine: Turbine, chosen: Sequence[str] | None = None) -> list[
         return known
     if not chosen:
         raise ConfigurationError("parameters: expected at least one name; leave them out for all coefficients")
+    usable = [name for name, value in turbine.values.items() if value != 0.0 and turbine.model.acts(name)]
     for name in chosen:
-        if turbine.values.get(name, 0.0) == 0.0 or not turbine.model.acts(name):
-            usable = [known for known, value in turbine.values.items() if value != 0.0 and turbine.model.acts(known)]
+        if name not in usable:
             raise ConfigurationError(
                 f"parameter '{name}' cannot be identified here: expected some of {', '.join(usable)}"
             )

@@ -46,10 +46,11 @@ def tolerances_of(turbine: Turbine, sensors: Sequence[Sensor], identified: Seque
     shared = SHARED if len(bodies) > 1 else 0.0
     found += [Tolerance("masses", body, math.sqrt(1.0 - shared) * turbine.mass_tolerance) for body in bodies]
     found.append(Tolerance("masses", ALL, math.sqrt(shared) * turbine.mass_tolerance))
-    loggers = dict.fromkeys(s.sampled_by for s in sensors if s.sampled_by != TOWER_LOGGER)
-    for logger in loggers:
-        spread = max(s.clock_tolerance for s in sensors if s.sampled_by == logger)
-        found.append(Tolerance("clock", logger, spread))
+    spreads = dict[str, float]()
+    for s in sensors:
+        spreads[s.sampled_by] = max(s.clock_tolerance, spreads.get(s.sampled_by, 0.0))
+    spreads.pop(TOWER_LOGGER, None)
+    found += [Tolerance("clock", logger, spread) for logger, spread in spreads.items()]
     return tuple(one for one in found if one.spread > 0.0)
 
 

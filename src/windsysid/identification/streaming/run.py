@@ -20,7 +20,7 @@ from windsysid.identification.condition.readings import screened, usable_sensors
 from windsysid.identification.model.fit import Outcome
 from windsysid.identification.model.prior import Prior
 from windsysid.identification.streaming.checkpoint import Checkpoint
-from windsysid.identification.verdict.conclude import conclude
+from windsysid.identification.verdict.conclude import WholeRecord, conclude
 from windsysid.inspection.fault import Fault
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
@@ -186,10 +186,10 @@ class _StreamingRun:
         options = {**job.own_options, **job.options}
         section = float(self.first.time[0]), float(found.read.time[-1])
         elapsed = time.perf_counter() - started - found.outcome.elapsed
+        wind_speed = self.wind[0] / self.wind[1] if self.wind[1] else None
         return conclude(
             found.outcome._replace(elapsed=elapsed), found.read, job.formulation,
-            section=section, samples=found.samples, history_time=found.history_time,
-            wind_speed=self.wind[0] / self.wind[1] if self.wind[1] else None,
+            whole=WholeRecord(section, found.samples, found.history_time, wind_speed),
             provenance=trace(self.first, str(self.hash), job.turbine, self.accumulator.sensors, options),
             faults=faults,
         )  # fmt: skip

@@ -22,13 +22,12 @@ from windsysid._types import Array
 from windsysid.errors import RecordError
 from windsysid.identification.condition.readings import check_length
 from windsysid.identification.condition.segments import require_alike
-from windsysid.identification.condition.spectral_readings import read_bridged
+from windsysid.identification.condition.spectral_readings import SpectralSamples
 from windsysid.identification.estimate.prior_conflict import note_wide_priors, with_wide_priors
-from windsysid.identification.estimate.spectral.frequency_domain import ask, identify_by_spectrum
+from windsysid.identification.estimate.spectral.frequency_domain import SpectralBlocks, ask, identify_by_spectrum
 from windsysid.identification.estimate.spectral.narrow_band import doubts_of_narrow_band
 from windsysid.identification.estimate.spectral.narrow_band_alternative import narrow_band_beside
 from windsysid.identification.limits import MAX_RADIANS_PER_SPECTRAL_READING, MIN_TURNS
-from windsysid.identification.model.fit import known_inputs
 from windsysid.identification.model.turbine_problem import seen_by
 from windsysid.identification.streaming.run import SegmentsEstimate, StreamingJob
 from windsysid.records.record import Record
@@ -112,18 +111,17 @@ class SpectraAccumulator:
         self.seen = seen_by(job.turbine, self.sensors, self.notes)
         part = first.on_uniform_grid()
         check_length(part.name, part.duration, part.rate, job.turbine, MAX_RADIANS_PER_SPECTRAL_READING)
-        inputs, readings = self._columns(part)
-        question = ask(part, self.seen, self.sensors, job.prior, job.parameters, inputs, readings, "broadband")
+        samples = self._samples(part)
+        question = ask(samples, self.seen, job.prior, job.parameters, "broadband")
         self.layout = layout_of(part, question)
         self.memory = 1.0 if job.memory is None else math.exp(-part.duration / job.memory)
         self.sums: BlockSums[Any] | None = None
         self.speeds: list[float] = []
         self.last: Record | None = None
-        self.inputs, self.taken = inputs, 0
+        self.inputs, self.taken = samples.inputs, 0
 
-    def _columns(self, part: Record) -> tuple[Array, Array]:
-        readings = read_bridged(part, [sensor.channel for sensor in self.sensors], self.notes)
-        return known_inputs(part, self.seen, self.sensors), readings
+    def _samples(self, part: Record) -> SpectralSamples:
+        return SpectralSamples.of(part, self.seen, self.sensors, self.notes)
 
     def replay(self, segment: Record) -> None:
         """Take a segment that a checkpoint knows: its sums are in there."""
@@ -135,7 +133,7 @@ class SpectraAccumulator:
         part = segment.on_uniform_grid()
         require_alike(part, self.layout.rate)
         joined = _joined(self.last, part)
-        inputs, readings = self._columns(joined)
+        _, _, inputs, readings, _ = self._samples(joined)
         blocks, first = self.layout.cut(inputs[:, 0])
         for block in blocks:
             self._add(inputs[block], readings[block])
@@ -178,8 +176,8 @@ class SpectraAccumulator:
         job, sums, whole = self.job, self.sums, self.first.on_uniform_grid()
         outcome, _ = with_wide_priors(
             lambda prior: identify_by_spectrum(
-                whole, job.turbine, self.sensors, prior, job.parameters, loads=job.loads, sums=sums,
-                speeds=np.array(self.speeds),
+                whole, job.turbine, self.sensors, prior, job.parameters, loads=job.loads,
+                blocks=SpectralBlocks(sums, np.array(self.speeds)),
             ),
             job.prior,
         )  # fmt: skip

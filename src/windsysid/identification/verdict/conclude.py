@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,12 +13,13 @@ from windsysid.checks.limits import FALSE_ALARM_PROBABILITY
 from windsysid.checks.lines import Line
 from windsysid.checks.nonlinearity import Bent, find_bent
 from windsysid.checks.stationarity import Late, how_late
-from windsysid.checks.verdict import diagnose
+from windsysid.checks.verdict import Diagnosis, FittedParameters, RecordTests, TurningRotor, diagnose
+from windsysid.checks.whiteness import Whiteness, examine
 from windsysid.errors import RecordError
 from windsysid.filters import EKF
 from windsysid.identification.estimate.clock_lag import PASSED
 from windsysid.identification.estimate.fitted.modal_residuals import doubts_beside_modes
-from windsysid.identification.estimate.fitted.modes import modes_of
+from windsysid.identification.estimate.fitted.modes import FittedModes, modes_of
 from windsysid.identification.job import Formulation
 from windsysid.identification.limits import MAX_RATE_MISMATCH
 from windsysid.identification.model.fit import Outcome
@@ -34,136 +36,159 @@ from windsysid.results.posterior import SIGMAS, Conditions
 from windsysid.results.provenance import Provenance
 from windsysid.results.transient import Transient, explain_by_transient, find_burst, find_transient
 from windsysid.signals.rotor import STANDING_MAX_SPEED, rotor_inputs
+from windsysid.statespace.parameter import Parameter
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["conclude", "doubts_of_innovations"]
+__all__ = ["WholeRecord", "conclude", "doubts_of_innovations"]
+
+
+class WholeRecord(NamedTuple):
+    """A record of which only the end is kept.
+
+    Attributes
+    ----------
+    section, samples
+        Start and end [s] of all of it, and how many samples it had.
+    history_time
+        Times of the history's estimates [s].
+    wind_speed
+        Mean wind speed [m/s]; None where it was not recorded.
+    """
+
+    section: tuple[float, float]
+    samples: int
+    history_time: Array
+    wind_speed: float | None
 
 
 def conclude(
-    outcome: Outcome,
-    record: Record,
-    formulation: Formulation,
-    *,
-    section: tuple[float, float] | None = None,
-    samples: int | None = None,
-    history_time: Array | None = None,
-    wind_speed: float | None = None,
-    provenance: Provenance | None = None,
-    faults: Sequence[Fault] = (),
-    line: Line | None = None,
-) -> Identification:
-    """Put what a formulation found on `record` into physical units, with bands, modes and errors, and judge it, with
-    the faults of its channels and the line of its readings that stands out most.
-
-    Where `record` is the end of a longer one, `section` [s], `samples` and the mean `wind_speed` [m/s] are the whole's,
-    and `history_time` [s] says when the estimates of the history were made.
+    outcome: Outcome, record: Record, formulation: Formulation, *, whole: WholeRecord | None = None,
+    provenance: Provenance | None = None, faults: Sequence[Fault] = (), line: Line | None = None,
+) -> Identification:  # fmt: skip
+    """Put what a formulation found on `record`, the end of the `whole` or all of it, into physical units, with bands,
+    modes and errors, and judge it, with the faults of its channels and the line of its readings that stands out most.
     """
-    turbine, model, theta, cov = outcome.turbine, outcome.model, outcome.theta, outcome.cov
-    history_mean, history_std = outcome.history_mean, outcome.history_std
-    std = np.sqrt(np.diag(cov))
-    estimates = []
-    for i, q in enumerate(model.parameters):
-        known = turbine.model.coefficient(q.name)
-        reference = turbine.values[q.name] or None  # nobody knows what the file sets to zero
-        low, value, high = (float(q.physical(theta[i] + k * std[i])) for k in (-SIGMAS, 0.0, SIGMAS))
-        spread = std[i] * (value if q.logarithmic else q.scale)
-        errors = coefficient_errors(q.physical(history_mean[:, i]), reference) if reference else None
-        estimates.append(
-            Estimate(
-                name=q.name,
-                unit=known.unit,
-                kind=known.kind if known.kind in ("stiffness", "damping") else "parameter",
-                estimate=value,
-                low=low,
-                high=high,
-                std=float(spread),
-                informed_by_data=float(np.clip(1.0 - (std[i] / q.prior[1]) ** 2, 0.0, 1.0)),
-                prior=q.centre,
-                reference=reference,
-                average_error_percent=None if errors is None else float(np.mean(errors)),
-                tip=_at_the_tip(known, turbine, value, low, high, float(spread), reference or 0.0),
-            )
-        )
-    at = modes_of(outcome, compile_model(turbine.model) if formulation == "force-balance" else None)
-    final, speed, modes = at.turbine, at.speed, at.modes
-    beside: tuple[Finding, ...] = ()
-    if formulation != "force-balance":
-        beside = doubts_beside_modes(outcome, record, modes, speed, filtered=formulation == "joint")
-    diagnosis = diagnose(
-        outcome.final,
-        readings=model.readings,
-        rate=record.rate,
-        frequencies=[final.natural_frequency(name) / (2.0 * math.pi) for name in turbine.model.coordinates],
-        parameters=model.parameters,
-        theta=theta,
-        cov=cov,
-        rotor_speed=speed,
-        blades=turbine.model.blades,
-        white=formulation == "joint",
-        findings=(
-            *doubted(faults),
-            *outcome.doubts,
-            *_off_clock(record, speed),
-            *(_burst(outcome, record) if formulation == "joint" and section is None else ()),
-            *beside,
-            *outcome.notes,
-            *noted(faults),
-        ),
-        whiteness=outcome.whiteness,
-        damping=[(mode.name, mode.damping_ratio) for mode in modes],
-        line=line,
-        late=_late(outcome, record) if formulation == "joint" else None,
-        bent=_bent(outcome) if formulation == "joint" else None,
-        smoothed_loads=outcome.smoothed_loads,
-        constancy=outcome.constancy,
-        blades_move=any(freedom.blade for freedom in turbine.model.freedoms),
-    )
-    transient = _transient(outcome, record) if section is None else None
+    at = modes_of(outcome, compile_model(outcome.turbine.model) if formulation == "force-balance" else None)
+    diagnosis = _judge(outcome, record, formulation, at, line, faults, tested_for_bursts=whole is None)
+    transient = _transient(outcome, record) if whole is None else None
     if transient is not None:
         diagnosis = explain_by_transient(diagnosis, transient, outcome.channels)
+    conditions, final, log_likelihood = _conditions(record, at.speed), outcome.final, outcome.log_likelihood
+    if whole is None:
+        history_time, section = record.time[-len(outcome.history_mean) :], (record.time[0], record.time[-1])
+        whole = WholeRecord((float(section[0]), float(section[1])), record.samples, history_time, conditions.wind_speed)
     return Identification(
         method=_METHODS[formulation],
         formulation=formulation,
         record=record.name,
-        turbine=turbine.name,
+        turbine=outcome.turbine.name,
         sensors=outcome.channels,
-        section=section or (float(record.time[0]), float(record.time[-1])),
+        section=whole.section,
         rate=record.rate,
-        samples=samples or record.samples,
+        samples=whole.samples,
         elapsed=outcome.elapsed,
-        estimates=tuple(estimates),
-        modes=modes,
-        parameters=model.parameters,
-        time=record.time[-len(history_mean) :] if history_time is None else history_time,
-        mean=history_mean,
-        std=history_std,
-        cov=cov,
-        readings=model.readings,
-        innovation=outcome.final.innovation,
-        whitened=outcome.final.whitened,
-        log_likelihood=float(outcome.final.log_likelihood.sum())
-        if outcome.log_likelihood is None
-        else outcome.log_likelihood,
+        estimates=_estimates(outcome),
+        modes=at.modes,
+        parameters=outcome.model.parameters,
+        time=whole.history_time,
+        mean=outcome.history_mean,
+        std=outcome.history_std,
+        cov=outcome.cov,
+        readings=outcome.model.readings,
+        innovation=final.innovation,
+        whitened=final.whitened,
+        log_likelihood=float(final.log_likelihood.sum()) if log_likelihood is None else log_likelihood,
         statistics=outcome.statistics,
         diagnosis=diagnosis,
-        machine=replace(turbine, rotor_speed=max(speed, 0.0)),
+        machine=replace(outcome.turbine, rotor_speed=max(at.speed, 0.0)),
         loads=outcome.loads,
-        conditions=_conditions(record, speed)
-        if history_time is None
-        else _conditions(record, speed)._replace(wind_speed=wind_speed),
+        conditions=conditions._replace(wind_speed=whole.wind_speed),
         provenance=provenance,
         joint_cov=outcome.joint_cov,
         tolerances=outcome.tolerances,
-        budget=_budget(outcome, modes, at.slopes, at.given_masses),
+        budget=_budget(outcome, at.modes, at.slopes, at.given_masses),
+    )
+
+
+def _estimates(outcome: Outcome) -> tuple[Estimate, ...]:
+    """The coefficients in physical units."""
+    stds = np.sqrt(np.diag(outcome.cov))
+    return tuple(
+        _estimate(q, outcome.turbine, float(theta), float(std), history)
+        for q, theta, std, history in zip(
+            outcome.model.parameters, outcome.theta, stds, outcome.history_mean.T, strict=True
+        )
+    )
+
+
+def _estimate(q: Parameter, turbine: Turbine, theta: float, std: float, history: Array) -> Estimate:
+    """A coefficient in physical units, of its filter coordinate, that one's standard deviation and history (T,)."""
+    known = turbine.model.coefficient(q.name)
+    reference = turbine.values[q.name] or None  # nobody knows what the file sets to zero
+    low, value, high = (float(q.physical(theta + k * std)) for k in (-SIGMAS, 0.0, SIGMAS))
+    spread = float(std * (value if q.logarithmic else q.scale))
+    return Estimate(
+        name=q.name,
+        unit=known.unit,
+        kind=known.kind if known.kind in ("stiffness", "damping") else "parameter",
+        estimate=value,
+        low=low,
+        high=high,
+        std=spread,
+        informed_by_data=float(np.clip(1.0 - (std / q.prior[1]) ** 2, 0.0, 1.0)),
+        prior=q.centre,
+        reference=reference,
+        average_error_percent=float(np.mean(coefficient_errors(q.physical(history), reference))) if reference else None,
+        tip=_at_the_tip(known, turbine, (value, low, high, spread, reference or 0.0)),
+    )
+
+
+def _judge(
+    outcome: Outcome, record: Record, formulation: Formulation, at: FittedModes, line: Line | None,
+    faults: Sequence[Fault], *, tested_for_bursts: bool,
+) -> Diagnosis:  # fmt: skip
+    """Judge a fit at its modes."""
+    model, filtered = outcome.turbine.model, formulation == "joint"
+    frequencies = [at.turbine.natural_frequency(name) / (2.0 * math.pi) for name in model.coordinates]
+    balanced = formulation == "force-balance"  # whose readings are filtered to a band
+    findings = (
+        *doubted(faults),
+        *outcome.doubts,
+        *_off_clock(record, at.speed),
+        *(_burst(outcome, record) if filtered and tested_for_bursts else ()),
+        *(() if balanced else doubts_beside_modes(outcome, record, at.modes, at.speed, filtered=filtered)),
+        *outcome.notes,
+        *noted(faults),
+    )
+    tests = RecordTests(line, smoothed_loads=outcome.smoothed_loads, constancy=outcome.constancy)
+    if filtered:
+        tests = tests._replace(late=_late(outcome, record), bent=_bent(outcome))
+    return diagnose(
+        _whiteness(outcome, record.rate, frequencies) if filtered else outcome.whiteness,
+        FittedParameters(
+            outcome.model.parameters, outcome.theta, outcome.cov, [(mode.name, mode.damping_ratio) for mode in at.modes]
+        ),
+        frequencies=frequencies,
+        rotor=TurningRotor(at.speed, model.blades, any(freedom.blade for freedom in model.freedoms)),
+        tests=tests,
+        findings=findings,
+    )
+
+
+def _whiteness(outcome: Outcome, rate: float, frequencies: Sequence[float]) -> Whiteness:
+    """The innovations of a filter against white noise."""
+    final = outcome.final
+    return outcome.whiteness or examine(
+        final.whitened, names=outcome.model.readings, rate=rate, frequencies=frequencies, gated=final.gated
     )
 
 
 def doubts_of_innovations(outcome: Outcome, rate: float) -> tuple[Finding, ...]:
     """What the innovations of a filter, so many a second, say against its result."""
-    nothing, names = np.empty(0), [q.name for q in outcome.model.parameters]
+    names = [q.name for q in outcome.model.parameters]
     found = diagnose(
-        outcome.final, readings=outcome.model.readings, rate=rate, frequencies=(), parameters=(), theta=nothing,
-        cov=np.diag(nothing), whiteness=outcome.whiteness, bent=_bent(outcome), smoothed_loads=outcome.smoothed_loads,
+        _whiteness(outcome, rate, ()), FittedParameters((), np.empty(0), np.empty((0, 0))), frequencies=(),
+        tests=RecordTests(bent=_bent(outcome), smoothed_loads=outcome.smoothed_loads),
     )  # fmt: skip
     reasons = (one for one in found.findings if one.severity == "reason")
     return (*reasons, *doubt_constancy(names, outcome.constancy))
@@ -198,28 +223,36 @@ def _burst(outcome: Outcome, record: Record) -> tuple[Finding, ...]:
 
 
 def _late(outcome: Outcome, record: Record) -> Late | None:
-    """How late the blades' readings are behind the tower's along x and y; None where there are not both.
-
-    Where a clock is an unknown, readings have been moved in its band only, and what is faster is late still.
-    """
-    z, sensors = outcome.final.whitened, outcome.sensors
-    along = {axis: [i for i, s in enumerate(sensors) if not s.blade and s.directions == {axis}] for axis in ("x", "y")}
-    turbine = outcome.turbine.model
+    """How late the blades' readings are behind the tower's along x and y; None where there are not both."""
+    z = outcome.final.whitened
+    along = [_first_along(outcome, axis) for axis in ("x", "y")]
+    turned = 2.0 * math.pi / max(outcome.turbine.model.blades, 1)
     blades = {
-        i: 2.0 * math.pi * (sensor.blade - 1) / turbine.blades
-        for i, sensor in enumerate(sensors)
+        i: turned * (sensor.blade - 1)
+        for i, sensor in enumerate(outcome.sensors)
         if sensor.blade and sensor.directions == {"lag"}
     }
-    if not (along["x"] and along["y"] and blades and "rotor_azimuth" in record and len(z) == record.samples):
+    x, y = along
+    if x is None or y is None or not blades or "rotor_azimuth" not in record or len(z) != record.samples:
         return None
-    below = 0.5
-    if any(one.group == "clock" for one in outcome.tolerances):
-        prior = {q.name: float(q.physical(q.prior[0])) for q in outcome.model.parameters}
-        before = outcome.turbine.with_values(prior)
-        highest = max(before.natural_frequency(name) for name in turbine.coordinates) / (2.0 * math.pi)
-        below = min(below, PASSED * highest / record.rate)
     azimuth = np.nan_to_num(record["rotor_azimuth"])
-    return how_late(z, azimuth, (along["x"][0], along["y"][0]), blades, below=below)
+    return how_late(z, azimuth, (x, y), blades, below=_highest_share(outcome, record.rate))
+
+
+def _first_along(outcome: Outcome, axis: str) -> int | None:
+    """Number of the first sensor that does not turn and reads along one axis only."""
+    sensors = enumerate(outcome.sensors)
+    return next((i for i, sensor in sensors if not sensor.blade and sensor.directions == {axis}), None)
+
+
+def _highest_share(outcome: Outcome, rate: float) -> float:
+    """Highest frequency at which lateness is judged, per sample. Where a clock is an unknown, readings have been moved
+    in its band only, and what is faster is late still."""
+    if not any(one.group == "clock" for one in outcome.tolerances):
+        return 0.5
+    turbine = outcome.turbine.with_values({q.name: float(q.physical(q.prior[0])) for q in outcome.model.parameters})
+    highest = max(turbine.natural_frequency(name) for name in turbine.model.coordinates) / (2.0 * math.pi)
+    return min(0.5, PASSED * highest / rate)
 
 
 def _bent(outcome: Outcome) -> Bent | None:
@@ -268,12 +301,12 @@ _METHODS: dict[Formulation, str] = {
 
 
 def _at_the_tip(
-    known: Coefficient, turbine: Turbine, value: float, low: float, high: float, std: float, reference: float
+    known: Coefficient, turbine: Turbine, values: tuple[float, float, float, float, float]
 ) -> dict[str, float] | None:
-    """A blade's coefficient per tip deflection, k_β/ℓ² or c_β/ℓ²."""
+    """A blade's coefficient per tip deflection, k_β/ℓ² or c_β/ℓ²: estimate, low, high, std and reference."""
     blades = [freedom.name for freedom in turbine.model.freedoms if freedom.blade]
     if known.part not in blades or turbine.tip_lever == 0.0:
         return None
     square = turbine.tip_lever**2
     labels = ("estimate", "low", "high", "std", "reference")
-    return dict(zip(labels, (x / square for x in (value, low, high, std, reference)), strict=True))
+    return {label: value / square for label, value in zip(labels, values, strict=True)}

@@ -27,7 +27,7 @@ Rydén, Inference in Hidden Markov Models, 2005, section 10.1 (scores from smoot
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import combinations
 
 import numpy as np
@@ -64,31 +64,49 @@ def judge_smoothed_loads(
         The n degrees of freedom; one whose load is no state is not asked.
     """
     names = acting_loads(model, inputs[:1])[0]
-    asked = [j for j, one in enumerate(freedoms) if one.load in names and np.any(info.mean[:, j])]
-    if model.blocks.step.size > 1 or np.isfinite(info.whitened).any(axis=1).sum() < MIN_WHITENED_SAMPLES or not asked:
+    asked = _testable(model, info, freedoms, names)
+    if not asked:
         return None
     state = smooth(model, inputs, np.where(info.gated, np.nan, readings)).mean
-    n, own = len(freedoms), [freedoms[j].load for j in asked]
-    loads = _loads(model, inputs, state)[:, [names.index(name) for name in own]]
+    n, tested = len(freedoms), [freedoms[j] for j in asked]
+    loads = _loads(model, inputs, state)[:, [names.index(one.load) for one in tested]]
     driven = np.fft.rfft(np.diff(loads, axis=0), axis=0)
-    found: list[Bending] = []
-    for law, t in _scores(state[:, asked], state[:, [n + j for j in asked]], driven).items():
-        groups = [[i] for i in range(len(asked))]
-        groups += [[i for i, j in enumerate(asked) if bool(freedoms[j].blade) is blade] for blade in (False, True)]
-        for group in groups:
-            if group:
-                sigmas = float(t[group].sum()) / math.sqrt(len(group))
-                bound = MAX_FORCE_SIGMAS if len(group) == 1 else MAX_JOINT_SIGMAS
-                found.append(Bending(law, tuple(freedoms[asked[i]].name for i in group), sigmas, bound))
+    scores = _scores(state[:, asked], state[:, [n + j for j in asked]], driven)
+    bendings = [one for law, t in scores.items() for one in _bendings(law, t, tested)]
     apart = readings.shape[1] >= len(asked) and not any(one.blade for one in freedoms)
-    pairs = combinations(range(len(asked) if apart else 0), 2)
-    together = [
-        CorrelatedLoads((own[i], own[j]), float(_score(driven[:, i], driven[:, j])), MAX_JOINT_SIGMAS) for i, j in pairs
-    ]
     return SmoothedLoads(
-        max(found, key=lambda one: abs(one.sigmas) / one.bound),
-        max(together, key=lambda one: abs(one.sigmas), default=None),
+        max(bendings, key=lambda one: abs(one.sigmas) / one.bound), _most_correlated(tested, driven) if apart else None
     )
+
+
+def _testable(model: StateSpace, info: Info, freedoms: Sequence[Coordinate], names: Sequence[str]) -> list[int]:
+    """Numbers of the degrees of freedom that move and whose load is a state; none where times are unequal, or the
+    record is too short."""
+    if model.blocks.step.size > 1 or np.isfinite(info.whitened).any(axis=1).sum() < MIN_WHITENED_SAMPLES:
+        return []
+    return [j for j, one in enumerate(freedoms) if one.load in names and np.any(info.mean[:, j])]
+
+
+def _bendings(law: Law, t: Array, freedoms: Sequence[Coordinate]) -> Iterator[Bending]:
+    """Scores t (n,) of a law of force for each of n degrees of freedom, and for those of the support and of the blades
+    together."""
+    groups = [[i] for i in range(len(freedoms))]
+    groups += [[i for i, one in enumerate(freedoms) if bool(one.blade) is blade] for blade in (False, True)]
+    for group in filter(None, groups):
+        sigmas = float(t[group].sum()) / math.sqrt(len(group))
+        bound = MAX_FORCE_SIGMAS if len(group) == 1 else MAX_JOINT_SIGMAS
+        yield Bending(law, tuple(freedoms[i].name for i in group), sigmas, bound)
+
+
+def _most_correlated(freedoms: Sequence[Coordinate], driven: Complex) -> CorrelatedLoads | None:
+    """The two loads of n degrees of freedom that go together most, of what drives them (F, n); None of fewer."""
+    pairs = [
+        CorrelatedLoads(
+            (freedoms[i].load, freedoms[j].load), float(_score(driven[:, i], driven[:, j])), MAX_JOINT_SIGMAS
+        )
+        for i, j in combinations(range(len(freedoms)), 2)
+    ]
+    return max(pairs, key=lambda one: abs(one.sigmas), default=None)
 
 
 def _loads(model: StateSpace, inputs: Array, state: Array) -> Array:

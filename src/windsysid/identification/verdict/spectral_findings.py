@@ -58,12 +58,7 @@ def doubts_of_spectra(
     doubts = list[Finding]()
     if not found.settled:
         doubts.append(Finding("search_not_converged", "reason", {"steps": found.steps}))
-    least = MIN_STANDING_RESONANCE_DOF if posed.smoothed is None else MIN_RESONANCE_DOF
-    if posed.resonance < least:
-        doubts.append(Finding("narrow_resonance", "reason", {"count": posed.resonance, "least": least}))
-    if loads == "rotor-wind" and posed.resonance > MAX_RESONANCE_DOF:
-        proven = len(question.readings) / question.rate * MAX_RESONANCE_DOF / posed.resonance
-        doubts.append(Finding("long_record_under_wind", "reason", {"duration": proven}))
+    doubts += _unproven_length(question, posed, loads)
     doubts += unexplained(_parts(_alike(posed, found), posed, found.unknowns, question))[:3]
     if question.sums is not None:
         return doubts + _unsteady_blocks(question, question.sums, posed)
@@ -74,6 +69,17 @@ def doubts_of_spectra(
         return [*doubts, Finding("too_short_for_stationarity", "reason")]
     first, second = (_parts(half, posed, found.unknowns, question) for half in halves)
     return doubts + unsteady(first, second)[:2]
+
+
+def _unproven_length(question: RotorQuestion, posed: Posed, loads: str) -> list[Finding]:
+    """Whether the narrowest resonance counts as fewer independent values, or under wind as more, than were proven."""
+    doubts, least = list[Finding](), MIN_STANDING_RESONANCE_DOF if posed.smoothed is None else MIN_RESONANCE_DOF
+    if posed.resonance < least:
+        doubts.append(Finding("narrow_resonance", "reason", {"count": posed.resonance, "least": least}))
+    if loads == "rotor-wind" and posed.resonance > MAX_RESONANCE_DOF:
+        proven = len(question.readings) / question.rate * MAX_RESONANCE_DOF / posed.resonance
+        doubts.append(Finding("long_record_under_wind", "reason", {"duration": proven}))
+    return doubts
 
 
 def passed_by(question: RotorQuestion, unknowns: Array, rotor_hz: float) -> list[Finding]:

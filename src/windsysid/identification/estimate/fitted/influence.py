@@ -17,13 +17,12 @@ from windsysid.checks.lines import SURROUNDINGS, Line, find_line, stand_out_of_a
 from windsysid.errors import WindsysidError
 from windsysid.identification.estimate.fitted.modal_residuals import channel_of, mode_of, ranges_of_narrow_band
 from windsysid.identification.estimate.spectral.frequency_domain import identify_by_spectrum
+from windsysid.identification.job import FittedJob, Job
 from windsysid.identification.limits import MARGINAL_LINE_FACTOR, MAX_INFLUENCE_SIGMAS, MIN_LINE_POWER
 from windsysid.identification.model.agreement import compare
 from windsysid.identification.model.fit import Outcome
-from windsysid.identification.model.prior import Prior
 from windsysid.loads.narrow_band import NarrowBand
 from windsysid.loads.rotor_wind import RotorWind
-from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
 from windsysid.results.finding import Finding
 from windsysid.spectral.transforms.harmonics import without_line
@@ -47,100 +46,80 @@ class Dependence(NamedTuple):
     doubt: Finding
 
 
-def doubt_line(
-    outcome: Outcome, record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior,
-    parameters: Sequence[str] | None, *, by_spectra: bool,
-) -> Dependence | None:  # fmt: skip
-    """Whether a coefficient depends on one frequency; None where spectra do not apply, and for bands around the
-    modes of a real rotor, which have other tests. Arguments as for
-    `windsysid.identification.estimate.spectral.frequency_domain.identify_by_spectrum`, on whose record `outcome` was
-    found, by filters if not `by_spectra`."""
-    line = _suspect(outcome, record)
+def doubt_line(job: Job, fit: FittedJob) -> Dependence | None:
+    """Whether a coefficient of a fit depends on one frequency; None where spectra do not apply, and for bands around
+    the modes of a real rotor, which have other tests."""
+    line = _suspect(fit.outcome, fit.read)
     if line is None or line.ratio < MIN_LINE_POWER:
         return None
-    name, off = _moved(
-        _without(record, outcome.channels, line.frequency), outcome, record, turbine, sensors, prior, parameters,
-        by_spectra=by_spectra,
-    )  # fmt: skip
+    name, off = _influence(job, fit, line.frequency)
     if off < MAX_INFLUENCE_SIGMAS:
         return None
     data = {"channel": line.channel, "frequency": line.frequency, "sigmas": off}
     return Dependence(line.channel, line.frequency, Finding("line_influence", "reason", data, (name,)))
 
 
-def is_harmless(
-    line: Line, outcome: Outcome, record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior,
-    parameters: Sequence[str] | None, *, by_spectra: bool,
-) -> bool:  # fmt: skip
-    """Whether a line hardly stands out more than chance may, and nothing depends on it. Arguments as for
-    `doubt_line`."""
+def is_harmless(line: Line, job: Job, fit: FittedJob) -> bool:
+    """Whether a line hardly stands out more than chance may, and no coefficient of a fit depends on it."""
     if line.ratio > MARGINAL_LINE_FACTOR * line.bound:
         return False
-    name, off = _moved(
-        _without(record, outcome.channels, line.frequency), outcome, record, turbine, sensors, prior, parameters,
-        by_spectra=by_spectra,
-    )  # fmt: skip
+    name, off = _influence(job, fit, line.frequency)
     return bool(name) and off < MAX_INFLUENCE_SIGMAS
 
 
-def doubt_sine(
-    frequency: float, outcome: Outcome, record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior,
-    parameters: Sequence[str] | None, *, by_spectra: bool,
-) -> tuple[Finding, ...]:  # fmt: skip
-    """That what is left beside a sine at a frequency [Hz], which was taken out of the record, still moves a
-    coefficient, as a doubt: a narrow-band load would. Arguments as for `doubt_line`."""
-    name, off = _moved(
-        _without(record, outcome.channels, frequency, BESIDE), outcome, record, turbine, sensors, prior, parameters,
-        by_spectra=by_spectra,
-    )  # fmt: skip
+def doubt_sine(frequency: float, job: Job, fit: FittedJob) -> tuple[Finding, ...]:
+    """Reason not to trust a fit if the power that is left around a removed sinusoid at a frequency [Hz] still changes a
+    coefficient: a narrow-band load would."""
+    name, off = _influence(job, fit, frequency, BESIDE)
     if off < MAX_INFLUENCE_SIGMAS:
         return ()
     return (Finding("tone_influence", "reason", {"frequency": frequency, "sigmas": off}, (name,)),)
 
 
-def _moved(
-    without: Record, outcome: Outcome, record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior,
-    parameters: Sequence[str] | None, *, by_spectra: bool,
-) -> tuple[str, float]:  # fmt: skip
-    """Which coefficient moves most, and by how many standard deviations, if a part of the record is left out; none
-    where spectra do not apply."""
+def _influence(job: Job, fit: FittedJob, frequency: float, beside: int = 0) -> tuple[str, float]:
+    """The coefficient that changes most, and by how many standard deviations, if a frequency [Hz] and so many of the
+    periodogram to either side are left out; no name and 0 where spectra do not apply."""
+    outcome = fit.outcome
     spectral = (RotorWind.name, NarrowBand.name)  # others are for filters only
     loads = outcome.hypothesis if outcome.hypothesis in spectral else "broadband"
 
-    def ask(one: Record) -> Outcome:
-        return identify_by_spectrum(one, turbine, sensors, prior, parameters, loads=loads)
+    def estimated(record: Record) -> Outcome:
+        return identify_by_spectrum(record, job.turbine, fit.sensors, fit.prior, job.parameters, loads=loads)
 
+    without = _without(fit.read, outcome.channels, frequency, beside)
     try:
-        return compare(ask(without), outcome if by_spectra else ask(record))
+        return compare(estimated(without), outcome if fit.formulation == "spectral" else estimated(fit.read))
     except (WindsysidError, np.linalg.LinAlgError):
         return "", 0.0
 
 
 def _suspect(outcome: Outcome, record: Record) -> Line | None:
-    """What stands out most near the frequencies of a support; its modes are not narrower than the file's."""
+    """The line that stands out most near the frequencies of a support, whose modes are not narrower than the file's."""
     if not record.is_uniform:
         return None
     values = {q.name: float(q.physical(t)) for q, t in zip(outcome.model.parameters, outcome.theta, strict=True)}
-    turbine = outcome.turbine.with_values(values)
-    freedoms = [one.name for one in turbine.model.freedoms if not one.blade]
-    supports = [
-        name for name in freedoms if min(one.critical_damping(name) for one in (turbine, outcome.turbine)) > 0.0
-    ]
-    channels = {name: channel for name in supports if (channel := channel_of(outcome, record, name)) is not None}
+    both = outcome.turbine.with_values(values), outcome.turbine
+    channels = _channels_of_supports(outcome, record, both)
     if not channels:
         return None
     read = tuple(dict.fromkeys(channels.values()))
     turned = [i for i, name in enumerate(outcome.model.compiled.inputs) if name == "rotor_speed"]
-    speed = float(outcome.rotor[:, turned[0]].mean()) if turned else turbine.rotor_speed
+    speed = float(outcome.rotor[:, turned[0]].mean()) if turned else outcome.turbine.rotor_speed
     rotor_hz = abs(speed) / (2.0 * math.pi)
+    modes = [(mode_of(both[0], name)[0], max(mode_of(one, name)[1] for one in both)) for name in channels]
     return find_line(
         np.column_stack([record[channel] for channel in read]), read, rate=record.rate,
-        modes=[
-            (mode_of(turbine, name)[0], max(mode_of(one, name)[1] for one in (turbine, outcome.turbine)))
-            for name in channels
-        ],
-        rotor_hz=rotor_hz, reach=SEARCH_RADIUS_FACTOR, known=ranges_of_narrow_band(outcome, record, rotor_hz),
+        modes=modes, rotor_hz=rotor_hz,
+        reach=SEARCH_RADIUS_FACTOR, known=ranges_of_narrow_band(outcome, record, rotor_hz),
     )  # fmt: skip
+
+
+def _channels_of_supports(outcome: Outcome, record: Record, turbines: Sequence[Turbine]) -> dict[str, str]:
+    """The channel of each degree of freedom of the support that has one, and is a mode of all these turbines."""
+    freedoms = [one.name for one in outcome.turbine.model.freedoms if not one.blade]
+    supports = [name for name in freedoms if min(one.critical_damping(name) for one in turbines) > 0.0]
+    found = {name: channel_of(outcome, record, name) for name in supports}
+    return {name: channel for name, channel in found.items() if channel is not None}
 
 
 def _without(record: Record, channels: Sequence[str], frequency: float, beside: int = 0) -> Record:

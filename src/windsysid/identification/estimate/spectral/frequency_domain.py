@@ -8,7 +8,7 @@ It is not for what is not stationary: a free decay, a start, a stop, or a speed 
 
 import math
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -16,7 +16,7 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError, RecordError, WindsysidError
-from windsysid.identification.condition.spectral_readings import read_bridged
+from windsysid.identification.condition.spectral_readings import SpectralSamples
 from windsysid.identification.estimate.evidence import Ranking, rank
 from windsysid.identification.estimate.prior_conflict import find_held, one_by_one
 from windsysid.identification.estimate.spectral.narrow_band import (
@@ -24,7 +24,7 @@ from windsysid.identification.estimate.spectral.narrow_band import (
     fit_narrow_band,
     note_narrow_band,
 )
-from windsysid.identification.estimate.spectral.rotor_bands import read_in_bands
+from windsysid.identification.estimate.spectral.rotor_bands import SpectralEstimate, read_in_bands
 from windsysid.identification.limits import (
     MAX_RIVAL_LOG_ODDS,
     MAX_SPEED_VARIATION,
@@ -32,7 +32,7 @@ from windsysid.identification.limits import (
     NEGLIGIBLE_SPEED_VARIATION,
     NEGLIGIBLE_SPEED_VARIATION_IN_BANDS,
 )
-from windsysid.identification.model.fit import Outcome, known_inputs, known_loads, no_innovations
+from windsysid.identification.model.fit import Outcome, known_loads, no_innovations
 from windsysid.identification.model.prior import Prior, identifiable
 from windsysid.identification.model.tolerances import (
     doubt_tolerances,
@@ -47,7 +47,7 @@ from windsysid.loads.family import hypothesis
 from windsysid.loads.hypothesis import HYPOTHESES
 from windsysid.loads.narrow_band import NarrowBand
 from windsysid.loads.rotor_wind import RotorWind
-from windsysid.loads.statistics import Statistic, learned_statistics
+from windsysid.loads.statistics import learned_statistics
 from windsysid.mechanics.compile import compile_model
 from windsysid.mechanics.rotor import MEAN_LAG
 from windsysid.mechanics.sensors import Sensor
@@ -62,19 +62,24 @@ from windsysid.spectral.rotor_bands.build import belongs_in_bands
 from windsysid.spectral.transforms.block_sums import BlockSums
 from windsysid.spectral.transforms.rotating_frame import TurnedBlock
 from windsysid.statespace.compose import compose
-from windsysid.statespace.unknowns import Unknowns
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["ask", "identify_by_spectrum", "inexact_of", "tolerances_in"]
+__all__ = ["SpectralBlocks", "ask", "identify_by_spectrum", "inexact_of", "tolerances_in"]
+
+
+class SpectralBlocks(NamedTuple):
+    """The sums over the blocks of a record that came in pieces, and the blocks' rotor speeds [rad/s]."""
+
+    sums: BlockSums[Any]
+    speeds: Array
 
 
 def identify_by_spectrum(
     record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior, chosen: Sequence[str] | None = None, *,
-    loads: str = "auto", sums: BlockSums[Any] | None = None, speeds: Array | None = None,
+    loads: str = "auto", blocks: SpectralBlocks | None = None,
 ) -> Outcome:  # fmt: skip
     """Identify the chosen parameters, or every coefficient that the sensors see, from the spectra of a uniformly
-    sampled record, or of the blocks that `sums` adds up: then `record` is the last of them, and `speeds` are the
-    blocks' rotor speeds [rad/s].
+    sampled record, or of `blocks`: then `record` is the last of them.
 
     Raises
     ------
@@ -84,71 +89,45 @@ def identify_by_spectrum(
     """
     notes: list[Finding] = []
     turbine = seen_by(turbine, sensors, notes)
-    inputs = known_inputs(record, turbine, sensors)
-    readings = read_bridged(record, [sensor.channel for sensor in sensors], notes)
-    known, file_loads = known_loads(record, turbine)
-    if known.any() or len({load.load for load in file_loads}) < len(turbine.model.loads):
+    samples = SpectralSamples.of(record, turbine, sensors, notes, blocks.sums if blocks else None)
+    _refuse_measured_loads(record, turbine)
+    started = time.perf_counter()
+    broad = ask(samples, turbine, prior, chosen, "broadband")
+    coupled, speeds = turns_couple(broad), blocks.speeds if blocks else broad.speed
+    if coupled and belongs_in_bands(broad):
+        in_bands = _in_bands(
+            broad, loads, _speed(speeds, NEGLIGIBLE_SPEED_VARIATION_IN_BANDS, MAX_SPEED_VARIATION_IN_BANDS), notes
+        )
+        if in_bands is not None:
+            return in_bands
+    doubts = _speed(speeds, NEGLIGIBLE_SPEED_VARIATION, MAX_SPEED_VARIATION) if coupled else []
+    names = _names(turbine, loads, coupled=coupled)
+    questions = {one: broad if one == "broadband" else ask(samples, turbine, prior, chosen, one) for one in names}
+    poses = {name: pose_lifted(question, name) for name, question in questions.items()}
+    started += _compile(poses.values())
+    found = _fitted(poses)
+    question = questions[found.name]
+    if loads == NarrowBand.name:
+        found = _with_narrow_band(question, found)
+    outcome = _lifted_outcome(question, found, (notes, doubts), None if coupled else float(speeds.mean()))
+    return outcome._replace(turns=coupled, elapsed=time.perf_counter() - started)
+
+
+def _refuse_measured_loads(record: Record, turbine: Turbine) -> None:
+    """ConfigurationError where a record holds a load of the turbine."""
+    known, unknown = known_loads(record, turbine)
+    if known.any() or len({load.load for load in unknown}) < len(turbine.model.loads):
         raise ConfigurationError(
             "the spectral formulation takes no measured loads: leave load_… out, or use --formulation joint"
         )
+
+
+def _compile(poses: Iterable[Posed]) -> float:
+    """Evaluate each problem once, which compiles its kernels; the seconds [s] that took."""
     started = time.perf_counter()
-    questions = {"broadband": ask(record, turbine, sensors, prior, chosen, inputs, readings, "broadband", sums)}
-    coupled = turns_couple(questions["broadband"])
-    speeds = questions["broadband"].speed if speeds is None else speeds
-    if coupled and belongs_in_bands(questions["broadband"]):
-        varying = _speed(speeds, NEGLIGIBLE_SPEED_VARIATION_IN_BANDS, MAX_SPEED_VARIATION_IN_BANDS)
-        in_bands = _in_bands(questions["broadband"], loads, varying, notes)
-        if in_bands is not None:
-            return in_bands
-        if sums is not None:
-            raise ConfigurationError(
-                "modes of the rotor are too near each other to be told apart in pieces: identify a section of it"
-            )
-    doubts = _speed(speeds, NEGLIGIBLE_SPEED_VARIATION, MAX_SPEED_VARIATION) if coupled else []
-    names = _names(turbine, loads, coupled=coupled)
-    if "rotor-wind" in names:
-        questions["rotor-wind"] = ask(record, turbine, sensors, prior, chosen, inputs, readings, "rotor-wind", sums)
-    warming = time.perf_counter()
-    poses = {name: pose_lifted(questions[name], name) for name in names}
-    for posed in poses.values():  # kernels are compiled here
+    for posed in poses:
         posed.model.likelihood(posed.start, max(1, len(posed.model.place.base)))
-    started += time.perf_counter() - warming
-    found = _fitted(poses)
-    name, best, why = found.name, found.fit, found.why
-    posed, question = poses[name], questions[name]
-    if loads == NarrowBand.name:
-        beside = fit_narrow_band(question, posed, best, thorough=True)
-        if beside is None:
-            raise WindsysidError("no narrow-band load fits this record: choose broadband")
-        name, posed, best = loads, beside.posed, beside.fit
-        notes.append(note_narrow_band(beside))
-        doubts += doubts_of_narrow_band(beside, asked=loads)
-        why = {"rivals": {"broad loads alone": beside.gain}, "part": False}
-    tolerances = tolerances_in(question)
-    if tolerances:
-        best = admit(best, inexact_of(question, tolerances))
-    model = posed.model
-    halves = halves_of(question, posed, best, name)
-    doubts += doubts_of_spectra(question, posed, best, name, halves)
-    if not coupled:
-        doubts += passed_by(question, best.unknowns, abs(float(speeds.mean())) / (2.0 * math.pi))
-    if model.lag:
-        lag = model.unknowns.of("lag").start
-        data = {"angle": best.unknowns[lag], "std": math.sqrt(best.cov[lag, lag])}
-        notes.append(Finding("lag_angle", "note", data))
-
-    def log_likelihood(unknowns: Array) -> float:
-        return -best.model.likelihood(unknowns, slopes=False).value
-
-    notes += [
-        Finding("loads_of_spectra", "note", {"loads": posed.text, **why}),
-        Finding("ranges_read", "note", {"ranges": posed.bands}),
-    ]
-    return _outcome(
-        question, best.unknowns, best.cov, best.model.unknowns, tolerances, log_likelihood=best.log_likelihood,
-        statistics=model.statistics, elapsed=time.perf_counter() - started, notes=notes, doubts=doubts, hypothesis=name,
-        held=find_held(one_by_one(log_likelihood), best.unknowns, best.cov, model.parameters),
-    )._replace(turns=coupled, drifts=drifts_of(question, halves, best.unknowns, tolerances))  # fmt: skip
+    return time.perf_counter() - started
 
 
 def _in_bands(question: RotorQuestion, loads: str, doubts: list[Finding], notes: list[Finding]) -> Outcome | None:
@@ -157,20 +136,60 @@ def _in_bands(question: RotorQuestion, loads: str, doubts: list[Finding], notes:
     tolerances = tolerances_in(question)
     found = read_in_bands(question, loads, inexact_of(question, tolerances) if tolerances else None)
     if found is None:
+        if question.sums is not None or question.turned is not None:
+            raise ConfigurationError(
+                "modes of the rotor are too near each other to be told apart in pieces: identify a section of it"
+            )
         return None
-    return _outcome(
-        question, found.unknowns, found.cov, found.blocks, tolerances, log_likelihood=found.log_likelihood,
-        statistics=found.statistics, elapsed=time.perf_counter() - started, notes=(*notes, *found.notes),
-        doubts=(*doubts, *found.doubts), hypothesis=RotorWind.name, held=found.held,
-    )._replace(in_bands=True)  # fmt: skip
+    found = found._replace(notes=(*notes, *found.notes), doubts=(*doubts, *found.doubts))
+    outcome = _outcome(question, found, tolerances, RotorWind.name)
+    return outcome._replace(in_bands=True, elapsed=time.perf_counter() - started)
+
+
+def _lifted_outcome(
+    question: RotorQuestion, found: "_Found", findings: tuple[list[Finding], list[Finding]], passing_speed: float | None
+) -> Outcome:
+    """The result of a load model's fit, with notes and doubts before its own; blades pass a support at a speed [rad/s]
+    where their turns are no part of the model."""
+    (notes, doubts), posed, best, tolerances = findings, found.posed, found.fit, tolerances_in(question)
+    if tolerances:
+        best = admit(best, inexact_of(question, tolerances))
+    halves = halves_of(question, posed, best, found.name)
+    doubts += [*found.doubts, *doubts_of_spectra(question, posed, best, found.name, halves)]
+    if passing_speed is not None:
+        doubts += passed_by(question, best.unknowns, abs(passing_speed) / (2.0 * math.pi))
+    notes += [
+        *found.notes,
+        *_lag_angle(best),
+        Finding("loads_of_spectra", "note", {"loads": posed.text, **found.why}),
+        Finding("ranges_read", "note", {"ranges": posed.bands}),
+    ]
+
+    def log_likelihood(unknowns: Array) -> float:
+        return -best.model.likelihood(unknowns, slopes=False).value
+
+    held = find_held(one_by_one(log_likelihood), best.unknowns, best.cov, best.model.parameters)
+    estimate = SpectralEstimate(
+        best.unknowns, best.cov, best.model.unknowns, best.log_likelihood, best.model.statistics, tuple(doubts),
+        tuple(notes), held,
+    )  # fmt: skip
+    drifts = drifts_of(question, halves, best.unknowns, tolerances)
+    return _outcome(question, estimate, tolerances, found.name)._replace(drifts=drifts)
+
+
+def _lag_angle(found: RotorFit) -> tuple[Finding, ...]:
+    """The blades' mean lag angle, where it is an unknown."""
+    if not found.model.lag:
+        return ()
+    lag = found.model.unknowns.of("lag").start
+    return (Finding("lag_angle", "note", {"angle": found.unknowns[lag], "std": math.sqrt(found.cov[lag, lag])}),)
 
 
 def _outcome(
-    question: RotorQuestion, unknowns: Array, cov: Array, blocks: Unknowns, tolerances: Sequence[Tolerance], *,
-    log_likelihood: float, statistics: Sequence[Statistic], elapsed: float, notes: Sequence[Finding],
-    doubts: Sequence[Finding], hypothesis: str, held: tuple[str, ...],
-) -> Outcome:  # fmt: skip
-    """What was found, from all unknowns (n,), whose `blocks` are told."""
+    question: RotorQuestion, found: SpectralEstimate, tolerances: Sequence[Tolerance], hypothesis: str
+) -> Outcome:
+    """An estimate in filter coordinates."""
+    unknowns, cov, blocks = found.unknowns, found.cov, found.blocks
     theta, eta, tau = blocks.of("parameters"), blocks.of("statistics"), blocks.of("tolerances", "clocks")
     kept = blocks.but("lag")
     learned = learned_tolerances(tolerances, unknowns[tau], cov[tau, tau])
@@ -185,19 +204,19 @@ def _outcome(
         ),
         history_mean=unknowns[None, theta],
         history_std=np.sqrt(np.diag(cov)[theta])[None],
-        final=no_innovations(len(question.sensors), log_likelihood),
+        final=no_innovations(len(question.sensors), found.log_likelihood),
         theta=unknowns[theta],
         cov=cov[theta, theta],
         rotor=question.inputs,
         channels=tuple(sensor.channel for sensor in question.sensors),
-        elapsed=elapsed,
-        notes=(*notes, *note_tolerances(learned)),
-        statistics=learned_statistics(statistics, unknowns[eta], cov[eta, eta]),
-        doubts=(*doubts, *doubt_tolerances(learned)),
+        elapsed=0.0,
+        notes=(*found.notes, *note_tolerances(learned)),
+        statistics=learned_statistics(found.statistics, unknowns[eta], cov[eta, eta]),
+        doubts=(*found.doubts, *doubt_tolerances(learned)),
         joint_cov=cov[np.ix_(kept, kept)],
         hypothesis=hypothesis,
         tolerances=learned,
-        held=held,
+        held=found.held,
         sensors=question.sensors,
     )
 
@@ -230,26 +249,30 @@ def _names(turbine: Turbine, loads: str, *, coupled: bool) -> tuple[str, ...]:
 
 
 def ask(
-    record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior, chosen: Sequence[str] | None,
-    inputs: Array, readings: Array, loads: str, sums: BlockSums[Any] | None = None,
-) -> RotorQuestion:  # fmt: skip
+    samples: SpectralSamples, turbine: Turbine, prior: Prior, chosen: Sequence[str] | None, loads: str
+) -> RotorQuestion:
     """The question under a load model, which may bring coefficients of its own."""
+    record, sensors, sums = samples.record, samples.sensors, samples.sums
     file_loads = known_loads(record, turbine)[1]
     supposed = hypothesis(loads, turbine, file_loads)
     own = (q for q in supposed.parameters if q.name != MEAN_LAG)  # which is an unknown of spectra under any loads
     parameters = (*prior.parameters(turbine, identifiable(turbine, chosen), linear=False), *own)
-    rotor = supposed.turbine.model.rotor
-    if rotor is not None and rotor.leads and MEAN_LAG not in turbine.values:
-        values = {name: value for name, value in supposed.turbine.values.items() if name != MEAN_LAG}
-        turbine = replace(supposed.turbine, model=replace(rotor, leads=False), values=values)
-    else:
-        turbine = supposed.turbine
-    compiled = compile_model(turbine.model, tuple(sensors), instruments=True)
+    turbine = _without_lag(supposed.turbine, turbine)
+    compiled = compile_model(turbine.model, sensors, instruments=True)
     question = RotorQuestion(
-        turbine, tuple(sensors), readings, record.rate, inputs, compiled, parameters, tuple(file_loads)
+        turbine, sensors, samples.readings, record.rate, samples.inputs, compiled, parameters, tuple(file_loads)
     )
     in_frame = sums is not None and isinstance(sums.last, TurnedBlock)
     return question._replace(turned=sums) if in_frame else question._replace(sums=sums)
+
+
+def _without_lag(supposed: Turbine, file: Turbine) -> Turbine:
+    """The turbine of a load model, without the mean lag angle that it brings where the file has none."""
+    rotor = supposed.model.rotor
+    if rotor is None or not rotor.leads or MEAN_LAG in file.values:
+        return supposed
+    values = {name: value for name, value in supposed.values.items() if name != MEAN_LAG}
+    return replace(supposed, model=replace(rotor, leads=False), values=values)
 
 
 def _speed(speed: Array, steady: float, varying: float) -> list[Finding]:
@@ -266,12 +289,25 @@ def _speed(speed: Array, steady: float, varying: float) -> list[Finding]:
 
 
 class _Found(NamedTuple):
-    """The load model that explains the record best, what the record says under it, and its log evidence over others, in
-    which `part` of the record only was used."""
+    """The load model that explains the record best, its problem, what the record says under it, its log evidence over
+    others, in which `part` of the record only was used, and what else is to be said of it."""
 
     name: str
+    posed: Posed
     fit: RotorFit
     why: dict[str, Any]
+    notes: tuple[Finding, ...] = ()
+    doubts: tuple[Finding, ...] = ()
+
+
+def _with_narrow_band(question: RotorQuestion, broad: _Found) -> _Found:
+    """A narrow-band load in addition to broad ones; WindsysidError where none fits."""
+    beside = fit_narrow_band(question, broad.posed, broad.fit, thorough=True)
+    if beside is None:
+        raise WindsysidError("no narrow-band load fits this record: choose broadband")
+    name, why = NarrowBand.name, {"rivals": {"broad loads alone": beside.gain}, "part": False}
+    doubts = doubts_of_narrow_band(beside, asked=name)
+    return _Found(name, beside.posed, beside.fit, why, (note_narrow_band(beside),), doubts)
 
 
 def _fitted(poses: dict[str, Posed]) -> _Found:
@@ -279,7 +315,7 @@ def _fitted(poses: dict[str, Posed]) -> _Found:
     try:
         if len(poses) == 1:
             ((name, posed),) = poses.items()
-            return _Found(name, _fit_alone(posed), {"rivals": {}, "part": False})
+            return _Found(name, posed, _fit_alone(posed), {"rivals": {}, "part": False})
         if any(posed.model.blocks > 1.0 for posed in poses.values()):
             return _after_all(poses)
         return _after_stages(poses)
@@ -310,7 +346,8 @@ def _after_stages(poses: dict[str, Posed]) -> _Found:
         ranking, later = _ranked(tried), WHOLE
         why = {"rivals": ranking.rivals(), "part": False}
     name = ranking.best
-    return _Found(name, fit(poses[name].model, tried[name].unknowns, later, poses[name].smoothed), why)
+    posed = poses[name]
+    return _Found(name, posed, fit(posed.model, tried[name].unknowns, later, posed.smoothed), why)
 
 
 def _after_all(poses: dict[str, Posed]) -> _Found:
@@ -321,7 +358,7 @@ def _after_all(poses: dict[str, Posed]) -> _Found:
     ranking = rank(tried, lambda name: tried[name].evidence_at(overlap))
     best = tried[ranking.best]
     best = best._replace(log_evidence=best.evidence_at(overlap))
-    return _Found(ranking.best, best, {"rivals": ranking.rivals(), "part": False})
+    return _Found(ranking.best, poses[ranking.best], best, {"rivals": ranking.rivals(), "part": False})
 
 
 def _ranked(tried: Mapping[str, RotorFit]) -> Ranking[str]:

@@ -134,24 +134,22 @@ def fit_narrow_band(
         return None
     plain = fit(found.model._replace(smear=None), found.unknowns, FIRST_STAGES, rough=True).log_evidence
     gain = ends[0].log_evidence - plain
-    near = [
-        end
-        for end in rank(ends, LOG_EVIDENCE).within(MAX_START_LOG_ODDS)
-        if (thorough or end.log_evidence > plain or _may_matter(question, found, end, end.log_evidence - plain))
-    ]
+    near = rank(ends, LOG_EVIDENCE).within(MAX_START_LOG_ODDS)
+    if not thorough:
+        near = tuple(end for end in near if _may_matter(question, found, end, end.log_evidence - plain))
     if not near:
         return NarrowBandFit(posed, ends[0], gain, _off(question, found, ends[0])[1], None)
-    ends = [
-        end._replace(log_evidence=end.evidence_at(overlap))
-        for end in _ends(question, posed, [end.unknowns for end in near])
-    ]
+    ends = _ends(question, posed, [end.unknowns for end in near])
     if not ends:
         return None
+    ends = [end._replace(log_evidence=end.evidence_at(overlap)) for end in ends]
     gain = ends[0].log_evidence - found.log_evidence
-    best, *others = [*ends, found] if gain > MIN_LOG_ODDS else [found, *ends]
-    narrow = [other for other in others if other is found or gain > MIN_LOG_ODDS or _is_narrow(question, posed, other)]
-    rival = next((said for other in narrow if (said := _elsewhere(question, best, other))), None)
-    return NarrowBandFit(posed, ends[0], gain, _off(question, found, ends[0])[1], rival)
+    if gain > MIN_LOG_ODDS:
+        best, others = ends[0], [*ends[1:], found]
+    else:
+        best, others = found, [end for end in ends if _is_narrow(question, posed, end)]
+    rivals = (_elsewhere(question, best, other) for other in others)
+    return NarrowBandFit(posed, ends[0], gain, _off(question, found, ends[0])[1], next(filter(None, rivals), None))
 
 
 def doubts_of_narrow_band(found: NarrowBandFit | None, *, asked: str) -> tuple[Finding, ...]:
@@ -204,14 +202,19 @@ def _starts(question: RotorQuestion, found: RotorFit, model: LiftedModel) -> lis
     of_support = [i for i, q in enumerate(question.parameters) if q.kind == "damping" and q.part in supports]
     damped[of_support] = model.prior[0][of_support]
     more[of_support] = damped[of_support] + model.prior[1][of_support]
-    tried = [one for known in (damped, found.unknowns) for one in _places(question, model, known)]
-    chosen = list[_Place]()
-    for one in sorted(tried, key=lambda one: -one.gain):
-        if len(chosen) < MAX_STARTS and not any(one.is_like(other) for other in chosen):
-            chosen.append(one)
+    chosen = _best_of([*_places(question, model, damped), *_places(question, model, found.unknowns)])
     swapped = [_swapped(question, one) for one in chosen if abs(math.log(one.frequency / one.mode)) > START_SPACING]
     last = max(_places(question, model, more), key=lambda one: one.gain)
     return [*(one.start for one in chosen), *swapped[:1], last.start]
+
+
+def _best_of(places: "Sequence[_Place]") -> "list[_Place]":
+    """The best places whose searches end differently."""
+    chosen = list[_Place]()
+    for one in sorted(places, key=lambda one: -one.gain):
+        if len(chosen) < MAX_STARTS and not any(one.is_like(other) for other in chosen):
+            chosen.append(one)
+    return chosen
 
 
 def _swapped(question: RotorQuestion, place: "_Place") -> Array:
@@ -322,9 +325,10 @@ def _off(question: RotorQuestion, best: RotorFit, other: RotorFit) -> tuple[str,
 
 
 def _may_matter(question: RotorQuestion, found: RotorFit, end: RotorFit, gain: float) -> bool:
-    """Whether a rough end may be another explanation that counts, searched to the end."""
+    """Whether a rough end of so much log evidence more is better, or may be another explanation that counts, searched
+    to the end."""
     off = _off(question, found, end)[1]
-    return off > NEGLIGIBLE_SHIFT_SIGMAS and off * math.exp(min(gain, 0.0)) > 0.5 * MIN_EXPECTED_SHIFT_SIGMAS
+    return gain > 0.0 or (off > NEGLIGIBLE_SHIFT_SIGMAS and off * math.exp(gain) > 0.5 * MIN_EXPECTED_SHIFT_SIGMAS)
 
 
 def _elsewhere(question: RotorQuestion, best: RotorFit, other: RotorFit) -> tuple[str, float] | None:

@@ -8,12 +8,12 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.errors import WindsysidError
-from windsysid.identification.condition.spectral_readings import read_bridged
+from windsysid.identification.condition.spectral_readings import SpectralSamples
 from windsysid.identification.estimate.clock_lag import put_on_time
 from windsysid.identification.estimate.spectral.frequency_domain import ask, inexact_of, tolerances_in
 from windsysid.identification.estimate.spectral.narrow_band import NarrowBandFit, fit_narrow_band
 from windsysid.identification.limits import MAX_TOLERANCE_CHANGE, MAX_YAW_CHANGE
-from windsysid.identification.model.fit import Outcome, known_inputs, known_loads
+from windsysid.identification.model.fit import Outcome, known_loads
 from windsysid.identification.model.prior import Prior
 from windsysid.identification.model.tolerances import seconds_late
 from windsysid.identification.model.turbine_problem import seen_by
@@ -48,9 +48,7 @@ def narrow_band_beside(
     Priors are those that were given. One that was made wider since the readings want more damping stays so: no
     narrow-band load makes a mode look damped more, and it would be held against what the prior does not explain.
     """
-    undamped = any(q.kind == "damping" and t <= 0.0 for q, t in zip(near.model.parameters, near.theta, strict=True))
-    far = any(one.group in ("gain", "masses") and abs(one.estimate) > MAX_TOLERANCE_CHANGE for one in near.tolerances)
-    if undamped or far or near.hypothesis in (NarrowBand.name, RotorWind.name):
+    if _is_far(near):
         return None
     turbine = seen_by(turbine, sensors, [])
     known = {
@@ -59,14 +57,10 @@ def narrow_band_beside(
     }
     try:
         record = heard_on_time(record, near, turbine, sensors)
-        inputs = known_inputs(record, turbine, sensors)
-        readings = read_bridged(record, [sensor.channel for sensor in sensors], [])
-        measured, loads = known_loads(record, turbine)
-        some_known = measured.any() or len({load.load for load in loads}) < len(turbine.model.loads)
-        turned = np.ptp(inputs[:, 2:], axis=0).max(initial=0.0) > MAX_YAW_CHANGE
-        if some_known or turned or not narrow_band_statistics(turbine, loads):
+        samples = SpectralSamples.of(record, turbine, sensors, [], sums)
+        if not _may_be_there(samples, turbine):
             return None
-        question = ask(record, turbine, sensors, Prior(), [*known], inputs, readings, Broadband.name, sums)
+        question = ask(samples, turbine, Prior(), [*known], Broadband.name)
         if turns_couple(question) and belongs_in_bands(question):
             return None
         question = question._replace(parameters=tuple(known[q.name] for q in question.parameters))
@@ -76,6 +70,24 @@ def narrow_band_beside(
         return fit_narrow_band(question, posed, broad)
     except (WindsysidError, np.linalg.LinAlgError):
         return None
+
+
+def _is_far(near: Outcome) -> bool:
+    """Whether a search has ended where no such load is looked for: under wind, with one, without damping, or with a
+    gain or a mass that is nothing like what it should be."""
+    at = zip(near.model.parameters, near.theta, strict=True)
+    undamped = any(q.kind == "damping" and theta <= 0.0 for q, theta in at)
+    far = any(one.group in ("gain", "masses") and abs(one.estimate) > MAX_TOLERANCE_CHANGE for one in near.tolerances)
+    return undamped or far or near.hypothesis in (NarrowBand.name, RotorWind.name)
+
+
+def _may_be_there(samples: SpectralSamples, turbine: Turbine) -> bool:
+    """Whether such a load could push the support, and spectra apply: no load is measured, and the yaw hardly varies, of
+    which spectra know one value."""
+    measured, loads = known_loads(samples.record, turbine)
+    some_known = measured.any() or len({load.load for load in loads}) < len(turbine.model.loads)
+    turned = np.ptp(samples.inputs[:, 2:], axis=0).max(initial=0.0) > MAX_YAW_CHANGE
+    return not (some_known or turned) and bool(narrow_band_statistics(turbine, loads))
 
 
 def heard_on_time(record: Record, near: Outcome, turbine: Turbine, sensors: Sequence[Sensor]) -> Record:

@@ -20,11 +20,11 @@ from windsysid.spectral.rotor_bands.build import PosedBands, centre_bands, searc
 from windsysid.spectral.rotor_bands.check import doubts_of_bands
 from windsysid.statespace.unknowns import Unknowns
 
-__all__ = ["ReadInBands", "read_in_bands"]
+__all__ = ["SpectralEstimate", "read_in_bands"]
 
 
-class ReadInBands(NamedTuple):
-    """What bands say.
+class SpectralEstimate(NamedTuple):
+    """Estimate of the unknowns from spectra.
 
     Attributes
     ----------
@@ -52,7 +52,7 @@ class ReadInBands(NamedTuple):
     held: tuple[str, ...]
 
 
-def read_in_bands(question: RotorQuestion, loads: str, inexact: Inexact | None = None) -> ReadInBands | None:
+def read_in_bands(question: RotorQuestion, loads: str, inexact: Inexact | None = None) -> SpectralEstimate | None:
     """Coefficients and statistics from bands around the modes; with τ where instruments or masses are not exact. None
     where the modes cannot be told apart.
 
@@ -82,7 +82,7 @@ def read_in_bands(question: RotorQuestion, loads: str, inexact: Inexact | None =
     converged = fit.mode.converged and found.converged
     mean, spread = wide.model.prior
     off = (found.unknowns - mean) / spread
-    return ReadInBands(
+    return SpectralEstimate(
         found.unknowns,
         cov,
         wide.model.unknowns,

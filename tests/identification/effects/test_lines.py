@@ -1,0 +1,60 @@
+"""Sinusoids that a fit lacks."""
+
+import numpy as np
+import pytest
+
+from tests.identification.fits import CHANNELS, RATE, fitted, job_of, noise, record_of
+from windsysid.identification.effects import lines
+from windsysid.identification.effects.lines import RotorHarmonic, Sinusoid, sinusoids_in
+from windsysid.identification.effects.sinusoid import Sine
+from windsysid.identification.effects.sinusoidal_force import Sinusoids
+
+HZ = 0.36
+
+
+@pytest.fixture
+def no_refits(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Spectra are not fitted again: no coefficient depends on a frequency, and a line may do harm."""
+    monkeypatch.setattr(lines, "doubt_line", lambda job, fit: None)
+    monkeypatch.setattr(lines, "is_harmless", lambda line, job, fit: False)
+
+
+def with_tone(amplitude: float):
+    readings = noise()
+    readings[:, 0] += amplitude * np.sin(2.0 * np.pi * HZ * np.arange(len(readings)) / RATE)
+    return record_of(readings)
+
+
+@pytest.mark.usefixtures("no_refits")
+def test_a_sinusoid_beside_a_mode_is_found_at_its_frequency():
+    record = with_tone(1.0)
+    found = Sinusoid().detect(job_of(record), fitted(record))
+    assert isinstance(found.inclusion, Sinusoids)
+    (sine,) = found.inclusion.sines
+    assert sine.frequency == pytest.approx(HZ, abs=1e-3)
+    assert not sine.on_blades
+    assert found.fit.line is not None
+    assert found.fit.line.channel == CHANNELS[0]
+
+
+@pytest.mark.usefixtures("no_refits")
+def test_noise_has_no_sinusoid_and_one_that_is_included_is_not_found_again():
+    record = with_tone(0.0)
+    assert Sinusoid().detect(job_of(record), fitted(record)).inclusion is None
+    record = with_tone(1.0)
+    job = job_of(record).including(Sinusoids((Sine(HZ, on_blades=False),)))
+    assert sinusoids_in(job) is job.effects[0]
+    assert Sinusoid().detect(job, fitted(record)._replace(unmodelled=())).inclusion is None
+
+
+def test_rotor_harmonics_are_not_tested_on_spectra():
+    record = with_tone(0.0)
+    job, fit = job_of(record, formulation="spectral"), fitted(record)
+    assert sinusoids_in(job) is None
+    assert RotorHarmonic().detect(job, fit) == (fit, None, 0.0, None)
+
+
+@pytest.mark.parametrize(("hz", "turns"), [(0.6, True), (0.61, True), (0.63, False), (0.1, False)])
+def test_frequencies_within_two_percent_of_a_harmonic_turn_with_the_rotor(hz: float, turns: bool):
+    assert lines._turns_with(hz, 0.2) is turns
+    assert not lines._turns_with(hz, 0.0)

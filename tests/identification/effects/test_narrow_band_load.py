@@ -1,0 +1,65 @@
+"""When a narrow-band load is included, preferred, or denied by filters."""
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from tests.identification.fits import TOWER, fitted, job_of, noise, record_of
+from windsysid.identification.effects import narrow_band_load as module
+from windsysid.identification.effects.narrow_band_load import NarrowBandIncluded, NarrowBandLoad, narrow_band_in
+from windsysid.identification.model.effect import Detection
+from windsysid.loads.narrow_band import FREQUENCY
+
+RECORD = record_of(noise())
+
+
+def alternative(*, is_needed: bool = True, rival: tuple[str, float] | None = None) -> Any:
+    return SimpleNamespace(is_needed=is_needed, gain=23.0, rival=rival, values={FREQUENCY: 0.4})
+
+
+@pytest.fixture
+def found(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Says what the spectra find."""
+    return lambda one: monkeypatch.setattr(module, "narrow_band_beside", lambda *of: one)
+
+
+def test_its_evidence_is_the_log_odds_of_spectra_and_the_search_begins_at_the_fit(found: Any):
+    found(alternative())
+    fit = fitted(RECORD)
+    seen = NarrowBandLoad().detect(job_of(RECORD, formulation="spectral"), fit)
+    assert isinstance(seen.inclusion, NarrowBandIncluded)
+    assert seen.log10_odds == pytest.approx(23.0 / math.log(10.0))
+    assert seen.start is fit
+    assert not seen.fit.rivals
+
+
+def test_it_speaks_against_a_fit_whose_loads_were_given(found: Any):
+    found(alternative())
+    seen = NarrowBandLoad().detect(job_of(RECORD, formulation="spectral", loads="broadband"), fitted(RECORD))
+    assert seen.inclusion is None
+    assert [one.code for one in seen.fit.rivals] == ["narrow_band_load_preferred"]
+
+
+def test_nothing_is_said_where_spectra_do_not_apply_or_it_is_included(found: Any):
+    found(None)
+    job, fit = job_of(RECORD, formulation="spectral"), fitted(RECORD)
+    assert NarrowBandLoad().detect(job, fit) == (fit, None, 0.0, None)
+    found(alternative())
+    included = NarrowBandIncluded(alternative())
+    job = job.including(included)
+    assert narrow_band_in(job) is included
+    assert NarrowBandLoad().detect(job, fit) == (fit, None, 0.0, None)
+    assert included.correct(RECORD, TOWER, TOWER.sensors, filtered=True) == (RECORD, TOWER.sensors)
+    assert included.notes(fit.outcome, filtered=True) == ()
+
+
+def test_filters_that_do_without_it_are_held_against_spectra():
+    job, fit = job_of(RECORD), fitted(RECORD, "joint")
+    included = Detection(fit, NarrowBandIncluded(alternative()), 10.0, fit)
+    after = NarrowBandLoad().confirm(job, included, fitted(RECORD, "joint", hypothesis="broadband"))
+    assert after is not None
+    assert [one.code for one in after.rivals] == ["narrow_band_load_preferred"]
+    spectral = fitted(RECORD)
+    assert NarrowBandLoad().confirm(job, included, spectral) is spectral

@@ -1,0 +1,89 @@
+"""A narrow-band load weighed by its evidence and by what it changes."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.identification.fits import TOWER
+from windsysid.identification.estimate.spectral.narrow_band import (
+    NarrowBandFit,
+    _elsewhere,
+    doubts_of_narrow_band,
+    fit_narrow_band,
+    note_narrow_band,
+)
+from windsysid.identification.limits import (
+    MAX_DISAGREEMENT_SIGMAS,
+    MIN_EXPECTED_SHIFT_SIGMAS,
+    MIN_LOG_ODDS,
+    NEGLIGIBLE_SHIFT_SIGMAS,
+)
+from windsysid.loads.narrow_band import FREQUENCY, WIDTH, narrow_band_statistics
+from windsysid.loads.statistics import coordinates_of
+from windsysid.statespace.unknowns import Unknowns
+
+STATISTICS = narrow_band_statistics(TOWER, TOWER.loads)
+VALUES = {one.name: one.given for one in STATISTICS} | {FREQUENCY: 0.4, WIDTH: 0.02, STATISTICS[-1].name: 9e3}
+QUESTION: Any = SimpleNamespace(parameters=[SimpleNamespace(name="k_x"), SimpleNamespace(name="c_x")])
+
+
+def narrow(
+    gain: float = 2.0 * MIN_LOG_ODDS,
+    moved: float = 2.0 * NEGLIGIBLE_SHIFT_SIGMAS,
+    rival: tuple[str, float] | None = None,
+) -> Any:
+    """A fit with such a load of `VALUES`."""
+    eta = coordinates_of(STATISTICS, VALUES)
+    fit: Any = SimpleNamespace(unknowns=None, model=SimpleNamespace(split_statistics=lambda unknowns: (eta, None)))
+    posed: Any = SimpleNamespace(model=SimpleNamespace(sources=SimpleNamespace(statistics=STATISTICS)))
+    return NarrowBandFit(posed, fit, gain, moved, rival)
+
+
+def end(*theta: float, log_evidence: float = 0.0) -> Any:
+    """Where a search ended, with standard deviations of 0.1."""
+    model = SimpleNamespace(unknowns=Unknowns(parameters=("k_x", "c_x")))
+    return SimpleNamespace(unknowns=np.array(theta), cov=0.01 * np.eye(2), model=model, log_evidence=log_evidence)
+
+
+def test_it_is_needed_where_its_evidence_is_clear_and_a_coefficient_changes():
+    assert narrow().is_needed
+    assert not narrow(gain=0.9 * MIN_LOG_ODDS).is_needed
+    assert not narrow(moved=0.9 * NEGLIGIBLE_SHIFT_SIGMAS).is_needed
+
+
+def test_it_speaks_against_given_loads_and_where_another_explanation_is_as_good():
+    assert doubts_of_narrow_band(None, asked="broadband") == ()
+    assert doubts_of_narrow_band(narrow(), asked="auto") == ()
+    (found,) = doubts_of_narrow_band(narrow(), asked="broadband")
+    assert (found.code, found.data["frequency"]) == ("narrow_band_load_preferred", pytest.approx(0.4))
+    rival = "c_x", 4.0
+    for gain, code in ((0.0, "narrow_band_load_possible"), (2.0 * MIN_LOG_ODDS, "narrow_band_load_ambiguous")):
+        (found,) = doubts_of_narrow_band(narrow(gain, rival=rival), asked="auto")
+        assert (found.code, found.quantities, found.data["sigmas"]) == (code, ("c_x",), 4.0)
+
+
+def test_its_note_has_the_strongest_level():
+    data = note_narrow_band(narrow()).data
+    assert data["load"] == STATISTICS[-1].of
+    assert data["rms"] == pytest.approx(9e3)
+    assert data["width"] == pytest.approx(0.02)
+
+
+def test_an_explanation_is_a_rival_where_its_odds_times_its_distance_is_large():
+    best = end(0.0, 0.0)
+    off = 10.0 * MAX_DISAGREEMENT_SIGMAS
+    assert _elsewhere(QUESTION, best, end(0.0, 0.09 * MAX_DISAGREEMENT_SIGMAS)) is None
+    name, sigmas = _elsewhere(QUESTION, best, end(0.0, 0.1 * off)) or ("", 0.0)
+    assert name == "c_x"
+    assert sigmas == pytest.approx(off)
+    unlikely = np.log(MIN_EXPECTED_SHIFT_SIGMAS / off)
+    assert _elsewhere(QUESTION, best, end(0.0, 0.1 * off, log_evidence=unlikely - 0.1)) is None
+    assert _elsewhere(QUESTION, best, end(0.0, 0.1 * off, log_evidence=unlikely + 0.1)) is not None
+
+
+def test_a_support_whose_loads_are_measured_has_none():
+    question: Any = SimpleNamespace(turbine=TOWER, loads=())
+    nothing: Any = None
+    assert fit_narrow_band(question, nothing, nothing) is None

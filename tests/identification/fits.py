@@ -1,0 +1,51 @@
+"""Fits of the packaged tower that nothing has estimated: the values of its file, with standard deviations as given."""
+
+from typing import Any
+
+import numpy as np
+
+from windsysid.identification.job import FittedJob, Job
+from windsysid.identification.model.fit import Outcome, known_inputs, no_innovations
+from windsysid.identification.model.prior import Prior, identifiable
+from windsysid.records.record import Record
+from windsysid.statespace.compose import compose
+from windsysid.turbine.file import load_turbine
+
+TOWER = load_turbine("tower")
+CHANNELS = tuple(sensor.channel for sensor in TOWER.sensors)
+RATE, SAMPLES = 4.0, 800
+
+
+def record_of(readings: np.ndarray, **others: np.ndarray) -> Record:
+    """A record of the tower's two sensors (T, 2), and of other channels without a unit."""
+    return Record(
+        np.arange(len(readings)) / RATE, np.column_stack([readings, *others.values()]), (*CHANNELS, *others),
+        ("m/s^2", "m/s^2", *("" for _ in others)), name="tower",
+    )  # fmt: skip
+
+
+def noise(seed: int = 1) -> np.ndarray:
+    return np.random.default_rng(seed).standard_normal((SAMPLES, 2))
+
+
+def outcome_of(record: Record, *, std: float = 0.01, **changes: Any) -> Outcome:
+    """The fit of a record that is as the file says, each coordinate with the same standard deviation."""
+    parameters = Prior().parameters(TOWER, identifiable(TOWER), linear=False)
+    model = compose(TOWER.model, rate=record.rate, values=TOWER.values, parameters=parameters, sensors=TOWER.sensors)
+    theta = np.array([q.coordinate(TOWER.values[q.name]) for q in parameters])
+    n = len(theta)
+    found = Outcome(
+        TOWER, model, theta[None], np.full((1, n), std), no_innovations(2, 0.0), theta, std**2 * np.eye(n),
+        known_inputs(record, TOWER, TOWER.sensors), CHANNELS, 0.0, (), sensors=TOWER.sensors,
+    )  # fmt: skip
+    return found._replace(**changes)
+
+
+def job_of(record: Record, **changes: Any) -> Job:
+    known: dict[str, Any] = dict.fromkeys(("sensors", "prior", "parameters", "rate"))
+    known |= {"record": record, "part": record, "turbine": TOWER, "loads": "auto"}
+    return Job(**(known | changes))
+
+
+def fitted(record: Record, formulation: Any = "spectral", **changes: Any) -> FittedJob:
+    return FittedJob(formulation, outcome_of(record, **changes), record, TOWER.sensors, ())

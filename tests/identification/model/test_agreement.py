@@ -1,0 +1,27 @@
+"""Two fits of one record compared coefficient by coefficient."""
+
+import numpy as np
+import pytest
+
+from tests.identification.fits import TOWER, noise, outcome_of, record_of
+from windsysid.identification.limits import MAX_DISAGREEMENT_SIGMAS
+from windsysid.identification.model.agreement import compare, disagreement
+from windsysid.turbine.file import load_turbine
+
+OUTCOME = outcome_of(record_of(noise()), std=0.01)
+
+
+def test_the_largest_difference_is_in_the_larger_standard_deviation():
+    shift = np.array([0.02, -0.05, 0.0, 0.0])[: len(OUTCOME.theta)]
+    other = OUTCOME._replace(theta=OUTCOME.theta + shift, cov=4.0 * OUTCOME.cov)
+    for found in (compare(OUTCOME, other), compare(other, OUTCOME)):
+        assert found[0] == OUTCOME.model.parameters[1].name
+        assert found[1] == pytest.approx(0.05 / 0.02)
+    assert compare(OUTCOME, OUTCOME)[1] == 0.0
+
+
+def test_a_disagreement_names_its_coefficient_and_whether_blades_were_left_out():
+    found = disagreement("k_fore_aft", MAX_DISAGREEMENT_SIGMAS + 1.0, OUTCOME, TOWER)
+    assert (found.code, found.severity, found.quantities) == ("formulations_disagree", "reason", ("k_fore_aft",))
+    assert found.data == {"sigmas": MAX_DISAGREEMENT_SIGMAS + 1.0, "unseen_blades": False}
+    assert disagreement("k_x", 4.0, OUTCOME, load_turbine("verne555")).data["unseen_blades"]
