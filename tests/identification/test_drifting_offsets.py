@@ -8,7 +8,7 @@ from tests.findings import codes
 from validation import towers
 from windsysid.identification.condition.spectral_readings import SpectralSamples
 from windsysid.identification.effects.random_walk_bias import find_random_walks
-from windsysid.identification.estimate.frequency_domain import ask
+from windsysid.identification.estimate.spectral.frequency_domain import ask
 from windsysid.identification.identify import identify
 from windsysid.identification.model.prior import Prior
 from windsysid.records.record import Record

@@ -16,7 +16,7 @@ from windsysid.errors import ConfigurationError, NumericalError, RecordError
 from windsysid.identification import formulations as ways
 from windsysid.identification import identify as identify_module
 from windsysid.identification.condition.readings import add_noise, usable_sensors, with_noise
-from windsysid.identification.estimate.frequency_domain import identify_by_spectrum
+from windsysid.identification.estimate.spectral.frequency_domain import identify_by_spectrum
 from windsysid.identification.estimate.time_domain import identify_jointly_from
 from windsysid.identification.model.prior import Prior
 from windsysid.identification.streaming.identify_pieces import identify_pieces

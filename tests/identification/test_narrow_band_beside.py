@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from validation.adversary.scenarios import SCENARIOS, record
 
-import windsysid.identification.estimate.narrow_band_alternative as beside
+import windsysid.identification.estimate.spectral.narrow_band_alternative as beside
 from windsysid.identification.estimate.time_domain import identify_jointly
 from windsysid.identification.model.fit import Outcome
 from windsysid.identification.model.prior import Prior

@@ -5,7 +5,7 @@ import pytest
 
 import windsysid as ws
 from windsysid.identification.condition.spectral_readings import SpectralSamples
-from windsysid.identification.estimate.frequency_domain import ask, inexact_of, tolerances_in
+from windsysid.identification.estimate.spectral.frequency_domain import ask, inexact_of, tolerances_in
 from windsysid.identification.model.prior import Prior
 from windsysid.identification.model.problem import Problem
 from windsysid.identification.model.turbine_problem import pose

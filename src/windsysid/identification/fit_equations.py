@@ -2,7 +2,7 @@
 turbine.
 
 The estimate is made in time (`windsysid.identification.estimate.equations_time`) or from spectra
-(`windsysid.identification.estimate.equations_spectra`).
+(`windsysid.identification.estimate.spectral.equations_spectra`).
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -16,8 +16,8 @@ from windsysid._types import Array
 from windsysid.checks.verdict import FittedParameters, RecordTests, diagnose
 from windsysid.errors import ConfigurationError
 from windsysid.identification.condition.segments import SegmentReader
-from windsysid.identification.estimate.equations_spectra import fit_by_spectra
 from windsysid.identification.estimate.equations_time import EquationsEstimate, fit_by_filter
+from windsysid.identification.estimate.spectral.equations_spectra import fit_by_spectra
 from windsysid.identification.model.equations_problem import EquationsJob
 from windsysid.inspection.screening import doubted, noted
 from windsysid.kernels.threads import one_thread

@@ -13,9 +13,9 @@ from windsysid.identification.effects.clock_drift import drifts_in
 from windsysid.identification.effects.lines import sinusoids_in
 from windsysid.identification.effects.narrow_band_load import narrow_band_in
 from windsysid.identification.estimate.force_balance import identify_by_force_balance, measured_channels
-from windsysid.identification.estimate.frequency_domain import identify_by_spectrum
-from windsysid.identification.estimate.narrow_band_alternative import heard_on_time, told_before
 from windsysid.identification.estimate.prior_conflict import with_wide_priors
+from windsysid.identification.estimate.spectral.frequency_domain import identify_by_spectrum
+from windsysid.identification.estimate.spectral.narrow_band_alternative import heard_on_time, told_before
 from windsysid.identification.estimate.time_domain import identify_jointly, identify_jointly_from
 from windsysid.identification.job import Conditioned, FittedJob, Formulation, Job
 from windsysid.identification.limits import MAX_RADIANS_PER_SPECTRAL_READING

@@ -12,7 +12,7 @@ from windsysid.identification.effects import EFFECTS
 from windsysid.identification.effects.regression import Regression
 from windsysid.identification.effects.score_test import RegressorCandidate, log_tail_of_f, score_tests
 from windsysid.identification.effects.step import Step, likeliest_change
-from windsysid.identification.estimate.linearisation import Linearisation, RegressorColumn, linearise
+from windsysid.identification.estimate.fitted.linearisation import Linearisation, RegressorColumn, linearise
 from windsysid.identification.formulations import estimate
 from windsysid.identification.job import FittedJob, Job
 from windsysid.identification.model.prior import Prior

@@ -15,7 +15,7 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.identification.effects.regression import RegressorEffect
 from windsysid.identification.effects.score_test import RegressorCandidate
-from windsysid.identification.estimate.linearisation import Linearisation, RegressorColumn
+from windsysid.identification.estimate.fitted.linearisation import Linearisation, RegressorColumn
 from windsysid.identification.job import Job
 from windsysid.identification.limits import NEGLIGIBLE_SHARE, OUTLIER_SIGMAS
 from windsysid.identification.model.effect import Effect

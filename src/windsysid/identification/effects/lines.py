@@ -12,9 +12,9 @@ from windsysid.checks.lines import Line
 from windsysid.checks.verdict import found_line
 from windsysid.identification.effects.sinusoid import Sine, find_sine, find_turning, one_turn, turned
 from windsysid.identification.effects.sinusoidal_force import Sinusoids, forces_of
-from windsysid.identification.estimate.influence import doubt_line, doubt_sine, is_harmless
-from windsysid.identification.estimate.modal_residuals import line_of
-from windsysid.identification.estimate.modes import modes_of
+from windsysid.identification.estimate.fitted.influence import doubt_line, doubt_sine, is_harmless
+from windsysid.identification.estimate.fitted.modal_residuals import line_of
+from windsysid.identification.estimate.fitted.modes import modes_of
 from windsysid.identification.estimate.time_domain import innovations_of
 from windsysid.identification.job import FittedJob, Job
 from windsysid.identification.limits import RESOLUTION_BINS, SINUSOID_DIGITS

@@ -1,7 +1,7 @@
 """A narrow-band load on the support: a machine nearby, waves, or a neighbour's mode.
 
 It is a component of the loads' spectrum, and no regressor: whether it is there is a matter of the evidence of the model
-that has it (`windsysid.identification.estimate.narrow_band`).
+that has it (`windsysid.identification.estimate.spectral.narrow_band`).
 """
 
 import math
@@ -11,14 +11,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from windsysid.errors import WindsysidError
-from windsysid.identification.estimate.frequency_domain import identify_by_spectrum
-from windsysid.identification.estimate.narrow_band import NarrowBandFit, doubts_of_narrow_band, note_narrow_band
-from windsysid.identification.estimate.narrow_band_alternative import (
+from windsysid.identification.estimate.prior_conflict import with_wide_priors
+from windsysid.identification.estimate.spectral.frequency_domain import identify_by_spectrum
+from windsysid.identification.estimate.spectral.narrow_band import (
+    NarrowBandFit,
+    doubts_of_narrow_band,
+    note_narrow_band,
+)
+from windsysid.identification.estimate.spectral.narrow_band_alternative import (
     heard_on_time,
     narrow_band_beside,
     told_before,
 )
-from windsysid.identification.estimate.prior_conflict import with_wide_priors
 from windsysid.identification.job import FittedJob, Job
 from windsysid.identification.limits import MAX_DISAGREEMENT_SIGMAS
 from windsysid.identification.model.agreement import compare, disagreement

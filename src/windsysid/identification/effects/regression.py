@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from windsysid.identification.effects.score_test import RegressorCandidate, ScoreTest, promising, score_tests
-from windsysid.identification.estimate.linearisation import Linearisation, RegressorColumn, linearise
+from windsysid.identification.estimate.fitted.linearisation import Linearisation, RegressorColumn, linearise
 from windsysid.identification.job import FittedJob, Job
 from windsysid.identification.limits import MIN_LOG_STD_CHANGE, MIN_NUISANCE_SHIFT_SIGMAS, MIN_SHIFT_SIGMAS, P_EFFECT
 from windsysid.identification.model.effect import Detection, Effect

@@ -1,7 +1,8 @@
 """Rao's score test of regressors that a fit does not have.
 
 At the mode of the posterior the gradient to the fit's own unknowns is zero. Of c regressors with the sums of
-`windsysid.identification.estimate.linearisation`, and Λ the information on the fit's unknowns, the prior included,
+`windsysid.identification.estimate.fitted.linearisation`, and Λ the information on the fit's unknowns, the prior
+included,
 
     g = Jᵀ z,   I = Jᵀ J − Xᵀ Λ⁻¹ X,   X = J_θᵀ J,   S = gᵀ I⁻¹ g,
 
@@ -23,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.identification.estimate.linearisation import Linearisation, RegressorColumn
+from windsysid.identification.estimate.fitted.linearisation import Linearisation, RegressorColumn
 from windsysid.identification.limits import P_CANDIDATE
 
 __all__ = ["RegressorCandidate", "ScoreTest", "log_tail_of_f", "promising", "score_tests"]

@@ -7,7 +7,7 @@ import numpy as np
 
 from windsysid.identification.effects.regression import RegressorEffect
 from windsysid.identification.effects.score_test import RegressorCandidate
-from windsysid.identification.estimate.linearisation import Linearisation, RegressorColumn
+from windsysid.identification.estimate.fitted.linearisation import Linearisation, RegressorColumn
 from windsysid.identification.model.regressor import Legendre, Term
 
 __all__ = ["Trend"]

@@ -1,11 +1,11 @@
 """What a planned record tells by its spectra: the information that identification itself computes.
 
-Records of the planned kind are simulated and identified (`windsysid.identification.estimate.frequency_domain`), with
-the usual priors about the values that they were simulated with. The inverse of a posterior's covariance is information;
-without that of the priors it is the record's, Whittle's sum over frequencies, and grows in proportion to time. Unlike
-the filters' bound it holds what is left out: lines of the rotor, what lies between the bands of a rotor that is read in
-bands, and the levels that are learned in each band. Source: Whittle, Ark. Mat. 2, 1953,
-https://doi.org/10.1007/BF02590998.
+Records of the planned kind are simulated and identified
+(`windsysid.identification.estimate.spectral.frequency_domain`), with the usual priors about the values that they were
+simulated with. The inverse of a posterior's covariance is information; without that of the priors it is the record's,
+Whittle's sum over frequencies, and grows in proportion to time. Unlike the filters' bound it holds what is left out:
+lines of the rotor, what lies between the bands of a rotor that is read in bands, and the levels that are learned in
+each band. Source: Whittle, Ark. Mat. 2, 1953, https://doi.org/10.1007/BF02590998.
 """
 
 import re
@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.identification.estimate.frequency_domain import identify_by_spectrum
+from windsysid.identification.estimate.spectral.frequency_domain import identify_by_spectrum
 from windsysid.identification.model.fit import Outcome
 from windsysid.identification.model.prior import Prior
 from windsysid.loads.statistics import to_logarithms

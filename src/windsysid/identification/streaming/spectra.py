@@ -3,8 +3,8 @@
 Segments are cut into blocks as long as the first of them: of equal turns where the rotor's turns couple what moves, of
 equal time elsewhere and where a rotor is read in bands. Of each block only the products v vᴴ are kept
 (`windsysid.spectral.transforms.block_sums`), and from their sums the posterior is found as from a whole record
-(`windsysid.identification.estimate.frequency_domain`). Memory and the time of the search do not depend on how long a
-record is, and records of one machine in one state add.
+(`windsysid.identification.estimate.spectral.frequency_domain`). Memory and the time of the search do not depend on how
+long a record is, and records of one machine in one state add.
 
 The taper gives little weight to a block's ends. So each begins before the one before it ends, by half of what the taper
 takes to rise: then every sample counts nearly alike.
@@ -23,10 +23,10 @@ from windsysid.errors import RecordError
 from windsysid.identification.condition.readings import check_length
 from windsysid.identification.condition.segments import require_alike
 from windsysid.identification.condition.spectral_readings import SpectralSamples
-from windsysid.identification.estimate.frequency_domain import SpectralBlocks, ask, identify_by_spectrum
-from windsysid.identification.estimate.narrow_band import doubts_of_narrow_band
-from windsysid.identification.estimate.narrow_band_alternative import narrow_band_beside
 from windsysid.identification.estimate.prior_conflict import note_wide_priors, with_wide_priors
+from windsysid.identification.estimate.spectral.frequency_domain import SpectralBlocks, ask, identify_by_spectrum
+from windsysid.identification.estimate.spectral.narrow_band import doubts_of_narrow_band
+from windsysid.identification.estimate.spectral.narrow_band_alternative import narrow_band_beside
 from windsysid.identification.limits import MAX_RADIANS_PER_SPECTRAL_READING, MIN_TURNS
 from windsysid.identification.model.turbine_problem import seen_by
 from windsysid.identification.streaming.run import SegmentsEstimate, StreamingJob

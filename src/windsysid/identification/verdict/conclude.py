@@ -18,8 +18,8 @@ from windsysid.checks.whiteness import Whiteness, examine
 from windsysid.errors import RecordError
 from windsysid.filters import EKF
 from windsysid.identification.estimate.clock_lag import PASSED
-from windsysid.identification.estimate.modal_residuals import doubts_beside_modes
-from windsysid.identification.estimate.modes import FittedModes, modes_of
+from windsysid.identification.estimate.fitted.modal_residuals import doubts_beside_modes
+from windsysid.identification.estimate.fitted.modes import FittedModes, modes_of
 from windsysid.identification.job import Formulation
 from windsysid.identification.limits import MAX_RATE_MISMATCH
 from windsysid.identification.model.fit import Outcome

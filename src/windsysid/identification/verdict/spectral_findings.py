@@ -9,7 +9,7 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.checks.blade_passing import find_passing
 from windsysid.errors import RecordError
-from windsysid.identification.estimate.drift_of_halves import drift_of_halves
+from windsysid.identification.estimate.spectral.drift_of_halves import drift_of_halves
 from windsysid.identification.limits import MAX_RESONANCE_DOF, MIN_RESONANCE_DOF, MIN_STANDING_RESONANCE_DOF
 from windsysid.identification.model.drift import Drift
 from windsysid.results.finding import Finding

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from windsysid.errors import ConfigurationError, WindsysidError
-from windsysid.identification.estimate import rotor_bands
-from windsysid.identification.estimate.rotor_bands import read_in_bands
+from windsysid.identification.estimate.spectral import rotor_bands
+from windsysid.identification.estimate.spectral.rotor_bands import read_in_bands
 from windsysid.statespace.unknowns import Unknowns
 
 QUESTION: Any = SimpleNamespace(parameters=())

@@ -8,8 +8,8 @@ import pytest
 from tests.identification.fits import CHANNELS, RATE, SAMPLES, fitted, job_of, noise, record_of
 from windsysid.checks.lines import Line
 from windsysid.errors import RecordError
-from windsysid.identification.estimate import influence
-from windsysid.identification.estimate.influence import (
+from windsysid.identification.estimate.fitted import influence
+from windsysid.identification.estimate.fitted.influence import (
     doubt_line,
     doubt_sine,
     is_harmless,

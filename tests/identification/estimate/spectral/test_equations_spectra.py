@@ -10,7 +10,7 @@ from tests.identification.test_own_equations import NOISE, PARAMETERS, RATE, SPR
 from windsysid import ConfigurationError, GaussMarkov, Record
 from windsysid.errors import RecordError
 from windsysid.identification.condition.segments import SegmentReader
-from windsysid.identification.estimate.equations_spectra import _pose, _take
+from windsysid.identification.estimate.spectral.equations_spectra import _pose, _take
 from windsysid.identification.model.equations_problem import EquationsJob
 from windsysid.spectral.transforms.cross_spectra import transform_block
 

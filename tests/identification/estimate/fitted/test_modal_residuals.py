@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from tests.identification.fits import CHANNELS, RATE, SAMPLES, TOWER, noise, outcome_of, record_of
-from windsysid.identification.estimate.modal_residuals import (
+from windsysid.identification.estimate.fitted.modal_residuals import (
     channel_of,
     doubts_beside_modes,
     line_of,
     mode_of,
     ranges_of_narrow_band,
 )
-from windsysid.identification.estimate.modes import modes_of
+from windsysid.identification.estimate.fitted.modes import modes_of
 from windsysid.identification.limits import RESOLUTION_BINS
 from windsysid.loads.narrow_band import FREQUENCY, WIDTH
 from windsysid.loads.statistics import Statistic

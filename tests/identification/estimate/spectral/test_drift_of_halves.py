@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from windsysid.identification.estimate.drift_of_halves import drift_of_halves
+from windsysid.identification.estimate.spectral.drift_of_halves import drift_of_halves
 from windsysid.statespace.unknowns import Unknowns
 
 UNKNOWNS = Unknowns(parameters=("k",), clocks=("clock of a", "clock of b"))

@@ -18,13 +18,13 @@ from windsysid._types import Array
 from windsysid.errors import ConfigurationError, RecordError, WindsysidError
 from windsysid.identification.condition.spectral_readings import SpectralSamples
 from windsysid.identification.estimate.evidence import Ranking, rank
-from windsysid.identification.estimate.narrow_band import (
+from windsysid.identification.estimate.prior_conflict import find_held, one_by_one
+from windsysid.identification.estimate.spectral.narrow_band import (
     doubts_of_narrow_band,
     fit_narrow_band,
     note_narrow_band,
 )
-from windsysid.identification.estimate.prior_conflict import find_held, one_by_one
-from windsysid.identification.estimate.rotor_bands import SpectralEstimate, read_in_bands
+from windsysid.identification.estimate.spectral.rotor_bands import SpectralEstimate, read_in_bands
 from windsysid.identification.limits import (
     MAX_RIVAL_LOG_ODDS,
     MAX_SPEED_VARIATION,

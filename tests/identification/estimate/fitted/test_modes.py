@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.identification.fits import TOWER, noise, outcome_of, record_of
-from windsysid.identification.estimate.modes import modes_of
+from windsysid.identification.estimate.fitted.modes import modes_of
 
 RECORD = record_of(noise())
 

@@ -10,8 +10,8 @@ from windsysid._types import Array
 from windsysid.errors import WindsysidError
 from windsysid.identification.condition.spectral_readings import SpectralSamples
 from windsysid.identification.estimate.clock_lag import put_on_time
-from windsysid.identification.estimate.frequency_domain import ask, inexact_of, tolerances_in
-from windsysid.identification.estimate.narrow_band import NarrowBandFit, fit_narrow_band
+from windsysid.identification.estimate.spectral.frequency_domain import ask, inexact_of, tolerances_in
+from windsysid.identification.estimate.spectral.narrow_band import NarrowBandFit, fit_narrow_band
 from windsysid.identification.limits import MAX_TOLERANCE_CHANGE, MAX_YAW_CHANGE
 from windsysid.identification.model.fit import Outcome, known_loads
 from windsysid.identification.model.prior import Prior

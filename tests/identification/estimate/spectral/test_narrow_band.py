@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tests.identification.fits import TOWER
-from windsysid.identification.estimate.narrow_band import (
+from windsysid.identification.estimate.spectral.narrow_band import (
     NarrowBandFit,
     _elsewhere,
     doubts_of_narrow_band,

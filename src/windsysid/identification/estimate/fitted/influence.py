@@ -15,8 +15,8 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.checks.lines import SURROUNDINGS, Line, find_line, stand_out_of_a_bend
 from windsysid.errors import WindsysidError
-from windsysid.identification.estimate.frequency_domain import identify_by_spectrum
-from windsysid.identification.estimate.modal_residuals import channel_of, mode_of, ranges_of_narrow_band
+from windsysid.identification.estimate.fitted.modal_residuals import channel_of, mode_of, ranges_of_narrow_band
+from windsysid.identification.estimate.spectral.frequency_domain import identify_by_spectrum
 from windsysid.identification.job import FittedJob, Job
 from windsysid.identification.limits import MARGINAL_LINE_FACTOR, MAX_INFLUENCE_SIGMAS, MIN_LINE_POWER
 from windsysid.identification.model.agreement import compare

@@ -1,0 +1,1 @@
+"""Estimates from spectra: turbines, rotors in bands, equations, narrow-band loads."""

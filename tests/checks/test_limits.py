@@ -1,0 +1,29 @@
+"""Limits of checks and of inspection: each names its kind, and each is used."""
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+from validation.structure import KINDS, SETTINGS, limits_of
+
+import windsysid
+from windsysid.checks import limits as checks
+from windsysid.inspection import limits as inspection
+
+PACKAGE = Path(windsysid.__file__).parent
+
+
+@pytest.mark.parametrize("room", ["checks", "inspection", "results"])
+def test_decision_limits_are_in_limits_and_all_constants_name_their_kind(room: str):
+    for path in (PACKAGE / room).rglob("*.py"):
+        kinds = KINDS if path.name == "limits.py" else SETTINGS
+        for name, kind in limits_of(ast.parse(path.read_text(encoding="utf-8"))):
+            assert kind in kinds, f"{path.name}: {name}"
+
+
+@pytest.mark.parametrize("limits", [checks, inspection])
+def test_every_limit_is_used(limits):
+    texts = [path.read_text(encoding="utf-8") for path in PACKAGE.rglob("*.py") if path.name != "limits.py"]
+    unused = [name for name in limits.__all__ if not any(re.search(rf"\b{name}\b", text) for text in texts)]
+    assert unused == []
