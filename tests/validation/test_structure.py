@@ -10,13 +10,13 @@ from validation.structure import Structure, complexity_of, functions_of, limits_
 ROOT = Path(__file__).parents[2]
 
 BOUNDS = {
-    "functions over complexity 10 [%]": 2.4,  # target 4.0
-    "lines of src": 81987,  # target 72 904: those of commit 103975a
-    "lines of the middle": 27193,  # target 19 500
+    "functions over complexity 10 [%]": 2.0,  # target 4.0
+    "lines of src": 82225,  # target 72 904: those of commit 103975a
+    "lines of the middle": 27430,  # target 19 500
     "large folders": 0,
-    "long signatures": 25,  # target 30
+    "long signatures": 15,  # target 30
     "repeated classes": 0,  # target 0
-    "untested modules": 19,  # target 0
+    "untested modules": 0,  # target 0
     "decision limits": 251,  # target 120
     "scattered limits": 0,  # target 0
 }
