@@ -175,7 +175,7 @@ _CLOCKS_AND_LINES = (
     ),
     Mutant(
         "scatter of a sine", "effects/sinusoid.py",
-        "if one.scatter > MAX_SINE_SCATTER or", "if",
+        "return self.scatter <= MAX_SINE_SCATTER and", "return",
         "a load that swells and fades is taken out as a sine",
     ),
     Mutant(
@@ -230,7 +230,7 @@ _CLOCKS_AND_LINES = (
     ),
     Mutant(
         "damping below nothing and a narrow band", "spectral/narrow_band_alternative.py",
-        "if undamped or far or", "if far or",
+        "return undamped or far or", "return far or",
         "a narrow band is asked for beside a structure that drives itself",
     ),
     Mutant(
