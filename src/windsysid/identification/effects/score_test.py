@@ -9,9 +9,11 @@ included,
 S is χ² with c degrees of freedom where the innovations are white and nothing is missing in the model; φ̂ = I⁻¹ g has the
 covariance I⁻¹, and Δθ = Λ⁻¹ X φ is by how much the fit would change with regressors of size φ, to first order. A fit
 that lacks large ones has its loads far off, and φ̂ with it; (JᵀJ)⁻¹ Jᵀz is unbiased under any loads, and is what is
-included. Real
-innovations are not quite white, so S is divided by their spectral density next to the frequencies of the regressors,
-the mean of 2K values of a periodogram: S/(c · density) has Fisher's F distribution with c and 2K degrees of freedom.
+included.
+
+Real innovations are not quite white, so S is divided by their spectral density next to the frequencies of the
+regressors, the mean of 2K values of a periodogram: S/(c · density) has Fisher's F distribution with c and 2K degrees of
+freedom.
 
 Sources: Rao, Proc. Camb. Phil. Soc. 44, 1948, https://doi.org/10.1017/S0305004100023987; de Jong & Penzer, J. Am.
 Statist. Ass. 93, 1998, https://doi.org/10.1080/01621459.1998.10474129.
@@ -59,7 +61,7 @@ class RegressorCandidate(NamedTuple):
 
 
 class ScoreTest(NamedTuple):
-    """What a test says of a candidate.
+    """Result of the score test of one candidate.
 
     Attributes
     ----------
