@@ -74,7 +74,8 @@ def test_every_exported_function_and_class_explains_itself(module: str):
 
 
 def test_modules_with_public_names_say_which():
-    for module in MODULES:
+    """But for modules of limits, whose names all are."""
+    for module in [name for name in MODULES if not name.endswith(".limits")]:
         loaded = importlib.import_module(module)
         room = hasattr(loaded, "__path__") and not [
             name for name in vars(loaded) if inspect.isfunction(vars(loaded)[name])

@@ -4,9 +4,6 @@ import math
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
-from windsysid.errors import WindsysidError
 from windsysid.identification.effects import EFFECTS
 from windsysid.identification.effects.clock_drift import drifts_in
 from windsysid.identification.effects.lines import Sinusoid, harmonics_of_spectra, sinusoids_in
@@ -17,7 +14,7 @@ from windsysid.identification.limits import MAX_DISAGREEMENT_SIGMAS
 from windsysid.identification.model.agreement import compare, disagreement
 from windsysid.identification.model.fit import Outcome
 from windsysid.identification.model.regressor import Regressors
-from windsysid.identification.pipeline import run
+from windsysid.identification.pipeline import FAILURES, run
 from windsysid.identification.verdict.conclude import doubts_of_innovations
 from windsysid.loads.family import Broadband
 from windsysid.loads.narrow_band import NarrowBand
@@ -42,7 +39,7 @@ def choose(job: Job) -> FittedJob:
     """
     try:
         spectral_job, spectral = run(job.by("spectral"))
-    except (WindsysidError, np.linalg.LinAlgError) as error:
+    except FAILURES as error:
         return run(job.by("joint"))[1].noting(_note("joint_as_spectra_do_not_apply", error=str(error)))
     doubts = (*spectral.outcome.doubts, *_undamped(spectral.outcome))
     joint_job = job.by("joint").with_effects_of(spectral_job, "clock_drift", Sinusoid.code)
@@ -54,9 +51,13 @@ def choose(job: Job) -> FittedJob:
     if not doubts and drifts_in(spectral_job):
         return spectral.noting(_note("spectral_as_clock_drifts"))
     joint_job = _prepared(replace(joint_job, prior=spectral.prior), spectral)
-    if doubts:
-        return _filters_instead(joint_job, spectral, doubts[0])
-    return _cross_checked(joint_job, spectral_job, spectral)
+    try:
+        if doubts:
+            return _filters_instead(joint_job, spectral, doubts[0])
+        job, joint = _fitted_beside(joint_job, spectral)
+    except FAILURES as error:
+        return spectral.doubted(Finding("spectral_as_filters_fail", "reason", {"error": str(error)}))
+    return _cross_checked(job, _with_priors_of(spectral, joint), spectral_job, spectral)
 
 
 def spectral_alone(job: Job) -> FittedJob:
@@ -72,7 +73,7 @@ def _prepared(job: Job, spectral: FittedJob) -> Job:
     others would explain what filters sense of that."""
     try:
         harmonics = harmonics_of_spectra(job, spectral)
-    except (WindsysidError, np.linalg.LinAlgError):
+    except FAILURES:
         harmonics = None
     job = job if harmonics is None else job.including(harmonics)
     return replace(job, loads=Broadband.name) if drifts_in(job) and job.loads == "auto" else job
@@ -87,14 +88,15 @@ def _filters_instead(job: Job, spectral: FittedJob, doubt: Finding) -> FittedJob
     return joint.noting(_note("joint_as_spectra_are_doubtful", because=doubt))
 
 
-def _cross_checked(job: Job, spectral_job: Job, spectral: FittedJob) -> FittedJob:
+def _cross_checked(job: Job, joint: FittedJob, spectral_job: Job, spectral: FittedJob) -> FittedJob:
     """By filters where something turns, by spectra elsewhere, and held against the other."""
-    job, joint = _fitted_beside(job, spectral)
-    joint = _with_priors_of(spectral, joint)
     waves = tuple(one.code for one in job.effects if isinstance(one, Regressors))
     found_more = bool(waves) or sinusoids_in(job) != sinusoids_in(spectral_job)
     if found_more and not spectral.outcome.turns:  # spectra lack what filters found
-        _, spectral = run(spectral_job.with_effects_of(job, "clock_drift", Sinusoid.code, *waves))
+        try:
+            _, spectral = run(spectral_job.with_effects_of(job, "clock_drift", Sinusoid.code, *waves))
+        except FAILURES as error:
+            return joint.noting(_note("joint_as_spectra_do_not_apply", error=str(error)))
     name, off = compare(joint.outcome, spectral.outcome)
     against = [disagreement(name, off, joint.outcome, job.turbine)]
     if spectral.outcome.turns:
@@ -141,7 +143,7 @@ def _by_broad_loads(job: Job) -> FittedJob | None:
     for end in sorted({min(beginning, float(part.time[-1])), float(part.time[-1])}):
         try:
             _, joint = run(replace(job, part=part.section(begun, end), loads=Broadband.name), effects=())
-        except (WindsysidError, np.linalg.LinAlgError):
+        except FAILURES:
             return None
         if joint.outcome.doubts or doubts_of_innovations(joint.outcome, joint.read.rate):
             return None

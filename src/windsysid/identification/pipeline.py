@@ -1,14 +1,24 @@
 """Estimate, test for effects, include the strongest, and estimate again: the one loop of an identification."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
+import numpy as np
+
+from windsysid.errors import WindsysidError
 from windsysid.identification.effects import ALTERNATIVES, EFFECTS
 from windsysid.identification.formulations import estimate
 from windsysid.identification.job import FittedJob, Job
 from windsysid.identification.limits import MAX_EXTENSIONS
 from windsysid.identification.model.effect import Detection, Effect, Inclusion
+from windsysid.results.finding import Finding
 
-__all__ = ["run"]
+__all__ = ["FAILURES", "not_included", "run"]
+
+FAILURES = (WindsysidError, np.linalg.LinAlgError)
+"""What a step of the loop may end with: the fit before it stands then."""
+
+Refused = Mapping[str, str]
+"""Codes of effects that are not to be included, and the error; empty where a refit showed that it is something else."""
 
 
 def run(
@@ -18,7 +28,8 @@ def run(
 
     Effects that readings show before anything is fitted come first. Then every effect is tested on the fit, the one
     with the strongest evidence is included, and the record is fitted anew, until no effect is warranted: a step is not
-    mistaken for a bias then, nor a narrow-band load for a sinusoid.
+    mistaken for a bias then, nor a narrow-band load for a sinusoid. An effect that is warranted and cannot be included
+    speaks against the fit.
 
     Parameters
     ----------
@@ -30,29 +41,37 @@ def run(
     for effect in EFFECTS:
         found = effect.find(job) if job.included(effect.code) is None else None
         job = job if found is None else job.including(found)
-    fit, rejected = estimate(job, start), set[str]()
+    fit, refused = estimate(job, start), dict[str, str]()
     for _ in range(MAX_EXTENSIONS):
-        judged, strongest = _test(job, fit, effects, rejected)
+        judged, strongest = _test(job, fit, effects, refused)
         if strongest is None:
             return job, judged
         effect, detection, inclusion = strongest
         longer = job.including(inclusion)
-        further = effect.confirm(job, detection, estimate(longer, detection.start))
+        try:
+            further = effect.confirm(job, detection, estimate(longer, detection.start))
+        except FAILURES as error:
+            refused[effect.code] = str(error)
+            continue
         if further is None:
-            rejected.add(effect.code)
+            refused[effect.code] = ""
         else:
             job, fit = longer, further
-    for stage in effects:
-        fit, _ = _tested(job, fit, stage)
-    return job, fit
+    full = {one.code: f"{MAX_EXTENSIONS} effects are included" for stage in effects for one in stage}
+    return job, _test(job, fit, effects, full | refused)[0]
+
+
+def not_included(code: str, error: str) -> Finding:
+    """That readings warrant an effect which the model does not have."""
+    return Finding("effect_not_included", "reason", {"effect": code.replace("_", " "), "error": error})
 
 
 def _test(
-    job: Job, fit: FittedJob, stages: Sequence[Sequence[Effect]], rejected: set[str]
+    job: Job, fit: FittedJob, stages: Sequence[Sequence[Effect]], refused: Refused
 ) -> tuple[FittedJob, tuple[Effect, Detection, Inclusion] | None]:
     """The fit with what effects that are not included say against it, and the effect of the strongest evidence."""
     for effects in stages:
-        tested, warranted = _tested(job, fit, [one for one in effects if one.code not in rejected])
+        tested, warranted = _tested(job, fit, effects, refused)
         if warranted:
             return fit, max(warranted, key=lambda one: one[1].log10_odds)
         fit = tested
@@ -60,12 +79,20 @@ def _test(
 
 
 def _tested(
-    job: Job, fit: FittedJob, effects: Sequence[Effect]
+    job: Job, fit: FittedJob, effects: Sequence[Effect], refused: Refused
 ) -> tuple[FittedJob, list[tuple[Effect, Detection, Inclusion]]]:
     warranted = []
     for effect in effects:
-        found = effect.detect(job, fit)
+        try:
+            found = effect.detect(job, fit)
+        except FAILURES as error:
+            fit = fit.noting(
+                Finding("effect_not_tested", "note", {"effect": effect.code.replace("_", " "), "error": str(error)})
+            )
+            continue
         fit = found.fit
-        if found.inclusion is not None:
+        if found.inclusion is not None and effect.code not in refused:
             warranted.append((effect, found, found.inclusion))
+        elif found.inclusion is not None and refused[effect.code]:
+            fit = fit.lacking(not_included(found.inclusion.code, refused[effect.code]))
     return fit, warranted

@@ -12,7 +12,12 @@ from windsysid.identification.effects import EFFECTS
 from windsysid.identification.effects.regression import Regression
 from windsysid.identification.effects.score_test import RegressorCandidate, log_tail_of_f, score_tests
 from windsysid.identification.effects.step import Step, likeliest_change
-from windsysid.identification.estimate.fitted.linearisation import Linearisation, RegressorColumn, linearise
+from windsysid.identification.estimate.fitted.linearisation import (
+    Linearisation,
+    RegressorColumn,
+    RegressorSums,
+    linearise,
+)
 from windsysid.identification.formulations import estimate
 from windsysid.identification.identify import identify
 from windsysid.identification.job import FittedJob, Job
@@ -71,10 +76,11 @@ def p_values(turbine: Turbine, seed: int) -> dict[tuple[str, str], float]:
     return {(one.candidate.code, one.candidate.channel): 10.0**one.log10_p for one in tests}
 
 
-def check_level(found: list[dict[tuple[str, str], float]], nominal: float) -> None:
+def check_level(found: list[dict[tuple[str, str], float]], nominal: float, bound: float) -> None:
+    """Within so many standard errors."""
     for of in found[0]:
         share = float(np.mean([one[of] < nominal for one in found]))
-        assert abs(share - nominal) < 2.0 * np.sqrt(nominal * (1.0 - nominal) / len(found)) + 1e-12, (of, share)
+        assert abs(share - nominal) < bound * np.sqrt(nominal * (1.0 - nominal) / len(found)) + 1e-12, (of, share)
 
 
 def test_the_tail_of_f_is_that_of_scipy_and_goes_on_where_that_ends():
@@ -110,14 +116,16 @@ def test_a_gap_is_no_reading(tower: Turbine):
 
 
 def test_the_chance_of_a_statistic_is_uniform_without_an_effect(tower: Turbine):
-    check_level([p_values(tower, 46_000 + seed) for seed in range(60)], 0.2)
+    check_level([p_values(tower, 46_000 + seed) for seed in range(60)], 0.2, 2.0)
 
 
 @pytest.mark.slow
 def test_false_alarms_are_as_many_as_nominal(tower: Turbine):
-    """400 records, seeds not looked at before; within two standard errors."""
-    found = [p_values(tower, 46_100_000 + seed) for seed in range(400)]
-    check_level(found, 0.05)
+    """1000 records, seeds not looked at before. Six tests are all within z standard errors as often as one is within
+    two; 1.8 % are narrower than two standard errors of 400 records, 2.2 %."""
+    found = [p_values(tower, 46_300_000 + seed) for seed in range(1000)]
+    all_six = float(stats.norm.isf(0.5 * (1.0 - (1.0 - 2.0 * stats.norm.sf(2.0)) ** (1.0 / 6.0))))
+    check_level(found, 0.05, all_six)
 
 
 def test_a_step_is_found_where_it_is():
@@ -186,3 +194,36 @@ def test_the_automatic_choice_says_what_filters_found():
     step = only(found.findings, "step")
     assert step.data["size"] == pytest.approx(0.03, abs=4.0 * step.data["std"])
     assert step.data["time"] == pytest.approx(330.0, abs=5.0)
+
+
+class Summed:
+    """A linearisation of one unknown whose sums are known."""
+
+    channels = ("y",)
+
+    def __init__(self, gradient: float, information: float, mixed: float) -> None:
+        self.innovations = np.random.default_rng(0).standard_normal((4000, 1))
+        self.cov, self.of = np.eye(1), (gradient, information, mixed)
+
+    def sums(self, columns: object) -> RegressorSums:
+        gradient, information, mixed = self.of
+        return RegressorSums(
+            np.array([gradient]), np.array([[information]]), np.array([[mixed]]), np.array([[information]])
+        )
+
+
+@pytest.mark.parametrize("mixed", [10.0 - 1e-7, 10.0 + 1e-7, 12.0], ids=["nearly", "beyond", "far beyond"])
+def test_what_the_unknowns_explain_is_no_effect(mixed: float):
+    """The information that is left is nearly nothing, or negative by what a linearisation is off: z of a tenth of a
+    standard deviation was 1e4 σ, or its logarithm did not exist."""
+    candidate = RegressorCandidate("bias", "y", (RegressorColumn(0, Constant()),))
+    (found,) = score_tests(Summed(1.0, 100.0, mixed), [candidate])  # type: ignore[arg-type]
+    assert 0.5 < 10.0**found.log10_p <= 1.0
+    assert np.isfinite(found.cov).all()
+    assert found.cov[0, 0] > 1.0 / 100.0
+
+
+def test_what_no_reading_shows_is_not_tested():
+    candidate = RegressorCandidate("bias", "y", (RegressorColumn(0, Constant()),))
+    assert score_tests(Summed(0.0, 0.0, 0.0), [candidate]) == []  # type: ignore[arg-type]
+    assert score_tests(Summed(np.nan, 100.0, 0.0), [candidate]) == []  # type: ignore[arg-type]

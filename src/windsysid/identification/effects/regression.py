@@ -52,11 +52,12 @@ class Regression(Effect):
         included = self._included(job, at)
         new = self._proposed(at, included)
         tests = score_tests(at, [*included, *promising(at, new)])
-        for one in tests[: len(included)]:  # a fit that lacked it bends its size: sizes settle first
+        settling = [one for one in tests if one.candidate in included]
+        for one in settling:  # a fit that lacked it bends its size: sizes settle first
             known_of = _known(job, self.effects[one.candidate.code])
             if _is_other_std(known_of, one) or _matters(at, one):
                 return Detection(fit, self._with(job, at, fit, one), 0.0, fit)
-        best = min(tests[len(included) :], key=lambda one: one.log10_p, default=None)
+        best = min(tests[len(settling) :], key=lambda one: one.log10_p, default=None)
         digits = 0.0 if best is None else -(best.log10_p + math.log10(len(new)))
         if best is None or digits < -math.log10(P_EFFECT):
             return Detection(fit)

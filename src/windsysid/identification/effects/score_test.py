@@ -31,6 +31,10 @@ from windsysid.identification.limits import P_CANDIDATE
 
 __all__ = ["RegressorCandidate", "ScoreTest", "log_tail_of_f", "promising", "score_tests"]
 
+MIN_SHARE = 0.05
+"""Setting: share of the information on a regressor that the fit's unknowns leave at least: what a linearisation says of
+less is its own error."""
+
 HANN_LOSS = 1.94
 """Numerical: variance of the mean of neighbouring frequencies under Hann's window, over that of independent ones."""
 
@@ -92,7 +96,7 @@ def promising(at: Linearisation, candidates: Sequence[RegressorCandidate]) -> li
 
 
 def score_tests(at: Linearisation, candidates: Sequence[RegressorCandidate]) -> list[ScoreTest]:
-    """Test candidates, all in one pass over the record."""
+    """Test candidates, all in one pass over the record; those that no reading shows are left out."""
     if not candidates:
         return []
     sums = at.sums([column for one in candidates for column in one.columns])
@@ -100,9 +104,10 @@ def score_tests(at: Linearisation, candidates: Sequence[RegressorCandidate]) -> 
     for one in candidates:
         own = slice(first, first + len(one.columns))
         first = own.stop
+        if not (np.isfinite(sums.gradient[own]).all() and sums.energy[:, own].sum() > 0.0):
+            continue
         follow = at.cov @ sums.mixed[:, own]
-        information = sums.information[own, own] - sums.mixed[:, own].T @ follow
-        cov = np.linalg.pinv(information, hermitian=True)
+        cov = _inverse_of_rest(sums.information[own, own], sums.mixed[:, own].T @ follow)
         alone = np.linalg.pinv(sums.information[own, own], hermitian=True) @ sums.gradient[own]
         density, freedom = _density(periodogram, sums.energy[:, own].sum(axis=1), one.beside)
         count = len(one.columns)
@@ -111,6 +116,17 @@ def score_tests(at: Linearisation, candidates: Sequence[RegressorCandidate]) -> 
         shift, widening = follow @ alone / np.sqrt(np.diag(at.cov)), follow @ cov @ follow.T
         found.append(ScoreTest(one, min(log10_p, 0.0), alone, np.asarray(density * cov), shift, widening))
     return found
+
+
+def _inverse_of_rest(information: Array, explained: Array) -> Array:
+    """The inverse (c, c) of information without what the fit's unknowns explain of it, at least `MIN_SHARE` of it in
+    each direction."""
+    values, axes = np.linalg.eigh(information)
+    kept = values > 1e-12 * values[-1]
+    root = axes[:, kept] / np.sqrt(values[kept])
+    shares, axes = np.linalg.eigh(np.eye(root.shape[1]) - root.T @ explained @ root)
+    root = root @ axes / np.sqrt(np.maximum(shares, MIN_SHARE))
+    return np.asarray(root @ root.T)
 
 
 def _periodogram(innovations: Array) -> Array:

@@ -92,6 +92,9 @@ MODEL: Final[Mapping[str, Sentence]] = {
         "the rotor harmonic {order}P is taken into account: an imbalance of the rotor, or masses off within their"
         " tolerances"
     ),
+    "effect_not_tested": "a {effect} could not be tested for ({error})",
+    "effect_not_included": "a {effect} matters, and the model cannot have it ({error}): choose another section",
+    "spectral_as_filters_fail": "spectral formulation, which filters cannot check ({error}): choose another section",
     "joint_as_spectra_do_not_apply": "joint formulation, as spectra do not apply ({error})",
     "joint_as_spectra_are_doubtful": "joint formulation, as spectra are in doubt ({because})",
     "joint_as_loads_are_broad": (

@@ -1,7 +1,5 @@
 """Limits of cross-spectra of linear time-invariant equations."""
 
-__all__ = ["MIN_RESONANCE_FREEDOM"]
-
 MIN_RESONANCE_FREEDOM = 12.0
 """Size: equivalent degrees of freedom of a block within the narrowest resonance; the effect of a finite record on a
 narrower resonance was never validated."""

@@ -1,10 +1,5 @@
 """Limits of lifted spectra; those without a source were set on simulated records."""
 
-__all__ = [
-    "HALVES_FALSE_ALARM_PROBABILITY", "MAX_HALVES_RATIO", "MAX_HARMONICS", "MAX_MEAN_SIGMAS", "MAX_MEAN_SQUARE",
-    "MIN_BAND_BINS", "MIN_BINS", "MIN_MEAN_SQUARE", "MIN_TURNS",
-]  # fmt: skip
-
 MIN_BINS, MIN_TURNS = 3, 24
 """Size: number of pools of bins, and turns of the rotor that the message states if there are fewer."""
 

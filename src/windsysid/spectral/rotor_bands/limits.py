@@ -1,10 +1,5 @@
 """Limits of a turning rotor's spectra in narrow bands; those without a source were set on simulated records."""
 
-__all__ = [
-    "DISAGREEMENT_PROBABILITY", "MAX_LIGHT_DAMPING", "MAX_RIVAL_LOG_ODDS", "MIN_BAND_BINS", "MIN_BLADES_FREEDOM",
-    "MIN_ENERGY_FREEDOM", "MIN_FREQUENCY_SLOPE", "MIN_PEAK_LOG_ODDS", "MIN_RIVAL_DISTANCE", "MIN_SUPPORT_FREEDOM",
-]  # fmt: skip
-
 MIN_BAND_BINS = 6
 """Size: number of bins of a band."""
 

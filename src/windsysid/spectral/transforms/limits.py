@@ -1,7 +1,5 @@
 """Limits of transforms and of their sinusoids."""
 
-__all__ = ["MIN_SPREAD_BLOCKS", "SINUSOID_FALSE_ALARM_PROBABILITY"]
-
 MIN_SPREAD_BLOCKS = 3
 """Size: number of blocks from which on the variance of their energies is estimated."""
 
