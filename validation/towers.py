@@ -6,8 +6,8 @@ code with windsysid's mechanics, simulation or filters; values are those of the 
 one thing that the file does not say: in the structure, its loads or its instruments. Records are 600 s long at 20 Hz,
 identified by `identify` with priors drawn about the truth.
 
-``python -m validation.towers [--runs N] [--first SEED] [--only NAME …]`` prints how many records of each kind are
-trusted, how often ±2σ holds the truth, the worst error of a trusted coefficient, and the reasons given first.
+``python -m validation.towers [--runs N] [--first SEED] [--only NAME …]`` prints the grades of the coefficients of each
+kind, how often ±2σ holds the truth, the worst error of a coefficient of grade A or B, and the reasons given first.
 """
 
 import argparse
@@ -285,25 +285,28 @@ def main(given: Sequence[str] | None = None) -> None:
     parser.add_argument("--first", type=int, default=FRESH, help=f"seed of the first ({FRESH})")
     parser.add_argument("--only", nargs="+", default=[""], metavar="NAME", help="kinds whose names begin so (all)")
     options = parser.parse_args(given)
-    table = Table(title="Towers by `identify`: ±2σ holds, in %, of all and of the trusted", title_justify="left")
-    for heading in ("kind", "n", "trusted", "all", "of trusted", "worst of trusted, σ", "named first"):
+    table = Table(
+        title="Towers by `identify`: grades and how often ±2σ holds, in % of coefficients", title_justify="left"
+    )
+    for heading in ("kind", "n", "A", "B", "C", "all", "of A and B", "worst of A and B, σ", "named first"):
         table.add_column(heading, justify="left" if heading in ("kind", "named first") else "right")
     tower = load_turbine("tower")
     for name in (name for name in KINDS if name.startswith(tuple(options.only))):
-        errors: dict[bool, list[float]] = {True: [], False: []}
-        trusted, reasons = 0, Counter[str]()
+        errors, reasons = dict[str, list[float]](A=[], B=[], C=[]), Counter[str]()
         for seed in range(options.first, options.first + options.runs):
             made, true = simulate(name, seed)
             found = identify(made, tower, prior=DrawnPrior(seed=seed))
-            errors[found.diagnosis.trusted] += [(e.estimate - true[e.name]) / e.std for e in found.estimates]
-            trusted += found.diagnosis.trusted
+            for e in found.estimates:
+                errors[e.grade].append((e.estimate - true[e.name]) / e.std)
             first = [finding for finding in found.findings if finding.severity == "reason"][:1]
             reasons.update(_cause(reason) for reason in first)
-        shares = [errors[True] + errors[False], errors[True]]
-        held = [f"{100.0 * np.mean(np.abs(z) < 2.0):.0f}" if z else "" for z in shares]
-        worst = f"{np.max(np.abs(errors[True])):.1f}" if trusted else ""
+        usable = errors["A"] + errors["B"]
+        every = usable + errors["C"]
+        shares = [f"{100.0 * len(of) / len(every):.0f}" for of in errors.values()]
+        held = [f"{100.0 * np.mean(np.abs(z) < 2.0):.0f}" if z else "" for z in (every, usable)]
+        worst = f"{np.max(np.abs(usable)):.1f}" if usable else ""
         said = ", ".join(f"{cause} {count}" for cause, count in reasons.most_common())
-        table.add_row(name, str(options.runs), str(trusted), *held, worst, said)
+        table.add_row(name, str(options.runs), *shares, *held, worst, said)
     print(render(table))
 
 

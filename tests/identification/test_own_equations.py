@@ -84,7 +84,9 @@ def test_a_fit_is_the_least_squares_solution_of_scipy(record: Record):
     theta = np.array([q.coordinate(found[q.name].estimate) for q in PARAMETERS])
     # a step of RK4 errs by (ωh)⁴/120 in the frequency: 5e-8 here, a standard deviation being 4e-5
     np.testing.assert_allclose((theta - solution.x) / np.sqrt(np.diag(cov)), 0.0, atol=0.01)
-    np.testing.assert_allclose(found.cov, cov, rtol=0.01)
+    wider = np.sqrt(np.diag(found.cov) / np.diag(cov))  # as parts of the record contradict each other by chance
+    assert np.all((wider > 0.99) & (wider < 1.05))
+    np.testing.assert_allclose(found.cov, cov * np.outer(wider, wider), rtol=0.01)
     for estimate in found.estimates:
         assert estimate.low < TRUTH[estimate.name] < estimate.high
     noise = list(NOISE.values())

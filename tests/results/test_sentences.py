@@ -16,10 +16,10 @@ from windsysid.results.sentences.record import FAULTS
 
 ROOT = Path(windsysid.__file__).parent
 
-BECAUSE = Finding("halves_disagree", "reason", {"sigmas": 4.2}, ("k_x",)).summary()
+BECAUSE = Finding("prior_conflict", "reason", {"sigmas": 4.2}, ("k_x",)).summary()
 
 EXAMPLE: dict[str, Any] = {
-    "alone": True, "amplitude": 4.6, "angle": 0.0123, "because": BECAUSE, "blades": 3, "blocks": 5,
+    "alone": True, "amplitude": 4.6, "angle": 0.0123, "at": 0.33, "because": BECAUSE, "blades": 3, "blocks": 5,
     "by": "gravity in its readings", "change": 0.034, "channel": "tower_x_acceleration",
     "channels": ["blade_1_lag_acceleration", "tower_x_acceleration"], "coefficients": [["c_x", -0.1, True]],
     "colour": 0.14, "contradicted": True, "coordinate": "side_side", "coordinates": ["beta_1", "beta_2"],
@@ -30,9 +30,10 @@ EXAMPLE: dict[str, Any] = {
     "level": 12.0, "load": "fore_aft", "loads": ["load_x", "load_y"], "logger": "rotor", "lost_mode": 4.02, "low": 0.31,
     "low_frequency": 1.0, "low_pass": 12.5, "mean_square": 1.44, "mode": 0.33, "model": "second-order",
     "modes": [["lag forward", -0.002, False]], "names": ["c_x", "tower x"], "of": "tower_x_acceleration",
-    "offsets": {"y": -0.03}, "order": 1, "others": [0.4, 0.5], "part": "blades", "pieces": 1, "rate": 6e-05,
-    "ratio": 1.2, "ranges": [[0.2, 0.7]], "read": 12000, "reason": "evidence", "recorded": 50.0, "resolution": 0.005,
-    "rivals": {"broadband": 31.0}, "rms": 210.0, "rotor_frequency": 0.204, "seen": "their ratio k_x/m",
+    "offsets": {"y": -0.03}, "order": 1, "others": [0.4, 0.5], "over": "frequency", "part": "blades",
+    "pieces": 1, "rate": 6e-05, "ratio": 1.2, "ranges": [[0.2, 0.7]], "read": 12000, "reason": "evidence",
+    "recorded": 50.0, "resolution": 0.005, "rivals": {"broadband": 31.0}, "rms": 210.0, "rotor_frequency": 0.204,
+    "seen": "their ratio k_x/m",
     "share": 0.4, "sigmas": 5.2, "size": 0.021, "start": 50.0, "std": 0.002, "steps": 30,
     "text": "the text of the inspection, or of another version", "time": 302.9, "turns": 40,
     "unit": "N", "units": {"y": "m/s^2", "z": "m/s^2"}, "unseen_blades": True, "variation": 0.031, "weight": 3.4,

@@ -106,6 +106,7 @@ SHORT: dict[str, tuple[str, ...]] = {
     "validation.comparison": ("--pairs 1 --cache {tmp}",),
     "validation.damping": ("--runs 1",),
     "validation.field": ("--openfast {data}/openfast --output {tmp} --without-rotor --seeds 1",),
+    "validation.windows": ("--openfast {data}/openfast --records c2 --seconds 180",),
     "validation.field_spectral": ("--simulated --rpm 12.1 --loads random --runs 1",),
     "validation.fleet": ("--healthy 1",),
     "validation.fleet_work": ("--reading", "--kills 1", "--speed 4", "--cost 1"),

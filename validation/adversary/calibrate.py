@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from validation.adversary.scenarios import SCENARIOS, record
-from windsysid.checks.constancy import Constancy, chances, judge_constancy
 from windsysid.checks.limits import (
     FALSE_ALARM_PROBABILITY,
     MAX_CHANCE_SIGMAS,
@@ -25,7 +24,6 @@ from windsysid.checks.limits import (
     MAX_LEVEL_VARIATION,
     MAX_NEAR_MODE_LEVEL,
     MAX_PEAK_LEVEL,
-    SCATTER_FALSE_ALARM_PROBABILITY,
 )
 from windsysid.checks.lines import find_line
 from windsysid.checks.nonlinearity import find_bent
@@ -34,7 +32,6 @@ from windsysid.checks.whiteness import examine
 from windsysid.filters import EKF
 from windsysid.identification.condition.readings import resample_for_model
 from windsysid.identification.estimate.clock_lag import PASSED
-from windsysid.identification.estimate.scoring import find_innovation_mode
 from windsysid.identification.model.prior import Prior
 from windsysid.identification.model.turbine_problem import TurbineProblem, pose
 from windsysid.identification.verdict.smoothed_loads import judge_smoothed_loads
@@ -73,8 +70,6 @@ LIMITS = {
     "cubes, over their bound": 1.0,
     "level over frequency, over its bounds": 1.0,
     "bending with amplitude, over its bound": 1.0,
-    "halves of the record, −lg chance": -math.log10(FALSE_ALARM_PROBABILITY),
-    "scatter of its parts, −lg chance": -math.log10(SCATTER_FALSE_ALARM_PROBABILITY),
 }
 """What is judged."""
 
@@ -110,7 +105,6 @@ def measure(name: str, seed: int) -> list[float]:
         z, info.mean[::steps, :n], info.mean[::steps, n : 2 * n], channels=model.readings,
         coordinates=turbine.model.coordinates, chance=FALSE_ALARM_PROBABILITY,
     )  # fmt: skip
-    count = len(problem.parameters)
     return [
         abs(math.log(w.nis)),
         max(abs(math.log(c.nis)) for c in w.channels),
@@ -129,18 +123,7 @@ def measure(name: str, seed: int) -> list[float]:
         math.nan if bent is None else bent.statistic / bent.bound,
         0.0 if w.smooth is None else w.smooth.ratio,
         math.nan if asked is None else abs(asked.bending.sigmas) / asked.bending.bound,
-        *(-math.log10(count * float(chance.min())) for chance in chances(_constancy(problem, truth), count)),
     ]
-
-
-def _constancy(problem: TurbineProblem, truth: NDArray[np.float64]) -> Constancy:
-    """What parts of a record say where a search from the truth ends."""
-    mean, cov = problem.wide_prior
-    mode = find_innovation_mode(
-        problem.build, [(problem.inputs, problem.readings)], prior=(mean, cov),
-        start=(np.concatenate([truth, mean[len(truth) :]]), cov),
-    )  # fmt: skip
-    return judge_constancy(mode.look.found.parts, cov, mode.mean - mode.look.theta)
 
 
 def is_condemned(row: NDArray[np.float64]) -> bool:

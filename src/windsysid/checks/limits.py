@@ -5,12 +5,11 @@ to what healthy records show. Each of some ten tests may condemn one healthy rec
 """
 
 FALSE_ALARM_PROBABILITY = 1e-3
-"""Probability: significance level of a test of the innovations, all channels and frequencies together, and of the test
-that compares the halves of a record; set on simulated records (`validation.adversary.calibrate`)."""
+"""Probability: significance level of a test of the innovations, all channels and frequencies together; set on simulated
+records (`validation.adversary.calibrate`)."""
 
-SCATTER_FALSE_ALARM_PROBABILITY = 4e-5
-"""Probability: significance level of the scatter of segments if their scores were normal. Their tails are longer: one
-healthy record in 500 exceeds it (`python -m validation.adversary.calibrate`)."""
+ODDS_OF_DISPERSION = 0.1
+"""Odds: that the scores of a record's parts scatter by more than the model says, before they are seen."""
 
 LINE_FALSE_ALARM_PROBABILITY = 2e-3
 """Probability: significance level of the test for a spectral line; one healthy record in 500 (`python -m
@@ -50,9 +49,6 @@ MIN_NAMED_CORRELATION = 0.9
 
 MAX_NEGLIGIBLE_ENTRY = 0.15
 """Size: entry of a direction that the prior determines, over the largest, that counts as zero."""
-
-MIN_INFORMED_SHARE = 0.1
-"""Size: share of an unknown's prior variance that a record must remove before its segments are compared."""
 
 INTEREST_FACTORS = (0.4, 2.5)
 """Size: factors on the lowest and on the highest natural frequency between which a spectral peak matters."""

@@ -29,7 +29,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.checks.constancy import Constancy, doubt_halves, doubt_scatter
 from windsysid.checks.estimates import Band, CoefficientCheck, doubt_damping, doubt_priors, hold_against_priors
 from windsysid.checks.identifiability import describe_directions
 from windsysid.checks.innovation_sums import band_of_interest
@@ -157,15 +156,12 @@ class RecordTests(NamedTuple):
     late, bent, smoothed_loads
         How late the blades seem to be, what shows most that a spring or damper is no straight line, and what smoothed
         loads say.
-    constancy
-        What parts of the record say of the parameters.
     """
 
     line: Line | None = None
     late: Late | None = None
     bent: Bent | None = None
     smoothed_loads: SmoothedLoads | None = None
-    constancy: Constancy | None = None
 
 
 def diagnose(
@@ -192,25 +188,22 @@ def diagnose(
     checks = hold_against_priors(parameters, theta, cov)
     names, logarithmic = [q.name for q in parameters], [q.logarithmic for q in parameters]
     seen = found_line(whiteness, tests.line)
-    line, changed = _judge_line(seen, rotor_hz), doubt_halves(names, tests.constancy)
-    found = [*findings]
-    found += [*line, *changed] if whiteness is None else _judge_innovations(whiteness, tests, rotor, line, changed)
-    found += [*doubt_scatter(names, tests.constancy), *doubt_priors(checks)]
+    line, found = _judge_line(seen, rotor_hz), [*findings]
+    found += line if whiteness is None else _judge_innovations(whiteness, tests, rotor, line)
+    found += doubt_priors(checks)
     prior_cov = np.diag([q.prior[1] ** 2 for q in parameters])
     found += describe_directions(names, cov, prior_cov, logarithmic, theta) if names else []
     found += doubt_damping(parameters, theta, cov, damping)
     return Diagnosis(tuple(found), whiteness, checks, rotor_hz, rotor.blades, band_of_interest(frequencies), seen)
 
 
-def _judge_innovations(
-    w: Whiteness, tests: RecordTests, rotor: TurningRotor, line: list[Finding], changed: list[Finding]
-) -> list[Finding]:
-    """Findings of innovations, of a line and of halves that differ, the most telling first."""
+def _judge_innovations(w: Whiteness, tests: RecordTests, rotor: TurningRotor, line: list[Finding]) -> list[Finding]:
+    """Findings of innovations and of a line, the most telling first."""
     spectrum = _judge_spectrum(w, abs(rotor.speed) / (2.0 * math.pi), rotor.blades_move)
     bending, together = tests.smoothed_loads or (None, None)
     loud = max(np.nan_to_num(c.peak) for c in w.channels) > MIN_DOMINANT_PEAK_LEVEL
     return [
-        *_judge_steadiness(w), *line, *changed, *(spectrum if loud else ()), *_judge_shared(w), *_judge_size(w),
+        *_judge_steadiness(w), *line, *(spectrum if loud else ()), *_judge_shared(w), *_judge_size(w),
         *_judge_lateness(tests.late), *doubt_correlated(together), *doubt_bent(tests.bent), *doubt_bending(bending),
         *(() if loud else spectrum), *_judge_outliers(w),
     ]  # fmt: skip

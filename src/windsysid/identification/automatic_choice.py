@@ -97,8 +97,9 @@ def _cross_checked(job: Job, joint: FittedJob, spectral_job: Job, spectral: Fitt
             _, spectral = run(spectral_job.with_effects_of(job, "clock_drift", Sinusoid.code, *waves))
         except FAILURES as error:
             return joint.noting(_note("joint_as_spectra_do_not_apply", error=str(error)))
-    name, off = compare(joint.outcome, spectral.outcome)
-    against = [disagreement(name, off, joint.outcome, job.turbine)]
+    spectral = spectral._replace(outcome=spectral.outcome._replace(scores=joint.outcome.scores))
+    off = compare(joint.outcome, spectral.outcome)[1]
+    against = [disagreement(joint.outcome, spectral.outcome, job.turbine)]
     if spectral.outcome.turns:
         if off > MAX_DISAGREEMENT_SIGMAS:
             return joint.noting(_note("joint_with_spectra"), *against)

@@ -13,12 +13,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from windsysid._types import Array
-from windsysid.checks.verdict import FittedParameters, RecordTests, diagnose
+from windsysid.checks.verdict import FittedParameters, diagnose
 from windsysid.errors import ConfigurationError
 from windsysid.identification.condition.segments import SegmentReader
 from windsysid.identification.estimate.equations_time import EquationsEstimate, fit_by_filter
 from windsysid.identification.estimate.spectral.equations_spectra import fit_by_spectra
 from windsysid.identification.model.equations_problem import EquationsJob
+from windsysid.identification.verdict.grading import grade_coefficients, judged, widen_coefficients
 from windsysid.inspection.screening import doubted, noted
 from windsysid.kernels.threads import one_thread
 from windsysid.loads.statistics import Statistic
@@ -185,8 +186,19 @@ def _with_role(model: Model, q: Parameter) -> Parameter:
 def _describe(job: EquationsJob, segments: SegmentReader, found: EquationsEstimate) -> Fit:
     """An estimate in physical units, with its diagnosis."""
     n, last, parameters, spectral = len(job.parameters), segments.last, job.parameters, found.whiteness is None
-    theta, cov, spread = found.unknowns[:n], found.cov[:n, :n], np.sqrt(np.diag(found.cov))
     lost = () if np.isfinite(found.history[0]).all() else (Finding("no_history", "note"),)
+    wide = widen_coefficients(found.scores, parameters)
+    factors = np.array([one.factor for one in wide])
+    theta, cov = found.unknowns[:n], found.cov[:n, :n]
+    diagnosis = judged(
+        diagnose(
+            found.whiteness, FittedParameters(parameters, theta, cov), frequencies=(),
+            findings=(*doubted(segments.faults), *found.doubts, *found.notes, *noted(segments.faults), *lost),
+        ),
+        found.scores,
+        wide,
+    )  # fmt: skip
+    spread, grades = factors * np.sqrt(np.diag(cov)), grade_coefficients(diagnosis, parameters, wide, {})
     units = [last.unit(channel) for channel in job.readings]
     return Fit(
         method=found.method,
@@ -198,37 +210,33 @@ def _describe(job: EquationsJob, segments: SegmentReader, found: EquationsEstima
         rate=last.rate,
         samples=segments.samples,
         elapsed=found.elapsed,
-        estimates=tuple(map(_describe_parameter, parameters, theta, spread[:n])),
+        estimates=tuple(map(_describe_parameter, parameters, theta, spread, grades)),
         modes=(),
         parameters=parameters,
         time=found.time,
         mean=found.history[0][:, :n],
         std=found.history[1][:, :n],
-        cov=cov,
+        cov=cov * np.outer(factors, factors),
         readings=job.readings,
         innovation=found.info.innovation,
         whitened=found.info.whitened,
         log_likelihood=found.log_likelihood,
         statistics=_describe_levels(job, found, units),
-        diagnosis=diagnose(
-            found.whiteness, FittedParameters(parameters, theta, cov), frequencies=(),
-            tests=RecordTests(constancy=found.constancy),
-            findings=(*doubted(segments.faults), *found.doubts, *found.notes, *noted(segments.faults), *lost),
-        ),
+        diagnosis=diagnosis,
         states=found.states,
         state_mean=found.info.mean,
         state_std=found.info.std,
     )  # fmt: skip
 
 
-def _describe_parameter(q: Parameter, theta: float, std: float) -> Estimate:
+def _describe_parameter(q: Parameter, theta: float, std: float, grade: str) -> Estimate:
     """A parameter in its own unit."""
     low, value, high = (float(q.physical(theta + k * std)) for k in (-SIGMAS, 0.0, SIGMAS))
     return Estimate(
         name=q.name, unit="", kind="parameter", estimate=value, low=low, high=high,
         std=float(std * (value if q.logarithmic else q.scale)),
         informed_by_data=float(np.clip(1.0 - (std / q.prior[1]) ** 2, 0.0, 1.0)),
-        prior=q.centre, reference=None, average_error_percent=None,
+        prior=q.centre, reference=None, average_error_percent=None, grade=grade,
     )  # fmt: skip
 
 

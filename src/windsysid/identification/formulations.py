@@ -12,6 +12,8 @@ from windsysid.identification.condition.readings import check_length, thin_to_re
 from windsysid.identification.effects.clock_drift import drifts_in
 from windsysid.identification.effects.lines import sinusoids_in
 from windsysid.identification.effects.narrow_band_load import narrow_band_in
+from windsysid.identification.estimate.fitted.linearisation import linearise
+from windsysid.identification.estimate.fitted.whitened_spectrum import scores_over_frequency
 from windsysid.identification.estimate.force_balance import identify_by_force_balance, measured_channels
 from windsysid.identification.estimate.prior_conflict import with_wide_priors
 from windsysid.identification.estimate.spectral.frequency_domain import identify_by_spectrum
@@ -47,6 +49,11 @@ def _by_filters(job: Job, start: FittedJob | None) -> FittedJob:
     left = part if waves is None or not waves.forces else waves.left(part, turbine, at.sensors)
     read = replace(left, time=left.time[::steps], values=left.values[::steps])
     fit = FittedJob("joint", _widened(job, outcome), read, at.sensors, at.faults, job.prior or Prior())
+    line = linearise(job, fit)
+    over = scores_over_frequency(line) if line is not None else None
+    if over is not None:
+        (time,) = outcome.scores
+        fit = fit._replace(outcome=fit.outcome._replace(scores=(time, over._replace(masses=time.masses))))
     return fit.doubted(MOVED) if drifts_in(job) else fit
 
 

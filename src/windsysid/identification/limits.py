@@ -55,7 +55,8 @@ MAX_YAW_CHANGE = 0.05
 
 NEGLIGIBLE_SHARE = 0.1
 """Size: share of a quantity up to which a contribution to it is neglected: an offset of a sample's noise, loads of a
-motion's rms, another coordinate of a reading, the integration of a damping ratio. In squares it is 1 %."""
+motion's rms, another coordinate of a reading, the integration of a damping ratio, a coefficient of a mode's variance,
+a widening of an interval. In squares it is 1 %."""
 
 # Outliers
 
@@ -84,6 +85,9 @@ P_EFFECT = 1e-3
 
 P_CANDIDATE = 0.01
 """Probability: of a statistic with the fit's unknowns fixed, below which a candidate is tested with them."""
+
+MAX_WIDENING = 5.0
+"""Size: factor beyond which the record contradicts the model so much that no interval stands for it."""
 
 MIN_SHIFT_SIGMAS = 0.2
 """Size: shift of an estimate, in standard deviations, from which on an effect is included, and its size estimated
@@ -173,7 +177,7 @@ MIN_EXPECTED_SHIFT_SIGMAS = 0.25
 """Size: standard deviations by which a coefficient differs under another explanation, times the odds of that."""
 
 MIN_LOG_ODDS = 2.5
-"""Log odds: of two explanations the better one, 12 to 1."""
+"""Log odds: 12 to 1, of two explanations the better one, and against a narrow-band load before the record is seen."""
 
 MAX_RIVAL_LOG_ODDS = 50.0
 """Log odds: against a load model that is dropped after the first stages, which weigh the record with a fifth."""

@@ -93,7 +93,7 @@ def _compare_coefficients(before: Posterior, after: Posterior) -> Comparison:
     both = (*frame, *levels)
     statistics = _changes(before, after, both, difference_between(before, after, both))[len(frame) :] if levels else ()
     same, notes = _shared_data(before, after)
-    doubts = [*_distrusted(before, after), *_differing_models(before, after)]
+    doubts = [*_distrusted(before, after, frame), *_differing_models(before, after)]
     moved = [change.name for change in coefficients if change.moved]
     if same and moved:
         same = _have_same_values(before, after)
@@ -108,9 +108,16 @@ def _compare_coefficients(before: Posterior, after: Posterior) -> Comparison:
     )  # fmt: skip
 
 
-def _distrusted(before: Posterior, after: Posterior) -> list[str]:
-    distrusted = [result.record for result in (before, after) if not result.trusted]
-    return [f"the result of {name} is not trusted by itself: see its report" for name in distrusted]
+def _distrusted(before: Posterior, after: Posterior, frame: Sequence[Parameter]) -> list[str]:
+    """Coefficients of a frame that are not to be used of a result; of one without grades, that it is not trusted."""
+    doubts = list[str]()
+    for result in (before, after):
+        bad = [q.name for q in frame if q.name in result.unusable]
+        if bad and len(bad) < len(frame):
+            doubts.append(f"{', '.join(bad)} of {result.record} (grade C): see its report; the others may be compared")
+        elif bad or not (result.trusted or result.unusable):
+            doubts.append(f"the result of {result.record} is not trusted by itself: see its report")
+    return doubts
 
 
 def _frame_of_statistics(before: Posterior, after: Posterior) -> tuple[Parameter, ...]:

@@ -143,7 +143,9 @@ WHITENESS = (
 def _trust(identification: Identification) -> list[str]:
     """Whether to trust it, a paragraph for every reason not to."""
     diagnosis = identification.diagnosis
-    return [f"trust: NO: because {reason}" for reason in diagnosis.reasons] or [str(diagnosis)]
+    return [*(f"trust: NO: because {reason}" for reason in diagnosis.reasons), *identification.usable()] or [
+        str(diagnosis)
+    ]
 
 
 def diagnosis_tables(identification: Identification) -> list[Table]:

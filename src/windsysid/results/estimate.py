@@ -26,6 +26,8 @@ class Estimate:
         Eq (24) point by point, averaged over the record [%]; None without a reference.
     tip
         The same estimate, low, high, std and reference per tip deflection [N/m or N·s/m], for blades with a tip lever.
+    grade
+        ``A``: the interval holds as the model says; ``B``: it was widened; ``C``: not to be used (docs/grades.md).
     """
 
     name: str
@@ -40,3 +42,4 @@ class Estimate:
     reference: float | None
     average_error_percent: float | None
     tip: Mapping[str, float] | None = None
+    grade: str = "A"

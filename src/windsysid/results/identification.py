@@ -109,6 +109,7 @@ class Identification(IdentificationValues, Answer):
             turbine, self.parameters, theta, self.cov, name, self.diagnosis.trusted, self.conditions,
             start=None if known is None else known.start, record_hash=None if known is None else known.record_hash,
             section=self.section, statistics=self.statistics, joint_cov=self.joint_cov, tolerances=self.tolerances,
+            unusable=tuple(e.name for e in self.estimates if e.grade == "C"),
         ).given("masses")  # fmt: skip
 
     def summary(self) -> dict[str, Any]:
@@ -147,15 +148,18 @@ class Identification(IdentificationValues, Answer):
         statistics of loads and noise; with ``unit``, ``estimate``, ``low``, ``high`` (±2σ) and what the file says."""
         import pandas as pd
 
-        rows = [
-            (e.name, "coefficient", unit_text(e.unit), e.estimate, e.low, e.high, e.reference) for e in self.estimates
+        rows: list[tuple[Any, ...]] = [
+            (e.name, "coefficient", unit_text(e.unit), e.estimate, e.low, e.high, e.grade, e.reference)
+            for e in self.estimates
         ]
         for mode in self.modes:
             known = mode.reference or (None, None)
-            rows.append((mode.name, "frequency", "Hz", *mode.frequency_hz, known[0]))
-            rows.append((mode.name, "damping ratio", "1", *mode.damping_ratio, known[1]))
-        rows += [(s.name, "statistic", unit_text(s.unit), s.estimate, s.low, s.high, s.given) for s in self.statistics]
-        columns = ["name", "quantity", "unit", "estimate", "low", "high", "in_file"]
+            rows.append((mode.name, "frequency", "Hz", *mode.frequency_hz, mode.grades[0], known[0]))
+            rows.append((mode.name, "damping ratio", "1", *mode.damping_ratio, mode.grades[1], known[1]))
+        rows += [
+            (s.name, "statistic", unit_text(s.unit), s.estimate, s.low, s.high, "", s.given) for s in self.statistics
+        ]
+        columns = ["name", "quantity", "unit", "estimate", "low", "high", "grade", "in_file"]
         return pd.DataFrame(rows, columns=columns).astype({"in_file": float})
 
     def to_xarray(self) -> "xr.Dataset":
@@ -176,6 +180,7 @@ class Identification(IdentificationValues, Answer):
             title,
             *([self.modes_table()] if self.modes else []),
             str(self.diagnosis),
+            *self.usable(),
             self.table(),
             *([self.statistics_table()] if self.statistics else []),
             *([self.budget.table(leave_out=of_modes)] if self.tolerances else []),
@@ -183,17 +188,27 @@ class Identification(IdentificationValues, Answer):
             *self.notes,
         ]
 
+    def usable(self) -> list[str]:
+        """What may be used of a result that is not trusted as a whole, in a sentence; nothing of one that is."""
+        if self.diagnosis.trusted:
+            return []
+        good = [e.name for e in self.estimates if e.grade != "C"]
+        for mode in self.modes:
+            names = (f"{mode.name} frequency", f"{mode.name} damping ratio")
+            good += [name for name, grade in zip(names, mode.grades, strict=True) if grade != "C"]
+        return [f"can still be used (grade A or B): {', '.join(good)}"] if good else []
+
     def table(self) -> Table:
         """The estimates with their bands, and the references where any is known."""
         known = any(e.reference is not None for e in self.estimates)
         rows = []
         for e in self.estimates:
             informed = f"{100.0 * e.informed_by_data:.1f} %"
-            rows.append(_estimate_cells(e.name, unit_text(e.unit), informed, known, asdict(e)))
+            rows.append(_estimate_cells(e.name, unit_text(e.unit), e.grade, informed, known, asdict(e)))
             if e.tip is not None:
                 unit = "N/m" if e.kind == "stiffness" else "N·s/m"
-                rows.append(_estimate_cells("  at the tip", unit, "", known, e.tip))
-        headings = ("coefficient", "estimate", "±2σ band", "unit", "from data")
+                rows.append(_estimate_cells("  at the tip", unit, "", "", known, e.tip))
+        headings = ("coefficient", "estimate", "±2σ band", "unit", "", "from data")
         more = ("in file", "differs") if known else ()
         title = "Stiffness and damping" if self.machine is not None else "Parameters"
         return Table((*headings, *more), rows, title, words=(0, 3))
@@ -201,7 +216,8 @@ class Identification(IdentificationValues, Answer):
     def modes_table(self) -> Table:
         """The modes: frequencies, damping ratios, and how far they are from the nearest harmonic of the rotor."""
         orders, speed = self._harmonics(), self.machine.rotor_speed if self.machine is not None else 0.0
-        headings, rows = ["mode", "f [Hz]", "±2σ band", "ζ [%]", "±2σ band"], [[*mode.cells()] for mode in self.modes]
+        headings = ["mode", "f ± 2σ [Hz]", "grade", "ζ ± 2σ [%]", "grade"]
+        rows = [[*mode.graded_cells()] for mode in self.modes]
         if orders:
             headings.append("from nP")
             rows = [[*row, mode.beside(orders, speed)] for row, mode in zip(rows, self.modes, strict=True)]
@@ -238,9 +254,11 @@ def coefficient_errors(history: Array, reference: float) -> Array:
     return np.asarray(np.abs(history - reference) / abs(reference) * 100.0, dtype=np.float64)
 
 
-def _estimate_cells(name: str, unit: str, informed: str, known: bool, values: Mapping[str, Any]) -> tuple[str, ...]:
+def _estimate_cells(
+    name: str, unit: str, grade: str, informed: str, known: bool, values: Mapping[str, Any]
+) -> tuple[str, ...]:
     estimate, reference = values["estimate"], values["reference"]
-    cells = (name, f"{estimate:.5g}", f"{values['low']:.5g} … {values['high']:.5g}", unit, informed)
+    cells = (name, f"{estimate:.5g}", f"{values['low']:.5g} … {values['high']:.5g}", unit, grade, informed)
     if not known:
         return cells
     difference = f"{round(100.0 * (estimate / reference - 1.0), 2) + 0.0:+.2f} %" if reference else ""  # no -0.00 %
@@ -250,7 +268,7 @@ def _estimate_cells(name: str, unit: str, informed: str, known: bool, values: Ma
 def _estimate_summary(e: Estimate) -> dict[str, Any]:
     summary: dict[str, Any] = {
         "unit": e.unit, "kind": e.kind, "estimate": e.estimate, "low": e.low, "high": e.high, "std": e.std,
-        "informed_by_data": e.informed_by_data, "prior": e.prior,
+        "grade": e.grade, "informed_by_data": e.informed_by_data, "prior": e.prior,
     }  # fmt: skip
     if e.reference is not None:
         summary["reference"] = e.reference

@@ -18,18 +18,21 @@ class Mode(NamedTuple):
         (value, low, high) [Hz], [1].
     reference
         Frequency [Hz] and damping ratio [1] that the reference coefficients give; None where they give no such mode.
+    grades
+        Of the frequency and of the damping ratio, as `windsysid.results.estimate.Estimate.grade`.
     """
 
     name: str
     frequency_hz: tuple[float, float, float]
     damping_ratio: tuple[float, float, float]
     reference: tuple[float, float] | None = None
+    grades: tuple[str, str] = ("A", "A")
 
     def summary(self) -> dict[str, Any]:
         """As plain values, for ``summary.json``."""
         values: dict[str, Any] = {"name": self.name}
         for i, (key, triple) in enumerate((("frequency_hz", self.frequency_hz), ("damping_ratio", self.damping_ratio))):
-            values[key] = dict(zip(("estimate", "low", "high"), triple, strict=True))
+            values[key] = {**dict(zip(("estimate", "low", "high"), triple, strict=True)), "grade": self.grades[i]}
             if self.reference is not None:
                 values[key]["reference"] = self.reference[i]
         return values
@@ -39,6 +42,13 @@ class Mode(NamedTuple):
         f, digits = self.frequency_hz, 3 if abs(self.damping_ratio[0]) < 0.01 else 2
         z, low, high = (f"{100.0 * value:.{digits}f}" for value in self.damping_ratio)
         return (self.name, f"{f[0]:.4f}", f"{f[1]:.4f} … {f[2]:.4f}", z, f"{low} … {high}")
+
+    def graded_cells(self) -> tuple[str, str, str, str, str]:
+        """The same in fewer columns: name, frequency and damping ratio with ±2σ, each with its grade."""
+        f, digits = self.frequency_hz, 3 if abs(self.damping_ratio[0]) < 0.01 else 2
+        (z, low, _), grades = (100.0 * value for value in self.damping_ratio), self.grades
+        frequency, damping = f"{f[0]:.4f} ± {f[0] - f[1]:.4f}", f"{z:.{digits}f} ± {z - low:.{digits}f}"
+        return self.name, frequency, grades[0], damping, grades[1]
 
     def beside(self, orders: Sequence[int], rotor_speed: float) -> str:
         """How far the mode is from the nearest of `orders` of `rotor_speed` [rad/s], as text: ``3P -7.7 %``."""

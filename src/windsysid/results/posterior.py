@@ -94,6 +94,8 @@ class Posterior(NamedTuple):
     tolerances
         What is known within tolerances only. Masses are none of it in a posterior that was read or made of a result:
         a vibration shows ratios to masses, and those of the turbine are taken as right.
+    unusable
+        Coefficients of grade C; none where grades are not known.
     """
 
     turbine: Turbine
@@ -109,6 +111,7 @@ class Posterior(NamedTuple):
     statistics: tuple[Statistic, ...] = ()
     joint_cov: Array | None = None
     tolerances: tuple[Tolerance, ...] = ()
+    unusable: tuple[str, ...] = ()
 
     def given(self, *groups: Group) -> "Posterior":
         """The same given that instruments or masses of these groups, of all by default, are as their files say.
@@ -171,12 +174,14 @@ def load_posterior(folder: str | Path) -> Posterior:
         cov = file["cov"][...]
         joint_cov = file["joint_cov"][...] if learned and "joint_cov" in file else None
         tolerances = read_tolerances(file)
+        estimates = parse_json(file.attrs["result"])["estimates"] if "result" in file.attrs else []
     turbine = parse_turbine(text, str(Path(folder) / "identification.nc"))
     theta = np.array([q.coordinate(value) for q, value in zip(parameters, estimate, strict=True)])
     identified = turbine.with_values({q.name: value for q, value in zip(parameters, estimate, strict=True)})
     return Posterior(
         identified, parameters, theta, cov, record, bool(trusted), conditions,
         start, found, section=(begun, ended), statistics=learned, joint_cov=joint_cov, tolerances=tolerances,
+        unusable=tuple(one["name"] for one in estimates if one.get("grade") == "C"),
     ).given("masses")  # fmt: skip
 
 

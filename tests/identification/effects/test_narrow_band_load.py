@@ -15,8 +15,9 @@ from windsysid.loads.narrow_band import FREQUENCY
 RECORD = record_of(noise())
 
 
-def alternative(*, is_needed: bool = True, rival: tuple[str, float] | None = None) -> Any:
-    return SimpleNamespace(is_needed=is_needed, gain=23.0, rival=rival, values={FREQUENCY: 0.4})
+def alternative(*, is_needed: bool = True, rival: tuple[dict[str, float], float] | None = None) -> Any:
+    moved = {"k_side_side": 3.0}
+    return SimpleNamespace(is_needed=is_needed, gain=23.0, rival=rival, moved=moved, values={FREQUENCY: 0.4})
 
 
 @pytest.fixture

@@ -20,8 +20,14 @@ def test_the_largest_difference_is_in_the_larger_standard_deviation():
     assert compare(OUTCOME, OUTCOME)[1] == 0.0
 
 
-def test_a_disagreement_names_its_coefficient_and_whether_blades_were_left_out():
-    found = disagreement("k_fore_aft", MAX_DISAGREEMENT_SIGMAS + 1.0, OUTCOME, TOWER)
-    assert (found.code, found.severity, found.quantities) == ("formulations_disagree", "reason", ("k_fore_aft",))
-    assert found.data == {"sigmas": MAX_DISAGREEMENT_SIGMAS + 1.0, "unseen_blades": False}
-    assert disagreement("k_x", 4.0, OUTCOME, load_turbine("verne555")).data["unseen_blades"]
+def test_a_disagreement_has_its_coefficients_and_says_whether_blades_were_left_out():
+    shift = 0.01 * (MAX_DISAGREEMENT_SIGMAS + 1.0) * np.eye(len(OUTCOME.theta))[2]
+    other = OUTCOME._replace(theta=OUTCOME.theta - shift)
+    found, names = disagreement(OUTCOME, other, TOWER), [q.name for q in OUTCOME.model.parameters]
+    assert (found.code, found.severity, found.quantities) == ("formulations_disagree", "reason", (names[2],))
+    assert found.data["sigmas"] == pytest.approx(MAX_DISAGREEMENT_SIGMAS + 1.0)
+    assert found.data["shifts"] == pytest.approx(
+        {**dict.fromkeys(names, 0.0), names[2]: -MAX_DISAGREEMENT_SIGMAS - 1.0}
+    )
+    assert not found.data["unseen_blades"]
+    assert disagreement(OUTCOME, other, load_turbine("verne555")).data["unseen_blades"]

@@ -48,4 +48,4 @@ def test_a_prior_that_dominates_is_said_of_one_of_several_and_of_a_combination()
 def test_signs_are_left_out_of_distances():
     text = sentence("prior_conflict", {"sigmas": -4.26}, ("c_x",))
     assert "they are 4.3 standard deviations apart" in text
-    assert set(ESTIMATES) >= {"prior_conflict", "halves_disagree", "line_influence", "no_history"}
+    assert set(ESTIMATES) >= {"prior_conflict", "wider_intervals", "line_influence", "no_history"}

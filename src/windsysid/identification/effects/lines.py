@@ -12,7 +12,7 @@ from windsysid.checks.lines import Line
 from windsysid.checks.verdict import found_line
 from windsysid.identification.effects.sinusoid import Sine, find_sine, find_turning, one_turn, turned
 from windsysid.identification.effects.sinusoidal_force import Sinusoids, forces_of
-from windsysid.identification.estimate.fitted.influence import doubt_line, doubt_sine, is_harmless
+from windsysid.identification.estimate.fitted.influence import doubt_line, doubt_sine, doubt_standing_out
 from windsysid.identification.estimate.fitted.modal_residuals import line_of
 from windsysid.identification.estimate.fitted.modes import modes_of
 from windsysid.identification.estimate.time_domain import innovations_of
@@ -90,22 +90,24 @@ def sinusoids_in(job: Job) -> Sinusoids | None:
 
 
 class _Lines(NamedTuple):
-    """Frequencies that may be sinusoids: the line beside a mode, and the frequency that a coefficient depends on."""
+    """Frequencies that may be sinusoids: the line beside a mode, and the frequency that a coefficient depends on; what
+    is to be said of them if they are not included, and the line whose influence is not known."""
 
     line: Line | None
     depends: tuple[tuple[str, float], ...]
     doubts: tuple[Finding, ...]
+    judged_line: Line | None
 
     @classmethod
     def of(cls, job: Job, fit: FittedJob) -> "_Lines":
         """What a fit shows."""
-        dependence = doubt_line(job, fit)
-        line = line_of(fit.outcome, fit.read)
-        if line is not None and line.ratio > line.bound and is_harmless(line, job, fit):
-            line = None
-        if dependence is None:
-            return cls(line, (), ())
-        return cls(line, ((dependence.channel, dependence.frequency),), (dependence.doubt,))
+        dependence, line = doubt_line(job, fit), line_of(fit.outcome, fit.read)
+        depends = () if dependence is None else ((dependence.channel, dependence.frequency),)
+        doubts = () if dependence is None else (dependence.doubt,)
+        known = doubt_standing_out(line, job, fit) if line is not None and line.ratio > line.bound else None
+        if known is None:
+            return cls(line, depends, doubts, line)
+        return cls(line if known else None, depends, (*doubts, *known), None)
 
     def candidates(self, fit: FittedJob) -> list[tuple[str, float]]:
         """Channels and frequencies [Hz]."""
@@ -114,7 +116,7 @@ class _Lines(NamedTuple):
 
     def judged(self, job: Job, fit: FittedJob, known: Sinusoids | None) -> FittedJob:
         """The fit with what lines say against it."""
-        fit = fit.lacking(*self.doubts)._replace(line=self.line)
+        fit = fit.lacking(*self.doubts)._replace(line=self.judged_line)
         for sine in _sines(known):
             if not (sine.order or fit.outcome.doubts or fit.unmodelled):
                 fit = fit.lacking(*doubt_sine(sine.frequency, job, fit))

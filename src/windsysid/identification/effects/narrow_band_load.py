@@ -93,8 +93,8 @@ class NarrowBandLoad(Effect):
             return after
         if after.outcome.hypothesis != NarrowBand.name:
             return after.with_rivals(*doubts_of_narrow_band(included.alternative, asked=Broadband.name))
-        name, off = compare(after.outcome, found.start.outcome)
-        against = [disagreement(name, off, after.outcome, job.turbine)] if off > MAX_DISAGREEMENT_SIGMAS else []
+        there, off = found.start.outcome, compare(after.outcome, found.start.outcome)[1]
+        against = [disagreement(after.outcome, there, job.turbine)] if off > MAX_DISAGREEMENT_SIGMAS else []
         doubts = doubts_of_narrow_band(included.alternative, asked="auto")
         return after.noting(note_narrow_band(included.alternative), *doubts, *against)
 

@@ -22,6 +22,10 @@ from windsysid.identification.model.regressor import Regressors, Term
 __all__ = ["Regression", "RegressorEffect"]
 
 
+MAX_REVISIONS = 2
+"""Setting: how often the size of included regressors is estimated again: two fits may each ask for the other."""
+
+
 class RegressorEffect:
     """An effect that is a waveform in readings."""
 
@@ -55,7 +59,8 @@ class Regression(Effect):
         settling = [one for one in tests if one.candidate in included]
         for one in settling:  # a fit that lacked it bends its size: sizes settle first
             known_of = _known(job, self.effects[one.candidate.code])
-            if _is_other_std(known_of, one) or _matters(at, one):
+            revised = known_of.revisions[one.candidate.channel] >= MAX_REVISIONS
+            if not revised and (_is_other_std(known_of, one) or _matters(at, one)):
                 return Detection(fit, self._with(job, at, fit, one), 0.0, fit)
         best = min(tests[len(settling) :], key=lambda one: one.log10_p, default=None)
         digits = 0.0 if best is None else -(best.log10_p + math.log10(len(new)))
@@ -99,6 +104,7 @@ class Regression(Effect):
             terms=(*others, *terms),
             widenings={**known.widenings, channel: test.widening},
             before={channel: fit.outcome, **known.before},
+            revisions={**known.revisions, channel: known.revisions.get(channel, -1) + 1},
         )
 
 

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.checks.constancy import Constancy
+from windsysid.checks.dispersion import PartScores
 from windsysid.checks.whiteness import Whiteness
 from windsysid.filters import EKF, Info
 from windsysid.filters.bank import bank_of, run_bank
@@ -64,7 +64,7 @@ class EquationsEstimate(NamedTuple):
     notes: tuple[Finding, ...]
     doubts: tuple[Finding, ...]
     whiteness: Whiteness | None = None
-    constancy: Constancy | None = None
+    scores: tuple[PartScores, ...] = ()
 
 
 def fit_by_filter(job: EquationsJob, segments: SegmentReader) -> EquationsEstimate:
@@ -90,7 +90,7 @@ def fit_by_filter(job: EquationsJob, segments: SegmentReader) -> EquationsEstima
         notes=(*notes, *found.notes),
         doubts=_list_doubts(problem, found),
         whiteness=found.whiteness,
-        constancy=found.constancy,
+        scores=(found.scores,),
     )
 
 

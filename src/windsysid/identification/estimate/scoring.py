@@ -21,7 +21,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.checks.constancy import Part, join_parts
+from windsysid.checks.dispersion import Part, join_parts
 from windsysid.errors import WindsysidError
 from windsysid.filters import EKF, Info
 from windsysid.filters.bank import Bank, bank_of, run_bank

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array
-from windsysid.checks.constancy import Constancy, judge_constancy
+from windsysid.checks.dispersion import PartScores
 from windsysid.checks.innovation_sums import Stretch, measure_stretch
 from windsysid.checks.whiteness import Whiteness, judge_stretches
 from windsysid.errors import WindsysidError
@@ -76,8 +76,8 @@ class Solution(NamedTuple):
         What the filter said at the mode, and what went in, and the loads that were states: of the last block.
     whiteness
         The innovations at the mode against white noise, all of them.
-    constancy
-        What parts of the samples say of the unknowns but the clocks.
+    scores
+        Of parts of the samples, to the unknowns but the clocks.
     outliers
         The readings that were left out.
     read
@@ -96,7 +96,7 @@ class Solution(NamedTuple):
     inputs: Array
     loads: Loads
     whiteness: Whiteness
-    constancy: Constancy
+    scores: PartScores
     outliers: Outliers
     read: NDArray[np.int64]
     samples: int
@@ -177,7 +177,7 @@ def solve(
         whiteness=judge_stretches(
             seen.stretch, names=problem.build(mode.mean).readings, frequencies=problem.frequencies(mode.mean)
         ),
-        constancy=_constancy(problem, mode),
+        scores=_scores(problem, mode, rate),
         outliers=outliers,
         read=seen.read,
         samples=seen.stretch.samples,
@@ -251,10 +251,13 @@ def _climb(problem: Problem, samples: Samples, start: tuple[Array, Array], clock
     return mode
 
 
-def _constancy(problem: Problem, mode: InnovationMode) -> Constancy:
-    """What parts of the samples say where a search has ended."""
-    step = mode.mean[problem.unknowns.but("clocks")] - mode.look.theta
-    return judge_constancy(mode.look.found.parts, problem.wide_prior[1], step)
+def _scores(problem: Problem, mode: InnovationMode, rate: float) -> PartScores:
+    """Of parts of the samples, where a search has looked last."""
+    samples, gradients, information = zip(*mode.look.found.parts, strict=True)
+    mean, cov = problem.wide_prior
+    precision = np.asarray(np.linalg.inv(cov))
+    places, pull = (np.cumsum(samples) - 0.5 * np.array(samples)) / rate, precision @ (mean - mode.look.theta)
+    return PartScores("time", places, np.array(gradients), np.array(information), precision, pull)
 
 
 class _Seen(NamedTuple):

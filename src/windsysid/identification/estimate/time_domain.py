@@ -234,12 +234,18 @@ def describe_solution(
         loads=solution.loads,
         joint_cov=solution.cov,
         whiteness=solution.whiteness,
-        constancy=solution.constancy,
+        scores=(solution.scores._replace(masses=_masses_of(problem)),),
         log_likelihood=solution.log_likelihood,
         hypothesis=problem.loads.name,
         tolerances=tolerances,
         sensors=problem.sensors,
     )
+
+
+def _masses_of(problem: TurbineProblem) -> tuple[int, ...]:
+    """Which unknowns are masses."""
+    places = problem.unknowns.places("tolerances", "clocks").tolist()
+    return tuple(at for at, one in zip(places, problem.tolerances, strict=True) if one.group == "masses")
 
 
 def _describe_loads(problem: TurbineProblem, why: Finding) -> tuple[Finding, ...]:

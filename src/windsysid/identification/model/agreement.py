@@ -7,12 +7,19 @@ from windsysid.results.finding import Finding
 from windsysid.results.tolerance import Group
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["compare", "disagreement"]
+__all__ = ["compare", "differences", "disagreement"]
 
 
 def compare(one: Outcome, other: Outcome) -> tuple[str, float]:
-    """The parameter on which two results differ most, in the larger of their standard deviations, with instruments and
-    masses as the first has found them: both share them, and wide bands would hide what loads do."""
+    """The parameter on which two results differ most, and by how many standard deviations."""
+    off = differences(one, other)
+    worst = max(off, key=lambda name: abs(off[name]))
+    return worst, abs(off[worst])
+
+
+def differences(one: Outcome, other: Outcome) -> dict[str, float]:
+    """By how much the parameters of two results differ, in the larger of their standard deviations, with instruments
+    and masses as the first has found them: both share them, and wide bands would hide what loads do."""
     shared: tuple[Group, ...] = ("gain", "alignment", "clock", "masses")
     (theta, cov), (others, other_cov) = (found.given(*shared, as_in=one) for found in (one, other))
     names = [q.name for q in other.model.parameters]
@@ -20,15 +27,15 @@ def compare(one: Outcome, other: Outcome) -> tuple[str, float]:
     for i, q in enumerate(one.model.parameters):
         if q.name in names:
             j = names.index(q.name)
-            off[q.name] = abs(theta[i] - others[j]) / math.sqrt(max(cov[i, i], other_cov[j, j]))
-    worst = max(off, key=lambda name: off[name])
-    return worst, float(off[worst])
+            off[q.name] = float((others[j] - theta[i]) / math.sqrt(max(cov[i, i], other_cov[j, j])))
+    return off
 
 
-def disagreement(name: str, off: float, fit: Outcome, turbine: Turbine) -> Finding:
-    """That filters and spectra are so many standard deviations apart on a coefficient, and the likeliest cause."""
-    locked = _blades_move(turbine) and not _blades_move(fit.turbine)
-    return Finding("formulations_disagree", "reason", {"sigmas": off, "unseen_blades": locked}, (name,))
+def disagreement(fit: Outcome, other: Outcome, turbine: Turbine) -> Finding:
+    """That filters and spectra are standard deviations apart on a coefficient, and the likeliest cause."""
+    (name, off), locked = compare(fit, other), _blades_move(turbine) and not _blades_move(fit.turbine)
+    data = {"sigmas": off, "unseen_blades": locked, "shifts": differences(fit, other), "chance": 0.5}
+    return Finding("formulations_disagree", "reason", data, (name,))
 
 
 def _blades_move(turbine: Turbine) -> bool:

@@ -9,7 +9,7 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.checks.conditioning import hold
-from windsysid.checks.constancy import Constancy
+from windsysid.checks.dispersion import PartScores
 from windsysid.checks.whiteness import Whiteness
 from windsysid.errors import WindsysidError
 from windsysid.filters import Info
@@ -70,8 +70,9 @@ class Outcome(NamedTuple):
         in standard deviations of their priors; None where no statistics were learned.
     whiteness
         The innovations against white noise where that was judged already; None where those of `final` are to be judged.
-    constancy
-        What parts of the record say of θ; None where they were not asked.
+    scores
+        Of parts of the record, to θ and all else that was estimated, in time and over frequencies; none where they were
+        not computed.
     log_likelihood
         Of all readings, where `final` does not hold them all.
     hypothesis
@@ -111,7 +112,7 @@ class Outcome(NamedTuple):
     loads: Loads | None = None
     joint_cov: Array | None = None
     whiteness: Whiteness | None = None
-    constancy: Constancy | None = None
+    scores: tuple[PartScores, ...] = ()
     log_likelihood: float | None = None
     hypothesis: str = ""
     tolerances: tuple[Tolerance, ...] = ()

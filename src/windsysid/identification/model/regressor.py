@@ -94,6 +94,8 @@ class Regressors:
         For each channel, what the uncertainty of its terms adds to the covariance of the fit's unknowns (n, n).
     before
         For each channel, the fit that lacked its terms.
+    revisions
+        For each channel, how often the sizes of its terms were estimated again.
     """
 
     code: str
@@ -101,6 +103,7 @@ class Regressors:
     terms: tuple[Term, ...] = ()
     widenings: Mapping[str, Array] = field(default_factory=dict)
     before: Mapping[str, Outcome] = field(default_factory=dict)
+    revisions: Mapping[str, int] = field(default_factory=dict)
 
     def of(self, channel: str) -> tuple[Term, ...]:
         """The terms in a channel."""

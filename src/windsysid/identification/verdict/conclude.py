@@ -3,12 +3,12 @@
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.checks.constancy import doubt_constancy
 from windsysid.checks.limits import FALSE_ALARM_PROBABILITY
 from windsysid.checks.lines import Line
 from windsysid.checks.nonlinearity import Bent, find_bent
@@ -23,6 +23,14 @@ from windsysid.identification.estimate.fitted.modes import FittedModes, modes_of
 from windsysid.identification.job import Formulation
 from windsysid.identification.limits import MAX_RATE_MISMATCH
 from windsysid.identification.model.fit import Outcome
+from windsysid.identification.verdict.grading import (
+    grade_coefficients,
+    grade_modes,
+    judged,
+    readers_of,
+    scaled,
+    widenings_of,
+)
 from windsysid.inspection.fault import Fault
 from windsysid.inspection.screening import doubted, noted
 from windsysid.mechanics.compile import compile_model
@@ -73,6 +81,10 @@ def conclude(
     transient = _transient(outcome, record) if whole is None else None
     if transient is not None:
         diagnosis = explain_by_transient(diagnosis, transient, outcome.channels)
+    coefficients, of_modes = widenings_of(outcome, at, diagnosis.findings)
+    diagnosis = judged(diagnosis, outcome.scores, coefficients, [*chain.from_iterable(of_modes)])
+    readers, wide = readers_of(outcome, record), scaled(outcome, coefficients)
+    grades = grade_coefficients(diagnosis, outcome.model.parameters, coefficients, readers)
     conditions, final, log_likelihood = _conditions(record, at.speed), outcome.final, outcome.log_likelihood
     if whole is None:
         history_time, section = record.time[-len(outcome.history_mean) :], (record.time[0], record.time[-1])
@@ -87,13 +99,13 @@ def conclude(
         rate=record.rate,
         samples=whole.samples,
         elapsed=outcome.elapsed,
-        estimates=_estimates(outcome),
-        modes=at.modes,
+        estimates=_estimates(wide, grades),
+        modes=grade_modes(at.modes, grades, of_modes, outcome.cov),
         parameters=outcome.model.parameters,
         time=whole.history_time,
         mean=outcome.history_mean,
         std=outcome.history_std,
-        cov=outcome.cov,
+        cov=wide.cov,
         readings=outcome.model.readings,
         innovation=final.innovation,
         whitened=final.whitened,
@@ -104,19 +116,19 @@ def conclude(
         loads=outcome.loads,
         conditions=conditions._replace(wind_speed=whole.wind_speed),
         provenance=provenance,
-        joint_cov=outcome.joint_cov,
+        joint_cov=wide.joint_cov,
         tolerances=outcome.tolerances,
         budget=_budget(outcome, at.modes, at.slopes, at.given_masses),
     )
 
 
-def _estimates(outcome: Outcome) -> tuple[Estimate, ...]:
-    """The coefficients in physical units."""
+def _estimates(outcome: Outcome, grades: Sequence[str]) -> tuple[Estimate, ...]:
+    """The coefficients in physical units, with their grades."""
     stds = np.sqrt(np.diag(outcome.cov))
     return tuple(
-        _estimate(q, outcome.turbine, float(theta), float(std), history)
-        for q, theta, std, history in zip(
-            outcome.model.parameters, outcome.theta, stds, outcome.history_mean.T, strict=True
+        replace(_estimate(q, outcome.turbine, float(theta), float(std), history), grade=grade)
+        for q, theta, std, history, grade in zip(
+            outcome.model.parameters, outcome.theta, stds, outcome.history_mean.T, grades, strict=True
         )
     )
 
@@ -160,7 +172,7 @@ def _judge(
         *outcome.notes,
         *noted(faults),
     )
-    tests = RecordTests(line, smoothed_loads=outcome.smoothed_loads, constancy=outcome.constancy)
+    tests = RecordTests(line, smoothed_loads=outcome.smoothed_loads)
     if filtered:
         tests = tests._replace(late=_late(outcome, record), bent=_bent(outcome))
     return diagnose(
@@ -185,13 +197,11 @@ def _whiteness(outcome: Outcome, rate: float, frequencies: Sequence[float]) -> W
 
 def doubts_of_innovations(outcome: Outcome, rate: float) -> tuple[Finding, ...]:
     """What the innovations of a filter, so many a second, say against its result."""
-    names = [q.name for q in outcome.model.parameters]
     found = diagnose(
         _whiteness(outcome, rate, ()), FittedParameters((), np.empty(0), np.empty((0, 0))), frequencies=(),
         tests=RecordTests(bent=_bent(outcome), smoothed_loads=outcome.smoothed_loads),
     )  # fmt: skip
-    reasons = (one for one in found.findings if one.severity == "reason")
-    return (*reasons, *doubt_constancy(names, outcome.constancy))
+    return tuple(one for one in found.findings if one.severity == "reason")
 
 
 def _off_clock(record: Record, speed: float) -> tuple[Finding, ...]:

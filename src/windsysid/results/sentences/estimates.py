@@ -70,6 +70,17 @@ def _tolerance_off(d: Data) -> str:
     return f"{_tolerance(d)}, as far as the model goes: {taken}; correct its file, or look for a coupling"
 
 
+def _wider_intervals(d: Data) -> str:
+    why = {
+        "explanations": "other explanations of the record are possible",
+        "frequency": f"the record contradicts the model around {d['at']:.3g} Hz",
+        "time": f"parts of the record contradict each other, most at {d['at']:.0f} s",
+    }
+    more = f" and {len(d['names']) - 3} more" if len(d["names"]) > 3 else ""
+    wide = f"intervals are up to {d['factor']:.1f} times as wide ({', '.join(d['names'][:3])}{more})"
+    return f"{why[d['over']]}: {wide}"
+
+
 ESTIMATES: Final[Mapping[str, Sentence]] = {
     "prior_conflict": (
         "{quantity} and its prior contradict each other: they are {sigmas:|.1f|} standard deviations apart; the turbine"
@@ -95,14 +106,7 @@ ESTIMATES: Final[Mapping[str, Sentence]] = {
         f"{_all(d)} are hard to tell apart: {d['direction']} together is hardly seen (2σ of each: {_each(d)})"
     ),
     "correlated_estimates": lambda d: f"{' and '.join(d['quantities'])} are correlated by {d['correlation']:+.2f}",
-    "halves_disagree": (
-        "the halves of the record disagree on {quantity} by {sigmas:|.1f|} standard deviations",
-        ": likely a structure or loads that changed; identify each half",
-    ),
-    "segments_scatter": (
-        "parts of the record scatter on {quantity} {ratio:.2g} times as much as its band holds",
-        ": likely loads of another kind; try another section",
-    ),
+    "wider_intervals": _wider_intervals,
     "tolerance_off": _tolerance_off,
     "tolerance_conflict": lambda d: (
         f"{_tolerance(d)}: more than {d['factor']:g} times its tolerance; correct it, or the turbine file"

@@ -98,7 +98,8 @@ class OperationalMode:
         that of its logarithm."""
         half, factor = SIGMAS * self.frequency_std, float(np.exp(SIGMAS * min(self.ln_damping_std, 3.0)))
         f, z = self.frequency, self.damping
-        return Mode(self.name, (f, f - half, f + half), (z, z / factor, z * factor), self.reference)
+        grade = "A" if self.trusted else "C"
+        return Mode(self.name, (f, f - half, f + half), (z, z / factor, z * factor), self.reference, (grade, grade))
 
     @property
     def complexity(self) -> float:

@@ -12,7 +12,7 @@ from windsysid.identification.estimate.fitted import influence
 from windsysid.identification.estimate.fitted.influence import (
     doubt_line,
     doubt_sine,
-    is_harmless,
+    doubt_standing_out,
 )
 from windsysid.identification.limits import MARGINAL_LINE_FACTOR, MAX_INFLUENCE_SIGMAS
 from windsysid.identification.model.fit import Outcome
@@ -73,17 +73,20 @@ def test_a_line_on_which_nothing_depends_is_no_reason(refits: Any):
     assert doubt_line(job, fit) is None
     assert doubt_sine(HZ, job, fit) == ()
     line = Line(CHANNELS[0], HZ, 0.9 * MARGINAL_LINE_FACTOR * 10.0, 10.0)
-    assert is_harmless(line, job, fit)
-    assert not is_harmless(line._replace(ratio=1.1 * MARGINAL_LINE_FACTOR * 10.0), job, fit)
+    assert doubt_standing_out(line, job, fit) == ()
+    assert doubt_standing_out(line._replace(ratio=1.1 * MARGINAL_LINE_FACTOR * 10.0), job, fit) is None
 
 
 def test_a_line_is_not_harmless_where_something_depends_on_it_or_spectra_do_not_apply(refits: Any):
     record = tone(1.5)
     job, fit = job_of(record), fitted(record, std=STD)
     line = Line(CHANNELS[0], HZ, 10.0, 10.0)
-    for sigmas in (1.1 * MAX_INFLUENCE_SIGMAS, RecordError("too short")):
-        refits(sigmas)
-        assert not is_harmless(line, job, fit)
+    refits(RecordError("too short"))
+    assert doubt_standing_out(line, job, fit) is None
+    refits(1.1 * MAX_INFLUENCE_SIGMAS)
+    (found,) = doubt_standing_out(line, job, fit) or ()
+    name = fit.outcome.model.parameters[0].name
+    assert found.data["shifts"][name] == pytest.approx(1.1 * MAX_INFLUENCE_SIGMAS)
 
 
 def test_filters_are_compared_by_spectra_of_the_record_as_it_is(refits: Any):

@@ -7,7 +7,7 @@ that of a line's mode altogether; that of a mode of a few frequencies' width dep
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +19,7 @@ from windsysid.identification.estimate.fitted.modal_residuals import channel_of,
 from windsysid.identification.estimate.spectral.frequency_domain import identify_by_spectrum
 from windsysid.identification.job import FittedJob, Job
 from windsysid.identification.limits import MARGINAL_LINE_FACTOR, MAX_INFLUENCE_SIGMAS, MIN_LINE_POWER
-from windsysid.identification.model.agreement import compare
+from windsysid.identification.model.agreement import differences
 from windsysid.identification.model.fit import Outcome
 from windsysid.loads.narrow_band import NarrowBand
 from windsysid.loads.rotor_wind import RotorWind
@@ -28,7 +28,7 @@ from windsysid.results.finding import Finding
 from windsysid.spectral.transforms.harmonics import without_line
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["Dependence", "doubt_line", "doubt_sine", "is_harmless"]
+__all__ = ["Dependence", "doubt_line", "doubt_sine", "doubt_standing_out"]
 
 SEARCH_RADIUS_FACTOR = 1.25
 """Setting: factor about a mode's frequency within which a line is looked for."""
@@ -52,33 +52,42 @@ def doubt_line(job: Job, fit: FittedJob) -> Dependence | None:
     line = _suspect(fit.outcome, fit.read)
     if line is None or line.ratio < MIN_LINE_POWER:
         return None
-    name, off = _influence(job, fit, line.frequency)
-    if off < MAX_INFLUENCE_SIGMAS:
+    shifts = _influence(job, fit, line.frequency)
+    if _largest(shifts)[1] < MAX_INFLUENCE_SIGMAS:
         return None
-    data = {"channel": line.channel, "frequency": line.frequency, "sigmas": off}
-    return Dependence(line.channel, line.frequency, Finding("line_influence", "reason", data, (name,)))
+    return Dependence(line.channel, line.frequency, _doubt("line_influence", line.frequency, shifts))
 
 
-def is_harmless(line: Line, job: Job, fit: FittedJob) -> bool:
-    """Whether a line hardly stands out more than chance may, and no coefficient of a fit depends on it."""
-    if line.ratio > MARGINAL_LINE_FACTOR * line.bound:
-        return False
-    name, off = _influence(job, fit, line.frequency)
-    return bool(name) and off < MAX_INFLUENCE_SIGMAS
+def doubt_standing_out(line: Line, job: Job, fit: FittedJob) -> tuple[Finding, ...] | None:
+    """What a fit loses by a line that stands out by more than chance: nothing where it hardly does and no coefficient
+    depends on it; None where that is not known, or it stands out by much."""
+    shifts = _influence(job, fit, line.frequency)
+    if _largest(shifts)[1] >= MAX_INFLUENCE_SIGMAS:
+        return (_doubt("line_influence", line.frequency, shifts),)
+    return () if shifts and line.ratio <= MARGINAL_LINE_FACTOR * line.bound else None
+
+
+def _largest(shifts: Mapping[str, float]) -> tuple[str, float]:
+    """The coefficient that changes most, and by how many standard deviations."""
+    name = max(shifts, key=lambda one: abs(shifts[one]), default="")
+    return name, abs(shifts.get(name, 0.0))
+
+
+def _doubt(code: str, frequency: float, shifts: Mapping[str, float]) -> Finding:
+    name, off = _largest(shifts)
+    return Finding(code, "reason", {"frequency": frequency, "sigmas": off, "shifts": shifts, "chance": 1.0}, (name,))
 
 
 def doubt_sine(frequency: float, job: Job, fit: FittedJob) -> tuple[Finding, ...]:
     """Reason not to trust a fit if the power that is left around a removed sinusoid at a frequency [Hz] still changes a
     coefficient: a narrow-band load would."""
-    name, off = _influence(job, fit, frequency, BESIDE)
-    if off < MAX_INFLUENCE_SIGMAS:
-        return ()
-    return (Finding("tone_influence", "reason", {"frequency": frequency, "sigmas": off}, (name,)),)
+    shifts = _influence(job, fit, frequency, BESIDE)
+    return (_doubt("tone_influence", frequency, shifts),) if _largest(shifts)[1] >= MAX_INFLUENCE_SIGMAS else ()
 
 
-def _influence(job: Job, fit: FittedJob, frequency: float, beside: int = 0) -> tuple[str, float]:
-    """The coefficient that changes most, and by how many standard deviations, if a frequency [Hz] and so many of the
-    periodogram to either side are left out; no name and 0 where spectra do not apply."""
+def _influence(job: Job, fit: FittedJob, frequency: float, beside: int = 0) -> dict[str, float]:
+    """By how many standard deviations coefficients change if a frequency [Hz] and so many of the periodogram to either
+    side are left out; none where spectra do not apply."""
     outcome = fit.outcome
     spectral = (RotorWind.name, NarrowBand.name)  # others are for filters only
     loads = outcome.hypothesis if outcome.hypothesis in spectral else "broadband"
@@ -88,9 +97,10 @@ def _influence(job: Job, fit: FittedJob, frequency: float, beside: int = 0) -> t
 
     without = _without(fit.read, outcome.channels, frequency, beside)
     try:
-        return compare(estimated(without), outcome if fit.formulation == "spectral" else estimated(fit.read))
+        left = estimated(without)
+        return differences(outcome if fit.formulation == "spectral" else estimated(fit.read), left)
     except (WindsysidError, np.linalg.LinAlgError):
-        return "", 0.0
+        return {}
 
 
 def _suspect(outcome: Outcome, record: Record) -> Line | None:

@@ -72,6 +72,8 @@ class Linearisation:
         Of the fit, clocks left out (n,), (n, n).
     innovations
         Standardised (T, m); 0 where a reading is missing.
+    steps
+        Samples for each reading.
     """
 
     problem: TurbineProblem
@@ -81,6 +83,7 @@ class Linearisation:
     unknowns: Array
     cov: Array
     innovations: Array
+    steps: int = 1
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -140,4 +143,4 @@ def linearise(job: Job, fit: FittedJob) -> Linearisation | None:
     readings = readings.copy()
     readings[:: at.steps][outcome.final.gated] = np.nan
     cov, innovations = outcome.joint_cov[:n, :n] - widening_of(job.effects, n), np.nan_to_num(outcome.final.whitened)
-    return Linearisation(problem, at.record.time, readings, inputs, unknowns, cov, innovations)
+    return Linearisation(problem, at.record.time, readings, inputs, unknowns, cov, innovations, at.steps)

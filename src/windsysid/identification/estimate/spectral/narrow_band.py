@@ -15,7 +15,7 @@ Source: Whittle, J. R. Statist. Soc. B 15, 1953, https://doi.org/10.1111/j.2517-
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from operator import attrgetter
 from typing import NamedTuple
@@ -84,22 +84,22 @@ class NarrowBandFit(NamedTuple):
     gain
         Log evidence over that of broad loads alone.
     moved
-        By how many standard deviations a coefficient is elsewhere than with broad loads alone.
+        By how many standard deviations coefficients are elsewhere than with broad loads alone.
     rival
-        Which coefficient is elsewhere under an explanation that is nearly as good as the better one of both, and by how
-        many standard deviations; None where there is none.
+        The same under an explanation that is nearly as good as the better one of both, and its chance; None where there
+        is none.
     """
 
     posed: Posed
     fit: RotorFit
     gain: float
-    moved: float
-    rival: tuple[str, float] | None
+    moved: dict[str, float]
+    rival: tuple[dict[str, float], float] | None
 
     @property
     def is_needed(self) -> bool:
         """Whether broad loads alone explain the record much worse, and that matters."""
-        return self.gain > MIN_LOG_ODDS and self.moved > NEGLIGIBLE_SHIFT_SIGMAS
+        return self.gain > MIN_LOG_ODDS and _largest(self.moved) > NEGLIGIBLE_SHIFT_SIGMAS
 
     @property
     def statistics(self) -> tuple[Statistic, ...]:
@@ -138,18 +138,18 @@ def fit_narrow_band(
     if not thorough:
         near = tuple(end for end in near if _may_matter(question, found, end, end.log_evidence - plain))
     if not near:
-        return NarrowBandFit(posed, ends[0], gain, _off(question, found, ends[0])[1], None)
+        return NarrowBandFit(posed, ends[0], gain, _off(question, found, ends[0]), None)
     ends = _ends(question, posed, [end.unknowns for end in near])
     if not ends:
         return None
     ends = [end._replace(log_evidence=end.evidence_at(overlap)) for end in ends]
     gain = ends[0].log_evidence - found.log_evidence
     if gain > MIN_LOG_ODDS:
-        best, others = ends[0], [*ends[1:], found]
+        best, others = ends[0], [*((end, 0.0) for end in ends[1:]), (found, MIN_LOG_ODDS)]
     else:
-        best, others = found, [end for end in ends if _is_narrow(question, posed, end)]
-    rivals = (_elsewhere(question, best, other) for other in others)
-    return NarrowBandFit(posed, ends[0], gain, _off(question, found, ends[0])[1], next(filter(None, rivals), None))
+        best, others = found, [(end, -MIN_LOG_ODDS) for end in ends if _is_narrow(question, posed, end)]
+    rivals = (_elsewhere(question, best, other, before) for other, before in others)
+    return NarrowBandFit(posed, ends[0], gain, _off(question, found, ends[0]), next(filter(None, rivals), None))
 
 
 def doubts_of_narrow_band(found: NarrowBandFit | None, *, asked: str) -> tuple[Finding, ...]:
@@ -158,12 +158,19 @@ def doubts_of_narrow_band(found: NarrowBandFit | None, *, asked: str) -> tuple[F
         return ()
     at = {"frequency": found.values[FREQUENCY]}
     if found.is_needed and asked not in ("auto", NarrowBand.name):
-        return (Finding("narrow_band_load_preferred", "reason", at | {"gain": found.gain}),)
+        data = at | {"gain": found.gain, "shifts": found.moved, "chance": 1.0}
+        return (Finding("narrow_band_load_preferred", "reason", data, tuple(found.moved)),)
     if found.rival is None:
         return ()
-    name, sigmas = found.rival
+    moved, chance = found.rival
     code = "narrow_band_load_ambiguous" if found.is_needed else "narrow_band_load_possible"
-    return (Finding(code, "reason", at | {"sigmas": sigmas}, (name,)),)
+    data = at | {"sigmas": _largest(moved), "shifts": moved, "chance": chance}
+    return (Finding(code, "reason", data, (max(moved, key=lambda name: abs(moved[name])),)),)
+
+
+def _largest(moved: Mapping[str, float]) -> float:
+    """The largest of differences in standard deviations."""
+    return max(abs(off) for off in moved.values())
 
 
 def note_narrow_band(found: NarrowBandFit) -> Finding:
@@ -190,7 +197,7 @@ def _ends(question: RotorQuestion, posed: Posed, starts: Sequence[Array], *, rou
             )
     ends = list[RotorFit]()
     for end in sorted(found, key=LOG_EVIDENCE, reverse=True):
-        if not any(_off(question, other, end)[1] < SAME_END_SIGMAS for other in ends):
+        if not any(_largest(_off(question, other, end)) < SAME_END_SIGMAS for other in ends):
             ends.append(end)
     return ends
 
@@ -316,26 +323,27 @@ def _is_narrow(question: RotorQuestion, posed: Posed, end: RotorFit) -> bool:
     return values[WIDTH] < MAX_NARROW_DAMPING_SHARE * max(beside, default=0.0)
 
 
-def _off(question: RotorQuestion, best: RotorFit, other: RotorFit) -> tuple[str, float]:
-    """Which coefficient is elsewhere most under another explanation, and by how many standard deviations."""
+def _off(question: RotorQuestion, best: RotorFit, other: RotorFit) -> dict[str, float]:
+    """By how many standard deviations coefficients are elsewhere under another explanation."""
     theta = best.model.unknowns.of("parameters")
-    off = np.abs(other.unknowns[theta] - best.unknowns[theta]) / np.sqrt(np.diag(best.cov)[theta])
-    i = int(np.argmax(off))
-    return question.parameters[i].name, float(off[i])
+    off = (other.unknowns[theta] - best.unknowns[theta]) / np.sqrt(np.diag(best.cov)[theta])
+    return dict(zip([q.name for q in question.parameters], off.tolist(), strict=True))
 
 
 def _may_matter(question: RotorQuestion, found: RotorFit, end: RotorFit, gain: float) -> bool:
     """Whether a rough end of so much log evidence more is better, or may be another explanation that counts, searched
     to the end."""
-    off = _off(question, found, end)[1]
+    off = _largest(_off(question, found, end))
     return gain > 0.0 or (off > NEGLIGIBLE_SHIFT_SIGMAS and off * math.exp(gain) > 0.5 * MIN_EXPECTED_SHIFT_SIGMAS)
 
 
-def _elsewhere(question: RotorQuestion, best: RotorFit, other: RotorFit) -> tuple[str, float] | None:
-    """Which coefficient is elsewhere under another explanation that is nearly as good, and by how many standard
-    deviations."""
-    name, off = _off(question, best, other)
-    expected = off * math.exp(min(other.log_evidence - best.log_evidence, 0.0))
-    if off < MAX_DISAGREEMENT_SIGMAS or expected < MIN_EXPECTED_SHIFT_SIGMAS:
+def _elsewhere(
+    question: RotorQuestion, best: RotorFit, other: RotorFit, before: float
+) -> tuple[dict[str, float], float] | None:
+    """By how many standard deviations coefficients are elsewhere under another explanation that is nearly as good, and
+    its chance, of these log odds before the record was seen."""
+    moved, gain = _off(question, best, other), min(other.log_evidence - best.log_evidence, 0.0)
+    off = _largest(moved)
+    if off < MAX_DISAGREEMENT_SIGMAS or off * math.exp(gain) < MIN_EXPECTED_SHIFT_SIGMAS:
         return None
-    return name, off
+    return moved, 1.0 / (1.0 + math.exp(-(gain + before)))

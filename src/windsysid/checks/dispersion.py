@@ -1,0 +1,155 @@
+"""Dispersion: what groups of a record's data say against each other, and how much wider an interval has to be.
+
+The score of a fit is a sum over parts of a record, in time or over frequencies. Where the model is true, the scores g_k
+of parts are uncorrelated and have their part F_k of Fisher information as covariance. At the mode of the posterior,
+with the prior precision Λ and C = (Σ F_k + Λ)⁻¹, part k has moved a quantity aᵀθ by aᵀC g_k, with the variance
+
+    v_k = aᵀC (F_k − F_k C F_k) C a,       ν = (Σ v_k)² / Σ v_k²,      r = Σ (aᵀC g_k)² / Σ v_k,
+
+and r ν is χ² with ν degrees of freedom: r is the sandwich covariance over the inverse of the information. Loads that
+change over time, a spectrum of another shape, a mode that the model lacks, play and hardening raise it for the
+quantities that they bend, and for no others. Parts are taken together to groups of equal information on the quantity.
+
+A variance is not multiplied by r, which scatters where ν is small, but by its expectation over two explanations: the
+model is true, or the dispersion is s², with a scaled-inverse-χ² prior. Their odds follow from r in closed form.
+
+Sources: White, Econometrica 50, 1982, https://doi.org/10.2307/1912526 (the sandwich); Whittle, Ark. Mat. 2, 1953,
+https://doi.org/10.1007/BF02590998 (scores over frequencies); Gelman et al., Bayesian Data Analysis, 3rd ed., §2.6 (the
+conjugate prior of a variance); Satterthwaite, Biometrics 2, 1946, https://doi.org/10.2307/3002019 (ν).
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.checks.limits import ODDS_OF_DISPERSION
+
+__all__ = ["Dispersion", "Part", "PartScores", "expected_factor", "join_parts"]
+
+MAX_STORED_PARTS = 64
+"""Setting: number of parts of a record from which on neighbours are joined, so that memory is bounded."""
+
+GROUPS = 8
+"""Setting: groups of equal information on a quantity, at most."""
+
+SHAPE, SCALE = 2.0, 4.0
+"""Setting: of the inverse gamma prior of s², with the mean 4 and long tails."""
+
+
+class Part(NamedTuple):
+    """What a part of a record says of n unknowns.
+
+    Attributes
+    ----------
+    samples
+        How many it has.
+    gradient, fisher
+        Of its log-likelihood (n,), and its Fisher information (n, n).
+    """
+
+    samples: int
+    gradient: Array
+    fisher: Array
+
+    def plus(self, more: "Part") -> "Part":
+        """What both say together."""
+        return Part(self.samples + more.samples, self.gradient + more.gradient, self.fisher + more.fisher)
+
+
+def join_parts(parts: Sequence[Part]) -> tuple[Part, ...]:
+    """The same in at most `MAX_STORED_PARTS` parts."""
+    found = tuple(parts)
+    while len(found) > MAX_STORED_PARTS:
+        pairs = [one.plus(other) for one, other in zip(found[::2], found[1::2], strict=False)]
+        found = (*pairs, *found[2 * len(pairs) :])
+    return found
+
+
+class Dispersion(NamedTuple):
+    """How groups scatter about a quantity.
+
+    Attributes
+    ----------
+    ratio, freedom
+        r and ν.
+    share
+        Of the quantity's variance, what comes from the data and not from priors.
+    place
+        Time [s] or frequency [Hz] of the group that moves the quantity most.
+    """
+
+    ratio: float
+    freedom: float
+    share: float
+    place: float
+
+
+class PartScores(NamedTuple):
+    """Scores of K parts of a record near the mode of the posterior of n unknowns.
+
+    Attributes
+    ----------
+    over
+        What the parts are apart in.
+    places
+        Their middles (K,) [s] or [Hz].
+    gradients, information
+        Of the log-likelihood of each (K, n), and its Fisher information (K, n, n).
+    precision, pull
+        Prior precision Λ (n, n), and the gradient of the log prior (n,).
+    masses
+        Which unknowns are masses.
+    """
+
+    over: Literal["time", "frequency"]
+    places: Array
+    gradients: Array
+    information: Array
+    precision: Array
+    pull: Array
+    masses: tuple[int, ...] = ()
+
+    def dispersion(self, quantity: Array, *, given_masses: bool = False) -> Dispersion | None:
+        """How groups scatter about a linear combination of the first unknowns; None where only one has a say."""
+        known = self.masses if given_masses else ()
+        free = np.setdiff1d(np.arange(len(self.pull)), np.array(known, dtype=np.intp))
+        a = np.concatenate([quantity, np.zeros(len(self.pull) - len(quantity))])[free]
+        g, F = self.gradients[:, free], self.information[:, free][:, :, free]
+        C = np.linalg.inv(F.sum(axis=0) + self.precision[np.ix_(free, free)])
+        step, u = C @ (g.sum(axis=0) + self.pull[free]), C @ a
+        own = np.einsum("n,kno,o->k", u, F, u)
+        if not own.sum() > 0.0:
+            return None
+        label = (GROUPS * (np.cumsum(own) - 0.5 * own) / own.sum()).astype(int)
+        groups = [label == each for each in np.unique(label)]
+        F = np.array([F[some].sum(axis=0) for some in groups])
+        moved = np.array([u @ g[some].sum(axis=0) for some in groups]) - F @ step @ u
+        expected = np.einsum("n,kno,o->k", u, F - F @ C @ F, u).clip(0.0)
+        if np.count_nonzero(expected) < 2:
+            return None
+        furthest = groups[int(np.argmax(np.abs(moved)))]
+        return Dispersion(
+            float(np.sum(moved**2) / np.sum(expected)),
+            float(np.sum(expected) ** 2 / np.sum(expected**2)),
+            min(float(own.sum() / (a @ u)), 1.0),
+            float(own[furthest] @ self.places[furthest] / own[furthest].sum()),
+        )
+
+
+def expected_factor(found: Dispersion) -> float:
+    """The expectation of the dispersion: by how much the variance of a quantity is larger than the model says.
+
+    Examples
+    --------
+    >>> [round(expected_factor(Dispersion(ratio, 8.0, 1.0, 0.0)), 2) for ratio in (1.0, 2.0, 4.0, 16.0)]
+    [1.05, 1.45, 3.96, 13.6]
+    """
+    half, x = 0.5 * found.freedom, 0.5 * found.ratio * found.freedom
+    log_odds = math.log(ODDS_OF_DISPERSION) + math.lgamma(half + SHAPE) - math.lgamma(SHAPE) + x
+    log_odds += SHAPE * math.log(SCALE) - (half + SHAPE) * math.log(SCALE + x)
+    chance = 1.0 / (1.0 + math.exp(-max(min(log_odds, 700.0), -700.0)))
+    factor = 1.0 + chance * max((SCALE + x) / (SHAPE + half - 1.0) - 1.0, 0.0)
+    return 1.0 + (factor - 1.0) * found.share

@@ -1,0 +1,74 @@
+"""Scores of a fit over frequencies, from the spectrum of its standardised innovations.
+
+A filter of equations that do not change with time makes innovations Z(f) = H(f; θ) Y(f) of readings Y. With the
+derivatives M_a = ∂H/∂θ_a H⁻¹ and G_a = M_a + M_aᴴ, Whittle's likelihood has at each frequency
+
+    score_a = tr G_a (I − Z Zᴴ),        information_ab = tr G_a G_b,
+
+Z normalised to the covariance I. H is the response to an impulse in each reading, of filters at neighbouring unknowns
+(`windsysid.identification.estimate.scoring`); the impulse is differenced twice, which M does not feel, so that what a
+filter remembers for ever, such as a bias, leaves no truncated tail.
+"""
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.checks.dispersion import PartScores
+from windsysid.filters.bank import bank_of, run_bank
+from windsysid.identification.estimate.fitted.linearisation import Linearisation
+from windsysid.identification.estimate.scoring import INCREMENT, neighbours
+
+__all__ = ["scores_over_frequency"]
+
+IMPULSE = (1.0, -2.0, 1.0)
+"""Numerical: an impulse, differenced twice."""
+
+MAX_RANGES = 128
+"""Setting: ranges of frequency of equal information into which bins are joined, so that memory is bounded."""
+
+
+def scores_over_frequency(at: Linearisation) -> PartScores | None:
+    """Scores of a fit over frequencies; None where its equations change with time, as blades that turn make them, or it
+    is too short."""
+    z, steps = at.innovations, at.steps  # of samples with a reading
+    samples, m = z.shape
+    if any(freedom.blade for freedom in at.problem.turbine.model.freedoms) or samples < 4 * (m + 1) * len(IMPULSE):
+        return None
+    slopes = _log_slopes(at, samples, m)
+    spectrum = np.fft.rfft(z, axis=0)[1:-1] / np.sqrt(samples)
+    power = np.eye(m) - spectrum[:, :, None] * spectrum[:, None, :].conj()
+    gradients = np.einsum("fnij,fji->fn", slopes, power).real
+    information = np.einsum("fnij,foji->fno", slopes, slopes).real
+    mean, cov = at.problem.wide_prior
+    precision = np.asarray(np.linalg.inv(cov))
+    share = np.einsum("fno,on->f", information, np.linalg.inv(information.sum(axis=0) + precision))
+    label = (MAX_RANGES * (np.cumsum(share) - 0.5 * share) / share.sum()).astype(int)
+    first = np.unique(label, return_index=True)[1]
+    frequency = np.arange(1, len(share) + 1) / (samples * steps * (at.time[1] - at.time[0]))
+    return PartScores(
+        "frequency",
+        np.add.reduceat(frequency * share, first) / np.add.reduceat(share, first),
+        np.add.reduceat(gradients, first),
+        np.add.reduceat(information, first),
+        precision,
+        precision @ (mean - at.unknowns),
+    )
+
+
+def _log_slopes(at: Linearisation, samples: int, m: int) -> Array:
+    """G at the frequencies between zero and the highest (F, n, m, m)."""
+    widths = INCREMENT * np.sqrt(np.diag(at.cov))
+    models = [at.problem.build(one) for one in neighbours(at.unknowns, widths)]
+    silent = np.full(at.readings.shape, np.nan)
+    silent[:: at.steps] = 0.0
+    struck, apart = silent.copy(), samples // (m + 1)
+    for reading in range(m):
+        for k, size in enumerate(IMPULSE):
+            struck[((reading + 1) * apart + k) * at.steps, reading] = size
+    before, after = (run_bank(bank_of(models), at.inputs, of)[1].whitened[:: at.steps] for of in (silent, struck))
+    response = [
+        np.fft.rfft((after - before)[(reading + 1) * apart :][:apart], n=samples, axis=0)[1:-1] for reading in range(m)
+    ]
+    H = np.moveaxis(np.stack(response, axis=2), -1, 1)
+    M = (H[:, 1:] - H[:, :1]) @ np.linalg.inv(H[:, :1]) / widths[:, None, None]
+    return np.asarray(M + np.conj(np.swapaxes(M, -1, -2)))

@@ -1,0 +1,158 @@
+"""Grades: which quantity a reason touches, and how much wider intervals are."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.identification.fits import CHANNELS, outcome_of, record_of
+from windsysid.checks.dispersion import PartScores
+from windsysid.identification.estimate.fitted.modes import modes_of
+from windsysid.identification.identify import identify
+from windsysid.identification.model.fit import Outcome
+from windsysid.identification.verdict.conclude import conclude
+from windsysid.identification.verdict.grading import HELD_BY_INTERVALS, mixture_factor
+from windsysid.results.finding import Finding
+from windsysid.results.identification import Identification
+from windsysid.results.sentences import SENTENCES
+from windsysid.simulation.record import simulate_record
+
+MADE = simulate_record("tower", duration=200.0, rate=4.0, seed=1)
+RECORD = record_of(np.column_stack([MADE[channel] for channel in CHANNELS]))
+STD = 0.01
+NAMES = ("k_side_side", "c_side_side", "k_fore_aft", "c_fore_aft")
+
+
+def scores(over: Any, ratio: np.ndarray) -> PartScores:
+    """Of 16 parts whose scatter about each coefficient is so many times what the model says."""
+    rng = np.random.default_rng(3)
+    information = np.tile(np.eye(4) / (16 * STD**2), (16, 1, 1))
+    gradients = np.sqrt(ratio) * rng.standard_normal((16, 4)) / (4.0 * STD)
+    gradients -= gradients.mean(axis=0)
+    return PartScores(over, np.arange(16.0), gradients, information, 1e-6 * np.eye(4), np.zeros(4))
+
+
+def concluded(*findings: Finding, ratio: tuple[float, ...] = (0.5, 0.5, 0.5, 0.5), over: Any = ()) -> Identification:
+    outcome: Outcome = outcome_of(RECORD, std=STD, doubts=findings)
+    made = tuple(scores(one, np.array(ratio) if one == "frequency" else np.full(4, 0.5)) for one in over)
+    return conclude(outcome._replace(scores=made), RECORD, "joint" if over else "spectral")
+
+
+def grades(found: Identification) -> dict[str, str]:
+    return {e.name: e.grade for e in found.estimates}
+
+
+def mode_grades(found: Identification) -> dict[str, tuple[str, str]]:
+    return {mode.name: mode.grades for mode in found.modes}
+
+
+def test_a_result_against_which_nothing_speaks_is_a():
+    found = concluded()
+    assert set(grades(found).values()) == {"A"}
+    assert found.diagnosis.trusted
+    assert found.usable() == []
+
+
+def test_a_reason_that_names_a_coefficient_touches_it_and_the_modes_that_depend_on_it():
+    found = concluded(Finding("prior_conflict", "reason", {"sigmas": 6.0}, ("c_fore_aft",)))
+    assert grades(found) == {**dict.fromkeys(NAMES, "A"), "c_fore_aft": "C"}
+    assert mode_grades(found) == {"tower side-side": ("A", "A"), "tower fore-aft": ("A", "C")}
+    assert not found.diagnosis.trusted
+    (line,) = found.usable()
+    assert "k_side_side" in line
+    assert "c_fore_aft" not in line
+
+
+def test_a_reason_about_a_channel_touches_what_that_channel_reads():
+    found = concluded(Finding("dead_channel", "reason", {"channels": [CHANNELS[1]]}))
+    assert grades(found) == {"k_side_side": "A", "c_side_side": "A", "k_fore_aft": "C", "c_fore_aft": "C"}
+
+
+def test_a_reason_that_names_nothing_touches_all():
+    found = concluded(Finding("blades_locked_unseen", "reason"))
+    assert set(grades(found).values()) == {"C"}
+    assert found.usable() == []
+
+
+def test_frequencies_that_contradict_widen_what_they_say_something_of():
+    plain = concluded()
+    found = concluded(ratio=(0.5, 0.5, 9.0, 0.5), over=("time", "frequency"))
+    assert grades(found) == {**dict.fromkeys(NAMES, "A"), "k_fore_aft": "B"}
+    assert mode_grades(found)["tower fore-aft"] == ("B", "A")
+    assert 2.0 < found["k_fore_aft"].std / plain["k_fore_aft"].std < 4.0
+    assert found.cov[2, 2] / plain.cov[2, 2] == pytest.approx((found["k_fore_aft"].std / plain["k_fore_aft"].std) ** 2)
+    assert found["k_side_side"].std == pytest.approx(plain["k_side_side"].std, rel=0.02)
+    (said,) = [one for one in found.findings if one.code == "wider_intervals"]
+    assert (said.severity, said.quantities, said.data["over"]) == ("remark", ("k_fore_aft",), "frequency")
+
+
+def test_a_contradiction_that_no_interval_stands_for_is_c():
+    found = concluded(ratio=(0.5, 0.5, 100.0, 0.5), over=("time", "frequency"))
+    assert grades(found)["k_fore_aft"] == "C"
+    assert grades(found)["k_side_side"] == "A"
+    assert not found.diagnosis.trusted
+
+
+def rival(sigmas: float, chance: float) -> Finding:
+    data = {"frequency": 0.4, "sigmas": sigmas, "shifts": {"k_fore_aft": -sigmas}, "chance": chance}
+    return Finding("narrow_band_load_possible", "reason", data, ("k_fore_aft",))
+
+
+def test_an_interval_holds_as_much_of_the_mixture_of_explanations():
+    """Independently: quantiles of draws."""
+    rng = np.random.default_rng(1)
+    for shift, chance in ((3.0, 0.25), (5.0, 0.5), (10.0, 0.02)):
+        drawn = rng.standard_normal(400_000) + shift * (rng.random(400_000) < chance)
+        half = np.quantile(np.abs(drawn), 0.9545)
+        assert mixture_factor([(shift, chance)]) == pytest.approx(half / 2.0, rel=0.02)
+    assert mixture_factor([]) == 1.0
+
+
+def test_a_rival_explanation_widens_what_it_moves():
+    found, plain = concluded(rival(3.0, 0.25), over=("time", "frequency")), concluded(over=("time", "frequency"))
+    assert found["k_fore_aft"].std / plain["k_fore_aft"].std == pytest.approx(mixture_factor([(3.0, 0.25)]), rel=0.02)
+    assert grades(found) == {**dict.fromkeys(NAMES, "A"), "k_fore_aft": "B"}
+    assert found.diagnosis.trusted
+    assert mode_grades(found)["tower fore-aft"] == ("B", "A")
+
+
+def test_a_rival_that_is_far_away_is_a_reason_however_small_its_chance():
+    """Damping was 28 σ off, and graded A: a prior at a thirtieth of the truth made the right explanation unlikely."""
+    found = concluded(rival(20.0, 0.002), over=("time", "frequency"))
+    assert grades(found) == {**dict.fromkeys(NAMES, "A"), "k_fore_aft": "C"}
+    assert not found.diagnosis.trusted
+
+
+def test_a_rival_stays_a_reason_where_scores_over_frequencies_are_not_known():
+    found = concluded(rival(3.0, 0.25))
+    assert grades(found)["k_fore_aft"] == "C"
+    assert not found.diagnosis.trusted
+
+
+def test_grades_are_saved_and_come_back(tmp_path: Any):
+    from windsysid.results.identification import Identification as Saved
+    from windsysid.results.storage import read_fields
+
+    found = concluded(Finding("prior_conflict", "reason", {"sigmas": 6.0}, ("c_fore_aft",)))
+    summary = found.summary()
+    assert summary["parameters"]["c_fore_aft"]["grade"] == "C"
+    damping = next(mode for mode in summary["modes"] if mode["name"] == "tower fore-aft")["damping_ratio"]
+    assert damping["grade"] == "C"
+    made = identify(simulate_record("tower", duration=300.0, rate=4.0, seed=2), "tower", loads="broadband")
+    made = replace(made, estimates=tuple(replace(one, grade="B") for one in made.estimates))
+    made.save(tmp_path)
+    again = Saved(**read_fields(tmp_path))
+    assert [one.grade for one in again.estimates] == ["B"] * 4
+    assert [mode.grades for mode in again.modes] == [mode.grades for mode in made.modes]
+
+
+def test_what_intervals_hold_are_findings():
+    assert set(SENTENCES) >= HELD_BY_INTERVALS
+
+
+def test_modes_keep_their_values():
+    outcome = outcome_of(RECORD, std=STD)
+    plain = [mode.frequency_hz[0] for mode in modes_of(outcome).modes]
+    found = concluded(ratio=(9.0, 9.0, 9.0, 9.0), over=("time", "frequency"))
+    assert [mode.frequency_hz[0] for mode in found.modes] == plain

@@ -1,0 +1,168 @@
+"""Somebody else's turbines in windows: what is found of their tower, held against its linearisation.
+
+``python -m validation.windows --openfast FOLDER`` identifies records of OpenFAST (NREL 5 MW on land; IEA 15 MW on a
+monopile, clamped, idling and parked) in windows as a user would: two accelerometers at the tower top and a tower file.
+A table says how far frequencies are from the program's own linearisation, in percent and in standard deviations, and
+how they are graded. The rotor moves the fore-aft mode; its truth there is a decay in steady wind where there is one,
+and else the structure without air.
+"""
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from validation.field import markdown
+from windsysid.errors import WindsysidError
+from windsysid.identification.identify import identify
+from windsysid.records.formats import read_record
+from windsysid.turbine.file import packaged_file
+from windsysid.turbine.tables import parse_turbine
+from windsysid.turbine.turbine import Turbine
+
+__all__ = ["RECORDS", "Machine", "main"]
+
+START, END = 60.0, {"land": 600.0, "sea": 660.0}
+"""Setting: seconds that are left out at the beginning, and where records end."""
+
+IEA15 = {
+    'name = "tower"': 'name = "iea15_tower"', "12.1 rpm": "7.56 rpm", "449214.6 kg": "1.7e6 kg", "0.3163 Hz": "0.17 Hz",
+    "0.324 Hz": "0.17 Hz", "0.0209 rad/m": "0.0120 rad/m", '"20 kN"': '"40 kN"', '"80 kN"': '"160 kN"',
+}  # fmt: skip
+"""The packaged tower's file with the numbers of the IEA 15 MW turbine, rounded as a user would know them."""
+
+
+class Machine(NamedTuple):
+    """A record's file, whether it stands on land, and the frequencies [Hz] of its side-side and fore-aft modes."""
+
+    file: str
+    place: str
+    side_side: float
+    fore_aft: float
+
+
+RECORDS = {
+    "c2": Machine("c2_turb12_full", "land", 0.3153, 0.340),
+    "d1": Machine("d1_turb12_full_KSS090", "land", 0.2986, 0.340),
+    "m1": Machine("m1_mono10", "sea", 0.16428, 0.16495),
+    "m2": Machine("m2_mono10_soil70", "sea", 0.16116, 0.16180),
+    "k06": Machine("k06_mono", "sea", 0.1644, 0.1650),
+    "k08": Machine("k08_mono", "sea", 0.1644, 0.1650),
+    "k12": Machine("k12_mono", "sea", 0.1643, 0.1650),
+    "k16": Machine("k16_mono", "sea", 0.1643, 0.1650),
+    "k20": Machine("k20_mono", "sea", 0.1643, 0.1650),
+    "k24": Machine("k24_mono", "sea", 0.1643, 0.1650),
+    "l08": Machine("l08_clamped", "sea", 0.17228, 0.17296),
+    "l12": Machine("l12_clamped", "sea", 0.17217, 0.17292),
+    "l16": Machine("l16_clamped", "sea", 0.17217, 0.17292),
+    "l20": Machine("l20_clamped", "sea", 0.17217, 0.17292),
+    "p08": Machine("p08_idle", "sea", 0.1641, 0.1651),
+    "p20": Machine("p20_parked", "sea", 0.16406, 0.16506),
+}
+
+
+class Window(NamedTuple):
+    """A part of a record."""
+
+    record: str
+    first: float
+    last: float
+
+
+def windows(records: Sequence[str], seconds: Sequence[float]) -> Iterator[Window]:
+    """Windows of so many seconds one after the other; of 0 s one that has all of it."""
+    for name in records:
+        end = END[RECORDS[name].place]
+        for length in seconds:
+            length = min(length or end, end - START)
+            for first in np.arange(START, end - length + 1e-6, length):
+                yield Window(name, float(first), float(first + length))
+
+
+def turbine_of(machine: Machine) -> Turbine:
+    """The tower file that a user would have."""
+    text = packaged_file("tower")
+    for old, new in IEA15.items() if machine.place == "sea" else ():
+        assert old in text, old
+        text = text.replace(old, new)
+    return parse_turbine(text, "tower.toml")
+
+
+def answer(folder: Path, window: Window) -> dict[str, Any]:
+    """What is found in a window, as plain values."""
+    begun, machine = time.process_time(), RECORDS[window.record]
+    try:
+        record = read_record(folder / f"{machine.file}.outb")
+        found = identify(record, turbine_of(machine), section=window[1:]).summary()
+    except WindsysidError as error:
+        found = {"error": str(error)}
+    return {**window._asdict(), "seconds": time.process_time() - begun, "found": found}
+
+
+def table(done: Sequence[Mapping[str, Any]]) -> str:
+    """Errors of side-side and fore-aft frequencies of each record and length of window, and grades."""
+    rows = []
+    for record, seconds in dict.fromkeys((one["record"], round(one["last"] - one["first"])) for one in done):
+        some = [one for one in done if (one["record"], round(one["last"] - one["first"])) == (record, seconds)]
+        seen = [
+            mode["frequency_hz"] | {"damping": mode["damping_ratio"]["grade"], "name": mode["name"]}
+            for one in some
+            for mode in one["found"].get("modes", [])
+        ]
+        cells = [record, f"{seconds}", f"{len(some)}", f"{sum('error' in one['found'] for one in some)}"]
+        for name, truth in (("side-side", RECORDS[record].side_side), ("fore-aft", RECORDS[record].fore_aft)):
+            own = [one for one in seen if one["name"] == f"tower {name}"]
+            cells += _frequency_cells(own, truth)
+        cells += ["".join(sorted(one["damping"] for one in seen))]
+        rows.append((*cells, f"{max(one['seconds'] for one in some):.0f}"))
+    return markdown(HEADINGS, rows)
+
+
+def _frequency_cells(own: Sequence[Mapping[str, Any]], truth: float) -> list[str]:
+    """Grades, worst error in percent, and worst error in standard deviations of those of grade A and B."""
+    if not own:
+        return ["", "", ""]
+    usable = [one for one in own if one["grade"] != "C"]
+    sigmas = [abs(one["estimate"] - truth) / ((one["high"] - one["low"]) / 4.0) for one in usable]
+    return [
+        "".join(sorted(one["grade"] for one in own)),
+        f"{max(abs(one['estimate'] / truth - 1.0) for one in own):.2%}",
+        f"{max(sigmas):.1f}" if sigmas else "",
+    ]
+
+
+HEADINGS = (
+    "record", "window [s]", "n", "errors", "side-side: grades", "worst error", "worst of A, B [σ]", "fore-aft: grades",
+    "worst error", "worst of A, B [σ]", "damping: grades", "longest [s of processor]",
+)  # fmt: skip
+
+
+def main() -> int:
+    """Print the table."""
+    parser = argparse.ArgumentParser(prog="python -m validation.windows", description=__doc__.splitlines()[0])
+    parser.add_argument("--openfast", type=Path, required=True, help="folder of the records (*.outb)")
+    parser.add_argument("--records", nargs="+", default=list(RECORDS), help="names of records (all)")
+    parser.add_argument("--seconds", nargs="+", type=float, default=[540.0, 270.0, 180.0], help="lengths of windows")
+    parser.add_argument("--keep", type=Path, help="file of all results, a line of JSON each")
+    parser.add_argument("--jobs", type=int, default=2)
+    asked = parser.parse_args()
+    done = []
+    with ProcessPoolExecutor(asked.jobs) as pool:
+        parts = list(windows(asked.records, asked.seconds))
+        for one in pool.map(answer, [asked.openfast] * len(parts), parts):
+            done.append(one)
+            print(one["record"], one["first"], one["last"], f"{one['seconds']:.1f} s", file=sys.stderr, flush=True)
+    if asked.keep:
+        asked.keep.write_text("".join(json.dumps(one) + "\n" for one in done), encoding="utf-8")
+    print(table(done))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
