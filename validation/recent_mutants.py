@@ -200,12 +200,13 @@ _CLOCKS_AND_LINES = (
     ),
     Mutant(
         "dependence on one frequency", "fitted/influence.py",
-        '_doubt("line_influence", line.frequency, shifts))', '_doubt("line_influence", line.ratio, shifts))',
+        'return Dependence(line.channel, line.frequency, found.doubt("line_influence", line.frequency))',
+        'return Dependence(line.channel, line.frequency, found.doubt("line_influence", line.ratio))',
         "a doubt names the wrong frequency",
     ),
     Mutant(
         "a line that may be chance", "fitted/influence.py",
-        "if _largest(shifts)[1] >= MAX_INFLUENCE_SIGMAS:\n        return (_doubt", "if False:\n        return (_doubt",
+        "if found.sigmas >= MAX_INFLUENCE_SIGMAS:", "if False:",
         "a line is called harmless though a coefficient depends on it",
     ),
     Mutant(
@@ -225,7 +226,7 @@ _CLOCKS_AND_LINES = (
     ),
     Mutant(
         "a rival that explains much worse", "spectral/narrow_band.py",
-        "or off * math.exp(gain) < MIN_EXPECTED_SHIFT_SIGMAS", "or off < MIN_EXPECTED_SHIFT_SIGMAS",
+        "or expected < MIN_EXPECTED_SHIFT_SIGMAS", "or off < MIN_EXPECTED_SHIFT_SIGMAS",
         "an explanation that is hardly possible is a doubt",
     ),
     Mutant(

@@ -162,9 +162,9 @@ CAUSES = {
     "loads": (
         "correlated_innovations", "correlated_loads", "heavy_tails", "level_over_frequency",
         "narrow_band_load_ambiguous", "narrow_band_load_possible", "narrow_band_load_preferred", "nonstationary_level",
-        "rotor_harmonic_left", "segments_scatter", "unexplained_level", "unexplained_peak",
+        "rotor_harmonic_left", "unexplained_level", "unexplained_peak", "wider_intervals",
     ),
-    "machine": ("amplitude_dependence", "halves_disagree", "nonlinear_force"),
+    "machine": ("amplitude_dependence", "nonlinear_force"),
 }  # fmt: skip
 """What a reason names as its cause, by code."""
 

@@ -1,14 +1,14 @@
-"""Dispersion: what groups of a record's data say against each other, and how much wider an interval has to be.
+"""Dispersion of scores: the sandwich variance of a quantity over the variance that Fisher information gives.
 
 The score of a fit is a sum over parts of a record, in time or over frequencies. Where the model is true, the scores g_k
 of parts are uncorrelated and have their part F_k of Fisher information as covariance. At the mode of the posterior,
-with the prior precision Λ and C = (Σ F_k + Λ)⁻¹, part k has moved a quantity aᵀθ by aᵀC g_k, with the variance
+with the prior precision Λ and C = (Σ F_k + Λ)⁻¹, part k shifts a quantity aᵀθ by aᵀC g_k, with the variance
 
     v_k = aᵀC (F_k − F_k C F_k) C a,       ν = (Σ v_k)² / Σ v_k²,      r = Σ (aᵀC g_k)² / Σ v_k,
 
 and r ν is χ² with ν degrees of freedom: r is the sandwich covariance over the inverse of the information. Loads that
 change over time, a spectrum of another shape, a mode that the model lacks, play and hardening raise it for the
-quantities that they bend, and for no others. Parts are taken together to groups of equal information on the quantity.
+quantities that they affect, and for no others. Parts are joined to groups of equal information on the quantity.
 
 A variance is not multiplied by r, which scatters where ν is small, but by its expectation over two explanations: the
 model is true, or the dispersion is s², with a scaled-inverse-χ² prior. Their odds follow from r in closed form.
@@ -40,12 +40,12 @@ SHAPE, SCALE = 2.0, 4.0
 
 
 class Part(NamedTuple):
-    """What a part of a record says of n unknowns.
+    """Gradient and Fisher information of a segment of a record, to n unknowns.
 
     Attributes
     ----------
     samples
-        How many it has.
+        Number of samples.
     gradient, fisher
         Of its log-likelihood (n,), and its Fisher information (n, n).
     """
@@ -55,12 +55,12 @@ class Part(NamedTuple):
     fisher: Array
 
     def plus(self, more: "Part") -> "Part":
-        """What both say together."""
+        """Sum of two segments."""
         return Part(self.samples + more.samples, self.gradient + more.gradient, self.fisher + more.fisher)
 
 
 def join_parts(parts: Sequence[Part]) -> tuple[Part, ...]:
-    """The same in at most `MAX_STORED_PARTS` parts."""
+    """Join neighbouring segments until there are at most `MAX_STORED_PARTS`."""
     found = tuple(parts)
     while len(found) > MAX_STORED_PARTS:
         pairs = [one.plus(other) for one, other in zip(found[::2], found[1::2], strict=False)]
@@ -69,16 +69,16 @@ def join_parts(parts: Sequence[Part]) -> tuple[Part, ...]:
 
 
 class Dispersion(NamedTuple):
-    """How groups scatter about a quantity.
+    """Dispersion of groups about a quantity.
 
     Attributes
     ----------
     ratio, freedom
         r and ν.
     share
-        Of the quantity's variance, what comes from the data and not from priors.
+        Share of the quantity's variance that comes from the data and not from priors.
     place
-        Time [s] or frequency [Hz] of the group that moves the quantity most.
+        Time [s] or frequency [Hz] of the group that shifts the quantity most.
     """
 
     ratio: float
@@ -88,12 +88,12 @@ class Dispersion(NamedTuple):
 
 
 class PartScores(NamedTuple):
-    """Scores of K parts of a record near the mode of the posterior of n unknowns.
+    """Gradients and information of K parts of a record, near the mode of the posterior of n unknowns.
 
     Attributes
     ----------
     over
-        What the parts are apart in.
+        Axis along which the record is divided.
     places
         Their middles (K,) [s] or [Hz].
     gradients, information
@@ -101,7 +101,7 @@ class PartScores(NamedTuple):
     precision, pull
         Prior precision Λ (n, n), and the gradient of the log prior (n,).
     masses
-        Which unknowns are masses.
+        Indices of the unknowns that are masses.
     """
 
     over: Literal["time", "frequency"]
@@ -113,7 +113,7 @@ class PartScores(NamedTuple):
     masses: tuple[int, ...] = ()
 
     def dispersion(self, quantity: Array, *, given_masses: bool = False) -> Dispersion | None:
-        """How groups scatter about a linear combination of the first unknowns; None where only one has a say."""
+        """Dispersion about a linear combination of the first unknowns; None if fewer than two groups inform it."""
         known = self.masses if given_masses else ()
         free = np.setdiff1d(np.arange(len(self.pull)), np.array(known, dtype=np.intp))
         a = np.concatenate([quantity, np.zeros(len(self.pull) - len(quantity))])[free]
@@ -140,7 +140,7 @@ class PartScores(NamedTuple):
 
 
 def expected_factor(found: Dispersion) -> float:
-    """The expectation of the dispersion: by how much the variance of a quantity is larger than the model says.
+    """Expected factor on the variance of a quantity, over a true and an untrue model.
 
     Examples
     --------

@@ -188,7 +188,8 @@ def diagnose(
     checks = hold_against_priors(parameters, theta, cov)
     names, logarithmic = [q.name for q in parameters], [q.logarithmic for q in parameters]
     seen = found_line(whiteness, tests.line)
-    line, found = _judge_line(seen, rotor_hz), [*findings]
+    of_readings = tests.line is not None and tests.line.ratio > tests.line.bound
+    line, found = _judge_line(seen, rotor_hz, of_innovations=not of_readings), [*findings]
     found += line if whiteness is None else _judge_innovations(whiteness, tests, rotor, line)
     found += doubt_priors(checks)
     prior_cov = np.diag([q.prior[1] ** 2 for q in parameters])
@@ -291,10 +292,12 @@ def found_line(w: Whiteness | None, line: Line | None) -> tuple[str, float] | No
     return (worst.name, worst.line_hz) if w is not None and worst is not None and worst.line > w.line_bound else None
 
 
-def _judge_line(found: tuple[str, float] | None, rotor_hz: float) -> list[Finding]:
+def _judge_line(found: tuple[str, float] | None, rotor_hz: float, *, of_innovations: bool) -> list[Finding]:
     if found is None:
         return []
-    data = {"channel": found[0], "frequency": found[1], "rotor_frequency": rotor_hz}
+    data = {
+        "channel": found[0], "frequency": found[1], "rotor_frequency": rotor_hz, "innovations": of_innovations
+    }  # fmt: skip
     return [Finding("spectral_line", "reason", data)]
 
 

@@ -16,6 +16,7 @@ from windsysid.identification.model.fit import Outcome
 from windsysid.identification.model.regressor import Regressors
 from windsysid.identification.pipeline import FAILURES, run
 from windsysid.identification.verdict.conclude import doubts_of_innovations
+from windsysid.identification.verdict.grading import is_contradictory
 from windsysid.loads.family import Broadband
 from windsysid.loads.narrow_band import NarrowBand
 from windsysid.loads.rotor_wind import RotorWind
@@ -127,7 +128,7 @@ def _fitted_beside(job: Job, spectral: FittedJob) -> tuple[Job, FittedJob]:
     leaning = job.including(wander)
     drifting = estimate(leaning, spectral)
     agrees = compare(drifting.outcome, spectral.outcome)[1] <= MAX_DISAGREEMENT_SIGMAS
-    if agrees and not doubts_of_innovations(drifting.outcome, drifting.read.rate):
+    if agrees and not _is_doubtful(drifting):
         return leaning, drifting
     return answered, joint
 
@@ -146,9 +147,14 @@ def _by_broad_loads(job: Job) -> FittedJob | None:
             _, joint = run(replace(job, part=part.section(begun, end), loads=Broadband.name), effects=())
         except FAILURES:
             return None
-        if joint.outcome.doubts or doubts_of_innovations(joint.outcome, joint.read.rate):
+        if joint.outcome.doubts or _is_doubtful(joint):
             return None
     return joint
+
+
+def _is_doubtful(joint: FittedJob) -> bool:
+    """Test whether innovations, or segments of the record that contradict each other, speak against a fit."""
+    return bool(doubts_of_innovations(joint.outcome, joint.read.rate)) or is_contradictory(joint.outcome)
 
 
 def _note(code: str, **data: Any) -> Finding:

@@ -187,7 +187,7 @@ def _describe(job: EquationsJob, segments: SegmentReader, found: EquationsEstima
     """An estimate in physical units, with its diagnosis."""
     n, last, parameters, spectral = len(job.parameters), segments.last, job.parameters, found.whiteness is None
     lost = () if np.isfinite(found.history[0]).all() else (Finding("no_history", "note"),)
-    wide = widen_coefficients(found.scores, parameters)
+    wide = widen_coefficients(found.scores, parameters, found.cov)
     factors = np.array([one.factor for one in wide])
     theta, cov = found.unknowns[:n], found.cov[:n, :n]
     diagnosis = judged(
@@ -198,7 +198,7 @@ def _describe(job: EquationsJob, segments: SegmentReader, found: EquationsEstima
         found.scores,
         wide,
     )  # fmt: skip
-    spread, grades = factors * np.sqrt(np.diag(cov)), grade_coefficients(diagnosis, parameters, wide, {})
+    spread, grades = factors * np.sqrt(np.diag(cov)), grade_coefficients(diagnosis, parameters, wide)
     units = [last.unit(channel) for channel in job.readings]
     return Fit(
         method=found.method,

@@ -177,7 +177,7 @@ MIN_EXPECTED_SHIFT_SIGMAS = 0.25
 """Size: standard deviations by which a coefficient differs under another explanation, times the odds of that."""
 
 MIN_LOG_ODDS = 2.5
-"""Log odds: 12 to 1, of two explanations the better one, and against a narrow-band load before the record is seen."""
+"""Log odds: of two explanations the better one, 12 to 1."""
 
 MAX_RIVAL_LOG_ODDS = 50.0
 """Log odds: against a load model that is dropped after the first stages, which weigh the record with a fifth."""

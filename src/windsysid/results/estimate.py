@@ -27,7 +27,7 @@ class Estimate:
     tip
         The same estimate, low, high, std and reference per tip deflection [N/m or N·s/m], for blades with a tip lever.
     grade
-        ``A``: the interval holds as the model says; ``B``: it was widened; ``C``: not to be used (docs/grades.md).
+        ``A``: the interval of the model; ``B``: a wider one; ``C``: not to be used (docs/grades.md); empty: not known.
     """
 
     name: str
@@ -42,4 +42,4 @@ class Estimate:
     reference: float | None
     average_error_percent: float | None
     tip: Mapping[str, float] | None = None
-    grade: str = "A"
+    grade: str = ""

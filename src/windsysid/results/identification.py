@@ -22,6 +22,9 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
+USABLE = ("A", "B")
+"""Setting: grades of quantities that may be used."""
+
 __all__ = ["Estimate", "Identification", "coefficient_errors", "finite"]
 
 
@@ -192,10 +195,10 @@ class Identification(IdentificationValues, Answer):
         """What may be used of a result that is not trusted as a whole, in a sentence; nothing of one that is."""
         if self.diagnosis.trusted:
             return []
-        good = [e.name for e in self.estimates if e.grade != "C"]
+        good = [e.name for e in self.estimates if e.grade in USABLE]
         for mode in self.modes:
             names = (f"{mode.name} frequency", f"{mode.name} damping ratio")
-            good += [name for name, grade in zip(names, mode.grades, strict=True) if grade != "C"]
+            good += [name for name, grade in zip(names, mode.grades, strict=True) if grade in USABLE]
         return [f"can still be used (grade A or B): {', '.join(good)}"] if good else []
 
     def table(self) -> Table:

@@ -26,13 +26,15 @@ class Mode(NamedTuple):
     frequency_hz: tuple[float, float, float]
     damping_ratio: tuple[float, float, float]
     reference: tuple[float, float] | None = None
-    grades: tuple[str, str] = ("A", "A")
+    grades: tuple[str, str] = ("", "")
 
     def summary(self) -> dict[str, Any]:
         """As plain values, for ``summary.json``."""
         values: dict[str, Any] = {"name": self.name}
         for i, (key, triple) in enumerate((("frequency_hz", self.frequency_hz), ("damping_ratio", self.damping_ratio))):
-            values[key] = {**dict(zip(("estimate", "low", "high"), triple, strict=True)), "grade": self.grades[i]}
+            values[key] = dict(zip(("estimate", "low", "high"), triple, strict=True))
+            if self.grades[i]:
+                values[key]["grade"] = self.grades[i]
             if self.reference is not None:
                 values[key]["reference"] = self.reference[i]
         return values
@@ -44,7 +46,7 @@ class Mode(NamedTuple):
         return (self.name, f"{f[0]:.4f}", f"{f[1]:.4f} … {f[2]:.4f}", z, f"{low} … {high}")
 
     def graded_cells(self) -> tuple[str, str, str, str, str]:
-        """The same in fewer columns: name, frequency and damping ratio with ±2σ, each with its grade."""
+        """Name, frequency [Hz] and damping ratio [%] as ``estimate ± 2σ``, each with its grade, for a table."""
         f, digits = self.frequency_hz, 3 if abs(self.damping_ratio[0]) < 0.01 else 2
         (z, low, _), grades = (100.0 * value for value in self.damping_ratio), self.grades
         frequency, damping = f"{f[0]:.4f} ± {f[0] - f[1]:.4f}", f"{z:.{digits}f} ± {z - low:.{digits}f}"

@@ -16,7 +16,7 @@ HZ = 0.36
 def no_refits(monkeypatch: pytest.MonkeyPatch) -> None:
     """Spectra are not fitted again: no coefficient depends on a frequency, and a line may do harm."""
     monkeypatch.setattr(lines, "doubt_line", lambda job, fit: None)
-    monkeypatch.setattr(lines, "doubt_standing_out", lambda line, job, fit: None)
+    monkeypatch.setattr(lines, "doubt_standing_out", lambda *of: None)
 
 
 def with_tone(amplitude: float):

@@ -27,7 +27,7 @@ def test_a_disagreement_has_its_coefficients_and_says_whether_blades_were_left_o
     assert (found.code, found.severity, found.quantities) == ("formulations_disagree", "reason", (names[2],))
     assert found.data["sigmas"] == pytest.approx(MAX_DISAGREEMENT_SIGMAS + 1.0)
     assert found.data["shifts"] == pytest.approx(
-        {**dict.fromkeys(names, 0.0), names[2]: -MAX_DISAGREEMENT_SIGMAS - 1.0}
+        {**dict.fromkeys(names, 0.0), names[2]: -0.01 * (MAX_DISAGREEMENT_SIGMAS + 1.0)}
     )
     assert not found.data["unseen_blades"]
     assert disagreement(OUTCOME, other, load_turbine("verne555")).data["unseen_blades"]

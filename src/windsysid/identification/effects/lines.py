@@ -104,10 +104,13 @@ class _Lines(NamedTuple):
         dependence, line = doubt_line(job, fit), line_of(fit.outcome, fit.read)
         depends = () if dependence is None else ((dependence.channel, dependence.frequency),)
         doubts = () if dependence is None else (dependence.doubt,)
-        known = doubt_standing_out(line, job, fit) if line is not None and line.ratio > line.bound else None
+        known = None
+        if line is not None and line.ratio > line.bound:
+            known = doubt_standing_out(line, job, fit, abs(modes_of(fit.outcome).speed) / (2.0 * math.pi))
         if known is None:
             return cls(line, depends, doubts, line)
-        return cls(line if known else None, depends, (*doubts, *known), None)
+        new = tuple(one for one in known if one not in doubts)
+        return cls(line if known else None, depends, (*doubts, *new), None)
 
     def candidates(self, fit: FittedJob) -> list[tuple[str, float]]:
         """Channels and frequencies [Hz]."""

@@ -23,7 +23,7 @@ __all__ = ["Regression", "RegressorEffect"]
 
 
 MAX_REVISIONS = 2
-"""Setting: how often the size of included regressors is estimated again: two fits may each ask for the other."""
+"""Setting: how often the size of included regressors is estimated again, as two fits may alternate."""
 
 
 class RegressorEffect:

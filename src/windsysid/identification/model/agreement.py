@@ -7,19 +7,27 @@ from windsysid.results.finding import Finding
 from windsysid.results.tolerance import Group
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["compare", "differences", "disagreement"]
+__all__ = ["compare", "disagreement", "shifts_to"]
 
 
 def compare(one: Outcome, other: Outcome) -> tuple[str, float]:
     """The parameter on which two results differ most, and by how many standard deviations."""
-    off = differences(one, other)
-    worst = max(off, key=lambda name: abs(off[name]))
-    return worst, abs(off[worst])
+    off = {name: sigmas for name, (_, sigmas) in _differences(one, other).items()}
+    worst = max(off, key=lambda name: off[name])
+    return worst, off[worst]
 
 
-def differences(one: Outcome, other: Outcome) -> dict[str, float]:
-    """By how much the parameters of two results differ, in the larger of their standard deviations, with instruments
-    and masses as the first has found them: both share them, and wide bands would hide what loads do."""
+def shifts_to(other: Outcome, one: Outcome) -> dict[str, float]:
+    """Shifts of the parameters from `one` result to another, in filter coordinates; those that are not finite are left
+    out."""
+    found = {name: shift for name, (shift, _) in _differences(one, other).items()}
+    return {name: shift for name, shift in found.items() if math.isfinite(shift)}
+
+
+def _differences(one: Outcome, other: Outcome) -> dict[str, tuple[float, float]]:
+    """Differences of the parameters in filter coordinates, and their sizes in the larger of both standard deviations,
+    with instruments and masses as the first has found them: both share them, and wide bands would hide what loads
+    do."""
     shared: tuple[Group, ...] = ("gain", "alignment", "clock", "masses")
     (theta, cov), (others, other_cov) = (found.given(*shared, as_in=one) for found in (one, other))
     names = [q.name for q in other.model.parameters]
@@ -27,14 +35,15 @@ def differences(one: Outcome, other: Outcome) -> dict[str, float]:
     for i, q in enumerate(one.model.parameters):
         if q.name in names:
             j = names.index(q.name)
-            off[q.name] = float((others[j] - theta[i]) / math.sqrt(max(cov[i, i], other_cov[j, j])))
+            shift = float(others[j] - theta[i])
+            off[q.name] = shift, abs(shift) / math.sqrt(max(cov[i, i], other_cov[j, j]))
     return off
 
 
 def disagreement(fit: Outcome, other: Outcome, turbine: Turbine) -> Finding:
     """That filters and spectra are standard deviations apart on a coefficient, and the likeliest cause."""
     (name, off), locked = compare(fit, other), _blades_move(turbine) and not _blades_move(fit.turbine)
-    data = {"sigmas": off, "unseen_blades": locked, "shifts": differences(fit, other), "chance": 0.5}
+    data = {"sigmas": off, "unseen_blades": locked, "shifts": shifts_to(other, fit), "chance": 0.5}
     return Finding("formulations_disagree", "reason", data, (name,))
 
 

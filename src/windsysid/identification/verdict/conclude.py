@@ -18,7 +18,7 @@ from windsysid.checks.whiteness import Whiteness, examine
 from windsysid.errors import RecordError
 from windsysid.filters import EKF
 from windsysid.identification.estimate.clock_lag import PASSED
-from windsysid.identification.estimate.fitted.modal_residuals import doubts_beside_modes
+from windsysid.identification.estimate.fitted.modal_residuals import channels_of, doubts_beside_modes
 from windsysid.identification.estimate.fitted.modes import FittedModes, modes_of
 from windsysid.identification.job import Formulation
 from windsysid.identification.limits import MAX_RATE_MISMATCH
@@ -27,9 +27,9 @@ from windsysid.identification.verdict.grading import (
     grade_coefficients,
     grade_modes,
     judged,
-    readers_of,
     scaled,
     widenings_of,
+    with_tolerance_shifts,
 )
 from windsysid.inspection.fault import Fault
 from windsysid.inspection.screening import doubted, noted
@@ -77,14 +77,17 @@ def conclude(
     modes and errors, and judge it, with the faults of its channels and the line of its readings that stands out most.
     """
     at = modes_of(outcome, compile_model(outcome.turbine.model) if formulation == "force-balance" else None)
+    balanced = formulation == "force-balance"
     diagnosis = _judge(outcome, record, formulation, at, line, faults, tested_for_bursts=whole is None)
     transient = _transient(outcome, record) if whole is None else None
     if transient is not None:
         diagnosis = explain_by_transient(diagnosis, transient, outcome.channels)
-    coefficients, of_modes = widenings_of(outcome, at, diagnosis.findings)
-    diagnosis = judged(diagnosis, outcome.scores, coefficients, [*chain.from_iterable(of_modes)])
-    readers, wide = readers_of(outcome, record), scaled(outcome, coefficients)
-    grades = grade_coefficients(diagnosis, outcome.model.parameters, coefficients, readers)
+    diagnosis = with_tolerance_shifts(diagnosis, outcome)
+    coefficients, of_modes = widenings_of(_on_clock(outcome, record, whole), at, diagnosis.findings)
+    wide, effective = scaled(outcome, at, coefficients)
+    diagnosis = judged(diagnosis, outcome.scores, effective, [*chain.from_iterable(of_modes)])
+    readers = None if balanced else channels_of(outcome)
+    grades = grade_coefficients(diagnosis, outcome.model.parameters, effective, outcome.channels, readers)
     conditions, final, log_likelihood = _conditions(record, at.speed), outcome.final, outcome.log_likelihood
     if whole is None:
         history_time, section = record.time[-len(outcome.history_mean) :], (record.time[0], record.time[-1])
@@ -100,7 +103,7 @@ def conclude(
         samples=whole.samples,
         elapsed=outcome.elapsed,
         estimates=_estimates(wide, grades),
-        modes=grade_modes(at.modes, grades, of_modes, outcome.cov),
+        modes=grade_modes(at.modes, outcome, grades, of_modes),
         parameters=outcome.model.parameters,
         time=whole.history_time,
         mean=outcome.history_mean,
@@ -120,6 +123,13 @@ def conclude(
         tolerances=outcome.tolerances,
         budget=_budget(outcome, at.modes, at.slopes, at.given_masses),
     )
+
+
+def _on_clock(outcome: Outcome, record: Record, whole: WholeRecord | None) -> Outcome:
+    """Scores over time on the record's clock."""
+    start = float(record.time[0]) if whole is None else whole.section[0]
+    places = (one._replace(places=one.places + start) if one.over == "time" else one for one in outcome.scores)
+    return outcome._replace(scores=tuple(places))
 
 
 def _estimates(outcome: Outcome, grades: Sequence[str]) -> tuple[Estimate, ...]:

@@ -1,11 +1,12 @@
-"""How good each quantity of a result is: intervals as wide as the record wants them, and a grade for each.
+"""Grades of coefficients, frequencies and damping ratios, and the widening of their intervals.
 
-A interval holds as the model says. B was widened, as parts of the record contradict each other
-(`windsysid.checks.dispersion`). C is not to be used: a reason speaks against it that no interval holds. A reason
-touches the coefficients that it names, or those whose readings it names, and the modes that depend on them.
+A: the interval of the model. B: a wider interval, as scores of parts of the record disperse
+(`windsysid.checks.dispersion`) or a rival explanation is possible. C: not to be used, for a reason that no interval
+covers. A reason affects the coefficients that it names, or those whose channels it names, and modes that depend on
+them.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -14,50 +15,48 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.checks.dispersion import PartScores, expected_factor
 from windsysid.checks.verdict import Diagnosis
-from windsysid.identification.estimate.fitted.modal_residuals import channel_of
 from windsysid.identification.estimate.fitted.modes import FittedModes
 from windsysid.identification.limits import MAX_DISAGREEMENT_SIGMAS, MAX_WIDENING, NEGLIGIBLE_SHARE
 from windsysid.identification.model.fit import Outcome
-from windsysid.records.record import Record
 from windsysid.results.finding import Finding
 from windsysid.results.mode import Mode
 from windsysid.results.posterior import SIGMAS
 from windsysid.statespace.parameter import Parameter
 
 __all__ = [
-    "Widening",
-    "grade_coefficients",
-    "grade_modes",
-    "judged",
-    "readers_of",
-    "scaled",
-    "widen_coefficients",
-    "widenings_of",
-]
+    "Widening", "grade_coefficients", "grade_modes", "is_contradictory", "judged", "mixture_factor", "scaled",
+    "widen_coefficients", "widenings_of", "with_tolerance_shifts",
+]  # fmt: skip
 
-HELD_BY_INTERVALS = frozenset({
+COVERED_BY_INTERVALS = frozenset({
     "channel_level", "correlated_innovations", "correlated_loads", "heavy_tails", "innovation_level",
-    "level_over_frequency", "nonstationary_level", "spectral_line", "unexplained_level", "unexplained_peak",
+    "level_over_frequency", "nonstationary_level", "unexplained_level", "unexplained_peak",
 })  # fmt: skip
-"""Setting: findings that say that innovations are not white, or that loads change. What that does to an interval is
-known where scores over time and over frequencies are."""
+"""Setting: findings of innovations that are not white and of loads that change. Scores over time and over frequencies
+give their effect on an interval."""
+
+Readers = Mapping[str, Collection[str]]
+"""For each degree of freedom that moves by itself the channels that measure it."""
 
 
 class Widening(NamedTuple):
-    """How much wider the interval of a quantity is.
+    """Widening of the interval of a quantity.
 
     Attributes
     ----------
     name, quantity
         A coefficient, or a mode's frequency or damping ratio, and its derivatives to the coefficients (n_θ,).
+    std
+        Standard deviation of the model, given the masses.
     factor
-        Its standard deviation over the one that the model says.
+        Standard deviation over that of the model.
     over, place
-        What contradicts: times, frequencies or explanations, and which [s] or [Hz]; empty where nothing does.
+        Cause of most of it: ``time``, ``frequency`` or ``explanations``, and where [s] or [Hz]; empty without one.
     """
 
     name: str
     quantity: Array
+    std: float
     factor: float = 1.0
     over: str = ""
     place: float = 0.0
@@ -66,56 +65,94 @@ class Widening(NamedTuple):
 def widenings_of(
     outcome: Outcome, at: FittedModes, findings: Sequence[Finding]
 ) -> tuple[list[Widening], list[list[Widening]]]:
-    """Of the coefficients, and of frequencies and damping ratios of the modes: by what parts of the record contradict,
-    and by how far rival explanations are, which findings tell."""
-    scores, coefficients = outcome.scores, widen_coefficients(outcome.scores, outcome.model.parameters)
+    """Compute the widening of coefficients, and of frequencies and damping ratios of modes, given the masses, from
+    scores and from rival explanations among the findings."""
+    scores, cov = outcome.scores, at.given_masses
+    coefficients = widen_coefficients(scores, outcome.model.parameters, cov)
     modes = [
-        [
-            _widening(scores, f"{mode.name} {what}", row, given_masses=True)
-            for mode, row in zip(at.modes, rows, strict=True)
-        ]
+        [_widening(scores, f"{mode.name} {what}", row, cov) for mode, row in zip(at.modes, rows, strict=True)]
         for what, rows in zip(("frequency", "damping ratio"), at.slopes, strict=True)
     ]
-    rivals = _rivals(outcome, findings) if _is_known(scores) else []
+    rivals = _rivals(findings, coefficients) if _is_known(scores) else []
     return (
-        [_with_rivals(one, rivals, outcome.cov) for one in coefficients],
-        [[_with_rivals(one, rivals, at.given_masses) for one in row] for row in modes],
+        [_with_rivals(one, rivals) for one in coefficients],
+        [[_with_rivals(one, rivals) for one in row] for row in modes],
     )
 
 
+def with_tolerance_shifts(diagnosis: Diagnosis, outcome: Outcome) -> Diagnosis:
+    """Add to conflicts of gains, axes and clocks with their tolerances the shifts of the coefficients if they were as
+    their file says: the regression on them in the posterior."""
+    joint, places = outcome.joint_cov, outcome.unknowns.places("tolerances", "clocks")
+    if joint is None:
+        return diagnosis
+    known, names = {}, [q.name for q in outcome.model.parameters]
+    for at, one in zip(places.tolist(), outcome.tolerances, strict=True):
+        if one.group != "masses" and joint[at, at] > 0.0:
+            shifts = -joint[: len(names), at] / joint[at, at] * one.estimate / one.spread
+            known[one.group, one.of] = dict(zip(names, shifts.tolist(), strict=True))
+    findings = [
+        replace(one, data={**one.data, "shifts": known[key], "chance": 0.5})
+        if one.code == "tolerance_conflict" and (key := (one.data["group"], one.data["of"])) in known
+        else one
+        for one in diagnosis.findings
+    ]
+    return replace(diagnosis, findings=tuple(findings))
+
+
+def is_contradictory(outcome: Outcome) -> bool:
+    """Test whether segments of the record make the interval of a coefficient more than twice as wide."""
+    over_time = [one for one in outcome.scores if one.over == "time"]
+    found = widen_coefficients(over_time, outcome.model.parameters, outcome.cov)
+    return max((one.factor for one in found), default=1.0) > SIGMAS
+
+
 def _is_known(scores: Sequence[PartScores]) -> bool:
-    """Whether scores tell what innovations that are not white, and loads that change, do to an interval."""
+    """Test whether scores over time and over frequencies are available."""
     return {"time", "frequency"} <= {one.over for one in scores}
 
 
-def _rivals(outcome: Outcome, findings: Sequence[Finding]) -> list[tuple[Array, float]]:
-    """By how much the coefficients are elsewhere under other explanations (n_θ,), and the chance of each."""
-    stds, names = np.sqrt(np.diag(outcome.cov)), [q.name for q in outcome.model.parameters]
-    told = [one.data for one in findings if one.severity == "reason" and "shifts" in one.data and not _beyond(one)]
-    return [(stds * np.array([data["shifts"].get(name, 0.0) for name in names]), data["chance"]) for data in told]
+def _rivals(findings: Sequence[Finding], coefficients: Sequence[Widening]) -> list[tuple[Array, float]]:
+    """Shifts of the coefficients under rival explanations (n_θ,), and the probability of each."""
+    found = []
+    for one in findings:
+        if one.severity == "reason" and "shifts" in one.data:
+            shifts, far = one.data["shifts"], _beyond(one, coefficients)
+            off = [0.0 if each.name in far else shifts.get(each.name, 0.0) for each in coefficients]
+            found.append((np.array(off), float(one.data["chance"])))
+    return found
 
 
-def _beyond(one: Finding) -> tuple[str, ...]:
-    """Coefficients that differ under a rival explanation which puts one so far away that no interval stands for both:
-    where its chance is a few per cent, a slightly wrong prior or load model makes it the likelier one."""
-    shifts: Mapping[str, float] = one.data["shifts"]
-    far = any(abs(off) > SIGMAS * MAX_WIDENING for off in shifts.values())
-    differ = [name for name, off in shifts.items() if far and abs(off) > MAX_DISAGREEMENT_SIGMAS]
-    return tuple(sorted(differ, key=lambda name: -abs(shifts[name])))
+def _in_sigmas(one: Finding, coefficients: Sequence[Widening]) -> dict[str, float]:
+    """Shifts of the coefficients under a rival explanation [σ]."""
+    shifts = one.data["shifts"]
+    return {each.name: abs(shifts.get(each.name, 0.0)) / each.std for each in coefficients if each.std > 0.0}
 
 
-def _held(one: Finding) -> Finding:
-    """A reason as a remark where intervals hold it; of a rival that is too far away, the coefficients that differ."""
+def _beyond(one: Finding, coefficients: Sequence[Widening]) -> tuple[str, ...]:
+    """Coefficients that differ under a rival explanation, if one shifts so far that no interval covers both. A slightly
+    wrong prior or load model may make such a rival the likelier one."""
+    off = _in_sigmas(one, coefficients)
+    return _differing(off) if max(off.values(), default=0.0) > SIGMAS * MAX_WIDENING else ()
+
+
+def _differing(off: Mapping[str, float]) -> tuple[str, ...]:
+    """Coefficients that differ, the most shifted first."""
+    return tuple(sorted((name for name in off if off[name] > MAX_DISAGREEMENT_SIGMAS), key=lambda name: -off[name]))
+
+
+def _covered(one: Finding, coefficients: Sequence[Widening]) -> Finding:
+    """Turn a reason into a remark if intervals cover it; of a rival that is too far away, name the coefficients."""
     if "shifts" in one.data:
-        names = _beyond(one)
+        names = _beyond(one, coefficients)
         return replace(one, quantities=names) if names else replace(one, severity="remark")
-    return replace(one, severity="remark") if one.code in HELD_BY_INTERVALS else one
+    of_innovations = one.code == "spectral_line" and one.data.get("innovations", False)
+    return replace(one, severity="remark") if of_innovations or one.code in COVERED_BY_INTERVALS else one
 
 
-def _with_rivals(one: Widening, rivals: Sequence[tuple[Array, float]], cov: Array) -> Widening:
-    """The same with an interval that holds as much of the mixture of all explanations."""
-    n = len(one.quantity)
-    std = one.factor * float(np.sqrt(one.quantity @ cov[:n, :n] @ one.quantity))
+def _with_rivals(one: Widening, rivals: Sequence[tuple[Array, float]]) -> Widening:
+    """Widen an interval to cover 95 % of the mixture of all explanations."""
+    std = one.factor * one.std
     factor = mixture_factor([(float(one.quantity @ off) / std, chance) for off, chance in rivals]) if std > 0.0 else 1.0
     if factor <= 1.0:
         return one
@@ -124,8 +161,8 @@ def _with_rivals(one: Widening, rivals: Sequence[tuple[Array, float]], cov: Arra
 
 
 def mixture_factor(rivals: Sequence[tuple[float, float]]) -> float:
-    """How many times ±2σ of the first explanation hold as much as ±2σ of a normal distribution, where others are shifts
-    off, in σ, each with a chance.
+    """Factor on ±2σ that covers as much of a mixture of normal distributions as ±2σ of one, for rival explanations as
+    pairs of a shift [σ] and a probability.
 
     Examples
     --------
@@ -147,31 +184,38 @@ def mixture_factor(rivals: Sequence[tuple[float, float]]) -> float:
     return max(1.0, float(brentq(beyond, 0.0, SIGMAS + 10.0 + shifts.max())) / SIGMAS)
 
 
-def widen_coefficients(scores: Sequence[PartScores], parameters: Sequence[Parameter]) -> list[Widening]:
-    """Of the first unknowns of scores."""
+def widen_coefficients(scores: Sequence[PartScores], parameters: Sequence[Parameter], cov: Array) -> list[Widening]:
+    """Compute the widening of the coefficients from scores; `cov` is that of the model, given the masses."""
     rows = zip(parameters, np.eye(len(parameters)), strict=True)
-    return [_widening(scores, q.name, row, given_masses=False) for q, row in rows]
+    return [_widening(scores, q.name, row, cov) for q, row in rows]
 
 
-def _widening(scores: Sequence[PartScores], name: str, quantity: Array, *, given_masses: bool) -> Widening:
-    """The largest of times and of frequencies."""
-    found = Widening(name, quantity)
+def _widening(scores: Sequence[PartScores], name: str, quantity: Array, cov: Array) -> Widening:
+    """Return the larger of the widening over time and over frequencies."""
+    n = len(quantity)
+    found = Widening(name, quantity, float(np.sqrt(np.maximum(quantity @ cov[:n, :n] @ quantity, 0.0))))
     for one in scores:
-        seen = one.dispersion(quantity, given_masses=given_masses)
+        seen = one.dispersion(quantity, given_masses=True)
         factor = 1.0 if seen is None else float(np.sqrt(expected_factor(seen)))
         if seen is not None and factor > found.factor:
-            found = Widening(name, quantity, factor, one.over, seen.place)
+            found = found._replace(factor=factor, over=one.over, place=seen.place)
     return found
 
 
-def scaled(outcome: Outcome, coefficients: Sequence[Widening]) -> Outcome:
-    """The same with wider intervals of the coefficients, as correlated as before."""
-    factors = np.array([one.factor for one in coefficients])
-    joint, n = outcome.joint_cov, len(factors)
-    if joint is not None:
-        both = np.concatenate([factors, np.ones(len(joint) - n)])
-        joint = joint * np.outer(both, both)
-    return outcome._replace(cov=outcome.cov * np.outer(factors, factors), joint_cov=joint)
+def scaled(outcome: Outcome, at: FittedModes, coefficients: Sequence[Widening]) -> tuple[Outcome, list[Widening]]:
+    """Widen the covariance given the masses, and add what masses contribute; the widening of the coefficients with the
+    masses' part, too."""
+    whole = outcome.cov if outcome.joint_cov is None else outcome.joint_cov
+    n, factors = len(coefficients), np.ones(len(whole))
+    factors[:n] = [one.factor for one in coefficients]
+    wide = whole - at.given_masses + at.given_masses * np.outer(factors, factors)
+    before, after = (np.sqrt(np.diag(cov)[:n]) for cov in (whole, wide))
+    found = [
+        one._replace(factor=float(b / a)) if a > 0.0 else one
+        for one, a, b in zip(coefficients, before, after, strict=True)
+    ]
+    joint = None if outcome.joint_cov is None else wide
+    return outcome._replace(cov=wide[:n, :n], joint_cov=joint), found
 
 
 def judged(
@@ -180,8 +224,15 @@ def judged(
     coefficients: Sequence[Widening],
     others: Sequence[Widening] = (),
 ) -> Diagnosis:
-    """What speaks against a result whose intervals are wider: what they hold is a remark."""
-    findings = [_held(one) if one.severity == "reason" and _is_known(scores) else one for one in diagnosis.findings]
+    """Turn reasons that wider intervals cover into remarks, and report the widening."""
+    findings = []
+    for one in diagnosis.findings:
+        if one.severity == "reason" and _is_known(scores):
+            one = _covered(one, coefficients)
+        elif one.severity == "reason" and "shifts" in one.data:
+            differing = _differing(_in_sigmas(one, coefficients))
+            one = replace(one, quantities=tuple(dict.fromkeys((*one.quantities, *differing))))
+        findings.append(one)
     names, widenings = {one.name for one in coefficients}, [*coefficients, *others]
     for severity, low, high in (("reason", MAX_WIDENING, np.inf), ("remark", 1.0 + NEGLIGIBLE_SHARE, MAX_WIDENING)):
         wide = sorted((one for one in widenings if low < one.factor <= high), key=lambda one: -one.factor)
@@ -194,55 +245,52 @@ def judged(
 
 
 def grade_coefficients(
-    diagnosis: Diagnosis, parameters: Sequence[Parameter], widenings: Sequence[Widening],
-    readers: Mapping[str, str | None],
+    diagnosis: Diagnosis, parameters: Sequence[Parameter], widenings: Sequence[Widening], channels: Sequence[str] = (),
+    readers: Readers | None = None,
 ) -> list[str]:  # fmt: skip
-    """A grade for each coefficient, of degrees of freedom that these channels read."""
-    touched = _touched(diagnosis, parameters, readers)
-    return [_letter(one, touched={one.name} & touched) for one in widenings]
+    """Grade each coefficient of a result from these channels. Without `readers` all degrees of freedom are coupled, and
+    every reason affects all coefficients."""
+    touched = _touched(diagnosis, parameters, set(channels), readers)
+    return [_letter(one, one.name in touched) for one in widenings]
 
 
 def grade_modes(
-    modes: Sequence[Mode], coefficients: Sequence[str], widenings: Sequence[Sequence[Widening]], cov: Array
+    modes: Sequence[Mode], outcome: Outcome, coefficients: Sequence[str], widenings: Sequence[Sequence[Widening]]
 ) -> tuple[Mode, ...]:
-    """Modes with wider intervals and grades, that of a frequency or damping ratio C where a coefficient is that
-    contributes to its variance; of coefficients with these grades and a covariance (n_θ, n_θ)."""
+    """Widen and grade modes. A frequency or damping ratio is C if it depends on a coefficient that is C, and has no
+    grade if it depends on none."""
     bad = np.array([grade == "C" for grade in coefficients], dtype=bool)
-    found = []
+    logarithmic = np.array([q.logarithmic for q in outcome.model.parameters], dtype=bool)
+    unit, found = np.where(logarithmic, 1.0, np.abs(outcome.theta)), []
     for mode, *both in zip(modes, *widenings, strict=True):
         letters, bands = [], []
         for one, (value, low, high) in zip(both, (mode.frequency_hz, mode.damping_ratio), strict=True):
-            own = one.quantity**2 * np.diag(cov)
-            letters.append(_letter(one, touched=bad & (own > NEGLIGIBLE_SHARE * own.sum())))
+            depends = np.abs(one.quantity) * unit > NEGLIGIBLE_SHARE * abs(value)
+            letters.append(_letter(one, bool((bad & depends).any())) if one.std > 0.0 else "")
             bands.append((value, value - one.factor * (value - low), value + one.factor * (high - value)))
         found.append(mode._replace(frequency_hz=bands[0], damping_ratio=bands[1], grades=(letters[0], letters[1])))
     return tuple(found)
 
 
-def _letter(one: Widening, touched: Sequence[bool] | set[str] | Array) -> str:
-    if any(touched) or one.factor > MAX_WIDENING:
+def _letter(one: Widening, touched: bool) -> str:
+    if touched or one.factor > MAX_WIDENING:
         return "C"
     return "B" if one.factor > 1.0 + NEGLIGIBLE_SHARE else "A"
 
 
-def _touched(diagnosis: Diagnosis, parameters: Sequence[Parameter], readers: Mapping[str, str | None]) -> set[str]:
-    """Coefficients that some reason concerns."""
+def _touched(
+    diagnosis: Diagnosis, parameters: Sequence[Parameter], channels: set[str], readers: Readers | None
+) -> set[str]:
+    """Coefficients that a reason affects."""
     names, found = {q.name for q in parameters}, set[str]()
     for one in diagnosis.findings:
-        if one.severity != "reason" or one.code == "wider_intervals":  # which factors tell
+        if one.severity != "reason" or one.code == "wider_intervals":  # of which factors are known
             continue
-        if one.quantities and names.issuperset(one.quantities):
+        if readers is not None and one.quantities and names.issuperset(one.quantities):
             found |= set(one.quantities)
-        elif one.channels:
-            found |= {q.name for q in parameters if readers.get(q.part) is None or readers[q.part] in one.channels}
+        elif readers is not None and one.channels and channels.issuperset(one.channels):
+            own = set(one.channels)
+            found |= {q.name for q in parameters if q.part not in readers or own.intersection(readers[q.part])}
         else:
             return names
     return found
-
-
-def readers_of(outcome: Outcome, record: Record) -> dict[str, str | None]:
-    """The channel that reads each degree of freedom alone; none where blades turn, which couple them all."""
-    freedoms = outcome.turbine.model.freedoms
-    if any(one.blade for one in freedoms):
-        return {}
-    return {one.name: channel_of(outcome, record, one.name) for one in freedoms}

@@ -72,9 +72,9 @@ def _tolerance_off(d: Data) -> str:
 
 def _wider_intervals(d: Data) -> str:
     why = {
-        "explanations": "other explanations of the record are possible",
-        "frequency": f"the record contradicts the model around {d['at']:.3g} Hz",
-        "time": f"parts of the record contradict each other, most at {d['at']:.0f} s",
+        "explanations": "rival explanations of the record are possible",
+        "frequency": f"readings around {d['at']:.3g} Hz contradict the fit to the others",
+        "time": f"segments of the record contradict each other, most at {d['at']:.0f} s",
     }
     more = f" and {len(d['names']) - 3} more" if len(d["names"]) > 3 else ""
     wide = f"intervals are up to {d['factor']:.1f} times as wide ({', '.join(d['names'][:3])}{more})"

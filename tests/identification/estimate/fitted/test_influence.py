@@ -73,8 +73,9 @@ def test_a_line_on_which_nothing_depends_is_no_reason(refits: Any):
     assert doubt_line(job, fit) is None
     assert doubt_sine(HZ, job, fit) == ()
     line = Line(CHANNELS[0], HZ, 0.9 * MARGINAL_LINE_FACTOR * 10.0, 10.0)
-    assert doubt_standing_out(line, job, fit) == ()
-    assert doubt_standing_out(line._replace(ratio=1.1 * MARGINAL_LINE_FACTOR * 10.0), job, fit) is None
+    assert doubt_standing_out(line, job, fit, 0.2) == ()
+    (found,) = doubt_standing_out(line._replace(ratio=1.1 * MARGINAL_LINE_FACTOR * 10.0), job, fit, 0.2) or ()
+    assert (found.code, found.data["rotor_frequency"], found.data["chance"]) == ("spectral_line", 0.2, 1.0)
 
 
 def test_a_line_is_not_harmless_where_something_depends_on_it_or_spectra_do_not_apply(refits: Any):
@@ -82,11 +83,11 @@ def test_a_line_is_not_harmless_where_something_depends_on_it_or_spectra_do_not_
     job, fit = job_of(record), fitted(record, std=STD)
     line = Line(CHANNELS[0], HZ, 10.0, 10.0)
     refits(RecordError("too short"))
-    assert doubt_standing_out(line, job, fit) is None
+    assert doubt_standing_out(line, job, fit, 0.2) is None
     refits(1.1 * MAX_INFLUENCE_SIGMAS)
-    (found,) = doubt_standing_out(line, job, fit) or ()
+    (found,) = doubt_standing_out(line, job, fit, 0.2) or ()
     name = fit.outcome.model.parameters[0].name
-    assert found.data["shifts"][name] == pytest.approx(1.1 * MAX_INFLUENCE_SIGMAS)
+    assert abs(found.data["shifts"][name]) == pytest.approx(1.1 * MAX_INFLUENCE_SIGMAS * STD)
 
 
 def test_filters_are_compared_by_spectra_of_the_record_as_it_is(refits: Any):

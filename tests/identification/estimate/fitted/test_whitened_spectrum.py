@@ -35,7 +35,8 @@ def at_the_truth(turbine: Turbine, made: Record) -> Linearisation:
 
 
 def scores(turbine: Turbine, made: Record) -> PartScores:
-    found = scores_over_frequency(at_the_truth(turbine, made))
+    at = at_the_truth(turbine, made)
+    found = scores_over_frequency(at, np.asarray(np.linalg.inv(at.problem.wide_prior[1])))
     assert found is not None
     return found
 
@@ -88,4 +89,17 @@ def test_a_peak_that_the_model_lacks_widens_the_direction_that_it_is_in(tower: T
 def test_blades_that_turn_have_none():
     turbine = load_turbine("verne555")
     made = simulate_record(turbine, duration=20.0, rate=50.0, seed=1)
-    assert scores_over_frequency(at_the_truth(turbine, made)) is None
+    at = at_the_truth(turbine, made)
+    assert scores_over_frequency(at, np.eye(len(at.unknowns))) is None
+
+
+def test_gaps_loads_and_yaw_have_none(tower: Turbine):
+    at = at_the_truth(tower, simulate_record(tower, duration=100.0, rate=4.0, seed=1))
+    precision = np.eye(len(at.unknowns))
+    assert scores_over_frequency(at, precision) is not None
+    gap, wave = at.innovations.copy(), at.inputs.copy()
+    gap[100:160, 0] = 0.0
+    wave[:, -1] = np.sin(at.time)
+    assert scores_over_frequency(replace(at, innovations=gap), precision) is None
+    assert scores_over_frequency(replace(at, inputs=wave), precision) is None
+    assert scores_over_frequency(replace(at, time=at.time**1.1), precision) is None

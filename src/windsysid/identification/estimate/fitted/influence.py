@@ -7,7 +7,7 @@ that of a line's mode altogether; that of a mode of a few frequencies' width dep
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +19,7 @@ from windsysid.identification.estimate.fitted.modal_residuals import channel_of,
 from windsysid.identification.estimate.spectral.frequency_domain import identify_by_spectrum
 from windsysid.identification.job import FittedJob, Job
 from windsysid.identification.limits import MARGINAL_LINE_FACTOR, MAX_INFLUENCE_SIGMAS, MIN_LINE_POWER
-from windsysid.identification.model.agreement import differences
+from windsysid.identification.model.agreement import compare, shifts_to
 from windsysid.identification.model.fit import Outcome
 from windsysid.loads.narrow_band import NarrowBand
 from windsysid.loads.rotor_wind import RotorWind
@@ -52,42 +52,51 @@ def doubt_line(job: Job, fit: FittedJob) -> Dependence | None:
     line = _suspect(fit.outcome, fit.read)
     if line is None or line.ratio < MIN_LINE_POWER:
         return None
-    shifts = _influence(job, fit, line.frequency)
-    if _largest(shifts)[1] < MAX_INFLUENCE_SIGMAS:
+    found = _influence(job, fit, line.frequency)
+    if found is None or found.sigmas < MAX_INFLUENCE_SIGMAS:
         return None
-    return Dependence(line.channel, line.frequency, _doubt("line_influence", line.frequency, shifts))
+    return Dependence(line.channel, line.frequency, found.doubt("line_influence", line.frequency))
 
 
-def doubt_standing_out(line: Line, job: Job, fit: FittedJob) -> tuple[Finding, ...] | None:
-    """What a fit loses by a line that stands out by more than chance: nothing where it hardly does and no coefficient
-    depends on it; None where that is not known, or it stands out by much."""
-    shifts = _influence(job, fit, line.frequency)
-    if _largest(shifts)[1] >= MAX_INFLUENCE_SIGMAS:
-        return (_doubt("line_influence", line.frequency, shifts),)
-    return () if shifts and line.ratio <= MARGINAL_LINE_FACTOR * line.bound else None
-
-
-def _largest(shifts: Mapping[str, float]) -> tuple[str, float]:
-    """The coefficient that changes most, and by how many standard deviations."""
-    name = max(shifts, key=lambda one: abs(shifts[one]), default="")
-    return name, abs(shifts.get(name, 0.0))
-
-
-def _doubt(code: str, frequency: float, shifts: Mapping[str, float]) -> Finding:
-    name, off = _largest(shifts)
-    return Finding(code, "reason", {"frequency": frequency, "sigmas": off, "shifts": shifts, "chance": 1.0}, (name,))
+def doubt_standing_out(line: Line, job: Job, fit: FittedJob, rotor_hz: float) -> tuple[Finding, ...] | None:
+    """Reasons against a fit that follow from a line which stands out by more than chance: none if it hardly does and no
+    coefficient depends on it; None if its influence is not known."""
+    found = _influence(job, fit, line.frequency)
+    if found is None:
+        return None
+    if found.sigmas >= MAX_INFLUENCE_SIGMAS:
+        return (found.doubt("line_influence", line.frequency),)
+    if line.ratio <= MARGINAL_LINE_FACTOR * line.bound:
+        return ()
+    data = {"channel": line.channel, "frequency": line.frequency, "rotor_frequency": rotor_hz}
+    return (Finding("spectral_line", "reason", {**data, "shifts": found.shifts, "chance": 1.0}),)
 
 
 def doubt_sine(frequency: float, job: Job, fit: FittedJob) -> tuple[Finding, ...]:
     """Reason not to trust a fit if the power that is left around a removed sinusoid at a frequency [Hz] still changes a
     coefficient: a narrow-band load would."""
-    shifts = _influence(job, fit, frequency, BESIDE)
-    return (_doubt("tone_influence", frequency, shifts),) if _largest(shifts)[1] >= MAX_INFLUENCE_SIGMAS else ()
+    found = _influence(job, fit, frequency, BESIDE)
+    if found is None or found.sigmas < MAX_INFLUENCE_SIGMAS:
+        return ()
+    return (found.doubt("tone_influence", frequency),)
 
 
-def _influence(job: Job, fit: FittedJob, frequency: float, beside: int = 0) -> dict[str, float]:
-    """By how many standard deviations coefficients change if a frequency [Hz] and so many of the periodogram to either
-    side are left out; none where spectra do not apply."""
+class _Influence(NamedTuple):
+    """The coefficient that changes most without a frequency, by how many standard deviations, and shifts of all in
+    filter coordinates."""
+
+    name: str
+    sigmas: float
+    shifts: dict[str, float]
+
+    def doubt(self, code: str, frequency: float) -> Finding:
+        """The influence as a reason."""
+        data = {"frequency": frequency, "sigmas": self.sigmas, "shifts": self.shifts, "chance": 1.0}
+        return Finding(code, "reason", data, (self.name,))
+
+
+def _influence(job: Job, fit: FittedJob, frequency: float, beside: int = 0) -> _Influence | None:
+    """Influence of a frequency [Hz] and of so many of the periodogram to either side; None if spectra do not apply."""
     outcome = fit.outcome
     spectral = (RotorWind.name, NarrowBand.name)  # others are for filters only
     loads = outcome.hypothesis if outcome.hypothesis in spectral else "broadband"
@@ -98,9 +107,10 @@ def _influence(job: Job, fit: FittedJob, frequency: float, beside: int = 0) -> d
     without = _without(fit.read, outcome.channels, frequency, beside)
     try:
         left = estimated(without)
-        return differences(outcome if fit.formulation == "spectral" else estimated(fit.read), left)
+        whole = outcome if fit.formulation == "spectral" else estimated(fit.read)
     except (WindsysidError, np.linalg.LinAlgError):
-        return {}
+        return None
+    return _Influence(*compare(left, whole), shifts_to(left, whole))
 
 
 def _suspect(outcome: Outcome, record: Record) -> Line | None:

@@ -21,7 +21,7 @@ from windsysid.results.mode import Mode
 from windsysid.signals.rotor import rotor_inputs
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["channel_of", "doubts_beside_modes", "line_of", "mode_of", "ranges_of_narrow_band"]
+__all__ = ["channel_of", "channels_of", "doubts_beside_modes", "line_of", "mode_of", "ranges_of_narrow_band"]
 
 
 def doubts_beside_modes(
@@ -134,6 +134,19 @@ def channel_of(outcome: Outcome, record: Record, name: str) -> str | None:
     if not alone.any():
         return None
     return outcome.channels[int(np.argmax(np.where(alone, own / np.maximum(values.std(axis=0), 1e-300), -1.0)))]
+
+
+def channels_of(outcome: Outcome) -> dict[str, set[str]] | None:
+    """For each degree of freedom the channels that measure it; None if blades move, which couple all of them."""
+    model = outcome.turbine.model
+    if any(freedom.blade for freedom in model.freedoms):
+        return None
+    seen = np.abs(_seen(outcome, 0.0))
+    measures = seen >= NEGLIGIBLE_SHARE * seen.max(axis=1, keepdims=True)
+    return {
+        name: {channel for channel, own in zip(outcome.channels, column, strict=True) if own}
+        for name, column in zip(model.coordinates, measures.T, strict=True)
+    }
 
 
 def _seen(outcome: Outcome, turn: float) -> Array:

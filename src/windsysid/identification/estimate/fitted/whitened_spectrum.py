@@ -6,8 +6,8 @@ derivatives M_a = ∂H/∂θ_a H⁻¹ and G_a = M_a + M_aᴴ, Whittle's likeliho
     score_a = tr G_a (I − Z Zᴴ),        information_ab = tr G_a G_b,
 
 Z normalised to the covariance I. H is the response to an impulse in each reading, of filters at neighbouring unknowns
-(`windsysid.identification.estimate.scoring`); the impulse is differenced twice, which M does not feel, so that what a
-filter remembers for ever, such as a bias, leaves no truncated tail.
+(`windsysid.identification.estimate.scoring`). The impulse is differenced twice, which cancels in M, so that states with
+infinite memory, such as a bias, leave no truncated tail.
 """
 
 import numpy as np
@@ -17,30 +17,33 @@ from windsysid.checks.dispersion import PartScores
 from windsysid.filters.bank import bank_of, run_bank
 from windsysid.identification.estimate.fitted.linearisation import Linearisation
 from windsysid.identification.estimate.scoring import INCREMENT, neighbours
+from windsysid.signals.inputs import TURNING
 
 __all__ = ["scores_over_frequency"]
 
 IMPULSE = (1.0, -2.0, 1.0)
 """Numerical: an impulse, differenced twice."""
 
+MIN_READ_SHARE = 0.9
+"""Setting: share of the readings of a channel below which a spectrum with gaps is no estimate."""
+
 MAX_RANGES = 128
 """Setting: ranges of frequency of equal information into which bins are joined, so that memory is bounded."""
 
 
-def scores_over_frequency(at: Linearisation) -> PartScores | None:
-    """Scores of a fit over frequencies; None where its equations change with time, as blades that turn make them, or it
-    is too short."""
+def scores_over_frequency(at: Linearisation, precision: Array) -> PartScores | None:
+    """Scores of a fit over frequencies, under a prior precision (n, n); None if the equations change with time, loads
+    are measured, a channel has gaps, or the record is too short."""
     z, steps = at.innovations, at.steps  # of samples with a reading
     samples, m = z.shape
-    if any(freedom.blade for freedom in at.problem.turbine.model.freedoms) or samples < 4 * (m + 1) * len(IMPULSE):
+    read = np.mean(z != 0.0, axis=0)
+    if not _is_time_invariant(at) or samples < 4 * (m + 1) * len(IMPULSE) or read.min() < MIN_READ_SHARE:
         return None
     slopes = _log_slopes(at, samples, m)
-    spectrum = np.fft.rfft(z, axis=0)[1:-1] / np.sqrt(samples)
+    spectrum = np.fft.rfft(z, axis=0)[1:-1] / np.sqrt(samples * read)
     power = np.eye(m) - spectrum[:, :, None] * spectrum[:, None, :].conj()
     gradients = np.einsum("fnij,fji->fn", slopes, power).real
     information = np.einsum("fnij,foji->fno", slopes, slopes).real
-    mean, cov = at.problem.wide_prior
-    precision = np.asarray(np.linalg.inv(cov))
     share = np.einsum("fno,on->f", information, np.linalg.inv(information.sum(axis=0) + precision))
     label = (MAX_RANGES * (np.cumsum(share) - 0.5 * share) / share.sum()).astype(int)
     first = np.unique(label, return_index=True)[1]
@@ -51,8 +54,18 @@ def scores_over_frequency(at: Linearisation) -> PartScores | None:
         np.add.reduceat(gradients, first),
         np.add.reduceat(information, first),
         precision,
-        precision @ (mean - at.unknowns),
+        precision @ (at.problem.wide_prior[0] - at.unknowns),
     )
+
+
+def _is_time_invariant(at: Linearisation) -> bool:
+    """Test whether no blade moves, the nacelle does not yaw, no load is measured, and samples are equidistant."""
+    if any(freedom.blade for freedom in at.problem.turbine.model.freedoms):
+        return False
+    names = at.problem.model.compiled.inputs
+    known = [i for i in range(at.inputs.shape[1]) if i >= len(names) or names[i] not in TURNING]
+    steps = np.diff(at.time)
+    return bool(np.ptp(at.inputs[:, known], axis=0).max(initial=0.0) == 0.0 and np.ptp(steps) < 1e-3 * steps.mean())
 
 
 def _log_slopes(at: Linearisation, samples: int, m: int) -> Array:

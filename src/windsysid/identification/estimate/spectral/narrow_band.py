@@ -70,6 +70,10 @@ EVERYWHERE = 3.0
 LOG_EVIDENCE = attrgetter("log_evidence")
 """Of a fit."""
 
+EVEN = 0.5
+"""Setting: probability of a rival explanation. The evidence of approximate models preferred the wrong one by 3 to 5 in
+logarithms (``python -m validation.towers``), so that evidence decides which rivals count and not their weight."""
+
 NOTHING, LITTLE = -8.0, -1.0
 """Setting: coordinates of the level of a load that is absent, and of one that is hardly present."""
 
@@ -84,17 +88,20 @@ class NarrowBandFit(NamedTuple):
     gain
         Log evidence over that of broad loads alone.
     moved
-        By how many standard deviations coefficients are elsewhere than with broad loads alone.
+        Shifts of the coefficients from the fit with broad loads alone [σ].
+    shifts
+        The same in filter coordinates.
     rival
-        The same under an explanation that is nearly as good as the better one of both, and its chance; None where there
-        is none.
+        Shifts [σ] and shifts in filter coordinates of an explanation that is nearly as good as the better one of both;
+        None where there is none.
     """
 
     posed: Posed
     fit: RotorFit
     gain: float
     moved: dict[str, float]
-    rival: tuple[dict[str, float], float] | None
+    shifts: dict[str, float]
+    rival: tuple[dict[str, float], dict[str, float]] | None
 
     @property
     def is_needed(self) -> bool:
@@ -138,18 +145,18 @@ def fit_narrow_band(
     if not thorough:
         near = tuple(end for end in near if _may_matter(question, found, end, end.log_evidence - plain))
     if not near:
-        return NarrowBandFit(posed, ends[0], gain, _off(question, found, ends[0]), None)
+        return NarrowBandFit(posed, ends[0], gain, *_off(question, found, ends[0]), None)
     ends = _ends(question, posed, [end.unknowns for end in near])
     if not ends:
         return None
     ends = [end._replace(log_evidence=end.evidence_at(overlap)) for end in ends]
     gain = ends[0].log_evidence - found.log_evidence
     if gain > MIN_LOG_ODDS:
-        best, others = ends[0], [*((end, 0.0) for end in ends[1:]), (found, MIN_LOG_ODDS)]
+        best, others = ends[0], [*ends[1:], found]
     else:
-        best, others = found, [(end, -MIN_LOG_ODDS) for end in ends if _is_narrow(question, posed, end)]
-    rivals = (_elsewhere(question, best, other, before) for other, before in others)
-    return NarrowBandFit(posed, ends[0], gain, _off(question, found, ends[0]), next(filter(None, rivals), None))
+        best, others = found, [end for end in ends if _is_narrow(question, posed, end)]
+    rivals = (_elsewhere(question, best, other) for other in others)
+    return NarrowBandFit(posed, ends[0], gain, *_off(question, found, ends[0]), next(filter(None, rivals), None))
 
 
 def doubts_of_narrow_band(found: NarrowBandFit | None, *, asked: str) -> tuple[Finding, ...]:
@@ -158,13 +165,13 @@ def doubts_of_narrow_band(found: NarrowBandFit | None, *, asked: str) -> tuple[F
         return ()
     at = {"frequency": found.values[FREQUENCY]}
     if found.is_needed and asked not in ("auto", NarrowBand.name):
-        data = at | {"gain": found.gain, "shifts": found.moved, "chance": 1.0}
+        data = at | {"gain": found.gain, "shifts": found.shifts, "chance": 1.0}
         return (Finding("narrow_band_load_preferred", "reason", data, tuple(found.moved)),)
     if found.rival is None:
         return ()
-    moved, chance = found.rival
+    moved, shifts = found.rival
     code = "narrow_band_load_ambiguous" if found.is_needed else "narrow_band_load_possible"
-    data = at | {"sigmas": _largest(moved), "shifts": moved, "chance": chance}
+    data = at | {"sigmas": _largest(moved), "shifts": shifts, "chance": EVEN}
     return (Finding(code, "reason", data, (max(moved, key=lambda name: abs(moved[name])),)),)
 
 
@@ -197,7 +204,7 @@ def _ends(question: RotorQuestion, posed: Posed, starts: Sequence[Array], *, rou
             )
     ends = list[RotorFit]()
     for end in sorted(found, key=LOG_EVIDENCE, reverse=True):
-        if not any(_largest(_off(question, other, end)) < SAME_END_SIGMAS for other in ends):
+        if not any(_largest(_off(question, other, end)[0]) < SAME_END_SIGMAS for other in ends):
             ends.append(end)
     return ends
 
@@ -323,27 +330,28 @@ def _is_narrow(question: RotorQuestion, posed: Posed, end: RotorFit) -> bool:
     return values[WIDTH] < MAX_NARROW_DAMPING_SHARE * max(beside, default=0.0)
 
 
-def _off(question: RotorQuestion, best: RotorFit, other: RotorFit) -> dict[str, float]:
-    """By how many standard deviations coefficients are elsewhere under another explanation."""
-    theta = best.model.unknowns.of("parameters")
-    off = (other.unknowns[theta] - best.unknowns[theta]) / np.sqrt(np.diag(best.cov)[theta])
-    return dict(zip([q.name for q in question.parameters], off.tolist(), strict=True))
+def _off(question: RotorQuestion, best: RotorFit, other: RotorFit) -> tuple[dict[str, float], dict[str, float]]:
+    """Shifts of the coefficients under another explanation, in standard deviations and in filter coordinates."""
+    theta, names = best.model.unknowns.of("parameters"), [q.name for q in question.parameters]
+    shifts = other.unknowns[theta] - best.unknowns[theta]
+    sigmas = shifts / np.sqrt(np.diag(best.cov)[theta])
+    return dict(zip(names, sigmas.tolist(), strict=True)), dict(zip(names, shifts.tolist(), strict=True))
 
 
 def _may_matter(question: RotorQuestion, found: RotorFit, end: RotorFit, gain: float) -> bool:
     """Whether a rough end of so much log evidence more is better, or may be another explanation that counts, searched
     to the end."""
-    off = _largest(_off(question, found, end))
+    off = _largest(_off(question, found, end)[0])
     return gain > 0.0 or (off > NEGLIGIBLE_SHIFT_SIGMAS and off * math.exp(gain) > 0.5 * MIN_EXPECTED_SHIFT_SIGMAS)
 
 
 def _elsewhere(
-    question: RotorQuestion, best: RotorFit, other: RotorFit, before: float
-) -> tuple[dict[str, float], float] | None:
-    """By how many standard deviations coefficients are elsewhere under another explanation that is nearly as good, and
-    its chance, of these log odds before the record was seen."""
-    moved, gain = _off(question, best, other), min(other.log_evidence - best.log_evidence, 0.0)
+    question: RotorQuestion, best: RotorFit, other: RotorFit
+) -> tuple[dict[str, float], dict[str, float]] | None:
+    """Shifts of the coefficients under another explanation that is nearly as good, as of `_off`."""
+    moved, shifts = _off(question, best, other)
     off = _largest(moved)
-    if off < MAX_DISAGREEMENT_SIGMAS or off * math.exp(gain) < MIN_EXPECTED_SHIFT_SIGMAS:
+    expected = off * math.exp(min(other.log_evidence - best.log_evidence, 0.0))
+    if off < MAX_DISAGREEMENT_SIGMAS or expected < MIN_EXPECTED_SHIFT_SIGMAS:
         return None
-    return moved, 1.0 / (1.0 + math.exp(-(gain + before)))
+    return moved, shifts
