@@ -9,8 +9,8 @@ from scipy import integrate, stats
 from windsysid._types import Array
 from windsysid.checks.dispersion import (
     MAX_STORED_PARTS,
-    SCALE,
-    SHAPE,
+    PRIOR_SCALE,
+    PRIOR_SHAPE,
     Dispersion,
     Part,
     PartScores,
@@ -95,7 +95,7 @@ def test_the_share_of_the_data_is_what_widens():
 @pytest.mark.parametrize(("ratio", "freedom"), [(0.6, 3.0), (1.0, 8.0), (2.5, 6.0), (9.0, 2.0)])
 def test_the_expected_factor_is_the_integral_over_both_explanations(ratio: float, freedom: float):
     """Independently: numerical integration of Bayes' rule with SciPy's distributions."""
-    prior = stats.invgamma(SHAPE, scale=SCALE)
+    prior = stats.invgamma(PRIOR_SHAPE, scale=PRIOR_SCALE)
 
     def likelihood(s2: float) -> float:
         return float(stats.chi2.pdf(ratio * freedom / s2, freedom) / s2)

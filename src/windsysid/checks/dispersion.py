@@ -32,10 +32,10 @@ __all__ = ["Dispersion", "Part", "PartScores", "expected_factor", "join_parts"]
 MAX_STORED_PARTS = 64
 """Setting: number of parts of a record from which on neighbours are joined, so that memory is bounded."""
 
-GROUPS = 8
+MAX_GROUPS = 8
 """Setting: groups of equal information on a quantity, at most."""
 
-SHAPE, SCALE = 2.0, 4.0
+PRIOR_SHAPE, PRIOR_SCALE = 2.0, 4.0
 """Setting: of the inverse gamma prior of s², with the mean 4 and long tails."""
 
 
@@ -123,7 +123,7 @@ class PartScores(NamedTuple):
         own = np.einsum("n,kno,o->k", u, F, u)
         if not own.sum() > 0.0:
             return None
-        label = (GROUPS * (np.cumsum(own) - 0.5 * own) / own.sum()).astype(int)
+        label = (MAX_GROUPS * (np.cumsum(own) - 0.5 * own) / own.sum()).astype(int)
         groups = [label == each for each in np.unique(label)]
         F = np.array([F[some].sum(axis=0) for some in groups])
         moved = np.array([u @ g[some].sum(axis=0) for some in groups]) - F @ step @ u
@@ -148,8 +148,8 @@ def expected_factor(found: Dispersion) -> float:
     [1.05, 1.45, 3.96, 13.6]
     """
     half, x = 0.5 * found.freedom, 0.5 * found.ratio * found.freedom
-    log_odds = math.log(ODDS_OF_DISPERSION) + math.lgamma(half + SHAPE) - math.lgamma(SHAPE) + x
-    log_odds += SHAPE * math.log(SCALE) - (half + SHAPE) * math.log(SCALE + x)
+    log_odds = math.log(ODDS_OF_DISPERSION) + math.lgamma(half + PRIOR_SHAPE) - math.lgamma(PRIOR_SHAPE) + x
+    log_odds += PRIOR_SHAPE * math.log(PRIOR_SCALE) - (half + PRIOR_SHAPE) * math.log(PRIOR_SCALE + x)
     chance = 1.0 / (1.0 + math.exp(-max(min(log_odds, 700.0), -700.0)))
-    factor = 1.0 + chance * max((SCALE + x) / (SHAPE + half - 1.0) - 1.0, 0.0)
+    factor = 1.0 + chance * max((PRIOR_SCALE + x) / (PRIOR_SHAPE + half - 1.0) - 1.0, 0.0)
     return 1.0 + (factor - 1.0) * found.share

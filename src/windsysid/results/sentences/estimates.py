@@ -70,6 +70,10 @@ def _tolerance_off(d: Data) -> str:
     return f"{_tolerance(d)}, as far as the model goes: {taken}; correct its file, or look for a coupling"
 
 
+TOO_WIDE = 5.0
+"""Setting: factor of intervals that are of no use."""
+
+
 def _wider_intervals(d: Data) -> str:
     why = {
         "explanations": "rival explanations of the record are possible",
@@ -78,7 +82,8 @@ def _wider_intervals(d: Data) -> str:
     }
     more = f" and {len(d['names']) - 3} more" if len(d["names"]) > 3 else ""
     wide = f"intervals are up to {d['factor']:.1f} times as wide ({', '.join(d['names'][:3])}{more})"
-    return f"{why[d['over']]}: {wide}"
+    advice = "; choose another section or load model" if d["factor"] > TOO_WIDE else ""
+    return f"{why[d['over']]}: {wide}{advice}"
 
 
 ESTIMATES: Final[Mapping[str, Sentence]] = {
