@@ -154,6 +154,41 @@ def test_an_instrument_that_is_off_affects_what_depends_on_it():
     assert grades(bound) == {**dict.fromkeys(NAMES, "A"), "k_fore_aft": "B"}
 
 
+def test_a_posterior_is_as_wide_as_its_modes_given_the_masses():
+    """A mass within 2 % hid a widening of three: comparisons, which hold masses fixed, saw a tenth of it."""
+    joint = np.diag([*[STD**2] * 4, 1.0])
+    joint[2, 4] = joint[4, 2] = 0.02
+    joint[2, 2] += 0.02**2
+    tolerance = Tolerance("masses", "top", 0.02, estimate=0.0, std=0.02)
+
+    def found(ratio: float) -> Identification:
+        made = tuple(scores(one, np.array([0.5, 0.5, ratio, 0.5]), unknowns=5) for one in ("time", "frequency"))
+        made = tuple(one._replace(masses=(4,)) for one in made)
+        outcome = outcome_of(RECORD, std=STD, cov=joint[:4, :4], joint_cov=joint, tolerances=(tolerance,), scores=made)
+        return conclude(outcome, RECORD, "joint")
+
+    plain, wide = found(0.5), found(9.0)
+    frequency = [(of["tower fore-aft"][2] - of["tower fore-aft"][1]) for of in map(bands, (plain, wide))]
+    assert frequency[1] / frequency[0] > 2.0
+    cov = [one.posterior.cov[2, 2] for one in (plain, wide)]
+    assert np.sqrt(cov[1] / cov[0]) == pytest.approx(frequency[1] / frequency[0], rel=0.05)
+    assert 1.0 < wide["k_fore_aft"].std / plain["k_fore_aft"].std < 2.0  # most of it is the mass
+
+
+def bands(found: Identification) -> dict[str, tuple[float, float, float]]:
+    return {mode.name: mode.frequency_hz for mode in found.modes}
+
+
+def test_a_result_without_grades_recommends_nothing():
+    found = concluded(Finding("prior_conflict", "reason", {"sigmas": 6.0}, ("c_fore_aft",)))
+    old = replace(
+        found, estimates=tuple(replace(one, grade="") for one in found.estimates),
+        modes=tuple(mode._replace(grades=("", "")) for mode in found.modes),
+    )  # fmt: skip
+    assert old.usable() == []
+    assert "grade" not in old.modes[0].summary()["frequency_hz"]
+
+
 def test_grades_are_saved_and_come_back(tmp_path: Any):
     from windsysid.results.identification import Identification as Saved
     from windsysid.results.storage import read_fields
