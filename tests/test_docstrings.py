@@ -3,10 +3,13 @@ and quantities with their unit; errors and what comes back are told."""
 
 import ast
 import dataclasses
+import doctest
+import importlib
 import inspect
 import re
 import textwrap
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -110,3 +113,16 @@ def test_a_method_says_what_it_takes_and_refuses(method: Any):
     arrays = [name for name, kind in given.items() if "ndarray" in str(kind) and name != "return"]
     assert not arrays or re.search(SHAPE, text)
     assert not raises(method) or "Raises\n------" in text or "Error" in text
+
+
+def test_examples_in_docstrings_print_what_they_say():
+    """Two examples had numbers that no command had printed."""
+    package = Path(windsysid.__file__).parent
+    run = 0
+    for path in sorted(package.rglob("*.py")):
+        if ">>> " in path.read_text(encoding="utf-8"):
+            name = ".".join(path.relative_to(package.parent).with_suffix("").parts).removesuffix(".__init__")
+            failed, tried = doctest.testmod(importlib.import_module(name))
+            assert not failed, name
+            run += tried
+    assert run

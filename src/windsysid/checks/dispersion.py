@@ -7,8 +7,9 @@ with the prior precision Λ and C = (Σ F_k + Λ)⁻¹, part k shifts a quantity
     v_k = aᵀC (F_k − F_k C F_k) C a,       ν = (Σ v_k)² / Σ v_k²,      r = Σ (aᵀC g_k)² / Σ v_k,
 
 and r ν is χ² with ν degrees of freedom: r is the sandwich covariance over the inverse of the information. Loads that
-change over time, a spectrum of another shape, a mode that the model lacks, play and hardening raise it for the
-quantities that they affect, and for no others. Parts are joined to groups of equal information on the quantity.
+change over time, a spectrum of another shape and a mode that the model lacks raise it for the quantities that they
+affect. It measures scatter: an error that is the same in all parts stays unseen. Parts are joined to groups of equal
+information on the quantity.
 
 A variance is not multiplied by r, which scatters where ν is small, but by its expectation over two explanations: the
 model is true, or the dispersion is s², with a scaled-inverse-χ² prior. Their odds follow from r in closed form.
@@ -112,10 +113,10 @@ class PartScores(NamedTuple):
     pull: Array
     masses: tuple[int, ...] = ()
 
-    def dispersion(self, quantity: Array, *, given_masses: bool = False) -> Dispersion | None:
-        """Dispersion about a linear combination of the first unknowns; None if fewer than two groups inform it."""
-        known = self.masses if given_masses else ()
-        free = np.setdiff1d(np.arange(len(self.pull)), np.array(known, dtype=np.intp))
+    def dispersion(self, quantity: Array) -> Dispersion | None:
+        """Dispersion about a linear combination of the first unknowns, given the masses; None if fewer than two groups
+        inform it."""
+        free = np.setdiff1d(np.arange(len(self.pull)), np.array(self.masses, dtype=np.intp))
         a = np.concatenate([quantity, np.zeros(len(self.pull) - len(quantity))])[free]
         g, F = self.gradients[:, free], self.information[:, free][:, :, free]
         C = np.linalg.inv(F.sum(axis=0) + self.precision[np.ix_(free, free)])
@@ -145,7 +146,7 @@ def expected_factor(found: Dispersion) -> float:
     Examples
     --------
     >>> [round(expected_factor(Dispersion(ratio, 8.0, 1.0, 0.0)), 2) for ratio in (1.0, 2.0, 4.0, 16.0)]
-    [1.05, 1.45, 3.96, 13.6]
+    [1.02, 1.23, 3.89, 13.6]
     """
     half, x = 0.5 * found.freedom, 0.5 * found.ratio * found.freedom
     log_odds = math.log(ODDS_OF_DISPERSION) + math.lgamma(half + PRIOR_SHAPE) - math.lgamma(PRIOR_SHAPE) + x

@@ -11,6 +11,10 @@ records (`validation.adversary.calibrate`)."""
 ODDS_OF_DISPERSION = 0.1
 """Odds: that the scores of a record's parts scatter by more than the model says, before they are seen."""
 
+MAX_WIDENING = 5.0
+"""Size: factor on a standard deviation beyond which a record contradicts the model so much that no interval covers the
+error."""
+
 LINE_FALSE_ALARM_PROBABILITY = 2e-3
 """Probability: significance level of the test for a spectral line; one healthy record in 500 (`python -m
 validation.adversary.calibrate`)."""

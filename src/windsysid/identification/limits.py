@@ -86,9 +86,6 @@ P_EFFECT = 1e-3
 P_CANDIDATE = 0.01
 """Probability: of a statistic with the fit's unknowns fixed, below which a candidate is tested with them."""
 
-MAX_WIDENING = 5.0
-"""Size: factor beyond which the record contradicts the model so much that no interval stands for it."""
-
 MIN_SHIFT_SIGMAS = 0.2
 """Size: shift of an estimate, in standard deviations, from which on an effect is included, and its size estimated
 again. An error of that size widens an interval by 2 %."""

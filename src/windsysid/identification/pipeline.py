@@ -12,10 +12,10 @@ from windsysid.identification.limits import MAX_EXTENSIONS
 from windsysid.identification.model.effect import Detection, Effect, Inclusion
 from windsysid.results.finding import Finding
 
-__all__ = ["FAILURES", "not_included", "run"]
+__all__ = ["FAILURES", "run"]
 
 FAILURES = (WindsysidError, np.linalg.LinAlgError)
-"""What a step of the loop may end with: the fit before it stands then."""
+"""Errors of a step of the loop, after which the fit before it stands."""
 
 Refused = Mapping[str, str]
 """Codes of effects that are not to be included, and the error; empty where a refit showed that it is something else."""
@@ -61,8 +61,8 @@ def run(
     return job, _test(job, fit, effects, full | refused)[0]
 
 
-def not_included(code: str, error: str) -> Finding:
-    """That readings warrant an effect which the model does not have."""
+def _not_included(code: str, error: str) -> Finding:
+    """Reason that readings warrant an effect which the model does not have."""
     return Finding("effect_not_included", "reason", {"effect": code.replace("_", " "), "error": error})
 
 
@@ -94,5 +94,5 @@ def _tested(
         if found.inclusion is not None and effect.code not in refused:
             warranted.append((effect, found, found.inclusion))
         elif found.inclusion is not None and refused[effect.code]:
-            fit = fit.lacking(not_included(found.inclusion.code, refused[effect.code]))
+            fit = fit.lacking(_not_included(found.inclusion.code, refused[effect.code]))
     return fit, warranted

@@ -1,14 +1,14 @@
-"""Offsets of accelerometers that wander, though their list does not say so.
+"""Random-walk biases of accelerometers that their list does not declare.
 
 Below its slowest mode a structure hardly accelerates: loads of a flat spectrum give readings whose power grows with the
-fourth power of frequency, loads that forget slowly with the square. What grows towards low frequencies is the
-instrument: temperature, or flicker noise of its electronics. Filters that know of no drift take it for loads, and
-condemn the record or find other coefficients. So a random walk and flicker beside these are held against the slow part
-of the readings. Where they show, what varies over the whole record is taken out, and the sensor gets a drift that is as
-strong at the slowest mode. Spectra are read above it anyway.
+fourth power of frequency, loads with a long memory with the square. Power that grows towards low frequencies is the
+instrument's: temperature, or flicker noise of its electronics. A filter without a drift takes it for loads, and biases
+coefficients. So a random walk and flicker noise, in addition to these, are compared with the slow part of the readings.
+If they are detected, variations over the whole record are removed, and the sensor gets a drift of the same power at the
+slowest mode. Spectra use frequencies above it anyway.
 
-A sensor that feels gravity reads slowly, too, as the structure leans. There a drift is supposed only if a caller asks,
-as where filters and spectra disagree.
+A sensor that is sensitive to gravity has slow readings, too, as the structure leans. Its drift is tested only on
+request, if filters and spectra disagree.
 """
 
 import math
@@ -77,7 +77,7 @@ class RandomWalkBiases:
 
     @property
     def note(self) -> Finding:
-        """Which biases wander."""
+        """Note that names the random-walk biases."""
         drifts = {channel: drift for channel, (drift, _) in self.drifts.items()}
         units = {channel: self.units[channel] for channel in drifts}
         return Finding(
@@ -85,7 +85,7 @@ class RandomWalkBiases:
         )
 
     def notes(self, outcome: Outcome, *, filtered: bool) -> tuple[Finding, ...]:
-        """What filters have beside; spectra read above what is slow."""
+        """The note for filters; spectra use frequencies above the slow variations."""
         return (self.note,) if filtered else ()
 
 
@@ -155,7 +155,7 @@ def _wandering(readings: Array, rate: float, below: float, at: float) -> tuple[f
 
 
 def _explained(power: Array, shapes: Array) -> tuple[float, Array]:
-    """How far a periodogram (F,) is from a sum of spectra (K, F), as −log likelihood, and how much of each (K,)."""
+    """Fit a sum of spectra (K, F) to a periodogram (F,); −log likelihood, and the amount of each (K,)."""
     share = np.mean(power) / (len(shapes) * shapes.mean(axis=1))
     for _ in range(ROUNDS):
         whole = share @ shapes
@@ -165,7 +165,7 @@ def _explained(power: Array, shapes: Array) -> tuple[float, Array]:
 
 
 def _trends(readings: Array) -> bool:
-    """Whether variations of fewer than `SLOWEST_PERIODS` periods are much stronger than those a little faster."""
+    """Test for a trend: variations of fewer than `SLOWEST_PERIODS` periods much stronger than slightly faster ones."""
     known = np.isfinite(readings)
     terms = _slow_terms(len(readings), 4 * SLOWEST_PERIODS)[:, 1:]
     share = np.linalg.lstsq(terms[known], readings[known] - np.mean(readings[known]), rcond=None)[0]

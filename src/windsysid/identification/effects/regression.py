@@ -72,7 +72,7 @@ class Regression(Effect):
         return Detection(fit, found, digits, fit)
 
     def _included(self, job: Job, at: Linearisation) -> list[RegressorCandidate]:
-        """What the job includes, as candidates for a correction of its size."""
+        """Included regressors, as candidates for a correction of their sizes."""
         found = []
         for code, effect in self.effects.items():
             known = _known(job, effect)
@@ -82,13 +82,13 @@ class Regression(Effect):
         return found
 
     def _proposed(self, at: Linearisation, included: Sequence[RegressorCandidate]) -> list[RegressorCandidate]:
-        """What a fit may lack, without what the job includes."""
+        """Candidates that the job does not include."""
         known = {(one.code, one.channel) for one in included}
         proposed = (one for effect in self.effects.values() for one in effect.candidates(at))
         return [one for one in proposed if (one.code, one.channel) not in known]
 
     def _with(self, job: Job, at: Linearisation, fit: FittedJob, test: ScoreTest) -> Regressors:
-        """What is included of an effect, with what a test says."""
+        """Regressors of an effect, updated with the sizes of a test."""
         channel, columns = test.candidate.channel, test.candidate.columns
         known = _known(job, self.effects[test.candidate.code])
         unit = next(sensor.unit for sensor in at.problem.sensors if sensor.channel == channel)
@@ -109,18 +109,18 @@ class Regression(Effect):
 
 
 def _matters(at: Linearisation, test: ScoreTest) -> bool:
-    """Whether an estimate would change, or the loads so much that the first order does not tell."""
+    """Test for a shift of an estimate, or of loads beyond the range of a first-order approximation."""
     n, off = len(at.problem.parameters), np.abs(test.shift)
     return bool(off[:n].max() > MIN_SHIFT_SIGMAS or off.max() > MIN_NUISANCE_SHIFT_SIGMAS)
 
 
 def _known(job: Job, effect: RegressorEffect) -> Regressors:
-    """What a job includes of an effect."""
+    """Regressors of an effect that a job includes."""
     included = job.included(effect.code)
     return included if isinstance(included, Regressors) else Regressors(effect.code, effect.describe)
 
 
 def _is_other_std(known: Regressors, test: ScoreTest) -> bool:
-    """Whether the standard deviations of included sizes were told by a fit that lacked them."""
+    """Test for standard deviations of sizes that differ much from those of the fit that includes them."""
     before = np.array([one.std for one in known.of(test.candidate.channel)])
     return bool(np.any(np.abs(np.log(before / np.sqrt(np.diag(test.cov)))) > MIN_LOG_STD_CHANGE))

@@ -14,9 +14,10 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.checks.dispersion import PartScores, expected_factor
+from windsysid.checks.limits import MAX_WIDENING
 from windsysid.checks.verdict import Diagnosis
 from windsysid.identification.estimate.fitted.modes import FittedModes
-from windsysid.identification.limits import MAX_DISAGREEMENT_SIGMAS, MAX_WIDENING, NEGLIGIBLE_SHARE
+from windsysid.identification.limits import MAX_DISAGREEMENT_SIGMAS, NEGLIGIBLE_SHARE
 from windsysid.identification.model.fit import Outcome
 from windsysid.results.finding import Finding
 from windsysid.results.mode import Mode
@@ -167,7 +168,7 @@ def mixture_factor(rivals: Sequence[tuple[float, float]]) -> float:
     Examples
     --------
     >>> [round(mixture_factor([(shift, chance)]), 2) for shift, chance in ((3.0, 0.25), (6.0, 1.0), (23.0, 0.002))]
-    [1.84, 3.85, 1.01]
+    [1.95, 3.85, 1.01]
     """
     from scipy.optimize import brentq
     from scipy.special import ndtr
@@ -195,7 +196,7 @@ def _widening(scores: Sequence[PartScores], name: str, quantity: Array, cov: Arr
     n = len(quantity)
     found = Widening(name, quantity, float(np.sqrt(np.maximum(quantity @ cov[:n, :n] @ quantity, 0.0))))
     for one in scores:
-        seen = one.dispersion(quantity, given_masses=True)
+        seen = one.dispersion(quantity)
         factor = 1.0 if seen is None else float(np.sqrt(expected_factor(seen)))
         if seen is not None and factor > found.factor:
             found = found._replace(factor=factor, over=one.over, place=seen.place)

@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping
 from typing import Final
 
+from windsysid.checks.limits import MAX_WIDENING
 from windsysid.results.sentences.template import LIKELY_MACHINE, Data, Sentence
 
 __all__ = ["ESTIMATES", "TOLERANCE_UNITS"]
@@ -70,10 +71,6 @@ def _tolerance_off(d: Data) -> str:
     return f"{_tolerance(d)}, as far as the model goes: {taken}; correct its file, or look for a coupling"
 
 
-TOO_WIDE = 5.0
-"""Setting: factor of intervals that are of no use."""
-
-
 def _wider_intervals(d: Data) -> str:
     why = {
         "explanations": "rival explanations of the record are possible",
@@ -82,7 +79,7 @@ def _wider_intervals(d: Data) -> str:
     }
     more = f" and {len(d['names']) - 3} more" if len(d["names"]) > 3 else ""
     wide = f"intervals are up to {d['factor']:.1f} times as wide ({', '.join(d['names'][:3])}{more})"
-    advice = "; choose another section or load model" if d["factor"] > TOO_WIDE else ""
+    advice = "; choose another section or load model" if d["factor"] > MAX_WIDENING else ""
     return f"{why[d['over']]}: {wide}{advice}"
 
 
