@@ -49,7 +49,7 @@ def test_two_modes_are_found_with_shapes_and_trusted():
 
 def test_uncertainty_follows_the_laws_of_au():
     # Au, Operational Modal Analysis, Springer 2017: c_f² = ζ/(2π N_c B_f), c_ζ² = 1/(2π ζ N_c B_ζ) for a band of f (1 ±
-    # κζ)
+    # κζ), where the load is known to be white; with an unknown slope of its spectrum σ is larger, by a third at most
     rng = np.random.default_rng(5)
     f, z, rate, samples, kappa = 1.0, 0.01, 8.0, 16_000, 10.0
     q, _ = modal_responses([f], [z], rate, samples, rng)
@@ -58,10 +58,10 @@ def test_uncertainty_follows_the_laws_of_au():
     cycles = f * samples / rate
     b_f = 2 / np.pi * (np.arctan(kappa) - kappa / (kappa**2 + 1))
     b_z = 2 / np.pi * (np.arctan(kappa) + kappa / (kappa**2 + 1) - 2 * np.arctan(kappa) ** 2 / kappa)
-    assert found.frequency_std / found.frequency == pytest.approx(
-        np.sqrt(found.damping / (2 * np.pi * cycles * b_f)), rel=0.15
-    )
-    assert found.ln_damping_std == pytest.approx(1 / np.sqrt(2 * np.pi * found.damping * cycles * b_z), rel=0.25)
+    law_f = np.sqrt(found.damping / (2 * np.pi * cycles * b_f))
+    law_z = 1 / np.sqrt(2 * np.pi * found.damping * cycles * b_z)
+    assert law_f < found.frequency_std / found.frequency / found.widening[0] < 4 / 3 * law_f
+    assert law_z < found.ln_damping_std / found.widening[1] < 4 / 3 * law_z
 
 
 def test_close_modes_are_told_apart():
@@ -464,8 +464,7 @@ def test_a_load_that_drives_neighbours_is_told_from_one_that_does_not():
     assert own.plain is None
     assert own.fit.modes.drift is None
     assert shared.plain is not None
-    off = [abs(np.log(fit.modes.frequency[0] / true)) / fit.std(0)[0] for fit in (shared.fit, shared.plain)]
-    assert off[0] < 2.0 < off[1]
+    assert abs(np.log(shared.fit.modes.frequency[0] / true)) < 2.0 * shared.fit.std(0)[0]
 
 
 def test_images_of_splines_are_no_modes():
@@ -478,7 +477,7 @@ def test_images_of_splines_are_no_modes():
     found = ws.oma(record_of(values, 50.0, unit="m/s"))
     assert [round(mode.frequency, 1) for mode in found.modes if mode.trusted] == [3.1, 4.6]
     images = [mode.frequency for mode in found.modes if mode.doubted_for("image")]
-    np.testing.assert_allclose(images, [20.0 - 4.6], rtol=0.01)
+    np.testing.assert_allclose(images, [20.0 - 4.6, 20.0 - 3.1], rtol=0.01)
 
 
 def test_a_steep_filter_in_the_band_is_no_error():
@@ -511,7 +510,7 @@ def test_records_one_after_the_other_are_trusted_together():
     assert ws.oma(windows(3, 3000)).trusted
 
 
-def test_a_frequency_that_goes_up_and_down_again_is_not_trusted():
+def test_a_frequency_that_goes_up_and_down_again_has_a_wider_interval():
     """Both halves of a day are alike; damping came out larger by four standard deviations."""
     rng, samples = np.random.default_rng(5), 40_000
     q, _ = modal_responses([1.1, 2.7], [0.012, 0.008], 10.0, samples, rng)
@@ -520,8 +519,12 @@ def test_a_frequency_that_goes_up_and_down_again_is_not_trusted():
     bent = times + 0.01 * times[-1] / (2.0 * np.pi) * np.sin(2.0 * np.pi * times / times[-1])
     moved = CubicSpline(times, y)(np.minimum(bent, times[-1]))
     found = ws.oma(record_of(moved + 0.05 * rng.normal(size=y.shape), RATE))
-    assert not any(mode.trusted for mode in found.modes)
-    assert all("during the record" in mode.doubts[0] for mode in found.modes)
+    for mode, f, zeta in zip(found.modes, (1.1, 2.7), (0.012, 0.008), strict=True):
+        assert mode.grades[0] in "BC"
+        assert mode.widening[0] > 2.0
+        assert "segments of the record contradict each other" in " ".join(d.text for d in mode.grounds + mode.remarks)
+        assert abs(mode.frequency - f) < 2.0 * mode.frequency_std
+        assert abs(np.log(mode.damping / zeta)) < 2.0 * mode.ln_damping_std
     assert ws.oma(record_of(y + 0.05 * rng.normal(size=y.shape), RATE)).trusted
 
 

@@ -15,6 +15,12 @@ MAX_WIDENING = 5.0
 """Size: factor on a standard deviation beyond which a record contradicts the model so much that no interval covers the
 error."""
 
+MIN_REPORTED_WIDENING = 1.1
+"""Size: factor on a standard deviation from which on an interval counts as wider than that of the model."""
+
+EVEN_CHANCE = 0.5
+"""Probability: of an explanation whose evidence does not decide, as the models that are compared are approximate."""
+
 LINE_FALSE_ALARM_PROBABILITY = 2e-3
 """Probability: significance level of the test for a spectral line; one healthy record in 500 (`python -m
 validation.adversary.calibrate`)."""

@@ -220,7 +220,7 @@ class Identification(IdentificationValues, Answer):
         """The modes: frequencies, damping ratios, and how far they are from the nearest harmonic of the rotor."""
         orders, speed = self._harmonics(), self.machine.rotor_speed if self.machine is not None else 0.0
         headings = ["mode", "f ± 2σ [Hz]", "grade", "ζ ± 2σ [%]", "grade"]
-        rows = [[*mode.graded_cells()] for mode in self.modes]
+        rows = [[*mode.cells()] for mode in self.modes]
         if orders:
             headings.append("from nP")
             rows = [[*row, mode.beside(orders, speed)] for row, mode in zip(rows, self.modes, strict=True)]

@@ -40,12 +40,6 @@ class Mode(NamedTuple):
         return values
 
     def cells(self) -> tuple[str, str, str, str, str]:
-        """Name, frequency [Hz] and damping ratio [%] with their bands, as text for a table."""
-        f, digits = self.frequency_hz, 3 if abs(self.damping_ratio[0]) < 0.01 else 2
-        z, low, high = (f"{100.0 * value:.{digits}f}" for value in self.damping_ratio)
-        return (self.name, f"{f[0]:.4f}", f"{f[1]:.4f} … {f[2]:.4f}", z, f"{low} … {high}")
-
-    def graded_cells(self) -> tuple[str, str, str, str, str]:
         """Name, frequency [Hz] and damping ratio [%] as ``estimate ± 2σ``, each with its grade, for a table."""
         f, digits = self.frequency_hz, 3 if abs(self.damping_ratio[0]) < 0.01 else 2
         (z, low, _), grades = (100.0 * value for value in self.damping_ratio), self.grades

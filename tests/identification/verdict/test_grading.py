@@ -8,11 +8,12 @@ import pytest
 
 from tests.identification.fits import CHANNELS, outcome_of, record_of
 from windsysid.checks.dispersion import PartScores
+from windsysid.checks.widening import mixture_factor
 from windsysid.identification.estimate.fitted.modes import modes_of
 from windsysid.identification.identify import identify
 from windsysid.identification.model.fit import Outcome
 from windsysid.identification.verdict.conclude import conclude
-from windsysid.identification.verdict.grading import COVERED_BY_INTERVALS, mixture_factor
+from windsysid.identification.verdict.grading import COVERED_BY_INTERVALS
 from windsysid.results.finding import Finding
 from windsysid.results.identification import Identification
 from windsysid.results.sentences import SENTENCES

@@ -1,13 +1,16 @@
-"""The misfit of a band, and modes that stand for its border."""
+"""Modes at the border of a band, steady envelopes, and other explanations of a band."""
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
-from windsysid.spectral.modal_bands.check import is_spurious, misfit, part_fits
+from windsysid.spectral.modal_bands.check import explanations, is_spurious, is_steady
 from windsysid.spectral.modal_bands.model import Modes
-from windsysid.spectral.modal_bands.model_order import BandFit
+from windsysid.spectral.modal_bands.model_order import BandFit, fit_band
 from windsysid.spectral.modal_bands.scoring import score
-from windsysid.spectral.transforms.dft import Band
+from windsysid.spectral.transforms.dft import Band, transform
+
+from .drawn import BINS, RATE, SAMPLES, vibration
 
 LENGTH = 400.0
 
@@ -18,24 +21,29 @@ def found(one_mode: Modes, exact_band: Band, transforms: tuple[np.ndarray, np.nd
     return BandFit(score(one_mode, exact_band), exact_band, values, bins, np.eye(2, dtype=complex), 0.0)
 
 
-def test_a_spectrum_that_is_the_models_has_no_misfit(found: BandFit):
-    assert abs(misfit(found)[0]) < 0.1
-
-
-def test_a_misfit_is_told_in_its_standard_deviations_and_its_place(found: BandFit):
-    power = found.band.power.copy()
-    power[100:125] *= 1.5
-    sigmas, where = misfit(found._replace(band=found.band._replace(power=power)))
-    assert sigmas == pytest.approx(0.5 * np.sqrt(25 * 4 * 2), rel=0.05)
-    assert where == pytest.approx(float(np.mean(found.band.frequency[100:125])))
-
-
 def test_a_clear_mode_inside_is_real_and_one_outside_is_spurious(found: BandFit):
     assert not is_spurious(found, 0, LENGTH)
     outside = found.fit._replace(modes=found.fit.modes._replace(frequency=np.array([1.3])))
     assert is_spurious(found._replace(fit=outside), 0, LENGTH)
 
 
-def test_parts_with_too_few_bins_are_not_fitted(found: BandFit):
-    frequency = np.array([0.9, 1.0, 1.1])
-    assert part_fits(found, [(frequency, np.ones((3, 2), dtype=complex))] * 2, 4000, 10.0) == []
+def test_an_envelope_is_steady_under_a_load_of_constant_amplitude_only():
+    """A machine whose speed varies by 1 % has the spectrum of a mode, and a constant envelope."""
+    rng = np.random.default_rng(3)
+    slow = lfilter([1.0], [1.0, -np.exp(-1.0 / (20.0 * RATE))], rng.normal(size=SAMPLES))
+    machine = np.sin(2.0 * np.pi * np.cumsum(1.0 + 0.01 * slow / slow.std()) / RATE)
+    steady = []
+    for values in (vibration(4), np.outer(machine, [1.0, 0.5]) + 0.01 * rng.normal(size=(SAMPLES, 2))):
+        found = fit_band(transform(values, RATE)[1][BINS], BINS, SAMPLES, RATE, 1, 1)
+        steady.append(is_steady(found, 0))
+    assert steady == [False, True]
+
+
+def test_a_load_of_its_own_is_another_explanation(found: BandFit):
+    """Shifts are those of the logarithms of frequency and damping ratio."""
+    modes = found.fit.modes
+    plain = found.fit._replace(modes=modes._replace(frequency=1.01 * modes.frequency, damping=2.0 * modes.damping))
+    (_, alone), *rest = explanations(found._replace(plain=plain), 0)
+    np.testing.assert_allclose(alone, np.log([1.01, 2.0]))
+    assert len(rest) == 1
+    assert np.all(np.abs(rest[0][1]) < 0.01)

@@ -1,10 +1,10 @@
-"""Names, skirts and neighbours of modes."""
+"""Names and skirts of modes."""
 
 import pytest
 
 import windsysid as ws
 from windsysid.inspection.spectra import expected_modes
-from windsysid.spectral.oma.describe import named, with_neighbours, with_references, without_skirts
+from windsysid.spectral.oma.describe import named, with_references, without_skirts
 from windsysid.spectral.oma.result import Doubt
 
 from .modes import mode
@@ -34,12 +34,6 @@ def test_a_mode_at_the_border_near_a_mode_of_the_next_band_is_its_skirt(frequenc
     """Half-widths of 0.01 Hz reach two of them, from both sides: 0.04 Hz."""
     border = mode(frequency, 0.01 / frequency, doubts=(Doubt("border", "it sits at the border of its band"),))
     assert sum(map(len, without_skirts([[mode(1.0, 0.01)], [border]]))) == kept
-
-
-def test_modes_of_a_band_are_doubtful_together_except_for_faint_ones():
-    doubtful, faint = mode(1.0, doubts=(Doubt("short", ""),)), mode(1.1, doubts=(Doubt("faint", ""),))
-    assert [one.trusted for one in with_neighbours([doubtful, mode(1.2)])] == [False, False]
-    assert [one.trusted for one in with_neighbours([faint, mode(1.2)])] == [False, True]
 
 
 def test_the_nearest_mode_takes_the_name_of_the_turbine_file():

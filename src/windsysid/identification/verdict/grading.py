@@ -14,8 +14,9 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.checks.dispersion import PartScores, expected_factor
-from windsysid.checks.limits import MAX_WIDENING
+from windsysid.checks.limits import MAX_WIDENING, MIN_REPORTED_WIDENING
 from windsysid.checks.verdict import Diagnosis
+from windsysid.checks.widening import grade_of, mixture_factor
 from windsysid.identification.estimate.fitted.modes import FittedModes
 from windsysid.identification.limits import MAX_DISAGREEMENT_SIGMAS, NEGLIGIBLE_SHARE
 from windsysid.identification.model.fit import Outcome
@@ -25,7 +26,7 @@ from windsysid.results.posterior import SIGMAS
 from windsysid.statespace.parameter import Parameter
 
 __all__ = [
-    "Widening", "grade_coefficients", "grade_modes", "is_contradictory", "judged", "mixture_factor", "scaled",
+    "Widening", "grade_coefficients", "grade_modes", "is_contradictory", "judged", "scaled",
     "widen_coefficients", "widenings_of", "with_tolerance_shifts",
 ]  # fmt: skip
 
@@ -161,30 +162,6 @@ def _with_rivals(one: Widening, rivals: Sequence[tuple[Array, float]]) -> Wideni
     return one._replace(factor=factor * one.factor, over=over, place=place)
 
 
-def mixture_factor(rivals: Sequence[tuple[float, float]]) -> float:
-    """Factor on ±2σ that covers as much of a mixture of normal distributions as ±2σ of one, for rival explanations as
-    pairs of a shift [σ] and a probability.
-
-    Examples
-    --------
-    >>> [round(mixture_factor([(shift, chance)]), 2) for shift, chance in ((3.0, 0.25), (6.0, 1.0), (23.0, 0.002))]
-    [1.95, 3.85, 1.01]
-    """
-    from scipy.optimize import brentq
-    from scipy.special import ndtr
-
-    if not rivals:
-        return 1.0
-    shifts, chances = np.abs(np.array(rivals)).T
-    shifts, chances = np.append(0.0, shifts), np.append(max(1.0 - chances.sum(), 0.0), chances)
-    chances /= chances.sum()
-
-    def beyond(half: float) -> float:
-        return float(chances @ (ndtr(shifts - half) + ndtr(-shifts - half))) - 2.0 * float(ndtr(-SIGMAS))
-
-    return max(1.0, float(brentq(beyond, 0.0, SIGMAS + 10.0 + shifts.max())) / SIGMAS)
-
-
 def widen_coefficients(scores: Sequence[PartScores], parameters: Sequence[Parameter], cov: Array) -> list[Widening]:
     """Compute the widening of the coefficients from scores; `cov` is that of the model, given the masses."""
     rows = zip(parameters, np.eye(len(parameters)), strict=True)
@@ -235,7 +212,7 @@ def judged(
             one = replace(one, quantities=tuple(dict.fromkeys((*one.quantities, *differing))))
         findings.append(one)
     names, widenings = {one.name for one in coefficients}, [*coefficients, *others]
-    for severity, low, high in (("reason", MAX_WIDENING, np.inf), ("remark", 1.0 + NEGLIGIBLE_SHARE, MAX_WIDENING)):
+    for severity, low, high in (("reason", MAX_WIDENING, np.inf), ("remark", MIN_REPORTED_WIDENING, MAX_WIDENING)):
         wide = sorted((one for one in widenings if low < one.factor <= high), key=lambda one: -one.factor)
         for over in dict.fromkeys(one.over for one in wide):
             some = [one for one in wide if one.over == over]
@@ -252,7 +229,7 @@ def grade_coefficients(
     """Grade each coefficient of a result from these channels. Without `readers` all degrees of freedom are coupled, and
     every reason affects all coefficients."""
     touched = _touched(diagnosis, parameters, set(channels), readers)
-    return [_letter(one, one.name in touched) for one in widenings]
+    return [grade_of(one.factor, excluded=one.name in touched) for one in widenings]
 
 
 def grade_modes(
@@ -267,16 +244,10 @@ def grade_modes(
         letters, bands = [], []
         for one, (value, low, high) in zip(both, (mode.frequency_hz, mode.damping_ratio), strict=True):
             depends = np.abs(one.quantity) * unit > NEGLIGIBLE_SHARE * abs(value)
-            letters.append(_letter(one, bool((bad & depends).any())) if one.std > 0.0 else "")
+            letters.append(grade_of(one.factor, excluded=bool((bad & depends).any())) if one.std > 0.0 else "")
             bands.append((value, value - one.factor * (value - low), value + one.factor * (high - value)))
         found.append(mode._replace(frequency_hz=bands[0], damping_ratio=bands[1], grades=(letters[0], letters[1])))
     return tuple(found)
-
-
-def _letter(one: Widening, touched: bool) -> str:
-    if touched or one.factor > MAX_WIDENING:
-        return "C"
-    return "B" if one.factor > 1.0 + NEGLIGIBLE_SHARE else "A"
 
 
 def _touched(

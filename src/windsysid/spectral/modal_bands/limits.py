@@ -1,14 +1,5 @@
 """Limits of the modes of a band; those without a source were set on simulated records."""
 
-MAX_MISFIT_SIGMAS = 5.0
-"""Size in standard deviations: difference of the spectrum from the model in an eighth of a band."""
-
-MAX_HALVES_SIGMAS = 3.5
-"""Size in standard deviations: difference of a frequency or damping ratio between the halves of a record."""
-
-MAX_QUARTERS_CHI_SQUARE = 21.1
-"""Probability: 1e-4, as χ² of the frequencies of the quarters about their mean with three degrees of freedom."""
-
 MIN_STRUCTURE_DAMPING = 0.001
 """Size: damping ratio of a structure; if the whole interval is below, a machine is more likely."""
 
@@ -17,13 +8,6 @@ LINE_HALF_WIDTHS, HARMONIC_HALF_WIDTHS = 0.3, 1.0
 
 MIN_BAND_BINS = 8
 """Size: number of frequency bins, sinusoids apart, of a band that is fitted: of a whole record, a half or a quarter."""
-
-MAX_CHANNEL_SIGMAS = 2.0
-"""Size in standard deviations: difference between a mode's frequency in all channels and in the component along its
-shape."""
-
-MAX_LOAD_SHIFT_SIGMAS = 1.0
-"""Size in standard deviations: shift of a mode against the fit in which every mode has a load of its own."""
 
 MAX_LOG_DAMPING_STD, MAX_RELIABLE_LOG_DAMPING_STD = 1.2, 0.6
 """Size: standard deviation of ln ζ beyond which it is that of the prior, and beyond which a record is too short."""
@@ -35,9 +19,8 @@ MIN_PROMINENCE, MIN_BORDER_PROMINENCE, MIN_CLEAR_PROMINENCE = 2.0, 7.0, 5.0
 """Size: power of a mode at its natural frequency over the background. Below the first, or at the border of a band the
 second, it represents the background, as no power law fits the skirts of several modes; below the third it may."""
 
-MIN_ENVELOPE_VARIANCE, MIN_ENVELOPE_VARIANCE_PER_ROOT = 0.35, 0.06
-"""Probability: 0.01 for a mode under white noise. Variance of the squared amplitude over its squared mean: 1 under a
-random load, 0 for a sinusoid; the limit is the first, or the second times √(2π ζ f T) if smaller."""
+STEADY_FALSE_ALARM_PROBABILITY = 1e-4
+"""Probability: significance level of the test for an envelope that varies less than under random loads."""
 
 MAX_QUARTER_SIGMAS, MAX_QUARTER_ENERGY, MAX_SINGLE_QUARTER_ENERGY = 4.5, 2.6, 3.6
 """Size: energy of a quarter of the record in standard deviations from the mean, and over the mean: both make a

@@ -29,8 +29,8 @@ from windsysid.spectral.modal_bands.kernel import whitened_slopes
 from windsysid.spectral.transforms.dft import Band
 
 __all__ = [
-    "SLOPE_STD", "Modes", "Scores", "advance", "coordinates", "prominence", "responses", "scores", "spectrum",
-    "tilt_of", "with_real_elements",
+    "SLOPE_STD", "Modes", "Scores", "advance", "coordinates", "prominence", "responses", "row_scores", "scores",
+    "spectrum", "tilt_of", "with_real_elements",
 ]  # fmt: skip
 
 
@@ -184,6 +184,20 @@ def spectrum(modes: Modes, band: Band) -> Complex:
 
 def scores(modes: Modes, band: Band) -> Scores:
     """The likelihood of a band's data with its slopes."""
+    cost, slopes, misfit = _whitened(modes, band)
+    flat = slopes.reshape(modes.size, -1)
+    return Scores(cost, flat @ misfit.ravel(), flat @ flat.T)
+
+
+def row_scores(modes: Modes, band: Band) -> tuple[Array, Array]:
+    """Gradient (K, p) and expected second derivatives (K, p, p) of each row of a band."""
+    _, slopes, misfit = _whitened(modes, band)
+    rows = np.ascontiguousarray(slopes.transpose(1, 0, 2))
+    return np.einsum("kpi,ki->kp", rows, misfit), rows @ rows.transpose(0, 2, 1)
+
+
+def _whitened(modes: Modes, band: Band) -> tuple[float, Array, Array]:
+    """The likelihood, the whitened derivatives (p, K, m²) of the spectrum, and the whitened misfit (K, m²)."""
     k, m, _ = band.power.shape
     slopes, misfit = np.zeros((modes.size, k, m * m)), np.empty((k, m * m))
     cost = whitened_slopes()(
@@ -204,8 +218,7 @@ def scores(modes: Modes, band: Band) -> Scores:
         slopes,
         misfit,
     )
-    flat = slopes.reshape(modes.size, -1)
-    return Scores(cost, flat @ misfit.ravel(), flat @ flat.T)
+    return float(cost), slopes, misfit
 
 
 def responses(modes: Modes, frequency: Array) -> Complex:

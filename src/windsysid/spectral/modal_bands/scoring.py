@@ -25,7 +25,16 @@ from windsysid.spectral.modal_bands.model import (
 )
 from windsysid.spectral.transforms.dft import Band
 
-__all__ = ["COARSE_TOLERANCE", "HALF_TOLERANCE", "ModalFit", "evidence", "score", "score_together", "slopes"]
+__all__ = [
+    "COARSE_TOLERANCE",
+    "HALF_TOLERANCE",
+    "ModalFit",
+    "evidence",
+    "prior_slopes",
+    "score",
+    "score_together",
+    "slopes",
+]
 
 FINE_TOLERANCE, HALF_TOLERANCE, COARSE_TOLERANCE = 1e-3, 0.02, 0.1
 """Numerical: Newton decrement of the last step: 0.03 standard deviations of a result, 0.14 of halves that are compared
@@ -41,8 +50,9 @@ MAX_STEPS_TO_TARGET = 40.0
 DAMPING_PRIOR = (np.log(0.015), 1.5)
 """Setting: mean and standard deviation of ln ζ: 0.075 … 30 % are within two of it."""
 
-SLOPE_STDS = (1.0, SLOPE_STD)
-"""Setting: prior standard deviations of the slopes a of loads and b of the background, both with mean 0."""
+SLOPE_STDS = (3.0, SLOPE_STD)
+"""Setting: prior standard deviations of the slopes a of loads and b of the background, both with mean 0: loads from
+f⁻⁶ to f⁶ are within two of it."""
 
 COHERENCE_STD = 1.0
 """Setting: prior standard deviation of the elements of C."""
@@ -207,6 +217,14 @@ def slopes(modes: Modes, band: Band) -> tuple[Scores, Array]:
     last."""
     prior = _Prior(modes, 1.0)
     return _posterior(modes, band, prior)[0], prior.weight
+
+
+def prior_slopes(modes: Modes) -> tuple[Array, Array]:
+    """Gradient of −log prior (p,), and the diagonal of its precision (p,)."""
+    prior, gradient, precision = _Prior(modes, 1.0), np.zeros(modes.size), np.zeros(modes.size)
+    gradient[prior.at] = prior.weight * (coordinates(modes) - prior.centre)
+    precision[prior.at] = prior.weight
+    return gradient, precision
 
 
 def _drift_spread(modes: Modes) -> Array:

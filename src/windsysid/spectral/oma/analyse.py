@@ -19,10 +19,12 @@ from windsysid.output.progress import Progress, unheard
 from windsysid.records.coercion import RecordLike, as_record
 from windsysid.records.record import Record
 from windsysid.spectral.modal_bands.images import with_images
+from windsysid.spectral.modal_bands.part_scores import SEGMENTS
 from windsysid.spectral.oma.assemble import RecordAnalysis, result_of
 from windsysid.spectral.oma.clock_lag import aligned, clock_lags, lag_doubt
 from windsysid.spectral.oma.condition import Readings, prepare_readings, transforms
-from windsysid.spectral.oma.describe import described, named, with_neighbours, with_references, without_skirts
+from windsysid.spectral.oma.describe import described, named, with_references, without_skirts
+from windsysid.spectral.oma.load_peaks import with_load_odds
 from windsysid.spectral.oma.multi_setup import join
 from windsysid.spectral.oma.result import Doubt, OperationalModes
 from windsysid.spectral.oma.search import covered_note, modes_of, search_modes
@@ -152,11 +154,11 @@ def _searched(record: Record, readings: Readings, request: _AnalysisOptions) -> 
         noted = noted._replace(high=found.reached, notes=(*noted.notes, further))
     noted = noted._replace(notes=(*noted.notes, *map(covered_note, found.covered)))
     request.progress("checks", None)
-    parts = [[transforms(readings, part) for part in _parts(readings.samples, count)] for count in (2, 4)]
-    bands = without_skirts([described(one, parts, noted) for one in found.bands if modes_of(one)])
-    modes = sorted((mode for band in bands for mode in with_neighbours(band)), key=lambda mode: mode.frequency)
+    segments = [[transforms(readings, part) for part in _parts(readings.samples, count)] for count in SEGMENTS]
+    bands = without_skirts([described(one, segments, noted) for one in found.bands if modes_of(one)])
+    modes = sorted((mode for band in bands for mode in band), key=lambda mode: mode.frequency)
     checked = with_images(modes, found.spectrum.frequency, found.spectrum.values)
-    return RecordAnalysis(record, noted, found, tuple(checked))
+    return RecordAnalysis(record, noted, found, tuple(with_load_odds(checked)))
 
 
 def _parts(samples: int, count: int) -> list[slice]:

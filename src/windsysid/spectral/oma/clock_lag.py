@@ -24,7 +24,7 @@ from windsysid.spectral.oma.result import DoubtKind, OperationalMode
 
 __all__ = ["Lag", "aligned", "clock_lags", "lag_doubt", "lag_note"]
 
-DOUBTS_WITHOUT_SHAPE: frozenset[DoubtKind] = frozenset({"channels", "halves", "neighbour"})
+DOUBTS_WITHOUT_SHAPE: frozenset[DoubtKind] = frozenset({"scores"})
 """Kinds of doubts that do not concern the shape of a mode."""
 
 

@@ -6,30 +6,57 @@ from dataclasses import replace
 
 import numpy as np
 
-from windsysid._types import Array, Complex
+from windsysid._types import Array
+from windsysid.checks.dispersion import PartScores
+from windsysid.checks.limits import EVEN_CHANCE, MAX_WIDENING, MIN_REPORTED_WIDENING
+from windsysid.checks.widening import mixture_factor
 from windsysid.inspection.limits import MAX_REFERENCE_DISTANCE
 from windsysid.inspection.spectra import expected_modes
-from windsysid.spectral.modal_bands.check import is_spurious, mode_doubts, part_fits
+from windsysid.spectral.modal_bands.check import explanations, is_spurious, mode_doubts
 from windsysid.spectral.modal_bands.model_order import BandFit, Shapes, full_shapes
+from windsysid.spectral.modal_bands.part_scores import Segments, part_scores, widening_of
 from windsysid.spectral.oma.condition import Readings
 from windsysid.spectral.oma.limits import MIN_BLADE_RATIO, SKIRT_HALF_WIDTHS
 from windsysid.spectral.oma.result import Doubt, OperationalMode
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["described", "mode_of", "named", "with_neighbours", "with_references", "without_skirts"]
+__all__ = ["described", "mode_of", "named", "widened", "with_references", "without_skirts"]
 
 
-def described(
-    found: BandFit, parts: Sequence[Sequence[tuple[Array, Complex]]], readings: Readings
-) -> list[OperationalMode]:
-    """Modes of a band with their shapes and doubts, by the transforms of the record's halves and quarters."""
+def described(found: BandFit, segments: Segments, readings: Readings) -> list[OperationalMode]:
+    """Modes of a band with their shapes, doubts and wider intervals, by the transforms of segments of the record."""
     shapes = full_shapes(found)
-    halves, quarters = (part_fits(found, some, readings.samples, readings.rate) for some in parts)
+    parts = part_scores(found, segments, readings.samples, readings.rate)
     return [
-        mode_of(found, j, shapes, mode_doubts(found, j, shapes, halves, quarters, readings))
+        widened(mode_of(found, j, shapes, mode_doubts(found, j, shapes, readings)), found, j, parts)
         for j in range(len(found.fit.modes.frequency))
         if not is_spurious(found, j, readings.samples / readings.rate)
     ]
+
+
+def widened(mode: OperationalMode, found: BandFit, j: int, parts: Sequence[PartScores]) -> OperationalMode:
+    """Widen the intervals of mode j of a band by the dispersion of scores and by other explanations."""
+    r, others = len(found.fit.modes.frequency), explanations(found, j)
+    factors, grounds, remarks = [], [*mode.grounds], [*mode.remarks]
+    for i, what in enumerate(("frequency", "damping ratio")):
+        over = widening_of(parts, i * r + j)
+        std = over.factor * found.fit.std(j)[i]
+        rivals = [(float(shift[i]) / std, EVEN_CHANCE) for _, shift in others]
+        factor = over.factor * mixture_factor(rivals)
+        factors.append(factor)
+        if factor > MIN_REPORTED_WIDENING:
+            furthest = others[int(np.argmax([abs(shift) for shift, _ in rivals]))][0]
+            why = furthest if factor > over.factor**2 else over.cause
+            text = f"the interval of its {what} is {factor:.2g} times as wide as that of the model: {why}"
+            (grounds if factor > MAX_WIDENING else remarks).append(Doubt("scores", text, what))  # type: ignore[arg-type]
+    return replace(
+        mode,
+        frequency_std=factors[0] * mode.frequency_std,
+        ln_damping_std=factors[1] * mode.ln_damping_std,
+        grounds=tuple(grounds),
+        remarks=tuple(remarks),
+        widening=(factors[0], factors[1]),
+    )
 
 
 def mode_of(found: BandFit, j: int, shapes: Shapes, grounds: Sequence[Doubt]) -> OperationalMode:
@@ -70,15 +97,6 @@ def without_skirts(bands: list[list[OperationalMode]]) -> list[list[OperationalM
             ]
         )
     return kept
-
-
-def with_neighbours(modes: list[OperationalMode]) -> list[OperationalMode]:
-    """Doubt all modes of a band if one is doubtful, since they are estimated together."""
-    doubtful = [mode for mode in modes if any(doubt.kind not in ("shape", "faint") for doubt in mode.grounds)]
-    if not doubtful:
-        return modes
-    why = Doubt("neighbour", f"it was found together with a doubtful one at {doubtful[0].frequency:.4g} Hz")
-    return [mode if mode.grounds else replace(mode, grounds=(why,)) for mode in modes]
 
 
 def named(modes: Sequence[OperationalMode], channels: Sequence[str]) -> list[OperationalMode]:

@@ -26,7 +26,7 @@ from windsysid.spectral.modal_bands.peak_bands import Peak, group_peaks
 from windsysid.spectral.modal_bands.scoring import ModalFit, score_together
 from windsysid.spectral.modal_bands.start import modes_at
 from windsysid.spectral.oma.assemble import RecordAnalysis, drawn, result_of
-from windsysid.spectral.oma.describe import mode_of, with_neighbours
+from windsysid.spectral.oma.describe import mode_of
 from windsysid.spectral.oma.duplicate_records import find_duplicates
 from windsysid.spectral.oma.limits import JOINT_STEPS, MIN_SCATTER_PROBABILITY, MIN_SHAPE_ASSURANCE
 from windsysid.spectral.oma.mode_tracking import Seen, assurance, follow_modes
@@ -38,7 +38,7 @@ from windsysid.spectral.transforms.dft import band_data
 
 __all__ = ["join"]
 
-DOUBTS_OF_A_RECORD: tuple[DoubtKind, ...] = ("channels", "halves", "shared", "image")
+DOUBTS_OF_A_RECORD: tuple[DoubtKind, ...] = ("scores", "image", "load")
 """Kinds of doubts about a mode in one record that also concern the joint mode."""
 
 Track: TypeAlias = dict[int, int]
@@ -95,8 +95,7 @@ def join(singles: Sequence[RecordAnalysis]) -> OperationalModes:
             joint.covered.append((low, high))
             continue
         joint.bands.append(fits)
-        described = [_described(fits, j, track, setups) for j, track in enumerate(group)]
-        joint.modes.extend(zip(with_neighbours(described), group, strict=True))
+        joint.modes.extend((_described(fits, j, track, setups), track) for j, track in enumerate(group))
     joint.modes.sort(key=lambda pair: pair[0].frequency)
     return _result(setups, joint)
 
@@ -223,7 +222,7 @@ def _described(fits: Sequence[BandFit], j: int, track: Track, setups: _Setups) -
         shapes = full_shapes(fit)
         alone = single.modes[track[number]].grounds if number in track else ()
         own = fit_doubts(fit, j, shapes, single.readings) + [one for one in alone if one.kind in DOUBTS_OF_A_RECORD]
-        doubts += [Doubt(kind, f"{single.record.name}: {text}") for kind, text in own]
+        doubts += [one._replace(text=f"{single.record.name}: {one.text}") for one in own]
         each.append(mode_of(fit, j, shapes, ()))
     if 2 * len(track) < len(fits):
         doubts.append(Doubt("records", f"only {len(track)} of {len(fits)} records show it by themselves"))
@@ -235,8 +234,12 @@ def _described(fits: Sequence[BandFit], j: int, track: Track, setups: _Setups) -
     variance, n = np.diagonal(merged.cov), len(merged.shape)
     std = np.sqrt(0.5 * scatter * np.maximum(variance[:n] + variance[n:], 0.0))
     load, ln_load_std = _mean_load(each, ratios, merged.shape)
+    widening = np.sqrt(np.mean([np.square(mode.widening) for mode in setups.modes_of(track)], axis=0))
     return replace(
         each[0],
+        frequency_std=each[0].frequency_std * widening[0],
+        ln_damping_std=each[0].ln_damping_std * widening[1],
+        widening=(float(widening[0]), float(widening[1])),
         shape=merged.shape,
         shape_std=std,
         shape_cov=scatter * merged.cov,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 
 from windsysid._types import Array, Complex
+from windsysid.checks.widening import grade_of
 from windsysid.output.answers import Answer
 from windsysid.output.table import Table
 from windsysid.results.mode import Mode
@@ -24,16 +25,16 @@ ANALYSIS = "operational modes"
 """Kind of analysis in ``summary.json``."""
 
 DoubtKind = Literal[
-    "search", "short", "line", "border", "misfit", "history", "channels", "halves", "shape", "faint", "shared",
-    "image", "neighbour", "records", "record",
+    "search", "short", "line", "border", "history", "shape", "faint", "image", "load", "scores", "records", "record",
 ]  # fmt: skip
 
 
 class Doubt(NamedTuple):
-    """Reason why a mode is not trusted: its kind, and a sentence."""
+    """Remark on a mode, or reason why it is not to be used: its kind, a sentence, and the quantity that it affects."""
 
     kind: DoubtKind
     text: str
+    of: Literal["mode", "frequency", "damping ratio"] = "mode"
 
 
 @dataclass(frozen=True)
@@ -45,9 +46,9 @@ class OperationalMode:
     name
         ``mode 1`` …; if a rotor turns, the part that moves most: ``lag forward``.
     frequency, frequency_std
-        [Hz].
+        [Hz], the standard deviation as widened.
     damping, ln_damping_std
-        ζ [1], and the standard deviation of its logarithm [1].
+        ζ [1], and the standard deviation of its logarithm [1], as widened.
     shape, shape_std
         (n,) complex, 1 in the channel with the largest motion, as accelerations; standard deviations of real and
         imaginary part.
@@ -57,7 +58,11 @@ class OperationalMode:
     band
         Lowest and highest frequency that were used [Hz].
     grounds
-        Reasons why it is not trusted.
+        Reasons why it, or one of its quantities, is not to be used.
+    remarks
+        Causes of wider intervals.
+    widening
+        Factors on the standard deviations of frequency and ln ζ that the model gives.
     reference
         Frequency [Hz] and damping ratio [1] that the turbine file gives; None where nothing is near.
     shape_cov
@@ -77,15 +82,26 @@ class OperationalMode:
     grounds: tuple[Doubt, ...]
     reference: tuple[float, float] | None = None
     shape_cov: Array | None = None
+    remarks: tuple[Doubt, ...] = ()
+    widening: tuple[float, float] = (1.0, 1.0)
+
+    @property
+    def grades(self) -> tuple[str, str]:
+        """Grades A, B or C of the frequency and the damping ratio."""
+        f, z = (
+            grade_of(factor, excluded=any(one.of in ("mode", what) for one in self.grounds))
+            for factor, what in zip(self.widening, ("frequency", "damping ratio"), strict=True)
+        )
+        return f, z
 
     @property
     def trusted(self) -> bool:
-        """True if there is no reason for doubt."""
-        return not self.grounds
+        """True if frequency and damping ratio are of grade A or B."""
+        return "C" not in self.grades
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """Reasons why it is not trusted, in sentences."""
+        """Reasons why it, or one of its quantities, is not to be used, in sentences."""
         return tuple(doubt.text for doubt in self.grounds)
 
     def doubted_for(self, *kinds: DoubtKind) -> bool:
@@ -98,8 +114,7 @@ class OperationalMode:
         that of its logarithm."""
         half, factor = SIGMAS * self.frequency_std, float(np.exp(SIGMAS * min(self.ln_damping_std, 3.0)))
         f, z = self.frequency, self.damping
-        grade = "A" if self.trusted else "C"
-        return Mode(self.name, (f, f - half, f + half), (z, z / factor, z * factor), self.reference, (grade, grade))
+        return Mode(self.name, (f, f - half, f + half), (z, z / factor, z * factor), self.reference, self.grades)
 
     @property
     def complexity(self) -> float:
@@ -129,6 +144,7 @@ class OperationalMode:
             "band_hz": list(self.band),
             "trusted": self.trusted,
             "doubts": list(self.doubts),
+            "remarks": [remark.text for remark in self.remarks],
         }
 
 
@@ -245,6 +261,13 @@ class OperationalModes(Answer):
         return (*self.reasons_of_record, *of_modes)
 
     @property
+    def remarks(self) -> tuple[str, ...]:
+        """Causes of wider intervals, mode by mode."""
+        return tuple(
+            f"{mode.name}, {mode.frequency:.4g} Hz: {remark.text}" for mode in self.modes for remark in mode.remarks
+        )
+
+    @property
     def reasons_of_record(self) -> tuple[str, ...]:
         """Reasons for doubt about the record or a band, without those about one mode."""
         empty = [f"no mode stands out between {low:.4g} and {high:.4g} Hz" for low, high in self.empty]
@@ -278,22 +301,22 @@ class OperationalModes(Answer):
 
     def to_dataframe(self) -> "pd.DataFrame":
         """Frequency and damping ratio of each mode, a row each: ``name``, ``quantity``, ``unit``, ``estimate``,
-        ``low``, ``high`` (±2σ), ``in_file``, the value of the turbine file or NaN, and ``trusted``."""
+        ``low``, ``high`` (±2σ), ``grade``, and ``in_file``, the value of the turbine file or NaN."""
         import pandas as pd
 
         rows: list[tuple[Any, ...]] = []
         for mode in self.modes:
             known, values = mode.reference or (np.nan, np.nan), mode.mode
-            rows.append((mode.name, "frequency", "Hz", *values.frequency_hz, known[0], mode.trusted))
-            rows.append((mode.name, "damping ratio", "1", *values.damping_ratio, known[1], mode.trusted))
-        columns = ["name", "quantity", "unit", "estimate", "low", "high", "in_file", "trusted"]
+            rows.append((mode.name, "frequency", "Hz", *values.frequency_hz, values.grades[0], known[0]))
+            rows.append((mode.name, "damping ratio", "1", *values.damping_ratio, values.grades[1], known[1]))
+        columns = ["name", "quantity", "unit", "estimate", "low", "high", "grade", "in_file"]
         return pd.DataFrame(rows, columns=columns)
 
     @property
     def headings(self) -> tuple[str, ...]:
         """Headings of `rows`."""
         known = ("reference [Hz]",) if any(mode.reference for mode in self.modes) else ()
-        return ("mode", "f [Hz]", "±2σ band", "ζ [%]", "±2σ band", *known, "moves most", "trusted")
+        return ("mode", "f ± 2σ [Hz]", "grade", "ζ ± 2σ [%]", "grade", *known, "moves most")
 
     @property
     def rows(self) -> list[tuple[str, ...]]:
@@ -302,7 +325,7 @@ class OperationalModes(Answer):
         for mode in self.modes:
             known = (mode.mode.reference_cells()[0],) if any(m.reference for m in self.modes) else ()
             largest = self.channels[int(np.argmax(np.abs(mode.shape)))]
-            rows.append((*mode.mode.cells(), *known, largest, "yes" if mode.trusted else "no"))
+            rows.append((*mode.mode.cells(), *known, largest))
         return rows
 
     def __repr__(self) -> str:
@@ -314,14 +337,15 @@ class OperationalModes(Answer):
         verdict = "trusted" if self.trusted else "not to be trusted:"
         return [
             self.table(), verdict, *(f"  {reason}" for reason in self.reasons),
-            *([self.agreement_table()] if self.parts else []), *self.notes,
+            *([self.agreement_table()] if self.parts else []), *self.remarks, *self.notes,
         ]  # fmt: skip
 
     def table(self, caption: str | None = None) -> Table:
         """`rows`, under `caption`."""
         of = self.record if self.parts else section_name(self.record, *self.section)
-        last = len(self.headings) - 2
-        return Table(self.headings, self.rows, f"modes of {of}" if caption is None else caption, (0, last, last + 1))
+        return Table(
+            self.headings, self.rows, f"modes of {of}" if caption is None else caption, (0, len(self.headings) - 1)
+        )
 
     def agreement_table(self, caption: str = "record by record") -> Table:
         """Frequency and damping ratio of each mode, record by record, under `caption`."""

@@ -1,0 +1,46 @@
+"""Widening of intervals by rival explanations, and the grade of a quantity."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from windsysid.checks.limits import MAX_WIDENING, MIN_REPORTED_WIDENING
+
+__all__ = ["grade_of", "mixture_factor"]
+
+
+def grade_of(factor: float, *, excluded: bool) -> str:
+    """Grade of a quantity from the factor on its interval; C if it is `excluded`, for a reason that no interval covers.
+
+    Examples
+    --------
+    >>> [grade_of(factor, excluded=False) for factor in (1.05, 2.0, 7.0)]
+    ['A', 'B', 'C']
+    """
+    if excluded or factor > MAX_WIDENING:
+        return "C"
+    return "B" if factor > MIN_REPORTED_WIDENING else "A"
+
+
+def mixture_factor(rivals: Sequence[tuple[float, float]]) -> float:
+    """Factor on ±2σ that covers as much of a mixture of normal distributions as ±2σ of one, for rival explanations as
+    pairs of a shift [σ] and a probability.
+
+    Examples
+    --------
+    >>> [round(mixture_factor([(shift, chance)]), 2) for shift, chance in ((3.0, 0.25), (6.0, 1.0), (23.0, 0.002))]
+    [1.95, 3.85, 1.01]
+    """
+    from scipy.optimize import brentq
+    from scipy.special import ndtr
+
+    if not rivals:
+        return 1.0
+    shifts, chances = np.abs(np.array(rivals)).T
+    shifts, chances = np.append(0.0, shifts), np.append(max(1.0 - chances.sum(), 0.0), chances)
+    chances /= chances.sum()
+
+    def beyond(half: float) -> float:
+        return float(chances @ (ndtr(shifts - half) + ndtr(-shifts - half))) - 2.0 * float(ndtr(-2.0))
+
+    return max(1.0, float(brentq(beyond, 0.0, 12.0 + shifts.max())) / 2.0)

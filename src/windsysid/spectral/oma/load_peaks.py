@@ -1,0 +1,92 @@
+"""Odds that a spectral peak is that of a load, such as waves or a machine, and not a mode.
+
+A load with a peak drives the structure at a frequency where it has no mode: with the shape of a neighbouring mode, or
+of the static deflection, which resembles it. The odds of a load
+against a mode are the product of
+
+- prior odds, of waves in their range of frequencies and of machines at any;
+- the ratio of the densities of the half-width: of a sea or of a machine of varying speed, and of structural damping;
+- the ratio of the densities of the modal assurance criterion (MAC) with another mode: near 1 if a load excites that
+  mode, and that of random directions for two modes, in as many dimensions as channels move. A single channel says
+  nothing.
+
+Of two modes with one shape, the one with the likelier width is taken for the mode, and both are doubtful if neither is:
+two "modes" of a machine whose speed varies, or a tuned mass damper, which its sensors cannot tell from that.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from windsysid._types import Array, Complex
+from windsysid.spectral.oma import limits
+from windsysid.spectral.oma.result import Doubt, OperationalMode
+
+__all__ = ["shape_ratio", "with_load_odds"]
+
+
+def with_load_odds(modes: Sequence[OperationalMode]) -> list[OperationalMode]:
+    """Add a reason to each mode that may well be the peak of a load."""
+    alone = [_odds_of_width(mode) for mode in modes]
+    checked = []
+    for i, mode in enumerate(modes):
+        odds, why = alone[i], ""
+        for k, other in enumerate(modes):
+            if k == i or other.grounds:
+                continue
+            ratio, mac = shape_ratio(mode, other)
+            together = alone[i] * ratio / (1.0 + alone[k] * ratio)
+            if together > odds:
+                odds, why = together, f", its shape that of {other.frequency:.4g} Hz (MAC {mac:.3f})"
+        if odds > limits.MAX_LOAD_ODDS:
+            text = f"load or mode: its damping ratio would be {100 * mode.damping:.2g} %{why}; odds of a load, such as"
+            text = f"{text} waves or a machine, {min(odds, limits.MAX_REPORTED_ODDS):.2g} : 1"
+            mode = replace(mode, grounds=(*mode.grounds, Doubt("load", text)))
+        checked.append(mode)
+    return checked
+
+
+def _odds_of_width(mode: OperationalMode) -> float:
+    """Odds of a load against a mode by frequency and half-width."""
+    of_load = sum(
+        prior * _density(mode, *width) for (prior, *width), (low, high) in limits.LOADS if low <= mode.frequency <= high
+    )
+    return of_load / sum(share * _density(mode, *width) for share, *width in limits.STRUCTURAL_DAMPING)
+
+
+def _density(mode: OperationalMode, centre: float, spread: float) -> float:
+    """Density of the estimate of ln ζ under a log-normal distribution."""
+    std = float(np.hypot(spread, mode.ln_damping_std))
+    return float(np.exp(-0.5 * (np.log(mode.damping / centre) / std) ** 2) / std)
+
+
+def shape_ratio(mode: OperationalMode, other: OperationalMode) -> tuple[float, float]:
+    """Density of the MAC of two shapes if one is of a load that excites the other's mode, over that of two modes, and
+    the MAC. Modes that are far apart in frequency may look alike to few sensors."""
+    one, two = mode.shape, other.shape
+    moving = int(np.count_nonzero(np.maximum(np.abs(one), np.abs(two)) > limits.MIN_MOTION))
+    mac = float(np.abs(np.vdot(one, two)) ** 2 / (np.vdot(one, one).real * np.vdot(two, two).real))
+    if moving < 2:
+        return 1.0, mac
+    unsure = _relative_variance(one, mode.shape_std) + _relative_variance(two, other.shape_std)
+    off = max(1.0 - mac, unsure)
+    scales = np.array(limits.SHAPE_DEVIATIONS) + unsure
+    of_load = float(np.mean(np.exp(-off / scales) / scales))
+    of_modes = _random_density(1.0 - off, moving)
+    if abs(np.log(mode.frequency / other.frequency)) > np.log(limits.MAX_CLOSE_RATIO):
+        of_modes = 0.5 * (of_modes + of_load)
+    return min(of_load / of_modes, limits.MAX_SHAPE_RATIO), mac
+
+
+def _relative_variance(shape: Complex, std: Array) -> float:
+    return float(2.0 * np.sum(std**2) / np.sum(np.abs(shape) ** 2))
+
+
+def _random_density(mac: float, dimensions: int) -> float:
+    """Density of the squared cosine between random directions of a space."""
+    from scipy.special import beta
+
+    a, b = 0.5, 0.5 * (dimensions - 1)
+    mac = min(max(mac, 1e-6), 1.0 - 1e-6)
+    return float(mac ** (a - 1.0) * (1.0 - mac) ** (b - 1.0) / beta(a, b))

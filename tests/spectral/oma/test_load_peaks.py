@@ -1,0 +1,54 @@
+"""Peaks of loads among modes: seas, and two peaks of one shape."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import beta
+
+from windsysid.spectral.oma.load_peaks import shape_ratio, with_load_odds
+from windsysid.spectral.oma.result import Doubt, OperationalMode
+
+from .modes import mode
+
+FIRST, SECOND = (0.3, 0.6, 1.0), (1.0, 0.6, -0.6)
+
+
+def loads_among(*modes: OperationalMode) -> list[bool]:
+    return [one.doubted_for("load") for one in with_load_odds(modes)]
+
+
+def test_a_sea_below_a_mode_is_named_and_the_mode_is_not():
+    assert loads_among(mode(0.12, 0.08, FIRST), mode(0.4, 0.01, FIRST), mode(1.1, 0.01, SECOND)) == [True, False, False]
+    told = with_load_odds([mode(0.12, 0.08, FIRST), mode(0.13, 0.01, FIRST)])[0]
+    assert told.grades == ("C", "C")
+    assert "load or mode" in told.doubts[0]
+    assert "0.13 Hz (MAC 1.000)" in told.doubts[0]
+
+
+def test_two_close_peaks_of_one_shape_are_not_two_modes():
+    assert loads_among(mode(1.78, 0.005, FIRST), mode(1.82, 0.005, FIRST)) == [True, True]
+    assert loads_among(mode(1.78, 0.005, FIRST), mode(1.82, 0.005, SECOND)) == [False, False]
+
+
+def test_bending_modes_that_look_alike_to_few_sensors_are_modes():
+    assert loads_among(mode(0.3, 0.01, (1.0, 0.02)), mode(2.1, 0.01, (1.0, 0.01))) == [False, False]
+    assert loads_among(mode(0.3, 0.01, FIRST), mode(2.1, 0.01, FIRST)) == [False, False]
+
+
+def test_a_damped_tower_above_the_waves_is_a_mode():
+    assert loads_among(mode(0.33, 0.08, (1.0, 0.1)), mode(0.32, 0.007, (0.1, 1.0))) == [False, False]
+
+
+def test_modes_that_are_doubtful_themselves_are_no_evidence():
+    skirt = mode(1.82, 0.005, FIRST, (Doubt("border", ""),))
+    assert loads_among(mode(1.78, 0.01, FIRST), skirt)[0] is False
+
+
+def test_shapes_of_two_modes_are_random_directions():
+    """The density of the squared cosine of random directions, by SciPy's beta distribution."""
+    one, two = mode(1.0, shape=(1.0, 0.5, 0.3, 0.8)), mode(1.1, shape=(0.8, -0.5, 0.3, 1.0))
+    sharp = [replace(each, shape_std=np.zeros(4)) for each in (one, two)]
+    ratio, mac = shape_ratio(*sharp)
+    off, scales = 1.0 - mac, np.array([0.005, 0.05])
+    assert ratio == pytest.approx(np.mean(np.exp(-off / scales) / scales) / beta(0.5, 1.5).pdf(mac))
