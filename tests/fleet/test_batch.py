@@ -53,6 +53,8 @@ def test_a_row_says_what_identify_says(taken: tuple[Batch, Path], data: Path):
         {e.name: e.estimate for e in found.estimates}, rel=1e-9
     )
     assert row["trusted"] == found.diagnosis.trusted
+    assert {p["name"]: p["grade"] for p in row["parameters"]} == {e.name: e.grade for e in found.estimates}
+    assert [(m["frequency_grade"], m["damping_ratio_grade"]) for m in row["modes"]] == [m.grades for m in found.modes]
     assert found.provenance is not None
     assert row["record_hash"] == found.provenance.record_hash
 

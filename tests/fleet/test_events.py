@@ -26,7 +26,7 @@ def watch_of(*jumps: tuple[float, float], spreads: Sequence[float] = ()) -> Watc
         log[day * DAY <= TIME] += 0.01 * size
     level: Array = np.exp(log)
     blocks = RecordBlocks(
-        ("k",), TIME, column, column, (True,), (1.0,), np.empty((DAYS, 0)), (), None,
+        ("k",), TIME, column, column, (True,), (1.0,), np.empty((DAYS, 0)), (), {},
         tuple("x" * DAYS), begin=BEGIN,
     )  # fmt: skip
     series = WatchedSeries(

@@ -9,9 +9,9 @@ from validation.fleet import BEGIN, Fault, simulate_fleet
 from validation.years import Site
 
 from windsysid.errors import ConfigurationError
-from windsysid.fleet.archive import add_rows, place_of, table_of
+from windsysid.fleet.archive import add_rows, place_of, read_table, table_of
 from windsysid.fleet.overview import Overview, oversee, overview_of
-from windsysid.fleet.rows import Row, empty_row
+from windsysid.fleet.rows import COLUMNS, Row, empty_row
 from windsysid.fleet.series import archive_blocks, blocks_of
 from windsysid.fleet.sisters import stand
 
@@ -130,6 +130,54 @@ def test_records_that_begin_together_count_once(rows: dict[str, list[Row]]):
     one, two = blocks_of(table_of(of)), blocks_of(table_of([*again, *of]))
     np.testing.assert_array_equal(one.theta, two.theta)
     assert any("begin when another does" in note for note in two.notes)
+
+
+def graded(row: Row, **reasons: str) -> Row:
+    """The row with coefficients of grade C, each with its reason; the others have B."""
+    parameters = [
+        {**one, "grade": "C" if one["name"] in reasons else "B", "reason": reasons.get(one["name"])}
+        for one in row["parameters"]
+    ]
+    return row | {"parameters": parameters, "trusted": not reasons}
+
+
+def test_a_record_counts_for_the_quantities_that_it_determines(rows: dict[str, list[Row]], tmp_path: Path):
+    of = [row for row in rows["T01"] if row["status"] == "ok"][:400]
+    some = [graded(row, **({} if i % 4 else {"c_side_side": "prior_conflict"})) for i, row in enumerate(of)]
+    blocks, whole = blocks_of(table_of(some)), blocks_of(table_of(of))
+    assert blocks.names == ("k_side_side", "c_side_side")
+    np.testing.assert_array_equal(blocks.theta[:, 0], whole.theta[:, 0])
+    lost = np.isnan(blocks.theta[:, 1])
+    np.testing.assert_array_equal(blocks.theta[~lost, 1], whole.theta[~lost, 1])
+    assert blocks.left_out == {"c_side_side": {"prior_conflict": int(lost.sum())}}
+    assert 0.2 < lost.mean() < 0.3
+    page = overview_of({"T01": table_of(some)}, Path("simulated"), alarms_per_year=0.1)
+    assert page.glances["T01"].usable == {"k_side_side": 400, "c_side_side": 300}
+    assert page.glances["T01"].trusted == pytest.approx(0.75)
+    assert page.glances["T01"].least_usable == "c_side_side 75 %"
+    html = page.files()["report.html"].decode()
+    assert "300 of 400" in html
+    assert "prior conflict" in html
+    assert page.summary()["turbines"]["T01"]["usable"] == {"k_side_side": 400, "c_side_side": 300}
+
+
+def test_an_archive_without_grades_is_read_and_added_to(
+    rows: dict[str, list[Row]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    of = [row | {"trusted": i % 4 > 0} for i, row in enumerate(rows["T01"]) if row["status"] == "ok"][:200]
+    new = {"grade", "reason", "frequency_grade", "damping_ratio_grade"}
+    with monkeypatch.context() as old:
+        for name in ("parameters", "modes"):
+            columns = COLUMNS[name]
+            assert isinstance(columns, dict)
+            old.setitem(COLUMNS, name, {key: kind for key, kind in columns.items() if key not in new})
+        for day, some in (("2025-09-01", of[:80]), ("2025-09-02", of[80:150])):
+            add_rows(place_of(tmp_path, "T01", day), some)
+    usable = blocks_of(read_table(tmp_path, "T01"))
+    assert usable.left_out == {name: {"not_trusted": int(np.isnan(usable.theta[:, 0]).sum())} for name in usable.names}
+    assert np.isfinite(usable.theta[:, 0]).sum() > 100
+    add_rows(place_of(tmp_path, "T01", "2025-09-02"), [graded(row) for row in of[150:]])
+    assert sum(oversee(tmp_path).glances["T01"].usable.values()) == 2 * (sum(row["trusted"] for row in of[:150]) + 50)
 
 
 def test_zones_must_agree_and_records_be_enough(rows: dict[str, list[Row]]):

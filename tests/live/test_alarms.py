@@ -10,7 +10,7 @@ from windsysid.monitoring.levels.locating import Jump
 
 K_X = Watched("k_x", "N/m", "k", True, 1e6)
 WHEN = tuple(1_767_225_600 * 10**9 + k * 600 * 10**9 for k in (0, 1, 4, 5))
-SOUND = Circumstances((), hears=True, lost_trust=False, lost_health=False, changed=False)
+SOUND = Circumstances((), hears=True, lost_grade=False, lost_health=False, changed=False)
 
 
 def jump(size: float, std: float = 0.002, *, before: float = 0.0, found: int = 104) -> Jump:
@@ -47,7 +47,7 @@ def test_a_loss_that_is_sure_and_large_is_an_alarm(kind: str, size: float, sever
     ("about", "why"),
     [
         ({"noisy": ("noise_a", "noise_b")}, "noise of the a (noise_a) and noise of the b (noise_b) changed with it"),
-        ({"lost_trust": True}, "does not explain"),
+        ({"lost_grade": True}, "does not explain"),
         ({"lost_health": True}, "findings since"),
     ],
 )

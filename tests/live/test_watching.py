@@ -75,7 +75,7 @@ def test_a_softer_support_is_one_alarm_that_says_what_when_and_how_much():
     assert [level.name for level in taken[-1].levels] == ["k_x", "k_y", "noise_tower"]
 
 
-@pytest.mark.parametrize("more", [{"noise_tower": 1.0}, {"trusted": False}, {"health": [{"channel": "a"}]}])
+@pytest.mark.parametrize("more", [{"noise_tower": 1.0}, {"health": [{"channel": "a"}]}])
 def test_what_jumps_with_a_sensor_is_put_down_to_it(more: dict[str, Any]):
     rows = stream(320, at=300, jump={"k_x": -0.05, "noise_tower": more.get("noise_tower", 0.0)})
     rows[300:] = [one | {name: value for name, value in more.items() if name in one} for one in rows[300:]]
@@ -84,6 +84,53 @@ def test_what_jumps_with_a_sensor_is_put_down_to_it(more: dict[str, Any]):
     assert {alarm.severity for alarm in alarms.values()} == {"warning"}
     (stiffness,) = [alarm for alarm in alarms.values() if alarm.about == "k_x"]
     assert "check the sensor first" in stiffness.text
+
+
+def graded(one: Row, **grades: str) -> Row:
+    """The row with grades of some coefficients; the others have A."""
+    rows = [{**of, "grade": grades.get(of["name"], "A")} for of in one["parameters"]]
+    return one | {"parameters": rows, "trusted": "C" not in grades.values(), "reasons": ["why"] if grades else []}
+
+
+def test_a_window_counts_for_the_coefficients_that_it_determines():
+    # k_x is off by a fifth and of grade C in half of the windows; k_y falls in all of them.
+    rows = [graded(one) for one in stream(330, at=300, jump={"k_y": -0.05})]
+    for k in range(0, 330, 2):
+        theta = {of["name"]: of["own"] for of in rows[k]["parameters"]}
+        rows[k] = graded(row(theta | {"k_x": 0.2}, {"noise_tower": 0.0}), k_x="C")
+    taken = feed(start("T1"), rows)
+    (alarm,) = last_said(taken).values()
+    assert (alarm.about, alarm.kind) == ("k_y", "structure")
+    k_x, k_y, noise = taken[328].levels
+    assert (k_x.grade, k_y.grade, noise.grade) == ("C", "A", "")
+    assert k_x.estimate == pytest.approx(100.0 * math.exp(0.2))  # shown, and not followed
+    assert k_x.level == pytest.approx(100.0, rel=0.01)
+    assert k_y.level == pytest.approx(95.0, rel=0.01)
+
+
+def test_a_row_without_grades_counts_where_it_is_trusted():
+    rows = stream(60)
+    for k in range(0, 60, 2):
+        rows[k] |= {"trusted": False}
+    taken = feed(start("T1"), rows)
+    assert [one.grade for one in taken[58].levels] == ["C", "C", ""]
+    assert [one.grade for one in taken[59].levels] == ["A", "A", ""]
+
+
+def test_a_jump_after_which_most_estimates_are_c_is_the_sensors_first():
+    rows = [graded(one) for one in stream(340, at=300, jump={"k_x": -0.05})]
+    rows[300:] = [graded(one, **({"k_x": "C"} if k % 3 else {})) for k, one in enumerate(rows[300:])]
+    (alarm,) = last_said(feed(start("T1"), rows)).values()
+    assert (alarm.about, alarm.kind) == ("k_x", "sensor")
+    assert "does not explain" in alarm.text
+
+
+def test_coefficients_of_grade_c_for_six_hours_are_a_notice():
+    rows = [graded(one) for one in stream(200)]
+    rows[150:] = [graded(one, k_x="C", k_y="C") for one in rows[150:]]
+    (alarm,) = last_said(feed(start("T1"), rows)).values()
+    assert (alarm.kind, alarm.severity) == ("data", "notice")
+    assert "all coefficients have grade C: why" in alarm.text
 
 
 def test_what_comes_back_ends_its_alarm_and_is_a_notice():
@@ -187,15 +234,18 @@ def test_a_watch_goes_on_from_a_checkpoint_through_a_drift_to_the_same_bits():
             watching = resume(taken.checkpoint, "T1", options)
 
 
-def test_a_checkpoint_of_the_version_before_is_read():
+@pytest.mark.parametrize("version", [b"watch 1", b"watch 2"])
+def test_a_checkpoint_of_a_version_before_is_read(version: bytes):
     rows = stream(330, at=300, jump={"k_x": -0.04})
     content = feed(start("T1"), rows)[-1].checkpoint
     header, arrays = unpack(content, "checkpoint")
-    for one in header["series"]:
-        del one["past"]
-    header["cases"] = [case[:4] for case in header["cases"]]
+    if version == b"watch 1":
+        for one in header["series"]:
+            del one["past"]
+        header["cases"] = [case[:4] for case in header["cases"]]
     assert header["cases"]
-    before = pack(header, arrays).replace(b"watch 2", b"watch 1")
+    arrays.insert(2, np.ones(330, dtype=bool))  # whether the windows were trusted
+    before = pack(header, arrays).replace(b"watch 3", version)
     (next_row,) = stream(1, seed=5)
     window = BEGIN + 330 * STEP
     assert resume(before, "T1").take(next_row, window) == resume(content, "T1").take(next_row, window)
@@ -215,7 +265,7 @@ def test_a_checkpoint_never_outgrows_the_windows_that_are_kept(monkeypatch: pyte
         (lambda content: b"", "another version or damaged"),
         (lambda content: content[:-1], "damaged"),
         (lambda content: content[:200] + b"x" + content[201:], "damaged"),
-        (lambda content: content.replace(b"watch 2", b"watch 9"), "another version"),
+        (lambda content: content.replace(b"watch 3", b"watch 9"), "another version"),
     ],
 )
 def test_a_checkpoint_that_does_not_fit_is_one_line(spoil: Any, message: str):

@@ -375,15 +375,13 @@ def test_false_alarms_are_as_rare_as_the_odds_promise_and_bands_hold(tower):
 
 def test_only_coefficients_that_are_not_to_be_used_are_doubted(verne555):
     good = posterior(verne555, NAMES, np.zeros(4), 1e-4 * np.eye(4))
-    some = good._replace(record="some", trusted=False, unusable=("c_y",))
-    every = good._replace(record="every", trusted=False, unusable=tuple(NAMES))
-    other = good._replace(record="other", trusted=False, unusable=("c_z",))
-    old = good._replace(record="old", trusted=False)
-    said = {one.record: compare(good._replace(record="good"), one).doubts for one in (some, every, other, old)}
+    some = good._replace(record="some", trusted=False, unusable={"c_y": "prior_conflict"})
+    every = good._replace(record="every", trusted=False, unusable=dict.fromkeys(NAMES, "burst"))
+    other = good._replace(record="other", trusted=False, unusable={"c_z": "burst"})
+    said = {one.record: compare(good._replace(record="good"), one).doubts for one in (some, every, other)}
     assert said["some"] == ("c_y of some (grade C): see its report; the others may be compared",)
     assert said["other"] == ()
-    for name in ("every", "old"):
-        assert said[name] == (f"the result of {name} is not trusted by itself: see its report",)
+    assert said["every"] == ("the result of every is not trusted by itself: see its report",)
 
 
 def test_what_one_record_does_not_see_has_not_moved(verne555):

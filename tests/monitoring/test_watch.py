@@ -94,9 +94,10 @@ def test_the_same_moves_in_a_failing_tower_and_with_a_failing_sensor():
     assert {c.name: c.cause for c in watch(both).changes} == {"k_x": SENSOR, "noise_tower_x": NOISE}
     sensor = stepped(quiet(names), "noise_tower_x", 1.0, 2000)
     assert [(c.name, c.cause) for c in watch(sensor).changes] == [("noise_tower_x", NOISE)]
-    doubted = replace(tower, trusted=np.arange(3000) < 2000)
-    change = watch(doubted).changes[0]
-    assert change.cause == SENSOR
+    theta = tower.theta.copy()
+    theta[2000:, 0] = np.where(np.arange(1000) % 5 == 0, theta[2000:, 0], np.nan)  # four of five are of grade C then
+    change = watch(replace(tower, theta=theta)).changes[0]
+    assert (change.name, change.cause) == ("k_x", SENSOR)
     assert "does not explain" in change.told
 
 
@@ -195,6 +196,45 @@ def test_posteriors_give_what_their_records_say_without_the_prior(verne555: Turb
     np.testing.assert_allclose(blocks.std[:, :2], np.sqrt(np.diag(cov)) * np.ones((14, 1)), rtol=1e-5)
     assert blocks.names == ("k_x", "k_y", "noise_a")
     np.testing.assert_allclose(blocks.theta[:, 2], np.log(2.0))
+
+
+def test_a_record_counts_for_the_coefficients_that_it_determines(verne555: Turbine):
+    parameters = tuple(Parameter(name, verne555.values[name], 0.3) for name in ("k_x", "k_y"))
+    rng, cov = np.random.default_rng(5), np.asarray(np.diag([4e-4, 9e-4]))
+    good = [
+        Posterior(verne555, parameters, np.asarray(0.02 * rng.standard_normal(2)), cov, f"r{i}", True)
+        for i in range(40)
+    ]  # fmt: skip
+    # Every third record is C along x; a jump along y from the 30th on is in all of them.
+    some = [
+        one._replace(
+            theta=one.theta - np.array([0.0, 0.5 * (i >= 30)]), trusted=i % 3 > 0,
+            unusable={} if i % 3 else {"k_x": "prior_conflict" if i else "burst"},
+        )
+        for i, one in enumerate(good)
+    ]  # fmt: skip
+    blocks = gather(some)
+    np.testing.assert_array_equal(np.isnan(blocks.theta[:, 0]), np.arange(40) % 3 == 0)
+    assert np.isfinite(blocks.theta[:, 1]).all()
+    kept = np.arange(40) % 3 > 0
+    np.testing.assert_array_equal(blocks.std[kept], gather(good).std[kept])
+    np.testing.assert_array_equal(blocks.theta[kept, 0], gather(good).theta[kept, 0])
+    assert blocks.left_out == {"k_x": {"prior_conflict": 13, "burst": 1}}
+    found = watch(blocks)
+    assert [(change.name, change.cause) for change in found.changes] == [("k_y", STRUCTURE)]
+    assert found.summary()["left_out"] == blocks.left_out
+    assert ("k_x", "14", "13 prior conflict, 1 burst") in found.tables()[-1].rows
+
+
+def test_what_is_c_in_nearly_all_records_is_not_followed_and_said():
+    blocks = quiet(("k_x", "c_x"), 100)
+    theta = blocks.theta.copy()
+    theta[4:, 1] = np.nan
+    found = watch(replace(blocks, theta=theta, left_out={"c_x": {"burst": 96}}))
+    assert [one.name for one in found.series] == ["k_x"]
+    assert any(note.endswith("not followed: c_x") for note in found.notes)
+    with pytest.raises(ConfigurationError, match="of grade A or B to learn from"):
+        watch(replace(blocks, theta=np.full_like(theta, np.nan)))
 
 
 @pytest.mark.parametrize("name", ["nrel5mw", "tower"])

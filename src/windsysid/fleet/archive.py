@@ -14,7 +14,7 @@ digest of the whole file therefore stands before the footer, at a place that no 
 import hashlib
 import io
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
@@ -194,7 +194,8 @@ def _table_of(path: Path, columns: Sequence[str] | None = None) -> Any:
             f"{path}: is damaged, or not of windsysid batch: move it away, and batch takes its records again"
         )
     with pq.ParquetFile(io.BytesIO(content)) as file:
-        return file.read(columns=columns)
+        found = file.read(columns=columns)
+    return found.cast(_schema(found.column_names))  # files of an older version lack grades
 
 
 def _sealed(content: bytes) -> bytes:
@@ -217,18 +218,24 @@ def _footer(content: bytes) -> int:
 
 def table_of(rows: Sequence[Row]) -> Any:
     """Rows as an Arrow table with the columns of an archive."""
+    dated = [{**row, "time": None if row["start"] is None else _date(row["start"])} for row in rows]
+    return _parquet("pyarrow").Table.from_pylist(dated, schema=_schema(COLUMNS))
+
+
+def _schema(names: Iterable[str]) -> Any:
+    """Types of these columns of an archive."""
     pa = _parquet("pyarrow")
     plain = {
         NUMBER: pa.float64(), COUNT: pa.int64(), TEXT: pa.string(), TEXTS: pa.list_(pa.string()), FLAG: pa.bool_(),
         NUMBERS: pa.list_(pa.float64()), MOMENT: pa.timestamp("us"),
     }  # fmt: skip
     fields = []
-    for name, kind in COLUMNS.items():
+    for name in names:
+        kind = COLUMNS[name]
         inner = kind if isinstance(kind, dict) else None
         typed = pa.list_(pa.struct([(key, plain[of]) for key, of in inner.items()])) if inner else plain[str(kind)]
         fields.append(pa.field(name, typed))
-    dated = [{**row, "time": None if row["start"] is None else _date(row["start"])} for row in rows]
-    return pa.Table.from_pylist(dated, schema=pa.schema(fields))
+    return pa.schema(fields)
 
 
 def _date(start: str) -> Any:

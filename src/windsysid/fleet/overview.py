@@ -20,13 +20,14 @@ from windsysid.errors import ConfigurationError
 from windsysid.fleet.archive import read_table, turbines_of
 from windsysid.fleet.events import FleetEvent, events_of
 from windsysid.fleet.sensors import Failing, failing_sensors, weeks_of
-from windsysid.fleet.series import WANTED, blocks_of, numbers, seconds_of, texts
+from windsysid.fleet.series import WANTED, blocks_of, numbers, pairs, seconds_of, texts
 from windsysid.fleet.sisters import MIN_SISTERS, Standing, stand
 from windsysid.monitoring.changes import Watch
 from windsysid.monitoring.watch import watch
 from windsysid.output.answers import Answer
 from windsysid.output.progress import Progress, unheard
 from windsysid.output.table import Table
+from windsysid.results.identification import USABLE
 from windsysid.results.serialization import finite
 
 if TYPE_CHECKING:
@@ -47,6 +48,8 @@ class Glance(NamedTuple):
         How many.
     trusted
         Share of the identified ones [1].
+    usable
+        In how many of them each coefficient, frequency and damping ratio has grade A or B.
     available
         Share of the time from the archive's first record to its last that identified records cover [1].
     months
@@ -62,10 +65,17 @@ class Glance(NamedTuple):
     refused: int
     failed: int
     trusted: float
+    usable: Mapping[str, int]
     available: float
     months: Mapping[str, float]
     states: Mapping[str, float]
     reasons: Sequence[tuple[str, int]]
+
+    @property
+    def least_usable(self) -> str:
+        """The quantity that fewest identified records determine, and the share of them that do."""
+        name = min(self.usable, key=lambda name: self.usable[name], default=None)
+        return "–" if name is None else f"{name} {100.0 * self.usable[name] / self.identified:.0f} %"
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,14 +144,15 @@ class Overview(Answer):
             kinds = [event.kind for event in self.events if name in event.turbine.split(", ")]
             rows.append((
                 name, ", ".join(dict.fromkeys(kinds)) or "–", f"{glance.records}", f"{glance.identified}",
-                f"{100.0 * glance.trusted:.0f} %", f"{100.0 * glance.available:.0f} %",
+                glance.least_usable, f"{100.0 * glance.available:.0f} %",
                 ", ".join(f"{100.0 * share:.0f} % {state}" for state, share in glance.states.items()),
                 "" if far is None else f"{far.name} {far.percent:+.2g} %",
             ))  # fmt: skip
         headings = (
-            "turbine", "stands out", "records", "identified", "trusted", "of the time", "states", "off its sisters",
+            "turbine", "stands out", "records", "identified", "least usable", "of the time", "states",
+            "off its sisters",
         )  # fmt: skip
-        return [Table(headings, rows, self.size, words=(0, 1))]
+        return [Table(headings, rows, self.size, words=(0, 1, 4))]
 
     def summary(self) -> dict[str, Any]:
         """Plain values, for ``summary.json``."""
@@ -195,7 +206,7 @@ def oversee(archive: str | Path, *, alarms_per_year: float = 0.1, progress: Prog
     names = turbines_of(archive)
     for i, name in enumerate(names):
         progress(f"reading {name}", i / len(names))
-        tables[name] = read_table(archive, name, (*WANTED, "why", "duration", "health"))
+        tables[name] = read_table(archive, name, (*WANTED, "modes", "why", "duration", "health"))
     return overview_of(tables, Path(archive), alarms_per_year=alarms_per_year, progress=progress)
 
 
@@ -244,9 +255,22 @@ def _glance(table: Any, begin: float, end: float) -> Glance:
     count = len(status)
     return Glance(
         count, int(ok.sum()), int((status == "refused").sum()), int((status == "failed").sum()),
-        float(trusted[ok].mean()) if ok.any() else 0.0, whole, months,
+        float(trusted[ok].mean()) if ok.any() else 0.0, _usable(table), whole, months,
         {state: of / count for state, of in states.most_common()}, why.most_common(5),
     )  # fmt: skip
+
+
+def _usable(table: Any) -> dict[str, int]:
+    """In how many rows each coefficient, frequency and damping ratio has grade A or B."""
+    found = dict[str, int]()
+    coefficients, modes = pairs(table, "parameters"), pairs(table, "modes")
+    graded = [(coefficients, "grade", ""), *((modes, f"{of}_grade", f" {of}") for of in ("frequency", "damping_ratio"))]
+    for of, key, suffix in graded:
+        good = np.isin(of.grades(table, key), USABLE)
+        found |= {
+            f"{name}{suffix.replace('_', ' ')}": int(good[of.names == name].sum()) for name in dict.fromkeys(of.names)
+        }
+    return found
 
 
 def _step(seconds: Array) -> float:

@@ -5,7 +5,7 @@ list of mappings, so that all turbines have the same columns. A row holds nothin
 taken again: no date of today, no time that it took.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -28,7 +28,7 @@ from windsysid.results.provenance import record_hash
 from windsysid.statespace.parameter import Parameter
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["COLUMNS", "Row", "empty_row", "failed_row", "row_of"]
+__all__ = ["COLUMNS", "Row", "empty_row", "failed_row", "grade_of", "grades_of", "row_of"]
 
 Row = dict[str, Any]
 
@@ -43,11 +43,12 @@ COLUMNS: dict[str, str | dict[str, str]] = {
     "parameters": {
         "name": TEXT, "unit": TEXT, "kind": TEXT, "estimate": NUMBER, "low": NUMBER, "high": NUMBER, "std": NUMBER,
         "informed_by_data": NUMBER, "reference": NUMBER, "prior_centre": NUMBER, "prior_spread": NUMBER,
-        "logarithmic": FLAG, "coordinate_scale": NUMBER, "own": NUMBER, "own_std": NUMBER,
+        "logarithmic": FLAG, "coordinate_scale": NUMBER, "own": NUMBER, "own_std": NUMBER, "grade": TEXT,
+        "reason": TEXT,
     },
     "modes": {
         "name": TEXT, "frequency": NUMBER, "frequency_low": NUMBER, "frequency_high": NUMBER, "damping_ratio": NUMBER,
-        "damping_ratio_low": NUMBER, "damping_ratio_high": NUMBER,
+        "damping_ratio_low": NUMBER, "damping_ratio_high": NUMBER, "frequency_grade": TEXT, "damping_ratio_grade": TEXT,
     },
     "statistics": {
         "name": TEXT, "unit": TEXT, "given": NUMBER, "estimate": NUMBER, "low": NUMBER, "high": NUMBER,
@@ -78,6 +79,10 @@ covariance
     the tolerances in standard deviations of their priors.
 own, own_std
     What the record itself says of a parameter, its prior taken out, in filter coordinates: what is monitored.
+grade, frequency_grade, damping_ratio_grade
+    Of the quantity (docs/grades.md): none in archives of an older version (`grade_of`).
+reason
+    Of grade C: the code of a finding (docs/findings.md).
 settings
     SHA-256 of turbine, sensors, mapping and formulation.
 turbine_file
@@ -100,6 +105,21 @@ def failed_row(source: str, size: int, settings: str, why: str) -> Row:
     """A row of a record that could not be taken for a reason that is not its own."""
     row = empty_row(source, size, settings)
     return row | {"status": "failed", "why": why, "tries": 1}
+
+
+def grade_of(row: Mapping[str, Any], quantity: Mapping[str, Any], key: str = "grade") -> str:
+    """The grade of a quantity of a row. Without one, it is A or C, as the row is trusted or not."""
+    known = quantity.get(key)
+    return str(known) if known is not None else "A" if row.get("trusted") else "C"
+
+
+def grades_of(row: Mapping[str, Any]) -> dict[str, str]:
+    """Grades of the coefficients of a row, and of frequencies and damping ratios of its modes."""
+    found = {str(one["name"]): grade_of(row, one) for one in row.get("parameters") or ()}
+    for mode in row.get("modes") or ():
+        for what in ("frequency", "damping_ratio"):
+            found[f"{mode['name']} {what.replace('_', ' ')}"] = grade_of(row, mode, f"{what}_grade")
+    return found
 
 
 def row_of(
@@ -160,13 +180,16 @@ def _found(found: Identification) -> Row:
 
     from windsysid.turbine.tables import as_tables
 
-    own, own_cov = without_prior(found.posterior, found.parameters)
+    posterior = found.posterior
+    own, own_cov = without_prior(posterior, found.parameters)
     cov = found.cov if found.joint_cov is None else found.joint_cov
     return {
         "trusted": found.diagnosis.trusted,
         "reasons": list(found.diagnosis.reasons), "remarks": list(found.diagnosis.remarks), "notes": list(found.notes),
         "parameters": [
-            _parameter(found, q, float(own[i]), float(own_cov[i, i]) ** 0.5) for i, q in enumerate(found.parameters)
+            _parameter(found, q, float(own[i]), float(own_cov[i, i]) ** 0.5)
+            | {"reason": posterior.unusable.get(q.name)}
+            for i, q in enumerate(found.parameters)
         ],
         "modes": [
             {
@@ -175,6 +198,7 @@ def _found(found: Identification) -> Row:
                 **dict(
                     zip(("damping_ratio", "damping_ratio_low", "damping_ratio_high"), mode.damping_ratio, strict=True)
                 ),
+                **dict(zip(("frequency_grade", "damping_ratio_grade"), mode.grades, strict=True)),
             }
             for mode in found.modes
         ],
@@ -188,7 +212,7 @@ def _found(found: Identification) -> Row:
 
 def _parameter(found: Identification, q: Parameter, own: float, own_std: float) -> Row:
     e = found[q.name]
-    shared = ("unit", "kind", "estimate", "low", "high", "std", "informed_by_data", "reference")
+    shared = ("unit", "kind", "estimate", "low", "high", "std", "informed_by_data", "reference", "grade")
     return {
         "name": q.name, **{key: getattr(e, key) for key in shared},
         "prior_centre": q.centre, "prior_spread": q.spread, "logarithmic": q.logarithmic, "coordinate_scale": q.scale,

@@ -20,7 +20,7 @@ from windsysid.errors import ConfigurationError
 from windsysid.fleet.archive import read_table
 from windsysid.mechanics.rotor import MEAN_LAG
 from windsysid.mechanics.sensors import noise_source
-from windsysid.monitoring.series import MIN_BLOCKS, RecordBlocks
+from windsysid.monitoring.series import MIN_BLOCKS, RecordBlocks, left_out_of
 from windsysid.monitoring.watch import MAX_LEARNING_BLOCKS
 from windsysid.records.moments import moment
 from windsysid.results.posterior import SIGMAS
@@ -61,6 +61,16 @@ class Pairs(NamedTuple):
         """A field of numbers (N,), NaN where there is none."""
         return numbers_of(self.entries.field(name))
 
+    def texts(self, name: str) -> NDArray[np.object_]:
+        """A field of text (N,), None where there is none."""
+        return np.asarray(self.entries.field(name).to_numpy(zero_copy_only=False), dtype=object)
+
+    def grades(self, table: Any, name: str = "grade") -> NDArray[np.object_]:
+        """A field of grades (N,); where there is none, A or C, as the row of the table is trusted or not."""
+        trusted = np.array([value is True for value in table["trusted"].to_pylist()], dtype=bool)
+        pairs = zip(self.texts(name), np.where(trusted[self.row], "A", "C"), strict=True)
+        return np.array([other if own is None else own for own, other in pairs], dtype=object)
+
 
 def archive_blocks(archive: str | Path, turbine: str) -> RecordBlocks:
     """Blocks of one turbine of an archive.
@@ -83,8 +93,10 @@ def blocks_of(table: Any) -> RecordBlocks:
         notes.append(f"identified by windsysid {', '.join(versions)}: a change of version may look like a jump")
     covariates, names = _covariates(table, texts(table, "state"), notes)
     parameters = pairs(table, "parameters")
-    own, own_std = parameters.field("own"), parameters.field("own_std")
-    theta, std, order = _spread(parameters, table.num_rows, own, own_std, parameters.names != MEAN_LAG)
+    bad, wanted = parameters.grades(table) == "C", parameters.names != MEAN_LAG
+    own, own_std = np.where(bad, np.nan, parameters.field("own")), parameters.field("own_std")
+    theta, std, order = _spread(parameters, table.num_rows, own, own_std, wanted)
+    reasons = (reason or "not_trusted" for reason in parameters.texts("reason")[bad & wanted])
     noise_theta, noise_std, sensors = _noise(table)
     first = {name: i for i, name in reversed(list(enumerate(parameters.names)))}
     logarithmic = [bool(parameters.entries.field("logarithmic")[first[name]].as_py()) for name in order]
@@ -102,7 +114,7 @@ def blocks_of(table: Any) -> RecordBlocks:
         reference=(*reference, *(1.0 for _ in sensors)),
         covariates=covariates,
         covariate_names=names,
-        trusted=np.array(table["trusted"].to_pylist(), dtype=bool),
+        left_out=left_out_of(zip(parameters.names[bad & wanted], reasons, strict=True)),
         records=tuple(texts(table, "source")),
         units=(*units, *("1" for _ in sensors)),
         kinds=(*("c" if kind == "damping" else "k" for kind in kinds), *("noise" for _ in sensors)),

@@ -22,11 +22,12 @@ from windsysid.monitoring.levels.locating import Jump
 
 __all__ = ["KeptWatch", "pack", "pack_watch", "unpack", "unpack_watch"]
 
-MARK = b"windsysid watch 2\n"
+MARK = b"windsysid watch 3\n"
 """The number is the version: it grows when what is kept, or what follows from it, is another."""
 
-READ = (b"windsysid watch 1\n", MARK)
-"""Versions that are read: the first has no references of slow drifts."""
+READ = (b"windsysid watch 1\n", b"windsysid watch 2\n", MARK)
+"""Versions that are read: the first has no references of slow drifts, the first two have whether windows are trusted.
+"""
 
 
 class KeptWatch(NamedTuple):
@@ -65,6 +66,7 @@ def unpack_watch(checkpoint: bytes, turbine: str) -> KeptWatch:
     header, arrays = unpack(checkpoint, f"checkpoint of {turbine}")
     if header["turbine"] != turbine:
         raise ConfigurationError(f"checkpoint of {turbine}: it is one of '{header['turbine']}': start without it")
+    del arrays[2 : 2 + (not checkpoint.startswith(MARK))]  # whether windows are trusted
     rest = iter(arrays)
     windows = KeptWindows._make(next(rest) for _ in KeptWindows._fields)
     series = {Watched(*one["watched"]): _kept(one, rest) for one in header["series"]}

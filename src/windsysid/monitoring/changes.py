@@ -165,10 +165,17 @@ class Watch(Answer):
         )
 
     def tables(self) -> list[Table]:
-        """Level, drift and scatter of each series; the effects of covariates, where there are any."""
+        """Level, drift and scatter of each series; the effects of covariates, and records that do not count for a
+        series, where there are any."""
         told = [Table(HEADINGS, self.rows, f"{len(self.blocks.time)} records", words=(0, 1))]
         if self.effects:
             told.append(Table(self.effect_headings, self.effects, "Effect of one unit of a covariate, ±2σ"))
+        if self.blocks.left_out:
+            rows = [
+                (name, f"{sum(of.values())}", ", ".join(f"{n} {why.replace('_', ' ')}" for why, n in of.items()))
+                for name, of in self.blocks.left_out.items()
+            ]
+            told.append(Table(("", "records", "reason"), rows, "Left out: not of grade A or B", words=(0, 2)))
         return told
 
     @property
@@ -209,6 +216,7 @@ class Watch(Answer):
                 }
                 for s in self.series
             },
+            "left_out": {name: dict(counts) for name, counts in self.blocks.left_out.items()},
             "notes": list(self.notes),
         }  # fmt: skip
 

@@ -109,13 +109,13 @@ def _compare_coefficients(before: Posterior, after: Posterior) -> Comparison:
 
 
 def _distrusted(before: Posterior, after: Posterior, frame: Sequence[Parameter]) -> list[str]:
-    """Coefficients of a frame that are not to be used of a result; of one without grades, that it is not trusted."""
+    """Coefficients of a frame that are not to be used of a result."""
     doubts = list[str]()
     for result in (before, after):
         bad = [q.name for q in frame if q.name in result.unusable]
         if bad and len(bad) < len(frame):
             doubts.append(f"{', '.join(bad)} of {result.record} (grade C): see its report; the others may be compared")
-        elif bad or not (result.trusted or result.unusable):
+        elif bad:
             doubts.append(f"the result of {result.record} is not trusted by itself: see its report")
     return doubts
 

@@ -97,7 +97,7 @@ def separate_damping(results: Sequence[PosteriorLike]) -> Separation:
     pairs = zip(names, fits, strict=True)
     splits = tuple(_split(name, fit, width, known[0], states, design) for name, fit in pairs)
     lacking, notes = _lacking(states, splits), _notes(states, splits, design)
-    doubts = _doubts(posteriors, known, free, square)
+    doubts = [*_unusable(known, names), *_doubts(posteriors, free, square)]
     return Separation(states, design.parked_air, splits, tuple(lacking), tuple(notes), tuple(doubts))
 
 
@@ -113,10 +113,15 @@ def _common_damping(known: Sequence[Posterior]) -> list[str]:
     return names
 
 
-def _doubts(posteriors: Sequence[Posterior], known: Sequence[Posterior], free: int, square: float) -> list[str]:
+def _unusable(known: Sequence[Posterior], names: Sequence[str]) -> list[str]:
+    """One sentence for each result in which dampings have grade C."""
+    bad = {result.record: [name for name in names if name in result.unusable] for result in known}
+    return [f"{', '.join(some)} of {record} (grade C): see its report" for record, some in bad.items() if some]
+
+
+def _doubts(posteriors: Sequence[Posterior], free: int, square: float) -> list[str]:
     """Why the separation is not to be trusted."""
-    doubts = [f"the result of {r.record} is not trusted by itself: see its report" for r in known if not r.trusted]
-    doubts += [
+    doubts = [
         f"{result.record} is left out: its rotor speed was not recorded"
         for result in posteriors
         if result.conditions.rotor_speed is None

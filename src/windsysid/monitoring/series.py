@@ -5,15 +5,15 @@ A block is one record's estimates without their prior, the noise found in its se
 
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
 from pathlib import Path
 from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError
@@ -27,7 +27,7 @@ from windsysid.results.posterior import SIGMAS, Posterior, load_posterior
 from windsysid.spectral.oma.known_modes import KnownModes, ModesLike, as_modes, holds_modes
 from windsysid.statespace.parameter import Parameter
 
-__all__ = ["DAY", "MIN_BLOCKS", "RecordBlocks", "gather", "gather_modes", "read_blocks"]
+__all__ = ["DAY", "MIN_BLOCKS", "RecordBlocks", "gather", "gather_modes", "left_out_of", "read_blocks"]
 
 
 DAY = 86400.0
@@ -46,8 +46,8 @@ class RecordBlocks:
     time
         (T,) [s], increasing.
     theta, std
-        (T, n) estimates in filter coordinates without their prior, and standard deviations; NaN where a record says
-        nothing.
+        (T, n) estimates in filter coordinates without their prior, and standard deviations; NaN where a record has no
+        estimate of grade A or B.
     logarithmic
         Of each series, whether θ is a logarithm.
     reference
@@ -61,8 +61,8 @@ class RecordBlocks:
         (T, m); a block without all of them is left out.
     covariate_names
         Of the m.
-    trusted
-        (T,) whether nothing spoke against the record's result.
+    left_out
+        By series, how many records do not count for it, by reason: codes of findings (docs/findings.md).
     records
         Names of the T records; empty where they have none.
     begin
@@ -79,7 +79,7 @@ class RecordBlocks:
     reference: tuple[float, ...]
     covariates: Array
     covariate_names: tuple[str, ...] = ()
-    trusted: NDArray[np.bool_] | None = None
+    left_out: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
     records: tuple[str, ...] = ()
     begin: datetime | None = None
     notes: tuple[str, ...] = ()
@@ -160,6 +160,7 @@ def gather(
     theta, std = _own_estimates(posteriors, frame)
     sensors, noise_theta, noise_std = _noise_levels([noise[i] for i in placed.order] if noise else (), len(posteriors))
     series = _SeriesColumns(
+        left_out=left_out_of(one for p in posteriors for one in p.unusable.items() if one[0] in names),
         names=(*names, *sensors),
         theta=np.hstack([theta, noise_theta]),
         std=np.hstack([std, noise_std]),
@@ -172,8 +173,9 @@ def gather(
 
 
 class _SeriesColumns(NamedTuple):
-    """Fields of `RecordBlocks` that have an entry for each series."""
+    """Fields of `RecordBlocks` that have an entry for each series, or for some."""
 
+    left_out: Mapping[str, Mapping[str, int]]
     names: tuple[str, ...]
     theta: Array
     std: Array
@@ -193,7 +195,6 @@ def _blocks(
         time=placed.time,
         covariates=placed.covariates,
         covariate_names=tuple(covariates or ()),
-        trusted=np.array([result.trusted for result in results]),
         records=tuple(result.record for result in results),
         begin=placed.begin,
         notes=(*placed.notes, *notes),
@@ -202,7 +203,7 @@ def _blocks(
 
 def _own_estimates(posteriors: Sequence[Posterior], frame: Sequence[Parameter]) -> tuple[Array, Array]:
     """Estimates (T, n) of a frame's coefficients without their prior, and standard deviations; NaN where there are
-    none."""
+    none, or of grade C."""
     names = [q.name for q in frame]
     theta, std = np.full((2, len(posteriors), len(names)), np.nan)
     for row, posterior in enumerate(posteriors):
@@ -211,7 +212,17 @@ def _own_estimates(posteriors: Sequence[Posterior], frame: Sequence[Parameter]) 
         at = [names.index(q.name) for q in known]
         theta[row, at], cov = without_prior(posterior, known)
         std[row, at] = np.sqrt(np.diag(cov))
+        theta[row, [q.name in posterior.unusable for q in frame]] = np.nan
+    std[np.isnan(theta)] = np.nan
     return theta, std
+
+
+def left_out_of(unusable: Iterable[tuple[str, str]]) -> dict[str, dict[str, int]]:
+    """Count pairs of a quantity and the reason why it is of grade C: by quantity and reason, the commonest first."""
+    found: dict[str, dict[str, int]] = {}
+    for (name, reason), count in Counter(unusable).most_common():
+        found.setdefault(name, {})[reason] = count
+    return found
 
 
 def _noise_levels(noise: Sequence[Mapping[str, tuple[float, float]]], count: int) -> tuple[list[str], Array, Array]:
@@ -329,8 +340,8 @@ def gather_modes(
     """Blocks from the modes of records, followed from one to the next by frequency and shape, as `gather` puts them in
     order.
 
-    A mode counts where it is trusted. Modes that fewer than half of the records trust are not followed; a note lists
-    them.
+    A mode counts in the records in which it is trusted. Modes that fewer than half of the records trust are not
+    followed; a note lists them.
 
     Raises
     ------
@@ -341,9 +352,13 @@ def gather_modes(
     placed = in_order(known, time, covariates, begin)
     known = [known[i] for i in placed.order]
     tracks, notes = modal_tracks(known)
+    names = tuple(f"{what} of {track.name}" for track in tracks for what in ("frequency", "damping"))
+    theta = np.hstack([track.values for track in tracks])
+    missing = np.isnan(theta).sum(axis=0).tolist()
     series = _SeriesColumns(
-        names=tuple(f"{what} of {track.name}" for track in tracks for what in ("frequency", "damping")),
-        theta=np.hstack([track.values for track in tracks]),
+        left_out={name: {"not found, or not trusted": of} for name, of in zip(names, missing, strict=True) if of},
+        names=names,
+        theta=theta,
         std=np.hstack([track.std for track in tracks]),
         logarithmic=(True, True) * len(tracks),
         reference=(1.0, 1.0) * len(tracks),

@@ -101,8 +101,11 @@ def watch(
     followed = np.flatnonzero(np.isfinite(blocks.theta[there][:begins]).sum(axis=0) >= MIN_BLOCKS // 2).tolist()
     if not followed:
         raise ConfigurationError(
-            f"expected at least {MIN_BLOCKS // 2} estimates to learn from in the first {begins} records"
+            f"expected at least {MIN_BLOCKS // 2} estimates of grade A or B to learn from in the first {begins} records"
         )
+    rare = [name for i, name in enumerate(blocks.names) if i not in followed]
+    if rare:
+        notes.append(f"too few estimates to learn from (of grade A or B), and not followed: {', '.join(rare)}")
     limit = threshold(alarms_per_year * step / YEAR / len(followed))
     series, jumps = [], []
     for i in followed:
@@ -261,7 +264,7 @@ def _cause(blocks: RecordBlocks, i: int, jump: Jump, jumps: Sequence[tuple[int, 
         return NOISE, HEARD
     if noisy:
         return SENSOR, f"{SENSOR}: {', '.join(noisy)} changed with it"
-    if blocks.trusted is not None and was_lost(blocks.trusted, jump):
+    if was_lost(np.isfinite(blocks.theta[:, i]), jump):
         return SENSOR, f"{SENSOR}: {UNEXPLAINED}"
     return STRUCTURE, SOUND if "noise" in kinds else UNWATCHED
 

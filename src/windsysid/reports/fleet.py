@@ -126,6 +126,7 @@ def files(overview: Overview) -> dict[str, bytes]:
     sections = [
         Section("What stands out", text=[*_sentences(overview), *overview.notes]),
         Section("Every turbine at a glance", tables=overview.tables()),
+        _listed("Usable records of each quantity", "", _usable(overview), folded=True),
         Section("Levels and sisters", text=[READING], figures=[(drawn, levels)]),
         Section("Data availability", figures=[(_availability(overview), months)]),
         _listed("Sensors", "No sensor fails.", _sensors(overview)),
@@ -176,6 +177,14 @@ def _jumps(overview: Overview) -> Table:
         for name, one in overview.watches.items() for c in one.changes
     ]  # fmt: skip
     return Table(("turbine", "", "when", "change", "±2σ band", "where to look"), rows, words=(0, 1, 2, 5))
+
+
+def _usable(overview: Overview) -> Table:
+    rows = [
+        (turbine, name, f"{count} of {glance.identified}")
+        for turbine, glance in overview.glances.items() for name, count in glance.usable.items()
+    ]  # fmt: skip
+    return Table(("turbine", "quantity", "grade A or B in"), rows, words=(0, 1))
 
 
 def _without_result(overview: Overview) -> Table:

@@ -12,7 +12,7 @@ from windsysid.errors import ConfigurationError
 from windsysid.output.answers import Answer
 from windsysid.output.table import Table
 from windsysid.results.estimate import Estimate
-from windsysid.results.posterior import Posterior, section_name
+from windsysid.results.posterior import Posterior, section_name, unusable_among
 from windsysid.results.serialization import finite
 from windsysid.results.storage import as_netcdf, attributes_of, variables_of
 from windsysid.results.values import IdentificationValues
@@ -112,7 +112,9 @@ class Identification(IdentificationValues, Answer):
             turbine, self.parameters, theta, self.cov, name, self.diagnosis.trusted, self.conditions,
             start=None if known is None else known.start, record_hash=None if known is None else known.record_hash,
             section=self.section, statistics=self.statistics, joint_cov=self.joint_cov, tolerances=self.tolerances,
-            unusable=tuple(e.name for e in self.estimates if e.grade == "C"),
+            unusable=unusable_among(
+                {e.name: e.grade for e in self.estimates}, self.findings, trusted=self.diagnosis.trusted
+            ),
         ).given("masses")  # fmt: skip
 
     def summary(self) -> dict[str, Any]:

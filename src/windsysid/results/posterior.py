@@ -1,7 +1,7 @@
 """What a result says about a turbine, and how to read it back from its folder."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -16,6 +16,7 @@ from windsysid.loads.statistics import Statistic, coordinates_of, learned_statis
 from windsysid.mechanics.sensors import noise_source
 from windsysid.output.folders import result_file
 from windsysid.records.formats.netcdf import check_seal, open_hdf5
+from windsysid.results.finding import Finding, read_finding
 from windsysid.results.tolerance import Group, Tolerance, unknowns_of
 from windsysid.statespace.parameter import Parameter
 from windsysid.turbine.tables import parse_turbine
@@ -25,15 +26,9 @@ if TYPE_CHECKING:
     import h5netcdf
 
 __all__ = [
-    "Conditions",
-    "Posterior",
-    "load_posterior",
-    "opened",
-    "read_parameters",
-    "read_statistics",
-    "read_tolerances",
-    "section_name",
-]
+    "Conditions", "Posterior", "load_posterior", "opened", "read_parameters", "read_statistics", "read_tolerances",
+    "section_name", "unusable_among",
+]  # fmt: skip
 
 
 SIGMAS = 2.0
@@ -95,7 +90,7 @@ class Posterior(NamedTuple):
         What is known within tolerances only. Masses are none of it in a posterior that was read or made of a result:
         a vibration shows ratios to masses, and those of the turbine are taken as right.
     unusable
-        Coefficients of grade C; none where grades are not known.
+        Coefficients of grade C, each with the code of its reason (`unusable_among`).
     """
 
     turbine: Turbine
@@ -111,7 +106,7 @@ class Posterior(NamedTuple):
     statistics: tuple[Statistic, ...] = ()
     joint_cov: Array | None = None
     tolerances: tuple[Tolerance, ...] = ()
-    unusable: tuple[str, ...] = ()
+    unusable: Mapping[str, str] = {}
 
     def given(self, *groups: Group) -> "Posterior":
         """The same given that instruments or masses of these groups, of all by default, are as their files say.
@@ -174,15 +169,25 @@ def load_posterior(folder: str | Path) -> Posterior:
         cov = file["cov"][...]
         joint_cov = file["joint_cov"][...] if learned and "joint_cov" in file else None
         tolerances = read_tolerances(file)
-        estimates = parse_json(file.attrs["result"])["estimates"] if "result" in file.attrs else []
+        said = parse_json(file.attrs["result"]) if "result" in file.attrs else {}
     turbine = parse_turbine(text, str(Path(folder) / "identification.nc"))
     theta = np.array([q.coordinate(value) for q, value in zip(parameters, estimate, strict=True)])
+    grades = {q.name: "" for q in parameters} | {one["name"]: one.get("grade", "") for one in said.get("estimates", [])}
     identified = turbine.with_values({q.name: value for q, value in zip(parameters, estimate, strict=True)})
     return Posterior(
         identified, parameters, theta, cov, record, bool(trusted), conditions,
         start, found, section=(begun, ended), statistics=learned, joint_cov=joint_cov, tolerances=tolerances,
-        unusable=tuple(one["name"] for one in estimates if one.get("grade") == "C"),
+        unusable=unusable_among(grades, [read_finding(one) for one in said.get("findings", [])], trusted=bool(trusted)),
     ).given("masses")  # fmt: skip
+
+
+def unusable_among(grades: Mapping[str, str], findings: Sequence[Finding], *, trusted: bool) -> dict[str, str]:
+    """Return the coefficients of grade C, each with the code of a reason that names it, or else of one that names none.
+    Without a grade, a coefficient is C where the result is not trusted."""
+    reasons = [one for one in findings if one.severity == "reason"]
+    named = {name: one.code for one in reversed(reasons) for name in one.quantities}
+    other = next((one.code for one in sorted(reasons, key=lambda one: bool(one.quantities))), "not_trusted")
+    return {name: named.get(name, other) for name, grade in grades.items() if grade == "C" or not (grade or trusted)}
 
 
 @contextmanager

@@ -16,6 +16,7 @@ from windsysid.identification.verdict.conclude import conclude
 from windsysid.identification.verdict.grading import COVERED_BY_INTERVALS
 from windsysid.results.finding import Finding
 from windsysid.results.identification import Identification
+from windsysid.results.posterior import load_posterior, unusable_among
 from windsysid.results.sentences import SENTENCES
 from windsysid.results.tolerance import Tolerance
 from windsysid.simulation.record import simulate_record
@@ -205,6 +206,33 @@ def test_grades_are_saved_and_come_back(tmp_path: Any):
     again = Saved(**read_fields(tmp_path))
     assert [one.grade for one in again.estimates] == ["B"] * 4
     assert [mode.grades for mode in again.modes] == [mode.grades for mode in made.modes]
+
+
+def test_a_c_has_the_code_of_the_reason_that_names_it_or_of_one_that_names_none():
+    named = Finding("prior_conflict", "reason", {"sigmas": 6.0}, ("c_y",))
+    other, remark = Finding("blades_locked_unseen", "reason"), Finding("bands_suppose_wind", "remark", {}, ("k_x",))
+    grades = {"k_x": "C", "c_y": "C", "k_y": "B", "c_x": "A"}
+    assert unusable_among(grades, [remark, named, other], trusted=False) == {
+        "k_x": "blades_locked_unseen", "c_y": "prior_conflict",
+    }  # fmt: skip
+    assert unusable_among({"k_x": "C"}, [named], trusted=False) == {"k_x": "prior_conflict"}
+    assert unusable_among({"k_x": "", "k_y": "A"}, [], trusted=False) == {"k_x": "not_trusted"}
+    assert unusable_among({"k_x": ""}, [remark], trusted=True) == {}
+
+
+def test_a_saved_result_says_which_coefficients_are_c_and_why(tmp_path: Any):
+    made = identify(simulate_record("tower", duration=300.0, rate=4.0, seed=2), "tower", loads="broadband")
+    bad = Finding("prior_conflict", "reason", {"sigmas": 6.0}, ("c_fore_aft",))
+    for folder, grades, expected in (
+        ("new", {"c_fore_aft": "C"}, {"c_fore_aft": "prior_conflict"}),
+        ("old", dict.fromkeys(NAMES, ""), dict.fromkeys(NAMES, "prior_conflict")),
+    ):
+        found = replace(
+            made, diagnosis=replace(made.diagnosis, findings=(bad,)),
+            estimates=tuple(replace(one, grade=grades.get(one.name, "A")) for one in made.estimates),
+        )  # fmt: skip
+        found.save(tmp_path / folder)
+        assert found.posterior.unusable == load_posterior(tmp_path / folder).unusable == expected
 
 
 def test_what_intervals_hold_are_findings():

@@ -58,8 +58,21 @@ def result(
         row |= {"status": "refused", "why": why, "parameters": [], "modes": [], "statistics": [], "covariance": []}
         row |= {"trusted": None}
         return Result(name, window, window + WINDOW, window + WINDOW + 31 * SECOND, row, (), b"")
+    for one in row["parameters"]:
+        one["grade"] = "A"
+    for mode in row["modes"]:
+        mode |= {"frequency_grade": "A", "damping_ratio_grade": "A"}
+    if name == "T01" and (share > 0.98 or rng.random() < 0.1):
+        row |= {"trusted": False, "reasons": ["a narrow band of the load at 0.31 Hz may be part of the fore-aft mode"]}
+        for one in row["parameters"]:
+            one["grade"] = {"k_fore_aft": "B", "c_fore_aft": "C"}.get(one["name"], "A")
+        row["modes"][1] |= {"frequency_grade": "B", "damping_ratio_grade": "C"}
     if name == "T03" and share > 0.97:
         row |= {"trusted": False, "reasons": ["the model does not explain blade_2_lag_acceleration"]}
+        for one in row["parameters"]:
+            one["grade"] = "C"
+        for mode in row["modes"]:
+            mode |= {"frequency_grade": "C", "damping_ratio_grade": "C"}
     for one in row["parameters"]:
         factor = math.exp(one["std"] / abs(one["estimate"]) * 0.8 * rng.standard_normal())
         if one["name"].startswith("c_"):
@@ -104,7 +117,7 @@ class _Watch:
         return SeriesLevel(
             one["name"], one["unit"], one["name"][0], y, one["low"], one["high"],
             level, None if level is None else level - spread, None if level is None else level + spread,
-            0.0 if level is None else statistic, 14.0,
+            0.0 if level is None else statistic, 14.0, one["grade"],
         )  # fmt: skip
 
 

@@ -50,6 +50,40 @@ def test_a_turbine_says_what_is_known_of_it(client):
     assert mode["distance"] == pytest.approx(1.0 - one["frequency"] / mode["frequency"])
 
 
+def test_the_grade_behind_each_number_is_told(client):
+    found = client.get("/api/turbines/T01").json()
+    grades = found["summary"]["grades"]
+    assert (found["summary"]["trusted"], found["summary"]["verdict"]) == (False, "steady")
+    assert found["summary"]["answer"].endswith("Grade C in the newest estimate, and not followed: c_fore_aft.")
+    assert [name for name in grades if grades[name] == "C"] == ["c_fore_aft", "tower fore-aft damping ratio"]
+    assert grades["k_side_side"] == grades["tower side-side frequency"] == "A"
+    mode = next(one for one in found["newest"]["modes"] if one["name"] == "tower fore-aft")
+    assert (mode["frequency_grade"], mode["damping_ratio_grade"]) == ("B", "C")
+    assert [one["grade"] for one in found["newest"]["budget"]] == ["A", "A", "B", "C"]
+    series = client.get("/api/turbines/T01/levels").json()["series"]
+    assert {one["name"]: one["grade"][-1] for one in series} == {
+        "k_side_side": "A", "c_side_side": "A", "k_fore_aft": "B", "c_fore_aft": "C",
+    }  # fmt: skip
+    track = client.get("/api/turbines/T01/results").json()["modes"][1]
+    assert {"A", "C"} <= set(track["damping_ratio_grade"])
+    assert client.get("/api/turbines/T03").json()["summary"]["trusted"] is False
+    assert 'windsysid_turbine_unusable{turbine="T01"} 2' in client.get("/metrics").text
+
+
+@pytest.mark.parametrize(("trusted", "grade"), [(True, "A"), (False, "C")])
+def test_results_of_a_version_without_grades_are_shown(trusted, grade):
+    store = open_store(":memory:")
+    row = {
+        "status": "ok", "trusted": trusted, "reasons": ["a burst"], "parameters": [{"name": "k_x"}],
+        "modes": [{"name": "m", "frequency": 1.0}],
+    }  # fmt: skip
+    store.submit(Commit(results=[Result("T", 0, 1, 1, row, [], b"")])).result(60)
+    summary = TestClient(app(store), base_url=OWN).get("/api/turbines/T").json()["summary"]
+    assert summary["grades"] == dict.fromkeys(("k_x", "m frequency", "m damping ratio"), grade)
+    assert summary["verdict"] == ("learning" if trusted else "unsure")
+    store.close()
+
+
 def test_the_budget_splits_variances_as_the_row_has_them(client):
     for share in client.get("/api/turbines/T02").json()["newest"]["budget"]:
         assert share["loads"] > 0.0
@@ -136,7 +170,7 @@ def test_an_acknowledgement_is_kept_and_the_first_one_counts(client):
 def test_metrics_escape_names_and_count_verdicts(client):
     text = client.get("/metrics").text
     assert 'windsysid_turbines{verdict="moved"} 1' in text
-    assert 'windsysid_turbine_trusted{turbine="T01"} 1' in text
+    assert 'windsysid_turbine_trusted{turbine="T02"} 1' in text
     assert text.endswith("\n")
 
 

@@ -13,7 +13,7 @@ import pytest
 from tests.live.store.conftest import Open
 from tests.live.store.things import SECOND, WINDOW, alarm, block, blocks, level, result, status
 from windsysid.errors import ConfigurationError, StoreError
-from windsysid.live.store import Keep, open_store, schema, sql_store
+from windsysid.live.store import Keep, encoding, open_store, schema, sql_store
 from windsysid.live.store.contents import Commit, Event, SensorHealth
 from windsysid.live.store.keep import DAY
 from windsysid.live.store.sql_store import SqlStore
@@ -75,6 +75,15 @@ def everything(store: SqlStore) -> dict[str, Any]:
         "checkpoint": store.checkpoint("T01"), "statuses": store.statuses(), "healths": store.healths(),
         "results": store.results("T01"), "levels": store.levels("T01"), "alarms": store.alarms(),
     }  # fmt: skip
+
+
+def test_levels_of_a_version_without_grades_are_read(store: SqlStore, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(encoding, "TEXTS", ("name", "unit", "kind"))
+    submit(store, Commit(results=[result(0)]))
+    monkeypatch.undo()
+    submit(store, Commit(results=[result(1)]))
+    found = dict(store.levels("T01")[::2])
+    assert found == {0: level()._replace(grade=""), WINDOW: level()}
 
 
 def test_a_commit_that_comes_twice_at_once_is_written_once(store: SqlStore):

@@ -22,7 +22,7 @@ def blocks(*numbers: int, window: int = 0, **options: Any) -> Commit:
 
 
 def level(name: str = "k_x", estimate: float | None = 1.1) -> SeriesLevel:
-    return SeriesLevel(name, "N/m", "k", estimate, None, 1.3, 0.1 + 0.2, 5e-324, 1e308, 2.5, float("inf"))
+    return SeriesLevel(name, "N/m", "k", estimate, None, 1.3, 0.1 + 0.2, 5e-324, 1e308, 2.5, float("inf"), "B")
 
 
 def result(number: int, turbine: str = "T01", text: str = "") -> Result:

@@ -38,6 +38,7 @@ def _of_turbines(overview: PageOverview) -> list[Metric]:
     counts = Counter(turbine.verdict for turbine in turbines)
     values: tuple[tuple[str, str, Callable[[TurbineSummary], float | None]], ...] = (
         ("turbine_trusted", "Whether the newest estimate is to be trusted.", lambda one: one.trusted),
+        ("turbine_unusable", "Newest numbers of grade C.", lambda one: list(one.grades.values()).count("C")),
         ("sample_timestamp_seconds", "When the newest sample was taken.", lambda one: _seconds(one.stream)),
         ("block_timestamp_seconds", "When the newest block came.", lambda one: _seconds(one.received)),
         ("window_timestamp_seconds", "End of the newest window that has a result.", lambda one: _seconds(one.until)),

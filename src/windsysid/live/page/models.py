@@ -15,11 +15,13 @@ Verdict = Literal["moved", "sensor", "silent", "unsure", "learning", "waiting", 
 """The answer to "is it as it was?", the worst first.
 
 ``moved``: a structural change was found. ``sensor``: a sensor has a fault. ``silent``: nothing comes, or too late.
-``unsure``: the newest estimate is not to be trusted or there is none. ``learning``: the watch does not know yet what is
+``unsure``: the newest window has no coefficient of grade A or B. ``learning``: the watch does not know yet what is
 usual. ``waiting``: no window has ended yet. ``steady``: as it was.
 """
 
 Numbers = list[float | None]
+
+Grade = Annotated[str, Field(description="A, B or C: docs/grades.md; empty where there is none")]
 
 
 class RequestProblem(BaseModel):
@@ -83,6 +85,7 @@ class TurbineSummary(BaseModel):
     window: Annotated[float | None, Field(description="begin of the newest window that has a result")]
     until: Annotated[float | None, Field(description="its end")]
     trusted: Annotated[bool | None, Field(description="of the newest result; null where there is none")]
+    grades: Annotated[dict[str, Grade], Field(description="of its coefficients, frequencies and damping ratios")] = {}
     reasons: Annotated[list[str], Field(description="why it is not trusted, or why there is no estimate")]
     windows_waiting: Annotated[int | None, Field(description="windows that ended and have no result yet")]
     behind: Annotated[float | None, Field(description="seconds since the oldest of them ended; 0 where none waits")]
@@ -131,9 +134,11 @@ class FoundMode(BaseModel):
     frequency: Annotated[float | None, Field(description="Hz")]
     frequency_low: float | None
     frequency_high: float | None
+    frequency_grade: Grade
     damping_ratio: Annotated[float | None, Field(description="1")]
     damping_ratio_low: float | None
     damping_ratio_high: float | None
+    damping_ratio_grade: Grade
     nearest: Annotated[str | None, Field(description="1P, or a multiple of the blades: 3P, 6P …")]
     distance: Annotated[float | None, Field(description="to it, as a share of the mode's frequency; negative below it")]
 
@@ -154,6 +159,7 @@ class BudgetShare(BaseModel):
     estimate: float | None
     low: float | None
     high: float | None
+    grade: Grade
     informed: Annotated[float | None, Field(description="share of the prior's variance that the data removed")]
     loads: Annotated[float | None, Field(description="share of the variance that knowing loads and noise would remove")]
     instruments: Annotated[
@@ -234,6 +240,7 @@ class SeriesHistory(BaseModel):
     estimate: Annotated[Numbers, Field(description="of the window alone")]
     low: Numbers
     high: Numbers
+    grade: Annotated[list[Grade], Field(description="of the estimate: the level follows A and B")]
     level: Annotated[Numbers, Field(description="as known after the window")]
     level_low: Numbers
     level_high: Numbers
@@ -255,9 +262,11 @@ class ModeTrack(BaseModel):
     frequency: Annotated[Numbers, Field(description="Hz")]
     frequency_low: Numbers
     frequency_high: Numbers
+    frequency_grade: list[Grade]
     damping_ratio: Annotated[Numbers, Field(description="1")]
     damping_ratio_low: Numbers
     damping_ratio_high: Numbers
+    damping_ratio_grade: list[Grade]
 
 
 class LoadTrack(BaseModel):

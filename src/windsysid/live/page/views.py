@@ -12,6 +12,7 @@ from windsysid._version import __version__
 from windsysid.checks.conditioning import hold
 from windsysid.configuration import parse_toml
 from windsysid.errors import StoreError
+from windsysid.fleet.rows import grade_of, grades_of
 from windsysid.live.engine_state import PageEngine, TurbineState
 from windsysid.live.page import models
 from windsysid.live.page.newest import Newest
@@ -120,11 +121,12 @@ def levels_of(found: Sequence[tuple[int, SeriesLevel]]) -> models.Levels:
     fields = (
         "estimate", "low", "high", "level", "level_low", "level_high", "statistic", "limit",
     )  # fmt: skip
-    columns: dict[str, dict[str, list[float | None]]] = {}
+    columns: dict[str, dict[str, list[Any]]] = {}
     shown: dict[str, SeriesLevel] = {}
     for window, level in found:
         if level.name not in columns:
-            columns[level.name] = {field: [None] * len(windows) for field in fields}
+            columns[level.name] = {field: [None] * len(windows) for field in fields} | {"grade": [""] * len(windows)}
+        columns[level.name]["grade"][at[window]] = level.grade
         for field in fields:
             columns[level.name][field][at[window]] = _number(getattr(level, field))
         shown[level.name] = level
@@ -167,7 +169,7 @@ def detail_of(result: Result) -> models.Detail:
         reasons=_texts(row, "reasons"), remarks=_texts(row, "remarks"), notes=_texts(row, "notes"),
         state=_text(row, "state", "unknown"), rotor_speed=_number(row.get("rotor_speed")),
         rate=_number(row.get("rate")), samples=row.get("samples"), formulation=_text(row, "formulation"),
-        modes=[_mode(mode, excitations) for mode in _rows(row, "modes")],
+        modes=[_mode(row, mode, excitations) for mode in _rows(row, "modes")],
         excitations=excitations,
         budget=_budget(row),
         health=[
@@ -213,8 +215,8 @@ def _summary(
     return models.TurbineSummary(
         name=name, verdict=verdict, answer=answer, state=known.state, rotor_speed=_number(known.rotor_speed),
         stream=_ms_or_none(known.stream), received=_ms_or_none(known.received), window=window, until=until,
-        trusted=_trusted(result), reasons=_reasons(row), windows_waiting=waiting, behind=behind, alarms=seen,
-        faults=faults,
+        trusted=_trusted(result), grades=grades_of(row), reasons=_reasons(row), windows_waiting=waiting, behind=behind,
+        alarms=seen, faults=faults,
     )  # fmt: skip
 
 
@@ -251,11 +253,18 @@ def _verdict_of_result(status: Status | None, waiting: int | None, result: Resul
     why = "; ".join(_reasons(result.row)) or "no reason is known"
     if result.row.get("status") != "ok":
         return "unsure", f"The newest window has no estimate: {why}."
-    if not result.row.get("trusted"):
-        return "unsure", f"The newest estimate is not to be trusted: {why}."
+    bad, known = _unusable(result.row), len(_rows(result.row, "parameters"))
+    if 0 < len(bad) == known:
+        return "unsure", f"No coefficient of the newest estimate can be used: {why}."
+    but = f" Grade C in the newest estimate, and not followed: {', '.join(bad)}." if bad else ""
     if not any(level.statistic > 0.0 for level in result.levels):
-        return "learning", "Nothing is watched yet: the service learns what is usual here."
-    return "steady", "As it was: nothing moved beyond what is usual."
+        return "learning", f"Nothing is watched yet: the service learns what is usual here.{but}"
+    return "steady", f"As it was: nothing moved beyond what is usual.{but}"
+
+
+def _unusable(row: Mapping[str, Any]) -> list[str]:
+    """Coefficients of grade C."""
+    return [str(one["name"]) for one in _rows(row, "parameters") if grade_of(row, one) == "C"]
 
 
 def _how_bad(summary: models.TurbineSummary) -> tuple[int, bool, int, str]:
@@ -279,19 +288,24 @@ def _reasons(row: Mapping[str, Any]) -> list[str]:
     return why + ([] if row.get("trusted") else _texts(row, "reasons"))
 
 
-def _mode(mode: Mapping[str, Any], excitations: Sequence[models.Excitation]) -> models.FoundMode:
+def _mode(
+    row: Mapping[str, Any], mode: Mapping[str, Any], excitations: Sequence[models.Excitation]
+) -> models.FoundMode:
     values = {key: _number(mode.get(key)) for key in _MODE_NUMBERS}
+    grades = {key: grade_of(row, mode, key) for key in _MODE_GRADES}
     frequency = values["frequency"]
     nearest, distance = None, None
     if frequency and excitations:
         at = min(excitations, key=lambda one: abs(one.frequency - frequency))
         nearest, distance = at.name, (frequency - at.frequency) / frequency
-    return models.FoundMode(name=_text(mode, "name"), **values, nearest=nearest, distance=distance)
+    return models.FoundMode(name=_text(mode, "name"), **values, **grades, nearest=nearest, distance=distance)
 
 
 _MODE_NUMBERS = (
     "frequency", "frequency_low", "frequency_high", "damping_ratio", "damping_ratio_low", "damping_ratio_high",
 )  # fmt: skip
+
+_MODE_GRADES = ("frequency_grade", "damping_ratio_grade")
 
 
 def _excitations(row: Mapping[str, Any]) -> list[models.Excitation]:
@@ -313,7 +327,7 @@ def _blades(row: Mapping[str, Any]) -> int | None:
 
 
 def _modes_over_time(rows: Sequence[Mapping[str, Any]]) -> list[models.ModeTrack]:
-    columns = _over_time(rows, "modes", _MODE_NUMBERS)
+    columns = _over_time(rows, "modes", _MODE_NUMBERS, _MODE_GRADES)
     return [models.ModeTrack(name=name, **found) for name, (found, _) in columns.items()]
 
 
@@ -327,17 +341,20 @@ def _loads_over_time(rows: Sequence[Mapping[str, Any]]) -> list[models.LoadTrack
 
 
 def _over_time(
-    rows: Sequence[Mapping[str, Any]], column: str, fields: Sequence[str]
-) -> dict[str, tuple[dict[str, list[float | None]], Mapping[str, Any]]]:
-    """A list column as lists by name and field, with the first entry of each name."""
-    found: dict[str, tuple[dict[str, list[float | None]], Mapping[str, Any]]] = {}
+    rows: Sequence[Mapping[str, Any]], column: str, fields: Sequence[str], grades: Sequence[str] = ()
+) -> dict[str, tuple[dict[str, list[Any]], Mapping[str, Any]]]:
+    """A list column as lists by name and field, numbers or grades, with the first entry of each name."""
+    found: dict[str, tuple[dict[str, list[Any]], Mapping[str, Any]]] = {}
     for i, row in enumerate(rows):
         for entry in _rows(row, column):
             name = _text(entry, "name")
             if name not in found:
-                found[name] = {field: [None] * len(rows) for field in fields}, entry
+                empty = {field: [None] * len(rows) for field in fields} | {key: [""] * len(rows) for key in grades}
+                found[name] = empty, entry
             for field in fields:
                 found[name][0][field][i] = _number(entry.get(field))
+            for key in grades:
+                found[name][0][key][i] = grade_of(row, entry, key)
     return found
 
 
@@ -357,7 +374,7 @@ def _budget(row: Mapping[str, Any]) -> list[models.BudgetShare]:
         models.BudgetShare(
             name=str(one["name"]), title=series_title(str(one["name"])), unit=unit_text(_text(one, "unit")),
             **{key: _number(one.get(key)) for key in ("estimate", "low", "high")},
-            informed=_number(one.get("informed_by_data")),
+            grade=grade_of(row, one), informed=_number(one.get("informed_by_data")),
             **{cause: _number(1.0 - known[i, i] / cov[i, i]) for cause, known in held.items()},
             rest=_number(rest[i, i] / cov[i, i]),
         )

@@ -89,6 +89,8 @@ class SeriesLevel(NamedTuple):
         As known after this window: what forgets.
     statistic, limit
         Of the test for a jump.
+    grade
+        Of the window's estimate, which the level does not follow if it is C; empty of noise, and of older windows.
     """
 
     name: str
@@ -102,6 +104,7 @@ class SeriesLevel(NamedTuple):
     level_high: float | None
     statistic: float
     limit: float
+    grade: str = ""
 
 
 class Result(NamedTuple):

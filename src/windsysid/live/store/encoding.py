@@ -15,7 +15,8 @@ from windsysid.live.store.contents import SeriesLevel
 __all__ = ["block_of", "columns_of", "levels_of", "pack_levels", "pack_row", "pack_text", "row_of"]
 
 NUMBERS = ("estimate", "low", "high", "level", "level_low", "level_high", "statistic", "limit")
-TEXTS = ("name", "unit", "kind")
+TEXTS = ("name", "unit", "kind", "grade")
+"""Windows of an older version have no grade."""
 
 
 def columns_of(block: Block) -> tuple[Any, ...]:
@@ -74,7 +75,7 @@ def row_of(content: bytes) -> dict[str, Any]:
 
 
 def pack_levels(levels: Sequence[SeriesLevel]) -> bytes:
-    """All series of one window: names, units and kinds, then their numbers; NaN stands for None."""
+    """All series of one window: names, units, kinds and grades, then their numbers; NaN stands for None."""
     head = pack_text([[getattr(level, key) for key in TEXTS] for level in levels]).encode()
     numbers = np.array([[_number(getattr(level, key)) for key in NUMBERS] for level in levels], dtype="<f8")
     return zlib.compress(len(head).to_bytes(4, "little") + head + numbers.tobytes(), 1)
@@ -86,7 +87,7 @@ def levels_of(content: bytes) -> list[SeriesLevel]:
     end = 4 + int.from_bytes(whole[:4], "little")
     numbers = np.frombuffer(whole, "<f8", offset=end).reshape(-1, len(NUMBERS)).tolist()
     return [
-        SeriesLevel(*texts, *(None if math.isnan(value) else value for value in values[:-2]), *values[-2:])
+        SeriesLevel(*texts[:3], *(None if math.isnan(one) else one for one in values[:-2]), *values[-2:], *texts[3:])
         for texts, values in zip(json.loads(whole[4:end]), numbers, strict=True)
     ]
 

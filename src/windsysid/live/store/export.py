@@ -132,7 +132,7 @@ def levels_dataset(store: SqlStore, turbine: str) -> "xr.Dataset":
                 times.append(window)
             named = series.setdefault(level.name, ({"units": level.unit or "1", "kind": level.kind}, [], []))
             named[1].append(len(times) - 1)
-            named[2].append(level[3:])
+            named[2].append(level[3:11])
     variables: dict[str, Any] = {}
     for name, (attrs, places, numbers) in series.items():
         values = np.full((len(times), 8), np.nan)

@@ -5,8 +5,8 @@ Rules, in their order:
 - **Drift.** What is said of a jump holds for a slow drift, which is a jump from what the level was weeks or months ago
   to what it is now. While it is open, its alarm is said anew where the drift became half as large again, or grave.
 - **Cause.** A jump of a sensor's noise is the sensor's. A jump of anything else is put down to a sensor first where a
-  noise jumped with it, where most results were trusted before and are not after, or where records have findings of
-  their channels since. Otherwise it is the structure.
+  noise jumped with it, where most estimates of it had grade A or B before and have not after, or where records have
+  findings of their channels since. Otherwise it is the structure.
 - **Severity.** ``alarm``: the structure lost, by the whole of its ±2σ band, at least `GRAVE_LOSS`. ``warning``: any
   other jump. ``notice``: a jump that took back an earlier one.
 - **End.** An alarm ends when the level has come back: when its ±2σ band lies nearer to the level before than half of
@@ -22,7 +22,7 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 from typing import Literal, NamedTuple
 
-from windsysid.fleet.rows import Row
+from windsysid.fleet.rows import Row, grade_of
 from windsysid.live.store.contents import Alarm, Severity
 from windsysid.live.watch.series_words import said_with_name
 from windsysid.live.watch.slow_drifts import Drifted
@@ -83,15 +83,15 @@ class Circumstances(NamedTuple):
         Sensors' noises that jumped with it.
     hears
         Whether any noise is watched.
-    lost_trust, lost_health
-        Whether results were trusted, or channels without findings, before it and not after.
+    lost_grade, lost_health
+        Whether most estimates had grade A or B, or channels were without findings, before it and not after.
     changed
         Whether the turbine's settings or the version of windsysid changed with it.
     """
 
     noisy: Sequence[str]
     hears: bool
-    lost_trust: bool
+    lost_grade: bool
     lost_health: bool
     changed: bool
 
@@ -162,7 +162,7 @@ def _cause(watched: Watched, about: Circumstances) -> tuple[Literal["structure",
         return "sensor", HEARD
     if about.noisy:
         return "sensor", f"{SENSOR}: {' and '.join(map(said_with_name, about.noisy))} changed with it"
-    if about.lost_trust:
+    if about.lost_grade:
         return "sensor", f"{SENSOR}: {UNEXPLAINED}"
     if about.lost_health:
         return "sensor", f"{SENSOR}: records have findings since"
@@ -201,6 +201,8 @@ def why_blind(row: Row | None) -> str:
         return f"windows are {row['status']}: {' '.join(str(row['why']).split())[:120]}"
     if row["state"] == "transient":
         return "the rotor starts or stops in every window"
+    if row["parameters"] and all(grade_of(row, one) == "C" for one in row["parameters"]):
+        return f"all coefficients have grade C: {'; '.join(row['reasons'])[:120]}"
     return f"windows of a turbine that is {row['state']} lack SCADA, or there were too few of them to learn from"
 
 

@@ -12,11 +12,10 @@ __all__ = ["NO_WINDOWS", "KeptWindows", "WatchState"]
 
 
 class KeptWindows(NamedTuple):
-    """The windows that are kept (n,): their starts, states, whether trusted and without findings, and (n, 4)."""
+    """The windows that are kept (n,): their starts, states, whether without findings, and conditions (n, 4)."""
 
     time: NDArray[np.int64]
     state: NDArray[np.int8]
-    trusted: NDArray[np.bool_]
     sound: NDArray[np.bool_]
     conditions: NDArray[np.float32]
 
@@ -27,17 +26,15 @@ class KeptWindows(NamedTuple):
     def and_then(self, time: int, row: Row | None) -> "KeptWindows":
         """With one more; None where it is missing."""
         if row is None:
-            newest: tuple[Any, ...] = (time, NONE, False, False, np.full(self.conditions.shape[1], np.nan))
+            newest: tuple[Any, ...] = (time, NONE, False, np.full(self.conditions.shape[1], np.nan))
         else:
-            newest = (time, state_of(row), bool(row["trusted"]), not row["health"], conditions_of(row))
+            newest = (time, state_of(row), not row["health"], conditions_of(row))
         parts: tuple[NDArray[Any], ...] = self
         new = (np.array([one], dtype=part.dtype) for one, part in zip(newest, parts, strict=True))
         return KeptWindows._make(np.concatenate(both) for both in zip(parts, new, strict=True))
 
 
-NO_WINDOWS = KeptWindows(
-    np.empty(0, np.int64), np.empty(0, np.int8), np.empty(0, bool), np.empty(0, bool), np.empty((0, 4), np.float32)
-)
+NO_WINDOWS = KeptWindows(np.empty(0, np.int64), np.empty(0, np.int8), np.empty(0, bool), np.empty((0, 4), np.float32))
 
 
 class WatchState(NamedTuple):

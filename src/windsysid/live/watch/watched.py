@@ -3,12 +3,12 @@
 import math
 from typing import NamedTuple
 
-from windsysid.fleet.rows import Row
+from windsysid.fleet.rows import Row, grade_of
 from windsysid.mechanics.rotor import MEAN_LAG
 from windsysid.mechanics.sensors import noise_source
 from windsysid.results.posterior import SIGMAS
 
-__all__ = ["Watched", "band_of", "in_coordinates_of", "said_of"]
+__all__ = ["Said", "Watched", "band_of", "in_coordinates_of", "said_of"]
 
 
 class Watched(NamedTuple):
@@ -28,8 +28,22 @@ class Watched(NamedTuple):
             return math.inf
 
 
-def said_of(row: Row) -> dict[Watched, tuple[float, float]]:
-    """What a row says of each series, in filter coordinates, and its standard deviation."""
+class Said(NamedTuple):
+    """Estimate of a series by one window, in filter coordinates, its standard deviation, and its grade; empty of noise,
+    which has none."""
+
+    theta: float = math.nan
+    std: float = math.nan
+    grade: str = ""
+
+    @property
+    def usable(self) -> "Said":
+        """The same, or nothing of grade C."""
+        return Said() if self.grade == "C" else self
+
+
+def said_of(row: Row) -> dict[Watched, Said]:
+    """What a row says of each series."""
     if row["status"] != "ok":
         return {}
     found = {}
@@ -39,11 +53,12 @@ def said_of(row: Row) -> dict[Watched, tuple[float, float]]:
             continue
         reference = float(one["prior_centre"] if logarithmic else one["coordinate_scale"])
         kind = "c" if one["kind"] == "damping" else "k"
-        found[Watched(name, one["unit"], kind, logarithmic, reference)] = (float(one["own"]), float(one["own_std"]))
+        said = Said(float(one["own"]), float(one["own_std"]), grade_of(row, one))
+        found[Watched(name, one["unit"], kind, logarithmic, reference)] = said
     for one in row["statistics"]:
         if noise_source(one["name"]) and all(map(_is_positive, (one["estimate"], one["low"], one["high"]))):
             std = math.log(one["high"] / one["low"]) / (2.0 * SIGMAS)
-            found[Watched(one["name"], one["unit"], "noise", True, 1.0)] = (math.log(one["estimate"]), std)
+            found[Watched(one["name"], one["unit"], "noise", True, 1.0)] = Said(math.log(one["estimate"]), std)
     return found
 
 
@@ -51,15 +66,16 @@ def _is_positive(value: float | None) -> bool:
     return value is not None and 0.0 < value < math.inf
 
 
-def in_coordinates_of(known: Watched, one: Watched, theta: float, std: float) -> tuple[float, float]:
+def in_coordinates_of(known: Watched, one: Watched, said: Said) -> Said:
     """What a row says in the coordinates of a series that is known: another prior has another reference."""
+    theta, std, grade = said
     if one.logarithmic and known.logarithmic:
-        return theta + math.log(one.reference / known.reference), std
+        return Said(theta + math.log(one.reference / known.reference), std, grade)
     value = one.value(theta)
     slope = abs(value if one.logarithmic else one.reference)
     if known.logarithmic:
-        return (math.log(value / known.reference), std * slope / value) if value > 0.0 else (math.nan, math.nan)
-    return value / known.reference, std * slope / abs(known.reference)
+        return Said(math.log(value / known.reference), std * slope / value, grade) if value > 0.0 else Said()
+    return Said(value / known.reference, std * slope / abs(known.reference), grade)
 
 
 def band_of(one: Watched, theta: float, std: float) -> tuple[float | None, float | None, float | None]:

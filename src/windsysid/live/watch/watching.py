@@ -4,7 +4,7 @@ A row gives a block of each series: of a coefficient what the window says withou
 was found. Each is followed by `windsysid.monitoring.levels.following`, through the conditions of
 `windsysid.live.windows.conditions`; what jumped, or drifted (`windsysid.live.watch.slow_drifts`), becomes an alarm by
 the rules of `windsysid.live.watch.alarms`. Windows that are refused, failed, transient or missing are blocks without an
-estimate: the level wanders on, its band widens.
+estimate, and so are coefficients of grade C: the level wanders on, its band widens.
 """
 
 import math
@@ -41,7 +41,7 @@ from windsysid.live.watch.slow_drifts import (
     remembered,
 )
 from windsysid.live.watch.watch_state import NO_WINDOWS, WatchState
-from windsysid.live.watch.watched import Watched, band_of, in_coordinates_of, said_of
+from windsysid.live.watch.watched import Said, Watched, band_of, in_coordinates_of, said_of
 from windsysid.live.windows.conditions import NONE, covariates_of, learn_standards
 from windsysid.monitoring.levels.following import LET_GO_BLOCKS, MAX_KEPT_BLOCKS, Kept, LevelFollower, Now
 from windsysid.monitoring.levels.jumps import threshold
@@ -130,7 +130,7 @@ class Watching:
                 self._block(last + (k + 1) * step, None)
         said, now = self._block(window, row)
         alarms = self._alarms(now, window + step, drifts=self._windows_so_far // TEST_EVERY_BLOCKS > tested)
-        levels = tuple(self._level(name, said.get(name), now[name]) for name in now)
+        levels = tuple(self._level(name, said.get(name, Said()), now[name]) for name in now)
         return Taken(levels, alarms, self.checkpoint())
 
     def checkpoint(self) -> bytes:
@@ -154,7 +154,7 @@ class Watching:
             return np.zeros((len(state), 1))
         return covariates_of(self._state.standards, state, conditions)
 
-    def _block(self, window: int, row: Row | None) -> tuple[dict[str, tuple[float, float]], dict[str, Now]]:
+    def _block(self, window: int, row: Row | None) -> tuple[dict[str, Said], dict[str, Now]]:
         """A window, or one that is missing: what it says of each series, and where these stand."""
         said = {} if row is None else said_of(row)
         for one in said:
@@ -162,17 +162,20 @@ class Watching:
                 kept = LevelFollower.beginning(len(self._windows.time), self._state.let_go)
                 self._watched[one.name] = one
                 self._followers[one.name] = self._follower(one, kept)
-        own = {one.name: in_coordinates_of(self._watched[one.name], one, *value) for one, value in said.items()}
+        own = {one.name: in_coordinates_of(self._watched[one.name], one, value) for one, value in said.items()}
         self._windows = self._windows.and_then(window, row)
         takes = bool(self._windows.state[-1] != NONE)
         for name, follower in self._followers.items():
-            follower.append(*(own.get(name, _NOTHING) if takes else _NOTHING))
+            follower.append(*(own.get(name, Said()).usable if takes else Said())[:2])
         learning = self._count(row, takes)
         newest = self._covariates(1)
         limit = self._limit() if self._state.taken >= self.options.learn else math.inf
         now = {name: self._advance(name, learning, newest, limit) for name in self._followers}
-        self._see(window, row, newest, any(math.isfinite(follower.kept.y[-1]) for follower in self._followers.values()))
+        self._see(window, row, newest, any(math.isfinite(one.kept.y[-1]) for one in self._coefficients()))
         return own, now
+
+    def _coefficients(self) -> list[LevelFollower]:
+        return [one for one in self._followers.values() if one.kind != "noise"]
 
     def _advance(self, name: str, learning: bool | None, newest: Array, limit: float) -> Now:
         """Take the newest window into a series; `learning` is what `_count` gave."""
@@ -233,11 +236,11 @@ class Watching:
         rate = 0.5 * self.options.alarms_per_year / max(1, len(self._followers))
         return threshold(rate * self.options.window / YEAR)
 
-    def _level(self, name: str, said: tuple[float, float] | None, now: Now) -> SeriesLevel:
+    def _level(self, name: str, said: Said, now: Now) -> SeriesLevel:
         one = self._watched[name]
-        window = band_of(one, *(said or (math.nan, math.nan)))
+        window = band_of(one, said.theta, said.std)
         level = band_of(one, now.level, math.hypot(now.std, now.shared))
-        return SeriesLevel(name, one.unit, one.kind, *window, *level, now.statistic, self._limit())
+        return SeriesLevel(name, one.unit, one.kind, *window, *level, now.statistic, self._limit(), said.grade)
 
     # what is said of it
 
@@ -351,7 +354,7 @@ class Watching:
         return Circumstances(
             [other for other in dict.fromkeys(noisy) if other != name],
             any(one.kind == "noise" for one in self._watched.values()),
-            was_lost(self._windows.trusted[known], here),
+            was_lost(np.isfinite(self._followers[name].kept.y)[known], here),
             was_lost(self._windows.sound[known], here),
             changed is not None and when[0] <= changed <= when[2],
         )
@@ -378,8 +381,6 @@ class Watching:
 
 
 _PLACES = ("earliest", "latest", "found")
-
-_NOTHING = math.nan, math.nan
 
 
 def _measured_again(case: AlarmCase, found: dict[tuple[str, int], Jump]) -> AlarmCase:

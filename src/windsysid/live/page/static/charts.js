@@ -12,7 +12,7 @@ const PALETTE = ["--accent", "--warning", "--good", "--notice", "--alarm"];
 
 // What a chart shows:
 //   title, unit, about (a sentence), windows [ms]
-//   points: [{ name, values, low, high }]   dots with whiskers
+//   points: [{ name, values, low, high, hollow }]   dots with whiskers; hollow ones are not to be used
 //   lines:  [{ name, values, low, high, dashed }]
 //   marks:  [{ from, to, text }]             jumps
 //   logarithmic
@@ -71,7 +71,7 @@ export class Chart {
     const named = (one, i) => h("li", {}, key(one.colour ?? PALETTE[i % PALETTE.length], one.dashed), one.name + (one.low && !one.dashed ? " ± 2σ" : ""));
     return [
       ...(this.shown.lines ?? []).map(named),
-      ...(this.shown.points ?? []).map((one) => h("li", {}, h("span", { "aria-hidden": "true" }, "• "), `${one.name}${one.low ? " ± 2σ" : ""}`)),
+      ...(this.shown.points ?? []).map((one) => h("li", {}, h("span", { "aria-hidden": "true" }, one.hollow ? "○ " : "• "), `${one.name}${one.low ? " ± 2σ" : ""}`)),
       ...marks,
     ];
   }
@@ -86,7 +86,8 @@ export class Chart {
       data.push(scale(one.values));
       const paint = colour(one.colour ?? (points.length > 1 ? PALETTE[i % PALETTE.length] : "--point"));
       const many = windows.length > WHISKERS && lines.length > 0;
-      series.push({ stroke: paint, width: 0, alpha: many ? 0.55 : 1, points: { show: true, size: many ? 3 : 4, fill: paint, stroke: paint }, paths: () => null });
+      const size = one.hollow ? 6 : many ? 3 : 4;
+      series.push({ stroke: paint, width: 0, alpha: many ? 0.55 : 1, points: { show: true, size, fill: one.hollow ? colour("--page") : paint, stroke: paint }, paths: () => null });
     });
     lines.forEach((one, i) => {
       const paint = colour(one.colour ?? PALETTE[i % PALETTE.length]);
@@ -137,7 +138,7 @@ export class Chart {
   extent(low, high, logarithmic) {
     const { points = [], lines = [] } = this.shown;
     const all = lines.flatMap((one) => (one.dashed ? [] : [...one.values, ...(one.low ?? []), ...(one.high ?? [])])).filter((v) => v !== null);
-    for (const one of points) {
+    for (const one of points.filter((some) => !some.hollow)) {
       const sorted = one.values.filter((v) => v !== null).sort((a, b) => a - b);
       if (sorted.length) all.push(sorted[Math.floor(0.01 * (sorted.length - 1))], sorted[Math.ceil(0.99 * (sorted.length - 1))]);
     }
@@ -176,7 +177,7 @@ export class Chart {
   drawWhiskers(u, one, stroke) {
     const [from, to] = [u.scales.x.min * 1000, u.scales.x.max * 1000];
     const { windows } = this.shown;
-    const inside = windows.map((_, i) => i).filter((i) => windows[i] >= from && windows[i] <= to && one.low?.[i] !== null);
+    const inside = windows.map((_, i) => i).filter((i) => windows[i] >= from && windows[i] <= to);
     if (!one.low || inside.length > WHISKERS) return;
     const { ctx, bbox } = u;
     ctx.save();
@@ -187,7 +188,7 @@ export class Chart {
     ctx.strokeStyle = typeof stroke === "function" ? stroke() : stroke;
     ctx.lineWidth = devicePixelRatio;
     ctx.beginPath();
-    for (const i of inside) {
+    for (const i of inside.filter((at) => one.low[at] !== null)) {
       const x = u.valToPos(windows[i] / 1000, "x", true);
       ctx.moveTo(x, u.valToPos(one.low[i] * this.factor, "y", true));
       ctx.lineTo(x, u.valToPos(one.high[i] * this.factor, "y", true));

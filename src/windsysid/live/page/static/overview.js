@@ -1,7 +1,7 @@
 // All turbines, the worst first.
 
 import { badge, h, table } from "/static/dom.js";
-import { VERDICTS, plural, rpm, span, when } from "/static/words.js";
+import { VERDICTS, plural, rpm, span, usableOf, when } from "/static/words.js";
 
 export const pathOf = (name) => `#/turbine/${encodeURIComponent(name)}`;
 
@@ -75,7 +75,7 @@ function moreAlarms(one) {
 
 function estimate(one) {
   if (one.until === null) return "none yet";
-  const trust = one.trusted ? "trusted" : "not trusted";
+  const trust = one.trusted ? "trusted" : Object.keys(one.grades).length ? `${usableOf(one.grades)} usable` : "no estimate";
   return [h("div", {}, trust), h("div", { class: "quiet nowrap" }, when(one.until))];
 }
 

@@ -4,7 +4,7 @@ import { alarmList } from "/static/alarms.js";
 import { ask, turbinePath } from "/static/api.js";
 import { Chart } from "/static/charts.js";
 import { badge, h, show, table } from "/static/dom.js";
-import { VERDICTS, change, digits, percent, plural, rpm, span, when, withBand, zone } from "/static/words.js";
+import { VERDICTS, change, digits, graded, percent, plural, rpm, span, unusable, usable, usableOf, when, withBand, zone } from "/static/words.js";
 
 const HOUR = 3600e3;
 const RANGES = [["6 h", 6 * HOUR], ["1 day", 24 * HOUR], ["7 days", 168 * HOUR], ["30 days", 720 * HOUR], ["all", null]];
@@ -93,8 +93,9 @@ export class TurbineView {
 
   headPart() {
     const { summary, newest, at, counts } = this.page;
+    const bad = Object.keys(summary.grades).filter((name) => summary.grades[name] === "C");
     const facts = [
-      ["Can it be trusted?", summary.trusted === null ? "no estimate yet" : summary.trusted ? "yes, the newest estimate" : "no, not the newest estimate"],
+      ["Can it be trusted?", summary.trusted === null ? "no estimate yet" : summary.trusted ? "yes, the newest estimate" : bad.length ? `${usableOf(summary.grades)} of the newest estimate` : "no, not the newest estimate"],
       ["Rotor", [summary.state, summary.rotor_speed === null ? "" : `, ${rpm(summary.rotor_speed)}`]],
       ["Newest estimate", summary.until === null ? "none yet" : [h("span", { class: "quiet" }, "window until "), when(summary.until)]],
       ["Newest block", summary.received === null ? "none yet" : `${span(at - summary.received)} ago`],
@@ -107,6 +108,7 @@ export class TurbineView {
       h("h1", {}, this.name, " ", badge(VERDICTS[summary.verdict], summary.verdict)),
       h("p", { class: `note ${tone}` }, summary.answer),
       summary.reasons.length && !summary.answer.includes(summary.reasons[0]) ? h("p", { class: "note" }, `Not trusted: ${summary.reasons.join("; ")}.`) : null,
+      bad.length ? h("p", { class: "note" }, `Not to be used (grade C): ${bad.join(", ")}.`) : null,
       h("dl", { class: "facts" }, facts.map(([name, value]) => h("div", {}, h("dt", {}, name), h("dd", {}, value)))),
       summary.alarms.length ? [h("h2", {}, plural(summary.alarms.length, "open alarm")), alarmList(summary.alarms, this.role(), false)] : null,
       newest === null ? h("p", { class: "note" }, `No estimate yet: the first is here soon after the first window${this.page.window_length ? ` of ${span(1000 * this.page.window_length)}` : ""} has ended.${counts.samples ? ` ${plural(counts.samples, "sample")} came so far.` : ""}`) : null,
@@ -119,13 +121,13 @@ export class TurbineView {
     const watched = this.levels.series.map((series) => this.seriesRow(series));
     const modes = newest.modes.map((mode) => [
       mode.name,
-      withBand(mode.frequency, mode.frequency_low, mode.frequency_high, "Hz"),
-      mode.damping_ratio === null ? "not known" : withBand(100 * mode.damping_ratio, 100 * mode.damping_ratio_low, 100 * mode.damping_ratio_high, "%"),
+      graded(withBand(mode.frequency, mode.frequency_low, mode.frequency_high, "Hz"), mode.frequency_grade),
+      mode.damping_ratio === null ? "not known" : graded(withBand(100 * mode.damping_ratio, 100 * mode.damping_ratio_low, 100 * mode.damping_ratio_high, "%"), mode.damping_ratio_grade),
       mode.nearest === null ? "the rotor speed is not known" : `${mode.nearest}: the mode is ${percent(Math.abs(mode.distance))} ${mode.distance > 0 ? "above" : "below"}`,
     ]);
     return [
       h("h2", {}, "What is known now"),
-      watched.length ? table("All bands are ±2σ. The level is what all windows say together; it follows slow changes. The change is over the range that is shown below, from when the watch had learned.",
+      watched.length ? table("All bands are ±2σ. The level is what all windows of grade A and B say together; it follows slow changes. The change is over the range that is shown below, from when the watch had learned.",
         [["Coefficient"], ["Level", true], ["Newest window", true], ["Change", true], ["Test for a jump"]], watched, { stacked: true }) : null,
       modes.length ? h("h3", { class: "spaced" }, "Modes of the newest window") : null,
       modes.length ? table("±2σ; excitation by the rotor: 1P and multiples of the blades.",
@@ -144,7 +146,7 @@ export class TurbineView {
     return [
       series.title,
       last === undefined ? "not known yet" : withBand(series.level[last], series.level_low[last], series.level_high[last], series.unit),
-      own < 0 ? "says nothing" : withBand(series.estimate[own], series.low[own], series.high[own], series.unit),
+      own < 0 ? "says nothing" : graded(withBand(series.estimate[own], series.low[own], series.high[own], series.unit), series.grade[own]),
       first === undefined || first === last ? "–" : this.changeOf(series, first, last),
       share === null ? "learns what is usual" : [meter, ` ${share >= 1 ? "beyond its limit" : `at ${Math.round(100 * share)} % of its limit`}`],
     ];
@@ -225,7 +227,7 @@ export class TurbineView {
   seriesCharts(wanted) {
     return this.levels.series.filter(wanted).map((series) => ({
       title: capital(series.title), unit: series.unit, windows: this.levels.windows, marks: this.marksOf(series.name),
-      points: [{ name: "window", values: series.estimate, low: series.low, high: series.high }],
+      points: pointsOf(series.estimate, series.low, series.high, series.grade),
       lines: [{ name: "level", values: series.level, low: series.level_low, high: series.level_high }],
     }));
   }
@@ -242,10 +244,10 @@ export class TurbineView {
     const { windows, modes } = this.results;
     const times100 = (values) => values.map((v) => (v === null ? null : 100 * v));
     return modes.flatMap((mode) => [
-      { title: `Frequency, ${mode.name}`, unit: "Hz", windows, points: [{ name: "window", values: mode.frequency, low: mode.frequency_low, high: mode.frequency_high }] },
+      { title: `Frequency, ${mode.name}`, unit: "Hz", windows, points: pointsOf(mode.frequency, mode.frequency_low, mode.frequency_high, mode.frequency_grade) },
       {
         title: `Damping ratio, ${mode.name}`, unit: "%", windows,
-        points: [{ name: "window", values: times100(mode.damping_ratio), low: times100(mode.damping_ratio_low), high: times100(mode.damping_ratio_high) }],
+        points: pointsOf(times100(mode.damping_ratio), times100(mode.damping_ratio_low), times100(mode.damping_ratio_high), mode.damping_ratio_grade),
       },
     ]);
   }
@@ -262,7 +264,7 @@ export class TurbineView {
       charts.push({
         title: "Modes and what the rotor excites", unit: "Hz", windows, lines,
         about: "A mode that a dashed line crosses is excited at every turn.",
-        points: modes.map((mode) => ({ name: mode.name, values: mode.frequency })),
+        points: modes.map((mode) => ({ name: mode.name, values: usable(mode.frequency, mode.frequency_grade) })),
       });
     }
     return charts;
@@ -281,7 +283,7 @@ export class TurbineView {
       newest?.budget.length ? [h("h2", {}, "What makes the bands as wide as they are"),
         table("Of the newest window: by what share the variance would fall, if something were known exactly.",
           [["Coefficient"], ["Estimate", true], ["Loads and noise", true], ["Instruments and masses", true], ["Left: length of the window, prior", true], ["Told by the data", true]],
-          newest.budget.map((one) => [one.title, withBand(one.estimate, one.low, one.high, one.unit), percent(one.loads), percent(one.instruments), percent(one.rest), percent(one.informed)]), { stacked: true })] : null,
+          newest.budget.map((one) => [one.title, graded(withBand(one.estimate, one.low, one.high, one.unit), one.grade), percent(one.loads), percent(one.instruments), percent(one.rest), percent(one.informed)]), { stacked: true })] : null,
       newest ? this.windowPart(newest) : null,
       h("details", { id: "stream" }, h("summary", { id: "stream-title" }, "The stream since its first block"),
         table("Counts.", [["What"], ["How many", true]], Object.entries(counts).map(([name, count]) => [name, count.toLocaleString("en").replaceAll(",", "\u202f")])),
@@ -317,5 +319,11 @@ export class TurbineView {
       h("ul", {}, lines.map((text) => h("li", {}, text))));
   }
 }
+
+// Windows with their bands, and hollow, without a band, those of grade C.
+const pointsOf = (values, low, high, grades) => [
+  { name: "window", colour: "--point", values: usable(values, grades), low: usable(low, grades), high: usable(high, grades) },
+  ...(grades.includes("C") ? [{ name: "window of grade C", colour: "--point", hollow: true, values: unusable(values, grades) }] : []),
+];
 
 const capital = (text) => text.charAt(0).toUpperCase() + text.slice(1);

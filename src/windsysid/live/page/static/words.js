@@ -41,6 +41,19 @@ export function withBand(value, low, high, unit) {
   return `${text} ± ${half.toFixed(places)}${shown}`;
 }
 
+// A number with the grade behind it.
+export const graded = (text, grade) => (grade ? `${text}, grade ${grade}` : text);
+
+// Values but those of grade C, which are not to be used; or these alone.
+export const usable = (values, grades) => values.map((v, i) => (grades[i] === "C" ? null : v));
+export const unusable = (values, grades) => values.map((v, i) => (grades[i] === "C" ? v : null));
+
+// How many of the numbers of an estimate can be used: 5 of 8.
+export function usableOf(grades) {
+  const all = Object.values(grades).filter((grade) => grade);
+  return `${all.filter((grade) => grade !== "C").length} of ${plural(all.length, "number")}`;
+}
+
 export const percent = (share, count = 2) => (share === null ? "–" : `${digits(100 * share, count)} %`);
 
 // Signed, with as many places as its band has to say: 0.0312 ± 0.008 → +3.1 ± 0.8 %.
