@@ -19,12 +19,12 @@ from windsysid.output.progress import Progress, unheard
 from windsysid.records.coercion import RecordLike, as_record
 from windsysid.records.record import Record
 from windsysid.spectral.modal_bands.images import with_images
+from windsysid.spectral.modal_bands.load_peaks import with_load_odds
 from windsysid.spectral.modal_bands.part_scores import SEGMENTS
 from windsysid.spectral.oma.assemble import RecordAnalysis, result_of
 from windsysid.spectral.oma.clock_lag import aligned, clock_lags, lag_doubt
 from windsysid.spectral.oma.condition import Readings, prepare_readings, transforms
 from windsysid.spectral.oma.describe import described, named, with_references, without_skirts
-from windsysid.spectral.oma.load_peaks import with_load_odds
 from windsysid.spectral.oma.multi_setup import join
 from windsysid.spectral.oma.result import Doubt, OperationalModes
 from windsysid.spectral.oma.search import covered_note, modes_of, search_modes

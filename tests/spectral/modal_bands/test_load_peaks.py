@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.stats import beta
 
-from windsysid.spectral.oma.load_peaks import shape_ratio, with_load_odds
+from windsysid.spectral.modal_bands.load_peaks import shape_ratio, with_load_odds
 from windsysid.spectral.oma.result import Doubt, OperationalMode
 
-from .modes import mode
+from ..oma.modes import mode
 
 FIRST, SECOND = (0.3, 0.6, 1.0), (1.0, 0.6, -0.6)
 

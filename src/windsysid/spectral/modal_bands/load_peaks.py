@@ -20,7 +20,7 @@ from dataclasses import replace
 import numpy as np
 
 from windsysid._types import Array, Complex
-from windsysid.spectral.oma import limits
+from windsysid.spectral.modal_bands import limits
 from windsysid.spectral.oma.result import Doubt, OperationalMode
 
 __all__ = ["shape_ratio", "with_load_odds"]
