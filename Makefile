@@ -19,10 +19,10 @@ test: $(VENV)/.installed
 	@$(MAKE) --no-print-directory -j 2 lint tests
 
 kernels: $(VENV)/.installed
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/compile_kernels.py
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.compile_kernels
 
 tests: kernels
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile -q
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal -q
 
 test-all: lint
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile -q -m "slow or not slow"

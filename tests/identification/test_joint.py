@@ -196,11 +196,11 @@ def test_recorded_loads_are_inputs_and_the_others_states(verne555, driven):
 
 def test_without_blade_channels_the_blades_are_locked(verne555, driven):
     support = driven.select(["rotor_azimuth", "rotor_speed", "tower_x_acceleration", "tower_y_acceleration"])
-    result = identify(support.section(0.0, 30.0), verne555)
+    result = identify(support.section(0.0, 15.0), verne555, loads="broadband")
     assert [e.name for e in result.estimates] == ["k_x", "c_x", "k_y", "c_y"]
     assert only(result.findings, "coordinate_locked").data == {"coordinate": "lag"}
     assert sorted(mode.name for mode in result.modes) == ["tower x", "tower y"]
-    # This machine's blades are half its moving mass and do move: a load model rich enough hides it.
+    # This machine's blades are half its moving mass and do move: a load model rich enough hides it from innovations.
     assert "blades_locked_unseen" in codes(reasons(result))
 
 
@@ -274,7 +274,8 @@ def test_a_recursion_that_loses_its_way_costs_the_history_only(verne555, driven,
     ],
 )
 def test_time_that_is_counted_wrongly_shows_between_azimuth_and_speed(verne555, driven, factor, trusted):
-    result = identify(replace(driven, time=driven.time * factor), verne555)
+    part = driven.section(0.0, 20.0)
+    result = identify(replace(part, time=part.time * factor), verne555)
     assert result.diagnosis.trusted == trusted
     if not trusted:
         contradiction = only(reasons(result), "azimuth_contradicts_speed")
@@ -284,7 +285,7 @@ def test_time_that_is_counted_wrongly_shows_between_azimuth_and_speed(verne555, 
 def test_readings_in_another_unit_than_they_say_are_one_clear_error(verne555, driven, monkeypatch):
     thousandths = {name: (1e3 * driven[name], "rad/s^2") for name in driven.channels if name.startswith("blade")}
     with pytest.raises(WindsysidError, match="check units"):
-        identify(driven.with_channels(thousandths), verne555, loads="broadband")
+        identify(driven.with_channels(thousandths).section(0.0, 20.0), verne555, loads="broadband")
 
     def singular(*_):
         raise np.linalg.LinAlgError("Singular matrix")

@@ -35,7 +35,7 @@ def parked(tmp_path_factory: pytest.TempPathFactory) -> Turbine:
 
 @pytest.fixture(scope="module")
 def record(parked: Turbine) -> Record:
-    return simulate_record(parked, duration=60.0, rate=100.0, seed=4)
+    return simulate_record(parked, duration=30.0, rate=100.0, seed=4)
 
 
 def test_a_parked_machine_is_identified(parked: Turbine, record: Record, tmp_path: Path):

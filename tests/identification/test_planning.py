@@ -187,7 +187,7 @@ def test_a_plan_for_a_tower_holds_the_bands_that_spectra_will_have():
     """`auto` takes spectra of a tower, and filters' bands are narrower than theirs, by 30 % fore and aft."""
     tower = load_turbine("tower").exact()
     found = plan(tower, duration=600.0, rate=20.0, seed=50)
-    records = [simulate_record(tower, duration=600.0, rate=20.0, seed=seed) for seed in range(60, 66)]
+    records = [simulate_record(tower, duration=600.0, rate=20.0, seed=seed) for seed in range(60, 63)]
     results = [identify(record, tower) for record in records]
     assert {result.formulation for result in results} == {"spectral"}
     for name in ("k_side_side", "k_fore_aft"):
@@ -211,8 +211,9 @@ def test_a_plan_for_a_rotor_in_wind_knows_what_bands_leave_out():
     assert found.band("k_roll") > 0.03
 
 
-def test_what_is_known_in_time_is_not_said_to_be_known_never():
+def test_what_is_known_in_time_is_not_said_to_be_known_never(monkeypatch):
     """Tolerances limit stiffness for ever; after ten years their directions were rounded away, bands infinite."""
+    monkeypatch.setattr(planned_ways, "MAX_SIMULATED_SAMPLES", 10_000)
     found = plan("nrel5mw_full", duration=540.0, rate=25.0, formulation="joint")
     for name in found.asked:
         assert (found.band(name) <= found.within) == (found.needed(name) <= found.duration)

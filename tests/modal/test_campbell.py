@@ -166,7 +166,8 @@ def test_an_unstable_range_is_told(verne555: Turbine):
 
 
 def test_a_saved_result_gives_the_bands_of_the_one_in_memory(tmp_path: Path, verne555: Turbine):
-    result = identify(simulate_record(verne555, duration=20.0, rate=60.0, seed=2), verne555)
+    made = simulate_record(verne555, duration=20.0, rate=60.0, seed=2)
+    result = identify(made, verne555, formulation="joint", loads="broadband")
     result.save(tmp_path)
     loaded = load_posterior(tmp_path)
     assert loaded.turbine.rotor_speed == pytest.approx(verne555.rotor_speed)

@@ -72,7 +72,8 @@ def slow_candidates(at: Linearisation) -> list[RegressorCandidate]:
 
 def p_values(turbine: Turbine, seed: int) -> dict[tuple[str, str], float]:
     made = simulate_record(turbine, duration=DURATION, rate=RATE, seed=seed)
-    tests = score_tests(at_the_truth(turbine, made), slow_candidates(at_the_truth(turbine, made)))
+    at = at_the_truth(turbine, made)
+    tests = score_tests(at, slow_candidates(at))
     return {(one.candidate.code, one.candidate.channel): 10.0**one.log10_p for one in tests}
 
 

@@ -156,8 +156,8 @@ def fuzz_csv(folder, count, seed):
 
 
 def test_damaged_text_is_refused_or_read_as_it_stands(tmp_path):
-    read = fuzz_csv(tmp_path, 300, 1)
-    assert read > 50  # or nothing was tested
+    read = fuzz_csv(tmp_path, 165, 1)  # fifteen of each dialect
+    assert read > 27  # or nothing was tested
 
 
 @pytest.mark.slow
@@ -224,11 +224,11 @@ def fuzz_checked(folder, name, count, seed):
 
 def test_damaged_parquet_is_refused_or_what_was_written(tmp_path):
     pytest.importorskip("pyarrow", reason="the extra windsysid[parquet] is not installed")
-    fuzz_checked(tmp_path, ".parquet", 500, 2)
+    fuzz_checked(tmp_path, ".parquet", 250, 2)
 
 
 def test_damaged_netcdf_is_refused_or_what_was_written(tmp_path):
-    fuzz_checked(tmp_path, ".nc", 400, 3)
+    fuzz_checked(tmp_path, ".nc", 200, 3)
 
 
 @pytest.mark.slow
@@ -240,14 +240,15 @@ def test_many_more_damaged_binary_files(tmp_path, name, seed):
     fuzz_checked(tmp_path, name, 1000, 100 + seed)
 
 
-def test_damaged_packed_openfast_is_refused_or_decoded_as_it_stands(tmp_path):
+@pytest.mark.parametrize("count", [300, pytest.param(600, marks=pytest.mark.slow)])
+def test_damaged_packed_openfast_is_refused_or_decoded_as_it_stands(tmp_path, count):
     from tests.records.formats.test_formats import outb
 
     values = channels()[1]
     whole = outb(values, ["a", "b", "c"], ["(m)", "(rad)", "(-)"], scale=50.0)
     body = len(whole) - values.size * 2
     rng, read = np.random.default_rng(6), 0
-    for k in range(600):
+    for k in range(count):
         change = damage.BYTES[rng.integers(0, len(damage.BYTES))]
         data = change(whole, rng)
         path = write(tmp_path, data or b"\n", "x.outb")
@@ -265,18 +266,19 @@ def test_damaged_packed_openfast_is_refused_or_decoded_as_it_stands(tmp_path):
         except BaseException as error:
             error.add_note(f"{change.__name__}, file {k}")
             raise
-    assert read > 50
+    assert read > 25
     assert struct.unpack_from("<h", whole) == (2,)
 
 
-def test_damaged_openfast_text_is_refused_or_read_as_it_stands(tmp_path):
+@pytest.mark.parametrize("count", [250, pytest.param(500, marks=pytest.mark.slow)])
+def test_damaged_openfast_text_is_refused_or_read_as_it_stands(tmp_path, count):
     time, values = channels()
     head = "\nmade by hand\n\n\na test\n\nTime\ta\tb\tc\n(s)\t(m)\t(rad)\t(-)\n"
     rows = ["\t".join([f"{t:.2f}", *(f"{x:.3f}" for x in row)]) for t, row in zip(time, values, strict=True)]
     whole = (head + "\n".join(rows) + "\n").encode()
     rng, read = np.random.default_rng(7), 0
     changes = damage.BYTES + damage.LINES
-    for k in range(500):
+    for k in range(count):
         change = changes[rng.integers(0, len(changes))]
         data = change(whole, rng)
         path = write(tmp_path, data or b"\n", "x.out")
@@ -292,4 +294,4 @@ def test_damaged_openfast_text_is_refused_or_read_as_it_stands(tmp_path):
             error.add_note(f"{change.__name__}, file {k}")
             (tmp_path / "bad.out").write_bytes(data)
             raise
-    assert read > 50
+    assert read > 25

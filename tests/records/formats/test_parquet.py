@@ -90,15 +90,16 @@ def test_no_changed_bit_changes_a_file_of_windsysid(tmp_path, record):
     assert read < 30  # where the seal itself was hit, and all else is as it was
 
 
+@pytest.mark.parametrize("count", [400, pytest.param(1000, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("schema", [True, False])
-def test_a_changed_bit_changes_no_name_and_no_value_beyond_what_the_footer_says(tmp_path, schema):
+def test_a_changed_bit_changes_no_name_and_no_value_beyond_what_the_footer_says(tmp_path, schema, count):
     rng = np.random.default_rng(41)
     values = rng.standard_normal((500, 2))
     columns = {"time [s]": 0.01 * np.arange(500), "tower_x [m]": values[:, 0], "b": values[:, 1]}
     pa.parquet.write_table(pa.table(columns), tmp_path / "x.parquet", store_schema=schema)
     whole = (tmp_path / "x.parquet").read_bytes()
     good, read = read_record(tmp_path / "x.parquet"), 0
-    for at in rng.integers(4, len(whole), 1000):
+    for at in rng.integers(4, len(whole), count):
         data = bytearray(whole)
         data[at] ^= 1 << int(rng.integers(0, 8))
         found = read_or_refused(write(tmp_path, bytes(data), "y.parquet"))
@@ -106,7 +107,7 @@ def test_a_changed_bit_changes_no_name_and_no_value_beyond_what_the_footer_says(
             read += 1
             assert (found.channels, found.units) == (good.channels, good.units)
             assert np.nanmax(np.abs(found.values)) <= np.abs(good.values).max()
-    assert read > 300  # values that such a file has no checksum for
+    assert read > 0.3 * count  # values that such a file has no checksum for
 
 
 def read_or_refused(path):
