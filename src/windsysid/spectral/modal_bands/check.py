@@ -117,7 +117,8 @@ def _along_shape(found: BandFit, j: int) -> ModalFit:
 def _line_doubts(f: float, z: float, std_z: float, length: float, lines: Sequence[RemovedLine]) -> list[str]:
     found = []
     for line in lines:
-        reach = limits.LINE_HALF_WIDTHS if line.name == "line" else limits.HARMONIC_HALF_WIDTHS
+        wide = 0 < line.order <= limits.MAX_WIDE_HARMONIC
+        reach = limits.HARMONIC_HALF_WIDTHS if wide else limits.LINE_HALF_WIDTHS
         if abs(line.frequency - f) < line.half_width + reach * z * f:
             found.append(
                 f"{'a steady line' if line.name == 'line' else line.name} at {line.frequency:.4g} Hz stands on it"

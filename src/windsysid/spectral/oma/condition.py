@@ -24,11 +24,13 @@ __all__ = ["Readings", "RemovedLine", "prepare_readings", "transforms"]
 
 
 class RemovedLine(NamedTuple):
-    """A rotor harmonic or another sinusoid that was removed: its name, frequency and half-width [Hz]."""
+    """A rotor harmonic or another sinusoid that was removed: its name, frequency and half-width [Hz], and the order of
+    a harmonic, 0 for others."""
 
     name: str
     frequency: float
     half_width: float
+    order: int = 0
 
 
 class Readings(NamedTuple):
@@ -172,7 +174,7 @@ def _rotation_of(record: Record, high: float) -> _Rotation:
     once = abs(rotor.mean) / (2.0 * np.pi)
     width = 1.5 / record.duration
     harmonics = (
-        RemovedLine(f"{n}P", n * once, width + n * once * min(rotor.variation, 0.2 / n))
+        RemovedLine(f"{n}P", n * once, width + n * once * min(rotor.variation, 0.2 / n), n)
         for n in range(1, int(min(high / once, 60)) + 1)
     )
     doubts = (

@@ -262,9 +262,12 @@ class OperationalModes(Answer):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Causes of wider intervals, mode by mode."""
+        """Causes of wider intervals of modes that are to be used."""
         return tuple(
-            f"{mode.name}, {mode.frequency:.4g} Hz: {remark.text}" for mode in self.modes for remark in mode.remarks
+            f"{mode.name}, {mode.frequency:.4g} Hz: {remark.text}"
+            for mode in self.modes
+            for remark in mode.remarks
+            if mode.trusted
         )
 
     @property
