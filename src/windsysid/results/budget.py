@@ -7,7 +7,7 @@ over all orders in which causes become known (Shapley effects). Sources: Owen, S
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from itertools import combinations, permutations
+from itertools import chain, combinations, permutations
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -118,13 +118,7 @@ def budget_of(
     for at, one in enumerate(tolerances):
         places.setdefault(one.group, []).append(first + at)
     causes = tuple(cause for cause in CAUSES if places.get(cause))
-    zero = np.zeros(len(cov))
-    given = {
-        frozenset(known): hold(zero, cov, sorted(at for cause in known for at in places[cause]))[1]
-        for count in range(len(causes) + 1)
-        for known in combinations(causes, count)
-    }
-    found = []
+    given, found = _given({cause: places[cause] for cause in causes}, cov), []
     for name, slope, relative in rows:
         left = {known: max(float(slope @ rest @ slope), 0.0) for known, rest in given.items()}
         whole = left[frozenset()]
@@ -132,6 +126,12 @@ def budget_of(
             shares = tuple(_shapley(cause, causes, left) / whole for cause in causes)
             found.append(Share(name, 2.0 * math.sqrt(whole), relative, left[frozenset(causes)] / whole, shares))
     return Budget(causes, tuple(found))
+
+
+def _given(places: Mapping[str, Sequence[int]], cov: Array) -> dict[frozenset[str], Array]:
+    """Covariance (n, n) given each set of causes, whose unknowns have these places."""
+    zero, sets = np.zeros(len(cov)), chain.from_iterable(combinations(places, k) for k in range(len(places) + 1))
+    return {frozenset(known): hold(zero, cov, [at for one in known for at in places[one]])[1] for known in sets}
 
 
 def _shapley(cause: str, causes: Sequence[str], left: Mapping[frozenset[str], float]) -> float:

@@ -51,9 +51,10 @@ class Turbine:
     mass_tolerance
         Relative standard deviation of the mass, with all moments, of each body (`MechanicalModel.bodies`); 0: exactly
         known.
-    site, odds
-        Where it stands, and prior odds of effects that differ from those of `windsysid.identification.model.prior_odds`
-        by their codes.
+    site
+        Where it stands.
+    odds
+        Prior odds [1] of effects by their codes, in place of those of `windsysid.identification.model.prior_odds`.
     """
 
     name: str
