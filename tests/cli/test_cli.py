@@ -279,6 +279,7 @@ def test_output_that_cannot_be_written_is_refused_before_any_work(run, record, t
         ("identify", "x.csv", "--turbine", "verne555"),
         ("identify", "x.csv", "--output", "y"),
         ("identify", "x.csv", "--turbine", "verne555", "--output", "y", "--formulation", "both"),
+        ("identify", "x.csv", "--turbine", "verne555", "--output", "y", "--site", "lake"),
         ("identify", "x.csv", "--turbine", "verne555", "--output", "y", "--prior-scale", "much"),
         ("identify", "x.csv", "--turbine", "verne555", "--output", "y", "--section", "1"),
         ("simulate", "--turbine", "verne555", "--output", "x.csv", "--seed", "-1"),

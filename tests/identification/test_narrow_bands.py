@@ -42,6 +42,19 @@ def test_a_narrow_band_that_passed_for_a_mode_is_taken_into_account(monkeypatch:
     assert values["narrow_band_frequency"].low < 0.335 < values["narrow_band_frequency"].high
 
 
+def test_a_weak_sea_is_taken_for_waves_offshore_only(monkeypatch: pytest.MonkeyPatch):
+    """Waves of 3.3 s under a tower of 0.32 Hz: spectra explain the record as well without them, which shifts fore-aft
+    stiffness and damping."""
+    sea = Kind(loads=_narrow(0.3, 0.03, 0.16, 1))
+    onshore, off = towers(sea, 650010, monkeypatch, formulation="spectral")
+    assert off > 3.0
+    assert "narrow_band_load" not in codes(onshore.findings)
+    offshore, worst = towers(sea, 650010, monkeypatch, formulation="spectral", site="offshore")
+    assert only(offshore.findings, "narrow_band_load").data["frequency"] == pytest.approx(0.3, abs=0.01)
+    assert worst < 3.0
+    assert offshore.diagnosis.trusted
+
+
 def test_filters_take_it_into_account(monkeypatch: pytest.MonkeyPatch):
     found, worst = towers(NARROW, 650000, monkeypatch, formulation="joint")
     assert worst < 3.0

@@ -41,3 +41,18 @@ def test_the_budget_of_a_sum_of_independent_causes_adds_up():
     assert row.causes == pytest.approx([9.0 / 18.0, 1.0 / 18.0, 4.0 / 18.0])
     assert row.alone + sum(row.causes) == pytest.approx(1.0)
     assert "22 %" in str(found.table().rows)
+    (wide,) = found.widened({"y": (0.5, 0.25)}).rows  # of the variance of the model: 1.75 times in all
+    assert wide.two_sigma == pytest.approx(2.0 * np.sqrt(1.75 * 18.0))
+    assert wide.causes[-2:] == pytest.approx([0.5 / 1.75, 0.25 / 1.75])
+    assert wide.alone + sum(wide.causes) == pytest.approx(1.0)
+
+
+def test_shares_of_correlated_causes_add_up_whatever_their_order():
+    """Each alone would lower the variance by more than its share, or less; two causes alike have one share."""
+    slope, cov = np.array([1.0, 2.0, 1.0, 1.0]), gaussian(4)
+    tolerances = (Tolerance("gain", "a", 0.01), Tolerance("masses", "hub", 0.02))
+    (row,) = budget_of([("y", slope, True)], cov, slice(1, 2), tolerances).rows
+    assert row.alone + sum(row.causes) == pytest.approx(1.0)
+    alike = np.array([[2.0, 0.5, 0.5], [0.5, 1.0, 0.8], [0.5, 0.8, 1.0]])
+    (row,) = budget_of([("y", np.ones(3), True)], alike, slice(0, 0), tolerances).rows
+    assert row.causes[0] == pytest.approx(row.causes[1])

@@ -268,6 +268,9 @@ def test_blades_may_differ_and_be_given_by_their_moments(tmp_path: Path):
         (GOOD + "[prior]\nstiffness = 50\n", r"prior\.stiffness: .* got 50"),
         (GOOD + '[[sensor]]\nchannel = "a"\n', "sensor 1: 'quantity' is missing"),
         (GOOD + '[sensor]\nchannel = "a"\n', r"expected \[\[sensor\]\] tables"),
+        ('site = "lake"\n' + GOOD, r"site: .* 'onshore' or 'offshore', got 'lake'"),
+        (GOOD + "[odds]\nwaves = 0\n", r"odds\.waves: .* greater than 0, got 0"),
+        (GOOD + "[odds]\nwaves = inf\n", r"odds\.waves: .*got inf"),
         ("sensor = 3\n" + GOOD, r"expected \[\[sensor\]\] tables, one per channel, got 3"),
         ("", "'name' is missing"),
         ("no TOML at all", "expected TOML, got: "),
@@ -349,6 +352,19 @@ def test_a_wrong_tower_file_is_one_clear_line(tmp_path: Path, change: tuple[str,
     with pytest.raises(ConfigurationError, match=complaint) as caught:
         load_turbine(written(tmp_path, TOWER.replace(*change)))
     assert "\n" not in str(caught.value)
+
+
+def test_a_file_may_say_where_its_turbine_stands_and_what_is_likely_there(tmp_path: Path):
+    plain = load_turbine(written(tmp_path, TOWER))
+    assert (plain.site, plain.odds) == ("onshore", {})
+    assert not {"site", "odds"} & set(as_tables(plain))
+    found = load_turbine(written(tmp_path, 'site = "offshore"\n' + TOWER + "\n[odds]\nstep = 0.01\n"))
+    assert (found.site, found.odds) == ("offshore", {"step": 0.01})
+    write_turbine(found, tmp_path / "again.toml")
+    again = load_turbine(tmp_path / "again.toml")
+    assert (again.site, again.odds) == (found.site, found.odds)
+    assert plain.at("offshore").site == "offshore"
+    assert found.at(None) == found
 
 
 def test_a_locked_direction_may_have_no_damping(tmp_path: Path):

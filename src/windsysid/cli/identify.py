@@ -67,6 +67,12 @@ def identify(
         str,
         typer.Option(metavar="NAME", help="What the loads are taken for (docs/loads.md). auto: the record chooses;"),
     ] = "auto",
+    site: Annotated[
+        Literal["onshore", "offshore"] | None,
+        typer.Option(
+            metavar="NAME", help="offshore: waves are likely (docs/effects.md). As the turbine file says by default."
+        ),
+    ] = None,
     prior_scale: Annotated[float, typer.Option(help="Centre every prior this many times off its reference.")] = 1.0,
     add_noise: Annotated[
         float,
@@ -98,7 +104,7 @@ def identify(
     write = claim_output(context, output, record, overwrite=overwrite)
     asked = _IdentifyRequest(
         record,
-        load_turbine(turbine),
+        load_turbine(turbine).at(site),
         load_mapping(mapping) if mapping is not None else None,
         read_sensors(sensors) if sensors is not None else None,
         Prior(prior_scale, prior_scale, spread=1.0 if formulation == "force-balance" else None),

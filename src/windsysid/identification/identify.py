@@ -10,6 +10,7 @@ from windsysid.identification.estimate.prior_conflict import note_wide_priors
 from windsysid.identification.formulations import estimate
 from windsysid.identification.job import FittedJob, Formulation, Job
 from windsysid.identification.model.prior import Prior
+from windsysid.identification.model.prior_odds import check_odds
 from windsysid.identification.pipeline import run
 from windsysid.identification.verdict.conclude import conclude
 from windsysid.kernels.threads import one_thread
@@ -36,6 +37,7 @@ def identify(
     parameters: Sequence[str] | None = None,
     rate: float | None = None,
     loads: str = "auto",
+    site: str | None = None,
     progress: Progress = unheard,
 ) -> Identification:
     """Identify stiffness and damping of `turbine` from `record`.
@@ -71,6 +73,9 @@ def identify(
     loads
         What the loads are taken for (joint formulation): ``"broadband"``, ``"second-order"`` or ``"rotor-wind"``
         (`windsysid.loads.family`); the record chooses by default.
+    site
+        ``"onshore"`` or ``"offshore"``: which prior odds effects have (docs/effects.md); as the turbine file says by
+        default.
     progress
         Told what is being done and its share that is done, 0 to 1; None where nobody knows.
 
@@ -87,6 +92,8 @@ def identify(
         If no load model fits the record, or the likelihood cannot be computed at the start.
     """
     record, turbine = as_record(record), as_turbine(turbine)
+    placed = turbine.at(site)
+    check_odds(placed)
     options = {
         "formulation": formulation,
         "section": None if section is None else list(section),
@@ -94,11 +101,12 @@ def identify(
         "parameters": None if parameters is None else list(parameters),
         "rate": rate,
         "loads": loads,
+        "site": placed.site,
     }
     if formulation not in _WAYS:
         raise ConfigurationError(f"formulation: expected {', '.join(_WAYS)}; got '{formulation}'")
     part = record.section(*section) if section else record
-    job = Job(record, part, turbine, sensors, prior, parameters, rate, loads)
+    job = Job(record, part, placed, sensors, prior, parameters, rate, loads)
     doing = f"{formulation} formulation, {part.samples} samples"
     progress(doing, None)
     with hear(progress, doing):

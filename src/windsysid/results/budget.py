@@ -1,7 +1,13 @@
-"""The uncertainty budget: how much narrower each band would be if something were known exactly."""
+"""The uncertainty budget: shares of the variance of each interval, which add up to it.
+
+Known exactly, a cause would lower the variance by an amount that depends on what else is known. Its share is the mean
+over all orders in which causes become known (Shapley effects). Sources: Owen, SIAM/ASA J. Uncertainty Quantification 2,
+2014, https://doi.org/10.1137/130936233; Song, Nelson & Staum, same journal 4, 2016, https://doi.org/10.1137/15M1048070.
+"""
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from itertools import chain, combinations, permutations
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,6 +22,9 @@ __all__ = ["CAUSES", "Budget", "Share", "budget_of"]
 CAUSES = ("load statistics", "gain", "alignment", "clock", "masses")
 """What may widen a band beside the record's length and the prior: loads and noise that must be learned, and what is
 known of instruments and masses within tolerances only."""
+
+WIDENED = ("dispersion", "which explanation")
+"""What widens an interval of the model: segments or frequencies that contradict each other, and rival explanations."""
 
 
 class Share(NamedTuple):
@@ -32,7 +41,7 @@ class Share(NamedTuple):
     alone
         Share of the variance that would be left if all causes were known exactly: the data's own, with the prior.
     causes
-        For each of `Budget.causes`, by what share the variance would fall if that alone were known exactly.
+        Share of each of `Budget.causes`; with `alone` they add up to one.
     """
 
     name: str
@@ -48,13 +57,24 @@ class Budget(NamedTuple):
     Attributes
     ----------
     causes
-        Those of `CAUSES` that there are.
+        Those of `CAUSES` that there are; of an identification also those of `WIDENED`.
     rows
         Of coefficients, then of modes.
     """
 
     causes: tuple[str, ...] = ()
     rows: tuple[Share, ...] = ()
+
+    def widened(self, added: Mapping[str, Sequence[float]]) -> "Budget":
+        """The same with causes `WIDENED`, for each row what they add as shares of the variance before."""
+        rows = []
+        for row in self.rows:
+            more = added.get(row.name, (0.0, 0.0))
+            whole = 1.0 + sum(more)
+            shares = tuple(share / whole for share in (*row.causes, *more))
+            two_sigma = math.sqrt(whole) * row.two_sigma
+            rows.append(row._replace(two_sigma=two_sigma, alone=row.alone / whole, causes=shares))
+        return Budget((*self.causes, *WIDENED), tuple(rows))
 
     def summary(self) -> dict[str, Any]:
         """As plain values, for ``summary.json``."""
@@ -73,10 +93,7 @@ class Budget(NamedTuple):
             width = f"{100.0 * row.two_sigma:.2g} %" if row.relative else f"{row.two_sigma:.3g}"
             shares = (f"{100.0 * share:.0f} %" for share in (row.alone, *row.causes))
             rows.append((row.name, width, *shares))
-        title = (
-            "Uncertainty budget: the share of each variance that data and prior would leave if all else were known, "
-            "and by how much it falls if one thing is known"
-        )
+        title = "Uncertainty budget: shares of the variance of each interval"
         return Table(("band", "±2σ", "data and prior", *self.causes), rows, title)
 
 
@@ -101,16 +118,27 @@ def budget_of(
     for at, one in enumerate(tolerances):
         places.setdefault(one.group, []).append(first + at)
     causes = tuple(cause for cause in CAUSES if places.get(cause))
-    everything = sorted(at for cause in causes for at in places[cause])
-    zero = np.zeros(len(cov))
-    held = {cause: hold(zero, cov, places[cause])[1] for cause in causes}
-    alone = hold(zero, cov, everything)[1]
-    found = []
+    given, found = _given({cause: places[cause] for cause in causes}, cov), []
     for name, slope, relative in rows:
-        whole = float(slope @ cov @ slope)
-        if not whole > 0.0:
-            continue
-        shares = [max(0.0, 1.0 - float(slope @ held[cause] @ slope) / whole) for cause in causes]
-        left = min(max(float(slope @ alone @ slope) / whole, 0.0), 1.0)
-        found.append(Share(name, 2.0 * math.sqrt(whole), relative, left, tuple(shares)))
+        left = {known: max(float(slope @ rest @ slope), 0.0) for known, rest in given.items()}
+        whole = left[frozenset()]
+        if whole > 0.0:
+            shares = tuple(_shapley(cause, causes, left) / whole for cause in causes)
+            found.append(Share(name, 2.0 * math.sqrt(whole), relative, left[frozenset(causes)] / whole, shares))
     return Budget(causes, tuple(found))
+
+
+def _given(places: Mapping[str, Sequence[int]], cov: Array) -> dict[frozenset[str], Array]:
+    """Covariance (n, n) given each set of causes, whose unknowns have these places."""
+    zero, sets = np.zeros(len(cov)), chain.from_iterable(combinations(places, k) for k in range(len(places) + 1))
+    return {frozenset(known): hold(zero, cov, [at for one in known for at in places[one]])[1] for known in sets}
+
+
+def _shapley(cause: str, causes: Sequence[str], left: Mapping[frozenset[str], float]) -> float:
+    """Mean fall of a variance as a cause becomes known, over all orders of the causes, from what is `left` of it for
+    each set of known ones."""
+    falls = []
+    for order in permutations(causes):
+        known = frozenset(order[: order.index(cause)])
+        falls.append(left[known] - left[known | {cause}])
+    return max(math.fsum(falls) / len(falls), 0.0)

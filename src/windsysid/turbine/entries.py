@@ -8,7 +8,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 
 from windsysid.errors import ConfigurationError
 from windsysid.mechanics.sensors import Sensor
-from windsysid.turbine.turbine import MASS_TOLERANCE, Turbine
+from windsysid.turbine.turbine import MASS_TOLERANCE, Site, Turbine
 from windsysid.units import parse_quantity, si_unit
 
 __all__ = [
@@ -123,6 +123,8 @@ class File(FileTable):
     assumed: tuple[str, ...] = ()
     prior: PriorEntry = PriorEntry()
     tolerances: Tolerances = Tolerances()
+    site: Site = "onshore"
+    odds: dict[str, Annotated[float, Field(gt=0.0, allow_inf_nan=False)]] = {}
 
     @abstractmethod
     def turbine(self, sensors: tuple[Sensor, ...]) -> Turbine:

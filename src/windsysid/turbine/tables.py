@@ -7,6 +7,7 @@ files of their own; any other model that was registered is written with its para
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 from pydantic import ValidationError
@@ -50,7 +51,7 @@ def parse_turbine(text: str, source: str) -> Turbine:
         file = _format(kind).file.model_validate(content)
     except ValidationError as error:
         raise ConfigurationError(f"turbine file {source}: {first_problem(error)}") from None
-    turbine = file.turbine(parse_sensors(sensors, f"turbine file {source}"))
+    turbine = replace(file.turbine(parse_sensors(sensors, f"turbine file {source}")), site=file.site, odds=file.odds)
     for name in turbine.model.coordinates:
         frequency = turbine.natural_frequency(name) / (2.0 * math.pi)
         if not frequency <= _FASTEST:
@@ -72,6 +73,8 @@ def as_tables(turbine: Turbine) -> dict[str, Any]:
         "description": turbine.description,
         "source": turbine.source,
         "assumed": list(turbine.assumed),
+        **({} if turbine.site == "onshore" else {"site": turbine.site}),
+        **({"odds": dict(turbine.odds)} if turbine.odds else {}),
         **_format(turbine.model.kind).tables(turbine),
         "prior": {"stiffness": turbine.spread[0], "damping": turbine.spread[1]},
         "tolerances": {"masses": f"{turbine.mass_tolerance!r} 1"},

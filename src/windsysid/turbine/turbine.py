@@ -2,7 +2,8 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import Literal, get_args
 
 from windsysid.errors import ConfigurationError
 from windsysid.mechanics.model import MechanicalModel
@@ -11,7 +12,10 @@ from windsysid.mechanics.sensors import Sensor
 from windsysid.statespace.gauss_markov import GaussMarkov
 from windsysid.units import RPM
 
-__all__ = ["MASS_TOLERANCE", "Turbine"]
+__all__ = ["MASS_TOLERANCE", "Site", "Turbine"]
+
+Site = Literal["onshore", "offshore"]
+"""Where a turbine stands: it decides how likely loads of waves are."""
 
 MASS_TOLERANCE = 0.02
 """Relative standard deviation of a mass that careful people know."""
@@ -47,6 +51,10 @@ class Turbine:
     mass_tolerance
         Relative standard deviation of the mass, with all moments, of each body (`MechanicalModel.bodies`); 0: exactly
         known.
+    site
+        Where it stands.
+    odds
+        Prior odds [1] of effects by their codes, in place of those of `windsysid.identification.model.prior_odds`.
     """
 
     name: str
@@ -61,6 +69,8 @@ class Turbine:
     sensors: tuple[Sensor, ...]
     tip_lever: float = 0.0
     mass_tolerance: float = MASS_TOLERANCE
+    site: Site = "onshore"
+    odds: Mapping[str, float] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         free = ", ".join(self.model.coordinates)
@@ -142,6 +152,19 @@ class Turbine:
     def exact(self) -> "Turbine":
         """The same turbine with its masses and its sensors known exactly: no tolerances."""
         return replace(self, mass_tolerance=0.0, sensors=tuple(sensor.exact() for sensor in self.sensors))
+
+    def at(self, site: str | None) -> "Turbine":
+        """The same turbine at another site; at its own for None.
+
+        Raises
+        ------
+        ConfigurationError
+            If the site is neither ``onshore`` nor ``offshore``.
+        """
+        site = self.site if site is None else site
+        if site not in get_args(Site):
+            raise ConfigurationError(f"site: expected {' or '.join(get_args(Site))}; got {site!r:.40}")
+        return replace(self, site=site)  # type: ignore[arg-type]
 
     def with_model(self, model: MechanicalModel) -> "Turbine":
         """The same turbine with the degrees of freedom of `model`."""

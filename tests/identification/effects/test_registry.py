@@ -3,7 +3,7 @@
 import re
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
@@ -11,10 +11,12 @@ from windsysid.identification.effects import ALTERNATIVES, EFFECTS
 from windsysid.identification.effects.regression import Regression, RegressorEffect
 from windsysid.identification.job import Job
 from windsysid.identification.model.effect import Effect
+from windsysid.identification.model.prior_odds import odds_table
 from windsysid.identification.pipeline import run
 from windsysid.results.sentences import SENTENCES
 from windsysid.simulation.record import simulate_record
 from windsysid.turbine.file import load_turbine
+from windsysid.turbine.turbine import Site
 
 ROOT = Path(__file__).parents[3]
 
@@ -32,13 +34,32 @@ def table() -> str:
         what = (type(one).__doc__ or "").split("\n\n")[0].replace("\n    ", " ").rstrip(".")
         how = "score test" if isinstance(one, RegressorEffect) else "evidence" if one in ALTERNATIVES else "own test"
         rows.append(f"| `{one.code}` | {what} | {how} | `{type(one).__module__.removeprefix('windsysid.')}` |")
-    return "\n".join(["| code | effect | test | module |", "|---|---|---|---|", *rows, ""])
+    odds = [
+        f"| `{code}` | {_as_odds(of['onshore'])} | {_as_odds(of['offshore'])} | {of['reason']} |"
+        for code, of in odds_table().items()
+    ]
+    return "\n".join([
+        "| code | effect | test | module |", "|---|---|---|---|", *rows, "",
+        "| prior odds of | onshore | offshore | reason |", "|---|---|---|---|", *odds, "",
+    ])  # fmt: skip
+
+
+def _as_odds(odds: float) -> str:
+    return f"{odds:g} : 1" if odds >= 1.0 else f"1 : {1.0 / odds:g}"
 
 
 def test_every_effect_has_a_code_of_its_own():
     codes = [one.code for one in effects()]
     assert len(set(codes)) == len(codes)
     assert all(re.fullmatch(r"[a-z_]+", code) for code in codes)
+
+
+def test_every_effect_has_prior_odds_at_every_site_and_a_reason():
+    codes = {one.code for one in effects()}
+    assert set(odds_table()) == {*codes, "waves", "other"}
+    for of in odds_table().values():
+        assert set(of) == {*get_args(Site), "reason"}
+        assert all(of[site] > 0.0 for site in get_args(Site))
 
 
 def test_every_waveform_has_a_sentence():

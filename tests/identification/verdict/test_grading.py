@@ -122,6 +122,30 @@ def test_a_rival_explanation_widens_what_it_moves():
     assert mode_grades(found)["tower fore-aft"] == ("B", "A")
 
 
+def test_shares_of_the_budget_add_up_to_the_interval_that_is_shown():
+    """The budget had the interval of the model, which dispersion and rivals widen."""
+    tolerance = Tolerance("masses", "top", 0.02, estimate=0.0, std=0.02)
+    joint = np.diag([*[STD**2] * 4, 1.0])
+    joint[2, 4] = joint[4, 2] = 0.5 * STD
+    outcome = outcome_of(RECORD, std=STD, doubts=(rival(3.0, 0.25),), joint_cov=joint, tolerances=(tolerance,))
+    made = tuple(scores(one, np.array([0.5, 0.5, 9.0, 0.5]), unknowns=5) for one in ("time", "frequency"))
+    made = tuple(one._replace(masses=(4,)) for one in made)
+    found = conclude(outcome._replace(scores=made), RECORD, "joint")
+    rows = {row.name: row for row in found.budget.rows}
+    assert found.budget.causes[-2:] == ("dispersion", "which explanation")
+    for row in rows.values():
+        assert row.alone + sum(row.causes) == pytest.approx(1.0)
+    for name in ("k_side_side", "k_fore_aft"):
+        shown = 0.5 * np.log(found[name].high / found[name].low)
+        assert rows[name].two_sigma == pytest.approx(shown)
+    for mode in found.modes:
+        shown = 0.5 * (mode.frequency_hz[2] - mode.frequency_hz[1])
+        assert rows[f"{mode.name}: frequency [Hz]"].two_sigma == pytest.approx(shown, rel=0.02)
+    assert min(rows["k_fore_aft"].causes[-2:]) > 0.1
+    assert rows["k_side_side"].causes[-1] == pytest.approx(0.0, abs=1e-9)
+    assert found.summary()["budget"]["k_fore_aft"]["which explanation"] == rows["k_fore_aft"].causes[-1]
+
+
 def test_a_rival_that_is_far_away_is_a_reason_however_small_its_chance():
     """Damping was 28 σ off, and graded A: a prior at a thirtieth of the truth made the right explanation unlikely."""
     found = concluded(rival(20.0, 0.002), over=("time", "frequency"))

@@ -20,6 +20,7 @@ from windsysid.identification.job import Job
 from windsysid.identification.limits import NEGLIGIBLE_SHARE, OUTLIER_SIGMAS
 from windsysid.identification.model.effect import Effect
 from windsysid.identification.model.fit import Outcome, known_inputs
+from windsysid.identification.model.prior_odds import sigma_bound
 from windsysid.identification.model.regressor import Constant, Term
 from windsysid.identification.model.turbine_problem import seen_by
 from windsysid.mechanics.compile import compile_model
@@ -109,11 +110,11 @@ def find_biases(record: Record, turbine: Turbine, sensors: Sequence[Sensor]) -> 
     psi = np.unwrap(inputs[:, turbine.model.inputs.index("rotor_azimuth")]) if turning else np.zeros(len(inputs))
     some = slice(None, None, max(1, record.samples // MAX_SAMPLES_AT_REST))
     at_rest = _at_rest(turbine, sensors, inputs[some])
-    sizes = {}
+    sizes, sigmas = {}, sigma_bound(OUTLIER_SIGMAS, SensorBias.code, turbine)
     for i, sensor in asked:
         off = _mean(record[sensor.channel], psi) - _mean(at_rest[:, i], psi[some])
         chance = _chance(record[sensor.channel], record.duration * turbine.slowest_frequency / (2.0 * np.pi))
-        if abs(off) > max(OUTLIER_SIGMAS * chance, NEGLIGIBLE_SHARE * sensor.noise):
+        if abs(off) > max(sigmas * chance, NEGLIGIBLE_SHARE * sensor.noise):
             sizes[sensor.channel] = off
     return Biases(sizes, {s.channel: s.unit for s in sensors}) if sizes else None
 

@@ -20,6 +20,7 @@ from windsysid.identification.job import FittedJob, Job
 from windsysid.identification.limits import RESOLUTION_BINS, SINUSOID_DIGITS
 from windsysid.identification.model.effect import Detection, Effect
 from windsysid.identification.model.prior import Prior
+from windsysid.identification.model.prior_odds import odds_of
 from windsysid.loads.family import Broadband
 from windsysid.results.finding import Finding
 from windsysid.spectral.transforms.harmonics import find_lines
@@ -46,7 +47,8 @@ class Sinusoid(Effect):
         sines = [find_sine(read, job.turbine, fit.sensors, *line) for line in seen.candidates(fit)]
         new = _unknown([sine for sine in sines if sine is not None], known, part.duration)
         if new:
-            return Detection(judged, Sinusoids((*_sines(known), *new)), SINUSOID_DIGITS)
+            odds = math.log10(odds_of(self.code, job.turbine))
+            return Detection(judged, Sinusoids((*_sines(known), *new)), SINUSOID_DIGITS + odds)
         if job.filtered and _are_waves(known) and _turns(job, fit):
             return _as_forces(job, fit, judged, _sines(known))
         return Detection(judged)

@@ -22,6 +22,7 @@ from windsysid.identification.job import Job
 from windsysid.identification.limits import MIN_DRIFT_LOG_ODDS, MIN_SLOW_FREQUENCIES, MIN_TREND_POWER
 from windsysid.identification.model.effect import Effect
 from windsysid.identification.model.fit import Outcome
+from windsysid.identification.model.prior_odds import log_bound
 from windsysid.mechanics.sensors import Accelerometer, Sensor
 from windsysid.records.record import Record
 from windsysid.results.finding import Finding
@@ -114,7 +115,7 @@ def find_random_walks(
     drifts, detrended = dict[str, tuple[float, float]](), list[str]()
     for group in _alike(sensors, leaning):
         found = [_wandering(record[sensor.channel], record.rate, below, slowest) for sensor in group]
-        if sum(clear for clear, _ in found) < MIN_DRIFT_LOG_ODDS:
+        if sum(clear for clear, _ in found) < log_bound(MIN_DRIFT_LOG_ODDS, RandomWalkBias.code, turbine):
             detrended += [sensor.channel for sensor in group if _trends(record[sensor.channel])]
             continue
         for sensor, (_, drift) in zip(group, found, strict=True):

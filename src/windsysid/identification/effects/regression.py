@@ -17,6 +17,7 @@ from windsysid.identification.estimate.fitted.linearisation import Linearisation
 from windsysid.identification.job import FittedJob, Job
 from windsysid.identification.limits import MIN_LOG_STD_CHANGE, MIN_NUISANCE_SHIFT_SIGMAS, MIN_SHIFT_SIGMAS, P_EFFECT
 from windsysid.identification.model.effect import Detection, Effect
+from windsysid.identification.model.prior_odds import odds_of
 from windsysid.identification.model.regressor import Regressors, Term
 
 __all__ = ["Regression", "RegressorEffect"]
@@ -62,9 +63,11 @@ class Regression(Effect):
             revised = known_of.revisions[one.candidate.channel] >= MAX_REVISIONS
             if not revised and (_is_other_std(known_of, one) or _matters(at, one)):
                 return Detection(fit, self._with(job, at, fit, one), 0.0, fit)
-        best = min(tests[len(settling) :], key=lambda one: one.log10_p, default=None)
-        digits = 0.0 if best is None else -(best.log10_p + math.log10(len(new)))
-        if best is None or digits < -math.log10(P_EFFECT):
+        odds = {code: odds_of(code, job.turbine) for code in self.effects}
+        shared = sum(odds[one.code] for one in new)  # each test has its share of the probability
+        ranked = [(math.log10(odds[one.candidate.code]) - one.log10_p, one) for one in tests[len(settling) :]]
+        digits, best = max(ranked, key=lambda one: one[0], default=(0.0, None))
+        if best is None or digits - math.log10(shared) < -math.log10(P_EFFECT):
             return Detection(fit)
         found = self._with(job, at, fit, best)
         if not _matters(at, best):

@@ -31,6 +31,7 @@ from windsysid.identification.limits import (
     MIN_SINE_F,
     RESOLUTION_BINS,
 )
+from windsysid.identification.model.prior_odds import f_bound
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
 from windsysid.results.finding import Finding
@@ -85,7 +86,7 @@ def find_sine(
     seen = _SeenLine.of(record, channel, frequency)
     if seen is None or abs(seen.frequency - rotor_hz) < RESOLUTION_BINS * step:
         return None
-    if seen.steadiness < max(MIN_SINE_F, MIN_F_OVER_POWER * seen.over):
+    if seen.steadiness < max(f_bound(MIN_SINE_F, "sinusoid", turbine), MIN_F_OVER_POWER * seen.over):
         return None
     others = [sensor.channel for sensor in sensors if bool(sensor.blade) is on_blades and sensor.channel != channel]
     elsewhere = (_SeenLine.of(record, other, seen.frequency) for other in others)
@@ -158,11 +159,12 @@ def find_turning(
     turning = [Sine(order * rotor_hz, on_blades=False, order=order) for order in range(1, ORDERS + 1)]
     turning = [one for one in turning if apart < one.frequency < 0.4 * record.rate]
     turning = [one for one in turning if not any(one.same_as(other, apart) for other in known)]
+    least = f_bound(MIN_HARMONIC_F, "rotor_harmonic", turbine)
     z, on_blades = np.nan_to_num(whitened).T, [bool(sensor.blade) for sensor in sensors]
 
     def is_left(sine: Sine) -> bool:
         channels = [one for one, turns in zip(z, on_blades, strict=True) if turns is sine.on_blades]
-        return max(steadiness(one, record.rate, sine.frequency) for one in channels) > MIN_HARMONIC_F
+        return max(steadiness(one, record.rate, sine.frequency) for one in channels) > least
 
     return [sine for sine in (*known, *turning) if is_left(sine)]
 

@@ -3,6 +3,7 @@
 import math
 
 from windsysid.identification.model.fit import Outcome
+from windsysid.identification.model.prior_odds import EVEN
 from windsysid.results.finding import Finding
 from windsysid.results.tolerance import Group
 from windsysid.turbine.turbine import Turbine
@@ -43,7 +44,7 @@ def _differences(one: Outcome, other: Outcome) -> dict[str, tuple[float, float]]
 def disagreement(fit: Outcome, other: Outcome, turbine: Turbine) -> Finding:
     """That filters and spectra are standard deviations apart on a coefficient, and the likeliest cause."""
     (name, off), locked = compare(fit, other), _blades_move(turbine) and not _blades_move(fit.turbine)
-    data = {"sigmas": off, "unseen_blades": locked, "shifts": shifts_to(other, fit), "chance": 0.5}
+    data = {"sigmas": off, "unseen_blades": locked, "shifts": shifts_to(other, fit), "chance": EVEN}
     return Finding("formulations_disagree", "reason", data, (name,))
 
 

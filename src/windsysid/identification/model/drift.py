@@ -4,6 +4,7 @@ import math
 from typing import NamedTuple
 
 from windsysid.identification.limits import MAX_DRIFT_RATE, MIN_DRIFT_ANGLE, MIN_EFFECT_SIGMAS
+from windsysid.identification.model.prior_odds import sigma_bound
 from windsysid.results.finding import Finding
 from windsysid.turbine.turbine import Turbine
 
@@ -37,4 +38,5 @@ class Drift(NamedTuple):
         """Whether it is beyond chance, no faster than clocks drift, and moves what vibrates in such a record [s]."""
         fastest = max((turbine.natural_frequency(name) for name in turbine.model.coordinates), default=0.0)
         least = MIN_DRIFT_ANGLE / (fastest * duration) if fastest > 0.0 else math.inf
-        return max(MIN_EFFECT_SIGMAS * self.std, least) < abs(self.rate) < MAX_DRIFT_RATE
+        sigmas = sigma_bound(MIN_EFFECT_SIGMAS, "clock_drift", turbine)
+        return max(sigmas * self.std, least) < abs(self.rate) < MAX_DRIFT_RATE

@@ -47,7 +47,8 @@ class Detection(NamedTuple):
     inclusion
         The effect as it is to be included; None where that is not warranted.
     log10_odds
-        Evidence: −log₁₀ of the chance of the test's statistic without the effect, or log₁₀ of odds.
+        Prior odds times evidence: the evidence is −log₁₀ of the chance of the test's statistic without the effect, or
+        log₁₀ of odds.
     start
         The fit from which the search that includes the effect begins; None where that begins at the prior.
     """

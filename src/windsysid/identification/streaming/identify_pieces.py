@@ -10,6 +10,7 @@ from typing import Any, Literal
 
 from windsysid.errors import ConfigurationError, as_numerical_error
 from windsysid.identification.model.prior import Prior
+from windsysid.identification.model.prior_odds import check_odds
 from windsysid.identification.streaming.run import StreamingJob, run_segments
 from windsysid.identification.streaming.spectra import SpectraAccumulator
 from windsysid.identification.streaming.time_domain import SampleAccumulator
@@ -95,7 +96,8 @@ def identify_pieces(
 
 
 def _check(job: StreamingJob) -> None:
-    """Refuse options that the formulation does not take."""
+    """Refuse options that the formulation does not take, and prior odds of effects that there are not."""
+    check_odds(job.turbine)
     if job.formulation == "spectral":
         if job.rate is not None:
             raise ConfigurationError("the spectral formulation reads the bands that it needs: leave the rate out")

@@ -56,7 +56,7 @@ class StreamingJob(NamedTuple):
         listed = None if self.parameters is None else list(self.parameters)
         common = {"formulation": self.formulation, "prior": asdict(self.prior), "parameters": listed}
         only = {"rate": self.rate} if self.formulation == "joint" else {"memory": self.memory}
-        return {**common, "loads": self.loads, **only}
+        return {**common, "loads": self.loads, "site": self.turbine.site, **only}
 
     def call_on(self, first: Record) -> dict[str, Any]:
         """What must be the same in a call that resumes: of options that were added, how the file is read only."""

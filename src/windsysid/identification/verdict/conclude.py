@@ -24,6 +24,7 @@ from windsysid.identification.job import Formulation
 from windsysid.identification.limits import MAX_RATE_MISMATCH
 from windsysid.identification.model.fit import Outcome
 from windsysid.identification.verdict.grading import (
+    Widening,
     grade_coefficients,
     grade_modes,
     judged,
@@ -39,7 +40,6 @@ from windsysid.records.record import Record
 from windsysid.results.budget import Budget, budget_of
 from windsysid.results.finding import Finding
 from windsysid.results.identification import Estimate, Identification, coefficient_errors
-from windsysid.results.mode import Mode
 from windsysid.results.posterior import SIGMAS, Conditions
 from windsysid.results.provenance import Provenance
 from windsysid.results.transient import Transient, explain_by_transient, find_burst, find_transient
@@ -121,7 +121,7 @@ def conclude(
         provenance=provenance,
         joint_cov=wide.joint_cov,
         tolerances=outcome.tolerances,
-        budget=_budget(outcome, at.modes, at.slopes, at.given_masses),
+        budget=_budget(outcome, at, coefficients, [*chain.from_iterable(of_modes)]),
     )
 
 
@@ -285,24 +285,29 @@ def _bent(outcome: Outcome) -> Bent | None:
     )  # fmt: skip
 
 
-def _budget(outcome: Outcome, modes: Sequence[Mode], slopes: Array, given_masses: Array) -> Budget:
-    """What widens the bands of coefficients and of modes, these with the masses of the file."""
+def _budget(
+    outcome: Outcome, at: FittedModes, coefficients: Sequence[Widening], of_modes: Sequence[Widening]
+) -> Budget:
+    """What widens the intervals of coefficients and of modes, these with the masses of the file."""
     if outcome.joint_cov is None:
         return Budget()
-    unit = np.eye(len(outcome.theta), len(outcome.joint_cov))
+    unit, variance = np.eye(len(outcome.theta), len(outcome.joint_cov)), np.diag(outcome.joint_cov)
     rows = [
         (q.name, unit[i] * (1.0 if q.logarithmic else q.scale), q.logarithmic)
         for i, q in enumerate(outcome.model.parameters)
     ]
     statistics = outcome.unknowns.of("statistics")
-    coefficients = budget_of(rows, outcome.joint_cov, statistics, outcome.tolerances)
+    shares = np.diag(at.given_masses)[: len(rows)] / variance[: len(rows)]
+    added = {one.name: (share * one.added()).tolist() for one, share in zip(coefficients, shares, strict=True)}
+    own = budget_of(rows, outcome.joint_cov, statistics, outcome.tolerances).widened(added)
     rows = [
         (f"{mode.name}: {what}", slope @ unit, False)
-        for what, of in zip(("frequency [Hz]", "damping ratio"), slopes, strict=True)
-        for mode, slope in zip(modes, of, strict=True)
+        for what, of in zip(("frequency [Hz]", "damping ratio"), at.slopes, strict=True)
+        for mode, slope in zip(at.modes, of, strict=True)
     ]
-    of_modes = budget_of(rows, given_masses, statistics, outcome.tolerances)
-    return coefficients._replace(rows=coefficients.rows + of_modes.rows)
+    added = {name: one.added().tolist() for (name, *_), one in zip(rows, of_modes, strict=True)}
+    modes = budget_of(rows, at.given_masses, statistics, outcome.tolerances).widened(added)
+    return own._replace(rows=own.rows + modes.rows)
 
 
 def _conditions(record: Record, rotor_speed: float) -> Conditions:

@@ -20,6 +20,7 @@ from windsysid.checks.widening import grade_of, mixture_factor
 from windsysid.identification.estimate.fitted.modes import FittedModes
 from windsysid.identification.limits import MAX_DISAGREEMENT_SIGMAS, NEGLIGIBLE_SHARE
 from windsysid.identification.model.fit import Outcome
+from windsysid.identification.model.prior_odds import EVEN
 from windsysid.results.finding import Finding
 from windsysid.results.mode import Mode
 from windsysid.results.posterior import SIGMAS
@@ -54,6 +55,8 @@ class Widening(NamedTuple):
         Standard deviation over that of the model.
     over, place
         Cause of most of it: ``time``, ``frequency`` or ``explanations``, and where [s] or [Hz]; empty without one.
+    of_rivals
+        Part of the factor that rival explanations make.
     """
 
     name: str
@@ -62,6 +65,11 @@ class Widening(NamedTuple):
     factor: float = 1.0
     over: str = ""
     place: float = 0.0
+    of_rivals: float = 1.0
+
+    def added(self) -> Array:
+        """What dispersion and rival explanations add to the variance, as shares of that of the model (2,)."""
+        return np.diff(np.square([1.0, self.factor / self.of_rivals, self.factor]))
 
 
 def widenings_of(
@@ -94,7 +102,7 @@ def with_tolerance_shifts(diagnosis: Diagnosis, outcome: Outcome) -> Diagnosis:
             shifts = -joint[: len(names), at] / joint[at, at] * one.estimate / one.spread
             known[one.group, one.of] = dict(zip(names, shifts.tolist(), strict=True))
     findings = [
-        replace(one, data={**one.data, "shifts": known[key], "chance": 0.5})
+        replace(one, data={**one.data, "shifts": known[key], "chance": EVEN})
         if one.code == "tolerance_conflict" and (key := (one.data["group"], one.data["of"])) in known
         else one
         for one in diagnosis.findings
@@ -159,7 +167,7 @@ def _with_rivals(one: Widening, rivals: Sequence[tuple[Array, float]]) -> Wideni
     if factor <= 1.0:
         return one
     over, place = ("explanations", 0.0) if factor > one.factor else (one.over, one.place)
-    return one._replace(factor=factor * one.factor, over=over, place=place)
+    return one._replace(factor=factor * one.factor, over=over, place=place, of_rivals=factor)
 
 
 def widen_coefficients(scores: Sequence[PartScores], parameters: Sequence[Parameter], cov: Array) -> list[Widening]:

@@ -69,7 +69,7 @@ MODEL: Final[Mapping[str, Sentence]] = {
         ": likely a machine or waves; the estimates take it into account",
     ),
     "narrow_band_load_preferred": (
-        "a narrow-band load at {frequency:.3g} Hz explains the spectra better (log evidence by {gain:.0f})",
+        "a narrow-band load at {frequency:.3g} Hz explains the spectra better (log odds {gain:.0f})",
         ": likely loads of a machine; try the load model narrow-band",
     ),
     "narrow_band_load_ambiguous": (

@@ -32,7 +32,7 @@ QUESTION: Any = SimpleNamespace(parameters=[SimpleNamespace(name="k_x"), SimpleN
 def narrow(
     gain: float = 2.0 * MIN_LOG_ODDS,
     moved: float = 2.0 * NEGLIGIBLE_SHIFT_SIGMAS,
-    rival: tuple[dict[str, float], dict[str, float]] | None = None,
+    rival: tuple[dict[str, float], dict[str, float], float] | None = None,
 ) -> Any:
     """A fit with such a load of `VALUES`."""
     eta = coordinates_of(STATISTICS, VALUES)
@@ -58,11 +58,13 @@ def test_it_speaks_against_given_loads_and_where_another_explanation_is_as_good(
     assert doubts_of_narrow_band(narrow(), asked="auto") == ()
     (found,) = doubts_of_narrow_band(narrow(), asked="broadband")
     assert (found.code, found.data["frequency"]) == ("narrow_band_load_preferred", pytest.approx(0.4))
-    rival = {"k_x": 1.0, "c_x": -4.0}, {"k_x": 0.1, "c_x": -0.4}
+    rival = {"k_x": 1.0, "c_x": -4.0}, {"k_x": 0.1, "c_x": -0.4}, -3.0
     for gain, code in ((0.0, "narrow_band_load_possible"), (2.0 * MIN_LOG_ODDS, "narrow_band_load_ambiguous")):
         (found,) = doubts_of_narrow_band(narrow(gain, rival=rival), asked="auto")
         assert (found.code, found.quantities, found.data["sigmas"]) == (code, ("c_x",), 4.0)
         assert (found.data["shifts"], found.data["chance"]) == (rival[1], 0.5)
+        (likelier,) = doubts_of_narrow_band(narrow(gain, rival=(*rival[:2], np.log(4.0))), asked="auto")
+        assert likelier.data["chance"] == pytest.approx(0.8)
 
 
 def test_its_note_has_the_strongest_level():
@@ -76,7 +78,8 @@ def test_an_explanation_is_a_rival_where_its_odds_times_its_distance_is_large():
     best = end(0.0, 0.0)
     off = 10.0 * MAX_DISAGREEMENT_SIGMAS
     assert _elsewhere(QUESTION, best, end(0.0, 0.09 * MAX_DISAGREEMENT_SIGMAS)) is None
-    sigmas, shifts = _elsewhere(QUESTION, best, end(0.0, 0.1 * off)) or ({}, {})
+    sigmas, shifts, log_odds = _elsewhere(QUESTION, best, end(0.0, 0.1 * off, log_evidence=1.0)) or ({}, {}, 0.0)
+    assert log_odds == 1.0
     assert sigmas == pytest.approx({"k_x": 0.0, "c_x": off})
     assert shifts == pytest.approx({"k_x": 0.0, "c_x": 0.1 * off})
     unlikely = np.log(MIN_EXPECTED_SHIFT_SIGMAS / off)

@@ -31,6 +31,7 @@ from windsysid.identification.limits import (
     MIN_LOG_ODDS,
     NEGLIGIBLE_SHIFT_SIGMAS,
 )
+from windsysid.identification.model.prior_odds import chance_of_rival, odds_of
 from windsysid.loads.narrow_band import FREQUENCY, WIDTH, NarrowBand, narrow_band_statistics
 from windsysid.loads.statistics import Statistic, coordinates_of, values_of
 from windsysid.results.finding import Finding
@@ -70,10 +71,6 @@ EVERYWHERE = 3.0
 LOG_EVIDENCE = attrgetter("log_evidence")
 """Of a fit."""
 
-EVEN = 0.5
-"""Setting: probability of a rival explanation. The evidence of approximate models preferred the wrong one by 3 to 5 in
-logarithms (``python -m validation.towers``), so that evidence decides which rivals count and not their weight."""
-
 NOTHING, LITTLE = -8.0, -1.0
 """Setting: coordinates of the level of a load that is absent, and of one that is hardly present."""
 
@@ -86,14 +83,14 @@ class NarrowBandFit(NamedTuple):
     posed, fit
         The problem, and the mode of its posterior.
     gain
-        Log evidence over that of broad loads alone.
+        Posterior log odds against broad loads alone: log evidence and the prior odds at the load's frequency.
     moved
         Shifts of the coefficients from the fit with broad loads alone [σ].
     shifts
         The same in filter coordinates.
     rival
-        Shifts [σ] and shifts in filter coordinates of an explanation that is nearly as good as the better one of both;
-        None where there is none.
+        Shifts [σ], shifts in filter coordinates and posterior log odds of an explanation that is nearly as good as the
+        better one of both; None where there is none.
     """
 
     posed: Posed
@@ -101,7 +98,7 @@ class NarrowBandFit(NamedTuple):
     gain: float
     moved: dict[str, float]
     shifts: dict[str, float]
-    rival: tuple[dict[str, float], dict[str, float]] | None
+    rival: tuple[dict[str, float], dict[str, float], float] | None
 
     @property
     def is_needed(self) -> bool:
@@ -165,13 +162,13 @@ def doubts_of_narrow_band(found: NarrowBandFit | None, *, asked: str) -> tuple[F
         return ()
     at = {"frequency": found.values[FREQUENCY]}
     if found.is_needed and asked not in ("auto", NarrowBand.name):
-        data = at | {"gain": found.gain, "shifts": found.shifts, "chance": 1.0}
+        data = at | {"gain": found.gain, "shifts": found.shifts, "chance": chance_of_rival(found.gain)}
         return (Finding("narrow_band_load_preferred", "reason", data, tuple(found.moved)),)
     if found.rival is None:
         return ()
-    moved, shifts = found.rival
+    moved, shifts, log_odds = found.rival
     code = "narrow_band_load_ambiguous" if found.is_needed else "narrow_band_load_possible"
-    data = at | {"sigmas": _largest(moved), "shifts": shifts, "chance": EVEN}
+    data = at | {"sigmas": _largest(moved), "shifts": shifts, "chance": chance_of_rival(log_odds)}
     return (Finding(code, "reason", data, (max(moved, key=lambda name: abs(moved[name])),)),)
 
 
@@ -203,10 +200,23 @@ def _ends(question: RotorQuestion, posed: Posed, starts: Sequence[Array], *, rou
                 else fit(posed.model, start, WHOLE, posed.smoothed, enough=ROUGH_TOLERANCE)
             )
     ends = list[RotorFit]()
-    for end in sorted(found, key=LOG_EVIDENCE, reverse=True):
+    with_prior = [_with_prior(question, posed, end) for end in found]
+    for end in sorted(with_prior, key=LOG_EVIDENCE, reverse=True):
         if not any(_largest(_off(question, other, end)[0]) < SAME_END_SIGMAS for other in ends):
             ends.append(end)
     return ends
+
+
+def _with_prior(question: RotorQuestion, posed: Posed, end: RotorFit) -> RotorFit:
+    """A fit whose log evidence includes the log prior odds of a narrow-band load at its frequency."""
+    odds = odds_of("narrow_band_load", question.turbine, _load_of(question, posed, end)[FREQUENCY])
+    return end._replace(log_evidence=end.log_evidence + math.log(odds))
+
+
+def _load_of(question: RotorQuestion, posed: Posed, end: RotorFit) -> dict[str, float]:
+    """The statistics of the narrow-band load of a fit, by name."""
+    narrow = narrow_band_statistics(question.turbine, question.loads)
+    return values_of(narrow, posed.model.split_statistics(end.unknowns)[0][-len(narrow) :])
 
 
 def _starts(question: RotorQuestion, found: RotorFit, model: LiftedModel) -> list[Array]:
@@ -318,8 +328,7 @@ def _places(question: RotorQuestion, model: LiftedModel, known: Array) -> Iterat
 
 def _is_narrow(question: RotorQuestion, posed: Posed, end: RotorFit) -> bool:
     """Whether the load is narrower than a mode beside it: one as wide would take a part of any mode's peak."""
-    narrow = narrow_band_statistics(question.turbine, question.loads)
-    values = values_of(narrow, posed.model.split_statistics(end.unknowns)[0][-len(narrow) :])
+    narrow, values = narrow_band_statistics(question.turbine, question.loads), _load_of(question, posed, end)
     found = {q.name: float(q.physical(u)) for q, u in zip(question.parameters, end.unknowns, strict=False)}
     turbine = question.turbine.with_values(found)
     beside = [
@@ -347,11 +356,12 @@ def _may_matter(question: RotorQuestion, found: RotorFit, end: RotorFit, gain: f
 
 def _elsewhere(
     question: RotorQuestion, best: RotorFit, other: RotorFit
-) -> tuple[dict[str, float], dict[str, float]] | None:
-    """Shifts of the coefficients under another explanation that is nearly as good, as of `_off`."""
+) -> tuple[dict[str, float], dict[str, float], float] | None:
+    """Shifts of the coefficients under another explanation that is nearly as good, as of `_off`, and its log odds."""
     moved, shifts = _off(question, best, other)
     off = _largest(moved)
-    expected = off * math.exp(min(other.log_evidence - best.log_evidence, 0.0))
+    log_odds = other.log_evidence - best.log_evidence
+    expected = off * math.exp(min(log_odds, 0.0))
     if off < MAX_DISAGREEMENT_SIGMAS or expected < MIN_EXPECTED_SHIFT_SIGMAS:
         return None
-    return moved, shifts
+    return moved, shifts, log_odds
