@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from windsysid.checks.limits import EVEN_CHANCE
 from windsysid.errors import ConfigurationError
 from windsysid.identification.effects import EFFECTS
 from windsysid.identification.identify import identify
 from windsysid.identification.job import Job
 from windsysid.identification.model.prior_odds import (
-    EVEN,
     WAVES_HZ,
     chance_of_rival,
     f_bound,
@@ -54,7 +54,7 @@ def test_bounds_are_as_given_onshore_and_move_with_the_odds():
 
 
 def test_evidence_may_raise_a_rival_and_not_dismiss_it():
-    assert [chance_of_rival(log_odds) for log_odds in (-9e3, -9.0, 0.0)] == [EVEN] * 3
+    assert [chance_of_rival(log_odds) for log_odds in (-9e3, -9.0, 0.0)] == [EVEN_CHANCE] * 3
     assert chance_of_rival(math.log(9.0)) == pytest.approx(0.9)
 
 

@@ -14,16 +14,14 @@ from functools import cache
 from importlib import resources
 from typing import Any
 
+from windsysid.checks.limits import EVEN_CHANCE
 from windsysid.configuration import parse_toml
 from windsysid.errors import ConfigurationError
 from windsysid.spectral.transforms.harmonics import TAPERS
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["EVEN", "chance_of_rival", "check_odds", "f_bound", "log_bound", "odds_of", "odds_table", "sigma_bound"]
+__all__ = ["chance_of_rival", "check_odds", "f_bound", "log_bound", "odds_of", "odds_table", "sigma_bound"]
 
-EVEN = 0.5
-"""Setting: least probability of a rival explanation that counts at all. The evidence of approximate models preferred
-the wrong one by 3 to 5 in logarithms (``python -m validation.towers``); so it may raise a rival, and not dismiss it."""
 
 WAVES_HZ = (0.03, 0.5)
 """Setting: frequencies of waves with periods of 33 to 2 s, which have the prior odds of ``waves``."""
@@ -62,8 +60,8 @@ def odds_of(code: str, turbine: Turbine, frequency: float = math.nan) -> float:
 
 
 def chance_of_rival(log_odds: float) -> float:
-    """Probability of a rival with these posterior log odds, `EVEN` at least."""
-    return max(EVEN, 1.0 / (1.0 + math.exp(-max(log_odds, 0.0))))
+    """Probability of a rival with these posterior log odds, `EVEN_CHANCE` at least."""
+    return max(EVEN_CHANCE, 1.0 / (1.0 + math.exp(-max(log_odds, 0.0))))
 
 
 def log_bound(bound: float, code: str, turbine: Turbine) -> float:

@@ -14,13 +14,12 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.checks.dispersion import PartScores, expected_factor
-from windsysid.checks.limits import MAX_WIDENING, MIN_REPORTED_WIDENING
+from windsysid.checks.limits import EVEN_CHANCE, MAX_WIDENING, MIN_REPORTED_WIDENING
 from windsysid.checks.verdict import Diagnosis
 from windsysid.checks.widening import grade_of, mixture_factor
 from windsysid.identification.estimate.fitted.modes import FittedModes
 from windsysid.identification.limits import MAX_DISAGREEMENT_SIGMAS, NEGLIGIBLE_SHARE
 from windsysid.identification.model.fit import Outcome
-from windsysid.identification.model.prior_odds import EVEN
 from windsysid.results.finding import Finding
 from windsysid.results.mode import Mode
 from windsysid.results.posterior import SIGMAS
@@ -102,7 +101,7 @@ def with_tolerance_shifts(diagnosis: Diagnosis, outcome: Outcome) -> Diagnosis:
             shifts = -joint[: len(names), at] / joint[at, at] * one.estimate / one.spread
             known[one.group, one.of] = dict(zip(names, shifts.tolist(), strict=True))
     findings = [
-        replace(one, data={**one.data, "shifts": known[key], "chance": EVEN})
+        replace(one, data={**one.data, "shifts": known[key], "chance": EVEN_CHANCE})
         if one.code == "tolerance_conflict" and (key := (one.data["group"], one.data["of"])) in known
         else one
         for one in diagnosis.findings
