@@ -2,7 +2,8 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 from windsysid.errors import ConfigurationError
 from windsysid.mechanics.model import MechanicalModel
@@ -11,13 +12,25 @@ from windsysid.mechanics.sensors import Sensor
 from windsysid.statespace.gauss_markov import GaussMarkov
 from windsysid.units import RPM
 
-__all__ = ["MASS_TOLERANCE", "Turbine"]
+__all__ = ["MASS_TOLERANCE", "OPERATING", "OperatingState", "Turbine"]
 
 MASS_TOLERANCE = 0.02
 """Relative standard deviation of a mass that careful people know."""
 
 PARKED_PERIODS = 3
 """Of the slowest mode: the least that a record of a parked machine must hold."""
+
+
+OPERATING = "operating"
+"""The state that a turbine file's own numbers are of."""
+
+
+class OperatingState(NamedTuple):
+    """Parameters [SI] that differ in a state without production, and the relative prior standard deviation of damping
+    there."""
+
+    values: Mapping[str, float]
+    damping_spread: float
 
 
 @dataclass(frozen=True)
@@ -47,6 +60,8 @@ class Turbine:
     mass_tolerance
         Relative standard deviation of the mass, with all moments, of each body (`MechanicalModel.bodies`); 0: exactly
         known.
+    states
+        By name, how the turbine differs from operation: ``parked``, where its file has it.
     """
 
     name: str
@@ -61,6 +76,7 @@ class Turbine:
     sensors: tuple[Sensor, ...]
     tip_lever: float = 0.0
     mass_tolerance: float = MASS_TOLERANCE
+    states: Mapping[str, OperatingState] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         free = ", ".join(self.model.coordinates)
@@ -138,6 +154,33 @@ class Turbine:
         if unknown:
             raise ConfigurationError(f"turbine '{self.name}' has no parameter '{min(unknown)}'")
         return replace(self, values={**self.values, **values})
+
+    def in_state(self, name: str) -> "Turbine":
+        """Return the turbine in a state: itself in operation, else with the damping of that state, its prior, a rotor
+        at rest and no blade-passing loads.
+
+        Raises
+        ------
+        ConfigurationError
+            If its file does not have the state.
+
+        Examples
+        --------
+        >>> import windsysid as ws
+        >>> ws.load_turbine("tower").in_state("parked").spread
+        (0.3, 0.8)
+        """
+        if name == OPERATING:
+            return self
+        if (state := self.states.get(name)) is None:
+            raise ConfigurationError(
+                f"turbine '{self.name}' has no state '{name}': expected {', '.join((OPERATING, *self.states))}; "
+                f"add [states.{name}] to its file (docs/how_to/parked.md)"
+            )
+        return replace(
+            self, values={**self.values, **state.values}, spread=(self.spread[0], state.damping_spread), states={},
+            rotor_speed=0.0, loads=tuple(load for load in self.loads if not load.harmonic),
+        )  # fmt: skip
 
     def exact(self) -> "Turbine":
         """The same turbine with its masses and its sensors known exactly: no tolerances."""
