@@ -175,7 +175,7 @@ class Turbine:
         if (state := self.states.get(name)) is None:
             raise ConfigurationError(
                 f"turbine '{self.name}' has no state '{name}': expected {', '.join((OPERATING, *self.states))}; "
-                f"add [states.{name}] to its file (docs/how_to/parked.md)"
+                "a tower file has it in [states.parked], any other file with a rotor speed of 0 rpm"
             )
         return replace(
             self, values={**self.values, **state.values}, spread=(self.spread[0], state.damping_spread), states={},

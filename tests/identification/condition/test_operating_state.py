@@ -91,7 +91,7 @@ def test_a_parked_tower_has_no_blade_passing_and_keeps_its_structure():
 def test_a_file_without_states_is_as_before_and_says_what_it_lacks():
     rotor = load_turbine("verne555")
     assert in_state(rotor, standing(rotor_speed=0.0), "auto") == (rotor, ())
-    with pytest.raises(ConfigurationError, match=r"has no state 'parked': expected operating; add \[states.parked\]"):
+    with pytest.raises(ConfigurationError, match="has no state 'parked': expected operating; a tower file has it"):
         identify(standing(rotor_speed=0.0), rotor, state="parked")
     with pytest.raises(ConfigurationError, match="turbine 'tower' has no state 'idle': expected operating, parked"):
         identify(standing(rotor_speed=0.0), TOWER, state="idle")
