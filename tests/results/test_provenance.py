@@ -78,6 +78,7 @@ def test_a_result_says_where_it_comes_from(found: Identification, record: Record
         "formulation": "auto", "section": [2.0, 20.0], "prior": None, "parameters": None, "rate": None,
         "loads": "auto",
         "site": "onshore",
+        "state": "auto",
     }  # fmt: skip
     assert [sensor["channel"] for sensor in about["sensors"]] == [sensor.channel for sensor in verne555.sensors]
     other = replace(record, values=record.values * 1.0, start=None)

@@ -33,10 +33,10 @@ EXAMPLE: dict[str, Any] = {
     "pieces": 1, "rate": 6e-05, "ratio": 1.2, "ranges": [[0.2, 0.7]], "read": 12000, "reason": "evidence",
     "recorded": 50.0, "resolution": 0.005, "rivals": {"broadband": 31.0}, "rms": 210.0, "rotor_frequency": 0.204,
     "seen": "their ratio k_x/m",
-    "share": 0.4, "sigmas": 5.2, "size": 0.021, "start": 50.0, "std": 0.002, "steps": 30,
+    "share": 0.4, "sigmas": 5.2, "size": 0.021, "start": 50.0, "state": "parked", "std": 0.002, "steps": 30,
     "text": "the text of the inspection, or of another version", "time": 302.9, "turns": 40,
     "unit": "N", "units": {"y": "m/s^2", "z": "m/s^2"}, "unseen_blades": True, "variation": 0.031, "weight": 3.4,
-    "width": 0.015,
+    "why": "speed", "width": 0.015,
 }  # fmt: skip
 """What findings hold, by name: a name means one thing in all of them."""
 

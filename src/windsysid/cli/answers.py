@@ -38,6 +38,9 @@ def plan(
     rotor_speed: Annotated[
         str | None, typer.Option(help='With its unit, such as "12 rpm"; the turbine\'s usual one by default.')
     ] = None,
+    state: Annotated[
+        Literal["operating", "parked"], typer.Option(metavar="NAME", help="operating or parked: which of the file.")
+    ] = "operating",
     formulation: Annotated[
         Literal["joint", "spectral", "auto"],
         typer.Option(
@@ -55,7 +58,7 @@ def plan(
     from windsysid.turbine.file import load_turbine
 
     write = claim_output(context, output, overwrite=overwrite)
-    machine = load_turbine(turbine)
+    machine = load_turbine(turbine).in_state(state)
     listed = read_sensors(sensors) if sensors is not None else None
     asked = [name.strip() for name in parameters.split(",")] if parameters is not None else None
     seconds = parse_option("--duration", duration, "s")

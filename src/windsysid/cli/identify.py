@@ -73,6 +73,10 @@ def identify(
             metavar="NAME", help="offshore: waves are likely (docs/effects.md). As the turbine file says by default."
         ),
     ] = None,
+    state: Annotated[
+        Literal["auto", "operating", "parked"],
+        typer.Option(metavar="NAME", help="operating or parked: whose damping the file has. auto: by the rotor speed."),
+    ] = "auto",
     prior_scale: Annotated[float, typer.Option(help="Centre every prior this many times off its reference.")] = 1.0,
     add_noise: Annotated[
         float,
@@ -108,7 +112,7 @@ def identify(
         load_mapping(mapping) if mapping is not None else None,
         read_sensors(sensors) if sensors is not None else None,
         Prior(prior_scale, prior_scale, spread=1.0 if formulation == "force-balance" else None),
-        formulation, section, rate, loads,
+        formulation, section, rate, loads, state,
     )  # fmt: skip
     if formulation == "auto":  # spectra come first, then filters
         compile_ahead(ekf.run_kernel, bank_kernel.run_kernel)
@@ -146,6 +150,7 @@ class _IdentifyRequest(NamedTuple):
     section: tuple[float, float] | None
     rate: float | None
     loads: str
+    state: str
 
 
 def _identify_whole(
@@ -166,7 +171,7 @@ def _identify_whole(
         data, sensors = _noisy(data, asked, add_noise, seed)
     found = identify_record(
         data, asked.turbine, sensors=sensors, formulation=asked.formulation, section=asked.section, prior=asked.prior,
-        rate=asked.rate, loads=asked.loads, progress=progress,
+        rate=asked.rate, loads=asked.loads, state=asked.state, progress=progress,
     )  # fmt: skip
     if found.provenance is not None:
         traced = found.provenance.with_options(file=path_text(asked.record), mapping=mapping_tables(asked.mapping))
@@ -223,7 +228,8 @@ def _identify_in_pieces(
             found = identify_pieces(
                 pieces(), asked.turbine, sensors=asked.sensors, prior=asked.prior,
                 formulation="spectral" if asked.formulation == "spectral" else "joint", rate=asked.rate,
-                loads=asked.loads, checkpoint=checkpoint, keep_checkpoint=True, progress=taken, options=told,
+                loads=asked.loads, state=asked.state, checkpoint=checkpoint, keep_checkpoint=True, progress=taken,
+                options=told,
             )  # fmt: skip
     except KeyboardInterrupt:
         where = f"interrupted at {reached:.0f} s: the same command goes on from there ({checkpoint})"

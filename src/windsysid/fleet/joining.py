@@ -12,8 +12,8 @@ from windsysid.fleet.archive import Known, add_rows, place_of, rows_in
 from windsysid.fleet.members import Member
 from windsysid.fleet.rows import Row
 from windsysid.fleet.scada import SCADA_COLUMNS, Scada, read_scada
-from windsysid.fleet.states import operation
 from windsysid.records.moments import has_zone, moment
+from windsysid.turbine.operation import operation
 
 __all__ = ["OTHER_CLOCK", "check_clocks", "join", "join_late", "read_scadas"]
 

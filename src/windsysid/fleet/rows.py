@@ -13,7 +13,6 @@ import numpy as np
 
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.fleet.scada import SCADA_COLUMNS
-from windsysid.fleet.states import operation_of
 from windsysid.identification.identify import identify
 from windsysid.identification.job import Formulation
 from windsysid.inspection.channels import kinds
@@ -26,6 +25,7 @@ from windsysid.records.record import Record
 from windsysid.results.identification import Identification
 from windsysid.results.provenance import record_hash
 from windsysid.statespace.parameter import Parameter
+from windsysid.turbine.operation import operation_of
 from windsysid.turbine.turbine import Turbine
 
 __all__ = ["COLUMNS", "Row", "empty_row", "failed_row", "grade_of", "grades_of", "row_of"]

@@ -6,6 +6,7 @@ from typing import Literal
 
 from windsysid.errors import ConfigurationError, as_numerical_error
 from windsysid.identification.automatic_choice import choose, spectral_alone
+from windsysid.identification.condition.operating_state import in_state
 from windsysid.identification.estimate.prior_conflict import note_wide_priors
 from windsysid.identification.formulations import estimate
 from windsysid.identification.job import FittedJob, Formulation, Job
@@ -38,6 +39,7 @@ def identify(
     rate: float | None = None,
     loads: str = "auto",
     site: str | None = None,
+    state: str = "auto",
     progress: Progress = unheard,
 ) -> Identification:
     """Identify stiffness and damping of `turbine` from `record`.
@@ -76,6 +78,9 @@ def identify(
     site
         ``"onshore"`` or ``"offshore"``: which prior odds effects have (docs/effects.md); as the turbine file says by
         default.
+    state
+        State of the turbine, whose damping prior its file has: ``"operating"`` or ``"parked"``; by default it follows
+        from rotor speed and pitch, where the file has states and the record these channels.
     progress
         Told what is being done and its share that is done, 0 to 1; None where nobody knows.
 
@@ -102,16 +107,18 @@ def identify(
         "rate": rate,
         "loads": loads,
         "site": placed.site,
+        "state": state,
     }
     if formulation not in _WAYS:
         raise ConfigurationError(f"formulation: expected {', '.join(_WAYS)}; got '{formulation}'")
     part = record.section(*section) if section else record
-    job = Job(record, part, placed, sensors, prior, parameters, rate, loads)
+    machine, notes = in_state(placed, part, state)
+    job = Job(record, part, machine, sensors, prior, parameters, rate, loads)
     doing = f"{formulation} formulation, {part.samples} samples"
     progress(doing, None)
     with hear(progress, doing):
         fit = _WAYS[formulation](job)
-    outcome = fit.outcome._replace(doubts=(*fit.outcome.doubts, *fit.unmodelled))
+    outcome = fit.outcome._replace(doubts=(*fit.outcome.doubts, *fit.unmodelled), notes=(*fit.outcome.notes, *notes))
     return conclude(
         note_wide_priors(outcome), fit.read, fit.formulation, faults=fit.faults, line=fit.line,
         provenance=trace(record, record_hash(record), turbine, fit.sensors, options),

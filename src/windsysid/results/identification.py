@@ -125,6 +125,7 @@ class Identification(IdentificationValues, Answer):
             "record": self.record,
             "start": None if self.provenance is None else self.provenance.start,
             "turbine": self.turbine,
+            "state": next((one.data["state"] for one in self.findings if one.code == "operating_state"), None),
             "sensors": list(self.sensors),
             "section": list(self.section),
             "rotor_speed_rad_s": self.conditions.rotor_speed,

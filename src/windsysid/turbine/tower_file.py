@@ -3,13 +3,13 @@
 import math
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from windsysid.mechanics.sensors import Sensor
 from windsysid.mechanics.tower import DIRECTIONS, TowerModel
 from windsysid.statespace.gauss_markov import GaussMarkov
-from windsysid.turbine.entries import File, FileTable, Mass, NotNegative, Positive, RotorEntry, quantity
-from windsysid.turbine.turbine import Turbine
+from windsysid.turbine.entries import File, FileTable, Mass, NotNegative, Positive, RotorEntry, quantity, spread
+from windsysid.turbine.turbine import OperatingState, Turbine
 
 __all__ = ["TowerFile", "tower_tables"]
 
@@ -21,12 +21,15 @@ class _TowerModel(FileTable):
     fore_aft: Literal["free", "locked"] = "free"
 
 
+DampingRatio = Annotated[float, quantity("%"), Field(gt=-1.0, lt=1.0)]
+
+
 class _Direction(FileTable):
     """One direction as the field knows it: how heavy, how fast, how damped."""
 
     modal_mass: Mass
     frequency: Annotated[float, quantity("Hz"), Positive]
-    damping_ratio: Annotated[float, quantity("%"), Field(gt=-1.0, lt=1.0)]
+    damping_ratio: DampingRatio
 
     def values(self, name: str) -> dict[str, float]:
         """Mass, k = m ω² and c = 2 ζ m ω."""
@@ -52,9 +55,36 @@ class _Forces(FileTable):
         return tuple(GaussMarkov(f"load_{n}", rms[n], self.time_constant, harmonic) for n in model.coordinates)
 
 
+def _identifiable(ratio: float) -> float:
+    """Refuse a damping of zero, which is not identified."""
+    if ratio == 0.0:
+        raise ValueError('expected a size other than 0 %: give a guess, such as "1 %"')
+    return ratio
+
+
+class _Parked(FileTable):
+    """Damping while the rotor stands or idles, and the relative standard deviation of its prior."""
+
+    side_side_damping_ratio: Annotated[DampingRatio, AfterValidator(_identifiable)]
+    fore_aft_damping_ratio: Annotated[DampingRatio, AfterValidator(_identifiable)]
+    prior_damping: Annotated[float, spread(10.0)]
+
+    def state(self, file: "TowerFile") -> OperatingState:
+        """The state of the tower of a file."""
+        values = {}
+        for name in DIRECTIONS:
+            direction = getattr(file, name).model_copy(update={"damping_ratio": getattr(self, f"{name}_damping_ratio")})
+            values[f"c_{name}"] = direction.values(name)[f"c_{name}"]
+        return OperatingState(values, self.prior_damping)
+
+
+class _States(FileTable):
+    parked: _Parked | None = None
+
+
 class TowerFile(File):
-    """Tables ``[model]``, ``[rotor]``, ``[side_side]``, ``[fore_aft]``, ``[top]``, ``[loads]`` and
-    ``[blade_passing]``."""
+    """Tables ``[model]``, ``[rotor]``, ``[side_side]``, ``[fore_aft]``, ``[top]``, ``[loads]``, ``[blade_passing]`` and
+    ``[states.parked]``."""
 
     model: _TowerModel
     rotor: RotorEntry
@@ -63,6 +93,7 @@ class TowerFile(File):
     top: _Top = _Top()
     loads: _Forces
     blade_passing: _Forces
+    states: _States = _States()
 
     @model_validator(mode="after")
     def _free_directions_are_damped(self) -> "TowerFile":
@@ -89,21 +120,30 @@ class TowerFile(File):
             mass_tolerance=self.tolerances.masses,
             loads=(*self.loads.loads(model, 0), *self.blade_passing.loads(model, model.blades)),
             sensors=sensors,
+            states={} if self.states.parked is None else {"parked": self.states.parked.state(self)},
         )
 
 
 def tower_tables(turbine: Turbine) -> dict[str, Any]:
     """A turbine that is a tower as the tables of its file."""
     v, model = turbine.values, turbine.model
+
+    def ratio(name: str, damping: float) -> str:
+        return f"{damping / (2.0 * v[f'mass_{name}'] * turbine.natural_frequency(name))!r} 1"
+
     free = {name: "free" if name in model.coordinates else "locked" for name in DIRECTIONS}
     directions = {}
     for name in DIRECTIONS:
-        omega = turbine.natural_frequency(name)
         directions[name] = {
             "modal_mass": f"{v[f'mass_{name}']!r} kg",
-            "frequency": f"{omega / (2.0 * math.pi)!r} Hz",
-            "damping_ratio": f"{v[f'c_{name}'] / (2.0 * v[f'mass_{name}'] * omega)!r} 1",
+            "frequency": f"{turbine.natural_frequency(name) / (2.0 * math.pi)!r} Hz",
+            "damping_ratio": ratio(name, v[f"c_{name}"]),
         }
+    states = {
+        state: {f"{name}_damping_ratio": ratio(name, known.values[f"c_{name}"]) for name in DIRECTIONS}
+        | {"prior_damping": known.damping_spread}
+        for state, known in turbine.states.items()
+    }
     return {
         "model": {"kind": "tower", "blades": model.blades, **free},
         "rotor": {"speed": f"{turbine.rotor_speed!r} rad/s"},
@@ -111,6 +151,7 @@ def tower_tables(turbine: Turbine) -> dict[str, Any]:
         "top": {"tilt": f"{v['tilt']!r} rad/m", "gravity": f"{v['gravity']!r} m/s^2"},
         "loads": _forces(turbine, 0),
         "blade_passing": _forces(turbine, model.blades),
+        **({"states": states} if states else {}),
     }
 
 

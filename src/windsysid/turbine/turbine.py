@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal, get_args
+from typing import Literal, NamedTuple, get_args
 
 from windsysid.errors import ConfigurationError
 from windsysid.mechanics.model import MechanicalModel
@@ -12,7 +12,7 @@ from windsysid.mechanics.sensors import Sensor
 from windsysid.statespace.gauss_markov import GaussMarkov
 from windsysid.units import RPM
 
-__all__ = ["MASS_TOLERANCE", "Site", "Turbine"]
+__all__ = ["MASS_TOLERANCE", "OPERATING", "OperatingState", "Site", "Turbine"]
 
 Site = Literal["onshore", "offshore"]
 """Where a turbine stands: it decides how likely loads of waves are."""
@@ -22,6 +22,18 @@ MASS_TOLERANCE = 0.02
 
 PARKED_PERIODS = 3
 """Of the slowest mode: the least that a record of a parked machine must hold."""
+
+
+OPERATING = "operating"
+"""The state that a turbine file's own numbers are of."""
+
+
+class OperatingState(NamedTuple):
+    """Parameters [SI] that differ in a state without production, and the relative prior standard deviation of damping
+    there."""
+
+    values: Mapping[str, float]
+    damping_spread: float
 
 
 @dataclass(frozen=True)
@@ -55,6 +67,8 @@ class Turbine:
         Where it stands.
     odds
         Prior odds [1] of effects by their codes, in place of those of `windsysid.identification.model.prior_odds`.
+    states
+        By name, how the turbine differs from operation: ``parked``, where its file has it.
     """
 
     name: str
@@ -71,6 +85,7 @@ class Turbine:
     mass_tolerance: float = MASS_TOLERANCE
     site: Site = "onshore"
     odds: Mapping[str, float] = field(default_factory=dict)
+    states: Mapping[str, OperatingState] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         free = ", ".join(self.model.coordinates)
@@ -148,6 +163,33 @@ class Turbine:
         if unknown:
             raise ConfigurationError(f"turbine '{self.name}' has no parameter '{min(unknown)}'")
         return replace(self, values={**self.values, **values})
+
+    def in_state(self, name: str) -> "Turbine":
+        """Return the turbine in a state: itself in operation, else with the damping of that state, its prior, a rotor
+        at rest and no blade-passing loads.
+
+        Raises
+        ------
+        ConfigurationError
+            If its file does not have the state.
+
+        Examples
+        --------
+        >>> import windsysid as ws
+        >>> ws.load_turbine("tower").in_state("parked").spread
+        (0.3, 0.8)
+        """
+        if name == OPERATING:
+            return self
+        if (state := self.states.get(name)) is None:
+            raise ConfigurationError(
+                f"turbine '{self.name}' has no state '{name}': expected {', '.join((OPERATING, *self.states))}; "
+                "a tower file has it in [states.parked], any other file with a rotor speed of 0 rpm"
+            )
+        return replace(
+            self, values={**self.values, **state.values}, spread=(self.spread[0], state.damping_spread), states={},
+            rotor_speed=0.0, loads=tuple(load for load in self.loads if not load.harmonic),
+        )  # fmt: skip
 
     def exact(self) -> "Turbine":
         """The same turbine with its masses and its sensors known exactly: no tolerances."""

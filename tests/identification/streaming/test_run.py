@@ -52,7 +52,7 @@ class Told:
     """An outcome that holds the accumulator."""
 
     def __init__(self, of: Counter) -> None:
-        self.of, self.elapsed = of, 0.0
+        self.of, self.elapsed, self.notes = of, 0.0, ()
 
     def _replace(self, **changes: object) -> "Told":
         return self

@@ -17,6 +17,7 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError
+from windsysid.identification.condition.operating_state import in_state
 from windsysid.identification.condition.readings import usable_sensors
 from windsysid.identification.estimate.scoring import FilteredMode, posterior_mode
 from windsysid.identification.identify import identify
@@ -138,6 +139,7 @@ def profile_likelihood(
     if name not in names:
         raise ConfigurationError(f"profile of '{name}': expected one of the identified parameters {', '.join(names)}")
     part = (record.section(*section) if section else record).on_uniform_grid()
+    turbine, _ = in_state(turbine, part, "auto")
     problem = pose(part, turbine, usable_sensors(part, turbine, sensors), prior or Prior(), parameters)
     return _profile(problem, names.index(name), found, progress)
 

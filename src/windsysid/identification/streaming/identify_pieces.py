@@ -35,6 +35,7 @@ def identify_pieces(
     formulation: Literal["joint", "spectral"] = "joint",
     rate: float | None = None,
     loads: str = "auto",
+    state: str = "auto",
     memory: float | None = None,
     checkpoint: str | Path | None = None,
     keep_checkpoint: bool = False,
@@ -52,8 +53,8 @@ def identify_pieces(
     pieces
         Records in order, of one sampling rate: `windsysid.iterate_record` makes them of a file. Samples missing between
         two pieces are missing readings.
-    turbine, sensors, prior, parameters, rate, loads
-        As for `windsysid.identify`; sensors are chosen on the first piece.
+    turbine, sensors, prior, parameters, rate, loads, state
+        As for `windsysid.identify`; sensors and state are chosen on the first piece.
     formulation
         joint, or spectral: then sums over blocks are all that is kept, pieces may be of several records of one machine
         in one state, and the result is within a third of a standard deviation of a whole record's
@@ -88,7 +89,7 @@ def identify_pieces(
     """
     job = StreamingJob(
         as_turbine(turbine), sensors, prior or Prior(), parameters, formulation, rate, loads, memory,
-        None if checkpoint is None else Path(checkpoint), keep_checkpoint, options or {},
+        None if checkpoint is None else Path(checkpoint), keep_checkpoint, options or {}, state,
     )  # fmt: skip
     _check(job)
     begin = SampleAccumulator if formulation == "joint" else SpectraAccumulator

@@ -16,6 +16,7 @@ import numpy as np
 from windsysid._types import Array
 from windsysid._version import __version__
 from windsysid.errors import RecordError
+from windsysid.identification.condition.operating_state import in_state
 from windsysid.identification.condition.readings import screened, usable_sensors
 from windsysid.identification.model.fit import Outcome
 from windsysid.identification.model.prior import Prior
@@ -49,6 +50,7 @@ class StreamingJob(NamedTuple):
     checkpoint: Path | None
     keep_checkpoint: bool
     options: Mapping[str, Any]
+    state: str = "auto"
 
     @property
     def own_options(self) -> dict[str, Any]:
@@ -56,7 +58,7 @@ class StreamingJob(NamedTuple):
         listed = None if self.parameters is None else list(self.parameters)
         common = {"formulation": self.formulation, "prior": asdict(self.prior), "parameters": listed}
         only = {"rate": self.rate} if self.formulation == "joint" else {"memory": self.memory}
-        return {**common, "loads": self.loads, "site": self.turbine.site, **only}
+        return {**common, "loads": self.loads, "site": self.turbine.site, "state": self.state, **only}
 
     def call_on(self, first: Record) -> dict[str, Any]:
         """What must be the same in a call that resumes: of options that were added, how the file is read only."""
@@ -142,7 +144,8 @@ class _StreamingRun:
         self.first, self.job, self.hash, self.taken, self.wind = first, job, RecordHash(), 0, [0.0, 0.0]
         self.checkpoint = None if job.checkpoint is None else Checkpoint(job.checkpoint, job.call_on(first))
         self.known = (self.checkpoint.progress() if self.checkpoint else None) or {"samples": 0}
-        self.accumulator = begin(first, job)
+        machine, self.notes = in_state(job.turbine, first, job.state)
+        self.accumulator = begin(first, job._replace(turbine=machine))
 
     def take(self, segment: Record) -> None:
         """Take the next segment as it was recorded."""
@@ -188,7 +191,8 @@ class _StreamingRun:
         elapsed = time.perf_counter() - started - found.outcome.elapsed
         wind_speed = self.wind[0] / self.wind[1] if self.wind[1] else None
         return conclude(
-            found.outcome._replace(elapsed=elapsed), found.read, job.formulation,
+            found.outcome._replace(elapsed=elapsed, notes=(*found.outcome.notes, *self.notes)), found.read,
+            job.formulation,
             whole=WholeRecord(section, found.samples, found.history_time, wind_speed),
             provenance=trace(self.first, str(self.hash), job.turbine, self.accumulator.sensors, options),
             faults=faults,

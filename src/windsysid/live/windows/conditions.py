@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from windsysid._types import Array
 from windsysid.fleet.rows import Row
 from windsysid.fleet.series import COVARIATES, MIN_SHARE, MIN_STATE_RECORDS, MIN_STATE_SHARE, STRONG_WIND
-from windsysid.fleet.states import STATES
+from windsysid.turbine.operation import STATES
 
 __all__ = ["NONE", "Standards", "conditions_of", "covariates_of", "learn_standards", "state_of"]
 

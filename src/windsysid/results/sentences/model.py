@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Final
 
-from windsysid.results.sentences.template import LIKELY_MACHINE, Data, Sentence
+from windsysid.results.sentences.template import LIKELY_MACHINE, Data, Sentence, fill
 
 __all__ = ["LOADS_WITHHELD", "MODEL"]
 
@@ -16,6 +16,10 @@ _TOTAL = "damping is total: structure and aerodynamics"
 _WHY_CHOSEN = {
     "explains": "it explains the record", "as before": "as before",
     "loads hardly matter": "loads hardly matter in this record",
+}  # fmt: skip
+_WHY_STATE = {
+    "given": "as given", "pitch": "blades are feathered", "speed": "rotor speed {share:.3g %} of the usual one",
+    "unknown": "no rotor speed is recorded; say --state parked otherwise",
 }  # fmt: skip
 _ANOTHER_SECTION = ": likely loads of a machine; try another section"
 
@@ -47,6 +51,9 @@ def _cause_of_force(d: Data) -> str:
 
 
 MODEL: Final[Mapping[str, Sentence]] = {
+    "operating_state": lambda d: fill(
+        f"the turbine is {{state}} ({_WHY_STATE[d['why']]}); the prior of damping is that of this state", d
+    ),
     "loads_known": f"all loads are known, the noise learned from the record; {_TOTAL}",
     "loads_are_states": (
         "loads are states ({loads}), their statistics and the noise learned from the record; " + _TOTAL

@@ -8,7 +8,7 @@ import pytest
 
 from windsysid.errors import ConfigurationError
 from windsysid.fleet.scada import Scada, read_scada
-from windsysid.fleet.states import operation_of
+from windsysid.turbine.operation import operation_of
 
 USUAL = 1.27
 
