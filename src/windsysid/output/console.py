@@ -133,7 +133,7 @@ def _share_width(columns: "Sequence[Column]", width: int) -> None:
     """Give each column what its longest word needs, and the narrowest of them what is spare."""
     texts = [[str(text) for text in (column.header, *column._cells)] for column in columns]
     natural = [max(map(len, own)) for own in texts]
-    least = [max(map(len, " ".join(own).replace(" …", "_…").split()), default=1) for own in texts]
+    least = [max(map(len, " ".join(own).replace(" …", "_…").replace(" ± ", "_±_").split()), default=1) for own in texts]
     spare = width - sum(least) - 2 * (len(least) - 1)  # columns stand two apart
     for i in sorted(range(len(least)), key=lambda i: natural[i] - least[i]):
         if columns[i].justify == "right" or spare >= 0:  # names may be folded where nothing else helps

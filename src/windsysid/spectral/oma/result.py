@@ -316,10 +316,15 @@ class OperationalModes(Answer):
         return pd.DataFrame(rows, columns=columns)
 
     @property
+    def _numbered(self) -> bool:
+        """True if names of modes do not say what moves."""
+        return any(mode.name.startswith("mode ") for mode in self.modes)
+
+    @property
     def headings(self) -> tuple[str, ...]:
         """Headings of `rows`."""
         known = ("reference [Hz]",) if any(mode.reference for mode in self.modes) else ()
-        return ("mode", "f ± 2σ [Hz]", "grade", "ζ ± 2σ [%]", "grade", *known, "moves most")
+        return ("mode", "f ± 2σ [Hz]", "grade", "ζ ± 2σ [%]", "grade", *known, *(("moves most",) * self._numbered))
 
     @property
     def rows(self) -> list[tuple[str, ...]]:
@@ -327,8 +332,8 @@ class OperationalModes(Answer):
         rows = []
         for mode in self.modes:
             known = (mode.mode.reference_cells()[0],) if any(m.reference for m in self.modes) else ()
-            largest = self.channels[int(np.argmax(np.abs(mode.shape)))]
-            rows.append((*mode.mode.cells(), *known, largest))
+            largest = (self.channels[int(np.argmax(np.abs(mode.shape)))],) * self._numbered
+            rows.append((*mode.mode.cells(), *known, *largest))
         return rows
 
     def __repr__(self) -> str:
@@ -346,9 +351,8 @@ class OperationalModes(Answer):
     def table(self, caption: str | None = None) -> Table:
         """`rows`, under `caption`."""
         of = self.record if self.parts else section_name(self.record, *self.section)
-        return Table(
-            self.headings, self.rows, f"modes of {of}" if caption is None else caption, (0, len(self.headings) - 1)
-        )
+        words = (0, len(self.headings) - 1) if self._numbered else (0,)
+        return Table(self.headings, self.rows, f"modes of {of}" if caption is None else caption, words)
 
     def agreement_table(self, caption: str = "record by record") -> Table:
         """Frequency and damping ratio of each mode, record by record, under `caption`."""
