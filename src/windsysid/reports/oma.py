@@ -55,7 +55,7 @@ def _spectrum(ax: Axes, found: OperationalModes) -> None:
     top = max((mode.band[1] for mode in found.modes), default=float(found.frequency[-1]))
     ax.set_xlim(0.0, min(1.3 * top, float(found.frequency[-1])))
     ax.set_title(
-        "all channels, scaled; blue: modes and their bands, orange: doubtful ones, dotted: lines taken out",
+        "all channels, scaled; blue: modes and their frequency ranges, orange: grade C, dotted: removed lines",
         fontsize=9,
         loc="left",
     )
@@ -111,27 +111,31 @@ def _arrows(ax: Axes, found: OperationalModes, mode: OperationalMode, named: boo
 def files(found: OperationalModes) -> dict[str, bytes]:
     """``report.html``, ``modes.png`` and ``summary.json``, by name."""
     drawn = png(figure(found))
-    trusted = sum(mode.trusted for mode in found.modes)
-    verdict = f"{trusted} of {len(found.modes)} modes are to be trusted."
+    usable = sum(mode.trusted for mode in found.modes)
+    verdict = f"{usable} of {len(found.modes)} modes may be used with their intervals: grades A and B."
     caption = (
         "Grey: the readings, all channels of a band added after scaling; blue: modes and what else is in the "
-        "band. Bands of frequencies and damping ratios are ±2σ of the posterior."
+        "band. Intervals of frequencies and damping ratios are ±2σ."
     )
     sections = [
         Section("Modes", text=[verdict, *found.reasons_of_record], tables=[found.table("")]),
         Section("Spectra", figures=[(drawn, caption)]),
     ]
     if found.parts:
-        text = "Each record by itself. Where they scatter more than their bands say, the mode is not trusted."
+        text = "Each record by itself. Where they scatter more than their intervals say, the mode is of grade C."
         sections.append(Section("Record by record", text=[text], tables=[found.agreement_table("")]))
     shapes = _shapes(found)
     if shapes is not None:
         text = "Shapes as accelerations, 1 where most moves. Bars: blue in phase, grey out of phase, lines ±2σ."
         sections.append(Section("Shapes", figures=[(shapes, text)]))
-    doubted = [(mode.name, f"{mode.frequency:.4g}", ". ".join(mode.doubts)) for mode in found.modes if mode.doubts]
-    if doubted:
-        why = Table(("mode", "f [Hz]", "what speaks against it"), doubted, words=(0, 2))
-        sections.append(Section("Why some are not to be trusted", tables=[why]))
+    causes = [
+        (mode.name, f"{mode.frequency:.4g}", ". ".join(mode.doubts or (one.text for one in mode.remarks)))
+        for mode in found.modes
+        if mode.doubts or mode.remarks
+    ]
+    if causes:
+        why = Table(("mode", "f [Hz]", "why"), causes, words=(0, 2))
+        sections.append(Section("Why grades are B or C", tables=[why]))
     if found.notes:
         sections.append(Section("How this was computed", text=list(found.notes)))
     section = "" if found.parts else f" · {found.section[0]:.6g}–{found.section[1]:.6g} s"
