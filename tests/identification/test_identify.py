@@ -15,7 +15,7 @@ from tests.findings import codes, notes, only, reasons
 from windsysid.errors import ConfigurationError, NumericalError, RecordError
 from windsysid.identification import formulations as ways
 from windsysid.identification import identify as identify_module
-from windsysid.identification.condition.readings import add_noise, usable_sensors, with_noise
+from windsysid.identification.condition.readings import add_noise, choose_rate, usable_sensors, with_noise
 from windsysid.identification.estimate.spectral.frequency_domain import identify_by_spectrum
 from windsysid.identification.estimate.time_domain import identify_jointly_from
 from windsysid.identification.model.prior import Prior
@@ -26,6 +26,7 @@ from windsysid.modal.sweep import find_modes
 from windsysid.monitoring.comparison import compare
 from windsysid.records.formats import read_record
 from windsysid.records.record import Record
+from windsysid.results.finding import Finding
 from windsysid.results.identification import Identification, coefficient_errors
 from windsysid.simulation.record import simulate_record
 from windsysid.turbine.file import load_turbine
@@ -503,6 +504,32 @@ def test_auto_goes_by_spectra_in_wind(verne555):
     found = identify(record, verne555, formulation="auto")
     assert found.formulation == "spectral"
     assert "spectral_under_wind" in codes(found.findings)
+
+
+@pytest.mark.parametrize("code", ["halves_disagree_in_bands", "nonstationary"])
+def test_a_finding_against_spectra_in_wind_starts_no_filters(verne555, monkeypatch, code):
+    """Filters with 31 load states took minutes, and nobody trusted their results."""
+    record = simulate_record(verne555, duration=100.0, rate=100.0, seed=8003, loads="wind")
+    by_spectrum, asked = identify_by_spectrum, []
+
+    def doubted(*given, **options):
+        data = {"change": 0.05, "channel": "tower_x_acceleration", "ratio": 9.9, "low": 1.0, "high": 2.0}
+        return by_spectrum(*given, **options)._replace(doubts=(Finding(code, "reason", data, ("k_x",)),))
+
+    monkeypatch.setattr(ways, "identify_by_spectrum", doubted)
+    monkeypatch.setitem(ways._FORMULATIONS, "joint", lambda *given: asked.append(given))
+    found = identify(record, verne555, formulation="auto")
+    assert (found.formulation, asked) == ("spectral", [])
+    assert code in codes(reasons(found))
+    assert {e.grade for e in found.estimates} == {"C"}
+
+
+def test_long_records_of_slow_machines_are_read_as_often_as_their_equations_need():
+    slow, fast = load_turbine("nrel5mw"), load_turbine("verne555")
+    assert choose_rate(100.0, 600.0, slow, None) == pytest.approx(22.5, rel=0.05)
+    assert choose_rate(100.0, 60.0, slow, None) is None
+    assert choose_rate(100.0, math.inf, slow, None) is None
+    assert choose_rate(50.0, 600.0, fast, None) is None
 
 
 def test_auto_is_the_default():

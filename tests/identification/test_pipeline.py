@@ -7,7 +7,7 @@ import pytest
 
 from tests.findings import only
 from windsysid.errors import RecordError
-from windsysid.identification import automatic_choice
+from windsysid.identification import automatic_choice, pipeline
 from windsysid.identification.identify import identify
 from windsysid.identification.job import FittedJob, Job
 from windsysid.identification.limits import MAX_EXTENSIONS
@@ -71,6 +71,14 @@ def job() -> Job:
 @pytest.fixture(scope="module")
 def plain(job: Job) -> FittedJob:
     return run(job, effects=())[1]
+
+
+def test_nothing_is_included_in_a_fit_whose_search_was_too_expensive_to_end(
+    job: Job, plain: FittedJob, monkeypatch: pytest.MonkeyPatch
+):
+    ended = plain.doubted(Finding("search_exhausted", "reason", {"steps": 6}))
+    monkeypatch.setattr(pipeline, "estimate", lambda *given: ended)
+    assert run(job, effects=((Hum(),),)) == (job, ended)
 
 
 def test_an_effect_that_cannot_be_tested_leaves_the_fit(job: Job, plain: FittedJob):

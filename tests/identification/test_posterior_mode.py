@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
+from windsysid.identification.estimate import scoring
 from windsysid.identification.estimate.scoring import find_innovation_mode, information
 from windsysid.identification.fit_equations import Reading
 from windsysid.mechanics.equations import Equations
@@ -49,6 +50,23 @@ def test_information_and_gradient_are_those_of_a_first_order_autoregression():
     to_sigma = -SAMPLES + y[0] ** 2 / SIGMA**2 + np.sum(e**2) / variance
     to_phi = (SAMPLES - 1) * PHI / rest + np.sum(e * y[:-1]) / variance - np.sum(e**2) * PHI / (variance * rest)
     assert gradient == pytest.approx([to_sigma, to_phi], rel=1e-5, abs=1e-4)
+
+
+def test_a_search_that_would_be_too_expensive_ends_with_what_it_knows(monkeypatch: pytest.MonkeyPatch):
+    y = np.random.default_rng(4).standard_normal((SAMPLES, 1))
+    mean, cov = np.array([0.0, 0.5]), np.diag([4.0, 0.01])
+
+    def search():
+        start = np.array([3.0, 0.5]), cov
+        return find_innovation_mode(autoregression, [(np.zeros((SAMPLES, 1)), y)], prior=(mean, cov), start=start)
+
+    whole = search()
+    assert whole.settled
+    monkeypatch.setattr(scoring, "MAX_OPERATIONS", 1.0)
+    monkeypatch.setattr(scoring, "MIN_STEPS", 1)
+    short = search()
+    assert (short.settled, short.ended, short.iterations) == (False, True, 1)
+    assert np.isfinite(short.cov).all()
 
 
 def test_a_search_whose_start_has_no_likelihood_begins_at_the_prior():

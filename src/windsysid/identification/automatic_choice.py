@@ -18,6 +18,7 @@ from windsysid.identification.pipeline import FAILURES, run
 from windsysid.identification.verdict.conclude import doubts_of_innovations
 from windsysid.identification.verdict.grading import is_contradictory
 from windsysid.loads.family import Broadband
+from windsysid.loads.hypothesis import HYPOTHESES
 from windsysid.loads.narrow_band import NarrowBand
 from windsysid.loads.rotor_wind import RotorWind
 from windsysid.results.finding import Finding
@@ -29,22 +30,34 @@ BEGINNING = 60.0
 """Setting: periods of the slowest mode at a record's beginning in which filters look for loads that they cannot
 explain: where there are, a search of all of it takes minutes."""
 
+TRANSIENT = frozenset({
+    "burst", "nonstationary", "stationarity_untestable", "too_short_for_stationarity", "varying_rotor_speed",
+})  # fmt: skip
+"""Setting: findings of spectra that a record is a transient, or too short to tell: a rotor in wind goes to filters."""
+
+MAX_WIND_SAMPLES = 3000
+"""Setting: samples of a rotor's record up to which filters may have the wind's 31 load states: one evaluation of their
+likelihood takes 3 s then (two cores, 2026), a search ten."""
+
 WITHOUT_WIND = Finding("bands_suppose_wind", "reason")
 
 
 def choose(job: Job) -> FittedJob:
-    """By spectra under wind and where nothing turns, jointly otherwise; the other one is a cross-check, but under wind.
+    """Choose spectra under wind and where nothing turns, filters otherwise, and cross-check them, but under wind.
 
     Springs that harden, friction, play and loads of another kind show in innovations; in the size of a spectrum they
-    hardly do.
+    hardly do. Under wind filters have 31 load states: they answer transients only, and any other finding is a reason
+    against the spectral result.
     """
     try:
         spectral_job, spectral = run(job.by("spectral"))
     except FAILURES as error:
-        return run(job.by("joint"))[1].noting(_note("joint_as_spectra_do_not_apply", error=str(error)))
-    doubts = (*spectral.outcome.doubts, *_undamped(spectral.outcome))
+        joint = run(_affordable(job.by("joint")))[1]
+        return joint.noting(_note("joint_as_spectra_do_not_apply", error=str(error)))
+    spectral = spectral.doubted(*_undamped(spectral.outcome))
+    doubts = spectral.outcome.doubts
     joint_job = job.by("joint").with_effects_of(spectral_job, "clock_drift", Sinusoid.code)
-    if not doubts and spectral.outcome.hypothesis == RotorWind.name:
+    if _is_left_to_spectra(job, spectral):
         broad = _by_broad_loads(joint_job) if spectral.outcome.in_bands else None
         if broad is not None:
             return broad.noting(_note("joint_as_loads_are_broad"))
@@ -59,6 +72,14 @@ def choose(job: Job) -> FittedJob:
     except FAILURES as error:
         return spectral.doubted(Finding("spectral_as_filters_fail", "reason", {"error": str(error)}))
     return _cross_checked(job, _with_priors_of(spectral, joint), spectral_job, spectral)
+
+
+def _is_left_to_spectra(job: Job, spectral: FittedJob) -> bool:
+    """Whether a rotor is in wind, and the record is no transient, or one for which the wind's load states are too many.
+    Bands suppose wind, and show a free decay, too, which filters explain without these."""
+    transient = TRANSIENT.intersection(one.code for one in spectral.outcome.doubts)
+    alone = job.part.samples > MAX_WIND_SAMPLES and not spectral.outcome.in_bands
+    return spectral.outcome.hypothesis == RotorWind.name and (alone or not transient)
 
 
 def spectral_alone(job: Job) -> FittedJob:
@@ -76,8 +97,14 @@ def _prepared(job: Job, spectral: FittedJob) -> Job:
         harmonics = harmonics_of_spectra(job, spectral)
     except FAILURES:
         harmonics = None
-    job = job if harmonics is None else job.including(harmonics)
+    job = _affordable(job if harmonics is None else job.including(harmonics))
     return replace(job, loads=Broadband.name) if drifts_in(job) and job.loads == "auto" else job
+
+
+def _affordable(job: Job) -> Job:
+    """The job with broad loads where the wind's load states are too many for the samples of the record."""
+    dear = HYPOTHESES[RotorWind.name].applies_to(job.turbine) and job.part.samples > MAX_WIND_SAMPLES
+    return replace(job, loads=Broadband.name) if dear and job.loads == "auto" else job
 
 
 def _filters_instead(job: Job, spectral: FittedJob, doubt: Finding) -> FittedJob:

@@ -168,6 +168,11 @@ class Turbine:
         """Return the turbine in a state: itself in operation, else with the damping of that state, its prior, a rotor
         at rest and no blade-passing loads.
 
+        Parameters
+        ----------
+        name
+            ``operating``, or a state of the file.
+
         Raises
         ------
         ConfigurationError

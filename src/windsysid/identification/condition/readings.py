@@ -56,6 +56,11 @@ that ten minutes leave of a mode with 1 % damping at some hertz.
 """
 
 
+MIN_RESAMPLED = 8_000
+"""Setting: samples that are left of a record that is resampled since that halves them or more, and its equations need
+no more: for a rotor with 23 states one evaluation of their likelihood takes 0.8 s (two cores, 2026)."""
+
+
 def add_noise(record: Record, channels: Sequence[str], percent: float, seed: int) -> tuple[Record, dict[str, float]]:
     """White noise of `percent` of each channel's standard deviation added to it; returns the noise rms per channel too.
 
@@ -213,16 +218,24 @@ def choose_rate(recorded: float, duration: float, turbine: Turbine, rate: float 
         If the rate that is asked for takes every mode out of the record, or leaves next to no readings.
     """
     asked = rate is not None
-    if rate is None and turbine.model.samples_per_period is not None:
-        fastest = max(turbine.natural_frequency(name) for name in turbine.model.coordinates)
-        rate = min(turbine.model.samples_per_period * fastest / (2.0 * math.pi), recorded)
-    elif rate is not None and not 0.0 < rate <= 1.001 * recorded:
+    if rate is None:
+        rate = _usual_rate(recorded, duration, turbine)
+    elif not 0.0 < rate <= 1.001 * recorded:
         raise ConfigurationError(f"rate: expected more than 0 and at most the record's {recorded:.4g} Hz, got {rate:g}")
     if rate is None or rate > 0.95 * recorded:
         return None
     if asked:  # of a record too short for a rate that nobody asked for, its length is what is wrong
         _check_rate(duration, turbine, rate)
     return rate
+
+
+def _usual_rate(recorded: float, duration: float, turbine: Turbine) -> float | None:
+    """Readings per second [Hz] if no rate is asked for; None for the record's own."""
+    fastest = max(turbine.natural_frequency(name) for name in turbine.model.coordinates)
+    if turbine.model.samples_per_period is not None:
+        return min(turbine.model.samples_per_period * fastest / (2.0 * math.pi), recorded)
+    least = max(fastest / MAX_STEP, MIN_RESAMPLED / duration)
+    return least if math.isfinite(duration) and least < 0.5 * recorded else None
 
 
 def steps_per_reading(turbine: Turbine, rate: float) -> int:

@@ -55,6 +55,10 @@ SEARCH = SearchLimits(
 """Numerical: an evaluation runs a bank of filters over all samples: so the last step is taken unseen. Searches begin
 where the recursion on line ends, near the mode."""
 
+MAX_OPERATIONS, MIN_STEPS = 3e8, 6
+"""Setting: elements of covariances that the evaluations of a search may update, and steps that it may take whatever
+they cost. 3e8 take 2 s (two cores, 2026); searches that converge take up to five steps."""
+
 MAX_STEP_SIGMAS = 3.0
 """Numerical: standard deviations of its prior, or of a clock's tolerance, by which a step moves an unknown at most."""
 
@@ -148,6 +152,8 @@ class InnovationMode(NamedTuple):
         Newton's decrement of the last step.
     look
         The last evaluation: θ is one step away from there where it settled.
+    ended
+        Whether no search is to go on from there: it has settled, or more steps would be too expensive.
     """
 
     mean: Array
@@ -156,6 +162,7 @@ class InnovationMode(NamedTuple):
     settled: bool
     decrement: float
     look: Look
+    ended: bool
 
 
 class FilteredMode(NamedTuple):
@@ -238,13 +245,16 @@ def find_innovation_mode(
             return _BankEvaluation(found.value, found.gradient, found.information, there)
 
         first = _first_finite(evaluate, (start[0].copy(), prior[0]))
-        limits = SEARCH._replace(tolerance=tolerance, unseen=tolerance)
+        operations = sum(len(readings) for _, readings in samples) * first.look.bank.cov.size
+        steps = min(max(int(MAX_OPERATIONS / max(operations, 1)), MIN_STEPS), SEARCH.max_steps)
+        limits = SEARCH._replace(tolerance=tolerance, unseen=tolerance, max_steps=steps)
         mode = find_mode(
             evaluate, first.look.theta, limits, max_step=MAX_STEP_SIGMAS / np.sqrt(np.diag(precision)), first=first
         )
     here = mode.evaluation
     cov = np.asarray(np.linalg.inv(here.information), dtype=np.float64)
-    return InnovationMode(mode.point, cov, mode.steps, mode.converged, mode.decrement, here.look)
+    ended = mode.converged or mode.steps == steps < SEARCH.max_steps
+    return InnovationMode(mode.point, cov, mode.steps, mode.converged, mode.decrement, here.look, ended)
 
 
 def _first_finite(evaluate: Callable[[Array], _BankEvaluation], points: Sequence[Array]) -> _BankEvaluation:

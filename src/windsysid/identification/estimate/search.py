@@ -68,8 +68,9 @@ class Solution(NamedTuple):
         way.
     mean, cov
         The mode of the posterior of all unknowns, the clocks last (n,), and the inverse of its information (n, n).
-    iterations, settled
-        Steps of the last search, and whether its last one was small enough.
+    iterations, settled, exhausted
+        Steps of the last search, whether its last one was small enough, and whether it ended since more would have been
+        too expensive.
     log_likelihood
         Of the readings at the mode.
     info, inputs, loads
@@ -91,6 +92,7 @@ class Solution(NamedTuple):
     cov: Array
     iterations: int
     settled: bool
+    exhausted: bool
     log_likelihood: float
     info: Info
     inputs: Array
@@ -170,6 +172,7 @@ def solve(
         cov=mode.cov,
         iterations=mode.iterations,
         settled=mode.settled,
+        exhausted=mode.ended and not mode.settled,
         log_likelihood=seen.log_likelihood,
         info=seen.info,
         inputs=seen.inputs,
@@ -212,7 +215,7 @@ def _search(
         gated = replace(model, blocks=model.blocks._replace(gate=np.array([OUTLIER_SIGMAS])))
         seen = _filter(gated, shifted(problem, samples, clocks), rate, frequencies)
         found = seen.gated.that_matter(seen.gated_power, seen.read, seen.stretch.samples)
-        if found.same_as(outliers) or (searches > 1 and not mode.settled):  # no set of readings makes it settle
+        if found.same_as(outliers) or (not mode.settled and (mode.ended or searches > 1)):  # no set settles
             break
         outliers, kept = found, found.left_out_of(samples)
     if seen.gated.counts(len(seen.read)).any():  # what a filter without a gate says
@@ -235,7 +238,7 @@ def _climb(problem: Problem, samples: Samples, start: tuple[Array, Array], clock
                 changes=Lateness(moved, problem.clocks) if problem.clocks else None,
             )  # fmt: skip
             mean, cov = mode.mean, mode.cov
-            if mode.settled:
+            if mode.ended:
                 break
         check_finite(mode.mean, mode.cov)
         if not problem.clocks:

@@ -111,7 +111,7 @@ def identify_jointly_from(
         solution = solve(problem, samples, None, rate=record.rate, start=_with_likeliest_noise(problem, *start))
     except (WindsysidError, np.linalg.LinAlgError):
         return None
-    if not solution.settled or (explained and not is_explained(solution.whiteness)):
+    if not (solution.settled or solution.exhausted) or (explained and not is_explained(solution.whiteness)):
         return None
     theta, elapsed = problem.unknowns.of("parameters"), time.perf_counter() - started
     only = solution.mean[None, theta], np.sqrt(np.diag(solution.cov)[theta])[None]
@@ -264,7 +264,8 @@ def _list_doubts(
     """What speaks against the bands and does not show in the innovations."""
     doubts = list(doubt_tolerances(tolerances))
     if not solution.settled:
-        doubts.append(Finding("search_not_converged", "reason", {"steps": solution.iterations}))
+        code = "search_exhausted" if solution.exhausted else "search_not_converged"
+        doubts.append(Finding(code, "reason", {"steps": solution.iterations}))
     if any(one.blade for one in given.model.freedoms) and not any(one.blade for one in used.model.freedoms):
         doubts.append(Finding("blades_locked_unseen", "reason"))
     return tuple(doubts)

@@ -125,6 +125,10 @@ ESTIMATES: Final[Mapping[str, Sentence]] = {
         "the likelihood still rose after {steps} steps: choose a longer or steadier section, or priors nearer to the"
         " structure"
     ),
+    "search_exhausted": (
+        "the likelihood still rose after {steps} steps, and more of a record of this size are too expensive: choose a"
+        " shorter section, or a lower --rate"
+    ),
     "fit_not_converged": (
         "the likelihood still rose when the search ended: choose a longer record, identify fewer parameters, or give"
         " narrower priors"

@@ -109,7 +109,7 @@ MODEL: Final[Mapping[str, Sentence]] = {
     ),
     "joint_with_spectra": "joint formulation; spectra were computed, too",
     "joint_agrees": "joint formulation; spectra agree within {sigmas:.1f} standard deviations",
-    "spectral_under_wind": "spectral formulation: wind drives a turning rotor, and the record is stationary",
+    "spectral_under_wind": "spectral formulation: wind drives a turning rotor",
     "spectral_as_clock_drifts": (
         "spectral formulation: a clock drifts, and filters are sensitive to what is read between samples"
     ),

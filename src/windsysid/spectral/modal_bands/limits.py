@@ -53,27 +53,32 @@ MIN_RISE_SIGMAS, MIN_VALLEY_SIGMAS = 4.5, 3.5
 """Size in standard deviations: height of a peak above the background in the averaged log spectrum, and its fall on
 either side."""
 
-LOADS = (((1 / 3, 0.06, 0.7), (0.04, 0.3)), ((1 / 20, 0.005, 1.2), (0.0, float("inf"))))
-"""Odds: of waves and of a machine of varying speed against a mode, with the median and the logarithmic standard
-deviation of their half-widths over frequency, and their ranges of frequencies [Hz]. Peak periods of seas are 3 to 25 s,
-half-widths 3 to 12 % for JONSWAP spectra."""
+LOADS = (
+    ((1 / 3, 0.06, 0.7), (0.04, 0.3)),
+    ((1 / 20, 0.06, 0.7), (0.3, 0.5)),
+    ((1 / 20, 0.005, 1.2), (0.0, float("inf"))),
+)
+"""Odds: of waves, of short waves and of a machine of varying speed against a mode, with the median and the logarithmic
+standard deviation of their half-widths over frequency, and their ranges of frequencies [Hz]. Peak periods of seas are 3
+to 25 s, half-widths 3 to 12 % for JONSWAP spectra."""
 
 STRUCTURAL_DAMPING = ((0.8, 0.012, 0.7), (0.2, 0.06, 0.7))
-"""Size: shares, medians and logarithmic standard deviations of the damping ratios of modes: of structures, and with
-aerodynamic, soil or added damping."""
+"""Setting: prior of the damping ratios of modes, as shares, medians and logarithmic standard deviations: of structures,
+and with aerodynamic, soil or added damping."""
 
 MIN_MOTION = 0.2
-"""Size: motion of a channel over the largest from which on it moves in a mode."""
+"""Setting: motion of a channel over the largest from which on it is a dimension of shapes."""
 
 SHAPE_DEVIATIONS = (0.005, 0.05)
-"""Size: mean 1 − MAC of a shape under a load from that of the neighbouring mode: near it, and quasi-static."""
+"""Setting: prior of 1 − MAC of a shape under a load from that of the neighbouring mode, as means of exponential
+distributions: near it, and quasi-static."""
 
-MAX_SHAPE_RATIO = 100.0
-"""Odds: largest weight of a shape, as sensors are few and shapes of structures are not random directions."""
+EQUAL_SHAPES = (0.01, 0.5)
+"""Setting: shares of pairs of modes whose shapes are as equal to the sensors as those of a mode and a load: of close
+ones, as of a tuned mass damper, and of others, as the bending modes of a tower at its top."""
 
 MAX_CLOSE_RATIO = 1.5
-"""Size: ratio of frequencies from which on two modes may have one shape in few sensors, as the bending modes of a
-tower at its top."""
+"""Size: ratio of frequencies up to which two modes are close."""
 
-MAX_LOAD_ODDS, MAX_REPORTED_ODDS = 0.5, 1000.0
-"""Odds: of a load against a mode beyond which a peak is not graded, and the largest that are reported."""
+MAX_LOAD_ODDS = 0.5
+"""Odds: of a load against a mode beyond which a peak is not graded."""

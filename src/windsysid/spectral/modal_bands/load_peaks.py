@@ -41,7 +41,7 @@ def with_load_odds(modes: Sequence[OperationalMode]) -> list[OperationalMode]:
                 odds, why = together, f", its shape that of {other.frequency:.4g} Hz (MAC {mac:.3f})"
         if odds > limits.MAX_LOAD_ODDS:
             text = f"load or mode: its damping ratio would be {100 * mode.damping:.2g} %{why}; odds of a load, such as"
-            text = f"{text} waves or a machine, {min(odds, limits.MAX_REPORTED_ODDS):.2g} : 1"
+            text = f"{text} waves or a machine, {odds:.2g} : 1"
             mode = replace(mode, grounds=(*mode.grounds, Doubt("load", text)))
         checked.append(mode)
     return checked
@@ -73,10 +73,8 @@ def shape_ratio(mode: OperationalMode, other: OperationalMode) -> tuple[float, f
     off = max(1.0 - mac, unsure)
     scales = np.array(limits.SHAPE_DEVIATIONS) + unsure
     of_load = float(np.mean(np.exp(-off / scales) / scales))
-    of_modes = _random_density(1.0 - off, moving)
-    if abs(np.log(mode.frequency / other.frequency)) > np.log(limits.MAX_CLOSE_RATIO):
-        of_modes = 0.5 * (of_modes + of_load)
-    return min(of_load / of_modes, limits.MAX_SHAPE_RATIO), mac
+    equal = limits.EQUAL_SHAPES[int(abs(np.log(mode.frequency / other.frequency)) > np.log(limits.MAX_CLOSE_RATIO))]
+    return of_load / ((1.0 - equal) * _random_density(1.0 - off, moving) + equal * of_load), mac
 
 
 def _relative_variance(shape: Complex, std: Array) -> float:
