@@ -1,9 +1,12 @@
-"""Energies of the two halves of a record, compared range by range."""
+"""Mean squares of ranges of frequency, and energies of the two halves of a record, compared range by range."""
+
+from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.stats import gamma
 
-from windsysid.spectral.rotor.check import RangePower, parts_of, unsteady
+from windsysid.spectral.rotor.check import RangePower, parts_of, unexplained, unsteady
 
 
 def part(low: float, energy: float, channel: str = "tower_x_acceleration") -> RangePower:
@@ -47,3 +50,18 @@ def test_halves_whose_harmonics_lie_elsewhere_are_compared_where_both_have_bins(
 @pytest.mark.parametrize("factor", [2.5, 0.4])
 def test_a_factor_below_three_is_stationary(factor: float):
     assert unsteady([part(0.3, 1.0)], [part(0.3, factor)]) == []
+
+
+def test_a_resonance_at_another_place_is_found_in_narrow_parts_of_a_band():
+    """A band around 1.11 Hz whose mode is at 1.04 Hz."""
+    frequency = np.linspace(1.0, 1.22, 112, endpoint=False)
+    measured = np.repeat([0.85, 3.06, 0.9, 0.26, 0.2, 0.65, 0.66, 1.47], 14)
+    ranges = list(pairwise(np.linspace(1.0, 1.22, 9)))
+    found = unexplained(parts_of(measured, np.ones(112), frequency, "collective", ranges, 1.15, 4.0))
+    assert {round(one.data["low"], 3): one.data["ratio"] for one in found} == pytest.approx({1.028: 3.06})
+
+
+def test_mean_squares_beyond_chance_are_those_of_chi_square():
+    """8 entries: a mean square of 3 has a probability of 2e-5, and one of 4 of 3e-8."""
+    parts = [RangePower("a", 1.0, 2.0, mean, 8**-0.5, mean, 8.0) for mean in (3.0, 4.0)]
+    assert [gamma.sf(8.0 * p.mean, 8.0) < 3.4e-6 for p in parts] == [bool(unexplained([p])) for p in parts]

@@ -16,8 +16,8 @@ from windsysid.results.finding import Finding
 from windsysid.spectral.rotor.limits import (
     HALVES_FALSE_ALARM_PROBABILITY,
     MAX_HALVES_RATIO,
-    MAX_MEAN_SIGMAS,
     MAX_MEAN_SQUARE,
+    MEAN_SQUARE_FALSE_ALARM_PROBABILITY,
     MIN_MEAN_SQUARE,
 )
 
@@ -79,16 +79,23 @@ def parts_of(
 
 
 def unexplained(parts: Sequence[RangePower]) -> list[Finding]:
-    """Reasons where a channel is louder or quieter than the model expects, the worst first."""
-    off = [
-        p
-        for p in parts
-        if (p.mean > MAX_MEAN_SQUARE or p.mean < MIN_MEAN_SQUARE) and abs(p.mean - 1.0) > MAX_MEAN_SIGMAS * p.scatter
-    ]
+    """Reasons where a channel is louder or quieter than the model expects, the worst first.
+
+    The mean of N complex normal entries is χ² with 2N degrees of freedom.
+    """
+    off = [p for p in parts if (p.mean > MAX_MEAN_SQUARE or p.mean < MIN_MEAN_SQUARE) and _is_rare(p)]
     return [
         Finding("unexplained_power", "reason", _data(p, p.mean))
         for p in sorted(off, key=lambda p: -abs(math.log(max(p.mean, 1e-12))))
     ]
+
+
+def _is_rare(part: RangePower) -> bool:
+    from scipy.special import chdtr, chdtrc
+
+    freedom = 2.0 / part.scatter**2
+    beyond = chdtrc if part.mean > 1.0 else chdtr
+    return bool(beyond(freedom, freedom * part.mean) < MEAN_SQUARE_FALSE_ALARM_PROBABILITY)
 
 
 def _data(part: RangePower, ratio: float) -> dict[str, Any]:

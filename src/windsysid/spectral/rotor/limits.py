@@ -9,8 +9,8 @@ MAX_HARMONICS = 10
 MIN_BAND_BINS = 12
 """Size: mean number of bins of a band around a mode of a parked machine."""
 
-MAX_MEAN_SIGMAS = 4.5
-"""Size in standard deviations: difference of a mean square from 1; beyond it one in 150 000 is by chance."""
+MEAN_SQUARE_FALSE_ALARM_PROBABILITY = 3.4e-6
+"""Probability: of a larger, or of a smaller, mean square by chance."""
 
 MAX_MEAN_SQUARE, MIN_MEAN_SQUARE = 1.5, 0.6
 """Size: mean squares of which only those beyond are a reason; at 1.5 intervals are √1.5 too narrow."""

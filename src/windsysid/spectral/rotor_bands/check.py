@@ -1,6 +1,6 @@
 """Goodness of fit of narrow bands, and agreement of the halves of a record and of narrower bands.
 
-Levels of loads are learned, so that the size of a whole band says nothing. What can be wrong is its shape (thirds of
+Levels of loads are learned, so that the size of a whole band says nothing. What can be wrong is its shape (parts of
 each row), its steadiness (energy of the halves), and the stiffness itself: each half of the record must say the same,
 and so must bands of two thirds of the width, which hold less of what the model may not have. Two estimates from the
 same data of which one uses less differ by the difference of their covariances (Hausman, Econometrica 46, 1978,
@@ -30,6 +30,9 @@ from windsysid.spectral.rotor_bands.model import RotorBandFit
 from windsysid.spectral.transforms.rotating_frame import combine_groups
 
 __all__ = ["doubts_of_bands"]
+
+PARTS = (3, 8)
+"""Setting: numbers of parts of a band: wide ones show a wrong level, narrow ones a resonance at another place."""
 
 NARROW_SHARE, KNOWN_SHARE = 0.65, 0.1
 """Setting: width of the narrower bands over that of the bands, and remaining share of a covariance if they contain as
@@ -120,17 +123,18 @@ def _differ(code: str, step: Array, cov: Array, names: list[str]) -> list[Findin
 
 
 def _parts(posed: PosedBands, unknowns: Array) -> list[RangePower]:
-    """Mean squares by row and third of its band."""
+    """Mean squares by row and part of its band."""
     found = []
     for (band, _, rows), place in zip(posed.model.bands, posed.model.places(), strict=True):
         S = np.einsum("bii->bi", band.spectrum(unknowns[place]).spectrum).real
         power = _power(band)
         f = band.base
         for i, row in enumerate(rows):
-            edges = np.linspace(row.low, row.high * 1.000001, 4)
-            label = posed.combined[row.combination].label
-            thirds = [(float(a), float(b)) for a, b in pairwise(edges)]
-            found += parts_of(power[:, i], S[:, i], f, label, thirds, band.overlap / band.blocks, MIN_ENERGY_FREEDOM)
+            label, overlap = posed.combined[row.combination].label, band.overlap / band.blocks
+            for count in PARTS:
+                edges = np.linspace(row.low, row.high * 1.000001, count + 1)
+                ranges = [(float(a), float(b)) for a, b in pairwise(edges)]
+                found += parts_of(power[:, i], S[:, i], f, label, ranges, overlap, MIN_ENERGY_FREEDOM)
     return found
 
 
