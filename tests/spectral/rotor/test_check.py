@@ -4,9 +4,9 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from scipy.stats import gamma
+from scipy.stats import combine_pvalues, gamma
 
-from windsysid.spectral.rotor.check import RangePower, parts_of, unexplained, unsteady
+from windsysid.spectral.rotor.check import RangePower, misshapen, parts_of, unexplained, unsteady
 
 
 def part(low: float, energy: float, channel: str = "tower_x_acceleration") -> RangePower:
@@ -65,3 +65,13 @@ def test_mean_squares_beyond_chance_are_those_of_chi_square():
     """8 entries: a mean square of 3 has a probability of 2e-5, and one of 4 of 3e-8."""
     parts = [RangePower("a", 1.0, 2.0, mean, 8**-0.5, mean, 8.0) for mean in (3.0, 4.0)]
     assert [gamma.sf(8.0 * p.mean, 8.0) < 3.4e-6 for p in parts] == [bool(unexplained([p])) for p in parts]
+
+
+def test_parts_of_a_row_are_combined_by_fishers_method():
+    """Against SciPy: the same chances combined, over one row and over ten."""
+    rows = [[RangePower("a", 1.0, 2.0, mean, 8**-0.5, mean, 8.0) for mean in (0.5, 2.2, 0.4, 1.9)]]
+    chances = [2.0 * min(gamma.sf(8.0 * p.mean, 8.0), gamma.cdf(8.0 * p.mean, 8.0)) for p in rows[0]]
+    together = combine_pvalues(chances, method="fisher").pvalue
+    assert len(misshapen(rows, 1.01 * together)) == 1
+    assert misshapen(rows, 0.99 * together) == []
+    assert misshapen(rows * 10, 9.9 * together) == []

@@ -6,7 +6,7 @@ which channel and at which frequencies the model fails. A record whose halves ha
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,7 +21,7 @@ from windsysid.spectral.rotor.limits import (
     MIN_MEAN_SQUARE,
 )
 
-__all__ = ["RangePower", "parts_of", "unexplained", "unsteady"]
+__all__ = ["RangePower", "misshapen", "parts_of", "unexplained", "unsteady"]
 
 
 class RangePower(NamedTuple):
@@ -78,7 +78,7 @@ def parts_of(
     return found
 
 
-def unexplained(parts: Sequence[RangePower]) -> list[Finding]:
+def unexplained(parts: Iterable[RangePower]) -> list[Finding]:
     """Reasons where a channel is louder or quieter than the model expects, the worst first.
 
     The mean of N complex normal entries is χ² with 2N degrees of freedom.
@@ -90,12 +90,31 @@ def unexplained(parts: Sequence[RangePower]) -> list[Finding]:
     ]
 
 
+def misshapen(rows: Sequence[Sequence[RangePower]], probability: float) -> list[Finding]:
+    """Reasons where the parts of a row are together further off than chance explains, by Fisher's method, at a
+    probability over all rows."""
+    from scipy.special import chdtrc
+
+    found = []
+    for parts in filter(None, rows):
+        chances = [min(max(2.0 * _chance(p), 1e-300), 1.0) for p in parts]
+        if chdtrc(2.0 * len(parts), -2.0 * sum(map(math.log, chances))) < probability / len(rows):
+            worst = parts[int(np.argmin(chances))]
+            found.append(Finding("unexplained_power", "reason", _data(worst, worst.mean)))
+    return found
+
+
 def _is_rare(part: RangePower) -> bool:
+    return _chance(part) < MEAN_SQUARE_FALSE_ALARM_PROBABILITY
+
+
+def _chance(part: RangePower) -> float:
+    """Probability of a larger mean square where it is above 1, else of a smaller one."""
     from scipy.special import chdtr, chdtrc
 
     freedom = 2.0 / part.scatter**2
     beyond = chdtrc if part.mean > 1.0 else chdtr
-    return bool(beyond(freedom, freedom * part.mean) < MEAN_SQUARE_FALSE_ALARM_PROBABILITY)
+    return float(beyond(freedom, freedom * part.mean))
 
 
 def _data(part: RangePower, ratio: float) -> dict[str, Any]:

@@ -8,14 +8,14 @@ https://doi.org/10.2307/1913827).
 """
 
 from collections.abc import Sequence
-from itertools import pairwise
+from itertools import chain, pairwise
 
 import numpy as np
 
 from windsysid._types import Array
 from windsysid.errors import RecordError
 from windsysid.results.finding import Finding
-from windsysid.spectral.rotor.check import RangePower, parts_of, unexplained, unsteady
+from windsysid.spectral.rotor.check import RangePower, misshapen, parts_of, unexplained, unsteady
 from windsysid.spectral.rotor.model import LiftedModel
 from windsysid.spectral.rotor.problem import RotorQuestion
 from windsysid.spectral.rotor.scoring import SpectralMode
@@ -31,7 +31,7 @@ from windsysid.spectral.transforms.rotating_frame import combine_groups
 
 __all__ = ["doubts_of_bands"]
 
-PARTS = (3, 8)
+WIDE_PARTS, NARROW_PARTS = 3, 8
 """Setting: numbers of parts of a band: wide ones show a wrong level, narrow ones a resonance at another place."""
 
 NARROW_SHARE, KNOWN_SHARE = 0.65, 0.1
@@ -45,7 +45,8 @@ def doubts_of_bands(question: RotorQuestion, posed: PosedBands, fit: RotorBandFi
     doubts = [*posed.doubts, *_short(posed)]
     if not found.converged:
         doubts.append(Finding("search_not_converged", "reason", {"steps": found.steps}))
-    doubts += unexplained(_parts(posed, found.unknowns))[:3]
+    wide, narrow_parts = (_parts(posed, found.unknowns, count) for count in (WIDE_PARTS, NARROW_PARTS))
+    doubts += (unexplained(chain.from_iterable(wide)) or misshapen(narrow_parts, DISAGREEMENT_PROBABILITY))[:3]
     try:
         halves = _halves(question, posed)
         narrow = pose_bands(question, posed.places, posed.spectra, width=NARROW_SHARE)
@@ -122,19 +123,19 @@ def _differ(code: str, step: Array, cov: Array, names: list[str]) -> list[Findin
     return [Finding(code, "reason", {"change": step[worst]}, (names[worst],))]
 
 
-def _parts(posed: PosedBands, unknowns: Array) -> list[RangePower]:
-    """Mean squares by row and part of its band."""
+def _parts(posed: PosedBands, unknowns: Array, count: int) -> list[list[RangePower]]:
+    """Mean squares of so many parts of its band, for each row."""
     found = []
     for (band, _, rows), place in zip(posed.model.bands, posed.model.places(), strict=True):
         S = np.einsum("bii->bi", band.spectrum(unknowns[place]).spectrum).real
         power = _power(band)
         f = band.base
         for i, row in enumerate(rows):
-            label, overlap = posed.combined[row.combination].label, band.overlap / band.blocks
-            for count in PARTS:
-                edges = np.linspace(row.low, row.high * 1.000001, count + 1)
-                ranges = [(float(a), float(b)) for a, b in pairwise(edges)]
-                found += parts_of(power[:, i], S[:, i], f, label, ranges, overlap, MIN_ENERGY_FREEDOM)
+            edges = np.linspace(row.low, row.high * 1.000001, count + 1)
+            label = posed.combined[row.combination].label
+            ranges = [(float(a), float(b)) for a, b in pairwise(edges)]
+            overlap = band.overlap / band.blocks
+            found.append(parts_of(power[:, i], S[:, i], f, label, ranges, overlap, MIN_ENERGY_FREEDOM))
     return found
 
 
