@@ -12,6 +12,7 @@ from windsysid.identification.identify import identify
 from windsysid.identification.model.prior import Prior
 from windsysid.records.record import Record
 from windsysid.simulation.record import simulate_record
+from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine
 
 RATE, F = 20.0, 1.5
@@ -93,6 +94,27 @@ def test_sensors_without_power_are_never_trusted(
     dead_channels = only(reasons(found), "dead_channel").channels
     assert len(dead_channels) > 1
     assert dead_channels[0] == f"{'blade_1_lag' if dead else 'tower_x'}_acceleration"
+
+
+def test_a_short_record_of_noise_is_not_taken_for_vibration():
+    """Stiffness was 5 to 12 standard deviations off, of grade A: too few frequencies were there to be tested."""
+    made = simulate_record(load_turbine("tower"), duration=30.0, rate=4.0, seed=884_002)
+    names, rng = ("tower_x_acceleration", "tower_z_acceleration"), np.random.default_rng(884_002)
+    noise = {name: (made[name].std() * rng.standard_normal(made.samples), "m/s^2") for name in names}
+    found = identify(made.with_channels(noise), "tower")
+    assert only(reasons(found), "dead_channel").channels == names
+    assert {one.grade for one in found.estimates} == {"C"}
+    assert identify(made, "tower").diagnosis.trusted
+
+
+def test_innovations_as_large_as_those_of_noise_are_still():
+    rng = np.random.default_rng(8)
+    noise, vibration = rng.standard_normal(100), resonance(rng, 100)
+    left = np.column_stack([noise, 0.3 * rng.standard_normal(100), np.zeros(100)])
+    readings = np.column_stack([noise, vibration, np.zeros(100)])
+    readings[50, 1] = np.nan
+    found = find_still(readings, ("a", "b", "c"), rate=RATE, frequencies=[F], rotor_hz=0.0, innovations=left)
+    assert found == ("a",)
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,9 @@ from validation.adversary.scenarios import SCENARIOS, record
 from tests.findings import notes
 from validation import towers
 from windsysid.identification.identify import identify
+from windsysid.simulation.record import simulate_record
 from windsysid.study.drawn_prior import DrawnPrior
+from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine
 
 
@@ -35,3 +37,19 @@ def test_a_first_reading_that_is_off_is_no_vibration():
     found = identify(made.with_channels({name: (values, "m/s^2")}), "tower", prior=DrawnPrior(seed=290_005))
     assert found.diagnosis.trusted, found.diagnosis.reasons
     assert max(abs(e.estimate - truth[e.name]) / e.std for e in found.estimates) < 3.0
+
+
+def test_clipped_readings_of_a_decay_are_missing():
+    """The damping of the channel that was not clipped was 4 standard deviations off, of grade B: loads share their
+    spectrum."""
+    made, name = simulate_record(load_turbine("tower"), duration=300.0, rate=4.0, seed=883_000), "tower_x_acceleration"
+    truth = {"tower side-side": (0.3163, 0.006), "tower fore-aft": (0.324, 0.06)}
+    turned = 2.0 * np.pi * 0.3163 * (made.time - made.time[0])
+    values = made[name] + 15.0 * np.std(made[name]) * np.exp(-0.006 * turned) * np.cos(turned)
+    largest = 0.25 * np.abs(values).max()
+    found = identify(made.with_channels({name: (np.clip(values, -largest, largest), "m/s^2")}), "tower")
+    assert found.diagnosis.trusted, found.diagnosis.reasons
+    assert any(one.code == "clipping" and "taken as missing" in one.data["text"] for one in notes(found))
+    for mode in found.modes:
+        for (value, low, high), expected in zip(mode[1:3], truth[mode.name], strict=True):
+            assert abs(value - expected) < 0.75 * (high - low)  # 3 σ

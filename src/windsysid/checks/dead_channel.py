@@ -7,6 +7,10 @@ Divided by its power law, noise's periodogram is level: the mean of n neighbouri
 others has Fisher's distribution of 2n and 2m degrees of freedom, fewer under Hann's window, whose neighbours are alike.
 Something vibrates where windows of one width or another stand higher than chance lets any of them. What turns with the
 rotor is left out: gravity shows in a sensor that hears no vibration.
+
+A short record has too few frequencies for that. There the fit itself is tested: its innovations against the residuals
+of a first-order autoregression, by their likelihoods. Of noise the two are alike, and a ratio above 1/p has at most
+the probability p (Markov's inequality); where something vibrates, the structure predicts its readings far better.
 """
 
 from collections.abc import Sequence
@@ -42,10 +46,12 @@ def is_constant(values: Array) -> bool:
 
 
 def find_still(
-    readings: Array, channels: Sequence[str], *, rate: float, frequencies: Sequence[float], rotor_hz: float
-) -> tuple[str, ...]:
+    readings: Array, channels: Sequence[str], *, rate: float, frequencies: Sequence[float], rotor_hz: float,
+    innovations: Array | None = None,
+) -> tuple[str, ...]:  # fmt: skip
     """The channels of readings (T, m), sampled at `rate` [Hz], that are nothing but noise around the natural
-    `frequencies` [Hz] of a machine whose rotor turns at `rotor_hz`."""
+    `frequencies` [Hz] of a machine whose rotor turns at `rotor_hz`; in a short record those whose `innovations` (T, m)
+    are no smaller than of noise."""
     if not frequencies:
         return ()
     missing = ~np.isfinite(readings)
@@ -59,7 +65,8 @@ def find_still(
         away = np.abs(f - rotor_hz * np.maximum(np.round(f / rotor_hz), 1.0))
         there &= away > np.maximum(HARMONIC_HALF_WIDTH_SHARE * f, HARMONIC_HALF_WIDTH_BINS * rate / len(readings))
     if there.sum() < MIN_VIBRATION_BINS:
-        return ()
+        pairs = [] if innovations is None else list(zip(channels, readings.T, innovations.T, strict=True))
+        return tuple(channel for channel, x, e in pairs if _likelihood_ratio(x, e) < 1.0 / NOISE_VIBRATION_PROBABILITY)
     clear = there.sum() >= MIN_LONG_RECORD_BINS and highest == FREQUENCY_RANGE_FACTOR * max(frequencies)
     chance = NOISE_VIBRATION_PROBABILITY if clear else SHORT_NOISE_VIBRATION_PROBABILITY
     judged = (missing.mean(axis=0) <= MAX_MISSING_SHARE) & (power[there].max(axis=0) > 0.0)
@@ -67,6 +74,17 @@ def find_still(
         channel for channel, one, look in zip(channels, power[there].T, judged, strict=True)
         if look and not _stands_out(_levelled(f[there], one), chance)
     )  # fmt: skip
+
+
+def _likelihood_ratio(readings: Array, innovations: Array) -> float:
+    """Likelihood of a fit's innovations (T,) over that of the residuals of a first-order autoregression, up to e¹⁰⁰."""
+    x = readings - np.nanmean(readings)
+    known = np.isfinite(x[1:]) & np.isfinite(x[:-1]) & np.isfinite(innovations[1:])
+    before, x, e = x[:-1][known], x[1:][known], innovations[1:][known]
+    if not (before @ before > 0.0 and e @ e > 0.0):
+        return np.inf
+    left = x - before * (before @ x) / (before @ before)
+    return float(np.exp(min(0.5 * len(x) * np.log((left @ left) / (e @ e)), 100.0)))
 
 
 def _levelled(f: Array, power: Array) -> Array:

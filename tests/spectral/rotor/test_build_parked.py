@@ -49,3 +49,5 @@ def test_a_record_of_few_bins_is_refused(question: RotorQuestion):
     short = question._replace(readings=question.readings[:250], inputs=question.inputs[:250])
     with pytest.raises(RecordError, match="longer record"):
         pose_standing(short, ())
+    with pytest.raises(RecordError, match="longer record"):  # half of a record, in bands of the whole
+        pose_standing(question, ((1e-4, 2e-4),))

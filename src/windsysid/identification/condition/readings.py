@@ -45,7 +45,7 @@ __all__ = [
     "without_faulty",
 ]
 
-TAKEN_AS_MISSING = frozenset({"frozen", "silent", "spikes"})
+TAKEN_AS_MISSING = frozenset({"clipping", "frozen", "silent", "spikes"})
 """Kinds of faults whose readings are left out."""
 
 MAX_STEP = 0.31
@@ -165,13 +165,13 @@ def screened(record: Record, turbine: Turbine, sensors: Sequence[Sensor], *, ref
 
 
 def without_faulty(record: Record, faults: Sequence[Fault]) -> tuple[Record, list[Fault]]:
-    """The record with readings missing where a channel repeats one value, falls silent or has a spike, and its faults,
-    of which those are marked as treated."""
+    """The record with readings missing where a channel is clipped, repeats one value, falls silent or has a spike, and
+    its faults, of which those are marked as treated."""
     told, held, half = [], dict[str, tuple[Array, str]](), 0.5 / record.rate
     for fault in faults:
         if (
             fault.kind in TAKEN_AS_MISSING
-            and fault.severity == "warning"
+            and fault.severity != "note"
             and kinds(record).get(fault.channel) in VIBRATION
         ):
             wrong = np.zeros(record.samples, dtype=np.bool_)

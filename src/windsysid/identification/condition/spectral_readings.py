@@ -32,8 +32,8 @@ def read_bridged(record: Record, channels: Sequence[str], notes: list[Finding]) 
         missing = ~np.isfinite(values)
         if missing.mean() > MAX_MISSING_SHARE:
             raise RecordError(
-                f"channel '{name}': expected at most {100 * MAX_MISSING_SHARE:g} % missing samples for spectra, got "
-                f"{100 * missing.mean():.3g} %: choose another section, or the joint formulation"
+                f"channel '{name}': expected at most {100 * MAX_MISSING_SHARE:g} % missing or faulty samples for "
+                f"spectra, got {100 * missing.mean():.3g} %: choose another section, or the joint formulation"
             )
         if missing.any():
             values = np.interp(record.time, record.time[~missing], values[~missing])

@@ -52,8 +52,7 @@ def pose_standing(
     peaks = _peaks(question, lifted, lines)
     bands = tuple(given_bands) or _bands(list(peaks.values()), lifted)
     used = _in_bands(lifted.base, bands) & ~lines
-    if not given_bands:
-        _check_length(int(used.sum()), MIN_BAND_BINS * len(bands), lifted.duration)
+    _check_length(int(used.sum()), 1 if given_bands else MIN_BAND_BINS * len(bands), lifted.duration)
     width = question.narrowest * lifted.duration
     base, window, alike = _grid(lifted, used, width)
     data = single = _grouped(lifted.data[used, 0], alike).swapaxes(1, 2)

@@ -29,7 +29,7 @@ def doubts_beside_modes(
 ) -> tuple[Finding, ...]:
     """What speaks against the modes of a turbine whose rotor has a mean speed [rad/s]; of filters, more is asked."""
     return (
-        *_still(outcome, record, speed),
+        *_still(outcome, record, speed, outcome.final.innovation if filtered else None),
         *(_passed(outcome, record, modes) if filtered else ()),
     )
 
@@ -81,17 +81,20 @@ def _usual_damping(file: Turbine, mode: Mode) -> float:
     return ratios[min(ratios)] if ratios else 0.0
 
 
-def _still(outcome: Outcome, record: Record, speed: float) -> tuple[Finding, ...]:
+def _still(outcome: Outcome, record: Record, speed: float, innovations: Array | None) -> tuple[Finding, ...]:
     """Which channels hear no vibration, as a doubt; the file's frequencies tell where to listen: the fit's may be
     anywhere then."""
     if not record.is_uniform:
         return ()
     readings = np.column_stack([record[channel] for channel in outcome.channels])
+    if innovations is not None and innovations.shape != readings.shape:
+        innovations = None
     file = outcome.turbine
     natural = [file.natural_frequency(name) / (2.0 * math.pi) for name in file.model.coordinates]
     still = find_still(
-        readings, outcome.channels, rate=record.rate, frequencies=natural, rotor_hz=abs(speed) / (2.0 * math.pi)
-    )
+        readings, outcome.channels, rate=record.rate, frequencies=natural, rotor_hz=abs(speed) / (2.0 * math.pi),
+        innovations=innovations,
+    )  # fmt: skip
     if not still:
         return ()
     return (Finding("dead_channel", "reason", {"channels": still}),)
