@@ -26,7 +26,8 @@ RECENT_TESTS: dict[str, tuple[str, ...]] = {
     "levels/learning.py": ("test_jumps.py", "test_watch.py"),
     "fitted/influence.py": ("test_line_dependence.py",),
     "levels/locating.py": ("test_locating.py", "test_jumps.py", "test_watch.py"),
-    "modal_bands/check.py": ("test_oma.py",),
+    "modal_bands/check.py": ("test_oma.py", "test_check.py"),
+    "modal_bands/part_scores.py": ("test_part_scores.py", "test_oma.py"),
     "modal_bands/scoring.py": ("test_modal_model.py", "test_oma.py"),
     "spectral/narrow_band_alternative.py": ("test_narrow_band_beside.py",),
     "spectral/narrow_band.py": ("test_narrow_bands.py",),
@@ -97,7 +98,7 @@ _READINGS = (
     ),
     Mutant(
         "offset by chance", "effects/bias.py",
-        "max(OUTLIER_SIGMAS * chance, NEGLIGIBLE_SHARE * sensor.noise)", "NEGLIGIBLE_SHARE * sensor.noise",
+        "max(sigmas * chance, NEGLIGIBLE_SHARE * sensor.noise)", "NEGLIGIBLE_SHARE * sensor.noise",
         "sensors get offsets that are chance",
     ),
     Mutant(
@@ -655,9 +656,14 @@ _FLEET_AND_MODES = (
         "a real shape that is turned as a whole is called complex",
     ),
     Mutant(
-        "halves of a mode", "modal_bands/check.py",
-        "apart = abs(logs[0] - logs[1])", "apart = logs[0] - logs[1]",
-        "a frequency that rises during the record is no doubt",
+        "segments of a mode", "modal_bands/part_scores.py",
+        "if seen is not None and factor > found.factor:", "if False:",
+        "the interval of a frequency that varies during the record is not wider",
+    ),
+    Mutant(
+        "an envelope of a machine", "modal_bands/check.py",
+        "probability < limits.STEADY_FALSE_ALARM_PROBABILITY", "False",
+        "a machine of constant amplitude is a mode",
     ),
     Mutant(
         "a mode at the border", "modal_bands/check.py",

@@ -5,7 +5,8 @@
 tower file. The table has errors of frequencies in percent, in standard deviations for grades A and B, and the grades.
 Air raises the fore-aft frequency in operation: by 5 % in a decay of the 5 MW turbine in steady wind, whose frequency is
 the reference there. The 15 MW turbine's fore-aft reference is the structure without air.
-``--turbine nrel5mw_full --records c2 d1`` takes a packaged rotor file: its side-side mode is compared.
+The 5 MW turbine is identified from a rotor file, too, whose sensors are at tower and blades: its side-side mode is
+compared.
 """
 
 import argparse
@@ -14,7 +15,6 @@ import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -96,12 +96,12 @@ def turbine_of(machine: Machine) -> Turbine:
     return parse_turbine(text, "tower.toml")
 
 
-def answer(folder: Path, window: Window, packaged: str) -> dict[str, Any]:
-    """Identify a window with a packaged turbine; the summary of the result, or the error."""
+def answer(folder: Path, window: Window, file: str) -> dict[str, Any]:
+    """Identify a window with a tower file or a packaged rotor file; the summary of the result, or the error."""
     begun, machine = time.process_time(), RECORDS[window.record]
     try:
         record = read_record(folder / f"{machine.file}.outb")
-        turbine = turbine_of(machine) if packaged == "tower" else load_turbine(packaged)
+        turbine = turbine_of(machine) if file == "tower" else load_turbine(file)
         found = identify(record, turbine, section=window[1:]).summary()
     except WindsysidError as error:
         found = {"error": str(error)}
@@ -161,6 +161,9 @@ def pooled(done: Sequence[Mapping[str, Any]]) -> str:
     return "\n".join(lines)
 
 
+ROTOR_FILE = "nrel5mw_full"
+"""Packaged file of the 5 MW turbine's rotor and tower."""
+
 NAMES = {"side-side": ("tower side-side", "tower x"), "fore-aft": ("tower fore-aft",)}
 """Names of both modes with a tower file and with a rotor file."""
 
@@ -176,19 +179,21 @@ def main() -> int:
     parser.add_argument("--openfast", type=Path, required=True, help="folder of the records (*.outb)")
     parser.add_argument("--records", nargs="+", default=list(RECORDS), help="names of records (all)")
     parser.add_argument("--seconds", nargs="+", type=float, default=[540.0, 270.0, 180.0], help="lengths of windows")
-    parser.add_argument("--turbine", default="tower", help="packaged turbine (tower)")
     parser.add_argument("--keep", type=Path, help="file of all results, a line of JSON each")
     parser.add_argument("--jobs", type=int, default=2)
     asked = parser.parse_args()
-    done = []
-    with ProcessPoolExecutor(asked.jobs) as pool:
-        parts = list(windows(asked.records, asked.seconds))
-        for one in pool.map(partial(answer, packaged=asked.turbine), [asked.openfast] * len(parts), parts):
-            done.append(one)
-            print(one["record"], one["first"], one["last"], f"{one['seconds']:.1f} s", file=sys.stderr, flush=True)
-    if asked.keep:
-        asked.keep.write_text("".join(json.dumps(one) + "\n" for one in done), encoding="utf-8")
-    print(f"{table(done)}\n\n{pooled(done)}")
+    on_land = [name for name in asked.records if RECORDS[name].place == "land"]
+    for file, records in (("tower", asked.records), (ROTOR_FILE, on_land)):
+        done, parts = [], list(windows(records, asked.seconds))
+        with ProcessPoolExecutor(asked.jobs) as pool:
+            for one in pool.map(answer, [asked.openfast] * len(parts), parts, [file] * len(parts)):
+                done.append(one)
+                print(one["record"], one["first"], one["last"], f"{one['seconds']:.1f} s", file=sys.stderr, flush=True)
+        if asked.keep:
+            with asked.keep.open("a", encoding="utf-8") as kept:
+                kept.writelines(json.dumps({"file": file, **one}) + "\n" for one in done)
+        if done:
+            print(f"with the file {file}:\n\n{table(done)}\n\n{pooled(done)}\n", flush=True)
     return 0
 
 

@@ -108,6 +108,16 @@ def _arrows(ax: Axes, found: OperationalModes, mode: OperationalMode, named: boo
     ax.tick_params(labelsize=6)
 
 
+def _causes(found: OperationalModes) -> Table:
+    """Why modes are of grade B or C."""
+    rows = [
+        (mode.name, f"{mode.frequency:.4g}", ". ".join(mode.doubts or (one.text for one in mode.remarks)))
+        for mode in found.modes
+        if mode.doubts or mode.remarks
+    ]
+    return Table(("mode", "f [Hz]", "why"), rows, words=(0, 2))
+
+
 def files(found: OperationalModes) -> dict[str, bytes]:
     """``report.html``, ``modes.png`` and ``summary.json``, by name."""
     drawn = png(figure(found))
@@ -128,14 +138,9 @@ def files(found: OperationalModes) -> dict[str, bytes]:
     if shapes is not None:
         text = "Shapes as accelerations, 1 where most moves. Bars: blue in phase, grey out of phase, lines ±2σ."
         sections.append(Section("Shapes", figures=[(shapes, text)]))
-    causes = [
-        (mode.name, f"{mode.frequency:.4g}", ". ".join(mode.doubts or (one.text for one in mode.remarks)))
-        for mode in found.modes
-        if mode.doubts or mode.remarks
-    ]
-    if causes:
-        why = Table(("mode", "f [Hz]", "why"), causes, words=(0, 2))
-        sections.append(Section("Why grades are B or C", tables=[why]))
+    causes = _causes(found)
+    if causes.rows:
+        sections.append(Section("Why grades are B or C", tables=[causes]))
     if found.notes:
         sections.append(Section("How this was computed", text=list(found.notes)))
     section = "" if found.parts else f" · {found.section[0]:.6g}–{found.section[1]:.6g} s"

@@ -55,9 +55,10 @@ SEARCH = SearchLimits(
 """Numerical: an evaluation runs a bank of filters over all samples: so the last step is taken unseen. Searches begin
 where the recursion on line ends, near the mode."""
 
-MAX_OPERATIONS, MIN_STEPS = 3e8, 6
+MAX_OPERATIONS, MIN_STEPS = 6e8, 6
 """Setting: elements of covariances that the evaluations of a search may update, and steps that it may take whatever
-they cost. 3e8 take 2 s (two cores, 2026); searches that converge take up to five steps."""
+they cost. 6e8 take 4 s (two cores, 2026); searches that converge take five steps, of towers whose
+sensors drift a dozen."""
 
 MAX_STEP_SIGMAS = 3.0
 """Numerical: standard deviations of its prior, or of a clock's tolerance, by which a step moves an unknown at most."""

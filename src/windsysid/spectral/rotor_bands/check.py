@@ -87,7 +87,7 @@ def _disagreements(
     between = first.unknowns[which] - second.unknowns[which]
     doubts = _differ("halves_disagree_in_bands", between, one + other, names)
     step = again.unknowns[which] - found.unknowns[which]
-    if np.any(np.abs(step) > np.sqrt(np.diag(known))):
+    if np.any(np.abs(step) > np.sqrt(np.diag(known).clip(0.0))):
         doubts += _differ("narrower_bands_disagree", step, less - (1.0 - KNOWN_SHARE) * known, names)
     return doubts
 
