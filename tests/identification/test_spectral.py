@@ -153,7 +153,7 @@ def test_gaps_are_refused(tower_record: Record) -> None:
     values = tower_record["tower_x_acceleration"]
     values[1000:2000] = np.nan
     record = tower_record.with_channels({"tower_x_acceleration": (values, "m/s^2")})
-    with pytest.raises(RecordError, match="expected at most 1 % missing samples"):
+    with pytest.raises(RecordError, match="expected at most 1 % missing or faulty samples"):
         ws.identify(record, "tower", formulation="spectral")
 
 

@@ -26,17 +26,17 @@ def test_rows_add_up_to_the_scores_of_the_band(one_mode: Modes, exact_band: Band
     np.testing.assert_allclose(fisher.sum(axis=0), whole.fisher, rtol=1e-9, atol=1e-9 * whole.fisher.max())
 
 
-@pytest.mark.parametrize("at", [0, 1], ids=["frequency", "damping"])
-def test_scores_of_stationary_vibration_scatter_as_their_information_says(at: int):
-    """The mean of r over records is 1; 24 records of 8 groups have a standard error of 0.1."""
-    ratios: dict[str, list[float]] = {"time": [], "frequency": []}
-    for seed in range(24):
+def test_scores_of_stationary_vibration_scatter_as_their_information_says():
+    """The mean of r over records is 1; 16 records of 8 groups have a standard error of 0.13."""
+    ratios: dict[tuple[str, int], list[float]] = {}
+    for seed in range(16):
         for parts in found_in(vibration(seed)):
-            seen = parts.dispersion(np.eye(1, len(parts.pull), at)[0])
-            assert seen is not None
-            ratios[parts.over].append(seen.ratio)
-    assert np.mean(ratios["time"]) == pytest.approx(1.0, abs=0.3)
-    assert np.mean(ratios["frequency"]) == pytest.approx(1.0, abs=0.3)
+            for at in (0, 1):  # frequency, damping
+                seen = parts.dispersion(np.eye(1, len(parts.pull), at)[0])
+                assert seen is not None
+                ratios.setdefault((parts.over, at), []).append(seen.ratio)
+    assert len(ratios) == 4
+    assert [float(np.mean(some)) for some in ratios.values()] == pytest.approx([1.0] * 4, abs=0.39)
 
 
 def test_a_frequency_that_varies_widens_its_interval_and_names_the_segments():
