@@ -482,7 +482,7 @@ def test_auto_says_why_spectra_do_not_apply(verne555, record):
     values[500:900, record.channels.index("tower_x_acceleration")] = np.nan
     found = identify(replace(record, values=values), verne555, formulation="auto", loads="broadband")
     assert found.formulation == "joint"
-    assert "missing samples" in only(found.findings, "joint_as_spectra_do_not_apply").data["error"]
+    assert "missing or faulty samples" in only(found.findings, "joint_as_spectra_do_not_apply").data["error"]
 
 
 def test_auto_trusts_neither_where_filters_and_spectra_disagree(verne555, monkeypatch):
