@@ -34,6 +34,8 @@ def mixture_factor(rivals: Sequence[tuple[float, float]]) -> float:
     from scipy.optimize import brentq
     from scipy.special import ndtr
 
+    from windsysid.results.posterior import SIGMAS
+
     if not rivals:
         return 1.0
     shifts, chances = np.abs(np.array(rivals)).T
@@ -41,6 +43,6 @@ def mixture_factor(rivals: Sequence[tuple[float, float]]) -> float:
     chances /= chances.sum()
 
     def beyond(half: float) -> float:
-        return float(chances @ (ndtr(shifts - half) + ndtr(-shifts - half))) - 2.0 * float(ndtr(-2.0))
+        return float(chances @ (ndtr(shifts - half) + ndtr(-shifts - half))) - 2.0 * float(ndtr(-SIGMAS))
 
-    return max(1.0, float(brentq(beyond, 0.0, 12.0 + shifts.max())) / 2.0)
+    return max(1.0, float(brentq(beyond, 0.0, SIGMAS + 10.0 + shifts.max())) / SIGMAS)

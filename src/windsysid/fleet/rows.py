@@ -28,7 +28,7 @@ from windsysid.statespace.parameter import Parameter
 from windsysid.turbine.operation import operation_of
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["COLUMNS", "Row", "empty_row", "failed_row", "grade_of", "grades_of", "row_of"]
+__all__ = ["COLUMNS", "Row", "empty_row", "failed_row", "row_of", "stored_grade", "stored_grades"]
 
 Row = dict[str, Any]
 
@@ -80,7 +80,7 @@ covariance
 own, own_std
     What the record itself says of a parameter, its prior taken out, in filter coordinates: what is monitored.
 grade, frequency_grade, damping_ratio_grade
-    Of the quantity (docs/grades.md): none in archives of an older version (`grade_of`).
+    Of the quantity (docs/grades.md): none in archives of an older version (`stored_grade`).
 reason
     Of grade C: the code of a finding (docs/findings.md).
 settings
@@ -107,18 +107,18 @@ def failed_row(source: str, size: int, settings: str, why: str) -> Row:
     return row | {"status": "failed", "why": why, "tries": 1}
 
 
-def grade_of(row: Mapping[str, Any], quantity: Mapping[str, Any], key: str = "grade") -> str:
+def stored_grade(row: Mapping[str, Any], quantity: Mapping[str, Any], key: str = "grade") -> str:
     """The grade of a quantity of a row. Without one, it is A or C, as the row is trusted or not."""
     known = quantity.get(key)
     return str(known) if known is not None else "A" if row.get("trusted") else "C"
 
 
-def grades_of(row: Mapping[str, Any]) -> dict[str, str]:
+def stored_grades(row: Mapping[str, Any]) -> dict[str, str]:
     """Grades of the coefficients of a row, and of frequencies and damping ratios of its modes."""
-    found = {str(one["name"]): grade_of(row, one) for one in row.get("parameters") or ()}
+    found = {str(one["name"]): stored_grade(row, one) for one in row.get("parameters") or ()}
     for mode in row.get("modes") or ():
         for what in ("frequency", "damping_ratio"):
-            found[f"{mode['name']} {what.replace('_', ' ')}"] = grade_of(row, mode, f"{what}_grade")
+            found[f"{mode['name']} {what.replace('_', ' ')}"] = stored_grade(row, mode, f"{what}_grade")
     return found
 
 

@@ -75,8 +75,8 @@ def choose(job: Job) -> FittedJob:
 
 
 def _is_left_to_spectra(job: Job, spectral: FittedJob) -> bool:
-    """Whether a rotor is in wind, and the record is no transient, or one for which the wind's load states are too many.
-    Bands suppose wind, and show a free decay, too, which filters explain without these."""
+    """Test whether a rotor is in wind, and its record stationary or too long for filters with the load states of wind.
+    Bands suppose wind and also show a free decay, which filters explain without these states."""
     transient = TRANSIENT.intersection(one.code for one in spectral.outcome.doubts)
     alone = job.part.samples > MAX_WIND_SAMPLES and not spectral.outcome.in_bands
     return spectral.outcome.hypothesis == RotorWind.name and (alone or not transient)

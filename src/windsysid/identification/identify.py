@@ -131,4 +131,4 @@ _WAYS: dict[str, Callable[[Job], FittedJob]] = {
     "spectral": spectral_alone,
     "force-balance": lambda job: estimate(job.by("force-balance")),
 }
-"""How each formulation that a caller of `identify` may name is answered."""
+"""Identification by each formulation that `identify` takes."""

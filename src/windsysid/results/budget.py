@@ -24,7 +24,8 @@ CAUSES = ("load statistics", "gain", "alignment", "clock", "masses")
 known of instruments and masses within tolerances only."""
 
 WIDENED = ("dispersion", "which explanation")
-"""What widens an interval of the model: segments or frequencies that contradict each other, and rival explanations."""
+"""Causes of intervals wider than those of the model: contradictions among segments or frequencies, and rival
+explanations."""
 
 
 class Share(NamedTuple):
@@ -66,7 +67,7 @@ class Budget(NamedTuple):
     rows: tuple[Share, ...] = ()
 
     def widened(self, added: Mapping[str, Sequence[float]]) -> "Budget":
-        """The same with causes `WIDENED`, for each row what they add as shares of the variance before."""
+        """Budget with the causes `WIDENED`, given their shares for each row, relative to its variance before."""
         rows = []
         for row in self.rows:
             more = added.get(row.name, (0.0, 0.0))

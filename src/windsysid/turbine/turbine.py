@@ -15,7 +15,7 @@ from windsysid.units import RPM
 __all__ = ["MASS_TOLERANCE", "OPERATING", "OperatingState", "Site", "Turbine"]
 
 Site = Literal["onshore", "offshore"]
-"""Where a turbine stands: it decides how likely loads of waves are."""
+"""Site of a turbine, on which the prior odds of wave loads depend."""
 
 MASS_TOLERANCE = 0.02
 """Relative standard deviation of a mass that careful people know."""
@@ -25,7 +25,7 @@ PARKED_PERIODS = 3
 
 
 OPERATING = "operating"
-"""The state that a turbine file's own numbers are of."""
+"""State to which the values of a turbine file belong."""
 
 
 class OperatingState(NamedTuple):
@@ -201,7 +201,7 @@ class Turbine:
         return replace(self, mass_tolerance=0.0, sensors=tuple(sensor.exact() for sensor in self.sensors))
 
     def at(self, site: str | None) -> "Turbine":
-        """The same turbine at another site; at its own for None.
+        """Return the turbine at a site, or at that of its file for None.
 
         Raises
         ------

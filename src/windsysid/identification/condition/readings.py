@@ -57,8 +57,8 @@ that ten minutes leave of a mode with 1 % damping at some hertz.
 
 
 MIN_RESAMPLED = 8_000
-"""Setting: samples that are left of a record that is resampled since that halves them or more, and its equations need
-no more: for a rotor with 23 states one evaluation of their likelihood takes 0.8 s (two cores, 2026)."""
+"""Setting: least number of samples after resampling to the rate that the equations need, which is done if it at least
+halves their number: for a rotor with 23 states one evaluation of their likelihood takes 0.8 s (two cores, 2026)."""
 
 
 def add_noise(record: Record, channels: Sequence[str], percent: float, seed: int) -> tuple[Record, dict[str, float]]:
@@ -230,7 +230,7 @@ def choose_rate(recorded: float, duration: float, turbine: Turbine, rate: float 
 
 
 def _usual_rate(recorded: float, duration: float, turbine: Turbine) -> float | None:
-    """Readings per second [Hz] if no rate is asked for; None for the record's own."""
+    """Readings per second [Hz] if none is given; None for the sampling rate of the record."""
     fastest = max(turbine.natural_frequency(name) for name in turbine.model.coordinates)
     if turbine.model.samples_per_period is not None:
         return min(turbine.model.samples_per_period * fastest / (2.0 * math.pi), recorded)

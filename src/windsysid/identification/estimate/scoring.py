@@ -57,8 +57,8 @@ where the recursion on line ends, near the mode."""
 
 MAX_OPERATIONS, MIN_STEPS = 6e8, 6
 """Setting: elements of covariances that the evaluations of a search may update, and steps that it may take whatever
-they cost. 6e8 take 4 s (two cores, 2026); searches that converge take five steps, of towers whose
-sensors drift a dozen."""
+they cost. 6e8 take 4 s (two cores, 2026); searches that converge take five steps, and a dozen if sensors
+of a tower drift."""
 
 MAX_STEP_SIGMAS = 3.0
 """Numerical: standard deviations of its prior, or of a clock's tolerance, by which a step moves an unknown at most."""

@@ -90,12 +90,11 @@ def identify_jointly_from(
     near: Outcome, record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior,
     chosen: Sequence[str] | None = None, *, explained: bool = True,
 ) -> Outcome | None:  # fmt: skip
-    """The same from where another search has ended `near`, without estimates on line: the spectra of a stationary
-    record, or filters that knew less of it.
+    """Identify coefficients by filters from the end of another search, without estimates on line: from the spectra of
+    a stationary record, or from filters with less knowledge of it.
 
-    Nothing has to be found in the first samples then: the search begins where it almost ends, under the load model of
-    the other. None where that does not explain the record, if it has to, or the search does not end: the long way is
-    asked then.
+    The search begins near its end, under the load model of `near`. Returns None if that model has to explain the record
+    and does not, or if the search does not converge; `identify_jointly` begins from the prior.
     """
     if explained and near.hypothesis not in (load_models(record, turbine, "auto")[0], NarrowBand.name):
         return None
@@ -132,7 +131,7 @@ def innovations_of(
 
 
 def where_it_ended(near: Outcome, problem: TurbineProblem) -> Array:
-    """Where a search ended, in a problem's unknowns but the clocks (n,)."""
+    """Mode that a search found, in the unknowns of a problem without the clocks (n,)."""
     mean = problem.wide_prior[0].copy()
     found = {q.name: float(q.physical(t)) for q, t in zip(near.model.parameters, near.theta, strict=True)}
     of = problem.unknowns.of
@@ -143,8 +142,8 @@ def where_it_ended(near: Outcome, problem: TurbineProblem) -> Array:
 
 
 def _where_it_ended(near: Outcome, problem: TurbineProblem) -> tuple[Array, Array] | None:
-    """Where spectra ended, in a problem's unknowns but the clocks (n,), and how uncertain that is (n, n); what spectra
-    know by other statistics is as before. None where coefficients are others."""
+    """Mode that spectra found, in the unknowns of a problem without clocks (n,), and its covariance (n, n); those that
+    spectra do not have keep their prior. None if the coefficients differ."""
     if near.joint_cov is None or [*near.model.parameters] != [*problem.parameters]:
         return None
     mean, cov = where_it_ended(near, problem), problem.wide_prior[1].copy()
@@ -169,7 +168,7 @@ def _with_likeliest_noise(problem: TurbineProblem, mean: Array, cov: Array) -> t
 
 
 def _smoothed_loads(problem: TurbineProblem, solution: Solution) -> SmoothedLoads | None:
-    """What smoothed loads say, of a record in one block."""
+    """Smoothed loads of a record in one block, and their checks."""
     late = solution.mean[problem.unknowns.of("clocks")]
     ((inputs, readings),) = shifted(problem, [(problem.inputs, problem.readings)], late)
     return judge_smoothed_loads(
@@ -196,7 +195,7 @@ def describe_solution(
     history: tuple[Array, Array],
     elapsed: float,
 ) -> Outcome:
-    """What was found, with notes and doubts.
+    """Outcome of a solution, with notes and reasons.
 
     Parameters
     ----------
@@ -243,13 +242,13 @@ def describe_solution(
 
 
 def _masses_of(problem: TurbineProblem) -> tuple[int, ...]:
-    """Which unknowns are masses."""
+    """Indices of the unknowns that are masses."""
     places = problem.unknowns.places("tolerances", "clocks").tolist()
     return tuple(at for at, one in zip(places, problem.tolerances, strict=True) if one.group == "masses")
 
 
 def _describe_loads(problem: TurbineProblem, why: Finding) -> tuple[Finding, ...]:
-    """What was taken for the loads, and why."""
+    """Notes on the load model and on its choice."""
     if not problem.loads.statistics:
         return (Finding("loads_known", "note"),)
     taken = Finding("loads_are_states", "note", {"loads": problem.loads.text})
@@ -261,7 +260,7 @@ def _describe_loads(problem: TurbineProblem, why: Finding) -> tuple[Finding, ...
 def _list_doubts(
     solution: Solution, given: Turbine, used: Turbine, tolerances: Sequence[Tolerance]
 ) -> tuple[Finding, ...]:
-    """What speaks against the bands and does not show in the innovations."""
+    """Reasons against the intervals that innovations do not show."""
     doubts = list(doubt_tolerances(tolerances))
     if not solution.settled:
         code = "search_exhausted" if solution.exhausted else "search_not_converged"

@@ -1,4 +1,4 @@
-"""Whether two fits of one record agree."""
+"""Agreement of two fits of one record."""
 
 import math
 

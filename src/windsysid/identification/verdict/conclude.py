@@ -288,7 +288,7 @@ def _bent(outcome: Outcome) -> Bent | None:
 def _budget(
     outcome: Outcome, at: FittedModes, coefficients: Sequence[Widening], of_modes: Sequence[Widening]
 ) -> Budget:
-    """What widens the intervals of coefficients and of modes, these with the masses of the file."""
+    """Uncertainty budget of coefficients and of modes, the latter given the masses of the file."""
     if outcome.joint_cov is None:
         return Budget()
     unit, variance = np.eye(len(outcome.theta), len(outcome.joint_cov)), np.diag(outcome.joint_cov)

@@ -67,7 +67,7 @@ class Widening(NamedTuple):
     of_rivals: float = 1.0
 
     def added(self) -> Array:
-        """What dispersion and rival explanations add to the variance, as shares of that of the model (2,)."""
+        """Contributions of dispersion and of rival explanations to the variance, over that of the model (2,)."""
         return np.diff(np.square([1.0, self.factor / self.of_rivals, self.factor]))
 
 

@@ -12,7 +12,7 @@ from windsysid._version import __version__
 from windsysid.checks.conditioning import hold
 from windsysid.configuration import parse_toml
 from windsysid.errors import StoreError
-from windsysid.fleet.rows import grade_of, grades_of
+from windsysid.fleet.rows import stored_grade, stored_grades
 from windsysid.live.engine_state import PageEngine, TurbineState
 from windsysid.live.page import models
 from windsysid.live.page.newest import Newest
@@ -215,8 +215,8 @@ def _summary(
     return models.TurbineSummary(
         name=name, verdict=verdict, answer=answer, state=known.state, rotor_speed=_number(known.rotor_speed),
         stream=_ms_or_none(known.stream), received=_ms_or_none(known.received), window=window, until=until,
-        trusted=_trusted(result), grades=grades_of(row), reasons=_reasons(row), windows_waiting=waiting, behind=behind,
-        alarms=seen, faults=faults,
+        trusted=_trusted(result), grades=stored_grades(row), reasons=_reasons(row), windows_waiting=waiting,
+        behind=behind, alarms=seen, faults=faults,
     )  # fmt: skip
 
 
@@ -264,7 +264,7 @@ def _verdict_of_result(status: Status | None, waiting: int | None, result: Resul
 
 def _unusable(row: Mapping[str, Any]) -> list[str]:
     """Coefficients of grade C."""
-    return [str(one["name"]) for one in _rows(row, "parameters") if grade_of(row, one) == "C"]
+    return [str(one["name"]) for one in _rows(row, "parameters") if stored_grade(row, one) == "C"]
 
 
 def _how_bad(summary: models.TurbineSummary) -> tuple[int, bool, int, str]:
@@ -292,7 +292,7 @@ def _mode(
     row: Mapping[str, Any], mode: Mapping[str, Any], excitations: Sequence[models.Excitation]
 ) -> models.FoundMode:
     values = {key: _number(mode.get(key)) for key in _MODE_NUMBERS}
-    grades = {key: grade_of(row, mode, key) for key in _MODE_GRADES}
+    grades = {key: stored_grade(row, mode, key) for key in _MODE_GRADES}
     frequency = values["frequency"]
     nearest, distance = None, None
     if frequency and excitations:
@@ -354,7 +354,7 @@ def _over_time(
             for field in fields:
                 found[name][0][field][i] = _number(entry.get(field))
             for key in grades:
-                found[name][0][key][i] = grade_of(row, entry, key)
+                found[name][0][key][i] = stored_grade(row, entry, key)
     return found
 
 
@@ -374,7 +374,7 @@ def _budget(row: Mapping[str, Any]) -> list[models.BudgetShare]:
         models.BudgetShare(
             name=str(one["name"]), title=series_title(str(one["name"])), unit=unit_text(_text(one, "unit")),
             **{key: _number(one.get(key)) for key in ("estimate", "low", "high")},
-            grade=grade_of(row, one), informed=_number(one.get("informed_by_data")),
+            grade=stored_grade(row, one), informed=_number(one.get("informed_by_data")),
             **{cause: _number(1.0 - known[i, i] / cov[i, i]) for cause, known in held.items()},
             rest=_number(rest[i, i] / cov[i, i]),
         )

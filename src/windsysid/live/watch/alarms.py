@@ -22,7 +22,7 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 from typing import Literal, NamedTuple
 
-from windsysid.fleet.rows import Row, grade_of
+from windsysid.fleet.rows import Row, stored_grade
 from windsysid.live.store.contents import Alarm, Severity
 from windsysid.live.watch.series_words import said_with_name
 from windsysid.live.watch.slow_drifts import Drifted
@@ -201,7 +201,7 @@ def why_blind(row: Row | None) -> str:
         return f"windows are {row['status']}: {' '.join(str(row['why']).split())[:120]}"
     if row["state"] == "transient":
         return "the rotor starts or stops in every window"
-    if row["parameters"] and all(grade_of(row, one) == "C" for one in row["parameters"]):
+    if row["parameters"] and all(stored_grade(row, one) == "C" for one in row["parameters"]):
         return f"all coefficients have grade C: {'; '.join(row['reasons'])[:120]}"
     return f"windows of a turbine that is {row['state']} lack SCADA, or there were too few of them to learn from"
 

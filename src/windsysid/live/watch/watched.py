@@ -3,7 +3,7 @@
 import math
 from typing import NamedTuple
 
-from windsysid.fleet.rows import Row, grade_of
+from windsysid.fleet.rows import Row, stored_grade
 from windsysid.mechanics.rotor import MEAN_LAG
 from windsysid.mechanics.sensors import noise_source
 from windsysid.results.posterior import SIGMAS
@@ -38,12 +38,12 @@ class Said(NamedTuple):
 
     @property
     def usable(self) -> "Said":
-        """The same, or nothing of grade C."""
+        """Estimate without its values if its grade is C."""
         return Said() if self.grade == "C" else self
 
 
 def said_of(row: Row) -> dict[Watched, Said]:
-    """What a row says of each series."""
+    """Estimates of each series in a row."""
     if row["status"] != "ok":
         return {}
     found = {}
@@ -53,7 +53,7 @@ def said_of(row: Row) -> dict[Watched, Said]:
             continue
         reference = float(one["prior_centre"] if logarithmic else one["coordinate_scale"])
         kind = "c" if one["kind"] == "damping" else "k"
-        said = Said(float(one["own"]), float(one["own_std"]), grade_of(row, one))
+        said = Said(float(one["own"]), float(one["own_std"]), stored_grade(row, one))
         found[Watched(name, one["unit"], kind, logarithmic, reference)] = said
     for one in row["statistics"]:
         if noise_source(one["name"]) and all(map(_is_positive, (one["estimate"], one["low"], one["high"]))):

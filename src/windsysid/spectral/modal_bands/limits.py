@@ -7,8 +7,8 @@ LINE_HALF_WIDTHS, HARMONIC_HALF_WIDTHS = 0.3, 1.0
 """Size: distance in half-widths ζ f below which a sinusoid, or a rotor harmonic with its skirts, disturbs a mode."""
 
 MAX_WIDE_HARMONIC = 12
-"""Size: order of a rotor harmonic up to which sampled turbulence makes it a hump, four times that of three blades; an
-idling rotor would have one at every frequency."""
+"""Size: order of a rotor harmonic up to which rotationally sampled turbulence widens it, four times the number of three
+blades; harmonics of an idling rotor of all orders would cover every frequency."""
 
 MIN_BAND_BINS = 8
 """Size: number of frequency bins, sinusoids apart, of a band that is fitted: of a whole record, a half or a quarter."""

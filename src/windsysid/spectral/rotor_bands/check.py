@@ -31,7 +31,7 @@ from windsysid.spectral.transforms.rotating_frame import combine_groups
 
 __all__ = ["doubts_of_bands"]
 
-WIDE_PARTS, NARROW_PARTS = 3, 8
+PARTS = (3, 8)
 """Setting: numbers of parts of a band: wide ones show a wrong level, narrow ones a resonance at another place."""
 
 NARROW_SHARE, KNOWN_SHARE = 0.65, 0.1
@@ -45,8 +45,8 @@ def doubts_of_bands(question: RotorQuestion, posed: PosedBands, fit: RotorBandFi
     doubts = [*posed.doubts, *_short(posed)]
     if not found.converged:
         doubts.append(Finding("search_not_converged", "reason", {"steps": found.steps}))
-    wide, narrow_parts = (_parts(posed, found.unknowns, count) for count in (WIDE_PARTS, NARROW_PARTS))
-    doubts += (unexplained(chain.from_iterable(wide)) or misshapen(narrow_parts, DISAGREEMENT_PROBABILITY))[:3]
+    thirds, eighths = zip(*_parts(posed, found.unknowns), strict=True)
+    doubts += (unexplained(chain.from_iterable(thirds)) or misshapen(eighths, DISAGREEMENT_PROBABILITY))[:3]
     try:
         halves = _halves(question, posed)
         narrow = pose_bands(question, posed.places, posed.spectra, width=NARROW_SHARE)
@@ -123,19 +123,22 @@ def _differ(code: str, step: Array, cov: Array, names: list[str]) -> list[Findin
     return [Finding(code, "reason", {"change": step[worst]}, (names[worst],))]
 
 
-def _parts(posed: PosedBands, unknowns: Array, count: int) -> list[list[RangePower]]:
-    """Mean squares of so many parts of its band, for each row."""
+def _parts(posed: PosedBands, unknowns: Array) -> list[tuple[list[RangePower], ...]]:
+    """Mean squares of the parts of each row's band, for each number of `PARTS`."""
     found = []
     for (band, _, rows), place in zip(posed.model.bands, posed.model.places(), strict=True):
         S = np.einsum("bii->bi", band.spectrum(unknowns[place]).spectrum).real
         power = _power(band)
         f = band.base
         for i, row in enumerate(rows):
-            edges = np.linspace(row.low, row.high * 1.000001, count + 1)
-            label = posed.combined[row.combination].label
-            ranges = [(float(a), float(b)) for a, b in pairwise(edges)]
-            overlap = band.overlap / band.blocks
-            found.append(parts_of(power[:, i], S[:, i], f, label, ranges, overlap, MIN_ENERGY_FREEDOM))
+            label, overlap = posed.combined[row.combination].label, band.overlap / band.blocks
+            edges = [np.linspace(row.low, row.high * 1.000001, count + 1).tolist() for count in PARTS]
+            found.append(
+                tuple(
+                    parts_of(power[:, i], S[:, i], f, label, list(pairwise(own)), overlap, MIN_ENERGY_FREEDOM)
+                    for own in edges
+                )
+            )
     return found
 
 
