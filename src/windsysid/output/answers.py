@@ -37,8 +37,8 @@ class Answer(Saveable):
         return render(*self.contents())
 
     def _repr_html_(self) -> str:
-        """The parts as a notebook shows them."""
-        found: str = pages().fragment(self.contents())
+        """The parts and the figure as a notebook shows them."""
+        found: str = pages().fragment(self, self.contents())
         return found
 
     def files(self) -> dict[str, bytes]:

@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.output.console import printable
+from windsysid.output.pages import pages
 from windsysid.records.checks import UNIFORM, Array, check_channels, check_rows, refuse_gaps, refuse_outside
 from windsysid.records.labelled import Labelled, of_dataset, of_frame
 from windsysid.records.moments import tidy
@@ -31,6 +32,8 @@ from windsysid.units import UNITS, canonical, si_unit, to_si
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 __all__ = ["AS_WRITTEN", "LOW_PASS", "RATE_DOUBT", "STAMPS", "Array", "Record"]
 
@@ -340,9 +343,30 @@ class Record:
         return pd.DataFrame(self.values.copy(), index=pd.Index(self.time.copy(), name="time"), columns=columns)
 
     def _repr_html_(self) -> str:
-        """As a notebook shows it: channels with units, to be unfolded."""
-        shown: str = self.to_xarray()._repr_html_()
-        return shown
+        """Show the channels with their units, to be unfolded, and their figure, in a notebook."""
+        found: str = self.to_xarray()._repr_html_() + pages().fragment(self, [])
+        return found
+
+    def plot(self, ax: Axes | None = None) -> Figure:
+        """Draw the channels over time, the first twelve of them.
+
+        Parameters
+        ----------
+        ax
+            Axes that ``subplots`` or ``add_subplot`` made, whose place the panels take; a new figure by default.
+
+        Returns
+        -------
+        Figure
+            The figure, or the part of it where `ax` was.
+
+        Raises
+        ------
+        ConfigurationError
+            If `ax` was placed by hand.
+        """
+        drawn: Figure = pages().figure(self, ax)
+        return drawn
 
     @classmethod
     def from_xarray(cls, dataset: xr.Dataset) -> Record:

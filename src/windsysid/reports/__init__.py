@@ -24,6 +24,7 @@ MODULES = {
     "Overview": "fleet",
     "Plan": "plan",
     "Profile": "profile",
+    "Record": "record",
     "Separation": "damping",
     "Watch": "watch",
 }
@@ -41,11 +42,11 @@ def figure(answer: object, place: Any = None) -> Any:
     return _module_of(answer).figure(answer, place)
 
 
-def fragment(contents: Sequence[Table | str]) -> str:
-    """Sentences and tables as HTML for a notebook."""
+def fragment(answer: object, contents: Sequence[Table | str]) -> str:
+    """Render sentences and tables of an answer, and its figure, as HTML for a notebook."""
     from windsysid.reports import html
 
-    return html.fragment(contents)
+    return html.fragment(contents, figure(answer))
 
 
 def answer_class(name: str) -> type[Any]:

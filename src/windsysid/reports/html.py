@@ -47,9 +47,10 @@ def report_page(title: str, subtitle: str, sections: Sequence[Section]) -> bytes
     return _template("report").render(title=title, subtitle=subtitle, sections=shown).encode(errors="backslashreplace")
 
 
-def fragment(contents: Sequence[Table | str]) -> str:
-    """Sentences and tables as a part of somebody else's page, such as a notebook's."""
-    return _template("fragment").render(contents=[part for part in contents if part != ""])
+def fragment(contents: Sequence[Table | str], figure: "Figure | None" = None) -> str:
+    """Render sentences, tables and a figure as a part of another page, such as a notebook."""
+    picture = None if figure is None else _embedded(figure)
+    return _template("fragment").render(contents=[part for part in contents if part != ""], picture=picture)
 
 
 def _template(name: str) -> "Template":

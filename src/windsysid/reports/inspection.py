@@ -6,14 +6,22 @@ from windsysid.reports.figures.inspection_figures import overview, spectra_figur
 from windsysid.reports.html import Section, png, report_page
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
     from windsysid.inspection.inspection import Inspection
 
-__all__ = ["files"]
+__all__ = ["figure", "files"]
 
 LEGEND = (
     "Faults are orange; blue are the proposed sections, numbered, the best one darker; dashed lines are where the rotor"
     " stops and starts. Every spike is drawn: each pixel shows the least and the greatest value in it."
 )
+
+
+def figure(inspection: "Inspection", place: "Axes | None" = None) -> "Figure":
+    """Draw the channels over time with faults, proposed sections and stops of the rotor."""
+    return overview(inspection, place)
 
 
 def files(inspection: "Inspection") -> dict[str, bytes]:

@@ -8,11 +8,19 @@ from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties, findfont, get_font
 
 from windsysid.errors import ConfigurationError
+from windsysid.reports.html import png
 
-__all__ = ["MAX_TICK_CHARACTERS", "canvas", "label", "single"]
+__all__ = ["MAX_TICK_CHARACTERS", "DisplayedFigure", "canvas", "label", "single"]
 
 MAX_LABEL_CHARACTERS, MAX_TICK_CHARACTERS = 60, 24
 """Largest length of a name in a figure, and of a tick label; a longer one is shown without its middle."""
+
+
+class DisplayedFigure(Figure):
+    """A figure that a notebook displays as the value of a cell, whether or not ``matplotlib.pyplot`` was imported."""
+
+    def _repr_png_(self) -> bytes:
+        return png(self)
 
 
 def label(text: str, most: int = MAX_LABEL_CHARACTERS) -> str:
@@ -43,7 +51,7 @@ def canvas(size: tuple[float, float], ax: Axes | None) -> Figure:
         If `ax` was placed by hand, and not by ``subplots`` or ``add_subplot``.
     """
     if ax is None:
-        return Figure(figsize=size, layout="constrained")
+        return DisplayedFigure(figsize=size, layout="constrained")
     place = ax.get_subplotspec()
     if place is None:
         raise ConfigurationError("ax: expected axes that subplots or add_subplot made, got axes placed by hand")
@@ -56,5 +64,5 @@ def single(size: tuple[float, float], ax: Axes | None) -> tuple[Figure, Axes]:
     """A new figure of a size [inches] with its only axes, or `ax` and its figure."""
     if ax is not None:
         return cast(Figure, ax.figure), ax
-    figure = Figure(figsize=size, layout="constrained")
+    figure = DisplayedFigure(figsize=size, layout="constrained")
     return figure, figure.subplots()

@@ -13,7 +13,7 @@ from windsysid._types import Array
 from windsysid.inspection.bodies import body_of
 from windsysid.inspection.fault import Fault
 from windsysid.inspection.spectra import ExpectedLine, Spectrogram, Spectrum, seen_from
-from windsysid.reports.figures.canvas import label
+from windsysid.reports.figures.canvas import canvas, label
 from windsysid.reports.figures.plots import (
     BAND,
     ERROR,
@@ -45,14 +45,13 @@ _COLOURS, _STYLES = (REFERENCE, ERROR), (":", "--")
 """Of harmonics and of modes."""
 
 
-def overview(inspection: "Inspection") -> Figure:
+def overview(inspection: "Inspection", place: Axes | None = None) -> Figure:
     """Channels over time: faults orange, the proposed sections blue, the best one darker, stops of the rotor dashed."""
     record = inspection.record
     channels = inspection.shown(MOST_PANELS)
-    figure = Figure(
-        figsize=(10, max(1.15, 2.2 - 0.25 * len(channels)) * len(channels) + 1.0),
-        layout=ConstrainedLayoutEngine(h_pad=0.03),
-    )
+    figure = canvas((10, max(1.15, 2.2 - 0.25 * len(channels)) * len(channels) + 1.0), place)
+    if place is None:
+        figure.set_layout_engine(ConstrainedLayoutEngine(h_pad=0.03))
     axes = figure.subplots(len(channels), 1, sharex=True, squeeze=False)[:, 0]
     for ax, channel in zip(axes, channels, strict=True):
         unit, factor = _unit_drawn(channel, record.unit(channel))

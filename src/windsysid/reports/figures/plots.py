@@ -16,7 +16,7 @@ from windsysid._types import Array
 from windsysid.checks.limits import MAX_PEAK_LEVEL
 from windsysid.errors import ConfigurationError
 from windsysid.records.record import Record
-from windsysid.reports.figures.canvas import canvas, label
+from windsysid.reports.figures.canvas import DisplayedFigure, canvas, label
 from windsysid.results.identification import Identification, coefficient_errors
 from windsysid.units import unit_text
 
@@ -65,7 +65,7 @@ def coefficient_histories(
     rows = -(-len(names) // columns)
     width, height, legend = 12.6 / columns, 3.3, 0.3
     size = 12.6, rows * height + legend
-    figure = Figure(figsize=size) if place is None else canvas(size, place)
+    figure = DisplayedFigure(figsize=size) if place is None else canvas(size, place)
     for i, name in enumerate(names):
         known = identification[name].reference is not None
         left, bottom = i % columns * width, (rows - 1 - i // columns) * height
