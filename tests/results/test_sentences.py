@@ -41,7 +41,8 @@ EXAMPLE: dict[str, Any] = {
 """What findings hold, by name: a name means one thing in all of them."""
 
 OTHERS: dict[str, dict[str, Any]] = {
-    "ambiguous_peak": {"modes": ["tower x", "tower y"]}, "bands_read": {"modes": {"tower x": 0.33}},
+    "ambiguous_peak": {"modes": ["tower x", "tower y"]}, "class_disagrees_in_bands": {"modes": ["lag collective"]},
+    "bands_read": {"modes": {"tower x": 0.33}},
     "faint_peak": {"modes": ["tower x"]}, "loads_of_spectra": {"loads": "broad spectra"},
     "loads_are_states": {"loads": "first-order Gauss–Markov"},
 }  # fmt: skip

@@ -62,6 +62,10 @@ SPECTRA: Final[Mapping[str, Sentence]] = {
         "the halves of the record do not agree on {quantity} ({change:+.2g %}): what drives it, or the structure, "
         "changed"
     ),
+    "class_disagrees_in_bands": lambda d: (
+        f"{' and '.join(d['modes'])} alone says a stiffness of the blades that differs by {100 * d['change']:+.2g} %:"
+        " the turbine file has this mode elsewhere; check its masses and roll"
+    ),
     "narrower_bands_disagree": (
         "narrower bands do not agree on {quantity} ({change:+.2g %}): something in the bands is not as modelled"
     ),

@@ -20,6 +20,7 @@ from windsysid.spectral.rotor.model import LiftedModel
 from windsysid.spectral.rotor.problem import RotorQuestion
 from windsysid.spectral.rotor.scoring import SpectralMode
 from windsysid.spectral.rotor_bands.build import PosedBands, pose_bands
+from windsysid.spectral.rotor_bands.likelihood_ratio import chance_of_halves, doubt_classes
 from windsysid.spectral.rotor_bands.limits import (
     DISAGREEMENT_PROBABILITY,
     MIN_BLADES_FREEDOM,
@@ -82,11 +83,15 @@ def _disagreements(
     names = [question.parameters[i].name for i in which]
     first, second, again = (_again(posed, found, other) for other in (*halves, narrow))
     known, one, other, less = (
-        np.linalg.inv(mode.information)[np.ix_(which, which)] for mode in (found, first, second, again)
+        np.linalg.inv(fit.mode.information)[np.ix_(which, which)]
+        for fit in (RotorBandFit(posed.model, found), first, second, again)
     )
-    between = first.unknowns[which] - second.unknowns[which]
-    doubts = _differ("halves_disagree_in_bands", between, one + other, names)
-    step = again.unknowns[which] - found.unknowns[which]
+    doubts = doubt_classes(posed, found, question.parameters)
+    between = (first.mode.unknowns - second.mode.unknowns)[which]
+    differing = _differ("halves_disagree_in_bands", between, one + other, names)
+    if differing and chance_of_halves((first, second), found.unknowns) < DISAGREEMENT_PROBABILITY:
+        doubts += differing
+    step = again.mode.unknowns[which] - found.unknowns[which]
     if np.any(np.abs(step) > np.sqrt(np.diag(known).clip(0.0))):
         doubts += _differ("narrower_bands_disagree", step, less - (1.0 - KNOWN_SHARE) * known, names)
     return doubts
@@ -105,9 +110,9 @@ def _short(posed: PosedBands) -> list[Finding]:
     return doubts
 
 
-def _again(whole: PosedBands, found: SpectralMode, other: PosedBands) -> SpectralMode:
+def _again(whole: PosedBands, found: SpectralMode, other: PosedBands) -> RotorBandFit:
     """The mode of a part of the record, looked for from that of the whole."""
-    return other.model.fit(other.model.start_from(found.unknowns, whole.model), rough=True).mode
+    return other.model.fit(other.model.start_from(found.unknowns, whole.model), rough=True)
 
 
 def _differ(code: str, step: Array, cov: Array, names: list[str]) -> list[Finding]:

@@ -1,0 +1,131 @@
+"""Likelihood ratios of parts of a record that have coefficients of their own: its halves, and classes of its blades.
+
+Levels of loads are those of each part under both hypotheses. Refits of short parts are far from quadratic, so that a
+difference of estimates is longer than its Fisher covariance lets expect; the ratio of likelihoods is not.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from windsysid._types import Array
+from windsysid.results.finding import Finding
+from windsysid.spectral.rotor.model import LiftedModel
+from windsysid.spectral.rotor.scoring import SpectralMode, find_in_stages
+from windsysid.spectral.rotor_bands.build import PosedBands
+from windsysid.spectral.rotor_bands.limits import DISAGREEMENT_PROBABILITY
+from windsysid.spectral.rotor_bands.mode_locations import ModeLocation
+from windsysid.spectral.rotor_bands.model import COMPARISON_TOLERANCE, BandModel, RotorBand, RotorBandFit
+from windsysid.statespace.parameter import Parameter
+
+__all__ = ["chance_of_halves", "doubt_classes"]
+
+STIFFNESS_STEP = 0.01
+"""Setting: step between the factors on the blades' stiffness that are tried, in the logarithm."""
+
+CLASS_FREEDOM = 2.0
+"""Setting: unknowns that a single resonance informs, its frequency and its damping."""
+
+
+def chance_of_halves(halves: Sequence[RotorBandFit], start: Array) -> float:
+    """Probability of a larger likelihood ratio by chance if the halves have the same coefficients, looked for from
+    those of `start` (n,).
+
+    The halves share the prior's information. The ratio is a sum of χ² of one degree of freedom each, weighted by the
+    data's share of the information, and is approximated by its first two moments (Satterthwaite).
+    """
+    from scipy.special import chdtrc
+
+    joint = BandModel(tuple(band for half in halves for band in half.model.bands))
+    at = np.zeros(joint.unknowns.size)
+    at[joint.unknowns.but("statistics")] = start[halves[0].model.unknowns.but("statistics")]
+    own = [half.mode.unknowns[half.model.unknowns.of("statistics")] for half in halves]
+    at[joint.unknowns.of("statistics")] = np.concatenate(own)
+    same, ratio = _search(joint, at, joint.prior), 0.0
+    shared = halves[0].model.unknowns.but("statistics")
+    cov, scatter = np.zeros((2, len(shared), len(shared)))
+    for half in halves:
+        mean, spread = half.model.prior
+        spread[shared] *= math.sqrt(len(halves))
+        found = _search(half.model, half.mode.unknowns, (mean, spread))
+        C = np.linalg.inv(found.information)
+        ratio -= 2.0 * found.value
+        cov += C[np.ix_(shared, shared)]
+        scatter += (C - C @ np.diag(spread**-2.0) @ C)[np.ix_(shared, shared)]
+    weights = np.linalg.solve(cov, scatter)
+    first, second = float(np.trace(weights)), float(np.trace(weights @ weights))
+    return float(chdtrc(first**2 / second, max(ratio + 2.0 * same.value, 0.0) * first / second))
+
+
+def doubt_classes(posed: PosedBands, found: SpectralMode, parameters: Sequence[Parameter]) -> list[Finding]:
+    """Reason if blades that vibrate together, or whirl, say another stiffness than all readings: the worst of the
+    classes. A mode at another frequency than the file can give it leaves little in the shape of a band."""
+    from scipy.special import chdtrc
+
+    band, where = posed.model.bands[0], posed.model.places()[0]
+    blades = {row.name for row in band.model.freedoms if row.blade}
+    which = [i for i, q in enumerate(parameters) if q.kind == "stiffness" and q.part in blades]
+    worst, doubts = DISAGREEMENT_PROBABILITY, list[Finding]()
+    for i, place in _rows_of_classes(posed) if which else ():
+        change, ratio = _shift(BandModel((_only(band, i),)), found, where, which)
+        chance = np.count_nonzero(~band.model.left_out[:, i]) * float(chdtrc(CLASS_FREEDOM, max(ratio, 0.0)))
+        if chance < worst:
+            names = tuple(parameters[j].name for j in which)
+            data = {"change": change, "modes": [place.name]}
+            worst, doubts = chance, [Finding("class_disagrees_in_bands", "reason", data, names)]
+    return doubts
+
+
+def _rows_of_classes(posed: PosedBands) -> list[tuple[int, ModeLocation]]:
+    """Rows of the blades' band that show one class, and its mode."""
+    shapes = [posed.combined[row.combination].shape for row in posed.model.bands[0].rows]
+    places = {place.shape: place for place in posed.places if place.shape is not None}
+    return [(i, places[shape]) for i, shape in enumerate(shapes) if shape in places]
+
+
+def _shift(
+    alone: BandModel, found: SpectralMode, places: NDArray[np.intp], which: Sequence[int]
+) -> tuple[float, float]:
+    """By how much stiffness differs if one row alone says it, in the logarithm, and the likelihood ratio."""
+    (band,), (mean, spread) = alone.bands, alone.prior
+    theta, levels = alone.unknowns.but("statistics"), alone.unknowns.of("statistics")
+    std = np.sqrt(np.diag(np.linalg.inv(found.information)))[places]
+    known = mean.copy(), spread.copy()
+    known[0][theta], known[1][theta] = found.unknowns[places][theta], std[theta]
+    whole = _search(alone, found.unknowns[places], known)
+
+    def value(at: Array) -> float:
+        off = (at[levels] - mean[levels]) / spread[levels]
+        return band.model.likelihood(at, slopes=False).value + 0.5 * float(off @ off)
+
+    row = band.rows[int(np.flatnonzero(~band.model.left_out.all(axis=0))[0])]
+    count = int(math.log(row.high / row.low) / STIFFNESS_STEP)  # half the band, as f² goes with stiffness
+    values = {}
+    for step in range(-count, count + 1):
+        at = whole.unknowns.copy()
+        at[which] += step * STIFFNESS_STEP
+        values[step] = value(at)
+    best = min(values, key=values.__getitem__)
+    if best == 0:
+        return 0.0, 0.0
+    at = whole.unknowns.copy()
+    at[which] += best * STIFFNESS_STEP
+    other = _search(alone, at, (mean, spread)).unknowns
+    change = float(np.mean(other[which] - whole.unknowns[which]))
+    return change, 2.0 * (value(whole.unknowns) - value(other))
+
+
+def _only(band: RotorBand, row: int) -> RotorBand:
+    """The band with one row, without what the taper adds, which is known only where the resonances are."""
+    model: LiftedModel = band.model
+    others = np.arange(model.left_out.shape[1]) != row
+    out = model.left_out | others
+    grid = model.place if model.window is not None else model.place._replace(left_out=model.place.left_out | others)
+    data = np.where(out[:, :, None], 0.0, model.data)
+    return band._replace(model=model._replace(data=data, place=grid, left_out=out, smear=None))
+
+
+def _search(model: BandModel, start: Array, prior: tuple[Array, Array]) -> SpectralMode:
+    return find_in_stages(model.likelihood, start, prior, ((1.0, 1),), tolerance=COMPARISON_TOLERANCE)

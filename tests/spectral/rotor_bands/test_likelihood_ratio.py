@@ -1,0 +1,45 @@
+"""Likelihood ratios of halves of a record, and of classes of the blades."""
+
+from pathlib import Path
+from types import SimpleNamespace as Namespace
+
+import pytest
+
+from windsysid.identification.identify import identify
+from windsysid.records.formats import read_record
+from windsysid.spectral.rotor_bands.likelihood_ratio import _rows_of_classes
+from windsysid.turbine.file import load_turbine
+
+FOLDER = Path(__file__).parents[4] / "shared" / "data" / "openfast"
+C2 = FOLDER / "c2_turb12_full.outb"
+
+
+def reasons(file: str, first: float, last: float) -> tuple[set[str], set[str]]:
+    pytest.importorskip("openfast_io.FAST_output_reader", reason="the extra windsysid[openfast] is not installed")
+    found = identify(read_record(C2), load_turbine(file), section=(first, last))
+    grades = {mode.grades[0] for mode in found.modes if mode.name != "tower roll"}
+    return grades, {one.code for one in found.findings if one.severity == "reason"}
+
+
+@pytest.mark.skipif(not C2.exists(), reason="OpenFAST's records are not in this checkout")
+def test_halves_of_a_steady_record_are_no_reason_where_their_likelihoods_agree():
+    """The difference of estimates is 5.5 times as long as its covariance has it, the likelihood ratio p = 0.01."""
+    assert reasons("nrel5mw_full", 60.0, 330.0) == ({"A"}, set())
+
+
+@pytest.mark.skipif(not C2.exists(), reason="OpenFAST's records are not in this checkout")
+@pytest.mark.parametrize("first", [60.0, 75.0])
+def test_a_collective_mode_that_the_file_puts_elsewhere_is_a_reason(first):
+    grades, codes = reasons("nrel5mw", first, first + 270.0)
+    assert grades == {"C"}
+    assert "class_disagrees_in_bands" in codes
+
+
+def test_rows_of_a_class_have_its_mode():
+    rows = [Namespace(combination=i) for i in (2, 0, 1)]
+    posed = Namespace(
+        model=Namespace(bands=[Namespace(rows=rows)]),
+        combined=[Namespace(shape=None), Namespace(shape=0), Namespace(shape=1)],
+        places=[Namespace(name="tower x", shape=None), Namespace(name="lag collective", shape=0)],
+    )
+    assert [(i, place.name) for i, place in _rows_of_classes(posed)] == [(2, "lag collective")]
