@@ -2,6 +2,7 @@
 
 from pathlib import Path
 from types import SimpleNamespace as Namespace
+from typing import Any
 
 import pytest
 
@@ -37,7 +38,7 @@ def test_a_collective_mode_that_the_file_puts_elsewhere_is_a_reason(first):
 
 def test_rows_of_a_class_have_its_mode():
     rows = [Namespace(combination=i) for i in (2, 0, 1)]
-    posed = Namespace(
+    posed: Any = Namespace(
         model=Namespace(bands=[Namespace(rows=rows)]),
         combined=[Namespace(shape=None), Namespace(shape=0), Namespace(shape=1)],
         places=[Namespace(name="tower x", shape=None), Namespace(name="lag collective", shape=0)],
