@@ -47,6 +47,29 @@ def stepped(blocks: RecordBlocks, name: str, size: float, at: int) -> RecordBloc
     return replace(blocks, theta=theta)
 
 
+@pytest.mark.parametrize(("count", "at"), [(40, 12), (200, 50), (200, 90), (1000, 400)])
+def test_a_jump_among_the_records_to_learn_from_is_found(count: int, at: int):
+    """It was said that nothing jumped, where the picture shows a step of 4 %."""
+    found = watch(stepped(quiet(("k_x", "c_x"), count, seed=5), "k_x", 0.04, at))
+    assert [change.name for change in found.changes] == ["k_x"]
+    change = found.changes[0]
+    assert change.earliest <= found.blocks.time[at] <= change.latest
+    assert change.low <= 100.0 * math.expm1(0.04) <= change.high
+    assert "nothing jumped" not in found.sentence
+
+
+@pytest.mark.parametrize("wander", [0.0, 0.0004, 0.004])
+def test_records_to_learn_from_whose_level_wanders_have_no_jump(wander: float):
+    """Odds of 100 : 1 for each of 100 series: five or more false ones have a probability of 0.4 %."""
+    jumps = 0
+    for seed in range(100):
+        blocks, rng = quiet(("k_x",), 60, seed=seed), np.random.default_rng(1000 + seed)
+        drift = np.cumsum(wander * rng.standard_normal((60, 1)), axis=0)
+        found = watch(replace(blocks, theta=blocks.theta + drift))
+        jumps += sum(change.found < blocks.time[found.begins] for change in found.changes)
+    assert jumps <= 4
+
+
 @pytest.mark.slow
 def test_a_season_is_no_alarm_and_its_effects_are_found():
     found = watch(simulate_blocks(PLACE, days=365.0, seed=1))

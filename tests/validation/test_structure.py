@@ -11,7 +11,7 @@ ROOT = Path(__file__).parents[2]
 
 BOUNDS = {
     "functions over complexity 10 [%]": 2.0,  # target 4.0
-    "lines of src": 83890,  # target 72 904: those of commit 103975a
+    "lines of src": 83960,  # target 72 904: those of commit 103975a
     "lines of the middle": 28730,  # target 19 500
     "large folders": 0,
     "long signatures": 15,  # target 30
@@ -23,7 +23,8 @@ BOUNDS = {
 """Values of today where a target is not reached, targets where one is. A change lowers a bound; it raises one only
 where users can do more, and says so: grades and intervals for each quantity (520 lines); then grades of modes of
 `oma`, in archives, monitor and live, prior odds by site, states of towers and bounded searches (910 lines); then
-figures in notebooks (80 lines) and files that put a mode elsewhere (140 lines)."""
+figures in notebooks (80 lines) , files that put a mode elsewhere (140 lines) and jumps
+while a watch learns (70 lines)."""
 
 
 @pytest.fixture(scope="module")

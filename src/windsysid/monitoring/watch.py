@@ -36,6 +36,7 @@ from windsysid.monitoring.levels.locating import (
     Jump,
     first_belief,
     freedom,
+    jump_while_learning,
     locate,
     without_bad,
 )
@@ -116,7 +117,11 @@ def watch(
     jumps.sort(key=lambda found: found[1].found)
     changes = tuple(_change(blocks, i, jump, jumps) for i, jump in jumps)
     notes = [*blocks.notes, *notes]
-    notes.insert(0, f"alarms from {blocks.when(float(blocks.time[begins]))} on: {begins} records to learn from")
+    notes.insert(
+        0,
+        f"alarms from {blocks.when(float(blocks.time[begins]))} on: {begins} records to learn from, in which jumps are"
+        " looked for afterwards",
+    )
     return Watch(blocks, tuple(series), changes, alarms_per_year, begins, tuple(notes))
 
 
@@ -158,6 +163,10 @@ def _follow(
     prior, scale = first_belief(seen.y, seen.r, x.shape[1], kind, blocks.logarithmic[i])
     jump, least = JUMP_SLOPE_PRIOR[kind] * scale, tolerated[kind] * scale
     jumps: list[Jump] = []
+    early = jump_while_learning(seen.part(slice(begins)), prior, kind, blocks.logarithmic[i], (jump, scale, least))
+    if early is not None:
+        jumps.append(early[0])
+        seen = _part(seen, *early, freedom(prior.mean, jump, scale))
     begin = first = begins
     tested = np.zeros(count)
     while True:

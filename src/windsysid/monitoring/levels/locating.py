@@ -11,11 +11,12 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.monitoring.levels.jumps import LevelBelief, Observations, Rates, track
+from windsysid.monitoring.levels.learning import learn_rates
 from windsysid.results.posterior import SIGMAS
 
 __all__ = [
-    "JUMP_SLOPE_PRIOR", "MAX_HINDSIGHT_BLOCKS", "SLOPE_PRIOR", "Jump", "first_belief", "freedom", "locate",
-    "without_bad",
+    "JUMP_SLOPE_PRIOR", "MAX_HINDSIGHT_BLOCKS", "SLOPE_PRIOR", "Jump", "first_belief", "freedom", "jump_while_learning",
+    "locate", "without_bad",
 ]  # fmt: skip
 
 SLOPE_PRIOR = {"k": 0.05, "f": 0.025, "c": 0.5, "noise": 0.5}
@@ -39,6 +40,16 @@ MAX_JUMP_PLACES = 200
 
 MAX_HINDSIGHT_BLOCKS = 144
 """Blocks after an alarm, where there are any, that help to tell when and how much: a day."""
+
+MIN_LEARNING_ODDS = 100.0
+"""Odds from which a level has jumped while its rates were learned: those of `windsysid.monitoring.change`."""
+
+MIN_LEVEL_BLOCKS = 3
+"""Setting: blocks that a level has at least before and after a jump while rates are learned: one bad block is none."""
+
+MIN_WANDER = 1e-4
+"""Setting: share of the learned wander with which the likeliest block of a jump is looked for: what was learned has
+taken the jump for wander."""
 
 CENTRE_BLOCKS = 25
 """Blocks whose median is where a level is looked for."""
@@ -118,6 +129,54 @@ def locate(
     size = float(weight @ levels[:, 0])
     std = math.sqrt(float(weight @ (levels[:, 1] + np.square(levels[:, 0] - size))))
     return Jump(int(places[weight.argmax()]), earliest, latest, found, size, std, float(weight @ levels[:, 2]))
+
+
+def jump_while_learning(
+    blocks: Observations, prior: LevelBelief, kind: str, logarithmic: bool, sizes: tuple[float, float, float]
+) -> tuple[Jump, Rates] | None:
+    """Find a jump among the blocks (T,) from which the rates are learned, where a test of innovations has no rates yet.
+
+    The rates are learned without a jump and with one at the likeliest block. The ratio of both likelihoods, shared out
+    among the blocks at which the jump may be, gives its odds (Kass & Raftery, J. Am. Stat. Assoc. 90(430), 1995,
+    https://doi.org/10.1080/01621459.1995.10476572).
+
+    Parameters
+    ----------
+    blocks, prior
+        As `windsysid.monitoring.levels.jumps.track` takes them.
+    kind, logarithmic
+        As `windsysid.monitoring.levels.learning.learn_rates` takes them.
+    sizes
+        Of `JUMP_SLOPE_PRIOR` in filter coordinates, what a relative change is of, and the jump that is tolerated.
+
+    Returns
+    -------
+    tuple of Jump and Rates, or None
+        The jump and the rates beside it; None if the odds are below `MIN_LEARNING_ODDS` or the jump is tolerated.
+    """
+    count, (jump, scale, least) = len(blocks.y), sizes
+    good = np.flatnonzero(np.isfinite(blocks.y))[MIN_LEVEL_BLOCKS : -MIN_LEVEL_BLOCKS or None]
+    if not good.size:
+        return None
+    rates = learn_rates(blocks, prior, kind=kind, logarithmic=logarithmic)
+    free, steady = freedom(prior.mean, jump, scale), rates._replace(wander=MIN_WANDER * rates.wander)
+
+    def stepped(place: int) -> Observations:
+        freed = blocks.freed.copy()
+        freed[place] = free
+        return blocks._replace(freed=freed)
+
+    def likelihood(seen: Observations, at: Rates) -> float:
+        return track(seen, prior, at, test=False).log_likelihood
+
+    places = good[:: -(-good.size // MAX_JUMP_PLACES)]
+    likely = int(places[np.argmax([likelihood(stepped(int(place)), steady) for place in places])])
+    again = learn_rates(stepped(likely), prior, kind=kind, logarithmic=logarithmic)
+    gain = likelihood(stepped(likely), again) - likelihood(blocks, rates)
+    if gain < math.log(MIN_LEARNING_ODDS * good.size):
+        return None
+    found = locate(blocks, prior, again, count - 1, likely, jump, scale)
+    return (found, again) if abs(found.size) > least else None
 
 
 def without_bad(y: Array, variance: Array) -> Array:
