@@ -131,7 +131,7 @@ def files(overview: Overview) -> dict[str, bytes]:
         Section("Data availability", figures=[(_availability(overview), months)]),
         _listed("Sensors", "No sensor fails.", _sensors(overview)),
         _listed("Jumps", "Nothing jumped.", _jumps(overview)),
-        _listed("Records without a result", "", _without_result(overview), folded=True),
+        _listed("Records without a result", "Every record has a result.", _without_result(overview)),
         Section("Turbine by turbine", tables=_numbers(overview), folded=True),
     ]
     count = sum(glance.records for glance in overview.glances.values())
