@@ -11,6 +11,7 @@ import typer
 from windsysid.errors import ConfigurationError
 from windsysid.output.console import printable
 from windsysid.output.files import path_text
+from windsysid.output.folders import is_free
 
 if TYPE_CHECKING:
     from windsysid.identification.model.prior import Prior
@@ -24,10 +25,13 @@ if TYPE_CHECKING:
 from windsysid.cli.common import (
     ListsLoads,
     Mapping,
+    Output,
     Overwrite,
     TurbineOption,
     app,
     claim_output,
+    name_of,
+    numbered,
     parse_option,
     show_progress,
 )
@@ -40,7 +44,7 @@ def identify(
     context: typer.Context,
     record: Annotated[Path, typer.Argument(help="CSV, Parquet, netCDF, MATLAB, TDMS, OpenFAST … (docs/records.md).")],
     turbine: TurbineOption,
-    output: Annotated[Path, typer.Option(help="Folder for report.html, summary.json and identification.nc.")],
+    output: Output = None,
     sensors: Annotated[
         Path | None, typer.Option(help="TOML list of the record's sensors; the turbine's usual ones by default.")
     ] = None,
@@ -105,7 +109,8 @@ def identify(
     from windsysid.records.formats import load_mapping
     from windsysid.turbine.file import load_turbine
 
-    write = claim_output(context, output, record, overwrite=overwrite)
+    folder = output or _default_output(record, overwrite=overwrite, resumes=in_pieces is not None)
+    write = claim_output(context, folder, "", record, overwrite=overwrite).write
     asked = _IdentifyRequest(
         record,
         load_turbine(turbine).at(site),
@@ -120,7 +125,7 @@ def identify(
         if in_pieces is None:
             found, used = _identify_whole(asked, add_noise, seed, progress)
         else:
-            found, used = _identify_in_pieces(asked, _length(in_pieces, formulation, add_noise), output, progress)
+            found, used = _identify_in_pieces(asked, _length(in_pieces, formulation, add_noise), folder, progress)
     print(found)
     with show_progress("identify") as progress:
         files = found.files()
@@ -131,11 +136,19 @@ def identify(
             files["report.html"] = identification_report(found, used)
         write(files)
     if in_pieces is not None:
-        _checkpoint(output).unlink(missing_ok=True)
+        _checkpoint(folder).unlink(missing_ok=True)
     print(
         f"{found.samples} samples in {found.elapsed:.2f} s; results:"
-        f" {printable(output / ('summary.json' if no_report else 'report.html'))}"
+        f" {printable(folder / ('summary.json' if no_report else 'report.html'))}"
     )
+
+
+def _default_output(record: Path, *, overwrite: bool, resumes: bool) -> Path:
+    """Output folder where none is given; that of an interrupted identification in pieces is for its going on only."""
+    for folder in numbered(name_of(record)):
+        if resumes if _checkpoint(folder).exists() else overwrite or is_free(folder):
+            break
+    return folder
 
 
 class _IdentifyRequest(NamedTuple):
