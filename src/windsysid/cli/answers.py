@@ -17,6 +17,7 @@ from windsysid.cli.common import (
     Output,
     Overwrite,
     TurbineOption,
+    Verbose,
     app,
     claim_output,
     name_of,
@@ -63,6 +64,7 @@ def plan(
     seed: Annotated[int, typer.Option(metavar="NUMBER", min=0, help="Seed of the simulated vibration.")] = 0,
     output: Output = None,
     json: Json = False,
+    verbose: Verbose = False,
     overwrite: Overwrite = False,
 ) -> None:
     """Before measuring: how well will these sensors see each coefficient, and after how long?"""
@@ -82,7 +84,7 @@ def plan(
             load_scale=load_scale,
             rotor_speed=turning, formulation=formulation, seed=seed, progress=progress,
         )  # fmt: skip
-    print_and_save(found, to, json=json)
+    print_and_save(found, to, json=json, verbose=verbose)
 
 
 @app.command()
@@ -94,6 +96,7 @@ def compare(
     after: Annotated[list[Path], typer.Argument(help="One or more folders of later records.")],
     output: Output = None,
     json: Json = False,
+    verbose: Verbose = False,
     overwrite: Overwrite = False,
 ) -> None:
     """Between records: which coefficients moved, by how much, and how sure that is."""
@@ -117,7 +120,7 @@ def compare(
         return
     for i, (found, to) in enumerate(zip(comparisons, places, strict=True)):
         print(end="\n" if i else "")
-        print_and_save(found, to, json=json)
+        print_and_save(found, to, json=json, verbose=verbose)
 
 
 @app.command()
@@ -131,6 +134,7 @@ def damping(
     ],
     output: Output = None,
     json: Json = False,
+    verbose: Verbose = False,
     overwrite: Overwrite = False,
 ) -> None:
     """Structural against aerodynamic damping: what records in several states tell of each, or why they do not."""
@@ -145,7 +149,7 @@ def damping(
             known.append(load_posterior(folder))
         progress("telling structure and air apart")
         found = separate_damping(known)
-    print_and_save(found, to, json=json)
+    print_and_save(found, to, json=json, verbose=verbose)
 
 
 @app.command()
@@ -168,6 +172,7 @@ def monitor(
     alarms_per_year: Annotated[float, typer.Option(help="False alarms that are accepted in a year of records.")] = 0.1,
     output: Output = None,
     json: Json = False,
+    verbose: Verbose = False,
     overwrite: Overwrite = False,
 ) -> None:
     """Over many records: what drifted, what jumped, when and by how much, at a stated rate of false alarms."""
@@ -185,7 +190,7 @@ def monitor(
         if len(names) == 1:
             name = name_of(results[0], f"{names[0]}-monitor")
             to = claim_output(context, output, name, *results, overwrite=overwrite, json=json)
-        watch_archive(results[0], names, alarms_per_year, to, json=json)
+        watch_archive(results[0], names, alarms_per_year, to, json=json, verbose=verbose)
         return
     if turbine is not None:
         raise ConfigurationError("--turbine goes with an archive that windsysid batch wrote")
@@ -194,7 +199,7 @@ def monitor(
     with show_progress("monitor") as progress:
         progress(f"watching {len(results)} results")
         found = watch(read_blocks(results, covariates), alarms_per_year=alarms_per_year)
-    print_and_save(found, to, json=json)
+    print_and_save(found, to, json=json, verbose=verbose)
 
 
 @app.command(cls=NamesTurbine)
@@ -225,6 +230,7 @@ def modes(
     ] = None,
     output: Output = None,
     json: Json = False,
+    verbose: Verbose = False,
     overwrite: Overwrite = False,
 ) -> None:
     """Frequencies and damping ratios against rotor speed, distance from the rotor's harmonics, stability."""
@@ -244,4 +250,4 @@ def modes(
     with show_progress("modes") as progress:
         found = find_modes(machine, speeds=diagram, operating=working, progress=progress)
     found = found.with_measured(points)
-    print_and_save(found, to, json=json)
+    print_and_save(found, to, json=json, verbose=verbose)

@@ -1,6 +1,6 @@
 """What the commands share: options, the output folder, progress, tables."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import count
 from pathlib import Path
@@ -14,10 +14,12 @@ from windsysid.output.console import printable
 
 if TYPE_CHECKING:
     from windsysid.output.progress import Shown
+    from windsysid.output.table import Table
 
 __all__ = [
     "Destination", "ListsLoads", "NamesTurbine", "claim_output", "name_of", "numbered",
-    "parse_option", "print_and_save", "print_table", "rotor_speeds", "show_progress",
+    "parse_option", "print_and_save",
+    "print_answer", "print_table", "rotor_speeds", "show_progress",
 ]  # fmt: skip
 
 ORDER = (
@@ -56,6 +58,7 @@ Output = Annotated[
 Json = Annotated[
     bool, typer.Option("--json", metavar="", help="Print the summary as JSON; nothing is saved without --output.")
 ]
+Verbose = Annotated[bool, typer.Option("--verbose", metavar="", help="Print everything, not the first screen only.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", metavar="", help="Replace results that are already there.")]
 
 
@@ -133,12 +136,21 @@ def name_of(source: str | Path, command: str = "") -> str:
 class _Answer(Protocol):
     def to_json(self) -> str: ...
 
+    def contents(self) -> "Sequence[Table | str]": ...
+
     def files(self) -> dict[str, bytes]: ...
 
 
-def print_and_save(found: _Answer, to: Destination, *, json: bool = False) -> None:
-    """Print an answer, then save it with its report: what cannot be saved has been seen."""
-    print(found.to_json().rstrip() if json else found)
+def print_answer(found: _Answer, *, json: bool, verbose: bool) -> None:
+    """Print an answer as JSON, as a whole, or as its first screen."""
+    from windsysid.cli.screen import first_screen
+
+    print(found.to_json().rstrip() if json else found if verbose else first_screen(found.contents()))
+
+
+def print_and_save(found: _Answer, to: Destination, *, json: bool = False, verbose: bool = False) -> None:
+    """Print an answer, or its first screen, then save it with its report: what cannot be saved has been seen."""
+    print_answer(found, json=json, verbose=verbose)
     if to.folder is not None:
         with show_progress("report") as progress:
             progress("writing the report")

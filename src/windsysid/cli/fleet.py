@@ -14,6 +14,7 @@ from windsysid.cli.common import (
     Mapping,
     Output,
     Overwrite,
+    Verbose,
     app,
     claim_output,
     name_of,
@@ -114,6 +115,7 @@ def report(
         float, typer.Option(help="False alarms that are accepted in a year, all turbines together.")
     ] = 0.1,
     json: Json = False,
+    verbose: Verbose = False,
     overwrite: Overwrite = False,
 ) -> None:
     """Every turbine of an archive at a glance: outliers, jumps, availability, failing sensors; one page."""
@@ -122,22 +124,22 @@ def report(
 
     to = claim_output(context, output, name_of(archive, "report"), archive, overwrite=overwrite, json=json)
     if holds_result(archive):
-        print_and_save(Reported(archive), to, json=json)
+        print_and_save(Reported(archive), to, json=json, verbose=verbose)
         return
     with show_progress("report") as progress:
         found = oversee(archive, alarms_per_year=alarms_per_year, progress=progress)
-    print_and_save(found, to, json=json)
+    print_and_save(found, to, json=json, verbose=verbose)
 
 
 def watch_archive(
-    archive: Path, names: Sequence[str], alarms_per_year: float, to: Destination | None, *, json: bool
+    archive: Path, names: Sequence[str], alarms_per_year: float, to: Destination | None, *, json: bool, verbose: bool
 ) -> None:
     """Watch turbines of an archive; the answer of a single one is saved."""
     from json import dumps
 
     found, short = _watch_each(archive, names, alarms_per_year)
     if to is not None:
-        print_and_save(found[names[0]], to, json=json)
+        print_and_save(found[names[0]], to, json=json, verbose=verbose)
     elif json:
         print(dumps({name: one.summary() for name, one in found.items()}, indent=2))
     else:

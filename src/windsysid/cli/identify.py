@@ -28,6 +28,7 @@ from windsysid.cli.common import (
     Output,
     Overwrite,
     TurbineOption,
+    Verbose,
     app,
     claim_output,
     name_of,
@@ -98,10 +99,12 @@ def identify(
         ),
     ] = None,
     mapping: Mapping = None,
+    verbose: Verbose = False,
     overwrite: Overwrite = False,
     no_report: Annotated[bool, typer.Option("--no-report", metavar="", help="Write no report.html.")] = False,
 ) -> None:
     """Identify stiffness and damping of a turbine from a record."""
+    from windsysid.cli.screen import first_screen, identification_parts
     from windsysid.filters import bank_kernel, ekf
     from windsysid.identification.model.prior import Prior
     from windsysid.kernels.ahead import compile_ahead
@@ -126,7 +129,7 @@ def identify(
             found, used = _identify_whole(asked, add_noise, seed, progress)
         else:
             found, used = _identify_in_pieces(asked, _length(in_pieces, formulation, add_noise), folder, progress)
-    print(found)
+    print(found if verbose else first_screen(identification_parts(found)))
     with show_progress("identify") as progress:
         files = found.files()
         if not no_report:

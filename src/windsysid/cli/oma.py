@@ -7,7 +7,18 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand
 
-from windsysid.cli.common import Json, Mapping, Output, Overwrite, app, claim_output, name_of, show_progress
+from windsysid.cli.common import (
+    Json,
+    Mapping,
+    Output,
+    Overwrite,
+    Verbose,
+    app,
+    claim_output,
+    name_of,
+    print_answer,
+    show_progress,
+)
 from windsysid.errors import ConfigurationError
 from windsysid.output.console import printable
 
@@ -72,6 +83,7 @@ def oma(
     ] = None,
     mapping: Mapping = None,
     json: Json = False,
+    verbose: Verbose = False,
     overwrite: Overwrite = False,
     no_report: Annotated[
         bool, typer.Option("--no-report", metavar="", help="Write no report.html and no figures.")
@@ -92,7 +104,7 @@ def oma(
             [read_record(path, mapping=rules, progress=partial(progress, f"reading {path}")) for path in records],
             sensors=lists, turbine=turbine, bands=bands, limits=limits, section=section, progress=progress,
         )  # fmt: skip
-    print(found.to_json().rstrip() if json else found)
+    print_answer(found, json=json, verbose=verbose)
     if to.folder is None:
         return
     with show_progress("oma") as progress:

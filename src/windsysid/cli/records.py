@@ -13,6 +13,7 @@ from windsysid.cli.common import (
     Output,
     Overwrite,
     TurbineOption,
+    Verbose,
     app,
     claim_output,
     name_of,
@@ -105,6 +106,7 @@ def inspect_command(
     write_mapping: Annotated[
         Path | None, typer.Option(help="Instead: propose a mapping with its doubts, and write this TOML file.")
     ] = None,
+    verbose: Verbose = False,
     overwrite: Overwrite = False,
 ) -> None:
     """Look at a record: its health, its spectra, and the sections worth using."""
@@ -121,7 +123,7 @@ def inspect_command(
         data = read_record(record, mapping=mapping, progress=partial(progress, f"reading {record}"))
         progress(f"looking at {data.samples} samples")
         found = inspect_record(data, machine, section_length=section_length)
-    print_and_save(found, to)
+    print_and_save(found, to, verbose=verbose)
 
 
 def _write_mapping(record: Path, mapping: Path | None, target: Path, *, overwrite: bool) -> None:
