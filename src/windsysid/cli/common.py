@@ -23,8 +23,8 @@ __all__ = [
 ]  # fmt: skip
 
 ORDER = (
-    "inspect", "identify", "oma", "modes", "compare", "monitor", "damping", "plan", "simulate", "batch", "report",
-    "live", "export", "publish", "turbines", "study",
+    "start", "inspect", "identify", "oma", "modes", "compare", "monitor", "damping", "plan", "simulate", "batch",
+    "report", "live", "export", "publish", "examples", "turbines", "study",
 )  # fmt: skip
 """Commands as the help lists them: what is asked of one record, of several, of archives, of running turbines."""
 

@@ -140,6 +140,19 @@ def _write_mapping(record: Path, mapping: Path | None, target: Path, *, overwrit
     print(printable(f"mapping: {target}; correct it, then: windsysid inspect {record} --mapping {target}"))
 
 
+@app.command()
+def examples(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder for them.")] = Path("examples"),
+) -> None:
+    """Write a folder of example records, with a README that has a command for each."""
+    from windsysid.simulation.examples import write_examples
+
+    with show_progress("examples") as progress:
+        written = write_examples(folder, progress)
+    print(*(printable(path) for path in written), sep="\n")
+    print(printable(f"next: cd {folder}; windsysid identify tower_year1.csv --turbine tower"))
+
+
 @app.command(cls=NamesTurbine)
 def turbines(
     turbine: Annotated[
