@@ -7,20 +7,32 @@ accelerometer.
 
 Run:  python examples/bouc_wen.py [FILE]
 
-FILE holds the ground acceleration: time [s] and acceleration [g], El Centro for instance. Without it the ground is made
+FILE holds the ground acceleration under a heading such as "time [s],ground [g]", El Centro for instance. Without it the ground is made
 up. Source: Wu & Smyth 2007, https://doi.org/10.1002/stc.186.
 """
 
 import sys
-from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
 import sympy as sp
-from validation.benchmarks import read_ground, synthetic_ground
+from scipy.signal import bilinear, lfilter
 
 import windsysid as ws
 from windsysid.simulation.integrate import integrate
+
+
+def shaken_ground(file: str | None) -> ws.Record:
+    """The channel ``ground`` [m/s²] of a file; without a file, an earthquake after Kanai and Tajimi."""
+    if file is not None:
+        record = ws.read_record(file)
+        return ws.Record(record.time, record.values[:, :1], ("ground",), ("m/s^2",))
+    corner, damping = 15.0, 0.6  # of firm soil: rad/s; Tajimi, Proc. 2nd WCEE, 1960
+    time = np.arange(1500) / 50.0
+    soil = bilinear([2.0 * damping * corner, corner**2], [1.0, 2.0 * damping * corner, corner**2], 50.0)
+    shaken = lfilter(*soil, np.random.default_rng(0).standard_normal(time.size)) * time * np.exp(-time / 4.0)
+    return ws.Record(time, (3.0 * shaken / np.max(np.abs(shaken)))[:, None], ("ground",), ("m/s^2",))
+
 
 # %%
 # m ẍ + c ẋ + k z = −m a_g; x is relative to the ground, the accelerometer is not
@@ -40,7 +52,7 @@ spring = ws.Equations(
 # %%
 # What is recorded: the ground, and the mass with 5 % noise
 truth = {"m": 1.0, "k": 9.0, "c": 0.3, "beta": 2.0, "gamma": 1.0, "n": 2.0}
-shaken = read_ground(Path(sys.argv[1])) if len(sys.argv) > 1 else synthetic_ground()
+shaken = shaken_ground(sys.argv[1] if len(sys.argv) > 1 else None)
 strong = shaken["ground"] * 49.0 / np.max(np.abs(shaken["ground"]))  # to a peak of 5 g: fat loops
 model = ws.compile_model(spring, [ws.Reading("acceleration", absolute, 1.0)])
 p = [truth[name] for name in model.parameters]

@@ -7,23 +7,19 @@ Accelerometers on the floors of a building, wind or traffic that nobody measured
 
 import matplotlib.pyplot as plt
 import numpy as np
-from validation.frames import shear_frame
-from validation.oma import record, responses
 
 import windsysid as ws
+from windsysid.simulation.examples import building
 
 # %%
 # Ten minutes of a frame of five storeys whose truth is known, 50 Hz, 1 % of noise.
-frame = shear_frame(5)
-rng = np.random.default_rng(1)
-exact = responses(frame.modes, frame.shapes.T, 50.0, 30000, rng) @ frame.shapes.T
-measured = record(exact + 0.01 * exact.std(axis=0) * rng.normal(size=exact.shape), 50.0)
+measured, truth = building()
 
 # %%
 # No rate, no order, no band has to be given.
 found = ws.oma(measured)
 print(found)
-print("truth:", ", ".join(f"{f:.3f} Hz {100 * zeta:.2f} %" for f, zeta in frame.modes))
+print("truth:", ", ".join(f"{f:.3f} Hz {100 * zeta:.2f} %" for f, zeta in truth))
 
 # %%
 # The shapes over the height, with ±2σ. A shape is 1 in the channel that moves most.

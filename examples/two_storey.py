@@ -6,20 +6,32 @@ A two-storey shear frame: storey stiffness and damping from an accelerometer on 
 
 Run:  python examples/two_storey.py [FILE]
 
-FILE holds the ground acceleration: time [s] and acceleration [g], El Centro for instance. Without it the ground is made
+FILE holds the ground acceleration under a heading such as "time [s],ground [g]", El Centro for instance. Without it the ground is made
 up. Frames of this kind: Yang et al. 2006, https://doi.org/10.1002/stc.84.
 """
 
 import sys
-from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
 import sympy as sp
-from validation.benchmarks import read_ground, synthetic_ground
+from scipy.signal import bilinear, lfilter
 
 import windsysid as ws
 from windsysid.simulation.integrate import integrate
+
+
+def shaken_ground(file: str | None) -> ws.Record:
+    """The channel ``ground`` [m/s²] of a file; without a file, an earthquake after Kanai and Tajimi."""
+    if file is not None:
+        record = ws.read_record(file)
+        return ws.Record(record.time, record.values[:, :1], ("ground",), ("m/s^2",))
+    corner, damping = 15.0, 0.6  # of firm soil: rad/s; Tajimi, Proc. 2nd WCEE, 1960
+    time = np.arange(1500) / 50.0
+    soil = bilinear([2.0 * damping * corner, corner**2], [1.0, 2.0 * damping * corner, corner**2], 50.0)
+    shaken = lfilter(*soil, np.random.default_rng(0).standard_normal(time.size)) * time * np.exp(-time / 4.0)
+    return ws.Record(time, (3.0 * shaken / np.max(np.abs(shaken)))[:, None], ("ground",), ("m/s^2",))
+
 
 # %%
 # The frame, its state relative to the ground.
@@ -46,7 +58,7 @@ def accelerometers(noise: float) -> list[ws.Reading]:
 # %%
 # What is recorded: the ground, and both floors with 5 % noise.
 truth = {"m_1": 1.0, "m_2": 1.0, "k_1": 12.0, "k_2": 10.0, "c_1": 0.6, "c_2": 0.5}
-shaken = read_ground(Path(sys.argv[1])) if len(sys.argv) > 1 else synthetic_ground()
+shaken = shaken_ground(sys.argv[1] if len(sys.argv) > 1 else None)
 model = ws.compile_model(frame, accelerometers(1.0))
 p = [truth[name] for name in model.parameters]
 response = integrate(model, p, shaken["ground"][:, None], rate=shaken.rate, start=np.zeros(4), substeps=20)

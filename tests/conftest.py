@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
@@ -67,8 +68,9 @@ class Ended(NamedTuple):
 
 
 @pytest.fixture
-def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., Ended]:
-    """Run the command line in this process, as the console script would."""
+def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Callable[..., Ended]:
+    """Run the command line in this process and an empty folder, as the console script would."""
+    monkeypatch.chdir(tmp_path)
 
     def run(*arguments: object) -> Ended:
         monkeypatch.setattr(sys, "argv", ["windsysid", *map(str, arguments)])

@@ -139,7 +139,7 @@ Path("mast.toml").write_text('[channels.tower_x_acceleration]\\nunit = "m/s^2"\\
     "results": TOWER + "ws.identify(record, turbine).save('results/verne555')",
     "README": """
 import windsysid as ws
-ws.write_record(ws.simulate("verne555", duration=30.0, rate=50.0), "results/record.nc")
+ws.write_record(ws.simulate("tower", duration=600.0, rate=10.0), "tower_year1.csv")
 """,
 }
 """What the code of a page takes for granted, by the page's name."""

@@ -178,7 +178,7 @@ def turbine_input(shop: Workshop, rng: Rng) -> Input:
     """A turbine file with slips."""
     text = damaged_toml(shop.turbines[str(rng.choice(["tower", "tower", "verne555"]))], rng)
     command = [["identify", "r.csv", "--turbine", "t.toml", "--output", "out", "--no-report"],
-               ["modes", "t.toml"], ["inspect", "r.csv", "--turbine", "t.toml"],
+               ["modes", "--turbine", "t.toml"], ["inspect", "r.csv", "--turbine", "t.toml"],
                ["simulate", "--turbine", "t.toml", "--output", "new.csv", "--duration", "2", "--rate",
                "20"]][rng.choice(4, p=[0.4, 0.3, 0.15, 0.15])]  # fmt: skip
     return Input("turbine", command, {"t.toml": text, "r.csv": shop.records["csv"]})

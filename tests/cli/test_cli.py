@@ -307,10 +307,10 @@ def test_turbines_are_listed_with_source_and_assumptions(run):
 
 def test_the_file_of_a_packaged_turbine_begins_ones_own(run, tmp_path):
     own = tmp_path / "my_tower.toml"
-    own.write_text(run("turbines", "tower").out.replace('"0.3163 Hz"', '"0.3 Hz"'), encoding="utf-8")
+    own.write_text(run("turbines", "--turbine", "tower").out.replace('"0.3163 Hz"', '"0.3 Hz"'), encoding="utf-8")
     assert "# Copy this file" in own.read_text(encoding="utf-8")
     assert load_turbine(own).values["k_side_side"] < load_turbine("tower").values["k_side_side"]
-    ended = run("turbines", "towel")
+    ended = run("turbines", "--turbine", "towel")
     assert (ended.code, ended.out) == (2, "")
     assert "no packaged turbine 'towel': expected one of hammond" in " ".join(ended.err)
 

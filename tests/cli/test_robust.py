@@ -152,9 +152,9 @@ def test_values_that_nothing_measures_are_refused(refusal, tmp_path: Path):
 def test_a_name_that_is_too_long_is_refused(refusal, tmp_path: Path):
     long = tmp_path / ("a" * 300)
     for arguments in (
-        ("plan", "verne555", "--output", long),
+        ("plan", "--turbine", "verne555", "--output", long),
         ("inspect", f"{long}.csv"),
-        ("modes", long),
+        ("modes", "--turbine", f"{long}.toml"),
         ("simulate", "--turbine", "verne555", "--duration", "5", "--output", f"{long}.csv"),
     ):
         assert re.search("File name too long|no such file", refusal(*arguments))
@@ -164,8 +164,8 @@ def test_tables_nested_deeper_than_python_follows_are_refused(refusal, tmp_path:
     deep = tmp_path / "deep.toml"
     deep.write_text("a = " + "[" * 5000 + "]" * 5000)
     (tmp_path / "record.csv").write_text("time [s],a [m]\n0,1\n1,2\n")
-    assert "nested too deeply" in refusal("modes", deep)
-    assert "nested too deeply" in refusal("plan", "verne555", "--sensors", deep)
+    assert "nested too deeply" in refusal("modes", "--turbine", deep)
+    assert "nested too deeply" in refusal("plan", "--turbine", "verne555", "--sensors", deep)
     assert "nested too deeply" in refusal("inspect", tmp_path / "record.csv", "--mapping", deep)
 
 

@@ -306,14 +306,14 @@ def test_the_command_answers_and_writes_its_report(run, tmp_path, monkeypatch):
         "--load-scale",
         "2",
     )
-    code, out, err = run("plan", "verne555", *options, "--output", tmp_path / "plan")
+    code, out, err = run("plan", "--turbine", "verne555", *options, "--output", tmp_path / "plan")
     assert (code, err) == (0, [])
     for words in (
         "No: not known within ±20 % (2σ) in 100 s: c_x (",
         "c_x: no, ±",
         "k_x: yes, ±",
         "c_beta_3",
-        "report: ",
+        "results: ",
     ):
         assert words in out, words
     assert sorted(path.name for path in (tmp_path / "plan").glob("[!.]*")) == [
@@ -327,7 +327,7 @@ def test_the_command_answers_and_writes_its_report(run, tmp_path, monkeypatch):
     assert 15.0 < summary["parameters"]["c_x"]["two_sigma_percent"] < 35.0
     html = (tmp_path / "plan" / "report.html").read_text(encoding="utf-8")
     assert html.count("data:image/png;base64,") == 1
-    code, _, (line,) = run("plan", "verne555", *options, "--output", tmp_path / "plan")
+    code, _, (line,) = run("plan", "--turbine", "verne555", *options, "--output", tmp_path / "plan")
     assert code == 2
     assert "already there" in line
 
@@ -336,7 +336,9 @@ def test_the_summary_as_json_is_all_that_is_printed(run, tmp_path, monkeypatch):
     monkeypatch.setattr(planned_ways, "MAX_SIMULATED_SAMPLES", 10_000)
     sensor = '[[sensor]]\nchannel="a"\nquantity="acceleration"\npoint="tower"\naxis="x"\nnoise=0.05\n'
     (tmp_path / "sensors.toml").write_text(sensor)
-    code, out, err = run("plan", "verne555", "--sensors", tmp_path / "sensors.toml", "--rate", "50", "--json")
+    code, out, err = run(
+        "plan", "--turbine", "verne555", "--sensors", tmp_path / "sensors.toml", "--rate", "50", "--json"
+    )
     assert (code, err) == (0, [])
     summary = json.loads(out)
     assert list(summary["parameters"]) == [
@@ -367,13 +369,13 @@ def test_the_summary_as_json_is_all_that_is_printed(run, tmp_path, monkeypatch):
     ],
 )
 def test_a_bad_option_is_refused_in_one_line(run, options, complaint):
-    code, out, lines = run("plan", "verne555", *options)
+    code, out, lines = run("plan", "--turbine", "verne555", *options)
     assert (code, out, len(lines)) == (2, "", 1)
     assert re.search(complaint, lines[0]), lines[0]
 
 
 def test_an_empty_sensor_list_is_refused_in_one_line(run, tmp_path):
     (tmp_path / "none.toml").write_text("sensor = []\n")
-    code, out, (line,) = run("plan", "verne555", "--sensors", tmp_path / "none.toml")
+    code, out, (line,) = run("plan", "--turbine", "verne555", "--sensors", tmp_path / "none.toml")
     assert (code, out) == (2, "")
     assert "the sensor list is empty: expected at least one sensor" in line

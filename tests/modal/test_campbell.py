@@ -286,13 +286,13 @@ def test_what_is_no_range_of_speeds_is_refused(
 
 def test_the_command_answers_and_writes_its_report(run, tmp_path):
     options = ("--speeds", "5 rpm", "20 rpm", "--operating", "9 rpm", "12.1 rpm")
-    code, out, err = run("modes", "nrel5mw", *options, "--output", tmp_path / "modes")
+    code, out, err = run("modes", "--turbine", "nrel5mw", *options, "--output", tmp_path / "modes")
     assert (code, err) == (0, [])
     for words in (
         "Resonance from 9 to 12.1 rpm: lag backward meets 6P at",
         "Every mode is damped",
         "Ground resonance",
-        "report: ",
+        "results: ",
     ):
         assert words in out, words
     assert sorted(path.name for path in (tmp_path / "modes").glob("[!.]*")) == [
@@ -305,13 +305,13 @@ def test_the_command_answers_and_writes_its_report(run, tmp_path):
     assert summary["operating_range_rpm"] == pytest.approx([9.0, 12.1])
     assert summary["modes"]["tower x"]["frequency_hz"]["estimate"] == pytest.approx(0.3155, rel=2e-4)
     assert (tmp_path / "modes" / "report.html").read_text(encoding="utf-8").count("data:image/png;base64,") == 1
-    code, _, (line,) = run("modes", "nrel5mw", "--output", tmp_path / "modes")
+    code, _, (line,) = run("modes", "--turbine", "nrel5mw", "--output", tmp_path / "modes")
     assert code == 2
     assert "already there" in line
 
 
 def test_the_summary_as_json_is_all_that_is_printed(run):
-    code, out, err = run("modes", "tower", "--json")
+    code, out, err = run("modes", "--turbine", "tower", "--json")
     assert (code, err) == (0, [])
     assert json.loads(out)["method"] == "constant"
 
@@ -320,12 +320,12 @@ def test_the_summary_as_json_is_all_that_is_printed(run):
     ("arguments", "complaint"),
     [
         (("nowhere",),
-         "no turbine and no result 'nowhere': expected one of hammond, nrel5mw, nrel5mw_full, tower, verne555"),
-        (("verne555", "--speeds", "2", "3 rpm"),
+         "result nowhere: expected a folder that windsysid identify wrote"),
+        (("--turbine", "verne555", "--speeds", "2", "3 rpm"),
          "--speeds: the unit is missing: write it behind the number, in rad/s; got '2'"),
-        (("verne555", "--operating", "2 rpm", "3 kg"),
+        (("--turbine", "verne555", "--operating", "2 rpm", "3 kg"),
          "--operating: expected a unit of the same quantity as rad/s; got '3 kg'"),
-        (("verne555", "--speeds", "3 rpm", "2 rpm"),
+        (("--turbine", "verne555", "--speeds", "3 rpm", "2 rpm"),
          "speeds: expected two rotor speeds from 0 on, the lower first, got 3 and 2 rpm"),
         (("src",), "result src: expected a folder that windsysid identify wrote, got no identification.nc"),
     ],

@@ -11,16 +11,30 @@ if TYPE_CHECKING:
     from windsysid.results.posterior import Posterior
     from windsysid.turbine.turbine import Turbine
 
-from windsysid.cli.common import Overwrite, app, claim_output, parse_option, print_and_save, rotor_speeds, show_progress
+from windsysid.cli.common import (
+    Json,
+    NamesTurbine,
+    Output,
+    Overwrite,
+    TurbineOption,
+    Verbose,
+    app,
+    claim_output,
+    name_of,
+    parse_option,
+    print_and_save,
+    rotor_speeds,
+    show_progress,
+)
 from windsysid.cli.fleet import watch_archive
 
 __all__ = []
 
 
-@app.command()
+@app.command(cls=NamesTurbine)
 def plan(
     context: typer.Context,
-    turbine: Annotated[str, typer.Argument(help="A packaged turbine (windsysid turbines lists them) or a TOML file.")],
+    turbine: TurbineOption,
     sensors: Annotated[
         Path | None, typer.Option(help="TOML list of the planned sensors; the turbine's usual ones by default.")
     ] = None,
@@ -48,8 +62,9 @@ def plan(
         ),
     ] = "auto",
     seed: Annotated[int, typer.Option(metavar="NUMBER", min=0, help="Seed of the simulated vibration.")] = 0,
-    output: Annotated[Path | None, typer.Option(help="Folder for report.html, plan.png and summary.json.")] = None,
-    json: Annotated[bool, typer.Option("--json", metavar="", help="Print the summary as JSON.")] = False,
+    output: Output = None,
+    json: Json = False,
+    verbose: Verbose = False,
     overwrite: Overwrite = False,
 ) -> None:
     """Before measuring: how well will these sensors see each coefficient, and after how long?"""
@@ -57,7 +72,7 @@ def plan(
     from windsysid.mechanics.sensor_lists import read_sensors
     from windsysid.turbine.file import load_turbine
 
-    write = claim_output(context, output, overwrite=overwrite)
+    to = claim_output(context, output, name_of(turbine, "plan"), overwrite=overwrite, json=json)
     machine = load_turbine(turbine).in_state(state)
     listed = read_sensors(sensors) if sensors is not None else None
     asked = [name.strip() for name in parameters.split(",")] if parameters is not None else None
@@ -69,7 +84,7 @@ def plan(
             load_scale=load_scale,
             rotor_speed=turning, formulation=formulation, seed=seed, progress=progress,
         )  # fmt: skip
-    print_and_save(found, output, write, json=json)
+    print_and_save(found, to, json=json, verbose=verbose)
 
 
 @app.command()
@@ -79,8 +94,9 @@ def compare(
         Path, typer.Argument(help="Folder that windsysid identify or oma wrote: the record to compare with.")
     ],
     after: Annotated[list[Path], typer.Argument(help="One or more folders of later records.")],
-    output: Annotated[Path | None, typer.Option(help="Folder for report.html, changes.png and summary.json.")] = None,
-    json: Annotated[bool, typer.Option("--json", metavar="", help="Print the summary as JSON.")] = False,
+    output: Output = None,
+    json: Json = False,
+    verbose: Verbose = False,
     overwrite: Overwrite = False,
 ) -> None:
     """Between records: which coefficients moved, by how much, and how sure that is."""
@@ -90,18 +106,21 @@ def compare(
 
     if output is not None and len(after) > 1:
         raise ConfigurationError("--output goes with two folders: compare one later record at a time")
-    write = claim_output(context, output, before, *after, overwrite=overwrite)
+    places = [
+        claim_output(context, output, name_of(later, "compare"), before, *after, overwrite=overwrite, json=json)
+        for later in after
+    ]
     comparisons = []
     with show_progress("compare") as progress:
         for i, later in enumerate(after):
             progress(f"comparing {later}", i / len(after))
             comparisons.append(compare_results(before, later))
-    if len(after) == 1:
-        print_and_save(comparisons[0], output, write, json=json)
-    elif json:
+    if json and len(after) > 1:
         print(dumps([found.summary() for found in comparisons], indent=2))
-    else:
-        print(*comparisons, sep="\n\n")
+        return
+    for i, (found, to) in enumerate(zip(comparisons, places, strict=True)):
+        print(end="\n" if i else "")
+        print_and_save(found, to, json=json, verbose=verbose)
 
 
 @app.command()
@@ -113,15 +132,16 @@ def damping(
             help="Folders that windsysid identify wrote: one turbine, parked and running, in several winds."
         ),
     ],
-    output: Annotated[Path | None, typer.Option(help="Folder for report.html, damping.png and summary.json.")] = None,
-    json: Annotated[bool, typer.Option("--json", metavar="", help="Print the summary as JSON.")] = False,
+    output: Output = None,
+    json: Json = False,
+    verbose: Verbose = False,
     overwrite: Overwrite = False,
 ) -> None:
     """Structural against aerodynamic damping: what records in several states tell of each, or why they do not."""
     from windsysid.monitoring.damping import separate_damping
     from windsysid.results.posterior import load_posterior
 
-    write = claim_output(context, output, *results, overwrite=overwrite)
+    to = claim_output(context, output, name_of(results[0], "damping"), *results, overwrite=overwrite, json=json)
     with show_progress("damping") as progress:
         known = []
         for i, folder in enumerate(results):
@@ -129,7 +149,7 @@ def damping(
             known.append(load_posterior(folder))
         progress("telling structure and air apart")
         found = separate_damping(known)
-    print_and_save(found, output, write, json=json)
+    print_and_save(found, to, json=json, verbose=verbose)
 
 
 @app.command()
@@ -150,41 +170,47 @@ def monitor(
         ),
     ] = None,
     alarms_per_year: Annotated[float, typer.Option(help="False alarms that are accepted in a year of records.")] = 0.1,
-    output: Annotated[Path | None, typer.Option(help="Folder for report.html, monitor.png and summary.json.")] = None,
-    json: Annotated[bool, typer.Option("--json", metavar="", help="Print the summary as JSON.")] = False,
+    output: Output = None,
+    json: Json = False,
+    verbose: Verbose = False,
     overwrite: Overwrite = False,
 ) -> None:
     """Over many records: what drifted, what jumped, when and by how much, at a stated rate of false alarms."""
-    from windsysid.fleet.archive import is_archive
+    from windsysid.fleet.archive import is_archive, turbines_of
     from windsysid.monitoring.series import read_blocks
     from windsysid.monitoring.watch import watch
 
     if len(results) == 1 and is_archive(results[0]):
         if covariates is not None:
             raise ConfigurationError("--covariates: an archive has its states and SCADA in it: leave the file out")
-        write = claim_output(context, output, *results, overwrite=overwrite)
-        watch_archive(results[0], turbine, alarms_per_year, output, write, json=json)
+        names = turbines_of(results[0]) if turbine is None else (turbine,)
+        if len(names) > 1 and output is not None:
+            raise ConfigurationError("--output goes with one turbine: give --turbine, or take windsysid report")
+        to = None
+        if len(names) == 1:
+            name = name_of(results[0], f"{names[0]}-monitor")
+            to = claim_output(context, output, name, *results, overwrite=overwrite, json=json)
+        watch_archive(results[0], names, alarms_per_year, to, json=json, verbose=verbose)
         return
     if turbine is not None:
         raise ConfigurationError("--turbine goes with an archive that windsysid batch wrote")
     inputs = (*results, *([] if covariates is None else [covariates]))
-    write = claim_output(context, output, *inputs, overwrite=overwrite)
+    to = claim_output(context, output, name_of(results[0], "monitor"), *inputs, overwrite=overwrite, json=json)
     with show_progress("monitor") as progress:
         progress(f"watching {len(results)} results")
         found = watch(read_blocks(results, covariates), alarms_per_year=alarms_per_year)
-    print_and_save(found, output, write, json=json)
+    print_and_save(found, to, json=json, verbose=verbose)
 
 
-@app.command()
+@app.command(cls=NamesTurbine)
 def modes(
     context: typer.Context,
-    source: Annotated[
-        str,
-        typer.Argument(
-            metavar="TURBINE|RESULT",
-            help="A packaged turbine, a TOML file, or a folder that identify wrote: with the bands of its posterior.",
-        ),
-    ],
+    result: Annotated[
+        Path | None, typer.Argument(help="Folder that identify wrote: intervals are those of its posterior.")
+    ] = None,
+    turbine: Annotated[
+        str | None, typer.Option(help="Instead: a packaged turbine (windsysid turbines lists them) or a TOML file.")
+    ] = None,
     speeds: Annotated[
         tuple[str, str] | None,
         typer.Option(
@@ -202,29 +228,26 @@ def modes(
             help="Folder that windsysid oma wrote: its modes are drawn as points; may be given several times."
         ),
     ] = None,
-    output: Annotated[Path | None, typer.Option(help="Folder for report.html, campbell.png and summary.json.")] = None,
-    json: Annotated[bool, typer.Option("--json", metavar="", help="Print the summary as JSON.")] = False,
+    output: Output = None,
+    json: Json = False,
+    verbose: Verbose = False,
     overwrite: Overwrite = False,
 ) -> None:
     """Frequencies and damping ratios against rotor speed, distance from the rotor's harmonics, stability."""
     from windsysid.modal.sweep import find_modes
     from windsysid.results.posterior import load_posterior
     from windsysid.spectral.oma.known_modes import as_modes
-    from windsysid.turbine.file import load_turbine, packaged_turbines
+    from windsysid.turbine.file import load_turbine
 
-    write = claim_output(context, output, source, *(measured or []), overwrite=overwrite)
+    source = result if turbine is None else turbine
+    if source is None or (result is not None and turbine is not None):
+        raise ConfigurationError("modes: expected a folder that identify wrote, or --turbine; not both")
+    inputs = (*filter(None, [result]), *(measured or []))
+    to = claim_output(context, output, name_of(source, "modes"), *inputs, overwrite=overwrite, json=json)
+    machine: Turbine | Posterior = load_turbine(turbine) if turbine is not None else load_posterior(source)
     points = [mode for folder in measured or [] for mode in as_modes(folder).measured()]
-    if source in packaged_turbines() or source.endswith(".toml"):
-        machine: Turbine | Posterior = load_turbine(source)
-    elif Path(source).is_dir():
-        machine = load_posterior(source)
-    else:
-        raise ConfigurationError(
-            f"no turbine and no result '{source}': expected one of {', '.join(packaged_turbines())}, the path of a"
-            " .toml file, or a folder that identify wrote"
-        )
     diagram, working = rotor_speeds("--speeds", speeds), rotor_speeds("--operating", operating)
     with show_progress("modes") as progress:
         found = find_modes(machine, speeds=diagram, operating=working, progress=progress)
     found = found.with_measured(points)
-    print_and_save(found, output, write, json=json)
+    print_and_save(found, to, json=json, verbose=verbose)

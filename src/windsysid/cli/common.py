@@ -1,9 +1,10 @@
 """What the commands share: options, the output folder, progress, tables."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Protocol
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, Protocol
 
 import typer
 from typer.core import TyperCommand, TyperGroup, TyperOption
@@ -13,15 +14,17 @@ from windsysid.output.console import printable
 
 if TYPE_CHECKING:
     from windsysid.output.progress import Shown
+    from windsysid.output.table import Table
 
 __all__ = [
-    "ListsLoads", "Write", "claim_output", "parse_option", "print_and_save", "print_table", "rotor_speeds",
-    "show_progress",
+    "Destination", "ListsLoads", "NamesTurbine", "claim_output", "name_of", "numbered",
+    "parse_option", "print_and_save",
+    "print_answer", "print_table", "rotor_speeds", "show_progress",
 ]  # fmt: skip
 
 ORDER = (
-    "inspect", "identify", "oma", "modes", "compare", "monitor", "damping", "plan", "simulate", "batch", "report",
-    "live", "export", "publish", "turbines", "study",
+    "start", "inspect", "identify", "oma", "modes", "compare", "monitor", "damping", "plan", "simulate", "batch",
+    "report", "live", "export", "publish", "examples", "turbines", "study",
 )  # fmt: skip
 """Commands as the help lists them: what is asked of one record, of several, of archives, of running turbines."""
 
@@ -46,6 +49,16 @@ TurbineOption = Annotated[
 Mapping = Annotated[
     Path | None, typer.Option(help="TOML file that says what a record's columns are (docs/records.md).")
 ]
+Output = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FOLDER", help="For report.html and data. By default results/NAME, or NAME-2 … where that is taken."
+    ),
+]
+Json = Annotated[
+    bool, typer.Option("--json", metavar="", help="Print the summary as JSON; nothing is saved without --output.")
+]
+Verbose = Annotated[bool, typer.Option("--verbose", metavar="", help="Print everything, not the first screen only.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", metavar="", help="Replace results that are already there.")]
 
 
@@ -63,6 +76,22 @@ class ListsLoads(TyperCommand):
         super().format_help(ctx, formatter)
 
 
+class NamesTurbine(TyperCommand):
+    """A command whose turbine is named by ``--turbine``: a bare name is refused with the option in one line."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse the options."""
+        from windsysid.turbine.file import packaged_turbines
+
+        takes_result = any(option.param_type_name == "argument" for option in self.params)
+        bare = args[:1] if args and not args[0].startswith("-") else []
+        if bare and (not takes_result or bare[0].endswith(".toml") or bare[0] in packaged_turbines()):
+            raise ConfigurationError(
+                f"{ctx.info_name}: a turbine is named by --turbine: windsysid {ctx.info_name} --turbine {args[0]}"
+            )
+        return super().parse_args(ctx, args)
+
+
 def parse_option(option: str, text: str, unit: str) -> float:
     """A number with its unit, in SI."""
     from windsysid.units import parse_quantity
@@ -73,33 +102,61 @@ def parse_option(option: str, text: str, unit: str) -> float:
         raise ConfigurationError(f"{option}: {error}; got '{text}'") from None
 
 
-Write = Callable[[dict[str, bytes]], None]
+class Destination(NamedTuple):
+    """The output folder of a command, and the function that writes a result there; None where nothing is saved."""
+
+    folder: Path | None
+    write: Callable[[dict[str, bytes]], None]
 
 
-def claim_output(context: typer.Context, output: Path | None, *inputs: str | Path, overwrite: bool) -> Write:
-    """Take the output folder before any work, until the command ends; what writes a result there."""
-    from windsysid.output.folders import claim
+def claim_output(
+    context: typer.Context, output: Path | None, name: str, *inputs: str | Path, overwrite: bool, json: bool = False
+) -> Destination:
+    """Take the output folder before any work, until the command ends: `output`, or a default that is called `name`."""
+    from windsysid.output.folders import claim, is_free
 
-    if output is None:
-        return lambda _: None
-    return context.with_resource(claim(output, overwrite=overwrite, inputs=inputs))
+    if output is None and json:
+        return Destination(None, lambda _: None)
+    folder = output or next(folder for folder in numbered(name) if overwrite or is_free(folder))
+    return Destination(folder, context.with_resource(claim(folder, overwrite=overwrite, inputs=inputs)))
+
+
+def numbered(name: str, ending: str = "") -> Iterator[Path]:
+    """Paths below ``results``: ``NAME``, ``NAME-2``, ``NAME-3`` … with an ending."""
+    return (Path("results") / f"{name}{'' if number == 1 else f'-{number}'}{ending}" for number in count(1))
+
+
+def name_of(source: str | Path, command: str = "") -> str:
+    """Name of the results of a file, folder or packaged turbine: without folder and ending, and with the command."""
+    path = Path(source).resolve()
+    stem = path.name if path.is_dir() else path.stem
+    return f"{stem or 'results'}-{command}" if command else stem
 
 
 class _Answer(Protocol):
     def to_json(self) -> str: ...
 
+    def contents(self) -> "Sequence[Table | str]": ...
+
     def files(self) -> dict[str, bytes]: ...
 
 
-def print_and_save(found: _Answer, output: Path | None, write: Write, *, json: bool = False) -> None:
-    """Print an answer, then save it with its report where asked: what cannot be saved has been seen."""
-    print(found.to_json().rstrip() if json else found)
-    if output is not None:
+def print_answer(found: _Answer, *, json: bool, verbose: bool) -> None:
+    """Print an answer as JSON, as a whole, or as its first screen."""
+    from windsysid.cli.screen import first_screen
+
+    print(found.to_json().rstrip() if json else found if verbose else first_screen(found.contents()))
+
+
+def print_and_save(found: _Answer, to: Destination, *, json: bool = False, verbose: bool = False) -> None:
+    """Print an answer, or its first screen, then save it with its report: what cannot be saved has been seen."""
+    print_answer(found, json=json, verbose=verbose)
+    if to.folder is not None:
         with show_progress("report") as progress:
             progress("writing the report")
-            write(found.files())
+            to.write(found.files())
         if not json:
-            print(f"report: {printable(output / 'report.html')}")
+            print(f"results: {printable(to.folder / 'report.html')}")
 
 
 def rotor_speeds(option: str, given: tuple[str, str] | None) -> tuple[float, float] | None:

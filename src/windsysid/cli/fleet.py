@@ -1,5 +1,6 @@
 """The commands for many records of many turbines: batch and report."""
 
+import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -8,11 +9,16 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from windsysid.cli.common import (
+    Destination,
+    Json,
     Mapping,
+    Output,
     Overwrite,
-    Write,
+    Verbose,
     app,
     claim_output,
+    name_of,
+    numbered,
     parse_option,
     print_and_save,
     show_progress,
@@ -32,7 +38,13 @@ def batch(
         list[str],
         typer.Argument(metavar="SOURCE", help='Files, folders, or patterns in quotes, such as "data/*/*.parquet".'),
     ],
-    output: Annotated[Path, typer.Option(metavar="ARCHIVE", help="Folder of the archive; added to if it is there.")],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="ARCHIVE",
+            help="Folder of the archive, which is added to. By default results/NAME-batch, of the records' folder.",
+        ),
+    ] = None,
     turbine: Annotated[
         str | None, typer.Option(help="Of all records: a packaged turbine (windsysid turbines) or a TOML file.")
     ] = None,
@@ -60,18 +72,33 @@ def batch(
     from windsysid.fleet.batch import batch as take
 
     seconds = parse_option("--limit", limit, "s")
+    archive = output or _archive_of(sources)
     try:
         with show_progress("batch") as progress:
             found = take(
-                sources, archive=output, turbine=turbine, fleet=fleet, sensors=sensors, mapping=mapping, scada=scada,
+                sources, archive=archive, turbine=turbine, fleet=fleet, sensors=sensors, mapping=mapping, scada=scada,
                 scada_mapping=scada_mapping, formulation=formulation, workers=workers, scheduler=scheduler,
                 limit=seconds, progress=progress,
             )  # fmt: skip
     except KeyboardInterrupt:
-        told = f"interrupted: what was found is in {output}; the same command goes on from there"
+        told = f"interrupted: what was found is in {archive}; the same command goes on from there"
         print(printable(told), file=sys.stderr)
         raise typer.Exit(130) from None
     print(found)
+    print(printable(f"archive: {archive}; see it: windsysid report {archive}"))
+
+
+def _archive_of(sources: Sequence[str]) -> Path:
+    """Archive for records of a folder where none is given: the one that has records of it, else one that is new."""
+    from windsysid.fleet.archive import has_records_of, is_archive
+    from windsysid.fleet.remote import is_remote
+
+    fixed = re.split(r"[*?\[]", sources[0])[0]
+    home = fixed if is_remote(fixed) or Path(fixed).is_dir() else str(Path(fixed).parent)
+    for folder in numbered(name_of(home, "batch")):
+        if not folder.exists() or (is_archive(folder) and has_records_of(folder, home)):
+            break
+    return folder
 
 
 @app.command()
@@ -83,40 +110,36 @@ def report(
             metavar="ARCHIVE|RESULT", help="Folder that windsysid batch wrote, or a result whose page is drawn again."
         ),
     ],
-    output: Annotated[Path | None, typer.Option(help="Folder for report.html, its figure and summary.json.")] = None,
+    output: Output = None,
     alarms_per_year: Annotated[
         float, typer.Option(help="False alarms that are accepted in a year, all turbines together.")
     ] = 0.1,
-    json: Annotated[bool, typer.Option("--json", metavar="", help="Print the summary as JSON.")] = False,
+    json: Json = False,
+    verbose: Verbose = False,
     overwrite: Overwrite = False,
 ) -> None:
     """Every turbine of an archive at a glance: outliers, jumps, availability, failing sensors; one page."""
     from windsysid.fleet.overview import oversee
     from windsysid.reports.loading import Reported, holds_result
 
-    write = claim_output(context, output, archive, overwrite=overwrite)
+    to = claim_output(context, output, name_of(archive, "report"), archive, overwrite=overwrite, json=json)
     if holds_result(archive):
-        print_and_save(Reported(archive), output, write, json=json)
+        print_and_save(Reported(archive), to, json=json, verbose=verbose)
         return
     with show_progress("report") as progress:
         found = oversee(archive, alarms_per_year=alarms_per_year, progress=progress)
-    print_and_save(found, output, write, json=json)
+    print_and_save(found, to, json=json, verbose=verbose)
 
 
 def watch_archive(
-    archive: Path, turbine: str | None, alarms_per_year: float, output: Path | None, write: Write, *, json: bool
+    archive: Path, names: Sequence[str], alarms_per_year: float, to: Destination | None, *, json: bool, verbose: bool
 ) -> None:
-    """Watch the turbines of an archive, or one of them, which may be saved."""
+    """Watch turbines of an archive; the answer of a single one is saved."""
     from json import dumps
 
-    from windsysid.fleet.archive import turbines_of
-
-    names = turbines_of(archive) if turbine is None else (turbine,)
-    if output is not None and len(names) > 1:
-        raise ConfigurationError("--output goes with one turbine: give --turbine, or take windsysid report")
     found, short = _watch_each(archive, names, alarms_per_year)
-    if len(names) == 1:
-        print_and_save(found[names[0]], output, write, json=json)
+    if to is not None:
+        print_and_save(found[names[0]], to, json=json, verbose=verbose)
     elif json:
         print(dumps({name: one.summary() for name, one in found.items()}, indent=2))
     else:

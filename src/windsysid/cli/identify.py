@@ -11,6 +11,7 @@ import typer
 from windsysid.errors import ConfigurationError
 from windsysid.output.console import printable
 from windsysid.output.files import path_text
+from windsysid.output.folders import is_free
 
 if TYPE_CHECKING:
     from windsysid.identification.model.prior import Prior
@@ -24,10 +25,14 @@ if TYPE_CHECKING:
 from windsysid.cli.common import (
     ListsLoads,
     Mapping,
+    Output,
     Overwrite,
     TurbineOption,
+    Verbose,
     app,
     claim_output,
+    name_of,
+    numbered,
     parse_option,
     show_progress,
 )
@@ -40,7 +45,7 @@ def identify(
     context: typer.Context,
     record: Annotated[Path, typer.Argument(help="CSV, Parquet, netCDF, MATLAB, TDMS, OpenFAST … (docs/records.md).")],
     turbine: TurbineOption,
-    output: Annotated[Path, typer.Option(help="Folder for report.html, summary.json and identification.nc.")],
+    output: Output = None,
     sensors: Annotated[
         Path | None, typer.Option(help="TOML list of the record's sensors; the turbine's usual ones by default.")
     ] = None,
@@ -94,10 +99,12 @@ def identify(
         ),
     ] = None,
     mapping: Mapping = None,
+    verbose: Verbose = False,
     overwrite: Overwrite = False,
     no_report: Annotated[bool, typer.Option("--no-report", metavar="", help="Write no report.html.")] = False,
 ) -> None:
     """Identify stiffness and damping of a turbine from a record."""
+    from windsysid.cli.screen import first_screen, identification_parts
     from windsysid.filters import bank_kernel, ekf
     from windsysid.identification.model.prior import Prior
     from windsysid.kernels.ahead import compile_ahead
@@ -105,7 +112,8 @@ def identify(
     from windsysid.records.formats import load_mapping
     from windsysid.turbine.file import load_turbine
 
-    write = claim_output(context, output, record, overwrite=overwrite)
+    folder = output or _default_output(record, overwrite=overwrite, resumes=in_pieces is not None)
+    write = claim_output(context, folder, "", record, overwrite=overwrite).write
     asked = _IdentifyRequest(
         record,
         load_turbine(turbine).at(site),
@@ -120,8 +128,8 @@ def identify(
         if in_pieces is None:
             found, used = _identify_whole(asked, add_noise, seed, progress)
         else:
-            found, used = _identify_in_pieces(asked, _length(in_pieces, formulation, add_noise), output, progress)
-    print(found)
+            found, used = _identify_in_pieces(asked, _length(in_pieces, formulation, add_noise), folder, progress)
+    print(found if verbose else first_screen(identification_parts(found)))
     with show_progress("identify") as progress:
         files = found.files()
         if not no_report:
@@ -131,11 +139,19 @@ def identify(
             files["report.html"] = identification_report(found, used)
         write(files)
     if in_pieces is not None:
-        _checkpoint(output).unlink(missing_ok=True)
+        _checkpoint(folder).unlink(missing_ok=True)
     print(
         f"{found.samples} samples in {found.elapsed:.2f} s; results:"
-        f" {printable(output / ('summary.json' if no_report else 'report.html'))}"
+        f" {printable(folder / ('summary.json' if no_report else 'report.html'))}"
     )
+
+
+def _default_output(record: Path, *, overwrite: bool, resumes: bool) -> Path:
+    """Output folder where none is given; that of an interrupted identification in pieces is for its going on only."""
+    for folder in numbered(name_of(record)):
+        if resumes if _checkpoint(folder).exists() else overwrite or is_free(folder):
+            break
+    return folder
 
 
 class _IdentifyRequest(NamedTuple):

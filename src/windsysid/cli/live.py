@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from windsysid.cli.common import app
+from windsysid.cli.common import app, name_of, numbered
 from windsysid.errors import ConfigurationError
 from windsysid.output.console import printable
 
@@ -81,7 +81,12 @@ def live(
 @app.command()
 def export(
     store: Annotated[str, typer.Argument(metavar="STORE", help="Store of a live service: its file, or postgresql://…")],
-    output: Annotated[Path, typer.Option(metavar="ARCHIVE", help="Folder of an archive, as of batch; added to.")],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="ARCHIVE", help="Folder of an archive, as of batch; added to. By default results/STORE-export."
+        ),
+    ] = None,
     levels: Annotated[
         Path | None, typer.Option(metavar="FOLDER", help="Write what was known over time too: netCDF, one a turbine.")
     ] = None,
@@ -91,11 +96,12 @@ def export(
     from windsysid.live.store import open_store
     from windsysid.live.store.export import export_levels, export_results
 
+    archive = output or next(numbered(name_of(store.partition("?")[0], "export")))
     opened = open_store(store, read_only=True)
     try:
         with show_progress("export") as progress:
             progress("rows of windows")
-            added = export_results(opened, output)
+            added = export_results(opened, archive)
             if levels is not None:
                 progress("levels")
                 export_levels(opened, levels)
@@ -103,7 +109,7 @@ def export(
         opened.close()
     for turbine, rows in added.items():
         print(f"{turbine}: {rows} rows added")
-    print(printable(f"archive: {output}" + ("" if levels is None else f"; levels: {levels}")))
+    print(printable(f"archive: {archive}" + ("" if levels is None else f"; levels: {levels}")))
 
 
 def _settings(config: Path) -> "Settings":

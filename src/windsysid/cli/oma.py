@@ -7,7 +7,18 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand
 
-from windsysid.cli.common import Mapping, Overwrite, app, claim_output, show_progress
+from windsysid.cli.common import (
+    Json,
+    Mapping,
+    Output,
+    Overwrite,
+    Verbose,
+    app,
+    claim_output,
+    name_of,
+    print_answer,
+    show_progress,
+)
 from windsysid.errors import ConfigurationError
 from windsysid.output.console import printable
 
@@ -38,7 +49,7 @@ def oma(
             "state, with sensors in common, are analysed together.",
         ),
     ],
-    output: Annotated[Path, typer.Option(help="Folder for report.html, modes.png and summary.json.")],
+    output: Output = None,
     sensors: Annotated[
         list[Path] | None,
         typer.Option(
@@ -71,7 +82,8 @@ def oma(
         tuple[float, float] | None, typer.Option(metavar="START END", help=r"Part of the record to use \[s].")
     ] = None,
     mapping: Mapping = None,
-    json: Annotated[bool, typer.Option("--json", metavar="", help="Print the summary as JSON.")] = False,
+    json: Json = False,
+    verbose: Verbose = False,
     overwrite: Overwrite = False,
     no_report: Annotated[
         bool, typer.Option("--no-report", metavar="", help="Write no report.html and no figures.")
@@ -82,7 +94,8 @@ def oma(
     from windsysid.reports.loading import kept
     from windsysid.spectral.oma.analyse import analyse_vibration
 
-    write = claim_output(context, output, *records, *(sensors or []), overwrite=overwrite)
+    inputs = (*records, *(sensors or []))
+    to = claim_output(context, output, name_of(records[0], "oma"), *inputs, overwrite=overwrite, json=json)
     rules = load_mapping(mapping) if mapping is not None else None
     lists = _sensor_lists(sensors or [], len(records))
     bands = list(map(_band, band)) if band else None
@@ -91,12 +104,14 @@ def oma(
             [read_record(path, mapping=rules, progress=partial(progress, f"reading {path}")) for path in records],
             sensors=lists, turbine=turbine, bands=bands, limits=limits, section=section, progress=progress,
         )  # fmt: skip
-    print(found.to_json().rstrip() if json else found)
+    print_answer(found, json=json, verbose=verbose)
+    if to.folder is None:
+        return
     with show_progress("oma") as progress:
         progress("writing the report")
-        write({"summary.json": found.to_json().encode(), **kept(found)} if no_report else found.files())
+        to.write({"summary.json": found.to_json().encode(), **kept(found)} if no_report else found.files())
     if not json:
-        print(f"results: {printable(output / ('summary.json' if no_report else 'report.html'))}")
+        print(f"results: {printable(to.folder / ('summary.json' if no_report else 'report.html'))}")
 
 
 def _sensor_lists(paths: list[Path], records: int) -> Any:

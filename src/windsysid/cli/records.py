@@ -9,10 +9,15 @@ import typer
 from windsysid.cli.common import (
     ListsLoads,
     Mapping,
+    NamesTurbine,
+    Output,
     Overwrite,
     TurbineOption,
+    Verbose,
     app,
     claim_output,
+    name_of,
+    numbered,
     print_and_save,
     print_table,
     show_progress,
@@ -26,9 +31,7 @@ __all__ = []
 @app.command()
 def study(
     context: typer.Context,
-    output: Annotated[Path, typer.Option(help="Folder for report.html, summary.json and identification.nc.")] = Path(
-        "results/study"
-    ),
+    output: Output = None,
     seed: Annotated[int, typer.Option(metavar="NUMBER", min=0, help="Seed of the simulated record.")] = 0,
     overwrite: Overwrite = False,
 ) -> None:
@@ -36,7 +39,7 @@ def study(
     from windsysid.study.report import error_table, study_files
     from windsysid.study.run import run_study
 
-    write = claim_output(context, output, overwrite=overwrite)
+    to = claim_output(context, output, "study", overwrite=overwrite)
     with show_progress("study") as progress:
         found = run_study(seed, progress)
     table = error_table(found)
@@ -45,14 +48,18 @@ def study(
     print(f"SIR particle filter: {found.particles.elapsed:.2f} s (published: 103 h)")
     with show_progress("study") as progress:
         progress("writing the report")
-        write(study_files(found))
-    print(f"report: {printable(output / 'report.html')}")
+        to.write(study_files(found))
+    assert to.folder is not None
+    print(f"results: {printable(to.folder / 'report.html')}")
 
 
 @app.command(cls=ListsLoads)
 def simulate(
     turbine: TurbineOption,
-    output: Annotated[Path, typer.Option(help="Record to write: .csv or .nc.")],
+    output: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Record to write: .csv or .nc. By default results/TURBINE.csv, or -2 …."),
+    ] = None,
     duration: Annotated[float, typer.Option(help=r"Length \[s].")] = 600.0,
     rate: Annotated[float, typer.Option(help="Samples per second [Hz].")] = 100.0,
     loads: Annotated[
@@ -74,13 +81,14 @@ def simulate(
     from windsysid.turbine.file import load_turbine
 
     machine = load_turbine(turbine)
-    with claim_record(output, overwrite=overwrite) as write, show_progress("simulate") as progress:
+    target = output or next(path for path in numbered(name_of(turbine), ".csv") if overwrite or not path.exists())
+    with claim_record(target, overwrite=overwrite) as write, show_progress("simulate") as progress:
         progress(f"{duration:g} s of {machine.name} at {rate:g} Hz")
         record = simulate_record(machine, duration=duration, rate=rate, seed=seed, loads=loads)
-        progress(f"writing {output}")
+        progress(f"writing {target}")
         write(record)
     print(record)
-    print(f"record: {printable(output)}")
+    print(f"record: {printable(target)}")
 
 
 @app.command(name="inspect")
@@ -90,7 +98,7 @@ def inspect_command(
     turbine: Annotated[
         str | None, typer.Option(help="Mark the modes of this turbine: a packaged name or a TOML file.")
     ] = None,
-    output: Annotated[Path | None, typer.Option(help="Folder for report.html, figures and inspection.json.")] = None,
+    output: Output = None,
     mapping: Mapping = None,
     section_length: Annotated[
         float | None, typer.Option(help="Length of the sections to propose \\[s]; else the longest that are good.")
@@ -98,6 +106,7 @@ def inspect_command(
     write_mapping: Annotated[
         Path | None, typer.Option(help="Instead: propose a mapping with its doubts, and write this TOML file.")
     ] = None,
+    verbose: Verbose = False,
     overwrite: Overwrite = False,
 ) -> None:
     """Look at a record: its health, its spectra, and the sections worth using."""
@@ -108,13 +117,13 @@ def inspect_command(
     from windsysid.records.formats import read_record
     from windsysid.turbine.file import load_turbine
 
-    write = claim_output(context, output, record, overwrite=overwrite)
+    to = claim_output(context, output, name_of(record, "inspect"), record, overwrite=overwrite)
     machine = load_turbine(turbine) if turbine is not None else None
     with show_progress("inspect") as progress:
         data = read_record(record, mapping=mapping, progress=partial(progress, f"reading {record}"))
         progress(f"looking at {data.samples} samples")
         found = inspect_record(data, machine, section_length=section_length)
-    print_and_save(found, output, write)
+    print_and_save(found, to, verbose=verbose)
 
 
 def _write_mapping(record: Path, mapping: Path | None, target: Path, *, overwrite: bool) -> None:
@@ -132,17 +141,30 @@ def _write_mapping(record: Path, mapping: Path | None, target: Path, *, overwrit
 
 
 @app.command()
+def examples(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder for them.")] = Path("examples"),
+) -> None:
+    """Write a folder of example records, with a README that has a command for each."""
+    from windsysid.simulation.examples import write_examples
+
+    with show_progress("examples") as progress:
+        written = write_examples(folder, progress)
+    print(*(printable(path) for path in written), sep="\n")
+    print(printable(f"next: cd {folder}; windsysid identify tower_year1.csv --turbine tower"))
+
+
+@app.command(cls=NamesTurbine)
 def turbines(
-    name: Annotated[
+    turbine: Annotated[
         str | None,
-        typer.Argument(metavar="NAME", help="Print the file of this one. `NAME > my.toml` begins a file of your own."),
+        typer.Option(metavar="NAME", help="Print the file of this one: `--turbine NAME > my.toml` begins your own."),
     ] = None,
 ) -> None:
     """List the packaged turbines, or print the file of one."""
     from windsysid.turbine.file import load_turbine, packaged_file, packaged_turbines
 
-    if name is not None:
-        print(packaged_file(name), end="")
+    if turbine is not None:
+        print(packaged_file(turbine), end="")
         return
     rows = []
     for name in packaged_turbines():

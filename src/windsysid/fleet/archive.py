@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from windsysid.errors import ConfigurationError, OutputError
+from windsysid.fleet.remote import is_remote
 from windsysid.fleet.rows import COLUMNS, COUNT, FLAG, MOMENT, NUMBER, NUMBERS, TEXT, TEXTS, Row
 from windsysid.output.files import explain_errors, make_folders, replace_file
 from windsysid.output.locks import LOCK, release, try_lock
@@ -60,6 +61,14 @@ class Known(NamedTuple):
 def is_archive(folder: str | Path) -> bool:
     """Whether a folder is an archive."""
     return any(path.is_dir() for path in Path(folder).glob("turbine=*"))
+
+
+def has_records_of(archive: Path, folder: str) -> bool:
+    """Whether the first records of an archive are below a folder, which may be in an object store."""
+    first = next((path for turbine in turbines_of(archive) for _, path in files_of(archive, turbine)), None)
+    sources = [] if first is None else [row["source"] for row in rows_in(first, ["source"])]
+    home = folder if is_remote(folder) else str(Path(folder).resolve() / "_").removesuffix("_")
+    return not sources or any(str(source).startswith(home) for source in sources)
 
 
 def day_of(start: str | None, source: str) -> str:

@@ -59,6 +59,11 @@ class Guess:
     evidence: tuple[str, ...]
     doubts: tuple[str, ...]
 
+    @property
+    def is_said(self) -> bool:
+        """Whether the file says its unit."""
+        return _BY_FILE in self.evidence
+
 
 @dataclass(frozen=True)
 class MappingProposal:

@@ -28,7 +28,7 @@ from windsysid.errors import OutputError
 from windsysid.output.files import explain_errors, make_folders, place_file, remove_empty, replace_file, sync
 from windsysid.output.locks import HOME, MANIFEST, TRIES, release, remove_abandoned, try_lock
 
-__all__ = ["Saveable", "claim", "result_file"]
+__all__ = ["Saveable", "claim", "is_free", "result_file"]
 
 NAMES = frozenset(
     [
@@ -139,6 +139,23 @@ def result_file(folder: str | Path, name: str) -> Path:
                 release(handle, folder / HOME / "lock")
     staged = noted.staging(folder)
     return staged / name if (staged / name).exists() or (staged.is_dir() and name not in noted.files) else folder / name
+
+
+def is_free(folder: Path) -> bool:
+    """Whether a folder holds no result and no file, and no process is about to write one.
+
+    What a process left that ended before it had a result does not count.
+    """
+    if not os.path.lexists(folder):
+        return True
+    if not folder.is_dir() or any(name != HOME for name in os.listdir(folder)) or _noted(folder) is not None:
+        return False
+    if not (folder / HOME).is_dir():
+        return True
+    handle = try_lock(folder / HOME / "lock")
+    if handle is not None:
+        release(handle, folder / HOME / "lock")
+    return handle is not None
 
 
 # the note

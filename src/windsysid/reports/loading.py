@@ -1,6 +1,7 @@
 """A saved answer, back from its folder."""
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +9,7 @@ from windsysid.configuration import parse_json
 from windsysid.errors import ConfigurationError
 from windsysid.output.answers import Answer
 from windsysid.output.folders import result_file
+from windsysid.output.table import Table
 from windsysid.results.serialization import as_plain, from_plain
 
 __all__ = ["Reported", "holds_result", "kept", "load_result"]
@@ -81,6 +83,11 @@ class Reported:
 
     def __str__(self) -> str:
         return str(self._found)
+
+    def contents(self) -> Sequence[Table | str]:
+        """Those of the answer."""
+        found: Sequence[Table | str] = self._found.contents()
+        return found
 
     def to_json(self) -> str:
         """What ``summary.json`` holds."""

@@ -131,7 +131,7 @@ def test_a_record_in_pieces_takes_its_state_from_the_first():
 
 
 def test_a_plan_takes_a_state(tmp_path: Path):
-    planned = ["plan", "tower", "--duration", "60 min", "--rate", "5", "--json"]
+    planned = ["plan", "--turbine", "tower", "--duration", "60 min", "--rate", "5", "--json"]
     shown = [CliRunner().invoke(app, [*planned, *more]) for more in ([], ["--state", "parked"])]
     assert [one.exit_code for one in shown] == [0, 0]
     assert shown[0].stdout != shown[1].stdout

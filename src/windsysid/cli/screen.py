@@ -1,0 +1,113 @@
+"""The first screen of an answer: what matters first, at most 24 lines at 80 columns; `--verbose` prints the rest."""
+
+import math
+import shutil
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from windsysid.output.console import WIDTH, render
+from windsysid.output.table import Table
+from windsysid.units import unit_text
+
+if TYPE_CHECKING:
+    from windsysid.results.estimate import Estimate
+    from windsysid.results.identification import Identification
+
+__all__ = ["engineering", "first_screen", "identification_parts"]
+
+LINES = 24
+"""Setting: lines of a terminal, of which two are for the end of the screen and the place of the results."""
+MAX_REASONS = 3
+"""Setting: largest number of reasons against a result that its first screen lists."""
+_PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"))
+
+
+def first_screen(parts: Sequence[Table | str], lines: int = LINES - 2) -> str:
+    """Render parts of an answer in their order, shortened to some lines.
+
+    A table that does not fit is cut after whole rows; what follows the first part that was cut is left out. The last
+    line says how to see all.
+
+    Examples
+    --------
+    >>> print(first_screen(["one", "two", "three"], lines=2))
+    one
+    … more: --verbose, or the page
+    """
+    whole = render(*parts)
+    if _height(whole) <= lines:
+        return whole
+    shown = list[Table | str]()
+    for part in parts:
+        fitting = _shorten(part, lines - 1 - _height(render(*shown)) if shown else lines - 1)
+        shown += [] if fitting is None else [fitting]
+        if fitting is not part:
+            break
+    return render(*shown, "… more: --verbose, or the page")
+
+
+def _shorten(part: Table | str, lines: int) -> Table | str | None:
+    """A part that takes no more than some lines: itself, a table with fewer rows, or None."""
+    if _height(render(part)) <= lines:
+        return part
+    if isinstance(part, Table):
+        for count in range(len(part.rows) - 1, 0, -1):
+            shorter = replace(part, rows=part.rows[:count])
+            if _height(render(shorter)) <= lines:
+                return shorter
+    return None
+
+
+def _height(text: str) -> int:
+    """Lines that a text takes on the terminal."""
+    width = max(shutil.get_terminal_size((WIDTH, LINES)).columns, 20)
+    return sum(max(1, math.ceil(len(line) / width)) for line in text.split("\n"))
+
+
+def identification_parts(found: "Identification") -> list[Table | str]:
+    """The first screen of an identification: modes with 95 % intervals and grades, what is wrong and what to do, then
+    the coefficients."""
+    judged = found.diagnosis
+    reasons = judged.reasons[:MAX_REASONS]
+    wrong = [f"- {reason}" for reason in reasons]
+    wrong += [f"- and {len(judged.reasons) - len(reasons)} more"] if len(judged.reasons) > len(reasons) else []
+    parts: list[Table | str] = [
+        f"{found.turbine}, {found.record}: {found.formulation} formulation",
+        *([found.modes_table()] if found.modes else []),
+        "± is the 95 % interval. Numbers of grade A and B may be used, those of C not.",
+        "trust: yes, every number has grade A or B" if judged.trusted else "trust: NO, see what has grade C, because",
+        *wrong,
+        _coefficients(found.estimates),
+    ]
+    more = len(judged.remarks) + len(found.notes)
+    return [*parts, f"{more} remarks and notes: --verbose, or the page"] if more else parts
+
+
+def _coefficients(estimates: "Sequence[Estimate]") -> Table:
+    """Coefficients in engineering units, two in a row where there are many."""
+    cells = [(e.name, f"{engineering(e.estimate, e.unit)} ± {_share(e)}", e.grade) for e in estimates]
+    abreast = 1 if len(cells) <= LINES // 4 else 2
+    step = math.ceil(len(cells) / abreast)
+    rows = [sum((cells[k] for k in range(i, len(cells), step)), ()) for i in range(step)]
+    width = 3 * abreast
+    padded = [(*row, *[""] * (width - len(row))) for row in rows]
+    words = [i for i in range(width) if i % 3 == 0]
+    return Table(("coefficient", "estimate ± 95 %", "") * abreast, padded, words=words)
+
+
+def _share(e: "Estimate") -> str:
+    """Half of the 95 % interval over the estimate."""
+    return f"{50.0 * (e.high - e.low) / abs(e.estimate):.2g} %" if e.estimate else "?"
+
+
+def engineering(value: float, unit: str) -> str:
+    """A value with four significant digits in an engineer's unit.
+
+    Examples
+    --------
+    >>> engineering(1784100.0, "N/m")
+    '1.784 MN/m'
+    """
+    size, prefix = next((one for one in _PREFIXES if abs(value) >= one[0] and unit.startswith("N")), (1.0, ""))
+    return f"{value / size:.4g} {prefix}{unit_text(unit)}"

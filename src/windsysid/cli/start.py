@@ -1,0 +1,215 @@
+"""The command that walks from a file to an answer: units, names, section, turbine, result, and the command again."""
+
+import os
+import shlex
+import sys
+import webbrowser
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+
+import typer
+
+from windsysid.cli.common import Mapping, app, name_of, numbered, print_table, show_progress
+from windsysid.errors import ConfigurationError, WindsysidError
+from windsysid.output.console import printable
+
+if TYPE_CHECKING:
+    from windsysid.inspection.proposal import Guess, MappingProposal
+
+__all__ = []
+
+NO_TURBINE = "none"
+LEAVE_OUT = "-"
+
+
+@app.command()
+def start(
+    record: Annotated[Path, typer.Argument(help="CSV, Parquet, netCDF, MATLAB, TDMS, OpenFAST … (docs/records.md).")],
+    turbine: Annotated[
+        str | None, typer.Option(help="A packaged turbine, a TOML file, or none: modes only. Asked by default.")
+    ] = None,
+    mapping: Mapping = None,
+    yes: Annotated[
+        bool, typer.Option("--yes", metavar="", help="Ask nothing: take defaults. A unit is never taken by default.")
+    ] = False,
+) -> None:
+    """Begin here: from a file to an answer, step by step, with the command that repeats it."""
+    from windsysid.output.folders import is_free
+    from windsysid.turbine.file import packaged_turbines
+
+    guide = _Guide(yes)
+    if turbine is None and not yes:
+        print(f"Packaged turbines: {', '.join(packaged_turbines())}")
+    choice = f"Turbine, a .toml file, or {NO_TURBINE} for modes only"
+    machine = _turbine(turbine) if turbine else guide.ask(choice, _turbine, default=NO_TURBINE)
+    mapping = mapping or _write_mapping(record, machine, guide)
+    options = ["--mapping", str(mapping)] if mapping else []
+    options += _section(record, mapping, None if machine == NO_TURBINE else machine, guide)
+    command = "oma" if machine == NO_TURBINE else "identify"
+    words = [command, str(record), *(["--turbine", machine] if command == "identify" else []), *options]
+    name = name_of(record, "oma" if command == "oma" else "")
+    folder = next(path for path in numbered(name) if is_free(path))
+    again = printable(shlex.join(["windsysid", *words]))
+    print(f"\n{again}\n")
+    typer.main.get_command(app).main([*words, "--output", str(folder)], "windsysid", standalone_mode=False)
+    page = (folder / "report.html").resolve()
+    if not yes and _has_display():
+        webbrowser.open(page.as_uri())
+    print(f"again: {again}")
+
+
+class _Guide(NamedTuple):
+    """Questions on the terminal; with `yes`, defaults."""
+
+    yes: bool
+
+    def ask(
+        self, question: str, parse: Callable[[str], Any], *, default: str | None = None, offered: str | None = None
+    ) -> Any:
+        """The answer as `parse` makes it, asked again where that refuses.
+
+        Parameters
+        ----------
+        default
+            Taken with `yes` or an empty answer; None where no answer is safe.
+        offered
+            Taken with an empty answer only.
+        """
+        if self.yes:
+            if default is None:
+                raise ConfigurationError(
+                    f"start --yes: no safe default: {question}; leave --yes out, or give --mapping"
+                )
+            return parse(default)
+        hint = default if default is not None else offered
+        while True:
+            print(printable(f"{question}{'' if hint is None else f' [{hint}]'}: "), end="", flush=True)
+            line = sys.stdin.readline()
+            if not line:
+                raise ConfigurationError(f"start: the answers ended at: {question}")
+            try:
+                return parse(line.strip() or hint or "")
+            except WindsysidError as error:
+                print(printable(error))
+
+
+def _write_mapping(record: Path, turbine: str, guide: _Guide) -> Path | None:
+    """Write the mapping that a record needs, with the units that were asked for; None where it needs none."""
+    from windsysid.inspection.proposal import propose_mapping
+    from windsysid.output.files import claim_file
+
+    with show_progress("start") as progress:
+        progress(f"reading {record}")
+        found = propose_mapping(record)
+    print(f"{found.record}: {found.remarks[0] if found.remarks else ''}".rstrip(": "))
+    named = [guess for guess in found.guesses if guess.name and guess.name != guess.written]
+    if found.optional or (found.timed and not named and all(guess.is_said for guess in found.guesses)):
+        return None
+    rows = [(guess.written, guess.name or "?", guess.unit or "?") for guess in found.guesses]
+    print_table(("in the file", "name", "unit"), rows, "Channels")
+    found = _complete(found, turbine, guide)
+    names = (path.name for path in numbered(f"{name_of(record)}-mapping", ".toml"))
+    content = found.to_toml().encode()
+    target = next(path for path in map(Path, names) if not os.path.lexists(path) or _holds(path, content))
+    if not os.path.lexists(target):
+        with claim_file(target) as write:
+            write(lambda file: file.write(content))
+    print(printable(f"mapping: {target}"))
+    return target
+
+
+def _holds(path: Path, content: bytes) -> bool:
+    """Whether a path is a file with this content."""
+    return path.is_file() and path.read_bytes() == content
+
+
+def _complete(found: "MappingProposal", turbine: str, guide: _Guide) -> "MappingProposal":
+    """The proposal with sampling rate and units that the file does not say."""
+    from windsysid.records.formats.contents.mapping import TimeRule
+    from windsysid.turbine.file import load_turbine
+
+    if not found.timed:
+        rate = guide.ask("Samples per second, since the file gives no times [Hz]", _positive)
+        found = replace(found, timed=True, given=replace(found.given, time=TimeRule(rate=rate)))
+    guesses: list[Guess] = []
+    known = [] if turbine == NO_TURBINE else [sensor.channel for sensor in load_turbine(turbine).sensors]
+    if known and any(guess.name is None for guess in found.guesses):
+        print(f"Channels that {turbine} knows: {', '.join(known)}")
+    for guess in found.guesses:
+        if guess.name is None and known:
+            name = guide.ask(f"Name of '{guess.written}'", str, default=guess.written)
+            guess = replace(guess, name=None if name == guess.written else name)
+        if guess.is_said:
+            guesses.append(guess)
+            continue
+        question = f"Unit of '{guess.written}' (g, mg, m/s^2, rpm …; {LEAVE_OUT} leaves it out)"
+        unit = guide.ask(question, _unit, offered=guess.unit)
+        guesses += [] if unit == LEAVE_OUT else [replace(guess, unit=unit, doubts=())]
+    return replace(found, guesses=tuple(guesses))
+
+
+def _section(record: Path, mapping: Path | None, turbine: str | None, guide: _Guide) -> list[str]:
+    """Options that take the best section of a record; none for all of it."""
+    from windsysid.inspection import inspect_record
+    from windsysid.records.formats import read_record
+    from windsysid.turbine.file import load_turbine
+
+    with show_progress("start") as progress:
+        progress(f"inspecting {record}")
+        read = read_record(record, mapping=mapping)
+        found = inspect_record(read, None if turbine is None else load_turbine(turbine))
+    print(printable(f"inspection: {found.verdict}"))
+    good = [one for one in found.proposals if one.good]
+    if not good or good[0].end - good[0].start >= read.duration:
+        return []
+    best = f"{good[0].start:g} {good[0].end:g}"
+    chosen: list[str] = guide.ask("Section to use [s], two numbers, or all", _two_numbers, default=best)
+    return ["--section", *chosen] if chosen else []
+
+
+def _turbine(text: str) -> str:
+    """The name of a turbine that can be loaded, or none."""
+    from windsysid.turbine.file import load_turbine
+
+    if text != NO_TURBINE:
+        load_turbine(text)
+    return text
+
+
+def _unit(text: str) -> str:
+    """A unit that is known, or the mark of a channel to leave out."""
+    from windsysid.units import canonical
+
+    if not text:
+        raise ConfigurationError(f"expected a unit, such as m/s^2 or g, or {LEAVE_OUT} to leave the channel out")
+    return text if text == LEAVE_OUT else canonical(text)
+
+
+def _positive(text: str) -> float:
+    """A positive number."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0.0 < value < 1e9:
+        raise ConfigurationError(f"expected a number above 0, got '{text}'")
+    return value
+
+
+def _two_numbers(text: str) -> list[str]:
+    """Begin and end of a section as options; none for all of a record."""
+    if text == "all":
+        return []
+    try:
+        begin, end = map(float, text.split())
+    except ValueError:
+        raise ConfigurationError(f"expected two numbers, such as 0 600, or all; got '{text}'") from None
+    return [f"{begin:g}", f"{end:g}"]
+
+
+def _has_display() -> bool:
+    """Whether a browser can be shown to somebody who sits at a terminal."""
+    shown = sys.platform in ("darwin", "win32") or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+    return shown and sys.stdout.isatty()

@@ -1,0 +1,118 @@
+"""Commands without --output: where results go, that nothing is overwritten, and that interrupted work goes on."""
+
+from pathlib import Path
+
+import pytest
+
+import windsysid as ws
+from tests.conftest import Ended
+from windsysid.cli.common import name_of, numbered
+from windsysid.cli.fleet import _archive_of
+from windsysid.cli.identify import _checkpoint, _default_output
+from windsysid.fleet.archive import add_rows, has_records_of, place_of
+from windsysid.output.folders import claim, is_free
+
+
+@pytest.fixture(scope="module")
+def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("records") / "year1.csv"
+    ws.write_record(ws.simulate("tower", duration=300.0, rate=10.0, seed=1), path)
+    return path
+
+
+def shown(path: str) -> str:
+    return f"results: {Path('results') / path / 'report.html'}"
+
+
+def test_results_are_named_after_the_input(run, record: Path):
+    ended = run("identify", record, "--turbine", "tower")
+    assert (ended.code, ended.err) == (0, [])
+    assert shown("year1") in ended.out
+    before = Path("results/year1/summary.json").read_bytes()
+    assert shown("year1-2") in run("identify", record, "--turbine", "tower").out
+    assert Path("results/year1/summary.json").read_bytes() == before
+    for words, place in (
+        (("oma", record), "year1-oma"),
+        (("inspect", record), "year1-inspect"),
+        (("compare", "results/year1", "results/year1-2"), "year1-2-compare"),
+        (("damping", "results/year1"), "year1-damping"),
+        (("modes", "results/year1"), "year1-modes"),
+        (("modes", "--turbine", "tower"), "tower-modes"),
+        (("report", "results/year1"), "year1-report"),
+    ):
+        ended = run(*words)
+        assert (ended.code, ended.err) == (0, []), words
+        assert shown(place) in ended.out
+    ended = run("compare", "results/year1", "results/year1-2", "results/year1-2")
+    assert shown("year1-2-compare-2") in ended.out
+    assert shown("year1-2-compare-3") in ended.out
+
+
+def test_a_summary_for_a_program_is_saved_only_where_asked(run):
+    assert run("modes", "--turbine", "tower", "--json").code == 0
+    assert not Path("results").exists()
+
+
+def test_a_simulated_record_gets_the_next_free_name(run):
+    for name in ("tower.csv", "tower-2.csv"):
+        ended = run("simulate", "--turbine", "tower", "--duration", 5)
+        assert f"record: {Path('results') / name}" in ended.out
+
+
+@pytest.mark.parametrize("command", ["plan", "modes", "turbines"])
+def test_a_turbine_without_its_option_is_refused_in_one_line(run, command: str):
+    ended = run(command, "tower")
+    assert (ended.code, ended.out) == (2, "")
+    assert ended.err == [f"windsysid: {command}: a turbine is named by --turbine: windsysid {command} --turbine tower"]
+
+
+def test_modes_take_a_result_or_a_turbine(run):
+    for words in ((), ("here", "--turbine", "tower")):
+        ended: Ended = run("modes", *words)
+        assert ended.code == 2
+        assert "expected a folder that identify wrote, or --turbine; not both" in ended.err[0]
+
+
+def test_a_folder_is_free_until_it_holds_a_result_or_somebody_writes_there(tmp_path: Path):
+    folder = tmp_path / "out"
+    assert is_free(folder)
+    with claim(folder) as write:
+        assert not is_free(folder)
+        write({"summary.json": b"{}"})
+    assert not is_free(folder)
+    (tmp_path / "dead" / ".windsysid").mkdir(parents=True)
+    (tmp_path / "dead" / ".windsysid" / "lock").touch()
+    assert is_free(tmp_path / "dead")
+    (tmp_path / "file").touch()
+    assert not is_free(tmp_path / "file")
+
+
+def test_an_interrupted_identification_in_pieces_goes_on_in_its_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    first, second, third = (path for path, _ in zip(numbered("x"), range(3), strict=False))
+    first.mkdir(parents=True)
+    (first / "summary.json").touch()
+    assert _default_output(Path("x.csv"), overwrite=False, resumes=True) == second
+    _checkpoint(second).touch()
+    assert _default_output(Path("x.csv"), overwrite=False, resumes=True) == second
+    assert _default_output(Path("x.csv"), overwrite=False, resumes=False) == third
+
+
+def test_batch_adds_to_the_archive_of_the_same_folder_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    for home in ("a", "b"):
+        (tmp_path / home / "data").mkdir(parents=True)
+    archive, other = Path("results/data-batch"), Path("results/data-batch-2")
+    assert _archive_of(["a/data"]) == archive
+    row = {"source": str((tmp_path / "a/data/r.csv").resolve()), "start": None}
+    add_rows(place_of(archive, "tower", "undated-00"), [row])
+    assert has_records_of(archive, "a/data")
+    assert _archive_of(["a/data"]) == _archive_of(["a/data/*.csv"]) == _archive_of(["a/data/r.csv"]) == archive
+    assert _archive_of(["b/data"]) == other
+    assert _archive_of(["s3://bucket/data"]) == other
+
+
+def test_a_name_has_no_folder_and_no_ending(tmp_path: Path):
+    (tmp_path / "2025.07").mkdir()
+    assert name_of(tmp_path / "2025.07") == "2025.07"
+    assert name_of("data/r.csv", "oma") == "r-oma"

@@ -1,0 +1,61 @@
+"""The first screen: 24 lines at 80 columns, what matters first, and all of it with --verbose."""
+
+from pathlib import Path
+
+import pytest
+
+import windsysid as ws
+from windsysid.cli.screen import engineering, first_screen
+from windsysid.output.table import Table
+
+
+@pytest.fixture(autouse=True)
+def narrow(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setenv("LINES", "24")
+
+
+@pytest.mark.parametrize(("turbine", "rate", "duration"), [("tower", 10.0, 600.0), ("tower", 10.0, 40.0)])
+def test_identify_prints_a_screen_and_everything_where_asked(
+    run, tmp_path: Path, turbine: str, rate: float, duration: float
+):
+    path = tmp_path / "record.csv"
+    ws.write_record(ws.simulate(turbine, duration=duration, rate=rate, seed=1), path)
+    short, whole = (run("identify", path, "--turbine", turbine, *more).out for more in ((), ("--verbose",)))
+    lines = short.splitlines()
+    assert len(lines) <= 24
+    assert max(map(len, lines[:-1])) <= 80 or "trust: NO" in short
+    assert lines[2].startswith("mode ")
+    for words in ("95 % interval", "trust: ", "k_side_side", "results: "):
+        assert words in short
+    assert "Uncertainty budget" in whole
+    assert "Uncertainty budget" not in short
+
+
+def test_two_columns_of_coefficients_fit_the_screen(run, tmp_path: Path):
+    path = tmp_path / "record.csv"
+    ws.write_record(ws.simulate("verne555", duration=30.0, rate=50.0, seed=1), path)
+    shown = run("identify", path, "--turbine", "verne555").out
+    assert len(shown.splitlines()) <= 24
+    for name in ("k_x", "c_y", "k_beta_3", "c_beta_3"):
+        assert name in shown
+
+
+def test_what_does_not_fit_is_cut_after_whole_rows():
+    table = Table(("number", "word"), [(str(k), "word " * 20) for k in range(30)])
+    shown = first_screen(["title", table, "end"], lines=12)
+    assert len(shown.splitlines()) <= 12
+    assert shown.endswith("… more: --verbose, or the page")
+    assert "end" not in shown
+    assert first_screen(["title", "end"], lines=12) == "title\nend"
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "text"),
+    [
+        (1784100.0, "N/m", "1.784 MN/m"), (-9543.0, "N*s/m", "-9.543 kN·s/m"), (12.3, "N*m/rad", "12.3 N·m/rad"),
+        (4e9, "N/m", "4 GN/m"), (8e5, "kg", "8e+05 kg"),
+    ],
+)  # fmt: skip
+def test_coefficients_are_in_engineering_units(value: float, unit: str, text: str):
+    assert engineering(value, unit) == text

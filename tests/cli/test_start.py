@@ -1,0 +1,116 @@
+"""From a file to an answer: the walk, its questions, and the examples it is tried on."""
+
+import io
+import sys
+from pathlib import Path
+
+import pytest
+
+import windsysid as ws
+from windsysid.cli import start
+from windsysid.errors import OutputError
+from windsysid.records.formats import load_mapping, read_record
+from windsysid.simulation.examples import building, write_examples
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    made = tmp_path_factory.mktemp("examples")
+    write_examples(made)
+    return made
+
+
+@pytest.fixture
+def answers(monkeypatch: pytest.MonkeyPatch):
+    return lambda *lines: monkeypatch.setattr(sys, "stdin", io.StringIO("".join(f"{line}\n" for line in lines)))
+
+
+def bare(folder: Path) -> Path:
+    """The logger's record without units in its headers."""
+    head, *rows = (folder / "logger.csv").read_text(encoding="utf-8").splitlines()
+    assert head.startswith("Time (s);")
+    path = Path("bare.csv")
+    path.write_text("\n".join(["time [s];first;acc ss;Rotor speed (rpm)", *rows]) + "\n", encoding="utf-8")
+    return path
+
+
+def test_yes_takes_every_default_and_prints_the_command_that_repeats_it(run, folder: Path):
+    record = folder / "logger.csv"
+    ended = run("start", record, "--turbine", "tower", "--yes")
+    assert (ended.code, ended.err) == (0, [])
+    mapping = Path("logger-mapping.toml")
+    again = f"windsysid identify {record} --turbine tower --mapping {mapping}"
+    assert ended.out.splitlines()[-1] == f"again: {again}"
+    assert "tower_x_acceleration" in read_record(record, mapping=mapping).channels
+    assert Path("results/logger/report.html").exists()
+    assert run(*again.split()[1:]).code == 0
+    assert Path("results/logger-2/report.html").exists()
+    run("start", record, "--turbine", "tower", "--yes")
+    assert [path.name for path in Path().glob("*.toml")] == [mapping.name]
+
+
+def test_answers_are_read_from_standard_input_and_asked_again(run, folder: Path, answers):
+    record = bare(folder)
+    answers("towel", "tower", "tower_z_acceleration", "stone", "mg", "", "mg")
+    ended = run("start", record)
+    assert (ended.code, ended.err) == (0, []), ended
+    assert "no turbine 'towel'" in ended.out
+    assert "unknown unit 'stone'" in ended.out
+    assert "expected a unit" in ended.out
+    rules = load_mapping("bare-mapping.toml").channels
+    assert (rules["first"].name, rules["first"].unit) == ("tower_z_acceleration", "mg")
+    assert (rules["acc ss"].name, rules["acc ss"].unit) == ("tower_x_acceleration", "mg")
+    assert "k_side_side" in ended.out
+
+
+def test_a_unit_is_never_guessed(run, folder: Path):
+    ended = run("start", bare(folder), "--turbine", "tower", "--yes")
+    assert ended.code == 2
+    assert len(ended.err) == 1
+    assert "no safe default: Unit of 'first'" in ended.err[0]
+    assert not Path("bare-mapping.toml").exists()
+
+
+def test_without_a_turbine_modes_are_found(run, folder: Path):
+    record = folder / "building.csv"
+    ended = run("start", record, "--yes")
+    assert (ended.code, ended.err) == (0, [])
+    assert ended.out.splitlines()[-1] == f"again: windsysid oma {record}"
+    assert not list(Path().glob("*.toml"))
+
+
+def test_answers_that_end_are_refused_in_one_line(run, folder: Path, answers):
+    answers()
+    ended = run("start", folder / "logger.csv")
+    assert ended.code == 2
+    assert ended.err == ["windsysid: start: the answers ended at: Turbine, a .toml file, or none for modes only"]
+
+
+def test_numbers_are_checked():
+    assert start._two_numbers("0 600.5") == ["0", "600.5"]
+    assert start._two_numbers("all") == []
+    assert start._positive("20") == 20.0
+    for refuse in (lambda: start._two_numbers("6"), lambda: start._positive("-1"), lambda: start._unit("")):
+        with pytest.raises(ws.WindsysidError, match="expected"):
+            refuse()
+
+
+def test_a_page_is_opened_only_where_somebody_sees_it(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("DISPLAY", ":0")
+    assert not start._has_display()
+
+
+def test_examples_are_written_once_and_their_commands_are_commands(run, folder: Path):
+    text = (folder / "README.md").read_text(encoding="utf-8")
+    for path in folder.glob("*.csv"):
+        assert f" {path.name}" in text
+    assert sum(path.stat().st_size for path in folder.iterdir()) < 10e6
+    with pytest.raises(OutputError, match="is already there"):
+        write_examples(folder)
+
+
+def test_a_building_has_the_modes_that_it_was_made_with():
+    made = building(3, duration=300.0)
+    found = ws.oma(made.record).modes
+    for mode, (frequency, _) in zip(found, made.modes, strict=True):
+        assert abs(mode.frequency - frequency) < 4.0 * mode.frequency_std
