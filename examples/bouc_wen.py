@@ -7,8 +7,8 @@ accelerometer.
 
 Run:  python examples/bouc_wen.py [FILE]
 
-FILE holds the ground acceleration under a heading such as "time [s],ground [g]", El Centro for instance. Without it the ground is made
-up. Source: Wu & Smyth 2007, https://doi.org/10.1002/stc.186.
+FILE holds the ground acceleration under a heading such as "time [s],ground [g]", El Centro for instance. Without it
+the ground is made up. Source: Wu & Smyth 2007, https://doi.org/10.1002/stc.186.
 """
 
 import sys

@@ -6,8 +6,8 @@ A two-storey shear frame: storey stiffness and damping from an accelerometer on 
 
 Run:  python examples/two_storey.py [FILE]
 
-FILE holds the ground acceleration under a heading such as "time [s],ground [g]", El Centro for instance. Without it the ground is made
-up. Frames of this kind: Yang et al. 2006, https://doi.org/10.1002/stc.84.
+FILE holds the ground acceleration under a heading such as "time [s],ground [g]", El Centro for instance. Without it
+the ground is made up. Frames of this kind: Yang et al. 2006, https://doi.org/10.1002/stc.84.
 """
 
 import sys

@@ -1,7 +1,7 @@
 """The command that identifies a record, whole or in pieces."""
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
@@ -130,20 +130,25 @@ def identify(
         else:
             found, used = _identify_in_pieces(asked, _length(in_pieces, formulation, add_noise), folder, progress)
     print(found if verbose else first_screen(identification_parts(found)))
-    with show_progress("identify") as progress:
-        files = found.files()
-        if not no_report:
-            from windsysid.reports.identification import identification_report
-
-            progress("writing the report")
-            files["report.html"] = identification_report(found, used)
-        write(files)
+    _save(found, used, write, report=not no_report)
     if in_pieces is not None:
         _checkpoint(folder).unlink(missing_ok=True)
     print(
         f"{found.samples} samples in {found.elapsed:.2f} s; results:"
         f" {printable(folder / ('summary.json' if no_report else 'report.html'))}"
     )
+
+
+def _save(found: "Identification", used: "Record", write: Callable[[dict[str, bytes]], None], *, report: bool) -> None:
+    """Save a result, with its report or without."""
+    with show_progress("identify") as progress:
+        files = found.files()
+        if report:
+            from windsysid.reports.identification import identification_report
+
+            progress("writing the report")
+            files["report.html"] = identification_report(found, used)
+        write(files)
 
 
 def _default_output(record: Path, *, overwrite: bool, resumes: bool) -> Path:

@@ -36,28 +36,37 @@ def start(
     ] = False,
 ) -> None:
     """Begin here: from a file to an answer, step by step, with the command that repeats it."""
-    from windsysid.output.folders import is_free
-    from windsysid.turbine.file import packaged_turbines
-
     guide = _Guide(yes)
-    if turbine is None and not yes:
-        print(f"Packaged turbines: {', '.join(packaged_turbines())}")
-    choice = f"Turbine, a .toml file, or {NO_TURBINE} for modes only"
-    machine = _turbine(turbine) if turbine else guide.ask(choice, _turbine, default=NO_TURBINE)
+    machine = _turbine(turbine) if turbine else _ask_turbine(guide)
     mapping = mapping or _write_mapping(record, machine, guide)
     options = ["--mapping", str(mapping)] if mapping else []
-    options += _section(record, mapping, None if machine == NO_TURBINE else machine, guide)
-    command = "oma" if machine == NO_TURBINE else "identify"
-    words = [command, str(record), *(["--turbine", machine] if command == "identify" else []), *options]
-    name = name_of(record, "oma" if command == "oma" else "")
-    folder = next(path for path in numbered(name) if is_free(path))
-    again = printable(shlex.join(["windsysid", *words]))
-    print(f"\n{again}\n")
-    typer.main.get_command(app).main([*words, "--output", str(folder)], "windsysid", standalone_mode=False)
-    page = (folder / "report.html").resolve()
+    options += _section(record, mapping, machine, guide)
+    modes_only = machine == NO_TURBINE
+    words = ["oma", str(record)] if modes_only else ["identify", str(record), "--turbine", machine]
+    page = _run([*words, *options], name_of(record, "oma" if modes_only else ""))
     if not yes and _has_display():
         webbrowser.open(page.as_uri())
-    print(f"again: {again}")
+    print(printable(f"again: {shlex.join(['windsysid', *words, *options])}"))
+
+
+def _run(words: list[str], name: str) -> Path:
+    """Run a command, with its results in the first free folder of a name; the path of its page."""
+    from windsysid.output.folders import is_free
+
+    folder = next(path for path in numbered(name) if is_free(path))
+    print(printable(f"\n{shlex.join(['windsysid', *words])}".strip()), end="\n\n")
+    typer.main.get_command(app).main([*words, "--output", str(folder)], "windsysid", standalone_mode=False)
+    return (folder / "report.html").resolve()
+
+
+def _ask_turbine(guide: "_Guide") -> str:
+    """Ask for the turbine."""
+    from windsysid.turbine.file import packaged_turbines
+
+    if not guide.yes:
+        print(f"Packaged turbines: {', '.join(packaged_turbines())}")
+    name: str = guide.ask(f"Turbine, a .toml file, or {NO_TURBINE} for modes only", _turbine, default=NO_TURBINE)
+    return name
 
 
 class _Guide(NamedTuple):
@@ -98,25 +107,35 @@ class _Guide(NamedTuple):
 def _write_mapping(record: Path, turbine: str, guide: _Guide) -> Path | None:
     """Write the mapping that a record needs, with the units that were asked for; None where it needs none."""
     from windsysid.inspection.proposal import propose_mapping
-    from windsysid.output.files import claim_file
 
     with show_progress("start") as progress:
         progress(f"reading {record}")
         found = propose_mapping(record)
     print(f"{found.record}: {found.remarks[0] if found.remarks else ''}".rstrip(": "))
-    named = [guess for guess in found.guesses if guess.name and guess.name != guess.written]
-    if found.optional or (found.timed and not named and all(guess.is_said for guess in found.guesses)):
+    if found.optional or (found.timed and not any(map(_needs_line, found.guesses))):
         return None
     rows = [(guess.written, guess.name or "?", guess.unit or "?") for guess in found.guesses]
     print_table(("in the file", "name", "unit"), rows, "Channels")
     found = _complete(found, turbine, guide)
-    names = (path.name for path in numbered(f"{name_of(record)}-mapping", ".toml"))
-    content = found.to_toml().encode()
-    target = next(path for path in map(Path, names) if not os.path.lexists(path) or _holds(path, content))
+    target = _write_once(f"{name_of(record)}-mapping", found.to_toml().encode())
+    print(printable(f"mapping: {target}"))
+    return target
+
+
+def _needs_line(guess: "Guess") -> bool:
+    """Whether a mapping has to say the name or unit of a channel."""
+    return not guess.is_said or guess.name not in (None, guess.written)
+
+
+def _write_once(name: str, content: bytes) -> Path:
+    """Write a TOML file in this folder under a free name, unless one that has this content is there."""
+    from windsysid.output.files import claim_file
+
+    names = (Path(path.name) for path in numbered(name, ".toml"))
+    target = next(path for path in names if not os.path.lexists(path) or _holds(path, content))
     if not os.path.lexists(target):
         with claim_file(target) as write:
             write(lambda file: file.write(content))
-    print(printable(f"mapping: {target}"))
     return target
 
 
@@ -133,24 +152,25 @@ def _complete(found: "MappingProposal", turbine: str, guide: _Guide) -> "Mapping
     if not found.timed:
         rate = guide.ask("Samples per second, since the file gives no times [Hz]", _positive)
         found = replace(found, timed=True, given=replace(found.given, time=TimeRule(rate=rate)))
-    guesses: list[Guess] = []
     known = [] if turbine == NO_TURBINE else [sensor.channel for sensor in load_turbine(turbine).sensors]
     if known and any(guess.name is None for guess in found.guesses):
         print(f"Channels that {turbine} knows: {', '.join(known)}")
-    for guess in found.guesses:
-        if guess.name is None and known:
-            name = guide.ask(f"Name of '{guess.written}'", str, default=guess.written)
-            guess = replace(guess, name=None if name == guess.written else name)
-        if guess.is_said:
-            guesses.append(guess)
-            continue
-        question = f"Unit of '{guess.written}' (g, mg, m/s^2, rpm …; {LEAVE_OUT} leaves it out)"
-        unit = guide.ask(question, _unit, offered=guess.unit)
-        guesses += [] if unit == LEAVE_OUT else [replace(guess, unit=unit, doubts=())]
-    return replace(found, guesses=tuple(guesses))
+    guesses = (_complete_guess(guess, known, guide) for guess in found.guesses)
+    return replace(found, guesses=tuple(guess for guess in guesses if guess.unit != LEAVE_OUT))
 
 
-def _section(record: Path, mapping: Path | None, turbine: str | None, guide: _Guide) -> list[str]:
+def _complete_guess(guess: "Guess", known: list[str], guide: _Guide) -> "Guess":
+    """A channel with the name that a turbine knows, where it has none, and with its unit."""
+    if guess.name is None and known:
+        name = guide.ask(f"Name of '{guess.written}'", str, default=guess.written)
+        guess = replace(guess, name=None if name == guess.written else name)
+    if guess.is_said:
+        return guess
+    question = f"Unit of '{guess.written}' (g, mg, m/s^2, rpm …; {LEAVE_OUT} leaves it out)"
+    return replace(guess, unit=guide.ask(question, _unit, offered=guess.unit), doubts=())
+
+
+def _section(record: Path, mapping: Path | None, turbine: str, guide: _Guide) -> list[str]:
     """Options that take the best section of a record; none for all of it."""
     from windsysid.inspection import inspect_record
     from windsysid.records.formats import read_record
@@ -159,7 +179,7 @@ def _section(record: Path, mapping: Path | None, turbine: str | None, guide: _Gu
     with show_progress("start") as progress:
         progress(f"inspecting {record}")
         read = read_record(record, mapping=mapping)
-        found = inspect_record(read, None if turbine is None else load_turbine(turbine))
+        found = inspect_record(read, None if turbine == NO_TURBINE else load_turbine(turbine))
     print(printable(f"inspection: {found.verdict}"))
     good = [one for one in found.proposals if one.good]
     if not good or good[0].end - good[0].start >= read.duration:

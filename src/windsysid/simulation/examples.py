@@ -24,21 +24,16 @@ __all__ = ["Building", "building", "write_examples"]
 
 _SOFTENING = 0.97
 """Setting: side-side stiffness of the tower's second year over that of the first."""
-README = """\
-# Examples of windsysid
-
-All records are simulated, so that the truth is known. Results go to results/; each command prints where.
-
-| file | what it is | command |
-|---|---|---|
-| tower_year1.csv | a running turbine, two accelerometers at the tower top, 10 min | windsysid identify tower_year1.csv --turbine tower |
-| tower_year2.csv | the same a year later, 3 % softer side-side | windsysid identify tower_year2.csv --turbine tower |
-| | what moved in between? | windsysid compare results/tower_year1 results/tower_year2 |
-| tower_parked.csv | the same tower with the rotor at rest | windsysid identify tower_parked.csv --turbine tower |
-| rotor_wind.csv | a scale model with a turning rotor in wind, sensors on the blades | windsysid identify rotor_wind.csv --turbine verne555 |
-| building.csv | five storeys in ambient vibration, no model needed | windsysid oma building.csv |
-| logger.csv | a tower's record as a logger writes it: own names, mg, rpm | windsysid start logger.csv --turbine tower |
-"""  # noqa: E501
+FILES = (
+    ("tower_year1.csv", "a running turbine, two accelerometers, 10 min", "identify tower_year1.csv --turbine tower"),
+    ("tower_year2.csv", "a year later, 3 % softer side-side", "identify tower_year2.csv --turbine tower"),
+    ("both of them", "what changed?", "compare results/tower_year1 results/tower_year2"),
+    ("tower_parked.csv", "the tower with its rotor at rest", "identify tower_parked.csv --turbine tower"),
+    ("rotor_wind.csv", "a scale model in wind, sensors on blades", "identify rotor_wind.csv --turbine verne555"),
+    ("building.csv", "five storeys in ambient vibration, no model", "oma building.csv"),
+    ("logger.csv", "a tower, with a logger's names and units", "start logger.csv --turbine tower"),
+)
+"""Each example with what it is and a command."""
 
 
 class Building(NamedTuple):
@@ -77,7 +72,7 @@ def write_examples(folder: str | Path, progress: Progress = unheard) -> list[Pat
         progress(str(path), i / len(records))
         write_record(made(), path)
         written.append(path)
-    for name, text in (("logger.csv", _as_logged(ten_minutes(tower, seed=4))), ("README.md", README)):
+    for name, text in (("logger.csv", _as_logged(ten_minutes(tower, seed=4))), ("README.md", _readme())):
         path = Path(folder) / name
         with claim_file(path) as write:
             write(partial(_put, text.encode()))
@@ -116,6 +111,15 @@ def building(storeys: int = 5, *, duration: float = 600.0, rate: float = 50.0, s
     names = tuple(f"floor_{i}_acceleration" for i in range(1, storeys + 1))
     record = Record(np.arange(len(values)) / rate, values, names, ("m/s^2",) * storeys, name="building")
     return Building(record, tuple((float(w) / (2.0 * math.pi), 0.01) for w in omega))
+
+
+def _readme() -> str:
+    """A page that lists the files."""
+    about = "All records are simulated: the truth is known. Results go to results/; each command prints where."
+    rows = [f"| {name} | {what} | `windsysid {command}` |" for name, what, command in FILES]
+    return "\n".join(
+        ["# Examples of windsysid", "", about, "", "| file | record | command |", "|---|---|---|", *rows, ""]
+    )
 
 
 def _put(content: bytes, file: BinaryIO) -> None:
