@@ -1,12 +1,15 @@
-"""One self-contained HTML page: sections, tables, figures inside, readable without a network."""
+"""One self-contained HTML page: sections, tables, figures and interactive plots inside, readable without a network."""
 
 import base64
 import io
 from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib.resources import files
 from typing import TYPE_CHECKING
 
 from windsysid.output.table import Table
+from windsysid.reports.interactive.plot import Plot, to_json
+from windsysid.reports.interactive.svg import static_svg
 
 if TYPE_CHECKING:
     from jinja2 import Template
@@ -14,11 +17,14 @@ if TYPE_CHECKING:
 
 __all__ = ["Section", "fragment", "png", "report_page"]
 
+UPLOT, UPLOT_CSS = "../../live/page/static/uplot.js", "../../live/page/static/uplot.css"
+"""uPlot as the live page has it (MIT licence, uplot-license.txt)."""
+
 
 @dataclass(frozen=True)
 class Section:
-    """A heading with paragraphs, tables, figures, each with its caption, and text as a file has it; `folded` until it
-    is clicked at.
+    """A heading with paragraphs, tables, figures, each with its caption, interactive plots, and text as a file has it;
+    `folded` until it is clicked at.
 
     A figure that is also a file of its own comes as PNG.
     """
@@ -27,12 +33,15 @@ class Section:
     text: Sequence[str] = ()
     tables: Sequence[Table] = ()
     figures: "Sequence[tuple[Figure | bytes, str]]" = ()
+    plots: Sequence[Plot] = ()
     file: str = ""
     folded: bool = False
 
 
 def report_page(title: str, subtitle: str, sections: Sequence[Section]) -> bytes:
     """Sections as one HTML file."""
+    plots = [plot for section in sections for plot in section.plots]
+    names = {id(plot): f"plot-{number}" for number, plot in enumerate(plots, 1)}
     shown = [
         {
             "title": section.title,
@@ -41,10 +50,25 @@ def report_page(title: str, subtitle: str, sections: Sequence[Section]) -> bytes
             "file": section.file,
             "folded": section.folded,
             "figures": [{"data": _embedded(figure), "caption": caption} for figure, caption in section.figures],
+            "plots": [
+                {"plot": plot, "svg": static_svg(plot, names[id(plot)]), "json": to_json(plot)}
+                for plot in section.plots
+            ],
         }
         for section in sections
     ]
-    return _template("report").render(title=title, subtitle=subtitle, sections=shown).encode(errors="backslashreplace")
+    scripts = {name: _static(name) for name in (UPLOT, UPLOT_CSS, "plots.css", "plots.js")} if plots else {}
+    page = _template("report").render(
+        title=title, subtitle=subtitle, sections=shown,
+        styles=[text for name, text in scripts.items() if name.endswith(".css")],
+        scripts=[text for name, text in scripts.items() if name.endswith(".js")],
+    )  # fmt: skip
+    return page.encode(errors="backslashreplace")
+
+
+def _static(name: str) -> str:
+    """A script or style sheet of the package."""
+    return files("windsysid.reports").joinpath("static", name).read_text(encoding="utf-8")
 
 
 def fragment(contents: Sequence[Table | str]) -> str:
