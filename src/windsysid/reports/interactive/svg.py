@@ -12,13 +12,16 @@ from windsysid.reports.interactive.plot import Axis, Curve, Plot
 
 __all__ = ["static_svg"]
 
-WIDTH, HEIGHT = 720.0, 282.0
-LEFT, RIGHT, TOP, BOTTOM = 66.0, 14.0, 24.0, 52.0
+WIDTH, HEIGHT = 720.0, 300.0
+LEFT, RIGHT, TOP, BOTTOM = 66.0, 14.0, 42.0, 52.0
 COLUMN = 1.5
 """Setting: width of a column within which a curve is drawn by its smallest and largest value [px]."""
 
-MIN_LABEL_DISTANCE = 22.0
-"""Setting: distance of names of marks, below which the later one is left out [px]."""
+NAME_ROWS = 3
+"""Setting: rows of names of marks above a plot."""
+
+CHARACTER = 3.4
+"""Setting: half the width of a character [px]."""
 
 Place = Callable[[Array], Array]
 
@@ -53,7 +56,7 @@ def _array(values: object) -> Array:
 
 def _limits(plot: Plot, axis: Axis, *, of_x: bool) -> tuple[float, float]:
     """Limits of an axis: as given, or those of what is drawn."""
-    if axis.limits is not None:
+    if axis.limits is not None and axis.limits[1] > axis.limits[0]:
         return axis.limits
     if axis.names:
         return -0.5, len(axis.names) - 0.5
@@ -65,9 +68,11 @@ def _limits(plot: Plot, axis: Axis, *, of_x: bool) -> tuple[float, float]:
     low, high = float(values.min()), float(values.max())
     if of_x and high > low:
         return low, high
+    if high == low and not axis.log:
+        return low - (0.05 * abs(low) or 1.0), high + (0.05 * abs(high) or 1.0)
     if axis.log:
         return low / 1.5, high * 1.5
-    margin = 0.06 * (high - low) or 0.05 * abs(high) or 1.0
+    margin = 0.06 * (high - low)
     return low - margin, high + margin
 
 
@@ -155,12 +160,14 @@ def _marks(plot: Plot, to_x: Place, to_y: Place) -> list[str]:
 
 
 def _mark_names(plot: Plot, to_x: Place) -> list[str]:
-    found, last = [], -math.inf
+    """Names of vertical marks, each in the lowest row that has room."""
+    found, rows = [], [-math.inf] * NAME_ROWS
     for mark in sorted((m for m in plot.marks if m.name and not m.across), key=lambda m: m.at):
-        at = float(to_x(_array([mark.at]))[0])
-        if LEFT <= at <= WIDTH - RIGHT and at - last > MIN_LABEL_DISTANCE + 3.0 * len(mark.name):
-            found.append(_text(at, TOP - 6.0, mark.name, f"var(--{mark.colour})", "middle"))
-            last = at + 3.0 * len(mark.name) - MIN_LABEL_DISTANCE + 8.0
+        at, half = float(to_x(_array([mark.at]))[0]), CHARACTER * len(mark.name)
+        row = next((i for i, end in enumerate(rows) if at - half >= end), None)
+        if row is not None and LEFT <= at <= WIDTH - RIGHT:
+            found.append(_text(at, TOP - 5.0 - 12.0 * row, mark.name, f"var(--{mark.colour})", "middle"))
+            rows[row] = at + half
     return found
 
 

@@ -5,7 +5,8 @@
 // Other scripts of a page may call plots.draw(figure, spec), plots.colour(name) and plots.download(name, type, content).
 const plots = (() => {
   "use strict";
-  const HEIGHT = 270;
+  const HEIGHT = 280;
+  const NAME_ROWS = 3; // of names of marks above a plot
   const links = new Map(); // plots that zoom together
 
   const colour = (name, alpha) => {
@@ -181,7 +182,7 @@ const plots = (() => {
       this.plot?.destroy();
       this.width = Math.floor(this.place.clientWidth) || 320;
       this.plot = new uPlot({
-        width: this.width, height: HEIGHT, legend: { show: false }, padding: [18, 14, 0, 0],
+        width: this.width, height: HEIGHT, legend: { show: false }, padding: [spec.marks.some((one) => one.name && !one.across) ? 6 + 13 * NAME_ROWS : 10, 14, 0, 0],
         scales: {
           x: { time: spec.x_axis.dates, distr: log.x ? 3 : 1, range: () => this.view.x },
           y: { distr: log.y ? 3 : 1, range: () => this.heights() },
@@ -257,13 +258,15 @@ const plots = (() => {
       ctx.save();
       ctx.font = `${11 * ratio}px system-ui, sans-serif`;
       ctx.textAlign = "center";
-      let last = -Infinity;
+      const rows = Array(NAME_ROWS).fill(-Infinity);
       for (const mark of marks.filter((one) => one.name && !one.across && one.at >= this.view.x[0] && one.at <= this.view.x[1])) {
-        const at = u.valToPos(mark.at, "x", true), half = 0.5 * ctx.measureText(mark.name).width + 3 * ratio;
-        if (at - half < last) continue;
+        const half = 0.5 * ctx.measureText(mark.name).width + 3 * ratio;
+        const at = Math.min(Math.max(u.valToPos(mark.at, "x", true), half), ctx.canvas.width - half);
+        const row = rows.findIndex((end) => at - half >= end);
+        if (row < 0) continue;
         ctx.fillStyle = colour(mark.colour);
-        ctx.fillText(mark.name, at, bbox.top - 5 * ratio);
-        last = at + half;
+        ctx.fillText(mark.name, at, bbox.top - (5 + 13 * row) * ratio);
+        rows[row] = at + half;
       }
       ctx.restore();
     }
