@@ -186,7 +186,7 @@ def whiteness_plots(found: Identification) -> list[Plot]:
     from windsysid.checks.limits import MAX_PEAK_LEVEL
 
     w, (low, high) = found.diagnosis.whiteness, found.diagnosis.reach
-    if w is None:
+    if w is None or not len(w.frequency):
         return []
     bound, plots = max(MAX_PEAK_LEVEL, w.spectrum_bound), []
     marks = [Mark(1.0, "", "reference", "white noise", across=True), Mark(bound, "", "error", "limit", across=True)]
