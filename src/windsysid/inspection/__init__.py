@@ -69,10 +69,10 @@ def inspect_record(
     notes = reading_notes(record.attributes)
     blades = turbine.model.blades if turbine is not None else _blades(record, notes)
     modes, over_speed = _modes(turbine, rotor, notes)
-    nominal = _nominal_rotor(record, turbine) if rotor is None else None
-    notes += _rotor_notes(rotor, nominal)
+    assumed = _nominal_rotor(record, turbine, rotor)
+    notes += _rotor_notes(rotor, assumed)
     chosen = _spectral_channels(record, usable, first, notes)
-    found, pictures = _frequencies(record, chosen, findings, rotor or nominal, modes, blades, notes)
+    found, pictures = _frequencies(record, chosen, findings, assumed, modes, blades, notes)
     return Inspection(
         record=record,
         turbine=None if turbine is None else turbine.name,
@@ -90,10 +90,10 @@ def inspect_record(
     )
 
 
-def _nominal_rotor(record: Record, turbine: "Turbine | None") -> Rotor | None:
-    """A rotor that turns at the speed of the turbine file; None where that has none."""
-    if turbine is None or turbine.rotor_speed <= 0.0:
-        return None
+def _nominal_rotor(record: Record, turbine: "Turbine | None", rotor: Rotor | None) -> Rotor | None:
+    """The rotor as recorded, or else one that turns at the speed of the turbine file."""
+    if rotor is not None or turbine is None or turbine.rotor_speed <= 0.0:
+        return rotor
     return Rotor(np.full(record.samples, turbine.rotor_speed), "turbine file")
 
 

@@ -12,7 +12,7 @@ from windsysid.output.table import Table
 from windsysid.reports.figures.canvas import canvas
 from windsysid.reports.figures.plots import ERROR, ESTIMATE, MEASURED, REFERENCE, symbol, tidy
 from windsysid.reports.html import Section, png, report_page
-from windsysid.reports.interactive.plot import Axis, Curve, Mark, Plot
+from windsysid.reports.interactive.plot import Axis, Mark, Plot, PlotCurve
 
 __all__ = ["figure", "files"]
 
@@ -90,9 +90,11 @@ def _plots(comparison: Comparison) -> list[Plot]:
         moved = np.array([c in comparison.moved for c in group])
         others = "measured" if group is comparison.statistics else "estimate"
         values = np.array([_finite(c) for c in group]).T
+        if not np.isfinite(values).any():
+            continue
         curves = [
-            Curve(name, at, low, high, "dots", colour)
-            for name, colour, chosen in (("moved", "error", moved), ("not moved", others, ~moved))
+            PlotCurve(name, at, low, high, "dots", colour)
+            for name, colour, chosen in (("moved", "error", moved), ("others", others, ~moved))
             if chosen.any()
             for at, low, high in [np.where(chosen, values, np.nan)]
         ]
@@ -125,8 +127,8 @@ READING = (
     "Odds compare no change with one of the size that damage makes (10 % of a stiffness, half of a damping, a load or a"
     " noise); before the records they are even. None of 2176 coefficients without a change reached 100 : 1 in"
     " calibration, which shows nothing of rarer errors, so larger odds than 1000 : 1 are not shown. Frequencies are"
-    " those of the models at the mean of the two rotor speeds: they move because coefficients do. Loads and noise also differ"
-    " between records of a sound turbine.",
+    " those of the models at the mean of the two rotor speeds: they move because coefficients do. Loads and noise also"
+    " differ between records of a sound turbine.",
 )
 
 

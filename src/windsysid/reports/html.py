@@ -49,32 +49,30 @@ class Section:
 
 def report_page(title: str, subtitle: str, sections: Sequence[Section]) -> bytes:
     """Sections as one HTML file."""
-    plots = [plot for section in sections for plot in section.plots]
-    names = {id(plot): f"plot-{number}" for number, plot in enumerate(plots, 1)}
-    shown = [
-        {
-            "title": section.title,
-            "text": section.text,
-            "tables": section.tables,
-            "file": section.file,
-            "folded": section.folded,
-            "figures": [
-                {"markup": _embedded(figure, caption), "caption": caption} for figure, caption in section.figures
-            ],
-            "plots": [
-                {"plot": plot, "svg": static_svg(plot, names[id(plot)]), "json": to_json(plot)}
-                for plot in section.plots
-            ],
-        }
-        for section in sections
-    ]
-    scripts = {name: _static(name) for name in (UPLOT, UPLOT_CSS, "plots.css", "plots.js")} if plots else {}
+    shown = [_shown(section, number) for number, section in enumerate(sections)]
+    names = (UPLOT_CSS, "plots.css", UPLOT, "plots.js") if any(section.plots for section in sections) else ()
     page = _template("report").render(
         title=title, subtitle=subtitle, sections=shown,
-        styles=[text for name, text in scripts.items() if name.endswith(".css")],
-        scripts=[text for name, text in scripts.items() if name.endswith(".js")],
+        styles=[_static(name) for name in names if name.endswith(".css")],
+        scripts=[_static(name) for name in names if name.endswith(".js")],
     )  # fmt: skip
     return page.encode(errors="backslashreplace")
+
+
+def _shown(section: Section, number: int) -> dict[str, object]:
+    """A section as the template takes it."""
+    return {
+        "title": section.title,
+        "text": section.text,
+        "tables": section.tables,
+        "file": section.file,
+        "folded": section.folded,
+        "figures": [{"markup": _embedded(figure, caption), "caption": caption} for figure, caption in section.figures],
+        "plots": [
+            {"plot": plot, "svg": static_svg(plot, f"{number}-{place}"), "json": to_json(plot)}
+            for place, plot in enumerate(section.plots)
+        ],
+    }
 
 
 def _static(name: str) -> str:

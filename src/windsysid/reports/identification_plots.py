@@ -8,8 +8,8 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.inspection.spectra import seen_from
 from windsysid.records.record import Record
-from windsysid.reports.interactive.plot import Axis, Curve, Mark, Plot, Span, thinned
-from windsysid.results.fitted_spectrum import FittedSpectrum
+from windsysid.reports.interactive.plot import Axis, Mark, Plot, PlotCurve, ShadedRange, thinned
+from windsysid.results.estimate import FittedSpectrum
 from windsysid.results.identification import Identification
 from windsysid.results.posterior import SIGMAS
 from windsysid.units import unit_text
@@ -39,17 +39,10 @@ def spectra_plots(found: Identification, record: Record | None) -> list[Plot]:
     """Measured spectra with those of the fit and their 95 % intervals, one plot a channel; those in ranges or of
     several blades together where the fit is one of those."""
     fitted = {one.channel: one for one in found.spectra}
-    recorded = [] if record is None else [name for name in found.sensors if name in record]
-    names = list(dict.fromkeys([*recorded, *fitted]))[:MAX_PLOTS]
-    plots = []
-    for name in names:
-        one = fitted.get(name)
-        plot = _of_channel(found, record, name, one) if name in recorded and record is not None else None
-        if plot is None and one is not None:
-            plot = _of_combination(found, one)
-        if plot is not None:
-            plots.append(plot)
-    return plots
+    recorded = {} if record is None else {name: record for name in found.sensors if name in record}
+    plots = [_of_channel(found, of, name, fitted.get(name)) for name, of in recorded.items()]
+    plots += [_of_combination(found, one) for name, one in fitted.items() if name not in recorded]
+    return [plot for plot in plots if plot is not None][:MAX_PLOTS]
 
 
 def _of_channel(found: Identification, record: Record, name: str, fitted: FittedSpectrum | None) -> Plot | None:
@@ -63,7 +56,7 @@ def _of_channel(found: Identification, record: Record, name: str, fitted: Fitted
         x = np.union1d(f[f <= 1.05 * fitted.frequency[-1]], fitted.frequency)
         x = np.union1d(x, f)
         curves.append(_model_curve(x, fitted))
-    curves.insert(0, Curve("measured", np.exp(np.interp(x, f, np.log(density))), colour="measured"))
+    curves.insert(0, PlotCurve("measured", np.exp(np.interp(x, f, np.log(density))), colour="measured"))
     turning = bool(fitted and fitted.turning) or name.startswith("blade")
     unit = unit_text(record.unit(name))
     return _plot(found, name, x, curves, f"{DENSITY} [({unit})²/Hz]", fitted, turning=turning)
@@ -80,15 +73,15 @@ def _of_combination(found: Identification, fitted: FittedSpectrum) -> Plot | Non
     x = np.union1d(middle, fitted.frequency[:: max(1, len(fitted.frequency) // MAX_POINTS)])
     outside = np.isnan(_log_interpolated(x, fitted.frequency, fitted.density))
     values = np.where(outside, np.nan, np.exp(np.interp(x, middle, np.log(np.maximum(measured, 1e-300)))))
-    curves = [Curve("measured", values, colour="measured"), _model_curve(x, fitted)]
+    curves = [PlotCurve("measured", values, colour="measured"), _model_curve(x, fitted)]
     return _plot(found, fitted.channel, x, curves, f"{DENSITY} [unit²/Hz]", fitted, turning=fitted.turning)
 
 
-def _model_curve(x: Array, fitted: FittedSpectrum) -> Curve:
+def _model_curve(x: Array, fitted: FittedSpectrum) -> PlotCurve:
     level = _log_interpolated(x, fitted.frequency, fitted.density)
     std = np.interp(x, fitted.frequency, np.where(np.isfinite(fitted.log_std), fitted.log_std, 0.0))
     low, high = (np.exp(level + sign * SIGMAS * std) for sign in (-1.0, 1.0))
-    return Curve("model", np.exp(level), low, high)
+    return PlotCurve("model", np.exp(level), low, high)
 
 
 def _log_interpolated(x: Array, frequency: Array, density: Array) -> Array:
@@ -130,7 +123,7 @@ def _welch(found: Identification, record: Record, name: str) -> tuple[Array, Arr
 
 
 def _plot(
-    found: Identification, name: str, x: Array, curves: list[Curve], label: str, fitted: FittedSpectrum | None, *,
+    found: Identification, name: str, x: Array, curves: list[PlotCurve], label: str, fitted: FittedSpectrum | None, *,
     turning: bool,
 ) -> Plot:  # fmt: skip
     """One spectrum with marks and shaded ranges, from the lowest frequency to beyond the modes and harmonics."""
@@ -140,7 +133,7 @@ def _plot(
     spans = []
     if fitted is not None and fitted.measured is not None:
         edges = [(0.0, float(fitted.frequency[0])), *_gaps(fitted.frequency), (float(fitted.frequency[-1]), top)]
-        spans = [Span(start, end, "not used by the fit") for start, end in edges if end > start]
+        spans = [ShadedRange(start, end, "not used by the fit") for start, end in edges if end > start]
     frame = "rotating frame" if turning else "fixed frame"
     caption = frame if _turns(found) else ""
     return Plot(
@@ -154,18 +147,24 @@ def _turns(found: Identification) -> bool:
 
 
 def _marks(found: Identification, *, turning: bool) -> list[Mark]:
-    """Modes with the grades of their frequencies, as they are seen from a frame, and harmonics of the rotor."""
+    """Modes with the grades of their frequencies, as they are seen from a frame, harmonics of the rotor and lines."""
     once = found.machine.rotor_speed / (2.0 * math.pi) if found.machine is not None else 0.0
     marks = [
         Mark(f, f"{name} ({m.grades[0]})", "estimate", "modes")
         for m in found.modes for f, name in seen_from(m.name, m.frequency_hz[0], once, turning)
     ]  # fmt: skip
-    if _turns(found) and found.machine is not None:
-        blades = found.machine.model.blades
-        orders = (1, 2, 3) if turning else tuple(dict.fromkeys((1, blades, 2 * blades)))
-        marks += [Mark(n * once, f"{n}P", "reference", "rotor harmonics") for n in orders if n]
     lines = [one for one in found.findings if "frequency" in one.data and "line" in one.code]
-    return marks + [Mark(float(one.data["frequency"]), "", "error", "lines left out") for one in lines]
+    marks += [Mark(float(one.data["frequency"]), "", "error", "lines left out") for one in lines]
+    return marks + _harmonics(found, once, turning=turning)
+
+
+def _harmonics(found: Identification, once: float, *, turning: bool) -> list[Mark]:
+    """1P, 2P and 3P as blades feel them; 1P and multiples of the blades as the support does."""
+    if found.machine is None or once <= 0.0:
+        return []
+    blades = found.machine.model.blades
+    orders = (1, 2, 3) if turning else tuple(dict.fromkeys((1, blades, 2 * blades)))
+    return [Mark(n * once, f"{n}P", "reference", "rotor harmonics") for n in orders if n]
 
 
 def innovation_plots(found: Identification) -> list[Plot]:
@@ -175,7 +174,7 @@ def innovation_plots(found: Identification) -> list[Plot]:
     plots = []
     for row, name in enumerate(found.readings[:MAX_PLOTS]):
         time, low, high = thinned(found.innovation_time, found.whitened[:, row])
-        curve = Curve("innovations", 0.5 * (low + high), low, high, look="area", colour="measured")
+        curve = PlotCurve("innovations", 0.5 * (low + high), low, high, look="area", colour="measured")
         marks = [Mark(at, "", "reference", "±2σ", across=True) for at in (-SIGMAS, SIGMAS)]
         plots.append(Plot(name.replace("_", " "), time, [curve], Axis(TIME), Axis(SIGMA), marks, link="time"))
     return plots
@@ -190,14 +189,16 @@ def whiteness_plots(found: Identification) -> list[Plot]:
         return []
     bound, plots = max(MAX_PEAK_LEVEL, w.spectrum_bound), []
     marks = [Mark(1.0, "", "reference", "white noise", across=True), Mark(bound, "", "error", "limit", across=True)]
-    spans = [Span(low, min(high, float(w.frequency[-1])), "range of the modes", "estimate")] if high > low else []
+    spans = (
+        [ShadedRange(low, min(high, float(w.frequency[-1])), "range of the modes", "estimate")] if high > low else []
+    )
     for row, check in enumerate(w.channels[:MAX_PLOTS]):
         if not np.isfinite(w.spectrum[:, row]).any():
             continue
         f, _, level = thinned(w.frequency, w.spectrum[:, row], MAX_POINTS)
         plots.append(
             Plot(
-                check.name.replace("_", " "), f, [Curve("innovations", level)],
+                check.name.replace("_", " "), f, [PlotCurve("innovations", level)],
                 Axis("frequency [Hz]", log=bool(f[0] > 0.0)), Axis("spectrum [1]", log=True),
                 [*marks, *_marks(found, turning=check.name.startswith("blade"))], spans, link="whitened",
             )
@@ -210,7 +211,7 @@ def record_plots(record: Record, channels: Sequence[str]) -> list[Plot]:
     plots = []
     for name in channels[:MAX_PLOTS]:
         time, low, high = thinned(record.time, record[name])
-        curve = Curve("measured", 0.5 * (low + high), low, high, look="area", colour="measured")
+        curve = PlotCurve("measured", 0.5 * (low + high), low, high, look="area", colour="measured")
         label = f"[{unit_text(record.unit(name))}]"
         plots.append(Plot(name.replace("_", " "), time, [curve], Axis(TIME), Axis(label), link="time"))
     return plots
@@ -223,6 +224,6 @@ def load_plots(found: Identification) -> list[Plot]:
         step = max(1, -(-len(mean) // 1500))
         x, value, half = (v[::step] for v in (found.innovation_time, mean, SIGMAS * std))
         unit = "" if found.machine is None else f"[{unit_text(found.machine.model.freedom(name).load_unit)}]"
-        curve = Curve("load", value, value - half, value + half)
+        curve = PlotCurve("load", value, value - half, value + half)
         plots.append(Plot(name.replace("_", " "), x, [curve], Axis(TIME), Axis(unit), link="time"))
     return plots

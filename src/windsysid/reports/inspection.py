@@ -14,7 +14,7 @@ from windsysid.reports.figures.inspection_figures import (
     spectrogram_figure,
 )
 from windsysid.reports.html import Section, png, report_page
-from windsysid.reports.interactive.plot import Axis, Curve, Mark, Plot
+from windsysid.reports.interactive.plot import Axis, Mark, Plot, PlotCurve
 
 if TYPE_CHECKING:
     from windsysid.inspection.inspection import Inspection
@@ -83,7 +83,7 @@ def _spectra_plots(i: "Inspection") -> list[Plot]:
         if not (density > 0.0).any():
             continue
         starts = range(0, len(f), size)
-        curve = Curve("measured", np.maximum.reduceat(density, starts))
+        curve = PlotCurve("measured", np.maximum.reduceat(density, starts))
         marks = [
             Mark(line.frequency, line.name, "error" if line.mode else "reference", NAMES[line.mode])
             for line in drawn_lines(spectrum.lines, i.blades, float(f[-1]))

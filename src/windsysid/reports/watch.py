@@ -15,7 +15,7 @@ from windsysid.output.table import Table
 from windsysid.reports.figures.canvas import canvas
 from windsysid.reports.figures.plots import BAND, ERROR, ESTIMATE, REFERENCE, symbol, tidy
 from windsysid.reports.html import Section, png, report_page
-from windsysid.reports.interactive.plot import Axis, Curve, Mark, Plot, Span
+from windsysid.reports.interactive.plot import Axis, Mark, Plot, PlotCurve, ShadedRange
 from windsysid.units import unit_text
 
 __all__ = ["figure", "files"]
@@ -99,15 +99,15 @@ def _plots(watch: Watch) -> list[Plot]:
     for s in watch.series:
         found = [c for c in watch.changes if c.name == s.name]
         marks = [Mark(moment(c.time), f"{c.percent:+.2g} %", "error", "jumps") for c in found]
-        spans = [Span(moment(c.earliest), moment(c.latest), "jumps", "error") for c in found]
+        spans = [ShadedRange(moment(c.earliest), moment(c.latest), "jumps", "error") for c in found]
         curves = [
-            Curve("records", s.adjusted[::step], look="dots", colour="measured"),
-            Curve("level", s.level[::step], s.low[::step], s.high[::step]),
+            PlotCurve("records", s.adjusted[::step], look="dots", colour="measured"),
+            PlotCurve("level", s.level[::step], s.low[::step], s.high[::step]),
         ]
         name = (noise_source(s.name) or s.name).replace("_", " ")
         y_axis, time = Axis(f"[{unit_text(s.unit)}]", limits=_limits(s.adjusted)), moment(watch.blocks.time[::step])
         plots.append(Plot(name, time, curves, x_axis, y_axis, marks, spans, link="time"))
-        test = Curve("test ÷ threshold", _highest(s.statistic, step) / s.limit)
+        test = PlotCurve("test ÷ threshold", _highest(s.statistic, step) / s.limit)
         threshold = Mark(1.0, "threshold", "reference", "threshold", across=True)
         plots.append(Plot(f"{name}, test", time, [test], x_axis, Axis("[1]"), [threshold, *marks], link="time"))
     return plots

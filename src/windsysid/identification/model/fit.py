@@ -17,8 +17,8 @@ from windsysid.identification.model.drift import Drift
 from windsysid.loads.statistics import Statistic
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import LOW_PASS, Record
+from windsysid.results.estimate import FittedSpectrum
 from windsysid.results.finding import Finding
-from windsysid.results.fitted_spectrum import FittedSpectrum
 from windsysid.results.load_history import Loads
 from windsysid.results.smoothed_loads import SmoothedLoads
 from windsysid.results.tolerance import Group, Tolerance, unknowns_of

@@ -249,10 +249,7 @@ def spectrogram_figure(inspection: "Inspection") -> Figure | None:
 
 
 def _spectrogram(figure: Figure, ax: Axes, picture: Spectrogram, inspection: "Inspection") -> None:
-    of_channel = [spectrum for spectrum in inspection.spectra if spectrum.channel == picture.channel]
-    lines, top = of_channel[0].lines if of_channel else (), float(picture.frequency[-1])
-    if of_channel:
-        top = min(highest_drawn(of_channel[0], inspection.blades), top)
+    lines, top = _lines_and_top(inspection, picture)
     inside = picture.frequency <= 1.02 * top + picture.frequency[1]
     every = max(1, int(inside.sum()) // 500)
     frequency = picture.frequency[inside][::every]
@@ -284,6 +281,15 @@ def _spectrogram(figure: Figure, ax: Axes, picture: Spectrogram, inspection: "In
     ax.set_title(label(picture.channel.replace("_", " ")), fontsize=9, loc="left", pad=3)
     ax.spines[["top", "right"]].set_visible(False)
     ax.tick_params(labelsize=8)
+
+
+def _lines_and_top(inspection: "Inspection", picture: Spectrogram) -> tuple[Sequence[ExpectedLine], float]:
+    """Expected lines of the channel, and the upper end of its frequency axis [Hz]."""
+    top = float(picture.frequency[-1])
+    for spectrum in inspection.spectra:
+        if spectrum.channel == picture.channel:
+            return spectrum.lines, min(highest_drawn(spectrum, inspection.blades), top)
+    return (), top
 
 
 def _level_limits(level: Array, vibrating: Array) -> tuple[float, float]:

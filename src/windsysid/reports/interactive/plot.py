@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from windsysid._types import Array
 
-__all__ = ["Axis", "Curve", "Mark", "Plot", "Span", "thinned", "to_json"]
+__all__ = ["Axis", "Mark", "Plot", "PlotCurve", "ShadedRange", "thinned", "to_json"]
 
 MAX_POINTS = 1000
 """Setting: points of a curve that a page embeds; a plot is about as many pixels wide."""
@@ -35,7 +35,7 @@ class Axis:
 
 
 @dataclass(frozen=True)
-class Curve:
+class PlotCurve:
     """Values over the plot's x (n,), with the limits of an interval where `low` and `high` are given.
 
     `look` is ``"line"``, ``"dots"`` (intervals as whiskers) or ``"area"`` (between `low` and `high` only); `colour` is
@@ -63,7 +63,7 @@ class Mark:
 
 
 @dataclass(frozen=True)
-class Span:
+class ShadedRange:
     """A shaded range of x; spans of one `group` are switched together."""
 
     start: float
@@ -81,13 +81,13 @@ class Plot:
     Examples
     --------
     >>> from windsysid.reports.html import Section, report_page
-    >>> from windsysid.reports.interactive.plot import Axis, Curve, Mark, Plot
+    >>> from windsysid.reports.interactive.plot import Axis, PlotCurve, Mark, Plot
     >>> plot = Plot(
     ...     "tower top",
     ...     [0.1, 0.2, 0.3],
     ...     [
-    ...         Curve("measured", [1.0, 9.0, 2.0], colour="measured"),
-    ...         Curve("model", [1, 8, 2], low=[0.8, 6, 1.5], high=[1.3, 9, 3]),
+    ...         PlotCurve("measured", [1.0, 9.0, 2.0], colour="measured"),
+    ...         PlotCurve("model", [1, 8, 2], low=[0.8, 6, 1.5], high=[1.3, 9, 3]),
     ...     ],
     ...     Axis("frequency [Hz]"),
     ...     Axis("PSD [(m/s²)²/Hz]", log=True),
@@ -100,11 +100,11 @@ class Plot:
 
     title: str
     x: ArrayLike
-    curves: Sequence[Curve]
+    curves: Sequence[PlotCurve]
     x_axis: Axis
     y_axis: Axis
     marks: Sequence[Mark] = ()
-    spans: Sequence[Span] = ()
+    spans: Sequence[ShadedRange] = ()
     caption: str = ""
     link: str = field(default="")
 

@@ -8,7 +8,7 @@ from html import escape
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.reports.interactive.plot import Axis, Curve, Plot
+from windsysid.reports.interactive.plot import Axis, Plot, PlotCurve
 
 __all__ = ["static_svg"]
 
@@ -60,19 +60,24 @@ def _limits(plot: Plot, axis: Axis, *, of_x: bool) -> tuple[float, float]:
         return axis.limits
     if axis.names:
         return -0.5, len(axis.names) - 0.5
-    parts = [plot.x] if of_x else [v for c in plot.curves for v in (c.values, c.low, c.high) if v is not None]
-    values = np.concatenate([_array(part) for part in parts]) if parts else np.empty(0)
+    values = _drawn(plot, of_x=of_x)
     values = values[np.isfinite(values) & ((values > 0.0) | (not axis.log))]
     if not values.size:
         return (0.1, 1.0) if axis.log else (0.0, 1.0)
     low, high = float(values.min()), float(values.max())
-    if of_x and high > low:
-        return low, high
-    if high == low and not axis.log:
-        return low - (0.05 * abs(low) or 1.0), high + (0.05 * abs(high) or 1.0)
-    if axis.log:
+    return (low, high) if of_x and high > low else _with_margin(low, high, log=axis.log)
+
+
+def _drawn(plot: Plot, *, of_x: bool) -> Array:
+    """All values along an axis."""
+    parts = [plot.x] if of_x else [v for c in plot.curves for v in (c.values, c.low, c.high) if v is not None]
+    return np.concatenate([_array(part) for part in parts]) if parts else np.empty(0)
+
+
+def _with_margin(low: float, high: float, *, log: bool) -> tuple[float, float]:
+    if log:
         return low / 1.5, high * 1.5
-    margin = 0.06 * (high - low)
+    margin = 0.06 * (high - low) if high > low else 0.05 * abs(low) or 1.0
     return low - margin, high + margin
 
 
@@ -87,30 +92,37 @@ def _place(axis: Axis, limits: tuple[float, float], start: float, end: float) ->
     return to_pixels
 
 
-def _curve(curve: Curve, x: Array, to_y: Place) -> list[str]:
+def _curve(curve: PlotCurve, x: Array, to_y: Place) -> list[str]:
     """One curve: its interval, then itself."""
-    found, colour = [], f"var(--{curve.colour})"
-    values = to_y(_array(curve.values))
+    values, colour = to_y(_array(curve.values)), f"var(--{curve.colour})"
     bounds = None if curve.low is None else (to_y(_array(curve.low)), to_y(_array(curve.high)))
     if curve.look == "dots":
-        if bounds is not None:
-            ends = zip(x, *bounds, strict=True)
-            path = "".join(f"M{a:.1f} {b:.1f}V{c:.1f}" for a, b, c in ends if math.isfinite(a + b + c))
-            found.append(f'<path d="{path}" style="stroke:{colour}" stroke-width="1.4" fill="none"/>')
-        dots = [f"M{a:.1f} {b:.1f}h0" for a, b in zip(x, values, strict=True) if math.isfinite(a + b)]
-        found.append(f'<path d="{"".join(dots)}" style="stroke:{colour}" stroke-width="4" stroke-linecap="round"/>')
-        return found
-    if bounds is not None:
-        solid = 1.0 if curve.look == "area" else 0.25
-        for segment in _segments(x, *bounds):
-            upper, lower = (
-                _outline(x[segment], bound[segment], extreme) for bound, extreme in zip(bounds, (1, 0), strict=True)
-            )
-            found.append(f'<path d="M{upper}L{_reverse(lower)}Z" style="fill:{colour}" fill-opacity="{solid:g}"/>')
+        return _dots(x, values, bounds, colour)
+    found = [] if bounds is None else _area(x, bounds, colour, 1.0 if curve.look == "area" else 0.25)
     if curve.look == "line":
         path = "".join(f"M{_outline(x[part], values[part])}" for part in _segments(x, values))
         dash = ' stroke-dasharray="6 4"' if curve.dashed else ""
         found.append(f'<path d="{path}" style="stroke:{colour}" stroke-width="1.2" fill="none"{dash}/>')
+    return found
+
+
+def _dots(x: Array, values: Array, bounds: tuple[Array, Array] | None, colour: str) -> list[str]:
+    """Dots with whiskers."""
+    ends = () if bounds is None else zip(x, *bounds, strict=True)
+    whiskers = "".join(f"M{a:.1f} {b:.1f}V{c:.1f}" for a, b, c in ends if math.isfinite(a + b + c))
+    dots = "".join(f"M{a:.1f} {b:.1f}h0" for a, b in zip(x, values, strict=True) if math.isfinite(a + b))
+    return [
+        f'<path d="{whiskers}" style="stroke:{colour}" stroke-width="1.4" fill="none"/>',
+        f'<path d="{dots}" style="stroke:{colour}" stroke-width="4" stroke-linecap="round"/>',
+    ]
+
+
+def _area(x: Array, bounds: tuple[Array, Array], colour: str, opacity: float) -> list[str]:
+    """What is between two bounds."""
+    found = []
+    for part in _segments(x, *bounds):
+        low, high = (_outline(x[part], bound[part], side) for bound, side in zip(bounds, (1, 0), strict=True))
+        found.append(f'<path d="M{low}L{_reverse(high)}Z" style="fill:{colour}" fill-opacity="{opacity:g}"/>')
     return found
 
 
@@ -217,11 +229,13 @@ def _ticks(axis: Axis, limits: tuple[float, float], most: int) -> list[tuple[flo
         powers = range(math.ceil(math.log10(low)), math.floor(math.log10(high)) + 1)
         return [(10.0**n, f"{10.0**n:g}") for n in powers[:: max(1, -(-len(powers) // most))]]
     step = _step((high - low) / most)
-    values = step * np.arange(math.ceil(low / step), math.floor(high / step) + 1)
-    if axis.dates:
-        form = "%Y-%m-%d" if step > 2e4 else "%m-%d %H:%M"
-        return [(float(v), datetime.fromtimestamp(float(v), UTC).strftime(form)) for v in values]
-    return [(float(v), f"{float(v) + 0.0:.6g}") for v in values]
+    values = (step * np.arange(math.ceil(low / step), math.floor(high / step) + 1)).tolist()
+    return _dated(values, step) if axis.dates else [(value, f"{value + 0.0:.6g}") for value in values]
+
+
+def _dated(values: Sequence[float], step: float) -> list[tuple[float, str]]:
+    form = "%Y-%m-%d" if step > 2e4 else "%m-%d %H:%M"
+    return [(value, datetime.fromtimestamp(value, UTC).strftime(form)) for value in values]
 
 
 def _step(least: float) -> float:

@@ -54,6 +54,8 @@ const plots = (() => {
       this.readout = make("p", { class: "plot-readout", "aria-hidden": "true" });
       figure.append(this.legend, this.place, this.readout, this.tools);
       figure.classList.add("live");
+      const long = Math.max(0, ...spec.x_axis.names.map((one) => one.length));
+      this.nameHeight = long ? Math.min(130, 20 + 5.2 * long) : 0;
       if (spec.link) links.set(spec.link, [...(links.get(spec.link) ?? []), this]);
       this.whole = this.extent(spec.x);
       this.start = spec.x_axis.limits ?? this.whole;
@@ -130,7 +132,7 @@ const plots = (() => {
 
     fit() {
       const width = Math.floor(this.place.clientWidth);
-      if (this.plot && width && width !== this.width) { this.width = width; this.plot.setSize({ width, height: HEIGHT }); }
+      if (this.plot && width && width !== this.width) { this.width = width; this.plot.setSize({ width, height: HEIGHT + this.nameHeight }); }
     }
 
     // Vertical limits of the curves that are shown within the horizontal ones.
@@ -177,12 +179,12 @@ const plots = (() => {
         font: "12px system-ui, sans-serif", labelFont: "12px system-ui, sans-serif", label: spec[`${side}_axis`].label, labelSize: 20, ...more });
       const name = (values, few) => values.map((v) => (v === null ? "" : few && !Number.isInteger(Number(Math.log10(v).toFixed(9))) ? "" : digits(v, 6)));
       const values = (side) => (u, ticks) => name(ticks, log[side] && u.scales[side].max > 30 * u.scales[side].min);
-      const names = spec.x_axis.names, long = Math.max(0, ...names.map((one) => one.length));
-      const byName = { splits: () => names.map((_, i) => i), values: () => names, rotate: 50, size: Math.min(130, 20 + 5.2 * long), grid: { show: false } };
+      const names = spec.x_axis.names;
+      const byName = { splits: () => names.map((_, i) => i), values: () => names, rotate: 50, size: this.nameHeight, grid: { show: false } };
       this.plot?.destroy();
       this.width = Math.floor(this.place.clientWidth) || 320;
       this.plot = new uPlot({
-        width: this.width, height: HEIGHT, legend: { show: false }, padding: [spec.marks.some((one) => one.name && !one.across) ? 6 + 13 * NAME_ROWS : 10, 14, 0, 0],
+        width: this.width, height: HEIGHT + this.nameHeight, legend: { show: false }, padding: [spec.marks.some((one) => one.name && !one.across) ? 6 + 13 * NAME_ROWS : 10, 14, 0, 0],
         scales: {
           x: { time: spec.x_axis.dates, distr: log.x ? 3 : 1, range: () => this.view.x },
           y: { distr: log.y ? 3 : 1, range: () => this.heights() },

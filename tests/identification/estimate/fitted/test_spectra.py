@@ -7,7 +7,8 @@ from scipy.signal import welch
 
 import windsysid as ws
 from windsysid._types import Array
-from windsysid.results.fitted_spectrum import FittedSpectrum
+from windsysid.identification.estimate.fitted.spectra import spectra_of_filter
+from windsysid.results.estimate import FittedSpectrum
 from windsysid.results.identification import Identification
 from windsysid.turbine.turbine import Turbine
 
@@ -65,3 +66,16 @@ def test_spectra_have_intervals_and_increasing_frequencies(fits: dict[str, Ident
         assert (found.density > 0.0).all()
         assert np.isfinite(found.log_std).all()
         assert 0.02 < np.median(found.log_std) < 1.0
+
+
+def test_the_spectrum_of_an_autoregression_has_its_closed_form(tower: Turbine):
+    """H = (1 − a e^{−iω}) / σ whitens it; ∂ ln S / ∂ ln σ = 2."""
+    a, sigma, rate, samples = 0.9, 0.3, 5.0, 4000
+    frequency = np.arange(1, samples // 2) * rate / samples
+    H = (1.0 - a * np.exp(-2j * np.pi * frequency / rate)) / sigma
+    gradients = np.full((len(frequency), 1, 1, 1), -2.0 + 0j)  # ∂H/∂ln σ H⁻¹ + c.c.
+    (found,) = spectra_of_filter(H[:, None, None], gradients, np.array([[0.01]]), frequency, (tower.sensors[0],))
+    expected = 2.0 * sigma**2 / rate / np.abs(1.0 - a * np.exp(-2j * np.pi * found.frequency / rate)) ** 2
+    assert found.density == pytest.approx(expected, rel=1e-9)
+    assert found.log_std == pytest.approx(0.2, rel=1e-9)
+    assert len(found.frequency) <= 800

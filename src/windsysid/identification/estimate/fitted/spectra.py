@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from windsysid._types import Array, Complex
 from windsysid.mechanics.sensors import Sensor
-from windsysid.results.fitted_spectrum import FittedSpectrum
+from windsysid.results.estimate import FittedSpectrum
 from windsysid.spectral.rotor.model import LiftedModel
 
 __all__ = ["joined_spectrum", "spectra_of_filter", "spectra_of_model"]

@@ -18,7 +18,7 @@ from windsysid.filters.bank import bank_of, run_bank
 from windsysid.identification.estimate.fitted.linearisation import Linearisation
 from windsysid.identification.estimate.fitted.spectra import spectra_of_filter
 from windsysid.identification.estimate.scoring import INCREMENT, neighbours
-from windsysid.results.fitted_spectrum import FittedSpectrum
+from windsysid.results.estimate import FittedSpectrum
 from windsysid.signals.inputs import TURNING
 
 __all__ = ["scores_over_frequency"]

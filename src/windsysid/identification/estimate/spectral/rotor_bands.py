@@ -13,8 +13,8 @@ from windsysid.errors import ConfigurationError, WindsysidError
 from windsysid.identification.estimate.fitted.spectra import joined_spectrum, spectra_of_model
 from windsysid.identification.estimate.prior_conflict import find_held, one_by_one
 from windsysid.loads.statistics import Statistic
+from windsysid.results.estimate import FittedSpectrum
 from windsysid.results.finding import Finding
-from windsysid.results.fitted_spectrum import FittedSpectrum
 from windsysid.scoring import covariance
 from windsysid.spectral.rotor.model import Inexact
 from windsysid.spectral.rotor.problem import RotorQuestion
