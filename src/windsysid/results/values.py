@@ -8,7 +8,7 @@ from windsysid._types import Array
 from windsysid.checks.verdict import Diagnosis
 from windsysid.loads.statistics import Statistic
 from windsysid.results.budget import Budget
-from windsysid.results.estimate import Estimate
+from windsysid.results.estimate import Estimate, FittedSpectrum
 from windsysid.results.finding import Finding
 from windsysid.results.load_history import Loads
 from windsysid.results.mode import Mode
@@ -53,6 +53,7 @@ class IdentificationValues:
     joint_cov: Array | None = None
     tolerances: tuple[Tolerance, ...] = ()
     budget: Budget = field(default_factory=Budget)
+    spectra: tuple[FittedSpectrum, ...] = ()
     diagnosis: Diagnosis = field(kw_only=True)
 
     def __getitem__(self, name: str) -> Estimate:
