@@ -68,7 +68,8 @@ if TYPE_CHECKING:
     from windsysid.results.provenance import Provenance
     from windsysid.simulation.record import simulate_record as simulate
     from windsysid.spectral.oma.analyse import analyse_vibration as oma
-    from windsysid.spectral.oma.result import OperationalMode, OperationalModes
+    from windsysid.spectral.oma.mode import OperationalMode
+    from windsysid.spectral.oma.result import OperationalModes
     from windsysid.spectral.oma.sensors import ModalSensor
     from windsysid.statespace.compose import StateSpace, compose
     from windsysid.statespace.gauss_markov import GaussMarkov
@@ -124,7 +125,8 @@ _WHERE = {
     "simulation.record": "simulate=simulate_record",
     "spectral.oma.sensors": "ModalSensor",
     "spectral.oma.analyse": "oma=analyse_vibration",
-    "spectral.oma.result": "OperationalMode OperationalModes",
+    "spectral.oma.mode": "OperationalMode",
+    "spectral.oma.result": "OperationalModes",
     "statespace.compose": "StateSpace compose",
     "statespace.gauss_markov": "GaussMarkov",
     "statespace.parameter": "Parameter",

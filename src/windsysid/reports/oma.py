@@ -8,7 +8,8 @@ from windsysid.output.table import Table
 from windsysid.reports.figures.canvas import MAX_TICK_CHARACTERS, canvas, label
 from windsysid.reports.figures.plots import BAND, ERROR, ESTIMATE, MEASURED, REFERENCE, tidy
 from windsysid.reports.html import Section, png, report_page
-from windsysid.spectral.oma.result import OperationalMode, OperationalModes
+from windsysid.spectral.oma.mode import OperationalMode
+from windsysid.spectral.oma.result import OperationalModes
 
 __all__ = ["figure", "files"]
 
@@ -16,7 +17,6 @@ MOST_SHAPES = 24
 """Modes whose shapes are drawn."""
 
 COLUMNS = 4
-MOST_LINES = 4000
 
 
 def figure(found: OperationalModes, place: Axes | None = None) -> Figure:
@@ -43,10 +43,8 @@ def figure(found: OperationalModes, place: Axes | None = None) -> Figure:
 
 
 def _spectrum(ax: Axes, found: OperationalModes) -> None:
-    size = max(1, len(found.frequency) // MOST_LINES)
-    stretches = len(found.level) // size
-    level = found.level[: stretches * size].reshape(stretches, size).mean(axis=1)
-    ax.semilogy(found.frequency[: stretches * size : size][1:], level[1:], color=MEASURED, lw=0.7)
+    for i, values in enumerate(found.singular_values.T):
+        ax.semilogy(found.frequency[1:], values[1:], color=MEASURED, lw=0.9 if i == 0 else 0.5, alpha=1.0 - 0.12 * i)
     for mode in found.modes:
         ax.axvspan(*mode.band, color=BAND, alpha=0.25, lw=0)
         ax.axvline(mode.frequency, color=ESTIMATE if mode.trusted else ERROR, lw=0.9)
@@ -55,7 +53,7 @@ def _spectrum(ax: Axes, found: OperationalModes) -> None:
     top = max((mode.band[1] for mode in found.modes), default=float(found.frequency[-1]))
     ax.set_xlim(0.0, min(1.3 * top, float(found.frequency[-1])))
     ax.set_title(
-        "all channels, scaled; blue: modes and their frequency ranges, orange: grade C, dotted: removed lines",
+        "singular values; blue: modes and their frequency ranges, orange: grade C, dotted: removed lines",
         fontsize=9,
         loc="left",
     )

@@ -25,8 +25,9 @@ from windsysid.spectral.oma.assemble import RecordAnalysis, result_of
 from windsysid.spectral.oma.clock_lag import aligned, clock_lags, lag_doubt
 from windsysid.spectral.oma.condition import Readings, prepare_readings, transforms
 from windsysid.spectral.oma.describe import described, named, with_references, without_skirts
+from windsysid.spectral.oma.mode import Doubt
 from windsysid.spectral.oma.multi_setup import join
-from windsysid.spectral.oma.result import Doubt, OperationalModes
+from windsysid.spectral.oma.result import OperationalModes
 from windsysid.spectral.oma.search import covered_note, modes_of, search_modes
 from windsysid.spectral.oma.sensors import ModalSensor
 from windsysid.turbine.coercion import TurbineLike, as_turbine

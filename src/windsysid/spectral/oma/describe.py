@@ -17,7 +17,7 @@ from windsysid.spectral.modal_bands.model_order import BandFit, Shapes, full_sha
 from windsysid.spectral.modal_bands.part_scores import Segments, part_scores, widening_of
 from windsysid.spectral.oma.condition import Readings
 from windsysid.spectral.oma.limits import MIN_BLADE_RATIO, SKIRT_HALF_WIDTHS
-from windsysid.spectral.oma.result import Doubt, OperationalMode
+from windsysid.spectral.oma.mode import Doubt, OperationalMode
 from windsysid.turbine.turbine import Turbine
 
 __all__ = ["described", "mode_of", "named", "widened", "with_references", "without_skirts"]

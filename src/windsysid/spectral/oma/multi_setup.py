@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 
 from windsysid._types import Complex
 from windsysid.errors import ConfigurationError
+from windsysid.modal.shape_merging import MergedShape, Ratios, merge_shapes
+from windsysid.modal.shapes import assurance
 from windsysid.spectral.modal_bands.check import fit_doubts, shape_doubts
 from windsysid.spectral.modal_bands.correlated_loads import are_shared
 from windsysid.spectral.modal_bands.limits import MIN_BAND_BINS
@@ -29,11 +31,11 @@ from windsysid.spectral.oma.assemble import RecordAnalysis, drawn, result_of
 from windsysid.spectral.oma.describe import mode_of
 from windsysid.spectral.oma.duplicate_records import find_duplicates
 from windsysid.spectral.oma.limits import JOINT_STEPS, MIN_SCATTER_PROBABILITY, MIN_SHAPE_ASSURANCE
-from windsysid.spectral.oma.mode_tracking import Seen, assurance, follow_modes
-from windsysid.spectral.oma.result import Doubt, DoubtKind, OperationalMode, OperationalModes, RecordModes
+from windsysid.spectral.oma.mode import Doubt, DoubtKind, OperationalMode
+from windsysid.spectral.oma.mode_tracking import Seen, follow_modes
+from windsysid.spectral.oma.result import OperationalModes, RecordModes
 from windsysid.spectral.oma.search import band_bins, covered_note, is_rotational_peak
 from windsysid.spectral.oma.sensors import ModalSensor
-from windsysid.spectral.oma.shape_merging import MergedShape, Ratios, merge_shapes
 from windsysid.spectral.transforms.dft import band_data
 
 __all__ = ["join"]
