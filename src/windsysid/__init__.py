@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     )
     from windsysid.mechanics.tower import TowerModel
     from windsysid.modal.campbell import Campbell
+    from windsysid.modal.decays.analyse import analyse_decays as free_decay
     from windsysid.modal.sweep import find_modes as modes
     from windsysid.monitoring.change import Comparison
     from windsysid.monitoring.changes import Watch
@@ -106,6 +107,7 @@ _WHERE = {
     ),
     "mechanics.tower": "TowerModel",
     "modal.campbell": "Campbell",
+    "modal.decays.analyse": "free_decay=analyse_decays",
     "modal.sweep": "modes=find_modes",
     "monitoring.change": "Comparison",
     "monitoring.changes": "Watch",
@@ -223,6 +225,7 @@ __all__ = [  # noqa: RUF022
     "load_turbine",
     "modes",
     "monitor",
+    "free_decay",
     "oma",
     "packaged_turbines",
     "plan",

@@ -33,7 +33,7 @@ from windsysid.spectral.oma.sensors import ModalSensor
 from windsysid.turbine.coercion import TurbineLike, as_turbine
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["analyse_vibration"]
+__all__ = ["Sensors", "analyse_vibration", "sensors_of_each"]
 
 Sensors = Sequence[Sensor | ModalSensor | str]
 
@@ -92,7 +92,7 @@ def analyse_vibration(
         raise ConfigurationError("records: expected one at least, got an empty list")
     machine = None if turbine is None else as_turbine(turbine)
     request = _AnalysisOptions(machine, bands, limits, section, progress)
-    lists = _sensors_of_each(sensors, len(records))
+    lists = sensors_of_each(sensors, len(records))
     singles = [_analysed(each, listed, request) for each, listed in zip(records, lists, strict=True)]
     progress("the result", None)
     found = result_of(singles[0]) if len(singles) == 1 else join(singles)
@@ -113,7 +113,7 @@ class _AnalysisOptions(NamedTuple):
     progress: Progress
 
 
-def _sensors_of_each(sensors: "Sensors | Sequence[Sensors] | None", count: int) -> "list[Sensors | None]":
+def sensors_of_each(sensors: "Sensors | Sequence[Sensors] | None", count: int) -> "list[Sensors | None]":
     """Sensor list of each record."""
     if sensors is None or not any(isinstance(one, list | tuple) for one in sensors):
         return [sensors] * count  # type: ignore[list-item]

@@ -38,7 +38,7 @@ from windsysid.spectral.oma.search import band_bins, covered_note, is_rotational
 from windsysid.spectral.oma.sensors import ModalSensor
 from windsysid.spectral.transforms.dft import band_data
 
-__all__ = ["join"]
+__all__ = ["common_sensors", "join"]
 
 DOUBTS_OF_A_RECORD: tuple[DoubtKind, ...] = ("scores", "image", "load")
 """Kinds of doubts about a mode in one record that also concern the joint mode."""
@@ -88,7 +88,7 @@ def join(singles: Sequence[RecordAnalysis]) -> OperationalModes:
         If the records are not connected by common sensors, or one sensor has different units.
     """
     results = [result_of(single) for single in singles]
-    setups = _Setups([_without_doubtful_shapes(single) for single in singles], results, _common_sensors(results))
+    setups = _Setups([_without_doubtful_shapes(single) for single in singles], results, common_sensors(results))
     tracks = follow_modes(_observed_modes(setups))
     joint = _Joint([], [], [], [track for track in tracks if not _is_mode(track, setups)])
     for low, high, group in _groups([track for track in tracks if track not in joint.left_out], setups):
@@ -107,7 +107,7 @@ def _without_doubtful_shapes(single: RecordAnalysis) -> RecordAnalysis:
     return single._replace(modes=tuple(mode for mode in single.modes if not mode.doubted_for("shape")))
 
 
-def _common_sensors(results: Sequence[OperationalModes]) -> _Sensors:
+def common_sensors(results: Sequence[OperationalModes]) -> _Sensors:
     """Sensors of all records; two are the same if position and direction are, or else if channels are."""
     known: dict[Hashable, int] = {}
     names: list[str] = []
@@ -350,5 +350,7 @@ def _record_modes(setups: _Setups, joint: _Joint) -> list[RecordModes]:
     parts = []
     for s, (single, one) in enumerate(zip(setups.singles, setups.results, strict=True)):
         modes = tuple(single.modes[track[s]] if s in track else None for _, track in joint.modes)
-        parts.append(RecordModes(one.record, one.start, one.section, one.rate, one.samples, modes, one.notes))
+        parts.append(
+            RecordModes(one.record, one.start, one.section, one.rate, one.samples, modes, one.notes, one.channels)
+        )
     return parts

@@ -2,7 +2,7 @@
 
 import json
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -19,10 +19,11 @@ from windsysid.units import unit_text
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["ANALYSIS", "BandSpectrum", "OperationalModes", "RecordModes"]
+__all__ = ["ANALYSIS", "BandSpectrum", "DecayHistory", "OperationalModes", "RecordModes"]
 
 ANALYSIS = "operational modes"
 """Kind of analysis in ``summary.json``."""
+
 
 @dataclass(frozen=True)
 class RecordModes:
@@ -36,6 +37,8 @@ class RecordModes:
         Each joint mode as this record alone gives it; None if this record does not show it.
     notes
         Remarks on this record.
+    channels
+        Its channels.
     """
 
     record: str
@@ -45,6 +48,7 @@ class RecordModes:
     samples: int
     modes: tuple[OperationalMode | None, ...]
     notes: tuple[str, ...]
+    channels: tuple[str, ...] = ()
 
     def summary(self) -> dict[str, Any]:
         """Plain values for JSON."""
@@ -59,6 +63,16 @@ class BandSpectrum:
     as fitted (K,)."""
 
     frequency: Array
+    measured: Array
+    fitted: Array
+
+
+class DecayHistory(NamedTuple):
+    """History of the channel of a record that decays most clearly: times (T,) [s], readings and fit (T,)."""
+
+    record: str
+    channel: str
+    time: Array
     measured: Array
     fitted: Array
 
@@ -97,6 +111,8 @@ class OperationalModes(Answer):
         `singular_values` and `bands` of the first.
     record_hash
         Of the whole record, as `windsysid.results.provenance.record_hash` gives it; None of several.
+    decays
+        Free decays (`windsysid.free_decay`), a history of each record; empty for ambient vibration.
     """
 
     record: str
@@ -119,6 +135,12 @@ class OperationalModes(Answer):
     start: str | None = None
     parts: tuple[RecordModes, ...] = ()
     record_hash: str | None = None
+    decays: tuple[DecayHistory, ...] = ()
+
+    @property
+    def method(self) -> str:
+        """``ambient vibration`` or ``free decays``."""
+        return "free decays" if self.decays else "ambient vibration"
 
     @property
     def trusted(self) -> bool:
@@ -156,6 +178,7 @@ class OperationalModes(Answer):
         """Contents of ``summary.json``."""
         return {
             "analysis": ANALYSIS,
+            "method": self.method,
             "record": self.record,
             "record_hash": self.record_hash,
             "start": self.start,
