@@ -1,7 +1,9 @@
 """Names of channels, turbines and units are shown in figures as text, whatever they hold, without a warning."""
 
+import json
 import warnings
 from dataclasses import replace
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -14,8 +16,11 @@ from windsysid.records.record import AS_WRITTEN
 from windsysid.reports import figure as figure_of
 from windsysid.reports import files
 from windsysid.reports.figures.canvas import label
-from windsysid.reports.figures.plots import innovations, record_overview, symbol, whiteness
+from windsysid.reports.figures.plots import record_overview, symbol
 from windsysid.reports.html import png
+from windsysid.reports.identification_plots import innovation_plots, whiteness_plots
+from windsysid.reports.interactive.plot import to_json
+from windsysid.reports.interactive.svg import static_svg
 from windsysid.spectral.oma.analyse import analyse_vibration
 
 HOSTILE = [
@@ -79,8 +84,12 @@ def test_every_figure_of_a_fit_takes_any_name_of_a_reading():
         spring, record, parameters=(Parameter("c", 0.4, 1.0), Parameter("k", 20.0, 1.5)),
         sensors=tuple(Reading(name, q, 0.01) for name in names), cov=1e-12 * np.eye(2),
     )  # fmt: skip
-    for drawn in (figure_of(found), innovations(found), whiteness(found)):
-        assert drawn is None or png(drawn)
+    assert png(figure_of(found))
+    plots = [*innovation_plots(found), *whiteness_plots(found)]
+    assert plots
+    for number, plot in enumerate(plots):
+        assert json.loads(to_json(plot))["title"] == plot.title
+        ElementTree.fromstring(static_svg(plot, str(number)))
 
 
 def test_pages_show_markup_as_text():

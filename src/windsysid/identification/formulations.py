@@ -7,7 +7,6 @@ structure is found and included by `windsysid.identification.pipeline`.
 from collections.abc import Callable
 from dataclasses import replace
 
-from windsysid.checks.dispersion import PartScores
 from windsysid.errors import ConfigurationError, WindsysidError
 from windsysid.identification.condition.readings import check_length, thin_to_readings
 from windsysid.identification.effects.clock_drift import drifts_in
@@ -50,19 +49,22 @@ def _by_filters(job: Job, start: FittedJob | None) -> FittedJob:
     left = part if waves is None or not waves.forces else waves.left(part, turbine, at.sensors)
     read = replace(left, time=left.time[::steps], values=left.values[::steps])
     fit = FittedJob("joint", _widened(job, outcome), read, at.sensors, at.faults, job.prior or Prior())
-    fit = fit._replace(outcome=fit.outcome._replace(scores=_scores(job, fit)))
+    fit = fit._replace(outcome=_scored(job, fit))
     return fit.doubted(MOVED) if drifts_in(job) else fit
 
 
-def _scores(job: Job, fit: FittedJob) -> tuple[PartScores, ...]:
-    """Scores over time, and over frequencies where they can be computed."""
+def _scored(job: Job, fit: FittedJob) -> Outcome:
+    """A fit with scores over time, and with those over frequencies and spectra where they can be computed."""
     (time,) = fit.outcome.scores
     try:
         at = linearise(job, fit)
         over = scores_over_frequency(at, time.precision) if at is not None else None
     except (WindsysidError, ValueError):  # of which LinAlgError is one
         over = None
-    return (time,) if over is None else (time, over._replace(masses=time.masses))
+    if over is None:
+        return fit.outcome
+    scores, spectra = over
+    return fit.outcome._replace(scores=(time, scores._replace(masses=time.masses)), spectra=spectra)
 
 
 def _search(job: Job, at: Conditioned, start: FittedJob | None) -> Outcome:

@@ -69,9 +69,10 @@ def inspect_record(
     notes = reading_notes(record.attributes)
     blades = turbine.model.blades if turbine is not None else _blades(record, notes)
     modes, over_speed = _modes(turbine, rotor, notes)
-    notes += _rotor_notes(rotor)
+    nominal = _nominal_rotor(record, turbine) if rotor is None else None
+    notes += _rotor_notes(rotor, nominal)
     chosen = _spectral_channels(record, usable, first, notes)
-    found, pictures = _frequencies(record, chosen, findings, rotor, modes, blades, notes)
+    found, pictures = _frequencies(record, chosen, findings, rotor or nominal, modes, blades, notes)
     return Inspection(
         record=record,
         turbine=None if turbine is None else turbine.name,
@@ -89,8 +90,20 @@ def inspect_record(
     )
 
 
-def _rotor_notes(rotor: Rotor | None) -> list[str]:
-    """Note that there are no rotor harmonics, and why."""
+def _nominal_rotor(record: Record, turbine: "Turbine | None") -> Rotor | None:
+    """A rotor that turns at the speed of the turbine file; None where that has none."""
+    if turbine is None or turbine.rotor_speed <= 0.0:
+        return None
+    return Rotor(np.full(record.samples, turbine.rotor_speed), "turbine file")
+
+
+def _rotor_notes(rotor: Rotor | None, nominal: Rotor | None) -> list[str]:
+    """Note where rotor harmonics come from, or that there are none."""
+    if rotor is None and nominal is not None:
+        return [
+            f"No usable rotor speed or azimuth in the record: harmonics are those of the turbine file's"
+            f" {nominal.mean * RPM:.3g} rpm."
+        ]
     if rotor is None:
         return [
             "No usable rotor speed or azimuth in the record: harmonics of the rotor cannot be marked, nor its"

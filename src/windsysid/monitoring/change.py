@@ -21,6 +21,10 @@ UNTOLD = math.log(10.0)
 MOVED_MIN_ODDS = 100.0
 """Odds from which a coefficient is said to have moved."""
 
+MAX_SHOWN_ODDS = 1000.0
+"""Odds that are shown at most: none of 2176 coefficients without a change reached 100 : 1 (docs/comparison.md), which
+bounds the rate of false alarms at 1.4 in 1000 (95 %) and shows nothing of rarer ones."""
+
 SUSPECT_MIN_ODDS = 10.0
 """Odds from which it is said that it may have."""
 
@@ -67,6 +71,11 @@ class QuantityChange(NamedTuple):
     def suspect(self) -> bool:
         """Whether the odds are beyond `SUSPECT_MIN_ODDS`."""
         return self.log_odds > math.log(SUSPECT_MIN_ODDS)
+
+    @property
+    def ratio_percent(self) -> float:
+        """By how much the estimate of B is above that of A, priors included [%]; NaN where A is zero."""
+        return 100.0 * (self.after / self.before - 1.0) if self.before else math.nan
 
     @property
     def told(self) -> bool:
@@ -243,5 +252,5 @@ def _odds(log_odds: float) -> str:
 
 
 def _large(log_value: float) -> str:
-    """e to this power, in words that fit a table."""
-    return f"{math.exp(log_value):.3g}" if log_value < math.log(1e5) else f"10^{log_value / math.log(10.0):.0f}"
+    """e to this power, in words that fit a table; no more than `MAX_SHOWN_ODDS`."""
+    return f"{math.exp(log_value):.3g}" if log_value <= math.log(MAX_SHOWN_ODDS) else f">{MAX_SHOWN_ODDS:g}"

@@ -1,12 +1,17 @@
-"""One self-contained HTML page: sections, tables, figures inside, readable without a network."""
+"""One self-contained HTML page: sections, tables, figures and interactive plots inside, readable without a network."""
 
 import base64
 import io
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from html import escape
+from importlib.resources import files
 from typing import TYPE_CHECKING
 
 from windsysid.output.table import Table
+from windsysid.reports.interactive.plot import Plot, to_json
+from windsysid.reports.interactive.svg import static_svg
 
 if TYPE_CHECKING:
     from jinja2 import Template
@@ -14,11 +19,21 @@ if TYPE_CHECKING:
 
 __all__ = ["Section", "fragment", "png", "report_page"]
 
+UPLOT, UPLOT_CSS = "../../live/page/static/uplot.js", "../../live/page/static/uplot.css"
+"""uPlot as the live page has it (MIT licence, uplot-license.txt)."""
+
+COLOURS = {
+    "#000000": "var(--ink)", "#111111": "var(--ink)", "#262626": "var(--ink)", "#555555": "var(--quiet)",
+    "#b0b0b0": "var(--rule)", "#1764ab": "var(--estimate)", "#a9cbe8": "var(--band)", "#9a9a9a": "var(--measured)",
+    "#d1661b": "var(--error)", "#ffffff": "var(--page)",
+}  # fmt: skip
+"""Colours of Matplotlib's figures as variables of the page's style, which has others in the dark."""
+
 
 @dataclass(frozen=True)
 class Section:
-    """A heading with paragraphs, tables, figures, each with its caption, and text as a file has it; `folded` until it
-    is clicked at.
+    """A heading with paragraphs, tables, figures, each with its caption, interactive plots, and text as a file has it;
+    `folded` until it is clicked at.
 
     A figure that is also a file of its own comes as PNG.
     """
@@ -27,12 +42,15 @@ class Section:
     text: Sequence[str] = ()
     tables: Sequence[Table] = ()
     figures: "Sequence[tuple[Figure | bytes, str]]" = ()
+    plots: Sequence[Plot] = ()
     file: str = ""
     folded: bool = False
 
 
 def report_page(title: str, subtitle: str, sections: Sequence[Section]) -> bytes:
     """Sections as one HTML file."""
+    plots = [plot for section in sections for plot in section.plots]
+    names = {id(plot): f"plot-{number}" for number, plot in enumerate(plots, 1)}
     shown = [
         {
             "title": section.title,
@@ -40,11 +58,28 @@ def report_page(title: str, subtitle: str, sections: Sequence[Section]) -> bytes
             "tables": section.tables,
             "file": section.file,
             "folded": section.folded,
-            "figures": [{"data": _embedded(figure), "caption": caption} for figure, caption in section.figures],
+            "figures": [
+                {"markup": _embedded(figure, caption), "caption": caption} for figure, caption in section.figures
+            ],
+            "plots": [
+                {"plot": plot, "svg": static_svg(plot, names[id(plot)]), "json": to_json(plot)}
+                for plot in section.plots
+            ],
         }
         for section in sections
     ]
-    return _template("report").render(title=title, subtitle=subtitle, sections=shown).encode(errors="backslashreplace")
+    scripts = {name: _static(name) for name in (UPLOT, UPLOT_CSS, "plots.css", "plots.js")} if plots else {}
+    page = _template("report").render(
+        title=title, subtitle=subtitle, sections=shown,
+        styles=[text for name, text in scripts.items() if name.endswith(".css")],
+        scripts=[text for name, text in scripts.items() if name.endswith(".js")],
+    )  # fmt: skip
+    return page.encode(errors="backslashreplace")
+
+
+def _static(name: str) -> str:
+    """A script or style sheet of the package."""
+    return files("windsysid.reports").joinpath("static", name).read_text(encoding="utf-8")
 
 
 def fragment(contents: Sequence[Table | str]) -> str:
@@ -68,5 +103,18 @@ def png(figure: "Figure") -> bytes:
     return buffer.getvalue()
 
 
-def _embedded(figure: "Figure | bytes") -> str:
-    return base64.b64encode(figure if isinstance(figure, bytes) else png(figure)).decode("ascii")
+def _embedded(figure: "Figure | bytes", caption: str) -> str:
+    """A figure as SVG whose colours are those of the page, or a PNG as it is."""
+    if isinstance(figure, bytes):
+        data = base64.b64encode(figure).decode("ascii")
+        return f'<img alt="{escape(caption)}" src="data:image/png;base64,{data}">'
+    from matplotlib import rc_context
+
+    buffer = io.StringIO()
+    with rc_context({"svg.fonttype": "none"}):
+        figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None})
+    text = buffer.getvalue()
+    text = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->", "", text[text.index("<svg") :], flags=re.DOTALL)
+    text = re.sub(r"#[0-9a-f]{6}\b", lambda found: COLOURS.get(found[0], found[0]), text)
+    text = re.sub(r' id="(?:figure|axes|patch|line2d|text|matplotlib|xtick|ytick|[A-Za-z]+Collection)_[^"]*"', "", text)
+    return text.replace("<svg", f'<svg class="drawn" role="img" aria-label="{escape(caption)}"', 1)

@@ -25,7 +25,8 @@ def identification_report(identification: Identification, record: Record | None 
     """The report of one identification on the section of the record that it used; without its channels where the record
     is not given."""
     from windsysid.reports.figures.bands import caption, coefficient_bands
-    from windsysid.reports.figures.plots import coefficient_histories, record_overview
+    from windsysid.reports.figures.plots import coefficient_histories
+    from windsysid.reports.identification_plots import record_plots, spectra_plots
 
     i = identification
     sections = [
@@ -35,6 +36,7 @@ def identification_report(identification: Identification, record: Record | None 
             tables=[*([i.modes_table()] if i.modes else []), i.table()],
             figures=[(coefficient_bands(i), caption(i))],
         ),
+        Section("Spectra of the record and of the model", text=[SPECTRA], plots=spectra_plots(i, record)),
         Section("What it rests on", text=i.notes, tables=_tables_of_rest(i)),
     ]
     if i.formulation in _HISTORIES and len(i.mean) > 1:
@@ -44,8 +46,8 @@ def identification_report(identification: Identification, record: Record | None 
     if i.loads is not None and i.loads.names:
         sections.append(_load_section(i))
     if record is not None:
-        used = record_overview(record, [channel for channel in i.sensors if channel in record])
-        sections.append(Section("The record", figures=[(used, "The channels that were used.")]))
+        used = record_plots(record, [channel for channel in i.sensors if channel in record])
+        sections.append(Section("The record", text=[RECORD], plots=used))
     if i.provenance is not None:
         sections.append(provenance_section(i, i.provenance))
     subtitle = (
@@ -62,7 +64,7 @@ def _tables_of_rest(i: Identification) -> list[Table]:
 
 def _explains_section(identification: Identification) -> Section:
     """Whether the model explains the record: by its innovations, or in words where there are none."""
-    from windsysid.reports.figures.plots import innovations, whiteness
+    from windsysid.reports.identification_plots import innovation_plots, whiteness_plots
 
     i, title = identification, "Does the model explain the record?"
     if i.formulation == "spectral":
@@ -71,29 +73,26 @@ def _explains_section(identification: Identification) -> Section:
             "record."
         )
         return Section(title, text=[text, *i.diagnosis.remarks], tables=diagnosis_tables(i))
-    spectra = whiteness(i)
     return Section(
         title,
         text=[
             "Innovations are what each reading adds to what the model expected, scaled to unit variance. They should "
             "stay between "
             "the dashed lines 95 % of the time and look like noise. Where they do not, the bands above are too narrow.",
+            WHITENESS,
             *i.diagnosis.remarks,
         ],
         tables=diagnosis_tables(i),
-        figures=[*([(spectra, WHITENESS)] if spectra else []), (innovations(i), "Whitened innovations of the result.")],
+        plots=[*whiteness_plots(i), *innovation_plots(i)],
     )
 
 
 def _load_section(identification: Identification) -> Section:
     """The loads as the filter knew them."""
-    from windsysid.reports.figures.plots import plot_loads
+    from windsysid.reports.identification_plots import load_plots
 
-    caption = (
-        "The loads that moved the structure, as the filter knew them at the result: over the record, and a stretch of"
-        " it with ±2σ."
-    )
-    return Section("The loads", figures=[(plot_loads(identification), caption)])
+    text = "The loads that moved the structure, as the filter estimated them at the result, with ±2σ."
+    return Section("The loads", text=[text], plots=load_plots(identification))
 
 
 def provenance_section(identification: Identification, provenance: Provenance) -> Section:
@@ -133,10 +132,16 @@ def _plain(value: object) -> str:
     return "default" if value is None else str(value)
 
 
+SPECTRA = (
+    "Grey: power spectral density of the readings, averaged over segments (Welch). Blue: the fitted model with the 95 %"
+    " interval of its posterior. Modes have the grade of their frequency. The fit does not use shaded frequencies."
+)
+
+RECORD = "The channels that were used: the smallest and the largest reading of each segment of time."
+
 WHITENESS = (
-    "Autocorrelation of the whitened innovations, and their spectrum, which is 1 for white noise. A peak above the"
-    " orange line condemns the result where it lies in the shaded reach of what moves; elsewhere it does little harm."
-    " Grey lines: harmonics of the rotor."
+    "The spectrum of the innovations is 1 for white noise. A peak above the orange line condemns the result where it"
+    " lies in the shaded range of the modes; elsewhere it does little harm."
 )
 
 

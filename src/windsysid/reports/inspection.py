@@ -2,13 +2,29 @@
 
 from typing import TYPE_CHECKING
 
-from windsysid.reports.figures.inspection_figures import overview, spectra_figure, spectrogram_figure
+import numpy as np
+
+from windsysid.reports.figures.inspection_figures import (
+    channels_drawn,
+    density_unit,
+    drawn_lines,
+    highest_drawn,
+    overview,
+    spectra_figure,
+    spectrogram_figure,
+)
 from windsysid.reports.html import Section, png, report_page
+from windsysid.reports.interactive.plot import Axis, Curve, Mark, Plot
 
 if TYPE_CHECKING:
     from windsysid.inspection.inspection import Inspection
 
 __all__ = ["files"]
+
+MAX_POINTS = 2000
+"""Setting: frequencies of a spectrum on the page; of neighbours the largest value is shown."""
+
+NAMES = ("rotor harmonics", "expected modes")
 
 LEGEND = (
     "Faults are orange; blue are the proposed sections, numbered, the best one darker; dashed lines are where the rotor"
@@ -51,12 +67,32 @@ def _vibration(i: "Inspection", pictures: dict[str, bytes]) -> list[Section]:
     if not i.spectra:
         return []
     peaks = i.peaks_table(most_channels=12)
-    figures = [
-        *_with(pictures.get("spectra"), _spectra_caption(i)),
-        *_with(pictures.get("spectrogram"), _spectrogram_caption(i)),
-    ]
-    text = [_mode_text(i)] if i.modes else []
-    return [Section("What vibrates", text=text, tables=[peaks] if peaks.rows else [], figures=figures)]
+    text = [*([_mode_text(i)] if i.modes else []), _spectra_caption(i)]
+    sections = [Section("What vibrates", text=text, tables=[peaks] if peaks.rows else [], plots=_spectra_plots(i))]
+    pictured = _with(pictures.get("spectrogram"), _spectrogram_caption(i))
+    return [*sections, Section("Spectra over the record", figures=pictured)] if pictured else sections
+
+
+def _spectra_plots(i: "Inspection") -> list[Plot]:
+    """Spectra with the rotor's harmonics, the expected modes and the listed peaks, up to the highest of these."""
+    plots = []
+    for spectrum in channels_drawn(i):
+        top = highest_drawn(spectrum, i.blades)
+        f, density = spectrum.frequency[1:], spectrum.density[1:]
+        size = max(1, -(-len(f) // MAX_POINTS))
+        if not (density > 0.0).any():
+            continue
+        starts = range(0, len(f), size)
+        curve = Curve("measured", np.maximum.reduceat(density, starts))
+        marks = [
+            Mark(line.frequency, line.name, "error" if line.mode else "reference", NAMES[line.mode])
+            for line in drawn_lines(spectrum.lines, i.blades, float(f[-1]))
+        ]
+        marks += [Mark(peak.frequency, "", "measured", "listed peaks") for peak in spectrum.peaks]
+        axes = Axis("frequency [Hz]", limits=(0.0, top)), Axis(f"PSD [{density_unit(spectrum.unit)}]", log=True)
+        title = spectrum.channel.replace("_", " ")
+        plots.append(Plot(title, f[::size], [curve], *axes, marks=marks, link="frequency"))
+    return plots
 
 
 def _findings(i: "Inspection") -> list[str]:
@@ -80,7 +116,8 @@ def _overview_caption(i: "Inspection") -> str:
 
 def _spectra_caption(i: "Inspection") -> str:
     n = i.blades
-    harmonics = f" Dotted: 1P, {n}P and {2 * n}P of the rotor." if i.rotor is not None and i.rotor.turns else ""
+    turns = any(not line.mode for spectrum in i.spectra for line in spectrum.lines)
+    harmonics = f" Dotted: 1P, {n}P and {2 * n}P of the rotor." if turns else ""
     more = len(i.spectra) - 12
     return (
         f"Power spectral densities (Welch), resolution {i.spectra[0].resolution:.2g} Hz.{harmonics}"

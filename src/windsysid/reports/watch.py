@@ -15,6 +15,7 @@ from windsysid.output.table import Table
 from windsysid.reports.figures.canvas import canvas
 from windsysid.reports.figures.plots import BAND, ERROR, ESTIMATE, REFERENCE, symbol, tidy
 from windsysid.reports.html import Section, png, report_page
+from windsysid.reports.interactive.plot import Axis, Curve, Mark, Plot, Span
 from windsysid.units import unit_text
 
 __all__ = ["figure", "files"]
@@ -22,7 +23,7 @@ __all__ = ["figure", "files"]
 FEW = 400
 """Blocks whose points are drawn large."""
 
-POINTS = 3000
+POINTS = 1000
 """Blocks shown of a long series; alarms and levels are shown whole."""
 
 
@@ -84,13 +85,41 @@ def _moments(watch: Watch, time: Array) -> Any:
     return np.datetime64(watch.blocks.begin.replace(tzinfo=None), "s") + time.astype("timedelta64[s]")
 
 
+def _plots(watch: Watch) -> list[Plot]:
+    """Every series, and the statistic of its test, of a series longer than `POINTS` every so many records."""
+    begin = watch.blocks.begin
+    origin, unit = (0.0, DAY) if begin is None else (begin.timestamp(), 1.0)
+    step = -(-len(watch.blocks.time) // POINTS)
+    x_axis = Axis("day") if begin is None else Axis("", dates=True)
+
+    def moment(time: Any) -> Any:
+        return origin + time / unit
+
+    plots = []
+    for s in watch.series:
+        found = [c for c in watch.changes if c.name == s.name]
+        marks = [Mark(moment(c.time), f"{c.percent:+.2g} %", "error", "jumps") for c in found]
+        spans = [Span(moment(c.earliest), moment(c.latest), "jumps", "error") for c in found]
+        curves = [
+            Curve("records", s.adjusted[::step], look="dots", colour="measured"),
+            Curve("level", s.level[::step], s.low[::step], s.high[::step]),
+        ]
+        name = (noise_source(s.name) or s.name).replace("_", " ")
+        y_axis, time = Axis(f"[{unit_text(s.unit)}]", limits=_limits(s.adjusted)), moment(watch.blocks.time[::step])
+        plots.append(Plot(name, time, curves, x_axis, y_axis, marks, spans, link="time"))
+        test = Curve("test ÷ threshold", _highest(s.statistic, step) / s.limit)
+        threshold = Mark(1.0, "threshold", "reference", "threshold", across=True)
+        plots.append(Plot(f"{name}, test", time, [test], x_axis, Axis("[1]"), [threshold, *marks], link="time"))
+    return plots
+
+
 def files(watch: Watch) -> dict[str, bytes]:
     """``report.html``, ``monitor.png`` and ``summary.json``, by name."""
     drawn = png(figure(watch))
     caption = (
-        "Left: records less the effect of their covariates (grey), the level as it was known after each (blue) with its"
-        " ±2σ band. Right: the test for a jump of any size at any time, as a share of its threshold. Orange: jumps that"
-        " set off an alarm, with the interval in which they happened."
+        "Records less the effect of their covariates (grey), the level as it was known after each (blue) with its ±2σ"
+        " band, and the test for a jump of any size at any time, as a share of its threshold. Orange: jumps that set"
+        " off an alarm, with the interval in which they happened."
     )
     jumps = Table(
         ("", "when", "found", "change", "±2σ band", "where to look"),
@@ -105,7 +134,7 @@ def files(watch: Watch) -> dict[str, bytes]:
     )  # fmt: skip
     sections = [
         Section("What changed", text=[watch.sentence, *watch.notes], tables=[jumps] if watch.changes else []),
-        Section("Record by record", figures=[(drawn, caption)]),
+        Section("Record by record", text=[caption], plots=_plots(watch)),
         Section("In numbers", text=[READING], tables=watch.tables()),
     ]
     subtitle = f"{len(watch.blocks.time)} records, {watch.alarms_per_year:g} false alarms a year"

@@ -80,6 +80,8 @@ class Identification(IdentificationValues, Answer):
         as exact.
     budget
         What widens the bands.
+    spectra
+        Spectra of the channels under the fit, which pages show; none of filters whose equations change with time.
     """
 
     def __repr__(self) -> str:

@@ -19,6 +19,7 @@ from windsysid.records.formats.netcdf import sealed
 from windsysid.results.budget import Budget
 from windsysid.results.estimate import Estimate
 from windsysid.results.finding import Finding, Severity, read_finding
+from windsysid.results.fitted_spectrum import FittedSpectrum
 from windsysid.results.load_history import Loads
 from windsysid.results.mode import Mode
 from windsysid.results.posterior import (
@@ -56,6 +57,7 @@ REST: dict[str, Any] = {
     "log_likelihood": float,
     "budget": Budget,
     "diagnosis": Diagnosis,
+    "spectra": tuple[FittedSpectrum, ...],
 }
 """What the attribute ``result`` holds, and of which kind it is."""
 
@@ -196,7 +198,7 @@ def read_fields(folder: str | Path) -> dict[str, Any]:
         If there is none, it was changed after windsysid wrote it, or it was written by version 0.1.0.
     """
     with opened(folder) as file:
-        said = parse_json(file.attrs["result"])
+        said = {"spectra": [], **parse_json(file.attrs["result"])}  # results of version 0.2 have none
         findings = _read_findings(said)
         fields = {name: from_plain(kind, said[name]) for name, kind in REST.items()}
         fields["diagnosis"] = _read_diagnosis(file, replace(fields["diagnosis"], findings=findings))

@@ -10,6 +10,7 @@ from windsysid.loads.statistics import Statistic
 from windsysid.results.budget import Budget
 from windsysid.results.estimate import Estimate
 from windsysid.results.finding import Finding
+from windsysid.results.fitted_spectrum import FittedSpectrum
 from windsysid.results.load_history import Loads
 from windsysid.results.mode import Mode
 from windsysid.results.posterior import NOT_RECORDED, SIGMAS, Conditions
@@ -53,6 +54,7 @@ class IdentificationValues:
     joint_cov: Array | None = None
     tolerances: tuple[Tolerance, ...] = ()
     budget: Budget = field(default_factory=Budget)
+    spectra: tuple[FittedSpectrum, ...] = ()
     diagnosis: Diagnosis = field(kw_only=True)
 
     def __getitem__(self, name: str) -> Estimate:

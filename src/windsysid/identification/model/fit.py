@@ -18,6 +18,7 @@ from windsysid.loads.statistics import Statistic
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import LOW_PASS, Record
 from windsysid.results.finding import Finding
+from windsysid.results.fitted_spectrum import FittedSpectrum
 from windsysid.results.load_history import Loads
 from windsysid.results.smoothed_loads import SmoothedLoads
 from windsysid.results.tolerance import Group, Tolerance, unknowns_of
@@ -94,6 +95,8 @@ class Outcome(NamedTuple):
         How clocks drift by what the halves of the record say, much or little.
     sensors
         The sensors of `channels`, in the same order.
+    spectra
+        Spectra of the channels under the fit, where they are known.
     """
 
     turbine: Turbine
@@ -123,6 +126,7 @@ class Outcome(NamedTuple):
     given_priors: tuple[Parameter, ...] = ()
     drifts: tuple[Drift, ...] = ()
     sensors: tuple[Sensor, ...] = ()
+    spectra: tuple[FittedSpectrum, ...] = ()
 
     @property
     def priors(self) -> tuple[Parameter, ...]:

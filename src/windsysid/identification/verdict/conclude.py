@@ -122,6 +122,7 @@ def conclude(
         joint_cov=wide.joint_cov,
         tolerances=outcome.tolerances,
         budget=_budget(outcome, at, coefficients, [*chain.from_iterable(of_modes)]),
+        spectra=outcome.spectra,
     )
 
 

@@ -29,7 +29,10 @@ from windsysid.units import RPM, unit_text
 if TYPE_CHECKING:
     from windsysid.inspection.inspection import Inspection
 
-__all__ = ["overview", "spectra_figure", "spectrogram_figure"]
+__all__ = [
+    "channels_drawn", "density_unit", "drawn_lines", "highest_drawn", "overview", "spectra_figure",
+    "spectrogram_figure",
+]  # fmt: skip
 
 
 MOST_PANELS = 12
@@ -140,7 +143,7 @@ def _dot(ax: Axes, begins: Array, time: Array, values: Array) -> None:
 
 def spectra_figure(inspection: "Inspection") -> Figure | None:
     """Power spectral densities with 1P, NP, 2NP (black) and the expected modes (orange numbers)."""
-    chosen = _channels_drawn(inspection)
+    chosen = channels_drawn(inspection)
     if not chosen:
         return None
     columns = min(3, len(chosen)) if len(chosen) != 4 else 2
@@ -157,13 +160,13 @@ def spectra_figure(inspection: "Inspection") -> Figure | None:
     return figure
 
 
-def _channels_drawn(inspection: "Inspection") -> list[Spectrum]:
+def channels_drawn(inspection: "Inspection") -> list[Spectrum]:
     """The most telling spectra, not more than fit on a page; what a simulator adds without gravity comes last."""
     return sorted(inspection.spectra, key=lambda spectrum: "kinematic" in spectrum.channel)[:MOST_PANELS]
 
 
 def _spectrum(ax: Axes, spectrum: Spectrum, inspection: "Inspection") -> None:
-    top = _highest(spectrum.lines, spectrum.frequency[-1], inspection.blades)
+    top = highest_drawn(spectrum, inspection.blades)
     inside = (spectrum.frequency > 0.0) & (spectrum.frequency <= top)
     f, density = spectrum.frequency[inside], spectrum.density[inside]
     density = np.maximum(density, 1e-12 * density.max()) if density.max() > 0.0 else np.full_like(density, np.nan)
@@ -171,20 +174,21 @@ def _spectrum(ax: Axes, spectrum: Spectrum, inspection: "Inspection") -> None:
     ax.set_xlim(0.0, top)
     if np.isfinite(density).any():
         ax.set_ylim(max(density.min(), 1e-9 * density.max()) / 2.0, density.max() * 5.0)
-    _mark_lines(ax, _drawn_lines(spectrum.lines, inspection.blades, top), top)
+    _mark_lines(ax, drawn_lines(spectrum.lines, inspection.blades, top), top)
     ax.set_title(
         label(spectrum.channel.replace("_", " "), MAX_TITLE_CHARACTERS),
         fontsize=8.5,
         loc="left",
         pad=24 if any(line.mode for line in spectrum.lines) else 13 if spectrum.lines else 4,
     )
-    ax.set_ylabel(f"[{_density_unit(spectrum.unit)}]", fontsize=8)
+    ax.set_ylabel(f"[{density_unit(spectrum.unit)}]", fontsize=8)
     ax.yaxis.set_major_locator(LogLocator(numticks=5))
     ax.yaxis.set_minor_locator(NullLocator())
     tidy(ax)
 
 
-def _density_unit(unit: str) -> str:
+def density_unit(unit: str) -> str:
+    """Unit of the spectral density of a channel."""
     if unit.startswith("as written"):
         return "unit²/Hz"
     return {"1": "1/Hz", "m": "m²/Hz", "rad": "rad²/Hz", "N": "N²/Hz", "W": "W²/Hz"}.get(
@@ -192,13 +196,15 @@ def _density_unit(unit: str) -> str:
     )
 
 
-def _highest(lines: Sequence[ExpectedLine], nyquist: float, blades: int) -> float:
-    """Upper end of the frequency axis: somewhat above 2N P and the modes."""
-    marked = [line.frequency for line in lines if line.mode or line.number in (1, blades, 2 * blades)]
-    return min(nyquist, 1.35 * max(marked)) if marked else nyquist
+def highest_drawn(spectrum: Spectrum, blades: int) -> float:
+    """Upper end of the frequency axis [Hz]: above 2N P, the modes and the highest listed peak."""
+    marked = [line.frequency for line in spectrum.lines if line.mode or line.number in (1, blades, 2 * blades)]
+    top = max((1.35 * max(marked, default=0.0), *(1.1 * peak.frequency for peak in spectrum.peaks)))
+    return min(float(spectrum.frequency[-1]), top) if marked else float(spectrum.frequency[-1])
 
 
-def _drawn_lines(lines: Sequence[ExpectedLine], blades: int, top: float) -> list[ExpectedLine]:
+def drawn_lines(lines: Sequence[ExpectedLine], blades: int, top: float) -> list[ExpectedLine]:
+    """Modes, and 1P, N P and 2N P, below a frequency [Hz]."""
     return [line for line in lines if (line.mode or line.number in (1, blades, 2 * blades)) and line.frequency < top]
 
 
@@ -243,8 +249,10 @@ def spectrogram_figure(inspection: "Inspection") -> Figure | None:
 
 
 def _spectrogram(figure: Figure, ax: Axes, picture: Spectrogram, inspection: "Inspection") -> None:
-    lines = {spectrum.channel: spectrum.lines for spectrum in inspection.spectra}.get(picture.channel, ())
-    top = _highest(lines, picture.frequency[-1], inspection.blades)
+    of_channel = [spectrum for spectrum in inspection.spectra if spectrum.channel == picture.channel]
+    lines, top = of_channel[0].lines if of_channel else (), float(picture.frequency[-1])
+    if of_channel:
+        top = min(highest_drawn(of_channel[0], inspection.blades), top)
     inside = picture.frequency <= 1.02 * top + picture.frequency[1]
     every = max(1, int(inside.sum()) // 500)
     frequency = picture.frequency[inside][::every]
@@ -259,11 +267,11 @@ def _spectrogram(figure: Figure, ax: Axes, picture: Spectrogram, inspection: "In
     low, high = _level_limits(level, level[frequency > 0.5 * once])
     mesh = ax.pcolormesh(x, frequency, level, vmin=low, vmax=high, cmap="Blues", shading="nearest", rasterized=True)
     bar = figure.colorbar(mesh, ax=ax, pad=0.09)
-    bar.set_label(f"[dB re {f'1 {_density_unit(picture.unit)}'.replace('1 1/', '1/')}]", fontsize=8)
+    bar.set_label(f"[dB re {f'1 {density_unit(picture.unit)}'.replace('1 1/', '1/')}]", fontsize=8)
     bar.ax.tick_params(labelsize=8)
     ax.set_facecolor("#e9e9e9")
     right: list[tuple[float, str, str]] = []
-    for line in _drawn_lines(lines, inspection.blades, top * 1.0001):
+    for line in drawn_lines(lines, inspection.blades, top * 1.0001):
         curve, colour = _curve(inspection, picture, line, x), _COLOURS[line.mode]
         ax.plot(*curve, color=colour, ls=_STYLES[line.mode], lw=1.1, alpha=0.9)
         right.append((float(curve[1][-1]), line.name, colour))

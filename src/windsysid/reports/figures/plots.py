@@ -13,7 +13,6 @@ from matplotlib.ticker import LogLocator, MaxNLocator
 from numpy.typing import NDArray
 
 from windsysid._types import Array
-from windsysid.checks.limits import MAX_PEAK_LEVEL
 from windsysid.errors import ConfigurationError
 from windsysid.records.record import Record
 from windsysid.reports.figures.canvas import canvas, label
@@ -21,8 +20,8 @@ from windsysid.results.identification import Identification, coefficient_errors
 from windsysid.units import unit_text
 
 __all__ = [
-    "balance_error_comparison", "coefficient_histories", "envelope", "innovations", "plot_loads", "record_overview",
-    "response_comparison", "start_indifference", "symbol", "tidy", "whiteness",
+    "balance_error_comparison", "coefficient_histories", "envelope", "plot_loads", "record_overview",
+    "response_comparison", "start_indifference", "symbol", "tidy",
 ]  # fmt: skip
 
 
@@ -282,98 +281,6 @@ def balance_error_comparison(names: Sequence[str], ours: Array, published: Mappi
     ax.legend(frameon=False, fontsize=8, ncols=3, loc="upper left", bbox_to_anchor=(0.0, 1.14))
     tidy(ax)
     return figure
-
-
-def innovations(identification: Identification) -> Figure:
-    """Draw each reading's whitened innovations over time, and their distribution against the normal one."""
-    m = len(identification.readings)
-    height = 1.4 * m + 0.8
-    figure = Figure(figsize=(10, height))
-    axes = _panels(figure, (0.8, 0.5, 9.9, height - 0.25), heights=[1.0] * m, widths=[3, 1], apart=(0.1, 0.28))
-    grid = np.linspace(-4.5, 4.5, 91)
-    normal = np.exp(-0.5 * grid**2) / np.sqrt(2.0 * np.pi)
-    for row, name in enumerate(identification.readings):
-        left, right = axes[row]
-        whitened = identification.whitened[:, row]
-        time, low, high = envelope(identification.innovation_time, whitened)
-        left.fill_between(time, low, high, color=MEASURED, lw=0.4, edgecolor=MEASURED)
-        for bound in (-2.0, 2.0):
-            left.axhline(bound, color=REFERENCE, ls="--", lw=0.8)
-        _name(left, name)
-        left.set_ylabel("[σ]")
-        known = whitened[np.isfinite(whitened)]
-        right.stairs(*np.histogram(np.clip(known, -4.5, 4.5), bins=grid[::2], density=True), fill=True, color=BAND)
-        right.plot(grid, normal, color=REFERENCE, lw=1, ls="--")
-        right.set_yticks([])
-        tidy(left)
-        tidy(right)
-    axes[-1, 0].set_xlabel("time [s]")
-    axes[-1, 1].set_xlabel("[σ], dashed: as it should be")
-    return figure
-
-
-def whiteness(identification: Identification) -> Figure | None:
-    """Draw autocorrelation and spectrum of whitened innovations against white noise; mark harmonics and modes."""
-    diagnosis = identification.diagnosis
-    if diagnosis.whiteness is None:
-        return None
-    w, m = diagnosis.whiteness, len(diagnosis.whiteness.channels)
-    height = 1.9 * m + 0.9
-    figure = Figure(figsize=(10, height))
-    axes = _panels(figure, (0.55, 0.5, 9.9, height - 0.5), heights=[1.0] * m, widths=[1, 1.6], apart=(0.5, 0.32))
-    for row, check in enumerate(w.channels):
-        left, right = axes[row]
-        left.axhspan(-w.autocorrelation_bound, w.autocorrelation_bound, color=BAND, lw=0)
-        left.vlines(w.lags, 0.0, w.autocorrelation[:, row], color=ESTIMATE, lw=1.0)
-        left.axhline(0.0, color=REFERENCE, lw=0.6)
-        reached = float(np.nanmax(np.abs(w.autocorrelation[:, row]), initial=0.0))
-        left.set_ylim(*(np.array([-1.2, 1.2]) * max(reached, 2.0 * w.autocorrelation_bound)))
-        _name(left, check.name)
-        tidy(left)
-        if np.isfinite(w.spectrum[:, row]).any():
-            _spectrum(right, identification, row)
-    axes[-1, 0].set_xlabel("lag [s]; blue: 95 % of white noise")
-    axes[-1, 1].set_xlabel("frequency [Hz]; dotted: modes, dashed: as it should be")
-    axes[0, 0].text(0.0, 1.18, "autocorrelation", transform=axes[0, 0].transAxes, fontsize=9, va="bottom")
-    axes[0, 1].text(0.0, 1.18, "spectrum", transform=axes[0, 1].transAxes, fontsize=9, va="bottom")
-    return figure
-
-
-def _spectrum(ax: Axes, identification: Identification, row: int) -> None:
-    """The spectrum of one channel's whitened innovations: blue where a peak matters, orange above what condemns it."""
-    diagnosis = identification.diagnosis
-    assert diagnosis.whiteness is not None
-    w, (low, high) = diagnosis.whiteness, diagnosis.reach
-    level = w.spectrum[:, row]
-    ax.axvspan(low, min(high, w.frequency[-1]), color=BAND, alpha=0.35, lw=0)
-    ax.loglog(w.frequency, level, color=ESTIMATE, lw=0.9)
-    bound = max(MAX_PEAK_LEVEL, w.spectrum_bound)
-    wrong = (level > bound) & (w.frequency > low) & (w.frequency < high)
-    ax.plot(np.where(wrong, w.frequency, np.nan), np.where(wrong, level, np.nan), "o", color=ERROR, ms=3.5)
-    ax.axhline(1.0, color=REFERENCE, ls="--", lw=0.8)
-    ax.axhline(bound, color=ERROR, lw=0.8)
-    for mode in identification.modes:
-        ax.axvline(mode.frequency_hz[0], color=REFERENCE, ls=":", lw=0.8)
-    for order in sorted({1, diagnosis.blades, 2 * diagnosis.blades} - {0}) if diagnosis.rotor_hz else ():
-        at = order * diagnosis.rotor_hz
-        if w.frequency[0] <= at <= w.frequency[-1]:
-            ax.axvline(at, color=MEASURED, lw=0.9)
-            ax.text(
-                at,
-                1.0,
-                f"{order}P",
-                transform=ax.get_xaxis_transform(),
-                fontsize=7,
-                color="#555555",
-                ha="center",
-                va="bottom",
-            )
-    ax.set_ylim(min(0.1, max(0.01, 0.8 * np.nanmin(level))), max(10.0, 2.0 * bound, 1.5 * np.nanmax(level)))
-    ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    ax.xaxis.set_major_formatter("{x:g}")
-    ax.minorticks_off()
-    ax.set_xlim(w.frequency[0], w.frequency[-1])
-    tidy(ax)
 
 
 def plot_loads(identification: Identification, window: float | None = None) -> Figure:

@@ -36,7 +36,9 @@ def at_the_truth(turbine: Turbine, made: Record) -> Linearisation:
 
 def scores(turbine: Turbine, made: Record) -> PartScores:
     at = at_the_truth(turbine, made)
-    found = scores_over_frequency(at, np.asarray(np.linalg.inv(at.problem.wide_prior[1])))
+    result = scores_over_frequency(at, np.asarray(np.linalg.inv(at.problem.wide_prior[1])))
+    assert result is not None
+    found, _ = result
     assert found is not None
     return found
 

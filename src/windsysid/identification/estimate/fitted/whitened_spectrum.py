@@ -12,11 +12,13 @@ infinite memory, such as a bias, leave no truncated tail.
 
 import numpy as np
 
-from windsysid._types import Array
+from windsysid._types import Array, Complex
 from windsysid.checks.dispersion import PartScores
 from windsysid.filters.bank import bank_of, run_bank
 from windsysid.identification.estimate.fitted.linearisation import Linearisation
+from windsysid.identification.estimate.fitted.spectra import spectra_of_filter
 from windsysid.identification.estimate.scoring import INCREMENT, neighbours
+from windsysid.results.fitted_spectrum import FittedSpectrum
 from windsysid.signals.inputs import TURNING
 
 __all__ = ["scores_over_frequency"]
@@ -31,15 +33,15 @@ MAX_RANGES = 128
 """Setting: ranges of frequency of equal information into which bins are joined, so that memory is bounded."""
 
 
-def scores_over_frequency(at: Linearisation, precision: Array) -> PartScores | None:
-    """Scores of a fit over frequencies, under a prior precision (n, n); None if the equations change with time, loads
-    are measured, a channel has gaps, or the record is too short."""
+def scores_over_frequency(at: Linearisation, precision: Array) -> tuple[PartScores, tuple[FittedSpectrum, ...]] | None:
+    """Scores of a fit over frequencies, under a prior precision (n, n), and the spectra of its readings; None if the
+    equations change with time, loads are measured, a channel has gaps, or the record is too short."""
     z, steps = at.innovations, at.steps  # of samples with a reading
     samples, m = z.shape
     read = np.mean(z != 0.0, axis=0)
     if not _is_time_invariant(at) or samples < 4 * (m + 1) * len(IMPULSE) or read.min() < MIN_READ_SHARE:
         return None
-    slopes = _log_slopes(at, samples, m)
+    whitening, slopes = _log_slopes(at, samples, m)
     spectrum = np.fft.rfft(z, axis=0)[1:-1] / np.sqrt(samples * read)
     power = np.eye(m) - spectrum[:, :, None] * spectrum[:, None, :].conj()
     gradients = np.einsum("fnij,fji->fn", slopes, power).real
@@ -48,7 +50,8 @@ def scores_over_frequency(at: Linearisation, precision: Array) -> PartScores | N
     label = (MAX_RANGES * (np.cumsum(share) - 0.5 * share) / share.sum()).astype(int)
     first = np.unique(label, return_index=True)[1]
     frequency = np.arange(1, len(share) + 1) / (samples * steps * (at.time[1] - at.time[0]))
-    return PartScores(
+    spectra = spectra_of_filter(whitening, slopes, at.cov, frequency, at.problem.sensors)
+    scores = PartScores(
         "frequency",
         np.add.reduceat(frequency * share, first) / np.add.reduceat(share, first),
         np.add.reduceat(gradients, first),
@@ -56,6 +59,7 @@ def scores_over_frequency(at: Linearisation, precision: Array) -> PartScores | N
         precision,
         precision @ (at.problem.wide_prior[0] - at.unknowns),
     )
+    return scores, spectra
 
 
 def _is_time_invariant(at: Linearisation) -> bool:
@@ -68,8 +72,8 @@ def _is_time_invariant(at: Linearisation) -> bool:
     return bool(np.ptp(at.inputs[:, known], axis=0).max(initial=0.0) == 0.0 and np.ptp(steps) < 1e-3 * steps.mean())
 
 
-def _log_slopes(at: Linearisation, samples: int, m: int) -> Array:
-    """G at the frequencies between zero and the highest (F, n, m, m)."""
+def _log_slopes(at: Linearisation, samples: int, m: int) -> tuple[Complex, Complex]:
+    """H and G at the frequencies between zero and the highest (F, m, m), (F, n, m, m)."""
     widths = INCREMENT * np.sqrt(np.diag(at.cov))
     models = [at.problem.build(one) for one in neighbours(at.unknowns, widths)]
     silent = np.full(at.readings.shape, np.nan)
@@ -84,4 +88,5 @@ def _log_slopes(at: Linearisation, samples: int, m: int) -> Array:
     ]
     H = np.moveaxis(np.stack(response, axis=2), -1, 1)
     M = (H[:, 1:] - H[:, :1]) @ np.linalg.inv(H[:, :1]) / widths[:, None, None]
-    return np.asarray(M + np.conj(np.swapaxes(M, -1, -2)))
+    impulse = np.fft.rfft(np.array(IMPULSE), n=samples)[1:-1]
+    return H[:, 0] / impulse[:, None, None], np.asarray(M + np.conj(np.swapaxes(M, -1, -2)))

@@ -18,6 +18,7 @@ from windsysid._types import Array
 from windsysid.errors import ConfigurationError, RecordError, WindsysidError
 from windsysid.identification.condition.spectral_readings import SpectralSamples
 from windsysid.identification.estimate.evidence import Ranking, rank
+from windsysid.identification.estimate.fitted.spectra import spectra_of_model
 from windsysid.identification.estimate.prior_conflict import find_held, one_by_one
 from windsysid.identification.estimate.spectral.narrow_band import (
     doubts_of_narrow_band,
@@ -143,7 +144,7 @@ def _in_bands(question: RotorQuestion, loads: str, doubts: list[Finding], notes:
         return None
     found = found._replace(notes=(*notes, *found.notes), doubts=(*doubts, *found.doubts))
     outcome = _outcome(question, found, tolerances, RotorWind.name)
-    return outcome._replace(in_bands=True, elapsed=time.perf_counter() - started)
+    return outcome._replace(in_bands=True, spectra=found.spectra, elapsed=time.perf_counter() - started)
 
 
 def _lifted_outcome(
@@ -174,7 +175,10 @@ def _lifted_outcome(
         tuple(notes), held,
     )  # fmt: skip
     drifts = drifts_of(question, halves, best.unknowns, tolerances)
-    return _outcome(question, estimate, tolerances, found.name)._replace(drifts=drifts)
+    labels = [(sensor.channel, bool(sensor.blade)) for sensor in question.sensors]
+    entries = [labels[entry % len(labels)] for entry in best.model.place.entries]
+    spectra = spectra_of_model(best.model, best.unknowns, best.cov, entries)
+    return _outcome(question, estimate, tolerances, found.name)._replace(drifts=drifts, spectra=spectra)
 
 
 def _lag_angle(found: RotorFit) -> tuple[Finding, ...]:

@@ -10,14 +10,17 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError, WindsysidError
+from windsysid.identification.estimate.fitted.spectra import joined_spectrum, spectra_of_model
 from windsysid.identification.estimate.prior_conflict import find_held, one_by_one
 from windsysid.loads.statistics import Statistic
 from windsysid.results.finding import Finding
+from windsysid.results.fitted_spectrum import FittedSpectrum
 from windsysid.scoring import covariance
 from windsysid.spectral.rotor.model import Inexact
 from windsysid.spectral.rotor.problem import RotorQuestion
 from windsysid.spectral.rotor_bands.build import PosedBands, centre_bands, search_bands
 from windsysid.spectral.rotor_bands.check import doubts_of_bands
+from windsysid.spectral.rotor_bands.model import BandModel
 from windsysid.statespace.unknowns import Unknowns
 
 __all__ = ["SpectralEstimate", "read_in_bands"]
@@ -40,6 +43,8 @@ class SpectralEstimate(NamedTuple):
         What speaks against it, and what a reader must know.
     held
         Damping coefficients that their priors hold.
+    spectra
+        Spectra under the fit, of bands.
     """
 
     unknowns: Array
@@ -50,6 +55,7 @@ class SpectralEstimate(NamedTuple):
     doubts: tuple[Finding, ...]
     notes: tuple[Finding, ...]
     held: tuple[str, ...]
+    spectra: tuple[FittedSpectrum, ...] = ()
 
 
 def read_in_bands(question: RotorQuestion, loads: str, inexact: Inexact | None = None) -> SpectralEstimate | None:
@@ -91,7 +97,19 @@ def read_in_bands(question: RotorQuestion, loads: str, inexact: Inexact | None =
         tuple(doubts_of_bands(question, posed, fit._replace(mode=fit.mode._replace(converged=converged)))),
         _notes(posed, found.unknowns, cov, wide.model.unknowns.of("lag").start),
         find_held(one_by_one(lambda u: -wide.model.likelihood(u)[0]), found.unknowns, cov, question.parameters),
+        _spectra(posed, wide.model, found.unknowns, cov),
     )
+
+
+def _spectra(posed: PosedBands, model: BandModel, unknowns: Array, cov: Array) -> tuple[FittedSpectrum, ...]:
+    """Spectra of the rows of all bands, those of one combination of channels together."""
+    found: dict[str, list[FittedSpectrum]] = {}
+    for band, at in zip(model.bands, model.places(), strict=True):
+        combined = [posed.combined[row.combination] for row in band.rows]
+        labels = [(one.label, one.turns) for one in combined]
+        for one in spectra_of_model(band.model, unknowns[at], cov[np.ix_(at, at)], labels):
+            found.setdefault(one.channel, []).append(one)
+    return tuple(joined_spectrum(parts) for parts in found.values())
 
 
 def _notes(posed: PosedBands, unknowns: Array, cov: Array, lag: int) -> tuple[Finding, ...]:

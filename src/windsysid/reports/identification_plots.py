@@ -1,0 +1,228 @@
+"""Interactive plots of an identification: spectra with the model, standardised innovations, loads and the record."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.inspection.spectra import seen_from
+from windsysid.records.record import Record
+from windsysid.reports.interactive.plot import Axis, Curve, Mark, Plot, Span, thinned
+from windsysid.results.fitted_spectrum import FittedSpectrum
+from windsysid.results.identification import Identification
+from windsysid.results.posterior import SIGMAS
+from windsysid.units import unit_text
+
+__all__ = ["innovation_plots", "load_plots", "record_plots", "spectra_plots", "whiteness_plots"]
+
+MAX_PLOTS = 12
+"""Setting: channels of which a page has spectra."""
+
+MAX_POINTS = 700
+"""Setting: frequencies of a measured spectrum."""
+
+BINS_PER_WIDTH = 2.0
+"""Setting: bins of a measured spectrum within the half-power width of the narrowest mode, if the record is long
+enough."""
+
+MIN_AVERAGES = 4
+"""Setting: smallest number of averaged periodograms, in disjoint segments."""
+
+MIN_AVERAGED_BINS, MAX_AVERAGED_POINTS = 5, 250
+"""Setting: bins over which a periodogram in frequency ranges is averaged, and points that remain."""
+
+TIME, SIGMA, DENSITY = "time [s]", "[σ]", "PSD"
+
+
+def spectra_plots(found: Identification, record: Record | None) -> list[Plot]:
+    """Measured spectra with those of the fit and their 95 % intervals, one plot a channel; those in ranges or of
+    several blades together where the fit is one of those."""
+    fitted = {one.channel: one for one in found.spectra}
+    recorded = [] if record is None else [name for name in found.sensors if name in record]
+    names = list(dict.fromkeys([*recorded, *fitted]))[:MAX_PLOTS]
+    plots = []
+    for name in names:
+        one = fitted.get(name)
+        plot = _of_channel(found, record, name, one) if name in recorded and record is not None else None
+        if plot is None and one is not None:
+            plot = _of_combination(found, one)
+        if plot is not None:
+            plots.append(plot)
+    return plots
+
+
+def _of_channel(found: Identification, record: Record, name: str, fitted: FittedSpectrum | None) -> Plot | None:
+    """Welch's spectrum of a channel, and the fit's."""
+    measured = _welch(found, record, name)
+    if measured is None:
+        return None
+    f, density = measured
+    x, curves = f, []
+    if fitted is not None:
+        x = np.union1d(f[f <= 1.05 * fitted.frequency[-1]], fitted.frequency)
+        x = np.union1d(x, f)
+        curves.append(_model_curve(x, fitted))
+    curves.insert(0, Curve("measured", np.exp(np.interp(x, f, np.log(density))), colour="measured"))
+    turning = bool(fitted and fitted.turning) or name.startswith("blade")
+    unit = unit_text(record.unit(name))
+    return _plot(found, name, x, curves, f"{DENSITY} [({unit})²/Hz]", fitted, turning=turning)
+
+
+def _of_combination(found: Identification, fitted: FittedSpectrum) -> Plot | None:
+    """The periodogram that the fit used, averaged, and the fit's spectrum."""
+    if fitted.measured is None:
+        return None
+    size = max(MIN_AVERAGED_BINS, -(-len(fitted.frequency) // MAX_AVERAGED_POINTS))
+    starts = np.arange(0, len(fitted.frequency), size)
+    counts = np.diff(starts, append=len(fitted.frequency))
+    middle, measured = (np.add.reduceat(v, starts) / counts for v in (fitted.frequency, fitted.measured))
+    x = np.union1d(middle, fitted.frequency[:: max(1, len(fitted.frequency) // MAX_POINTS)])
+    outside = np.isnan(_log_interpolated(x, fitted.frequency, fitted.density))
+    values = np.where(outside, np.nan, np.exp(np.interp(x, middle, np.log(np.maximum(measured, 1e-300)))))
+    curves = [Curve("measured", values, colour="measured"), _model_curve(x, fitted)]
+    return _plot(found, fitted.channel, x, curves, f"{DENSITY} [unit²/Hz]", fitted, turning=fitted.turning)
+
+
+def _model_curve(x: Array, fitted: FittedSpectrum) -> Curve:
+    level = _log_interpolated(x, fitted.frequency, fitted.density)
+    std = np.interp(x, fitted.frequency, np.where(np.isfinite(fitted.log_std), fitted.log_std, 0.0))
+    low, high = (np.exp(level + sign * SIGMAS * std) for sign in (-1.0, 1.0))
+    return Curve("model", np.exp(level), low, high)
+
+
+def _log_interpolated(x: Array, frequency: Array, density: Array) -> Array:
+    """Logarithm of a spectrum at x, NaN outside of its ranges."""
+    found = np.interp(x, frequency, np.log(density), left=np.nan, right=np.nan)
+    for start, end in _gaps(frequency):
+        found[(x > start) & (x < end)] = np.nan
+    return found
+
+
+def _gaps(frequency: Array) -> list[tuple[float, float]]:
+    """Ranges in which a spectrum is not given: steps that are much longer than those on both sides."""
+    steps = np.diff(frequency)
+    if len(steps) < 3:
+        return []
+    around = np.minimum(np.r_[steps[0], steps[:-1]], np.r_[steps[1:], steps[-1]])
+    wide = np.flatnonzero(steps > np.maximum(8.0 * around, 0.01 * frequency[-1]))
+    return [(float(frequency[i]), float(frequency[i + 1])) for i in wide]
+
+
+def _welch(found: Identification, record: Record, name: str) -> tuple[Array, Array] | None:
+    """Welch's one-sided density of a channel at up to `MAX_POINTS` frequencies [Hz], whose resolution suits the
+    narrowest mode; None where the channel has too few samples."""
+    from scipy.signal import welch
+
+    values = record[name] - np.nanmean(record[name]) if np.isfinite(record[name]).any() else record[name]
+    values = np.nan_to_num(values)
+    width = min((2.0 * m.damping_ratio[0] * m.frequency_hz[0] for m in found.modes), default=math.inf)
+    wanted = BINS_PER_WIDTH * record.rate / max(width, 1e-9)
+    size = int(min(max(wanted, len(values) / 64.0), len(values) / MIN_AVERAGES))
+    if size < 16:
+        return None
+    f, density = welch(values, record.rate, nperseg=size)
+    f, density = f[1:], density[1:]
+    places = np.unique(np.geomspace(1, len(f), MAX_POINTS).astype(int)) - 1
+    counts = np.diff(places, append=len(f))
+    f, density = (np.add.reduceat(v, places) / counts for v in (f, density))
+    return (f, density) if (density > 0.0).all() else None
+
+
+def _plot(
+    found: Identification, name: str, x: Array, curves: list[Curve], label: str, fitted: FittedSpectrum | None, *,
+    turning: bool,
+) -> Plot:  # fmt: skip
+    """One spectrum with marks and shaded ranges, from the lowest frequency to beyond the modes and harmonics."""
+    marks, top = _marks(found, turning=turning), float(x[-1])
+    reached = max((mark.at for mark in marks), default=top)
+    limits = (float(x[0]), min(top, 1.4 * reached)) if reached > x[0] else None
+    spans = []
+    if fitted is not None and fitted.measured is not None:
+        edges = [(0.0, float(fitted.frequency[0])), *_gaps(fitted.frequency), (float(fitted.frequency[-1]), top)]
+        spans = [Span(start, end, "not used by the fit") for start, end in edges if end > start]
+    frame = "rotating frame" if turning else "fixed frame"
+    caption = frame if _turns(found) else ""
+    return Plot(
+        name.replace("_", " "), x, curves, Axis("frequency [Hz]", limits=limits), Axis(label, log=True),
+        marks=marks, spans=spans, caption=caption, link="frequency rotating" if turning else "frequency",
+    )  # fmt: skip
+
+
+def _turns(found: Identification) -> bool:
+    return found.machine is not None and found.machine.rotor_speed > 0.0
+
+
+def _marks(found: Identification, *, turning: bool) -> list[Mark]:
+    """Modes with the grades of their frequencies, as they are seen from a frame, and harmonics of the rotor."""
+    once = found.machine.rotor_speed / (2.0 * math.pi) if found.machine is not None else 0.0
+    marks = [
+        Mark(f, f"{name} ({m.grades[0]})", "estimate", "modes")
+        for m in found.modes for f, name in seen_from(m.name, m.frequency_hz[0], once, turning)
+    ]  # fmt: skip
+    if _turns(found) and found.machine is not None:
+        blades = found.machine.model.blades
+        orders = (1, 2, 3) if turning else tuple(dict.fromkeys((1, blades, 2 * blades)))
+        marks += [Mark(n * once, f"{n}P", "reference", "rotor harmonics") for n in orders if n]
+    lines = [one for one in found.findings if "frequency" in one.data and "line" in one.code]
+    return marks + [Mark(float(one.data["frequency"]), "", "error", "lines left out") for one in lines]
+
+
+def innovation_plots(found: Identification) -> list[Plot]:
+    """Standardised innovations over time, one plot a reading."""
+    if len(found.innovation_time) < 2:
+        return []
+    plots = []
+    for row, name in enumerate(found.readings[:MAX_PLOTS]):
+        time, low, high = thinned(found.innovation_time, found.whitened[:, row])
+        curve = Curve("innovations", 0.5 * (low + high), low, high, look="area", colour="measured")
+        marks = [Mark(at, "", "reference", "±2σ", across=True) for at in (-SIGMAS, SIGMAS)]
+        plots.append(Plot(name.replace("_", " "), time, [curve], Axis(TIME), Axis(SIGMA), marks, link="time"))
+    return plots
+
+
+def whiteness_plots(found: Identification) -> list[Plot]:
+    """Spectra of standardised innovations, 1 for white noise, with the level above which a peak matters."""
+    from windsysid.checks.limits import MAX_PEAK_LEVEL
+
+    w, (low, high) = found.diagnosis.whiteness, found.diagnosis.reach
+    if w is None or not len(w.frequency):
+        return []
+    bound, plots = max(MAX_PEAK_LEVEL, w.spectrum_bound), []
+    marks = [Mark(1.0, "", "reference", "white noise", across=True), Mark(bound, "", "error", "limit", across=True)]
+    spans = [Span(low, min(high, float(w.frequency[-1])), "range of the modes", "estimate")] if high > low else []
+    for row, check in enumerate(w.channels[:MAX_PLOTS]):
+        if not np.isfinite(w.spectrum[:, row]).any():
+            continue
+        f, _, level = thinned(w.frequency, w.spectrum[:, row], MAX_POINTS)
+        plots.append(
+            Plot(
+                check.name.replace("_", " "), f, [Curve("innovations", level)],
+                Axis("frequency [Hz]", log=bool(f[0] > 0.0)), Axis("spectrum [1]", log=True),
+                [*marks, *_marks(found, turning=check.name.startswith("blade"))], spans, link="whitened",
+            )
+        )  # fmt: skip
+    return plots
+
+
+def record_plots(record: Record, channels: Sequence[str]) -> list[Plot]:
+    """Time histories: the smallest and largest reading of each segment."""
+    plots = []
+    for name in channels[:MAX_PLOTS]:
+        time, low, high = thinned(record.time, record[name])
+        curve = Curve("measured", 0.5 * (low + high), low, high, look="area", colour="measured")
+        label = f"[{unit_text(record.unit(name))}]"
+        plots.append(Plot(name.replace("_", " "), time, [curve], Axis(TIME), Axis(label), link="time"))
+    return plots
+
+
+def load_plots(found: Identification) -> list[Plot]:
+    """Loads as the filter estimated them, with ±2σ."""
+    loads, plots = found.loads, []
+    for name, mean, std in () if loads is None else zip(loads.names, loads.mean.T, loads.std.T, strict=True):
+        step = max(1, -(-len(mean) // 1500))
+        x, value, half = (v[::step] for v in (found.innovation_time, mean, SIGMAS * std))
+        unit = "" if found.machine is None else f"[{unit_text(found.machine.model.freedom(name).load_unit)}]"
+        curve = Curve("load", value, value - half, value + half)
+        plots.append(Plot(name.replace("_", " "), x, [curve], Axis(TIME), Axis(unit), link="time"))
+    return plots

@@ -1,0 +1,230 @@
+"""The static SVG of a plot, for print and for browsers without JavaScript."""
+
+import math
+from collections.abc import Callable, Sequence
+from datetime import UTC, datetime
+from html import escape
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.reports.interactive.plot import Axis, Curve, Plot
+
+__all__ = ["static_svg"]
+
+WIDTH, HEIGHT = 720.0, 300.0
+LEFT, RIGHT, TOP, BOTTOM = 66.0, 14.0, 42.0, 52.0
+COLUMN = 1.5
+"""Setting: width of a column within which a curve is drawn by its smallest and largest value [px]."""
+
+NAME_ROWS = 3
+"""Setting: rows of names of marks above a plot."""
+
+CHARACTER = 3.4
+"""Setting: half the width of a character [px]."""
+
+Place = Callable[[Array], Array]
+
+
+def static_svg(plot: Plot, identity: str) -> str:
+    """The plot as SVG text; `identity` is unique on the page."""
+    x_limits, y_limits = _limits(plot, plot.x_axis, of_x=True), _limits(plot, plot.y_axis, of_x=False)
+    to_x = _place(plot.x_axis, x_limits, LEFT, WIDTH - RIGHT)
+    to_y = _place(plot.y_axis, y_limits, HEIGHT - BOTTOM, TOP)
+    inside = [
+        *_spans(plot, to_x),
+        *(part for curve in plot.curves for part in _curve(curve, to_x(_array(plot.x)), to_y)),
+        *_marks(plot, to_x, to_y),
+    ]
+    clip = f"clip-{identity}"
+    name = escape(f"{plot.title}: {plot.caption}" if plot.caption else plot.title, quote=True)
+    return "".join([
+        f'<svg class="static" role="img" aria-label="{name}" viewBox="0 0 {WIDTH:g} {HEIGHT:g}" '
+        'xmlns="http://www.w3.org/2000/svg">',
+        f'<clipPath id="{clip}"><rect x="{LEFT:g}" y="{TOP:g}" width="{WIDTH - LEFT - RIGHT:g}" '
+        f'height="{HEIGHT - TOP - BOTTOM:g}"/></clipPath>',
+        *_frame(plot, (x_limits, y_limits), (to_x, to_y)),
+        f'<g clip-path="url(#{clip})">', *inside, "</g>",
+        *_mark_names(plot, to_x),
+        "</svg>",
+    ])  # fmt: skip
+
+
+def _array(values: object) -> Array:
+    return np.asarray(values, dtype=np.float64)
+
+
+def _limits(plot: Plot, axis: Axis, *, of_x: bool) -> tuple[float, float]:
+    """Limits of an axis: as given, or those of what is drawn."""
+    if axis.limits is not None and axis.limits[1] > axis.limits[0]:
+        return axis.limits
+    if axis.names:
+        return -0.5, len(axis.names) - 0.5
+    parts = [plot.x] if of_x else [v for c in plot.curves for v in (c.values, c.low, c.high) if v is not None]
+    values = np.concatenate([_array(part) for part in parts]) if parts else np.empty(0)
+    values = values[np.isfinite(values) & ((values > 0.0) | (not axis.log))]
+    if not values.size:
+        return (0.1, 1.0) if axis.log else (0.0, 1.0)
+    low, high = float(values.min()), float(values.max())
+    if of_x and high > low:
+        return low, high
+    if high == low and not axis.log:
+        return low - (0.05 * abs(low) or 1.0), high + (0.05 * abs(high) or 1.0)
+    if axis.log:
+        return low / 1.5, high * 1.5
+    margin = 0.06 * (high - low)
+    return low - margin, high + margin
+
+
+def _place(axis: Axis, limits: tuple[float, float], start: float, end: float) -> Place:
+    """Values to pixels."""
+    low, high = (math.log(v) for v in limits) if axis.log else limits
+
+    def to_pixels(values: Array) -> Array:
+        values = np.log(np.where(values > 0.0, values, np.nan)) if axis.log else values
+        return np.asarray(start + (end - start) * (values - low) / (high - low))
+
+    return to_pixels
+
+
+def _curve(curve: Curve, x: Array, to_y: Place) -> list[str]:
+    """One curve: its interval, then itself."""
+    found, colour = [], f"var(--{curve.colour})"
+    values = to_y(_array(curve.values))
+    bounds = None if curve.low is None else (to_y(_array(curve.low)), to_y(_array(curve.high)))
+    if curve.look == "dots":
+        if bounds is not None:
+            ends = zip(x, *bounds, strict=True)
+            path = "".join(f"M{a:.1f} {b:.1f}V{c:.1f}" for a, b, c in ends if math.isfinite(a + b + c))
+            found.append(f'<path d="{path}" style="stroke:{colour}" stroke-width="1.4" fill="none"/>')
+        dots = [f"M{a:.1f} {b:.1f}h0" for a, b in zip(x, values, strict=True) if math.isfinite(a + b)]
+        found.append(f'<path d="{"".join(dots)}" style="stroke:{colour}" stroke-width="4" stroke-linecap="round"/>')
+        return found
+    if bounds is not None:
+        solid = 1.0 if curve.look == "area" else 0.25
+        for segment in _segments(x, *bounds):
+            upper, lower = (
+                _outline(x[segment], bound[segment], extreme) for bound, extreme in zip(bounds, (1, 0), strict=True)
+            )
+            found.append(f'<path d="M{upper}L{_reverse(lower)}Z" style="fill:{colour}" fill-opacity="{solid:g}"/>')
+    if curve.look == "line":
+        path = "".join(f"M{_outline(x[part], values[part])}" for part in _segments(x, values))
+        dash = ' stroke-dasharray="6 4"' if curve.dashed else ""
+        found.append(f'<path d="{path}" style="stroke:{colour}" stroke-width="1.2" fill="none"{dash}/>')
+    return found
+
+
+def _segments(*values: Array) -> list[slice]:
+    """Where all are finite, without gaps."""
+    fine = np.concatenate([[False], np.isfinite(np.sum(values, axis=0)), [False]])
+    edges = np.flatnonzero(np.diff(fine.astype(int)))
+    return [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _outline(x: Array, y: Array, extreme: int | None = None) -> str:
+    """Points of a curve, thinned to the smallest and largest (or one of both) of each column of pixels."""
+    column = np.floor(x / COLUMN)
+    first = np.flatnonzero(np.diff(column, prepend=-np.inf))
+    if 2 * len(first) < len(x):
+        sides = np.minimum.reduceat(y, first), np.maximum.reduceat(y, first)
+        x, y = (x[first], sides[extreme]) if extreme is not None else (np.repeat(x[first], 2), np.ravel(sides, "F"))
+    return " ".join(f"{a:.1f} {b:.1f}" for a, b in zip(x.tolist(), y.tolist(), strict=True))
+
+
+def _reverse(points: str) -> str:
+    numbers = points.split(" ")
+    return " ".join(f"{x} {y}" for x, y in zip(numbers[-2::-2], numbers[::-2], strict=True))
+
+
+def _spans(plot: Plot, to_x: Place) -> list[str]:
+    found = []
+    for span in plot.spans:
+        start, end = to_x(_array([span.start, span.end]))
+        found.append(
+            f'<rect x="{start:.1f}" y="{TOP:g}" width="{max(end - start, 1.0):.1f}" height="{HEIGHT - TOP - BOTTOM:g}" '
+            f'style="fill:var(--{span.colour})" fill-opacity="0.16"/>'
+        )
+    return found
+
+
+def _marks(plot: Plot, to_x: Place, to_y: Place) -> list[str]:
+    found = []
+    for mark in plot.marks:
+        at = (to_y if mark.across else to_x)(_array([mark.at]))[0]
+        path = f"M{LEFT:g} {at:.1f}H{WIDTH - RIGHT:g}" if mark.across else f"M{at:.1f} {TOP:g}V{HEIGHT - BOTTOM:g}"
+        if math.isfinite(at):
+            found.append(
+                f'<path d="{path}" style="stroke:var(--{mark.colour})" stroke-width="1" stroke-dasharray="2 3"/>'
+            )
+    return found
+
+
+def _mark_names(plot: Plot, to_x: Place) -> list[str]:
+    """Names of vertical marks, each in the lowest row that has room."""
+    found, rows = [], [-math.inf] * NAME_ROWS
+    for mark in sorted((m for m in plot.marks if m.name and not m.across), key=lambda m: m.at):
+        at, half = float(to_x(_array([mark.at]))[0]), CHARACTER * len(mark.name)
+        row = next((i for i, end in enumerate(rows) if at - half >= end), None)
+        if row is not None and LEFT <= at <= WIDTH - RIGHT:
+            found.append(_text(at, TOP - 5.0 - 12.0 * row, mark.name, f"var(--{mark.colour})", "middle"))
+            rows[row] = at + half
+    return found
+
+
+def _frame(plot: Plot, limits: Sequence[tuple[float, float]], places: Sequence[Place]) -> list[str]:
+    """Grid, ticks and labels."""
+    (to_x, to_y), bottom, found = places, HEIGHT - BOTTOM, []
+    for value, name in _ticks(plot.x_axis, limits[0], 8):
+        at = to_x(_array([value]))[0]
+        found.append(f'<path d="M{at:.1f} {TOP:g}V{bottom:g}" style="stroke:var(--rule)"/>')
+        if plot.x_axis.names:
+            found.append(
+                _text(
+                    at,
+                    bottom + 12.0,
+                    name,
+                    "var(--quiet)",
+                    "end",
+                    f' transform="rotate(-25 {at:.1f} {bottom + 12:.1f})"',
+                )
+            )
+        else:
+            found.append(_text(at, bottom + 14.0, name, "var(--quiet)", "middle"))
+    for value, name in _ticks(plot.y_axis, limits[1], 5):
+        at = to_y(_array([value]))[0]
+        found.append(f'<path d="M{LEFT:g} {at:.1f}H{WIDTH - RIGHT:g}" style="stroke:var(--rule)"/>')
+        found.append(_text(LEFT - 6.0, at + 3.5, name, "var(--quiet)", "end"))
+    found.append(_text(0.5 * (LEFT + WIDTH - RIGHT), HEIGHT - 8.0, plot.x_axis.label, "var(--ink)", "middle"))
+    middle = 0.5 * (TOP + bottom)
+    turned = f' transform="rotate(-90 12 {middle:g})"'
+    return [*found, _text(12.0, middle, plot.y_axis.label, "var(--ink)", "middle", turned)]
+
+
+def _text(x: float, y: float, text: str, colour: str, anchor: str, more: str = "") -> str:
+    return (
+        f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}" font-size="11" style="fill:{colour}"{more}>'
+        f"{escape(text)}</text>"
+    )
+
+
+def _ticks(axis: Axis, limits: tuple[float, float], most: int) -> list[tuple[float, str]]:
+    """Places and names of ticks."""
+    low, high = limits
+    if axis.names:
+        every = -(-len(axis.names) // most)
+        return [(float(i), name) for i, name in enumerate(axis.names) if i % every == 0]
+    if axis.log and high > 10.0 * low:
+        powers = range(math.ceil(math.log10(low)), math.floor(math.log10(high)) + 1)
+        return [(10.0**n, f"{10.0**n:g}") for n in powers[:: max(1, -(-len(powers) // most))]]
+    step = _step((high - low) / most)
+    values = step * np.arange(math.ceil(low / step), math.floor(high / step) + 1)
+    if axis.dates:
+        form = "%Y-%m-%d" if step > 2e4 else "%m-%d %H:%M"
+        return [(float(v), datetime.fromtimestamp(float(v), UTC).strftime(form)) for v in values]
+    return [(float(v), f"{float(v) + 0.0:.6g}") for v in values]
+
+
+def _step(least: float) -> float:
+    """The next of 1, 2, 5, 10 … above a size."""
+    power = 10.0 ** math.floor(math.log10(least))
+    return next(factor * power for factor in (1.0, 2.0, 5.0, 10.0) if factor * power >= 0.999 * least)

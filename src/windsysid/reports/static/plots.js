@@ -1,0 +1,401 @@
+// Interactive plots of report pages, drawn with uPlot from the JSON that the page embeds (reports/interactive/plot.py).
+//
+// Every <figure class="plot"> with a <script type="application/json"> becomes a plot: drag to zoom, shift and drag to
+// pan, double click to reset, keys + − ← → 0, a legend that switches curves, log or linear axes, PNG and CSV.
+// Other scripts of a page may call plots.draw(figure, spec), plots.colour(name) and plots.download(name, type, content).
+const plots = (() => {
+  "use strict";
+  const HEIGHT = 280;
+  const NAME_ROWS = 3; // of names of marks above a plot
+  const links = new Map(); // plots that zoom together
+
+  const colour = (name, alpha) => {
+    const value = getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim() || "#777";
+    return alpha === undefined ? value : value + Math.round(255 * alpha).toString(16).padStart(2, "0");
+  };
+
+  const make = (tag, attributes = {}, ...children) => {
+    const element = document.createElement(tag);
+    for (const [name, value] of Object.entries(attributes)) {
+      if (name.startsWith("on")) element.addEventListener(name.slice(2), value);
+      else if (value !== null && value !== undefined) element.setAttribute(name, value);
+    }
+    element.append(...children);
+    return element;
+  };
+
+  const digits = (value, count = 4) => {
+    if (value === null || value === undefined) return "–";
+    const size = Math.abs(value);
+    if (size !== 0 && (size >= 1e6 || size < 1e-3)) return value.toExponential(count - 1).replace(/\.?0+e/, "e").replace("e+", "e");
+    return String(Number(value.toPrecision(count)));
+  };
+
+  const download = (name, type, content) => {
+    const address = URL.createObjectURL(content instanceof Blob ? content : new Blob([content], { type }));
+    const anchor = make("a", { href: address, download: name });
+    document.body.append(anchor);
+    anchor.click();
+    anchor.remove();
+    setTimeout(() => URL.revokeObjectURL(address), 1000);
+  };
+
+  const cell = (text) => (/[",\n]/.test(text) ? `"${String(text).replaceAll('"', '""')}"` : String(text));
+
+  class Figure {
+    constructor(figure, spec) {
+      this.figure = figure;
+      this.spec = spec;
+      this.log = { x: spec.x_axis.log, y: spec.y_axis.log };
+      this.hidden = new Set();
+      this.legend = make("div", { class: "plot-legend", role: "group", "aria-label": `Curves of ${spec.title}` });
+      this.tools = make("div", { class: "plot-tools", role: "group", "aria-label": `Tools of ${spec.title}` });
+      this.place = make("div", { class: "plot-canvas", tabindex: "0", role: "img", "aria-label": `${this.inWords()} Keys: plus and minus zoom, arrows pan, 0 resets.`, onkeydown: (event) => this.key(event) });
+      this.readout = make("p", { class: "plot-readout", "aria-hidden": "true" });
+      figure.append(this.legend, this.place, this.readout, this.tools);
+      figure.classList.add("live");
+      if (spec.link) links.set(spec.link, [...(links.get(spec.link) ?? []), this]);
+      this.whole = this.extent(spec.x);
+      this.start = spec.x_axis.limits ?? this.whole;
+      this.view = { x: this.positive([...this.start], this.log.x), y: null };
+      this.fillLegend();
+      this.fillTools();
+      this.draw();
+      new ResizeObserver(() => this.fit()).observe(this.place);
+      matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.draw());
+    }
+
+    inWords() {
+      const { title, curves, x_axis: x, y_axis: y } = this.spec;
+      return `${title}: ${curves.map((c) => c.name).join(", ")}; ${y.label} over ${x.label}.`;
+    }
+
+    extent(values) {
+      if (this.spec.x_axis.names.length) return [-0.5, this.spec.x_axis.names.length - 0.5];
+      const known = values.filter((v) => v !== null);
+      const [low, high] = known.length ? [known[0], known.at(-1)] : [0, 1];
+      return high > low ? [low, high] : [low - 0.5, high + 0.5];
+    }
+
+    positive([low, high], log) {
+      if (!log || low > 0) return [low, high];
+      const least = this.spec.x.find((v) => v > 0) ?? 1e-3;
+      return [least, Math.max(high, 2 * least)];
+    }
+
+    switches() {
+      const { curves, marks, spans } = this.spec;
+      const found = curves.map((c, i) => ({ key: `c${i}`, name: c.name + (c.low && c.look !== "area" ? ", 95 %" : ""), colour: c.colour, kind: c.look + (c.dashed ? " dashed" : "") }));
+      for (const [kind, all] of [["mark", marks], ["span", spans]]) {
+        for (const group of new Set(all.map((one) => one.group).filter(Boolean))) {
+          found.push({ key: group, name: group, colour: all.find((one) => one.group === group).colour, kind });
+        }
+      }
+      return found;
+    }
+
+    fillLegend() {
+      this.legend.replaceChildren(...this.switches().map(({ key, name, colour: paint, kind }) => {
+        const sign = make("span", { class: `sign ${kind}`, "aria-hidden": "true", style: `--sign: var(--${paint})` });
+        const button = make("button", { type: "button", "aria-pressed": "true" }, sign, name);
+        button.addEventListener("click", () => {
+          if (!this.hidden.delete(key)) this.hidden.add(key);
+          button.setAttribute("aria-pressed", String(!this.hidden.has(key)));
+          this.draw();
+        });
+        return button;
+      }));
+    }
+
+    fillTools() {
+      const tool = (text, title, act, pressed) => make("button", { type: "button", title, "aria-label": title, "aria-pressed": pressed, onclick: (event) => act(event.currentTarget) }, text);
+      const flip = (side) => (button) => {
+        this.log[side] = !this.log[side];
+        button.setAttribute("aria-pressed", String(this.log[side]));
+        this.view = { x: this.positive(this.view.x, this.log.x), y: null };
+        this.draw();
+      };
+      const { x_axis: x, y_axis: y, curves } = this.spec;
+      const above = (values) => values.some((v) => v > 0) && values.every((v) => v === null || v >= 0);
+      this.tools.replaceChildren(
+        tool("+", "Zoom in", () => this.zoomBy(0.5)), tool("−", "Zoom out", () => this.zoomBy(2)),
+        tool("reset", "Reset the zoom (double click)", () => this.reset()),
+        ...(y.names.length || !curves.every((c) => above([...c.values, ...(c.low ?? [])])) ? [] : [tool("log y", "Logarithmic vertical axis", flip("y"), String(this.log.y))]),
+        ...(x.dates || x.names.length || !above(this.spec.x) ? [] : [tool("log x", "Logarithmic horizontal axis", flip("x"), String(this.log.x))]),
+        tool("PNG", "Save the picture as PNG", () => this.savePng()), tool("CSV", "Save the shown values as CSV", () => this.saveCsv()),
+      );
+    }
+
+    shown(i) { return !this.hidden.has(`c${i}`); }
+
+    fit() {
+      const width = Math.floor(this.place.clientWidth);
+      if (this.plot && width && width !== this.width) { this.width = width; this.plot.setSize({ width, height: HEIGHT }); }
+    }
+
+    // Vertical limits of the curves that are shown within the horizontal ones.
+    heights() {
+      if (this.view.y) return this.view.y;
+      const { x, y_axis: y, curves, marks } = this.spec;
+      if (y.limits && this.log.y === y.log) return y.limits;
+      let [low, high] = [Infinity, -Infinity];
+      const take = (v) => { if (v !== null && (v > 0 || !this.log.y)) { low = Math.min(low, v); high = Math.max(high, v); } };
+      curves.forEach((c, i) => {
+        if (!this.shown(i)) return;
+        for (let k = 0; k < x.length; k++) {
+          if (x[k] < this.view.x[0] || x[k] > this.view.x[1]) continue;
+          for (const values of [c.values, c.low, c.high]) if (values) take(values[k]);
+        }
+      });
+      marks.filter((m) => m.across).forEach((m) => take(m.at));
+      if (low > high) return this.log.y ? [0.1, 1] : [0, 1];
+      if (this.log.y) return [low / 1.5, high * 1.5];
+      const margin = 0.06 * (high - low) || 0.05 * Math.abs(high) || 1;
+      return [low - margin, high + margin];
+    }
+
+    draw() {
+      const { spec, log } = this;
+      const paint = (name, alpha) => colour(name, alpha);
+      const data = [spec.x], series = [{}], bands = [];
+      spec.curves.forEach((c, i) => {
+        const show = this.shown(i), none = { show: false };
+        if (c.look !== "area") {
+          data.push(c.values);
+          const dots = c.look === "dots";
+          series.push({ show, stroke: paint(c.colour), width: dots ? 0 : 1.4, dash: c.dashed ? [6, 4] : undefined, spanGaps: false,
+            points: dots ? { show: true, size: spec.x.length > 400 ? 3 : 5, fill: paint(c.colour), stroke: paint(c.colour) } : none, ...(dots ? { paths: () => null } : {}) });
+        }
+        if (c.low && c.look !== "dots") {
+          data.push(c.high, c.low);
+          const edge = { show, stroke: c.look === "area" ? paint(c.colour) : "transparent", width: c.look === "area" ? 0.7 : 0, points: none };
+          series.push(edge, edge);
+          bands.push({ series: [data.length - 2, data.length - 1], fill: paint(c.colour, c.look === "area" ? 0.9 : 0.22) });
+        }
+      });
+      const axis = (side, more) => ({ stroke: paint("ink"), grid: { stroke: paint("rule"), width: 1 }, ticks: { stroke: paint("rule"), width: 1 },
+        font: "12px system-ui, sans-serif", labelFont: "12px system-ui, sans-serif", label: spec[`${side}_axis`].label, labelSize: 20, ...more });
+      const name = (values, few) => values.map((v) => (v === null ? "" : few && !Number.isInteger(Number(Math.log10(v).toFixed(9))) ? "" : digits(v, 6)));
+      const values = (side) => (u, ticks) => name(ticks, log[side] && u.scales[side].max > 30 * u.scales[side].min);
+      const names = spec.x_axis.names, long = Math.max(0, ...names.map((one) => one.length));
+      const byName = { splits: () => names.map((_, i) => i), values: () => names, rotate: 50, size: Math.min(130, 20 + 5.2 * long), grid: { show: false } };
+      this.plot?.destroy();
+      this.width = Math.floor(this.place.clientWidth) || 320;
+      this.plot = new uPlot({
+        width: this.width, height: HEIGHT, legend: { show: false }, padding: [spec.marks.some((one) => one.name && !one.across) ? 6 + 13 * NAME_ROWS : 10, 14, 0, 0],
+        scales: {
+          x: { time: spec.x_axis.dates, distr: log.x ? 3 : 1, range: () => this.view.x },
+          y: { distr: log.y ? 3 : 1, range: () => this.heights() },
+        },
+        axes: [axis("x", names.length ? byName : spec.x_axis.dates ? { size: 44 } : { size: 34, values: values("x") }), axis("y", { size: 62, values: values("y") })],
+        series, bands,
+        cursor: {
+          drag: { x: true, y: true, uni: 40, dist: 5, setScale: false }, points: { size: 6 },
+          bind: {
+            mousedown: (u, target, take) => (event) => (event.shiftKey || event.button === 1 ? this.pan(u, event) : take(event)),
+            dblclick: () => () => { this.reset(); return null; },
+          },
+        },
+        hooks: {
+          drawClear: [(u) => this.drawSpans(u)],
+          draw: [(u) => { this.drawWhiskers(u); this.drawMarks(u); }],
+          setCursor: [(u) => this.read(u.cursor.idx)],
+          setSelect: [(u) => this.zoomTo(u)],
+        },
+      }, data, this.place);
+    }
+
+    within(u, act) {
+      const { ctx, bbox } = u;
+      ctx.save();
+      ctx.beginPath();
+      ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+      ctx.clip();
+      act(ctx, bbox);
+      ctx.restore();
+    }
+
+    drawSpans(u) {
+      this.within(u, (ctx, box) => {
+        for (const span of this.spec.spans.filter((one) => !this.hidden.has(one.group))) {
+          const [from, to] = [span.start, span.end].map((at) => u.valToPos(this.log.x ? Math.max(at, this.view.x[0]) : at, "x", true));
+          ctx.fillStyle = colour(span.colour, 0.18);
+          ctx.fillRect(from, box.top, Math.max(to - from, uPlot.pxRatio), box.height);
+        }
+      });
+    }
+
+    drawWhiskers(u) {
+      this.within(u, (ctx) => this.spec.curves.forEach((c, i) => {
+        if (c.look !== "dots" || !c.low || !this.shown(i)) return;
+        ctx.strokeStyle = colour(c.colour, 0.7);
+        ctx.lineWidth = 1.3 * uPlot.pxRatio;
+        ctx.beginPath();
+        this.spec.x.forEach((at, k) => {
+          if (c.low[k] === null || c.high[k] === null) return;
+          const x = u.valToPos(at, "x", true);
+          ctx.moveTo(x, u.valToPos(c.low[k], "y", true));
+          ctx.lineTo(x, u.valToPos(c.high[k], "y", true));
+        });
+        ctx.stroke();
+      }));
+    }
+
+    drawMarks(u) {
+      const { ctx, bbox } = u, ratio = uPlot.pxRatio;
+      const marks = this.spec.marks.filter((one) => !this.hidden.has(one.group)).sort((a, b) => a.at - b.at);
+      this.within(u, () => {
+        ctx.lineWidth = ratio;
+        ctx.setLineDash([3 * ratio, 3 * ratio]);
+        for (const mark of marks) {
+          ctx.strokeStyle = colour(mark.colour);
+          ctx.beginPath();
+          const at = u.valToPos(mark.at, mark.across ? "y" : "x", true);
+          if (mark.across) { ctx.moveTo(bbox.left, at); ctx.lineTo(bbox.left + bbox.width, at); } else { ctx.moveTo(at, bbox.top); ctx.lineTo(at, bbox.top + bbox.height); }
+          ctx.stroke();
+        }
+      });
+      ctx.save();
+      ctx.font = `${11 * ratio}px system-ui, sans-serif`;
+      ctx.textAlign = "center";
+      const rows = Array(NAME_ROWS).fill(-Infinity);
+      for (const mark of marks.filter((one) => one.name && !one.across && one.at >= this.view.x[0] && one.at <= this.view.x[1])) {
+        const half = 0.5 * ctx.measureText(mark.name).width + 3 * ratio;
+        const at = Math.min(Math.max(u.valToPos(mark.at, "x", true), half), ctx.canvas.width - half);
+        const row = rows.findIndex((end) => at - half >= end);
+        if (row < 0) continue;
+        ctx.fillStyle = colour(mark.colour);
+        ctx.fillText(mark.name, at, bbox.top - (5 + 13 * row) * ratio);
+        rows[row] = at + half;
+      }
+      ctx.restore();
+    }
+
+    at(value) {
+      const { x_axis: axis } = this.spec;
+      if (axis.names.length) return axis.names[value] ?? "";
+      return axis.dates ? new Date(1000 * value).toISOString().slice(0, 16).replace("T", " ") : digits(value, 5);
+    }
+
+    read(index) {
+      if (index === null || index === undefined) { this.readout.textContent = ""; return; }
+      const said = this.spec.curves.filter((_, i) => this.shown(i)).map((c) => {
+        const [low, high] = [c.low?.[index], c.high?.[index]];
+        const range = low === null || low === undefined ? "" : ` ${digits(low, 3)} … ${digits(high, 3)}`;
+        return c.look === "area" ? `${c.name}${range}` : `${c.name} ${digits(c.values[index])}${range && ` (${range.trim()})`}`;
+      });
+      this.readout.textContent = `${this.at(this.spec.x[index])}: ${said.join(", ")}`;
+    }
+
+    show(x, y = null, linked = true) {
+      this.view = { x: this.positive(x, this.log.x), y };
+      const [min, max] = this.view.x;
+      this.plot.batch(() => {
+        this.plot.setScale("x", { min, max });
+        const [least, most] = this.heights();
+        this.plot.setScale("y", { min: least, max: most });
+      });
+      if (linked) for (const other of links.get(this.spec.link) ?? []) if (other !== this) other.show(x, null, false);
+    }
+
+    zoomTo(u) {
+      const { left, width, top, height } = u.select;
+      u.setSelect({ left: 0, width: 0, top: 0, height: 0 }, false);
+      const wide = width > 5 && width < u.over.clientWidth - 1, tall = height > 5 && height < u.over.clientHeight - 1;
+      if (!wide && !tall) return;
+      const x = wide ? [left, left + width].map((at) => u.posToVal(at, "x")) : this.view.x;
+      this.show(x, tall ? [top + height, top].map((at) => u.posToVal(at, "y")) : null);
+    }
+
+    between([low, high], log, act) {
+      const to = log ? Math.log : (v) => v, from = log ? Math.exp : (v) => v;
+      return act(to(low), to(high)).map(from);
+    }
+
+    zoomBy(factor) {
+      this.show(this.between(this.view.x, this.log.x, (low, high) => {
+        const centre = 0.5 * (low + high), half = 0.5 * factor * (high - low);
+        return [centre - half, centre + half];
+      }).map((v, i) => (factor > 1 ? Math[i ? "min" : "max"](v, this.whole[i]) : v)));
+    }
+
+    panBy(share) { this.show(this.between(this.view.x, this.log.x, (low, high) => [low + share * (high - low), high + share * (high - low)]), this.view.y); }
+
+    // The first reset goes back to the limits of the start, another one shows everything.
+    reset() {
+      const atStart = this.view.y === null && this.view.x.every((v, i) => v === this.positive(this.start, this.log.x)[i]);
+      this.show(atStart ? [...this.whole] : [...this.start]);
+    }
+
+    pan(u, event) {
+      event.preventDefault();
+      const from = [event.clientX, event.clientY], view = { x: this.view.x, y: this.view.y ?? this.heights() };
+      const move = (now) => {
+        const shift = [(from[0] - now.clientX) / u.over.clientWidth, (now.clientY - from[1]) / u.over.clientHeight];
+        const moved = ["x", "y"].map((side, i) => this.between(view[side], this.log[side], (low, high) => [low, high].map((v) => v + shift[i] * (high - low))));
+        this.show(...moved);
+      };
+      const end = () => { removeEventListener("mousemove", move); removeEventListener("mouseup", end); };
+      addEventListener("mousemove", move);
+      addEventListener("mouseup", end);
+      return null;
+    }
+
+    key(event) {
+      const act = { "+": () => this.zoomBy(0.5), "=": () => this.zoomBy(0.5), "-": () => this.zoomBy(2), 0: () => this.reset(), ArrowLeft: () => this.panBy(-0.2), ArrowRight: () => this.panBy(0.2) }[event.key];
+      if (!act || event.ctrlKey || event.metaKey) return;
+      event.preventDefault();
+      act();
+    }
+
+    fileName(ending) { return `${this.spec.title.replace(/[^\p{L}\p{N}]+/gu, "_").slice(0, 60)}.${ending}`; }
+
+    savePng() {
+      const source = this.plot.ctx.canvas, ratio = uPlot.pxRatio, canvas = document.createElement("canvas");
+      canvas.width = source.width;
+      canvas.height = source.height + 44 * ratio;
+      const ctx = canvas.getContext("2d");
+      ctx.fillStyle = colour("page");
+      ctx.fillRect(0, 0, canvas.width, canvas.height);
+      ctx.fillStyle = colour("ink");
+      ctx.font = `600 ${14 * ratio}px system-ui, sans-serif`;
+      ctx.fillText(this.spec.title, 12 * ratio, 18 * ratio);
+      ctx.font = `${12 * ratio}px system-ui, sans-serif`;
+      let left = 12 * ratio;
+      for (const one of this.switches().filter(({ key }) => !this.hidden.has(key))) {
+        ctx.fillStyle = colour(one.colour);
+        ctx.fillRect(left, 32 * ratio, 14 * ratio, 3 * ratio);
+        ctx.fillStyle = colour("ink");
+        ctx.fillText(one.name, left + 19 * ratio, 37 * ratio);
+        left += 34 * ratio + ctx.measureText(one.name).width;
+      }
+      ctx.drawImage(source, 0, 44 * ratio);
+      canvas.toBlob((blob) => download(this.fileName("png"), "image/png", blob));
+    }
+
+    csv() {
+      const { x, x_axis: axis, y_axis: y, curves } = this.spec;
+      const chosen = curves.filter((_, i) => this.shown(i));
+      const columns = chosen.flatMap((c) => [...(c.look === "area" ? [] : [[`${c.name}, ${y.label}`, c.values]]), ...(c.low ? [[`${c.name}, low`, c.low], [`${c.name}, high`, c.high]] : [])]);
+      const rows = x.map((_, k) => k).filter((k) => x[k] >= this.view.x[0] && x[k] <= this.view.x[1]);
+      const first = (k) => (axis.names.length || axis.dates ? this.at(x[k]) : x[k]);
+      return [[axis.label, ...columns.map(([name]) => name)], ...rows.map((k) => [first(k), ...columns.map(([, values]) => values[k] ?? "")])]
+        .map((row) => row.map(cell).join(",")).join("\n") + "\n";
+    }
+
+    saveCsv() { download(this.fileName("csv"), "text/csv;charset=utf-8", this.csv()); }
+  }
+
+  const draw = (figure, spec) => new Figure(figure, spec);
+  const drawAll = () => {
+    for (const figure of document.querySelectorAll("figure.plot")) {
+      const spec = JSON.parse(figure.querySelector("script").textContent);
+      const folded = figure.closest("details:not([open])");
+      if (folded) folded.addEventListener("toggle", () => { if (!figure.classList.contains("live")) draw(figure, spec); });
+      else draw(figure, spec);
+    }
+  };
+  if (document.readyState === "loading") addEventListener("DOMContentLoaded", drawAll);
+  else drawAll();
+  return { draw, colour, download, digits };
+})();
