@@ -134,8 +134,8 @@ def main(arguments: list[str] | None = None) -> None:
             f"| {rms[0]:.2f}, {rms[1]:.2f} | {seconds:.2f} |"
         )
     for duration in (30.0, 120.0, 600.0):
-        usable = [ambient(9000 + seed, duration) for seed in range(runs)]
-        print(f"ambient vibration of {duration:.0f} s: {sum(map(bool, usable))} of {runs} records with a usable mode")
+        wrong = [ambient(9000 + seed, duration) for seed in range(runs)]
+        print(f"ambient vibration of {duration:.0f} s: {sum(map(bool, wrong))} of {runs} records with a usable mode")
 
 
 if __name__ == "__main__":

@@ -284,7 +284,7 @@ def _mode(
     shape, cov = merged[0], merged[1] * max(one.factor for one in over) ** 2
     variance, n = np.maximum(np.diagonal(cov), 0.0), len(shape)
     std = np.sqrt(0.5 * (variance[:n] + variance[n:]))
-    grounds, remarks = [*shape_doubts(std)], []
+    grounds, remarks = [*shape_doubts(std)], list[Doubt]()
     for one, what in zip(over, ("frequency", "damping ratio"), strict=True):
         if one.factor > MIN_REPORTED_WIDENING:
             text = f"the interval of its {what} is {one.factor:.2g} times as wide as that of the model: {one.cause}"
@@ -365,14 +365,16 @@ def _local_noise(fit: DecayFit, decays: Sequence[Decay], j: int) -> float:
         near = np.abs(np.arange(len(power)) * step - f) <= max(LOCAL_HALF_WIDTHS * z * f, LOCAL_BINS * step)
         inside = np.abs(fit.frequency - f) <= max(LOCAL_HALF_WIDTHS * z * f, LOCAL_BINS * step)
         own = np.abs(one.amplitude[j]) ** 2 / one.noise
-        level += float(own @ power[near].sum(axis=0)) / max(np.count_nonzero(near) - 2 * np.count_nonzero(inside), 4)
+        bins = max(int(np.count_nonzero(near)) - 2 * int(np.count_nonzero(inside)), 4)
+        level += float(own @ power[near].sum(axis=0)) / bins
         weight += float(own.sum())
     return float(np.sqrt(max(level / weight, 1.0)))
 
 
 def _begun(fit: DecayFit) -> Array:
     """Power (r,) of each mode at the beginning, over the noise, summed over channels and records."""
-    return np.sum([np.sum(0.5 * np.abs(one.amplitude) ** 2 / one.noise, axis=1) for one in fit.records], axis=0)
+    each = [np.sum(0.5 * np.abs(one.amplitude) ** 2 / one.noise, axis=1) for one in fit.records]
+    return np.asarray(np.sum(each, axis=0))
 
 
 def _decay_ratio(fit: DecayFit, decays: Sequence[Decay], j: int) -> tuple[float, float]:

@@ -159,7 +159,8 @@ def fit_decays(theta: Array, decays: Sequence[Decay]) -> DecayFit:
             damped *= 8.0
         if float(step @ F @ step) < STEP_TOLERANCE**2 or damped > 1e6:
             break
-    return DecayFit(theta, np.linalg.inv(F) if r else np.empty((0, 0)), tuple(records), lowest)
+    cov = np.asarray(np.linalg.inv(F)) if r else np.empty((0, 0))
+    return DecayFit(theta, cov, tuple(records), lowest)
 
 
 def part_scores(fit: DecayFit, decays: Sequence[Decay]) -> list[PartScores]:

@@ -8,8 +8,9 @@ from windsysid.modal.singular_values import singular_values
 from windsysid.records.record import Record
 from windsysid.results.provenance import record_hash
 from windsysid.spectral.modal_bands.model import spectrum
-from windsysid.spectral.modal_bands.model_order import BandFit
+from windsysid.spectral.modal_bands.model_order import BandFit, poles_over_order
 from windsysid.spectral.oma.condition import Readings
+from windsysid.spectral.oma.limits import MAX_BAND_MODES
 from windsysid.spectral.oma.mode import OperationalMode
 from windsysid.spectral.oma.result import BandSpectrum, OperationalModes
 from windsysid.spectral.oma.search import SearchedBands, modes_inside
@@ -59,7 +60,8 @@ def drawn(found: BandFit) -> BandSpectrum:
     """Spectra of a band for the figure."""
     measured = np.einsum("kii->k", found.band.power).real
     fitted = np.einsum("kii->k", spectrum(found.fit.modes, found.band)).real
-    return BandSpectrum(found.band.frequency, measured, fitted)
+    poles = poles_over_order(found, min(len(found.fit.modes.frequency) + 1, MAX_BAND_MODES))
+    return BandSpectrum(found.band.frequency, measured, fitted, poles)
 
 
 def acceleration_unit(unit: str, order: int) -> str:

@@ -56,6 +56,9 @@ class OperationalMode:
         Frequency [Hz] and damping ratio [1] that the turbine file gives; None where nothing is near.
     shape_cov
         Covariance (2 n, 2 n) of the shape's real parts and then its imaginary ones; None if it was not kept.
+    segments
+        (K, 3) middles of segments of the record [s], and frequency [Hz] and damping ratio in each, by one step of
+        scoring from those of the whole; None if the record is too short for segments.
     """
 
     name: str
@@ -73,6 +76,7 @@ class OperationalMode:
     shape_cov: Array | None = None
     remarks: tuple[Doubt, ...] = ()
     widening: tuple[float, float] = (1.0, 1.0)
+    segments: Array | None = None
 
     @property
     def grades(self) -> tuple[str, str]:
@@ -143,6 +147,7 @@ class OperationalMode:
                 "unit": f"({units[largest]})^2/Hz",
             },
             "band_hz": list(self.band),
+            "segments": None if self.segments is None else self.segments.tolist(),
             "trusted": self.trusted,
             "doubts": list(self.doubts),
             "remarks": [remark.text for remark in self.remarks],

@@ -59,12 +59,20 @@ class RecordModes:
 
 @dataclass(frozen=True)
 class BandSpectrum:
-    """Spectra of a band for the figure: frequencies (K,), and the scaled sum of its channels' spectra as measured and
-    as fitted (K,)."""
+    """Spectra of a band for the figure.
+
+    Attributes
+    ----------
+    frequency, measured, fitted
+        Frequencies (K,) [Hz], and the scaled sum of the channels' spectra as measured and as fitted (K,).
+    poles
+        Frequencies [Hz] and damping ratios of the modes of fits with 1, 2, … modes.
+    """
 
     frequency: Array
     measured: Array
     fitted: Array
+    poles: tuple[tuple[Array, Array], ...] = ()
 
 
 class DecayHistory(NamedTuple):
