@@ -32,8 +32,9 @@ import numpy as np
 from validation.oma import table
 from windsysid.records.record import Record
 from windsysid.spectral.oma.analyse import analyse_vibration
+from windsysid.spectral.oma.mode import OperationalMode
 from windsysid.spectral.oma.mode_tracking import Seen, follow_modes
-from windsysid.spectral.oma.result import OperationalMode, OperationalModes
+from windsysid.spectral.oma.result import OperationalModes
 
 Array = np.ndarray
 

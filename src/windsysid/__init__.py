@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     )
     from windsysid.mechanics.tower import TowerModel
     from windsysid.modal.campbell import Campbell
+    from windsysid.modal.decays.analyse import analyse_decays as free_decay
     from windsysid.modal.sweep import find_modes as modes
     from windsysid.monitoring.change import Comparison
     from windsysid.monitoring.changes import Watch
@@ -68,7 +69,8 @@ if TYPE_CHECKING:
     from windsysid.results.provenance import Provenance
     from windsysid.simulation.record import simulate_record as simulate
     from windsysid.spectral.oma.analyse import analyse_vibration as oma
-    from windsysid.spectral.oma.result import OperationalMode, OperationalModes
+    from windsysid.spectral.oma.mode import OperationalMode
+    from windsysid.spectral.oma.result import OperationalModes
     from windsysid.spectral.oma.sensors import ModalSensor
     from windsysid.statespace.compose import StateSpace, compose
     from windsysid.statespace.gauss_markov import GaussMarkov
@@ -105,6 +107,7 @@ _WHERE = {
     ),
     "mechanics.tower": "TowerModel",
     "modal.campbell": "Campbell",
+    "modal.decays.analyse": "free_decay=analyse_decays",
     "modal.sweep": "modes=find_modes",
     "monitoring.change": "Comparison",
     "monitoring.changes": "Watch",
@@ -124,7 +127,8 @@ _WHERE = {
     "simulation.record": "simulate=simulate_record",
     "spectral.oma.sensors": "ModalSensor",
     "spectral.oma.analyse": "oma=analyse_vibration",
-    "spectral.oma.result": "OperationalMode OperationalModes",
+    "spectral.oma.mode": "OperationalMode",
+    "spectral.oma.result": "OperationalModes",
     "statespace.compose": "StateSpace compose",
     "statespace.gauss_markov": "GaussMarkov",
     "statespace.parameter": "Parameter",
@@ -221,6 +225,7 @@ __all__ = [  # noqa: RUF022
     "load_turbine",
     "modes",
     "monitor",
+    "free_decay",
     "oma",
     "packaged_turbines",
     "plan",

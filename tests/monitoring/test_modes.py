@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 import windsysid as ws
+from windsysid.modal.shapes import assurance
 from windsysid.monitoring.comparison import compare
 from windsysid.monitoring.series import gather_modes
 from windsysid.monitoring.watch import watch
 from windsysid.spectral.oma.known_modes import KnownMode, KnownModes
-from windsysid.spectral.oma.mode_tracking import Seen, assurance, follow_modes
+from windsysid.spectral.oma.mode_tracking import Seen, follow_modes
 
 SHAPES = ({"a": 1.0 + 0j, "b": 0.6 + 0j, "c": 0.2 + 0j}, {"a": 1.0 + 0j, "b": -0.7 + 0j, "c": -0.9 + 0j})
 

@@ -81,6 +81,9 @@ def oma(
     section: Annotated[
         tuple[float, float] | None, typer.Option(metavar="START END", help=r"Part of the record to use \[s].")
     ] = None,
+    decay: Annotated[
+        bool, typer.Option("--decay", metavar="", help="The records are free decays, after a release or a shock.")
+    ] = False,
     mapping: Mapping = None,
     json: Json = False,
     verbose: Verbose = False,
@@ -90,6 +93,7 @@ def oma(
     ] = False,
 ) -> None:
     """Modes of any structure from its ambient vibration: frequencies, damping, shapes, no model needed."""
+    from windsysid.modal.decays.analyse import analyse_decays
     from windsysid.records.formats import load_mapping, read_record
     from windsysid.reports.loading import kept
     from windsysid.spectral.oma.analyse import analyse_vibration
@@ -98,11 +102,13 @@ def oma(
     to = claim_output(context, output, name_of(records[0], "oma"), *inputs, overwrite=overwrite, json=json)
     rules = load_mapping(mapping) if mapping is not None else None
     lists = _sensor_lists(sensors or [], len(records))
-    bands = list(map(_band, band)) if band else None
+    if decay and band:
+        raise ConfigurationError("--band is for ambient vibration: expected --range LOW HIGH with --decay")
+    analyse = analyse_decays if decay else partial(analyse_vibration, bands=list(map(_band, band)) if band else None)
     with show_progress("oma") as progress:
-        found = analyse_vibration(
+        found = analyse(
             [read_record(path, mapping=rules, progress=partial(progress, f"reading {path}")) for path in records],
-            sensors=lists, turbine=turbine, bands=bands, limits=limits, section=section, progress=progress,
+            sensors=lists, turbine=turbine, limits=limits, section=section, progress=progress,
         )  # fmt: skip
     print_answer(found, json=json, verbose=verbose)
     if to.folder is None:

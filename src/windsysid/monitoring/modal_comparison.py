@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from windsysid.errors import ConfigurationError
+from windsysid.modal.shapes import assurance
 from windsysid.monitoring.change import UNTOLD, Comparison, QuantityChange
 from windsysid.monitoring.modal_tracks import tracks_of
 from windsysid.monitoring.own_information import TYPICAL_CHANGE
@@ -23,7 +24,6 @@ from windsysid.spectral.oma.known_modes import (
     in_channels,
     without_damping_prior,
 )
-from windsysid.spectral.oma.mode_tracking import assurance
 
 __all__ = ["compare_modes"]
 

@@ -4,19 +4,30 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from windsysid.modal.shapes import along_axis
 from windsysid.output.table import Table
 from windsysid.reports.figures.canvas import MAX_TICK_CHARACTERS, canvas, label
+from windsysid.reports.figures.oma_views import (
+    assurance_table,
+    complexity_figure,
+    decay_plot,
+    poles_plot,
+    segment_plots,
+    setup_table,
+    shape_table,
+    singular_value_plot,
+)  # fmt: skip
 from windsysid.reports.figures.plots import BAND, ERROR, ESTIMATE, MEASURED, REFERENCE, tidy
 from windsysid.reports.html import Section, png, report_page
-from windsysid.spectral.oma.result import OperationalMode, OperationalModes
+from windsysid.spectral.oma.mode import OperationalMode
+from windsysid.spectral.oma.result import OperationalModes
 
 __all__ = ["figure", "files"]
 
 MOST_SHAPES = 24
 """Modes whose shapes are drawn."""
 
-COLUMNS = 4
-MOST_LINES = 4000
+COLUMNS, MOST_DECAYS = 4, 6
 
 
 def figure(found: OperationalModes, place: Axes | None = None) -> Figure:
@@ -43,10 +54,8 @@ def figure(found: OperationalModes, place: Axes | None = None) -> Figure:
 
 
 def _spectrum(ax: Axes, found: OperationalModes) -> None:
-    size = max(1, len(found.frequency) // MOST_LINES)
-    stretches = len(found.level) // size
-    level = found.level[: stretches * size].reshape(stretches, size).mean(axis=1)
-    ax.semilogy(found.frequency[: stretches * size : size][1:], level[1:], color=MEASURED, lw=0.7)
+    for i, values in enumerate(found.singular_values.T):
+        ax.semilogy(found.frequency[1:], values[1:], color=MEASURED, lw=0.9 if i == 0 else 0.5, alpha=1.0 - 0.12 * i)
     for mode in found.modes:
         ax.axvspan(*mode.band, color=BAND, alpha=0.25, lw=0)
         ax.axvline(mode.frequency, color=ESTIMATE if mode.trusted else ERROR, lw=0.9)
@@ -55,7 +64,7 @@ def _spectrum(ax: Axes, found: OperationalModes) -> None:
     top = max((mode.band[1] for mode in found.modes), default=float(found.frequency[-1]))
     ax.set_xlim(0.0, min(1.3 * top, float(found.frequency[-1])))
     ax.set_title(
-        "all channels, scaled; blue: modes and their frequency ranges, orange: grade C, dotted: removed lines",
+        "singular values; blue: modes and their frequency ranges, orange: grade C, dotted: removed lines",
         fontsize=9,
         loc="left",
     )
@@ -81,7 +90,7 @@ def _shapes(found: OperationalModes) -> Figure | None:
 
 def _bars(ax: Axes, found: OperationalModes, mode: OperationalMode, named: bool) -> None:
     at = np.arange(len(found.channels))
-    turned = mode.shape * np.exp(-0.5j * np.angle(np.sum(mode.shape**2)))
+    turned = along_axis(mode.shape)
     for part, offset, colour in ((turned.real, -0.17, ESTIMATE), (turned.imag, 0.17, MEASURED)):
         ax.barh(at + offset, part, 0.32, color=colour)
         ax.errorbar(part, at + offset, xerr=2.0 * mode.shape_std, fmt="none", ecolor=REFERENCE, elinewidth=0.7)
@@ -99,7 +108,7 @@ def _arrows(ax: Axes, found: OperationalModes, mode: OperationalMode, named: boo
     way = np.array([s.direction for s in sensors], dtype=np.float64)
     way /= np.linalg.norm(way, axis=1, keepdims=True)
     span = float(np.ptp(place, axis=0).max()) or 1.0
-    turned = (mode.shape * np.exp(-0.5j * np.angle(np.sum(mode.shape**2)))).real
+    turned = along_axis(mode.shape).real
     moved = place + 0.25 * span * way * turned[:, None]
     ax.plot(*place.T, "o", ms=2.5, color=MEASURED)
     for start, end in zip(place, moved, strict=True):
@@ -129,15 +138,30 @@ def files(found: OperationalModes) -> dict[str, bytes]:
     )
     sections = [
         Section("Modes", text=[verdict, *found.reasons_of_record], tables=[found.table("")]),
-        Section("Spectra", figures=[(drawn, caption)]),
+        Section("Spectra", plots=[singular_value_plot(found)], figures=[(drawn, caption)]),
     ]
+    if found.decays:
+        sections.insert(1, Section("Free decays", plots=[decay_plot(one) for one in found.decays[:MOST_DECAYS]]))
+    stay = [plot for plot in (poles_plot(found), *segment_plots(found)) if plot is not None]
+    if stay:
+        text = "A mode of the structure stays where it is, whatever the model order and the part of the record."
+        sections.append(Section("Which modes stay", text=[text], plots=stay))
     if found.parts:
         text = "Each record by itself. Where they scatter more than their intervals say, the mode is of grade C."
         sections.append(Section("Record by record", text=[text], tables=[found.agreement_table("")]))
+        text = "Where sensors moved between records, shapes are put together on the channels in common."
+        sections.append(Section("Setups", text=[text], tables=[setup_table(found)]))
     shapes = _shapes(found)
     if shapes is not None:
         text = "Shapes as accelerations, 1 where most moves. Bars: blue in phase, grey out of phase, lines ±2σ."
-        sections.append(Section("Shapes", figures=[(shapes, text)]))
+        complexity = complexity_figure(found)
+        circle = "Components of each shape in the complex plane: on one line where all channels move in phase."
+        figures = [(shapes, text), *([(complexity, circle)] if complexity is not None else [])]
+        measures = (
+            "MPC: modal phase collinearity, 1 for a real shape. MPD: mean phase deviation. MAC: alike, 1 or not, 0."
+        )
+        tables = [shape_table(found), assurance_table(found)]
+        sections.append(Section("Shapes", text=[measures], figures=figures, tables=tables))
     causes = _causes(found)
     if causes.rows:
         sections.append(Section("Why grades are B or C", tables=[causes]))
@@ -146,7 +170,7 @@ def files(found: OperationalModes) -> dict[str, bytes]:
     section = "" if found.parts else f" · {found.section[0]:.6g}–{found.section[1]:.6g} s"
     subtitle = f"{found.record}{section} · {len(found.channels)} channels · {found.rate:.4g} Hz"
     return {
-        "report.html": report_page("Modes from ambient vibration", subtitle, sections),
+        "report.html": report_page(f"Modes from {found.method}", subtitle, sections),
         "modes.png": drawn,
         "summary.json": found.to_json().encode(),
     }

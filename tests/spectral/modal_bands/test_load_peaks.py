@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import beta
 
 from windsysid.spectral.modal_bands.load_peaks import shape_ratio, with_load_odds
-from windsysid.spectral.oma.result import Doubt, OperationalMode
+from windsysid.spectral.oma.mode import Doubt, OperationalMode
 
 from ..oma.modes import mode
 

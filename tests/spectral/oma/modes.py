@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from windsysid.spectral.oma.result import Doubt, OperationalMode
+from windsysid.spectral.oma.mode import Doubt, OperationalMode
 
 
 def mode(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import windsysid as ws
-from windsysid.spectral.oma.analyse import _parts, _sensors_in, _sensors_of_each
+from windsysid.spectral.oma.analyse import _parts, _sensors_in, sensors_of_each
 
 
 def test_parts_of_a_record_are_equal_and_follow_each_other():
@@ -12,11 +12,11 @@ def test_parts_of_a_record_are_equal_and_follow_each_other():
 
 
 def test_one_sensor_list_serves_all_records_and_lists_serve_one_each():
-    assert _sensors_of_each(["a", "b"], 2) == [["a", "b"]] * 2
-    assert _sensors_of_each([["a"], ["b"]], 2) == [["a"], ["b"]]
-    assert _sensors_of_each(None, 3) == [None] * 3
+    assert sensors_of_each(["a", "b"], 2) == [["a", "b"]] * 2
+    assert sensors_of_each([["a"], ["b"]], 2) == [["a"], ["b"]]
+    assert sensors_of_each(None, 3) == [None] * 3
     with pytest.raises(ws.ConfigurationError, match="or 3, one for each, got 2"):
-        _sensors_of_each([["a"], ["b"]], 3)
+        sensors_of_each([["a"], ["b"]], 3)
 
 
 def test_of_a_turbine_only_sensors_with_a_channel_are_used():

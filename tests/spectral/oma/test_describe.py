@@ -5,7 +5,7 @@ import pytest
 import windsysid as ws
 from windsysid.inspection.spectra import expected_modes
 from windsysid.spectral.oma.describe import named, with_references, without_skirts
-from windsysid.spectral.oma.result import Doubt
+from windsysid.spectral.oma.mode import Doubt
 
 from .modes import mode
 

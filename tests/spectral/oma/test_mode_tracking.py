@@ -5,7 +5,8 @@ from itertools import permutations
 import numpy as np
 import pytest
 
-from windsysid.spectral.oma.mode_tracking import Seen, assurance, follow_modes
+from windsysid.modal.shapes import assurance
+from windsysid.spectral.oma.mode_tracking import Seen, follow_modes
 
 
 def test_the_assurance_criterion_is_that_of_allemang():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from windsysid._types import Complex
-from windsysid.spectral.oma.result import OperationalMode
+from windsysid.spectral.oma.mode import OperationalMode
 
 
 def mode(shape: Complex, ln_damping_std: float = 0.2) -> OperationalMode:
@@ -25,3 +25,10 @@ def test_complexity_is_that_of_the_shape_and_not_of_its_phase(turn: float):
     whole = np.exp(1j * turn)
     assert mode(whole * np.array([1.0, -0.4, 0.2])).complexity == pytest.approx(0.0, abs=1e-12)
     assert mode(whole * np.array([1.0, 1.0j])).complexity == pytest.approx(0.5)
+
+
+def test_measures_of_the_shape_are_in_the_summary():
+    real = mode(np.exp(0.4j) * np.array([1.0, -0.4, 0.2]))
+    shape = real.summary(("a", "b", "c"), ("m/s^2",) * 3)["shape"]
+    assert (shape["mpc"], shape["mpd_rad"]) == pytest.approx((1.0, 0.0), abs=1e-7)
+    assert math.isnan(mode(np.array([1.0, 1.0j])).mpc)

@@ -11,7 +11,7 @@ from windsysid.spectral.modal_bands.model import Modes, prominence, spectrum, ti
 from windsysid.spectral.modal_bands.model_order import BandFit, Shapes
 from windsysid.spectral.modal_bands.scoring import HALF_TOLERANCE, ModalFit, score
 from windsysid.spectral.oma.condition import Readings, RemovedLine
-from windsysid.spectral.oma.result import Doubt
+from windsysid.spectral.oma.mode import Doubt
 
 __all__ = ["explanations", "fit_doubts", "is_spurious", "is_steady", "mode_doubts", "shape_doubts"]
 

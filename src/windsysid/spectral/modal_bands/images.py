@@ -13,7 +13,7 @@ import numpy as np
 
 from windsysid._types import Array, Complex
 from windsysid.spectral.modal_bands.limits import IMAGE_FALSE_ALARM_PROBABILITY, MIN_MOTION_FREEDOM
-from windsysid.spectral.oma.result import Doubt, OperationalMode
+from windsysid.spectral.oma.mode import Doubt, OperationalMode
 
 __all__ = ["with_images"]
 

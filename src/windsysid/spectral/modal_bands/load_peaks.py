@@ -21,7 +21,7 @@ import numpy as np
 
 from windsysid._types import Array, Complex
 from windsysid.spectral.modal_bands import limits
-from windsysid.spectral.oma.result import Doubt, OperationalMode
+from windsysid.spectral.oma.mode import Doubt, OperationalMode
 
 __all__ = ["shape_ratio", "with_load_odds"]
 

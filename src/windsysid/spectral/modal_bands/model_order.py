@@ -20,7 +20,7 @@ from windsysid.spectral.modal_bands.scoring import COARSE_TOLERANCE, ModalFit, e
 from windsysid.spectral.modal_bands.start import add_mode, deviance, modes_at, without_modes
 from windsysid.spectral.transforms.dft import Band, band_data
 
-__all__ = ["BandFit", "Shapes", "fit_band", "full_shapes", "principal_directions"]
+__all__ = ["BandFit", "Shapes", "fit_band", "full_shapes", "poles_over_order", "principal_directions"]
 
 MAX_FINAL_STEPS = 120
 """Numerical: largest number of steps of the last search in a band."""
@@ -135,6 +135,15 @@ def _most_evident(
         elif r >= peaks:
             break
     return best
+
+
+def poles_over_order(found: BandFit, most: int) -> tuple[tuple[Array, Array], ...]:
+    """Frequencies [Hz] and damping ratios of 1, 2, … `most` modes in a band, each fit from that with one mode less."""
+    modes, poles = without_modes(found.band), []
+    for _ in range(most):
+        modes = score(add_mode(modes, found.band), found.band, tolerance=COARSE_TOLERANCE).modes
+        poles.append((modes.frequency, modes.damping))
+    return tuple(poles)
 
 
 def full_shapes(found: BandFit) -> Shapes:

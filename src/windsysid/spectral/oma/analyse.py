@@ -25,14 +25,15 @@ from windsysid.spectral.oma.assemble import RecordAnalysis, result_of
 from windsysid.spectral.oma.clock_lag import aligned, clock_lags, lag_doubt
 from windsysid.spectral.oma.condition import Readings, prepare_readings, transforms
 from windsysid.spectral.oma.describe import described, named, with_references, without_skirts
+from windsysid.spectral.oma.mode import Doubt
 from windsysid.spectral.oma.multi_setup import join
-from windsysid.spectral.oma.result import Doubt, OperationalModes
+from windsysid.spectral.oma.result import OperationalModes
 from windsysid.spectral.oma.search import covered_note, modes_of, search_modes
 from windsysid.spectral.oma.sensors import ModalSensor
 from windsysid.turbine.coercion import TurbineLike, as_turbine
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["analyse_vibration"]
+__all__ = ["Sensors", "analyse_vibration", "sensors_of_each"]
 
 Sensors = Sequence[Sensor | ModalSensor | str]
 
@@ -91,7 +92,7 @@ def analyse_vibration(
         raise ConfigurationError("records: expected one at least, got an empty list")
     machine = None if turbine is None else as_turbine(turbine)
     request = _AnalysisOptions(machine, bands, limits, section, progress)
-    lists = _sensors_of_each(sensors, len(records))
+    lists = sensors_of_each(sensors, len(records))
     singles = [_analysed(each, listed, request) for each, listed in zip(records, lists, strict=True)]
     progress("the result", None)
     found = result_of(singles[0]) if len(singles) == 1 else join(singles)
@@ -112,7 +113,7 @@ class _AnalysisOptions(NamedTuple):
     progress: Progress
 
 
-def _sensors_of_each(sensors: "Sensors | Sequence[Sensors] | None", count: int) -> "list[Sensors | None]":
+def sensors_of_each(sensors: "Sensors | Sequence[Sensors] | None", count: int) -> "list[Sensors | None]":
     """Sensor list of each record."""
     if sensors is None or not any(isinstance(one, list | tuple) for one in sensors):
         return [sensors] * count  # type: ignore[list-item]

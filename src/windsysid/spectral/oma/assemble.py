@@ -4,16 +4,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from windsysid._types import Array, Complex
+from windsysid.modal.singular_values import singular_values
 from windsysid.records.record import Record
 from windsysid.results.provenance import record_hash
 from windsysid.spectral.modal_bands.model import spectrum
-from windsysid.spectral.modal_bands.model_order import BandFit
+from windsysid.spectral.modal_bands.model_order import BandFit, poles_over_order
 from windsysid.spectral.oma.condition import Readings
-from windsysid.spectral.oma.result import BandSpectrum, OperationalMode, OperationalModes
+from windsysid.spectral.oma.limits import MAX_BAND_MODES
+from windsysid.spectral.oma.mode import OperationalMode
+from windsysid.spectral.oma.result import BandSpectrum, OperationalModes
 from windsysid.spectral.oma.search import SearchedBands, modes_inside
 
-__all__ = ["RecordAnalysis", "drawn", "result_of"]
+__all__ = ["RecordAnalysis", "acceleration_unit", "drawn", "result_of"]
 
 
 class RecordAnalysis(NamedTuple):
@@ -28,6 +30,7 @@ class RecordAnalysis(NamedTuple):
 def result_of(single: RecordAnalysis) -> OperationalModes:
     """Result of one record."""
     record, readings, found, modes = single
+    frequency, values = singular_values(found.spectrum.frequency, found.spectrum.values)
     return OperationalModes(
         record=record.name,
         section=(float(readings.used.time[0]), float(readings.used.time[-1])),
@@ -35,14 +38,14 @@ def result_of(single: RecordAnalysis) -> OperationalModes:
         samples=readings.samples,
         channels=readings.names,
         units=tuple(
-            _acceleration_unit(unit, order) for unit, order in zip(readings.units, readings.orders, strict=True)
+            acceleration_unit(unit, order) for unit, order in zip(readings.units, readings.orders, strict=True)
         ),
         sensors=readings.sensors,
         modes=modes,
         lines=tuple((line.name, line.frequency) for line in readings.lines),
         empty=found.empty,
-        frequency=found.spectrum.frequency,
-        level=_level(found.spectrum.values),
+        frequency=frequency,
+        singular_values=values,
         bands=tuple(drawn(one) for one in found.bands if modes_inside(one, readings.samples / readings.rate)),
         rotor_hz=readings.rotor_hz,
         doubts=readings.doubts,
@@ -57,16 +60,12 @@ def drawn(found: BandFit) -> BandSpectrum:
     """Spectra of a band for the figure."""
     measured = np.einsum("kii->k", found.band.power).real
     fitted = np.einsum("kii->k", spectrum(found.fit.modes, found.band)).real
-    return BandSpectrum(found.band.frequency, measured, fitted)
+    poles = poles_over_order(found, min(len(found.fit.modes.frequency) + 1, MAX_BAND_MODES))
+    return BandSpectrum(found.band.frequency, measured, fitted, poles)
 
 
-def _level(values: Complex) -> Array:
-    """Mean (F,) of the spectra of the channels, scaled to the same median."""
-    power = np.abs(values) ** 2
-    return np.asarray((power / np.maximum(np.median(power, axis=0), 1e-300)).mean(axis=1))
-
-
-def _acceleration_unit(unit: str, order: int) -> str:
+def acceleration_unit(unit: str, order: int) -> str:
+    """Unit of the acceleration of a channel that reads in a unit, with the order of its time derivative."""
     if order == 2:
         return unit
     known = {"m": "m/s^2", "rad": "rad/s^2", "m/s": "m/s^2", "rad/s": "rad/s^2"}

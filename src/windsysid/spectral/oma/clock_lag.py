@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from windsysid._types import Array, Complex
 from windsysid.spectral.oma import limits
 from windsysid.spectral.oma.condition import Readings
-from windsysid.spectral.oma.result import DoubtKind, OperationalMode
+from windsysid.spectral.oma.mode import DoubtKind, OperationalMode
 
 __all__ = ["Lag", "aligned", "clock_lags", "lag_doubt", "lag_note"]
 

@@ -17,7 +17,7 @@ from windsysid.spectral.modal_bands.model_order import BandFit, Shapes, full_sha
 from windsysid.spectral.modal_bands.part_scores import Segments, part_scores, widening_of
 from windsysid.spectral.oma.condition import Readings
 from windsysid.spectral.oma.limits import MIN_BLADE_RATIO, SKIRT_HALF_WIDTHS
-from windsysid.spectral.oma.result import Doubt, OperationalMode
+from windsysid.spectral.oma.mode import Doubt, OperationalMode
 from windsysid.turbine.turbine import Turbine
 
 __all__ = ["described", "mode_of", "named", "widened", "with_references", "without_skirts"]
@@ -56,7 +56,23 @@ def widened(mode: OperationalMode, found: BandFit, j: int, parts: Sequence[PartS
         grounds=tuple(grounds),
         remarks=tuple(remarks),
         widening=(factors[0], factors[1]),
+        segments=_in_segments(mode, r, j, parts),
     )
+
+
+def _in_segments(mode: OperationalMode, r: int, j: int, parts: Sequence[PartScores]) -> Array | None:
+    """Times [s], frequencies [Hz] and damping ratios (K, 3) of a mode in segments of the record.
+
+    Each of K equal segments has the score g and about the K-th part of the information: one step of Fisher scoring
+    leads from the estimate θ of the whole to θ + K C g.
+    """
+    for one in parts:
+        if one.over == "time":
+            cov = np.linalg.inv(one.information.sum(axis=0) + one.precision)
+            step = len(one.places) * (one.gradients @ cov)[:, [j, r + j]]
+            values = np.array([mode.frequency, mode.damping]) * np.exp(np.clip(step, -1.5, 1.5))
+            return np.column_stack([one.places, values])
+    return None
 
 
 def mode_of(found: BandFit, j: int, shapes: Shapes, grounds: Sequence[Doubt]) -> OperationalMode:

@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Complex
+from windsysid.modal.shapes import assurance
 from windsysid.spectral.oma.limits import FREQUENCY_SCALE, MAX_FREQUENCY_STEP, MIN_ASSURANCE, SHAPE_SCALE
 
-__all__ = ["Seen", "assurance", "follow_modes"]
+__all__ = ["Seen", "follow_modes"]
 
 
 class Seen(NamedTuple):
@@ -24,16 +25,6 @@ class Seen(NamedTuple):
 
     frequency: float
     shape: Complex
-
-
-def assurance(a: Complex, b: Complex) -> float:
-    """Modal assurance criterion of two shapes (N,) over the sensors that both have; NaN for fewer than two."""
-    both = np.isfinite(a) & np.isfinite(b)
-    if both.sum() < 2:
-        return float("nan")
-    a, b = a[both], b[both]
-    size = float(np.sum(np.abs(a) ** 2) * np.sum(np.abs(b) ** 2))
-    return float(np.abs(np.vdot(a, b)) ** 2 / size) if size > 0.0 else float("nan")
 
 
 def follow_modes(records: Sequence[Sequence[Seen]]) -> list[dict[int, int]]:

@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 
 from windsysid._types import Complex
 from windsysid.errors import ConfigurationError
+from windsysid.modal.shape_merging import MergedShape, Ratios, merge_shapes
+from windsysid.modal.shapes import assurance
 from windsysid.spectral.modal_bands.check import fit_doubts, shape_doubts
 from windsysid.spectral.modal_bands.correlated_loads import are_shared
 from windsysid.spectral.modal_bands.limits import MIN_BAND_BINS
@@ -29,14 +31,14 @@ from windsysid.spectral.oma.assemble import RecordAnalysis, drawn, result_of
 from windsysid.spectral.oma.describe import mode_of
 from windsysid.spectral.oma.duplicate_records import find_duplicates
 from windsysid.spectral.oma.limits import JOINT_STEPS, MIN_SCATTER_PROBABILITY, MIN_SHAPE_ASSURANCE
-from windsysid.spectral.oma.mode_tracking import Seen, assurance, follow_modes
-from windsysid.spectral.oma.result import Doubt, DoubtKind, OperationalMode, OperationalModes, RecordModes
+from windsysid.spectral.oma.mode import Doubt, DoubtKind, OperationalMode
+from windsysid.spectral.oma.mode_tracking import Seen, follow_modes
+from windsysid.spectral.oma.result import OperationalModes, RecordModes
 from windsysid.spectral.oma.search import band_bins, covered_note, is_rotational_peak
 from windsysid.spectral.oma.sensors import ModalSensor
-from windsysid.spectral.oma.shape_merging import MergedShape, Ratios, merge_shapes
 from windsysid.spectral.transforms.dft import band_data
 
-__all__ = ["join"]
+__all__ = ["common_sensors", "join"]
 
 DOUBTS_OF_A_RECORD: tuple[DoubtKind, ...] = ("scores", "image", "load")
 """Kinds of doubts about a mode in one record that also concern the joint mode."""
@@ -86,7 +88,7 @@ def join(singles: Sequence[RecordAnalysis]) -> OperationalModes:
         If the records are not connected by common sensors, or one sensor has different units.
     """
     results = [result_of(single) for single in singles]
-    setups = _Setups([_without_doubtful_shapes(single) for single in singles], results, _common_sensors(results))
+    setups = _Setups([_without_doubtful_shapes(single) for single in singles], results, common_sensors(results))
     tracks = follow_modes(_observed_modes(setups))
     joint = _Joint([], [], [], [track for track in tracks if not _is_mode(track, setups)])
     for low, high, group in _groups([track for track in tracks if track not in joint.left_out], setups):
@@ -105,7 +107,7 @@ def _without_doubtful_shapes(single: RecordAnalysis) -> RecordAnalysis:
     return single._replace(modes=tuple(mode for mode in single.modes if not mode.doubted_for("shape")))
 
 
-def _common_sensors(results: Sequence[OperationalModes]) -> _Sensors:
+def common_sensors(results: Sequence[OperationalModes]) -> _Sensors:
     """Sensors of all records; two are the same if position and direction are, or else if channels are."""
     known: dict[Hashable, int] = {}
     names: list[str] = []
@@ -348,5 +350,7 @@ def _record_modes(setups: _Setups, joint: _Joint) -> list[RecordModes]:
     parts = []
     for s, (single, one) in enumerate(zip(setups.singles, setups.results, strict=True)):
         modes = tuple(single.modes[track[s]] if s in track else None for _, track in joint.modes)
-        parts.append(RecordModes(one.record, one.start, one.section, one.rate, one.samples, modes, one.notes))
+        parts.append(
+            RecordModes(one.record, one.start, one.section, one.rate, one.samples, modes, one.notes, one.channels)
+        )
     return parts

@@ -2,150 +2,27 @@
 
 import json
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from windsysid._types import Array, Complex
-from windsysid.checks.widening import grade_of
+from windsysid._types import Array
+from windsysid.modal.shapes import assurance_matrix
 from windsysid.output.answers import Answer
 from windsysid.output.table import Table
-from windsysid.results.mode import Mode
-from windsysid.results.posterior import SIGMAS, section_name
+from windsysid.results.posterior import section_name
 from windsysid.results.serialization import finite
+from windsysid.spectral.oma.mode import OperationalMode
 from windsysid.spectral.oma.sensors import ModalSensor
 from windsysid.units import unit_text
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["ANALYSIS", "BandSpectrum", "Doubt", "DoubtKind", "OperationalMode", "OperationalModes", "RecordModes"]
+__all__ = ["ANALYSIS", "BandSpectrum", "DecayHistory", "OperationalModes", "RecordModes"]
 
 ANALYSIS = "operational modes"
 """Kind of analysis in ``summary.json``."""
-
-DoubtKind = Literal[
-    "search", "short", "line", "border", "history", "shape", "faint", "image", "load", "scores", "records", "record",
-]  # fmt: skip
-
-
-class Doubt(NamedTuple):
-    """Remark on a mode, or reason why it is not to be used: its kind, a sentence, and the quantity that it affects."""
-
-    kind: DoubtKind
-    text: str
-    of: Literal["mode", "frequency", "damping ratio"] = "mode"
-
-
-@dataclass(frozen=True)
-class OperationalMode:
-    """A mode under ambient loads.
-
-    Attributes
-    ----------
-    name
-        ``mode 1`` …; if a rotor turns, the part that moves most: ``lag forward``.
-    frequency, frequency_std
-        [Hz], the standard deviation as widened.
-    damping, ln_damping_std
-        ζ [1], and the standard deviation of its logarithm [1], as widened.
-    shape, shape_std
-        (n,) complex, 1 in the channel with the largest motion, as accelerations; standard deviations of real and
-        imaginary part.
-    load, ln_load_std
-        One-sided spectrum of the load that drives it, per modal mass where the shape is 1 [unit²/Hz], and the standard
-        deviation of its logarithm.
-    band
-        Lowest and highest frequency that were used [Hz].
-    grounds
-        Reasons why it, or one of its quantities, is not to be used.
-    remarks
-        Causes of wider intervals.
-    widening
-        Factors on the standard deviations of frequency and ln ζ that the model gives.
-    reference
-        Frequency [Hz] and damping ratio [1] that the turbine file gives; None where nothing is near.
-    shape_cov
-        Covariance (2 n, 2 n) of the shape's real parts and then its imaginary ones; None if it was not kept.
-    """
-
-    name: str
-    frequency: float
-    frequency_std: float
-    damping: float
-    ln_damping_std: float
-    shape: Complex
-    shape_std: Array
-    load: float
-    ln_load_std: float
-    band: tuple[float, float]
-    grounds: tuple[Doubt, ...]
-    reference: tuple[float, float] | None = None
-    shape_cov: Array | None = None
-    remarks: tuple[Doubt, ...] = ()
-    widening: tuple[float, float] = (1.0, 1.0)
-
-    @property
-    def grades(self) -> tuple[str, str]:
-        """Grades A, B or C of the frequency and the damping ratio."""
-        f, z = (
-            grade_of(factor, excluded=any(one.of in ("mode", what) for one in self.grounds))
-            for factor, what in zip(self.widening, ("frequency", "damping ratio"), strict=True)
-        )
-        return f, z
-
-    @property
-    def trusted(self) -> bool:
-        """True if frequency and damping ratio are of grade A or B."""
-        return "C" not in self.grades
-
-    @property
-    def doubts(self) -> tuple[str, ...]:
-        """Reasons why it, or one of its quantities, is not to be used, in sentences."""
-        return tuple(doubt.text for doubt in self.grounds)
-
-    def doubted_for(self, *kinds: DoubtKind) -> bool:
-        """True if it has a doubt of one of these kinds."""
-        return any(doubt.kind in kinds for doubt in self.grounds)
-
-    @property
-    def mode(self) -> Mode:
-        """Frequency and damping ratio with ±2σ, as every other result has them; the interval of the damping ratio is
-        that of its logarithm."""
-        half, factor = SIGMAS * self.frequency_std, float(np.exp(SIGMAS * min(self.ln_damping_std, 3.0)))
-        f, z = self.frequency, self.damping
-        return Mode(self.name, (f, f - half, f + half), (z, z / factor, z * factor), self.reference, self.grades)
-
-    @property
-    def complexity(self) -> float:
-        """Share of the squared shape that is out of phase: 0 for a real shape, ½ for a travelling wave."""
-        turned = self.shape * np.exp(-0.5j * np.angle(np.sum(self.shape**2)))
-        return float(np.sum(turned.imag**2) / np.sum(np.abs(turned) ** 2))
-
-    def summary(self, channels: tuple[str, ...], units: tuple[str, ...]) -> dict[str, Any]:
-        """Plain values for JSON, with the shape by `channels` in their `units`."""
-        factor = float(np.exp(SIGMAS * min(self.ln_load_std, 3.0)))
-        largest = int(np.argmax(np.abs(self.shape)))
-        return {
-            **self.mode.summary(),
-            "shape": {
-                "sensors": list(channels),
-                "real": self.shape.real.tolist(),
-                "imaginary": self.shape.imag.tolist(),
-                "std": self.shape_std.tolist(),
-                "complexity": self.complexity,
-            },
-            "load_level": {
-                "estimate": self.load,
-                "low": self.load / factor,
-                "high": self.load * factor,
-                "unit": f"({units[largest]})^2/Hz",
-            },
-            "band_hz": list(self.band),
-            "trusted": self.trusted,
-            "doubts": list(self.doubts),
-            "remarks": [remark.text for remark in self.remarks],
-        }
 
 
 @dataclass(frozen=True)
@@ -160,6 +37,8 @@ class RecordModes:
         Each joint mode as this record alone gives it; None if this record does not show it.
     notes
         Remarks on this record.
+    channels
+        Its channels.
     """
 
     record: str
@@ -169,6 +48,7 @@ class RecordModes:
     samples: int
     modes: tuple[OperationalMode | None, ...]
     notes: tuple[str, ...]
+    channels: tuple[str, ...] = ()
 
     def summary(self) -> dict[str, Any]:
         """Plain values for JSON."""
@@ -179,10 +59,28 @@ class RecordModes:
 
 @dataclass(frozen=True)
 class BandSpectrum:
-    """Spectra of a band for the figure: frequencies (K,), and the scaled sum of its channels' spectra as measured and
-    as fitted (K,)."""
+    """Spectra of a band for the figure.
+
+    Attributes
+    ----------
+    frequency, measured, fitted
+        Frequencies (K,) [Hz], and the scaled sum of the channels' spectra as measured and as fitted (K,).
+    poles
+        Frequencies [Hz] and damping ratios of the modes of fits with 1, 2, … modes.
+    """
 
     frequency: Array
+    measured: Array
+    fitted: Array
+    poles: tuple[tuple[Array, Array], ...] = ()
+
+
+class DecayHistory(NamedTuple):
+    """History of the channel of a record that decays most clearly: times (T,) [s], readings and fit (T,)."""
+
+    record: str
+    channel: str
+    time: Array
     measured: Array
     fitted: Array
 
@@ -203,9 +101,9 @@ class OperationalModes(Answer):
         Names and frequencies [Hz] of sinusoids that were removed.
     empty
         Given bands without a mode [Hz].
-    frequency, level, bands
-        Frequencies [Hz] (F,), the largest singular value of the scaled spectra there (F,), and each band, for the
-        figure.
+    frequency, singular_values, bands
+        Frequencies [Hz] (F,), the largest singular values of the spectral matrix there (F, k), of channels scaled to
+        the same median, and each band.
     rotor_hz
         Turns per second [Hz]; 0 where none turns.
     doubts
@@ -217,10 +115,12 @@ class OperationalModes(Answer):
     start
         Date of the record's time 0.
     parts
-        The records, if several were analysed jointly; the rest is then of all of them, `frequency`, `level` and
-        `bands` of the first.
+        The records, if several were analysed jointly; the rest is then of all of them, `frequency`,
+        `singular_values` and `bands` of the first.
     record_hash
         Of the whole record, as `windsysid.results.provenance.record_hash` gives it; None of several.
+    decays
+        Free decays (`windsysid.free_decay`), a history of each record; empty for ambient vibration.
     """
 
     record: str
@@ -234,7 +134,7 @@ class OperationalModes(Answer):
     lines: tuple[tuple[str, float], ...]
     empty: tuple[tuple[float, float], ...]
     frequency: Array
-    level: Array
+    singular_values: Array
     bands: tuple[BandSpectrum, ...]
     rotor_hz: float
     doubts: tuple[str, ...]
@@ -243,6 +143,12 @@ class OperationalModes(Answer):
     start: str | None = None
     parts: tuple[RecordModes, ...] = ()
     record_hash: str | None = None
+    decays: tuple[DecayHistory, ...] = ()
+
+    @property
+    def method(self) -> str:
+        """``ambient vibration`` or ``free decays``."""
+        return "free decays" if self.decays else "ambient vibration"
 
     @property
     def trusted(self) -> bool:
@@ -280,6 +186,7 @@ class OperationalModes(Answer):
         """Contents of ``summary.json``."""
         return {
             "analysis": ANALYSIS,
+            "method": self.method,
             "record": self.record,
             "record_hash": self.record_hash,
             "start": self.start,
@@ -290,6 +197,7 @@ class OperationalModes(Answer):
             "rotor_speed_rad_s": 2.0 * np.pi * self.rotor_hz,
             "sensors": [None if s is None else s.model_dump(exclude_none=True) for s in self.sensors],
             "modes": [mode.summary(self.channels, self.units) for mode in self.modes],
+            "mac": self.mac().tolist(),
             "lines": [{"name": name, "frequency_hz": f} for name, f in self.lines],
             "trusted": self.trusted,
             "doubts": list(self.doubts),
@@ -297,6 +205,27 @@ class OperationalModes(Answer):
             "notes": list(self.notes),
             **({"parts": [part.summary() for part in self.parts]} if self.parts else {}),
         }
+
+    def mac(self, other: "OperationalModes | None" = None) -> Array:
+        """Modal assurance criterion of each mode with each of another result, or of this one.
+
+        Parameters
+        ----------
+        other
+            Modes of a record with at least two channels in common; by default these modes.
+
+        Returns
+        -------
+        Array
+            (r, s) [1]: 1 for equal shapes; NaN where fewer than two channels are in common.
+        """
+        other = self if other is None else other
+        common = [name for name in self.channels if name in other.channels]
+        ours, theirs = (
+            np.array([[one.shape[of.channels.index(name)] for one in of.modes] for name in common], dtype=np.complex128)
+            .reshape(len(common), len(of.modes)) for of in (self, other)
+        )  # fmt: skip
+        return assurance_matrix(ours, theirs)
 
     def to_json(self) -> str:
         """`summary` as JSON text."""

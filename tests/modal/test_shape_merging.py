@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from windsysid.spectral.oma.shape_merging import Ratios, merge_shapes
+from windsysid.modal.shape_merging import Ratios, merge_shapes
 
 TRUE = np.array([1.0, 0.6 + 0.1j, -0.3, 0.2 - 0.4j])
 

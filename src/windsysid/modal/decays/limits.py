@@ -1,0 +1,53 @@
+"""Limits of the analysis of free decays: each says whether it is a probability, odds, a size or a setting."""
+
+MAX_MODES = 12
+"""Setting: largest number of modes of a decay."""
+
+MIN_CYCLES = 2.0
+"""Size: cycles of a mode in the record; a slower one cannot be distinguished from a drift."""
+
+MAX_FREQUENCY_SHARE = 0.42
+"""Size: highest frequency of modes over the sampling rate; anti-aliasing filters fall off beyond."""
+
+MAX_DAMPING = 0.3
+"""Size: damping ratio beyond which a decay is over before it has become a vibration."""
+
+MIN_DOUBLE_LOG_ODDS = 6.0
+"""Log odds times two: evidence for one mode more, strong from 6 (Kass & Raftery, J. Am. Stat. Assoc. 90, 1995)."""
+
+AMBIENT_PROBABILITY = 1e-4
+"""Probability: that ambient vibration is by chance as large at one of its instants as a decay at its beginning."""
+
+TIME_CONSTANTS = 5.0
+"""Size: time constants 1/(2π ζ f) of the slowest mode after which a record is cut off: its amplitude is below 1 %."""
+
+MAX_LOG_DAMPING_STD = 0.6
+"""Size: standard deviation of ln ζ beyond which a decay is too short for it, as for ambient vibration."""
+
+START_PROBABILITY = 1e-3
+"""Probability: of a larger residual at the beginning of a decay; below it the motion is not free yet."""
+
+MAX_START_STEPS = 6
+"""Setting: number of times that the beginning is moved by a cycle of the slowest mode."""
+
+ENERGY_WINDOWS = 200
+"""Setting: number of windows of a record for the search of the release."""
+
+MIN_WINDOW = 8
+"""Setting: samples of such a window, at least."""
+
+TIME_PARTS = 32
+"""Setting: number of segments whose scores are compared."""
+
+MIN_SAMPLES = 64
+"""Size: samples of a decay, at least."""
+
+MIN_NOISE = 1e-3
+"""Size: smallest noise over the root mean square of a channel; structures are hardly linear to more digits."""
+
+MIN_DISTANCE = 1.0
+"""Size: half-widths ζ f of a mode within which a stronger one makes it doubtful."""
+
+MIN_DRIVEN_SHARE, MAX_DRIVEN_SHARE = 0.02, 0.3
+"""Size: share of the power at the beginning in modes that do not decay, beyond which no mode of the record is to be
+used, and beyond which it is no decay."""

@@ -1,0 +1,179 @@
+"""Plots of modes as users of operational modal analysis know them: singular values, poles, segments, complexity."""
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from windsysid.modal.shapes import along_axis, assurance
+from windsysid.output.table import Table
+from windsysid.reports.figures.canvas import label
+from windsysid.reports.figures.plots import ERROR, ESTIMATE, REFERENCE
+from windsysid.reports.interactive.plot import Axis, Curve, Mark, Plot, Span
+from windsysid.spectral.oma.mode import OperationalMode
+from windsysid.spectral.oma.result import DecayHistory, OperationalModes
+
+__all__ = ["assurance_table", "complexity_figure", "decay_plot", "poles_plot", "segment_plots", "setup_table",
+    "shape_table", "singular_value_plot"]  # fmt: skip
+
+MAX_MODES, COLUMNS = 12, 6
+"""Setting: modes of the plots over segments, and columns of complexity plots."""
+
+STABLE_FREQUENCY, STABLE_DAMPING = 0.01, 0.2
+"""Setting: relative change from one model order to the next up to which a pole counts as stable: usual values in
+stabilisation diagrams."""
+
+
+def singular_value_plot(found: OperationalModes) -> Plot:
+    """Singular values over frequency, with the modes, their bands and the lines that were removed."""
+    top = 1.3 * max((mode.band[1] for mode in found.modes), default=float(found.frequency[-1]))
+    shown = (found.frequency > 0.0) & (found.frequency <= top)
+    shown[int(np.argmax(shown))] = True
+    power = 10.0 * np.log10(np.maximum(found.singular_values[shown], 1e-30))
+    names = ("first", "second", "third", "fourth", "fifth", "sixth")
+    curves = [
+        Curve(f"{name} singular value", values, colour="estimate" if i == 0 else "measured")
+        for i, (name, values) in enumerate(zip(names, power.T, strict=False))
+    ]
+    modes = [Mark(mode.frequency, mode.name, "estimate" if mode.trusted else "error", "modes") for mode in found.modes]
+    lines = [Mark(f, name, "other", "removed lines") for name, f in found.lines if f <= top]
+    return Plot(
+        "Singular values of the spectral matrix", found.frequency[shown], curves, Axis("frequency [Hz]"),
+        Axis("singular value [dB]"), [*modes, *lines], [Span(*mode.band, group="bands") for mode in found.modes],
+        "channels scaled to the same median; modes are marked (grade C in another colour), their bands shaded",
+        "frequency",
+    )  # fmt: skip
+
+
+def poles_plot(found: OperationalModes) -> Plot | None:
+    """Modes of fits with 1, 2, … modes in each band, as a stabilisation diagram; None if there are none."""
+    poles = []
+    for band in found.bands:
+        before: list[tuple[float, float]] = []
+        for order, (f, z) in enumerate(band.poles, 1):
+            now = list(zip(f.tolist(), z.tolist(), strict=True))
+            poles += [(g, order, _is_stable((g, y), before)) for g, y in now]
+            before = now
+    if not poles:
+        return None
+    frequency, order, stable = np.array(sorted(poles)).T
+    curves = [
+        Curve("stable: 1 % in f, 20 % in ζ", np.where(stable > 0, order, np.nan), look="dots", colour="estimate"),
+        Curve("new or moved", np.where(stable > 0, np.nan, order), look="dots", colour="measured"),
+    ]
+    highest = int(order.max())
+    return Plot(
+        "Modes over the model order", frequency, curves, Axis("frequency [Hz]"),
+        Axis("modes in the band", limits=(0.5, highest + 1.0)),
+        [Mark(mode.frequency, mode.name, "estimate" if mode.trusted else "error", "modes") for mode in found.modes],
+        caption="each band fitted with one mode, two and so on; the evidence chooses how many are kept",
+        link="frequency",
+    )  # fmt: skip
+
+
+def _is_stable(pole: tuple[float, float], before: list[tuple[float, float]]) -> bool:
+    f, z = pole
+    return any(abs(g / f - 1.0) < STABLE_FREQUENCY and abs(y / z - 1.0) < STABLE_DAMPING for g, y in before)
+
+
+def segment_plots(found: OperationalModes) -> list[Plot]:
+    """Frequency and damping ratio of each mode in segments of the record, relative to those of the whole."""
+    modes = [mode for mode in found.modes if mode.segments is not None][:MAX_MODES]
+    times = np.unique(np.concatenate([m.segments[:, 0] for m in modes if m.segments is not None])) if modes else []
+    if len(times) == 0:
+        return []
+    colours = ("estimate", "error", "reference", "other", "measured")
+    plots = []
+    for title, column, unit in (("Frequency", 1, "%"), ("Damping ratio", 2, "%")):
+        curves = [
+            Curve(mode.name, _relative(mode, times, column), look="dots", colour=colours[i % len(colours)])
+            for i, mode in enumerate(modes)
+        ]
+        plots.append(
+            Plot(
+                f"{title} in segments of the record", times, curves, Axis("time [s]"), Axis(f"difference [{unit}]"),
+                [Mark(0.0, across=True)], caption="from the estimate of the whole, by one step of scoring",
+                link="segments",
+            )
+        )  # fmt: skip
+    return plots
+
+
+def _relative(mode: OperationalMode, times: np.ndarray, column: int) -> np.ndarray:
+    values = np.full(len(times), np.nan)
+    if mode.segments is not None:
+        whole = (mode.frequency, mode.damping)[column - 1]
+        values[np.searchsorted(times, mode.segments[:, 0])] = 100.0 * (mode.segments[:, column] / whole - 1.0)
+    return values
+
+
+def decay_plot(one: DecayHistory) -> Plot:
+    """Readings of a free decay with the fit and the residual."""
+    curves = [
+        Curve("readings", one.measured, colour="measured"),
+        Curve("fit", one.fitted, colour="estimate"),
+        Curve("residual", one.measured - one.fitted, colour="error"),
+    ]
+    caption = "from where the motion is taken as free; the channel that decays most clearly"
+    return Plot(
+        f"{label(one.channel)}, {label(one.record)}", one.time, curves, Axis("time [s]"), Axis(""), caption=caption
+    )
+
+
+def shape_table(found: OperationalModes) -> Table:
+    """Measures of each shape: MPC, MPD, complexity, and its standard deviation."""
+    rows = [
+        (
+            mode.name, f"{mode.frequency:.4g}", "–" if np.isnan(mode.mpc) else f"{mode.mpc:.3f}",
+            f"{np.degrees(mode.mpd):.1f}", f"{100.0 * mode.complexity:.1f}",
+            f"{float(np.sqrt(np.mean(mode.shape_std**2))):.2g}",
+        )
+        for mode in found.modes
+    ]  # fmt: skip
+    return Table(("mode", "f [Hz]", "MPC", "MPD [°]", "out of phase [%]", "σ of the shape"), rows, "", (0,))
+
+
+def assurance_table(found: OperationalModes) -> Table:
+    """Modal assurance criterion of each pair of modes."""
+    rows = [
+        (mode.name, *("–" if np.isnan(value) else f"{value:.2f}" for value in row))
+        for mode, row in zip(found.modes, found.mac(), strict=True)
+    ]
+    return Table(("MAC", *(mode.name for mode in found.modes)), rows, "", (0,))
+
+
+def setup_table(found: OperationalModes) -> Table:
+    """Channels of each record, those in common with others, and the agreement of each mode's shape there (MAC)."""
+    rows = []
+    for s, part in enumerate(found.parts):
+        others = {name for t, other in enumerate(found.parts) if t != s for name in other.channels}
+        cells = []
+        for mode, own in zip(found.modes, part.modes, strict=True):
+            at = [found.channels.index(name) for name in part.channels if name in found.channels]
+            ours = [part.channels.index(found.channels[i]) for i in at]
+            value = np.nan if own is None else assurance(own.shape[ours], mode.shape[at])
+            cells.append("not seen" if own is None else "–" if np.isnan(value) else f"{value:.3f}")
+        common = [name for name in part.channels if name in others]
+        rows.append((part.record, f"{len(part.channels)}, {len(common)} in common", *cells))
+    return Table(("record", "channels", *(f"{m.name}, MAC" for m in found.modes)), rows, "", (0, 1))
+
+
+def complexity_figure(found: OperationalModes) -> Figure | None:
+    """Components of each shape in the complex plane, turned so that the line that fits them best is the real axis."""
+    modes = found.modes[: 2 * MAX_MODES]
+    if not modes:
+        return None
+    columns = min(COLUMNS, len(modes))
+    rows = -(-len(modes) // columns)
+    drawn = Figure(figsize=(1.9 * columns, 2.1 * rows), layout="constrained")
+    for i, mode in enumerate(modes):
+        ax = drawn.add_subplot(rows, columns, i + 1)
+        turned = along_axis(mode.shape)
+        for z in turned:
+            ax.plot([0.0, z.real], [0.0, z.imag], color=ESTIMATE if mode.trusted else ERROR, lw=1.2)
+        ax.plot(turned.real, turned.imag, ".", ms=4, color=ESTIMATE if mode.trusted else ERROR)
+        angle = np.linspace(0.0, 2.0 * np.pi, 90)
+        ax.plot(np.cos(angle), np.sin(angle), color=REFERENCE, lw=0.5)
+        ax.set(xlim=(-1.15, 1.15), ylim=(-1.15, 1.15), aspect="equal", xticks=[], yticks=[])
+        ax.set_title(f"{mode.name}\nMPD {np.degrees(mode.mpd):.1f}°", fontsize=8)
+        for side in ax.spines.values():
+            side.set_visible(False)
+    return drawn

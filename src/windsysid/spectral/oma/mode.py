@@ -1,0 +1,154 @@
+"""A mode under ambient loads: its values with their intervals, its shape, and reasons for doubt."""
+
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from windsysid._types import Array, Complex
+from windsysid.checks.widening import grade_of
+from windsysid.modal.shapes import along_axis, phase_collinearity, phase_deviation
+from windsysid.results.mode import Mode
+from windsysid.results.posterior import SIGMAS
+
+__all__ = ["Doubt", "DoubtKind", "OperationalMode"]
+
+DoubtKind = Literal[
+    "search", "short", "line", "border", "history", "shape", "faint", "image", "load", "scores", "records", "record",
+]  # fmt: skip
+
+
+class Doubt(NamedTuple):
+    """Remark on a mode, or reason why it is not to be used: its kind, a sentence, and the quantity that it affects."""
+
+    kind: DoubtKind
+    text: str
+    of: Literal["mode", "frequency", "damping ratio"] = "mode"
+
+
+@dataclass(frozen=True)
+class OperationalMode:
+    """A mode under ambient loads.
+
+    Attributes
+    ----------
+    name
+        ``mode 1`` …; if a rotor turns, the part that moves most: ``lag forward``.
+    frequency, frequency_std
+        [Hz], the standard deviation as widened.
+    damping, ln_damping_std
+        ζ [1], and the standard deviation of its logarithm [1], as widened.
+    shape, shape_std
+        (n,) complex, 1 in the channel with the largest motion, as accelerations; standard deviations of real and
+        imaginary part.
+    load, ln_load_std
+        One-sided spectrum of the load that drives it, per modal mass where the shape is 1 [unit²/Hz], and the standard
+        deviation of its logarithm.
+    band
+        Lowest and highest frequency that were used [Hz].
+    grounds
+        Reasons why it, or one of its quantities, is not to be used.
+    remarks
+        Causes of wider intervals.
+    widening
+        Factors on the standard deviations of frequency and ln ζ that the model gives.
+    reference
+        Frequency [Hz] and damping ratio [1] that the turbine file gives; None where nothing is near.
+    shape_cov
+        Covariance (2 n, 2 n) of the shape's real parts and then its imaginary ones; None if it was not kept.
+    segments
+        (K, 3) middles of segments of the record [s], and frequency [Hz] and damping ratio in each, by one step of
+        scoring from those of the whole; None if the record is too short for segments.
+    """
+
+    name: str
+    frequency: float
+    frequency_std: float
+    damping: float
+    ln_damping_std: float
+    shape: Complex
+    shape_std: Array
+    load: float
+    ln_load_std: float
+    band: tuple[float, float]
+    grounds: tuple[Doubt, ...]
+    reference: tuple[float, float] | None = None
+    shape_cov: Array | None = None
+    remarks: tuple[Doubt, ...] = ()
+    widening: tuple[float, float] = (1.0, 1.0)
+    segments: Array | None = None
+
+    @property
+    def grades(self) -> tuple[str, str]:
+        """Grades A, B or C of the frequency and the damping ratio."""
+        f, z = (
+            grade_of(factor, excluded=any(one.of in ("mode", what) for one in self.grounds))
+            for factor, what in zip(self.widening, ("frequency", "damping ratio"), strict=True)
+        )
+        return f, z
+
+    @property
+    def trusted(self) -> bool:
+        """True if frequency and damping ratio are of grade A or B."""
+        return "C" not in self.grades
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Reasons why it, or one of its quantities, is not to be used, in sentences."""
+        return tuple(doubt.text for doubt in self.grounds)
+
+    def doubted_for(self, *kinds: DoubtKind) -> bool:
+        """True if it has a doubt of one of these kinds."""
+        return any(doubt.kind in kinds for doubt in self.grounds)
+
+    @property
+    def mode(self) -> Mode:
+        """Frequency and damping ratio with ±2σ, as every other result has them; the interval of the damping ratio is
+        that of its logarithm."""
+        half, factor = SIGMAS * self.frequency_std, float(np.exp(SIGMAS * min(self.ln_damping_std, 3.0)))
+        f, z = self.frequency, self.damping
+        return Mode(self.name, (f, f - half, f + half), (z, z / factor, z * factor), self.reference, self.grades)
+
+    @property
+    def mpc(self) -> float:
+        """Modal phase collinearity of the shape [1]: 1 for a real shape, NaN for fewer than three channels."""
+        return phase_collinearity(self.shape)
+
+    @property
+    def mpd(self) -> float:
+        """Mean phase deviation of the shape [rad]: 0 for a real shape."""
+        return phase_deviation(self.shape)
+
+    @property
+    def complexity(self) -> float:
+        """Share of the squared shape that is out of phase: 0 for a real shape, ½ for a travelling wave."""
+        turned = along_axis(self.shape)
+        return float(np.sum(turned.imag**2) / np.sum(np.abs(turned) ** 2))
+
+    def summary(self, channels: tuple[str, ...], units: tuple[str, ...]) -> dict[str, Any]:
+        """Plain values for JSON, with the shape by `channels` in their `units`."""
+        factor = float(np.exp(SIGMAS * min(self.ln_load_std, 3.0)))
+        largest = int(np.argmax(np.abs(self.shape)))
+        return {
+            **self.mode.summary(),
+            "shape": {
+                "sensors": list(channels),
+                "real": self.shape.real.tolist(),
+                "imaginary": self.shape.imag.tolist(),
+                "std": self.shape_std.tolist(),
+                "complexity": self.complexity,
+                "mpc": self.mpc,
+                "mpd_rad": self.mpd,
+            },
+            "load_level": {
+                "estimate": self.load,
+                "low": self.load / factor,
+                "high": self.load * factor,
+                "unit": f"({units[largest]})^2/Hz",
+            },
+            "band_hz": list(self.band),
+            "segments": None if self.segments is None else self.segments.tolist(),
+            "trusted": self.trusted,
+            "doubts": list(self.doubts),
+            "remarks": [remark.text for remark in self.remarks],
+        }

@@ -1,0 +1,64 @@
+"""Modes from free decays, and records that are none."""
+
+import numpy as np
+import pytest
+from validation.decays import CASES, ambient, judge, main, records_of
+
+import windsysid as ws
+from windsysid.errors import RecordError
+
+
+@pytest.mark.parametrize("case", CASES[:6], ids=lambda case: case.name)
+def test_modes_of_a_decay_are_usable_and_within_four_sigma(case):
+    judged = judge(case, 11)
+    assert (judged.found, judged.usable, judged.spurious) == (judged.true, judged.true, 0)
+    assert np.abs(judged.errors).max() < 4.0
+
+
+def test_ambient_vibration_has_no_usable_mode():
+    assert ambient(0, 60.0) == 0
+
+
+def test_noise_is_refused_in_one_line():
+    t = np.arange(0.0, 60.0, 0.02)
+    record = ws.Record(t, np.random.default_rng(0).normal(size=(len(t), 2)), ("a_acceleration", "b_acceleration"),
+        ("m/s^2",) * 2)  # fmt: skip
+    with pytest.raises(RecordError, match="expected a free decay, got none"):
+        ws.free_decay(record)
+
+
+def test_shapes_of_setups_are_put_together():
+    case = CASES[1]
+    first, second = (records_of(case._replace(noise=0.01), 5)[0] for _ in range(2))
+    found = ws.free_decay([first.select(first.channels[:3]), second.select(second.channels[1:])])
+    assert len(found.channels) == 4
+    whole = ws.free_decay(first)
+    assert np.diag(whole.mac(found)) == pytest.approx([1.0, 1.0, 1.0], abs=2e-3)
+    assert [part.channels for part in found.parts] == [first.channels[:3], second.channels[1:]]
+    for mode in found.modes:
+        assert np.all(np.abs(mode.shape.imag) < 5.0 * mode.shape_std + 1e-9)
+
+
+def test_a_machine_among_decays_condemns_them():
+    t = np.arange(0.0, 60.0, 0.02)
+    decay = np.exp(-0.06 * t) * np.cos(6.0 * t) + 0.6 * np.cos(14.0 * t)
+    noisy = decay + 0.01 * np.random.default_rng(0).normal(size=len(t))
+    found = ws.free_decay(ws.Record(t, noisy[:, None], ("a_acceleration",), ("m/s^2",)))
+    assert not any(mode.trusted for mode in found.modes)
+
+
+def test_a_saved_result_comes_back_with_its_histories(tmp_path):
+    found = ws.free_decay(records_of(CASES[0], 3)[0])
+    found.save(tmp_path / "out")
+    again = ws.load_result(tmp_path / "out")
+    assert again.method == "free decays"
+    np.testing.assert_array_equal(again.decays[0].fitted, found.decays[0].fitted)
+    assert again.summary()["modes"][0]["frequency_hz"] == found.summary()["modes"][0]["frequency_hz"]
+
+
+@pytest.mark.slow
+def test_intervals_hold_the_truth(capsys):
+    errors = np.vstack([judge(case, 300 + seed).errors for case in CASES[:4] for seed in range(12)])
+    assert np.all(np.mean(np.abs(errors) < 2.0, axis=0) > 0.9)  # 108 modes: 95 % less 2.4 standard deviations
+    main(["--runs", "1"])
+    assert "one mode" in capsys.readouterr().out

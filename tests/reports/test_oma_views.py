@@ -1,0 +1,72 @@
+"""Plots and tables of operational modes."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from validation.decays import CASES, records_of
+
+import windsysid as ws
+from tests.spectral.test_oma import RATE, record_of, two_modes
+from windsysid.reports.figures import oma_views
+from windsysid.spectral.oma.result import OperationalModes
+
+
+@pytest.fixture(scope="module")
+def found() -> OperationalModes:
+    return ws.oma(record_of(two_modes(0), RATE))
+
+
+@pytest.fixture(scope="module")
+def decays() -> OperationalModes:
+    record = records_of(CASES[1], 5)[0]
+    return ws.free_decay([record.select(record.channels[:3]), record.select(record.channels[1:])])
+
+
+def test_modes_stand_on_peaks_of_the_first_singular_value(found: OperationalModes):
+    plot = oma_views.singular_value_plot(found)
+    values, frequency = np.asarray(plot.curves[0].values), np.asarray(plot.x)
+    for mark in plot.marks:
+        near = np.abs(frequency - mark.at) < 0.15
+        assert abs(frequency[near][np.argmax(values[near])] - mark.at) < 0.06
+        assert values[near].max() > np.median(values) + 10.0
+
+
+def test_the_modes_that_were_kept_are_stable_poles(found: OperationalModes):
+    plot = oma_views.poles_plot(found)
+    assert plot is not None
+    stable = np.asarray(plot.x)[np.isfinite(plot.curves[0].values)]
+    for mode in found.modes:
+        assert np.min(np.abs(stable / mode.frequency - 1.0)) < 0.01
+
+
+def test_modes_in_segments_scatter_about_the_whole(found: OperationalModes):
+    assert [plot.title.split()[0] for plot in oma_views.segment_plots(found)] == ["Frequency", "Damping"]
+    for mode in found.modes:
+        assert mode.segments is not None
+        scatter = np.std(mode.segments[:, 1]) / np.sqrt(len(mode.segments))
+        assert 0.2 < scatter / mode.frequency_std < 3.0
+        assert np.mean(mode.segments[:, 1]) == pytest.approx(mode.frequency, abs=2.0 * mode.frequency_std)
+
+
+def test_tables_have_the_measures_of_the_result(found: OperationalModes):
+    table = oma_views.assurance_table(found)
+    assert [row[i + 1] for i, row in enumerate(table.rows)] == ["1.00"] * len(found.modes)
+    assert oma_views.shape_table(found).rows[0][2] == f"{found.modes[0].mpc:.3f}"
+
+
+def test_setups_are_listed_with_their_common_channels(decays: OperationalModes):
+    assert [row[1] for row in oma_views.setup_table(decays).rows] == ["3, 2 in common"] * 2
+    assert float(oma_views.setup_table(decays).rows[0][2]) > 0.99
+
+
+def test_pages_have_the_plots(found: OperationalModes, decays: OperationalModes):
+    page, other = (one.files()["report.html"].decode() for one in (found, decays))
+    for title in ("Singular values of the spectral matrix", "Modes over the model order", "complex plane", "MPC"):
+        assert title in page
+    for title in ("Modes from free decays", "Free decays", "Setups"):
+        assert title in other
+
+
+def test_a_result_without_modes_has_a_page(found: OperationalModes):
+    assert b"Spectra" in dataclasses.replace(found, modes=(), bands=()).files()["report.html"]
