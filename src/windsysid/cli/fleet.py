@@ -85,7 +85,7 @@ def batch(
         print(printable(told), file=sys.stderr)
         raise typer.Exit(130) from None
     print(found)
-    print(printable(f"archive: {archive}; see it: windsysid report {archive}"))
+    print(printable(f"next: windsysid report {archive}"))
 
 
 def _archive_of(sources: Sequence[str]) -> Path:

@@ -54,7 +54,7 @@ def _run(words: list[str], name: str) -> Path:
     from windsysid.output.folders import is_free
 
     folder = next(path for path in numbered(name) if is_free(path))
-    print(printable(f"\n{shlex.join(['windsysid', *words])}".strip()), end="\n\n")
+    print(f"\n{printable(shlex.join(['windsysid', *words]))}\n")
     typer.main.get_command(app).main([*words, "--output", str(folder)], "windsysid", standalone_mode=False)
     return (folder / "report.html").resolve()
 
