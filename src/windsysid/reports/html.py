@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from jinja2 import Template
     from matplotlib.figure import Figure
 
-__all__ = ["Section", "fragment", "png", "report_page"]
+__all__ = ["Section", "fragment", "png", "report_page", "static_text", "template"]
 
 UPLOT, UPLOT_CSS = "../../live/page/static/uplot.js", "../../live/page/static/uplot.css"
 """uPlot as the live page has it (MIT licence, uplot-license.txt)."""
@@ -33,7 +33,7 @@ COLOURS = {
 @dataclass(frozen=True)
 class Section:
     """A heading with paragraphs, tables, figures, each with its caption, interactive plots, and text as a file has it;
-    `folded` until it is clicked at.
+    `folded` until it is clicked at. `markup` is HTML that comes before the tables.
 
     A figure that is also a file of its own comes as PNG.
     """
@@ -44,6 +44,7 @@ class Section:
     figures: "Sequence[tuple[Figure | bytes, str]]" = ()
     plots: Sequence[Plot] = ()
     file: str = ""
+    markup: str = ""
     folded: bool = False
 
 
@@ -58,6 +59,7 @@ def report_page(title: str, subtitle: str, sections: Sequence[Section]) -> bytes
             "tables": section.tables,
             "file": section.file,
             "folded": section.folded,
+            "markup": section.markup,
             "figures": [
                 {"markup": _embedded(figure, caption), "caption": caption} for figure, caption in section.figures
             ],
@@ -68,8 +70,8 @@ def report_page(title: str, subtitle: str, sections: Sequence[Section]) -> bytes
         }
         for section in sections
     ]
-    scripts = {name: _static(name) for name in (UPLOT, UPLOT_CSS, "plots.css", "plots.js")} if plots else {}
-    page = _template("report").render(
+    scripts = {name: static_text(name) for name in (UPLOT, UPLOT_CSS, "plots.css", "plots.js")} if plots else {}
+    page = template("report").render(
         title=title, subtitle=subtitle, sections=shown,
         styles=[text for name, text in scripts.items() if name.endswith(".css")],
         scripts=[text for name, text in scripts.items() if name.endswith(".js")],
@@ -77,17 +79,18 @@ def report_page(title: str, subtitle: str, sections: Sequence[Section]) -> bytes
     return page.encode(errors="backslashreplace")
 
 
-def _static(name: str) -> str:
+def static_text(name: str) -> str:
     """A script or style sheet of the package."""
     return files("windsysid.reports").joinpath("static", name).read_text(encoding="utf-8")
 
 
 def fragment(contents: Sequence[Table | str]) -> str:
     """Sentences and tables as a part of somebody else's page, such as a notebook's."""
-    return _template("fragment").render(contents=[part for part in contents if part != ""])
+    return template("fragment").render(contents=[part for part in contents if part != ""])
 
 
-def _template(name: str) -> "Template":
+def template(name: str) -> "Template":
+    """A template of the package, in which text is escaped."""
     from jinja2 import Environment, PackageLoader
 
     environment = Environment(

@@ -19,6 +19,7 @@ from windsysid.reports.figures.oma_views import (
 )  # fmt: skip
 from windsysid.reports.figures.plots import BAND, ERROR, ESTIMATE, MEASURED, REFERENCE, tidy
 from windsysid.reports.html import Section, png, report_page
+from windsysid.reports.interactive.oma import marks_form, moving_shapes, page_script
 from windsysid.spectral.oma.mode import OperationalMode
 from windsysid.spectral.oma.result import OperationalModes
 
@@ -84,7 +85,7 @@ def _shapes(found: OperationalModes) -> Figure | None:
     for i, mode in enumerate(modes):
         ax = drawn.add_subplot(rows, columns, i + 1, projection="3d" if placed else None)
         (_arrows if placed else _bars)(ax, found, mode, i % columns == 0)
-        ax.set_title(f"{mode.name}, {mode.frequency:.4g} Hz", fontsize=8.5, loc="left")
+        ax.set_title(f"{mode.name}, {mode.frequency:.4g} Hz", fontsize=8.5, loc="left", color=REFERENCE)
     return drawn
 
 
@@ -114,7 +115,9 @@ def _arrows(ax: Axes, found: OperationalModes, mode: OperationalMode, named: boo
     for start, end in zip(place, moved, strict=True):
         ax.plot(*np.transpose([start, end]), color=ESTIMATE, lw=1.4)
     ax.plot(*moved.T, "o", ms=3.5, color=ESTIMATE)
-    ax.tick_params(labelsize=6)
+    ax.tick_params(labelsize=6, colors=REFERENCE)
+    for axis in (ax.xaxis, ax.yaxis, ax.zaxis):  # type: ignore[attr-defined]
+        axis.set_pane_color((0.0, 0.0, 0.0, 0.0))
 
 
 def _causes(found: OperationalModes) -> Table:
@@ -161,7 +164,10 @@ def files(found: OperationalModes) -> dict[str, bytes]:
             "MPC: modal phase collinearity, 1 for a real shape. MPD: mean phase deviation. MAC: alike, 1 or not, 0."
         )
         tables = [shape_table(found), assurance_table(found)]
-        sections.append(Section("Shapes", text=[measures], figures=figures, tables=tables))
+        sections.append(Section("Shapes", text=[measures], figures=figures, tables=tables, markup=moving_shapes(found)))
+    if found.modes:
+        text = "To add or remove modes, mark them here, and give the file with --modes."
+        sections.append(Section("Modes by hand", text=[text], markup=marks_form(found) + page_script()))
     causes = _causes(found)
     if causes.rows:
         sections.append(Section("Why grades are B or C", tables=[causes]))

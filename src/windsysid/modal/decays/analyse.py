@@ -22,6 +22,7 @@ from windsysid.modal.decays import limits
 from windsysid.modal.decays.likelihood import Decay, DecayFit, Projection, fit_decays, part_scores, poles
 from windsysid.modal.decays.order import search_decays
 from windsysid.modal.decays.start import release
+from windsysid.modal.marks import ModeMarks
 from windsysid.modal.shape_merging import Ratios, merge_shapes
 from windsysid.modal.singular_values import singular_values
 from windsysid.output.progress import Progress, unheard
@@ -38,7 +39,7 @@ from windsysid.spectral.oma.mode import Doubt, OperationalMode
 from windsysid.spectral.oma.multi_setup import common_sensors
 from windsysid.spectral.oma.result import BandSpectrum, DecayHistory, OperationalModes, RecordModes
 from windsysid.spectral.oma.samples import choose_samples
-from windsysid.spectral.oma.sensors import derivative_order
+from windsysid.spectral.oma.sensors import derivative_order, geometry_of
 from windsysid.spectral.transforms.dft import transform
 from windsysid.spectral.transforms.multiblade import is_blade
 from windsysid.turbine.coercion import TurbineLike, as_turbine
@@ -69,6 +70,7 @@ def analyse_decays(
     turbine: "TurbineLike | None" = None,
     limits: tuple[float, float] | None = None,
     section: tuple[float, float] | None = None,
+    marks: ModeMarks | None = None,
     progress: Progress = unheard,
 ) -> OperationalModes:
     """Find the modes of a structure from one or several free decays.
@@ -84,6 +86,8 @@ def analyse_decays(
         Frequency range of the modes [Hz].
     section
         Start and end [s]; the release is sought there.
+    marks
+        Modes that are to be left out; none can be added (`windsysid.read_mode_marks`).
     progress
         Called with the present step and the share that is done, 0 to 1, or None if that is unknown.
 
@@ -108,6 +112,9 @@ def analyse_decays(
     [(0.95, 0.01, ('A', 'A'))]
     """
     begun = time.process_time()
+    marks = ModeMarks() if marks is None else marks
+    if marks.add:
+        raise ConfigurationError("modes by hand: expected frequencies to remove only, got ranges to add: give limits")
     several = isinstance(record, list | tuple)
     given = cast("list[RecordLike]", record) if several else [cast("RecordLike", record)]
     records = [as_record(one) for one in given]
@@ -120,6 +127,13 @@ def analyse_decays(
     progress("modes", None)
     fit, released = _fitted(released, limits)
     found = _result(fit, released)
+    for frequency in marks.remove:
+        at = marks.index_of(frequency, [(mode.frequency, mode.damping * mode.frequency) for mode in found.modes])
+        left = found.modes[: at or 0] + found.modes[(at or 0) + 1 :] if at is not None else found.modes
+        note = f"{frequency:.4g} Hz was removed by hand" if at is not None else f"no mode is near {frequency:.4g} Hz"
+        found = replace(found, modes=left, notes=(*found.notes, note))
+    nodes, drawn = geometry_of(sensors)
+    found = replace(found, nodes=nodes, lines_drawn=drawn)
     modes = with_references(named(found.modes, found.channels), machine, 0.0)
     if found.doubts:
         of_record = Doubt("record", f"the record is doubtful: {found.doubts[0]}")

@@ -128,7 +128,9 @@ def shape_table(found: OperationalModes) -> Table:
         )
         for mode in found.modes
     ]  # fmt: skip
-    return Table(("mode", "f [Hz]", "MPC", "MPD [°]", "out of phase [%]", "σ of the shape"), rows, "", (0,))
+    return Table(
+        ("mode", "f [Hz]", "MPC", "MPD [°]", "out of phase [%]", "σ of the shape"), rows, "measures of the shapes", (0,)
+    )
 
 
 def assurance_table(found: OperationalModes) -> Table:
@@ -137,7 +139,7 @@ def assurance_table(found: OperationalModes) -> Table:
         (mode.name, *("–" if np.isnan(value) else f"{value:.2f}" for value in row))
         for mode, row in zip(found.modes, found.mac(), strict=True)
     ]
-    return Table(("MAC", *(mode.name for mode in found.modes)), rows, "", (0,))
+    return Table(("MAC", *(mode.name for mode in found.modes)), rows, "modal assurance criterion", (0,))
 
 
 def setup_table(found: OperationalModes) -> Table:
