@@ -16,7 +16,15 @@ __all__ = ["ModeMarks", "read_mode_marks"]
 
 
 class ModeMarks(BaseModel):
-    """Frequency ranges [Hz] in which modes are fitted in addition, and frequencies [Hz] of modes to leave out."""
+    """Modes that are added and removed by hand.
+
+    Attributes
+    ----------
+    add
+        Frequency ranges (lowest, highest) [Hz] in which modes are fitted.
+    remove
+        Frequencies [Hz] of modes to leave out.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -35,6 +43,13 @@ class ModeMarks(BaseModel):
         """Index of the mode (frequency, half-width [Hz]) that a frequency to be removed is nearest to and within three
         half-widths of; None if there is none.
 
+        Parameters
+        ----------
+        frequency
+            Of the mode that is to be left out [Hz].
+        modes
+            Frequency and half-width of each mode [Hz].
+
         Examples
         --------
         >>> ModeMarks().index_of(1.01, [(1.0, 0.01), (2.0, 0.01)]), ModeMarks().index_of(1.5, [(1.0, 0.01)])
@@ -47,10 +62,28 @@ class ModeMarks(BaseModel):
 def read_mode_marks(path: str | Path) -> ModeMarks:
     """Read modes that were added or removed by hand.
 
+    Parameters
+    ----------
+    path
+        TOML file with ``add`` and ``remove``, as the page of ``oma`` saves it.
+
+    Returns
+    -------
+    ModeMarks
+        Ranges to add and frequencies to remove [Hz].
+
     Raises
     ------
     ConfigurationError
         In one line: the file, what was expected and what was got.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> from pathlib import Path
+    >>> _ = Path("modes.toml").write_text("remove = [2.345]")
+    >>> ws.read_mode_marks("modes.toml").remove
+    (2.345,)
     """
     expected = 'expected a file with add = [[LOW, HIGH], …] and remove = [F, …] in Hz, as the page of "oma" saves it'
     try:

@@ -64,10 +64,10 @@ def test_a_sensor_list_is_read_and_its_faults_are_named(tmp_path: Path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ('lines = [["a", "b"]]\n[[node]]\nname = "a"\nposition = [0, 0, 0]\n', "no node 'b'"),
-        ('[[node]]\nname = "a"\nposition = [0, 0]\n', "node 1"),
-        ('[[node]]\nname = "a"\nposition = [0, 0, 0]\nfollows = "c"\n', "no node 'c'"),
-        ("lines = [1]\n", "a line that is no pair"),
+        ('lines = [["a", "b"]]\n[[node]]\nname = "a"\nposition = [0, 0, 0]\n', "got 0 'b'"),
+        ('[[node]]\nname = "a"\nposition = [0, 0]\n', "node.1.position"),
+        ('[[node]]\nname = "a"\nposition = [0, 0, 0]\nfollows = "c"\n', "got 0 'c'"),
+        ("lines = [1]\n", "lines.1"),
         ("plates = 1\n", "got plates, sensor"),
     ],
 )

@@ -29,11 +29,12 @@ def moving_shapes(found: OperationalModes) -> str:
     nodes = _nodes(found)
     if not found.modes or not nodes:
         return ""
+    placed = {_node_of(found, c) for c in range(len(found.channels))}
     at = {node.name: i for i, node in enumerate(nodes)}
     place = np.array([node.position for node in nodes])
     spec = {
         "points": place.tolist(),
-        "measured": [any(_node_of(found, c) == node.position for c in range(len(found.channels))) for node in nodes],
+        "measured": [node.position in placed for node in nodes],
         "lines": [[at[a], at[b]] for a, b in found.lines_drawn],
         "span": float(np.ptp(place, axis=0).max()) or 1.0,
         "modes": [{"motion": _motion(found, nodes, m)} for m in range(len(found.modes))],

@@ -116,6 +116,16 @@ class _AnalysisOptions(NamedTuple):
     section: tuple[float, float] | None
     progress: Progress
 
+    @property
+    def marks(self) -> ModeMarks:
+        """Modes that were added and removed by hand."""
+        return self.bands if isinstance(self.bands, ModeMarks) else ModeMarks()
+
+    @property
+    def given(self) -> Sequence[tuple[float, float]] | None:
+        """Bands in place of those of the spectra."""
+        return None if isinstance(self.bands, ModeMarks) else self.bands
+
 
 def sensors_of_each(sensors: "Sensors | Sequence[Sensors] | None", count: int) -> "list[Sensors | None]":
     """Sensor list of each record."""
@@ -150,11 +160,9 @@ def _sensors_in(record: Record, turbine: Turbine | None) -> "Sensors | None":
 
 def _searched(record: Record, readings: Readings, request: _AnalysisOptions) -> RecordAnalysis:
     """Search the modes in readings of a record, and check them."""
-    marks = request.bands if isinstance(request.bands, ModeMarks) else ModeMarks()
-    given = None if isinstance(request.bands, ModeMarks) else request.bands
-    found = search_modes(readings, given, request.limits, request.progress)
-    if marks.add:
-        found = with_added(found, marks.add, request.progress)
+    marks = request.marks
+    found = search_modes(readings, request.given, request.limits, request.progress)
+    found = with_added(found, marks.add, request.progress)
     noted = readings
     if found.reached is not None:
         further = (

@@ -82,6 +82,8 @@ def search_modes(
 
 def with_added(found: SearchedBands, bands: Sequence[tuple[float, float]], progress: Progress) -> SearchedBands:
     """Fit the modes of further bands; they replace bands whose modes are all inside one of them."""
+    if not bands:
+        return found
     given = _search_given(found.spectrum, bands, progress)
     kept = [
         one

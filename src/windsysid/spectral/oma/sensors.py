@@ -48,6 +48,13 @@ class Node(BaseModel):
     follows: str | None = None
 
 
+class _Geometry(BaseModel):
+    """Nodes and lines of a sensor list."""
+
+    node: list[Node] = Field(default=[])
+    lines: list[tuple[str, str]] = Field(default=[])
+
+
 class SensorList(tuple["ModalSensor", ...]):
     """Sensors of a file, with the nodes of the structure and the pairs of their names that a line joins."""
 
@@ -126,23 +133,18 @@ def read_modal_sensors(path: str | Path) -> tuple[ModalSensor, ...]:
 
 def _geometry(content: Mapping[str, Any], source: str) -> tuple[list[Node], list[tuple[str, str]]]:
     """Nodes and lines of a sensor list."""
-    tables, lines = content.get("node", []), content.get("lines", [])
-    nodes: list[Node] = []
-    for number, table in enumerate(tables if isinstance(tables, list) else [], start=1):
-        try:
-            nodes.append(Node.model_validate(table))
-        except ValidationError as error:
-            raise ConfigurationError(f"{source}: node {number}: {first_problem(error)}") from None
-    names = [node.name for node in nodes]
-    pairs = [one for one in lines if isinstance(one, list) and len(one) == 2] if isinstance(lines, list) else []
-    unknown = [one for pair in pairs for one in pair if one not in names]
-    unknown += [node.follows for node in nodes if node.follows is not None and node.follows not in names]
-    if len(set(names)) < len(names) or unknown or len(pairs) != len(lines):
-        got = f"no node '{unknown[0]}'" if unknown else "a name twice, or a line that is no pair"
+    try:
+        found = _Geometry.model_validate({key: content[key] for key in ("node", "lines") if key in content})
+    except ValidationError as error:
+        raise ConfigurationError(f"{source}: {first_problem(error)}") from None
+    names = [node.name for node in found.node]
+    named = [*(name for line in found.lines for name in line), *(node.follows or node.name for node in found.node)]
+    wrong = [name for name in named if names.count(name) != 1]
+    if wrong:
         raise ConfigurationError(
-            f'{source}: expected nodes with different names and lines = [["a", "b"], …], got {got}'
+            f"{source}: expected one [[node]] of each name, got {names.count(wrong[0])} '{wrong[0]}'"
         )
-    return nodes, [(str(a), str(b)) for a, b in pairs]
+    return found.node, found.lines
 
 
 def _at_node(table: Any, nodes: Sequence[Node]) -> Any:
