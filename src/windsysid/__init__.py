@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     from windsysid.mechanics.tower import TowerModel
     from windsysid.modal.campbell import Campbell
     from windsysid.modal.decays.analyse import analyse_decays as free_decay
+    from windsysid.modal.marks import ModeMarks, read_mode_marks
     from windsysid.modal.sweep import find_modes as modes
     from windsysid.monitoring.change import Comparison
     from windsysid.monitoring.changes import Watch
@@ -108,6 +109,7 @@ _WHERE = {
     "mechanics.tower": "TowerModel",
     "modal.campbell": "Campbell",
     "modal.decays.analyse": "free_decay=analyse_decays",
+    "modal.marks": "ModeMarks read_mode_marks",
     "modal.sweep": "modes=find_modes",
     "monitoring.change": "Comparison",
     "monitoring.changes": "Watch",
@@ -225,8 +227,10 @@ __all__ = [  # noqa: RUF022
     "load_turbine",
     "modes",
     "monitor",
+    "ModeMarks",
     "free_decay",
     "oma",
+    "read_mode_marks",
     "packaged_turbines",
     "plan",
     "profile_likelihood",

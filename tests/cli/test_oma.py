@@ -59,3 +59,16 @@ def test_a_sensor_list_with_a_channel_that_is_not_there_says_so(run, path, tmp_p
     assert done.code == 2
     (line,) = done.err
     assert "no channel 'roof'" in line
+
+
+def test_modes_by_hand_and_decays_have_clear_errors(run, path, tmp_path):
+    (tmp_path / "modes.toml").write_text("add = [[2, 1]]")
+    for options, message in (
+        (("--modes", tmp_path / "modes.toml"), "two rising frequencies"),
+        (("--decay", "--band", 0.9, 1.3), "--band goes not with --decay"),
+        (("--decay", "--section", 0, 100), "expected a free decay, got none"),
+    ):
+        done = run("oma", path, *options, "--output", tmp_path / "out")
+        assert done.code == 2
+        (line,) = done.err
+        assert message in line

@@ -1,6 +1,7 @@
 """Plots and tables of operational modes."""
 
 import dataclasses
+import json
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import windsysid as ws
 from tests.spectral.test_oma import RATE, record_of, two_modes
 from windsysid.reports.figures import oma_views
 from windsysid.spectral.oma.result import OperationalModes
+from windsysid.spectral.oma.sensors import read_modal_sensors
 
 
 @pytest.fixture(scope="module")
@@ -70,3 +72,32 @@ def test_pages_have_the_plots(found: OperationalModes, decays: OperationalModes)
 
 def test_a_result_without_modes_has_a_page(found: OperationalModes):
     assert b"Spectra" in dataclasses.replace(found, modes=(), bands=()).files()["report.html"]
+
+
+def test_shapes_move_where_positions_are_known(found: OperationalModes, tmp_path):
+    tables = ['lines = [["base", "top"], ["top", "corner"]]', "[[node]]\nname = 'base'\nposition = [0, 0, 0]",
+        "[[node]]\nname = 'top'\nposition = [0, 0, 9]",
+        "[[node]]\nname = 'corner'\nposition = [3, 0, 9]\nfollows = 'top'",
+        "[[sensor]]\nchannel = 'floor_3_displacement'\nnode = 'top'\ndirection = [1, 0, 0]"]  # fmt: skip
+    (tmp_path / "sensors.toml").write_text("\n".join(tables))
+    placed = ws.oma(record_of(two_modes(0), RATE), sensors=read_modal_sensors(tmp_path / "sensors.toml"))
+    page = placed.files()["report.html"].decode()
+    spec = json.loads(page.split('<figure class="moving">')[1].split('application/json">')[1].split("</script>")[0])
+    assert spec["points"] == [[0, 0, 0], [0, 0, 9], [3, 0, 9]]
+    assert spec["lines"] == [[0, 1], [1, 2]]
+    assert spec["measured"] == [False, True, False]
+    motion = spec["modes"][0]["motion"]
+    assert motion[0] == [[0, 0], [0, 0], [0, 0]]
+    assert motion[1] == motion[2]
+    assert np.array(motion[1]) == pytest.approx(np.array([[1, 0], [0, 0], [0, 0]]))
+    assert '<figure class="moving">' not in found.files()["report.html"].decode()
+    placed.save(tmp_path / "out")
+    again = ws.load_result(tmp_path / "out")
+    assert isinstance(again, OperationalModes)
+    assert (again.nodes, again.lines_drawn) == (placed.nodes, placed.lines_drawn)
+
+
+def test_modes_are_marked_in_the_page(found: OperationalModes):
+    page = found.files()["report.html"].decode()
+    assert page.count('type="checkbox"') == len(found.modes)
+    assert "modes.toml" in page

@@ -105,6 +105,7 @@ SHORT: dict[str, tuple[str, ...]] = {
     "validation.calibration": ("--scenario free-decay --runs 1",),
     "validation.comparison": ("--pairs 1 --cache {tmp}",),
     "validation.damping": ("--runs 1",),
+    "validation.decays": ("--runs 1",),
     "validation.field": ("--openfast {data}/openfast --output {tmp} --without-rotor --seeds 1",),
     "validation.windows": ("--openfast {data}/openfast --records c2 --seconds 180",),
     "validation.field_spectral": ("--simulated --rpm 12.1 --loads random --runs 1",),

@@ -84,6 +84,10 @@ def oma(
     decay: Annotated[
         bool, typer.Option("--decay", metavar="", help="The records are free decays, after a release or a shock.")
     ] = False,
+    modes: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Modes that were added and removed by hand in the page (TOML, docs/oma.md)."),
+    ] = None,
     mapping: Mapping = None,
     json: Json = False,
     verbose: Verbose = False,
@@ -94,6 +98,7 @@ def oma(
 ) -> None:
     """Modes of any structure from its ambient vibration: frequencies, damping, shapes, no model needed."""
     from windsysid.modal.decays.analyse import analyse_decays
+    from windsysid.modal.marks import read_mode_marks
     from windsysid.records.formats import load_mapping, read_record
     from windsysid.reports.loading import kept
     from windsysid.spectral.oma.analyse import analyse_vibration
@@ -102,9 +107,11 @@ def oma(
     to = claim_output(context, output, name_of(records[0], "oma"), *inputs, overwrite=overwrite, json=json)
     rules = load_mapping(mapping) if mapping is not None else None
     lists = _sensor_lists(sensors or [], len(records))
-    if decay and band:
-        raise ConfigurationError("--band is for ambient vibration: expected --range LOW HIGH with --decay")
-    analyse = analyse_decays if decay else partial(analyse_vibration, bands=list(map(_band, band)) if band else None)
+    if band and (decay or modes):
+        raise ConfigurationError(f"--band goes not with {'--decay' if decay else '--modes'}: expected one of them")
+    marks = read_mode_marks(modes) if modes is not None else None
+    bands = list(map(_band, band)) if band else marks
+    analyse = partial(analyse_decays, marks=marks) if decay else partial(analyse_vibration, bands=bands)
     with show_progress("oma") as progress:
         found = analyse(
             [read_record(path, mapping=rules, progress=partial(progress, f"reading {path}")) for path in records],

@@ -10,7 +10,7 @@ from windsysid.configuration import parse_toml, read_toml
 from windsysid.errors import ConfigurationError
 from windsysid.mechanics.sensors import SENSORS, Sensor
 
-__all__ = ["as_sensor", "first_problem", "parse_sensors", "read_sensor_tables", "read_sensors"]
+__all__ = ["as_sensor", "first_problem", "parse_sensors", "read_sensor_file", "read_sensor_tables", "read_sensors"]
 
 
 def as_sensor(table: Any) -> Sensor:
@@ -57,17 +57,23 @@ def read_sensors(path: str | Path) -> tuple[Sensor, ...]:
 
 def read_sensor_tables(path: str | Path) -> list[object]:
     """Read the ``[[sensor]]`` tables of a TOML file, not yet validated; ConfigurationError where it holds others."""
+    tables: list[object] = read_sensor_file(path)["sensor"]
+    return tables
+
+
+def read_sensor_file(path: str | Path, others: Sequence[str] = ()) -> dict[str, Any]:
+    """Read a TOML file with ``[[sensor]]`` tables and `others`; ConfigurationError where it holds more."""
     path = Path(path)
     try:
         content = parse_toml(read_toml(path))
     except (OSError, ValueError) as error:
         raise ConfigurationError(f"{path}: expected a TOML file with [[sensor]] tables, got: {error}") from None
     tables = content.get("sensor")
-    if set(content) != {"sensor"} or not isinstance(tables, list):
+    if set(content) - {*others} != {"sensor"} or not isinstance(tables, list):
         raise ConfigurationError(
             f"{path}: expected [[sensor]] tables and nothing else, got {', '.join(sorted(content)) or 'an empty file'}"
         )
-    return tables
+    return content
 
 
 def parse_sensors(tables: Sequence[object], source: str) -> tuple[Sensor, ...]:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from jinja2 import Template
     from matplotlib.figure import Figure
 
-__all__ = ["Section", "fragment", "png", "report_page"]
+__all__ = ["Section", "fragment", "png", "report_page", "static_text", "template"]
 
 UPLOT, UPLOT_CSS = "../../live/page/static/uplot.js", "../../live/page/static/uplot.css"
 """uPlot as the live page has it (MIT licence, uplot-license.txt)."""
@@ -33,7 +33,7 @@ COLOURS = {
 @dataclass(frozen=True)
 class Section:
     """A heading with paragraphs, tables, figures, each with its caption, interactive plots, and text as a file has it;
-    `folded` until it is clicked at.
+    `folded` until it is clicked at. `markup` is HTML that comes before the tables.
 
     A figure that is also a file of its own comes as PNG.
     """
@@ -44,6 +44,7 @@ class Section:
     figures: "Sequence[tuple[Figure | bytes, str]]" = ()
     plots: Sequence[Plot] = ()
     file: str = ""
+    markup: str = ""
     folded: bool = False
 
 
@@ -51,10 +52,10 @@ def report_page(title: str, subtitle: str, sections: Sequence[Section]) -> bytes
     """Sections as one HTML file."""
     shown = [_shown(section, number) for number, section in enumerate(sections)]
     names = (UPLOT_CSS, "plots.css", UPLOT, "plots.js") if any(section.plots for section in sections) else ()
-    page = _template("report").render(
+    page = template("report").render(
         title=title, subtitle=subtitle, sections=shown,
-        styles=[_static(name) for name in names if name.endswith(".css")],
-        scripts=[_static(name) for name in names if name.endswith(".js")],
+        styles=[static_text(name) for name in names if name.endswith(".css")],
+        scripts=[static_text(name) for name in names if name.endswith(".js")],
     )  # fmt: skip
     return page.encode(errors="backslashreplace")
 
@@ -67,6 +68,7 @@ def _shown(section: Section, number: int) -> dict[str, object]:
         "tables": section.tables,
         "file": section.file,
         "folded": section.folded,
+        "markup": section.markup,
         "figures": [{"markup": _embedded(figure, caption), "caption": caption} for figure, caption in section.figures],
         "plots": [
             {"plot": plot, "svg": static_svg(plot, f"{number}-{place}"), "json": to_json(plot)}
@@ -75,18 +77,19 @@ def _shown(section: Section, number: int) -> dict[str, object]:
     }
 
 
-def _static(name: str) -> str:
+def static_text(name: str) -> str:
     """A script or style sheet of the package."""
     return files("windsysid.reports").joinpath("static", name).read_text(encoding="utf-8")
 
 
 def fragment(contents: Sequence[Table | str], figure: "Figure | None" = None) -> str:
     """Render sentences, tables and a figure as a part of another page, such as a notebook."""
-    picture = None if figure is None else _embedded(figure)
-    return _template("fragment").render(contents=[part for part in contents if part != ""], picture=picture)
+    picture = None if figure is None else _embedded(png(figure), "figure of the result")
+    return template("fragment").render(contents=[part for part in contents if part != ""], picture=picture)
 
 
-def _template(name: str) -> "Template":
+def template(name: str) -> "Template":
+    """A template of the package, in which text is escaped."""
     from jinja2 import Environment, PackageLoader
 
     environment = Environment(

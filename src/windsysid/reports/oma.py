@@ -19,6 +19,7 @@ from windsysid.reports.figures.oma_views import (
 )  # fmt: skip
 from windsysid.reports.figures.plots import BAND, ERROR, ESTIMATE, MEASURED, REFERENCE, tidy
 from windsysid.reports.html import Section, png, report_page
+from windsysid.reports.interactive.oma import marks_form, moving_shapes, page_script
 from windsysid.spectral.oma.mode import OperationalMode
 from windsysid.spectral.oma.result import OperationalModes
 
@@ -84,7 +85,7 @@ def _shapes(found: OperationalModes) -> Figure | None:
     for i, mode in enumerate(modes):
         ax = drawn.add_subplot(rows, columns, i + 1, projection="3d" if placed else None)
         (_arrows if placed else _bars)(ax, found, mode, i % columns == 0)
-        ax.set_title(f"{mode.name}, {mode.frequency:.4g} Hz", fontsize=8.5, loc="left")
+        ax.set_title(f"{mode.name}, {mode.frequency:.4g} Hz", fontsize=8.5, loc="left", color=REFERENCE)
     return drawn
 
 
@@ -114,7 +115,9 @@ def _arrows(ax: Axes, found: OperationalModes, mode: OperationalMode, named: boo
     for start, end in zip(place, moved, strict=True):
         ax.plot(*np.transpose([start, end]), color=ESTIMATE, lw=1.4)
     ax.plot(*moved.T, "o", ms=3.5, color=ESTIMATE)
-    ax.tick_params(labelsize=6)
+    ax.tick_params(labelsize=6, colors=REFERENCE)
+    for name in ("xaxis", "yaxis", "zaxis"):
+        getattr(ax, name).set_pane_color((0.0, 0.0, 0.0, 0.0))
 
 
 def _causes(found: OperationalModes) -> Table:
@@ -125,6 +128,38 @@ def _causes(found: OperationalModes) -> Table:
         if mode.doubts or mode.remarks
     ]
     return Table(("mode", "f [Hz]", "why"), rows, words=(0, 2))
+
+
+def _stability(found: OperationalModes) -> list[Section]:
+    """Modes over model orders and segments of the record."""
+    stay = [plot for plot in (poles_plot(found), *segment_plots(found)) if plot is not None]
+    text = "A mode of the structure stays where it is, whatever the model order and the part of the record."
+    return [Section("Which modes stay", text=[text], plots=stay)] if stay else []
+
+
+def _record_by_record(found: OperationalModes) -> list[Section]:
+    """Modes of each record, and what their channels have in common."""
+    if not found.parts:
+        return []
+    text = "Each record by itself. Where they scatter more than their intervals say, the mode is of grade C."
+    setups = "Where sensors moved between records, shapes are put together on the channels in common."
+    return [
+        Section("Record by record", text=[text], tables=[found.agreement_table("")]),
+        Section("Setups", text=[setups], tables=[setup_table(found)]),
+    ]
+
+
+def _shape_section(found: OperationalModes) -> list[Section]:
+    """Shapes, moving and still, in the complex plane, and their measures."""
+    shapes, complexity = _shapes(found), complexity_figure(found)
+    if shapes is None or complexity is None:
+        return []
+    text = "Shapes as accelerations, 1 where most moves. Bars: blue in phase, grey out of phase, lines ±2σ."
+    circle = "Components of each shape in the complex plane: on one line where all channels move in phase."
+    measures = "MPC: phase collinearity, 1 for a real shape. MPD: mean phase deviation. MAC: 1 for equal shapes."
+    tables = [shape_table(found), assurance_table(found)]
+    figures = [(shapes, text), (complexity, circle)]
+    return [Section("Shapes", text=[measures], figures=figures, tables=tables, markup=moving_shapes(found))]
 
 
 def files(found: OperationalModes) -> dict[str, bytes]:
@@ -142,26 +177,10 @@ def files(found: OperationalModes) -> dict[str, bytes]:
     ]
     if found.decays:
         sections.insert(1, Section("Free decays", plots=[decay_plot(one) for one in found.decays[:MOST_DECAYS]]))
-    stay = [plot for plot in (poles_plot(found), *segment_plots(found)) if plot is not None]
-    if stay:
-        text = "A mode of the structure stays where it is, whatever the model order and the part of the record."
-        sections.append(Section("Which modes stay", text=[text], plots=stay))
-    if found.parts:
-        text = "Each record by itself. Where they scatter more than their intervals say, the mode is of grade C."
-        sections.append(Section("Record by record", text=[text], tables=[found.agreement_table("")]))
-        text = "Where sensors moved between records, shapes are put together on the channels in common."
-        sections.append(Section("Setups", text=[text], tables=[setup_table(found)]))
-    shapes = _shapes(found)
-    if shapes is not None:
-        text = "Shapes as accelerations, 1 where most moves. Bars: blue in phase, grey out of phase, lines ±2σ."
-        complexity = complexity_figure(found)
-        circle = "Components of each shape in the complex plane: on one line where all channels move in phase."
-        figures = [(shapes, text), *([(complexity, circle)] if complexity is not None else [])]
-        measures = (
-            "MPC: modal phase collinearity, 1 for a real shape. MPD: mean phase deviation. MAC: alike, 1 or not, 0."
-        )
-        tables = [shape_table(found), assurance_table(found)]
-        sections.append(Section("Shapes", text=[measures], figures=figures, tables=tables))
+    sections += [*_stability(found), *_record_by_record(found), *_shape_section(found)]
+    if found.modes:
+        text = "To add or remove modes, mark them here, and give the file with --modes."
+        sections.append(Section("Modes by hand", text=[text], markup=marks_form(found) + page_script()))
     causes = _causes(found)
     if causes.rows:
         sections.append(Section("Why grades are B or C", tables=[causes]))

@@ -51,6 +51,7 @@ def test_a_saved_result_comes_back_with_its_histories(tmp_path):
     found = ws.free_decay(records_of(CASES[0], 3)[0])
     found.save(tmp_path / "out")
     again = ws.load_result(tmp_path / "out")
+    assert isinstance(again, ws.OperationalModes)
     assert again.method == "free decays"
     np.testing.assert_array_equal(again.decays[0].fitted, found.decays[0].fitted)
     assert again.summary()["modes"][0]["frequency_hz"] == found.summary()["modes"][0]["frequency_hz"]

@@ -41,7 +41,8 @@ def test_the_fit_is_that_of_a_general_least_squares_search():
         ftol=1e-14,
     )
     scatter = 2.0 * found.cost / (len(one.values) - 10)
-    cov = np.linalg.inv(found.jac.T @ found.jac)[:4, :4] * scatter
+    slopes = np.asarray(found.jac)
+    cov = np.linalg.inv(slopes.T @ slopes)[:4, :4] * scatter
     fit = fit_decays(START, [one])
     shift = (fit.theta - found.x[:4]) / np.sqrt(np.diag(cov))
     assert np.abs(shift).max() < 0.05, shift  # the prior of damping

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import windsysid as ws
+from windsysid.errors import ConfigurationError
 from windsysid.spectral.oma.sensors import ModalSensor, choose_sensors, derivative_order, read_modal_sensors
 
 
@@ -58,3 +59,20 @@ def test_a_sensor_list_is_read_and_its_faults_are_named(tmp_path: Path):
     path.write_text('[[sensor]]\nchannel = "a"\ndirection = [0.0, 0.0, 0.0]\n', encoding="utf-8")
     with pytest.raises(ws.ConfigurationError, match=r"sensor 1: .*direction"):
         read_modal_sensors(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('lines = [["a", "b"]]\n[[node]]\nname = "a"\nposition = [0, 0, 0]\n', "got 0 'b'"),
+        ('[[node]]\nname = "a"\nposition = [0, 0]\n', "node.1.position"),
+        ('[[node]]\nname = "a"\nposition = [0, 0, 0]\nfollows = "c"\n', "got 0 'c'"),
+        ("lines = [1]\n", "lines.1"),
+        ("plates = 1\n", "got plates, sensor"),
+    ],
+)
+def test_a_wrong_geometry_ends_in_one_line(tmp_path, text, message):
+    (tmp_path / "sensors.toml").write_text(text + '[[sensor]]\nchannel = "top"\n')
+    with pytest.raises(ConfigurationError) as error:
+        read_modal_sensors(tmp_path / "sensors.toml")
+    assert message in str(error.value)

@@ -30,12 +30,17 @@ __all__ = [
     "widen_coefficients", "widenings_of", "with_tolerance_shifts",
 ]  # fmt: skip
 
-COVERED_BY_INTERVALS = frozenset({
-    "channel_level", "correlated_innovations", "correlated_loads", "heavy_tails", "innovation_level",
-    "level_over_frequency", "nonstationary_level", "unexplained_level", "unexplained_peak",
-})  # fmt: skip
-"""Setting: findings of innovations that are not white and of loads that change. Scores over time and over frequencies
-give their effect on an interval."""
+_EVERY = frozenset({"time", "frequency"})
+
+COVERED_BY_INTERVALS: Mapping[str, frozenset[str]] = {
+    "heavy_tails": frozenset({"time"}), "nonstationary_level": frozenset({"time"}),
+    **dict.fromkeys((
+        "channel_level", "correlated_innovations", "correlated_loads", "innovation_level", "level_over_frequency",
+        "unexplained_level", "unexplained_peak",
+    ), _EVERY),
+}  # fmt: skip
+"""Setting: findings of loads that change and of innovations that are not white, and the scores that give their effect
+on an interval: over time, and over frequencies too."""
 
 Readers = Mapping[str, Collection[str]]
 """For each degree of freedom that moves by itself the channels that measure it."""
@@ -82,7 +87,7 @@ def widenings_of(
         [_widening(scores, f"{mode.name} {what}", row, cov) for mode, row in zip(at.modes, rows, strict=True)]
         for what, rows in zip(("frequency", "damping ratio"), at.slopes, strict=True)
     ]
-    rivals = _rivals(findings, coefficients) if _is_known(scores) else []
+    rivals = _rivals(findings, coefficients) if _parts(scores) >= _EVERY else []
     return (
         [_with_rivals(one, rivals) for one in coefficients],
         [[_with_rivals(one, rivals) for one in row] for row in modes],
@@ -116,9 +121,9 @@ def is_contradictory(outcome: Outcome) -> bool:
     return max((one.factor for one in found), default=1.0) > SIGMAS
 
 
-def _is_known(scores: Sequence[PartScores]) -> bool:
-    """Test whether scores over time and over frequencies are available."""
-    return {"time", "frequency"} <= {one.over for one in scores}
+def _parts(scores: Sequence[PartScores]) -> set[str]:
+    """Return over what scores are available: time, frequency."""
+    return {one.over for one in scores}
 
 
 def _rivals(findings: Sequence[Finding], coefficients: Sequence[Widening]) -> list[tuple[Array, float]]:
@@ -212,7 +217,7 @@ def judged(
     """Turn reasons that wider intervals cover into remarks, and report the widening."""
     findings = []
     for one in diagnosis.findings:
-        if one.severity == "reason" and _is_known(scores):
+        if one.severity == "reason" and _parts(scores) >= COVERED_BY_INTERVALS.get(one.code, _EVERY):
             one = _covered(one, coefficients)
         elif one.severity == "reason" and "shifts" in one.data:
             differing = _differing(_in_sigmas(one, coefficients))

@@ -9,7 +9,7 @@ from windsysid.reports.figures.canvas import label
 from windsysid.reports.figures.plots import ERROR, ESTIMATE, REFERENCE
 from windsysid.reports.interactive.plot import Axis, Curve, Mark, Plot, Span
 from windsysid.spectral.oma.mode import OperationalMode
-from windsysid.spectral.oma.result import DecayHistory, OperationalModes
+from windsysid.spectral.oma.result import DecayHistory, OperationalModes, RecordModes
 
 __all__ = ["assurance_table", "complexity_figure", "decay_plot", "poles_plot", "segment_plots", "setup_table",
     "shape_table", "singular_value_plot"]  # fmt: skip
@@ -77,9 +77,9 @@ def _is_stable(pole: tuple[float, float], before: list[tuple[float, float]]) -> 
 def segment_plots(found: OperationalModes) -> list[Plot]:
     """Frequency and damping ratio of each mode in segments of the record, relative to those of the whole."""
     modes = [mode for mode in found.modes if mode.segments is not None][:MAX_MODES]
-    times = np.unique(np.concatenate([m.segments[:, 0] for m in modes if m.segments is not None])) if modes else []
-    if len(times) == 0:
+    if not modes:
         return []
+    times = np.unique(np.concatenate([mode.segments[:, 0] for mode in modes if mode.segments is not None]))
     colours = ("estimate", "error", "reference", "other", "measured")
     plots = []
     for title, column, unit in (("Frequency", 1, "%"), ("Damping ratio", 2, "%")):
@@ -128,7 +128,9 @@ def shape_table(found: OperationalModes) -> Table:
         )
         for mode in found.modes
     ]  # fmt: skip
-    return Table(("mode", "f [Hz]", "MPC", "MPD [°]", "out of phase [%]", "σ of the shape"), rows, "", (0,))
+    return Table(
+        ("mode", "f [Hz]", "MPC", "MPD [°]", "out of phase [%]", "σ of the shape"), rows, "measures of the shapes", (0,)
+    )
 
 
 def assurance_table(found: OperationalModes) -> Table:
@@ -137,23 +139,28 @@ def assurance_table(found: OperationalModes) -> Table:
         (mode.name, *("–" if np.isnan(value) else f"{value:.2f}" for value in row))
         for mode, row in zip(found.modes, found.mac(), strict=True)
     ]
-    return Table(("MAC", *(mode.name for mode in found.modes)), rows, "", (0,))
+    return Table(("MAC", *(mode.name for mode in found.modes)), rows, "modal assurance criterion", (0,))
 
 
 def setup_table(found: OperationalModes) -> Table:
     """Channels of each record, those in common with others, and the agreement of each mode's shape there (MAC)."""
     rows = []
-    for s, part in enumerate(found.parts):
-        others = {name for t, other in enumerate(found.parts) if t != s for name in other.channels}
-        cells = []
-        for mode, own in zip(found.modes, part.modes, strict=True):
-            at = [found.channels.index(name) for name in part.channels if name in found.channels]
-            ours = [part.channels.index(found.channels[i]) for i in at]
-            value = np.nan if own is None else assurance(own.shape[ours], mode.shape[at])
-            cells.append("not seen" if own is None else "–" if np.isnan(value) else f"{value:.3f}")
-        common = [name for name in part.channels if name in others]
-        rows.append((part.record, f"{len(part.channels)}, {len(common)} in common", *cells))
+    for part in found.parts:
+        others = {name for other in found.parts if other is not part for name in other.channels}
+        common = sum(name in others for name in part.channels)
+        cells = [_agreement(found, part, i) for i in range(len(found.modes))]
+        rows.append((part.record, f"{len(part.channels)}, {common} in common", *cells))
     return Table(("record", "channels", *(f"{m.name}, MAC" for m in found.modes)), rows, "", (0, 1))
+
+
+def _agreement(found: OperationalModes, part: RecordModes, i: int) -> str:
+    """MAC of mode i in one record with the merged shape."""
+    own = part.modes[i]
+    if own is None:
+        return "not seen"
+    shape = dict(zip(part.channels, own.shape, strict=True))
+    value = assurance(np.array([shape.get(name, np.nan) for name in found.channels]), found.modes[i].shape)
+    return "–" if np.isnan(value) else f"{value:.3f}"
 
 
 def complexity_figure(found: OperationalModes) -> Figure | None:

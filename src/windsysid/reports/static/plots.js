@@ -205,6 +205,11 @@ const plots = (() => {
           setSelect: [(u) => this.zoomTo(u)],
         },
       }, data, this.place);
+      const { plot } = this;
+      plot.over.addEventListener("mousedown", (down) => plot.over.addEventListener("click", (up) => {
+        if (Math.abs(up.clientX - down.clientX) > 4) return;
+        dispatchEvent(new CustomEvent("plot-click", { detail: { link: spec.link, x: plot.posToVal(up.offsetX, "x") } }));
+      }, { once: true }));
     }
 
     within(u, act) {

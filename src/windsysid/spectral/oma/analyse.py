@@ -15,6 +15,7 @@ from typing import NamedTuple, cast
 from windsysid.errors import ConfigurationError
 from windsysid.kernels.threads import one_thread
 from windsysid.mechanics.sensors import Sensor
+from windsysid.modal.marks import ModeMarks
 from windsysid.output.progress import Progress, unheard
 from windsysid.records.coercion import RecordLike, as_record
 from windsysid.records.record import Record
@@ -25,11 +26,11 @@ from windsysid.spectral.oma.assemble import RecordAnalysis, result_of
 from windsysid.spectral.oma.clock_lag import aligned, clock_lags, lag_doubt
 from windsysid.spectral.oma.condition import Readings, prepare_readings, transforms
 from windsysid.spectral.oma.describe import described, named, with_references, without_skirts
-from windsysid.spectral.oma.mode import Doubt
+from windsysid.spectral.oma.mode import Doubt, OperationalMode
 from windsysid.spectral.oma.multi_setup import join
 from windsysid.spectral.oma.result import OperationalModes
-from windsysid.spectral.oma.search import covered_note, modes_of, search_modes
-from windsysid.spectral.oma.sensors import ModalSensor
+from windsysid.spectral.oma.search import covered_note, modes_of, search_modes, with_added
+from windsysid.spectral.oma.sensors import ModalSensor, geometry_of
 from windsysid.turbine.coercion import TurbineLike, as_turbine
 from windsysid.turbine.turbine import Turbine
 
@@ -44,7 +45,7 @@ def analyse_vibration(
     *,
     sensors: "Sensors | Sequence[Sensors] | None" = None,
     turbine: "TurbineLike | None" = None,
-    bands: Sequence[tuple[float, float]] | None = None,
+    bands: "Sequence[tuple[float, float]] | ModeMarks | None" = None,
     limits: tuple[float, float] | None = None,
     section: tuple[float, float] | None = None,
     progress: Progress = unheard,
@@ -64,7 +65,8 @@ def analyse_vibration(
     turbine
         Its sensors are used, and modes near those of the turbine file have their names.
     bands
-        (lowest, highest) [Hz], one for each group of close modes; by default found from the spectra.
+        (lowest, highest) [Hz], one for each group of close modes; by default found from the spectra. Or modes that
+        were added and removed by hand (`windsysid.read_mode_marks`): then all others are found from the spectra.
     limits
         Frequency range of the search for bands [Hz]; by default from the lowest on, up to a largest number of bands;
         a note names its end if there are more.
@@ -96,6 +98,8 @@ def analyse_vibration(
     singles = [_analysed(each, listed, request) for each, listed in zip(records, lists, strict=True)]
     progress("the result", None)
     found = result_of(singles[0]) if len(singles) == 1 else join(singles)
+    nodes, drawn = geometry_of(sensors)
+    found = replace(found, nodes=nodes, lines_drawn=drawn)
     modes = with_references(named(found.modes, found.channels), machine, found.rotor_hz)
     if found.doubts:
         of_record = Doubt("record", f"the record is doubtful: {found.doubts[0]}")
@@ -107,10 +111,20 @@ class _AnalysisOptions(NamedTuple):
     """Options of `analyse_vibration` for each record."""
 
     turbine: Turbine | None
-    bands: Sequence[tuple[float, float]] | None
+    bands: "Sequence[tuple[float, float]] | ModeMarks | None"
     limits: tuple[float, float] | None
     section: tuple[float, float] | None
     progress: Progress
+
+    @property
+    def marks(self) -> ModeMarks:
+        """Modes that were added and removed by hand."""
+        return self.bands if isinstance(self.bands, ModeMarks) else ModeMarks()
+
+    @property
+    def given(self) -> Sequence[tuple[float, float]] | None:
+        """Bands in place of those of the spectra."""
+        return None if isinstance(self.bands, ModeMarks) else self.bands
 
 
 def sensors_of_each(sensors: "Sensors | Sequence[Sensors] | None", count: int) -> "list[Sensors | None]":
@@ -146,7 +160,9 @@ def _sensors_in(record: Record, turbine: Turbine | None) -> "Sensors | None":
 
 def _searched(record: Record, readings: Readings, request: _AnalysisOptions) -> RecordAnalysis:
     """Search the modes in readings of a record, and check them."""
-    found = search_modes(readings, request.bands, request.limits, request.progress)
+    marks = request.marks
+    found = search_modes(readings, request.given, request.limits, request.progress)
+    found = with_added(found, marks.add, request.progress)
     noted = readings
     if found.reached is not None:
         further = (
@@ -157,9 +173,26 @@ def _searched(record: Record, readings: Readings, request: _AnalysisOptions) -> 
     request.progress("checks", None)
     segments = [[transforms(readings, part) for part in _parts(readings.samples, count)] for count in SEGMENTS]
     bands = without_skirts([described(one, segments, noted) for one in found.bands if modes_of(one)])
-    modes = sorted((mode for band in bands for mode in band), key=lambda mode: mode.frequency)
+    modes, noted = _without_removed([mode for band in bands for mode in band], marks, noted)
     checked = with_images(modes, found.spectrum.frequency, found.spectrum.values)
     return RecordAnalysis(record, noted, found, tuple(with_load_odds(checked)))
+
+
+def _without_removed(
+    modes: list[OperationalMode], marks: ModeMarks, readings: Readings
+) -> tuple[list[OperationalMode], Readings]:
+    """Modes by rising frequency without those that were removed by hand, and readings with a note on each mark."""
+    for low, high in marks.add:  # a mode of another band is there twice
+        modes = [m for m in modes if not low <= m.frequency <= high or (low <= m.band[0] and m.band[1] <= high)]
+    modes, notes = sorted(modes, key=lambda mode: mode.frequency), list(readings.notes)
+    notes += [f"modes were fitted between {low:.4g} and {high:.4g} Hz, as marked by hand" for low, high in marks.add]
+    for frequency in marks.remove:
+        at = marks.index_of(frequency, [(mode.frequency, mode.damping * mode.frequency) for mode in modes])
+        if at is None:
+            notes.append(f"no mode is near {frequency:.4g} Hz, which was to be removed by hand")
+        else:
+            notes.append(f"the mode at {modes.pop(at).frequency:.4g} Hz was removed by hand")
+    return modes, readings._replace(notes=tuple(notes))
 
 
 def _parts(samples: int, count: int) -> list[slice]:

@@ -13,7 +13,7 @@ from windsysid.output.table import Table
 from windsysid.results.posterior import section_name
 from windsysid.results.serialization import finite
 from windsysid.spectral.oma.mode import OperationalMode
-from windsysid.spectral.oma.sensors import ModalSensor
+from windsysid.spectral.oma.sensors import ModalSensor, Node
 from windsysid.units import unit_text
 
 if TYPE_CHECKING:
@@ -121,6 +121,8 @@ class OperationalModes(Answer):
         Of the whole record, as `windsysid.results.provenance.record_hash` gives it; None of several.
     decays
         Free decays (`windsysid.free_decay`), a history of each record; empty for ambient vibration.
+    nodes, lines_drawn
+        Nodes of the structure and the pairs of their names that a line joins, for drawings of shapes.
     """
 
     record: str
@@ -144,6 +146,8 @@ class OperationalModes(Answer):
     parts: tuple[RecordModes, ...] = ()
     record_hash: str | None = None
     decays: tuple[DecayHistory, ...] = ()
+    nodes: tuple[Node, ...] = ()
+    lines_drawn: tuple[tuple[str, str], ...] = ()
 
     @property
     def method(self) -> str:

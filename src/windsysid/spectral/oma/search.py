@@ -18,7 +18,7 @@ from windsysid.spectral.oma.condition import Readings, transforms
 
 __all__ = [
     "RecordSpectrum", "SearchedBands", "band_bins", "covered_note", "fit_between", "is_rotational_peak", "modes_inside",
-    "modes_of", "search_again", "search_modes",
+    "modes_of", "search_again", "search_modes", "with_added",
 ]  # fmt: skip
 
 
@@ -78,6 +78,21 @@ def search_modes(
     if bands is not None:
         return _search_given(spectrum, bands, progress)
     return _search_peaks(spectrum, limits.MAX_BANDS if between is None else None, progress)
+
+
+def with_added(found: SearchedBands, bands: Sequence[tuple[float, float]], progress: Progress) -> SearchedBands:
+    """Fit the modes of further bands; they replace bands whose modes are all inside one of them."""
+    if not bands:
+        return found
+    given = _search_given(found.spectrum, bands, progress)
+    kept = [
+        one
+        for one in found.bands
+        if not any(all(low <= f <= high for f, _ in _modes_in(one)) for low, high in bands if modes_of(one))
+    ]
+    both = sorted([*kept, *given.bands], key=lambda one: float(one.band.frequency[0]))
+    empty, covered = (*found.empty, *given.empty), (*found.covered, *given.covered)
+    return found._replace(bands=tuple(both), empty=empty, covered=covered)
 
 
 def _search_given(spectrum: RecordSpectrum, bands: Sequence[tuple[float, float]], progress: Progress) -> SearchedBands:

@@ -2,7 +2,7 @@
 
 from collections.abc import Container, Mapping, Sequence
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
@@ -13,18 +13,62 @@ from windsysid.errors import ConfigurationError
 from windsysid.inspection.bodies import body_of
 from windsysid.inspection.channels import VIBRATION, Kind, kind_of
 from windsysid.inspection.plausibility import rotor_of
-from windsysid.mechanics.sensor_lists import first_problem, parse_sensors, read_sensor_tables
+from windsysid.mechanics.sensor_lists import first_problem, parse_sensors, read_sensor_file
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
 from windsysid.spectral.oma.limits import MAX_SENSORS
 from windsysid.spectral.transforms.multiblade import is_blade
 
-__all__ = ["ModalSensor", "choose_sensors", "derivative_order", "read_modal_sensors"]
+__all__ = [
+    "ModalSensor",
+    "Node",
+    "SensorList",
+    "choose_sensors",
+    "derivative_order",
+    "geometry_of",
+    "read_modal_sensors",
+]
 
 Quantity = Literal["acceleration", "velocity", "displacement", "strain", "load"]
 
 _ORDERS = {"acceleration": 2, "velocity": 1, "displacement": 0, "strain": 0, "load": 0}
 """Setting: order of the time derivative of a displacement."""
+
+
+Point = tuple[float, float, float]
+
+
+class Node(BaseModel):
+    """Point of the structure in drawings of shapes: its name, position [m], and the node whose motion it follows."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    name: str = Field(min_length=1)
+    position: Point
+    follows: str | None = None
+
+
+class _Geometry(BaseModel):
+    """Nodes and lines of a sensor list."""
+
+    node: list[Node] = Field(default=[])
+    lines: list[tuple[str, str]] = Field(default=[])
+
+
+class SensorList(tuple["ModalSensor", ...]):
+    """Sensors of a file, with the nodes of the structure and the pairs of their names that a line joins."""
+
+    nodes: tuple[Node, ...]
+    lines: tuple[tuple[str, str], ...]
+
+    @classmethod
+    def of(
+        cls, sensors: "Sequence[ModalSensor]", nodes: Sequence[Node], lines: Sequence[tuple[str, str]]
+    ) -> "SensorList":
+        """Sensors with a geometry."""
+        found = cls(sensors)
+        found.nodes, found.lines = tuple(nodes), tuple(lines)
+        return found
 
 
 class ModalSensor(BaseModel):
@@ -61,12 +105,17 @@ def read_modal_sensors(path: str | Path) -> tuple[ModalSensor, ...]:
     """Read a sensor list from TOML: one ``[[sensor]]`` table per channel, keys as in `ModalSensor`, or a turbine's
     sensor list.
 
+    ``[[node]]`` tables (`name`, `position`, and perhaps `follows`, another node) and ``lines`` (pairs of nodes) are the
+    geometry for drawings; a sensor may then have ``node`` in place of ``position``.
+
     Raises
     ------
     ConfigurationError
         In one line: the file, the sensor, what was expected and what was got.
     """
-    tables = read_sensor_tables(path)
+    content = read_sensor_file(path, ("node", "lines"))
+    tables = content["sensor"]
+    nodes, lines = _geometry(content, str(path))
     if not tables:
         raise ConfigurationError(f"{path}: expected [[sensor]] tables, one per channel, got none")
     if any(isinstance(table, dict) and "point" in table for table in tables):
@@ -74,10 +123,45 @@ def read_modal_sensors(path: str | Path) -> tuple[ModalSensor, ...]:
     sensors = []
     for number, table in enumerate(tables, start=1):
         try:
-            sensors.append(ModalSensor.model_validate(table))
+            sensors.append(ModalSensor.model_validate(_at_node(table, nodes)))
         except ValidationError as error:
             raise ConfigurationError(f"{path}: sensor {number}: {first_problem(error)}") from None
-    return tuple(sensors)
+        except ValueError as error:
+            raise ConfigurationError(f"{path}: sensor {number}: {error}") from None
+    return SensorList.of(sensors, nodes, lines)
+
+
+def _geometry(content: Mapping[str, Any], source: str) -> tuple[list[Node], list[tuple[str, str]]]:
+    """Nodes and lines of a sensor list."""
+    try:
+        found = _Geometry.model_validate({key: content[key] for key in ("node", "lines") if key in content})
+    except ValidationError as error:
+        raise ConfigurationError(f"{source}: {first_problem(error)}") from None
+    names = [node.name for node in found.node]
+    named = [*(name for line in found.lines for name in line), *(node.follows or node.name for node in found.node)]
+    wrong = [name for name in named if names.count(name) != 1]
+    if wrong:
+        raise ConfigurationError(
+            f"{source}: expected one [[node]] of each name, got {names.count(wrong[0])} '{wrong[0]}'"
+        )
+    return found.node, found.lines
+
+
+def _at_node(table: Any, nodes: Sequence[Node]) -> Any:
+    """Table of a sensor with the position of its node."""
+    if not isinstance(table, dict) or "node" not in table:
+        return table
+    places = {node.name: node.position for node in nodes}
+    if table["node"] not in places or "position" in table:
+        raise ValueError(f"expected the name of a [[node]] and no position, got node = {table['node']!r:.60}")
+    return {key: value for key, value in table.items() if key != "node"} | {"position": places[table["node"]]}
+
+
+def geometry_of(sensors: Any) -> tuple[tuple[Node, ...], tuple[tuple[str, str], ...]]:
+    """Nodes and lines of a sensor list, or of the lists of several records, each once."""
+    lists = [one for one in [sensors, *(sensors or ())] if isinstance(one, SensorList)]
+    nodes = {node.name: node for one in lists for node in one.nodes}
+    return tuple(nodes.values()), tuple(dict.fromkeys(line for one in lists for line in one.lines))
 
 
 def as_modal(sensors: Sequence[Sensor | ModalSensor | str]) -> tuple[ModalSensor, ...]:

@@ -1,0 +1,96 @@
+"""Modes that a user adds or removes by hand, in a TOML file that the page of `oma` writes.
+
+add = [[0.9, 1.1]]      # frequency ranges [Hz] to fit modes in
+remove = [2.345]        # frequencies [Hz] of modes to leave out
+"""
+
+from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+
+from windsysid.configuration import parse_toml, read_toml
+from windsysid.errors import ConfigurationError
+from windsysid.mechanics.sensor_lists import first_problem
+
+__all__ = ["ModeMarks", "read_mode_marks"]
+
+
+class ModeMarks(BaseModel):
+    """Modes that are added and removed by hand.
+
+    Attributes
+    ----------
+    add
+        Frequency ranges (lowest, highest) [Hz] in which modes are fitted.
+    remove
+        Frequencies [Hz] of modes to leave out.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    add: tuple[tuple[float, float], ...] = Field(default=())
+    remove: tuple[float, ...] = Field(default=())
+
+    @field_validator("add")
+    @classmethod
+    def _rises(cls, value: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+        for low, high in value:
+            if not 0.0 <= low < high:
+                raise ValueError("expected two rising frequencies in Hz")
+        return value
+
+    def index_of(self, frequency: float, modes: list[tuple[float, float]]) -> int | None:
+        """Index of the mode (frequency, half-width [Hz]) that a frequency to be removed is nearest to and within three
+        half-widths of; None if there is none.
+
+        Parameters
+        ----------
+        frequency
+            Of the mode that is to be left out [Hz].
+        modes
+            Frequency and half-width of each mode [Hz].
+
+        Examples
+        --------
+        >>> ModeMarks().index_of(1.01, [(1.0, 0.01), (2.0, 0.01)]), ModeMarks().index_of(1.5, [(1.0, 0.01)])
+        (0, None)
+        """
+        near = [i for i, (f, half) in enumerate(modes) if abs(f - frequency) <= max(3.0 * half, 0.001 * f)]
+        return min(near, key=lambda i: abs(modes[i][0] - frequency)) if near else None
+
+
+def read_mode_marks(path: str | Path) -> ModeMarks:
+    """Read modes that were added or removed by hand.
+
+    Parameters
+    ----------
+    path
+        TOML file with ``add`` and ``remove``, as the page of ``oma`` saves it.
+
+    Returns
+    -------
+    ModeMarks
+        Ranges to add and frequencies to remove [Hz].
+
+    Raises
+    ------
+    ConfigurationError
+        In one line: the file, what was expected and what was got.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> from pathlib import Path
+    >>> _ = Path("modes.toml").write_text("remove = [2.345]")
+    >>> ws.read_mode_marks("modes.toml").remove
+    (2.345,)
+    """
+    expected = 'expected a file with add = [[LOW, HIGH], …] and remove = [F, …] in Hz, as the page of "oma" saves it'
+    try:
+        content = parse_toml(read_toml(Path(path)))
+    except (OSError, ValueError) as error:
+        raise ConfigurationError(f"{path}: {expected}, got: {error}") from None
+    try:
+        return ModeMarks.model_validate(content)
+    except ValidationError as error:
+        raise ConfigurationError(f"{path}: {first_problem(error)}; {expected}") from None
