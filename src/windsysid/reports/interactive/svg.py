@@ -39,8 +39,7 @@ def static_svg(plot: Plot, identity: str) -> str:
     clip = f"clip-{identity}"
     name = escape(f"{plot.title}: {plot.caption}" if plot.caption else plot.title, quote=True)
     return "".join([
-        f'<svg class="static" role="img" aria-label="{name}" viewBox="0 0 {WIDTH:g} {HEIGHT:g}" '
-        'xmlns="http://www.w3.org/2000/svg">',
+        f'<svg class="static" role="img" aria-label="{name}" viewBox="0 0 {WIDTH:g} {HEIGHT:g}">',
         f'<clipPath id="{clip}"><rect x="{LEFT:g}" y="{TOP:g}" width="{WIDTH - LEFT - RIGHT:g}" '
         f'height="{HEIGHT - TOP - BOTTOM:g}"/></clipPath>',
         *_frame(plot, (x_limits, y_limits), (to_x, to_y)),
