@@ -47,6 +47,16 @@ def test_a_machine_among_decays_condemns_them():
     assert not any(mode.trusted for mode in found.modes)
 
 
+def test_a_combination_of_two_modes_is_not_one_more():
+    t = np.arange(0.0, 80.0, 0.02)
+    x = sum(np.exp(-0.05 * t) * np.cos(2.0 * np.pi * f * t + f) for f in (0.8, 2.1))
+    noisy = x + 0.03 * x**2 + 1e-4 * np.random.default_rng(0).normal(size=len(t))
+    found = ws.free_decay(ws.Record(t, noisy[:, None], ("a_acceleration",), ("m/s^2",)))
+    usable = [mode.frequency for mode in found.modes if mode.trusted]
+    assert usable == pytest.approx([0.8, 2.1], rel=1e-3)
+    assert len(found.modes) > 3
+
+
 def test_a_saved_result_comes_back_with_its_histories(tmp_path):
     found = ws.free_decay(records_of(CASES[0], 3)[0])
     found.save(tmp_path / "out")

@@ -127,10 +127,25 @@ def _doubts(fit: DecayFit, decays: Sequence[Decay], j: int) -> list[Doubt]:
     if np.any(others & (_begun(fit) > _begun(fit)[j])):
         text = "a stronger mode is within its half-width: it may be how that one changes with amplitude"
         doubts.append(Doubt("faint", text))
+    if (pair := _combination(fit, j)) is not None:
+        text = f"it is at the sum or difference of {pair[0]:.4g} and {pair[1]:.4g} Hz: a nonlinearity may make it"
+        doubts.append(Doubt("image", text))
     if np.exp(2.0 * std) * z < MIN_STRUCTURE_DAMPING:
         text = f"it hardly decays: a damping ratio of {100 * z:.2g} %, which machines have and structures hardly"
         doubts.append(Doubt("line", text))
     return doubts
+
+
+def _combination(fit: DecayFit, j: int) -> tuple[float, float] | None:
+    """Frequencies [Hz] of two much stronger modes, or twice the same, whose sum or difference is that of mode j."""
+    f, begun, r = fit.frequency, _begun(fit), len(fit.frequency)
+    reach = f[j] * (limits.COMBINATION_SIGMAS * np.sqrt(fit.cov[j, j]) + limits.COMBINATION_DISTANCE)
+    strong = [i for i in range(r) if begun[i] > begun[j] / limits.MAX_COMBINATION_SHARE]
+    for a in strong:
+        for b in strong:
+            if min(abs(f[a] + f[b] - f[j]), abs(f[a] - f[b] - f[j])) < reach:
+                return float(f[a]), float(f[b])
+    return None
 
 
 def _over(widening: BandWidening, local: float) -> BandWidening:

@@ -51,3 +51,7 @@ MIN_DISTANCE = 1.0
 MIN_DRIVEN_SHARE, MAX_DRIVEN_SHARE = 0.02, 0.3
 """Size: share of the power at the beginning in modes that do not decay, beyond which no mode of the record is to be
 used, and beyond which it is no decay."""
+
+MAX_COMBINATION_SHARE, COMBINATION_SIGMAS, COMBINATION_DISTANCE = 0.01, 3.0, 1e-3
+"""Size: power of a mode over those of two others, and its distance from their sum or difference, in standard deviations
+and relative, up to which a quadratic nonlinearity may make it (OpenFAST's decays of a rotor have such)."""

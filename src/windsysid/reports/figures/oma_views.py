@@ -180,7 +180,7 @@ def complexity_figure(found: OperationalModes) -> Figure | None:
         angle = np.linspace(0.0, 2.0 * np.pi, 90)
         ax.plot(np.cos(angle), np.sin(angle), color=REFERENCE, lw=0.5)
         ax.set(xlim=(-1.15, 1.15), ylim=(-1.15, 1.15), aspect="equal", xticks=[], yticks=[])
-        ax.set_title(f"{mode.name}\nMPD {np.degrees(mode.mpd):.1f}°", fontsize=8)
+        ax.set_title(f"{mode.name}\nMPD {np.degrees(mode.mpd):.1f}°", fontsize=8, color=REFERENCE)
         for side in ax.spines.values():
             side.set_visible(False)
     return drawn
