@@ -353,7 +353,7 @@ def test_help_shows_every_option(run, monkeypatch, command):
 def test_help_lists_first_what_is_asked_of_one_record_and_asks_no_value_of_a_flag(run, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     commands = re.findall(r"^│ (\w+) ", run("--help").out.partition("Commands")[2], flags=re.MULTILINE)
-    assert commands[:3] == ["inspect", "identify", "oma"]
+    assert commands[:4] == ["start", "inspect", "identify", "oma"]
     assert len(commands) == len(cli.app.registered_commands)
     assert re.search(r"--overwrite +Replace", run("identify", "--help").out)
 

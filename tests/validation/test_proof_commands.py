@@ -81,6 +81,7 @@ QUICK: dict[str, str] = {
     "validation.frames": "--storeys 2 --runs 1 --seconds 60",
     "validation.kills": "--runs 1",
     "validation.mutation": "--sample 0",
+    "validation.install_size": "",
     "validation.structure": "{root}",
 }
 """Short forms that take some seconds, run by `make test`: program and arguments."""
@@ -107,6 +108,7 @@ SHORT: dict[str, tuple[str, ...]] = {
     "validation.damping": ("--runs 1",),
     "validation.decays": ("--runs 1",),
     "validation.field": ("--openfast {data}/openfast --output {tmp} --without-rotor --seeds 1",),
+    "validation.window_pairs": ("--openfast {data}/openfast --records c2 --seconds 180",),
     "validation.windows": ("--openfast {data}/openfast --records c2 --seconds 180",),
     "validation.field_spectral": ("--simulated --rpm 12.1 --loads random --runs 1",),
     "validation.fleet": ("--healthy 1",),

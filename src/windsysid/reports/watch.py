@@ -117,9 +117,8 @@ def files(watch: Watch) -> dict[str, bytes]:
     """``report.html``, ``monitor.png`` and ``summary.json``, by name."""
     drawn = png(figure(watch))
     caption = (
-        "Records less the effect of their covariates (grey), the level as it was known after each (blue) with its ±2σ"
-        " band, and the test for a jump of any size at any time, as a share of its threshold. Orange: jumps that set"
-        " off an alarm, with the interval in which they happened."
+        "Grey: records less the effect of their covariates. Blue: the level as it was known after each, with ±2σ. Below:"
+        " the test for a jump as a share of its threshold. Orange: jumps that set off an alarm, and when they happened."
     )
     jumps = Table(
         ("", "when", "found", "change", "±2σ band", "where to look"),

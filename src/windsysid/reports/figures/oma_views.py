@@ -7,7 +7,7 @@ from windsysid.modal.shapes import along_axis, assurance
 from windsysid.output.table import Table
 from windsysid.reports.figures.canvas import label
 from windsysid.reports.figures.plots import ERROR, ESTIMATE, REFERENCE
-from windsysid.reports.interactive.plot import Axis, Curve, Mark, Plot, Span
+from windsysid.reports.interactive.plot import Axis, Mark, Plot, PlotCurve, ShadedRange
 from windsysid.spectral.oma.mode import OperationalMode
 from windsysid.spectral.oma.result import DecayHistory, OperationalModes, RecordModes
 
@@ -30,14 +30,14 @@ def singular_value_plot(found: OperationalModes) -> Plot:
     power = 10.0 * np.log10(np.maximum(found.singular_values[shown], 1e-30))
     names = ("first", "second", "third", "fourth", "fifth", "sixth")
     curves = [
-        Curve(f"{name} singular value", values, colour="estimate" if i == 0 else "measured")
+        PlotCurve(f"{name} singular value", values, colour="estimate" if i == 0 else "measured")
         for i, (name, values) in enumerate(zip(names, power.T, strict=False))
     ]
     modes = [Mark(mode.frequency, mode.name, "estimate" if mode.trusted else "error", "modes") for mode in found.modes]
     lines = [Mark(f, name, "other", "removed lines") for name, f in found.lines if f <= top]
     return Plot(
         "Singular values of the spectral matrix", found.frequency[shown], curves, Axis("frequency [Hz]"),
-        Axis("singular value [dB]"), [*modes, *lines], [Span(*mode.band, group="bands") for mode in found.modes],
+        Axis("singular value [dB]"), [*modes, *lines], [ShadedRange(*mode.band, group="bands") for mode in found.modes],
         "channels scaled to the same median; modes are marked (grade C in another colour), their bands shaded",
         "frequency",
     )  # fmt: skip
@@ -56,8 +56,8 @@ def poles_plot(found: OperationalModes) -> Plot | None:
         return None
     frequency, order, stable = np.array(sorted(poles)).T
     curves = [
-        Curve("stable: 1 % in f, 20 % in ζ", np.where(stable > 0, order, np.nan), look="dots", colour="estimate"),
-        Curve("new or moved", np.where(stable > 0, np.nan, order), look="dots", colour="measured"),
+        PlotCurve("stable: 1 % in f, 20 % in ζ", np.where(stable > 0, order, np.nan), look="dots", colour="estimate"),
+        PlotCurve("new or moved", np.where(stable > 0, np.nan, order), look="dots", colour="measured"),
     ]
     highest = int(order.max())
     return Plot(
@@ -84,7 +84,7 @@ def segment_plots(found: OperationalModes) -> list[Plot]:
     plots = []
     for title, column, unit in (("Frequency", 1, "%"), ("Damping ratio", 2, "%")):
         curves = [
-            Curve(mode.name, _relative(mode, times, column), look="dots", colour=colours[i % len(colours)])
+            PlotCurve(mode.name, _relative(mode, times, column), look="dots", colour=colours[i % len(colours)])
             for i, mode in enumerate(modes)
         ]
         plots.append(
@@ -108,9 +108,9 @@ def _relative(mode: OperationalMode, times: np.ndarray, column: int) -> np.ndarr
 def decay_plot(one: DecayHistory) -> Plot:
     """Readings of a free decay with the fit and the residual."""
     curves = [
-        Curve("readings", one.measured, colour="measured"),
-        Curve("fit", one.fitted, colour="estimate"),
-        Curve("residual", one.measured - one.fitted, colour="error"),
+        PlotCurve("readings", one.measured, colour="measured"),
+        PlotCurve("fit", one.fitted, colour="estimate"),
+        PlotCurve("residual", one.measured - one.fitted, colour="error"),
     ]
     caption = "from where the motion is taken as free; the channel that decays most clearly"
     return Plot(

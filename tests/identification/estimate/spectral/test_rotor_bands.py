@@ -19,10 +19,13 @@ INFORMATION = np.diag([4.0, 25.0])
 class Bands:
     """Bands whose likelihood is ½ (u − m)ᵀ I (u − m), with the mode of the posterior that a search would find."""
 
-    unknowns, statistics, prior = NAMES, (), (np.zeros(2), np.ones(2))
+    unknowns, statistics, prior, bands = NAMES, (), (np.zeros(2), np.ones(2)), ()
 
     def __init__(self, *, fails: bool = False) -> None:
         self.fails = fails
+
+    def places(self) -> tuple[np.ndarray, ...]:
+        return ()
 
     def near(self, start: np.ndarray) -> np.ndarray:
         return start
