@@ -117,7 +117,7 @@ def files(watch: Watch) -> dict[str, bytes]:
     """``report.html``, ``monitor.png`` and ``summary.json``, by name."""
     drawn = png(figure(watch))
     caption = (
-        "Grey: records less the effect of their covariates. Blue: the level as it was known after each, with ±2σ. Below:"
+        "Grey: records less the effect of covariates. Blue: the level as it was known after each, with ±2σ. Below:"
         " the test for a jump as a share of its threshold. Orange: jumps that set off an alarm, and when they happened."
     )
     jumps = Table(
