@@ -164,7 +164,7 @@ def test_scores_over_time_are_enough_for_loads_whose_level_changes():
     held 98 % of them (`validation.adversary`)."""
     level = Finding("nonstationary_level", "reason", {"channel": CHANNELS[0], "variation": 0.5, "alone": False})
     assert set(grades(concluded(level, over=("time",))).values()) == {"A"}
-    of_channel = Finding("channel_level", "reason", {"channel": CHANNELS[0], "factor": 2.0})
+    of_channel = Finding("channel_level", "reason", {"channel": CHANNELS[0], "ratio": 2.0})
     assert "C" in grades(concluded(of_channel, over=("time",))).values()
 
 
