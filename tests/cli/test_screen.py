@@ -6,6 +6,7 @@ import pytest
 
 import windsysid as ws
 from windsysid.cli.screen import engineering, first_screen
+from windsysid.output.console import render
 from windsysid.output.table import Table
 
 
@@ -59,3 +60,19 @@ def test_what_does_not_fit_is_cut_after_whole_rows():
 )  # fmt: skip
 def test_coefficients_are_in_engineering_units(value: float, unit: str, text: str):
     assert engineering(value, unit) == text
+
+
+def test_a_direction_that_no_channel_sees_is_on_the_first_screen(run, tmp_path: Path):
+    """A misspelt channel halved the answer, and the screen said that every number may be used."""
+    path = tmp_path / "record.csv"
+    ws.write_record(ws.simulate("tower", duration=120.0, rate=10.0, seed=1), path)
+    path.write_text(path.read_text(encoding="utf-8").replace("tower_x_accel", "tower_x_acel"), encoding="utf-8")
+    assert "no channel sees side-side: it is locked" in run("identify", path, "--turbine", "tower").out
+
+
+def test_a_table_that_is_too_wide_is_shown_in_parts_with_its_first_column():
+    heads = ["name", *(f"quantity_{i}" for i in range(9))]
+    shown = render(Table(heads, [["k_side_side", *"123456789"]], "wide"), width=80)
+    assert shown.count("k_side_side") == 2
+    assert all(head in shown for head in heads)
+    assert max(map(len, shown.splitlines())) <= 80

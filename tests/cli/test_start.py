@@ -114,3 +114,15 @@ def test_a_building_has_the_modes_that_it_was_made_with():
     found = ws.oma(made.record).modes
     for mode, (frequency, _) in zip(found, made.modes, strict=True):
         assert abs(mode.frequency - frequency) < 4.0 * mode.frequency_std
+
+
+def test_names_are_asked_for_where_the_turbine_knows_none_of_them(run, folder: Path, answers):
+    """Units in the headers and names of one's own: nothing was asked, and `identify` refused the record."""
+    head, *rows = (folder / "logger.csv").read_text(encoding="utf-8").splitlines()
+    Path("odd.csv").write_text("\n".join(["time [s];TT 1 [mg];TT 2 [mg];n [rpm]", *rows]) + "\n", encoding="utf-8")
+    answers("tower_z_acceleration", "tower_z_acceleration", "tower_x_acceleration", "rotor_speed")
+    ended = run("start", "odd.csv", "--turbine", "tower")
+    assert (ended.code, ended.err) == (0, []), ended
+    assert "another channel is called tower_z_acceleration already" in ended.out
+    names = [rule.name for rule in load_mapping("odd-mapping.toml").channels.values()]
+    assert names == ["tower_z_acceleration", "tower_x_acceleration", "rotor_speed"]

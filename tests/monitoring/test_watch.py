@@ -375,3 +375,9 @@ def test_a_band_without_an_end_in_logarithms_is_a_number_in_percent():
     assert low == pytest.approx(-100.0)
     assert math.isfinite(high)
     assert high > 1e100
+
+
+def test_records_far_apart_find_a_jump_within_one_record():
+    blocks = quiet(("k_x",), 40, seed=1)
+    assert "within a day" in watch(blocks).sentence
+    assert "within one record (10 days)" in watch(replace(blocks, time=1440.0 * blocks.time)).sentence

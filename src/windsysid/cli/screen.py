@@ -72,12 +72,14 @@ def identification_parts(found: "Identification") -> list[Table | str]:
     reasons = judged.reasons[:MAX_REASONS]
     wrong = [f"- {reason}" for reason in reasons]
     wrong += [f"- and {len(judged.reasons) - len(reasons)} more"] if len(judged.reasons) > len(reasons) else []
+    unseen = [one for one in found.findings if one.code == "coordinate_locked"]
     parts: list[Table | str] = [
         f"{found.turbine}, {found.record}: {found.formulation} formulation",
         *([found.modes_table()] if found.modes else []),
         "± is the 95 % interval. Numbers of grade A and B may be used, those of C not.",
         "trust: yes, every number has grade A or B" if judged.trusted else "trust: NO, see what has grade C, because",
         *wrong,
+        *(f"- {one}; if a sensor is there, look at the names of its channels" for one in unseen),
         _coefficients(found.estimates),
     ]
     more = len(judged.remarks) + len(found.notes)

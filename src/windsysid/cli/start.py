@@ -112,11 +112,13 @@ def _write_mapping(record: Path, turbine: str, guide: _Guide) -> Path | None:
         progress(f"reading {record}")
         found = propose_mapping(record)
     print(f"{found.record}: {found.remarks[0] if found.remarks else ''}".rstrip(": "))
-    if found.optional or (found.timed and not any(map(_needs_line, found.guesses))):
+    known = _channels_of(turbine)
+    heard = not known or any((guess.name or guess.written) in known for guess in found.guesses)
+    if found.optional or (found.timed and heard and not any(map(_needs_line, found.guesses))):
         return None
     rows = [(guess.written, guess.name or "?", guess.unit or "?") for guess in found.guesses]
     print_table(("in the file", "name", "unit"), rows, "Channels")
-    found = _complete(found, turbine, guide)
+    found = _complete(found, known, turbine, guide)
     target = _write_once(f"{name_of(record)}-mapping", found.to_toml().encode())
     print(printable(f"mapping: {target}"))
     return target
@@ -144,25 +146,40 @@ def _holds(path: Path, content: bytes) -> bool:
     return path.is_file() and path.read_bytes() == content
 
 
-def _complete(found: "MappingProposal", turbine: str, guide: _Guide) -> "MappingProposal":
+def _channels_of(turbine: str) -> list[str]:
+    """Channels that a turbine knows."""
+    from windsysid.turbine.file import load_turbine
+
+    return [] if turbine == NO_TURBINE else [sensor.channel for sensor in load_turbine(turbine).sensors]
+
+
+def _complete(found: "MappingProposal", known: list[str], turbine: str, guide: _Guide) -> "MappingProposal":
     """The proposal with sampling rate and units that the file does not say."""
     from windsysid.records.formats.contents.mapping import TimeRule
-    from windsysid.turbine.file import load_turbine
 
     if not found.timed:
         rate = guide.ask("Samples per second, since the file gives no times [Hz]", _positive)
         found = replace(found, timed=True, given=replace(found.given, time=TimeRule(rate=rate)))
-    known = [] if turbine == NO_TURBINE else [sensor.channel for sensor in load_turbine(turbine).sensors]
     if known and any(guess.name is None for guess in found.guesses):
-        print(f"Channels that {turbine} knows: {', '.join(known)}")
-    guesses = (_complete_guess(guess, known, guide) for guess in found.guesses)
+        print(f"Channels that {turbine} knows: {', '.join(known)}, rotor_speed, rotor_azimuth")
+        print("(of a tower x is side-side, z fore-aft)")
+    guesses: list[Guess] = []
+    for guess in found.guesses:
+        taken = {one.name or one.written for one in guesses}
+        guesses.append(_complete_guess(guess, known, taken, guide))
     return replace(found, guesses=tuple(guess for guess in guesses if guess.unit != LEAVE_OUT))
 
 
-def _complete_guess(guess: "Guess", known: list[str], guide: _Guide) -> "Guess":
-    """A channel with the name that a turbine knows, where it has none, and with its unit."""
+def _complete_guess(guess: "Guess", known: list[str], taken: set[str], guide: _Guide) -> "Guess":
+    """A channel with the name that a turbine knows and no other channel has, where it has none, and with its unit."""
+
+    def free(name: str) -> str:
+        if name in taken:
+            raise ConfigurationError(f"another channel is called {name} already")
+        return name
+
     if guess.name is None and known:
-        name = guide.ask(f"Name of '{guess.written}'", str, default=guess.written)
+        name = guide.ask(f"Name of '{guess.written}'", free, default=guess.written)
         guess = replace(guess, name=None if name == guess.written else name)
     if guess.is_said:
         return guess

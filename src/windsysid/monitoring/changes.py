@@ -5,6 +5,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+
 from windsysid._types import Array
 from windsysid.monitoring.series import DAY, RecordBlocks
 from windsysid.output.answers import Answer
@@ -157,11 +159,13 @@ class Watch(Answer):
         if self.changes:
             return "; ".join(change.told for change in self.changes)
         days = (self.blocks.time[-1] - self.blocks.time[self.begins]) / DAY
+        step = float(np.median(np.diff(self.blocks.time)))
+        within = "a day" if step < DAY else f"one record ({step / DAY:.3g} days)"
         watched = [s for i, s in enumerate(self.series) if self.blocks.kind(i) != "noise"]
         sharpest = min(watched or self.series, key=lambda s: s.smallest)
         return (
             f"nothing jumped in {days:.3g} days at {self.alarms_per_year:g} false alarms a year; a jump of"
-            f" {two_digits(sharpest.smallest)} % in {sharpest.name} would have been found within a day"
+            f" {two_digits(sharpest.smallest)} % in {sharpest.name} would have been found within {within}"
         )
 
     def tables(self) -> list[Table]:

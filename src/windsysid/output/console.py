@@ -75,6 +75,9 @@ def printable(text: object) -> str:
     return "".join(sign if sign.isprintable() else "?" for sign in str(text))
 
 
+MIN_COLUMNS_TO_SPLIT = 4
+"""Setting: a table with fewer columns is not divided: names are folded."""
+
 _CONTROLS = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 """Control characters of somebody's names, which a terminal would obey."""
 
@@ -91,7 +94,7 @@ def render(*parts: Any, width: int | None = None) -> str:
     width = width or max(shutil.get_terminal_size((WIDTH, 24)).columns, 20)
     console = Console(width=width, color_system=None, highlight=False, markup=False, emoji=False, soft_wrap=True)
     with console.capture() as capture:
-        for part in parts:
+        for part in (narrower for one in parts for narrower in _within(one, width)):
             shown = _as_rich(part) if isinstance(part, OurTable) else part
             if isinstance(shown, Table):
                 _fit(shown, console, encoding)
@@ -99,6 +102,35 @@ def render(*parts: Any, width: int | None = None) -> str:
             console.print(shown if isinstance(shown, Table) else _wrapped(str(shown), width))
     text = "\n".join(line.rstrip() for line in capture.get().split("\n")).rstrip("\n")
     return _CONTROLS.sub("?", text)
+
+
+def _within(part: Any, width: int) -> list[Any]:
+    """A part of an answer, or a table that is too wide even with its words apart as several with the same first
+    column."""
+    if not isinstance(part, OurTable) or not part.rows or len(part.headings) < MIN_COLUMNS_TO_SPLIT:
+        return [part]
+    least = [_longest_word([heading, *column]) for heading, *column in zip(part.headings, *part.rows, strict=True)]
+    groups, left = [[0]], width - least[0]
+    for i in range(1, len(least)):
+        if left < least[i] + 2 and len(groups[-1]) > 1:
+            groups.append([0])
+            left = width - least[0]
+        groups[-1].append(i)
+        left -= least[i] + 2  # columns stand two apart
+    if len(groups) == 1:
+        return [part]
+    return [
+        OurTable(
+            [part.headings[i] for i in group], [[row[i] for i in group] for row in part.rows],
+            part.caption if number == 0 else "", words=[group.index(i) for i in part.words if i in group],
+        )
+        for number, group in enumerate(groups)
+    ]  # fmt: skip
+
+
+def _longest_word(texts: "Sequence[str]") -> int:
+    """Characters of the longest word, where numbers stay with their signs and intervals."""
+    return max(map(len, " ".join(texts).replace(" …", "_…").replace(" ± ", "_±_").split()), default=1)
 
 
 def _as_rich(table: OurTable) -> "Table":
@@ -133,7 +165,7 @@ def _share_width(columns: "Sequence[Column]", width: int) -> None:
     """Give each column what its longest word needs, and the narrowest of them what is spare."""
     texts = [[str(text) for text in (column.header, *column._cells)] for column in columns]
     natural = [max(map(len, own)) for own in texts]
-    least = [max(map(len, " ".join(own).replace(" …", "_…").replace(" ± ", "_±_").split()), default=1) for own in texts]
+    least = list(map(_longest_word, texts))
     spare = width - sum(least) - 2 * (len(least) - 1)  # columns stand two apart
     for i in sorted(range(len(least)), key=lambda i: natural[i] - least[i]):
         if columns[i].justify == "right" or spare >= 0:  # names may be folded where nothing else helps
