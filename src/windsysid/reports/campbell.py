@@ -121,7 +121,7 @@ def files(found: Campbell) -> dict[str, bytes]:
     """``report.html``, ``campbell.png`` and ``summary.json``, by name."""
     drawn = png(figure(found))
     bands = (
-        f"; bands: ±{SIGMAS:g}σ of the posterior, those of frequencies often as thin as the lines"
+        f"; bands: ±{SIGMAS:g}σ {found.band_source}, those of frequencies often as thin as the lines"
         if found.banded
         else ""
     )
