@@ -20,6 +20,7 @@ MODULES = {
     "Fit": "histories",
     "Identification": "histories",
     "Inspection": "inspection",
+    "LinearisedModes": "linearisation",
     "OperationalModes": "oma",
     "Overview": "fleet",
     "Plan": "plan",

@@ -70,8 +70,8 @@ class ModelCoordinates(NamedTuple):
         """Whether any belongs to the blades."""
         return any(len(group.states) == BLADES for group in self.groups)
 
-    def transformed(self, found: Linearisation) -> tuple[Array, Array, Array]:
-        """T⁻¹ (A T − Ṫ), T⁻¹ and T, (n, n) each, of one file."""
+    def transformed(self, found: Linearisation) -> Array:
+        """T⁻¹ (A T − Ṫ) (n, n) of one file."""
         T, rate = np.eye(self.size), np.zeros((self.size, self.size))
         t, t1, t2 = _three_blades(found.azimuth, found.rotor_speed)
         for group in self.groups:
@@ -83,8 +83,7 @@ class ModelCoordinates(NamedTuple):
                 v = np.array(group.rates)
                 T[np.ix_(v, v)], T[np.ix_(v, q)] = t, t1
                 rate[np.ix_(v, v)], rate[np.ix_(v, q)] = t1, t2
-        inverse = np.linalg.inv(T)
-        return inverse @ (found.A @ T - rate), inverse, T
+        return np.linalg.solve(T, found.A @ T - rate)
 
     def whirls(self) -> Complex:
         """Unitary (n, n) that takes collective, cosine and sine parts to collective, forward and backward ones."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from windsysid.errors import ConfigurationError
 from windsysid.modal.linearisation.coordinates import model_coordinates
-from windsysid.modal.linearisation.eigenmodes import MIN_INTERVAL_RATIO, ModelModes, model_modes
+from windsysid.modal.linearisation.eigenmodes import ModelModes, model_modes
 from windsysid.modal.linearisation.lin_file import Linearisation, read_lin_file
 from windsysid.modal.linearisation.result import LinearisedModes, OperatingPoint
 from windsysid.modal.stability import NEUTRAL_GROWTH, Unstable
@@ -84,10 +84,9 @@ def _diagram(
 ) -> LinearisedModes:
     """The answer, of operating points by rotor speed."""
     speeds = np.array([float(np.mean([one.rotor_speed for one in files])) for files in points])
-    ratio = max(float(m.frequency_std / m.frequency) for each in found for m in each.modes)
-    banded = ratio > MIN_INTERVAL_RATIO
+    banded = any(mode.frequency_std > 0.0 for each in found for mode in each.modes)
     usual, first = len(points) - 1, points[-1][0]
-    curves = link([each.spectrum for each in found], speeds, usual, np.eye(2) * float(banded), shortest=1)
+    curves = link([each.spectrum for each in found], speeds, usual, np.eye(2), shortest=1)
     blades = found[usual].spectrum.method == "Coleman"
     return LinearisedModes(
         turbine=first.description or first.path.stem, record=None, banded=banded, speeds=speeds, usual=usual,
