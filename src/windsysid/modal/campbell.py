@@ -271,7 +271,8 @@ class Campbell(Answer):
         margins = {(m.mode, m.order): m for m in self.margins}
         rows = []
         for curve in self.curves:
-            if not math.isfinite(curve.frequency[self.usual]) and not any((curve.name, n) in margins for n in self.orders):
+            seen = math.isfinite(curve.frequency[self.usual])
+            if not seen and not any((curve.name, n) in margins for n in self.orders):
                 continue  # it oscillates at other speeds only
             rows.append(
                 (

@@ -44,7 +44,8 @@ def load_result(folder: str | Path) -> Answer:
     Returns
     -------
     Answer
-        An `Identification`, `Fit`, `OperationalModes`, `Comparison`, `Watch`, `Separation`, `Campbell`, `LinearisedModes` or `Plan`.
+        An `Identification`, `Fit`, `OperationalModes`, `Comparison`, `Watch`, `Separation`, `Campbell`,
+        `LinearisedModes` or `Plan`.
 
     Raises
     ------

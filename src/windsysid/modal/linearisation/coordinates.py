@@ -5,10 +5,10 @@ A quantity of three blades at the azimuths ψ_b = ψ + 2π(b − 1)/3 is
     q_b = a_0 + a_c cos ψ_b + a_s sin ψ_b,
 
 a collective part and a pattern in the fixed frame that whirls forward, z_f = (a_c + i a_s)/√2, or backward,
-z_b = (a_c − i a_s)/√2. With x = T(ψ) ξ and Ω constant, ξ̇ = T⁻¹ (A T − Ṫ) ξ; T has the rows of rates too, q̇ = t ξ̇ + Ω t' ξ.
-The result is constant for three equal blades but for gravity and what else varies once per turn: it is averaged over
-azimuths. Source: Bir, Multi-blade coordinate transformation and its application to wind turbine analysis,
-NREL/CP-500-42553 (2008).
+z_b = (a_c − i a_s)/√2. With x = T(ψ) ξ and Ω constant, ξ̇ = T⁻¹ (A T − Ṫ) ξ; rows of rates have
+q̇ = t ξ̇ + Ω t' ξ. The result is constant for three equal blades except for gravity and what else varies once per turn:
+it is averaged over azimuths. Source: Bir, Multi-blade coordinate transformation and its application to wind turbine
+analysis, NREL/CP-500-42553 (2008).
 """
 
 import math
@@ -83,7 +83,7 @@ class ModelCoordinates(NamedTuple):
                 v = np.array(group.rates)
                 T[np.ix_(v, v)], T[np.ix_(v, q)] = t, t1
                 rate[np.ix_(v, v)], rate[np.ix_(v, q)] = t1, t2
-        return np.linalg.solve(T, found.A @ T - rate)
+        return np.asarray(np.linalg.solve(T, found.A @ T - rate))
 
     def whirls(self) -> Complex:
         """Unitary (n, n) that takes collective, cosine and sine parts to collective, forward and backward ones."""

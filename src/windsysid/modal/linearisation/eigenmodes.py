@@ -12,7 +12,7 @@ import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -28,6 +28,9 @@ MIN_FREQUENCY_HZ = 1e-3
 
 MIN_PLATFORM_SHARE = 0.75
 """Setting: share of the support's participation from which a mode is one of the platform and not of the tower."""
+
+MIN_STRUCTURAL_SHARE = 0.5
+"""Setting: participation of states of second order from which an oscillation is a mode of the structure."""
 
 ROUNDING_DRAWS = 50
 """Setting: number of draws of the rounding errors; a standard deviation from them is known to 10 %."""
@@ -104,7 +107,8 @@ def model_modes(files: Sequence[Linearisation], coordinates: ModelCoordinates) -
     """
     from scipy.linalg import eig
 
-    exponents, left, right = eig(np.mean([coordinates.transformed(one) for one in files], axis=0), left=True)
+    average = np.mean([coordinates.transformed(one) for one in files], axis=0)
+    exponents, left, right = cast("tuple[Complex, Complex, Complex]", eig(average, left=True))
     seen = np.flatnonzero(exponents.imag > 2.0 * math.pi * MIN_FREQUENCY_HZ)
     seen = seen[np.argsort(exponents[seen].imag)]
     exponents, r = exponents[seen], right[:, seen]
@@ -113,19 +117,19 @@ def model_modes(files: Sequence[Linearisation], coordinates: ModelCoordinates) -
     U = coordinates.whirls()
     participation = np.abs((rows @ np.conj(U).T) * (U @ r).T)
     participation /= participation.sum(axis=1, keepdims=True)
-    shares, structural = zip(*(coordinates.shares(p) for p in participation), strict=True) if len(seen) else ((), ())
-    keep = [m for m, share in enumerate(structural) if share >= 0.5]
+    shares = [coordinates.shares(p) for p in participation]
+    keep = [m for m, (_, structural) in enumerate(shares) if structural >= MIN_STRUCTURAL_SHARE]
     slopes = _rounding_slopes(files, coordinates, exponents)
     spectrum = DampedSpectrum(
-        exponents[keep], _numbered([_name(shares[m]) for m in keep]),
+        exponents[keep], _numbered([_name(shares[m][0]) for m in keep]),
         np.asarray(participation[keep] / np.linalg.norm(participation[keep], axis=1)[:, None], dtype=complex),
         slopes[keep], float(np.max(exponents[keep].real, initial=-math.inf)),
         "Coleman" if coordinates.rotates else "constant",
     )  # fmt: skip
     stds = [np.linalg.norm(d, axis=1) for d in spectrum.frequency_and_damping_slopes()]
-    values = (spectrum.frequency, stds[0], spectrum.damping, stds[1])
+    f, f_std, z, z_std = (v.tolist() for v in (spectrum.frequency, stds[0], spectrum.damping, stds[1]))
     modes = tuple(
-        LinearisedMode(name, *(float(v[i]) for v in values), shares[m])
+        LinearisedMode(name, f[i], f_std[i], z[i], z_std[i], shares[m][0])
         for i, (m, name) in enumerate(zip(keep, spectrum.names, strict=True))
     )
     return ModelModes(modes, spectrum, len(seen) - len(keep))
@@ -142,7 +146,7 @@ def _rounding_slopes(files: Sequence[Linearisation], coordinates: ModelCoordinat
     for draw in draws:
         drawn = _with_rounding(files, random)
         here = np.linalg.eigvals(np.mean([coordinates.transformed(one) for one in drawn], axis=0))
-        here = here[here.imag > 0.0]
+        here = here[here.imag >= 0.0]
         rows, columns = linear_sum_assignment(np.abs(exponents[:, None] - here))
         draw[rows] = here[columns] - exponents[rows]
     real, imaginary = np.mean(draws.real**2, axis=0), np.mean(draws.imag**2, axis=0)

@@ -164,7 +164,7 @@ class _Text:
 def _states(text: _Text) -> tuple[LinearisedState, ...]:
     """Read the list of the continuous states."""
     first = text.find("Order of continuous states:") + 3
-    rows = []
+    rows = list[tuple[bool, int, str]]()
     for index in range(first, len(text.lines)):
         line = text.lines[index]
         if not line.strip():

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from windsysid._types import Array
 from windsysid.errors import ConfigurationError
 from windsysid.modal.linearisation.coordinates import model_coordinates
 from windsysid.modal.linearisation.eigenmodes import ModelModes, model_modes
@@ -22,7 +23,7 @@ __all__ = ["read_linearisation"]
 MAX_SPEED_RATIO = 0.01
 """Setting: largest difference of rotor speeds, relative, within one operating point."""
 
-MAX_GAP_RATIO = 1.5
+MAX_GAP_RATIO = 1.25
 """Setting: largest gap between azimuths of an operating point, relative to even spacing, without a note."""
 
 ENDING = ".lin"
@@ -140,7 +141,7 @@ def _check_together(points: Sequence[Sequence[Linearisation]]) -> None:
             )
 
 
-def _unstable(speeds: Sequence[float], found: Sequence[ModelModes]) -> list[Unstable]:
+def _unstable(speeds: Array, found: Sequence[ModelModes]) -> list[Unstable]:
     """Ranges of operating points in which a structural mode grows."""
     ranges = []
     rows = [(float(s), each.spectrum.growth) for s, each in zip(speeds, found, strict=True)]

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
 __all__ = ["LinearisedModes", "OperatingPoint"]
 
-MIN_WARNED_RATIO = 1e-3
-"""Setting: half of an interval by rounding, relative to the frequency, from which the number format is warned of."""
+MIN_DIGITS = 7
+"""Setting: number of digits of A below which the number format is warned of: those of single precision."""
 
 
 class OperatingPoint(NamedTuple):
@@ -73,8 +73,10 @@ class LinearisedModes(Campbell):
         """Warnings of operating points whose files have too few digits."""
         found = []
         for point in self.points:
-            ratio, name = max(((SIGMAS * m.frequency_std / m.frequency, m.name) for m in point.modes), default=(0.0, ""))
-            if ratio >= MIN_WARNED_RATIO:
+            ratio, name = max(
+                ((SIGMAS * m.frequency_std / m.frequency, m.name) for m in point.modes), default=(0.0, "")
+            )
+            if point.digits < MIN_DIGITS:
                 found.append(
                     f"Warning: {point.files[0]} has {point.digits} digits: rounding moves {name} by ± "
                     f"{100.0 * ratio:.2g} % (95 % interval); set OutFmt to ES20.12E3 and linearise again."
