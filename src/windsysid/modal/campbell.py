@@ -283,7 +283,7 @@ class Campbell(Answer):
         return rows
 
     def values_text(self, curve: Curve) -> tuple[str, str, str]:
-        """Name, frequency [Hz] and damping ratio [%] of a mode at the usual speed, with their bands."""
+        """Name, frequency [Hz] and damping ratio [%] of a mode, `curve`, at the usual speed, with their bands."""
         f, z = curve.at(self.usual)
         seen = math.isfinite(f[0])
         return curve.name, _band(f) if seen else "–", _band(z, 100.0) if seen else "–"

@@ -20,7 +20,7 @@ MODULES = {
     "Fit": "histories",
     "Identification": "histories",
     "Inspection": "inspection",
-    "LinearisedModes": "linearisation",
+    "LinearisedModes": "figures.participations",
     "OperationalModes": "oma",
     "Overview": "fleet",
     "Plan": "plan",

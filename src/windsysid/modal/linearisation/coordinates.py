@@ -13,7 +13,8 @@ analysis, NREL/CP-500-42553 (2008).
 
 import math
 import re
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -131,17 +132,16 @@ def model_coordinates(found: Linearisation) -> ModelCoordinates:
         If a rotating state has no counterpart on each of three blades, or no rate although its equation has one.
     """
     rates = {(s.module, s.name): i for i, s in enumerate(found.states) if s.rate}
-    taken: set[int] = set()
+    displacements = {(s.module, s.name) for s in found.states if not s.rate}
     groups = []
-    blades: dict[tuple[str, str], dict[int, int]] = {}
+    blades: dict[tuple[str, str], dict[int, int]] = defaultdict(dict)
     for i, state in enumerate(found.states):
-        if state.rate:
+        if state.rate and (state.module, state.name) in displacements:
             continue
-        partner = rates.get((state.module, state.name))
-        taken |= {i} if partner is None else {i, partner}
         if state.rotating:
+            _check_pair(found, state, rates)
             number, key = _blade(state)
-            blades.setdefault(key, {})[number] = i
+            blades[key][number] = i
         else:
             groups.append(_group(found.states, (i,), rates))
     for key, each in blades.items():
@@ -152,19 +152,19 @@ def model_coordinates(found: Linearisation) -> ModelCoordinates:
                 "the transformation is that of three-bladed rotors"
             )
         groups.append(_group(found.states, tuple(each[n] for n in (1, 2, 3)), rates))
-    left = [i for i in range(len(found.states)) if i not in taken]
-    groups += [_group(found.states, (i,), {}) for i in left]
-    for group in groups:
-        state = found.states[group.states[0]]
-        if state.rotating and (state.rate or (state.order == 2 and not group.rates)):
-            raise ConfigurationError(
-                f"{found.path}: '{state.module} {state.name[:50]}' is of second order: expected the state and its "
-                "'First time derivative of …', got one of them"
-            )
     return ModelCoordinates(tuple(groups), len(found.states))
 
 
-def _group(states: Sequence[LinearisedState], indices: tuple[int, ...], rates: dict[tuple[str, str], int]) -> _Group:
+def _check_pair(found: Linearisation, state: LinearisedState, rates: Mapping[tuple[str, str], int]) -> None:
+    """Refuse a state of a blade whose equation is of second order, without its rate or without its displacement."""
+    if state.rate or (state.order == 2 and (state.module, state.name) not in rates):
+        raise ConfigurationError(
+            f"{found.path}: '{state.module} {state.name[:50]}' is of second order: expected the state and its "
+            "'First time derivative of …', got one of them"
+        )
+
+
+def _group(states: Sequence[LinearisedState], indices: tuple[int, ...], rates: Mapping[tuple[str, str], int]) -> _Group:
     """The degree of freedom of some states, with their rates where all have one."""
     partners = [rates.get((states[i].module, states[i].name)) for i in indices]
     first = states[indices[0]]
