@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-__all__ = ["MEASURED_HEADINGS", "Campbell", "Margin", "MeasuredMode"]
+__all__ = ["MEASURED_HEADINGS", "Campbell", "Margin", "MeasuredMode", "speed_range"]
 
 Triple = tuple[float, float, float]
 
@@ -218,7 +218,7 @@ class Campbell(Answer):
     def _harmonics(self) -> str:
         if not self.orders:
             return "The rotor is parked: it has no harmonics that a mode could meet."
-        over = _over(self.operating)
+        over = speed_range(self.operating)
         crossed = [m for m in self.margins if m.crosses]
         if crossed:
             each = "; ".join(f"{m.mode} meets {m.order}P at {_band(m.speed, RPM)} rpm" for m in crossed)
@@ -235,7 +235,7 @@ class Campbell(Answer):
 
     def _stability(self) -> str:
         low, high = self.speeds[0] * RPM, self.speeds[-1] * RPM
-        over = _over((self.speeds[0], self.speeds[-1]))
+        over = speed_range((self.speeds[0], self.speeds[-1]))
         if self.unstable:
             each = "; ".join(
                 f"{u.low * RPM:.1f} … {u.high * RPM:.1f} rpm, growth up to {u.growth:.3g} 1/s at"
@@ -295,7 +295,9 @@ class Campbell(Answer):
 
     def table(self) -> Table:
         """The modes at the usual speed, and how far each stays from the rotor's harmonics."""
-        over = f"distance from nP {_over(self.operating)}" if self.orders else "parked"
+        low, high = (value * RPM for value in self.operating)
+        where = f"over {low:.3g} … {high:.3g} rpm" if low < high else f"at {low:.3g} rpm"
+        over = f"distance from nP {where}" if self.orders else "parked"
         return Table(self.headings, self.rows, f"{self.title}: {over}")
 
     @property
@@ -393,7 +395,7 @@ def _margin(name: str, order: int, frequency: Array, std: Array, speed: Array) -
     return Margin(name, order, (d, d - float(half), d + float(half)), (at, at, at), False)
 
 
-def _over(ends: tuple[float, float]) -> str:
+def speed_range(ends: tuple[float, float]) -> str:
     """A range of rotor speeds [rad/s] in words."""
     low, high = (value * RPM for value in ends)
     return f"from {low:.3g} to {high:.3g} rpm" if low < high else f"at {low:.3g} rpm"

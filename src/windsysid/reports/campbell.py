@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from windsysid.modal.campbell import MEASURED_HEADINGS, Campbell
+from windsysid.modal.campbell import MEASURED_HEADINGS, Campbell, speed_range
 from windsysid.output.table import Table
 from windsysid.reports.figures.canvas import canvas
 from windsysid.reports.figures.plots import BAND, ERROR, ESTIMATE, MEASURED, REFERENCE, tidy
@@ -149,8 +149,7 @@ def sections(found: Campbell, drawn: bytes) -> list[Section]:
         f" the rotor, dotted: {'the record' if found.record else 'the usual speed'}."
         + (" Points: measured, ±2σ; hollow where they are not to be trusted." if found.measured else "")
     )
-    low, high = (value * RPM for value in found.operating)
-    where = f"Distance f / nP − 1 where it is least from {low:.3g} to {high:.3g} rpm" if found.orders else "Parked"
+    where = f"Distance f / nP − 1 where it is least {speed_range(found.operating)}" if found.orders else "Parked"
     distances = where + (f", ±{SIGMAS:g}σ" if found.banded else "")
     parts = [
         Section("Resonance and stability", text=found.sentences, tables=[Table(found.headings, found.rows, distances)]),
@@ -171,7 +170,7 @@ def files(found: Campbell) -> dict[str, bytes]:
 
 def page(found: Campbell, parts: Sequence[Section]) -> bytes:
     """The page of some sections."""
-    subtitle = f"{found.title} · {found.speeds[0] * RPM:.3g} … {found.speeds[-1] * RPM:.3g} rpm"
+    subtitle = f"{found.title} · {speed_range((found.speeds[0], found.speeds[-1]))}"
     return report_page("Modes against rotor speed", subtitle, parts)
 
 

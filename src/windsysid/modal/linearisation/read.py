@@ -60,9 +60,19 @@ def read_linearisation(
 
     Examples
     --------
-    >>> found = ws.read_linearisation(["turbine.1.lin", "turbine.2.lin", "turbine.3.lin"])  # doctest: +SKIP
-    >>> found.modes[0].name  # doctest: +SKIP
-    'tower side-side'
+    A tower with one degree of freedom, in a folder that is deleted afterwards:
+
+    >>> import tempfile
+    >>> heading = "Rotor Speed: 0 rad/s | Azimuth: 0 rad | Number of continuous states: 2 | Order of continuous states:"
+    >>> name = "1st tower fore-aft bending mode DOF, m"
+    >>> states = f"x | x | 1 0.0 F 2 ED {name} | 2 0.0 F 2 ED First time derivative of {name}/s"
+    >>> A = "A: 2 x 2 | 0.0 1.0 | -4.000000000 -0.040000000"
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "tower.1.lin"
+    ...     _ = path.write_text(f"{heading} | {states} |  | {A}".replace(" | ", chr(10)))
+    ...     (mode,) = read_linearisation(path).modes
+    >>> print(mode.name, round(mode.frequency, 4), "Hz", round(mode.damping, 4))
+    tower fore-aft 0.3183 Hz 0.01
     """
     listed = [paths] if isinstance(paths, str | Path) else list(paths)
     if not listed:

@@ -83,11 +83,6 @@ class LinearisedModes(Campbell):
                 )
         return found
 
-    @property
-    def sentences(self) -> list[str]:
-        """Warnings, then those of every diagram."""
-        return [*self.warnings, *super().sentences]
-
     def modes_table(self) -> Table:
         """Frequencies, damping ratios and participations at the usual rotor speed."""
         curves = {curve.name: curve for curve in self.curves}
@@ -99,8 +94,7 @@ class LinearisedModes(Campbell):
 
     def contents(self) -> list[Table | str]:
         """Warnings, the modes, then what every diagram has."""
-        diagram = super().contents()
-        return [*self.warnings, self.modes_table(), *diagram[len(self.warnings) :]]
+        return [*self.warnings, self.modes_table(), *super().contents()]
 
     def to_dataframe(self) -> "pd.DataFrame":
         """A row for each operating point and mode: ``speed`` [rad/s], ``wind_speed`` [m/s], ``mode``, ``frequency``
@@ -120,7 +114,7 @@ class LinearisedModes(Campbell):
     def summary(self) -> dict[str, Any]:
         """As plain values, with the operating points."""
         points = [{**point._asdict(), "modes": [_plain(mode) for mode in point.modes]} for point in self.points]
-        return {**super().summary(), "operating_points": points}
+        return {**super().summary(), "warnings": self.warnings, "operating_points": points}
 
 
 def _plain(mode: LinearisedMode) -> Mapping[str, Any]:

@@ -54,6 +54,6 @@ def files(found: LinearisedModes) -> dict[str, bytes]:
         "Share of each kind of degree of freedom in each mode. Forward: the blades' pattern whirls with the rotor;"
         " backward: against it."
     )
-    parts.insert(1, Section("Modes", tables=[found.modes_table()], figures=[(shares, caption)]))
+    parts.insert(0, Section("Modes", text=found.warnings, tables=[found.modes_table()], figures=[(shares, caption)]))
     pictures = {"participation.png": shares, **({"campbell.png": drawn} if several else {})}
     return {"report.html": campbell.page(found, parts), **pictures, **campbell.data(found)}
