@@ -21,7 +21,7 @@ import numpy as np
 
 from windsysid._types import Array, Complex
 from windsysid.errors import ConfigurationError
-from windsysid.modal.linearisation.lin_file import Linearisation, LinearisedState
+from windsysid.modal.linearisation.lin_file import LinearisedModel, LinearisedState
 
 __all__ = ["ModelCoordinates", "model_coordinates"]
 
@@ -43,7 +43,7 @@ _KINDS = (
 """Words of a description, and the kind of the degree of freedom; the first that is found counts."""
 
 
-class _Group(NamedTuple):
+class _Freedom(NamedTuple):
     """States that are one degree of freedom, or the same of three blades: indices of displacements and of rates."""
 
     kind: str
@@ -63,7 +63,7 @@ class ModelCoordinates(NamedTuple):
         Number of states n.
     """
 
-    groups: tuple[_Group, ...]
+    groups: tuple[_Freedom, ...]
     size: int
 
     @property
@@ -71,7 +71,7 @@ class ModelCoordinates(NamedTuple):
         """Whether any belongs to the blades."""
         return any(len(group.states) == BLADES for group in self.groups)
 
-    def transformed(self, found: Linearisation) -> Array:
+    def transformed(self, found: LinearisedModel) -> Array:
         """T⁻¹ (A T − Ṫ) (n, n) of one file."""
         T, rate = np.eye(self.size), np.zeros((self.size, self.size))
         t, t1, t2 = _three_blades(found.azimuth, found.rotor_speed)
@@ -123,7 +123,7 @@ def _three_blades(psi: float, speed: float) -> tuple[Array, Array, Array]:
     return np.column_stack([one, c, s]), first, speed * speed * np.column_stack([0.0 * one, -c, -s])
 
 
-def model_coordinates(found: Linearisation) -> ModelCoordinates:
+def model_coordinates(found: LinearisedModel) -> ModelCoordinates:
     """Sort the states of a file into degrees of freedom, those of blades in threes.
 
     Raises
@@ -155,7 +155,7 @@ def model_coordinates(found: Linearisation) -> ModelCoordinates:
     return ModelCoordinates(tuple(groups), len(found.states))
 
 
-def _check_pair(found: Linearisation, state: LinearisedState, rates: Mapping[tuple[str, str], int]) -> None:
+def _check_pair(found: LinearisedModel, state: LinearisedState, rates: Mapping[tuple[str, str], int]) -> None:
     """Refuse a state of a blade whose equation is of second order, without its rate or without its displacement."""
     if state.rate or (state.order == 2 and (state.module, state.name) not in rates):
         raise ConfigurationError(
@@ -164,12 +164,14 @@ def _check_pair(found: Linearisation, state: LinearisedState, rates: Mapping[tup
         )
 
 
-def _group(states: Sequence[LinearisedState], indices: tuple[int, ...], rates: Mapping[tuple[str, str], int]) -> _Group:
+def _group(
+    states: Sequence[LinearisedState], indices: tuple[int, ...], rates: Mapping[tuple[str, str], int]
+) -> _Freedom:
     """The degree of freedom of some states, with their rates where all have one."""
     partners = [rates.get((states[i].module, states[i].name)) for i in indices]
     first = states[indices[0]]
     second = tuple(partner for partner in partners if partner is not None)
-    return _Group(_kind(first), indices, second if len(second) == len(indices) else (), first.order == 2)
+    return _Freedom(_kind(first), indices, second if len(second) == len(indices) else (), first.order == 2)
 
 
 def _blade(state: LinearisedState) -> tuple[int, tuple[str, str]]:

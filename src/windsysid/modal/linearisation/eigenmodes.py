@@ -19,7 +19,7 @@ import numpy as np
 from windsysid._types import Array, Complex
 from windsysid.modal.analysis import ModalSpectrum
 from windsysid.modal.linearisation.coordinates import ModelCoordinates
-from windsysid.modal.linearisation.lin_file import Linearisation
+from windsysid.modal.linearisation.lin_file import LinearisedModel
 
 __all__ = ["DampedSpectrum", "LinearisedMode", "ModelModes", "model_modes"]
 
@@ -100,7 +100,7 @@ class ModelModes(NamedTuple):
     left_out: int
 
 
-def model_modes(files: Sequence[Linearisation], coordinates: ModelCoordinates) -> ModelModes:
+def model_modes(files: Sequence[LinearisedModel], coordinates: ModelCoordinates) -> ModelModes:
     """Modes of the average over the azimuths of some files, in multi-blade coordinates.
 
     The slopes of the spectrum are those to two standard normal variables, which stand for the rounding of the files.
@@ -135,7 +135,7 @@ def model_modes(files: Sequence[Linearisation], coordinates: ModelCoordinates) -
     return ModelModes(modes, spectrum, len(seen) - len(keep))
 
 
-def _rounding_slopes(files: Sequence[Linearisation], coordinates: ModelCoordinates, exponents: Complex) -> Complex:
+def _rounding_slopes(files: Sequence[LinearisedModel], coordinates: ModelCoordinates, exponents: Complex) -> Complex:
     """dλ (m, 2) to two standard normal variables, which have the covariance of Re λ and Im λ by rounding."""
     from scipy.optimize import linear_sum_assignment
 
@@ -154,7 +154,7 @@ def _rounding_slopes(files: Sequence[Linearisation], coordinates: ModelCoordinat
     return np.column_stack([np.sqrt(real) + 1j * along, 1j * np.sqrt(np.maximum(imaginary - along**2, 0.0))])
 
 
-def _with_rounding(files: Sequence[Linearisation], random: np.random.Generator) -> list[Linearisation]:
+def _with_rounding(files: Sequence[LinearisedModel], random: np.random.Generator) -> list[LinearisedModel]:
     """Draw the rounding errors of some files; entries with equal values, as equal blades have them, have equal
     errors."""
     entries = np.array([one.A for one in files])

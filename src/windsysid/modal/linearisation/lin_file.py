@@ -17,7 +17,7 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError
 
-__all__ = ["Linearisation", "LinearisedState", "read_lin_file"]
+__all__ = ["LinearisedModel", "LinearisedState", "read_lin_file"]
 
 _ROW = re.compile(r"\s*(\d+)\s+(\S.*?)\s+([TF])\s+(?:(\d)\s+)?(\S.*)$")
 _MATRIX = re.compile(r"\s*(\w+):\s+(\d+)\s*x\s*(\d+)\s*$")
@@ -53,7 +53,7 @@ class LinearisedState:
 
 
 @dataclass(frozen=True, eq=False)
-class Linearisation:
+class LinearisedModel:
     """A linearised model at one azimuth.
 
     Attributes
@@ -92,7 +92,7 @@ class Linearisation:
         return self.matrices["A"]
 
 
-def read_lin_file(path: str | Path) -> Linearisation:
+def read_lin_file(path: str | Path) -> LinearisedModel:
     """Read one ``.lin`` file.
 
     Raises
@@ -101,7 +101,7 @@ def read_lin_file(path: str | Path) -> Linearisation:
         If a header line, a state, a matrix or a number is missing or wrong: file, line, what was expected, what to do.
     """
     path = Path(path)
-    text = _Text(path, path.read_text(encoding="utf-8", errors="replace").splitlines())
+    text = _FileLines(path, path.read_text(encoding="utf-8", errors="replace").splitlines())
     states = _states(text)
     counts = {letter: int(text.header(f"Number of {name}", default=0.0)) for letter, name in _COUNTS.items()}
     if len(states) != counts["x"]:
@@ -116,11 +116,11 @@ def read_lin_file(path: str | Path) -> Linearisation:
         raise text.error(None, "expected a matrix 'A: n x n' of at least one state, got none")
     speed, azimuth = text.header("Rotor Speed", "rad/s"), text.header("Azimuth", "rad")
     wind = text.header("Wind Speed", "m/s", default=math.nan)
-    return Linearisation(path, text.description(), speed, azimuth, wind, states, matrices, rounding, digits)
+    return LinearisedModel(path, text.description(), speed, azimuth, wind, states, matrices, rounding, digits)
 
 
 @dataclass(frozen=True)
-class _Text:
+class _FileLines:
     """The lines of a file, and errors that name one."""
 
     path: Path
@@ -161,7 +161,7 @@ class _Text:
         return found[0].partition(":")[2].strip() if found else ""
 
 
-def _states(text: _Text) -> tuple[LinearisedState, ...]:
+def _states(text: _FileLines) -> tuple[LinearisedState, ...]:
     """Read the list of the continuous states."""
     first = text.find("Order of continuous states:") + 3
     rows = list[tuple[bool, int, str]]()
@@ -192,7 +192,7 @@ def _named(description: str) -> tuple[str, str, bool]:
     return module, words.strip(), rate
 
 
-def _matrices(text: _Text) -> tuple[dict[str, Array], Array, int]:
+def _matrices(text: _FileLines) -> tuple[dict[str, Array], Array, int]:
     """Read all matrices, the rounding of A, and its significant digits."""
     found: dict[str, Array] = {}
     rounding, digits = np.zeros((0, 0)), 0
@@ -213,7 +213,7 @@ def _matrices(text: _Text) -> tuple[dict[str, Array], Array, int]:
     return found, rounding, digits
 
 
-def _cells(text: _Text, index: int, columns: int) -> list[str]:
+def _cells(text: _FileLines, index: int, columns: int) -> list[str]:
     """The numbers of a row, as text."""
     cells = text.lines[index].split() if index < len(text.lines) else []
     if len(cells) != columns:

@@ -12,7 +12,7 @@ from windsysid._types import Array
 from windsysid.errors import ConfigurationError
 from windsysid.modal.linearisation.coordinates import model_coordinates
 from windsysid.modal.linearisation.eigenmodes import ModelModes, model_modes
-from windsysid.modal.linearisation.lin_file import Linearisation, read_lin_file
+from windsysid.modal.linearisation.lin_file import LinearisedModel, read_lin_file
 from windsysid.modal.linearisation.result import LinearisedModes, OperatingPoint
 from windsysid.modal.stability import NEUTRAL_GROWTH, Unstable
 from windsysid.modal.tracking import link
@@ -77,7 +77,7 @@ def read_linearisation(
     listed = [paths] if isinstance(paths, str | Path) else list(paths)
     if not listed:
         raise ConfigurationError("linearisation: expected one or more .lin files, got none")
-    sets: dict[str, list[Linearisation]] = {}
+    sets: dict[str, list[LinearisedModel]] = {}
     for path in sorted(map(Path, dict.fromkeys(listed)), key=str):
         sets.setdefault(_set_name(path), []).append(read_lin_file(path))
     points = sorted((_checked(files) for files in sets.values()), key=lambda files: files[0].rotor_speed)
@@ -91,7 +91,7 @@ def read_linearisation(
 
 
 def _diagram(
-    points: Sequence[Sequence[Linearisation]], found: Sequence[ModelModes], operating: tuple[float, float] | None
+    points: Sequence[Sequence[LinearisedModel]], found: Sequence[ModelModes], operating: tuple[float, float] | None
 ) -> LinearisedModes:
     """The answer, of operating points by rotor speed."""
     speeds = np.array([float(np.mean([one.rotor_speed for one in files])) for files in points])
@@ -122,7 +122,7 @@ def _set_name(path: Path) -> str:
     return re.sub(r"\.\d+$", "", str(path.with_suffix("")))
 
 
-def _checked(files: list[Linearisation]) -> list[Linearisation]:
+def _checked(files: list[LinearisedModel]) -> list[LinearisedModel]:
     """Files of one operating point: one rotor speed."""
     first = files[0]
     for one in files[1:]:
@@ -134,7 +134,7 @@ def _checked(files: list[Linearisation]) -> list[Linearisation]:
     return files
 
 
-def _check_together(points: Sequence[Sequence[Linearisation]]) -> None:
+def _check_together(points: Sequence[Sequence[LinearisedModel]]) -> None:
     """Refuse files of different models, and two operating points at one rotor speed."""
     first = points[0][0]
     for one in itertools.chain.from_iterable(points):
@@ -163,7 +163,7 @@ def _unstable(speeds: Array, found: Sequence[ModelModes]) -> list[Unstable]:
     return ranges
 
 
-def _notes(points: Sequence[Sequence[Linearisation]], found: Sequence[ModelModes]) -> list[str]:
+def _notes(points: Sequence[Sequence[LinearisedModel]], found: Sequence[ModelModes]) -> list[str]:
     """What a reader of the answer must know."""
     notes = ["Frequencies are damped, Im λ / 2π, in the fixed frame."]
     if found[-1].spectrum.method == "Coleman":
@@ -179,7 +179,7 @@ def _notes(points: Sequence[Sequence[Linearisation]], found: Sequence[ModelModes
     return notes
 
 
-def _uneven(files: Sequence[Linearisation]) -> bool:
+def _uneven(files: Sequence[LinearisedModel]) -> bool:
     """Whether the azimuths of an operating point leave a part of the turn out."""
     turn = 2.0 * math.pi
     angles = np.sort([one.azimuth % turn for one in files])
