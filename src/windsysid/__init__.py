@@ -51,6 +51,8 @@ if TYPE_CHECKING:
     from windsysid.mechanics.tower import TowerModel
     from windsysid.modal.campbell import Campbell
     from windsysid.modal.decays.analyse import analyse_decays as free_decay
+    from windsysid.modal.linearisation.read import read_linearisation
+    from windsysid.modal.linearisation.result import LinearisedModes
     from windsysid.modal.marks import ModeMarks, read_mode_marks
     from windsysid.modal.sweep import find_modes as modes
     from windsysid.monitoring.change import Comparison
@@ -110,6 +112,8 @@ _WHERE = {
     "modal.campbell": "Campbell",
     "modal.decays.analyse": "free_decay=analyse_decays",
     "modal.marks": "ModeMarks read_mode_marks",
+    "modal.linearisation.read": "read_linearisation",
+    "modal.linearisation.result": "LinearisedModes",
     "modal.sweep": "modes=find_modes",
     "monitoring.change": "Comparison",
     "monitoring.changes": "Watch",
@@ -172,6 +176,7 @@ __all__ = [  # noqa: RUF022
     "Identification",
     "Info",
     "Inspection",
+    "LinearisedModes",
     "LoadBlock",
     "LoadHypothesis",
     "MechanicalModel",
@@ -235,6 +240,7 @@ __all__ = [  # noqa: RUF022
     "plan",
     "profile_likelihood",
     "read_blocks",
+    "read_linearisation",
     "read_record",
     "read_sensors",
     "register_loads",

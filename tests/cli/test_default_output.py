@@ -70,7 +70,7 @@ def test_modes_take_a_result_or_a_turbine(run):
     for words in ((), ("here", "--turbine", "tower")):
         ended: Ended = run("modes", *words)
         assert ended.code == 2
-        assert "expected a folder that identify wrote, or --turbine; not both" in ended.err[0]
+        assert "expected a folder that identify wrote, .lin files, or --turbine; one of these" in ended.err[0]
 
 
 def test_a_folder_is_free_until_it_holds_a_result_or_somebody_writes_there(tmp_path: Path):

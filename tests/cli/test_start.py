@@ -118,7 +118,7 @@ def test_a_building_has_the_modes_that_it_was_made_with():
 
 def test_names_are_asked_for_where_the_turbine_knows_none_of_them(run, folder: Path, answers):
     """Units in the headers and names of one's own: nothing was asked, and `identify` refused the record."""
-    head, *rows = (folder / "logger.csv").read_text(encoding="utf-8").splitlines()
+    _, *rows = (folder / "logger.csv").read_text(encoding="utf-8").splitlines()
     Path("odd.csv").write_text("\n".join(["time [s];TT 1 [mg];TT 2 [mg];n [rpm]", *rows]) + "\n", encoding="utf-8")
     answers("tower_z_acceleration", "tower_z_acceleration", "tower_x_acceleration", "rotor_speed")
     ended = run("start", "odd.csv", "--turbine", "tower")

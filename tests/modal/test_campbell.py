@@ -298,6 +298,7 @@ def test_the_command_answers_and_writes_its_report(run, tmp_path):
     assert sorted(path.name for path in (tmp_path / "modes").glob("[!.]*")) == [
         "answer.json",
         "campbell.png",
+        "modes.csv",
         "report.html",
         "summary.json",
     ]

@@ -8,8 +8,7 @@ import typer
 from windsysid.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from windsysid.results.posterior import Posterior
-    from windsysid.turbine.turbine import Turbine
+    from windsysid.modal.campbell import Campbell
 
 from windsysid.cli.common import (
     Json,
@@ -205,8 +204,12 @@ def monitor(
 @app.command(cls=NamesTurbine)
 def modes(
     context: typer.Context,
-    result: Annotated[
-        Path | None, typer.Argument(help="Folder that identify wrote: intervals are those of its posterior.")
+    sources: Annotated[
+        list[Path] | None,
+        typer.Argument(
+            metavar="RESULT|FILE.lin",
+            help="Folder that identify wrote: intervals are those of its posterior; or .lin files of OpenFAST.",
+        ),
     ] = None,
     turbine: Annotated[
         str | None, typer.Option(help="Instead: a packaged turbine (windsysid turbines lists them) or a TOML file.")
@@ -234,20 +237,26 @@ def modes(
     overwrite: Overwrite = False,
 ) -> None:
     """Frequencies and damping ratios against rotor speed, distance from the rotor's harmonics, stability."""
+    from windsysid.modal.linearisation.read import ENDING, read_linearisation
     from windsysid.modal.sweep import find_modes
     from windsysid.results.posterior import load_posterior
     from windsysid.spectral.oma.known_modes import as_modes
     from windsysid.turbine.file import load_turbine
 
-    source = result if turbine is None else turbine
-    if source is None or (result is not None and turbine is not None):
-        raise ConfigurationError("modes: expected a folder that identify wrote, or --turbine; not both")
-    inputs = (*filter(None, [result]), *(measured or []))
-    to = claim_output(context, output, name_of(source, "modes"), *inputs, overwrite=overwrite, json=json)
-    machine: Turbine | Posterior = load_turbine(turbine) if turbine is not None else load_posterior(source)
+    given: list[str | Path] = [*(sources or []), *filter(None, [turbine])]
+    linearised = turbine is None and any(Path(one).suffix.lower() == ENDING for one in given)
+    if not given or (len(given) > 1 and not linearised):
+        raise ConfigurationError("modes: expected a folder that identify wrote, .lin files, or --turbine; one of these")
+    if linearised and speeds is not None:
+        raise ConfigurationError("--speeds: the rotor speeds are those of the .lin files: leave it out")
+    inputs = (*(sources or []), *(measured or []))
+    to = claim_output(context, output, name_of(given[0], "modes"), *inputs, overwrite=overwrite, json=json)
     points = [mode for folder in measured or [] for mode in as_modes(folder).measured()]
     diagram, working = rotor_speeds("--speeds", speeds), rotor_speeds("--operating", operating)
     with show_progress("modes") as progress:
-        found = find_modes(machine, speeds=diagram, operating=working, progress=progress)
-    found = found.with_measured(points)
-    print_and_save(found, to, json=json, verbose=verbose)
+        if linearised:
+            found: Campbell = read_linearisation(given, operating=working)
+        else:
+            machine = load_turbine(turbine) if turbine is not None else load_posterior(given[0])
+            found = find_modes(machine, speeds=diagram, operating=working, progress=progress)
+    print_and_save(found.with_measured(points), to, json=json, verbose=verbose)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-__all__ = ["MEASURED_HEADINGS", "Campbell", "Margin", "MeasuredMode"]
+__all__ = ["MEASURED_HEADINGS", "Campbell", "Margin", "MeasuredMode", "speed_range"]
 
 Triple = tuple[float, float, float]
 
@@ -218,8 +218,7 @@ class Campbell(Answer):
     def _harmonics(self) -> str:
         if not self.orders:
             return "The rotor is parked: it has no harmonics that a mode could meet."
-        low, high = (value * RPM for value in self.operating)
-        over = f"from {low:.3g} to {high:.3g} rpm" if low < high else f"at {low:.3g} rpm"
+        over = speed_range(self.operating)
         crossed = [m for m in self.margins if m.crosses]
         if crossed:
             each = "; ".join(f"{m.mode} meets {m.order}P at {_band(m.speed, RPM)} rpm" for m in crossed)
@@ -236,6 +235,7 @@ class Campbell(Answer):
 
     def _stability(self) -> str:
         low, high = self.speeds[0] * RPM, self.speeds[-1] * RPM
+        over = speed_range((self.speeds[0], self.speeds[-1]))
         if self.unstable:
             each = "; ".join(
                 f"{u.low * RPM:.1f} … {u.high * RPM:.1f} rpm, growth up to {u.growth:.3g} 1/s at"
@@ -246,9 +246,9 @@ class Campbell(Answer):
         name, speed, damping = self.least_damping
         text = f"{_band(damping, 100.0)} %, {name} at {speed * RPM:.3g} rpm"
         if damping[0] < 1e-6:
-            return f"Nothing grows from {low:.3g} to {high:.3g} rpm, but {name} is not damped at {speed * RPM:.3g} rpm."
+            return f"Nothing grows {over}, but {name} is not damped at {speed * RPM:.3g} rpm."
         doubt = "" if damping[1] > 0.0 else "; within its band it may grow"
-        return f"Every mode is damped from {low:.3g} to {high:.3g} rpm: the least by {text}{doubt}."
+        return f"Every mode is damped {over}: the least by {text}{doubt}."
 
     def _ground_resonance(self, g: GroundResonance) -> str:
         meets = f"Ground resonance: lag meets the support in {g.support} at {_band(g.speed, RPM)} rpm, "
@@ -271,24 +271,33 @@ class Campbell(Answer):
         margins = {(m.mode, m.order): m for m in self.margins}
         rows = []
         for curve in self.curves:
-            f, z = curve.at(self.usual)
-            seen = math.isfinite(f[0])
+            seen = math.isfinite(curve.frequency[self.usual])
             if not seen and not any((curve.name, n) in margins for n in self.orders):
                 continue  # it oscillates at other speeds only
             rows.append(
                 (
-                    curve.name,
-                    _band(f) if seen else "–",
-                    _band(z, 100.0) if seen else "–",
+                    *self.values_text(curve),
                     *(margins[curve.name, n].text() if (curve.name, n) in margins else "–" for n in self.orders),
                 )
             )
         return rows
 
+    def values_text(self, curve: Curve) -> tuple[str, str, str]:
+        """Name, frequency [Hz] and damping ratio [%] of a mode, `curve`, at the usual speed, with their bands."""
+        f, z = curve.at(self.usual)
+        seen = math.isfinite(f[0])
+        return curve.name, _band(f) if seen else "–", _band(z, 100.0) if seen else "–"
+
+    @property
+    def band_source(self) -> str:
+        """What the bands come from."""
+        return "of the posterior"
+
     def table(self) -> Table:
         """The modes at the usual speed, and how far each stays from the rotor's harmonics."""
         low, high = (value * RPM for value in self.operating)
-        over = f"distance from nP over {low:.3g} … {high:.3g} rpm" if self.orders else "parked"
+        where = f"over {low:.3g} … {high:.3g} rpm" if low < high else f"at {low:.3g} rpm"
+        over = f"distance from nP {where}" if self.orders else "parked"
         return Table(self.headings, self.rows, f"{self.title}: {over}")
 
     @property
@@ -356,7 +365,7 @@ class Campbell(Answer):
 
     def __repr__(self) -> str:
         return (
-            f"<Campbell of {self.title}: {len(self.curves)} modes, {self.speeds[0] * RPM:.3g} to"
+            f"<{type(self).__name__} of {self.title}: {len(self.curves)} modes, {self.speeds[0] * RPM:.3g} to"
             f" {self.speeds[-1] * RPM:.3g} rpm; print it for the table>"
         )
 
@@ -384,6 +393,12 @@ def _margin(name: str, order: int, frequency: Array, std: Array, speed: Array) -
         return Margin(name, order, (0.0, -here, here), (at, at - spread, at + spread), True)
     d, at = float(distance[i]), float(speed[i])
     return Margin(name, order, (d, d - float(half), d + float(half)), (at, at, at), False)
+
+
+def speed_range(ends: tuple[float, float]) -> str:
+    """A range of rotor speeds [rad/s] in words."""
+    low, high = (value * RPM for value in ends)
+    return f"from {low:.3g} to {high:.3g} rpm" if low < high else f"at {low:.3g} rpm"
 
 
 def _band(triple: Triple, factor: float = 1.0, least: float = 0.0, sign: str = "") -> str:

@@ -38,9 +38,11 @@ class Curve:
         return (f, f - SIGMAS * df, f + SIGMAS * df), (z, z - SIGMAS * dz, z + SIGMAS * dz)
 
 
-def link(spectra: Sequence[ModalSpectrum], speeds: Array, start: int, cov: Array) -> tuple[Curve, ...]:
+def link(
+    spectra: Sequence[ModalSpectrum], speeds: Array, start: int, cov: Array, *, shortest: int = 3
+) -> tuple[Curve, ...]:
     """Modes (S spectra) linked from speed to speed, outward from the usual one, `start`; `cov` (n_θ, n_θ) gives the
-    standard deviations.
+    standard deviations. A mode that is seen at fewer speeds than `shortest` is left out.
 
     Those that are there at the usual speed come first, by frequency. A mode whose largest harmonic gives way to another
     jumps by Ω: one curve ends there, and another begins.
@@ -48,7 +50,7 @@ def link(spectra: Sequence[ModalSpectrum], speeds: Array, start: int, cov: Array
     named = [
         (_track_name(track, spectra, speeds, start), _values(track, spectra, cov))
         for track in _tracks(spectra, speeds, start)
-        if len(track) > 2
+        if len(track) >= shortest
     ]
 
     def there(values: Array) -> bool:

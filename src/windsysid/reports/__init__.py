@@ -20,6 +20,7 @@ MODULES = {
     "Fit": "histories",
     "Identification": "histories",
     "Inspection": "inspection",
+    "LinearisedModes": "figures.participations",
     "OperationalModes": "oma",
     "Overview": "fleet",
     "Plan": "plan",

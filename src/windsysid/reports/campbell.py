@@ -1,10 +1,13 @@
 """A Campbell diagram as a figure and as one page."""
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from windsysid.modal.campbell import MEASURED_HEADINGS, Campbell
+from windsysid.modal.campbell import MEASURED_HEADINGS, Campbell, speed_range
 from windsysid.output.table import Table
 from windsysid.reports.figures.canvas import canvas
 from windsysid.reports.figures.plots import BAND, ERROR, ESTIMATE, MEASURED, REFERENCE, tidy
@@ -12,11 +15,24 @@ from windsysid.reports.html import Section, png, report_page
 from windsysid.results.posterior import SIGMAS
 from windsysid.units import RPM
 
-__all__ = ["figure", "files"]
+__all__ = ["Campbell", "data", "figure", "files", "is_of_blades", "page", "sections"]
 
 
 BLADES, BLADES_BAND = "#2e7d46", "#b7d9c1"
 """Modes of the blades; the support's are blue."""
+
+BLADE_KINDS = ("lag", "edge", "flap", "torsion", "blade ")
+
+MAX_HARMONIC_RATIO = 2.5
+"""Setting: highest frequency that is drawn, relative to the highest harmonic; models have modes far above."""
+
+MAX_MARKED_SPEEDS = 12
+"""Setting: largest number of rotor speeds that are marked on the curves."""
+
+
+def is_of_blades(name: str) -> bool:
+    """Whether a mode or a degree of freedom is one of the blades, by its name."""
+    return name.startswith(BLADE_KINDS)
 
 
 def figure(found: Campbell, place: Axes | None = None) -> Figure:
@@ -25,6 +41,9 @@ def figure(found: Campbell, place: Axes | None = None) -> Figure:
     above, below = drawn.subplots(2, 1, sharex=True, height_ratios=[1.9, 1.0])
     rpm = found.speeds * RPM
     top = 1.06 * max(float(np.nanmax(curve.frequency + SIGMAS * curve.frequency_std)) for curve in found.curves)
+    if found.orders:
+        top = min(top, MAX_HARMONIC_RATIO * max(found.orders) * rpm[-1] / 60.0)
+    found = replace(found, curves=tuple(curve for curve in found.curves if np.nanmin(curve.frequency) < top))
     ends = _draw_curves(found, above, below)
     _draw_measured(found, above, below)
     for order in found.orders:
@@ -62,12 +81,12 @@ def _draw_curves(found: Campbell, above: Axes, below: Axes) -> Ends:
     rpm = found.speeds * RPM
     ends: Ends = {above: [], below: []}
     for curve in found.curves:
-        colour, band = (BLADES, BLADES_BAND) if curve.name.startswith("lag") else (ESTIMATE, BAND)
+        colour, band = (BLADES, BLADES_BAND) if is_of_blades(curve.name) else (ESTIMATE, BAND)
         for ax, value, std in (
             (above, curve.frequency, curve.frequency_std), (below, 100.0 * curve.damping, 100.0 * curve.damping_std),
         ):  # fmt: skip
             ax.fill_between(rpm, value - SIGMAS * std, value + SIGMAS * std, color=band, alpha=0.55, lw=0)
-            ax.plot(rpm, value, color=colour, lw=1.0)
+            ax.plot(rpm, value, color=colour, lw=1.0, marker="o" if len(rpm) <= MAX_MARKED_SPEEDS else "", ms=3.5)
             seen = np.flatnonzero(np.isfinite(value))
             if seen[-1] == len(rpm) - 1:
                 ends[ax].append((float(value[-1]), curve.name, colour))
@@ -95,6 +114,7 @@ def _draw_measured(found: Campbell, above: Axes, below: Axes) -> None:
 def _label_ends(ax: Axes, ends: list[tuple[float, str, str]]) -> None:
     """Write each curve's name beside its right end, none over another, a thin line to those that had to move."""
     low, high = ax.get_ylim()
+    ends = [end for end in ends if end[0] <= high]
     height = ax.bbox.height / ax.figure.dpi * 72.0
     gap = 11.5 * (high - low) / height
     ends = sorted(ends)
@@ -117,11 +137,10 @@ def _label_ends(ax: Axes, ends: list[tuple[float, str, str]]) -> None:
         )  # fmt: skip
 
 
-def files(found: Campbell) -> dict[str, bytes]:
-    """``report.html``, ``campbell.png`` and ``summary.json``, by name."""
-    drawn = png(figure(found))
+def sections(found: Campbell, drawn: bytes) -> list[Section]:
+    """Sections of the page, with the diagram."""
     bands = (
-        f"; bands: ±{SIGMAS:g}σ of the posterior, those of frequencies often as thin as the lines"
+        f"; bands: ±{SIGMAS:g}σ {found.band_source}, those of frequencies often as thin as the lines"
         if found.banded
         else ""
     )
@@ -130,20 +149,34 @@ def files(found: Campbell) -> dict[str, bytes]:
         f" the rotor, dotted: {'the record' if found.record else 'the usual speed'}."
         + (" Points: measured, ±2σ; hollow where they are not to be trusted." if found.measured else "")
     )
-    low, high = (value * RPM for value in found.operating)
-    where = f"Distance f / nP − 1 where it is least from {low:.3g} to {high:.3g} rpm" if found.orders else "Parked"
+    where = f"Distance f / nP − 1 where it is least {speed_range(found.operating)}" if found.orders else "Parked"
     distances = where + (f", ±{SIGMAS:g}σ" if found.banded else "")
-    sections = [
+    parts = [
         Section("Resonance and stability", text=found.sentences, tables=[Table(found.headings, found.rows, distances)]),
         Section("Campbell diagram", figures=[(drawn, caption)]),
         Section("How this was computed", text=found.notes),
     ]
     if found.measured:
         beside = Table(MEASURED_HEADINGS, found.measured_rows, "", words=(0, 2, 5, 7))
-        sections.insert(2, Section("What was measured", tables=[beside]))
-    subtitle = f"{found.title} · {found.speeds[0] * RPM:.3g} … {found.speeds[-1] * RPM:.3g} rpm"
+        parts.insert(2, Section("What was measured", tables=[beside]))
+    return parts
+
+
+def files(found: Campbell) -> dict[str, bytes]:
+    """``report.html``, ``campbell.png``, ``modes.csv`` and ``summary.json``, by name."""
+    drawn = png(figure(found))
+    return {"report.html": page(found, sections(found, drawn)), "campbell.png": drawn, **data(found)}
+
+
+def page(found: Campbell, parts: Sequence[Section]) -> bytes:
+    """The page of some sections."""
+    subtitle = f"{found.title} · {speed_range((found.speeds[0], found.speeds[-1]))}"
+    return report_page("Modes against rotor speed", subtitle, parts)
+
+
+def data(found: Campbell) -> dict[str, bytes]:
+    """``modes.csv`` and ``summary.json``, by name."""
     return {
-        "report.html": report_page("Modes against rotor speed", subtitle, sections),
-        "campbell.png": drawn,
+        "modes.csv": found.to_dataframe().to_csv(index=False).encode(),
         "summary.json": found.to_json().encode(),
     }

@@ -17,7 +17,7 @@ __all__ = ["Reported", "holds_result", "kept", "load_result"]
 ANSWER = "answer.json"
 """The file that holds an answer whole."""
 
-KEPT = frozenset(["Campbell", "Comparison", "OperationalModes", "Plan", "Separation", "Watch"])
+KEPT = frozenset(["Campbell", "Comparison", "LinearisedModes", "OperationalModes", "Plan", "Separation", "Watch"])
 """Answers that have that file. An identification has ``identification.nc``; what an inspection shows is its record,
 and what an overview shows its archive."""
 
@@ -44,7 +44,8 @@ def load_result(folder: str | Path) -> Answer:
     Returns
     -------
     Answer
-        An `Identification`, `Fit`, `OperationalModes`, `Comparison`, `Watch`, `Separation`, `Campbell` or `Plan`.
+        An `Identification`, `Fit`, `OperationalModes`, `Comparison`, `Watch`, `Separation`, `Campbell`,
+        `LinearisedModes` or `Plan`.
 
     Raises
     ------

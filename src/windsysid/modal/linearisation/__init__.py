@@ -1,0 +1,1 @@
+"""Modes of a model that another program linearised."""

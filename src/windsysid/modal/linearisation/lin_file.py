@@ -1,0 +1,239 @@
+"""Linearisation files of OpenFAST (``.lin``): operating point, order of the states, and the matrices A, B, C, D.
+
+    ẋ = A x + B u,      y = C x + D u
+
+about one azimuth of a steady state. Values are text in the number format ``OutFmt`` of the main input file: its default
+writes four significant digits, so each entry of A has a rounding error, which is read with it.
+"""
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.errors import ConfigurationError
+
+__all__ = ["LinearisedModel", "LinearisedState", "read_lin_file"]
+
+_ROW = re.compile(r"\s*(\d+)\s+(\S.*?)\s+([TF])\s+(?:(\d)\s+)?(\S.*)$")
+_MATRIX = re.compile(r"\s*(\w+):\s+(\d+)\s*x\s*(\d+)\s*$")
+_NUMBER = re.compile(r"[+-]?(\d*)\.?(\d*)(?:[EDed]?([+-]?\d+))?$")
+_RATE = "First time derivative of "
+_COUNTS = {"x": "continuous states", "u": "inputs", "y": "outputs"}
+_SIZES = {"A": "xx", "B": "xu", "C": "yx", "D": "yu"}
+
+
+@dataclass(frozen=True)
+class LinearisedState:
+    """A state x_i of a linearised model.
+
+    Attributes
+    ----------
+    module
+        The module that has it: ``ED`` (ElastoDyn), ``BD_1`` (BeamDyn of blade 1), ``AD``, ``HD``, ``SD`` …
+    name
+        Its description, without module, unit and internal index; of a rate that of the displacement.
+    rate
+        Whether it is the first time derivative of the state of that name.
+    rotating
+        Whether it belongs to the rotating frame, that is to one blade.
+    order
+        1 or 2: the order in time of the equation that it belongs to.
+    """
+
+    module: str
+    name: str
+    rate: bool
+    rotating: bool
+    order: int
+
+
+@dataclass(frozen=True, eq=False)
+class LinearisedModel:
+    """A linearised model at one azimuth.
+
+    Attributes
+    ----------
+    path : Path
+        The file.
+    description : str
+        The description of the machine in the file.
+    rotor_speed, azimuth : float
+        Ω [rad/s] and ψ of blade 1 [rad].
+    wind_speed : float
+        [m/s]; NaN where the file has none.
+    states : tuple of LinearisedState (n,)
+        In the order of A.
+    matrices : Mapping of str to (n, m) array
+        Those that are in the file: ``A``, ``B``, ``C``, ``D`` and Jacobians. State units are SI.
+    rounding : (n, n) array
+        Largest rounding error of each entry of A, in its unit; zero for zeros and ones.
+    digits : int
+        Significant digits with which A is written.
+    """
+
+    path: Path
+    description: str
+    rotor_speed: float
+    azimuth: float
+    wind_speed: float
+    states: tuple[LinearisedState, ...]
+    matrices: Mapping[str, Array]
+    rounding: Array
+    digits: int
+
+    @property
+    def A(self) -> Array:
+        """State matrix (n, n)."""
+        return self.matrices["A"]
+
+
+def read_lin_file(path: str | Path) -> LinearisedModel:
+    """Read one ``.lin`` file.
+
+    Raises
+    ------
+    ConfigurationError
+        If a header line, a state, a matrix or a number is missing or wrong: file, line, what was expected, what to do.
+    """
+    path = Path(path)
+    text = _FileLines(path, path.read_text(encoding="utf-8", errors="replace").splitlines())
+    states = _states(text)
+    counts = {letter: int(text.header(f"Number of {name}", default=0.0)) for letter, name in _COUNTS.items()}
+    if len(states) != counts["x"]:
+        raise text.error(None, f"expected {counts['x']} states as its header says, got {len(states)} in their list")
+    matrices, rounding, digits = _matrices(text)
+    for name, letters in _SIZES.items():
+        expected = tuple(counts[letter] for letter in letters)
+        if name in matrices and matrices[name].shape != expected:
+            got = "{} x {}".format(*matrices[name].shape)
+            raise text.error(None, f"expected {name} of {expected[0]} x {expected[1]} as its header says, got {got}")
+    if "A" not in matrices or not states:
+        raise text.error(None, "expected a matrix 'A: n x n' of at least one state, got none")
+    speed, azimuth = text.header("Rotor Speed", "rad/s"), text.header("Azimuth", "rad")
+    wind = text.header("Wind Speed", "m/s", default=math.nan)
+    return LinearisedModel(path, text.description(), speed, azimuth, wind, states, matrices, rounding, digits)
+
+
+@dataclass(frozen=True)
+class _FileLines:
+    """The lines of a file, and errors that name one."""
+
+    path: Path
+    lines: Sequence[str]
+
+    def error(self, index: int | None, problem: str) -> ConfigurationError:
+        """An error at a line, or in the file."""
+        where = f"{self.path}" if index is None else f"{self.path}, line {index + 1}"
+        return ConfigurationError(f"{where}: {problem}; it may be cut off or changed: linearise again")
+
+    def find(self, start: str) -> int:
+        """Index of the first line that starts with some words."""
+        for index, line in enumerate(self.lines):
+            if line.lstrip().startswith(start):
+                return index
+        raise self.error(None, f"is no linearisation of OpenFAST, expected a line '{start} …', got none")
+
+    def header(self, name: str, unit: str = "", *, default: float | None = None) -> float:
+        """A number of the heading, with its unit."""
+        try:
+            index = self.find(f"{name}:")
+        except ConfigurationError:
+            if default is None:
+                raise
+            return default
+        words = self.lines[index].partition(":")[2].split()
+        try:
+            value = float(words[0])
+        except (IndexError, ValueError):
+            value = math.nan
+        if not math.isfinite(value) or words[1:2] != ([unit] if unit else []):
+            raise self.error(index, f"expected '{name}: NUMBER {unit}'".rstrip() + f", got '{' '.join(words)[:40]}'")
+        return value
+
+    def description(self) -> str:
+        """The description of the machine, as its main input file has it."""
+        found = [line for line in self.lines[:12] if line.startswith("Description")]
+        return found[0].partition(":")[2].strip() if found else ""
+
+
+def _states(text: _FileLines) -> tuple[LinearisedState, ...]:
+    """Read the list of the continuous states."""
+    first = text.find("Order of continuous states:") + 3
+    rows = list[tuple[bool, int, str]]()
+    for index in range(first, len(text.lines)):
+        line = text.lines[index]
+        if not line.strip():
+            break
+        row = _ROW.match(line)
+        if row is None or int(row[1]) != len(rows) + 1:
+            expected = f"state {len(rows) + 1} as 'NUMBER VALUE T|F ORDER DESCRIPTION'"
+            raise text.error(index, f"expected {expected}, got '{line.strip()[:50]}'")
+        rows.append((row[3] == "T", int(row[4] or 0), row[5]))
+    named = [_named(description) for *_, description in rows]
+    pairs = {(module, name) for module, name, rate in named if rate}
+    return tuple(
+        LinearisedState(module, name, rate, rotating, order or (2 if (module, name) in pairs else 1))
+        for (module, name, rate), (rotating, order, _) in zip(named, rows, strict=True)
+    )
+
+
+def _named(description: str) -> tuple[str, str, bool]:
+    """Module and name of a state, and whether it is a rate."""
+    module, _, rest = description.partition(" ")
+    rate = rest.startswith(_RATE)
+    words, index, _ = rest.removeprefix(_RATE).partition(" (internal")
+    if not index and "," in words:
+        words = words.rpartition(",")[0]
+    return module, words.strip(), rate
+
+
+def _matrices(text: _FileLines) -> tuple[dict[str, Array], Array, int]:
+    """Read all matrices, the rounding of A, and its significant digits."""
+    found: dict[str, Array] = {}
+    rounding, digits = np.zeros((0, 0)), 0
+    for index, line in enumerate(text.lines):
+        if not (heading := _MATRIX.match(line)):
+            continue
+        name, shape = heading[1], (int(heading[2]), int(heading[3]))
+        cells = [_cells(text, index + 1 + i, shape[1]) for i in range(shape[0])]
+        found[name] = np.array([[_value(cell) for cell in row] for row in cells]).reshape(shape)
+        if not np.isfinite(found[name]).all():
+            i, j = (int(k) for k in np.argwhere(~np.isfinite(found[name]))[0])
+            raise text.error(index + 1 + i, f"expected a number in column {j + 1} of {name}, got '{cells[i][j][:30]}'")
+        if name == "A":
+            rounded = [[_rounding(cell) for cell in row] for row in cells]
+            exact = np.isin(np.abs(found[name]), (0.0, 1.0))
+            rounding = np.where(exact, 0.0, np.array([[size for size, _ in row] for row in rounded]).reshape(shape))
+            digits = max((count for row in rounded for _, count in row), default=0)
+    return found, rounding, digits
+
+
+def _cells(text: _FileLines, index: int, columns: int) -> list[str]:
+    """The numbers of a row, as text."""
+    cells = text.lines[index].split() if index < len(text.lines) else []
+    if len(cells) != columns:
+        raise text.error(index, f"expected a row of {columns} numbers, got {len(cells)}")
+    return cells
+
+
+def _value(cell: str) -> float:
+    """A number as Fortran writes it; NaN where it is none."""
+    try:
+        return float(cell)
+    except ValueError:
+        number = _NUMBER.match(cell)
+        return float(f"{cell[: number.start(3)].rstrip('DdEe')}e{number[3]}") if number and number[3] else math.nan
+
+
+def _rounding(cell: str) -> tuple[float, int]:
+    """Largest rounding error of a number, and its significant digits."""
+    number = _NUMBER.match(cell)
+    if number is None:
+        return 0.0, 0
+    whole, decimals, exponent = number[1], number[2], int(number[3] or 0)
+    return 0.5 * 10.0 ** (exponent - len(decimals)), len((whole + decimals).lstrip("0"))

@@ -1,0 +1,59 @@
+"""Modes of a linearised model as a figure and as one page: participations, and a Campbell diagram of several speeds."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from windsysid.modal.linearisation.result import LinearisedModes
+from windsysid.reports import campbell
+from windsysid.reports.figures.canvas import label, single
+from windsysid.reports.html import Section, png
+from windsysid.units import RPM
+
+__all__ = ["LinearisedModes", "figure", "files", "participations"]
+
+MIN_SHOWN_SHARE = 0.05
+"""Setting: smallest participation in any mode of a kind of degree of freedom that has a column."""
+
+MIN_PRINTED_PERCENT = 5
+"""Setting: smallest participation [%] whose number is printed."""
+
+
+def figure(found: LinearisedModes, place: Axes | None = None) -> Figure:
+    """The Campbell diagram of several rotor speeds, the participations of one."""
+    return campbell.figure(found, place) if len(found.points) > 1 else participations(found, place)
+
+
+def participations(found: LinearisedModes, place: Axes | None = None) -> Figure:
+    """Participation of each kind of degree of freedom in each mode at the usual rotor speed, the lowest mode on top."""
+    listed = {kind for mode in found.modes for kind, share in mode.participation.items() if share >= MIN_SHOWN_SHARE}
+    kinds = sorted(listed, key=lambda kind: (campbell.is_of_blades(kind), not kind.startswith("tower"), kind))
+    shares = np.array([[100.0 * mode.participation.get(kind, 0.0) for kind in kinds] for mode in found.modes])
+    drawn, ax = single((2.6 + 0.55 * len(kinds), 1.9 + 0.32 * len(found.modes)), place)
+    ax.imshow(shares, cmap="Blues", vmin=0.0, vmax=100.0, aspect="auto")
+    for row, column in np.argwhere(shares >= MIN_PRINTED_PERCENT):
+        colour = "white" if shares[row, column] > 55.0 else "#111111"
+        text = f"{shares[row, column]:.0f}"
+        ax.text(column, row, text, ha="center", va="center", fontsize=8, color=colour)
+    ax.set_xticks(range(len(kinds)), [label(kind) for kind in kinds], rotation=40, ha="right", fontsize=8.5)
+    rows = [f"{label(mode.name)}  {mode.frequency:.4g} Hz" for mode in found.modes]
+    ax.set_yticks(range(len(rows)), rows, fontsize=8.5)
+    ax.tick_params(length=0)
+    ax.spines[:].set_visible(False)
+    ax.set_title(f"participation [%] at {found.speeds[found.usual] * RPM:.3g} rpm", fontsize=9.5, loc="left")
+    return drawn
+
+
+def files(found: LinearisedModes) -> dict[str, bytes]:
+    """``report.html``, ``participation.png``, ``campbell.png`` of several speeds, ``modes.csv``, ``summary.json``."""
+    shares = png(participations(found))
+    several = len(found.points) > 1
+    drawn = png(campbell.figure(found)) if several else b""
+    parts = [part for part in campbell.sections(found, drawn) if several or part.title != "Campbell diagram"]
+    caption = (
+        "Share of each kind of degree of freedom in each mode. Forward: the blades' pattern whirls with the rotor;"
+        " backward: against it."
+    )
+    parts.insert(0, Section("Modes", text=found.warnings, tables=[found.modes_table()], figures=[(shares, caption)]))
+    pictures = {"participation.png": shares, **({"campbell.png": drawn} if several else {})}
+    return {"report.html": campbell.page(found, parts), **pictures, **campbell.data(found)}
