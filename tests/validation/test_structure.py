@@ -11,8 +11,8 @@ ROOT = Path(__file__).parents[2]
 
 BOUNDS = {
     "functions over complexity 10 [%]": 2.0,  # target 4.0
-    "lines of src": 87400,  # target 72 904: those of commit 103975a
-    "lines of the middle": 29020,  # target 19 500
+    "lines of src": 88510,  # target 72 904: those of commit 103975a
+    "lines of the middle": 29025,  # target 19 500
     "large folders": 0,
     "long signatures": 15,  # target 30
     "repeated classes": 0,  # target 0
@@ -25,7 +25,7 @@ where users can do more, and says so: grades and intervals for each quantity (52
 `oma`, in archives, monitor and live, prior odds by site, states of towers and bounded searches (910 lines); then
 the first hour: default results, start, examples and first screens (690), spectra with the fit and interactive plots in
 all pages (900), decays, stabilisation, shapes and modes by hand of `oma` (1820), notebooks, files that put a mode
-elsewhere and jumps while a watch learns (300)."""
+elsewhere and jumps while a watch learns (300), linearisations of OpenFAST (1070)."""
 
 
 @pytest.fixture(scope="module")

@@ -113,8 +113,7 @@ def _write_mapping(record: Path, turbine: str, guide: _Guide) -> Path | None:
         found = propose_mapping(record)
     print(f"{found.record}: {found.remarks[0] if found.remarks else ''}".rstrip(": "))
     known = _channels_of(turbine)
-    heard = not known or any((guess.name or guess.written) in known for guess in found.guesses)
-    if found.optional or (found.timed and heard and not any(map(_needs_line, found.guesses))):
+    if not _asks(found, known):
         return None
     rows = [(guess.written, guess.name or "?", guess.unit or "?") for guess in found.guesses]
     print_table(("in the file", "name", "unit"), rows, "Channels")
@@ -122,6 +121,12 @@ def _write_mapping(record: Path, turbine: str, guide: _Guide) -> Path | None:
     target = _write_once(f"{name_of(record)}-mapping", found.to_toml().encode())
     print(printable(f"mapping: {target}"))
     return target
+
+
+def _asks(found: "MappingProposal", known: list[str]) -> bool:
+    """Whether a record needs a mapping, or no channel has a name that the turbine knows."""
+    heard = not known or any((guess.name or guess.written) in known for guess in found.guesses)
+    return not found.optional and not (found.timed and heard and not any(map(_needs_line, found.guesses)))
 
 
 def _needs_line(guess: "Guess") -> bool:

@@ -1,6 +1,7 @@
 """Text for a terminal, a pipe or a notebook: the one place that knows how wide they are and what they can show."""
 
 import codecs
+import itertools
 import re
 import shutil
 import sys
@@ -94,7 +95,7 @@ def render(*parts: Any, width: int | None = None) -> str:
     width = width or max(shutil.get_terminal_size((WIDTH, 24)).columns, 20)
     console = Console(width=width, color_system=None, highlight=False, markup=False, emoji=False, soft_wrap=True)
     with console.capture() as capture:
-        for part in (narrower for one in parts for narrower in _within(one, width)):
+        for part in itertools.chain.from_iterable(_within(one, width) for one in parts):
             shown = _as_rich(part) if isinstance(part, OurTable) else part
             if isinstance(shown, Table):
                 _fit(shown, console, encoding)
@@ -109,7 +110,13 @@ def _within(part: Any, width: int) -> list[Any]:
     column."""
     if not isinstance(part, OurTable) or not part.rows or len(part.headings) < MIN_COLUMNS_TO_SPLIT:
         return [part]
-    least = [_longest_word([heading, *column]) for heading, *column in zip(part.headings, *part.rows, strict=True)]
+    groups = _groups([_longest_word(own) for own in zip(part.headings, *part.rows, strict=True)], width)
+    captions = [part.caption, *[""] * (len(groups) - 1)]
+    return [_columns(part, group, caption) for group, caption in zip(groups, captions, strict=True)]
+
+
+def _groups(least: "Sequence[int]", width: int) -> list[list[int]]:
+    """Columns of such widths that fit beside the first one."""
     groups, left = [[0]], width - least[0]
     for i in range(1, len(least)):
         if left < least[i] + 2 and len(groups[-1]) > 1:
@@ -117,15 +124,14 @@ def _within(part: Any, width: int) -> list[Any]:
             left = width - least[0]
         groups[-1].append(i)
         left -= least[i] + 2  # columns stand two apart
-    if len(groups) == 1:
-        return [part]
-    return [
-        OurTable(
-            [part.headings[i] for i in group], [[row[i] for i in group] for row in part.rows],
-            part.caption if number == 0 else "", words=[group.index(i) for i in part.words if i in group],
-        )
-        for number, group in enumerate(groups)
-    ]  # fmt: skip
+    return groups
+
+
+def _columns(table: OurTable, which: "Sequence[int]", caption: str) -> OurTable:
+    """Some columns of a table."""
+    rows = [[row[i] for i in which] for row in table.rows]
+    words = [place for place, i in enumerate(which) if i in table.words]
+    return OurTable([table.headings[i] for i in which], rows, caption, words)
 
 
 def _longest_word(texts: "Sequence[str]") -> int:

@@ -174,6 +174,11 @@ def _states(text: _FileLines) -> tuple[LinearisedState, ...]:
             expected = f"state {len(rows) + 1} as 'NUMBER VALUE T|F ORDER DESCRIPTION'"
             raise text.error(index, f"expected {expected}, got '{line.strip()[:50]}'")
         rows.append((row[3] == "T", int(row[4] or 0), row[5]))
+    return _described(rows)
+
+
+def _described(rows: "Sequence[tuple[bool, int, str]]") -> tuple[LinearisedState, ...]:
+    """States from their rows: in the rotating frame or not, order, and description."""
     named = [_named(description) for *_, description in rows]
     pairs = {(module, name) for module, name, rate in named if rate}
     return tuple(

@@ -29,18 +29,24 @@ def moving_shapes(found: OperationalModes) -> str:
     nodes = _nodes(found)
     if not found.modes or not nodes:
         return ""
+    names = [f"{mode.name}, {mode.frequency:.4g} Hz" for mode in found.modes]
+    return template("oma").render(
+        part="shapes", names=names, spec=json.dumps(_shapes(found, nodes)).replace("<", "\\u003c")
+    )
+
+
+def _shapes(found: OperationalModes, nodes: list[Node]) -> dict[str, object]:
+    """Nodes, lines and motions as the script takes them."""
     placed = {_node_of(found, c) for c in range(len(found.channels))}
     at = {node.name: i for i, node in enumerate(nodes)}
     place = np.array([node.position for node in nodes])
-    spec = {
+    return {
         "points": place.tolist(),
         "measured": [node.position in placed for node in nodes],
         "lines": [[at[a], at[b]] for a, b in found.lines_drawn],
         "span": float(np.ptp(place, axis=0).max()) or 1.0,
         "modes": [{"motion": _motion(found, nodes, m)} for m in range(len(found.modes))],
     }
-    names = [f"{mode.name}, {mode.frequency:.4g} Hz" for mode in found.modes]
-    return template("oma").render(part="shapes", names=names, spec=json.dumps(spec).replace("<", "\\u003c"))
 
 
 def _nodes(found: OperationalModes) -> list[Node]:

@@ -137,6 +137,12 @@ def _geometry(content: Mapping[str, Any], source: str) -> tuple[list[Node], list
         found = _Geometry.model_validate({key: content[key] for key in ("node", "lines") if key in content})
     except ValidationError as error:
         raise ConfigurationError(f"{source}: {first_problem(error)}") from None
+    _check_names(found, source)
+    return found.node, found.lines
+
+
+def _check_names(found: "_Geometry", source: str) -> None:
+    """Refuse nodes that are named twice or not at all."""
     names = [node.name for node in found.node]
     named = [*(name for line in found.lines for name in line), *(node.follows or node.name for node in found.node)]
     wrong = [name for name in named if names.count(name) != 1]
@@ -144,7 +150,6 @@ def _geometry(content: Mapping[str, Any], source: str) -> tuple[list[Node], list
         raise ConfigurationError(
             f"{source}: expected one [[node]] of each name, got {names.count(wrong[0])} '{wrong[0]}'"
         )
-    return found.node, found.lines
 
 
 def _at_node(table: Any, nodes: Sequence[Node]) -> Any:
