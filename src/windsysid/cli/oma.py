@@ -103,7 +103,7 @@ def oma(
     from windsysid.reports.loading import kept
     from windsysid.spectral.oma.analyse import analyse_vibration
 
-    inputs = (*records, *(sensors or []))
+    inputs = (*records, *(sensors or []), *filter(None, [modes]))
     to = claim_output(context, output, name_of(records[0], "oma"), *inputs, overwrite=overwrite, json=json)
     rules = load_mapping(mapping) if mapping is not None else None
     lists = _sensor_lists(sensors or [], len(records))

@@ -4,6 +4,7 @@ add = [[0.9, 1.1]]      # frequency ranges [Hz] to fit modes in
 remove = [2.345]        # frequencies [Hz] of modes to leave out
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
@@ -57,6 +58,15 @@ class ModeMarks(BaseModel):
         """
         near = [i for i, (f, half) in enumerate(modes) if abs(f - frequency) <= max(3.0 * half, 0.001 * f)]
         return min(near, key=lambda i: abs(modes[i][0] - frequency)) if near else None
+
+    def kept(self, modes: Sequence[tuple[float, float]]) -> tuple[list[int], list[str]]:
+        """Indices of the modes (frequency, half-width [Hz]) that are not removed, and a note on each removal."""
+        left, notes = list(range(len(modes))), list[str]()
+        for frequency in self.remove:
+            at = self.index_of(frequency, [modes[i] for i in left])
+            missing = f"no mode is near {frequency:.4g} Hz, which was to be removed by hand"
+            notes.append(missing if at is None else f"the mode at {modes[left.pop(at)][0]:.4g} Hz was removed by hand")
+        return left, notes
 
 
 def read_mode_marks(path: str | Path) -> ModeMarks:

@@ -39,6 +39,19 @@ def test_shapes_of_setups_are_put_together():
         assert np.all(np.abs(mode.shape.imag) < 5.0 * mode.shape_std + 1e-9)
 
 
+def test_a_mode_that_is_removed_by_hand_is_removed_from_each_record():
+    """The table of records held the shapes of the modes that are left against those of others."""
+    records = records_of(CASES[1]._replace(noise=0.01), 5)[0]
+    both = [records, records.select(records.channels[:3])]
+    whole = ws.free_decay(both)
+    found = ws.free_decay(both, marks=ws.ModeMarks(remove=(whole.modes[0].frequency,)))
+    assert len(found.modes) == len(found.bands) == len(whole.modes) - 1
+    for part in found.parts:
+        for own, mode in zip(part.modes, found.modes, strict=True):
+            assert own is not None
+            assert own.frequency == pytest.approx(mode.frequency, rel=0.01)
+
+
 def test_a_machine_among_decays_condemns_them():
     t = np.arange(0.0, 60.0, 0.02)
     decay = np.exp(-0.06 * t) * np.cos(6.0 * t) + 0.6 * np.cos(14.0 * t)

@@ -130,14 +130,14 @@ def analyse_decays(
 
 def _without_removed(found: OperationalModes, marks: ModeMarks) -> OperationalModes:
     """Result without the modes that were removed by hand."""
-    modes, notes = list(found.modes), list(found.notes)
-    for frequency in marks.remove:
-        at = marks.index_of(frequency, [(mode.frequency, mode.damping * mode.frequency) for mode in modes])
-        if at is None:
-            notes.append(f"no mode is near {frequency:.4g} Hz, which was to be removed by hand")
-        else:
-            notes.append(f"the mode at {modes.pop(at).frequency:.4g} Hz was removed by hand")
-    return replace(found, modes=tuple(modes), notes=tuple(notes))
+    kept, notes = marks.kept([(mode.frequency, mode.damping * mode.frequency) for mode in found.modes])
+    return replace(
+        found,
+        modes=tuple(found.modes[i] for i in kept),
+        bands=tuple(found.bands[i] for i in kept),
+        parts=tuple(replace(part, modes=tuple(part.modes[i] for i in kept)) for part in found.parts),
+        notes=(*found.notes, *notes),
+    )
 
 
 def _released(

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.monitoring.change import MOVED_MIN_ODDS
 from windsysid.monitoring.levels.jumps import LevelBelief, Observations, Rates, track
 from windsysid.monitoring.levels.learning import learn_rates
 from windsysid.results.posterior import SIGMAS
@@ -40,9 +41,6 @@ MAX_JUMP_PLACES = 200
 
 MAX_HINDSIGHT_BLOCKS = 144
 """Blocks after an alarm, where there are any, that help to tell when and how much: a day."""
-
-MIN_LEARNING_ODDS = 100.0
-"""Odds from which a level has jumped while its rates were learned: those of `windsysid.monitoring.change`."""
 
 MIN_LEVEL_BLOCKS = 3
 """Setting: blocks that a level has at least before and after a jump while rates are learned: one bad block is none."""
@@ -152,7 +150,7 @@ def jump_while_learning(
     Returns
     -------
     tuple of Jump and Rates, or None
-        The jump and the rates beside it; None if the odds are below `MIN_LEARNING_ODDS` or the jump is tolerated.
+        The jump and the rates beside it; None if the odds are below `MOVED_MIN_ODDS` or the jump is tolerated.
     """
     count, (jump, scale, least) = len(blocks.y), sizes
     good = np.flatnonzero(np.isfinite(blocks.y))[MIN_LEVEL_BLOCKS : -MIN_LEVEL_BLOCKS or None]
@@ -173,7 +171,7 @@ def jump_while_learning(
     likely = int(places[np.argmax([likelihood(stepped(int(place)), steady) for place in places])])
     again = learn_rates(stepped(likely), prior, kind=kind, logarithmic=logarithmic)
     gain = likelihood(stepped(likely), again) - likelihood(blocks, rates)
-    if gain < math.log(MIN_LEARNING_ODDS * good.size):
+    if gain < math.log(MOVED_MIN_ODDS * good.size):
         return None
     found = locate(blocks, prior, again, count - 1, likely, jump, scale)
     return (found, again) if abs(found.size) > least else None

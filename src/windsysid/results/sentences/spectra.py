@@ -63,8 +63,8 @@ SPECTRA: Final[Mapping[str, Sentence]] = {
         "changed"
     ),
     "class_disagrees_in_bands": lambda d: (
-        f"{' and '.join(d['modes'])} alone says a stiffness of the blades that differs by {100 * d['change']:+.2g} %:"
-        " the turbine file has this mode elsewhere; check its masses and roll"
+        f"{' and '.join(d['modes'])} alone gives a stiffness of the blades that differs by {100 * d['change']:+.2g} %:"
+        " the turbine file has this mode at another frequency; check its masses and roll"
     ),
     "narrower_bands_disagree": (
         "narrower bands do not agree on {quantity} ({change:+.2g %}): something in the bands is not as modelled"

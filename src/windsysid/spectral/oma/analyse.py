@@ -186,13 +186,8 @@ def _without_removed(
         modes = [m for m in modes if not low <= m.frequency <= high or (low <= m.band[0] and m.band[1] <= high)]
     modes, notes = sorted(modes, key=lambda mode: mode.frequency), list(readings.notes)
     notes += [f"modes were fitted between {low:.4g} and {high:.4g} Hz, as marked by hand" for low, high in marks.add]
-    for frequency in marks.remove:
-        at = marks.index_of(frequency, [(mode.frequency, mode.damping * mode.frequency) for mode in modes])
-        if at is None:
-            notes.append(f"no mode is near {frequency:.4g} Hz, which was to be removed by hand")
-        else:
-            notes.append(f"the mode at {modes.pop(at).frequency:.4g} Hz was removed by hand")
-    return modes, readings._replace(notes=tuple(notes))
+    kept, removed = marks.kept([(mode.frequency, mode.damping * mode.frequency) for mode in modes])
+    return [modes[i] for i in kept], readings._replace(notes=(*notes, *removed))
 
 
 def _parts(samples: int, count: int) -> list[slice]:

@@ -60,8 +60,8 @@ def chance_of_halves(halves: Sequence[RotorBandFit], start: Array) -> float:
 
 
 def doubt_classes(posed: PosedBands, found: SpectralMode, parameters: Sequence[Parameter]) -> list[Finding]:
-    """Reason if blades that vibrate together, or whirl, say another stiffness than all readings: the worst of the
-    classes. A mode at another frequency than the file can give it leaves little in the shape of a band."""
+    """Return a reason if blades that vibrate together, or whirl, give another stiffness than all readings: that of the
+    class that differs most. A mode at a frequency that the file cannot give changes little in the shape of a band."""
     from scipy.special import chdtrc
 
     band, where = posed.model.bands[0], posed.model.places()[0]
@@ -88,7 +88,7 @@ def _rows_of_classes(posed: PosedBands) -> list[tuple[int, ModeLocation]]:
 def _shift(
     alone: BandModel, found: SpectralMode, places: NDArray[np.intp], which: Sequence[int]
 ) -> tuple[float, float]:
-    """By how much stiffness differs if one row alone says it, in the logarithm, and the likelihood ratio."""
+    """Change of the stiffness in the logarithm if one row alone determines it, and the likelihood ratio."""
     (band,), (mean, spread) = alone.bands, alone.prior
     theta, levels = alone.unknowns.but("statistics"), alone.unknowns.of("statistics")
     std = np.sqrt(np.diag(np.linalg.inv(found.information)))[places]
