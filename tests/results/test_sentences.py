@@ -134,10 +134,16 @@ def test_what_is_off_is_said_in_engineering_units():
     assert said("alignment", "top", -0.0873, 0.0035) == "top is turned by -5.00 ± 0.20°"
 
 
+GIVEN = "the text of the inspection, or of another version"
+"""What the example of a code ends in whose text is given to it: such codes share one row."""
+
+
 def table() -> str:
     """The table of docs/findings.md."""
-    rows = [f"| `{code}` | {example(code)} |" for code in sorted(SENTENCES)]
-    return "\n".join(["| code | sentence |", "|---|---|", *rows]) + "\n"
+    examples = {code: example(code) for code in sorted(SENTENCES)}
+    rows = [f"| `{code}` | {text} |" for code, text in examples.items() if not text.endswith(GIVEN)]
+    given = ", ".join(f"`{code}`" for code, text in examples.items() if text.endswith(GIVEN))
+    return "\n".join(["| code | sentence |", "|---|---|", *rows, f"| {given} | {GIVEN} |"]) + "\n"
 
 
 def test_the_page_lists_every_code_with_its_sentence():
