@@ -78,7 +78,7 @@ def analyse_decays(
     section
         Start and end [s]; the release is sought there.
     marks
-        Modes that are to be left out; none can be added (`windsysid.read_mode_marks`).
+        Modes that are to be left out; none can be added (`windsysid.results.read_mode_marks`).
     progress
         Called with the present step and the share that is done, 0 to 1, or None if that is unknown.
 

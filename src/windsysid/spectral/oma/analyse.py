@@ -66,7 +66,7 @@ def analyse_vibration(
         Its sensors are used, and modes near those of the turbine file have their names.
     bands
         (lowest, highest) [Hz], one for each group of close modes; by default found from the spectra. Or modes that
-        were added and removed by hand (`windsysid.read_mode_marks`): then all others are found from the spectra.
+        were added and removed by hand (`windsysid.results.read_mode_marks`): all others are found from the spectra.
     limits
         Frequency range of the search for bands [Hz]; by default from the lowest on, up to a largest number of bands;
         a note names its end if there are more.
