@@ -1,9 +1,11 @@
-"""The pages that are generated: every public name with its docstring, and every command with its own help."""
+"""The pages that are generated: every public name with its docstring, every command with its own help, and every code
+of a finding with its sentence."""
 
 import inspect
 from pathlib import Path
 from types import ModuleType
 
+from tests.results.test_sentences import table
 from typer.testing import CliRunner
 
 import windsysid
@@ -14,9 +16,16 @@ __all__ = ["NAMESPACES", "write_reference"]
 NAMESPACES = (windsysid, windsysid.results, windsysid.models, windsysid.filters, windsysid.signals)
 """Each has a page."""
 
+FINDINGS = """# Codes of findings
+
+Sentences are examples; [findings.md](../findings.md) describes the fields. `python -m tests.results.test_sentences`
+prints this table.
+
+"""
+
 
 def write_reference(folder: Path) -> None:
-    """Write ``index.md``, a page for each namespace and ``commands.md``."""
+    """Write ``index.md``, a page for each namespace, ``commands.md`` and ``findings.md``."""
     folder.mkdir(exist_ok=True)
     lines = ["# Reference", ""]
     for namespace in NAMESPACES:
@@ -24,8 +33,10 @@ def write_reference(folder: Path) -> None:
         (folder / f"{name}.md").write_text(_page(namespace), encoding="utf-8")
         lines.append(f"- [{name}]({name}.md): {_title(namespace)}")
     (folder / "commands.md").write_text(_commands(), encoding="utf-8")
-    lines += ["- [Commands](commands.md): every option.", "", "```{toctree}", ":hidden:", ""]
-    lines += [*(namespace.__name__ for namespace in NAMESPACES), "commands", "```", ""]
+    (folder / "findings.md").write_text(FINDINGS + table(), encoding="utf-8")
+    lines += ["- [Commands](commands.md): every option.", "- [Codes of findings](findings.md): with their sentences."]
+    lines += ["", "```{toctree}", ":hidden:", ""]
+    lines += [*(namespace.__name__ for namespace in NAMESPACES), "commands", "findings", "```", ""]
     (folder / "index.md").write_text("\n".join(lines), encoding="utf-8")
 
 
