@@ -82,7 +82,6 @@ QUICK: dict[str, str] = {
     "validation.kills": "--runs 1",
     "validation.mutation": "--sample 0",
     "validation.install_size": "",
-    "validation.structure": "{root}",
 }
 """Short forms that take some seconds, run by `make test`: program and arguments."""
 
@@ -141,6 +140,7 @@ NOT_RUN = {
     "validation.record": "writes a kept result; tests/validation/test_record.py runs it",
     "validation.richer": "identifies a rotor many times from records that are no part of this repository;"
     " tests/validation/test_richer.py runs its parts",
+    "validation.structure": "tests/validation/test_structure.py measures this checkout, and runs it on a small one",
     "validation.wheel": "makes environments from a package index",
 }
 """Programs without a short form, and why."""
