@@ -28,3 +28,9 @@ def identify_once(record: Record, turbine: Any, *, progress: Any, **options: Any
 @pytest.fixture(autouse=True)
 def shared_answers(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(front_door, "identify", identify_once)
+
+
+@pytest.fixture
+def without_pages(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave the page of an identification empty."""
+    monkeypatch.setattr("windsysid.reports.identification.identification_report", lambda *_: b"")
