@@ -31,9 +31,7 @@ def has_picture(value: object) -> bool:
 
 
 @pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.stem)
-def test_the_cells_of_a_notebook_run_and_show_pictures(
-    notebook: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_the_cells_of_a_notebook_run_and_show_pictures(notebook: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Without a kernel: what a cell ends with is what it shows."""
     monkeypatch.chdir(tmp_path)
     known: dict[str, object] = {}

@@ -22,7 +22,8 @@ def test_identify_prints_a_screen_and_everything_where_asked(
 ):
     path = tmp_path / "record.csv"
     ws.write_record(ws.simulate(turbine, duration=duration, rate=rate, seed=1), path)
-    short, whole = (run("identify", path, "--turbine", turbine, *more).out for more in ((), ("--verbose", "--no-report")))
+    identify = ("identify", path, "--turbine", turbine)
+    short, whole = run(*identify).out, run(*identify, "--verbose", "--no-report").out
     lines = short.splitlines()
     assert len(lines) <= 24
     assert max(map(len, lines[:-1])) <= 80 or "trust: NO" in short

@@ -12,7 +12,6 @@ from windsysid.errors import OutputError
 from windsysid.records.formats import load_mapping, read_record
 from windsysid.simulation.examples import building, write_examples
 
-
 pytestmark = pytest.mark.usefixtures("without_pages")
 
 

@@ -22,9 +22,7 @@ def tower_and_blade(seed, once=0.45):
 TOWER = ("tower_x_acceleration", "tower_z_acceleration")
 
 
-@pytest.mark.parametrize(
-    ("name", "with_azimuth"), [("Spn3ALxb1", False), ("Spn3ALxb1", True), ("blade_1_acc", True)]
-)
+@pytest.mark.parametrize(("name", "with_azimuth"), [("Spn3ALxb1", False), ("Spn3ALxb1", True), ("blade_1_acc", True)])
 def test_a_blades_own_channel_beside_the_towers_is_left_out_with_a_note(name, with_azimuth):
     x, z, blade, psi = tower_and_blade(1)
     columns = {name: blade, **dict(zip(TOWER, (x, z), strict=True))}
