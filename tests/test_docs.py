@@ -175,8 +175,9 @@ def test_commands_and_their_options_exist(page: Path):
                 pass
 
 
-QUICK = {"months_of_estimates", "two_records"}
-"""Examples that take some seconds; the others are run by `make test-all`, and all whenever the site is built."""
+QUICK = {"months_of_estimates"}
+"""Examples that take some seconds; the others are run by `make test-all`, and all whenever the site is built. Notebooks
+and tests of an own turbine's model run the code of two others."""
 
 
 @pytest.mark.parametrize(
