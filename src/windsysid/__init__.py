@@ -54,6 +54,8 @@ if TYPE_CHECKING:
     from windsysid.modal.linearisation.read import read_linearisation
     from windsysid.modal.linearisation.result import LinearisedModes
     from windsysid.modal.marks import ModeMarks, read_mode_marks
+    from windsysid.modal.matching.match import match_modes as match
+    from windsysid.modal.matching.result import ModeMatch
     from windsysid.modal.sweep import find_modes as modes
     from windsysid.monitoring.change import Comparison
     from windsysid.monitoring.changes import Watch
@@ -112,6 +114,8 @@ _WHERE = {
     "modal.campbell": "Campbell",
     "modal.decays.analyse": "free_decay=analyse_decays",
     "modal.marks": "ModeMarks read_mode_marks",
+    "modal.matching.match": "match=match_modes",
+    "modal.matching.result": "ModeMatch",
     "modal.linearisation.read": "read_linearisation",
     "modal.linearisation.result": "LinearisedModes",
     "modal.sweep": "modes=find_modes",
@@ -233,6 +237,8 @@ __all__ = [  # noqa: RUF022
     "modes",
     "monitor",
     "ModeMarks",
+    "ModeMatch",
+    "match",
     "free_decay",
     "oma",
     "read_mode_marks",

@@ -107,6 +107,7 @@ SHORT: dict[str, tuple[str, ...]] = {
     "validation.comparison": ("--pairs 1 --cache {tmp}",),
     "validation.damping": ("--runs 1",),
     "validation.decays": ("--runs 1",),
+    "validation.matching": ("--machines 20 --records 1",),
     "validation.field": ("--openfast {data}/openfast --output {tmp} --without-rotor --seeds 1",),
     "validation.window_pairs": ("--openfast {data}/openfast --records c2 --seconds 180",),
     "validation.windows": ("--openfast {data}/openfast --records c2 --seconds 180",),

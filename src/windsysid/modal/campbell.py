@@ -26,10 +26,7 @@ __all__ = ["MEASURED_HEADINGS", "Campbell", "Margin", "MeasuredMode", "speed_ran
 
 Triple = tuple[float, float, float]
 
-NEAR = 0.08
-"""A measured mode this near to a curve, relative, is beside it."""
-
-MEASURED_HEADINGS = ("record", "rpm", "mode", "f [Hz], ±2σ", "ζ [%], ±2σ", "beside", "off by", "trusted")
+MEASURED_HEADINGS = ("record", "rpm", "mode", "f [Hz], ±2σ", "ζ [%], ±2σ", "which mode, odds", "off by", "trusted")
 
 
 class Margin(NamedTuple):
@@ -78,8 +75,9 @@ class MeasuredMode(NamedTuple):
         (ratio, low, high).
     trusted
         Whether nothing spoke against it.
-    curve, expected
-        The curve nearest to it at that speed, within `NEAR`, and its frequency there [Hz]; None where there is none.
+    candidate, expected, odds
+        The mode of the model that it is (`windsysid.match`), or another cause; the model's frequency [Hz], None for
+        other causes; and the odds, in words.
     """
 
     record: str
@@ -89,8 +87,9 @@ class MeasuredMode(NamedTuple):
     frequency_std: float
     damping: Triple
     trusted: bool
-    curve: str | None = None
+    candidate: str | None = None
     expected: float | None = None
+    odds: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,16 +137,8 @@ class Campbell(Answer):
     measured: tuple[MeasuredMode, ...] = ()
 
     def with_measured(self, modes: Sequence[MeasuredMode]) -> "Campbell":
-        """The same with measured modes, each beside the nearest curve within `NEAR`."""
-        placed = []
-        for mode in modes:
-            there = {curve.name: float(np.interp(mode.speed, self.speeds, curve.frequency)) for curve in self.curves}
-            near = {name: abs(mode.frequency / f - 1.0) for name, f in there.items() if np.isfinite(f)}
-            name = min(near, key=near.__getitem__, default=None)
-            if name is not None and near[name] < NEAR and self.speeds[0] <= mode.speed <= self.speeds[-1]:
-                mode = mode._replace(curve=name, expected=there[name])
-            placed.append(mode)
-        return replace(self, measured=tuple(placed))
+        """The same with measured modes on it."""
+        return replace(self, measured=tuple(modes))
 
     def to_dataframe(self) -> "pd.DataFrame":
         """A row for each mode and rotor speed: ``mode``, ``speed`` [rad/s], ``frequency`` [Hz], ``damping`` ratio, and
@@ -183,7 +174,7 @@ class Campbell(Answer):
                 (
                     mode.record, f"{mode.speed * RPM:.2f}", mode.name,
                     f"{mode.frequency:.4f} ± {SIGMAS * mode.frequency_std:.4f}", f"{z:.2f} ({low:.2f} … {high:.2f})",
-                    mode.curve or "", off, "yes" if mode.trusted else "no",
+                    ", ".join(filter(None, (mode.candidate, mode.odds))), off, "yes" if mode.trusted else "no",
                 )
             )  # fmt: skip
         return rows
