@@ -118,3 +118,25 @@ def test_nothing_is_matched_with_nothing():
 def test_a_result_without_modes_is_refused_in_one_line():
     with pytest.raises(ConfigurationError, match="expected measured modes, got none in record"):
         ws.match(record(), "nrel5mw")
+
+
+X, Z, BACKWARD = "tower_x_acceleration", "tower_z_acceleration", "blades_tip_lag_acceleration backward"
+
+TOWER = [
+    ModelMode("side-side", 0.315, 0.0, 0.006, 0.0, {X: 1.0, Z: 0.05, BACKWARD: 1.6}),
+    ModelMode("fore-aft", 0.322, 0.0, 0.06, 0.0, {X: 0.05, Z: 1.0, BACKWARD: 0.1}),
+]
+
+
+@pytest.mark.parametrize("exchanged", [False, True])
+def test_exchanged_axes_are_found_and_said(monkeypatch: pytest.MonkeyPatch, exchanged: bool):
+    """As with a nacelle yawed by 90° over sensors below the yaw bearing: the light mode moves what is called z."""
+    x, z = (Z, X) if exchanged else (X, Z)
+    modes = (
+        seen("a", 0.316, 0.007, **{x: 1.0, z: 0.04, BACKWARD: 1.5}),
+        seen("b", 0.324, 0.05, **{x: 0.03, z: 1.0, BACKWARD: 0.12}),
+    )
+    monkeypatch.setattr("windsysid.modal.matching.match._model_modes", lambda *_: ("model", TOWER, 3, []))
+    found = match_modes(record(*modes), "model")
+    assert [mode.best.name for mode in found.modes] == ["side-side", "fore-aft"]
+    assert any("x and z of the sensors are exchanged" in note for note in found.notes) == exchanged

@@ -38,6 +38,13 @@ HARMONIC_WIDTH, HARMONIC_HALF_WIDTHS = 0.01, 1.5
 LOAD_ODDS = 3.0
 """Odds: of a load against a mode that the model lacks, where `oma` says "load or mode" or finds a sinusoid."""
 
+EXCHANGED_AXES_ODDS = 0.05
+"""Odds: that fore-aft and side-side sensors have each other's names, a priori; one record in twenty."""
+
+MIN_EXCHANGED_ODDS = 10.0
+"""Odds: from which on names are taken to be exchanged, strong evidence (Kass & Raftery, J. Am. Stat. Assoc. 90,
+1995)."""
+
 MAX_ODDS = 1000.0
 """Odds: largest that are shown; calibration goes no further (`python -m validation.matching`)."""
 

@@ -6,9 +6,9 @@ Modes that the model lacks, loads and rotor harmonics compete with its modes for
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TypeAlias
+from typing import TypeAlias, TypeVar
 
 import numpy as np
 
@@ -79,9 +79,35 @@ def match_modes(result: "Measured", modes: "ModelLike") -> ModeMatch:
     name, model, blades, notes = _model_modes(modes, measured)
     if not model:
         raise ConfigurationError(f"match: expected modes of a model, got none in {name}")
-    found = candidates_of(measured.modes, model, measured.rotor_speed / (2.0 * math.pi), blades)
-    notes += _not_measured(found, model)
+    seen, warnings = _with_model_axes(measured, model)
+    found = candidates_of(seen, model, measured.rotor_speed / (2.0 * math.pi), blades)
+    notes += [*warnings, *_not_measured(found, model)]
     return ModeMatch(measured.record, name, measured.rotor_speed, found, tuple(notes))
+
+
+def _with_model_axes(measured: KnownModes, model: Sequence[ModelMode]) -> tuple[tuple[KnownMode, ...], list[str]]:
+    """Measured modes with x and z of their sensors exchanged if they are so much likelier, and a warning of it."""
+    swapped = tuple(
+        m._replace(shape=_exchanged(m.shape), shape_std=_exchanged(m.shape_std)) for m in measured.modes
+    )  # fmt: skip
+    as_named, other = (
+        sum(math.log1p(float(pair_weights(m, model, [shape_assurance(m, one) for one in model]).sum())) for m in each)
+        for each in (measured.modes, swapped)
+    )
+    odds = math.exp(min(other - as_named, 50.0)) * limits.EXCHANGED_AXES_ODDS
+    if odds < limits.MIN_EXCHANGED_ODDS:
+        return measured.modes, []
+    text = f"Warning: x and z of the sensors are exchanged, odds {odds_text(odds / (1.0 + odds))}: the nacelle is yawed"
+    return swapped, [f"{text} by more than 45° over sensors that do not yaw, or the channels are named so"]
+
+
+_Values = TypeVar("_Values", complex, float)
+
+
+def _exchanged(by_channel: Mapping[str, _Values]) -> dict[str, _Values]:
+    """Values by channel with x and z exchanged where a point has both."""
+    other = {name: name.replace("_x_", "_#_").replace("_z_", "_x_").replace("_#_", "_z_") for name in by_channel}
+    return {name: by_channel.get(other[name], value) for name, value in by_channel.items()}
 
 
 def on_diagram(measured: KnownModes, modes: "ModelLike") -> list[MeasuredMode]:
