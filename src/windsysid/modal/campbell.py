@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.modal.matching.result import odds_text
 from windsysid.modal.stability import GroundResonance, Unstable
 from windsysid.modal.tracking import Curve
 from windsysid.output.answers import Answer
@@ -75,9 +76,9 @@ class MeasuredMode(NamedTuple):
         (ratio, low, high).
     trusted
         Whether nothing spoke against it.
-    candidate, expected, odds
+    candidate, expected, probability
         The mode of the model that it is (`windsysid.match`), or another cause; the model's frequency [Hz], None for
-        other causes; and the odds, in words.
+        other causes; and its probability [1].
     """
 
     record: str
@@ -89,7 +90,7 @@ class MeasuredMode(NamedTuple):
     trusted: bool
     candidate: str | None = None
     expected: float | None = None
-    odds: str = ""
+    probability: float = math.nan
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,12 +170,13 @@ class Campbell(Answer):
         rows: list[tuple[str, ...]] = []
         for mode in self.measured:
             off = "" if mode.expected is None else f"{100.0 * (mode.frequency / mode.expected - 1.0):+.2f} %"
+            which = "" if mode.candidate is None else f"{mode.candidate}, {odds_text(mode.probability)}"
             z, low, high = (100.0 * value for value in mode.damping)
             rows.append(
                 (
                     mode.record, f"{mode.speed * RPM:.2f}", mode.name,
                     f"{mode.frequency:.4f} ± {SIGMAS * mode.frequency_std:.4f}", f"{z:.2f} ({low:.2f} … {high:.2f})",
-                    ", ".join(filter(None, (mode.candidate, mode.odds))), off, "yes" if mode.trusted else "no",
+                    which, off, "yes" if mode.trusted else "no",
                 )
             )  # fmt: skip
         return rows

@@ -180,7 +180,8 @@ def data(found: Campbell) -> dict[str, bytes]:
     if found.measured:
         import pandas as pd
 
-        rows = [mode._asdict() for mode in found.measured]
+        names = ("damping", "damping_low", "damping_high")
+        rows = [{**mode._asdict(), **dict(zip(names, mode.damping, strict=True))} for mode in found.measured]
         measured["measured.csv"] = pd.DataFrame(rows).to_csv(index=False).encode()
     return {
         **measured,

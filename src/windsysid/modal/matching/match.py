@@ -116,7 +116,7 @@ def on_diagram(measured: KnownModes, modes: "ModelLike") -> list[MeasuredMode]:
         return []
     return [
         point._replace(
-            candidate=mode.best.name, expected=mode.best.frequency, odds=odds_text(mode.best.probability)
+            candidate=mode.best.name, expected=mode.best.frequency, probability=mode.best.probability
         )
         for point, mode in zip(measured.measured(), match_modes(measured, modes).modes, strict=True)
     ]  # fmt: skip
