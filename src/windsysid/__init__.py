@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from windsysid.inspection import inspect_record as inspect
     from windsysid.modal.decays.analyse import analyse_decays as free_decay
     from windsysid.modal.linearisation.read import read_linearisation
+    from windsysid.modal.matching.match import match_modes as match
     from windsysid.modal.sweep import find_modes as modes
     from windsysid.monitoring.comparison import compare
     from windsysid.monitoring.damping import separate_damping as damping
@@ -52,6 +53,7 @@ _PUBLIC, __getattr__ = _lazily(__name__, globals(), {
     "inspection": "inspect=inspect_record",
     "modal.decays.analyse": "free_decay=analyse_decays",
     "modal.linearisation.read": "read_linearisation",
+    "modal.matching.match": "match=match_modes",
     "modal.sweep": "modes=find_modes",
     "monitoring.comparison": "compare",
     "monitoring.damping": "damping=separate_damping",
@@ -86,6 +88,7 @@ __all__ = [
     "load_mapping",
     "load_result",
     "load_turbine",
+    "match",
     "models",
     "modes",
     "monitor",

@@ -106,6 +106,7 @@ SHORT: dict[str, tuple[str, ...]] = {
     "validation.decays": ("--runs 1",),
     "validation.effects": ("--first 1 --runs 1 --machines tower --only bias --sizes 0.4",),
     "validation.endurance": ("--hours 0.02",),
+    "validation.matching": ("--machines 20 --records 1",),
     "validation.field": ("--openfast {data}/openfast --output {tmp} --without-rotor --seeds 1",),
     "validation.window_pairs": ("--openfast {data}/openfast --records c2 --seconds 180",),
     "validation.windows": ("--openfast {data}/openfast --records c2 --seconds 180",),

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from windsysid.modal.campbell import Campbell
     from windsysid.modal.linearisation.result import LinearisedModes
     from windsysid.modal.marks import ModeMarks, read_mode_marks
+    from windsysid.modal.matching.result import ModeMatch
     from windsysid.monitoring.change import Comparison
     from windsysid.monitoring.changes import Watch
     from windsysid.monitoring.separation import Separation
@@ -31,6 +32,7 @@ _PUBLIC, __getattr__ = _lazily(__name__, globals(), {
     "modal.campbell": "Campbell",
     "modal.linearisation.result": "LinearisedModes",
     "modal.marks": "ModeMarks read_mode_marks",
+    "modal.matching.result": "ModeMatch",
     "monitoring.change": "Comparison",
     "monitoring.changes": "Watch",
     "monitoring.separation": "Separation",
@@ -53,6 +55,7 @@ __all__ = [
     "LinearisedModes",
     "Mode",
     "ModeMarks",
+    "ModeMatch",
     "OperationalMode",
     "OperationalModes",
     "Plan",

@@ -121,7 +121,7 @@ def analyse_decays(
     found = _without_removed(found, marks)
     nodes, drawn = geometry_of(sensors)
     found = replace(found, nodes=nodes, lines_drawn=drawn)
-    modes = with_references(named(found.modes, found.channels), machine, 0.0)
+    modes = with_references(named(found.modes, found.channels), found.channels, machine, 0.0)
     if found.doubts:
         of_record = Doubt("record", f"the record is doubtful: {found.doubts[0]}")
         modes = [replace(mode, grounds=(*mode.grounds, of_record)) for mode in modes]

@@ -100,7 +100,7 @@ def analyse_vibration(
     found = result_of(singles[0]) if len(singles) == 1 else join(singles)
     nodes, drawn = geometry_of(sensors)
     found = replace(found, nodes=nodes, lines_drawn=drawn)
-    modes = with_references(named(found.modes, found.channels), machine, found.rotor_hz)
+    modes = with_references(named(found.modes, found.channels), found.channels, machine, found.rotor_hz)
     if found.doubts:
         of_record = Doubt("record", f"the record is doubtful: {found.doubts[0]}")
         modes = [replace(mode, grounds=(*mode.grounds, of_record)) for mode in modes]
