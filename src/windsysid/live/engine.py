@@ -20,7 +20,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from windsysid.errors import StoreError
-from windsysid.fleet.rows import Row
 from windsysid.fleet.work.guard import StoppedError
 from windsysid.live.blocks.block import Block
 from windsysid.live.blocks.codec import BlockLimits, BlockRefused, check, refusing
@@ -33,7 +32,7 @@ from windsysid.live.turns import ShortTurns
 from windsysid.live.watch.open_alarms import TOO_LATE
 from windsysid.live.watch.watching import resume, start
 from windsysid.live.windows.closing import conclude, estimate, unpack
-from windsysid.live.windows.estimate import Estimator, estimators
+from windsysid.live.windows.estimate import Estimated, Estimator, estimators
 from windsysid.live.windows.streams import StreamHealth, Verdict
 from windsysid.live.windows.timeline import SECOND, sample_time
 from windsysid.records.moments import moment_text
@@ -266,9 +265,9 @@ class Engine:
                 return
             follower = self._followers[task.turbine]
             try:
-                row = self._row(follower, task, estimator)
+                found = self._estimate(follower, task, estimator)
                 with follower.lock:
-                    follower.rows[task.window] = row
+                    follower.estimates[task.window] = found
                 self._take_rows(follower)
             except StoppedError:
                 return
@@ -280,17 +279,18 @@ class Engine:
                     return
                 self._tasks.put(task)
 
-    def _row(self, follower: Follower, task: WindowTask, estimator: Estimator) -> Row:
+    def _estimate(self, follower: Follower, task: WindowTask, estimator: Estimator) -> Estimated:
         if follower.last is not None:
             follower.last.exception()  # all blocks of the window are on disk
         begun = time.thread_time()
         blocks = [block for _, block in self._store.waiting(task.turbine, task.window)]
         reading = time.thread_time() - begun
-        found = estimate(follower, task, blocks, estimator)
+        read = estimate(follower, task, blocks, estimator)
         with follower.lock:
-            follower.counts.update({name: count for name, count in found.counts.items() if count})
-        self._count(windows_ns=round((reading + found.joining) * SECOND), estimates_ns=round(found.estimating * SECOND))
-        return found.row
+            follower.counts.update({name: count for name, count in read.counts.items() if count})
+        seconds = read.found.seconds
+        self._count(windows_ns=round((reading + read.joining) * SECOND), estimates_ns=round(seconds * SECOND))
+        return read.found
 
     def _take_rows(self, follower: Follower) -> None:
         """Let the watch take in the rows that are next in line."""
@@ -298,20 +298,21 @@ class Engine:
             while True:
                 with follower.lock:
                     task = follower.order[0] if follower.order else None
-                    row = None if task is None else follower.rows.get(task.window)
-                if task is None or row is None:
+                    found = None if task is None else follower.estimates.get(task.window)
+                if task is None or found is None:
                     return
-                self._take_row(follower, task, row)
+                self._take_row(follower, task, found)
+                row = found.row
                 self._tell("window", turbine=task.turbine, window=task.window, status=row["status"], why=row["why"])
                 with self._idle:
                     self._idle.notify_all()
 
-    def _take_row(self, follower: Follower, task: WindowTask, row: Row) -> None:
+    def _take_row(self, follower: Follower, task: WindowTask, found: Estimated) -> None:
         """Let the watch take in a row, and wait until the store has what it made of it."""
-        begun = time.thread_time()
+        begun, row = time.thread_time(), found.row
         concluded = follower.concluded
         if concluded is None:  # else the store refused it before
-            concluded = follower.concluded = conclude(follower, task, row, self._now())
+            concluded = follower.concluded = conclude(follower, task, found, self._now())
             follower.counts["windows"] += 1
         with follower.lock:
             if follower.state != "silent":
@@ -327,7 +328,7 @@ class Engine:
         stored.result()
         with follower.lock:
             follower.means, follower.concluded = concluded.means, None
-            del follower.rows[task.window]
+            del follower.estimates[task.window]
             follower.order.popleft()
             free: list[Future[None]] = []
             if len(follower.order) <= WITHHELD_WINDOWS:

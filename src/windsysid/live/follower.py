@@ -13,12 +13,12 @@ from typing import Literal, NamedTuple
 
 from windsysid.errors import ConfigurationError
 from windsysid.fleet.members import Member
-from windsysid.fleet.rows import Row
 from windsysid.live.blocks.block import Block
 from windsysid.live.blocks.codec import BlockRefused
 from windsysid.live.store.contents import Alarm, Result, Status
 from windsysid.live.watch.open_alarms import OpenAlarms
 from windsysid.live.watch.watching import Watching, WatchOptions
+from windsysid.live.windows.estimate import Estimated
 from windsysid.live.windows.streams import Drift, StreamHealth, Verdict
 from windsysid.live.windows.table_size import Growth, TableSize, growth
 from windsysid.live.windows.timeline import SECOND, TurbineWindows, sample_time
@@ -116,7 +116,7 @@ class Follower:
         self.open: dict[int, dict[str, set[int]]] = {}
         self.tables: dict[int, dict[tuple[str, float], TableSize]] = {}
         self.order: deque[WindowTask] = deque()
-        self.rows: dict[int, Row] = {}
+        self.estimates: dict[int, Estimated] = {}
         self.closed_until = 0
         self.counts: Counter[str] = Counter()
         self.received = 0

@@ -24,6 +24,7 @@ from windsysid.live.page.door import Door
 from windsysid.live.page.guard import RequestGuard, RequestLimits
 from windsysid.live.page.metrics import MEDIA_TYPE, metrics_text
 from windsysid.live.page.newest import Newest
+from windsysid.live.page.spectra import spectra_of, waterfall_of
 from windsysid.live.page.streams import Streams, TooManyStreams
 from windsysid.live.page.views import (
     NS_PER_MS,
@@ -45,6 +46,9 @@ STATIC = FilePath(__file__).parent / "static"
 
 MOST_POINTS = 4000
 """Windows that a chart is given at most."""
+
+MAX_SPECTRA = 800
+"""Setting: spectra of one waterfall."""
 
 MOST_MOMENT = 9.2e12
 """Milliseconds that are still nanoseconds of 64 bits: the year 2261."""
@@ -218,6 +222,22 @@ def _turbines(store: Store, engine: PageEngine | None, newest: Newest, door: Doo
     ) -> models.Results:
         """Modes, loads, rotor speed and trust over time."""
         return results_of(store.results(turbine, since=_ns(since), until=_ns(until), most=most))
+
+    @router.get("/spectrum")
+    def spectrum(turbine: Annotated[str, Depends(known)], until: Moment = None) -> models.Spectra:
+        """Spectra with the model of the newest window, or of the last one that starts before `until`."""
+        return spectra_of(store.spectra(turbine, until=_ns(until), most=1))
+
+    @router.get("/waterfall")
+    def waterfall(
+        turbine: Annotated[str, Depends(known)],
+        channel: Annotated[str | None, Query(max_length=200, description="as in `channels`; the first")] = None,
+        since: Moment = None,
+        until: Moment = None,
+        most: Annotated[int, Query(ge=1, le=MAX_SPECTRA, description="of more windows, every so manieth")] = 336,
+    ) -> models.Waterfall:
+        """Measured spectrum of a channel over time."""
+        return waterfall_of(store.spectra(turbine, since=_ns(since), until=_ns(until), most=most), channel)
 
     @router.get("/results/{window}")
     def result(

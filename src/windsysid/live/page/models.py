@@ -1,6 +1,6 @@
 """Models of the answers of the API. Moments are milliseconds since 1970, UTC; whatever is not known is null."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, Field
 
@@ -280,6 +280,33 @@ class LoadTrack(BaseModel):
     high: Numbers
 
 
+class ConditionTrack(BaseModel):
+    """Mean of a channel, or SCADA, over time; as long as `Results.windows`."""
+
+    name: str
+    title: str
+    unit: str
+    mean: Numbers
+
+
+class Spectra(BaseModel):
+    """Spectra of the channels of one window, with the model."""
+
+    window: Annotated[float | None, Field(description="its start; null if no spectrum is stored")]
+    plots: Annotated[list[dict[str, Any]], Field(description="curves over frequency, with intervals, modes and units")]
+
+
+class Waterfall(BaseModel):
+    """Spectrum of one channel over time, of the last window of each hour."""
+
+    channel: str
+    channels: list[str]
+    unit: str
+    windows: list[float]
+    frequencies: Annotated[list[float], Field(description="Hz, of the newest spectrum")]
+    density: Annotated[list[Numbers], Field(description="decimal logarithm of the measured spectrum, by window")]
+
+
 class Results(BaseModel):
     """What the windows of a turbine gave."""
 
@@ -293,6 +320,7 @@ class Results(BaseModel):
     blades: Annotated[int | None, Field(description="of the rotor: 1P and its multiples are what excites")]
     modes: list[ModeTrack]
     loads: list[LoadTrack]
+    conditions: list[ConditionTrack]
 
 
 class Acknowledgement(BaseModel):

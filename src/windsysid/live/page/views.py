@@ -13,6 +13,7 @@ from windsysid.checks.conditioning import hold
 from windsysid.configuration import parse_toml
 from windsysid.errors import StoreError
 from windsysid.fleet.rows import stored_grade, stored_grades
+from windsysid.fleet.scada import SCADA_COLUMNS
 from windsysid.live.engine_state import PageEngine, TurbineState
 from windsysid.live.page import models
 from windsysid.live.page.newest import Newest
@@ -156,6 +157,7 @@ def results_of(results: Sequence[Result]) -> models.Results:
         blades=_blades(rows[-1]) if rows else None,
         modes=_modes_over_time(rows),
         loads=_loads_over_time(rows),
+        conditions=_conditions_over_time(rows),
     )
 
 
@@ -337,6 +339,20 @@ def _loads_over_time(rows: Sequence[Mapping[str, Any]]) -> list[models.LoadTrack
         models.LoadTrack(name=name, title=name.replace("_", " "), unit=unit_text(_text(first, "unit")), **found)
         for name, (found, first) in columns.items()
         if not noise_source(name)
+    ]
+
+
+def _conditions_over_time(rows: Sequence[Mapping[str, Any]]) -> list[models.ConditionTrack]:
+    """Means of the channels, and SCADA that was joined to the rows."""
+    columns = _over_time(rows, "channels", ("mean",))
+    found = {name: (one["mean"], _text(first, "unit")) for name, (one, first) in columns.items()}
+    for name, (unit, _) in SCADA_COLUMNS.items():
+        values = [_number(row.get(f"scada_{name}")) for row in rows] if unit else []
+        if any(value is not None for value in values):
+            found[f"scada_{name}"] = values, unit
+    return [
+        models.ConditionTrack(name=name, title=name.replace("_", " "), unit=unit_text(unit), mean=values)
+        for name, (values, unit) in found.items()
     ]
 
 

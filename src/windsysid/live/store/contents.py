@@ -122,6 +122,8 @@ class Result(NamedTuple):
         Of all series that are watched.
     checkpoint
         The turbine's watch after this window, in bytes: what it takes to go on.
+    spectra
+        Plots of the channels' spectra with the model, each as JSON (`windsysid.reports.interactive.plot.to_json`).
     """
 
     turbine: str
@@ -131,6 +133,7 @@ class Result(NamedTuple):
     row: Mapping[str, Any]
     levels: Sequence[SeriesLevel]
     checkpoint: bytes
+    spectra: Sequence[str] = ()
 
 
 class Alarm(NamedTuple):

@@ -44,5 +44,10 @@ STEPS: tuple[tuple[str, ...], ...] = (
         "CREATE INDEX alarms_by_event ON alarms (event)",
     ),
     ("CREATE TABLE recipients (name TEXT NOT NULL PRIMARY KEY, event BIGINT NOT NULL)",),
+    (
+        """CREATE TABLE spectra (
+            turbine TEXT NOT NULL, window_start BIGINT NOT NULL, content BYTES NOT NULL,
+            PRIMARY KEY (turbine, window_start))""",
+    ),
 )
 """What makes a store of one version one of the next; a store's version is the number of steps that made it."""

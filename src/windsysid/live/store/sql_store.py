@@ -15,7 +15,7 @@ from windsysid.live.store import statements as sql
 from windsysid.live.store.batch import CommitBatch, PreparedCommit, prepare
 from windsysid.live.store.contents import Alarm, Commit, Event, Result, SensorHealth, SeriesLevel, Status
 from windsysid.live.store.database import Database
-from windsysid.live.store.encoding import block_of, levels_of, pack_text, row_of
+from windsysid.live.store.encoding import block_of, levels_of, pack_text, row_of, spectra_of
 from windsysid.live.store.keep import DAY, Keep, span
 from windsysid.live.store.store import ContentError
 
@@ -348,6 +348,14 @@ class SqlStore:
         found = self._read(sql.LEVELS_OF.format(windows=windows), (turbine, *values))
         return [(window, level) for window, content in found for level in levels_of(content)]
 
+    def spectra(
+        self, turbine: str, *, since: int | None = None, until: int | None = None, most: int = 500
+    ) -> list[tuple[int, list[dict[str, Any]]]]:
+        """Start of the window and plots, in order of time; of more than `most` windows, every so manieth."""
+        windows, values = self._windows("spectra", turbine, since, until, most)
+        found = self._read(sql.SPECTRA_OF.format(windows=windows), (turbine, *values))
+        return [(window, spectra_of(content)) for window, content in found]
+
     def extent(self, turbine: str) -> tuple[int, int] | None:
         """Starts of the first and of the newest window that a turbine has something of; None where it has nothing."""
         [(first, newest)] = self._read(
@@ -388,13 +396,16 @@ class SqlStore:
 
     def thin(self, *, now: int) -> None:
         """Take away what is older than the store was told to keep, in slices between which commits are written."""
-        results, levels, alarms = (span(kept) for kept in (self._keep.results, self._keep.levels, self._keep.alarms))
+        keep = self._keep
+        results, levels, alarms, spectra = map(span, (keep.results, keep.levels, keep.alarms, keep.spectra))
         for turbine in self.turbines():
             if results is not None:
                 self._thin_results(turbine, now - results)
             if levels is not None:
                 cut = max(now - levels, 0)
                 self._change(sql.THIN_LEVELS, (turbine, cut, cut, DAY, DAY))
+        if spectra is not None:
+            self._change("DELETE FROM spectra WHERE window_start < ?", (max(now - spectra, 0),))
         if alarms is not None:
             self._change("DELETE FROM alarms WHERE ended < ?", (max(now - alarms, 0),))
         self._queue(self._database.tidy).result()
@@ -425,4 +436,4 @@ class SqlStore:
 ALARM_COLUMNS = (
     "key, turbine, kind, severity, about, opened, earliest, latest, ended, text, acknowledged, acknowledged_by, remark"
 )
-TABLES = ("configurations", "blocks", "statuses", "healths", "results", "levels", "checkpoints", "alarms")
+TABLES = ("configurations", "blocks", "statuses", "healths", "results", "levels", "spectra", "checkpoints", "alarms")

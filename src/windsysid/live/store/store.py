@@ -92,6 +92,11 @@ class Store(Protocol):
     ) -> list[tuple[int, SeriesLevel]]:
         """Start of the window and level, in order of time; of more than `most` windows, every so manieth."""
 
+    def spectra(
+        self, turbine: str, *, since: int | None = None, until: int | None = None, most: int = 500
+    ) -> list[tuple[int, list[dict[str, Any]]]]:
+        """Start of the window and plots of its spectra, of the last window of each hour; selected as in `levels`."""
+
     def alarms(self, *, turbine: str | None = None, open_only: bool = False, most: int = 500) -> list[Alarm]:
         """The newest first."""
 
