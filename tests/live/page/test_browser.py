@@ -117,8 +117,47 @@ def test_every_chart_has_its_table_and_fits_a_phone(served, tab):
     assert tab.evaluate("document.documentElement.scrollWidth") <= 390
     tab.get_by_role("button", name="6 h").press("Enter")
     tab.locator("#range-0[aria-pressed=true]").wait_for()
-    rows = figures.first.locator("tbody tr").count()
+    rows = tab.locator("#stiffness-and-damping figure").first.locator("tbody tr").count()
     assert 30 <= rows <= 40
+
+
+def test_panels_are_arranged_and_folded_by_keyboard_and_stay_so(served, tab):
+    _, address = served
+    tab.goto(f"{address}/#/turbine/T01")
+    tab.locator("figure canvas").first.wait_for()
+    names = "[...document.querySelectorAll('.panel')].map((one) => one.dataset.panel)"
+    assert tab.evaluate(names)[:3] == ["spectrum", "waterfall", "stiffness-and-damping"]
+    tab.get_by_role("button", name="Move Stiffness and damping up").press("Enter")
+    tab.locator("#status", has_text="Stiffness and damping: panel 2 of").wait_for(state="attached")
+    assert tab.evaluate("document.activeElement.getAttribute('aria-label')") == "Move Stiffness and damping up"
+    tab.locator("#waterfall-title").press("Enter")
+    tab.locator("#waterfall:not([open])").wait_for()
+    tab.reload()
+    tab.locator("figure canvas").first.wait_for()
+    assert tab.evaluate(names)[:3] == ["spectrum", "stiffness-and-damping", "waterfall"]
+    assert tab.locator("#waterfall").get_attribute("open") is None
+
+
+def test_plots_zoom_by_keyboard_overlay_conditions_and_are_saved(served, tab):
+    _, address = served
+    tab.goto(f"{address}/#/turbine/T02")
+    chart = tab.locator("#stiffness-and-damping figure").first
+    chart.locator("canvas").wait_for()
+    chart.locator(".plot-canvas").press("+")  # its range is read again, for all charts
+    tab.locator("#range-0[aria-pressed=false]").wait_for()
+    tab.get_by_label("Overlay on the charts").select_option("rotor_speed")
+    chart.get_by_role("button", name="rotor speed").wait_for()
+    with tab.expect_download() as saved:
+        chart.get_by_role("button", name="Save the shown values as CSV").press("Enter")
+    lines = saved.value.path().read_text(encoding="utf-8").splitlines()
+    assert lines[0].startswith('time [UTC],"window, [MN/m]"')
+    assert lines[0].endswith(",rotor speed [rpm]")
+    assert lines[1][10] == "T"
+    with tab.expect_download() as saved:
+        tab.locator("#waterfall").get_by_role("button", name="Save the picture as PNG").press("Enter")
+    assert saved.value.path().read_bytes()[:4] == b"\x89PNG"
+    tab.get_by_role("button", name="◀ earlier").last.press("Enter")
+    tab.locator("#spectrum-newest:not([disabled])").wait_for()
 
 
 def test_a_page_says_that_equations_are_compiled_and_what_a_source_lacks(store, tab):

@@ -15,6 +15,7 @@ from fastapi.responses import FileResponse, JSONResponse, PlainTextResponse
 from fastapi.sse import EventSourceResponse, ServerSentEvent
 from fastapi.staticfiles import StaticFiles
 
+from windsysid import reports
 from windsysid._version import __version__
 from windsysid.errors import WindsysidError
 from windsysid.live.engine_state import PageEngine
@@ -43,6 +44,8 @@ from windsysid.live.store.store import Store
 __all__ = ["app", "streams_of"]
 
 STATIC = FilePath(__file__).parent / "static"
+PLOTS = FilePath(reports.__file__).parent / "static"
+"""Script and style of the plots of report pages."""
 
 MOST_POINTS = 4000
 """Windows that a chart is given at most."""
@@ -131,6 +134,7 @@ def app(
     page.add_exception_handler(RequestValidationError, _invalid)
     page.add_middleware(RequestGuard, access=access, limits=limits)
     page.mount("/static", StaticFiles(directory=STATIC), name="static")
+    page.mount("/plots", StaticFiles(directory=PLOTS), name="plots")
     return page
 
 

@@ -2,13 +2,15 @@
 
 import { alarmList } from "/static/alarms.js";
 import { ask, turbinePath } from "/static/api.js";
-import { Chart } from "/static/charts.js";
+import { Chart, overTime, timeAxis } from "/static/charts.js";
 import { badge, h, show, table } from "/static/dom.js";
+import { Panels } from "/static/panels.js";
 import { VERDICTS, change, digits, graded, percent, plural, rpm, span, unusable, usable, usableOf, when, withBand, zone } from "/static/words.js";
 
 const HOUR = 3600e3;
 const RANGES = [["6 h", 6 * HOUR], ["1 day", 24 * HOUR], ["7 days", 168 * HOUR], ["30 days", 720 * HOUR], ["all", null]];
 const RPM = 30 / Math.PI;
+const REST = 400; // ms after a zoom, before its range is read
 
 export class TurbineView {
   constructor(main, name, role) {
@@ -23,16 +25,25 @@ export class TurbineView {
     this.known = h("div", {});
     this.rangeLine = h("div", {});
     this.groups = h("div", {});
+    this.panels = new Panels(this.groups);
+    this.channel = ""; // of the waterfall: the first
+    this.spectrumBefore = null; // null: the newest
+    this.overlay = ""; // name of a condition
     this.rest = h("div", {});
     this.built = false;
     this.texts = new Map();
-    this.dark = matchMedia("(prefers-color-scheme: dark)");
-    this.redraw = () => this.drawCharts();
-    this.dark.addEventListener("change", this.redraw);
+    this.ended = new AbortController();
+    const on = (event, act) => addEventListener(event, ({ detail }) => detail.link === "time" && act(detail.x), { signal: this.ended.signal });
+    on("plot-view", ([from, to]) => {
+      clearTimeout(this.zooming);
+      this.zooming = setTimeout(() => this.go(1000 * (to - from), 1000 * to), REST);
+    });
+    on("plot-click", (x) => this.showSpectrum(1000 * x));
   }
 
   close() {
-    this.dark.removeEventListener("change", this.redraw);
+    this.ended.abort();
+    clearTimeout(this.zooming);
     for (const chart of this.charts.values()) chart.close();
     this.closed = true;
   }
@@ -43,7 +54,7 @@ export class TurbineView {
     if (ours || !this.built) await this.readHistory();
     if (this.closed) return;
     if (!this.built) {
-      show(this.main, this.head, this.known, h("h2", { id: "history" }, "History"), this.rangeLine, this.groups, this.rest);
+      show(this.main, this.head, this.known, h("h2", { id: "history" }, "Spectra and history"), this.rangeLine, this.groups, this.rest);
       this.built = true;
       this.drawCharts();
     } else if (ours) this.drawCharts();
@@ -77,8 +88,31 @@ export class TurbineView {
     const query = this.length === null ? "" : `?since=${Math.max(0, to - this.length)}&until=${to + 1}`;
     [this.levels, this.results, this.alarms] = await Promise.all([
       ask(turbinePath(this.name, `/levels${query}`)), ask(turbinePath(this.name, `/results${query}`)),
-      ask(`/api/alarms?turbine=${encodeURIComponent(this.name)}`),
+      ask(`/api/alarms?turbine=${encodeURIComponent(this.name)}`), this.readSpectrum(), this.readWaterfall(query),
     ]);
+  }
+
+  async readSpectrum() {
+    const query = this.spectrumBefore === null ? "" : `?until=${this.spectrumBefore}`;
+    this.spectrum = await ask(turbinePath(this.name, `/spectrum${query}`));
+  }
+
+  async readWaterfall(query) {
+    this.waterfallQuery = query;
+    const channel = this.channel && `${query ? "&" : "?"}channel=${encodeURIComponent(this.channel)}`;
+    this.waterfall = await ask(turbinePath(this.name, `/waterfall${query}${channel}`));
+  }
+
+  async showSpectrum(before) {
+    this.spectrumBefore = before;
+    await this.readSpectrum();
+    this.drawCharts();
+  }
+
+  async showChannel(channel) {
+    this.channel = channel;
+    await this.readWaterfall(this.waterfallQuery);
+    this.drawCharts();
   }
 
   async go(length, end) {
@@ -176,48 +210,115 @@ export class TurbineView {
         button("later", "later ▶", () => move(0.5), { off: this.end === null }),
         button("in", "zoom in", () => zoom(0.5), { off: width <= HOUR }),
         button("out", "zoom out", () => zoom(2))),
-      h("p", { class: "quiet shown", "aria-live": "polite" }, `${when(from)} to ${when(to)}. Axes are in ${zone()}. Drag over a chart to see a part of it.`),
+      this.overlayChoice(),
+      h("p", { class: "quiet shown", "aria-live": "polite" }, `${when(from)} to ${when(to)}. Times are in ${zone()}. Drag over a chart to zoom; click in it for the spectrum of that time.`),
     ];
+  }
+
+  overlayChoice() {
+    const known = this.results.conditions.filter((one) => one.mean.some((v) => v !== null));
+    if (!known.length) return null;
+    const change = (event) => {
+      this.overlay = event.target.value;
+      this.drawCharts();
+    };
+    return h("p", { class: "choice" }, h("label", { for: "overlay" }, "Overlay on the charts"),
+      h("select", { id: "overlay", onchange: change }, [["", "none"], ...known.map((one) => [one.name, one.title])].map(([value, text]) => h("option", { value, selected: value === this.overlay }, text))));
+  }
+
+  // The chosen condition at windows [ms], in the units of engineers.
+  overlayAt(windows) {
+    const one = this.results.conditions.find(({ name }) => name === this.overlay);
+    if (!one) return null;
+    const [factor, unit] = { "rad/s": [RPM, "rpm"], rad: [180 / Math.PI, "deg"] }[one.unit] ?? [1, one.unit];
+    let at = 0;
+    const values = windows.map((window) => {
+      while (at + 1 < this.results.windows.length && this.results.windows[at + 1] <= window) at += 1;
+      const value = Math.abs(this.results.windows[at] - window) <= HOUR ? one.mean[at] : null;
+      return value === null ? null : factor * value;
+    });
+    return { name: one.title, unit, values };
   }
 
   drawCharts() {
     if (!this.built || this.closed) return;
-    const range = this.range;
+    const over = (charts) => charts.map((shown) => overTime({ ...shown, range: this.range, overlay: this.overlayAt(shown.windows) }));
     const groups = [
-      ["Stiffness and damping", this.coefficientCharts(), true],
-      ["Frequencies and damping ratios", this.modeCharts(), true],
-      ["Rotor speed and excitation", this.rotorCharts(), true],
-      ["Loads", this.loadCharts(), false],
-      ["Noise of the sensors", this.noiseCharts(), false],
-    ].filter(([, charts]) => charts.length);
-    for (const [name, charts, open] of groups) {
-      const id = name.toLowerCase().replace(/\W+/g, "-");
+      ["spectrum", "Spectrum and model", this.spectrumCharts(), true],
+      ["waterfall", "Spectrum over time", this.waterfallCharts(), true],
+      ["stiffness-and-damping", "Stiffness and damping", over(this.coefficientCharts()), true],
+      ["frequencies", "Frequencies and damping ratios", over(this.modeCharts()), true],
+      ["rotor", "Rotor speed and excitation", over(this.rotorCharts()), true],
+      ["loads", "Loads", over(this.loadCharts()), false],
+      ["noise", "Noise of the sensors", over(this.noiseCharts()), false],
+    ].filter(([, , charts]) => charts.length);
+    for (const [id, name, charts, open] of groups) {
       let group = document.getElementById(id);
       if (!group || !this.groups.contains(group)) {
-        group = h("details", { class: "group", id, open, ontoggle: () => this.fillGroup(id) }, h("summary", { id: `${id}-title` }, name), h("div", { class: "charts" }));
-        this.groups.append(group);
+        const content = [h("div", { class: "controls" }), h("div", { class: "charts" })];
+        group = this.panels.add(id, name, open, content, () => this.fillGroup(id));
       }
       group.charts = charts;
-      group.range = range;
+      this.put(group.querySelector(".controls"), { spectrum: () => this.spectrumControls(), waterfall: () => this.waterfallControls() }[id]?.() ?? []);
       this.fillGroup(id);
     }
-    if (!groups.length) show(this.groups, h("p", { class: "note" }, "There is no history yet: charts begin with the first estimate."));
+    if (!groups.length) show(this.groups, h("p", { class: "note" }, "No history yet: charts begin with the first estimate."));
     else this.groups.querySelector(":scope > p")?.remove();
   }
 
   fillGroup(id) {
     const group = document.getElementById(id);
     if (!group?.open) return;
-    const place = group.querySelector(".charts");
-    for (const shown of group.charts) {
-      const at = `${id}/${shown.title}`;
+    group.charts.forEach((spec, i) => {
+      const at = `${id}-${i}`;
       if (!this.charts.has(at)) {
-        const chart = new Chart(`${id}-${this.charts.size}`, (from, to) => this.go(to - from, to));
+        const chart = new Chart(at);
         this.charts.set(at, chart);
-        place.append(chart.figure);
+        group.querySelector(".charts").append(chart.element);
       }
-      this.charts.get(at).update(shown, group.range);
-    }
+      this.charts.get(at).update(spec);
+    });
+  }
+
+  spectrumCharts() {
+    const { window, plots } = this.spectrum;
+    return plots.map((plot) => ({ ...plot, about: `Window from ${when(window)}${plot.caption ? `, ${plot.caption}` : ""}`, words: `${plot.title}: measured spectrum and model, ${plot.y_axis.label}, over frequency. The table below has the values.` }));
+  }
+
+  spectrumControls() {
+    const { windows } = this.waterfall;
+    const later = windows.find((window) => window > this.spectrum.window);
+    const button = (id, text, act, off) => h("button", { type: "button", id: `spectrum-${id}`, disabled: off, onclick: act }, text);
+    return h("div", { class: "ranges", role: "group", "aria-label": "Window of the spectrum" },
+      button("earlier", "◀ earlier", () => this.showSpectrum(this.spectrum.window), windows.length > 0 && this.spectrum.window <= windows[0]),
+      button("later", "later ▶", () => this.showSpectrum(later + 1), later === undefined),
+      button("newest", "newest", () => this.showSpectrum(null), this.spectrumBefore === null));
+  }
+
+  waterfallCharts() {
+    const { channel, windows, frequencies, density, unit } = this.waterfall;
+    if (windows.length < 2) return [];
+    const steps = windows.slice(1).map((at, i) => at - windows[i]).sort((a, b) => a - b);
+    const known = density.flat().filter((v) => v !== null).sort((a, b) => a - b);
+    const [low, high] = [0.02, 0.998].map((share) => known[Math.floor(share * (known.length - 1))]);
+    const { windows: x, modes } = this.results;
+    const top = this.spectrum.plots.find((plot) => plot.title === channel)?.x_axis.limits?.[1] ?? frequencies.at(-1);
+    const label = unit.replace(/^PSD \[(.*)\]$/, "$1");
+    return [{
+      title: channel,
+      about: ["Measured spectrum of the last window of each hour, with the modes. ", h("span", { class: "shades", "aria-hidden": "true" }), ` ${digits(10 ** low, 2)} to ${digits(10 ** high, 2)} ${label}`],
+      words: `${channel}: measured spectrum over time, frequency [Hz] over time, with the frequencies of ${modes.map((mode) => mode.name).join(", ")}. The table below has the frequencies, the CSV file the spectra.`,
+      x: x.map((ms) => ms / 1000), x_axis: timeAxis(this.range), y_axis: { label: "frequency [Hz]", log: false, names: [], limits: [0, top] },
+      curves: modes.map((mode, i) => ({ name: mode.name, look: "dots", colour: ["error", "other"][i % 2], dashed: false, values: usable(mode.frequency, mode.frequency_grade) })),
+      cells: { x: windows.map((ms) => ms / 1000), width: steps[steps.length >> 1] / 1000, y: frequencies, values: density, label, low, high },
+      marks: [], spans: [], link: "time",
+    }];
+  }
+
+  waterfallControls() {
+    const { channels, channel } = this.waterfall;
+    return h("p", { class: "choice" }, h("label", { for: "channel" }, "Channel"),
+      h("select", { id: "channel", onchange: (event) => this.showChannel(event.target.value) }, channels.map((name) => h("option", { value: name, selected: name === channel }, name))));
   }
 
   marksOf(name) {
@@ -259,7 +360,7 @@ export class TurbineView {
     if (blades && modes.length) {
       const most = 1.6 * Math.max(...modes.flatMap((mode) => mode.frequency));
       const orders = [1, ...[1, 2, 3, 4].map((k) => k * blades)];
-      const lines = orders.map((n) => ({ name: `${n}P`, dashed: true, colour: "--rule-strong", values: speed.map((v) => (v === null ? null : (n * v) / (2 * Math.PI))) }))
+      const lines = orders.map((n) => ({ name: `${n}P`, dashed: true, colour: "rule-strong", values: speed.map((v) => (v === null ? null : (n * v) / (2 * Math.PI))) }))
         .filter((line) => Math.min(...line.values.filter((v) => v !== null)) < most);
       charts.push({
         title: "Modes and what the rotor excites", unit: "Hz", windows, lines,
@@ -322,8 +423,8 @@ export class TurbineView {
 
 // Windows with their bands, and hollow, without a band, those of grade C.
 const pointsOf = (values, low, high, grades) => [
-  { name: "window", colour: "--point", values: usable(values, grades), low: usable(low, grades), high: usable(high, grades) },
-  ...(grades.includes("C") ? [{ name: "window of grade C", colour: "--point", hollow: true, values: unusable(values, grades) }] : []),
+  { name: "window", colour: "measured", values: usable(values, grades), low: usable(low, grades), high: usable(high, grades) },
+  ...(grades.includes("C") ? [{ name: "window of grade C", colour: "measured", hollow: true, values: unusable(values, grades) }] : []),
 ];
 
 const capital = (text) => text.charAt(0).toUpperCase() + text.slice(1);
