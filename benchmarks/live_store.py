@@ -20,7 +20,11 @@ from windsysid.fleet.rows import empty_row, row_of
 from windsysid.live.blocks.block import Block
 from windsysid.live.store import open_store
 from windsysid.live.store.contents import Commit, Result, SeriesLevel, Status, StoredBlock
+from windsysid.live.store.encoding import pack_spectra
 from windsysid.live.store.sql_store import SqlStore
+from windsysid.reports.identification_plots import compact_spectra
+from windsysid.reports.interactive.plot import to_json
+from windsysid.results.identification import Identification
 from windsysid.simulation.record import simulate_record
 from windsysid.turbine.file import load_turbine
 
@@ -82,7 +86,8 @@ def _blocks(store: SqlStore, count: int, underway: int) -> None:
 
 def _windows(store: SqlStore) -> None:
     record = simulate_record("tower", duration=300.0, rate=10.0, seed=0)
-    row = row_of(empty_row("T 2026-01-01", 0, 64 * "0"), record, load_turbine("tower"), None, "spectral")
+    found: list[Identification] = []
+    row = row_of(empty_row("T 2026-01-01", 0, 64 * "0"), record, load_turbine("tower"), None, "spectral", found.append)
     random = np.random.default_rng(0)
     before = store.size()["bytes"]
     for first in range(0, MONTH, 100):
@@ -99,6 +104,9 @@ def _windows(store: SqlStore) -> None:
         f"a month of windows of one turbine, 12 series: {kept / 1000:.1f} kB a window,"
         f" {kept * 52.56 / 1000:.0f} MB a year"
     )
+    spectra = [to_json(plot) for plot in compact_spectra(found[0], record)]
+    size = len(pack_spectra(spectra)) / 1000
+    print(f"spectra of its {len(spectra)} channels, one an hour: {size:.1f} kB, {2.16 * size:.0f} MB in 90 days")
     for text, read in (
         ("2000 of them as levels", lambda: store.levels("T", most=2000)),
         ("the newest as a result", lambda: store.results("T", newest=1)),

@@ -171,6 +171,9 @@ def test_metrics_escape_names_and_count_verdicts(client):
     text = client.get("/metrics").text
     assert 'windsysid_turbines{verdict="moved"} 1' in text
     assert 'windsysid_turbine_trusted{turbine="T02"} 1' in text
+    assert 'windsysid_level{turbine="T02",series="k_fore_aft",unit="N/m"} 18' in text
+    assert 'windsysid_mode_frequency_hertz_high{turbine="T02",mode="tower fore-aft"} 0.3' in text
+    assert 'windsysid_mode_damping_ratio{turbine="T01",mode="tower fore-aft"}' not in text  # grade C
     assert text.endswith("\n")
 
 

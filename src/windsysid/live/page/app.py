@@ -191,7 +191,9 @@ def _metrics(store: Store, overview: _Overviews, streams: Streams, door: Door) -
     @router.get("/metrics", response_class=PlainTextResponse, dependencies=[Depends(door)])
     def metrics() -> Response:
         """For Prometheus."""
-        return Response(metrics_text(overview("reader"), store.size(), streams.count), media_type=MEDIA_TYPE)
+        known = overview("reader")
+        results = overview.newest.of([one.name for one in known.turbines])
+        return Response(metrics_text(known, results, store.size(), streams.count), media_type=MEDIA_TYPE)
 
     return router
 

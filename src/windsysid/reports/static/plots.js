@@ -248,8 +248,8 @@ const plots = (() => {
           },
         },
         hooks: {
-          drawClear: [(u) => { this.drawCells(u); this.drawSpans(u); }],
-          draw: [(u) => { this.drawWhiskers(u); this.drawMarks(u); }],
+          drawClear: [(u) => { this.drawCells(u); this.drawSpans(u); this.drawWhiskers(u); }],
+          draw: [(u) => this.drawMarks(u)],
           setCursor: [(u) => this.read(u.cursor.idx, u)],
           setSelect: [(u) => this.zoomTo(u)],
         },
@@ -308,10 +308,11 @@ const plots = (() => {
 
     drawWhiskers(u) {
       const [from, to] = this.view.x;
-      if (this.spec.x.filter((at) => at >= from && at <= to).length > MAX_WHISKERS) return;
+      const count = this.spec.x.filter((at) => at >= from && at <= to).length;
+      if (count > MAX_WHISKERS) return;
       this.within(u, (ctx) => this.spec.curves.forEach((c, i) => {
         if (c.look !== "dots" || !c.low || !this.shown(i)) return;
-        ctx.strokeStyle = colour(c.colour, 0.7);
+        ctx.strokeStyle = colour(c.colour, count > 60 ? 0.35 : 0.7);
         ctx.lineWidth = 1.3 * uPlot.pxRatio;
         ctx.beginPath();
         this.spec.x.forEach((at, k) => {
@@ -369,7 +370,7 @@ const plots = (() => {
       const column = cells.x.findLastIndex((at) => Math.abs(x - at) <= 0.5 * cells.width);
       const row = cells.y.reduce((best, at, i) => (Math.abs(at - y) < Math.abs(cells.y[best] - y) ? i : best), 0);
       const value = cells.values[column]?.[row];
-      return value === undefined || value === null ? "" : `, ${digits(10 ** value, 3)} ${cells.label} at ${digits(y, 3)} ${this.spec.y_axis.label}`;
+      return value === undefined || value === null ? "" : `, ${digits(10 ** value, 3)} ${cells.label} at ${digits(y, 3)} Hz`;
     }
 
     read(index, u) {
