@@ -17,6 +17,7 @@ import numpy as np
 from validation.postgres_server import postgres
 
 from windsysid.fleet.rows import empty_row, row_of
+from windsysid.identification.identify import identify
 from windsysid.live.blocks.block import Block
 from windsysid.live.store import open_store
 from windsysid.live.store.contents import Commit, Result, SeriesLevel, Status, StoredBlock
@@ -24,7 +25,6 @@ from windsysid.live.store.encoding import pack_spectra
 from windsysid.live.store.sql_store import SqlStore
 from windsysid.reports.identification_plots import compact_spectra
 from windsysid.reports.interactive.plot import to_json
-from windsysid.results.identification import Identification
 from windsysid.simulation.record import simulate_record
 from windsysid.turbine.file import load_turbine
 
@@ -86,8 +86,7 @@ def _blocks(store: SqlStore, count: int, underway: int) -> None:
 
 def _windows(store: SqlStore) -> None:
     record = simulate_record("tower", duration=300.0, rate=10.0, seed=0)
-    found: list[Identification] = []
-    row = row_of(empty_row("T 2026-01-01", 0, 64 * "0"), record, load_turbine("tower"), None, "spectral", found.append)
+    row = row_of(empty_row("T 2026-01-01", 0, 64 * "0"), record, load_turbine("tower"), None, "spectral")
     random = np.random.default_rng(0)
     before = store.size()["bytes"]
     for first in range(0, MONTH, 100):
@@ -104,9 +103,11 @@ def _windows(store: SqlStore) -> None:
         f"a month of windows of one turbine, 12 series: {kept / 1000:.1f} kB a window,"
         f" {kept * 52.56 / 1000:.0f} MB a year"
     )
-    spectra = [to_json(plot) for plot in compact_spectra(found[0], record)]
-    size = len(pack_spectra(spectra)) / 1000
-    print(f"spectra of its {len(spectra)} channels, one an hour: {size:.1f} kB, {2.16 * size:.0f} MB in 90 days")
+    for name, duration, rate in (("tower", 600.0, 20.0), ("verne555", 120.0, 50.0)):
+        record = simulate_record(name, duration=duration, rate=rate, seed=0)
+        plots = compact_spectra(identify(record, load_turbine(name), formulation="spectral"), record)
+        size = len(pack_spectra([to_json(plot) for plot in plots])) / 1000
+        print(f"{name}, {len(plots)} spectra an hour: {size:.1f} kB, {2.16 * size:.0f} MB in 90 days")
     for text, read in (
         ("2000 of them as levels", lambda: store.levels("T", most=2000)),
         ("the newest as a result", lambda: store.results("T", newest=1)),

@@ -307,7 +307,8 @@ def test_the_event_stream_is_sent_as_events(store, monkeypatch):
     assert streams_of(page).count == 0
 
 
-def test_grafanas_dashboard_asks_for_metrics_that_there_are(client):
+def test_grafanas_dashboard_asks_for_metrics_that_there_are(store):
+    client = TestClient(app(store, sources=[FolderSource("/here", "T01")]), base_url=OWN)
     told = client.get("/metrics").text
     dashboard = json.loads((STATIC / "grafana.json").read_text(encoding="utf-8"))
     asked = {
