@@ -54,7 +54,7 @@ def test_the_grade_behind_each_number_is_told(client):
     found = client.get("/api/turbines/T01").json()
     grades = found["summary"]["grades"]
     assert (found["summary"]["trusted"], found["summary"]["verdict"]) == (False, "steady")
-    assert found["summary"]["answer"].endswith("Grade C in the newest estimate, and not followed: c_fore_aft.")
+    assert found["summary"]["answer"].endswith("Grade C in the newest estimate, not used for the level: c_fore_aft.")
     assert [name for name in grades if grades[name] == "C"] == ["c_fore_aft", "tower fore-aft damping ratio"]
     assert grades["k_side_side"] == grades["tower side-side frequency"] == "A"
     mode = next(one for one in found["newest"]["modes"] if one["name"] == "tower fore-aft")

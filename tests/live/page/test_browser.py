@@ -169,8 +169,8 @@ def test_a_page_says_that_equations_are_compiled_and_what_a_source_lacks(store, 
     over.state = SourceState("ended")
     with serving(app(store, SimpleNamespace(state=lambda: state), sources=[source, over])) as address:
         tab.goto(address)
-        tab.get_by_text("A source has ended: it brings nothing more, and what is known stays. replay of").wait_for()
-        tab.get_by_text("The equations are being compiled").wait_for()
+        tab.get_by_text("A source has ended; its estimates remain. replay of").wait_for()
+        tab.get_by_text("Equations are being compiled").wait_for()
         tab.get_by_text("folder /nowhere of T01: it is <b>broken</b>").wait_for()
 
 
@@ -197,10 +197,10 @@ def test_a_reader_logs_in_by_the_form_and_out_again(store, browser):
             tab.get_by_label("Token").fill(token)
             tab.get_by_role("button", name="Log in").click()
             if token.startswith("x"):
-                tab.get_by_text("This token is not known here.").wait_for()
+                tab.get_by_text("Unknown token.").wait_for()
         tab.get_by_role("link", name="T02").wait_for()
         tab.get_by_role("link", name="Alarms").click()
-        tab.get_by_text("Who has the operator's token may acknowledge it.").first.wait_for()
+        tab.get_by_text("Acknowledging requires the operator's token.").first.wait_for()
         assert tab.get_by_role("button", name="Acknowledge").count() == 0
         tab.get_by_role("button", name="Log out").click()
         tab.get_by_label("Token").wait_for()

@@ -240,7 +240,7 @@ def _verdict_of_alarms(
     if "data" in first:
         return "silent", first["data"]
     if status is not None and status.state == "silent":
-        return "silent", "No samples come: see the logger and the link."
+        return "silent", "No samples are received: check the logger and the connection."
     return None
 
 
@@ -248,20 +248,20 @@ def _verdict_of_result(status: Status | None, waiting: int | None, result: Resul
     """What the newest result says of a turbine without alarms, or why there is none."""
     if result is None:
         if status is None:
-            return "waiting", "Nothing has come yet: estimates begin when the first window of samples has ended."
+            return "waiting", "No data received yet: the first estimate follows the end of the first window."
         if waiting:
-            return "waiting", f"The first estimates are being worked out: windows that wait: {waiting}."
-        return "waiting", "Samples come: the first estimate is there soon after the first window has ended."
-    why = "; ".join(_reasons(result.row)) or "no reason is known"
+            return "waiting", f"The first estimates are being computed: {waiting} waiting."
+        return "waiting", "Samples are received: the first estimate follows the end of the first window."
+    why = "; ".join(_reasons(result.row)) or "reason not known"
     if result.row.get("status") != "ok":
         return "unsure", f"The newest window has no estimate: {why}."
     bad, known = _unusable(result.row), len(_rows(result.row, "parameters"))
     if 0 < len(bad) == known:
-        return "unsure", f"No coefficient of the newest estimate can be used: {why}."
-    but = f" Grade C in the newest estimate, and not followed: {', '.join(bad)}." if bad else ""
+        return "unsure", f"All coefficients of the newest estimate have grade C: {why}."
+    but = f" Grade C in the newest estimate, not used for the level: {', '.join(bad)}." if bad else ""
     if not any(level.statistic > 0.0 for level in result.levels):
-        return "learning", f"Nothing is watched yet: the service learns what is usual here.{but}"
-    return "steady", f"As it was: nothing moved beyond what is usual.{but}"
+        return "learning", f"Learning: changes are detected after the learning phase.{but}"
+    return "steady", f"Unchanged: no change beyond the usual variation.{but}"
 
 
 def _unusable(row: Mapping[str, Any]) -> list[str]:

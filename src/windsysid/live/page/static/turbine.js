@@ -1,4 +1,4 @@
-// One turbine: is it as it was, what moved, when, by how much, and can it be trusted?
+// One turbine: current estimates, spectra and history.
 
 import { alarmList } from "/static/alarms.js";
 import { ask, turbinePath } from "/static/api.js";
@@ -18,7 +18,7 @@ export class TurbineView {
     this.name = name;
     this.role = role;
     this.length = 168 * HOUR; // null: all
-    this.chosen = false; // until then, no more than there is
+    this.chosen = false; // until then, at most the range of the data
     this.end = null; // null: the newest
     this.charts = new Map();
     this.head = h("div", {});
@@ -64,7 +64,7 @@ export class TurbineView {
     this.put(this.rest, this.restPart());
   }
 
-  // Only what changed is replaced.
+  // Replace a part of the page if it has changed.
   put(place, children) {
     const made = h("div", {}, children);
     if (this.texts.get(place) === made.innerHTML) return;
@@ -129,12 +129,12 @@ export class TurbineView {
     const { summary, newest, at, counts } = this.page;
     const bad = Object.keys(summary.grades).filter((name) => summary.grades[name] === "C");
     const facts = [
-      ["Can it be trusted?", summary.trusted === null ? "no estimate yet" : summary.trusted ? "yes, the newest estimate" : bad.length ? `${usableOf(summary.grades)} of the newest estimate` : "no, not the newest estimate"],
+      ["Trusted", summary.trusted === null ? "no estimate yet" : summary.trusted ? "yes (newest estimate)" : bad.length ? `${usableOf(summary.grades)} (newest estimate)` : "no (newest estimate)"],
       ["Rotor", [summary.state, summary.rotor_speed === null ? "" : `, ${rpm(summary.rotor_speed)}`]],
       ["Newest estimate", summary.until === null ? "none yet" : [h("span", { class: "quiet" }, "window until "), when(summary.until)]],
       ["Newest block", summary.received === null ? "none yet" : `${span(at - summary.received)} ago`],
-      ["Behind", summary.behind === null ? "not known" : `${span(1000 * summary.behind)}${summary.windows_waiting ? `, ${plural(summary.windows_waiting, "window")} in work` : ""}`],
-      ["Sensors", summary.faults.length ? `${plural(summary.faults.length, "channel")} not good` : summary.received === null ? "nothing known yet" : "no fault found"],
+      ["Delay", summary.behind === null ? "not known" : `${span(1000 * summary.behind)}${summary.windows_waiting ? `, ${plural(summary.windows_waiting, "window")} in progress` : ""}`],
+      ["Sensors", summary.faults.length ? `${plural(summary.faults.length, "channel")} with a fault` : summary.received === null ? "no data yet" : "no fault found"],
     ];
     const tone = { steady: "good", moved: "bad", sensor: "warn", silent: "warn" }[summary.verdict] ?? "";
     return [
@@ -142,10 +142,10 @@ export class TurbineView {
       h("h1", {}, this.name, " ", badge(VERDICTS[summary.verdict], summary.verdict)),
       h("p", { class: `note ${tone}` }, summary.answer),
       summary.reasons.length && !summary.answer.includes(summary.reasons[0]) ? h("p", { class: "note" }, `Not trusted: ${summary.reasons.join("; ")}.`) : null,
-      bad.length ? h("p", { class: "note" }, `Not to be used (grade C): ${bad.join(", ")}.`) : null,
+      bad.length ? h("p", { class: "note" }, `Do not use (grade C): ${bad.join(", ")}.`) : null,
       h("dl", { class: "facts" }, facts.map(([name, value]) => h("div", {}, h("dt", {}, name), h("dd", {}, value)))),
       summary.alarms.length ? [h("h2", {}, plural(summary.alarms.length, "open alarm")), alarmList(summary.alarms, this.role(), false)] : null,
-      newest === null ? h("p", { class: "note" }, `No estimate yet: the first is here soon after the first window${this.page.window_length ? ` of ${span(1000 * this.page.window_length)}` : ""} has ended.${counts.samples ? ` ${plural(counts.samples, "sample")} came so far.` : ""}`) : null,
+      newest === null ? h("p", { class: "note" }, `No estimate yet: the first follows the end of the first window${this.page.window_length ? ` (${span(1000 * this.page.window_length)})` : ""}.${counts.samples ? ` ${plural(counts.samples, "sample")} received so far.` : ""}`) : null,
     ];
   }
 
@@ -157,21 +157,21 @@ export class TurbineView {
       mode.name,
       graded(withBand(mode.frequency, mode.frequency_low, mode.frequency_high, "Hz"), mode.frequency_grade),
       mode.damping_ratio === null ? "not known" : graded(withBand(100 * mode.damping_ratio, 100 * mode.damping_ratio_low, 100 * mode.damping_ratio_high, "%"), mode.damping_ratio_grade),
-      mode.nearest === null ? "the rotor speed is not known" : `${mode.nearest}: the mode is ${percent(Math.abs(mode.distance))} ${mode.distance > 0 ? "above" : "below"}`,
+      mode.nearest === null ? "rotor speed not known" : `${mode.nearest}: the mode is ${percent(Math.abs(mode.distance))} ${mode.distance > 0 ? "above" : "below"}`,
     ]);
     return [
-      h("h2", {}, "What is known now"),
-      watched.length ? table("All bands are ±2σ. The level is what all windows of grade A and B say together; it follows slow changes. The change is over the range that is shown below, from when the watch had learned.",
+      h("h2", {}, "Current estimates"),
+      watched.length ? table("95 % intervals. The level combines all windows with grade A or B and follows slow changes. The change is that within the range shown below, after the learning phase.",
         [["Coefficient"], ["Level", true], ["Newest window", true], ["Change", true], ["Test for a jump"]], watched, { stacked: true }) : null,
       modes.length ? h("h3", { class: "spaced" }, "Modes of the newest window") : null,
-      modes.length ? table("±2σ; excitation by the rotor: 1P and multiples of the blades.",
+      modes.length ? table("95 % intervals. Excitation: 1P and multiples of the blade-passing frequency.",
         [["Mode"], ["Frequency", true], ["Damping ratio", true], ["Nearest excitation"]], modes, { stacked: true }) : null,
     ];
   }
 
   seriesRow(series) {
     const known = series.level.map((v, i) => i).filter((i) => series.level[i] !== null);
-    const watched = known.find((i) => series.statistic[i] > 0); // before, the level is being learned
+    const watched = known.find((i) => series.statistic[i] > 0); // before, the level is learned
     const own = series.estimate.findLastIndex((v) => v !== null);
     const [first, last] = [watched, known.at(-1)];
     const at = series.statistic.findLastIndex((v) => v !== null && v > 0); // 0 while it learns
@@ -180,9 +180,9 @@ export class TurbineView {
     return [
       series.title,
       last === undefined ? "not known yet" : withBand(series.level[last], series.level_low[last], series.level_high[last], series.unit),
-      own < 0 ? "says nothing" : graded(withBand(series.estimate[own], series.low[own], series.high[own], series.unit), series.grade[own]),
+      own < 0 ? "not estimated" : graded(withBand(series.estimate[own], series.low[own], series.high[own], series.unit), series.grade[own]),
       first === undefined || first === last ? "–" : this.changeOf(series, first, last),
-      share === null ? "learns what is usual" : [meter, ` ${share >= 1 ? "beyond its limit" : `at ${Math.round(100 * share)} % of its limit`}`],
+      share === null ? "learning" : [meter, ` ${share >= 1 ? "above its limit" : `at ${Math.round(100 * share)} % of its limit`}`],
     ];
   }
 
@@ -250,7 +250,7 @@ export class TurbineView {
       ["frequencies", "Frequencies and damping ratios", over(this.modeCharts()), true],
       ["rotor", "Rotor speed and excitation", over(this.rotorCharts()), true],
       ["loads", "Loads", over(this.loadCharts()), false],
-      ["noise", "Noise of the sensors", over(this.noiseCharts()), false],
+      ["noise", "Sensor noise", over(this.noiseCharts()), false],
     ].filter(([, , charts]) => charts.length);
     for (const [id, name, charts, open] of groups) {
       let group = document.getElementById(id);
@@ -363,8 +363,8 @@ export class TurbineView {
       const lines = orders.map((n) => ({ name: `${n}P`, dashed: true, colour: "rule-strong", values: speed.map((v) => (v === null ? null : (n * v) / (2 * Math.PI))) }))
         .filter((line) => Math.min(...line.values.filter((v) => v !== null)) < most);
       charts.push({
-        title: "Modes and what the rotor excites", unit: "Hz", windows, lines,
-        about: "A mode that a dashed line crosses is excited at every turn.",
+        title: "Modes and rotor harmonics", unit: "Hz", windows, lines,
+        about: "Dashed: rotor harmonics. Where one crosses a mode, the rotor excites it at resonance.",
         points: modes.map((mode) => ({ name: mode.name, values: usable(mode.frequency, mode.frequency_grade) })),
       });
     }
@@ -381,20 +381,20 @@ export class TurbineView {
     return [
       h("h2", {}, "Sensors"),
       this.sensorTable(channels, newest?.channels ?? []),
-      newest?.budget.length ? [h("h2", {}, "What makes the bands as wide as they are"),
-        table("Of the newest window: by what share the variance would fall, if something were known exactly.",
-          [["Coefficient"], ["Estimate", true], ["Loads and noise", true], ["Instruments and masses", true], ["Left: length of the window, prior", true], ["Told by the data", true]],
+      newest?.budget.length ? [h("h2", {}, "Sources of uncertainty"),
+        table("Newest window: share by which the variance would fall if the source were known exactly.",
+          [["Coefficient"], ["Estimate", true], ["Loads and noise", true], ["Instruments and masses", true], ["Rest: window length, prior", true], ["Informed by the data", true]],
           newest.budget.map((one) => [one.title, graded(withBand(one.estimate, one.low, one.high, one.unit), one.grade), percent(one.loads), percent(one.instruments), percent(one.rest), percent(one.informed)]), { stacked: true })] : null,
       newest ? this.windowPart(newest) : null,
-      h("details", { id: "stream" }, h("summary", { id: "stream-title" }, "The stream since its first block"),
-        table("Counts.", [["What"], ["How many", true]], Object.entries(counts).map(([name, count]) => [name, count.toLocaleString("en").replaceAll(",", "\u202f")])),
+      h("details", { id: "stream" }, h("summary", { id: "stream-title" }, "Stream since its first block"),
+        table("Counts.", [["Quantity"], ["Count", true]], Object.entries(counts).map(([name, count]) => [name, count.toLocaleString("en").replaceAll(",", "\u202f")])),
         configurations.length ? table("Settings.", [["Since"], ["Settings"]], configurations.map((one) => [when(one.at), one.settings])) : null),
     ];
   }
 
   sensorTable(channels, statistics) {
     const names = [...new Set([...channels, ...statistics].map((one) => one.channel))];
-    if (!names.length) return h("p", { class: "quiet" }, "Nothing is known of the channels yet.");
+    if (!names.length) return h("p", { class: "quiet" }, "No data of the channels yet.");
     const rows = names.map((name) => {
       const health = channels.find((one) => one.channel === name);
       const said = statistics.find((one) => one.channel === name);
@@ -403,11 +403,11 @@ export class TurbineView {
         name, good ? badge(["●", "no fault"], "steady") : badge(["◆", health.state], "sensor"),
         health ? when(health.since) : "the first block",
         said && said.mean !== null ? `${digits(said.mean)} ± ${digits(said.std, 2)} ${said.unit === "1" ? "" : said.unit}` : "–",
-        said ? percent(said.missing) : "–", good ? "nothing" : health.text,
+        said ? percent(said.missing) : "–", good ? "–" : health.text,
       ];
     });
-    return table("State: as the samples show it now. Mean, standard deviation and missing samples: of the newest window.",
-      [["Channel"], ["State"], ["Since"], ["Mean ± std", true], ["Missing", true], ["What to do"]], rows, { stacked: true });
+    return table("State: from the newest samples. Mean, standard deviation and missing samples: newest window.",
+      [["Channel"], ["State"], ["Since"], ["Mean ± std", true], ["Missing", true], ["Action"]], rows, { stacked: true });
   }
 
   windowPart(newest) {
@@ -415,13 +415,13 @@ export class TurbineView {
       newest.why, ...newest.reasons.map((text) => `Not trusted: ${text}`), ...newest.remarks, ...newest.notes,
       ...newest.health.map((one) => `${one.channel}: ${one.text}`),
     ].filter((text) => text);
-    return h("details", { id: "window" }, h("summary", { id: "window-title" }, "What the newest window says of itself"),
+    return h("details", { id: "window" }, h("summary", { id: "window-title" }, "Details of the newest window"),
       h("p", {}, `${when(newest.window)} to ${when(newest.until)}, ${digits(newest.samples ?? 0, 6)} samples at ${digits(newest.rate)} Hz, ${newest.formulation || "no estimate"}.`),
       h("ul", {}, lines.map((text) => h("li", {}, text))));
   }
 }
 
-// Windows with their bands, and hollow, without a band, those of grade C.
+// Windows with intervals; hollow and without intervals: those with grade C.
 const pointsOf = (values, low, high, grades) => [
   { name: "window", colour: "measured", values: usable(values, grades), low: usable(low, grades), high: usable(high, grades) },
   ...(grades.includes("C") ? [{ name: "window of grade C", colour: "measured", hollow: true, values: unusable(values, grades) }] : []),
