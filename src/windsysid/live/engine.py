@@ -1,11 +1,11 @@
 """The engine: blocks in, rows and levels and alarms into the store, nothing lost.
 
-A block's way: it is checked, placed in its windows, looked at for faults of sensors, and handed to the store; the
-sender hears that it is there when it is on disk. A window that the stream has left behind is closed, read back from the
+A block is checked, placed in its windows, tested for faults of sensors, and handed to the store; the
+sender is acknowledged when it is on disk. A window that the stream has left behind is closed, read back from the
 store, and estimated in a worker process. Rows of one turbine are taken in by its watch in the order of windows, and
 row, levels, alarms and the watch's checkpoint are one transaction that also takes the window's blocks away.
 
-So what is lost when the engine is killed is nothing but work: blocks wait in the store until their window has its
+If the engine is killed, only work is lost: blocks wait in the store until their window has its
 result, and a result is a function of the window's blocks and of the checkpoint before it.
 """
 
@@ -41,7 +41,7 @@ from windsysid.turbine.file import load_turbine
 __all__ = ["Delays", "Engine", "EngineState", "Followed", "TurbineState"]
 
 AHEAD = 300 * SECOND
-"""How far a block may lie ahead of the service's clock [ns]."""
+"""Largest lead of a block over the service's clock [ns]."""
 
 BOUND, BOUND_BYTES = 4096, 128_000_000
 """Blocks, and their bytes, that may be on their way to the store: `Engine.push` waits beyond."""
@@ -53,11 +53,11 @@ BEHIND_WINDOWS = 2
 """Windows' lengths by which a turbine's oldest waiting window may be behind before that is an alarm."""
 
 TICK = 1.0
-"""How often silent turbines are looked for [s]."""
+"""Interval of the search for silent turbines [s]."""
 
 
 class Delays(NamedTuple):
-    """How long an engine waits, in seconds.
+    """Waiting times of an engine [s].
 
     Attributes
     ----------
@@ -75,7 +75,7 @@ class Delays(NamedTuple):
 
 
 class Engine:
-    """Follows turbines: the one mutable thing beside its store.
+    """Estimation of many turbines from blocks of samples, with all results in a store.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ class Engine:
     now
         The service's clock [ns since 1970].
     on_event
-        Told what happens, for logs: its name, and what belongs to it by keyword.
+        Function that receives events for logs: the name of the event, and its data by keyword.
     limits
         Of a block.
 
@@ -374,7 +374,7 @@ class Engine:
         behind = now - follower.order[0].closed if follower.order else 0
         if behind > BEHIND_WINDOWS * follower.windows.length:
             text = (
-                f"estimates are {behind / SECOND:.0f} s behind, {len(follower.order)} windows wait, nothing is lost:"
+                f"estimates are {behind / SECOND:.0f} s behind, {len(follower.order)} windows wait, no data are lost:"
                 " give the service more processors, or fewer turbines"
             )
             self._data_alarm(follower, "behind", "warning", text)
@@ -437,7 +437,7 @@ class Engine:
         return idle
 
     def state(self) -> EngineState:
-        """Where everything stands."""
+        """State of all turbines and of the engine."""
         now, turbines = self._now(), {}
         for name, follower in self._followers.items():
             with follower.lock:

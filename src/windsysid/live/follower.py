@@ -67,7 +67,7 @@ class WindowTask(NamedTuple):
 
 
 class Conclusion(NamedTuple):
-    """What a row gave: its result, alarms of the structure, and what is known of the channels' means after it."""
+    """Outcome of a row: its result, alarms of the structure, and the state of the channels' means."""
 
     result: Result
     alarms: Sequence[Alarm]
@@ -101,7 +101,7 @@ class _Stream:
 
 
 class Follower:
-    """What the engine knows of one turbine."""
+    """State of one turbine in the engine."""
 
     def __init__(self, followed: Followed, settings: str, watching: Watching) -> None:
         if followed.member.scada is not None:
@@ -130,7 +130,7 @@ class Follower:
         self.alarms = OpenAlarms(self.name)
 
     def place(self, block: Block, jump: int) -> Placed:
-        """What a block is; one that is new is written down.
+        """Classify a block, and record a new one.
 
         Parameters
         ----------
@@ -180,7 +180,7 @@ class Follower:
             self._grown(block, window).check(block, window + self.windows.length)
 
     def _restarts(self, stream: _Stream, block: Block) -> bool:
-        """Whether a block has the number of an earlier one and is later than all: its sender counts anew."""
+        """Check whether a sender counts anew: its block has an earlier number but is later than all."""
         later = stream.newest is not None and block.start > stream.newest
         return later and not stream.restarted and self._has(block.stream, block.sequence)
 

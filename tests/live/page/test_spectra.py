@@ -90,6 +90,10 @@ def test_a_waterfall_has_one_spectrum_an_hour_at_common_frequencies(store):
     assert first["channel"] == first["channels"][0] == "tower x acceleration"
     assert 12 <= len(first["windows"]) == len(first["density"]) <= 14
     assert {len(column) for column in first["density"]} == {len(first["frequencies"])}
+    assert {len(mode) for mode in first["modes"].values()} == {len(first["windows"])}
+    assert first["modes"]["tower fore-aft"][-1] == pytest.approx(0.31, abs=0.02)
+    seen = client.get("/api/turbines/T03/waterfall").json()["modes"]  # from a blade
+    assert {"tower x + 1P", "tower x − 1P"} <= seen.keys()
     other = client.get("/api/turbines/T02/waterfall", params={"channel": "tower z acceleration", "most": 4}).json()
     assert other["channel"] == "tower z acceleration"
     assert 2 <= len(other["windows"]) <= 4

@@ -31,8 +31,20 @@ def waterfall_of(found: Sequence[WindowSpectra], channel: str | None) -> models.
     return models.Waterfall(
         channel=channel, channels=channels, unit=chosen[-1][1]["y_axis"]["label"] if chosen else "",
         windows=[window / NS_PER_MS for window, _ in chosen], frequencies=frequencies,
+        modes=_modes([plot for _, plot in chosen]),
         density=[_log_density(plot, frequencies) for _, plot in chosen],
     )  # fmt: skip
+
+
+def _modes(plots: Sequence[Mapping[str, Any]]) -> dict[str, list[float | None]]:
+    """Frequencies of the modes that the plots mark by name and grade, ``tower x (A)``; None with grade C."""
+    found: dict[str, list[float | None]] = {}
+    for i, plot in enumerate(plots):
+        for mark in plot["marks"]:
+            name, _, grade = mark["name"].rpartition(" ")
+            if mark["group"] == "modes" and grade != "(C)":
+                found.setdefault(name, [None] * len(plots))[i] = mark["at"]
+    return found
 
 
 def _log_density(plot: Mapping[str, Any], frequencies: Sequence[float]) -> list[float | None]:

@@ -1,4 +1,4 @@
-"""How long a store keeps what."""
+"""Retention times of a store."""
 
 import re
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ UNITS = {"hour": HOUR, "day": DAY, "week": 7 * DAY, "month": 30 * DAY, "year": 3
 
 @dataclass(frozen=True)
 class Keep:
-    """How long a store keeps what: ``30 days``, ``6 months``, ``10 years``, ``forever``.
+    """Retention times of a store: ``30 days``, ``6 months``, ``10 years``, ``forever``.
 
     Attributes
     ----------

@@ -38,14 +38,14 @@ ALL = 10**9
 
 
 class _Job(NamedTuple):
-    """What the writer does: a commit, or a call with its connection."""
+    """Job of the writer: a commit, or a call with its connection."""
 
     done: "Future[Any]"
     work: "PreparedCommit | Callable[[Any], Any]"
 
 
 class SqlStore:
-    """What `windsysid.live.store.Store` says, in a database.
+    """Implementation of `windsysid.live.store.Store` in a database.
 
     While the database refuses to write for a reason that may pass (the disk is full, the server restarts), what was
     submitted waits, `trouble` says why, and the store tries again. After anything else the future has the error.
@@ -91,7 +91,7 @@ class SqlStore:
 
     def _queue(self, work: "PreparedCommit | Callable[[Any], Any]") -> "Future[Any]":
         done: Future[Any] = Future()
-        done.set_running_or_notify_cancel()  # what is queued is written: nobody cancels it
+        done.set_running_or_notify_cancel()  # what is queued is written and never cancelled
         with self._changed:
             if self._closing:
                 raise StoreError(f"{self._database.name} is closed, or open for reading only")
@@ -154,7 +154,7 @@ class SqlStore:
         return None
 
     def _passes(self, error: Exception) -> bool:
-        """Whether an error may be over if one waits; a `StoreError` is another service's, while the server was away."""
+        """Check whether an error is temporary; a `StoreError` is that of another service during a restart."""
         database = self._database
         return isinstance(error, StoreError) or (isinstance(error, database.errors) and database.passes(error))
 
@@ -247,7 +247,7 @@ class SqlStore:
         return Alarm(*found[0])
 
     def tell(self, recipient: str, event: int) -> None:
-        """Write down up to which event somebody was told of alarms."""
+        """Record the last event of which a recipient was notified."""
         self._change(sql.TOLD, (recipient, event))
 
     # reading
@@ -257,7 +257,7 @@ class SqlStore:
         return rows
 
     def _read(self, statement: str, values: Sequence[Any] = ()) -> list[Any]:
-        """All rows; asked once more where the connection was lost meanwhile."""
+        """All rows; read once more if the connection was lost."""
         for last in (False, True):
             try:
                 with self._database.reader() as connection:
@@ -283,7 +283,7 @@ class SqlStore:
         return (found[0][0], bytes(found[0][1])) if found else None
 
     def told(self, recipient: str) -> int | None:
-        """Up to which event somebody was told of alarms; None where it was never."""
+        """Last event of which a recipient was notified; None if there is none."""
         found = self._read("SELECT event FROM recipients WHERE name = ?", (recipient,))
         return int(found[0][0]) if found else None
 
@@ -395,7 +395,7 @@ class SqlStore:
     # housekeeping
 
     def thin(self, *, now: int) -> None:
-        """Take away what is older than the store was told to keep, in slices between which commits are written."""
+        """Delete data older than their retention time, in slices between which commits are written."""
         keep = self._keep
         results, levels, alarms, spectra = map(span, (keep.results, keep.levels, keep.alarms, keep.spectra))
         for turbine in self.turbines():

@@ -57,10 +57,10 @@ class Store(Protocol):
     # what notices of alarms ask
 
     def told(self, recipient: str) -> int | None:
-        """Up to which event somebody was told of alarms; None where it was never."""
+        """Last event of which a recipient was notified; None if there is none."""
 
     def tell(self, recipient: str, event: int) -> None:
-        """Write down up to which event somebody was told of alarms."""
+        """Record the last event of which a recipient was notified."""
 
     # what pages and exports ask
 
@@ -110,7 +110,7 @@ class Store(Protocol):
         """The highest id; 0 where there is none."""
 
     def thin(self, *, now: int) -> None:
-        """Retention: what is older than the store was told to keep goes, or is thinned."""
+        """Delete or thin data older than their retention time."""
 
     def size(self) -> dict[str, int]:
         """Rows of every table, and ``bytes``."""

@@ -1,4 +1,4 @@
-"""What becomes of a closed window: its blocks a record, the record a row, the row a result with levels and alarms."""
+"""Processing of a closed window: blocks to a record, record to a row, row to a result with levels and alarms."""
 
 import json
 import time

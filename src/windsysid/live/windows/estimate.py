@@ -33,14 +33,14 @@ class Estimated(NamedTuple):
 
 
 class Estimator(Protocol):
-    """What takes windows, one after the other."""
+    """Estimator of windows, one after the other."""
 
     def take(self, gathered: Gathered, source: str, member: Member, formulation: str, settings: str) -> Estimated:
         """The row of a window, whatever happens."""
 
     @property
     def compiling(self) -> bool:
-        """Whether a turbine's equations are being compiled, which takes minutes on a machine that never did."""
+        """True while a turbine's equations are being compiled, which takes minutes the first time on a machine."""
 
     def close(self) -> None:
         """End what is under way: `take` raises `windsysid.fleet.work.guard.StoppedError`."""
@@ -78,7 +78,7 @@ class InWorker:
 
     @property
     def compiling(self) -> bool:
-        """Whether a turbine's equations are being compiled."""
+        """True while a turbine's equations are being compiled."""
         return self._worker.compiling
 
     def take(self, gathered: Gathered, source: str, member: Member, formulation: str, settings: str) -> Estimated:

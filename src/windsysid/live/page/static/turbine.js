@@ -296,20 +296,19 @@ export class TurbineView {
   }
 
   waterfallCharts() {
-    const { channel, windows, frequencies, density, unit } = this.waterfall;
+    const { channel, windows, frequencies, density, unit, modes } = this.waterfall;
     if (windows.length < 2) return [];
     const steps = windows.slice(1).map((at, i) => at - windows[i]).sort((a, b) => a - b);
     const known = density.flat().filter((v) => v !== null).sort((a, b) => a - b);
     const [low, high] = [0.02, 0.998].map((share) => known[Math.floor(share * (known.length - 1))]);
-    const { windows: x, modes } = this.results;
     const top = this.spectrum.plots.find((plot) => plot.title === channel)?.x_axis.limits?.[1] ?? frequencies.at(-1);
     const label = unit.replace(/^PSD \[(.*)\]$/, "$1");
     return [{
       title: channel,
       about: ["Measured spectrum of the last window of each hour, with the modes. ", h("span", { class: "shades", "aria-hidden": "true" }), ` ${digits(10 ** low, 2)} to ${digits(10 ** high, 2)} ${label}`],
-      words: `${channel}: measured spectrum over time, frequency [Hz] over time, with the frequencies of ${modes.map((mode) => mode.name).join(", ")}. The table below has the frequencies, the CSV file the spectra.`,
-      x: x.map((ms) => ms / 1000), x_axis: timeAxis(this.range), y_axis: { label: "frequency [Hz]", log: false, names: [], limits: [0, top] },
-      curves: modes.map((mode, i) => ({ name: mode.name, look: "dots", colour: ["error", "other"][i % 2], dashed: false, values: usable(mode.frequency, mode.frequency_grade) })),
+      words: `${channel}: measured spectrum over time, frequency [Hz] over time, with the frequencies of ${Object.keys(modes).join(", ")}. The table below has the frequencies, the CSV file the spectra.`,
+      x: windows.map((ms) => ms / 1000), x_axis: timeAxis(this.range), y_axis: { label: "frequency [Hz]", log: false, names: [], limits: [0, top] },
+      curves: Object.entries(modes).map(([name, values], i) => ({ name, look: "dots", colour: ["error", "other"][i % 2], dashed: false, values })),
       cells: { x: windows.map((ms) => ms / 1000), width: steps[steps.length >> 1] / 1000, y: frequencies, values: density, label, low, high },
       marks: [], spans: [], link: "time",
     }];
