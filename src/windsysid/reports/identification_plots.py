@@ -63,12 +63,16 @@ def _compact(plot: Plot) -> Plot:
     places[0] = 0
     counts = np.diff(places, append=len(x))
 
-    def averaged(values: ArrayLike | None) -> Array | None:
-        return None if values is None else np.add.reduceat(np.asarray(values), places) / counts
+    def averaged(values: ArrayLike) -> Array:
+        return np.asarray(np.add.reduceat(np.asarray(values, dtype=np.float64), places) / counts)
 
     curves = [
-        replace(one, **{key: averaged(getattr(one, key)) for key in ("values", "low", "high")}) for one in plot.curves
-    ]
+        replace(
+            one, values=averaged(one.values), low=None if one.low is None else averaged(one.low),
+            high=None if one.high is None else averaged(one.high),
+        )
+        for one in plot.curves
+    ]  # fmt: skip
     return replace(plot, x=averaged(x), curves=curves)
 
 

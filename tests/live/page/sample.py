@@ -9,6 +9,7 @@ import json
 import math
 import sys
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -106,7 +107,7 @@ def result(
     return Result(name, window, window + WINDOW, window + WINDOW + 31 * SECOND, row, levels, b"")
 
 
-def spectra(row: dict[str, Any], plots: list[dict[str, Any]], rng: np.random.Generator) -> list[str]:
+def spectra(row: Mapping[str, Any], plots: list[dict[str, Any]], rng: np.random.Generator) -> list[str]:
     """Spectra like others, at the frequencies of a row's modes."""
     if not row["modes"]:
         return []

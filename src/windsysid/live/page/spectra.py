@@ -25,14 +25,13 @@ def spectra_of(found: Sequence[WindowSpectra]) -> models.Spectra:
 def waterfall_of(found: Sequence[WindowSpectra], channel: str | None) -> models.Waterfall:
     """Measured spectra of a channel, by default the first, at the frequencies of the newest one."""
     channels = list(dict.fromkeys(plot["title"] for _, plots in reversed(found) for plot in plots))
-    channel = channel if channel is not None else channels[0] if channels else ""
-    chosen = [(window, plot) for window, plots in found for plot in plots if plot["title"] == channel]
-    frequencies = chosen[-1][1]["x"] if chosen else []
+    channel = channel or next(iter(channels), "")
+    chosen = {window / NS_PER_MS: plot for window, plots in found for plot in plots if plot["title"] == channel}
+    plots = list(chosen.values())
+    newest: Mapping[str, Any] = plots[-1] if plots else {"x": [], "y_axis": {"label": ""}}
     return models.Waterfall(
-        channel=channel, channels=channels, unit=chosen[-1][1]["y_axis"]["label"] if chosen else "",
-        windows=[window / NS_PER_MS for window, _ in chosen], frequencies=frequencies,
-        modes=_modes([plot for _, plot in chosen]),
-        density=[_log_density(plot, frequencies) for _, plot in chosen],
+        channel=channel, channels=channels, unit=newest["y_axis"]["label"], windows=list(chosen),
+        frequencies=newest["x"], modes=_modes(plots), density=[_log_density(plot, newest["x"]) for plot in plots],
     )  # fmt: skip
 
 

@@ -1,6 +1,6 @@
 """Commits as rows of tables: several that wait become one transaction, in their order."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 from windsysid.live.store import statements as sql
@@ -96,7 +96,7 @@ class CommitBatch:
     def statements(self) -> Iterator[tuple[str, list[Values]]]:
         """Statements and the rows for each. Results come after all that asks whether they are there already."""
         results = self._results.values()
-        drawn = [(key, spectra) for key, *_, spectra in results if spectra]
+        drawn = _drawn(results)
         written: tuple[tuple[str, list[Values]], ...] = (
             (sql.BLOCK, self._blocks),
             (sql.STATUS, list(self._statuses.values())),
@@ -110,3 +110,8 @@ class CommitBatch:
             (sql.DONE, [key[:2] for key, *_ in results]),
         )
         return ((statement, rows) for statement, rows in written if rows)
+
+
+def _drawn(results: Iterable[tuple[Values, bytes, bytes, bytes, bytes]]) -> list[tuple[Values, bytes]]:
+    """Keys and spectra of the results that have spectra."""
+    return [(key, spectra) for key, *_, spectra in results if spectra]
