@@ -17,10 +17,14 @@ import numpy as np
 from validation.postgres_server import postgres
 
 from windsysid.fleet.rows import empty_row, row_of
+from windsysid.identification.identify import identify
 from windsysid.live.blocks.block import Block
 from windsysid.live.store import open_store
 from windsysid.live.store.contents import Commit, Result, SeriesLevel, Status, StoredBlock
+from windsysid.live.store.encoding import pack_spectra
 from windsysid.live.store.sql_store import SqlStore
+from windsysid.reports.identification_plots import compact_spectra
+from windsysid.reports.interactive.plot import to_json
 from windsysid.simulation.record import simulate_record
 from windsysid.turbine.file import load_turbine
 
@@ -99,6 +103,11 @@ def _windows(store: SqlStore) -> None:
         f"a month of windows of one turbine, 12 series: {kept / 1000:.1f} kB a window,"
         f" {kept * 52.56 / 1000:.0f} MB a year"
     )
+    for name, duration, rate in (("tower", 600.0, 20.0), ("verne555", 120.0, 50.0)):
+        record = simulate_record(name, duration=duration, rate=rate, seed=0)
+        plots = compact_spectra(identify(record, load_turbine(name), formulation="spectral"), record)
+        size = len(pack_spectra([to_json(plot) for plot in plots])) / 1000
+        print(f"{name}, {len(plots)} spectra an hour: {size:.1f} kB, {2.16 * size:.0f} MB in 90 days")
     for text, read in (
         ("2000 of them as levels", lambda: store.levels("T", most=2000)),
         ("the newest as a result", lambda: store.results("T", newest=1)),

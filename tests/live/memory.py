@@ -1,5 +1,6 @@
 """A store in memory, for tests of the engine: what it holds is what was committed."""
 
+import json
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
@@ -96,6 +97,11 @@ class MemoryStore:
         self, turbine: str, *, since: int | None = None, until: int | None = None, most: int = 2000
     ) -> list[tuple[int, SeriesLevel]]:
         return [(result.window, level) for result in self.results(turbine) for level in result.levels]
+
+    def spectra(
+        self, turbine: str, *, since: int | None = None, until: int | None = None, most: int = 500
+    ) -> list[tuple[int, list[dict[str, Any]]]]:
+        return [(one.window, [json.loads(plot) for plot in one.spectra]) for one in self.results(turbine)]
 
     def alarms(self, *, turbine: str | None = None, open_only: bool = False, most: int = 500) -> list[Alarm]:
         with self.lock:

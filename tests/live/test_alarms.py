@@ -10,7 +10,7 @@ from windsysid.monitoring.levels.locating import Jump
 
 K_X = Watched("k_x", "N/m", "k", True, 1e6)
 WHEN = tuple(1_767_225_600 * 10**9 + k * 600 * 10**9 for k in (0, 1, 4, 5))
-SOUND = Circumstances((), hears=True, lost_grade=False, lost_health=False, changed=False)
+SOUND = Circumstances((), noise_watched=True, lost_grade=False, lost_health=False, changed=False)
 
 
 def jump(size: float, std: float = 0.002, *, before: float = 0.0, found: int = 104) -> Jump:
@@ -60,7 +60,7 @@ def test_what_changed_with_a_sensor_is_a_sensors_and_no_alarm(about: dict[str, A
 
 def test_a_noise_is_a_sensors_and_unwatched_noise_is_said():
     assert said(K_X._replace(kind="noise"), 1.0).kind == "sensor"
-    assert "not watched" in said(K_X, -0.1, hears=False).text
+    assert "not watched" in said(K_X, -0.1, noise_watched=False).text
 
 
 def test_a_return_is_a_notice_that_is_over():
@@ -88,6 +88,6 @@ def test_a_jump_takes_back_an_earlier_one_of_about_its_size():
 
 
 def test_a_watch_that_sees_nothing_says_so():
-    alarm = blind_alarm("T1", WHEN[0], WHEN[1], None, "no window came")
+    alarm = blind_alarm("T1", WHEN[0], WHEN[1], None, "no window received")
     assert (alarm.kind, alarm.severity, alarm.ended) == ("data", "notice", None)
-    assert "since 2026-01-01 00:00 UTC: no window came" in alarm.text
+    assert "since 2026-01-01 00:00 UTC: no window received" in alarm.text

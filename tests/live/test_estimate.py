@@ -45,7 +45,7 @@ def test_a_worker_that_dies_is_asked_again(monkeypatch: pytest.MonkeyPatch):
         if deaths.pop() if deaths else 0:
             raise DeadWorkerError("ended its process by signal 9")
         json.dumps(request)  # a worker is told everything as text
-        return {"row": {"status": "ok"}, "seconds": 0.1}
+        return {"row": {"status": "ok"}, "seconds": 0.1, "spectra": []}
 
     monkeypatch.setattr(estimator._worker, "ask", ask)
     assert taken(estimator, window()) == {"status": "ok"}
@@ -82,7 +82,7 @@ def test_bits_of_a_window_reach_the_worker(monkeypatch: pytest.MonkeyPatch):
 
     def ask(request: dict[str, Any]) -> dict[str, Any]:
         sent.append(request)
-        return {"row": {"status": "ok"}, "seconds": 0.0}
+        return {"row": {"status": "ok"}, "seconds": 0.0, "spectra": []}
 
     monkeypatch.setattr(estimator._worker, "ask", ask)
     gathered = window()

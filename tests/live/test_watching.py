@@ -192,8 +192,8 @@ def test_a_tower_that_softens_slowly_is_one_alarm_that_grows_with_it():
     assert 170 + 60 < first < 170 + 300
     assert (opened.about, opened.kind, opened.severity) == ("k_x", "structure", "warning")
     assert "stiffness of the tower, x (k_x) fell slowly, by " in opened.text
-    assert "its usual wander in such a time is" in opened.text
-    assert "the temperature is not known here" in opened.text
+    assert "its usual variation over such a time is" in opened.text
+    assert "the temperature is not recorded" in opened.text
     assert (last.severity, last.opened, last.ended) == ("alarm", opened.opened, None)
     assert last.latest > opened.latest
     assert 3 <= len(said) <= 7

@@ -5,7 +5,7 @@ list of mappings, so that all turbines have the same columns. A row holds nothin
 taken again: no date of today, no time that it took.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -123,9 +123,10 @@ def stored_grades(row: Mapping[str, Any]) -> dict[str, str]:
 
 
 def row_of(
-    row: Row, record: Record, turbine: Turbine, sensors: Sequence[Sensor] | None, formulation: Formulation | str
-) -> Row:
-    """Fill a row from a record: identified, or the reason why that is refused."""
+    row: Row, record: Record, turbine: Turbine, sensors: Sequence[Sensor] | None, formulation: Formulation | str,
+    on_result: Callable[[Identification], object] = lambda found: None,
+) -> Row:  # fmt: skip
+    """Fill a row from a record: identified, or the reason why that is refused; `on_result` is given the result."""
     row = row | {"record": record.name, "samples": record.samples, "duration": record.duration, "rate": record.rate}
     row["record_hash"] = record_hash(record)
     if record.start is not None:
@@ -137,6 +138,7 @@ def row_of(
         found = identify(record, turbine, sensors=sensors, formulation=formulation)  # type: ignore[arg-type]
     except (RecordError, ConfigurationError) as error:
         return row | {"status": "refused", "why": " ".join(str(error).split())}
+    on_result(found)
     return row | {"status": "ok"} | _found(found)
 
 

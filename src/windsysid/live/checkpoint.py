@@ -83,7 +83,7 @@ def unpack_watch(checkpoint: bytes, turbine: str) -> KeptWatch:
 
 
 def _kept(one: Mapping[str, Any], rest: Iterator[NDArray[Any]]) -> Kept:
-    """What is kept of a series: its part of a header, and the arrays that are next."""
+    """State of a series in a checkpoint: its part of the header, and the arrays that follow."""
     y, std = next(rest), next(rest)
     before = LevelBelief(next(rest), next(rest)) if one["learned"] else None
     rates = None if one["rates"] is None else Rates(*one["rates"])

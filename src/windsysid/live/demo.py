@@ -1,4 +1,4 @@
-"""Three simulated towers under watch, faster than life: one loses stiffness, one loses a sensor, one stays as it is.
+"""Three simulated towers, faster than real time: one loses stiffness, one loses a sensor, one does not change.
 
 Nothing of it is drawn beforehand: samples are simulated while they are played, and go the way that a logger's go.
 """
@@ -35,7 +35,7 @@ GUSTS = 0.2
 """Scatter of the wind from piece to piece, as the standard deviation of its logarithm."""
 
 AGO_SECONDS = 3 * 86400.0
-"""How far in the past the demo begins: it may not overtake the clock."""
+"""Time before now at which the demo begins, so that it does not overtake the clock."""
 
 AHEAD = 16
 """Blocks that wait for their commit at most."""
@@ -43,12 +43,12 @@ AHEAD = 16
 
 @dataclass(frozen=True)
 class DemoPlan:
-    """How the demo runs.
+    """Settings of the demo.
 
     Attributes
     ----------
     speed
-        How many times faster than life.
+        Speed as a multiple of real time.
     window
         [s].
     history
@@ -87,13 +87,13 @@ def demo(
 
 
 def story(plan: DemoPlan = DemoPlan()) -> str:
-    """What will happen, in the reader's minutes."""
+    """Events of the demo, in minutes of real time."""
     softer, fails = (plan.window * after / plan.speed for after in (plan.softer_after, plan.fails_after))
     return " ".join((
-        f"Demo: three simulated towers, {plan.speed:g} times faster than life.",
+        f"Demo: three simulated towers, {plan.speed:g} times faster than real time.",
         f"The watch learns from {plan.history * plan.window / 3600.0:g} h first.",
         f"Then T2 loses {100.0 * plan.softer_by:g} % of its stiffness after {softer:.0f} s, and a sensor of T3 fails"
-        f" after {fails:.0f} s. T1 stays as it is.",
+        f" after {fails:.0f} s. T1 does not change.",
         "The first run on a machine compiles models before the first estimate, which takes up to a minute.",
     ))  # fmt: skip
 
@@ -108,7 +108,7 @@ class DemoTower:
         self.state = SourceState()
 
     def describe(self) -> str:
-        """Which tower."""
+        """Name of the tower."""
         return f"simulated tower {self.turbine}"
 
     async def run(self, push: Push, stop: asyncio.Event) -> None:
@@ -144,7 +144,7 @@ class DemoTower:
             piece += 1
 
     def _record(self, piece: int) -> Record:
-        """What the tower's sensors say in a piece."""
+        """Readings of the tower's sensors in a segment."""
         from windsysid.simulation.record import simulate_record
 
         after = (piece + 1) * PIECE - self.plan.history  # windows of the demo when the piece is over

@@ -1,11 +1,11 @@
 """The engine: blocks in, rows and levels and alarms into the store, nothing lost.
 
-A block's way: it is checked, placed in its windows, looked at for faults of sensors, and handed to the store; the
-sender hears that it is there when it is on disk. A window that the stream has left behind is closed, read back from the
+A block is checked, placed in its windows, tested for faults of sensors, and handed to the store; the
+sender is acknowledged when it is on disk. A window that the stream has left behind is closed, read back from the
 store, and estimated in a worker process. Rows of one turbine are taken in by its watch in the order of windows, and
 row, levels, alarms and the watch's checkpoint are one transaction that also takes the window's blocks away.
 
-So what is lost when the engine is killed is nothing but work: blocks wait in the store until their window has its
+If the engine is killed, only work is lost: blocks wait in the store until their window has its
 result, and a result is a function of the window's blocks and of the checkpoint before it.
 """
 
@@ -20,7 +20,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from windsysid.errors import StoreError
-from windsysid.fleet.rows import Row
 from windsysid.fleet.work.guard import StoppedError
 from windsysid.live.blocks.block import Block
 from windsysid.live.blocks.codec import BlockLimits, BlockRefused, check, refusing
@@ -33,7 +32,7 @@ from windsysid.live.turns import ShortTurns
 from windsysid.live.watch.open_alarms import TOO_LATE
 from windsysid.live.watch.watching import resume, start
 from windsysid.live.windows.closing import conclude, estimate, unpack
-from windsysid.live.windows.estimate import Estimator, estimators
+from windsysid.live.windows.estimate import Estimated, Estimator, estimators
 from windsysid.live.windows.streams import StreamHealth, Verdict
 from windsysid.live.windows.timeline import SECOND, sample_time
 from windsysid.records.moments import moment_text
@@ -42,7 +41,7 @@ from windsysid.turbine.file import load_turbine
 __all__ = ["Delays", "Engine", "EngineState", "Followed", "TurbineState"]
 
 AHEAD = 300 * SECOND
-"""How far a block may lie ahead of the service's clock [ns]."""
+"""Largest lead of a block over the service's clock [ns]."""
 
 BOUND, BOUND_BYTES = 4096, 128_000_000
 """Blocks, and their bytes, that may be on their way to the store: `Engine.push` waits beyond."""
@@ -54,11 +53,11 @@ BEHIND_WINDOWS = 2
 """Windows' lengths by which a turbine's oldest waiting window may be behind before that is an alarm."""
 
 TICK = 1.0
-"""How often silent turbines are looked for [s]."""
+"""Interval of the search for silent turbines [s]."""
 
 
 class Delays(NamedTuple):
-    """How long an engine waits, in seconds.
+    """Waiting times of an engine [s].
 
     Attributes
     ----------
@@ -76,7 +75,7 @@ class Delays(NamedTuple):
 
 
 class Engine:
-    """Follows turbines: the one mutable thing beside its store.
+    """Estimation of many turbines from blocks of samples, with all results in a store.
 
     Parameters
     ----------
@@ -91,7 +90,7 @@ class Engine:
     now
         The service's clock [ns since 1970].
     on_event
-        Told what happens, for logs: its name, and what belongs to it by keyword.
+        Function that receives events for logs: the name of the event, and its data by keyword.
     limits
         Of a block.
 
@@ -266,9 +265,9 @@ class Engine:
                 return
             follower = self._followers[task.turbine]
             try:
-                row = self._row(follower, task, estimator)
+                found = self._estimate(follower, task, estimator)
                 with follower.lock:
-                    follower.rows[task.window] = row
+                    follower.estimates[task.window] = found
                 self._take_rows(follower)
             except StoppedError:
                 return
@@ -280,17 +279,18 @@ class Engine:
                     return
                 self._tasks.put(task)
 
-    def _row(self, follower: Follower, task: WindowTask, estimator: Estimator) -> Row:
+    def _estimate(self, follower: Follower, task: WindowTask, estimator: Estimator) -> Estimated:
         if follower.last is not None:
             follower.last.exception()  # all blocks of the window are on disk
         begun = time.thread_time()
         blocks = [block for _, block in self._store.waiting(task.turbine, task.window)]
         reading = time.thread_time() - begun
-        found = estimate(follower, task, blocks, estimator)
+        read = estimate(follower, task, blocks, estimator)
         with follower.lock:
-            follower.counts.update({name: count for name, count in found.counts.items() if count})
-        self._count(windows_ns=round((reading + found.joining) * SECOND), estimates_ns=round(found.estimating * SECOND))
-        return found.row
+            follower.counts.update({name: count for name, count in read.counts.items() if count})
+        seconds = read.found.seconds
+        self._count(windows_ns=round((reading + read.joining) * SECOND), estimates_ns=round(seconds * SECOND))
+        return read.found
 
     def _take_rows(self, follower: Follower) -> None:
         """Let the watch take in the rows that are next in line."""
@@ -298,20 +298,21 @@ class Engine:
             while True:
                 with follower.lock:
                     task = follower.order[0] if follower.order else None
-                    row = None if task is None else follower.rows.get(task.window)
-                if task is None or row is None:
+                    found = None if task is None else follower.estimates.get(task.window)
+                if task is None or found is None:
                     return
-                self._take_row(follower, task, row)
+                self._take_row(follower, task, found)
+                row = found.row
                 self._tell("window", turbine=task.turbine, window=task.window, status=row["status"], why=row["why"])
                 with self._idle:
                     self._idle.notify_all()
 
-    def _take_row(self, follower: Follower, task: WindowTask, row: Row) -> None:
+    def _take_row(self, follower: Follower, task: WindowTask, found: Estimated) -> None:
         """Let the watch take in a row, and wait until the store has what it made of it."""
-        begun = time.thread_time()
+        begun, row = time.thread_time(), found.row
         concluded = follower.concluded
         if concluded is None:  # else the store refused it before
-            concluded = follower.concluded = conclude(follower, task, row, self._now())
+            concluded = follower.concluded = conclude(follower, task, found, self._now())
             follower.counts["windows"] += 1
         with follower.lock:
             if follower.state != "silent":
@@ -327,7 +328,7 @@ class Engine:
         stored.result()
         with follower.lock:
             follower.means, follower.concluded = concluded.means, None
-            del follower.rows[task.window]
+            del follower.estimates[task.window]
             follower.order.popleft()
             free: list[Future[None]] = []
             if len(follower.order) <= WITHHELD_WINDOWS:
@@ -373,7 +374,7 @@ class Engine:
         behind = now - follower.order[0].closed if follower.order else 0
         if behind > BEHIND_WINDOWS * follower.windows.length:
             text = (
-                f"estimates are {behind / SECOND:.0f} s behind, {len(follower.order)} windows wait, nothing is lost:"
+                f"estimates are {behind / SECOND:.0f} s behind, {len(follower.order)} windows wait, no data are lost:"
                 " give the service more processors, or fewer turbines"
             )
             self._data_alarm(follower, "behind", "warning", text)
@@ -436,7 +437,7 @@ class Engine:
         return idle
 
     def state(self) -> EngineState:
-        """Where everything stands."""
+        """State of all turbines and of the engine."""
         now, turbines = self._now(), {}
         for name, follower in self._followers.items():
             with follower.lock:

@@ -8,7 +8,7 @@ __all__ = ["EngineState", "PageEngine", "TurbineState"]
 
 
 class TurbineState(NamedTuple):
-    """Where one turbine stands.
+    """State of one turbine's windows.
 
     Attributes
     ----------
@@ -23,7 +23,7 @@ class TurbineState(NamedTuple):
 
 
 class EngineState(NamedTuple):
-    """Where the engine stands.
+    """State of the engine.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ class PageEngine(Protocol):
     """An engine, as far as the page needs one."""
 
     def state(self) -> EngineState:
-        """How it does now."""
+        """Current state."""
 
     def acknowledge(self, key: str, by: str, remark: str) -> Alarm:
         """Acknowledge an alarm; KeyError if there is none of this key."""

@@ -13,12 +13,12 @@ from typing import Literal, NamedTuple
 
 from windsysid.errors import ConfigurationError
 from windsysid.fleet.members import Member
-from windsysid.fleet.rows import Row
 from windsysid.live.blocks.block import Block
 from windsysid.live.blocks.codec import BlockRefused
 from windsysid.live.store.contents import Alarm, Result, Status
 from windsysid.live.watch.open_alarms import OpenAlarms
 from windsysid.live.watch.watching import Watching, WatchOptions
+from windsysid.live.windows.estimate import Estimated
 from windsysid.live.windows.streams import Drift, StreamHealth, Verdict
 from windsysid.live.windows.table_size import Growth, TableSize, growth
 from windsysid.live.windows.timeline import SECOND, TurbineWindows, sample_time
@@ -67,7 +67,7 @@ class WindowTask(NamedTuple):
 
 
 class Conclusion(NamedTuple):
-    """What a row gave: its result, alarms of the structure, and what is known of the channels' means after it."""
+    """Outcome of a row: its result, alarms of the structure, and the state of the channels' means."""
 
     result: Result
     alarms: Sequence[Alarm]
@@ -101,7 +101,7 @@ class _Stream:
 
 
 class Follower:
-    """What the engine knows of one turbine."""
+    """State of one turbine in the engine."""
 
     def __init__(self, followed: Followed, settings: str, watching: Watching) -> None:
         if followed.member.scada is not None:
@@ -116,7 +116,7 @@ class Follower:
         self.open: dict[int, dict[str, set[int]]] = {}
         self.tables: dict[int, dict[tuple[str, float], TableSize]] = {}
         self.order: deque[WindowTask] = deque()
-        self.rows: dict[int, Row] = {}
+        self.estimates: dict[int, Estimated] = {}
         self.closed_until = 0
         self.counts: Counter[str] = Counter()
         self.received = 0
@@ -130,7 +130,7 @@ class Follower:
         self.alarms = OpenAlarms(self.name)
 
     def place(self, block: Block, jump: int) -> Placed:
-        """What a block is; one that is new is written down.
+        """Classify a block, and record a new one.
 
         Parameters
         ----------
@@ -180,7 +180,7 @@ class Follower:
             self._grown(block, window).check(block, window + self.windows.length)
 
     def _restarts(self, stream: _Stream, block: Block) -> bool:
-        """Whether a block has the number of an earlier one and is later than all: its sender counts anew."""
+        """Check whether a sender counts anew: its block has an earlier number but is later than all."""
         later = stream.newest is not None and block.start > stream.newest
         return later and not stream.restarted and self._has(block.stream, block.sequence)
 

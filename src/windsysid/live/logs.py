@@ -62,7 +62,7 @@ class RepeatFilter(logging.Filter):
         self._counted: OrderedDict[tuple[str, int, str], tuple[float, int]] = OrderedDict()
 
     def filter(self, record: logging.LogRecord) -> bool:
-        """Whether a line is written."""
+        """Check whether a line is written."""
         key, now = (record.name, record.levelno, str(record.msg)[:LONGEST]), time.monotonic()
         with self._guard:
             begun, count = self._counted.get(key, (now, 0))
@@ -112,7 +112,7 @@ def _plain(value: object) -> object:
 
 
 def _trace(record: logging.LogRecord) -> str:
-    """Where an error came from that nobody foresaw, in one line."""
+    """Origin of an unexpected error, in one line."""
     if not record.exc_info or record.exc_info[1] is None:
         return ""
     error, at = record.exc_info[1], record.exc_info[2]

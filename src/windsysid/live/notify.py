@@ -1,8 +1,7 @@
 """Recipients of alarms: the log, a web address, or a broker.
 
-Every recipient has a place in the store: up to which event it was told. It moves when the recipient has confirmed, so
-that a restart loses nothing. What changes while a recipient is away is told as it is when it comes back. Recipients
-wait for themselves only: none holds up the engine, nor another.
+The store keeps the last event that each recipient has confirmed, so that a restart loses no message. After an
+interruption a recipient receives the current state. A slow recipient delays neither the engine nor another recipient.
 """
 
 import asyncio
@@ -29,7 +28,7 @@ __all__ = [
 ]  # fmt: skip
 
 POLL_SECONDS = 1.0
-"""How often the journal is looked at."""
+"""Interval of reading the journal [s]."""
 
 EVENTS_AT_ONCE = 1000
 ALARMS_AT_ONCE = 100_000
@@ -41,7 +40,7 @@ FIRST_PAUSE, LONGEST_PAUSE = 1.0, 300.0
 """Between tries [s]: each pause is twice the one before."""
 
 REFUSALS = (400, 413, 422)
-"""By these a web address says that it will never take this message: it is logged, and the next one is told."""
+"""Status codes of a web address that will never accept this message: it is logged, and the next one is sent."""
 
 _log = logging.getLogger("windsysid")
 
@@ -61,30 +60,30 @@ class UndeliveredError(WindsysidError):
 
 
 class Recipient(Protocol):
-    """Somebody who is told of alarms.
+    """Recipient of alarms.
 
     Attributes
     ----------
     key
         Under which the store remembers it; it shows no secret.
     severity
-        From this one on it is told.
+        Lowest severity that is sent.
     """
 
     key: str
     severity: str
 
     async def send(self, alarm: Alarm) -> None:
-        """Tell of an alarm as it is now; `UndeliveredError` where it is not confirmed."""
+        """Send the current state of an alarm; `UndeliveredError` if it is not confirmed."""
 
     async def close(self) -> None:
         """Let go of connections."""
 
 
 def notice_of(alarm: Alarm) -> dict[str, Any]:
-    """What is told of an alarm, as plain values; moments in ISO 8601, UTC.
+    """Message of an alarm as plain values; times in ISO 8601, UTC.
 
-    ``text`` is one line that stands alone, as chat programs show it. ``key`` is the same for all that is told of one
+    ``text`` is one line that stands alone, as chat programs show it. ``key`` is the same for all messages of one
     alarm, and ``state`` is ``open``, ``acknowledged`` or ``ended``.
     """
     state = "ended" if alarm.ended is not None else "acknowledged" if alarm.acknowledged is not None else "open"
@@ -114,7 +113,7 @@ def recipient_of(settings: NoticeSettings) -> Recipient:
 async def tell_alarms(store: Store, recipient: Recipient, stop: asyncio.Event) -> None:
     """Tell a recipient of every alarm that opens, changes, is acknowledged or ends, until `stop` is set.
 
-    A recipient that is new is told of the alarms that are open.
+    A new recipient receives the open alarms.
     """
     place = await _in_thread(stop, store.told, recipient.key)
     if place is None:
@@ -145,14 +144,14 @@ async def _changed(store: Store, stop: asyncio.Event, events: Sequence[Event]) -
 async def _tell(
     store: Store, recipient: Recipient, stop: asyncio.Event, alarms: Sequence[Alarm], place: int
 ) -> None:  # fmt: skip
-    """Tell of alarms, the oldest first, and keep the place in the events up to which all was told."""
+    """Send alarms, oldest first, and keep the position in the journal up to which all were sent."""
     await _send_all(recipient, reversed(alarms), stop)
     if not stop.is_set():
         await _in_thread(stop, store.tell, recipient.key, place)
 
 
 async def _in_thread(stop: asyncio.Event, ask: Any, *given: Any, **options: Any) -> Any:
-    """What the store answers; asked again while its database is away."""
+    """Answer of the store; repeated while its database is not reachable."""
     while True:
         try:
             return await asyncio.to_thread(ask, *given, **options)
@@ -181,7 +180,7 @@ async def _send(recipient: Recipient, alarm: Alarm, stop: asyncio.Event) -> None
                 _log.error("%s refuses alarm %s for good: %s", recipient.key, alarm.key, error)
                 return
             if pause in (FIRST_PAUSE, LONGEST_PAUSE):
-                _log.warning("%s was not told of alarm %s, and will be: %s", recipient.key, alarm.key, error)
+                _log.warning("%s has not received alarm %s; it will be sent again: %s", recipient.key, alarm.key, error)
         await _pause(stop, pause)
         pause = min(2.0 * pause, LONGEST_PAUSE)
 

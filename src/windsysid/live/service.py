@@ -43,7 +43,7 @@ RETRY_SECONDS = 60.0
 """After which a source that failed is started again."""
 
 THIN_SECONDS = 6 * 3600.0
-"""How often the store is thinned."""
+"""Interval of thinning the store [s]."""
 
 PORTS_TRIED = 20
 
@@ -122,7 +122,7 @@ def serve(
     """
     with contextlib.ExitStack() as stack:
         stack.callback(listening.close)
-        _access_of(settings.page)  # wrong tokens are told before a store is made
+        _access_of(settings.page)  # report wrong tokens before a store is created
         store = open_store(settings.store, Keep(**settings.keep))
         stack.callback(store.close)
         options = WatchOptions(settings.window, settings.learn, settings.alarms_per_year)
@@ -165,7 +165,7 @@ async def _run(
     ready(url_of(settings.page, listening))
     stopped = asyncio.create_task(stop.wait())
     await asyncio.wait([stopped, web], return_when=asyncio.FIRST_COMPLETED)
-    if web.done():  # nobody asked it to end
+    if web.done():  # it ended unexpectedly
         event(logging.ERROR, "the page ended by itself: the service ends too", why=repr(web.exception()))
         end.by(0, stop)
     _tell_systemd("STOPPING=1")
@@ -182,7 +182,7 @@ async def _run(
 
 
 class _End:
-    """What a signal sets off: an end in order, which a second signal or the clock cut short."""
+    """Handler of signals: an orderly end, which a second signal or the clock shortens."""
 
     def __init__(self) -> None:
         self.code = 0
@@ -275,9 +275,9 @@ async def _thin(store: Store, stop: asyncio.Event) -> None:
 
 
 def _log_event(name: str, **fields: Any) -> None:
-    """What the engine tells, as a line of the log."""
+    """Event of the engine as a line of the log."""
     failed = "failed" in name or fields.get("status") == "failed"
-    event(logging.ERROR if failed else logging.DEBUG, name, **fields)  # alarms are told from the store's journal
+    event(logging.ERROR if failed else logging.DEBUG, name, **fields)  # alarms are sent from the store's journal
 
 
 def _shown(store: str) -> str:

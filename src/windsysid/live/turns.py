@@ -1,4 +1,4 @@
-"""How long a thread keeps Python's lock while others wait for it.
+"""Time that a thread keeps Python's lock while others wait for it.
 
 Python lets one thread run at a time, and by default a thread that has work keeps its turn for 5 ms. A thread that reads
 600 rows from a database gives its turn away at every row, and waits 5 ms to get it back: three seconds, in which the
@@ -18,7 +18,7 @@ SHORT = 5e-4
 
 
 class ShortTurns:
-    """Turns are short in this process from now on, until all that asked for it have ended."""
+    """Short turns in this process until all requests for them have ended."""
 
     _lock = threading.Lock()
     _asking: ClassVar["set[ShortTurns]"] = set()

@@ -2,10 +2,13 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from windsysid._types import Array
+from windsysid.identification.estimate.fitted.spectra import dense_places
 from windsysid.inspection.spectra import seen_from
 from windsysid.records.record import Record
 from windsysid.reports.interactive.plot import Axis, Mark, Plot, PlotCurve, ShadedRange, thinned
@@ -14,7 +17,7 @@ from windsysid.results.identification import Identification
 from windsysid.results.posterior import SIGMAS
 from windsysid.units import unit_text
 
-__all__ = ["innovation_plots", "load_plots", "record_plots", "spectra_plots", "whiteness_plots"]
+__all__ = ["compact_spectra", "innovation_plots", "load_plots", "record_plots", "spectra_plots", "whiteness_plots"]
 
 MAX_PLOTS = 12
 """Setting: channels of which a page has spectra."""
@@ -28,6 +31,9 @@ enough."""
 
 MIN_AVERAGES = 4
 """Setting: smallest number of averaged periodograms, in disjoint segments."""
+
+MAX_KEPT_BINS = 200
+"""Setting: bins of a spectrum that a store keeps."""
 
 MIN_AVERAGED_BINS, MAX_AVERAGED_POINTS = 5, 250
 """Setting: bins over which a periodogram in frequency ranges is averaged, and points that remain."""
@@ -43,6 +49,31 @@ def spectra_plots(found: Identification, record: Record | None) -> list[Plot]:
     plots = [_of_channel(found, of, name, fitted.get(name)) for name, of in recorded.items()]
     plots += [_of_combination(found, one) for name, one in fitted.items() if name not in recorded]
     return [plot for plot in plots if plot is not None][:MAX_PLOTS]
+
+
+def compact_spectra(found: Identification, record: Record) -> list[Plot]:
+    """Plots of `spectra_plots` averaged over at most `MAX_KEPT_BINS` bins, narrow where the model is steep."""
+    return [_compact(plot) for plot in spectra_plots(found, record)]
+
+
+def _compact(plot: Plot) -> Plot:
+    x, model = np.asarray(plot.x), np.asarray(plot.curves[-1].values)
+    known = np.isfinite(model)
+    places = dense_places(x, np.interp(x, x[known], model[known])[:, None], MAX_KEPT_BINS)
+    places[0] = 0
+    counts = np.diff(places, append=len(x))
+
+    def averaged(values: ArrayLike) -> Array:
+        return np.asarray(np.add.reduceat(np.asarray(values, dtype=np.float64), places) / counts)
+
+    curves = [
+        replace(
+            one, values=averaged(one.values), low=None if one.low is None else averaged(one.low),
+            high=None if one.high is None else averaged(one.high),
+        )
+        for one in plot.curves
+    ]  # fmt: skip
+    return replace(plot, x=averaged(x), curves=curves)
 
 
 def _of_channel(found: Identification, record: Record, name: str, fitted: FittedSpectrum | None) -> Plot | None:

@@ -1,6 +1,6 @@
 """A store with a week of three turbines: T01 is as it was, T02 lost stiffness, a sensor of T03 sticks.
 
-The rows are varied from two that `windsysid.fleet.rows` made of simulated records (``rows.json``; made anew by
+Rows and spectra are varied from those of two simulated records (``rows.json`` and ``spectra.json``; made anew by
 ``python -m tests.live.page.sample``). ``python -m tests.live.page.sample --serve [PORT]`` shows the page over them.
 """
 
@@ -9,6 +9,7 @@ import json
 import math
 import sys
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ import numpy as np
 from windsysid.live.store.contents import Alarm, Commit, Result, SensorHealth, SeriesLevel, Status
 from windsysid.live.store.store import Store
 
-ROWS = Path(__file__).with_name("rows.json")
+ROWS, SPECTRA = (Path(__file__).with_name(name) for name in ("rows.json", "spectra.json"))
 
 SECOND = 1_000_000_000
 WINDOW = 600 * SECOND
@@ -34,12 +35,18 @@ def fill(store: Store, *, now: int | None = None, days: float = 7.0, seed: int =
     last = now // WINDOW * WINDOW - WINDOW
     count = int(days * 144)
     rows = json.loads(ROWS.read_text(encoding="utf-8"))
+    plots = json.loads(SPECTRA.read_text(encoding="utf-8"))
     rng = np.random.default_rng(seed)
     for name, kind in (("T01", "tower"), ("T02", "tower"), ("T03", "verne555")):
         watch = _Watch()
         for first in range(0, count, 200):
             chosen = range(first, min(first + 200, count))
             results = [result(name, rows[kind], last - (count - 1 - i) * WINDOW, i / count, rng, watch) for i in chosen]
+            drawn = [one.window // WINDOW % 3 == 2 or one.window == last for one in results]  # two an hour
+            results = [
+                one._replace(spectra=spectra(one.row, plots[kind], rng)) if some else one
+                for one, some in zip(results, drawn, strict=True)
+            ]
             store.submit(Commit(results=results)).result(60)
     store.submit(Commit(statuses=statuses(now), healths=healths(now), alarms=alarms(last, count))).result(60)
     return last
@@ -53,6 +60,8 @@ def result(
     turn = math.sin(2.0 * math.pi * (window / SECOND) / 86400.0)
     gust = 1.0 + 0.25 * turn + 0.08 * rng.standard_normal()
     row |= {"rotor_speed": row["rotor_speed"] * (1.0 + 0.05 * turn + 0.01 * rng.standard_normal()), "trusted": True}
+    for channel in row["channels"]:
+        channel["mean"] = row["rotor_speed"] if channel["name"] == "rotor_speed" else channel["mean"]
     if name == "T01" and 0.30 < share < 0.33:
         why = "expected at least 120 s without gaps, got 41 s: see the logger"
         row |= {"status": "refused", "why": why, "parameters": [], "modes": [], "statistics": [], "covariance": []}
@@ -96,6 +105,23 @@ def result(
             one[key] *= factor
     levels = [watch.level(one, name, share) for one in row["parameters"]]
     return Result(name, window, window + WINDOW, window + WINDOW + 31 * SECOND, row, levels, b"")
+
+
+def spectra(row: Mapping[str, Any], plots: list[dict[str, Any]], rng: np.random.Generator) -> list[str]:
+    """Spectra like others, at the frequencies of a row's modes."""
+    if not row["modes"]:
+        return []
+    made = copy.deepcopy(plots)
+    for plot in made:
+        marks = [mark for mark in plot["marks"] if mark["group"] == "modes" and mark["name"][-2] in "ABC"]
+        shift = row["modes"][1]["frequency"] / next((mark["at"] for mark in marks[1:]), row["modes"][1]["frequency"])
+        shift = shift if 0.9 < shift < 1.1 else 1.0
+        plot["x"] = [x * shift for x in plot["x"]]
+        for mark in marks:
+            mark["at"] *= shift
+        measured = plot["curves"][0]["values"]
+        measured[:] = [v * float(np.exp(0.2 * rng.standard_normal())) for v in measured]
+    return [json.dumps(plot) for plot in made]
 
 
 class _Watch:
@@ -167,17 +193,23 @@ def alarms(last: int, count: int) -> list[Alarm]:
 
 
 def make_rows() -> None:
-    """Identify two simulated records, and write their rows."""
+    """Identify two simulated records, and write their rows and spectra."""
     import windsysid
     from windsysid.fleet.rows import empty_row, row_of
+    from windsysid.reports.identification_plots import compact_spectra
+    from windsysid.reports.interactive.plot import to_json
     from windsysid.results.serialization import finite
     from windsysid.turbine.file import load_turbine
 
-    rows = {}
+    rows, plots = {}, {}
     for name, duration, rate in (("tower", 600.0, 20.0), ("verne555", 120.0, 50.0)):
         record = windsysid.simulate(name, duration=duration, rate=rate, seed=1)
-        rows[name] = finite(row_of(empty_row(name, 0, ""), record, load_turbine(name), None, "spectral"))
+        found: list[Any] = []
+        row = row_of(empty_row(name, 0, ""), record, load_turbine(name), None, "spectral", found.append)
+        rows[name] = finite(row)
+        plots[name] = [json.loads(to_json(plot)) for plot in compact_spectra(found[0], record)[-2:]]
     ROWS.write_text(json.dumps(_rounded(rows), ensure_ascii=False, separators=(",", ":")), encoding="utf-8")
+    SPECTRA.write_text(json.dumps(plots, ensure_ascii=False, separators=(",", ":")), encoding="utf-8")
 
 
 def _rounded(value: Any) -> Any:

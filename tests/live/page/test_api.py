@@ -54,7 +54,7 @@ def test_the_grade_behind_each_number_is_told(client):
     found = client.get("/api/turbines/T01").json()
     grades = found["summary"]["grades"]
     assert (found["summary"]["trusted"], found["summary"]["verdict"]) == (False, "steady")
-    assert found["summary"]["answer"].endswith("Grade C in the newest estimate, and not followed: c_fore_aft.")
+    assert found["summary"]["answer"].endswith("Grade C in the newest estimate, not used for the level: c_fore_aft.")
     assert [name for name in grades if grades[name] == "C"] == ["c_fore_aft", "tower fore-aft damping ratio"]
     assert grades["k_side_side"] == grades["tower side-side frequency"] == "A"
     mode = next(one for one in found["newest"]["modes"] if one["name"] == "tower fore-aft")
@@ -171,6 +171,9 @@ def test_metrics_escape_names_and_count_verdicts(client):
     text = client.get("/metrics").text
     assert 'windsysid_turbines{verdict="moved"} 1' in text
     assert 'windsysid_turbine_trusted{turbine="T02"} 1' in text
+    assert 'windsysid_level{turbine="T02",series="k_fore_aft",unit="N/m"} 18' in text
+    assert 'windsysid_mode_frequency_hertz_high{turbine="T02",mode="tower fore-aft"} 0.3' in text
+    assert 'windsysid_mode_damping_ratio{turbine="T01",mode="tower fore-aft"}' not in text  # grade C
     assert text.endswith("\n")
 
 
@@ -304,7 +307,8 @@ def test_the_event_stream_is_sent_as_events(store, monkeypatch):
     assert streams_of(page).count == 0
 
 
-def test_grafanas_dashboard_asks_for_metrics_that_there_are(client):
+def test_grafanas_dashboard_asks_for_metrics_that_there_are(store):
+    client = TestClient(app(store, sources=[FolderSource("/here", "T01")]), base_url=OWN)
     told = client.get("/metrics").text
     dashboard = json.loads((STATIC / "grafana.json").read_text(encoding="utf-8"))
     asked = {

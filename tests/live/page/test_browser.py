@@ -113,12 +113,51 @@ def test_every_chart_has_its_table_and_fits_a_phone(served, tab):
     for i in range(figures.count()):
         assert "The table below" in (figures.nth(i).locator("[role=img]").get_attribute("aria-label") or "")
         figures.nth(i).locator("summary").click()
-        figures.nth(i).locator("tbody tr").nth(50).wait_for()  # the table is filled after it was opened
+        figures.nth(i).locator("tbody tr").nth(10).wait_for()  # the table is filled after it was opened
     assert tab.evaluate("document.documentElement.scrollWidth") <= 390
     tab.get_by_role("button", name="6 h").press("Enter")
     tab.locator("#range-0[aria-pressed=true]").wait_for()
-    rows = figures.first.locator("tbody tr").count()
+    rows = tab.locator("#stiffness-and-damping figure").first.locator("tbody tr").count()
     assert 30 <= rows <= 40
+
+
+def test_panels_are_arranged_and_folded_by_keyboard_and_stay_so(served, tab):
+    _, address = served
+    tab.goto(f"{address}/#/turbine/T01")
+    tab.locator("figure canvas").first.wait_for()
+    names = "[...document.querySelectorAll('.panel')].map((one) => one.dataset.panel)"
+    assert tab.evaluate(names)[:3] == ["spectrum", "waterfall", "stiffness-and-damping"]
+    tab.get_by_role("button", name="Move Stiffness and damping up").press("Enter")
+    tab.locator("#status", has_text="Stiffness and damping: panel 2 of").wait_for(state="attached")
+    assert tab.evaluate("document.activeElement.getAttribute('aria-label')") == "Move Stiffness and damping up"
+    tab.locator("#waterfall-title").press("Enter")
+    tab.locator("#waterfall:not([open])").wait_for()
+    tab.reload()
+    tab.locator("figure canvas").first.wait_for()
+    assert tab.evaluate(names)[:3] == ["spectrum", "stiffness-and-damping", "waterfall"]
+    assert tab.locator("#waterfall").get_attribute("open") is None
+
+
+def test_plots_zoom_by_keyboard_overlay_conditions_and_are_saved(served, tab):
+    _, address = served
+    tab.goto(f"{address}/#/turbine/T02")
+    chart = tab.locator("#stiffness-and-damping figure").first
+    chart.locator("canvas").wait_for()
+    chart.locator(".plot-canvas").press("+")  # its range is read again, for all charts
+    tab.locator("#range-0[aria-pressed=false]").wait_for()
+    tab.get_by_label("Overlay on the charts").select_option("rotor_speed")
+    chart.get_by_role("button", name="rotor speed").wait_for()
+    with tab.expect_download() as saved:
+        chart.get_by_role("button", name="Save the shown values as CSV").press("Enter")
+    lines = saved.value.path().read_text(encoding="utf-8").splitlines()
+    assert lines[0].startswith('time [UTC],"window, [MN/m]"')
+    assert lines[0].endswith(",rotor speed [rpm]")
+    assert lines[1][10] == "T"
+    with tab.expect_download() as saved:
+        tab.locator("#waterfall").get_by_role("button", name="Save the picture as PNG").press("Enter")
+    assert saved.value.path().read_bytes()[:4] == b"\x89PNG"
+    tab.get_by_role("button", name="◀ earlier").last.press("Enter")
+    tab.locator("#spectrum-newest:not([disabled])").wait_for()
 
 
 def test_a_page_says_that_equations_are_compiled_and_what_a_source_lacks(store, tab):
@@ -130,8 +169,8 @@ def test_a_page_says_that_equations_are_compiled_and_what_a_source_lacks(store, 
     over.state = SourceState("ended")
     with serving(app(store, SimpleNamespace(state=lambda: state), sources=[source, over])) as address:
         tab.goto(address)
-        tab.get_by_text("A source has ended: it brings nothing more, and what is known stays. replay of").wait_for()
-        tab.get_by_text("The equations are being compiled").wait_for()
+        tab.get_by_text("A source has ended; its estimates remain. replay of").wait_for()
+        tab.get_by_text("Equations are being compiled").wait_for()
         tab.get_by_text("folder /nowhere of T01: it is <b>broken</b>").wait_for()
 
 
@@ -158,10 +197,10 @@ def test_a_reader_logs_in_by_the_form_and_out_again(store, browser):
             tab.get_by_label("Token").fill(token)
             tab.get_by_role("button", name="Log in").click()
             if token.startswith("x"):
-                tab.get_by_text("This token is not known here.").wait_for()
+                tab.get_by_text("Unknown token.").wait_for()
         tab.get_by_role("link", name="T02").wait_for()
         tab.get_by_role("link", name="Alarms").click()
-        tab.get_by_text("Who has the operator's token may acknowledge it.").first.wait_for()
+        tab.get_by_text("Acknowledging requires the operator's token.").first.wait_for()
         assert tab.get_by_role("button", name="Acknowledge").count() == 0
         tab.get_by_role("button", name="Log out").click()
         tab.get_by_label("Token").wait_for()

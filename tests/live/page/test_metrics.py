@@ -33,7 +33,7 @@ def alarm(kind: str, text: str) -> AlarmSeen:
 
 
 def test_what_is_not_known_has_no_metric_and_names_are_escaped():
-    text = metrics_text(overview('T"1'), {"results": 2, "bytes": 10}, 1)
+    text = metrics_text(overview('T"1'), {'T"1': None}, {"results": 2, "bytes": 10}, 1)
     assert 'windsysid_sample_timestamp_seconds{turbine="T\\"1"} 2\n' in text
     assert "windsysid_windows_waiting" in text
     assert "block_timestamp" not in text

@@ -37,6 +37,7 @@ from windsysid.records.formats.access.probing import ProcessGuard
 from windsysid.records.formats.contents.mapping import Mapping
 from windsysid.records.moments import shift_moment
 from windsysid.records.record import Record
+from windsysid.results.identification import Identification
 from windsysid.results.serialization import finite
 from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine
@@ -70,8 +71,9 @@ def main() -> None:
             say({"event": "done", "start": _start_of(request["source"], member)})
         elif request["do"] == "samples":
             begun = time.process_time()
-            row = take_samples(request, member, request["formulation"], request["settings"], say)
-            say({"event": "done", "row": finite(row), "seconds": time.process_time() - begun})
+            row, spectra = take_samples(request, member, request["formulation"], request["settings"], say)
+            seconds = time.process_time() - begun
+            say({"event": "done", "row": finite(row), "seconds": seconds, "spectra": spectra})
         else:
             row = take(request["source"], member, request["formulation"], request["settings"], say)
             say({"event": "done", "row": finite(row)})
@@ -122,9 +124,15 @@ def pack_samples(record: Record, rate: float) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def take_samples(request: dict[str, Any], member: Member, formulation: str, settings: str, say: Say) -> Row:
-    """The row of samples that came with the request, whatever happens; without SCADA of files."""
+def take_samples(
+    request: dict[str, Any], member: Member, formulation: str, settings: str, say: Say
+) -> tuple[Row, list[str]]:
+    """Row of the samples in the request, without SCADA of files, and plots of their spectra as JSON."""
+    from windsysid.reports.identification_plots import compact_spectra
+    from windsysid.reports.interactive.plot import to_json
+
     source, size = request["source"], -1
+    results: list[Identification] = []
     try:
         values = np.frombuffer(b64decode(request["values"])).reshape(-1, len(request["channels"]))
         size = values.nbytes
@@ -136,9 +144,10 @@ def take_samples(request: dict[str, Any], member: Member, formulation: str, sett
             start=request["start"],
         )  # fmt: skip
         with _one_compiles(member.turbine, say):
-            return row_of(row, record, machine, sensors, formulation)
+            row = row_of(row, record, machine, sensors, formulation, results.append)
+        return row, [to_json(plot) for result in results for plot in compact_spectra(result, record)]
     except Exception as error:  # as `take`
-        return failed_row(source, size, settings, f"{type(error).__name__}: {' '.join(str(error).split())}")
+        return failed_row(source, size, settings, f"{type(error).__name__}: {' '.join(str(error).split())}"), []
 
 
 @contextmanager

@@ -50,7 +50,7 @@ class NotArrowError(ValueError):
 
 
 class Columns(NamedTuple):
-    """What a stream holds.
+    """Content of a stream.
 
     Attributes
     ----------
@@ -88,7 +88,7 @@ class _Schema(NamedTuple):
 
 
 class _Message(NamedTuple):
-    """Where the table of its header and its body begin, and the body's length [bytes]."""
+    """Offsets of a message's header table and body, and the length of the body [bytes]."""
 
     kind: int
     header: int
@@ -254,7 +254,7 @@ def _marks(payload: bytes, at: int) -> list[list[int]]:
 
 
 def _batch(payload: bytes, message: _Message, columns: int) -> _Batch:
-    """Where the columns of a batch are: each has a node (rows, nulls), a bitmap of what is there, and its numbers."""
+    """Locations of a batch's columns: each has a node (rows, nulls), a validity bitmap, and its values."""
     rows, nodes, buffers, compression = _places(payload, message.header, 4)
     if compression:
         raise NotArrowError("columns are compressed: send them as they are")
@@ -282,7 +282,7 @@ def _fill(payload: bytes, batch: _Batch, fields: tuple[_Field, ...], values: NDA
 
 
 def _buffer(payload: bytes, batch: _Batch, which: int, size: int) -> int:
-    """Where a buffer of a batch begins, of which `size` bytes are read."""
+    """Offset of a batch's buffer, of which `size` bytes are read."""
     offset, length = _pair(payload, batch.buffer + 16 * which)
     if offset < 0 or length < size or offset + length > batch.length:
         raise NotArrowError("a column is cut")
@@ -298,7 +298,7 @@ def _table(payload: bytes, at: int) -> int:
 
 
 def _places(payload: bytes, table: int, most: int) -> list[int]:
-    """Where the first fields of a table are; 0 where the table leaves one out."""
+    """Offsets of the first fields of a table; 0 if a field is absent."""
     listed = table - _i32(payload, table)[0]
     if listed < 0:
         raise NotArrowError("an offset leads out of it")
@@ -318,7 +318,7 @@ def _vector(payload: bytes, at: int) -> tuple[int, int]:
 
 
 def _span(payload: bytes, at: int) -> tuple[int, int]:
-    """Where a text begins and ends."""
+    """Start and end of a text."""
     length, begin = _vector(payload, at)
     if length > LONGEST_TEXT or begin + length > len(payload):
         raise NotArrowError(f"a text of {length} bytes: expected {LONGEST_TEXT} at most")

@@ -38,7 +38,7 @@ from windsysid.units import si_unit, to_si
 __all__ = ["BlockLimits", "BlockRefused", "check", "decode", "encode_arrow", "encode_json", "refusing"]
 
 ARROW = b"\xff\xff\xff\xff"
-"""How an Arrow IPC stream begins; a JSON object begins with a brace."""
+"""First bytes of an Arrow IPC stream; a JSON object begins with a brace."""
 
 _STREAM = re.compile(r"[\w.-]{0,40}")
 
@@ -269,7 +269,7 @@ def _numbers(name: str, values: Any) -> NDArray[np.float64]:
 def _built(
     turbine: str, marks: Mapping[str, Any], channels: tuple[str, ...], units: tuple[str, ...], values: NDArray[Any]
 ) -> Block:
-    """The block of what a sender says of it, as text or as numbers."""
+    """Block from the fields that a sender gives, as text or as numbers."""
     start = _start(marks.get("start"))
     sequence = marks.get("sequence", start)
     rate, stream = marks.get("rate"), marks.get("stream", "")

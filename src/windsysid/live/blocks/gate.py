@@ -1,4 +1,4 @@
-"""How much may be on its way to the store at once."""
+"""Limit on the data that are on their way to the store."""
 
 import threading
 
@@ -35,7 +35,7 @@ class Gate:
             self._room.notify_all()
 
     def open(self) -> None:
-        """Nobody waits any more: the engine ends."""
+        """Release all waiting threads: the engine ends."""
         with self._room:
             self._open = True
             self._room.notify_all()

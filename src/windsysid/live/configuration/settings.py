@@ -78,7 +78,7 @@ NoticeSettings = WebhookNotice | MqttNotice
 
 @dataclass(frozen=True)
 class PageSettings:
-    """Where the page is, and who may see it.
+    """Address of the page, and access to it.
 
     Attributes
     ----------
@@ -100,7 +100,7 @@ class PageSettings:
 
 @dataclass(frozen=True)
 class LogSettings:
-    """How the log is written, and from which level on."""
+    """Format and level of the log."""
 
     format: Literal["text", "json"] = "text"
     level: str = "info"
@@ -108,7 +108,7 @@ class LogSettings:
 
 @dataclass(frozen=True)
 class Settings:
-    """All that a service is told.
+    """Settings of a service.
 
     Attributes
     ----------

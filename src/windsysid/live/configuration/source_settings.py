@@ -13,7 +13,7 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Broker:
-    """How an MQTT broker is reached.
+    """Connection to an MQTT broker.
 
     Attributes
     ----------

@@ -186,7 +186,7 @@ class TomlTable:
         return TomlTable(f"{self.where}: [{key}]", self.given.get(key, {}), self.folder, self.faults)
 
     def done(self) -> None:
-        """Note every key that nobody asked for."""
+        """Record every unknown key."""
         for key in self.given:
             if key not in self.known:
                 near = difflib.get_close_matches(key, self.known, 1)

@@ -42,7 +42,7 @@ class Access:
     read
         Of who may look; None: only operators may, if there is a token of theirs.
     operate
-        Of who may look and acknowledge; None: nobody may acknowledge, if there is a token of readers.
+        Token that allows reading and acknowledging; None: no acknowledgement, if there is a reader's token.
 
     Raises
     ------
@@ -65,7 +65,7 @@ class Access:
 
     @property
     def asked(self) -> bool:
-        """Whether a token is asked for."""
+        """Check whether a token is required."""
         return self.read is not None or self.operate is not None
 
     def check(self, host: str) -> None:
@@ -91,7 +91,7 @@ class Access:
         return self.role_of_session(cookie_parser(said.get(b"cookie", "")).get(COOKIE, ""))
 
     def session(self, role: Role, *, now: float | None = None) -> str:
-        """What a browser's cookie holds."""
+        """Content of a browser's cookie."""
         ends = int((time.time() if now is None else now) + SESSION_SECONDS)
         return f"{role}.{ends}.{self._signature(f'{role}.{ends}')}"
 
@@ -111,7 +111,7 @@ class Access:
 
 
 def is_loopback(host: str) -> bool:
-    """Whether only this machine reaches an address."""
+    """Check whether an address is reachable from this machine only."""
     if host == "localhost":
         return True
     try:

@@ -1,6 +1,6 @@
-"""The page and its API: what the store knows, for people and for programs.
+"""The page of the live service and its API.
 
-Everything is read from the store when it is asked for. The one thing that is written is an acknowledgement.
+All data are read from the store at each request. Acknowledgements are the only data that are written.
 """
 
 import time
@@ -15,6 +15,7 @@ from fastapi.responses import FileResponse, JSONResponse, PlainTextResponse
 from fastapi.sse import EventSourceResponse, ServerSentEvent
 from fastapi.staticfiles import StaticFiles
 
+from windsysid import reports
 from windsysid._version import __version__
 from windsysid.errors import WindsysidError
 from windsysid.live.engine_state import PageEngine
@@ -24,6 +25,7 @@ from windsysid.live.page.door import Door
 from windsysid.live.page.guard import RequestGuard, RequestLimits
 from windsysid.live.page.metrics import MEDIA_TYPE, metrics_text
 from windsysid.live.page.newest import Newest
+from windsysid.live.page.spectra import spectra_of, waterfall_of
 from windsysid.live.page.streams import Streams, TooManyStreams
 from windsysid.live.page.views import (
     NS_PER_MS,
@@ -42,18 +44,23 @@ from windsysid.live.store.store import Store
 __all__ = ["app", "streams_of"]
 
 STATIC = FilePath(__file__).parent / "static"
+PLOTS = FilePath(reports.__file__).parent / "static"
+"""Script and style of the plots of report pages."""
 
 MOST_POINTS = 4000
-"""Windows that a chart is given at most."""
+"""Setting: largest number of windows in one answer."""
+
+MAX_SPECTRA = 800
+"""Setting: spectra of one waterfall."""
 
 MOST_MOMENT = 9.2e12
-"""Milliseconds that are still nanoseconds of 64 bits: the year 2261."""
+"""Largest time [ms] whose nanoseconds have 64 bits: the year 2261."""
 
 MOST_EVENT = 2**63 - 1
 
 Name = Annotated[str, Path(pattern=r"^[\w. -]*\w$", max_length=200, description="of a turbine")]
 Moment = Annotated[float | None, Query(ge=0.0, le=MOST_MOMENT, allow_inf_nan=False, description="ms since 1970, UTC")]
-Most = Annotated[int, Query(ge=2, le=MOST_POINTS, description="of more windows, every so manieth")]
+Most = Annotated[int, Query(ge=2, le=MOST_POINTS, description="of more windows, a sample at equal steps")]
 Key = Annotated[str, Path(max_length=500, pattern=r"^[^\x00-\x1f\x7f]+$", description="of an alarm")]
 
 
@@ -66,7 +73,7 @@ def _errors(**of: str) -> Responses:
 
 
 def _beside_text(errors: Responses) -> Responses:
-    """The same of a path that answers text: what is wrong is said in JSON there as well."""
+    """Error responses of a path that answers text: errors are JSON there, too."""
     said = {"application/json": {"schema": {"$ref": "#/components/schemas/Problem"}}}
     return {status: {"description": error["description"], "content": said} for status, error in errors.items()}
 
@@ -93,26 +100,26 @@ def app(
     Parameters
     ----------
     engine
-        What runs behind it: its state is shown, and acknowledgements go through it. None: a page over a store that
-        nothing writes into; an acknowledgement goes to the store.
+        Engine whose state is shown and that takes acknowledgements. None: a page over a store without a running
+        engine; acknowledgements go to the store.
     access
-        Who may look and act. None of both tokens: whoever reaches the page, which then answers to names of this machine
-        only. `Access.check` says whether an address may be listened on.
+        Tokens. Without tokens everyone who reaches the page has access, and it answers to names of this machine only.
+        `Access.check` checks the address of the server.
     limits
         Of sizes and rates.
     sources
-        Whose state is shown.
+        Sources whose state is shown.
     note
-        A sentence that stands above the turbines.
+        A sentence above the list of turbines.
 
     Returns
     -------
     fastapi.FastAPI
-        Whoever stops its server calls ``streams_of(app).close()`` first: a server waits for answers that are open.
+        Call ``streams_of(app).close()`` before its server is stopped: a server waits for open answers.
     """
     page = FastAPI(
         title="windsysid live", version=__version__, docs_url=None, redoc_url=None, openapi_url="/api/openapi.json",
-        description="What is known of every turbine: estimates, alarms, health. Moments are ms since 1970, UTC.",
+        description="Estimates, alarms and health of turbines. Times are ms since 1970, UTC.",
     )  # fmt: skip
     page.state.streams = streams = Streams(store, limits.streams)
     door = Door(access, limits)
@@ -127,6 +134,7 @@ def app(
     page.add_exception_handler(RequestValidationError, _invalid)
     page.add_middleware(RequestGuard, access=access, limits=limits)
     page.mount("/static", StaticFiles(directory=STATIC), name="static")
+    page.mount("/plots", StaticFiles(directory=PLOTS), name="plots")
     return page
 
 
@@ -160,12 +168,12 @@ def _service(store: Store, overview: _Overviews, door: Door, sources: Sequence[B
 
     @router.get("/api/overview")
     def read_overview(role: Annotated[Role, Depends(door)]) -> models.PageOverview:
-        """All turbines, the worst first."""
+        """All turbines, worst first."""
         return overview(role)
 
     @router.get("/health", responses={503: {"model": models.Health, "description": "the store accepts no blocks"}})
     def health(response: Response) -> models.Health:
-        """Whether the store accepts blocks, and the states of the sources; needs no token."""
+        """State of the store and the sources; needs no token."""
         states = Counter(source.state.state for source in sources)
         status: Literal["ok", "degraded", "failed"] = "degraded" if states["failed"] or states["trying"] else "ok"
         if trouble_of(store):
@@ -177,13 +185,15 @@ def _service(store: Store, overview: _Overviews, door: Door, sources: Sequence[B
 
 
 def _metrics(store: Store, overview: _Overviews, streams: Streams, door: Door) -> APIRouter:
-    """What is measured."""
+    """Route of the metrics."""
     router = APIRouter()
 
     @router.get("/metrics", response_class=PlainTextResponse, dependencies=[Depends(door)])
     def metrics() -> Response:
         """For Prometheus."""
-        return Response(metrics_text(overview("reader"), store.size(), streams.count), media_type=MEDIA_TYPE)
+        known = overview("reader")
+        results = overview.newest.of([one.name for one in known.turbines])
+        return Response(metrics_text(known, results, store.size(), streams.count), media_type=MEDIA_TYPE)
 
     return router
 
@@ -199,7 +209,7 @@ def _turbines(store: Store, engine: PageEngine | None, newest: Newest, door: Doo
 
     @router.get("")
     def turbine(turbine: Name) -> models.TurbinePage:
-        """What is known of it now."""
+        """Current state of a turbine."""
         try:
             return turbine_of(store, engine, newest, turbine)
         except KeyError:
@@ -209,7 +219,7 @@ def _turbines(store: Store, engine: PageEngine | None, newest: Newest, door: Doo
     def levels(
         turbine: Annotated[str, Depends(known)], since: Moment = None, until: Moment = None, most: Most = 2000
     ) -> models.Levels:
-        """Watched series over time."""
+        """Levels of the watched series over time."""
         return levels_of(store.levels(turbine, since=_ns(since), until=_ns(until), most=most))
 
     @router.get("/results")
@@ -219,12 +229,28 @@ def _turbines(store: Store, engine: PageEngine | None, newest: Newest, door: Doo
         """Modes, loads, rotor speed and trust over time."""
         return results_of(store.results(turbine, since=_ns(since), until=_ns(until), most=most))
 
+    @router.get("/spectrum")
+    def spectrum(turbine: Annotated[str, Depends(known)], until: Moment = None) -> models.Spectra:
+        """Spectra with the model of the newest window, or of the last one that starts before `until`."""
+        return spectra_of(store.spectra(turbine, until=_ns(until), most=1))
+
+    @router.get("/waterfall")
+    def waterfall(
+        turbine: Annotated[str, Depends(known)],
+        channel: Annotated[str | None, Query(max_length=200, description="as in `channels`; the first")] = None,
+        since: Moment = None,
+        until: Moment = None,
+        most: Annotated[int, Query(ge=1, le=MAX_SPECTRA, description="of more windows, a sample at equal steps")] = 336,
+    ) -> models.Waterfall:
+        """Measured spectrum of a channel over time."""
+        return waterfall_of(store.spectra(turbine, since=_ns(since), until=_ns(until), most=most), channel)
+
     @router.get("/results/{window}")
     def result(
         turbine: Annotated[str, Depends(known)],
         window: Annotated[float, Path(ge=0.0, le=MOST_MOMENT, allow_inf_nan=False, description="its begin, ms")],
     ) -> models.Detail:
-        """Everything of one window."""
+        """All results of one window."""
         begin = round(window * NS_PER_MS)
         found = store.results(turbine, since=begin, until=begin + NS_PER_MS, newest=1)
         if not found:
@@ -244,12 +270,12 @@ def _alarms(store: Store, engine: PageEngine | None, door: Door) -> APIRouter:
         open_only: bool = False,
         most: Annotated[int, Query(ge=1, le=MOST_POINTS)] = 200,
     ) -> list[models.AlarmSeen]:
-        """The newest first."""
+        """Alarms, newest first."""
         return [alarm_seen(alarm) for alarm in store.alarms(turbine=turbine, open_only=open_only, most=most)]
 
     @router.post("/{key:path}/acknowledge", dependencies=[Depends(door.operator)], responses=UNKNOWN)
     def acknowledge(key: Key, said: models.Acknowledgement) -> models.AlarmSeen:
-        """Say that somebody knows; of operators only. To acknowledge again changes nothing."""
+        """Acknowledge an alarm; operators only. A repetition changes nothing."""
         try:
             at = time.time_ns()
             if engine is None:
@@ -262,14 +288,14 @@ def _alarms(store: Store, engine: PageEngine | None, door: Door) -> APIRouter:
 
 
 def _events(streams: Streams, door: Door) -> APIRouter:
-    """What changes, as it changes."""
+    """Route of the event stream."""
     router = APIRouter()
 
     async def counted_in() -> AsyncIterator[None]:
         try:
             streams.enter()
         except TooManyStreams:
-            raise HTTPException(503, "as many pages listen as may", {"Retry-After": "10"}) from None
+            raise HTTPException(503, "too many event streams are open", {"Retry-After": "10"}) from None
         try:
             yield
         finally:
@@ -280,7 +306,7 @@ def _events(streams: Streams, door: Door) -> APIRouter:
         after: Annotated[int | None, Query(ge=0, le=MOST_EVENT, description="an event: what came after it")] = None,
         last_event_id: Annotated[str | None, Header(description="as `after`; it goes before it")] = None,
     ) -> AsyncIterator[ServerSentEvent]:
-        """What changed, as server-sent events; ids are those of the store's journal."""
+        """Changes as server-sent events; ids are those of the store's journal."""
         begin = int(last_event_id) if last_event_id and _is_event(last_event_id) else after
         yield ServerSentEvent(comment="windsysid live", retry=2000)
         async for told, changes in streams.follow(begin):
@@ -302,7 +328,7 @@ def _store_is_away(request: Request, error: Exception) -> JSONResponse:
 
 
 def _invalid(request: Request, error: Exception) -> JSONResponse:
-    """What is wrong with a request, without what it said: an answer repeats nothing of a client."""
+    """Errors of a request, without its content: an answer never repeats input of a client."""
     found = cast(RequestValidationError, error).errors()
     detail = [{"type": one["type"], "loc": list(one["loc"]), "msg": one["msg"]} for one in found]
     return JSONResponse({"detail": detail}, 422)

@@ -115,7 +115,7 @@ class _Bounded(H11Protocol):
 
     @property
     def waits(self) -> bool:
-        """Whether no whole request has come since the last one was answered."""
+        """Check whether no whole request has arrived since the last answer."""
         return self.conn.their_state in (h11.IDLE, h11.SEND_BODY)
 
     def connection_made(self, transport: Any) -> None:

@@ -24,7 +24,7 @@ class Door:
 
     @property
     def asks(self) -> bool:
-        """Whether a token is asked for."""
+        """Check whether a token is required."""
         return self._access.asked
 
     def __call__(self, request: Request) -> Role:
@@ -36,7 +36,7 @@ class Door:
             return found
         if request.headers.get("authorization", "").partition(" ")[0].lower() == "bearer":
             self._count_guess(request)
-            raise HTTPException(401, "the token is not known here", CHALLENGE)
+            raise HTTPException(401, "unknown token", CHALLENGE)
         raise HTTPException(401, "expected a token: log in, or send Authorization: Bearer …", CHALLENGE)
 
     def operator(self, request: Request) -> Role:

@@ -74,7 +74,7 @@ class Buckets:
         self._left: OrderedDict[str, tuple[float, float]] = OrderedDict()
 
     def left(self, client: str) -> float:
-        """How many a client has left."""
+        """Requests that a client has left."""
         count, at = self._left.get(client, (self._burst, 0.0))
         return min(self._burst, count + (time.monotonic() - at) * self._rate)
 
@@ -162,7 +162,7 @@ class RequestGuard:
         return None
 
     def _is_within_rate(self, scope: Message) -> bool:
-        """Whether a request is within the rate of its address, counted apart for each role and without a token.
+        """Check the rate of an address, separately for each role and for requests without a token.
 
         Behind a proxy all requests come from one address: those without a token must not use up the rate of those with
         one. The login form has a limit of wrong tokens instead (`Door`).
@@ -185,7 +185,7 @@ def _name(host: str) -> str:
 
 
 def _same_site(said: dict[bytes, str], host: str) -> bool:
-    """Whether a request that changes something comes from this page or from no page at all."""
+    """Check whether a request that changes data comes from this page or from a program."""
     if said.get(b"sec-fetch-site", "same-origin") not in ("same-origin", "none"):
         return False
     origin = said.get(b"origin")

@@ -4,7 +4,9 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from typing import get_args
 
+from windsysid.fleet.rows import stored_grade
 from windsysid.live.page.models import PageOverview, TurbineSummary, Verdict
+from windsysid.live.store.contents import Result
 
 __all__ = ["MEDIA_TYPE", "metrics_text"]
 
@@ -15,15 +17,19 @@ Metric = tuple[str, str, str, Iterable[Sample]]
 """Name, kind, text and samples."""
 
 
-def metrics_text(overview: PageOverview, sizes: Mapping[str, int], streams: int) -> str:
-    """Metrics in the text format of Prometheus; what is not known is left out."""
+def metrics_text(
+    overview: PageOverview, results: Mapping[str, Result | None], sizes: Mapping[str, int], streams: int
+) -> str:
+    """Metrics of an overview, and of each turbine's newest result, in Prometheus' text format; unknown values and
+    values of grade C are left out."""
     metrics = [
-        *_of_turbines(overview), *_of_sources(overview), *_of_service(overview),
+        *_of_turbines(overview), *_of_levels(results), *_of_modes(results),
+        *_of_sources(overview), *_of_service(overview),
         ("store_takes_blocks", "gauge", "0 while the store accepts no blocks.", [({}, float(not overview.store))]),
         ("store_rows", "gauge", "Rows of the store.",
          [({"table": table}, float(count)) for table, count in sizes.items() if table != "bytes"]),
         ("store_bytes", "gauge", "Size of the store.", [({}, sizes.get("bytes"))]),
-        ("event_streams", "gauge", "Pages that listen.", [({}, float(streams))]),
+        ("event_streams", "gauge", "Open event streams.", [({}, float(streams))]),
     ]  # fmt: skip
     return "\n".join(line for metric in metrics for line in _lines(*metric)) + "\n"
 
@@ -37,22 +43,22 @@ def _of_turbines(overview: PageOverview) -> list[Metric]:
     turbines = overview.turbines
     counts = Counter(turbine.verdict for turbine in turbines)
     values: tuple[tuple[str, str, Callable[[TurbineSummary], float | None]], ...] = (
-        ("turbine_trusted", "Whether the newest estimate is to be trusted.", lambda one: one.trusted),
-        ("turbine_unusable", "Newest numbers of grade C.", lambda one: list(one.grades.values()).count("C")),
-        ("sample_timestamp_seconds", "When the newest sample was taken.", lambda one: _seconds(one.stream)),
-        ("block_timestamp_seconds", "When the newest block came.", lambda one: _seconds(one.received)),
+        ("turbine_trusted", "1 if the newest estimate is trusted.", lambda one: one.trusted),
+        ("turbine_unusable", "Newest values of grade C.", lambda one: list(one.grades.values()).count("C")),
+        ("sample_timestamp_seconds", "Time of the newest sample.", lambda one: _seconds(one.stream)),
+        ("block_timestamp_seconds", "Arrival of the newest block.", lambda one: _seconds(one.received)),
         ("window_timestamp_seconds", "End of the newest window that has a result.", lambda one: _seconds(one.until)),
-        ("behind_seconds", "By how much the results are behind the samples.", lambda one: one.behind),
-        ("windows_waiting", "Windows that ended and have no result yet.", lambda one: one.windows_waiting),
-        ("sensor_faults", "Channels that are not good.", lambda one: len(one.faults)),
+        ("behind_seconds", "Delay of the results behind the samples.", lambda one: one.behind),
+        ("windows_waiting", "Windows that have ended without a result so far.", lambda one: one.windows_waiting),
+        ("sensor_faults", "Channels with a fault.", lambda one: len(one.faults)),
     )
     return [
-        ("info", "gauge", "The version that runs.", [({"version": overview.version}, 1.0)]),
+        ("info", "gauge", "Version of the service.", [({"version": overview.version}, 1.0)]),
         ("turbines", "gauge", "Turbines by verdict.",
          [({"verdict": verdict}, float(counts[verdict])) for verdict in get_args(Verdict)]),
-        ("turbine_verdict", "gauge", "1 for the verdict that holds of a turbine.",
+        ("turbine_verdict", "gauge", "1 for the verdict of a turbine.",
          [({"turbine": one.name, "verdict": one.verdict}, 1.0) for one in turbines]),
-        ("open_alarms", "gauge", "Alarms that are open.", _open_alarms(overview)),
+        ("open_alarms", "gauge", "Open alarms.", _open_alarms(overview)),
         *(
             (name, "gauge", text, [({"turbine": one.name}, value(one)) for one in turbines])
             for name, text, value in values
@@ -60,14 +66,43 @@ def _of_turbines(overview: PageOverview) -> list[Metric]:
     ]  # fmt: skip
 
 
+ENDS = (("", ""), ("_low", ", lower end of the 95 % interval"), ("_high", ", upper end of the 95 % interval"))
+
+
+def _of_levels(results: Mapping[str, Result | None]) -> list[Metric]:
+    """Levels of stiffness and damping."""
+    levels = [(name, one) for name, result in results.items() if result for one in result.levels if one.kind != "noise"]
+    return [
+        (f"level{end}", "gauge", f"Level of a coefficient in SI units{text}.",
+         [({"turbine": of, "series": one.name, "unit": one.unit}, getattr(one, f"level{end}")) for of, one in levels])
+        for end, text in ENDS
+    ]  # fmt: skip
+
+
+def _of_modes(results: Mapping[str, Result | None]) -> list[Metric]:
+    """Frequencies and damping ratios of the newest windows."""
+    modes = [
+        (name, result.row, mode) for name, result in results.items() if result for mode in result.row.get("modes") or ()
+    ]
+    return [
+        (f"mode_{metric}{end}", "gauge", f"{title} of a mode in the newest window{text}.",
+         [({"turbine": name, "mode": str(mode["name"])}, mode.get(f"{key}{end}"))
+          for name, row, mode in modes if stored_grade(row, mode, f"{key}_grade") != "C"])
+        for key, metric, title in (
+            ("frequency", "frequency_hertz", "Frequency"), ("damping_ratio", "damping_ratio", "Damping ratio"),
+        )
+        for end, text in ENDS
+    ]  # fmt: skip
+
+
 def _of_sources(overview: PageOverview) -> list[Metric]:
     sources = overview.sources
     return [
-        ("source_state", "gauge", "1 for the state that a source is in.",
+        ("source_state", "gauge", "1 for the state of a source.",
          [({"source": one.name, "state": one.state}, 1.0) for one in sources]),
-        ("source_blocks_total", "counter", "Blocks that a source brought.",
+        ("source_blocks_total", "counter", "Blocks received from a source.",
          [({"source": one.name}, one.blocks) for one in sources]),
-        ("source_refused_total", "counter", "Blocks, messages and files of a source that were refused.",
+        ("source_refused_total", "counter", "Refused blocks, messages and files of a source.",
          [({"source": one.name}, one.refused) for one in sources]),
     ]  # fmt: skip
 
@@ -78,8 +113,8 @@ def _of_service(overview: PageOverview) -> list[Metric]:
         return []
     cost = None if service.cost_per_sample is None else service.cost_per_sample / 1e6
     return [
-        ("blocks_per_second", "gauge", "Blocks that are committed.", [({}, service.blocks_per_second)]),
-        ("cost_per_sample_seconds", "gauge", "Processor time a sample.", [({}, cost)]),
+        ("blocks_per_second", "gauge", "Blocks committed per second.", [({}, service.blocks_per_second)]),
+        ("cost_per_sample_seconds", "gauge", "Processor time per sample.", [({}, cost)]),
     ]
 
 
@@ -88,7 +123,7 @@ def _seconds(ms: float | None) -> float | None:
 
 
 def _open_alarms(overview: PageOverview) -> list[Sample]:
-    """Of every turbine, by kind, severity, and whether somebody acknowledged."""
+    """Open alarms by turbine, kind, severity and acknowledgement."""
     counts = Counter(
         (one.name, alarm.kind, alarm.severity, alarm.acknowledged is not None)
         for one in overview.turbines

@@ -1,6 +1,6 @@
 """Models of the answers of the API. Moments are milliseconds since 1970, UTC; whatever is not known is null."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, Field
 
@@ -12,11 +12,11 @@ __all__ = [
 ]  # fmt: skip
 
 Verdict = Literal["moved", "sensor", "silent", "unsure", "learning", "waiting", "steady"]
-"""The answer to "is it as it was?", the worst first.
+"""Verdicts on a turbine, worst first.
 
 ``moved``: a structural change was found. ``sensor``: a sensor has a fault. ``silent``: nothing comes, or too late.
 ``unsure``: the newest window has no coefficient of grade A or B. ``learning``: the watch does not know yet what is
-usual. ``waiting``: no window has ended yet. ``steady``: as it was.
+usual. ``waiting``: no window has ended yet. ``steady``: no change.
 """
 
 Numbers = list[float | None]
@@ -45,7 +45,7 @@ class Health(BaseModel):
 
 
 class ChannelHealth(BaseModel):
-    """How a channel is now."""
+    """Current state of a channel."""
 
     channel: str
     state: Annotated[str, Field(description="good, or the kind of fault")]
@@ -94,7 +94,7 @@ class TurbineSummary(BaseModel):
 
 
 class Service(BaseModel):
-    """How the service does; null where no engine runs behind the page."""
+    """State of the service; null if no engine runs."""
 
     blocks_per_second: float | None
     cost_per_sample: Annotated[float | None, Field(description="µs of processor time")]
@@ -102,7 +102,7 @@ class Service(BaseModel):
 
 
 class SourceStatus(BaseModel):
-    """Where samples come from, and how that goes."""
+    """State of a source of samples."""
 
     name: Annotated[str, Field(description="what it reads from, without secrets")]
     state: Annotated[SourceStateName, Field(description="trying: what it reads from cannot be reached")]
@@ -151,7 +151,7 @@ class Excitation(BaseModel):
 
 
 class BudgetShare(BaseModel):
-    """What makes a coefficient's band as wide as it is."""
+    """Shares of the sources of uncertainty in a coefficient's variance."""
 
     name: str
     title: str
@@ -169,7 +169,7 @@ class BudgetShare(BaseModel):
 
 
 class WindowHealth(BaseModel):
-    """What the window's own inspection says of a channel."""
+    """Finding of the inspection of a window's channel."""
 
     channel: str
     kind: str
@@ -178,7 +178,7 @@ class WindowHealth(BaseModel):
 
 
 class ChannelStatistics(BaseModel):
-    """What the window holds of a channel."""
+    """Statistics of a channel in a window."""
 
     channel: str
     unit: str
@@ -188,7 +188,7 @@ class ChannelStatistics(BaseModel):
 
 
 class Detail(BaseModel):
-    """Everything that one window gave."""
+    """All results of one window."""
 
     window: float
     until: float
@@ -211,14 +211,14 @@ class Detail(BaseModel):
 
 
 class Configuration(BaseModel):
-    """By which settings a turbine is followed since when."""
+    """Settings of a turbine, with the time from which they apply."""
 
     at: float
     settings: str
 
 
 class TurbinePage(BaseModel):
-    """What is known of one turbine now."""
+    """Current state of one turbine."""
 
     at: float
     event: int
@@ -226,7 +226,7 @@ class TurbinePage(BaseModel):
     counts: Annotated[dict[str, int], Field(description="since the first block: blocks, samples, late …")]
     channels: list[ChannelHealth]
     newest: Annotated[Detail | None, Field(description="the newest window that has a result")]
-    window_length: Annotated[float | None, Field(description="of its windows [s]; null where no engine said it")]
+    window_length: Annotated[float | None, Field(description="of its windows [s]; null if not known")]
     configurations: list[Configuration]
 
 
@@ -237,11 +237,11 @@ class SeriesHistory(BaseModel):
     title: str
     unit: str
     kind: Annotated[str, Field(description="k stiffness, c damping, f frequency, noise")]
-    estimate: Annotated[Numbers, Field(description="of the window alone")]
+    estimate: Annotated[Numbers, Field(description="of the window alone, without its prior")]
     low: Numbers
     high: Numbers
     grade: Annotated[list[Grade], Field(description="of the estimate: the level follows A and B")]
-    level: Annotated[Numbers, Field(description="as known after the window")]
+    level: Annotated[Numbers, Field(description="after the window")]
     level_low: Numbers
     level_high: Numbers
     statistic: Annotated[Numbers, Field(description="of the test for a jump; 0 while it learns")]
@@ -280,23 +280,52 @@ class LoadTrack(BaseModel):
     high: Numbers
 
 
+class ConditionTrack(BaseModel):
+    """Mean of a channel, or SCADA, over time; as long as `Results.windows`."""
+
+    name: str
+    title: str
+    unit: str
+    mean: Numbers
+
+
+class Spectra(BaseModel):
+    """Spectra of the channels of one window, with the model."""
+
+    window: Annotated[float | None, Field(description="its start; null if no spectrum is stored")]
+    plots: Annotated[list[dict[str, Any]], Field(description="curves over frequency, with intervals, modes and units")]
+
+
+class Waterfall(BaseModel):
+    """Spectrum of one channel over time, of the last window of each hour."""
+
+    channel: str
+    channels: list[str]
+    unit: str
+    windows: list[float]
+    frequencies: Annotated[list[float], Field(description="Hz, of the newest spectrum")]
+    modes: Annotated[dict[str, Numbers], Field(description="Hz, in the frame of the channel; null with grade C")]
+    density: Annotated[list[Numbers], Field(description="decimal logarithm of the measured spectrum, by window")]
+
+
 class Results(BaseModel):
-    """What the windows of a turbine gave."""
+    """Results of the windows of a turbine."""
 
     windows: list[float]
     until: list[float]
     status: Annotated[list[str], Field(description="ok, refused, failed")]
     trusted: list[bool | None]
     state: list[str]
-    why: Annotated[list[str], Field(description="why there is no estimate, or why it is not trusted")]
+    why: Annotated[list[str], Field(description="reason for a missing or untrusted estimate")]
     rotor_speed: Annotated[Numbers, Field(description="rad/s")]
-    blades: Annotated[int | None, Field(description="of the rotor: 1P and its multiples are what excites")]
+    blades: Annotated[int | None, Field(description="number; the rotor excites at 1P and multiples of it")]
     modes: list[ModeTrack]
     loads: list[LoadTrack]
+    conditions: list[ConditionTrack]
 
 
 class Acknowledgement(BaseModel):
-    """Who acknowledges, and what there is to say."""
+    """Name and remark of an acknowledgement."""
 
     model_config = {"extra": "forbid"}
 
@@ -305,7 +334,7 @@ class Acknowledgement(BaseModel):
 
 
 class JournalChanges(BaseModel):
-    """What changed since the last message: read again what you show of it."""
+    """Changes since the last message, whose data a client requests again."""
 
     turbines: Annotated[list[str], Field(description="whose status, health or results changed")]
     results: Annotated[list[str], Field(description="that have a new result")]

@@ -1,4 +1,4 @@
-"""The newest result of every turbine, read again only after a new one came."""
+"""Cache of the newest result of every turbine."""
 
 import threading
 from collections.abc import Iterable
@@ -9,7 +9,7 @@ from windsysid.live.store.store import Store
 __all__ = ["Newest"]
 
 MOST_EVENTS = 5000
-"""Events that are gone through to see what is new; where there are more, everything is read again."""
+"""Setting: events that are checked for new results; after more, all results are read again."""
 
 
 class Newest:

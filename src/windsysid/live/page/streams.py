@@ -1,4 +1,4 @@
-"""Server-sent events: what changed in the store, told to every page that is open.
+"""Server-sent events about changes in the store, for every open page.
 
 One thread's worth of reading serves all pages: a watcher follows the journal while anybody listens. A message says what
 to read again, and its id is the journal's: a page that was away sends it back and misses nothing.
@@ -16,10 +16,10 @@ from windsysid.live.store.store import Store
 __all__ = ["Streams", "TooManyStreams"]
 
 POLL_SECONDS = 0.5
-"""How often the journal is looked at while pages are open."""
+"""Interval of reading the journal while pages are open [s]."""
 
 KEPT_EVENTS = 2000
-"""Events that are told one by one; a page that was away for more reads everything again."""
+"""Largest number of events sent one by one; after more, a page requests all data again."""
 
 
 class TooManyStreams(Exception):  # noqa: N818 - it is no fault, it is a bound
@@ -69,7 +69,7 @@ class Streams:
             self._watcher = None
 
     async def follow(self, after: int | None) -> AsyncIterator[tuple[int, JournalChanges]]:
-        """What changed after an event, and the id of the last event told: a stream that was counted in."""
+        """Changes after an event, with the id of the last event sent; for a stream that was counted in."""
         await self._watch()
         told = self._last if after is None else min(after, self._last)
         while not self._closed:
@@ -82,7 +82,7 @@ class Streams:
                 await changed.wait()
 
     async def _watch(self) -> None:
-        """Start to follow the journal, where nobody does."""
+        """Start to read the journal, unless it is being read."""
         async with self._starting:
             if self._watcher is None or self._watcher.done():
                 self._loop = asyncio.get_running_loop()
@@ -95,7 +95,7 @@ class Streams:
             await asyncio.sleep(POLL_SECONDS)
             try:
                 fresh = await asyncio.to_thread(self._store.events, self._last, most=KEPT_EVENTS)
-            except WindsysidError:  # the database is away: it is asked again
+            except WindsysidError:  # the database is not reachable: try again
                 continue
             if fresh:
                 self._kept.extend(fresh)

@@ -1,4 +1,4 @@
-"""Conversion of the store's contents into the models of the API; no decision of the service is made here."""
+"""Conversion of the store's contents into the models of the API."""
 
 import math
 import time
@@ -13,6 +13,7 @@ from windsysid.checks.conditioning import hold
 from windsysid.configuration import parse_toml
 from windsysid.errors import StoreError
 from windsysid.fleet.rows import stored_grade, stored_grades
+from windsysid.fleet.scada import SCADA_COLUMNS
 from windsysid.live.engine_state import PageEngine, TurbineState
 from windsysid.live.page import models
 from windsysid.live.page.newest import Newest
@@ -35,16 +36,16 @@ VERDICTS: tuple[models.Verdict, ...] = ("moved", "sensor", "silent", "unsure", "
 SEVERITIES = ("alarm", "warning", "notice")
 
 MOST_OPEN = 10_000
-"""Open alarms of all turbines that an overview counts: what is beyond, nobody reads any more."""
+"""Setting: largest number of open alarms in an overview."""
 
 MULTIPLES = 4
-"""Multiples of the number of blades that are looked at beside 1P."""
+"""Setting: multiples of the blade-passing frequency, in addition to 1P."""
 
 TWO_PI = 2.0 * math.pi
 
 
 def sources_of(sources: Iterable[BlockSource]) -> list[models.SourceStatus]:
-    """How the sources are."""
+    """States of the sources."""
     return [
         models.SourceStatus(name=source.describe(), **source.state._asdict())  # a state is of one moment
         for source in sources
@@ -63,7 +64,7 @@ def trouble_of(store: Store) -> str:
 
 
 def overview_of(store: Store, engine: PageEngine | None, newest: Newest, role: str, login: bool) -> models.PageOverview:
-    """All turbines, the worst first."""
+    """All turbines, worst first."""
     event = store.last_event()
     state = None if engine is None else engine.state()
     turbines = state.turbines if state is not None else {}
@@ -90,7 +91,7 @@ def overview_of(store: Store, engine: PageEngine | None, newest: Newest, role: s
 
 
 def turbine_of(store: Store, engine: PageEngine | None, newest: Newest, name: str) -> models.TurbinePage:
-    """What is known of a turbine now; KeyError where there is none of this name."""
+    """Current state of a turbine; KeyError if the name is unknown."""
     event = store.last_event()
     state = {} if engine is None else engine.state().turbines
     if name not in state and name not in store.turbines():
@@ -115,7 +116,7 @@ def turbine_of(store: Store, engine: PageEngine | None, newest: Newest, name: st
 
 
 def levels_of(found: Sequence[tuple[int, SeriesLevel]]) -> models.Levels:
-    """Levels as columns: windows that a series has no level of have null."""
+    """Levels as columns; null for windows without a level."""
     windows = sorted({window for window, _ in found})
     at = {window: i for i, window in enumerate(windows)}
     fields = (
@@ -156,11 +157,12 @@ def results_of(results: Sequence[Result]) -> models.Results:
         blades=_blades(rows[-1]) if rows else None,
         modes=_modes_over_time(rows),
         loads=_loads_over_time(rows),
+        conditions=_conditions_over_time(rows),
     )
 
 
 def detail_of(result: Result) -> models.Detail:
-    """Everything of one window."""
+    """All results of one window."""
     row = result.row
     excitations = _excitations(row)
     return models.Detail(
@@ -187,7 +189,7 @@ def detail_of(result: Result) -> models.Detail:
 
 
 def alarm_seen(alarm: Alarm) -> models.AlarmSeen:
-    """An alarm as the API has it."""
+    """An alarm as a model of the API."""
     return models.AlarmSeen(
         key=alarm.key, turbine=alarm.turbine, kind=alarm.kind, severity=alarm.severity, about=alarm.about,
         title=series_title(alarm.about), opened=_ms(alarm.opened), earliest=_ms(alarm.earliest),
@@ -227,7 +229,7 @@ def _trusted(result: Result | None) -> bool | None:
 def _verdict_of_alarms(
     alarms: Sequence[models.AlarmSeen], faults: Sequence[models.ChannelHealth], status: Status | None
 ) -> tuple[models.Verdict, str] | None:
-    """The worst that alarms and sensors say of a turbine, and a sentence that says it; None where all is well."""
+    """Worst verdict from alarms and sensors, with a sentence; None if there is no alarm and no fault."""
     first = {alarm.kind: alarm.text for alarm in reversed(alarms)}
     if "structure" in first:
         return "moved", first["structure"]
@@ -238,28 +240,28 @@ def _verdict_of_alarms(
     if "data" in first:
         return "silent", first["data"]
     if status is not None and status.state == "silent":
-        return "silent", "No samples come: see the logger and the link."
+        return "silent", "No samples are received: check the logger and the connection."
     return None
 
 
 def _verdict_of_result(status: Status | None, waiting: int | None, result: Result | None) -> tuple[models.Verdict, str]:
-    """What the newest result says of a turbine without alarms, or why there is none."""
+    """Verdict from the newest result of a turbine without alarms, or the reason for a missing result."""
     if result is None:
         if status is None:
-            return "waiting", "Nothing has come yet: estimates begin when the first window of samples has ended."
+            return "waiting", "No data received yet: the first estimate follows the end of the first window."
         if waiting:
-            return "waiting", f"The first estimates are being worked out: windows that wait: {waiting}."
-        return "waiting", "Samples come: the first estimate is there soon after the first window has ended."
-    why = "; ".join(_reasons(result.row)) or "no reason is known"
+            return "waiting", f"The first estimates are being computed: {waiting} waiting."
+        return "waiting", "Samples are received: the first estimate follows the end of the first window."
+    why = "; ".join(_reasons(result.row)) or "reason not known"
     if result.row.get("status") != "ok":
         return "unsure", f"The newest window has no estimate: {why}."
     bad, known = _unusable(result.row), len(_rows(result.row, "parameters"))
     if 0 < len(bad) == known:
-        return "unsure", f"No coefficient of the newest estimate can be used: {why}."
-    but = f" Grade C in the newest estimate, and not followed: {', '.join(bad)}." if bad else ""
+        return "unsure", f"All coefficients of the newest estimate have grade C: {why}."
+    but = f" Grade C in the newest estimate, not used for the level: {', '.join(bad)}." if bad else ""
     if not any(level.statistic > 0.0 for level in result.levels):
-        return "learning", f"Nothing is watched yet: the service learns what is usual here.{but}"
-    return "steady", f"As it was: nothing moved beyond what is usual.{but}"
+        return "learning", f"Learning: changes are detected after the learning phase.{but}"
+    return "steady", f"Unchanged: no change beyond the usual variation.{but}"
 
 
 def _unusable(row: Mapping[str, Any]) -> list[str]:
@@ -268,7 +270,7 @@ def _unusable(row: Mapping[str, Any]) -> list[str]:
 
 
 def _how_bad(summary: models.TurbineSummary) -> tuple[int, bool, int, str]:
-    """The worst verdict first, in it what nobody acknowledged, then the severest."""
+    """Sort key: worst verdict, then alarms that are not acknowledged, then severity."""
     worst = min((SEVERITIES.index(alarm.severity) for alarm in summary.alarms), default=len(SEVERITIES))
     seen = all(alarm.acknowledged is not None for alarm in summary.alarms)
     return VERDICTS.index(summary.verdict), seen, worst, summary.name
@@ -283,7 +285,7 @@ def _channel(health: SensorHealth) -> models.ChannelHealth:
 
 
 def _reasons(row: Mapping[str, Any]) -> list[str]:
-    """Why a row is not to be trusted, or has no estimate."""
+    """Reasons why a row has no estimate or is not trusted."""
     why = [str(row["why"])] if row.get("why") else []
     return why + ([] if row.get("trusted") else _texts(row, "reasons"))
 
@@ -340,6 +342,20 @@ def _loads_over_time(rows: Sequence[Mapping[str, Any]]) -> list[models.LoadTrack
     ]
 
 
+def _conditions_over_time(rows: Sequence[Mapping[str, Any]]) -> list[models.ConditionTrack]:
+    """Means of the channels, and SCADA that was joined to the rows."""
+    columns = _over_time(rows, "channels", ("mean",))
+    found = {name: (one["mean"], _text(first, "unit")) for name, (one, first) in columns.items()}
+    for name, (unit, _) in SCADA_COLUMNS.items():
+        values = [_number(row.get(f"scada_{name}")) for row in rows] if unit else []
+        if any(value is not None for value in values):
+            found[f"scada_{name}"] = values, unit
+    return [
+        models.ConditionTrack(name=name, title=name.replace("_", " "), unit=unit_text(unit), mean=values)
+        for name, (values, unit) in found.items()
+    ]
+
+
 def _over_time(
     rows: Sequence[Mapping[str, Any]], column: str, fields: Sequence[str], grades: Sequence[str] = ()
 ) -> dict[str, tuple[dict[str, list[Any]], Mapping[str, Any]]]:
@@ -359,7 +375,7 @@ def _over_time(
 
 
 def _budget(row: Mapping[str, Any]) -> list[models.BudgetShare]:
-    """What makes the bands as wide as they are, from the row's covariance of all unknowns."""
+    """Shares of the sources of uncertainty, from the row's covariance of all unknowns."""
     parameters, cov = _rows(row, "parameters"), _covariance(row)
     n, count = len(parameters), len(cov)
     if not 0 < n <= count:

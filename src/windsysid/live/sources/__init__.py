@@ -1,1 +1,1 @@
-"""Where a live service's blocks come from: a broker, a folder, a SCADA server, a record that is played."""
+"""Sources of blocks for a live service: broker, folder, SCADA server, or a record that is replayed."""

@@ -1,6 +1,6 @@
 """Connection to an MQTT 5 broker, and the topics and properties of blocks there.
 
-Blocks come on one topic of each turbine, ``windsysid/<turbine>/blocks``. Beside it the service publishes
+Blocks come on one topic of each turbine, ``windsysid/<turbine>/blocks``. In addition, the service publishes
 ``windsysid/<turbine>/committed`` (retained: the number of the newest block up to which all are on its disk, as text; of
 a named logger ``…/committed/<stream>``) and ``windsysid/<turbine>/refused`` (why a block was not taken).
 
@@ -64,7 +64,7 @@ class Topics:
 
 
 class Marks(NamedTuple):
-    """What a publisher says of a message beside the block; None where it says nothing."""
+    """Metadata of a message in addition to the block; None if there are none."""
 
     sequence: int | None = None
     stream: str = ""

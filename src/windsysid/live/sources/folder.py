@@ -23,7 +23,7 @@ __all__ = ["FolderSource"]
 logger = logging.getLogger(__name__)
 
 LOOK_EVERY = 2.0
-"""How often the folder is looked at [s]: a file that is the same at two looks is complete."""
+"""Interval of reading the folder [s]: a file that is equal at two readings is complete."""
 
 BLOCK = 10.0
 """Length of a block [s]."""
@@ -33,7 +33,7 @@ _PIECE = 600.0
 
 
 class _Face(NamedTuple):
-    """What a file looks like from outside: size [bytes] and time of its last change [ns]."""
+    """Size [bytes] of a file and time of its last change [ns]."""
 
     size: int
     changed: int
@@ -144,7 +144,7 @@ class FolderSource:
 
 
 def _face(path: Path) -> _Face | None:
-    """What a file looks like; None where it is empty, no file, or was taken away meanwhile."""
+    """Size and time of a file; None if it is empty, no file, or has been removed."""
     try:
         about = path.stat()
     except OSError:

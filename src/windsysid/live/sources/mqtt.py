@@ -37,10 +37,10 @@ PATIENCE = 20.0
 """The longest that a message waits for room [s]: the client keeps the connection alive between two messages."""
 
 KEPT = 7 * 86_400
-"""How long the broker keeps messages for a service that is away [s]."""
+"""Time for which the broker keeps messages for a disconnected service [s]."""
 
 TOLD_EVERY = 0.1
-"""How often publishers are told what is committed [s]."""
+"""Interval of acknowledgements to publishers [s]."""
 
 QUIET = 10.0
 """Between two lines of the log about refused messages [s]."""
@@ -49,7 +49,7 @@ TOPICS_AT_ONCE = 100
 """In one message to the broker."""
 
 STREAMS = 32
-"""Loggers of a turbine of which it is told what is committed."""
+"""Setting: loggers of a turbine whose blocks are acknowledged."""
 
 
 class MqttSource:
@@ -115,7 +115,7 @@ class MqttSource:
                 self._untold.add((turbine, stream))
 
     def untold(self, *, everything: bool = False) -> dict[tuple[str, str], int]:
-        """What publishers were not yet told, by turbine and stream."""
+        """Acknowledgements that are not sent yet, by turbine and stream."""
         with self._lock:
             keys = {(t, s) for t, known in self._committed.items() for s in known} if everything else self._untold
             self._untold = set()
@@ -171,7 +171,7 @@ class Inbox:
             return message
 
     def close(self) -> None:
-        """Nobody takes messages any more: the broker keeps them."""
+        """No messages are taken from now on: the broker keeps them."""
         with self._changed:
             self._closed = True
             self._changed.notify_all()

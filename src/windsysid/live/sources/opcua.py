@@ -67,7 +67,7 @@ class OpcuaSource:
     every
         Period [s].
     user, password
-        Where the server asks for them.
+        Credentials, if the server requires them.
     secured
         Certificates by which client and server know each other; all is signed and encrypted then.
     """

@@ -55,7 +55,7 @@ LONGEST_PATIENCE = 60.0
 
 
 class _Sending:
-    """How far the sending of one flow is."""
+    """Progress of sending one flow."""
 
     def __init__(self, patience: float) -> None:
         self.committed: int | None = None
@@ -114,7 +114,7 @@ class Publisher:
         self._changed = threading.Condition(threading.RLock())
         self._newest = self.ring.flows()
         self._flows: dict[Flow, _Sending] = {}
-        self._told: dict[str, Flow] = {}  # by the topic on which it is told what is committed
+        self._told: dict[str, Flow] = {}  # by the topic of its acknowledgements
         self._due: dict[Flow, None] = {}  # in the order in which their turn comes
         self._client: Any = None
         self._connected = self._closing = self._over = False
@@ -133,7 +133,7 @@ class Publisher:
 
     @property
     def connected(self) -> bool:
-        """Whether the broker is there."""
+        """Check whether the broker is connected."""
         return self._connected
 
     @property
@@ -206,7 +206,7 @@ class Publisher:
         self.ring.close()
 
     def _open(self, flow: Flow) -> None:
-        """Know a flow, and hear of what is committed of it."""
+        """Register a flow, and subscribe to its acknowledgements."""
         if flow not in self._flows:
             self._flows[flow] = _Sending(self.patience)
             self._told[self.topics.committed(*flow)] = flow
@@ -330,7 +330,7 @@ class Publisher:
             return
         flows = [f for f in self._flows if f.stream == stream and self.topics.refused(f.turbine) == message.topic]
         for flow in flows:
-            if not self.ring.holds(flow, number):  # another publisher's, or told before
+            if not self.ring.holds(flow, number):  # another publisher's, or known
                 continue
             self.refused += 1
             self._why = f"a block was refused: {message.payload[:300].decode(errors='replace')}"

@@ -139,13 +139,13 @@ class Ring:
         return [PackedBlock(number, payload) for number, payload in rows]
 
     def holds(self, flow: Flow, sequence: int) -> bool:
-        """Whether a block is kept."""
+        """Check whether a block is kept."""
         found = self._ask("SELECT 1 FROM block WHERE turbine = ? AND stream = ? AND sequence = ?", (*flow, sequence))
         return bool(found)
 
     @property
     def room(self) -> int:
-        """What still goes in before the oldest is dropped [bytes]."""
+        """Free space before the oldest block is dropped [bytes]."""
         return self.most - self._bytes
 
     def close(self) -> None:

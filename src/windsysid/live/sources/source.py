@@ -23,7 +23,7 @@ LONGEST_PAUSE = 30.0
 
 
 class SourceState(NamedTuple):
-    """How a source is.
+    """State of a source.
 
     Attributes
     ----------
@@ -57,7 +57,7 @@ class BlockSource(Protocol):
     state: SourceState
 
     def describe(self) -> str:
-        """What it reads from, in a few words without secrets."""
+        """Description of the source, without secrets."""
 
     async def run(self, push: Push, stop: asyncio.Event) -> None:
         """Bring blocks until `stop` is set or there are no more.

@@ -1,4 +1,4 @@
-"""What is known of every turbine, on disk: SQLite or PostgreSQL (docs/live_store.md)."""
+"""Store of the live service: SQLite or PostgreSQL (docs/live_store.md)."""
 
 from windsysid.live.store.keep import Keep
 from windsysid.live.store.opening import open_store

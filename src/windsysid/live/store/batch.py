@@ -1,11 +1,12 @@
 """Commits as rows of tables: several that wait become one transaction, in their order."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 from windsysid.live.store import statements as sql
 from windsysid.live.store.contents import Commit
-from windsysid.live.store.encoding import columns_of, pack_levels, pack_row, pack_text
+from windsysid.live.store.encoding import columns_of, pack_levels, pack_row, pack_spectra, pack_text
+from windsysid.live.store.keep import HOUR
 
 __all__ = ["CommitBatch", "PreparedCommit", "prepare"]
 
@@ -27,7 +28,7 @@ class PreparedCommit(NamedTuple):
     statuses: list[Values]
     healths: list[Values]
     alarms: list[Values]
-    results: list[tuple[Values, bytes, bytes, bytes]]
+    results: list[tuple[Values, bytes, bytes, bytes, bytes]]
     windows: list[tuple[str, int]]
 
 
@@ -49,6 +50,7 @@ def prepare(commit: Commit) -> PreparedCommit:
                 pack_row(result.row),
                 pack_levels(result.levels),
                 bytes(result.checkpoint),
+                pack_spectra(result.spectra),
             )
             for result in commit.results
         ],
@@ -71,7 +73,7 @@ class CommitBatch:
         self._statuses: dict[str, Values] = {}
         self._healths: list[Values] = []
         self._alarms: list[Values] = []
-        self._results: dict[tuple[str, int], tuple[Values, bytes, bytes, bytes]] = {}
+        self._results: dict[tuple[str, int], tuple[Values, bytes, bytes, bytes, bytes]] = {}
         self._events: list[int] = []
         for commit in commits:
             self._add(commit)
@@ -94,14 +96,22 @@ class CommitBatch:
     def statements(self) -> Iterator[tuple[str, list[Values]]]:
         """Statements and the rows for each. Results come after all that asks whether they are there already."""
         results = self._results.values()
+        drawn = _drawn(results)
         written: tuple[tuple[str, list[Values]], ...] = (
             (sql.BLOCK, self._blocks),
             (sql.STATUS, list(self._statuses.values())),
             (sql.HEALTH, self._healths),
             (sql.ALARM, self._alarms),
-            (sql.LEVELS, [(*key[:2], levels, *key[:2]) for key, _, levels, _ in results]),
-            (sql.RESULT, [(*key, row) for key, row, _, _ in results]),
-            (sql.CHECKPOINT, [(*key[:3], checkpoint) for key, _, _, checkpoint in results]),
-            (sql.DONE, [key[:2] for key, _, _, _ in results]),
+            (sql.LEVELS, [(*key[:2], levels, *key[:2]) for key, _, levels, _, _ in results]),
+            (sql.SPECTRA, [(*key[:2], spectra, *key[:2]) for key, spectra in drawn]),
+            (sql.SPECTRA_REPLACED, [(key[0], key[1] // HOUR * HOUR, key[1]) for key, _ in drawn]),
+            (sql.RESULT, [(*key, row) for key, row, _, _, _ in results]),
+            (sql.CHECKPOINT, [(*key[:3], checkpoint) for key, _, _, checkpoint, _ in results]),
+            (sql.DONE, [key[:2] for key, *_ in results]),
         )
         return ((statement, rows) for statement, rows in written if rows)
+
+
+def _drawn(results: Iterable[tuple[Values, bytes, bytes, bytes, bytes]]) -> list[tuple[Values, bytes]]:
+    """Keys and spectra of the results that have spectra."""
+    return [(key, spectra) for key, *_, spectra in results if spectra]

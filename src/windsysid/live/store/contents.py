@@ -27,7 +27,7 @@ class StoredBlock(NamedTuple):
 
 
 class Status(NamedTuple):
-    """Where a turbine's stream stands; one row a turbine, the newest.
+    """State of a turbine's stream; one row for each turbine, the newest.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class Status(NamedTuple):
 
 
 class SensorHealth(NamedTuple):
-    """How a channel is; one row a channel, the newest.
+    """State of a channel; one row for each channel, the newest.
 
     Attributes
     ----------
@@ -108,7 +108,7 @@ class SeriesLevel(NamedTuple):
 
 
 class Result(NamedTuple):
-    """What one window gave; one row a turbine and window, never changed.
+    """Result of one window; one row for each turbine and window, never changed.
 
     Attributes
     ----------
@@ -122,6 +122,8 @@ class Result(NamedTuple):
         Of all series that are watched.
     checkpoint
         The turbine's watch after this window, in bytes: what it takes to go on.
+    spectra
+        Plots of the channels' spectra with the model, each as JSON (`windsysid.reports.interactive.plot.to_json`).
     """
 
     turbine: str
@@ -131,10 +133,11 @@ class Result(NamedTuple):
     row: Mapping[str, Any]
     levels: Sequence[SeriesLevel]
     checkpoint: bytes
+    spectra: Sequence[str] = ()
 
 
 class Alarm(NamedTuple):
-    """Something that somebody must know.
+    """Alarm of a turbine.
 
     Attributes
     ----------
@@ -172,7 +175,7 @@ class Alarm(NamedTuple):
 
 
 class Commit(NamedTuple):
-    """What is written in one transaction: all of it or nothing."""
+    """Content of one transaction."""
 
     blocks: Sequence[StoredBlock] = ()
     statuses: Sequence[Status] = ()

@@ -34,7 +34,7 @@ class Database(Protocol):
         """A statement in its dialect."""
 
     def connect(self) -> Any:
-        """A connection to write by, which nobody else has.
+        """Exclusive connection for writing.
 
         Raises
         ------
@@ -46,13 +46,13 @@ class Database(Protocol):
         """A connection to read by."""
 
     def passes(self, error: Exception) -> bool:
-        """Whether an error may be over if one waits: a full disk, a server that restarts."""
+        """Check whether an error is temporary: a full disk, a server that restarts."""
 
     def explain(self, error: Exception) -> str:
-        """What its driver says, in one line, without its password."""
+        """Message of the driver in one line, without the password."""
 
     def bytes(self, connection: Any) -> int:
-        """What the store takes on disk."""
+        """Size of the store on disk [bytes]."""
 
     def tidy(self, connection: Any) -> None:
         """Give back to the disk what was thinned."""

@@ -12,7 +12,10 @@ import numpy as np
 from windsysid.live.blocks.block import Block
 from windsysid.live.store.contents import SeriesLevel
 
-__all__ = ["block_of", "columns_of", "levels_of", "pack_levels", "pack_row", "pack_text", "row_of"]
+__all__ = [
+    "block_of", "columns_of", "levels_of", "pack_levels", "pack_row", "pack_spectra", "pack_text", "row_of",
+    "spectra_of",
+]  # fmt: skip
 
 NUMBERS = ("estimate", "low", "high", "level", "level_low", "level_high", "statistic", "limit")
 TEXTS = ("name", "unit", "kind", "grade")
@@ -90,6 +93,16 @@ def levels_of(content: bytes) -> list[SeriesLevel]:
         SeriesLevel(*texts[:3], *(None if math.isnan(one) else one for one in values[:-2]), *values[-2:], *texts[3:])
         for texts, values in zip(json.loads(whole[4:end]), numbers, strict=True)
     ]
+
+
+def pack_spectra(spectra: Sequence[str]) -> bytes:
+    """Plots of one window as a compressed JSON array; empty where there are none."""
+    return zlib.compress(f"[{','.join(spectra)}]".encode()) if spectra else b""
+
+
+def spectra_of(content: bytes) -> list[dict[str, Any]]:
+    """The plots of `pack_spectra`."""
+    return cast(list[dict[str, Any]], json.loads(zlib.decompress(content)))
 
 
 def _number(value: float | None) -> float:

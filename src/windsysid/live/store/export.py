@@ -1,4 +1,4 @@
-"""What a store holds as files: an archive that `windsysid monitor` and `windsysid report` read, and netCDF."""
+"""Export of a store: an archive for `windsysid monitor` and `windsysid report`, and netCDF."""
 
 from collections.abc import Iterator
 from functools import partial

@@ -1,20 +1,21 @@
-"""How long a store keeps what."""
+"""Retention times of a store."""
 
 import re
 from dataclasses import dataclass
 
 from windsysid.errors import ConfigurationError
 
-__all__ = ["DAY", "Keep", "span"]
+__all__ = ["DAY", "HOUR", "Keep", "span"]
 
 SECOND = 1_000_000_000
 DAY = 86_400 * SECOND
-UNITS = {"hour": DAY // 24, "day": DAY, "week": 7 * DAY, "month": 30 * DAY, "year": 365 * DAY}
+HOUR = DAY // 24
+UNITS = {"hour": HOUR, "day": DAY, "week": 7 * DAY, "month": 30 * DAY, "year": 365 * DAY}
 
 
 @dataclass(frozen=True)
 class Keep:
-    """How long a store keeps what: ``30 days``, ``6 months``, ``10 years``, ``forever``.
+    """Retention times of a store: ``30 days``, ``6 months``, ``10 years``, ``forever``.
 
     Attributes
     ----------
@@ -24,6 +25,8 @@ class Keep:
         The levels of every window. Of what is older, the last window of every day stays for good.
     alarms
         Alarms that have ended, since their end.
+    spectra
+        Spectra of the channels, of the last window of each hour.
 
     Raises
     ------
@@ -34,9 +37,10 @@ class Keep:
     results: str = "10 years"
     levels: str = "2 years"
     alarms: str = "10 years"
+    spectra: str = "90 days"
 
     def __post_init__(self) -> None:
-        for name in ("results", "levels", "alarms"):
+        for name in ("results", "levels", "alarms", "spectra"):
             try:
                 span(getattr(self, name))
             except ConfigurationError as error:

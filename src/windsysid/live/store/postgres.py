@@ -82,7 +82,7 @@ class Postgres:
         self.name = f"database {place or 'of the environment'}"
 
     def explain(self, error: Exception) -> str:
-        """What its driver says, in one line, without its password."""
+        """Message of the driver in one line, without the password."""
         text = one_line(error)
         for secret in self._secrets:
             text = text.replace(secret, "***")
@@ -156,7 +156,7 @@ class Postgres:
                 connection.close()
 
     def passes(self, error: Exception) -> bool:
-        """Whether an error may be over if one waits; without a code, the connection was lost."""
+        """Check whether an error is temporary; without a code, the connection was lost."""
         state = getattr(error, "sqlstate", None)
         if state is None:
             return isinstance(error, self._driver.OperationalError | self._driver.InterfaceError)

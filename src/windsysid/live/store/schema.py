@@ -1,7 +1,7 @@
 """The tables of a store, the same in SQLite and PostgreSQL: `BYTES` stands for what each calls a column of bytes.
 
 There is no journal of events. Every row that a page shows carries the number of the event that wrote it last, so that
-a page that was away for a week is told of each row once, and a stream of a thousand blocks a second leaves one row a
+a page that was closed for a week receives each row once, and a stream of a thousand blocks a second leaves one row a
 turbine.
 """
 
@@ -44,5 +44,10 @@ STEPS: tuple[tuple[str, ...], ...] = (
         "CREATE INDEX alarms_by_event ON alarms (event)",
     ),
     ("CREATE TABLE recipients (name TEXT NOT NULL PRIMARY KEY, event BIGINT NOT NULL)",),
+    (
+        """CREATE TABLE spectra (
+            turbine TEXT NOT NULL, window_start BIGINT NOT NULL, content BYTES NOT NULL,
+            PRIMARY KEY (turbine, window_start))""",
+    ),
 )
-"""What makes a store of one version one of the next; a store's version is the number of steps that made it."""
+"""Steps from each version of a store to the next; the version of a store is the number of its steps."""

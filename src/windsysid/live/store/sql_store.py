@@ -15,7 +15,7 @@ from windsysid.live.store import statements as sql
 from windsysid.live.store.batch import CommitBatch, PreparedCommit, prepare
 from windsysid.live.store.contents import Alarm, Commit, Event, Result, SensorHealth, SeriesLevel, Status
 from windsysid.live.store.database import Database
-from windsysid.live.store.encoding import block_of, levels_of, pack_text, row_of
+from windsysid.live.store.encoding import block_of, levels_of, pack_text, row_of, spectra_of
 from windsysid.live.store.keep import DAY, Keep, span
 from windsysid.live.store.store import ContentError
 
@@ -38,14 +38,14 @@ ALL = 10**9
 
 
 class _Job(NamedTuple):
-    """What the writer does: a commit, or a call with its connection."""
+    """Job of the writer: a commit, or a call with its connection."""
 
     done: "Future[Any]"
     work: "PreparedCommit | Callable[[Any], Any]"
 
 
 class SqlStore:
-    """What `windsysid.live.store.Store` says, in a database.
+    """Implementation of `windsysid.live.store.Store` in a database.
 
     While the database refuses to write for a reason that may pass (the disk is full, the server restarts), what was
     submitted waits, `trouble` says why, and the store tries again. After anything else the future has the error.
@@ -91,7 +91,7 @@ class SqlStore:
 
     def _queue(self, work: "PreparedCommit | Callable[[Any], Any]") -> "Future[Any]":
         done: Future[Any] = Future()
-        done.set_running_or_notify_cancel()  # what is queued is written: nobody cancels it
+        done.set_running_or_notify_cancel()  # what is queued is written and never cancelled
         with self._changed:
             if self._closing:
                 raise StoreError(f"{self._database.name} is closed, or open for reading only")
@@ -154,7 +154,7 @@ class SqlStore:
         return None
 
     def _passes(self, error: Exception) -> bool:
-        """Whether an error may be over if one waits; a `StoreError` is another service's, while the server was away."""
+        """Check whether an error is temporary; a `StoreError` is that of another service during a restart."""
         database = self._database
         return isinstance(error, StoreError) or (isinstance(error, database.errors) and database.passes(error))
 
@@ -247,7 +247,7 @@ class SqlStore:
         return Alarm(*found[0])
 
     def tell(self, recipient: str, event: int) -> None:
-        """Write down up to which event somebody was told of alarms."""
+        """Record the last event of which a recipient was notified."""
         self._change(sql.TOLD, (recipient, event))
 
     # reading
@@ -257,7 +257,7 @@ class SqlStore:
         return rows
 
     def _read(self, statement: str, values: Sequence[Any] = ()) -> list[Any]:
-        """All rows; asked once more where the connection was lost meanwhile."""
+        """All rows; read once more if the connection was lost."""
         for last in (False, True):
             try:
                 with self._database.reader() as connection:
@@ -283,7 +283,7 @@ class SqlStore:
         return (found[0][0], bytes(found[0][1])) if found else None
 
     def told(self, recipient: str) -> int | None:
-        """Up to which event somebody was told of alarms; None where it was never."""
+        """Last event of which a recipient was notified; None if there is none."""
         found = self._read("SELECT event FROM recipients WHERE name = ?", (recipient,))
         return int(found[0][0]) if found else None
 
@@ -348,6 +348,14 @@ class SqlStore:
         found = self._read(sql.LEVELS_OF.format(windows=windows), (turbine, *values))
         return [(window, level) for window, content in found for level in levels_of(content)]
 
+    def spectra(
+        self, turbine: str, *, since: int | None = None, until: int | None = None, most: int = 500
+    ) -> list[tuple[int, list[dict[str, Any]]]]:
+        """Start of the window and plots, in order of time; of more than `most` windows, every so manieth."""
+        windows, values = self._windows("spectra", turbine, since, until, most)
+        found = self._read(sql.SPECTRA_OF.format(windows=windows), (turbine, *values))
+        return [(window, spectra_of(content)) for window, content in found]
+
     def extent(self, turbine: str) -> tuple[int, int] | None:
         """Starts of the first and of the newest window that a turbine has something of; None where it has nothing."""
         [(first, newest)] = self._read(
@@ -387,14 +395,17 @@ class SqlStore:
     # housekeeping
 
     def thin(self, *, now: int) -> None:
-        """Take away what is older than the store was told to keep, in slices between which commits are written."""
-        results, levels, alarms = (span(kept) for kept in (self._keep.results, self._keep.levels, self._keep.alarms))
+        """Delete data older than their retention time, in slices between which commits are written."""
+        keep = self._keep
+        results, levels, alarms, spectra = map(span, (keep.results, keep.levels, keep.alarms, keep.spectra))
         for turbine in self.turbines():
             if results is not None:
                 self._thin_results(turbine, now - results)
             if levels is not None:
                 cut = max(now - levels, 0)
                 self._change(sql.THIN_LEVELS, (turbine, cut, cut, DAY, DAY))
+        if spectra is not None:
+            self._change("DELETE FROM spectra WHERE window_start < ?", (max(now - spectra, 0),))
         if alarms is not None:
             self._change("DELETE FROM alarms WHERE ended < ?", (max(now - alarms, 0),))
         self._queue(self._database.tidy).result()
@@ -425,4 +436,4 @@ class SqlStore:
 ALARM_COLUMNS = (
     "key, turbine, kind, severity, about, opened, earliest, latest, ended, text, acknowledged, acknowledged_by, remark"
 )
-TABLES = ("configurations", "blocks", "statuses", "healths", "results", "levels", "checkpoints", "alarms")
+TABLES = ("configurations", "blocks", "statuses", "healths", "results", "levels", "spectra", "checkpoints", "alarms")

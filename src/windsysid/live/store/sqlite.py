@@ -19,7 +19,7 @@ MARK = 0x57494E44
 """``WIND``: the file's application id."""
 
 BUSY = 10.0
-"""How long a statement waits for another process that reads or copies the file [s]."""
+"""Time that a statement waits for another process that reads or copies the file [s]."""
 
 PASSING = {
     sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR, sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED, sqlite3.SQLITE_CANTOPEN,
@@ -106,7 +106,7 @@ class Sqlite:
                 os.close(os.open(self._path, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o640))
 
     def _open(self) -> sqlite3.Connection:
-        """A file that has gone is not made anew: whoever took it away wants to know."""
+        """Open the file; a file that has been removed is not created again."""
         return sqlite3.connect(
             self._path.as_uri() + "?mode=rw", uri=True, timeout=BUSY, isolation_level=None, check_same_thread=False
         )
@@ -132,12 +132,12 @@ class Sqlite:
             yield connection
 
     def passes(self, error: Exception) -> bool:
-        """Whether an error may be over if one waits."""
+        """Check whether an error is temporary."""
         code = getattr(error, "sqlite_errorcode", None)
         return code is not None and code & 0xFF in PASSING
 
     def explain(self, error: Exception) -> str:
-        """What its driver says, in one line."""
+        """Message of the driver in one line."""
         return one_line(error)
 
     def bytes(self, connection: Any) -> int:

@@ -5,7 +5,7 @@ What is there already is left as it is, so that every commit may come again, in 
 
 __all__ = [
     "ALARM", "BLOCK", "CHECKPOINT", "CONFIGURATION", "DONE", "EVENTS", "EVERY_SO_MANIETH", "HEALTH", "LEVELS",
-    "LEVELS_OF", "RESULT", "RESULTS_OF", "STATUS", "THIN_LEVELS", "TOLD",
+    "LEVELS_OF", "RESULT", "RESULTS_OF", "SPECTRA", "SPECTRA_OF", "SPECTRA_REPLACED", "STATUS", "THIN_LEVELS", "TOLD",
 ]  # fmt: skip
 
 NEW = "NOT EXISTS (SELECT 1 FROM results WHERE turbine = ? AND window_start = ?)"
@@ -49,6 +49,11 @@ LEVELS = f"""INSERT INTO levels (turbine, window_start, content)
     SELECT CAST(? AS TEXT), CAST(? AS BIGINT), CAST(? AS BYTES) WHERE {NEW}
     ON CONFLICT (turbine, window_start) DO NOTHING"""
 
+SPECTRA = LEVELS.replace("levels", "spectra")
+
+SPECTRA_REPLACED = "DELETE FROM spectra WHERE turbine = ? AND window_start >= ? AND window_start < ?"
+"""Of every hour the last window stays."""
+
 CHECKPOINT = """INSERT INTO checkpoints (turbine, window_start, window_end, content) VALUES (?, ?, ?, ?)
     ON CONFLICT (turbine) DO UPDATE SET window_start = excluded.window_start, window_end = excluded.window_end,
         content = excluded.content
@@ -75,6 +80,8 @@ EVERY_SO_MANIETH = """SELECT window_start FROM (
 """The newest is always among them."""
 
 LEVELS_OF = "SELECT window_start, content FROM levels WHERE turbine = ? AND {windows} ORDER BY window_start"
+
+SPECTRA_OF = LEVELS_OF.replace("levels", "spectra")
 
 RESULTS_OF = """SELECT r.window_start, r.window_end, r.closed, r.content, l.content FROM results r
     LEFT JOIN levels l ON l.turbine = r.turbine AND l.window_start = r.window_start

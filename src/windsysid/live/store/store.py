@@ -57,10 +57,10 @@ class Store(Protocol):
     # what notices of alarms ask
 
     def told(self, recipient: str) -> int | None:
-        """Up to which event somebody was told of alarms; None where it was never."""
+        """Last event of which a recipient was notified; None if there is none."""
 
     def tell(self, recipient: str, event: int) -> None:
-        """Write down up to which event somebody was told of alarms."""
+        """Record the last event of which a recipient was notified."""
 
     # what pages and exports ask
 
@@ -92,6 +92,11 @@ class Store(Protocol):
     ) -> list[tuple[int, SeriesLevel]]:
         """Start of the window and level, in order of time; of more than `most` windows, every so manieth."""
 
+    def spectra(
+        self, turbine: str, *, since: int | None = None, until: int | None = None, most: int = 500
+    ) -> list[tuple[int, list[dict[str, Any]]]]:
+        """Start of the window and plots of its spectra, of the last window of each hour; selected as in `levels`."""
+
     def alarms(self, *, turbine: str | None = None, open_only: bool = False, most: int = 500) -> list[Alarm]:
         """The newest first."""
 
@@ -105,7 +110,7 @@ class Store(Protocol):
         """The highest id; 0 where there is none."""
 
     def thin(self, *, now: int) -> None:
-        """Retention: what is older than the store was told to keep goes, or is thinned."""
+        """Delete or thin data older than their retention time."""
 
     def size(self) -> dict[str, int]:
         """Rows of every table, and ``bytes``."""

@@ -42,7 +42,7 @@ BACK_MAX_SHARE = 0.5
 """Share of a jump that may be left where it came back."""
 
 BLIND_WINDOWS = 36
-"""Windows without a block after which somebody is told: six hours of 10 minutes."""
+"""Windows without a block before an alarm: six hours of 10 minutes."""
 
 ADVICE = {
     "structure": "compare the records before and after (windsysid compare) and have the turbine looked at",
@@ -60,7 +60,7 @@ class AlarmCase(NamedTuple):
     jump
         In filter coordinates, by blocks.
     returns
-        Whether it takes back an earlier one.
+        True if it reverses an earlier one.
     alarm
         As it was last said.
     drift
@@ -75,22 +75,22 @@ class AlarmCase(NamedTuple):
 
 
 class Circumstances(NamedTuple):
-    """What else happened about a jump.
+    """Circumstances of a jump.
 
     Attributes
     ----------
     noisy
-        Sensors' noises that jumped with it.
-    hears
-        Whether any noise is watched.
+        Sensor noises that jumped at the same time.
+    noise_watched
+        True if any noise is watched.
     lost_grade, lost_health
-        Whether most estimates had grade A or B, or channels were without findings, before it and not after.
+        True if most estimates had grade A or B, or channels were without findings, before it and not after.
     changed
-        Whether the turbine's settings or the version of windsysid changed with it.
+        True if the turbine's settings or the version of windsysid changed with it.
     """
 
     noisy: Sequence[str]
-    hears: bool
+    noise_watched: bool
     lost_grade: bool
     lost_health: bool
     changed: bool
@@ -107,7 +107,7 @@ def jump_alarm(
         The earliest and the latest window that it may lie before, and the window that found it: their starts; and the
         end of the last [ns since 1970].
     returns
-        Whether it takes back an earlier one.
+        True if it reverses an earlier one.
     """
     earliest, latest, found, opened = when
     kind, why = _cause(watched, about)
@@ -130,7 +130,7 @@ def drift_alarm(
     Parameters
     ----------
     weather
-        Whether the temperature is known, so that a season is taken out.
+        True if the temperature is known, so that a seasonal effect is removed.
     """
     earliest, latest, found, opened = when
     kind, why = _cause(watched, about)
@@ -142,9 +142,9 @@ def drift_alarm(
         f"{said_with_name(watched.name)} {verb} slowly, by {abs(percent[0]):.3g} %"
         f" ({percent[1]:+.3g} … {percent[2]:+.3g} %) from {date(earliest)} to {date(latest)}"
     )
-    told += f", found on {date(opened)} UTC: its usual wander in such a time is {alone:.2g} % (2σ); {why}"
+    told += f", found on {date(opened)} UTC: its usual variation over such a time is {alone:.2g} % (2σ); {why}"
     if not weather and watched.kind != "noise":
-        told += "; the temperature is not known here, and a season moves it as well"
+        told += "; the temperature is not recorded, so a seasonal effect is possible"
     severity = "notice" if returns else _severity(watched.kind, kind, percent)
     return Alarm(
         f"{turbine}:{watched.name}:drift:{found}", turbine, kind, severity, watched.name, opened, earliest, latest,
@@ -153,8 +153,8 @@ def drift_alarm(
 
 
 def _advice(kind: Literal["structure", "sensor"], about: Circumstances, *, returns: bool) -> str:
-    text = f"; {'it takes back an earlier change' if returns else ADVICE[kind]}"
-    return f"{text}; settings or version changed with it: look at these first" if about.changed else text
+    text = f"; {'it reverses an earlier change' if returns else ADVICE[kind]}"
+    return f"{text}; settings or version changed at the same time: check these first" if about.changed else text
 
 
 def _cause(watched: Watched, about: Circumstances) -> tuple[Literal["structure", "sensor"], str]:
@@ -166,7 +166,7 @@ def _cause(watched: Watched, about: Circumstances) -> tuple[Literal["structure",
         return "sensor", f"{SENSOR}: {UNEXPLAINED}"
     if about.lost_health:
         return "sensor", f"{SENSOR}: records have findings since"
-    return "structure", SOUND if about.hears else UNWATCHED
+    return "structure", SOUND if about.noise_watched else UNWATCHED
 
 
 def _severity(series: str, cause: str, percent: tuple[float, float, float]) -> Severity:
@@ -176,27 +176,27 @@ def _severity(series: str, cause: str, percent: tuple[float, float, float]) -> S
 
 
 def came_back(jump: Jump, level: float, std: float) -> bool:
-    """Whether a level with this standard deviation is again what it was before a jump, or the jump was none."""
+    """Check whether a level with this standard deviation has returned to its value before a jump."""
     none = abs(jump.size) <= SIGMAS * jump.std
     return none or abs(level - jump.before) + SIGMAS * std <= BACK_MAX_SHARE * abs(jump.size)
 
 
 def takes_back(earlier: Jump, jump: Jump) -> bool:
-    """Whether a jump takes back an earlier one of the same series."""
+    """Check whether a jump reverses an earlier one of the same series."""
     rest = abs(earlier.size + jump.size)
     return earlier.found < jump.found and earlier.size * jump.size < 0.0 and rest <= BACK_MAX_SHARE * abs(earlier.size)
 
 
 def blind_alarm(turbine: str, since: int, opened: int, ended: int | None, why: str) -> Alarm:
-    """Nothing could be taken in since a window began."""
-    text = f"nothing of {turbine} could be watched since {date(since)} UTC: {why}; jumps are found when it can again"
+    """Alarm that no window has been usable since a time."""
+    text = f"no usable window of {turbine} since {date(since)} UTC: {why}; a change shows in the next usable window"
     return Alarm(f"{turbine}::{since}", turbine, "data", "notice", "", opened, since, opened, ended, text)
 
 
 def why_blind(row: Row | None) -> str:
-    """Why a window could not be taken in; None is one that is missing."""
+    """Reason why a window is unusable; None stands for a missing one."""
     if row is None:
-        return "no window came"
+        return "no window received"
     if row["status"] != "ok":
         return f"windows are {row['status']}: {' '.join(str(row['why']).split())[:120]}"
     if row["state"] == "transient":

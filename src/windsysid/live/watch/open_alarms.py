@@ -16,7 +16,7 @@ QUIET = 600 * SECOND
 
 
 class OpenAlarms:
-    """What is open now, one alarm a cause; every method gives the alarms that have changed."""
+    """Open alarms, one for each cause; every method returns the alarms that have changed."""
 
     def __init__(self, turbine: str) -> None:
         self.turbine = turbine
@@ -53,11 +53,11 @@ class OpenAlarms:
         return [] if alarm is None else [alarm._replace(ended=at)]
 
     def quiet(self, now: int) -> list[Alarm]:
-        """Of refused and late blocks nothing was heard for a while."""
+        """End the alarms about refused and late blocks."""
         gone = [cause for cause in ("refused", "too late") if now - self._heard.get(cause, 0) > QUIET]
         return [alarm for cause in gone for alarm in self.ended(cause, now)]
 
 
 def _cause(channel: str, state: str) -> str:
-    """Drift is told from windows, all else from blocks: they do not end each other."""
+    """Key of a cause: drift comes from windows, other faults from blocks, and they do not end each other."""
     return f"{'drift' if state == 'drift' else 'sensor'}:{channel}"

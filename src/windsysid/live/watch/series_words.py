@@ -30,7 +30,7 @@ def said_with_name(name: str) -> str:
 
 
 def _quantity(name: str) -> tuple[str, str]:
-    """What it is and of what; the former is empty where the name does not say it."""
+    """Quantity and part of a series; the quantity is empty if the name does not contain it."""
     for spelled, said in _WORDS:
         name = name.replace(spelled, said)
     first, _, rest = name.partition("_")

@@ -7,7 +7,7 @@ against each reference l₀,
     z = (|l − l₀| − ν₀)₊ / √(σ² + σ₀² + δ² + Σ q),
 
 with the variances of both, what the errors of windows share (δ), the tolerated size ν₀, and the sum of the wander q of
-all windows between. That wander is learned again whenever a week leaves, beside a straight line: the wander that a
+all windows between. That wander is learned again whenever a week leaves, with a straight line: the wander that a
 level is followed with would explain the drift that is looked for. Where nothing changes but by that wander, z is a
 standard normal at most. `limit_of` gives the z that all tests of all series of a year pass as often as stated, by
 Bonferroni's bound: they are far from independent, so there are fewer.
@@ -64,7 +64,7 @@ class DriftReference(NamedTuple):
 
 
 class Past(NamedTuple):
-    """What is known of a series from windows that have left.
+    """State of a series from windows that have left the memory.
 
     Attributes
     ----------
@@ -73,7 +73,7 @@ class Past(NamedTuple):
     wandered
         Sum of the wander of the windows that have left since it was first learned.
     wander
-        A window's, as it was learned last, beside a straight line.
+        Random walk of a window, learned last together with a straight line.
     """
 
     references: tuple[DriftReference, ...] = ()
@@ -103,7 +103,7 @@ class Drifted(NamedTuple):
 
 
 def remembered(past: Past, kept: Kept, left: int, time: int, wander: float) -> Past:
-    """What is known after `left` windows have left, and the first that stayed began at `time`.
+    """State after `left` windows have left; the first that remains began at `time`.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ def remembered(past: Past, kept: Kept, left: int, time: int, wander: float) -> P
 
 
 def drifted_since(reference: DriftReference, past: Past, now: Now, kept: Kept, tolerated: float) -> Drifted:
-    """How far a series has drifted since a reference; `tolerated` is relative."""
+    """Drift of a series since a reference; `tolerated` is relative."""
     newest = kept.let_go + len(kept.y) - 1
     size, std = now.level - reference.level, math.hypot(now.std, reference.std, now.shared)
     wander = math.sqrt(past.wandered - reference.wandered + past.wander * len(kept.y))
@@ -136,7 +136,7 @@ def past_of(plain: Sequence[Any]) -> Past:
 
 
 def grew(before: Jump, jump: Jump) -> bool:
-    """Whether a drift is surely worth another word: it became half as large again."""
+    """Check whether a drift has grown by half since it was reported."""
     return abs(jump.size) - SIGMAS * jump.std >= GROWN * abs(before.size)
 
 

@@ -1,4 +1,4 @@
-"""What a watch keeps of its windows and of itself, without its series."""
+"""State of a watch and its windows, without its series."""
 
 from typing import Any, NamedTuple
 

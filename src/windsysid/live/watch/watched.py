@@ -67,7 +67,7 @@ def _is_positive(value: float | None) -> bool:
 
 
 def in_coordinates_of(known: Watched, one: Watched, said: Said) -> Said:
-    """What a row says in the coordinates of a series that is known: another prior has another reference."""
+    """Estimate of a row in the coordinates of a known series: another prior has another reference."""
     theta, std, grade = said
     if one.logarithmic and known.logarithmic:
         return Said(theta + math.log(one.reference / known.reference), std, grade)

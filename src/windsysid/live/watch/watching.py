@@ -58,7 +58,7 @@ _KINDS = ("k", "c", "f", "noise")
 
 
 class WatchOptions(NamedTuple):
-    """How a turbine is watched.
+    """Settings of a watch.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ class WatchOptions(NamedTuple):
 
 
 class Taken(NamedTuple):
-    """What a row gave: of a `windsysid.live.store.contents.Result` its levels and its checkpoint, and alarms.
+    """Outcome of a row: levels and checkpoint of a `windsysid.live.store.contents.Result`, and alarms.
 
     Attributes
     ----------
@@ -155,7 +155,7 @@ class Watching:
         return covariates_of(self._state.standards, state, conditions)
 
     def _block(self, window: int, row: Row | None) -> tuple[dict[str, Said], dict[str, Now]]:
-        """A window, or one that is missing: what it says of each series, and where these stand."""
+        """Process a window, or a missing one: its estimate of each series, and their levels."""
         said = {} if row is None else said_of(row)
         for one in said:
             if one.name not in self._watched:
@@ -245,7 +245,7 @@ class Watching:
     # what is said of it
 
     def _alarms(self, now: Mapping[str, Now], end: int, *, drifts: bool) -> tuple[Alarm, ...]:
-        """What is new, measured again, put down to another cause, or over after the window that ends at `end`."""
+        """Alarms that are new, updated or ended after the window that ends at `end`."""
         before = {case.alarm.key: case.alarm for case in self._cases}
         cases = self._with_jumps()
         if drifts:
@@ -269,7 +269,7 @@ class Watching:
         return [self._said_anew(case, cases) for case in cases] if moved else cases
 
     def _said_anew(self, case: AlarmCase, cases: list[AlarmCase]) -> AlarmCase:
-        """What is said of a jump by all that is known now, while what was about it is kept."""
+        """Alarm of a jump with its current estimate, while its windows are kept."""
         newest = self._windows_so_far - 1
         young = newest - case.jump.found <= MAX_HINDSIGHT_BLOCKS
         if case.drift or not young or case.jump.earliest < self._state.let_go:
@@ -307,7 +307,7 @@ class Watching:
         return case._replace(jump=drift.jump._replace(found=case.jump.found), alarm=alarm._replace(key=case.alarm.key))
 
     def _drift(self, name: str, since: DriftReference, now: Now) -> Drifted:
-        """A drift as it is told: to the level of the last day, for the one that is followed lags behind."""
+        """A drift as it is reported: to the level of the last day, since the followed level lags behind."""
         one = self._followers[name]
         level, std = one.newest_level(self._covariates(), TEST_EVERY_BLOCKS)
         return drifted_since(since, self._past[name], now._replace(level=level, std=std), one.kept, one.tolerated)
@@ -360,7 +360,7 @@ class Watching:
         )
 
     def _see(self, window: int, row: Row | None, x: Array, said: bool) -> None:
-        """Whether the newest window could be taken in, and if not, since when and why."""
+        """Record whether the newest window is usable, and if not, since when and why."""
         state = self._state
         if said and bool(np.isfinite(x[-1]).all()):
             self._state = state._replace(blind=0, why="" if state.blind_open is None else state.why)
@@ -389,7 +389,7 @@ def _measured_again(case: AlarmCase, found: dict[tuple[str, int], Jump]) -> Alar
 
 
 def _is_return(series: str, jump: Jump, cases: Sequence[AlarmCase]) -> bool:
-    """Whether a jump of a series takes back an earlier one."""
+    """Check whether a jump of a series reverses an earlier one."""
     return any(takes_back(case.jump, jump) for case in cases if case.series == series and not case.returns)
 
 

@@ -1,16 +1,16 @@
-"""What becomes of a closed window: its blocks a record, the record a row, the row a result with levels and alarms."""
+"""Processing of a closed window: blocks to a record, record to a row, row to a result with levels and alarms."""
 
 import json
 import time
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from windsysid.fleet.rows import Row, failed_row
+from windsysid.fleet.rows import failed_row
 from windsysid.live.blocks.block import Block
 from windsysid.live.blocks.limits import one_line
 from windsysid.live.follower import Conclusion, Follower, WindowTask
 from windsysid.live.store.contents import Result
-from windsysid.live.windows.estimate import Estimator, Here
+from windsysid.live.windows.estimate import Estimated, Estimator, Here
 from windsysid.live.windows.streams import Drift, drifts
 from windsysid.live.windows.timeline import gather
 from windsysid.records.moments import moment_text
@@ -19,16 +19,15 @@ __all__ = ["Read", "conclude", "estimate", "unpack"]
 
 
 class Read(NamedTuple):
-    """A window's row, what was wrong with its samples, and processor time [s] of joining and of estimating."""
+    """A window's estimate, counts of faults of its samples, and processor time of joining them [s]."""
 
-    row: Row
+    found: Estimated
     counts: dict[str, int]
     joining: float
-    estimating: float
 
 
 def estimate(follower: Follower, task: WindowTask, blocks: Iterable[Block], estimator: Estimator) -> Read:
-    """The row of a window's blocks."""
+    """The estimate of a window's blocks."""
     begun = time.thread_time()
     source = f"{task.turbine} {moment_text(task.window, 0)}"
     followed = follower.followed
@@ -36,7 +35,8 @@ def estimate(follower: Follower, task: WindowTask, blocks: Iterable[Block], esti
         gathered = gather(blocks, task.window, task.until, source)
     except Exception as error:  # a retry would fail as well, and would delay the windows that follow
         why = one_line(f"the window's blocks cannot be joined ({type(error).__name__}: {error})")
-        return Read(failed_row(source, 0, follower.settings, why), {}, time.thread_time() - begun, 0.0)
+        failed = failed_row(source, 0, follower.settings, why)
+        return Read(Estimated(failed, 0.0), {}, time.thread_time() - begun)
     joined = time.thread_time()
     found = estimator.take(gathered, source, followed.member, followed.formulation, follower.settings)
     sent = 0.0 if isinstance(estimator, Here) else time.thread_time() - joined
@@ -44,15 +44,16 @@ def estimate(follower: Follower, task: WindowTask, blocks: Iterable[Block], esti
         "missing samples": gathered.missing, "repeated samples": gathered.repeated,
         "samples cut by a clock jump": gathered.cut,
     }  # fmt: skip
-    return Read(found.row, counts, joined - begun + sent, found.seconds)
+    return Read(found, counts, joined - begun + sent)
 
 
-def conclude(follower: Follower, task: WindowTask, row: Row, now: int) -> Conclusion:
-    """Let the turbine's watch take in its next row."""
+def conclude(follower: Follower, task: WindowTask, found: Estimated, now: int) -> Conclusion:
+    """Let the turbine's watch take in the row of its next window."""
+    row = found.row
     taken = follower.watching.take(row, task.window)
     means, verdicts = drifts(follower.means, row, task.window, task.until)
     checkpoint = _pack(means, taken.checkpoint)
-    result = Result(task.turbine, task.window, task.until, now, row, taken.levels, checkpoint)
+    result = Result(task.turbine, task.window, task.until, now, row, taken.levels, checkpoint, found.spectra)
     return Conclusion(result, taken.alarms, means, verdicts)
 
 

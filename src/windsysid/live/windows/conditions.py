@@ -27,11 +27,11 @@ LEAST_SPREAD = {"wind_speed": 1.0, "temperature": 3.0, "pitch": 0.02}
 """[m/s], [°C], [rad]: a covariate is standardised by this where it moved less while it was learned from."""
 
 LEAST_SPEED_SHARE = 0.02
-"""The same of the rotor speed, as a share of its mean."""
+"""Minimum spread of the rotor speed, as a share of its mean."""
 
 
 class Standards(NamedTuple):
-    """What covariates there are, and their zero.
+    """Covariates in use, and their standardisation.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ def state_of(row: Row) -> int:
 
 
 def conditions_of(row: Row) -> NDArray[np.float32]:
-    """What SCADA and record say of each of `COVARIATES` (4,), NaN where they say nothing."""
+    """Values of `COVARIATES` (4,) from SCADA and record, NaN if missing."""
     own = row["rotor_speed"] if row["rotor_speed"] is not None else row["scada_rotor_speed"]
     said = [own if name == "rotor_speed" else row[f"scada_{name}"] for name in COVARIATES]
     return np.array([math.nan if value is None else value for value in said], dtype=np.float32)

@@ -7,6 +7,7 @@ is a row that says why.
 
 import os
 import time
+from collections.abc import Sequence
 from dataclasses import asdict
 from typing import NamedTuple, Protocol
 
@@ -24,21 +25,22 @@ LIMIT_SECONDS = 600.0
 
 
 class Estimated(NamedTuple):
-    """A window's row, and the processor time that it took [s]."""
+    """A window's row, the processor time that it took [s], and plots of its spectra as JSON."""
 
     row: Row
     seconds: float
+    spectra: Sequence[str] = ()
 
 
 class Estimator(Protocol):
-    """What takes windows, one after the other."""
+    """Estimator of windows, one after the other."""
 
     def take(self, gathered: Gathered, source: str, member: Member, formulation: str, settings: str) -> Estimated:
         """The row of a window, whatever happens."""
 
     @property
     def compiling(self) -> bool:
-        """Whether a turbine's equations are being compiled, which takes minutes on a machine that never did."""
+        """True while a turbine's equations are being compiled, which takes minutes the first time on a machine."""
 
     def close(self) -> None:
         """End what is under way: `take` raises `windsysid.fleet.work.guard.StoppedError`."""
@@ -55,8 +57,8 @@ class Here:
             return Estimated(_too_short(source, settings), 0.0)
         begun = time.thread_time()
         request = pack_samples(gathered.record, gathered.rate)
-        row: Row = finite(take_samples(request, member, formulation, settings, lambda _: None))
-        return Estimated(row, time.thread_time() - begun)
+        row, spectra = take_samples(request, member, formulation, settings, lambda _: None)
+        return Estimated(finite(row), time.thread_time() - begun, spectra)
 
     def close(self) -> None:
         """There is nothing to end."""
@@ -76,7 +78,7 @@ class InWorker:
 
     @property
     def compiling(self) -> bool:
-        """Whether a turbine's equations are being compiled."""
+        """True while a turbine's equations are being compiled."""
         return self._worker.compiling
 
     def take(self, gathered: Gathered, source: str, member: Member, formulation: str, settings: str) -> Estimated:
@@ -89,7 +91,7 @@ class InWorker:
         for _ in range(DEATHS):
             try:
                 answer = self._worker.ask(request)
-                return Estimated(answer["row"], answer["seconds"])
+                return Estimated(answer["row"], answer["seconds"], answer["spectra"])
             except HangingWorkerError as error:
                 why = str(error)
                 break

@@ -1,7 +1,8 @@
 """Faults of the sensors of a stream, detected within seconds from the blocks, and drift from windows.
 
 The tests are those of `windsysid.inspection.faults.health` with a memory of fixed size instead of the whole record: a
-channel is judged by what it is used to. A fault is told at once; it is over when the channel has been good for a while.
+channel is compared with its usual behaviour. A fault is reported at once; it ends when the channel has been good for a
+while.
 
 ``dead``      no number for 10 s, and for 20 of its usual intervals
 ``missing``   a fifth more samples missing than usual, over about a minute
@@ -67,7 +68,7 @@ _ADVICE = {
 
 
 class Verdict(NamedTuple):
-    """What became of a channel.
+    """Change of a channel's state.
 
     Attributes
     ----------
@@ -154,7 +155,7 @@ class _Side:
 
     @property
     def is_clipped(self) -> bool:
-        """Whether far more samples are at the very largest value than just below, in several runs."""
+        """Check for clipping: far more samples at the largest value than just below, in several runs."""
         return self.at >= 10 and self.runs >= 3 and self.at > 5 * float(self.beside.max())
 
     def count(self, y: Array, ordered: Array, near: float, level: float) -> None:
@@ -183,7 +184,7 @@ class _Side:
 
 @dataclass
 class _Channel:
-    """What one channel is used to, and how it is."""
+    """Usual behaviour of one channel, and its state."""
 
     name: str
     unit: str
@@ -279,7 +280,7 @@ class _Channel:
             self.missing += (1.0 - there - self.missing) * weight
 
     def _count_changes(self, y: Array, d: Array, seconds: float) -> None:
-        """How long the newest value has been repeated, and how long one ever was."""
+        """Duration of the newest run of equal values, and of the longest run."""
         step = seconds / len(y)
         moved = y[0] != self.last  # NaN at first: a change
         if moved and np.count_nonzero(d) == len(d):  # the usual case
@@ -334,7 +335,7 @@ class _Channel:
 
 
 def _spikes(y: Array, d: Array, jumps: Any) -> Iterator[int]:
-    """Where `y` jumps out and straight back, of the places where it jumps at all."""
+    """Places at which `y` jumps out and straight back, among all its jumps."""
     end = -1
     for k in jumps:
         if k <= end:
@@ -354,7 +355,7 @@ Drift = dict[str, list[float]]
 
 
 def drifts(known: Mapping[str, list[float]], row: Row, window: int, until: int) -> tuple[Drift, list[Verdict]]:
-    """What is known of the channels' means after one more window, and which began or ceased to drift.
+    """State of the channels' means after one more window, and channels that began or ceased to drift.
 
     A function of values: the engine keeps what is known in its checkpoints.
     """
@@ -381,7 +382,7 @@ def drifts(known: Mapping[str, list[float]], row: Row, window: int, until: int) 
 
 
 def _follow_mean(known: Sequence[float], mean: float, own: float) -> tuple[list[float], str]:
-    """What is known of a channel's mean after one more window, and ``drift`` or ``good`` where that began or ceased.
+    """State of a channel's mean after one more window, and ``drift`` or ``good`` if a drift began or ended.
 
     Parameters
     ----------

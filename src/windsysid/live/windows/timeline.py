@@ -43,7 +43,7 @@ MIN_LEAD_SHARE = 0.01
 
 
 class TurbineWindows(NamedTuple):
-    """How a turbine's time is cut.
+    """Division of a turbine's time into windows.
 
     Attributes
     ----------
@@ -79,7 +79,7 @@ def sample_time(block: Block, index: int) -> int:
 
 
 class Gathered(NamedTuple):
-    """What a window's blocks are together.
+    """Joined blocks of a window.
 
     Attributes
     ----------
@@ -269,7 +269,7 @@ class _PlacedBlocks:
         return True
 
     def repeats(self, new: Block, begin: int) -> bool:
-        """Whether a block placed at `begin` has the values of earlier blocks wherever both have a value."""
+        """Check whether a block at `begin` has the values of earlier blocks wherever both have values."""
         end = begin + len(new.values)
         low = bisect.bisect(self._begins, begin - self._longest)
         for j in range(low, bisect.bisect_left(self._begins, end)):
@@ -279,7 +279,7 @@ class _PlacedBlocks:
 
 
 def _agree(old: Block, at: int, new: Block, begin: int) -> bool:
-    """Whether two blocks, placed at `at` and `begin`, have equal values where they overlap; NaN equals any value."""
+    """Check whether two blocks at `at` and `begin` are equal where they overlap; NaN equals any value."""
     low, high = max(begin, at), min(begin + len(new.values), at + len(old.values))
     shared = [name for name in new.channels if name in old.channels]
     if low >= high or not shared:

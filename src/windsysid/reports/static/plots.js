@@ -2,10 +2,14 @@
 //
 // Every <figure class="plot"> with a <script type="application/json"> becomes a plot: drag to zoom, shift and drag to
 // pan, double click to reset, keys + − ← → 0, a legend that switches curves, log or linear axes, PNG and CSV.
-// Other scripts of a page may call plots.draw(figure, spec), plots.colour(name) and plots.download(name, type, content).
+// Other scripts of a page may call plots.draw(figure, spec), which returns a figure with update(spec) and close(),
+// plots.colour(name) and plots.download(name, type, content). "plot-click" and "plot-view" tell what a reader does.
+// A spec of a script may also have: curves on a right axis (`right`), cells (a spectrum over time), words (its
+// description), and x_axis.say (a moment as text).
 const plots = (() => {
   "use strict";
   const HEIGHT = 280;
+  const MAX_WHISKERS = 400;
   const NAME_ROWS = 3; // of names of marks above a plot
   const links = new Map(); // plots that zoom together
 
@@ -40,36 +44,70 @@ const plots = (() => {
     setTimeout(() => URL.revokeObjectURL(address), 1000);
   };
 
+  const moment = (seconds) => `${new Date(1000 * seconds).toISOString().slice(0, 19)}Z`;
+
+  const ticksIn = (timeZone) => {
+    const [hours, days, months] = [{ hour: "2-digit", minute: "2-digit" }, { day: "numeric", month: "short" }, { month: "short", year: "numeric" }]
+      .map((parts) => new Intl.DateTimeFormat("en-GB", { ...parts, timeZone }));
+    return (u, ticks) => ticks.map((seconds, i) => {
+      const at = 1000 * seconds, step = ticks.length > 1 ? ticks[1] - ticks[0] : 0, day = days.format(at);
+      if (step >= 86400) return step >= 28 * 86400 ? months.format(at) : day;
+      return i === 0 || day !== days.format(1000 * ticks[i - 1]) ? `${hours.format(at)}\n${day}` : hours.format(at);
+    });
+  };
+
   const cell = (text) => (/[",\n]/.test(text) ? `"${String(text).replaceAll('"', '""')}"` : String(text));
 
   class Figure {
     constructor(figure, spec) {
       this.figure = figure;
-      this.spec = spec;
-      this.log = { x: spec.x_axis.log, y: spec.y_axis.log };
       this.hidden = new Set();
+      this.ended = new AbortController();
       this.legend = make("div", { class: "plot-legend", role: "group", "aria-label": `Curves of ${spec.title}` });
       this.tools = make("div", { class: "plot-tools", role: "group", "aria-label": `Tools of ${spec.title}` });
-      this.place = make("div", { class: "plot-canvas", tabindex: "0", role: "img", "aria-label": `${this.inWords()} Keys: plus and minus zoom, arrows pan, 0 resets.`, onkeydown: (event) => this.key(event) });
+      this.place = make("div", { class: "plot-canvas", tabindex: "0", role: "img", onkeydown: (event) => this.key(event) });
       this.readout = make("p", { class: "plot-readout", "aria-hidden": "true" });
       figure.append(this.legend, this.place, this.readout, this.tools);
       figure.classList.add("live");
+      if (spec.link) links.set(spec.link, [...(links.get(spec.link) ?? []), this]);
+      this.update(spec);
+      this.observer = new ResizeObserver(() => this.fit());
+      this.observer.observe(this.place);
+      matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.draw(), { signal: this.ended.signal });
+    }
+
+    zoomed() {
+      const start = this.positive([...this.start], this.log.x), width = start[1] - start[0];
+      return this.view.y !== null || this.view.x.some((v, i) => Math.abs(v - start[i]) > 1e-6 * width);
+    }
+
+    // New values; what the reader switched off, and a zoom, stay.
+    update(spec) {
+      this.log ??= { x: spec.x_axis.log, y: spec.y_axis.log };
+      const kept = this.view && this.zoomed() ? this.view : null;
+      this.spec = spec;
       const long = Math.max(0, ...spec.x_axis.names.map((one) => one.length));
       this.nameHeight = long ? Math.min(130, 20 + 5.2 * long) : 0;
-      if (spec.link) links.set(spec.link, [...(links.get(spec.link) ?? []), this]);
       this.whole = this.extent(spec.x);
       this.start = spec.x_axis.limits ?? this.whole;
-      this.view = { x: this.positive([...this.start], this.log.x), y: null };
+      this.view = kept ?? { x: this.positive([...this.start], this.log.x), y: null };
+      this.place.setAttribute("aria-label", `${this.inWords()} Keys: plus and minus zoom, arrows pan, 0 resets.`);
       this.fillLegend();
       this.fillTools();
       this.draw();
-      new ResizeObserver(() => this.fit()).observe(this.place);
-      matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.draw());
+    }
+
+    close() {
+      this.ended.abort();
+      this.observer.disconnect();
+      links.set(this.spec.link, (links.get(this.spec.link) ?? []).filter((one) => one !== this));
+      this.plot.destroy();
+      this.figure.remove();
     }
 
     inWords() {
-      const { title, curves, x_axis: x, y_axis: y } = this.spec;
-      return `${title}: ${curves.map((c) => c.name).join(", ")}; ${y.label} over ${x.label}.`;
+      const { title, curves, x_axis: x, y_axis: y, words } = this.spec;
+      return words ?? `${title}: ${curves.map((c) => c.name).join(", ")}; ${y.label} over ${x.label}.`;
     }
 
     extent(values) {
@@ -97,9 +135,13 @@ const plots = (() => {
     }
 
     fillLegend() {
-      this.legend.replaceChildren(...this.switches().map(({ key, name, colour: paint, kind }) => {
-        const sign = make("span", { class: `sign ${kind}`, "aria-hidden": "true", style: `--sign: var(--${paint})` });
-        const button = make("button", { type: "button", "aria-pressed": "true" }, sign, name);
+      const shown = this.switches(), keys = shown.map((one) => JSON.stringify(one)).join();
+      if (keys === this.keys) return;
+      this.keys = keys;
+      this.legend.replaceChildren(...shown.map(({ key, name, colour: paint, kind }) => {
+        const sign = make("span", { class: `sign ${kind}`, "aria-hidden": "true" });
+        sign.style.setProperty("--sign", `var(--${paint})`);
+        const button = make("button", { type: "button", "aria-pressed": String(!this.hidden.has(key)) }, sign, name);
         button.addEventListener("click", () => {
           if (!this.hidden.delete(key)) this.hidden.add(key);
           button.setAttribute("aria-pressed", String(!this.hidden.has(key)));
@@ -118,6 +160,7 @@ const plots = (() => {
         this.draw();
       };
       const { x_axis: x, y_axis: y, curves } = this.spec;
+      if (this.tools.childElementCount) return;
       const above = (values) => values.some((v) => v > 0) && values.every((v) => v === null || v >= 0);
       this.tools.replaceChildren(
         tool("+", "Zoom in", () => this.zoomBy(0.5)), tool("−", "Zoom out", () => this.zoomBy(2)),
@@ -135,23 +178,24 @@ const plots = (() => {
       if (this.plot && width && width !== this.width) { this.width = width; this.plot.setSize({ width, height: HEIGHT + this.nameHeight }); }
     }
 
-    // Vertical limits of the curves that are shown within the horizontal ones.
-    heights() {
-      if (this.view.y) return this.view.y;
+    // Vertical limits of the curves that are shown within the horizontal ones, of the left axis or the right one.
+    heights(right = false) {
       const { x, y_axis: y, curves, marks } = this.spec;
-      if (y.limits && this.log.y === y.log) return y.limits;
+      if (!right && this.view.y) return this.view.y;
+      if (!right && y.limits && this.log.y === y.log) return y.limits;
+      const log = !right && this.log.y;
       let [low, high] = [Infinity, -Infinity];
-      const take = (v) => { if (v !== null && (v > 0 || !this.log.y)) { low = Math.min(low, v); high = Math.max(high, v); } };
+      const take = (v) => { if (v !== null && (v > 0 || !log)) { low = Math.min(low, v); high = Math.max(high, v); } };
       curves.forEach((c, i) => {
-        if (!this.shown(i)) return;
+        if (!this.shown(i) || Boolean(c.right) !== right) return;
         for (let k = 0; k < x.length; k++) {
           if (x[k] < this.view.x[0] || x[k] > this.view.x[1]) continue;
           for (const values of [c.values, c.low, c.high]) if (values) take(values[k]);
         }
       });
-      marks.filter((m) => m.across).forEach((m) => take(m.at));
-      if (low > high) return this.log.y ? [0.1, 1] : [0, 1];
-      if (this.log.y) return [low / 1.5, high * 1.5];
+      if (!right) marks.filter((m) => m.across).forEach((m) => take(m.at));
+      if (low > high) return log ? [0.1, 1] : [0, 1];
+      if (log) return [low / 1.5, high * 1.5];
       const margin = 0.06 * (high - low) || 0.05 * Math.abs(high) || 1;
       return [low - margin, high + margin];
     }
@@ -161,26 +205,27 @@ const plots = (() => {
       const paint = (name, alpha) => colour(name, alpha);
       const data = [spec.x], series = [{}], bands = [];
       spec.curves.forEach((c, i) => {
-        const show = this.shown(i), none = { show: false };
+        const show = this.shown(i), none = { show: false }, scale = c.right ? "right" : "y";
         if (c.look !== "area") {
           data.push(c.values);
-          const dots = c.look === "dots";
-          series.push({ show, stroke: paint(c.colour), width: dots ? 0 : 1.4, dash: c.dashed ? [6, 4] : undefined, spanGaps: false,
-            points: dots ? { show: true, size: spec.x.length > 400 ? 3 : 5, fill: paint(c.colour), stroke: paint(c.colour) } : none, ...(dots ? { paths: () => null } : {}) });
+          const dots = c.look === "dots" || c.look === "rings";
+          series.push({ show, scale, stroke: paint(c.colour), width: dots ? 0 : 1.4, dash: c.dashed ? [6, 4] : undefined, spanGaps: false,
+            points: dots ? { show: true, size: spec.x.length > 400 ? 3 : 5, fill: paint(c.look === "rings" ? "page" : c.colour), stroke: paint(c.colour) } : none, ...(dots ? { paths: () => null } : {}) });
         }
         if (c.low && c.look !== "dots") {
           data.push(c.high, c.low);
-          const edge = { show, stroke: c.look === "area" ? paint(c.colour) : "transparent", width: c.look === "area" ? 0.7 : 0, points: none };
+          const edge = { show, scale, stroke: c.look === "area" ? paint(c.colour) : "transparent", width: c.look === "area" ? 0.7 : 0, points: none };
           series.push(edge, edge);
           bands.push({ series: [data.length - 2, data.length - 1], fill: paint(c.colour, c.look === "area" ? 0.9 : 0.22) });
         }
       });
       const axis = (side, more) => ({ stroke: paint("ink"), grid: { stroke: paint("rule"), width: 1 }, ticks: { stroke: paint("rule"), width: 1 },
-        font: "12px system-ui, sans-serif", labelFont: "12px system-ui, sans-serif", label: spec[`${side}_axis`].label, labelSize: 20, ...more });
+        font: "12px system-ui, sans-serif", labelFont: "12px system-ui, sans-serif", label: spec[`${side}_axis`].label || undefined, labelSize: 20, ...more });
       const name = (values, few) => values.map((v) => (v === null ? "" : few && !Number.isInteger(Number(Math.log10(v).toFixed(9))) ? "" : digits(v, 6)));
       const values = (side) => (u, ticks) => name(ticks, log[side] && u.scales[side].max > 30 * u.scales[side].min);
       const names = spec.x_axis.names;
       const byName = { splits: () => names.map((_, i) => i), values: () => names, rotate: 50, size: this.nameHeight, grid: { show: false } };
+      const right = spec.curves.find((c) => c.right);
       this.plot?.destroy();
       this.width = Math.floor(this.place.clientWidth) || 320;
       this.plot = new uPlot({
@@ -188,8 +233,12 @@ const plots = (() => {
         scales: {
           x: { time: spec.x_axis.dates, distr: log.x ? 3 : 1, range: () => this.view.x },
           y: { distr: log.y ? 3 : 1, range: () => this.heights() },
+          ...(right ? { right: { range: () => this.heights(true) } } : {}),
         },
-        axes: [axis("x", names.length ? byName : spec.x_axis.dates ? { size: 44 } : { size: 34, values: values("x") }), axis("y", { size: 62, values: values("y") })],
+        // Moments of a report are in UTC, those of a page that says them itself in the reader's zone.
+        ...(spec.x_axis.say ? {} : { tzDate: (seconds) => uPlot.tzDate(new Date(1000 * seconds), "Etc/UTC") }),
+        axes: [axis("x", names.length ? byName : spec.x_axis.dates ? { size: 44, values: ticksIn(spec.x_axis.say ? undefined : "UTC") } : { size: 34, values: values("x") }), axis("y", { size: 62, values: values("y") }),
+          ...(right ? [axis("y", { scale: "right", side: 1, size: 56, label: right.right, grid: { show: false }, stroke: paint(right.colour), values: (u, ticks) => name(ticks) })] : [])],
         series, bands,
         cursor: {
           drag: { x: true, y: true, uni: 40, dist: 5, setScale: false }, points: { size: 6 },
@@ -199,9 +248,9 @@ const plots = (() => {
           },
         },
         hooks: {
-          drawClear: [(u) => this.drawSpans(u)],
-          draw: [(u) => { this.drawWhiskers(u); this.drawMarks(u); }],
-          setCursor: [(u) => this.read(u.cursor.idx)],
+          drawClear: [(u) => { this.drawCells(u); this.drawSpans(u); this.drawWhiskers(u); }],
+          draw: [(u) => this.drawMarks(u)],
+          setCursor: [(u) => this.read(u.cursor.idx, u)],
           setSelect: [(u) => this.zoomTo(u)],
         },
       }, data, this.place);
@@ -232,17 +281,45 @@ const plots = (() => {
       });
     }
 
+    // A colour from the page's own to the ink, by way of its accent.
+    shade(share) {
+      const [from, to, part] = share < 0.6 ? ["page", "accent", share / 0.6] : ["accent", "ink", (share - 0.6) / 0.4];
+      const parts = (name) => colour(name).slice(1).replace(/^(.)(.)(.)$/, "$1$1$2$2$3$3").match(/../g).map((two) => parseInt(two, 16));
+      const end = parts(to);
+      return `rgb(${parts(from).map((v, i) => Math.round(v + part * (end[i] - v))).join(" ")})`;
+    }
+
+    drawCells(u) {
+      const { cells } = this.spec;
+      if (!cells?.y.length) return;
+      const { low, high, width } = cells;
+      const shades = Array.from({ length: 65 }, (_, i) => this.shade(i / 64));
+      const middle = (values, i) => (i === 0 ? values[0] : i === values.length ? values.at(-1) : 0.5 * (values[i - 1] + values[i]));
+      const rows = cells.y.concat(0).map((_, i) => u.valToPos(middle(cells.y, i), "y", true));
+      this.within(u, (ctx) => cells.values.forEach((column, k) => {
+        const [left, right] = [cells.x[k] - 0.5 * width, cells.x[k] + 0.5 * width].map((at) => Math.round(u.valToPos(at, "x", true)));
+        column.forEach((value, i) => {
+          if (value === null) return;
+          ctx.fillStyle = shades[Math.round(64 * Math.min(Math.max((value - low) / (high - low || 1), 0), 1))];
+          ctx.fillRect(left, Math.floor(rows[i + 1]), right - left, Math.ceil(rows[i]) - Math.floor(rows[i + 1]));
+        });
+      }));
+    }
+
     drawWhiskers(u) {
+      const [from, to] = this.view.x;
+      const count = this.spec.x.filter((at) => at >= from && at <= to).length;
+      if (count > MAX_WHISKERS) return;
       this.within(u, (ctx) => this.spec.curves.forEach((c, i) => {
         if (c.look !== "dots" || !c.low || !this.shown(i)) return;
-        ctx.strokeStyle = colour(c.colour, 0.7);
+        ctx.strokeStyle = colour(c.colour, count > 60 ? 0.35 : 0.7);
         ctx.lineWidth = 1.3 * uPlot.pxRatio;
         ctx.beginPath();
         this.spec.x.forEach((at, k) => {
           if (c.low[k] === null || c.high[k] === null) return;
           const x = u.valToPos(at, "x", true);
-          ctx.moveTo(x, u.valToPos(c.low[k], "y", true));
-          ctx.lineTo(x, u.valToPos(c.high[k], "y", true));
+          ctx.moveTo(x, u.valToPos(c.low[k], c.right ? "right" : "y", true));
+          ctx.lineTo(x, u.valToPos(c.high[k], c.right ? "right" : "y", true));
         });
         ctx.stroke();
       }));
@@ -281,17 +358,29 @@ const plots = (() => {
     at(value) {
       const { x_axis: axis } = this.spec;
       if (axis.names.length) return axis.names[value] ?? "";
+      if (axis.say) return axis.say(value);
       return axis.dates ? new Date(1000 * value).toISOString().slice(0, 16).replace("T", " ") : digits(value, 5);
     }
 
-    read(index) {
+    // The cell at a point: its row, and the value as text.
+    cellAt(u) {
+      const { cells } = this.spec;
+      if (!cells?.y.length || !(u?.cursor.left >= 0)) return "";
+      const [x, y] = [u.posToVal(u.cursor.left, "x"), u.posToVal(u.cursor.top, "y")];
+      const column = cells.x.findLastIndex((at) => Math.abs(x - at) <= 0.5 * cells.width);
+      const row = cells.y.reduce((best, at, i) => (Math.abs(at - y) < Math.abs(cells.y[best] - y) ? i : best), 0);
+      const value = cells.values[column]?.[row];
+      return value === undefined || value === null ? "" : `, ${digits(10 ** value, 3)} ${cells.label} at ${digits(y, 3)} Hz`;
+    }
+
+    read(index, u) {
       if (index === null || index === undefined) { this.readout.textContent = ""; return; }
       const said = this.spec.curves.filter((_, i) => this.shown(i)).map((c) => {
         const [low, high] = [c.low?.[index], c.high?.[index]];
         const range = low === null || low === undefined ? "" : ` ${digits(low, 3)} … ${digits(high, 3)}`;
         return c.look === "area" ? `${c.name}${range}` : `${c.name} ${digits(c.values[index])}${range && ` (${range.trim()})`}`;
       });
-      this.readout.textContent = `${this.at(this.spec.x[index])}: ${said.join(", ")}`;
+      this.readout.textContent = `${this.at(this.spec.x[index])}: ${said.join(", ")}${this.cellAt(u)}`;
     }
 
     show(x, y = null, linked = true) {
@@ -302,6 +391,7 @@ const plots = (() => {
         const [least, most] = this.heights();
         this.plot.setScale("y", { min: least, max: most });
       });
+      if (linked) dispatchEvent(new CustomEvent("plot-view", { detail: { link: this.spec.link, x: this.view.x } }));
       if (linked) for (const other of links.get(this.spec.link) ?? []) if (other !== this) other.show(x, null, false);
     }
 
@@ -330,8 +420,7 @@ const plots = (() => {
 
     // The first reset goes back to the limits of the start, another one shows everything.
     reset() {
-      const atStart = this.view.y === null && this.view.x.every((v, i) => v === this.positive(this.start, this.log.x)[i]);
-      this.show(atStart ? [...this.whole] : [...this.start]);
+      this.show(this.zoomed() ? [...this.start] : [...this.whole]);
     }
 
     pan(u, event) {
@@ -381,12 +470,19 @@ const plots = (() => {
     }
 
     csv() {
-      const { x, x_axis: axis, y_axis: y, curves } = this.spec;
+      const { x, x_axis: axis, y_axis: y, curves, cells } = this.spec;
+      if (cells) return this.cellRows(cells);
       const chosen = curves.filter((_, i) => this.shown(i));
-      const columns = chosen.flatMap((c) => [...(c.look === "area" ? [] : [[`${c.name}, ${y.label}`, c.values]]), ...(c.low ? [[`${c.name}, low`, c.low], [`${c.name}, high`, c.high]] : [])]);
+      const columns = chosen.flatMap((c) => [...(c.look === "area" ? [] : [[c.right ?? `${c.name}, ${y.label}`, c.values]]), ...(c.low ? [[`${c.name}, low`, c.low], [`${c.name}, high`, c.high]] : [])]);
       const rows = x.map((_, k) => k).filter((k) => x[k] >= this.view.x[0] && x[k] <= this.view.x[1]);
-      const first = (k) => (axis.names.length || axis.dates ? this.at(x[k]) : x[k]);
-      return [[axis.label, ...columns.map(([name]) => name)], ...rows.map((k) => [first(k), ...columns.map(([, values]) => values[k] ?? "")])]
+      const first = (k) => (axis.names.length ? this.at(x[k]) : axis.dates ? moment(x[k]) : x[k]);
+      return [[axis.dates ? "time [UTC]" : axis.label, ...columns.map(([name]) => name)], ...rows.map((k) => [first(k), ...columns.map(([, values]) => values[k] ?? "")])]
+        .map((row) => row.map(cell).join(",")).join("\n") + "\n";
+    }
+
+    cellRows(cells) {
+      const kept = cells.x.map((_, k) => k).filter((k) => cells.x[k] >= this.view.x[0] && cells.x[k] <= this.view.x[1]);
+      return [["time [UTC]", ...cells.y.map((at) => `${digits(at, 5)} Hz, log10 of ${cells.label}`)], ...kept.map((k) => [moment(cells.x[k]), ...cells.values[k].map((v) => v ?? "")])]
         .map((row) => row.map(cell).join(",")).join("\n") + "\n";
     }
 

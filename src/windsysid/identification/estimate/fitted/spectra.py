@@ -15,7 +15,7 @@ from windsysid.mechanics.sensors import Sensor
 from windsysid.results.estimate import FittedSpectrum
 from windsysid.spectral.rotor.model import LiftedModel
 
-__all__ = ["joined_spectrum", "spectra_of_filter", "spectra_of_model"]
+__all__ = ["dense_places", "joined_spectrum", "spectra_of_filter", "spectra_of_model"]
 
 MAX_SLOPE_NUMBERS = 8_000_000
 """Numerical: complex numbers of derivatives in memory, beyond which a spectrum has no interval."""
@@ -70,7 +70,7 @@ def spectra_of_filter(
     inverse = np.linalg.inv(whitening)
     interval = 0.5 / (frequency[-1] + frequency[0])
     S = np.einsum("fij,fij->fi", inverse, inverse.conj()).real
-    some = _places(frequency, S)
+    some = dense_places(frequency, S, MAX_FREQUENCIES)
     H, G = inverse[some], gradients[some]
     slopes = -np.einsum("fij,fnjk,fik->nfi", H, G, H.conj()).real / S[some]
     log_std = _deviation(slopes, cov)
@@ -86,10 +86,10 @@ def _deviation(slopes: Array, cov: Array) -> Array:
     return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
 
 
-def _places(frequency: Array, S: Array) -> NDArray[np.intp]:
-    """At most `MAX_FREQUENCIES` bins: dense in frequency, in its logarithm, and where a spectrum (F, m) is steep."""
+def dense_places(frequency: Array, S: Array, count: int) -> NDArray[np.intp]:
+    """At most `count` bins: dense in frequency, in its logarithm, and where a spectrum (F, m) is steep."""
     steep = np.abs(np.diff(np.log(S), axis=0, prepend=np.log(S[:1]))).sum(axis=1)
     dense = [steep, np.diff(np.log(frequency), prepend=np.log(frequency[0])), np.ones(len(frequency))]
     reached = np.sum([np.cumsum(one) / max(float(one.sum()), 1e-300) for one in dense], axis=0)
-    wanted = np.linspace(reached[0], reached[-1], MAX_FREQUENCIES)
+    wanted = np.linspace(reached[0], reached[-1], count)
     return np.unique(np.minimum(np.searchsorted(reached, wanted), len(frequency) - 1))

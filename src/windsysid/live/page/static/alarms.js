@@ -1,4 +1,4 @@
-// Alarms, and what an operator says of them.
+// Alarms and their acknowledgement.
 
 import { acknowledge } from "/static/api.js";
 import { badge, h } from "/static/dom.js";
@@ -13,8 +13,8 @@ export function alarmsPage(alarms, role) {
   return [
     h("h1", {}, "Alarms"),
     h("h2", {}, "To acknowledge"),
-    waiting.length ? alarmList(waiting, role) : h("p", { class: "note good" }, "Nothing waits for an acknowledgement."),
-    h("h2", {}, "Known and over"),
+    waiting.length ? alarmList(waiting, role) : h("p", { class: "note good" }, "No alarm to acknowledge."),
+    h("h2", {}, "Acknowledged or ended"),
     rest.length ? alarmList(rest, role) : h("p", { class: "quiet" }, "None so far."),
   ];
 }
@@ -30,16 +30,16 @@ function item(one, role, named) {
       KINDS[one.kind], one.title ? ` · ${one.title}` : ""),
     h("p", {}, one.text),
     h("p", { class: "quiet" }, happened(one), ` Found ${when(one.opened)}. `,
-      one.ended === null ? "It lasts." : `Over since ${when(one.ended)}.`),
+      one.ended === null ? "Still open." : `Ended ${when(one.ended)}.`),
     one.acknowledged === null ? null
       : h("p", { class: "quiet" }, `Acknowledged by ${one.by}, ${when(one.acknowledged)}${one.remark ? `: “${one.remark}”` : "."}`),
     asked ? h("button", { id: `acknowledge-${one.key}`, onclick: () => openDialog(one) },
       "Acknowledge", h("span", { class: "unseen" }, ` ${one.title || one.kind} of ${one.turbine}`)) : null,
-    one.acknowledged === null && role !== "operator" ? h("p", { class: "quiet" }, "Who has the operator's token may acknowledge it.") : null);
+    one.acknowledged === null && role !== "operator" ? h("p", { class: "quiet" }, "Acknowledging requires the operator's token.") : null);
 }
 
 const happened = (one) =>
-  one.earliest === one.latest ? `Since ${when(one.earliest)}.` : `It happened between ${when(one.earliest)} and ${when(one.latest)}.`;
+  one.earliest === one.latest ? `Since ${when(one.earliest)}.` : `Happened between ${when(one.earliest)} and ${when(one.latest)}.`;
 
 let asked = null;
 let after = () => {};

@@ -1,4 +1,4 @@
-// What the service answers, and what it says by itself.
+// Requests to the service, and its events.
 
 export class Refused extends Error {
   constructor(status, text) {
@@ -25,7 +25,7 @@ export const turbinePath = (name, rest = "") => `/api/turbines/${encodeURICompon
 export const acknowledge = (key, by, remark) =>
   ask(`/api/alarms/${encodeURIComponent(key)}/acknowledge`, { by, remark });
 
-// One stream a page: it comes back by itself, and says where it was.
+// One event stream for each page; it reconnects and resumes after the last event.
 export function listen(after, onChanges, onState) {
   let last = after;
   let source;

@@ -1,4 +1,4 @@
-// Elements from text: nothing of an answer is ever read as HTML.
+// DOM elements from text: answers are never parsed as HTML.
 
 export function h(tag, attributes = {}, ...children) {
   const element = document.createElement(tag);
@@ -11,7 +11,7 @@ export function h(tag, attributes = {}, ...children) {
   return element;
 }
 
-// Replace what an element holds; what had the focus has it again, by its id.
+// Replace the children of an element; the focus is restored by id.
 export function show(container, ...children) {
   const focused = container.contains(document.activeElement) ? document.activeElement.id : "";
   container.replaceChildren(...children.flat(Infinity).filter((child) => child));
@@ -24,7 +24,7 @@ export function badge([shape, word], kind) {
 
 const label = (text) => (text.endsWith("?") ? text : `${text}:`);
 
-// Roles are said although they go without saying: browsers forget them where a phone shows a table as cards.
+// Explicit roles: browsers drop those of a table that a phone shows as cards.
 // Columns: [heading, is number]; rows: lists of text or elements, the first a heading of its row.
 export function table(caption, columns, rows, { stacked = false, kind = "" } = {}) {
   const cell = (content, i) =>

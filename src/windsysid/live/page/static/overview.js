@@ -1,16 +1,16 @@
-// All turbines, the worst first.
+// All turbines, worst first.
 
 import { badge, h, table } from "/static/dom.js";
 import { VERDICTS, plural, rpm, span, usableOf, when } from "/static/words.js";
 
 export const pathOf = (name) => `#/turbine/${encodeURIComponent(name)}`;
 
-const COMPILING = "The equations are being compiled: seconds where this machine has done it before, minutes where it has not. Estimates wait for it, samples are kept meanwhile.";
+const COMPILING = "Equations are being compiled: this takes seconds if this machine has compiled them before, otherwise minutes. Estimates are delayed, samples are stored.";
 
 const TROUBLES = {
-  failed: ["bad", "A source failed, and is started again within a minute"],
-  trying: ["warn", "A source cannot be reached, and is tried again"],
-  ended: ["", "A source has ended: it brings nothing more, and what is known stays"],
+  failed: ["bad", "A source failed and will be restarted within a minute"],
+  trying: ["warn", "A source cannot be reached; the service keeps trying"],
+  ended: ["", "A source has ended; its estimates remain"],
 };
 
 export function overviewPage(overview) {
@@ -22,23 +22,23 @@ export function overviewPage(overview) {
   ];
   if (!turbines.length) {
     return [h("h1", {}, "Turbines"), sources, overview.service?.compiling ? h("p", { class: "note", role: "status" }, COMPILING) : null, h("p", { class: "note" },
-      "No turbine has sent anything yet. Once the first block of samples is here, its turbine is listed, and its first estimate comes when its first window has ended.")];
+      "No turbine has sent data yet. A turbine is listed after its first block of samples; its first estimate follows the end of its first window.")];
   }
   const counts = Object.entries(VERDICTS)
     .map(([verdict, said]) => [verdict, said, turbines.filter((one) => one.verdict === verdict).length])
     .filter(([, , count]) => count);
   const steady = turbines.every((one) => one.verdict === "steady");
   const columns = [
-    ["Turbine"], ["Is it as it was?"], ["Rotor"], ["Newest estimate"], ["Sensors"], ["Newest block"],
+    ["Turbine"], ["Verdict"], ["Rotor"], ["Newest estimate"], ["Sensors"], ["Newest block"],
   ];
   return [
-    h("h1", {}, steady ? `${plural(turbines.length, "turbine")}, as it was` : plural(turbines.length, "turbine")),
+    h("h1", {}, steady ? `${plural(turbines.length, "turbine")}, unchanged` : plural(turbines.length, "turbine")),
     sources,
     overview.service?.compiling ? h("p", { class: "note", role: "status" }, COMPILING) : null,
     overview.note ? h("p", { class: "note" }, overview.note) : null,
-    h("ul", { class: "summary", "aria-label": "How many turbines are how" },
+    h("ul", { class: "summary", "aria-label": "Number of turbines by verdict" },
       counts.map(([verdict, [shape, word], count]) => h("li", {}, badge([shape, `${count} ${word}`], verdict)))),
-    table("The worst first. What follows is as of now; a turbine's page has its history.", columns,
+    table("Current state, worst first. The page of a turbine has its history.", columns,
       turbines.map((one) => row(one, overview.at)), { stacked: true, kind: "turbines" }),
   ];
 }
@@ -61,7 +61,7 @@ function row(one, now) {
     estimate(one),
     one.faults.length
       ? one.faults.map((fault) => h("div", {}, "◆\u00a0", fault.channel, ": ", fault.state))
-      : one.received === null ? "nothing yet" : "good",
+      : one.received === null ? "no data yet" : "no fault",
     stream(one, now),
   ];
 }
@@ -80,9 +80,9 @@ function estimate(one) {
 }
 
 function stream(one, now) {
-  if (one.received === null) return "nothing yet";
+  if (one.received === null) return "no data yet";
   const parts = [h("div", {}, `${span(now - one.received)} ago`)];
-  if (one.behind !== null && one.behind >= 1) parts.push(h("div", { class: "quiet" }, `${span(1000 * one.behind)} behind`));
-  if (one.windows_waiting > 1) parts.push(h("div", { class: "quiet" }, `${one.windows_waiting} windows wait`));
+  if (one.behind !== null && one.behind >= 1) parts.push(h("div", { class: "quiet" }, `${span(1000 * one.behind)} delay`));
+  if (one.windows_waiting > 1) parts.push(h("div", { class: "quiet" }, `${one.windows_waiting} windows waiting`));
   return parts;
 }

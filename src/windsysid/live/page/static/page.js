@@ -1,4 +1,4 @@
-// Which page is shown, and when it is read again.
+// Selection and refresh of the pages.
 
 import { alarmsPage, prepareDialog } from "/static/alarms.js";
 import { ask, listen } from "/static/api.js";
@@ -6,14 +6,14 @@ import { h, show } from "/static/dom.js";
 import { overviewPage } from "/static/overview.js";
 import { TurbineView } from "/static/turbine.js";
 
-const REST = 1000; // ms between two readings of the same thing
-const SLOW = 15000; // ms after which the overview is read again though nothing was told
+const REST = 1000; // ms between two requests of the same data
+const SLOW = 15000; // ms after which the overview is requested without an event
 
 const main = document.getElementById("main");
 let role = "reader";
 let overview = null;
 let view = null; // of a turbine
-let announced = null; // keys of alarms that were told
+let announced = null; // keys of announced alarms
 let shown = "";
 
 function route() {
@@ -51,12 +51,12 @@ async function read(changes) {
     around();
   } catch (error) {
     if (error.status === 401) logIn();
-    else if (!(error instanceof TypeError)) show(main, h("h1", {}, "This cannot be shown"), h("p", { class: "note bad", role: "alert" }, `${error.message}.`));
+    else if (!(error instanceof TypeError)) show(main, h("h1", {}, "The page cannot be shown"), h("p", { class: "note bad", role: "alert" }, `${error.message}.`));
     throw error;
   }
 }
 
-// Nothing is touched where nothing changed: who reads or selects is not disturbed.
+// Leave an unchanged page as it is, so that a selection stays.
 function render(children) {
   const made = h("div", {}, children);
   if (made.innerHTML === shown) return;
@@ -70,9 +70,9 @@ function around() {
   count.hidden = !waiting.length;
   count.textContent = waiting.length;
   count.setAttribute("aria-label", `${waiting.length} to acknowledge`);
-  const told = new Set(waiting.map((alarm) => alarm.key));
+  const known = new Set(waiting.map((alarm) => alarm.key));
   const fresh = announced === null ? [] : waiting.filter((alarm) => !announced.has(alarm.key));
-  announced = told;
+  announced = known;
   if (fresh.length) {
     document.getElementById("announcement").textContent = fresh.map((alarm) => `New ${alarm.severity} of ${alarm.turbine}: ${alarm.text}.`).join(" ");
   }
@@ -90,7 +90,7 @@ function logIn() {
   document.getElementById("token").focus();
 }
 
-// Changes that come while something is read are read together, a rest later.
+// Combine the changes that arrive during a request.
 let pending = null;
 let busy = false;
 
@@ -110,7 +110,7 @@ async function changed(changes) {
   busy = false;
 }
 
-// What is wrong with a source stands in no event: the overview is read again now and then.
+// Failures of sources cause no event: request the overview regularly.
 setInterval(() => {
   if (!main.hidden && !document.hidden && overview !== null && route().page === "overview") changed({ turbines: [], results: [], alarms: [], all: false });
 }, SLOW);

@@ -1,14 +1,16 @@
-// One turbine: is it as it was, what moved, when, by how much, and can it be trusted?
+// One turbine: current estimates, spectra and history.
 
 import { alarmList } from "/static/alarms.js";
 import { ask, turbinePath } from "/static/api.js";
-import { Chart } from "/static/charts.js";
+import { Chart, overTime, timeAxis } from "/static/charts.js";
 import { badge, h, show, table } from "/static/dom.js";
+import { Panels } from "/static/panels.js";
 import { VERDICTS, change, digits, graded, percent, plural, rpm, span, unusable, usable, usableOf, when, withBand, zone } from "/static/words.js";
 
 const HOUR = 3600e3;
 const RANGES = [["6 h", 6 * HOUR], ["1 day", 24 * HOUR], ["7 days", 168 * HOUR], ["30 days", 720 * HOUR], ["all", null]];
 const RPM = 30 / Math.PI;
+const REST = 400; // ms after a zoom, before its range is read
 
 export class TurbineView {
   constructor(main, name, role) {
@@ -16,23 +18,32 @@ export class TurbineView {
     this.name = name;
     this.role = role;
     this.length = 168 * HOUR; // null: all
-    this.chosen = false; // until then, no more than there is
+    this.chosen = false; // until then, at most the range of the data
     this.end = null; // null: the newest
     this.charts = new Map();
     this.head = h("div", {});
     this.known = h("div", {});
     this.rangeLine = h("div", {});
     this.groups = h("div", {});
+    this.panels = new Panels(this.groups);
+    this.channel = ""; // of the waterfall: the first
+    this.spectrumBefore = null; // null: the newest
+    this.overlay = ""; // name of a condition
     this.rest = h("div", {});
     this.built = false;
     this.texts = new Map();
-    this.dark = matchMedia("(prefers-color-scheme: dark)");
-    this.redraw = () => this.drawCharts();
-    this.dark.addEventListener("change", this.redraw);
+    this.ended = new AbortController();
+    const on = (event, act) => addEventListener(event, ({ detail }) => detail.link === "time" && act(detail.x), { signal: this.ended.signal });
+    on("plot-view", ([from, to]) => {
+      clearTimeout(this.zooming);
+      this.zooming = setTimeout(() => this.go(1000 * (to - from), 1000 * to), REST);
+    });
+    on("plot-click", (x) => this.showSpectrum(1000 * x));
   }
 
   close() {
-    this.dark.removeEventListener("change", this.redraw);
+    this.ended.abort();
+    clearTimeout(this.zooming);
     for (const chart of this.charts.values()) chart.close();
     this.closed = true;
   }
@@ -43,7 +54,7 @@ export class TurbineView {
     if (ours || !this.built) await this.readHistory();
     if (this.closed) return;
     if (!this.built) {
-      show(this.main, this.head, this.known, h("h2", { id: "history" }, "History"), this.rangeLine, this.groups, this.rest);
+      show(this.main, this.head, this.known, h("h2", { id: "history" }, "Spectra and history"), this.rangeLine, this.groups, this.rest);
       this.built = true;
       this.drawCharts();
     } else if (ours) this.drawCharts();
@@ -53,7 +64,7 @@ export class TurbineView {
     this.put(this.rest, this.restPart());
   }
 
-  // Only what changed is replaced.
+  // Replace a part of the page if it has changed.
   put(place, children) {
     const made = h("div", {}, children);
     if (this.texts.get(place) === made.innerHTML) return;
@@ -77,8 +88,31 @@ export class TurbineView {
     const query = this.length === null ? "" : `?since=${Math.max(0, to - this.length)}&until=${to + 1}`;
     [this.levels, this.results, this.alarms] = await Promise.all([
       ask(turbinePath(this.name, `/levels${query}`)), ask(turbinePath(this.name, `/results${query}`)),
-      ask(`/api/alarms?turbine=${encodeURIComponent(this.name)}`),
+      ask(`/api/alarms?turbine=${encodeURIComponent(this.name)}`), this.readSpectrum(), this.readWaterfall(query),
     ]);
+  }
+
+  async readSpectrum() {
+    const query = this.spectrumBefore === null ? "" : `?until=${this.spectrumBefore}`;
+    this.spectrum = await ask(turbinePath(this.name, `/spectrum${query}`));
+  }
+
+  async readWaterfall(query) {
+    this.waterfallQuery = query;
+    const channel = this.channel && `${query ? "&" : "?"}channel=${encodeURIComponent(this.channel)}`;
+    this.waterfall = await ask(turbinePath(this.name, `/waterfall${query}${channel}`));
+  }
+
+  async showSpectrum(before) {
+    this.spectrumBefore = before;
+    await this.readSpectrum();
+    this.drawCharts();
+  }
+
+  async showChannel(channel) {
+    this.channel = channel;
+    await this.readWaterfall(this.waterfallQuery);
+    this.drawCharts();
   }
 
   async go(length, end) {
@@ -95,12 +129,12 @@ export class TurbineView {
     const { summary, newest, at, counts } = this.page;
     const bad = Object.keys(summary.grades).filter((name) => summary.grades[name] === "C");
     const facts = [
-      ["Can it be trusted?", summary.trusted === null ? "no estimate yet" : summary.trusted ? "yes, the newest estimate" : bad.length ? `${usableOf(summary.grades)} of the newest estimate` : "no, not the newest estimate"],
+      ["Trusted", summary.trusted === null ? "no estimate yet" : summary.trusted ? "yes (newest estimate)" : bad.length ? `${usableOf(summary.grades)} (newest estimate)` : "no (newest estimate)"],
       ["Rotor", [summary.state, summary.rotor_speed === null ? "" : `, ${rpm(summary.rotor_speed)}`]],
       ["Newest estimate", summary.until === null ? "none yet" : [h("span", { class: "quiet" }, "window until "), when(summary.until)]],
       ["Newest block", summary.received === null ? "none yet" : `${span(at - summary.received)} ago`],
-      ["Behind", summary.behind === null ? "not known" : `${span(1000 * summary.behind)}${summary.windows_waiting ? `, ${plural(summary.windows_waiting, "window")} in work` : ""}`],
-      ["Sensors", summary.faults.length ? `${plural(summary.faults.length, "channel")} not good` : summary.received === null ? "nothing known yet" : "no fault found"],
+      ["Delay", summary.behind === null ? "not known" : `${span(1000 * summary.behind)}${summary.windows_waiting ? `, ${plural(summary.windows_waiting, "window")} in progress` : ""}`],
+      ["Sensors", summary.faults.length ? `${plural(summary.faults.length, "channel")} with a fault` : summary.received === null ? "no data yet" : "no fault found"],
     ];
     const tone = { steady: "good", moved: "bad", sensor: "warn", silent: "warn" }[summary.verdict] ?? "";
     return [
@@ -108,10 +142,10 @@ export class TurbineView {
       h("h1", {}, this.name, " ", badge(VERDICTS[summary.verdict], summary.verdict)),
       h("p", { class: `note ${tone}` }, summary.answer),
       summary.reasons.length && !summary.answer.includes(summary.reasons[0]) ? h("p", { class: "note" }, `Not trusted: ${summary.reasons.join("; ")}.`) : null,
-      bad.length ? h("p", { class: "note" }, `Not to be used (grade C): ${bad.join(", ")}.`) : null,
+      bad.length ? h("p", { class: "note" }, `Do not use (grade C): ${bad.join(", ")}.`) : null,
       h("dl", { class: "facts" }, facts.map(([name, value]) => h("div", {}, h("dt", {}, name), h("dd", {}, value)))),
       summary.alarms.length ? [h("h2", {}, plural(summary.alarms.length, "open alarm")), alarmList(summary.alarms, this.role(), false)] : null,
-      newest === null ? h("p", { class: "note" }, `No estimate yet: the first is here soon after the first window${this.page.window_length ? ` of ${span(1000 * this.page.window_length)}` : ""} has ended.${counts.samples ? ` ${plural(counts.samples, "sample")} came so far.` : ""}`) : null,
+      newest === null ? h("p", { class: "note" }, `No estimate yet: the first follows the end of the first window${this.page.window_length ? ` (${span(1000 * this.page.window_length)})` : ""}.${counts.samples ? ` ${plural(counts.samples, "sample")} received so far.` : ""}`) : null,
     ];
   }
 
@@ -123,21 +157,21 @@ export class TurbineView {
       mode.name,
       graded(withBand(mode.frequency, mode.frequency_low, mode.frequency_high, "Hz"), mode.frequency_grade),
       mode.damping_ratio === null ? "not known" : graded(withBand(100 * mode.damping_ratio, 100 * mode.damping_ratio_low, 100 * mode.damping_ratio_high, "%"), mode.damping_ratio_grade),
-      mode.nearest === null ? "the rotor speed is not known" : `${mode.nearest}: the mode is ${percent(Math.abs(mode.distance))} ${mode.distance > 0 ? "above" : "below"}`,
+      mode.nearest === null ? "rotor speed not known" : `${mode.nearest}: the mode is ${percent(Math.abs(mode.distance))} ${mode.distance > 0 ? "above" : "below"}`,
     ]);
     return [
-      h("h2", {}, "What is known now"),
-      watched.length ? table("All bands are ±2σ. The level is what all windows of grade A and B say together; it follows slow changes. The change is over the range that is shown below, from when the watch had learned.",
+      h("h2", {}, "Current estimates"),
+      watched.length ? table("95 % intervals. The level combines all windows with grade A or B and follows slow changes. The change is that within the range shown below, after the learning phase.",
         [["Coefficient"], ["Level", true], ["Newest window", true], ["Change", true], ["Test for a jump"]], watched, { stacked: true }) : null,
       modes.length ? h("h3", { class: "spaced" }, "Modes of the newest window") : null,
-      modes.length ? table("±2σ; excitation by the rotor: 1P and multiples of the blades.",
+      modes.length ? table("95 % intervals. Excitation: 1P and multiples of the blade-passing frequency.",
         [["Mode"], ["Frequency", true], ["Damping ratio", true], ["Nearest excitation"]], modes, { stacked: true }) : null,
     ];
   }
 
   seriesRow(series) {
     const known = series.level.map((v, i) => i).filter((i) => series.level[i] !== null);
-    const watched = known.find((i) => series.statistic[i] > 0); // before, the level is being learned
+    const watched = known.find((i) => series.statistic[i] > 0); // before, the level is learned
     const own = series.estimate.findLastIndex((v) => v !== null);
     const [first, last] = [watched, known.at(-1)];
     const at = series.statistic.findLastIndex((v) => v !== null && v > 0); // 0 while it learns
@@ -146,9 +180,9 @@ export class TurbineView {
     return [
       series.title,
       last === undefined ? "not known yet" : withBand(series.level[last], series.level_low[last], series.level_high[last], series.unit),
-      own < 0 ? "says nothing" : graded(withBand(series.estimate[own], series.low[own], series.high[own], series.unit), series.grade[own]),
+      own < 0 ? "not estimated" : graded(withBand(series.estimate[own], series.low[own], series.high[own], series.unit), series.grade[own]),
       first === undefined || first === last ? "–" : this.changeOf(series, first, last),
-      share === null ? "learns what is usual" : [meter, ` ${share >= 1 ? "beyond its limit" : `at ${Math.round(100 * share)} % of its limit`}`],
+      share === null ? "learning" : [meter, ` ${share >= 1 ? "above its limit" : `at ${Math.round(100 * share)} % of its limit`}`],
     ];
   }
 
@@ -176,48 +210,114 @@ export class TurbineView {
         button("later", "later ▶", () => move(0.5), { off: this.end === null }),
         button("in", "zoom in", () => zoom(0.5), { off: width <= HOUR }),
         button("out", "zoom out", () => zoom(2))),
-      h("p", { class: "quiet shown", "aria-live": "polite" }, `${when(from)} to ${when(to)}. Axes are in ${zone()}. Drag over a chart to see a part of it.`),
+      this.overlayChoice(),
+      h("p", { class: "quiet shown", "aria-live": "polite" }, `${when(from)} to ${when(to)}. Times are in ${zone()}. Drag over a chart to zoom; click in it for the spectrum of that time.`),
     ];
+  }
+
+  overlayChoice() {
+    const known = this.results.conditions.filter((one) => one.mean.some((v) => v !== null));
+    if (!known.length) return null;
+    const change = (event) => {
+      this.overlay = event.target.value;
+      this.drawCharts();
+    };
+    return h("p", { class: "choice" }, h("label", { for: "overlay" }, "Overlay on the charts"),
+      h("select", { id: "overlay", onchange: change }, [["", "none"], ...known.map((one) => [one.name, one.title])].map(([value, text]) => h("option", { value, selected: value === this.overlay }, text))));
+  }
+
+  // The chosen condition at windows [ms], in the units of engineers.
+  overlayAt(windows) {
+    const one = this.results.conditions.find(({ name }) => name === this.overlay);
+    if (!one) return null;
+    const [factor, unit] = { "rad/s": [RPM, "rpm"], rad: [180 / Math.PI, "deg"] }[one.unit] ?? [1, one.unit];
+    let at = 0;
+    const values = windows.map((window) => {
+      while (at + 1 < this.results.windows.length && this.results.windows[at + 1] <= window) at += 1;
+      const value = Math.abs(this.results.windows[at] - window) <= HOUR ? one.mean[at] : null;
+      return value === null ? null : factor * value;
+    });
+    return { name: one.title, unit, values };
   }
 
   drawCharts() {
     if (!this.built || this.closed) return;
-    const range = this.range;
+    const over = (charts) => charts.map((shown) => overTime({ ...shown, range: this.range, overlay: this.overlayAt(shown.windows) }));
     const groups = [
-      ["Stiffness and damping", this.coefficientCharts(), true],
-      ["Frequencies and damping ratios", this.modeCharts(), true],
-      ["Rotor speed and excitation", this.rotorCharts(), true],
-      ["Loads", this.loadCharts(), false],
-      ["Noise of the sensors", this.noiseCharts(), false],
-    ].filter(([, charts]) => charts.length);
-    for (const [name, charts, open] of groups) {
-      const id = name.toLowerCase().replace(/\W+/g, "-");
+      ["spectrum", "Spectrum and model", this.spectrumCharts(), true],
+      ["waterfall", "Spectrum over time", this.waterfallCharts(), true],
+      ["stiffness-and-damping", "Stiffness and damping", over(this.coefficientCharts()), true],
+      ["frequencies", "Frequencies and damping ratios", over(this.modeCharts()), true],
+      ["rotor", "Rotor speed and excitation", over(this.rotorCharts()), true],
+      ["loads", "Loads", over(this.loadCharts()), false],
+      ["noise", "Sensor noise", over(this.noiseCharts()), false],
+    ].filter(([, , charts]) => charts.length);
+    for (const [id, name, charts, open] of groups) {
       let group = document.getElementById(id);
       if (!group || !this.groups.contains(group)) {
-        group = h("details", { class: "group", id, open, ontoggle: () => this.fillGroup(id) }, h("summary", { id: `${id}-title` }, name), h("div", { class: "charts" }));
-        this.groups.append(group);
+        const content = [h("div", { class: "controls" }), h("div", { class: "charts" })];
+        group = this.panels.add(id, name, open, content, () => this.fillGroup(id));
       }
       group.charts = charts;
-      group.range = range;
+      this.put(group.querySelector(".controls"), { spectrum: () => this.spectrumControls(), waterfall: () => this.waterfallControls() }[id]?.() ?? []);
       this.fillGroup(id);
     }
-    if (!groups.length) show(this.groups, h("p", { class: "note" }, "There is no history yet: charts begin with the first estimate."));
+    if (!groups.length) show(this.groups, h("p", { class: "note" }, "No history yet: charts begin with the first estimate."));
     else this.groups.querySelector(":scope > p")?.remove();
   }
 
   fillGroup(id) {
     const group = document.getElementById(id);
     if (!group?.open) return;
-    const place = group.querySelector(".charts");
-    for (const shown of group.charts) {
-      const at = `${id}/${shown.title}`;
+    group.charts.forEach((spec, i) => {
+      const at = `${id}-${i}`;
       if (!this.charts.has(at)) {
-        const chart = new Chart(`${id}-${this.charts.size}`, (from, to) => this.go(to - from, to));
+        const chart = new Chart(at);
         this.charts.set(at, chart);
-        place.append(chart.figure);
+        group.querySelector(".charts").append(chart.element);
       }
-      this.charts.get(at).update(shown, group.range);
-    }
+      this.charts.get(at).update(spec);
+    });
+  }
+
+  spectrumCharts() {
+    const { window, plots } = this.spectrum;
+    return plots.map((plot) => ({ ...plot, about: `Window from ${when(window)}${plot.caption ? `, ${plot.caption}` : ""}`, words: `${plot.title}: measured spectrum and model, ${plot.y_axis.label}, over frequency. The table below has the values.` }));
+  }
+
+  spectrumControls() {
+    const { windows } = this.waterfall;
+    const later = windows.find((window) => window > this.spectrum.window);
+    const button = (id, text, act, off) => h("button", { type: "button", id: `spectrum-${id}`, disabled: off, onclick: act }, text);
+    return h("div", { class: "ranges", role: "group", "aria-label": "Window of the spectrum" },
+      button("earlier", "◀ earlier", () => this.showSpectrum(this.spectrum.window), windows.length > 0 && this.spectrum.window <= windows[0]),
+      button("later", "later ▶", () => this.showSpectrum(later + 1), later === undefined),
+      button("newest", "newest", () => this.showSpectrum(null), this.spectrumBefore === null));
+  }
+
+  waterfallCharts() {
+    const { channel, windows, frequencies, density, unit, modes } = this.waterfall;
+    if (windows.length < 2) return [];
+    const steps = windows.slice(1).map((at, i) => at - windows[i]).sort((a, b) => a - b);
+    const known = density.flat().filter((v) => v !== null).sort((a, b) => a - b);
+    const [low, high] = [0.02, 0.998].map((share) => known[Math.floor(share * (known.length - 1))]);
+    const top = this.spectrum.plots.find((plot) => plot.title === channel)?.x_axis.limits?.[1] ?? frequencies.at(-1);
+    const label = unit.replace(/^PSD \[(.*)\]$/, "$1");
+    return [{
+      title: channel,
+      about: ["Measured spectrum of the last window of each hour, with the modes. ", h("span", { class: "shades", "aria-hidden": "true" }), ` ${digits(10 ** low, 2)} to ${digits(10 ** high, 2)} ${label}`],
+      words: `${channel}: measured spectrum over time, frequency [Hz] over time, with the frequencies of ${Object.keys(modes).join(", ")}. The table below has the frequencies, the CSV file the spectra.`,
+      x: windows.map((ms) => ms / 1000), x_axis: timeAxis(this.range), y_axis: { label: "frequency [Hz]", log: false, names: [], limits: [0, top] },
+      curves: Object.entries(modes).map(([name, values], i) => ({ name, look: "dots", colour: ["error", "other"][i % 2], dashed: false, values })),
+      cells: { x: windows.map((ms) => ms / 1000), width: steps[steps.length >> 1] / 1000, y: frequencies, values: density, label, low, high },
+      marks: [], spans: [], link: "time",
+    }];
+  }
+
+  waterfallControls() {
+    const { channels, channel } = this.waterfall;
+    return h("p", { class: "choice" }, h("label", { for: "channel" }, "Channel"),
+      h("select", { id: "channel", onchange: (event) => this.showChannel(event.target.value) }, channels.map((name) => h("option", { value: name, selected: name === channel }, name))));
   }
 
   marksOf(name) {
@@ -259,11 +359,11 @@ export class TurbineView {
     if (blades && modes.length) {
       const most = 1.6 * Math.max(...modes.flatMap((mode) => mode.frequency));
       const orders = [1, ...[1, 2, 3, 4].map((k) => k * blades)];
-      const lines = orders.map((n) => ({ name: `${n}P`, dashed: true, colour: "--rule-strong", values: speed.map((v) => (v === null ? null : (n * v) / (2 * Math.PI))) }))
+      const lines = orders.map((n) => ({ name: `${n}P`, dashed: true, colour: "rule-strong", values: speed.map((v) => (v === null ? null : (n * v) / (2 * Math.PI))) }))
         .filter((line) => Math.min(...line.values.filter((v) => v !== null)) < most);
       charts.push({
-        title: "Modes and what the rotor excites", unit: "Hz", windows, lines,
-        about: "A mode that a dashed line crosses is excited at every turn.",
+        title: "Modes and rotor harmonics", unit: "Hz", windows, lines,
+        about: "Dashed: rotor harmonics. Where one crosses a mode, the rotor excites it at resonance.",
         points: modes.map((mode) => ({ name: mode.name, values: usable(mode.frequency, mode.frequency_grade) })),
       });
     }
@@ -280,20 +380,20 @@ export class TurbineView {
     return [
       h("h2", {}, "Sensors"),
       this.sensorTable(channels, newest?.channels ?? []),
-      newest?.budget.length ? [h("h2", {}, "What makes the bands as wide as they are"),
-        table("Of the newest window: by what share the variance would fall, if something were known exactly.",
-          [["Coefficient"], ["Estimate", true], ["Loads and noise", true], ["Instruments and masses", true], ["Left: length of the window, prior", true], ["Told by the data", true]],
+      newest?.budget.length ? [h("h2", {}, "Sources of uncertainty"),
+        table("Newest window: share by which the variance would fall if the source were known exactly.",
+          [["Coefficient"], ["Estimate", true], ["Loads and noise", true], ["Instruments and masses", true], ["Rest: window length, prior", true], ["Informed by the data", true]],
           newest.budget.map((one) => [one.title, graded(withBand(one.estimate, one.low, one.high, one.unit), one.grade), percent(one.loads), percent(one.instruments), percent(one.rest), percent(one.informed)]), { stacked: true })] : null,
       newest ? this.windowPart(newest) : null,
-      h("details", { id: "stream" }, h("summary", { id: "stream-title" }, "The stream since its first block"),
-        table("Counts.", [["What"], ["How many", true]], Object.entries(counts).map(([name, count]) => [name, count.toLocaleString("en").replaceAll(",", "\u202f")])),
+      h("details", { id: "stream" }, h("summary", { id: "stream-title" }, "Stream since its first block"),
+        table("Counts.", [["Quantity"], ["Count", true]], Object.entries(counts).map(([name, count]) => [name, count.toLocaleString("en").replaceAll(",", "\u202f")])),
         configurations.length ? table("Settings.", [["Since"], ["Settings"]], configurations.map((one) => [when(one.at), one.settings])) : null),
     ];
   }
 
   sensorTable(channels, statistics) {
     const names = [...new Set([...channels, ...statistics].map((one) => one.channel))];
-    if (!names.length) return h("p", { class: "quiet" }, "Nothing is known of the channels yet.");
+    if (!names.length) return h("p", { class: "quiet" }, "No data of the channels yet.");
     const rows = names.map((name) => {
       const health = channels.find((one) => one.channel === name);
       const said = statistics.find((one) => one.channel === name);
@@ -302,11 +402,11 @@ export class TurbineView {
         name, good ? badge(["●", "no fault"], "steady") : badge(["◆", health.state], "sensor"),
         health ? when(health.since) : "the first block",
         said && said.mean !== null ? `${digits(said.mean)} ± ${digits(said.std, 2)} ${said.unit === "1" ? "" : said.unit}` : "–",
-        said ? percent(said.missing) : "–", good ? "nothing" : health.text,
+        said ? percent(said.missing) : "–", good ? "–" : health.text,
       ];
     });
-    return table("State: as the samples show it now. Mean, standard deviation and missing samples: of the newest window.",
-      [["Channel"], ["State"], ["Since"], ["Mean ± std", true], ["Missing", true], ["What to do"]], rows, { stacked: true });
+    return table("State: from the newest samples. Mean, standard deviation and missing samples: newest window.",
+      [["Channel"], ["State"], ["Since"], ["Mean ± std", true], ["Missing", true], ["Action"]], rows, { stacked: true });
   }
 
   windowPart(newest) {
@@ -314,16 +414,16 @@ export class TurbineView {
       newest.why, ...newest.reasons.map((text) => `Not trusted: ${text}`), ...newest.remarks, ...newest.notes,
       ...newest.health.map((one) => `${one.channel}: ${one.text}`),
     ].filter((text) => text);
-    return h("details", { id: "window" }, h("summary", { id: "window-title" }, "What the newest window says of itself"),
+    return h("details", { id: "window" }, h("summary", { id: "window-title" }, "Details of the newest window"),
       h("p", {}, `${when(newest.window)} to ${when(newest.until)}, ${digits(newest.samples ?? 0, 6)} samples at ${digits(newest.rate)} Hz, ${newest.formulation || "no estimate"}.`),
       h("ul", {}, lines.map((text) => h("li", {}, text))));
   }
 }
 
-// Windows with their bands, and hollow, without a band, those of grade C.
+// Windows with intervals; hollow and without intervals: those with grade C.
 const pointsOf = (values, low, high, grades) => [
-  { name: "window", colour: "--point", values: usable(values, grades), low: usable(low, grades), high: usable(high, grades) },
-  ...(grades.includes("C") ? [{ name: "window of grade C", colour: "--point", hollow: true, values: unusable(values, grades) }] : []),
+  { name: "window", colour: "measured", values: usable(values, grades), low: usable(low, grades), high: usable(high, grades) },
+  ...(grades.includes("C") ? [{ name: "window of grade C", colour: "measured", hollow: true, values: unusable(values, grades) }] : []),
 ];
 
 const capital = (text) => text.charAt(0).toUpperCase() + text.slice(1);

@@ -1,8 +1,8 @@
-// Numbers, moments and verdicts in words.
+// Numbers, times and verdicts as text.
 
 export const VERDICTS = {
-  moved: ["▲", "moved"], sensor: ["◆", "sensor fault"], silent: ["■", "no data"], unsure: ["?", "not sure"],
-  learning: ["…", "learning"], waiting: ["○", "waiting"], steady: ["●", "as it was"],
+  moved: ["▲", "changed"], sensor: ["◆", "sensor fault"], silent: ["■", "no data"], unsure: ["?", "uncertain"],
+  learning: ["…", "learning"], waiting: ["○", "waiting"], steady: ["●", "unchanged"],
 };
 
 export const SEVERITIES = { alarm: ["▲", "alarm"], warning: ["◆", "warning"], notice: ["●", "notice"] };
@@ -22,14 +22,14 @@ export function digits(value, count = 4) {
   return value.toFixed(Math.min(places, 8)).replace("-", "−");
 }
 
-// The prefix that makes values of a unit short: 1 787 260 N/m is 1.787 MN/m.
+// Prefix of a unit for readable values: 1 787 260 N/m is 1.787 MN/m.
 export function scaled(unit, size) {
   if (!/^(N|W|Pa)/.test(unit) || !size) return { factor: 1, unit };
   const [factor, prefix] = size >= 1e9 ? [1e-9, "G"] : size >= 1e6 ? [1e-6, "M"] : size >= 1e3 ? [1e-3, "k"] : [1, ""];
   return { factor, unit: prefix + unit };
 }
 
-// A value and its band with as many places as the band has to say.
+// A value with its interval, rounded to two digits of the interval.
 export function withBand(value, low, high, unit) {
   if (value === null || value === undefined) return "not known";
   const by = scaled(unit, Math.abs(value));
@@ -41,22 +41,22 @@ export function withBand(value, low, high, unit) {
   return `${text} ± ${half.toFixed(places)}${shown}`;
 }
 
-// A number with the grade behind it.
+// A value followed by its grade.
 export const graded = (text, grade) => (grade ? `${text}, grade ${grade}` : text);
 
-// Values but those of grade C, which are not to be used; or these alone.
+// Values without those of grade C, and those of grade C alone.
 export const usable = (values, grades) => values.map((v, i) => (grades[i] === "C" ? null : v));
 export const unusable = (values, grades) => values.map((v, i) => (grades[i] === "C" ? v : null));
 
-// How many of the numbers of an estimate can be used: 5 of 8.
+// Count of usable values of an estimate: 5 of 8.
 export function usableOf(grades) {
   const all = Object.values(grades).filter((grade) => grade);
-  return `${all.filter((grade) => grade !== "C").length} of ${plural(all.length, "number")}`;
+  return `${all.filter((grade) => grade !== "C").length} of ${plural(all.length, "value")}`;
 }
 
 export const percent = (share, count = 2) => (share === null ? "–" : `${digits(100 * share, count)} %`);
 
-// Signed, with as many places as its band has to say: 0.0312 ± 0.008 → +3.1 ± 0.8 %.
+// A signed change, rounded by its interval: 0.0312 ± 0.008 → +3.1 ± 0.8 %.
 export function change(share, half) {
   const places = half > 0 ? Math.min(4, Math.max(0, -Math.floor(Math.log10(100 * half)))) : 2;
   const text = (100 * share).toFixed(places).replace("-", "−");
@@ -72,7 +72,7 @@ const utcDay = new Intl.DateTimeFormat("en-GB", {
   timeZone: "UTC", day: "numeric", month: "short", hour: "2-digit", minute: "2-digit",
 });
 
-// In the reader's zone, with UTC beside where it differs.
+// Local time of the browser, followed by UTC if it differs.
 export function when(ms) {
   if (ms === null || ms === undefined) return "not known";
   const at = new Date(ms);
