@@ -1,5 +1,6 @@
 """Units that cannot be right, and channels that contradict each other."""
 
+import itertools
 import math
 import re
 from collections.abc import Iterable
@@ -48,7 +49,13 @@ _GRAVITIES = (
 """Setting: gravity in a wrong unit over 9.81 m/s², and the mistake that makes it."""
 
 
-_AXIS = re.compile(r"(.+)_([xyz])_(acceleration|velocity|displacement)(?:_kinematic)?")
+_AXIS = re.compile(r"(.+)_([xyz])_((?:acceleration|velocity|displacement)(?:_kinematic)?)")
+
+HALF_QUARTER_TURN = 45.0
+"""Setting: angle [deg] from which on an axis is nearer to the other one."""
+
+MAX_GRAVITY_DIFFERENCE = 0.01
+"""Setting: relative difference from gravity of the means of two axes that share it; calibrations are as good."""
 
 MIN_TILT_DEGREES = 1.0
 """Setting: smallest tilt of an axis that is reported; rotors are tilted by 4 to 8°, towers lean by less."""
@@ -151,32 +158,37 @@ def _acceleration(record: Record, channel: str, x: Array, rotor: Rotor | None) -
 
 def _tilts(record: Record, known: Iterable[str]) -> list[Fault]:
     """Axes next to one that reads gravity whose mean is a part of it: by that they are tilted."""
-    axes = [match for name in known if (match := _AXIS.fullmatch(name)) and "acceleration" in name]
-    mean = {one[0]: float(np.nanmean(record[one[0]])) for one in axes}
+    mean = {name: float(np.nanmean(record[name])) for name in known if _axis_of(name)[2].startswith("acceleration")}
     found = []
-    for one in axes:
-        upright = [a[0] for a in axes if a[0] != one[0] and a.group(1, 3) == one.group(1, 3)]
-        upright = [name for name in upright if abs(math.hypot(mean[name], mean[one[0]]) / GRAVITY - 1.0) < 0.01]
-        tilt = math.degrees(math.asin(min(abs(mean[one[0]]) / GRAVITY, 1.0)))
-        if upright and MIN_TILT_DEGREES < tilt < 45.0:
-            data = {"mean": mean[one[0]], "degrees": tilt, "upright": upright[0]}
-            found.append(Fault(one[0], "tilt", "note", record.samples, data=data))
+    for one, other in itertools.permutations(mean, 2):
+        same_point = _axis_of(one)[::2] == _axis_of(other)[::2]
+        tilt = math.degrees(math.atan2(abs(mean[one]), abs(mean[other])))
+        whole = abs(math.hypot(mean[one], mean[other]) / GRAVITY - 1.0) < MAX_GRAVITY_DIFFERENCE
+        if same_point and whole and MIN_TILT_DEGREES < tilt < HALF_QUARTER_TURN:
+            data = {"mean": mean[one], "degrees": tilt, "upright": other}
+            found.append(Fault(one, "tilt", "note", record.samples, data=data))
     return found
 
 
 def _yawed_axes(record: Record, known: Iterable[str]) -> list[Fault]:
     """Sensors below the yaw bearing, which keep the axes of the tower while the nacelle is yawed; OpenFAST's are known
     to."""
-    axes = [name for name in known if (match := _AXIS.fullmatch(name)) and match[1] == "tower" and match[2] in "xz"]
+    axes = [name for name in known if _axis_of(name)[:2] in (("tower", "x"), ("tower", "z"))]
     if record.attributes.get("source") != "OpenFAST" or "nacelle_yaw" not in record or not axes:
         return []
-    yaw = record["nacelle_yaw"][np.isfinite(record["nacelle_yaw"])]
-    across, along = float(np.mean(np.abs(np.sin(yaw)))), float(np.mean(np.abs(np.cos(yaw))))
-    angle = math.degrees(math.atan2(across, along)) if len(yaw) else 0.0
-    if angle < MIN_YAW_DEGREES:
+    across, along = (float(np.nanmean(np.abs(part(record["nacelle_yaw"])))) for part in (np.sin, np.cos))
+    angle = math.degrees(math.atan2(across, along))
+    if not angle > MIN_YAW_DEGREES:
         return []
+    severity: Severity = "warning" if angle > HALF_QUARTER_TURN else "note"
     data = {"degrees": angle, "channels": ", ".join(axes[:4])}
-    return [Fault("nacelle_yaw", "yawed axes", "warning" if angle > 45.0 else "note", len(yaw), data=data)]
+    return [Fault("nacelle_yaw", "yawed axes", severity, record.samples, data=data)]
+
+
+def _axis_of(channel: str) -> tuple[str, str, str]:
+    """Point, axis and quantity of a channel, such as ``tower_x_acceleration``; empty for others."""
+    match = _AXIS.fullmatch(channel)
+    return (match[1], match[2], match[3]) if match else ("", "", "")
 
 
 def _gravity_once_per_turn(record: Record, channel: str, rms: float, rotor: Rotor) -> list[Fault]:

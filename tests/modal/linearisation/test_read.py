@@ -5,7 +5,9 @@ import math
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
+from scipy.signal import lfilter
 
 import windsysid as ws
 from tests.modal.linearisation.whirling_rotor import Rotor
@@ -159,3 +161,25 @@ def test_four_digits_are_warned_of_and_their_intervals_hold_the_exact_frequencie
         errors += [abs(m.frequency - e.frequency) / m.frequency_std for m, e in zip(found.modes, exact, strict=False)]
     assert max(errors) < 3.0
     assert sum(error > 2.0 for error in errors) <= 1  # of eight
+
+
+def test_the_command_says_which_measured_mode_is_which(run, tmp_path: Path):
+    """A record of oscillators at two frequencies of the model, 1 and 2 % off, at the rotor speed of the files."""
+    speed, edge = 0.8, {mode.name: mode.frequency for mode in sweep(tmp_path).points[1].modes}
+    random, time = np.random.default_rng(0), np.arange(0.0, 600.0, 0.1)
+    values = 0.02 * random.normal(size=(2, len(time)))
+    for i, (name, off) in enumerate((("edge backward", 1.01), ("edge forward", 1.02))):
+        exponent = 2.0 * math.pi * edge[name] * off * complex(-0.01, 1.0)
+        load = random.normal(size=len(time)) + 1j * random.normal(size=len(time))
+        values[i] += 0.1 * lfilter([1.0], [1.0, -np.exp(0.1 * exponent)], load).real
+    channels = {"a_acceleration": values[0], "b_acceleration": values[1], "rotor_speed": np.full(len(time), speed)}
+    units = ("m/s^2", "m/s^2", "rad/s")
+    record = ws.Record(time, np.column_stack(list(channels.values())), tuple(channels), units, name="record")
+    ws.oma(record, limits=(0.4, 1.2)).save(tmp_path / "measured")
+    files = [str(path) for path in sorted(tmp_path.glob("*.lin"))]
+    ended = run("modes", *files, "--measured", tmp_path / "measured", "--output", tmp_path / "out")
+    assert ended.code == 0, ended.err
+    rows = pd.read_csv(tmp_path / "out" / "measured.csv").set_index("candidate")
+    assert {"edge backward", "edge forward"} <= set(rows.index)
+    assert (rows.loc[["edge backward", "edge forward"], "probability"] > 0.5).all()
+    assert "which mode, odds" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")

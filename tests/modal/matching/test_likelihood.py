@@ -74,5 +74,11 @@ def test_damping_tells_a_damped_mode_from_a_lightly_damped_one():
     assert both[0] > 10.0 * both[1]
 
 
+def test_the_damping_of_a_model_without_damping_is_not_compared():
+    undamped = [weight(measured(), model(damping=z))[0] for z in (0.0, 1e-14, -1e-14)]
+    assert undamped == pytest.approx([undamped[0]] * 3)
+    assert undamped[0] > 10.0
+
+
 def test_one_common_channel_is_no_shape():
     assert shape_assurance(measured(x=1.0), model(x=1.0, z=2.0)) is None

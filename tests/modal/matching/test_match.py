@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 import windsysid as ws
+from tests.spectral.oma import modes as operational
 from windsysid.errors import ConfigurationError
+from windsysid.inspection.spectra import expected_modes
 from windsysid.modal.matching.likelihood import ModelMode
-from windsysid.modal.matching.match import candidates_of, match_modes
+from windsysid.modal.matching.match import candidates_of, match_modes, with_references
 from windsysid.spectral.oma.known_modes import KnownMode, KnownModes
 
 SPEED = 12.1 * math.pi / 30.0
@@ -140,3 +142,14 @@ def test_exchanged_axes_are_found_and_said(monkeypatch: pytest.MonkeyPatch, exch
     found = match_modes(record(*modes), "model")
     assert [mode.best.name for mode in found.modes] == ["side-side", "fore-aft"]
     assert any("x and z of the sensors are exchanged" in note for note in found.notes) == exchanged
+
+
+def test_the_nearest_mode_takes_the_name_of_the_turbine_file():
+    turbine = ws.load_turbine("nrel5mw")
+    name, f, damping = expected_modes(turbine, 0.0)[0]
+    channels = ("a", "b")
+    found = with_references(
+        [operational.mode(1.05 * f), operational.mode(1.01 * f), operational.mode(1.25 * f)], channels, turbine, 0.0
+    )
+    assert [(one.name, one.reference) for one in found] == [("", None), (name, (f, damping)), ("", None)]
+    assert [one.candidates[0].name for one in found] == ["unknown", name, "unknown"]

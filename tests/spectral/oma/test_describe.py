@@ -2,9 +2,7 @@
 
 import pytest
 
-import windsysid as ws
-from windsysid.inspection.spectra import expected_modes
-from windsysid.spectral.oma.describe import named, with_references, without_skirts
+from windsysid.spectral.oma.describe import named, without_skirts
 from windsysid.spectral.oma.mode import Doubt
 
 from .modes import mode
@@ -34,12 +32,3 @@ def test_a_mode_at_the_border_near_a_mode_of_the_next_band_is_its_skirt(frequenc
     """Half-widths of 0.01 Hz reach two of them, from both sides: 0.04 Hz."""
     border = mode(frequency, 0.01 / frequency, doubts=(Doubt("border", "it sits at the border of its band"),))
     assert sum(map(len, without_skirts([[mode(1.0, 0.01)], [border]]))) == kept
-
-
-def test_the_nearest_mode_takes_the_name_of_the_turbine_file():
-    turbine = ws.load_turbine("nrel5mw")
-    name, f, damping = expected_modes(turbine, 0.0)[0]
-    channels = ("a", "b")
-    found = with_references([mode(1.05 * f), mode(1.01 * f), mode(1.25 * f)], channels, turbine, 0.0)
-    assert [(one.name, one.reference) for one in found] == [("", None), (name, (f, damping)), ("", None)]
-    assert [one.candidates[0].name for one in found] == ["unknown", name, "unknown"]

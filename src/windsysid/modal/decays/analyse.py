@@ -21,6 +21,7 @@ from windsysid.modal.decays.likelihood import Decay, DecayFit, Projection, fit_d
 from windsysid.modal.decays.order import search_decays
 from windsysid.modal.decays.start import release
 from windsysid.modal.marks import ModeMarks
+from windsysid.modal.matching.match import with_references
 from windsysid.modal.singular_values import singular_values
 from windsysid.output.progress import Progress, unheard
 from windsysid.records.coercion import RecordLike, as_record
@@ -28,7 +29,7 @@ from windsysid.records.record import Record
 from windsysid.results.provenance import record_hash
 from windsysid.spectral.oma.analyse import Sensors, sensors_of_each
 from windsysid.spectral.oma.assemble import acceleration_unit
-from windsysid.spectral.oma.describe import named, with_references
+from windsysid.spectral.oma.describe import named
 from windsysid.spectral.oma.mode import Doubt, OperationalMode
 from windsysid.spectral.oma.multi_setup import common_sensors
 from windsysid.spectral.oma.result import BandSpectrum, DecayHistory, OperationalModes, RecordModes

@@ -143,7 +143,7 @@ def _weight(measured: KnownMode, model: ModelMode) -> float:
 
 def _damping_ratio(measured: KnownMode, model: ModelMode) -> float:
     """Density of ln ζ by the model's, over that of any mode."""
-    if not model.damping > 0.0:
+    if not model.damping > limits.MIN_MODEL_DAMPING:
         return 1.0
     centre, spread = DAMPING_PRIOR
     std = math.hypot(measured.ln_damping_std, model.damping_std / model.damping)

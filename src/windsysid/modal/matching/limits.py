@@ -8,6 +8,9 @@ MODEL_DAMPING_ERROR = 0.7
 """Size: scale of Student's t distribution of ln ζ about the model: 95 % are within a factor of 7, since models without
 wind have no aerodynamic damping."""
 
+MIN_MODEL_DAMPING = 1e-4
+"""Setting: damping ratio of a model below which it has none, and its damping is not compared; structures have more."""
+
 ERROR_FREEDOM = 4.0
 """Size: degrees of freedom of both distributions: one model in a hundred is 14 % off."""
 

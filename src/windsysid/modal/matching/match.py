@@ -7,6 +7,7 @@ Modes that the model lacks, loads and rotor harmonics compete with its modes for
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TypeAlias, TypeVar
 
@@ -23,12 +24,13 @@ from windsysid.modal.matching.result import MatchedMode, ModeCandidate, ModeMatc
 from windsysid.modal.matching.sensor_shapes import linearised_shape, turbine_shapes
 from windsysid.results.identification import Identification
 from windsysid.spectral.oma.known_modes import KnownMode, KnownModes, as_modes
+from windsysid.spectral.oma.mode import OperationalMode
 from windsysid.spectral.oma.result import OperationalModes
 from windsysid.turbine.coercion import as_turbine
 from windsysid.turbine.turbine import Turbine
 from windsysid.units import RPM
 
-__all__ = ["Measured", "ModelLike", "blades_of", "candidates_of", "match_modes", "on_diagram", "turbine_modes"]
+__all__ = ["Measured", "ModelLike", "candidates_of", "match_modes", "on_diagram", "with_references"]
 
 Measured: TypeAlias = "OperationalModes | Identification | KnownModes | str | Path"
 ModelLike: TypeAlias = "Campbell | Turbine | str | Path | Sequence[str | Path]"
@@ -122,6 +124,31 @@ def on_diagram(measured: KnownModes, modes: "ModelLike") -> list[MeasuredMode]:
     ]  # fmt: skip
 
 
+def with_references(
+    modes: list[OperationalMode], channels: Sequence[str], machine: Turbine | None, rotor_hz: float
+) -> list[OperationalMode]:
+    """Add the modes of the turbine file that the modes may be, with the names and frequencies of matched ones."""
+    if machine is None:
+        return modes
+    expected = _turbine_modes(machine, 2.0 * np.pi * rotor_hz)
+    known = [_known(mode, channels) for mode in modes]
+    found = []
+    for mode, match in zip(modes, candidates_of(known, expected, rotor_hz, _blades_of(machine)), strict=True):
+        reference = match.reference
+        name = mode.name if reference is None else match.best.name
+        found.append(replace(mode, name=name, reference=reference, candidates=match.candidates))
+    return found
+
+
+def _known(mode: OperationalMode, channels: Sequence[str]) -> KnownMode:
+    """A mode of `windsysid.oma`, whose shape is that of some channels."""
+    return KnownMode(
+        mode.name, math.log(mode.frequency), mode.frequency_std / mode.frequency, math.log(mode.damping),
+        mode.ln_damping_std, dict(zip(channels, mode.shape.tolist(), strict=True)), mode.trusted,
+        dict(zip(channels, mode.shape_std.tolist(), strict=True)), tuple(doubt.kind for doubt in mode.grounds),
+    )  # fmt: skip
+
+
 def candidates_of(
     measured: Sequence[KnownMode], model: Sequence[ModelMode], rotor_hz: float, blades: int = USUAL_BLADES
 ) -> tuple[MatchedMode, ...]:
@@ -207,15 +234,15 @@ def _model_modes(modes: "ModelLike", measured: KnownModes) -> tuple[str, list[Mo
     if isinstance(modes, Campbell):
         return _diagram_modes(modes, measured)
     machine = as_turbine(modes)  # type: ignore[arg-type]
-    return machine.name, turbine_modes(machine, measured.rotor_speed), blades_of(machine), []
+    return machine.name, _turbine_modes(machine, measured.rotor_speed), _blades_of(machine), []
 
 
-def blades_of(turbine: Turbine) -> int:
+def _blades_of(turbine: Turbine) -> int:
     """Number of blades; the usual one if its rotor is rigid."""
     return turbine.model.blades or USUAL_BLADES
 
 
-def turbine_modes(turbine: Turbine, rotor_speed: float) -> list[ModelMode]:
+def _turbine_modes(turbine: Turbine, rotor_speed: float) -> list[ModelMode]:
     """Modes of a turbine at a rotor speed [rad/s], with their shapes at its sensors."""
     found, shapes = turbine_shapes(turbine, rotor_speed)
     return [

@@ -16,6 +16,7 @@ from windsysid.errors import ConfigurationError
 from windsysid.kernels.threads import one_thread
 from windsysid.mechanics.sensors import Sensor
 from windsysid.modal.marks import ModeMarks
+from windsysid.modal.matching.match import with_references
 from windsysid.output.progress import Progress, unheard
 from windsysid.records.coercion import RecordLike, as_record
 from windsysid.records.record import Record
@@ -25,7 +26,7 @@ from windsysid.spectral.modal_bands.part_scores import SEGMENTS
 from windsysid.spectral.oma.assemble import RecordAnalysis, result_of
 from windsysid.spectral.oma.clock_lag import aligned, clock_lags, lag_doubt
 from windsysid.spectral.oma.condition import Readings, prepare_readings, transforms
-from windsysid.spectral.oma.describe import described, named, with_references, without_skirts
+from windsysid.spectral.oma.describe import described, named, without_skirts
 from windsysid.spectral.oma.mode import Doubt, OperationalMode
 from windsysid.spectral.oma.multi_setup import join
 from windsysid.spectral.oma.result import OperationalModes

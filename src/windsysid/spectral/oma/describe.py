@@ -1,4 +1,4 @@
-"""Description of the modes of a band: values, doubts, names, and the modes of the turbine file that they may be."""
+"""Description of the modes of a band: values, doubts and names."""
 
 import re
 from collections.abc import Sequence
@@ -10,17 +10,14 @@ from windsysid._types import Array
 from windsysid.checks.dispersion import PartScores
 from windsysid.checks.limits import EVEN_CHANCE, MAX_WIDENING, MIN_REPORTED_WIDENING
 from windsysid.checks.widening import mixture_factor
-from windsysid.modal.matching.match import blades_of, candidates_of, turbine_modes
 from windsysid.spectral.modal_bands.check import explanations, is_spurious, mode_doubts
 from windsysid.spectral.modal_bands.model_order import BandFit, Shapes, full_shapes
 from windsysid.spectral.modal_bands.part_scores import Segments, part_scores, widening_of
 from windsysid.spectral.oma.condition import Readings
-from windsysid.spectral.oma.known_modes import known_mode
 from windsysid.spectral.oma.limits import MIN_BLADE_RATIO, SKIRT_HALF_WIDTHS
 from windsysid.spectral.oma.mode import Doubt, OperationalMode
-from windsysid.turbine.turbine import Turbine
 
-__all__ = ["described", "mode_of", "named", "widened", "with_references", "without_skirts"]
+__all__ = ["described", "mode_of", "named", "widened", "without_skirts"]
 
 
 def described(found: BandFit, segments: Segments, readings: Readings) -> list[OperationalMode]:
@@ -135,19 +132,3 @@ def _motion_name(size: Array, names: Sequence[str]) -> str:
         return " ".join(names[int(np.argmax(np.where(on_blades, -1.0, size)))].split("_")[:2])
     what, _, way = names[int(np.argmax(np.where(on_blades, size, -1.0)))].removeprefix("blades_").rpartition(" ")
     return f"{'flap' if re.search('flap|out', what) else 'lag'} {way}"
-
-
-def with_references(
-    modes: list[OperationalMode], channels: Sequence[str], machine: Turbine | None, rotor_hz: float
-) -> list[OperationalMode]:
-    """Add the modes of the turbine file that the modes may be, with the names and frequencies of matched ones."""
-    if machine is None:
-        return modes
-    expected = turbine_modes(machine, 2.0 * np.pi * rotor_hz)
-    known = [known_mode(mode, channels) for mode in modes]
-    found = []
-    for mode, match in zip(modes, candidates_of(known, expected, rotor_hz, blades_of(machine)), strict=True):
-        reference = match.reference
-        name = mode.name if reference is None else match.best.name
-        found.append(replace(mode, name=name, reference=reference, candidates=match.candidates))
-    return found

@@ -1,7 +1,7 @@
 """Modes of a result of `windsysid.oma`, or of the folder that it was saved in, for comparisons and diagrams."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple, TypeAlias
@@ -15,13 +15,9 @@ from windsysid.modal.campbell import MeasuredMode
 from windsysid.output.folders import result_file
 from windsysid.results.posterior import SIGMAS, section_name
 from windsysid.spectral.modal_bands.scoring import DAMPING_PRIOR
-from windsysid.spectral.oma.mode import OperationalMode
 from windsysid.spectral.oma.result import ANALYSIS, OperationalModes
 
-__all__ = [
-    "KnownMode", "KnownModes", "ModesLike", "as_modes", "holds_modes", "in_channels", "known_mode",
-    "without_damping_prior",
-]  # fmt: skip
+__all__ = ["KnownMode", "KnownModes", "ModesLike", "as_modes", "holds_modes", "in_channels", "without_damping_prior"]
 
 
 class KnownMode(NamedTuple):
@@ -76,15 +72,6 @@ class KnownModes(NamedTuple):
 
 
 ModesLike: TypeAlias = OperationalModes | KnownModes | str | Path
-
-
-def known_mode(mode: OperationalMode, channels: Sequence[str]) -> KnownMode:
-    """A mode of `windsysid.oma`, whose shape is that of some channels."""
-    return KnownMode(
-        mode.name, math.log(mode.frequency), mode.frequency_std / mode.frequency, math.log(mode.damping),
-        mode.ln_damping_std, dict(zip(channels, mode.shape.tolist(), strict=True)), mode.trusted,
-        dict(zip(channels, mode.shape_std.tolist(), strict=True)), tuple(doubt.kind for doubt in mode.grounds),
-    )  # fmt: skip
 
 
 def holds_modes(given: object) -> bool:
