@@ -9,10 +9,13 @@ STUDY ?= results/study
 # Libraries' modules are compiled where they are first used, and once for every process that tests start.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: study test tests kernels test-all lint bench field validation docs clean
+.PHONY: study test tests kernels test-all lint bench field validation docs wheel clean
 
-study: $(VENV)/.installed
-	$(BIN)/windsysid study --output $(STUDY) --overwrite
+# $(call timed,WHAT,COMMAND) says how long a step took.
+timed = @begun=$$(date +%s); echo "$(1) …"; $(2) && echo "$(1): $$(($$(date +%s) - begun)) s"
+
+study: $(VENV)/.core
+	$(call timed,study,$(BIN)/windsysid study --output $(STUDY) --overwrite)
 
 # What most tests need is compiled first, while types are checked: each of the two workers would compile it for itself.
 test: $(VENV)/.installed
@@ -32,12 +35,21 @@ lint: $(VENV)/.installed
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-$(VENV)/.installed: pyproject.toml constraints.txt
+PIP_INSTALL = $(BIN)/python -m pip install --no-compile --quiet --disable-pip-version-check -c constraints.txt
+
+# A study needs the core alone; `make test` and all else install the rest.
+$(VENV)/.core: pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
 	  || { echo "windsysid needs Python 3.11 or newer; got $$($(PYTHON) --version). Try: make PYTHON=python3.12 ..."; exit 2; }
-	test -d $(VENV) || $(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --no-compile --quiet --disable-pip-version-check -c constraints.txt -e ".[all,dev]"
-	touch $@
+	$(call timed,environment,(test -d $(VENV) || $(PYTHON) -m venv $(VENV)))
+	$(call timed,installation,$(PIP_INSTALL) -e .)
+	@touch $@
+
+$(VENV)/.installed: $(VENV)/.core
+	$(call timed,installation of what tests need,$(PIP_INSTALL) -e ".[all$(comma)dev]")
+	@touch $@
+
+comma := ,
 
 bench: $(VENV)/.installed $(PEERS)/.installed
 	$(BIN)/python benchmarks/bench.py --peers $(PEERS)/bin/python $(if $(SHORT),--short)
@@ -71,8 +83,16 @@ docs: $(VENV)/.docs
 	@echo "site: results/site/index.html"
 
 $(VENV)/.docs: $(VENV)/.installed
-	$(BIN)/python -m pip install --no-compile --quiet --disable-pip-version-check -c constraints.txt -e ".[docs]"
+	$(PIP_INSTALL) -e ".[docs]"
 	touch $@
+
+# `make wheel` writes dist/*.whl with machine code for the Python and Numba of this environment; others compile.
+IN_THE_WHEEL := src/windsysid/kernels/in_the_wheel
+
+wheel: $(VENV)/.core
+	rm -rf $(IN_THE_WHEEL) build
+	WINDSYSID_CACHE=$(IN_THE_WHEEL) $(BIN)/windsysid warm --portable
+	$(BIN)/python -m pip wheel --no-deps --quiet --wheel-dir dist .; ended=$$?; rm -rf $(IN_THE_WHEEL); exit $$ended
 
 clean:
 	rm -rf $(VENV) $(PEERS) results .mypy_cache .ruff_cache .pytest_cache

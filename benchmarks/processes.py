@@ -40,6 +40,8 @@ def sheets(short: bool) -> Iterator[Sheet]:
         identify = ("identify", record, "--turbine", "verne555", "--overwrite", "--output", str(folder / "result"))
         commands = {
             "windsysid --help": ("--help",),
+            "windsysid identify --help": ("identify", "--help"),
+            "windsysid turbines": ("turbines",),
             "windsysid identify --no-report": (*identify, "--no-report"),
             "windsysid identify": identify,
         }

@@ -10,6 +10,7 @@ from types import ModuleType
 import pytest
 
 import windsysid
+from windsysid.cli.common import COMMANDS, HYPOTHESES_HELP
 
 HEAVY = ("numba", "sympy", "scipy", "pandas", "xarray", "matplotlib", "numpy", "pydantic", "typer", "rich")
 MODULES = [
@@ -26,10 +27,16 @@ def test_importing_the_package_loads_nothing_heavy():
     assert in_a_new_process(f"import sys, windsysid; print(sorted(set({HEAVY!r}) & set(sys.modules)))") == "[]"
 
 
-def test_importing_the_command_line_loads_no_numerics():
+@pytest.mark.parametrize("command", ["", *COMMANDS])
+def test_help_of_a_command_loads_no_numerics(command: str):
+    """Pydantic alone comes in with options; help is drawn without Rich."""
     code = (
-        "import sys, windsysid.cli; print(sorted({'numba', 'sympy', 'scipy', 'pandas', 'xarray', 'matplotlib'} &"
-        " set(sys.modules)))"
+        "import io, sys, contextlib\n"
+        "from windsysid.cli import main\n"
+        f"sys.argv = ['windsysid', *{command.split()!r}, '--help']\n"
+        "with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(SystemExit):\n"
+        "    main()\n"
+        f"print(sorted((set({HEAVY!r}) - {{'pydantic', 'typer'}}) & set(sys.modules)))"
     )
     assert in_a_new_process(code) == "[]"
 
@@ -41,6 +48,18 @@ def test_every_public_name_resolves_and_a_prompt_completes_it(namespace: ModuleT
     assert all(getattr(namespace, name) is not None for name in namespace.__all__)
     assert len(set(namespace.__all__)) == len(namespace.__all__)
     assert set(namespace.__all__) <= set(dir(namespace))
+
+
+def test_turbines_are_listed_without_compilers_and_tables_of_data():
+    code = "import sys, windsysid as ws; ws.load_turbine('tower'); "
+    heavy = ("numba", "llvmlite", "sympy", "scipy", "pandas", "xarray", "matplotlib")
+    assert in_a_new_process(f"{code} print(sorted(set({heavy!r}) & set(sys.modules)))") == "[]"
+
+
+def test_help_names_the_hypotheses_as_they_describe_themselves():
+    code = "import windsysid.loads.family; from windsysid.loads.hypothesis import HYPOTHESES as all; "
+    said = in_a_new_process(f"{code} print('; '.join(f'{{one.name}}: {{one.text}}' for one in all.values()))")
+    assert said == HYPOTHESES_HELP
 
 
 @pytest.mark.parametrize("namespace", [windsysid, windsysid.results], ids=lambda space: space.__name__)

@@ -13,7 +13,8 @@ import pytest
 import windsysid as ws
 from tests.conftest import registers_as_before
 from windsysid.errors import ConfigurationError
-from windsysid.loads.family import candidates, describe_hypotheses
+from windsysid.loads.family import candidates
+from windsysid.loads.hypothesis import HYPOTHESES
 from windsysid.mechanics.sensor_lists import as_sensor
 
 FILE = Path(__file__).parents[1] / "examples" / "own_turbine_model.py"
@@ -133,7 +134,7 @@ def test_a_turbine_file_holds_the_model(own: Any, tmp_path: Path):
 def test_the_record_chooses_between_the_simplest_and_the_newcomer(own: Any, verne555: ws.Turbine):
     assert candidates(own.turbine, own.turbine.loads) == ("broadband", "waves")
     assert candidates(verne555, verne555.loads) == ("broadband", "rotor-wind")
-    assert describe_hypotheses().endswith("waves: waves on the tower")
+    assert HYPOTHESES["waves"].text == "waves on the tower"
 
 
 def test_a_sensor_of_ones_own_is_known_to_sensor_lists(own: Any):

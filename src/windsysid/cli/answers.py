@@ -38,7 +38,7 @@ def plan(
         Path | None, typer.Option(help="TOML list of the planned sensors; the turbine's usual ones by default.")
     ] = None,
     duration: Annotated[str, typer.Option(help="Planned length, with its unit.")] = "10 min",
-    rate: Annotated[float, typer.Option(help=r"Samples per second \[Hz].")] = 100.0,
+    rate: Annotated[float, typer.Option(help="Samples per second [Hz].")] = 100.0,
     parameters: Annotated[
         str | None,
         typer.Option(

@@ -2,12 +2,13 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from importlib import import_module
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, Protocol
 
 import typer
-from typer.core import TyperCommand, TyperGroup, TyperOption
+from typer.core import TyperCommand, TyperGroup
 
 from windsysid.errors import ConfigurationError
 from windsysid.output.console import printable
@@ -17,22 +18,36 @@ if TYPE_CHECKING:
     from windsysid.output.table import Table
 
 __all__ = [
-    "Destination", "ListsLoads", "NamesTurbine", "claim_output", "name_of", "numbered",
+    "HYPOTHESES_HELP", "Destination", "NamesTurbine", "app", "claim_output", "name_of", "numbered",
     "parse_option", "print_and_save",
-    "print_answer", "print_table", "rotor_speeds", "show_progress",
+    "print_answer", "print_table", "register_commands", "rotor_speeds", "show_progress",
 ]  # fmt: skip
 
-ORDER = (
-    "start", "inspect", "identify", "oma", "modes", "compare", "monitor", "damping", "plan", "simulate", "batch",
-    "report", "live", "export", "publish", "examples", "turbines", "study",
-)  # fmt: skip
-"""Commands as the help lists them: what is asked of one record, of several, of archives, of running turbines."""
+COMMANDS = {
+    "start": "start", "inspect": "records", "identify": "identify", "oma": "oma", "modes": "answers",
+    "compare": "answers", "monitor": "answers", "damping": "answers", "plan": "answers", "simulate": "records",
+    "batch": "fleet", "report": "fleet", "live": "live", "export": "live", "publish": "publish",
+    "examples": "records", "turbines": "records", "study": "records", "warm": "warm",
+}  # fmt: skip
+"""Commands with their modules, as the help lists them: what is asked of one record, of several, of archives, of running
+turbines."""
+
+
+def register_commands(name: str = "") -> None:
+    """Import the module of a command, or those of all commands if none has that name."""
+    for module in (COMMANDS[name],) if name in COMMANDS else dict.fromkeys(COMMANDS.values()):
+        import_module(f"windsysid.cli.{module}")
 
 
 class _InOrder(TyperGroup):
     def list_commands(self, ctx: Any) -> list[str]:
-        """All commands, in their `ORDER`."""
-        return sorted(super().list_commands(ctx), key=ORDER.index)
+        """All commands, in their order."""
+        return sorted(super().list_commands(ctx), key=list(COMMANDS).index)
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write what each command does, whole."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, self.commands[name].help or "") for name in self.list_commands(ctx)])
 
 
 app = typer.Typer(
@@ -40,6 +55,8 @@ app = typer.Typer(
     add_completion=True,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
+    context_settings={"max_content_width": 120},
+    rich_markup_mode=None,  # boxes take longer to draw than a command's help should take
     help="Identify the stiffness and damping of a wind turbine from its vibration.",
 )
 
@@ -62,18 +79,12 @@ Verbose = Annotated[bool, typer.Option("--verbose", metavar="", help="Print ever
 Overwrite = Annotated[bool, typer.Option("--overwrite", metavar="", help="Replace results that are already there.")]
 
 
-class ListsLoads(TyperCommand):
-    """A command whose help of ``--loads`` ends with the registered hypotheses; they are imported when somebody asks for
-    help."""
-
-    def format_help(self, ctx: Any, formatter: Any) -> None:
-        """Write the help."""
-        from windsysid.loads.family import describe_hypotheses
-
-        for option in self.params:
-            if option.name == "loads" and isinstance(option, TyperOption):
-                option.help = f"{option.help} {describe_hypotheses()}."
-        super().format_help(ctx, formatter)
+HYPOTHESES_HELP = (
+    "broadband: first-order Gauss–Markov; second-order: second-order processes; "
+    "narrow-band: first-order Gauss–Markov, and a narrow-band process on the support; "
+    "rotor-wind: wind on the turning rotor"
+)
+"""The load hypotheses that come with the package: their own texts are in `windsysid.loads`, which imports much."""
 
 
 class NamesTurbine(TyperCommand):
@@ -81,11 +92,12 @@ class NamesTurbine(TyperCommand):
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Parse the options."""
+        if not args or args[0].startswith("-"):
+            return super().parse_args(ctx, args)
         from windsysid.turbine.file import packaged_turbines
 
         takes_result = any(option.param_type_name == "argument" for option in self.params)
-        bare = args[:1] if args and not args[0].startswith("-") else []
-        if bare and (not takes_result or bare[0].endswith(".toml") or bare[0] in packaged_turbines()):
+        if not takes_result or args[0].endswith(".toml") or args[0] in packaged_turbines():
             raise ConfigurationError(
                 f"{ctx.info_name}: a turbine is named by --turbine: windsysid {ctx.info_name} --turbine {args[0]}"
             )

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from windsysid.turbine.turbine import Turbine
 
 from windsysid.cli.common import (
-    ListsLoads,
+    HYPOTHESES_HELP,
     Mapping,
     Output,
     Overwrite,
@@ -40,7 +40,7 @@ from windsysid.cli.common import (
 __all__ = []
 
 
-@app.command(cls=ListsLoads)
+@app.command()
 def identify(
     context: typer.Context,
     record: Annotated[Path, typer.Argument(help="CSV, Parquet, netCDF, MATLAB, TDMS, OpenFAST … (docs/records.md).")],
@@ -60,17 +60,20 @@ def identify(
         ),
     ] = "auto",
     section: Annotated[
-        tuple[float, float] | None, typer.Option(metavar="START END", help=r"Part of the record to use \[s].")
+        tuple[float, float] | None, typer.Option(metavar="START END", help="Part of the record to use [s].")
     ] = None,
     rate: Annotated[
         float | None,
         typer.Option(
-            help=r"Readings per second to resample to \[Hz], without aliasing: leave out what is faster than the model."
+            help="Readings per second to resample to [Hz], without aliasing: leave out what is faster than the model."
         ),
     ] = None,
     loads: Annotated[
         str,
-        typer.Option(metavar="NAME", help="What the loads are taken for (docs/loads.md). auto: the record chooses;"),
+        typer.Option(
+            metavar="NAME",
+            help=f"What the loads are taken for (docs/loads.md). auto: the record chooses; {HYPOTHESES_HELP}.",
+        ),
     ] = "auto",
     site: Annotated[
         Literal["onshore", "offshore"] | None,

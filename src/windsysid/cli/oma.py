@@ -67,7 +67,7 @@ def oma(
         list[str] | None,
         typer.Option(
             metavar="LOW HIGH",
-            help=r"A band to find modes in \[Hz]; may be given several times; found from the spectra by default.",
+            help="A band to find modes in [Hz]; may be given several times; found from the spectra by default.",
         ),
     ] = None,
     limits: Annotated[
@@ -75,11 +75,11 @@ def oma(
         typer.Option(
             "--range",
             metavar="LOW HIGH",
-            help=r"Between which frequencies to look \[Hz]; the lowest two dozen bands by default.",
+            help="Between which frequencies to look [Hz]; the lowest two dozen bands by default.",
         ),
     ] = None,
     section: Annotated[
-        tuple[float, float] | None, typer.Option(metavar="START END", help=r"Part of the record to use \[s].")
+        tuple[float, float] | None, typer.Option(metavar="START END", help="Part of the record to use [s].")
     ] = None,
     decay: Annotated[
         bool, typer.Option("--decay", metavar="", help="The records are free decays, after a release or a shock.")

@@ -4,18 +4,14 @@ import logging
 import os
 import signal
 import sys
-from typing import TYPE_CHECKING, Annotated, NoReturn
+from typing import Annotated, NoReturn
 
 import typer
 
 from windsysid._version import __version__
+from windsysid.cli.common import app, register_commands
 from windsysid.errors import WindsysidError
 from windsysid.output.console import printable, show_what_can_be_shown
-
-if TYPE_CHECKING:
-    pass
-
-from windsysid.cli.common import app
 
 __all__ = ["app", "main"]
 
@@ -26,6 +22,7 @@ def main() -> None:
     show_what_can_be_shown()
     try:
         try:
+            register_commands(*sys.argv[1:2])
             app(prog_name="windsysid")
         finally:
             sys.stdout.flush()

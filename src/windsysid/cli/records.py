@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from windsysid.cli.common import (
-    ListsLoads,
+    HYPOTHESES_HELP,
     Mapping,
     NamesTurbine,
     Output,
@@ -53,14 +53,14 @@ def study(
     print(f"results: {printable(to.folder / 'report.html')}")
 
 
-@app.command(cls=ListsLoads)
+@app.command()
 def simulate(
     turbine: TurbineOption,
     output: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Record to write: .csv or .nc. By default results/TURBINE.csv, or -2 …."),
     ] = None,
-    duration: Annotated[float, typer.Option(help=r"Length \[s].")] = 600.0,
+    duration: Annotated[float, typer.Option(help="Length [s].")] = 600.0,
     rate: Annotated[float, typer.Option(help="Samples per second [Hz].")] = 100.0,
     loads: Annotated[
         str,
@@ -68,7 +68,7 @@ def simulate(
             metavar="NAME",
             help=(
                 "What drives the turbine. random: the turbine file's own loads; wind: turbulent wind on the blades;"
-                " wind-feedback: with aerodynamic damping;"
+                f" wind-feedback: with aerodynamic damping; {HYPOTHESES_HELP}."
             ),
         ),
     ] = "random",
@@ -101,7 +101,7 @@ def inspect_command(
     output: Output = None,
     mapping: Mapping = None,
     section_length: Annotated[
-        float | None, typer.Option(help="Length of the sections to propose \\[s]; else the longest that are good.")
+        float | None, typer.Option(help="Length of the sections to propose [s]; else the longest that are good.")
     ] = None,
     write_mapping: Annotated[
         Path | None, typer.Option(help="Instead: propose a mapping with its doubts, and write this TOML file.")
@@ -166,13 +166,11 @@ def turbines(
     if turbine is not None:
         print(packaged_file(turbine), end="")
         return
-    rows = []
-    for name in packaged_turbines():
-        machine = load_turbine(name)
+    rows, machines = [], {name: load_turbine(name) for name in packaged_turbines()}
+    for name, machine in machines.items():
         free = ", ".join(machine.model.coordinates)
         rows.append((name, f"{machine.rotor_speed * RPM:.4g} rpm", free, machine.description))
     print_table(("turbine", "speed", "degrees of freedom", "description"), rows, "Packaged turbines")
-    for name in packaged_turbines():
-        machine = load_turbine(name)
+    for name, machine in machines.items():
         print(f"{name}: {machine.source}")
         print(f"  assumed: {', '.join(machine.assumed)}")

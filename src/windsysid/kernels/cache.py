@@ -7,6 +7,11 @@ Every file begins with the SHA-256 of what follows. A file that was cut, damaged
 is made again. Files are written under another name and moved to their own, so that processes at the same moment do not
 disturb each other. Of processes that want the same file at the same moment one makes it, and the others wait for it
 (`in_turn`).
+
+A wheel carries a cache that was made for `portable_processor`, which nearly every machine of the last ten years
+understands (`windsysid warm --portable`), so that the first command of an installation compiles nothing. What the
+user's own cache has comes first; where the versions of Python and Numba or the processor are others, kernels are
+compiled.
 """
 
 import atexit
@@ -30,7 +35,10 @@ from windsysid.kernels.ownership import foreign, read_own
 from windsysid.output.files import replace_file
 from windsysid.output.locks import LOCK, release, try_lock
 
-__all__ = ["cache_folder", "in_turn", "keep", "kept", "write_whole"]
+__all__ = [
+    "SHIPPED", "cache_folder", "compile_anew", "in_turn", "keep", "kept", "portable_processor", "shipped_kernel",
+    "write_whole",
+]  # fmt: skip
 
 LONGEST_WAIT = 120.0
 """[s] After which a process makes a file itself, whoever else is at it."""
@@ -124,3 +132,42 @@ def _make(folder: Path) -> None:
 @lru_cache(maxsize=1)
 def _announce_unwritable(folder: Path, why: str) -> None:
     logger.warning("cannot keep compiled models in %s (%s): later runs will compile them again", folder, why)
+
+
+SHIPPED = Path(__file__).with_name("in_the_wheel")
+"""Folder of a wheel; a checkout has none."""
+
+_PORTABLE = {
+    "x86_64": ("x86-64-v3", ("avx", "avx2", "bmi", "bmi2", "cmov", "cx16", "f16c", "fma", "lzcnt", "movbe", "popcnt")),
+    "aarch64": ("generic", ()),
+    "arm64": ("apple-m1", ()),
+}
+"""LLVM's name of a processor for each architecture, and the instructions that a machine must have."""
+
+
+def portable_processor(triple: str) -> str | None:
+    """LLVM's name of the processor that shipped code is made for; None if this machine cannot run such code."""
+    from llvmlite import binding
+
+    name, needed = _PORTABLE.get(triple.split("-")[0], (None, ()))
+    has = binding.get_host_cpu_features() if needed else {}
+    return name if all(has.get(one) for one in needed) else None
+
+
+def compile_anew(*, portable: bool) -> None:
+    """Use no shipped code from now on; if `portable`, compile for any processor of this kind: before Numba is
+    imported."""
+    from llvmlite import binding
+
+    _ignored.append(SHIPPED)
+    name = portable_processor(binding.get_process_triple())
+    if portable and name is not None:
+        os.environ |= {"NUMBA_CPU_NAME": name, "NUMBA_CPU_FEATURES": ""}
+
+
+_ignored: list[Path] = []
+
+
+def shipped_kernel(name: str) -> bytes | None:
+    """Read the kernel of that file name; None if it was not shipped, or is not whole."""
+    return None if SHIPPED in _ignored else kept(SHIPPED / "kernels" / name)

@@ -9,6 +9,7 @@ model.
 import hashlib
 import re
 import sys
+import sysconfig
 from collections.abc import Callable
 from contextlib import ExitStack
 from functools import lru_cache
@@ -20,7 +21,7 @@ import numba
 from numba import types
 
 from windsysid.kernels.ahead import something_is_compiled
-from windsysid.kernels.cache import cache_folder, in_turn, keep, kept, logger
+from windsysid.kernels.cache import cache_folder, in_turn, keep, kept, logger, portable_processor, shipped_kernel
 from windsysid.kernels.simd import LANE_MATRIX, LANE_VECTOR
 from windsysid.kernels.stored import packed, unpacked
 
@@ -103,9 +104,17 @@ class _Cache:
         self._function, self._stem = function, stem
         self._turn = turn
 
+    def _file(self, signature: object, processor: tuple[str, str, str]) -> str:
+        text = f"{self._stem} {signature} {processor}"
+        return f"{self._name}_{hashlib.sha256(text.encode()).hexdigest()[:20]}.kernel"
+
     def _path(self, signature: object, codegen: Any) -> Path:
-        text = f"{self._stem} {signature} {codegen.magic_tuple()}"
-        return Path(self.cache_path) / f"{self._name}_{hashlib.sha256(text.encode()).hexdigest()[:20]}.kernel"
+        return Path(self.cache_path) / self._file(signature, codegen.magic_tuple())
+
+    def _shipped(self, signature: object, codegen: Any) -> bytes | None:
+        triple = codegen.magic_tuple()[0]
+        portable = portable_processor(triple)
+        return shipped_kernel(self._file(signature, (triple, portable, ""))) if portable else None
 
     def load_overload(self, signature: object, target: Any) -> Any:
         """The compiled function, or None where it has to be compiled."""
@@ -113,7 +122,7 @@ class _Cache:
 
         rtsys.initialize(target)  # all that machine code needs; what compiling needs takes half a second to import
         path = self._path(signature, target.codegen())
-        payload = kept(path)
+        payload = kept(path) or self._shipped(signature, target.codegen())
         if payload is None:
             something_is_compiled()
             self._turn.enter_context(in_turn(path))
@@ -148,7 +157,7 @@ def compiled(
     path = source or Path(sys.modules[function.__module__].__file__ or "")
     with ExitStack() as turn:
         if path.is_file() and (source or function.__closure__ is None):
-            versions = (numba.__version__, llvmlite.__version__, sys.version)
+            versions = (numba.__version__, llvmlite.__version__, sysconfig.get_config_var("EXT_SUFFIX"))
             sources = sorted(_sources(path).items())
             stem = f"{versions} {sources} {function.__qualname__} {borrows}"
             dispatcher._cache = _Cache(function, stem, turn)

@@ -13,7 +13,7 @@ from windsysid.statespace.load_model import LoadModel
 from windsysid.statespace.process import load_on, second_order
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["Broadband", "candidates", "describe_hypotheses", "hypothesis"]
+__all__ = ["Broadband", "candidates", "hypothesis"]
 
 
 def hypothesis(name: str, turbine: Turbine, loads: Sequence[GaussMarkov]) -> SupposedLoads:
@@ -35,11 +35,6 @@ def candidates(turbine: Turbine, loads: Sequence[GaussMarkov]) -> tuple[str, ...
     applying = [name for name, one in HYPOTHESES.items() if one.applies_to(turbine)]
     simplest = next(iter(HYPOTHESES))
     return (simplest,) if not loads else tuple(dict.fromkeys((simplest, applying[-1])))
-
-
-def describe_hypotheses() -> str:
-    """Every hypothesis and what it takes the loads for, in a line."""
-    return "; ".join(f"{one.name}: {one.text}" for one in HYPOTHESES.values())
 
 
 @register_loads

@@ -19,9 +19,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from windsysid.kernels.assemble import assembled
-from windsysid.kernels.cache import cache_folder, in_turn, keep, kept, logger, write_whole
-from windsysid.kernels.jit import JACOBIAN, LANE_JACOBIAN, VALUE
+from windsysid.kernels.cache import SHIPPED, cache_folder, in_turn, keep, kept, logger, write_whole
 from windsysid.kernels.ownership import read_own
 from windsysid.mechanics.model import Model
 
@@ -82,32 +80,38 @@ class CompiledModel:
     @cached_property
     def rates(self) -> Any:
         """Kernel of ẋ."""
-        return assembled(self.module, self.source, "rates", VALUE)
+        return self._kernel("rates", "VALUE")
 
     @cached_property
     def rates_jacobian(self) -> Any:
         """Kernel of ẋ with ∂ẋ/∂x, ∂ẋ/∂p, ∂ẋ/∂w."""
-        return assembled(self.module, self.source, "rates_jacobian", JACOBIAN)
+        return self._kernel("rates_jacobian", "JACOBIAN")
 
     @cached_property
     def reading(self) -> Any:
         """Kernel of y."""
-        return assembled(self.module, self.source, "reading", VALUE)
+        return self._kernel("reading", "VALUE")
 
     @cached_property
     def reading_jacobian(self) -> Any:
         """Kernel of y with ∂y/∂x, ∂y/∂p, ∂y/∂w."""
-        return assembled(self.module, self.source, "reading_jacobian", JACOBIAN)
+        return self._kernel("reading_jacobian", "JACOBIAN")
 
     @cached_property
     def rates_of_lanes(self) -> Any:
         """`rates_jacobian` for `windsysid.kernels.simd.LANES` models at once."""
-        return assembled(self.module, self.source, "rates_jacobian", LANE_JACOBIAN)
+        return self._kernel("rates_jacobian", "LANE_JACOBIAN")
 
     @cached_property
     def reading_of_lanes(self) -> Any:
         """`reading_jacobian` for `windsysid.kernels.simd.LANES` models at once."""
-        return assembled(self.module, self.source, "reading_jacobian", LANE_JACOBIAN)
+        return self._kernel("reading_jacobian", "LANE_JACOBIAN")
+
+    def _kernel(self, name: str, signature: str) -> Any:
+        from windsysid.kernels import jit  # with Numba, which a list of turbines does not need
+        from windsysid.kernels.assemble import assembled
+
+        return assembled(self.module, self.source, name, getattr(jit, signature))
 
 
 def compile_model(
@@ -142,9 +146,13 @@ def compile_model(
     key = hashlib.sha256(text.encode()).hexdigest()[:20]
     cached = _loaded.get(key)
     if cached is None:
-        path = cache_folder() / f"model_{key}.py"
+        own = path = cache_folder() / f"model_{key}.py"
         source = _kept_source(path)
         if source is None:
+            path = SHIPPED / own.name
+            source = _kept_source(path)
+        if source is None:
+            path = own
             _announce()
             from windsysid.mechanics.generate import generate_source
 
@@ -210,7 +218,7 @@ def _kept_source(path: Path) -> str | None:
 def _import(path: Path, source: str) -> ModuleType:
     """The module that `source` says; its byte code is kept beside the file, with the source it was made from."""
     digest = hashlib.sha256(source.encode()).digest()
-    beside = path.with_suffix(f".{sys.implementation.cache_tag}-{sys.hexversion:x}.code")
+    beside = cache_folder() / path.with_suffix(f".{sys.implementation.cache_tag}-{sys.hexversion:x}.code").name
     payload = kept(beside)
     if payload is not None and payload.startswith(digest):
         code = marshal.loads(payload[len(digest) :])
