@@ -80,6 +80,7 @@ if TYPE_CHECKING:
     from windsysid.statespace.parameter import Parameter
     from windsysid.statespace.process import LoadBlock
     from windsysid.turbine.file import load_turbine, packaged_turbines, write_turbine
+    from windsysid.turbine.models.read import turbine_from
     from windsysid.turbine.turbine import Turbine
 
 _WHERE = {
@@ -140,6 +141,7 @@ _WHERE = {
     "statespace.parameter": "Parameter",
     "statespace.process": "LoadBlock",
     "turbine.file": "load_turbine packaged_turbines write_turbine",
+    "turbine.models.read": "turbine_from",
     "turbine.turbine": "Turbine",
 }
 """The public names of each module.
@@ -249,6 +251,7 @@ __all__ = [  # noqa: RUF022
     "save_belief",
     "simulate",
     "smooth",
+    "turbine_from",
     "write_record",
     "write_turbine",
 ]

@@ -24,7 +24,7 @@ __all__ = [
 
 ORDER = (
     "start", "inspect", "identify", "oma", "modes", "compare", "monitor", "damping", "plan", "simulate", "batch",
-    "report", "live", "export", "publish", "examples", "turbines", "study",
+    "report", "live", "export", "publish", "examples", "turbine", "turbines", "study",
 )  # fmt: skip
 """Commands as the help lists them: what is asked of one record, of several, of archives, of running turbines."""
 
@@ -44,7 +44,11 @@ app = typer.Typer(
 )
 
 TurbineOption = Annotated[
-    str, typer.Option("--turbine", help="A packaged turbine (windsysid turbines lists them) or a TOML file.")
+    str,
+    typer.Option(
+        "--turbine",
+        help="A packaged turbine (windsysid turbines lists them), a TOML file or a model (windsysid turbine).",
+    ),
 ]
 Mapping = Annotated[
     Path | None, typer.Option(help="TOML file that says what a record's columns are (docs/records.md).")
