@@ -148,7 +148,9 @@ SimplCd SimplCdMG SimplCa SimplCaMG
 """
 
 
-def write_deck(folder: Path, version: int = 5, pile: str = "", changes: Mapping[str, tuple[str, str]] | None = None) -> Path:
+def write_deck(
+    folder: Path, version: int = 5, pile: str = "", changes: Mapping[str, tuple[str, str]] | None = None
+) -> Path:
     """Write a deck and return its main file.
 
     Parameters
@@ -167,20 +169,24 @@ def write_deck(folder: Path, version: int = 5, pile: str = "", changes: Mapping[
     names = dict(zip(("one", "two", "three"), (bracket.format(i) for i in (1, 2, 3)), strict=True))
     cones = dict(zip(("cone", "cone2", "cone3"), (f"PreCone({i})" for i in (1, 2, 3)), strict=True))
     dyn = DYN.format(**names, **cones, nodes="20 BldNodes - nodes" if version != 7 else '"ad.ipt" ADFile - file')
-    foot = "0 TowerBsHt - m\n" if version != 7 else "0.0 TwrRBHt - m\n9.80665 Gravity - m/s^2\n"
+    foot = "0 TowerBsHt - m\n" if version != 7 else "0.0 TwrRBHt - m\n"
+    foot += "" if version == 5 else "9.80665 Gravity - m/s^2\n"
     old = version == 7
-    tower = TOWER.format(
-        more=" TwGJStif" if old else "", units=" (Nm^2)" if old else "", extra=" 1e11" if old else ""
-    )
+    tower = TOWER.format(more=" TwGJStif" if old else "", units=" (Nm^2)" if old else "", extra=" 1e11" if old else "")
     pitch = ("AeroCent", "(-)", "0.25") if old else ("PitchAxis", "(-)", "0.25")
     blade = BLADE.format(
         a=bracket.format(1), b=bracket.format(2), **dict(zip(("pitch", "unit", "value"), pitch, strict=True))
     )
     files = {"tower.dat": tower + TOWER_SHAPES + "\n", "blade.dat": blade + SHAPES + "\n"}
     if old:
-        files |= {"main.fst": "---- FAST certification test ----\nmade up\n" + foot + dyn, "ad.ipt": "20 BldNodes - nodes\n"}
+        files |= {
+            "main.fst": "---- FAST certification test ----\nmade up\n" + foot + dyn,
+            "ad.ipt": "20 BldNodes - nodes\n",
+        }
     else:
         files["main.fst"] = MAIN.format(sub=int(bool(pile)), water=int(bool(pile)))
+        if version == 8:
+            files["main.fst"] = files["main.fst"].replace("9.80665 Gravity - m/s^2\n", "")
         files["ed.dat"] = f"------- ELASTODYN v1.0{3 if version == 5 else 0}.* INPUT FILE ---\nmade up\n" + foot + dyn
     if pile:
         soil = {"fixed": "1", "soil": ""} if pile == "clamped" else {"fixed": "0", "soil": '"soil.dat"'}

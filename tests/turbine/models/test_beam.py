@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from windsysid.turbine.models.beam import Section, beam_matrices
+from windsysid.turbine.models.beam import BeamSection, beam_matrices
 from windsysid.turbine.models.machine import PointMass
 
 LENGTH, BENDING, MASS = 80.0, 4e11, 4000.0
 NODES = np.linspace(0.0, LENGTH, 31)
 
 
-def uniform(mass: float = MASS, weight: float = 0.0) -> Section:
+def uniform(mass: float = MASS, weight: float = 0.0) -> BeamSection:
     ends = np.array([0.0, LENGTH])
     one = np.ones(2)
-    return Section(ends, BENDING * one, np.full(2, np.inf), mass * one, weight * one)
+    return BeamSection(ends, BENDING * one, np.full(2, np.inf), mass * one, weight * one)
 
 
 def exact_frequency(ratio: float) -> float:
@@ -55,7 +55,7 @@ def test_a_step_within_an_element_is_exact():
     at = 0.4 * LENGTH
     z = np.array([0.0, at - 1e-9, at, LENGTH])
     stiffness = BENDING * np.array([3.0, 3.0, 1.0, 1.0])
-    section = Section(z, stiffness, np.full(4, np.inf), np.ones(4), np.zeros(4))
+    section = BeamSection(z, stiffness, np.full(4, np.inf), np.ones(4), np.zeros(4))
     found = beam_matrices(np.array([0.0, 0.3 * LENGTH, LENGTH]), section, (), 0.0, 0.0)
     deflection = np.linalg.solve(found.stiffness[2:, 2:], np.array([0.0, 0.0, 1.0, 0.0]))[2]
     upper = LENGTH - at

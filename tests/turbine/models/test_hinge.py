@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from tests.turbine.models.decks import write_deck
 from tests.turbine.models.test_motion import SHARED, needs_decks
-
 from windsysid.modal.sweep import find_modes
 from windsysid.turbine.models.hinge import equivalent_hinge
 from windsysid.turbine.models.machine import Blade, Top
@@ -37,7 +37,8 @@ def modes_of(path: Path) -> dict[str, tuple[float, float]]:
     """Frequency [Hz] and damping ratio of the modes of the rotor file of a deck, in the fixed frame."""
     turbine = turbine_from(path, "rotor")
     found = find_modes(turbine, speeds=(0.9 * turbine.rotor_speed, 1.1 * turbine.rotor_speed))
-    return {mode.name: (mode.frequency, mode.damping) for mode in found.modes}
+    at = found.usual
+    return {curve.name: (float(curve.frequency[at]), float(curve.damping[at])) for curve in found.curves}
 
 
 def test_the_rotor_file_has_the_modes_of_its_deck(tmp_path: Path):

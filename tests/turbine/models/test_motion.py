@@ -6,14 +6,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.turbine.models.decks import write_deck
 
+from tests.turbine.models.decks import write_deck
 from windsysid.turbine.models.machine import Machine, Support, Top
 from windsysid.turbine.models.motion import machine_modes, tower_modes
 from windsysid.turbine.models.openfast import read_openfast
 
 DECKS = Path(__file__).parents[4] / "shared" / "data" / "decks"
-SHARED = next((p / "shared" / "data" / "decks" for p in Path(__file__).parents if (p / "shared" / "data").is_dir()), DECKS)
+SHARED = next(
+    (p / "shared" / "data" / "decks" for p in Path(__file__).parents if (p / "shared" / "data").is_dir()), DECKS
+)
 
 needs_decks = pytest.mark.skipif(not SHARED.is_dir(), reason="the decks are not part of this repository")
 

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.turbine.models.decks import write_deck
 
+from tests.turbine.models.decks import write_deck
 from windsysid.errors import ConfigurationError
 from windsysid.turbine.models.openfast import read_openfast
 
@@ -62,7 +62,7 @@ def test_a_pile_has_its_own_mass_water_and_soil(tmp_path: Path):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"ed.dat": ('"tower.dat" TwrFile', '"other.dat" TwrFile')}, r"other\.dat \(named in .*ed\.dat:\d+\): cannot be"),
+        ({"ed.dat": ('"tower.dat" TwrFile', '"other.dat" TwrFile')}, r"other\.dat \(named in .*ed\.dat:\d+\): cannot"),
         ({"ed.dat": ("70 TowerHt", "70 Height")}, r"ed\.dat: expected a line 'value  TowerHt', found none"),
         ({"ed.dat": ("70 TowerHt", "tall TowerHt")}, r"ed\.dat:\d+: TowerHt: expected a number, got 'tall'"),
         ({"ed.dat": ("70 TowerHt", "nan TowerHt")}, r"ed\.dat:\d+: TowerHt: expected a number, got 'nan'"),

@@ -14,13 +14,13 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.turbine.models.machine import PointMass
 
-__all__ = ["BeamMatrices", "Section", "beam_matrices", "cubic_shapes"]
+__all__ = ["BeamMatrices", "BeamSection", "beam_matrices", "cubic_shapes"]
 
 QUADRATURE_POINTS = 4
 """Setting: points of Gauss's quadrature between two stations: exact for polynomials of the order 7."""
 
 
-class Section(NamedTuple):
+class BeamSection(NamedTuple):
     """Properties of a beam at stations z (n,): EI [N·m²], κGA [N], inertia per length and weight per length [kg/m]."""
 
     z: Array
@@ -46,7 +46,7 @@ def cubic_shapes(t: Array, h: float) -> tuple[Array, Array]:
 
 
 def beam_matrices(
-    nodes: Array, section: Section, points: tuple[PointMass, ...], top_mass: float, gravity: float
+    nodes: Array, section: BeamSection, points: tuple[PointMass, ...], top_mass: float, gravity: float
 ) -> BeamMatrices:
     """Assemble the matrices of a beam that stands upright, with point masses on it and a mass on its top.
 
@@ -79,7 +79,7 @@ def beam_matrices(
     return BeamMatrices(K, G, M)
 
 
-def _element_stiffness(section: Section, top: float, length: float, z: Array, w: Array) -> Array:
+def _element_stiffness(section: BeamSection, top: float, length: float, z: Array, w: Array) -> Array:
     """Stiffness (4, 4) of an element to `top` from its flexibility, by quadrature at z with the weights w."""
     bending = w / np.interp(z, section.z, section.bending)
     arm = top - z
@@ -107,7 +107,7 @@ def _at(nodes: Array, z: float) -> tuple[Array, Array, slice]:
 
 
 def _weight_above(
-    section: Section, points: tuple[PointMass, ...], top_mass: float, gravity: float
+    section: BeamSection, points: tuple[PointMass, ...], top_mass: float, gravity: float
 ) -> Callable[[Array], Array]:
     """The weight [N] above a height."""
     parts = np.diff(section.z) * (section.weight[1:] + section.weight[:-1]) / 2.0

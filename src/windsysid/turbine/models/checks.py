@@ -8,7 +8,7 @@ from windsysid._types import Array
 from windsysid.turbine.models.limits import MAX_GYRATION, MIN_GYRATION, STEEL_SOUND_SPEED
 
 if TYPE_CHECKING:
-    from windsysid.turbine.models.input_file import InputFile, Table
+    from windsysid.turbine.models.input_file import InputFile, StationTable
 
 __all__ = ["check_gyration", "gyration_problem"]
 
@@ -29,7 +29,9 @@ def gyration_problem(stiffness_per_mass: Array, length: float) -> str:
     )
 
 
-def check_gyration(file: "InputFile", table: "Table", column: str, stiffness_per_mass: Array, length: float) -> None:
+def check_gyration(
+    file: "InputFile", table: "StationTable", column: str, stiffness_per_mass: Array, length: float
+) -> None:
     """Refuse a column of stiffness whose size does not fit the mass, with file and line."""
     if problem := gyration_problem(stiffness_per_mass, length):
         file.fail(table.first, f"{column}: {problem}")

@@ -16,13 +16,13 @@ from windsysid.configuration import special_file_kind
 from windsysid.errors import ConfigurationError
 from windsysid.turbine.models.limits import MAX_FILE_BYTES
 
-__all__ = ["InputFile", "Table"]
+__all__ = ["InputFile", "StationTable"]
 
 _ENTRY = re.compile(r"""\s*("[^"]*"|'[^']*'|[^\s,]+(?:\s*,\s*[^\s,]+)*)\s+([A-Za-z]\w*)(?:\((\d+)\))?(?=[\s-]|$)""")
 _UNIT = re.compile(r"[\s()*.·-]")
 
 
-class Table(NamedTuple):
+class StationTable(NamedTuple):
     """Columns of a table by heading, and the numbers of its first and last line."""
 
     columns: dict[str, Array]
@@ -125,7 +125,7 @@ class InputFile:
         where = f"{self.path}:{self.line(name)}"
         return InputFile(self.path.parent / self.text(name).replace("\\", "/"), where)
 
-    def table(self, count: str, units: dict[str, str], *, ascending: bool = True) -> Table:
+    def table(self, count: str, units: dict[str, str]) -> StationTable:
         """The table of as many rows as the value `count` says, by its headings.
 
         Parameters
@@ -133,29 +133,30 @@ class InputFile:
         count
             Name of the number of rows, which stands above the table.
         units
-            The columns that are needed, and the unit of each as the file has it below the heading.
-        ascending
-            The first of these runs from 0 to 1 and does not fall.
+            The columns that are needed, and the unit of each as the file has it below the heading. The first runs from
+            0 to 1 and ascends.
         """
-        rows, start = self.count(count), self.line(count)
-        first = next(iter(units))
-        at = next(
-            (i for i, line in enumerate(self.lines[start:], start) if first.lower() in line.lower().split()), None
-        )
-        if at is None:
-            self.fail(start, f"{count}: expected a table with the headings {', '.join(units)} below, found none")
+        rows, at = self.count(count), self._headings_of(count, units)
         headings = [word.lower() for word in self.lines[at].split()]
-        if missing := [name for name in units if name.lower() not in headings]:
-            self.fail(
-                at + 1, f"expected a column {missing[0]} beside {first}, got {' '.join(self.lines[at].split()[:8])}"
-            )
-        self._check_units(at + 1, headings, units)
         width = 1 + max(headings.index(name.lower()) for name in units)
         values = np.array([self._row(at + 2 + i, width) for i in range(rows)]).reshape(rows, width)
-        found = Table({name: values[:, headings.index(name.lower())] for name in units}, at + 3, at + 2 + rows)
-        if ascending:
-            self._check_stations(first, found)
+        found = StationTable({name: values[:, headings.index(name.lower())] for name in units}, at + 3, at + 2 + rows)
+        self._check_stations(next(iter(units)), found)
         return found
+
+    def _headings_of(self, count: str, units: dict[str, str]) -> int:
+        """Index of the line of headings below the value `count`, whose columns and units are checked."""
+        start, first = self.line(count), next(iter(units)).lower()
+        at = next((i for i, line in enumerate(self.lines[start:], start) if first in line.lower().split()), None)
+        if at is None:
+            self.fail(start, f"{count}: expected a table with the headings {', '.join(units)} below, found none")
+        written = self.lines[at].split()
+        headings = [word.lower() for word in written]
+        for name in units:
+            if name.lower() not in headings:
+                self.fail(at + 1, f"expected a column {name} beside {next(iter(units))}, got {' '.join(written[:8])}")
+        self._check_units(at + 1, headings, units)
+        return at
 
     def rows(self, heading: str, count: int, width: int) -> tuple[list[list[str]], int]:
         """Words of some rows below a heading and its line of units, and the number of the first."""
@@ -198,7 +199,7 @@ class InputFile:
             if _UNIT.sub("", got.lower()) != _UNIT.sub("", unit.lower()):
                 self.fail(index + 1, f"{name}: expected the unit ({unit}), got {got}; convert the column")
 
-    def _check_stations(self, name: str, table: Table) -> None:
+    def _check_stations(self, name: str, table: StationTable) -> None:
         at = table.columns[name]
         if len(at) < 2 or at[0] != 0.0 or abs(at[-1] - 1.0) > 1e-9:
             self.fail(table.first, f"{name}: expected stations from 0 to 1, got {at[:1]} to {at[-1:]}")

@@ -7,7 +7,7 @@ import numpy as np
 
 from windsysid._types import Array, Complex
 from windsysid.errors import ConfigurationError
-from windsysid.turbine.models.beam import BeamMatrices, Section, beam_matrices
+from windsysid.turbine.models.beam import BeamMatrices, BeamSection, beam_matrices
 from windsysid.turbine.models.machine import DIRECTIONS, Machine, Support
 from windsysid.turbine.models.rotor_motion import BLADES, TOP_SIZE, LinearEquations, mass_equations, rotor_equations
 
@@ -67,7 +67,7 @@ class TowerMode(NamedTuple):
     damping_time: float
 
 
-class _Frame(NamedTuple):
+class _SupportPlane(NamedTuple):
     """One direction of the support: matrices in the coordinates of `basis` (2n, m), and the top's rows of that."""
 
     matrices: BeamMatrices
@@ -92,12 +92,14 @@ def tower_modes(machine: Machine, direction: int, count: int = 2) -> list[TowerM
     mass = frame.matrices.mass + ends.T @ top.mass[np.ix_(rows, rows)] @ ends
     elastic = frame.matrices.stiffness
     stiffness = elastic + frame.matrices.geometric + ends.T @ top.stiffness[np.ix_(rows, rows)] @ ends
-    squares, shapes = eigh(stiffness, mass, subset_by_index=(0, count - 1))
-    if squares[0] <= 0.0:
+    try:
+        inverse, shapes = eigh(mass, stiffness, subset_by_index=(len(mass) - count, len(mass) - 1))
+    except np.linalg.LinAlgError:
         raise ConfigurationError(
             f"{machine.name}: the tower buckles {DIRECTIONS[direction].replace('_', '-')} under its own weight: "
             f"expected a stiffness that carries it; check units of mass and stiffness ({machine.sources['tower']})"
-        )
+        ) from None
+    squares, shapes = 1.0 / inverse[::-1], shapes[:, ::-1] / np.sqrt(inverse[::-1])
     found = []
     for square, shape in zip(squares, shapes.T, strict=True):
         deflection, slope = frame.top @ shape
@@ -142,14 +144,14 @@ def _top(machine: Machine, rotor_speed: float) -> LinearEquations:
     return found
 
 
-def _frame(machine: Machine, direction: int) -> _Frame:
+def _frame(machine: Machine, direction: int) -> _SupportPlane:
     """Matrices of the support in one direction."""
     support = machine.support
     foot, top = support.foot, support.z[-1]
     nodes = np.linspace(foot, top, TOWER_ELEMENTS + 1)
     if foot > support.z[0]:
         nodes = np.concatenate([np.linspace(support.z[0], foot, BASE_ELEMENTS + 1)[:-1], nodes])
-    section = Section(
+    section = BeamSection(
         support.z, support.stiffness[direction], support.shear, support.mass + support.water, support.mass
     )
     mass = sum(mass for mass, _ in machine.top.masses)
@@ -160,7 +162,7 @@ def _frame(machine: Machine, direction: int) -> _Frame:
     if support.base is not None:
         ends = basis[:2]
         matrices = matrices._replace(stiffness=matrices.stiffness + ends.T @ support.base[direction] @ ends)
-    return _Frame(matrices, _tower_damping(machine, full, nodes, basis, direction), basis)
+    return _SupportPlane(matrices, _tower_damping(machine, full, nodes, basis, direction), basis)
 
 
 def _basis(support: Support, nodes: Array, direction: int) -> Array:
@@ -193,7 +195,7 @@ def _tower_damping(machine: Machine, full: BeamMatrices, nodes: Array, basis: Ar
     support = machine.support
     at = 2 * int(np.searchsorted(nodes, support.foot))
     tower = np.linspace(support.foot, support.z[-1], TOWER_ELEMENTS + 1)
-    section = Section(support.z, support.stiffness[direction], support.shear, support.mass, support.mass)
+    section = BeamSection(support.z, support.stiffness[direction], support.shear, support.mass, support.mass)
     alone = beam_matrices(tower, section, (), 0.0, 0.0)
     if support.shapes is not None:
         shapes = _basis(support._replace(base=None, z=np.array([support.foot, support.z[-1]])), tower, direction)[
@@ -213,14 +215,14 @@ def _tower_damping(machine: Machine, full: BeamMatrices, nodes: Array, basis: Ar
     return np.asarray(found @ modal @ found.T)
 
 
-def _modes(machine: Machine, frames: list[_Frame], system: LinearEquations) -> list[MachineMode]:
+def _modes(machine: Machine, frames: list[_SupportPlane], system: LinearEquations) -> list[MachineMode]:
     """Modes of the equations, by frequency."""
     from scipy.linalg import eig
 
     size = len(system.mass)
-    lower = np.linalg.solve(system.mass, np.hstack([-system.stiffness, -system.damping]))
-    A = np.vstack([np.hstack([np.zeros((size, size)), np.eye(size)]), lower])
-    exponents, vectors = eig(A)
+    upper = -np.linalg.solve(system.stiffness, np.hstack([system.damping, system.mass]))
+    inverse, vectors = eig(np.vstack([upper, np.hstack([np.eye(size), np.zeros((size, size))])]))
+    exponents = 1.0 / inverse
     found = []
     for i in np.argsort(exponents.imag):
         if exponents[i].imag > 1e-6 * abs(exponents[i]):
@@ -230,7 +232,7 @@ def _modes(machine: Machine, frames: list[_Frame], system: LinearEquations) -> l
     return found
 
 
-def _energies(machine: Machine, frames: list[_Frame], shape: Complex) -> tuple[float, float, Array]:
+def _energies(machine: Machine, frames: list[_SupportPlane], shape: Complex) -> tuple[float, float, Array]:
     """Shares of elastic energy: of the support side-side and fore-aft, and of the blades (k, 3)."""
     first = frames[0].basis.shape[1]
     both = first + frames[1].basis.shape[1]

@@ -40,7 +40,8 @@ def read_openfast(path: Path) -> Machine:
         main.fail(main.line("CompElast"), f"CompElast: expected 1 (ElastoDyn) or 2, got {main.text('CompElast')}")
     if (blades := dyn.count("NumBl")) != BLADES:
         dyn.fail(dyn.line("NumBl"), f"NumBl: expected {BLADES} blades, got {blades}")
-    gravity = (main if main.has("Gravity") else dyn).number("Gravity", 9.80665)
+    site = main if main.has("Gravity") else dyn
+    gravity = site.number("Gravity")
     below = _below(main, dyn)
     support, tower = _support(dyn, below)
     blade, blade_sources = _blade(dyn)
@@ -50,7 +51,7 @@ def read_openfast(path: Path) -> Machine:
         "top": dyn.where(*[name for name in used if dyn.has(name)]),
         "blade": blade_sources,
         "rotor_speed": dyn.where("RotSpeed"),
-        "gravity": (main if main.has("Gravity") else dyn).where("Gravity") if main.has("Gravity") else "g",
+        "gravity": site.where("Gravity"),
         "outputs": f"{dyn.path.name}: OutList",
         "damping": f"{dyn.path.parent.joinpath(dyn.text('TwrFile')).name}: TwrSSDmp, TwrFADmp",
     }

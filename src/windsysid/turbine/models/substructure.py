@@ -157,11 +157,12 @@ def _water(main: InputFile, z: Array) -> tuple[Array, tuple[str, ...]]:
     rows, first = hydro.rows("PropSetID", count, 3)
     diameter, wall = (_value(hydro, first, word) for word in rows[0][1:3])
     coefficients, at = hydro.rows("SimplCd", 1, 3)
-    added = _value(hydro, at + 1 - 1, coefficients[0][2])
-    density = main.number("WtrDens", 1025.0)
+    added = _value(hydro, at, coefficients[0][2])
+    sea = main if main.has("WtrDens") else hydro
+    density = sea.number("WtrDens", 1025.0)
     outside = added * density * math.pi / 4.0 * diameter**2
     inside = 0.0
     if hydro.count("NFillGroups", 0):
         inside = density * math.pi / 4.0 * (diameter - 2.0 * wall) ** 2
-    level = main.number("MSL2SWL", 0.0)
+    level = sea.number("MSL2SWL", 0.0)
     return np.where(z <= level, outside + inside, 0.0), (f"{hydro.path.name}:{first}-{at}",)
