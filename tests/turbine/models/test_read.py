@@ -35,6 +35,7 @@ def test_every_number_that_is_not_assumed_names_its_file_and_line(tmp_path: Path
         for line in re.findall(rf"^{key} = .*$", text, flags=re.MULTILINE):
             assert re.search(r"# .*\w+\.(dat|fst):\d+", line), line
     assert re.search(r"damping_ratio = .*tower\.dat: TwrSSDmp.*0\.2 % air \(assumed\)", text)
+    assert re.search(r"frequency = .*Hz if the tower bent as a beam of its sections", text)
     assert 'site = "offshore"' in text
     assert "[[sensor]] # downwind: YawBrTAgxp, ed.dat: OutList" in text
 

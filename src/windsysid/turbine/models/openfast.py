@@ -25,6 +25,10 @@ BLADE_UNITS = {"BlFract": "-", "StrcTwst": "deg", "BMassDen": "kg/m", "FlpStff":
 """Columns of the tables, with their units."""
 
 
+MIN_NODES, MAX_NODES = 3, 500
+"""Setting: numbers of nodes of a blade: three shapes need three, and more than 500 only cost memory."""
+
+
 def read_openfast(path: Path) -> Machine:
     """Read the machine of a main input file of OpenFAST 1 to 5, FAST 8 or FAST 7.
 
@@ -146,6 +150,8 @@ def _blade(dyn: InputFile) -> tuple[Blade, str]:
     if length <= 0.0:
         dyn.fail(dyn.line("TipRad"), f"TipRad: expected more than HubRad {root:g} m, got {dyn.text('TipRad')}")
     nodes = dyn.count("BldNodes") if dyn.has("BldNodes") else _aerodynamic_nodes(dyn)
+    if not MIN_NODES <= nodes <= MAX_NODES:
+        raise ConfigurationError(f"{dyn.path}: BldNodes: expected {MIN_NODES} to {MAX_NODES} nodes, got {nodes:g}")
     at = (np.arange(nodes) + 0.5) / nodes
     columns = {name: np.interp(at, table.columns["BlFract"], column) for name, column in table.columns.items()}
     mass = table.columns["BMassDen"] * file.number("AdjBlMs", 1.0)

@@ -121,6 +121,8 @@ def _points(sub: InputFile, heights: dict[str, float]) -> tuple[PointMass, ...]:
     rows, first = sub.rows("CMJointID", count, 3) if count else ([], 0)
     found = []
     for i, words in enumerate(rows):
+        if words[0] not in heights:
+            sub.fail(first + i, f"mass: joint {words[0]} is not in the table of joints")
         found.append(PointMass(heights[words[0]], *(_value(sub, first + i, word) for word in words[1:3])))
     return tuple(found)
 

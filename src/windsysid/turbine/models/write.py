@@ -14,7 +14,7 @@ from windsysid.turbine.models.limits import (
     STIFFNESS_SPREAD,
 )
 from windsysid.turbine.models.machine import DIRECTIONS, Machine
-from windsysid.turbine.models.motion import MachineModes, TowerMode, machine_modes, tower_modes
+from windsysid.turbine.models.motion import MachineMode, MachineModes, TowerMode, machine_modes, tower_modes
 from windsysid.turbine.models.sensors import rotor_sensors, tower_sensors
 from windsysid.units import RPM
 
@@ -36,6 +36,7 @@ def turbine_text(machine: Machine, kind: str) -> str:
 def _tower_text(machine: Machine) -> str:
     modes = machine_modes(machine, machine.rotor_speed)
     towers = [tower_modes(machine, i)[0] for i in (0, 1)]
+    beams = _beam_modes(machine)
     tilt = sum(abs(mode.tilt) for mode in towers) / 2.0
     turning = (modes.side_side, modes.fore_aft)
     stiffness = [t.mass * (2.0 * math.pi * m.frequency) ** 2 for t, m in zip(towers, turning, strict=True)]
@@ -46,7 +47,7 @@ def _tower_text(machine: Machine) -> str:
         lines += [
             "", f"[{name}]",
             _line("modal_mass", towers[i].mass, "kg", f"at the tower top; {_structure(machine)}"),
-            _line("frequency", found.frequency, "Hz", _turning(machine, towers[i])),
+            _line("frequency", found.frequency, "Hz", _turning(machine, towers[i], beams[i])),
             _line(
                 "damping_ratio", 100.0 * (found.damping + air), "%",
                 f"{100.0 * found.damping:.3f} % structure with the mass on top ({machine.sources['damping']}), "
@@ -125,9 +126,19 @@ def _structure(machine: Machine) -> str:
     return f"{machine.sources['tower']}, {machine.sources['top']}"
 
 
-def _turning(machine: Machine, tower: TowerMode) -> str:
+def _turning(machine: Machine, tower: TowerMode, beam: MachineMode | None) -> str:
     speed = f"rotor turning at {machine.rotor_speed * RPM:.4g} rpm"
-    return f"{speed}; {tower.frequency:.4g} Hz with a rigid rotor at rest" if machine.blade is not None else ""
+    found = f"{speed}; {tower.frequency:.4g} Hz with a rigid rotor at rest" if machine.blade is not None else ""
+    return found if beam is None else f"{found}; {beam.frequency:.4g} Hz if the tower bent as a beam of its sections"
+
+
+def _beam_modes(machine: Machine) -> tuple[MachineMode | None, MachineMode | None]:
+    """Side-side and fore-aft mode without the shapes to which the model restricts the tower; None where it does not."""
+    if machine.support.shapes is None:
+        return None, None
+    free = machine._replace(support=machine.support._replace(shapes=None))
+    found = machine_modes(free, machine.rotor_speed)
+    return found.side_side, found.fore_aft
 
 
 def _tilts(towers: list[TowerMode]) -> str:
