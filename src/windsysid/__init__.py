@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from windsysid.simulation.record import simulate_record as simulate
     from windsysid.spectral.oma.analyse import analyse_vibration as oma
     from windsysid.turbine.file import load_turbine, packaged_turbines, write_turbine
+    from windsysid.turbine.models.read import turbine_from
     from windsysid.turbine.turbine import Turbine
 
 _PUBLIC, __getattr__ = _lazily(__name__, globals(), {
@@ -65,6 +66,7 @@ _PUBLIC, __getattr__ = _lazily(__name__, globals(), {
     "simulation.record": "simulate=simulate_record",
     "spectral.oma.analyse": "oma=analyse_vibration",
     "turbine.file": "load_turbine packaged_turbines write_turbine",
+    "turbine.models.read": "turbine_from",
     "turbine.turbine": "Turbine",
 })  # fmt: skip
 
@@ -102,6 +104,7 @@ __all__ = [
     "results",
     "signals",
     "simulate",
+    "turbine_from",
     "write_record",
     "write_turbine",
 ]

@@ -27,7 +27,7 @@ COMMANDS = {
     "start": "start", "inspect": "records", "identify": "identify", "oma": "oma", "modes": "answers",
     "compare": "answers", "monitor": "answers", "damping": "answers", "plan": "answers", "simulate": "records",
     "batch": "fleet", "report": "fleet", "live": "live", "export": "live", "publish": "publish",
-    "examples": "records", "turbines": "records", "study": "records", "warm": "warm",
+    "examples": "records", "turbine": "records", "turbines": "records", "study": "records", "warm": "warm",
 }  # fmt: skip
 """Commands with their modules, as the help lists them: what is asked of one record, of several, of archives, of running
 turbines."""
@@ -61,7 +61,11 @@ app = typer.Typer(
 )
 
 TurbineOption = Annotated[
-    str, typer.Option("--turbine", help="A packaged turbine (windsysid turbines lists them) or a TOML file.")
+    str,
+    typer.Option(
+        "--turbine",
+        help="A packaged turbine (windsysid turbines lists them), a TOML file or a model (windsysid turbine).",
+    ),
 ]
 Mapping = Annotated[
     Path | None, typer.Option(help="TOML file that says what a record's columns are (docs/records.md).")

@@ -1,8 +1,8 @@
-"""The commands that make, look at and list: simulate, inspect, turbines, study."""
+"""The commands that make, look at and list: simulate, inspect, turbine, turbines, study."""
 
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -151,6 +151,33 @@ def examples(
         written = write_examples(folder, progress)
     print(*(printable(path) for path in written), sep="\n")
     print(printable(f"next: cd {folder}; windsysid identify tower_year1.csv --turbine tower"))
+
+
+@app.command()
+def turbine(
+    model: Annotated[
+        Path, typer.Argument(metavar="MODEL", help="OpenFAST's main file (.fst), or a table of a drawing (.csv).")
+    ],
+    output: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Turbine file to write; printed by default.")
+    ] = None,
+    kind: Annotated[
+        Literal["tower", "rotor"],
+        typer.Option(metavar="NAME", help="tower: both directions, rigid rotor. rotor: side-side, with blades."),
+    ] = "tower",
+    overwrite: Overwrite = False,
+) -> None:
+    """Make a turbine file from the machine's own model."""
+    from windsysid.output.files import claim_file
+    from windsysid.turbine.models.read import turbine_file_from
+
+    if output is None:
+        print(turbine_file_from(model, kind), end="")
+        return
+    with claim_file(output, overwrite=overwrite) as write:
+        text = turbine_file_from(model, kind)
+        write(lambda file: file.write(text.encode()))
+    print(printable(f"turbine: {output}; check what it assumes, then: windsysid identify RECORD --turbine {output}"))
 
 
 @app.command(cls=NamesTurbine)

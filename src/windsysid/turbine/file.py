@@ -10,6 +10,7 @@ from pathlib import Path
 from windsysid.configuration import read_toml
 from windsysid.errors import ConfigurationError
 from windsysid.output.files import claim_file
+from windsysid.turbine.models.read import ENDINGS, is_model, turbine_from
 from windsysid.turbine.turbine import Turbine
 
 __all__ = ["load_turbine", "packaged_file", "packaged_turbines", "write_turbine"]
@@ -78,12 +79,12 @@ def packaged_file(name: str) -> str:
 
 
 def load_turbine(name_or_path: str | Path) -> Turbine:
-    """Load a packaged turbine by name, or any turbine from a TOML file.
+    """Load a packaged turbine by name, any turbine from a TOML file, or the tower of a model (`turbine_from`).
 
     Parameters
     ----------
     name_or_path
-        One of `packaged_turbines`, or the path of a file that ends in ``.toml``.
+        One of `packaged_turbines`, or the path of a file that ends in ``.toml``, or of a model: ``.fst``, ``.csv``.
 
     Returns
     -------
@@ -101,9 +102,12 @@ def load_turbine(name_or_path: str | Path) -> Turbine:
     if text in packaged_turbines():
         return parse_turbine(packaged_file(text), text)
     path = Path(name_or_path)
+    if is_model(path):
+        return turbine_from(path)
     if path.suffix != ".toml":
         raise ConfigurationError(
-            f"no turbine '{text}': expected one of {', '.join(packaged_turbines())}, or the path of a .toml file"
+            f"no turbine '{text}': expected one of {', '.join(packaged_turbines())}, or the path of a .toml file "
+            f"or of a model ({', '.join(ENDINGS)})"
         )
     try:
         content = read_toml(path)

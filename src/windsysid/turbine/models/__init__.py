@@ -1,0 +1,1 @@
+"""Turbines from models that other programs use, and from drawings."""

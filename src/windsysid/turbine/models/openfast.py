@@ -1,0 +1,178 @@
+"""Machines from OpenFAST: main file, ElastoDyn with tower and blades, SubDyn with soil, HydroDyn's added mass.
+
+FAST 7 has what ElastoDyn has in its main file. Axes are OpenFAST's: x downwind, y to the left looking downwind, z up.
+"""
+
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.errors import ConfigurationError
+from windsysid.turbine.models.blade import BladeSection, blade_of_shapes
+from windsysid.turbine.models.checks import check_gyration
+from windsysid.turbine.models.input_file import InputFile
+from windsysid.turbine.models.machine import Blade, Machine, PointMass, Support, Top
+from windsysid.turbine.models.rotor_motion import BLADES
+from windsysid.turbine.models.substructure import Substructure, read_substructure
+
+__all__ = ["read_openfast"]
+
+TOWER_UNITS = {"HtFract": "-", "TMassDen": "kg/m", "TwFAStif": "Nm^2", "TwSSStif": "Nm^2"}
+BLADE_UNITS = {"BlFract": "-", "StrcTwst": "deg", "BMassDen": "kg/m", "FlpStff": "Nm^2", "EdgStff": "Nm^2"}
+"""Columns of the tables, with their units."""
+
+
+MIN_NODES, MAX_NODES = 3, 500
+"""Setting: numbers of nodes of a blade: three shapes need three, and more than 500 only cost memory."""
+
+
+def read_openfast(path: Path) -> Machine:
+    """Read the machine of a main input file of OpenFAST 1 to 5, FAST 8 or FAST 7.
+
+    Raises
+    ------
+    ConfigurationError
+        With file and line: what is missing, out of order or of an unknown kind.
+    """
+    main = InputFile(path)
+    dyn = main.file("EDFile") if main.has("EDFile") else main
+    _check_version(dyn)
+    if main.has("CompElast") and main.count("CompElast") not in (1, 2):
+        main.fail(main.line("CompElast"), f"CompElast: expected 1 (ElastoDyn) or 2, got {main.text('CompElast')}")
+    if (blades := dyn.count("NumBl")) != BLADES:
+        dyn.fail(dyn.line("NumBl"), f"NumBl: expected {BLADES} blades, got {blades}")
+    site = main if main.has("Gravity") else dyn
+    gravity = site.number("Gravity")
+    below = _below(main, dyn)
+    support, tower = _support(dyn, below)
+    blade, blade_sources = _blade(dyn)
+    used = ["NacMass", "NacCMxn", "NacCMyn", "NacCMzn", "HubMass", "OverHang", "ShftTilt", "Twr2Shft"]
+    sources = {
+        "tower": ", ".join([tower, *below.sources]),
+        "top": dyn.where(*[name for name in used if dyn.has(name)]),
+        "blade": blade_sources,
+        "rotor_speed": dyn.where("RotSpeed"),
+        "gravity": site.where("Gravity"),
+        "outputs": f"{dyn.path.name}: OutList",
+        "damping": f"{dyn.path.parent.joinpath(dyn.text('TwrFile')).name}: TwrSSDmp, TwrFADmp",
+    }
+    return Machine(
+        path.stem, "OpenFAST", support, _top(dyn), blade, blades, dyn.number("RotSpeed") * math.pi / 30.0, gravity,
+        bool(below.sources), tuple(dyn.outputs()), sources,
+    )  # fmt: skip
+
+
+def _check_version(dyn: InputFile) -> None:
+    """Refuse a version of ElastoDyn that is not known."""
+    for number, line in enumerate(dyn.lines[:2], start=1):
+        if (found := re.search(r"elastodyn\s+v(\d+)", line, re.IGNORECASE)) and found[1] != "1":
+            dyn.fail(number, f"expected ElastoDyn v1.xx, got '{line.strip(' -')[:50]}': this version is not known")
+
+
+def _below(main: InputFile, dyn: InputFile) -> Substructure:
+    """What the tower stands on; a platform that floats is refused."""
+    if main.has("CompSub") and main.count("CompSub") == 1:
+        return read_substructure(main, dyn.number("TowerBsHt", 0.0))
+    moves = [name for name in ("PtfmSgDOF", "PtfmSwDOF", "PtfmRDOF", "PtfmPDOF") if dyn.flag(name)]
+    if moves:
+        dyn.fail(
+            dyn.line(moves[0]),
+            f"{moves[0]}: expected a tower clamped at its foot or on SubDyn (CompSub 1), got a platform that moves; "
+            "floating machines are not read",
+        )
+    return Substructure.none()
+
+
+def _support(dyn: InputFile, below: Substructure) -> tuple[Support, str]:
+    """The support, and where the tower's numbers stand."""
+    tower = dyn.file("TwrFile")
+    table = tower.table("NTwInpSt", TOWER_UNITS)
+    top, foot = dyn.number("TowerHt"), dyn.number("TowerBsHt", 0.0) + dyn.number("TwrRBHt", 0.0)
+    if top <= foot:
+        dyn.fail(dyn.line("TowerHt"), f"TowerHt: expected a height above the tower's foot at {foot:g} m, got {top:g}")
+    z = foot + (top - foot) * table.columns["HtFract"]
+    mass = table.columns["TMassDen"] * tower.number("AdjTwMa", 1.0)
+    stiffness, shapes, damping = [], [], []
+    for side in ("SS", "FA"):
+        adjusted = tower.number(f"Adj{side}St", 1.0) * tower.number(f"{side}StTunr1", 1.0)
+        column = table.columns[f"Tw{side}Stif"] * adjusted
+        check_gyration(tower, table, f"Tw{side}Stif", column / np.maximum(mass, 1e-300), top - foot)
+        stiffness.append(column)
+        shapes.append([_polynomial(tower, f"Tw{side}M{mode}Sh") for mode in (1, 2)])
+        damping.append([tower.number(f"Twr{side}Dmp{mode}") / 100.0 for mode in (1, 2)])
+    points = list(below.points)
+    if (platform := dyn.number("PtfmMass", 0.0)) and below.base is not None:
+        points.append(PointMass(foot, platform, dyn.number("PtfmRIner", 0.0)))
+    joined = np.concatenate([below.z, z])
+    support = Support(
+        joined, np.concatenate([below.mass, mass]), np.concatenate([below.water, 0.0 * z]),
+        np.concatenate([np.tile(below.bending, (2, 1)), np.array(stiffness)], axis=1),
+        np.concatenate([below.shear, np.full_like(z, np.inf)]), tuple(points), below.base, foot, np.array(damping),
+        np.array(shapes),
+    )  # fmt: skip
+    return support, f"{tower.path.name}:{table.first}-{table.last}, {dyn.where('TowerHt')}"
+
+
+def _polynomial(file: InputFile, stem: str) -> Array:
+    """Coefficients (7,) of a shape, which is 1 at the end."""
+    found = np.array([0.0, 0.0, *(file.number(f"{stem}{power}") for power in range(2, 7))])
+    if abs(found.sum() - 1.0) > 0.01:
+        file.fail(file.line(f"{stem}6"), f"{stem}: expected coefficients that add up to 1, got {found.sum():.4g}")
+    return np.asarray(found / found.sum())
+
+
+def _top(dyn: InputFile) -> Top:
+    """What stands on the tower, without blades."""
+    tilt = math.radians(dyn.number("ShftTilt"))
+    shaft = np.array([math.cos(tilt), 0.0, math.sin(tilt)])
+    apex = np.array([0.0, 0.0, dyn.number("Twr2Shft")]) + dyn.number("OverHang") * shaft
+    nacelle = np.array([dyn.number(name, 0.0) for name in ("NacCMxn", "NacCMyn", "NacCMzn")])
+    masses = (
+        (dyn.number("YawBrMass", 0.0), np.zeros(3)),
+        (dyn.positive("NacMass"), nacelle),
+        (dyn.number("HubMass", 0.0), apex + dyn.number("HubCM", 0.0) * shaft),
+    )
+    spin = dyn.number("HubIner", 0.0) + dyn.number("GenIner", 0.0)
+    cone = math.radians(dyn.number("PreCone1", 0.0) if dyn.has("PreCone1") else dyn.number("PreCone", 0.0))
+    sensor = np.array([dyn.number(name, 0.0) for name in ("NcIMUxn", "NcIMUyn", "NcIMUzn")])
+    return Top(masses, spin * np.outer(shaft[:2], shaft[:2]), apex, shaft, cone, sensor)
+
+
+def _blade(dyn: InputFile) -> tuple[Blade, str]:
+    """One blade, and where its numbers stand."""
+    file = dyn.file("BldFile1" if dyn.has("BldFile1") else "BldFile")
+    table = file.table("NBlInpSt", BLADE_UNITS)
+    root = dyn.number("HubRad")
+    length = dyn.number("TipRad") - root
+    if length <= 0.0:
+        dyn.fail(dyn.line("TipRad"), f"TipRad: expected more than HubRad {root:g} m, got {dyn.text('TipRad')}")
+    nodes = dyn.count("BldNodes") if dyn.has("BldNodes") else _aerodynamic_nodes(dyn)
+    if not MIN_NODES <= nodes <= MAX_NODES:
+        raise ConfigurationError(f"{dyn.path}: BldNodes: expected {MIN_NODES} to {MAX_NODES} nodes, got {nodes:g}")
+    at = (np.arange(nodes) + 0.5) / nodes
+    columns = {name: np.interp(at, table.columns["BlFract"], column) for name, column in table.columns.items()}
+    mass = table.columns["BMassDen"] * file.number("AdjBlMs", 1.0)
+    for name in ("FlpStff", "EdgStff"):
+        check_gyration(file, table, name, table.columns[name] / np.maximum(mass, 1e-300), length)
+    element = np.full(nodes, length / nodes)
+    pitch = dyn.number("BlPitch1", 0.0)
+    section = BladeSection(
+        at * length, element, columns["BMassDen"] * file.number("AdjBlMs", 1.0) * element,
+        columns["FlpStff"] * file.number("AdjFlSt", 1.0) * file.number("FlStTunr1", 1.0),
+        columns["EdgStff"] * file.number("AdjEdSt", 1.0), np.radians(columns["StrcTwst"] + pitch),
+    )  # fmt: skip
+    stems = ("BldFl1Sh", "BldFl2Sh", "BldEdgSh")
+    shapes = [np.polynomial.Polynomial(_polynomial(file, stem)) for stem in stems]
+    damping = np.array([file.number(name) / 100.0 for name in ("BldFlDmp1", "BldFlDmp2", "BldEdDmp1")])
+    blade = blade_of_shapes(section, shapes, [False, False, True], damping, root)
+    return blade, f"{file.path.name}:{table.first}-{table.last}, {dyn.where('TipRad', 'HubRad')}"
+
+
+def _aerodynamic_nodes(dyn: InputFile) -> int:
+    """Number of blade nodes in FAST 7, whose structure takes those of AeroDyn."""
+    if not dyn.has("ADFile"):
+        raise ConfigurationError(f"{dyn.path}: expected BldNodes or ADFile, found neither")
+    return dyn.file("ADFile").count("BldNodes")

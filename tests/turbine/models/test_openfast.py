@@ -1,0 +1,114 @@
+"""Decks of OpenFAST: versions, substructures, and what is wrong with a deck."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.turbine.models.decks import write_deck
+from windsysid.errors import ConfigurationError
+from windsysid.turbine.models.openfast import read_openfast
+
+
+@pytest.mark.parametrize("version", [7, 8])
+def test_a_machine_is_the_same_in_the_formats_of_all_versions(tmp_path: Path, version: int):
+    new, old = read_openfast(write_deck(tmp_path / "5")), read_openfast(write_deck(tmp_path / "old", version))
+    assert old.blade is not None
+    assert new.blade is not None
+    for one, other in zip(old.support[:5], new.support[:5], strict=True):
+        np.testing.assert_array_equal(one, other)
+    np.testing.assert_array_equal(old.blade.stiffness, new.blade.stiffness)
+    np.testing.assert_array_equal(old.top.apex, new.top.apex)
+    assert (old.rotor_speed, old.gravity, old.top.cone) == (new.rotor_speed, new.gravity, new.top.cone)
+    assert old.outputs == new.outputs == ("YawBrTAgxp", "YawBrTAgyp", "TipALgyb1", "TipALgyb2", "TipALgyb3")
+
+
+def test_sources_name_file_and_lines(tmp_path: Path):
+    path = write_deck(tmp_path)
+    sources = read_openfast(path).sources
+    lines = (tmp_path / "ed.dat").read_text(encoding="utf-8").splitlines()
+    name, _, number = sources["rotor_speed"].partition(":")
+    assert name == "ed.dat"
+    assert lines[int(number) - 1] == "16.0 RotSpeed - rpm"
+    rows = (tmp_path / "tower.dat").read_text(encoding="utf-8").splitlines()
+    first, last = sources["tower"].split(",")[0].removeprefix("tower.dat:").split("-")
+    assert rows[int(first) - 1].startswith("0.0 3000")
+    assert rows[int(last) - 1].startswith("1.0 1800")
+
+
+def test_adjustments_of_a_deck_count(tmp_path: Path):
+    plain = read_openfast(write_deck(tmp_path / "a")).support
+    changed = read_openfast(
+        write_deck(tmp_path / "b", changes={"tower.dat": ("1 SSStTunr(1)", "0.9 SSStTunr(1)")})
+    ).support
+    np.testing.assert_allclose(changed.stiffness[0], 0.9 * plain.stiffness[0])
+    np.testing.assert_array_equal(changed.stiffness[1], plain.stiffness[1])
+
+
+def test_a_pile_has_its_own_mass_water_and_soil(tmp_path: Path):
+    found = read_openfast(write_deck(tmp_path, pile="soil"))
+    support = found.support
+    assert found.offshore
+    assert support.z[0] == -20.0
+    assert support.foot == 0.0
+    assert support.base is not None
+    np.testing.assert_allclose(support.base[0], [[1e9, -4e9], [-4e9, 8e10]])
+    np.testing.assert_allclose(support.base[1], [[1e9, -4e9], [-4e9, 8e10]])
+    assert support.mass[0] == pytest.approx(7850 * np.pi / 4 * (5.0**2 - 4.9**2))
+    assert support.water[0] == pytest.approx(1025 * np.pi / 4 * (5.0**2 + 4.9**2))
+    assert support.water[-1] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"ed.dat": ('"tower.dat" TwrFile', '"other.dat" TwrFile')}, r"other\.dat \(named in .*ed\.dat:\d+\): cannot"),
+        ({"ed.dat": ("70 TowerHt", "70 Height")}, r"ed\.dat: expected a line 'value  TowerHt', found none"),
+        ({"ed.dat": ("70 TowerHt", "tall TowerHt")}, r"ed\.dat:\d+: TowerHt: expected a number, got 'tall'"),
+        ({"ed.dat": ("70 TowerHt", "nan TowerHt")}, r"ed\.dat:\d+: TowerHt: expected a number, got 'nan'"),
+        ({"ed.dat": ("ELASTODYN v1.03", "ELASTODYN v4.00")}, r"ed\.dat:1: expected ElastoDyn v1\.xx"),
+        ({"ed.dat": ("3 NumBl", "2 NumBl")}, r"ed\.dat:\d+: NumBl: expected 3 blades, got 2"),
+        ({"ed.dat": ("80000 NacMass", "-1 NacMass")}, r"ed\.dat:\d+: NacMass: expected a number above 0"),
+        ({"ed.dat": ("False PtfmSg", "True PtfmSg")}, r"ed\.dat:\d+: PtfmSgDOF: .*floating machines are not read"),
+        ({"main.fst": ("1 CompElast", "3 CompElast")}, r"main\.fst:3: CompElast: expected 1"),
+        ({"tower.dat": ("0.4 2500", "0.9 2500")}, r"tower\.dat:19: HtFract: expected ascending stations, got 0\.8"),
+        ({"tower.dat": ("0.0 3000", "0.1 3000")}, r"tower\.dat:17: HtFract: expected stations from 0 to 1"),
+        ({"tower.dat": ("4 NTwInpSt", "5 NTwInpSt")}, r"tower\.dat:21: expected a row of 4 numbers, got '---- SHAPES"),
+        ({"tower.dat": ("(kg/m)", "(t/m)")}, r"tower\.dat:16: TMassDen: expected the unit \(kg/m\), got \(t/m\)"),
+        ({"tower.dat": ("TwSSStif", "TwSS")}, r"tower\.dat:15: expected a column TwSSStif beside HtFract"),
+        ({"tower.dat": ("1.2  TwSSM1Sh(2)", "3.2  TwSSM1Sh(2)")}, r"tower\.dat:\d+: TwSSM1Sh: .* add up to 1, got 3"),
+        ({"blade.dat": ("0.5 0.25 4 150", "0.5 0.25 4 heavy")}, r"blade\.dat:\d+: expected a row of \d numbers, got"),
+    ],
+)  # fmt: skip
+def test_faults_of_a_deck_are_named_with_file_and_line(
+    tmp_path: Path, changes: dict[str, tuple[str, str]], message: str
+):
+    with pytest.raises(ConfigurationError, match=message) as caught:
+        read_openfast(write_deck(tmp_path, changes=changes))
+    assert "\n" not in str(caught.value)
+
+
+def test_stiffness_in_another_unit_is_found_by_the_size_of_the_section(tmp_path: Path):
+    path = write_deck(tmp_path)
+    text = (tmp_path / "tower.dat").read_text(encoding="utf-8")
+    (tmp_path / "tower.dat").write_text(text.replace("e11", "e8"), encoding="utf-8")
+    with pytest.raises(ConfigurationError, match=r"tower\.dat:17: TwSSStif: stiffness over mass .* check units"):
+        read_openfast(path)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"sd.dat": ("2 0 0 0 1\n", "2 3 0 0 1\n")}, r"sd\.dat:7: joint 2: expected joints in one vertical line"),
+        ({"sd.dat": ("2 0 0 0 1\n", "2 0 0 -2 1\n")}, r"sd\.dat:6: expected members up to the tower's foot at 0 m"),
+        ({"sd.dat": (" 1c\n", " 2\n")}, r"sd\.dat:\d+: member 1: expected a round beam"),
+        ({"sd.dat": ('"soil.dat"', '"none"')}, r"sd\.dat:\d+: joint 1 is free: expected a soil file"),
+        ({"sd.dat": ("1 1 2 1 1 1c", "1 1 2 1 9 1c")}, r"sd\.dat:\d+: member 1: joint 2 or section 9 is not in"),
+        ({"soil.dat": ("1e9 Kxx", "0 Kxx")}, r"soil\.dat:1: Kxx: expected a stiffness above 0, got 0"),
+    ],
+)
+def test_faults_of_a_substructure_are_named_with_file_and_line(
+    tmp_path: Path, changes: dict[str, tuple[str, str]], message: str
+):
+    with pytest.raises(ConfigurationError, match=message):
+        read_openfast(write_deck(tmp_path, pile="soil", changes=changes))
