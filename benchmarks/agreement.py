@@ -37,7 +37,9 @@ from models import Problem
 from rich.console import Console
 from rich.table import Table
 
-from windsysid import EKF, UKF, Belief, StateSpace, load_turbine, smooth
+from windsysid import load_turbine
+from windsysid.filters import EKF, UKF, Belief, smooth
+from windsysid.models import StateSpace
 
 jax.config.update("jax_enable_x64", True)
 

@@ -22,7 +22,7 @@ import speed
 from rich.console import Console
 from sheets import Sheet, number
 
-from windsysid import EKF
+from windsysid.filters import EKF
 
 HERE = Path(__file__).parent
 RESULTS, PAGE = HERE / "results.json", HERE.parent / "docs" / "performance_tables.md"

@@ -17,8 +17,9 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from windsysid import Parameter, StateSpace, Turbine, compile_model, compose, load_turbine
+from windsysid import Turbine, load_turbine
 from windsysid.filters import FILTERS, smooth
+from windsysid.models import Parameter, StateSpace, compile_model, compose
 from windsysid.simulation.integrate import constant_speed_inputs, integrate
 from windsysid.simulation.random_loads import draw_loads
 

@@ -17,7 +17,8 @@ import sympy as sp
 from numba import types
 
 from filters import joint_model, record, scenarios
-from windsysid import EKF, Prior, StateSpace, Turbine
+from windsysid import Turbine
+from windsysid.filters import EKF
 from windsysid.identification.estimate.force_balance import (
     MeasuredMotion,
     analysis_band,
@@ -27,6 +28,7 @@ from windsysid.identification.estimate.force_balance import (
 )
 from windsysid.identification.model.prior import identifiable
 from windsysid.kernels.jit import JACOBIAN, VALUE, compiled, inlined
+from windsysid.models import Prior, StateSpace
 from windsysid.signals import rotor_inputs
 from windsysid.simulation.record import simulate_record
 from windsysid.statespace.workspace import BLOCKS

@@ -48,7 +48,8 @@ from stonesoup.types.prediction import GaussianStatePrediction
 from stonesoup.types.state import GaussianState
 from stonesoup.updater.kalman import ExtendedKalmanUpdater, KalmanUpdater, UnscentedKalmanUpdater
 
-from windsysid import EKF, UKF, load_turbine
+from windsysid import load_turbine
+from windsysid.filters import EKF, UKF
 
 Array = np.ndarray
 Moments = tuple[Array, Array]

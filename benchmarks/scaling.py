@@ -24,8 +24,8 @@ from pathlib import Path
 import numpy as np
 from sheets import Sheet, number, present
 
-from windsysid import EKF, Prior, Turbine, load_turbine
-from windsysid.filters import Belief, ParticleFilter
+from windsysid import Turbine, load_turbine
+from windsysid.filters import EKF, Belief, ParticleFilter
 from windsysid.identification.estimate import scoring as likelihood
 from windsysid.identification.estimate.force_balance import Balance, analysis_band, balance_statespace
 from windsysid.identification.estimate.online import MEMORY, advance, begin
@@ -34,6 +34,7 @@ from windsysid.identification.model.prior import identifiable
 from windsysid.identification.model.turbine_problem import TurbineProblem, pose
 from windsysid.mechanics.rotor import RotorModel
 from windsysid.mechanics.sensors import Sensor
+from windsysid.models import Prior
 from windsysid.simulation.record import simulate_record
 from windsysid.statespace.compose import compose
 from windsysid.study.arms import START, record_balance

@@ -27,13 +27,14 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from windsysid import StateSpace, load_turbine
+from windsysid import load_turbine
 from windsysid.filters import EKF, FILTERS, Info
 from windsysid.filters.bank import LANES, bank_of, run_bank
 from windsysid.filters.protocol import empty_info
 from windsysid.identification.estimate.scoring import posterior_mode
 from windsysid.identification.model.prior import Prior
 from windsysid.identification.model.turbine_problem import TurbineProblem, pose
+from windsysid.models import StateSpace
 from windsysid.simulation.record import simulate_record
 
 Array = np.ndarray

@@ -1,74 +1,63 @@
-"""The pages that are generated: every public name with its docstring, and every command with its own help."""
+"""The pages that are generated: every public name with its docstring, every command with its own help, and every code
+of a finding with its sentence."""
 
 import inspect
 from pathlib import Path
+from types import ModuleType
 
+from tests.results.test_sentences import table
 from typer.testing import CliRunner
 
 import windsysid
 from windsysid.cli import app
 
-__all__ = ["write_reference"]
+__all__ = ["NAMESPACES", "write_reference"]
 
-GROUPS = {
-    "Records": ("records", "signals", "simulation", "inspection"),
-    "Identification": ("identification",),
-    "Results": ("results", "reports"),
-    "Modes": ("modal", "spectral"),
-    "What moved": ("monitoring", "fleet"),
-    "Turbines, mechanics and sensors": ("turbine", "mechanics"),
-    "Loads and state space": ("loads", "statespace"),
-    "Filters": ("filters",),
-    "Errors": ("errors",),
-}
-"""Rooms of the package under the headings that a reader looks for."""
+NAMESPACES = (windsysid, windsysid.results, windsysid.models, windsysid.filters, windsysid.signals)
+"""Each has a page."""
 
-INDEX = """# Reference
+FINDINGS = """# Codes of findings
 
-- [Python](api.md): everything that `import windsysid` gives.
-- [Commands](commands.md): every option.
+Sentences are examples; [findings.md](../findings.md) describes the fields. `python -m tests.results.test_sentences`
+prints this table.
 
-```{toctree}
-:hidden:
-
-api
-commands
-```
 """
 
 
 def write_reference(folder: Path) -> None:
-    """Write ``index.md``, ``api.md`` and ``commands.md``."""
+    """Write ``index.md``, a page for each namespace, ``commands.md`` and ``findings.md``."""
     folder.mkdir(exist_ok=True)
-    (folder / "index.md").write_text(INDEX, encoding="utf-8")
-    (folder / "api.md").write_text(_api(), encoding="utf-8")
+    lines = ["# Reference", ""]
+    for namespace in NAMESPACES:
+        name = namespace.__name__
+        (folder / f"{name}.md").write_text(_page(namespace), encoding="utf-8")
+        lines.append(f"- [{name}]({name}.md): {_title(namespace)}")
     (folder / "commands.md").write_text(_commands(), encoding="utf-8")
+    (folder / "findings.md").write_text(FINDINGS + table(), encoding="utf-8")
+    lines += ["- [Commands](commands.md): every option.", "- [Codes of findings](findings.md): with their sentences."]
+    lines += ["", "```{toctree}", ":hidden:", ""]
+    lines += [*(namespace.__name__ for namespace in NAMESPACES), "commands", "findings", "```", ""]
+    (folder / "index.md").write_text("\n".join(lines), encoding="utf-8")
 
 
-def _api() -> str:
-    """Every public name, under the heading of its room; each room must have one."""
-    public = {name: getattr(windsysid, name) for name in sorted(windsysid._PUBLIC)}
-    names = dict(sorted(public.items(), key=lambda item: inspect.isclass(item[1])))  # functions come first
-    lines = ["# Python", "", "Everything that `import windsysid as ws` gives.", ""]
-    left = dict(names)
-    for heading, rooms in GROUPS.items():
-        lines += [f"## {heading}", ""]
-        for name, thing in names.items():
-            if _room(name) not in rooms:
-                continue
-            del left[name]
-            kind = "class" if inspect.isclass(thing) else "function" if callable(thing) else "data"
-            if kind == "class" and issubclass(thing, Exception):
-                kind = "exception"
-            members = ["   :members:"] if kind == "class" else []
-            lines += ["```{eval-rst}", f".. auto{kind}:: windsysid.{name}", *members, "```", ""]
-    if left:
-        raise SystemExit(f"docs/reference.py: no heading for the rooms of {', '.join(left)}")
+def _title(namespace: ModuleType) -> str:
+    """First sentence of its docstring."""
+    return (inspect.getdoc(namespace) or "").split("\n\n")[0].replace("\n", " ")
+
+
+def _page(namespace: ModuleType) -> str:
+    """Every public name of a namespace, functions first; names of other namespaces have their own page."""
+    lines = [f"# {namespace.__name__}", "", _title(namespace), ""]
+    public = {name: getattr(namespace, name) for name in sorted(namespace.__all__) if not name.startswith("__")}
+    for name, thing in sorted(public.items(), key=lambda item: inspect.isclass(item[1])):
+        if inspect.ismodule(thing):
+            continue
+        kind = "class" if inspect.isclass(thing) else "function" if callable(thing) else "data"
+        if kind == "class" and issubclass(thing, Exception):
+            kind = "exception"
+        members = ["   :members:"] if kind == "class" else []
+        lines += ["```{eval-rst}", f".. auto{kind}:: {namespace.__name__}.{name}", *members, "```", ""]
     return "\n".join(lines)
-
-
-def _room(name: str) -> str:
-    return str(windsysid._PUBLIC[name][0]).split(".")[0]
 
 
 def _commands() -> str:

@@ -15,7 +15,7 @@ record = ws.simulate("verne555", duration=130.0, rate=50.0, loads="wind-feedback
 
 # %%
 # The prior is centred 1.2 times off, so that the turbine file is not its own answer.
-result = ws.identify(record, "verne555", prior=ws.Prior(stiffness=1.2, damping=1.2))
+result = ws.identify(record, "verne555", prior=ws.models.Prior(stiffness=1.2, damping=1.2))
 print(result)
 
 # %%

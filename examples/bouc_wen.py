@@ -40,7 +40,7 @@ x, v, z, ground = sp.symbols("x v z ground", real=True)
 m, k, c, beta, gamma, n = sp.symbols("m k c beta gamma n", positive=True)
 absolute = -(c * v + k * z) / m
 hysteresis = v - beta * abs(v) * abs(z) ** (n - 1) * z - gamma * v * abs(z) ** n
-spring = ws.Equations(
+spring = ws.models.Equations(
     "bouc_wen",
     states=(x, v, z),
     inputs=(ground,),
@@ -54,7 +54,7 @@ spring = ws.Equations(
 truth = {"m": 1.0, "k": 9.0, "c": 0.3, "beta": 2.0, "gamma": 1.0, "n": 2.0}
 shaken = shaken_ground(sys.argv[1] if len(sys.argv) > 1 else None)
 strong = shaken["ground"] * 49.0 / np.max(np.abs(shaken["ground"]))  # to a peak of 5 g: fat loops
-model = ws.compile_model(spring, [ws.Reading("acceleration", absolute, 1.0)])
+model = ws.models.compile_model(spring, [ws.models.Reading("acceleration", absolute, 1.0)])
 p = [truth[name] for name in model.parameters]
 response = integrate(model, p, strong[:, None], rate=shaken.rate, start=np.zeros(3), substeps=20)
 exact = response.readings[:, 0]
@@ -63,18 +63,18 @@ record = shaken.with_channels({"ground": (strong, "m/s^2"), "acceleration": (noi
 
 # %%
 # Priors: bad starts, known to be bad; the noise is a guess, and learned
-result = ws.fit(
+result = ws.models.fit(
     spring,
     record,
     parameters=[
-        ws.Parameter("k", 5.0, 1.5),
-        ws.Parameter("c", 0.2, 0.5, logarithmic=False),
-        ws.Parameter("beta", 0.5, 1.5),
-        ws.Parameter("gamma", 0.5, 1.5),
-        ws.Parameter("n", 1.1, 1.0),
+        ws.models.Parameter("k", 5.0, 1.5),
+        ws.models.Parameter("c", 0.2, 0.5, logarithmic=False),
+        ws.models.Parameter("beta", 0.5, 1.5),
+        ws.models.Parameter("gamma", 0.5, 1.5),
+        ws.models.Parameter("n", 1.1, 1.0),
     ],
     values={"m": 1.0},
-    sensors=[ws.Reading("acceleration", absolute, noise=0.3)],
+    sensors=[ws.models.Reading("acceleration", absolute, noise=0.3)],
     cov=1e-6 * np.eye(3),  # at rest to within a millimetre
 )
 print(result)

@@ -37,23 +37,23 @@ from windsysid.statespace.process import load_on, rational
 # The mechanical model
 
 
-@ws.register_model
+@ws.models.register_model
 @dataclass(frozen=True)
-class DampedTower(ws.MechanicalModel):
+class DampedTower(ws.models.MechanicalModel):
     """A tower that sways in one direction and carries a tuned mass damper."""
 
     kind: ClassVar[str] = "damped-tower"
 
     @property
-    def freedoms(self) -> tuple[ws.Coordinate, ...]:
+    def freedoms(self) -> tuple[ws.models.Coordinate, ...]:
         """The top of the tower and the mass of the damper."""
-        return ws.Coordinate("tower", "m", "tower"), ws.Coordinate("damper", "m", "damper")
+        return ws.models.Coordinate("tower", "m", "tower"), ws.models.Coordinate("damper", "m", "damper")
 
     @property
-    def parameters(self) -> tuple[ws.Coefficient, ...]:
+    def parameters(self) -> tuple[ws.models.Coefficient, ...]:
         """Mass, stiffness and damping of both."""
         return tuple(
-            ws.Coefficient(f"{letter}_{part}", kind, unit, part)
+            ws.models.Coefficient(f"{letter}_{part}", kind, unit, part)
             for part in ("tower", "damper")
             for letter, kind, unit in (("m", "inertia", "kg"), ("k", "stiffness", "N/m"), ("c", "damping", "N*s/m"))
         )
@@ -71,7 +71,7 @@ class DampedTower(ws.MechanicalModel):
         """A tower whose damper is held has the damper's spring too."""
         return values["k_damper"] + (values["k_tower"] if coordinate == "tower" else 0.0)
 
-    def equations(self) -> ws.Equations:
+    def equations(self) -> ws.models.Equations:
         """Lagrange's equations."""
         p = self.symbols()
         (u, u_rate, _), (v, v_rate, _) = self.motion()
@@ -117,7 +117,7 @@ class DampedTowerMotion:
         rates = [(q, v) for q, v, _ in self.triples.values()] + [(v, a) for _, v, a in self.triples.values()]
         return sp.Add(*(sp.diff(expression, symbol) * rate for symbol, rate in rates))
 
-    def along(self, sensor: ws.PlacedSensor, order: int) -> sp.Expr:
+    def along(self, sensor: ws.models.PlacedSensor, order: int) -> sp.Expr:
         """The motion of the top, along its only direction."""
         if (sensor.point, sensor.axis, sensor.frame, sensor.feels_gravity) != ("tower", "x", "fixed", False):
             raise ws.ConfigurationError(
@@ -125,13 +125,13 @@ class DampedTowerMotion:
             )
         return self.triples["tower"][order]
 
-    def turning(self, sensor: ws.PlacedSensor) -> sp.Expr:
+    def turning(self, sensor: ws.models.PlacedSensor) -> sp.Expr:
         """Nothing turns here."""
         raise ws.ConfigurationError(
             f"sensor '{sensor.channel}': this tower does not turn: expected an accelerometer or a stroke"
         )
 
-    def spring_force(self, sensor: ws.PlacedSensor) -> sp.Expr:
+    def spring_force(self, sensor: ws.models.PlacedSensor) -> sp.Expr:
         """The force in the tower."""
         return self.parameters["k_tower"] * self.triples["tower"][0]
 
@@ -140,8 +140,8 @@ class DampedTowerMotion:
 # The load hypothesis
 
 
-@ws.register_loads
-class Waves(ws.LoadHypothesis):
+@ws.models.register_loads
+class Waves(ws.models.LoadHypothesis):
     """A sea: a peak at the waves' frequency, nothing at rest, S(ω) ∝ ω² / |ω_p² − ω² + 2iζ ω_p ω|²."""
 
     name = "waves"
@@ -152,7 +152,7 @@ class Waves(ws.LoadHypothesis):
         """Whether the sea pushes it."""
         return turbine.model.kind == DampedTower.kind
 
-    def suppose(self, turbine: ws.Turbine, loads: Sequence[ws.GaussMarkov]) -> ws.SupposedLoads:
+    def suppose(self, turbine: ws.Turbine, loads: Sequence[ws.models.GaussMarkov]) -> ws.models.SupposedLoads:
         """The force on the tower, as large as the file says, around 0.12 Hz."""
         (force,) = (load for load in loads if load.load == "load_tower")
         statistics = (
@@ -166,15 +166,15 @@ class Waves(ws.LoadHypothesis):
             pole = peak * complex(-ratio, np.sqrt(1.0 - min(ratio, 0.999) ** 2))
             return (load_on("load_tower", rational(values["load_rms_waves"], [pole, pole.conjugate()], [0.0])),)
 
-        return ws.SupposedLoads(self.name, self.text, turbine, statistics, blocks)
+        return ws.models.SupposedLoads(self.name, self.text, turbine, statistics, blocks)
 
 
 # %%
 # The sensor
 
 
-@ws.register_sensor
-class StrokeSensor(ws.Sensor):
+@ws.models.register_sensor
+class StrokeSensor(ws.models.Sensor):
     """The stroke of the damper: how far its mass is from where it sits on the tower."""
 
     quantity: Literal["stroke"] = "stroke"
@@ -205,21 +205,21 @@ turbine = ws.Turbine(
     name="damped tower", description="a parked offshore tower with a tuned mass damper", source="made up",
     assumed=tuple(TRUTH),
     model=DampedTower(), values=TRUTH, rotor_speed=0.0, spread=(0.3, 0.6),
-    loads=(ws.GaussMarkov("load_tower", 30e3, 5.0),),
+    loads=(ws.models.GaussMarkov("load_tower", 30e3, 5.0),),
     sensors=(
-        ws.Accelerometer(channel="top_acceleration", point="tower", axis="x", noise=0.003),
+        ws.models.Accelerometer(channel="top_acceleration", point="tower", axis="x", noise=0.003),
         StrokeSensor(channel="damper_stroke", noise=0.002),
     ),
 )  # fmt: skip
 
 
-def identify_waves(seed: int) -> tuple[ws.Record, ws.Identification]:
+def identify_waves(seed: int) -> tuple[ws.Record, ws.results.Identification]:
     """Ten minutes of waves, and what they tell of the tower."""
     record = ws.simulate(turbine, duration=600.0, rate=10.0, seed=seed, loads="waves")
     return record, ws.identify(record, turbine.with_values(SUPPOSED), loads="waves")
 
 
-def save(record: ws.Record, result: ws.Identification, folder: Path) -> None:
+def save(record: ws.Record, result: ws.results.Identification, folder: Path) -> None:
     """Save a result with its report."""
     result.save(folder)
     (folder / "report.html").write_bytes(identification_report(result, record))

@@ -40,7 +40,7 @@ m_1, m_2, k_1, k_2, c_1, c_2 = sp.symbols("m_1 m_2 k_1 k_2 c_1 c_2", positive=Tr
 lower = k_1 * x_1 + c_1 * v_1
 upper = k_2 * (x_2 - x_1) + c_2 * (v_2 - v_1)
 first, second = (upper - lower) / m_1, -upper / m_2  # absolute accelerations
-frame = ws.Equations(
+frame = ws.models.Equations(
     "two_storey",
     states=(x_1, x_2, v_1, v_2),
     inputs=(ground,),
@@ -50,16 +50,16 @@ frame = ws.Equations(
 )
 
 
-def accelerometers(noise: float) -> list[ws.Reading]:
+def accelerometers(noise: float) -> list[ws.models.Reading]:
     """One on each floor."""
-    return [ws.Reading("floor_1", first, noise), ws.Reading("floor_2", second, noise)]
+    return [ws.models.Reading("floor_1", first, noise), ws.models.Reading("floor_2", second, noise)]
 
 
 # %%
 # What is recorded: the ground, and both floors with 5 % noise.
 truth = {"m_1": 1.0, "m_2": 1.0, "k_1": 12.0, "k_2": 10.0, "c_1": 0.6, "c_2": 0.5}
 shaken = shaken_ground(sys.argv[1] if len(sys.argv) > 1 else None)
-model = ws.compile_model(frame, accelerometers(1.0))
+model = ws.models.compile_model(frame, accelerometers(1.0))
 p = [truth[name] for name in model.parameters]
 response = integrate(model, p, shaken["ground"][:, None], rate=shaken.rate, start=np.zeros(4), substeps=20)
 noise = 0.05 * response.readings.std(axis=0)
@@ -68,11 +68,11 @@ record = shaken.with_channels({"floor_1": (noisy[:, 0], "m/s^2"), "floor_2": (no
 
 # %%
 # Priors far off, and the noise a guess.
-result = ws.fit(
+result = ws.models.fit(
     frame,
     record,
-    parameters=[ws.Parameter(name, 2.0, 1.5) for name in ("k_1", "k_2")]
-    + [ws.Parameter(name, 0.2, 0.5, logarithmic=False) for name in ("c_1", "c_2")],
+    parameters=[ws.models.Parameter(name, 2.0, 1.5) for name in ("k_1", "k_2")]
+    + [ws.models.Parameter(name, 0.2, 0.5, logarithmic=False) for name in ("c_1", "c_2")],
     values={"m_1": 1.0, "m_2": 1.0},
     sensors=accelerometers(0.1),  # a guess of the noise; it is learned
     cov=1e-6 * np.eye(4),  # at rest to within a millimetre

@@ -74,7 +74,7 @@ def test_what_is_no_record_is_refused(given: object, complaint: str):
 
 
 def test_every_function_takes_names_paths_and_results(record: ws.Record, tmp_path: Path):
-    found = ws.identify(as_frame(record), "verne555")
+    found = ws.identify(as_frame(record), "verne555", formulation="joint", loads="broadband")
     assert found["k_x"].estimate == pytest.approx(ws.load_turbine("verne555").values["k_x"], rel=0.1)
     found.save(tmp_path)
     assert "nothing moved" in str(ws.compare(found, tmp_path)).lower()

@@ -2,6 +2,7 @@
 tell to type works."""
 
 import importlib.util
+import inspect
 import re
 import runpy
 import shlex
@@ -46,10 +47,13 @@ def reference(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_every_public_name_is_in_the_reference_with_a_docstring(reference: Path):
-    text = (reference / "api.md").read_text(encoding="utf-8")
-    for name in windsysid._PUBLIC:
-        assert f":: windsysid.{name}\n" in text
-        assert getattr(windsysid, name).__doc__
+    for namespace in (windsysid, windsysid.results, windsysid.models, windsysid.filters, windsysid.signals):
+        text = (reference / f"{namespace.__name__}.md").read_text(encoding="utf-8")
+        for name in namespace.__all__:
+            thing = getattr(namespace, name)
+            if not name.startswith("__") and not inspect.ismodule(thing):
+                assert f":: {namespace.__name__}.{name}\n" in text
+                assert thing.__doc__
 
 
 def test_every_command_is_in_the_reference(reference: Path):
@@ -90,14 +94,14 @@ x, v, ground, force, k, c_x, m = sp.symbols("x v ground load_x k c_x m", real=Tr
 MODEL = (
     SPRING
     + """
-system = ws.Equations("page_spring", (x, v), (), (m, c_x, k), (force,), (v, (force - c_x * v - k * x) / m))
-model = ws.compose(
-    system, rate=50.0, values={"m": 1.0}, gate=6.0, loads=[ws.GaussMarkov("load_x", 1.0, 0.3)],
-    parameters=[ws.Parameter("c_x", 0.4, 0.2, False, 10.0), ws.Parameter("k", 40.0, 0.3)],
-    sensors=[ws.Reading("tower_x_acceleration", (force - c_x * v - k * x) / m, 0.1)],
+system = ws.models.Equations("page_spring", (x, v), (), (m, c_x, k), (force,), (v, (force - c_x * v - k * x) / m))
+model = ws.models.compose(
+    system, rate=50.0, values={"m": 1.0}, gate=6.0, loads=[ws.models.GaussMarkov("load_x", 1.0, 0.3)],
+    parameters=[ws.models.Parameter("c_x", 0.4, 0.2, False, 10.0), ws.models.Parameter("k", 40.0, 0.3)],
+    sensors=[ws.models.Reading("tower_x_acceleration", (force - c_x * v - k * x) / m, 0.1)],
 )
 readings = np.random.default_rng(0).standard_normal((200, 1))
-inputs = np.zeros((200, len(ws.UKF.init(model).inputs)))
+inputs = np.zeros((200, len(ws.filters.UKF.init(model).inputs)))
 next_inputs, next_readings = inputs[0], readings[0]
 """
 )
@@ -113,13 +117,13 @@ GIVEN = {
     + """
 w = sp.Symbol("w")
 absolute = -(c_x * v + k * x)
-spring = ws.Equations("page_shaken", (x, v, w), (ground,), (m, c_x, k), (), (v, absolute / m - ground, v - w))
+spring = ws.models.Equations("page_shaken", (x, v, w), (ground,), (m, c_x, k), (), (v, absolute / m - ground, v - w))
 time = np.arange(500) / 50.0
 shaking = np.random.default_rng(0).standard_normal((500, 2))
 record = ws.Record(time, shaking, ("ground", "acceleration"), ("m/s^2", "m/s^2"))
-_fit = ws.fit
+_fit = ws.models.fit
 class ws:
-    Parameter, Reading = ws.Parameter, ws.Reading
+    Parameter, Reading = ws.models.Parameter, ws.models.Reading
     fit = staticmethod(lambda *a, values, **more: _fit(*a, values={**values, "c_x": 0.3}, **more))
 """,
     "filters": MODEL,
@@ -171,8 +175,9 @@ def test_commands_and_their_options_exist(page: Path):
                 pass
 
 
-QUICK = {"months_of_estimates", "two_records"}
-"""Examples that take some seconds; the others are run by `make test-all`, and all whenever the site is built."""
+QUICK = {"months_of_estimates"}
+"""Examples that take some seconds; the others are run by `make test-all`, and all whenever the site is built. Notebooks
+and tests of an own turbine's model run the code of two others."""
 
 
 @pytest.mark.parametrize(

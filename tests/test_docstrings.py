@@ -1,4 +1,4 @@
-"""Docstrings of everything that `import windsysid` gives: parameters and attributes are named, arrays with their shape
+"""Docstrings of everything in the public namespaces: parameters and attributes are named, arrays with their shape
 and quantities with their unit; errors and what comes back are told."""
 
 import ast
@@ -16,7 +16,8 @@ import pytest
 
 import windsysid
 
-PUBLIC = {name: getattr(windsysid, name) for name in windsysid._PUBLIC}
+NAMESPACES = (windsysid, windsysid.results, windsysid.models, windsysid.filters, windsysid.signals)
+PUBLIC = {name: getattr(space, name) for space in NAMESPACES for name in space.__all__ if not name.startswith("__")}
 FUNCTIONS = {name: thing for name, thing in PUBLIC.items() if inspect.isfunction(thing)}
 CLASSES = {name: thing for name, thing in PUBLIC.items() if inspect.isclass(thing) and not issubclass(thing, Exception)}
 
@@ -27,7 +28,7 @@ SHAPE = r"\([^()\s][^()]*,[^()]*\)"
 UNIT = r"\[.+?\]|\bunits?\b|\bSI\b|\b[Rr]elative|\b[Ss]hare\b|\b[Ff]actors?\b|\bfilter coordinates\b|\b[Ll]og "
 """``[Hz]``, in the unit of something else that is named; or in words that leave no unit over."""
 
-RAISE_NOTHING = {"packaged_turbines", "register_loads", "register_model", "register_sensor"}
+RAISE_NOTHING = {"degeneracy", "packaged_turbines", "register_loads", "register_model", "register_sensor"}
 """Functions that raise nothing, and call nothing that does: of every other a user must know the errors."""
 
 

@@ -5,6 +5,7 @@ import inspect
 import pkgutil
 import subprocess
 import sys
+from types import ModuleType
 
 import pytest
 
@@ -33,14 +34,23 @@ def test_importing_the_command_line_loads_no_numerics():
     assert in_a_new_process(code) == "[]"
 
 
-@pytest.mark.parametrize("name", windsysid.__all__)
-def test_every_public_name_resolves(name: str):
-    assert getattr(windsysid, name) is not None
+@pytest.mark.parametrize(
+    "namespace", [windsysid, windsysid.results, windsysid.models], ids=lambda space: space.__name__
+)
+def test_every_public_name_resolves_and_a_prompt_completes_it(namespace: ModuleType):
+    assert all(getattr(namespace, name) is not None for name in namespace.__all__)
+    assert len(set(namespace.__all__)) == len(namespace.__all__)
+    assert set(namespace.__all__) <= set(dir(namespace))
 
 
-def test_the_list_of_public_names_is_complete():
-    assert sorted(windsysid.__all__) == sorted([*windsysid._PUBLIC, "__version__"])
-    assert len(set(windsysid.__all__)) == len(windsysid.__all__)
+@pytest.mark.parametrize("namespace", [windsysid, windsysid.results], ids=lambda space: space.__name__)
+def test_a_prompt_completes_nothing_else(namespace: ModuleType):
+    assert sorted(namespace.__all__) == sorted({*namespace._PUBLIC} | ({"__version__"} & {*vars(namespace)}))
+    assert dir(namespace) == sorted(namespace.__all__)
+
+
+def test_the_root_is_short():
+    assert len(windsysid.__all__) <= 40
 
 
 def test_an_unknown_name_is_an_attribute_error():
@@ -48,14 +58,16 @@ def test_an_unknown_name_is_an_attribute_error():
         _ = windsysid.identfy
 
 
-@pytest.mark.parametrize("first", ["ws.add_noise", "ws.Prior", "ws.Identification", "__import__('windsysid.study')"])
+@pytest.mark.parametrize(
+    "first", ["ws.identify", "ws.models.Prior", "ws.results.Mode", "__import__('windsysid.study')"]
+)
 def test_public_names_are_what_they_say_whatever_was_imported_first(first: str):
     # A submodule of the same name must not take a function's place.
     code = (
         f"import windsysid as ws; {first}; "
         "print([name for name in ws.__all__ if type(getattr(ws, name)).__name__ == 'module'])"
     )
-    assert in_a_new_process(code) == "[]"
+    assert in_a_new_process(code) == "['filters', 'models', 'results', 'signals']"
 
 
 @pytest.mark.parametrize("module", MODULES)

@@ -34,7 +34,7 @@ def own() -> Iterator[Any]:
 
 
 @pytest.fixture(scope="module")
-def results(own: Any) -> list[tuple[ws.Record, ws.Identification]]:
+def results(own: Any) -> list[tuple[ws.Record, ws.results.Identification]]:
     return [own.identify_waves(seed) for seed in SEEDS]
 
 
@@ -51,7 +51,7 @@ def modes_by_hand(values: dict[str, float]) -> list[tuple[float, float]]:
     return sorted((float(abs(s)) / (2.0 * math.pi), float(-s.real / abs(s))) for s in found)
 
 
-def test_the_truth_is_within_the_bands(own: Any, results: list[tuple[ws.Record, ws.Identification]]):
+def test_the_truth_is_within_the_bands(own: Any, results: list[tuple[ws.Record, ws.results.Identification]]):
     """Twelve estimates: of ±2σ bands 0.55 should miss, three or more with a probability of 2 %; beyond 4σ none."""
     assert all(result.diagnosis.trusted for _, result in results)
     off = np.array([[(e.estimate - own.TRUTH[e.name]) / e.std for e in result.estimates] for _, result in results])
@@ -61,7 +61,7 @@ def test_the_truth_is_within_the_bands(own: Any, results: list[tuple[ws.Record, 
     assert np.abs(off).max() < 4.0
 
 
-def test_what_the_record_tells_is_told_and_not_the_prior(results: list[tuple[ws.Record, ws.Identification]]):
+def test_what_the_record_tells_is_told_and_not_the_prior(results: list[tuple[ws.Record, ws.results.Identification]]):
     for _, result in results:
         told = {e.name: e.informed_by_data for e in result.estimates}
         assert min(told["k_tower"], told["k_damper"], told["c_damper"]) > 0.9
@@ -72,7 +72,9 @@ def test_what_the_record_tells_is_told_and_not_the_prior(results: list[tuple[ws.
             assert low * (low / high) < truth < high * (high / low)  # ±6σ of a logarithm
 
 
-def test_the_modes_are_those_of_matrices_written_by_hand(own: Any, results: list[tuple[ws.Record, ws.Identification]]):
+def test_the_modes_are_those_of_matrices_written_by_hand(
+    own: Any, results: list[tuple[ws.Record, ws.results.Identification]]
+):
     truth = modes_by_hand(own.TRUTH)
     for _, result in results:
         found = modes_by_hand(own.TRUTH | {e.name: e.estimate for e in result.estimates})
@@ -84,19 +86,19 @@ def test_the_modes_are_those_of_matrices_written_by_hand(own: Any, results: list
                 assert abs(value - true) < high - low  # 4σ
 
 
-def test_the_result_says_what_the_hypothesis_warns_of(results: list[tuple[ws.Record, ws.Identification]]):
+def test_the_result_says_what_the_hypothesis_warns_of(results: list[tuple[ws.Record, ws.results.Identification]]):
     assert "waves were taken for one peak: a swell beside a wind sea needs two" in results[0][1].notes
 
 
 def test_a_saved_result_has_its_report_and_comes_back_whole(
-    own: Any, results: list[tuple[ws.Record, ws.Identification]], tmp_path: Path
+    own: Any, results: list[tuple[ws.Record, ws.results.Identification]], tmp_path: Path
 ):
     record, result = results[0]
     own.save(record, result, tmp_path / "result")
     page = (tmp_path / "result" / "report.html").read_text(encoding="utf-8")
     assert "k_tower" in page
     assert "waves on the tower" in page
-    again = ws.load_posterior(tmp_path / "result")
+    again = ws.results.load_posterior(tmp_path / "result")
     assert again.turbine.model == own.DampedTower()
     assert again.turbine.sensors == own.turbine.sensors
     assert again.turbine.values == pytest.approx(own.TRUTH | {e.name: e.estimate for e in result.estimates})
@@ -143,7 +145,7 @@ def test_a_sensor_of_ones_own_is_known_to_sensor_lists(own: Any):
         as_sensor(table | {"quantity": "strok"})
 
 
-def test_a_record_in_another_unit_is_refused(own: Any, results: list[tuple[ws.Record, ws.Identification]]):
+def test_a_record_in_another_unit_is_refused(own: Any, results: list[tuple[ws.Record, ws.results.Identification]]):
     record = results[0][0].with_channels({"damper_stroke": (np.zeros(results[0][0].samples), "m/s")})
     with pytest.raises(ws.RecordError, match="channel 'damper_stroke': expected m for stroke, got m/s"):
         ws.identify(record, own.turbine)

@@ -35,7 +35,7 @@ WHITE = 1e-3
 class Frame(NamedTuple):
     """Equations, readings (noise 1), true parameters, modes (f, ζ) and shapes for unit modal masses (N, N)."""
 
-    equations: ws.Equations
+    equations: ws.models.Equations
     velocities: tuple[sp.Symbol, ...]
     truth: dict[str, float]
     modes: list[tuple[float, float]]
@@ -51,7 +51,7 @@ def shear_frame(storeys: int) -> Frame:
     shear = [k[i] * drift[i] + c[i] * rate[i] for i in range(storeys)]
     above = [*shear[1:], sp.Integer(0)]
     accelerations = [w[i] - shear[i] + above[i] - a * v[i] for i in range(storeys)]
-    equations = ws.Equations(
+    equations = ws.models.Equations(
         f"frame_{storeys}", (*x, *v), (), (*k, *c, a), tuple(w), (*v, *accelerations)
     )  # fmt: skip
     pattern = 2.0 * np.eye(storeys) - np.eye(storeys, k=1) - np.eye(storeys, k=-1)
@@ -76,20 +76,21 @@ def errors(frame: Frame, seed: int, seconds: float) -> tuple[Array, Array, float
     parameters = []
     for name, value in frame.truth.items():
         if name.startswith("k"):
-            parameters.append(ws.Parameter(name, value * math.exp(0.3 * rng.normal()), 0.3))
+            parameters.append(ws.models.Parameter(name, value * math.exp(0.3 * rng.normal()), 0.3))
         else:
             centre = value * (1.0 + 0.5 * rng.normal())
-            parameters.append(ws.Parameter(name, centre, 0.5 * value, logarithmic=False, scale=value))
+            parameters.append(ws.models.Parameter(name, centre, 0.5 * value, logarithmic=False, scale=value))
     level = math.sqrt(0.5 / WHITE)  # two-sided density 2 σ² τ = 1
     loads = [
-        ws.GaussMarkov(f"w_{i + 1}", level * math.exp(0.7 * rng.normal()), WHITE) for i in range(len(frame.velocities))
+        ws.models.GaussMarkov(f"w_{i + 1}", level * math.exp(0.7 * rng.normal()), WHITE)
+        for i in range(len(frame.velocities))
     ]
     sensors = [
-        ws.Reading(channel, velocity, float(n) * math.exp(0.7 * rng.normal()))
+        ws.models.Reading(channel, velocity, float(n) * math.exp(0.7 * rng.normal()))
         for channel, velocity, n in zip(measured.channels, frame.velocities, noise, strict=True)
     ]
     started = time.process_time()
-    found = ws.fit(
+    found = ws.models.fit(
         frame.equations, measured, parameters=parameters, sensors=sensors, loads=loads, formulation="spectral"
     )
     elapsed = time.process_time() - started

@@ -6,6 +6,7 @@ requirements, in this environment. Byte code that Python writes later, a third m
 
 import sys
 from collections.abc import Iterator
+from functools import cache
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
@@ -44,6 +45,7 @@ def closure(name: str, extra: str = "") -> set[str]:
     return found
 
 
+@cache
 def megabytes(name: str) -> float:
     """Size of the files of an installed distribution [MB], without byte code."""
     files = distribution(name).files or ()

@@ -19,7 +19,6 @@ from unittest.mock import patch
 import numpy as np
 import sympy as sp
 
-from windsysid import Equations, GaussMarkov, Parameter, Reading, fit
 from windsysid.filters import bank
 from windsysid.filters.protocol import Filter
 from windsysid.identification.estimate import load_selection as load_choice
@@ -27,6 +26,7 @@ from windsysid.identification.estimate import scoring as posterior_mode
 from windsysid.identification.identify import identify
 from windsysid.identification.model import turbine_problem as problem
 from windsysid.identification.streaming.identify_pieces import identify_pieces
+from windsysid.models import Equations, GaussMarkov, Parameter, Reading, fit
 from windsysid.output.console import render
 from windsysid.records.formats import read_record
 from windsysid.records.record import Record

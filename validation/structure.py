@@ -152,7 +152,10 @@ def _above(bound: int, counted: Iterable[tuple[int, str]]) -> list[str]:
 
 def _imported(path: Path) -> Iterator[str]:
     """Modules, and names in modules, that a file imports, by their full path."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    waiting: list[ast.AST] = [ast.parse(path.read_text(encoding="utf-8"))]
+    while waiting:
+        node = waiting.pop()
+        waiting += [child for child in ast.iter_child_nodes(node) if not isinstance(child, ast.expr)]
         if isinstance(node, ast.Import):
             yield from (each.name for each in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module:

@@ -39,7 +39,7 @@ def test_a_fainter_line_is_found(monkeypatch: pytest.MonkeyPatch):
     assert any(one.data["frequency"] == pytest.approx(1.64, abs=0.005) for one in said)
 
 
-@pytest.mark.parametrize("seed", [6003, pytest.param(6012, marks=pytest.mark.slow), 6033])
+@pytest.mark.parametrize("seed", [6003, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (6012, 6033))])
 def test_a_loud_frequency_that_says_little_by_itself_is_no_line(seed: int):
     """One of chance, 9 times as loud as its surroundings."""
     assert identified("reference", seed).diagnosis.trusted

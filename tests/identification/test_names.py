@@ -32,21 +32,21 @@ LATIN = {"q": "x", "m": "m_x", "k": "k_x", "c": "c_x"}
 GREEK = {"q": "ξ", "m": "μ_1", "k": "κ_1", "c": "δ_1"}
 
 
-class Mast(ws.MechanicalModel):
+class Mast(ws.models.MechanicalModel):
     """A mast that sways in one direction."""
 
     names: ClassVar[Mapping[str, str]]
 
     @property
-    def freedoms(self) -> tuple[ws.Coordinate, ...]:
-        return (ws.Coordinate(self.names["q"], "m", "mast"),)
+    def freedoms(self) -> tuple[ws.models.Coordinate, ...]:
+        return (ws.models.Coordinate(self.names["q"], "m", "mast"),)
 
     @property
-    def parameters(self) -> tuple[ws.Coefficient, ...]:
+    def parameters(self) -> tuple[ws.models.Coefficient, ...]:
         q, m, k, c = self.names.values()
         return (
-            ws.Coefficient(m, "inertia", "kg", q), ws.Coefficient(k, "stiffness", "N/m", q),
-            ws.Coefficient(c, "damping", "N*s/m", q),
+            ws.models.Coefficient(m, "inertia", "kg", q), ws.models.Coefficient(k, "stiffness", "N/m", q),
+            ws.models.Coefficient(c, "damping", "N*s/m", q),
         )  # fmt: skip
 
     @property
@@ -63,7 +63,7 @@ class Mast(ws.MechanicalModel):
         q, m, k, c = self.names.values()
         return [sp.Symbol(name, real=True) for name in (q, f"{q}_rate", f"{q}_acc", m, k, c)]
 
-    def equations(self) -> ws.Equations:
+    def equations(self) -> ws.models.Equations:
         q, v, a, m, k, c = self.symbols()
         return lagrange(
             "mast", lagrangian=m * v**2 / 2 - k * q**2 / 2, dissipation=c * v**2 / 2, coordinates=[(q, v, a)],
@@ -93,8 +93,8 @@ def mast(model: Mast, *, damping: float = 1000.0) -> ws.Turbine:
     return ws.Turbine(
         name="mast", description="a mast", source="made up", assumed=(), model=model,
         values={m: 32000.0, k: 32000.0 * math.pi**2, c: damping}, rotor_speed=0.0, spread=(0.2, 0.3),
-        loads=(ws.GaussMarkov(q.load, 500.0, 5.0),),
-        sensors=(ws.Accelerometer(channel="top", point="tower", axis="x", noise=0.003),),
+        loads=(ws.models.GaussMarkov(q.load, 500.0, 5.0),),
+        sensors=(ws.models.Accelerometer(channel="top", point="tower", axis="x", noise=0.003),),
     ).exact()  # fmt: skip
 
 
@@ -103,7 +103,7 @@ def turbine(request: pytest.FixtureRequest) -> ws.Turbine:
     return mast(request.param)
 
 
-def identified(turbine: ws.Turbine) -> tuple[ws.Parameter, ...]:
+def identified(turbine: ws.Turbine) -> tuple[ws.models.Parameter, ...]:
     return Prior().parameters(turbine, identifiable(turbine), linear=False)
 
 
@@ -153,7 +153,7 @@ def test_a_late_logger_is_looked_for_whatever_channels_are_called(verne555: ws.T
     record = ws.simulate(verne555, duration=20.0, rate=50.0, seed=1)
     whitened = np.random.default_rng(1).standard_normal((record.samples, 4))
     sensors = tuple(
-        ws.Accelerometer(channel=f"a{i}", point=point, axis=axis, noise=0.1)
+        ws.models.Accelerometer(channel=f"a{i}", point=point, axis=axis, noise=0.1)
         for i, (point, axis) in enumerate(PLACES)
     )  # fmt: skip
     found: Any = SimpleNamespace(

@@ -14,8 +14,9 @@ import scipy.signal
 import sympy as sp
 
 from tests.findings import only, reasons
-from windsysid import ConfigurationError, Equations, Fit, GaussMarkov, Parameter, Reading, Record, RecordError, fit
+from windsysid import ConfigurationError, Record, RecordError
 from windsysid.mechanics.compile import compile_model
+from windsysid.models import Equations, Fit, GaussMarkov, Parameter, Reading, fit
 from windsysid.signals import resample
 from windsysid.simulation.integrate import integrate
 from windsysid.simulation.random_loads import draw_loads, draw_within_steps

@@ -10,8 +10,8 @@ from windsysid.errors import ConfigurationError
 
 def test_a_file_gives_ranges_and_frequencies(tmp_path):
     (tmp_path / "modes.toml").write_text("# by hand\nadd = [[0.9, 1.1], [2, 3]]\nremove = [1.5]\n")
-    marks = ws.read_mode_marks(tmp_path / "modes.toml")
-    assert marks == ws.ModeMarks(add=((0.9, 1.1), (2.0, 3.0)), remove=(1.5,))
+    marks = ws.results.read_mode_marks(tmp_path / "modes.toml")
+    assert marks == ws.results.ModeMarks(add=((0.9, 1.1), (2.0, 3.0)), remove=(1.5,))
 
 
 @pytest.mark.parametrize(
@@ -27,7 +27,7 @@ def test_a_file_gives_ranges_and_frequencies(tmp_path):
 def test_a_wrong_file_ends_in_one_line(tmp_path, text, got):
     (tmp_path / "modes.toml").write_text(text)
     with pytest.raises(ConfigurationError, match=r"modes\.toml.*") as error:
-        ws.read_mode_marks(tmp_path / "modes.toml")
+        ws.results.read_mode_marks(tmp_path / "modes.toml")
     assert got in str(error.value)
     assert "\n" not in str(error.value)
 
@@ -36,11 +36,11 @@ def test_marks_change_the_modes_of_a_record_and_nothing_else():
     record = record_of(two_modes(0), RATE)
     free = ws.oma(record)
     first, second = free.modes[:2]
-    found = ws.oma(record, bands=ws.ModeMarks(remove=(first.frequency,)))
+    found = ws.oma(record, bands=ws.results.ModeMarks(remove=(first.frequency,)))
     assert [m.frequency for m in found.modes] == [m.frequency for m in free.modes[1:]]
     assert any("removed by hand" in note for note in found.notes)
     width = 0.15 * second.frequency
-    marks = ws.ModeMarks(add=((second.frequency - width, second.frequency + width),), remove=(50.0,))
+    marks = ws.results.ModeMarks(add=((second.frequency - width, second.frequency + width),), remove=(50.0,))
     again = ws.oma(record, bands=marks)
     assert len(again.modes) == len(free.modes)
     assert again.modes[1].frequency == pytest.approx(second.frequency, abs=2.0 * second.frequency_std)
@@ -50,6 +50,6 @@ def test_marks_change_the_modes_of_a_record_and_nothing_else():
 
 def test_decays_take_removed_modes_only():
     record = records_of(CASES[1], 5)[0]
-    assert len(ws.free_decay(record, marks=ws.ModeMarks(remove=(0.8,))).modes) == 2
+    assert len(ws.free_decay(record, marks=ws.results.ModeMarks(remove=(0.8,))).modes) == 2
     with pytest.raises(ConfigurationError, match="frequencies to remove only"):
-        ws.free_decay(record, marks=ws.ModeMarks(add=((1.0, 2.0),)))
+        ws.free_decay(record, marks=ws.results.ModeMarks(add=((1.0, 2.0),)))

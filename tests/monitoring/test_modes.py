@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import windsysid as ws
+from windsysid.modal.matching.match import on_diagram
 from windsysid.modal.shapes import assurance
 from windsysid.monitoring.comparison import compare
 from windsysid.monitoring.series import gather_modes
@@ -95,8 +96,8 @@ def test_measured_modes_stand_beside_the_nearest_curve(nrel5mw_diagram, tmp_path
     curve = nrel5mw_diagram.curves[0]
     f = float(curve.frequency[nrel5mw_diagram.usual])
     known = record_of(1, (1.01 * f, 0.6 * f), trusted=(True, False))._replace(rotor_speed=usual)
-    found = nrel5mw_diagram.with_measured(known.measured())
-    assert [mode.curve for mode in found.measured] == [curve.name, None]
+    found = nrel5mw_diagram.with_measured(on_diagram(known, nrel5mw_diagram))
+    assert [mode.candidate for mode in found.measured] == [curve.name, "unknown"]
     assert found.measured[0].expected == pytest.approx(f, rel=1e-6)
     assert "+1.00 %" in str(found)
     found.save(tmp_path / "diagram")

@@ -10,8 +10,9 @@ import pytest
 import sympy as sp
 from matplotlib.figure import Figure
 
-from windsysid import Equations, Parameter, Reading, Record, RecordError, fit
+from windsysid import Record, RecordError
 from windsysid.inspection import inspect_record
+from windsysid.models import Equations, Parameter, Reading, fit
 from windsysid.records.record import AS_WRITTEN
 from windsysid.reports import figure as figure_of
 from windsysid.reports import files

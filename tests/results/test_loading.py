@@ -29,12 +29,12 @@ def record() -> ws.Record:
 
 
 @pytest.fixture(scope="module")
-def found(record: ws.Record) -> ws.Identification:
+def found(record: ws.Record) -> ws.results.Identification:
     return ws.identify(record, "tower", formulation="joint")
 
 
 @pytest.fixture(scope="module")
-def saved(found: ws.Identification, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def saved(found: ws.results.Identification, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("saved") / "result"
     found.save(folder)
     return folder
@@ -46,9 +46,9 @@ def equal(a: Any, b: Any) -> None:
     assert left == right
 
 
-def test_an_identification_comes_back(found: ws.Identification, saved: Path, tmp_path: Path):
+def test_an_identification_comes_back(found: ws.results.Identification, saved: Path, tmp_path: Path):
     again = ws.load_result(saved)
-    assert isinstance(again, ws.Identification)
+    assert isinstance(again, ws.results.Identification)
     assert str(again) == str(found)
     for field in fields(found):
         a, b = getattr(found, field.name), getattr(again, field.name)
@@ -65,12 +65,12 @@ def test_an_identification_comes_back(found: ws.Identification, saved: Path, tmp
 
 
 def test_a_result_of_an_older_version_comes_back_with_its_sentences(
-    found: ws.Identification, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    found: ws.results.Identification, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     """It had no findings, but sentences."""
     written = storage._rest
 
-    def as_before(result: ws.Identification) -> dict[str, Any]:
+    def as_before(result: ws.results.Identification) -> dict[str, Any]:
         rest = written(result)
         judged = as_plain(rest.pop("diagnosis"))
         del rest["findings"], judged["findings"]
@@ -79,7 +79,7 @@ def test_a_result_of_an_older_version_comes_back_with_its_sentences(
     monkeypatch.setattr(storage, "_rest", as_before)
     found.save(tmp_path / "old")
     again = ws.load_result(tmp_path / "old")
-    assert isinstance(again, ws.Identification)
+    assert isinstance(again, ws.results.Identification)
     assert {one.code for one in again.findings} == {"unknown"}
     assert again.diagnosis.reasons == ("a reason",)
     assert again.diagnosis.remarks == ("a remark",)
@@ -88,11 +88,11 @@ def test_a_result_of_an_older_version_comes_back_with_its_sentences(
     monkeypatch.undo()
     again.save(tmp_path / "new")
     newest = ws.load_result(tmp_path / "new")
-    assert isinstance(newest, ws.Identification)
+    assert isinstance(newest, ws.results.Identification)
     assert newest.findings == again.findings
 
 
-def test_the_summary_has_every_finding_as_data(found: ws.Identification, saved: Path):
+def test_the_summary_has_every_finding_as_data(found: ws.results.Identification, saved: Path):
     listed = json.loads((saved / "summary.json").read_text(encoding="utf-8"))["findings"]
     assert [one["code"] for one in listed] == [one.code for one in found.findings]
     assert {"code", "severity", "text", "quantities", "data"} == set(listed[0])
@@ -111,29 +111,29 @@ def test_a_fit_of_own_equations_comes_back(tmp_path: Path):
     found = fitted(shaken(400))
     found.save(tmp_path / "x")
     again = ws.load_result(tmp_path / "x")
-    assert isinstance(again, ws.Fit)
+    assert isinstance(again, ws.models.Fit)
     assert str(again) == str(found)
     assert again.states == found.states
     np.testing.assert_array_equal(again.state_mean, found.state_mean)
 
 
-def of_modes(found: ws.Identification, record: ws.Record) -> Any:
+def of_modes(found: ws.results.Identification, record: ws.Record) -> Any:
     return ws.modes(found)
 
 
-def of_comparison(found: ws.Identification, record: ws.Record) -> Any:
+def of_comparison(found: ws.results.Identification, record: ws.Record) -> Any:
     return ws.compare(found, found)
 
 
-def of_oma(found: ws.Identification, record: ws.Record) -> Any:
+def of_oma(found: ws.results.Identification, record: ws.Record) -> Any:
     return ws.oma(record, turbine="tower")
 
 
-def of_damping(found: ws.Identification, record: ws.Record) -> Any:
+def of_damping(found: ws.results.Identification, record: ws.Record) -> Any:
     return ws.damping([found.posterior, found.posterior])
 
 
-def of_monitor(found: ws.Identification, record: ws.Record) -> Any:
+def of_monitor(found: ws.results.Identification, record: ws.Record) -> Any:
     from windsysid.monitoring.series import RecordBlocks
 
     rng = np.random.default_rng(0)
@@ -145,7 +145,9 @@ def of_monitor(found: ws.Identification, record: ws.Record) -> Any:
 
 
 @pytest.mark.parametrize("make", [of_modes, of_comparison, of_oma, of_damping, of_monitor])
-def test_other_answers_come_back(make: Callable[..., Any], found: ws.Identification, record: ws.Record, tmp_path: Path):
+def test_other_answers_come_back(
+    make: Callable[..., Any], found: ws.results.Identification, record: ws.Record, tmp_path: Path
+):
     answer = make(found, record)
     answer.save(tmp_path / "x")
     again = ws.load_result(tmp_path / "x")
@@ -159,7 +161,7 @@ def test_other_answers_come_back(make: Callable[..., Any], found: ws.Identificat
     assert len(again.plot().axes) == len(answer.plot().axes)
 
 
-def test_a_table_of_an_answer_holds_its_numbers(found: ws.Identification, record: ws.Record):
+def test_a_table_of_an_answer_holds_its_numbers(found: ws.results.Identification, record: ws.Record):
     change = of_comparison(found, record).coefficients[0]
     row = ws.compare(found, found).to_dataframe().set_index("name").loc[change.name]
     assert (row["before"], row["after"], row["moved"]) == (change.before, change.after, False)
@@ -247,7 +249,7 @@ def test_plain_values_keep_what_json_has_no_word_for():
         as_plain(object())
 
 
-def test_answers_are_drawn_in_a_figure_of_ones_own(found: ws.Identification):
+def test_answers_are_drawn_in_a_figure_of_ones_own(found: ws.results.Identification):
     from matplotlib.figure import Figure
 
     own = Figure(figsize=(12, 5), layout="constrained")
@@ -260,7 +262,7 @@ def test_answers_are_drawn_in_a_figure_of_ones_own(found: ws.Identification):
         found.plot(ax=own.add_axes((0.0, 0.0, 1.0, 1.0)))
 
 
-def test_a_difference_of_nothing_has_no_minus(found: ws.Identification):
+def test_a_difference_of_nothing_has_no_minus(found: ws.results.Identification):
     reference = found.estimates[0].estimate * (1.0 + 1e-6)
     same = replace(found, estimates=(replace(found.estimates[0], reference=reference),))
     assert same.table().rows[0][-1] == "+0.00 %"

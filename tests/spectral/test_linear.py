@@ -7,8 +7,9 @@ import scipy.signal
 
 from tests.findings import codes, reasons
 from tests.identification.test_own_equations import AT_REST, NOISE, PARAMETERS, RATE, SPRING, TRUTH, sensors, shaken
-from windsysid import ConfigurationError, Fit, GaussMarkov, Parameter, Record, RecordError, fit
+from windsysid import ConfigurationError, Record, RecordError
 from windsysid.mechanics.compile import compile_model
+from windsysid.models import Fit, GaussMarkov, Parameter, fit
 from windsysid.simulation.random_loads import draw_loads
 from windsysid.spectral.lti.likelihood import LinearModel
 from windsysid.spectral.rotor.load_filters import LoadShape, load_shapes

@@ -385,7 +385,7 @@ def test_modes_are_sought_in_a_range_only():
 
 
 @pytest.mark.parametrize("wander", [0.03, 0.1])
-@pytest.mark.parametrize("seed", [30, 39, 44, 48])
+@pytest.mark.parametrize("seed", [30, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (39, 44)), 48])
 def test_a_machines_line_that_wanders_is_no_mode_to_trust(seed, wander):
     rng = np.random.default_rng(seed)
     y = two_modes(seed)
@@ -396,7 +396,7 @@ def test_a_machines_line_that_wanders_is_no_mode_to_trust(seed, wander):
     assert all(mode.trusted for mode in found.modes if mode not in narrow)
 
 
-@pytest.mark.parametrize("seed", [6, 12, 25, 32, 43])
+@pytest.mark.parametrize("seed", [6, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (12, 25, 32)), 43])
 def test_every_clear_mode_of_a_frame_is_found_and_no_other(seed):
     """Few bins tell a peak's half height badly: bands came out too narrow to tell a mode from what is around it."""
     modes = ((0.8, 0.008), (1.9, 0.010), (3.1, 0.012), (4.6, 0.015))
@@ -443,7 +443,7 @@ def frame(seed, loads, storeys=5, zeta=0.02, noise=0.1):
     return frequencies, y + noise * y.std(axis=0) * rng.normal(size=y.shape)
 
 
-@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow), 3])
+@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3))])
 def test_no_mode_is_trusted_and_wrong_where_one_load_drives_all(seed):
     """The neighbours' response to the load of a mode is coherent with its own, and moved a damping by five sigma."""
     true, y = frame(seed, np.ones((5, 1)))
@@ -494,7 +494,7 @@ def windows(count, step):
     return [record_of(y[i * step : i * step + 3000], RATE) for i in range(count)]
 
 
-@pytest.mark.parametrize("step", [0, 750, 2000])
+@pytest.mark.parametrize("step", [0, pytest.param(750, marks=pytest.mark.slow), 2000])
 def test_records_that_hold_the_same_motion_are_not_trusted_together(step):
     """What happened once counted several times: bands were too narrow by the root of that."""
     rng = np.random.default_rng(3)

@@ -75,14 +75,11 @@ PROGRAMS = sorted({one.program for one in CITED} | runnable())
 QUICK: dict[str, str] = {
     "validation.auto": '--only spectral --runs 1 --kinds "tower, random loads, 120 s"',
     "validation.damping": "--stop {tmp}/stop.nc",
-    "validation.effects": "--first 1 --runs 1 --machines tower --only bias --sizes 0.4",
-    "validation.endurance": "--hours 0.02",
     "validation.formats": "--files 1 --only CSV",
     "validation.frames": "--storeys 2 --runs 1 --seconds 60",
     "validation.kills": "--runs 1",
     "validation.mutation": "--sample 0",
     "validation.install_size": "",
-    "validation.structure": "{root}",
 }
 """Short forms that take some seconds, run by `make test`: program and arguments."""
 
@@ -107,6 +104,9 @@ SHORT: dict[str, tuple[str, ...]] = {
     "validation.comparison": ("--pairs 1 --cache {tmp}",),
     "validation.damping": ("--runs 1",),
     "validation.decays": ("--runs 1",),
+    "validation.effects": ("--first 1 --runs 1 --machines tower --only bias --sizes 0.4",),
+    "validation.endurance": ("--hours 0.02",),
+    "validation.matching": ("--machines 20 --records 1",),
     "validation.field": ("--openfast {data}/openfast --output {tmp} --without-rotor --seeds 1",),
     "validation.window_pairs": ("--openfast {data}/openfast --records c2 --seconds 180",),
     "validation.windows": ("--openfast {data}/openfast --records c2 --seconds 180",),
@@ -141,6 +141,7 @@ NOT_RUN = {
     "validation.record": "writes a kept result; tests/validation/test_record.py runs it",
     "validation.richer": "identifies a rotor many times from records that are no part of this repository;"
     " tests/validation/test_richer.py runs its parts",
+    "validation.structure": "tests/validation/test_structure.py measures this checkout, and runs it on a small one",
     "validation.wheel": "makes environments from a package index",
 }
 """Programs without a short form, and why."""

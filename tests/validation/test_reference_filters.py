@@ -10,8 +10,10 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from windsysid import EKF, Prior, load_turbine
+from windsysid import load_turbine
+from windsysid.filters import EKF
 from windsysid.identification.model.turbine_problem import pose
+from windsysid.models import Prior
 from windsysid.simulation.record import simulate_record
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"

@@ -228,7 +228,8 @@ def modes(
     measured: Annotated[
         list[Path] | None,
         typer.Option(
-            help="Folder that windsysid oma wrote: its modes are drawn as points; may be given several times."
+            help="Folder that windsysid oma wrote: which of its modes is which, with odds, and drawn as points; may be "
+            "given several times."
         ),
     ] = None,
     output: Output = None,
@@ -238,6 +239,7 @@ def modes(
 ) -> None:
     """Frequencies and damping ratios against rotor speed, distance from the rotor's harmonics, stability."""
     from windsysid.modal.linearisation.read import ENDING, read_linearisation
+    from windsysid.modal.matching.match import on_diagram
     from windsysid.modal.sweep import find_modes
     from windsysid.results.posterior import load_posterior
     from windsysid.spectral.oma.known_modes import as_modes
@@ -251,7 +253,7 @@ def modes(
         raise ConfigurationError("--speeds: the rotor speeds are those of the .lin files: leave it out")
     inputs = (*(sources or []), *(measured or []))
     to = claim_output(context, output, name_of(given[0], "modes"), *inputs, overwrite=overwrite, json=json)
-    points = [mode for folder in measured or [] for mode in as_modes(folder).measured()]
+    known = [as_modes(folder) for folder in measured or []]
     diagram, working = rotor_speeds("--speeds", speeds), rotor_speeds("--operating", operating)
     with show_progress("modes") as progress:
         if linearised:
@@ -259,4 +261,6 @@ def modes(
         else:
             machine = load_turbine(turbine) if turbine is not None else load_posterior(given[0])
             found = find_modes(machine, speeds=diagram, operating=working, progress=progress)
+        model = found if turbine is None else load_turbine(turbine)
+        points = [mode for one in known for mode in on_diagram(one, model)]
     print_and_save(found.with_measured(points), to, json=json, verbose=verbose)

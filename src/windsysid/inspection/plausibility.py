@@ -1,6 +1,8 @@
 """Units that cannot be right, and channels that contradict each other."""
 
 import math
+import re
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -44,6 +46,15 @@ _GRAVITIES = (
     (GRAVITY, "m/s² marked as g"),
 )
 """Setting: gravity in a wrong unit over 9.81 m/s², and the mistake that makes it."""
+
+
+_AXIS = re.compile(r"(.+)_([xyz])_(acceleration|velocity|displacement)(?:_kinematic)?")
+
+MIN_TILT_DEGREES = 1.0
+"""Setting: smallest tilt of an axis that is reported; rotors are tilted by 4 to 8°, towers lean by less."""
+
+MIN_YAW_DEGREES = 10.0
+"""Setting: smallest yaw that is reported where sensors do not yaw: each axis shows 17 % of the other's motion."""
 
 
 class Rotor:
@@ -90,6 +101,7 @@ def implausible(record: Record, known: dict[str, Kind], rotor: Rotor | None, tur
     found = _pace(record) if "acceleration" in known.values() else []
     for channel, kind in known.items():
         found += _wrong_unit(record, channel, kind, rotor)
+    found += [*_tilts(record, known), *_yawed_axes(record, known)]
     if "rotor_speed" in known:
         found += _rotor_speed(record, turbine)
     if "rotor_azimuth" in known:
@@ -135,6 +147,36 @@ def _acceleration(record: Record, channel: str, x: Array, rotor: Rotor | None) -
         return [_unit(channel, "no support so shaken", rms=rms, gravities=rms / GRAVITY)]
     on_blade = channel.startswith("blade") and "kinematic" not in channel
     return _gravity_once_per_turn(record, channel, rms, rotor) if on_blade and rotor is not None else []
+
+
+def _tilts(record: Record, known: Iterable[str]) -> list[Fault]:
+    """Axes next to one that reads gravity whose mean is a part of it: by that they are tilted."""
+    axes = [match for name in known if (match := _AXIS.fullmatch(name)) and "acceleration" in name]
+    mean = {one[0]: float(np.nanmean(record[one[0]])) for one in axes}
+    found = []
+    for one in axes:
+        upright = [a[0] for a in axes if a[0] != one[0] and a.group(1, 3) == one.group(1, 3)]
+        upright = [name for name in upright if abs(math.hypot(mean[name], mean[one[0]]) / GRAVITY - 1.0) < 0.01]
+        tilt = math.degrees(math.asin(min(abs(mean[one[0]]) / GRAVITY, 1.0)))
+        if upright and MIN_TILT_DEGREES < tilt < 45.0:
+            data = {"mean": mean[one[0]], "degrees": tilt, "upright": upright[0]}
+            found.append(Fault(one[0], "tilt", "note", record.samples, data=data))
+    return found
+
+
+def _yawed_axes(record: Record, known: Iterable[str]) -> list[Fault]:
+    """Sensors below the yaw bearing, which keep the axes of the tower while the nacelle is yawed; OpenFAST's are known
+    to."""
+    axes = [name for name in known if (match := _AXIS.fullmatch(name)) and match[1] == "tower" and match[2] in "xz"]
+    if record.attributes.get("source") != "OpenFAST" or "nacelle_yaw" not in record or not axes:
+        return []
+    yaw = record["nacelle_yaw"][np.isfinite(record["nacelle_yaw"])]
+    across, along = float(np.mean(np.abs(np.sin(yaw)))), float(np.mean(np.abs(np.cos(yaw))))
+    angle = math.degrees(math.atan2(across, along)) if len(yaw) else 0.0
+    if angle < MIN_YAW_DEGREES:
+        return []
+    data = {"degrees": angle, "channels": ", ".join(axes[:4])}
+    return [Fault("nacelle_yaw", "yawed axes", "warning" if angle > 45.0 else "note", len(yaw), data=data)]
 
 
 def _gravity_once_per_turn(record: Record, channel: str, rms: float, rotor: Rotor) -> list[Fault]:

@@ -149,6 +149,13 @@ STATEMENTS: Final[Mapping[str, Statement]] = {
     "another usual speed": lambda _, __, d: f"{d['speed']:.4g} rad/s, where {d['turbine']} turns at {d['usual']:.4g}",
     "fast rotor": lambda _, __, d: f"{d['speed']:.4g} rad/s is {d['rpm']:.4g} rpm",
     "small rotor": lambda _, __, d: f"{d['speed']:.4g} rad/s is {d['rpm']:.4g} rpm, which only a small rotor does",
+    "tilt": lambda _, __, d: (
+        f"the mean {d['mean']:.3g} m/s² is gravity at a tilt of {d['degrees']:.2g}°, with {d['upright']}"
+    ),
+    "yawed axes": lambda _, __, d: (
+        f"the nacelle is yawed by {d['degrees']:.3g}° about the axes of {d['channels']}, which do not yaw"
+        + (": x is fore-aft and z is side-side" if d["degrees"] > 45.0 else "")
+    ),
     "gravity": lambda _, __, d: f"feels gravity (mean {d['mean']:.4g} m/s²)",
     "backwards": lambda _, __, d: f"runs backwards ({d['azimuth']:.3g} rad/s)",
     "contradiction": _contradiction,
@@ -231,6 +238,10 @@ ADVICE: Final[Mapping[str, str | Callable[[str, Data], str]]] = {
     "another usual speed": _mistake,
     "fast rotor": "rpm marked as rad/s, or the generator's speed?",
     "small rotor": "make sure that it is not rpm",
+    "tilt": "the axes are those of the tilted part",
+    "yawed axes": (
+        "turn them with windsysid.signals.with_nacelle_axes (docs/signals.md), or read fore-aft for side-side"
+    ),
     "gravity": "remove it before integration",
     "backwards": "count it in the sense of rotation",
     "contradiction": _mistake,

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.modal.matching.result import odds_text
 from windsysid.modal.stability import GroundResonance, Unstable
 from windsysid.modal.tracking import Curve
 from windsysid.output.answers import Answer
@@ -26,10 +27,7 @@ __all__ = ["MEASURED_HEADINGS", "Campbell", "Margin", "MeasuredMode", "speed_ran
 
 Triple = tuple[float, float, float]
 
-NEAR = 0.08
-"""A measured mode this near to a curve, relative, is beside it."""
-
-MEASURED_HEADINGS = ("record", "rpm", "mode", "f [Hz], ±2σ", "ζ [%], ±2σ", "beside", "off by", "trusted")
+MEASURED_HEADINGS = ("record", "rpm", "mode", "f [Hz], ±2σ", "ζ [%], ±2σ", "which mode, odds", "off by", "trusted")
 
 
 class Margin(NamedTuple):
@@ -78,8 +76,9 @@ class MeasuredMode(NamedTuple):
         (ratio, low, high).
     trusted
         Whether nothing spoke against it.
-    curve, expected
-        The curve nearest to it at that speed, within `NEAR`, and its frequency there [Hz]; None where there is none.
+    candidate, expected, probability
+        The mode of the model that it is (`windsysid.match`), or another cause; the model's frequency [Hz], None for
+        other causes; and its probability [1].
     """
 
     record: str
@@ -89,8 +88,9 @@ class MeasuredMode(NamedTuple):
     frequency_std: float
     damping: Triple
     trusted: bool
-    curve: str | None = None
+    candidate: str | None = None
     expected: float | None = None
+    probability: float = math.nan
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,16 +138,8 @@ class Campbell(Answer):
     measured: tuple[MeasuredMode, ...] = ()
 
     def with_measured(self, modes: Sequence[MeasuredMode]) -> "Campbell":
-        """The same with measured modes, each beside the nearest curve within `NEAR`."""
-        placed = []
-        for mode in modes:
-            there = {curve.name: float(np.interp(mode.speed, self.speeds, curve.frequency)) for curve in self.curves}
-            near = {name: abs(mode.frequency / f - 1.0) for name, f in there.items() if np.isfinite(f)}
-            name = min(near, key=near.__getitem__, default=None)
-            if name is not None and near[name] < NEAR and self.speeds[0] <= mode.speed <= self.speeds[-1]:
-                mode = mode._replace(curve=name, expected=there[name])
-            placed.append(mode)
-        return replace(self, measured=tuple(placed))
+        """The same with measured modes on it."""
+        return replace(self, measured=tuple(modes))
 
     def to_dataframe(self) -> "pd.DataFrame":
         """A row for each mode and rotor speed: ``mode``, ``speed`` [rad/s], ``frequency`` [Hz], ``damping`` ratio, and
@@ -178,12 +170,13 @@ class Campbell(Answer):
         rows: list[tuple[str, ...]] = []
         for mode in self.measured:
             off = "" if mode.expected is None else f"{100.0 * (mode.frequency / mode.expected - 1.0):+.2f} %"
+            which = "" if mode.candidate is None else f"{mode.candidate}, {odds_text(mode.probability)}"
             z, low, high = (100.0 * value for value in mode.damping)
             rows.append(
                 (
                     mode.record, f"{mode.speed * RPM:.2f}", mode.name,
                     f"{mode.frequency:.4f} ± {SIGMAS * mode.frequency_std:.4f}", f"{z:.2f} ({low:.2f} … {high:.2f})",
-                    mode.curve or "", off, "yes" if mode.trusted else "no",
+                    which, off, "yes" if mode.trusted else "no",
                 )
             )  # fmt: skip
         return rows

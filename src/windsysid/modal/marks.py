@@ -93,7 +93,7 @@ def read_mode_marks(path: str | Path) -> ModeMarks:
     >>> import tempfile
     >>> path = Path(tempfile.mkdtemp()) / "modes.toml"
     >>> _ = path.write_text("remove = [2.345]")
-    >>> ws.read_mode_marks(path).remove
+    >>> ws.results.read_mode_marks(path).remove
     (2.345,)
     """
     expected = 'expected a file with add = [[LOW, HIGH], …] and remove = [F, …] in Hz, as the page of "oma" saves it'

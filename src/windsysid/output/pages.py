@@ -1,18 +1,11 @@
-"""Where the pages and figures of answers come from: a room above them, which the root of the package names."""
+"""Where the pages and figures of answers come from."""
 
-from collections.abc import Callable
+from importlib import import_module
 from typing import Any
 
-__all__ = ["pages", "take_pages_from"]
-
-_find: list[Callable[[], Any]] = []
-
-
-def take_pages_from(find: Callable[[], Any]) -> None:
-    """Say how to import the room of the pages when somebody asks for one."""
-    _find[:] = [find]
+__all__ = ["pages"]
 
 
 def pages() -> Any:
-    """The room of the pages: a module with ``fragment``, ``files`` and ``figure`` (`windsysid.reports`)."""
-    return _find[0]()
+    """`windsysid.reports`, imported when somebody asks for one: ``fragment``, ``files`` and ``figure``."""
+    return import_module("windsysid.reports")

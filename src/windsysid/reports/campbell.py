@@ -175,8 +175,16 @@ def page(found: Campbell, parts: Sequence[Section]) -> bytes:
 
 
 def data(found: Campbell) -> dict[str, bytes]:
-    """``modes.csv`` and ``summary.json``, by name."""
+    """``modes.csv``, ``summary.json``, and ``measured.csv`` of measured modes, by name."""
+    measured = {}
+    if found.measured:
+        import pandas as pd
+
+        names = ("damping", "damping_low", "damping_high")
+        rows = [{**mode._asdict(), **dict(zip(names, mode.damping, strict=True))} for mode in found.measured]
+        measured["measured.csv"] = pd.DataFrame(rows).to_csv(index=False).encode()
     return {
+        **measured,
         "modes.csv": found.to_dataframe().to_csv(index=False).encode(),
         "summary.json": found.to_json().encode(),
     }

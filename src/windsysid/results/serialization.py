@@ -65,6 +65,7 @@ def _turbine_file(value: Turbine) -> str:
 _WRITTEN: tuple[tuple[type, Callable[[Any], Any]], ...] = (
     (np.generic, lambda value: as_plain(value.item())),  # before float, which a float64 is
     (float, lambda value: value if math.isfinite(value) else str(value)),
+    (complex, lambda value: [value.real, value.imag]),
     (np.ndarray, _array),
     (datetime, datetime.isoformat),
     (Turbine, _turbine_file),
@@ -114,6 +115,8 @@ def _from_collection(origin: type[Any], parts: Sequence[Any], value: Any) -> Any
 def _from_class(kind: type[Any], value: Any) -> Any:
     if kind in (float, int, bool, str):
         return kind(value)
+    if kind is complex:
+        return complex(*value)
     if kind is datetime:
         return datetime.fromisoformat(value)
     if kind is Turbine:

@@ -23,7 +23,7 @@ __all__ = ["IdentificationValues"]
 
 @dataclass(frozen=True)
 class IdentificationValues:
-    """The values of an identification; `windsysid.Identification` says what each is."""
+    """The values of an identification; `windsysid.results.Identification` says what each is."""
 
     method: str
     formulation: str

@@ -39,7 +39,7 @@ class ClockOffset(NamedTuple):
     channel
         What was compared.
     correlation
-        At the peak, of the signals without their means: 1 is a perfect match.
+        At the peak, of the signals without their means [1]: 1 is a perfect match.
     note
         In words, whether another offset fits as well.
     """
@@ -54,12 +54,20 @@ class ClockOffset(NamedTuple):
     note: str
 
     def corrected(self, time: Array) -> Array:
-        """Times (T,) [s] of the logger on the first logger's clock."""
+        """Times on the first logger's clock (T,) [s] of `time` on the logger's own (T,) [s]."""
         return time + self.offset + self.drift * (time - self.middle)
 
 
 class Aligned(NamedTuple):
-    """One record on the first logger's clock, and the offset of every other logger."""
+    """One record on the first logger's clock.
+
+    Attributes
+    ----------
+    record
+        The channels of all loggers on one time grid.
+    offsets
+        The clock of every logger but the first against the first's.
+    """
 
     record: Record
     offsets: tuple[ClockOffset, ...]
@@ -80,6 +88,11 @@ def align(
         Of the result [Hz]; the highest of the records by default.
     search
         Largest offset considered [s].
+
+    Returns
+    -------
+    Aligned
+        The record, and each logger's offset and drift.
 
     Raises
     ------
@@ -124,7 +137,19 @@ def align(
 
 
 def clock_offset(first: Record, other: Record, *, channel: str | None = None, search: float = 60.0) -> ClockOffset:
-    """What to add to the time of `other` to have the time of `first`; see `ClockOffset` and `align`.
+    """Offset and drift of one logger's clock against another's, from a channel that both recorded.
+
+    Parameters
+    ----------
+    first, other
+        Two records with a channel in common.
+    channel, search
+        As for `align`.
+
+    Returns
+    -------
+    ClockOffset
+        What to add to the time of `other` to have the time of `first`.
 
     Raises
     ------

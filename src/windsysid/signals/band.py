@@ -22,7 +22,21 @@ STEEPNESS = 8
 
 
 def band_pass(values: ArrayLike, rate: float, band: tuple[float, float]) -> Array:
-    """Keep what lies between two frequencies [Hz], with zero phase; (T,) in, (T,) out.
+    """Keep what lies between two frequencies, with zero phase.
+
+    Parameters
+    ----------
+    values
+        (T,), any unit; NaN = missing, bridged and missing again in the result.
+    rate
+        Samples per second [Hz].
+    band
+        Lowest and highest frequency [Hz]: half the amplitude is left there.
+
+    Returns
+    -------
+    numpy.ndarray
+        (T,), in the unit of `values`, without its mean.
 
     Raises
     ------

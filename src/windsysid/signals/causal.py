@@ -26,7 +26,15 @@ __all__ = ["CausalIntegrator", "CausalState", "causal_integrator", "causal_respo
 
 
 class CausalIntegrator(NamedTuple):
-    """The filters from acceleration to velocity and displacement: sections (2, 6) each; rate and cut-off [Hz]."""
+    """Filters from acceleration to velocity and displacement.
+
+    Attributes
+    ----------
+    velocity, displacement
+        Second-order sections (2, 6) each, as SciPy's ``sos`` [1].
+    rate, cutoff
+        Samples per second, and the frequency below which motion is removed [Hz].
+    """
 
     velocity: Array
     displacement: Array
@@ -35,7 +43,15 @@ class CausalIntegrator(NamedTuple):
 
 
 class CausalState(NamedTuple):
-    """Where a stream stands: the states of both filters (2, 2) each, and the last acceleration that was not missing."""
+    """State of a stream between two pieces.
+
+    Attributes
+    ----------
+    velocity, displacement
+        States of both filters (2, 2) each, as SciPy's ``zi``.
+    last
+        The last acceleration that was not missing [m/s² or rad/s²].
+    """
 
     velocity: Array
     displacement: Array
@@ -43,7 +59,19 @@ class CausalState(NamedTuple):
 
 
 def causal_integrator(rate: float, *, cutoff: float) -> CausalIntegrator:
-    """The filters for a stream of `rate` samples per second [Hz] above `cutoff` [Hz].
+    """Design filters that integrate a stream of accelerations.
+
+    Parameters
+    ----------
+    rate
+        Samples per second [Hz].
+    cutoff
+        Frequency below which motion is removed [Hz].
+
+    Returns
+    -------
+    CausalIntegrator
+        For `integrate_causally`.
 
     Raises
     ------
@@ -69,6 +97,8 @@ def integrate_causally(
 
     Parameters
     ----------
+    integrator
+        From `causal_integrator`.
     acceleration
         (T,) [m/s² or rad/s²], T ≥ 0; at a NaN the last known value is taken to hold, and the result is NaN.
     state
@@ -114,9 +144,25 @@ def integrate_causally(
 
 
 def causal_response(integrator: CausalIntegrator, frequency: ArrayLike) -> tuple[Array, Array]:
-    """Complex gain of velocity and of displacement against the true integrals, at frequencies [Hz]; 1 is perfect.
+    """Gain of velocity and of displacement against the true integrals.
 
-    Its angle is the phase by which the result leads; angle / (2π f) are the seconds.
+    Parameters
+    ----------
+    integrator
+        From `causal_integrator`.
+    frequency
+        (n,) or one number [Hz].
+
+    Returns
+    -------
+    velocity, displacement
+        Complex gains (n,) each [1]; 1 is perfect. The angle is the phase by which the result leads: angle / (2π f)
+        seconds.
+
+    Raises
+    ------
+    ValueError
+        If the frequencies are no numbers.
     """
     from scipy.signal import sosfreqz
 

@@ -26,7 +26,15 @@ _MOST_ROWS = 50_000_000
 
 
 class Despiked(NamedTuple):
-    """A channel (T,) whose spikes are NaN, and where they were (T,)."""
+    """A channel without its spikes.
+
+    Attributes
+    ----------
+    values
+        (T,), in the channel's unit, NaN where there was a spike.
+    spikes
+        (T,), True where there was one.
+    """
 
     values: Array
     spikes: NDArray[np.bool_]
@@ -38,14 +46,32 @@ class Despiked(NamedTuple):
 
 
 class Unbiased(NamedTuple):
-    """A channel (T,) with zero mean, and the mean that it had."""
+    """A channel without its mean.
+
+    Attributes
+    ----------
+    values
+        (T,), in the channel's unit.
+    bias
+        The mean that it had, in the channel's unit.
+    """
 
     values: Array
     bias: float
 
 
 class LevelledPair(NamedTuple):
-    """A pair of axes (T,) turned level and freed of gravity; the tilt [rad] and the gravity [m/s²] that were found."""
+    """A pair of axes, turned level and without gravity.
+
+    Attributes
+    ----------
+    lateral, upward
+        (T,) each [m/s²].
+    tilt
+        Angle that was found [rad].
+    gravity
+        Mean acceleration that was found [m/s²].
+    """
 
     lateral: Array
     upward: Array
@@ -70,12 +96,19 @@ def resample(
 
     Parameters
     ----------
+    record
+        Time regular or not.
     rate
-        [Hz].
+        Of the new grid [Hz].
     start, end
         First and last time of the grid [s]; the record's own by default. What lies outside the record is missing.
     max_gap
         Gaps of up to this many missing samples are interpolated; longer ones are missing in the result.
+
+    Returns
+    -------
+    Record
+        With an attribute that says from which rate it was resampled.
 
     Raises
     ------
@@ -243,9 +276,14 @@ def despike(values: ArrayLike, rate: float, *, threshold: float = 6.0, window: i
     rate
         Samples per second [Hz].
     threshold
-        In standard deviations.
+        In robust standard deviations [1].
     window
         Odd number of samples; bursts of less than half of it are found.
+
+    Returns
+    -------
+    Despiked
+        The channel with NaN at its spikes, and where they were.
 
     Raises
     ------
@@ -284,7 +322,23 @@ def despike(values: ArrayLike, rate: float, *, threshold: float = 6.0, window: i
 
 
 def remove_bias(values: ArrayLike) -> Unbiased:
-    """Take out the mean of a channel (T,), NaN left aside; RecordError if it holds no numbers."""
+    """Take out the mean of a channel.
+
+    Parameters
+    ----------
+    values
+        (T,), any unit; NaN = missing, left aside.
+
+    Returns
+    -------
+    Unbiased
+        The channel with zero mean, and the mean.
+
+    Raises
+    ------
+    RecordError
+        If the channel holds no numbers.
+    """
     y = np.asarray(values, dtype=np.float64)
     if not np.isfinite(y).any():
         raise RecordError("bias: expected a channel with numbers, got none; leave the channel out")
@@ -304,6 +358,11 @@ def remove_gravity_and_tilt(lateral: ArrayLike, upward: ArrayLike, *, gravity: f
         (T,) [m/s²], the second a quarter turn counter-clockwise from the first; NaN = missing, in both results.
     gravity
         Expected magnitude in the plane of the pair [m/s²].
+
+    Returns
+    -------
+    LevelledPair
+        The level pair, the tilt and the gravity that were found.
 
     Raises
     ------

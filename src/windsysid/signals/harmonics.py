@@ -76,6 +76,11 @@ def rotor_from_tower(
     search
         The mean speed is sought within this share of `rotor_speed` either way.
 
+    Returns
+    -------
+    RotorMotion
+        Azimuth, speed and acceleration (T,) each.
+
     Raises
     ------
     RecordError
@@ -119,6 +124,11 @@ def rotor_from_blades(
         The turbine's usual speed Ω [rad/s].
     search
         The mean speed is sought within this share of `rotor_speed` either way.
+
+    Returns
+    -------
+    RotorMotion
+        Azimuth, speed and acceleration (T,) each.
 
     Raises
     ------

@@ -50,7 +50,15 @@ _QUIET = 0.05  # noise of a sample as a share of the signal, where the caller na
 
 
 class Motion(NamedTuple):
-    """Velocity [m/s or rad/s] and displacement [m or rad] of one channel, (T,) each, about zero."""
+    """Motion of one channel about zero.
+
+    Attributes
+    ----------
+    velocity
+        (T,) [m/s or rad/s].
+    displacement
+        (T,) [m or rad].
+    """
 
     velocity: Array
     displacement: Array
@@ -85,6 +93,11 @@ def integrate(
         κ [rad/m] of an accelerometer that feels gravity and rolls with the tower's top by κ per metre of displacement:
         it reads a + g κ x. Only ``frequency`` and ``kalman`` can undo that. −0.0209 rad/m for the NREL 5 MW tower,
         where it is 5 % of the displacement.
+
+    Returns
+    -------
+    Motion
+        Velocity and displacement (T,) each.
 
     Raises
     ------

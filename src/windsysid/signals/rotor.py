@@ -61,6 +61,18 @@ def rotor_inputs(record: Record, rotor_speed: float) -> Array:
     Needs the channel ``rotor_azimuth``; ``rotor_speed`` is used where it is recorded. Missing azimuths are bridged
     by Ω; those that scatter about a smooth rotation are smoothed.
 
+    Parameters
+    ----------
+    record
+        Sampled uniformly.
+    rotor_speed
+        The turbine's usual speed [rad/s].
+
+    Returns
+    -------
+    numpy.ndarray
+        (T, 3): ψ [rad], Ω [rad/s], dΩ/dt [rad/s²].
+
     Raises
     ------
     RecordError
@@ -135,6 +147,11 @@ def rotor_from_encoder(
     zero
         Azimuth of blade 1 [rad] at which the encoder reads 0; None: not known.
 
+    Returns
+    -------
+    RotorMotion
+        Azimuth, speed and acceleration (T,) each.
+
     Raises
     ------
     RecordError
@@ -177,6 +194,11 @@ def rotor_from_pulses(values: ArrayLike, rate: float, *, per_turn: int = 1, zero
         Pulses per turn, evenly spaced.
     zero
         Azimuth of blade 1 [rad] at the beginning of a pulse; None: not known.
+
+    Returns
+    -------
+    RotorMotion
+        Azimuth, speed and acceleration (T,) each.
 
     Raises
     ------

@@ -44,6 +44,11 @@ def to_nacelle(first: ArrayLike, second: ArrayLike, yaw: ArrayLike, *, bearing: 
     bearing
         b [rad], clockwise from the yaw signal's zero.
 
+    Returns
+    -------
+    lateral, downwind
+        x and z (T,) each, in the pair's unit.
+
     Raises
     ------
     RecordError
@@ -64,6 +69,8 @@ def with_nacelle_axes(
 
     Parameters
     ----------
+    record
+        With both channels and the yaw.
     first, second
         Channels along the bearing b and a quarter turn counter-clockwise from it; the quantity is the last word of
         `first`.
@@ -71,6 +78,13 @@ def with_nacelle_axes(
         Channel of the nacelle's bearing [rad].
     bearing
         b [rad].
+    point
+        Of the sensor, the first word of the new channels.
+
+    Returns
+    -------
+    Record
+        With two channels more.
 
     Raises
     ------
@@ -98,6 +112,20 @@ def tower_inputs(record: Record, rotor_speed: float, *, needs_yaw: bool) -> Arra
     The azimuth is the record's, or else its ``rotor_speed`` summed up from an unknown start, or else that of the usual
     `rotor_speed` [rad/s]. The yaw is the channel ``nacelle_yaw``, smoothed by local parabolas over ten seconds, or
     else constant.
+
+    Parameters
+    ----------
+    record
+        Sampled uniformly.
+    rotor_speed
+        The turbine's usual speed [rad/s].
+    needs_yaw
+        Whether a sensor is fixed to the tower.
+
+    Returns
+    -------
+    numpy.ndarray
+        (T, 5): ψ [rad], Ω [rad/s], γ [rad], γ̇ [rad/s], γ̈ [rad/s²].
 
     Raises
     ------

@@ -33,7 +33,7 @@ class Parameter:
         Scale of a linear parameter [SI], 2√(km) for a damper; ignored for a logarithmic one.
     kind, part
         Kind of the parameter, and the degree of freedom or other part that it belongs to, as the model declares them
-        (`windsysid.Coefficient`); empty where the model leaves them open.
+        (`windsysid.models.Coefficient`); empty where the model leaves them open.
     """
 
     name: str

@@ -117,7 +117,7 @@ def test_a_gap_is_no_reading(tower: Turbine):
 
 
 def test_the_chance_of_a_statistic_is_uniform_without_an_effect(tower: Turbine):
-    check_level([p_values(tower, 46_000 + seed) for seed in range(60)], 0.2, 2.0)
+    check_level([p_values(tower, 46_000 + seed) for seed in range(30)], 0.2, 2.0)
 
 
 @pytest.mark.slow

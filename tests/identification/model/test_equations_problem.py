@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from windsysid import ConfigurationError, Equations, GaussMarkov, Parameter, Reading, Record, RecordError
+from windsysid import ConfigurationError, Record, RecordError
 from windsysid.identification.model.equations_problem import (
     EquationsJob,
     constant_loads,
@@ -15,6 +15,7 @@ from windsysid.identification.model.equations_problem import (
     loads_behind_low_pass,
     read_columns,
 )
+from windsysid.models import Equations, GaussMarkov, Parameter, Reading
 
 q, v, force = sp.symbols("q v force", real=True)
 c, k = sp.symbols("c k", positive=True)

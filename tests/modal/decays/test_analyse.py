@@ -44,7 +44,7 @@ def test_a_mode_that_is_removed_by_hand_is_removed_from_each_record():
     records = records_of(CASES[1]._replace(noise=0.01), 5)[0]
     both = [records, records.select(records.channels[:3])]
     whole = ws.free_decay(both)
-    found = ws.free_decay(both, marks=ws.ModeMarks(remove=(whole.modes[0].frequency,)))
+    found = ws.free_decay(both, marks=ws.results.ModeMarks(remove=(whole.modes[0].frequency,)))
     assert len(found.modes) == len(found.bands) == len(whole.modes) - 1
     for part in found.parts:
         for own, mode in zip(part.modes, found.modes, strict=True):
@@ -74,7 +74,7 @@ def test_a_saved_result_comes_back_with_its_histories(tmp_path):
     found = ws.free_decay(records_of(CASES[0], 3)[0])
     found.save(tmp_path / "out")
     again = ws.load_result(tmp_path / "out")
-    assert isinstance(again, ws.OperationalModes)
+    assert isinstance(again, ws.results.OperationalModes)
     assert again.method == "free decays"
     np.testing.assert_array_equal(again.decays[0].fitted, found.decays[0].fitted)
     assert again.summary()["modes"][0]["frequency_hz"] == found.summary()["modes"][0]["frequency_hz"]

@@ -9,8 +9,9 @@ import pytest
 
 import windsysid as ws
 from tests.modal.linearisation.whirling_rotor import Rotor
-from windsysid.modal.campbell import MeasuredMode
 from windsysid.modal.linearisation.result import LinearisedModes
+from windsysid.modal.matching.match import on_diagram
+from windsysid.spectral.oma.known_modes import KnownMode, KnownModes
 
 SHARED = Path(__file__).parents[4] / "shared" / "data"
 DECKS = SHARED / "decks"
@@ -40,9 +41,10 @@ def test_sets_of_files_are_operating_points_whose_modes_are_linked(tmp_path: Pat
 
 def test_a_diagram_takes_measured_modes(tmp_path: Path):
     forward = Rotor(speed=0.8).whirls().max() / (2.0 * math.pi)
-    measured = MeasuredMode("year1", "mode 3", 0.8, 1.01 * forward, 0.001, (0.01, 0.008, 0.012), True)
-    (placed,) = sweep(tmp_path).with_measured([measured]).measured
-    assert placed.curve == "edge forward"
+    mode = KnownMode("mode 3", math.log(1.01 * forward), 0.001, math.log(0.01), 0.1, {}, True)
+    known = KnownModes("year1", None, None, None, (mode,), True, 0.8)
+    (placed,) = on_diagram(known, sweep(tmp_path))
+    assert placed.candidate == "edge forward"
     assert placed.expected == pytest.approx(forward, rel=1e-6)
 
 

@@ -5,8 +5,9 @@ import pytest
 import sympy as sp
 
 from tests.identification.test_own_equations import SPRING, sensors
-from windsysid import ConfigurationError, Equations, Reading
+from windsysid import ConfigurationError
 from windsysid.mechanics.compile import compile_model
+from windsysid.models import Equations, Reading
 from windsysid.spectral.lti.system import is_stable, linearise, low_rank, resolve
 
 COMPILED = compile_model(SPRING, sensors())

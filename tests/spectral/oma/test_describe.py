@@ -39,5 +39,7 @@ def test_a_mode_at_the_border_near_a_mode_of_the_next_band_is_its_skirt(frequenc
 def test_the_nearest_mode_takes_the_name_of_the_turbine_file():
     turbine = ws.load_turbine("nrel5mw")
     name, f, damping = expected_modes(turbine, 0.0)[0]
-    found = with_references([mode(1.03 * f), mode(1.01 * f), mode(1.2 * f)], turbine, 0.0)
+    channels = ("a", "b")
+    found = with_references([mode(1.05 * f), mode(1.01 * f), mode(1.25 * f)], channels, turbine, 0.0)
     assert [(one.name, one.reference) for one in found] == [("", None), (name, (f, damping)), ("", None)]
+    assert [one.candidates[0].name for one in found] == ["unknown", name, "unknown"]

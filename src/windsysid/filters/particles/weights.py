@@ -26,6 +26,8 @@ class ParticleInfo(NamedTuple):
 
     Attributes
     ----------
+    mean, std, innovation, innovation_std, whitened, whitening_std, log_likelihood, gated
+        As of `windsysid.filters.Info`: shapes (T, n) of means and standard deviations, (T, m) of innovations.
     effective
         Effective sample size after each sample (T,).
     resamplings
@@ -99,7 +101,18 @@ class Fared(Protocol):
 
 
 def degeneracy(info: Fared) -> str:
-    """How the particles fared, in a sentence or two that a reader can act on."""
+    """Describe the health of a particle cloud in a sentence or two that a reader can act on.
+
+    Parameters
+    ----------
+    info
+        What a particle filter's `run` returned.
+
+    Returns
+    -------
+    str
+        It begins with ``healthy``, ``thin`` or ``degenerate``.
+    """
     count = int(info.survivors.max(initial=0)) if not info.resamplings.all() else 0
     count = max(count, int(np.ceil(info.effective.max(initial=0.0))))
     times, samples = int(info.resamplings.sum()), len(info.effective)

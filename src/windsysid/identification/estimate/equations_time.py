@@ -68,7 +68,7 @@ class EquationsEstimate(NamedTuple):
 
 
 def fit_by_filter(job: EquationsJob, segments: SegmentReader) -> EquationsEstimate:
-    """Identify parameters from the readings in time; exceptions as of `windsysid.fit`."""
+    """Identify parameters from the readings in time; exceptions as of `windsysid.models.fit`."""
     problem, samples, notes = _take(job, segments)
     count, rate = segments.samples, segments.last.rate
     columns = _compile(problem)

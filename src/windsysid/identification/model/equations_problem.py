@@ -42,7 +42,7 @@ LOUDER = (1.0, 10.0, 100.0)
 
 
 class EquationsJob(NamedTuple):
-    """What is to be identified of one's own equations; attributes as of `windsysid.fit`."""
+    """What is to be identified of one's own equations; attributes as of `windsysid.models.fit`."""
 
     model: Model
     parameters: tuple[Parameter, ...]

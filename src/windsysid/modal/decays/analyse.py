@@ -78,7 +78,7 @@ def analyse_decays(
     section
         Start and end [s]; the release is sought there.
     marks
-        Modes that are to be left out; none can be added (`windsysid.read_mode_marks`).
+        Modes that are to be left out; none can be added (`windsysid.results.read_mode_marks`).
     progress
         Called with the present step and the share that is done, 0 to 1, or None if that is unknown.
 
@@ -121,7 +121,7 @@ def analyse_decays(
     found = _without_removed(found, marks)
     nodes, drawn = geometry_of(sensors)
     found = replace(found, nodes=nodes, lines_drawn=drawn)
-    modes = with_references(named(found.modes, found.channels), machine, 0.0)
+    modes = with_references(named(found.modes, found.channels), found.channels, machine, 0.0)
     if found.doubts:
         of_record = Doubt("record", f"the record is doubtful: {found.doubts[0]}")
         modes = [replace(mode, grounds=(*mode.grounds, of_record)) for mode in modes]

@@ -109,6 +109,18 @@ class ModelCoordinates(NamedTuple):
                 structural += share if group.structural else 0.0
         return dict(sorted(found.items(), key=lambda item: -item[1])), structural
 
+    def motions(self, shapes: Complex) -> dict[str, Complex]:
+        """Displacements (m,) by kind of m modes in whirl coordinates (n, m), as amplitudes of collective parts and of
+        patterns a_c ± i a_s."""
+        found: dict[str, Complex] = {}
+        for group in self.groups:
+            patterns = _PATTERNS if len(group.states) == BLADES else ("",)
+            for i, pattern in enumerate(patterns):
+                name = f"{group.kind} {pattern}".strip()
+                moved = shapes[group.states[i]] * (math.sqrt(2.0) if i else 1.0)
+                found[name] = found.get(name, np.zeros(shapes.shape[1], dtype=complex)) + moved
+        return found
+
     @property
     def displacements(self) -> list[int]:
         """Indices of the states that are no rates."""

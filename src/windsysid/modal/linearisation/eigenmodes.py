@@ -58,6 +58,8 @@ class LinearisedMode(NamedTuple):
         Ratio −Re λ / |λ| [1], and its standard deviation.
     participation
         Share of each kind of degree of freedom [1], largest first.
+    shape
+        Displacement of each kind, of any scale: metres of the tower top and of blade tips, radians of a platform.
     """
 
     name: str
@@ -66,6 +68,7 @@ class LinearisedMode(NamedTuple):
     damping: float
     damping_std: float
     participation: Mapping[str, float]
+    shape: Mapping[str, complex]
 
     @property
     def main_parts(self) -> str:
@@ -118,6 +121,7 @@ def model_modes(files: Sequence[LinearisedModel], coordinates: ModelCoordinates)
     participation = np.abs((rows @ np.conj(U).T) * (U @ r).T)
     participation /= participation.sum(axis=1, keepdims=True)
     shares = [coordinates.shares(p) for p in participation]
+    motions = coordinates.motions(U @ r)
     keep = [m for m, (_, structural) in enumerate(shares) if structural >= MIN_STRUCTURAL_SHARE]
     slopes = _rounding_slopes(files, coordinates, exponents)
     spectrum = DampedSpectrum(
@@ -129,7 +133,9 @@ def model_modes(files: Sequence[LinearisedModel], coordinates: ModelCoordinates)
     stds = [np.linalg.norm(d, axis=1) for d in spectrum.frequency_and_damping_slopes()]
     f, f_std, z, z_std = (v.tolist() for v in (spectrum.frequency, stds[0], spectrum.damping, stds[1]))
     modes = tuple(
-        LinearisedMode(name, f[i], f_std[i], z[i], z_std[i], shares[m][0])
+        LinearisedMode(
+            name, f[i], f_std[i], z[i], z_std[i], shares[m][0], {kind: complex(v[m]) for kind, v in motions.items()}
+        )
         for i, (m, name) in enumerate(zip(keep, spectrum.names, strict=True))
     )
     return ModelModes(modes, spectrum, len(seen) - len(keep))

@@ -118,4 +118,5 @@ class LinearisedModes(Campbell):
 
 
 def _plain(mode: LinearisedMode) -> Mapping[str, Any]:
-    return {**mode._asdict(), "participation": dict(mode.participation)}
+    shape = {kind: [value.real, value.imag] for kind, value in mode.shape.items()}
+    return {**mode._asdict(), "participation": dict(mode.participation), "shape": shape}

@@ -78,7 +78,7 @@ SPECTRA: Final[Mapping[str, Sentence]] = {
     ),
     "ambiguous_peak": lambda d: (
         f"{' and '.join(d['modes'])} may be the peak at {_hz(d['frequencies'])} or that at {_hz(d['others'])}: give a"
-        " narrower prior (--prior-spread)"
+        " narrower prior ([prior] in the turbine file)"
     ),
     "varying_rotor_speed": (
         "the rotor's speed varies by ±{variation:.2g %} (standard deviation), and spectra were taken as if it did not"

@@ -66,7 +66,7 @@ def analyse_vibration(
         Its sensors are used, and modes near those of the turbine file have their names.
     bands
         (lowest, highest) [Hz], one for each group of close modes; by default found from the spectra. Or modes that
-        were added and removed by hand (`windsysid.read_mode_marks`): then all others are found from the spectra.
+        were added and removed by hand (`windsysid.results.read_mode_marks`): all others are found from the spectra.
     limits
         Frequency range of the search for bands [Hz]; by default from the lowest on, up to a largest number of bands;
         a note names its end if there are more.
@@ -100,7 +100,7 @@ def analyse_vibration(
     found = result_of(singles[0]) if len(singles) == 1 else join(singles)
     nodes, drawn = geometry_of(sensors)
     found = replace(found, nodes=nodes, lines_drawn=drawn)
-    modes = with_references(named(found.modes, found.channels), machine, found.rotor_hz)
+    modes = with_references(named(found.modes, found.channels), found.channels, machine, found.rotor_hz)
     if found.doubts:
         of_record = Doubt("record", f"the record is doubtful: {found.doubts[0]}")
         modes = [replace(mode, grounds=(*mode.grounds, of_record)) for mode in modes]

@@ -10,12 +10,12 @@ from windsysid._types import Array
 from windsysid.checks.dispersion import PartScores
 from windsysid.checks.limits import EVEN_CHANCE, MAX_WIDENING, MIN_REPORTED_WIDENING
 from windsysid.checks.widening import mixture_factor
-from windsysid.inspection.limits import MAX_REFERENCE_DISTANCE
-from windsysid.inspection.spectra import expected_modes
+from windsysid.modal.matching.match import blades_of, candidates_of, turbine_modes
 from windsysid.spectral.modal_bands.check import explanations, is_spurious, mode_doubts
 from windsysid.spectral.modal_bands.model_order import BandFit, Shapes, full_shapes
 from windsysid.spectral.modal_bands.part_scores import Segments, part_scores, widening_of
 from windsysid.spectral.oma.condition import Readings
+from windsysid.spectral.oma.known_modes import known_mode
 from windsysid.spectral.oma.limits import MIN_BLADE_RATIO, SKIRT_HALF_WIDTHS
 from windsysid.spectral.oma.mode import Doubt, OperationalMode
 from windsysid.turbine.turbine import Turbine
@@ -137,18 +137,17 @@ def _motion_name(size: Array, names: Sequence[str]) -> str:
     return f"{'flap' if re.search('flap|out', what) else 'lag'} {way}"
 
 
-def with_references(modes: list[OperationalMode], machine: Turbine | None, rotor_hz: float) -> list[OperationalMode]:
-    """Add the frequencies of the turbine file to the modes, each used once, the nearest first."""
+def with_references(
+    modes: list[OperationalMode], channels: Sequence[str], machine: Turbine | None, rotor_hz: float
+) -> list[OperationalMode]:
+    """Add the modes of the turbine file that the modes may be, with the names and frequencies of matched ones."""
     if machine is None:
         return modes
-    expected = expected_modes(machine, 2.0 * np.pi * rotor_hz)
-    pairs = sorted(
-        (abs(mode.frequency / f - 1.0), i, k) for i, mode in enumerate(modes) for k, (_, f, _) in enumerate(expected)
-    )
-    taken: set[int] = set()
-    for off, i, k in pairs:
-        if off < MAX_REFERENCE_DISTANCE and modes[i].reference is None and k not in taken:
-            name, f, z = expected[k]
-            modes[i] = replace(modes[i], name=name, reference=(f, z))
-            taken.add(k)
-    return modes
+    expected = turbine_modes(machine, 2.0 * np.pi * rotor_hz)
+    known = [known_mode(mode, channels) for mode in modes]
+    found = []
+    for mode, match in zip(modes, candidates_of(known, expected, rotor_hz, blades_of(machine)), strict=True):
+        reference = match.reference
+        name = mode.name if reference is None else match.best.name
+        found.append(replace(mode, name=name, reference=reference, candidates=match.candidates))
+    return found

@@ -1,7 +1,9 @@
 """Modes of a result of `windsysid.oma`, or of the folder that it was saved in, for comparisons and diagrams."""
 
 import math
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -13,14 +15,18 @@ from windsysid.modal.campbell import MeasuredMode
 from windsysid.output.folders import result_file
 from windsysid.results.posterior import SIGMAS, section_name
 from windsysid.spectral.modal_bands.scoring import DAMPING_PRIOR
+from windsysid.spectral.oma.mode import OperationalMode
 from windsysid.spectral.oma.result import ANALYSIS, OperationalModes
 
-__all__ = ["KnownMode", "KnownModes", "ModesLike", "as_modes", "holds_modes", "in_channels", "without_damping_prior"]
+__all__ = [
+    "KnownMode", "KnownModes", "ModesLike", "as_modes", "holds_modes", "in_channels", "known_mode",
+    "without_damping_prior",
+]  # fmt: skip
 
 
 class KnownMode(NamedTuple):
-    """Mode: its name, ln f and ln ζ with their standard deviations, its shape by channel, and whether it was
-    trusted."""
+    """Mode: its name, ln f and ln ζ with their standard deviations, its shape by channel, whether it was trusted, the
+    standard deviations of its shape, and the kinds of its doubts."""
 
     name: str
     ln_frequency: float
@@ -29,6 +35,8 @@ class KnownMode(NamedTuple):
     ln_damping_std: float
     shape: dict[str, complex]
     trusted: bool
+    shape_std: Mapping[str, float] = MappingProxyType({})
+    doubts: tuple[str, ...] = ()
 
 
 class KnownModes(NamedTuple):
@@ -68,6 +76,15 @@ class KnownModes(NamedTuple):
 
 
 ModesLike: TypeAlias = OperationalModes | KnownModes | str | Path
+
+
+def known_mode(mode: OperationalMode, channels: Sequence[str]) -> KnownMode:
+    """A mode of `windsysid.oma`, whose shape is that of some channels."""
+    return KnownMode(
+        mode.name, math.log(mode.frequency), mode.frequency_std / mode.frequency, math.log(mode.damping),
+        mode.ln_damping_std, dict(zip(channels, mode.shape.tolist(), strict=True)), mode.trusted,
+        dict(zip(channels, mode.shape_std.tolist(), strict=True)), tuple(doubt.kind for doubt in mode.grounds),
+    )  # fmt: skip
 
 
 def holds_modes(given: object) -> bool:
@@ -120,7 +137,8 @@ def _read(summary: dict[str, Any]) -> KnownModes:
         f_std, z_std = (f["high"] - f["low"]) / (2.0 * SIGMAS), math.log(z["high"] / z["low"]) / (2.0 * SIGMAS)
         by_channel = dict(zip(shape["sensors"], values.tolist(), strict=True))
         logs = (math.log(f["estimate"]), f_std / f["estimate"], math.log(z["estimate"]), z_std)
-        modes.append(KnownMode(name, *logs, by_channel, bool(one["trusted"])))
+        stds = dict(zip(shape["sensors"], map(float, shape["std"]), strict=True))
+        modes.append(KnownMode(name, *logs, by_channel, bool(one["trusted"]), stds, tuple(one.get("doubt_kinds", ()))))
     start, stop = (float(value) for value in summary["section"])
     several = "parts" in summary
     record = str(summary["record"])

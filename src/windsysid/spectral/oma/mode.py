@@ -7,6 +7,7 @@ import numpy as np
 
 from windsysid._types import Array, Complex
 from windsysid.checks.widening import grade_of
+from windsysid.modal.matching.result import ModeCandidate
 from windsysid.modal.shapes import along_axis, phase_collinearity, phase_deviation
 from windsysid.results.mode import Mode
 from windsysid.results.posterior import SIGMAS
@@ -59,6 +60,8 @@ class OperationalMode:
     segments
         (K, 3) middles of segments of the record [s], and frequency [Hz] and damping ratio in each, by one step of
         scoring from those of the whole; None if the record is too short for segments.
+    candidates
+        Modes of the turbine file that it may be, and other causes, with their probabilities; the best one first.
     """
 
     name: str
@@ -77,6 +80,7 @@ class OperationalMode:
     remarks: tuple[Doubt, ...] = ()
     widening: tuple[float, float] = (1.0, 1.0)
     segments: Array | None = None
+    candidates: tuple[ModeCandidate, ...] = ()
 
     @property
     def grades(self) -> tuple[str, str]:
@@ -148,7 +152,9 @@ class OperationalMode:
             },
             "band_hz": list(self.band),
             "segments": None if self.segments is None else self.segments.tolist(),
+            **({"candidates": [one._asdict() for one in self.candidates]} if self.candidates else {}),
             "trusted": self.trusted,
             "doubts": list(self.doubts),
+            "doubt_kinds": [doubt.kind for doubt in self.grounds],
             "remarks": [remark.text for remark in self.remarks],
         }

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.modal.matching.result import odds_text
 from windsysid.modal.shapes import assurance_matrix
 from windsysid.output.answers import Answer
 from windsysid.output.table import Table
@@ -256,7 +257,7 @@ class OperationalModes(Answer):
     @property
     def headings(self) -> tuple[str, ...]:
         """Headings of `rows`."""
-        known = ("reference [Hz]",) if any(mode.reference for mode in self.modes) else ()
+        known = ("reference [Hz]", "which mode, odds") if any(mode.candidates for mode in self.modes) else ()
         return ("mode", "f ± 2σ [Hz]", "grade", "ζ ± 2σ [%]", "grade", *known, *(("moves most",) * self._numbered))
 
     @property
@@ -264,7 +265,9 @@ class OperationalModes(Answer):
         """The modes as a table under `headings`."""
         rows = []
         for mode in self.modes:
-            known = (mode.mode.reference_cells()[0],) if any(m.reference for m in self.modes) else ()
+            best = mode.candidates[:1]
+            which = tuple(f"{one.name}, {odds_text(one.probability)}" for one in best)
+            known = (mode.mode.reference_cells()[0], *which) if best else ()
             largest = (self.channels[int(np.argmax(np.abs(mode.shape)))],) * self._numbered
             rows.append((*mode.mode.cells(), *known, *largest))
         return rows
@@ -284,7 +287,7 @@ class OperationalModes(Answer):
     def table(self, caption: str | None = None) -> Table:
         """`rows`, under `caption`."""
         of = self.record if self.parts else section_name(self.record, *self.section)
-        words = (0, len(self.headings) - 1) if self._numbered else (0,)
+        words = [0, *(i for i, name in enumerate(self.headings) if name in ("which mode, odds", "moves most"))]
         return Table(self.headings, self.rows, f"modes of {of}" if caption is None else caption, words)
 
     def agreement_table(self, caption: str = "record by record") -> Table:

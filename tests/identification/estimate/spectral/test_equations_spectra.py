@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from tests.identification.test_own_equations import NOISE, PARAMETERS, RATE, SPRING, sensors, shaken
-from windsysid import ConfigurationError, GaussMarkov, Record
+from windsysid import ConfigurationError, Record
 from windsysid.errors import RecordError
 from windsysid.identification.condition.segments import SegmentReader
 from windsysid.identification.estimate.spectral.equations_spectra import _pose, _take
 from windsysid.identification.model.equations_problem import EquationsJob
+from windsysid.models import GaussMarkov
 from windsysid.spectral.transforms.cross_spectra import transform_block
 
 JOB = EquationsJob(

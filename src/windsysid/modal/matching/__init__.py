@@ -1,0 +1,1 @@
+"""Which measured mode is which mode of a model, with odds."""
