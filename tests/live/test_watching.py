@@ -141,7 +141,7 @@ def test_what_comes_back_ends_its_alarm_and_is_a_notice():
     assert first.ended is not None
     assert BEGIN + 270 * STEP < first.ended < BEGIN + 285 * STEP
     assert (second.severity, second.ended) == ("notice", second.opened)
-    assert "takes back" in second.text
+    assert "reverses an earlier change" in second.text
 
 
 def test_a_watch_goes_on_from_any_checkpoint_to_the_same_bits(monkeypatch: pytest.MonkeyPatch):
@@ -379,4 +379,4 @@ def test_a_change_of_settings_is_said_where_something_jumps_with_it():
     for one in rows[170:]:
         one["settings"] = "sha256:1"
     (alarm,) = last_said(feed(start("T1"), rows)).values()
-    assert "settings or version changed with it" in alarm.text
+    assert "settings or version changed at the same time" in alarm.text
