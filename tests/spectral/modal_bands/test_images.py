@@ -33,12 +33,12 @@ def motions(*, bound: bool, power: float = 1.0) -> tuple[np.ndarray, np.ndarray]
     turning = np.fft.ifft(np.concatenate([2.0 * np.fft.rfft(first), np.zeros(samples - len(near))]))
     turning /= np.abs(turning).std()
     amplitude = np.interp(np.arange(samples), np.arange(0, samples, 200), rng.uniform(0.5, 1.5, samples // 200))
-    second = amplitude * (turning / np.abs(turning)) ** 2
+    second = (amplitude * (turning / np.abs(turning)) ** 2).real
     if not bound:
         far = np.exp(-0.5 * ((frequency - 1.2) / 0.012) ** 2)
         second = np.fft.irfft(far * (rng.normal(size=(2, len(far))).T @ [1.0, 1.0j]), samples)
-        second /= second.std()
-    whole = turning.real + np.sqrt(power) * second.real + 0.01 * rng.normal(size=samples)
+        second = second / second.std()
+    whole = turning.real + np.sqrt(power) * second + 0.01 * rng.normal(size=samples)
     return frequency, np.fft.rfft(whole)[:, None]
 
 
