@@ -59,7 +59,7 @@ def test_every_public_name_is_in_the_reference_with_a_docstring(reference: Path)
 def test_every_command_is_in_the_reference(reference: Path):
     text = (reference / "commands.md").read_text(encoding="utf-8")
     for command in app.registered_commands:
-        name = command.name or command.callback.__name__  # type: ignore[union-attr]
+        name = command.name or command.callback.__name__
         assert f"## windsysid {name}\n" in text
         assert f"Usage: windsysid {name} " in text
 

@@ -368,6 +368,7 @@ def test_a_record_is_simulated_identified_and_replaced(run, tmp_path):
     text, binary = read_record(tmp_path / "record.csv"), read_record(tmp_path / "record.nc")
     np.testing.assert_array_equal(text.values, binary.values)
     assert text.samples == 2000
+    assert text.start == binary.start == "2020-01-04T00:00:00Z"
 
     command = ("identify", tmp_path / "record.nc", "--turbine", "verne555", "--prior-scale", "1.3", "--output", results)
     ended = run(*command)
@@ -376,7 +377,8 @@ def test_a_record_is_simulated_identified_and_replaced(run, tmp_path):
     assert f"results: {results / 'report.html'}" in ended.out
     assert sorted(path.name for path in results.glob("[!.]*")) == ["identification.nc", "report.html", "summary.json"]
     html = (results / "report.html").read_text(encoding="utf-8")
-    assert html.count('<svg class="drawn"') == 2
+    assert html.count('<svg class="drawn"') == 1
+    assert "difference from the turbine file [%]" in html
     assert html.count('<figure class="plot">') > 4
     assert "trust: yes" in html
     assert not re.search(r"""(src|href)\s*=\s*["'](?!data:|#)""", html)

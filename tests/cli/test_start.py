@@ -52,6 +52,15 @@ def test_yes_takes_every_default_and_prints_the_command_that_repeats_it(run, fol
     assert [path.name for path in Path().glob("*.toml")] == [mapping.name]
 
 
+def test_the_findings_of_the_inspection_are_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    """Only their number was printed."""
+    path = tmp_path / "upright.csv"
+    rows = [f"{0.05 * k:.2f},{9.81 + 0.01 * ((7 * k) % 13 - 6):.4f}" for k in range(4000)]
+    path.write_text("\n".join(["time [s],tower_y_acceleration [m/s^2]", *rows]) + "\n", encoding="utf-8")
+    start._section(path, None, start.NO_TURBINE, start._Guide(yes=True))
+    assert "  note, tower_y_acceleration: feels gravity" in capsys.readouterr().out
+
+
 def test_answers_are_read_from_standard_input_and_asked_again(run, folder: Path, answers):
     record = bare(folder)
     answers("towel", "tower", "tower_z_acceleration", "stone", "mg", "", "mg")

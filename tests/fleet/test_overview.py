@@ -55,6 +55,23 @@ def test_the_page_shows_every_turbine(page: Overview):
     assert sum(glance.states.values()) == pytest.approx(1.0)
 
 
+def test_the_page_of_an_archive_without_results_says_what_is_missing(rows: dict[str, list[Row]]):
+    """Empty axes, under "nothing stands out"."""
+    found = overview_of({"T01": table_of(rows["T01"][:5])}, Path("simulated"), alarms_per_year=0.1)
+    html = found.files()["report.html"].decode()
+    assert "no turbine is watched (1 turbine)" in str(found)
+    assert "No turbine has the 12 records" in html
+    assert "windsysid batch" in html
+    assert "nothing stands out" not in html
+
+
+def test_the_page_has_plots_and_no_pictures(page: Overview):
+    html = page.files()["report.html"].decode()
+    assert "data:image/png" not in html
+    assert "k_side_side: change of the level" in html
+    assert "turbines of the same type" in html
+
+
 def test_the_command_reports_an_archive(run, tmp_path: Path, rows: dict[str, list[Row]]):
     archive = tmp_path / "archive"
     for name, theirs in rows.items():

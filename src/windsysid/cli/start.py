@@ -22,6 +22,7 @@ __all__ = []
 
 NO_TURBINE = "none"
 LEAVE_OUT = "-"
+MAX_FINDINGS = 4
 
 
 @app.command()
@@ -203,6 +204,8 @@ def _section(record: Path, mapping: Path | None, turbine: str, guide: _Guide) ->
         read = read_record(record, mapping=mapping)
         found = inspect_record(read, None if turbine == NO_TURBINE else load_turbine(turbine))
     print(printable(f"inspection: {found.verdict}"))
+    for channels, severity, text in found.finding_rows()[:MAX_FINDINGS]:
+        print(printable(f"  {severity}, {channels}: {text}"))
     good = [one for one in found.proposals if one.good]
     if not good or good[0].end - good[0].start >= read.duration:
         return []

@@ -131,6 +131,8 @@ class Overview(Answer):
     @property
     def sentences(self) -> list[str]:
         """What stands out, a sentence each."""
+        if not self.events and not self.watches:
+            return [f"no turbine is watched ({self.size}): too few records with a result"]
         if not self.events:
             return [f"nothing stands out in {self.size}"]
         return [f"{event.turbine}: {event.told}" for event in self.events]

@@ -97,7 +97,7 @@ def blocks_of(table: Any) -> RecordBlocks:
     own, own_std = np.where(bad, np.nan, parameters.field("own")), parameters.field("own_std")
     theta, std, order = _spread(parameters, table.num_rows, own, own_std, wanted)
     reasons = (reason or "not_trusted" for reason in parameters.texts("reason")[bad & wanted])
-    noise_theta, noise_std, sensors = _noise(table)
+    noise_theta, noise_std, sensors, noise_units = _noise(table)
     first = {name: i for i, name in reversed(list(enumerate(parameters.names)))}
     logarithmic = [bool(parameters.entries.field("logarithmic")[first[name]].as_py()) for name in order]
     centre, scale = parameters.field("prior_centre"), parameters.field("coordinate_scale")
@@ -116,7 +116,7 @@ def blocks_of(table: Any) -> RecordBlocks:
         covariate_names=names,
         left_out=left_out_of(zip(parameters.names[bad & wanted], reasons, strict=True)),
         records=tuple(texts(table, "source")),
-        units=(*units, *("1" for _ in sensors)),
+        units=(*units, *noise_units),
         kinds=(*("c" if kind == "damping" else "k" for kind in kinds), *("noise" for _ in sensors)),
         begin=begin,
         notes=tuple(notes),
@@ -136,14 +136,16 @@ def _usable(table: Any, notes: list[str]) -> Any:
     return table
 
 
-def _noise(table: Any) -> tuple[Array, Array, list[str]]:
-    """Logarithms (T, n) of the noise found in sensors, their standard deviations, and the n names."""
+def _noise(table: Any) -> tuple[Array, Array, list[str], list[str]]:
+    """Logarithms (T, n) of the noise found in sensors, their standard deviations, and the n names and units."""
     noise = pairs(table, "statistics")
     with np.errstate(invalid="ignore", divide="ignore"):
         relative = np.log(noise.field("high") / noise.field("low")) / (2.0 * SIGMAS)
         level = np.log(noise.field("estimate"))
     wanted = np.array([bool(noise_source(name)) for name in noise.names], dtype=bool) & np.isfinite(level + relative)
-    return _spread(noise, table.num_rows, level, relative, wanted & (relative > 0.0))
+    level, relative, names = _spread(noise, table.num_rows, level, relative, wanted & (relative > 0.0))
+    units = dict(zip(noise.names.tolist(), noise.texts("unit").tolist(), strict=True))
+    return level, relative, names, [units[name] for name in names]
 
 
 def numbers(table: Any, column: str) -> Array:

@@ -5,9 +5,10 @@ with their main bodies and coordinates, Bladed's variables, windsysid's own name
 """
 
 import re
+from collections.abc import Sequence
 from typing import Literal
 
-__all__ = ["Body", "body_of"]
+__all__ = ["Body", "body_of", "name_a_turbine"]
 
 Body = Literal["structure", "rotor", "water", "air", "mooring"]
 """Body or medium of a channel: ``rotor`` for blades, and for hub and shaft in rotating coordinates."""
@@ -54,6 +55,21 @@ def body_of(channel: str) -> Body:
         if re.search(pattern, words):
             return body
     return "structure"
+
+
+def name_a_turbine(channels: Sequence[str]) -> bool:
+    """True if the names of channels are those of a wind turbine: some are of its nacelle, rotor or generator.
+
+    Examples
+    --------
+    >>> name_a_turbine(["tower_x_acceleration", "NacAccFA"]), name_a_turbine(["tower_x_acceleration", "floor_2"])
+    (True, False)
+    """
+    return any(body_of(name) == "rotor" or re.search(_TURBINE, _in_words(name)) for name in channels)
+
+
+_TURBINE = r"\b(nacelle|nac|ncimu|rotor|hub|generator|yaw br|yaw bearing)"
+"""Pattern of words of parts that only wind turbines have."""
 
 
 def _in_words(name: str) -> str:

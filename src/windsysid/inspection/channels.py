@@ -63,7 +63,7 @@ def _kind_of_operation(channel: str, words: set[str], unit: str) -> Kind | None:
     """Kind of a channel of the rotor, of the air or of a control; None if it is none."""
     if "azimuth" in words:
         return "azimuth"
-    if words & {"rotor", "rot"} and words & {"speed", "rpm"}:
+    if (words & {"rotor", "rot"} and words & {"speed", "rpm"}) or words & {"drehzahl", "rotordrehzahl"}:
         return "rotor speed"
     if "direction" in words:
         return "direction"

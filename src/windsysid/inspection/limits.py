@@ -14,6 +14,13 @@ MIN_MODAL_SAMPLES = 256
 MIN_ROTOR_SPEED = 0.05
 """Size: rotor speed of a running machine [rad/s]."""
 
+MIN_SWING_FREQUENCY, MAX_SWING = 0.1, 4.0
+"""Size: root mean square [m] of the motion that an acceleration means above a frequency [Hz]; the tops of the tallest
+turbines move by 1 m, floaters by more only below."""
+
+MAX_ROTOR_SPEED = 10.0
+"""Size: rotor speed [rad/s] beyond which a speed is that of a small rotor or of a generator behind a gear."""
+
 MIN_GAP_STEPS = 1.5
 """Size: time step in usual steps from which on it is a gap."""
 

@@ -3,27 +3,32 @@
 import itertools
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.inspection.bodies import body_of
 from windsysid.inspection.channels import Kind, is_position
 from windsysid.inspection.fault import Fault, Severity
 from windsysid.inspection.limits import (
     MAX_ACCELERATION_RATE,
     MAX_DOUBTFUL_ACCELERATION_RATE,
+    MAX_ROTOR_SPEED,
+    MAX_SWING,
     MIN_ACCELERATION_RATE,
     MIN_ROTOR_SPEED,
+    MIN_SWING_FREQUENCY,
 )
+from windsysid.inspection.tags import meaning_of
 from windsysid.records.record import Record
 from windsysid.signals.azimuth import MAX_SCATTER, steadied
 
 if TYPE_CHECKING:
     from windsysid.turbine.turbine import Turbine
 
-__all__ = ["GRAVITY", "TIME", "Rotor", "implausible", "once_per_turn", "rotor_of"]
+__all__ = ["GRAVITY", "TIME", "Rotor", "implausible", "once_per_turn", "rotor_of", "turns_per_second"]
 
 
 GRAVITY = 9.80665
@@ -82,16 +87,36 @@ class Rotor:
         self.turns = abs(self.mean) > MIN_ROTOR_SPEED
 
 
+def turns_per_second(record: Record) -> float:
+    """Mean rotor speed of a record [Hz]; 0 where the rotor stands or its speed is unknown."""
+    rotor = rotor_of(record)
+    return abs(rotor.mean) / math.tau if rotor is not None and rotor.turns else 0.0
+
+
+def _speed_channels(record: Record) -> list[str]:
+    """Channels with the rotor speed [rad/s], by their names: ``rotor_speed``, or what other loggers call it.
+
+    The speed of a generator counts where it is one that rotors have: there is no gear.
+    """
+    if "rotor_speed" in record:
+        return ["rotor_speed"]
+    names = [name for name, unit in zip(record.channels, record.units, strict=True) if unit == "rad/s"]
+    meanings = {name: meaning.name for name in names if (meaning := meaning_of(name)) is not None}
+    turning = [name for name, ours in meanings.items() if ours == "rotor_speed"]
+    turning += [name for name, ours in meanings.items() if ours == "generator_speed"]
+    return [name for name in turning if abs(float(np.nanmean(record[name]))) < MAX_ROTOR_SPEED]
+
+
 def rotor_of(record: Record, usable: "set[str] | None" = None) -> Rotor | None:
     """Rotor speed from its channel, or from the azimuth; None where neither is usable."""
-    for channel in ("rotor_speed", "rotor_azimuth"):
+    for channel in (*_speed_channels(record), "rotor_azimuth"):
         if channel not in record or (usable is not None and channel not in usable):
             continue
         values = record[channel]
         known = np.isfinite(values)
         if known.sum() < 10:
             continue
-        if channel == "rotor_speed":
+        if channel != "rotor_azimuth":
             return Rotor(np.interp(record.time, record.time[known], values[known]), channel)
         psi = np.interp(record.time, record.time[known], np.unwrap(values[known]))
         window = max(1, round(record.rate))  # one second: an encoder's steps average out
@@ -109,6 +134,8 @@ def implausible(record: Record, known: dict[str, Kind], rotor: Rotor | None, tur
     for channel, kind in known.items():
         found += _wrong_unit(record, channel, kind, rotor)
     found += [*_tilts(record, known), *_yawed_axes(record, known)]
+    if not any(one.data.get("evidence") == "gravity in another unit" for one in found):
+        found += _tilted(record, [channel for channel, kind in known.items() if kind == "acceleration"])
     if "rotor_speed" in known:
         found += _rotor_speed(record, turbine)
     if "rotor_azimuth" in known:
@@ -143,6 +170,36 @@ def _pace(record: Record) -> list[Fault]:
     return [Fault(TIME, "pace", "warning", 0, data={"step": step, "slow": slow})]
 
 
+def _tilted(record: Record, channels: Sequence[str]) -> list[Fault]:
+    """A wrong unit of accelerometers along three axes that stand at any angle, by the size of their mean."""
+    places: dict[str, list[str]] = {}
+    for channel in channels:
+        axis = re.search(r"(?:^|_|\b|(?<=[a-z]))[xyzXYZ](?=$|_|\b)", channel)
+        if axis is not None and record.unit(channel) == "m/s^2":
+            places.setdefault(channel[: axis.end() - 1] + "*" + channel[axis.end() :], []).append(channel)
+    found = []
+    for place, three in places.items():
+        means = [float(np.nanmean(record[channel])) for channel in three]
+        rms = max(float(np.nanstd(record[channel])) for channel in three)
+        size = math.hypot(*means)
+        for factor, mistake in _GRAVITIES if len(three) == 3 else ():
+            if abs(size / (GRAVITY * factor) - 1.0) < 0.03 and rms < 0.1 * size:
+                found.append(_unit(place, "gravity of three axes", mean=size, mistake=mistake))
+    return found
+
+
+def _swing(record: Record, channel: str) -> float:
+    """Motion [m] that an acceleration means above `MIN_SWING_FREQUENCY`, root mean square."""
+    values = record[channel]
+    known = np.isfinite(values)
+    filled = np.interp(record.time, record.time[known], values[known])
+    power = np.abs(np.fft.rfft((filled - filled.mean()) * np.hanning(len(filled)))) ** 2
+    frequency = np.arange(len(power)) * record.rate / len(filled)
+    above = frequency > max(MIN_SWING_FREQUENCY, 3.0 * record.rate / len(filled))
+    total = np.sum(power[above] / (_TURN * frequency[above]) ** 4)
+    return float(np.sqrt(2.0 * total / (0.375 * len(filled) ** 2)))
+
+
 def _acceleration(record: Record, channel: str, x: Array, rotor: Rotor | None) -> list[Fault]:
     mean, rms = float(np.mean(x)), float(np.std(x))
     for factor, mistake in _GRAVITIES:
@@ -152,6 +209,8 @@ def _acceleration(record: Record, channel: str, x: Array, rotor: Rotor | None) -
         return [Fault(channel, "gravity", "note", x.size, data={"mean": mean})]
     if rms > 10.0 * GRAVITY and channel.startswith(("tower", "nacelle", "hub", "foundation")):
         return [_unit(channel, "no support so shaken", rms=rms, gravities=rms / GRAVITY)]
+    if body_of(channel) == "structure" and rms > 0.1 and (swing := _swing(record, channel)) > MAX_SWING:
+        return [_unit(channel, "no structure swings so far", rms=rms, swing=swing)]
     on_blade = channel.startswith("blade") and "kinematic" not in channel
     return _gravity_once_per_turn(record, channel, rms, rotor) if on_blade and rotor is not None else []
 
@@ -241,7 +300,7 @@ def _rotor_speed(record: Record, turbine: "Turbine | None") -> list[Fault]:
     rpm = usual * 60.0 / _TURN
     if abs(usual) > 30.0:
         return [_unit("rotor_speed", "fast rotor", speed=usual, rpm=rpm)]
-    if abs(usual) > 10.0:
+    if abs(usual) > MAX_ROTOR_SPEED:
         return [_unit("rotor_speed", "small rotor", "note", speed=usual, rpm=rpm)]
     return []
 

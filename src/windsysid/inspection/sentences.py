@@ -141,6 +141,12 @@ STATEMENTS: Final[Mapping[str, Statement]] = {
     "no support so shaken": lambda _, __, d: (
         f"rms {d['rms']:.3g} m/s² is {d['gravities']:.3g} g, no support shakes so"
     ),
+    "no structure swings so far": lambda _, __, d: (
+        f"rms {d['rms']:.3g} m/s² means a motion of {d['swing']:.3g} m, which no structure makes"
+    ),
+    "gravity of three axes": lambda _, __, d: (
+        f"the mean of three axes is {d['mean']:.3g} m/s² where gravity would be 9.81"
+    ),
     "gravity once per turn": lambda _, __, d: (
         f"swings by {d['amplitude']:.3g} m/s² once per turn where gravity would give 9.81"
     ),
@@ -232,6 +238,8 @@ ADVICE: Final[Mapping[str, str | Callable[[str, Data], str]]] = {
     "no wind so strong": "km/h marked as m/s, or not calibrated?",
     "gravity in another unit": _mistake,
     "no support so shaken": "mg, mm/s² or raw counts?",
+    "no structure swings so far": "mg, mm/s² or raw counts?",
+    "gravity of three axes": _mistake,
     "gravity once per turn": _mistake,
     "wraps elsewhere": _mistake,
     "angle too large": "degrees marked as rad?",

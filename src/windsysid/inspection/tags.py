@@ -66,8 +66,11 @@ _WORDS: tuple[tuple[tuple[str, ...], str], ...] = (
     (("anemometer",), "wind_speed"), (("rotor", "azimuth"), "rotor_azimuth"), (("azimuth",), "rotor_azimuth"),
     (("rotor", "position"), "rotor_azimuth"), (("rotor", "speed"), "rotor_speed"), (("rotorspeed",), "rotor_speed"),
     (("rot", "speed"), "rotor_speed"), (("rot", "spd"), "rotor_speed"), (("rotor", "rpm"), "rotor_speed"),
+    (("rotordrehzahl",), "rotor_speed"), (("rotor", "drehzahl"), "rotor_speed"), (("lss", "speed"), "rotor_speed"),
     (("generator", "speed"), "generator_speed"), (("gen", "speed"), "generator_speed"),
     (("gen", "spd"), "generator_speed"), (("generator", "rpm"), "generator_speed"), (("power",), "power"),
+    (("gen", "rpm"), "generator_speed"), (("generatordrehzahl",), "generator_speed"),
+    (("generator", "drehzahl"), "generator_speed"), (("drehzahl",), "rotor_speed"), (("rpm",), "rotor_speed"),
     (("pitch",), "blade_#_pitch"), (("nacelle", "direction"), "nacelle_yaw"), (("nacelle", "position"), "nacelle_yaw"),
     (("yaw",), "nacelle_yaw"), (("temperature",), "air_temperature"),
 )  # fmt: skip

@@ -53,7 +53,7 @@ class RecordBlocks:
     reference
         Of each series, the value at θ = 0 (logarithmic) or θ = 1.
     units
-        SI unit of each series, ``1`` for noise; empty where nobody says them.
+        SI unit of each series, for noise that of its sensor; empty where nobody says them.
     kinds
         Of each series: ``k`` for a stiffness and anything else, ``c`` for a damping, ``f`` for a frequency, ``noise``;
         empty where all others are stiffnesses.
@@ -166,7 +166,7 @@ def gather(
         std=np.hstack([std, noise_std]),
         logarithmic=(*(q.logarithmic for q in frame), *(True,) * len(sensors)),
         reference=(*(q.reference for q in frame), *(1.0,) * len(sensors)),
-        units=(*(one.unit for one in known), *("1",) * len(sensors)),
+        units=(*(one.unit for one in known), *(_unit_of(name, posteriors) for name in sensors)),
         kinds=(*("c" if one.kind == "damping" else "k" for one in known), *("noise",) * len(sensors)),
     )
     return _blocks(series, posteriors, placed, covariates)
@@ -223,6 +223,11 @@ def left_out_of(unusable: Iterable[tuple[str, str]]) -> dict[str, dict[str, int]
     for (name, reason), count in Counter(unusable).most_common():
         found.setdefault(name, {})[reason] = count
     return found
+
+
+def _unit_of(name: str, posteriors: Sequence[Posterior]) -> str:
+    """Unit of a statistic, as the first posterior has it that has the statistic; empty where none does."""
+    return next((one.unit for posterior in posteriors for one in posterior.statistics if one.name == name), "")
 
 
 def _noise_levels(noise: Sequence[Mapping[str, tuple[float, float]]], count: int) -> tuple[list[str], Array, Array]:

@@ -123,7 +123,8 @@ def _table(comparison: Comparison) -> Table:
 READING = (
     'A and B are the two results, priors included, and B/A − 1 is their ratio. "Priors removed" is the change that the'
     " records show by themselves, with its ±2σ interval: a prior pulls both results to the same value and hides a part"
-    " of a change, most where a record says little. Judge a change by this column.",
+    " of a change, most where a record says little. Judge a change by this column. Its interval takes masses and"
+    " instruments as the files give them: what is wrong with them is the same in both records and moves A and B alike.",
     "Odds compare no change with one of the size that damage makes (10 % of a stiffness, half of a damping, a load or a"
     " noise); before the records they are even. None of 2176 coefficients without a change reached 100 : 1 in"
     " calibration, which shows nothing of rarer errors, so larger odds than 1000 : 1 are not shown. Frequencies are"

@@ -65,7 +65,7 @@ def _panel(ax: Axes, split: DampingSplit, order: list[int], base: str) -> None:
 
 def files(separation: Separation) -> dict[str, bytes]:
     """``report.html``, ``damping.png`` and ``summary.json``, by name."""
-    drawn = png(figure(separation))
+    drawn = figure(separation)
     caption = (
         f"Light blue: {separation.base}, its band shaded; dark blue: what the air adds in that state, white what it"
         " takes away. Points: what each record says of the total by itself, its prior taken out."
@@ -88,6 +88,6 @@ def files(separation: Separation) -> dict[str, bytes]:
     )
     return {
         "report.html": report_page("Structural and aerodynamic damping", subtitle, sections),
-        "damping.png": drawn,
+        "damping.png": png(drawn),
         "summary.json": separation.to_json().encode(),
     }

@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 
 from windsysid.fleet.overview import OUTLIER_CHANCE, Overview
 from windsysid.monitoring.changes import Watch
-from windsysid.monitoring.series import DAY
+from windsysid.monitoring.series import DAY, MIN_BLOCKS
 from windsysid.output.table import Table
 from windsysid.reports.figures.canvas import MAX_TICK_CHARACTERS, canvas, label
 from windsysid.reports.figures.plots import BAND, ERROR, ESTIMATE, MEASURED, REFERENCE, symbol, tidy
 from windsysid.reports.html import Section, png, report_page
+from windsysid.reports.interactive.plot import Axis, Plot, PlotCurve
 
 __all__ = ["figure", "files"]
 
@@ -23,12 +24,12 @@ POINTS = 400
 
 def figure(overview: Overview, place: Axes | None = None) -> Figure:
     """Levels of every coefficient since the end of learning, and turbines against sisters where there are enough."""
-    watches = overview.watches.values()
-    names = list(
-        dict.fromkeys(s.name for one in watches for i, s in enumerate(one.series) if one.blocks.kind(i) != "noise")
-    )
+    names = _watched(overview)
     rows = max(len(names), 1)
     drawn = canvas((12.0, 0.6 + 2.1 * rows), place)
+    if not names:
+        drawn.text(0.5, 0.5, NOTHING_WATCHED, ha="center", va="center", fontsize=9, wrap=True)
+        return drawn
     sisters = bool(overview.standings)
     panels = drawn.subplots(rows, 1 + sisters, squeeze=False, width_ratios=[3, 2][: 1 + sisters])
     named = {name for event in overview.events for name in event.turbine.split(", ") if event.kind != "sensor"}
@@ -91,46 +92,89 @@ def _sisters(ax: Axes, overview: Overview, name: str) -> None:
     tidy(ax)
 
 
-def _availability(overview: Overview) -> Figure:
+def _availability(overview: Overview) -> Table:
     """Share of each month that identified records cover, turbine by turbine."""
-    from matplotlib.colors import LinearSegmentedColormap
-
     months = list(dict.fromkeys(month for glance in overview.glances.values() for month in glance.months))
-    share = np.array([[glance.months.get(month, 0.0) for month in months] for glance in overview.glances.values()])
-    drawn = Figure(figsize=(max(3.0 + 0.62 * len(months), 5.0), 1.2 + 0.3 * len(share)), layout="constrained")
-    ax = drawn.subplots()
-    ax.imshow(share, vmin=0.0, vmax=1.0, aspect="auto", cmap=LinearSegmentedColormap.from_list("", ["#fff", ESTIMATE]))
-    ax.set_xticks(range(len(months)), months, fontsize=8, rotation=45)
-    ax.set_yticks(range(len(share)), [label(name, MAX_TICK_CHARACTERS) for name in overview.glances], fontsize=8)
-    for (row, column), value in np.ndenumerate(share):
-        text = f"{100.0 * value:.0f}"
-        ax.text(column, row, text, ha="center", va="center", fontsize=7, color="white" if value > 0.55 else "black")
-    for spine in ax.spines.values():
-        spine.set_visible(False)
-    return drawn
+    rows = [
+        (name, *(f"{100.0 * glance.months.get(month, 0.0):.0f}" for month in months))
+        for name, glance in overview.glances.items()
+    ]
+    return Table(("turbine", *months), rows, "Share of each month that identified records cover [%]", words=(0,))
+
+
+def _plots(overview: Overview) -> list[Plot]:
+    """Levels of every coefficient, and turbines against their sisters where there are enough."""
+    plots = []
+    for name in _watched(overview):
+        plots.append(_level_plot(overview, name))
+        mine = [s for s in overview.standings if s.name == name]
+        if mine:
+            half = np.array([s.high - s.percent for s in mine])
+            percent, outlier = np.array([s.percent for s in mine]), np.array([s.outlier for s in mine])
+            spread = np.array([2.0 * s.spread for s in mine])
+            curves = [PlotCurve("scatter of the others", 0.0 * spread, -spread, spread, "dots", "measured")]
+            curves += [
+                PlotCurve(label, at, at - half, at + half, "dots", colour)
+                for label, colour, chosen in (("outlier", "error", outlier), ("others", "estimate", ~outlier))
+                if chosen.any()
+                for at in [np.where(chosen, percent, np.nan)]
+            ]
+            axes = Axis("", names=[s.turbine for s in mine]), Axis("off the mean of the others [%]")
+            plots.append(Plot(f"{name}: turbines of the same type", np.arange(len(mine)), curves, *axes))
+    return plots
+
+
+def _level_plot(overview: Overview, name: str) -> Plot:
+    """Change of the level of a coefficient since the end of learning, on a common time."""
+    watches = {turbine: one for turbine, one in overview.watches.items() if name in _names(one)}
+    dated = all(one.blocks.begin is not None for one in watches.values())
+    times = [
+        one.blocks.time / DAY
+        if not dated or one.blocks.begin is None
+        else one.blocks.time + one.blocks.begin.timestamp()
+        for one in watches.values()
+    ]
+    common = np.linspace(min(map(np.min, times)), max(map(np.max, times)), POINTS)
+    curves = []
+    for (turbine, one), own in zip(watches.items(), times, strict=True):
+        level = next(series.level for series in one.series if series.name == name)
+        change = 100.0 * (level / level[one.begins] - 1.0)
+        at = np.searchsorted(own, common, side="right") - 1
+        shown = np.where((common >= own[one.begins]) & (common <= own[-1]), change[np.maximum(at, 0)], np.nan)
+        jumped = any(change.name == name for change in one.changes)
+        curves.append(PlotCurve(turbine, shown, colour="error" if jumped else "measured"))
+    x_axis = Axis("", dates=True) if dated else Axis("day")
+    return Plot(f"{name}: change of the level", common, curves, x_axis, Axis("change [%]"), link="time")
+
+
+def _names(one: Watch) -> list[str]:
+    """Coefficients of a watch."""
+    return [s.name for i, s in enumerate(one.series) if one.blocks.kind(i) != "noise"]
+
+
+def _watched(overview: Overview) -> list[str]:
+    """Coefficients that are watched in any turbine."""
+    return list(dict.fromkeys(name for one in overview.watches.values() for name in _names(one)))
 
 
 def files(overview: Overview) -> dict[str, bytes]:
     """``report.html``, ``fleet.png`` and ``summary.json``, by name."""
     drawn = png(figure(overview))
     levels = (
-        "The level of each turbine at mean covariates, against that at the end of learning; in colour and with its name"
-        " where it jumped."
+        "The level of each turbine at mean covariates, against that at the end of learning; orange where it jumped."
     )
     if overview.standings:
-        levels += (
-            " At the right: each turbine with its ±2σ band against the mean of the others, whose scatter (±2σ) is the"
-            " pale bar; orange: an outlier."
-        )
-    months = "Share of each month that identified records cover [%]."
+        levels += " Turbines with ±2σ against the mean of the others, whose scatter (±2σ) is grey; orange: an outlier."
     sections = [
         Section("What stands out", text=[*_sentences(overview), *overview.notes]),
         Section("Every turbine at a glance", tables=overview.tables()),
         _listed("Usable records of each quantity", "", _usable(overview), folded=True),
-        Section("Levels and sisters", text=[READING], figures=[(drawn, levels)]),
-        Section("Data availability", figures=[(_availability(overview), months)]),
+        Section("Levels and sisters", text=[levels, READING], plots=_plots(overview))
+        if overview.watches
+        else Section("Levels and sisters", text=[NOTHING_WATCHED]),
+        _listed("Data availability", "", _availability(overview)),
         _listed("Sensors", "No sensor fails.", _sensors(overview)),
-        _listed("Jumps", "Nothing jumped.", _jumps(overview)),
+        _listed("Jumps", "Nothing jumped." if overview.watches else "No turbine is watched.", _jumps(overview)),
         _listed("Records without a result", "Every record has a result.", _without_result(overview)),
         Section("Turbine by turbine", tables=_numbers(overview), folded=True),
     ]
@@ -200,6 +244,11 @@ def _numbers(overview: Overview) -> list[Table]:
         found += [Table(first.headings, first.rows, f"{name}, {first.caption}", first.words), *more]
     return found
 
+
+NOTHING_WATCHED = (
+    f"No turbine has the {MIN_BLOCKS} records with a result of grade A or B that watching needs. Records without a"
+    " result, and why they have none, are listed below: mend what is named there, or add records with windsysid batch."
+)
 
 READING = (
     "The alarms of all turbines together are held to the stated rate. Levels are compared at the same covariates."

@@ -24,9 +24,9 @@ _HISTORIES = {
 def identification_report(identification: Identification, record: Record | None = None) -> bytes:
     """The report of one identification on the section of the record that it used; without its channels where the record
     is not given."""
-    from windsysid.reports.figures.bands import caption, coefficient_bands
+    from windsysid.reports.figures.bands import caption
     from windsysid.reports.figures.plots import coefficient_histories
-    from windsysid.reports.identification_plots import record_plots, spectra_plots
+    from windsysid.reports.identification_plots import coefficient_plots, record_plots, spectra_plots
 
     i = identification
     sections = [
@@ -34,7 +34,7 @@ def identification_report(identification: Identification, record: Record | None 
             "Result",
             text=_trust(i),
             tables=[*([i.modes_table()] if i.modes else []), i.table()],
-            figures=[(coefficient_bands(i), caption(i))],
+            plots=coefficient_plots(i, caption(i)),
         ),
         Section("Spectra of the record and of the model", text=[SPECTRA], plots=spectra_plots(i, record)),
         Section("What it rests on", text=i.notes, tables=_tables_of_rest(i)),

@@ -11,13 +11,17 @@ from windsysid._types import Array
 from windsysid.identification.estimate.fitted.spectra import dense_places
 from windsysid.inspection.spectra import seen_from
 from windsysid.records.record import Record
+from windsysid.reports.figures.bands import WIDER, prior_limits, relative_values
 from windsysid.reports.interactive.plot import Axis, Mark, Plot, PlotCurve, ShadedRange, thinned
 from windsysid.results.estimate import FittedSpectrum
 from windsysid.results.identification import Identification
 from windsysid.results.posterior import SIGMAS
 from windsysid.units import unit_text
 
-__all__ = ["compact_spectra", "innovation_plots", "load_plots", "record_plots", "spectra_plots", "whiteness_plots"]
+__all__ = [
+    "coefficient_plots", "compact_spectra", "innovation_plots", "load_plots", "record_plots", "spectra_plots",
+    "whiteness_plots",
+]  # fmt: skip
 
 MAX_PLOTS = 12
 """Setting: channels of which a page has spectra."""
@@ -257,4 +261,28 @@ def load_plots(found: Identification) -> list[Plot]:
         unit = "" if found.machine is None else f"[{unit_text(found.machine.model.freedom(name).load_unit)}]"
         curve = PlotCurve("load", value, value - half, value + half)
         plots.append(Plot(name.replace("_", " "), x, [curve], Axis(TIME), Axis(unit), link="time"))
+    return plots
+
+
+def coefficient_plots(found: Identification, caption: str) -> list[Plot]:
+    """Coefficients with their intervals and those of the prior, as differences from the turbine file [%]; stiffness and
+    damping apart, as damping is known far less."""
+    plots, priors = [], prior_limits(found)
+    for kind in ("stiffness", "damping", "parameter"):
+        group = [e for e in found.estimates if e.kind == kind]
+        if not group:
+            continue
+        value, low, high, before, after = np.array([relative_values(e, priors[e.name]) for e in group]).T
+        known = np.array([bool(e.reference) for e in group])
+        ends = np.abs([low, high])[:, known if known.any() else slice(None)]
+        half = WIDER * float(max(ends.max(), 1e-3))
+        curves = [
+            PlotCurve("prior", 0.5 * (before + after), before, after, "dots", "measured"),
+            PlotCurve("result", value, low, high, "dots"),
+        ]
+        names = [e.name if e.reference or not known.any() else f"{e.name} *" for e in group]
+        base = "turbine file" if known.any() else "result"
+        y_axis = Axis(f"difference from the {base} [%]", limits=(-half, half))
+        at, across = np.arange(len(group)), [Mark(0.0, across=True)]
+        plots.append(Plot(kind, at, curves, Axis("", names=names), y_axis, marks=across, caption=caption))
     return plots

@@ -9,6 +9,7 @@ from windsysid.output.table import Table
 from windsysid.reports.figures.canvas import MAX_TICK_CHARACTERS, canvas, label
 from windsysid.reports.figures.oma_views import (
     assurance_table,
+    band_plots,
     complexity_figure,
     decay_plot,
     poles_plot,
@@ -164,7 +165,6 @@ def _shape_section(found: OperationalModes) -> list[Section]:
 
 def files(found: OperationalModes) -> dict[str, bytes]:
     """``report.html``, ``modes.png`` and ``summary.json``, by name."""
-    drawn = png(figure(found))
     usable = sum(mode.trusted for mode in found.modes)
     verdict = f"{usable} of {len(found.modes)} modes may be used with their intervals: grades A and B."
     caption = (
@@ -173,7 +173,8 @@ def files(found: OperationalModes) -> dict[str, bytes]:
     )
     sections = [
         Section("Modes", text=[verdict, *found.reasons_of_record], tables=[found.table("")]),
-        Section("Spectra", plots=[singular_value_plot(found)], figures=[(drawn, caption)]),
+        Section("Spectra", plots=[singular_value_plot(found)]),
+        *([Section("Modes in their bands", text=[caption], plots=band_plots(found))] if found.bands else []),
     ]
     if found.decays:
         sections.insert(1, Section("Free decays", plots=[decay_plot(one) for one in found.decays[:MOST_DECAYS]]))
@@ -190,6 +191,6 @@ def files(found: OperationalModes) -> dict[str, bytes]:
     subtitle = f"{found.record}{section} · {len(found.channels)} channels · {found.rate:.4g} Hz"
     return {
         "report.html": report_page(f"Modes from {found.method}", subtitle, sections),
-        "modes.png": drawn,
+        "modes.png": png(figure(found)),
         "summary.json": found.to_json().encode(),
     }

@@ -15,6 +15,7 @@ from windsysid.output.table import Table
 from windsysid.reports.figures.canvas import label, single
 from windsysid.reports.figures.plots import ERROR, ESTIMATE, MEASURED, REFERENCE, symbol, tidy
 from windsysid.reports.html import Section, png, report_page
+from windsysid.reports.interactive.plot import Axis, Mark, Plot, PlotCurve
 from windsysid.results.posterior import SIGMAS
 from windsysid.units import RPM, spell
 
@@ -24,8 +25,19 @@ __all__ = ["figure", "files"]
 TICKS = (1, 3, 10, 30, 60, 180, 600, 1800, 3600, 10800, 36000, 86400, 259200, 864000, 2592000, 8640000, 31536000)
 """Durations [s] that the axis may name."""
 
+MINUTE = 60.0
+
 LABEL_SHARE_FACTOR = 1.12
 """Factor within which curves share a label."""
+
+
+def _durations(plan: Plan) -> tuple[list[str], Array, Array]:
+    """Parameters that the sensors see, durations (T,) [s], and ±2σ of each [%] (T, n)."""
+    seen = [name for name in plan.coefficients if math.isfinite(plan.band(name))]
+    needed = [duration for duration in map(plan.needed, seen) if duration < 100.0 * plan.duration]
+    time = np.geomspace(plan.start_seconds, max(3.0 * max([plan.duration, *needed]), 10.0 * plan.start_seconds), 60)
+    sigmas = np.array([standard_deviations(plan.information(t)) for t in time])
+    return seen, time, 100.0 * SIGMAS * sigmas[:, [plan.names.index(name) for name in seen]]
 
 
 def figure(plan: Plan, place: Axes | None = None) -> Figure:
@@ -33,12 +45,9 @@ def figure(plan: Plan, place: Axes | None = None) -> Figure:
 
     Stiffness is blue, damping orange, anything else grey.
     """
-    seen = [name for name in plan.coefficients if math.isfinite(plan.band(name))]
-    needed = [duration for duration in map(plan.needed, seen) if duration < 100.0 * plan.duration]
-    time = np.geomspace(plan.start_seconds, max(3.0 * max([plan.duration, *needed]), 10.0 * plan.start_seconds), 60)
-    sigmas = np.array([standard_deviations(plan.information(t)) for t in time])
+    seen, time, bands = _durations(plan)
     drawn, ax = single((9.0, 5.2), place)
-    _draw_bands(ax, time, {name: 100.0 * SIGMAS * sigmas[:, plan.names.index(name)] for name in seen}, plan.kinds)
+    _draw_bands(ax, time, dict(zip(seen, bands.T, strict=True)), plan.kinds)
     ax.axhline(100.0 * plan.within, color=REFERENCE, ls="--", lw=1)
     ax.text(1.05 * time[0], 103.0 * plan.within, f"wish: ±{percent(plan.within)}", fontsize=8, va="bottom")
     ax.axvline(plan.duration, color=REFERENCE, ls=":", lw=1)
@@ -69,15 +78,31 @@ def _draw_bands(ax: Axes, time: Array, curves: dict[str, Array], kinds: Mapping[
         ax.annotate(text, (time[-1], end), (6, 0), textcoords="offset points", color=colour, va="center", fontsize=9)
 
 
+def _plot(plan: Plan) -> Plot:
+    """`figure` for the page."""
+    seen, time, bands = _durations(plan)
+    colours = {"stiffness": "estimate", "damping": "error"}
+    curves = [
+        PlotCurve(name, band, colour=colours.get(plan.kinds.get(name, ""), "measured"))
+        for name, band in zip(seen, bands.T, strict=True)
+    ]
+    marks = [
+        Mark(100.0 * plan.within, f"wish: ±{percent(plan.within)}", across=True),
+        Mark(plan.duration / MINUTE, f"planned: {spell(plan.duration)}"),
+    ]
+    x_axis, y_axis = Axis("duration [min]", log=True), Axis("±2σ [% of the value]", log=True)
+    return Plot("Intervals by duration", time / MINUTE, curves, x_axis, y_axis, marks)
+
+
 def files(plan: Plan) -> dict[str, bytes]:
     """``report.html``, ``plan.png`` and ``summary.json``, by name."""
-    drawn = png(figure(plan))
-    caption = "From the data alone, without a prior. Blue: stiffness, orange: damping."
+    wish = f"The horizontal line is the wish, ±{percent(plan.within)}."
+    caption = f"From the data alone, without a prior. Blue: stiffness, orange: damping. {wish}"
     sections = [
         Section("Will these sensors see it?", text=[plan.sentence, *plan.answers],
         tables=[Table(plan.headings, plan.rows)]),
         *([Section("What widens the bands", tables=[plan.budget.table()])] if plan.budget.rows else []),
-        Section("How long it takes", figures=[(drawn, caption)]),
+        Section("How long it takes", text=[caption], plots=[_plot(plan)]),
         Section("What is told apart, and what is not", text=plan.directions or ["Everything asked for is told apart."]),
         Section("How this was computed", text=plan.notes),
     ]  # fmt: skip
@@ -85,6 +110,6 @@ def files(plan: Plan) -> dict[str, bytes]:
     subtitle = f"{plan.turbine} at {speed} · {', '.join(plan.sensors)} · {spell(plan.duration)} at {plan.rate:g} Hz"
     return {
         "report.html": report_page("Plan of a measurement", subtitle, sections),
-        "plan.png": drawn,
+        "plan.png": png(figure(plan)),
         "summary.json": plan.to_json().encode(),
     }

@@ -2,7 +2,9 @@
 
 import numpy as np
 
-from windsysid.spectral.modal_bands.images import _go_together, _Motion
+from windsysid.spectral.modal_bands.images import _go_together, _Motion, with_harmonics
+
+from ..oma.modes import mode
 
 
 def motion(transform: np.ndarray, freedom: float) -> _Motion:
@@ -20,3 +22,36 @@ def test_an_image_goes_with_its_mode_and_another_mode_does_not():
 def test_too_few_values_show_nothing():
     one = np.ones(64, dtype=complex)
     assert not _go_together(motion(one, 5.0), motion(one, 5.0))
+
+
+def motions(*, bound: bool, power: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+    """Transforms of a narrow random line at 0.6 Hz, and of one at 1.2 Hz with twice its phase or one of its own."""
+    rng, samples, rate = np.random.default_rng(4), 6000, 10.0
+    frequency = np.fft.rfftfreq(samples, 1.0 / rate)
+    near = np.exp(-0.5 * ((frequency - 0.6) / 0.006) ** 2)
+    first = np.fft.irfft(near * (rng.normal(size=(2, len(near))).T @ [1.0, 1.0j]), samples)
+    turning = np.fft.ifft(np.concatenate([2.0 * np.fft.rfft(first), np.zeros(samples - len(near))]))
+    turning /= np.abs(turning).std()
+    amplitude = np.interp(np.arange(samples), np.arange(0, samples, 200), rng.uniform(0.5, 1.5, samples // 200))
+    second = (amplitude * (turning / np.abs(turning)) ** 2).real
+    if not bound:
+        far = np.exp(-0.5 * ((frequency - 1.2) / 0.012) ** 2)
+        second = np.fft.irfft(far * (rng.normal(size=(2, len(far))).T @ [1.0, 1.0j]), samples)
+        second = second / second.std()
+    whole = turning.real + np.sqrt(power) * second + 0.01 * rng.normal(size=samples)
+    return frequency, np.fft.rfft(whole)[:, None]
+
+
+def bound_of(frequency: np.ndarray, values: np.ndarray) -> list[bool]:
+    lines = [mode(0.6, 0.008, (1.0,)), mode(0.9, 0.008, (1.0,)), mode(1.2, 0.008, (1.0,))]
+    return [one.doubted_for("load") for one in with_harmonics(lines, frequency, values)]
+
+
+def test_lines_with_bound_phases_are_harmonics_of_a_machine():
+    """A 3P line of a rotor whose speed and load vary was a mode of grade A, as its envelope varies like a mode's."""
+    assert bound_of(*motions(bound=True)) == [True, False, True]
+    assert bound_of(*motions(bound=False)) == [False, False, False]
+
+
+def test_a_faint_harmonic_leaves_its_mode():
+    assert bound_of(*motions(bound=True, power=0.002)) == [False, False, True]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import beta
 
-from windsysid.spectral.modal_bands.load_peaks import shape_ratio, with_load_odds
+from windsysid.spectral.modal_bands.load_peaks import shape_ratio, with_comb_odds, with_load_odds
 from windsysid.spectral.oma.mode import Doubt, OperationalMode
 
 from ..oma.modes import mode
@@ -53,3 +53,23 @@ def test_shapes_of_two_modes_are_random_directions():
     off, scales = 1.0 - mac, np.array([0.005, 0.05])
     of_load = float(np.mean(np.exp(-off / scales) / scales))
     assert ratio == pytest.approx(of_load / (0.99 * beta(0.5, 1.5).pdf(mac) + 0.01 * of_load))
+
+
+def harmonics_among(*modes: OperationalMode, turning: float = 0.5) -> list[bool]:
+    return [one.doubted_for("load") for one in with_comb_odds(modes, turning)]
+
+
+def test_a_comb_of_wide_peaks_is_a_rotor_and_modes_between_them_are_not():
+    """OpenFAST at 16 m/s without a speed channel: 0.758 Hz = 6P and 1.12 Hz = 9P were modes of grade A and B."""
+    comb = [mode(0.38, 0.07), mode(0.757, 0.042), mode(1.12, 0.043)]
+    modes = [mode(0.165, 0.009), mode(0.62, 0.009), mode(0.862, 0.015)]
+    assert harmonics_among(*comb, *modes) == [True, True, True, False, False, False]
+    told = with_comb_odds(comb, 0.5)[1].doubts[0]
+    assert "2 times 0.38 Hz" in told
+
+
+def test_modes_at_multiples_that_are_as_narrow_as_structures_stay():
+    assert harmonics_among(*(mode(0.8 * k, 0.004) for k in (1, 2, 3))) == [False] * 3
+    assert harmonics_among(*(mode(0.8 * k, 0.01) for k in (1, 2, 3)), turning=0.01) == [False] * 3
+    assert harmonics_among(mode(0.4, 0.03), mode(1.03, 0.03)) == [False] * 2
+    assert harmonics_among() == []

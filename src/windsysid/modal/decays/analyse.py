@@ -13,13 +13,14 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 
 from windsysid.errors import ConfigurationError, RecordError
+from windsysid.inspection.plausibility import turns_per_second
 from windsysid.kernels.threads import one_thread
 from windsysid.mechanics.sensors import Sensor
 from windsysid.modal.decays import limits
 from windsysid.modal.decays.describe import DescribedMode, describe_modes, driven_share, mode_alone
 from windsysid.modal.decays.likelihood import Decay, DecayFit, Projection, fit_decays
 from windsysid.modal.decays.order import search_decays
-from windsysid.modal.decays.start import release
+from windsysid.modal.decays.start import highest_peak, reduced, release
 from windsysid.modal.marks import ModeMarks
 from windsysid.modal.matching.match import with_references
 from windsysid.modal.singular_values import singular_values
@@ -122,7 +123,7 @@ def analyse_decays(
     found = _without_removed(found, marks)
     nodes, drawn = geometry_of(sensors)
     found = replace(found, nodes=nodes, lines_drawn=drawn)
-    modes = with_references(named(found.modes, found.channels), found.channels, machine, 0.0)
+    modes = with_references(named(found.modes, found.channels), found.channels, machine, found.rotor_hz)
     if found.doubts:
         of_record = Doubt("record", f"the record is doubtful: {found.doubts[0]}")
         modes = [replace(mode, grounds=(*mode.grounds, of_record)) for mode in modes]
@@ -164,7 +165,7 @@ def _released(
 
 def _standing(samples: Samples) -> list[int]:
     """Indices of the channels that do not turn."""
-    turning = "rotor_azimuth" in samples.record or "rotor_speed" in samples.record
+    turning = turns_per_second(samples.record) > 0.0
     kept = [i for i, one in enumerate(samples.sensors) if not (turning and is_blade(one.channel))]
     if not kept:
         raise RecordError(f"{samples.record.name}: expected channels of what does not turn, got blades: use identify")
@@ -181,7 +182,7 @@ def _empty_result(record: Record, samples: Samples, chosen: Sequence[ModalSensor
     return OperationalModes(
         record=record.name, section=(float(whole.time[first]), float(whole.time[-1])), rate=whole.rate,
         samples=len(values), channels=tuple(s.channel for s in chosen), units=units, sensors=tuple(chosen), modes=(),
-        lines=(), empty=(), frequency=frequency, singular_values=spectrum, bands=(), rotor_hz=0.0,
+        lines=(), empty=(), frequency=frequency, singular_values=spectrum, bands=(), rotor_hz=turns_per_second(whole),
         doubts=tuple(one for one in samples.doubts if "transient" not in one), notes=samples.notes, elapsed=0.0,
         start=record.start, record_hash=record_hash(record),
     )  # fmt: skip
@@ -195,7 +196,8 @@ def _no_decay(name: str, why: str) -> RecordError:
 
 def _fitted(released: Sequence[_Released], between: tuple[float, float] | None) -> tuple[DecayFit, list[_Released]]:
     """Fit of all records, cut off where the slowest decay is over, and begun where the motion is free."""
-    released = list(released)
+    highest = max(highest_peak(one.decay) for one in released)
+    released = [_reduced(one, highest) for one in released]
     fit = search_decays([one.decay for one in released], between)
     cut = [_without_end(one, fit) for one in released]
     if any(a is not b for a, b in zip(cut, released, strict=True)):
@@ -206,6 +208,14 @@ def _fitted(released: Sequence[_Released], between: tuple[float, float] | None) 
     if not len(fit.theta):
         raise _no_decay(released[0].result.record, "no decaying vibration stands out of the noise")
     return fit, released
+
+
+def _reduced(one: _Released, highest: float) -> _Released:
+    """Record at a rate that its vibration up to a frequency [Hz] needs."""
+    decay, later = reduced(one.decay, highest)
+    start = one.result.section[0] + later
+    section = (start, start + (len(decay.values) - 1) / decay.rate)
+    return one._replace(decay=decay, result=replace(one.result, section=section))
 
 
 def _begun_later(released: list[_Released], fit: DecayFit) -> list[_Released]:
@@ -246,20 +256,21 @@ def _section(one: _Released, first: int, past: int) -> _Released:
     values, rate = one.decay.values[first:past], one.decay.rate
     start = one.result.section[0] + first / rate
     section = (start, start + (len(values) - 1) / rate)
-    return one._replace(decay=Decay(values, rate), result=replace(one.result, section=section, samples=len(values)))
+    return one._replace(decay=Decay(values, rate), result=replace(one.result, section=section))
 
 
 def _result(fit: DecayFit, released: Sequence[_Released]) -> OperationalModes:
     """Result of all records, modes by rising frequency and without names."""
     results, decays = [one.result for one in released], [one.decay for one in released]
     sensors = common_sensors(results)
-    described = describe_modes(fit, decays, [one.orders for one in released], sensors.places)
+    described = describe_modes(fit, decays, [one.orders for one in released], sensors.places, results[0].rotor_hz)
     modes = _undriven_modes(fit, described, results[0].record)
     return replace(
         results[0],
         channels=sensors.names,
         units=sensors.units,
         sensors=sensors.sensors,
+        samples=sum(map(_samples, results)),
         modes=modes,
         bands=tuple(_spectra(fit, decays[0], one.number) for one in described),
         decays=tuple(_history(one, projection) for one, projection in zip(released, fit.records, strict=True)),
@@ -286,16 +297,20 @@ def _of_several(
     for s, (one, decay) in enumerate(zip(results, decays, strict=True)):
         own = fit_decays(fit.theta, [decay])
         modes = tuple(mode_alone(own, mode.number, mode.shapes[s]) for mode in described)
-        head = (one.record, one.start, one.section, one.rate, one.samples)
+        head = (one.record, one.start, one.section, one.rate, _samples(one))
         parts.append(RecordModes(*head, modes, one.notes, one.channels))
     return {
         "record": ", ".join(one.record for one in results),
-        "samples": sum(one.samples for one in results),
         "doubts": tuple(f"{one.record}: {text}" for one in results for text in one.doubts),
         "notes": tuple(f"{one.record}: {text}" for one in results for text in _notes(one)),
         "parts": tuple(parts),
         "record_hash": None,
     }
+
+
+def _samples(result: OperationalModes) -> int:
+    """Samples of the record in its section."""
+    return round((result.section[1] - result.section[0]) * result.rate) + 1
 
 
 def _notes(result: OperationalModes) -> tuple[str, ...]:

@@ -32,9 +32,14 @@ class DescribedMode(NamedTuple):
 
 
 def describe_modes(
-    fit: DecayFit, decays: Sequence[Decay], orders: Sequence[Sequence[int]], places: Sequence[NDArray[np.int64]]
+    fit: DecayFit,
+    decays: Sequence[Decay],
+    orders: Sequence[Sequence[int]],
+    places: Sequence[NDArray[np.int64]],
+    rotor_hz: float = 0.0,
 ) -> list[DescribedMode]:
-    """Modes by rising frequency, from the derivative orders of each record's channels and their places among all."""
+    """Modes by rising frequency, from the derivative orders of each record's channels and their places among all, and
+    the turns per second of a rotor."""
     scores, r = part_scores(fit, decays), len(fit.frequency)
     over = [widening_of(scores, i) for i in range(2 * r)]
     found = []
@@ -46,7 +51,7 @@ def describe_modes(
         mode = _mode(
             fit, j, (_over(over[j], local), _over(over[r + j], local)), (merged.shape, local**2 * merged.cov), local
         )
-        mode = replace(mode, grounds=(*_doubts(fit, decays, j), *mode.grounds))
+        mode = replace(mode, grounds=(*_doubts(fit, decays, j, rotor_hz), *mode.grounds))
         found.append(DescribedMode(mode, j, tuple(one.ratio for one in ratios)))
     return found
 
@@ -114,7 +119,7 @@ def _raw_slopes(fit: DecayFit, decay: Decay) -> Array:
     return np.stack([turned.real, -turned.imag], axis=2).reshape(len(t), -1)
 
 
-def _doubts(fit: DecayFit, decays: Sequence[Decay], j: int) -> list[Doubt]:
+def _doubts(fit: DecayFit, decays: Sequence[Decay], j: int, rotor_hz: float) -> list[Doubt]:
     """Reasons why a mode is not to be used: no decay, too short, as narrow as the line of a machine."""
     f, z = float(fit.frequency[j]), float(fit.damping[j])
     std = float(np.sqrt(fit.cov[len(fit.frequency) + j, len(fit.frequency) + j]))
@@ -130,22 +135,55 @@ def _doubts(fit: DecayFit, decays: Sequence[Decay], j: int) -> list[Doubt]:
     if (pair := _combination(fit, j)) is not None:
         text = f"it is at the sum or difference of {pair[0]:.4g} and {pair[1]:.4g} Hz: a nonlinearity may make it"
         doubts.append(Doubt("image", text))
-    if np.exp(2.0 * std) * z < MIN_STRUCTURE_DAMPING:
+    if (sideband := _sideband(fit, j, rotor_hz)) is not None:
+        text = f"it is {sideband[1]:.4g} Hz from {sideband[0]:.4g} Hz and decays as that mode: the rotor may make it"
+        doubts.append(Doubt("image", text))
+    if _is_line(fit, j):
         text = f"it hardly decays: a damping ratio of {100 * z:.2g} %, which machines have and structures hardly"
         doubts.append(Doubt("line", text))
     return doubts
 
 
+def _is_line(fit: DecayFit, j: int) -> bool:
+    """True if the whole interval of a damping ratio is below that of structures."""
+    std = float(np.sqrt(fit.cov[len(fit.frequency) + j, len(fit.frequency) + j]))
+    return bool(np.exp(2.0 * std) * fit.damping[j] < MIN_STRUCTURE_DAMPING)
+
+
 def _combination(fit: DecayFit, j: int) -> tuple[float, float] | None:
     """Frequencies [Hz] of two much stronger modes, or twice the same, whose sum or difference is that of mode j."""
-    f, begun, r = fit.frequency, _begun(fit), len(fit.frequency)
-    reach = f[j] * (limits.COMBINATION_SIGMAS * np.sqrt(fit.cov[j, j]) + limits.COMBINATION_DISTANCE)
-    strong = [i for i in range(r) if begun[i] > begun[j] / limits.MAX_COMBINATION_SHARE]
-    for a in strong:
-        for b in strong:
+    f, reach = fit.frequency, _reach(fit, j)
+    for a in _much_stronger(fit, j):
+        for b in _much_stronger(fit, j):
             if min(abs(f[a] + f[b] - f[j]), abs(f[a] - f[b] - f[j])) < reach:
                 return float(f[a]), float(f[b])
     return None
+
+
+def _sideband(fit: DecayFit, j: int, rotor_hz: float) -> tuple[float, float] | None:
+    """Frequency [Hz] of a much stronger mode that decays as mode j, and that of a harmonic of the rotor, or of a line,
+    by which they differ: coefficients that are periodic modulate a mode."""
+    f, rate, r = fit.frequency, fit.frequency * fit.damping, len(fit.frequency)
+    periodic = [n * rotor_hz for n in range(1, limits.MAX_SIDEBAND_ORDER + 1)] if rotor_hz else []
+    periodic += [float(f[i]) for i in range(r) if i != j and _is_line(fit, i)]
+    reach = limits.COMBINATION_SIGMAS * float(np.sqrt(fit.cov[r + j, r + j])) + limits.MAX_DECAY_DIFFERENCE
+    for a in _much_stronger(fit, j):
+        if abs(np.log(rate[j] / rate[a])) < reach:
+            for shift in periodic:
+                if min(abs(abs(f[a] + sign * shift) - f[j]) for sign in (-1.0, 1.0)) < _reach(fit, j):
+                    return float(f[a]), shift
+    return None
+
+
+def _much_stronger(fit: DecayFit, j: int) -> list[int]:
+    begun = _begun(fit)
+    return [i for i in range(len(begun)) if begun[i] > begun[j] / limits.MAX_COMBINATION_SHARE]
+
+
+def _reach(fit: DecayFit, j: int) -> float:
+    """Distance [Hz] from a combination up to which mode j may be one."""
+    relative = limits.COMBINATION_SIGMAS * np.sqrt(fit.cov[j, j]) + limits.COMBINATION_DISTANCE
+    return float(fit.frequency[j] * relative)
 
 
 def _over(widening: BandWidening, local: float) -> BandWidening:

@@ -24,8 +24,12 @@ from windsysid.spectral.modal_bands.scoring import DAMPING_PRIOR
 
 __all__ = ["Decay", "DecayFit", "Projection", "fit_decays", "misfit", "part_scores", "project"]
 
-MAX_STEPS, MAX_STEP, STEP_TOLERANCE = 60, 0.5, 1e-5
+MAX_STEPS, MAX_STEP, STEP_TOLERANCE = 60, 0.5, 1e-3
 """Numerical: iterations, largest step of a logarithm, and the step in standard deviations at which they end."""
+
+MIN_DAMPING_FACTOR, POOR_GAIN, GOOD_GAIN = 1e-3, 0.25, 0.75
+"""Numerical: damping of the steps over the information after one that failed, at least, and ratios of the gain of a
+step to the predicted one below which it rises, and above which it falls."""
 
 BLOCK_EDGES = np.array([0.0, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0])
 """Numerical: edges of frequency blocks around a mode, in half-widths, one bin at least."""
@@ -133,7 +137,15 @@ def misfit(projection: Projection) -> float:
     return float(len(projection.residual) * np.sum(np.log(projection.noise)))
 
 
-def fit_decays(theta: Array, decays: Sequence[Decay]) -> DecayFit:
+def _damping_after(gain: float, damped: float) -> float:
+    """Damping after a step with a gain over the predicted one (Madsen, Nielsen & Tingleff 2004, Methods for non-linear
+    least squares problems)."""
+    if gain < POOR_GAIN:
+        return max(4.0 * damped, MIN_DAMPING_FACTOR)
+    return max(0.2 * damped, 1e-9) if gain > GOOD_GAIN else damped
+
+
+def fit_decays(theta: Array, decays: Sequence[Decay], steps: int = MAX_STEPS) -> DecayFit:
     """Maximise the posterior of all records from a start value, by damped Gauss–Newton steps."""
     r, damped = len(theta) // 2, 1e-6
     precision, centre = np.zeros(2 * r), np.zeros(2 * r)
@@ -144,7 +156,7 @@ def fit_decays(theta: Array, decays: Sequence[Decay]) -> DecayFit:
         return sum(map(misfit, records)) + float(precision @ (at - centre) ** 2), records
 
     lowest, records = cost(theta)
-    for _ in range(MAX_STEPS):
+    for _ in range(steps):
         both = [one.information(one.slopes.T @ one.slopes, one.slopes.T @ one.residual) for one in records]
         gradient = sum(g for g, _ in both) - precision * (theta - centre)
         F = sum(f for _, f in both) + np.diag(precision)
@@ -153,10 +165,10 @@ def fit_decays(theta: Array, decays: Sequence[Decay]) -> DecayFit:
         trial = theta + step
         trial[r:] = np.minimum(trial[r:], np.log(MAX_DAMPING))
         now, tried = cost(trial)
+        gain = (lowest - now) / max(float(2.0 * step @ gradient - step @ F @ step), 1e-300)
+        damped = _damping_after(gain, damped)
         if now <= lowest:
-            theta, records, lowest, damped = trial, tried, now, max(0.2 * damped, 1e-9)
-        else:
-            damped *= 8.0
+            theta, records, lowest = trial, tried, now
         if float(step @ F @ step) < STEP_TOLERANCE**2 or damped > 1e6:
             break
     cov = np.asarray(np.linalg.inv(F)) if r else np.empty((0, 0))

@@ -30,6 +30,13 @@ START_PROBABILITY = 1e-3
 MAX_START_STEPS = 6
 """Setting: number of times that the beginning is moved by a cycle of the slowest mode."""
 
+PEAK_PROBABILITY = 1e-4
+"""Probability: that one of all averages of a periodogram of noise is taken for a peak."""
+
+MIN_RATE_FACTOR = 6.0
+"""Size: sampling rate over the highest frequency at which a decay stands out of the noise; of a higher one only the
+noise between them is lost."""
+
 ENERGY_WINDOWS = 200
 """Setting: number of windows of a record for the search of the release."""
 
@@ -55,3 +62,7 @@ used, and beyond which it is no decay."""
 MAX_COMBINATION_SHARE, COMBINATION_SIGMAS, COMBINATION_DISTANCE = 0.01, 3.0, 1e-3
 """Size: power of a mode over those of two others, and its distance from their sum or difference, in standard deviations
 and relative, up to which a quadratic nonlinearity may make it (OpenFAST's decays of a rotor have such)."""
+
+MAX_SIDEBAND_ORDER, MAX_DECAY_DIFFERENCE = 6, 0.2
+"""Size: order of a rotor harmonic that modulates a mode, twice the number of three blades, and the logarithm of the
+ratio of the decays of the mode and its sideband, in addition to standard deviations."""

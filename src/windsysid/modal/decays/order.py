@@ -20,8 +20,14 @@ __all__ = ["search_decays"]
 AVERAGED_BINS = 9
 """Setting: bins of a periodogram that are averaged."""
 
+TAPERED_SHARE = 0.04
+"""Setting: share of a residual in the tapers at its beginning and end."""
+
 MAX_TRIALS = 6
 """Setting: number of candidates that are fitted before the search ends."""
+
+TRIAL_STEPS = 12
+"""Setting: iterations of the fit of a candidate; those of its last fit follow."""
 
 
 def search_decays(decays: Sequence[Decay], limits: tuple[float, float] | None = None) -> DecayFit:
@@ -30,7 +36,7 @@ def search_decays(decays: Sequence[Decay], limits: tuple[float, float] | None = 
     high = min(MAX_FREQUENCY_SHARE * one.rate for one in decays)
     low, high = (max(low, limits[0]), min(high, limits[1])) if limits is not None else (low, high)
     known = [mode for one in decays for mode in realized_modes(one, high)]
-    known += [mode for one in decays for mode in realized_modes(one, min(high, 1.5 * _highest_peak(one)))]
+    known += [mode for one in decays for mode in realized_modes(one, min(high, 1.5 * _strongest_range(one)))]
     best = fit_decays(np.empty(0), decays)
     while len(best.theta) < 2 * MAX_MODES:
         more = _with_one_more(best, decays, [*known, *residual_modes(best, decays)], (low, high))
@@ -40,8 +46,8 @@ def search_decays(decays: Sequence[Decay], limits: tuple[float, float] | None = 
     return best
 
 
-def _highest_peak(decay: Decay) -> float:
-    """Highest frequency with a thousandth of the largest amplitude [Hz]."""
+def _strongest_range(decay: Decay) -> float:
+    """Highest frequency with a thousandth of the largest power [Hz]."""
     size = np.abs(np.fft.rfft(decay.values - decay.values.mean(axis=0), axis=0)).sum(axis=1)
     return float(max(np.flatnonzero(size > 0.03 * size.max())) * decay.rate / len(decay.values))
 
@@ -56,9 +62,9 @@ def _with_one_more(
     samples = sum(len(one.values) for one in decays)
     needed = (2.0 + 2.0 * channels) * np.log(samples) + MIN_DOUBLE_LOG_ODDS
     for mode in _apart([inside[i] for i in np.argsort(gains)[::-1]])[:MAX_TRIALS]:
-        more = fit_decays(_added(best.theta, mode), decays)
+        more = fit_decays(_added(best.theta, mode), decays, TRIAL_STEPS)
         if _whittle(best) - _whittle(more) > needed and _is_possible(more, between):
-            return more
+            return fit_decays(more.theta, decays)
     return None
 
 
@@ -72,10 +78,16 @@ def _apart(candidates: Sequence[tuple[float, float]]) -> list[tuple[float, float
 
 
 def _whittle(fit: DecayFit) -> float:
-    """−2 ln of Whittle's likelihood of the residuals, with smooth spectra of their own."""
+    """−2 ln of Whittle's likelihood of the residuals, with smooth spectra of their own.
+
+    Tapered ends keep the skirts of modes that are still missing from covering what another one explains.
+    """
+    from scipy.signal.windows import tukey
+
     total = 0.0
     for one in fit.records:
-        power = np.abs(np.fft.rfft(one.residual, axis=0)[1:]) ** 2
+        taper = tukey(len(one.residual), TAPERED_SHARE)[:, None]
+        power = np.abs(np.fft.rfft(taper * one.residual, axis=0)[1:]) ** 2
         starts = np.arange(0, len(power), AVERAGED_BINS)
         count = np.diff(np.append(starts, len(power)))[:, None]
         mean = np.add.reduceat(power, starts, axis=0) / count + one.floor * len(one.residual)

@@ -16,13 +16,23 @@ from windsysid.modal.decays.limits import (
     MAX_FREQUENCY_SHARE,
     MAX_MODES,
     MIN_CYCLES,
+    MIN_NOISE,
+    MIN_RATE_FACTOR,
+    MIN_SAMPLES,
     MIN_WINDOW,
+    PEAK_PROBABILITY,
 )
 
-__all__ = ["realized_modes", "release", "residual_modes"]
+__all__ = ["highest_peak", "realized_modes", "reduced", "release", "residual_modes"]
 
 MAX_ROWS, MAX_COLUMNS = 240, 800
 """Numerical: largest size of the block Hankel matrix."""
+
+AVERAGED_BINS, MEDIAN_BLOCKS = 9, 101
+"""Setting: bins of a periodogram that are averaged, and averages around each whose median is its background."""
+
+FILTER_LENGTHS = 20
+"""Numerical: length of the filter of a slower rate, in samples of that rate; flat up to 0.4 of it."""
 
 START_DAMPING = (0.003, 0.01, 0.04)
 """Setting: damping ratios from which a mode at a peak is sought."""
@@ -45,6 +55,47 @@ def release(values: Array) -> int:
     size = max(MIN_WINDOW, len(values) // ENERGY_WINDOWS)
     energy = np.convolve(np.sum(moved**2, axis=1), np.ones(size), mode="valid")
     return int(np.argmax(energy)) + size // 2
+
+
+def highest_peak(decay: Decay) -> float:
+    """Highest frequency [Hz] at which vibration stands out of the noise; 0 where none does.
+
+    The background is the median of averaged periodograms around; noise below the smallest believed one hides peaks.
+
+    Examples
+    --------
+    >>> t = np.arange(3000) / 50.0
+    >>> swing = np.exp(-0.1 * t) * np.cos(9.0 * t) + 0.01 * np.random.default_rng(0).normal(size=3000)
+    >>> 1.4 < highest_peak(Decay(swing[:, None], 50.0)) < 2.5
+    True
+    """
+    from scipy.ndimage import median_filter
+    from scipy.special import gdtrix
+
+    samples = len(decay.values)
+    values = decay.values - decay.values.mean(axis=0)
+    power = np.abs(np.fft.rfft(values, axis=0)[1:]) ** 2 + MIN_NOISE**2 * samples * np.var(values, axis=0) + 1e-300
+    blocks = len(power) // AVERAGED_BINS
+    mean = power[: blocks * AVERAGED_BINS].reshape(blocks, AVERAGED_BINS, -1).mean(axis=1)
+    over = mean / median_filter(mean, size=(MEDIAN_BLOCKS, 1), mode="nearest")
+    bound = gdtrix(AVERAGED_BINS, AVERAGED_BINS, 1.0 - PEAK_PROBABILITY / max(over.size, 1))
+    found = np.flatnonzero((over > bound).any(axis=1))
+    return float((found[-1] + 1) * AVERAGED_BINS * decay.rate / samples) if len(found) else 0.0
+
+
+def reduced(decay: Decay, highest: float) -> tuple[Decay, float]:
+    """Decay at the lowest rate at which a frequency [Hz] is well sampled, and the time [s] by which it begins later.
+
+    A low-pass filter of constant delay multiplies a damped sinusoid by a constant; frequency and damping ratio stay.
+    """
+    from scipy.signal import firwin, oaconvolve
+
+    every = int(decay.rate / (MIN_RATE_FACTOR * highest)) if highest > 0.0 else 1
+    length = FILTER_LENGTHS * every + 1
+    if every < 2 or len(decay.values) < length + every * MIN_SAMPLES:
+        return decay, 0.0
+    kept = oaconvolve(decay.values, firwin(length, 1.0 / every)[:, None], mode="valid", axes=0)[::every]
+    return Decay(kept, decay.rate / every), (length // 2) / decay.rate
 
 
 def realized_modes(decay: Decay, highest: float) -> list[tuple[float, float]]:

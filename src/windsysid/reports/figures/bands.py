@@ -11,7 +11,7 @@ from windsysid.results.identification import Estimate, Identification
 from windsysid.results.posterior import SIGMAS
 from windsysid.units import unit_text
 
-__all__ = ["caption", "coefficient_bands"]
+__all__ = ["WIDER", "caption", "coefficient_bands", "prior_limits", "relative_values"]
 
 ROW, WIDTH, MARGIN = 0.32, 12.6, 0.95
 """Inches: height of a coefficient, width of the figure, height of title and axis."""
@@ -21,11 +21,25 @@ WIDER = 1.6
 
 
 def caption(found: Identification) -> str:
-    """What the figure of the coefficients shows."""
-    text = "Result with ±2σ (blue), the prior's ±2σ (pale), and the turbine file (dashed). At the right: the result."
+    """What the pictures of the coefficients show."""
+    text = "Result with ±2σ (blue) and the prior's ±2σ (grey), as differences from the turbine file."
     if all(e.reference for e in found.estimates):
         return text
     return f"{text} *: the file has no value; the band is drawn about the result."
+
+
+def prior_limits(found: Identification) -> dict[str, list[float]]:
+    """Limits (±2σ) of the prior of each coefficient [SI]."""
+    return {
+        q.name: [float(q.physical(q.prior[0] + k * q.prior[1])) for k in (-SIGMAS, SIGMAS)] for q in found.parameters
+    }
+
+
+def relative_values(e: Estimate, prior: Sequence[float]) -> list[float]:
+    """Estimate, its limits and those of the prior, as differences from the turbine file [%], from the result where the
+    file has no value."""
+    base = e.reference or e.estimate or 1.0
+    return [100.0 * (x / base - 1.0) for x in (e.estimate, e.low, e.high, *prior)]
 
 
 def coefficient_bands(found: Identification, place: Axes | None = None) -> Figure:
@@ -35,9 +49,7 @@ def coefficient_bands(found: Identification, place: Axes | None = None) -> Figur
     kinds = [kind for kind in kinds if kind]
     rows = max(len(kind) for kind in kinds)
     figure = canvas((WIDTH, MARGIN + ROW * rows), place)
-    priors = {
-        q.name: [float(q.physical(q.prior[0] + k * q.prior[1])) for k in (-SIGMAS, SIGMAS)] for q in found.parameters
-    }
+    priors = prior_limits(found)
     for ax, kind in zip(figure.subplots(1, len(kinds), squeeze=False)[0], kinds, strict=True):
         _draw(ax, kind, priors, rows)
     return figure
@@ -65,8 +77,7 @@ def _draw(ax: Axes, estimates: Sequence[Estimate], priors: dict[str, list[float]
 
 def _draw_row(ax: Axes, row: int, e: Estimate, prior: Sequence[float]) -> tuple[float, float]:
     """One coefficient; the ends of its band [%]."""
-    base = e.reference or e.estimate or 1.0
-    value, low, high, before, after = (100.0 * (x / base - 1.0) for x in (e.estimate, e.low, e.high, *prior))
+    value, low, high, before, after = relative_values(e, prior)
     ax.barh(row, after - before, left=before, height=0.62, color=BAND, alpha=0.45, lw=0)
     ax.plot([low, high], [row, row], color=ESTIMATE, lw=2.2, solid_capstyle="butt")
     ax.plot(value, row, "o", color=ESTIMATE, ms=5, mfc=None if e.reference else "white")

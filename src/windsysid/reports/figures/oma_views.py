@@ -11,8 +11,8 @@ from windsysid.reports.interactive.plot import Axis, Mark, Plot, PlotCurve, Shad
 from windsysid.spectral.oma.mode import OperationalMode
 from windsysid.spectral.oma.result import DecayHistory, OperationalModes, RecordModes
 
-__all__ = ["assurance_table", "complexity_figure", "decay_plot", "poles_plot", "segment_plots", "setup_table",
-    "shape_table", "singular_value_plot"]  # fmt: skip
+__all__ = ["assurance_table", "band_plots", "complexity_figure", "decay_plot", "poles_plot", "segment_plots",
+    "setup_table", "shape_table", "singular_value_plot"]  # fmt: skip
 
 MAX_MODES, COLUMNS = 12, 6
 """Setting: modes of the plots over segments, and columns of complexity plots."""
@@ -20,6 +20,9 @@ MAX_MODES, COLUMNS = 12, 6
 STABLE_FREQUENCY, STABLE_DAMPING = 0.01, 0.2
 """Setting: relative change from one model order to the next up to which a pole counts as stable: usual values in
 stabilisation diagrams."""
+
+MAX_BAND_PLOTS = 24
+"""Setting: bands of which a page has spectra."""
 
 
 def singular_value_plot(found: OperationalModes) -> Plot:
@@ -41,6 +44,22 @@ def singular_value_plot(found: OperationalModes) -> Plot:
         "channels scaled to the same median; modes are marked (grade C in another colour), their bands shaded",
         "frequency",
     )  # fmt: skip
+
+
+def band_plots(found: OperationalModes) -> list[Plot]:
+    """Spectra of the readings and of the model in the bands of the modes."""
+    plots = []
+    for band in found.bands[:MAX_BAND_PLOTS]:
+        inside = [mode for mode in found.modes if band.frequency[0] <= mode.frequency <= band.frequency[-1]]
+        marks = [Mark(mode.frequency, mode.name, "estimate" if mode.trusted else "error", "modes") for mode in inside]
+        curves = [
+            PlotCurve("measured", band.measured, look="dots", colour="measured"),
+            PlotCurve("model", band.fitted),
+        ]
+        title = ", ".join(mode.name for mode in inside)[:60] or "band"
+        axes = Axis("frequency [Hz]"), Axis("PSD, channels added after scaling", log=True)
+        plots.append(Plot(title, band.frequency, curves, *axes, marks))
+    return plots
 
 
 def poles_plot(found: OperationalModes) -> Plot | None:

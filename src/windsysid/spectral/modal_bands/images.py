@@ -1,8 +1,11 @@
-"""Images of modes: aliases of readings that were interpolated from a lower sampling rate.
+"""Images of modes: aliases of readings that were interpolated from a lower sampling rate; harmonics of one machine.
 
 Whatever fills in, straight lines, splines or a filter that is not steep enough, leaves a faint copy of a mode at
 F − f and at F + f, with F the rate at which the readings were taken. The motion of an image is that of its mode, turned
 back or not, times e^{2πiFt}: their product has one line and no band. Random motions of two modes have none.
+
+Of a machine whose speed wanders, the phases of the harmonics are multiples of that of the first, which those of modes
+are not. Of a mode that moves far, a quadratic nonlinearity makes a faint harmonic whose amplitude follows its square.
 """
 
 from collections.abc import Sequence
@@ -12,16 +15,25 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array, Complex
-from windsysid.spectral.modal_bands.limits import IMAGE_FALSE_ALARM_PROBABILITY, MIN_MOTION_FREEDOM
+from windsysid.spectral.modal_bands.limits import (
+    HARMONIC_FALSE_ALARM_PROBABILITY,
+    IMAGE_FALSE_ALARM_PROBABILITY,
+    MAX_NONLINEAR_SHARE,
+    MIN_MOTION_FREEDOM,
+)
 from windsysid.spectral.oma.mode import Doubt, OperationalMode
 
-__all__ = ["with_images"]
+__all__ = ["with_harmonics", "with_images"]
 
 MOTION_HALF_WIDTHS = 6.0
 """Setting: half-widths ζ f of a mode within which its motion is taken."""
 
 MIN_MOTION_BINS = 20
 """Setting: smallest number of bins on either side within which it is taken."""
+
+
+MAX_HARMONIC = 4
+"""Setting: highest multiple of the frequency of a peak at which its harmonics are sought."""
 
 
 class _Motion(NamedTuple):
@@ -57,6 +69,45 @@ def with_images(modes: Sequence[OperationalMode], frequency: Array, values: Comp
             mode = replace(mode, grounds=(*mode.grounds, Doubt("image", text)))
         checked.append(mode)
     return checked
+
+
+def with_harmonics(modes: Sequence[OperationalMode], frequency: Array, values: Complex) -> list[OperationalMode]:
+    """Add a reason to each mode whose phase is bound to that of another one: both are harmonics of a machine.
+
+    `frequency` and `values` are as in `with_images`.
+    """
+    motions = [_motion_of(mode, frequency, values) for mode in modes]
+    grounds: dict[int, Doubt] = {}
+    for i, (first, its) in enumerate(zip(modes, motions, strict=True)):
+        for k, (higher, other) in enumerate(zip(modes, motions, strict=True)):
+            order = round(higher.frequency / first.frequency)
+            if not 2 <= order <= MAX_HARMONIC or not its.first < other.last / order or other.first > its.last * order:
+                continue
+            if _phase_is_bound(its, other, order, float(frequency[1])):
+                text = f"its phase is bound to that of the peak at {first.frequency:.4g} Hz, as of harmonics"
+                grounds.setdefault(k, Doubt("load", f"load or mode: {text}"))
+                if other.power > MAX_NONLINEAR_SHARE * its.power:
+                    text = f"the phase of the peak at {higher.frequency:.4g} Hz is bound to its own, as of harmonics"
+                    grounds.setdefault(i, Doubt("load", f"load or mode: {text}"))
+    return [
+        replace(mode, grounds=(*mode.grounds, grounds[i])) if i in grounds else mode for i, mode in enumerate(modes)
+    ]
+
+
+def _phase_is_bound(one: _Motion, other: _Motion, order: int, step: float) -> bool:
+    """True if the phase of a motion times an order is that of another motion, but for a constant."""
+    length = 2 * order * max(len(one.transform), len(other.transform))
+    first, second = (np.fft.ifft(motion.transform, length) for motion in (one, other))
+    size = np.maximum(np.abs(first), 1e-300)
+    shift = (order * one.first - other.first) / step  # the transforms begin at their first bins
+    multiplied = size * (first / size) ** order * np.exp(2j * np.pi * shift * np.arange(length) / length)
+    power = np.abs(np.fft.fft(multiplied)) ** 2
+    freedom = 2.0 * min(one.freedom, other.freedom, float(power.sum() ** 2 / np.sum(power**2)))
+    if freedom < MIN_MOTION_FREEDOM:
+        return False
+    bound = 1.0 - HARMONIC_FALSE_ALARM_PROBABILITY ** (1.0 / (freedom - 1.0))
+    whole = float(np.sum(np.abs(multiplied) ** 2) * np.sum(np.abs(second) ** 2))
+    return bool(np.abs(np.vdot(multiplied, second)) ** 2 > bound * whole)
 
 
 def _motion_of(mode: OperationalMode, frequency: Array, values: Complex) -> _Motion:

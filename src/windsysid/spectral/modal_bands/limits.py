@@ -40,8 +40,14 @@ LOAD_FALSE_ALARM_PROBABILITY, IMAGE_FALSE_ALARM_PROBABILITY = 1e-4, 1e-6
 """Probability: significance levels of the score test for correlated loads of a mode, and of the line in the product of
 the motions of two modes."""
 
+HARMONIC_FALSE_ALARM_PROBABILITY = 1e-4
+"""Probability: that the phases of two modes, one at a multiple of the other, are bound by chance."""
+
 MIN_MOTION_FREEDOM = 8.0
 """Size: equivalent degrees of freedom of a motion; with fewer, two modes may be equal by chance."""
+
+MAX_NONLINEAR_SHARE = 0.01
+"""Size: power of a harmonic over that of its first up to which a nonlinearity may make it of a mode."""
 
 MAX_DAMPING = 0.2
 """Size: damping ratio beyond which a mode is background."""
@@ -79,6 +85,21 @@ ones, as of a tuned mass damper, and of others, as the bending modes of a tower 
 
 MAX_CLOSE_RATIO = 1.5
 """Size: ratio of frequencies up to which two modes are close."""
+
+COMB_ODDS = (0.5, 0.01)
+"""Odds: of a turning rotor of unknown speed, in records whose channels name a turbine and in others."""
+
+HARMONIC_DAMPING, MAX_COMB_ORDER = (0.04, 0.5), 4
+"""Setting: half-widths over frequency of what the blades sample of turbulence, as median and logarithmic standard
+deviation (OpenFAST's records of two turbines have 2 to 9 %), and the highest multiple of the blade passing."""
+
+COMB_SCATTER = 0.5
+"""Setting: distance of such a peak from its multiple in its half-widths, as a standard deviation: it has no mode's
+form."""
+
+MIN_COMB_ODDS, MAX_STATED_ODDS = 3.0, 1e3
+"""Odds: of a comb of harmonics from which on its peaks are compared with it, positive evidence (Kass & Raftery, J. Am.
+Stat. Assoc. 90, 1995), and largest ones that are stated."""
 
 MAX_LOAD_ODDS = 0.5
 """Odds: of a load against a mode beyond which a peak is not graded."""

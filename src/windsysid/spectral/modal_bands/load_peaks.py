@@ -23,7 +23,7 @@ from windsysid._types import Array, Complex
 from windsysid.spectral.modal_bands import limits
 from windsysid.spectral.oma.mode import Doubt, OperationalMode
 
-__all__ = ["shape_ratio", "with_load_odds"]
+__all__ = ["shape_ratio", "with_comb_odds", "with_load_odds"]
 
 
 def with_load_odds(modes: Sequence[OperationalMode]) -> list[OperationalMode]:
@@ -47,12 +47,70 @@ def with_load_odds(modes: Sequence[OperationalMode]) -> list[OperationalMode]:
     return checked
 
 
+def with_comb_odds(modes: Sequence[OperationalMode], turning: float) -> list[OperationalMode]:
+    """Add a reason to each mode that may well be a harmonic of a rotor of unknown speed, given its odds of turning.
+
+    Harmonics are at multiples of one frequency, which is a peak, too, and as wide as the blades make turbulence. One
+    such comb is sought, any peak being as likely its first; each other multiple raises the odds of a harmonic.
+    """
+    combs = [_comb(modes, first) for first in modes]
+    odds = [turning / len(modes) * float(np.prod(list(ratios.values()))) for ratios in combs]
+    if not odds or max(odds) < limits.MIN_COMB_ODDS:
+        return list(modes)
+    best = int(np.argmax(odds))
+    base, spread = modes[best].frequency, _comb_spread(modes[best])
+    checked = []
+    for mode in modes:
+        order = max(round(mode.frequency / base), 1)
+        own = _width_ratio(mode) if mode is modes[best] else _harmonic_ratio(mode, order, base, spread)
+        of_others = odds[best] / combs[best].get(order, 1.0)
+        of_harmonic = own * of_others / (1.0 + of_others)
+        if order <= limits.MAX_COMB_ORDER and of_harmonic > limits.MAX_LOAD_ODDS:
+            text = f"load or mode: it is {order} times {base:.4g} Hz, as other peaks are: odds of a harmonic of a rotor"
+            text = f"{text} without a speed channel, {min(of_harmonic, limits.MAX_STATED_ODDS):.2g} : 1"
+            mode = replace(mode, grounds=(*mode.grounds, Doubt("load", text)))
+        checked.append(mode)
+    return checked
+
+
+def _comb(modes: Sequence[OperationalMode], first: OperationalMode) -> dict[int, float]:
+    """Likelihood ratio of each multiple of a peak's frequency, by the likeliest peak there, against modes."""
+    base, spread = first.frequency, _comb_spread(first)
+    ratios = {1: _width_ratio(first)}
+    for peak in modes:
+        order = round(peak.frequency / base)
+        if 2 <= order <= limits.MAX_COMB_ORDER:
+            ratios[order] = max(ratios.get(order, 1.0), _harmonic_ratio(peak, order, base, spread))
+    return ratios
+
+
+def _harmonic_ratio(mode: OperationalMode, order: int, base: float, spread: float) -> float:
+    """Density of the frequency and width of a peak if it is a harmonic of a frequency [Hz], over that of a mode."""
+    scale = float(np.hypot(_comb_spread(mode), order * spread))
+    off = (mode.frequency - order * base) / scale
+    return _width_ratio(mode) * float(np.exp(-0.5 * off**2) / (np.sqrt(2.0 * np.pi) * scale)) * base
+
+
+def _comb_spread(mode: OperationalMode) -> float:
+    """Distance [Hz] of a peak from its multiple, as a standard deviation."""
+    return float(np.hypot(mode.frequency_std, limits.COMB_SCATTER * mode.damping * mode.frequency))
+
+
+def _width_ratio(mode: OperationalMode) -> float:
+    """Density of the half-width of a peak if it is a harmonic of a rotor, over that of a mode."""
+    return _density(mode, *limits.HARMONIC_DAMPING) / _structural_density(mode)
+
+
 def _odds_of_width(mode: OperationalMode) -> float:
     """Odds of a load against a mode by frequency and half-width."""
     of_load = sum(
         prior * _density(mode, *width) for (prior, *width), (low, high) in limits.LOADS if low <= mode.frequency <= high
     )
-    return of_load / sum(share * _density(mode, *width) for share, *width in limits.STRUCTURAL_DAMPING)
+    return of_load / _structural_density(mode)
+
+
+def _structural_density(mode: OperationalMode) -> float:
+    return sum(share * _density(mode, *width) for share, *width in limits.STRUCTURAL_DAMPING)
 
 
 def _density(mode: OperationalMode, centre: float, spread: float) -> float:

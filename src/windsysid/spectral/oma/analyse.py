@@ -13,6 +13,8 @@ from dataclasses import replace
 from typing import NamedTuple, cast
 
 from windsysid.errors import ConfigurationError
+from windsysid.inspection.bodies import name_a_turbine
+from windsysid.inspection.plausibility import rotor_of
 from windsysid.kernels.threads import one_thread
 from windsysid.mechanics.sensors import Sensor
 from windsysid.modal.marks import ModeMarks
@@ -20,8 +22,9 @@ from windsysid.modal.matching.match import with_references
 from windsysid.output.progress import Progress, unheard
 from windsysid.records.coercion import RecordLike, as_record
 from windsysid.records.record import Record
-from windsysid.spectral.modal_bands.images import with_images
-from windsysid.spectral.modal_bands.load_peaks import with_load_odds
+from windsysid.spectral.modal_bands.images import with_harmonics, with_images
+from windsysid.spectral.modal_bands.limits import COMB_ODDS
+from windsysid.spectral.modal_bands.load_peaks import with_comb_odds, with_load_odds
 from windsysid.spectral.modal_bands.part_scores import SEGMENTS
 from windsysid.spectral.oma.assemble import RecordAnalysis, result_of
 from windsysid.spectral.oma.clock_lag import aligned, clock_lags, lag_doubt
@@ -176,7 +179,10 @@ def _searched(record: Record, readings: Readings, request: _AnalysisOptions) -> 
     bands = without_skirts([described(one, segments, noted) for one in found.bands if modes_of(one)])
     modes, noted = _without_removed([mode for band in bands for mode in band], marks, noted)
     checked = with_images(modes, found.spectrum.frequency, found.spectrum.values)
-    return RecordAnalysis(record, noted, found, tuple(with_load_odds(checked)))
+    checked = with_load_odds(with_harmonics(checked, found.spectrum.frequency, found.spectrum.values))
+    if rotor_of(readings.used) is None:
+        checked = with_comb_odds(checked, COMB_ODDS[0 if request.turbine or name_a_turbine(record.channels) else 1])
+    return RecordAnalysis(record, noted, found, tuple(checked))
 
 
 def _without_removed(

@@ -12,6 +12,7 @@ from windsysid.errors import RecordError
 from windsysid.inspection.fault import Fault
 from windsysid.inspection.faults.continuity import copies_among
 from windsysid.inspection.limits import MAX_SHORT_GAP_SAMPLES, MIN_MODAL_SAMPLES
+from windsysid.inspection.plausibility import rotor_of
 from windsysid.inspection.screening import doubted, noted, screen
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import RATE_DOUBT, STAMPS, Record
@@ -50,7 +51,9 @@ def choose_samples(record: Record, sensors: Sequence[Sensor | ModalSensor | str]
     """
     chosen, left_out = choose_sensors(record, sensors)
     channels = [sensor.channel for sensor in chosen]
-    helpers = [name for name in ("rotor_azimuth", "rotor_speed") if name in record and name not in channels]
+    rotor = rotor_of(record)
+    turning = dict.fromkeys(("rotor_azimuth", "rotor_speed", "" if rotor is None else rotor.source))
+    helpers = [name for name in turning if name in record and name not in channels]
     whole, gap_notes = without_gaps(record.select([*channels, *helpers]), channels)
     findings, spikes = _screened(whole, channels, helpers)
     values = np.column_stack([_bridged(_without_spikes(whole, name, spikes)) for name in channels])
