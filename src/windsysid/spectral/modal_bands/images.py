@@ -16,10 +16,10 @@ import numpy as np
 
 from windsysid._types import Array, Complex
 from windsysid.spectral.modal_bands.limits import (
-    HARMONIC_FALSE_ALARM_PROBABILITY,
     IMAGE_FALSE_ALARM_PROBABILITY,
     MAX_NONLINEAR_SHARE,
     MIN_MOTION_FREEDOM,
+    STEADY_FALSE_ALARM_PROBABILITY,
 )
 from windsysid.spectral.oma.mode import Doubt, OperationalMode
 
@@ -81,9 +81,8 @@ def with_harmonics(modes: Sequence[OperationalMode], frequency: Array, values: C
     for i, (first, its) in enumerate(zip(modes, motions, strict=True)):
         for k, (higher, other) in enumerate(zip(modes, motions, strict=True)):
             order = round(higher.frequency / first.frequency)
-            if not 2 <= order <= MAX_HARMONIC or not its.first < other.last / order or other.first > its.last * order:
-                continue
-            if _phase_is_bound(its, other, order, float(frequency[1])):
+            near = its.first * order < other.last and other.first < its.last * order
+            if 2 <= order <= MAX_HARMONIC and near and _phase_is_bound(its, other, order, float(frequency[1])):
                 text = f"its phase is bound to that of the peak at {first.frequency:.4g} Hz, as of harmonics"
                 grounds.setdefault(k, Doubt("load", f"load or mode: {text}"))
                 if other.power > MAX_NONLINEAR_SHARE * its.power:
@@ -105,7 +104,7 @@ def _phase_is_bound(one: _Motion, other: _Motion, order: int, step: float) -> bo
     freedom = 2.0 * min(one.freedom, other.freedom, float(power.sum() ** 2 / np.sum(power**2)))
     if freedom < MIN_MOTION_FREEDOM:
         return False
-    bound = 1.0 - HARMONIC_FALSE_ALARM_PROBABILITY ** (1.0 / (freedom - 1.0))
+    bound = 1.0 - STEADY_FALSE_ALARM_PROBABILITY ** (1.0 / (freedom - 1.0))
     whole = float(np.sum(np.abs(multiplied) ** 2) * np.sum(np.abs(second) ** 2))
     return bool(np.abs(np.vdot(multiplied, second)) ** 2 > bound * whole)
 
