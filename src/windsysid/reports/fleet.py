@@ -135,14 +135,19 @@ def _level_plot(overview: Overview, name: str) -> Plot:
     common = np.linspace(min(map(np.min, times)), max(map(np.max, times)), POINTS)
     curves = []
     for (turbine, one), own in zip(watches.items(), times, strict=True):
-        level = next(series.level for series in one.series if series.name == name)
-        change = 100.0 * (level / level[one.begins] - 1.0)
-        at = np.searchsorted(own, common, side="right") - 1
-        shown = np.where((common >= own[one.begins]) & (common <= own[-1]), change[np.maximum(at, 0)], np.nan)
         jumped = any(change.name == name for change in one.changes)
-        curves.append(PlotCurve(turbine, shown, colour="error" if jumped else "measured"))
+        curves.append(PlotCurve(turbine, _change(one, name, own, common), colour="error" if jumped else "measured"))
     x_axis = Axis("", dates=True) if dated else Axis("day")
     return Plot(f"{name}: change of the level", common, curves, x_axis, Axis("change [%]"), link="time")
+
+
+def _change(one: Watch, name: str, own: Array, common: Array) -> Array:
+    """Change of a level [%] since the end of learning at common times, from its own times; NaN outside."""
+    level = next(series.level for series in one.series if series.name == name)
+    change = 100.0 * (level / level[one.begins] - 1.0)
+    at = np.searchsorted(own, common, side="right") - 1
+    inside = (common >= own[one.begins]) & (common <= own[-1])
+    return np.where(inside, change[np.maximum(at, 0)], np.nan)
 
 
 def _seconds(one: Watch) -> Array:
