@@ -663,7 +663,7 @@ _FLEET_AND_MODES = (
     ),
     Mutant(
         "an envelope of a machine", "modal_bands/check.py",
-        "probability < limits.STEADY_FALSE_ALARM_PROBABILITY", "False",
+        "probability < limits.MODE_FALSE_ALARM_PROBABILITY", "False",
         "a machine of constant amplitude is a mode",
     ),
     Mutant(

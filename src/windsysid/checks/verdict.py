@@ -39,12 +39,12 @@ from windsysid.checks.limits import (
     MAX_COLOUR,
     MAX_CROSS_CORRELATION,
     MAX_FAR_PEAK_LEVEL,
-    MAX_GATED_SHARE,
     MAX_KURTOSIS,
     MAX_LEVEL_FACTOR,
     MAX_LEVEL_VARIATION,
     MAX_NEAR_MODE_LEVEL,
     MAX_OUTLIER_POWER_SHARE,
+    MAX_OUTLIER_SHARE,
     MAX_PEAK_LEVEL,
     MIN_DOMINANT_PEAK_LEVEL,
     MIN_REMARKED_OUTLIERS,
@@ -346,7 +346,7 @@ def _judge_shared(w: Whiteness) -> list[Finding]:
 def _judge_outliers(w: Whiteness) -> list[Finding]:
     found = list[Finding]()
     for c in w.channels:
-        if c.gated > MAX_GATED_SHARE:
+        if c.gated > MAX_OUTLIER_SHARE:
             found.append(Finding("too_many_outliers", "reason", {"channel": c.name, "share": c.gated}))
         elif c.gated > 0.0:
             found.append(Finding("gated_readings", "remark", {"channel": c.name, "share": c.gated}))

@@ -41,14 +41,12 @@ MIN_WHITENED_SAMPLES = 500
 NEGLIGIBLE_SPEED_VARIATION = 0.005
 """Size: standard deviation of the rotor's speed over its mean, up to which spectra of a constant speed lose nothing."""
 
-MAX_SPEED_VARIATION = 0.02
-"""Size: standard deviation of the rotor's speed over its mean, beyond which spectra of a constant speed are refused."""
-
 NEGLIGIBLE_SPEED_VARIATION_IN_BANDS = 0.15
 """Size: as `NEGLIGIBLE_SPEED_VARIATION`, of bands that follow the blades; source: ``python -m validation.auto``."""
 
 MAX_SPEED_VARIATION_IN_BANDS = 0.2
-"""Size: as `MAX_SPEED_VARIATION`, of bands that follow the blades; source: ``python -m validation.auto``."""
+"""Size: as `windsysid.inspection.limits.MAX_CONSTANT_SPEED_VARIATION`, of bands that follow the blades; source:
+``python -m validation.auto``."""
 
 MAX_YAW_CHANGE = 0.05
 """Size: range of the yaw [rad] beyond which spectra, which know one yaw only, are not compared with filters."""
@@ -60,14 +58,8 @@ a widening of an interval. In squares it is 1 %."""
 
 # Outliers
 
-OUTLIER_SIGMAS = 5.0
-"""Probability: standard deviations beyond which an innovation is an outlier, or a mean a bias: 1 in 2 000 000."""
-
 MIN_OUTLIER_POWER = 0.02
 """Size: share of a channel's mean squared innovation that outliers must add to be left out; fewer do no harm."""
-
-MAX_OUTLIER_SHARE = 0.05
-"""Size: share of a channel beyond which values are not outliers: then the model is wrong, and all are kept."""
 
 MIN_SPIKE_MEDIANS = 15.0
 """Size: medians of a channel by which a spike differs from the mean of its neighbours: ten σ of normal values."""
@@ -209,7 +201,5 @@ MAX_RESONANCE_DOF = 50.0
 the record, errors of the load model stay. ``python -m validation.spectral`` shows them for 36."""
 
 MIN_RESONANCE_DOF = 20.0
-"""Size: as `MAX_RESONANCE_DOF`, at least, of a turning rotor and of each block of one: not proven below."""
-
-MIN_STANDING_RESONANCE_DOF = 4.0
-"""Size: as `MIN_RESONANCE_DOF`, where nothing turns: intervals of a tower are up to 18 times too narrow at one."""
+"""Size: as `MAX_RESONANCE_DOF`, at least, of a turning rotor and of each block of one: not proven below. Where
+nothing turns, it is `windsysid.inspection.limits.MIN_DEGREES_OF_FREEDOM`."""

@@ -19,7 +19,6 @@ from windsysid.inspection.limits import (
     MAX_SWING,
     MIN_ACCELERATION_RATE,
     MIN_ROTOR_SPEED,
-    MIN_SWING_FREQUENCY,
 )
 from windsysid.inspection.tags import meaning_of
 from windsysid.records.record import Record
@@ -61,6 +60,9 @@ HALF_QUARTER_TURN = 45.0
 
 MAX_GRAVITY_DIFFERENCE = 0.01
 """Setting: relative difference from gravity of the means of two axes that share it; calibrations are as good."""
+
+MIN_SWING_FREQUENCY = 0.1
+"""Setting: frequency [Hz] above which the motion is computed that an acceleration means."""
 
 MIN_TILT_DEGREES = 1.0
 """Setting: smallest tilt of an axis that is reported; rotors are tilted by 4 to 8°, towers lean by less."""

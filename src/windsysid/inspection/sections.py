@@ -29,8 +29,8 @@ from windsysid.inspection.limits import (
     MAX_LENGTH_PENALTY,
     MAX_SPEED_VARIATION,
     MAX_WIND_VARIATION,
-    MIN_CYCLES,
     MIN_DEGREES_OF_FREEDOM,
+    MIN_MODE_CYCLES,
     MIN_ROTOR_SPEED,
     MIN_SECTION_SECONDS,
     MIN_VIBRATION_FACTOR,
@@ -133,11 +133,11 @@ def _vibrations(record: Record, known: dict[str, Kind]) -> dict[str, Vibration]:
 
 
 def _least_share(record: Record, known: dict[str, Kind], vibrations: dict[str, Vibration]) -> float:
-    """Share of the record that a section needs for `MIN_CYCLES` and `MIN_DEGREES_OF_FREEDOM`: median over the channels
-    of the best kind of vibration."""
+    """Share of the record that a section needs for `MIN_MODE_CYCLES` and `MIN_DEGREES_OF_FREEDOM`: median over the
+    channels of the best kind of vibration."""
     telling = [name for name in most_telling(record) if name in vibrations]
     shares = [
-        max(MIN_CYCLES / max(one.cycles, 1e-9), MIN_DEGREES_OF_FREEDOM / float(one.degrees[0]))
+        max(MIN_MODE_CYCLES / max(one.cycles, 1e-9), MIN_DEGREES_OF_FREEDOM / float(one.degrees[0]))
         for one in (vibrations[name] for name in telling if known[name] == known[telling[0]])
     ]
     return float(np.median(shares)) if shares else 0.0

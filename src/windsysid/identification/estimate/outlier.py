@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array
+from windsysid.checks.limits import MAX_OUTLIER_SHARE
 from windsysid.identification.condition.samples import Block, Samples
-from windsysid.identification.limits import MAX_NEIGHBOUR_SHARE, MAX_OUTLIER_SHARE, MIN_OUTLIER_POWER, MIN_SPIKE_MEDIANS
+from windsysid.identification.limits import MAX_NEIGHBOUR_SHARE, MIN_OUTLIER_POWER, MIN_SPIKE_MEDIANS
 
 __all__ = ["Outliers", "find_spikes"]
 

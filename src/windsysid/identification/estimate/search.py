@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from windsysid._types import Array
 from windsysid.checks.dispersion import PartScores
 from windsysid.checks.innovation_sums import Stretch, measure_stretch
+from windsysid.checks.limits import OUTLIER_SIGMAS
 from windsysid.checks.whiteness import Whiteness, judge_stretches
 from windsysid.errors import WindsysidError
 from windsysid.filters import EKF, Info
@@ -28,7 +29,6 @@ from windsysid.identification.estimate.clock_lag import Lateness, add_clocks, sh
 from windsysid.identification.estimate.online import History, Online, advance, finish, join_histories
 from windsysid.identification.estimate.outlier import Outliers, find_spikes
 from windsysid.identification.estimate.scoring import InnovationMode, find_innovation_mode
-from windsysid.identification.limits import OUTLIER_SIGMAS
 from windsysid.identification.model.fit import check_finite, diverged
 from windsysid.identification.model.problem import Problem
 from windsysid.output.progress import expect

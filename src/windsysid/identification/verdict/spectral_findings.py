@@ -10,8 +10,9 @@ from windsysid._types import Array
 from windsysid.checks.blade_passing import find_passing
 from windsysid.errors import RecordError
 from windsysid.identification.estimate.spectral.drift_of_halves import drift_of_halves
-from windsysid.identification.limits import MAX_RESONANCE_DOF, MIN_RESONANCE_DOF, MIN_STANDING_RESONANCE_DOF
+from windsysid.identification.limits import MAX_RESONANCE_DOF, MIN_RESONANCE_DOF
 from windsysid.identification.model.drift import Drift
+from windsysid.inspection.limits import MIN_DEGREES_OF_FREEDOM
 from windsysid.results.finding import Finding
 from windsysid.results.tolerance import Tolerance
 from windsysid.results.transient import find_burst
@@ -73,7 +74,7 @@ def doubts_of_spectra(
 
 def _unproven_length(question: RotorQuestion, posed: Posed, loads: str) -> list[Finding]:
     """Whether the narrowest resonance counts as fewer independent values, or under wind as more, than were proven."""
-    doubts, least = list[Finding](), MIN_STANDING_RESONANCE_DOF if posed.smoothed is None else MIN_RESONANCE_DOF
+    doubts, least = list[Finding](), MIN_DEGREES_OF_FREEDOM if posed.smoothed is None else MIN_RESONANCE_DOF
     if posed.resonance < least:
         doubts.append(Finding("narrow_resonance", "reason", {"count": posed.resonance, "least": least}))
     if loads == "rotor-wind" and posed.resonance > MAX_RESONANCE_DOF:

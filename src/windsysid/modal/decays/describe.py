@@ -13,7 +13,11 @@ from windsysid.modal.decays import limits
 from windsysid.modal.decays.likelihood import Decay, DecayFit, part_scores, poles
 from windsysid.modal.shape_merging import Ratios, merge_shapes
 from windsysid.spectral.modal_bands.check import shape_doubts
-from windsysid.spectral.modal_bands.limits import MIN_STRUCTURE_DAMPING
+from windsysid.spectral.modal_bands.limits import (
+    MAX_NONLINEAR_SHARE,
+    MAX_RELIABLE_LOG_DAMPING_STD,
+    MIN_STRUCTURE_DAMPING,
+)
 from windsysid.spectral.modal_bands.part_scores import BandWidening, widening_of
 from windsysid.spectral.oma.mode import Doubt, OperationalMode
 
@@ -126,7 +130,7 @@ def _doubts(fit: DecayFit, decays: Sequence[Decay], j: int, rotor_hz: float) -> 
     doubts = []
     if (ratio := _decay_ratio(fit, decays, j))[0] < ratio[1]:
         doubts.append(Doubt("history", f"near {f:.4g} Hz as much vibration goes on as decays: something drives it"))
-    if std > limits.MAX_LOG_DAMPING_STD:
+    if std > MAX_RELIABLE_LOG_DAMPING_STD:
         doubts.append(Doubt("short", f"the decay is too short: damping known to a factor of {np.exp(2.0 * std):.2g}"))
     others = np.abs(fit.frequency - f) < limits.MIN_DISTANCE * z * f
     if np.any(others & (_begun(fit) > _begun(fit)[j])):
@@ -182,7 +186,7 @@ def _periodic(fit: DecayFit, j: int, rotor_hz: float) -> list[float]:
 
 def _much_stronger(fit: DecayFit, j: int) -> list[int]:
     begun = _begun(fit)
-    return [i for i in range(len(begun)) if begun[i] > begun[j] / limits.MAX_COMBINATION_SHARE]
+    return [i for i in range(len(begun)) if begun[i] > begun[j] / MAX_NONLINEAR_SHARE]
 
 
 def _reach(fit: DecayFit, j: int) -> float:

@@ -13,7 +13,6 @@ from windsysid.modal.decays.likelihood import Decay, DecayFit
 from windsysid.modal.decays.limits import (
     ENERGY_WINDOWS,
     MAX_DAMPING,
-    MAX_FREQUENCY_SHARE,
     MAX_MODES,
     MIN_CYCLES,
     MIN_NOISE,
@@ -22,6 +21,7 @@ from windsysid.modal.decays.limits import (
     MIN_WINDOW,
     PEAK_PROBABILITY,
 )
+from windsysid.spectral.oma.limits import MAX_FREQUENCY_SHARE
 
 __all__ = ["highest_peak", "realized_modes", "reduced", "release", "residual_modes"]
 

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array, Complex
+from windsysid.inspection.limits import MIN_MODE_CYCLES
 from windsysid.spectral.modal_bands import limits
 from windsysid.spectral.modal_bands.model import Modes, prominence, spectrum, tilt_of
 from windsysid.spectral.modal_bands.model_order import BandFit, Shapes
@@ -58,7 +59,7 @@ def fit_doubts(found: BandFit, j: int, shapes: Shapes, readings: Readings) -> li
     doubts = []
     if not fit.converged:
         doubts.append(Doubt("search", "the search for its posterior did not end"))
-    if std_z > limits.MAX_RELIABLE_LOG_DAMPING_STD or f * length < limits.MIN_MODE_CYCLES:
+    if std_z > limits.MAX_RELIABLE_LOG_DAMPING_STD or f * length < MIN_MODE_CYCLES:
         factor = np.exp(2.0 * min(std_z, 3.0))
         text = f"the record is too short for it: {f * length:.0f} cycles, damping known to a factor of {factor:.2g}"
         doubts.append(Doubt("short", text))
@@ -158,7 +159,7 @@ def is_steady(found: BandFit, j: int) -> bool:
     variances = _envelope_variance(np.vstack([measured, (draws[0] + 1j * draws[1]) * level]), bins)
     drawn = np.log(variances[1:])
     probability = ndtr((np.log(variances[0]) - drawn.mean()) / drawn.std())
-    return bool(probability < limits.STEADY_FALSE_ALARM_PROBABILITY)
+    return bool(probability < limits.MODE_FALSE_ALARM_PROBABILITY)
 
 
 def _envelope_variance(transforms: Complex, bins: NDArray[np.int64]) -> Array:

@@ -20,7 +20,7 @@ from windsysid.spectral.modal_bands.limits import (
     IMAGE_FALSE_ALARM_PROBABILITY,
     MAX_NONLINEAR_SHARE,
     MIN_MOTION_FREEDOM,
-    STEADY_FALSE_ALARM_PROBABILITY,
+    MODE_FALSE_ALARM_PROBABILITY,
 )
 from windsysid.spectral.oma.mode import Doubt, OperationalMode
 
@@ -105,7 +105,7 @@ def _phase_is_bound(one: _Motion, other: _Motion, order: int, step: float) -> bo
     freedom = 2.0 * min(one.freedom, other.freedom, float(power.sum() ** 2 / np.sum(power**2)))
     if freedom < MIN_MOTION_FREEDOM:
         return False
-    bound = 1.0 - STEADY_FALSE_ALARM_PROBABILITY ** (1.0 / (freedom - 1.0))
+    bound = 1.0 - MODE_FALSE_ALARM_PROBABILITY ** (1.0 / (freedom - 1.0))
     whole = float(np.sum(np.abs(multiplied) ** 2) * np.sum(np.abs(second) ** 2))
     return bool(np.abs(np.vdot(multiplied, second)) ** 2 > bound * whole)
 

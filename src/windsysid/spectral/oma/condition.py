@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from windsysid._types import Array, Complex
 from windsysid.errors import RecordError
 from windsysid.inspection.faults.health import sampled_every
-from windsysid.inspection.limits import MIN_ROTOR_SPEED
+from windsysid.inspection.limits import MAX_CONSTANT_SPEED_VARIATION, MIN_ROTOR_SPEED
 from windsysid.inspection.plausibility import rotor_of
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import LOW_PASS, Record
@@ -181,7 +181,7 @@ def _rotation_of(record: Record, high: float) -> _Rotation:
         f"the rotor speed varies by {100 * rotor.variation:.1f} %: harmonics and whirls are smeared; choose a "
         f"steadier section",
     )
-    smeared = rotor.variation > limits.MAX_SPEED_VARIATION
+    smeared = rotor.variation > MAX_CONSTANT_SPEED_VARIATION
     return _Rotation(_unwrapped_azimuth(record, rotor.mean), once, tuple(harmonics), doubts if smeared else ())
 
 
