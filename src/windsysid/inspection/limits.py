@@ -14,9 +14,12 @@ MIN_MODAL_SAMPLES = 256
 MIN_ROTOR_SPEED = 0.05
 """Size: rotor speed of a running machine [rad/s]."""
 
-MIN_SWING_FREQUENCY, MAX_SWING = 0.1, 4.0
-"""Size: root mean square [m] of the motion that an acceleration means above a frequency [Hz]; the tops of the tallest
-turbines move by 1 m, floaters by more only below."""
+MIN_SWING_FREQUENCY = 0.1
+"""Setting: frequency [Hz] above which the motion is computed that an acceleration means."""
+
+MAX_SWING = 4.0
+"""Size: root mean square [m] of such a motion; the tops of the tallest turbines move by 1 m, floaters by more only
+below."""
 
 MAX_ROTOR_SPEED = 10.0
 """Size: rotor speed [rad/s] beyond which a speed is that of a small rotor or of a generator behind a gear."""

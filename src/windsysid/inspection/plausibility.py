@@ -100,10 +100,9 @@ def _speed_channels(record: Record) -> list[str]:
     """
     if "rotor_speed" in record:
         return ["rotor_speed"]
-    names = [name for name, unit in zip(record.channels, record.units, strict=True) if unit == "rad/s"]
-    meanings = {name: meaning.name for name in names if (meaning := meaning_of(name)) is not None}
-    turning = [name for name, ours in meanings.items() if ours == "rotor_speed"]
-    turning += [name for name, ours in meanings.items() if ours == "generator_speed"]
+    names = [name for name in record.channels if record.unit(name) == "rad/s"]
+    ours = {name: getattr(meaning_of(name), "name", None) for name in names}
+    turning = [name for wanted in ("rotor_speed", "generator_speed") for name in names if ours[name] == wanted]
     return [name for name in turning if abs(float(np.nanmean(record[name]))) < MAX_ROTOR_SPEED]
 
 
@@ -172,13 +171,8 @@ def _pace(record: Record) -> list[Fault]:
 
 def _tilted(record: Record, channels: Sequence[str]) -> list[Fault]:
     """A wrong unit of accelerometers along three axes that stand at any angle, by the size of their mean."""
-    places: dict[str, list[str]] = {}
-    for channel in channels:
-        axis = re.search(r"(?:^|_|\b|(?<=[a-z]))[xyzXYZ](?=$|_|\b)", channel)
-        if axis is not None and record.unit(channel) == "m/s^2":
-            places.setdefault(channel[: axis.end() - 1] + "*" + channel[axis.end() :], []).append(channel)
     found = []
-    for place, three in places.items():
+    for place, three in _by_place([name for name in channels if record.unit(name) == "m/s^2"]).items():
         means = [float(np.nanmean(record[channel])) for channel in three]
         rms = max(float(np.nanstd(record[channel])) for channel in three)
         size = math.hypot(*means)
@@ -186,6 +180,16 @@ def _tilted(record: Record, channels: Sequence[str]) -> list[Fault]:
             if abs(size / (GRAVITY * factor) - 1.0) < 0.03 and rms < 0.1 * size:
                 found.append(_unit(place, "gravity of three axes", mean=size, mistake=mistake))
     return found
+
+
+def _by_place(channels: Sequence[str]) -> dict[str, list[str]]:
+    """Channels whose names differ in the axis x, y or z only."""
+    places: dict[str, list[str]] = {}
+    for channel in channels:
+        axis = re.search(r"(?:^|_|\b|(?<=[a-z]))[xyzXYZ](?=$|_|\b)", channel)
+        if axis is not None:
+            places.setdefault(channel[: axis.end() - 1] + "*" + channel[axis.end() :], []).append(channel)
+    return places
 
 
 def _swing(record: Record, channel: str) -> float:
@@ -207,12 +211,18 @@ def _acceleration(record: Record, channel: str, x: Array, rotor: Rotor | None) -
             return [_unit(channel, "gravity in another unit", mean=mean, mistake=mistake)]
     if abs(abs(mean) - GRAVITY) < 0.3:
         return [Fault(channel, "gravity", "note", x.size, data={"mean": mean})]
-    if rms > 10.0 * GRAVITY and channel.startswith(("tower", "nacelle", "hub", "foundation")):
-        return [_unit(channel, "no support so shaken", rms=rms, gravities=rms / GRAVITY)]
-    if body_of(channel) == "structure" and rms > 0.1 and (swing := _swing(record, channel)) > MAX_SWING:
-        return [_unit(channel, "no structure swings so far", rms=rms, swing=swing)]
+    if body_of(channel) == "structure" and (shaken := _shaken(record, channel, rms)):
+        return shaken
     on_blade = channel.startswith("blade") and "kinematic" not in channel
     return _gravity_once_per_turn(record, channel, rms, rotor) if on_blade and rotor is not None else []
+
+
+def _shaken(record: Record, channel: str, rms: float) -> list[Fault]:
+    """A wrong unit of an accelerometer on a structure, by its size."""
+    if rms > 10.0 * GRAVITY and channel.startswith(("tower", "nacelle", "hub", "foundation")):
+        return [_unit(channel, "no support so shaken", rms=rms, gravities=rms / GRAVITY)]
+    swing = _swing(record, channel)
+    return [_unit(channel, "no structure swings so far", rms=rms, swing=swing)] if swing > MAX_SWING else []
 
 
 def _tilts(record: Record, known: Iterable[str]) -> list[Fault]:

@@ -166,7 +166,7 @@ def gather(
         std=np.hstack([std, noise_std]),
         logarithmic=(*(q.logarithmic for q in frame), *(True,) * len(sensors)),
         reference=(*(q.reference for q in frame), *(1.0,) * len(sensors)),
-        units=(*(one.unit for one in known), *(_unit_of(name, posteriors) for name in sensors)),
+        units=(*(one.unit for one in known), *_units_of(sensors, posteriors)),
         kinds=(*("c" if one.kind == "damping" else "k" for one in known), *("noise",) * len(sensors)),
     )
     return _blocks(series, posteriors, placed, covariates)
@@ -225,9 +225,10 @@ def left_out_of(unusable: Iterable[tuple[str, str]]) -> dict[str, dict[str, int]
     return found
 
 
-def _unit_of(name: str, posteriors: Sequence[Posterior]) -> str:
-    """Unit of a statistic, as the first posterior has it that has the statistic; empty where none does."""
-    return next((one.unit for posterior in posteriors for one in posterior.statistics if one.name == name), "")
+def _units_of(names: Sequence[str], posteriors: Sequence[Posterior]) -> list[str]:
+    """Units of statistics, empty where no posterior has one."""
+    units = {one.name: one.unit for posterior in posteriors for one in posterior.statistics}
+    return [units.get(name, "") for name in names]
 
 
 def _noise_levels(noise: Sequence[Mapping[str, tuple[float, float]]], count: int) -> tuple[list[str], Array, Array]:

@@ -1,5 +1,6 @@
 """A fleet at a glance as a figure and as one page."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -7,7 +8,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from windsysid._types import Array
 from windsysid.fleet.overview import OUTLIER_CHANCE, Overview
+from windsysid.fleet.sisters import Standing
 from windsysid.monitoring.changes import Watch
 from windsysid.monitoring.series import DAY, MIN_BLOCKS
 from windsysid.output.table import Table
@@ -108,43 +111,49 @@ def _plots(overview: Overview) -> list[Plot]:
     for name in _watched(overview):
         plots.append(_level_plot(overview, name))
         mine = [s for s in overview.standings if s.name == name]
-        if mine:
-            half = np.array([s.high - s.percent for s in mine])
-            percent, outlier = np.array([s.percent for s in mine]), np.array([s.outlier for s in mine])
-            spread = np.array([2.0 * s.spread for s in mine])
-            curves = [PlotCurve("scatter of the others", 0.0 * spread, -spread, spread, "dots", "measured")]
-            curves += [
-                PlotCurve(label, at, at - half, at + half, "dots", colour)
-                for label, colour, chosen in (("outlier", "error", outlier), ("others", "estimate", ~outlier))
-                if chosen.any()
-                for at in [np.where(chosen, percent, np.nan)]
-            ]
-            axes = Axis("", names=[s.turbine for s in mine]), Axis("off the mean of the others [%]")
-            plots.append(Plot(f"{name}: turbines of the same type", np.arange(len(mine)), curves, *axes))
+        plots += [_sister_plot(name, mine)] if mine else []
     return plots
+
+
+def _sister_plot(name: str, mine: Sequence[Standing]) -> Plot:
+    """Turbines against the mean of the others, with its scatter."""
+    half, spread = np.array([(s.high - s.percent, 2.0 * s.spread) for s in mine]).T
+    percent, outlier = np.array([s.percent for s in mine]), np.array([s.outlier for s in mine])
+    curves = [PlotCurve("scatter of the others", 0.0 * spread, -spread, spread, "dots", "measured")]
+    for label_, colour, chosen in (("outlier", "error", outlier), ("others", "estimate", ~outlier)):
+        at = np.where(chosen, percent, np.nan)
+        curves += [PlotCurve(label_, at, at - half, at + half, "dots", colour)] if chosen.any() else []
+    axes = Axis("", names=[s.turbine for s in mine]), Axis("off the mean of the others [%]")
+    return Plot(f"{name}: turbines of the same type", np.arange(len(mine)), curves, *axes)
 
 
 def _level_plot(overview: Overview, name: str) -> Plot:
     """Change of the level of a coefficient since the end of learning, on a common time."""
     watches = {turbine: one for turbine, one in overview.watches.items() if name in _names(one)}
     dated = all(one.blocks.begin is not None for one in watches.values())
-    times = [
-        one.blocks.time / DAY
-        if not dated or one.blocks.begin is None
-        else one.blocks.time + one.blocks.begin.timestamp()
-        for one in watches.values()
-    ]
+    times = [_seconds(one) if dated else one.blocks.time / DAY for one in watches.values()]
     common = np.linspace(min(map(np.min, times)), max(map(np.max, times)), POINTS)
     curves = []
     for (turbine, one), own in zip(watches.items(), times, strict=True):
-        level = next(series.level for series in one.series if series.name == name)
-        change = 100.0 * (level / level[one.begins] - 1.0)
-        at = np.searchsorted(own, common, side="right") - 1
-        shown = np.where((common >= own[one.begins]) & (common <= own[-1]), change[np.maximum(at, 0)], np.nan)
         jumped = any(change.name == name for change in one.changes)
-        curves.append(PlotCurve(turbine, shown, colour="error" if jumped else "measured"))
+        curves.append(PlotCurve(turbine, _change(one, name, own, common), colour="error" if jumped else "measured"))
     x_axis = Axis("", dates=True) if dated else Axis("day")
     return Plot(f"{name}: change of the level", common, curves, x_axis, Axis("change [%]"), link="time")
+
+
+def _change(one: Watch, name: str, own: Array, common: Array) -> Array:
+    """Change of a level [%] since the end of learning at common times, from its own times; NaN outside."""
+    level = next(series.level for series in one.series if series.name == name)
+    change = 100.0 * (level / level[one.begins] - 1.0)
+    at = np.searchsorted(own, common, side="right") - 1
+    inside = (common >= own[one.begins]) & (common <= own[-1])
+    return np.where(inside, change[np.maximum(at, 0)], np.nan)
+
+
+def _seconds(one: Watch) -> Array:
+    """Times of a watch that has dates [s since 1970]."""
+    begin = one.blocks.begin
+    return one.blocks.time + (0.0 if begin is None else begin.timestamp())
 
 
 def _names(one: Watch) -> list[str]:

@@ -196,8 +196,7 @@ def _no_decay(name: str, why: str) -> RecordError:
 
 def _fitted(released: Sequence[_Released], between: tuple[float, float] | None) -> tuple[DecayFit, list[_Released]]:
     """Fit of all records, cut off where the slowest decay is over, and begun where the motion is free."""
-    highest = max(highest_peak(one.decay) for one in released)
-    released = [_reduced(one, highest) for one in released]
+    released = _all_reduced(released)
     fit = search_decays([one.decay for one in released], between)
     cut = [_without_end(one, fit) for one in released]
     if any(a is not b for a, b in zip(cut, released, strict=True)):
@@ -208,6 +207,12 @@ def _fitted(released: Sequence[_Released], between: tuple[float, float] | None) 
     if not len(fit.theta):
         raise _no_decay(released[0].result.record, "no decaying vibration stands out of the noise")
     return fit, released
+
+
+def _all_reduced(released: Sequence[_Released]) -> list[_Released]:
+    """Records at rates that the vibration of all of them needs."""
+    highest = max(highest_peak(one.decay) for one in released)
+    return [_reduced(one, highest) for one in released]
 
 
 def _reduced(one: _Released, highest: float) -> _Released:

@@ -164,15 +164,20 @@ def _sideband(fit: DecayFit, j: int, rotor_hz: float) -> tuple[float, float] | N
     """Frequency [Hz] of a much stronger mode that decays as mode j, and that of a harmonic of the rotor, or of a line,
     by which they differ: coefficients that are periodic modulate a mode."""
     f, rate, r = fit.frequency, fit.frequency * fit.damping, len(fit.frequency)
-    periodic = [n * rotor_hz for n in range(1, limits.MAX_SIDEBAND_ORDER + 1)] if rotor_hz else []
-    periodic += [float(f[i]) for i in range(r) if i != j and _is_line(fit, i)]
     reach = limits.COMBINATION_SIGMAS * float(np.sqrt(fit.cov[r + j, r + j])) + limits.MAX_DECAY_DIFFERENCE
     for a in _much_stronger(fit, j):
         if abs(np.log(rate[j] / rate[a])) < reach:
-            for shift in periodic:
+            for shift in _periodic(fit, j, rotor_hz):
                 if min(abs(abs(f[a] + sign * shift) - f[j]) for sign in (-1.0, 1.0)) < _reach(fit, j):
                     return float(f[a]), shift
     return None
+
+
+def _periodic(fit: DecayFit, j: int, rotor_hz: float) -> list[float]:
+    """Frequencies [Hz] with which coefficients may vary: harmonics of the rotor, and lines other than mode j."""
+    harmonics = [n * rotor_hz for n in range(1, limits.MAX_SIDEBAND_ORDER + 1)] if rotor_hz else []
+    lines = [i for i in range(len(fit.frequency)) if i != j and _is_line(fit, i)]
+    return [*harmonics, *fit.frequency[lines].tolist()]
 
 
 def _much_stronger(fit: DecayFit, j: int) -> list[int]:

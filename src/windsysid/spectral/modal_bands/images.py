@@ -10,16 +10,17 @@ are not. Of a mode that moves far, a quadratic nonlinearity makes a faint harmon
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import permutations
 from typing import NamedTuple
 
 import numpy as np
 
 from windsysid._types import Array, Complex
 from windsysid.spectral.modal_bands.limits import (
-    HARMONIC_FALSE_ALARM_PROBABILITY,
     IMAGE_FALSE_ALARM_PROBABILITY,
     MAX_NONLINEAR_SHARE,
     MIN_MOTION_FREEDOM,
+    STEADY_FALSE_ALARM_PROBABILITY,
 )
 from windsysid.spectral.oma.mode import Doubt, OperationalMode
 
@@ -78,17 +79,14 @@ def with_harmonics(modes: Sequence[OperationalMode], frequency: Array, values: C
     """
     motions = [_motion_of(mode, frequency, values) for mode in modes]
     grounds: dict[int, Doubt] = {}
-    for i, (first, its) in enumerate(zip(modes, motions, strict=True)):
-        for k, (higher, other) in enumerate(zip(modes, motions, strict=True)):
-            order = round(higher.frequency / first.frequency)
-            if not 2 <= order <= MAX_HARMONIC or not its.first < other.last / order or other.first > its.last * order:
-                continue
-            if _phase_is_bound(its, other, order, float(frequency[1])):
-                text = f"its phase is bound to that of the peak at {first.frequency:.4g} Hz, as of harmonics"
-                grounds.setdefault(k, Doubt("load", f"load or mode: {text}"))
-                if other.power > MAX_NONLINEAR_SHARE * its.power:
-                    text = f"the phase of the peak at {higher.frequency:.4g} Hz is bound to its own, as of harmonics"
-                    grounds.setdefault(i, Doubt("load", f"load or mode: {text}"))
+    for i, k in permutations(range(len(modes)), 2):
+        first, higher, order = modes[i], modes[k], round(modes[k].frequency / modes[i].frequency)
+        if 2 <= order <= MAX_HARMONIC and _phase_is_bound(motions[i], motions[k], order, float(frequency[1])):
+            text = f"its phase is bound to that of the peak at {first.frequency:.4g} Hz, as of harmonics"
+            grounds.setdefault(k, Doubt("load", f"load or mode: {text}"))
+            if motions[k].power > MAX_NONLINEAR_SHARE * motions[i].power:
+                text = f"the phase of the peak at {higher.frequency:.4g} Hz is bound to its own, as of harmonics"
+                grounds.setdefault(i, Doubt("load", f"load or mode: {text}"))
     return [
         replace(mode, grounds=(*mode.grounds, grounds[i])) if i in grounds else mode for i, mode in enumerate(modes)
     ]
@@ -96,6 +94,8 @@ def with_harmonics(modes: Sequence[OperationalMode], frequency: Array, values: C
 
 def _phase_is_bound(one: _Motion, other: _Motion, order: int, step: float) -> bool:
     """True if the phase of a motion times an order is that of another motion, but for a constant."""
+    if one.first * order > other.last or other.first > one.last * order:
+        return False
     length = 2 * order * max(len(one.transform), len(other.transform))
     first, second = (np.fft.ifft(motion.transform, length) for motion in (one, other))
     size = np.maximum(np.abs(first), 1e-300)
@@ -105,7 +105,7 @@ def _phase_is_bound(one: _Motion, other: _Motion, order: int, step: float) -> bo
     freedom = 2.0 * min(one.freedom, other.freedom, float(power.sum() ** 2 / np.sum(power**2)))
     if freedom < MIN_MOTION_FREEDOM:
         return False
-    bound = 1.0 - HARMONIC_FALSE_ALARM_PROBABILITY ** (1.0 / (freedom - 1.0))
+    bound = 1.0 - STEADY_FALSE_ALARM_PROBABILITY ** (1.0 / (freedom - 1.0))
     whole = float(np.sum(np.abs(multiplied) ** 2) * np.sum(np.abs(second) ** 2))
     return bool(np.abs(np.vdot(multiplied, second)) ** 2 > bound * whole)
 

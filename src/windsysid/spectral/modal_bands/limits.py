@@ -24,7 +24,8 @@ MIN_PROMINENCE, MIN_BORDER_PROMINENCE, MIN_CLEAR_PROMINENCE = 2.0, 7.0, 5.0
 second, it represents the background, as no power law fits the skirts of several modes; below the third it may."""
 
 STEADY_FALSE_ALARM_PROBABILITY = 1e-4
-"""Probability: significance level of the test for an envelope that varies less than under random loads."""
+"""Probability: significance level of the tests for a machine: an envelope that varies less than under random loads, and
+phases of two peaks that are bound."""
 
 MAX_QUARTER_SIGMAS, MAX_QUARTER_ENERGY, MAX_SINGLE_QUARTER_ENERGY = 4.5, 2.6, 3.6
 """Size: energy of a quarter of the record in standard deviations from the mean, and over the mean: both make a
@@ -39,9 +40,6 @@ MAX_SHAPE_STD = 0.15
 LOAD_FALSE_ALARM_PROBABILITY, IMAGE_FALSE_ALARM_PROBABILITY = 1e-4, 1e-6
 """Probability: significance levels of the score test for correlated loads of a mode, and of the line in the product of
 the motions of two modes."""
-
-HARMONIC_FALSE_ALARM_PROBABILITY = 1e-4
-"""Probability: that the phases of two modes, one at a multiple of the other, are bound by chance."""
 
 MIN_MOTION_FREEDOM = 8.0
 """Size: equivalent degrees of freedom of a motion; with fewer, two modes may be equal by chance."""
@@ -97,9 +95,9 @@ COMB_SCATTER = 0.5
 """Setting: distance of such a peak from its multiple in its half-widths, as a standard deviation: it has no mode's
 form."""
 
-MIN_COMB_ODDS, MAX_STATED_ODDS = 3.0, 1e3
+MIN_COMB_ODDS = 3.0
 """Odds: of a comb of harmonics from which on its peaks are compared with it, positive evidence (Kass & Raftery, J. Am.
-Stat. Assoc. 90, 1995), and largest ones that are stated."""
+Stat. Assoc. 90, 1995)."""
 
 MAX_LOAD_ODDS = 0.5
 """Odds: of a load against a mode beyond which a peak is not graded."""

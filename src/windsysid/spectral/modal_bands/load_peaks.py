@@ -67,7 +67,7 @@ def with_comb_odds(modes: Sequence[OperationalMode], turning: float) -> list[Ope
         of_harmonic = own * of_others / (1.0 + of_others)
         if order <= limits.MAX_COMB_ORDER and of_harmonic > limits.MAX_LOAD_ODDS:
             text = f"load or mode: it is {order} times {base:.4g} Hz, as other peaks are: odds of a harmonic of a rotor"
-            text = f"{text} without a speed channel, {min(of_harmonic, limits.MAX_STATED_ODDS):.2g} : 1"
+            text = f"{text} without a speed channel, {of_harmonic:.2g} : 1"
             mode = replace(mode, grounds=(*mode.grounds, Doubt("load", text)))
         checked.append(mode)
     return checked

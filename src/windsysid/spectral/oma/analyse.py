@@ -180,9 +180,16 @@ def _searched(record: Record, readings: Readings, request: _AnalysisOptions) -> 
     modes, noted = _without_removed([mode for band in bands for mode in band], marks, noted)
     checked = with_images(modes, found.spectrum.frequency, found.spectrum.values)
     checked = with_load_odds(with_harmonics(checked, found.spectrum.frequency, found.spectrum.values))
-    if rotor_of(readings.used) is None:
-        checked = with_comb_odds(checked, COMB_ODDS[0 if request.turbine or name_a_turbine(record.channels) else 1])
+    checked = _without_speed(checked, readings.used, request)
     return RecordAnalysis(record, noted, found, tuple(checked))
+
+
+def _without_speed(modes: list[OperationalMode], used: Record, request: _AnalysisOptions) -> list[OperationalMode]:
+    """Modes with the odds of harmonics of a rotor where its speed is not recorded."""
+    if rotor_of(used) is not None:
+        return modes
+    of_turbine = request.turbine is not None or name_a_turbine(used.channels)
+    return with_comb_odds(modes, COMB_ODDS[0 if of_turbine else 1])
 
 
 def _without_removed(
