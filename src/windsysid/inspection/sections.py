@@ -36,7 +36,7 @@ from windsysid.inspection.limits import (
     MIN_VIBRATION_FACTOR,
 )
 from windsysid.inspection.plausibility import Rotor
-from windsysid.inspection.sentences import joined
+from windsysid.inspection.sentences import joined, percent
 from windsysid.inspection.stationarity import Vibration, changes, vibration_of
 from windsysid.records.record import Record
 from windsysid.units import RPM
@@ -225,13 +225,13 @@ def _judge_rotor(record: Record, rotor: Rotor, cut: "_Blocks", judge: Any) -> No
             else (
                 f"rotor speed constant at {v:.3g} rpm"
                 if s < 1e-6
-                else f"rotor speed {v:.3g} rpm, steady within {_percent(s)}"
+                else f"rotor speed {v:.3g} rpm, steady within {percent(s)}"
             )
         )
         for v, s, p in zip(rpm, spread, parked, strict=True)
     ]
     unsteady = [
-        f"the rotor speed ({v:.3g} rpm) varies by {_percent(s)} and drifts by {_percent(d)}"
+        f"the rotor speed ({v:.3g} rpm) varies by {percent(s)} and drifts by {percent(d)}"
         for v, s, d in zip(rpm, spread, drift, strict=True)
     ]
     judge(spread / MAX_SPEED_VARIATION + 0.5 * drift / MAX_SPEED_VARIATION, steady, unsteady, 1.5)
@@ -305,7 +305,7 @@ def _judge_faults(record: Record, known: dict[str, Kind], findings: Sequence[Fau
     words = []
     for w in range(share.size):
         here = [kind for kind, where in present.items() if where[w]]
-        words.append(f"{joined(here)} in {_percent(share[w])} of the samples" if here else "no gaps or faults")
+        words.append(f"{joined(here)} in {percent(share[w])} of the samples" if here else "no gaps or faults")
     judge(share / MAX_FAULT_SHARE, words, words)
 
 
@@ -366,7 +366,7 @@ def _judge_excitation(vibrations: dict[str, Vibration], cut: _Blocks, judge: Any
         for f, v, n, most in zip(size, verb, found.segments, found.allowed, strict=True)
     ]
     words = [
-        f"stationary (false alarms: {_percent(FALSE_ALARM_PROBABILITY)})"
+        f"stationary (false alarms: {percent(FALSE_ALARM_PROBABILITY)})"
         if c
         else f"it {v} by {f:.2g} × between its {_NAMES[n]}"
         for f, v, n, c in zip(size, verb, found.segments, found.by_chance, strict=True)
@@ -396,7 +396,3 @@ def _few(channels: Sequence[str], most: int = 12) -> list[str]:
         if len(channels) <= most
         else [channels[i] for i in np.linspace(0, len(channels) - 1, most).astype(int)]
     )
-
-
-def _percent(share: float) -> str:
-    return f"{float(f'{100.0 * share:.2g}'):g} %"

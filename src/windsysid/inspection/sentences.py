@@ -6,7 +6,7 @@ from typing import Any, Final
 from windsysid._types import Array
 from windsysid.units import unit_text
 
-__all__ = ["STATEMENTS", "advice", "joined", "statement"]
+__all__ = ["STATEMENTS", "advice", "joined", "percent", "statement"]
 
 Data = Mapping[str, Any]
 Statement = Callable[[int, Array, Data], str]
@@ -46,20 +46,21 @@ def _amount(numbers: Sequence[float], digits: int, unit: str) -> str:
     return f"{joined([f'{number:.{digits}g}' for number in numbers])} {unit_text(unit)}".removesuffix(" 1")
 
 
-def _percent(share: float) -> str:
+def percent(share: float) -> str:
+    """Share in percent, with two significant digits."""
     return f"{float(f'{100.0 * share:.2g}'):g} %"
 
 
 def _irregular(count: int, _: Array, d: Data) -> str:
     off = f", {_count(count, 'step')} more than 10 % off" if count else ""
-    return f"steps of {d['step']:.4g} s vary by {_percent(d['spread'])} rms, {_percent(d['worst'])} at most{off}"
+    return f"steps of {d['step']:.4g} s vary by {percent(d['spread'])} rms, {percent(d['worst'])} at most{off}"
 
 
 def _missing(count: int, spans: Array, d: Data) -> str:
     if d["share"] == 1.0:
         return "holds no number at all"
     where = f"in {_count(len(spans), 'place')}, the longest {d['longest']:.3g} s, {_when(spans)}"
-    return f"{_count(count, 'sample')} missing ({_percent(d['share'])}) {where}"
+    return f"{_count(count, 'sample')} missing ({percent(d['share'])}) {where}"
 
 
 def _spikes(count: int, spans: Array, d: Data) -> str:
@@ -70,12 +71,12 @@ def _spikes(count: int, spans: Array, d: Data) -> str:
 
 def _at_ends(count: int, spans: Array, d: Data) -> str:
     ends = _amount(d["ends"], 4, d["unit"])
-    return f"{_count(count, 'sample')} ({_percent(d['share'])}) sit at {ends}, {_when(spans)}"
+    return f"{_count(count, 'sample')} ({percent(d['share'])}) sit at {ends}, {_when(spans)}"
 
 
 def _frozen(count: int, spans: Array, d: Data) -> str:
     length = f"repeats one value for up to {d['longest']:.3g} s"
-    return f"frozen: {length}, {_count(count, 'sample')} ({_percent(d['share'])}), {_when(spans)}"
+    return f"frozen: {length}, {_count(count, 'sample')} ({percent(d['share'])}), {_when(spans)}"
 
 
 def _silent(count: int, spans: Array, d: Data) -> str:
@@ -91,12 +92,12 @@ def _contradiction(_: int, __: Array, d: Data) -> str:
 STATEMENTS: Final[Mapping[str, Statement]] = {
     # the clock
     "short gaps": lambda n, _, d: (
-        f"{_count(n, 'sample')} lost ({_percent(d['share'])}) in {d['gaps']} short gaps, the longest "
+        f"{_count(n, 'sample')} lost ({percent(d['share'])}) in {d['gaps']} short gaps, the longest "
         f"{d['longest']:.3g} s"
     ),
     "gaps": lambda n, spans, d: (
         f"{_count(len(spans), 'gap')} in the time, the longest {d['longest']:.3g} s, {_count(n, 'sample')} lost"
-        f" ({_percent(d['share'])}), {_when(spans)}"
+        f" ({percent(d['share'])}), {_when(spans)}"
     ),
     "irregular sampling": _irregular,
     "shared time stamps": lambda _, __, d: d["text"],
@@ -219,7 +220,7 @@ ADVICE: Final[Mapping[str, str | Callable[[str, Data], str]]] = {
     "coarse steps": lambda _, d: (
         "the converter sees hardly any motion; raise the gain"
         if d["levels"] < 2.0
-        else f"adds {_percent(0.2887 / d['levels'])} of noise"
+        else f"adds {percent(0.2887 / d['levels'])} of noise"
     ),
     "copied passage": "a passage was written twice; leave the copies out",
     "copy": "what one sensor says is counted twice; leave it out",
