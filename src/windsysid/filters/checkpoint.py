@@ -39,6 +39,21 @@ def save_belief(path: str | Path, model: StateSpace, belief: Belief, *, overwrit
     ------
     OutputError
         If the file is there already and `overwrite` is off, or it cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import sympy as sp
+    >>> import windsysid as ws
+    >>> q, v, w, k = sp.symbols("q v w k")
+    >>> spring = ws.models.Equations("spring", (q, v), (), (k,), (w,), (v, w - 0.2 * v - k * q))
+    >>> sensor = ws.models.Reading("position", q, noise=0.01)
+    >>> model = ws.models.compose(spring, rate=20.0, values={"k": 4.0}, sensors=[sensor])
+    >>> path = Path(tempfile.mkdtemp()) / "belief.npz"
+    >>> ws.filters.save_belief(path, model, ws.filters.EKF.init(model))
+    >>> path.exists()
+    True
     """
     states = np.array(model.states, dtype=np.str_)
     with claim_file(path, overwrite=overwrite) as write:
@@ -64,6 +79,21 @@ def load_belief(path: str | Path, model: StateSpace) -> Belief:
     ------
     ConfigurationError
         If the file is missing, damaged, not a checkpoint, or of another model.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import sympy as sp
+    >>> import windsysid as ws
+    >>> q, v, w, k = sp.symbols("q v w k")
+    >>> spring = ws.models.Equations("spring", (q, v), (), (k,), (w,), (v, w - 0.2 * v - k * q))
+    >>> sensor = ws.models.Reading("position", q, noise=0.01)
+    >>> model = ws.models.compose(spring, rate=20.0, values={"k": 4.0}, sensors=[sensor])
+    >>> path = Path(tempfile.mkdtemp()) / "belief.npz"
+    >>> ws.filters.save_belief(path, model, ws.filters.EKF.init(model))
+    >>> ws.filters.load_belief(path, model).mean.tolist()
+    [0.0, 0.0]
     """
     path = Path(path)
     try:

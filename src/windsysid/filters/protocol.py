@@ -104,6 +104,23 @@ class Filter:
         In words.
     kernel
         For a model, the compiled filter: a function of `ARGUMENTS`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import sympy as sp
+    >>> import windsysid as ws
+    >>> q, v, w, k = sp.symbols("q v w k")
+    >>> spring = ws.models.Equations("spring", (q, v), (), (k,), (w,), (v, w - 0.2 * v - k * q))
+    >>> stiffness, sensor = ws.models.Parameter("k", 3.0, 0.5), ws.models.Reading("position", q, noise=0.01)
+    >>> model = ws.models.compose(
+    ...     spring, rate=20.0, values={}, parameters=[stiffness], cov=np.eye(2), sensors=[sensor]
+    ... )
+    >>> time = 0.05 * np.arange(400)
+    >>> readings = (np.exp(-0.1 * time) * np.cos(2.0 * time))[:, None]  # released at q = 1 m with k = 4 N/m
+    >>> belief, info = ws.filters.EKF.run(model, ws.filters.EKF.init(model), np.zeros((400, 1)), readings)
+    >>> round(float(stiffness.physical(belief.mean[-1])), 2), info.mean.shape
+    (4.01, (400, 3))
     """
 
     name: str

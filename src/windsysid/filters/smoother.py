@@ -84,6 +84,23 @@ def smooth(model: StateSpace, inputs: Array, readings: Array, filter_: Filter = 
     ------
     ValueError
         If a shape does not fit the model.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import sympy as sp
+    >>> import windsysid as ws
+    >>> q, v, w, k = sp.symbols("q v w k")
+    >>> spring = ws.models.Equations("spring", (q, v), (), (k,), (w,), (v, w - 0.2 * v - k * q))
+    >>> stiffness, sensor = ws.models.Parameter("k", 3.0, 0.5), ws.models.Reading("position", q, noise=0.01)
+    >>> model = ws.models.compose(
+    ...     spring, rate=20.0, values={}, parameters=[stiffness], cov=np.eye(2), sensors=[sensor]
+    ... )
+    >>> time = 0.05 * np.arange(400)
+    >>> readings = (np.exp(-0.1 * time) * np.cos(2.0 * time))[:, None]  # released at q = 1 m with k = 4 N/m
+    >>> smoothed = ws.filters.smooth(model, np.zeros((400, 1)), readings)
+    >>> smoothed.mean[0, :2].round(1).tolist(), smoothed.std.shape
+    ([1.0, -0.1], (400, 3))
     """
     inputs = np.ascontiguousarray(inputs, dtype=np.float64)
     readings = np.ascontiguousarray(readings, dtype=np.float64)

@@ -143,6 +143,17 @@ def batch(
         If an option or a file of a turbine is wrong, nothing is found, or the archive was made with other settings.
     OutputError
         If the archive cannot be written: what was filed stays, and the same call goes on.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import windsysid as ws
+    >>> folder = Path(tempfile.mkdtemp())
+    >>> ws.write_record(ws.simulate("tower", duration=600.0, rate=5.0), folder / "records" / "first.csv")
+    >>> done = ws.batch(folder / "records", archive=folder / "archive", turbine="tower", workers=1)
+    >>> done.taken, done.known
+    ({'ok': 1}, 0)
     """
     _check_options(turbine, fleet, formulation, workers, limit)
     members = _members(turbine, fleet, mapping=mapping, sensors=sensors, scada=scada, scada_mapping=scada_mapping)

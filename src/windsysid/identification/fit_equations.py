@@ -53,6 +53,14 @@ class Reading:
         Prior standard deviation of an unknown offset, in the channel's unit; 0: none.
     drift
         How fast that offset wanders: its standard deviation after one second, in the channel's unit per √s.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> import windsysid as ws
+    >>> q, v, w, k = sp.symbols("q v w k")
+    >>> ws.models.Reading("acceleration", w - 0.2 * v - k * q, noise=0.05).channel
+    'acceleration'
     """
 
     channel: str
@@ -151,6 +159,24 @@ def fit(
         model nor value.
     WindsysidError
         If every run of the filter diverges.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import sympy as sp
+    >>> import windsysid as ws
+    >>> q, v, w, k = sp.symbols("q v w k")
+    >>> acceleration = w - 0.2 * v - k * q
+    >>> spring = ws.models.Equations("spring", (q, v), (), (k,), (w,), (v, acceleration))
+    >>> time = 0.05 * np.arange(400)
+    >>> swing = np.exp(-0.1 * time) * np.cos(2.0 * time)  # released at q = 1 m with k = 4 N/m
+    >>> record = ws.Record(time, swing[:, None], ("position",), ("m",))
+    >>> result = ws.models.fit(
+    ...     spring, record, parameters=[ws.models.Parameter("k", 3.0, 0.5)], values={"w": 0.0}, cov=np.eye(2),
+    ...     sensors=[ws.models.Reading("position", q, noise=0.01)],
+    ... )
+    >>> print(f"k: {result['k'].estimate:.2f} N/m")
+    k: 4.01 N/m
     """
     job = EquationsJob(
         model, tuple(parameters), tuple(sensors), mean, cov, dict(values or {}), tuple(loads), channels or {},

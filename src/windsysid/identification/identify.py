@@ -95,6 +95,20 @@ def identify(
         If the record does not hold what is needed, or an option is out of range.
     WindsysidError
         If no load model fits the record, or the likelihood cannot be computed at the start.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> record = ws.simulate("tower", duration=600.0, rate=5.0, seed=1)
+    >>> result = ws.identify(record, "tower", formulation="spectral")
+    >>> for one in result.estimates:
+    ...     print(f"{one.name}: {one.estimate:.2e} ({one.low:.2e} … {one.high:.2e}) {one.unit}, {one.grade}")
+    k_side_side: 1.76e+06 (1.69e+06 … 1.84e+06) N/m, A
+    c_side_side: 7.78e+03 (2.13e+03 … 1.34e+04) N*s/m, A
+    k_fore_aft: 1.88e+06 (1.77e+06 … 2.00e+06) N/m, A
+    c_fore_aft: 1.17e+05 (8.09e+04 … 1.52e+05) N*s/m, A
+    >>> result.diagnosis.trusted
+    True
     """
     record, turbine = as_record(record), as_turbine(turbine)
     placed = turbine.at(site)

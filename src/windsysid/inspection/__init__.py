@@ -58,6 +58,17 @@ def inspect_record(
         If `record` is a file that cannot be read, or a table whose columns have no unit.
     ConfigurationError
         If `section_length` is not a positive time, or `turbine` is none.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> found = ws.inspect(ws.simulate("tower", duration=120.0, rate=10.0), "tower")
+    >>> for spectrum in found.spectra:
+    ...     print(spectrum.channel, [(round(one.frequency, 2), one.matches) for one in spectrum.peaks])
+    tower_x_acceleration [(0.31, ('tower side-side', 'tower fore-aft'))]
+    tower_z_acceleration [(0.32, ('tower side-side', 'tower fore-aft', '2P')), (0.59, ('3P',)), (4.91, ())]
+    >>> [(one.start, round(one.end)) for one in found.proposals]
+    [(0.0, 120)]
     """
     record, turbine = as_record(record), None if turbine is None else as_turbine(turbine)
     if section_length is not None and not 0.0 < section_length < np.inf:

@@ -117,6 +117,21 @@ def register_loads(hypothesis: type[H]) -> type[H]:
     -------
     type
         The class itself.
+
+    Examples
+    --------
+    >>> from dataclasses import replace
+    >>> import windsysid as ws
+    >>> @ws.models.register_loads
+    ... class QuietLoads(ws.models.LoadHypothesis):
+    ...     name, text = "quiet", "a tenth of the loads of the turbine file"
+    ...     def suppose(self, turbine, loads):
+    ...         quiet = tuple(replace(load, rms=0.1 * load.rms) for load in loads)
+    ...         return ws.models.SupposedLoads(self.name, self.text, turbine, (), lambda values: quiet)
+    >>> quiet = ws.simulate("tower", duration=60.0, rate=20.0, loads="quiet")["tower_x_acceleration"]
+    >>> usual = ws.simulate("tower", duration=60.0, rate=20.0)["tower_x_acceleration"]
+    >>> round(float(quiet.std() / usual.std()), 1)
+    0.1
     """
     HYPOTHESES[hypothesis.name] = hypothesis()
     return hypothesis

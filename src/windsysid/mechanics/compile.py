@@ -136,6 +136,19 @@ def compile_model(
     ------
     ConfigurationError
         If a name in `identified` is not a parameter of the model, or appears twice.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import sympy as sp
+    >>> import windsysid as ws
+    >>> q, v, w, k = sp.symbols("q v w k")
+    >>> spring = ws.models.Equations("spring", (q, v), (), (k,), (w,), (v, w - 0.2 * v - k * q))
+    >>> model = ws.models.compile_model(spring, [ws.models.Reading("position", q, noise=0.01)], identified=["k"])
+    >>> rates = np.empty(2)
+    >>> model.rates(np.array([1.0, 0.0]), np.empty(0), np.array([4.0]), np.zeros(1), rates)
+    >>> rates.tolist()
+    [0.0, -4.0]
     """
     asked = ["identified", *identified, *(["instruments"] if instruments else [])]
     text = "\n".join([*_structure(model, sensors), *asked, _version()])

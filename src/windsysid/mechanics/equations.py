@@ -53,6 +53,15 @@ class Equations:
         If the sizes do not fit; if something is no SymPy symbol or expression (text is refused, since SymPy would
         execute it); if a name is not fit for a Python variable or is there twice; or if an expression holds what is
         none of the symbols.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> import windsysid as ws
+    >>> q, v, w, k = sp.symbols("q v w k")
+    >>> spring = ws.models.Equations("spring", (q, v), (), (k,), (w,), (v, w - 0.2 * v - k * q))
+    >>> spring.states, spring.rates
+    ((q, v), (v, -k*q - 0.2*v + w))
     """
 
     name: str
@@ -229,6 +238,18 @@ def lagrange(
     ------
     ConfigurationError
         As `Equations` does.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> import windsysid as ws
+    >>> q, v, a, w, m, c, k = sp.symbols("q v a w m c k")
+    >>> spring = ws.models.lagrange(
+    ...     "spring", lagrangian=m * v**2 / 2 - k * q**2 / 2, dissipation=c * v**2 / 2, coordinates=[(q, v, a)],
+    ...     loads=[w], inputs={}, parameters=[m, c, k],
+    ... )
+    >>> spring.mass, spring.force
+    (Matrix([[m]]), Matrix([[-c*v - k*q + w]]))
     """
     lagrangian = _expression(lagrangian, f"Lagrangian of model '{name}'")
     dissipation = _expression(dissipation, f"dissipation of model '{name}'")

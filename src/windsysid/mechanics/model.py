@@ -53,6 +53,12 @@ class Coefficient:
         What it is. Stiffness and inertia are positive and identified on a logarithmic scale; damping may be negative.
     part
         What it belongs to: the name of a degree of freedom, which can be locked, or any other word.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> ws.models.TowerModel().parameters[0]
+    Coefficient(name='mass_side_side', kind='inertia', unit='kg', part='side_side')
     """
 
     name: str
@@ -75,6 +81,12 @@ class Coordinate:
         Loads on degrees of freedom of one group are alike: the prior ties their levels, ``load_rms_<name>``.
     blade
         Number of the hinged blade that it moves; 0 for the support.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> ws.models.RotorModel(y="locked", lag="locked").freedoms
+    (Coordinate(name='x', unit='m', group='support', blade=0),)
     """
 
     name: str
@@ -334,6 +346,19 @@ def register_model(model: M) -> M:
     -------
     type
         The class itself.
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> from typing import ClassVar
+    >>> import windsysid as ws
+    >>> @ws.models.register_model
+    ... @dataclass(frozen=True)
+    ... class TwoBladedTower(ws.models.TowerModel):
+    ...     kind: ClassVar[str] = "two-bladed tower"
+    ...     blades: int = 2
+    >>> TwoBladedTower().blades, [one.name for one in TwoBladedTower().freedoms]
+    (2, ['side_side', 'fore_aft'])
     """
     MODELS[model.kind] = model
     return model

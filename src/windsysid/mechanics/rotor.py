@@ -57,6 +57,13 @@ class RotorModel(MechanicalModel):
     leads
         Whether all blades lead by the angle ``mean_lag_angle``, to which the mean torque of the wind bends them, and
         β_i is counted from there (`Kinematics.lag`).
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> model = ws.models.RotorModel(blades=3, y="locked")
+    >>> [one.name for one in model.freedoms]
+    ['x', 'beta_1', 'beta_2', 'beta_3']
     """
 
     kind: ClassVar[str] = "rotor"

@@ -51,6 +51,18 @@ def read_sensors(path: str | Path) -> tuple[Sensor, ...]:
     ------
     ConfigurationError
         In one line: the file, the sensor, what was expected and what was got.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import windsysid as ws
+    >>> path = Path(tempfile.mkdtemp()) / "sensors.toml"
+    >>> keys = 'channel = "a", quantity = "acceleration", point = "tower", axis = "x", frame = "nacelle", noise = 0.01'
+    >>> _ = path.write_text(f"sensor = [{{{keys}}}]")
+    >>> (sensor,) = ws.models.read_sensors(path)
+    >>> sensor.channel, sensor.unit
+    ('a', 'm/s^2')
     """
     return parse_sensors(read_sensor_tables(path), str(path))
 

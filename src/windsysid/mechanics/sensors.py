@@ -323,6 +323,19 @@ def register_sensor(sensor: type[S]) -> type[S]:
     -------
     type
         The class itself.
+
+    Examples
+    --------
+    >>> from typing import ClassVar, Literal
+    >>> import windsysid as ws
+    >>> @ws.models.register_sensor
+    ... class JerkSensor(ws.models.PlacedSensor):
+    ...     quantity: Literal["jerk"] = "jerk"
+    ...     unit: ClassVar[str] = "m/s^3"
+    ...     def reading(self, motion):
+    ...         return self.gain * motion.along(self, 3)
+    >>> JerkSensor(channel="top_jerk", point="tower", axis="x", noise=0.01).unit
+    'm/s^3'
     """
     SENSORS[sensor.model_fields["quantity"].default] = sensor
     return sensor
@@ -351,7 +364,18 @@ class _MotionSensor(PlacedSensor):
 
 @register_sensor
 class Accelerometer(_MotionSensor):
-    """Acceleration along an axis; a real one feels gravity."""
+    """Acceleration along an axis; a real one feels gravity.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> sensor = ws.models.Accelerometer(
+    ...     channel="tower_x_acceleration", point="tower", axis="x", frame="nacelle", noise=0.005
+    ... )
+    >>> record = ws.simulate("tower", duration=600.0, rate=5.0, seed=1)
+    >>> ws.identify(record, "tower", sensors=[sensor], formulation="spectral").sensors
+    ('tower_x_acceleration',)
+    """
 
     quantity: Literal["acceleration"] = "acceleration"
     may_feel_gravity: ClassVar[bool] = True
@@ -360,7 +384,14 @@ class Accelerometer(_MotionSensor):
 
 @register_sensor
 class VelocitySensor(_MotionSensor):
-    """Velocity along an axis."""
+    """Velocity along an axis.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> ws.models.VelocitySensor(channel="blade_1_lag_rate", point="blade_1", axis="lag", noise=1e-3).unit
+    'rad/s'
+    """
 
     quantity: Literal["velocity"] = "velocity"
     order: ClassVar[int] = 1
@@ -368,7 +399,14 @@ class VelocitySensor(_MotionSensor):
 
 @register_sensor
 class DisplacementSensor(_MotionSensor):
-    """Displacement along an axis."""
+    """Displacement along an axis.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> ws.models.DisplacementSensor(channel="top_x", point="tower", axis="x", frame="nacelle", noise=1e-3).unit
+    'm'
+    """
 
     quantity: Literal["displacement"] = "displacement"
     order: ClassVar[int] = 0
@@ -376,7 +414,14 @@ class DisplacementSensor(_MotionSensor):
 
 @register_sensor
 class AngularRateSensor(PlacedSensor):
-    """A gyroscope in the plane of the rotor."""
+    """A gyroscope in the plane of the rotor.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> ws.models.AngularRateSensor(channel="blade_1_rate", point="blade_1", axis="lag", noise=1e-4).unit
+    'rad/s'
+    """
 
     quantity: Literal["angular_rate"] = "angular_rate"
 
@@ -398,7 +443,14 @@ class AngularRateSensor(PlacedSensor):
 @register_sensor
 class MomentSensor(PlacedSensor):
     """The moment in the lag spring and damper of a blade; for the support, the force in its spring and damper times
-    `gain`, its lever arm."""
+    `gain`, its lever arm.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> ws.models.MomentSensor(channel="root_1", point="blade_1", axis="lag", noise=1e3, gain_tolerance=0.05).unit
+    'N*m'
+    """
 
     quantity: Literal["moment"] = "moment"
 
@@ -419,7 +471,15 @@ class MomentSensor(PlacedSensor):
 
 @register_sensor
 class StrainGauge(MomentSensor):
-    """What a `MomentSensor` reads, times a `gain` [1/(N·m)] or [1/N]; its channel may be in any unit of a bridge."""
+    """What a `MomentSensor` reads, times a `gain` [1/(N·m)] or [1/N]; its channel may be in any unit of a bridge.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> gauge = ws.models.StrainGauge(channel="root_1", point="blade_1", axis="lag", gain=2e-10, noise=1e-7)
+    >>> gauge.unit, gauge.accepts("mV/V")
+    ('1', True)
+    """
 
     quantity: Literal["strain"] = "strain"  # type: ignore[assignment]
 

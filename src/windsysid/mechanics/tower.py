@@ -63,6 +63,13 @@ class TowerModel(MechanicalModel):
         Number of blades N of the rigid rotor: which of its harmonics a tower feels.
     side_side, fore_aft
         ``"free"`` or ``"locked"``.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> model = ws.models.TowerModel(blades=3, fore_aft="locked")
+    >>> [one.name for one in model.freedoms], [one.name for one in model.parameters][:4]
+    (['side_side'], ['mass_side_side', 'k_side_side', 'c_side_side', 'mass_fore_aft'])
     """
 
     kind: ClassVar[str] = "tower"

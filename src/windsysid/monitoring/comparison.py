@@ -68,6 +68,16 @@ def compare(before: PosteriorLike | ModesLike, after: PosteriorLike | ModesLike)
     ------
     ConfigurationError
         If the two have nothing in common, or a folder holds no result.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> tower = ws.load_turbine("tower")
+    >>> softer = tower.with_values({"k_side_side": 0.8 * tower.values["k_side_side"]})
+    >>> records = [ws.simulate(one, duration=600.0, rate=5.0) for one in (tower, softer)]
+    >>> before, after = (ws.identify(record, tower, formulation="spectral") for record in records)
+    >>> print(ws.compare(before, after).coefficients[0])
+    k_side_side fell by 19.9 % (±2σ: -20.9 … -18.9 %; odds >1000 : 1)
     """
     of_modes = [holds_modes(one) for one in (before, after)]
     if all(of_modes):

@@ -79,6 +79,19 @@ def separate_damping(results: Sequence[PosteriorLike]) -> Separation:
     ------
     ConfigurationError
         If no result says at which rotor speed its record was taken, or they have no damping in common.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> running = ws.load_turbine("tower")
+    >>> parked = running.in_state("parked")
+    >>> records = [ws.simulate(one, duration=600.0, rate=5.0, seed=2) for one in (running, parked)]
+    >>> results = [ws.identify(record, running, formulation="spectral") for record in records]
+    >>> _, fore_aft = ws.damping(results).splits
+    >>> for part in (fore_aft.structural, fore_aft.aerodynamic[0]):
+    ...     print(f"{part.value / 1e3:.0f} kN·s/m, 95 % interval {part.low / 1e3:.0f} … {part.high / 1e3:.0f}")
+    19 kN·s/m, 95 % interval 0 … 37
+    83 kN·s/m, 95 % interval 26 … 141
     """
     posteriors = [as_posterior(result) for result in results]
     known = [result for result in posteriors if result.conditions.rotor_speed is not None]

@@ -256,6 +256,18 @@ def read_blocks(folders: Sequence[str | Path], covariates: str | Path | None = N
     ------
     ConfigurationError
         If a folder holds no result, records cannot be put in order, or the file does not fit.
+
+    Examples
+    --------
+    >>> import shutil
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import windsysid as ws
+    >>> home = Path(tempfile.mkdtemp())
+    >>> _ = ws.oma(ws.simulate("tower", duration=600.0, rate=5.0, seed=1)).save(home / "first")
+    >>> folders = [shutil.copytree(home / "first", home / f"res-{i}") for i in range(12)]  # in place of twelve records
+    >>> ws.read_blocks(folders).names
+    ('frequency of mode 1', 'damping of mode 1')
     """
     found = _read_results(folders)
     spans = spans_of([result for _, result in found])

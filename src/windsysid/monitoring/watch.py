@@ -90,6 +90,21 @@ def watch(
     ------
     ConfigurationError
         If the rate is not between 1e-6 and 100 a year, or no series can be followed.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import windsysid as ws
+    >>> from windsysid.monitoring.series import RecordBlocks
+    >>> theta = 0.005 * np.random.default_rng(0).standard_normal((600, 1))  # relative to 1.77 MN/m
+    >>> theta[500:] -= 0.02
+    >>> blocks = RecordBlocks(
+    ...     names=("k_side_side",), time=600.0 * np.arange(600), theta=theta, std=np.full((600, 1), 0.005),
+    ...     logarithmic=(True,), reference=(1.77e6,), covariates=np.empty((600, 0)), covariate_names=(),
+    ... )
+    >>> (jump,) = ws.monitor(blocks).changes
+    >>> print(f"{jump.name}: {jump.percent:.2f} % ({jump.low:.2f} … {jump.high:.2f} %)")
+    k_side_side: -1.95 % (-2.13 … -1.77 %)
     """
     _check_options(blocks, alarms_per_year, tolerated)
     count = len(blocks.time)

@@ -51,6 +51,16 @@ def load_result(folder: str | Path) -> Answer:
     ------
     ConfigurationError
         If the folder holds no result, or one that was damaged or written by an older version.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import windsysid as ws
+    >>> folder = Path(tempfile.mkdtemp()) / "tower"
+    >>> _ = ws.modes("tower").save(folder)
+    >>> [curve.name for curve in ws.load_result(folder).curves]
+    ['tower side-side', 'tower fore-aft']
     """
     from windsysid import reports
 

@@ -154,6 +154,18 @@ def load_posterior(folder: str | Path) -> Posterior:
     ConfigurationError
         If there is none, it was changed after windsysid wrote it, or it was written by a version that did not keep the
         turbine.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import windsysid as ws
+    >>> result = ws.identify(ws.simulate("tower", duration=600.0, rate=5.0, seed=1), "tower", formulation="spectral")
+    >>> folder = Path(tempfile.mkdtemp()) / "first"
+    >>> _ = result.save(folder)
+    >>> posterior = ws.results.load_posterior(folder)
+    >>> [q.name for q in posterior.parameters], posterior.cov.shape
+    (['k_side_side', 'c_side_side', 'k_fore_aft', 'c_fore_aft'], (4, 4))
     """
 
     with opened(folder) as file:

@@ -98,6 +98,18 @@ def align(
     ------
     RecordError
         If no channel is shared, the records do not overlap, or nothing correlates.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import windsysid as ws
+    >>> time = np.arange(0.0, 60.0, 0.05)
+    >>> speed = ws.signals.band_pass(np.random.default_rng(0).standard_normal(time.size), 20.0, (0.05, 1.0))[:, None]
+    >>> tower = ws.Record(time, np.hstack([speed, speed]), ("rotor_speed", "tower_x_acceleration"), ("rad/s", "m/s^2"))
+    >>> blade = ws.Record(time - 2.0, np.hstack([speed, speed]), ("rotor_speed", "blade_1_strain"), ("rad/s", "1"))
+    >>> found = ws.signals.align([tower, blade])  # the clock of the second is 2 s slow
+    >>> found.record.channels, round(found.offsets[0].offset, 2)
+    (('rotor_speed', 'tower_x_acceleration', 'blade_1_strain'), 2.0)
     """
     if len(records) < 2:
         raise RecordError(f"alignment: expected two or more records, got {len(records)}")
@@ -155,6 +167,18 @@ def clock_offset(first: Record, other: Record, *, channel: str | None = None, se
     ------
     RecordError
         If the channel is not in both, does not change, or does not correlate (less than 0.5 at the peak).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import windsysid as ws
+    >>> time = np.arange(0.0, 60.0, 0.05)
+    >>> speed = ws.signals.band_pass(np.random.default_rng(0).standard_normal(time.size), 20.0, (0.05, 1.0))[:, None]
+    >>> first = ws.Record(time, speed, ("rotor_speed",), ("rad/s",))
+    >>> other = ws.Record(time - 2.0, speed, ("rotor_speed",), ("rad/s",))  # its clock is 2 s slow
+    >>> found = ws.signals.clock_offset(first, other)
+    >>> round(found.offset, 2), round(found.correlation, 2)
+    (2.0, 1.0)
     """
     name = _common(first, other) if channel is None else channel
     if not search > 0.0:

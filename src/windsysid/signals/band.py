@@ -42,6 +42,16 @@ def band_pass(values: ArrayLike, rate: float, band: tuple[float, float]) -> Arra
     ------
     RecordError
         If the channel holds no numbers or the band does not lie inside 0 … rate / 2.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import windsysid as ws
+    >>> time = np.arange(0.0, 60.0, 0.05)
+    >>> slow, fast = np.sin(2.0 * np.pi * 0.3 * time), np.sin(2.0 * np.pi * 3.0 * time)
+    >>> kept = ws.signals.band_pass(slow + fast, rate=20.0, band=(0.1, 1.0))
+    >>> round(float(np.std(kept[200:-200] - slow[200:-200])), 3)
+    0.008
     """
     low, high = band
     check_band(low, high, rate)

@@ -77,6 +77,13 @@ def causal_integrator(rate: float, *, cutoff: float) -> CausalIntegrator:
     ------
     RecordError
         If the cut-off lies outside 0 … rate / 2.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> integrator = ws.signals.causal_integrator(20.0, cutoff=0.1)
+    >>> integrator.velocity.shape, integrator.displacement.shape
+    ((2, 6), (2, 6))
     """
     check_band(cutoff, rate / 2.0, rate)
     from scipy.signal import bilinear_zpk, buttap, lp2hp_zpk, zpk2sos
@@ -114,6 +121,17 @@ def integrate_causally(
     ------
     RecordError
         If the acceleration is not (T,) or infinite.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import windsysid as ws
+    >>> integrator = ws.signals.causal_integrator(20.0, cutoff=0.1)
+    >>> acceleration = np.sin(2.0 * np.pi * 0.5 * np.arange(0.0, 60.0, 0.05))
+    >>> state, first = ws.signals.integrate_causally(integrator, acceleration[:600])
+    >>> state, second = ws.signals.integrate_causally(integrator, acceleration[600:], state)
+    >>> round(float(second.displacement[-40:].max()), 4)  # 1 / (2π 0.5)² = 0.1013 m
+    0.1007
     """
     from scipy.signal import sosfilt, sosfilt_zi
 
@@ -163,6 +181,15 @@ def causal_response(integrator: CausalIntegrator, frequency: ArrayLike) -> tuple
     ------
     ValueError
         If the frequencies are no numbers.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import windsysid as ws
+    >>> integrator = ws.signals.causal_integrator(20.0, cutoff=0.1)
+    >>> velocity, displacement = ws.signals.causal_response(integrator, 1.0)  # at 1 Hz
+    >>> abs(displacement).round(3).tolist(), np.degrees(np.angle(displacement)).round(1).tolist()
+    ([0.984], [11.4])
     """
     from scipy.signal import sosfreqz
 

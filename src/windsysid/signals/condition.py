@@ -114,6 +114,13 @@ def resample(
     ------
     RecordError
         If the rate is not positive or the grid absurdly long.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> record = ws.simulate("tower", duration=60.0, rate=20.0)
+    >>> ws.signals.resample(record, 5.0).rate
+    5.0
     """
     first = float(record.time[0]) if start is None else float(start)
     last = float(record.time[-1]) if end is None else float(end)
@@ -293,6 +300,16 @@ def despike(values: ArrayLike, rate: float, *, threshold: float = 6.0, window: i
     References
     ----------
     Davies & Gather 1993, doi:10.1080/01621459.1993.10476339.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import windsysid as ws
+    >>> values = np.sin(0.1 * np.arange(400))
+    >>> values[100] += 5.0
+    >>> found = ws.signals.despike(values, rate=20.0)
+    >>> np.flatnonzero(found.spikes).tolist(), float(found.values[100])
+    ([100], nan)
     """
     y = np.array(values, dtype=np.float64)
     known = np.isfinite(y)
@@ -338,6 +355,12 @@ def remove_bias(values: ArrayLike) -> Unbiased:
     ------
     RecordError
         If the channel holds no numbers.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> ws.signals.remove_bias([1.0, 2.0, float("nan"), 3.0])
+    Unbiased(values=array([-1.,  0., nan,  1.]), bias=2.0)
     """
     y = np.asarray(values, dtype=np.float64)
     if not np.isfinite(y).any():
@@ -369,6 +392,16 @@ def remove_gravity_and_tilt(lateral: ArrayLike, upward: ArrayLike, *, gravity: f
     RecordError
         If shapes differ, no sample has both axes, or the mean is not within 10 % of gravity (an instrument that does
         not read steady acceleration, or another unit).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import windsysid as ws
+    >>> motion = 0.1 * np.sin(np.arange(0.0, 60.0, 0.05))
+    >>> reading = (motion + 9.80665j) * np.exp(-0.02j)  # tilted by 0.02 rad
+    >>> found = ws.signals.remove_gravity_and_tilt(reading.real, reading.imag)
+    >>> round(found.tilt, 3), round(found.gravity, 3)
+    (0.02, 9.807)
     """
     first, second = (np.asarray(values, dtype=np.float64) for values in (lateral, upward))
     if first.shape != second.shape or first.ndim != 1:

@@ -85,6 +85,16 @@ def rotor_from_tower(
     ------
     RecordError
         If no channel shows the line.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import windsysid as ws
+    >>> time = np.arange(0.0, 60.0, 0.05)
+    >>> passing = np.sin(3 * 1.2 * time) + 0.1 * np.random.default_rng(0).standard_normal(time.size)
+    >>> found = ws.signals.rotor_from_tower(passing, 20.0, rotor_speed=1.25)
+    >>> round(float(found.speed[600]), 2), found.known_up_to_constant
+    (1.2, True)
     """
     channels = np.atleast_2d(np.asarray(accelerations, dtype=np.float64))
     lines = [
@@ -134,6 +144,15 @@ def rotor_from_blades(
     ------
     RecordError
         If no 1P line is there, or the blades' phases contradict their order or signs.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import windsysid as ws
+    >>> azimuth = 1.2 * np.arange(0.0, 60.0, 0.05) + 2.0 * np.pi / 3.0 * np.arange(3)[:, None]  # one row for each blade
+    >>> found = ws.signals.rotor_from_blades(9.81 * np.cos(azimuth), 20.0, rotor_speed=1.25)
+    >>> round(float(found.speed[600]), 2), round(float(found.psi[600]), 1)
+    (1.2, 36.0)
     """
     rows = np.asarray(accelerations, dtype=np.float64)
     if rows.ndim != 2:

@@ -103,6 +103,16 @@ def integrate(
     ------
     RecordError
         If the channel holds no numbers, the cut-off lies outside 0 … rate / 2, or an option is out of range.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import windsysid as ws
+    >>> time = np.arange(0.0, 60.0, 0.05)
+    >>> acceleration = np.sin(2.0 * np.pi * 0.5 * time) + 0.3  # with a bias
+    >>> motion = ws.signals.integrate(acceleration, rate=20.0, cutoff=0.1)
+    >>> round(float(motion.displacement[400:800].max()), 4)  # 1 / (2π 0.5)² = 0.1013 m
+    0.1013
     """
     check_band(cutoff, rate / 2.0, rate)
     acceleration = np.asarray(acceleration, dtype=np.float64)

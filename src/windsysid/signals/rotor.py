@@ -78,6 +78,15 @@ def rotor_inputs(record: Record, rotor_speed: float) -> Array:
     RecordError
         If there is no azimuth, a unit is wrong, the azimuth of a turning rotor does not run forward, or it contradicts
         the recorded or the turbine's usual speed.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import windsysid as ws
+    >>> time = np.arange(0.0, 60.0, 0.05)
+    >>> record = ws.Record(time, (1.2 * time % (2.0 * np.pi))[:, None], ("rotor_azimuth",), ("rad",))
+    >>> ws.signals.rotor_inputs(record, rotor_speed=1.25)[600].round(2).tolist()
+    [36.0, 1.2, 0.0]
     """
     record = steadied(record)
     azimuth, measured = record["rotor_azimuth"], "rotor_speed" in record
@@ -156,6 +165,15 @@ def rotor_from_encoder(
     ------
     RecordError
         If the channel holds no angles, or they do not run in the sense of rotation.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import windsysid as ws
+    >>> angle = (1.2 * np.arange(0.0, 60.0, 0.05)) % (2.0 * np.pi)
+    >>> found = ws.signals.rotor_from_encoder(angle, 20.0, zero=0.0)
+    >>> round(float(found.speed[600]), 3), round(float(found.psi[600]), 2)
+    (1.2, 36.0)
     """
     angle = sense * np.asarray(angle, dtype=np.float64)
     known = np.isfinite(angle)
@@ -204,6 +222,15 @@ def rotor_from_pulses(values: ArrayLike, rate: float, *, per_turn: int = 1, zero
     ------
     RecordError
         If there are fewer than three pulses, or the intervals make no sense.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import windsysid as ws
+    >>> pulses = (1.2 * np.arange(0.0, 60.0, 0.05)) % (2.0 * np.pi) < 0.3
+    >>> found = ws.signals.rotor_from_pulses(pulses.astype(float), 20.0, zero=0.0)
+    >>> round(float(found.speed[600]), 2), found.known_up_to_constant
+    (1.2, False)
     """
     if per_turn < 1:
         raise RecordError(f"pulses per turn: expected 1 or more, got {per_turn}")

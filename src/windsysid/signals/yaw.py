@@ -53,6 +53,15 @@ def to_nacelle(first: ArrayLike, second: ArrayLike, yaw: ArrayLike, *, bearing: 
     ------
     RecordError
         If shapes differ or the yaw holds no numbers.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import windsysid as ws
+    >>> north, west, yaw = np.ones(2), np.zeros(2), np.radians([0.0, 30.0])
+    >>> lateral, downwind = ws.signals.to_nacelle(north, west, yaw)
+    >>> lateral.round(3).tolist(), downwind.round(3).tolist()
+    ([0.0, -0.5], [-1.0, -0.866])
     """
     u1, u2, gamma = (np.asarray(values, dtype=np.float64) for values in (first, second, yaw))
     if not (u1.ndim == 1 and u1.shape == u2.shape == gamma.shape):
@@ -90,6 +99,17 @@ def with_nacelle_axes(
     ------
     RecordError
         If a channel is missing, units differ, the yaw is no angle, or a channel of that name is there already.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import windsysid as ws
+    >>> time = np.arange(0.0, 10.0, 0.1)
+    >>> values = np.column_stack([np.sin(time), np.cos(time), np.zeros_like(time)])
+    >>> names, units = ("north_acceleration", "west_acceleration", "nacelle_yaw"), ("m/s^2", "m/s^2", "rad")
+    >>> record = ws.Record(time, values, names, units)
+    >>> ws.signals.with_nacelle_axes(record, "north_acceleration", "west_acceleration").channels[-2:]
+    ('tower_x_acceleration', 'tower_z_acceleration')
     """
     if record.unit(first) != record.unit(second):
         raise RecordError(
@@ -132,6 +152,13 @@ def tower_inputs(record: Record, rotor_speed: float, *, needs_yaw: bool) -> Arra
     RecordError
         If `needs_yaw`, for a sensor that is fixed to the tower, and the record has none; or a unit or an azimuth is
         wrong.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> record = ws.simulate("tower", duration=60.0, rate=20.0)
+    >>> ws.signals.tower_inputs(record, rotor_speed=1.267, needs_yaw=False).shape
+    (1200, 5)
     """
     check_units(record, {"rotor_speed": "rad/s", "nacelle_yaw": "rad"})
     inputs = np.zeros((record.samples, 5))

@@ -66,6 +66,13 @@ def simulate_record(
     ConfigurationError
         If duration or rate are out of range, there are no such loads or none for this turbine, or the motion grows
         without bound.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> record = ws.simulate("tower", duration=60.0, rate=20.0, seed=1)
+    >>> record.samples, record.channels[-2:]
+    (1200, ('tower_x_acceleration', 'tower_z_acceleration'))
     """
     turbine = as_turbine(turbine)
     if loads not in (playable := ("random", *WIND, *HYPOTHESES)):

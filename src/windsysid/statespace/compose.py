@@ -119,6 +119,19 @@ def compose(
     ConfigurationError
         If a value is missing or not finite, a load is unknown or two blocks share a state's name, the rate, a noise or
         the gate is not positive, a channel is read twice, or the prior does not fit the states.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> import windsysid as ws
+    >>> q, v, w, k = sp.symbols("q v w k")
+    >>> spring = ws.models.Equations("spring", (q, v), (), (k,), (w,), (v, w - 0.2 * v - k * q))
+    >>> load = ws.models.GaussMarkov("w", rms=1.0, time_constant=0.5)
+    >>> sensor = ws.models.Reading("position", q, noise=0.01)
+    >>> stiffness = ws.models.Parameter("k", 4.0, 0.5)
+    >>> model = ws.models.compose(spring, rate=20.0, values={}, parameters=[stiffness], loads=[load], sensors=[sensor])
+    >>> model.states, model.cov.shape
+    (('q', 'v', 'w', 'k'), (4, 4))
     """
     names = [parameter.name for parameter in parameters]
     compiled = compile_model(model, sensors, names)

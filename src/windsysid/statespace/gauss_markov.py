@@ -40,6 +40,16 @@ class GaussMarkov:
         [Hz]; where the record went through an anti-aliasing low-pass, what it knows of the process did too: a
         Butterworth filter at `CUT_OFF_FACTOR` times that frequency. Without it the samples of the process hold power
         from above half the rate which those of the record do not, and a mode's damping pays for it.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> load = ws.models.GaussMarkov("load_x", rms=2e4, time_constant=1.0)  # [N], [s]
+    >>> transition, noise = load.discretise(0.5)
+    >>> transition.round(3).tolist(), (noise / 1e8).round(3).tolist()
+    ([[0.607]], [[2.528]])
+    >>> ws.models.GaussMarkov("load_x", rms=5e3, time_constant=10.0, harmonic=3).states
+    ('load_x_3P_cosine', 'load_x_3P_sine')
     """
 
     load: str

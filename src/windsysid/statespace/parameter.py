@@ -34,6 +34,16 @@ class Parameter:
     kind, part
         Kind of the parameter, and the degree of freedom or other part that it belongs to, as the model declares them
         (`windsysid.models.Coefficient`); empty where the model leaves them open.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> stiffness = ws.models.Parameter("k", centre=4.0, spread=0.5)
+    >>> stiffness.prior, float(stiffness.physical(0.1).round(3))
+    ((0.0, 0.5), 4.421)
+    >>> damper = ws.models.Parameter("c", centre=0.2, spread=0.1, logarithmic=False, scale=4.0)
+    >>> damper.prior
+    (0.05, 0.025)
     """
 
     name: str

@@ -32,6 +32,17 @@ def write_turbine(turbine: Turbine, path: str | Path, *, overwrite: bool = False
     ------
     OutputError
         If the file is there already and `overwrite` is off, or it cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import windsysid as ws
+    >>> tower = ws.load_turbine("tower")
+    >>> path = Path(tempfile.mkdtemp()) / "softer.toml"
+    >>> ws.write_turbine(tower.with_values({"k_side_side": 1.7e6}), path)
+    >>> ws.load_turbine(path).values["k_side_side"]
+    1700000.0
     """
     import tomli_w
 
@@ -49,6 +60,12 @@ def packaged_turbines() -> tuple[str, ...]:
     -------
     tuple of str
         What `load_turbine` takes.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> ws.packaged_turbines()
+    ('hammond', 'nrel5mw', 'nrel5mw_full', 'tower', 'verne555')
     """
     folder = resources.files("windsysid.turbine") / "packaged"
     return tuple(sorted(entry.name.removesuffix(".toml") for entry in folder.iterdir() if entry.name.endswith(".toml")))
@@ -94,6 +111,13 @@ def load_turbine(name_or_path: str | Path) -> Turbine:
     ------
     ConfigurationError
         In one line: what was wrong, what was expected, what was got.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> tower = ws.load_turbine("tower")
+    >>> tower.model.kind, round(tower.rotor_speed, 3), [sensor.channel for sensor in tower.sensors]
+    ('tower', 1.267, ['tower_x_acceleration', 'tower_z_acceleration'])
     """
     from windsysid.turbine.tables import parse_turbine
 

@@ -69,6 +69,14 @@ class Turbine:
         Prior odds [1] of effects by their codes, in place of those of `windsysid.identification.model.prior_odds`.
     states
         By name, how the turbine differs from operation: ``parked``, where its file has it.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> tower = ws.load_turbine("tower")
+    >>> softer = tower.with_values({"k_side_side": 0.97 * tower.values["k_side_side"]})
+    >>> round(softer.values["k_side_side"] / 1e6, 3)  # [MN/m]
+    1.721
     """
 
     name: str

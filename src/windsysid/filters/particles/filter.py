@@ -113,6 +113,24 @@ class ParticleFilter:
     ------
     ConfigurationError
         If an option is out of range.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import sympy as sp
+    >>> import windsysid as ws
+    >>> q, v, w, k = sp.symbols("q v w k")
+    >>> spring = ws.models.Equations("spring", (q, v), (), (k,), (w,), (v, w - 0.2 * v - k * q))
+    >>> stiffness, sensor = ws.models.Parameter("k", 3.0, 0.5), ws.models.Reading("position", q, noise=0.01)
+    >>> model = ws.models.compose(
+    ...     spring, rate=20.0, values={}, parameters=[stiffness], cov=np.eye(2), sensors=[sensor]
+    ... )
+    >>> time = 0.05 * np.arange(100)
+    >>> readings = (np.exp(-0.1 * time) * np.cos(2.0 * time))[:, None]  # released at q = 1 m with k = 4 N/m
+    >>> particles = ws.filters.ParticleFilter(particles=1000)
+    >>> cloud, info = particles.run(model, particles.init(model), np.zeros((100, 1)), readings)
+    >>> round(float(stiffness.physical(info.mean[-1, -1])), 1), cloud.particles.shape
+    (4.0, (3, 1000))
     """
 
     particles: int = 2000

@@ -51,6 +51,19 @@ class SplitModel(NamedTuple):
         With the parameters in the state: what is identified, and the prior.
     given
         The same without, at any values of the parameters: what a Kalman filter runs.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> import windsysid as ws
+    >>> q, v, w, k = sp.symbols("q v w k")
+    >>> spring = ws.models.Equations("spring", (q, v), (), (k,), (w,), (v, w - 0.2 * v - k * q))
+    >>> sensors, stiffness = [ws.models.Reading("position", q, noise=0.01)], ws.models.Parameter("k", 3.0, 0.5)
+    >>> joint = ws.models.compose(spring, rate=20.0, values={}, parameters=[stiffness], sensors=sensors)
+    >>> given = ws.models.compose(spring, rate=20.0, values={"k": 3.0}, sensors=sensors)
+    >>> model = ws.filters.SplitModel(joint, given)
+    >>> model.joint.states, model.given.states
+    (('q', 'v', 'k'), ('q', 'v'))
     """
 
     joint: StateSpace
@@ -133,6 +146,24 @@ class RaoBlackwellised:
     ------
     ConfigurationError
         If an option is out of range.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import sympy as sp
+    >>> import windsysid as ws
+    >>> q, v, w, k = sp.symbols("q v w k")
+    >>> spring = ws.models.Equations("spring", (q, v), (), (k,), (w,), (v, w - 0.2 * v - k * q))
+    >>> stiffness, sensor = ws.models.Parameter("k", 3.0, 0.5), ws.models.Reading("position", q, noise=0.01)
+    >>> common = {"rate": 20.0, "cov": np.eye(2), "sensors": [sensor]}
+    >>> joint = ws.models.compose(spring, values={}, parameters=[stiffness], **common)
+    >>> model = ws.filters.SplitModel(joint, ws.models.compose(spring, values={"k": 3.0}, **common))
+    >>> time = 0.05 * np.arange(100)
+    >>> readings = (np.exp(-0.1 * time) * np.cos(2.0 * time))[:, None]  # released at q = 1 m with k = 4 N/m
+    >>> particles = ws.filters.RaoBlackwellised(particles=200)
+    >>> mixture, info = particles.run(model, particles.init(model), np.zeros((100, 1)), readings)
+    >>> round(float(stiffness.physical(info.mean[-1, 0])), 1), mixture.theta.shape
+    (4.0, (1, 200))
     """
 
     particles: int = 1024

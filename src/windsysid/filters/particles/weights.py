@@ -112,6 +112,20 @@ def degeneracy(info: Fared) -> str:
     -------
     str
         It begins with ``healthy``, ``thin`` or ``degenerate``.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import sympy as sp
+    >>> import windsysid as ws
+    >>> q, v, w, k = sp.symbols("q v w k")
+    >>> spring = ws.models.Equations("spring", (q, v), (), (k,), (w,), (v, w - 0.2 * v - k * q))
+    >>> sensor = ws.models.Reading("position", q, noise=0.1)
+    >>> model = ws.models.compose(spring, rate=20.0, values={"k": 4.0}, cov=np.eye(2), sensors=[sensor])
+    >>> particles = ws.filters.ParticleFilter(particles=500)
+    >>> _, info = particles.run(model, particles.init(model), np.zeros((20, 1)), np.zeros((20, 1)))
+    >>> ws.filters.degeneracy(info).partition(":")[0]
+    'healthy'
     """
     count = int(info.survivors.max(initial=0)) if not info.resamplings.all() else 0
     count = max(count, int(np.ceil(info.effective.max(initial=0.0))))

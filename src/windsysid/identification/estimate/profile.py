@@ -129,6 +129,14 @@ def profile_likelihood(
     ------
     RecordError, ConfigurationError, WindsysidError
         As `windsysid.identify` raises them, and if `name` is not identified.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> record = ws.simulate("tower", duration=60.0, rate=5.0, seed=1)
+    >>> profile = ws.profile_likelihood(record, "tower", "k_side_side", parameters=["k_side_side"])
+    >>> print(f"{profile.low / 1e6:.3f} … {profile.high / 1e6:.3f} MN/m")
+    1.722 … 1.820 MN/m
     """
     record, turbine = as_record(record), as_turbine(turbine)
     progress("identifying", None)

@@ -305,6 +305,13 @@ def plan(
     ------
     ConfigurationError
         If a name is unknown, a number out of range, or the sensor list empty.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> planned = ws.plan("tower", duration=600.0, rate=5.0)
+    >>> print(str(planned).splitlines()[0])
+    No: not known within ±20 % (2σ) in 10 min: c_fore_aft (28 min), c_side_side (2.6 h).
     """
     _require_positive("within", within, 10.0)
     turbine = _as_planned(as_turbine(turbine), sensors, load_scale, rotor_speed)

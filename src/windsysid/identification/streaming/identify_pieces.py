@@ -86,6 +86,15 @@ def identify_pieces(
         If the disk is full.
     WindsysidError
         As `windsysid.identify` raises it.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> record = ws.simulate("tower", duration=600.0, rate=5.0, seed=1)
+    >>> pieces = [record.section(0.0, 300.0), record.section(300.0, 600.0)]
+    >>> result = ws.identify_pieces(pieces, "tower", formulation="spectral")
+    >>> print(f"{result['k_fore_aft'].estimate / 1e6:.2f} MN/m")
+    1.89 MN/m
     """
     job = StreamingJob(
         as_turbine(turbine), sensors, prior or Prior(), parameters, formulation, rate, loads, memory,

@@ -63,6 +63,8 @@ def read_linearisation(
     A tower with one degree of freedom, in a folder that is deleted afterwards:
 
     >>> import tempfile
+    >>> from pathlib import Path
+    >>> import windsysid as ws
     >>> heading = "Rotor Speed: 0 rad/s | Azimuth: 0 rad | Number of continuous states: 2 | Order of continuous states:"
     >>> name = "1st tower fore-aft bending mode DOF, m"
     >>> states = f"x | x | 1 0.0 F 2 ED {name} | 2 0.0 F 2 ED First time derivative of {name}/s"
@@ -70,7 +72,7 @@ def read_linearisation(
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = Path(folder) / "tower.1.lin"
     ...     _ = path.write_text(f"{heading} | {states} |  | {A}".replace(" | ", chr(10)))
-    ...     (mode,) = read_linearisation(path).modes
+    ...     (mode,) = ws.read_linearisation(path).modes
     >>> print(mode.name, round(mode.frequency, 4), "Hz", round(mode.damping, 4))
     tower fore-aft 0.3183 Hz 0.01
     """

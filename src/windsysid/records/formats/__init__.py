@@ -92,6 +92,20 @@ def read_record(
         unsorted or repeated, the section reaches outside the record, or an optional package is not installed.
     ConfigurationError
         If the mapping is wrong or lists a column that is not there.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import windsysid as ws
+    >>> path = Path(tempfile.mkdtemp()) / "logger.csv"
+    >>> ws.write_record(ws.Record([0.0, 0.1, 0.2], [[0.1], [0.2], [0.1]], ("Acc X",), ("m/s^2",)), path)
+    >>> ws.read_record(path)["Acc X"].tolist()
+    [0.1, 0.2, 0.1]
+    >>> rules = path.with_suffix(".toml")
+    >>> _ = rules.write_text('channels."Acc X" = {name = "tower_x_acceleration", sign = -1}')
+    >>> ws.read_record(path, mapping=rules, section=(0.0, 0.15))["tower_x_acceleration"].tolist()
+    [-0.1, -0.2]
     """
     path = Path(path)
     rules = _rules(mapping)
@@ -132,6 +146,16 @@ def iterate_record(
     ------
     RecordError, ConfigurationError
         As `read_record`, but where the bad place is reached.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import windsysid as ws
+    >>> path = Path(tempfile.mkdtemp()) / "tower.csv"
+    >>> ws.write_record(ws.simulate("tower", duration=60.0, rate=20.0), path)
+    >>> [piece.samples for piece in ws.iterate_record(path, 25.0)]
+    [500, 500, 200]
     """
     path = Path(path)
     rules = _rules(mapping)
@@ -200,6 +224,16 @@ def write_record(record: Record, path: str | Path, *, overwrite: bool = False) -
     ------
     OutputError
         If the file is already there, it cannot be written, or the ending is not one of those.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import windsysid as ws
+    >>> path = Path(tempfile.mkdtemp()) / "tower.csv"
+    >>> ws.write_record(ws.simulate("tower", duration=60.0, rate=20.0), path)
+    >>> ws.read_record(path).channels[:2]
+    ('rotor_azimuth', 'rotor_speed')
     """
     with claim_record(path, overwrite=overwrite) as write:
         write(record)

@@ -84,6 +84,18 @@ def analyse_vibration(
     ------
     ConfigurationError, RecordError
         If there is no record, a channel cannot be used, or records have no sensor in common.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> record = ws.simulate("nrel5mw", duration=600.0, rate=5.0, seed=1)
+    >>> found = ws.oma(record)
+    >>> for mode in found.modes:
+    ...     print(f"{mode.name}: {mode.frequency:.3f} Hz, damping {100 * mode.damping:.1f} %, grades {mode.grades}")
+    tower x: 0.315 Hz, damping 0.2 %, grades ('C', 'C')
+    lag backward: 0.893 Hz, damping 0.9 %, grades ('A', 'A')
+    lag collective: 1.112 Hz, damping 0.3 %, grades ('A', 'A')
+    lag forward: 1.306 Hz, damping 0.4 %, grades ('A', 'A')
     """
     begun = time.process_time()
     several = isinstance(record, list | tuple)

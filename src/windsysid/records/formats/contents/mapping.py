@@ -268,6 +268,16 @@ def load_mapping(path: str | Path) -> Mapping:
     ------
     ConfigurationError
         If it is missing, no TOML, or holds an unknown key or a wrong value; the line names the key.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import windsysid as ws
+    >>> path = Path(tempfile.mkdtemp()) / "logger.toml"
+    >>> _ = path.write_text('channels."Acc X" = {name = "tower_x_acceleration", unit = "g", sign = -1}')
+    >>> ws.load_mapping(path).channels["Acc X"]
+    ChannelRule(name='tower_x_acceleration', unit='g', sign=-1, factor=1.0)
     """
     from pydantic import TypeAdapter, ValidationError
 
