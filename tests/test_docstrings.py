@@ -67,7 +67,7 @@ def without_shape_or_unit(text: str, annotations: dict[str, Any]) -> list[str]:
     lacking = []
     for name, told in entries(text):
         kind = str(annotations.get(name, ""))
-        if "Callable" in kind or re.search(r"\bAs (?:those )?(?:of|for) `", told):  # says it there
+        if "Callable" in kind or re.search(r"\bAs (?:those )?(?:of|for|in) `", told):  # says it there
             continue
         if "ndarray" in kind or kind == "Array":
             lacking += [f"{name}: shape"] * (re.search(SHAPE, told) is None)

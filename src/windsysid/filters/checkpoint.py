@@ -24,21 +24,23 @@ _KIND = "expected a file written by save_belief, got one that is damaged or of a
 
 
 def save_belief(path: str | Path, model: StateSpace, belief: Belief, *, overwrite: bool = False) -> None:
-    """Write what a filter of `model` believes to the file `path`; a folder that is missing is made.
+    """Save the belief of a filter of `model` to a file.
 
     Parameters
     ----------
-    path
-        Of the file.
-    model, belief
-        The model, and what a filter believes of its states.
-    overwrite
-        Replace a file that is there.
+    path : str or Path
+        File to write; a missing folder is made.
+    model : StateSpace
+        Model of the belief.
+    belief : Belief
+        State of a Gaussian filter.
+    overwrite : bool, default False
+        Replace an existing file.
 
     Raises
     ------
     OutputError
-        If the file is there already and `overwrite` is off, or it cannot be written.
+        If the file exists and `overwrite` is False, or it cannot be written.
 
     Examples
     --------
@@ -61,19 +63,19 @@ def save_belief(path: str | Path, model: StateSpace, belief: Belief, *, overwrit
 
 
 def load_belief(path: str | Path, model: StateSpace) -> Belief:
-    """Read what `save_belief` wrote for a model of the same states and inputs.
+    """Load the belief of a filter that `save_belief` wrote, for a model of the same states and inputs.
 
     Parameters
     ----------
-    path
-        Of the file.
-    model
-        The model that the belief is of.
+    path : str or Path
+        File to read.
+    model : StateSpace
+        Model of the belief.
 
     Returns
     -------
     Belief
-        As it was saved: the filter goes on from it.
+        As it was saved: the filter continues from it.
 
     Raises
     ------

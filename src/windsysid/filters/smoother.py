@@ -44,14 +44,14 @@ CHUNK = 2048
 
 
 class Smoothed(NamedTuple):
-    """The state at each sample given all readings.
+    """Smoothed state at each sample, given all readings.
 
     Attributes
     ----------
     mean, std
-        (T, n).
+        Mean and standard deviation (T, n).
     info
-        What came out of the filter on the way (`windsysid.filters.Info`).
+        Output of the filter (`windsysid.filters.Info`).
     """
 
     mean: Array
@@ -60,30 +60,38 @@ class Smoothed(NamedTuple):
 
 
 def smooth(model: StateSpace, inputs: Array, readings: Array, filter_: Filter = EKF) -> Smoothed:
-    """Smooth a record, motion, loads, biases and parameters together.
+    """Smooth a record: states, loads, biases and parameters at each sample, given all readings.
 
     Memory is that of the result, 4 n + 4 m numbers per sample, and 2048 + T/2048 covariances: the filter runs forward
-    twice, the second time in chunks from the beliefs that it had at their beginnings.
+    twice, the second time in chunks from the beliefs at their beginnings.
 
     Parameters
     ----------
-    inputs
+    model : StateSpace
+        Model of n states and m readings.
+    inputs : ndarray
         Known inputs and known loads at each sample (T, n_u + n_w).
-    readings
-        (T, m); NaN = missing.
-    filter_
-        Runs forward. Back, the `UKF` takes sigma points through the transition and every other filter its exact
-        Jacobian.
+    readings : ndarray
+        Readings (T, m); NaN = missing.
+    filter_ : Filter, default EKF
+        Forward filter. The backward pass of the `UKF` takes sigma points through the transition, that of every other
+        filter its exact Jacobian.
 
     Returns
     -------
     Smoothed
-        The state and its standard deviation at each sample (T, n), and what the filter said on the way.
+        The state and its standard deviation at each sample (T, n), and the output of the filter.
 
     Raises
     ------
     ValueError
         If a shape does not fit the model.
+
+    References
+    ----------
+    Rauch, Tung & Striebel, AIAA Journal 3(8), 1965, doi:10.2514/3.3166.
+    Särkkä, IEEE Trans. Automatic Control 53(3), 2008, doi:10.1109/TAC.2008.919531 (unscented).
+    Särkkä & Svensson, Bayesian Filtering and Smoothing, 2nd ed., Cambridge 2023, ch. 12–14.
 
     Examples
     --------

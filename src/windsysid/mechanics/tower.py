@@ -55,12 +55,12 @@ second."""
 @register_model
 @dataclass(frozen=True)
 class TowerModel(MechanicalModel):
-    """Which directions the tower top moves in.
+    """Mechanical model of a tower under a rigid rotor: side-side and fore-aft motion of its top.
 
     Parameters
     ----------
     blades
-        Number of blades N of the rigid rotor: which of its harmonics a tower feels.
+        Number of blades N of the rigid rotor, which determines the harmonics that excite the tower.
     side_side, fore_aft
         ``"free"`` or ``"locked"``.
 

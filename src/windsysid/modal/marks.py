@@ -82,7 +82,7 @@ def read_mode_marks(path: str | Path) -> ModeMarks:
 
     Parameters
     ----------
-    path
+    path : str or Path
         TOML file with ``add`` and ``remove``, as the page of ``oma`` saves it.
 
     Returns
@@ -93,7 +93,7 @@ def read_mode_marks(path: str | Path) -> ModeMarks:
     Raises
     ------
     ConfigurationError
-        In one line: the file, what was expected and what was got.
+        If the file is missing or has another content.
 
     Examples
     --------

@@ -62,23 +62,33 @@ STRUCTURE = np.array([1.0, 0.0, 0.0, 0.0])
 
 
 def separate_damping(results: Sequence[PosteriorLike]) -> Separation:
-    """Structural and aerodynamic damping from results of one turbine in several states.
+    """Separate structural from aerodynamic damping, from results of one turbine in several states.
 
     Parameters
     ----------
-    results
-        Posteriors, results, or the folders they were saved in, with the rotor speed, and best the wind speed, of their
-        records (`Posterior.conditions`).
+    results : sequence of Identification, Posterior, str or Path
+        Results, or the folders they were saved in, with the rotor speed and preferably the wind speed of their records
+        (`Posterior.conditions`).
 
     Returns
     -------
     Separation
-        What of each damping is the structure's and what is the air's, or why the results do not tell.
+        Structural and aerodynamic part of each damping coefficient with 95 % intervals [N·s/m or N·m·s/rad], or the
+        reason why the records do not separate them.
 
     Raises
     ------
     ConfigurationError
-        If no result says at which rotor speed its record was taken, or they have no damping in common.
+        If no result has a rotor speed, or they have no damping coefficient in common.
+
+    See Also
+    --------
+    identify : Total damping from one record.
+
+    References
+    ----------
+    Burton et al., Wind Energy Handbook, 2nd ed., Wiley 2011.
+    M. H. Hansen, Wind Energy 10(6), 2007, doi:10.1002/we.242.
 
     Examples
     --------

@@ -31,15 +31,16 @@ def kept(answer: object) -> dict[str, bytes]:
 
 
 def load_result(folder: str | Path) -> Answer:
-    """What a command, or ``save`` of a result, left in a folder: the object that made it.
+    """Load a result from the folder in which a command, or its ``save``, left it.
 
-    It prints, plots, compares and saves as the one that was saved. Estimates, bands, posterior, diagnosis and histories
-    are the same numbers, histories to the last digit or so.
+    Estimates, intervals, posterior and diagnosis are the same numbers as before; histories agree to about the last
+    digit.
 
     Parameters
     ----------
-    folder
-        That ``identify``, ``study``, ``oma``, ``compare``, ``monitor``, ``damping``, ``modes`` or ``plan`` wrote.
+    folder : str or Path
+        Folder that ``identify``, ``study``, ``oma``, ``compare``, ``monitor``, ``damping``, ``modes`` or ``plan``
+        wrote.
 
     Returns
     -------

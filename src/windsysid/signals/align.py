@@ -26,22 +26,22 @@ _PIECES = 20
 
 
 class ClockOffset(NamedTuple):
-    """One logger's clock against the first's: t_first = t + offset + drift (t − middle).
+    """Offset and drift of a logger's clock from the first logger's: t_first = t + offset + drift (t − middle).
 
     Attributes
     ----------
     offset, offset_std
-        [s].
+        Offset at `middle` and its standard deviation [s].
     drift, drift_std
-        [s/s]; NaN uncertainty where the record is too short to see drift, which is then 0.
+        Drift and its standard deviation [s/s]; NaN where the record is too short for a drift, which is then 0.
     middle
         Time on the logger's own clock to which `offset` belongs [s].
     channel
-        What was compared.
+        The channel that was compared.
     correlation
-        At the peak, of the signals without their means [1]: 1 is a perfect match.
+        Correlation coefficient at the peak [1]: 1 is a perfect match.
     note
-        In words, whether another offset fits as well.
+        A remark if another offset fits as well.
     """
 
     offset: float
@@ -59,14 +59,14 @@ class ClockOffset(NamedTuple):
 
 
 class Aligned(NamedTuple):
-    """One record on the first logger's clock.
+    """Record of several loggers on the clock of the first.
 
     Attributes
     ----------
     record
         The channels of all loggers on one time grid.
     offsets
-        The clock of every logger but the first against the first's.
+        Clock offset of every logger but the first.
     """
 
     record: Record
@@ -76,17 +76,17 @@ class Aligned(NamedTuple):
 def align(
     records: Sequence[Record], *, channel: str | None = None, rate: float | None = None, search: float = 60.0
 ) -> Aligned:
-    """Put records of several loggers on the clock of the first, over the time that all of them cover.
+    """Align the records of several loggers to the clock of the first, over the time that all of them cover.
 
     Parameters
     ----------
-    records
+    records : sequence of Record
         Two or more. Of channels that occur more than once, the earliest record's is kept.
-    channel
-        What to compare; by default ``rotor_speed`` or ``rotor_azimuth`` where both have it, else any that both have.
-    rate
-        Of the result [Hz]; the highest of the records by default.
-    search
+    channel : str, optional
+        Channel to compare; by default ``rotor_speed`` or ``rotor_azimuth`` where both have it, else any common one.
+    rate : float, optional
+        Sampling rate of the result [Hz]; the highest of the records by default.
+    search : float, default 60
         Largest offset considered [s].
 
     Returns
@@ -97,7 +97,11 @@ def align(
     Raises
     ------
     RecordError
-        If no channel is shared, the records do not overlap, or nothing correlates.
+        If no channel is shared, the records do not overlap, or no channel correlates.
+
+    See Also
+    --------
+    clock_offset : Offset of two loggers, without resampling.
 
     Examples
     --------
@@ -149,24 +153,24 @@ def align(
 
 
 def clock_offset(first: Record, other: Record, *, channel: str | None = None, search: float = 60.0) -> ClockOffset:
-    """Offset and drift of one logger's clock against another's, from a channel that both recorded.
+    """Estimate offset and drift of one logger's clock from another's, by a channel that both recorded.
 
     Parameters
     ----------
-    first, other
+    first, other : Record
         Two records with a channel in common.
     channel, search
-        As for `align`.
+        As in `align`.
 
     Returns
     -------
     ClockOffset
-        What to add to the time of `other` to have the time of `first`.
+        To be added to the time of `other` for the time of `first`.
 
     Raises
     ------
     RecordError
-        If the channel is not in both, does not change, or does not correlate (less than 0.5 at the peak).
+        If the channel is not in both, is constant, or does not correlate (less than 0.5 at the peak).
 
     Examples
     --------

@@ -22,16 +22,16 @@ STEEPNESS = 8
 
 
 def band_pass(values: ArrayLike, rate: float, band: tuple[float, float]) -> Array:
-    """Keep what lies between two frequencies, with zero phase.
+    """Filter a channel with a band-pass of zero phase.
 
     Parameters
     ----------
-    values
+    values : array_like
         (T,), any unit; NaN = missing, bridged and missing again in the result.
-    rate
-        Samples per second [Hz].
-    band
-        Lowest and highest frequency [Hz]: half the amplitude is left there.
+    rate : float
+        Sampling rate [Hz].
+    band : (float, float)
+        Lowest and highest frequency [Hz], at which the amplitude is halved.
 
     Returns
     -------

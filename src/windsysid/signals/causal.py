@@ -33,7 +33,7 @@ class CausalIntegrator(NamedTuple):
     velocity, displacement
         Second-order sections (2, 6) each, as SciPy's ``sos`` [1].
     rate, cutoff
-        Samples per second, and the frequency below which motion is removed [Hz].
+        Sampling rate, and the frequency below which motion is removed [Hz].
     """
 
     velocity: Array
@@ -43,7 +43,7 @@ class CausalIntegrator(NamedTuple):
 
 
 class CausalState(NamedTuple):
-    """State of a stream between two pieces.
+    """State of a causal integrator between two pieces of a stream.
 
     Attributes
     ----------
@@ -59,24 +59,28 @@ class CausalState(NamedTuple):
 
 
 def causal_integrator(rate: float, *, cutoff: float) -> CausalIntegrator:
-    """Design filters that integrate a stream of accelerations.
+    """Design causal filters that integrate a stream of accelerations.
 
     Parameters
     ----------
-    rate
-        Samples per second [Hz].
-    cutoff
+    rate : float
+        Sampling rate [Hz].
+    cutoff : float
         Frequency below which motion is removed [Hz].
 
     Returns
     -------
     CausalIntegrator
-        For `integrate_causally`.
+        Filters for `integrate_causally`.
 
     Raises
     ------
     RecordError
         If the cut-off lies outside 0 … rate / 2.
+
+    See Also
+    --------
+    integrate : Zero-phase integration of a whole record.
 
     Examples
     --------
@@ -100,22 +104,22 @@ def causal_integrator(rate: float, *, cutoff: float) -> CausalIntegrator:
 def integrate_causally(
     integrator: CausalIntegrator, acceleration: ArrayLike, state: CausalState | None = None
 ) -> tuple[CausalState, Motion]:
-    """Velocity and displacement of the next samples of a stream.
+    """Integrate the next samples of a stream of accelerations to velocity and displacement.
 
     Parameters
     ----------
-    integrator
+    integrator : CausalIntegrator
         From `causal_integrator`.
-    acceleration
-        (T,) [m/s² or rad/s²], T ≥ 0; at a NaN the last known value is taken to hold, and the result is NaN.
-    state
-        Where the stream stands; None: at its beginning. It then starts as if the first reading had been there forever,
-        so that a bias raises no transient.
+    acceleration : array_like
+        (T,) [m/s² or rad/s²], T ≥ 0; at a NaN the last known value is used, and the result is NaN.
+    state : CausalState, optional
+        State after the samples before; None at the beginning of the stream, which then starts as if the first reading
+        had been constant before, so that a bias raises no transient.
 
     Returns
     -------
     state, motion
-        Hand the state in with the next piece.
+        State for the next call, and velocity and displacement (T,).
 
     Raises
     ------
@@ -162,13 +166,13 @@ def integrate_causally(
 
 
 def causal_response(integrator: CausalIntegrator, frequency: ArrayLike) -> tuple[Array, Array]:
-    """Gain of velocity and of displacement against the true integrals.
+    """Compute the gain of velocity and displacement relative to the true integrals.
 
     Parameters
     ----------
-    integrator
+    integrator : CausalIntegrator
         From `causal_integrator`.
-    frequency
+    frequency : array_like
         (n,) or one number [Hz].
 
     Returns

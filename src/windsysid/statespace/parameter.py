@@ -14,10 +14,10 @@ __all__ = ["Parameter"]
 
 @dataclass(frozen=True)
 class Parameter:
-    """A physical parameter to identify, with its prior in filter coordinates.
+    """Physical parameter to identify, with its prior in filter coordinates.
 
-    Stiffness and mass are log-scaled, p = scale · exp(θ), and stay positive. Damping is linear, p = scale · θ, and
-    may be negative: a stalled blade is exactly what must be seen.
+    Stiffness and mass are log-scaled, p = scale · exp(θ), and stay positive. Damping is linear, p = scale · θ, and may
+    be negative, as of a stalled blade.
 
     Attributes
     ----------
@@ -28,7 +28,7 @@ class Parameter:
     spread
         Prior standard deviation: relative for a logarithmic parameter, in SI for a linear one.
     logarithmic
-        Whether θ = ln(p / centre).
+        True if θ = ln(p / centre).
     scale
         Scale of a linear parameter [SI], 2√(km) for a damper; ignored for a logarithmic one.
     kind, part

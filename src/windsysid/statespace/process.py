@@ -27,12 +27,12 @@ __all__ = [
 
 @dataclass(frozen=True, eq=False)
 class LoadBlock:
-    """Any stationary linear block.
+    """Stationary linear process that drives one or several loads.
 
     Attributes
     ----------
     states
-        Names of its n states, its own among those of all blocks.
+        Names of its n states, different from those of other blocks.
     drift
         A (n, n) [1/s], all eigenvalues in the left half plane.
     cov

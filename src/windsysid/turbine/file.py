@@ -16,22 +16,21 @@ __all__ = ["load_turbine", "packaged_file", "packaged_turbines", "write_turbine"
 
 
 def write_turbine(turbine: Turbine, path: str | Path, *, overwrite: bool = False) -> None:
-    """Write a turbine as TOML, every value with its unit, so that `load_turbine` gives it back; a folder that is
-    missing is made.
+    """Write a turbine as TOML, every value with its unit, so that `load_turbine` reads the same turbine.
 
     Parameters
     ----------
-    turbine
-        What is written.
-    path
-        Of the file.
-    overwrite
-        Replace a file that is there.
+    turbine : Turbine
+        Turbine to write.
+    path : str or Path
+        File to write; a missing folder is made.
+    overwrite : bool, default False
+        Replace an existing file.
 
     Raises
     ------
     OutputError
-        If the file is there already and `overwrite` is off, or it cannot be written.
+        If the file exists and `overwrite` is False, or it cannot be written.
 
     Examples
     --------
@@ -54,12 +53,12 @@ def write_turbine(turbine: Turbine, path: str | Path, *, overwrite: bool = False
 
 
 def packaged_turbines() -> tuple[str, ...]:
-    """Names of the turbines that come with windsysid.
+    """List the names of the turbines that come with windsysid.
 
     Returns
     -------
     tuple of str
-        What `load_turbine` takes.
+        Names that `load_turbine` takes.
 
     Examples
     --------
@@ -95,11 +94,11 @@ def packaged_file(name: str) -> str:
 
 
 def load_turbine(name_or_path: str | Path) -> Turbine:
-    """Load a packaged turbine by name, or any turbine from a TOML file.
+    """Load a packaged turbine by its name, or any turbine from a TOML file.
 
     Parameters
     ----------
-    name_or_path
+    name_or_path : str or Path
         One of `packaged_turbines`, or the path of a file that ends in ``.toml``.
 
     Returns
@@ -110,7 +109,11 @@ def load_turbine(name_or_path: str | Path) -> Turbine:
     Raises
     ------
     ConfigurationError
-        In one line: what was wrong, what was expected, what was got.
+        If there is no such turbine or file, or a value in it is missing or wrong; the message names it.
+
+    See Also
+    --------
+    write_turbine : Write a turbine as TOML.
 
     Examples
     --------

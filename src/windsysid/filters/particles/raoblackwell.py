@@ -43,14 +43,14 @@ MAX_BLOCK_SAMPLES = 256
 
 
 class SplitModel(NamedTuple):
-    """One model written twice.
+    """Model with its parameters in the state, and the same model given its parameters.
 
     Attributes
     ----------
     joint
-        With the parameters in the state: what is identified, and the prior.
+        With the parameters in the state: gives their prior.
     given
-        The same without, at any values of the parameters: what a Kalman filter runs.
+        Without, at any values of the parameters: the model of the Kalman filters.
 
     Examples
     --------
@@ -71,14 +71,14 @@ class SplitModel(NamedTuple):
 
 
 class Mixture(NamedTuple):
-    """What the filter knows between two samples.
+    """State of a Rao–Blackwellised particle filter between two samples, from which it continues.
 
     Attributes
     ----------
     theta
         Parameters in filter coordinates (n_θ, N).
     log_weights
-        (N,), not normalised.
+        Logarithms of the weights (N,), not normalised.
     bank
         The Kalman filters of all particles.
     """
@@ -109,15 +109,15 @@ class Mixture(NamedTuple):
 
 
 class MixtureInfo(NamedTuple):
-    """What came out of T samples of m readings.
+    """Output of a Rao–Blackwellised particle filter for T samples of m readings.
 
     Attributes
     ----------
     mean, std
-        Of the parameters after each sample (T, n_θ).
+        Mean and standard deviation of the parameters after each sample (T, n_θ).
     whitened
-        Innovations through the mixture's own distribution to unit normals, reading by reading (T, m); NaN where
-        missing.
+        Innovations, transformed to unit normals by the distribution of the mixture, reading by reading (T, m); NaN
+        where missing.
     log_likelihood
         Log density of the readings of each sample given the past (T,).
     effective, resamplings, survivors
@@ -135,7 +135,9 @@ class MixtureInfo(NamedTuple):
 
 @dataclass(frozen=True)
 class RaoBlackwellised:
-    """Particles on a `SplitModel`'s parameters, a Kalman filter each; the protocol of `windsysid.filters.Filter`.
+    """Rao–Blackwellised particle filter: particles of the parameters, each with a Kalman filter of the states.
+
+    It has the methods of `windsysid.filters.Filter`, and takes a `SplitModel`.
 
     Attributes
     ----------
@@ -146,6 +148,11 @@ class RaoBlackwellised:
     ------
     ConfigurationError
         If an option is out of range.
+
+    References
+    ----------
+    Doucet, de Freitas, Murphy & Russell, Proc. UAI 2000, arXiv:1301.3853.
+    Särkkä & Svensson, Bayesian Filtering and Smoothing, 2nd ed., Cambridge 2023, ch. 11.
 
     Examples
     --------

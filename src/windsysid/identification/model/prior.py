@@ -13,13 +13,13 @@ __all__ = ["Prior", "identifiable"]
 
 @dataclass(frozen=True)
 class Prior:
-    """How the priors differ from the turbine file's references.
+    """Centre and width of the priors, relative to the turbine file's reference values.
 
     Attributes
     ----------
     stiffness, damping
-        Factors on the references: where the priors are centred. A prior that is moved by a factor is widened to
-        reach back.
+        Factors on the references: the centres of the priors [1]. A prior that is shifted by a factor is widened so that
+        it still covers the reference.
     spread
         Relative standard deviation of stiffness and damping; the turbine file's by default.
 

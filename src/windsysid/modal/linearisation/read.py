@@ -33,18 +33,18 @@ ENDING = ".lin"
 def read_linearisation(
     paths: str | Path | Sequence[str | Path], *, operating: tuple[float, float] | None = None
 ) -> LinearisedModes:
-    """Read OpenFAST linearisation files and compute the modes in the fixed frame.
+    """Compute the modes of OpenFAST linearisation files in the fixed frame.
 
     Files ``X.1.lin``, ``X.2.lin`` … of one name are azimuths of one operating point and are averaged after the
     multi-blade transformation; several names are operating points of one machine, whose modes are linked over rotor
-    speed. Source: Bir, NREL/CP-500-42553 (2008).
+    speed.
 
     Parameters
     ----------
-    paths
+    paths : str, Path, or sequence of these
         One file, or several in any order.
-    operating
-        Least and greatest operating speed [rad/s]; those of the files by default.
+    operating : (float, float), optional
+        Lowest and highest operating speed [rad/s]; those of the files by default.
 
     Returns
     -------
@@ -57,6 +57,14 @@ def read_linearisation(
     ConfigurationError
         If a file is no linearisation or is damaged, the files do not belong together, or the rotor does not have three
         blades.
+
+    See Also
+    --------
+    modes : Modes of a turbine file or of an identification.
+
+    References
+    ----------
+    Bir, Multiblade Coordinate Transformation and its Application to Wind Turbine Analysis, NREL/CP-500-42553, 2008.
 
     Examples
     --------

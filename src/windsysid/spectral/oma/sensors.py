@@ -72,7 +72,7 @@ class SensorList(tuple["ModalSensor", ...]):
 
 
 class ModalSensor(BaseModel):
-    """One channel whose vibration is analysed.
+    """Channel for operational modal analysis, with its position and direction for figures.
 
     Attributes
     ----------
