@@ -100,11 +100,18 @@ def test_a_mapping_of_what_is_no_file_is_refused(record: ws.Record):
         ws.oma(record, mapping="rules.toml")
 
 
+def test_pieces_that_are_one_record_or_a_path_are_refused(record: ws.Record):
+    """AttributeError: the characters of a path were taken for records."""
+    for given in ("logger.csv", record):
+        with pytest.raises(ConfigurationError, match="pieces: expected records in order, as iterate_record yields"):
+            ws.identify_pieces(given, "verne555")  # type: ignore[arg-type]
+
+
 def test_a_fit_takes_a_path_and_its_mapping(tmp_path: Path):
     """A path was taken for an iterable of pieces: AttributeError."""
     q, v, w, k = sp.symbols("q v w k")
     spring = ws.models.Equations("spring", (q, v), (), (k,), (w,), (v, w - 0.2 * v - k * q))
-    time = 0.05 * np.arange(400)
+    time = np.linspace(0.0, 19.95, 400)
     record = ws.Record(time, (np.exp(-0.1 * time) * np.cos(2.0 * time))[:, None], ("Pos 1",), ("m",))
     ws.write_record(record, tmp_path / "logger.csv")
     (tmp_path / "rules.toml").write_text('channels."Pos 1" = {name = "position"}')

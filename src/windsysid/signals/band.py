@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from windsysid._types import Array
 from windsysid.errors import RecordError
 
-__all__ = ["band_pass", "bridged", "check_band", "high_pass_gain", "through"]
+__all__ = ["band_pass", "bridged", "check_cutoff", "high_pass_gain", "through"]
 
 
 STEEPNESS = 8
@@ -54,7 +54,7 @@ def band_pass(values: ArrayLike, rate: float, band: tuple[float, float]) -> Arra
     0.008
     """
     low, high = band
-    check_band(low, high, rate)
+    _check_band(low, high, rate)
 
     def gain(f: Array) -> Any:
         return high_pass_gain(f, low) / (1.0 + (f / high) ** STEEPNESS) + 0j
@@ -68,12 +68,20 @@ def high_pass_gain(f: Array, cutoff: float) -> Array:
     return scaled / (1.0 + scaled)
 
 
-def check_band(low: float, high: float, rate: float) -> None:
+def _check_band(low: float, high: float, rate: float) -> None:
     """Refuse a band that does not lie inside 0 … rate / 2."""
     if not 0.0 < low < high <= rate / 2.0 * (1.0 + 1e-12):
         raise RecordError(
             f"filter band: expected 0 < low < high ≤ {rate / 2.0:g} Hz (half the sampling rate), got {low:g} to"
             f" {high:g} Hz"
+        )
+
+
+def check_cutoff(cutoff: float, rate: float) -> None:
+    """Refuse a cut-off [Hz] that does not lie inside 0 … rate / 2."""
+    if not 0.0 < cutoff < rate / 2.0:
+        raise RecordError(
+            f"cutoff: expected more than 0 and less than {rate / 2.0:g} Hz (half the sampling rate), got {cutoff:g} Hz"
         )
 
 

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from windsysid._types import Array
 from windsysid.errors import RecordError
-from windsysid.signals.band import check_band
+from windsysid.signals.band import check_cutoff
 from windsysid.signals.integration import Motion
 
 __all__ = ["CausalIntegrator", "CausalState", "causal_integrator", "causal_response", "integrate_causally"]
@@ -89,7 +89,7 @@ def causal_integrator(rate: float, *, cutoff: float) -> CausalIntegrator:
     >>> integrator.velocity.shape, integrator.displacement.shape
     ((2, 6), (2, 6))
     """
-    check_band(cutoff, rate / 2.0, rate)
+    check_cutoff(cutoff, rate)
     from scipy.signal import bilinear_zpk, buttap, lp2hp_zpk, zpk2sos
 
     _, poles, _ = lp2hp_zpk(*buttap(3), wo=2.0 * np.pi * cutoff)

@@ -34,7 +34,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from windsysid._types import Array
 from windsysid.errors import RecordError
-from windsysid.signals.band import bridged, check_band, high_pass_gain, through
+from windsysid.signals.band import bridged, check_cutoff, high_pass_gain, through
 
 __all__ = ["GRAVITY", "METHODS", "Method", "Motion", "integrate"]
 
@@ -123,7 +123,7 @@ def integrate(
     >>> round(float(motion.displacement[400:800].max()), 4)  # 1 / (2π 0.5)² = 0.1013 m
     0.1013
     """
-    check_band(cutoff, rate / 2.0, rate)
+    check_cutoff(cutoff, rate)
     acceleration = np.asarray(acceleration, dtype=np.float64)
     if acceleration.ndim != 1 or len(acceleration) < 2:
         raise RecordError(f"acceleration: expected (T,) with T ≥ 2, got {acceleration.shape}")

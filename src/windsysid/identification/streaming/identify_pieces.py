@@ -98,6 +98,11 @@ def identify_pieces(
     >>> print(f"{result['k_fore_aft'].estimate / 1e6:.2f} MN/m")
     1.89 MN/m
     """
+    if isinstance(pieces, str | Path | Record):
+        raise ConfigurationError(
+            f"pieces: expected records in order, as iterate_record yields them, got one {type(pieces).__name__}: use"
+            " identify, or iterate_record for a file that does not fit into memory"
+        )
     job = StreamingJob(
         as_turbine(turbine), sensors, prior or Prior(), parameters, formulation, rate, loads, memory,
         None if checkpoint is None else Path(checkpoint), keep_checkpoint, options or {}, state,
