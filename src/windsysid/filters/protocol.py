@@ -107,10 +107,10 @@ class Filter:
 
     References
     ----------
-    Särkkä & Svensson, Bayesian Filtering and Smoothing, 2nd ed., Cambridge 2023, ch. 7 (`EKF`, `IEKF`) and 8 (`UKF`).
-    Bell & Cathey, IEEE Trans. Automatic Control 38(2), 1993, doi:10.1109/9.250476 (`IEKF`).
-    Julier & Uhlmann, Proc. IEEE 92(3), 2004, doi:10.1109/JPROC.2003.823141 (`UKF`).
-    van der Merwe & Wan, ICASSP 2001, doi:10.1109/ICASSP.2001.940586 (`UKF` in square-root form).
+    - Särkkä & Svensson, Bayesian Filtering and Smoothing, 2nd ed., Cambridge 2023, ch. 7 (`EKF`, `IEKF`) and 8 (`UKF`).
+    - Bell & Cathey, IEEE Trans. Automatic Control 38(2), 1993, doi:10.1109/9.250476 (`IEKF`).
+    - Julier & Uhlmann, Proc. IEEE 92(3), 2004, doi:10.1109/JPROC.2003.823141 (`UKF`).
+    - van der Merwe & Wan, ICASSP 2001, doi:10.1109/ICASSP.2001.940586 (`UKF` in square-root form).
 
     Examples
     --------

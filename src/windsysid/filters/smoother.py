@@ -89,9 +89,9 @@ def smooth(model: StateSpace, inputs: Array, readings: Array, filter_: Filter = 
 
     References
     ----------
-    Rauch, Tung & Striebel, AIAA Journal 3(8), 1965, doi:10.2514/3.3166.
-    Särkkä, IEEE Trans. Automatic Control 53(3), 2008, doi:10.1109/TAC.2008.919531 (unscented).
-    Särkkä & Svensson, Bayesian Filtering and Smoothing, 2nd ed., Cambridge 2023, ch. 12–14.
+    - Rauch, Tung & Striebel, AIAA Journal 3(8), 1965, doi:10.2514/3.3166.
+    - Särkkä, IEEE Trans. Automatic Control 53(3), 2008, doi:10.1109/TAC.2008.919531 (unscented).
+    - Särkkä & Svensson, Bayesian Filtering and Smoothing, 2nd ed., Cambridge 2023, ch. 12–14.
 
     Examples
     --------

@@ -117,8 +117,8 @@ def identify(
 
     References
     ----------
-    Särkkä & Svensson, Bayesian Filtering and Smoothing, 2nd ed., Cambridge 2023, ch. 16 (joint formulation).
-    Whittle, J. R. Statist. Soc. B 15, 1953, doi:10.1111/j.2517-6161.1953.tb00131.x (spectral formulation).
+    - Särkkä & Svensson, Bayesian Filtering and Smoothing, 2nd ed., Cambridge 2023, ch. 16 (joint formulation).
+    - Whittle, J. R. Statist. Soc. B 15, 1953, doi:10.1111/j.2517-6161.1953.tb00131.x (spectral formulation).
 
     Examples
     --------

@@ -80,8 +80,8 @@ def compare(before: PosteriorLike | ModesLike, after: PosteriorLike | ModesLike)
 
     References
     ----------
-    Dickey, Ann. Math. Statist. 42(1), 1971, doi:10.1214/aoms/1177693507.
-    Verdinelli & Wasserman, J. Am. Stat. Assoc. 90, 1995, doi:10.1080/01621459.1995.10476554.
+    - Dickey, Ann. Math. Statist. 42(1), 1971, doi:10.1214/aoms/1177693507.
+    - Verdinelli & Wasserman, J. Am. Stat. Assoc. 90, 1995, doi:10.1080/01621459.1995.10476554.
 
     Examples
     --------

@@ -87,8 +87,8 @@ def separate_damping(results: Sequence[PosteriorLike]) -> Separation:
 
     References
     ----------
-    Burton et al., Wind Energy Handbook, 2nd ed., Wiley 2011.
-    M. H. Hansen, Wind Energy 10(6), 2007, doi:10.1002/we.242.
+    - Burton et al., Wind Energy Handbook, 2nd ed., Wiley 2011.
+    - M. H. Hansen, Wind Energy 10(6), 2007, doi:10.1002/we.242.
 
     Examples
     --------

@@ -103,8 +103,8 @@ def watch(
 
     References
     ----------
-    Willsky & Jones, IEEE Trans. Automatic Control 21(1), 1976, doi:10.1109/TAC.1976.1101146.
-    Lai, IEEE Trans. Information Theory 44(7), 1998, doi:10.1109/18.737522.
+    - Willsky & Jones, IEEE Trans. Automatic Control 21(1), 1976, doi:10.1109/TAC.1976.1101146.
+    - Lai, IEEE Trans. Information Theory 44(7), 1998, doi:10.1109/18.737522.
 
     Examples
     --------

@@ -113,9 +113,9 @@ class ParticleFilter:
 
     References
     ----------
-    Gordon, Salmond & Smith, IEE Proc. F 140(2), 1993, doi:10.1049/ip-f-2.1993.0015.
-    Liu & West, in Sequential Monte Carlo Methods in Practice, Springer 2001, ch. 10.
-    Chopin & Papaspiliopoulos, An Introduction to Sequential Monte Carlo, Springer 2020, ch. 10 and 17.
+    - Gordon, Salmond & Smith, IEE Proc. F 140(2), 1993, doi:10.1049/ip-f-2.1993.0015.
+    - Liu & West, in Sequential Monte Carlo Methods in Practice, Springer 2001, ch. 10.
+    - Chopin & Papaspiliopoulos, An Introduction to Sequential Monte Carlo, Springer 2020, ch. 10 and 17.
 
     Examples
     --------

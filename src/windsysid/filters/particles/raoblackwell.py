@@ -151,8 +151,8 @@ class RaoBlackwellised:
 
     References
     ----------
-    Doucet, de Freitas, Murphy & Russell, Proc. UAI 2000, arXiv:1301.3853.
-    Särkkä & Svensson, Bayesian Filtering and Smoothing, 2nd ed., Cambridge 2023, ch. 11.
+    - Doucet, de Freitas, Murphy & Russell, Proc. UAI 2000, arXiv:1301.3853.
+    - Särkkä & Svensson, Bayesian Filtering and Smoothing, 2nd ed., Cambridge 2023, ch. 11.
 
     Examples
     --------

@@ -319,8 +319,8 @@ def plan(
 
     References
     ----------
-    Kay, Fundamentals of Statistical Signal Processing: Estimation Theory, Prentice Hall 1993, ch. 3.
-    Ljung, System Identification, 2nd ed., Prentice Hall 1999, ch. 7.4 and 9.3.
+    - Kay, Fundamentals of Statistical Signal Processing: Estimation Theory, Prentice Hall 1993, ch. 3.
+    - Ljung, System Identification, 2nd ed., Prentice Hall 1999, ch. 7.4 and 9.3.
 
     Examples
     --------

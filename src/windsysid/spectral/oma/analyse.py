@@ -105,8 +105,8 @@ def analyse_vibration(
 
     References
     ----------
-    Au, Operational Modal Analysis, Springer 2017.
-    Brincker & Ventura, Introduction to Operational Modal Analysis, Wiley 2015.
+    - Au, Operational Modal Analysis, Springer 2017.
+    - Brincker & Ventura, Introduction to Operational Modal Analysis, Wiley 2015.
 
     Examples
     --------
