@@ -268,10 +268,11 @@ def read_blocks(folders: Sequence[str | Path], covariates: str | Path | None = N
     >>> from pathlib import Path
     >>> import windsysid as ws
     >>> home = Path(tempfile.mkdtemp())
-    >>> _ = ws.oma(ws.simulate("tower", duration=600.0, rate=5.0, seed=1)).save(home / "first")
+    >>> record = ws.simulate("tower", duration=600.0, rate=5.0, seed=1)
+    >>> _ = ws.identify(record, "tower", formulation="spectral").save(home / "first")
     >>> folders = [shutil.copytree(home / "first", home / f"res-{i}") for i in range(12)]  # in place of twelve records
-    >>> ws.read_blocks(folders).names
-    ('frequency of mode 1', 'damping of mode 1')
+    >>> ws.read_blocks(folders).names[:4]
+    ('k_side_side', 'c_side_side', 'k_fore_aft', 'c_fore_aft')
     """
     found = _read_results(folders)
     spans = spans_of([result for _, result in found])

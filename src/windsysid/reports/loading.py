@@ -58,10 +58,11 @@ def load_result(folder: str | Path) -> Answer:
     >>> import tempfile
     >>> from pathlib import Path
     >>> import windsysid as ws
+    >>> record = ws.simulate("tower", duration=600.0, rate=5.0, seed=1)
     >>> folder = Path(tempfile.mkdtemp()) / "tower"
-    >>> _ = ws.modes("tower").save(folder)
-    >>> [curve.name for curve in ws.load_result(folder).curves]
-    ['tower side-side', 'tower fore-aft']
+    >>> _ = ws.identify(record, "tower", formulation="spectral").save(folder)
+    >>> print(f"{ws.load_result(folder)['k_side_side'].estimate / 1e6:.2f} MN/m")
+    1.76 MN/m
     """
     from windsysid import reports
 
