@@ -174,7 +174,7 @@ def test_a_band_that_is_none_is_refused(band):
 
 @pytest.mark.parametrize("cutoff", [0.0, -1.0, 50.0, np.nan])
 def test_a_cutoff_outside_the_sampled_band_is_refused(cutoff):
-    with pytest.raises(RecordError, match="filter band: expected 0 < low < high"):
+    with pytest.raises(RecordError, match="cutoff: expected more than 0 and less than 50 Hz"):
         integrate(np.ones(100), RATE, cutoff=cutoff)
 
 

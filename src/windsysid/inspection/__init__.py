@@ -20,7 +20,7 @@ from windsysid.inspection.screening import examine
 from windsysid.inspection.sections import Proposal, propose, propose_longest
 from windsysid.inspection.spectra import Spectrogram, Spectrum, cleaned, expected_modes, spectra, spectrogram
 from windsysid.inspection.stops import Stop, find_stops
-from windsysid.records.coercion import RecordLike, as_record
+from windsysid.records.coercion import MappingLike, RecordLike, as_record
 from windsysid.records.formats.contents.source import reading_notes
 from windsysid.records.record import Record
 from windsysid.turbine.coercion import TurbineLike, as_turbine
@@ -33,33 +33,59 @@ __all__ = ["Fault", "Inspection", "Proposal", "Stop", "inspect_record"]
 
 
 def inspect_record(
-    record: RecordLike, turbine: "TurbineLike | None" = None, section_length: float | None = None
+    record: RecordLike,
+    turbine: "TurbineLike | None" = None,
+    section_length: float | None = None,
+    *,
+    mapping: "MappingLike | None" = None,
 ) -> Inspection:
-    """Look for faults, vibration and the sections worth using.
+    """Inspect a record: faults, vibration spectra, and the sections worth using.
 
     Parameters
     ----------
-    record
+    record : Record, str, Path, pandas.DataFrame or xarray.Dataset
         Any record.
-    turbine
-        Whose modes and usual sensors are expected; without it only the rotor's harmonics are marked.
-    section_length
-        Length of the sections to propose [s]; a shorter record is judged as a whole. Without it the whole record is
+    turbine : Turbine, str or Path, optional
+        Turbine whose modes and usual sensors are expected; without it only the rotor's harmonics are marked.
+    section_length : float, optional
+        Length of the sections to propose [s]; a shorter record is assessed as a whole. By default the whole record is
         proposed where it is about as good as its best 100 s, else the longest parts that are.
+    mapping : str, Path or Mapping, optional
+        Mapping file with the names, units and signs of channels, where `record` is a path (`read_record`).
 
     Returns
     -------
     Inspection
-        Faults, the worst first; spectra with their peaks [Hz]; sections worth using [s].
+        Faults, the worst first; spectra with their peaks [Hz]; proposed sections [s].
 
     Raises
     ------
     RecordError
         If `record` is a file that cannot be read, or a table whose columns have no unit.
     ConfigurationError
-        If `section_length` is not a positive time, or `turbine` is none.
+        If `section_length` is not a positive time, or `turbine` or `mapping` is wrong.
+
+    See Also
+    --------
+    read_record : Read a record from a file.
+    identify : Identification from a record.
+
+    References
+    ----------
+    Welch, IEEE Trans. Audio and Electroacoustics 15(2), 1967, doi:10.1109/TAU.1967.1161901 (spectra).
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> found = ws.inspect(ws.simulate("tower", duration=120.0, rate=10.0), "tower")
+    >>> for spectrum in found.spectra:
+    ...     print(spectrum.channel, [(round(one.frequency, 2), one.matches) for one in spectrum.peaks])
+    tower_x_acceleration [(0.31, ('tower side-side', 'tower fore-aft'))]
+    tower_z_acceleration [(0.32, ('tower side-side', 'tower fore-aft', '2P')), (0.59, ('3P',)), (4.91, ())]
+    >>> [(one.start, round(one.end)) for one in found.proposals]
+    [(0.0, 120)]
     """
-    record, turbine = as_record(record), None if turbine is None else as_turbine(turbine)
+    record, turbine = as_record(record, mapping), None if turbine is None else as_turbine(turbine)
     if section_length is not None and not 0.0 < section_length < np.inf:
         raise ConfigurationError(f"section_length: expected a positive time in seconds, got {section_length:g}")
     findings, usable, rotor = examine(record, turbine)

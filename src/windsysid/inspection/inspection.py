@@ -26,7 +26,7 @@ STOPS_TITLE = "Stops of the rotor: sections for structural damping"
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Inspection(Answer):
-    """What an inspection found.
+    """Result of `windsysid.inspect`: faults, spectra and proposed sections of a record.
 
     Attributes
     ----------
@@ -35,7 +35,7 @@ class Inspection(Answer):
     turbine
         Name of the turbine whose modes are marked; None without one.
     findings
-        The worst first.
+        Faults, the worst first.
     rotor
         Rotor speed over time; None where it is not in the record.
     blades
@@ -43,17 +43,17 @@ class Inspection(Answer):
     modes
         Expected modes at the record's mean rotor speed: name, frequency [Hz], damping ratio; fixed frame.
     modes_over_speed
-        The same at rotor speeds [rad/s] over the record's range; empty where the speed does not vary.
+        Expected modes at rotor speeds [rad/s] over the record's range; empty where the speed does not vary.
     spectra
         One per vibration channel.
     spectrograms
-        Of the one or two most telling channels.
+        Spectrograms of the one or two most informative channels.
     proposals
         Sections, best first.
     stops
-        Stops of the rotor, after which vibration decays without the air of a turning rotor.
+        Stops of the rotor, after which vibration decays without the aerodynamic damping of a turning rotor.
     notes
-        What could not be done, and why.
+        Parts of the inspection that were not possible, and why.
     first
         Channels to show before others.
     """

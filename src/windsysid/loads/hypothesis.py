@@ -25,20 +25,20 @@ Values = Mapping[str, float]
 
 @dataclass(frozen=True)
 class SupposedLoads:
-    """What a hypothesis supposes of one turbine.
+    """Load states and their statistics, as a hypothesis supposes them for one turbine.
 
     Attributes
     ----------
     name
-        Of the hypothesis.
+        Name of the hypothesis.
     text
-        What it takes the loads for, in words.
+        Description of the loads in words.
     turbine
-        The turbine with the model that it needs.
+        The turbine with the model that the hypothesis needs.
     statistics
-        What must be learned of the loads.
+        Statistics of the loads that are learned.
     blocks
-        The load states, from the values of the statistics by name.
+        The load states, as a function of the values of the statistics by name.
     parameters
         Coefficients that come with it.
     """
@@ -56,16 +56,16 @@ class SupposedLoads:
 
 
 class LoadHypothesis(ABC):
-    """One idea of what the loads are.
+    """Load model to derive from; `register_loads` makes it known by its name.
 
     Attributes
     ----------
     name
-        What a user calls it.
+        Name of the load model, as `identify` and `simulate` take it.
     text
-        What it takes the loads for, in words.
+        Description of the loads in words.
     caution
-        What every result under it says of itself; empty for nothing.
+        Caveat that every result under it carries; empty for none.
     """
 
     name: ClassVar[str]
@@ -109,14 +109,35 @@ H = TypeVar("H", bound=LoadHypothesis)
 
 
 def register_loads(hypothesis: type[H]) -> type[H]:
-    """Make a hypothesis known by its name; for use as a decorator of its class.
+    """Register a load hypothesis by its name; for use as a decorator of its class.
 
-    Of those that apply to a turbine, a record chooses between the simplest and the one registered last.
+    Of the hypotheses that apply to a turbine, the evidence of the record chooses between the simplest and the one
+    registered last.
+
+    Parameters
+    ----------
+    hypothesis : type
+        A class derived from `LoadHypothesis`.
 
     Returns
     -------
     type
         The class itself.
+
+    Examples
+    --------
+    >>> from dataclasses import replace
+    >>> import windsysid as ws
+    >>> @ws.models.register_loads
+    ... class QuietLoads(ws.models.LoadHypothesis):
+    ...     name, text = "quiet", "a tenth of the loads of the turbine file"
+    ...     def suppose(self, turbine, loads):
+    ...         quiet = tuple(replace(load, rms=0.1 * load.rms) for load in loads)
+    ...         return ws.models.SupposedLoads(self.name, self.text, turbine, (), lambda values: quiet)
+    >>> quiet = ws.simulate("tower", duration=60.0, rate=20.0, loads="quiet")["tower_x_acceleration"]
+    >>> usual = ws.simulate("tower", duration=60.0, rate=20.0)["tower_x_acceleration"]
+    >>> round(float(quiet.std() / usual.std()), 1)
+    0.1
     """
     HYPOTHESES[hypothesis.name] = hypothesis()
     return hypothesis

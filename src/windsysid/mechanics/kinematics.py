@@ -16,7 +16,7 @@ INPUTS = ("rotor_azimuth", "rotor_speed", "rotor_acceleration")
 
 
 class RotorLayout(Protocol):
-    """What the kinematics need to know of a rotor (`windsysid.mechanics.rotor.RotorModel`)."""
+    """Layout of a rotor, as its kinematics need it (`windsysid.mechanics.rotor.RotorModel`)."""
 
     @property
     def blades(self) -> int:

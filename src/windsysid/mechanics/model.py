@@ -43,16 +43,22 @@ Kind = Literal["stiffness", "damping", "inertia", "geometry", ""]
 
 @dataclass(frozen=True)
 class Coefficient:
-    """One parameter of a mechanical model.
+    """Parameter of a mechanical model: name, kind and unit.
 
     Attributes
     ----------
     name, unit
         ``k_x``, SI unit.
     kind
-        What it is. Stiffness and inertia are positive and identified on a logarithmic scale; damping may be negative.
+        Stiffness and inertia are positive and identified on a logarithmic scale; damping may be negative.
     part
-        What it belongs to: the name of a degree of freedom, which can be locked, or any other word.
+        The degree of freedom that it belongs to, which can be locked, or any other word.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> ws.models.TowerModel().parameters[0]
+    Coefficient(name='mass_side_side', kind='inertia', unit='kg', part='side_side')
     """
 
     name: str
@@ -63,18 +69,24 @@ class Coefficient:
 
 @dataclass(frozen=True)
 class Coordinate:
-    """One degree of freedom that is free to move.
+    """Free degree of freedom of a mechanical model.
 
     Attributes
     ----------
     name
         ``x``, ``beta_1`` …
     unit
-        Of its displacement, ``m`` or ``rad``.
+        Unit of its displacement, ``m`` or ``rad``.
     group
-        Loads on degrees of freedom of one group are alike: the prior ties their levels, ``load_rms_<name>``.
+        Group of degrees of freedom with similar loads: the prior ties their levels, ``load_rms_<name>``.
     blade
         Number of the hinged blade that it moves; 0 for the support.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> ws.models.RotorModel(y="locked", lag="locked").freedoms
+    (Coordinate(name='x', unit='m', group='support', blade=0),)
     """
 
     name: str
@@ -180,19 +192,18 @@ class FixedAxes:
 
 
 class MechanicalModel(Model, Protocol):
-    """A structure as the package needs to know it. Members with a body are defaults.
+    """Protocol of a mechanical model to derive from. Members with a body are defaults.
 
     Attributes
     ----------
     kind
         The word that names it in a turbine file.
     blades
-        Number of blades of the rotor, whose harmonics the structure feels; 0 where there is none.
+        Number of blades of the rotor, whose harmonics excite the structure; 0 where there is none.
     samples_per_period
-        Readings per period of the fastest degree of freedom [1] that hold what the model has and leave out what it has
-        not; None: the record's own.
+        Samples per period of the fastest degree of freedom [1] to which records are resampled; None: the record's own.
     required_inputs
-        Inputs that a record must tell, because the equations depend on them.
+        Inputs that a record must have, because the equations depend on them.
     """
 
     kind: ClassVar[str]
@@ -327,13 +338,30 @@ M = TypeVar("M", bound=type[MechanicalModel])
 
 
 def register_model(model: M) -> M:
-    """Make a mechanical model known to turbine files and saved results, by its `kind`; for use as a decorator of its
-    class.
+    """Register a mechanical model by its `kind`, for turbine files and results; for use as a decorator of its class.
+
+    Parameters
+    ----------
+    model : type
+        A class derived from `MechanicalModel`.
 
     Returns
     -------
     type
         The class itself.
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> from typing import ClassVar
+    >>> import windsysid as ws
+    >>> @ws.models.register_model
+    ... @dataclass(frozen=True)
+    ... class TwoBladedTower(ws.models.TowerModel):
+    ...     kind: ClassVar[str] = "two-bladed tower"
+    ...     blades: int = 2
+    >>> TwoBladedTower().blades, [one.name for one in TwoBladedTower().freedoms]
+    (2, ['side_side', 'fore_aft'])
     """
     MODELS[model.kind] = model
     return model

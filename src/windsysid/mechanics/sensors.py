@@ -85,14 +85,14 @@ class StructuralMotion(Protocol):
 
 
 class Sensor(BaseModel):
-    """One instrument on the turbine and the channel of the record that holds its readings.
+    """Instrument on the turbine, and the channel of the record that holds its readings.
 
     Attributes
     ----------
     channel
         Name of the record's channel.
     quantity
-        What it measures: the word that names its class in a sensor list.
+        Measured quantity: the word that names the class in a sensor list.
     gain
         Reading per unit of the quantity.
     noise
@@ -100,15 +100,15 @@ class Sensor(BaseModel):
     bias
         Prior standard deviation of an unknown offset, in the channel's unit; 0: none.
     drift
-        How fast that offset wanders: its standard deviation after one second, in the channel's unit per √s.
+        Random walk of that offset: its standard deviation after one second, in the channel's unit per √s.
     gain_tolerance
-        Relative standard deviation of the gain: how well its calibration is known; 0: exactly.
+        Relative standard deviation of the gain, by its calibration; 0: exact.
     logger
         Name of the logger that samples it. By default `TOWER_LOGGER` for sensors on the tower and ``rotor`` for those
-        on blades, which turn with the rotor and seldom share a clock with what stands.
+        on blades, which rotate and seldom share a clock with the fixed part.
     clock_tolerance
         Standard deviation [s] of that logger's clock against the one that samples the rotor's azimuth, which is
-        `TOWER_LOGGER`; 0: exactly synchronous. The least exact sensor of a logger speaks for it.
+        `TOWER_LOGGER`; 0: exactly synchronous. Of several sensors of a logger the largest tolerance counts.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -189,34 +189,34 @@ class Sensor(BaseModel):
 
 
 class PlacedSensor(Sensor):
-    """A sensor at a point of the tower or of a blade, along an axis.
+    """Sensor at a point of the tower or of a blade, along an axis.
 
     Attributes
     ----------
     point
-        ``tower`` (the support's top, where the hub sits) or ``blade_1`` … ``blade_N``.
+        ``tower`` (the support's top, at the hub) or ``blade_1`` … ``blade_N``.
     axis
         ``x``, ``y`` of the frame; ``span`` or ``tangential`` (in the sense of rotation) in the frame ``blade``; ``lag``
         for a blade's lag angle itself. On a `TowerModel`: ``x`` (side-side) and ``z`` (fore-aft, downwind) in the frame
         ``nacelle``, ``bearing`` in the frame ``tower``.
     frame
-        ``fixed``, ``tower_top`` (rolls with the support) or ``blade`` (turns with the blade). On a `TowerModel`:
+        ``fixed``, ``tower_top`` (rolls with the support) or ``blade`` (rotates with the blade). On a `TowerModel`:
         ``nacelle`` (yaws with it) or ``tower`` (does not).
     bearing_deg
-        Where the axis ``bearing`` points: compass bearing [deg], counted as the yaw channel counts.
+        Direction of the axis ``bearing``: compass bearing [deg], counted as the yaw channel counts.
     position
-        Where it sits [m]: from the hub centre along x and y of the tower top; on a blade, from its link along the
-        blade and across it.
+        Position [m]: from the hub centre along x and y of the tower top; on a blade, from its link along the blade and
+        across it.
     deflection, slope
-        For a blade that bends instead of hinging: how far the sensor moves across the blade per unit lag angle
-        [m/rad], and how far it turns [rad/rad]. A rigid blade's by default: its distance from the link, and 1.
+        For a blade that bends instead of hinging: displacement of the sensor across the blade per unit lag angle
+        [m/rad], and its rotation [rad/rad]. A rigid blade's by default: its distance from the link, and 1.
     feels_gravity
-        True for a real accelerometer.
+        True for an accelerometer that measures specific force, as real ones do.
     alignment_tolerance
-        Standard deviation [deg] of the angle by which its axis is off, within the plane in which the model moves; 0: in
-        line. A lag angle has no axis that could be off.
+        Standard deviation [deg] of the angle of its axis, within the plane in which the model moves; 0: exact. A lag
+        angle has no axis.
     may_feel_gravity
-        Whether sensors of this class can.
+        True for classes whose sensors can measure gravity.
     """
 
     may_feel_gravity: ClassVar[bool] = False
@@ -317,12 +317,30 @@ S = TypeVar("S", bound=Sensor)
 
 
 def register_sensor(sensor: type[S]) -> type[S]:
-    """Make a class of sensors known to sensor lists, by its `quantity`; for use as a decorator of the class.
+    """Register a class of sensors by its `quantity`, for sensor lists; for use as a decorator of the class.
+
+    Parameters
+    ----------
+    sensor : type
+        A class derived from `Sensor`.
 
     Returns
     -------
     type
         The class itself.
+
+    Examples
+    --------
+    >>> from typing import ClassVar, Literal
+    >>> import windsysid as ws
+    >>> @ws.models.register_sensor
+    ... class JerkSensor(ws.models.PlacedSensor):
+    ...     quantity: Literal["jerk"] = "jerk"
+    ...     unit: ClassVar[str] = "m/s^3"
+    ...     def reading(self, motion):
+    ...         return self.gain * motion.along(self, 3)
+    >>> JerkSensor(channel="top_jerk", point="tower", axis="x", noise=0.01).unit
+    'm/s^3'
     """
     SENSORS[sensor.model_fields["quantity"].default] = sensor
     return sensor
@@ -351,7 +369,18 @@ class _MotionSensor(PlacedSensor):
 
 @register_sensor
 class Accelerometer(_MotionSensor):
-    """Acceleration along an axis; a real one feels gravity."""
+    """Accelerometer along an axis of the tower or of a blade; a real one is sensitive to gravity.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> sensor = ws.models.Accelerometer(
+    ...     channel="tower_x_acceleration", point="tower", axis="x", frame="nacelle", noise=0.005
+    ... )
+    >>> record = ws.simulate("tower", duration=600.0, rate=5.0, seed=1)
+    >>> ws.identify(record, "tower", sensors=[sensor], formulation="spectral").sensors
+    ('tower_x_acceleration',)
+    """
 
     quantity: Literal["acceleration"] = "acceleration"
     may_feel_gravity: ClassVar[bool] = True
@@ -360,7 +389,14 @@ class Accelerometer(_MotionSensor):
 
 @register_sensor
 class VelocitySensor(_MotionSensor):
-    """Velocity along an axis."""
+    """Velocity sensor along an axis of the tower or of a blade.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> ws.models.VelocitySensor(channel="blade_1_lag_rate", point="blade_1", axis="lag", noise=1e-3).unit
+    'rad/s'
+    """
 
     quantity: Literal["velocity"] = "velocity"
     order: ClassVar[int] = 1
@@ -368,7 +404,14 @@ class VelocitySensor(_MotionSensor):
 
 @register_sensor
 class DisplacementSensor(_MotionSensor):
-    """Displacement along an axis."""
+    """Displacement sensor along an axis of the tower or of a blade.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> ws.models.DisplacementSensor(channel="top_x", point="tower", axis="x", frame="nacelle", noise=1e-3).unit
+    'm'
+    """
 
     quantity: Literal["displacement"] = "displacement"
     order: ClassVar[int] = 0
@@ -376,7 +419,14 @@ class DisplacementSensor(_MotionSensor):
 
 @register_sensor
 class AngularRateSensor(PlacedSensor):
-    """A gyroscope in the plane of the rotor."""
+    """Gyroscope in the plane of the rotor.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> ws.models.AngularRateSensor(channel="blade_1_rate", point="blade_1", axis="lag", noise=1e-4).unit
+    'rad/s'
+    """
 
     quantity: Literal["angular_rate"] = "angular_rate"
 
@@ -397,8 +447,16 @@ class AngularRateSensor(PlacedSensor):
 
 @register_sensor
 class MomentSensor(PlacedSensor):
-    """The moment in the lag spring and damper of a blade; for the support, the force in its spring and damper times
-    `gain`, its lever arm."""
+    """Sensor of the moment in the lag spring and damper of a blade.
+
+    On the support it reads the force in spring and damper, times the lever arm `gain`.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> ws.models.MomentSensor(channel="root_1", point="blade_1", axis="lag", noise=1e3, gain_tolerance=0.05).unit
+    'N*m'
+    """
 
     quantity: Literal["moment"] = "moment"
 
@@ -419,7 +477,15 @@ class MomentSensor(PlacedSensor):
 
 @register_sensor
 class StrainGauge(MomentSensor):
-    """What a `MomentSensor` reads, times a `gain` [1/(N·m)] or [1/N]; its channel may be in any unit of a bridge."""
+    """Strain gauge: a `MomentSensor` with a `gain` [1/(N·m)] or [1/N]; its channel may have any unit of a bridge.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> gauge = ws.models.StrainGauge(channel="root_1", point="blade_1", axis="lag", gain=2e-10, noise=1e-7)
+    >>> gauge.unit, gauge.accepts("mV/V")
+    ('1', True)
+    """
 
     quantity: Literal["strain"] = "strain"  # type: ignore[assignment]
 

@@ -55,14 +55,21 @@ second."""
 @register_model
 @dataclass(frozen=True)
 class TowerModel(MechanicalModel):
-    """Which directions the tower top moves in.
+    """Mechanical model of a tower under a rigid rotor: side-side and fore-aft motion of its top.
 
     Parameters
     ----------
     blades
-        Number of blades N of the rigid rotor: which of its harmonics a tower feels.
+        Number of blades N of the rigid rotor, which determines the harmonics that excite the tower.
     side_side, fore_aft
         ``"free"`` or ``"locked"``.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> model = ws.models.TowerModel(blades=3, fore_aft="locked")
+    >>> [one.name for one in model.freedoms], [one.name for one in model.parameters][:4]
+    (['side_side'], ['mass_side_side', 'k_side_side', 'c_side_side', 'mass_fore_aft'])
     """
 
     kind: ClassVar[str] = "tower"

@@ -95,32 +95,32 @@ class MeasuredMode(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Campbell(Answer):
-    """Modes of a turbine against rotor speed, and what follows.
+    """Campbell diagram: modes over rotor speed, their distance from the harmonics, and instabilities.
 
     Attributes
     ----------
     turbine, record
         Names; no record for a turbine file.
     banded
-        Whether there is a posterior, and so bands.
+        True if there is a posterior, and so intervals.
     speeds, usual
-        Rotor speeds (S,) [rad/s], and which of them is the usual or the record's mean one.
+        Rotor speeds (S,) [rad/s], and the index of the usual one, or of the record's mean.
     operating
-        Least and greatest operating speed [rad/s].
+        Lowest and highest operating speed [rad/s].
     orders
         The harmonics n of nP.
     curves
         The modes, by frequency at the usual speed.
     unstable
-        Ranges within `speeds` in which something grows.
+        Ranges within `speeds` in which a mode grows.
     ground_resonance
         For each direction of the support that moves.
     method
         ``Coleman``, ``Floquet`` or ``constant``.
     notes
-        What a reader must know.
+        Remarks.
     measured
-        Modes that were measured, to stand beside the curves.
+        Measured modes, to be drawn with the curves.
     """
 
     turbine: str

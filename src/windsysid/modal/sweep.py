@@ -48,29 +48,48 @@ def find_modes(
     operating: tuple[float, float] | None = None,
     progress: Progress = unheard,
 ) -> Campbell:
-    """Modes against rotor speed: of a turbine file, without bands, or of an identification, with the bands of its
-    posterior.
+    """Compute the modes over rotor speed (Campbell diagram) of a turbine file or of an identification.
 
     Parameters
     ----------
-    source
-        A turbine, its packaged name or TOML file; or what was identified, or the folder it was saved in.
-    speeds
-        Least and greatest rotor speed of the diagram [rad/s]; 0.1 and 1.3 times the usual one by default.
-    operating
-        Least and greatest operating speed [rad/s]; 10 % around the usual one by default.
-    progress
-        Told what is being done and its share that is done, 0 to 1; None where nobody knows.
+    source : Turbine, Identification, Posterior, str or Path
+        A turbine, its packaged name or TOML file; or a result of `windsysid.identify`, or the folder it was saved in.
+    speeds : (float, float), optional
+        Lowest and highest rotor speed of the diagram [rad/s]; 0.1 and 1.3 times the usual one by default.
+    operating : (float, float), optional
+        Lowest and highest operating speed [rad/s]; 10 % around the usual one by default.
+    progress : callable, optional
+        Called with the present step and the share that is done, 0 to 1, or None if that is unknown.
 
     Returns
     -------
     Campbell
-        Frequencies [Hz] and damping ratios [1] over rotor speed [rad/s], and their distance from the harmonics.
+        Frequencies [Hz] and damping ratios [1] over rotor speed [rad/s], their distance from the harmonics, and, for an
+        identification, the 95 % intervals of its posterior.
 
     Raises
     ------
     ConfigurationError
-        If a range of speeds is none, or no mode can be found in it.
+        If a range of speeds is empty, or no mode can be found in it.
+
+    See Also
+    --------
+    read_linearisation : Modes of an OpenFAST model.
+    oma : Modes from ambient vibration.
+
+    References
+    ----------
+    Bir, Multiblade Coordinate Transformation and its Application to Wind Turbine Analysis, NREL/CP-500-42553, 2008.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> diagram = ws.modes("tower")
+    >>> usual = diagram.usual
+    >>> for curve in diagram.curves:
+    ...     print(f"{curve.name}: {curve.frequency[usual]:.3f} Hz, damping {100 * curve.damping[usual]:.1f} %")
+    tower side-side: 0.316 Hz, damping 0.6 %
+    tower fore-aft: 0.324 Hz, damping 6.0 %
     """
     posterior = _posterior(source)
     machine = _CompiledTurbine(posterior)

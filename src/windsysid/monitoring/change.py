@@ -96,7 +96,7 @@ class QuantityChange(NamedTuple):
 
 @dataclass(frozen=True)
 class Comparison(Answer):
-    """What moved between record A and record B.
+    """Result of `windsysid.compare`: changes from record A to record B.
 
     Attributes
     ----------
@@ -106,11 +106,11 @@ class Comparison(Answer):
         Changes of the coefficients that both identified, of the frequencies of the modes that both have, at the mean of
         the two rotor speeds, and of the statistics of loads and noise that both learned.
     same
-        Whether both are results of one record and section, so that nothing can have moved.
+        True if both are results of one record and section, so that no change is possible.
     doubts
-        Why the comparison itself is not to be trusted, in sentences.
+        Reasons why the comparison is not to be trusted, in sentences.
     notes
-        What else a reader must know.
+        Remarks.
     """
 
     records: tuple[str, str]

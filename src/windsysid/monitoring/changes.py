@@ -97,22 +97,22 @@ class WatchedSeries(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Watch(Answer):
-    """What changed.
+    """Result of `windsysid.monitor`: level, drift and jumps of each series.
 
     Attributes
     ----------
     blocks
-        What was watched.
+        The estimates that were monitored.
     series
-        One for each of its names.
+        One for each of their names.
     changes
         Jumps, in the order of their alarms.
     alarms_per_year
-        False alarms of the turbine in a year of blocks [1/a], as stated.
+        Accepted rate of false alarms of the turbine [1/a].
     begins
-        Index of the first block that could set off an alarm.
+        Index of the first block that could raise an alarm.
     notes
-        What a reader must know.
+        Remarks.
     """
 
     blocks: RecordBlocks

@@ -62,23 +62,46 @@ STRUCTURE = np.array([1.0, 0.0, 0.0, 0.0])
 
 
 def separate_damping(results: Sequence[PosteriorLike]) -> Separation:
-    """Structural and aerodynamic damping from results of one turbine in several states.
+    """Separate structural from aerodynamic damping, from results of one turbine in several states.
 
     Parameters
     ----------
-    results
-        Posteriors, results, or the folders they were saved in, with the rotor speed, and best the wind speed, of their
-        records (`Posterior.conditions`).
+    results : sequence of Identification, Posterior, str or Path
+        Results, or the folders they were saved in, with the rotor speed and preferably the wind speed of their records
+        (`Posterior.conditions`).
 
     Returns
     -------
     Separation
-        What of each damping is the structure's and what is the air's, or why the results do not tell.
+        Structural and aerodynamic part of each damping coefficient with 95 % intervals [N·s/m or N·m·s/rad], or the
+        reason why the records do not separate them.
 
     Raises
     ------
     ConfigurationError
-        If no result says at which rotor speed its record was taken, or they have no damping in common.
+        If no result has a rotor speed, or they have no damping coefficient in common.
+
+    See Also
+    --------
+    identify : Total damping from one record.
+
+    References
+    ----------
+    - Burton et al., Wind Energy Handbook, 2nd ed., Wiley 2011.
+    - M. H. Hansen, Wind Energy 10(6), 2007, doi:10.1002/we.242.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> running = ws.load_turbine("tower")
+    >>> parked = running.in_state("parked")
+    >>> records = [ws.simulate(one, duration=600.0, rate=5.0, seed=2) for one in (running, parked)]
+    >>> results = [ws.identify(record, running, formulation="spectral") for record in records]
+    >>> _, fore_aft = ws.damping(results).splits
+    >>> for part in (fore_aft.structural, fore_aft.aerodynamic[0]):
+    ...     print(f"{part.value / 1e3:.0f} kN·s/m, 95 % interval {part.low / 1e3:.0f} … {part.high / 1e3:.0f}")
+    19 kN·s/m, 95 % interval 0 … 37
+    83 kN·s/m, 95 % interval 26 … 141
     """
     posteriors = [as_posterior(result) for result in results]
     known = [result for result in posteriors if result.conditions.rotor_speed is not None]

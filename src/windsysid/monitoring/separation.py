@@ -100,22 +100,22 @@ class DampingSplit:
 
 @dataclass(frozen=True)
 class Separation(Answer):
-    """Structural and aerodynamic damping, as far as the records tell them apart.
+    """Result of `windsysid.damping`: structural and aerodynamic damping.
 
     Attributes
     ----------
     states
-        How the turbine ran in each record.
+        Operating conditions of each record.
     parked_air
-        Whether the structure's part holds what the air does to a parked rotor.
+        True if the structural part includes the aerodynamic damping of a parked rotor.
     splits
         One for each degree of freedom.
     lacking
-        What the records do not tell, why, and what would help, in sentences.
+        Parts that the records do not separate, why, and which record would, in sentences.
     notes
-        What a reader must know.
+        Remarks.
     doubts
-        Why the separation is not to be trusted, in sentences.
+        Reasons why the separation is not to be trusted, in sentences.
     """
 
     states: tuple[State, ...]

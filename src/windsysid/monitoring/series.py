@@ -243,25 +243,42 @@ def _noise_levels(noise: Sequence[Mapping[str, tuple[float, float]]], count: int
 
 
 def read_blocks(folders: Sequence[str | Path], covariates: str | Path | None = None) -> RecordBlocks:
-    """Blocks from folders that ``windsysid identify`` or ``oma`` wrote, and a CSV file of covariates, a line for each.
+    """Read the results in folders and their covariates, in order of time, for `windsysid.monitor`.
 
-    Records that say when they began are put in order of time. Folders of others are taken in the order given; where
-    that is the alphabetical one, as a shell gives it, in natural order: ``res-2`` before ``res-10``.
-
-    The file's columns but ``time`` and ``folder`` are covariates; an empty cell is a missing value. Its lines belong to
-    the folders named in the column ``folder``; without one, to the records that began at their ``time`` (ISO 8601),
-    where both are known; otherwise to the folders in their order. Where records do not say when they began, ``time``,
-    in seconds or as ISO 8601, says it.
+    Parameters
+    ----------
+    folders : sequence of str or Path
+        Folders that ``windsysid identify``, ``windsysid oma`` or the ``save`` of a result wrote, at least 12. Records
+        with a known start are put in order of time. Others are taken in the order given; where that is the alphabetical
+        one, as a shell gives it, in natural order: ``res-2`` before ``res-10``.
+    covariates : str or Path, optional
+        CSV file with a row for each record. All columns but ``time`` and ``folder`` are covariates; an empty cell is a
+        missing value. Rows belong to the folders named in ``folder``; without that column, to the records that began at
+        their ``time`` (ISO 8601), where both are known; otherwise to the folders in their order. Where records have no
+        start, ``time``, in seconds or as ISO 8601, gives it.
 
     Returns
     -------
-    Blocks
-        The results in order, with their covariates.
+    RecordBlocks
+        Estimates (T, n), their standard deviations (T, n), and covariates (T, m).
 
     Raises
     ------
     ConfigurationError
         If a folder holds no result, records cannot be put in order, or the file does not fit.
+
+    Examples
+    --------
+    >>> import shutil
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import windsysid as ws
+    >>> home = Path(tempfile.mkdtemp())
+    >>> record = ws.simulate("tower", duration=600.0, rate=5.0, seed=1)
+    >>> _ = ws.identify(record, "tower", formulation="spectral").save(home / "first")
+    >>> folders = [shutil.copytree(home / "first", home / f"res-{i}") for i in range(12)]  # in place of twelve records
+    >>> ws.read_blocks(folders).names[:4]
+    ('k_side_side', 'c_side_side', 'k_fore_aft', 'c_fore_aft')
     """
     found = _read_results(folders)
     spans = spans_of([result for _, result in found])

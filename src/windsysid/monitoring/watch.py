@@ -69,27 +69,57 @@ UNEXPLAINED, HEARD, SOUND, UNWATCHED = (
 def watch(
     blocks: RecordBlocks, *, alarms_per_year: float = 0.1, tolerated: Mapping[str, float] = TOLERATED_DRIFT
 ) -> Watch:
-    """What drifted and what jumped.
+    """Detect drifts and jumps over many records of one turbine, with season and wind regressed out.
 
     Parameters
     ----------
-    blocks
-        At least `MIN_BLOCKS` records.
-    alarms_per_year
-        False alarms that are accepted, all series together, in a year of blocks [1/a].
-    tolerated
-        Of ``k``, ``f``, ``c`` and ``noise``, as far as they are watched: relative jumps up to this size are no alarm,
-        however sure.
+    blocks : RecordBlocks
+        Estimates of at least `MIN_BLOCKS` records with their covariates (`windsysid.read_blocks`).
+    alarms_per_year : float, default 0.1
+        Accepted rate of false alarms of the turbine, all series together [1/a].
+    tolerated : mapping of str to float, optional
+        Largest relative jump that raises no alarm, by kind of series: stiffness ``"k"``, frequency ``"f"``, damping
+        ``"c"`` and ``"noise"`` of sensors, as far as they are monitored.
 
     Returns
     -------
     Watch
-        Level, drift and jumps of each series, with their bands.
+        Level, drift and jumps of each series with their 95 % intervals.
 
     Raises
     ------
     ConfigurationError
-        If the rate is not between 1e-6 and 100 a year, or no series can be followed.
+        If `alarms_per_year` is not between 1e-6 and 100, `tolerated` lacks a kind, or too few estimates are usable.
+
+    See Also
+    --------
+    read_blocks : Estimates from the folders of saved results.
+    compare : Two results.
+
+    Notes
+    -----
+    Each series is a random-walk level plus regression on covariates plus the error of the record (a linear Gaussian
+    state-space model); a test for a jump at any time runs on its standardised innovations.
+
+    References
+    ----------
+    - Willsky & Jones, IEEE Trans. Automatic Control 21(1), 1976, doi:10.1109/TAC.1976.1101146.
+    - Lai, IEEE Trans. Information Theory 44(7), 1998, doi:10.1109/18.737522.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import windsysid as ws
+    >>> from windsysid.monitoring.series import RecordBlocks
+    >>> theta = 0.005 * np.random.default_rng(0).standard_normal((600, 1))  # relative to 1.77 MN/m
+    >>> theta[500:] -= 0.02
+    >>> blocks = RecordBlocks(
+    ...     names=("k_side_side",), time=600.0 * np.arange(600), theta=theta, std=np.full((600, 1), 0.005),
+    ...     logarithmic=(True,), reference=(1.77e6,), covariates=np.empty((600, 0)), covariate_names=(),
+    ... )
+    >>> (jump,) = ws.monitor(blocks).changes
+    >>> print(f"{jump.name}: {jump.percent:.2f} % ({jump.low:.2f} … {jump.high:.2f} %)")
+    k_side_side: -1.95 % (-2.13 … -1.77 %)
     """
     _check_options(blocks, alarms_per_year, tolerated)
     count = len(blocks.time)

@@ -88,6 +88,15 @@ class Record:
     Notes
     -----
     Arrays are shared, not copied, where their type allows it: do not write into them.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import windsysid as ws
+    >>> time = np.arange(0.0, 10.0, 0.1)
+    >>> record = ws.Record(time, np.sin(time)[:, None], ("tower_x_acceleration",), ("m/s^2",))
+    >>> record.samples, record.unit("tower_x_acceleration")
+    (100, 'm/s^2')
     """
 
     time: Array

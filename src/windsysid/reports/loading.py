@@ -31,15 +31,16 @@ def kept(answer: object) -> dict[str, bytes]:
 
 
 def load_result(folder: str | Path) -> Answer:
-    """What a command, or ``save`` of a result, left in a folder: the object that made it.
+    """Load a result from the folder in which a command, or its ``save``, left it.
 
-    It prints, plots, compares and saves as the one that was saved. Estimates, bands, posterior, diagnosis and histories
-    are the same numbers, histories to the last digit or so.
+    Estimates, intervals, posterior and diagnosis are the same numbers as before; histories agree to about the last
+    digit.
 
     Parameters
     ----------
-    folder
-        That ``identify``, ``study``, ``oma``, ``compare``, ``monitor``, ``damping``, ``modes`` or ``plan`` wrote.
+    folder : str or Path
+        Folder that ``identify``, ``study``, ``oma``, ``compare``, ``monitor``, ``damping``, ``modes`` or ``plan``
+        wrote.
 
     Returns
     -------
@@ -51,6 +52,17 @@ def load_result(folder: str | Path) -> Answer:
     ------
     ConfigurationError
         If the folder holds no result, or one that was damaged or written by an older version.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import windsysid as ws
+    >>> record = ws.simulate("tower", duration=600.0, rate=5.0, seed=1)
+    >>> folder = Path(tempfile.mkdtemp()) / "tower"
+    >>> _ = ws.identify(record, "tower", formulation="spectral").save(folder)
+    >>> print(f"{ws.load_result(folder)['k_side_side'].estimate / 1e6:.2f} MN/m")
+    1.76 MN/m
     """
     from windsysid import reports
 

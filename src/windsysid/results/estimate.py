@@ -11,18 +11,18 @@ __all__ = ["Estimate", "FittedSpectrum"]
 
 @dataclass(frozen=True)
 class Estimate:
-    """One identified coefficient.
+    """Estimate of one coefficient, with its interval and grade.
 
     Attributes
     ----------
     name, unit, kind
         ``k_x`` …, SI unit, ``stiffness``, ``damping`` or ``parameter``.
     estimate, low, high, std
-        Value and its ±2σ band, computed in filter coordinates, and the standard deviation, all in `unit`.
+        Value and its ±2σ interval, computed in filter coordinates, and the standard deviation, all in `unit`.
     informed_by_data
         Share of the information that came from the data and not from the prior, 0 … 1.
     prior
-        Where the prior was centred, in `unit`.
+        Centre of the prior, in `unit`.
     reference
         The turbine file's value, in `unit`; None where it is not known.
     average_error_percent

@@ -30,20 +30,20 @@ __all__ = ["Estimate", "Identification", "coefficient_errors", "finite"]
 
 @dataclass(frozen=True)
 class Identification(IdentificationValues, Answer):
-    """What an identification found.
+    """Result of `windsysid.identify`: estimates, modes, loads and diagnosis.
 
     Attributes
     ----------
     method, formulation
-        The filter, and ``joint`` or ``force-balance``.
+        The filter or likelihood, and ``joint``, ``spectral`` or ``force-balance``.
     record, turbine
-        Names of what it was run on.
+        Names of record and turbine.
     sensors
         Channels that were used as measurements.
     section
         Start and end [s].
     rate, samples, elapsed
-        Sampling rate [Hz], samples, seconds in the filter.
+        Sampling rate [Hz], number of samples, duration of the computation [s].
     estimates
         One `Estimate` per coefficient.
     modes
@@ -51,37 +51,36 @@ class Identification(IdentificationValues, Answer):
     parameters
         The identified parameters with their filter coordinates.
     time, mean, std
-        (T,), (T, n_θ), (T, n_θ): what a filter running on line knew after each sample, in filter coordinates.
+        (T,), (T, n_θ), (T, n_θ): recursive estimates of the filter after each sample, in filter coordinates.
     cov
         (n_θ, n_θ): covariance of the estimates in filter coordinates.
     readings, innovation, whitened
-        Names of the readings; innovations (T, m) and the same scaled to unit variance.
+        Names of the readings; innovations (T, m) and the same standardised to unit variance.
     log_likelihood
         Log density of all readings.
     statistics
         Statistics of loads and noise that were learned from the record.
     loads
-        The loads that were states, as the filter knew them at the result, at the times of the innovations; None where
-        none were.
+        Estimated loads at the times of the innovations; None where no load was a state.
     diagnosis
-        Whether to trust it, why not, and all that a reader must know; `findings` has it as data, `notes` in sentences.
+        Whether to trust the result, the reasons against it, and remarks; `findings` has them as data, `notes` in
+        sentences.
     machine
         The turbine as it was identified: with the reference values, the degrees of freedom that were used, the record's
         mean rotor speed; None for equations of one's own.
     conditions
-        How the turbine ran.
+        Operating conditions of the turbine.
     provenance
-        Which record, turbine, sensors, options and version it comes from; None where nobody said it.
+        Record, turbine, sensors, options and version of the result; None where they are not known.
     joint_cov
         Covariance of the coefficients, of the coordinates η of `statistics`, and of `tolerances` in standard deviations
         of their priors, together (n, n), n = n_θ + n_η + n_τ; None where no statistics were learned.
     tolerances
-        What is known of instruments and masses within tolerances only, as the record has it; none where they were taken
-        as exact.
+        Estimated errors of instruments and masses within their tolerances; none where they were taken as exact.
     budget
-        What widens the bands.
+        Contributions to the variance of each interval.
     spectra
-        Spectra of the channels under the fit, which pages show; none of filters whose equations change with time.
+        Spectra of the channels under the fit, for figures; none for filters whose equations vary with time.
     """
 
     def __repr__(self) -> str:

@@ -8,12 +8,12 @@ __all__ = ["Mode"]
 
 
 class Mode(NamedTuple):
-    """A mode in the fixed frame.
+    """Mode of a turbine in the fixed frame, derived from its estimates.
 
     Attributes
     ----------
     name
-        Where its energy sits: ``tower x``, ``lag backward`` …
+        Degree of freedom with most of the energy: ``tower x``, ``lag backward`` …
     frequency_hz, damping_ratio
         (value, low, high) [Hz], [1].
     reference

@@ -61,7 +61,7 @@ ROLES = {"parameter_kind": "kind", "parameter_part": "part"}
 
 
 class Posterior(NamedTuple):
-    """What a result says about a turbine: all that a question after it needs.
+    """Posterior of a turbine's coefficients, as comparisons and diagrams need it.
 
     Attributes
     ----------
@@ -72,23 +72,23 @@ class Posterior(NamedTuple):
     record
         Name of the record.
     trusted
-        Whether nothing spoke against the result.
+        True if there was no reason against the result.
     conditions
-        How the turbine ran.
+        Operating conditions of the turbine.
     start
-        The moment of the record's time 0, as `windsysid.records.record.Record.start`; None where it is not known.
+        Date of the record's time 0, as `windsysid.records.record.Record.start`; None where it is not known.
     record_hash
         `windsysid.results.provenance.record_hash` of the whole record; None where it is not known.
     section
-        Start and end of what was used [s], on the record's clock; None where it is not known.
+        Start and end of the part that was used [s], on the record's clock; None where it is not known.
     statistics
-        What was learned of loads and noise.
+        Learned statistics of loads and noise.
     joint_cov
         Covariance of θ, of the coordinates η of `statistics`, and of `tolerances` in standard deviations of their
         priors, together (n, n), n = n_θ + n_η + n_τ; None where it was not kept.
     tolerances
-        What is known within tolerances only. Masses are none of it in a posterior that was read or made of a result:
-        a vibration shows ratios to masses, and those of the turbine are taken as right.
+        Quantities known within tolerances only. Masses are not among them in a posterior that was read or made of a
+        result: vibration determines ratios to masses, and those of the turbine are taken as exact.
     unusable
         Coefficients of grade C, each with the code of its reason (`unusable_among`).
     """
@@ -142,18 +142,35 @@ class Posterior(NamedTuple):
 
 
 def load_posterior(folder: str | Path) -> Posterior:
-    """The posterior that `Identification.save` left in a folder.
+    """Load the posterior from the folder of a saved identification.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Folder that `Identification.save` or ``windsysid identify`` wrote.
 
     Returns
     -------
     Posterior
-        Estimates (n_θ,) and covariance (n_θ, n_θ) in filter coordinates, and the turbine that they are of.
+        Estimates (n_θ,) and covariance (n_θ, n_θ) in filter coordinates, with the turbine.
 
     Raises
     ------
     ConfigurationError
-        If there is none, it was changed after windsysid wrote it, or it was written by a version that did not keep the
+        If the folder holds none, it was changed after windsysid wrote it, or an older version wrote it without the
         turbine.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import windsysid as ws
+    >>> result = ws.identify(ws.simulate("tower", duration=600.0, rate=5.0, seed=1), "tower", formulation="spectral")
+    >>> folder = Path(tempfile.mkdtemp()) / "first"
+    >>> _ = result.save(folder)
+    >>> posterior = ws.results.load_posterior(folder)
+    >>> [q.name for q in posterior.parameters], posterior.cov.shape
+    (['k_side_side', 'c_side_side', 'k_fore_aft', 'c_fore_aft'], (4, 4))
     """
 
     with opened(folder) as file:

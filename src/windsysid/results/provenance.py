@@ -26,25 +26,24 @@ _ROWS = 1 << 16
 
 @dataclass(frozen=True)
 class Provenance:
-    """Where a result comes from.
+    """Provenance of a result: record, turbine, sensors, options, version and date.
 
     Attributes
     ----------
     windsysid
         Version.
     identified
-        When, in UTC, ISO 8601.
+        Date in UTC, ISO 8601.
     start
-        The moment of the record's time 0, as `windsysid.records.record.Record.start`.
+        Date of the record's time 0, as `windsysid.records.record.Record.start`.
     record_hash
         `record_hash` of the whole record, before a section was taken of it.
     turbine_hash
         `turbine_hash` of the turbine as it was given.
     sensors
-        The sensor list that was used, each sensor as the table of its file without what is left at its default.
+        The sensor list that was used, each sensor as the table of its file without default values.
     options
-        What `windsysid.identify` was called with, and what the command line adds: file, mapping, added noise, length of
-        pieces.
+        Arguments of `windsysid.identify`, and those of the command line: file, mapping, added noise, length of pieces.
     """
 
     windsysid: str

@@ -61,20 +61,20 @@ def rotor_from_tower(
     blades: int = 3,
     search: float = 0.15,
 ) -> RotorMotion:
-    """Rotor speed, and azimuth up to a constant, from the blade-passing line in tower accelerations.
+    """Estimate rotor speed, and azimuth up to a constant, from the blade-passing frequency in tower accelerations.
 
     Parameters
     ----------
-    accelerations
+    accelerations : array_like
         One channel (T,) or several, any unit; NaN = missing, bridged. The channel with the clearest line is used.
-    rate
-        Samples per second [Hz].
-    rotor_speed
+    rate : float
+        Sampling rate [Hz].
+    rotor_speed : float
         The turbine's usual speed Ω [rad/s].
-    blades
-        N.
-    search
-        The mean speed is sought within this share of `rotor_speed` either way.
+    blades : int, default 3
+        Number of blades N.
+    search : float, default 0.15
+        Largest relative deviation of the mean speed from `rotor_speed`.
 
     Returns
     -------
@@ -85,6 +85,16 @@ def rotor_from_tower(
     ------
     RecordError
         If no channel shows the line.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import windsysid as ws
+    >>> time = np.arange(0.0, 60.0, 0.05)
+    >>> passing = np.sin(3 * 1.2 * time) + 0.1 * np.random.default_rng(0).standard_normal(time.size)
+    >>> found = ws.signals.rotor_from_tower(passing, 20.0, rotor_speed=1.25)
+    >>> round(float(found.speed[600]), 2), found.known_up_to_constant
+    (1.2, True)
     """
     channels = np.atleast_2d(np.asarray(accelerations, dtype=np.float64))
     lines = [
@@ -111,19 +121,19 @@ def rotor_from_tower(
 def rotor_from_blades(
     accelerations: ArrayLike, rate: float, *, rotor_speed: float, search: float = 0.15
 ) -> RotorMotion:
-    """Azimuth and speed from accelerometers on the blades, by the gravity they feel.
+    """Estimate azimuth and speed of the rotor from accelerometers on the blades, by the gravity they measure.
 
     Parameters
     ----------
-    accelerations
+    accelerations : array_like
         (N, T) [m/s²], blade b in row b − 1, along the blade's lag direction, positive with the rotation, gravity
         included; a row of NaN for a blade without sensor; NaN = missing, bridged.
-    rate
-        Samples per second [Hz].
-    rotor_speed
+    rate : float
+        Sampling rate [Hz].
+    rotor_speed : float
         The turbine's usual speed Ω [rad/s].
-    search
-        The mean speed is sought within this share of `rotor_speed` either way.
+    search : float, default 0.15
+        Largest relative deviation of the mean speed from `rotor_speed`.
 
     Returns
     -------
@@ -133,7 +143,16 @@ def rotor_from_blades(
     Raises
     ------
     RecordError
-        If no 1P line is there, or the blades' phases contradict their order or signs.
+        If there is no 1P line, or the blades' phases contradict their order or signs.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import windsysid as ws
+    >>> azimuth = 1.2 * np.arange(0.0, 60.0, 0.05) + 2.0 * np.pi / 3.0 * np.arange(3)[:, None]  # one row for each blade
+    >>> found = ws.signals.rotor_from_blades(9.81 * np.cos(azimuth), 20.0, rotor_speed=1.25)
+    >>> round(float(found.speed[600]), 2), round(float(found.psi[600]), 1)
+    (1.2, 36.0)
     """
     rows = np.asarray(accelerations, dtype=np.float64)
     if rows.ndim != 2:

@@ -42,30 +42,56 @@ longest time [s] that is simulated for that."""
 def simulate_record(
     turbine: TurbineLike, *, duration: float, rate: float, seed: int = 0, loads: str = "random"
 ) -> Record:
-    """What the turbine's sensors record at its usual rotor speed; SI, reproducible for a seed.
+    """Simulate the record of the turbine's sensors at its usual rotor speed.
 
     Parameters
     ----------
-    duration
-        [s].
-    rate
-        Samples per second [Hz].
-    loads
-        What drives the turbine. ``"random"``: the Gauss–Markov loads of its file. The name of a hypothesis
-        (`windsysid.loads.family`): what that supposes, with the file's statistics. ``"wind"``: turbulent wind on the
-        packaged blades (docs/wind.md), as if tower and blades stood still. ``"wind-feedback"``: with their motion,
-        aerodynamic damping included.
+    turbine : Turbine, str or Path
+        A turbine, the name of a packaged one, or the path of a TOML file.
+    duration : float
+        Length of the record [s].
+    rate : float
+        Sampling rate [Hz].
+    seed : int, default 0
+        Seed of loads and sensor noise: the same seed gives the same record.
+    loads : str, default "random"
+        Loads that act. ``"random"``: the Gauss–Markov loads of the turbine file. The name of a load hypothesis
+        (`windsysid.loads.family`), with the statistics of the file. ``"wind"``: turbulent wind on the packaged blades
+        (docs/wind.md) without the motion of tower and blades. ``"wind-feedback"``: with their motion, aerodynamic
+        damping included.
 
     Returns
     -------
     Record
-        The sensors' channels in SI, with ``rotor_azimuth`` [rad] and ``rotor_speed`` [rad/s] of a rotor that turns.
+        The channels of the sensors in SI units, with ``rotor_azimuth`` [rad] and ``rotor_speed`` [rad/s] of a rotor
+        that turns.
 
     Raises
     ------
     ConfigurationError
         If duration or rate are out of range, there are no such loads or none for this turbine, or the motion grows
         without bound.
+
+    See Also
+    --------
+    identify : Identification from a record.
+    plan : Accuracy of a planned record.
+    windsysid.simulation.examples : Records to try the commands on.
+
+    Notes
+    -----
+    Gauss–Markov loads are discretised exactly; the motion is integrated by the fourth-order Runge–Kutta method.
+
+    References
+    ----------
+    Särkkä & Solin, Applied Stochastic Differential Equations, Cambridge 2019, ch. 6.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> record = ws.simulate("tower", duration=60.0, rate=20.0, seed=1)
+    >>> record.samples, record.channels[-2:]
+    (1200, ('tower_x_acceleration', 'tower_z_acceleration'))
     """
     turbine = as_turbine(turbine)
     if loads not in (playable := ("random", *WIND, *HYPOTHESES)):

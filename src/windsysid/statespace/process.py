@@ -27,18 +27,27 @@ __all__ = [
 
 @dataclass(frozen=True, eq=False)
 class LoadBlock:
-    """Any stationary linear block.
+    """Stationary linear process that drives one or several loads.
 
     Attributes
     ----------
     states
-        Names of its n states, its own among those of all blocks.
+        Names of its n states, different from those of other blocks.
     drift
         A (n, n) [1/s], all eigenvalues in the left half plane.
     cov
         Stationary covariance P (n, n).
     outputs
         For each load that it drives, the rows of H(ψ) (1 + 2K, n); see `LoadModel`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import windsysid as ws
+    >>> pole, rms = -2.0, 1e3  # [1/s], [N]
+    >>> block = ws.models.LoadBlock(("gust",), np.array([[pole]]), np.array([[rms**2]]), {"load_x": np.ones((1, 1))})
+    >>> block.discretise(0.5)[0].round(3).tolist()
+    [[0.368]]
     """
 
     states: tuple[str, ...]

@@ -38,16 +38,16 @@ class OperatingState(NamedTuple):
 
 @dataclass(frozen=True)
 class Turbine:
-    """A turbine in SI units.
+    """Turbine in SI units: mechanical model, reference values, loads and sensors.
 
     Attributes
     ----------
     name, description, source
         Text; `source` says where the numbers come from.
     assumed
-        Names of the values that nobody published.
+        Names of the values that are assumed because none is published.
     model
-        Which degrees of freedom move.
+        Mechanical model with its free degrees of freedom.
     values
         Every parameter of the model: masses [kg], first moments [kg·m], inertias [kg·m²], stiffness, damping, geometry.
     rotor_speed
@@ -55,7 +55,7 @@ class Turbine:
     spread
         Relative prior standard deviation of stiffness and of damping.
     loads
-        Random loads for simulation and the joint formulation.
+        Random loads, for simulation and for the joint formulation.
     sensors
         The instruments usually fitted.
     tip_lever
@@ -64,11 +64,24 @@ class Turbine:
         Relative standard deviation of the mass, with all moments, of each body (`MechanicalModel.bodies`); 0: exactly
         known.
     site
-        Where it stands.
+        ``onshore`` or ``offshore``.
     odds
         Prior odds [1] of effects by their codes, in place of those of `windsysid.identification.model.prior_odds`.
     states
-        By name, how the turbine differs from operation: ``parked``, where its file has it.
+        By name, the differences from operation: ``parked``, where its file has it.
+
+    See Also
+    --------
+    load_turbine : A packaged turbine, or one from a TOML file.
+    write_turbine : Write a turbine as TOML.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> tower = ws.load_turbine("tower")
+    >>> softer = tower.with_values({"k_side_side": 0.97 * tower.values["k_side_side"]})
+    >>> round(softer.values["k_side_side"] / 1e6, 3)  # [MN/m]
+    1.721
     """
 
     name: str

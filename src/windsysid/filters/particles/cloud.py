@@ -20,20 +20,20 @@ __all__ = ["Cloud", "address", "weighted_quantiles"]
 
 
 class Cloud(NamedTuple):
-    """What a particle filter knows between two samples.
+    """State of a particle filter between two samples, from which it continues.
 
     Attributes
     ----------
     particles
         States (n, N).
     log_weights
-        (N,), not normalised.
+        Logarithms of the weights (N,), not normalised.
     centre
-        About where the particles are (n,): what moments are summed about.
+        Reference point of the sums for moments (n,), near the particles.
     inputs
         Inputs at the cloud's own time (n_u + n_w,).
     samples
-        How many sample times it has reached; 0 for the prior.
+        Number of samples so far; 0 for the prior.
     """
 
     particles: Array

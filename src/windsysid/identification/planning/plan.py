@@ -60,7 +60,7 @@ SAMPLES_PER_PERIOD = 20.0
 
 @dataclass(frozen=True, eq=False)
 class Plan(Answer):
-    """What a planned record will tell.
+    """Result of `windsysid.plan`: expected accuracy of each coefficient over the length of the record.
 
     Attributes
     ----------
@@ -69,21 +69,21 @@ class Plan(Answer):
     rotor_speed, rate, duration
         [rad/s], [Hz], [s].
     within
-        The wish: ±2σ relative to the value.
+        Wanted accuracy: ±2σ relative to the value [1].
     names, unknown
-        The unknown parameters, then the statistics of loads and noise; how many are parameters.
+        The unknown parameters, then the statistics of loads and noise; the number of parameters among them.
     asked
-        The parameters that the question is about.
+        The parameters of interest.
     start_seconds, start, growth
         t₀ [s], I(t₀) and İ [1/s] in relative coordinates (n, n).
     accuracy
         Relative standard error of the σ here, from the scatter of the simulated record.
     locked
-        Parameters asked for whose degree of freedom no sensor sees.
+        Parameters of interest whose degree of freedom no sensor measures.
     notes
-        What a reader must know.
+        Remarks.
     tolerances
-        What is known of instruments and masses within tolerances only: the last of `names`.
+        Errors of instruments and masses within their tolerances: the last of `names`.
     kinds
         Kind of each of `coefficients`: ``stiffness``, ``damping`` …
     """
@@ -269,42 +269,65 @@ def plan(
     seed: int = 0,
     progress: Progress = unheard,
 ) -> Plan:
-    """Tell how well a planned record will show the coefficients of `turbine`, and how long a record the wish needs.
+    """Predict how accurately a planned record will identify the coefficients of `turbine`, and how long it has to be.
 
     Parameters
     ----------
-    sensors
-        The instruments; the turbine's usual ones by default.
-    duration, rate
-        Of the planned record [s], [Hz].
-    parameters
-        What is asked for; all coefficients by default. The coefficients of all free degrees of freedom are unknown in
-        any case, masses and geometry only where they are named here.
-    within
-        The wish: ±2σ relative to the value [1].
-    load_scale
-        Factor on the turbine file's loads [1].
-    rotor_speed
-        [rad/s]; the turbine's usual one by default.
-    formulation
-        By which the record will be identified (`windsysid.identify`). ``"joint"``: filters, under the loads of the
-        turbine file. ``"spectral"``: spectra, and where a rotor turns under wind. ``"auto"``: spectra where nothing
-        that moves turns and the planned record will do for them, else filters.
-    seed
-        Of the simulated record.
-    progress
-        Told what is being done and its share that is done, 0 to 1; None where nobody knows.
+    turbine : Turbine, str or Path
+        A turbine, the name of a packaged one, or the path of a TOML file.
+    sensors : sequence of Sensor, optional
+        Instruments; the turbine's usual ones by default.
+    duration, rate : float, default 600 and 100
+        Length [s] and sampling rate [Hz] of the planned record.
+    parameters : sequence of str, optional
+        Parameters of interest; all coefficients by default. The coefficients of all free degrees of freedom are unknown
+        in any case, masses and geometry only where they are named here.
+    within : float, default 0.2
+        Wanted accuracy: ±2σ relative to the value [1].
+    load_scale : float, default 1
+        Factor on the loads of the turbine file [1].
+    rotor_speed : float, optional
+        Rotor speed [rad/s]; the turbine's usual one by default.
+    formulation : {"auto", "joint", "spectral"}, default "auto"
+        Formulation that will identify the record (`windsysid.identify`). ``"joint"``: Kalman filter, under the loads of
+        the turbine file. ``"spectral"``: spectra; under wind where a rotor turns. ``"auto"``: spectral where the
+        structure has no rotating degrees of freedom and the planned record is long enough for it, else joint.
+    seed : int, default 0
+        Seed of the simulated record.
+    progress : callable, optional
+        Called with the present step and the share that is done, 0 to 1, or None if that is unknown.
 
     Returns
     -------
     Plan
-        The ±2σ band of each coefficient, relative to its value [1], after any length [s], and the length that the
-        wish needs [s].
+        The ±2σ interval of each coefficient, relative to its value [1], for any length of record [s], and the length
+        [s] that the wanted accuracy needs.
 
     Raises
     ------
     ConfigurationError
         If a name is unknown, a number out of range, or the sensor list empty.
+
+    See Also
+    --------
+    identify : Identification from a record.
+    simulate : A record of the turbine's sensors.
+
+    Notes
+    -----
+    The accuracy is the Cramér–Rao bound from the data alone, without priors of the coefficients.
+
+    References
+    ----------
+    - Kay, Fundamentals of Statistical Signal Processing: Estimation Theory, Prentice Hall 1993, ch. 3.
+    - Ljung, System Identification, 2nd ed., Prentice Hall 1999, ch. 7.4 and 9.3.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> planned = ws.plan("tower", duration=600.0, rate=5.0)
+    >>> print(str(planned).splitlines()[0])
+    No: not known within ±20 % (2σ) in 10 min: c_fore_aft (28 min), c_side_side (2.6 h).
     """
     _require_positive("within", within, 10.0)
     turbine = _as_planned(as_turbine(turbine), sensors, load_scale, rotor_speed)

@@ -25,7 +25,7 @@ from windsysid.modal.marks import ModeMarks
 from windsysid.modal.matching.match import with_references
 from windsysid.modal.singular_values import singular_values
 from windsysid.output.progress import Progress, unheard
-from windsysid.records.coercion import RecordLike, as_record
+from windsysid.records.coercion import MappingLike, RecordLike, as_records
 from windsysid.records.record import Record
 from windsysid.results.provenance import record_hash
 from windsysid.spectral.oma.analyse import Sensors, sensors_of_each
@@ -64,35 +64,44 @@ def analyse_decays(
     limits: tuple[float, float] | None = None,
     section: tuple[float, float] | None = None,
     marks: ModeMarks | None = None,
+    mapping: "MappingLike | None" = None,
     progress: Progress = unheard,
 ) -> OperationalModes:
-    """Find the modes of a structure from one or several free decays.
+    """Identify the modes of a structure from one or several free decays.
 
     Parameters
     ----------
-    record
-        Any record with a release, after which nothing drives the structure; or a list of records of one structure in
-        one state, with the same sensors or some in common.
-    sensors, turbine
+    record : Record, str, Path, pandas.DataFrame or xarray.Dataset, or a sequence of these
+        A record with a release, after which no load acts; or several of one structure in one state, with the same
+        sensors or some in common.
+    sensors, turbine : optional
         As in `windsysid.oma`. Channels of rotating blades are left out.
-    limits
+    limits : (float, float), optional
         Frequency range of the modes [Hz].
-    section
-        Start and end [s]; the release is sought there.
-    marks
-        Modes that are to be left out; none can be added (`windsysid.results.read_mode_marks`).
-    progress
+    section : (float, float), optional
+        Start and end [s] of the part in which the release is sought; the whole record by default.
+    marks : ModeMarks, optional
+        Modes to leave out; none can be added (`windsysid.results.read_mode_marks`).
+    mapping : str, Path or Mapping, optional
+        Mapping file with the names, units and signs of channels, where `record` is a path (`read_record`).
+    progress : callable, optional
         Called with the present step and the share that is done, 0 to 1, or None if that is unknown.
 
     Returns
     -------
     OperationalModes
-        Frequencies [Hz], damping ratios and shapes with their intervals, and reasons for doubt.
+        Frequencies [Hz], damping ratios [1] and shapes (n,) with their 95 % intervals and grades.
 
     Raises
     ------
-    ConfigurationError, RecordError
-        If a channel cannot be used, or the record is no free decay.
+    RecordError
+        If a record cannot be read, or is no free decay.
+    ConfigurationError
+        If there is no record, or a channel cannot be used.
+
+    See Also
+    --------
+    oma : Modes from ambient vibration.
 
     Examples
     --------
@@ -108,11 +117,7 @@ def analyse_decays(
     marks = ModeMarks() if marks is None else marks
     if marks.add:
         raise ConfigurationError("modes by hand: expected frequencies to remove only, got ranges to add: give limits")
-    several = isinstance(record, list | tuple)
-    given = cast("list[RecordLike]", record) if several else [cast("RecordLike", record)]
-    records = [as_record(one) for one in given]
-    if not records:
-        raise ConfigurationError("records: expected one at least, got an empty list")
+    records = as_records(record, mapping)
     machine = None if turbine is None else as_turbine(turbine)
     lists = sensors_of_each(sensors, len(records))
     progress("releases", None)

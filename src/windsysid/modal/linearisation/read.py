@@ -33,18 +33,18 @@ ENDING = ".lin"
 def read_linearisation(
     paths: str | Path | Sequence[str | Path], *, operating: tuple[float, float] | None = None
 ) -> LinearisedModes:
-    """Read OpenFAST linearisation files and compute the modes in the fixed frame.
+    """Compute the modes of OpenFAST linearisation files in the fixed frame.
 
     Files ``X.1.lin``, ``X.2.lin`` … of one name are azimuths of one operating point and are averaged after the
     multi-blade transformation; several names are operating points of one machine, whose modes are linked over rotor
-    speed. Source: Bir, NREL/CP-500-42553 (2008).
+    speed.
 
     Parameters
     ----------
-    paths
+    paths : str, Path, or sequence of these
         One file, or several in any order.
-    operating
-        Least and greatest operating speed [rad/s]; those of the files by default.
+    operating : (float, float), optional
+        Lowest and highest operating speed [rad/s]; those of the files by default.
 
     Returns
     -------
@@ -58,11 +58,21 @@ def read_linearisation(
         If a file is no linearisation or is damaged, the files do not belong together, or the rotor does not have three
         blades.
 
+    See Also
+    --------
+    modes : Modes of a turbine file or of an identification.
+
+    References
+    ----------
+    Bir, Multiblade Coordinate Transformation and its Application to Wind Turbine Analysis, NREL/CP-500-42553, 2008.
+
     Examples
     --------
     A tower with one degree of freedom, in a folder that is deleted afterwards:
 
     >>> import tempfile
+    >>> from pathlib import Path
+    >>> import windsysid as ws
     >>> heading = "Rotor Speed: 0 rad/s | Azimuth: 0 rad | Number of continuous states: 2 | Order of continuous states:"
     >>> name = "1st tower fore-aft bending mode DOF, m"
     >>> states = f"x | x | 1 0.0 F 2 ED {name} | 2 0.0 F 2 ED First time derivative of {name}/s"
@@ -70,7 +80,7 @@ def read_linearisation(
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = Path(folder) / "tower.1.lin"
     ...     _ = path.write_text(f"{heading} | {states} |  | {A}".replace(" | ", chr(10)))
-    ...     (mode,) = read_linearisation(path).modes
+    ...     (mode,) = ws.read_linearisation(path).modes
     >>> print(mode.name, round(mode.frequency, 4), "Hz", round(mode.damping, 4))
     tower fore-aft 0.3183 Hz 0.01
     """

@@ -29,7 +29,7 @@ class Doubt(NamedTuple):
 
 @dataclass(frozen=True)
 class OperationalMode:
-    """A mode under ambient loads.
+    """Mode of a structure under ambient loads, or in a free decay.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class OperationalMode:
         (n,) complex, 1 in the channel with the largest motion, as accelerations; standard deviations of real and
         imaginary part.
     load, ln_load_std
-        One-sided spectrum of the load that drives it, per modal mass where the shape is 1 [unit²/Hz], and the standard
+        One-sided spectrum of the load on the mode, per modal mass where the shape is 1 [unit²/Hz], and the standard
         deviation of its logarithm.
     band
         Lowest and highest frequency that were used [Hz].
@@ -54,7 +54,7 @@ class OperationalMode:
     widening
         Factors on the standard deviations of frequency and ln ζ that the model gives.
     reference
-        Frequency [Hz] and damping ratio [1] that the turbine file gives; None where nothing is near.
+        Frequency [Hz] and damping ratio [1] of the mode in the turbine file; None where none is near.
     shape_cov
         Covariance (2 n, 2 n) of the shape's real parts and then its imaginary ones; None if it was not kept.
     segments

@@ -88,7 +88,7 @@ class DecayHistory(NamedTuple):
 
 @dataclass(frozen=True)
 class OperationalModes(Answer):
-    """Modes of a structure from its ambient vibration.
+    """Result of `windsysid.oma` or `windsysid.free_decay`: modes, spectra and remarks.
 
     Attributes
     ----------
@@ -106,7 +106,7 @@ class OperationalModes(Answer):
         Frequencies [Hz] (F,), the largest singular values of the spectral matrix there (F, k), of channels scaled to
         the same median, and each band.
     rotor_hz
-        Turns per second [Hz]; 0 where none turns.
+        Rotor frequency [Hz]; 0 where none turns.
     doubts
         Reasons why the whole result is doubtful.
     notes

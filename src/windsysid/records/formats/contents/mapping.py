@@ -252,22 +252,36 @@ def matches(key: str, *names: str) -> bool:
 
 
 def load_mapping(path: str | Path) -> Mapping:
-    """Read a mapping file.
+    """Read a mapping file: names, units and signs of the channels of a logger's files, and where their time is.
 
     Parameters
     ----------
     path : str or Path
-        TOML, see the module.
+        TOML file; `windsysid.records.formats.contents.mapping` and docs/records.md list its keys.
 
     Returns
     -------
     Mapping
-        What the file says of time, names, units and signs.
+        The rules for time, names, units and signs.
 
     Raises
     ------
     ConfigurationError
-        If it is missing, no TOML, or holds an unknown key or a wrong value; the line names the key.
+        If the file is missing, no TOML, or has an unknown key or a wrong value; the message names the key.
+
+    See Also
+    --------
+    read_record : Read a record by a mapping.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import windsysid as ws
+    >>> path = Path(tempfile.mkdtemp()) / "logger.toml"
+    >>> _ = path.write_text('channels."Acc X" = {name = "tower_x_acceleration", unit = "g", sign = -1}')
+    >>> ws.load_mapping(path).channels["Acc X"]
+    ChannelRule(name='tower_x_acceleration', unit='g', sign=-1, factor=1.0)
     """
     from pydantic import TypeAdapter, ValidationError
 
