@@ -647,8 +647,8 @@ _FLEET_AND_MODES = (
         "priors count twice in a comparison",
     ),
     Mutant(
-        "band of a mode's damping", "spectral/oma/mode.py",
-        "(z, z / factor, z * factor)", "(z, z - factor, z + factor)",
+        "band of a mode's damping", "results/estimate.py",
+        "cls(estimate, estimate / factor, estimate * factor,", "cls(estimate, estimate - factor, estimate + factor,",
         "bands of damping ratios have the width of factors",
     ),
     Mutant(
