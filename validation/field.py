@@ -370,14 +370,12 @@ def coefficient(result: Result, name: str) -> Found:
 
 
 def mode(result: Result, name: str, what: str) -> Found | None:
-    """``frequency_hz`` or ``damping_ratio`` of a mode; None where the result has no such mode."""
+    """``frequency`` or ``damping_ratio`` of a mode; None where the result has no such mode."""
     name = next((known for known in (name, f"{name} (1)") if known in result.modes), name)
     if name not in result.modes or name not in result.prior_modes:
         return None
-    value, _, high = getattr(result.modes[name], what)
-    before = getattr(result.prior_modes[name], what)
-    std, prior = (high - value) / SIGMAS, (before[2] - before[0]) / SIGMAS
-    return Found(value, std, 1.0 - min((std / prior) ** 2, 1.0))
+    found, before = getattr(result.modes[name], what), getattr(result.prior_modes[name], what)
+    return Found(found.estimate, found.std, 1.0 - min((found.std / before.std) ** 2, 1.0))
 
 
 def _of_mode(results: Sequence[Result], name: str, what: str) -> list[Found]:
@@ -398,7 +396,7 @@ def decay_rows(found: Sequence[Result]) -> list[Row]:
                 judge("a2", DECAY, f"{kind}_{blade} at the tip", unit, truth[kind], values, None, Target(within))
             )
     for name in LAGS:
-        values = _of_mode(found, name, "frequency_hz")
+        values = _of_mode(found, name, "frequency")
         rows.append(judge("a2", DECAY, f"{name}, frequency", "Hz", truth[name], values, None, Target(0.005)))
     return rows
 
@@ -411,7 +409,7 @@ def wind_rows(record: str, turbine: str, found: Sequence[Result]) -> list[Row]:
     ratio = truth.get("tower damping", max(float(np.mean([v.estimate for v in ratios])), 1e-6))
     bound = frequency_bound(truth["tower"], ratio, seconds)
     rows = [
-        judge(record, turbine, "tower, frequency", "Hz", truth["tower"], _of_mode(found, name, "frequency_hz"), bound,
+        judge(record, turbine, "tower, frequency", "Hz", truth["tower"], _of_mode(found, name, "frequency"), bound,
         Target(0.005, HELD, WIDEST)),
         judge(record, turbine, "tower, damping ratio", "", truth.get("tower damping"), ratios, bound / ratio,
         Target(None, HELD, WIDEST)),
@@ -431,7 +429,7 @@ def wind_rows(record: str, turbine: str, found: Sequence[Result]) -> list[Row]:
         )
     )
     for lag in LAGS:
-        f, z = _of_mode(found, lag, "frequency_hz"), _of_mode(found, lag, "damping_ratio")
+        f, z = _of_mode(found, lag, "frequency"), _of_mode(found, lag, "damping_ratio")
         if len(f) < len(found):
             rows.append(
                 Row(

@@ -105,7 +105,7 @@ def compare(case: Case) -> Comparison:
 
 
 def _first_mode(found: Identification) -> float:
-    return found.modes[0].frequency_hz[0] if found.modes else np.nan
+    return found.modes[0].frequency.estimate if found.modes else np.nan
 
 
 def modulated(turbine: Turbine, duration: float, rate: float, seed: int) -> Record:

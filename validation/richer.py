@@ -349,8 +349,11 @@ def _from_the_records(folder: Path) -> Iterator["Table"]:
             table.add_column(heading, justify="right")
         for roll, flap in cases:
             found = identified(folder, name, roll, flap=flap)
-            of = {mode.name: mode.frequency_hz for mode in found.modes}
-            cells = [_error(*of[mode], f) for mode, f in zip(MODES, TRUTH[name].frequency, strict=True)]
+            of = {mode.name: mode.frequency for mode in found.modes}
+            cells = [
+                _error(of[mode].estimate, of[mode].low, of[mode].high, f)
+                for mode, f in zip(MODES, TRUTH[name].frequency, strict=True)
+            ]
             cells += [_coefficient(found, c, with_roll(roll)) for c in coefficients]
             table.add_row(name, roll if flap else f"{roll}, flap unsaid", *cells, f"{found.elapsed:.0f}")
         yield table

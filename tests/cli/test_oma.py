@@ -20,7 +20,7 @@ def test_bands_are_given_as_two_numbers_any_number_of_times(run, path, tmp_path)
     )
     assert done.code == 0, done.err
     summary = json.loads(done.out)
-    assert np.round([mode["frequency_hz"]["estimate"] for mode in summary["modes"]], 1).tolist() == [1.1, 2.7]
+    assert np.round([mode["frequency"]["estimate"] for mode in summary["modes"]], 1).tolist() == [1.1, 2.7]
     assert sorted(file.name for file in (tmp_path / "out").iterdir() if not file.name.startswith(".")) == [
         "answer.json",
         "summary.json",

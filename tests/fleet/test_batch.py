@@ -54,7 +54,8 @@ def test_a_row_says_what_identify_says(taken: tuple[Batch, Path], data: Path):
     )
     assert row["trusted"] == found.diagnosis.trusted
     assert {p["name"]: p["grade"] for p in row["parameters"]} == {e.name: e.grade for e in found.estimates}
-    assert [(m["frequency_grade"], m["damping_ratio_grade"]) for m in row["modes"]] == [m.grades for m in found.modes]
+    grades = [(m.frequency.grade, m.damping_ratio.grade) for m in found.modes]
+    assert [(m["frequency_grade"], m["damping_ratio_grade"]) for m in row["modes"]] == grades
     assert found.provenance is not None
     assert row["record_hash"] == found.provenance.record_hash
 

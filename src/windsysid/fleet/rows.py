@@ -22,6 +22,7 @@ from windsysid.mechanics.sensors import Sensor
 from windsysid.monitoring.own_information import without_prior
 from windsysid.records.moments import shift_moment
 from windsysid.records.record import Record
+from windsysid.results.estimate import IntervalEstimate
 from windsysid.results.identification import Identification
 from windsysid.results.provenance import record_hash
 from windsysid.statespace.parameter import Parameter
@@ -194,15 +195,8 @@ def _found(found: Identification) -> Row:
             for i, q in enumerate(found.parameters)
         ],
         "modes": [
-            {
-                "name": mode.name,
-                **dict(zip(("frequency", "frequency_low", "frequency_high"), mode.frequency_hz, strict=True)),
-                **dict(
-                    zip(("damping_ratio", "damping_ratio_low", "damping_ratio_high"), mode.damping_ratio, strict=True)
-                ),
-                **dict(zip(("frequency_grade", "damping_ratio_grade"), mode.grades, strict=True)),
-            }
-            for mode in found.modes
+            {"name": m.name, **_columns("frequency", m.frequency), **_columns("damping_ratio", m.damping_ratio)}
+            for m in found.modes
         ],
         "statistics": [asdict(statistic) for statistic in found.statistics],
         "covariance": cov[np.tril_indices(len(cov))].tolist(),
@@ -210,6 +204,10 @@ def _found(found: Identification) -> Row:
         "section_start": found.section[0], "section_end": found.section[1], "log_likelihood": found.log_likelihood,
         "turbine_file": "" if found.machine is None else tomli_w.dumps(as_tables(found.machine)),
     }  # fmt: skip
+
+
+def _columns(name: str, one: IntervalEstimate) -> Row:
+    return {name: one.estimate, f"{name}_low": one.low, f"{name}_high": one.high, f"{name}_grade": one.grade}
 
 
 def _parameter(found: Identification, q: Parameter, own: float, own_std: float) -> Row:

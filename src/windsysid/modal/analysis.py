@@ -13,6 +13,7 @@ A being differentiated along the periodic motion, which θ moves too.
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -22,6 +23,7 @@ from windsysid.errors import ConfigurationError
 from windsysid.mechanics.compile import CompiledModel
 from windsysid.mechanics.model import MechanicalModel
 from windsysid.modal.floquet import about_periodic_motion, resolve
+from windsysid.results.estimate import IntervalEstimate
 from windsysid.results.mode import Mode
 from windsysid.statespace.parameter import Parameter
 
@@ -198,14 +200,16 @@ def modes_with_slopes(
     except ConfigurationError:
         return (), np.zeros((2, 0, len(theta)))
     slopes = centre.frequency_and_damping_slopes()
-    halves = [2.0 * np.sqrt(np.einsum("mi,ij,mj->m", slope, cov, slope).clip(0.0)) for slope in slopes]
-    found = tuple(
-        Mode(name, (f, f - df, f + df), (z, z - dz, z + dz), known.get(name))
-        for name, f, z, df, dz in zip(
-            centre.names, *(v.tolist() for v in (centre.frequency, centre.damping, *halves)), strict=True
+    stds = [np.sqrt(np.einsum("mi,ij,mj->m", slope, cov, slope).clip(0.0)) for slope in slopes]
+    found = []
+    for i, (name, *both) in enumerate(_rows(centre)):
+        of_file = known.get(name, (None, None))
+        f, z = (
+            replace(IntervalEstimate.normal(value, float(std[i]), unit), reference=reference)
+            for value, std, unit, reference in zip(both, stds, ("Hz", "1"), of_file, strict=True)
         )
-    )
-    return found, np.array(slopes)
+        found.append(Mode(name, f, z))
+    return tuple(found), np.array(slopes)
 
 
 def directions_of(model: CompiledModel, parameters: Sequence[Parameter], theta: Array) -> Array:

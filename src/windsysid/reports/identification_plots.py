@@ -144,7 +144,7 @@ def _welch(found: Identification, record: Record, name: str) -> tuple[Array, Arr
 
     values = record[name] - np.nanmean(record[name]) if np.isfinite(record[name]).any() else record[name]
     values = np.nan_to_num(values)
-    width = min((2.0 * m.damping_ratio[0] * m.frequency_hz[0] for m in found.modes), default=math.inf)
+    width = min((2.0 * m.damping_ratio.estimate * m.frequency.estimate for m in found.modes), default=math.inf)
     wanted = BINS_PER_WIDTH * record.rate / max(width, 1e-9)
     size = int(min(max(wanted, len(values) / 64.0), len(values) / MIN_AVERAGES))
     if size < 16:
@@ -185,8 +185,8 @@ def _marks(found: Identification, *, turning: bool) -> list[Mark]:
     """Modes with the grades of their frequencies, as they are seen from a frame, harmonics of the rotor and lines."""
     once = found.machine.rotor_speed / (2.0 * math.pi) if found.machine is not None else 0.0
     marks = [
-        Mark(f, f"{name} ({m.grades[0]})", "estimate", "modes")
-        for m in found.modes for f, name in seen_from(m.name, m.frequency_hz[0], once, turning)
+        Mark(f, f"{name} ({m.frequency.grade})", "estimate", "modes")
+        for m in found.modes for f, name in seen_from(m.name, m.frequency.estimate, once, turning)
     ]  # fmt: skip
     lines = [one for one in found.findings if "frequency" in one.data and "line" in one.code]
     marks += [Mark(float(one.data["frequency"]), "", "error", "lines left out") for one in lines]

@@ -160,9 +160,7 @@ class Identification(IdentificationValues, Answer):
             for e in self.estimates
         ]
         for mode in self.modes:
-            known = mode.reference or (None, None)
-            rows.append((mode.name, "frequency", "Hz", *mode.frequency_hz, mode.grades[0], known[0]))
-            rows.append((mode.name, "damping ratio", "1", *mode.damping_ratio, mode.grades[1], known[1]))
+            rows += mode.dataframe_rows()
         rows += [
             (s.name, "statistic", unit_text(s.unit), s.estimate, s.low, s.high, "", s.given) for s in self.statistics
         ]
@@ -201,8 +199,7 @@ class Identification(IdentificationValues, Answer):
             return []
         good = [e.name for e in self.estimates if e.grade in USABLE]
         for mode in self.modes:
-            names = (f"{mode.name} frequency", f"{mode.name} damping ratio")
-            good += [name for name, grade in zip(names, mode.grades, strict=True) if grade in USABLE]
+            good += [f"{mode.name} {name}" for name, one in mode.quantities if one.grade in USABLE]
         return [f"can still be used (grade A or B): {', '.join(good)}"] if good else []
 
     def table(self) -> Table:
@@ -228,9 +225,9 @@ class Identification(IdentificationValues, Answer):
         if orders:
             headings.append("from nP")
             rows = [[*row, mode.beside(orders, speed)] for row, mode in zip(rows, self.modes, strict=True)]
-        if any(mode.reference is not None for mode in self.modes):
+        if any(mode.frequency.reference is not None for mode in self.modes):
             headings.append("file")  # so that the modes of a tower fit 80 columns
-            rows = [[*row, mode.reference_cells()[0]] for row, mode in zip(rows, self.modes, strict=True)]
+            rows = [[*row, mode.reference_cell()] for row, mode in zip(rows, self.modes, strict=True)]
         at = f"at {speed * RPM:.3g} rpm" if orders else "with the rotor at rest"
         return Table(headings, rows, f"Modes {at}, fixed frame")
 

@@ -189,7 +189,10 @@ def _judge(
     return diagnose(
         _whiteness(outcome, record.rate, frequencies) if filtered else outcome.whiteness,
         FittedParameters(
-            outcome.model.parameters, outcome.theta, outcome.cov, [(mode.name, mode.damping_ratio) for mode in at.modes]
+            outcome.model.parameters,
+            outcome.theta,
+            outcome.cov,
+            [(m.name, (z.estimate, z.low, z.high)) for m in at.modes for z in (m.damping_ratio,)],
         ),
         frequencies=frequencies,
         rotor=TurningRotor(at.speed, model.blades, any(freedom.blade for freedom in model.freedoms)),

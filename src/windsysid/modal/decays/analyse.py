@@ -110,8 +110,11 @@ def analyse_decays(
     >>> t = np.arange(0.0, 40.0, 0.02)
     >>> swing = np.exp(-0.06 * t) * np.cos(6.0 * t) + 0.01 * np.random.default_rng(0).normal(size=len(t))
     >>> found = ws.free_decay(ws.Record(t, swing[:, None], ("top_acceleration",), ("m/s^2",)))
-    >>> [(round(mode.frequency, 2), round(mode.damping, 3), mode.grades) for mode in found.modes]
-    [(0.95, 0.01, ('A', 'A'))]
+    >>> for mode in found.modes:
+    ...     print(mode.name, round(mode.frequency.estimate, 2), mode.frequency.unit, mode.frequency.grade)
+    ...     print("damping ratio", round(mode.damping_ratio.estimate, 3), mode.damping_ratio.grade)
+    mode 1 0.95 Hz A
+    damping ratio 0.01 A
     """
     begun = time.process_time()
     marks = ModeMarks() if marks is None else marks
@@ -137,7 +140,7 @@ def analyse_decays(
 
 def _without_removed(found: OperationalModes, marks: ModeMarks) -> OperationalModes:
     """Result without the modes that were removed by hand."""
-    kept, notes = marks.kept([(mode.frequency, mode.damping * mode.frequency) for mode in found.modes])
+    kept, notes = marks.kept([(mode.frequency.estimate, mode.half_width) for mode in found.modes])
     return replace(
         found,
         modes=tuple(found.modes[i] for i in kept),

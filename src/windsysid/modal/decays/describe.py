@@ -12,6 +12,7 @@ from windsysid.checks.limits import MAX_WIDENING, MIN_REPORTED_WIDENING
 from windsysid.modal.decays import limits
 from windsysid.modal.decays.likelihood import Decay, DecayFit, part_scores, poles
 from windsysid.modal.shape_merging import Ratios, merge_shapes
+from windsysid.results.estimate import IntervalEstimate
 from windsysid.spectral.modal_bands.check import shape_doubts
 from windsysid.spectral.modal_bands.limits import (
     MAX_NONLINEAR_SHARE,
@@ -90,8 +91,10 @@ def _mode(
             (grounds if one.factor > MAX_WIDENING else remarks).append(Doubt("scores", text, what))  # type: ignore[arg-type]
     half = max(10.0 * z * f, 3.0 / float(len(fit.records[0].residual)))
     return OperationalMode(
-        "", f, f * std_f, z, std_z, shape, std, np.nan, np.nan, (max(f - half, 0.0), f + half), tuple(grounds),
-        shape_cov=cov, remarks=tuple(remarks), widening=(over[0].factor, over[1].factor),
+        name="", frequency=IntervalEstimate.normal(f, f * std_f, "Hz"),
+        damping_ratio=IntervalEstimate.lognormal(z, std_z, "1"), shape=shape, shape_std=std, load=np.nan,
+        ln_load_std=np.nan, band=(max(f - half, 0.0), f + half), grounds=tuple(grounds), shape_cov=cov,
+        remarks=tuple(remarks), widening=(over[0].factor, over[1].factor),
     )  # fmt: skip
 
 

@@ -81,7 +81,7 @@ def read_linearisation(
     ...     path = Path(folder) / "tower.1.lin"
     ...     _ = path.write_text(f"{heading} | {states} |  | {A}".replace(" | ", chr(10)))
     ...     (mode,) = ws.read_linearisation(path).modes
-    >>> print(mode.name, round(mode.frequency, 4), "Hz", round(mode.damping, 4))
+    >>> print(mode.name, round(mode.frequency.estimate, 4), "Hz", round(mode.damping_ratio.estimate, 4))
     tower fore-aft 0.3183 Hz 0.01
     """
     listed = [paths] if isinstance(paths, str | Path) else list(paths)
@@ -105,7 +105,7 @@ def _diagram(
 ) -> LinearisedModes:
     """The answer, of operating points by rotor speed."""
     speeds = np.array([float(np.mean([one.rotor_speed for one in files])) for files in points])
-    banded = any(mode.frequency_std > 0.0 for each in found for mode in each.modes)
+    banded = any(mode.frequency.std > 0.0 for each in found for mode in each.modes)
     usual, first = len(points) - 1, points[-1][0]
     curves = link([each.spectrum for each in found], speeds, usual, np.eye(2), shortest=1)
     blades = found[usual].spectrum.method == "Coleman"

@@ -60,7 +60,7 @@ def with_images(modes: Sequence[OperationalMode], frequency: Array, values: Comp
     checked = []
     for mode, motion in zip(modes, motions, strict=True):
         origins = (
-            other.frequency
+            other.frequency.estimate
             for other, its in zip(modes, motions, strict=True)
             if its.last < motion.first and its.power > motion.power and _go_together(motion, its)
         )
@@ -80,12 +80,14 @@ def with_harmonics(modes: Sequence[OperationalMode], frequency: Array, values: C
     motions = [_motion_of(mode, frequency, values) for mode in modes]
     grounds: dict[int, Doubt] = {}
     for i, k in permutations(range(len(modes)), 2):
-        first, higher, order = modes[i], modes[k], round(modes[k].frequency / modes[i].frequency)
+        first, higher, order = modes[i], modes[k], round(modes[k].frequency.estimate / modes[i].frequency.estimate)
         if 2 <= order <= MAX_HARMONIC and _phase_is_bound(motions[i], motions[k], order, float(frequency[1])):
-            text = f"its phase is bound to that of the peak at {first.frequency:.4g} Hz, as of harmonics"
+            text = f"its phase is bound to that of the peak at {first.frequency.estimate:.4g} Hz, as of harmonics"
             grounds.setdefault(k, Doubt("load", f"load or mode: {text}"))
             if motions[k].power > MAX_NONLINEAR_SHARE * motions[i].power:
-                text = f"the phase of the peak at {higher.frequency:.4g} Hz is bound to its own, as of harmonics"
+                text = (
+                    f"the phase of the peak at {higher.frequency.estimate:.4g} Hz is bound to its own, as of harmonics"
+                )
                 grounds.setdefault(i, Doubt("load", f"load or mode: {text}"))
     return [
         replace(mode, grounds=(*mode.grounds, grounds[i])) if i in grounds else mode for i, mode in enumerate(modes)
@@ -112,8 +114,8 @@ def _phase_is_bound(one: _Motion, other: _Motion, order: int, step: float) -> bo
 
 def _motion_of(mode: OperationalMode, frequency: Array, values: Complex) -> _Motion:
     step = float(frequency[1])
-    half = max(int(MOTION_HALF_WIDTHS * mode.damping * mode.frequency / step), MIN_MOTION_BINS)
-    middle = round(mode.frequency / step)
+    half = max(int(MOTION_HALF_WIDTHS * mode.half_width / step), MIN_MOTION_BINS)
+    middle = round(mode.frequency.estimate / step)
     bins = np.arange(max(middle - half, 1), min(middle + half, len(frequency)))
     along = values[bins] @ mode.shape.conj()
     power = np.abs(along) ** 2

@@ -227,10 +227,12 @@ def _without_removed(
 ) -> tuple[list[OperationalMode], Readings]:
     """Modes by rising frequency without those that were removed by hand, and readings with a note on each mark."""
     for low, high in marks.add:  # a mode of another band is there twice
-        modes = [m for m in modes if not low <= m.frequency <= high or (low <= m.band[0] and m.band[1] <= high)]
-    modes, notes = sorted(modes, key=lambda mode: mode.frequency), list(readings.notes)
+        modes = [
+            m for m in modes if not low <= m.frequency.estimate <= high or (low <= m.band[0] and m.band[1] <= high)
+        ]
+    modes, notes = sorted(modes, key=lambda mode: mode.frequency.estimate), list(readings.notes)
     notes += [f"modes were fitted between {low:.4g} and {high:.4g} Hz, as marked by hand" for low, high in marks.add]
-    kept, removed = marks.kept([(mode.frequency, mode.damping * mode.frequency) for mode in modes])
+    kept, removed = marks.kept([(mode.frequency.estimate, mode.half_width) for mode in modes])
     return [modes[i] for i in kept], readings._replace(notes=(*notes, *removed))
 
 

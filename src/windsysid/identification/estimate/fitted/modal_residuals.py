@@ -64,16 +64,16 @@ def ranges_of_narrow_band(outcome: Outcome, record: Record, rotor_hz: float) -> 
 
 def _no_narrower(file: Turbine, modes: Sequence[Mode]) -> list[tuple[float, float]]:
     """Frequency [Hz] and damping ratio of modes, none narrower than the file's."""
-    return [(m.frequency_hz[0], max(m.damping_ratio[0], _usual_damping(file, m))) for m in modes]
+    return [(m.frequency.estimate, max(m.damping_ratio.estimate, _usual_damping(file, m))) for m in modes]
 
 
 def _usual_damping(file: Turbine, mode: Mode) -> float:
     """The file's damping ratio of a mode or, where it has none of that name, of the degree of freedom that vibrates
     most nearly as fast: a line may turn two modes of a tower into two that whirl."""
-    if mode.reference is not None:
-        return mode.reference[1]
+    if mode.damping_ratio.reference is not None:
+        return mode.damping_ratio.reference
     ratios = {
-        abs(math.log(file.natural_frequency(name) / (2.0 * math.pi * mode.frequency_hz[0]))): file.damping(name)
+        abs(math.log(file.natural_frequency(name) / (2.0 * math.pi * mode.frequency.estimate))): file.damping(name)
         / file.critical_damping(name)
         for name in file.model.coordinates
         if file.natural_frequency(name) > 0.0
