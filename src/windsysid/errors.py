@@ -1,4 +1,4 @@
-"""The errors windsysid raises on bad input: what was wrong, what was expected, what was got, what to do."""
+"""Errors of windsysid on bad input: what is wrong, expected and received values, and advice."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,7 +14,7 @@ class WindsysidError(Exception):
 
 
 class RecordError(WindsysidError, ValueError):
-    """A record cannot be read or does not hold what is asked of it."""
+    """A record cannot be read or does not hold what is required."""
 
 
 class UnknownTimeError(RecordError):
@@ -26,7 +26,7 @@ class ConfigurationError(WindsysidError, ValueError):
 
 
 class OutputError(WindsysidError, OSError):
-    """A result cannot be written where it was asked for."""
+    """A result cannot be written where it was requested."""
 
 
 class StoreError(WindsysidError):

@@ -1,9 +1,8 @@
-"""Beliefs on disk: a filter that stops and goes on from a file computes, bit for bit, what it would have without
-stopping.
+"""Beliefs on disk: a filter that resumes from a file computes the same, bit for bit, as without a stop.
 
 A NumPy archive (.npz) holds the four fields of the belief as they are in memory, the names of the model's states, and a
-mark that says what it is. It is written beside its place and moved there whole, so that an interruption leaves the last
-one.
+mark that says what it is. It is written next to its place and moved there whole, so that an interruption leaves the
+last one.
 """
 
 import zipfile
@@ -24,7 +23,7 @@ _KIND = "expected a file written by save_belief, got one that is damaged or of a
 
 
 def save_belief(path: str | Path, model: StateSpace, belief: Belief, *, overwrite: bool = False) -> None:
-    """Write what a filter of `model` believes to the file `path`; a folder that is missing is made.
+    """Write the belief of a filter of `model` to the file `path`; a missing folder is created.
 
     Parameters
     ----------
@@ -46,7 +45,7 @@ def save_belief(path: str | Path, model: StateSpace, belief: Belief, *, overwrit
 
 
 def load_belief(path: str | Path, model: StateSpace) -> Belief:
-    """Read what `save_belief` wrote for a model of the same states and inputs.
+    """Read the belief that `save_belief` wrote for a model of the same states and inputs.
 
     Parameters
     ----------

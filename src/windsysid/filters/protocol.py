@@ -20,7 +20,7 @@ __all__ = ["Belief", "Filter", "Info", "compare", "empty_info"]
 
 
 class Belief(NamedTuple):
-    """What a Gaussian filter knows between two samples: all that is needed to go on.
+    """State of a Gaussian filter between two samples: all that is needed to continue.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class Belief(NamedTuple):
 
 
 class Info(NamedTuple):
-    """What came out of T samples.
+    """Results of T samples.
 
     Attributes
     ----------
@@ -72,7 +72,7 @@ class Info(NamedTuple):
 
 
 def empty_info(samples: int, n: int, m: int) -> Info:
-    """Room for what comes out of T samples of m readings and n states; nothing gated."""
+    """Workspace for the results of T samples of m readings and n states; nothing gated."""
     state, reading = (samples, n), (samples, m)
     return Info(
         np.empty(state), np.empty(state), np.empty(reading), np.empty(reading), np.empty(reading), np.empty(reading),

@@ -39,7 +39,7 @@ FORMULATIONS = ("spectral", "joint", "auto")
 _LOOKS_PER_REPORT = 20
 
 LOOKS_A_WORKER = 50
-"""Records whose begin is asked for that are worth another worker's start."""
+"""Records whose begin is requested that are worth another worker's start."""
 
 REASONS = 3
 """Reasons for no result that the answer lists."""
@@ -47,7 +47,7 @@ REASONS = 3
 
 @dataclass(frozen=True)
 class Batch:
-    """What a run added to an archive.
+    """Additions of a run to an archive.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class Batch:
     unmatched
         Files that fit no turbine's pattern.
     joined
-        Records that the archive had already and that now have what SCADA says of them.
+        Records that the archive had already and that now have SCADA.
     notes
         Why records have no result, and what is not there yet.
     seconds
@@ -130,7 +130,7 @@ def batch(
     limit
         Time [s] that a record may take; its worker is then ended, and the row says so.
     progress
-        Told what is being done and its share that is done, 0 to 1; None where nobody knows.
+        Callback with the name of the step and its completed share, 0 to 1; None if unknown.
 
     Returns
     -------
@@ -203,7 +203,7 @@ def _members(
     if fleet is None:
         return (single(str(turbine), **files),)
     if any(files.values()):
-        raise ConfigurationError("batch: with a fleet file, mapping, sensors and SCADA are named in it")
+        raise ConfigurationError("batch: a fleet file names mapping, sensors and SCADA itself: leave them out")
     return read_fleet(fleet)
 
 
@@ -242,7 +242,7 @@ def _identify(
 
 
 class _Counted:
-    """Counts records as they come, and says how fast they come."""
+    """Counter of records, with their rate."""
 
     def __init__(self, total: int, progress: Progress) -> None:
         self.total, self.progress, self.taken, self.whys = total, progress, Counter[str](), Counter[tuple[str, str]]()
@@ -342,7 +342,7 @@ def _day_and_tries(path: str, row: Known | None, begins: Mapping[str, str | None
 
 
 def _unknown(path: str, known: dict[str, Known]) -> bool:
-    """Whether a record has to be opened to know its day: a remote one with a date in its name is not copied twice."""
+    """Test whether a record has to be opened for its day: a remote one with a date in its name is not copied twice."""
     return path not in known and not (is_remote(path) and not day_of(None, path).startswith(UNDATED))
 
 

@@ -39,7 +39,7 @@ __all__ = ["Fit", "Reading", "fit"]
 
 @dataclass(frozen=True)
 class Reading:
-    """What one channel reads of a model of one's own.
+    """Residuals of one channel for a user model.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ class Reading:
 
     @property
     def structure(self) -> str:
-        """What its kernel depends on, as text."""
+        """Text on which its kernel depends."""
         from sympy import srepr
 
         return str(srepr(self.expression))
@@ -76,7 +76,7 @@ class Fit(Identification):
     Attributes
     ----------
     states
-        Names of the n states beside the parameters: the model's, its loads', its biases'.
+        Names of the n states without the parameters: the model's, its loads', its biases'.
     state_mean, state_std
         Each of them after each sample, at the estimates (T, n).
     """
@@ -164,7 +164,7 @@ def fit(
 
 
 def _check(job: EquationsJob, formulation: str) -> None:
-    """Refuse what no formulation, or not this one, can identify from."""
+    """Refuse data from which no formulation, or not this one, can identify."""
     if not job.parameters:
         raise ConfigurationError("parameters: expected at least one to identify, got none")
     if not job.sensors:

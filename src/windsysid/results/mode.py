@@ -47,7 +47,7 @@ class Mode(NamedTuple):
         return self.name, frequency, grades[0], damping, grades[1]
 
     def beside(self, orders: Sequence[int], rotor_speed: float) -> str:
-        """How far the mode is from the nearest of `orders` of `rotor_speed` [rad/s], as text: ``3P -7.7 %``."""
+        """Distance of the mode from the nearest of `orders` of `rotor_speed` [rad/s], as text: ``3P -7.7 %``."""
         harmonics = {n: n * rotor_speed / (2.0 * math.pi) for n in orders}
         n = min(harmonics, key=lambda n: abs(self.frequency_hz[0] / harmonics[n] - 1.0))
         return f"{n}P {100.0 * (self.frequency_hz[0] / harmonics[n] - 1.0):+.2g} %"

@@ -22,7 +22,7 @@ STEEPNESS = 8
 
 
 def band_pass(values: ArrayLike, rate: float, band: tuple[float, float]) -> Array:
-    """Keep what lies between two frequencies, with zero phase.
+    """Band-pass filter with zero phase.
 
     Parameters
     ----------

@@ -90,9 +90,9 @@ def integrate(
         Standard deviation of one sample [m/s²]. ``kalman`` alone uses it, and only to weigh a missing sample against a
         noisy one; a twentieth of the signal by default.
     roll_per_metre
-        κ [rad/m] of an accelerometer that feels gravity and rolls with the tower's top by κ per metre of displacement:
-        it reads a + g κ x. Only ``frequency`` and ``kalman`` can undo that. −0.0209 rad/m for the NREL 5 MW tower,
-        where it is 5 % of the displacement.
+        κ [rad/m] of an accelerometer that measures gravity and rolls with the tower's top by κ per metre of
+        displacement: it reads a + g κ x. Only ``frequency`` and ``kalman`` can undo that. −0.0209 rad/m for the NREL 5
+        MW tower, where it is 5 % of the displacement.
 
     Returns
     -------
@@ -166,7 +166,7 @@ def _by_high_pass(acceleration: Array, rate: float, cutoff: float) -> Motion:
 
 
 def _by_frequency(acceleration: Array, rate: float, cutoff: float, roll_per_metre: float) -> Motion:
-    """Division by iω is exact for what was sampled; the trapezoidal rule loses (ω Δt)²/12 each time."""
+    """Division by iω is exact for sampled values; the trapezoidal rule loses (ω Δt)²/12 each time."""
 
     def displacement(f: Array) -> Any:
         squared = np.where(f > 0.0, 2.0 * np.pi * f, 1.0) ** 2  # at f = 0 the gain is 0 anyway

@@ -1,4 +1,4 @@
-"""What becomes of weights: resampling, Liu and West's kernel, the health of the cloud, the record of a run."""
+"""Weights of particles: resampling, Liu and West's kernel, the health of the cloud, the record of a run."""
 
 from typing import NamedTuple, Protocol
 
@@ -19,7 +19,7 @@ MIN_EFFECTIVE = 10.0
 
 
 class ParticleInfo(NamedTuple):
-    """What came out of T samples: the fields of `windsysid.filters.Info`, then how the particles fared.
+    """Results of T samples: the fields of `windsysid.filters.Info`, then the health of the particles.
 
     Each innovation is whitened by its own standard deviation, mixture and noise together, and not decorrelated from the
     others of its sample; `whitening_std` is `innovation_std`, and nothing is ever gated.
@@ -61,7 +61,7 @@ def liu_west(values: Array, weights: Array, chosen: NDArray[np.int64], noise: Ar
 
 
 class ResamplingOptions(Protocol):
-    """What resampling asks of a filter's options."""
+    """Options of a filter that resampling uses."""
 
     @property
     def seed(self) -> int: ...
@@ -85,12 +85,12 @@ def resample(
 
 
 def survivors(chosen: NDArray[np.int64]) -> int:
-    """How many particles had descendants: ancestors come in order."""
+    """Number of particles with descendants; ancestors are in order."""
     return 1 + int(np.count_nonzero(np.diff(chosen)))
 
 
 class Fared(Protocol):
-    """What is known of how particles fared, (T,) each."""
+    """Health of the particles, (T,) each."""
 
     @property
     def effective(self) -> Array: ...
@@ -130,7 +130,7 @@ def degeneracy(info: Fared) -> str:
         )
     if info.effective[worst] < MIN_EFFECTIVE or info.survivors[thin] < MIN_EFFECTIVE:
         return (
-            f"thin: {text}. What is lost there stays lost: compare with another seed, take more particles or a"
+            f"thin: {text}. Lost particles cannot be recovered: compare with another seed, take more particles or a"
             " narrower prior"
         )
     return f"healthy: {text}"

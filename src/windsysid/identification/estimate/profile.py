@@ -118,7 +118,7 @@ def profile_likelihood(
     record, turbine, sensors, section, prior, parameters
         As for `windsysid.identify`.
     progress
-        Told what is being done and its share that is done, 0 to 1; None where nobody knows.
+        Callback with the name of the step and its completed share, 0 to 1; None if unknown.
 
     Returns
     -------
@@ -170,7 +170,7 @@ def _profile(problem: TurbineProblem, k: int, found: Identification, progress: P
 
 
 def _drops(problem: TurbineProblem, k: int, mode: FilteredMode, progress: Progress) -> dict[float, float]:
-    """How far the log posterior drops, by the distance of unknown k from the mode in its standard deviations."""
+    """Drop of the log posterior, by the distance of unknown k from the mode in its standard deviations."""
     height = _log_posterior(mode.mean, mode.log_likelihood, *problem.prior)
     drops = {0.0: 0.0}
     for side in (-1.0, 1.0):

@@ -44,7 +44,7 @@ def identify_pieces(
 ) -> Identification:
     """Identify stiffness and damping from a record that comes in pieces, in bounded memory.
 
-    The estimate is what `windsysid.identify` would find. Samples are held on disk, beside the checkpoint or in the
+    The estimate is what `windsysid.identify` would find. Samples are held on disk, next to the checkpoint or in the
     system's folder for temporary files: 8 bytes for each number that a filter reads. The diagnosis judges all
     innovations; kept are those of the last samples.
 
@@ -101,7 +101,7 @@ def _check(job: StreamingJob) -> None:
     check_odds(job.turbine)
     if job.formulation == "spectral":
         if job.rate is not None:
-            raise ConfigurationError("the spectral formulation reads the bands that it needs: leave the rate out")
+            raise ConfigurationError("the spectral formulation chooses its frequency ranges itself: leave the rate out")
         if job.memory is not None and not job.memory > 0.0:
             raise ConfigurationError(f"memory: expected seconds greater than 0, got {job.memory:g}")
     elif job.formulation != "joint" or job.memory is not None:

@@ -120,13 +120,13 @@ def iterate_record(
     mapping, progress
         As in `read_record`.
     section : (float, float), optional
-        Only the samples with start ≤ t < end [s]; that it reaches outside the record is told at the end of it.
+        Only the samples with start ≤ t < end [s]; an end outside the record is reported at its end.
 
     Yields
     ------
     Record
         Every sample of the file, or of the section, is in exactly one piece, in order; times are the record's own. A
-        piece has at least 2 samples: one that would stand alone beside a gap goes with the piece before.
+        piece has at least 2 samples: one that would stand alone next to a gap goes with the piece before.
 
     Raises
     ------
@@ -207,7 +207,7 @@ def write_record(record: Record, path: str | Path, *, overwrite: bool = False) -
 
 @contextmanager
 def claim_record(path: str | Path, *, overwrite: bool = False) -> Iterator[Callable[[Record], None]]:
-    """Take the name of a record's file before there is a record; yields what writes it. Raises as `write_record`."""
+    """Reserve the name of a record's file before there is a record; yields its writer. Raises as `write_record`."""
     path = Path(path)
     written = tuple(one for one in FORMATS if one.write is not None)
     writer = next((one.write for one in written if one.is_named(path)), None)

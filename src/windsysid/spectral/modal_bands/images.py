@@ -84,10 +84,10 @@ def with_harmonics(modes: Sequence[OperationalMode], frequency: Array, values: C
             if not 2 <= order <= MAX_HARMONIC or not its.first < other.last / order or other.first > its.last * order:
                 continue
             if _phase_is_bound(its, other, order, float(frequency[1])):
-                text = f"its phase is bound to that of the peak at {first.frequency:.4g} Hz, as of harmonics"
+                text = f"its phase is locked to that of the peak at {first.frequency:.4g} Hz, as of harmonics"
                 grounds.setdefault(k, Doubt("load", f"load or mode: {text}"))
                 if other.power > MAX_NONLINEAR_SHARE * its.power:
-                    text = f"the phase of the peak at {higher.frequency:.4g} Hz is bound to its own, as of harmonics"
+                    text = f"the phase of the peak at {higher.frequency:.4g} Hz is locked to its own, as for harmonics"
                     grounds.setdefault(i, Doubt("load", f"load or mode: {text}"))
     return [
         replace(mode, grounds=(*mode.grounds, grounds[i])) if i in grounds else mode for i, mode in enumerate(modes)
