@@ -106,7 +106,7 @@ def test_stiffness_and_mass_are_seen_only_up_to_a_common_factor():
     light = light.with_values({f"blade_mass_{i}": 1e-9 for i in (1, 2, 3)} | {"hub_mass_x": light.inertia("x")})
     found = plan(light, rate=50.0, parameters=["k_x", "hub_mass_x"])
     assert found.directions == (
-        "k_x, c_x, hub_mass_x and load_rms_x: only the proportion between them (not their common factor) is seen",
+        "k_x, c_x, hub_mass_x and load_rms_x: only the proportion between them (not their common factor) is determined",
     )
     for name in ("k_x", "c_x", "hub_mass_x"):
         assert found.band(name) == found.needed(name) == math.inf
