@@ -149,7 +149,7 @@ format = "xml"
     assert "hunter2" not in " ".join(found)
     for expected in (
         "unknown key 'stor' (meant 'store'?)",
-        f"store: the folder '{tmp_path}/nowhere' is not there",
+        f"store: the folder '{tmp_path}/nowhere' does not exist",
         'window: expected a time of "1 min" to "2 h", with its unit, got \'10\'',
         "workers: expected a whole number of 1 to 256, got 1.5",
         "[[turbine]] 1: ",
