@@ -2,7 +2,7 @@
 Modes and shapes without a model
 ================================
 
-Accelerometers on the floors of a building, wind or traffic that nobody measured, and no model. Which modes are there?
+Accelerometers on the floors of a building, unmeasured wind or traffic, and no model. Which modes are there?
 """
 
 import matplotlib.pyplot as plt

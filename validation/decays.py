@@ -1,4 +1,4 @@
-"""How often ±2σ of modes from free decays contain the truth, and whether ambient vibration is refused.
+"""Coverage of ±2σ of modes from free decays, and refusal of ambient vibration.
 
     python -m validation.decays --runs 60
 

@@ -45,7 +45,7 @@ SIMULATED_SECONDS, SIMULATED_RATE = 540.0, 25.0
 
 
 class Seen(NamedTuple):
-    """One identification beside the truth.
+    """One identification compared with the truth.
 
     Attributes
     ----------
@@ -183,7 +183,7 @@ def window_table(seen: Sequence[Seen]) -> list[tuple[str, ...]]:
 
 
 def coverage_table(seen: Sequence[Seen]) -> list[tuple[str, ...]]:
-    """How often ±2σ and ±3σ hold the truth, for all and for those that are trusted."""
+    """Coverage of ±2σ and ±3σ, for all and for those that are trusted."""
     rows: list[tuple[str, ...]] = []
     for label in (*dict.fromkeys(s.label for s in seen), "all"):
         for which in ("all", "trusted"):

@@ -128,7 +128,7 @@ def followed(results: Sequence[OperationalModes]) -> list[list[OperationalMode]]
 
 
 def building(values: Array, rate: float, peer: str | None) -> Iterator[tuple[str, ...]]:
-    """The building's modes over windows, beside pyOMA-2."""
+    """The building's modes over windows, compared with pyOMA-2."""
     results = windows(values, rate)
     modes = followed(results)
     seconds = float(np.median([result.elapsed for result in results]))
@@ -150,7 +150,7 @@ def building(values: Array, rate: float, peer: str | None) -> Iterator[tuple[str
 
 
 def _peers(values: Array, rate: float, peer: str, near: Sequence[float]) -> Iterator[tuple[str, ...]]:
-    """The same windows by pyOMA-2, told which frequencies to look near."""
+    """Windows by pyOMA-2, with given frequencies."""
     size = int(WINDOW * rate)
     for name, settings in (("pyOMA-2, 100 Hz, its own order", DEFAULTS), ("pyOMA-2, as its example", BEST)):
         found, seconds = [], []

@@ -1,9 +1,9 @@
-"""Operational modal analysis on records with known modes: do the bands hold the truth, and what does it cost?
+"""Operational modal analysis on records with known modes: do the bands cover the true values, and what does it cost?
 
 - Closely spaced modes, 0.98, 1.00, 1.02 Hz with 0.8, 1.0, 1.2 % (the benchmark of the Bayesian literature: Au,
   Operational Modal Analysis, Springer 2017), 5 000 s.
-- One mode at several lengths, beside Au's laws, c_f² = ζ/(2π N_c B_f) and c_ζ² = 1/(2π ζ N_c B_ζ) with N_c cycles and
-  the band f (1 ± 10 ζ).
+- One mode at several lengths, compared with Au's laws, c_f² = ζ/(2π N_c B_f) and c_ζ² = 1/(2π ζ N_c B_ζ) with N_c
+  cycles and the band f (1 ± 10 ζ).
 - Four modes far apart, each with a coloured load of its own, 600 s at 50 Hz: is every one found, and no other?
 - Frames of N storeys, 600 s at 50 Hz, output only: white forces on every storey, 1 % noise on every geophone.
 - Frames of 5 storeys, 600 s, 10 % noise, which one load drives on all storeys alike, or at the top: every mode has the
@@ -14,8 +14,8 @@
 - Steep loads, of spectra f⁻⁵ to f⁴.
 - OpenFAST (`--openfast FOLDER`): c2 and d1, tower and edgewise modes.
 
-How often intervals hold the truth is counted over frequencies and damping ratios of grade A or B; so are modes of such
-grades that are none.
+How often intervals cover the true values is counted over frequencies and damping ratios of grade A or B; so are modes
+of such grades that are none.
 Oscillators are sampled exactly, by the matrix exponential of state and noise covariance. Seeds begin at `FRESH`, beyond
 those that tests and development used.
 
@@ -86,7 +86,7 @@ def record(values: Array, rate: float, quantity: str = "velocity", unit: str = "
 
 
 class Score(NamedTuple):
-    """How modes that were found compare with the true ones, over one or more records.
+    """Comparison of found modes with the true ones, over one or more records.
 
     Attributes
     ----------
@@ -163,7 +163,7 @@ def close_modes(runs: int) -> Iterable[tuple[str, ...]]:
 
 
 def modes_apart(runs: int) -> Iterable[tuple[str, ...]]:
-    """Four modes that nobody could take for each other."""
+    """Four well-separated modes."""
     rate, count = 50.0, 30_000
     total, whole = Score(), 0
     for seed in range(FRESH + 4000, FRESH + 4000 + runs):
@@ -180,7 +180,7 @@ def modes_apart(runs: int) -> Iterable[tuple[str, ...]]:
 
 
 def single_modes(runs: int) -> Iterable[tuple[str, ...]]:
-    """One mode at several lengths, beside Au's laws."""
+    """One mode at several lengths, compared with Au's laws."""
     b_f = 2 / np.pi * (np.arctan(KAPPA) - KAPPA / (KAPPA**2 + 1))
     b_z = 2 / np.pi * (np.arctan(KAPPA) + KAPPA / (KAPPA**2 + 1) - 2 * np.arctan(KAPPA) ** 2 / KAPPA)
     for length in LENGTHS:
@@ -350,7 +350,7 @@ def several_records(runs: int) -> Iterable[tuple[str, ...]]:
 
 
 def turbines(folder: Path) -> Iterable[tuple[str, ...]]:
-    """c2 and d1 beside their true modes."""
+    """c2 and d1 compared with their true modes."""
     for name, file in FILES.items():
         found = analyse_vibration(read_record(folder / file), sensors=TIPS, section=(60.0, 600.0))
         for truth in TRUTH[name]:

@@ -674,7 +674,7 @@ _FLEET_AND_MODES = (
     ),
     Mutant(
         "a mode at the border", "modal_bands/check.py",
-        "doubts.append(Doubt(\"border\", \"it sits at the border of its band\"))", "pass",
+        "doubts.append(Doubt(\"border\", \"it is at the edge of its frequency range\"))", "pass",
         "a mode at the border of its band is trusted",
     ),
     Mutant(

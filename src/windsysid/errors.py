@@ -1,4 +1,4 @@
-"""The errors windsysid raises on bad input: what was wrong, what was expected, what was got, what to do."""
+"""Errors of windsysid on bad input: what is wrong, expected and received values, and advice."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

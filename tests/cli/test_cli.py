@@ -355,7 +355,7 @@ def test_help_lists_first_what_is_asked_of_one_record_and_asks_no_value_of_a_fla
     commands = re.findall(r"^  (\w+) +\w", run("--help").out.partition("Commands")[2], flags=re.MULTILINE)
     assert commands[:4] == ["start", "inspect", "identify", "oma"]
     assert len(commands) == len(cli.app.registered_commands)
-    assert re.search(r"--overwrite +Replace", run("identify", "--help").out)
+    assert re.search(r"--overwrite +Overwrite", run("identify", "--help").out)
 
 
 def test_a_record_is_simulated_identified_and_replaced(run, tmp_path):

@@ -65,7 +65,7 @@ def test_modes_by_hand_and_decays_have_clear_errors(run, path, tmp_path):
     (tmp_path / "modes.toml").write_text("add = [[2, 1]]")
     for options, message in (
         (("--modes", tmp_path / "modes.toml"), "two rising frequencies"),
-        (("--decay", "--band", 0.9, 1.3), "--band goes not with --decay"),
+        (("--decay", "--band", 0.9, 1.3), "--band cannot be combined with --decay"),
         (("--decay", "--section", 0, 100), "expected a free decay, got none"),
     ):
         done = run("oma", path, *options, "--output", tmp_path / "out")

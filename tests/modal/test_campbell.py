@@ -64,9 +64,9 @@ def test_the_distance_from_a_harmonic_is_least_at_the_end_of_the_range_and_its_b
     assert not near.crosses
     assert margin(found, 3).distance[0] == pytest.approx(1 / 1.5 - 1)
     assert found.sentences[0] == (
-        "No mode meets 1P, 3P or 6P from 30 to 45 rpm: the nearest is tower x, 33.3 ± 1.3 % below 3P at 30 rpm."
+        "No mode crosses 1P, 3P or 6P from 30 to 45 rpm: the nearest is tower x, 33.3 ± 1.3 % below 3P at 30 rpm."
         if abs(margin(found, 3).distance[0]) < abs(near.distance[0])
-        else "No mode meets 1P, 3P or 6P from 30 to 45 rpm: the nearest is tower x, 33.3 ± 2.7 % above 1P at 45 rpm."
+        else "No mode crosses 1P, 3P or 6P from 30 to 45 rpm: the nearest is tower x, 33.3 ± 2.7 % above 1P at 45 rpm."
     )
 
 

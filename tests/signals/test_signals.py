@@ -286,7 +286,7 @@ def test_gaps_are_bridged_at_the_usual_speed_where_none_is_recorded():
 
 @pytest.mark.parametrize("speed", [None, SPEED])
 def test_an_azimuth_that_runs_backward_is_refused(speed):
-    with pytest.raises(RecordError, match=r"expected angles that increase .* got -1\.2 rad/s .* sense of rotation"):
+    with pytest.raises(RecordError, match=r"expected angles that increase .* got -1\.2 rad/s .* direction of rotation"):
         rotor_inputs(rotor_record(-AZIMUTH, speed), 1.2)
 
 

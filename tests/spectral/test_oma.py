@@ -503,7 +503,7 @@ def test_records_that_hold_the_same_motion_are_not_trusted_together(step):
         records[1] = record_of(2.0 * records[1].values + 1e-3 * rng.normal(size=records[1].values.shape), RATE)
     found = ws.oma(records)
     assert not found.trusted
-    assert "hold the same motion" in found.doubts[0]
+    assert "contain the same motion" in found.doubts[0]
 
 
 def test_records_one_after_the_other_are_trusted_together():

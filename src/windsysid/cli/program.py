@@ -1,4 +1,4 @@
-"""The command line as a program: what it runs, and how it ends."""
+"""The command line as a program: start, errors and exit codes."""
 
 import logging
 import os
@@ -40,7 +40,7 @@ def main() -> None:
 
 
 def _refuse(message: str) -> NoReturn:
-    """Say in one line what was wrong."""
+    """Report an error in one line."""
     print(f"windsysid: {printable(' '.join(message.split()))}", file=sys.stderr)
     sys.exit(2)
 

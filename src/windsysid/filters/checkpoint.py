@@ -1,9 +1,8 @@
-"""Beliefs on disk: a filter that stops and goes on from a file computes, bit for bit, what it would have without
-stopping.
+"""Beliefs on disk: a filter that resumes from a file computes the same, bit for bit, as without a stop.
 
 A NumPy archive (.npz) holds the four fields of the belief as they are in memory, the names of the model's states, and a
-mark that says what it is. It is written beside its place and moved there whole, so that an interruption leaves the last
-one.
+mark that says what it is. It is written next to its place and moved there whole, so that an interruption leaves the
+last one.
 """
 
 import zipfile

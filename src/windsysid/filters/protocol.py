@@ -72,7 +72,7 @@ class Info(NamedTuple):
 
 
 def empty_info(samples: int, n: int, m: int) -> Info:
-    """Room for what comes out of T samples of m readings and n states; nothing gated."""
+    """Workspace for the results of T samples of m readings and n states; nothing gated."""
     state, reading = (samples, n), (samples, m)
     return Info(
         np.empty(state), np.empty(state), np.empty(reading), np.empty(reading), np.empty(reading), np.empty(reading),

@@ -203,7 +203,7 @@ def _unscented(
 def _linearised_transition(
     rates_jacobian: Any, blocks: Any, ws: Any, points: Any, mean: Any, rows: Any, before: Any, after: Any
 ) -> None:
-    """What `spread_transition` does, with exact Jacobians: [F S | Γ √Q | V | √walk] into the first n of `rows`."""
+    """Transition as by `spread_transition`, with exact Jacobians: [F S | Γ √Q | V | √walk] into `rows` 1 … n."""
     nx, nz, nb, nt, _, _ = blocks.sizes
     n, rest, rough = nx + nz + nb + nt, nx + nz, blocks.load_within.shape[2]
     s = interval(blocks, after)

@@ -39,7 +39,7 @@ FORMULATIONS = ("spectral", "joint", "auto")
 _LOOKS_PER_REPORT = 20
 
 LOOKS_A_WORKER = 50
-"""Records whose begin is asked for that are worth another worker's start."""
+"""Records whose begin is requested that are worth another worker's start."""
 
 REASONS = 3
 """Reasons for no result that the answer lists."""
@@ -220,7 +220,7 @@ def _members(
     if fleet is None:
         return (single(str(turbine), **files),)
     if any(files.values()):
-        raise ConfigurationError("batch: with a fleet file, mapping, sensors and SCADA are named in it")
+        raise ConfigurationError("batch: a fleet file names mapping, sensors and SCADA itself: leave them out")
     return read_fleet(fleet)
 
 
@@ -259,7 +259,7 @@ def _identify(
 
 
 class _Counted:
-    """Counts records as they come, and says how fast they come."""
+    """Counter of records, with their rate."""
 
     def __init__(self, total: int, progress: Progress) -> None:
         self.total, self.progress, self.taken, self.whys = total, progress, Counter[str](), Counter[tuple[str, str]]()
@@ -359,7 +359,7 @@ def _day_and_tries(path: str, row: Known | None, begins: Mapping[str, str | None
 
 
 def _unknown(path: str, known: dict[str, Known]) -> bool:
-    """Whether a record has to be opened to know its day: a remote one with a date in its name is not copied twice."""
+    """Test whether a record has to be opened for its day: a remote one with a date in its name is not copied twice."""
     return path not in known and not (is_remote(path) and not day_of(None, path).startswith(UNDATED))
 
 

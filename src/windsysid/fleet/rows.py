@@ -1,4 +1,4 @@
-"""A record as one row of an archive: what was found, or why nothing was.
+"""A record as one row of an archive: the result, or the reason why there is none.
 
 A row is a plain mapping with the keys of `COLUMNS`. What a record has several of (coefficients, modes, channels) is a
 list of mappings, so that all turbines have the same columns. A row holds nothing that differs when the same record is
@@ -63,7 +63,7 @@ COLUMNS: dict[str, str | dict[str, str]] = {
     "formulation": TEXT, "method": TEXT, "section_start": NUMBER, "section_end": NUMBER, "log_likelihood": NUMBER,
     "windsysid": TEXT, "record_hash": TEXT, "settings": TEXT, "turbine_file": TEXT,
 }  # fmt: skip
-"""The columns of an archive, and what each holds; those with columns of their own are lists.
+"""The columns of an archive, with their content; those with columns of their own are lists.
 
 status
     ``ok``; ``refused``, where the record is not fit, `why` says for what; ``failed``, where something else went wrong.
@@ -79,7 +79,7 @@ covariance
     Lower triangle, row by row, of the parameters in filter coordinates, of the coordinates of the statistics, and of
     the tolerances in standard deviations of their priors.
 own, own_std
-    What the record itself says of a parameter, its prior taken out, in filter coordinates: what is monitored.
+    Information of the record itself on a parameter, without its prior, in filter coordinates: what is monitored.
 grade, frequency_grade, damping_ratio_grade
     Of the quantity (docs/grades.md): none in archives of an older version (`stored_grade`).
 reason
@@ -178,7 +178,7 @@ def _health(record: Record, turbine: Turbine, sensors: Sequence[Sensor] | None) 
 
 
 def _found(found: Identification) -> Row:
-    """What an identification found."""
+    """Row of an identification's result."""
     import tomli_w
 
     from windsysid.turbine.tables import as_tables

@@ -72,7 +72,7 @@ class Reading:
 
     @property
     def structure(self) -> str:
-        """What its kernel depends on, as text."""
+        """Text on which its kernel depends."""
         from sympy import srepr
 
         return str(srepr(self.expression))
@@ -204,7 +204,7 @@ def fit(
 
 
 def _check(job: EquationsJob, formulation: str) -> None:
-    """Refuse what no formulation, or not this one, can identify from."""
+    """Refuse data from which no formulation, or not this one, can identify."""
     if not job.parameters:
         raise ConfigurationError("parameters: expected at least one to identify, got none")
     if not job.sensors:

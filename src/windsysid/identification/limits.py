@@ -1,6 +1,6 @@
 """Decision limits of an identification: probabilities, odds and sizes that decide on models and findings.
 
-Settings of solvers and arithmetic stand beside their code. "Proven" means that intervals were validated.
+Settings of solvers and arithmetic stand next to their code. "Proven" means that intervals were validated.
 """
 
 from windsysid.spectral.transforms.lifted import FIRST_BIN
@@ -65,7 +65,7 @@ MIN_SPIKE_MEDIANS = 15.0
 """Size: medians of a channel by which a spike differs from the mean of its neighbours: ten σ of normal values."""
 
 MAX_NEIGHBOUR_SHARE = 0.75
-"""Size: share of a spike's difference that its neighbours may have; beside a spike they have half of it."""
+"""Size: share of a spike's difference that its neighbours may have; next to a spike they have half of it."""
 
 # Effects
 
@@ -131,7 +131,7 @@ MIN_LINE_POWER = 9.0
 same sinusoid; one in ten healthy records has it."""
 
 MARGINAL_LINE_FACTOR = 1.25
-"""Size: times its bound within which a line may be chance: it is no reason if nothing depends on it."""
+"""Size: times its bound within which a line may be chance: no finding if no estimate depends on it."""
 
 MAX_SINE_SCATTER = 8.4
 """Probability: squared scatter of a sinusoid's amplitude and phase over segments, relative to chance: 1 in 100."""
@@ -157,7 +157,7 @@ explanations nearly as good, beyond which neither is trusted; two independent es
 two share their readings."""
 
 MAX_INFLUENCE_SIGMAS = 2.5
-"""Size: standard deviations by which a coefficient may move without one frequency, or those beside a sinusoid."""
+"""Size: standard deviations by which a coefficient may move without one frequency, or those near a sinusoid."""
 
 NEGLIGIBLE_SHIFT_SIGMAS = 1.5
 """Size: standard deviations up to which a coefficient may differ under another explanation without effect."""
@@ -172,7 +172,7 @@ MAX_RIVAL_LOG_ODDS = 50.0
 """Log odds: against a load model that is dropped after the first stages, which weigh the record with a fifth."""
 
 MAX_NARROW_DAMPING_SHARE = 0.5
-"""Size: share of the damping ratio of the mode beside it, below which a load may have passed for the mode."""
+"""Size: share of the damping ratio of the mode next to it, below which a load may have passed for the mode."""
 
 MAX_TOLERANCE_CHANGE = 0.5
 """Size: share of a gain or of a mass by which a search may have moved it where spectra check filters."""

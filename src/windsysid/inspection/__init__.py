@@ -124,7 +124,7 @@ def _nominal_rotor(record: Record, turbine: "Turbine | None", rotor: Rotor | Non
 
 
 def _rotor_notes(rotor: Rotor | None, nominal: Rotor | None) -> list[str]:
-    """Note where rotor harmonics come from, or that there are none."""
+    """Note on the source of rotor harmonics, or that there are none."""
     if rotor is None and nominal is not None:
         return [
             f"No usable rotor speed or azimuth in the record: harmonics are those of the turbine file's"
@@ -146,7 +146,7 @@ def _spectral_channels(record: Record, usable: dict[str, Kind], first: tuple[str
     operating = [name for name, kind in usable.items() if kind in ("power", "rotor speed")]
     chosen = [name for name in operating if np.nanstd(record[name]) > 0.0]
     instead = f": spectra of {' and '.join(chosen)} instead." if chosen else ", so no spectra."
-    notes.append("No channel in which vibration would show" + instead)
+    notes.append("No channel measures vibration" + instead)
     return chosen
 
 

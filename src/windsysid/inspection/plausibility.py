@@ -33,7 +33,7 @@ __all__ = ["GRAVITY", "TIME", "Rotor", "implausible", "once_per_turn", "rotor_of
 GRAVITY = 9.80665
 """Setting: standard acceleration of gravity [m/s²]."""
 TIME = "time"
-"""What findings about the time's unit are about."""
+"""Subject of findings on the time's unit."""
 _TURN = math.tau
 _RATIOS = (
     (60.0 / _TURN, "rpm marked as rad/s"),
@@ -72,7 +72,7 @@ MIN_YAW_DEGREES = 10.0
 
 
 class Rotor:
-    """How the rotor turned.
+    """Rotation of the rotor.
 
     Attributes
     ----------
@@ -96,7 +96,7 @@ def turns_per_second(record: Record) -> float:
 
 
 def _speed_channels(record: Record) -> list[str]:
-    """Channels with the rotor speed [rad/s], by their names: ``rotor_speed``, or what other loggers call it.
+    """Channels with the rotor speed [rad/s], by their names: ``rotor_speed``, or those of other loggers.
 
     The speed of a generator counts where it is one that rotors have: there is no gear.
     """
@@ -161,7 +161,7 @@ def _wrong_unit(record: Record, channel: str, kind: Kind, rotor: Rotor | None) -
 
 
 def _pace(record: Record) -> list[Fault]:
-    """Whether accelerations come so seldom that the time was in milliseconds, or so often that it was in days."""
+    """Test whether accelerations come so seldom that the time was in milliseconds, or so often that it was in days."""
     step = 1.0 / record.rate
     if record.rate < MIN_ACCELERATION_RATE:
         return [_unit(TIME, "no structure so slow", step=step)]
@@ -295,7 +295,7 @@ def _angle(channel: str, kind: Kind, x: Array) -> list[Fault]:
 
 
 def _is_in_degrees(kind: Kind, wrap: float, span: float, largest: float) -> bool:
-    """Whether an angle is in degrees, by the median size of its wraps, its span and its largest value."""
+    """Test whether an angle is in degrees, by the median size of its wraps, its span and its largest value."""
     if 300.0 < wrap < 361.0 and span < 361.0:
         return True
     if kind in ("direction", "yaw"):

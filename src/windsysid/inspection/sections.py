@@ -1,4 +1,4 @@
-"""Which part of a record to use: steady rotor and wind, no faults, and enough vibration to identify something from.
+"""Proposal of sections: steady rotor and wind, no faults, and enough vibration for an identification.
 
 The published study picked 500–600 s of a 600 s record by eye, "since the proposed mathematical model is the assumptions
 constant direction and speed of the wind". Here every window of that length is given penalties, each 1 where it begins
@@ -54,7 +54,7 @@ CHANGE_PENALTY = 0.2
 
 @dataclass(frozen=True)
 class Proposal:
-    """A section of the record: start and end [s], penalty (0 is best), what speaks for it and what against."""
+    """Section of the record: start and end [s], penalty (0 is best), reasons for it and against."""
 
     start: float
     end: float
@@ -64,7 +64,7 @@ class Proposal:
 
     @property
     def good(self) -> bool:
-        """Whether nothing speaks against it."""
+        """True if there is no objection."""
         return not self.against
 
     def summary(self) -> dict[str, Any]:
@@ -79,7 +79,7 @@ class Proposal:
         }
 
     def __str__(self) -> str:
-        words = joined(self.reasons) if self.reasons else "nothing to judge it by"
+        words = joined(self.reasons) if self.reasons else "no criterion applies"
         return words + (f"; but {joined(self.against)}" if self.against else "")
 
 
@@ -249,7 +249,7 @@ def _judge_wind(record: Record, known: dict[str, Kind], cut: "_Blocks", judge: A
     if "direction" in first:
         spread = cut.circular_spread(record[first["direction"]])
         words = [f"direction within ± {np.degrees(s):.2g}°" for s in spread]
-        judge(spread / MAX_DIRECTION_SPREAD, words, [f"the wind turns ({text})" for text in words])
+        judge(spread / MAX_DIRECTION_SPREAD, words, [f"the wind direction changes ({text})" for text in words])
 
 
 class _Blocks:
@@ -346,15 +346,15 @@ def _judge_excitation(vibrations: dict[str, Vibration], cut: _Blocks, judge: Any
     """Judge the level of vibration relative to the record's and its change within a window, both beyond chance."""
     first, last = cut.edges[: -cut.per_window], cut.edges[cut.per_window :]
     if not vibrations:
-        nothing = ["there is no channel in which vibration would show"] * len(first)
+        nothing = ["no channel measures vibration"] * len(first)
         judge(np.full(len(nothing), 2.0), nothing, nothing)
         return
     level, chance = _levels(list(vibrations.values()), np.stack([first, last], axis=-1))
     weak = -np.log2(level)
     judge(
         np.where(weak > 0.0, weak, np.maximum(0.25 * weak, -0.5)),
-        [f"vibration {v:.2g} × the record's usual" for v in level],
-        [f"vibration only {v:.2g} × the record's usual" for v in level],
+        [f"vibration {v:.2g} × the record's median" for v in level],
+        [f"RMS only {v:.2g} × the record's median" for v in level],
         np.maximum(-np.log2(MIN_VIBRATION_FACTOR), np.log2(chance)),
     )
     found = changes(list(vibrations.values()), first, last)

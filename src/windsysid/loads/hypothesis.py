@@ -1,5 +1,4 @@
-"""Hypotheses of what the loads are: what each supposes of a turbine, where it applies, and the registry that holds them
-all.
+"""Hypotheses on the loads: the assumptions of each on a turbine, where it applies, and the registry of all.
 
 A hypothesis of one's own derives from `LoadHypothesis` and is known everywhere after `register_loads`: `identify` takes
 its name and tries it by itself where it applies, `simulate` plays it, the command line lists it.
@@ -73,12 +72,12 @@ class LoadHypothesis(ABC):
     caution: ClassVar[str] = ""
 
     def applies_to(self, turbine: Turbine) -> bool:
-        """Whether the loads of a turbine may be like that; by default those of any."""
+        """True if the hypothesis applies to the loads of a turbine; by default to any."""
         return True
 
     @abstractmethod
     def suppose(self, turbine: Turbine, loads: Sequence[GaussMarkov]) -> SupposedLoads:
-        """What it supposes of a turbine, `loads` being those of its file that are states.
+        """Load model for a turbine, `loads` being those of its file that are states.
 
         Raises
         ------
@@ -87,7 +86,7 @@ class LoadHypothesis(ABC):
         """
 
     def start_from(self, louder: Values, statistics: Sequence[Statistic]) -> dict[str, float]:
-        """Where to begin to look for its statistics, by name, after the simplest hypothesis has been tried; those left
+        """Start values of its statistics, by name, after the simplest hypothesis has been tried; those left
         out stay as given.
 
         Parameters

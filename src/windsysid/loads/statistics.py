@@ -1,4 +1,4 @@
-"""Statistics of loads and noise as parameters: what nobody knows beforehand, learned from the record.
+"""Statistics of loads and noise as parameters, learned from the record.
 
 Wrong statistics ruin honest bands more than the choice of filter does, so they are identified with the coefficients:
 one rms for the load on each degree of freedom, one time constant (harmonics of the rotor have their own of either), and

@@ -183,9 +183,9 @@ def compile_model(
 
 
 def _structure(model: Model, sensors: Sequence[Any]) -> list[str]:
-    """What the kernels depend on, as text.
+    """Text on which the kernels depend.
 
-    This package's own classes say it, and `_version` changes with their code. Of a class from elsewhere nobody sees the
+    This package's own classes say it, and `_version` changes with their code. Of a foreign class it cannot see the
     code: there the expressions themselves are the text, at the cost of deriving them in every process.
     """
     if all(type(part).__module__.split(".")[0] == "windsysid" for part in (model, *sensors)):
@@ -206,7 +206,7 @@ def _announce() -> None:
 
 @lru_cache(maxsize=1)
 def _version() -> str:
-    """What the generated source depends on besides the model: this package's mechanics, and SymPy."""
+    """Text on which the generated source depends in addition to the model: this package's mechanics, and SymPy."""
     digest = hashlib.sha256()
     for path in sorted(Path(__file__).parent.glob("*.py")):
         digest.update(path.read_bytes())
@@ -233,7 +233,7 @@ def _kept_source(path: Path) -> str | None:
 
 
 def _import(path: Path, source: str) -> ModuleType:
-    """The module that `source` says; its byte code is kept beside the file, with the source it was made from."""
+    """The module that `source` says; its byte code is kept next to the file, with the source it was made from."""
     digest = hashlib.sha256(source.encode()).digest()
     beside = cache_folder() / path.with_suffix(f".{sys.implementation.cache_tag}-{sys.hexversion:x}.code").name
     payload = kept(beside)

@@ -1,4 +1,4 @@
-"""Equations of motion as data: what the compiler takes and what every mechanical model hands over.
+"""Equations of motion as data: input of the compiler, output of every mechanical model.
 
 A model is a first-order system, part of which may be implicit in the accelerations a:
 
@@ -27,7 +27,7 @@ MATH = (
     "acos", "asin", "atan", "atan2", "copysign", "cos", "cosh", "erf", "exp", "log", "nan", "pi", "sin", "sinh",
     "sqrt", "tan", "tanh",
 )  # fmt: skip
-"""What generated source imports from `math`."""
+"""Imports of generated source from `math`."""
 
 _TAKEN = frozenset((*MATH, "abs", "max", "min", "where"))
 

@@ -40,15 +40,15 @@ class RotorLayout(Protocol):
 
     @property
     def datum(self) -> str:
-        """Where displacements are counted from."""
+        """Origin of displacements."""
 
     @property
     def air_couples(self) -> bool:
-        """Whether the air couples hub and blades."""
+        """True if the air couples hub and blades."""
 
     @property
     def leads(self) -> bool:
-        """Whether all blades lead by a mean lag angle."""
+        """True if all blades lead by a mean lag angle."""
 
 
 class Kinematics:

@@ -1,9 +1,8 @@
-"""What a mechanical model must say: its degrees of freedom, its parameters, its equations and what sensors read.
+"""Interface of a mechanical model: its degrees of freedom, parameters, equations and readings.
 
-`Model` is what can be compiled. `MechanicalModel` is what a turbine can be made of: everything that the rest of the
-package asks of a structure is asked here, and nothing else looks at a model's class or takes the names of its
-parameters apart. A model of one's own derives from `MechanicalModel`, says what has no default, and is known to turbine
-files after `register_model`.
+`Model` can be compiled. `MechanicalModel` is the structure of a turbine file: the rest of the package uses this
+interface only, and neither a model's class nor the spelling of its parameters. A user's model derives from
+`MechanicalModel`, defines what has no default, and is known to turbine files after `register_model`.
 """
 
 import math
@@ -106,7 +105,7 @@ class Coordinate:
 
 
 class Model(Protocol):
-    """What can be compiled: a `MechanicalModel`, or any `Equations`."""
+    """Input of compilation: a `MechanicalModel`, or any `Equations`."""
 
     @property
     @abstractmethod
@@ -122,8 +121,8 @@ class Model(Protocol):
         """The symbolic readings of the sensors."""
 
     def readings_across(self, sensors: Sequence[Any]) -> "list[sp.Expr | None]":
-        """The same with each sensor's axis turned by 90° in the plane of motion; None where that changes nothing, as by
-        default."""
+        """Readings with each sensor's axis rotated by 90° in the plane of motion; None where that changes nothing, as
+        by default."""
         return [None] * len(sensors)
 
     def role(self, name: str) -> tuple[Kind, str]:
@@ -138,7 +137,7 @@ class ModalAxes(Protocol):
 
     @property
     def turns(self) -> bool:
-        """Whether the equations depend on the rotor's azimuth or speed."""
+        """True if the equations depend on the rotor's azimuth or speed."""
 
     @property
     def hinged_blades(self) -> int:
@@ -146,7 +145,7 @@ class ModalAxes(Protocol):
 
     @property
     def averages(self) -> bool:
-        """Whether what is left of the azimuth may be averaged over a turn."""
+        """True if the remaining dependence on the azimuth may be averaged over a turn."""
 
     def obstacles(self, values: Mapping[str, float]) -> list[str]:
         """Why the equations are not constant in these coordinates, a phrase each; empty where they are."""
@@ -155,15 +154,15 @@ class ModalAxes(Protocol):
         """T(ψ) of q = T ξ with its first and second derivative to ψ (3, K, n, n), at azimuths (K,)."""
 
     def weights(self, values: Mapping[str, float]) -> Array:
-        """What each coordinate weighs (n,) [kg or kg·m²]."""
+        """Mass of each coordinate (n,) [kg or kg·m²]."""
 
     def name(self, shape: Complex) -> str:
-        """The name of a mode from its shape (n,), each displacement times the root of what it weighs."""
+        """Name of a mode from its shape (n,), each displacement times the root of its mass."""
 
 
 @dataclass(frozen=True)
 class FixedAxes:
-    """`ModalAxes` of a structure whose equations are constant as they stand; a mode is named after what moves most."""
+    """`ModalAxes` of a structure with constant equations; a mode is named after its largest displacement."""
 
     model: "MechanicalModel"
     prefix: str = ""
@@ -227,7 +226,7 @@ class MechanicalModel(Model, Protocol):
 
     @abstractmethod
     def stiffness(self, coordinate: str, values: Mapping[str, float], rotor_speed: float) -> float:
-        """What holds `coordinate` [N/m or N·m/rad] when the others are held, at coefficients `values`, the rotor
+        """Stiffness of `coordinate` [N/m or N·m/rad] with the others fixed, at coefficients `values`, the rotor
         turning at `rotor_speed` [rad/s]."""
 
     def __hash__(self) -> int:
@@ -245,7 +244,7 @@ class MechanicalModel(Model, Protocol):
         return self, ()
 
     def bodies(self) -> Mapping[str, tuple[str, ...]]:
-        """The inertias of each body, by its name: what was weighed together is wrong together. By default those of each
+        """Inertias of each body, by its name: parts with a common error form one body. By default those of each
         part."""
         found: dict[str, tuple[str, ...]] = {}
         for known in self.parameters:
@@ -322,7 +321,7 @@ class MechanicalModel(Model, Protocol):
         )
 
     def acts(self, name: str) -> bool:
-        """Whether the parameter `name` plays a part: not so stiffness and damping of what is locked."""
+        """True if the parameter `name` has an effect: false for stiffness and damping of locked coordinates."""
         kinds = {c.name: c.kind for c in self.parameters}
         return name in self.coefficients or kinds.get(name) in ("inertia", "geometry")
 

@@ -183,7 +183,7 @@ class RotorModel(MechanicalModel):
         return replace(self, **changes) if changes else self, locked  # type: ignore[arg-type]
 
     def bodies(self) -> Mapping[str, tuple[str, ...]]:
-        """The hub with what it carries along of nacelle and tower, and each blade."""
+        """The hub with the moving parts of nacelle and tower, and each blade."""
         support = ("hub_mass_x", "hub_mass_y", "roll_inertia")
         blade = ("blade_mass", "blade_first_moment", "blade_inertia")
         return {"hub": support} | {f"blade_{i}": tuple(f"{name}_{i}" for name in blade) for i in self.blade_numbers}
@@ -227,13 +227,13 @@ class RotorModel(MechanicalModel):
         )
 
     def readings(self, sensors: "Sequence[Sensor]") -> "list[sp.Expr]":
-        """What each of `sensors` reads, in x, a, u, p and w."""
+        """Readings of each of `sensors`, in x, a, u, p and w."""
         from windsysid.mechanics.readings import SymbolicRotorMotion
 
         return [sensor.reading(SymbolicRotorMotion(self.kinematics)) for sensor in sensors]
 
     def readings_across(self, sensors: "Sequence[Sensor]") -> "list[sp.Expr | None]":
-        """The same with the axis of each of `sensors` turned by 90°; None where that changes nothing."""
+        """Readings with the axis of each of `sensors` rotated by 90°; None where that changes nothing."""
         from windsysid.mechanics.readings import SymbolicRotorMotion
 
         return [sensor.across(SymbolicRotorMotion(self.kinematics)) for sensor in sensors]

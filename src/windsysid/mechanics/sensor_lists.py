@@ -108,7 +108,7 @@ def parse_sensors(tables: Sequence[object], source: str) -> tuple[Sensor, ...]:
 
 
 def first_problem(error: ValidationError) -> str:
-    """The first problem of a pydantic error in one line: key, what was expected, what was got.
+    """First problem of a pydantic error in one line: key, expected and received value.
 
     An unknown key comes first: it is usually the misspelt one that is then missing. Items of a list are counted from 1.
     """

@@ -1,8 +1,8 @@
-"""What an instrument reads: each kind of sensor a class, with its reading, its unit and its rules.
+"""Readings of instruments: each kind of sensor a class, with its reading, its unit and its rules.
 
 A reading is an expression in displacements, velocities, accelerations, azimuth and loads. It is compiled with its
-Jacobians beside the equations of motion, and the simulator and the filters call that same function. An accelerometer
-reads the total acceleration of its point, the effect of loads included; one that feels gravity reads the specific
+Jacobians with the equations of motion, and the simulator and the filters call that same function. An accelerometer
+reads the total acceleration of its point, the effect of loads included; one that measures gravity reads the specific
 force a − g along its own axis, in its own turning frame.
 
 A mechanical model says how its parts move (`StructuralMotion`); a sensor says what it makes of that. A sensor of one's
@@ -62,7 +62,7 @@ def noise_source(name: str) -> str:
 
 
 class StructuralMotion(Protocol):
-    """How a structure moves, in symbols: what a mechanical model tells its sensors."""
+    """Motion of a structure, in symbols: input of its sensors from a mechanical model."""
 
     @property
     def parameters(self) -> "Mapping[str, sp.Symbol]":
@@ -75,7 +75,7 @@ class StructuralMotion(Protocol):
         """The time derivative of an expression."""
 
     def along(self, sensor: "PlacedSensor", order: int) -> "sp.Expr":
-        """The `order`-th derivative of where the sensor sits, along its axis, and gravity where it feels it."""
+        """The `order`-th derivative of the sensor's place, along its axis, and gravity if it measures it."""
 
     def turning(self, sensor: "PlacedSensor") -> "sp.Expr":
         """The rate [rad/s] at which the part turns on which the sensor sits."""
@@ -137,7 +137,7 @@ class Sensor(BaseModel):
 
     @abstractmethod
     def reading(self, motion: StructuralMotion) -> "sp.Expr":
-        """What it reads of a structure in `motion`, noise and offset apart."""
+        """Reading of a structure in `motion`, without noise and offset."""
 
     @property
     def blade(self) -> int:
@@ -155,11 +155,11 @@ class Sensor(BaseModel):
         return 0.0
 
     def across(self, motion: StructuralMotion) -> "sp.Expr | None":
-        """What it would read of `motion` if turned by 90°; None where turning changes nothing that is modelled."""
+        """Reading of `motion` if rotated by 90°; None if the rotation changes nothing that is modelled."""
         return None
 
     def exact(self) -> Self:
-        """The same sensor without tolerances."""
+        """Sensor without tolerances."""
         return self.model_copy(update={name: 0.0 for name in TOLERANCES if name in type(self).model_fields})
 
     @property
@@ -174,17 +174,17 @@ class Sensor(BaseModel):
 
     @property
     def noise_group(self) -> str:
-        """Sensors of one group are equally loud: name of the statistic that is their noise."""
+        """Name of the noise statistic: sensors of one group have equal noise."""
         return f"{NOISE}{'blade' if self.blade else 'tower'}_{self.quantity}"
 
     @property
     def structure(self) -> str:
-        """What its expression depends on, as text (noise and bias are numbers of the filter, not of the expression)."""
+        """Text on which its expression depends (noise and bias are numbers of the filter, not of the expression)."""
         fields = sorted(self.model_dump(exclude={"channel", "noise", "bias", "drift", "logger", *TOLERANCES}).items())
         return f"{type(self).__name__} {fields!r}"
 
     def accepts(self, unit: str) -> bool:
-        """Whether its channel may be in this unit."""
+        """True if its channel may be in this unit."""
         return unit == self.unit
 
 
@@ -283,7 +283,7 @@ class PlacedSensor(Sensor):
         return math.radians(self.alignment_tolerance) if self.turned else 0.0
 
     def across(self, motion: StructuralMotion) -> "sp.Expr | None":
-        """What it would read of `motion` if its axis were turned by 90°."""
+        """Reading of `motion` if its axis were rotated by 90°."""
         if self.turned is None:
             return None
         sign, other = self.turned
@@ -500,6 +500,6 @@ class StrainGauge(MomentSensor):
 
 
 def instrument_parameters(sensor: int) -> tuple[str, str]:
-    """Names of what the gain of a sensor, counted from 0, is off (a share), and its axis in the plane of motion
+    """Names of the gain error of a sensor, counted from 0 (a share), and of its angle error in the plane of motion
     [rad]."""
     return f"sensor_{sensor + 1}_gain", f"sensor_{sensor + 1}_turn"

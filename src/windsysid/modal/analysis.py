@@ -97,7 +97,7 @@ def analyse(
     *,
     method: Literal["Coleman", "Floquet"] | None = None,
 ) -> ModalSpectrum:
-    """The modes at one rotor speed, by Coleman's transform where it applies and by Floquet's theory elsewhere.
+    """The modes at one rotor speed, by Coleman's transform where it applies and by Floquet's theory otherwise.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def analyse(
     directions
         ∂p/∂θ (n_θ, n_p), for the slopes; none by default.
     method
-        One of the two, wanted or not. Coleman's transform averages what is left of an inequality of three or more
+        One of the two, by choice. Coleman's transform averages what is left of an inequality of three or more
         blades over a turn, gravity off: wrong by 1e-5 to 5e-4 of a frequency on the packaged turbines, which is many
         standard deviations of a free decay.
 
@@ -156,7 +156,7 @@ def analyse_unlocked(
 def _known(
     rotor: MechanicalModel, model: CompiledModel, p: Array, rotor_speed: float, directions: Array | None = None
 ) -> ModalSpectrum:
-    """`unlocked`, and where Floquet's theory has nothing to say of a slow turn, what an average over the turn says."""
+    """`unlocked`, and an average over the turn if Floquet's theory fails for a slow turn."""
     try:
         return analyse_unlocked(rotor, model, p, rotor_speed, directions)
     except ConfigurationError:

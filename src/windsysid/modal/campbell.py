@@ -32,7 +32,7 @@ MEASURED_HEADINGS = ("record", "rpm", "mode", "f [Hz], ±2σ", "ζ [%], ±2σ", 
 
 
 class Margin(NamedTuple):
-    """How far a mode stays from the harmonic nP over the operating range.
+    """Distance of a mode from the harmonic nP over the operating range.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ class Margin(NamedTuple):
 
     @property
     def certain(self) -> bool:
-        """Whether the band stays away from the harmonic too."""
+        """True if the band stays away from the harmonic, too."""
         return not self.crosses and self.distance[1] * self.distance[2] > 0.0
 
     def text(self) -> str:
@@ -65,7 +65,7 @@ class Margin(NamedTuple):
 
 
 class MeasuredMode(NamedTuple):
-    """A mode that was measured, to stand beside the diagram.
+    """Measured mode for the diagram.
 
     Attributes
     ----------
@@ -141,7 +141,7 @@ class Campbell(Answer):
     measured: tuple[MeasuredMode, ...] = ()
 
     def with_measured(self, modes: Sequence[MeasuredMode]) -> "Campbell":
-        """The same with measured modes on it."""
+        """Diagram with measured modes on it."""
         return replace(self, measured=tuple(modes))
 
     def to_dataframe(self) -> "pd.DataFrame":
@@ -212,12 +212,12 @@ class Campbell(Answer):
 
     @property
     def sentences(self) -> list[str]:
-        """What there is to say: harmonics, stability, ground resonance."""
+        """Findings: harmonics, stability, ground resonance."""
         return [self._harmonics(), self._stability(), *(self._ground_resonance(g) for g in self.ground_resonance)]
 
     def _harmonics(self) -> str:
         if not self.orders:
-            return "The rotor is parked: it has no harmonics that a mode could meet."
+            return "The rotor is parked: it has no harmonics that a mode could cross."
         over = speed_range(self.operating)
         crossed = [m for m in self.margins if m.crosses]
         if crossed:
@@ -229,8 +229,8 @@ class Campbell(Answer):
         doubtful = ", ".join(f"{m.mode} and {m.order}P" for m in self.margins if not m.certain)
         sure = f" Within the bands they may: {doubtful}." if doubtful else ""
         return (
-            f"No mode meets {harmonics} {over}: the nearest is {nearest.mode}, {_distance(d, 1.0)} {nearest.order}P at"
-            f" {nearest.speed[0] * RPM:.3g} rpm.{sure}"
+            f"No mode crosses {harmonics} {over}: the nearest is {nearest.mode}, {_distance(d, 1.0)}"
+            f" {nearest.order}P at {nearest.speed[0] * RPM:.3g} rpm.{sure}"
         )
 
     def _stability(self) -> str:
@@ -246,8 +246,8 @@ class Campbell(Answer):
         name, speed, damping = self.least_damping
         text = f"{_band(_triple(damping), 100.0)} %, {name} at {speed * RPM:.3g} rpm"
         if damping.estimate < 1e-6:
-            return f"Nothing grows {over}, but {name} is not damped at {speed * RPM:.3g} rpm."
-        doubt = "" if damping.low > 0.0 else "; within its band it may grow"
+            return f"No mode is unstable {over}, but {name} is undamped at {speed * RPM:.3g} rpm."
+        doubt = "" if damping.low > 0.0 else "; within its interval it may be unstable"
         return f"Every mode is damped {over}: the least by {text}{doubt}."
 
     def _ground_resonance(self, g: GroundResonance) -> str:
@@ -256,7 +256,7 @@ class Campbell(Answer):
             where = "within the operating range"
         else:
             where = f"{_distance(g.margin, 10.0)} the operating range"
-        then = "a mode grows there" if g.growing else f"least damping there {_band(g.damping, 100.0)} %"
+        then = "a mode is unstable there" if g.growing else f"least damping there {_band(g.damping, 100.0)} %"
         return f"{meets}{where}; {then}."
 
     @property
@@ -290,7 +290,7 @@ class Campbell(Answer):
 
     @property
     def band_source(self) -> str:
-        """What the bands come from."""
+        """Source of the bands."""
         return "of the posterior"
 
     def table(self) -> Table:
@@ -306,7 +306,7 @@ class Campbell(Answer):
         return self.turbine if self.record is None else f"{self.turbine}, {self.record}"
 
     def summary(self) -> dict[str, Any]:
-        """As plain values: what ``summary.json`` holds."""
+        """Plain values: the content of ``summary.json``."""
         rpm = (self.speeds * RPM).tolist()
         modes: dict[str, Any] = {}
         for curve in self.curves:

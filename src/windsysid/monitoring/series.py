@@ -37,7 +37,7 @@ Result = Posterior | KnownModes
 
 @dataclass(frozen=True, eq=False)
 class RecordBlocks:
-    """What records say, one after the other.
+    """Estimates of records in order of time.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class RecordBlocks:
     reference
         Of each series, the value at θ = 0 (logarithmic) or θ = 1.
     units
-        SI unit of each series, for noise that of its sensor; empty where nobody says them.
+        SI unit of each series, for noise that of its sensor; empty if unknown.
     kinds
         Of each series: ``k`` for a stiffness and anything else, ``c`` for a damping, ``f`` for a frequency, ``noise``;
         empty where all others are stiffnesses.

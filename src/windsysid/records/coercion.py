@@ -1,4 +1,4 @@
-"""What a function may be handed instead of a record, a turbine or a posterior: a path, a name, a table, a result.
+"""Alternatives to a record, a turbine or a posterior as an argument: a path, a name, a table, a result.
 
 pandas and xarray are never imported here: whoever hands over their objects has done so.
 """

@@ -31,7 +31,7 @@ MAX_MARKED_SPEEDS = 12
 
 
 def is_of_blades(name: str) -> bool:
-    """Whether a mode or a degree of freedom is one of the blades, by its name."""
+    """Test whether a mode or a degree of freedom is one of the blades, by its name."""
     return name.startswith(BLADE_KINDS)
 
 
@@ -111,7 +111,7 @@ def _draw_measured(found: Campbell, above: Axes, below: Axes) -> None:
 
 
 def _label_ends(ax: Axes, ends: list[tuple[float, str, str]]) -> None:
-    """Write each curve's name beside its right end, none over another, a thin line to those that had to move."""
+    """Write each curve's name next to its right end, none over another, a thin line to those that had to move."""
     low, high = ax.get_ylim()
     ends = [end for end in ends if end[0] <= high]
     height = ax.bbox.height / ax.figure.dpi * 72.0

@@ -26,7 +26,7 @@ POINTS = 400
 
 
 def figure(overview: Overview, place: Axes | None = None) -> Figure:
-    """Levels of every coefficient since the end of learning, and turbines against sisters where there are enough."""
+    """Levels of every coefficient since the end of learning, and comparison within a type if there are enough."""
     names = _watched(overview)
     rows = max(len(names), 1)
     drawn = canvas((12.0, 0.6 + 2.1 * rows), place)
@@ -41,7 +41,7 @@ def figure(overview: Overview, place: Axes | None = None) -> Figure:
         left.set_title(f"{symbol(name)}: change [%]", fontsize=9, loc="left")
         for right in others:
             _sisters(right, overview, name)
-            right.set_title(f"{symbol(name)}: off the sisters' mean [%]", fontsize=9, loc="left")
+            right.set_title(f"{symbol(name)}: off the mean of its type [%]", fontsize=9, loc="left")
     return drawn
 
 
@@ -106,7 +106,7 @@ def _availability(overview: Overview) -> Table:
 
 
 def _plots(overview: Overview) -> list[Plot]:
-    """Levels of every coefficient, and turbines against their sisters where there are enough."""
+    """Levels of every coefficient, and turbines against their turbines of the type where there are enough."""
     plots = []
     for name in _watched(overview):
         plots.append(_level_plot(overview, name))
@@ -178,9 +178,9 @@ def files(overview: Overview) -> dict[str, bytes]:
         Section("What stands out", text=[*_sentences(overview), *overview.notes]),
         Section("Every turbine at a glance", tables=overview.tables()),
         _listed("Usable records of each quantity", "", _usable(overview), folded=True),
-        Section("Levels and sisters", text=[levels, READING], plots=_plots(overview))
+        Section("Levels by turbine type", text=[levels, READING], plots=_plots(overview))
         if overview.watches
-        else Section("Levels and sisters", text=[NOTHING_WATCHED]),
+        else Section("Levels by turbine type", text=[NOTHING_WATCHED]),
         _listed("Data availability", "", _availability(overview)),
         _listed("Sensors", "No sensor fails.", _sensors(overview)),
         _listed("Jumps", "Nothing jumped." if overview.watches else "No turbine is watched.", _jumps(overview)),
@@ -204,7 +204,7 @@ def _sentences(overview: Overview) -> list[str]:
 
 
 def _listed(title: str, nothing: str, table: Table, *, folded: bool = False) -> Section:
-    """A section with a table, or with what is said where it has no rows."""
+    """Section with a table, or with a sentence if it has no rows."""
     if table.rows:
         return Section(title, tables=[table], folded=folded)
     return Section(title, text=[nothing] if nothing else [], folded=folded)
@@ -256,10 +256,12 @@ def _numbers(overview: Overview) -> list[Table]:
 
 NOTHING_WATCHED = (
     f"No turbine has the {MIN_BLOCKS} records with a result of grade A or B that watching needs. Records without a"
-    " result, and why they have none, are listed below: mend what is named there, or add records with windsysid batch."
+    " result, and why they have none, are listed below: correct what is named there, or add records with"
+    " windsysid batch."
 )
 
 READING = (
     "The alarms of all turbines together are held to the stated rate. Levels are compared at the same covariates."
-    " What falls in the cold and comes back is called ice. What half of the sisters have is called shared."
+    " A drop in cold weather that recovers is labelled icing. A change of half of the turbines of a type is"
+    " labelled shared."
 )

@@ -194,7 +194,7 @@ def _marks(found: Identification, *, turning: bool) -> list[Mark]:
 
 
 def _harmonics(found: Identification, once: float, *, turning: bool) -> list[Mark]:
-    """1P, 2P and 3P as blades feel them; 1P and multiples of the blades as the support does."""
+    """1P, 2P and 3P for blades; 1P and multiples of the blades for the support."""
     if found.machine is None or once <= 0.0:
         return []
     blades = found.machine.model.blades

@@ -18,8 +18,8 @@ ANSWER = "answer.json"
 """The file that holds an answer whole."""
 
 KEPT = frozenset(["Campbell", "Comparison", "LinearisedModes", "OperationalModes", "Plan", "Separation", "Watch"])
-"""Answers that have that file. An identification has ``identification.nc``; what an inspection shows is its record,
-and what an overview shows its archive."""
+"""Answers that have that file. An identification has ``identification.nc``; the page of an inspection shows its record,
+and that of an overview its archive."""
 
 
 def kept(answer: object) -> dict[str, bytes]:
@@ -84,7 +84,7 @@ def load_result(folder: str | Path) -> Answer:
 
 
 def holds_result(folder: str | Path) -> bool:
-    """Whether `load_result` would look into a folder."""
+    """Test whether `load_result` would look into a folder."""
     return any(result_file(folder, name).exists() for name in ("identification.nc", ANSWER))
 
 
@@ -103,7 +103,7 @@ class Reported:
         return found
 
     def to_json(self) -> str:
-        """What ``summary.json`` holds."""
+        """Content of ``summary.json``."""
         return str(self._found.to_json())
 
     def files(self) -> dict[str, bytes]:
@@ -133,7 +133,7 @@ def _known(name: str) -> str:
 
 
 def _found(folder: Path) -> str:
-    """What is there instead, and what to do with it."""
+    """Content of the folder instead, and advice."""
     if not folder.exists():
         return "none: check the name"
     if not folder.is_dir():

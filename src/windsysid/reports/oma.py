@@ -74,7 +74,7 @@ def _spectrum(ax: Axes, found: OperationalModes) -> None:
 
 
 def _shapes(found: OperationalModes) -> Figure | None:
-    """Mode shapes: arrows at the sensors' places where these are known, bars with ±2σ elsewhere."""
+    """Mode shapes: arrows at the sensors' places where these are known, otherwise bars with ±2σ."""
     modes = found.modes[:MOST_SHAPES]
     if not modes:
         return None
@@ -134,12 +134,12 @@ def _causes(found: OperationalModes) -> Table:
 def _stability(found: OperationalModes) -> list[Section]:
     """Modes over model orders and segments of the record."""
     stay = [plot for plot in (poles_plot(found), *segment_plots(found)) if plot is not None]
-    text = "A mode of the structure stays where it is, whatever the model order and the part of the record."
-    return [Section("Which modes stay", text=[text], plots=stay)] if stay else []
+    text = "A structural mode keeps its frequency for all model orders and segments of the record."
+    return [Section("Stability of the modes", text=[text], plots=stay)] if stay else []
 
 
 def _record_by_record(found: OperationalModes) -> list[Section]:
-    """Modes of each record, and what their channels have in common."""
+    """Modes of each record, and the common part of their channels."""
     if not found.parts:
         return []
     text = "Each record by itself. Where they scatter more than their intervals say, the mode is of grade C."

@@ -1,4 +1,4 @@
-"""What the functions return: estimates, posteriors, modes, comparisons, watches, plans."""
+"""Results of the functions: estimates, posteriors, modes, comparisons, watches, plans."""
 
 from typing import TYPE_CHECKING
 
@@ -71,5 +71,5 @@ __all__ = [
 
 
 def __dir__() -> list[str]:
-    """Public names, imported or not yet: what a prompt completes."""
+    """Public names, imported or not yet, for completion at a prompt."""
     return [*__all__]

@@ -1,4 +1,4 @@
-"""The result of an identification: estimates with their bands, how they came about, and what to think of them."""
+"""Result of an identification: estimates with their bands, the history of the search, and the verdict."""
 
 import json
 from collections.abc import Mapping
@@ -174,7 +174,7 @@ class Identification(IdentificationValues, Answer):
         return xr.Dataset(variables_of(self), attrs=attributes_of(self))
 
     def files(self) -> dict[str, bytes]:
-        """What `save` writes: ``summary.json``, and ``identification.nc``, which is `to_xarray` as netCDF-4."""
+        """Files of `save`: ``summary.json``, and ``identification.nc``, which is `to_xarray` as netCDF-4."""
         return {"summary.json": self.to_json().encode(), "identification.nc": as_netcdf(self)}
 
     def contents(self) -> list[Table | str]:
@@ -194,7 +194,7 @@ class Identification(IdentificationValues, Answer):
         ]
 
     def usable(self) -> list[str]:
-        """What may be used of a result that is not trusted as a whole, in a sentence; nothing of one that is."""
+        """Usable part of a result that is not trusted as a whole, in a sentence; empty for one that is."""
         if self.diagnosis.trusted:
             return []
         good = [e.name for e in self.estimates if e.grade in USABLE]
@@ -232,14 +232,14 @@ class Identification(IdentificationValues, Answer):
         return Table(headings, rows, f"Modes {at}, fixed frame")
 
     def _harmonics(self) -> tuple[int, ...]:
-        """Orders n of the harmonics nP that a tower feels most: 1P and multiples of the blades; none at rest."""
+        """Orders n of the harmonics nP that load a tower most: 1P and multiples of the blades; none at rest."""
         if self.machine is None or self.machine.rotor_speed <= 0.0:
             return ()
         blades = self.machine.model.blades
         return tuple(dict.fromkeys((1, blades, 2 * blades, 3 * blades)))
 
     def statistics_table(self) -> Table:
-        """What was learned of loads and noise."""
+        """Statistics of loads and noise."""
         rows = [
             (s.name, f"{s.estimate:.4g}", f"{s.low:.4g} … {s.high:.4g}", unit_text(s.unit), f"{s.given:.4g}")
             for s in self.statistics
@@ -248,7 +248,7 @@ class Identification(IdentificationValues, Answer):
         return Table(headings, rows, "Loads and noise, learned from the record", words=(0, 3))
 
     def tolerances_table(self) -> Table:
-        """What the record says of instruments and masses."""
+        """Estimated errors of instruments and masses."""
         rows = [one.cells() for one in self.tolerances]
         return Table(("instrument or body", "tolerance (1σ)", "off by"), rows, "Instruments and masses", words=(0,))
 

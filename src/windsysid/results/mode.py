@@ -63,7 +63,7 @@ class Mode:
         return self.name, frequency, f.grade, damping, z.grade
 
     def beside(self, orders: Sequence[int], rotor_speed: float) -> str:
-        """How far the mode is from the nearest of `orders` of `rotor_speed` [rad/s], as text: ``3P -7.7 %``."""
+        """Distance of the mode from the nearest of `orders` of `rotor_speed` [rad/s], as text: ``3P -7.7 %``."""
         f = self.frequency.estimate
         harmonics = {n: n * rotor_speed / (2.0 * math.pi) for n in orders}
         n = min(harmonics, key=lambda n: abs(f / harmonics[n] - 1.0))

@@ -1,4 +1,4 @@
-"""What a result says about a turbine, and how to read it back from its folder."""
+"""Posterior of a turbine's coefficients, and its restoration from a result's folder."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -54,10 +54,10 @@ class Conditions(NamedTuple):
 NOT_RECORDED = Conditions()
 
 PRIORS = {"prior_centre": "centre", "prior_spread": "spread", "logarithmic": "logarithmic", "coordinate_scale": "scale"}
-"""What ``identification.nc`` holds of a `Parameter`, and under which names."""
+"""Names of a `Parameter`'s fields in ``identification.nc``."""
 
 ROLES = {"parameter_kind": "kind", "parameter_part": "part"}
-"""The same of its words, which files of older versions lack."""
+"""Names of its text fields, which files of older versions lack."""
 
 
 class Posterior(NamedTuple):
@@ -111,7 +111,7 @@ class Posterior(NamedTuple):
     def given(self, *groups: Group) -> "Posterior":
         """The same given that instruments or masses of these groups, of all by default, are as their files say.
 
-        Two results of one machine share them: what moved between the two is told without them.
+        Two results of one machine share them: changes between the two are reported without them.
         """
         if self.joint_cov is None or not self.tolerances:
             return self
@@ -248,12 +248,12 @@ def read_parameters(file: "h5netcdf.File") -> tuple[Parameter, ...]:
 
 
 def read_tolerances(file: "h5netcdf.File") -> tuple[Tolerance, ...]:
-    """What was known of instruments and masses within tolerances only."""
+    """Tolerances of instruments and masses."""
     return tuple(Tolerance(**row) for row in parse_json(file.attrs.get("tolerances", "[]")))
 
 
 def read_statistics(file: "h5netcdf.File") -> tuple[Statistic, ...]:
-    """What was learned of loads and noise; version 0.1.0 wrote none."""
+    """Statistics of loads and noise; version 0.1.0 wrote none."""
     found = []
     for row in parse_json(file.attrs.get("statistics", "[]")):
         known: dict[str, Any] = {key: math.nan if value is None else value for key, value in row.items()}
@@ -262,7 +262,7 @@ def read_statistics(file: "h5netcdf.File") -> tuple[Statistic, ...]:
 
 
 def _described_by_name(name: str) -> dict[str, str]:
-    """What files of older versions left to the name of a statistic."""
+    """Fields of a statistic that files of older versions left to its name."""
     if noise_source(name):
         return {"kind": "noise"}
     harmonic = f"_{name.rpartition('_')[2]}" if name.endswith("P") else ""

@@ -58,7 +58,7 @@ REST: dict[str, Any] = {
     "diagnosis": Diagnosis,
     "spectra": tuple[FittedSpectrum, ...],
 }
-"""What the attribute ``result`` holds, and of which kind it is."""
+"""Content and kind of the attribute ``result``."""
 
 WHITENESS = {
     "lags": "lag",
@@ -70,7 +70,7 @@ WHITENESS = {
 
 
 def variables_of(found: IdentificationValues) -> dict[str, Variable]:
-    """What ``identification.nc`` holds."""
+    """Content of ``identification.nc``."""
     axis = "time" if len(found.innovation) == len(found.time) else "innovation_time"
     variables = _parameter_variables(found) | _whiteness_variables(found.diagnosis.whiteness)
     variables["innovation"] = (axis, "reading"), found.innovation, {}
@@ -132,7 +132,7 @@ def _state_variables(found: IdentificationValues, axis: str) -> dict[str, Variab
 
 
 def attributes_of(found: IdentificationValues) -> dict[str, Any]:
-    """What ``identification.nc`` says of the whole."""
+    """Attributes of ``identification.nc``."""
     import tomli_w
 
     known = found.provenance
@@ -157,7 +157,7 @@ def attributes_of(found: IdentificationValues) -> dict[str, Any]:
 
 
 def _rest(found: IdentificationValues) -> dict[str, Any]:
-    """What ``identification.nc`` holds beside its variables: the rest of what `windsysid.load_result` needs."""
+    """Content of ``identification.nc`` in addition to its variables: the rest that `windsysid.load_result` needs."""
     judged, w = found.diagnosis, found.diagnosis.whiteness
     if w is not None:  # its arrays are variables
         nothing: dict[str, Any] = dict.fromkeys(WHITENESS, np.empty(0))

@@ -41,7 +41,7 @@ class Despiked(NamedTuple):
 
     @property
     def found(self) -> int:
-        """How many samples were taken out."""
+        """Number of samples that were removed."""
         return int(self.spikes.sum())
 
 
@@ -413,7 +413,7 @@ def remove_gravity_and_tilt(lateral: ArrayLike, upward: ArrayLike, *, gravity: f
     if not abs(abs(mean) - gravity) < 0.1 * gravity:
         raise RecordError(
             f"tilt: expected a mean of {gravity:.4g} m/s² over the two axes, got {abs(mean):.4g}: the instrument does"
-            " not feel gravity, or its unit or the choice of axes is wrong"
+            " not measure gravity, or its unit or the choice of axes is wrong"
         )
     tilt = float(np.angle(1j / mean))
     level = reading * np.exp(1j * tilt) - 1j * abs(mean)

@@ -185,7 +185,7 @@ def _by_high_pass(acceleration: Array, rate: float, cutoff: float) -> Motion:
 
 
 def _by_frequency(acceleration: Array, rate: float, cutoff: float, roll_per_metre: float) -> Motion:
-    """Division by iω is exact for what was sampled; the trapezoidal rule loses (ω Δt)²/12 each time."""
+    """Division by iω is exact for sampled values; the trapezoidal rule loses (ω Δt)²/12 each time."""
 
     def displacement(f: Array) -> Any:
         squared = np.where(f > 0.0, 2.0 * np.pi * f, 1.0) ** 2  # at f = 0 the gain is 0 anyway

@@ -1,4 +1,4 @@
-"""The rotor's azimuth and speed from what was recorded: an azimuth channel, an encoder, or pulses.
+"""Azimuth and speed of the rotor from the record: an azimuth channel, an encoder, or pulses.
 
 ψ is the azimuth of blade 1, counter-clockwise from +x looking upwind, the way the rotor turns; blade b sits at
 ψ + 2π (b − 1) / N. What a source cannot know is said in the result, in words. The record's own harmonics are a source
@@ -51,7 +51,7 @@ class RotorMotion(NamedTuple):
 
     @property
     def inputs(self) -> Array:
-        """(T, 3): what `rotor_inputs` gives for a recorded azimuth."""
+        """(T, 3): result of `rotor_inputs` for a recorded azimuth."""
         return np.column_stack([self.psi, self.speed, self.acceleration])
 
 
@@ -126,7 +126,7 @@ def _check_rotation(mean_speed: float, drift: float, rotor_speed: float, *, meas
     if not turning > 0.0:
         raise RecordError(
             f"channel 'rotor_azimuth': expected angles that increase with time, got {turning:.3g} rad/s on average:"
-            " count them in the sense of rotation"
+            " count them in the direction of rotation"
         )
     if measured and abs(drift) > 0.02 * mean_speed:
         raise RecordError(
@@ -190,7 +190,7 @@ def rotor_from_encoder(
     psi, speed, acceleration = rotor_inputs(record, usual).T
     note = f"azimuth from the encoder; {np.count_nonzero(~known)} of {len(angle)} samples were missing and are bridged"
     if zero is None:
-        note += "; where the encoder's zero lies is not known: the azimuth is known up to a constant"
+        note += "; the encoder's zero is not known: the azimuth is known up to a constant"
     return RotorMotion(psi + (zero or 0.0), speed, acceleration, zero is None, note)
 
 
@@ -258,7 +258,7 @@ def rotor_from_pulses(values: ArrayLike, rate: float, *, per_turn: int = 1, zero
     psi = np.asarray(spline(inside), dtype=np.float64) + speed * (time - inside)
     acceleration = np.where(time == inside, np.asarray(spline(inside, 2), dtype=np.float64), 0.0)
     lost = int(np.sum(turns - 1.0))
-    note = f"{len(times)} pulses, {per_turn} per turn, {lost} lost; what happens between pulses is interpolated"
+    note = f"{len(times)} pulses, {per_turn} per turn, {lost} lost; the azimuth between pulses is interpolated"
     if zero is None:
         where = "at the pulse" if per_turn == 1 else f"at the pulse, and which of the {per_turn} pulses came first,"
         note += f"; the azimuth {where} is not known: the azimuth is known up to a constant"

@@ -1,4 +1,4 @@
-"""Simulation: the reference response of a model and what its sensors read, by RK4 between samples.
+"""Simulation: the reference response of a model and the readings of its sensors, by RK4 between samples.
 
 The simulator calls the kernels that the filters call (`windsysid.mechanics.compile`). Inputs run linearly between
 samples; random loads move the machine as they do in continuous time (`windsysid.statespace.within_step`).
@@ -29,7 +29,7 @@ WIND = ("wind", "wind-feedback")
 """Loads that are simulated from turbulence and not drawn from a hypothesis."""
 
 SHARE = 0.7
-"""Of the memory of a machine: what a simulation may take."""
+"""Largest share of a machine's memory for a simulation."""
 
 LEAD_IN = 60.0
 """Seconds simulated, at least, before a record starts."""
@@ -139,7 +139,7 @@ class _Machine(NamedTuple):
 
     @property
     def at_rest(self) -> dict[str, Any]:
-        """How to integrate from rest."""
+        """Settings of an integration from rest."""
         return {"rate": self.rate, "start": np.zeros(len(self.model.states)), "substeps": self.substeps}
 
     def recorded(self, readings: Array, lead: int) -> Record:
@@ -202,7 +202,7 @@ def _check_sampling(duration: float, rate: float, fastest: float) -> None:
 
 
 def _check_memory(turbine: Turbine, duration: float, rate: float, before: float) -> None:
-    """Refuse what does not fit into the memory of this machine, with `before` [s] simulated in addition."""
+    """Refuse a simulation that does not fit into the memory of this machine, with `before` [s] in addition."""
     columns = 4 * len(turbine.model.states) + 3 * (3 + len(turbine.loads) + len(turbine.sensors))
     needed, there = 8e-9 * columns * rate * (before + duration), memory()
     if needed > SHARE * there:

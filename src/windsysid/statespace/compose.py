@@ -60,7 +60,7 @@ class StateSpace:
 
     @cached_property
     def parameter_block(self) -> slice:
-        """Where θ sits in the state."""
+        """Indices of θ in the state."""
         return slice(len(self.states) - len(self.parameters), len(self.states))
 
 
@@ -184,7 +184,7 @@ def _sensor_arrays(sensors: Sequence[Any]) -> tuple[list[Any], NDArray[np.int64]
 def _parameter_arrays(
     compiled: CompiledModel, values: Mapping[str, float], parameters: Sequence[Parameter]
 ) -> dict[str, Array]:
-    """What `Blocks` holds of the parameters."""
+    """Parameters in `Blocks`."""
     p = np.empty(len(compiled.parameters))
     known = dict(values) | {parameter.name: parameter.centre for parameter in parameters}
     for i, name in enumerate(compiled.parameters):

@@ -160,7 +160,7 @@ def rational(rms: float, poles: ArrayLike, zeros: ArrayLike = ()) -> Process:
 def _shape(given: tuple[complex, ...], of_zeros: tuple[complex, ...]) -> Process | None:
     """`rational` of whatever rms; None where poles or zeros are not as they must be.
 
-    Kept, since the thousands of models that a search asks for differ in levels and coefficients much more often than in
+    Kept, since the thousands of models of a search differ in levels and coefficients much more often than in
     poles and zeros.
     """
     poles, zeros = np.array(given, dtype=np.complex128), np.array(of_zeros, dtype=np.complex128)
@@ -178,13 +178,13 @@ def _shape(given: tuple[complex, ...], of_zeros: tuple[complex, ...]) -> Process
     value = np.zeros(n)
     value[: len(zeros) + 1] = np.atleast_1d(np.poly(zeros / unit)).real[::-1]
     for array in (drift, cov, value):
-        array.flags.writeable = False  # all who ask for this shape share them
+        array.flags.writeable = False  # shared by all callers with this shape
     return Process(drift, cov, value)
 
 
 @dataclass(frozen=True)
 class PlacedProcess:
-    """Independent copies of a process, and what they drive.
+    """Independent copies of a process, and their loads.
 
     Attributes
     ----------

@@ -134,11 +134,11 @@ class Turbine:
         return self.model.natural_frequency(coordinate, self.values, self.rotor_speed)
 
     def damping(self, coordinate: str) -> float:
-        """What damps `coordinate` [N·s/m or N·m·s/rad]: the sum of its coefficients."""
+        """Damping of `coordinate` [N·s/m or N·m·s/rad]: the sum of its coefficients."""
         return sum((self.values[name] for name in self.model.coefficients_of(coordinate, "damping")), 0.0)
 
     def critical_damping(self, coordinate: str) -> float:
-        """What would just keep `coordinate` from vibrating [N·s/m or N·m·s/rad]: 2 m ω."""
+        """Critical damping of `coordinate` [N·s/m or N·m·s/rad]: 2 m ω."""
         return 2.0 * self.inertia(coordinate) * self.natural_frequency(coordinate)
 
     @property
@@ -165,7 +165,7 @@ class Turbine:
         return shortest, f"{PARKED_PERIODS} periods of the slowest mode ({shortest:.3g} s; the rotor is parked)"
 
     def with_values(self, values: Mapping[str, float]) -> "Turbine":
-        """The same turbine with other values, such as identified coefficients.
+        """Turbine with other values, such as identified coefficients.
 
         Raises
         ------
@@ -210,7 +210,7 @@ class Turbine:
         )  # fmt: skip
 
     def exact(self) -> "Turbine":
-        """The same turbine with its masses and its sensors known exactly: no tolerances."""
+        """Turbine with its masses and its sensors known exactly: no tolerances."""
         return replace(self, mass_tolerance=0.0, sensors=tuple(sensor.exact() for sensor in self.sensors))
 
     def at(self, site: str | None) -> "Turbine":
@@ -227,5 +227,5 @@ class Turbine:
         return replace(self, site=site)  # type: ignore[arg-type]
 
     def with_model(self, model: MechanicalModel) -> "Turbine":
-        """The same turbine with the degrees of freedom of `model`."""
+        """Turbine with the degrees of freedom of `model`."""
         return replace(self, model=model)

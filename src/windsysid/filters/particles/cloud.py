@@ -103,7 +103,7 @@ def reflected(values: Array, low: float, high: float) -> Array:
 
 
 def linear_entries(model: StateSpace) -> NDArray[np.int64] | None:
-    """Where a model without motion is linear in its state: (reading, state) of its coefficients, ordered; None where it
+    """Linear part of a model without motion: (reading, state) of its coefficients, ordered; None where it
     is not.
 
     It is tried at random points, where only linear functions pass.

@@ -368,7 +368,7 @@ class _ParticleRun:
         return found
 
     def _rows(self, inputs: Array, block: slice) -> Array:
-        """What a linear model reads at a block's samples; nothing for others."""
+        """Readings of a linear model at a block's samples; empty for others."""
         if self.entries is None:
             return self.rows
         if not (self.rows_first <= block.start and block.stop <= self.rows_first + len(self.rows)):
@@ -378,7 +378,7 @@ class _ParticleRun:
         return self.rows[block.start - self.rows_first : block.stop - self.rows_first]
 
     def _summed(self) -> dict[str, Array]:
-        """What is known of particles and log-weights as they are."""
+        """Estimate from particles and log-weights without changes."""
         n, m = len(self.particles), len(self.noise)
         sums = np.empty((1, self.shares[-1][1], 3 + 2 * n + 2 * m))
         sums_kernel()(self.particles, self.log_weights, self.centre, sums)
@@ -436,7 +436,7 @@ class _ParticleRun:
 
 
 def _write(info: ParticleInfo, found: dict[str, Array], first: int, samples: int, run: _ParticleRun) -> None:
-    """Put what is known after each of some samples into `info`."""
+    """Store the estimates after each of some samples in `info`."""
     now, then = slice(first, first + samples), slice(1, 1 + samples)
     info.mean[now], info.std[now] = found["mean"][then], np.sqrt(found["variance"][then])
     info.innovation[now] = off = found["off"][:samples]

@@ -295,7 +295,7 @@ def _bank(model: SplitModel, theta: Array) -> Bank:
 
 
 def _resample_bank(model: SplitModel, bank: Bank, theta: Array, chosen: NDArray[np.int64]) -> Bank:
-    """Filters at new parameters that believe what their ancestors did."""
+    """Filters at resampled parameters with the beliefs of their ancestors."""
     mean, cov = (np.ascontiguousarray(values[chosen]) for values in _filters(bank))
     filled = np.concatenate([np.arange(len(mean)), np.full(-len(mean) % LANES, len(mean) - 1)])
     return _bank(model, theta)._replace(

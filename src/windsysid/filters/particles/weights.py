@@ -1,4 +1,4 @@
-"""What becomes of weights: resampling, Liu and West's kernel, the health of the cloud, the record of a run."""
+"""Weights of particles: resampling, Liu and West's kernel, the health of the cloud, the record of a run."""
 
 from typing import NamedTuple, Protocol
 
@@ -61,7 +61,7 @@ def liu_west(values: Array, weights: Array, chosen: NDArray[np.int64], noise: Ar
 
 
 class ResamplingOptions(Protocol):
-    """What resampling asks of a filter's options."""
+    """Options of a filter that resampling uses."""
 
     @property
     def seed(self) -> int: ...
@@ -85,12 +85,12 @@ def resample(
 
 
 def survivors(chosen: NDArray[np.int64]) -> int:
-    """How many particles had descendants: ancestors come in order."""
+    """Number of particles with descendants; ancestors are in order."""
     return 1 + int(np.count_nonzero(np.diff(chosen)))
 
 
 class Fared(Protocol):
-    """What is known of how particles fared, (T,) each."""
+    """Health of the particles, (T,) each."""
 
     @property
     def effective(self) -> Array: ...
@@ -144,7 +144,7 @@ def degeneracy(info: Fared) -> str:
         )
     if info.effective[worst] < MIN_EFFECTIVE or info.survivors[thin] < MIN_EFFECTIVE:
         return (
-            f"thin: {text}. What is lost there stays lost: compare with another seed, take more particles or a"
+            f"thin: {text}. Lost particles cannot be recovered: compare with another seed, take more particles or a"
             " narrower prior"
         )
     return f"healthy: {text}"

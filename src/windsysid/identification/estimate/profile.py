@@ -188,7 +188,7 @@ def _profile(problem: TurbineProblem, k: int, found: Identification, progress: P
 
 
 def _drops(problem: TurbineProblem, k: int, mode: FilteredMode, progress: Progress) -> dict[float, float]:
-    """How far the log posterior drops, by the distance of unknown k from the mode in its standard deviations."""
+    """Drop of the log posterior, by the distance of unknown k from the mode in its standard deviations."""
     height = _log_posterior(mode.mean, mode.log_likelihood, *problem.prior)
     drops = {0.0: 0.0}
     for side in (-1.0, 1.0):

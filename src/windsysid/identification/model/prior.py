@@ -42,7 +42,7 @@ class Prior:
             if not (math.isfinite(factor) and 0.05 <= factor <= 20.0):
                 raise ConfigurationError(
                     f"prior scale of {name}: expected a factor between 0.05 and 20, got {factor:g}; "
-                    "for a structure further off, write another turbine file"
+                    "for a larger difference, write another turbine file"
                 )
         if self.spread is not None and not (math.isfinite(self.spread) and self.spread > 0.0):
             raise ConfigurationError(f"prior spread: expected a positive number, such as 0.3, got {self.spread:g}")

@@ -1,7 +1,7 @@
 """Before anything is measured: how well will a set of sensors see each coefficient, and after how long?
 
 A record of the planned kind is simulated and its Fisher information taken, for coefficients and statistics of loads
-and noise together, since nobody will know those either: at the turbine file's values for filters, and as identification
+and noise together, which are not known either: at the turbine file's values for filters, and as identification
 itself computes it for spectra (`windsysid.identification.planning.formulations`). After the first seconds, in which a
 filter finds the state, information grows in proportion to time, so that for a record of T seconds
 
@@ -141,7 +141,7 @@ class Plan(Answer):
 
     @cached_property
     def budget(self) -> Budget:
-        """What widens the bands after the planned duration; empty where the record leaves something unseen."""
+        """Uncertainty budget after the planned duration; empty if something is not observable."""
         information = self.information(self.duration)
         if not np.isfinite(standard_deviations(information)).all():
             return Budget()
@@ -152,7 +152,7 @@ class Plan(Answer):
 
     @cached_property
     def directions(self) -> tuple[str, ...]:
-        """What these sensors leave unseen or badly told apart after the planned duration, a sentence each."""
+        """Combinations that these sensors do not determine after the planned duration, a sentence each."""
         found = describe_information(self.names, self.information(self.duration), aside=self.names[self.unknown :])
         return tuple(map(str, found))
 
@@ -160,9 +160,9 @@ class Plan(Answer):
         """Will these sensors see `name` in time, and if not, how long do they need?"""
         band, needed, wish = self.band(name), self.needed(name), percent(self.within)
         if name in self.locked:
-            return f"{name}: never; no sensor sees this degree of freedom"
+            return f"{name}: never; no sensor responds to this degree of freedom"
         if math.isinf(band):
-            return f"{name}: never; these sensors do not see it"
+            return f"{name}: never; these sensors cannot observe it"
         after = f"±{percent(band)} after {spell(self.duration)}"
         if band <= self.within:
             return (
@@ -173,14 +173,14 @@ class Plan(Answer):
 
     @property
     def verdict(self) -> str:
-        """One line on all that was asked for."""
+        """One line on all that was requested."""
         needed = {name: self.needed(name) for name in self.asked}
         late = sorted((name for name in self.asked if self.band(name) > self.within), key=lambda name: needed[name])
         wish = f"within ±{percent(self.within)} (2σ) in {spell(self.duration)}"
         if not late:
             last = max(self.asked, key=lambda name: needed[name])
             when = f"{'before' if needed[last] <= self.start_seconds else 'after'} {spell(needed[last], 2)}"
-            return f"yes: everything asked for will be known {wish}; the last is {last}, {when}"
+            return f"yes: every requested interval is reached {wish}; the last is {last}, {when}"
         times = [f"{name} ({'never' if math.isinf(needed[name]) else spell(needed[name], 2)})" for name in late]
         return f"no: not known {wish}: {', '.join(times)}"
 
@@ -191,12 +191,12 @@ class Plan(Answer):
 
     @property
     def answers(self) -> list[str]:
-        """An answer for each parameter that was asked for by name; none where that is all of them."""
+        """An answer for each parameter that was requested by name; none where that is all of them."""
         return [self.answer(name) for name in self.asked] if set(self.asked) != set(self.coefficients) else []
 
     @property
     def coefficients(self) -> tuple[str, ...]:
-        """The parameters of the table: all that are unknown, and those asked for that no sensor sees."""
+        """The parameters of the table: all that are unknown, and those requested that no sensor sees."""
         return (*self.names[: self.unknown], *self.locked)
 
     @property
@@ -221,7 +221,7 @@ class Plan(Answer):
         return Table(self.headings, self.rows, title)
 
     def summary(self) -> dict[str, Any]:
-        """The plan as plain values: what ``summary.json`` holds."""
+        """Plan as plain values: the content of ``summary.json``."""
         return {
             "turbine": self.turbine,
             "sensors": list(self.sensors),
@@ -351,7 +351,7 @@ def plan(
         {name: turbine.model.role(name)[0] for name in (*unknown, *asked)},
     )  # fmt: skip
     accuracy = _accuracy(draft, told.growths, told.length * damping)
-    return replace(draft, accuracy=accuracy, notes=(*draft.notes, f"these numbers are good to {percent(accuracy)}"))
+    return replace(draft, accuracy=accuracy, notes=(*draft.notes, f"these numbers are accurate to {percent(accuracy)}"))
 
 
 def percent(share: float) -> str:

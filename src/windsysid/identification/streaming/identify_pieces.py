@@ -117,7 +117,7 @@ def _check(job: StreamingJob) -> None:
     check_odds(job.turbine)
     if job.formulation == "spectral":
         if job.rate is not None:
-            raise ConfigurationError("the spectral formulation reads the bands that it needs: leave the rate out")
+            raise ConfigurationError("the spectral formulation chooses its frequency ranges itself: leave the rate out")
         if job.memory is not None and not job.memory > 0.0:
             raise ConfigurationError(f"memory: expected seconds greater than 0, got {job.memory:g}")
     elif job.formulation != "joint" or job.memory is not None:

@@ -123,7 +123,7 @@ def is_contradictory(outcome: Outcome) -> bool:
 
 
 def _parts(scores: Sequence[PartScores]) -> set[str]:
-    """Return over what scores are available: time, frequency."""
+    """Combine the available scores: time, frequency."""
     return {one.over for one in scores}
 
 

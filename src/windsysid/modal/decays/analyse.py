@@ -164,7 +164,7 @@ def _released(
     first = release(values)
     if len(values) - first < limits.MIN_SAMPLES:
         raise _no_decay(record.name, "most of its vibration is at its end")
-    note = "channels of blades were left out: free decays are of what does not turn"
+    note = "blade channels were left out: free decays are analysed in the fixed frame"
     result = _empty_result(record, samples, chosen, first)
     if len(kept) < len(samples.sensors):
         result = replace(result, notes=(*result.notes, note))
@@ -176,7 +176,7 @@ def _standing(samples: Samples) -> list[int]:
     turning = turns_per_second(samples.record) > 0.0
     kept = [i for i, one in enumerate(samples.sensors) if not (turning and is_blade(one.channel))]
     if not kept:
-        raise RecordError(f"{samples.record.name}: expected channels of what does not turn, got blades: use identify")
+        raise RecordError(f"{samples.record.name}: expected channels in the fixed frame, got blades: use identify")
     return kept
 
 
@@ -213,7 +213,7 @@ def _fitted(released: Sequence[_Released], between: tuple[float, float] | None) 
     if begun is not released:
         released, fit = begun, search_decays([one.decay for one in begun], between)
     if not len(fit.theta):
-        raise _no_decay(released[0].result.record, "no decaying vibration stands out of the noise")
+        raise _no_decay(released[0].result.record, "no decaying vibration exceeds the noise")
     return fit, released
 
 
@@ -242,7 +242,7 @@ def _begun_later(released: list[_Released], fit: DecayFit) -> list[_Released]:
 
 
 def _without_end(one: _Released, fit: DecayFit) -> _Released:
-    """Cut off what comes after `TIME_CONSTANTS` of the slowest mode."""
+    """Cut the record after `TIME_CONSTANTS` of the slowest mode."""
     if not len(fit.theta):
         return one
     longest = limits.TIME_CONSTANTS / float(np.min(2.0 * np.pi * fit.frequency * fit.damping))
@@ -298,7 +298,7 @@ def _undriven_modes(fit: DecayFit, described: Sequence[DescribedMode], record: s
         raise _no_decay(record, f"{100 * driven:.0f} % of the vibration at its beginning does not decay")
     if driven < limits.MIN_DRIVEN_SHARE:
         return modes
-    text = f"{100 * driven:.0f} % of the vibration at the beginning does not decay: something drives the structure"
+    text = f"{100 * driven:.0f} % of the vibration at the beginning does not decay: a load acts on the structure"
     return tuple(replace(mode, grounds=(*mode.grounds, Doubt("history", text))) for mode in modes)
 
 

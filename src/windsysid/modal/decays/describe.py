@@ -132,21 +132,21 @@ def _doubts(fit: DecayFit, decays: Sequence[Decay], j: int, rotor_hz: float) -> 
     std = float(np.sqrt(fit.cov[len(fit.frequency) + j, len(fit.frequency) + j]))
     doubts = []
     if (ratio := _decay_ratio(fit, decays, j))[0] < ratio[1]:
-        doubts.append(Doubt("history", f"near {f:.4g} Hz as much vibration goes on as decays: something drives it"))
+        doubts.append(Doubt("history", f"near {f:.4g} Hz half of the vibration does not decay: a load acts"))
     if std > MAX_RELIABLE_LOG_DAMPING_STD:
         doubts.append(Doubt("short", f"the decay is too short: damping known to a factor of {np.exp(2.0 * std):.2g}"))
     others = np.abs(fit.frequency - f) < limits.MIN_DISTANCE * z * f
     if np.any(others & (_begun(fit) > _begun(fit)[j])):
-        text = "a stronger mode is within its half-width: it may be how that one changes with amplitude"
+        text = "a stronger mode is within its half-width: it may be that mode's change with amplitude"
         doubts.append(Doubt("faint", text))
     if (pair := _combination(fit, j)) is not None:
-        text = f"it is at the sum or difference of {pair[0]:.4g} and {pair[1]:.4g} Hz: a nonlinearity may make it"
+        text = f"it is at the sum or difference of {pair[0]:.4g} and {pair[1]:.4g} Hz: a nonlinearity may cause it"
         doubts.append(Doubt("image", text))
     if (sideband := _sideband(fit, j, rotor_hz)) is not None:
-        text = f"it is {sideband[1]:.4g} Hz from {sideband[0]:.4g} Hz and decays as that mode: the rotor may make it"
+        text = f"it is {sideband[1]:.4g} Hz from {sideband[0]:.4g} Hz and decays as that mode: the rotor may cause it"
         doubts.append(Doubt("image", text))
     if _is_line(fit, j):
-        text = f"it hardly decays: a damping ratio of {100 * z:.2g} %, which machines have and structures hardly"
+        text = f"it hardly decays: a damping ratio of {100 * z:.2g} %, typical of machines, not of structures"
         doubts.append(Doubt("line", text))
     return doubts
 
@@ -199,7 +199,7 @@ def _reach(fit: DecayFit, j: int) -> float:
 
 
 def _over(widening: BandWidening, local: float) -> BandWidening:
-    """What of a widening the local noise does not explain."""
+    """Part of a widening that the local noise does not explain."""
     return widening._replace(factor=max(1.0, widening.factor / local))
 
 

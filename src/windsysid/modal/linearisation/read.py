@@ -174,7 +174,7 @@ def _unstable(speeds: Array, found: Sequence[ModelModes]) -> list[Unstable]:
 
 
 def _notes(points: Sequence[Sequence[LinearisedModel]], found: Sequence[ModelModes]) -> list[str]:
-    """What a reader of the answer must know."""
+    """Notes for a reader of the answer."""
     notes = ["Frequencies are damped, Im λ / 2π, in the fixed frame."]
     if found[-1].spectrum.method == "Coleman":
         notes.append("Multi-blade transformation of three blades (Bir 2008), averaged over the azimuths of each set.")
@@ -190,7 +190,7 @@ def _notes(points: Sequence[Sequence[LinearisedModel]], found: Sequence[ModelMod
 
 
 def _uneven(files: Sequence[LinearisedModel]) -> bool:
-    """Whether the azimuths of an operating point leave a part of the turn out."""
+    """Test whether the azimuths of an operating point leave a part of the turn out."""
     turn = 2.0 * math.pi
     angles = np.sort([one.azimuth % turn for one in files])
     gaps = np.diff([*angles, angles[0] + turn])

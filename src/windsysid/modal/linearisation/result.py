@@ -91,7 +91,7 @@ class LinearisedModes(Campbell):
         return Table(("mode", "damped Hz", "damping [%]", "participation"), rows, f"modes at {at}", (0, 3))
 
     def contents(self) -> list[Table | str]:
-        """Warnings, the modes, then what every diagram has."""
+        """Warnings, the modes, then the parts of every diagram."""
         return [*self.warnings, self.modes_table(), *super().contents()]
 
     def to_dataframe(self) -> "pd.DataFrame":

@@ -1,4 +1,4 @@
-"""Which measured mode is which mode of a model: one-to-one assignment by frequency, damping and shape, with odds.
+"""Matching of measured modes to modes of a model: one-to-one assignment by frequency, damping and shape, with odds.
 
 Modes that the model lacks, loads and rotor harmonics compete with its modes for each measured one
 (`windsysid.modal.matching.likelihood`); probabilities are sums over all one-to-one assignments

@@ -40,7 +40,7 @@ class ModeCandidate(NamedTuple):
 
 
 class MatchedMode(NamedTuple):
-    """A measured mode, and what it may be.
+    """Measured mode, and its candidates in the model.
 
     Attributes
     ----------

@@ -256,7 +256,7 @@ def write_record(record: Record, path: str | Path, *, overwrite: bool = False) -
 
 @contextmanager
 def claim_record(path: str | Path, *, overwrite: bool = False) -> Iterator[Callable[[Record], None]]:
-    """Take the name of a record's file before there is a record; yields what writes it. Raises as `write_record`."""
+    """Reserve the name of a record's file before there is a record; yields its writer. Raises as `write_record`."""
     path = Path(path)
     written = tuple(one for one in FORMATS if one.write is not None)
     writer = next((one.write for one in written if one.is_named(path)), None)

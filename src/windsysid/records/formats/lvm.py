@@ -229,7 +229,7 @@ def _apart(head: dict[str, list[str]], segments: list[_Segment], parts: list[Arr
         return parts
     moments = [_moment(head, one) for one in segments]
     if start is None or None in moments:
-        raise RecordError("has segments whose times begin anew and no dates that tell them apart; split it in LabVIEW")
+        raise RecordError("has segments that restart the time and have no dates; split it in LabVIEW")
     begun = moment(start)
     return [part + (moment(str(one)) - begun).total_seconds() for part, one in zip(parts, moments, strict=True)]
 

@@ -82,12 +82,10 @@ def with_harmonics(modes: Sequence[OperationalMode], frequency: Array, values: C
     for i, k in permutations(range(len(modes)), 2):
         first, higher, order = modes[i], modes[k], round(modes[k].frequency.estimate / modes[i].frequency.estimate)
         if 2 <= order <= MAX_HARMONIC and _phase_is_bound(motions[i], motions[k], order, float(frequency[1])):
-            text = f"its phase is bound to that of the peak at {first.frequency.estimate:.4g} Hz, as of harmonics"
+            text = f"its phase is locked to that of the peak at {first.frequency.estimate:.4g} Hz, as for harmonics"
             grounds.setdefault(k, Doubt("load", f"load or mode: {text}"))
             if motions[k].power > MAX_NONLINEAR_SHARE * motions[i].power:
-                text = (
-                    f"the phase of the peak at {higher.frequency.estimate:.4g} Hz is bound to its own, as of harmonics"
-                )
+                text = f"the phase of the peak at {higher.frequency.estimate:.4g} Hz is locked to its own, as for harmonics"
                 grounds.setdefault(i, Doubt("load", f"load or mode: {text}"))
     return [
         replace(mode, grounds=(*mode.grounds, grounds[i])) if i in grounds else mode for i, mode in enumerate(modes)

@@ -41,7 +41,7 @@ MIN_MOTION_FREEDOM = 8.0
 """Size: equivalent degrees of freedom of a motion; with fewer, two modes may be equal by chance."""
 
 MAX_NONLINEAR_SHARE = 0.01
-"""Size: power of a motion over that of a mode up to which a nonlinearity may make it of that mode."""
+"""Size: power of a harmonic over that of its first up to which a nonlinearity may cause it of a mode."""
 
 MAX_DAMPING = 0.2
 """Size: damping ratio beyond which a mode is background."""

@@ -200,7 +200,8 @@ def _searched(record: Record, readings: Readings, request: _AnalysisOptions) -> 
     noted = readings
     if found.reached is not None:
         further = (
-            f"modes were sought up to {found.reached:.4g} Hz: peaks go on beyond it, give --range LOW HIGH for them"
+            f"modes were searched up to {found.reached:.4g} Hz: there are peaks above it, give --range LOW HIGH"
+            " for them"
         )
         noted = noted._replace(high=found.reached, notes=(*noted.notes, further))
     noted = noted._replace(notes=(*noted.notes, *map(covered_note, found.covered)))

@@ -302,7 +302,7 @@ def _mean_load(each: Sequence[OperationalMode], ratios: Sequence[Ratios], shape:
 
 
 def _result(setups: _Setups, joint: _Joint) -> OperationalModes:
-    """Result of all records; what only one record has, such as spectra for the figure, is that of the first."""
+    """Result of all records; parts that only one record has, such as spectra for the figure, are those of the first."""
     results, sensors = setups.results, setups.sensors
     return replace(
         results[0],

@@ -247,7 +247,7 @@ class OperationalModes(Answer):
 
     @property
     def _numbered(self) -> bool:
-        """True if names of modes do not say what moves."""
+        """True if names of modes do not describe their motion."""
         return any(mode.name.startswith("mode ") for mode in self.modes)
 
     @property

@@ -108,7 +108,7 @@ class ModalSensor(BaseModel):
     @classmethod
     def _points_somewhere(cls, value: tuple[float, float, float] | None) -> tuple[float, float, float] | None:
         if value is not None and not any(value):
-            raise ValueError("expected a direction that points somewhere")
+            raise ValueError("expected a direction other than zero")
         return value
 
 

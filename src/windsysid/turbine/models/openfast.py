@@ -73,7 +73,7 @@ def _check_version(dyn: InputFile) -> None:
 
 
 def _below(main: InputFile, dyn: InputFile) -> Substructure:
-    """What the tower stands on; a platform that floats is refused."""
+    """Foundation of the tower; a platform that floats is refused."""
     if main.has("CompSub") and main.count("CompSub") == 1:
         return read_substructure(main, dyn.number("TowerBsHt", 0.0))
     moves = [name for name in ("PtfmSgDOF", "PtfmSwDOF", "PtfmRDOF", "PtfmPDOF") if dyn.flag(name)]
@@ -125,7 +125,7 @@ def _polynomial(file: InputFile, stem: str) -> Array:
 
 
 def _top(dyn: InputFile) -> Top:
-    """What stands on the tower, without blades."""
+    """Parts on the tower, without blades."""
     tilt = math.radians(dyn.number("ShftTilt"))
     shaft = np.array([math.cos(tilt), 0.0, math.sin(tilt)])
     apex = np.array([0.0, 0.0, dyn.number("Twr2Shft")]) + dyn.number("OverHang") * shaft

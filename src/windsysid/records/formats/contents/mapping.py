@@ -1,4 +1,4 @@
-"""A mapping file: what a record does not say about itself, written once by whoever knows.
+"""Mapping file: properties of a record that its file does not give, written once by a user.
 
     [time]
     column = "Zeit"
@@ -52,7 +52,7 @@ class _Strict:
 
 @dataclass(frozen=True)
 class TimeRule(_Strict):
-    """Where the time is and what it counts.
+    """Column and unit of the time.
 
     Attributes
     ----------
@@ -97,7 +97,7 @@ class TimeRule(_Strict):
 
 @dataclass(frozen=True)
 class CsvRule(_Strict):
-    """How a text file is written, where that cannot be seen from it.
+    """Format of a text file, as far as it cannot be detected.
 
     Attributes
     ----------
@@ -133,7 +133,7 @@ class CsvRule(_Strict):
 
 @dataclass(frozen=True)
 class ChannelRule(_Strict):
-    """What one column is.
+    """Meaning of one column.
 
     Attributes
     ----------
@@ -247,7 +247,8 @@ def _check_encoding(name: str) -> None:
 
 
 def matches(key: str, *names: str) -> bool:
-    """Whether a key of ``[channels]`` means a column with these names: one of them, or a pattern such as ``Acc*``."""
+    """Test whether a key of ``[channels]`` means a column with these names: one of them, or a pattern such as
+    ``Acc*``."""
     return key in names or ("*" in key and any(fnmatch.fnmatchcase(name, key.replace("[", "[[]")) for name in names))
 
 
