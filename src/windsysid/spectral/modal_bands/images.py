@@ -85,7 +85,8 @@ def with_harmonics(modes: Sequence[OperationalMode], frequency: Array, values: C
             text = f"its phase is locked to that of the peak at {first.frequency.estimate:.4g} Hz, as for harmonics"
             grounds.setdefault(k, Doubt("load", f"load or mode: {text}"))
             if motions[k].power > MAX_NONLINEAR_SHARE * motions[i].power:
-                text = f"the phase of the peak at {higher.frequency.estimate:.4g} Hz is locked to its own, as for harmonics"
+                peak = f"the peak at {higher.frequency.estimate:.4g} Hz"
+                text = f"the phase of {peak} is locked to its own, as for harmonics"
                 grounds.setdefault(i, Doubt("load", f"load or mode: {text}"))
     return [
         replace(mode, grounds=(*mode.grounds, grounds[i])) if i in grounds else mode for i, mode in enumerate(modes)
