@@ -54,7 +54,7 @@ class _Vector(types.Type):
         super().__init__(name=f"Vector{LANES}")
 
     def can_convert_from(self, typingctx: Any, other: Any) -> Any:
-        """A number is a vector with the same in every lane."""
+        """True for numbers: a number converts to a vector with this value in every lane."""
         return Conversion.safe if isinstance(other, types.Integer | types.Float) else None
 
 

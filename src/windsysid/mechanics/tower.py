@@ -231,7 +231,7 @@ class _Kinematics:
         return self._component((self.parameters["k_side_side"] * x, self.parameters["k_fore_aft"] * z), sensor)
 
     def turning(self, sensor: "PlacedSensor") -> "sp.Expr":
-        """Not known: the top leans, but by how much its modal mass does not say."""
+        """Unknown: the modal mass does not determine the rotation of the top."""
         raise self._refusal(sensor)
 
     def _component(self, vector: "tuple[sp.Expr, ...]", sensor: "PlacedSensor") -> "sp.Expr":

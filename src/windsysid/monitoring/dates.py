@@ -13,7 +13,7 @@ from windsysid.records.moments import moment
 __all__ = ["MIN_BLOCKS", "Dated", "Order", "Span", "in_order", "spans_of"]
 
 MIN_BLOCKS = 12
-"""Blocks that a watch needs."""
+"""Least number of blocks for a watch."""
 
 
 class Dated(Protocol):

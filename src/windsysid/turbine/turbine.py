@@ -143,7 +143,7 @@ class Turbine:
 
     @property
     def slowest_frequency(self) -> float:
-        """The least natural frequency ω [rad/s] of a degree of freedom on its own spring, of those that have one."""
+        """Lowest natural frequency ω [rad/s] of any degree of freedom on its own spring."""
         frequencies = (self.natural_frequency(name) for name in self.model.coordinates)
         return min((w for w in frequencies if w > 0.0), default=1.0)
 

@@ -76,7 +76,7 @@ def _column(values: Array) -> Callable[[int, int], Array]:
 
 
 def _parsed(path: Path) -> tuple[dict[str, list[str]], list[_Segment]]:
-    """The header of the file and all segments."""
+    """Parse the header of the file and all segments."""
     lines = _lines(path)
     head = _file_header(lines)
     mark = _SEPARATORS.get(head.get("Separator", ["Tab"])[0].lower(), "\t")

@@ -298,7 +298,7 @@ def _draw(factor: Array, amplitude: Array, rng: np.random.Generator, period: int
 
 
 def _period(samples: int, rate: float, conditions: WindConditions) -> int:
-    """Samples of one period of the drawn field: a product of small primes, for the transforms' sake."""
+    """Samples of one period of the drawn field: a product of small primes, for fast Fourier transforms."""
     from scipy.fft import next_fast_len
 
     longer = 5.0 * conditions.length_scale / conditions.speed
