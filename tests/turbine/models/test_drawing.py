@@ -1,6 +1,7 @@
 """Tables of a drawing."""
 
 import math
+import re
 from pathlib import Path
 
 import pytest
@@ -88,3 +89,25 @@ def test_a_tower_that_buckles_is_refused(tmp_path: Path):
 def test_a_drawing_has_no_rotor_of_its_own(tmp_path: Path):
     with pytest.raises(ConfigurationError, match="the model has no blades: expected --kind tower"):
         turbine_from(drawing(tmp_path), "rotor")
+
+
+@pytest.mark.parametrize(
+    ("new", "message"),
+    [
+        ("top_mass = 100 t\n", "tower.csv:3: top_mass: expected one line of it, got another one in line 2"),
+        ("top_inertia = -1e9 kg*m^2\n", "tower.csv:3: top_inertia: expected a value of 0 or more"),
+        ("blades = 2.5\n", "tower.csv:3: blades: expected a whole number above 0"),
+        ("damping = 120 %\n", "tower.csv:3: damping: expected more than 0 and up to 99 %"),
+    ],
+)
+def test_a_line_that_would_give_a_wrong_machine_is_refused(tmp_path: Path, new: str, message: str):
+    text = DRAWING.replace("damping = 1 %\n", "").replace("top_height", f"{new}top_height")
+    with pytest.raises(ConfigurationError, match=re.escape(message)):
+        read_drawing(drawing(tmp_path, text))
+
+
+def test_a_drawing_may_come_from_a_spreadsheet(tmp_path: Path):
+    """It writes a byte-order mark, and as many commas in each line as the table has."""
+    path = tmp_path / "sheet.csv"
+    path.write_text(DRAWING.replace("350 t", "350 t,,").replace("1.9 m", "1.9 m,,"), encoding="utf-8-sig")
+    assert read_drawing(path).top.masses[0][0] == pytest.approx(350e3)

@@ -1,5 +1,6 @@
 """Decks of OpenFAST: versions, substructures, and what is wrong with a deck."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 from tests.turbine.models.decks import write_deck
 from windsysid.errors import ConfigurationError
+from windsysid.turbine.models.motion import machine_modes, tower_modes
 from windsysid.turbine.models.openfast import read_openfast
 
 
@@ -112,3 +114,55 @@ def test_faults_of_a_substructure_are_named_with_file_and_line(
 ):
     with pytest.raises(ConfigurationError, match=message):
         read_openfast(write_deck(tmp_path, pile="soil", changes=changes))
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "message"),
+    [
+        ("tower.dat", ("1.0 TwrSSDmp(1)", "-1.0 TwrSSDmp(1)"), "tower.dat:6: TwrSSDmp1: expected a damping ratio"),
+        ("tower.dat", ("1.0 TwrFADmp(1)", "500 TwrFADmp(1)"), "tower.dat:4: TwrFADmp1: expected a damping ratio"),
+        ("blade.dat", ("0.5 BldEdDmp", "-0.5 BldEdDmp"), "BldEdDmp1: expected a damping ratio"),
+        ("blade.dat", ("1 AdjEdSt", "0 AdjEdSt"), "AdjEdSt: expected a number above 0, got 0"),
+        ("main.fst", ("0 CompSub", "2 CompSub"), "CompSub: expected 0 or 1, got 2"),
+        ("main.fst", ("1 CompElast", "1 CompSoil - switch\n1 CompElast"), "CompSoil: expected 0, got 1"),
+    ],
+)
+def test_what_would_give_a_wrong_machine_is_refused(tmp_path: Path, name: str, change: tuple[str, str], message: str):
+    with pytest.raises(ConfigurationError, match=re.escape(message)):
+        read_openfast(write_deck(tmp_path, changes={name: change}))
+
+
+def test_text_of_a_title_is_not_a_value(tmp_path: Path):
+    title = {"ed.dat": ("made up", "350000 NacMass instead of 80000 is under test")}
+    assert read_openfast(write_deck(tmp_path, changes=title)).top.masses[1][0] == 80000.0
+
+
+def test_masses_of_the_tip_count(tmp_path: Path):
+    plain = read_openfast(write_deck(tmp_path / "plain")).blade
+    heavy = {"ed.dat": ("16000 HubMass", "300 TipMass(1) - kg\n16000 HubMass")}
+    blade = read_openfast(write_deck(tmp_path / "heavy", changes=heavy)).blade
+    assert plain is not None
+    assert blade is not None
+    assert blade.mass.sum() - plain.mass.sum() == pytest.approx(300.0)
+    assert blade.radius[-1] == 40.0
+    shape = np.sqrt(np.sum(blade.displacement[-1, blade.edge] ** 2))
+    assert shape == pytest.approx(1.0, abs=0.02)
+
+
+def test_a_transition_piece_counts_on_a_clamped_pile(tmp_path: Path):
+    piece = {"ed.dat": ("16000 HubMass", "1e5 PtfmMass - kg\n16000 HubMass")}
+    support = read_openfast(write_deck(tmp_path, pile="clamped", changes=piece)).support
+    assert [point.mass for point in support.points] == [1e5]
+
+
+def test_a_blade_that_the_model_replaces_is_named(tmp_path: Path):
+    machine = read_openfast(write_deck(tmp_path, changes={"main.fst": ("1 CompElast", "2 CompElast")}))
+    assert "BeamDyn" in machine.sources["blade"]
+
+
+def test_the_fore_aft_mode_of_a_light_top_is_not_the_second_one(tmp_path: Path):
+    hub = "16{} HubMass - kg\n3.0e4 HubIner - kg m^2\n300 GenIner - kg m^2\n80{} NacMass"
+    light = {"ed.dat": (hub.format("000", "000"), hub.format("", "")), "blade.dat": ("1 AdjFlSt", "0.11 AdjFlSt")}
+    machine = read_openfast(write_deck(tmp_path, changes=light))
+    found, rigid = machine_modes(machine, machine.rotor_speed), tower_modes(machine, 1, 1)[0].frequency
+    assert found.fore_aft.frequency == pytest.approx(rigid, rel=0.3)

@@ -34,7 +34,7 @@ def blade_of_shapes(
     Parameters
     ----------
     section
-        At the nodes of the model, which are the middles of elements.
+        At the nodes of the model, which are the middles of elements; the last one is the tip, of length 0.
     shapes
         Polynomials in the distance from the root as a share of the blade's length, 1 at the tip.
     edgewise

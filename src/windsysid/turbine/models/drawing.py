@@ -102,7 +102,9 @@ def _values(file: InputFile) -> tuple[dict[str, float], dict[str, int], int]:
                     file.fail(number, f"expected a line '{name} = … {_KEYS[name][0]}' before the table")
             defaults = {key: default for key, (_, default) in _KEYS.items() if default is not None}
             return defaults | values, lines, number
-        values[key], lines[key] = _quantity(file, number, key, quantity), number
+        if key in lines:
+            file.fail(number, f"{key}: expected one line of it, got another one in line {lines[key]}")
+        values[key], lines[key] = _quantity(file, number, key, quantity.rstrip(",; ")), number
     file.fail(len(file.lines) or 1, "expected a table with the heading 'height [m]', found none")
 
 
@@ -121,12 +123,20 @@ def _quantity(file: InputFile, number: int, key: str, text: str) -> float:
         value = float(text) if unit == "1" else parse_quantity(text, unit)
     except ValueError as error:
         file.fail(number, f"{key}: {error}, got '{text[:40]}'")
-    if not value > 0.0 and key in _POSITIVE:
-        file.fail(number, f"{key}: expected a value above 0, got '{text[:40]}'")
+    low, high, expected = _RANGES.get(key, (0.0, math.inf, "a value of 0 or more"))
+    if not low <= value <= high or (key == "blades" and value != int(value)):
+        file.fail(number, f"{key}: expected {expected}, got '{text[:40]}'")
     return value
 
 
-_POSITIVE = ("top_mass", "blades", "density", "young", "damping", "gravity", "base_rocking", "base_lateral")
+_ABOVE = (math.ulp(0.0), math.inf, "a value above 0")
+_RANGES = {
+    "top_height": (-math.inf, math.inf, "a height"), "top_offset": (-math.inf, math.inf, "a distance"),
+    "damping": (math.ulp(0.0), 0.99, "more than 0 and up to 99 %"),
+    "blades": (1.0, 20.0, "a whole number above 0"),
+    **dict.fromkeys(("top_mass", "density", "young", "gravity", "base_rocking", "base_lateral"), _ABOVE),
+}  # fmt: skip
+"""Smallest and largest value of a key, and what is expected."""
 
 
 def _table(file: InputFile, at: int) -> dict[str, Array]:

@@ -72,7 +72,7 @@ def equivalent_hinge(blade: Blade, top: Top, tower: TowerMode) -> Hinge:
         raise ConfigurationError("blade: expected an edgewise shape that moves in plane, got one that does not")
     lever = moment / (square + stiffening)
     offset = float(stiffening * lever / plain)
-    tip = float(blade.radius[-1] + (blade.radius[-1] - blade.radius[-2]) / 2.0)
+    tip = float(blade.radius[-1])
     return Hinge(
         offset, lever, float(mass.sum()), plain * lever, square * lever**2, float(blade.stiffness[e, e]) * lever**2,
         float(blade.damping[e, e]) * lever**2, tip - offset, blade.tip_slope * lever,

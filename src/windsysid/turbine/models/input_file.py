@@ -22,6 +22,10 @@ _ENTRY = re.compile(r"""\s*("[^"]*"|'[^']*'|[^\s,]+(?:\s*,\s*[^\s,]+)*)\s+([A-Za
 _UNIT = re.compile(r"[\s()*.·-]")
 
 
+TITLE_LINES = 2
+"""Setting: first lines, which are free text in most formats: a value there counts if no other line has its name."""
+
+
 class StationTable(NamedTuple):
     """Columns of a table by heading, and the numbers of its first and last line."""
 
@@ -57,9 +61,10 @@ class InputFile:
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or error
             raise ConfigurationError(f"{path}{named}: cannot be read: {reason}") from None
-        self.lines = content.decode("utf-8", errors="replace").splitlines()
+        self.lines = content.decode("utf-8-sig", errors="replace").splitlines()
         self._entries: dict[str, tuple[str, int]] = {}
-        for number, line in enumerate(self.lines, start=1):
+        numbered = list(enumerate(self.lines, start=1))
+        for number, line in numbered[TITLE_LINES:] + numbered[:TITLE_LINES]:
             if found := _ENTRY.match(line):
                 name = found[2] + (found[3] or "")
                 self._entries.setdefault(name.lower(), (found[1].strip("\"'"), number))
@@ -108,6 +113,17 @@ class InputFile:
         if value <= 0.0:
             self.fail(self.line(name), f"{name}: expected a number above 0, got {value:g}")
         return value
+
+    def factor(self, name: str) -> float:
+        """A factor above 0; 1 where the file does not have it."""
+        return self.positive(name) if self.has(name) else 1.0
+
+    def damping(self, name: str) -> float:
+        """A damping ratio [1] of 0 or more and below 1, written in per cent."""
+        value = self.number(name)
+        if not 0.0 <= value < 100.0:
+            self.fail(self.line(name), f"{name}: expected a damping ratio from 0 to below 100 %, got {value:g}")
+        return value / 100.0
 
     def count(self, name: str, default: int | None = None) -> int:
         """A whole number of 0 or more."""

@@ -20,6 +20,10 @@ TOWER_ELEMENTS, BASE_ELEMENTS = 30, 12
 MIN_SECOND_SHARE = 0.1
 """Setting: share of elastic energy side-side from which a further mode is the tower's second."""
 
+MAX_ROTOR_SHIFT, MIN_TOWER_SHARE = 1.5, 0.25
+"""Setting: largest factor between a tower's frequencies with rigid and with bending, turning blades, and smallest share
+of elastic energy of its mode: light towers share modes with flapwise motion."""
+
 
 class MachineMode(NamedTuple):
     """Frequency [Hz], damping ratio [1] and shares [1] of elastic energy: side-side, fore-aft, and blades by shape and
@@ -247,21 +251,29 @@ def _energies(machine: Machine, frames: list[_SupportPlane], shape: Complex) -> 
 
 
 def _sorted(machine: Machine, modes: list[MachineMode]) -> MachineModes:
-    """Modes by the moving part: the first two of the tower; edgewise ones by the energy of their part."""
-    towers = [mode for mode in modes if mode.side_side + mode.fore_aft > 0.5][:2]
-    towers.sort(key=lambda mode: mode.side_side - mode.fore_aft)
-    if len(towers) < 2:
-        raise ConfigurationError(
-            f"{machine.name}: expected two modes of the tower, found {len(towers)}: is the tower's stiffness in N·m² "
-            f"({machine.sources['tower']})?"
-        )
-    fore_aft, side_side = towers
+    """Modes by the moving part: those of the tower near those with a rigid rotor; edgewise ones by energy."""
+    side_side = _tower_mode(machine, modes, 0)
+    fore_aft = _tower_mode(machine, [mode for mode in modes if mode is not side_side], 1)
     if machine.blade is None:
         return MachineModes(side_side, fore_aft, None, None, None, None)
     edge = machine.blade.edge
     whirls = sorted(modes, key=lambda mode: -float(mode.blades[edge, 1:].sum()))[:2]
     backward, forward = sorted(whirls, key=lambda mode: mode.frequency)
     collective = max(modes, key=lambda mode: float(mode.blades[edge, 0]))
-    named = {id(mode) for mode in (*towers, *whirls, collective)}
+    named = {id(mode) for mode in (side_side, fore_aft, *whirls, collective)}
     second = next((mode for mode in modes if id(mode) not in named and mode.side_side > MIN_SECOND_SHARE), None)
     return MachineModes(side_side, fore_aft, second, backward, collective, forward)
+
+
+def _tower_mode(machine: Machine, modes: list[MachineMode], direction: int) -> MachineMode:
+    """The mode with most of the tower's energy in a direction, among those near its mode with a rigid rotor."""
+    rigid = tower_modes(machine, direction, 1)[0].frequency
+    near = [mode for mode in modes if 1.0 / MAX_ROTOR_SHIFT < mode.frequency / rigid < MAX_ROTOR_SHIFT]
+    found = max(near, key=lambda mode: mode[2 + direction], default=None)
+    if found is None or found[2 + direction] < MIN_TOWER_SHARE:
+        name = DIRECTIONS[direction].replace("_", "-")
+        raise ConfigurationError(
+            f"{machine.name}: expected a mode of the tower {name} near {rigid:.3g} Hz, found none but the "
+            f"blades'; check masses, stiffness and rotor speed ({machine.sources['tower']})"
+        )
+    return found

@@ -49,6 +49,8 @@ def read_openfast(path: Path) -> Machine:
     below = _below(main, dyn)
     support, tower = _support(dyn, below)
     blade, blade_sources = _blade(dyn)
+    if main.has("CompElast") and main.count("CompElast") == 2:
+        blade_sources += " of ElastoDyn; the model itself bends as BeamDyn's blade"
     used = ["NacMass", "NacCMxn", "NacCMyn", "NacCMzn", "HubMass", "OverHang", "ShftTilt", "Twr2Shft"]
     sources = {
         "tower": ", ".join([tower, *below.sources]),
@@ -74,6 +76,10 @@ def _check_version(dyn: InputFile) -> None:
 
 def _below(main: InputFile, dyn: InputFile) -> Substructure:
     """Foundation of the tower; a platform that floats is refused."""
+    for name, most in (("CompSub", 1), ("CompSoil", 0)):
+        if main.has(name) and main.count(name) > most:
+            expected = " or ".join("01"[: most + 1])
+            main.fail(main.line(name), f"{name}: expected {expected}, got {main.text(name)}: not read")
     if main.has("CompSub") and main.count("CompSub") == 1:
         return read_substructure(main, dyn.number("TowerBsHt", 0.0))
     moves = [name for name in ("PtfmSgDOF", "PtfmSwDOF", "PtfmRDOF", "PtfmPDOF") if dyn.flag(name)]
@@ -94,17 +100,17 @@ def _support(dyn: InputFile, below: Substructure) -> tuple[Support, str]:
     if top <= foot:
         dyn.fail(dyn.line("TowerHt"), f"TowerHt: expected a height above the tower's foot at {foot:g} m, got {top:g}")
     z = foot + (top - foot) * table.columns["HtFract"]
-    mass = table.columns["TMassDen"] * tower.number("AdjTwMa", 1.0)
+    mass = table.columns["TMassDen"] * tower.factor("AdjTwMa")
     stiffness, shapes, damping = [], [], []
     for side in ("SS", "FA"):
-        adjusted = tower.number(f"Adj{side}St", 1.0) * tower.number(f"{side}StTunr1", 1.0)
+        adjusted = tower.factor(f"Adj{side}St") * tower.factor(f"{side}StTunr1")
         column = table.columns[f"Tw{side}Stif"] * adjusted
         check_gyration(tower, table, f"Tw{side}Stif", column / np.maximum(mass, 1e-300), top - foot)
         stiffness.append(column)
         shapes.append([_polynomial(tower, f"Tw{side}M{mode}Sh") for mode in (1, 2)])
-        damping.append([tower.number(f"Twr{side}Dmp{mode}") / 100.0 for mode in (1, 2)])
+        damping.append([tower.damping(f"Twr{side}Dmp{mode}") for mode in (1, 2)])
     points = list(below.points)
-    if (platform := dyn.number("PtfmMass", 0.0)) and below.base is not None:
+    if platform := dyn.number("PtfmMass", 0.0):
         points.append(PointMass(foot, platform, dyn.number("PtfmRIner", 0.0)))
     joined = np.concatenate([below.z, z])
     support = Support(
@@ -152,21 +158,22 @@ def _blade(dyn: InputFile) -> tuple[Blade, str]:
     nodes = dyn.count("BldNodes") if dyn.has("BldNodes") else _aerodynamic_nodes(dyn)
     if not MIN_NODES <= nodes <= MAX_NODES:
         raise ConfigurationError(f"{dyn.path}: BldNodes: expected {MIN_NODES} to {MAX_NODES} nodes, got {nodes:g}")
-    at = (np.arange(nodes) + 0.5) / nodes
+    at = np.append((np.arange(nodes) + 0.5) / nodes, 1.0)
     columns = {name: np.interp(at, table.columns["BlFract"], column) for name, column in table.columns.items()}
-    mass = table.columns["BMassDen"] * file.number("AdjBlMs", 1.0)
+    mass = table.columns["BMassDen"] * file.factor("AdjBlMs")
     for name in ("FlpStff", "EdgStff"):
         check_gyration(file, table, name, table.columns[name] / np.maximum(mass, 1e-300), length)
-    element = np.full(nodes, length / nodes)
+    element = np.append(np.full(nodes, length / nodes), 0.0)
     pitch = dyn.number("BlPitch1", 0.0)
+    tip = dyn.number("TipMass1", 0.0)
     section = BladeSection(
-        at * length, element, columns["BMassDen"] * file.number("AdjBlMs", 1.0) * element,
-        columns["FlpStff"] * file.number("AdjFlSt", 1.0) * file.number("FlStTunr1", 1.0),
-        columns["EdgStff"] * file.number("AdjEdSt", 1.0), np.radians(columns["StrcTwst"] + pitch),
+        at * length, element, np.append((columns["BMassDen"] * file.factor("AdjBlMs") * element)[:-1], tip),
+        columns["FlpStff"] * file.factor("AdjFlSt") * file.factor("FlStTunr1"),
+        columns["EdgStff"] * file.factor("AdjEdSt"), np.radians(columns["StrcTwst"] + pitch),
     )  # fmt: skip
     stems = ("BldFl1Sh", "BldFl2Sh", "BldEdgSh")
     shapes = [np.polynomial.Polynomial(_polynomial(file, stem)) for stem in stems]
-    damping = np.array([file.number(name) / 100.0 for name in ("BldFlDmp1", "BldFlDmp2", "BldEdDmp1")])
+    damping = np.array([file.damping(name) for name in ("BldFlDmp1", "BldFlDmp2", "BldEdDmp1")])
     blade = blade_of_shapes(section, shapes, [False, False, True], damping, root)
     return blade, f"{file.path.name}:{table.first}-{table.last}, {dyn.where('TipRad', 'HubRad')}"
 
