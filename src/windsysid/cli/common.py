@@ -53,7 +53,6 @@ class _InOrder(TyperGroup):
 app = typer.Typer(
     cls=_InOrder,
     add_completion=True,
-    no_args_is_help=True,
     pretty_exceptions_enable=False,
     context_settings={"max_content_width": 120},
     rich_markup_mode=None,  # boxes take longer to draw than a command's help should take

@@ -47,10 +47,14 @@ def _refuse(message: str) -> NoReturn:
 
 @app.callback(invoke_without_command=True)
 def _options(
+    context: typer.Context,
     version: Annotated[bool, typer.Option("--version", metavar="", help="Print the version and stop.")] = False,
 ) -> None:
     if version:
         print(f"windsysid {__version__}")
+        raise typer.Exit
+    if context.invoked_subcommand is None:
+        print(context.get_help())
         raise typer.Exit
     handler = logging.StreamHandler()
     handler.setFormatter(logging.Formatter("windsysid: %(message)s"))

@@ -64,6 +64,10 @@ MAX_GRAVITY_DIFFERENCE = 0.01
 MIN_SWING_FREQUENCY = 0.1
 """Setting: frequency [Hz] above which the motion is computed that an acceleration means."""
 
+MAX_SWING_SIGMAS = 20.0
+"""Setting: distance from the median, in robust standard deviations, beyond which readings are codes or spikes and no
+motion."""
+
 MIN_TILT_DEGREES = 1.0
 """Setting: smallest tilt of an axis that is reported; rotors are tilted by 4 to 8°, towers lean by less."""
 
@@ -198,6 +202,9 @@ def _swing(record: Record, channel: str) -> float:
     """Motion [m] that an acceleration means above `MIN_SWING_FREQUENCY`, root mean square."""
     values = record[channel]
     known = np.isfinite(values)
+    distance = np.abs(values - np.median(values[known]))
+    scale = 1.4826 * float(np.median(distance[known]))
+    known &= (distance <= MAX_SWING_SIGMAS * scale) | (scale == 0.0)
     filled = np.interp(record.time, record.time[known], values[known])
     power = np.abs(np.fft.rfft((filled - filled.mean()) * np.hanning(len(filled)))) ** 2
     frequency = np.arange(len(power)) * record.rate / len(filled)
