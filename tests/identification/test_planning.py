@@ -327,7 +327,7 @@ def test_the_command_answers_and_writes_its_report(run, tmp_path, monkeypatch):
     assert summary["rotor_speed_rad_s"] == pytest.approx(2.0 * math.pi)
     assert 15.0 < summary["parameters"]["c_x"]["two_sigma_percent"] < 35.0
     html = (tmp_path / "plan" / "report.html").read_text(encoding="utf-8")
-    assert html.count("data:image/png;base64,") == 1
+    assert 'class="plot"' in html
     code, _, (line,) = run("plan", "--turbine", "verne555", *options, "--output", tmp_path / "plan")
     assert code == 2
     assert "already there" in line
