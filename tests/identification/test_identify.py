@@ -174,7 +174,7 @@ def test_a_result_is_a_data_frame(found):
     assert list(frame.columns) == ["unit", "estimate", "low", "high", "grade", "in_file"]
     row = frame.loc[("k_x", "coefficient")]
     assert (row.unit, row.estimate, row.low, row.in_file) == ("N/m", found["k_x"].estimate, found["k_x"].low, 1800.0)
-    assert frame.loc[("tower x", "damping ratio"), "high"] == found.modes[1].damping_ratio[2]
+    assert frame.loc[("tower x", "damping ratio"), "high"] == found.modes[1].damping_ratio.high
     assert (frame.low <= frame.high).all()
 
 

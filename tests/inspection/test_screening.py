@@ -60,7 +60,7 @@ def test_a_time_that_is_in_no_seconds_is_refused_or_named(healthy, verne555, ste
     odd = Record(step * np.arange(healthy.samples), healthy.values, healthy.channels, healthy.units)
     support = [channel for channel in odd.channels if channel.startswith("tower")]
     if refused:
-        with pytest.raises(RecordError, match=r"come every 50 s.*write its unit into its heading, as in 'time \[ms\]'"):
+        with pytest.raises(RecordError, match=r"every 50 s.*write its unit into its heading, as in 'time \[ms\]'"):
             ws.oma(odd.select(support))
     else:
         found = [finding.text for finding in screen(odd, None, support) if finding.channel == "time"]

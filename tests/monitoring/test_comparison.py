@@ -127,7 +127,7 @@ def assert_nothing_moved(comparison: Comparison, within: float = 1e-6) -> None:
         assert change.chance == pytest.approx(1.0, abs=1e-3)
         assert not change.log_odds > 0.01
     assert comparison.moved == ()
-    assert comparison.sentence.startswith("nothing moved")
+    assert comparison.sentence.startswith("no change")
 
 
 # What records say
@@ -524,7 +524,7 @@ def test_loads_that_differ_are_told_apart_from_the_turbine(verne555):
     )
     found = compare(a, b)
     assert found.moved == ()
-    assert found.sentence.startswith("nothing moved")
+    assert found.sentence.startswith("no change")
     assert found.sentence.endswith("loads and noise differ in noise_tower_acceleration")
 
 
@@ -566,7 +566,7 @@ def test_one_record_by_its_hash_has_not_moved_and_two_of_one_name_may_have(verne
     found = compare(*one)
     assert found.same
     assert not found.moved
-    assert "the same values, so nothing moved" in found.doubts[0]
+    assert "the same values, so no change" in found.doubts[0]
     other = one[1]._replace(record="a.csv", record_hash="1e")
     assert [change.name for change in compare(one[0], other).moved] == ["k_x"]
     assert not compare(one[0], other).same

@@ -123,7 +123,7 @@ def _compare_coefficients(before: Posterior, after: Posterior) -> Comparison:
         same = _have_same_values(before, after)
         doubts.append(
             f"both results are of {before.record}{', the same values' if same else ': if that is one record'}, so"
-            " nothing moved, and priors, sensors or loads of the two identifications do not agree about"
+            " there is no change, and priors, sensors or loads of the two identifications do not agree about"
             f" {', '.join(moved)}"
         )
     return Comparison(

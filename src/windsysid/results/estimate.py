@@ -48,13 +48,13 @@ class IntervalEstimate:
 
     @classmethod
     def normal(cls, estimate: float, std: float, unit: str) -> "IntervalEstimate":
-        """Return an estimate with a symmetric interval, `estimate` ± 2 `std`."""
+        """Return an estimate with a symmetric interval: `estimate` ± 2 `std`, both in the `unit` that is given."""
         half = SIGMAS * std
         return cls(estimate, estimate - half, estimate + half, std, unit)
 
     @classmethod
     def lognormal(cls, estimate: float, log_std: float, unit: str) -> "IntervalEstimate":
-        """Return an estimate of a positive quantity, whose logarithm has the standard deviation `log_std`.
+        """Return an `estimate`, in the `unit` that is given, whose logarithm has the standard deviation `log_std` [1].
 
         The interval ends at factors of e⁶, which say that the quantity is not known.
         """

@@ -23,7 +23,7 @@ def test_hawc2_is_read_by_either_of_its_files(tmp_path):
     path = hawc2(tmp_path)
     assert read_record(path).values.tobytes() == read_record(path.with_suffix(".dat")).values.tobytes()
     path.with_suffix(".dat").unlink()
-    refused(path, r"has no x\.dat beside it")
+    refused(path, r"has no x\.dat next to it")
 
 
 def test_a_dat_file_without_a_list_beside_it_is_text(tmp_path):
@@ -106,7 +106,7 @@ def test_bladed_headers_that_do_not_fit_their_numbers_are_refused(tmp_path):
     refused(bladed(tmp_path, AXISLAB="'Wind speed'"), "names 0 stations|expected a last axis 'Time'")
     path = bladed(tmp_path)
     (tmp_path / "x.%41").unlink()
-    refused(path, r"has no x\.%41 beside it")
+    refused(path, r"has no x\.%41 next to it")
 
 
 def test_a_damaged_single_that_is_a_signalling_nan_is_missing(tmp_path):

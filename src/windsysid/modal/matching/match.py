@@ -63,18 +63,11 @@ def match_modes(result: "Measured", modes: "ModelLike") -> ModeMatch:
 
     Examples
     --------
-    A building's modes, and a model of it that is 2 % too stiff and has one mode more:
-
-    >>> from windsysid.spectral.oma.known_modes import KnownMode
-    >>> from windsysid.modal.matching.likelihood import ModelMode
-    >>> peaks = {"mode 1": 1.0, "mode 2": 2.6}
-    >>> measured = [KnownMode(m, math.log(f), 0.002, math.log(0.01), 0.1, {}, True) for m, f in peaks.items()]
-    >>> frequencies = {"bending": 1.01, "torsion": 1.6, "second bending": 2.63}
-    >>> model = [ModelMode(name, f, 0.0, 0.01, 0.0, {}) for name, f in frequencies.items()]
-    >>> for mode in candidates_of(measured, model, 0.0):
-    ...     print(mode.name, "is", mode.best.name)
-    mode 1 is bending
-    mode 2 is second bending
+    >>> import windsysid as ws
+    >>> record = ws.simulate("tower", duration=600.0, rate=5.0, seed=1)
+    >>> for mode in ws.match(ws.oma(record), "tower").modes:
+    ...     print(f"{mode.frequency.estimate:.3f} Hz is {mode.best.name}")
+    0.315 Hz is tower side-side
     """
     measured = _measured(result)
     if not measured.modes:

@@ -118,11 +118,12 @@ def analyse_vibration(
     >>> record = ws.simulate("nrel5mw", duration=600.0, rate=5.0, seed=1)
     >>> found = ws.oma(record)
     >>> for mode in found.modes:
-    ...     print(f"{mode.name}: {mode.frequency:.3f} Hz, damping {100 * mode.damping:.1f} %, grades {mode.grades}")
-    tower x: 0.315 Hz, damping 0.2 %, grades ('C', 'C')
-    lag backward: 0.893 Hz, damping 0.9 %, grades ('A', 'A')
-    lag collective: 1.112 Hz, damping 0.3 %, grades ('A', 'A')
-    lag forward: 1.306 Hz, damping 0.4 %, grades ('A', 'A')
+    ...     f, zeta = mode.frequency, mode.damping_ratio
+    ...     print(f"{mode.name}: {f.estimate:.3f} Hz ({f.grade}), damping {100 * zeta.estimate:.1f} % ({zeta.grade})")
+    tower x: 0.315 Hz (C), damping 0.2 % (C)
+    lag backward: 0.893 Hz (A), damping 0.9 % (A)
+    lag collective: 1.112 Hz (A), damping 0.3 % (A)
+    lag forward: 1.306 Hz (A), damping 0.4 % (A)
     """
     begun = time.process_time()
     records = as_records(record, mapping)

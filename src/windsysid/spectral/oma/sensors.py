@@ -93,7 +93,7 @@ class ModalSensor(BaseModel):
     ...     for axis, direction in (("x", (0.0, 1.0, 0.0)), ("z", (1.0, 0.0, 0.0)))
     ... ]
     >>> found = ws.oma(ws.simulate("tower", duration=600.0, rate=5.0, seed=1), sensors=sensors)
-    >>> found.channels, round(found.modes[0].frequency, 3)
+    >>> found.channels, round(found.modes[0].frequency.estimate, 3)
     (('tower_x_acceleration', 'tower_z_acceleration'), 0.315)
     """
 
