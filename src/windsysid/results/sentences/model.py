@@ -114,12 +114,11 @@ MODEL: Final[Mapping[str, Sentence]] = {
         "spectral formulation: a clock drifts, and filters are sensitive to interpolation between samples"
     ),
     "spectral_with_filters": (
-        "spectral formulation: the record is stationary, and the structure has no rotating degrees of freedom; filters"
-        " were computed, too"
+        "spectral formulation: the record is stationary, and no degree of freedom rotates; filters were computed, too"
     ),
     "spectral_agrees": (
-        "spectral formulation: the record is stationary, and the structure has no rotating degrees of freedom; filters"
-        " agree within {sigmas:.1f} standard deviations"
+        "spectral formulation: the record is stationary, and no degree of freedom rotates; filters agree within"
+        " {sigmas:.1f} standard deviations"
     ),
     "formulations_disagree": lambda d: (
         f"filters and spectra disagree on {d['quantity']} by {d['sigmas']:.1f} standard deviations:"
