@@ -157,7 +157,7 @@ def by_windsysid(case: Case, folder: Path, kept: Path) -> dict[str, Mode]:
     modes = {}
     for name in MODES:
         own = ("tower side-side" if case.turbine == TOWER else "tower x") if name == "tower" else name
-        frequency, ratio = (mode(result, own, what) for what in ("frequency_hz", "damping_ratio"))
+        frequency, ratio = (mode(result, own, what) for what in ("frequency", "damping_ratio"))
         if frequency is not None and ratio is not None:
             modes[name] = frequency.estimate, ratio.estimate
     return modes

@@ -12,7 +12,7 @@ HEAD = """# Results that were kept
 
 
 def write_measured(results: Path, page: Path) -> None:
-    """Write the page from the kept results, and from ``older.md``: which tables nobody has run since."""
+    """Write the page from the kept results, and from ``older.md``: tables that have not been run since."""
     page.parent.mkdir(exist_ok=True)
     parts = [HEAD]
     for file in sorted(results.glob("*.txt")):

@@ -1,4 +1,4 @@
-"""What Sphinx and its extensions leave undone: links named by their page's title, figures by what they show, and short
+"""Completion of Sphinx and its extensions: links named by their page's title, figures by their content, and short
 cells of tables on one line."""
 
 from pathlib import PurePath

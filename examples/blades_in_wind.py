@@ -2,7 +2,7 @@
 Blades under wind
 =================
 
-A rotor turns in turbulent wind. How stiff and how damped are its blades, when nobody measured the wind?
+A rotor turns in turbulent wind. How stiff and how damped are its blades, when the wind is not measured?
 """
 
 import matplotlib.pyplot as plt

@@ -26,5 +26,5 @@ _, ax = plt.subplots(figsize=(8, 6), layout="constrained")
 drawn = diagram.plot(ax)
 rpm = 60.0 / (2.0 * np.pi) * result.conditions.rotor_speed
 for mode in result.modes:
-    drawn.axes[0].plot(rpm, mode.frequency_hz[0], "ko", ms=5)
+    drawn.axes[0].plot(rpm, mode.frequency.estimate, "ko", ms=5)
 plt.show()

@@ -2,7 +2,7 @@
 Modes and shapes without a model
 ================================
 
-Accelerometers on the floors of a building, wind or traffic that nobody measured, and no model. Which modes are there?
+Accelerometers on the floors of a building, unmeasured wind or traffic, and no model. Which modes are there?
 """
 
 import matplotlib.pyplot as plt
@@ -30,7 +30,7 @@ for ax, mode in zip(axes[0], found.modes, strict=True):
     band = np.concatenate([[0.0], 2.0 * np.asarray(mode.shape_std)])
     ax.errorbar(shape, floors, xerr=band, marker="o", capsize=3)
     ax.axvline(0.0, color="0.7", lw=0.8)
-    ax.set_title(f"{mode.frequency:.3f} Hz")
+    ax.set_title(f"{mode.frequency.estimate:.3f} Hz")
     ax.set_xlabel("shape")
 axes[0, 0].set_ylabel("storey")
 plt.show()

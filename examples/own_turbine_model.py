@@ -87,7 +87,7 @@ class DampedTower(ws.models.MechanicalModel):
         )
 
     def readings(self, sensors: Sequence[Any]) -> list[sp.Expr]:
-        """What each sensor reads."""
+        """Expressions of the readings of each sensor."""
         return [sensor.reading(DampedTowerMotion(self)) for sensor in sensors]
 
     def symbols(self) -> dict[str, sp.Symbol]:
@@ -102,7 +102,7 @@ class DampedTower(ws.models.MechanicalModel):
 
 
 class DampedTowerMotion:
-    """How the tower moves, as its sensors ask for it (`windsysid.mechanics.sensors.StructuralMotion`)."""
+    """Motion of the tower as its sensors use it (`windsysid.mechanics.sensors.StructuralMotion`)."""
 
     def __init__(self, model: DampedTower) -> None:
         self.parameters = model.symbols()
@@ -149,7 +149,7 @@ class Waves(ws.models.LoadHypothesis):
     caution = "waves were taken for one peak: a swell beside a wind sea needs two"
 
     def applies_to(self, turbine: ws.Turbine) -> bool:
-        """Whether the sea pushes it."""
+        """True if waves act on it."""
         return turbine.model.kind == DampedTower.kind
 
     def suppose(self, turbine: ws.Turbine, loads: Sequence[ws.models.GaussMarkov]) -> ws.models.SupposedLoads:
@@ -196,10 +196,10 @@ TRUTH = {
     "m_tower": 400e3, "k_tower": 1.42e6, "c_tower": 15e3,  # 0.30 Hz, 1 % of critical
     "m_damper": 20e3, "k_damper": 64e3, "c_damper": 7.2e3,  # 0.285 Hz, 10 %
 }  # fmt: skip
-"""What the simulated tower is, SI."""
+"""Values of the simulated tower, SI."""
 
 SUPPOSED = {"k_tower": 1.6e6, "c_tower": 10e3, "k_damper": 55e3, "c_damper": 10e3}
-"""What its file says instead."""
+"""Values in its file."""
 
 turbine = ws.Turbine(
     name="damped tower", description="a parked offshore tower with a tuned mass damper", source="made up",
@@ -214,7 +214,7 @@ turbine = ws.Turbine(
 
 
 def identify_waves(seed: int) -> tuple[ws.Record, ws.results.Identification]:
-    """Ten minutes of waves, and what they tell of the tower."""
+    """Identify the tower from ten minutes of waves."""
     record = ws.simulate(turbine, duration=600.0, rate=10.0, seed=seed, loads="waves")
     return record, ws.identify(record, turbine.with_values(SUPPOSED), loads="waves")
 

@@ -20,7 +20,7 @@ result = ws.identify(record, "tower")
 print(result)
 
 # %%
-# Each coefficient with its band, beside the prior and the turbine file.
+# Each coefficient with its band, with the prior and the turbine file.
 _, ax = plt.subplots(figsize=(10, 3), layout="constrained")
 result.plot(ax)
 plt.show()

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+import sympy as sp
 import xarray as xr
 
 import windsysid as ws
@@ -71,6 +72,54 @@ def test_a_record_is_taken_from_a_file_a_frame_or_a_dataset(record: ws.Record, t
 def test_what_is_no_record_is_refused(given: object, complaint: str):
     with pytest.raises(RecordError, match=complaint):
         as_record(given)  # type: ignore[arg-type]
+
+
+def test_a_mapping_goes_wherever_a_path_goes(record: ws.Record, tmp_path: Path):
+    """Only `read_record` took one: a logger's file had to be read first, whatever was to be done with it."""
+    told, path, rules = {"tower_x_acceleration": "Acc X"}, tmp_path / "logger.csv", tmp_path / "rules.toml"
+    names = tuple(told.get(name, name) for name in record.channels)
+    ws.write_record(ws.Record(record.time, record.values, names, record.units), path)
+    rules.write_text('channels."Acc X" = {name = "tower_x_acceleration"}')
+    for mapping in (rules, str(rules), ws.load_mapping(rules)):
+        assert as_record(path, mapping).channels == record.channels
+    found = ws.identify(path, "verne555", formulation="joint", loads="broadband", mapping=rules)
+    assert found.provenance is not None
+    assert found.provenance.options["mapping"]["channels"]["Acc X"]["name"] == "tower_x_acceleration"
+    assert "tower_x_acceleration" in ws.inspect(path, mapping=rules).record.channels
+    assert ws.oma([path], mapping=rules, sensors=["tower_x_acceleration"]).channels == ("tower_x_acceleration",)
+    for read in (
+        lambda **given: ws.free_decay(path, **given),
+        lambda **given: ws.profile_likelihood(path, "verne555", "k_x", **given),
+    ):
+        with pytest.raises(ConfigurationError, match=r"missing\.toml: cannot be read"):
+            read(mapping=tmp_path / "missing.toml")
+
+
+def test_a_mapping_of_what_is_no_file_is_refused(record: ws.Record):
+    with pytest.raises(ConfigurationError, match="mapping: expected the path of a file as the record, got a Record"):
+        ws.oma(record, mapping="rules.toml")
+
+
+def test_pieces_that_are_one_record_or_a_path_are_refused(record: ws.Record):
+    """AttributeError: the characters of a path were taken for records."""
+    for given in ("logger.csv", record):
+        with pytest.raises(ConfigurationError, match="pieces: expected records in order, as iterate_record yields"):
+            ws.identify_pieces(given, "verne555")  # type: ignore[arg-type]
+
+
+def test_a_fit_takes_a_path_and_its_mapping(tmp_path: Path):
+    """A path was taken for an iterable of pieces: AttributeError."""
+    q, v, w, k = sp.symbols("q v w k")
+    spring = ws.models.Equations("spring", (q, v), (), (k,), (w,), (v, w - 0.2 * v - k * q))
+    time = np.linspace(0.0, 19.95, 400)
+    record = ws.Record(time, (np.exp(-0.1 * time) * np.cos(2.0 * time))[:, None], ("Pos 1",), ("m",))
+    ws.write_record(record, tmp_path / "logger.csv")
+    (tmp_path / "rules.toml").write_text('channels."Pos 1" = {name = "position"}')
+    found = ws.models.fit(
+        spring, tmp_path / "logger.csv", mapping=tmp_path / "rules.toml", values={"w": 0.0}, cov=np.eye(2),
+        parameters=[ws.models.Parameter("k", 3.0, 0.5)], sensors=[ws.models.Reading("position", q, noise=0.01)],
+    )  # fmt: skip
+    assert found["k"].estimate == pytest.approx(4.01, abs=0.02)
 
 
 def test_every_function_takes_names_paths_and_results(record: ws.Record, tmp_path: Path):

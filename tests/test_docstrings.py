@@ -7,14 +7,17 @@ import doctest
 import importlib
 import inspect
 import re
+import tempfile
 import textwrap
 from collections.abc import Iterator
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import pytest
 
 import windsysid
+from tests.conftest import registers_as_before
 
 NAMESPACES = (windsysid, windsysid.results, windsysid.models, windsysid.filters, windsysid.signals)
 PUBLIC = {name: getattr(space, name) for space in NAMESPACES for name in space.__all__ if not name.startswith("__")}
@@ -27,6 +30,14 @@ SHAPE = r"\([^()\s][^()]*,[^()]*\)"
 
 UNIT = r"\[.+?\]|\bunits?\b|\bSI\b|\b[Rr]elative|\b[Ss]hare\b|\b[Ff]actors?\b|\bfilter coordinates\b|\b[Ll]og "
 """``[Hz]``, in the unit of something else that is named; or in words that leave no unit over."""
+
+WITHOUT_EXAMPLE = {
+    *windsysid.results.__all__, "Aligned", "Belief", "CausalIntegrator", "CausalState", "ClockOffset", "Cloud",
+    "Coefficient", "CompiledModel", "Coordinate", "Despiked", "Fit", "Info", "LevelledPair", "LoadHypothesis",
+    "MechanicalModel", "Mixture", "MixtureInfo", "Motion", "ParticleInfo", "PlacedSensor", "RotorLayout", "RotorMotion",
+    "Sensor", "Smoothed", "StateSpace", "SupposedLoads", "Unbiased",
+} - {"ModeMarks"}  # fmt: skip
+"""Classes of what functions return, and those to derive from: the examples of functions and decorators show them."""
 
 RAISE_NOTHING = {"degeneracy", "packaged_turbines", "register_loads", "register_model", "register_sensor"}
 """Functions that raise nothing, and call nothing that does: of every other a user must know the errors."""
@@ -56,7 +67,7 @@ def without_shape_or_unit(text: str, annotations: dict[str, Any]) -> list[str]:
     lacking = []
     for name, told in entries(text):
         kind = str(annotations.get(name, ""))
-        if "Callable" in kind or re.search(r"\bAs (?:those )?(?:of|for) `", told):  # says it there
+        if "Callable" in kind or re.search(r"\bAs (?:those )?(?:of|for|in) `", told):  # says it there
             continue
         if "ndarray" in kind or kind == "Array":
             lacking += [f"{name}: shape"] * (re.search(SHAPE, told) is None)
@@ -91,6 +102,14 @@ def test_a_function_says_what_it_takes_gives_and_refuses(function: Any):
     assert "Raises\n------" in text or function.__name__ in RAISE_NOTHING
 
 
+@pytest.mark.parametrize(
+    "thing", complete(FUNCTIONS | {name: CLASSES[name] for name in CLASSES.keys() - WITHOUT_EXAMPLE})
+)
+def test_a_function_and_a_class_that_users_call_have_an_example(thing: Any):
+    _, _, example = (inspect.getdoc(thing) or "").partition("Examples\n--------\n")
+    assert ">>> import windsysid as ws\n" in example
+
+
 @pytest.mark.parametrize("found", complete(CLASSES))
 def test_a_class_says_what_it_holds(found: Any):
     text = "\n".join(inspect.getdoc(base) or "" for base in found.__mro__)
@@ -116,14 +135,29 @@ def test_a_method_says_what_it_takes_and_refuses(method: Any):
     assert not raises(method) or "Raises\n------" in text or "Error" in text
 
 
-def test_examples_in_docstrings_print_what_they_say():
+def examples_of(module: ModuleType) -> list[doctest.DocTest]:
+    """Examples of a module's docstrings; one that imports windsysid runs as a user types it, without what its module
+    imports."""
+    found = doctest.DocTestFinder(exclude_empty=True).find(module)
+    for test in found:
+        if any("import windsysid as ws" in example.source for example in test.examples):
+            test.globs = {}
+    return found
+
+
+def test_examples_in_docstrings_print_what_they_say(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     """Two examples had numbers that no command had printed."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     package = Path(windsysid.__file__).parent
-    run = 0
+    failed = []
     for path in sorted(package.rglob("*.py")):
-        if ">>> " in path.read_text(encoding="utf-8"):
+        written = path.read_text(encoding="utf-8").count(">>> ")
+        if written:
             name = ".".join(path.relative_to(package.parent).with_suffix("").parts).removesuffix(".__init__")
-            failed, tried = doctest.testmod(importlib.import_module(name))
-            assert not failed, name
-            run += tried
-    assert run
+            tests = examples_of(importlib.import_module(name))
+            assert sum(len(test.examples) for test in tests) == written, f"{name}: examples that are not run"
+            with registers_as_before():
+                runner = doctest.DocTestRunner(verbose=False)
+                failed += [test.name for test in tests if runner.run(test).failed]
+    assert not failed

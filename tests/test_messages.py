@@ -1,4 +1,5 @@
-"""Messages are short enough to be read: 160 characters at most, and so is each clause of a page."""
+"""Messages are short enough to be read: 160 characters at most, and so is each clause of a page. All of them are listed
+in messages.txt: ``python -m tests.test_messages > tests/messages.txt``."""
 
 import ast
 import re
@@ -8,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import windsysid
+from tests.results.test_sentences import table
 
 ROOT = Path(windsysid.__file__).parent
 PLACEHOLDER = "x" * 10
@@ -21,6 +23,11 @@ STATEMENTS = ("CREATE ", "INSERT ", "SELECT ", "UPDATE ", "DELETE ")
 
 PAGES = {"reports", "study"}
 FILES = sorted(ROOT.rglob("*.py"))
+CATALOGUE = Path(__file__).parent / "messages.txt"
+CODE = re.compile(
+    r"^[<({]|[<>|] |PRAGMA|\(\?|\\[bdw(.]|^\w+\[|^\w+=\w+ |=\"|_[dlar]\w*_…|^ *#? ?…? ?=|[\w?] (=|AND|IN) [?(…]"
+)
+"""Texts that no user reads: markup, types, patterns, queries, generated code."""
 
 
 def said(node: ast.AST) -> str | None:
@@ -60,3 +67,25 @@ def test_a_message_is_measured_whole():
     source = 'raise E("a" f"{b:.3g} c" + (" d" if b else ""))\n"""doc"""\nprint("e {f:.2g} h")'
     found = [text for _, text in texts(ast.parse(source))]
     assert found == ["a" + PLACEHOLDER + " c" + PLACEHOLDER, f"e {PLACEHOLDER} h"]
+
+
+def catalogue() -> str:
+    """The sentences of findings with example values, and every text of three words or more, by module."""
+    lines = ["# Findings (values are examples)", table()]
+    for path in FILES:
+        if path.parent.name != "sentences":
+            found = dict.fromkeys(
+                text.replace(PLACEHOLDER, "…").replace("\n", " ")
+                for _, text in texts(ast.parse(path.read_text("utf-8")))
+            )
+            known = [text for text in found if len(re.findall("[A-Za-z]{2,}", text)) > 2 and not CODE.search(text)]
+            lines += [f"\n# {path.relative_to(ROOT).as_posix()}", *known] if known else []
+    return "\n".join(line.strip(" ") for line in lines) + "\n"
+
+
+def test_the_catalogue_lists_every_message():
+    assert CATALOGUE.read_text("utf-8") == catalogue(), "python -m tests.test_messages > tests/messages.txt"
+
+
+if __name__ == "__main__":
+    print(catalogue(), end="")

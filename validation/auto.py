@@ -1,9 +1,9 @@
 """What `--formulation auto` does with records of many kinds: is it ever sure and wrong?
 
-Each record is simulated on the scale model, or a tower, with priors drawn about the truth. The table says of ``auto``,
-``joint`` and ``spectral``, and where asked for of the spectra of two ``pieces``, how many records they trust, how
-often ±2σ holds the truth, in all records and in those that are trusted, the greatest error among these, the rms error
-of all and the median processor time. Errors are in σ; what is refused has none.
+Each record is simulated on the scale model, or a tower, with priors drawn about the truth. The table gives for
+``auto``, ``joint`` and ``spectral``, and where requested of the spectra of two ``pieces``, how many records they trust,
+how often ±2σ covers the true value, in all records and in those that are trusted, the greatest error among these, the
+rms error of all and the median processor time. Errors are in σ; what is refused has none.
 
 ``python -m validation.auto [--first SEED] [--runs N] [--kinds KIND …] [--only FORMULATION …]`` prints the table, and
 ``--records`` a line for every record before it.
@@ -63,7 +63,7 @@ def at_speed(turbine: str, rpm: float) -> Callable[[int], Record]:
 
 
 def at_varying_speed(turbine: str, rpm: float, share: float) -> Callable[[int], Record]:
-    """The same at a speed that varies by a share (one σ) and is forgotten in about 40 s, as a controller lets it."""
+    """Record at a speed that varies by a share (one σ) and is forgotten in about 40 s, as a controller lets it."""
     machine = replace(load_turbine(turbine).exact(), rotor_speed=rpm / RPM)
     rate, lead, duration, slow = 25.0, 60.0, 540.0, 20.0
 
@@ -134,7 +134,7 @@ def damaged(name: str, loads: str) -> Callable[[int], Record]:
 
 
 def louder(make: Callable[[int], Record]) -> Callable[[int], Record]:
-    """The same with a second half that is three times as loud."""
+    """Record with a second half that is three times as strong."""
 
     def of(seed: int) -> Record:
         record = make(seed)
@@ -176,7 +176,7 @@ KINDS: dict[str, tuple[str, str, Callable[[int], Record]]] = {
 
 
 class Told(NamedTuple):
-    """What was found in one record.
+    """Result of one record.
 
     Attributes
     ----------
@@ -227,7 +227,7 @@ def errors(found: Identification, truth: Mapping[str, float]) -> Array:
 
 
 def row(told: Sequence[Told]) -> str:
-    """What a formulation made of the records of a kind, as cells of a table."""
+    """Result of a formulation on the records of a kind, as cells of a table."""
     every = [one for one in told if one.off.size]
     trusted = [one for one in every if one.trusted]
     off, sure = (np.concatenate([np.empty(0), *(one.off for one in some)]) for some in (every, trusted))

@@ -67,12 +67,12 @@ NOISE = 0.05
 """Noise of a sample, as a share of the rms of the reading."""
 
 STIFFNESS = (2.0, 3.0, 4.0, 5.0)
-"""Where k starts, in turn."""
+"""Start values of k, in turn."""
 
 RESULT, ON_LINE = "fit", "fit, on line"
 
 TOLD = 3.0
-"""How many times too loud `fit` is told the noise is; the filters are told what it is."""
+"""Factor on the noise that `fit` starts from; the filters are given the true noise."""
 
 STRONG = 5.0 * 9.80665
 """Peak of the ground where loops are to be fat [m/s²]."""
@@ -81,7 +81,7 @@ SUBSTEPS = 20
 """Integration steps between samples of the truth; the filters take one."""
 
 LOOP = 15.0
-"""How much of a loop is drawn [s]: later cycles are small and lie inside the first."""
+"""Drawn part of a loop [s]: later cycles are small and lie inside the first."""
 
 AT_REST = 1e-3
 """Standard deviation of every initial state [m, m/s]."""
@@ -205,7 +205,7 @@ def synthetic_ground(seed: int = 0, *, duration: float = 30.0, rate: float = 50.
 
 
 def respond(benchmark: Benchmark, ground: Record) -> tuple[Record, Response]:
-    """The ground as the benchmark wants it, and how the structure answers from rest, without noise."""
+    """Ground motion of the benchmark, and the response from rest, without noise."""
     values = ground["ground"]
     if benchmark.peak is not None:
         values = values * benchmark.peak / np.max(np.abs(values))
@@ -217,7 +217,7 @@ def respond(benchmark: Benchmark, ground: Record) -> tuple[Record, Response]:
 
 
 def record_of(benchmark: Benchmark, ground: Record, response: Response, seed: int) -> tuple[Record, Array]:
-    """What is recorded, ground and noisy accelerations, and the noise of each accelerometer [m/s²]."""
+    """Records: ground and noisy accelerations, and the noise of each accelerometer [m/s²]."""
     noise = NOISE * np.sqrt(np.mean(response.readings**2, axis=0))
     drawn = np.random.default_rng(seed).standard_normal(response.readings.shape)
     noisy = response.readings + noise * drawn
@@ -272,7 +272,7 @@ class Comparison:
     warned
         How many results of `fit` said that they should not be trusted.
     tracks
-        By what runs on line, on the first record; the states beside `fit` are those at its result.
+        By what runs on line, on the first record; the states of `fit` are those at its result.
     result
         Of `fit`, on the first record.
     time, truth
@@ -291,7 +291,7 @@ class Comparison:
     truth: Array
 
     def covers(self, method: str) -> Array:
-        """How often ±2σ holds the truth, (n,); a filter that diverged does not."""
+        """Coverage of ±2σ, (n,); a filter that diverged does not cover."""
         return np.asarray(np.mean(np.abs(self.deviations[method]) < SIGMAS, axis=0))
 
     def table(self) -> "Table":
@@ -374,7 +374,7 @@ def compare(benchmark: Benchmark, ground: Record, runs: int) -> Comparison:
 
 
 class _End(NamedTuple):
-    """What a method ended with: θ and its standard deviation (n,), and the seconds it took."""
+    """Final estimate of a method: θ and its standard deviation (n,), and the seconds it took."""
 
     theta: Array
     std: Array
@@ -384,7 +384,7 @@ class _End(NamedTuple):
 def _filtered(
     method: Filter, benchmark: Benchmark, record: Record, noise: Array, parameters: Sequence[Parameter]
 ) -> tuple[_End, Track]:
-    """A joint filter on a record; it is told what the noise is."""
+    """A joint filter on a record; it is given what the noise is."""
     model = compose(
         benchmark.equations, rate=record.rate, values=benchmark.known, parameters=parameters,
         sensors=benchmark.sensors(noise), cov=_at_rest(benchmark),

@@ -1,5 +1,5 @@
-"""Pull and release of a real tower: frequency and damping with bands from one strain channel at 10 Hz, beside a plain
-damped cosine.
+"""Pull and release of a real tower: frequency and damping with bands from one strain channel at 10 Hz, compared with a
+plain damped cosine.
 
 A rope pulled the 30 m wooden tower of the 45 kW turbine at Björkö and let it go. Strain at the base is proportional to
 the top's displacement in the first mode, so that
@@ -10,8 +10,8 @@ with f a broadband load of unknown level (the wind did not pause) and a reading 
 noise unknown too. s₂ is a second mode of the same form, with a load of its own: the record shows one between 4 and 5
 Hz, which may be the alias of a higher one, and with the first mode alone the result is not trusted. The equations run
 at 40 Hz, where the fourth-order Runge–Kutta method damps the first mode by 10⁻⁶ of the critical; the three samples in
-four that were not taken are missing data. Beside it, `scipy.optimize.curve_fit` fits a e^(−ζωt) cos(ω√(1−ζ²) t + φ) +
-offset to the same samples; its bands take what is left for white noise.
+four that were not taken are missing data. For comparison, `scipy.optimize.curve_fit` fits a e^(−ζωt) cos(ω√(1−ζ²) t +
+φ) + offset to the same samples; its bands take what is left for white noise.
 
 ``python -m validation.bjorko --data FILE`` prints the table. Source of the record: Fogelström et al. 2023, Zenodo
 record 8230330. It is not part of windsysid.
@@ -49,7 +49,7 @@ FINER = 4
 
 RUNS = 40
 TRUTH = (0.835, 0.015)
-"""How many decays are simulated, and their frequency [Hz] and damping ratio."""
+"""Number of simulated decays, and their frequency [Hz] and damping ratio."""
 
 CHANNEL = "tower_strain"
 MICRO = 1e6
@@ -168,7 +168,7 @@ def decay(
 
 
 def coverage(runs: int = RUNS) -> dict[str, tuple[int, int]]:
-    """How many simulated decays have bands of frequency and damping ratio that hold the truth, by method."""
+    """Number of simulated decays whose bands of frequency and damping ratio cover the true values, by method."""
     held = {"windsysid": [0, 0], "damped cosine": [0, 0]}
     for seed in range(runs):
         record = decay(*TRUTH, load=0.05, noise=0.02, seconds=28.0, rate=10.0, seed=seed)
@@ -195,7 +195,7 @@ def main() -> None:
         trust = "yes" if found.diagnosis.trusted else "; ".join(found.diagnosis.reasons)
         table.add_row(f"{start:g} … {end:g}", "windsysid", *_cells(*_bands(found)), trust)
         table.add_row("", "damped cosine", *_cells(*damped_cosine(part)), "")
-    share = Table(title=f"{RUNS} simulated decays under wind: the ±2σ band holds the truth", title_justify="left")
+    share = Table(title=f"{RUNS} simulated decays under wind: the ±2σ band covers the true value", title_justify="left")
     for heading in ("method", "frequency", "damping ratio"):
         share.add_column(heading)
     for method, held in coverage().items():

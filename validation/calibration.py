@@ -1,10 +1,10 @@
-"""Are the bands true? Monte Carlo: how often ±2σ holds the truth, and how far the errors are from the least that is
-possible.
+"""Are the bands true? Monte Carlo: how often ±2σ covers the true value, and how far the errors are from the least that
+is possible.
 
-Every run simulates a record of the scale model, draws priors 30 % off, and identifies it as a user would: nobody tells
+Every run simulates a record of the scale model, draws priors 30 % off, and identifies it as a user would: nothing gives
 the statistics of loads and noise. ``python -m validation.calibration [--scenario NAME] [--runs N]`` prints the table.
 
-Beside the errors stands the Bayesian Cramér–Rao bound (van Trees 1968, ch. 2.4): the inverse of the expected Fisher
+The errors are compared with the Bayesian Cramér–Rao bound (van Trees 1968, ch. 2.4): the inverse of the expected Fisher
 information of coefficients and statistics together, at the truth, plus the prior's.
 """
 
@@ -48,7 +48,7 @@ BOUND_RUNS = 20
 
 
 class Scenario(NamedTuple):
-    """How records are made.
+    """Options of the records.
 
     Attributes
     ----------
@@ -95,7 +95,7 @@ def free_decay(turbine: Turbine, seed: int) -> Record:
 
 
 def measured(turbine: Turbine, rotor: Array, seed: int, offset: float = 0.0) -> Record:
-    """What the turbine's sensors record under its random loads, the rotor turning as `rotor` (T, 3) says.
+    """Simulate the sensors of the turbine under its random loads, the rotor turning as `rotor` (T, 3).
 
     The hub is released `offset` [m] from rest, at 45° between x and y.
     """

@@ -3,7 +3,7 @@
 Every seed is four records of the packaged tower, each with loads and noise of its own: A, and B of the same turbine; a
 third whose two damping coefficients are halved, and a fourth whose are doubled. Each is identified as a user would,
 with statistics of loads and noise learned, and A compared with the other three. For every other seed the two sides have
-priors that were moved apart. Side-side damping (0.6 % of critical) is hardly told by so short a record, fore-aft
+priors that were moved apart. Side-side damping (0.6 % of critical) is hardly determined by so short a record, fore-aft
 damping (12 %) is, and stiffness always.
 
 Odds are a ratio of two probabilities of the data, so that without a change they exceed x : 1 in no more than one case
@@ -41,7 +41,7 @@ DURATION, RATE = 200.0, 3.5
 """Of a record [s], [Hz]: 63 periods of the tower."""
 
 FACTORS = {"nothing": 1.0, "c x 0.5": 0.5, "c x 2": 2.0}
-"""What happened between A and the other record, and what it does to both damping coefficients."""
+"""Change between A and the other record, and its effect on both damping coefficients."""
 
 PRIORS = (Prior(), Prior(stiffness=1.3, damping=0.5), Prior(stiffness=0.8, damping=2.5))
 """Of an unmoved result, and of the two sides of every other pair."""
@@ -73,7 +73,7 @@ class Outcome(NamedTuple):
 
     @property
     def held(self) -> bool:
-        """Whether the ±2σ band holds the truth."""
+        """True if the ±2σ band covers the true value."""
         return self.change.low <= self.truth <= self.change.high
 
 
@@ -190,7 +190,7 @@ def _z(outcome: Outcome) -> float:
 
 
 def _percent(count: int, of: int, reuse: int) -> str:
-    """A share with its standard error, as if reused records told nothing more."""
+    """A share with its standard error, as if reused records held no more information."""
     share, independent = count / of, of / reuse
     return (
         f"{100.0 * share:.1f} ± {100.0 * math.sqrt(max(share * (1.0 - share), 0.25 / independent) / independent):.1f} %"

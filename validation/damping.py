@@ -1,4 +1,4 @@
-"""Is the structure's damping told from the air's? Records with known parts, simulated, identified and separated.
+"""How much of the damping is aerodynamic? Records with known parts, simulated, identified and separated.
 
 A tower top moves with the damping of its structure, 0.6 % of critical either way, and that of the NREL 5 MW rotor's
 air, in sets of records ("campaigns") of several rotor speeds and winds. The air's part side-side is the mean of C in
@@ -178,7 +178,7 @@ def campaign(name: str, seed: int) -> list[Outcome]:
 def _outcomes(
     name: str, results: Sequence[Posterior], truth: Turbine, air: Mapping[str, Mapping[str, float]]
 ) -> list[Outcome]:
-    """What was separated beside what it should be; `air` has the truth of each record, by the name of its state."""
+    """Separated damping compared with the truth; `air` has the truth of each record, by the name of its state."""
     outcomes = []
     for split in separate_damping(results).splits:
         coordinate = split.name.removeprefix("c_")

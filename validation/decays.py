@@ -1,4 +1,4 @@
-"""How often ±2σ of modes from free decays contain the truth, and whether ambient vibration is refused.
+"""Coverage of ±2σ of modes from free decays, and refusal of ambient vibration.
 
     python -m validation.decays --runs 60
 
@@ -82,14 +82,14 @@ def judge(case: Case, seed: int) -> Outcome:
     modes = list(ws.free_decay(records_of(case, seed)).modes)
     errors, found, usable = [], 0, 0
     for f, z in case.modes:
-        near = [mode for mode in modes if abs(mode.frequency / f - 1.0) < 0.012]
+        near = [mode for mode in modes if abs(mode.frequency.estimate / f - 1.0) < 0.012]
         if near:
-            best = min(near, key=lambda mode: abs(mode.frequency - f))
+            best = min(near, key=lambda mode: abs(mode.frequency.estimate - f))
             modes.remove(best)
             found, usable = found + 1, usable + best.trusted
             if best.trusted:
-                step = np.log(best.frequency / f) / (best.frequency_std / best.frequency)
-                errors.append((step, np.log(best.damping / z) / best.ln_damping_std))
+                step = np.log(best.frequency.estimate / f) / best.frequency.relative_std
+                errors.append((step, np.log(best.damping_ratio.estimate / z) / best.damping_ratio.relative_std))
     spurious = sum(mode.trusted for mode in modes)
     return Outcome(len(case.modes), found, usable, spurious, np.array(errors).reshape(-1, 2))
 

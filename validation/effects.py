@@ -1,4 +1,4 @@
-"""Which effect an identification names: each alone, in pairs and three at once, as its size grows.
+"""Identification of effects: each alone, in pairs and three at once, as its size grows.
 
     python -m validation.effects [--first SEED] [--runs N] [--only KIND …] [--machines tower rotor] [--sizes SIZE …]
 
@@ -41,7 +41,7 @@ from windsysid.turbine.turbine import Turbine
 __all__ = ["KINDS", "Row", "main", "named", "study"]
 
 FRESH = 46_500_000
-"""Seeds that nobody looked at while the effects were written."""
+"""Seeds that were not used while the effects were written."""
 
 SIZES = 0.1, 0.2, 0.4, 0.8
 
@@ -49,7 +49,7 @@ KINDS = (
     "", "bias", "trend", "step", "sinusoid", "rotor harmonic", "narrow band",
     "bias + sinusoid", "trend + sinusoid", "step + sinusoid", "trend + step + sinusoid",
 )  # fmt: skip
-"""What is added; the rotor harmonic to the rotor only."""
+"""Effects that are added; the rotor harmonic to the rotor only."""
 
 CHANNELS = {"tower": "tower_z_acceleration", "rotor": "tower_x_acceleration"}
 
@@ -105,7 +105,7 @@ def simulated(machine: str, kind: Sequence[str], size: float, seed: int) -> tupl
 
 
 def named(effects: Sequence[Inclusion]) -> list[str]:
-    """What a job includes, in the words of `KINDS`, in the order of inclusion."""
+    """Included effects of a job, in the words of `KINDS`, in the order of inclusion."""
     found = list[str]()
     for one in effects:
         if isinstance(one, Sinusoids):
@@ -129,12 +129,12 @@ class Row(NamedTuple):
 
     @property
     def first(self) -> bool:
-        """Whether the first effect that was named was added; of none, that none was named."""
+        """Test whether the first effect that was named was added; of none, that none was named."""
         return self.named[0] in self.added if self.named and self.added else self.named == self.added
 
     @property
     def exactly(self) -> bool:
-        """Whether all that were added were named, and nothing else."""
+        """Test whether all that were added were named, and nothing else."""
         return set(self.named) == set(self.added)
 
 
@@ -180,7 +180,7 @@ def table(machine: str, formulation: Formulation, kinds: Sequence[str], sizes: S
 
 
 def main() -> None:
-    """Print the tables that were asked for."""
+    """Print the tables that were requested."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--first", type=int, default=FRESH, help="first seed")
     parser.add_argument("--runs", type=int, default=6, help="runs of each kind and size")

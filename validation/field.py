@@ -1,11 +1,11 @@
-"""Somebody else's physics: identified from three records of an aeroelastic simulation, beside the truth, the bound, and
-what was asked for.
+"""Somebody else's physics: identified from three records of an aeroelastic simulation, compared with the truth, the
+bound, and the requirements.
 
 OpenFAST's NREL 5 MW turbine has flexible blades and tower, tilt, cone and aerodynamics that no model here has. Three
 records of it are identified as a user would, from accelerometers and the azimuth: ``a2``, a free decay; ``c2``,
 turbulent wind of 12 m/s; ``d1``, the same wind on a tower whose elastic stiffness is 0.90 of the other's. The turbine
 file must not be its own answer: priors are centred up to 1.5 times off, uniformly in the logarithm (`LogUniformPrior`),
-with several seeds, and the share of the information that came from the data stands beside every estimate.
+with several seeds, and the share of the information that came from the data is given with every estimate.
 
 Least standard deviations of a mode that a broadband load of unknown level drives for T seconds: σ_f/f = √(ζ/(ωT)),
 σ_ζ/ζ = 1/√(ζωT), and σ_k/k = 2 σ_f/f for the stiffness behind it.
@@ -59,7 +59,7 @@ HALVES = ((60.0, 330.0), (330.0, 600.0))
 """[s]"""
 
 FACTOR = 1.5
-"""How far off priors are centred at most."""
+"""Largest factor by which priors are centred off."""
 
 AIR = 1.0
 """Relative prior standard deviation of damping under wind; the file knows the structure's damping alone."""
@@ -74,7 +74,7 @@ READ = 3.4
 """[Hz] How often the rotor's sensors are read under wind: above 1.7 Hz there are modes that it has not."""
 
 WIDEST = 1.3
-"""Bands over the bound that were asked for."""
+"""Bands over the bound that were requested."""
 
 HELD = 3.0
 """Standard deviations within which the truth should be."""
@@ -156,7 +156,7 @@ class Case(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Where its result is kept."""
+        """Path of its result."""
         part = "" if self.section is None else f"_{self.section[0]:g}_{self.section[1]:g}"
         return f"{self.record}_{self.turbine}{part}_seed{self.seed}"
 
@@ -170,7 +170,7 @@ class Found(NamedTuple):
 
 
 class Target(NamedTuple):
-    """What was asked for; None where nothing was.
+    """Requirement; None where there was none.
 
     Attributes
     ----------
@@ -197,7 +197,7 @@ class Target(NamedTuple):
 
 
 class Row(NamedTuple):
-    """A quantity beside its truth.
+    """A quantity compared with its truth.
 
     Attributes
     ----------
@@ -210,7 +210,7 @@ class Row(NamedTuple):
     bound
         Least relative standard deviation; None where none is stated.
     target
-        What was asked for.
+        Requirements.
     missed
         What of the target no seed, or not every seed, meets, in words; empty where all is met.
     """
@@ -310,7 +310,7 @@ def identified(case: Case, record: Record) -> Identification:
 
 
 class Result(NamedTuple):
-    """What an identification left in its folder, and how long it took [s]."""
+    """Result of an identification in its folder, and the time that it took [s]."""
 
     posterior: Posterior
     modes: Mapping[str, Mode]
@@ -370,14 +370,12 @@ def coefficient(result: Result, name: str) -> Found:
 
 
 def mode(result: Result, name: str, what: str) -> Found | None:
-    """``frequency_hz`` or ``damping_ratio`` of a mode; None where the result has no such mode."""
+    """``frequency`` or ``damping_ratio`` of a mode; None where the result has no such mode."""
     name = next((known for known in (name, f"{name} (1)") if known in result.modes), name)
     if name not in result.modes or name not in result.prior_modes:
         return None
-    value, _, high = getattr(result.modes[name], what)
-    before = getattr(result.prior_modes[name], what)
-    std, prior = (high - value) / SIGMAS, (before[2] - before[0]) / SIGMAS
-    return Found(value, std, 1.0 - min((std / prior) ** 2, 1.0))
+    found, before = getattr(result.modes[name], what), getattr(result.prior_modes[name], what)
+    return Found(found.estimate, found.std, 1.0 - min((found.std / before.std) ** 2, 1.0))
 
 
 def _of_mode(results: Sequence[Result], name: str, what: str) -> list[Found]:
@@ -385,7 +383,7 @@ def _of_mode(results: Sequence[Result], name: str, what: str) -> list[Found]:
 
 
 def decay_rows(found: Sequence[Result]) -> list[Row]:
-    """What a2 shows."""
+    """Results on a2."""
     truth, rows = TRUTH["a2"], []
     for name, unit, within in (("k_x", "N/m", 0.01), ("c_x", "N·s/m", 0.05)):
         rows.append(
@@ -398,20 +396,20 @@ def decay_rows(found: Sequence[Result]) -> list[Row]:
                 judge("a2", DECAY, f"{kind}_{blade} at the tip", unit, truth[kind], values, None, Target(within))
             )
     for name in LAGS:
-        values = _of_mode(found, name, "frequency_hz")
+        values = _of_mode(found, name, "frequency")
         rows.append(judge("a2", DECAY, f"{name}, frequency", "Hz", truth[name], values, None, Target(0.005)))
     return rows
 
 
 def wind_rows(record: str, turbine: str, found: Sequence[Result]) -> list[Row]:
-    """What c2 or d1 shows with one of the turbine files."""
+    """Results on c2 or d1 with one of the turbine files."""
     truth, seconds = TRUTH[record], WINDY[1] - WINDY[0]
     name = "tower side-side" if turbine == TOWER else "tower x"
     ratios = _of_mode(found, name, "damping_ratio")
     ratio = truth.get("tower damping", max(float(np.mean([v.estimate for v in ratios])), 1e-6))
     bound = frequency_bound(truth["tower"], ratio, seconds)
     rows = [
-        judge(record, turbine, "tower, frequency", "Hz", truth["tower"], _of_mode(found, name, "frequency_hz"), bound,
+        judge(record, turbine, "tower, frequency", "Hz", truth["tower"], _of_mode(found, name, "frequency"), bound,
         Target(0.005, HELD, WIDEST)),
         judge(record, turbine, "tower, damping ratio", "", truth.get("tower damping"), ratios, bound / ratio,
         Target(None, HELD, WIDEST)),
@@ -431,7 +429,7 @@ def wind_rows(record: str, turbine: str, found: Sequence[Result]) -> list[Row]:
         )
     )
     for lag in LAGS:
-        f, z = _of_mode(found, lag, "frequency_hz"), _of_mode(found, lag, "damping_ratio")
+        f, z = _of_mode(found, lag, "frequency"), _of_mode(found, lag, "damping_ratio")
         if len(f) < len(found):
             rows.append(
                 Row(
@@ -464,7 +462,7 @@ def wind_rows(record: str, turbine: str, found: Sequence[Result]) -> list[Row]:
 
 
 class Changed(NamedTuple):
-    """A comparison of two records, by seed, and whether what was asked for is met."""
+    """A comparison of two records, by seed, and whether the requirements is met."""
 
     question: str
     turbine: str

@@ -30,7 +30,6 @@ from windsysid.output.console import render
 from windsysid.records.formats import read_record
 from windsysid.records.record import Record
 from windsysid.results.identification import Identification
-from windsysid.results.posterior import SIGMAS
 from windsysid.simulation.record import simulate_record
 from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine
@@ -46,7 +45,7 @@ SIMULATED_SECONDS, SIMULATED_RATE = 540.0, 25.0
 
 
 class Seen(NamedTuple):
-    """One identification beside the truth.
+    """One identification compared with the truth.
 
     Attributes
     ----------
@@ -88,10 +87,9 @@ def look(
     for mode in found.modes:
         name = mode.name.partition(" (")[0].replace("tower x", "tower")
         if name in truth and name not in errors:
-            f, low, high = mode.frequency_hz
-            std = (high - low) / (2.0 * SIGMAS)
+            f, std = mode.frequency.estimate, mode.frequency.std
             errors[name], deviations[name] = f / truth[name] - 1.0, (f - truth[name]) / std
-            ratio = truth.get(f"{name} damping", max(mode.damping_ratio[0], 1e-4))
+            ratio = truth.get(f"{name} damping", max(mode.damping_ratio.estimate, 1e-4))
             widths[name] = std / f / frequency_bound(truth[name], ratio, section[1] - section[0])
     for e in found.estimates:
         known = truth.get(e.name, truth.get(e.name.rstrip("_123")))
@@ -185,7 +183,7 @@ def window_table(seen: Sequence[Seen]) -> list[tuple[str, ...]]:
 
 
 def coverage_table(seen: Sequence[Seen]) -> list[tuple[str, ...]]:
-    """How often ±2σ and ±3σ hold the truth, for all and for those that are trusted."""
+    """Coverage of ±2σ and ±3σ, for all and for those that are trusted."""
     rows: list[tuple[str, ...]] = []
     for label in (*dict.fromkeys(s.label for s in seen), "all"):
         for which in ("all", "trusted"):

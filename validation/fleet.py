@@ -1,18 +1,19 @@
-"""Does the page of a fleet name what is wrong, and nothing else? Years of ten sisters.
+"""Does the page of a fleet name what is wrong, and nothing else? Years of ten turbines of the type.
 
-``python -m validation.fleet --years 3``: years of ten sisters, one 10-minute record an hour, simulated as what the
-records would say (as validation/years.py does; bands from `windsysid.plan`). Sisters scatter by 1 %. One is softened by
-3 % in May, the sensor of one fails in July, one is iced in the first hard frost from December on: ice grows for half a
-day and falls off when a day was above 1 °C; then the same of healthy sisters. All sisters have
-the same weather; turbines stop, and idle in little wind. With ``--levelled`` damping follows the wind no further than
-from 3.2 to 14.4 m/s, which no straight line does.
+``python -m validation.fleet --years 3``: years of ten turbines of the type, one 10-minute record an hour, simulated as
+what the records would say (as validation/years.py does; bands from `windsysid.plan`). Turbines of the type scatter by 1
+%. One is softened by 3 % in May, the sensor of one fails in July, one is iced in the first hard frost from December on:
+ice grows for half a day and falls off when a day was above 1 °C; then the same of healthy turbines of the type. All
+turbines of the type have the same weather; turbines stop, and idle in little wind. With ``--levelled`` damping follows
+the wind no further than from 3.2 to 14.4 m/s, which no straight line does.
 
 ``python -m validation.fleet --healthy 20 --rate 1``: false alarms of healthy years, stated so often that they can be
 counted.
 
-``python -m validation.fleet --raw 2``: three raw days of the same ten sisters, so many hours of records a day, spread
-over it: vibrations are simulated, written as CSV and Parquet with SCADA beside them, and taken by ``windsysid batch``,
-twice. Softened by 3 % on the third day, a sensor that spikes from noon of the second, ice of 4 % for 18 hours of frost.
+``python -m validation.fleet --raw 2``: three raw days of the same ten turbines of the type, so many hours of records a
+day, spread over it: vibrations are simulated, written as CSV and Parquet with SCADA next to them, and taken by
+``windsysid batch``, twice. Softened by 3 % on the third day, a sensor that spikes from noon of the second, ice of 4 %
+for 18 hours of frost.
 """
 
 import argparse
@@ -46,11 +47,11 @@ BEGIN = datetime(2025, 9, 1, tzinfo=UTC)
 HOUR = 3600.0
 YEAR_HOURS = 8766
 SCATTER = 0.01
-"""Standard deviation of true coefficients from sister to sister."""
+"""Standard deviation of true coefficients from turbine to turbine."""
 
 
 class Fault(NamedTuple):
-    """What is wrong with one turbine: which, what, from when to when."""
+    """Fault of one turbine: which, what, from when to when."""
 
     turbine: str
     kind: str
@@ -71,7 +72,7 @@ ICE_BELOW, ICE_ABOVE, ICE_GROWS = -3.0, 1.0, 12
 _KINDS = {fault.turbine: fault.kind for fault in FAULTS}
 
 NAMED = {"T03": "turbine", "T05": "sensor", "T08": "ice"}
-"""What the page should call them."""
+"""Names that the page should give them."""
 
 RAW_BEGIN = datetime(2025, 12, 1, tzinfo=UTC)
 RAW_DAYS, RAW_RATE, RAW_SECONDS = 3, 20.0, 600.0
@@ -81,7 +82,7 @@ RAW_HOURS = {"T03": (48.0, 72.0), "T05": (36.0, 72.0), "T08": (42.0, 60.0)}
 """From which hour to which something is wrong with these turbines on raw days."""
 
 OFF = ("T03", "outlier")
-"""The softened one is off its sisters, too, where its scatter is on that side: true, and not asked for."""
+"""The softened one is off the turbines of its type, too, where its scatter is on that side: true, and not requested."""
 
 
 def simulate_fleet(
@@ -175,7 +176,7 @@ def _rows(
 
 
 def _ice(temperature: Array, may: NDArray[np.bool_]) -> Array:
-    """How much ice there is (T,), 0 to 1, by the hour: once, in the first frost of the time in which there may be."""
+    """Amount of ice (T,), 0 to 1, by the hour: once, in the first frost of the time in which there may be."""
     day = np.convolve(temperature, np.full(24, 1.0 / 24.0))[: len(temperature)]
     frosts = np.flatnonzero(may & (day < ICE_BELOW))
     if not frosts.size:
@@ -322,7 +323,7 @@ def _page(place: Site, seed: int, faults: tuple[Fault, ...], levelled: bool, rat
 
 
 def main() -> int:
-    """Run what is asked for; 1 where something was lost."""
+    """Run the requested part; 1 where something was lost."""
     parser = argparse.ArgumentParser(prog="python -m validation.fleet", description=__doc__.splitlines()[0])
     parser.add_argument("--years", type=int, metavar="N", help="so many years of ten turbines, faulty and healthy")
     parser.add_argument("--healthy", type=int, metavar="N", help="so many healthy years of ten turbines")

@@ -46,7 +46,7 @@ __all__ = ["kills", "main", "write_records"]
 
 BEGIN = datetime(2025, 9, 1, tzinfo=UTC)
 RECORDS = 16
-"""Good records of a campaign of kills, beside a damaged one."""
+"""Good records of a campaign of kills, and a damaged one."""
 
 TURBINES = ("T01", "T02")
 ROTORS = ("verne555", "nrel5mw")
@@ -56,7 +56,7 @@ RUN_KILLED = 0.15
 """Share of the kills that end the run, and not a worker; they are not counted among the workers'."""
 
 GIVEN_UP = "died again and again"
-"""What a run says that ends because workers of Dask die at one task, whoever kills them."""
+"""Output of a run that ends because workers of Dask die at one task, whoever kills them."""
 
 SAMPLE_SECONDS = 0.5
 
@@ -238,7 +238,7 @@ def _kill_workers(
 
 
 def _works(pid: int) -> bool:
-    """Whether a process opens records, or is the worker of Dask who started one that does."""
+    """Test whether a process opens records, or is the worker of Dask who started one that does."""
     try:
         told = Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ")
     except OSError:
@@ -279,7 +279,7 @@ def _contents(archive: Path) -> dict[str, bytes]:
 
 
 class _Run(NamedTuple):
-    """What a run cost.
+    """Cost of a run.
 
     Attributes
     ----------
@@ -437,7 +437,7 @@ def _measured(work: Callable[[], object]) -> _Run:
 
 
 def main() -> int:
-    """Run what is asked for; 1 where something was lost."""
+    """Run the requested part; 1 where something was lost."""
     parser = argparse.ArgumentParser(prog="python -m validation.fleet_work", description=__doc__.splitlines()[0])
     parser.add_argument("--kills", type=int, metavar="N", help="kill so many workers")
     parser.add_argument("--dask", action="store_true", help="of a Dask scheduler, which is killed, too")

@@ -29,7 +29,7 @@ RATE, SAMPLES_A_RECORD = 50.0, 400
 
 @dataclass(frozen=True)
 class Sample:
-    """How one format keeps the record.
+    """Writer of the record in one format.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class Sample:
     package : str
         The package to import first, empty where none is needed.
     mapping : Mapping
-        What the reader must be told.
+        Arguments of the reader.
     start : str or None
         The moment of time 0 that the file keeps.
     kept : callable

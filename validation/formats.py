@@ -3,11 +3,11 @@
     python -m validation.formats [--files 200] [--seed 1]
 
 For each format the table says what wrote the file; whether times, values, units and start are those that were written;
-how many of files cut at random places are told (refused, or read up to the cut saying so); and what became of damaged
-ones: refused in one line, read as they were written, or read with other numbers, names or units, which a format without
-checksums cannot show. An error that is not one line, or a record with another number of samples, is a fault, and the
-command ends with exit code 1. Files are read in a process of their own: a damaged HDF5 file can make its library hang
-or crash, which the last column counts and no reader of Python can help.
+how many of files cut at random places are detected (refused, or read up to the cut saying so); and what became of
+damaged ones: refused in one line, read as they were written, or read with other numbers, names or units, which a format
+without checksums cannot show. An error that is not one line, or a record with another number of samples, is a fault,
+and the command ends with exit code 1. Files are read in a process of their own: a damaged HDF5 file can make its
+library hang or crash, which the last column counts and no reader of Python can help.
 """
 
 import argparse
@@ -121,7 +121,7 @@ def damaged(whole: bytes, rng: np.random.Generator) -> bytes:
 
 
 def _compared(record: Record, sample: Sample) -> str:
-    """Whether a record is what was written."""
+    """Test whether a record is the one that was written."""
     time, values = truth(sample)
     expected = np.column_stack([values[:, i] * to_si(1.0, unit) for i, unit in enumerate(sample.units)])
     if record.channels != sample.names or record.units != tuple(map(si_unit, sample.units)):
@@ -194,7 +194,7 @@ def _cut(whole: bytes, rng: np.random.Generator) -> bytes:
 
 
 def _outcome(reader: _Reader, path: Path, target: tuple[Path, bytes], content: bytes, good: Record) -> str:
-    """What becomes of one file with this content; `target` is the file and what it held, which it holds again after."""
+    """Outcome of one file with this content; `target` is the file and its content, which it holds again after."""
     target[0].write_bytes(content or b"\n")
     found = reader.read(path)
     target[0].write_bytes(target[1])

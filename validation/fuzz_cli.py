@@ -102,7 +102,7 @@ class Input:
 
 @dataclass
 class Outcome:
-    """How it ended: exit code as a shell gives it, None after the time limit."""
+    """End of a command: exit code as a shell gives it, None after the time limit."""
 
     code: int | None
     out: str
@@ -400,7 +400,7 @@ def options_input(shop: Workshop, rng: Rng) -> Input:
         if option in ("--section", "--speeds", "--operating"):
             value.append(str(rng.choice(OPTION_VALUES)))
         if option in ("--duration", "--rate", "--seed") and argv[0] == "simulate" and value[0] in ("1e308", "9" * 400):
-            value = ["1e400"]  # a simulation of many years is a right answer that nobody waits for
+            value = ["1e400"]  # a simulation of many years is a right answer that takes too long
         argv += [str(option), *([] if option == "--json" else value)]
     files: dict[str, bytes | Path] = {"r.csv": shop.records["csv"]}
     if argv[0] == "compare":
@@ -642,7 +642,7 @@ def _wait(pid: int, given: Input, limit: float) -> int | None:
 
 
 def judge(given: Input, ended: Outcome, folder: Path, truth: dict[str, float]) -> str:
-    """What is wrong with how an input ended; empty where nothing is."""
+    """Defect in the end of an input; empty if there is none."""
     said = ended.out + ended.err
     if ended.code is None:
         return "takes too long"

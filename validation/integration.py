@@ -197,7 +197,7 @@ def summary(rows: Sequence[Row]) -> object:
 
 
 def main(folder: Path | None = None) -> list[Row]:
-    """Print the table; `folder` holds OpenFAST's records, ``shared/data/openfast`` beside the checkout by default."""
+    """Print the table; `folder` holds OpenFAST's records, ``shared/data/openfast`` next to the checkout by default."""
     from windsysid.output.console import render
 
     folder = folder or _shared()

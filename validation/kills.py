@@ -49,7 +49,7 @@ CYCLE = 4
 
 @dataclass
 class Tally:
-    """What happened: kills, how many of them left something half done, versions saved, what was lost."""
+    """Outcome: kills, how many of them left something half done, versions saved, what was lost."""
 
     kills: int = 0
     half_done: int = 0
@@ -162,7 +162,7 @@ def _version_of_result(folder: Path) -> int:
     (name,) = names
     version = int(name.removeprefix("version "))
     if report.exists() != bool(version % 2):
-        raise ValueError(f"the report of another version beside version {version}")
+        raise ValueError(f"the report of another version with version {version}")
     return version
 
 
@@ -171,7 +171,7 @@ def _no_model(_: object) -> StateSpace:
 
 
 def _user_files(place: Path, results: list["_Result"]) -> dict[Path, bytes]:
-    """Files of the user's beside the result and below it, once the first result is there."""
+    """Files of the user's next to the result and below it, once the first result is there."""
     _write_all(place, results, dict.fromkeys(KINDS, 0))
     names = ("notes.txt", "result/notes.txt", "result/figures/plot.svg", "result/record.csv", "result/.hidden")
     users = {place / name: f"the user's {name}".encode() for name in names}

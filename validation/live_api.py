@@ -4,8 +4,8 @@
 
 Schemathesis makes requests that fit the schema and requests that do not, of every operation, and judges every answer by
 the schema: a status that is documented, a body of its model, what is valid accepted and what is not refused. All are
-asked three times: without tokens, as an operator, and as nobody where tokens are wanted, who must not get anything but
-a refusal. Memory is looked at after every operation. A store is behind it that tests fill
+asked three times: without tokens, as an operator, and without one where tokens are required, who must not get anything
+but a refusal. Memory is looked at after every operation. A store is behind it that tests fill
 (``tests/live/page/sample.py``).
 """
 
@@ -27,10 +27,10 @@ from windsysid.output.table import Table
 READ, OPERATE = "reader-of-the-fuzz-0", "operator-of-the-fuzz-0"
 
 OPEN = ("/health",)
-"""Paths that answer nobody as well."""
+"""Paths that need no token."""
 
 KNOWN: dict[str, Any] = {"turbine": "T02", "key": "T03/blade_2_lag_acceleration/1"}
-"""What there is: of names that are made up there is none."""
+"""Existing objects; of names that are made up there is none."""
 
 SHOWN = 10
 """Failures that are printed."""

@@ -11,7 +11,7 @@ same memory, with every good block.
 real time through publisher, mosquitto, engine and SQLite: how long it takes from the last sample of a block until it is
 committed, and where the service's time goes. Windows of 10 minutes end all the time from the first half minute on, at
 first with what came since the beginning: after 11 minutes (``--seconds 840``) they are whole, and the time from the
-message that closed a window to its estimate on disk is told of these alone.
+message that closed a window to its estimate on disk is measured for these alone.
 
 The disk is not tried here: after a power cut it is SQLite and its file system that keep their word.
 """
@@ -205,7 +205,7 @@ class Parts:
         self.commands: dict[str, list[str]] = {"broker": ["mosquitto", "-c", str(home / "mosquitto.conf")]}
 
     def part(self, name: str, *words: str) -> None:
-        """How a part is started."""
+        """Start command of a part."""
         self.commands[name] = [sys.executable, "-m", "validation.live_broker", "--part", name, *words]
 
     def start(self, name: str) -> None:
@@ -284,7 +284,7 @@ def kills(count: int, home: Path, seed: int) -> str:
 
 
 def compared(home: Path, number: int) -> str:
-    """What is in the store beside what was sent."""
+    """Content of the store compared with the sent blocks."""
     store = open_store(str(home / "store.sqlite"), read_only=True)
     lost = twice = wrong = 0
     for turbine in TURBINES:
@@ -432,7 +432,7 @@ def timed(turbines: int, seconds: float, home: Path) -> str:
 
 
 def main() -> None:
-    """Try what is asked for."""
+    """Try the requested part."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--kills", type=int, default=0)
     parser.add_argument("--malformed", type=int, default=0)

@@ -1,4 +1,4 @@
-"""How soon the demo of ``windsysid live`` shows what it says: ``python -m validation.live_demo``.
+"""Time until the demo of ``windsysid live`` shows its events: ``python -m validation.live_demo``.
 
 It is started twice, as a user starts it: with an empty cache of compiled models, and again with what that left. Seconds
 count from the command to the page's answer, to the first estimate of any tower, and to the alarm of the tower that
@@ -26,7 +26,7 @@ EVERY = 0.5
 
 
 SHOWN = {"page": "page", "estimate": "first estimate", "alarm": "alarm of T2"}
-"""What the page shows, one after the other, by the word that asks for it."""
+"""Stages of the page, in order, by the word that selects each."""
 
 
 def seconds_until(cache: str, limit: float, last: str) -> dict[str, float]:
@@ -62,7 +62,7 @@ def seconds_until(cache: str, limit: float, last: str) -> dict[str, float]:
 
 
 def asked(url: str) -> Any:
-    """What the API says, None where it does not answer."""
+    """Answer of the API, None if there is none."""
     try:
         with urllib.request.urlopen(url, timeout=10.0) as answer:
             return json.load(answer)

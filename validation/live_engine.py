@@ -1,4 +1,4 @@
-"""How fast is the live engine, and do its bands hold the truth?
+"""How fast is the live engine, and do its bands cover the true values?
 
 ``python -m validation.live_engine --turbines 50 --rate 100 --hours 1``: so many towers through the engine and SQLite as
 fast as they go, blocks of 1 s as Arrow. Printed are processor time a sample by part, how many turbines that is in real
@@ -6,13 +6,13 @@ time on two cores, memory and the store's size at several instants, and the time
 
 ``python -m validation.live_engine --turbines 1000 --hours 0.233 --speed 1``: blocks are pushed when they are due, as on
 a site. All turbines begin at one moment, while their windows end at moments of their own: windows that the beginning
-cut are told apart from whole ones, which come after eleven minutes. Printed besides are how long a window that is over
-waits for its estimate, and whether the pace was kept.
+cut are distinguished from whole ones, which come after eleven minutes. Printed besides are how long a window that is
+over waits for its estimate, and whether the pace was kept.
 
 ``python -m validation.live_engine --turbines 50 --hours 24 --block 10``: a day, as fast as it goes: is memory flat?
 
 ``python -m validation.live_engine --coverage 40``: so many towers whose coefficients are drawn from their priors, each
-followed for some hours: how often ±2σ of the windows' estimates and of the levels holds the truth.
+followed for some hours: how often ±2σ of the windows' estimates and of the levels covers the true value.
 """
 
 import argparse
@@ -128,7 +128,7 @@ def _told_of_pace(
     store: Store, names: Sequence[str], told: dict[tuple[str, int], int], seconds: float, passed: float, lag: float,
     behind: float,
 ) -> None:  # fmt: skip
-    """How a run at the pace of a site went: whether it kept up, and how long a window that is over waits."""
+    """Result of a run at the pace of a site: whether it kept up, and how long a window that is over waits."""
     results = [result for name in names for result in store.results(name)]
     end = BEGIN + round(seconds * SECOND)
     over = [result for result in results if result.until <= end - 30 * SECOND]  # the others the end of the run closed
@@ -150,7 +150,7 @@ def _told_of_pace(
 
 
 def _record(seed: int, rate: float) -> Record:
-    """What the accelerometers of a tower say in a window."""
+    """Readings of the accelerometers of a tower in a window."""
     record = simulate_record("tower", duration=WINDOW, rate=rate, seed=seed)
     return record.select(name for name in record.channels if name.endswith("acceleration"))
 
@@ -166,7 +166,7 @@ def _payloads(record: Record, rate: float, seconds: float, *, single: bool) -> l
 
 
 class _Waits:
-    """How long blocks were on their way to the store: of all of them, in classes of 1 ms."""
+    """Delay of blocks on their way to the store: of all of them, in classes of 1 ms."""
 
     def __init__(self) -> None:
         self.counts, self.lock = Counter[int](), threading.Lock()

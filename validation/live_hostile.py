@@ -53,7 +53,7 @@ UNITS = ["m/s^2", "g", "MN", "furlong", "", "1", "as written: x", "as written x"
 
 
 class Outcome(NamedTuple):
-    """What became of the messages.
+    """Outcome of the messages.
 
     Attributes
     ----------

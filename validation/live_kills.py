@@ -3,7 +3,7 @@
 Three loggers' streams go through the engine into a store. Their sender never sends again what was acknowledged. The
 service (`--kill service`) or the database's server (`--kill server`) is killed with signal 9 at random instants and
 started again, or its disk is full for a while (`--kill disk`), until the streams are through. Then the store must hold
-what it holds when nobody disturbs: every row, level and checkpoint with the same bits, every block in one row and once.
+what it holds without a kill: every row, level and checkpoint with the same bits, every block in one row and once.
 After each kill of the service every acknowledged block must be in the store or in a result.
 
 POSIX only: the service is a fork. That a crash of the whole machine loses nothing is not tried here: for that, a
@@ -49,7 +49,7 @@ PARTS = {"T01": (("", (0, 1, 2, 3, 4), 2.0),), "T02": (("nacelle", (0, 1, 2), 3.
 """Of each turbine the streams: name, columns of its record, and length of a block [s]."""
 
 UNDERWAY = 12
-"""Blocks that the sender sends without having heard of the first."""
+"""Blocks that the sender sends before an answer to the first."""
 
 
 AGAIN = 75
@@ -58,7 +58,7 @@ AGAIN = 75
 
 @dataclass
 class Tally:
-    """What happened."""
+    """Outcome of a run."""
 
     kills: int = 0
     streams: int = 0
@@ -97,7 +97,7 @@ def blocks_of(duration: float) -> list[Block]:
 
 
 def key_of(block: Block) -> str:
-    """What the sender knows a block by."""
+    """Identity of a block for the sender."""
     return f"{block.turbine}/{block.stream}/{block.sequence}"
 
 
@@ -167,7 +167,7 @@ def make_room(store: SqlStore) -> None:
 
 
 def remembered(memory: Path) -> set[str]:
-    """What the sender knows to be acknowledged."""
+    """Blocks that the sender knows to be acknowledged."""
     return set(memory.read_text().splitlines()) if memory.exists() else set()
 
 
@@ -242,7 +242,7 @@ def missing(url: str, acknowledged: set[str], blocks: list[Block]) -> tuple[list
 
 
 class Trial:
-    """The streams through one store after the other, and how each compares with the first, which nobody disturbed."""
+    """The streams through one store after the other, and how each compares with the first, which was not disturbed."""
 
     def __init__(self, home: Path, blocks: list[Block], server: Server | None, seed: int) -> None:
         self.home, self.blocks, self.server = home, blocks, server

@@ -11,7 +11,7 @@ is simulated or identified. Each becomes the row that an identification would gi
 - Causes: k_x, c_x and a noise, of which the structure, a sensor's noise, or a sensor's gain changes; a gain moves
   coefficients and trust, as ``python -m validation.years --faults`` found.
 - Drifts: k_x alone, which falls evenly over 60 days, 30 days after the watch began; and watches of months without a
-  drift, with the temperature told and not told.
+  drift, with and without the temperature.
 - Bands: a level without covariates that is constant, or wanders by a stated size a day.
 
 Seeds begin at `--first`; those that the pages name were not looked at while building. ``python -m
@@ -69,7 +69,7 @@ DRIFT_BEFORE, DRIFT_OVER, DRIFT_AFTER = 30.0, 60.0, 30.0
 """Days before, of, and after a drift."""
 
 WANDERS = (0.0, 0.0002, 0.002, 0.01)
-"""What a level wanders in a day, relative."""
+"""Random walk of a level in a day, relative."""
 
 SIGMA = 0.003
 """Of a window, where bands are counted."""
@@ -121,9 +121,9 @@ def noise_of(count: int, seed: int) -> Array:
 
 
 def watched(rows: Iterator[Row], options: WatchOptions) -> tuple[list[Taken], float]:
-    """What a watch gave of them, without checkpoints, and its processor time of a window [s]."""
+    """Results of a watch, without checkpoints, and its processor time of a window [s]."""
     watching, taken, spent = start("simulated", options), [], 0.0
-    watching.checkpoint = lambda: b""  # type: ignore[method-assign]  # which nobody reads here
+    watching.checkpoint = lambda: b""  # type: ignore[method-assign]  # not read here
     for k, row in enumerate(rows):
         begin = time.process_time()
         one = watching.take(row, BEGIN + k * STEP)
@@ -229,7 +229,7 @@ def cause(place: Site, what: str, seed: int) -> list[str]:
 
 
 def coverage(wander: float, seed: int) -> tuple[float, float, float]:
-    """Shares of levels whose ±2σ holds the truth: on the first day, on days 2 to 7, and on days 8 to 21."""
+    """Shares of levels whose ±2σ covers the true value: on the first day, on days 2 to 7, and on days 8 to 21."""
     rng = np.random.default_rng(seed)
     count = round(21.0 * DAY / BLOCK)
     truth = np.cumsum(wander * math.sqrt(BLOCK / DAY) * rng.standard_normal(count))
@@ -326,7 +326,7 @@ def main() -> None:
             print(render(table, f"{told}; half of the stated rate is of drifts"), flush=True)
         if options.only in (None, "bands"):
             table = Table(title="±2σ of the level holds the truth (95.4 % is right)", title_justify="left")
-            for heading in ("wander a day", "first day", "days 2 to 7", "days 8 to 21"):
+            for heading in ("random walk a day", "first day", "days 2 to 7", "days 8 to 21"):
                 table.add_column(heading, justify="right")
             for i, wander in enumerate(WANDERS):
                 shares = np.array(

@@ -1,4 +1,4 @@
-"""Whether measured modes are matched to a model's modes rightly, and how often odds are right.
+"""Correctness of the matching of measured modes to a model's modes, and calibration of its odds.
 
     python -m validation.matching --machines 2000 --records 20
 
@@ -146,7 +146,7 @@ def _outcome(mode: MatchedMode, truth: str | None) -> Outcome:
 
 
 def table(title: str, outcomes: Sequence[Outcome]) -> str:
-    """How often matches are right, by their probability."""
+    """Share of right matches, by their probability."""
     named = [one for one in outcomes if one.named and one.probability > 0.5]
     right = f"{sum(one.right for one in named)} of {len(named)} that are named are right"
     rows = [

@@ -122,26 +122,27 @@ def windows(values: Array, rate: float) -> list[OperationalModes]:
 def followed(results: Sequence[OperationalModes]) -> list[list[OperationalMode]]:
     """The modes that most windows trust, where they do."""
     sure = [[mode for mode in result.modes if mode.trusted] for result in results]
-    seen = [[Seen(mode.frequency, mode.shape) for mode in modes] for modes in sure]
+    seen = [[Seen(mode.frequency.estimate, mode.shape) for mode in modes] for modes in sure]
     tracks = [[sure[w][j] for w, j in track.items()] for track in follow_modes(seen)]
     return [track for track in tracks if 2 * len(track) > len(results)]
 
 
 def building(values: Array, rate: float, peer: str | None) -> Iterator[tuple[str, ...]]:
-    """The building's modes over windows, beside pyOMA-2."""
+    """The building's modes over windows, compared with pyOMA-2."""
     results = windows(values, rate)
     modes = followed(results)
     seconds = float(np.median([result.elapsed for result in results]))
     each = seconds / float(np.median([len(result.modes) for result in results]))
-    near = [float(np.median([m.frequency for m in track])) for track in modes]
+    near = [float(np.median([m.frequency.estimate for m in track])) for track in modes]
     for f, sure in zip(near, modes, strict=True):
-        damping = [np.log(mode.damping) for mode in sure]
+        damping = [np.log(mode.damping_ratio.estimate) for mode in sure]
+        stds = [mode.damping_ratio.relative_std for mode in sure]
         yield (
-            "windsysid", f"{f:.4f}", f"{100 * np.median([m.frequency_std / m.frequency for m in sure]):.2f} %",
-            f"{agreement([np.log(m.frequency) for m in sure], [m.frequency_std / m.frequency for m in sure]):.2f}",
-            f"{100 * np.std([m.frequency for m in sure], ddof=1) / f:.2f} %",
-            f"{100 * np.exp(np.median(damping)):.2f} %", f"{100 * np.median([m.ln_damping_std for m in sure]):.0f} %",
-            f"{agreement(damping, [m.ln_damping_std for m in sure]):.2f}", f"{100 * np.std(damping, ddof=1):.0f} %",
+            "windsysid", f"{f:.4f}", f"{100 * np.median([m.frequency.relative_std for m in sure]):.2f} %",
+            f"{agreement([np.log(m.frequency.estimate) for m in sure], [m.frequency.relative_std for m in sure]):.2f}",
+            f"{100 * np.std([m.frequency.estimate for m in sure], ddof=1) / f:.2f} %",
+            f"{100 * np.exp(np.median(damping)):.2f} %", f"{100 * np.median(stds):.0f} %",
+            f"{agreement(damping, stds):.2f}", f"{100 * np.std(damping, ddof=1):.0f} %",
             f"{len(sure)} of {len(results)}", f"{seconds:.1f}, {each:.2f} a mode",
         )  # fmt: skip
     if peer is not None:
@@ -149,7 +150,7 @@ def building(values: Array, rate: float, peer: str | None) -> Iterator[tuple[str
 
 
 def _peers(values: Array, rate: float, peer: str, near: Sequence[float]) -> Iterator[tuple[str, ...]]:
-    """The same windows by pyOMA-2, told which frequencies to look near."""
+    """Windows by pyOMA-2, with given frequencies."""
     size = int(WINDOW * rate)
     for name, settings in (("pyOMA-2, 100 Hz, its own order", DEFAULTS), ("pyOMA-2, as its example", BEST)):
         found, seconds = [], []
@@ -178,10 +179,11 @@ def _peers(values: Array, rate: float, peer: str, near: Sequence[float]) -> Iter
 def listed(found: OperationalModes, most: int) -> Iterator[tuple[str, ...]]:
     """Modes as rows."""
     for mode in found.modes[:most]:
-        f, z = mode.mode.frequency_hz, mode.mode.damping_ratio
+        f, z = mode.frequency, mode.damping_ratio
         said = "yes" if mode.trusted else f"no: {mode.doubts[0]}"
         yield (
-            f"{f[0]:.4f}", f"{f[1]:.4f} … {f[2]:.4f}", f"{100 * z[0]:.2f}", f"{100 * z[1]:.2f} … {100 * z[2]:.2f}", said
+            f"{f.estimate:.4f}", f"{f.low:.4f} … {f.high:.4f}", f"{100 * z.estimate:.2f}",
+            f"{100 * z.low:.2f} … {100 * z.high:.2f}", said,
         )  # fmt: skip
 
 

@@ -3,8 +3,8 @@
 The scale model stands in turbulent wind on its turning blades (`windsysid.simulation.wind`): Kaimal's spectrum falls
 with f^{−5/3}, its coherence is no rational function either, and the blades sample it. Every run simulates a record,
 draws priors 30 % off around the truth, and identifies it twice, with one independent first-order process on each degree
-of freedom ("broadband"), and with the load model that the record chooses ("auto"). Nobody tells the statistics of loads
-and noise.
+of freedom ("broadband"), and with the load model that the record chooses ("auto"). The statistics of loads
+and noise are unknown.
 
 Without feedback the wind pushes a machine as if that stood still. With it, the air damps the motion, and the truth is
 the total coefficient: that of the structure plus the mean of C on its diagonal (`windsysid.simulation.wind.blades`).
@@ -44,7 +44,7 @@ class Run(NamedTuple):
     Attributes
     ----------
     wind, model, seed
-        How the record was made, the load model that was asked for, and what wind, noise and prior were drawn with.
+        How the record was made, the load model that was requested, and what wind, noise and prior were drawn with.
     chosen
         The load model that was taken.
     deviation, error

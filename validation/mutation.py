@@ -1,4 +1,4 @@
-"""Which deliberate faults the tests notice.
+"""Mutation tests: deliberate faults that the tests detect.
 
     python -m validation.mutation [--only MODULE] [--list] [--sample N] [--jobs N] [--full]
 
@@ -90,7 +90,7 @@ def locate(mutant: Mutant, root: Path = ROOT) -> Path:
 
 
 class Results:
-    """What is known of mutants, in a file of one JSON object a line; the last line on a mutant counts."""
+    """Results of mutants, in a file of one JSON object a line; the last line on a mutant counts."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -185,7 +185,7 @@ def files_of_tests(mutant: Mutant, *, full: bool) -> list[str]:
 
 
 def hash_of(mutant: Mutant, tests: Sequence[str]) -> str:
-    """What a result belongs to: the mutant, all sources, and the tests with their helpers."""
+    """Inputs of a result: the mutant, all sources, and the tests with their helpers."""
     digest = hashlib.sha256("\0".join(mutant).encode())
     helpers = [path for path in (ROOT / "tests").rglob("*.py") if not path.name.startswith("test_")]
     for path in (*sorted((ROOT / "src").rglob("*.py")), *sorted(helpers), *(ROOT / test for test in tests)):

@@ -1,9 +1,9 @@
-"""Operational modal analysis on records with known modes: do the bands hold the truth, and what does it cost?
+"""Operational modal analysis on records with known modes: do the bands cover the true values, and what does it cost?
 
 - Closely spaced modes, 0.98, 1.00, 1.02 Hz with 0.8, 1.0, 1.2 % (the benchmark of the Bayesian literature: Au,
   Operational Modal Analysis, Springer 2017), 5 000 s.
-- One mode at several lengths, beside Au's laws, c_f² = ζ/(2π N_c B_f) and c_ζ² = 1/(2π ζ N_c B_ζ) with N_c cycles and
-  the band f (1 ± 10 ζ).
+- One mode at several lengths, compared with Au's laws, c_f² = ζ/(2π N_c B_f) and c_ζ² = 1/(2π ζ N_c B_ζ) with N_c
+  cycles and the band f (1 ± 10 ζ).
 - Four modes far apart, each with a coloured load of its own, 600 s at 50 Hz: is every one found, and no other?
 - Frames of N storeys, 600 s at 50 Hz, output only: white forces on every storey, 1 % noise on every geophone.
 - Frames of 5 storeys, 600 s, 10 % noise, which one load drives on all storeys alike, or at the top: every mode has the
@@ -14,8 +14,8 @@
 - Steep loads, of spectra f⁻⁵ to f⁴.
 - OpenFAST (`--openfast FOLDER`): c2 and d1, tower and edgewise modes.
 
-How often intervals hold the truth is counted over frequencies and damping ratios of grade A or B; so are modes of such
-grades that are none.
+How often intervals cover the true values is counted over frequencies and damping ratios of grade A or B; so are modes
+of such grades that are none.
 Oscillators are sampled exactly, by the matrix exponential of state and noise covariance. Seeds begin at `FRESH`, beyond
 those that tests and development used.
 
@@ -86,7 +86,7 @@ def record(values: Array, rate: float, quantity: str = "velocity", unit: str = "
 
 
 class Score(NamedTuple):
-    """How modes that were found compare with the true ones, over one or more records.
+    """Comparison of found modes with the true ones, over one or more records.
 
     Attributes
     ----------
@@ -116,13 +116,17 @@ class Score(NamedTuple):
 def scored(found: OperationalModes, truth: Sequence[tuple[float, float]]) -> Score:
     """Each true mode with one of those that were found, within 5 %; those nearest to each other together."""
     modes = found.modes
-    off = np.array([[abs(mode.frequency / f - 1.0) for mode in modes] for f, _ in truth]).reshape(len(truth), -1)
+    off = np.array([[abs(m.frequency.estimate / f - 1.0) for m in modes] for f, _ in truth]).reshape(len(truth), -1)
     rows, columns = linear_sum_assignment(np.minimum(off, 0.05))
     pairs = [(int(i), int(j)) for i, j in zip(rows, columns, strict=True) if off[i, j] < 0.05]
     zs = []
     for i, j in pairs:
         mode, (f, z) = modes[j], truth[i]
-        errors = (mode.frequency - f) / mode.frequency_std, float(np.log(mode.damping / z)) / mode.ln_damping_std
+        ratio = mode.damping_ratio
+        errors = (
+            (mode.frequency.estimate - f) / mode.frequency.std,
+            float(np.log(ratio.estimate / z)) / ratio.relative_std,
+        )
         zs.append((*errors, mode.trusted))
     matched = {j for _, j in pairs}
     false = sum(mode.trusted for j, mode in enumerate(modes) if j not in matched)
@@ -159,7 +163,7 @@ def close_modes(runs: int) -> Iterable[tuple[str, ...]]:
 
 
 def modes_apart(runs: int) -> Iterable[tuple[str, ...]]:
-    """Four modes that nobody could take for each other."""
+    """Four well-separated modes."""
     rate, count = 50.0, 30_000
     total, whole = Score(), 0
     for seed in range(FRESH + 4000, FRESH + 4000 + runs):
@@ -176,7 +180,7 @@ def modes_apart(runs: int) -> Iterable[tuple[str, ...]]:
 
 
 def single_modes(runs: int) -> Iterable[tuple[str, ...]]:
-    """One mode at several lengths, beside Au's laws."""
+    """One mode at several lengths, compared with Au's laws."""
     b_f = 2 / np.pi * (np.arctan(KAPPA) - KAPPA / (KAPPA**2 + 1))
     b_z = 2 / np.pi * (np.arctan(KAPPA) + KAPPA / (KAPPA**2 + 1) - 2 * np.arctan(KAPPA) ** 2 / KAPPA)
     for length in LENGTHS:
@@ -189,9 +193,9 @@ def single_modes(runs: int) -> Iterable[tuple[str, ...]]:
             found = analyse_vibration(record(y, 8.0))
             total = total.with_more(scored(found, [(1.0, 0.01)]))
             ratios += [
-                (m.frequency_std / m.frequency / np.sqrt(m.damping / (2 * np.pi * length * b_f)),
-                m.ln_damping_std * np.sqrt(2 * np.pi * m.damping * length * b_z))
-                for m in found.modes if abs(m.frequency - 1.0) < 0.05
+                (m.frequency.relative_std / np.sqrt(m.damping_ratio.estimate / (2 * np.pi * length * b_f)),
+                m.damping_ratio.relative_std * np.sqrt(2 * np.pi * m.damping_ratio.estimate * length * b_z))
+                for m in found.modes if abs(m.frequency.estimate - 1.0) < 0.05
             ]  # fmt: skip
         over = np.median(ratios, axis=0)
         yield row(f"one mode, {length:g} s; σ over Au's law {over[0]:.2f}, {over[1]:.2f}", total, runs)
@@ -335,7 +339,7 @@ def several_records(runs: int) -> Iterable[tuple[str, ...]]:
             apart += sum(mode.doubted_for("records") for mode in found.modes)
             order = [int(channel.split("_")[1]) for channel in found.channels]
             for mode in found.modes:
-                k = int(np.argmin([abs(mode.frequency - f) for f, _ in modes]))
+                k = int(np.argmin([abs(mode.frequency.estimate - f) for f, _ in modes]))
                 true = whole[order, k] / whole[order[int(np.argmax(np.abs(mode.shape)))], k]
                 sure = mode.shape_std > 0.0
                 if mode.trusted:
@@ -346,15 +350,15 @@ def several_records(runs: int) -> Iterable[tuple[str, ...]]:
 
 
 def turbines(folder: Path) -> Iterable[tuple[str, ...]]:
-    """c2 and d1 beside their true modes."""
+    """c2 and d1 compared with their true modes."""
     for name, file in FILES.items():
         found = analyse_vibration(read_record(folder / file), sensors=TIPS, section=(60.0, 600.0))
         for truth in TRUTH[name]:
-            mode = min(found.modes, key=lambda m: abs(m.frequency - truth))
-            off = mode.frequency - truth
-            yield (name, mode.name, f"{truth:.4f}", f"{mode.frequency:.4f}", f"{100 * off / truth:+.2f} %",
-            f"{off / mode.frequency_std:+.1f}",
-                   "".join(mode.grades), f"{found.elapsed:.1f}")  # fmt: skip
+            mode = min(found.modes, key=lambda m: abs(m.frequency.estimate - truth))
+            off = mode.frequency.estimate - truth
+            yield (name, mode.name, f"{truth:.4f}", f"{mode.frequency.estimate:.4f}", f"{100 * off / truth:+.2f} %",
+            f"{off / mode.frequency.std:+.1f}",
+                   mode.frequency.grade + mode.damping_ratio.grade, f"{found.elapsed:.1f}")  # fmt: skip
 
 
 def table(title: str, headings: Sequence[str], rows: Iterable[tuple[str, ...]]) -> None:

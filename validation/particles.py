@@ -1,5 +1,5 @@
-"""What the particle filter is worth: beside the Kalman filter where that is exact, where it fails, and on the published
-study.
+"""Accuracy of the particle filter: compared with the Kalman filter where that is exact, where it fails, and on the
+published study.
 
 The paper compares its extended Kalman filter (30 s) with a SIR particle filter of 2 000 particles (103 hours, similar
 errors). ``python -m validation.particles [--runs N]`` prints that comparison and what a particle filter has to
@@ -138,7 +138,7 @@ def convergence(case: LinearCase, seeds: int) -> Table:
 
 
 def static_coefficients(case: LinearCase, seeds: int) -> Table:
-    """What becomes of coefficients that stay: resampled only, walking, or drawn from Liu and West's kernel."""
+    """Comparison of coefficients that stay: resampled only, walking, or drawn from Liu and West's kernel."""
     second = round(RATE)
     start, _ = EKF.run(case.model, EKF.init(case.model), case.inputs[:second], case.readings[:second])
     model = replace(case.model, mean=start.mean, cov=start.cov)

@@ -57,7 +57,7 @@ class Case(NamedTuple):
 
 
 class Comparison(NamedTuple):
-    """What came of it.
+    """Result of a run.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ class Comparison(NamedTuple):
     same_loads
         Whether both took the loads for the same.
     within
-        What was asked for.
+        Requirements.
     """
 
     name: str
@@ -105,7 +105,7 @@ def compare(case: Case) -> Comparison:
 
 
 def _first_mode(found: Identification) -> float:
-    return found.modes[0].frequency_hz[0] if found.modes else np.nan
+    return found.modes[0].frequency.estimate if found.modes else np.nan
 
 
 def modulated(turbine: Turbine, duration: float, rate: float, seed: int) -> Record:
@@ -131,7 +131,7 @@ def modulated(turbine: Turbine, duration: float, rate: float, seed: int) -> Reco
 
 
 def _own(pieces: float | None) -> Identification:
-    """Two masses on springs under a random force that nobody measured, as equations of one's own."""
+    """Two masses on springs under a random force that are not measured, as equations of one's own."""
     q1, v1, q2, v2, w = sp.symbols("q1 v1 q2 v2 w", real=True)
     m, k1, k2, c1, c2 = sp.symbols("m k1 k2 c1 c2", positive=True)
     a1 = (w - k1 * q1 - c1 * v1 + k2 * (q2 - q1) + c2 * (v2 - v1)) / m

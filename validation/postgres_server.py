@@ -1,6 +1,6 @@
 """A PostgreSQL server of one's own, in a temporary folder, reached through a socket in it.
 
-Unless told to, it flushes nothing to the disk: processes are killed here, machines are not.
+By default it flushes nothing to the disk: processes are killed here, machines are not.
 """
 
 import contextlib
@@ -56,7 +56,7 @@ class Server:
         self._run("pg_ctl", "-D", "data", "-w", "-t", "120", "-l", "log", "-o", options, "start")
 
     def kill(self) -> None:
-        """Nothing is written, nobody is told: every process of the server is killed."""
+        """No message, nothing written: every process of the server is killed."""
         lock = self.folder / "data" / "postmaster.pid"
         postmaster = int(lock.read_text().split()[0])
         workers = Path(f"/proc/{postmaster}/task/{postmaster}/children").read_text().split()
@@ -67,7 +67,7 @@ class Server:
         deadline = time.monotonic() + 60
         while any(_lives(process) for process in processes) and time.monotonic() < deadline:
             time.sleep(0.01)
-        lock.unlink()  # where nobody has collected the dead server, the next one would take it for alive
+        lock.unlink()  # where the dead server was not collected, the next one would take it for alive
         for left in self.folder.glob(".s.PGSQL.*"):
             left.unlink()
 

@@ -33,6 +33,7 @@ RECENT_TESTS: dict[str, tuple[str, ...]] = {
     "spectral/narrow_band.py": ("test_narrow_bands.py",),
     "effects/bias.py": ("test_offsets.py",),
     "watch/open_alarms.py": ("test_open_alarms.py", "test_engine.py"),
+    "results/estimate.py": ("test_result.py", "test_oma.py"),
     "spectral/oma/mode.py": ("test_result.py", "test_oma.py"),
     "modal/shapes.py": ("test_shapes.py", "test_oma.py"),
     "modal_bands/model_order.py": ("test_oma.py",),
@@ -647,9 +648,14 @@ _FLEET_AND_MODES = (
         "priors count twice in a comparison",
     ),
     Mutant(
-        "band of a mode's damping", "spectral/oma/mode.py",
-        "(z, z / factor, z * factor)", "(z, z - factor, z + factor)",
+        "band of a mode's damping", "results/estimate.py",
+        "cls(estimate, estimate / factor, estimate * factor,", "cls(estimate, estimate - factor, estimate + factor,",
         "bands of damping ratios have the width of factors",
+    ),
+    Mutant(
+        "reason against one quantity", "spectral/oma/mode.py",
+        'reason.of in ("mode", name)', 'reason.of == "mode"',
+        "a reason against a damping ratio leaves its grade",
     ),
     Mutant(
         "complexity of a shape", "modal/shapes.py",
@@ -663,12 +669,12 @@ _FLEET_AND_MODES = (
     ),
     Mutant(
         "an envelope of a machine", "modal_bands/check.py",
-        "probability < limits.STEADY_FALSE_ALARM_PROBABILITY", "False",
+        "probability < limits.MODE_FALSE_ALARM_PROBABILITY", "False",
         "a machine of constant amplitude is a mode",
     ),
     Mutant(
         "a mode at the border", "modal_bands/check.py",
-        "doubts.append(Doubt(\"border\", \"it sits at the border of its band\"))", "pass",
+        "doubts.append(Doubt(\"border\", \"it is at the edge of its frequency range\"))", "pass",
         "a mode at the border of its band is trusted",
     ),
     Mutant(

@@ -1,4 +1,4 @@
-"""What a hinged blade on a leaning tower cannot represent, what that costs, and which degree of freedom earns its
+"""Errors of a hinged blade on a leaning tower, their cost, and the degree of freedom that earns its
 place.
 
 OpenFAST's NREL 5 MW turbine is the truth: its own numbers, and its linearisation at 12.1 rpm, of the small model of
@@ -8,9 +8,9 @@ tower's lean, and roll partly free.
 
 First the modes at the program's own numbers. What is then left in the whirl modes is put on the blade's stiffness, and
 what that leaves is weighed against the least standard deviation that a record of T seconds allows a mode under
-broadband load, σ_f/f = √(ζ / (ω T)): a degree of freedom that moves the modes by less cannot be told from none. Then
-what the accelerometer at a blade's tip reads that the model cannot, and last the records themselves, from tower-top and
-blade-tip accelerometers: errors of what is identified.
+broadband load, σ_f/f = √(ζ / (ω T)): a degree of freedom that moves the modes by less cannot be distinguished from
+none. Then what the accelerometer at a blade's tip reads that the model cannot, and last the records themselves, from
+tower-top and blade-tip accelerometers: errors of what is identified.
 
 ``python -m validation.richer --openfast FOLDER`` prints the tables; FOLDER holds the records a2 and c2.
 """
@@ -176,8 +176,8 @@ def resolution(truth: Truth, seconds: float) -> Array:
 
 
 def identified(folder: Path, name: str, roll: Roll, *, flap: bool = True) -> Identification:
-    """What the record `name` gives with that roll: a2 with 1 % noise, c2 as `study.field` reads it, the tips' sensors
-    told of flap or not.
+    """Result of the record `name` with that roll: a2 with 1 % noise, c2 as `study.field` reads it, the tips' sensors
+    with flap or not.
 
     Raises
     ------
@@ -338,7 +338,7 @@ CASES: Mapping[str, Sequence[tuple[Roll, bool]]] = {
     "a2": (("tied", True),),
     "c2": (("tied", True), ("free", False), ("free", True)),
 }
-"""What is identified from each record: roll, and whether the tips' sensors are told of flap."""
+"""Identified parameters from each record: roll, and whether the tips' sensors include flap."""
 
 
 def _from_the_records(folder: Path) -> Iterator["Table"]:
@@ -349,8 +349,11 @@ def _from_the_records(folder: Path) -> Iterator["Table"]:
             table.add_column(heading, justify="right")
         for roll, flap in cases:
             found = identified(folder, name, roll, flap=flap)
-            of = {mode.name: mode.frequency_hz for mode in found.modes}
-            cells = [_error(*of[mode], f) for mode, f in zip(MODES, TRUTH[name].frequency, strict=True)]
+            of = {mode.name: mode.frequency for mode in found.modes}
+            cells = [
+                _error(of[mode].estimate, of[mode].low, of[mode].high, f)
+                for mode, f in zip(MODES, TRUTH[name].frequency, strict=True)
+            ]
             cells += [_coefficient(found, c, with_roll(roll)) for c in coefficients]
             table.add_row(name, roll if flap else f"{roll}, flap unsaid", *cells, f"{found.elapsed:.0f}")
         yield table

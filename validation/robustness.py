@@ -1,4 +1,4 @@
-"""What bad records cost: the reference scenario, damaged in one way after another.
+"""Cost of bad records: the reference scenario, damaged in one way after another.
 
 ``python -m validation.robustness [--runs N] [--speed FILE]`` prints the table. Every row has the same seeds and priors
 as the clean case; FILE is a record of the rotor speed of a real turbine in operation (time_s, rotor_speed_rpm), scaled
@@ -30,7 +30,7 @@ Damage = Callable[[Record, np.random.Generator], Record]
 
 
 def _readings(record: Record) -> NDArray[np.bool_]:
-    """Which columns are accelerometers."""
+    """Mask of the accelerometer columns."""
     return np.array([channel.endswith("acceleration") for channel in record.channels])
 
 
@@ -84,7 +84,7 @@ DAMAGES: dict[str, Damage] = {
 
 
 LEVELS = {"load_x": 2.0, "load_y": 1.0, "load_beta_1": 1.0, "load_beta_2": 1.5, "load_beta_3": 2.0}
-"""How much louder loads are than the turbine file says, one factor for each degree of freedom."""
+"""Factor by which loads exceed those in the turbine file, one for each degree of freedom."""
 
 TIME_CONSTANTS = {"load_x": 0.5, "load_y": 2.0, "load_beta_1": 0.5, "load_beta_2": 1.0, "load_beta_3": 2.0}
 """Of the loads [s], where the file says 1 s for all."""

@@ -2,12 +2,12 @@
 loads.
 
 Every run simulates a record of the scale model, draws priors 30 % off around the truth, and identifies it from its
-spectra. Nobody tells the statistics of loads and noise. In simulated wind (`windsysid.simulation.wind`) with feedback
+spectra. The statistics of loads and noise are unknown. In simulated wind (`windsysid.simulation.wind`) with feedback
 the air damps the motion, and the truth is the total coefficient (`validation.mismatch.total_coefficients`).
 
-Under random loads, which the model knows but for their statistics, the errors stand beside the least that is possible
-(`validation.calibration.bound`). That bound knows the weight that drives the blades at 1P and the mean lag angle, which
-tell k_β and c_x. Spectra leave both open, since wind shear comes at 1P too and mean wind turns the blades.
+Under random loads, which the model knows but for their statistics, the errors are compared with the least that is
+possible (`validation.calibration.bound`). That bound knows the weight that drives the blades at 1P and the mean lag
+angle, which tell k_β and c_x. Spectra leave both open, since wind shear comes at 1P too and mean wind turns the blades.
 
 ``python -m validation.spectral [--runs N] [--first SEED] [--loads wind wind-feedback random]
 [--in-pieces SECONDS]`` prints the table.
@@ -40,7 +40,7 @@ RATE = 100.0
 DURATION = 100.0
 LOADS = ("wind", "wind-feedback", "random")
 GROUPS = {"k_x, k_y": ("k_x", "k_y"), "k_beta": ("k_beta",), "c_x, c_y": ("c_x", "c_y"), "c_beta": ("c_beta",)}
-"""What stands together in the table: beginnings of names."""
+"""Groups of the table: beginnings of names."""
 
 
 class Run(NamedTuple):

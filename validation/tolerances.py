@@ -1,10 +1,11 @@
-"""Do bands hold the truth where instruments and masses are off? Records of a machine that is not as its file says.
+"""Do bands cover the true values where instruments and masses are off? Records of a machine that is not as its file
+says.
 
 ``python -m validation.tolerances [--runs N] [--first SEED] [--only BEGINNING …]`` prints the table. Each record is
 simulated at 1 kHz; a logger that is late by κ samples at t − κ what the others sample at t. The machine is identified
-from its file as ``identify`` is asked by default, with the tolerances that a file has by default. Beside it stands what
-a file that claims to be exact gives (``--exact``). The errors of both on a machine that is as its file says show what
-tolerances cost; those on one that is not, what they are worth.
+from its file as ``identify`` is asked by default, with the tolerances that a file has by default. It is compared with
+what a file that claims to be exact gives (``--exact``). The errors of both on a machine that is as its file says show
+what tolerances cost; those on one that is not, what they are worth.
 """
 
 import argparse
@@ -39,7 +40,7 @@ HEADINGS = (*HOLDS, "rms error of k", "of c", "σ of k_x", "trusted", "named")
 
 
 class Errors(NamedTuple):
-    """How a machine differs from its file.
+    """Differences of a machine from its file.
 
     Attributes
     ----------
@@ -83,7 +84,7 @@ SCENARIOS: dict[str, Callable[[Turbine, np.random.Generator], Errors]] = {
 
 
 def record_of(turbine: Turbine, errors: Errors, seed: int) -> Record:
-    """What a machine of the file's coefficients records whose instruments and masses are off."""
+    """Record of a machine with the file's coefficients whose instruments and masses are off."""
     rng = np.random.default_rng(seed)
     bodies = turbine.model.bodies()
     heavier = {name: turbine.values[name] * (1.0 + off) for body, off in errors.mass.items() for name in bodies[body]}

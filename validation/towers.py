@@ -1,13 +1,14 @@
 """Towers that are not as they are taken for: is a wrong number ever trusted?
 
 A tower of two degrees of freedom, side-side and fore-aft, is integrated here by itself, by the classical Runge–Kutta
-method at 100 Hz, from loads of first order, and read by accelerometers that feel gravity as the top leans. It shares no
-code with windsysid's mechanics, simulation or filters; values are those of the packaged file ``tower``. Each kind has
-one thing that the file does not say: in the structure, its loads or its instruments. Records are 600 s long at 20 Hz,
-identified by `identify` with priors drawn about the truth.
+method at 100 Hz, from loads of first order, and read by accelerometers that measure gravity as the top leans. It shares
+no code with windsysid's mechanics, simulation or filters; values are those of the packaged file ``tower``. Each kind
+has one thing that the file does not say: in the structure, its loads or its instruments. Records are 600 s long at 20
+Hz, identified by `identify` with priors drawn about the truth.
 
 ``python -m validation.towers [--runs N] [--first SEED] [--only NAME …]`` prints the grades of the coefficients of each
-kind, how often ±2σ holds the truth, the worst error of a coefficient of grade A or B, and the reasons given first.
+kind, how often ±2σ covers the true value, the worst error of a coefficient of grade A or B, and the reasons given
+first.
 """
 
 import argparse
@@ -52,7 +53,7 @@ Loads = Callable[[Array, np.random.Generator], Array]
 
 @dataclass(frozen=True)
 class Kind:
-    """What a tower has that its file does not say.
+    """Properties of a tower that its file does not give.
 
     Parameters
     ----------
@@ -93,7 +94,7 @@ def _seconds(samples: int) -> Array:
 
 
 def _narrow(frequency: float, damping: float, level: float, which: int) -> Loads:
-    """A narrow-band process beside the loads, its standard deviation in theirs."""
+    """A narrow-band process in addition to the loads, its standard deviation in theirs."""
 
     def add(loads: Array, rng: np.random.Generator) -> Array:
         omega = 2.0 * math.pi * frequency
@@ -107,7 +108,7 @@ def _narrow(frequency: float, damping: float, level: float, which: int) -> Loads
 
 
 def _line(frequency: float, share: float, which: int) -> Loads:
-    """A sine beside the loads, with a share of their power."""
+    """A sine in addition to the loads, with a share of their power."""
 
     def add(loads: Array, rng: np.random.Generator) -> Array:
         loads, phase = loads.copy(), rng.uniform(0.0, 2.0 * math.pi)
@@ -119,8 +120,8 @@ def _line(frequency: float, share: float, which: int) -> Loads:
 
 
 def _waves(frequency: float, level: float, which: int) -> Loads:
-    """Waves of a young sea beside the loads, Hasselmann's (JONSWAP) spectrum with a peak factor of 7 about a frequency
-    [Hz], their standard deviation in the loads'."""
+    """Waves of a young sea in addition to the loads, Hasselmann's (JONSWAP) spectrum with a peak factor of 7 about a
+    frequency [Hz], their standard deviation in the loads'."""
 
     def add(loads: Array, rng: np.random.Generator) -> Array:
         f = np.fft.rfftfreq(len(loads), 1.0 / STEPS)[1:] / frequency
@@ -238,8 +239,8 @@ def record(name: str, seed: int) -> Record:
 
 
 def simulate(name: str, seed: int) -> tuple[Record, dict[str, float]]:
-    """A record of a kind, and its tower's stiffness and damping: where drag or dry friction F act beside the damper,
-    the linear one that takes as much power out of this motion, c (1 + drag E|q̇|³/E q̇²) + F E|q̇|/E q̇²."""
+    """A record of a kind, and its tower's stiffness and damping: where drag or dry friction F act in addition to the
+    damper, the linear one that takes as much power out of this motion, c (1 + drag E|q̇|³/E q̇²) + F E|q̇|/E q̇²."""
     kind, rng = KINDS[name], np.random.default_rng(seed)
     tower = kind.tower
     v, count = tower.values, int((DURATION + LEAD_IN) * STEPS) + 1
@@ -311,7 +312,7 @@ def main(given: Sequence[str] | None = None) -> None:
 
 
 def _cause(reason: Finding) -> str:
-    """What a reason names as its cause."""
+    """Cause that a reason names."""
     return "disagreement" if reason.code == "formulations_disagree" else cause_of(reason.summary())
 
 

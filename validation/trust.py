@@ -49,7 +49,8 @@ def _harmonic(order: int) -> Fault:
 
 
 def _turning(turbine: Turbine, drawn: Array, psi: Array, rate: float, size: float, rng: Rng) -> Array:
-    """What a load that stands still does to something that turns: 1P, with an amplitude that wanders within seconds."""
+    """Effect of a steady load in the fixed frame on the rotating frame: 1P, with an amplitude that varies within
+    seconds."""
     drawn = drawn.copy()
     for j, load in enumerate(turbine.loads):
         names = ("cos", "sin")
@@ -98,7 +99,7 @@ FAULTS: dict[str, tuple[Fault, tuple[float, ...]]] = {
     "one sensor off by, × its noise": (Fault(readings=_shifted), (0.5, 2.0)),
     "one sensor's gain off by": (Fault(readings=_miscalibrated), (0.1, 0.3)),
 }
-"""What is wrong, and how much."""
+"""Kind and size of the fault."""
 
 
 def faulty_record(fault: Fault, size: float, seed: int, *, duration: float = 100.0, rate: float = 100.0) -> Record:

@@ -28,7 +28,7 @@ MINORS = range(11, 16)
 """Of the Pythons 3.x that are looked for."""
 
 SOURCES = ("*.py", "py.typed", "*.toml", "*.j2", "*.html", "*.css", "*.js", "*.svg", "*.json")
-"""What the package consists of; each such file under src must be in the wheel."""
+"""Contents of the package; each such file under src must be in the wheel."""
 
 
 def build(folder: Path) -> tuple[Path, Path]:

@@ -45,7 +45,7 @@ def found_in(folder: Path, window: Window) -> Identification | None:
 
 
 def same_record(done: Sequence[tuple[Window, Identification]]) -> list[QuantityChange]:
-    """Changes of coefficients that both results may be asked for, of windows of one record without common time."""
+    """Changes of coefficients that both results may be requested, of windows of one record without common time."""
     changes = []
     for (one, before), (other, after) in itertools.permutations(done, 2):
         apart = one.last <= other.first or other.last <= one.first

@@ -114,7 +114,7 @@ def table(done: Sequence[Mapping[str, Any]]) -> str:
     for record, seconds in dict.fromkeys((one["record"], round(one["last"] - one["first"])) for one in done):
         some = [one for one in done if (one["record"], round(one["last"] - one["first"])) == (record, seconds)]
         seen = [
-            mode["frequency_hz"] | {"damping": mode["damping_ratio"]["grade"], "name": mode["name"]}
+            mode["frequency"] | {"damping": mode["damping_ratio"]["grade"], "name": mode["name"]}
             for one in some
             for mode in one["found"].get("modes", [])
         ]
@@ -147,7 +147,7 @@ def pooled(done: Sequence[Mapping[str, Any]]) -> str:
         sigmas, count = [], 0
         for one in done:
             for mode in one["found"].get("modes", []):
-                f = mode["frequency_hz"]
+                f = mode["frequency"]
                 if mode["name"] in NAMES[name]:
                     count += 1
                     if f["grade"] != "C":

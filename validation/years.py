@@ -12,8 +12,8 @@ their bands say.
 - bad data: one block in 200 is off by 10 σ on average, 3 % and one whole fortnight are missing.
 
 Changes come after 30 days: 2, 5 and 10 % of k_x, 20 % of one blade's k_beta, c_x halved and doubled. The watch
-(`windsysid.monitoring.watch.watch`) is told temperature and wind speed, and 0.1 false alarms a year; each trial follows
-the coefficient that changes, at the threshold that all of the turbine's together have.
+(`windsysid.monitoring.watch.watch`) is given temperature and wind speed, and 0.1 false alarms a year; each trial
+follows the coefficient that changes, at the threshold that all of the turbine's together have.
 
 ``python -m validation.years [--years N] [--turbine NAME]`` prints the tables. With ``--raw N`` it simulates and
 identifies N raw records of 10 minutes instead, k_x 5 % less in the second half, and holds their scatter against that of
@@ -77,8 +77,8 @@ class Site(NamedTuple):
 
 
 class Delay(NamedTuple):
-    """How many trials saw a change: delays to the alarm [s], infinite without one, and whether the bands held the
-    truth.
+    """Number of trials that detected a change: delays to the alarm [s], infinite without one, and whether the bands
+    held the truth.
     """
 
     seconds: Array
@@ -87,7 +87,7 @@ class Delay(NamedTuple):
 
 
 def site(turbine: str, wind: float) -> Site:
-    """What 10 minutes tell of a packaged turbine at one of `WINDS`."""
+    """Information of 10 minutes on a packaged turbine at one of `WINDS`."""
     planned = plan(load_turbine(turbine).exact(), duration=BLOCK, load_scale=WINDS[wind])
     sigma = standard_deviations(planned.information(BLOCK))[: planned.unknown]
     return Site(turbine, planned.names[: planned.unknown], sigma, wind)
@@ -146,7 +146,7 @@ def false_alarms(
 
 
 def smallest(place: Site, name: str, *, seed: int = 0) -> tuple[float, float]:
-    """The jump of one coefficient that is found within a day after a year [%], covariates told and not told."""
+    """The jump of one coefficient that is found within a day after a year [%], with and without covariates."""
     told = simulate_blocks(place, days=YEAR / DAY, seed=seed, only=name)
     kept = replace(told, covariates=np.empty((len(told.time), 0)), covariate_names=())
     found = [watch(blocks, alarms_per_year=STATED / len(place.names)).series[0].smallest for blocks in (told, kept)]
@@ -154,7 +154,7 @@ def smallest(place: Site, name: str, *, seed: int = 0) -> tuple[float, float]:
 
 
 def delays(place: Site, change: tuple[str, float], trials: int, *, seed: int = 1000) -> Delay:
-    """How soon, and how well, one change is seen."""
+    """Delay and accuracy of the detection of one change."""
     seconds, when, size = np.full(trials, np.inf), 0, 0
     for trial in range(trials):
         blocks = simulate_blocks(place, days=BEFORE + AFTER, seed=seed + trial, change=change, only=change[0])
@@ -183,7 +183,7 @@ def raw(turbine: str, records: int, *, factor: float = 0.95) -> tuple[RecordBloc
 
 
 def _raw_record(which: tuple[str, int, float]) -> Posterior:
-    """What one record says, sampled `RAW_SAMPLES` times per period of the fastest degree of freedom."""
+    """Information of one record, sampled `RAW_SAMPLES` times per period of the fastest degree of freedom."""
     from windsysid.identification.identify import identify
     from windsysid.simulation.record import simulate_record
 
@@ -234,7 +234,7 @@ def main() -> None:
         "wind [m/s]",
         f"stated {STATED:g}",
         f"stated {OFTEN:g}, nothing tolerated",
-        "jump of k_beta_1 seen in a day",
+        "jump of k_beta_1 detectable in a day",
         "covariates not told",
     ):
         alarms.add_column(heading, justify="right")
@@ -265,7 +265,7 @@ def main() -> None:
 
 
 def _fault_table() -> str:
-    """What a fault of a sensor moves, and whether the result is still trusted."""
+    """Effect of a sensor's fault, and trust in the result."""
     from rich.table import Table
 
     from windsysid.identification.identify import identify
@@ -305,7 +305,8 @@ def _fault_table() -> str:
 
 
 def _raw_table(turbine: str, records: int) -> str:
-    """Scatter of raw records beside the bands of theirs and of the compressed years, and what the watch says."""
+    """Scatter of raw records compared with their bands and those of the compressed years, and the result of the
+    watch."""
     from rich.table import Table
 
     if records < 24:

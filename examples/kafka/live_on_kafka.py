@@ -33,14 +33,14 @@ FOLLOWED = [Followed(Member("T01", "tower")), Followed(Member("T02", "tower"))]
 """Put your turbines here."""
 
 PATIENCE = 240.0
-"""How long a block and the windows that it closes may take [s]: Kafka gives the partition away after 300 s."""
+"""Longest time for a block and the windows that it closes [s]: Kafka gives the partition away after 300 s."""
 
 OWN = BlockLimits(payload=2**30)
 """Blocks in the state were checked before they came there."""
 
 
 class KeyedStore:
-    """What an engine of one turbine asks of `windsysid.live.store.store.Store`: in memory, until `save`.
+    """In-memory part of `windsysid.live.store.store.Store` that an engine of one turbine uses, until `save`.
 
     The engine's threads commit here. Only `save` writes into the keyed state, in the transaction of a message.
     """
@@ -162,7 +162,8 @@ class Turbines:
         return out
 
     def _of(self, turbine: str, state: Any) -> Running:
-        """The turbine's engine; a new one where the state is not what this process left: it was elsewhere, or undone.
+        """The turbine's engine; a new one where the state is not what this process left: another process had it, or it
+        was undone.
 
         It is written down again when its message is done, so that one that failed is not used again.
         """

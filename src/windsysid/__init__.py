@@ -111,5 +111,5 @@ __all__ = [
 
 
 def __dir__() -> list[str]:
-    """Public names, imported or not yet: what a prompt completes."""
+    """Public names, imported or not yet, for completion at a prompt."""
     return [*__all__]

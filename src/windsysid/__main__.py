@@ -9,7 +9,7 @@ from typing import Any
 __all__ = ["main"]
 
 SECONDS_TO_PRESS_AGAIN = 0.05
-"""How long after an interrupt was dropped it is sent again."""
+"""Seconds after which a dropped interrupt is sent again."""
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""The errors windsysid raises on bad input: what was wrong, what was expected, what was got, what to do."""
+"""Errors of windsysid on bad input: what is wrong, expected and received values, and advice."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,11 +10,11 @@ __all__ = [
 
 
 class WindsysidError(Exception):
-    """Base of every error that windsysid raises on purpose; its text is one line fit for a user."""
+    """Base class of all errors of windsysid; the text is one line for the user."""
 
 
 class RecordError(WindsysidError, ValueError):
-    """A record cannot be read or does not hold what is asked of it."""
+    """A record cannot be read, or lacks what a function needs."""
 
 
 class UnknownTimeError(RecordError):
@@ -22,11 +22,11 @@ class UnknownTimeError(RecordError):
 
 
 class ConfigurationError(WindsysidError, ValueError):
-    """A turbine, sensor list or option is wrong."""
+    """A turbine, a sensor list, an option or a folder of results is wrong."""
 
 
 class OutputError(WindsysidError, OSError):
-    """A result cannot be written where it was asked for."""
+    """A file or a folder cannot be written."""
 
 
 class StoreError(WindsysidError):

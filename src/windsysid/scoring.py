@@ -122,7 +122,7 @@ class Evaluation:
 
 
 class SearchResult(NamedTuple, Generic[Point, Evaluated]):
-    """Where a search ended.
+    """End of a search.
 
     Attributes
     ----------
@@ -215,7 +215,7 @@ class _Search(Generic[Point, Evaluated]):
         return not (self.converged or self.stopped) and self.steps < self.limits.max_steps
 
     def may_stop_unseen(self, decrement: float) -> bool:
-        """Whether an undamped step of this decrement is the last, without an evaluation behind it."""
+        """Test whether an undamped step of this decrement is the last, without an evaluation behind it."""
         if self.damping > self.limits.damping or self.share < 1.0:
             return False
         return decrement < self.limits.unseen or decrement**2 < self.limits.unseen_remainder * self.before

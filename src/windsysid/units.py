@@ -1,7 +1,7 @@
 """Units at the edge of the house: inside, everything is SI and radians.
 
 `to_si` turns a value written in an engineer's unit into SI. Only units that appear on wind-turbine records
-and data sheets are known; a unit nobody listed is an error, never a guess.
+and data sheets are known; an unlisted unit is an error, never a guess.
 """
 
 import math
@@ -188,7 +188,7 @@ def to_si(value: float, unit: str) -> float:
 
 
 def is_same_quantity(unit: str, other: str) -> bool:
-    """Whether two units measure the same quantity, so that one can be turned into the other."""
+    """Test whether two units measure the same quantity, so that one can be converted into the other."""
     return si_unit(unit) == si_unit(other)
 
 

@@ -355,7 +355,7 @@ def test_help_lists_first_what_is_asked_of_one_record_and_asks_no_value_of_a_fla
     commands = re.findall(r"^  (\w+) +\w", run("--help").out.partition("Commands")[2], flags=re.MULTILINE)
     assert commands[:4] == ["start", "inspect", "identify", "oma"]
     assert len(commands) == len(cli.app.registered_commands)
-    assert re.search(r"--overwrite +Replace", run("identify", "--help").out)
+    assert re.search(r"--overwrite +Overwrite", run("identify", "--help").out)
 
 
 def test_a_record_is_simulated_identified_and_replaced(run, tmp_path):
@@ -424,9 +424,7 @@ def test_added_noise_is_told_to_the_filter_and_repeats(run, record, tmp_path):
         assert run(*command, "--formulation", "joint", "--loads", "broadband", *options).code == 0
         summaries.append(json.loads((tmp_path / str(number) / "summary.json").read_text())["modes"])
     assert summaries[0] == summaries[1]
-    collective = [
-        next(mode["frequency_hz"] for mode in modes if mode["name"] == "lag collective") for modes in summaries
-    ]
+    collective = [next(mode["frequency"] for mode in modes if mode["name"] == "lag collective") for modes in summaries]
     widths = [frequency["high"] - frequency["low"] for frequency in collective]
     assert widths[0] > 1.1 * widths[2]
 

@@ -20,7 +20,7 @@ def test_bands_are_given_as_two_numbers_any_number_of_times(run, path, tmp_path)
     )
     assert done.code == 0, done.err
     summary = json.loads(done.out)
-    assert np.round([mode["frequency_hz"]["estimate"] for mode in summary["modes"]], 1).tolist() == [1.1, 2.7]
+    assert np.round([mode["frequency"]["estimate"] for mode in summary["modes"]], 1).tolist() == [1.1, 2.7]
     assert sorted(file.name for file in (tmp_path / "out").iterdir() if not file.name.startswith(".")) == [
         "answer.json",
         "summary.json",
@@ -65,7 +65,7 @@ def test_modes_by_hand_and_decays_have_clear_errors(run, path, tmp_path):
     (tmp_path / "modes.toml").write_text("add = [[2, 1]]")
     for options, message in (
         (("--modes", tmp_path / "modes.toml"), "two rising frequencies"),
-        (("--decay", "--band", 0.9, 1.3), "--band goes not with --decay"),
+        (("--decay", "--band", 0.9, 1.3), "--band cannot be combined with --decay"),
         (("--decay", "--section", 0, 100), "expected a free decay, got none"),
     ):
         done = run("oma", path, *options, "--output", tmp_path / "out")

@@ -32,7 +32,7 @@ def test_an_interrupted_publisher_says_where_blocks_wait():
     assert publish._interrupted(publisher, 5, None) == (
         "interrupted: 5 blocks sent, 2 not committed: send the records again"
     )
-    assert publish._interrupted(publisher, 5, Path("b")).endswith("they wait in b")
+    assert publish._interrupted(publisher, 5, Path("b")).endswith("they are kept in b")
 
 
 def test_an_archive_without_a_turbine_that_can_be_watched_is_refused(tmp_path: Path):

@@ -69,7 +69,7 @@ def test_a_direction_that_no_channel_sees_is_on_the_first_screen(run, tmp_path: 
     ws.write_record(ws.simulate("tower", duration=120.0, rate=10.0, seed=1), path)
     path.write_text(path.read_text(encoding="utf-8").replace("tower_x_accel", "tower_x_acel"), encoding="utf-8")
     shown = run("identify", path, "--turbine", "tower", "--no-report").out
-    assert "no channel sees side-side: it is locked" in shown
+    assert "no channel measures side-side: it is locked" in shown
 
 
 def test_a_table_that_is_too_wide_is_shown_in_parts_with_its_first_column():

@@ -54,7 +54,8 @@ def test_a_row_says_what_identify_says(taken: tuple[Batch, Path], data: Path):
     )
     assert row["trusted"] == found.diagnosis.trusted
     assert {p["name"]: p["grade"] for p in row["parameters"]} == {e.name: e.grade for e in found.estimates}
-    assert [(m["frequency_grade"], m["damping_ratio_grade"]) for m in row["modes"]] == [m.grades for m in found.modes]
+    grades = [(m.frequency.grade, m.damping_ratio.grade) for m in found.modes]
+    assert [(m["frequency_grade"], m["damping_ratio_grade"]) for m in row["modes"]] == grades
     assert found.provenance is not None
     assert row["record_hash"] == found.provenance.record_hash
 
@@ -111,7 +112,7 @@ def test_a_record_that_hangs_becomes_a_row_and_the_next_is_taken(data: Path, tmp
     worker.close()
     assert statuses == ["failed", "ok"]
     (row,) = [row for row in rows_of(tmp_path) if row["status"] == "failed"]
-    assert (row["why"], row["tries"]) == ("gave no answer in 0.2 s and was ended", 1)
+    assert (row["why"], row["tries"]) == ("did not finish within 0.2 s and was ended", 1)
     with pytest.raises(ProcessLookupError):
         os.kill(process.pid, 0)
 
@@ -146,7 +147,7 @@ def test_what_is_not_ours_is_not_overwritten(tmp_path: Path, data: Path, fleet: 
     path = tmp_path / "turbine=T" / "month=2026-03" / "2026-03-01.parquet"
     path.parent.mkdir(parents=True)
     pq.write_table(pa.table({"x": [1]}), path)
-    with pytest.raises(ConfigurationError, match="not of windsysid batch: move it away"):
+    with pytest.raises(ConfigurationError, match="not written by windsysid batch: move it away"):
         add_rows(path, [empty_row("/a.csv", 1, "s")])
     path.write_bytes(path.read_bytes()[:50])
     with pytest.raises(ConfigurationError, match="is damaged"):
@@ -215,7 +216,7 @@ def test_wrong_options_are_refused_before_any_work(tmp_path: Path, data: Path, f
         ({"turbine": "tower", "workers": 0}, "workers: expected 1"),
         ({"turbine": "tower", "formulation": "force-balance"}, "formulation: expected"),
         ({"turbine": "tower", "limit": 0.0}, "limit: expected"),
-        ({"fleet": fleet, "scada": "x.csv"}, "are named in it"),
+        ({"fleet": fleet, "scada": "x.csv"}, "names mapping, sensors and SCADA itself"),
     ):
         with pytest.raises(ConfigurationError, match=message):
             batch(data, archive=archive, **options)

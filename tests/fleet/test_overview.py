@@ -86,7 +86,7 @@ def test_the_command_reports_an_archive(run, tmp_path: Path, rows: dict[str, lis
         "report.html", "fleet.png", "summary.json", ".windsysid",
     }  # fmt: skip
     ended = run("monitor", archive)
-    assert ended.out.count("nothing jumped") == 5
+    assert ended.out.count("no jump") == 5
     ended = run("monitor", archive, "--turbine", "T01")
     assert "k_side_side" in ended.out
     for arguments, message in (

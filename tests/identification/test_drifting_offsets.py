@@ -120,14 +120,14 @@ def test_spectra_give_a_drift_the_density_of_a_random_walk():
 
 def test_a_healthy_machine_whose_sensors_drift_is_trusted(verne555: Turbine):
     """It went on for minutes, and was condemned."""
-    found = identify(record("offsets wander", 270_001), verne555, prior=DrawnPrior(seed=270_001))
-    truth = SCENARIOS["offsets wander"].machine.truth
+    found = identify(record("random-walk bias", 270_001), verne555, prior=DrawnPrior(seed=270_001))
+    truth = SCENARIOS["random-walk bias"].machine.truth
     assert found.diagnosis.trusted, found.diagnosis.reasons
     assert max(abs(e.estimate - truth[e.name]) / e.std for e in found.estimates) < 3.5
     assert "wandering_offsets" in codes(found.findings)
 
 
-@pytest.mark.parametrize("kind", ["flicker noise", pytest.param("offsets wander", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kind", ["flicker noise", pytest.param("random-walk bias", marks=pytest.mark.slow)])
 def test_filters_are_no_judge_of_a_tower_whose_sensors_drift(kind: str):
     """Filters took a drift for loads, and what they said against spectra condemned a result that was right."""
     made, truth = towers.simulate(kind, 820_001)

@@ -9,6 +9,7 @@ from scipy.stats import f, norm, rayleigh
 from validation.structure import KINDS, SETTINGS, limits_of
 
 import windsysid.identification
+from windsysid.checks.limits import OUTLIER_SIGMAS
 from windsysid.identification import limits
 from windsysid.identification.effects.sinusoid import ORDERS
 
@@ -20,7 +21,7 @@ SINE = f(2, 12)
 @pytest.mark.parametrize(
     ("chance", "one_in"),
     [
-        (2.0 * norm.sf(limits.OUTLIER_SIGMAS), 2e6),
+        (2.0 * norm.sf(OUTLIER_SIGMAS), 2e6),
         (2.0 * norm.sf(limits.MAX_DISAGREEMENT_SIGMAS), 370),
         (rayleigh.sf(limits.MIN_EFFECT_SIGMAS), 3000),
         (SINE.sf(limits.MIN_SINE_F), 6600),

@@ -162,9 +162,7 @@ def test_inputs_are_found_by_name_or_where_they_are_said_to_be(record: Record):
 
 def test_a_load_of_which_nothing_is_said_is_refused_and_not_taken_for_zero(record: Record):
     mistyped = Record(record.time, record.values, ("Force", *NOISE), record.units)
-    with pytest.raises(
-        ConfigurationError, match=r"load 'force': nothing says what it was.*the record has Force, position, "
-    ):
+    with pytest.raises(ConfigurationError, match=r"load 'force' is not defined.*the record has Force, position, "):
         fitted(mistyped)
 
 

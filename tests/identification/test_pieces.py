@@ -230,4 +230,4 @@ def test_a_tower_is_resampled_and_chooses_its_loads_in_pieces_as_in_one():
     assert chosen[0]["model"] == chosen[1]["model"]
     for e in found.estimates:
         assert abs(e.estimate - one[e.name].estimate) < 0.02 * e.std, e.name
-    assert found.modes[0].frequency_hz[0] == pytest.approx(one.modes[0].frequency_hz[0], rel=1e-4)
+    assert found.modes[0].frequency.estimate == pytest.approx(one.modes[0].frequency.estimate, rel=1e-4)

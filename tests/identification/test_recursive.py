@@ -123,7 +123,7 @@ def test_a_file_that_is_no_checkpoint_is_refused(whole: tuple[Online, History], 
     for content in (b"", b"not a checkpoint", whole_file[:300], whole_file[: len(whole_file) // 2]):
         path.write_bytes(content)
         with (
-            pytest.raises(ConfigurationError, match=r"expected where an earlier run .* stopped"),
+            pytest.raises(ConfigurationError, match=r"expected a checkpoint of this version, got something else"),
             checkpoint.opened() as arrays,
         ):
             restored(build, arrays)

@@ -86,7 +86,7 @@ def test_a_slack_line_a_limited_torque_and_an_angle_at_its_stop_are_notes(channe
 def test_a_strain_that_is_cut_off_is_still_clipped():
     (found,) = inspected(root_strain=(1e-6 * np.minimum(noise(11, 30), 1.2), "1")).findings
     assert (found.kind, found.channel) == ("clipping", "root_strain")
-    assert "the range of the sensor or its amplifier ends there" in found.text
+    assert "the sensor or its amplifier saturates there" in found.text
 
 
 def test_millimetres_marked_as_metres_are_still_named():

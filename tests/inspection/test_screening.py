@@ -75,7 +75,7 @@ WRONG: dict[str, tuple[str, str, Callable[[Any], Any], str]] = {
     "m/s² marked as g": ("verne555", TOWER, lambda x: (x + G) * G, "m/s² marked as g"),
     "a blade's accelerometer in g": ("nrel5mw", "blade_1_tip_lag_acceleration", lambda x: x / G, "g marked as m/s²"),
     "a blade's accelerometer in mg": ("nrel5mw", "blade_1_tip_lag_acceleration", lambda x: 1e3 * x / G, "mg marked"),
-    "a tower in mg": ("tower", TOWER, lambda x: 200.0 * x / np.std(x), "no support shakes so"),
+    "a tower in mg": ("tower", TOWER, lambda x: 200.0 * x / np.std(x), "too large for a support"),
     "azimuth in degrees": ("verne555", "rotor_azimuth", np.rad2deg, "degrees marked as rad"),
     "yaw in degrees": ("tower", "nacelle_yaw", lambda x: 237.0 + x, "degrees marked as rad"),
     "rotor speed in rpm": ("tower", "rotor_speed", lambda x: x * 30.0 / np.pi, "rpm marked as rad/s"),

@@ -16,12 +16,13 @@ from windsysid.results.sentences.record import FAULTS
 SPANS = np.array([[12.3, 12.3], [45.0, 47.5], [60.0, 60.0], [61.0, 61.0], [70.0, 70.0]])
 
 EXAMPLE: dict[str, Any] = {
-    "amplitude": 4.6, "at": 360, "azimuth": 1.2, "degrees": 2.0, "distance": 8.0, "ends": [-19.6, 19.6], "every": 5,
-    "gaps": 31, "gravities": 51.0, "identify": 20, "largest": 8.2, "levels": 3.1, "longest": 2.5, "mean": 9.7,
-    "mistake": "mg marked as m/s²", "of": "tower_x_acceleration", "off": 3, "on_grid": True, "oma": 256, "origin": 12.0,
-    "period": 9, "rate": 10.0, "ratio": 9.55, "relative": 41.0, "rms": 500.0, "rpm": 300.0, "share": 0.031,
-    "slow": True, "speed": 31.4, "spread": 0.01, "standing": False, "step": 0.02, "text": "12 stamps of 60 were shared",
-    "turbine": "tower", "unit": "m/s^2", "usual": 1.3, "value": 0.0, "vibrating": 4, "worst": 0.2,
+    "amplitude": 4.6, "at": 360, "azimuth": 1.2, "channels": "tower_x", "degrees": 2.0, "distance": 8.0,
+    "ends": [-19.6, 19.6], "every": 5, "gaps": 31, "gravities": 51.0, "identify": 20, "largest": 8.2, "levels": 3.1,
+    "longest": 2.5, "mean": 9.7, "mistake": "mg marked as m/s²", "of": "tower_x_acceleration", "off": 3,
+    "on_grid": True, "oma": 256, "origin": 12.0, "period": 9, "rate": 10.0, "ratio": 9.55, "relative": 41.0,
+    "rms": 500.0, "rpm": 300.0, "share": 0.031, "slow": True, "speed": 31.4, "spread": 0.01, "standing": False,
+    "step": 0.02, "swing": 7.0, "text": "12 stamps of 60 were shared", "turbine": "tower", "unit": "m/s^2",
+    "upright": "tower_y", "usual": 1.3, "value": 0.0, "vibrating": 4, "worst": 0.2,
 }  # fmt: skip
 
 

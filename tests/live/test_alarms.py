@@ -25,8 +25,8 @@ def test_the_sentence_says_what_how_much_when_and_what_to_do():
     alarm = said(K_X, -0.05)
     assert alarm.text == (
         "stiffness of the tower, x (k_x) fell by 4.88 % (-5.26 … -4.5 %) on 2026-01-01 00:00 … 2026-01-01 00:10, found"
-        " on 2026-01-01 00:50 UTC: the sensors are as they were; compare the records before and after (windsysid"
-        " compare) and have the turbine looked at"
+        " on 2026-01-01 00:50 UTC: the sensors did not change; compare the records before and after (windsysid"
+        " compare) and have the turbine inspected"
     )
     assert (alarm.key, alarm.opened, alarm.ended) == (f"T1:k_x:{WHEN[2]}", WHEN[3], None)
     assert (alarm.earliest, alarm.latest) == WHEN[:2]
@@ -55,7 +55,7 @@ def test_what_changed_with_a_sensor_is_a_sensors_and_no_alarm(about: dict[str, A
     alarm = said(K_X, -0.1, **about)
     assert (alarm.kind, alarm.severity) == ("sensor", "warning")
     assert why in alarm.text
-    assert "look at sensor, cable and logger" in alarm.text
+    assert "check sensor, cable and logger" in alarm.text
 
 
 def test_a_noise_is_a_sensors_and_unwatched_noise_is_said():

@@ -33,7 +33,7 @@ def test_check_says_that_nothing_is_wrong_and_touches_nothing(tmp_path: Path):
     (tmp_path / "live.toml").write_text(CONFIG, encoding="utf-8")
     found = run("live", tmp_path / "live.toml", "--check")
     assert found.exit_code == 0, found.output
-    assert "nothing is wrong; 1 turbine, store" in found.output
+    assert "valid; 1 turbine, store" in found.output
     assert "source: MQTT broker mqtt://localhost, 1 turbine\n" in found.output
     assert [path.name for path in tmp_path.iterdir()] == ["live.toml"]
 

@@ -209,7 +209,7 @@ def test_a_column_that_is_shorter_than_its_rows_is_refused():
     payload = encode_arrow(a_block(values=np.zeros((50, 2))))
     whole, cut = struct.pack("<qq", 0, 400), struct.pack("<qq", 0, 392)  # where the first column begins, and its bytes
     assert whole in payload
-    with pytest.raises(BlockRefused, match="a column is cut"):
+    with pytest.raises(BlockRefused, match="a column is truncated"):
         decode(payload.replace(whole, cut, 1), turbine="T01")
 
 

@@ -152,7 +152,7 @@ def test_a_signal_ends_it_in_order_though_pages_listen_and_it_goes_on_where_it_w
     assert ended == [True]
     log = [json.loads(line) for line in said.splitlines() if line.startswith("{")]
     assert [line["message"] for line in log if line["message"].startswith("end")] == [
-        "ends", "ended: what was taken is in the store",
+        "ends", "ended: all accepted blocks are in the store",
     ], said  # fmt: skip
     assert not [line for line in log if line["level"] in ("warning", "error")], said
     store = open_store(str(tmp_path / "store.sqlite"))
@@ -201,7 +201,7 @@ def test_a_port_that_is_taken_is_one_line_or_the_next_one():
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         page = PageSettings(port=taken.getsockname()[1])
-        with pytest.raises(ConfigurationError, match=rf"page: 127\.0\.0\.1:{page.port} cannot be listened on \(.*\): "):
+        with pytest.raises(ConfigurationError, match=rf"page: 127\.0\.0\.1:{page.port} is not available \(.*\): "):
             listen(page)
         with listen(page, any_near=True) as near:
             assert page.port < near.getsockname()[1] <= page.port + 20
@@ -209,7 +209,7 @@ def test_a_port_that_is_taken_is_one_line_or_the_next_one():
 
 
 def test_a_host_that_is_not_here_is_one_line():
-    with pytest.raises(ConfigurationError, match="cannot be listened on"):
+    with pytest.raises(ConfigurationError, match="is not available"):
         listen(PageSettings(host="192.0.2.1"))
 
 

@@ -149,7 +149,7 @@ format = "xml"
     assert "hunter2" not in " ".join(found)
     for expected in (
         "unknown key 'stor' (meant 'store'?)",
-        f"store: the folder '{tmp_path}/nowhere' is not there",
+        f"store: the folder '{tmp_path}/nowhere' does not exist",
         'window: expected a time of "1 min" to "2 h", with its unit, got \'10\'',
         "workers: expected a whole number of 1 to 256, got 1.5",
         "[[turbine]] 1: ",
@@ -161,7 +161,7 @@ format = "xml"
         "[[source]] 2: password_env: the environment variable 'NO_SUCH_VARIABLE' is not set",
         "[[notify]] 1: url: expected a URL that begins with https:// or http://",
         "[page]: port: expected a whole number of 0 to 65535, got 99999",
-        "[page]: host: '0.0.0.0' is seen beyond this machine",
+        "[page]: host: '0.0.0.0' can be reached from other machines",
         "[log]: format: expected one of text, json, got 'xml'",
     ):
         assert any(line.startswith(expected) for line in found), (expected, found)
@@ -206,9 +206,7 @@ def test_what_is_no_toml_is_one_line(tmp_path: Path):
 def test_a_mapping_that_nothing_reads_is_refused(tmp_path: Path):
     (tmp_path / "logger.toml").write_text('[channels]\nAX = {name = "tower_x_acceleration", unit = "m/s^2"}\n')
     text = SMALLEST.replace('turbine = "tower"', 'turbine = "tower"\nmapping = "logger.toml"', 1)
-    assert faults(tmp_path, text) == [
-        "[[turbine]] 'T01': mapping is for sources folder and replay, and it has none: take it out"
-    ]
+    assert faults(tmp_path, text) == ["[[turbine]] 'T01': mapping is only for the sources folder and replay: remove it"]
     files = '[[source]]\nkind = "folder"\npath = "."\nturbine = "T01"\n'
     assert read_settings(written(tmp_path, text + files)).turbines[0].mapping is not None
 

@@ -1,6 +1,7 @@
 """Modes in the fixed frame: isolated limits, published rotors, and Floquet's theory as an independent judge."""
 
 import math
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -10,6 +11,7 @@ from scipy.optimize import linear_sum_assignment
 
 from windsysid.mechanics import CompiledModel, RotorModel, compile_model
 from windsysid.modal.analysis import analyse, modes, modes_with_slopes
+from windsysid.results.estimate import IntervalEstimate
 from windsysid.results.mode import Mode
 from windsysid.statespace.parameter import Parameter
 from windsysid.turbine.file import load_turbine
@@ -283,27 +285,30 @@ def test_bands_follow_from_the_covariance_by_the_delta_method(verne555: Turbine)
     to_frequency = np.array([frequency / 2, 0.0])
     to_damping = np.array([-damping / 2, damping * scale / c])
     assert mode.name == "tower x"
-    for (value, low, high), expected, slope in (
-        (mode.frequency_hz, frequency, to_frequency), (mode.damping_ratio, damping, to_damping)
+    for one, expected, slope in (
+        (mode.frequency, frequency, to_frequency), (mode.damping_ratio, damping, to_damping)
     ):  # fmt: skip
-        half = 2.0 * math.sqrt(slope @ cov @ slope)
-        assert value == pytest.approx(expected, rel=1e-9)
-        assert (high - low) / 2 == pytest.approx(half, rel=1e-3)
-        assert (high + low) / 2 == pytest.approx(value, rel=1e-9)
-    assert mode.reference == pytest.approx((frequency, damping))
+        std = math.sqrt(slope @ cov @ slope)
+        assert (one.estimate, one.reference) == pytest.approx((expected, expected), rel=1e-9)
+        assert one.std == pytest.approx(std, rel=1e-3)
+        assert (one.high - one.low) / 2 == pytest.approx(2.0 * one.std, rel=1e-9)
+        assert (one.high + one.low) / 2 == pytest.approx(one.estimate, rel=1e-9)
 
 
 def test_a_mode_speaks_in_plain_values_and_in_text():
-    mode = Mode("tower x", (1.0, 0.9, 1.1), (0.02, 0.01, 0.03), (1.01, 0.021))
+    f = IntervalEstimate(1.0, 0.9, 1.1, 0.05, "Hz", "B", 1.01)
+    mode = Mode("tower x", f, IntervalEstimate(0.02, 0.01, 0.03, 0.005, "1", "C"))
     assert mode.summary() == {
         "name": "tower x",
-        "frequency_hz": {"estimate": 1.0, "low": 0.9, "high": 1.1, "reference": 1.01},
-        "damping_ratio": {"estimate": 0.02, "low": 0.01, "high": 0.03, "reference": 0.021},
-    }
-    assert mode._replace(damping_ratio=(0.005, 0.004, 0.006)).cells()[3:] == ("0.500 ± 0.100", "")
-    assert mode._replace(grades=("B", "C")).summary()["damping_ratio"]["grade"] == "C"
-    graded = mode._replace(grades=("B", "C")).cells()
-    assert graded == ("tower x", "1.0000 ± 0.1000", "B", "2.00 ± 1.00", "C")
-    assert mode.reference_cells() == ("1.0100", "2.100")
-    assert mode._replace(reference=None).reference_cells() == ("", "")
-    assert "reference" not in mode._replace(reference=None).summary()["frequency_hz"]
+        "frequency": {
+            "estimate": 1.0, "low": 0.9, "high": 1.1, "std": 0.05, "unit": "Hz", "grade": "B", "reference": 1.01,
+        },
+        "damping_ratio": {"estimate": 0.02, "low": 0.01, "high": 0.03, "std": 0.005, "unit": "1", "grade": "C"},
+    }  # fmt: skip
+    assert mode.cells() == ("tower x", "1.0000 ± 0.1000", "B", "2.00 ± 1.00", "C")
+    small = replace(mode, damping_ratio=IntervalEstimate.normal(0.005, 0.0005, "1"))
+    assert small.cells()[3:] == ("0.500 ± 0.100", "")
+    assert (mode.trusted, small.trusted) == (False, True)
+    assert mode.reference_cell() == "1.0100"
+    assert replace(mode, frequency=replace(f, reference=None)).reference_cell() == ""
+    assert "grade" not in small.summary()["damping_ratio"]

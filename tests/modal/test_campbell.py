@@ -64,9 +64,9 @@ def test_the_distance_from_a_harmonic_is_least_at_the_end_of_the_range_and_its_b
     assert not near.crosses
     assert margin(found, 3).distance[0] == pytest.approx(1 / 1.5 - 1)
     assert found.sentences[0] == (
-        "No mode meets 1P, 3P or 6P from 30 to 45 rpm: the nearest is tower x, 33.3 ± 1.3 % below 3P at 30 rpm."
+        "No mode crosses 1P, 3P or 6P from 30 to 45 rpm: the nearest is tower x, 33.3 ± 1.3 % below 3P at 30 rpm."
         if abs(margin(found, 3).distance[0]) < abs(near.distance[0])
-        else "No mode meets 1P, 3P or 6P from 30 to 45 rpm: the nearest is tower x, 33.3 ± 2.7 % above 1P at 45 rpm."
+        else "No mode crosses 1P, 3P or 6P from 30 to 45 rpm: the nearest is tower x, 33.3 ± 2.7 % above 1P at 45 rpm."
     )
 
 
@@ -182,10 +182,10 @@ def test_a_saved_result_gives_the_bands_of_the_one_in_memory(tmp_path: Path, ver
     for curve, mode in zip(found.curves, result.modes, strict=True):
         # (seed 2 has tower x within a hair of 1.5P, where Floquet's theory holds it: both step aside)
         assert curve.name == mode.name
-        for ours, theirs in zip(curve.at(found.usual), (mode.frequency_hz, mode.damping_ratio), strict=True):
-            assert ours[0] == pytest.approx(theirs[0], rel=1e-6)
+        for (_, ours), (_, theirs) in zip(curve.at(found.usual).quantities, mode.quantities, strict=True):
+            assert ours.estimate == pytest.approx(theirs.estimate, rel=1e-6)
             # a mode's interval is widened by what contradicts the mode, a posterior's by what contradicts coefficients
-            assert ours[2] - ours[1] == pytest.approx(theirs[2] - theirs[1], rel=0.1)
+            assert ours.std == pytest.approx(theirs.std, rel=0.1)
 
 
 @pytest.mark.parametrize(("name", "values"), [("verne555", {}), ("nrel5mw", {}), ("nrel5mw", {"k_beta_2": 1.01})])
@@ -209,9 +209,9 @@ def test_an_identification_and_the_diagram_give_one_answer_however_narrow_the_ba
     for which, slopes in enumerate(floquet.frequency_and_damping_slopes()):
         sigma = np.sqrt(np.einsum("mi,ij,mj->m", slopes, cov, slopes))
         assert np.all(sigma < 2e-3 * values_of[which])
-        ours = np.array([(mode.frequency_hz, mode.damping_ratio)[which] for mode in printed])
-        np.testing.assert_allclose((ours[:, 0] - values_of[which]) / sigma, 0.0, atol=0.1)
-        np.testing.assert_allclose((ours[:, 2] - ours[:, 1]) / (4.0 * sigma), 1.0, atol=0.01)
+        ours = [mode.quantities[which][1] for mode in printed]
+        np.testing.assert_allclose(([one.estimate for one in ours] - values_of[which]) / sigma, 0.0, atol=0.1)
+        np.testing.assert_allclose([one.std for one in ours] / sigma, 1.0, atol=0.01)
 
 
 def test_a_turn_too_slow_for_floquet_still_has_modes_in_an_identification(verne555: Turbine):
@@ -223,7 +223,7 @@ def test_a_turn_too_slow_for_floquet_still_has_modes_in_an_identification(verne5
     known = (posterior.parameters, posterior.theta, posterior.cov)
     idling, standing = (modes_with_slopes(verne555.model, model, p, speed, *known)[0] for speed in (1e-3 / RPM, 0.0))
     assert [mode.name for mode in idling if mode.name.startswith("tower")] == ["tower y", "tower x"]
-    assert idling[0].frequency_hz == pytest.approx(standing[0].frequency_hz, rel=1e-4)
+    assert idling[0].frequency.estimate == pytest.approx(standing[0].frequency.estimate, rel=1e-4)
     with pytest.raises(ConfigurationError, match="too slow a turn for Floquet's theory"):
         analyse(verne555.model, model, p, 1e-3 / RPM)
 
@@ -304,7 +304,7 @@ def test_the_command_answers_and_writes_its_report(run, tmp_path):
     ]
     summary = json.loads((tmp_path / "modes" / "summary.json").read_text(encoding="utf-8"))
     assert summary["operating_range_rpm"] == pytest.approx([9.0, 12.1])
-    assert summary["modes"]["tower x"]["frequency_hz"]["estimate"] == pytest.approx(0.3155, rel=2e-4)
+    assert summary["modes"]["tower x"]["frequency"]["estimate"] == pytest.approx(0.3155, rel=2e-4)
     assert (tmp_path / "modes" / "report.html").read_text(encoding="utf-8").count("data:image/png;base64,") == 1
     code, _, (line,) = run("modes", "--turbine", "nrel5mw", "--output", tmp_path / "modes")
     assert code == 2

@@ -1,4 +1,4 @@
-"""What moved between two records, against Gaussian algebra, closed forms and integrals done by SciPy."""
+"""Changes between two records, against Gaussian algebra, closed forms and integrals done by SciPy."""
 
 import json
 import math
@@ -393,7 +393,7 @@ def test_what_one_record_does_not_see_has_not_moved(verne555):
         change = found.coefficients[1]
         assert (change.told, change.low, change.high) == (False, -100.0, math.inf)
         assert change.log_odds == pytest.approx(0.0, abs=1e-3)
-        assert "the records say too little of k_y" in found.sentence
+        assert "the records hold too little information on k_y" in found.sentence
 
 
 # Modes
@@ -554,7 +554,7 @@ def test_results_of_one_name_that_disagree_are_not_called_the_same_record(verne5
     )
     found = compare(a, b)
     assert not found.same
-    assert found.sentence.startswith("moved: k_x rose by")
+    assert found.sentence.startswith("changed: k_x rose by")
     assert "both results are of vibration, 0–600 s" in found.doubts[0]
 
 
@@ -615,7 +615,7 @@ def test_a_softer_tower_is_found_and_nothing_else(results):
     found: Comparison = compare(*map(load_posterior, results[:2]))
     assert [change.name for change in found.moved] == ["k_side_side"]
     assert found.coefficients[0].low < -20.0 < found.coefficients[0].high
-    assert "moved: k_side_side fell by" in found.sentence
+    assert "changed: k_side_side fell by" in found.sentence
     by_mode = {change.name: change for change in found.modes}
     assert by_mode["tower side-side"].high < 0.0
     assert by_mode["tower side-side"].low < 100.0 * (math.sqrt(0.8) - 1.0) < by_mode["tower side-side"].high
@@ -635,7 +635,7 @@ def test_an_identified_record_under_other_priors_has_not_moved_in_either_order(r
                 assert abs(growth(change.percent)) < 0.02 * (growth(change.high) - growth(change.low)), change
         assert (
             found.sentence
-            == f"nothing moved: both results are of the same record and section ({a.record}), and one record cannot"
+            == f"no change: both results are of the same record and section ({a.record}), and one record cannot"
             " differ from itself"
         )
 
@@ -654,7 +654,7 @@ def test_the_command_says_it_and_writes_it(results, tmp_path, monkeypatch, capsy
     with pytest.raises(SystemExit) as ended:
         cli.main()
     assert ended.value.code in (0, None)
-    assert "moved: k_side_side fell by" in capsys.readouterr().out
+    assert "changed: k_side_side fell by" in capsys.readouterr().out
     assert sorted(path.name for path in output.glob("[!.]*")) == [
         "answer.json",
         "changes.png",

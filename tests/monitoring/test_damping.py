@@ -129,7 +129,7 @@ def test_one_rotor_speed_does_not_tell_and_says_what_would():
     assert set(split.aerodynamic) == {None}
     assert told(split.calm).value == pytest.approx(C0 + A, rel=1e-3)
     assert told(split.per_wind).value == pytest.approx(B / 16.0, rel=1e-3)
-    assert "cannot be told apart" in found.sentence
+    assert "cannot be separated" in found.sentence
     assert "min with the rotor parked or idling" in found.lacking[0]
 
 
@@ -145,7 +145,7 @@ def test_a_single_record_gives_its_total_and_says_what_would_help():
     found = separate_damping([result(9e4, 5e3, 12.0, 9.0)])
     assert found.rows[0][2:4] == ("total, 12 rpm, 9 m/s", "9e+04")
     # 4.9 % of critical at 2.036 rad/s: 16 / (ζ ω) = 2.7 min
-    assert "one record holds structure and air together" in found.lacking[0]
+    assert "one record gives the sum of structural and aerodynamic damping" in found.lacking[0]
     assert "record 3 min with the rotor parked or idling in weak wind for ±50 %" in found.lacking[0]
 
 
@@ -216,7 +216,7 @@ def test_parked_records_in_several_winds_go_back_to_none():
     (split,) = found.splits
     assert told(split.structural).value == pytest.approx(C0, rel=1e-3)
     assert told(split.aerodynamic[1]).value == pytest.approx(300.0 * 8.0, rel=1e-2)
-    assert "go back to without wind" in found.notes[0]
+    assert "extrapolated to no wind" in found.notes[0]
 
 
 def test_the_command_says_it_and_writes_it(folders, tmp_path, capsys):

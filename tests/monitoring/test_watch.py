@@ -55,7 +55,7 @@ def test_a_jump_among_the_records_to_learn_from_is_found(count: int, at: int):
     change = found.changes[0]
     assert change.earliest <= found.blocks.time[at] <= change.latest
     assert change.low <= 100.0 * math.expm1(0.04) <= change.high
-    assert "nothing jumped" not in found.sentence
+    assert "no jump" not in found.sentence
 
 
 @pytest.mark.parametrize("wander", [0.0, 0.0004, 0.004])
@@ -80,7 +80,7 @@ def test_a_season_is_no_alarm_and_its_effects_are_found():
         assert low <= truth <= high
         assert value == pytest.approx(truth, abs=0.005)
     assert all(s.scatter == pytest.approx(1.2, abs=0.12) for s in found.series)
-    assert "nothing jumped" in found.sentence
+    assert "no jump" in found.sentence
 
 
 @pytest.mark.parametrize(("name", "factor"), [("k_x", 0.98), ("k_beta_1", 0.8), ("c_x", 2.0)])

@@ -39,7 +39,7 @@ def test_the_modes_that_were_kept_are_stable_poles(found: OperationalModes):
     assert plot is not None
     stable = np.asarray(plot.x)[np.isfinite(plot.curves[0].values)]
     for mode in found.modes:
-        assert np.min(np.abs(stable / mode.frequency - 1.0)) < 0.01
+        assert np.min(np.abs(stable / mode.frequency.estimate - 1.0)) < 0.01
 
 
 def test_modes_in_segments_scatter_about_the_whole(found: OperationalModes):
@@ -47,8 +47,8 @@ def test_modes_in_segments_scatter_about_the_whole(found: OperationalModes):
     for mode in found.modes:
         assert mode.segments is not None
         scatter = np.std(mode.segments[:, 1]) / np.sqrt(len(mode.segments))
-        assert 0.2 < scatter / mode.frequency_std < 3.0
-        assert np.mean(mode.segments[:, 1]) == pytest.approx(mode.frequency, abs=2.0 * mode.frequency_std)
+        assert 0.2 < scatter / mode.frequency.std < 3.0
+        assert np.mean(mode.segments[:, 1]) == pytest.approx(mode.frequency.estimate, abs=2.0 * mode.frequency.std)
 
 
 def test_tables_have_the_measures_of_the_result(found: OperationalModes):

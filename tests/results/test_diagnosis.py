@@ -161,7 +161,7 @@ def test_innovations_of_another_size_are_condemned(factor, words):
     (reason,) = reasons(diagnosed(factor * white()))
     assert reason.code == "innovation_level"
     assert reason.data["ratio"] == pytest.approx(factor, rel=0.04)
-    assert str(reason).endswith(f"all bands are {words}")
+    assert str(reason).endswith(f"all intervals are {words}")
 
 
 def test_one_channel_of_another_size_is_named():

@@ -33,30 +33,33 @@ def test_what_is_mixed_up_has_no_standard_deviation_and_the_rest_keeps_its_own()
 @pytest.mark.parametrize(
     ("names", "combinations", "expected"),
     [
-        (("k_x", "m"), [(1, -1)], ["k_x and m: only their ratio k_x/m is seen"]),
-        (("m", "k_x"), [(-1, 1)], ["m and k_x: only their ratio m/k_x is seen"]),
-        (("k_x", "m"), [(1, -2)], ["k_x and m: only k_x/m² is seen"]),
-        (("a", "b"), [(1, 1)], ["a and b: only their product a·b is seen"]),
-        (("a", "b", "c"), [(2, -1, -1)], ["a, b and c: only a²/(b·c) is seen"]),
-        (("a", "b"), [(3, 2)], ["a and b: only a³·b² is seen"]),
+        (("k_x", "m"), [(1, -1)], ["k_x and m: only their ratio k_x/m is determined"]),
+        (("m", "k_x"), [(-1, 1)], ["m and k_x: only their ratio m/k_x is determined"]),
+        (("k_x", "m"), [(1, -2)], ["k_x and m: only k_x/m² is determined"]),
+        (("a", "b"), [(1, 1)], ["a and b: only their product a·b is determined"]),
+        (("a", "b", "c"), [(2, -1, -1)], ["a, b and c: only a²/(b·c) is determined"]),
+        (("a", "b"), [(3, 2)], ["a and b: only a³·b² is determined"]),
         (("c_beta_1", "c_beta_2", "c_beta_3"), [(1, 1, 1)],
-        ["c_beta_1, c_beta_2 and c_beta_3: only their sum is seen"]),
-        (("a", "b"), [(1, 0)], ["b is not seen at all"]),
+        ["c_beta_1, c_beta_2 and c_beta_3: only their sum is determined"]),
+        (("a", "b"), [(1, 0)], ["b is not determined by the data at all"]),
         (
             NAMES,
             [(1, 0, -1, 0), (0, 1, -1, 0), (0, 0, 1, -1)],
-            ["k_x, c_x, hub_mass_x and load_rms: only the proportion between them (not their common factor) is seen"],
+            [
+                "k_x, c_x, hub_mass_x and load_rms: only the proportion between them (not their common factor) is"
+                " determined"
+            ],
         ),
-        (("k_x", "m"), [(1, -0.4826)], ["k_x +4.8 % and m +10 % together: no reading changes"]),
+        (("k_x", "m"), [(1, -0.4826)], ["k_x +4.8 % and m +10 % together: no effect on the readings"]),
         (
             ("a", "b", "c", "d"),
             [(1, -1, 0, 0), (0, 0, 1, 1)],
-            ["a and b: only their ratio a/b is seen", "c and d: only their product c·d is seen"],
+            ["a and b: only their ratio a/b is determined", "c and d: only their product c·d is determined"],
         ),
         (
             ("a", "b", "c", "d", "e"),
             [(1, -1, 0, 0, 0), (0, 0, 1, 0, 0), (0, 0, 0, 1, 0)],
-            ["a and b: only their ratio a/b is seen", "e is not seen at all"],
+            ["a and b: only their ratio a/b is determined", "e is not determined by the data at all"],
         ),
     ],
 )  # fmt: skip
@@ -87,7 +90,8 @@ def test_what_is_hardly_told_apart_is_said_with_both_bands():
     (found,) = describe_information(("k_x", "m"), information)
     assert (found.code, found.data["seen"]) == ("hard_to_tell_apart", "their ratio k_x/m")
     assert found.data["std"] == pytest.approx(0.005, rel=0.01)
-    assert str(found) == "k_x and m are hard to tell apart: their ratio k_x/m is seen to ±1 %, each alone to ±80 % (2σ)"
+    text = "k_x and m are hard to distinguish: their ratio k_x/m is known to ±1 %, each alone to ±80 % (2σ)"
+    assert str(found) == text
 
 
 def test_three_that_are_hardly_told_apart_are_said_as_a_move():
@@ -95,7 +99,7 @@ def test_three_that_are_hardly_told_apart_are_said_as_a_move():
     (found,) = describe_information("abc", information)
     assert (found.code, found.quantities) == ("direction_hardly_seen", ("a", "b", "c"))
     assert found.data["direction"] == "a +10 %, b +10 % and c +10 %"
-    assert str(found).startswith("a, b and c are hard to tell apart: a +10 %, b +10 % and c +10 % together")
+    assert str(found).startswith("a, b and c are hard to distinguish: a +10 %, b +10 % and c +10 % together")
 
 
 def test_strong_correlations_are_named_and_nuisances_are_not_spoken_of_on_their_own():

@@ -92,6 +92,35 @@ def test_a_result_of_an_older_version_comes_back_with_its_sentences(
     assert newest.findings == again.findings
 
 
+def test_modes_of_version_0_2_come_back(
+    found: ws.results.Identification, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """They were (value, low, high), with both references in a tuple."""
+    written = storage._rest
+
+    def as_before(result: ws.results.Identification) -> dict[str, Any]:
+        modes = [
+            {
+                "name": mode.name,
+                "frequency_hz": [getattr(mode.frequency, part) for part in ("estimate", "low", "high")],
+                "damping_ratio": [getattr(mode.damping_ratio, part) for part in ("estimate", "low", "high")],
+                "reference": None if i == 0 else [one.reference for _, one in mode.quantities],
+            }
+            for i, mode in enumerate(result.modes)
+        ]
+        return written(result) | {"modes": modes}
+
+    monkeypatch.setattr(storage, "_rest", as_before)
+    found.save(tmp_path / "old")
+    again = ws.load_result(tmp_path / "old")
+    assert isinstance(again, ws.results.Identification)
+    for i, (mode, known) in enumerate(zip(again.modes, found.modes, strict=True)):
+        for (_, one), (_, other) in zip(mode.quantities, known.quantities, strict=True):
+            assert (one.estimate, one.low, one.high, one.unit) == (other.estimate, other.low, other.high, other.unit)
+            assert one.std == pytest.approx(other.std, rel=1e-9)
+            assert (one.grade, one.reference) == ("", None if i == 0 else other.reference)
+
+
 def test_the_summary_has_every_finding_as_data(found: ws.results.Identification, saved: Path):
     listed = json.loads((saved / "summary.json").read_text(encoding="utf-8"))["findings"]
     assert [one["code"] for one in listed] == [one.code for one in found.findings]

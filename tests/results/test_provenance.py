@@ -217,7 +217,7 @@ def test_records_that_begin_together_are_refused_and_overlaps_are_said(make: Mak
     starts[4] = "2026-03-01T03:00:10Z"
     folders = make(starts)
     (note,) = read_blocks(folders).notes
-    assert re.match(r"'r4, .*' and 'r5, .*' overlap by 7.98 s: what both hold is counted twice", note)
+    assert re.match(r"'r4, .*' and 'r5, .*' overlap by 7.98 s: the common samples count twice", note)
     with pytest.raises(
         ConfigurationError, match=r"'r1, .*' and 'r1, .*' begin at the same time.*leave one of them out"
     ):

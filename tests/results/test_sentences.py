@@ -93,8 +93,8 @@ def test_every_code_that_is_made_is_in_the_table_and_every_one_of_it_is_made():
 
 def test_a_cause_is_left_out_where_it_is_known():
     finding = Finding("spectral_line", "reason", {"channel": "x", "frequency": 2.0, "rotor_frequency": 0.5})
-    assert str(finding).endswith("beside a natural frequency: likely a machine or waves; choose a section without it")
-    assert str(finding.caused_by("transient")).endswith("Hz = 4.0P, beside a natural frequency")
+    assert str(finding).endswith("near a natural frequency: likely a machine or waves; choose a section without it")
+    assert str(finding.caused_by("transient")).endswith("Hz = 4.0P, near a natural frequency")
     plain = Finding("one_block", "reason")
     assert not names_cause(plain.code)
     assert plain.caused_by("transient") == plain
@@ -131,7 +131,7 @@ def test_what_is_off_is_said_in_engineering_units():
     assert said("clock", "rotor", 2.13e-3, 1e-4) == "the logger rotor is 2.13 ± 0.10 ms late"
     assert said("masses", "hub", -0.03, 0.01) == "the mass of hub is 3.0 ± 1.0 % smaller than its file says"
     assert said("gain", "top", 0.021, 0.004) == "the gain of top is 2.10 ± 0.40 % larger than its file says"
-    assert said("alignment", "top", -0.0873, 0.0035) == "top is turned by -5.00 ± 0.20°"
+    assert said("alignment", "top", -0.0873, 0.0035) == "top is rotated by -5.00 ± 0.20°"
 
 
 GIVEN = "the text of the inspection, or of another version"

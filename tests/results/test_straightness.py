@@ -73,7 +73,7 @@ def test_the_bound_grows_with_what_is_looked_at():
         ("stiffness", 9.0, "stiffness of x grows with amplitude", "hardens"),
         ("stiffness", -9.0, "stiffness of x falls with amplitude", "softens"),
         ("damping", 9.0, "damping of x falls with amplitude", "dry friction"),
-        ("damping", -9.0, "damping of x grows with amplitude", "damper"),
+        ("damping", -9.0, "damping of x grows with amplitude", "nonlinear damping"),
     ],
 )
 def test_what_goes_with_amplitude_is_said_with_its_direction(law: Law, sigmas: float, said: str, cause: str):

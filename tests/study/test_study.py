@@ -231,7 +231,7 @@ def test_withheld_loads_ruin_the_balance_and_wrong_statistics_the_joint_filter(s
     balance, withheld = by[f"force balance, EKF, arm A, {told}, loads"], by[f"force balance, EKF, arm B, {told}"]
     assert balance[1] < 0.03 < 0.5 < withheld[1]
     mode = by["joint, posterior mode, nothing"]
-    wrong = by["joint, extended Kalman filter, the same, loads 3 × too loud"]
+    wrong = by["joint, extended Kalman filter, the same, loads 3 × too large"]
     assert mode[0] < 0.03 < wrong[0]
     assert mode[2] >= 0.8
 

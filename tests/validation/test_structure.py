@@ -11,10 +11,10 @@ ROOT = Path(__file__).parents[2]
 
 BOUNDS = {
     "functions over complexity 10 [%]": 2.0,  # target 4.0
-    "lines of src": 92727,  # target 72 904: those of commit 103975a
-    "lines of the middle": 29226,  # target 19 500
+    "lines of src": 94200,  # target 72 904: those of commit 103975a
+    "lines of the middle": 29501,  # target 19 500
     "large folders": 0,
-    "long signatures": 15,  # target 30
+    "long signatures": 17,  # target 30
     "repeated classes": 0,  # target 0
     "untested modules": 0,  # target 0
     "decision limits": 251,  # target 120
@@ -25,7 +25,8 @@ where users can do more, and says so: grades and intervals for each quantity (52
 `oma`, in archives, monitor and live, prior odds by site, states of towers and bounded searches (910 lines); then
 the first hour: default results, start, examples and first screens (690), spectra with the fit and interactive plots in
 all pages (900), decays, stabilisation, shapes and modes by hand of `oma` (1820), notebooks, files that put a mode
-elsewhere and jumps while a watch learns (300), linearisations of OpenFAST (1070)."""
+elsewhere and jumps while a watch learns (300), linearisations of OpenFAST (1070), `mapping` of `oma` and `free_decay`
+(two long signatures)."""
 
 
 @pytest.fixture(scope="module")

@@ -1,10 +1,10 @@
-"""What the tests of the verdict show on healthy records, beside their limits.
+"""Statistics of the verdict's tests on healthy records, with their limits.
 
 ``python -m validation.adversary.calibrate [--runs N] [--first SEED]`` simulates ordinary records and filters them with
 the truth: with the coefficients, loads and noise that they were made with, and nothing to be found. A limit that
 healthy records reach is a false alarm; one far beyond them hides faults. Ten tests may condemn one record in 50
-together, so each one in 500: that quantile is told from the tail, which is taken to fall exponentially from the highest
-tenth on.
+together, so each one in 500: that quantile is distinguished from the tail, which is taken to fall exponentially from
+the highest tenth on.
 """
 
 import argparse
@@ -71,7 +71,7 @@ LIMITS = {
     "level over frequency, over its bounds": 1.0,
     "bending with amplitude, over its bound": 1.0,
 }
-"""What is judged."""
+"""Quantities that are judged."""
 
 TOGETHER = (("level over time", "level over time, σ"), ("tails", "tails, σ"),
             ("shared by two channels", "shared by two channels, σ"), ("peak", "peak, over its bound"),
@@ -127,7 +127,7 @@ def measure(name: str, seed: int) -> list[float]:
 
 
 def is_condemned(row: NDArray[np.float64]) -> bool:
-    """Whether one test or another condemns a record with these statistics."""
+    """Test whether one test or another condemns a record with these statistics."""
     beyond = {name: value > limit for (name, limit), value in zip(LIMITS.items(), row, strict=True)}
     paired = {name for pair in TOGETHER for name in pair}
     return any(beyond[a] and beyond[b] for a, b in TOGETHER) or any(

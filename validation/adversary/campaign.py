@@ -2,7 +2,7 @@
 
 ``python -m validation.adversary [--only NAME ...] [--runs N] [--first SEED]`` prints a table. What is found is kept in
 a folder as it comes: interrupted, the same command goes on. Each record is identified as a user would, with the
-packaged turbine file and priors drawn 30 % off. A coefficient is held where ±2σ holds the truth; errors z are in
+packaged turbine file and priors drawn 30 % off. A coefficient is held where ±2σ covers the true value; errors z are in
 standard deviations.
 """
 
@@ -149,11 +149,11 @@ def _share(z: NDArray[np.float64]) -> float:
 
 
 STATISTICS = {"load_rms": RMS, "load_time_constant": 1.0, "noise_tower": NOISE[0], "noise_blade": NOISE[-1]}
-"""What loads and noise of the reference are made with, by the beginnings of their statistics' names."""
+"""Loads and noise of the reference, by the beginnings of their statistics' names."""
 
 
 def of_statistics(runs: list[Run]) -> dict[str, float]:
-    """How often ±2σ holds statistics of loads and noise, in records that have those of the reference."""
+    """Coverage of ±2σ for statistics of loads and noise, in records that have those of the reference."""
     usual = Scenario(HEALTHY)
     like = [
         run["statistics"]
@@ -178,7 +178,7 @@ CAUSES = {
     ),
     "machine": ("amplitude_dependence", "nonlinear_force"),
 }  # fmt: skip
-"""What a reason names as its cause, by code."""
+"""Cause that a reason names, by code."""
 
 
 def cause_of(reason: Mapping[str, Any]) -> str:

@@ -1,4 +1,4 @@
-"""What real instruments and loggers make of the motion: gain, angle, clock, converter, noise, and what fails."""
+"""Real instruments and loggers: gain, angle, clock, converter, noise, and failures."""
 
 from typing import NamedTuple
 
@@ -104,7 +104,7 @@ class Instruments(NamedTuple):
         return time + self.stamps * rng.uniform(-1.0, 1.0, len(time)) if self.stamps else time
 
     def turned(self, psi: Array, rng: np.random.Generator) -> Array:
-        """What is read of an azimuth [rad]."""
+        """Reading of an azimuth [rad]."""
         noise = np.radians(self.azimuth) * rng.standard_normal(len(psi)) if self.azimuth else 0.0
         return np.asarray(np.mod(psi + noise, 2.0 * np.pi))
 

@@ -27,7 +27,7 @@ RATE = 1000
 
 
 class Machine(NamedTuple):
-    """The packaged scale model in numbers of its own, and what a real machine has beside.
+    """The packaged scale model in numbers of its own, and effects of a real machine.
 
     Attributes
     ----------
@@ -83,7 +83,7 @@ class Machine(NamedTuple):
         return found
 
     def numbers(self) -> Array:
-        """What the compiled loops take."""
+        """Arguments of the compiled loops."""
         arm = self.hinge_offset + 0.5 * self.length
         own = (self.length**2 + self.width**2) / 12.0
         m = np.array(self.blade_mass)

@@ -29,7 +29,7 @@ LEAD_IN = 20
 """Seconds before a record starts: ten of the memory of the slowest mode."""
 
 HEALTHY = "none"
-"""What is wrong with a record that windsysid's model holds."""
+"""Faults of a record of windsysid's own model."""
 
 
 class Scenario(NamedTuple):
@@ -180,7 +180,7 @@ SCENARIOS: dict[str, Scenario] = {
 
 
 def scenario(name: str, seed: int) -> Scenario:
-    """What one record of a scenario is made of."""
+    """Ingredients of one record of a scenario."""
     kind = SCENARIOS[name]
     return kind if kind.drawn is None else kind.drawn(np.random.default_rng([seed, 1]))
 

@@ -3,8 +3,8 @@
 Spectra of a structure on which nothing turns have no model of that load: no mode may be near. Filters take the line NP
 for a load whose amplitude varies. A steady one stays, whatever the filter's memory, and comes to stand for a part of
 the resonance: damping comes out too small. Turned back by N ψ it is a constant, which stands out of the transform's
-neighbours as lines do (`windsysid.checks.lines`). A resonance that is hardly broader than a line cannot be told from
-one, so that no answer is given there.
+neighbours as lines do (`windsysid.checks.lines`). A resonance that is hardly broader than a line cannot be
+distinguished from one, so that no answer is given there.
 """
 
 from collections.abc import Sequence
@@ -106,7 +106,7 @@ def _find_steady(
 
 
 def _stands_out(values: Array, phase: Array) -> bool:
-    """Whether a constant stands out of readings that are turned back by a phase (T,)."""
+    """Test whether readings that are rotated back by a phase (T,) have a significant mean."""
     window = np.hanning(len(values))
     power = np.abs(np.fft.fft((window * np.exp(-1j * phase))[:, None] * (values - values.mean(axis=0)), axis=0)) ** 2
     around = np.concatenate([power[-SURROUNDINGS:], power[: SURROUNDINGS + 1]])

@@ -1,4 +1,4 @@
-"""Whether innovations are of one level over frequency: what smooth mismatch of a load's spectrum leaves.
+"""Level of the innovations over frequency: test for a smooth mismatch of a load's spectrum.
 
 A fit takes in loads whose spectrum is not the model's: it moves levels, memory and noise until innovations are as white
 as they can be. What is left has no peak. Their spectrum is a little low over octaves and a little high over others, and
@@ -7,7 +7,7 @@ within reach of the natural frequencies, where each has ν_b degrees of freedom.
 
     x_b = (s_b^{1/3} − 1 + 2/9ν_b) √(9ν_b/2),        Σ x_b² is χ² with as many degrees of freedom as half-octaves.
 
-A level that is the same all over moves nothing. So the same is asked of levels over their mean, which has one degree of
+A level that is the same everywhere shifts nothing. So levels are tested, too, over their mean, which has one degree of
 freedom less, with ten times the chance: that is a condition and not a test.
 
 Source: Wilson & Hilferty, Proc. Natl. Acad. Sci. 17, 1931, https://doi.org/10.1073/pnas.17.12.684.
@@ -30,16 +30,16 @@ MIN_RANGE_BINS = 2
 """Setting: smallest number of frequency bins in a range; narrower ones are joined with the next."""
 
 HANN_CORRELATIONS = ((1, 4.0 / 9.0), (2, 1.0 / 36.0))
-"""Numerical: correlation of the powers of bins so many apart, for Hann's window."""
+"""Numerical: correlation of the powers of bins by their distance, for Hann's window."""
 
 
 class Colour(NamedTuple):
-    """What a spectrum of innovations is like over half-octaves.
+    """Level of a spectrum of innovations over half-octaves.
 
     Attributes
     ----------
     statistic, bound
-        Σ x², and what chance exceeds with the probability asked for.
+        Σ x², and what chance exceeds with the probability requested.
     slope, slope_bound
         The same of levels over their mean, with ten times that probability.
     size
@@ -67,8 +67,8 @@ class Colour(NamedTuple):
 def smooth_colour(
     frequency: Array, spectrum: Array, freedom: float, *, reach: tuple[float, float], chance: float
 ) -> Colour | None:
-    """Of a spectrum (F, m), 1 for white noise, NaN where a channel has none, with so many degrees of freedom a point:
-    how it departs from 1 within reach [Hz]; None where there are less than two half-octaves."""
+    """Compare a spectrum (F, m), 1 for white noise, NaN where a channel has none, with so many degrees of freedom a
+    point, with 1 within reach [Hz]; None with less than two half-octaves."""
     from scipy.special import gammainccinv
 
     inside = np.flatnonzero((frequency >= reach[0]) & (frequency <= reach[1]))

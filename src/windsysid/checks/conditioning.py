@@ -1,4 +1,4 @@
-"""What would be known if something else were known exactly: Gaussian posteriors with a part of the unknowns held."""
+"""Conditional covariance of a Gaussian posterior."""
 
 from collections.abc import Sequence
 

@@ -6,7 +6,7 @@ white innovations, and takes the missing resonances for information: coefficient
 Divided by its power law, noise's periodogram is level: the mean of n neighbouring frequencies over the mean of the m
 others has Fisher's distribution of 2n and 2m degrees of freedom, fewer under Hann's window, whose neighbours are alike.
 Something vibrates where windows of one width or another stand higher than chance lets any of them. What turns with the
-rotor is left out: gravity shows in a sensor that hears no vibration.
+rotor is left out: gravity shows in a sensor without vibration.
 
 A short record has too few frequencies for that. There the fit itself is tested: its innovations against the residuals
 of a first-order autoregression, by their likelihoods. Of noise the two are alike, and a ratio above 1/p has at most
@@ -41,7 +41,7 @@ WIDEST_WINDOW_DIVISOR = 2
 
 
 def is_constant(values: Array) -> bool:
-    """Whether finite readings (T,) have one value."""
+    """Test whether all finite readings (T,) are equal."""
     return float(np.ptp(values)) <= MAX_CONSTANT_SPREAD * float(np.abs(values).max())
 
 
@@ -94,7 +94,7 @@ def _levelled(f: Array, power: Array) -> Array:
 
 
 def _stands_out(power: Array, chance: float) -> bool:
-    """Whether a window of neighbouring frequencies (n,) is higher than chance lets one of level noise be."""
+    """Test whether a window of neighbouring frequencies (n,) exceeds the level of noise by more than chance."""
     from scipy.special import fdtrc
 
     n, total = len(power), float(power.sum())
@@ -110,5 +110,5 @@ def _stands_out(power: Array, chance: float) -> bool:
 
 
 def _shape(width: int) -> float:
-    """As how many independent frequencies so many neighbours count under Hann's window."""
+    """Number of independent frequencies among so many neighbours under Hann's window."""
     return width / (1.0 + (8.0 / 9.0) * (width - 1) / width + max(width - 2, 0) / (18.0 * width))

@@ -1,4 +1,4 @@
-"""What estimates say by themselves: against their priors, and damping that is not positive.
+"""Conflict of estimates with their priors, and damping that is not positive.
 
 Before the record was seen, estimate and centre of the prior were expected to differ by √(σ₀² − σ²) (the prior
 predictive check of Box, J. R. Statist. Soc. A 143, 1980, https://doi.org/10.2307/2982063).
@@ -49,7 +49,7 @@ def doubt_priors(checks: Sequence[CoefficientCheck]) -> list[Finding]:
 
 
 def conflict(name: str, shift: float) -> Finding:
-    """A reason for an estimate so many standard deviations from its prior."""
+    """Finding on an estimate that differs from its prior by so many standard deviations."""
     return Finding("prior_conflict", "reason", {"sigmas": shift}, (name,))
 
 
@@ -71,7 +71,7 @@ def doubt_damping(
 
 
 def _not_positive(damping: Sequence[tuple[str, Band]]) -> list[tuple[str, float, bool]]:
-    """Name and value of what is not positive, and whether its whole band is negative."""
+    """Name and value of negative damping, and whether its whole band is negative."""
     return [(name, value, high < 0.0) for name, (value, _, high) in damping if value <= 0.0]
 
 

@@ -1,11 +1,11 @@
-"""What data can see and what they cannot: singular directions and correlations of an information matrix, in words.
+"""Identifiability: singular directions and correlations of an information matrix, in words.
 
 In relative coordinates (∂ ln p) and scaled to unit diagonal, an eigenvector of the Fisher information with eigenvalue
 zero is a combination of parameters that may change without any reading changing: k, m and the level of an unknown load
 by a common factor, for instance. One with a condition index √(λ_max / λ) above 30 is a combination that is hardly seen,
-and the parameters of whose variance it makes up more than half are told apart badly. After an identification the same
-question is asked of the posterior against the prior: of the directions in which the data hold less information than the
-prior, the bands are the prior's.
+and the parameters of whose variance it makes up more than half are distinguished badly. After an identification the
+same test compares the posterior with the prior: of the directions in which the data hold less information
+than the prior, the bands are the prior's.
 
 Source: Belsley, Kuh & Welsch, Regression Diagnostics (Wiley 1980), ch. 3, https://doi.org/10.1002/0471725153, for
 indices and shares of variance; Rothenberg, Econometrica 39(3), 1971, https://doi.org/10.2307/1913267, for
@@ -36,7 +36,7 @@ ZERO_ENTRY_UNSEEN = 1e-4
 
 
 def standard_deviations(information: Array) -> Array:
-    """σ of every coordinate (n,) from the information (n, n): the Cramér–Rao bound, infinite where nothing is seen."""
+    """σ of every coordinate (n,) from the information (n, n): the Cramér–Rao bound, infinite without information."""
     scale, values, vectors = _scaled(information)
     seen = values > MIN_SEEN_EIGENVALUE
     variance = np.square(vectors[:, seen]) @ (1.0 / values[seen])
@@ -45,7 +45,7 @@ def standard_deviations(information: Array) -> Array:
 
 
 def describe_information(names: Sequence[str], information: Array, aside: Collection[str] = ()) -> list[Finding]:
-    """Remarks on what a Fisher information leaves unseen or badly told apart; empty where all is well.
+    """Remarks on what a Fisher information does not determine, alone or in combination; empty where all is well.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ def describe_information(names: Sequence[str], information: Array, aside: Collec
 def _new_correlations(
     names: Sequence[str], covariance: Array, told: Sequence[set[int]], hidden: Array, aside: Collection[str]
 ) -> list[Finding]:
-    """Remarks on correlated parameters that are seen, not both `aside`, and not told together before."""
+    """Remarks on correlated parameters that are seen, not both `aside`, and not reported together before."""
     return [
         _correlation(names[i], names[j], value)
         for i, j, value in _correlated(covariance)
@@ -93,7 +93,7 @@ def _new_correlations(
 def describe_directions(
     names: Sequence[str], cov: Array, prior_cov: Array, logarithmic: Sequence[bool], theta: Array | None = None
 ) -> list[Finding]:
-    """Remarks where a posterior is the prior's rather than the data's, and on what is strongly correlated.
+    """Remarks on a posterior that is dominated by the prior, and on strong correlations.
 
     Parameters
     ----------
@@ -147,8 +147,8 @@ def _scaled(information: Array) -> tuple[Array, Array, Array]:
 def _describe_rules(
     names: Sequence[str], space: Array, scale: Array, tolerance: float, relative: Array
 ) -> Iterator[tuple[list[str], str, str, Array]]:
-    """The directions of a space (d, n) taken apart: who moves, what stays, the move in percent, and a basis of that
-    part.
+    """Decompose the directions of a space (d, n): which coordinates change, what stays constant, the changes in
+    percent, and a basis.
 
     Entries small in units of `scale` (n,) count as zero; `relative` (n,) turns entries into relative changes.
     """
@@ -234,7 +234,7 @@ def _describe_direction(names: Sequence[str], row: Array) -> str:
 
 
 def _badly(who: tuple[str, ...], row: Array, cov: Array) -> Finding:
-    """A remark on a direction that is hardly seen: what is seen instead, and how much better."""
+    """Remark on a poorly determined direction: the combination that is determined instead, and its accuracy."""
     std = np.sqrt(np.diag(cov))
     data = {"low": std.min(), "high": std.max(), "direction": _describe_direction(who, row)}
     rounded = _small_integers(row, 0.1)

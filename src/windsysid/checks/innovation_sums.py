@@ -95,7 +95,7 @@ class Sums(NamedTuple):
 
 
 class Stretch(NamedTuple):
-    """What a stretch of a record, or several, add up to.
+    """Sums over one or several segments of a record.
 
     Attributes
     ----------
@@ -222,13 +222,13 @@ def _join(before: Sums, more: Sums) -> Sums:
 
 
 def _highest(seen: NDArray[np.bool_], rate: float) -> float:
-    """Half the rate at which a channel (T,) is mostly read [Hz]: what its spectrum has above is a mirror image."""
+    """Half of the usual sampling rate of a channel (T,) [Hz]: its spectrum above is an image."""
     gaps = np.diff(np.flatnonzero(seen))
     return 0.5 * rate / float(np.median(gaps)) if len(gaps) else 0.5 * rate
 
 
 def _lagged(z: Array, used: NDArray[np.bool_], lags: int) -> tuple[NDArray[np.int64], Array]:
-    """How many pairs of z (T, m) with variance 1 are there at lags 1 … L, and the sums of their products (L, m)."""
+    """Numbers of pairs of z (T, m) with variance 1 at lags 1 … L, and the sums of their products (L, m)."""
     pairs, products = np.zeros((lags, z.shape[1]), dtype=np.int64), np.zeros((lags, z.shape[1]))
     for k in range(1, min(lags, len(z) - 1) + 1):
         pairs[k - 1] = (used[k:] & used[:-k]).sum(axis=0)
@@ -237,7 +237,7 @@ def _lagged(z: Array, used: NDArray[np.bool_], lags: int) -> tuple[NDArray[np.in
 
 
 def _power(z: Array, length: int) -> tuple[int, Array]:
-    """How many segments of that length fit into z (T, m), and the sums of their squared amplitudes by Welch's method
+    """Number of segments of that length in z (T, m), and the sums of their squared amplitudes by Welch's method
     (F, m).
 
     Samples that are missing are zero.

@@ -65,7 +65,8 @@ INTEREST_FACTORS = (0.4, 2.5)
 """Size: factors on the lowest and on the highest natural frequency between which a spectral peak matters."""
 
 OUTLIER_SIGMAS = 5.0
-"""Size in standard deviations: innovation from which on it is an outlier; one normal value in two million."""
+"""Size in standard deviations: innovation from which on it is an outlier, or mean from which on it is a bias; one
+normal value in two million."""
 
 MIN_REMARKED_OUTLIERS = 3
 """Size: number of outliers of a channel from which on they are remarked."""
@@ -73,8 +74,8 @@ MIN_REMARKED_OUTLIERS = 3
 MAX_OUTLIER_POWER_SHARE = 0.1
 """Size: share of a channel's squared innovations in outliers beyond which the result depends on a few readings."""
 
-MAX_GATED_SHARE = 0.05
-"""Size: share of a channel's readings that are left out as outliers beyond which the model is wrong."""
+MAX_OUTLIER_SHARE = 0.05
+"""Size: share of a channel's readings up to which they are outliers, and left out; with more the model is wrong."""
 
 MAX_LEVEL_FACTOR = 1.1
 """Size: factor on the normalised innovation squared of all channels. Levels are learned: healthy records scatter by

@@ -1,11 +1,11 @@
 """Lines: one frequency of a whole record's periodogram that stands out of its surroundings.
 
-A machine, a neighbour or waves put a line beside a mode. In the readings it stands out however the result explains it;
+A machine, a neighbour or waves put a line near a mode. In the readings it stands out however the result explains it;
 in the innovations it may not, as a resonance that the fit has moved and narrowed takes it in. A resonance is
 broad where its half-power width ζf is more than a few frequencies 1/T of the periodogram; a line close to the peak of
-one that is not cannot be told from it. What turns with the rotor at nP is no line of this kind.
+one that is not cannot be distinguished from it. Rotor harmonics nP are excluded.
 
-Innovations are white beside a line, and the mean of what surrounds it tells their level S. Readings are not: beside a
+Innovations are white near a line, and the mean of their surroundings estimates the level S. Readings are not: near a
 resonance 1/S is a parabola in frequency, S = A/(w² + (f − f₀)²). The one that surroundings I_j are likeliest to come
 from minimises Σ I_j/S_j + log S_j (Whittle 1953), which is convex in the parabola's three coefficients.
 
@@ -57,7 +57,7 @@ NEWTON_STEPS = 12
 
 
 class Line(NamedTuple):
-    """What stands out most.
+    """Most significant line.
 
     Attributes
     ----------
@@ -88,8 +88,8 @@ def stand_out(power: Array, at: NDArray[np.int64], surroundings: int) -> Array:
 
 
 def stand_out_of_a_bend(power: Array, at: NDArray[np.int64], surroundings: int, width: int = WIDTH) -> Array:
-    """Power (F, m) at some frequencies (K,) over the level that a parabola in 1/S has there (K, m), told by so many to
-    either side but for those within a width."""
+    """Power (F, m) at some frequencies (K,) over the level that a parabola in 1/S has there (K, m), estimated from so
+    many to either side but for those within a width."""
     away = np.arange(width + 1, surroundings + 1)
     off = np.concatenate([-away[::-1], away])
     x = np.vander(off / surroundings, 3, increasing=True)
@@ -109,7 +109,7 @@ def stand_out_of_a_bend(power: Array, at: NDArray[np.int64], surroundings: int, 
 
 
 def line_bound(tested: int, surroundings: int, chance: float, loss: float = 1.0) -> float:
-    """What the greatest of so many ratios of `stand_out` stays below but for that chance, or of
+    """Upper bound of the greatest of so many ratios of `stand_out` under the null hypothesis, or of
     `stand_out_of_a_bend` with `PARABOLA_LOSS`."""
     n = 2 * (surroundings - WIDTH) / HANN_VARIANCE / loss
     return float(n * ((chance / max(tested, 1)) ** (-1.0 / n) - 1.0))
@@ -119,7 +119,7 @@ def find_line(
     values: Array, channels: Sequence[str], *, rate: float, modes: Sequence[tuple[float, float]], rotor_hz: float,
     reach: float = LINE_SEARCH_FACTOR, known: Sequence[tuple[float, float]] = (),
 ) -> Line | None:  # fmt: skip
-    """The line that stands out most of readings (T, m), beside modes of frequencies f [Hz] and damping ratios ζ, within
+    """The line that stands out most of readings (T, m), near modes of frequencies f [Hz] and damping ratios ζ, within
     a factor `reach`, but for ranges [Hz] in which something is known.
 
     None where there is nothing to be looked at.
@@ -145,7 +145,7 @@ def find_line(
 
 
 def _near_modes(frequency: Array, naturals: Sequence[float], reach: float) -> NDArray[np.bool_]:
-    """Which frequencies (F,) are within a factor of a natural one (F,)."""
+    """Mask of the frequencies (F,) within a factor of a natural one (F,)."""
     near = np.zeros(len(frequency), dtype=np.bool_)
     for natural in naturals:
         near |= (frequency > natural / reach) & (frequency < natural * reach)
@@ -153,7 +153,7 @@ def _near_modes(frequency: Array, naturals: Sequence[float], reach: float) -> ND
 
 
 def _near_harmonics(frequency: Array, rotor_hz: float, step: float) -> NDArray[np.bool_]:
-    """Which frequencies (F,), a step apart, may turn with the rotor (F,); none of a rotor at rest."""
+    """Mask of the frequencies (F,), one step apart, that may be rotor harmonics; empty for a rotor at rest."""
     if not rotor_hz:
         return np.zeros(len(frequency), dtype=np.bool_)
     order = np.maximum(np.round(frequency / rotor_hz), 1.0)
@@ -172,7 +172,7 @@ def _ratios(values: Array, at: NDArray[np.int64]) -> Array:
 
 
 def _filled(column: Array) -> Array:
-    """Readings (T,) about their mean, what is missing between its neighbours."""
+    """Readings (T,) about their mean, missing ones interpolated from their neighbours."""
     known = np.flatnonzero(np.isfinite(column))
     filled = np.interp(np.arange(len(column)), known, column[known])
     return np.asarray(filled - math.fsum(filled) / len(filled))

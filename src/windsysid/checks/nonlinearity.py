@@ -1,10 +1,10 @@
-"""Whether springs and dampers are straight lines: what the innovations of a linear fit share with cubes of the motion.
+"""Nonlinearity of springs and dampers: correlation of the innovations of a linear fit with cubes of the motion.
 
 A spring that hardens, dry friction and play are forces q³, sgn q̇ and the like. A fit takes in what of them goes with
 displacement q and velocity q̇, and finds the coefficients of this amplitude. What is left goes with the cubes q³, q²q̇,
-qq̇² and q̇³, which at one frequency span its third harmonic too, at any lag. Innovations z of a true model are white and
-independent of all that was known a reading before, so that with the cubes φ known then (T, 4), what goes with 1, q and
-q̇ of every degree of freedom taken out,
+qq̇² and q̇³, which at one frequency span its third harmonic too, at any lag. Innovations z of a true model are white
+and independent of all that was known a reading before, so that with the cubes φ known then (T, 4), what goes with 1, q
+and q̇ of every degree of freedom taken out,
 
     u = Φᵀ z,    uᵀ (Φᵀ Φ)⁻¹ u / var z
 
@@ -25,21 +25,21 @@ from windsysid.results.finding import Finding
 __all__ = ["Bending", "Bent", "Law", "doubt_bending", "doubt_bent", "find_bent"]
 
 Law = Literal["stiffness", "damping"]
-"""What goes with amplitude: a force with the cube of displacement, or with the sign of velocity."""
+"""Force that depends on amplitude: with the cube of displacement, or with the sign of velocity."""
 
 CUBES = ((3, 0), (2, 1), (1, 2), (0, 3))
 """Setting: powers of q and of q̇ in the cubic terms."""
 
 
 class Bent(NamedTuple):
-    """What is least of a straight line.
+    """Strongest nonlinearity.
 
     Attributes
     ----------
     coordinate, channel
         The degree of freedom whose cubes show in the innovations of which channel.
     statistic, bound
-        χ² with four degrees of freedom, and what chance exceeds in one record of the share asked for.
+        χ² with four degrees of freedom, and what chance exceeds in one record of the share requested.
     """
 
     coordinate: str
@@ -49,7 +49,7 @@ class Bent(NamedTuple):
 
 
 class Bending(NamedTuple):
-    """What shows most that stiffness or damping goes with amplitude
+    """Strongest amplitude dependence of stiffness or damping
     (`windsysid.identification.verdict.smoothed_loads`).
 
     Attributes

@@ -1,4 +1,4 @@
-"""Whether innovations keep their level, have no tails and share nothing: sums in fixed memory, and what they say.
+"""Stationarity, tails and correlation of innovations: sums in fixed memory, and their tests.
 
 Loads that swell and fade leave innovations whose mean square s_w over windows of some periods varies more than that of
 n normal values, (2 + κ)/n. Tails are the excess kurtosis κ within such windows: of n values scaled by their own mean
@@ -27,7 +27,7 @@ LAGS = 3
 
 
 class Level(NamedTuple):
-    """How steady the innovations of one channel are.
+    """Stationarity of the innovations of one channel.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class Level(NamedTuple):
 
 
 class Shared(NamedTuple):
-    """What two channels share most.
+    """Strongest correlation between two channels.
 
     Attributes
     ----------
@@ -96,7 +96,7 @@ def shared_products(z: Array, used: NDArray[np.bool_]) -> tuple[Array, Array]:
 
 
 def steadiness(windows: float, level: float, second: float, fourth: float, *, window: int) -> Level:
-    """What the sums of `levels` say of one channel."""
+    """Stationarity of one channel from the sums of `levels`."""
     if windows < 3.0:
         return Level(0.0, 0.0, 0.0, 0.0)
     mean = level / windows
@@ -111,7 +111,7 @@ def steadiness(windows: float, level: float, second: float, fourth: float, *, wi
 
 
 def most_shared(products: Array, pairs: Array) -> Shared | None:
-    """What the sums of `shared_products` say of the two channels that share most; None of one channel alone."""
+    """Strongest correlation from the sums of `shared_products`; None with one channel."""
     m = products.shape[1]
     later, now = np.triu_indices(m, 1)
     if not len(later):

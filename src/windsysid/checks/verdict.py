@@ -9,13 +9,13 @@ Kirubarajan 2001, §5.4). Each test is against what white noise of that length w
     line                            a point of the whole record's periodogram over the mean of its surroundings
 
 A long record makes any test reject, so a departure counts only if it is significant and large, and large is measured in
-what a reader relies on. The score of the likelihood is a sum of innovations weighted by what they say of a coefficient,
-and a coefficient of a vibration listens around its natural frequency: where the spectrum is S there, the score varies
-by √S more than the bands hold. Colour out of reach of every natural frequency does little harm; it is a remark and no
-reason.
+what a reader relies on. The score of the likelihood is a sum of innovations weighted by their sensitivity to a
+coefficient, and a coefficient of a vibration listens around its natural frequency: where the spectrum is S there, the
+score varies by √S more than the bands hold. Colour out of reach of every natural frequency does little harm; it is a
+remark and no reason.
 
 Limits of chance are such that each of some ten tests condemns one healthy record in 500; ``python -m
-validation.adversary.calibrate`` prints every limit beside what healthy records show. Limits of size say what does harm.
+validation.adversary.calibrate`` prints every limit with values of healthy records. Limits of size follow from the harm.
 
 Sources: Box & Pierce, J. Am. Statist. Ass. 65, 1970, https://doi.org/10.1080/01621459.1970.10481180; Welch, IEEE Trans.
 AU-15(2), 1967, https://doi.org/10.1109/TAU.1967.1161901, for the degrees of freedom too.
@@ -39,12 +39,12 @@ from windsysid.checks.limits import (
     MAX_COLOUR,
     MAX_CROSS_CORRELATION,
     MAX_FAR_PEAK_LEVEL,
-    MAX_GATED_SHARE,
     MAX_KURTOSIS,
     MAX_LEVEL_FACTOR,
     MAX_LEVEL_VARIATION,
     MAX_NEAR_MODE_LEVEL,
     MAX_OUTLIER_POWER_SHARE,
+    MAX_OUTLIER_SHARE,
     MAX_PEAK_LEVEL,
     MIN_DOMINANT_PEAK_LEVEL,
     MIN_REMARKED_OUTLIERS,
@@ -63,7 +63,7 @@ __all__ = ["Diagnosis", "FittedParameters", "RecordTests", "TurningRotor", "diag
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What to think of a result.
+    """Verdict on a result.
 
     Attributes
     ----------
@@ -78,7 +78,7 @@ class Diagnosis:
     reach
         Frequencies [Hz] between which an unexplained peak matters.
     line
-        The channel and frequency [Hz] of a line beside a mode that is a reason; None where none is.
+        The channel and frequency [Hz] of a line near a mode that is a reason; None where none is.
     """
 
     findings: tuple[Finding, ...]
@@ -91,7 +91,7 @@ class Diagnosis:
 
     @property
     def trusted(self) -> bool:
-        """Whether there is no reason not to trust the result."""
+        """True if no finding speaks against the result."""
         return not any(finding.severity == "reason" for finding in self.findings)
 
     @property
@@ -101,7 +101,7 @@ class Diagnosis:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What a reader should know though it does not condemn the result, in sentences."""
+        """Notes and remarks that do not condemn the result, in sentences."""
         return self.sentences("remark")
 
     def sentences(self, severity: Severity) -> tuple[str, ...]:
@@ -139,7 +139,7 @@ class FittedParameters(NamedTuple):
 class TurningRotor(NamedTuple):
     """Mean speed [rad/s] and number of blades, to name frequencies as harmonics; and whether blades are degrees of
     freedom: only for them was it measured what a level of the innovations that goes with frequency does to estimates;
-    elsewhere it is a remark."""
+    otherwise it is a remark."""
 
     speed: float = 0.0
     blades: int = 0
@@ -152,7 +152,7 @@ class RecordTests(NamedTuple):
     Attributes
     ----------
     line
-        What stands out most of the readings beside a mode.
+        What stands out most of the readings near a mode.
     late, bent, smoothed_loads
         How late the blades seem to be, what shows most that a spring or damper is no straight line, and what smoothed
         loads say.
@@ -238,7 +238,7 @@ def _judge_size(w: Whiteness) -> list[Finding]:
 
 
 def _is_size_off(nis: float, used: int, factor: float) -> bool:
-    """Whether a mean square is off by more than a factor, and by more than chance."""
+    """Test whether a mean square differs by more than a factor, and by more than chance."""
     if used < 1 or 1.0 / factor < nis < factor:
         return False
     return (
@@ -328,7 +328,7 @@ def _judge_steadiness(w: Whiteness) -> list[Finding]:
 
 
 def _is_ruled_from_afar(channel: ChannelCheck, w: Whiteness) -> bool:
-    """Whether frequencies that no mode of the model answers to make most of a channel's innovations: what they do over
+    """Test whether frequencies away from all modes of the model dominate a channel's innovations: their variation over
     time is not the modes'."""
     return channel.far > max(MAX_FAR_PEAK_LEVEL, w.spectrum_bound)
 
@@ -346,7 +346,7 @@ def _judge_shared(w: Whiteness) -> list[Finding]:
 def _judge_outliers(w: Whiteness) -> list[Finding]:
     found = list[Finding]()
     for c in w.channels:
-        if c.gated > MAX_GATED_SHARE:
+        if c.gated > MAX_OUTLIER_SHARE:
             found.append(Finding("too_many_outliers", "reason", {"channel": c.name, "share": c.gated}))
         elif c.gated > 0.0:
             found.append(Finding("gated_readings", "remark", {"channel": c.name, "share": c.gated}))

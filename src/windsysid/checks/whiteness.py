@@ -1,4 +1,4 @@
-"""Whether innovations are white: their size, their spectra and their peaks, channel by channel."""
+"""Whiteness of innovations: size, spectrum and peaks, channel by channel."""
 
 import math
 import operator
@@ -36,7 +36,7 @@ NEAR_MODE_FACTOR = 1.3
 
 
 class ChannelCheck(NamedTuple):
-    """What the innovations of one channel look like.
+    """Statistics of the innovations of one channel.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ class ChannelCheck(NamedTuple):
     near_hz, near
         The natural frequency [Hz] around which the spectrum is highest on average, and that average.
     line_hz, line
-        Frequency [Hz] beside a natural one that stands out most of its surroundings in the periodogram of the whole
+        Frequency [Hz] near a natural one that stands out most of its surroundings in the periodogram of the whole
         record, and how far, as a ratio of powers.
     unsteady, unsteady_sigmas, tails, tails_sigmas
         `windsysid.checks.stationarity.Level`.
@@ -166,7 +166,7 @@ def examine(
 
 
 def judge_stretches(stretch: Stretch, *, names: Sequence[str], frequencies: Sequence[float]) -> Whiteness:
-    """Hold what `measure_stretch` added up against white noise of variance 1; parameters as for `examine`."""
+    """Test the sums of `measure_stretch` against white noise of variance 1; parameters as for `examine`."""
     parts = {
         columns: _judge_alike(sums, [names[c] for c in columns], frequencies) for columns, sums in stretch.parts.items()
     }
@@ -353,7 +353,7 @@ def _near(frequency: Array, spectrum: Array, natural: Sequence[float]) -> tuple[
 
 
 def _chi_square_interval(n: int) -> tuple[float, float]:
-    """What holds χ²_n / n with 95.45 %."""
+    """Two-sided 95.45 % quantiles of χ²_n / n."""
     if n < 1:
         return 0.0, math.inf
     return chance_limit(0.97725, n) / n, chance_limit(0.02275, n) / n

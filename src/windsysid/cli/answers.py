@@ -43,21 +43,25 @@ def plan(
         str | None,
         typer.Option(
             metavar="NAME,NAME",
-            help="What is asked for; all coefficients by default. Masses and geometry are unknown only if named.",
+            help="Coefficients to plan for; all by default. Masses and geometry are unknown only if named.",
         ),
     ] = None,
-    within: Annotated[float, typer.Option(metavar="PERCENT", help="Wished for: ±2σ within this of the value.")] = 20.0,
-    load_scale: Annotated[float, typer.Option(help="Loads this many times the turbine file's.")] = 1.0,
+    within: Annotated[
+        float, typer.Option(metavar="PERCENT", help="Target: ±2σ within this share of the value.")
+    ] = 20.0,
+    load_scale: Annotated[float, typer.Option(help="Factor on the loads of the turbine file.")] = 1.0,
     rotor_speed: Annotated[
         str | None, typer.Option(help='With its unit, such as "12 rpm"; the turbine\'s usual one by default.')
     ] = None,
     state: Annotated[
-        Literal["operating", "parked"], typer.Option(metavar="NAME", help="operating or parked: which of the file.")
+        Literal["operating", "parked"],
+        typer.Option(metavar="NAME", help="State of the turbine file: operating or parked."),
     ] = "operating",
     formulation: Annotated[
         Literal["joint", "spectral", "auto"],
         typer.Option(
-            help="By which it will be identified. spectral: a rotor in wind. auto: what suits the file's loads."
+            help="Formulation of the later identification. spectral: a rotor in wind. auto: what suits the"
+            " file's loads."
         ),
     ] = "auto",
     seed: Annotated[int, typer.Option(metavar="NUMBER", min=0, help="Seed of the simulated vibration.")] = 0,
@@ -136,7 +140,7 @@ def damping(
     verbose: Verbose = False,
     overwrite: Overwrite = False,
 ) -> None:
-    """Structural against aerodynamic damping: what records in several states tell of each, or why they do not."""
+    """Structural against aerodynamic damping from records in several states."""
     from windsysid.monitoring.damping import separate_damping
     from windsysid.results.posterior import load_posterior
 
@@ -146,7 +150,7 @@ def damping(
         for i, folder in enumerate(results):
             progress(f"reading {folder}", i / len(results))
             known.append(load_posterior(folder))
-        progress("telling structure and air apart")
+        progress("separating structural and aerodynamic damping")
         found = separate_damping(known)
     print_and_save(found, to, json=json, verbose=verbose)
 
@@ -161,11 +165,11 @@ def monitor(
             help="Folders that windsysid identify or oma wrote, in order of time if they say it; or one of batch.",
         ),
     ],
-    turbine: Annotated[str | None, typer.Option(help="Of an archive: only this one, with a report.")] = None,
+    turbine: Annotated[str | None, typer.Option(help="Only this turbine of an archive, with a report.")] = None,
     covariates: Annotated[
         Path | None,
         typer.Option(
-            help="CSV with a line for each folder: time or folder, and what else moved, such as temperature and wind."
+            help="CSV with a line for each folder: time or folder, and covariates, such as temperature and wind."
         ),
     ] = None,
     alarms_per_year: Annotated[float, typer.Option(help="False alarms that are accepted in a year of records.")] = 0.1,
@@ -174,7 +178,7 @@ def monitor(
     verbose: Verbose = False,
     overwrite: Overwrite = False,
 ) -> None:
-    """Over many records: what drifted, what jumped, when and by how much, at a stated rate of false alarms."""
+    """Drifts and jumps over many records, with their dates and sizes, at a stated rate of false alarms."""
     from windsysid.fleet.archive import is_archive, turbines_of
     from windsysid.monitoring.series import read_blocks
     from windsysid.monitoring.watch import watch
@@ -228,7 +232,7 @@ def modes(
     measured: Annotated[
         list[Path] | None,
         typer.Option(
-            help="Folder that windsysid oma wrote: which of its modes is which, with odds, and drawn as points; may be "
+            help="Folder that windsysid oma wrote: its modes are matched, with odds, and drawn as points; may be "
             "given several times."
         ),
     ] = None,

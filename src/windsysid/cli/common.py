@@ -1,4 +1,4 @@
-"""What the commands share: options, the output folder, progress, tables."""
+"""Shared parts of the commands: options, the output folder, progress, tables."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -29,7 +29,7 @@ COMMANDS = {
     "batch": "fleet", "report": "fleet", "live": "live", "export": "live", "publish": "publish",
     "examples": "records", "turbine": "records", "turbines": "records", "study": "records", "warm": "warm",
 }  # fmt: skip
-"""Commands with their modules, as the help lists them: what is asked of one record, of several, of archives, of running
+"""Commands with their modules, as the help lists them: for one record, for several, for archives, for running
 turbines."""
 
 
@@ -53,7 +53,6 @@ class _InOrder(TyperGroup):
 app = typer.Typer(
     cls=_InOrder,
     add_completion=True,
-    no_args_is_help=True,
     pretty_exceptions_enable=False,
     context_settings={"max_content_width": 120},
     rich_markup_mode=None,  # boxes take longer to draw than a command's help should take
@@ -67,9 +66,7 @@ TurbineOption = Annotated[
         help="A packaged turbine (windsysid turbines lists them), a TOML file or a model (windsysid turbine).",
     ),
 ]
-Mapping = Annotated[
-    Path | None, typer.Option(help="TOML file that says what a record's columns are (docs/records.md).")
-]
+Mapping = Annotated[Path | None, typer.Option(help="TOML file that describes a record's columns (docs/records.md).")]
 Output = Annotated[
     Path | None,
     typer.Option(
@@ -80,13 +77,16 @@ Json = Annotated[
     bool, typer.Option("--json", metavar="", help="Print the summary as JSON; nothing is saved without --output.")
 ]
 Verbose = Annotated[bool, typer.Option("--verbose", metavar="", help="Print everything, not the first screen only.")]
-Overwrite = Annotated[bool, typer.Option("--overwrite", metavar="", help="Replace results that are already there.")]
+Overwrite = Annotated[bool, typer.Option("--overwrite", metavar="", help="Overwrite existing results.")]
 
 
-HYPOTHESES_HELP = (
-    "broadband: first-order Gauss–Markov; second-order: second-order processes; "
-    "narrow-band: first-order Gauss–Markov, and a narrow-band process on the support; "
-    "rotor-wind: wind on the turning rotor"
+HYPOTHESES_HELP = "; ".join(
+    (
+        "broadband: first-order Gauss–Markov",
+        "second-order: second-order processes",
+        "narrow-band: first-order Gauss–Markov, and a narrow-band process on the support",
+        "rotor-wind: wind on the turning rotor",
+    )
 )
 """The load hypotheses that come with the package: their own texts are in `windsysid.loads`, which imports much."""
 
@@ -165,7 +165,7 @@ def print_answer(found: _Answer, *, json: bool, verbose: bool) -> None:
 
 
 def print_and_save(found: _Answer, to: Destination, *, json: bool = False, verbose: bool = False) -> None:
-    """Print an answer, or its first screen, then save it with its report: what cannot be saved has been seen."""
+    """Print an answer, or its first screen, then save it with its report, so that it is shown even if saving fails."""
     print_answer(found, json=json, verbose=verbose)
     if to.folder is not None:
         with show_progress("report") as progress:
@@ -182,7 +182,7 @@ def rotor_speeds(option: str, given: tuple[str, str] | None) -> tuple[float, flo
 
 @contextmanager
 def show_progress(title: str) -> Iterator["Shown"]:
-    """Say on standard error what is being done and how long it will take: on a terminal, nothing in a pipe."""
+    """Report progress and the time left on standard error: on a terminal, nothing in a pipe."""
     from rich.console import Console
 
     from windsysid.output.progress import Shown

@@ -42,11 +42,11 @@ def batch(
         Path | None,
         typer.Option(
             metavar="ARCHIVE",
-            help="Folder of the archive, which is added to. By default results/NAME-batch, of the records' folder.",
+            help="Folder of the archive; an existing one is extended. By default results/NAME-batch, next to records.",
         ),
     ] = None,
     turbine: Annotated[
-        str | None, typer.Option(help="Of all records: a packaged turbine (windsysid turbines) or a TOML file.")
+        str | None, typer.Option(help="Turbine of all records: a packaged one (windsysid turbines) or a TOML file.")
     ] = None,
     fleet: Annotated[Path | None, typer.Option(help="TOML file of several turbines (docs/fleet.md).")] = None,
     sensors: Annotated[
@@ -54,7 +54,7 @@ def batch(
     ] = None,
     mapping: Mapping = None,
     scada: Annotated[Path | None, typer.Option(help="SCADA statistics with dates: CSV, Parquet, …")] = None,
-    scada_mapping: Annotated[Path | None, typer.Option(help="TOML file that says what its columns are.")] = None,
+    scada_mapping: Annotated[Path | None, typer.Option(help="TOML file that describes its columns.")] = None,
     formulation: Annotated[
         Literal["spectral", "joint", "auto"],
         typer.Option(metavar="NAME", help="spectral: stationary records, cheap. joint: filters, slower. auto: both."),
@@ -68,7 +68,7 @@ def batch(
     ] = None,
     limit: Annotated[str, typer.Option(help="Time that a record may take, with its unit.")] = "10 min",
 ) -> None:
-    """Identify all records of folders into one archive: what is new, interruptible, a row for each record."""
+    """Identify all new records of folders into one archive, interruptible, a row for each record."""
     from windsysid.fleet.batch import batch as take
 
     seconds = parse_option("--limit", limit, "s")
@@ -81,7 +81,7 @@ def batch(
                 limit=seconds, progress=progress,
             )  # fmt: skip
     except KeyboardInterrupt:
-        told = f"interrupted: what was found is in {archive}; the same command goes on from there"
+        told = f"interrupted: the results so far are in {archive}; the same command goes on from there"
         print(printable(told), file=sys.stderr)
         raise typer.Exit(130) from None
     print(found)
@@ -150,7 +150,7 @@ def watch_archive(
 def _watch_each(
     archive: Path, names: Sequence[str], alarms_per_year: float
 ) -> tuple[dict[str, "Watch"], dict[str, str]]:
-    """What the watch of each turbine found, and why others cannot be watched; ConfigurationError where none can."""
+    """Result of each turbine's watch, and why others cannot be watched; ConfigurationError if none can."""
     from windsysid.fleet.series import archive_blocks
     from windsysid.monitoring.watch import watch
 

@@ -54,7 +54,7 @@ def identify(
         typer.Option(
             metavar="NAME",
             help=(
-                "auto: the record decides. joint: accelerometers, loads as states. spectral: a stationary record's "
+                "auto: chosen from the record. joint: accelerometers, loads as states. spectral: a stationary record's "
                 "spectra. force-balance: the published study's."
             ),
         ),
@@ -72,7 +72,7 @@ def identify(
         str,
         typer.Option(
             metavar="NAME",
-            help=f"What the loads are taken for (docs/loads.md). auto: the record chooses; {HYPOTHESES_HELP}.",
+            help=f"Load model (docs/loads.md). auto: chosen from the record; {HYPOTHESES_HELP}.",
         ),
     ] = "auto",
     site: Annotated[
@@ -83,9 +83,9 @@ def identify(
     ] = None,
     state: Annotated[
         Literal["auto", "operating", "parked"],
-        typer.Option(metavar="NAME", help="operating or parked: whose damping the file has. auto: by the rotor speed."),
+        typer.Option(metavar="NAME", help="State of the turbine: operating or parked. auto: by the rotor speed."),
     ] = "auto",
-    prior_scale: Annotated[float, typer.Option(help="Centre every prior this many times off its reference.")] = 1.0,
+    prior_scale: Annotated[float, typer.Option(help="Centre every prior at this multiple of its reference.")] = 1.0,
     add_noise: Annotated[
         float,
         typer.Option(metavar="PERCENT", help="Add white noise of this percentage of each sensor's standard deviation."),
@@ -163,7 +163,7 @@ def _default_output(record: Path, *, overwrite: bool, resumes: bool) -> Path:
 
 
 class _IdentifyRequest(NamedTuple):
-    """What is to be identified, and how."""
+    """Job of the identification from the options."""
 
     record: Path
     turbine: "Turbine"
@@ -263,7 +263,7 @@ def _identify_in_pieces(
 
 
 def _checkpoint(output: Path) -> Path:
-    """Where what pieces have told so far is kept until the result is saved: beside the output folder."""
+    """Checkpoint of the segments until the result is saved, next to the output folder."""
     folder = output.resolve()
     return folder.with_name(f".{folder.name}.checkpoint.npz")
 
@@ -271,7 +271,7 @@ def _checkpoint(output: Path) -> Path:
 def _noisy(
     record: "Record", asked: _IdentifyRequest, percent: float, seed: int
 ) -> "tuple[Record, tuple[Sensor, ...] | None]":
-    """The record with noise added to what will be measured, and the sensors told of it."""
+    """Add noise to the measured channels of a record, and to the noise of the sensors."""
     from windsysid.identification.condition.readings import add_noise, usable_sensors, with_noise
     from windsysid.identification.estimate.force_balance import measured_channels
 

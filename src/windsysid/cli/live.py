@@ -24,7 +24,9 @@ def live(
     ] = None,
     demo: Annotated[
         bool,
-        typer.Option("--demo", metavar="", help="Follow three simulated towers, faster than life; nothing is kept."),
+        typer.Option(
+            "--demo", metavar="", help="Follow three simulated towers, faster than real time; nothing is stored."
+        ),
     ] = False,
     port: Annotated[
         int | None,
@@ -35,9 +37,7 @@ def live(
     no_browser: Annotated[
         bool, typer.Option("--no-browser", metavar="", help="Do not open the page of the demo.")
     ] = False,
-    check: Annotated[
-        bool, typer.Option("--check", metavar="", help="Say what is wrong with CONFIG, or that nothing is.")
-    ] = False,
+    check: Annotated[bool, typer.Option("--check", metavar="", help="Check CONFIG and report its errors.")] = False,
 ) -> None:
     """Follow turbines while they run: estimates, alarms and a page, nothing lost."""
     from dataclasses import replace
@@ -70,7 +70,7 @@ def live(
 
     fed: list[BlockSource] = sources_of(settings)
     if check:
-        print(printable(f"{config}: nothing is wrong; {_count(len(settings.turbines))}, store {settings.store}"))
+        print(printable(f"{config}: valid; {_count(len(settings.turbines))}, store {settings.store}"))
         print(*(f"source: {source.describe()}" for source in fed), sep="\n")
         return
     start_log(settings.log)
@@ -88,10 +88,11 @@ def export(
         ),
     ] = None,
     levels: Annotated[
-        Path | None, typer.Option(metavar="FOLDER", help="Write what was known over time too: netCDF, one a turbine.")
+        Path | None,
+        typer.Option(metavar="FOLDER", help="Also write estimates over time: netCDF, one file for each turbine."),
     ] = None,
 ) -> None:
-    """Write what a live service found as an archive that report and monitor read; the service may go on meanwhile."""
+    """Write the results of a live service as an archive that report and monitor read; the service may run meanwhile."""
     from windsysid.cli.common import show_progress
     from windsysid.live.store import open_store
     from windsysid.live.store.export import export_levels, export_results

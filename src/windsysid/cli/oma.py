@@ -67,7 +67,7 @@ def oma(
         list[str] | None,
         typer.Option(
             metavar="LOW HIGH",
-            help="A band to find modes in [Hz]; may be given several times; found from the spectra by default.",
+            help="Frequency range to find modes in [Hz]; may be repeated; found from the spectra by default.",
         ),
     ] = None,
     limits: Annotated[
@@ -75,7 +75,7 @@ def oma(
         typer.Option(
             "--range",
             metavar="LOW HIGH",
-            help="Between which frequencies to look [Hz]; the lowest two dozen bands by default.",
+            help="Frequency range to search [Hz]; the lowest two dozen bands by default.",
         ),
     ] = None,
     section: Annotated[
@@ -108,7 +108,9 @@ def oma(
     rules = load_mapping(mapping) if mapping is not None else None
     lists = _sensor_lists(sensors or [], len(records))
     if band and (decay or modes):
-        raise ConfigurationError(f"--band goes not with {'--decay' if decay else '--modes'}: expected one of them")
+        raise ConfigurationError(
+            f"--band cannot be combined with {'--decay' if decay else '--modes'}: expected one of them"
+        )
     marks = read_mode_marks(modes) if modes is not None else None
     bands = list(map(_band, band)) if band else marks
     analyse = partial(analyse_decays, marks=marks) if decay else partial(analyse_vibration, bands=bands)

@@ -1,4 +1,4 @@
-"""The command line as a program: what it runs, and how it ends."""
+"""The command line as a program: start, errors and exit codes."""
 
 import logging
 import os
@@ -40,17 +40,21 @@ def main() -> None:
 
 
 def _refuse(message: str) -> NoReturn:
-    """Say in one line what was wrong."""
+    """Report an error in one line."""
     print(f"windsysid: {printable(' '.join(message.split()))}", file=sys.stderr)
     sys.exit(2)
 
 
 @app.callback(invoke_without_command=True)
 def _options(
+    context: typer.Context,
     version: Annotated[bool, typer.Option("--version", metavar="", help="Print the version and stop.")] = False,
 ) -> None:
     if version:
         print(f"windsysid {__version__}")
+        raise typer.Exit
+    if context.invoked_subcommand is None:
+        print(context.get_help())
         raise typer.Exit
     handler = logging.StreamHandler()
     handler.setFormatter(logging.Formatter("windsysid: %(message)s"))

@@ -37,10 +37,12 @@ def publish(
     ] = 1.0,
     block: Annotated[str, typer.Option(help="Length of a block, with its unit.")] = "1 s",
     buffer: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Keeps what is not committed, over restarts; memory by default.")
+        Path | None,
+        typer.Option(metavar="FILE", help="File that keeps uncommitted blocks over restarts; memory by default."),
     ] = None,
     start: Annotated[
-        str | None, typer.Option(metavar="MOMENT", help="Of a record that says none, such as 2026-01-05T12:00:00Z.")
+        str | None,
+        typer.Option(metavar="MOMENT", help="Start of a record that gives none, such as 2026-01-05T12:00:00Z."),
     ] = None,
     stream: Annotated[str, typer.Option(help="Which of the turbine's loggers this is, where it has several.")] = "",
     topic: Annotated[
@@ -54,7 +56,7 @@ def publish(
     ca: Annotated[Path | None, typer.Option(help="File of the authority that signed the broker's certificate.")] = None,
     mapping: Mapping = None,
 ) -> None:
-    """Send records, or what a logger says, to an MQTT broker: each block is kept until the service has it on disk."""
+    """Send records, or blocks from a logger, to an MQTT broker: each block is kept until the service has it on disk."""
     from windsysid.live.sources.publisher import Publisher
 
     seconds = parse_option("--block", block, "s")
@@ -62,7 +64,7 @@ def publish(
         raise ConfigurationError(f"--block: expected above 0 s to 10 min, got '{block}'")
     logger = records == ["-"]
     if "-" in records and not logger:
-        raise ConfigurationError("RECORD: - stands alone: give it, or files")
+        raise ConfigurationError("RECORD: expected - alone or files, got both")
     to = _broker(broker, user, password_file, ca)
     begin = None if logger else _begin(records, start, mapping)
     publisher = Publisher(to, buffer=buffer, topic=topic)
@@ -90,7 +92,7 @@ def publish(
 
 
 def _interrupted(publisher: "Publisher", sent: int, buffer: Path | None) -> str:
-    kept = f"they wait in {buffer}" if buffer else "send the records again"
+    kept = f"they are kept in {buffer}" if buffer else "send the records again"
     return f"interrupted: {sent} blocks sent, {len(publisher.ring)} not committed: {kept}"
 
 
@@ -107,7 +109,7 @@ def _told(publisher: "Publisher", turbine: str, sent: int, known: int) -> str:
 
 
 def _broker(url: str, user: str, password_file: Path | None, ca: Path | None) -> "Broker":
-    """The broker as it is told, checked as a settings file is."""
+    """Broker settings, checked as in a settings file."""
     from windsysid.live.configuration.source_settings import Broker
     from windsysid.live.configuration.toml_table import TomlTable
 
@@ -137,9 +139,9 @@ def _begin(records: list[str], start: str | None, mapping: Path | None) -> int |
     for path in records:
         known = begin_of(next(iterate_record(path, 60.0, mapping=mapping)))
         if known is None and start is None:
-            raise ConfigurationError(f"{path}: no moment with its zone: give --start, such as 2026-01-05T12:00:00Z")
+            raise ConfigurationError(f"{path}: no start time with its zone: give --start, such as 2026-01-05T12:00:00Z")
         if start is not None and (known is not None or len(records) > 1):
-            raise ConfigurationError("--start goes with one record that says no moment of its own")
+            raise ConfigurationError("--start: expected one record without a start time of its own")
     return None if start is None else moment_ns(start)
 
 

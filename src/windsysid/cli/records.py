@@ -69,7 +69,7 @@ def simulate(
         typer.Option(
             metavar="NAME",
             help=(
-                "What drives the turbine. random: the turbine file's own loads; wind: turbulent wind on the blades;"
+                "Loads on the turbine. random: the turbine file's own loads; wind: turbulent wind on the blades;"
                 f" wind-feedback: with aerodynamic damping; {HYPOTHESES_HELP}."
             ),
         ),
@@ -77,7 +77,7 @@ def simulate(
     seed: Annotated[int, typer.Option(metavar="NUMBER", min=0, help="Seed of loads and noise.")] = 0,
     overwrite: Overwrite = False,
 ) -> None:
-    """Simulate what a turbine's sensors record."""
+    """Simulate the readings of a turbine's sensors."""
     from windsysid.records.formats import claim_record
     from windsysid.simulation.record import simulate_record
     from windsysid.turbine.file import load_turbine
@@ -112,7 +112,7 @@ def inspect_command(
         float | None, typer.Option(help="Length of the sections to propose [s]; else the longest that are good.")
     ] = None,
     write_mapping: Annotated[
-        Path | None, typer.Option(help="Instead: propose a mapping with its doubts, and write this TOML file.")
+        Path | None, typer.Option(help="Propose a mapping with its open questions, and write this TOML file instead.")
     ] = None,
     verbose: Verbose = False,
     overwrite: Overwrite = False,

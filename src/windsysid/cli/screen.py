@@ -1,4 +1,4 @@
-"""The first screen of an answer: what matters first, at most 24 lines at 80 columns; `--verbose` prints the rest."""
+"""The first screen of an answer: the most important lines, at most 24 at 80 columns; `--verbose` prints the rest."""
 
 import math
 import shutil
@@ -66,8 +66,8 @@ def _height(text: str) -> int:
 
 
 def identification_parts(found: "Identification") -> list[Table | str]:
-    """The first screen of an identification: modes with 95 % intervals and grades, what is wrong and what to do, then
-    the coefficients."""
+    """The first screen of an identification: modes with 95 % intervals and grades, findings with advice, then the
+    coefficients."""
     judged = found.diagnosis
     reasons = judged.reasons[:MAX_REASONS]
     wrong = [f"- {reason}" for reason in reasons]
@@ -77,9 +77,11 @@ def identification_parts(found: "Identification") -> list[Table | str]:
         f"{found.turbine}, {found.record}: {found.formulation} formulation",
         *([found.modes_table()] if found.modes else []),
         "± is the 95 % interval. Numbers of grade A and B may be used, those of C not.",
-        "trust: yes, every number has grade A or B" if judged.trusted else "trust: NO, see what has grade C, because",
+        "trust: yes, every number has grade A or B"
+        if judged.trusted
+        else "trust: NO, see the numbers of grade C, because",
         *wrong,
-        *(f"- {one}; if a sensor is there, look at the names of its channels" for one in unseen),
+        *(f"- {one}; if a sensor is there, check the names of its channels" for one in unseen),
         _coefficients(found.estimates),
     ]
     more = len(judged.remarks) + len(found.notes)

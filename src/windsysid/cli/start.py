@@ -11,7 +11,15 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
-from windsysid.cli.common import Mapping, app, name_of, numbered, print_table, show_progress
+from windsysid.cli.common import (
+    Mapping,
+    app,
+    name_of,
+    numbered,
+    print_table,
+    register_commands,
+    show_progress,
+)
 from windsysid.errors import ConfigurationError, WindsysidError
 from windsysid.output.console import printable
 
@@ -33,7 +41,7 @@ def start(
     ] = None,
     mapping: Mapping = None,
     yes: Annotated[
-        bool, typer.Option("--yes", metavar="", help="Ask nothing: take defaults. A unit is never taken by default.")
+        bool, typer.Option("--yes", metavar="", help="Take defaults without questions; units have no default.")
     ] = False,
 ) -> None:
     """Begin here: from a file to an answer, step by step, with the command that repeats it."""
@@ -56,12 +64,13 @@ def _run(words: list[str], name: str) -> Path:
 
     folder = next(path for path in numbered(name) if is_free(path))
     print(f"\n{printable(shlex.join(['windsysid', *words]))}\n")
+    register_commands(words[0])
     typer.main.get_command(app).main([*words, "--output", str(folder)], "windsysid", standalone_mode=False)
     return (folder / "report.html").resolve()
 
 
 def _ask_turbine(guide: "_Guide") -> str:
-    """Ask for the turbine."""
+    """Prompt for the turbine."""
     from windsysid.turbine.file import packaged_turbines
 
     if not guide.yes:
@@ -78,7 +87,7 @@ class _Guide(NamedTuple):
     def ask(
         self, question: str, parse: Callable[[str], Any], *, default: str | None = None, offered: str | None = None
     ) -> Any:
-        """The answer as `parse` makes it, asked again where that refuses.
+        """The answer as `parse` makes it, prompted again if that refuses.
 
         Parameters
         ----------
@@ -106,7 +115,7 @@ class _Guide(NamedTuple):
 
 
 def _write_mapping(record: Path, turbine: str, guide: _Guide) -> Path | None:
-    """Write the mapping that a record needs, with the units that were asked for; None where it needs none."""
+    """Write the mapping that a record needs, with the units that were requested; None where it needs none."""
     from windsysid.inspection.proposal import propose_mapping
 
     with show_progress("start") as progress:
@@ -125,13 +134,13 @@ def _write_mapping(record: Path, turbine: str, guide: _Guide) -> Path | None:
 
 
 def _asks(found: "MappingProposal", known: list[str]) -> bool:
-    """Whether a record needs a mapping, or no channel has a name that the turbine knows."""
+    """Test whether a record needs a mapping, or the turbine knows none of its channels."""
     heard = not known or any((guess.name or guess.written) in known for guess in found.guesses)
     return not found.optional and not (found.timed and heard and not any(map(_needs_line, found.guesses)))
 
 
 def _needs_line(guess: "Guess") -> bool:
-    """Whether a mapping has to say the name or unit of a channel."""
+    """Test whether a mapping has to give the name or unit of a channel."""
     return not guess.is_said or guess.name not in (None, guess.written)
 
 
@@ -148,7 +157,7 @@ def _write_once(name: str, content: bytes) -> Path:
 
 
 def _holds(path: Path, content: bytes) -> bool:
-    """Whether a path is a file with this content."""
+    """Test whether a path is a file with this content."""
     return path.is_file() and path.read_bytes() == content
 
 
@@ -255,6 +264,6 @@ def _two_numbers(text: str) -> list[str]:
 
 
 def _has_display() -> bool:
-    """Whether a browser can be shown to somebody who sits at a terminal."""
+    """Test whether a browser can be shown to a user at a terminal."""
     shown = sys.platform in ("darwin", "win32") or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
     return shown and sys.stdout.isatty()

@@ -21,10 +21,13 @@ PERIODS, SAMPLES_PER_PERIOD = 90.0, 10.0
 @app.command()
 def warm(
     portable: Annotated[
-        bool, typer.Option("--portable", metavar="", help="For any recent processor of this kind, not for this one.")
+        bool,
+        typer.Option(
+            "--portable", metavar="", help="Compile for any recent processor of this kind, not only for this one."
+        ),
     ] = False,
 ) -> None:
-    """Compile now what other commands would compile when they are first used: for images, clusters, wheels."""
+    """Compile in advance all that commands compile at first use: for images, clusters, wheels."""
     from windsysid.kernels.cache import cache_folder, compile_anew
 
     compile_anew(portable=portable)

@@ -31,7 +31,7 @@ __all__ = ["LANES", "Bank", "BankScores", "bank_of", "run_bank"]
 
 
 class Bank(NamedTuple):
-    """Filters of one structure, and what they believe.
+    """Filters of one structure, and their beliefs.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ class Bank(NamedTuple):
 
 
 class BankScores(NamedTuple):
-    """What came out of T samples of m readings for each filter.
+    """Results of T samples of m readings for each filter.
 
     Attributes
     ----------
@@ -77,7 +77,7 @@ class BankScores(NamedTuple):
         Of the log-likelihood to each change of the readings (c, filters).
     responses
         By how much `whitened` of the first filters changes with each change (T, m, c, LANES); empty where they were not
-        asked for.
+        requested.
     """
 
     whitened: Array

@@ -96,7 +96,7 @@ def _run(
 
 @uncounted
 def any_reading(reading: Any) -> bool:
-    """Whether a sample has readings: between those that steps of the equations share, most have none."""
+    """Test whether a sample has readings: between those that steps of the equations share, most have none."""
     count = 0
     for c in range(reading.shape[0]):
         count += not np.isnan(reading[c])
@@ -289,7 +289,7 @@ def predict_covariance(lanes: Any, ws: Any, s: int) -> None:
 
 @uncounted
 def expect_readings(reading_jacobian: Any, lanes: Any, ws: Any, mean: Any, inputs: Any) -> None:
-    """What the sensors should read, in ``ws.y``, and its derivatives to the whole state, in ``ws.H``."""
+    """Predicted readings, in ``ws.y``, and their derivatives to the whole state, in ``ws.H``."""
     nx, nz, _, nu, nw = lanes.sizes
     n, m, moving = mean.shape[0], lanes.noise.shape[0], nx + nz
     turn_load_output(lanes, inputs, ws.H1)
@@ -320,7 +320,7 @@ def expect_readings(reading_jacobian: Any, lanes: Any, ws: Any, mean: Any, input
 
 @uncounted
 def expect_changes(ws: Any, tangents: Any, reading: Any, change: Any) -> None:
-    """Changes of the readings minus what is predicted of them, in ``ws.late``: dy − H dm − E dw."""
+    """Changes of the readings minus their prediction, in ``ws.late``: dy − H dm − E dw."""
     n, m, nw, count = tangents.shape[1], ws.H.shape[0], ws.E.shape[1], tangents.shape[0]
     loads = nw if change.shape[0] > m else 0
     for t in range(tangents.shape[0]):

@@ -1,9 +1,8 @@
-"""Beliefs on disk: a filter that stops and goes on from a file computes, bit for bit, what it would have without
-stopping.
+"""Beliefs on disk: a filter that resumes from a file computes the same, bit for bit, as without a stop.
 
 A NumPy archive (.npz) holds the four fields of the belief as they are in memory, the names of the model's states, and a
-mark that says what it is. It is written beside its place and moved there whole, so that an interruption leaves the last
-one.
+mark that says what it is. It is written next to its place and moved there whole, so that an interruption leaves the
+last one.
 """
 
 import zipfile
@@ -24,21 +23,38 @@ _KIND = "expected a file written by save_belief, got one that is damaged or of a
 
 
 def save_belief(path: str | Path, model: StateSpace, belief: Belief, *, overwrite: bool = False) -> None:
-    """Write what a filter of `model` believes to the file `path`; a folder that is missing is made.
+    """Save the belief of a filter of `model` to a file.
 
     Parameters
     ----------
-    path
-        Of the file.
-    model, belief
-        The model, and what a filter believes of its states.
-    overwrite
-        Replace a file that is there.
+    path : str or Path
+        File to write; a missing folder is made.
+    model : StateSpace
+        Model of the belief.
+    belief : Belief
+        State of a Gaussian filter.
+    overwrite : bool, default False
+        Replace an existing file.
 
     Raises
     ------
     OutputError
-        If the file is there already and `overwrite` is off, or it cannot be written.
+        If the file exists and `overwrite` is False, or it cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import sympy as sp
+    >>> import windsysid as ws
+    >>> q, v, w, k = sp.symbols("q v w k")
+    >>> spring = ws.models.Equations("spring", (q, v), (), (k,), (w,), (v, w - 0.2 * v - k * q))
+    >>> sensor = ws.models.Reading("position", q, noise=0.01)
+    >>> model = ws.models.compose(spring, rate=20.0, values={"k": 4.0}, sensors=[sensor])
+    >>> path = Path(tempfile.mkdtemp()) / "belief.npz"
+    >>> ws.filters.save_belief(path, model, ws.filters.EKF.init(model))
+    >>> path.exists()
+    True
     """
     states = np.array(model.states, dtype=np.str_)
     with claim_file(path, overwrite=overwrite) as write:
@@ -46,24 +62,39 @@ def save_belief(path: str | Path, model: StateSpace, belief: Belief, *, overwrit
 
 
 def load_belief(path: str | Path, model: StateSpace) -> Belief:
-    """Read what `save_belief` wrote for a model of the same states and inputs.
+    """Load the belief of a filter that `save_belief` wrote, for a model of the same states and inputs.
 
     Parameters
     ----------
-    path
-        Of the file.
-    model
-        The model that the belief is of.
+    path : str or Path
+        File to read.
+    model : StateSpace
+        Model of the belief.
 
     Returns
     -------
     Belief
-        As it was saved: the filter goes on from it.
+        As it was saved: the filter continues from it.
 
     Raises
     ------
     ConfigurationError
         If the file is missing, damaged, not a checkpoint, or of another model.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import sympy as sp
+    >>> import windsysid as ws
+    >>> q, v, w, k = sp.symbols("q v w k")
+    >>> spring = ws.models.Equations("spring", (q, v), (), (k,), (w,), (v, w - 0.2 * v - k * q))
+    >>> sensor = ws.models.Reading("position", q, noise=0.01)
+    >>> model = ws.models.compose(spring, rate=20.0, values={"k": 4.0}, sensors=[sensor])
+    >>> path = Path(tempfile.mkdtemp()) / "belief.npz"
+    >>> ws.filters.save_belief(path, model, ws.filters.EKF.init(model))
+    >>> ws.filters.load_belief(path, model).mean.tolist()
+    [0.0, 0.0]
     """
     path = Path(path)
     try:

@@ -1,4 +1,4 @@
-"""What Gaussian filters share: the belief, the information that comes out of a step, the protocol, and the scalar
+"""Shared parts of Gaussian filters: the belief, the information of a step, the protocol, and the scalar
 update.
 
 A measurement of m readings with independent noise is taken in one reading at a time, which needs no matrix to be
@@ -33,7 +33,7 @@ ARGUMENTS = (
     _vector, _matrix, _vector, _matrix, _matrix, types.boolean, types.boolean,
     _cube, _matrix, _matrix, _matrix, _matrix, _matrix, _matrix, _vector, types.boolean[:, ::1],
 )  # fmt: skip
-"""Numba's types of what every filter's kernel takes after the model.
+"""Numba's types of the arguments of every filter's kernel after the model.
 
 Mean and covariance, which it moves in place; the inputs at their own time; inputs and readings of T samples; whether
 the mean has been moved to a sample's time before, and whether it moves now; the covariances to be kept (T or 0, n, n);
@@ -80,7 +80,7 @@ def assimilate_sample(ws: Any, blocks: Any, readings: Any, gated: Any, whitened:
 
 @pasted
 def keep(mean: Any, cov: Any, k: int, means: Any, stds: Any, covs: Any) -> None:
-    """Make the covariance symmetric to the last digit and keep what sample `k` has ended with."""
+    """Make the covariance symmetric to the last digit and store the result of sample `k`."""
     n = means.shape[1]
     for i in range(n):
         for j in range(i):

@@ -1,7 +1,7 @@
 """The iterated extended Kalman filter: where readings bend, the update finds the most probable state and linearises
 there.
 
-A sample's readings y = h(x) + noise and the prediction m⁻, P⁻ ask for the minimum of
+A sample's readings y = h(x) + noise and the prediction m⁻, P⁻ define the minimum of
 
     J(x) = ½ (x − m⁻)ᵀ P⁻⁻¹ (x − m⁻) + ½ Σ_c (y_c − h_c(x))² / r_c.
 
@@ -56,7 +56,7 @@ STEP_TOLERANCE_SIGMAS = 0.01
 """Length of a step, in standard deviations of the state after the update, below which it is the last."""
 
 MAX_HALVINGS = 5
-"""How often a step that makes J grow is halved before the state stays where it is."""
+"""Greatest number of times that a step which increases J is halved before the state is kept."""
 
 
 def _kernel(model: StateSpace) -> Callable[..., None]:
@@ -178,7 +178,7 @@ def _linearise(reading_jacobian: Any, blocks: Any, ws: Any, inputs: Any) -> None
 
 @uncounted
 def _bends(reading_jacobian: Any, blocks: Any, ws: Any, steps: Any, inputs: Any, readings: Any, gated: Any) -> bool:
-    """Whether a reading is off its linearisation at the prediction, where the first step ends."""
+    """Test whether a reading differs from its linearisation at the prediction, where the first step ends."""
     at, line, rows = ws.about, steps.weight, steps.H.size // LANES
     _gauss_newton(ws, steps, blocks, readings, gated)
     for c in range(readings.size):

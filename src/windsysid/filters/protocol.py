@@ -20,18 +20,18 @@ __all__ = ["Belief", "Filter", "Info", "compare", "empty_info"]
 
 
 class Belief(NamedTuple):
-    """What a Gaussian filter knows between two samples: all that is needed to go on.
+    """State of a Gaussian filter between two samples, from which it continues.
 
     Attributes
     ----------
     mean
-        (n,).
+        Mean of the states (n,).
     cov
-        (n, n).
+        Covariance of the states (n, n).
     inputs
         Inputs at the belief's own time (n_u + n_w,).
     samples
-        How many sample times it has reached; 0 for the prior, which the first sample finds where it is.
+        Number of samples so far; 0 for the prior, which holds at the first sample.
     """
 
     mean: Array
@@ -41,22 +41,22 @@ class Belief(NamedTuple):
 
 
 class Info(NamedTuple):
-    """What came out of T samples.
+    """Output of a filter for T samples: states, innovations, likelihood.
 
     Attributes
     ----------
     mean, std
         Mean and standard deviation of the state after each sample (T, n).
     innovation, innovation_std
-        Reading minus its expectation, and the standard deviation it should have (T, m), both before anything of the
-        sample is taken in; NaN where the reading is missing.
+        Reading minus its prediction, and the predicted standard deviation of that (T, m), both before any reading of
+        the sample is used; NaN where the reading is missing.
     whitened
-        Innovations decorrelated and scaled to unit variance (T, m); NaN where missing or gated.
+        Standardised innovations: decorrelated, with unit variance (T, m); NaN where missing or gated.
     whitening_std
-        What they were divided by (T, m): the standard deviation of a reading given the past and the readings before it
-        in the same sample.
+        Their divisors (T, m): the standard deviation of a reading given the past and the readings before it in the same
+        sample.
     log_likelihood
-        Log density of the readings of each sample given the past (T,), those gated left out.
+        Log density of the readings of each sample given the past (T,), without those gated.
     gated
         Readings left out because the innovation was beyond the model's gate (T, m), as bool.
     """
@@ -72,7 +72,7 @@ class Info(NamedTuple):
 
 
 def empty_info(samples: int, n: int, m: int) -> Info:
-    """Room for what comes out of T samples of m readings and n states; nothing gated."""
+    """Workspace for the results of T samples of m readings and n states; nothing gated."""
     state, reading = (samples, n), (samples, m)
     return Info(
         np.empty(state), np.empty(state), np.empty(reading), np.empty(reading), np.empty(reading), np.empty(reading),
@@ -94,16 +94,40 @@ def checked_samples(model: StateSpace, inputs: Array, readings: Array) -> tuple[
 
 @dataclass(frozen=True)
 class Filter:
-    """The filter protocol: pure functions; a new belief and its `Info` come out, nothing is changed in place.
+    """Gaussian filter as pure functions: each returns a new belief and its `Info`, and changes nothing in place.
 
     `step` is `predict` and `update`, and `run` is `step` over T samples: batch, stream and restart agree bit for bit.
 
     Attributes
     ----------
     name
-        In words.
+        Name in words.
     kernel
         For a model, the compiled filter: a function of `ARGUMENTS`.
+
+    References
+    ----------
+    - Särkkä & Svensson, Bayesian Filtering and Smoothing, 2nd ed., Cambridge 2023, ch. 7 (`EKF`, `IEKF`) and 8 (`UKF`).
+    - Bell & Cathey, IEEE Trans. Automatic Control 38(2), 1993, doi:10.1109/9.250476 (`IEKF`).
+    - Julier & Uhlmann, Proc. IEEE 92(3), 2004, doi:10.1109/JPROC.2003.823141 (`UKF`).
+    - van der Merwe & Wan, ICASSP 2001, doi:10.1109/ICASSP.2001.940586 (`UKF` in square-root form).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import sympy as sp
+    >>> import windsysid as ws
+    >>> q, v, w, k = sp.symbols("q v w k")
+    >>> spring = ws.models.Equations("spring", (q, v), (), (k,), (w,), (v, w - 0.2 * v - k * q))
+    >>> stiffness, sensor = ws.models.Parameter("k", 3.0, 0.5), ws.models.Reading("position", q, noise=0.01)
+    >>> model = ws.models.compose(
+    ...     spring, rate=20.0, values={}, parameters=[stiffness], cov=np.eye(2), sensors=[sensor]
+    ... )
+    >>> time = 0.05 * np.arange(400)
+    >>> readings = (np.exp(-0.1 * time) * np.cos(2.0 * time))[:, None]  # released at q = 1 m with k = 4 N/m
+    >>> belief, info = ws.filters.EKF.run(model, ws.filters.EKF.init(model), np.zeros((400, 1)), readings)
+    >>> round(float(stiffness.physical(belief.mean[-1])), 2), info.mean.shape
+    (4.01, (400, 3))
     """
 
     name: str

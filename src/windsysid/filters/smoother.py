@@ -44,14 +44,14 @@ CHUNK = 2048
 
 
 class Smoothed(NamedTuple):
-    """The state at each sample given all readings.
+    """Smoothed state at each sample, given all readings.
 
     Attributes
     ----------
     mean, std
-        (T, n).
+        Mean and standard deviation (T, n).
     info
-        What came out of the filter on the way (`windsysid.filters.Info`).
+        Output of the filter (`windsysid.filters.Info`).
     """
 
     mean: Array
@@ -60,30 +60,55 @@ class Smoothed(NamedTuple):
 
 
 def smooth(model: StateSpace, inputs: Array, readings: Array, filter_: Filter = EKF) -> Smoothed:
-    """Smooth a record, motion, loads, biases and parameters together.
+    """Smooth a record: states, loads, biases and parameters at each sample, given all readings.
 
     Memory is that of the result, 4 n + 4 m numbers per sample, and 2048 + T/2048 covariances: the filter runs forward
-    twice, the second time in chunks from the beliefs that it had at their beginnings.
+    twice, the second time in chunks from the beliefs at their beginnings.
 
     Parameters
     ----------
-    inputs
+    model : StateSpace
+        Model of n states and m readings.
+    inputs : ndarray
         Known inputs and known loads at each sample (T, n_u + n_w).
-    readings
-        (T, m); NaN = missing.
-    filter_
-        Runs forward. Back, the `UKF` takes sigma points through the transition and every other filter its exact
-        Jacobian.
+    readings : ndarray
+        Readings (T, m); NaN = missing.
+    filter_ : Filter, default EKF
+        Forward filter. The backward pass of the `UKF` takes sigma points through the transition, that of every other
+        filter its exact Jacobian.
 
     Returns
     -------
     Smoothed
-        The state and its standard deviation at each sample (T, n), and what the filter said on the way.
+        The state and its standard deviation at each sample (T, n), and the output of the filter.
 
     Raises
     ------
     ValueError
         If a shape does not fit the model.
+
+    References
+    ----------
+    - Rauch, Tung & Striebel, AIAA Journal 3(8), 1965, doi:10.2514/3.3166.
+    - Särkkä, IEEE Trans. Automatic Control 53(3), 2008, doi:10.1109/TAC.2008.919531 (unscented).
+    - Särkkä & Svensson, Bayesian Filtering and Smoothing, 2nd ed., Cambridge 2023, ch. 12–14.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import sympy as sp
+    >>> import windsysid as ws
+    >>> q, v, w, k = sp.symbols("q v w k")
+    >>> spring = ws.models.Equations("spring", (q, v), (), (k,), (w,), (v, w - 0.2 * v - k * q))
+    >>> stiffness, sensor = ws.models.Parameter("k", 3.0, 0.5), ws.models.Reading("position", q, noise=0.01)
+    >>> model = ws.models.compose(
+    ...     spring, rate=20.0, values={}, parameters=[stiffness], cov=np.eye(2), sensors=[sensor]
+    ... )
+    >>> time = 0.05 * np.arange(400)
+    >>> readings = (np.exp(-0.1 * time) * np.cos(2.0 * time))[:, None]  # released at q = 1 m with k = 4 N/m
+    >>> smoothed = ws.filters.smooth(model, np.zeros((400, 1)), readings)
+    >>> smoothed.mean[0, :2].round(1).tolist(), smoothed.std.shape
+    ([1.0, -0.1], (400, 3))
     """
     inputs = np.ascontiguousarray(inputs, dtype=np.float64)
     readings = np.ascontiguousarray(readings, dtype=np.float64)
@@ -178,7 +203,7 @@ def _unscented(
 def _linearised_transition(
     rates_jacobian: Any, blocks: Any, ws: Any, points: Any, mean: Any, rows: Any, before: Any, after: Any
 ) -> None:
-    """What `spread_transition` does, with exact Jacobians: [F S | Γ √Q | V | √walk] into the first n of `rows`."""
+    """Transition as by `spread_transition`, with exact Jacobians: [F S | Γ √Q | V | √walk] into `rows` 1 … n."""
     nx, nz, nb, nt, _, _ = blocks.sizes
     n, rest, rough = nx + nz + nb + nt, nx + nz, blocks.load_within.shape[2]
     s = interval(blocks, after)

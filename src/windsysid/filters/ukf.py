@@ -15,8 +15,8 @@ plain sum of squares.
 predict: the load noise η reaches the motion inside the step, and not linearly, so points are drawn in (state, η, ξ);
 biases and parameters, which stay or walk, and load states, which are linear, are moved exactly. The root of the sum is
 found by QR. update: points are drawn anew. The d_j are a linear reading of the n unit normals behind S, and Σ g_j g_jᵀ
-/ c² is noise beside the sensors': with both the linear update is the unscented one. Decorrelated, the readings are
-taken in one by one by Carlson's update, which unlike rank-one downdates cannot fail.
+/ c² is noise in addition to the sensors': with both the linear update is the unscented one. Decorrelated, the readings
+are taken in one by one by Carlson's update, which unlike rank-one downdates cannot fail.
 
 A belief carries the covariance, and every step begins with its Cholesky root: so step, run and restart agree bit for
 bit.

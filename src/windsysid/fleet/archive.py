@@ -34,14 +34,14 @@ __all__ = [
 ]  # fmt: skip
 
 FORM = b"windsysid archive 1\n"
-"""What every digest begins with: the form of the files."""
+"""First entry of every digest: the format of the files."""
 
 DIGEST_BYTES = 32
 TAIL_BYTES = 8
 """Behind the footer of a Parquet file: the footer's length, and four letters."""
 
 UNDATED = "undated"
-"""How the day of a record begins whose day is not known."""
+"""Prefix of the day of a record whose day is not known."""
 _DATE = re.compile(r"(?<!\d)(20\d\d)[-_.]?([01]\d)[-_.]?([0-3]\d)(?!\d{3})")
 
 
@@ -59,12 +59,12 @@ class Known(NamedTuple):
 
 
 def is_archive(folder: str | Path) -> bool:
-    """Whether a folder is an archive."""
+    """Test whether a folder is an archive."""
     return any(path.is_dir() for path in Path(folder).glob("turbine=*"))
 
 
 def has_records_of(archive: Path, folder: str) -> bool:
-    """Whether the first records of an archive are below a folder, which may be in an object store."""
+    """Test whether the first records of an archive are below a folder, which may be in an object store."""
     first = next((path for turbine in turbines_of(archive) for _, path in files_of(archive, turbine)), None)
     sources = [] if first is None else [row["source"] for row in rows_in(first, ["source"])]
     home = folder if is_remote(folder) else str(Path(folder).resolve() / "_").removesuffix("_")
@@ -168,7 +168,7 @@ def turbines_of(archive: str | Path) -> tuple[str, ...]:
 
 
 def known_sources(archive: Path, turbine: str) -> dict[str, Known]:
-    """What an archive has of a turbine, by the path of the record's file."""
+    """Rows of a turbine in an archive, by the path of the record's file."""
     columns = ["source", "source_bytes", "status", "tries", "settings", "time", "duration"]
     found: dict[str, Known] = {}
     for day, path in files_of(archive, turbine):
@@ -197,10 +197,10 @@ def _table_of(path: Path, columns: Sequence[str] | None = None) -> Any:
     try:
         content = path.read_bytes()
     except OSError as error:
-        raise ConfigurationError(f"{path}: cannot be read ({error.strerror}): look at the disk") from None
+        raise ConfigurationError(f"{path}: cannot be read ({error.strerror}): check the disk") from None
     if not _is_sealed(content):
         raise ConfigurationError(
-            f"{path}: is damaged, or not of windsysid batch: move it away, and batch takes its records again"
+            f"{path}: is damaged, or not written by windsysid batch: move it away and repeat the command"
         )
     with pq.ParquetFile(io.BytesIO(content)) as file:
         found = file.read(columns=columns)
@@ -214,14 +214,14 @@ def _sealed(content: bytes) -> bytes:
 
 
 def _is_sealed(content: bytes) -> bool:
-    """Whether a file has the bytes that were written."""
+    """Test whether a file has the bytes that were written."""
     at = _footer(content)
     digest, before = content[at - DIGEST_BYTES : at], content[: at - DIGEST_BYTES]
     return at > DIGEST_BYTES and digest == hashlib.sha256(FORM + before + content[at:]).digest()
 
 
 def _footer(content: bytes) -> int:
-    """Where the footer of a Parquet file begins; negative where it cannot."""
+    """Position of the footer of a Parquet file; negative if there cannot be one."""
     return len(content) - TAIL_BYTES - int.from_bytes(content[-TAIL_BYTES:-4], "little")
 
 

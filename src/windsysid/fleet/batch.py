@@ -39,7 +39,7 @@ FORMULATIONS = ("spectral", "joint", "auto")
 _LOOKS_PER_REPORT = 20
 
 LOOKS_A_WORKER = 50
-"""Records whose begin is asked for that are worth another worker's start."""
+"""Records whose begin is requested that are worth another worker's start."""
 
 REASONS = 3
 """Reasons for no result that the answer lists."""
@@ -47,24 +47,24 @@ REASONS = 3
 
 @dataclass(frozen=True)
 class Batch:
-    """What a run added to an archive.
+    """Result of `windsysid.batch`: numbers of records that were added to an archive.
 
     Attributes
     ----------
     archive
-        Its folder.
+        Folder of the archive.
     taken
-        How many records were ``ok``, ``refused`` or ``failed`` in this run.
+        Number of records that were ``ok``, ``refused`` or ``failed`` in this run.
     known
-        Records that the archive had already.
+        Number of records that the archive had already.
     unmatched
-        Files that fit no turbine's pattern.
+        Number of files that fit no turbine's pattern.
     joined
-        Records that the archive had already and that now have what SCADA says of them.
+        Number of records that the archive had already and that were now joined with SCADA data.
     notes
-        Why records have no result, and what is not there yet.
+        Reasons of records without a result, and missing files.
     seconds
-        How long the run took [s].
+        Duration of the run [s].
     """
 
     archive: Path
@@ -103,46 +103,63 @@ def batch(
     limit: float = LIMIT_SECONDS,
     progress: Progress = unheard,
 ) -> Batch:
-    """Identify every record of some folders and keep one row for each in an archive (docs/fleet.md).
+    """Identify every record in folders and append one row for each to an archive.
 
-    A record that cannot be identified is a row that says why. What the archive has already is not taken again; an
-    interrupted run goes on where it was.
+    A record that cannot be identified gives a row with the reason. Records that the archive has are skipped, so that an
+    interrupted run can be continued (docs/fleet.md).
 
     Parameters
     ----------
-    sources
-        Files, folders (with all below them) and patterns such as ``"data/2026-*/*.parquet"``; or such addresses in an
-        object store, ``"s3://bucket/data"`` (`windsysid.fleet.remote`).
-    archive
-        Folder of the archive: made where it is missing, added to where it is there.
-    turbine
-        A packaged turbine or the path of a TOML file, where all records are of one.
-    fleet
-        Path of a fleet file, where they are of several (`windsysid.fleet.members`).
-    mapping, sensors, scada, scada_mapping
-        Paths of files of the one turbine; those of several are named in the fleet file.
-    formulation
-        As of `windsysid.identify`. Spectra by default: they are the cheap ones, and refuse what is not stationary.
-    workers
+    sources : str, Path, or iterable of these
+        Files, folders (with all below them) and patterns such as ``"data/2026-*/*.parquet"``; or addresses in an object
+        store, ``"s3://bucket/data"`` (`windsysid.fleet.remote`).
+    archive : str or Path
+        Folder of the archive; made if it is missing.
+    turbine : str or Path, optional
+        Packaged turbine or path of a TOML file, if all records are of one turbine.
+    fleet : str or Path, optional
+        Fleet file, if they are of several turbines (`windsysid.fleet.members`).
+    mapping, sensors, scada, scada_mapping : str or Path, optional
+        Files of the one turbine; those of several turbines are named in the fleet file.
+    formulation : str, default "spectral"
+        As in `windsysid.identify`. The spectral formulation is the fastest, and refuses records that are not
+        stationary.
+    workers : int, optional
         Processes on this machine; one for each processor by default.
-    scheduler
-        Address of a Dask scheduler whose workers take the records instead.
-    limit
-        Time [s] that a record may take; its worker is then ended, and the row says so.
-    progress
-        Told what is being done and its share that is done, 0 to 1; None where nobody knows.
+    scheduler : str, optional
+        Address of a Dask scheduler whose workers are used instead.
+    limit : float, default 600
+        Time limit for one record [s]; its worker is then ended, and the row gives this as the reason.
+    progress : callable, optional
+        Called with the present step and the share that is done, 0 to 1, or None if that is unknown.
 
     Returns
     -------
     Batch
-        What was taken, what was known already, and why records have no result.
+        Numbers of new and known records, and the reasons of those without a result.
 
     Raises
     ------
     ConfigurationError
-        If an option or a file of a turbine is wrong, nothing is found, or the archive was made with other settings.
+        If an option or a file of a turbine is wrong, no record is found, or the archive was made with other settings.
     OutputError
-        If the archive cannot be written: what was filed stays, and the same call goes on.
+        If the archive cannot be written; finished rows are kept, and the same call continues.
+
+    See Also
+    --------
+    identify : One record.
+    monitor : Drifts and jumps over many records.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import windsysid as ws
+    >>> folder = Path(tempfile.mkdtemp())
+    >>> ws.write_record(ws.simulate("tower", duration=600.0, rate=5.0), folder / "records" / "first.csv")
+    >>> done = ws.batch(folder / "records", archive=folder / "archive", turbine="tower", workers=1)
+    >>> done.taken, done.known
+    ({'ok': 1}, 0)
     """
     _check_options(turbine, fleet, formulation, workers, limit)
     members = _members(turbine, fleet, mapping=mapping, sensors=sensors, scada=scada, scada_mapping=scada_mapping)
@@ -203,7 +220,7 @@ def _members(
     if fleet is None:
         return (single(str(turbine), **files),)
     if any(files.values()):
-        raise ConfigurationError("batch: with a fleet file, mapping, sensors and SCADA are named in it")
+        raise ConfigurationError("batch: a fleet file names mapping, sensors and SCADA itself: leave them out")
     return read_fleet(fleet)
 
 
@@ -242,7 +259,7 @@ def _identify(
 
 
 class _Counted:
-    """Counts records as they come, and says how fast they come."""
+    """Counter of records, with their rate."""
 
     def __init__(self, total: int, progress: Progress) -> None:
         self.total, self.progress, self.taken, self.whys = total, progress, Counter[str](), Counter[tuple[str, str]]()
@@ -342,7 +359,7 @@ def _day_and_tries(path: str, row: Known | None, begins: Mapping[str, str | None
 
 
 def _unknown(path: str, known: dict[str, Known]) -> bool:
-    """Whether a record has to be opened to know its day: a remote one with a date in its name is not copied twice."""
+    """Test whether a record has to be opened for its day: a remote one with a date in its name is not copied twice."""
     return path not in known and not (is_remote(path) and not day_of(None, path).startswith(UNDATED))
 
 

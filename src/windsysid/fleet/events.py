@@ -3,8 +3,8 @@
 An alarm whose jump has zero in its band, once its date is known, is left out, unless a jump that has not takes it back;
 the watch of the turbine lists it.
 A jump that happens while a sensor of the turbine fails is put down to that.
-A jump that half of the sisters have on the same date is the season's, the site's or the software's, and no turbine's.
-What falls in the cold and comes back, at once or in steps, is named as ice.
+A jump that half of the turbines of the type have on the same date is the season's, the site's or the software's, and no
+turbine's. What falls in the cold and comes back, at once or in steps, is named as ice.
 A jump with which noise or trust changed is the sensor's
 (docs/monitor.md).
 """
@@ -28,10 +28,10 @@ from windsysid.monitoring.watch import NOISE, SENSOR
 __all__ = ["FleetEvent", "events_of"]
 
 SHARED_DAYS = 7.0
-"""Jumps of sisters within so many days of each other belong together."""
+"""Jumps of turbines of the type within so many days of each other belong together."""
 
 MIN_SHARED = 3
-"""Sisters that must have a jump for it to be the site's, and half of them."""
+"""Turbines of the type that must have a jump for it to be the site's, and half of them."""
 
 STEP_DAYS = 2.0
 """Jumps of a coefficient in one direction, at most so many days apart, are one.
@@ -43,7 +43,7 @@ SIDE_DAYS = 3.0
 """Days before and after jumps whose blocks tell the level: when the alarm went, what grows had not grown."""
 
 RETURN_DAYS = 60.0
-"""What falls and comes back within so many days came and went."""
+"""Greatest number of days after which a drop that recovers counts as temporary."""
 
 RETURN_MAX_REST = 0.5
 """Share of a fall that may be left after it came back."""
@@ -93,7 +93,7 @@ class _Jump:
         return _epoch(self.watch) + self.change.time
 
     def is_alike(self, other: "_Jump") -> bool:
-        """Whether two jumps are of one coefficient, in one direction, about the same date."""
+        """Test whether two jumps are of one coefficient, in one direction, about the same date."""
         one, another = self.change, other.change
         same = one.name == another.name and one.percent * another.percent > 0.0
         return same and abs(self.seconds - other.seconds) <= SHARED_DAYS * DAY
@@ -103,7 +103,7 @@ def events_of(
     watches: Mapping[str, Watch], failing: Sequence[Failing], standings: Sequence[Standing],
     air: Mapping[str, tuple[Array, Array]],
 ) -> list[FleetEvent]:  # fmt: skip
-    """What stands out, the worst first, each thing once."""
+    """Findings, the worst first, each once."""
     jumps = [_Jump(name, one, change) for name, one in watches.items() for change in _told(one)]
     shared, single = _shared_jumps(jumps, len(watches))
     sensors, unexplained = _sensor_failures(single, failing)
@@ -137,7 +137,7 @@ def _sensor_failures(jumps: Sequence[_Jump], failing: Sequence[Failing]) -> tupl
     for one in failing:
         theirs = [jump for jump in jumps if jump.turbine == one.turbine and one.covers(jump.seconds)]
         explained.update(theirs)
-        more = f"; jumps found meanwhile, {len(theirs)}, are put down to it" if theirs else ""
+        more = f"; jumps found meanwhile, {len(theirs)}, are attributed to it" if theirs else ""
         events.append(FleetEvent(one.turbine, "shared" if one.shared else "sensor", one.told + more))
     return events, [jump for jump in jumps if jump not in explained]
 
@@ -167,7 +167,7 @@ def _taken_back_by(jump: _Jump, later: Sequence[_Jump]) -> list[_Jump]:
 
 
 def _told(one: Watch) -> list[DetectedJump]:
-    """Jumps that are told: those that are some, once it is known when they were, and what such a one takes back."""
+    """Reported jumps: significant ones, once their dates are known, and the recoveries that cancel one."""
     merged = _merged(one)
     told = []
     for i, change in enumerate(merged):
@@ -178,7 +178,7 @@ def _told(one: Watch) -> list[DetectedJump]:
 
 
 def _is_sure(change: DetectedJump) -> bool:
-    """Whether a jump's band holds nothing but jumps."""
+    """Test whether a jump's band contains only jumps."""
     return change.low > 0.0 or change.high < 0.0
 
 
@@ -239,7 +239,7 @@ def _steps_back(one: Watch, steps: Sequence[DetectedJump]) -> int:
 
 
 def _went(name: str, steps: Sequence[DetectedJump], one: Watch, seconds: Array, temperature: Array) -> FleetEvent:
-    """What came and went, in words."""
+    """Sentence on a temporary change."""
     levels = np.array(_levels(one, steps)[:-1])
     top = int(np.argmax(np.abs(levels)))
     first, reached, begins, last = steps[0], steps[top], steps[top + 1], steps[-1]
@@ -254,4 +254,4 @@ def _went(name: str, steps: Sequence[DetectedJump], one: Watch, seconds: Array, 
         return FleetEvent(name, "turbine", told)
     if mean > ICE_MAX_TEMPERATURE or levels[top] > 0.0:
         return FleetEvent(name, "turbine", f"{told}, at {round(mean)} °C when it {verbs[0]}")
-    return FleetEvent(name, "ice", f"{told}, at {round(mean)} °C when it fell: as ice on blades does")
+    return FleetEvent(name, "ice", f"{told}, at {round(mean)} °C when it fell, as with ice on blades")

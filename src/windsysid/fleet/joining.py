@@ -18,7 +18,7 @@ from windsysid.turbine.operation import operation
 __all__ = ["OTHER_CLOCK", "check_clocks", "join", "join_late", "read_scadas"]
 
 OTHER_CLOCK = "SCADA was not joined"
-"""How the note begins that says why a row is without."""
+"""Prefix of the note on a row without SCADA."""
 
 _READ = (
     "source", "start", "duration", "state", "speed_bin", "rotor_speed", "rotor_speed_min", "rotor_speed_max", "notes",
@@ -61,7 +61,7 @@ def check_clocks(name: str, scada: Scada, starts: Iterable[str]) -> None:
 
 
 def join(row: Row, scada: Scada, usual: float) -> Row:
-    """A row with what SCADA says of its record, and with the state that follows.
+    """A row with the SCADA of its record, and with the state that follows.
 
     Of a record that the file does not hold whole, what an earlier file said stays.
 
@@ -89,7 +89,7 @@ def join(row: Row, scada: Scada, usual: float) -> Row:
 
 
 def _operation(row: Row, usual: float) -> Row:
-    """How the rotor turned, by the record's own speed; where it has none, by the mean that SCADA says."""
+    """State of the rotor by the record's own speed, or by SCADA's mean if it has none."""
     if row["state"] is None:  # the record could not be looked at
         return {}
     power = row["scada_power"]

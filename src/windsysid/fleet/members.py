@@ -37,7 +37,7 @@ _FILES = ("mapping", "sensors", "scada", "scada_mapping")
 
 @dataclass(frozen=True)
 class Member:
-    """One turbine of a fleet, as workers are told of it: names and paths, no content.
+    """One turbine of a fleet, as passed to workers: names and paths, no content.
 
     Attributes
     ----------
@@ -66,11 +66,11 @@ class Member:
             )
 
     def has(self, path: Path) -> bool:
-        """Whether a file is a record of this turbine, by its path."""
+        """Test whether a file is a record of this turbine, by its path."""
         return not self.pattern or fnmatch.fnmatchcase(path.as_posix(), f"*/{self.pattern.lstrip('/')}")
 
     def settings(self, formulation: str) -> str:
-        """SHA-256 of what decides about its results beside the records: turbine, sensors, mapping, formulation.
+        """SHA-256 of all inputs other than the records: turbine, sensors, mapping, formulation.
 
         Raises
         ------

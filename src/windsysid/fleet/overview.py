@@ -1,8 +1,8 @@
 """Overview of all turbines of an archive: outliers, jumps, availability, failing sensors.
 
 Each turbine is watched by itself (`windsysid.monitoring.watch`), at a rate of false alarms that is stated for the whole
-page and shared out among the turbines. What then looks alike at half of the sisters on the same date is the site's or
-the season's, and no turbine's. What falls in the cold and comes back is named as ice.
+page and shared out among the turbines. What then looks alike at half of the turbines of the type on the same date is
+the site's or the season's, and no turbine's. What falls in the cold and comes back is named as ice.
 """
 
 import json
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 __all__ = ["Glance", "Overview", "oversee", "overview_of"]
 
 OUTLIER_CHANCE = 0.05
-"""That the page of a healthy fleet names an outlier among sisters: one page in twenty."""
+"""Probability of an outlier on the page of a healthy fleet: one page in twenty."""
 
 
 class Glance(NamedTuple):
@@ -91,7 +91,7 @@ class Overview(Answer):
     watches
         Of each turbine that could be watched.
     standings
-        Coefficients of turbines among their sisters.
+        Coefficients of turbines among their turbines of the type.
     failing
         Sensors that fail.
     events
@@ -125,12 +125,12 @@ class Overview(Answer):
 
     @property
     def size(self) -> str:
-        """How many turbines, in words."""
+        """Number of turbines, in words."""
         return f"{len(self.glances)} turbine{'s' * (len(self.glances) != 1)}"
 
     @property
     def sentences(self) -> list[str]:
-        """What stands out, a sentence each."""
+        """Findings, one sentence each."""
         if not self.events and not self.watches:
             return [f"no turbine is watched ({self.size}): too few records with a result"]
         if not self.events:
@@ -152,7 +152,7 @@ class Overview(Answer):
             ))  # fmt: skip
         headings = (
             "turbine", "stands out", "records", "identified", "least usable", "of the time", "states",
-            "off its sisters",
+            "off the turbines of its type",
         )  # fmt: skip
         return [Table(headings, rows, self.size, words=(0, 1, 4))]
 
@@ -197,7 +197,7 @@ def oversee(archive: str | Path, *, alarms_per_year: float = 0.1, progress: Prog
     alarms_per_year
         False alarms of jumps that are accepted in a year, all turbines together.
     progress
-        Told what is being done and its share that is done, 0 to 1; None where nobody knows.
+        Callback with the name of the step and its completed share, 0 to 1; None if unknown.
 
     Raises
     ------
@@ -215,7 +215,7 @@ def oversee(archive: str | Path, *, alarms_per_year: float = 0.1, progress: Prog
 def overview_of(
     tables: Mapping[str, Any], archive: Path, *, alarms_per_year: float, progress: Progress = unheard
 ) -> Overview:
-    """The same of rows by turbine that have been read."""
+    """Overview of rows by turbine that have been read."""
     notes: list[str] = []
     seconds = np.concatenate([seconds_of(table) for table in tables.values()])
     if not np.isfinite(seconds).any():
@@ -232,7 +232,7 @@ def overview_of(
     failing = failing_sensors({name: weeks_of(table) for name, table in tables.items()})
     standings = _standings(watches)
     if len(watches) < MIN_SISTERS:
-        notes.append(f"outliers among sisters are looked for from {MIN_SISTERS} turbines on")
+        notes.append(f"comparison within a turbine type needs at least {MIN_SISTERS} turbines")
     air = {name: (seconds_of(table), numbers(table, "scada_temperature")) for name, table in tables.items()}
     events = events_of(watches, failing, standings, air)
     return Overview(
@@ -288,7 +288,7 @@ def _kind_of(why: str) -> str:
 
 
 def _months(begin: float, end: float) -> dict[str, tuple[float, float]]:
-    """Months from begin to end, with what of them lies between [s since 1970]."""
+    """Months from begin to end, with the part of each in between [s since 1970]."""
     found: dict[str, tuple[float, float]] = {}
     at = datetime.fromtimestamp(begin, UTC)
     month = datetime(at.year, at.month, 1, tzinfo=UTC)

@@ -72,13 +72,13 @@ def _walk(folder: Path, archive: Path) -> list[str]:
 
 
 def _is_record(path: Path) -> bool:
-    """Whether a path may be a record: it is not hidden, and has the ending of a format."""
+    """Test whether a path may be a record: not hidden, with the ending of a format."""
     named = any(one.is_named(path) for one in FORMATS)
     return named and not path.name.startswith(".") and is_file_or_broken_link(path)
 
 
 def is_file_or_broken_link(path: Path) -> bool:
-    """Whether a path is a regular file or a broken link, and no folder, named pipe, socket or device."""
+    """Test whether a path is a regular file or a broken link, and no folder, named pipe, socket or device."""
     try:
         return stat.S_ISREG(os.stat(path).st_mode)
     except (OSError, ValueError):

@@ -22,12 +22,12 @@ __all__ = ["fetched", "is_remote", "list_remote", "size_of"]
 
 
 def is_remote(source: str | Path) -> bool:
-    """Whether a source is an address, and no path."""
+    """Test whether a source is an address, and no path."""
     return isinstance(source, str) and re.match(r"[a-z][a-z0-9+]+://", source) is not None
 
 
 def list_remote(source: str) -> list[str]:
-    """Addresses of the objects of a source: itself, all below it, or what fits it where it has * or ?.
+    """Addresses of the objects of a source: itself, all below it, or those that match its pattern of * or ?.
 
     ``*`` takes slashes too. Hidden ones and endings of no format are left out.
 
@@ -52,7 +52,7 @@ def list_remote(source: str) -> list[str]:
 
 
 def _is_record(path: PurePosixPath, folder: str) -> bool:
-    """Whether an object below a folder is not hidden and has the ending of a format."""
+    """Test whether an object below a folder is not hidden and has the ending of a format."""
     hidden = any(part.startswith(".") for part in path.relative_to(folder).parts)
     return not hidden and any(one.is_named(Path(path)) for one in FORMATS)
 

@@ -1,4 +1,4 @@
-"""A record as one row of an archive: what was found, or why nothing was.
+"""A record as one row of an archive: the result, or the reason why there is none.
 
 A row is a plain mapping with the keys of `COLUMNS`. What a record has several of (coefficients, modes, channels) is a
 list of mappings, so that all turbines have the same columns. A row holds nothing that differs when the same record is
@@ -22,6 +22,7 @@ from windsysid.mechanics.sensors import Sensor
 from windsysid.monitoring.own_information import without_prior
 from windsysid.records.moments import shift_moment
 from windsysid.records.record import Record
+from windsysid.results.estimate import IntervalEstimate
 from windsysid.results.identification import Identification
 from windsysid.results.provenance import record_hash
 from windsysid.statespace.parameter import Parameter
@@ -62,7 +63,7 @@ COLUMNS: dict[str, str | dict[str, str]] = {
     "formulation": TEXT, "method": TEXT, "section_start": NUMBER, "section_end": NUMBER, "log_likelihood": NUMBER,
     "windsysid": TEXT, "record_hash": TEXT, "settings": TEXT, "turbine_file": TEXT,
 }  # fmt: skip
-"""The columns of an archive, and what each holds; those with columns of their own are lists.
+"""The columns of an archive, with their content; those with columns of their own are lists.
 
 status
     ``ok``; ``refused``, where the record is not fit, `why` says for what; ``failed``, where something else went wrong.
@@ -78,7 +79,7 @@ covariance
     Lower triangle, row by row, of the parameters in filter coordinates, of the coordinates of the statistics, and of
     the tolerances in standard deviations of their priors.
 own, own_std
-    What the record itself says of a parameter, its prior taken out, in filter coordinates: what is monitored.
+    Information of the record itself on a parameter, without its prior, in filter coordinates: what is monitored.
 grade, frequency_grade, damping_ratio_grade
     Of the quantity (docs/grades.md): none in archives of an older version (`stored_grade`).
 reason
@@ -177,7 +178,7 @@ def _health(record: Record, turbine: Turbine, sensors: Sequence[Sensor] | None) 
 
 
 def _found(found: Identification) -> Row:
-    """What an identification found."""
+    """Row of an identification's result."""
     import tomli_w
 
     from windsysid.turbine.tables import as_tables
@@ -194,15 +195,8 @@ def _found(found: Identification) -> Row:
             for i, q in enumerate(found.parameters)
         ],
         "modes": [
-            {
-                "name": mode.name,
-                **dict(zip(("frequency", "frequency_low", "frequency_high"), mode.frequency_hz, strict=True)),
-                **dict(
-                    zip(("damping_ratio", "damping_ratio_low", "damping_ratio_high"), mode.damping_ratio, strict=True)
-                ),
-                **dict(zip(("frequency_grade", "damping_ratio_grade"), mode.grades, strict=True)),
-            }
-            for mode in found.modes
+            {"name": m.name, **_columns("frequency", m.frequency), **_columns("damping_ratio", m.damping_ratio)}
+            for m in found.modes
         ],
         "statistics": [asdict(statistic) for statistic in found.statistics],
         "covariance": cov[np.tril_indices(len(cov))].tolist(),
@@ -210,6 +204,10 @@ def _found(found: Identification) -> Row:
         "section_start": found.section[0], "section_end": found.section[1], "log_likelihood": found.log_likelihood,
         "turbine_file": "" if found.machine is None else tomli_w.dumps(as_tables(found.machine)),
     }  # fmt: skip
+
+
+def _columns(name: str, one: IntervalEstimate) -> Row:
+    return {name: one.estimate, f"{name}_low": one.low, f"{name}_high": one.high, f"{name}_grade": one.grade}
 
 
 def _parameter(found: Identification, q: Parameter, own: float, own_std: float) -> Row:

@@ -1,4 +1,4 @@
-"""SCADA statistics beside records: what the turbine's own computer said of the minutes of a record.
+"""SCADA statistics joined to records: values of the turbine's controller for the minutes of a record.
 
 A SCADA file is read as any record is (docs/records.md), with a mapping of its own where its columns have other names.
 A line counts from its time on, until the next usual one. A record has the mean of the lines that it overlaps, each by
@@ -27,7 +27,7 @@ SCADA_COLUMNS: dict[str, tuple[str, tuple[str, ...]]] = {
     "rotor_speed": ("rad/s", ("rotor_speed",)),
     "state": ("", ("turbine_state", "state")),
 }
-"""What is kept of SCADA: its unit (none is asked of a code), and the channels that may hold it."""
+"""Quantity of SCADA that is kept: its unit (none for a code), and the channels that may hold it."""
 
 CLOCKS_DIFFER = 86400.0
 """[s] that a local clock is off UTC at most, with time to spare."""
@@ -57,14 +57,14 @@ class Scada(NamedTuple):
     columns: dict[str, Array]
 
     def holds(self, start: datetime, seconds: float) -> bool:
-        """Whether its lines span `seconds` from `start` on, whatever is missing between."""
+        """Test whether its lines span `seconds` from `start` on, whatever is missing between."""
         low = (start - self.begin) / timedelta(seconds=1)
         return bool(self.time[0] <= low and low + seconds <= self.time[-1] + self.period)
 
     def is_near(self, start: datetime | None, seconds: float | None) -> bool:
-        """Whether `seconds` from `start` on, a date without a zone, may be of the time of its lines.
+        """Test whether `seconds` from `start` on, a date without a zone, may be in the time of its lines.
 
-        UTC where a zone is known: clocks of which nobody says it differ by less than `CLOCKS_DIFFER`.
+        UTC where a zone is known: clocks of unknown zone differ by less than `CLOCKS_DIFFER`.
         """
         if start is None or seconds is None:
             return False
@@ -75,7 +75,7 @@ class Scada(NamedTuple):
         return bool(self.time[0] - CLOCKS_DIFFER <= low + seconds and low <= last)
 
     def during(self, start: datetime, seconds: float) -> dict[str, float]:
-        """What is known of `seconds` from `start` on, by name; a name is left out where too little is known.
+        """Statistics of `seconds` from `start` on, by name; a name is left out if too little is known.
 
         Raises
         ------

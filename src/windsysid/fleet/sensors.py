@@ -18,7 +18,7 @@ FAILING_MIN_SHARE = 0.25
 """Share of a week's records with a finding from which a sensor is named."""
 
 SHARED_MIN_SHARE = 0.05
-"""Median share of its sisters, from which the site or the logger is named instead."""
+"""Median share of its turbines of the type, from which the site or the logger is named instead."""
 
 MIN_RECORDS = 12
 """Records of a week that are needed."""
@@ -47,7 +47,7 @@ class Failing(NamedTuple):
     first, last
         Days on which the first week begins and the last one ends.
     shared
-        Whether sisters have it too.
+        Whether turbines of the type have it too.
     """
 
     turbine: str
@@ -59,14 +59,18 @@ class Failing(NamedTuple):
     shared: bool
 
     def covers(self, seconds: float) -> bool:
-        """Whether a moment [s since 1970] is in these weeks, or in the one before or after."""
+        """Test whether a moment [s since 1970] is in these weeks, or in the one before or after."""
         low, high = (datetime.fromisoformat(day).replace(tzinfo=UTC).timestamp() for day in (self.first, self.last))
         return low - WEEK <= seconds <= high + WEEK
 
     @property
     def told(self) -> str:
         """The sentence."""
-        who = "its sisters have it too: look at the site and the loggers" if self.shared else "check the sensor"
+        who = (
+            "other turbines of its type have it too: check the site and the loggers"
+            if self.shared
+            else "check the sensor"
+        )
         return f"{self.channel}: {self.kind} in {100 * self.share:.0f} % of records, {self.first} … {self.last}: {who}"
 
 
@@ -108,7 +112,7 @@ def failing_sensors(weeks: Mapping[str, Weeks]) -> list[Failing]:
 
 
 def _is_shared(sisters: Sequence[Weeks], channel: str, numbers: NDArray[np.int64]) -> bool:
-    """Whether the sisters' channel has findings in these weeks too."""
+    """True if this channel of the other turbines of the type has findings in these weeks, too."""
     shares = np.array([_share(other, channel, numbers) for other in sisters])
     known = shares[~np.isnan(shares)]
     return bool(known.size) and float(np.median(known)) >= SHARED_MIN_SHARE

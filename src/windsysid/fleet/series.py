@@ -250,13 +250,13 @@ def _strong_wind(values: Array, usual: NDArray[np.bool_], notes: list[str]) -> d
     learned = learning[usual[: len(learning)] & np.isfinite(learning)]
     if not learned.size:
         return {}
-    most = round(float(np.quantile(learned, STRONG_WIND)))  # whole, so that sisters have the same
+    most = round(float(np.quantile(learned, STRONG_WIND)))  # whole, so that turbines of the type have the same
     notes.append(f"strong_wind is what the wind has above {most} m/s")
     return {"strong_wind": np.where(usual, np.maximum(values - most, 0.0), 0.0)}
 
 
 def _learning(count: int) -> int:
-    """How many of so many records are learned from before the first alarm."""
+    """Number of records that are learned from before the first alarm."""
     return min(MAX_LEARNING_BLOCKS, max(count // 2, 1))
 
 

@@ -1,4 +1,4 @@
-"""What a fleet shares, and which turbine stands out of it.
+"""Comparison of turbines of the same type, and outliers among them.
 
 The level of a coefficient at turbine i is the fleet's, plus what the turbine has of its own, plus the error of its own
 estimate:
@@ -25,7 +25,7 @@ MIN_SISTERS = 5
 
 
 class Standing(NamedTuple):
-    """A turbine's coefficient among its sisters'.
+    """A turbine's coefficient among its turbines of the type'.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class Standing(NamedTuple):
     @property
     def told(self) -> str:
         """The sentence."""
-        off = f"{self.percent:+.2g} % ({self.low:+.2g} … {self.high:+.2g} %) off its sisters"
+        off = f"{self.percent:+.2g} % ({self.low:+.2g} … {self.high:+.2g} %) off the turbines of its type"
         return f"{self.name} is {off}, which scatter by {self.spread:.2g} %"
 
 

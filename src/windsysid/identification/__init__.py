@@ -1,1 +1,1 @@
-"""From a record to an estimate: what is unknown, what the loads are, the posterior on line and its mode."""
+"""From a record to an estimate: unknowns, load models, the online posterior and its mode."""

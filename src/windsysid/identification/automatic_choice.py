@@ -117,7 +117,7 @@ def _filters_instead(job: Job, spectral: FittedJob, doubt: Finding) -> FittedJob
 
 
 def _cross_checked(job: Job, joint: FittedJob, spectral_job: Job, spectral: FittedJob) -> FittedJob:
-    """By filters where something turns, by spectra elsewhere, and held against the other."""
+    """Filters for a structure with rotating parts, spectra for others, each checked by the other."""
     waves = tuple(one.code for one in job.effects if isinstance(one, Regressors))
     found_more = bool(waves) or sinusoids_in(job) != sinusoids_in(spectral_job)
     if found_more and not spectral.outcome.turns:  # spectra lack what filters found
@@ -162,7 +162,7 @@ def _fitted_beside(job: Job, spectral: FittedJob) -> tuple[Job, FittedJob]:
 
 def _by_broad_loads(job: Job) -> FittedJob | None:
     """By filters under broad loads, where these explain the record of a rotor whose modes are well damped, which bands
-    take for one in wind; None where they do not, or other loads are asked for. A real machine's modes are lightly
+    take for one in wind; None where they do not, or other loads are requested. A real machine's modes are lightly
     damped, and it has more than its model: it stays with bands."""
     if job.loads not in ("auto", Broadband.name) or is_lightly_damped(job.turbine):
         return None
@@ -189,7 +189,7 @@ def _note(code: str, **data: Any) -> Finding:
 
 
 def _undamped(found: Outcome) -> list[Finding]:
-    """Which damping is not positive: a spectrum says its size only, and a search may end at the mirror image."""
+    """Damping coefficients that are not positive: a spectrum gives their size only, and a search may find the image."""
     at = zip(found.model.parameters, found.theta.tolist(), strict=True)
     dampers = [(q, theta) for q, theta in at if q.kind == "damping" and q.part in found.turbine.model.coordinates]
     return [

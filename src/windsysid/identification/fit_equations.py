@@ -24,6 +24,7 @@ from windsysid.inspection.screening import doubted, noted
 from windsysid.kernels.threads import one_thread
 from windsysid.loads.statistics import Statistic
 from windsysid.mechanics.model import Model
+from windsysid.records.coercion import MappingLike, RecordLike, as_pieces
 from windsysid.records.record import Record
 from windsysid.results.finding import Finding
 from windsysid.results.identification import Estimate, Identification
@@ -39,20 +40,28 @@ __all__ = ["Fit", "Reading", "fit"]
 
 @dataclass(frozen=True)
 class Reading:
-    """What one channel reads of a model of one's own.
+    """Measurement equation of one channel of one's own model.
 
     Attributes
     ----------
     channel
         Name of the record's channel.
     expression
-        What it reads: an expression in the model's states, inputs, parameters, loads and accelerations.
+        Measured quantity: an expression in the model's states, inputs, parameters, loads and accelerations.
     noise
         Standard deviation of the white noise of one sample, in the channel's unit.
     bias
         Prior standard deviation of an unknown offset, in the channel's unit; 0: none.
     drift
-        How fast that offset wanders: its standard deviation after one second, in the channel's unit per √s.
+        Random walk of that offset: its standard deviation after one second, in the channel's unit per √s.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> import windsysid as ws
+    >>> q, v, w, k = sp.symbols("q v w k")
+    >>> ws.models.Reading("acceleration", w - 0.2 * v - k * q, noise=0.05).channel
+    'acceleration'
     """
 
     channel: str
@@ -63,7 +72,7 @@ class Reading:
 
     @property
     def structure(self) -> str:
-        """What its kernel depends on, as text."""
+        """Text on which its kernel depends."""
         from sympy import srepr
 
         return str(srepr(self.expression))
@@ -71,14 +80,14 @@ class Reading:
 
 @dataclass(frozen=True, repr=False)
 class Fit(Identification):
-    """An `Identification` of one's own equations; `turbine` is their name.
+    """Result of a fit of one's own equations: an `Identification` whose `turbine` is their name.
 
     Attributes
     ----------
     states
-        Names of the n states beside the parameters: the model's, its loads', its biases'.
+        Names of the n states in addition to the parameters: the model's, its loads', its biases'.
     state_mean, state_std
-        Each of them after each sample, at the estimates (T, n).
+        Mean and standard deviation of each state after each sample, at the estimates (T, n).
     """
 
     states: tuple[str, ...] = field(kw_only=True)
@@ -89,7 +98,7 @@ class Fit(Identification):
 @one_thread()
 def fit(
     model: Model,
-    record: Record | Iterable[Record],
+    record: "RecordLike | Iterable[Record]",
     *,
     parameters: Sequence[Parameter],
     sensors: Sequence[Any],
@@ -100,42 +109,41 @@ def fit(
     channels: Mapping[str, str] | None = None,
     learn_levels: bool = True,
     formulation: Literal["joint", "spectral"] = "joint",
+    mapping: "MappingLike | None" = None,
 ) -> Fit:
-    """Identify parameters of `model` from `record`.
-
-    Between two samples the filter takes one step of the fourth-order Runge–Kutta method, which damps a motion at ω by
-    about (ωh)⁵/144 of the critical: 2e-5 at 20 samples a period, 7e-4 at 10. Inputs run linearly between samples.
+    """Identify parameters of one's own equations from `record`.
 
     Parameters
     ----------
-    model
-        `Equations`, or anything that compiles.
-    record
-        Holds a channel for every sensor and every input of the model, and for the loads that were measured. Or its
-        pieces in order, which are then held on disk: the result is the same, with innovations and states of the last
-        samples only where there are many.
-    parameters
-        What to identify, each with its prior.
-    sensors
-        `Reading`, one per channel.
-    cov, mean
-        Prior of the model's states at the first sample, (n_x, n_x) and (n_x,); mean zero by default. Spectra need no
-        `cov`; `mean` is where they look for the state at rest.
-    values
-        The parameters that are not identified, and loads that are constant, in the model's units: 0 for a load that
-        does not act.
-    loads
+    model : Equations or MechanicalModel
+        Equations of motion, with states x (n_x,).
+    record : Record, str, Path, pandas.DataFrame or xarray.Dataset, or an iterable of Record
+        Has a channel for every sensor, every input of the model, and every measured load. The pieces of a record, in
+        order, are kept on disk: the result is the same, with innovations and states of the last samples only where
+        there are many.
+    parameters : sequence of Parameter
+        Parameters to identify, with their priors.
+    sensors : sequence of Reading
+        One for each channel.
+    cov, mean : array_like, optional
+        Prior of the model's states at the first sample, (n_x, n_x) and (n_x,), in their units; mean zero by default.
+        The spectral formulation needs no `cov`, and searches for the equilibrium from `mean`.
+    values : mapping of str to float, optional
+        Parameters that are not identified, and constant loads, in the model's units; 0 for a load that does not act.
+    loads : sequence of GaussMarkov or LoadBlock, optional
         Models of loads that were not measured. Where the record went through an anti-aliasing low-pass
-        (`windsysid.signals.resample`), first-order loads are taken to have gone through it too.
-    channels
-        The channel of an input or a measured load, where it is not called what the model calls it.
-    learn_levels
-        Whether the noise of each sensor and the rms of each load are learned: what is given is then the median of a
-        wide prior (a factor of 4.5 at one standard deviation). The shape of a load's spectrum stays as given.
-    formulation
-        ``"joint"``, or ``"spectral"`` for a stationary record of a structure that moves little: the equations are
-        linearised about the state at rest, and the spectra are read (docs/spectral.md). It takes constant inputs only,
-        and pieces need not follow each other.
+        (`windsysid.signals.resample`), first-order loads are filtered in the same way.
+    channels : mapping of str to str, optional
+        Channel of an input or a measured load, where it has another name than in the model.
+    learn_levels : bool, default True
+        Learn the noise of each sensor and the rms of each load; the given value is then the median of a wide prior (a
+        factor of 4.5 at one standard deviation). The shape of a load's spectrum stays as given.
+    formulation : {"joint", "spectral"}, default "joint"
+        ``"joint"``: Kalman filter of states and parameters. ``"spectral"``: Whittle likelihood, for stationary records
+        of small motion: the equations are linearised about the equilibrium. It takes constant inputs only, and pieces
+        need not be consecutive (docs/spectral.md).
+    mapping : str, Path or Mapping, optional
+        Mapping file with the names, units and signs of channels, where `record` is a path (`windsysid.read_record`).
 
     Returns
     -------
@@ -151,6 +159,38 @@ def fit(
         model nor value.
     WindsysidError
         If every run of the filter diverges.
+
+    See Also
+    --------
+    lagrange : Equations from a Lagrangian.
+    windsysid.identify : Identification of a turbine.
+
+    Notes
+    -----
+    Between two samples the filter takes one step of the fourth-order Runge–Kutta method, which damps a motion at ω by
+    about (ωh)⁵/144 of the critical: 2e-5 at 20 samples a period, 7e-4 at 10. Inputs run linearly between samples.
+
+    References
+    ----------
+    Särkkä & Svensson, Bayesian Filtering and Smoothing, 2nd ed., Cambridge 2023, ch. 16.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import sympy as sp
+    >>> import windsysid as ws
+    >>> q, v, w, k = sp.symbols("q v w k")
+    >>> acceleration = w - 0.2 * v - k * q
+    >>> spring = ws.models.Equations("spring", (q, v), (), (k,), (w,), (v, acceleration))
+    >>> time = 0.05 * np.arange(400)
+    >>> swing = np.exp(-0.1 * time) * np.cos(2.0 * time)  # released at q = 1 m with k = 4 N/m
+    >>> record = ws.Record(time, swing[:, None], ("position",), ("m",))
+    >>> result = ws.models.fit(
+    ...     spring, record, parameters=[ws.models.Parameter("k", 3.0, 0.5)], values={"w": 0.0}, cov=np.eye(2),
+    ...     sensors=[ws.models.Reading("position", q, noise=0.01)],
+    ... )
+    >>> print(f"k: {result['k'].estimate:.2f} N/m")
+    k: 4.01 N/m
     """
     job = EquationsJob(
         model, tuple(parameters), tuple(sensors), mean, cov, dict(values or {}), tuple(loads), channels or {},
@@ -159,12 +199,12 @@ def fit(
     _check(job, formulation)
     job = job._replace(parameters=tuple(_with_role(model, q) for q in job.parameters))
     spectral = formulation == "spectral"
-    segments = SegmentReader(record, job.readings, continuous=not spectral)
+    segments = SegmentReader(as_pieces(record, mapping), job.readings, continuous=not spectral)
     return _describe(job, segments, fit_by_spectra(job, segments) if spectral else fit_by_filter(job, segments))
 
 
 def _check(job: EquationsJob, formulation: str) -> None:
-    """Refuse what no formulation, or not this one, can identify from."""
+    """Refuse data from which no formulation, or not this one, can identify."""
     if not job.parameters:
         raise ConfigurationError("parameters: expected at least one to identify, got none")
     if not job.sensors:

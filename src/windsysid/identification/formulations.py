@@ -1,6 +1,6 @@
-"""How each formulation answers a job: by filters, by spectra, or by the force balance of one instant.
+"""Formulations of a job: filters, spectra, or the force balance of one instant.
 
-Each conditions the record, builds the problem and estimates, in a straight line; what a record holds beside the
+Each conditions the record, builds the problem and estimates, in a straight line; what a record holds in addition to the
 structure is found and included by `windsysid.identification.pipeline`.
 """
 
@@ -76,7 +76,7 @@ def _search(job: Job, at: Conditioned, start: FittedJob | None) -> Outcome:
 
 
 def _widened(job: Job, outcome: Outcome) -> Outcome:
-    """A fit with what the sizes of included regressors leave uncertain in its unknowns."""
+    """Fit with the uncertainty from the sizes of included regressors."""
     if outcome.joint_cov is None:
         return outcome
     cov, n = outcome.joint_cov.copy(), len(outcome.joint_cov) - sum(one.group == "clock" for one in outcome.tolerances)
@@ -88,7 +88,7 @@ def _by_spectra(job: Job, start: FittedJob | None) -> FittedJob:
     uniform, turbine = job.part.on_uniform_grid(), job.turbine
     check_length(uniform.name, uniform.duration, uniform.rate, turbine, MAX_RADIANS_PER_SPECTRAL_READING)
     if job.rate is not None:
-        raise ConfigurationError("the spectral formulation reads the bands that it needs: leave the rate out")
+        raise ConfigurationError("the spectral formulation chooses its frequency ranges itself: leave the rate out")
     at = job.condition()
     part, loads, narrow = at.record, job.loads, narrow_band_in(job) is not None and start is not None
     if start is not None and narrow:

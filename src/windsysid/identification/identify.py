@@ -17,9 +17,9 @@ from windsysid.identification.verdict.conclude import conclude
 from windsysid.kernels.threads import one_thread
 from windsysid.mechanics.sensors import Sensor
 from windsysid.output.progress import Progress, hear, unheard
-from windsysid.records.coercion import RecordLike, as_record
+from windsysid.records.coercion import MappingLike, RecordLike, as_record
 from windsysid.results.identification import Identification
-from windsysid.results.provenance import record_hash, trace
+from windsysid.results.provenance import mapping_tables, record_hash, trace
 from windsysid.turbine.coercion import TurbineLike, as_turbine
 
 __all__ = ["identify"]
@@ -40,63 +40,101 @@ def identify(
     loads: str = "auto",
     site: str | None = None,
     state: str = "auto",
+    mapping: "MappingLike | None" = None,
     progress: Progress = unheard,
 ) -> Identification:
-    """Identify stiffness and damping of `turbine` from `record`.
+    """Identify stiffness and damping of `turbine` from the vibration in `record`.
+
+    The estimate is the posterior mode of the coefficients, with the statistics of loads and noise learned from the same
+    record. Intervals are ±2σ (about 95 %) and include the tolerances of instruments and masses.
 
     Parameters
     ----------
-    record
-        Channels in SI, with ``rotor_azimuth`` [rad]; ``rotor_speed`` [rad/s] and known loads ``load_x`` … [N, N·m]
-        where measured, or ``part_of_load_x`` … where others act beside. A `Record`, a path, a pandas DataFrame or an
-        xarray Dataset with units (`windsysid.records.coercion`).
-    turbine
-        Masses, geometry, and the references that priors are centred on. A `Turbine`, a packaged name or a TOML file.
-    sensors
-        Instruments on the record's channels; the turbine's usual ones, as far as they are recorded, by default. The
-        force balance reads displacement, velocity and acceleration of every degree of freedom by name and integrates
-        what is missing.
-    formulation
-        ``"joint"``, ``"spectral"`` (stationary records; docs/spectral.md), ``"force-balance"``, or ``"auto"``: spectra
-        where nothing speaks against them and wind drives a turning rotor or nothing that moves turns, else joint; each
-        held against the other where the record is stationary, but under wind.
-    section
+    record : Record, str, Path, pandas.DataFrame or xarray.Dataset
+        Channels in SI units, with ``rotor_azimuth`` [rad]; ``rotor_speed`` [rad/s] and known loads ``load_x`` … [N,
+        N·m] where measured, or ``part_of_load_x`` … where further, unmeasured loads act. The columns of a table have
+        their unit in the name, ``"tower_x_acceleration [m/s^2]"``, or in their attributes.
+    turbine : Turbine, str or Path
+        Masses, geometry, and the reference values on which priors are centred: a turbine, the name of a packaged one
+        (`packaged_turbines`), or the path of a TOML file.
+    sensors : sequence of Sensor, optional
+        Instruments on the record's channels. By default those of the turbine that are recorded. The force balance reads
+        displacement, velocity and acceleration of every degree of freedom by name, and integrates what is missing.
+    formulation : {"auto", "joint", "spectral", "force-balance"}, default "auto"
+        ``"joint"``: Kalman filter of motion, loads and parameters. ``"spectral"``: Whittle likelihood, for stationary
+        records. ``"force-balance"``: the motion is taken from the measurements. ``"auto"``: spectral for a stationary
+        record of a rotor that turns in wind, or of a structure without rotating degrees of freedom, else joint; where
+        both apply, each result is checked against the other.
+    section : (float, float), optional
         Start and end of the part to use [s]; the whole record by default.
-    prior
-        Where priors are centred and how wide they are; on the turbine's references, as wide as its file says, by
-        default.
-    parameters
-        Names of what to identify, masses and geometry included (joint formulation); the stiffness and damping
-        coefficients of every free degree of freedom by default.
-    rate
-        Readings per second [Hz] to resample to, without aliasing (joint formulation): as many as hold what the model
-        has and leave out what it has not. The record's own by default, and for a tower under a rigid rotor twelve per
-        period. The equations take shorter steps where they need them.
-    loads
-        What the loads are taken for (joint formulation): ``"broadband"``, ``"second-order"`` or ``"rotor-wind"``
-        (`windsysid.loads.family`); the record chooses by default.
-    site
-        ``"onshore"`` or ``"offshore"``: which prior odds effects have (docs/effects.md); as the turbine file says by
-        default.
-    state
-        State of the turbine, whose damping prior its file has: ``"operating"`` or ``"parked"``; by default it follows
-        from rotor speed and pitch, where the file has states and the record these channels.
-    progress
-        Told what is being done and its share that is done, 0 to 1; None where nobody knows.
+    prior : Prior, optional
+        Centre and width of the priors; by default the reference values, with the widths of the turbine file.
+    parameters : sequence of str, optional
+        Names of the parameters to identify, masses and geometry included (joint formulation); by default stiffness and
+        damping of every free degree of freedom.
+    rate : float, optional
+        Sampling rate [Hz] to which the record is resampled, without aliasing (joint formulation). By default the
+        record's own; for a tower under a rigid rotor twelve samples per period. The equations are integrated with
+        shorter steps where they need them.
+    loads : {"auto", "broadband", "second-order", "narrow-band", "rotor-wind"}, default "auto"
+        Load model (joint formulation); by default that with the largest evidence.
+    site : {"onshore", "offshore"}, optional
+        Selects the prior odds of unmodelled effects (docs/effects.md); as the turbine file has it by default.
+    state : str, default "auto"
+        State of the turbine, which selects the prior of damping in its file: ``"operating"`` or ``"parked"``. By
+        default it follows from rotor speed and pitch, where the file has states and the record these channels.
+    mapping : str, Path or Mapping, optional
+        Mapping file with the names, units and signs of channels, where `record` is a path (`read_record`).
+    progress : callable, optional
+        Called with the present step and the share that is done, 0 to 1, or None if that is unknown.
 
     Returns
     -------
     Identification
-        Coefficients, modes and loads with their ±2σ bands, and whether to trust them.
+        Coefficients, modes and loads with their 95 % intervals and grades, and a diagnosis of the result.
 
     Raises
     ------
-    RecordError, ConfigurationError
-        If the record does not hold what is needed, or an option is out of range.
+    RecordError
+        If the record cannot be read, lacks a channel, or is too short.
+    ConfigurationError
+        If the turbine, a sensor or an option is wrong.
     WindsysidError
         If no load model fits the record, or the likelihood cannot be computed at the start.
+
+    See Also
+    --------
+    oma : Modes without a model of the turbine.
+    inspect : Faults of a record, and the sections worth using.
+    identify_pieces : Records that do not fit into memory.
+    plan : The length of record that an accuracy needs.
+    windsysid.models.fit : Equations of one's own.
+
+    Notes
+    -----
+    Grade A: the interval of the model; B: a wider one; C: not to be used (docs/grades.md). Damping is that of structure
+    and air together (`damping` separates them).
+
+    References
+    ----------
+    - Särkkä & Svensson, Bayesian Filtering and Smoothing, 2nd ed., Cambridge 2023, ch. 16 (joint formulation).
+    - Whittle, J. R. Statist. Soc. B 15, 1953, doi:10.1111/j.2517-6161.1953.tb00131.x (spectral formulation).
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> record = ws.simulate("tower", duration=600.0, rate=5.0, seed=1)
+    >>> result = ws.identify(record, "tower", formulation="spectral")
+    >>> for one in result.estimates:
+    ...     print(f"{one.name}: {one.estimate:.2e} ({one.low:.2e} … {one.high:.2e}) {one.unit}, {one.grade}")
+    k_side_side: 1.76e+06 (1.69e+06 … 1.84e+06) N/m, A
+    c_side_side: 7.78e+03 (2.13e+03 … 1.34e+04) N*s/m, A
+    k_fore_aft: 1.88e+06 (1.77e+06 … 2.00e+06) N/m, A
+    c_fore_aft: 1.17e+05 (8.09e+04 … 1.52e+05) N*s/m, A
+    >>> result.diagnosis.trusted
+    True
     """
-    record, turbine = as_record(record), as_turbine(turbine)
+    record, turbine = as_record(record, mapping), as_turbine(turbine)
     placed = turbine.at(site)
     check_odds(placed)
     options = {
@@ -109,6 +147,10 @@ def identify(
         "site": placed.site,
         "state": state,
     }
+    if mapping is not None:
+        from windsysid.records.formats import as_mapping
+
+        options["mapping"] = mapping_tables(as_mapping(mapping))
     if formulation not in _WAYS:
         raise ConfigurationError(f"formulation: expected {', '.join(_WAYS)}; got '{formulation}'")
     part = record.section(*section) if section else record

@@ -1,4 +1,4 @@
-"""What is asked of an identification, and what a formulation answers."""
+"""Job of an identification, and the fit of a formulation."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -40,7 +40,7 @@ class Conditioned(NamedTuple):
 
 @dataclass(frozen=True)
 class Job:
-    """What a caller of `windsysid.identify` asks.
+    """Arguments of `windsysid.identify`.
 
     Attributes
     ----------
@@ -67,23 +67,23 @@ class Job:
 
     @property
     def filtered(self) -> bool:
-        """Whether filters read the samples."""
+        """True if filters read the samples."""
         return self.formulation == "joint"
 
     def by(self, formulation: Formulation) -> "Job":
-        """The same job, answered by another formulation."""
+        """Job for another formulation."""
         return replace(self, formulation=formulation)
 
     def including(self, effect: Inclusion) -> "Job":
-        """The same job with an effect, in place of one of its code."""
+        """Job with an effect, in place of one of its code."""
         return replace(self, effects=(*self.without(effect.code).effects, effect))
 
     def with_effects_of(self, other: "Job", *codes: str) -> "Job":
-        """The same job with those effects of another one that have these codes."""
+        """Job with those effects of another job that have these codes."""
         return replace(self, effects=tuple(one for one in other.effects if one.code in codes))
 
     def without(self, code: str) -> "Job":
-        """The same job without the effect of this code."""
+        """Job without the effect of this code."""
         return replace(self, effects=tuple(one for one in self.effects if one.code != code))
 
     def included(self, code: str) -> Inclusion | None:
@@ -108,12 +108,12 @@ class Job:
         return at._replace(record=read, steps=steps, notes=notes)
 
     def notes(self, outcome: Outcome) -> tuple[Finding, ...]:
-        """What is to be said of the included effects in a fit."""
+        """Notes on the effects that a fit includes."""
         return tuple(note for effect in self.effects for note in effect.notes(outcome, filtered=self.filtered))
 
 
 class FittedJob(NamedTuple):
-    """What a formulation answers.
+    """Result of a formulation.
 
     Attributes
     ----------
@@ -124,7 +124,7 @@ class FittedJob(NamedTuple):
     prior
         As it was in the end.
     line
-        What stands out most of the readings beside a mode, if anything depends on it.
+        What stands out most of the readings near a mode, if anything depends on it.
     rivals
         What a narrow-band load says against it.
     unmodelled
@@ -142,18 +142,18 @@ class FittedJob(NamedTuple):
     unmodelled: tuple[Finding, ...] = ()
 
     def noting(self, note: Finding, *doubts: Finding) -> "FittedJob":
-        """The same with a note, and what speaks against it."""
+        """Fit with a note and the findings against it."""
         fit = self.doubted(*doubts)
         return fit._replace(outcome=fit.outcome._replace(notes=(*fit.outcome.notes, note)))
 
     def doubted(self, *doubts: Finding) -> "FittedJob":
-        """The same with what speaks against it."""
+        """Fit with findings against it."""
         return self._replace(outcome=self.outcome._replace(doubts=(*self.outcome.doubts, *doubts)))
 
     def lacking(self, *unmodelled: Finding) -> "FittedJob":
-        """The same with what effects that are not included say against it."""
+        """Fit with findings on effects that are not included."""
         return self._replace(unmodelled=(*self.unmodelled, *unmodelled))
 
     def with_rivals(self, *rivals: Finding) -> "FittedJob":
-        """The same with what a narrow-band load says against it."""
+        """Fit with the finding on a narrow-band load."""
         return self.doubted(*rivals)._replace(rivals=rivals)

@@ -1,6 +1,6 @@
 """Decision limits of an identification: probabilities, odds and sizes that decide on models and findings.
 
-Settings of solvers and arithmetic stand beside their code. "Proven" means that intervals were validated.
+Settings of solvers and arithmetic stand next to their code. "Proven" means that intervals were validated.
 """
 
 from windsysid.spectral.transforms.lifted import FIRST_BIN
@@ -41,14 +41,12 @@ MIN_WHITENED_SAMPLES = 500
 NEGLIGIBLE_SPEED_VARIATION = 0.005
 """Size: standard deviation of the rotor's speed over its mean, up to which spectra of a constant speed lose nothing."""
 
-MAX_SPEED_VARIATION = 0.02
-"""Size: standard deviation of the rotor's speed over its mean, beyond which spectra of a constant speed are refused."""
-
 NEGLIGIBLE_SPEED_VARIATION_IN_BANDS = 0.15
 """Size: as `NEGLIGIBLE_SPEED_VARIATION`, of bands that follow the blades; source: ``python -m validation.auto``."""
 
 MAX_SPEED_VARIATION_IN_BANDS = 0.2
-"""Size: as `MAX_SPEED_VARIATION`, of bands that follow the blades; source: ``python -m validation.auto``."""
+"""Size: as `windsysid.inspection.limits.MAX_CONSTANT_SPEED_VARIATION`, of bands that follow the blades; source:
+``python -m validation.auto``."""
 
 MAX_YAW_CHANGE = 0.05
 """Size: range of the yaw [rad] beyond which spectra, which know one yaw only, are not compared with filters."""
@@ -60,20 +58,14 @@ a widening of an interval. In squares it is 1 %."""
 
 # Outliers
 
-OUTLIER_SIGMAS = 5.0
-"""Probability: standard deviations beyond which an innovation is an outlier, or a mean a bias: 1 in 2 000 000."""
-
 MIN_OUTLIER_POWER = 0.02
 """Size: share of a channel's mean squared innovation that outliers must add to be left out; fewer do no harm."""
-
-MAX_OUTLIER_SHARE = 0.05
-"""Size: share of a channel beyond which values are not outliers: then the model is wrong, and all are kept."""
 
 MIN_SPIKE_MEDIANS = 15.0
 """Size: medians of a channel by which a spike differs from the mean of its neighbours: ten σ of normal values."""
 
 MAX_NEIGHBOUR_SHARE = 0.75
-"""Size: share of a spike's difference that its neighbours may have; beside a spike they have half of it."""
+"""Size: share of a spike's difference that its neighbours may have; next to a spike they have half of it."""
 
 # Effects
 
@@ -139,7 +131,7 @@ MIN_LINE_POWER = 9.0
 same sinusoid; one in ten healthy records has it."""
 
 MARGINAL_LINE_FACTOR = 1.25
-"""Size: times its bound within which a line may be chance: it is no reason if nothing depends on it."""
+"""Size: times its bound within which a line may be chance: no finding if no estimate depends on it."""
 
 MAX_SINE_SCATTER = 8.4
 """Probability: squared scatter of a sinusoid's amplitude and phase over segments, relative to chance: 1 in 100."""
@@ -165,7 +157,7 @@ explanations nearly as good, beyond which neither is trusted; two independent es
 two share their readings."""
 
 MAX_INFLUENCE_SIGMAS = 2.5
-"""Size: standard deviations by which a coefficient may move without one frequency, or those beside a sinusoid."""
+"""Size: standard deviations by which a coefficient may move without one frequency, or those near a sinusoid."""
 
 NEGLIGIBLE_SHIFT_SIGMAS = 1.5
 """Size: standard deviations up to which a coefficient may differ under another explanation without effect."""
@@ -180,7 +172,7 @@ MAX_RIVAL_LOG_ODDS = 50.0
 """Log odds: against a load model that is dropped after the first stages, which weigh the record with a fifth."""
 
 MAX_NARROW_DAMPING_SHARE = 0.5
-"""Size: share of the damping ratio of the mode beside it, below which a load may have passed for the mode."""
+"""Size: share of the damping ratio of the mode next to it, below which a load may have passed for the mode."""
 
 MAX_TOLERANCE_CHANGE = 0.5
 """Size: share of a gain or of a mass by which a search may have moved it where spectra check filters."""
@@ -209,7 +201,5 @@ MAX_RESONANCE_DOF = 50.0
 the record, errors of the load model stay. ``python -m validation.spectral`` shows them for 36."""
 
 MIN_RESONANCE_DOF = 20.0
-"""Size: as `MAX_RESONANCE_DOF`, at least, of a turning rotor and of each block of one: not proven below."""
-
-MIN_STANDING_RESONANCE_DOF = 4.0
-"""Size: as `MIN_RESONANCE_DOF`, where nothing turns: intervals of a tower are up to 18 times too narrow at one."""
+"""Size: as `MAX_RESONANCE_DOF`, at least, of a turning rotor and of each block of one: not proven below. Where
+nothing turns, it is `windsysid.inspection.limits.MIN_DEGREES_OF_FREEDOM`."""

@@ -69,8 +69,8 @@ def _not_included(code: str, error: str) -> Finding:
 def _test(
     job: Job, fit: FittedJob, stages: Sequence[Sequence[Effect]], refused: Refused
 ) -> tuple[FittedJob, tuple[Effect, Detection, Inclusion] | None]:
-    """The fit with what effects that are not included say against it, and the effect of the strongest evidence; none
-    where the search has ended too early to test any."""
+    """Fit with the findings on effects that are not included, and the effect of the strongest evidence; none if the
+    search has ended too early to test any."""
     if any(one.code == "search_exhausted" for one in fit.outcome.doubts):
         return fit, None
     for effects in stages:

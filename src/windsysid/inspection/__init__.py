@@ -14,13 +14,13 @@ from windsysid.errors import ConfigurationError
 from windsysid.inspection.channels import Kind, most_telling
 from windsysid.inspection.fault import Fault, Severity
 from windsysid.inspection.inspection import Inspection
-from windsysid.inspection.limits import MIN_MODAL_SAMPLES, MIN_SAMPLES, MIN_SPECTROGRAM_VARIATION
+from windsysid.inspection.limits import MAX_CONSTANT_SPEED_VARIATION, MIN_MODAL_SAMPLES, MIN_SAMPLES
 from windsysid.inspection.plausibility import Rotor
 from windsysid.inspection.screening import examine
 from windsysid.inspection.sections import Proposal, propose, propose_longest
 from windsysid.inspection.spectra import Spectrogram, Spectrum, cleaned, expected_modes, spectra, spectrogram
 from windsysid.inspection.stops import Stop, find_stops
-from windsysid.records.coercion import RecordLike, as_record
+from windsysid.records.coercion import MappingLike, RecordLike, as_record
 from windsysid.records.formats.contents.source import reading_notes
 from windsysid.records.record import Record
 from windsysid.turbine.coercion import TurbineLike, as_turbine
@@ -33,33 +33,59 @@ __all__ = ["Fault", "Inspection", "Proposal", "Stop", "inspect_record"]
 
 
 def inspect_record(
-    record: RecordLike, turbine: "TurbineLike | None" = None, section_length: float | None = None
+    record: RecordLike,
+    turbine: "TurbineLike | None" = None,
+    section_length: float | None = None,
+    *,
+    mapping: "MappingLike | None" = None,
 ) -> Inspection:
-    """Look for faults, vibration and the sections worth using.
+    """Inspect a record: faults, vibration spectra, and the sections worth using.
 
     Parameters
     ----------
-    record
+    record : Record, str, Path, pandas.DataFrame or xarray.Dataset
         Any record.
-    turbine
-        Whose modes and usual sensors are expected; without it only the rotor's harmonics are marked.
-    section_length
-        Length of the sections to propose [s]; a shorter record is judged as a whole. Without it the whole record is
+    turbine : Turbine, str or Path, optional
+        Turbine whose modes and usual sensors are expected; without it only the rotor's harmonics are marked.
+    section_length : float, optional
+        Length of the sections to propose [s]; a shorter record is assessed as a whole. By default the whole record is
         proposed where it is about as good as its best 100 s, else the longest parts that are.
+    mapping : str, Path or Mapping, optional
+        Mapping file with the names, units and signs of channels, where `record` is a path (`read_record`).
 
     Returns
     -------
     Inspection
-        Faults, the worst first; spectra with their peaks [Hz]; sections worth using [s].
+        Faults, the worst first; spectra with their peaks [Hz]; proposed sections [s].
 
     Raises
     ------
     RecordError
         If `record` is a file that cannot be read, or a table whose columns have no unit.
     ConfigurationError
-        If `section_length` is not a positive time, or `turbine` is none.
+        If `section_length` is not a positive time, or `turbine` or `mapping` is wrong.
+
+    See Also
+    --------
+    read_record : Read a record from a file.
+    identify : Identification from a record.
+
+    References
+    ----------
+    Welch, IEEE Trans. Audio and Electroacoustics 15(2), 1967, doi:10.1109/TAU.1967.1161901 (spectra).
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> found = ws.inspect(ws.simulate("tower", duration=120.0, rate=10.0), "tower")
+    >>> for spectrum in found.spectra:
+    ...     print(spectrum.channel, [(round(one.frequency, 2), one.matches) for one in spectrum.peaks])
+    tower_x_acceleration [(0.31, ('tower side-side', 'tower fore-aft'))]
+    tower_z_acceleration [(0.32, ('tower side-side', 'tower fore-aft', '2P')), (0.59, ('3P',)), (4.91, ())]
+    >>> [(one.start, round(one.end)) for one in found.proposals]
+    [(0.0, 120)]
     """
-    record, turbine = as_record(record), None if turbine is None else as_turbine(turbine)
+    record, turbine = as_record(record, mapping), None if turbine is None else as_turbine(turbine)
     if section_length is not None and not 0.0 < section_length < np.inf:
         raise ConfigurationError(f"section_length: expected a positive time in seconds, got {section_length:g}")
     findings, usable, rotor = examine(record, turbine)
@@ -98,7 +124,7 @@ def _nominal_rotor(record: Record, turbine: "Turbine | None", rotor: Rotor | Non
 
 
 def _rotor_notes(rotor: Rotor | None, nominal: Rotor | None) -> list[str]:
-    """Note where rotor harmonics come from, or that there are none."""
+    """Note on the source of rotor harmonics, or that there are none."""
     if rotor is None and nominal is not None:
         return [
             f"No usable rotor speed or azimuth in the record: harmonics are those of the turbine file's"
@@ -120,7 +146,7 @@ def _spectral_channels(record: Record, usable: dict[str, Kind], first: tuple[str
     operating = [name for name, kind in usable.items() if kind in ("power", "rotor speed")]
     chosen = [name for name in operating if np.nanstd(record[name]) > 0.0]
     instead = f": spectra of {' and '.join(chosen)} instead." if chosen else ", so no spectra."
-    notes.append("No channel in which vibration would show" + instead)
+    notes.append("No channel measures vibration" + instead)
     return chosen
 
 
@@ -163,7 +189,7 @@ def _modes(
     found = tuple(expected_modes(turbine, speed))
     if not found:
         notes.append(f"{turbine.name}: a rotor with fewer than three free blades has no modes in the fixed frame.")
-    if rotor is None or rotor.variation < MIN_SPECTROGRAM_VARIATION:
+    if rotor is None or rotor.variation < MAX_CONSTANT_SPEED_VARIATION:
         return found, ()
     low, high = np.percentile(rotor.speed, (0.5, 99.5))
     speeds = np.linspace(float(low), float(high), 9)

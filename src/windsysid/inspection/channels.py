@@ -1,4 +1,4 @@
-"""What a channel measures, told by its name and unit."""
+"""Quantity of a channel, from its name and unit."""
 
 import re
 from collections.abc import Sequence
@@ -83,7 +83,7 @@ def _kind_of_control(words: set[str], unit: str) -> Kind | None:
 
 
 def _is_operational(words: set[str], unit: str) -> bool:
-    """Whether a channel is an operational or environmental quantity; accelerations are not."""
+    """Test whether a channel is an operational or environmental quantity; accelerations are not."""
     if unit in ("m/s^2", "rad/s^2"):
         return False
     return bool(words & _OPERATION) or (unit == "rad/s" and bool(words & _DRIVE_TRAIN))
@@ -106,7 +106,7 @@ def _words(channel: str) -> set[str]:
 
 
 def _of_the_air(channel: str, words: set[str], unit: str) -> bool:
-    """Whether a channel is wind, or a velocity or angle of the air at a blade."""
+    """Test whether a channel is wind, or a velocity or angle of the air at a blade."""
     return channel.lower().startswith("wind") or ("wind" in words and unit == "m/s") or bool(_AIR.match(channel))
 
 
@@ -120,12 +120,12 @@ def _set_angle(words: set[str]) -> Kind | None:
 
 
 def is_torque(channel: str) -> bool:
-    """Whether a channel is a drive-train torque, which a controller limits."""
+    """Test whether a channel is a drive-train torque, which a controller limits."""
     return bool(_words(channel) & {"torque", "torq", "tq"})
 
 
 def is_position(channel: str) -> bool:
-    """Whether a length may be many metres: a position in a fixed frame, or a motion of a floater."""
+    """Test whether a length may be many metres: a position in a fixed frame, or a motion of a floater."""
     return bool(_words(channel) & _POSITION)
 
 

@@ -48,12 +48,12 @@ class Fault:
 
     @property
     def statement(self) -> str:
-        """What it is, and how much of it."""
+        """Statement of the fault and its amount."""
         return statement(self.kind, self.count, self.spans, self.data)
 
     @property
     def text(self) -> str:
-        """What it is, how much of it, and what to do or what was done."""
+        """Statement of the fault, its amount, and the advice or the action taken."""
         do = "taken as missing" if self.treated_as_missing else advice(self.kind, self.severity, self.data)
         return f"{self.statement}: {do}" if do else self.statement
 

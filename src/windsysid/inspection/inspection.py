@@ -1,4 +1,4 @@
-"""The result of an inspection: what is wrong, what vibrates, which part to use; as text, figures and files."""
+"""Result of an inspection: faults, vibration, section to use; as text, figures and files."""
 
 import json
 from collections import Counter
@@ -26,7 +26,7 @@ STOPS_TITLE = "Stops of the rotor: sections for structural damping"
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Inspection(Answer):
-    """What an inspection found.
+    """Result of `windsysid.inspect`: faults, spectra and proposed sections of a record.
 
     Attributes
     ----------
@@ -35,7 +35,7 @@ class Inspection(Answer):
     turbine
         Name of the turbine whose modes are marked; None without one.
     findings
-        The worst first.
+        Faults, the worst first.
     rotor
         Rotor speed over time; None where it is not in the record.
     blades
@@ -43,17 +43,17 @@ class Inspection(Answer):
     modes
         Expected modes at the record's mean rotor speed: name, frequency [Hz], damping ratio; fixed frame.
     modes_over_speed
-        The same at rotor speeds [rad/s] over the record's range; empty where the speed does not vary.
+        Expected modes at rotor speeds [rad/s] over the record's range; empty where the speed does not vary.
     spectra
         One per vibration channel.
     spectrograms
-        Of the one or two most telling channels.
+        Spectrograms of the one or two most informative channels.
     proposals
         Sections, best first.
     stops
-        Stops of the rotor, after which vibration decays without the air of a turning rotor.
+        Stops of the rotor, after which vibration decays without the aerodynamic damping of a turning rotor.
     notes
-        What could not be done, and why.
+        Parts of the inspection that were not possible, and why.
     first
         Channels to show before others.
     """
@@ -82,7 +82,7 @@ class Inspection(Answer):
 
     @property
     def verdict(self) -> str:
-        """Whether this record can be used, and which part of it, in one line."""
+        """Usability of this record, and the section to use, in one line."""
         good = [p for p in self.proposals if p.good]
         if good and good[0].end - good[0].start >= self.record.duration:
             return f"{self._counts}; use all of it"
@@ -93,20 +93,20 @@ class Inspection(Answer):
 
     @property
     def _counts(self) -> str:
-        """How many findings there are of each severity."""
+        """Number of findings of each severity."""
         counts = Counter(f.severity for f in self.findings)
         words = {severity: severity + "s" * (counts[severity] != 1) for severity in SEVERITIES} | {
             "unusable": "unusable"
         }
         listed = [f"{counts[severity]} {words[severity]}" for severity in SEVERITIES if counts[severity]]
-        return ", ".join(listed) or "nothing to complain about"
+        return ", ".join(listed) or "no faults found"
 
     def of(self, channel: str) -> tuple[Fault, ...]:
         """The findings on one channel; ``""`` for those on the whole record."""
         return tuple(finding for finding in self.findings if finding.channel == channel)
 
     def summary(self) -> dict[str, Any]:
-        """The inspection as plain values: what ``inspection.json`` holds."""
+        """Inspection as plain values: the content of ``inspection.json``."""
         r = self.record
         speed = None
         if self.rotor is not None:
@@ -166,7 +166,7 @@ class Inspection(Answer):
         """Heading over the proposals."""
         if any(p.good for p in self.proposals):
             return "Sections to use, best first"
-        return "No section is good; the least bad" if self.proposals else "No section can be proposed"
+        return "No section is good; the best of them" if self.proposals else "No section can be proposed"
 
     def shown(self, most: int = 12) -> list[str]:
         """Channels that a figure shows: rotor and wind, those with warnings, then the most telling."""
@@ -199,7 +199,7 @@ class Inspection(Answer):
         return [(f"{stop.start:g}–{stop.end:g}", str(stop)) for stop in self.stops]
 
     def peak_rows(self, most_channels: int = 1000) -> list[tuple[str, str, str, str]]:
-        """Channel, frequency, rms, and what it may be, of every peak of the first `most_channels` channels."""
+        """Channel, frequency, rms, and likely cause of every peak of the first `most_channels` channels."""
         return [
             (
                 spectrum.channel if i == 0 else "",
@@ -224,7 +224,7 @@ class Inspection(Answer):
         )
 
     def contents(self) -> list[Table | str]:
-        """The verdict, what is wrong, sections to use, what vibrates, the notes."""
+        """Verdict, faults, sections to use, vibration, notes."""
         parts: list[Table | str] = [self.heading(), f"Verdict: {self.verdict}", ""]
         if self.findings:
             parts += [self.table(), ""]

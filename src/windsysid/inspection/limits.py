@@ -14,9 +14,9 @@ MIN_MODAL_SAMPLES = 256
 MIN_ROTOR_SPEED = 0.05
 """Size: rotor speed of a running machine [rad/s]."""
 
-MIN_SWING_FREQUENCY, MAX_SWING = 0.1, 4.0
-"""Size: root mean square [m] of the motion that an acceleration means above a frequency [Hz]; the tops of the tallest
-turbines move by 1 m, floaters by more only below."""
+MAX_SWING = 4.0
+"""Size: root mean square [m] of the motion that an acceleration means; the tops of the tallest turbines move by 1 m,
+floaters by more only below 0.1 Hz, which is left out."""
 
 MAX_ROTOR_SPEED = 10.0
 """Size: rotor speed [rad/s] beyond which a speed is that of a small rotor or of a generator behind a gear."""
@@ -160,11 +160,12 @@ MAX_FAULT_SHARE = 0.02
 MIN_VIBRATION_FACTOR = 0.25
 """Size: rms of vibration over the record's median that is enough for identification."""
 
-MIN_CYCLES = 40.0
-"""Size: number of periods in a section, which `oma` needs."""
+MIN_MODE_CYCLES = 40.0
+"""Size: cycles of a mode in a record, or in a section of one, which `oma` needs for its damping."""
 
 MIN_DEGREES_OF_FREEDOM = 4.0
-"""Size: equivalent degrees of freedom of the power of a section, which `identify` needs."""
+"""Size: equivalent degrees of freedom of the power of a section, and within the narrowest resonance where nothing
+turns, which `identify` needs: intervals of a tower are up to 18 times too narrow at one."""
 
 FALSE_ALARM_PROBABILITY = 0.01
 """Probability: significance level of a change of vibration, all comparisons together. Simulated records of one to four
@@ -176,8 +177,9 @@ MAX_VIBRATION_CHANGE = 2.0
 MAX_REFERENCE_DISTANCE = 0.08
 """Size: relative distance up to which a peak or a mode may be one of the turbine file, whose values are references."""
 
-MIN_SPECTROGRAM_VARIATION = 0.02
-"""Size: relative standard deviation of the rotor speed from which on a spectrogram is drawn against it."""
+MAX_CONSTANT_SPEED_VARIATION = 0.02
+"""Size: standard deviation of the rotor speed over its mean up to which it is constant. Beyond, harmonics and whirl
+modes are smeared, spectra of a constant speed are refused, and a spectrogram is drawn against the speed."""
 
 MIN_RUNNING_SHARE = 0.6
 """Size: share of the usual rotor speed above which the rotor runs."""

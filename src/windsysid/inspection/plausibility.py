@@ -19,7 +19,6 @@ from windsysid.inspection.limits import (
     MAX_SWING,
     MIN_ACCELERATION_RATE,
     MIN_ROTOR_SPEED,
-    MIN_SWING_FREQUENCY,
 )
 from windsysid.inspection.tags import meaning_of
 from windsysid.records.record import Record
@@ -34,7 +33,7 @@ __all__ = ["GRAVITY", "TIME", "Rotor", "implausible", "once_per_turn", "rotor_of
 GRAVITY = 9.80665
 """Setting: standard acceleration of gravity [m/s²]."""
 TIME = "time"
-"""What findings about the time's unit are about."""
+"""Subject of findings on the time's unit."""
 _TURN = math.tau
 _RATIOS = (
     (60.0 / _TURN, "rpm marked as rad/s"),
@@ -62,6 +61,13 @@ HALF_QUARTER_TURN = 45.0
 MAX_GRAVITY_DIFFERENCE = 0.01
 """Setting: relative difference from gravity of the means of two axes that share it; calibrations are as good."""
 
+MIN_SWING_FREQUENCY = 0.1
+"""Setting: frequency [Hz] above which the motion is computed that an acceleration means."""
+
+MAX_SWING_SIGMAS = 20.0
+"""Setting: distance from the median, in robust standard deviations, beyond which readings are codes or spikes and no
+motion."""
+
 MIN_TILT_DEGREES = 1.0
 """Setting: smallest tilt of an axis that is reported; rotors are tilted by 4 to 8°, towers lean by less."""
 
@@ -70,7 +76,7 @@ MIN_YAW_DEGREES = 10.0
 
 
 class Rotor:
-    """How the rotor turned.
+    """Rotation of the rotor.
 
     Attributes
     ----------
@@ -94,16 +100,15 @@ def turns_per_second(record: Record) -> float:
 
 
 def _speed_channels(record: Record) -> list[str]:
-    """Channels with the rotor speed [rad/s], by their names: ``rotor_speed``, or what other loggers call it.
+    """Channels with the rotor speed [rad/s], by their names: ``rotor_speed``, or those of other loggers.
 
     The speed of a generator counts where it is one that rotors have: there is no gear.
     """
     if "rotor_speed" in record:
         return ["rotor_speed"]
-    names = [name for name, unit in zip(record.channels, record.units, strict=True) if unit == "rad/s"]
-    meanings = {name: meaning.name for name in names if (meaning := meaning_of(name)) is not None}
-    turning = [name for name, ours in meanings.items() if ours == "rotor_speed"]
-    turning += [name for name, ours in meanings.items() if ours == "generator_speed"]
+    names = [name for name in record.channels if record.unit(name) == "rad/s"]
+    ours = {name: getattr(meaning_of(name), "name", None) for name in names}
+    turning = [name for wanted in ("rotor_speed", "generator_speed") for name in names if ours[name] == wanted]
     return [name for name in turning if abs(float(np.nanmean(record[name]))) < MAX_ROTOR_SPEED]
 
 
@@ -160,7 +165,7 @@ def _wrong_unit(record: Record, channel: str, kind: Kind, rotor: Rotor | None) -
 
 
 def _pace(record: Record) -> list[Fault]:
-    """Whether accelerations come so seldom that the time was in milliseconds, or so often that it was in days."""
+    """Test whether accelerations come so seldom that the time was in milliseconds, or so often that it was in days."""
     step = 1.0 / record.rate
     if record.rate < MIN_ACCELERATION_RATE:
         return [_unit(TIME, "no structure so slow", step=step)]
@@ -172,13 +177,8 @@ def _pace(record: Record) -> list[Fault]:
 
 def _tilted(record: Record, channels: Sequence[str]) -> list[Fault]:
     """A wrong unit of accelerometers along three axes that stand at any angle, by the size of their mean."""
-    places: dict[str, list[str]] = {}
-    for channel in channels:
-        axis = re.search(r"(?:^|_|\b|(?<=[a-z]))[xyzXYZ](?=$|_|\b)", channel)
-        if axis is not None and record.unit(channel) == "m/s^2":
-            places.setdefault(channel[: axis.end() - 1] + "*" + channel[axis.end() :], []).append(channel)
     found = []
-    for place, three in places.items():
+    for place, three in _by_place([name for name in channels if record.unit(name) == "m/s^2"]).items():
         means = [float(np.nanmean(record[channel])) for channel in three]
         rms = max(float(np.nanstd(record[channel])) for channel in three)
         size = math.hypot(*means)
@@ -188,10 +188,23 @@ def _tilted(record: Record, channels: Sequence[str]) -> list[Fault]:
     return found
 
 
+def _by_place(channels: Sequence[str]) -> dict[str, list[str]]:
+    """Channels whose names differ in the axis x, y or z only."""
+    places: dict[str, list[str]] = {}
+    for channel in channels:
+        axis = re.search(r"(?:^|_|\b|(?<=[a-z]))[xyzXYZ](?=$|_|\b)", channel)
+        if axis is not None:
+            places.setdefault(channel[: axis.end() - 1] + "*" + channel[axis.end() :], []).append(channel)
+    return places
+
+
 def _swing(record: Record, channel: str) -> float:
     """Motion [m] that an acceleration means above `MIN_SWING_FREQUENCY`, root mean square."""
     values = record[channel]
     known = np.isfinite(values)
+    distance = np.abs(values - np.median(values[known]))
+    scale = 1.4826 * float(np.median(distance[known]))
+    known &= (distance <= MAX_SWING_SIGMAS * scale) | (scale == 0.0)
     filled = np.interp(record.time, record.time[known], values[known])
     power = np.abs(np.fft.rfft((filled - filled.mean()) * np.hanning(len(filled)))) ** 2
     frequency = np.arange(len(power)) * record.rate / len(filled)
@@ -207,12 +220,18 @@ def _acceleration(record: Record, channel: str, x: Array, rotor: Rotor | None) -
             return [_unit(channel, "gravity in another unit", mean=mean, mistake=mistake)]
     if abs(abs(mean) - GRAVITY) < 0.3:
         return [Fault(channel, "gravity", "note", x.size, data={"mean": mean})]
-    if rms > 10.0 * GRAVITY and channel.startswith(("tower", "nacelle", "hub", "foundation")):
-        return [_unit(channel, "no support so shaken", rms=rms, gravities=rms / GRAVITY)]
-    if body_of(channel) == "structure" and rms > 0.1 and (swing := _swing(record, channel)) > MAX_SWING:
-        return [_unit(channel, "no structure swings so far", rms=rms, swing=swing)]
+    if body_of(channel) == "structure" and (shaken := _shaken(record, channel, rms)):
+        return shaken
     on_blade = channel.startswith("blade") and "kinematic" not in channel
     return _gravity_once_per_turn(record, channel, rms, rotor) if on_blade and rotor is not None else []
+
+
+def _shaken(record: Record, channel: str, rms: float) -> list[Fault]:
+    """A wrong unit of an accelerometer on a structure, by its size."""
+    if rms > 10.0 * GRAVITY and channel.startswith(("tower", "nacelle", "hub", "foundation")):
+        return [_unit(channel, "no support so shaken", rms=rms, gravities=rms / GRAVITY)]
+    swing = _swing(record, channel)
+    return [_unit(channel, "no structure swings so far", rms=rms, swing=swing)] if swing > MAX_SWING else []
 
 
 def _tilts(record: Record, known: Iterable[str]) -> list[Fault]:
@@ -283,7 +302,7 @@ def _angle(channel: str, kind: Kind, x: Array) -> list[Fault]:
 
 
 def _is_in_degrees(kind: Kind, wrap: float, span: float, largest: float) -> bool:
-    """Whether an angle is in degrees, by the median size of its wraps, its span and its largest value."""
+    """Test whether an angle is in degrees, by the median size of its wraps, its span and its largest value."""
     if 300.0 < wrap < 361.0 and span < 361.0:
         return True
     if kind in ("direction", "yaw"):

@@ -1,9 +1,9 @@
-"""A mapping file for a record that nobody has described yet, proposed from what is in it, with its doubts.
+"""A mapping file for a record without description, proposed from its content, with open questions.
 
-Names are told by tags and words (`tags`); units by what the file says, else by the values: gravity in the mean of an
+Names follow from tags and words (`tags`); units from the file, else from the values: gravity in the mean of an
 upright accelerometer, or in the swing of one that turns with the rotor (1P), and the range in which a quantity can be.
 Where more than one unit is left, the line stays a comment, so that the record is refused until somebody decides. What
-cannot be told is listed as a comment too. Nothing here is believed by a reader: the file is for its owner to correct.
+remains unknown is listed as a comment too. Nothing here is believed by a reader: the file is for its owner to correct.
 """
 
 from dataclasses import dataclass, replace
@@ -31,7 +31,7 @@ from windsysid.units import RPM, canonical, si_unit, to_si
 
 __all__ = ["Guess", "MappingProposal", "propose_mapping"]
 
-_BY_FILE, _BY_VALUES = "the file says its unit", "the range of its values tells its unit"
+_BY_FILE, _BY_VALUES = "the file says its unit", "its unit follows from the range of its values"
 _UNITS_OF_ACCELERATION = ("m/s^2", "g", "mg", "mm/s^2")
 _MAX_SAMPLES = 1 << 18
 """Setting: largest number of samples of a spectrum."""
@@ -41,14 +41,14 @@ _TIME_TO_FILL_IN = ["", "[time]", "# ? rate = # Hz", "# ? column = ", '# ? unit 
 
 @dataclass(frozen=True)
 class Guess:
-    """What one channel of a file may be.
+    """Proposal for one channel of a file.
 
     Attributes
     ----------
     written : str
         Its name in the file.
     name, unit : str or None
-        Proposed; None where it cannot be told.
+        Proposed; None if unknown.
     evidence, doubts : tuple of str
         What speaks for it, and what is to be checked.
     """
@@ -61,7 +61,7 @@ class Guess:
 
     @property
     def is_said(self) -> bool:
-        """Whether the file says its unit."""
+        """True if the file gives its unit."""
         return _BY_FILE in self.evidence
 
 
@@ -185,14 +185,14 @@ def _as_it_is(path: Path, given: Mapping) -> tuple[Mapping, tuple[str, ...]]:
 def _about(record: Record) -> list[str]:
     remarks = [f"{record.samples} samples at {record.rate:.6g} Hz, {record.duration:.6g} s."]
     if record.start is None:
-        remarks.append('When it begins is not known: [time] start = "2021-07-07T12:00:00Z" says it.')
+        remarks.append('The start is not known: give it as [time] start = "2021-07-07T12:00:00Z".')
     elif not has_zone(record.start):
-        remarks.append(f'It begins at {record.start}, in a zone that is not said: [time] zone = "Europe/Stockholm".')
+        remarks.append(f'It begins at {record.start}, in a zone that is not given: [time] zone = "Europe/Stockholm".')
     return remarks
 
 
 def _rotor(record: Record, known: dict[str, Meaning | None]) -> tuple[Rotor | None, str]:
-    """How the rotor turned, where a channel says it in a unit that can be told."""
+    """Rotation of the rotor, if a channel gives it in a known unit."""
     for name, meaning in known.items():
         if meaning is None or meaning.name != "rotor_speed":
             continue
@@ -203,11 +203,11 @@ def _rotor(record: Record, known: dict[str, Meaning | None]) -> tuple[Rotor | No
             speed = np.interp(record.time, record.time[ok], values[ok]) * to_si(1.0, units[0])
             rotor = Rotor(speed, name)
             return rotor, f"The rotor turns at {rotor.mean * RPM:.4g} rpm (1P {rotor.mean / (2.0 * np.pi):.4g} Hz)."
-    return None, "No rotor speed is known: gravity in turning sensors (1P) was not looked for."
+    return None, "No rotor speed is known: gravity in rotating sensors (1P) was not searched for."
 
 
 def _units(record: Record, name: str, quantity: str) -> tuple[tuple[str, ...], str]:
-    """Units that a channel may be in, and what says so; `quantity` is its name in windsysid, which says one."""
+    """Possible units of a channel, and their source; `quantity` is its name in windsysid, which implies one."""
     said = record.unit(name).removeprefix(AS_WRITTEN)
     if said not in ("unknown", ""):
         try:
@@ -215,9 +215,9 @@ def _units(record: Record, name: str, quantity: str) -> tuple[tuple[str, ...], s
         except ConfigurationError:
             return (), f"the file says '{said}', which windsysid does not know"
     if implied_unit(quantity) is None:
-        return (), "no unit is said"
+        return (), "no unit is given"
     units = plausible_units(quantity, record[name])
-    return units, _BY_VALUES if units else "its values fit no unit of what its name says"
+    return units, _BY_VALUES if units else "its values fit no unit of the quantity in its name"
 
 
 def _guess(record: Record, name: str, meaning: Meaning, rotor: Rotor | None, *, timed: bool = True) -> Guess:
@@ -227,7 +227,7 @@ def _guess(record: Record, name: str, meaning: Meaning, rotor: Rotor | None, *, 
     units, why = _units(record, name, quantity)
     values = record[name]
     if not np.isfinite(values).any():
-        return Guess(name, ours, None, tuple(evidence), (*doubts, "it holds no value"))
+        return Guess(name, ours, None, tuple(evidence), (*doubts, "it has no values"))
     evidence.append(f"{np.nanmin(values):.4g} … {np.nanmax(values):.4g}, mean {np.nanmean(values):.4g}")
     gravity, shown = _gravity(record, name, values, rotor)
     if gravity is not None and implied_unit(quantity) in ("m/s^2", None):
@@ -239,17 +239,17 @@ def _guess(record: Record, name: str, meaning: Meaning, rotor: Rotor | None, *, 
     evidence += _peak(record, values, rotor) if timed else []
     unit = units[0] if len(units) == 1 else None
     if _contradicts(ours, unit):
-        doubts.append(f"the name says a quantity that is not measured in {unit}")
+        doubts.append(f"the name gives a quantity that is not measured in {unit}")
     return Guess(name, ours, unit, tuple(evidence), tuple(doubts))
 
 
 def _doubts_of_unit(units: tuple[str, ...], why: str) -> list[str]:
-    """What is not known of a unit that was found among `units`, and why."""
+    """Ambiguity of a unit among `units`, and its reason."""
     if len(units) > 1:
         return [f"in {' or '.join(units)}? Its values allow each"]
     if not units:
         return [why]
-    return [f"the unit is told by the values only ({units[0]})"] if why == _BY_VALUES else []
+    return [f"the unit follows from the values only ({units[0]})"] if why == _BY_VALUES else []
 
 
 def _with_gravity(
@@ -264,7 +264,7 @@ def _with_gravity(
 
 
 def _contradicts(name: str | None, unit: str | None) -> bool:
-    """Whether a name says another quantity than a unit."""
+    """Test whether a name gives another quantity than a unit."""
     implied = implied_unit(name) if name else None
     return bool(implied and unit) and si_unit(str(unit)) not in (implied, {"rad": "1", "1": "rad"}.get(str(implied)))
 
@@ -339,7 +339,7 @@ def _quoted(text: str) -> str:
 
 
 def _tables(given: Mapping) -> list[str]:
-    """The tables ``[time]`` and ``[csv]`` of what was known before."""
+    """The tables ``[time]`` and ``[csv]`` of the given mapping."""
     import tomli_w
 
     lines: list[str] = []

@@ -1,4 +1,4 @@
-"""The checks that every identification runs before it reads a record, and what becomes of their findings.
+"""Checks that every identification runs before it reads a record, and the use of their findings.
 
 A unit that is evidently wrong and a channel that is dead make every estimate wrong: the record is refused. Readings
 that were copied or lost, and converters that ran over, make estimates or their bands wrong: no such result is trusted.
@@ -98,7 +98,7 @@ def _losses(record: Record, moving: Sequence[str], findings: Sequence[Fault]) ->
 
 
 def faults_of(record: Record, channels: Iterable[str], turbine: "Turbine | None") -> Sequence[Fault]:
-    """What `examine` finds in these channels; remembered as long as the record lives, since several parts of a program
+    """Faults of these channels by `examine`; cached as long as the record lives, since several parts of a program
     ask the same of it.
 
     Raises
@@ -118,8 +118,8 @@ _FOUND: "WeakKeyDictionary[Record, dict[object, tuple[Fault, ...]]]" = WeakKeyDi
 
 
 def read_besides(record: Record, turbine: "Turbine") -> list[str]:
-    """Channels of a record that an identification reads beside those of its sensors: how the rotor turned, wind,
-    loads."""
+    """Channels of a record that an identification reads in addition to those of its sensors: how the rotor turned,
+    wind, loads."""
     return [name for name in (*TURNING, "wind_speed", *turbine.model.loads) if name in record]
 
 

@@ -1,4 +1,4 @@
-"""Which part of a record to use: steady rotor and wind, no faults, and enough vibration to identify something from.
+"""Proposal of sections: steady rotor and wind, no faults, and enough vibration for an identification.
 
 The published study picked 500–600 s of a 600 s record by eye, "since the proposed mathematical model is the assumptions
 constant direction and speed of the wind". Here every window of that length is given penalties, each 1 where it begins
@@ -29,14 +29,14 @@ from windsysid.inspection.limits import (
     MAX_LENGTH_PENALTY,
     MAX_SPEED_VARIATION,
     MAX_WIND_VARIATION,
-    MIN_CYCLES,
     MIN_DEGREES_OF_FREEDOM,
+    MIN_MODE_CYCLES,
     MIN_ROTOR_SPEED,
     MIN_SECTION_SECONDS,
     MIN_VIBRATION_FACTOR,
 )
 from windsysid.inspection.plausibility import Rotor
-from windsysid.inspection.sentences import joined
+from windsysid.inspection.sentences import joined, percent
 from windsysid.inspection.stationarity import Vibration, changes, vibration_of
 from windsysid.records.record import Record
 from windsysid.units import RPM
@@ -54,7 +54,7 @@ CHANGE_PENALTY = 0.2
 
 @dataclass(frozen=True)
 class Proposal:
-    """A section of the record: start and end [s], penalty (0 is best), what speaks for it and what against."""
+    """Section of the record: start and end [s], penalty (0 is best), reasons for it and against."""
 
     start: float
     end: float
@@ -64,7 +64,7 @@ class Proposal:
 
     @property
     def good(self) -> bool:
-        """Whether nothing speaks against it."""
+        """True if there is no objection."""
         return not self.against
 
     def summary(self) -> dict[str, Any]:
@@ -79,7 +79,7 @@ class Proposal:
         }
 
     def __str__(self) -> str:
-        words = joined(self.reasons) if self.reasons else "nothing to judge it by"
+        words = joined(self.reasons) if self.reasons else "no criterion applies"
         return words + (f"; but {joined(self.against)}" if self.against else "")
 
 
@@ -133,11 +133,11 @@ def _vibrations(record: Record, known: dict[str, Kind]) -> dict[str, Vibration]:
 
 
 def _least_share(record: Record, known: dict[str, Kind], vibrations: dict[str, Vibration]) -> float:
-    """Share of the record that a section needs for `MIN_CYCLES` and `MIN_DEGREES_OF_FREEDOM`: median over the channels
-    of the best kind of vibration."""
+    """Share of the record that a section needs for `MIN_MODE_CYCLES` and `MIN_DEGREES_OF_FREEDOM`: median over the
+    channels of the best kind of vibration."""
     telling = [name for name in most_telling(record) if name in vibrations]
     shares = [
-        max(MIN_CYCLES / max(one.cycles, 1e-9), MIN_DEGREES_OF_FREEDOM / float(one.degrees[0]))
+        max(MIN_MODE_CYCLES / max(one.cycles, 1e-9), MIN_DEGREES_OF_FREEDOM / float(one.degrees[0]))
         for one in (vibrations[name] for name in telling if known[name] == known[telling[0]])
     ]
     return float(np.median(shares)) if shares else 0.0
@@ -225,13 +225,13 @@ def _judge_rotor(record: Record, rotor: Rotor, cut: "_Blocks", judge: Any) -> No
             else (
                 f"rotor speed constant at {v:.3g} rpm"
                 if s < 1e-6
-                else f"rotor speed {v:.3g} rpm, steady within {_percent(s)}"
+                else f"rotor speed {v:.3g} rpm, steady within {percent(s)}"
             )
         )
         for v, s, p in zip(rpm, spread, parked, strict=True)
     ]
     unsteady = [
-        f"the rotor speed ({v:.3g} rpm) varies by {_percent(s)} and drifts by {_percent(d)}"
+        f"the rotor speed ({v:.3g} rpm) varies by {percent(s)} and drifts by {percent(d)}"
         for v, s, d in zip(rpm, spread, drift, strict=True)
     ]
     judge(spread / MAX_SPEED_VARIATION + 0.5 * drift / MAX_SPEED_VARIATION, steady, unsteady, 1.5)
@@ -249,7 +249,7 @@ def _judge_wind(record: Record, known: dict[str, Kind], cut: "_Blocks", judge: A
     if "direction" in first:
         spread = cut.circular_spread(record[first["direction"]])
         words = [f"direction within ± {np.degrees(s):.2g}°" for s in spread]
-        judge(spread / MAX_DIRECTION_SPREAD, words, [f"the wind turns ({text})" for text in words])
+        judge(spread / MAX_DIRECTION_SPREAD, words, [f"the wind direction changes ({text})" for text in words])
 
 
 class _Blocks:
@@ -305,7 +305,7 @@ def _judge_faults(record: Record, known: dict[str, Kind], findings: Sequence[Fau
     words = []
     for w in range(share.size):
         here = [kind for kind, where in present.items() if where[w]]
-        words.append(f"{joined(here)} in {_percent(share[w])} of the samples" if here else "no gaps or faults")
+        words.append(f"{joined(here)} in {percent(share[w])} of the samples" if here else "no gaps or faults")
     judge(share / MAX_FAULT_SHARE, words, words)
 
 
@@ -346,15 +346,15 @@ def _judge_excitation(vibrations: dict[str, Vibration], cut: _Blocks, judge: Any
     """Judge the level of vibration relative to the record's and its change within a window, both beyond chance."""
     first, last = cut.edges[: -cut.per_window], cut.edges[cut.per_window :]
     if not vibrations:
-        nothing = ["there is no channel in which vibration would show"] * len(first)
+        nothing = ["no channel measures vibration"] * len(first)
         judge(np.full(len(nothing), 2.0), nothing, nothing)
         return
     level, chance = _levels(list(vibrations.values()), np.stack([first, last], axis=-1))
     weak = -np.log2(level)
     judge(
         np.where(weak > 0.0, weak, np.maximum(0.25 * weak, -0.5)),
-        [f"vibration {v:.2g} × the record's usual" for v in level],
-        [f"vibration only {v:.2g} × the record's usual" for v in level],
+        [f"vibration {v:.2g} × the record's median" for v in level],
+        [f"RMS only {v:.2g} × the record's median" for v in level],
         np.maximum(-np.log2(MIN_VIBRATION_FACTOR), np.log2(chance)),
     )
     found = changes(list(vibrations.values()), first, last)
@@ -366,7 +366,7 @@ def _judge_excitation(vibrations: dict[str, Vibration], cut: _Blocks, judge: Any
         for f, v, n, most in zip(size, verb, found.segments, found.allowed, strict=True)
     ]
     words = [
-        f"stationary (false alarms: {_percent(FALSE_ALARM_PROBABILITY)})"
+        f"stationary (false alarms: {percent(FALSE_ALARM_PROBABILITY)})"
         if c
         else f"it {v} by {f:.2g} × between its {_NAMES[n]}"
         for f, v, n, c in zip(size, verb, found.segments, found.by_chance, strict=True)
@@ -396,7 +396,3 @@ def _few(channels: Sequence[str], most: int = 12) -> list[str]:
         if len(channels) <= most
         else [channels[i] for i in np.linspace(0, len(channels) - 1, most).astype(int)]
     )
-
-
-def _percent(share: float) -> str:
-    return f"{float(f'{100.0 * share:.2g}'):g} %"

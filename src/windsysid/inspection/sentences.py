@@ -1,4 +1,4 @@
-"""The sentences of faults, by kind: what a fault is, and what to do; nothing else writes, reads or changes them."""
+"""Sentences of faults, by kind, with advice; nothing else writes, reads or changes them."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
@@ -6,19 +6,19 @@ from typing import Any, Final
 from windsysid._types import Array
 from windsysid.units import unit_text
 
-__all__ = ["STATEMENTS", "advice", "joined", "statement"]
+__all__ = ["STATEMENTS", "advice", "joined", "percent", "statement"]
 
 Data = Mapping[str, Any]
 Statement = Callable[[int, Array, Data], str]
 
 
 def statement(kind: str, count: int, spans: Array, data: Data) -> str:
-    """What a fault is, and how much of it; arguments as for `windsysid.inspection.fault.Fault`."""
+    """Statement of a fault and its amount; arguments as for `windsysid.inspection.fault.Fault`."""
     return STATEMENTS[data.get("evidence", kind)](count, spans, data)
 
 
 def advice(kind: str, severity: str, data: Data) -> str:
-    """What to do about a fault; empty where nothing is to be done."""
+    """Advice on a fault; empty if nothing is to be done."""
     known = ADVICE.get(data.get("evidence", kind), "")
     return known(severity, data) if callable(known) else known
 
@@ -29,7 +29,7 @@ def joined(parts: Sequence[str]) -> str:
 
 
 def _when(spans: Array, most: int = 4) -> str:
-    """Where it is, in words: ``at 12.3, 45 and 60 s (and 3 more places)``."""
+    """Times of the places, in words: ``at 12.3, 45 and 60 s (and 3 more places)``."""
     if not len(spans):
         return "everywhere"
     listed = [f"{a:.6g}" if b - a < 0.05 else f"{a:.6g}–{b:.6g}" for a, b in spans[:most]]
@@ -46,20 +46,21 @@ def _amount(numbers: Sequence[float], digits: int, unit: str) -> str:
     return f"{joined([f'{number:.{digits}g}' for number in numbers])} {unit_text(unit)}".removesuffix(" 1")
 
 
-def _percent(share: float) -> str:
+def percent(share: float) -> str:
+    """Share in percent, with two significant digits."""
     return f"{float(f'{100.0 * share:.2g}'):g} %"
 
 
 def _irregular(count: int, _: Array, d: Data) -> str:
     off = f", {_count(count, 'step')} more than 10 % off" if count else ""
-    return f"steps of {d['step']:.4g} s vary by {_percent(d['spread'])} rms, {_percent(d['worst'])} at most{off}"
+    return f"steps of {d['step']:.4g} s vary by {percent(d['spread'])} rms, {percent(d['worst'])} at most{off}"
 
 
 def _missing(count: int, spans: Array, d: Data) -> str:
     if d["share"] == 1.0:
         return "holds no number at all"
     where = f"in {_count(len(spans), 'place')}, the longest {d['longest']:.3g} s, {_when(spans)}"
-    return f"{_count(count, 'sample')} missing ({_percent(d['share'])}) {where}"
+    return f"{_count(count, 'sample')} missing ({percent(d['share'])}) {where}"
 
 
 def _spikes(count: int, spans: Array, d: Data) -> str:
@@ -70,18 +71,18 @@ def _spikes(count: int, spans: Array, d: Data) -> str:
 
 def _at_ends(count: int, spans: Array, d: Data) -> str:
     ends = _amount(d["ends"], 4, d["unit"])
-    return f"{_count(count, 'sample')} ({_percent(d['share'])}) sit at {ends}, {_when(spans)}"
+    return f"{_count(count, 'sample')} ({percent(d['share'])}) are at {ends}, {_when(spans)}"
 
 
 def _frozen(count: int, spans: Array, d: Data) -> str:
     length = f"repeats one value for up to {d['longest']:.3g} s"
-    return f"frozen: {length}, {_count(count, 'sample')} ({_percent(d['share'])}), {_when(spans)}"
+    return f"frozen: {length}, {_count(count, 'sample')} ({percent(d['share'])}), {_when(spans)}"
 
 
 def _silent(count: int, spans: Array, d: Data) -> str:
-    length = f"reads nothing but noise for up to {d['longest']:.3g} s"
+    length = f"only noise for up to {d['longest']:.3g} s"
     share = f"{_count(count, 'sample')} ({100.0 * d['share']:.2g} %)"
-    return f"silent: {length}, {share}, {_when(spans)}, while others vibrate"
+    return f"dead channel: {length}, {share}, {_when(spans)}, while other channels vibrate"
 
 
 def _contradiction(_: int, __: Array, d: Data) -> str:
@@ -91,12 +92,12 @@ def _contradiction(_: int, __: Array, d: Data) -> str:
 STATEMENTS: Final[Mapping[str, Statement]] = {
     # the clock
     "short gaps": lambda n, _, d: (
-        f"{_count(n, 'sample')} lost ({_percent(d['share'])}) in {d['gaps']} short gaps, the longest "
+        f"{_count(n, 'sample')} lost ({percent(d['share'])}) in {d['gaps']} short gaps, the longest "
         f"{d['longest']:.3g} s"
     ),
     "gaps": lambda n, spans, d: (
         f"{_count(len(spans), 'gap')} in the time, the longest {d['longest']:.3g} s, {_count(n, 'sample')} lost"
-        f" ({_percent(d['share'])}), {_when(spans)}"
+        f" ({percent(d['share'])}), {_when(spans)}"
     ),
     "irregular sampling": _irregular,
     "shared time stamps": lambda _, __, d: d["text"],
@@ -117,7 +118,8 @@ STATEMENTS: Final[Mapping[str, Statement]] = {
     "frozen": _frozen,
     "silent": _silent,
     "held": lambda _, __, d: f"changes only every {d['every']} samples ({d['rate']:.3g} Hz)",
-    "interpolated": lambda _, __, d: f"lies on straight lines between every {d['every']} samples ({d['rate']:.3g} Hz)",
+    "interpolated": lambda _, __, d: f"is interpolated linearly between every {d['every']} samples"
+    f" ({d['rate']:.3g} Hz)",
     "coarse steps": lambda _, __, d: (
         f"comes in steps of {d['step']:.3g} {unit_text(d['unit'])}, its rms is {d['levels']:.2g} of them"
     ),
@@ -133,16 +135,17 @@ STATEMENTS: Final[Mapping[str, Statement]] = {
     "lost samples": lambda n, spans, d: f"{n} breaks at multiples of {d['distance']:.6g} s, {_when(spans)}",
     "lost rows": lambda _, __, d: f"one row was lost after every {d['period']}, although the times are equidistant",
     # units and contradictions
-    "pace": lambda _, __, d: f"accelerations come every {d['step']:.3g} s",
-    "no structure so slow": lambda _, __, d: f"accelerations come every {d['step']:.3g} s, which shows no structure",
-    "no deflection so large": lambda _, __, d: f"rms {d['rms']:.3g} m is no deflection of a structure",
+    "pace": lambda _, __, d: f"accelerations are sampled every {d['step']:.3g} s",
+    "no structure so slow": lambda _, __, d: f"accelerations every {d['step']:.3g} s are too slow for a"
+    " structure's vibration",
+    "no deflection so large": lambda _, __, d: f"rms {d['rms']:.3g} m is too large for a structure's deflection",
     "no wind so strong": lambda _, __, d: f"a mean wind of {d['mean']:.3g} m/s",
     "gravity in another unit": lambda _, __, d: f"the mean is {d['mean']:.3g} m/s² where gravity would be 9.81",
     "no support so shaken": lambda _, __, d: (
-        f"rms {d['rms']:.3g} m/s² is {d['gravities']:.3g} g, no support shakes so"
+        f"rms {d['rms']:.3g} m/s² is {d['gravities']:.3g} g, too large for a support"
     ),
     "no structure swings so far": lambda _, __, d: (
-        f"rms {d['rms']:.3g} m/s² means a motion of {d['swing']:.3g} m, which no structure makes"
+        f"rms {d['rms']:.3g} m/s² means a motion of {d['swing']:.3g} m, too large for a structure"
     ),
     "gravity of three axes": lambda _, __, d: (
         f"the mean of three axes is {d['mean']:.3g} m/s² where gravity would be 9.81"
@@ -162,7 +165,7 @@ STATEMENTS: Final[Mapping[str, Statement]] = {
         f"the nacelle is yawed by {d['degrees']:.3g}° about the axes of {d['channels']}, which do not yaw"
         + (": x is fore-aft and z is side-side" if d["degrees"] > 45.0 else "")
     ),
-    "gravity": lambda _, __, d: f"feels gravity (mean {d['mean']:.4g} m/s²)",
+    "gravity": lambda _, __, d: f"contains gravity (mean {d['mean']:.4g} m/s²)",
     "backwards": lambda _, __, d: f"runs backwards ({d['azimuth']:.3g} rad/s)",
     "contradiction": _contradiction,
     "azimuth jumps": lambda n, spans, d: (
@@ -170,7 +173,7 @@ STATEMENTS: Final[Mapping[str, Statement]] = {
     ),
     "azimuth scatter": lambda _, __, d: f"scatters by {d['degrees']:.2g}° about a smooth rotation",
 }  # fmt: skip
-"""For each kind of fault, or for the evidence of one, what it is: of the number of samples, the places and the data."""
+"""Statement of each kind of fault, or of the evidence of one: of the number of samples, the places and the data."""
 
 
 def _resample(_: str, d: Data) -> str:
@@ -198,33 +201,33 @@ ADVICE: Final[Mapping[str, str | Callable[[str, Data], str]]] = {
             "note": "short enough to be bridged",
         }[severity]
     ),
-    "slower rate": "a slower logger",
-    "unknown unit": "values are as the file has them",
+    "slower rate": "recorded by a slower logger",
+    "unknown unit": "values are kept as in the file",
     "constant": lambda _, d: "the rotor stands still" if d["standing"] else "a set value rather than a measured one",
-    "motionless": "disconnected, or a motion that a simulator holds; leave it out",
+    "motionless": "disconnected, or a motion that the simulator fixes; leave it out",
     "spikes": lambda severity, _: (
-        "if a sensor reads it, remove them (despike)"  # counters, states and solver outputs may jump
+        "if a sensor measures it, remove them (despike)"  # counters, states and solver outputs may jump
         if severity == "note"
         else "remove them (despike) before anything else"
     ),
     "clipping": (
-        "the range of the sensor or its amplifier ends there; what is larger is lost, so amplitudes and damping come "
+        "the sensor or its amplifier saturates there; larger values are lost, so amplitudes and damping are "
         "out wrong"
     ),
     "limit": "an end stop, a controller's limit, or the end of the sensor's range",
     "frozen": "treat them as missing",
     "silent": "treat them as missing",
-    "held": "sampled slowly and held",
+    "held": "sampled at a slower rate and held",
     "interpolated": "filled in",
     "coarse steps": lambda _, d: (
-        "the converter sees hardly any motion; raise the gain"
+        "the resolution is too coarse for the motion; raise the gain"
         if d["levels"] < 2.0
-        else f"adds {_percent(0.2887 / d['levels'])} of noise"
+        else f"quantisation adds {percent(0.2887 / d['levels'])} of noise"
     ),
     "copied passage": "a passage was written twice; leave the copies out",
-    "copy": "what one sensor says is counted twice; leave it out",
-    "overrun": "the converter ran over; unwrap its values or leave it out",
-    "lost samples": "samples were lost there, and damping comes out too large; choose a section without",
+    "copy": "one sensor is counted twice; leave it out",
+    "overrun": "the converter overflowed; unwrap its values or leave it out",
+    "lost samples": "samples were lost there, and damping is too large; choose a section without",
     "lost rows": lambda _, d: (
         f"frequencies are {100.0 / d['period']:.2g} % too high; write the time at which each row was taken"
     ),
@@ -251,9 +254,9 @@ ADVICE: Final[Mapping[str, str | Callable[[str, Data], str]]] = {
         "turn them with windsysid.signals.with_nacelle_axes (docs/signals.md), or read fore-aft for side-side"
     ),
     "gravity": "remove it before integration",
-    "backwards": "count it in the sense of rotation",
+    "backwards": "count it in the direction of rotation",
     "contradiction": _mistake,
     "azimuth jumps": "the encoder slipped; use a section between them",
     "azimuth scatter": "it is smoothed",
 }  # fmt: skip
-"""What to do about it, of the severity and the data."""
+"""Advice of each kind, of the severity and the data."""

@@ -1,4 +1,4 @@
-"""Where the vibration sits in frequency: Welch spectra, their peaks, and which harmonic or mode each peak is.
+"""Welch spectra, their peaks, and the harmonic or mode of each peak.
 
 Spectra follow Welch (1967, doi:10.1109/TAU.1967.1161901), with Hann windows that overlap by half. A peak counts where
 the spectrum stands above the running median around it by more than the scatter of its averages can do.
@@ -13,7 +13,7 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.inspection.bodies import body_of
 from windsysid.inspection.fault import Fault
-from windsysid.inspection.limits import MAX_REFERENCE_DISTANCE, MIN_SPECTROGRAM_VARIATION
+from windsysid.inspection.limits import MAX_CONSTANT_SPEED_VARIATION, MAX_REFERENCE_DISTANCE
 from windsysid.inspection.plausibility import Rotor
 from windsysid.records.checks import refuse_gaps
 from windsysid.records.record import Record
@@ -222,7 +222,7 @@ def spectra(
     values: Array, rate: float, channels: Sequence[str], units: Mapping[str, str],
     rotor: Rotor | None, modes: Sequence[tuple[str, float, float]], blades: int,
 ) -> tuple[Spectrum, ...]:  # fmt: skip
-    """Welch spectra of the columns of `values` (T, m), with peaks and what they match."""
+    """Welch spectra of the columns of `values` (T, m), with peaks and their matches."""
     from scipy.signal import welch
 
     samples = len(values)
@@ -338,14 +338,14 @@ def spectrogram(
 ) -> Spectrogram | None:
     """Short spectra of one channel (T,), over time or, where `rotor` (on the same grid) varies, over rotor speed.
 
-    A segment lasts some five turns of the rotor, so that 1P can be told from 2P while the speed has no time to change.
+    A segment lasts some five turns of the rotor: 1P is distinguished from 2P while the speed hardly changes.
     """
     from scipy.fft import next_fast_len
     from scipy.signal import spectrogram as stft
 
     duration = values.size / rate
     seconds = 5.0 * 2.0 * np.pi / abs(rotor.mean) if rotor is not None and rotor.turns else duration / 20.0
-    if not (varies := rotor is not None and rotor.turns and rotor.variation > MIN_SPECTROGRAM_VARIATION):
+    if not (varies := rotor is not None and rotor.turns and rotor.variation > MAX_CONSTANT_SPEED_VARIATION):
         seconds = max(2.0 * seconds, duration / 60.0)
     size = int(min(max(seconds * rate, 32), values.size / 4))
     if size < 16:

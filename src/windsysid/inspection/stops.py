@@ -1,5 +1,5 @@
-"""Stops of the rotor in a record: what vibrates after one decays without the air of a turning rotor, and so tells
-structural damping.
+"""Stops of the rotor in a record: vibration after one decays without the aerodynamic damping of a turning rotor, and so
+determines structural damping.
 
 A stop is a fall of the rotor speed from 60 % of the usual one to 10 % of it within a minute. Its section begins there
 and ends when the rotor turns again.
@@ -63,7 +63,7 @@ class Stop:
 
     @property
     def decays(self) -> bool:
-        """Whether the stop set off a vibration that dies away."""
+        """True if the stop was followed by a free decay."""
         return self.decay >= MIN_DECAY_FACTOR
 
     def summary(self) -> dict[str, Any]:

@@ -1,8 +1,8 @@
-"""What the name of a foreign channel says: the tags of IEC 61400-25, and the words that loggers use.
+"""Meaning of the name of a foreign channel: the tags of IEC 61400-25, and the words of loggers.
 
 IEC 61400-25-2 names data by logical node and attribute, ``WROT`` and ``BlPthAngVal``; SCADA systems write
 ``WROT_BlPthAngVal1``, ``WTG07.WROT1.RotSpd.mag.f`` or ``WMET_HorWdSpd_Avg``. The standard leaves the unit to the
-system, so that a tag gives a name and a quantity, and the unit is told by the values.
+system, so that a tag gives a name and a quantity, and the unit follows from the values.
 """
 
 import re
@@ -13,7 +13,7 @@ __all__ = ["Meaning", "meaning_of", "words_of"]
 
 @dataclass(frozen=True)
 class Meaning:
-    """What a name says.
+    """Meaning of a name.
 
     Attributes
     ----------
@@ -84,9 +84,9 @@ def words_of(name: str) -> list[str]:
 
 
 def meaning_of(name: str) -> Meaning | None:
-    """What a channel's name says, None where it says nothing that windsysid knows."""
+    """Meaning of a channel's name, None if windsysid does not know it."""
     if _OURS.fullmatch(name):
-        return Meaning(name, "a name as windsysid has them")
+        return Meaning(name, "a name of windsysid")
     return _tag(name) or _words(name)
 
 
@@ -129,9 +129,9 @@ def _acceleration(words: list[str]) -> Meaning:
     place = next((word for word in _PLACES if any(part.startswith(word[:3]) for part in words)), None)
     for listed, axis, notes in _AXES:
         if any(word in words for word in listed):
-            doubts = notes if place else (*notes, "where does it sit? The name does not say")
+            doubts = notes if place else (*notes, "where is it mounted? The name does not say")
             return Meaning(f"{place or 'tower'}_{axis}_acceleration", said, doubts)
-    return Meaning(None, said, ("along which axis, and where does it sit?",))
+    return Meaning(None, said, ("along which axis, and where is it mounted?",))
 
 
 def _blade_acceleration(words: list[str], said: str) -> Meaning:

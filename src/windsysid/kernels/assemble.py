@@ -163,7 +163,7 @@ class _Body:
         )
 
     def _as(self, kind: Any, term: Any) -> Any:
-        """The term as a number or as a vector: a number beside vectors stands in every lane."""
+        """The term as a number or as a vector: a number among vectors is in every lane."""
         value = ir.Constant(IR_DOUBLE, float(term)) if _constant(term) else term
         return splatted(self.builder, value) if isinstance(kind, ir.VectorType) and value.type != kind else value
 

@@ -1,11 +1,11 @@
-"""The cache on disk for what takes long to make: files that are whole or not used, shared by a user's processes.
+"""The cache on disk for results that take long: complete files only, shared by a user's processes.
 
 It contains code that runs with the user's rights. So a file that another user may have changed counts as absent, and a
 folder that others can change is not used (`windsysid.kernels.ownership`); a folder of root can serve all users.
 
 Every file begins with the SHA-256 of what follows. A file that was cut, damaged or cannot be read counts as absent: it
 is made again. Files are written under another name and moved to their own, so that processes at the same moment do not
-disturb each other. Of processes that want the same file at the same moment one makes it, and the others wait for it
+disturb each other. Of processes that need the same file at the same moment one makes it, and the others wait for it
 (`in_turn`).
 
 A wheel carries a cache that was made for `portable_processor`, which nearly every machine of the last ten years
@@ -68,7 +68,7 @@ def cache_folder() -> Path:
 
 
 def kept(path: Path) -> bytes | None:
-    """Read what `keep` wrote; None if the file is missing, cut off, damaged, not readable or another user's."""
+    """Read a file that `keep` wrote; None if the file is missing, cut off, damaged, not readable or another user's."""
     content = read_own(path)
     if content is None:
         return None

@@ -1,4 +1,4 @@
-"""How windsysid compiles: Numba's options in one place, decided by measurement (docs/decisions.md).
+"""Options of Numba in one place, decided by measurement (docs/decisions.md).
 
 `error_model="numpy"` drops the test before every division; the fast-math set leaves NaN alone, because NaN is data
 here.
@@ -59,7 +59,7 @@ Entries that are zero for every argument are never written: hand in zeroed matri
 LANE_JACOBIAN = types.void(
     LANE_VECTOR, _vector, LANE_VECTOR, LANE_VECTOR, LANE_VECTOR, LANE_MATRIX, LANE_MATRIX, LANE_MATRIX
 )
-"""The same for `LANES` models at once, on vectors (`windsysid.kernels.simd`); u is the same for all."""
+"""Compile for `LANES` models at once, on vectors (`windsysid.kernels.simd`); u is the same for all."""
 
 
 @lru_cache(maxsize=256)
@@ -93,7 +93,7 @@ def _sources(path: Path) -> dict[str, bytes]:
 
 
 class _Cache:
-    """What Numba asks of a dispatcher's cache, with one file for each kernel (`windsysid.kernels.cache`).
+    """Interface of a dispatcher's cache in Numba, with one file for each kernel (`windsysid.kernels.cache`).
 
     Numba's own cache has an index and numbered files, which two processes can mix up, and trusts whatever is in them.
     """
@@ -142,7 +142,7 @@ class _Cache:
             keep(self._path(signature, result.codegen), payload)
 
     def flush(self) -> None:
-        """Forget nothing: what is out of date has another name."""
+        """Forget nothing: outdated entries have other names."""
 
 
 def compiled(

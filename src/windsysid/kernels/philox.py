@@ -32,7 +32,7 @@ __all__ = ["Purpose", "exponential", "fill_normals", "key_of", "normals", "unifo
 
 
 class Purpose(IntEnum):
-    """What a random number is for: numbers for different purposes are independent."""
+    """Purpose of a random number: numbers for different purposes are independent."""
 
     START, MOVE, ANCESTORS, KERNEL = range(4)
 

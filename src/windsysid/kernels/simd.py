@@ -3,7 +3,7 @@ number.
 
 Numba leaves short inner loops scalar wherever two arrays might overlap. Code on this type is vector code by
 construction: an array of shape (…, LANES) is read and written one vector at a time by `load` and `store`, or indexed
-through `vectors`, and +, −, ×, ÷ are single instructions (two with AVX2). A number beside a vector stands for a vector
+through `vectors`, and +, −, ×, ÷ are single instructions (two with AVX2). A number with a vector stands for a vector
 of it.
 """
 
@@ -54,14 +54,14 @@ class _Vector(types.Type):
         super().__init__(name=f"Vector{LANES}")
 
     def can_convert_from(self, typingctx: Any, other: Any) -> Any:
-        """A number is a vector with the same in every lane."""
+        """True for numbers: a number converts to a vector with this value in every lane."""
         return Conversion.safe if isinstance(other, types.Integer | types.Float) else None
 
 
 VECTOR = _Vector()
 
 LANE_VECTOR, LANE_MATRIX = (types.Array(VECTOR, d, "C", aligned=False) for d in (1, 2))
-"""Numba's types of arrays (n, LANES) and (m, n, LANES) seen as arrays of vectors: what `vectors` returns."""
+"""Numba's types of arrays (n, LANES) and (m, n, LANES) seen as arrays of vectors, as from `vectors`."""
 
 
 @register_model(_Vector)
@@ -108,7 +108,7 @@ def vectors(typing: Any, array: Any) -> Any:
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         whole = context.make_array(sig.args[0])(context, builder, args[0])
         view = context.make_array(seen)(context, builder)
-        view.meminfo = context.get_constant_null(types.voidptr)  # counting references is dear beside a kernel's work
+        view.meminfo = context.get_constant_null(types.voidptr)  # counting references is costly compared with a kernel
         view.parent = context.get_constant_null(types.pyobject)
         view.data = builder.bitcast(whole.data, IR_VECTOR.as_pointer())
         view.itemsize = context.get_constant(types.intp, 8 * LANES)
@@ -137,7 +137,7 @@ def _from_number(context: Any, builder: Any, given: Any, to: Any, value: Any) ->
 
 @intrinsic
 def splat(typing: Any, value: Any) -> Any:
-    """A vector that holds the same number in every lane; a vector stays what it is."""
+    """Vector with the same number in every lane; a vector is returned unchanged."""
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         return args[0]

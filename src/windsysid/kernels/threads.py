@@ -23,7 +23,7 @@ _SUFFIXES = ("64_", "", "_64_", "64")
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Products of matrices in one thread, here; elsewhere too while this lasts.
+    """Products of matrices in one thread, and in other threads while this lasts.
 
     Where NumPy and SciPy were built with another library than OpenBLAS, nothing changes.
     """
@@ -39,7 +39,7 @@ def one_thread() -> Iterator[None]:
 
 @lru_cache(maxsize=1)
 def _controls() -> list[tuple[Callable[[], int], Callable[[int], None]]]:
-    """How to read and to set the number of threads of every OpenBLAS that NumPy and SciPy brought along."""
+    """Functions to read and set the number of threads of every OpenBLAS that NumPy and SciPy ship."""
     found = []
     for path in _libraries():
         try:
@@ -53,7 +53,7 @@ def _controls() -> list[tuple[Callable[[], int], Callable[[int], None]]]:
 
 
 def _libraries() -> list[Path]:
-    """Where wheels keep the libraries: beside the packages, or inside on a Mac."""
+    """Folders of the libraries in wheels: next to the packages, or inside on a Mac."""
     names = {"win32": "*openblas*.dll", "darwin": "*openblas*.dylib"}
     found: list[Path] = []
     for package in ("numpy", "scipy"):

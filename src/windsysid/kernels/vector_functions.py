@@ -40,7 +40,7 @@ _COSINE = (
 
 _BY_LLVM = {math.sqrt: "sqrt", abs: "fabs", max: "maxnum", min: "minnum"}
 _QUARTERS = {math.sin: 0, math.cos: 1}
-"""How many quarter turns a function is ahead of the sine."""
+"""Number of quarter turns by which a function leads the sine."""
 
 
 def vector_call(context: Any, builder: Any, function: Callable[..., Any], vectors: Sequence[Any]) -> Any:
@@ -113,11 +113,11 @@ def _in_quadrant(builder: Any, quadrant: Any, odd: Any, even: Any) -> Any:
 
 
 def _beyond(builder: Any, vector: Any, limit: float) -> Any:
-    """Whether any lane is farther than `limit` from zero, or NaN."""
+    """Test whether any lane is farther than `limit` from zero, or NaN."""
     far = builder.fcmp_unordered("ugt", by_llvm(builder, "fabs", vector), _all(limit))
     return builder.icmp_unsigned("!=", builder.bitcast(far, ir.IntType(LANES)), ir.Constant(ir.IntType(LANES), 0))
 
 
 def _all(number: float) -> Any:
-    """The same number in every lane."""
+    """Vector with the same number in every lane."""
     return ir.Constant(IR_VECTOR, [number] * LANES)

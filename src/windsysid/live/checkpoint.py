@@ -23,7 +23,7 @@ from windsysid.monitoring.levels.locating import Jump
 __all__ = ["KeptWatch", "pack", "pack_watch", "unpack", "unpack_watch"]
 
 MARK = b"windsysid watch 3\n"
-"""The number is the version: it grows when what is kept, or what follows from it, is another."""
+"""Version number: it grows when the stored data, or results from it, change."""
 
 READ = (b"windsysid watch 1\n", b"windsysid watch 2\n", MARK)
 """Versions that are read: the first has no references of slow drifts, the first two have whether windows are trusted.
@@ -31,7 +31,7 @@ READ = (b"windsysid watch 1\n", b"windsysid watch 2\n", MARK)
 
 
 class KeptWatch(NamedTuple):
-    """All that a watch is: its state, windows, series, cases, and by series what drifts are measured from."""
+    """Complete state of a watch: its windows, series, cases, and by series the reference of drifts."""
 
     state: WatchState
     windows: KeptWindows

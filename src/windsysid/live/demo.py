@@ -70,7 +70,7 @@ class DemoPlan:
 def demo(
     page: PageSettings, plan: DemoPlan = DemoPlan(), *, now: int | None = None
 ) -> tuple[Settings, list["DemoTower"]]:
-    """The settings of a service that is gone when it ends, and what feeds it.
+    """Settings of a temporary service, and its input.
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ class DemoTower:
         return f"simulated tower {self.turbine}"
 
     async def run(self, push: Push, stop: asyncio.Event) -> None:
-        """Play what the watch learns from as fast as it is taken, then the rest at the plan's speed.
+        """Play the learning records at full speed, then the rest at the plan's speed.
 
         A demo that has caught up with the clock goes on at the clock's pace.
         """

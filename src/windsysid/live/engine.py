@@ -44,7 +44,7 @@ AHEAD = 300 * SECOND
 """Largest lead of a block over the service's clock [ns]."""
 
 BOUND, BOUND_BYTES = 4096, 128_000_000
-"""Blocks, and their bytes, that may be on their way to the store: `Engine.push` waits beyond."""
+"""Greatest number of blocks, and of their bytes, on their way to the store: beyond, `Engine.push` waits."""
 
 WITHHELD_WINDOWS = 4
 """Windows of a turbine that may wait for a worker: beyond, blocks are stored and not acknowledged."""
@@ -308,7 +308,7 @@ class Engine:
                     self._idle.notify_all()
 
     def _take_row(self, follower: Follower, task: WindowTask, found: Estimated) -> None:
-        """Let the watch take in a row, and wait until the store has what it made of it."""
+        """Pass a row to the watch, and wait until the store has the results."""
         begun, row = time.thread_time(), found.row
         concluded = follower.concluded
         if concluded is None:  # else the store refused it before
@@ -404,7 +404,7 @@ class Engine:
             return self._idle.wait_for(lambda: not any(f.order for f in self._followers.values()), timeout)
 
     def finish(self, timeout: float | None = None) -> bool:
-        """Close all windows as they are and wait for them: a replay is over. What comes for them later is too late."""
+        """Close all windows as they are and wait for them, at the end of a replay. Later blocks are too late."""
         for follower in self._followers.values():
             with follower.lock:
                 for window in sorted(follower.open):

@@ -1,4 +1,4 @@
-"""One turbine's stream as the engine follows it: what came, what is open, what waits.
+"""One turbine's stream in the engine: received blocks, open windows, waiting windows.
 
 A follower is small and does not grow: numbers of the blocks of open windows, clocks, counts. The samples are in the
 store. Its methods are called under its lock.
@@ -76,7 +76,7 @@ class Conclusion(NamedTuple):
 
 
 class Placed(NamedTuple):
-    """A block that came: what it is, the number that it is kept by, and the windows that it is kept for."""
+    """Received block: its content, its number, and the windows that it is kept for."""
 
     arrival: Arrival
     sequence: int
@@ -106,7 +106,7 @@ class Follower:
     def __init__(self, followed: Followed, settings: str, watching: Watching) -> None:
         if followed.member.scada is not None:
             raise ConfigurationError(
-                f"{followed.member.name}: scada is for files: take it out, and push its channels as a stream of blocks"
+                f"{followed.member.name}: scada is for files: remove it, and push its channels as a stream of blocks"
             )
         self.followed, self.settings, self.watching = followed, settings, watching
         self.name = followed.member.name
@@ -202,7 +202,7 @@ class Follower:
         return growth(before, block, window, window + self.windows.length)
 
     def stored(self) -> Future[None]:
-        """Done when what came so far is on disk, or was forgotten."""
+        """Done when all blocks so far are on disk, or were forgotten."""
         if self.last is not None and not self.last.done():
             return self.last
         done: Future[None] = Future()
@@ -269,7 +269,7 @@ class Follower:
         return task
 
     def restore(self, status: Status) -> None:
-        """Go on from what the store knows."""
+        """Continue from the state in the store."""
         self.counts.update(status.counts)
         self.received, self.state = status.received, status.state
         self.rotor_speed = status.rotor_speed

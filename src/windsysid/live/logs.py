@@ -20,7 +20,7 @@ LONGEST = 2000
 """Characters of a message."""
 
 FIELDS = "fields"
-"""Attribute of a log record: what belongs to it, by name."""
+"""Attribute of a log record for its fields, by name."""
 
 LEFT_OUT = "left_out"
 """Attribute of a log record: number of similar lines that were not written."""
@@ -36,7 +36,7 @@ MAX_LINE_KINDS = 1000
 
 
 def start_log(settings: LogSettings) -> None:
-    """Write what windsysid and its web server log to standard error from now on."""
+    """Write logs of windsysid and its web server to standard error from now on."""
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(_Json() if settings.format == "json" else _Text())
     handler.addFilter(RepeatFilter())

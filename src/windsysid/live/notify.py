@@ -204,7 +204,7 @@ class LogRecipient:
         event(level, f"alarm: {told['text']}", **{part: told[part] for part in ("key", "state", "turbine", "kind")})
 
     async def close(self) -> None:
-        """There is nothing to let go of."""
+        """Nothing to release."""
 
 
 class Webhook:
@@ -281,7 +281,7 @@ class MqttRecipient:
             time.sleep(POLL_SECONDS / 20.0)
 
     def _on_connect(self, client: Any, userdata: Any, flags: Any, reason: Any, properties: Any) -> None:
-        self._refused = f"the broker says: {reason}" if reason.is_failure else ""
+        self._refused = f"the broker reports: {reason}" if reason.is_failure else ""
 
     async def close(self) -> None:
         """Let go of connections."""

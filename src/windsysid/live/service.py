@@ -34,10 +34,10 @@ END_SECONDS = 5.0
 """From a signal to the end, at most."""
 
 DRAIN_SECONDS = 3.0
-"""Of these, what the engine has to finish windows that are under way."""
+"""Part of it for the engine to finish open windows."""
 
 STREAM_SECONDS = 1
-"""Of these, what answers that are still open have [s, whole]."""
+"""Part of it for open answers [s, whole]."""
 
 RETRY_SECONDS = 60.0
 """After which a source that failed is started again."""
@@ -81,7 +81,7 @@ def listen(page: PageSettings, *, any_near: bool = False) -> socket.socket:
         except OSError as error:
             if port + 1 == last:
                 raise ConfigurationError(
-                    f"page: {page.host}:{port} cannot be listened on ({error.strerror}): choose another host or port"
+                    f"page: {page.host}:{port} is not available ({error.strerror}): choose another host or port"
                 ) from None
     raise AssertionError
 
@@ -176,7 +176,7 @@ async def _run(
     for task in others:
         task.cancel()
     unfinished = sum(one.windows for one in engine.state().turbines.values())
-    event(logging.INFO, "ended: what was taken is in the store", windows_waiting=unfinished)
+    event(logging.INFO, "ended: all accepted blocks are in the store", windows_waiting=unfinished)
     end.done(store)
     return end.code
 
@@ -200,7 +200,7 @@ class _End:
         stop.set()
 
     def _cut(self) -> None:
-        event(logging.WARNING, f"not done within {END_SECONDS:g} s: ends now, and goes on from the store next time")
+        event(logging.WARNING, f"not finished within {END_SECONDS:g} s: ended; the next start continues from the store")
         os._exit(self.code)
 
     def done(self, store: Store) -> None:
@@ -271,7 +271,7 @@ async def _thin(store: Store, stop: asyncio.Event) -> None:
         try:
             await asyncio.to_thread(store.thin, now=time.time_ns())
         except WindsysidError as error:
-            event(logging.WARNING, f"the store was not thinned: {error}")
+            event(logging.WARNING, f"old rows were not removed from the store: {error}")
 
 
 def _log_event(name: str, **fields: Any) -> None:

@@ -1,1 +1,1 @@
-"""What the loads may be: random processes, where they act, and the hypotheses that a record chooses among."""
+"""Load models: random processes, where they act, and the hypotheses that a record chooses among."""

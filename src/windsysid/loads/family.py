@@ -17,7 +17,7 @@ __all__ = ["Broadband", "candidates", "hypothesis"]
 
 
 def hypothesis(name: str, turbine: Turbine, loads: Sequence[GaussMarkov]) -> SupposedLoads:
-    """What the hypothesis of that name supposes of a turbine, `loads` being those of its file that are states.
+    """Load model of the hypothesis of that name for a turbine, `loads` being those of its file that are states.
 
     Raises
     ------
@@ -56,7 +56,7 @@ class Broadband(LoadHypothesis):
 
 @register_loads
 class SecondOrder(LoadHypothesis):
-    """Processes whose spectrum may have a hump and falls twice as fast."""
+    """Processes whose spectrum may have a peak and falls twice as fast."""
 
     name = "second-order"
     text = "second-order processes"

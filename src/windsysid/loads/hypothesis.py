@@ -1,5 +1,4 @@
-"""Hypotheses of what the loads are: what each supposes of a turbine, where it applies, and the registry that holds them
-all.
+"""Hypotheses on the loads: the assumptions of each on a turbine, where it applies, and the registry of all.
 
 A hypothesis of one's own derives from `LoadHypothesis` and is known everywhere after `register_loads`: `identify` takes
 its name and tries it by itself where it applies, `simulate` plays it, the command line lists it.
@@ -25,20 +24,20 @@ Values = Mapping[str, float]
 
 @dataclass(frozen=True)
 class SupposedLoads:
-    """What a hypothesis supposes of one turbine.
+    """Load states and their statistics, as a hypothesis supposes them for one turbine.
 
     Attributes
     ----------
     name
-        Of the hypothesis.
+        Name of the hypothesis.
     text
-        What it takes the loads for, in words.
+        Description of the loads in words.
     turbine
-        The turbine with the model that it needs.
+        The turbine with the model that the hypothesis needs.
     statistics
-        What must be learned of the loads.
+        Statistics of the loads that are learned.
     blocks
-        The load states, from the values of the statistics by name.
+        The load states, as a function of the values of the statistics by name.
     parameters
         Coefficients that come with it.
     """
@@ -56,16 +55,16 @@ class SupposedLoads:
 
 
 class LoadHypothesis(ABC):
-    """One idea of what the loads are.
+    """Load model to derive from; `register_loads` makes it known by its name.
 
     Attributes
     ----------
     name
-        What a user calls it.
+        Name of the load model, as `identify` and `simulate` take it.
     text
-        What it takes the loads for, in words.
+        Description of the loads in words.
     caution
-        What every result under it says of itself; empty for nothing.
+        Caveat that every result under it carries; empty for none.
     """
 
     name: ClassVar[str]
@@ -73,12 +72,12 @@ class LoadHypothesis(ABC):
     caution: ClassVar[str] = ""
 
     def applies_to(self, turbine: Turbine) -> bool:
-        """Whether the loads of a turbine may be like that; by default those of any."""
+        """True if the hypothesis applies to the loads of a turbine; by default to any."""
         return True
 
     @abstractmethod
     def suppose(self, turbine: Turbine, loads: Sequence[GaussMarkov]) -> SupposedLoads:
-        """What it supposes of a turbine, `loads` being those of its file that are states.
+        """Load model for a turbine, `loads` being those of its file that are states.
 
         Raises
         ------
@@ -87,7 +86,7 @@ class LoadHypothesis(ABC):
         """
 
     def start_from(self, louder: Values, statistics: Sequence[Statistic]) -> dict[str, float]:
-        """Where to begin to look for its statistics, by name, after the simplest hypothesis has been tried; those left
+        """Start values of its statistics, by name, after the simplest hypothesis has been tried; those left
         out stay as given.
 
         Parameters
@@ -109,14 +108,35 @@ H = TypeVar("H", bound=LoadHypothesis)
 
 
 def register_loads(hypothesis: type[H]) -> type[H]:
-    """Make a hypothesis known by its name; for use as a decorator of its class.
+    """Register a load hypothesis by its name; for use as a decorator of its class.
 
-    Of those that apply to a turbine, a record chooses between the simplest and the one registered last.
+    Of the hypotheses that apply to a turbine, the evidence of the record chooses between the simplest and the one
+    registered last.
+
+    Parameters
+    ----------
+    hypothesis : type
+        A class derived from `LoadHypothesis`.
 
     Returns
     -------
     type
         The class itself.
+
+    Examples
+    --------
+    >>> from dataclasses import replace
+    >>> import windsysid as ws
+    >>> @ws.models.register_loads
+    ... class QuietLoads(ws.models.LoadHypothesis):
+    ...     name, text = "quiet", "a tenth of the loads of the turbine file"
+    ...     def suppose(self, turbine, loads):
+    ...         quiet = tuple(replace(load, rms=0.1 * load.rms) for load in loads)
+    ...         return ws.models.SupposedLoads(self.name, self.text, turbine, (), lambda values: quiet)
+    >>> quiet = ws.simulate("tower", duration=60.0, rate=20.0, loads="quiet")["tower_x_acceleration"]
+    >>> usual = ws.simulate("tower", duration=60.0, rate=20.0)["tower_x_acceleration"]
+    >>> round(float(quiet.std() / usual.std()), 1)
+    0.1
     """
     HYPOTHESES[hypothesis.name] = hypothesis()
     return hypothesis

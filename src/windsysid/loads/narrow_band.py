@@ -1,7 +1,7 @@
-"""A narrow-band load on a support, beside the broad ones: a machine whose speed wanders, waves, a neighbour's mode.
+"""A narrow-band load on a support, in addition to the broad ones: a machine of varying speed, waves, a neighbour.
 
 White noise through a second-order low-pass pushes every degree of freedom of the support that has a mode, at one
-frequency and with one width, as strongly as the record says of each. Its frequency may be that of a mode: a peak beside
+frequency and with one width, with a level of its own for each. Its frequency may be that of a mode: a peak next to
 another, or on it.
 """
 
@@ -19,7 +19,7 @@ from windsysid.turbine.turbine import Turbine
 __all__ = ["DAMPING", "FREQUENCY", "LEVEL", "WIDTH", "NarrowBand", "narrow_band_statistics"]
 
 FREQUENCY, WIDTH, LEVEL = "narrow_band_frequency", "narrow_band_damping", "narrow_band_rms_"
-"""Names of its statistics; the last is followed by the degree of freedom that it pushes."""
+"""Names of its statistics; the last is followed by the degree of freedom that it acts on."""
 
 BESIDE = 0.15
 """Prior standard deviation of the logarithm of its frequency over that of the support's modes."""
@@ -28,8 +28,8 @@ DAMPING, DAMPING_SPREAD = 0.01, 1.2
 """Its damping ratio, and the prior standard deviation of the logarithm of that: from nearly a line to waves."""
 
 SHARE, SHARE_SPREAD = 0.05, 2.0
-"""Its rms over that of the broad load beside it in the turbine file, and the prior standard deviation of the logarithm
-of that: it may push one degree of freedom and not another."""
+"""Its rms relative to that of the broad load in the turbine file, and the prior standard deviation of the logarithm of
+the ratio: it may act on one degree of freedom only."""
 
 
 class NarrowBand(LoadHypothesis):
@@ -39,11 +39,11 @@ class NarrowBand(LoadHypothesis):
     text = "first-order Gauss–Markov, and a narrow-band process on the support"
 
     def applies_to(self, turbine: Turbine) -> bool:
-        """By itself to none: it is asked where spectra want it."""
+        """Not by itself: it is tested where spectra show a peak."""
         return False
 
     def suppose(self, turbine: Turbine, loads: Sequence[GaussMarkov]) -> SupposedLoads:
-        """A second-order process beside the load on every degree of freedom of the support."""
+        """A second-order process in addition to the load on every degree of freedom of the support."""
         broad, narrow = load_groups(loads, turbine.model), narrow_band_statistics(turbine, loads)
         if not narrow:
             raise ConfigurationError(
@@ -64,8 +64,8 @@ class NarrowBand(LoadHypothesis):
 
 
 def narrow_band_statistics(turbine: Turbine, loads: Sequence[GaussMarkov]) -> tuple[Statistic, ...]:
-    """What must be learned of a narrow-band load on a turbine whose file has these loads that are states; nothing where
-    it could push nothing that has a mode."""
+    """Statistics of a narrow-band load on a turbine whose file has these loads that are states; empty if it would act
+    on no mode."""
     rms = {load.load: load.rms for load in loads if not load.harmonic}
     pushed = [
         one

@@ -29,7 +29,7 @@ __all__ = ["BladeForces", "blade_force", "rotor_harmonic"]
 
 @dataclass(frozen=True)
 class BladeForces:
-    """How forces in the plane of the rotor, one on each blade, push its degrees of freedom.
+    """Generalised forces of forces in the plane of the rotor, one on each blade.
 
     A moment F_i about the blade's link is a force F_i / lever along the tangent t_i = (−sin ψ_i, cos ψ_i), with the
     rotation. It pushes the lag angle with F_i, the hub with F_i / lever, and a roll with F_i (1 + hinge_offset /
@@ -44,7 +44,7 @@ class BladeForces:
     hinge_offset
         d [m].
     kappa
-        Where x leans the rotor, r = κ x [rad/m]; 0 elsewhere.
+        Where x leans the rotor, r = κ x [rad/m]; otherwise 0.
     """
 
     loads: tuple[str, ...]
@@ -53,16 +53,16 @@ class BladeForces:
     kappa: float = 0.0
 
     def harmonic(self, n: int, lever: float, *, sine: bool = False, moments: bool = True) -> dict[str, Array]:
-        """What F_i = cos nψ_i, or sin nψ_i, drives: rows H₀, C₁, S₁ … of each load."""
+        """Loads of F_i = cos nψ_i, or sin nψ_i: rows H₀, C₁, S₁ … of each load."""
         return _at_lever(_harmonic(self, n, sine), lever, self.hinge_offset, moments=moments)
 
     def single(self, blade: int, lever: float) -> dict[str, Array]:
-        """What F = 1 on one blade, counted from 1, drives."""
+        """Loads of F = 1 on one blade, counted from 1."""
         return _at_lever(_single(self, blade), lever, self.hinge_offset, moments=True)
 
 
 def blade_force(process: Process, blade: int, to: BladeForces, lever: float, name: str) -> PlacedProcess:
-    """A process in the frame of one blade, its moment about the link [N·m], with what it does to the hub."""
+    """A process in the frame of one blade, its moment about the link [N·m], with its load on the hub."""
     return place_copies(name, process, [to.single(blade, lever)])
 
 
@@ -74,8 +74,8 @@ def rotor_harmonic(
 
     This is one term of the series in azimuth of any load that is homogeneous over the disc: its terms are uncorrelated,
     and slow in the fixed frame, where the blades cut through them n times a turn (Sørensen, Hansen & Rosas 2002,
-    https://doi.org/10.1016/S0167-6105(02)00260-X). A blade feels nP, the hub the two neighbours (n ± 1)P as far as they
-    are multiples of N.
+    https://doi.org/10.1016/S0167-6105(02)00260-X). A blade is loaded at nP, the hub at the two neighbours (n ± 1)P as
+    far as they are multiples of N.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ def rotor_harmonic(
 
 
 class _Pushed(NamedTuple):
-    """What unit moments drive on the blades, and what forces of unit moment and unit lever drive elsewhere: rows of
+    """Rows of unit moments on the blades, and of forces of unit moment and unit lever on the others: rows of
     each load."""
 
     by_moment: Mapping[str, Array]
@@ -109,7 +109,7 @@ def _single(to: BladeForces, blade: int) -> _Pushed:
 
 
 def _pushed(to: BladeForces, forces: Sequence[Mapping[int, complex]]) -> _Pushed:
-    """What forces F_i(ψ) = Re Σ_n f_n e^{inψ} drive, f given for each blade."""
+    """Loads of forces F_i(ψ) = Re Σ_n f_n e^{inψ}, f given for each blade."""
     found: list[dict[str, dict[int, complex]]] = [{name: {} for name in to.loads} for _ in _Pushed._fields]
 
     def push(kind: int, name: str, n: int, amount: complex) -> None:
@@ -148,7 +148,7 @@ def _at_lever(pushed: _Pushed, lever: float, hinge_offset: float, *, moments: bo
 
 
 def _rows(series: Mapping[int, complex], highest: int) -> Array:
-    """H₀, C₁, S₁ … of Re Σ_n c_n e^{inψ}, n ≥ 0, without what is left of terms that cancel between the blades."""
+    """H₀, C₁, S₁ … of Re Σ_n c_n e^{inψ}, n ≥ 0, without the rest of terms that cancel between the blades."""
     rows = np.zeros(1 + 2 * highest)
     for n, c in series.items():
         if abs(c) > 1e-12:

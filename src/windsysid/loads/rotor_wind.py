@@ -1,10 +1,10 @@
-"""What the loads may be like: a small family of named load models, each with the statistics that a record must tell.
+"""Load model of wind on a turning rotor, with its statistics.
 
 ``broadband``
     The turbine file's loads: a first-order Gauss–Markov process on each degree of freedom, independent of the others,
     and the rotor's harmonics where the file lists them.
 ``second-order``
-    The same with a second-order process, whose spectrum may have a hump and falls twice as fast.
+    The same with a second-order process, whose spectrum may have a peak and falls twice as fast.
 ``rotor-wind``
     What wind does to a turning rotor. Turbulence over the disc is a series in azimuth whose terms are uncorrelated and
     slow; the blades cut through them, so that the force on each is
@@ -13,7 +13,7 @@
 
     with R_i the small eddies that one blade meets alone. The same forces push the hub: a moment F about a blade's link
     is a force F/ℓ_m on the hub that turns with the blade, ℓ_m further out for smaller eddies. What a
-    force has that the moment has not (eddies near the hub) is a series of its own in the terms that the hub feels, and
+    force has that the moment has not (eddies near the hub) is a series of its own in the terms on the hub, and
     small eddies of its own. Air that pushes hub and blades also damps them together: the coefficient ``c_hub_blade`` of
     `windsysid.mechanics.RotorModel` is identified with the others. So is ``mean_lag_angle``: the wind's mean torque
     holds the blades at a few milliradians, which no accelerometer sees, and which turns the coupling of hub and blades
@@ -60,7 +60,7 @@ class _Term(NamedTuple):
     lever
         ℓ_m / ℓ.
     own_pole, own_level
-        The same of what the hub feels alone, as a moment at that lever.
+        Statistics of the loads on the hub alone, as a moment at that lever.
     """
 
     poles: tuple[float, float]
@@ -96,13 +96,13 @@ class RotorWind(LoadHypothesis):
     name = "rotor-wind"
     text = "wind on the turning rotor"
     caution = (
-        "under simulated turbulent wind ±2σ of this load model held the truth in 88 % of cases, not 95 % "
+        "under simulated turbulent wind ±2σ of this load model covered the true value in 88 % of cases, not 95 % "
         "(docs/calibration.md)"
     )
     """``python -m validation.mismatch`` prints how often."""
 
     def applies_to(self, turbine: Turbine) -> bool:
-        """Whether there is a rotor with blades that turns."""
+        """True if there is a rotor with blades that turns."""
         return turbine.model.rotor is not None and turbine.rotor_speed > 0.0
 
     def suppose(self, turbine: Turbine, loads: Sequence[GaussMarkov]) -> SupposedLoads:
@@ -140,7 +140,7 @@ class RotorWind(LoadHypothesis):
         return SupposedLoads(self.name, self.text, coupled, statistics, blocks, parameters)
 
     def start_from(self, louder: Values, statistics: Sequence[Statistic]) -> dict[str, float]:
-        """What the hub feels alone is as much louder as the loudest load on the support, all else as the loudest on a
+        """Ratio of loads on the hub alone to the strongest load on the support, and of all others to the strongest on a
         blade."""
         loudest = max(louder.values(), default=1.0)
         of_hub = [louder[name] for name in _LEVELS_OF_HUB if name in louder]
@@ -162,7 +162,7 @@ def _lever(turbine: Turbine) -> float:
 def _rotor_statistics(
     turbine: Turbine, loads: Sequence[GaussMarkov], *, blades: bool, hub: bool, both: bool
 ) -> tuple[Statistic, ...]:
-    """What must be learned of the wind's loads, with priors of the file's size."""
+    """Statistics of the wind's loads, with priors of the file's size."""
     turn = turbine.rotor_speed / (2.0 * math.pi)
     fastest = max(turbine.natural_frequency(name) for name in turbine.model.coordinates) / (2.0 * math.pi)
     of_blades = [load.rms for load in loads if turbine.model.freedom(load.load).blade]
@@ -221,7 +221,7 @@ def _eddies(values: Values, level: str) -> Process:
 
 
 def _rest_of_hub(values: Values) -> Process:
-    """What else acts on the hub: eddies as on the blades, or a process of its own without loads on blades."""
+    """Other loads on the hub: eddies as on the blades, or a process of its own without loads on blades."""
     if "load_rms_eddies" in values:
         return _eddies(values, "load_rms_hub")
     return first_order(values["load_rms_hub"], values["load_hub_time_constant"])
@@ -240,6 +240,6 @@ def _term(m: int, corner_hz: float) -> Process:
 
 @lru_cache(maxsize=1024)
 def _own(m: int, corner_hz: float) -> Process:
-    """The m-th term of what the hub feels alone."""
+    """The m-th term of the loads on the hub alone."""
     shape = _shape_of(m)
     return with_level(first_order(1.0, 1.0 / (2.0 * math.pi * corner_hz * shape.own_pole)), shape.own_level)

@@ -1,4 +1,4 @@
-"""Statistics of loads and noise as parameters: what nobody knows beforehand, learned from the record.
+"""Statistics of loads and noise as parameters, learned from the record.
 
 Wrong statistics ruin honest bands more than the choice of filter does, so they are identified with the coefficients:
 one rms for the load on each degree of freedom, one time constant (harmonics of the rotor have their own of either), and
@@ -174,7 +174,7 @@ def learned_statistics(statistics: Sequence[Statistic], eta: Array, cov: Array) 
 
 
 def to_logarithms(statistics: Sequence[Statistic]) -> Array:
-    """The matrix that turns η into logarithms of factors: ln rms = Σ η_level + η_τ / 2, the others as they are."""
+    """Matrix from η to the logarithms of factors: ln rms = Σ η_level + η_τ / 2, the others unchanged."""
     times = tuple(s.time_constant for s in statistics)
     return _to_logarithms(tuple(s.name for s in statistics), tuple(s.like for s in statistics), times).copy()
 

@@ -28,9 +28,9 @@ __all__ = ["CompiledModel", "compile_model"]
 
 @dataclass(frozen=True)
 class CompiledModel:
-    """A model's kernels and the names of what goes in and out, in order.
+    """Compiled equations of a model, with the names of their arguments in order.
 
-    Kernels are compiled when first asked for. Arguments are contiguous float64: x (n_x,), u (n_u,), p (n_p,), w (n_w,);
+    Kernels are compiled at their first use. Arguments are contiguous float64: x (n_x,), u (n_u,), p (n_p,), w (n_w,);
     `rates` writes ẋ (n_x,), `reading` y (m,); the Jacobians are (n_x or m) × n_x, × len(identified), × n_w.
 
     Attributes
@@ -117,29 +117,46 @@ class CompiledModel:
 def compile_model(
     model: Model, sensors: Sequence[Any] = (), identified: Sequence[str] = (), *, instruments: bool = False
 ) -> CompiledModel:
-    """Compile `model` with the readings of `sensors` and derivatives to the parameters `identified`.
+    """Compile `model` with the readings of `sensors` and the derivatives with respect to the parameters `identified`.
 
     Parameters
     ----------
-    model
-        `Equations`, or a mechanical model.
-    sensors
-        What is read, one for each of the m readings.
-    identified
+    model : Equations or MechanicalModel
+        Equations of motion.
+    sensors : sequence of Reading or Sensor, optional
+        One for each of the m readings.
+    identified : sequence of str, optional
         Names of parameters.
-    instruments
-        Whether what each sensor's gain and axis are off are parameters too, after those of the model
+    instruments : bool, default False
+        Add errors of each sensor's gain and axis to the parameters, after those of the model
         (`windsysid.mechanics.sensors.instrument_parameters`): zero where an instrument is as its sensor says.
 
     Returns
     -------
     CompiledModel
-        Kernels that are compiled when they are first asked for.
+        Kernels that are compiled at their first use.
 
     Raises
     ------
     ConfigurationError
         If a name in `identified` is not a parameter of the model, or appears twice.
+
+    See Also
+    --------
+    compose : State-space model with loads and priors.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import sympy as sp
+    >>> import windsysid as ws
+    >>> q, v, w, k = sp.symbols("q v w k")
+    >>> spring = ws.models.Equations("spring", (q, v), (), (k,), (w,), (v, w - 0.2 * v - k * q))
+    >>> model = ws.models.compile_model(spring, [ws.models.Reading("position", q, noise=0.01)], identified=["k"])
+    >>> rates = np.empty(2)
+    >>> model.rates(np.array([1.0, 0.0]), np.empty(0), np.array([4.0]), np.zeros(1), rates)
+    >>> rates.tolist()
+    [0.0, -4.0]
     """
     asked = ["identified", *identified, *(["instruments"] if instruments else [])]
     text = "\n".join([*_structure(model, sensors), *asked, _version()])
@@ -166,9 +183,9 @@ def compile_model(
 
 
 def _structure(model: Model, sensors: Sequence[Any]) -> list[str]:
-    """What the kernels depend on, as text.
+    """Text on which the kernels depend.
 
-    This package's own classes say it, and `_version` changes with their code. Of a class from elsewhere nobody sees the
+    This package's own classes say it, and `_version` changes with their code. Of a foreign class it cannot see the
     code: there the expressions themselves are the text, at the cost of deriving them in every process.
     """
     if all(type(part).__module__.split(".")[0] == "windsysid" for part in (model, *sensors)):
@@ -189,7 +206,7 @@ def _announce() -> None:
 
 @lru_cache(maxsize=1)
 def _version() -> str:
-    """What the generated source depends on besides the model: this package's mechanics, and SymPy."""
+    """Text on which the generated source depends in addition to the model: this package's mechanics, and SymPy."""
     digest = hashlib.sha256()
     for path in sorted(Path(__file__).parent.glob("*.py")):
         digest.update(path.read_bytes())
@@ -216,7 +233,7 @@ def _kept_source(path: Path) -> str | None:
 
 
 def _import(path: Path, source: str) -> ModuleType:
-    """The module that `source` says; its byte code is kept beside the file, with the source it was made from."""
+    """The module that `source` says; its byte code is kept next to the file, with the source it was made from."""
     digest = hashlib.sha256(source.encode()).digest()
     beside = cache_folder() / path.with_suffix(f".{sys.implementation.cache_tag}-{sys.hexversion:x}.code").name
     payload = kept(beside)

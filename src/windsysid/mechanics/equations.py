@@ -1,4 +1,4 @@
-"""Equations of motion as data: what the compiler takes and what every mechanical model hands over.
+"""Equations of motion as data: input of the compiler, output of every mechanical model.
 
 A model is a first-order system, part of which may be implicit in the accelerations a:
 
@@ -27,32 +27,45 @@ MATH = (
     "acos", "asin", "atan", "atan2", "copysign", "cos", "cosh", "erf", "exp", "log", "nan", "pi", "sin", "sinh",
     "sqrt", "tan", "tanh",
 )  # fmt: skip
-"""What generated source imports from `math`."""
+"""Imports of generated source from `math`."""
 
 _TAKEN = frozenset((*MATH, "abs", "max", "min", "where"))
 
 
 @dataclass(frozen=True)
 class Equations:
-    """A symbolic first-order model, ready for `windsysid.mechanics.compile_model`.
+    """Symbolic first-order equations of motion: ẋ = f(x, a, u, p, w), with M(x, u, p) a = F(x, u, p, w).
 
     Attributes
     ----------
     name
         A word for files and messages.
     states, inputs, parameters, loads
-        The symbols x, u, p and w, in the order in which numbers will be given.
+        The symbols x, u, p and w, in the order in which numbers are given.
     rates
-        The right-hand sides f of ẋ = f(x, a, u, p, w), one per state.
+        The right-hand sides f, one for each state.
     accelerations, mass, force
-        The symbols a with M (n × n, symmetric positive definite) and F (n) of M a = F. Empty for plain equations.
+        The symbols a with M (n × n, symmetric positive definite) and F (n). Empty for equations without them.
 
     Raises
     ------
     ConfigurationError
         If the sizes do not fit; if something is no SymPy symbol or expression (text is refused, since SymPy would
-        execute it); if a name is not fit for a Python variable or is there twice; or if an expression holds what is
-        none of the symbols.
+        execute it); if a name is no Python variable or occurs twice; or if an expression has an unknown symbol.
+
+    See Also
+    --------
+    lagrange : Equations from a Lagrangian.
+    fit : Identify parameters of the equations.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> import windsysid as ws
+    >>> q, v, w, k = sp.symbols("q v w k")
+    >>> spring = ws.models.Equations("spring", (q, v), (), (k,), (w,), (v, w - 0.2 * v - k * q))
+    >>> spring.states, spring.rates
+    ((q, v), (v, -k*q - 0.2*v + w))
     """
 
     name: str
@@ -201,24 +214,24 @@ def lagrange(
     inputs: Mapping[sp.Symbol, sp.Expr],
     parameters: Iterable[sp.Symbol],
 ) -> Equations:
-    """Lagrange's equations d/dt ∂L/∂q̇ − ∂L/∂q = −∂D/∂q̇ + w in the form M a = F.
+    """Derive Lagrange's equations d/dt ∂L/∂q̇ − ∂L/∂q = −∂D/∂q̇ + w in the form M a = F.
 
     Parameters
     ----------
-    name
+    name : str
         A word for files and messages.
-    lagrangian
+    lagrangian : sympy.Expr
         L(q, q̇, u, p) = T − V.
-    dissipation
+    dissipation : sympy.Expr
         Rayleigh's dissipation function D(q̇, p).
-    coordinates
-        One (q, q̇, q̈) triple of symbols per degree of freedom.
-    loads
-        One generalised load per degree of freedom.
-    inputs
+    coordinates : sequence of (Symbol, Symbol, Symbol)
+        A triple (q, q̇, q̈) for each degree of freedom.
+    loads : sequence of Symbol
+        One generalised load for each degree of freedom.
+    inputs : mapping of Symbol to Expr
         The known inputs with the rate of each; an input that L depends on must have its rate among the inputs.
-    parameters
-        The symbols that numbers are given for.
+    parameters : iterable of Symbol
+        The symbols whose values are numbers.
 
     Returns
     -------
@@ -228,7 +241,23 @@ def lagrange(
     Raises
     ------
     ConfigurationError
-        As `Equations` does.
+        As raised by `Equations`.
+
+    References
+    ----------
+    Goldstein, Poole & Safko, Classical Mechanics, 3rd ed., Addison-Wesley 2002, ch. 1.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> import windsysid as ws
+    >>> q, v, a, w, m, c, k = sp.symbols("q v a w m c k")
+    >>> spring = ws.models.lagrange(
+    ...     "spring", lagrangian=m * v**2 / 2 - k * q**2 / 2, dissipation=c * v**2 / 2, coordinates=[(q, v, a)],
+    ...     loads=[w], inputs={}, parameters=[m, c, k],
+    ... )
+    >>> spring.mass, spring.force
+    (Matrix([[m]]), Matrix([[-c*v - k*q + w]]))
     """
     lagrangian = _expression(lagrangian, f"Lagrangian of model '{name}'")
     dissipation = _expression(dissipation, f"dissipation of model '{name}'")

@@ -2,7 +2,7 @@
 
 Where the accelerations are implicit, M a = F is factorised M = L D Lᵀ without pivoting (M is positive definite) along
 its nonzero pattern. Derivatives follow from the residual R(a, ·) = F − M a at the solution: ∂a/∂· = M⁻¹ ∂R/∂·, and M⁻¹
-itself is wanted anyway: it is ∂a/∂w for loads on the degrees of freedom. With it,
+itself is required anyway: it is ∂a/∂w for loads on the degrees of freedom. With it,
 
     ∂y/∂· = ∂y/∂·|_a + Σ_k ∂y/∂a_k · (M⁻¹ ∂R/∂·)_k.
 """
@@ -82,13 +82,13 @@ def _chosen(equations: Equations, identified: Sequence[str]) -> list[sp.Symbol]:
 
 
 def _read_askew(y: sp.Expr, across: sp.Expr | None, off: Sequence[sp.Symbol]) -> sp.Expr:
-    """What a sensor reads whose gain and angle are `off`."""
+    """Reading of a sensor with the gain and angle `off`."""
     gain, turn = off
     return (1 + gain) * (y if across is None else y * sp.cos(turn) + across * sp.sin(turn))
 
 
 def _check_agreement(model: "Model", equations: Equations) -> None:
-    """Refuse a `MechanicalModel` that does not say what its equations have, before arrays are filled in another
+    """Refuse a `MechanicalModel` whose declarations disagree with its equations, before arrays are filled in another
     order."""
     for what in ("states", "inputs", "parameters", "loads"):
         told = tuple(getattr(one, "name", one) for one in getattr(model, what, ()))
@@ -156,7 +156,7 @@ def _simplified(
 
 
 def _groups(equations: Equations, identified: Sequence[sp.Symbol] | None) -> list[tuple[str, Sequence[sp.Symbol]]]:
-    """What a Jacobian kernel differentiates by, and the name of the matrix it goes into; empty without derivatives."""
+    """Variables of a Jacobian kernel, and the name of its matrix; empty without derivatives."""
     if identified is None:
         return []
     return [("dx", equations.states), ("dp", identified), ("dw", equations.loads)]

@@ -16,7 +16,7 @@ INPUTS = ("rotor_azimuth", "rotor_speed", "rotor_acceleration")
 
 
 class RotorLayout(Protocol):
-    """What the kinematics need to know of a rotor (`windsysid.mechanics.rotor.RotorModel`)."""
+    """Layout of a rotor, as its kinematics need it (`windsysid.mechanics.rotor.RotorModel`)."""
 
     @property
     def blades(self) -> int:
@@ -40,15 +40,15 @@ class RotorLayout(Protocol):
 
     @property
     def datum(self) -> str:
-        """Where displacements are counted from."""
+        """Origin of displacements."""
 
     @property
     def air_couples(self) -> bool:
-        """Whether the air couples hub and blades."""
+        """True if the air couples hub and blades."""
 
     @property
     def leads(self) -> bool:
-        """Whether all blades lead by a mean lag angle."""
+        """True if all blades lead by a mean lag angle."""
 
 
 class Kinematics:

@@ -1,9 +1,8 @@
-"""What a mechanical model must say: its degrees of freedom, its parameters, its equations and what sensors read.
+"""Interface of a mechanical model: its degrees of freedom, parameters, equations and readings.
 
-`Model` is what can be compiled. `MechanicalModel` is what a turbine can be made of: everything that the rest of the
-package asks of a structure is asked here, and nothing else looks at a model's class or takes the names of its
-parameters apart. A model of one's own derives from `MechanicalModel`, says what has no default, and is known to turbine
-files after `register_model`.
+`Model` can be compiled. `MechanicalModel` is the structure of a turbine file: the rest of the package uses this
+interface only, and neither a model's class nor the spelling of its parameters. A user's model derives from
+`MechanicalModel`, defines what has no default, and is known to turbine files after `register_model`.
 """
 
 import math
@@ -43,16 +42,22 @@ Kind = Literal["stiffness", "damping", "inertia", "geometry", ""]
 
 @dataclass(frozen=True)
 class Coefficient:
-    """One parameter of a mechanical model.
+    """Parameter of a mechanical model: name, kind and unit.
 
     Attributes
     ----------
     name, unit
         ``k_x``, SI unit.
     kind
-        What it is. Stiffness and inertia are positive and identified on a logarithmic scale; damping may be negative.
+        Stiffness and inertia are positive and identified on a logarithmic scale; damping may be negative.
     part
-        What it belongs to: the name of a degree of freedom, which can be locked, or any other word.
+        The degree of freedom that it belongs to, which can be locked, or any other word.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> ws.models.TowerModel().parameters[0]
+    Coefficient(name='mass_side_side', kind='inertia', unit='kg', part='side_side')
     """
 
     name: str
@@ -63,18 +68,24 @@ class Coefficient:
 
 @dataclass(frozen=True)
 class Coordinate:
-    """One degree of freedom that is free to move.
+    """Free degree of freedom of a mechanical model.
 
     Attributes
     ----------
     name
         ``x``, ``beta_1`` …
     unit
-        Of its displacement, ``m`` or ``rad``.
+        Unit of its displacement, ``m`` or ``rad``.
     group
-        Loads on degrees of freedom of one group are alike: the prior ties their levels, ``load_rms_<name>``.
+        Group of degrees of freedom with similar loads: the prior ties their levels, ``load_rms_<name>``.
     blade
         Number of the hinged blade that it moves; 0 for the support.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> ws.models.RotorModel(y="locked", lag="locked").freedoms
+    (Coordinate(name='x', unit='m', group='support', blade=0),)
     """
 
     name: str
@@ -94,7 +105,7 @@ class Coordinate:
 
 
 class Model(Protocol):
-    """What can be compiled: a `MechanicalModel`, or any `Equations`."""
+    """Input of compilation: a `MechanicalModel`, or any `Equations`."""
 
     @property
     @abstractmethod
@@ -110,8 +121,8 @@ class Model(Protocol):
         """The symbolic readings of the sensors."""
 
     def readings_across(self, sensors: Sequence[Any]) -> "list[sp.Expr | None]":
-        """The same with each sensor's axis turned by 90° in the plane of motion; None where that changes nothing, as by
-        default."""
+        """Readings with each sensor's axis rotated by 90° in the plane of motion; None where that changes nothing, as
+        by default."""
         return [None] * len(sensors)
 
     def role(self, name: str) -> tuple[Kind, str]:
@@ -126,7 +137,7 @@ class ModalAxes(Protocol):
 
     @property
     def turns(self) -> bool:
-        """Whether the equations depend on the rotor's azimuth or speed."""
+        """True if the equations depend on the rotor's azimuth or speed."""
 
     @property
     def hinged_blades(self) -> int:
@@ -134,7 +145,7 @@ class ModalAxes(Protocol):
 
     @property
     def averages(self) -> bool:
-        """Whether what is left of the azimuth may be averaged over a turn."""
+        """True if the remaining dependence on the azimuth may be averaged over a turn."""
 
     def obstacles(self, values: Mapping[str, float]) -> list[str]:
         """Why the equations are not constant in these coordinates, a phrase each; empty where they are."""
@@ -143,15 +154,15 @@ class ModalAxes(Protocol):
         """T(ψ) of q = T ξ with its first and second derivative to ψ (3, K, n, n), at azimuths (K,)."""
 
     def weights(self, values: Mapping[str, float]) -> Array:
-        """What each coordinate weighs (n,) [kg or kg·m²]."""
+        """Mass of each coordinate (n,) [kg or kg·m²]."""
 
     def name(self, shape: Complex) -> str:
-        """The name of a mode from its shape (n,), each displacement times the root of what it weighs."""
+        """Name of a mode from its shape (n,), each displacement times the root of its mass."""
 
 
 @dataclass(frozen=True)
 class FixedAxes:
-    """`ModalAxes` of a structure whose equations are constant as they stand; a mode is named after what moves most."""
+    """`ModalAxes` of a structure with constant equations; a mode is named after its largest displacement."""
 
     model: "MechanicalModel"
     prefix: str = ""
@@ -180,19 +191,18 @@ class FixedAxes:
 
 
 class MechanicalModel(Model, Protocol):
-    """A structure as the package needs to know it. Members with a body are defaults.
+    """Protocol of a mechanical model to derive from. Members with a body are defaults.
 
     Attributes
     ----------
     kind
         The word that names it in a turbine file.
     blades
-        Number of blades of the rotor, whose harmonics the structure feels; 0 where there is none.
+        Number of blades of the rotor, whose harmonics excite the structure; 0 where there is none.
     samples_per_period
-        Readings per period of the fastest degree of freedom [1] that hold what the model has and leave out what it has
-        not; None: the record's own.
+        Samples per period of the fastest degree of freedom [1] to which records are resampled; None: the record's own.
     required_inputs
-        Inputs that a record must tell, because the equations depend on them.
+        Inputs that a record must have, because the equations depend on them.
     """
 
     kind: ClassVar[str]
@@ -216,7 +226,7 @@ class MechanicalModel(Model, Protocol):
 
     @abstractmethod
     def stiffness(self, coordinate: str, values: Mapping[str, float], rotor_speed: float) -> float:
-        """What holds `coordinate` [N/m or N·m/rad] when the others are held, at coefficients `values`, the rotor
+        """Stiffness of `coordinate` [N/m or N·m/rad] with the others fixed, at coefficients `values`, the rotor
         turning at `rotor_speed` [rad/s]."""
 
     def __hash__(self) -> int:
@@ -234,7 +244,7 @@ class MechanicalModel(Model, Protocol):
         return self, ()
 
     def bodies(self) -> Mapping[str, tuple[str, ...]]:
-        """The inertias of each body, by its name: what was weighed together is wrong together. By default those of each
+        """Inertias of each body, by its name: parts with a common error form one body. By default those of each
         part."""
         found: dict[str, tuple[str, ...]] = {}
         for known in self.parameters:
@@ -311,7 +321,7 @@ class MechanicalModel(Model, Protocol):
         )
 
     def acts(self, name: str) -> bool:
-        """Whether the parameter `name` plays a part: not so stiffness and damping of what is locked."""
+        """True if the parameter `name` has an effect: false for stiffness and damping of locked coordinates."""
         kinds = {c.name: c.kind for c in self.parameters}
         return name in self.coefficients or kinds.get(name) in ("inertia", "geometry")
 
@@ -327,13 +337,30 @@ M = TypeVar("M", bound=type[MechanicalModel])
 
 
 def register_model(model: M) -> M:
-    """Make a mechanical model known to turbine files and saved results, by its `kind`; for use as a decorator of its
-    class.
+    """Register a mechanical model by its `kind`, for turbine files and results; for use as a decorator of its class.
+
+    Parameters
+    ----------
+    model : type
+        A class derived from `MechanicalModel`.
 
     Returns
     -------
     type
         The class itself.
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> from typing import ClassVar
+    >>> import windsysid as ws
+    >>> @ws.models.register_model
+    ... @dataclass(frozen=True)
+    ... class TwoBladedTower(ws.models.TowerModel):
+    ...     kind: ClassVar[str] = "two-bladed tower"
+    ...     blades: int = 2
+    >>> TwoBladedTower().blades, [one.name for one in TwoBladedTower().freedoms]
+    (2, ['side_side', 'fore_aft'])
     """
     MODELS[model.kind] = model
     return model

@@ -18,11 +18,11 @@ from windsysid._types import Array, Complex
 __all__ = ["MultiBlade"]
 
 WHIRL_MIN_ROUNDNESS = 0.8
-"""How round the orbit of the support must be to be called a whirl: 1 is a circle, 0 a line."""
+"""Least ratio of axes of the support's orbit to be called a whirl: 1 is a circle, 0 a line."""
 
 
 class BladedRotor(Protocol):
-    """What multi-blade coordinates need to know of a rotor (`windsysid.mechanics.rotor.RotorModel`)."""
+    """Rotor as multi-blade coordinates use it (`windsysid.mechanics.rotor.RotorModel`)."""
 
     @property
     def blades(self) -> int:
@@ -45,7 +45,7 @@ class BladedRotor(Protocol):
         """The blades: free or locked."""
 
     def inertia(self, coordinate: str, values: Mapping[str, float]) -> float:
-        """What moves with one degree of freedom."""
+        """Part that moves with one degree of freedom."""
 
 
 class MultiBlade(NamedTuple):
@@ -55,7 +55,7 @@ class MultiBlade(NamedTuple):
 
     @property
     def turns(self) -> bool:
-        """Always: what does not lag may roll or be unbalanced."""
+        """Always true: without lag there may be roll or imbalance."""
         return True
 
     @property
@@ -65,8 +65,8 @@ class MultiBlade(NamedTuple):
 
     @property
     def averages(self) -> bool:
-        """Whether what is left of the azimuth may be averaged over a turn: not with two blades, whose equations turn as
-        a whole."""
+        """True if the remaining dependence on the azimuth may be averaged over a turn: not with two blades, whose
+        equations turn as a whole."""
         return self.rotor.blades >= 3 or self.rotor.lag == "locked"
 
     def obstacles(self, values: Mapping[str, float]) -> list[str]:
@@ -111,7 +111,7 @@ class MultiBlade(NamedTuple):
         return T
 
     def weights(self, values: Mapping[str, float]) -> Array:
-        """What each multi-blade coordinate weighs (n,): masses, and inertia for the blades."""
+        """Mass of each multi-blade coordinate (n,): masses, and inertia for the blades."""
         rotor, v = self.rotor, values
         blades = sum(v[f"blade_mass_{i}"] for i in rotor.blade_numbers)
         lag = sum(v[f"blade_inertia_{i}"] for i in rotor.blade_numbers)
@@ -141,6 +141,6 @@ class MultiBlade(NamedTuple):
 
 
 def _whirl(c: complex, s: complex) -> tuple[str, float]:
-    """Which way the orbit Re (c, s) e^{iωt} turns, and how round it is."""
+    """Sense of rotation of the orbit Re (c, s) e^{iωt}, and its ratio of axes."""
     area, size = float((np.conj(c) * s).imag), abs(c) ** 2 + abs(s) ** 2
     return "forward" if area < 0.0 else "backward", 2.0 * abs(area) / size if size > 0.0 else 0.0

@@ -1,4 +1,4 @@
-"""How the parts of a rotor move, as its sensors ask for it: expressions in the rotor's symbols."""
+"""Motion of the parts of a rotor, as its sensors use it: expressions in the rotor's symbols."""
 
 from typing import TYPE_CHECKING
 

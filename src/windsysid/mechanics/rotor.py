@@ -36,7 +36,7 @@ __all__ = ["RotorModel"]
 @register_model
 @dataclass(frozen=True)
 class RotorModel(MechanicalModel):
-    """Which degrees of freedom of the rotor on its support move, and how.
+    """Mechanical model of a rotor with lagging blades on a flexible support.
 
     Parameters
     ----------
@@ -50,13 +50,19 @@ class RotorModel(MechanicalModel):
     lag
         The blades' lag angles, all ``"free"`` or all ``"locked"``.
     datum
-        Where y is counted from: ``"static"`` equilibrium or the ``"unstressed"`` support (Eq (12) as printed).
+        Origin of y: ``"static"`` equilibrium or the ``"unstressed"`` support (Eq (12) as printed).
     air_couples
-        Whether the air that damps hub and blades also couples them, by the coefficient ``c_hub_blade``
-        (`Kinematics.dissipation`).
+        Couple hub and blades by aerodynamic damping, with the coefficient ``c_hub_blade`` (`Kinematics.dissipation`).
     leads
-        Whether all blades lead by the angle ``mean_lag_angle``, to which the mean torque of the wind bends them, and
-        β_i is counted from there (`Kinematics.lag`).
+        Measure β_i from the angle ``mean_lag_angle`` by which the mean torque of the wind bends all blades
+        (`Kinematics.lag`).
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> model = ws.models.RotorModel(blades=3, y="locked")
+    >>> [one.name for one in model.freedoms]
+    ['x', 'beta_1', 'beta_2', 'beta_3']
     """
 
     kind: ClassVar[str] = "rotor"
@@ -177,7 +183,7 @@ class RotorModel(MechanicalModel):
         return replace(self, **changes) if changes else self, locked  # type: ignore[arg-type]
 
     def bodies(self) -> Mapping[str, tuple[str, ...]]:
-        """The hub with what it carries along of nacelle and tower, and each blade."""
+        """The hub with the moving parts of nacelle and tower, and each blade."""
         support = ("hub_mass_x", "hub_mass_y", "roll_inertia")
         blade = ("blade_mass", "blade_first_moment", "blade_inertia")
         return {"hub": support} | {f"blade_{i}": tuple(f"{name}_{i}" for name in blade) for i in self.blade_numbers}
@@ -221,13 +227,13 @@ class RotorModel(MechanicalModel):
         )
 
     def readings(self, sensors: "Sequence[Sensor]") -> "list[sp.Expr]":
-        """What each of `sensors` reads, in x, a, u, p and w."""
+        """Readings of each of `sensors`, in x, a, u, p and w."""
         from windsysid.mechanics.readings import SymbolicRotorMotion
 
         return [sensor.reading(SymbolicRotorMotion(self.kinematics)) for sensor in sensors]
 
     def readings_across(self, sensors: "Sequence[Sensor]") -> "list[sp.Expr | None]":
-        """The same with the axis of each of `sensors` turned by 90°; None where that changes nothing."""
+        """Readings with the axis of each of `sensors` rotated by 90°; None where that changes nothing."""
         from windsysid.mechanics.readings import SymbolicRotorMotion
 
         return [sensor.across(SymbolicRotorMotion(self.kinematics)) for sensor in sensors]

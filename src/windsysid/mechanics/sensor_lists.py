@@ -35,12 +35,12 @@ def as_sensor(table: Any) -> Sensor:
 
 
 def read_sensors(path: str | Path) -> tuple[Sensor, ...]:
-    """Read a sensor list from TOML: one ``[[sensor]]`` table per channel, keys as in the class of its quantity.
+    """Read a sensor list from TOML: a ``[[sensor]]`` table per channel, with the keys of the class of its quantity.
 
     Parameters
     ----------
-    path
-        Of the file.
+    path : str or Path
+        TOML file.
 
     Returns
     -------
@@ -50,7 +50,19 @@ def read_sensors(path: str | Path) -> tuple[Sensor, ...]:
     Raises
     ------
     ConfigurationError
-        In one line: the file, the sensor, what was expected and what was got.
+        If a value is missing or wrong; the message names the file and the sensor.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import windsysid as ws
+    >>> path = Path(tempfile.mkdtemp()) / "sensors.toml"
+    >>> keys = 'channel = "a", quantity = "acceleration", point = "tower", axis = "x", frame = "nacelle", noise = 0.01'
+    >>> _ = path.write_text(f"sensor = [{{{keys}}}]")
+    >>> (sensor,) = ws.models.read_sensors(path)
+    >>> sensor.channel, sensor.unit
+    ('a', 'm/s^2')
     """
     return parse_sensors(read_sensor_tables(path), str(path))
 
@@ -96,7 +108,7 @@ def parse_sensors(tables: Sequence[object], source: str) -> tuple[Sensor, ...]:
 
 
 def first_problem(error: ValidationError) -> str:
-    """The first problem of a pydantic error in one line: key, what was expected, what was got.
+    """First problem of a pydantic error in one line: key, expected and received value.
 
     An unknown key comes first: it is usually the misspelt one that is then missing. Items of a list are counted from 1.
     """

@@ -1,8 +1,8 @@
-"""What an instrument reads: each kind of sensor a class, with its reading, its unit and its rules.
+"""Readings of instruments: each kind of sensor a class, with its reading, its unit and its rules.
 
 A reading is an expression in displacements, velocities, accelerations, azimuth and loads. It is compiled with its
-Jacobians beside the equations of motion, and the simulator and the filters call that same function. An accelerometer
-reads the total acceleration of its point, the effect of loads included; one that feels gravity reads the specific
+Jacobians with the equations of motion, and the simulator and the filters call that same function. An accelerometer
+reads the total acceleration of its point, the effect of loads included; one that measures gravity reads the specific
 force a − g along its own axis, in its own turning frame.
 
 A mechanical model says how its parts move (`StructuralMotion`); a sensor says what it makes of that. A sensor of one's
@@ -62,7 +62,7 @@ def noise_source(name: str) -> str:
 
 
 class StructuralMotion(Protocol):
-    """How a structure moves, in symbols: what a mechanical model tells its sensors."""
+    """Motion of a structure, in symbols: input of its sensors from a mechanical model."""
 
     @property
     def parameters(self) -> "Mapping[str, sp.Symbol]":
@@ -75,7 +75,7 @@ class StructuralMotion(Protocol):
         """The time derivative of an expression."""
 
     def along(self, sensor: "PlacedSensor", order: int) -> "sp.Expr":
-        """The `order`-th derivative of where the sensor sits, along its axis, and gravity where it feels it."""
+        """The `order`-th derivative of the sensor's place, along its axis, and gravity if it measures it."""
 
     def turning(self, sensor: "PlacedSensor") -> "sp.Expr":
         """The rate [rad/s] at which the part turns on which the sensor sits."""
@@ -85,14 +85,14 @@ class StructuralMotion(Protocol):
 
 
 class Sensor(BaseModel):
-    """One instrument on the turbine and the channel of the record that holds its readings.
+    """Instrument on the turbine, and the channel of the record that holds its readings.
 
     Attributes
     ----------
     channel
         Name of the record's channel.
     quantity
-        What it measures: the word that names its class in a sensor list.
+        Measured quantity: the word that names the class in a sensor list.
     gain
         Reading per unit of the quantity.
     noise
@@ -100,15 +100,15 @@ class Sensor(BaseModel):
     bias
         Prior standard deviation of an unknown offset, in the channel's unit; 0: none.
     drift
-        How fast that offset wanders: its standard deviation after one second, in the channel's unit per √s.
+        Random walk of that offset: its standard deviation after one second, in the channel's unit per √s.
     gain_tolerance
-        Relative standard deviation of the gain: how well its calibration is known; 0: exactly.
+        Relative standard deviation of the gain, by its calibration; 0: exact.
     logger
         Name of the logger that samples it. By default `TOWER_LOGGER` for sensors on the tower and ``rotor`` for those
-        on blades, which turn with the rotor and seldom share a clock with what stands.
+        on blades, which rotate and seldom share a clock with the fixed part.
     clock_tolerance
         Standard deviation [s] of that logger's clock against the one that samples the rotor's azimuth, which is
-        `TOWER_LOGGER`; 0: exactly synchronous. The least exact sensor of a logger speaks for it.
+        `TOWER_LOGGER`; 0: exactly synchronous. Of several sensors of a logger the largest tolerance counts.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -137,7 +137,7 @@ class Sensor(BaseModel):
 
     @abstractmethod
     def reading(self, motion: StructuralMotion) -> "sp.Expr":
-        """What it reads of a structure in `motion`, noise and offset apart."""
+        """Reading of a structure in `motion`, without noise and offset."""
 
     @property
     def blade(self) -> int:
@@ -155,11 +155,11 @@ class Sensor(BaseModel):
         return 0.0
 
     def across(self, motion: StructuralMotion) -> "sp.Expr | None":
-        """What it would read of `motion` if turned by 90°; None where turning changes nothing that is modelled."""
+        """Reading of `motion` if rotated by 90°; None if the rotation changes nothing that is modelled."""
         return None
 
     def exact(self) -> Self:
-        """The same sensor without tolerances."""
+        """Sensor without tolerances."""
         return self.model_copy(update={name: 0.0 for name in TOLERANCES if name in type(self).model_fields})
 
     @property
@@ -174,49 +174,49 @@ class Sensor(BaseModel):
 
     @property
     def noise_group(self) -> str:
-        """Sensors of one group are equally loud: name of the statistic that is their noise."""
+        """Name of the noise statistic: sensors of one group have equal noise."""
         return f"{NOISE}{'blade' if self.blade else 'tower'}_{self.quantity}"
 
     @property
     def structure(self) -> str:
-        """What its expression depends on, as text (noise and bias are numbers of the filter, not of the expression)."""
+        """Text on which its expression depends (noise and bias are numbers of the filter, not of the expression)."""
         fields = sorted(self.model_dump(exclude={"channel", "noise", "bias", "drift", "logger", *TOLERANCES}).items())
         return f"{type(self).__name__} {fields!r}"
 
     def accepts(self, unit: str) -> bool:
-        """Whether its channel may be in this unit."""
+        """True if its channel may be in this unit."""
         return unit == self.unit
 
 
 class PlacedSensor(Sensor):
-    """A sensor at a point of the tower or of a blade, along an axis.
+    """Sensor at a point of the tower or of a blade, along an axis.
 
     Attributes
     ----------
     point
-        ``tower`` (the support's top, where the hub sits) or ``blade_1`` … ``blade_N``.
+        ``tower`` (the support's top, at the hub) or ``blade_1`` … ``blade_N``.
     axis
         ``x``, ``y`` of the frame; ``span`` or ``tangential`` (in the sense of rotation) in the frame ``blade``; ``lag``
         for a blade's lag angle itself. On a `TowerModel`: ``x`` (side-side) and ``z`` (fore-aft, downwind) in the frame
         ``nacelle``, ``bearing`` in the frame ``tower``.
     frame
-        ``fixed``, ``tower_top`` (rolls with the support) or ``blade`` (turns with the blade). On a `TowerModel`:
+        ``fixed``, ``tower_top`` (rolls with the support) or ``blade`` (rotates with the blade). On a `TowerModel`:
         ``nacelle`` (yaws with it) or ``tower`` (does not).
     bearing_deg
-        Where the axis ``bearing`` points: compass bearing [deg], counted as the yaw channel counts.
+        Direction of the axis ``bearing``: compass bearing [deg], counted as the yaw channel counts.
     position
-        Where it sits [m]: from the hub centre along x and y of the tower top; on a blade, from its link along the
-        blade and across it.
+        Position [m]: from the hub centre along x and y of the tower top; on a blade, from its link along the blade and
+        across it.
     deflection, slope
-        For a blade that bends instead of hinging: how far the sensor moves across the blade per unit lag angle
-        [m/rad], and how far it turns [rad/rad]. A rigid blade's by default: its distance from the link, and 1.
+        For a blade that bends instead of hinging: displacement of the sensor across the blade per unit lag angle
+        [m/rad], and its rotation [rad/rad]. A rigid blade's by default: its distance from the link, and 1.
     feels_gravity
-        True for a real accelerometer.
+        True for an accelerometer that measures specific force, as real ones do.
     alignment_tolerance
-        Standard deviation [deg] of the angle by which its axis is off, within the plane in which the model moves; 0: in
-        line. A lag angle has no axis that could be off.
+        Standard deviation [deg] of the angle of its axis, within the plane in which the model moves; 0: exact. A lag
+        angle has no axis.
     may_feel_gravity
-        Whether sensors of this class can.
+        True for classes whose sensors can measure gravity.
     """
 
     may_feel_gravity: ClassVar[bool] = False
@@ -283,7 +283,7 @@ class PlacedSensor(Sensor):
         return math.radians(self.alignment_tolerance) if self.turned else 0.0
 
     def across(self, motion: StructuralMotion) -> "sp.Expr | None":
-        """What it would read of `motion` if its axis were turned by 90°."""
+        """Reading of `motion` if its axis were rotated by 90°."""
         if self.turned is None:
             return None
         sign, other = self.turned
@@ -317,12 +317,30 @@ S = TypeVar("S", bound=Sensor)
 
 
 def register_sensor(sensor: type[S]) -> type[S]:
-    """Make a class of sensors known to sensor lists, by its `quantity`; for use as a decorator of the class.
+    """Register a class of sensors by its `quantity`, for sensor lists; for use as a decorator of the class.
+
+    Parameters
+    ----------
+    sensor : type
+        A class derived from `Sensor`.
 
     Returns
     -------
     type
         The class itself.
+
+    Examples
+    --------
+    >>> from typing import ClassVar, Literal
+    >>> import windsysid as ws
+    >>> @ws.models.register_sensor
+    ... class JerkSensor(ws.models.PlacedSensor):
+    ...     quantity: Literal["jerk"] = "jerk"
+    ...     unit: ClassVar[str] = "m/s^3"
+    ...     def reading(self, motion):
+    ...         return self.gain * motion.along(self, 3)
+    >>> JerkSensor(channel="top_jerk", point="tower", axis="x", noise=0.01).unit
+    'm/s^3'
     """
     SENSORS[sensor.model_fields["quantity"].default] = sensor
     return sensor
@@ -351,7 +369,18 @@ class _MotionSensor(PlacedSensor):
 
 @register_sensor
 class Accelerometer(_MotionSensor):
-    """Acceleration along an axis; a real one feels gravity."""
+    """Accelerometer along an axis of the tower or of a blade; a real one is sensitive to gravity.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> sensor = ws.models.Accelerometer(
+    ...     channel="tower_x_acceleration", point="tower", axis="x", frame="nacelle", noise=0.005
+    ... )
+    >>> record = ws.simulate("tower", duration=600.0, rate=5.0, seed=1)
+    >>> ws.identify(record, "tower", sensors=[sensor], formulation="spectral").sensors
+    ('tower_x_acceleration',)
+    """
 
     quantity: Literal["acceleration"] = "acceleration"
     may_feel_gravity: ClassVar[bool] = True
@@ -360,7 +389,14 @@ class Accelerometer(_MotionSensor):
 
 @register_sensor
 class VelocitySensor(_MotionSensor):
-    """Velocity along an axis."""
+    """Velocity sensor along an axis of the tower or of a blade.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> ws.models.VelocitySensor(channel="blade_1_lag_rate", point="blade_1", axis="lag", noise=1e-3).unit
+    'rad/s'
+    """
 
     quantity: Literal["velocity"] = "velocity"
     order: ClassVar[int] = 1
@@ -368,7 +404,14 @@ class VelocitySensor(_MotionSensor):
 
 @register_sensor
 class DisplacementSensor(_MotionSensor):
-    """Displacement along an axis."""
+    """Displacement sensor along an axis of the tower or of a blade.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> ws.models.DisplacementSensor(channel="top_x", point="tower", axis="x", frame="nacelle", noise=1e-3).unit
+    'm'
+    """
 
     quantity: Literal["displacement"] = "displacement"
     order: ClassVar[int] = 0
@@ -376,7 +419,14 @@ class DisplacementSensor(_MotionSensor):
 
 @register_sensor
 class AngularRateSensor(PlacedSensor):
-    """A gyroscope in the plane of the rotor."""
+    """Gyroscope in the plane of the rotor.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> ws.models.AngularRateSensor(channel="blade_1_rate", point="blade_1", axis="lag", noise=1e-4).unit
+    'rad/s'
+    """
 
     quantity: Literal["angular_rate"] = "angular_rate"
 
@@ -397,8 +447,16 @@ class AngularRateSensor(PlacedSensor):
 
 @register_sensor
 class MomentSensor(PlacedSensor):
-    """The moment in the lag spring and damper of a blade; for the support, the force in its spring and damper times
-    `gain`, its lever arm."""
+    """Sensor of the moment in the lag spring and damper of a blade.
+
+    On the support it reads the force in spring and damper, times the lever arm `gain`.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> ws.models.MomentSensor(channel="root_1", point="blade_1", axis="lag", noise=1e3, gain_tolerance=0.05).unit
+    'N*m'
+    """
 
     quantity: Literal["moment"] = "moment"
 
@@ -419,7 +477,15 @@ class MomentSensor(PlacedSensor):
 
 @register_sensor
 class StrainGauge(MomentSensor):
-    """What a `MomentSensor` reads, times a `gain` [1/(N·m)] or [1/N]; its channel may be in any unit of a bridge."""
+    """Strain gauge: a `MomentSensor` with a `gain` [1/(N·m)] or [1/N]; its channel may have any unit of a bridge.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> gauge = ws.models.StrainGauge(channel="root_1", point="blade_1", axis="lag", gain=2e-10, noise=1e-7)
+    >>> gauge.unit, gauge.accepts("mV/V")
+    ('1', True)
+    """
 
     quantity: Literal["strain"] = "strain"  # type: ignore[assignment]
 
@@ -434,6 +500,6 @@ class StrainGauge(MomentSensor):
 
 
 def instrument_parameters(sensor: int) -> tuple[str, str]:
-    """Names of what the gain of a sensor, counted from 0, is off (a share), and its axis in the plane of motion
+    """Names of the gain error of a sensor, counted from 0 (a share), and of its angle error in the plane of motion
     [rad]."""
     return f"sensor_{sensor + 1}_gain", f"sensor_{sensor + 1}_turn"

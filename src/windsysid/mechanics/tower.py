@@ -12,11 +12,11 @@ damps it by its own velocity, fore-aft far more than sideways. What bends is a t
     T = ½ m_x v_x² + ½ m_z v_z²,    V = ½ k_x x² + ½ k_z z²,    D = ½ c_x v_x² + ½ c_z v_z²,
 
 with k_x = k_z for a round tower and true masses: V is then the same for every yaw. They are two coefficients all the
-same, because a vibration shows k/m and never k, and nobody knows two modal masses: what the masses of the file get
+same, because a vibration shows k/m and never k, and it is not known two modal masses: what the masses of the file get
 wrong ends in the stiffness.
 
 Along the compass bearing b of an axis fixed to the tower, a vector reads v_x sin(b − γ) − v_z cos(b − γ). A top that
-leans by `tilt` radians per metre tips its accelerometers: what feels gravity reads g · tilt · (x, z) less than the
+leans by `tilt` radians per metre tips its accelerometers: what measures gravity reads g · tilt · (x, z) less than the
 acceleration.
 
 Left out: torsion, and with it the rotor's gyroscopic moment, which turns a nodding nacelle about the tower and not
@@ -55,14 +55,21 @@ second."""
 @register_model
 @dataclass(frozen=True)
 class TowerModel(MechanicalModel):
-    """Which directions the tower top moves in.
+    """Mechanical model of a tower under a rigid rotor: side-side and fore-aft motion of its top.
 
     Parameters
     ----------
     blades
-        Number of blades N of the rigid rotor: which of its harmonics a tower feels.
+        Number of blades N of the rigid rotor, which determines the harmonics that excite the tower.
     side_side, fore_aft
         ``"free"`` or ``"locked"``.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> model = ws.models.TowerModel(blades=3, fore_aft="locked")
+    >>> [one.name for one in model.freedoms], [one.name for one in model.parameters][:4]
+    (['side_side'], ['mass_side_side', 'k_side_side', 'c_side_side', 'mass_fore_aft'])
     """
 
     kind: ClassVar[str] = "tower"
@@ -108,7 +115,7 @@ class TowerModel(MechanicalModel):
         return f"TowerModel({sorted(asdict(self).items())})"
 
     def bodies(self) -> Mapping[str, tuple[str, ...]]:
-        """One: what stands on the tower moves both ways."""
+        """One: all parts on the tower move in both directions."""
         return {"top": tuple(f"mass_{name}" for name in DIRECTIONS)}
 
     def inertia(self, coordinate: str, values: Mapping[str, float]) -> float:
@@ -154,18 +161,18 @@ class TowerModel(MechanicalModel):
         )
 
     def readings(self, sensors: "Sequence[Sensor]") -> "list[sp.Expr]":
-        """What each of `sensors` reads, in x, a, u, p and w."""
+        """Readings of each of `sensors`, in x, a, u, p and w."""
         k = _Kinematics(self)
         return [sensor.reading(k) for sensor in sensors]
 
     def readings_across(self, sensors: "Sequence[Sensor]") -> "list[sp.Expr | None]":
-        """The same with the axis of each of `sensors` turned by 90°; None where that changes nothing."""
+        """Readings with the axis of each of `sensors` rotated by 90°; None where that changes nothing."""
         k = _Kinematics(self)
         return [sensor.across(k) for sensor in sensors]
 
 
 class _Kinematics:
-    """The symbols of a `TowerModel` and the motion of its top, as sensors ask for it; SymPy is imported here and not
+    """The symbols of a `TowerModel` and the motion of its top, as sensors use it; SymPy is imported here and not
     before."""
 
     def __init__(self, model: TowerModel) -> None:
@@ -224,7 +231,7 @@ class _Kinematics:
         return self._component((self.parameters["k_side_side"] * x, self.parameters["k_fore_aft"] * z), sensor)
 
     def turning(self, sensor: "PlacedSensor") -> "sp.Expr":
-        """Not known: the top leans, but by how much its modal mass does not say."""
+        """Unknown: the modal mass does not determine the rotation of the top."""
         raise self._refusal(sensor)
 
     def _component(self, vector: "tuple[sp.Expr, ...]", sensor: "PlacedSensor") -> "sp.Expr":

@@ -13,6 +13,7 @@ A being differentiated along the periodic motion, which θ moves too.
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -22,6 +23,7 @@ from windsysid.errors import ConfigurationError
 from windsysid.mechanics.compile import CompiledModel
 from windsysid.mechanics.model import MechanicalModel
 from windsysid.modal.floquet import about_periodic_motion, resolve
+from windsysid.results.estimate import IntervalEstimate
 from windsysid.results.mode import Mode
 from windsysid.statespace.parameter import Parameter
 
@@ -95,7 +97,7 @@ def analyse(
     *,
     method: Literal["Coleman", "Floquet"] | None = None,
 ) -> ModalSpectrum:
-    """The modes at one rotor speed, by Coleman's transform where it applies and by Floquet's theory elsewhere.
+    """The modes at one rotor speed, by Coleman's transform where it applies and by Floquet's theory otherwise.
 
     Parameters
     ----------
@@ -108,7 +110,7 @@ def analyse(
     directions
         ∂p/∂θ (n_θ, n_p), for the slopes; none by default.
     method
-        One of the two, wanted or not. Coleman's transform averages what is left of an inequality of three or more
+        One of the two, by choice. Coleman's transform averages what is left of an inequality of three or more
         blades over a turn, gravity off: wrong by 1e-5 to 5e-4 of a frequency on the packaged turbines, which is many
         standard deviations of a free decay.
 
@@ -154,7 +156,7 @@ def analyse_unlocked(
 def _known(
     rotor: MechanicalModel, model: CompiledModel, p: Array, rotor_speed: float, directions: Array | None = None
 ) -> ModalSpectrum:
-    """`unlocked`, and where Floquet's theory has nothing to say of a slow turn, what an average over the turn says."""
+    """`unlocked`, and an average over the turn if Floquet's theory fails for a slow turn."""
     try:
         return analyse_unlocked(rotor, model, p, rotor_speed, directions)
     except ConfigurationError:
@@ -198,14 +200,16 @@ def modes_with_slopes(
     except ConfigurationError:
         return (), np.zeros((2, 0, len(theta)))
     slopes = centre.frequency_and_damping_slopes()
-    halves = [2.0 * np.sqrt(np.einsum("mi,ij,mj->m", slope, cov, slope).clip(0.0)) for slope in slopes]
-    found = tuple(
-        Mode(name, (f, f - df, f + df), (z, z - dz, z + dz), known.get(name))
-        for name, f, z, df, dz in zip(
-            centre.names, *(v.tolist() for v in (centre.frequency, centre.damping, *halves)), strict=True
+    stds = [np.sqrt(np.einsum("mi,ij,mj->m", slope, cov, slope).clip(0.0)) for slope in slopes]
+    found = []
+    for i, (name, *both) in enumerate(_rows(centre)):
+        of_file = known.get(name, (None, None))
+        f, z = (
+            replace(IntervalEstimate.normal(value, float(std[i]), unit), reference=reference)
+            for value, std, unit, reference in zip(both, stds, ("Hz", "1"), of_file, strict=True)
         )
-    )
-    return found, np.array(slopes)
+        found.append(Mode(name, f, z))
+    return tuple(found), np.array(slopes)
 
 
 def directions_of(model: CompiledModel, parameters: Sequence[Parameter], theta: Array) -> Array:

@@ -15,6 +15,7 @@ from windsysid.modal.stability import GroundResonance, Unstable
 from windsysid.modal.tracking import Curve
 from windsysid.output.answers import Answer
 from windsysid.output.table import Table
+from windsysid.results.estimate import IntervalEstimate
 from windsysid.results.posterior import SIGMAS
 from windsysid.results.serialization import finite
 from windsysid.units import RPM
@@ -31,7 +32,7 @@ MEASURED_HEADINGS = ("record", "rpm", "mode", "f [Hz], ±2σ", "ζ [%], ±2σ", 
 
 
 class Margin(NamedTuple):
-    """How far a mode stays from the harmonic nP over the operating range.
+    """Distance of a mode from the harmonic nP over the operating range.
 
     Attributes
     ----------
@@ -53,7 +54,7 @@ class Margin(NamedTuple):
 
     @property
     def certain(self) -> bool:
-        """Whether the band stays away from the harmonic too."""
+        """True if the band stays away from the harmonic, too."""
         return not self.crosses and self.distance[1] * self.distance[2] > 0.0
 
     def text(self) -> str:
@@ -64,16 +65,14 @@ class Margin(NamedTuple):
 
 
 class MeasuredMode(NamedTuple):
-    """A mode that was measured, to stand beside the diagram.
+    """Measured mode for the diagram.
 
     Attributes
     ----------
     record, name, speed
         Where it comes from, what it was called there, and the rotor speed [rad/s].
-    frequency, frequency_std
-        [Hz].
-    damping
-        (ratio, low, high).
+    frequency, damping_ratio
+        [Hz], [1], with their 95 % intervals.
     trusted
         Whether nothing spoke against it.
     candidate, expected, probability
@@ -84,43 +83,47 @@ class MeasuredMode(NamedTuple):
     record: str
     name: str
     speed: float
-    frequency: float
-    frequency_std: float
-    damping: Triple
+    frequency: IntervalEstimate
+    damping_ratio: IntervalEstimate
     trusted: bool
     candidate: str | None = None
     expected: float | None = None
     probability: float = math.nan
 
+    def summary(self) -> dict[str, Any]:
+        """Plain values for JSON."""
+        both = {"frequency": self.frequency.summary(), "damping_ratio": self.damping_ratio.summary()}
+        return {**self._asdict(), **both}
+
 
 @dataclass(frozen=True, eq=False)
 class Campbell(Answer):
-    """Modes of a turbine against rotor speed, and what follows.
+    """Campbell diagram: modes over rotor speed, their distance from the harmonics, and instabilities.
 
     Attributes
     ----------
     turbine, record
         Names; no record for a turbine file.
     banded
-        Whether there is a posterior, and so bands.
+        True if there is a posterior, and so intervals.
     speeds, usual
-        Rotor speeds (S,) [rad/s], and which of them is the usual or the record's mean one.
+        Rotor speeds (S,) [rad/s], and the index of the usual one, or of the record's mean.
     operating
-        Least and greatest operating speed [rad/s].
+        Lowest and highest operating speed [rad/s].
     orders
         The harmonics n of nP.
     curves
         The modes, by frequency at the usual speed.
     unstable
-        Ranges within `speeds` in which something grows.
+        Ranges within `speeds` in which a mode grows.
     ground_resonance
         For each direction of the support that moves.
     method
         ``Coleman``, ``Floquet`` or ``constant``.
     notes
-        What a reader must know.
+        Remarks.
     measured
-        Modes that were measured, to stand beside the curves.
+        Measured modes, to be drawn with the curves.
     """
 
     turbine: str
@@ -138,18 +141,20 @@ class Campbell(Answer):
     measured: tuple[MeasuredMode, ...] = ()
 
     def with_measured(self, modes: Sequence[MeasuredMode]) -> "Campbell":
-        """The same with measured modes on it."""
+        """Diagram with measured modes on it."""
         return replace(self, measured=tuple(modes))
 
     def to_dataframe(self) -> "pd.DataFrame":
-        """A row for each mode and rotor speed: ``mode``, ``speed`` [rad/s], ``frequency`` [Hz], ``damping`` ratio, and
-        their standard deviations, zero where there is no posterior; NaN where the mode does not oscillate."""
+        """A row for each mode and rotor speed: ``mode``, ``speed`` [rad/s], ``frequency`` [Hz], ``damping_ratio``, and
+        their standard deviations ``frequency_std`` and ``damping_ratio_std``, zero where there is no posterior; NaN
+        where the mode does not oscillate."""
         import pandas as pd
 
         return pd.concat([
             pd.DataFrame({
                 "mode": curve.name, "speed": self.speeds, "frequency": curve.frequency,
-                "frequency_std": curve.frequency_std, "damping": curve.damping, "damping_std": curve.damping_std,
+                "frequency_std": curve.frequency_std, "damping_ratio": curve.damping,
+                "damping_ratio_std": curve.damping_std,
             })
             for curve in self.curves
         ], ignore_index=True)  # fmt: skip
@@ -158,9 +163,10 @@ class Campbell(Answer):
         """The same with the dimensions ``mode`` and ``speed`` [rad/s]."""
         import xarray as xr
 
-        values = ("frequency", "frequency_std", "damping", "damping_std")
+        frame = self.to_dataframe()
+        shape = len(self.curves), len(self.speeds)
         return xr.Dataset(
-            {name: (("mode", "speed"), [getattr(curve, name) for curve in self.curves]) for name in values},
+            {name: (("mode", "speed"), frame[name].to_numpy().reshape(shape)) for name in frame.columns[2:]},
             coords={"mode": [c.name for c in self.curves], "speed": ("speed", self.speeds, {"units": "rad/s"})},
         )
 
@@ -169,13 +175,14 @@ class Campbell(Answer):
         """The measured modes as a table under `MEASURED_HEADINGS`."""
         rows: list[tuple[str, ...]] = []
         for mode in self.measured:
-            off = "" if mode.expected is None else f"{100.0 * (mode.frequency / mode.expected - 1.0):+.2f} %"
+            off = "" if mode.expected is None else f"{100.0 * (mode.frequency.estimate / mode.expected - 1.0):+.2f} %"
             which = "" if mode.candidate is None else f"{mode.candidate}, {odds_text(mode.probability)}"
-            z, low, high = (100.0 * value for value in mode.damping)
+            f, z = mode.frequency, mode.damping_ratio
             rows.append(
                 (
                     mode.record, f"{mode.speed * RPM:.2f}", mode.name,
-                    f"{mode.frequency:.4f} ± {SIGMAS * mode.frequency_std:.4f}", f"{z:.2f} ({low:.2f} … {high:.2f})",
+                    f"{f.estimate:.4f} ± {SIGMAS * f.std:.4f}",
+                    f"{100.0 * z.estimate:.2f} ({100.0 * z.low:.2f} … {100.0 * z.high:.2f})",
                     which, off, "yes" if mode.trusted else "no",
                 )
             )  # fmt: skip
@@ -195,22 +202,22 @@ class Campbell(Answer):
         return tuple(found)
 
     @property
-    def least_damping(self) -> tuple[str, float, Triple]:
-        """Name of the least damped mode over all speeds, where [rad/s], and its damping ratio with the band."""
+    def least_damping(self) -> tuple[str, float, IntervalEstimate]:
+        """Name of the least damped mode over all speeds, where [rad/s], and its damping ratio."""
         curve = min(self.curves, key=lambda c: float(np.nanmin(c.damping)))
         i = int(np.nanargmin(curve.damping))
         if curve.damping[self.usual] <= curve.damping[i] + 1e-9:  # the same everywhere, or nowhere less
             i = self.usual
-        return curve.name, float(self.speeds[i]), curve.at(i)[1]
+        return curve.name, float(self.speeds[i]), curve.at(i).damping_ratio
 
     @property
     def sentences(self) -> list[str]:
-        """What there is to say: harmonics, stability, ground resonance."""
+        """Findings: harmonics, stability, ground resonance."""
         return [self._harmonics(), self._stability(), *(self._ground_resonance(g) for g in self.ground_resonance)]
 
     def _harmonics(self) -> str:
         if not self.orders:
-            return "The rotor is parked: it has no harmonics that a mode could meet."
+            return "The rotor is parked: it has no harmonics that a mode could cross."
         over = speed_range(self.operating)
         crossed = [m for m in self.margins if m.crosses]
         if crossed:
@@ -222,8 +229,8 @@ class Campbell(Answer):
         doubtful = ", ".join(f"{m.mode} and {m.order}P" for m in self.margins if not m.certain)
         sure = f" Within the bands they may: {doubtful}." if doubtful else ""
         return (
-            f"No mode meets {harmonics} {over}: the nearest is {nearest.mode}, {_distance(d, 1.0)} {nearest.order}P at"
-            f" {nearest.speed[0] * RPM:.3g} rpm.{sure}"
+            f"No mode crosses {harmonics} {over}: the nearest is {nearest.mode}, {_distance(d, 1.0)}"
+            f" {nearest.order}P at {nearest.speed[0] * RPM:.3g} rpm.{sure}"
         )
 
     def _stability(self) -> str:
@@ -237,10 +244,10 @@ class Campbell(Answer):
             )
             return f"Unstable between {low:.3g} and {high:.3g} rpm: {each}."
         name, speed, damping = self.least_damping
-        text = f"{_band(damping, 100.0)} %, {name} at {speed * RPM:.3g} rpm"
-        if damping[0] < 1e-6:
-            return f"Nothing grows {over}, but {name} is not damped at {speed * RPM:.3g} rpm."
-        doubt = "" if damping[1] > 0.0 else "; within its band it may grow"
+        text = f"{_band(_triple(damping), 100.0)} %, {name} at {speed * RPM:.3g} rpm"
+        if damping.estimate < 1e-6:
+            return f"No mode is unstable {over}, but {name} is undamped at {speed * RPM:.3g} rpm."
+        doubt = "" if damping.low > 0.0 else "; within its interval it may be unstable"
         return f"Every mode is damped {over}: the least by {text}{doubt}."
 
     def _ground_resonance(self, g: GroundResonance) -> str:
@@ -249,7 +256,7 @@ class Campbell(Answer):
             where = "within the operating range"
         else:
             where = f"{_distance(g.margin, 10.0)} the operating range"
-        then = "a mode grows there" if g.growing else f"least damping there {_band(g.damping, 100.0)} %"
+        then = "a mode is unstable there" if g.growing else f"least damping there {_band(g.damping, 100.0)} %"
         return f"{meets}{where}; {then}."
 
     @property
@@ -277,13 +284,13 @@ class Campbell(Answer):
 
     def values_text(self, curve: Curve) -> tuple[str, str, str]:
         """Name, frequency [Hz] and damping ratio [%] of a mode, `curve`, at the usual speed, with their bands."""
-        f, z = curve.at(self.usual)
+        f, z = (_triple(one) for _, one in curve.at(self.usual).quantities)
         seen = math.isfinite(f[0])
         return curve.name, _band(f) if seen else "–", _band(z, 100.0) if seen else "–"
 
     @property
     def band_source(self) -> str:
-        """What the bands come from."""
+        """Source of the bands."""
         return "of the posterior"
 
     def table(self) -> Table:
@@ -299,14 +306,12 @@ class Campbell(Answer):
         return self.turbine if self.record is None else f"{self.turbine}, {self.record}"
 
     def summary(self) -> dict[str, Any]:
-        """As plain values: what ``summary.json`` holds."""
+        """Plain values: the content of ``summary.json``."""
         rpm = (self.speeds * RPM).tolist()
         modes: dict[str, Any] = {}
         for curve in self.curves:
-            f, z = curve.at(self.usual)
             modes[curve.name] = {
-                "frequency_hz": _named(f),
-                "damping_ratio": _named(z),
+                **curve.at(self.usual).summary(),
                 "harmonics": {
                     f"{m.order}P": {
                         "distance_percent": _named(m.distance, 100.0),
@@ -333,7 +338,7 @@ class Campbell(Answer):
             "usual_speed_rpm": rpm[self.usual],
             "operating_range_rpm": [value * RPM for value in self.operating],
             "modes": modes,
-            "least_damping": {"mode": name, "speed_rpm": speed * RPM, "damping_ratio": _named(damping)},
+            "least_damping": {"mode": name, "speed_rpm": speed * RPM, "damping_ratio": damping.summary()},
             "unstable": [
                 {"from_rpm": u.low * RPM, "to_rpm": u.high * RPM, "growth_1_s": u.growth, "worst_rpm": u.worst * RPM}
                 for u in self.unstable
@@ -349,7 +354,7 @@ class Campbell(Answer):
                 for g in self.ground_resonance
             ],
             "notes": list(self.notes),
-            **({"measured": [mode._asdict() for mode in self.measured]} if self.measured else {}),
+            **({"measured": [mode.summary() for mode in self.measured]} if self.measured else {}),
         }
 
     def to_json(self) -> str:
@@ -401,6 +406,10 @@ def _band(triple: Triple, factor: float = 1.0, least: float = 0.0, sign: str = "
         return f"{value:{sign}.4g}"
     digits = max(0, 1 - math.floor(math.log10(max(half, least))))
     return f"{value:{sign}.{digits}f}" + (f" ± {half:.{digits}f}" if half > 0.0 else "")
+
+
+def _triple(one: IntervalEstimate) -> Triple:
+    return one.estimate, one.low, one.high
 
 
 def _distance(triple: Triple, least: float) -> str:

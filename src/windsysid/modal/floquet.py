@@ -67,7 +67,7 @@ class FloquetModes(NamedTuple):
             return np.asarray(np.linalg.pinv(self.shapes))
 
     def response(self, push: Array) -> Array:
-        """The periodic solution (K, n, m) of ẋ = A(t) x + push for push (K, n, m).
+        """Periodic solution (K, n, m) of ẋ = A(t) x + u for the input u (K, n, m).
 
         Each mode answers each harmonic by 1/(ikΩ − λ).
         """
@@ -88,7 +88,7 @@ def floquet(system: Callable[[Array], Array], period: float, steps: int | None =
     period
         T [s].
     steps
-        K; as many as the largest eigenvalue of A asks for by default.
+        K; as many as the largest eigenvalue of A requires by default.
 
     Raises
     ------

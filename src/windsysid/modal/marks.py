@@ -25,6 +25,14 @@ class ModeMarks(BaseModel):
         Frequency ranges (lowest, highest) [Hz] in which modes are fitted.
     remove
         Frequencies [Hz] of modes to leave out.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> record = ws.simulate("tower", duration=600.0, rate=5.0, seed=1)
+    >>> marks = ws.results.ModeMarks(add=((0.25, 0.4),), remove=(0.58,))
+    >>> len(ws.oma(record, bands=marks).modes)
+    2
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -74,7 +82,7 @@ def read_mode_marks(path: str | Path) -> ModeMarks:
 
     Parameters
     ----------
-    path
+    path : str or Path
         TOML file with ``add`` and ``remove``, as the page of ``oma`` saves it.
 
     Returns
@@ -85,12 +93,13 @@ def read_mode_marks(path: str | Path) -> ModeMarks:
     Raises
     ------
     ConfigurationError
-        In one line: the file, what was expected and what was got.
+        If the file is missing or has another content.
 
     Examples
     --------
-    >>> import windsysid as ws
     >>> import tempfile
+    >>> from pathlib import Path
+    >>> import windsysid as ws
     >>> path = Path(tempfile.mkdtemp()) / "modes.toml"
     >>> _ = path.write_text("remove = [2.345]")
     >>> ws.results.read_mode_marks(path).remove

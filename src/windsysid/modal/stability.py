@@ -1,4 +1,4 @@
-"""Whether anything grows: unstable ranges of rotor speed, and how far ground resonance is.
+"""Stability: unstable ranges of rotor speed, and distance from ground resonance.
 
 Ground resonance threatens where the lag frequency of a blade that turns faster than it vibrates, seen from the ground,
 meets the support's,
@@ -38,7 +38,7 @@ class Unstable(NamedTuple):
 
 
 class GroundResonance(NamedTuple):
-    """Where lag and support meet.
+    """Speed at which lag and support frequencies coincide.
 
     Attributes
     ----------
@@ -101,13 +101,13 @@ def unstable_ranges(
 
 
 def _may_rise_above_zero(before: float, here: float, after: float) -> bool:
-    """Whether growth below zero peaks at a speed, and by as much as it would have to rise to zero."""
+    """Test whether growth below zero peaks at a speed, and by how much it would have to rise to zero."""
     rise = max(here - before, here - after)
     return here < 0.0 and here >= max(before, after) and here + rise > 0.0
 
 
 def _edge(over: Callable[[float], float], stable: float, unstable: float, resolution: float) -> float:
-    """Where `over` changes its sign, by bisection."""
+    """Speed at which `over` changes its sign, by bisection."""
     while abs(unstable - stable) > resolution:
         middle = 0.5 * (stable + unstable)
         stable, unstable = (stable, middle) if over(middle) > 0.0 else (middle, unstable)

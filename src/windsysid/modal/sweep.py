@@ -2,9 +2,9 @@
 from a posterior.
 
 Modes are found at each of a row of speeds (`windsysid.modal.analysis`) and linked (`windsysid.modal.tracking`). What is
-asked of them: how far each stays from the harmonics nP of the rotor over the operating range, and whether any grows
-(`windsysid.modal.stability`). Bands are ±2σ by the delta method, σ_f² = ∂f/∂θ Σ ∂f/∂θᵀ. Source: Burton et al., Wind
-Energy Handbook (3rd ed. 2021), ch. 5.
+computed from them: how far each stays from the harmonics nP of the rotor over the operating range, and whether any
+grows (`windsysid.modal.stability`). Bands are ±2σ by the delta method, σ_f² = ∂f/∂θ Σ ∂f/∂θᵀ. Source: Burton et al.,
+Wind Energy Handbook (3rd ed. 2021), ch. 5.
 """
 
 import math
@@ -48,29 +48,48 @@ def find_modes(
     operating: tuple[float, float] | None = None,
     progress: Progress = unheard,
 ) -> Campbell:
-    """Modes against rotor speed: of a turbine file, without bands, or of an identification, with the bands of its
-    posterior.
+    """Compute the modes over rotor speed (Campbell diagram) of a turbine file or of an identification.
 
     Parameters
     ----------
-    source
-        A turbine, its packaged name or TOML file; or what was identified, or the folder it was saved in.
-    speeds
-        Least and greatest rotor speed of the diagram [rad/s]; 0.1 and 1.3 times the usual one by default.
-    operating
-        Least and greatest operating speed [rad/s]; 10 % around the usual one by default.
-    progress
-        Told what is being done and its share that is done, 0 to 1; None where nobody knows.
+    source : Turbine, Identification, Posterior, str or Path
+        A turbine, its packaged name or TOML file; or a result of `windsysid.identify`, or the folder it was saved in.
+    speeds : (float, float), optional
+        Lowest and highest rotor speed of the diagram [rad/s]; 0.1 and 1.3 times the usual one by default.
+    operating : (float, float), optional
+        Lowest and highest operating speed [rad/s]; 10 % around the usual one by default.
+    progress : callable, optional
+        Called with the present step and the share that is done, 0 to 1, or None if that is unknown.
 
     Returns
     -------
     Campbell
-        Frequencies [Hz] and damping ratios [1] over rotor speed [rad/s], and their distance from the harmonics.
+        Frequencies [Hz] and damping ratios [1] over rotor speed [rad/s], their distance from the harmonics, and, for an
+        identification, the 95 % intervals of its posterior.
 
     Raises
     ------
     ConfigurationError
-        If a range of speeds is none, or no mode can be found in it.
+        If a range of speeds is empty, or no mode can be found in it.
+
+    See Also
+    --------
+    read_linearisation : Modes of an OpenFAST model.
+    oma : Modes from ambient vibration.
+
+    References
+    ----------
+    Bir, Multiblade Coordinate Transformation and its Application to Wind Turbine Analysis, NREL/CP-500-42553, 2008.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> diagram = ws.modes("tower")
+    >>> usual = diagram.usual
+    >>> for curve in diagram.curves:
+    ...     print(f"{curve.name}: {curve.frequency[usual]:.3f} Hz, damping {100 * curve.damping[usual]:.1f} %")
+    tower side-side: 0.316 Hz, damping 0.6 %
+    tower fore-aft: 0.324 Hz, damping 6.0 %
     """
     posterior = _posterior(source)
     machine = _CompiledTurbine(posterior)
@@ -92,7 +111,7 @@ def find_modes(
 
 
 def _posterior(source: "TurbineLike | PosteriorLike") -> Posterior:
-    """What is known of a turbine: its file's values, taken as exact, or those of an identification."""
+    """Coefficients of a turbine: its file's values, taken as exact, or those of an identification."""
     if isinstance(source, str | Path) and not Path(source).is_dir():
         source = as_turbine(source)
     if isinstance(source, Turbine):
@@ -114,7 +133,7 @@ def _speed_ranges(
 
 
 class _Diagram(NamedTuple):
-    """Speeds (S,) [rad/s] with the index of the reference, linked curves, spectra by speed, and what was left out."""
+    """Speeds (S,) [rad/s] with the index of the reference, linked curves, spectra by speed, and omitted speeds."""
 
     speeds: Array
     at: int
@@ -124,7 +143,7 @@ class _Diagram(NamedTuple):
 
 
 class _CompiledTurbine:
-    """A turbine compiled, with what is known of its coefficients."""
+    """A compiled turbine, with the knowledge on its coefficients."""
 
     def __init__(self, posterior: Posterior) -> None:
         self.turbine, self.parameters = posterior.turbine, posterior.parameters
@@ -134,7 +153,7 @@ class _CompiledTurbine:
         self.directions = directions_of(self.model, self.parameters, posterior.theta)
 
     def spectrum(self, speed: float) -> ModalSpectrum:
-        """The modes at a speed, or a hair beside it where a mode is locked so narrowly that its band would vanish."""
+        """The modes at a speed, or a hair next to it where a mode is locked so narrowly that its band would vanish."""
         return analyse_unlocked(self.turbine.model, self.model, self.p, speed, self.directions)
 
     def diagram(
@@ -162,7 +181,7 @@ class _CompiledTurbine:
                 break
         if not curves:
             raise ConfigurationError(
-                f"turbine '{self.turbine.name}': nothing oscillates between {grid[0] * RPM:.3g} and"
+                f"turbine '{self.turbine.name}': no mode oscillates between {grid[0] * RPM:.3g} and"
                 f" {grid[-1] * RPM:.3g} rpm"
             )
         notes = [f"left out, {len(s)} speeds up to {max(s) * RPM:.3g} rpm: {why}" for why, s in left_out.items()]
@@ -172,7 +191,7 @@ class _CompiledTurbine:
         return analyse(self.turbine.model, self.model, self.p, speed).growth
 
     def notes(self, method: str, posterior: Posterior) -> list[str]:
-        """How it was computed, and from what."""
+        """Method and inputs of the computation."""
         why = self.turbine.model.modes().obstacles(dict(zip(self.model.parameters, self.p.tolist(), strict=True)))
         how = {
             "Coleman": (
@@ -188,7 +207,8 @@ class _CompiledTurbine:
         ]
         if method == "Floquet" and self.turbine.model.blades == 2:
             notes.append(
-                "two blades: lag differential is given as the blades feel it; the ground feels it at f − Ω, backward"
+                "two blades: lag differential is given in the rotating frame; in the fixed frame it is at f −"
+                " Ω, backward"
                 " where f > Ω, and at f + Ω, forward"
             )
         if not posterior.parameters:
@@ -202,14 +222,14 @@ class _CompiledTurbine:
         return notes
 
     def ground_resonance(self, operating: tuple[float, float]) -> list[GroundResonance]:
-        """Where lag and support meet, for each direction in which the support moves."""
+        """Coincidence of lag and support, for each direction in which the support moves."""
         if self.turbine.model.modes().hinged_blades < 2:
             return []
         found = (self._meeting(axis, operating) for axis in ("x", "y") if axis in self.turbine.model.coordinates)
         return [one for one in found if one is not None]
 
     def _meeting(self, axis: str, operating: tuple[float, float]) -> GroundResonance | None:
-        """Where lag and support meet in a direction; None where they do not, or modes cannot be found there."""
+        """Coincidence of lag and support in a direction; None if there is none, or modes cannot be found there."""
         centre = meeting_speed(self.turbine, axis)
         if centre is None:
             return None

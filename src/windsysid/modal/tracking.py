@@ -9,11 +9,10 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.modal.analysis import ModalSpectrum
-from windsysid.results.posterior import SIGMAS
+from windsysid.results.estimate import IntervalEstimate
+from windsysid.results.mode import Mode
 
 __all__ = ["Curve", "bends", "link"]
-
-Triple = tuple[float, float, float]
 
 MAX_BEND = 0.005
 """Share of the diagram's height by which a curve may leave the straight line between its neighbours."""
@@ -32,10 +31,10 @@ class Curve:
     damping: Array
     damping_std: Array
 
-    def at(self, i: int) -> tuple[Triple, Triple]:
-        """Frequency and damping ratio with their bands at one of the speeds."""
+    def at(self, i: int) -> Mode:
+        """The mode at one of the speeds."""
         f, df, z, dz = (float(v[i]) for v in (self.frequency, self.frequency_std, self.damping, self.damping_std))
-        return (f, f - SIGMAS * df, f + SIGMAS * df), (z, z - SIGMAS * dz, z + SIGMAS * dz)
+        return Mode(self.name, IntervalEstimate.normal(f, df, "Hz"), IntervalEstimate.normal(z, dz, "1"))
 
 
 def link(

@@ -1,1 +1,1 @@
-"""What moved between results, what the air adds to damping, what drifts or jumps over many."""
+"""Changes between results, aerodynamic damping, drifts and jumps over many records."""

@@ -1,4 +1,4 @@
-"""A change between two records, and all of them together: what they say and how they are written."""
+"""A change between two records, and all of them together: sentences and plain values."""
 
 import json
 import math
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 __all__ = ["HEADINGS", "MOVED_MIN_ODDS", "Comparison", "QuantityChange"]
 
 UNTOLD = math.log(10.0)
-"""A change is not told where its band (±2σ) reaches further than this factor either way."""
+"""A change is not reported where its band (±2σ) reaches further than this factor either way."""
 
 MOVED_MIN_ODDS = 100.0
 """Odds from which a coefficient is said to have moved."""
@@ -30,7 +30,7 @@ SUSPECT_MIN_ODDS = 10.0
 
 
 class QuantityChange(NamedTuple):
-    """How a quantity of record B differs from that of record A.
+    """Difference of a quantity of record B from that of record A.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class QuantityChange(NamedTuple):
     percent, low, high
         By how much B is above A [% of A] according to the records without the priors, and the ±2σ band. `low` is −100
         where B may be nothing, `high` infinite where A may be. `percent` is NaN where both are so, or where the band of
-        a logarithm reaches further than a factor of ten either way: the change is not told.
+        a logarithm reaches further than a factor of ten either way: the change is not reported.
     log_odds
         Natural logarithm of the odds that it moved; NaN for a mode, which moves if a coefficient does.
     chance
@@ -64,12 +64,12 @@ class QuantityChange(NamedTuple):
 
     @property
     def moved(self) -> bool:
-        """Whether the odds are beyond `MOVED_MIN_ODDS`."""
+        """True if the odds are beyond `MOVED_MIN_ODDS`."""
         return self.log_odds > math.log(MOVED_MIN_ODDS)
 
     @property
     def suspect(self) -> bool:
-        """Whether the odds are beyond `SUSPECT_MIN_ODDS`."""
+        """True if the odds are beyond `SUSPECT_MIN_ODDS`."""
         return self.log_odds > math.log(SUSPECT_MIN_ODDS)
 
     @property
@@ -79,13 +79,13 @@ class QuantityChange(NamedTuple):
 
     @property
     def told(self) -> bool:
-        """Whether the records bound the change on one side at least."""
+        """True if the records bound the change on one side at least."""
         return not math.isnan(self.percent)
 
     def __str__(self) -> str:
-        """How far it moved, and at which odds."""
+        """Size of the change, and its odds."""
         if not self.told:
-            how = f"moved by an amount that is not told (odds {_odds(self.log_odds)})"
+            how = f"changed by an amount that the data do not determine (odds {_odds(self.log_odds)})"
         elif math.isinf(self.percent):
             how = f"rose from about zero (odds {_odds(self.log_odds)})"
         else:
@@ -96,7 +96,7 @@ class QuantityChange(NamedTuple):
 
 @dataclass(frozen=True)
 class Comparison(Answer):
-    """What moved between record A and record B.
+    """Result of `windsysid.compare`: changes from record A to record B.
 
     Attributes
     ----------
@@ -106,11 +106,11 @@ class Comparison(Answer):
         Changes of the coefficients that both identified, of the frequencies of the modes that both have, at the mean of
         the two rotor speeds, and of the statistics of loads and noise that both learned.
     same
-        Whether both are results of one record and section, so that nothing can have moved.
+        True if both are results of one record and section, so that no change is possible.
     doubts
-        Why the comparison itself is not to be trusted, in sentences.
+        Reasons why the comparison is not to be trusted, in sentences.
     notes
-        What else a reader must know.
+        Remarks.
     """
 
     records: tuple[str, str]
@@ -151,14 +151,14 @@ class Comparison(Answer):
         """The answer."""
         if self.same:
             return (
-                f"nothing moved: both results are of the same record and section ({self.records[0]}), and one record"
+                f"no change: both results are of the same record and section ({self.records[0]}), and one record"
                 " cannot differ from itself"
             )
         moved = ", ".join(map(str, self.moved))
         suspects = ", ".join(map(str, self._suspects))
-        told = [f"moved: {moved}" if moved else f"nothing moved: no coefficient reaches odds of {MOVED_MIN_ODDS:g} : 1"]
+        told = [f"changed: {moved}" if moved else f"no change: no coefficient reaches odds of {MOVED_MIN_ODDS:g} : 1"]
         if suspects:
-            told.append(f"may have moved: {suspects}")
+            told.append(f"may have changed: {suspects}")
         told += [] if moved else self._unseen()
         other = [change.name for change in self.statistics if change.moved]
         if other:
@@ -166,15 +166,17 @@ class Comparison(Answer):
         return "; ".join(told)
 
     def _unseen(self) -> list[str]:
-        """What could have moved and not been seen, in words: a change is found from about four σ on."""
+        """Largest change that could remain undetected, in words: a change is detected from about four σ on."""
         told, dark = [], []
         for kind in ("stiffness", "frequency", "damping"):
             steps = {c.name: 2.0 * _half_width(c) for c in self.coefficients if c.kind == kind}
             dark += [name for name, step in steps.items() if step > UNTOLD]
             greatest = max((step for step in steps.values() if step <= UNTOLD), default=None)
             if greatest is not None:
-                told.append(f"a change of {kind} by less than {_size(greatest)} could go unseen")
-        return told + ([f"the records say too little of {', '.join(dark)} to show a change"] if dark else [])
+                told.append(f"a change of {kind} by less than {_size(greatest)} could remain undetected")
+        return told + (
+            [f"the records hold too little information on {', '.join(dark)} to show a change"] if dark else []
+        )
 
     def table(self) -> Table:
         """Every quantity in either record, and its change."""
@@ -194,7 +196,7 @@ class Comparison(Answer):
         ]  # fmt: skip
 
     def summary(self) -> dict[str, Any]:
-        """Plain values, for ``summary.json``; what is not told or not bounded is None."""
+        """Plain values, for ``summary.json``; undetermined or unbounded values are None."""
         return {
             "records": list(self.records),
             "sentence": self.sentence,

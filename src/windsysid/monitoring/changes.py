@@ -53,7 +53,7 @@ class DetectedJump(NamedTuple):
 
 
 class WatchedSeries(NamedTuple):
-    """How one coefficient was followed.
+    """History of one coefficient.
 
     Attributes
     ----------
@@ -97,22 +97,22 @@ class WatchedSeries(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Watch(Answer):
-    """What changed.
+    """Result of `windsysid.monitor`: level, drift and jumps of each series.
 
     Attributes
     ----------
     blocks
-        What was watched.
+        The estimates that were monitored.
     series
-        One for each of its names.
+        One for each of their names.
     changes
         Jumps, in the order of their alarms.
     alarms_per_year
-        False alarms of the turbine in a year of blocks [1/a], as stated.
+        Accepted rate of false alarms of the turbine [1/a].
     begins
-        Index of the first block that could set off an alarm.
+        Index of the first block that could raise an alarm.
     notes
-        What a reader must know.
+        Remarks.
     """
 
     blocks: RecordBlocks
@@ -137,7 +137,7 @@ class Watch(Answer):
         ], ignore_index=True)  # fmt: skip
 
     def to_xarray(self) -> "xr.Dataset":
-        """The same with the dimensions ``name`` and ``time`` [s]."""
+        """Dataset with the dimensions ``name`` and ``time`` [s]."""
         import xarray as xr
 
         followed = ("level", "low", "high", "adjusted", "statistic")
@@ -164,7 +164,7 @@ class Watch(Answer):
         watched = [s for i, s in enumerate(self.series) if self.blocks.kind(i) != "noise"]
         sharpest = min(watched or self.series, key=lambda s: s.smallest)
         return (
-            f"nothing jumped in {days:.3g} days at {self.alarms_per_year:g} false alarms a year; a jump of"
+            f"no jump in {days:.3g} days at {self.alarms_per_year:g} false alarms a year; a jump of"
             f" {two_digits(sharpest.smallest)} % in {sharpest.name} would have been found within {within}"
         )
 
@@ -236,7 +236,7 @@ class Watch(Answer):
         return [self.sentence, *self.tables(), *self.notes]
 
 
-HEADINGS = ("", "unit", "now, ±2σ", "drift, ±2σ", "wander a day", "scatter ÷ σ", "seen in a day")
+HEADINGS = ("", "unit", "now, ±2σ", "drift, ±2σ", "random walk a day", "scatter ÷ σ", "detectable in a day")
 
 
 def _signed(percent: float, low: float, high: float) -> str:

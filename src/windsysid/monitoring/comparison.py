@@ -9,12 +9,12 @@ a change δ = θ_B − θ_A between them and nothing else known of θ, leave of 
 
 Both are the same for (B, A), but for the sign of g. What one of the two does not see has no information in P. The odds
 that a coefficient moved are those of Savage and Dickey: the prior density of δ = 0 over the posterior one, with priors
-N(0, τ²) of changes of the size that damage makes (`TYPICAL_CHANGE`). The change itself is told with a prior
+N(0, τ²) of changes of the size that damage makes (`TYPICAL_CHANGE`). The change itself is estimated with a prior
 `VAGUE_PRIOR_FACTOR` times as wide.
 
-Stiffness is compared in ln k. The likelihood of damping is Gaussian in c and not in ln c, and c may be hardly told from
-zero: damping is compared in c, and its change is the ratio c_B / c_A with the limits of Fieller's theorem, which are
-exact for a ratio of Gaussian estimates. A limit may be nothing (−100 %) or infinite.
+Stiffness is compared in ln k. The likelihood of damping is Gaussian in c and not in ln c, and c may be hardly
+distinguished from zero: damping is compared in c, and its change is the ratio c_B / c_A with the limits of Fieller's
+theorem, which are exact for a ratio of Gaussian estimates. A limit may be nothing (−100 %) or infinite.
 
 Sources: Dickey, Ann. Math. Statist. 42(1), 1971, https://doi.org/10.1214/aoms/1177693507; Verdinelli & Wasserman, J.
 Am. Stat. Assoc. 90, 1995, https://doi.org/10.1080/01621459.1995.10476554; Fieller, J. R. Stat. Soc. B 16(2), 1954,
@@ -48,26 +48,50 @@ from windsysid.statespace.parameter import Parameter
 __all__ = ["compare"]
 
 VAGUE_PRIOR_FACTOR = 100.0
-"""How many times wider the prior of a change is where its size is estimated."""
+"""Factor on the prior of a change where its size is estimated."""
 
 
 def compare(before: PosteriorLike | ModesLike, after: PosteriorLike | ModesLike) -> Comparison:
-    """What moved from one record of a turbine to another; the other way round it is the same change backwards.
+    """Compare two results of one turbine: which coefficients or modes changed, and by how much.
 
     Parameters
     ----------
-    before, after
-        Posteriors, results, or the folders that results were saved in, of `windsysid.identify` or of `windsysid.oma`.
+    before, after : Identification, Posterior, OperationalModes, str or Path
+        Two results of `windsysid.identify`, or two of `windsysid.oma`, or the folders they were saved in.
 
     Returns
     -------
     Comparison
-        What moved, by how much [%], and at which odds.
+        Changes [%] with their 95 % intervals, and the posterior odds of each. Exchanging the two reverses the changes.
 
     Raises
     ------
     ConfigurationError
         If the two have nothing in common, or a folder holds no result.
+
+    See Also
+    --------
+    monitor : Drifts and jumps over many records.
+    load_result : A result that was saved.
+
+    Notes
+    -----
+    The odds are a Savage–Dickey ratio: the density of "no change" before and after the records were seen.
+
+    References
+    ----------
+    - Dickey, Ann. Math. Statist. 42(1), 1971, doi:10.1214/aoms/1177693507.
+    - Verdinelli & Wasserman, J. Am. Stat. Assoc. 90, 1995, doi:10.1080/01621459.1995.10476554.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> tower = ws.load_turbine("tower")
+    >>> softer = tower.with_values({"k_side_side": 0.8 * tower.values["k_side_side"]})
+    >>> records = [ws.simulate(one, duration=600.0, rate=5.0) for one in (tower, softer)]
+    >>> before, after = (ws.identify(record, tower, formulation="spectral") for record in records)
+    >>> print(ws.compare(before, after).coefficients[0])
+    k_side_side fell by 19.9 % (±2σ: -20.9 … -18.9 %; odds >1000 : 1)
     """
     of_modes = [holds_modes(one) for one in (before, after)]
     if all(of_modes):
@@ -121,7 +145,7 @@ def _distrusted(before: Posterior, after: Posterior, frame: Sequence[Parameter])
 
 
 def _frame_of_statistics(before: Posterior, after: Posterior) -> tuple[Parameter, ...]:
-    """The same for the statistics that both learned; those of loads only where both took the loads for the same."""
+    """Changes of the statistics that both learned; those of loads only if both used one load model."""
     given = [{s.name: s for s in result.statistics} for result in (before, after)]
     loads = [{s.name for s in of.values() if s.kind != "noise"} for of in given]
     return tuple(
@@ -138,7 +162,7 @@ def _frame_of_statistics(before: Posterior, after: Posterior) -> tuple[Parameter
 def _changes(
     before: Posterior, after: Posterior, frame: Sequence[Parameter], difference: Difference
 ) -> tuple[QuantityChange, ...]:
-    """The changes of what is in `frame`."""
+    """Changes of the quantities in `frame`."""
     delta, cov = difference.with_prior(VAGUE_PRIOR_FACTOR)
     of_damage, cov_of_damage = difference.with_prior(1.0)
     said = [without_prior(result, frame) for result in (before, after)]
@@ -227,12 +251,12 @@ def _modes(
 
 
 def _have_same_values(before: Posterior, after: Posterior) -> bool:
-    """Whether both results say which values they were identified from."""
+    """Test whether both results name the values that they were identified from."""
     return before.record_hash is not None and after.record_hash is not None
 
 
 def _shared_data(before: Posterior, after: Posterior) -> tuple[bool, tuple[str, ...]]:
-    """Whether both results are of one record and section, and what to say where sections of one record overlap.
+    """Test whether both results are of one record and section, with a note if sections of one record overlap.
 
     The hashes of the records tell; their names do where an older version wrote no hash.
     """
@@ -251,25 +275,27 @@ def _shared_data(before: Posterior, after: Posterior) -> tuple[bool, tuple[str, 
     return False, (
         (
             f"the two sections of {name or before.record} have {common:.4g} s in common: bands and odds take them"
-            " for independent, which errs towards no change"
+            ", which favours no change"
         ),
     )
 
 
 def _differing_models(before: Posterior, after: Posterior) -> list[str]:
-    """One sentence for each difference in what the two turbines take for known or have identified."""
+    """One sentence for each difference between the assumptions, or the coefficients, of the two turbines."""
     a, b = ([q.name for q in result.parameters] for result in (before, after))
     fixed = [name for name in _differing_values(before, after) if name not in (*a, *b)]
     told = []
     if fixed:
         told.append(
-            f"the turbine files of the two results differ in {_list_some(fixed)}: what moved may be the files; identify"
+            f"the turbine files of the two results differ in {_list_some(fixed)}: the change may be that of the"
+            " files; identify"
             " both with one file"
         )
     alone = [name for name in (*a, *b) if (name in a) != (name in b)]
     if alone:
         told.append(
-            f"only one of the two results identified {_list_some(alone)}: what the other took for it counts as change"
+            f"only one of the two results identified {_list_some(alone)}: the value that the other assumed"
+            " counts as change"
         )
     return told
 

@@ -8,7 +8,7 @@ rotor speed Ω and wind speed V, so that what the air adds to c is of first degr
 with c₀ the structure's and Ω*, V* the largest of the records. In attached flow a is mostly lift, ½ ρ c C_lα Ω r across
 the rotor's plane, and drag in it; b is what pitch and twist make of the wind; d is lift on feathered blades that move
 in the plane, ½ ρ c C_lα V (Burton et al., Wind Energy Handbook; M. H. Hansen 2007, https://doi.org/10.1002/we.242).
-Where parked records do not have winds far apart, d is not told from c₀, and counts as structure.
+Where parked records do not have winds far apart, d is not distinguished from c₀, and counts as structure.
 
 The records' own estimates, priors taken out, are weighted by their variances, which are proportional to c for a mode
 under broadband load (σ_c² = c²/(ζωT)) and therefore taken at the fitted c: at the estimated one, low estimates would
@@ -40,7 +40,7 @@ PARKED_MAX_SPEED = 0.05
 """Rotor speed below which it does in any case [rad/s]."""
 
 MIN_WIND_RATIO = 1.5
-"""Least ratio of the winds of parked records from which these tell what the wind does to a parked rotor."""
+"""Least ratio of the winds of parked records that determines the effect of wind on a parked rotor."""
 
 DESIGN_TOLERANCE = 1e-6
 """Of the design, relative: below it a direction counts as not seen."""
@@ -52,7 +52,7 @@ VARIANCE_PASSES = 10
 """Times that the variances are taken at the fit."""
 
 WISHED_RELATIVE_BAND = 0.5
-"""A parked record is asked for that would bring ±2σ of structural damping to this share of it."""
+"""A parked record is requested that would bring ±2σ of structural damping to this share of it."""
 
 SCATTER_PROBABILITY = 0.01
 """Probability of so much scatter about the fits, were the records' own bands all there is, below which it is said."""
@@ -62,23 +62,46 @@ STRUCTURE = np.array([1.0, 0.0, 0.0, 0.0])
 
 
 def separate_damping(results: Sequence[PosteriorLike]) -> Separation:
-    """Structural and aerodynamic damping from results of one turbine in several states.
+    """Separate structural from aerodynamic damping, from results of one turbine in several states.
 
     Parameters
     ----------
-    results
-        Posteriors, results, or the folders they were saved in, with the rotor speed, and best the wind speed, of their
-        records (`Posterior.conditions`).
+    results : sequence of Identification, Posterior, str or Path
+        Results, or the folders they were saved in, with the rotor speed and preferably the wind speed of their records
+        (`Posterior.conditions`).
 
     Returns
     -------
     Separation
-        What of each damping is the structure's and what is the air's, or why the results do not tell.
+        Structural and aerodynamic part of each damping coefficient with 95 % intervals [N·s/m or N·m·s/rad], or the
+        reason why the records do not separate them.
 
     Raises
     ------
     ConfigurationError
-        If no result says at which rotor speed its record was taken, or they have no damping in common.
+        If no result has a rotor speed, or they have no damping coefficient in common.
+
+    See Also
+    --------
+    identify : Total damping from one record.
+
+    References
+    ----------
+    - Burton et al., Wind Energy Handbook, 2nd ed., Wiley 2011.
+    - M. H. Hansen, Wind Energy 10(6), 2007, doi:10.1002/we.242.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> running = ws.load_turbine("tower")
+    >>> parked = running.in_state("parked")
+    >>> records = [ws.simulate(one, duration=600.0, rate=5.0, seed=2) for one in (running, parked)]
+    >>> results = [ws.identify(record, running, formulation="spectral") for record in records]
+    >>> _, fore_aft = ws.damping(results).splits
+    >>> for part in (fore_aft.structural, fore_aft.aerodynamic[0]):
+    ...     print(f"{part.value / 1e3:.0f} kN·s/m, 95 % interval {part.low / 1e3:.0f} … {part.high / 1e3:.0f}")
+    19 kN·s/m, 95 % interval 0 … 37
+    83 kN·s/m, 95 % interval 26 … 141
     """
     posteriors = [as_posterior(result) for result in results]
     known = [result for result in posteriors if result.conditions.rotor_speed is not None]
@@ -128,8 +151,8 @@ def _doubts(posteriors: Sequence[Posterior], free: int, square: float) -> list[s
     ]
     if _is_scatter_significant(free, square):
         doubts.append(
-            f"records scatter about the fits by {math.sqrt(square / free):.2g} of their own σ: something else moved"
-            " too, or their bands are too narrow; the bands given here have it in"
+            f"records scatter about the fits by {math.sqrt(square / free):.2g} of their own σ: something else changed"
+            " too, or their bands are too narrow; the bands given here include it"
         )
     return doubts
 
@@ -143,7 +166,7 @@ def _identified(result: Posterior, name: str) -> bool:
 
 
 def _states(results: Sequence[Posterior]) -> tuple[State, ...]:
-    """How the turbine ran in each."""
+    """State of operation in each record."""
     speeds = [abs(result.conditions.rotor_speed or 0.0) for result in results]
     limit = max(PARKED_MAX_SHARE * max(speeds), PARKED_MAX_SPEED)
     return tuple(
@@ -153,8 +176,8 @@ def _states(results: Sequence[Posterior]) -> tuple[State, ...]:
 
 
 class _Design(NamedTuple):
-    """Rows (T, 4) of the regression, V* [m/s], whether the wind counts in either state, and whether what it does to
-    parked rotors counts as structure.
+    """Rows (T, 4) of the regression, V* [m/s], whether the wind counts in either state, and whether aerodynamic damping
+    of parked rotors counts as structural.
 
     A running record has (1, Ω/Ω*, V/V*, 0), a parked one (1, 0, 0, V/V*).
     """
@@ -188,7 +211,7 @@ def _design(states: Sequence[State]) -> _Design:
 
 
 class _Fit:
-    """Weighted least squares of what the records say on their states, where these see it."""
+    """Weighted least squares of the records' information on their states, where they determine these."""
 
     def __init__(self, rows: Array, value: Array, std: Array) -> None:
         _, sizes, directions = np.linalg.svd(rows)
@@ -222,7 +245,7 @@ def _stretch(fitted: Array, value: Array) -> Array:
 def _half_width(free: int, square: float) -> float:
     """Half-width of a 95.45 % band [standard deviations].
 
-    φ is averaged over what `free` squares that add up to `square` say of it.
+    φ is averaged over what `free` squares that add up to `square` give.
     """
     from scipy.optimize import brentq
     from scipy.special import erfc
@@ -236,7 +259,7 @@ def _half_width(free: int, square: float) -> float:
 
 
 def _is_scatter_significant(free: int, square: float) -> bool:
-    """Whether `free` squares add up to more than chance makes of them."""
+    """Test whether `free` squares add up to more than by chance."""
     from scipy.special import gammaincc
 
     return free > 0 and bool(gammaincc(0.5 * free, 0.5 * square) < SCATTER_PROBABILITY)
@@ -271,7 +294,7 @@ def _split(
 
 
 def _read_estimates(results: Sequence[Posterior], name: str) -> tuple[Array, Array]:
-    """What the records themselves say of one coefficient: values and standard deviations (T,), SI."""
+    """Information of the records on one coefficient: values and standard deviations (T,), SI."""
     frame = results[0]
     scale = next(q.reference for q in frame.parameters if q.name == name)
     found = []
@@ -285,7 +308,7 @@ def _read_estimates(results: Sequence[Posterior], name: str) -> tuple[Array, Arr
 
 
 def _lacking(states: Sequence[State], splits: Sequence[DampingSplit]) -> list[str]:
-    """What the records do not tell, why, and what would help."""
+    """Undetermined quantities, the reason, and a remedy."""
     parked = [state.parked for state in states]
     if all(parked):
         return [
@@ -302,13 +325,13 @@ def _lacking(states: Sequence[State], splits: Sequence[DampingSplit]) -> list[st
     )
     if splits[0].structural is None:
         why = (
-            "one record holds structure and air together" if len(states) == 1
-            else "no rotor is parked, and rotor speeds and winds are too alike to go back to standstill from them"
+            "one record gives the sum of structural and aerodynamic damping" if len(states) == 1
+            else "no rotor is parked, and rotor speeds and winds are too alike to extrapolate to standstill"
         )  # fmt: skip
         return [f"{why}: {help_}"]
     names = ", ".join(split.name for split in wanted)
     how = "the parked records are too short" if any(parked) else "standstill is too far from the records"
-    return [f"the structure's part of {names} is not told from nothing, because {how}: {help_}"]
+    return [f"the structural part of {names} cannot be distinguished from zero, because {how}: {help_}"]
 
 
 def _minutes(split: DampingSplit) -> float:
@@ -319,33 +342,32 @@ def _minutes(split: DampingSplit) -> float:
 
 
 def _notes(states: Sequence[State], splits: Sequence[DampingSplit], design: _Design) -> list[str]:
-    """What a reader must know."""
+    """Notes for the reader."""
     notes = []
     parked = [state for state in states if state.parked]
     if parked:
         notes.append(_parked_note(parked, design))
     elif splits[0].structural is not None:
         notes.append(
-            "no rotor is parked: the structure's part is where a line in rotor speed and wind goes at standstill"
+            "no rotor is parked: the structural part is a linear fit in rotor speed and wind, extrapolated to"
+            " standstill"
         )
     if not design.running_wind and len(states) - len(parked) > 1:
         notes.append(
             "some running records have no wind speed (channel wind_speed): what the wind changes counts as scatter"
         )
     if math.isnan(splits[0].scatter) and splits[0].structural is not None:
-        notes.append(
-            "no more records than unknowns: nothing shows whether bands are true, so they are widened as elsewhere"
-        )
+        notes.append("no more records than unknowns: intervals cannot be checked, so they are widened by default")
     return notes
 
 
 def _parked_note(parked: Sequence[State], design: _Design) -> str:
-    """Whether the structure's part holds what the air does to a parked rotor."""
+    """True if the structural part includes aerodynamic damping of a parked rotor."""
     if design.parked_wind:
-        return "the structure's part is where the parked records go back to without wind"
+        return "the structural part is that of the parked records, extrapolated to no wind"
     blowing = [f"{state.wind_speed:.3g}" for state in parked if state.wind_speed is not None]
     at = f" ({', '.join(blowing)} m/s)" if blowing else ""
     return (
-        f"what the air does to a parked or idling rotor{at} counts as structure: parked records in winds"
-        f" {MIN_WIND_RATIO:g} times apart tell the two apart (docs/damping.md)"
+        f"aerodynamic damping of a parked or idling rotor{at} counts as structure: parked records in winds"
+        f" {MIN_WIND_RATIO:g} times apart separate them (docs/damping.md)"
     )

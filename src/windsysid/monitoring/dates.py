@@ -13,11 +13,11 @@ from windsysid.records.moments import moment
 __all__ = ["MIN_BLOCKS", "Dated", "Order", "Span", "in_order", "spans_of"]
 
 MIN_BLOCKS = 12
-"""Blocks that a watch needs."""
+"""Least number of blocks for a watch."""
 
 
 class Dated(Protocol):
-    """What says of which record it is, and when that began."""
+    """Source of the record's identity and start."""
 
     @property
     def record(self) -> str:
@@ -29,12 +29,11 @@ class Dated(Protocol):
 
     @property
     def section(self) -> tuple[float, float] | None:
-        """What was used of it [s]."""
+        """Section that was used of it [s]."""
 
 
 class Order(NamedTuple):
-    """Results in order of time: which is which, times (T,) [s], covariates (T, m), calendar time of time 0, and what
-    was done."""
+    """Results in order of time: their order, times (T,) [s], covariates (T, m), calendar time of time 0, and notes."""
 
     order: list[int]
     time: Array
@@ -88,7 +87,7 @@ def _table(covariates: Mapping[str, Array], count: int) -> Array:
 
 
 class Span(NamedTuple):
-    """When what was used of a record began and ended."""
+    """Begin and end of the used section of a record."""
 
     begin: datetime
     end: datetime
@@ -134,6 +133,6 @@ def _overlaps(spans: Sequence[Span]) -> list[str]:
     seconds = (min(one.end, other.end) - other.begin).total_seconds()
     others = f", and {more} more" if more else ""
     return [
-        f"'{one.record}' and '{other.record}' overlap by {seconds:.4g} s{others}: what both hold is counted twice,"
+        f"'{one.record}' and '{other.record}' overlap by {seconds:.4g} s{others}: the common samples count twice,"
         " which the alarms do not know"
     ]

@@ -32,7 +32,7 @@ OTHER_SHAPE = 0.9
 
 
 def compare_modes(before: ModesLike, after: ModesLike) -> Comparison:
-    """What moved from the modes of one record to those of another.
+    """Changes between the modes of two records.
 
     Raises
     ------
@@ -76,9 +76,7 @@ def _left_out(records: Sequence[KnownModes], tracks: Sequence[dict[int, int]]) -
 def _other_shapes(pairs: Sequence[tuple[KnownMode, KnownMode]], channels: list[str]) -> list[str]:
     """Notes of modes whose shape changed."""
     alike = [(old, assurance(in_channels(old, channels), in_channels(new, channels))) for old, new in pairs]
-    return [
-        f"the shape of {mode.name} is another: only {mac:.2f} alike (MAC)" for mode, mac in alike if mac < OTHER_SHAPE
-    ]
+    return [f"the shape of {mode.name} differs: MAC {mac:.2f}" for mode, mac in alike if mac < OTHER_SHAPE]
 
 
 def _named(mode: KnownMode) -> str:

@@ -71,7 +71,7 @@ def tracks_of(records: Sequence[KnownModes]) -> tuple[list[str], list[dict[int, 
 
 
 def _track(name: str, modes: Mapping[int, KnownMode], count: int) -> ModalTrack:
-    """A mode over `count` records from what some of them say."""
+    """A mode over `count` records from those that have it."""
     values, std = np.full((2, count, 2), np.nan)
     for t, mode in modes.items():
         damping, spread = without_damping_prior(mode)

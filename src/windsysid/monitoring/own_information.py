@@ -35,7 +35,7 @@ MIN_VARIANCE_SHARE = 1e-9
 
 
 def own_information(result: Posterior, frame: Sequence[Parameter]) -> tuple[Array, Array]:
-    """What a record itself says: the result's posterior with its prior divided out.
+    """Information of a record itself: the result's posterior with its prior divided out.
 
     A stiffness that is linear in the result and logarithmic in `frame`, or the other way round, is taken along its
     tangent at the estimate.
@@ -45,8 +45,8 @@ def own_information(result: Posterior, frame: Sequence[Parameter]) -> tuple[Arra
     result
         Of the record.
     frame
-        The n coefficients or learned statistics that are asked for, in the coordinates that are wanted; all must be in
-        `result`. Their priors do not matter.
+        The n coefficients or learned statistics that are requested, in the coordinates that are required; all must be
+        in `result`. Their priors do not matter.
 
     Returns
     -------
@@ -76,8 +76,7 @@ def own_information(result: Posterior, frame: Sequence[Parameter]) -> tuple[Arra
 
 
 def without_prior(result: Posterior, frame: Sequence[Parameter]) -> tuple[Array, Array]:
-    """Mean (n,) and covariance (n, n) of the coefficients of `frame` by what the record itself says, in its
-    coordinates.
+    """Mean (n,) and covariance (n, n) of the coefficients of `frame` from the record alone, in its coordinates.
 
     A millionth of the information of `frame`'s own priors keeps finite what the record does not see.
     """
@@ -147,7 +146,7 @@ def common_frame(before: Posterior, after: Posterior) -> tuple[Parameter, ...]:
 
 
 class Difference(NamedTuple):
-    """What two records say of the change, in standard deviations of its prior.
+    """Information of two records on the change, in standard deviations of its prior.
 
     Eigenvalues (n,) and axes (n, n) of P, and the vector g (n,).
     """

@@ -25,7 +25,7 @@ class DampingBand(NamedTuple):
     high: float
 
     def over(self, unit: float) -> "DampingBand":
-        """The same in another unit."""
+        """Band in another unit."""
         return DampingBand(self.value / unit, self.low / unit, self.high / unit)
 
     @property
@@ -38,7 +38,7 @@ AnyBand = TypeVar("AnyBand", DampingBand, DampingBand | None)
 
 
 class State(NamedTuple):
-    """How the turbine ran in one record: rotor speed [rad/s], wind speed [m/s] where it was recorded."""
+    """State of operation in one record: rotor speed [rad/s], wind speed [m/s] if it was recorded."""
 
     record: str
     rotor_speed: float
@@ -63,7 +63,7 @@ class DampingSplit:
     frequency
         Of the degree of freedom on its own spring [rad/s].
     measured
-        What each record says of the total by itself.
+        Total from each record by itself.
     structural
         c₀.
     aerodynamic
@@ -89,7 +89,7 @@ class DampingSplit:
 
     @property
     def resolved(self) -> bool:
-        """Whether the structure's part is told from nothing."""
+        """True if the structural part differs significantly from zero."""
         return self.structural is not None and self.structural.low > 0.0
 
     def percent(self, band: DampingBand) -> str:
@@ -100,22 +100,22 @@ class DampingSplit:
 
 @dataclass(frozen=True)
 class Separation(Answer):
-    """Structural and aerodynamic damping, as far as the records tell them apart.
+    """Result of `windsysid.damping`: structural and aerodynamic damping.
 
     Attributes
     ----------
     states
-        How the turbine ran in each record.
+        Operating conditions of each record.
     parked_air
-        Whether the structure's part holds what the air does to a parked rotor.
+        True if the structural part includes the aerodynamic damping of a parked rotor.
     splits
         One for each degree of freedom.
     lacking
-        What the records do not tell, why, and what would help, in sentences.
+        Parts that the records do not separate, why, and which record would, in sentences.
     notes
-        What a reader must know.
+        Remarks.
     doubts
-        Why the separation is not to be trusted, in sentences.
+        Reasons why the separation is not to be trusted, in sentences.
     """
 
     states: tuple[State, ...]
@@ -144,7 +144,7 @@ class Separation(Answer):
 
     @property
     def base(self) -> str:
-        """What the structure's part is, in words."""
+        """Sentence on the structural part."""
         return "structure and a parked rotor's air" if self.parked_air else "structure"
 
     @property
@@ -162,12 +162,12 @@ class Separation(Answer):
             return f"of critical damping, {'; '.join(told)}"
         totals = "; ".join(f"{split.name} {split.percent(split.measured[fastest])}" for split in self.splits)
         return (
-            f"structure and air cannot be told apart; together, at {self.states[fastest]}, they are of critical damping"
-            f" {totals}"
+            f"structural and aerodynamic damping cannot be separated; together, at {self.states[fastest]}, they are"
+            f" of critical damping {totals}"
         )
 
     def table(self) -> Table:
-        """What the structure has of each coefficient and what the air adds, in every state."""
+        """Structural and aerodynamic part of each coefficient, in every state."""
         return Table(HEADINGS, self.rows, "structural and aerodynamic damping", words=(0, 1, 2))
 
     @property
@@ -213,7 +213,7 @@ class Separation(Answer):
         return f"<Separation: {self.sentence}>"
 
     def contents(self) -> list[Table | str]:
-        """The sentence, what is lacking, the doubts, the table, the notes."""
+        """The sentence, undetermined quantities, the doubts, the table, the notes."""
         doubts = (f"not to be trusted: {doubt}" for doubt in self.doubts)
         return [self.sentence, *self.lacking, *doubts, self.table(), *self.notes]
 

@@ -37,7 +37,7 @@ Result = Posterior | KnownModes
 
 @dataclass(frozen=True, eq=False)
 class RecordBlocks:
-    """What records say, one after the other.
+    """Estimates of records in order of time.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class RecordBlocks:
     reference
         Of each series, the value at θ = 0 (logarithmic) or θ = 1.
     units
-        SI unit of each series, for noise that of its sensor; empty where nobody says them.
+        SI unit of each series, for noise that of its sensor; empty if unknown.
     kinds
         Of each series: ``k`` for a stiffness and anything else, ``c`` for a damping, ``f`` for a frequency, ``noise``;
         empty where all others are stiffnesses.
@@ -166,7 +166,7 @@ def gather(
         std=np.hstack([std, noise_std]),
         logarithmic=(*(q.logarithmic for q in frame), *(True,) * len(sensors)),
         reference=(*(q.reference for q in frame), *(1.0,) * len(sensors)),
-        units=(*(one.unit for one in known), *(_unit_of(name, posteriors) for name in sensors)),
+        units=(*(one.unit for one in known), *_units_of(sensors, posteriors)),
         kinds=(*("c" if one.kind == "damping" else "k" for one in known), *("noise",) * len(sensors)),
     )
     return _blocks(series, posteriors, placed, covariates)
@@ -225,9 +225,10 @@ def left_out_of(unusable: Iterable[tuple[str, str]]) -> dict[str, dict[str, int]
     return found
 
 
-def _unit_of(name: str, posteriors: Sequence[Posterior]) -> str:
-    """Unit of a statistic, as the first posterior has it that has the statistic; empty where none does."""
-    return next((one.unit for posterior in posteriors for one in posterior.statistics if one.name == name), "")
+def _units_of(names: Sequence[str], posteriors: Sequence[Posterior]) -> list[str]:
+    """Units of statistics, empty where no posterior has one."""
+    units = {one.name: one.unit for posterior in posteriors for one in posterior.statistics}
+    return [units.get(name, "") for name in names]
 
 
 def _noise_levels(noise: Sequence[Mapping[str, tuple[float, float]]], count: int) -> tuple[list[str], Array, Array]:
@@ -242,25 +243,42 @@ def _noise_levels(noise: Sequence[Mapping[str, tuple[float, float]]], count: int
 
 
 def read_blocks(folders: Sequence[str | Path], covariates: str | Path | None = None) -> RecordBlocks:
-    """Blocks from folders that ``windsysid identify`` or ``oma`` wrote, and a CSV file of covariates, a line for each.
+    """Read the results in folders and their covariates, in order of time, for `windsysid.monitor`.
 
-    Records that say when they began are put in order of time. Folders of others are taken in the order given; where
-    that is the alphabetical one, as a shell gives it, in natural order: ``res-2`` before ``res-10``.
-
-    The file's columns but ``time`` and ``folder`` are covariates; an empty cell is a missing value. Its lines belong to
-    the folders named in the column ``folder``; without one, to the records that began at their ``time`` (ISO 8601),
-    where both are known; otherwise to the folders in their order. Where records do not say when they began, ``time``,
-    in seconds or as ISO 8601, says it.
+    Parameters
+    ----------
+    folders : sequence of str or Path
+        Folders that ``windsysid identify``, ``windsysid oma`` or the ``save`` of a result wrote, at least 12. Records
+        with a known start are put in order of time. Others are taken in the order given; where that is the alphabetical
+        one, as a shell gives it, in natural order: ``res-2`` before ``res-10``.
+    covariates : str or Path, optional
+        CSV file with a row for each record. All columns but ``time`` and ``folder`` are covariates; an empty cell is a
+        missing value. Rows belong to the folders named in ``folder``; without that column, to the records that began at
+        their ``time`` (ISO 8601), where both are known; otherwise to the folders in their order. Where records have no
+        start, ``time``, in seconds or as ISO 8601, gives it.
 
     Returns
     -------
-    Blocks
-        The results in order, with their covariates.
+    RecordBlocks
+        Estimates (T, n), their standard deviations (T, n), and covariates (T, m).
 
     Raises
     ------
     ConfigurationError
         If a folder holds no result, records cannot be put in order, or the file does not fit.
+
+    Examples
+    --------
+    >>> import shutil
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import windsysid as ws
+    >>> home = Path(tempfile.mkdtemp())
+    >>> record = ws.simulate("tower", duration=600.0, rate=5.0, seed=1)
+    >>> _ = ws.identify(record, "tower", formulation="spectral").save(home / "first")
+    >>> folders = [shutil.copytree(home / "first", home / f"res-{i}") for i in range(12)]  # in place of twelve records
+    >>> ws.read_blocks(folders).names[:4]
+    ('k_side_side', 'c_side_side', 'k_fore_aft', 'c_fore_aft')
     """
     found = _read_results(folders)
     spans = spans_of([result for _, result in found])

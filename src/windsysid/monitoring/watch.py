@@ -1,7 +1,7 @@
 """Detection of drifts and jumps over many records of one turbine: season and wind regressed out, alarms at a stated
-rate, failing sensors told from failing structures.
+rate, failing sensors distinguished from failing structures.
 
-Every record leaves a block: what it says of each coefficient, without its prior, and the covariates of its time
+Every record leaves a block: its information on each coefficient, without its prior, and the covariates of its time
 (temperature, wind speed, power …). Each coefficient is a level that may wander, plus slopes times covariates, plus the
 block's own error (`windsysid.monitoring.levels.jumps`). Level and slopes are learned as the blocks come, from a prior;
 how fast the level wanders and by how much blocks scatter more than their bands say is learned by maximum likelihood
@@ -60,8 +60,8 @@ ROUNDING = 1e-9
 SENSOR, STRUCTURE, NOISE = "check the sensor first", "the turbine", "the sensor"
 
 UNEXPLAINED, HEARD, SOUND, UNWATCHED = (
-    "the model does not explain the records any more", "a sensor, its cable, or what it hears",
-    "the sensors are as they were", "the noise of sensors is not watched here",
+    "the model does not explain the records any more", "a sensor, its cable, or noise from its surroundings",
+    "the sensors did not change", "the noise of sensors is not watched here",
 )  # fmt: skip
 """Why a jump is put down to a sensor or to the structure."""
 
@@ -69,27 +69,57 @@ UNEXPLAINED, HEARD, SOUND, UNWATCHED = (
 def watch(
     blocks: RecordBlocks, *, alarms_per_year: float = 0.1, tolerated: Mapping[str, float] = TOLERATED_DRIFT
 ) -> Watch:
-    """What drifted and what jumped.
+    """Detect drifts and jumps over many records of one turbine, with season and wind regressed out.
 
     Parameters
     ----------
-    blocks
-        At least `MIN_BLOCKS` records.
-    alarms_per_year
-        False alarms that are accepted, all series together, in a year of blocks [1/a].
-    tolerated
-        Of ``k``, ``f``, ``c`` and ``noise``, as far as they are watched: relative jumps up to this size are no alarm,
-        however sure.
+    blocks : RecordBlocks
+        Estimates of at least `MIN_BLOCKS` records with their covariates (`windsysid.read_blocks`).
+    alarms_per_year : float, default 0.1
+        Accepted rate of false alarms of the turbine, all series together [1/a].
+    tolerated : mapping of str to float, optional
+        Largest relative jump that raises no alarm, by kind of series: stiffness ``"k"``, frequency ``"f"``, damping
+        ``"c"`` and ``"noise"`` of sensors, as far as they are monitored.
 
     Returns
     -------
     Watch
-        Level, drift and jumps of each series, with their bands.
+        Level, drift and jumps of each series with their 95 % intervals.
 
     Raises
     ------
     ConfigurationError
-        If the rate is not between 1e-6 and 100 a year, or no series can be followed.
+        If `alarms_per_year` is not between 1e-6 and 100, `tolerated` lacks a kind, or too few estimates are usable.
+
+    See Also
+    --------
+    read_blocks : Estimates from the folders of saved results.
+    compare : Two results.
+
+    Notes
+    -----
+    Each series is a random-walk level plus regression on covariates plus the error of the record (a linear Gaussian
+    state-space model); a test for a jump at any time runs on its standardised innovations.
+
+    References
+    ----------
+    - Willsky & Jones, IEEE Trans. Automatic Control 21(1), 1976, doi:10.1109/TAC.1976.1101146.
+    - Lai, IEEE Trans. Information Theory 44(7), 1998, doi:10.1109/18.737522.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import windsysid as ws
+    >>> from windsysid.monitoring.series import RecordBlocks
+    >>> theta = 0.005 * np.random.default_rng(0).standard_normal((600, 1))  # relative to 1.77 MN/m
+    >>> theta[500:] -= 0.02
+    >>> blocks = RecordBlocks(
+    ...     names=("k_side_side",), time=600.0 * np.arange(600), theta=theta, std=np.full((600, 1), 0.005),
+    ...     logarithmic=(True,), reference=(1.77e6,), covariates=np.empty((600, 0)), covariate_names=(),
+    ... )
+    >>> (jump,) = ws.monitor(blocks).changes
+    >>> print(f"{jump.name}: {jump.percent:.2f} % ({jump.low:.2f} … {jump.high:.2f} %)")
+    k_side_side: -1.95 % (-2.13 … -1.77 %)
     """
     _check_options(blocks, alarms_per_year, tolerated)
     count = len(blocks.time)
@@ -119,7 +149,7 @@ def watch(
     notes = [*blocks.notes, *notes]
     notes.insert(
         0,
-        f"alarms from {blocks.when(float(blocks.time[begins]))} on: {begins} records to learn from, in which jumps are"
+        f"alarms from {blocks.when(float(blocks.time[begins]))} on: {begins} records to learn from, which are"
         " looked for afterwards",
     )
     return Watch(blocks, tuple(series), changes, alarms_per_year, begins, tuple(notes))
@@ -194,7 +224,7 @@ def _follow(
 
 
 def _part(blocks: Observations, jump: Jump, rates: Rates, free: Array) -> Observations:
-    """Blocks without what is bad near a jump or on neither side of it, and with what is free at it."""
+    """Blocks without those that are bad near a jump or on neither side of it, and with free ones at it."""
     y, freed = blocks.y.copy(), blocks.freed.copy()
     near = slice(max(0, jump.earliest - MAX_HINDSIGHT_BLOCKS), jump.found + 1)
     y[near] = without_bad(y[near], rates.scatter * blocks.r[near])
@@ -266,7 +296,7 @@ def _change(blocks: RecordBlocks, i: int, jump: Jump, jumps: Sequence[tuple[int,
 
 
 def _cause(blocks: RecordBlocks, i: int, jump: Jump, jumps: Sequence[tuple[int, Jump]]) -> tuple[str, str]:
-    """Where to look for the cause of a jump of series i, and why there."""
+    """Likely cause of a jump of series i, with its reason."""
     kinds = list(map(blocks.kind, range(len(blocks.names))))
     noisy = [blocks.names[j] for j, other in jumps if kinds[j] == "noise" and _meet(jump, other)]
     if kinds[i] == "noise":
@@ -279,7 +309,7 @@ def _cause(blocks: RecordBlocks, i: int, jump: Jump, jumps: Sequence[tuple[int, 
 
 
 def _meet(one: Jump, other: Jump) -> bool:
-    """Whether one jump may have happened before the other was found, and the other way round."""
+    """Test whether one jump may have happened before the other was found, and the other way round."""
     return other.earliest <= one.found and one.earliest <= other.found
 
 
@@ -291,7 +321,7 @@ def tell(name: str, percent: tuple[float, float, float], when: str, found: str, 
 
 
 def was_lost(good: NDArray[np.bool_], jump: Jump) -> bool:
-    """Whether most blocks (T,) were good before the jump and most are not after it."""
+    """Test whether most blocks (T,) were good before the jump and most are not after it."""
     before = good[max(0, jump.earliest - MAX_HINDSIGHT_BLOCKS) : jump.earliest]
     after = good[jump.latest : jump.found + 1]
     return bool(len(before) and len(after) and before.mean() > 0.5 > after.mean())
@@ -320,7 +350,7 @@ def _standardise_covariates(blocks: RecordBlocks, begins: int) -> tuple[_Standar
 
 
 BEYOND = 700.0
-"""A step in a logarithm whose factor is still a number: bands of what nothing was learned of end there."""
+"""Largest step in a logarithm whose factor is still a number: the bands of series without information end there."""
 
 
 def percent_of(part: float, std: float, of: float, logarithmic: bool) -> tuple[float, float, float]:

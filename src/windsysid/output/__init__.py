@@ -1,1 +1,1 @@
-"""How windsysid writes: nothing of the user's is lost, and a result is there whole, the old one or the new one."""
+"""Output of windsysid: no file of the user is lost, and a result is complete, the old one or the new one."""

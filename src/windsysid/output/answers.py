@@ -1,4 +1,4 @@
-"""What an answer can do: say itself in words and tables, be saved with its page, and draw itself.
+"""Interface of an answer: sentence and tables, saving with its page, and figures.
 
 An answer does not know its page. The room of the pages knows which module writes the page of a type and which function
 draws it; it is looked up by the name of the type when somebody asks (`windsysid.output.pages`).
@@ -26,7 +26,7 @@ class Answer(Saveable):
 
     @abstractmethod
     def contents(self) -> Sequence[Table | str]:
-        """The answer as sentences and tables: first what was asked, then what it rests on."""
+        """The answer as sentences and tables: first the result, then its inputs."""
 
     @abstractmethod
     def to_dataframe(self) -> "pd.DataFrame":
@@ -42,7 +42,7 @@ class Answer(Saveable):
         return found
 
     def files(self) -> dict[str, bytes]:
-        """What `save` writes, by name: ``report.html``, figures, and the answer as JSON."""
+        """Files of `save`, by name: ``report.html``, figures, and the answer as JSON."""
         found: dict[str, bytes] = pages().files(self)
         return found
 

@@ -1,4 +1,4 @@
-"""Text for a terminal, a pipe or a notebook: the one place that knows how wide they are and what they can show."""
+"""Text for a terminal, a pipe or a notebook: the one place for their widths and character sets."""
 
 import codecs
 import itertools
@@ -58,13 +58,13 @@ def _one(character: str, encoding: str) -> str:
 
 
 def _spelt(error: UnicodeError) -> tuple[str, int]:
-    """What Python calls for characters that a stream cannot encode."""
+    """Error handler of Python for characters that a stream cannot encode."""
     assert isinstance(error, UnicodeEncodeError)
     return plain(error.object[error.start : error.end]), error.end
 
 
 def show_what_can_be_shown() -> None:
-    """Let standard output and error spell out what their encoding lacks, instead of failing."""
+    """Let standard output and error spell characters that their encoding lacks, instead of failing."""
     codecs.register_error("windsysid", _spelt)
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
@@ -116,7 +116,7 @@ def _within(part: Any, width: int) -> list[Any]:
 
 
 def _groups(least: "Sequence[int]", width: int) -> list[list[int]]:
-    """Columns of such widths that fit beside the first one."""
+    """Columns of such widths that fit next to the first one."""
     groups, left = [[0]], width - least[0]
     for i in range(1, len(least)):
         if left < least[i] + 2 and len(groups[-1]) > 1:
@@ -151,7 +151,7 @@ def _as_rich(table: OurTable) -> "Table":
 
 
 def _fit(table: "Table", console: "Console", encoding: str) -> None:
-    """Spell what the encoding cannot show, and fold cells instead of cutting them.
+    """Spell characters that the encoding lacks, and fold cells instead of cutting them.
 
     A table that is too wide for its frame has none. A number stays on one line.
     """
@@ -168,7 +168,7 @@ def _fit(table: "Table", console: "Console", encoding: str) -> None:
 
 
 def _share_width(columns: "Sequence[Column]", width: int) -> None:
-    """Give each column what its longest word needs, and the narrowest of them what is spare."""
+    """Give each column the width of its longest word, and the narrowest of them the rest."""
     texts = [[str(text) for text in (column.header, *column._cells)] for column in columns]
     natural = [max(map(len, own)) for own in texts]
     least = list(map(_longest_word, texts))

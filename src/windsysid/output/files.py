@@ -22,7 +22,7 @@ Write = Callable[[BinaryIO], object]
 
 @contextmanager
 def claim_file(path: str | Path, *, overwrite: bool = False) -> Iterator[Callable[[Write], None]]:
-    """Take the name of a file before its content is worked out; yields what writes the content, whole or not at all.
+    """Reserve the name of a file before its content is computed; yields a function that writes all of it, or nothing.
 
     Raises
     ------
@@ -58,14 +58,14 @@ def claim_file(path: str | Path, *, overwrite: bool = False) -> Iterator[Callabl
 
 
 def replace_file(path: Path, write: Write, *, overwrite: bool = True) -> None:
-    """Let `write` fill a file beside `path`, flush it to the disk and rename it: `path` is the old file or the new one.
+    """Let `write` fill a file next to `path`, flush it to the disk and rename it: `path` is old or new.
 
     Raises
     ------
     OutputError
         If `path` is there and `overwrite` is off.
     OSError
-        If it cannot be written: `path` is then as it was, and nothing is left beside it.
+        If it cannot be written: `path` is then as it was, and nothing is left next to it.
     """
     remove_abandoned(path.parent)
     part = path.with_name(f".{path.name}.{secrets.token_hex(4)}{PART}")
@@ -92,7 +92,7 @@ def _there(path: Path) -> OutputError:
 
 @contextmanager
 def explain_errors(what: str, remedy: str) -> Iterator[None]:
-    """Turn what the system says into one line."""
+    """Convert a message of the system to one line."""
     try:
         yield
     except OutputError:

@@ -1,7 +1,7 @@
-"""How windsysid writes: nothing of the user's is lost, and a result is there whole, the old one or the new one.
+"""Output of windsysid: no file of the user is lost, and a result is complete, the old one or the new one.
 
 `claim` takes a folder for a result, `claim_file` the name of a single file; both refuse before any work is done, and
-hold a lock that ends with the process. Everything is written beside its place, flushed to the disk and renamed.
+hold a lock that ends with the process. Everything is written next to its place, flushed to the disk and renamed.
 
 A result has several files, which no file system renames at once. So the folder holds a note,
 ``.windsysid/manifest.json``: the names, sizes and SHA-256 of the files that are ours. A result is complete when all its
@@ -56,7 +56,7 @@ class Saveable:
     """A result that knows its files, and is saved as any other."""
 
     def files(self) -> dict[str, bytes]:
-        """What `save` writes, by name."""
+        """Files of `save`, by name."""
         raise NotImplementedError
 
     def save(self, folder: str | Path, *, overwrite: bool = False) -> None:
@@ -79,7 +79,7 @@ class Saveable:
 def claim(
     folder: str | Path, *, overwrite: bool = False, inputs: Iterable[str | Path] = ()
 ) -> Iterator[Callable[[Mapping[str, bytes]], None]]:
-    """Take a folder for a result before the work for it is done; yields what writes the result's files by name.
+    """Reserve a folder for a result before it is computed; yields a function that writes the result's files by name.
 
     Parameters
     ----------
@@ -142,7 +142,7 @@ def result_file(folder: str | Path, name: str) -> Path:
 
 
 def is_free(folder: Path) -> bool:
-    """Whether a folder holds no result and no file, and no process is about to write one.
+    """Test whether a folder holds no result and no file, and no process is about to write one.
 
     What a process left that ended before it had a result does not count.
     """
@@ -173,7 +173,7 @@ class _Entry:
         return cls(len(content), hashlib.sha256(content).hexdigest())
 
     def is_at(self, path: Path) -> bool:
-        """Whether `path` is this very file."""
+        """Test whether `path` is this very file."""
         try:
             found = path.lstat()
             if not stat.S_ISREG(found.st_mode) or found.st_size != self.size:
@@ -197,7 +197,7 @@ class _Note:
 
 
 def _noted(folder: Path) -> _Note | None:
-    """What the folder's note says; None without one that can be read, so that nothing counts as ours."""
+    """Content of the folder's note; None without a readable one, so that no file counts as windsysid's."""
     try:
         found = parse_json((folder / HOME / MANIFEST).read_text(encoding="utf-8"))
         files, replaced = (
@@ -235,7 +235,7 @@ def _commit(folder: Path, files: Mapping[str, bytes]) -> None:
 
 
 def _finish(folder: Path) -> None:
-    """Move what waits to its place and remove what was replaced; a file of the user's in the way stays."""
+    """Move prepared files to their place and remove replaced ones; a file of the user's in the way stays."""
     note = _noted(folder)
     if note is None or not note.staging(folder).is_dir():
         return
@@ -253,7 +253,7 @@ def _finish(folder: Path) -> None:
 
 
 def _recover(folder: Path) -> None:
-    """Under the lock: finish a result that was committed, and remove what dead processes left."""
+    """Under the lock: finish a committed result, and remove leftovers of dead processes."""
     _finish(folder)
     note = _noted(folder)
     with contextlib.suppress(FileNotFoundError):

@@ -1,4 +1,4 @@
-"""Locks that end with their process, and what a process that ended has left behind."""
+"""Locks that end with their process, and removal of leftovers of ended processes."""
 
 import contextlib
 import errno
@@ -11,7 +11,7 @@ from pathlib import Path
 __all__ = ["release", "remove_abandoned", "try_lock"]
 
 HOME, MANIFEST, LOCK, PART = ".windsysid", "manifest.json", ".windsysid-lock", ".windsysid-part"
-TRIES, PAUSE = 10, 0.02  # a lock that is let go or swept up at this moment is asked for again [s]
+TRIES, PAUSE = 10, 0.02  # a lock that is let go or swept up at this moment is requested again [s]
 
 
 def try_lock(path: Path) -> int | None:
@@ -26,7 +26,7 @@ def try_lock(path: Path) -> int | None:
             _warn_unlocked(path.parent, error)
             return handle
         with contextlib.suppress(FileNotFoundError):
-            if locked and os.path.samestat(os.fstat(handle), path.stat()):  # and nobody has removed it meanwhile
+            if locked and os.path.samestat(os.fstat(handle), path.stat()):  # and it was not removed meanwhile
                 return handle
         os.close(handle)
     return None
@@ -58,7 +58,7 @@ def _lock(handle: int) -> bool:
 
 
 def release(handle: int, lock: Path) -> None:
-    """Remove a lock's file while it is held, so that nobody else's is removed, and let go."""
+    """Remove a lock's file while it is held, so that no other lock is removed, and let go."""
     if sys.platform == "win32":  # no open file can be removed there
         os.close(handle)
     with contextlib.suppress(OSError):
@@ -68,7 +68,7 @@ def release(handle: int, lock: Path) -> None:
 
 
 def remove_abandoned(folder: Path) -> None:
-    """Remove what processes that are dead left half written: the parts that nobody holds."""
+    """Remove half-written files of dead processes: the parts without a lock."""
     names: list[str] = []
     with contextlib.suppress(PermissionError):  # of a folder that may be written but not listed
         names = os.listdir(folder)

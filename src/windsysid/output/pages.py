@@ -1,4 +1,4 @@
-"""Where the pages and figures of answers come from."""
+"""Source of the pages and figures of answers."""
 
 from importlib import import_module
 from typing import Any
@@ -7,5 +7,5 @@ __all__ = ["pages"]
 
 
 def pages() -> Any:
-    """`windsysid.reports`, imported when somebody asks for one: ``fragment``, ``files`` and ``figure``."""
+    """`windsysid.reports`, imported at first use: ``fragment``, ``files`` and ``figure``."""
     return import_module("windsysid.reports")

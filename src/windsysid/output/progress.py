@@ -1,4 +1,4 @@
-"""What a command that takes seconds says meanwhile: one line that a terminal draws again and again."""
+"""Progress of a command that takes seconds: one line that a terminal draws again and again."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -15,20 +15,20 @@ if TYPE_CHECKING:
 __all__ = ["Progress", "Shown", "expect", "hear", "passed", "unheard"]
 
 Progress: TypeAlias = Callable[[str, float | None], object]
-"""Told what is being done, and the share of it that is done, from 0 to 1; None where nobody knows."""
+"""Callback with the name of the step and its completed share, from 0 to 1; None if unknown."""
 
 SILENT = 2.0
-"""Seconds [s] before times are told: what is over sooner needs none."""
+"""Seconds [s] before times are shown."""
 
 
 def unheard(doing: str, share: float | None = None) -> None:
-    """Nobody listens."""
+    """No progress is shown."""
 
 
 class Shown:
-    """The line of a command's progress: what is done, its share in per cent, and the time left.
+    """Progress line of a command: the step, its share in per cent, and the time left.
 
-    The time left is that of the step that is named, from the pace since its share was first told. Where no share is
+    The time left is that of the step that is named, from the pace since its first share. Where no share is
     known, the line tells the seconds that have passed.
     """
 
@@ -60,7 +60,7 @@ class Shown:
         return ", ".join(told)
 
     def line(self, width: int) -> str:
-        """One line of at most `width` columns; what is done is cut, the times are not."""
+        """One line of at most `width` columns; the step is cut, the times are not."""
         from rich.cells import cell_len
 
         times = self.times()
@@ -84,7 +84,7 @@ class _Work:
         self.done = self.left = self.least = self.share = 0.0
 
     def expect(self, left: float, least: float) -> None:
-        """Estimate anew what is left; say nothing before the first estimate."""
+        """Update the estimate of the time left; show nothing before the first one."""
         self.left, self.least = left, least
         self.tell()
 
@@ -105,7 +105,7 @@ _WORK: ContextVar[_Work | None] = ContextVar("work", default=None)
 
 @contextmanager
 def hear(progress: Progress, doing: str) -> Iterator[None]:
-    """Tell `progress` of the work within: of what calls `expect` and `passed`, however deep below."""
+    """Report the work within to `progress`: all calls of `expect` and `passed` below."""
     token = _WORK.set(_Work(progress, doing))
     try:
         yield
@@ -114,12 +114,12 @@ def hear(progress: Progress, doing: str) -> Iterator[None]:
 
 
 def expect(left: float, least: float) -> None:
-    """Tell who hears how much work is left, and the least that is left until it ends, in the unit of `passed`."""
+    """Report how much work is left, and the least that is left until it ends, in the unit of `passed`."""
     if (work := _WORK.get()) is not None:
         work.expect(left, least)
 
 
 def passed(amount: float) -> None:
-    """Tell who hears that so much work was done."""
+    """Report that so much work was done."""
     if (work := _WORK.get()) is not None:
         work.passed(amount)

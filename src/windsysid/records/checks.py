@@ -1,4 +1,4 @@
-"""What the times, values and names of a record must be, whether it is whole or still coming from a file in blocks."""
+"""Requirements on times, values and names of a record, whether it is whole or still read in blocks."""
 
 from collections.abc import Callable, Iterable
 from typing import NoReturn
@@ -31,7 +31,7 @@ _LONGEST_NAME = 200
 
 
 def check_channels(channels: Iterable[str]) -> None:
-    """Refuse names that cannot be told apart or written to a file."""
+    """Refuse names that cannot be separated or written to a file."""
     seen = set()
     for name in channels:
         if not isinstance(name, str) or not name or name != name.strip() or len(name.splitlines()) > 1:
@@ -54,7 +54,7 @@ def check_channels(channels: Iterable[str]) -> None:
 
 
 def _is_utf8(name: str) -> bool:
-    """Whether UTF-8 can encode a name: unpaired surrogates, from bytes of an unknown encoding, cannot be encoded."""
+    """Test whether UTF-8 can encode a name: unpaired surrogates, from an unknown encoding, cannot be encoded."""
     try:
         name.encode()
     except UnicodeEncodeError:
@@ -78,7 +78,7 @@ def check_block(
     place: Callable[[int], str] = "sample {}".format,
     previous: float = np.nan,
 ) -> None:
-    """What `check_rows` checks, for rows that follow a sample at `previous` [s] and may be few."""
+    """Checks of `check_rows`, for rows that follow a sample at `previous` [s] and may be few."""
     finite = np.isfinite(time)
     if not finite.any():
         raise RecordError("the time is missing or infinite everywhere: expected seconds as numbers; write the time")
@@ -116,7 +116,7 @@ def check_block(
 
 
 def _remedy_of_repeats(twice: bool) -> str:
-    """What to do about a time that is repeated, by a row with the same readings or with others."""
+    """Advice on a time that is repeated, by a row with the same readings or with others."""
     if twice:
         return "drop the rows that were written twice"
     return (
@@ -125,7 +125,7 @@ def _remedy_of_repeats(twice: bool) -> str:
 
 
 def _remedy_of_order(time: Array, steps: Array, k: int, before: float) -> str:
-    """What to do about a time (T,) that runs backwards at row k: where sorting gives no regular steps, two stretches
+    """Advice on a time (T,) that runs backwards at row k: where sorting gives no regular steps, two segments
     would be mixed."""
     usual = float(np.median(steps[steps > 0.0])) if np.any(steps > 0.0) else 0.0
     around = np.sort(np.append(time[max(k - BESIDE, 0) : k + BESIDE], [before] if k == 0 else []))

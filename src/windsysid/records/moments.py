@@ -1,4 +1,4 @@
-"""Moments of the calendar as ISO 8601 text: with a zone, or as local time of which nobody said the zone.
+"""Moments of the calendar as ISO 8601 text: with a zone, or as local time of unknown zone.
 
 ``2021-07-07T12:00:00Z`` and ``2021-07-07T14:00:00+02:00`` have a zone and are the same moment. ``2021-07-07T12:00:00``
 has none: it can be compared with other local times, and not with the two above.
@@ -38,13 +38,13 @@ def moment(text: str) -> datetime:
 
 
 def tidy(text: str) -> str:
-    """The same moment with a ``T`` between date and time and a decimal point; ValueError as `moment`."""
+    """Moment with a ``T`` between date and time and a decimal point; ValueError as `moment`."""
     moment(text)
     return _plain(text)
 
 
 def has_zone(text: str) -> bool:
-    """Whether the moment is known everywhere, and not only on a local clock."""
+    """Test whether the moment is known in UTC, and not only on a local clock."""
     return moment(text).tzinfo is not None
 
 
@@ -74,7 +74,7 @@ def moment_text(origin: int, offset: int | None) -> str:
 
 
 def zone_offset(origin: int, zone: Any) -> int:
-    """How far a zone is ahead of UTC [s] at a moment [ns since 1970]."""
+    """Offset of a zone from UTC [s] at a moment [ns since 1970]."""
     import pandas as pd
 
     ahead = pd.Timestamp(origin, unit="ns", tz="UTC").tz_convert(zone).utcoffset()

@@ -50,7 +50,7 @@ class RegularTimes(NamedTuple):
 
 
 def shares_stamps(time: Array) -> bool:
-    """Whether times are finite, never decrease, and some rows have the stamp of the row before."""
+    """Test whether times are finite, never decrease, and some rows have the stamp of the row before."""
     if not np.isfinite(time).all():
         return False
     steps = np.diff(time)
@@ -58,13 +58,13 @@ def shares_stamps(time: Array) -> bool:
 
 
 def is_even(time: Array, values: Array) -> bool:
-    """Whether each channel of values (T, m) changes by as much within packets as from one packet to the next."""
+    """Test whether each channel of values (T, m) changes by as much within packets as from one packet to the next."""
     across = np.diff(time) > 0.0
     return all(_changes_evenly(change, across) for change in np.diff(values, axis=0).T)
 
 
 def _changes_evenly(change: Array, across: npt.NDArray[np.bool_]) -> bool:
-    """Whether changes of a channel (T − 1,) have similar size and mean within packets and `across` their borders."""
+    """Test whether changes of a channel (T − 1,) have similar size and mean within packets and `across` borders."""
     known = np.isfinite(change)
     moved = np.abs(change[known & (change != 0.0)])
     if not moved.size:
@@ -146,8 +146,8 @@ def _by_stamps(stamps: Array, sizes: Rows) -> tuple[float, float, Rows] | None:
 
 
 def _wanders(off: Array, step: float) -> bool:
-    """Whether stamps depart (n,) [s] from counted rows as a random walk, which rows lost one by one make, and not as
-    scatter."""
+    """Test whether stamps depart (n,) [s] from counted rows as a random walk, which rows lost one by one make, and not
+    as scatter."""
     reach = min(WALK, len(off) // 4)
     if reach < 2:
         return False

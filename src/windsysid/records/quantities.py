@@ -1,4 +1,4 @@
-"""What a channel's name says about its quantity, and in which units its values are plausible.
+"""Quantity of a channel from its name, and units in which its values are plausible.
 
 A name never gives a unit: ``rotor_speed`` may be in rpm as well as in rad/s. Where a file says no unit, windsysid
 refuses the channel, and the message names the units in which the values could be, so that the user can write the right
@@ -62,7 +62,7 @@ def implied_unit(channel: str) -> str | None:
 
 
 def plausible_units(channel: str, values: Array) -> tuple[str, ...]:
-    """Units in which the values of a channel without a unit are plausible; empty where none can be told.
+    """Units in which the values of a channel without a unit are plausible; empty if there are none.
 
     Parameters
     ----------

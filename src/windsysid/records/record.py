@@ -1,4 +1,4 @@
-"""A record: what the instruments of one turbine read over time, as one labelled table in SI units.
+"""Record: readings of the instruments of one turbine over time, as one labelled table in SI units.
 
 `Record` holds the time t_k (T,) and the values y_k (T, m), one row per sample and one column per channel.
 NaN means that a channel is missing at that sample, everywhere in this package. Channels are named
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 __all__ = ["AS_WRITTEN", "LOW_PASS", "RATE_DOUBT", "STAMPS", "Array", "Record"]
 
 AS_WRITTEN = "as written: "
-"""Prefix of a unit that windsysid does not know: the values are as the file has them, not converted."""
+"""Prefix of a unit that windsysid does not know: the values are kept as in the file, not converted."""
 
 LOW_PASS = "low_pass_hz"
 """Attribute of a record that went through a low-pass when its rate was lowered: the frequency [Hz]."""
@@ -77,7 +77,7 @@ class Record:
         Free text about the record, kept in netCDF.
     start : str, optional
         The moment of time 0 in ISO 8601, with its zone: ``2021-07-07T12:00:00Z``. Without a zone it is local time of
-        which nobody said the zone; None where the moment is not known.
+        which the zone is unknown; None if the moment is not known.
 
     Raises
     ------
@@ -88,6 +88,15 @@ class Record:
     Notes
     -----
     Arrays are shared, not copied, where their type allows it: do not write into them.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import windsysid as ws
+    >>> time = np.arange(0.0, 10.0, 0.1)
+    >>> record = ws.Record(time, np.sin(time)[:, None], ("tower_x_acceleration",), ("m/s^2",))
+    >>> record.samples, record.unit("tower_x_acceleration")
+    (100, 'm/s^2')
     """
 
     time: Array
@@ -142,14 +151,14 @@ class Record:
 
     @cached_property
     def is_uniform(self) -> bool:
-        """Whether every sample lies on one uniform time grid, to a thousandth of a step."""
+        """True if every sample lies on one uniform time grid, to a thousandth of a step."""
         step = self.duration / (self.samples - 1)
         grid = self.time[0] + step * np.arange(self.samples)
         return bool(np.max(np.abs(self.time - grid)) <= UNIFORM * step)
 
     @cached_property
     def has_grid(self) -> bool:
-        """Whether `on_uniform_grid` finds a grid that every sample belongs to."""
+        """Test whether `on_uniform_grid` finds a grid that every sample belongs to."""
         try:
             self.on_uniform_grid()
         except RecordError:
@@ -203,7 +212,7 @@ class Record:
         return replace(self, time=self.time[low:high], values=self.values[low:high])
 
     def select(self, channels: Iterable[str]) -> Record:
-        """The same record with only these channels, in this order; RecordError for one that is missing."""
+        """Record with only these channels, in this order; RecordError for one that is missing."""
         columns = [self._column(channel) for channel in channels]
         return replace(
             self,
@@ -239,7 +248,7 @@ class Record:
         )
 
     def with_name(self, name: str) -> Record:
-        """The same record under another name."""
+        """Record under another name."""
         return replace(self, name=name)
 
     def on_uniform_grid(self) -> Record:
@@ -314,7 +323,7 @@ class Record:
 
     @property
     def marks(self) -> dict[str, str]:
-        """What a dataset says of a record beside its attributes: start, name, and channels in their order."""
+        """Attributes of a record's dataset: start, name, and channels in their order."""
         return {
             **({} if self.start is None else {"start_time": self.start}),
             "windsysid_name": self.name,

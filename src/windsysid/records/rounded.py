@@ -46,7 +46,7 @@ class RoundedGrid(NamedTuple):
 
 
 def is_coarse(time: Array) -> bool:
-    """Whether times (T,) [s] are multiples of a quantum that is no small part of their step, and not all one step."""
+    """Test whether times (T,) are multiples of a quantum that is a large part of their step, and not equidistant."""
     steps = np.diff(time)
     if len(time) < MIN_ROWS or not np.isfinite(time).all() or np.any(steps < 0.0) or not steps.any():
         return False
@@ -124,7 +124,7 @@ def _step(elapsed: Array, index: Array) -> float:
 
 
 def _fits(elapsed: Array, index: Array, quantum: float) -> bool:
-    """Whether a step exists with all times within one quantum of a straight line."""
+    """Test whether a step exists with all times within one quantum of a straight line."""
     if not elapsed[-1] > elapsed[0]:
         return False
     off = elapsed - _step(elapsed, index) * index

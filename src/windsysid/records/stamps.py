@@ -166,7 +166,7 @@ def _without_late_stamps(lost: npt.NDArray[np.int64]) -> npt.NDArray[np.int64] |
 
 
 def _log_ratio(at_stamps: Array, on_grid: Array) -> Array:
-    """How much likelier the grid is than the stamps, by each channel (m,): the logarithm of a ratio of likelihoods."""
+    """Log-likelihood ratio of the grid against the stamps, by each channel (m,)."""
     samples = np.sum(np.isfinite(on_grid), axis=0) / (1 + _STENCIL.size)  # neighbours share their readings
     told = samples > 0.0
     ratio = np.zeros(len(samples))
@@ -177,7 +177,7 @@ def _log_ratio(at_stamps: Array, on_grid: Array) -> Array:
 
 
 def _roughness(time: Array, values: Array) -> Array:
-    """How far each reading lies from the cubic through its four neighbours (T − 4, m): in standard deviations that
+    """Distance of each reading from the cubic through its four neighbours (T − 4, m): in standard deviations that
     unit noise gives it, and as a share of the channel's large readings."""
     inner = np.arange(2, len(time) - 2)
     size = np.nanpercentile(np.abs(values), 99.0, axis=0)

@@ -40,7 +40,7 @@ class WindsysidBackend(BackendEntrypoint):
         return dataset.drop_vars([name for name in dropped if name in dataset], errors="ignore")
 
     def guess_can_open(self, filename_or_obj: Any) -> bool:
-        """Whether the name of a file has an ending that windsysid reads and no other engine does."""
+        """Test whether the name of a file has an ending that windsysid reads and no other engine does."""
         if not isinstance(filename_or_obj, str | Path):
             return False
         path = Path(filename_or_obj)

@@ -31,7 +31,7 @@ MAX_MARKED_SPEEDS = 12
 
 
 def is_of_blades(name: str) -> bool:
-    """Whether a mode or a degree of freedom is one of the blades, by its name."""
+    """Test whether a mode or a degree of freedom is one of the blades, by its name."""
     return name.startswith(BLADE_KINDS)
 
 
@@ -102,17 +102,16 @@ def _draw_measured(found: Campbell, above: Axes, below: Axes) -> None:
     """Draw measured modes as points with ±2σ, hollow where they are not to be trusted."""
     for mode in found.measured:
         fill = REFERENCE if mode.trusted else "white"
-        z, z_low, z_high = (100.0 * value for value in mode.damping)
-        for ax, at, reach in (
-            (above, mode.frequency, [[SIGMAS * mode.frequency_std]] * 2), (below, z, [[z - z_low], [z_high - z]]),
-        ):  # fmt: skip
+        for ax, one, scale in ((above, mode.frequency, 1.0), (below, mode.damping_ratio, 100.0)):
+            reach = [[scale * (one.estimate - one.low)], [scale * (one.high - one.estimate)]]
             ax.errorbar(
-                mode.speed * RPM, at, yerr=reach, fmt="o", ms=5, color=REFERENCE, mfc=fill, elinewidth=0.9, zorder=4
-            )
+                mode.speed * RPM, scale * one.estimate, yerr=reach, fmt="o", ms=5, color=REFERENCE, mfc=fill,
+                elinewidth=0.9, zorder=4,
+            )  # fmt: skip
 
 
 def _label_ends(ax: Axes, ends: list[tuple[float, str, str]]) -> None:
-    """Write each curve's name beside its right end, none over another, a thin line to those that had to move."""
+    """Write each curve's name next to its right end, none over another, a thin line to those that had to move."""
     low, high = ax.get_ylim()
     ends = [end for end in ends if end[0] <= high]
     height = ax.bbox.height / ax.figure.dpi * 72.0
@@ -180,8 +179,15 @@ def data(found: Campbell) -> dict[str, bytes]:
     if found.measured:
         import pandas as pd
 
-        names = ("damping", "damping_low", "damping_high")
-        rows = [{**mode._asdict(), **dict(zip(names, mode.damping, strict=True))} for mode in found.measured]
+        rows = [
+            {
+                **mode._asdict(),
+                **{f"{name}{end}": getattr(getattr(mode, name), value)
+                   for name in ("frequency", "damping_ratio")
+                   for end, value in (("", "estimate"), ("_low", "low"), ("_high", "high"))},
+            }
+            for mode in found.measured
+        ]  # fmt: skip
         measured["measured.csv"] = pd.DataFrame(rows).to_csv(index=False).encode()
     return {
         **measured,

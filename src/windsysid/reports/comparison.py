@@ -21,7 +21,7 @@ def figure(comparison: Comparison, place: Axes | None = None) -> Figure:
     """Every change with its ±2σ band: stiffness and frequencies, damping, loads and noise, each on a scale of its own;
     orange where a coefficient moved.
 
-    A band that has no end goes to the edge of the drawn; where nothing is told it is dotted and has no dot.
+    A band that has no end goes to the edge of the drawn; where nothing is determined it is dotted and has no dot.
     """
     groups = _groups(comparison)
     drawn = canvas((12.0, 1.0 + 0.32 * max(len(group) for _, group in groups)), place)
@@ -59,9 +59,9 @@ def files(comparison: Comparison) -> dict[str, bytes]:
     drawn = png(figure(comparison))
     before, after = comparison.records
     caption = (
-        f"From {before} (A) to {after} (B), priors removed. Orange: a coefficient that moved, at odds of"
+        f"From {before} (A) to {after} (B), priors removed. Orange: a coefficient that changed, at odds of"
         f" {MOVED_MIN_ODDS:g} : 1 and more; grey: frequencies of modes, loads and noise. An interval without an end"
-        " and a change that the records do not tell are in the table only."
+        " and a change that the records do not determine are in the table only."
     )
     text = [comparison.sentence, *comparison.doubts, *comparison.notes, caption]
     sections = [
@@ -69,7 +69,7 @@ def files(comparison: Comparison) -> dict[str, bytes]:
         Section("In numbers", text=READING, tables=[_table(comparison)]),
     ]
     return {
-        "report.html": report_page("What moved between two records", f"{before} (A) → {after} (B)", sections),
+        "report.html": report_page("Changes between two records", f"{before} (A) → {after} (B)", sections),
         "changes.png": drawn,
         "summary.json": comparison.to_json().encode(),
     }
@@ -105,7 +105,7 @@ def _plots(comparison: Comparison) -> list[Plot]:
 
 
 def _finite(change: QuantityChange) -> tuple[float, float, float]:
-    """Change and interval [%]; NaN where it is not told or has no end."""
+    """Change and interval [%]; NaN where it is not determined or has no end."""
     values = (change.percent, change.low, change.high)
     return values if change.told and all(map(math.isfinite, values)) else (math.nan, math.nan, math.nan)
 
@@ -124,11 +124,12 @@ READING = (
     'A and B are the two results, priors included, and B/A − 1 is their ratio. "Priors removed" is the change that the'
     " records show by themselves, with its ±2σ interval: a prior pulls both results to the same value and hides a part"
     " of a change, most where a record says little. Judge a change by this column. Its interval takes masses and"
-    " instruments as the files give them: what is wrong with them is the same in both records and moves A and B alike.",
+    " instruments as the files give them: their errors are the same in both records and shift A and B alike.",
     "Odds compare no change with one of the size that damage makes (10 % of a stiffness, half of a damping, a load or a"
     " noise); before the records they are even. None of 2176 coefficients without a change reached 100 : 1 in"
     " calibration, which shows nothing of rarer errors, so larger odds than 1000 : 1 are not shown. Frequencies are"
-    " those of the models at the mean of the two rotor speeds: they move because coefficients do. Loads and noise also"
+    " those of the models at the mean of the two rotor speeds: they change because coefficients do. Loads and"
+    " noise also"
     " differ between records of a sound turbine.",
 )
 

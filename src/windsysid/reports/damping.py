@@ -67,8 +67,8 @@ def files(separation: Separation) -> dict[str, bytes]:
     """``report.html``, ``damping.png`` and ``summary.json``, by name."""
     drawn = figure(separation)
     caption = (
-        f"Light blue: {separation.base}, its band shaded; dark blue: what the air adds in that state, white what it"
-        " takes away. Points: what each record says of the total by itself, its prior taken out."
+        f"Light blue: {separation.base}, its band shaded; dark blue: the aerodynamic part in that state, white"
+        " where it is negative. Points: the total damping from each record alone, its prior removed."
     )
     records = Table(
         ("record", "state"), [(state.record, str(state)) for state in separation.states], "The records.", (0, 1)

@@ -1,5 +1,6 @@
 """A fleet at a glance as a figure and as one page."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -7,7 +8,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from windsysid._types import Array
 from windsysid.fleet.overview import OUTLIER_CHANCE, Overview
+from windsysid.fleet.sisters import Standing
 from windsysid.monitoring.changes import Watch
 from windsysid.monitoring.series import DAY, MIN_BLOCKS
 from windsysid.output.table import Table
@@ -23,7 +26,7 @@ POINTS = 400
 
 
 def figure(overview: Overview, place: Axes | None = None) -> Figure:
-    """Levels of every coefficient since the end of learning, and turbines against sisters where there are enough."""
+    """Levels of every coefficient since the end of learning, and comparison within a type if there are enough."""
     names = _watched(overview)
     rows = max(len(names), 1)
     drawn = canvas((12.0, 0.6 + 2.1 * rows), place)
@@ -38,7 +41,7 @@ def figure(overview: Overview, place: Axes | None = None) -> Figure:
         left.set_title(f"{symbol(name)}: change [%]", fontsize=9, loc="left")
         for right in others:
             _sisters(right, overview, name)
-            right.set_title(f"{symbol(name)}: off the sisters' mean [%]", fontsize=9, loc="left")
+            right.set_title(f"{symbol(name)}: off the mean of its type [%]", fontsize=9, loc="left")
     return drawn
 
 
@@ -103,48 +106,54 @@ def _availability(overview: Overview) -> Table:
 
 
 def _plots(overview: Overview) -> list[Plot]:
-    """Levels of every coefficient, and turbines against their sisters where there are enough."""
+    """Levels of every coefficient, and turbines against their turbines of the type where there are enough."""
     plots = []
     for name in _watched(overview):
         plots.append(_level_plot(overview, name))
         mine = [s for s in overview.standings if s.name == name]
-        if mine:
-            half = np.array([s.high - s.percent for s in mine])
-            percent, outlier = np.array([s.percent for s in mine]), np.array([s.outlier for s in mine])
-            spread = np.array([2.0 * s.spread for s in mine])
-            curves = [PlotCurve("scatter of the others", 0.0 * spread, -spread, spread, "dots", "measured")]
-            curves += [
-                PlotCurve(label, at, at - half, at + half, "dots", colour)
-                for label, colour, chosen in (("outlier", "error", outlier), ("others", "estimate", ~outlier))
-                if chosen.any()
-                for at in [np.where(chosen, percent, np.nan)]
-            ]
-            axes = Axis("", names=[s.turbine for s in mine]), Axis("off the mean of the others [%]")
-            plots.append(Plot(f"{name}: turbines of the same type", np.arange(len(mine)), curves, *axes))
+        plots += [_sister_plot(name, mine)] if mine else []
     return plots
+
+
+def _sister_plot(name: str, mine: Sequence[Standing]) -> Plot:
+    """Turbines against the mean of the others, with its scatter."""
+    half, spread = np.array([(s.high - s.percent, 2.0 * s.spread) for s in mine]).T
+    percent, outlier = np.array([s.percent for s in mine]), np.array([s.outlier for s in mine])
+    curves = [PlotCurve("scatter of the others", 0.0 * spread, -spread, spread, "dots", "measured")]
+    for label_, colour, chosen in (("outlier", "error", outlier), ("others", "estimate", ~outlier)):
+        at = np.where(chosen, percent, np.nan)
+        curves += [PlotCurve(label_, at, at - half, at + half, "dots", colour)] if chosen.any() else []
+    axes = Axis("", names=[s.turbine for s in mine]), Axis("off the mean of the others [%]")
+    return Plot(f"{name}: turbines of the same type", np.arange(len(mine)), curves, *axes)
 
 
 def _level_plot(overview: Overview, name: str) -> Plot:
     """Change of the level of a coefficient since the end of learning, on a common time."""
     watches = {turbine: one for turbine, one in overview.watches.items() if name in _names(one)}
     dated = all(one.blocks.begin is not None for one in watches.values())
-    times = [
-        one.blocks.time / DAY
-        if not dated or one.blocks.begin is None
-        else one.blocks.time + one.blocks.begin.timestamp()
-        for one in watches.values()
-    ]
+    times = [_seconds(one) if dated else one.blocks.time / DAY for one in watches.values()]
     common = np.linspace(min(map(np.min, times)), max(map(np.max, times)), POINTS)
     curves = []
     for (turbine, one), own in zip(watches.items(), times, strict=True):
-        level = next(series.level for series in one.series if series.name == name)
-        change = 100.0 * (level / level[one.begins] - 1.0)
-        at = np.searchsorted(own, common, side="right") - 1
-        shown = np.where((common >= own[one.begins]) & (common <= own[-1]), change[np.maximum(at, 0)], np.nan)
         jumped = any(change.name == name for change in one.changes)
-        curves.append(PlotCurve(turbine, shown, colour="error" if jumped else "measured"))
+        curves.append(PlotCurve(turbine, _change(one, name, own, common), colour="error" if jumped else "measured"))
     x_axis = Axis("", dates=True) if dated else Axis("day")
     return Plot(f"{name}: change of the level", common, curves, x_axis, Axis("change [%]"), link="time")
+
+
+def _change(one: Watch, name: str, own: Array, common: Array) -> Array:
+    """Change of a level [%] since the end of learning at common times, from its own times; NaN outside."""
+    level = next(series.level for series in one.series if series.name == name)
+    change = 100.0 * (level / level[one.begins] - 1.0)
+    at = np.searchsorted(own, common, side="right") - 1
+    inside = (common >= own[one.begins]) & (common <= own[-1])
+    return np.where(inside, change[np.maximum(at, 0)], np.nan)
+
+
+def _seconds(one: Watch) -> Array:
+    """Times of a watch that has dates [s since 1970]."""
+    begin = one.blocks.begin
+    return one.blocks.time + (0.0 if begin is None else begin.timestamp())
 
 
 def _names(one: Watch) -> list[str]:
@@ -169,9 +178,9 @@ def files(overview: Overview) -> dict[str, bytes]:
         Section("What stands out", text=[*_sentences(overview), *overview.notes]),
         Section("Every turbine at a glance", tables=overview.tables()),
         _listed("Usable records of each quantity", "", _usable(overview), folded=True),
-        Section("Levels and sisters", text=[levels, READING], plots=_plots(overview))
+        Section("Levels by turbine type", text=[levels, READING], plots=_plots(overview))
         if overview.watches
-        else Section("Levels and sisters", text=[NOTHING_WATCHED]),
+        else Section("Levels by turbine type", text=[NOTHING_WATCHED]),
         _listed("Data availability", "", _availability(overview)),
         _listed("Sensors", "No sensor fails.", _sensors(overview)),
         _listed("Jumps", "Nothing jumped." if overview.watches else "No turbine is watched.", _jumps(overview)),
@@ -195,7 +204,7 @@ def _sentences(overview: Overview) -> list[str]:
 
 
 def _listed(title: str, nothing: str, table: Table, *, folded: bool = False) -> Section:
-    """A section with a table, or with what is said where it has no rows."""
+    """Section with a table, or with a sentence if it has no rows."""
     if table.rows:
         return Section(title, tables=[table], folded=folded)
     return Section(title, text=[nothing] if nothing else [], folded=folded)
@@ -247,10 +256,12 @@ def _numbers(overview: Overview) -> list[Table]:
 
 NOTHING_WATCHED = (
     f"No turbine has the {MIN_BLOCKS} records with a result of grade A or B that watching needs. Records without a"
-    " result, and why they have none, are listed below: mend what is named there, or add records with windsysid batch."
+    " result, and why they have none, are listed below: correct what is named there, or add records with"
+    " windsysid batch."
 )
 
 READING = (
     "The alarms of all turbines together are held to the stated rate. Levels are compared at the same covariates."
-    " What falls in the cold and comes back is called ice. What half of the sisters have is called shared."
+    " A drop in cold weather that recovers is labelled icing. A change of half of the turbines of a type is"
+    " labelled shared."
 )

@@ -99,7 +99,7 @@ def template(name: str) -> "Template":
 
 
 def png(figure: "Figure") -> bytes:
-    """A figure as PNG: drawing is what takes the time, so what is shown twice is drawn once."""
+    """Figure as PNG, drawn once if it is shown twice, as drawing takes the time."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=110)
     return buffer.getvalue()

@@ -14,10 +14,10 @@ __all__ = ["identification_report", "provenance_section"]
 
 _HISTORIES = {
     "joint": (
-        "What was known on line after each sample, statistics of loads and noise learned with the coefficients; the dot"
+        "Online estimates after each sample, statistics of loads and noise learned with the coefficients; the dot"
         " is the result of the whole record."
     ),
-    "force-balance": "What the filter knew after each sample; the dot is where it ended.",
+    "force-balance": "Filter estimates after each sample; the dot is the last one.",
 }
 
 
@@ -37,11 +37,11 @@ def identification_report(identification: Identification, record: Record | None 
             plots=coefficient_plots(i, caption(i)),
         ),
         Section("Spectra of the record and of the model", text=[SPECTRA], plots=spectra_plots(i, record)),
-        Section("What it rests on", text=i.notes, tables=_tables_of_rest(i)),
+        Section("Inputs", text=i.notes, tables=_tables_of_rest(i)),
     ]
     if i.formulation in _HISTORIES and len(i.mean) > 1:
         figures = [(coefficient_histories(i), _HISTORIES[i.formulation])]
-        sections.append(Section("How the estimates came about", figures=figures))
+        sections.append(Section("Online estimates", figures=figures))
     sections.append(_explains_section(i))
     if i.loads is not None and i.loads.names:
         sections.append(_load_section(i))
@@ -63,15 +63,12 @@ def _tables_of_rest(i: Identification) -> list[Table]:
 
 
 def _explains_section(identification: Identification) -> Section:
-    """Whether the model explains the record: by its innovations, or in words where there are none."""
+    """Check of the model against the record: by its innovations, or in words if there are none."""
     from windsysid.reports.identification_plots import innovation_plots, whiteness_plots
 
     i, title = identification, "Does the model explain the record?"
     if i.formulation == "spectral":
-        text = (
-            "Each channel was held against the spectrum that the model gives it, by frequency and by half of the "
-            "record."
-        )
+        text = "Each channel was compared with its spectrum in the model, by frequency and by half of the record."
         return Section(title, text=[text, *i.diagnosis.remarks], tables=diagnosis_tables(i))
     return Section(
         title,
@@ -91,12 +88,12 @@ def _load_section(identification: Identification) -> Section:
     """The loads as the filter knew them."""
     from windsysid.reports.identification_plots import load_plots
 
-    text = "The loads that moved the structure, as the filter estimated them at the result, with ±2σ."
+    text = "The loads on the structure, as the filter estimated them at the result, with ±2σ."
     return Section("The loads", text=[text], plots=load_plots(identification))
 
 
 def provenance_section(identification: Identification, provenance: Provenance) -> Section:
-    """Where the result comes from: what is needed to find the record again and to repeat the identification."""
+    """Provenance of the result: what is needed to find the record again and to repeat the identification."""
     import tomli_w
 
     from windsysid.turbine.tables import as_tables
@@ -146,7 +143,7 @@ WHITENESS = (
 
 
 def _trust(identification: Identification) -> list[str]:
-    """Whether to trust it, a paragraph for every reason not to."""
+    """Verdict, with a paragraph for every reason against trust."""
     diagnosis = identification.diagnosis
     return [*(f"trust: NO: because {reason}" for reason in diagnosis.reasons), *identification.usable()] or [
         str(diagnosis)

@@ -14,7 +14,7 @@ from windsysid.records.record import Record
 from windsysid.reports.figures.bands import WIDER, prior_limits, relative_values
 from windsysid.reports.interactive.plot import Axis, Mark, Plot, PlotCurve, ShadedRange, thinned
 from windsysid.results.estimate import FittedSpectrum
-from windsysid.results.identification import Identification
+from windsysid.results.identification import Estimate, Identification
 from windsysid.results.posterior import SIGMAS
 from windsysid.units import unit_text
 
@@ -144,7 +144,7 @@ def _welch(found: Identification, record: Record, name: str) -> tuple[Array, Arr
 
     values = record[name] - np.nanmean(record[name]) if np.isfinite(record[name]).any() else record[name]
     values = np.nan_to_num(values)
-    width = min((2.0 * m.damping_ratio[0] * m.frequency_hz[0] for m in found.modes), default=math.inf)
+    width = min((2.0 * m.damping_ratio.estimate * m.frequency.estimate for m in found.modes), default=math.inf)
     wanted = BINS_PER_WIDTH * record.rate / max(width, 1e-9)
     size = int(min(max(wanted, len(values) / 64.0), len(values) / MIN_AVERAGES))
     if size < 16:
@@ -185,8 +185,8 @@ def _marks(found: Identification, *, turning: bool) -> list[Mark]:
     """Modes with the grades of their frequencies, as they are seen from a frame, harmonics of the rotor and lines."""
     once = found.machine.rotor_speed / (2.0 * math.pi) if found.machine is not None else 0.0
     marks = [
-        Mark(f, f"{name} ({m.grades[0]})", "estimate", "modes")
-        for m in found.modes for f, name in seen_from(m.name, m.frequency_hz[0], once, turning)
+        Mark(f, f"{name} ({m.frequency.grade})", "estimate", "modes")
+        for m in found.modes for f, name in seen_from(m.name, m.frequency.estimate, once, turning)
     ]  # fmt: skip
     lines = [one for one in found.findings if "frequency" in one.data and "line" in one.code]
     marks += [Mark(float(one.data["frequency"]), "", "error", "lines left out") for one in lines]
@@ -194,7 +194,7 @@ def _marks(found: Identification, *, turning: bool) -> list[Mark]:
 
 
 def _harmonics(found: Identification, once: float, *, turning: bool) -> list[Mark]:
-    """1P, 2P and 3P as blades feel them; 1P and multiples of the blades as the support does."""
+    """1P, 2P and 3P for blades; 1P and multiples of the blades for the support."""
     if found.machine is None or once <= 0.0:
         return []
     blades = found.machine.model.blades
@@ -267,22 +267,21 @@ def load_plots(found: Identification) -> list[Plot]:
 def coefficient_plots(found: Identification, caption: str) -> list[Plot]:
     """Coefficients with their intervals and those of the prior, as differences from the turbine file [%]; stiffness and
     damping apart, as damping is known far less."""
-    plots, priors = [], prior_limits(found)
-    for kind in ("stiffness", "damping", "parameter"):
-        group = [e for e in found.estimates if e.kind == kind]
-        if not group:
-            continue
-        value, low, high, before, after = np.array([relative_values(e, priors[e.name]) for e in group]).T
-        known = np.array([bool(e.reference) for e in group])
-        ends = np.abs([low, high])[:, known if known.any() else slice(None)]
-        half = WIDER * float(max(ends.max(), 1e-3))
-        curves = [
-            PlotCurve("prior", 0.5 * (before + after), before, after, "dots", "measured"),
-            PlotCurve("result", value, low, high, "dots"),
-        ]
-        names = [e.name if e.reference or not known.any() else f"{e.name} *" for e in group]
-        base = "turbine file" if known.any() else "result"
-        y_axis = Axis(f"difference from the {base} [%]", limits=(-half, half))
-        at, across = np.arange(len(group)), [Mark(0.0, across=True)]
-        plots.append(Plot(kind, at, curves, Axis("", names=names), y_axis, marks=across, caption=caption))
-    return plots
+    groups = [[e for e in found.estimates if e.kind == kind] for kind in ("stiffness", "damping", "parameter")]
+    return [_coefficient_plot(group, prior_limits(found), caption) for group in groups if group]
+
+
+def _coefficient_plot(group: Sequence[Estimate], priors: dict[str, list[float]], caption: str) -> Plot:
+    """Coefficients of one kind."""
+    value, low, high, before, after = np.array([relative_values(e, priors[e.name]) for e in group]).T
+    known = np.array([bool(e.reference) for e in group])
+    some = bool(known.any())
+    half = WIDER * float(max(np.abs([low, high])[:, known if some else ~known].max(), 1e-3))
+    curves = [
+        PlotCurve("prior", 0.5 * (before + after), before, after, "dots", "measured"),
+        PlotCurve("result", value, low, high, "dots"),
+    ]
+    names = [f"{e.name} *" if some and not e.reference else e.name for e in group]
+    y_axis = Axis(f"difference from the {'turbine file' if some else 'result'} [%]", limits=(-half, half))
+    at, across = np.arange(len(group)), [Mark(0.0, across=True)]
+    return Plot(group[0].kind, at, curves, Axis("", names=names), y_axis, marks=across, caption=caption)

@@ -71,7 +71,7 @@ def _proposals(i: "Inspection") -> list[str]:
 
 
 def _vibration(i: "Inspection", pictures: dict[str, bytes]) -> list[Section]:
-    """What vibrates, where there are spectra."""
+    """Channels that vibrate, if there are spectra."""
     if not i.spectra:
         return []
     peaks = i.peaks_table(most_channels=12)
@@ -104,7 +104,7 @@ def _spectra_plots(i: "Inspection") -> list[Plot]:
 
 
 def _findings(i: "Inspection") -> list[str]:
-    """One paragraph each; what needs a hand is set off by the page's style."""
+    """One paragraph each; those that need action are set off by the page's style."""
     return [
         (f"WARNING, {severity}: " if severity == "unusable" else "WARNING: " if severity == "warning" else "Note: ")
         + f"{channels}: {text}."

@@ -18,8 +18,8 @@ ANSWER = "answer.json"
 """The file that holds an answer whole."""
 
 KEPT = frozenset(["Campbell", "Comparison", "LinearisedModes", "OperationalModes", "Plan", "Separation", "Watch"])
-"""Answers that have that file. An identification has ``identification.nc``; what an inspection shows is its record,
-and what an overview shows its archive."""
+"""Answers that have that file. An identification has ``identification.nc``; the page of an inspection shows its record,
+and that of an overview its archive."""
 
 
 def kept(answer: object) -> dict[str, bytes]:
@@ -31,15 +31,16 @@ def kept(answer: object) -> dict[str, bytes]:
 
 
 def load_result(folder: str | Path) -> Answer:
-    """What a command, or ``save`` of a result, left in a folder: the object that made it.
+    """Load a result from the folder in which a command, or its ``save``, left it.
 
-    It prints, plots, compares and saves as the one that was saved. Estimates, bands, posterior, diagnosis and histories
-    are the same numbers, histories to the last digit or so.
+    Estimates, intervals, posterior and diagnosis are the same numbers as before; histories agree to about the last
+    digit.
 
     Parameters
     ----------
-    folder
-        That ``identify``, ``study``, ``oma``, ``compare``, ``monitor``, ``damping``, ``modes`` or ``plan`` wrote.
+    folder : str or Path
+        Folder that ``identify``, ``study``, ``oma``, ``compare``, ``monitor``, ``damping``, ``modes`` or ``plan``
+        wrote.
 
     Returns
     -------
@@ -51,6 +52,17 @@ def load_result(folder: str | Path) -> Answer:
     ------
     ConfigurationError
         If the folder holds no result, or one that was damaged or written by an older version.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import windsysid as ws
+    >>> record = ws.simulate("tower", duration=600.0, rate=5.0, seed=1)
+    >>> folder = Path(tempfile.mkdtemp()) / "tower"
+    >>> _ = ws.identify(record, "tower", formulation="spectral").save(folder)
+    >>> print(f"{ws.load_result(folder)['k_side_side'].estimate / 1e6:.2f} MN/m")
+    1.76 MN/m
     """
     from windsysid import reports
 
@@ -72,7 +84,7 @@ def load_result(folder: str | Path) -> Answer:
 
 
 def holds_result(folder: str | Path) -> bool:
-    """Whether `load_result` would look into a folder."""
+    """Test whether `load_result` would look into a folder."""
     return any(result_file(folder, name).exists() for name in ("identification.nc", ANSWER))
 
 
@@ -91,7 +103,7 @@ class Reported:
         return found
 
     def to_json(self) -> str:
-        """What ``summary.json`` holds."""
+        """Content of ``summary.json``."""
         return str(self._found.to_json())
 
     def files(self) -> dict[str, bytes]:
@@ -121,7 +133,7 @@ def _known(name: str) -> str:
 
 
 def _found(folder: Path) -> str:
-    """What is there instead, and what to do with it."""
+    """Content of the folder instead, and advice."""
     if not folder.exists():
         return "none: check the name"
     if not folder.is_dir():

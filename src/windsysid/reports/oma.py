@@ -44,9 +44,9 @@ def figure(found: OperationalModes, place: Axes | None = None) -> Figure:
         ax = drawn.add_subplot(grid[1 + i // COLUMNS, i % COLUMNS])
         ax.semilogy(band.frequency, band.measured, ".", ms=2.5, color=MEASURED)
         ax.semilogy(band.frequency, band.fitted, color=ESTIMATE, lw=1.3)
-        inside = [mode for mode in found.modes if band.frequency[0] <= mode.frequency <= band.frequency[-1]]
+        inside = [mode for mode in found.modes if band.frequency[0] <= mode.frequency.estimate <= band.frequency[-1]]
         for mode in inside:
-            ax.axvline(mode.frequency, color=REFERENCE if mode.trusted else ERROR, ls=":", lw=0.9)
+            ax.axvline(mode.frequency.estimate, color=REFERENCE if mode.trusted else ERROR, ls=":", lw=0.9)
         ax.set_title(", ".join(mode.name for mode in inside)[:40], fontsize=8.5, loc="left")
         ax.set_yticks([], minor=True)
         ax.tick_params(labelleft=False)
@@ -60,7 +60,7 @@ def _spectrum(ax: Axes, found: OperationalModes) -> None:
         ax.semilogy(found.frequency[1:], values[1:], color=MEASURED, lw=0.9 if i == 0 else 0.5, alpha=1.0 - 0.12 * i)
     for mode in found.modes:
         ax.axvspan(*mode.band, color=BAND, alpha=0.25, lw=0)
-        ax.axvline(mode.frequency, color=ESTIMATE if mode.trusted else ERROR, lw=0.9)
+        ax.axvline(mode.frequency.estimate, color=ESTIMATE if mode.trusted else ERROR, lw=0.9)
     for _, f in found.lines[:60]:
         ax.axvline(f, color=MEASURED, lw=0.5, ls=":")
     top = max((mode.band[1] for mode in found.modes), default=float(found.frequency[-1]))
@@ -74,7 +74,7 @@ def _spectrum(ax: Axes, found: OperationalModes) -> None:
 
 
 def _shapes(found: OperationalModes) -> Figure | None:
-    """Mode shapes: arrows at the sensors' places where these are known, bars with ±2σ elsewhere."""
+    """Mode shapes: arrows at the sensors' places where these are known, otherwise bars with ±2σ."""
     modes = found.modes[:MOST_SHAPES]
     if not modes:
         return None
@@ -86,7 +86,7 @@ def _shapes(found: OperationalModes) -> Figure | None:
     for i, mode in enumerate(modes):
         ax = drawn.add_subplot(rows, columns, i + 1, projection="3d" if placed else None)
         (_arrows if placed else _bars)(ax, found, mode, i % columns == 0)
-        ax.set_title(f"{mode.name}, {mode.frequency:.4g} Hz", fontsize=8.5, loc="left", color=REFERENCE)
+        ax.set_title(f"{mode.name}, {mode.frequency.estimate:.4g} Hz", fontsize=8.5, loc="left", color=REFERENCE)
     return drawn
 
 
@@ -124,7 +124,7 @@ def _arrows(ax: Axes, found: OperationalModes, mode: OperationalMode, named: boo
 def _causes(found: OperationalModes) -> Table:
     """Why modes are of grade B or C."""
     rows = [
-        (mode.name, f"{mode.frequency:.4g}", ". ".join(mode.doubts or (one.text for one in mode.remarks)))
+        (mode.name, f"{mode.frequency.estimate:.4g}", ". ".join(mode.doubts or (one.text for one in mode.remarks)))
         for mode in found.modes
         if mode.doubts or mode.remarks
     ]
@@ -134,12 +134,12 @@ def _causes(found: OperationalModes) -> Table:
 def _stability(found: OperationalModes) -> list[Section]:
     """Modes over model orders and segments of the record."""
     stay = [plot for plot in (poles_plot(found), *segment_plots(found)) if plot is not None]
-    text = "A mode of the structure stays where it is, whatever the model order and the part of the record."
-    return [Section("Which modes stay", text=[text], plots=stay)] if stay else []
+    text = "A structural mode keeps its frequency for all model orders and segments of the record."
+    return [Section("Stability of the modes", text=[text], plots=stay)] if stay else []
 
 
 def _record_by_record(found: OperationalModes) -> list[Section]:
-    """Modes of each record, and what their channels have in common."""
+    """Modes of each record, and the common part of their channels."""
     if not found.parts:
         return []
     text = "Each record by itself. Where they scatter more than their intervals say, the mode is of grade C."

@@ -96,14 +96,14 @@ def _plot(plan: Plan) -> Plot:
 
 def files(plan: Plan) -> dict[str, bytes]:
     """``report.html``, ``plan.png`` and ``summary.json``, by name."""
-    wish = f"The horizontal line is the wish, ±{percent(plan.within)}."
+    wish = f"The horizontal line is the target, ±{percent(plan.within)}."
     caption = f"From the data alone, without a prior. Blue: stiffness, orange: damping. {wish}"
     sections = [
-        Section("Will these sensors see it?", text=[plan.sentence, *plan.answers],
+        Section("What can these sensors identify?", text=[plan.sentence, *plan.answers],
         tables=[Table(plan.headings, plan.rows)]),
         *([Section("What widens the bands", tables=[plan.budget.table()])] if plan.budget.rows else []),
         Section("How long it takes", text=[caption], plots=[_plot(plan)]),
-        Section("What is told apart, and what is not", text=plan.directions or ["Everything asked for is told apart."]),
+        Section("What can be identified", text=plan.directions or ["Every parameter can be identified."]),
         Section("How this was computed", text=plan.notes),
     ]  # fmt: skip
     speed = f"{plan.rotor_speed * RPM:.3g} rpm"

@@ -79,7 +79,7 @@ def _mark_changes(ax: Axes, watch: Watch, name: str) -> None:
 
 
 def _moments(watch: Watch, time: Array) -> Any:
-    """Times [s] as dates, or as days where nobody said when they began."""
+    """Times [s] as dates, or as days if their start is not known."""
     if watch.blocks.begin is None:
         return time / DAY
     return np.datetime64(watch.blocks.begin.replace(tzinfo=None), "s") + time.astype("timedelta64[s]")
@@ -145,8 +145,9 @@ def files(watch: Watch) -> dict[str, bytes]:
 
 
 READING = (
-    "Levels are those at the covariates' mean while learning. Drift is the change since then, jumps included. How far a"
-    " level wanders in a day and by how much records scatter more than their own σ is learned from them. A jump of the"
+    "Levels are those at the covariates' mean while learning. Drift is the change since then, jumps included. The"
+    " random walk of a level in a day and the scatter beyond the records' own σ are learned from the records. A"
+    " jump of the"
     " size in the last column is found within a day in nine cases of ten."
 )
 

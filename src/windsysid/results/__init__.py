@@ -1,4 +1,4 @@
-"""What the functions return: estimates, posteriors, modes, comparisons, watches, plans."""
+"""Results of the functions: estimates, posteriors, modes, comparisons, watches, plans."""
 
 from typing import TYPE_CHECKING
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from windsysid.monitoring.change import Comparison
     from windsysid.monitoring.changes import Watch
     from windsysid.monitoring.separation import Separation
-    from windsysid.results.estimate import Estimate
+    from windsysid.results.estimate import Estimate, IntervalEstimate
     from windsysid.results.identification import Identification
     from windsysid.results.mode import Mode
     from windsysid.results.posterior import Posterior, load_posterior
@@ -36,7 +36,7 @@ _PUBLIC, __getattr__ = _lazily(__name__, globals(), {
     "monitoring.change": "Comparison",
     "monitoring.changes": "Watch",
     "monitoring.separation": "Separation",
-    "results.estimate": "Estimate",
+    "results.estimate": "Estimate IntervalEstimate",
     "results.identification": "Identification",
     "results.mode": "Mode",
     "results.posterior": "Posterior load_posterior",
@@ -52,6 +52,7 @@ __all__ = [
     "Estimate",
     "Identification",
     "Inspection",
+    "IntervalEstimate",
     "LinearisedModes",
     "Mode",
     "ModeMarks",
@@ -70,5 +71,5 @@ __all__ = [
 
 
 def __dir__() -> list[str]:
-    """Public names, imported or not yet: what a prompt completes."""
+    """Public names, imported or not yet, for completion at a prompt."""
     return [*__all__]

@@ -20,8 +20,8 @@ from windsysid.results.tolerance import Tolerance
 __all__ = ["CAUSES", "Budget", "Share", "budget_of"]
 
 CAUSES = ("load statistics", "gain", "alignment", "clock", "masses")
-"""What may widen a band beside the record's length and the prior: loads and noise that must be learned, and what is
-known of instruments and masses within tolerances only."""
+"""Sources of width in addition to the record's length and the prior: loads and noise that must be learned, and
+instruments and masses within tolerances."""
 
 WIDENED = ("dispersion", "which explanation")
 """Causes of intervals wider than those of the model: contradictions among segments or frequencies, and rival
@@ -53,7 +53,7 @@ class Share(NamedTuple):
 
 
 class Budget(NamedTuple):
-    """What widens the bands.
+    """Sources of the width of the intervals.
 
     Attributes
     ----------
@@ -136,8 +136,8 @@ def _given(places: Mapping[str, Sequence[int]], cov: Array) -> dict[frozenset[st
 
 
 def _shapley(cause: str, causes: Sequence[str], left: Mapping[frozenset[str], float]) -> float:
-    """Mean fall of a variance as a cause becomes known, over all orders of the causes, from what is `left` of it for
-    each set of known ones."""
+    """Mean fall of a variance as a cause becomes known, over all orders of the causes, from the rest `left` for each
+    set of known ones."""
     falls = []
     for order in permutations(causes):
         known = frozenset(order[: order.index(cause)])

@@ -1,28 +1,94 @@
-"""One identified coefficient, and the spectrum of one channel under a fit."""
+"""Estimates with intervals: of a quantity, of a coefficient, and of the spectrum of one channel under a fit."""
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import asdict, dataclass
+from typing import Any, NamedTuple
 
 from windsysid._types import Array
+from windsysid.results.posterior import SIGMAS
 
-__all__ = ["Estimate", "FittedSpectrum"]
+__all__ = ["Estimate", "FittedSpectrum", "IntervalEstimate"]
+
+
+@dataclass(frozen=True)
+class IntervalEstimate:
+    """Estimate of one quantity with its 95 % interval: a frequency or a damping ratio of a mode.
+
+    Attributes
+    ----------
+    estimate, low, high
+        Value and ends of its ±2σ interval, in `unit`.
+    std
+        Standard deviation, in `unit`; for an interval of the logarithm, `estimate` times the logarithm's.
+    unit
+        ``Hz``; ``1`` for a ratio.
+    grade
+        ``A``: the interval of the model; ``B``: a wider one; ``C``: not to be used (docs/grades.md); empty: not known.
+    reference
+        Value by the turbine file, in `unit`; None where it is not known.
+
+    Examples
+    --------
+    >>> from windsysid.results import IntervalEstimate
+    >>> f = IntervalEstimate.normal(0.32, 0.002, "Hz")
+    >>> f.estimate, f.unit
+    (0.32, 'Hz')
+    >>> print(f)
+    0.32 Hz (95 % interval 0.316 … 0.324)
+    """
+
+    estimate: float
+    low: float
+    high: float
+    std: float
+    unit: str
+    grade: str = ""
+    reference: float | None = None
+
+    @classmethod
+    def normal(cls, estimate: float, std: float, unit: str) -> "IntervalEstimate":
+        """Return an estimate with a symmetric interval, `estimate` ± 2 `std`."""
+        half = SIGMAS * std
+        return cls(estimate, estimate - half, estimate + half, std, unit)
+
+    @classmethod
+    def lognormal(cls, estimate: float, log_std: float, unit: str) -> "IntervalEstimate":
+        """Return an estimate of a positive quantity, whose logarithm has the standard deviation `log_std`.
+
+        The interval ends at factors of e⁶, which say that the quantity is not known.
+        """
+        factor = math.exp(SIGMAS * min(log_std, 3.0))
+        return cls(estimate, estimate / factor, estimate * factor, estimate * log_std, unit)
+
+    @property
+    def relative_std(self) -> float:
+        """Standard deviation relative to the estimate [1]: that of the logarithm of a positive quantity."""
+        return self.std / self.estimate
+
+    def __str__(self) -> str:
+        unit, grade = "" if self.unit == "1" else f" {self.unit}", f", grade {self.grade}" if self.grade else ""
+        return f"{self.estimate:.4g}{unit} (95 % interval {self.low:.4g} … {self.high:.4g}{grade})"
+
+    def summary(self) -> dict[str, Any]:
+        """Plain values for JSON, without an unknown grade or reference."""
+        return {key: value for key, value in asdict(self).items() if value not in ("", None)}
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """One identified coefficient.
+    """Estimate of one coefficient, with its interval and grade.
 
     Attributes
     ----------
     name, unit, kind
         ``k_x`` …, SI unit, ``stiffness``, ``damping`` or ``parameter``.
     estimate, low, high, std
-        Value and its ±2σ band, computed in filter coordinates, and the standard deviation, all in `unit`.
+        Value and its ±2σ interval, computed in filter coordinates, and the standard deviation, all in `unit`.
     informed_by_data
         Share of the information that came from the data and not from the prior, 0 … 1.
     prior
-        Where the prior was centred, in `unit`.
+        Centre of the prior, in `unit`.
     reference
         The turbine file's value, in `unit`; None where it is not known.
     average_error_percent

@@ -53,7 +53,7 @@ class Finding:
         return (*([alone] if alone else []), *self.data.get("channels", ()))
 
     def caused_by(self, cause: str) -> "Finding":
-        """The same with a cause that is known otherwise: its sentence then names no likely one."""
+        """Finding with a cause that is known otherwise: its sentence then names no likely one."""
         if "because" in self.data:
             return replace(self, data={**self.data, "because": read_finding(self.data["because"]).caused_by(cause)})
         return replace(self, data={**self.data, "cause": cause}) if names_cause(self.code) else self

@@ -1,4 +1,4 @@
-"""The result of an identification: estimates with their bands, how they came about, and what to think of them."""
+"""Result of an identification: estimates with their bands, the history of the search, and the verdict."""
 
 import json
 from collections.abc import Mapping
@@ -30,20 +30,20 @@ __all__ = ["Estimate", "Identification", "coefficient_errors", "finite"]
 
 @dataclass(frozen=True)
 class Identification(IdentificationValues, Answer):
-    """What an identification found.
+    """Result of `windsysid.identify`: estimates, modes, loads and diagnosis.
 
     Attributes
     ----------
     method, formulation
-        The filter, and ``joint`` or ``force-balance``.
+        The filter or likelihood, and ``joint``, ``spectral`` or ``force-balance``.
     record, turbine
-        Names of what it was run on.
+        Names of record and turbine.
     sensors
         Channels that were used as measurements.
     section
         Start and end [s].
     rate, samples, elapsed
-        Sampling rate [Hz], samples, seconds in the filter.
+        Sampling rate [Hz], number of samples, duration of the computation [s].
     estimates
         One `Estimate` per coefficient.
     modes
@@ -51,37 +51,36 @@ class Identification(IdentificationValues, Answer):
     parameters
         The identified parameters with their filter coordinates.
     time, mean, std
-        (T,), (T, n_θ), (T, n_θ): what a filter running on line knew after each sample, in filter coordinates.
+        (T,), (T, n_θ), (T, n_θ): recursive estimates of the filter after each sample, in filter coordinates.
     cov
         (n_θ, n_θ): covariance of the estimates in filter coordinates.
     readings, innovation, whitened
-        Names of the readings; innovations (T, m) and the same scaled to unit variance.
+        Names of the readings; innovations (T, m) and the same standardised to unit variance.
     log_likelihood
         Log density of all readings.
     statistics
         Statistics of loads and noise that were learned from the record.
     loads
-        The loads that were states, as the filter knew them at the result, at the times of the innovations; None where
-        none were.
+        Estimated loads at the times of the innovations; None where no load was a state.
     diagnosis
-        Whether to trust it, why not, and all that a reader must know; `findings` has it as data, `notes` in sentences.
+        Whether to trust the result, the reasons against it, and remarks; `findings` has them as data, `notes` in
+        sentences.
     machine
         The turbine as it was identified: with the reference values, the degrees of freedom that were used, the record's
         mean rotor speed; None for equations of one's own.
     conditions
-        How the turbine ran.
+        Operating conditions of the turbine.
     provenance
-        Which record, turbine, sensors, options and version it comes from; None where nobody said it.
+        Record, turbine, sensors, options and version of the result; None where they are not known.
     joint_cov
         Covariance of the coefficients, of the coordinates η of `statistics`, and of `tolerances` in standard deviations
         of their priors, together (n, n), n = n_θ + n_η + n_τ; None where no statistics were learned.
     tolerances
-        What is known of instruments and masses within tolerances only, as the record has it; none where they were taken
-        as exact.
+        Estimated errors of instruments and masses within their tolerances; none where they were taken as exact.
     budget
-        What widens the bands.
+        Contributions to the variance of each interval.
     spectra
-        Spectra of the channels under the fit, which pages show; none of filters whose equations change with time.
+        Spectra of the channels under the fit, for figures; none for filters whose equations vary with time.
     """
 
     def __repr__(self) -> str:
@@ -161,9 +160,7 @@ class Identification(IdentificationValues, Answer):
             for e in self.estimates
         ]
         for mode in self.modes:
-            known = mode.reference or (None, None)
-            rows.append((mode.name, "frequency", "Hz", *mode.frequency_hz, mode.grades[0], known[0]))
-            rows.append((mode.name, "damping ratio", "1", *mode.damping_ratio, mode.grades[1], known[1]))
+            rows += mode.dataframe_rows()
         rows += [
             (s.name, "statistic", unit_text(s.unit), s.estimate, s.low, s.high, "", s.given) for s in self.statistics
         ]
@@ -177,7 +174,7 @@ class Identification(IdentificationValues, Answer):
         return xr.Dataset(variables_of(self), attrs=attributes_of(self))
 
     def files(self) -> dict[str, bytes]:
-        """What `save` writes: ``summary.json``, and ``identification.nc``, which is `to_xarray` as netCDF-4."""
+        """Files of `save`: ``summary.json``, and ``identification.nc``, which is `to_xarray` as netCDF-4."""
         return {"summary.json": self.to_json().encode(), "identification.nc": as_netcdf(self)}
 
     def contents(self) -> list[Table | str]:
@@ -197,13 +194,12 @@ class Identification(IdentificationValues, Answer):
         ]
 
     def usable(self) -> list[str]:
-        """What may be used of a result that is not trusted as a whole, in a sentence; nothing of one that is."""
+        """Usable part of a result that is not trusted as a whole, in a sentence; empty for one that is."""
         if self.diagnosis.trusted:
             return []
         good = [e.name for e in self.estimates if e.grade in USABLE]
         for mode in self.modes:
-            names = (f"{mode.name} frequency", f"{mode.name} damping ratio")
-            good += [name for name, grade in zip(names, mode.grades, strict=True) if grade in USABLE]
+            good += [f"{mode.name} {name}" for name, one in mode.quantities if one.grade in USABLE]
         return [f"can still be used (grade A or B): {', '.join(good)}"] if good else []
 
     def table(self) -> Table:
@@ -229,21 +225,21 @@ class Identification(IdentificationValues, Answer):
         if orders:
             headings.append("from nP")
             rows = [[*row, mode.beside(orders, speed)] for row, mode in zip(rows, self.modes, strict=True)]
-        if any(mode.reference is not None for mode in self.modes):
+        if any(mode.frequency.reference is not None for mode in self.modes):
             headings.append("file")  # so that the modes of a tower fit 80 columns
-            rows = [[*row, mode.reference_cells()[0]] for row, mode in zip(rows, self.modes, strict=True)]
+            rows = [[*row, mode.reference_cell()] for row, mode in zip(rows, self.modes, strict=True)]
         at = f"at {speed * RPM:.3g} rpm" if orders else "with the rotor at rest"
         return Table(headings, rows, f"Modes {at}, fixed frame")
 
     def _harmonics(self) -> tuple[int, ...]:
-        """Orders n of the harmonics nP that a tower feels most: 1P and multiples of the blades; none at rest."""
+        """Orders n of the harmonics nP that load a tower most: 1P and multiples of the blades; none at rest."""
         if self.machine is None or self.machine.rotor_speed <= 0.0:
             return ()
         blades = self.machine.model.blades
         return tuple(dict.fromkeys((1, blades, 2 * blades, 3 * blades)))
 
     def statistics_table(self) -> Table:
-        """What was learned of loads and noise."""
+        """Statistics of loads and noise."""
         rows = [
             (s.name, f"{s.estimate:.4g}", f"{s.low:.4g} … {s.high:.4g}", unit_text(s.unit), f"{s.given:.4g}")
             for s in self.statistics
@@ -252,7 +248,7 @@ class Identification(IdentificationValues, Answer):
         return Table(headings, rows, "Loads and noise, learned from the record", words=(0, 3))
 
     def tolerances_table(self) -> Table:
-        """What the record says of instruments and masses."""
+        """Estimated errors of instruments and masses."""
         rows = [one.cells() for one in self.tolerances]
         return Table(("instrument or body", "tolerance (1σ)", "off by"), rows, "Instruments and masses", words=(0,))
 

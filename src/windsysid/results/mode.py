@@ -2,56 +2,73 @@
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any
+
+from windsysid.results.estimate import IntervalEstimate
 
 __all__ = ["Mode"]
 
 
-class Mode(NamedTuple):
-    """A mode in the fixed frame.
+@dataclass(frozen=True)
+class Mode:
+    """Mode of a turbine in the fixed frame, derived from its estimates.
 
     Attributes
     ----------
     name
-        Where its energy sits: ``tower x``, ``lag backward`` …
-    frequency_hz, damping_ratio
-        (value, low, high) [Hz], [1].
-    reference
-        Frequency [Hz] and damping ratio [1] that the reference coefficients give; None where they give no such mode.
-    grades
-        Of the frequency and of the damping ratio, as `windsysid.results.estimate.Estimate.grade`.
+        Degree of freedom with most of the energy: ``tower x``, ``lag backward`` …
+    frequency
+        [Hz], with its 95 % interval, grade and reference.
+    damping_ratio
+        [1], likewise.
     """
 
     name: str
-    frequency_hz: tuple[float, float, float]
-    damping_ratio: tuple[float, float, float]
-    reference: tuple[float, float] | None = None
-    grades: tuple[str, str] = ("", "")
+    frequency: IntervalEstimate
+    damping_ratio: IntervalEstimate
+
+    @property
+    def trusted(self) -> bool:
+        """True if neither frequency nor damping ratio is of grade C."""
+        return "C" not in (self.frequency.grade, self.damping_ratio.grade)
+
+    @property
+    def half_width(self) -> float:
+        """Half of the half-power bandwidth, ζ f [Hz]."""
+        return self.damping_ratio.estimate * self.frequency.estimate
+
+    @property
+    def quantities(self) -> tuple[tuple[str, IntervalEstimate], tuple[str, IntervalEstimate]]:
+        """Frequency and damping ratio with their names in tables."""
+        return ("frequency", self.frequency), ("damping ratio", self.damping_ratio)
 
     def summary(self) -> dict[str, Any]:
-        """As plain values, for ``summary.json``."""
-        values: dict[str, Any] = {"name": self.name}
-        for i, (key, triple) in enumerate((("frequency_hz", self.frequency_hz), ("damping_ratio", self.damping_ratio))):
-            values[key] = dict(zip(("estimate", "low", "high"), triple, strict=True))
-            if self.grades[i]:
-                values[key]["grade"] = self.grades[i]
-            if self.reference is not None:
-                values[key]["reference"] = self.reference[i]
-        return values
+        """Name, frequency and damping ratio as plain values, for JSON."""
+        values = {"frequency": self.frequency.summary(), "damping_ratio": self.damping_ratio.summary()}
+        return {"name": self.name, **values}
+
+    def dataframe_rows(self) -> list[tuple[Any, ...]]:
+        """Name, quantity, unit, estimate, low, high, grade and reference of frequency and damping ratio."""
+        return [
+            (self.name, name, one.unit, one.estimate, one.low, one.high, one.grade, one.reference)
+            for name, one in self.quantities
+        ]
 
     def cells(self) -> tuple[str, str, str, str, str]:
         """Name, frequency [Hz] and damping ratio [%] as ``estimate ± 2σ``, each with its grade, for a table."""
-        f, digits = self.frequency_hz, 3 if abs(self.damping_ratio[0]) < 0.01 else 2
-        (z, low, _), grades = (100.0 * value for value in self.damping_ratio), self.grades
-        frequency, damping = f"{f[0]:.4f} ± {f[0] - f[1]:.4f}", f"{z:.{digits}f} ± {z - low:.{digits}f}"
-        return self.name, frequency, grades[0], damping, grades[1]
+        f, z = self.frequency, self.damping_ratio
+        value, half, digits = 100.0 * z.estimate, 100.0 * (z.estimate - z.low), 3 if abs(z.estimate) < 0.01 else 2
+        frequency, damping = f"{f.estimate:.4f} ± {f.estimate - f.low:.4f}", f"{value:.{digits}f} ± {half:.{digits}f}"
+        return self.name, frequency, f.grade, damping, z.grade
 
     def beside(self, orders: Sequence[int], rotor_speed: float) -> str:
-        """How far the mode is from the nearest of `orders` of `rotor_speed` [rad/s], as text: ``3P -7.7 %``."""
+        """Distance of the mode from the nearest of `orders` of `rotor_speed` [rad/s], as text: ``3P -7.7 %``."""
+        f = self.frequency.estimate
         harmonics = {n: n * rotor_speed / (2.0 * math.pi) for n in orders}
-        n = min(harmonics, key=lambda n: abs(self.frequency_hz[0] / harmonics[n] - 1.0))
-        return f"{n}P {100.0 * (self.frequency_hz[0] / harmonics[n] - 1.0):+.2g} %"
+        n = min(harmonics, key=lambda n: abs(f / harmonics[n] - 1.0))
+        return f"{n}P {100.0 * (f / harmonics[n] - 1.0):+.2g} %"
 
-    def reference_cells(self) -> tuple[str, str]:
-        """Reference frequency [Hz] and damping ratio [%] as text for a table."""
-        return ("", "") if self.reference is None else (f"{self.reference[0]:.4f}", f"{100.0 * self.reference[1]:.3f}")
+    def reference_cell(self) -> str:
+        """Reference frequency [Hz] as text for a table."""
+        return "" if self.frequency.reference is None else f"{self.frequency.reference:.4f}"

@@ -1,4 +1,4 @@
-"""What a result says about a turbine, and how to read it back from its folder."""
+"""Posterior of a turbine's coefficients, and its restoration from a result's folder."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -54,14 +54,14 @@ class Conditions(NamedTuple):
 NOT_RECORDED = Conditions()
 
 PRIORS = {"prior_centre": "centre", "prior_spread": "spread", "logarithmic": "logarithmic", "coordinate_scale": "scale"}
-"""What ``identification.nc`` holds of a `Parameter`, and under which names."""
+"""Names of a `Parameter`'s fields in ``identification.nc``."""
 
 ROLES = {"parameter_kind": "kind", "parameter_part": "part"}
-"""The same of its words, which files of older versions lack."""
+"""Names of its text fields, which files of older versions lack."""
 
 
 class Posterior(NamedTuple):
-    """What a result says about a turbine: all that a question after it needs.
+    """Posterior of a turbine's coefficients, as comparisons and diagrams need it.
 
     Attributes
     ----------
@@ -72,23 +72,23 @@ class Posterior(NamedTuple):
     record
         Name of the record.
     trusted
-        Whether nothing spoke against the result.
+        True if there was no reason against the result.
     conditions
-        How the turbine ran.
+        Operating conditions of the turbine.
     start
-        The moment of the record's time 0, as `windsysid.records.record.Record.start`; None where it is not known.
+        Date of the record's time 0, as `windsysid.records.record.Record.start`; None where it is not known.
     record_hash
         `windsysid.results.provenance.record_hash` of the whole record; None where it is not known.
     section
-        Start and end of what was used [s], on the record's clock; None where it is not known.
+        Start and end of the part that was used [s], on the record's clock; None where it is not known.
     statistics
-        What was learned of loads and noise.
+        Learned statistics of loads and noise.
     joint_cov
         Covariance of θ, of the coordinates η of `statistics`, and of `tolerances` in standard deviations of their
         priors, together (n, n), n = n_θ + n_η + n_τ; None where it was not kept.
     tolerances
-        What is known within tolerances only. Masses are none of it in a posterior that was read or made of a result:
-        a vibration shows ratios to masses, and those of the turbine are taken as right.
+        Quantities known within tolerances only. Masses are not among them in a posterior that was read or made of a
+        result: vibration determines ratios to masses, and those of the turbine are taken as exact.
     unusable
         Coefficients of grade C, each with the code of its reason (`unusable_among`).
     """
@@ -111,7 +111,7 @@ class Posterior(NamedTuple):
     def given(self, *groups: Group) -> "Posterior":
         """The same given that instruments or masses of these groups, of all by default, are as their files say.
 
-        Two results of one machine share them: what moved between the two is told without them.
+        Two results of one machine share them: changes between the two are reported without them.
         """
         if self.joint_cov is None or not self.tolerances:
             return self
@@ -142,18 +142,35 @@ class Posterior(NamedTuple):
 
 
 def load_posterior(folder: str | Path) -> Posterior:
-    """The posterior that `Identification.save` left in a folder.
+    """Load the posterior from the folder of a saved identification.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Folder that `Identification.save` or ``windsysid identify`` wrote.
 
     Returns
     -------
     Posterior
-        Estimates (n_θ,) and covariance (n_θ, n_θ) in filter coordinates, and the turbine that they are of.
+        Estimates (n_θ,) and covariance (n_θ, n_θ) in filter coordinates, with the turbine.
 
     Raises
     ------
     ConfigurationError
-        If there is none, it was changed after windsysid wrote it, or it was written by a version that did not keep the
+        If the folder holds none, it was changed after windsysid wrote it, or an older version wrote it without the
         turbine.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import windsysid as ws
+    >>> result = ws.identify(ws.simulate("tower", duration=600.0, rate=5.0, seed=1), "tower", formulation="spectral")
+    >>> folder = Path(tempfile.mkdtemp()) / "first"
+    >>> _ = result.save(folder)
+    >>> posterior = ws.results.load_posterior(folder)
+    >>> [q.name for q in posterior.parameters], posterior.cov.shape
+    (['k_side_side', 'c_side_side', 'k_fore_aft', 'c_fore_aft'], (4, 4))
     """
 
     with opened(folder) as file:
@@ -231,12 +248,12 @@ def read_parameters(file: "h5netcdf.File") -> tuple[Parameter, ...]:
 
 
 def read_tolerances(file: "h5netcdf.File") -> tuple[Tolerance, ...]:
-    """What was known of instruments and masses within tolerances only."""
+    """Tolerances of instruments and masses."""
     return tuple(Tolerance(**row) for row in parse_json(file.attrs.get("tolerances", "[]")))
 
 
 def read_statistics(file: "h5netcdf.File") -> tuple[Statistic, ...]:
-    """What was learned of loads and noise; version 0.1.0 wrote none."""
+    """Statistics of loads and noise; version 0.1.0 wrote none."""
     found = []
     for row in parse_json(file.attrs.get("statistics", "[]")):
         known: dict[str, Any] = {key: math.nan if value is None else value for key, value in row.items()}
@@ -245,7 +262,7 @@ def read_statistics(file: "h5netcdf.File") -> tuple[Statistic, ...]:
 
 
 def _described_by_name(name: str) -> dict[str, str]:
-    """What files of older versions left to the name of a statistic."""
+    """Fields of a statistic that files of older versions left to its name."""
     if noise_source(name):
         return {"kind": "noise"}
     harmonic = f"_{name.rpartition('_')[2]}" if name.endswith("P") else ""

@@ -1,4 +1,4 @@
-"""Where a result comes from: which record, which turbine, which sensors, which options, which version, when."""
+"""Provenance of a result: record, turbine, sensors, options, version and date."""
 
 import hashlib
 import json
@@ -26,25 +26,24 @@ _ROWS = 1 << 16
 
 @dataclass(frozen=True)
 class Provenance:
-    """Where a result comes from.
+    """Provenance of a result: record, turbine, sensors, options, version and date.
 
     Attributes
     ----------
     windsysid
         Version.
     identified
-        When, in UTC, ISO 8601.
+        Date in UTC, ISO 8601.
     start
-        The moment of the record's time 0, as `windsysid.records.record.Record.start`.
+        Date of the record's time 0, as `windsysid.records.record.Record.start`.
     record_hash
         `record_hash` of the whole record, before a section was taken of it.
     turbine_hash
         `turbine_hash` of the turbine as it was given.
     sensors
-        The sensor list that was used, each sensor as the table of its file without what is left at its default.
+        The sensor list that was used, each sensor as the table of its file without default values.
     options
-        What `windsysid.identify` was called with, and what the command line adds: file, mapping, added noise, length of
-        pieces.
+        Arguments of `windsysid.identify`, and those of the command line: file, mapping, added noise, length of pieces.
     """
 
     windsysid: str
@@ -56,7 +55,7 @@ class Provenance:
     options: Mapping[str, Any]
 
     def with_options(self, **more: Any) -> "Provenance":
-        """The same with more options told; those that are None are left out."""
+        """Provenance with more options; those that are None are left out."""
         told = {name: value for name, value in more.items() if value is not None}
         return replace(self, options={**self.options, **told})
 
@@ -91,7 +90,7 @@ class RecordHash:
 
 
 def record_hash(record: Record) -> str:
-    """SHA-256 of what a record holds, whatever its file, see `RecordHash`."""
+    """SHA-256 of the content of a record, whatever its file, see `RecordHash`."""
     found = RecordHash()
     found.take(record)
     return str(found)
@@ -105,19 +104,19 @@ def turbine_hash(turbine: Turbine) -> str:
 
 
 def sensor_tables(sensors: Sequence[Sensor]) -> tuple[dict[str, Any], ...]:
-    """Sensors as the tables of their file, without what is left at its default."""
+    """Sensors as the tables of their file, without defaults."""
     return tuple(sensor.model_dump(exclude_defaults=True) for sensor in sensors)
 
 
 def mapping_tables(mapping: "FileMapping | None") -> dict[str, Any] | None:
-    """A mapping as the tables of its file, without what it does not say; None for none."""
+    """A mapping as the tables of its file, without defaults; None for none."""
     return None if mapping is None else _omit_empty(asdict(mapping))
 
 
 def trace(
     record: Record, found: str, turbine: Turbine, sensors: Sequence[Sensor], options: Mapping[str, Any]
 ) -> Provenance:
-    """The provenance of what is identified now from `record`, whose `record_hash` is `found`."""
+    """Provenance of a new result from `record`, whose `record_hash` is `found`."""
     return Provenance(
         windsysid=__version__,
         identified=datetime.now(UTC).isoformat(timespec="seconds").replace("+00:00", "Z"),

@@ -23,7 +23,7 @@ __all__ = ["as_plain", "finite", "from_plain"]
 
 
 def as_plain(value: Any) -> Any:
-    """A value as JSON holds it; what is no finite number becomes a word.
+    """Value as JSON stores it; a number that is not finite becomes a word.
 
     Raises
     ------
@@ -71,11 +71,11 @@ _WRITTEN: tuple[tuple[type, Callable[[Any], Any]], ...] = (
     (Turbine, _turbine_file),
     (BaseModel, lambda value: value.model_dump(mode="json")),
 )
-"""How values of these classes are written, in the order in which they are tried."""
+"""Encoders of these classes, in the order in which they are tried."""
 
 
 def from_plain(kind: Any, value: Any) -> Any:
-    """The value that `as_plain` was given, of what its field is annotated with.
+    """Value before `as_plain`, from the annotation of its field.
 
     Raises
     ------
@@ -94,7 +94,7 @@ def from_plain(kind: Any, value: Any) -> Any:
 
 
 def _from_union(parts: Sequence[Any], value: Any) -> Any:
-    """What may be None."""
+    """Fields that may be None."""
     given = [part for part in parts if part is not types.NoneType]
     if value is None and len(given) < len(parts):
         return None

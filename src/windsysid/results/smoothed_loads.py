@@ -1,4 +1,4 @@
-"""What smoothed loads say against a model (`windsysid.identification.verdict.smoothed_loads`).
+"""Checks by smoothed loads (`windsysid.identification.verdict.smoothed_loads`).
 
 Where loads push a support in two directions at once, its readings share what a model of independent loads has to
 explain by sensors off their axes; that moves damping.
@@ -29,7 +29,7 @@ class CorrelatedLoads(NamedTuple):
 
 
 class SmoothedLoads(NamedTuple):
-    """What was looked at.
+    """Statistics of the smoothed loads.
 
     Attributes
     ----------

@@ -17,7 +17,7 @@ from windsysid.checks.whiteness import Whiteness
 from windsysid.configuration import parse_json
 from windsysid.records.formats.netcdf import sealed
 from windsysid.results.budget import Budget
-from windsysid.results.estimate import Estimate, FittedSpectrum
+from windsysid.results.estimate import Estimate, FittedSpectrum, IntervalEstimate
 from windsysid.results.finding import Finding, Severity, read_finding
 from windsysid.results.load_history import Loads
 from windsysid.results.mode import Mode
@@ -58,7 +58,7 @@ REST: dict[str, Any] = {
     "diagnosis": Diagnosis,
     "spectra": tuple[FittedSpectrum, ...],
 }
-"""What the attribute ``result`` holds, and of which kind it is."""
+"""Content and kind of the attribute ``result``."""
 
 WHITENESS = {
     "lags": "lag",
@@ -70,7 +70,7 @@ WHITENESS = {
 
 
 def variables_of(found: IdentificationValues) -> dict[str, Variable]:
-    """What ``identification.nc`` holds."""
+    """Content of ``identification.nc``."""
     axis = "time" if len(found.innovation) == len(found.time) else "innovation_time"
     variables = _parameter_variables(found) | _whiteness_variables(found.diagnosis.whiteness)
     variables["innovation"] = (axis, "reading"), found.innovation, {}
@@ -132,7 +132,7 @@ def _state_variables(found: IdentificationValues, axis: str) -> dict[str, Variab
 
 
 def attributes_of(found: IdentificationValues) -> dict[str, Any]:
-    """What ``identification.nc`` says of the whole."""
+    """Attributes of ``identification.nc``."""
     import tomli_w
 
     known = found.provenance
@@ -157,7 +157,7 @@ def attributes_of(found: IdentificationValues) -> dict[str, Any]:
 
 
 def _rest(found: IdentificationValues) -> dict[str, Any]:
-    """What ``identification.nc`` holds beside its variables: the rest of what `windsysid.load_result` needs."""
+    """Content of ``identification.nc`` in addition to its variables: the rest that `windsysid.load_result` needs."""
     judged, w = found.diagnosis, found.diagnosis.whiteness
     if w is not None:  # its arrays are variables
         nothing: dict[str, Any] = dict.fromkeys(WHITENESS, np.empty(0))
@@ -198,6 +198,7 @@ def read_fields(folder: str | Path) -> dict[str, Any]:
     """
     with opened(folder) as file:
         said = {"spectra": [], **parse_json(file.attrs["result"])}  # results of version 0.2 have none
+        said["modes"] = [_as_now(mode) for mode in said["modes"]]
         findings = _read_findings(said)
         fields = {name: from_plain(kind, said[name]) for name, kind in REST.items()}
         fields["diagnosis"] = _read_diagnosis(file, replace(fields["diagnosis"], findings=findings))
@@ -258,6 +259,20 @@ def _read_loads(file: "h5netcdf.File") -> Loads | None:
     if "load_name" not in file:
         return None
     return Loads(tuple(file["load_name"][...].tolist()), file["load"][...], file["load_std"][...])
+
+
+def _as_now(mode: dict[str, Any]) -> dict[str, Any]:
+    """Fields of a mode; those of version 0.2 are (value, low, high), with both references and grades apart."""
+    if "frequency" in mode:
+        return mode
+    grades, references = mode.get("grades", ("", "")), mode["reference"] or (None, None)
+    names = (("frequency", "frequency_hz", "Hz"), ("damping_ratio", "damping_ratio", "1"))
+    fields: dict[str, Any] = {"name": mode["name"]}
+    for (name, key, unit), grade, reference in zip(names, grades, references, strict=True):
+        value, low, high = map(float, mode[key])
+        std = (high - low) / (2.0 * SIGMAS)
+        fields[name] = as_plain(IntervalEstimate(value, low, high, std, unit, grade, reference))
+    return fields
 
 
 def _read_findings(said: dict[str, Any]) -> tuple[Finding, ...]:

@@ -1,4 +1,4 @@
-"""What is known of instruments and masses only within tolerances: each an unknown beside the coefficients."""
+"""Tolerances of instruments and masses: each an unknown in addition to the coefficients."""
 
 import math
 from collections.abc import Sequence
@@ -44,17 +44,17 @@ class Tolerance:
 
     @property
     def informed(self) -> bool:
-        """Whether the record says more of it than its tolerance does."""
+        """True if the record has more information on it than its tolerance."""
         return self.std < MAX_INFORMED_STD_RATIO * self.spread
 
     @property
     def off(self) -> bool:
-        """Whether the record shows that it is not as its file says."""
+        """True if the record shows that it differs from its file."""
         return self.informed and abs(self.estimate) > MIN_DEVIATION_SIGMAS * self.std
 
     @property
     def contradicted(self) -> bool:
-        """Whether the record says that it is off by more than its tolerance allows."""
+        """True if the record shows that it is off by more than its tolerance allows."""
         return abs(self.estimate) > MAX_TOLERANCE_SIGMAS * self.spread
 
     def cells(self) -> tuple[str, str, str]:

@@ -1,4 +1,4 @@
-"""What an identification found, as values: what is saved, shown and compared."""
+"""Values of an identification's result: saved, shown and compared."""
 
 from dataclasses import dataclass, field
 
@@ -65,17 +65,17 @@ class IdentificationValues:
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What a reader must know, as data."""
+        """Findings for the reader, as data."""
         return self.diagnosis.findings
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What was done to the record and the model, in sentences."""
+        """Processing of the record and the model, in sentences."""
         return self.diagnosis.sentences("note")
 
     @property
     def innovation_time(self) -> Array:
-        """When the readings of `innovation` were taken [s]: all of the record, or its end where it came in pieces."""
+        """Times of the readings of `innovation` [s]: the whole record, or its end if it was processed in segments."""
         if len(self.innovation) == len(self.time):
             return self.time
         return self.section[1] - np.arange(len(self.innovation))[::-1] / self.rate

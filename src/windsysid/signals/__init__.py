@@ -1,4 +1,4 @@
-"""Signals: from what was recorded to what the filters take in.
+"""Signals: from recorded channels to the inputs of filters.
 
 Condition the channels (`condition`), put several loggers on one clock (`align`), turn tower-fixed axes with the nacelle
 (`yaw`), find the rotor (`rotor`, `harmonics`), integrate (`integration` for records, `causal` for streams) and filter

@@ -26,22 +26,22 @@ _PIECES = 20
 
 
 class ClockOffset(NamedTuple):
-    """One logger's clock against the first's: t_first = t + offset + drift (t − middle).
+    """Offset and drift of a logger's clock from the first logger's: t_first = t + offset + drift (t − middle).
 
     Attributes
     ----------
     offset, offset_std
-        [s].
+        Offset at `middle` and its standard deviation [s].
     drift, drift_std
-        [s/s]; NaN uncertainty where the record is too short to see drift, which is then 0.
+        Drift and its standard deviation [s/s]; NaN where the record is too short for a drift, which is then 0.
     middle
         Time on the logger's own clock to which `offset` belongs [s].
     channel
-        What was compared.
+        The channel that was compared.
     correlation
-        At the peak, of the signals without their means [1]: 1 is a perfect match.
+        Correlation coefficient at the peak [1]: 1 is a perfect match.
     note
-        In words, whether another offset fits as well.
+        A remark if another offset fits as well.
     """
 
     offset: float
@@ -59,14 +59,14 @@ class ClockOffset(NamedTuple):
 
 
 class Aligned(NamedTuple):
-    """One record on the first logger's clock.
+    """Record of several loggers on the clock of the first.
 
     Attributes
     ----------
     record
         The channels of all loggers on one time grid.
     offsets
-        The clock of every logger but the first against the first's.
+        Clock offset of every logger but the first.
     """
 
     record: Record
@@ -76,17 +76,17 @@ class Aligned(NamedTuple):
 def align(
     records: Sequence[Record], *, channel: str | None = None, rate: float | None = None, search: float = 60.0
 ) -> Aligned:
-    """Put records of several loggers on the clock of the first, over the time that all of them cover.
+    """Align the records of several loggers to the clock of the first, over the time that all of them cover.
 
     Parameters
     ----------
-    records
+    records : sequence of Record
         Two or more. Of channels that occur more than once, the earliest record's is kept.
-    channel
-        What to compare; by default ``rotor_speed`` or ``rotor_azimuth`` where both have it, else any that both have.
-    rate
-        Of the result [Hz]; the highest of the records by default.
-    search
+    channel : str, optional
+        Channel to compare; by default ``rotor_speed`` or ``rotor_azimuth`` where both have it, else any common one.
+    rate : float, optional
+        Sampling rate of the result [Hz]; the highest of the records by default.
+    search : float, default 60
         Largest offset considered [s].
 
     Returns
@@ -97,7 +97,23 @@ def align(
     Raises
     ------
     RecordError
-        If no channel is shared, the records do not overlap, or nothing correlates.
+        If no channel is shared, the records do not overlap, or no channel correlates.
+
+    See Also
+    --------
+    clock_offset : Offset of two loggers, without resampling.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import windsysid as ws
+    >>> time = np.arange(0.0, 60.0, 0.05)
+    >>> speed = ws.signals.band_pass(np.random.default_rng(0).standard_normal(time.size), 20.0, (0.05, 1.0))[:, None]
+    >>> tower = ws.Record(time, np.hstack([speed, speed]), ("rotor_speed", "tower_x_acceleration"), ("rad/s", "m/s^2"))
+    >>> blade = ws.Record(time - 2.0, np.hstack([speed, speed]), ("rotor_speed", "blade_1_strain"), ("rad/s", "1"))
+    >>> found = ws.signals.align([tower, blade])  # the clock of the second is 2 s slow
+    >>> found.record.channels, round(found.offsets[0].offset, 2)
+    (('rotor_speed', 'tower_x_acceleration', 'blade_1_strain'), 2.0)
     """
     if len(records) < 2:
         raise RecordError(f"alignment: expected two or more records, got {len(records)}")
@@ -137,24 +153,36 @@ def align(
 
 
 def clock_offset(first: Record, other: Record, *, channel: str | None = None, search: float = 60.0) -> ClockOffset:
-    """Offset and drift of one logger's clock against another's, from a channel that both recorded.
+    """Estimate offset and drift of one logger's clock from another's, by a channel that both recorded.
 
     Parameters
     ----------
-    first, other
+    first, other : Record
         Two records with a channel in common.
     channel, search
-        As for `align`.
+        As in `align`.
 
     Returns
     -------
     ClockOffset
-        What to add to the time of `other` to have the time of `first`.
+        To be added to the time of `other` for the time of `first`.
 
     Raises
     ------
     RecordError
-        If the channel is not in both, does not change, or does not correlate (less than 0.5 at the peak).
+        If the channel is not in both, is constant, or does not correlate (less than 0.5 at the peak).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import windsysid as ws
+    >>> time = np.arange(0.0, 60.0, 0.05)
+    >>> speed = ws.signals.band_pass(np.random.default_rng(0).standard_normal(time.size), 20.0, (0.05, 1.0))[:, None]
+    >>> first = ws.Record(time, speed, ("rotor_speed",), ("rad/s",))
+    >>> other = ws.Record(time - 2.0, speed, ("rotor_speed",), ("rad/s",))  # its clock is 2 s slow
+    >>> found = ws.signals.clock_offset(first, other)
+    >>> round(found.offset, 2), round(found.correlation, 2)
+    (2.0, 1.0)
     """
     name = _common(first, other) if channel is None else channel
     if not search > 0.0:

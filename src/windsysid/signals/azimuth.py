@@ -29,7 +29,7 @@ AROUND = 11
 """Samples whose median a glitch stands out of."""
 
 GLITCH = 0.1
-"""How far a glitch is off, at least [rad], and ten times what others are; more than a tenth of azimuths are none."""
+"""Least error of a glitch [rad], and ten times that of others; more than a tenth of azimuths are none."""
 
 COARSE, TEETH = 0.25, 4.0
 """Distinct azimuths of a coarse encoder, as a share of all, and how many of its steps it is smoothed over at least."""
@@ -39,7 +39,7 @@ def steadied(record: Record) -> Record:
     """The record with azimuths put onto a smooth rotation: those that stand alone, all that scatter beyond
     `MAX_SCATTER`, and those of a coarse encoder; other records as they are.
 
-    The rotation is known from neighbours: local parabolas (Savitzky & Golay 1964) beside the recorded speed, or the
+    The rotation is known from neighbours: local parabolas (Savitzky & Golay 1964) with the recorded speed, or the
     median one, over the length that predicts each azimuth best from the others (leave-one-out). A rotor that did turn
     like that leaves residuals that are correlated, and is left alone.
     """

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from windsysid._types import Array
 from windsysid.errors import RecordError
 
-__all__ = ["band_pass", "bridged", "check_band", "high_pass_gain", "through"]
+__all__ = ["band_pass", "bridged", "check_cutoff", "high_pass_gain", "through"]
 
 
 STEEPNESS = 8
@@ -22,16 +22,16 @@ STEEPNESS = 8
 
 
 def band_pass(values: ArrayLike, rate: float, band: tuple[float, float]) -> Array:
-    """Keep what lies between two frequencies, with zero phase.
+    """Filter a channel with a band-pass of zero phase.
 
     Parameters
     ----------
-    values
+    values : array_like
         (T,), any unit; NaN = missing, bridged and missing again in the result.
-    rate
-        Samples per second [Hz].
-    band
-        Lowest and highest frequency [Hz]: half the amplitude is left there.
+    rate : float
+        Sampling rate [Hz].
+    band : (float, float)
+        Lowest and highest frequency [Hz], at which the amplitude is halved.
 
     Returns
     -------
@@ -42,9 +42,19 @@ def band_pass(values: ArrayLike, rate: float, band: tuple[float, float]) -> Arra
     ------
     RecordError
         If the channel holds no numbers or the band does not lie inside 0 … rate / 2.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import windsysid as ws
+    >>> time = np.arange(0.0, 60.0, 0.05)
+    >>> slow, fast = np.sin(2.0 * np.pi * 0.3 * time), np.sin(2.0 * np.pi * 3.0 * time)
+    >>> kept = ws.signals.band_pass(slow + fast, rate=20.0, band=(0.1, 1.0))
+    >>> round(float(np.std(kept[200:-200] - slow[200:-200])), 3)
+    0.008
     """
     low, high = band
-    check_band(low, high, rate)
+    _check_band(low, high, rate)
 
     def gain(f: Array) -> Any:
         return high_pass_gain(f, low) / (1.0 + (f / high) ** STEEPNESS) + 0j
@@ -58,12 +68,20 @@ def high_pass_gain(f: Array, cutoff: float) -> Array:
     return scaled / (1.0 + scaled)
 
 
-def check_band(low: float, high: float, rate: float) -> None:
+def _check_band(low: float, high: float, rate: float) -> None:
     """Refuse a band that does not lie inside 0 … rate / 2."""
     if not 0.0 < low < high <= rate / 2.0 * (1.0 + 1e-12):
         raise RecordError(
             f"filter band: expected 0 < low < high ≤ {rate / 2.0:g} Hz (half the sampling rate), got {low:g} to"
             f" {high:g} Hz"
+        )
+
+
+def check_cutoff(cutoff: float, rate: float) -> None:
+    """Refuse a cut-off [Hz] that does not lie inside 0 … rate / 2."""
+    if not 0.0 < cutoff < rate / 2.0:
+        raise RecordError(
+            f"cutoff: expected more than 0 and less than {rate / 2.0:g} Hz (half the sampling rate), got {cutoff:g} Hz"
         )
 
 

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from windsysid._types import Array
 from windsysid.errors import RecordError
-from windsysid.signals.band import check_band
+from windsysid.signals.band import check_cutoff
 from windsysid.signals.integration import Motion
 
 __all__ = ["CausalIntegrator", "CausalState", "causal_integrator", "causal_response", "integrate_causally"]
@@ -33,7 +33,7 @@ class CausalIntegrator(NamedTuple):
     velocity, displacement
         Second-order sections (2, 6) each, as SciPy's ``sos`` [1].
     rate, cutoff
-        Samples per second, and the frequency below which motion is removed [Hz].
+        Sampling rate, and the frequency below which motion is removed [Hz].
     """
 
     velocity: Array
@@ -43,7 +43,7 @@ class CausalIntegrator(NamedTuple):
 
 
 class CausalState(NamedTuple):
-    """State of a stream between two pieces.
+    """State of a causal integrator between two pieces of a stream.
 
     Attributes
     ----------
@@ -59,26 +59,37 @@ class CausalState(NamedTuple):
 
 
 def causal_integrator(rate: float, *, cutoff: float) -> CausalIntegrator:
-    """Design filters that integrate a stream of accelerations.
+    """Design causal filters that integrate a stream of accelerations.
 
     Parameters
     ----------
-    rate
-        Samples per second [Hz].
-    cutoff
+    rate : float
+        Sampling rate [Hz].
+    cutoff : float
         Frequency below which motion is removed [Hz].
 
     Returns
     -------
     CausalIntegrator
-        For `integrate_causally`.
+        Filters for `integrate_causally`.
 
     Raises
     ------
     RecordError
         If the cut-off lies outside 0 … rate / 2.
+
+    See Also
+    --------
+    integrate : Zero-phase integration of a whole record.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> integrator = ws.signals.causal_integrator(20.0, cutoff=0.1)
+    >>> integrator.velocity.shape, integrator.displacement.shape
+    ((2, 6), (2, 6))
     """
-    check_band(cutoff, rate / 2.0, rate)
+    check_cutoff(cutoff, rate)
     from scipy.signal import bilinear_zpk, buttap, lp2hp_zpk, zpk2sos
 
     _, poles, _ = lp2hp_zpk(*buttap(3), wo=2.0 * np.pi * cutoff)
@@ -93,27 +104,38 @@ def causal_integrator(rate: float, *, cutoff: float) -> CausalIntegrator:
 def integrate_causally(
     integrator: CausalIntegrator, acceleration: ArrayLike, state: CausalState | None = None
 ) -> tuple[CausalState, Motion]:
-    """Velocity and displacement of the next samples of a stream.
+    """Integrate the next samples of a stream of accelerations to velocity and displacement.
 
     Parameters
     ----------
-    integrator
+    integrator : CausalIntegrator
         From `causal_integrator`.
-    acceleration
-        (T,) [m/s² or rad/s²], T ≥ 0; at a NaN the last known value is taken to hold, and the result is NaN.
-    state
-        Where the stream stands; None: at its beginning. It then starts as if the first reading had been there forever,
-        so that a bias raises no transient.
+    acceleration : array_like
+        (T,) [m/s² or rad/s²], T ≥ 0; at a NaN the last known value is used, and the result is NaN.
+    state : CausalState, optional
+        State after the samples before; None at the beginning of the stream, which then starts as if the first reading
+        had been constant before, so that a bias raises no transient.
 
     Returns
     -------
     state, motion
-        Hand the state in with the next piece.
+        State for the next call, and velocity and displacement (T,).
 
     Raises
     ------
     RecordError
         If the acceleration is not (T,) or infinite.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import windsysid as ws
+    >>> integrator = ws.signals.causal_integrator(20.0, cutoff=0.1)
+    >>> acceleration = np.sin(2.0 * np.pi * 0.5 * np.arange(0.0, 60.0, 0.05))
+    >>> state, first = ws.signals.integrate_causally(integrator, acceleration[:600])
+    >>> state, second = ws.signals.integrate_causally(integrator, acceleration[600:], state)
+    >>> round(float(second.displacement[-40:].max()), 4)  # 1 / (2π 0.5)² = 0.1013 m
+    0.1007
     """
     from scipy.signal import sosfilt, sosfilt_zi
 
@@ -144,13 +166,13 @@ def integrate_causally(
 
 
 def causal_response(integrator: CausalIntegrator, frequency: ArrayLike) -> tuple[Array, Array]:
-    """Gain of velocity and of displacement against the true integrals.
+    """Compute the gain of velocity and displacement relative to the true integrals.
 
     Parameters
     ----------
-    integrator
+    integrator : CausalIntegrator
         From `causal_integrator`.
-    frequency
+    frequency : array_like
         (n,) or one number [Hz].
 
     Returns
@@ -163,6 +185,15 @@ def causal_response(integrator: CausalIntegrator, frequency: ArrayLike) -> tuple
     ------
     ValueError
         If the frequencies are no numbers.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import windsysid as ws
+    >>> integrator = ws.signals.causal_integrator(20.0, cutoff=0.1)
+    >>> velocity, displacement = ws.signals.causal_response(integrator, 1.0)  # at 1 Hz
+    >>> abs(displacement).round(3).tolist(), np.degrees(np.angle(displacement)).round(1).tolist()
+    ([0.984], [11.4])
     """
     from scipy.signal import sosfreqz
 

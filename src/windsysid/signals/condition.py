@@ -26,7 +26,7 @@ _MOST_ROWS = 50_000_000
 
 
 class Despiked(NamedTuple):
-    """A channel without its spikes.
+    """Channel without its spikes.
 
     Attributes
     ----------
@@ -41,19 +41,19 @@ class Despiked(NamedTuple):
 
     @property
     def found(self) -> int:
-        """How many samples were taken out."""
+        """Number of samples that were removed."""
         return int(self.spikes.sum())
 
 
 class Unbiased(NamedTuple):
-    """A channel without its mean.
+    """Channel without its mean.
 
     Attributes
     ----------
     values
         (T,), in the channel's unit.
     bias
-        The mean that it had, in the channel's unit.
+        The mean that was removed, in the channel's unit.
     """
 
     values: Array
@@ -61,16 +61,16 @@ class Unbiased(NamedTuple):
 
 
 class LevelledPair(NamedTuple):
-    """A pair of axes, turned level and without gravity.
+    """Pair of horizontal and vertical acceleration, with tilt and gravity removed.
 
     Attributes
     ----------
     lateral, upward
         (T,) each [m/s²].
     tilt
-        Angle that was found [rad].
+        Tilt of the instrument [rad].
     gravity
-        Mean acceleration that was found [m/s²].
+        Mean acceleration of the instrument [m/s²].
     """
 
     lateral: Array
@@ -86,34 +86,40 @@ _MAX_VALUE = 1e100
 def resample(
     record: Record, rate: float, *, start: float | None = None, end: float | None = None, max_gap: int = 3
 ) -> Record:
-    """The record on a uniform time grid of `rate` [Hz], irregular time included, without aliasing.
+    """Resample a record to a uniform time grid of `rate` [Hz], without aliasing; irregular time is allowed.
 
     Each channel is interpolated by cubic splines to a grid at least as fine as it was recorded; where `rate` is lower,
-    that grid is a multiple of it and goes through a zero-phase low-pass at half of `rate` (flat to 0.4, nothing from
-    0.6) before every other sample but the wanted ones is dropped. Splines follow motion of up to a quarter of the
-    original rate to better than a percent. Angles that wrap (azimuth, yaw, direction) are resampled unwrapped and
-    wrapped again.
+    that grid is a multiple of it and goes through a zero-phase low-pass at half of `rate` (flat to 0.4, zero from 0.6)
+    before it is decimated. Splines follow motion of up to a quarter of the original rate to better than a percent.
+    Angles that wrap (azimuth, yaw, direction) are resampled unwrapped and wrapped again.
 
     Parameters
     ----------
-    record
+    record : Record
         Time regular or not.
-    rate
-        Of the new grid [Hz].
-    start, end
-        First and last time of the grid [s]; the record's own by default. What lies outside the record is missing.
-    max_gap
+    rate : float
+        Sampling rate of the new grid [Hz].
+    start, end : float, optional
+        First and last time of the grid [s]; the record's own by default. Samples outside the record are missing.
+    max_gap : int, default 3
         Gaps of up to this many missing samples are interpolated; longer ones are missing in the result.
 
     Returns
     -------
     Record
-        With an attribute that says from which rate it was resampled.
+        With an attribute that holds the rate before.
 
     Raises
     ------
     RecordError
         If the rate is not positive or the grid absurdly long.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> record = ws.simulate("tower", duration=60.0, rate=20.0)
+    >>> ws.signals.resample(record, 5.0).rate
+    5.0
     """
     first = float(record.time[0]) if start is None else float(start)
     last = float(record.time[-1]) if end is None else float(end)
@@ -263,21 +269,21 @@ def _low_pass(factor: int, margin: int) -> Array:
 
 
 def despike(values: ArrayLike, rate: float, *, threshold: float = 6.0, window: int = 11) -> Despiked:
-    """Take out single samples, and short bursts, that stand apart from their neighbours.
+    """Remove spikes: single samples, and short bursts, far from their neighbours.
 
     A sample is a spike where its distance from the median of `window` samples exceeds `threshold` robust standard
-    deviations (1.4826 MAD) twice over: of its own window (Hampel's filter, which leaves slopes and crests alone) and of
-    the ten seconds around (which leaves noise alone).
+    deviations (1.4826 MAD) twice over: of its own window (Hampel's filter, which keeps slopes and crests) and of the
+    ten seconds around (which keeps noise).
 
     Parameters
     ----------
-    values
+    values : array_like
         (T,), any unit; NaN = missing.
-    rate
-        Samples per second [Hz].
-    threshold
+    rate : float
+        Sampling rate [Hz].
+    threshold : float, default 6
         In robust standard deviations [1].
-    window
+    window : int, default 11
         Odd number of samples; bursts of less than half of it are found.
 
     Returns
@@ -292,7 +298,17 @@ def despike(values: ArrayLike, rate: float, *, threshold: float = 6.0, window: i
 
     References
     ----------
-    Davies & Gather 1993, doi:10.1080/01621459.1993.10476339.
+    Davies & Gather, J. Am. Stat. Assoc. 88, 1993, doi:10.1080/01621459.1993.10476339.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import windsysid as ws
+    >>> values = np.sin(0.1 * np.arange(400))
+    >>> values[100] += 5.0
+    >>> found = ws.signals.despike(values, rate=20.0)
+    >>> np.flatnonzero(found.spikes).tolist(), float(found.values[100])
+    ([100], nan)
     """
     y = np.array(values, dtype=np.float64)
     known = np.isfinite(y)
@@ -322,12 +338,12 @@ def despike(values: ArrayLike, rate: float, *, threshold: float = 6.0, window: i
 
 
 def remove_bias(values: ArrayLike) -> Unbiased:
-    """Take out the mean of a channel.
+    """Remove the mean of a channel.
 
     Parameters
     ----------
-    values
-        (T,), any unit; NaN = missing, left aside.
+    values : array_like
+        (T,), any unit; NaN = missing, ignored.
 
     Returns
     -------
@@ -338,6 +354,12 @@ def remove_bias(values: ArrayLike) -> Unbiased:
     ------
     RecordError
         If the channel holds no numbers.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> ws.signals.remove_bias([1.0, 2.0, float("nan"), 3.0])
+    Unbiased(values=array([-1.,  0., nan,  1.]), bias=2.0)
     """
     y = np.asarray(values, dtype=np.float64)
     if not np.isfinite(y).any():
@@ -347,28 +369,38 @@ def remove_bias(values: ArrayLike) -> Unbiased:
 
 
 def remove_gravity_and_tilt(lateral: ArrayLike, upward: ArrayLike, *, gravity: float = GRAVITY) -> LevelledPair:
-    """Turn a pair of accelerometer axes level, by the direction of gravity in their means, and take gravity out.
+    """Remove gravity and tilt from a pair of accelerometer axes, by the direction of gravity in their means.
 
     An instrument tilted by θ, counter-clockwise, reads (a + g ŷ) e^{−iθ} along its axes; with zero mean acceleration
-    the mean is i g e^{−iθ}, hence θ, and the pair times e^{iθ} less i g is a. A bias of b tilts the answer by b / g.
+    the mean is i g e^{−iθ}, hence θ, and the pair times e^{iθ} less i g is a. A bias of b tilts the result by b / g.
 
     Parameters
     ----------
-    lateral, upward
+    lateral, upward : array_like
         (T,) [m/s²], the second a quarter turn counter-clockwise from the first; NaN = missing, in both results.
-    gravity
+    gravity : float, default 9.80665
         Expected magnitude in the plane of the pair [m/s²].
 
     Returns
     -------
     LevelledPair
-        The level pair, the tilt and the gravity that were found.
+        The level pair, and the tilt and gravity that were found.
 
     Raises
     ------
     RecordError
         If shapes differ, no sample has both axes, or the mean is not within 10 % of gravity (an instrument that does
-        not read steady acceleration, or another unit).
+        not measure constant acceleration, or another unit).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import windsysid as ws
+    >>> motion = 0.1 * np.sin(np.arange(0.0, 60.0, 0.05))
+    >>> reading = (motion + 9.80665j) * np.exp(-0.02j)  # tilted by 0.02 rad
+    >>> found = ws.signals.remove_gravity_and_tilt(reading.real, reading.imag)
+    >>> round(found.tilt, 3), round(found.gravity, 3)
+    (0.02, 9.807)
     """
     first, second = (np.asarray(values, dtype=np.float64) for values in (lateral, upward))
     if first.shape != second.shape or first.ndim != 1:
@@ -381,7 +413,7 @@ def remove_gravity_and_tilt(lateral: ArrayLike, upward: ArrayLike, *, gravity: f
     if not abs(abs(mean) - gravity) < 0.1 * gravity:
         raise RecordError(
             f"tilt: expected a mean of {gravity:.4g} m/s² over the two axes, got {abs(mean):.4g}: the instrument does"
-            " not feel gravity, or its unit or the choice of axes is wrong"
+            " not measure gravity, or its unit or the choice of axes is wrong"
         )
     tilt = float(np.angle(1j / mean))
     level = reading * np.exp(1j * tilt) - 1j * abs(mean)

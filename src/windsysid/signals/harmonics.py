@@ -2,7 +2,7 @@ r"""The rotor's azimuth and speed from its own harmonics in the vibration, for r
 
 A symmetric rotor of N blades shakes its tower at N P, 2N P, …: the phase of that line turns N times as fast as the
 rotor. So the tower gives speed, and azimuth up to a constant (the phase between rotor and line is the structure's
-business). A blade's accelerometer turns with the blade and feels gravity: along the lag direction it reads
+business). A blade's accelerometer turns with the blade and measures gravity: along the lag direction it reads
 
     y_b = a_b + g cos ψ_b,     ψ_b = ψ + 2π (b − 1) / N,
 
@@ -37,7 +37,7 @@ _SURE_CLARITY = 30.0  # noise, followed where it is loudest, looks up to half as
 class HarmonicPhase(NamedTuple):
     """A line followed through a record: its phase, unwrapped (T,) [rad], its amplitude (T,), and how clear it is.
 
-    `clarity` is the power within a quarter of 1P of the line, against as much bandwidth beside it. Noise reaches 15,
+    `clarity` is the power within a quarter of 1P of the line, against as much bandwidth next to it. Noise reaches 15,
     because it is followed where it is loudest; below 30 nothing is to be trusted. `worst` is the same for the worst 16
     turns: where the line drowns, its phase may lose a turn.
     """
@@ -49,7 +49,7 @@ class HarmonicPhase(NamedTuple):
 
     @property
     def is_clear(self) -> bool:
-        """Whether the line stands out as a whole, and nowhere drowns."""
+        """True if the line is significant as a whole, and at no time below the noise."""
         return self.clarity > _SURE_CLARITY and self.worst > _MIN_CLARITY
 
 
@@ -61,20 +61,20 @@ def rotor_from_tower(
     blades: int = 3,
     search: float = 0.15,
 ) -> RotorMotion:
-    """Rotor speed, and azimuth up to a constant, from the blade-passing line in tower accelerations.
+    """Estimate rotor speed, and azimuth up to a constant, from the blade-passing frequency in tower accelerations.
 
     Parameters
     ----------
-    accelerations
+    accelerations : array_like
         One channel (T,) or several, any unit; NaN = missing, bridged. The channel with the clearest line is used.
-    rate
-        Samples per second [Hz].
-    rotor_speed
+    rate : float
+        Sampling rate [Hz].
+    rotor_speed : float
         The turbine's usual speed Ω [rad/s].
-    blades
-        N.
-    search
-        The mean speed is sought within this share of `rotor_speed` either way.
+    blades : int, default 3
+        Number of blades N.
+    search : float, default 0.15
+        Largest relative deviation of the mean speed from `rotor_speed`.
 
     Returns
     -------
@@ -85,6 +85,16 @@ def rotor_from_tower(
     ------
     RecordError
         If no channel shows the line.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import windsysid as ws
+    >>> time = np.arange(0.0, 60.0, 0.05)
+    >>> passing = np.sin(3 * 1.2 * time) + 0.1 * np.random.default_rng(0).standard_normal(time.size)
+    >>> found = ws.signals.rotor_from_tower(passing, 20.0, rotor_speed=1.25)
+    >>> round(float(found.speed[600]), 2), found.known_up_to_constant
+    (1.2, True)
     """
     channels = np.atleast_2d(np.asarray(accelerations, dtype=np.float64))
     lines = [
@@ -103,7 +113,7 @@ def rotor_from_tower(
     speed = smooth_slope(psi, rate)
     note = (
         f"from the {blades}P line, {line.clarity:.3g} times above its surroundings: the azimuth is known up to a"
-        " constant, not which blade is which, and wanders with the wind"
+        " constant, the blade numbers are not, with drift by wind"
     )
     return RotorMotion(psi, speed, smooth_slope(speed, rate), True, note)
 
@@ -111,19 +121,19 @@ def rotor_from_tower(
 def rotor_from_blades(
     accelerations: ArrayLike, rate: float, *, rotor_speed: float, search: float = 0.15
 ) -> RotorMotion:
-    """Azimuth and speed from accelerometers on the blades, by the gravity they feel.
+    """Estimate azimuth and speed of the rotor from accelerometers on the blades, by the gravity they measure.
 
     Parameters
     ----------
-    accelerations
+    accelerations : array_like
         (N, T) [m/s²], blade b in row b − 1, along the blade's lag direction, positive with the rotation, gravity
         included; a row of NaN for a blade without sensor; NaN = missing, bridged.
-    rate
-        Samples per second [Hz].
-    rotor_speed
+    rate : float
+        Sampling rate [Hz].
+    rotor_speed : float
         The turbine's usual speed Ω [rad/s].
-    search
-        The mean speed is sought within this share of `rotor_speed` either way.
+    search : float, default 0.15
+        Largest relative deviation of the mean speed from `rotor_speed`.
 
     Returns
     -------
@@ -133,7 +143,16 @@ def rotor_from_blades(
     Raises
     ------
     RecordError
-        If no 1P line is there, or the blades' phases contradict their order or signs.
+        If there is no 1P line, or the blades' phases contradict their order or signs.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import windsysid as ws
+    >>> azimuth = 1.2 * np.arange(0.0, 60.0, 0.05) + 2.0 * np.pi / 3.0 * np.arange(3)[:, None]  # one row for each blade
+    >>> found = ws.signals.rotor_from_blades(9.81 * np.cos(azimuth), 20.0, rotor_speed=1.25)
+    >>> round(float(found.speed[600]), 2), round(float(found.psi[600]), 1)
+    (1.2, 36.0)
     """
     rows = np.asarray(accelerations, dtype=np.float64)
     if rows.ndim != 2:
@@ -150,7 +169,7 @@ def rotor_from_blades(
     if not line.is_clear:
         raise RecordError(
             f"blade {fitted[0] + 1}: no 1P line stands out near {rotor_speed / (2 * np.pi):.3g} Hz"
-            f" ({_how_clear(line)}); does the sensor feel gravity, along the lag direction?"
+            f" ({_how_clear(line)}); does the sensor measure gravity, along the lag direction?"
         )
     width = 0.25 * rotor_speed / (2.0 * np.pi)
     turned = {b: _low_passed(y * np.exp(-1j * line.phase), rate, width) for b, y in whole.items()}
@@ -163,7 +182,7 @@ def rotor_from_blades(
     gravity = 2.0 * float(np.median(np.abs(total))) / len(fitted)
     note = (
         f"from gravity in {len(fitted)} of {blades} blades ({gravity:.3g} m/s² at 1P); if all sensors are reversed, the"
-        " azimuth is half a turn off, unseen"
+        " azimuth is half a turn off, undetected"
     )
     if len(fitted) == 1 and blades > 1:
         note += "; the order of the blades is not checked, one blade alone being fitted"
@@ -171,7 +190,7 @@ def rotor_from_blades(
 
 
 def _straight_ends(phase: Array, n: int) -> Array:
-    """`phase` continued over the first and last n samples at the mean speed of the n samples beside them."""
+    """`phase` continued over the first and last n samples at the mean speed of the n samples next to them."""
     result = phase.copy()
     n = min(n, len(phase) // 4)
     if n > 0:
@@ -189,7 +208,7 @@ def _how_clear(line: HarmonicPhase) -> str:
 
 
 def _check_order(seen: dict[int, complex], blades: int) -> None:
-    """Refuse phases that are not 2π (b − 1)/N apart, naming what they look like."""
+    """Refuse phases that are not 2π (b − 1)/N apart, with the likely cause."""
     first = min(seen)
     for b, value in seen.items():
         expected = 2.0 * np.pi * (b - first) / blades
@@ -202,7 +221,7 @@ def _check_order(seen: dict[int, complex], blades: int) -> None:
         elif abs(mirrored) < np.radians(20.0):
             what = "the blades are numbered the other way round: exchange two of them"
         else:
-            what = f"blade {b + 1} is {np.degrees(off):.0f}° from where it belongs: check channels and axes"
+            what = f"blade {b + 1} is {np.degrees(off):.0f}° from its expected position: check channels and axes"
         raise RecordError(f"blade accelerations: expected blade b at ψ + 360° (b − 1)/{blades}; {what}")
 
 
@@ -248,7 +267,7 @@ def follow_line(
     for _ in range(3):
         base = _low_passed(y * np.exp(-1j * phase), rate, width)
         phase = _straight_ends(phase + np.unwrap(np.angle(base)), round(2 * n / 3))
-    # Clarity: what lies within the width, against as much again beside it; medians, away from the ends.
+    # Clarity: what lies within the width, against as much again next to it; medians, away from the ends.
     wide = _low_passed(y * np.exp(-1j * phase), rate, 2.0 * width)
     base = _low_passed(y * np.exp(-1j * phase), rate, width)
     inner = slice(n, len(y) - n)

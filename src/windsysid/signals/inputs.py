@@ -1,4 +1,4 @@
-"""The known inputs of a mechanical model from a record: a model names them, and what a name means is said here once.
+"""Known inputs of a mechanical model from a record: the meaning of each input's name is defined here only.
 
 ``rotor_azimuth``, ``rotor_speed``, ``rotor_acceleration``
     ψ, Ω and dΩ/dt. Where the equations need the azimuth a record must tell it (`rotor_inputs`); where only loads turn

@@ -34,7 +34,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from windsysid._types import Array
 from windsysid.errors import RecordError
-from windsysid.signals.band import bridged, check_band, high_pass_gain, through
+from windsysid.signals.band import bridged, check_cutoff, high_pass_gain, through
 
 __all__ = ["GRAVITY", "METHODS", "Method", "Motion", "integrate"]
 
@@ -50,7 +50,7 @@ _QUIET = 0.05  # noise of a sample as a share of the signal, where the caller na
 
 
 class Motion(NamedTuple):
-    """Motion of one channel about zero.
+    """Velocity and displacement of one channel, about zero.
 
     Attributes
     ----------
@@ -77,22 +77,23 @@ def integrate(
 
     Parameters
     ----------
-    acceleration
+    acceleration : array_like
         (T,) [m/s² or rad/s²]; NaN = missing, bridged for the others and missing in the result.
-    rate
-        Samples per second [Hz].
-    cutoff
+    rate : float
+        Sampling rate [Hz].
+    cutoff : float
         Frequency [Hz] below which motion is removed (half the amplitude at the cut-off). Half of the lowest frequency
         of interest, rotor or mode, is a good choice. ``cumulative`` does not use it.
-    method
-        See the module; the default is the best of the table in docs/signals.md.
-    noise
-        Standard deviation of one sample [m/s²]. ``kalman`` alone uses it, and only to weigh a missing sample against a
-        noisy one; a twentieth of the signal by default.
-    roll_per_metre
-        κ [rad/m] of an accelerometer that feels gravity and rolls with the tower's top by κ per metre of displacement:
-        it reads a + g κ x. Only ``frequency`` and ``kalman`` can undo that. −0.0209 rad/m for the NREL 5 MW tower,
-        where it is 5 % of the displacement.
+    method : {"kalman", "frequency", "high-pass", "cumulative"}, default "kalman"
+        Kalman smoother, division by iω, trapezoidal rule with a high-pass, or trapezoidal rule alone. The default is
+        the most accurate in the table of docs/signals.md.
+    noise : float, optional
+        Standard deviation of one sample [m/s²], used by ``kalman`` only, for the weight of missing samples; a twentieth
+        of the signal by default.
+    roll_per_metre : float, default 0
+        κ [rad/m] of an accelerometer that is sensitive to gravity and rolls with the tower's top by κ per metre of
+        displacement: it reads a + g κ x. Only ``frequency`` and ``kalman`` can correct that. −0.0209 rad/m for the NREL
+        5 MW tower, where it is 5 % of the displacement.
 
     Returns
     -------
@@ -103,8 +104,26 @@ def integrate(
     ------
     RecordError
         If the channel holds no numbers, the cut-off lies outside 0 … rate / 2, or an option is out of range.
+
+    See Also
+    --------
+    causal_integrator : Integration of a stream.
+
+    References
+    ----------
+    Chatzi & Fuggini, Smart Structures and Systems 16(2), 2015, doi:10.12989/sss.2015.16.2.295 (``kalman``).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import windsysid as ws
+    >>> time = np.arange(0.0, 60.0, 0.05)
+    >>> acceleration = np.sin(2.0 * np.pi * 0.5 * time) + 0.3  # with a bias
+    >>> motion = ws.signals.integrate(acceleration, rate=20.0, cutoff=0.1)
+    >>> round(float(motion.displacement[400:800].max()), 4)  # 1 / (2π 0.5)² = 0.1013 m
+    0.1013
     """
-    check_band(cutoff, rate / 2.0, rate)
+    check_cutoff(cutoff, rate)
     acceleration = np.asarray(acceleration, dtype=np.float64)
     if acceleration.ndim != 1 or len(acceleration) < 2:
         raise RecordError(f"acceleration: expected (T,) with T ≥ 2, got {acceleration.shape}")
@@ -166,7 +185,7 @@ def _by_high_pass(acceleration: Array, rate: float, cutoff: float) -> Motion:
 
 
 def _by_frequency(acceleration: Array, rate: float, cutoff: float, roll_per_metre: float) -> Motion:
-    """Division by iω is exact for what was sampled; the trapezoidal rule loses (ω Δt)²/12 each time."""
+    """Division by iω is exact for sampled values; the trapezoidal rule loses (ω Δt)²/12 each time."""
 
     def displacement(f: Array) -> Any:
         squared = np.where(f > 0.0, 2.0 * np.pi * f, 1.0) ** 2  # at f = 0 the gain is 0 anyway

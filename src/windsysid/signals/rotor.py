@@ -1,4 +1,4 @@
-"""The rotor's azimuth and speed from what was recorded: an azimuth channel, an encoder, or pulses.
+"""Azimuth and speed of the rotor from the record: an azimuth channel, an encoder, or pulses.
 
 ψ is the azimuth of blade 1, counter-clockwise from +x looking upwind, the way the rotor turns; blade b sits at
 ψ + 2π (b − 1) / N. What a source cannot know is said in the result, in words. The record's own harmonics are a source
@@ -29,7 +29,7 @@ MAX_SPEED_FACTOR = 20.0
 
 
 class RotorMotion(NamedTuple):
-    """How the rotor turned, and what of it is not known.
+    """Azimuth, speed and acceleration of the rotor.
 
     Attributes
     ----------
@@ -38,9 +38,9 @@ class RotorMotion(NamedTuple):
     speed, acceleration
         Ω and dΩ/dt (T,) [rad/s, rad/s²].
     known_up_to_constant
-        True if ψ may be off by a constant; Ω is right all the same.
+        True if ψ may be off by a constant; Ω is not affected.
     note
-        What is not knowable from this source, and how well the rest is known, in words.
+        Accuracy of the result, and what the source does not determine, in words.
     """
 
     psi: Array
@@ -51,33 +51,42 @@ class RotorMotion(NamedTuple):
 
     @property
     def inputs(self) -> Array:
-        """(T, 3): what `rotor_inputs` gives for a recorded azimuth."""
+        """(T, 3): result of `rotor_inputs` for a recorded azimuth."""
         return np.column_stack([self.psi, self.speed, self.acceleration])
 
 
 def rotor_inputs(record: Record, rotor_speed: float) -> Array:
-    """Azimuth ψ (unwrapped), Ω and dΩ/dt of a uniformly sampled record, (T, 3) [rad, rad/s, rad/s²].
+    """Compute the inputs of a `RotorModel` from a uniformly sampled record: azimuth, speed and acceleration.
 
-    Needs the channel ``rotor_azimuth``; ``rotor_speed`` is used where it is recorded. Missing azimuths are bridged
+    It needs the channel ``rotor_azimuth``; ``rotor_speed`` is used where it is recorded. Missing azimuths are bridged
     by Ω; those that scatter about a smooth rotation are smoothed.
 
     Parameters
     ----------
-    record
+    record : Record
         Sampled uniformly.
-    rotor_speed
+    rotor_speed : float
         The turbine's usual speed [rad/s].
 
     Returns
     -------
     numpy.ndarray
-        (T, 3): ψ [rad], Ω [rad/s], dΩ/dt [rad/s²].
+        (T, 3): ψ, unwrapped [rad], Ω [rad/s], dΩ/dt [rad/s²].
 
     Raises
     ------
     RecordError
-        If there is no azimuth, a unit is wrong, the azimuth of a turning rotor does not run forward, or it contradicts
+        If there is no azimuth, a unit is wrong, the azimuth of a rotating rotor does not run forward, or it contradicts
         the recorded or the turbine's usual speed.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import windsysid as ws
+    >>> time = np.arange(0.0, 60.0, 0.05)
+    >>> record = ws.Record(time, (1.2 * time % (2.0 * np.pi))[:, None], ("rotor_azimuth",), ("rad",))
+    >>> ws.signals.rotor_inputs(record, rotor_speed=1.25)[600].round(2).tolist()
+    [36.0, 1.2, 0.0]
     """
     record = steadied(record)
     azimuth, measured = record["rotor_azimuth"], "rotor_speed" in record
@@ -117,7 +126,7 @@ def _check_rotation(mean_speed: float, drift: float, rotor_speed: float, *, meas
     if not turning > 0.0:
         raise RecordError(
             f"channel 'rotor_azimuth': expected angles that increase with time, got {turning:.3g} rad/s on average:"
-            " count them in the sense of rotation"
+            " count them in the direction of rotation"
         )
     if measured and abs(drift) > 0.02 * mean_speed:
         raise RecordError(
@@ -134,17 +143,17 @@ def _check_rotation(mean_speed: float, drift: float, rotor_speed: float, *, meas
 def rotor_from_encoder(
     angle: ArrayLike, rate: float, *, sense: Literal[1, -1] = 1, zero: float | None = None
 ) -> RotorMotion:
-    """Azimuth and speed from a shaft encoder.
+    """Estimate azimuth and speed of the rotor from a shaft encoder.
 
     Parameters
     ----------
-    angle
+    angle : array_like
         Shaft angle (T,) [rad], wrapped at 2π or not; NaN = missing, bridged at the rotor's mean speed.
-    rate
-        Samples per second [Hz]: more than two per turn.
-    sense
+    rate : float
+        Sampling rate [Hz]: more than two samples per turn.
+    sense : {1, -1}, default 1
         −1 for an encoder that counts against the rotation.
-    zero
+    zero : float, optional
         Azimuth of blade 1 [rad] at which the encoder reads 0; None: not known.
 
     Returns
@@ -156,6 +165,15 @@ def rotor_from_encoder(
     ------
     RecordError
         If the channel holds no angles, or they do not run in the sense of rotation.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import windsysid as ws
+    >>> angle = (1.2 * np.arange(0.0, 60.0, 0.05)) % (2.0 * np.pi)
+    >>> found = ws.signals.rotor_from_encoder(angle, 20.0, zero=0.0)
+    >>> round(float(found.speed[600]), 3), round(float(found.psi[600]), 2)
+    (1.2, 36.0)
     """
     angle = sense * np.asarray(angle, dtype=np.float64)
     known = np.isfinite(angle)
@@ -172,12 +190,12 @@ def rotor_from_encoder(
     psi, speed, acceleration = rotor_inputs(record, usual).T
     note = f"azimuth from the encoder; {np.count_nonzero(~known)} of {len(angle)} samples were missing and are bridged"
     if zero is None:
-        note += "; where the encoder's zero lies is not known: the azimuth is known up to a constant"
+        note += "; the encoder's zero is not known: the azimuth is known up to a constant"
     return RotorMotion(psi + (zero or 0.0), speed, acceleration, zero is None, note)
 
 
 def rotor_from_pulses(values: ArrayLike, rate: float, *, per_turn: int = 1, zero: float | None = None) -> RotorMotion:
-    """Azimuth and speed from a channel with one or several pulses per turn.
+    """Estimate azimuth and speed of the rotor from a channel with one or several pulses per turn.
 
     A pulse begins where the channel rises through the middle between its low and its high level, at a time
     interpolated between samples; it counts once the channel has been below a quarter in between. ψ runs through the
@@ -186,13 +204,13 @@ def rotor_from_pulses(values: ArrayLike, rate: float, *, per_turn: int = 1, zero
 
     Parameters
     ----------
-    values
+    values : array_like
         (T,), any unit; NaN = missing.
-    rate
-        Samples per second [Hz].
-    per_turn
+    rate : float
+        Sampling rate [Hz].
+    per_turn : int, default 1
         Pulses per turn, evenly spaced.
-    zero
+    zero : float, optional
         Azimuth of blade 1 [rad] at the beginning of a pulse; None: not known.
 
     Returns
@@ -203,7 +221,16 @@ def rotor_from_pulses(values: ArrayLike, rate: float, *, per_turn: int = 1, zero
     Raises
     ------
     RecordError
-        If there are fewer than three pulses, or the intervals make no sense.
+        If there are fewer than three pulses, or their intervals are inconsistent.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import windsysid as ws
+    >>> pulses = (1.2 * np.arange(0.0, 60.0, 0.05)) % (2.0 * np.pi) < 0.3
+    >>> found = ws.signals.rotor_from_pulses(pulses.astype(float), 20.0, zero=0.0)
+    >>> round(float(found.speed[600]), 2), found.known_up_to_constant
+    (1.2, False)
     """
     if per_turn < 1:
         raise RecordError(f"pulses per turn: expected 1 or more, got {per_turn}")
@@ -231,7 +258,7 @@ def rotor_from_pulses(values: ArrayLike, rate: float, *, per_turn: int = 1, zero
     psi = np.asarray(spline(inside), dtype=np.float64) + speed * (time - inside)
     acceleration = np.where(time == inside, np.asarray(spline(inside, 2), dtype=np.float64), 0.0)
     lost = int(np.sum(turns - 1.0))
-    note = f"{len(times)} pulses, {per_turn} per turn, {lost} lost; what happens between pulses is interpolated"
+    note = f"{len(times)} pulses, {per_turn} per turn, {lost} lost; the azimuth between pulses is interpolated"
     if zero is None:
         where = "at the pulse" if per_turn == 1 else f"at the pulse, and which of the {per_turn} pulses came first,"
         note += f"; the azimuth {where} is not known: the azimuth is known up to a constant"

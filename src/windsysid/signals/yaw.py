@@ -32,16 +32,16 @@ YAW_WINDOW_SECONDS = 10.0
 
 
 def to_nacelle(first: ArrayLike, second: ArrayLike, yaw: ArrayLike, *, bearing: float = 0.0) -> tuple[Array, Array]:
-    """A tower-fixed pair (T,) in nacelle axes: lateral x and downwind z, (T,) each, in the pair's unit.
+    """Transform a tower-fixed pair of channels to nacelle axes, lateral x and downwind z.
 
     Parameters
     ----------
-    first, second
-        Components (T,) along the bearing b and a quarter turn counter-clockwise from it; NaN = missing, in both
-        results.
-    yaw
-        Nacelle's compass bearing (T,) [rad], wrapped anywhere; missing values are bridged the shorter way round.
-    bearing
+    first, second : array_like
+        Components (T,) along the bearing b and a quarter turn counter-clockwise from it, in any unit; NaN = missing, in
+        both results.
+    yaw : array_like
+        Nacelle's compass bearing (T,) [rad], wrapped anywhere; missing values are bridged along the shorter arc.
+    bearing : float, default 0
         b [rad], clockwise from the yaw signal's zero.
 
     Returns
@@ -53,6 +53,15 @@ def to_nacelle(first: ArrayLike, second: ArrayLike, yaw: ArrayLike, *, bearing: 
     ------
     RecordError
         If shapes differ or the yaw holds no numbers.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import windsysid as ws
+    >>> north, west, yaw = np.ones(2), np.zeros(2), np.radians([0.0, 30.0])
+    >>> lateral, downwind = ws.signals.to_nacelle(north, west, yaw)
+    >>> lateral.round(3).tolist(), downwind.round(3).tolist()
+    ([0.0, -0.5], [-1.0, -0.866])
     """
     u1, u2, gamma = (np.asarray(values, dtype=np.float64) for values in (first, second, yaw))
     if not (u1.ndim == 1 and u1.shape == u2.shape == gamma.shape):
@@ -65,21 +74,21 @@ def to_nacelle(first: ArrayLike, second: ArrayLike, yaw: ArrayLike, *, bearing: 
 def with_nacelle_axes(
     record: Record, first: str, second: str, *, yaw: str = "nacelle_yaw", bearing: float = 0.0, point: str = "tower"
 ) -> Record:
-    """The record with ``<point>_x_<quantity>`` and ``<point>_z_<quantity>`` made from two tower-fixed channels.
+    """Add ``<point>_x_<quantity>`` and ``<point>_z_<quantity>`` to a record, from two tower-fixed channels.
 
     Parameters
     ----------
-    record
+    record : Record
         With both channels and the yaw.
-    first, second
+    first, second : str
         Channels along the bearing b and a quarter turn counter-clockwise from it; the quantity is the last word of
         `first`.
-    yaw
+    yaw : str, default "nacelle_yaw"
         Channel of the nacelle's bearing [rad].
-    bearing
-        b [rad].
-    point
-        Of the sensor, the first word of the new channels.
+    bearing : float, default 0
+        b [rad], clockwise from the yaw signal's zero.
+    point : str, default "tower"
+        First word of the names of the new channels.
 
     Returns
     -------
@@ -90,6 +99,21 @@ def with_nacelle_axes(
     ------
     RecordError
         If a channel is missing, units differ, the yaw is no angle, or a channel of that name is there already.
+
+    See Also
+    --------
+    to_nacelle : The transformation itself.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import windsysid as ws
+    >>> time = np.arange(0.0, 10.0, 0.1)
+    >>> values = np.column_stack([np.sin(time), np.cos(time), np.zeros_like(time)])
+    >>> names, units = ("north_acceleration", "west_acceleration", "nacelle_yaw"), ("m/s^2", "m/s^2", "rad")
+    >>> record = ws.Record(time, values, names, units)
+    >>> ws.signals.with_nacelle_axes(record, "north_acceleration", "west_acceleration").channels[-2:]
+    ('tower_x_acceleration', 'tower_z_acceleration')
     """
     if record.unit(first) != record.unit(second):
         raise RecordError(
@@ -107,20 +131,20 @@ def with_nacelle_axes(
 
 
 def tower_inputs(record: Record, rotor_speed: float, *, needs_yaw: bool) -> Array:
-    """The inputs of a `TowerModel`: ψ, Ω, γ, γ̇, γ̈ of a uniformly sampled record, (T, 5) [rad, rad/s …].
+    """Compute the inputs of a `TowerModel` from a uniformly sampled record: azimuth and speed of the rotor, and yaw.
 
-    The azimuth is the record's, or else its ``rotor_speed`` summed up from an unknown start, or else that of the usual
+    The azimuth is the record's, or else its ``rotor_speed`` integrated from an unknown start, or else that of the usual
     `rotor_speed` [rad/s]. The yaw is the channel ``nacelle_yaw``, smoothed by local parabolas over ten seconds, or
     else constant.
 
     Parameters
     ----------
-    record
+    record : Record
         Sampled uniformly.
-    rotor_speed
+    rotor_speed : float
         The turbine's usual speed [rad/s].
-    needs_yaw
-        Whether a sensor is fixed to the tower.
+    needs_yaw : bool
+        True if a sensor is fixed to the tower.
 
     Returns
     -------
@@ -130,8 +154,14 @@ def tower_inputs(record: Record, rotor_speed: float, *, needs_yaw: bool) -> Arra
     Raises
     ------
     RecordError
-        If `needs_yaw`, for a sensor that is fixed to the tower, and the record has none; or a unit or an azimuth is
-        wrong.
+        If `needs_yaw` and the record has no yaw; or a unit or an azimuth is wrong.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> record = ws.simulate("tower", duration=60.0, rate=20.0)
+    >>> ws.signals.tower_inputs(record, rotor_speed=1.267, needs_yaw=False).shape
+    (1200, 5)
     """
     check_units(record, {"rotor_speed": "rad/s", "nacelle_yaw": "rad"})
     inputs = np.zeros((record.samples, 5))

@@ -1,1 +1,1 @@
-"""What a turbine's sensors record: random loads or wind, integrated between samples."""
+"""Simulation of a turbine's sensors: random loads or wind, integrated between samples."""

@@ -33,7 +33,7 @@ FILES = (
     ("building.csv", "five storeys in ambient vibration, no model", "oma building.csv"),
     ("logger.csv", "a tower, with a logger's names and units", "start logger.csv --turbine tower"),
 )
-"""Each example with what it is and a command."""
+"""Examples, each with a description and a command."""
 
 
 class Building(NamedTuple):

@@ -42,7 +42,7 @@ def integrate(
     substeps
         Integration steps between two samples.
     within
-        What loads are beside a straight line over the step that leads to each sample (T, n_w); nothing by default.
+        What loads are in addition to a straight line over the step to each sample (T, n_w); nothing by default.
 
     Raises
     ------
@@ -72,7 +72,7 @@ def integrate(
 
 
 def check_bounded(response: Response, rate: float, motion: str, causes: str) -> None:
-    """Refuse a response that grows without bound, with the time and what to check."""
+    """Refuse a response that grows without bound, with the time and advice."""
     finite = np.isfinite(response.states).all(axis=1)
     if not finite.all():
         when = int(np.argmin(finite)) / rate
@@ -88,7 +88,7 @@ def constant_speed_inputs(rotor_speed: float, duration: float, rate: float) -> A
 @lru_cache(maxsize=1)
 def integrator() -> Any:
     """The compiled loop, one for all models: with damping C (T, n, n), loads fall by C times the velocities and are
-    written; without, C is empty, as is what loads are beside a straight line (T, n_w) where they are nothing."""
+    written; without, C is empty, as is what loads are in addition to a straight line (T, n_w) without any."""
     model, vector, matrix = types.FunctionType(VALUE), types.float64[::1], types.float64[:, ::1]
     integer, real = types.int64, types.float64
     return compiled(

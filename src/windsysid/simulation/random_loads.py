@@ -27,7 +27,7 @@ def draw_loads(
     blocks
         Load models, such as `windsysid.statespace.gauss_markov.GaussMarkov`, or what a hypothesis supposes.
     names
-        Of the loads that are wanted.
+        Of the loads that are required.
     rate
         Samples per second [Hz].
     azimuth
@@ -47,8 +47,8 @@ def draw_within_steps(
     blocks: Sequence[LoadModel], names: Sequence[str], samples: int, rate: float, rng: np.random.Generator,
     azimuth: Array | None = None,
 ) -> Array:  # fmt: skip
-    """Draw what the same loads are beside a straight line over the step that leads to each sample (T, n_w); arguments
-    as for `draw_loads`."""
+    """Draw what the same loads are in addition to a straight line over the step that leads to each sample (T, n_w);
+    arguments as for `draw_loads`."""
     roots = [within_step(block, 1.0 / rate) for block in blocks]
     states = [rng.standard_normal((samples, root.shape[1])) @ root.T for root in roots]
     middle = None if azimuth is None else azimuth - 0.5 * np.diff(azimuth, prepend=azimuth[:1])
@@ -58,7 +58,7 @@ def draw_within_steps(
 def _driven(
     blocks: Sequence[LoadModel], states: Sequence[Array], names: Sequence[str], samples: int, azimuth: Array | None
 ) -> Array:
-    """What the states (T, n) of each block drive (T, n_w)."""
+    """Loads of the states (T, n) of each block (T, n_w)."""
     drawn = np.zeros((samples, len(names)))
     for block, own in zip(blocks, states, strict=True):
         for name, rows in block.outputs.items():

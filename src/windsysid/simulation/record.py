@@ -1,4 +1,4 @@
-"""Simulation: the reference response of a model and what its sensors read, by RK4 between samples.
+"""Simulation: the reference response of a model and the readings of its sensors, by RK4 between samples.
 
 The simulator calls the kernels that the filters call (`windsysid.mechanics.compile`). Inputs run linearly between
 samples; random loads move the machine as they do in continuous time (`windsysid.statespace.within_step`).
@@ -29,7 +29,7 @@ WIND = ("wind", "wind-feedback")
 """Loads that are simulated from turbulence and not drawn from a hypothesis."""
 
 SHARE = 0.7
-"""Of the memory of a machine: what a simulation may take."""
+"""Largest share of a machine's memory for a simulation."""
 
 LEAD_IN = 60.0
 """Seconds simulated, at least, before a record starts."""
@@ -42,30 +42,56 @@ longest time [s] that is simulated for that."""
 def simulate_record(
     turbine: TurbineLike, *, duration: float, rate: float, seed: int = 0, loads: str = "random"
 ) -> Record:
-    """What the turbine's sensors record at its usual rotor speed; SI, reproducible for a seed.
+    """Simulate the record of the turbine's sensors at its usual rotor speed.
 
     Parameters
     ----------
-    duration
-        [s].
-    rate
-        Samples per second [Hz].
-    loads
-        What drives the turbine. ``"random"``: the Gauss–Markov loads of its file. The name of a hypothesis
-        (`windsysid.loads.family`): what that supposes, with the file's statistics. ``"wind"``: turbulent wind on the
-        packaged blades (docs/wind.md), as if tower and blades stood still. ``"wind-feedback"``: with their motion,
-        aerodynamic damping included.
+    turbine : Turbine, str or Path
+        A turbine, the name of a packaged one, or the path of a TOML file.
+    duration : float
+        Length of the record [s].
+    rate : float
+        Sampling rate [Hz].
+    seed : int, default 0
+        Seed of loads and sensor noise: the same seed gives the same record.
+    loads : str, default "random"
+        Loads that act. ``"random"``: the Gauss–Markov loads of the turbine file. The name of a load hypothesis
+        (`windsysid.loads.family`), with the statistics of the file. ``"wind"``: turbulent wind on the packaged blades
+        (docs/wind.md) without the motion of tower and blades. ``"wind-feedback"``: with their motion, aerodynamic
+        damping included.
 
     Returns
     -------
     Record
-        The sensors' channels in SI, with ``rotor_azimuth`` [rad] and ``rotor_speed`` [rad/s] of a rotor that turns.
+        The channels of the sensors in SI units, with ``rotor_azimuth`` [rad] and ``rotor_speed`` [rad/s] of a rotor
+        that turns.
 
     Raises
     ------
     ConfigurationError
         If duration or rate are out of range, there are no such loads or none for this turbine, or the motion grows
         without bound.
+
+    See Also
+    --------
+    identify : Identification from a record.
+    plan : Accuracy of a planned record.
+    windsysid.simulation.examples : Records to try the commands on.
+
+    Notes
+    -----
+    Gauss–Markov loads are discretised exactly; the motion is integrated by the fourth-order Runge–Kutta method.
+
+    References
+    ----------
+    Särkkä & Solin, Applied Stochastic Differential Equations, Cambridge 2019, ch. 6.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> record = ws.simulate("tower", duration=60.0, rate=20.0, seed=1)
+    >>> record.samples, record.channels[-2:]
+    (1200, ('tower_x_acceleration', 'tower_z_acceleration'))
     """
     turbine = as_turbine(turbine)
     if loads not in (playable := ("random", *WIND, *HYPOTHESES)):
@@ -113,7 +139,7 @@ class _Machine(NamedTuple):
 
     @property
     def at_rest(self) -> dict[str, Any]:
-        """How to integrate from rest."""
+        """Settings of an integration from rest."""
         return {"rate": self.rate, "start": np.zeros(len(self.model.states)), "substeps": self.substeps}
 
     def recorded(self, readings: Array, lead: int) -> Record:
@@ -176,7 +202,7 @@ def _check_sampling(duration: float, rate: float, fastest: float) -> None:
 
 
 def _check_memory(turbine: Turbine, duration: float, rate: float, before: float) -> None:
-    """Refuse what does not fit into the memory of this machine, with `before` [s] simulated in addition."""
+    """Refuse a simulation that does not fit into the memory of this machine, with `before` [s] in addition."""
     columns = 4 * len(turbine.model.states) + 3 * (3 + len(turbine.loads) + len(turbine.sensors))
     needed, there = 8e-9 * columns * rate * (before + duration), memory()
     if needed > SHARE * there:

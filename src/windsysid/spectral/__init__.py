@@ -1,2 +1,2 @@
-"""Identification from spectra: modes of any structure from ambient vibration, and what the model says of the
+"""Identification from spectra: modes of any structure from ambient vibration, and the model's properties from the
 spectra."""

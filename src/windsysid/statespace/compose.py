@@ -26,7 +26,7 @@ __all__ = ["LoadBlocks", "StateSpace", "compose", "discretise_loads", "parameter
 
 @dataclass(frozen=True)
 class StateSpace:
-    """A composed model: what every filter runs.
+    """Composed state-space model, as every filter runs it.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class StateSpace:
 
     @cached_property
     def parameter_block(self) -> slice:
-        """Where θ sits in the state."""
+        """Indices of θ in the state."""
         return slice(len(self.states) - len(self.parameters), len(self.states))
 
 
@@ -79,35 +79,35 @@ def compose(
     walk: Mapping[str, float] | None = None,
     gate: float | None = None,
 ) -> StateSpace:
-    """Build the state-space model of `model` seen through `sensors`.
+    """Compose the state-space model of `model` with `sensors`, loads and priors.
 
     Parameters
     ----------
-    model
-        A `RotorModel` or any `Equations`.
-    rate
-        Samples per second [Hz].
-    intervals
+    model : Equations or MechanicalModel
+        Equations of motion.
+    rate : float, optional
+        Sampling rate [Hz].
+    intervals : array_like, optional
         For unequal sampling, instead of `rate`: the sampling intervals that occur [s], (S,).
-    values
-        Value of every parameter of the model that is not identified, SI.
-    parameters
+    values : mapping of str to float
+        Value of every parameter of the model that is not identified, in SI.
+    parameters : sequence of Parameter, optional
         The parameters to identify; their derivatives are compiled.
-    loads
+    loads : sequence of GaussMarkov or LoadBlock, optional
         Models of the loads that are states; those on one degree of freedom add up. Loads without one are zero or known
         inputs.
-    continuous
-        Whether such loads go on between samples as their processes do, as those on a machine; by default they run
-        along straight lines, as known loads and those of a simulation at samples do.
-    sensors
+    continuous : bool, default False
+        True if such loads vary between samples as their processes do, as on a real machine; by default they vary
+        linearly, as known loads and those of a simulation.
+    sensors : sequence of Reading or Sensor, optional
         Sensors of the readings, with ``channel``, ``noise``, ``bias`` and ``drift`` where there is a bias.
-    mean, cov
-        Prior of the mechanical states (n_x,), (n_x, n_x); zero and the identity by default.
-    walk
+    mean, cov : array_like, optional
+        Prior of the mechanical states (n_x,), (n_x, n_x), in their units; zero and the identity by default.
+    walk : mapping of str to float, optional
         Standard deviation per √s of a parameter that drifts, in filter coordinates.
-    gate
+    gate : float, optional
         Standard deviations of its own innovation [1] beyond which a reading is left out as if it were missing, and
-        reported (`windsysid.filters.Info`, ``gated``). None leaves nothing out.
+        reported (`windsysid.filters.Info`, ``gated``). By default none is left out.
 
     Returns
     -------
@@ -119,6 +119,23 @@ def compose(
     ConfigurationError
         If a value is missing or not finite, a load is unknown or two blocks share a state's name, the rate, a noise or
         the gate is not positive, a channel is read twice, or the prior does not fit the states.
+
+    References
+    ----------
+    Van Loan, IEEE Trans. Automatic Control 23(3), 1978, doi:10.1109/TAC.1978.1101743 (discretisation of loads).
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> import windsysid as ws
+    >>> q, v, w, k = sp.symbols("q v w k")
+    >>> spring = ws.models.Equations("spring", (q, v), (), (k,), (w,), (v, w - 0.2 * v - k * q))
+    >>> load = ws.models.GaussMarkov("w", rms=1.0, time_constant=0.5)
+    >>> sensor = ws.models.Reading("position", q, noise=0.01)
+    >>> stiffness = ws.models.Parameter("k", 4.0, 0.5)
+    >>> model = ws.models.compose(spring, rate=20.0, values={}, parameters=[stiffness], loads=[load], sensors=[sensor])
+    >>> model.states, model.cov.shape
+    (('q', 'v', 'w', 'k'), (4, 4))
     """
     names = [parameter.name for parameter in parameters]
     compiled = compile_model(model, sensors, names)
@@ -167,7 +184,7 @@ def _sensor_arrays(sensors: Sequence[Any]) -> tuple[list[Any], NDArray[np.int64]
 def _parameter_arrays(
     compiled: CompiledModel, values: Mapping[str, float], parameters: Sequence[Parameter]
 ) -> dict[str, Array]:
-    """What `Blocks` holds of the parameters."""
+    """Parameters in `Blocks`."""
     p = np.empty(len(compiled.parameters))
     known = dict(values) | {parameter.name: parameter.centre for parameter in parameters}
     for i, name in enumerate(compiled.parameters):

@@ -22,9 +22,10 @@ Samples at twice that have the spectrum of a process cut off there, to within 5 
 
 @dataclass(frozen=True)
 class GaussMarkov:
-    """A first-order Gauss–Markov load on one degree of freedom: mean zero, correlation exp(−|t| / time_constant).
+    """First-order Gauss–Markov load on one degree of freedom: mean zero, correlation exp(−|t| / time_constant).
 
-    With a `harmonic` n, the line nP whose amplitude wanders: a cos nψ + b sin nψ, where a and b are two such processes.
+    With a `harmonic` n, a rotor harmonic nP of varying amplitude: a cos nψ + b sin nψ, where a and b are two such
+    processes.
 
     Attributes
     ----------
@@ -33,13 +34,27 @@ class GaussMarkov:
     rms
         Stationary standard deviation [N or N·m].
     time_constant
-        [s].
+        Correlation time [s].
     harmonic
         n; 0: the process itself.
     low_pass
-        [Hz]; where the record went through an anti-aliasing low-pass, what it knows of the process did too: a
-        Butterworth filter at `CUT_OFF_FACTOR` times that frequency. Without it the samples of the process hold power
-        from above half the rate which those of the record do not, and a mode's damping pays for it.
+        Cut-off [Hz] of the anti-aliasing low-pass of the record: the process is then filtered by a Butterworth low-pass
+        at `CUT_OFF_FACTOR` times that frequency. Without it, samples of the process contain power from above half the
+        sampling rate that the record does not, which biases the damping of a mode.
+
+    References
+    ----------
+    Särkkä & Solin, Applied Stochastic Differential Equations, Cambridge 2019, ch. 6.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> load = ws.models.GaussMarkov("load_x", rms=2e4, time_constant=1.0)  # [N], [s]
+    >>> transition, noise = load.discretise(0.5)
+    >>> transition.round(3).tolist(), (noise / 1e8).round(3).tolist()
+    ([[0.607]], [[2.528]])
+    >>> ws.models.GaussMarkov("load_x", rms=5e3, time_constant=10.0, harmonic=3).states
+    ('load_x_3P_cosine', 'load_x_3P_sine')
     """
 
     load: str

@@ -1,4 +1,4 @@
-"""What `compose` needs of a load model: a stationary linear block of states that drives the mechanics."""
+"""Interface of a load model in `compose`: a stationary linear block of states that drives the mechanics."""
 
 from collections.abc import Mapping
 from typing import Protocol
@@ -9,7 +9,7 @@ __all__ = ["LoadModel"]
 
 
 class LoadModel(Protocol):
-    """What `compose` needs of a load model."""
+    """Interface of a load model in `compose`."""
 
     @property
     def states(self) -> tuple[str, ...]:

@@ -14,10 +14,10 @@ __all__ = ["Parameter"]
 
 @dataclass(frozen=True)
 class Parameter:
-    """A physical parameter to identify, with its prior in filter coordinates.
+    """Physical parameter to identify, with its prior in filter coordinates.
 
-    Stiffness and mass are log-scaled, p = scale · exp(θ), and stay positive. Damping is linear, p = scale · θ, and
-    may be negative: a stalled blade is exactly what must be seen.
+    Stiffness and mass are log-scaled, p = scale · exp(θ), and stay positive. Damping is linear, p = scale · θ, and may
+    be negative, as of a stalled blade.
 
     Attributes
     ----------
@@ -28,12 +28,22 @@ class Parameter:
     spread
         Prior standard deviation: relative for a logarithmic parameter, in SI for a linear one.
     logarithmic
-        Whether θ = ln(p / centre).
+        True if θ = ln(p / centre).
     scale
         Scale of a linear parameter [SI], 2√(km) for a damper; ignored for a logarithmic one.
     kind, part
         Kind of the parameter, and the degree of freedom or other part that it belongs to, as the model declares them
         (`windsysid.models.Coefficient`); empty where the model leaves them open.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> stiffness = ws.models.Parameter("k", centre=4.0, spread=0.5)
+    >>> stiffness.prior, float(stiffness.physical(0.1).round(3))
+    ((0.0, 0.5), 4.421)
+    >>> damper = ws.models.Parameter("c", centre=0.2, spread=0.1, logarithmic=False, scale=4.0)
+    >>> damper.prior
+    (0.05, 0.025)
     """
 
     name: str

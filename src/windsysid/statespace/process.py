@@ -27,18 +27,27 @@ __all__ = [
 
 @dataclass(frozen=True, eq=False)
 class LoadBlock:
-    """Any stationary linear block.
+    """Stationary linear process that drives one or several loads.
 
     Attributes
     ----------
     states
-        Names of its n states, its own among those of all blocks.
+        Names of its n states, different from those of other blocks.
     drift
         A (n, n) [1/s], all eigenvalues in the left half plane.
     cov
         Stationary covariance P (n, n).
     outputs
         For each load that it drives, the rows of H(ψ) (1 + 2K, n); see `LoadModel`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import windsysid as ws
+    >>> pole, rms = -2.0, 1e3  # [1/s], [N]
+    >>> block = ws.models.LoadBlock(("gust",), np.array([[pole]]), np.array([[rms**2]]), {"load_x": np.ones((1, 1))})
+    >>> block.discretise(0.5)[0].round(3).tolist()
+    [[0.368]]
     """
 
     states: tuple[str, ...]
@@ -151,7 +160,7 @@ def rational(rms: float, poles: ArrayLike, zeros: ArrayLike = ()) -> Process:
 def _shape(given: tuple[complex, ...], of_zeros: tuple[complex, ...]) -> Process | None:
     """`rational` of whatever rms; None where poles or zeros are not as they must be.
 
-    Kept, since the thousands of models that a search asks for differ in levels and coefficients much more often than in
+    Kept, since the thousands of models of a search differ in levels and coefficients much more often than in
     poles and zeros.
     """
     poles, zeros = np.array(given, dtype=np.complex128), np.array(of_zeros, dtype=np.complex128)
@@ -169,13 +178,13 @@ def _shape(given: tuple[complex, ...], of_zeros: tuple[complex, ...]) -> Process
     value = np.zeros(n)
     value[: len(zeros) + 1] = np.atleast_1d(np.poly(zeros / unit)).real[::-1]
     for array in (drift, cov, value):
-        array.flags.writeable = False  # all who ask for this shape share them
+        array.flags.writeable = False  # shared by all callers with this shape
     return Process(drift, cov, value)
 
 
 @dataclass(frozen=True)
 class PlacedProcess:
-    """Independent copies of a process, and what they drive.
+    """Independent copies of a process, and their loads.
 
     Attributes
     ----------

@@ -8,7 +8,7 @@ normals ξ
 
 x goes through RK4 together with its sensitivities to x₀, w₀, w₁ and p; z is discretised exactly; b and θ stay (or
 walk). The load noise η reaches x₁ through w₁, and Q carries that correlation. R ξ is what load states do within the
-step beside a straight line (`windsysid.statespace.within_step`).
+step in addition to a straight line (`windsysid.statespace.within_step`).
 """
 
 from typing import Any
@@ -47,7 +47,7 @@ def set_parameters(blocks: Any, ws: Any, mean: Any) -> None:
 
 @pasted
 def interval(blocks: Any, inputs: Any) -> int:
-    """Which of the model's sampling intervals led to the sample of these inputs."""
+    """Index of the model's sampling interval before the sample of these inputs."""
     return 0 if blocks.step.size == 1 else int(inputs[inputs.size - 1])
 
 
@@ -86,7 +86,7 @@ def set_stage_inputs(blocks: Any, ws: Any, before: Any, after: Any, at: float) -
 def move(rates: Any, blocks: Any, ws: Any, state: Any, eta: Any, before: Any, after: Any) -> None:
     """The mechanical states one step on from `state` with the load noise `eta` (n_z,), by values alone, in ``ws.x``.
 
-    Load states are left in ``ws.z``; ``ws.middle`` is what they are beside a straight line. It is what
+    Load states are left in ``ws.z``; ``ws.middle`` is what they are in addition to a straight line. It is what
     `linearise_transition` computes, without sensitivities.
     """
     nx, nz, _, _, _, _ = blocks.sizes

@@ -67,7 +67,7 @@ class Unknowns(NamedTuple):
         return Unknowns(**{block: getattr(self, block) for block in blocks})
 
     def vector(self, **values: ArrayLike) -> Array:
-        """All unknowns (n,): blocks with these values, zeros elsewhere."""
+        """All unknowns (n,): blocks with these values, zeros otherwise."""
         found = np.zeros(self.size)
         for block, value in values.items():
             found[self.of(block)] = value  # type: ignore[arg-type]
@@ -75,6 +75,6 @@ class Unknowns(NamedTuple):
 
     def from_other(self, values: Array, other: "Unknowns") -> Array:
         """All unknowns (n,), with the `values` of another problem's unknowns in the blocks that are the same, zeros
-        elsewhere."""
+        otherwise."""
         same = [block for block, ours, theirs in zip(self._fields, self, other, strict=True) if ours == theirs]
         return self.vector(**{block: values[other.of(block)] for block in same})  # type: ignore[arg-type]

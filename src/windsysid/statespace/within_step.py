@@ -1,9 +1,9 @@
-"""What loads do within a step, beside the straight line between its ends.
+"""Loads within a step: deviation from the straight line between its ends.
 
 The noise that drives a first-order load, dz = −z/τ dt + dβ, never rests. Given the load at both ends of a step of
-length h, what it does beside the straight line is a Brownian bridge of the noise's density L: its integral over the
-step has the covariance L h³/12, and that integral is what moves a mass. A constant of the covariance L h/12 over the
-step does the same to velocities, and nearly the same to positions (h⁵/48 instead of h⁵/45). Left out, loads lack a
+length h, what it does in addition to the straight line is a Brownian bridge of the noise's density L: its integral over
+the step has the covariance L h³/12, and that integral is what moves a mass. A constant of the covariance L h/12 over
+the step does the same to velocities, and nearly the same to positions (h⁵/48 instead of h⁵/45). Left out, loads lack a
 hundredth of their power at a mode whose period is twenty steps, and a search that sees this takes it for a longer
 memory: of ten minutes rms and time constant came out 1.14 and 1.29 times too large (docs/decisions.md).
 
@@ -36,7 +36,7 @@ NOTHING = 1e-4
 
 
 def within_step(load: LoadModel, step: float) -> Array:
-    """R (n, r): beside a straight line over `step` [s] the n states of a load are R ξ, with r unit normals ξ.
+    """R (n, r): in addition to a straight line over `step` [s] the n states of a load are R ξ, with r unit normals ξ.
 
     Noise that no output sees directly is left out.
     """

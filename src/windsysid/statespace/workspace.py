@@ -14,7 +14,7 @@ __all__ = ["BLOCKS", "WORKSPACE", "Blocks", "Matrix", "Vector", "Workspace", "sc
 
 
 class Blocks(NamedTuple):
-    """A composed model as plain arrays: what the kernels of every filter receive.
+    """Composed model as plain arrays: argument of the kernels of every filter.
 
     Attributes
     ----------
@@ -38,8 +38,8 @@ class Blocks(NamedTuple):
     load_output
         H₀, C₁, S₁, C₂ … of H(ψ) = H₀ + Σ_k (C_k cos kψ + S_k sin kψ), (1 + 2K, n_w, n_z).
     load_within
-        R for each interval (S, n_z, r): what load states do within a step beside a straight line, as r unit normals
-        that hold over the step (`windsysid.statespace.within_step`); r = 0 where they run along it.
+        R for each interval (S, n_z, r): what load states do within a step in addition to a straight line, as r unit
+        normals that hold over the step (`windsysid.statespace.within_step`); r = 0 where they run along it.
     walk
         Variance per step of each bias and parameter, for each interval (S, n_b + n_θ).
     bias_of
@@ -100,7 +100,7 @@ class Workspace(NamedTuple):
     H0, H1
         H(ψ) at either end of the step (n_w, n_z⁺).
     middle
-        What load states are beside a straight line over the whole step (n_z,); zero but for points drawn there.
+        What load states are in addition to a straight line over the whole step (n_z,); zero but for points drawn there.
     load_output, phi, Q, R
         `load_output`, `load_transition`, `load_noise` and `load_within` of `Blocks`, one matrix below the other (·,
         n_z⁺), (·, r⁺).

@@ -21,7 +21,7 @@ __all__ = ["START", "identify_section", "record_balance"]
 
 
 START = Prior(stiffness=1.3, damping=0.7, spread=1.0)
-"""Where every identification of the study starts."""
+"""Start of every identification of the study."""
 
 
 def record_balance(
@@ -30,7 +30,7 @@ def record_balance(
     loads: Array | None,
     jacobian: Literal["exact", "differences"] = "exact",
 ) -> Balance:
-    """The force balance of a whole record, told these loads (T, n) or none."""
+    """The force balance of a whole record, with these loads (T, n) or none."""
     band = analysis_band(turbine)
     motion = measured_motion(reference.record, turbine, cutoff=band[0] / 2.0)
     measured = MeasuredMotion(motion, reference.inputs[:, :3], loads, RATE)

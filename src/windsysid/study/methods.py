@@ -1,5 +1,5 @@
-"""The methods side by side on the same records: what each must be told, how wrong it is, whether its bands hold, how
-long it takes.
+"""Comparison of methods on the same records: inputs of each, errors, coverage of its intervals, and
+time.
 
 ``python -m windsysid.study.methods [--runs N]`` prints the table that the study's report shows: 100 s sections of the
 reference scenario, priors of the joint formulation drawn 30 % off. Errors and bands are those at the end of the
@@ -36,7 +36,7 @@ __all__ = ["Method", "gather", "method_table", "run_methods"]
 
 
 WRONG_LOAD_FACTOR = 3.0
-"""Factor by which the loads' rms is wrong in the row that shows what that costs."""
+"""Factor by which the loads' rms is wrong in the row on the cost of such an error."""
 
 
 class Method(NamedTuple):
@@ -45,7 +45,7 @@ class Method(NamedTuple):
     Attributes
     ----------
     name, told
-        In words; what it must be told beside what it measures.
+        In words; required inputs in addition to the measurements.
     names
         Of the coefficients.
     error
@@ -111,7 +111,7 @@ def gather(runs: Sequence[Method]) -> list[Method]:
 
 
 def _methods(turbine: Turbine, seed: int) -> Iterator[tuple[str, str, Callable[[], tuple[Array, Array]]]]:
-    """Every method on the record of one seed: its name, what it is told, and the run itself."""
+    """Every method on the record of one seed: its name, its inputs, and the run itself."""
     reference = simulate_reference(turbine, seed)
     motion = "motion of every degree of freedom"
     for arm, loads in (("A", reference.inputs[:, 3:]), ("B", None)):
@@ -124,7 +124,7 @@ def _methods(turbine: Turbine, seed: int) -> Iterator[tuple[str, str, Callable[[
     loud = replace(turbine, loads=tuple(replace(load, rms=WRONG_LOAD_FACTOR * load.rms) for load in turbine.loads))
     for f, told, supposed in (
         *((f, statistics, turbine) for f in FILTERS),
-        (FILTERS[0], f"the same, loads {WRONG_LOAD_FACTOR:g} × too loud", loud),
+        (FILTERS[0], f"the same, loads {WRONG_LOAD_FACTOR:g} × too large", loud),
     ):  # fmt: skip
         yield f"joint, {f.name}", told, partial(_joint, turbine, supposed, record, f, seed)
     yield "joint, posterior mode", "nothing", partial(_mode, turbine, record, seed)
@@ -145,7 +145,7 @@ def accelerometers(turbine: Turbine, reference: StudyReference, seed: int) -> Re
 
 
 def _joint(turbine: Turbine, supposed: Turbine, record: Record, f: Filter, seed: int) -> tuple[Array, Array]:
-    """A filter with the coefficients in its state, told the statistics of loads and noise of `supposed`."""
+    """A filter with the coefficients in its state, with the statistics of loads and noise of `supposed`."""
     problem = pose(record, supposed, supposed.sensors, DrawnPrior(seed=seed))
     belief, info = f.run(problem.model, f.init(problem.model), problem.inputs, problem.readings)
     block, parameters = problem.model.parameter_block, problem.parameters
@@ -156,12 +156,12 @@ def _joint(turbine: Turbine, supposed: Turbine, record: Record, f: Filter, seed:
 
 
 def _balance(turbine: Turbine, reference: StudyReference, loads: Array | None) -> tuple[Array, Array]:
-    """The paper's filter, told these loads or none."""
+    """The paper's filter, with these loads or none."""
     return _judged(turbine, identify_section(turbine, reference, record_balance(turbine, reference, loads)))
 
 
 def _particles(turbine: Turbine, reference: StudyReference) -> tuple[Array, Array]:
-    """The paper's other filter, told the loads."""
+    """The paper's other filter, with the loads."""
     balance = record_balance(turbine, reference, reference.inputs[:, 3:])
     return _judged(turbine, identify_section_by_particles(turbine, reference, balance))
 
@@ -181,7 +181,7 @@ def _judged(turbine: Turbine, result: Identification) -> tuple[Array, Array]:
 
 
 def method_table(methods: Sequence[Method]) -> Table:
-    """One row per method: what it is told, rms errors of stiffness and damping, coverage, time."""
+    """One row per method: its inputs, rms errors of stiffness and damping, coverage, time."""
     rows = [
         (
             method.name, method.told, *(f"{100.0 * method.rms_error(kind):.2g} %" for kind in ("k_", "c_")),

@@ -1,7 +1,7 @@
 """The published comparison's particle filter: SIR with 2 000 particles on the paper's force balance.
 
 The paper compares its extended Kalman filter (30 s) with it (103 hours, similar errors). What particle filters are
-worth elsewhere: ``python -m validation.particles``.
+worth on other problems: ``python -m validation.particles``.
 """
 
 import time

@@ -1,4 +1,4 @@
-"""What the study published: its errors and its times."""
+"""Errors and times of the published study."""
 
 __all__ = ["PUBLISHED", "PUBLISHED_SECONDS"]
 

@@ -1,4 +1,4 @@
-"""The study's report: our errors beside the published ones, and figures equivalent to the paper's Figs 3–12."""
+"""The study's report: our errors compared with the published ones, and figures equivalent to the paper's Figs 3–12."""
 
 import json
 
@@ -82,13 +82,13 @@ def study_report(study: Study) -> bytes:
 
 
 def _scenario(study: Study) -> list[str]:
-    """What was simulated, how long the filters took, and what limits them, one paragraph each."""
+    """Simulation, times of the filters, and their limits, one paragraph each."""
     turbine, arm_a = study.turbine, study.arm_a
     low, high = analysis_band(turbine)
     return [
         f"Scenario: {turbine.description}, {turbine.rotor_speed * 30 / np.pi:.1f} rpm, {RATE:g} Hz, the"
         f" {SECTION[0]:g}–{SECTION[1]:g} s section of a {DURATION:g} s record. The machine of the study is"
-        " not published: this one honours what is, and every other value is assumed. Wind: random loads on"
+        " not published: this one uses the published values, and every other value is assumed. Wind: random loads on"
         " every degree of freedom, no mean wind.",
         "Tower displacement and velocity are integrated from accelerometers with"
         f" {NOISE['tower_acceleration']:g} m/s² of noise; blade channels are synthetic with the published"
@@ -113,7 +113,7 @@ HISTORIES = (
     "Estimate, ±2σ band, reference and error of each coefficient (the paper's Figs 4–9; blades 2 and 3 are alike)."
 )
 LOAD_SPECTRA = "Wind at the hub and at a turning blade, and the loads they make: the rotor's multiples are marked."
-WITHHELD_HISTORIES = "The bands are narrow and wrong: they know nothing of the load."
+WITHHELD_HISTORIES = "The bands are narrow and wrong: the model ignores the load."
 STARTS_TEXT = (
     "The published claim: initial conditions are indifferent, and the process can start at any point of a record. Left,"
     " starts that are off by 0.3 to 3 times; right, 100 s sections of the same record.",
@@ -133,26 +133,27 @@ ERRORS_IN_VARIABLES = (
 
 WIND_TEXT = (
     "Here the loads come from turbulent wind (Kaimal spectrum, IEC coherence, shear, tower shadow) on the turning"
-    " blades, aerodynamic damping included. The published estimates scatter while the wind blows from elsewhere,"
+    " blades, aerodynamic damping included. The published estimates scatter while the wind blows from another"
+    " direction,"
     " and the study names the direction as the cause.",
-    "With the loads that acted, the filter hardly notices. With the loads of the old direction, as equations with a"
-    " constant wind hold them, its estimates wander until the wind is back and then recover: that is the published"
-    " picture. Without the loads they wander all the time, and the change cannot be told apart.",
+    "With the loads that acted, the estimates hardly change. With the loads of the old direction, as equations with a"
+    " constant wind assume them, its estimates drift until the wind is back and then recover: that is the published"
+    " picture. Without the loads they drift all the time, and the change cannot be distinguished.",
 )
 
 
 METHODS_TEXT = (
     "Every method identifies the same sections of the same records. The force balance needs the loads, and"
     " displacement, velocity and acceleration of every degree of freedom. The joint methods need accelerometers;"
-    " their priors are drawn 30 % off. A filter with the coefficients in its state must be told how strong the"
-    " loads are and how loud the sensors; where that is wrong its bands are too. The posterior mode is told"
-    " nothing. Errors are those at the end of the section. The force balance's time includes the integration of the"
+    " their priors are drawn 30 % off. A filter with the coefficients in its state needs the rms of loads"
+    " and of sensor noise; where they are wrong, so are its intervals. The posterior mode estimates them."
+    " Errors are those at the end of the section. The force balance's time includes the integration of the"
     " whole record.",
 )
 
 
 def error_table(study: Study) -> Table:
-    """Our average errors beside the published ones."""
+    """Our average errors compared with the published ones."""
     here, by_particles = average_errors(study.arm_a), average_errors(study.particles)
     rows = []
     for name, published in PUBLISHED.items():
@@ -175,7 +176,7 @@ def error_table(study: Study) -> Table:
 
 
 def withheld_table(study: Study) -> Table:
-    """What is left of each coefficient when the loads are withheld."""
+    """Rest of each coefficient when the loads are withheld."""
     rows = []
     for name in PUBLISHED:
         a, b = study.arm_a[name], study.arm_b[name]
@@ -218,7 +219,8 @@ def _responses(study: Study) -> list[tuple[Figure, str]]:
             "model": tuple(shown(model[:, k]) for k in (j, n + j)),
         }
         figure = response_comparison(time, curves, label, units, zoom)  # type: ignore[arg-type]
-        above = "" if blade else f" All three above {cutoff:.2f} Hz, below which integrated accelerations know nothing."
+        above = "" if blade else f" All three above {cutoff:.2f} Hz, below which integrated accelerations hold"
+        " no information."
         figures.append(
             (figure, f"Displacement and velocity of {label} (the paper's Fig {number}), ten seconds of it.{above}")
         )

@@ -89,7 +89,7 @@ class Study:
         return slice(round(SECTION[0] * RATE), round(SECTION[1] * RATE))
 
     def summary(self) -> dict[str, Any]:
-        """What ``summary.json`` holds."""
+        """Content of ``summary.json``."""
         summary = self.arm_a.summary()
         names = list(summary["parameters"])
         for name, values in summary["parameters"].items():
@@ -116,7 +116,7 @@ class Study:
 
 
 def run_study(seed: int = 0, progress: Progress = unheard) -> Study:
-    """Run the whole study; `progress` is told what it is doing, and the share of that which is done."""
+    """Run the whole study; `progress` is called with the name of the step and its completed share."""
     turbine = load_turbine("verne555").exact()
     progress("simulating the 600 s reference record", None)
     reference = simulate_reference(turbine, seed)

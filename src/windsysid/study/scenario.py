@@ -4,7 +4,7 @@ Tower channels are noisy accelerometers; blade channels are synthetic displaceme
 the published noise
 (1e-5 rad and 0.01 rad/s; the acceleration's 0.1 rad/s² is ours, the study names none). The loads, independent
 first-order
-Gauss–Markov processes on every degree of freedom, are kept beside the record: arm A of the study is given them, arm
+Gauss–Markov processes on every degree of freedom, are kept next to the record: arm A of the study is given them, arm
 B is not.
 """
 

@@ -1,4 +1,4 @@
-"""The study under wind that blows: a change of direction between 20 s and 40 s of the section, and what it does to the
+"""The study under turbulent wind: a change of direction between 20 s and 40 s of the section, and its effect on the
 estimates.
 
 The paper sees its estimates scatter there (Figs 4, 5, 7, 8) and names the direction as the cause, but its equations
@@ -44,7 +44,7 @@ __all__ = [
 
 
 WINDOW = (20.0, 40.0)
-"""When the wind blows from elsewhere, in seconds of the section."""
+"""Times of the other wind direction, in seconds of the section."""
 
 TURNING = 6.0
 """Seconds that the wind takes to turn, the IEC's for an extreme direction change."""
@@ -68,7 +68,7 @@ class WindReference(NamedTuple):
 
 @dataclass(frozen=True)
 class DirectionChangeStudy:
-    """What the change of direction does.
+    """Effect of the change of direction.
 
     Attributes
     ----------
@@ -149,7 +149,7 @@ def _arms(turbine: Turbine, under: WindReference) -> dict[str, Identification]:
 
 
 def _identify(turbine: Turbine, reference: StudyReference, loads: Array | None) -> Identification:
-    """The paper's filter over the section, told these loads."""
+    """The paper's filter over the section, with these loads."""
     return identify_section(turbine, reference, record_balance(turbine, reference, loads))
 
 
@@ -159,7 +159,7 @@ def direction_change_figure(study: DirectionChangeStudy, names: Sequence[str] = 
     axes = figure.subplots(len(names) + 1, 2, sharex=True, height_ratios=[0.8] + [1.4] * len(names))
     window = slice(round(SECTION[0] * RATE), round(SECTION[1] * RATE))
     time = np.arange(window.stop - window.start) / RATE
-    columns = ((ARMS[:2], "the filter is told the loads"), (ARMS[2:], "the loads are withheld"))
+    columns = ((ARMS[:2], "loads known to the filter"), (ARMS[2:], "the loads are withheld"))
     for column, (arms, title) in enumerate(columns):
         top = axes[0, column]
         top.plot(time, np.rad2deg(study.under.wind.misalignment[window]), color=REFERENCE, lw=1.0)
@@ -252,7 +252,7 @@ def mean_spectrum(values: Array) -> tuple[Array, Array]:
 
 
 def _fit(ax: Axes) -> None:
-    """Limits from what is visible, not from what lies outside the frequency axis."""
+    """Limits from visible points only."""
     low, high = ax.get_xlim()
     seen = [
         np.asarray(line.get_ydata())[(x >= low) & (x <= high)]

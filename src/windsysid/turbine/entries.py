@@ -1,4 +1,4 @@
-"""What all turbine files are made of: tables, and values with their units."""
+"""Building blocks of all turbine files: tables, and values with their units."""
 
 import math
 from abc import abstractmethod
@@ -109,13 +109,13 @@ class PriorEntry(FileTable):
 
 
 class Tolerances(FileTable):
-    """How well the file's numbers are known, as standard deviations."""
+    """Uncertainty of the file's numbers, as standard deviations."""
 
     masses: Annotated[float, quantity("%"), Field(ge=0.0, le=1.0)] = MASS_TOLERANCE
 
 
 class File(FileTable):
-    """What every turbine file says."""
+    """Content of every turbine file."""
 
     name: str
     description: str

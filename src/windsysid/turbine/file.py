@@ -17,22 +17,32 @@ __all__ = ["load_turbine", "packaged_file", "packaged_turbines", "write_turbine"
 
 
 def write_turbine(turbine: Turbine, path: str | Path, *, overwrite: bool = False) -> None:
-    """Write a turbine as TOML, every value with its unit, so that `load_turbine` gives it back; a folder that is
-    missing is made.
+    """Write a turbine as TOML, every value with its unit, so that `load_turbine` reads the same turbine.
 
     Parameters
     ----------
-    turbine
-        What is written.
-    path
-        Of the file.
-    overwrite
-        Replace a file that is there.
+    turbine : Turbine
+        Turbine to write.
+    path : str or Path
+        File to write; a missing folder is made.
+    overwrite : bool, default False
+        Replace an existing file.
 
     Raises
     ------
     OutputError
-        If the file is there already and `overwrite` is off, or it cannot be written.
+        If the file exists and `overwrite` is False, or it cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import windsysid as ws
+    >>> tower = ws.load_turbine("tower")
+    >>> path = Path(tempfile.mkdtemp()) / "softer.toml"
+    >>> ws.write_turbine(tower.with_values({"k_side_side": 1.7e6}), path)
+    >>> ws.load_turbine(path).values["k_side_side"]
+    1700000.0
     """
     import tomli_w
 
@@ -44,12 +54,18 @@ def write_turbine(turbine: Turbine, path: str | Path, *, overwrite: bool = False
 
 
 def packaged_turbines() -> tuple[str, ...]:
-    """Names of the turbines that come with windsysid.
+    """List the names of the turbines that come with windsysid.
 
     Returns
     -------
     tuple of str
-        What `load_turbine` takes.
+        Names that `load_turbine` takes.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> ws.packaged_turbines()
+    ('hammond', 'nrel5mw', 'nrel5mw_full', 'tower', 'verne555')
     """
     folder = resources.files("windsysid.turbine") / "packaged"
     return tuple(sorted(entry.name.removesuffix(".toml") for entry in folder.iterdir() if entry.name.endswith(".toml")))
@@ -83,7 +99,7 @@ def load_turbine(name_or_path: str | Path) -> Turbine:
 
     Parameters
     ----------
-    name_or_path
+    name_or_path : str or Path
         One of `packaged_turbines`, or the path of a file that ends in ``.toml``, or of a model: ``.fst``, ``.csv``.
 
     Returns
@@ -94,7 +110,18 @@ def load_turbine(name_or_path: str | Path) -> Turbine:
     Raises
     ------
     ConfigurationError
-        In one line: what was wrong, what was expected, what was got.
+        If there is no such turbine or file, or a value in it is missing or wrong; the message names it.
+
+    See Also
+    --------
+    write_turbine : Write a turbine as TOML.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> tower = ws.load_turbine("tower")
+    >>> tower.model.kind, round(tower.rotor_speed, 3), [sensor.channel for sensor in tower.sensors]
+    ('tower', 1.267, ['tower_x_acceleration', 'tower_z_acceleration'])
     """
     from windsysid.turbine.tables import parse_turbine
 

@@ -22,8 +22,7 @@ __all__ = ["ModelFile", "model_tables"]
 
 
 class _LoadEntry(FileTable):
-    """A random load: on which degree of freedom, how large in its own unit, how fast it wanders, and with which
-    harmonic of the rotor."""
+    """Random load: its degree of freedom, rms, time constant, and harmonic of the rotor."""
 
     load: str
     rms: str

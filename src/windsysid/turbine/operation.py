@@ -1,4 +1,4 @@
-"""How a turbine ran during a record: parked, idling, running, or on the way from one to another.
+"""State of a turbine during a record: parked, idling, running, or on the way from one to another.
 
 The rotor speed tells, as a share of the turbine's usual one; where the power is known it tells idling from running,
 since a rotor may idle as fast as it runs in little wind.
@@ -29,7 +29,7 @@ BINS = 10
 
 
 class Operation(NamedTuple):
-    """How the rotor turned.
+    """Rotation of the rotor.
 
     Attributes
     ----------

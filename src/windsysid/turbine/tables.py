@@ -63,7 +63,7 @@ def parse_turbine(text: str, source: str) -> Turbine:
 
 
 _FASTEST = 25_000.0
-"""[Hz]: what four samples per period at the fastest rate of a simulation can show."""
+"""Highest frequency that four samples per period at the fastest rate of a simulation can show [Hz]."""
 
 
 def as_tables(turbine: Turbine) -> dict[str, Any]:
@@ -89,7 +89,7 @@ def _stiffness(turbine: Turbine, coordinate: str) -> str:
 
 
 class _Format(NamedTuple):
-    """How the file of one kind of model is read and written."""
+    """Reader and writer of the file of one kind of model."""
 
     file: type[File]
     tables: Callable[[Turbine], dict[str, Any]]

@@ -44,7 +44,7 @@ class _Top(FileTable):
 
 
 class _Forces(FileTable):
-    """Random forces on the tower top: how large, how fast they wander."""
+    """Random forces on the tower top: rms and time constant."""
 
     time_constant: Annotated[float, quantity("s"), Positive]
     side_side_rms: Annotated[float, quantity("N"), Positive]

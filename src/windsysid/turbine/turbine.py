@@ -38,16 +38,16 @@ class OperatingState(NamedTuple):
 
 @dataclass(frozen=True)
 class Turbine:
-    """A turbine in SI units.
+    """Turbine in SI units: mechanical model, reference values, loads and sensors.
 
     Attributes
     ----------
     name, description, source
         Text; `source` says where the numbers come from.
     assumed
-        Names of the values that nobody published.
+        Names of the values that are assumed because none is published.
     model
-        Which degrees of freedom move.
+        Mechanical model with its free degrees of freedom.
     values
         Every parameter of the model: masses [kg], first moments [kg·m], inertias [kg·m²], stiffness, damping, geometry.
     rotor_speed
@@ -55,7 +55,7 @@ class Turbine:
     spread
         Relative prior standard deviation of stiffness and of damping.
     loads
-        Random loads for simulation and the joint formulation.
+        Random loads, for simulation and for the joint formulation.
     sensors
         The instruments usually fitted.
     tip_lever
@@ -64,11 +64,24 @@ class Turbine:
         Relative standard deviation of the mass, with all moments, of each body (`MechanicalModel.bodies`); 0: exactly
         known.
     site
-        Where it stands.
+        ``onshore`` or ``offshore``.
     odds
         Prior odds [1] of effects by their codes, in place of those of `windsysid.identification.model.prior_odds`.
     states
-        By name, how the turbine differs from operation: ``parked``, where its file has it.
+        By name, the differences from operation: ``parked``, where its file has it.
+
+    See Also
+    --------
+    load_turbine : A packaged turbine, or one from a TOML file.
+    write_turbine : Write a turbine as TOML.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> tower = ws.load_turbine("tower")
+    >>> softer = tower.with_values({"k_side_side": 0.97 * tower.values["k_side_side"]})
+    >>> round(softer.values["k_side_side"] / 1e6, 3)  # [MN/m]
+    1.721
     """
 
     name: str
@@ -121,16 +134,16 @@ class Turbine:
         return self.model.natural_frequency(coordinate, self.values, self.rotor_speed)
 
     def damping(self, coordinate: str) -> float:
-        """What damps `coordinate` [N·s/m or N·m·s/rad]: the sum of its coefficients."""
+        """Damping of `coordinate` [N·s/m or N·m·s/rad]: the sum of its coefficients."""
         return sum((self.values[name] for name in self.model.coefficients_of(coordinate, "damping")), 0.0)
 
     def critical_damping(self, coordinate: str) -> float:
-        """What would just keep `coordinate` from vibrating [N·s/m or N·m·s/rad]: 2 m ω."""
+        """Critical damping of `coordinate` [N·s/m or N·m·s/rad]: 2 m ω."""
         return 2.0 * self.inertia(coordinate) * self.natural_frequency(coordinate)
 
     @property
     def slowest_frequency(self) -> float:
-        """The least natural frequency ω [rad/s] of a degree of freedom on its own spring, of those that have one."""
+        """Lowest natural frequency ω [rad/s] of any degree of freedom on its own spring."""
         frequencies = (self.natural_frequency(name) for name in self.model.coordinates)
         return min((w for w in frequencies if w > 0.0), default=1.0)
 
@@ -152,7 +165,7 @@ class Turbine:
         return shortest, f"{PARKED_PERIODS} periods of the slowest mode ({shortest:.3g} s; the rotor is parked)"
 
     def with_values(self, values: Mapping[str, float]) -> "Turbine":
-        """The same turbine with other values, such as identified coefficients.
+        """Turbine with other values, such as identified coefficients.
 
         Raises
         ------
@@ -197,7 +210,7 @@ class Turbine:
         )  # fmt: skip
 
     def exact(self) -> "Turbine":
-        """The same turbine with its masses and its sensors known exactly: no tolerances."""
+        """Turbine with its masses and its sensors known exactly: no tolerances."""
         return replace(self, mass_tolerance=0.0, sensors=tuple(sensor.exact() for sensor in self.sensors))
 
     def at(self, site: str | None) -> "Turbine":
@@ -214,5 +227,5 @@ class Turbine:
         return replace(self, site=site)  # type: ignore[arg-type]
 
     def with_model(self, model: MechanicalModel) -> "Turbine":
-        """The same turbine with the degrees of freedom of `model`."""
+        """Turbine with the degrees of freedom of `model`."""
         return replace(self, model=model)

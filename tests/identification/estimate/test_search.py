@@ -8,9 +8,9 @@ from scipy.optimize import minimize
 
 from tests.identification.test_posterior_mode import autoregression
 from windsysid._types import Array
+from windsysid.checks.limits import OUTLIER_SIGMAS
 from windsysid.errors import WindsysidError
 from windsysid.identification.estimate.search import solve
-from windsysid.identification.limits import OUTLIER_SIGMAS
 from windsysid.statespace.compose import StateSpace
 from windsysid.statespace.unknowns import Unknowns
 

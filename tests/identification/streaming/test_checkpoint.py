@@ -44,7 +44,7 @@ def test_a_checkpoint_of_an_earlier_version_is_refused_in_one_line(tmp_path: Pat
 def test_a_file_that_is_no_checkpoint_is_refused_and_left_alone(tmp_path: Path, content: bytes):
     path = tmp_path / "state.npz"
     path.write_bytes(content)
-    with pytest.raises(ConfigurationError, match="expected where an earlier run of this version stopped"):
+    with pytest.raises(ConfigurationError, match="expected a checkpoint of this version, got something else"):
         Checkpoint(path, CALL).progress()
     assert path.read_bytes() == content
 

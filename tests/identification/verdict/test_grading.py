@@ -14,8 +14,10 @@ from windsysid.identification.identify import identify
 from windsysid.identification.model.fit import Outcome
 from windsysid.identification.verdict.conclude import conclude
 from windsysid.identification.verdict.grading import COVERED_BY_INTERVALS
+from windsysid.results.estimate import IntervalEstimate
 from windsysid.results.finding import Finding
 from windsysid.results.identification import Identification
+from windsysid.results.mode import Mode
 from windsysid.results.posterior import load_posterior, unusable_among
 from windsysid.results.sentences import SENTENCES
 from windsysid.results.tolerance import Tolerance
@@ -47,7 +49,7 @@ def grades(found: Identification) -> dict[str, str]:
 
 
 def mode_grades(found: Identification) -> dict[str, tuple[str, str]]:
-    return {mode.name: mode.grades for mode in found.modes}
+    return {mode.name: (mode.frequency.grade, mode.damping_ratio.grade) for mode in found.modes}
 
 
 def test_a_result_against_which_nothing_speaks_is_a():
@@ -139,7 +141,7 @@ def test_shares_of_the_budget_add_up_to_the_interval_that_is_shown():
         shown = 0.5 * np.log(found[name].high / found[name].low)
         assert rows[name].two_sigma == pytest.approx(shown)
     for mode in found.modes:
-        shown = 0.5 * (mode.frequency_hz[2] - mode.frequency_hz[1])
+        shown = 0.5 * (mode.frequency.high - mode.frequency.low)
         assert rows[f"{mode.name}: frequency [Hz]"].two_sigma == pytest.approx(shown, rel=0.02)
     assert min(rows["k_fore_aft"].causes[-2:]) > 0.1
     assert rows["k_side_side"].causes[-1] == pytest.approx(0.0, abs=1e-9)
@@ -203,25 +205,28 @@ def test_a_posterior_is_as_wide_as_its_modes_given_the_masses():
         return conclude(outcome, RECORD, "joint")
 
     plain, wide = found(0.5), found(9.0)
-    frequency = [(of["tower fore-aft"][2] - of["tower fore-aft"][1]) for of in map(bands, (plain, wide))]
+    frequency = [(of["tower fore-aft"].high - of["tower fore-aft"].low) for of in map(bands, (plain, wide))]
     assert frequency[1] / frequency[0] > 2.0
     cov = [one.posterior.cov[2, 2] for one in (plain, wide)]
     assert np.sqrt(cov[1] / cov[0]) == pytest.approx(frequency[1] / frequency[0], rel=0.05)
     assert 1.0 < wide["k_fore_aft"].std / plain["k_fore_aft"].std < 2.0  # most of it is the mass
 
 
-def bands(found: Identification) -> dict[str, tuple[float, float, float]]:
-    return {mode.name: mode.frequency_hz for mode in found.modes}
+def bands(found: Identification) -> dict[str, IntervalEstimate]:
+    return {mode.name: mode.frequency for mode in found.modes}
 
 
 def test_a_result_without_grades_recommends_nothing():
     found = concluded(Finding("prior_conflict", "reason", {"sigmas": 6.0}, ("c_fore_aft",)))
     old = replace(
         found, estimates=tuple(replace(one, grade="") for one in found.estimates),
-        modes=tuple(mode._replace(grades=("", "")) for mode in found.modes),
+        modes=tuple(
+            Mode(mode.name, replace(mode.frequency, grade=""), replace(mode.damping_ratio, grade=""))
+            for mode in found.modes
+        ),
     )  # fmt: skip
     assert old.usable() == []
-    assert "grade" not in old.modes[0].summary()["frequency_hz"]
+    assert "grade" not in old.modes[0].summary()["frequency"]
 
 
 def test_grades_are_saved_and_come_back(tmp_path: Any):
@@ -238,7 +243,7 @@ def test_grades_are_saved_and_come_back(tmp_path: Any):
     made.save(tmp_path)
     again = Saved(**read_fields(tmp_path))
     assert [one.grade for one in again.estimates] == ["B"] * 4
-    assert [mode.grades for mode in again.modes] == [mode.grades for mode in made.modes]
+    assert again.modes == made.modes
 
 
 def test_a_c_has_the_code_of_the_reason_that_names_it_or_of_one_that_names_none():
@@ -274,6 +279,6 @@ def test_what_intervals_hold_are_findings():
 
 def test_modes_keep_their_values():
     outcome = outcome_of(RECORD, std=STD)
-    plain = [mode.frequency_hz[0] for mode in modes_of(outcome).modes]
+    plain = [mode.frequency.estimate for mode in modes_of(outcome).modes]
     found = concluded(ratio=(9.0, 9.0, 9.0, 9.0), over=("time", "frequency"))
-    assert [mode.frequency_hz[0] for mode in found.modes] == plain
+    assert [mode.frequency.estimate for mode in found.modes] == plain

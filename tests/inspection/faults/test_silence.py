@@ -37,7 +37,7 @@ def test_a_silent_stretch_is_found_to_the_sample(seed: int):
     (found,) = silent_stretches(record(with_noise_only(vibration(seed), slice(2000, 2600))), CHANNELS)
     assert (found.channel, found.kind, found.severity) == (CHANNELS[0], "silent", "warning")
     np.testing.assert_allclose(found.spans * RATE, [[2000, 2599]], atol=2.0)
-    assert "silent: reads nothing but noise for up to 30 s, 60" in found.text
+    assert "dead channel: only noise for up to 30 s, 60" in found.text
 
 
 def test_a_channel_need_not_be_a_good_one():

@@ -93,7 +93,7 @@ def test_a_file_without_its_moment_is_refused_with_what_to_do(tmp_path: Path):
     service = Service(FolderSource(tmp_path, "T01"))
     wait_for(lambda: service.source.state.refused == 1)
     service.stop()
-    assert service.source.state.refusal.endswith("name zone or start in the mapping (docs/records.md)")
+    assert service.source.state.refusal.endswith("give zone or start in the mapping (docs/records.md)")
 
 
 def test_a_folder_that_goes_away_is_waited_for(tmp_path: Path):

@@ -57,10 +57,10 @@ def test_a_loggers_lines_are_sent_and_one_that_is_no_block_is_said(mosquitto: Mo
 @pytest.mark.parametrize(
     ("words", "line"),
     [
-        (("a.csv", "--broker", "mqtt://localhost"), "a.csv: no moment with its zone: give --start"),
+        (("a.csv", "--broker", "mqtt://localhost"), "a.csv: no start time with its zone: give --start"),
         (("a.csv", "--broker", "http://localhost"), "broker: expected a URL that begins with mqtt:// or mqtts://"),
         (("a.csv", "--broker", "mqtt://me:secret@localhost"), "take it out, and give it by --password-file"),
-        (("a.csv", "-", "--broker", "mqtt://localhost"), "RECORD: - stands alone"),
+        (("a.csv", "-", "--broker", "mqtt://localhost"), "RECORD: expected - alone or files"),
         (("a.csv", "--broker", "mqtt://localhost", "--block", "0 s"), "--block: expected above 0 s to 10 min"),
         (("none.csv", "--broker", "mqtt://localhost"), "none.csv"),
     ],

@@ -82,7 +82,7 @@ def test_tables_of_somebody_else_are_left_alone(server: Server):
     with psycopg.connect(server.emptied(), autocommit=True) as connection:
         connection.execute("CREATE SCHEMA windsysid")
         connection.execute("CREATE TABLE windsysid.notes (note TEXT)")
-    with pytest.raises(StoreError, match="tables of something else"):
+    with pytest.raises(StoreError, match="tables of another program"):
         open_store(server.url)
 
 

@@ -42,7 +42,7 @@ def test_another_programs_database_is_refused_and_left_as_it_is(tmp_path: Path):
     [
         ("mysql://somewhere/x", False, "store of kind 'mysql': expected a path"),
         ("sqlite://x.sqlite", False, "store of kind 'sqlite'"),
-        ("{0}/missing/store.sqlite", False, "its folder is not there"),
+        ("{0}/missing/store.sqlite", False, "its folder does not exist"),
         ("{0}", False, "is a folder"),
         ("{0}/none.sqlite", True, "is not there"),
     ],

@@ -44,12 +44,12 @@ def test_a_mode_that_is_removed_by_hand_is_removed_from_each_record():
     records = records_of(CASES[1]._replace(noise=0.01), 5)[0]
     both = [records, records.select(records.channels[:3])]
     whole = ws.free_decay(both)
-    found = ws.free_decay(both, marks=ws.results.ModeMarks(remove=(whole.modes[0].frequency,)))
+    found = ws.free_decay(both, marks=ws.results.ModeMarks(remove=(whole.modes[0].frequency.estimate,)))
     assert len(found.modes) == len(found.bands) == len(whole.modes) - 1
     for part in found.parts:
         for own, mode in zip(part.modes, found.modes, strict=True):
             assert own is not None
-            assert own.frequency == pytest.approx(mode.frequency, rel=0.01)
+            assert own.frequency.estimate == pytest.approx(mode.frequency.estimate, rel=0.01)
 
 
 def test_a_machine_among_decays_condemns_them():
@@ -65,7 +65,7 @@ def test_a_combination_of_two_modes_is_not_one_more():
     x = sum(np.exp(-0.05 * t) * np.cos(2.0 * np.pi * f * t + f) for f in (0.8, 2.1))
     noisy = x + 0.03 * x**2 + 1e-4 * np.random.default_rng(0).normal(size=len(t))
     found = ws.free_decay(ws.Record(t, noisy[:, None], ("a_acceleration",), ("m/s^2",)))
-    usable = [mode.frequency for mode in found.modes if mode.trusted]
+    usable = [mode.frequency.estimate for mode in found.modes if mode.trusted]
     assert usable == pytest.approx([0.8, 2.1], rel=1e-3)
     assert len(found.modes) > 3
 
@@ -77,7 +77,7 @@ def test_a_saved_result_comes_back_with_its_histories(tmp_path):
     assert isinstance(again, ws.results.OperationalModes)
     assert again.method == "free decays"
     np.testing.assert_array_equal(again.decays[0].fitted, found.decays[0].fitted)
-    assert again.summary()["modes"][0]["frequency_hz"] == found.summary()["modes"][0]["frequency_hz"]
+    assert again.summary()["modes"][0]["frequency"] == found.summary()["modes"][0]["frequency"]
 
 
 @pytest.mark.slow
@@ -101,7 +101,7 @@ def test_a_sideband_of_the_rotor_is_no_mode(known):
     if known:
         values, names, units = [*values, np.full(len(t), 0.4 * np.pi)], [*names, "Drehzahl"], [*units, "rad/s"]
     found = ws.free_decay(ws.Record(t, np.column_stack(values), tuple(names), tuple(units)))
-    usable = {round(mode.frequency, 1): mode.trusted for mode in found.modes}
+    usable = {round(mode.frequency.estimate, 1): mode.trusted for mode in found.modes}
     assert (usable[0.9], usable[1.5]) == (True, False)
 
 
@@ -121,5 +121,5 @@ def test_a_decay_at_a_high_rate_costs_no_more_than_its_vibration_needs():
     record = ws.Record(t, swing[:, None], ("tower_x_acceleration",), ("m/s^2",))
     found = ws.free_decay(record)
     assert found.elapsed < 5.0
-    assert found.modes[0].damping == pytest.approx(0.005, rel=1e-3)
+    assert found.modes[0].damping_ratio.estimate == pytest.approx(0.005, rel=1e-3)
     assert found.samples > 50000

@@ -23,8 +23,8 @@ def test_blades_on_a_rigid_hub_whirl_at_their_frequency_plus_and_minus_the_rotor
     own = math.sqrt(rotor.blade**2 - rotor.speed**2 - 0.01)
     for pattern, shift in (("backward", -1.0), ("collective", 0.0), ("forward", 1.0)):
         mode, ω = found[f"edge {pattern}"], own + shift * rotor.speed
-        assert mode.frequency == pytest.approx(ω / (2.0 * math.pi), rel=1e-6)
-        assert mode.damping == pytest.approx(0.1 / math.hypot(0.1, ω), rel=1e-6)
+        assert mode.frequency.estimate == pytest.approx(ω / (2.0 * math.pi), rel=1e-6)
+        assert mode.damping_ratio.estimate == pytest.approx(0.1 / math.hypot(0.1, ω), rel=1e-6)
         assert mode.participation[f"edge {pattern}"] == pytest.approx(1.0, abs=1e-6)
 
 
@@ -32,12 +32,14 @@ def test_blades_on_a_rigid_hub_whirl_at_their_frequency_plus_and_minus_the_rotor
 def test_whirling_modes_have_the_frequencies_of_the_quartic(tmp_path: Path, speed: float):
     rotor = Rotor(speed=speed)
     found = modes_of(rotor, tmp_path)
-    assert sorted(2.0 * math.pi * mode.frequency for mode in found.values()) == pytest.approx(
+    assert sorted(2.0 * math.pi * mode.frequency.estimate for mode in found.values()) == pytest.approx(
         sorted([*np.abs(rotor.whirls()), math.sqrt(rotor.blade**2 - speed**2)]), rel=1e-7
     )
     if speed > 0.0:
-        assert 2.0 * math.pi * found["edge backward"].frequency == pytest.approx(-rotor.whirls().min(), rel=1e-7)
-        assert 2.0 * math.pi * found["edge forward"].frequency == pytest.approx(rotor.whirls().max(), rel=1e-7)
+        assert 2.0 * math.pi * found["edge backward"].frequency.estimate == pytest.approx(
+            -rotor.whirls().min(), rel=1e-7
+        )
+        assert 2.0 * math.pi * found["edge forward"].frequency.estimate == pytest.approx(rotor.whirls().max(), rel=1e-7)
 
 
 def test_participations_of_a_mode_add_up_to_one(tmp_path: Path):
@@ -52,10 +54,10 @@ def test_intervals_cover_what_four_digits_lose(tmp_path: Path):
         rotor = Rotor(speed=0.9 + 0.03 * k, damping=0.05, blade=5.0 + 0.01 * k)
         exact = modes_of(rotor, tmp_path)
         rough = modes_of(rotor, tmp_path, number="{:12.3E}", azimuths=1)
-        assert all(mode.frequency_std == 0.0 for mode in exact.values())
+        assert all(mode.frequency.std == 0.0 for mode in exact.values())
         for ours, true in zip(rough.values(), exact.values(), strict=True):
-            errors.append((ours.frequency - true.frequency) / ours.frequency_std)
-            errors.append((ours.damping - true.damping) / ours.damping_std)
+            errors.append((ours.frequency.estimate - true.frequency.estimate) / ours.frequency.std)
+            errors.append((ours.damping_ratio.estimate - true.damping_ratio.estimate) / ours.damping_ratio.std)
     # Uniform errors: 95 % or more within two standard deviations; rms of 1 within its scatter.
     assert np.mean(np.abs(errors) < 2.0) > 0.93
     assert 0.5 < np.sqrt(np.mean(np.square(errors))) < 1.3

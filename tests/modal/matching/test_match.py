@@ -33,7 +33,7 @@ MODEL = [ModelMode("first", 1.0, 0.0, 0.01, 0.0, {}), ModelMode("second", 2.0, 0
 def test_each_mode_of_the_model_is_given_once():
     found = candidates_of([seen("a", 1.01), seen("b", 1.06), seen("c", 2.02)], MODEL, 0.0)
     assert [mode.best.name for mode in found] == ["first", "unknown", "second"]
-    assert [mode.reference for mode in found] == [(1.0, 0.01), None, (2.0, 0.01)]
+    assert [mode.reference for mode in found] == [(1.0, 0.01), (None, None), (2.0, 0.01)]
     for mode in found:
         assert sum(one.probability for one in mode.candidates) == pytest.approx(1.0)
 
@@ -51,7 +51,7 @@ def test_each_mode_of_the_model_is_given_once():
 def test_peaks_that_the_model_lacks_have_a_cause(frequency: float, doubts: tuple[str, ...], cause: str):
     (mode,) = candidates_of([seen("a", frequency, 0.01, *doubts)], MODEL, 0.2017)
     assert mode.best.name == cause
-    assert mode.reference is None
+    assert mode.reference == (None, None)
 
 
 def test_a_mode_of_the_model_near_a_harmonic_is_not_sure():
@@ -151,5 +151,6 @@ def test_the_nearest_mode_takes_the_name_of_the_turbine_file():
     found = with_references(
         [operational.mode(1.05 * f), operational.mode(1.01 * f), operational.mode(1.25 * f)], channels, turbine, 0.0
     )
-    assert [(one.name, one.reference) for one in found] == [("", None), (name, (f, damping)), ("", None)]
+    references = [(one.name, one.frequency.reference, one.damping_ratio.reference) for one in found]
+    assert references == [("", None, None), (name, f, damping), ("", None, None)]
     assert [one.candidates[0].name for one in found] == ["unknown", name, "unknown"]

@@ -7,6 +7,7 @@ import pytest
 
 from windsysid.modal.linearisation.eigenmodes import LinearisedMode
 from windsysid.modal.matching.sensor_shapes import linearised_shape
+from windsysid.results.estimate import IntervalEstimate
 
 CHANNELS = (
     "tower_x_acceleration", "tower_z_acceleration", "blades_tip_lag_acceleration collective",
@@ -16,7 +17,8 @@ CHANNELS = (
 
 def shape_of(**kinds: complex) -> dict[str, complex]:
     named = {name.replace("__", "-").replace("_", " "): value for name, value in kinds.items()}
-    return linearised_shape(LinearisedMode("m", 0.3, 0.0, 0.0, 0.0, {}, named), 1.2, CHANNELS)
+    f, z = IntervalEstimate.normal(0.3, 0.0, "Hz"), IntervalEstimate.normal(0.0, 0.0, "1")
+    return linearised_shape(LinearisedMode("m", f, z, {}, named), 1.2, CHANNELS)
 
 
 def test_a_moving_tower_top_moves_blades_forward_and_backward_alike():

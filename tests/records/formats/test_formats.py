@@ -315,7 +315,7 @@ def test_openfast_channels_come_under_our_names_signs_and_units(openfast):
         "tower_x_acceleration": ([0.4, -0.4], "m/s^2"),
         "tower_roll": ([np.pi / 10, np.pi / 20], "rad"),
         "Other": ([5e-4, -5e-4], "m"),
-        "AeroDens": ([0.12 if openfast.suffix == ".outb" else 0.125] * 2, "as written: kg/m^3"),
+        "AeroDens": ([0.12 if openfast.suffix == ".outb" else 0.125] * 2, "kg/m^3"),
     }
     assert record.channels == tuple(expected)
     for name, (values, unit) in expected.items():

@@ -20,18 +20,18 @@ def test_a_damping_that_is_not_positive_is_listed_with_its_value_and_its_mode():
         ("clock", -2e-3, 1e-4, "the logger a is 2.00 ± 0.10 ms early"),
         ("gain", 0.021, 0.004, "the gain of a is 2.10 ± 0.40 % larger than its file says"),
         ("masses", -0.03, 0.01, "the mass of a is 3.0 ± 1.0 % smaller than its file says"),
-        ("alignment", math.radians(5.0), math.radians(0.2), "a is turned by +5.00 ± 0.20°"),
+        ("alignment", math.radians(5.0), math.radians(0.2), "a is rotated by +5.00 ± 0.20°"),
     ],
 )
 def test_a_tolerance_has_two_digits_of_its_standard_deviation(group: str, estimate: float, std: float, text: str):
     data = {"group": group, "of": "a", "estimate": estimate, "std": std, "contradicted": False}
     assert sentence("tolerance_off", data) == f"{text}: the estimates take it into account"
-    assert sentence("tolerance_off", data | {"contradicted": True}).startswith(f"{text}, as far as the model goes")
+    assert sentence("tolerance_off", data | {"contradicted": True}).startswith(f"{text}, according to the model")
 
 
 def test_two_coefficients_that_are_hard_to_tell_apart_have_the_bands_of_their_ratio_and_of_each():
     data = {"seen": "their ratio k_x/m", "std": 0.01, "low": 0.04, "high": 0.05}
-    expected = "k_x and m are hard to tell apart: their ratio k_x/m is seen to ±2 %, each alone to ±8 % … ±10 % (2σ)"
+    expected = "k_x and m are hard to distinguish: their ratio k_x/m is known to ±2 %, each alone to ±8 % … ±10 % (2σ)"
     assert sentence("hard_to_tell_apart", data, ("k_x", "m")) == expected
     alike = data | {"high": 0.041}
     assert sentence("hard_to_tell_apart", alike, ("k_x", "m")).endswith("each alone to ±8 % (2σ)")
@@ -39,10 +39,11 @@ def test_two_coefficients_that_are_hard_to_tell_apart_have_the_bands_of_their_ra
 
 def test_a_prior_that_dominates_is_said_of_one_of_several_and_of_a_combination():
     data = {"share": 0.4, "seen": "", "direction": "k_x +10 % and m +10 %"}
-    assert sentence("prior_dominates", data, ("k_x",)) == "k_x: 40 % from the data, its band is mostly the prior's"
+    text = "k_x: 40 % from the data, its interval comes mostly from the prior"
+    assert sentence("prior_dominates", data, ("k_x",)) == text
     assert sentence("prior_dominates", data, ("k_x", "m")).startswith("k_x +10 % and m +10 % together: 40 %")
     seen = sentence("prior_dominates", data | {"seen": "their sum"}, ("k_x", "m"))
-    assert seen.startswith("k_x and m: the data see only their sum")
+    assert seen.startswith("k_x and m: the data determine only their sum")
 
 
 def test_signs_are_left_out_of_distances():

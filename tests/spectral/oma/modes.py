@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from windsysid.results.estimate import IntervalEstimate
 from windsysid.spectral.oma.mode import Doubt, OperationalMode
 
 
@@ -15,4 +16,8 @@ def mode(
     std = np.full(size, 0.01)
     band = (0.9 * frequency, 1.1 * frequency)
     cov = 1e-4 * np.eye(2 * size)
-    return OperationalMode("", frequency, 0.001, damping, 0.1, values, std, 1.0, 0.1, band, doubts, None, cov)
+    return OperationalMode(
+        name="", frequency=IntervalEstimate.normal(frequency, 0.001, "Hz"),
+        damping_ratio=IntervalEstimate.lognormal(damping, 0.1, "1"), shape=values, shape_std=std, load=1.0,
+        ln_load_std=0.1, band=band, grounds=doubts, shape_cov=cov,
+    )  # fmt: skip

@@ -31,7 +31,7 @@ def floors(seed, lags, shapes=SHAPES, frequencies=(1.0, 2.8, 4.03), samples=12_0
 def test_a_late_channel_is_put_on_time_and_its_lag_is_told(lags, late):
     found = ws.oma(record_of(floors(1, lags), RATE))
     assert found.trusted, found.reasons
-    assert [round(mode.frequency, 1) for mode in found.modes] == [1.0, 2.8, 4.0]
+    assert [round(mode.frequency.estimate, 1) for mode in found.modes] == [1.0, 2.8, 4.0]
     assert max(mode.complexity for mode in found.modes) < 1e-3
     notes = [note for note in found.notes if "its phases grow with frequency over" in note]
     assert {note.split("_displacement was")[0] for note in notes} == set(late)

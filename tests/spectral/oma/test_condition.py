@@ -56,7 +56,7 @@ def test_a_sinusoid_is_removed_and_named():
         record(tower_x_acceleration=noise(1)[:, 0] + 5.0 * np.sin(2.0 * np.pi * 1.237 * time)), None
     )
     assert [(line.name, round(line.frequency, 2)) for line in found.lines] == [("line", 1.24)]
-    assert "steady lines were taken out at 1.237 Hz" in found.notes[0]
+    assert "sinusoids were removed at 1.237 Hz" in found.notes[0]
 
 
 def test_the_frequency_range_ends_below_the_cut_off_of_a_low_pass():

@@ -30,5 +30,5 @@ def test_a_mode_has_the_name_of_the_part_that_moves_most(shape: tuple[complex, .
 @pytest.mark.parametrize(("frequency", "kept"), [(1.03, 1), (1.05, 2)])
 def test_a_mode_at_the_border_near_a_mode_of_the_next_band_is_its_skirt(frequency: float, kept: int):
     """Half-widths of 0.01 Hz reach two of them, from both sides: 0.04 Hz."""
-    border = mode(frequency, 0.01 / frequency, doubts=(Doubt("border", "it sits at the border of its band"),))
+    border = mode(frequency, 0.01 / frequency, doubts=(Doubt("border", "it is at the edge of its frequency range"),))
     assert sum(map(len, without_skirts([[mode(1.0, 0.01)], [border]]))) == kept

@@ -24,7 +24,7 @@ def test_overlapping_windows_are_found_and_following_ones_are_not(shift: int, fo
     gain = 1.0 if shift else -2.0
     other = gain * MOTION[shift : shift + 2000] + 1e-3 * MOTION[-2000:]
     pair = [analysis(MOTION[:2000], "one"), analysis(other, "other")]
-    doubts = ["one and other hold the same motion: what happened once counts twice"]
+    doubts = ["one and other contain the same motion, which counts twice"]
     assert find_duplicates(pair) == doubts * found
 
 

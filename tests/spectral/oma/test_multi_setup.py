@@ -7,6 +7,7 @@ import pytest
 from scipy.stats import chi2
 
 import windsysid as ws
+from windsysid.results.estimate import IntervalEstimate
 from windsysid.spectral.oma.multi_setup import _chi2_probability, _sensor_key, _start_of, _union
 from windsysid.spectral.oma.sensors import ModalSensor
 
@@ -19,8 +20,10 @@ def test_the_test_of_scatter_is_chi_squared():
 
 
 def test_the_start_is_the_weighted_mean_of_frequencies_and_the_median_of_damping():
-    modes = [replace(mode(1.0, 0.01), frequency_std=0.1), replace(mode(1.1, 0.02), frequency_std=0.2), mode(1.05, 0.05)]
-    modes[2] = replace(modes[2], frequency_std=0.1)
+    modes = [
+        replace(mode(f, z), frequency=IntervalEstimate.normal(f, std, "Hz"))
+        for f, z, std in ((1.0, 0.01, 0.1), (1.1, 0.02, 0.2), (1.05, 0.05, 0.1))
+    ]
     assert _start_of(modes) == pytest.approx(((100 * 1.0 + 25 * 1.1 + 100 * 1.05) / 225, 0.02))
 
 
@@ -51,7 +54,7 @@ def test_two_setups_give_one_mode_with_a_shape_in_all_sensors(setups: list[ws.Re
     found = ws.oma(setups, bands=[(0.8, 1.4)])
     (joint,) = found.modes
     assert found.channels == ("floor_0_displacement", "floor_1_displacement", "floor_2_displacement")
-    assert abs(joint.frequency - 1.1) < 3.0 * joint.frequency_std
+    assert abs(joint.frequency.estimate - 1.1) < 3.0 * joint.frequency.std
     assert np.all(np.abs(joint.shape.real - [0.4, 0.8, 1.0]) < 4.0 * joint.shape_std + 1e-9)
     assert [part.record for part in found.parts] == ["setup 1", "setup 2"]
 

@@ -18,7 +18,7 @@ C2 = FOLDER / "c2_turb12_full.outb"
 def reasons(file: str, first: float, last: float) -> tuple[set[str], set[str]]:
     pytest.importorskip("openfast_io.FAST_output_reader", reason="the extra windsysid[openfast] is not installed")
     found = identify(read_record(C2), load_turbine(file), section=(first, last))
-    grades = {mode.grades[0] for mode in found.modes if mode.name != "tower roll"}
+    grades = {mode.frequency.grade for mode in found.modes if mode.name != "tower roll"}
     return grades, {one.code for one in found.findings if one.severity == "reason"}
 
 

@@ -28,6 +28,6 @@ def test_a_made_file_gives_the_frequencies_of_a_hand_made_one(name: str, hand_ma
         ws.identify(record, turbine, section=(60.0, 600.0)) for turbine in (hand_made, ws.turbine_from(MODEL, kind))
     ]
     for by_hand, made in zip(*(result.modes for result in found), strict=True):
-        estimate, low, high = by_hand.frequency_hz
-        limit = 1.5 if estimate > 2.0 else 0.2
-        assert abs(made.frequency_hz[0] - estimate) < limit * (high - low) / 4.0, by_hand.name
+        f = by_hand.frequency
+        limit = 1.5 if f.estimate > 2.0 else 0.2
+        assert abs(made.frequency.estimate - f.estimate) < limit * f.std, by_hand.name

@@ -20,20 +20,20 @@ __all__ = ["Cloud", "address", "weighted_quantiles"]
 
 
 class Cloud(NamedTuple):
-    """What a particle filter knows between two samples.
+    """State of a particle filter between two samples, from which it continues.
 
     Attributes
     ----------
     particles
         States (n, N).
     log_weights
-        (N,), not normalised.
+        Logarithms of the weights (N,), not normalised.
     centre
-        About where the particles are (n,): what moments are summed about.
+        Reference point of the sums for moments (n,), near the particles.
     inputs
         Inputs at the cloud's own time (n_u + n_w,).
     samples
-        How many sample times it has reached; 0 for the prior.
+        Number of samples so far; 0 for the prior.
     """
 
     particles: Array
@@ -103,7 +103,7 @@ def reflected(values: Array, low: float, high: float) -> Array:
 
 
 def linear_entries(model: StateSpace) -> NDArray[np.int64] | None:
-    """Where a model without motion is linear in its state: (reading, state) of its coefficients, ordered; None where it
+    """Linear part of a model without motion: (reading, state) of its coefficients, ordered; None where it
     is not.
 
     It is tried at random points, where only linear functions pass.

@@ -76,8 +76,7 @@ _NO_ENTRIES = np.empty((0, 2), dtype=np.int64)
 
 @dataclass(frozen=True)
 class ParticleFilter:
-    """Sequential importance resampling with the protocol of `windsysid.filters.Filter`: init, predict, update, step,
-    run.
+    """Particle filter (sequential importance resampling) with the methods of `windsysid.filters.Filter`.
 
     Beliefs are `Cloud`s; `step` is `run` with one sample, bit for bit, and results do not depend on the number of
     threads.
@@ -85,34 +84,56 @@ class ParticleFilter:
     Attributes
     ----------
     particles
-        N.
+        Number of particles N.
     seed
         0 … 2⁶⁴ − 1.
     resampling
         ``"systematic"``, ``"stratified"`` or ``"residual"``.
     threshold
-        Share of N below which the effective sample size makes the filter resample.
+        Share of N below which the effective sample size triggers resampling.
     discount
-        δ of Liu and West's kernel for biases and parameters [1], ⅓ < δ ≤ 1; 1 draws nothing anew. The default suits
-        posteriors with one summit, as coefficients have; where there may be several, 0.99 keeps them apart, and takes
-        more particles.
+        δ of the Liu–West kernel for biases and parameters [1], ⅓ < δ ≤ 1; 1 switches it off. The default suits
+        posteriors with one mode, as of coefficients; for several modes 0.99 keeps them apart, and needs more particles.
     tempering
-        Whether, where only parameters are unknown, a sample may be taken in by parts.
+        Use the likelihood of a sample in several steps where needed, if only parameters are unknown.
     freedom
-        Degrees of freedom of Student t sensors [1], for all or by channel; a sensor's noise is then the scale of its
-        distribution. Gaussian by default.
+        Degrees of freedom of sensor noise with a Student t distribution [1], for all or by channel; the noise of a
+        sensor is then the scale of its distribution. Gaussian by default.
     bounds
-        Least and greatest value in SI of parameters that have any: the prior is truncated there, and nothing is drawn
-        beyond.
+        Least and greatest value in SI of bounded parameters, at which the prior is truncated.
     threads
-        As many as there are processors, by default.
+        Number of threads; one for each processor by default.
     name
-        How results call it.
+        Name in results.
 
     Raises
     ------
     ConfigurationError
         If an option is out of range.
+
+    References
+    ----------
+    - Gordon, Salmond & Smith, IEE Proc. F 140(2), 1993, doi:10.1049/ip-f-2.1993.0015.
+    - Liu & West, in Sequential Monte Carlo Methods in Practice, Springer 2001, ch. 10.
+    - Chopin & Papaspiliopoulos, An Introduction to Sequential Monte Carlo, Springer 2020, ch. 10 and 17.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import sympy as sp
+    >>> import windsysid as ws
+    >>> q, v, w, k = sp.symbols("q v w k")
+    >>> spring = ws.models.Equations("spring", (q, v), (), (k,), (w,), (v, w - 0.2 * v - k * q))
+    >>> stiffness, sensor = ws.models.Parameter("k", 3.0, 0.5), ws.models.Reading("position", q, noise=0.01)
+    >>> model = ws.models.compose(
+    ...     spring, rate=20.0, values={}, parameters=[stiffness], cov=np.eye(2), sensors=[sensor]
+    ... )
+    >>> time = 0.05 * np.arange(100)
+    >>> readings = (np.exp(-0.1 * time) * np.cos(2.0 * time))[:, None]  # released at q = 1 m with k = 4 N/m
+    >>> particles = ws.filters.ParticleFilter(particles=1000)
+    >>> cloud, info = particles.run(model, particles.init(model), np.zeros((100, 1)), readings)
+    >>> round(float(stiffness.physical(info.mean[-1, -1])), 1), cloud.particles.shape
+    (4.0, (3, 1000))
     """
 
     particles: int = 2000
@@ -347,7 +368,7 @@ class _ParticleRun:
         return found
 
     def _rows(self, inputs: Array, block: slice) -> Array:
-        """What a linear model reads at a block's samples; nothing for others."""
+        """Readings of a linear model at a block's samples; empty for others."""
         if self.entries is None:
             return self.rows
         if not (self.rows_first <= block.start and block.stop <= self.rows_first + len(self.rows)):
@@ -357,7 +378,7 @@ class _ParticleRun:
         return self.rows[block.start - self.rows_first : block.stop - self.rows_first]
 
     def _summed(self) -> dict[str, Array]:
-        """What is known of particles and log-weights as they are."""
+        """Estimate from particles and log-weights without changes."""
         n, m = len(self.particles), len(self.noise)
         sums = np.empty((1, self.shares[-1][1], 3 + 2 * n + 2 * m))
         sums_kernel()(self.particles, self.log_weights, self.centre, sums)
@@ -415,7 +436,7 @@ class _ParticleRun:
 
 
 def _write(info: ParticleInfo, found: dict[str, Array], first: int, samples: int, run: _ParticleRun) -> None:
-    """Put what is known after each of some samples into `info`."""
+    """Store the estimates after each of some samples in `info`."""
     now, then = slice(first, first + samples), slice(1, 1 + samples)
     info.mean[now], info.std[now] = found["mean"][then], np.sqrt(found["variance"][then])
     info.innovation[now] = off = found["off"][:samples]

@@ -320,8 +320,8 @@ def _rows(reading_jacobian: Any, blocks: Any, ws: Any, inputs: Any, rows: Any) -
 
 @lru_cache(maxsize=1)
 def temper_kernel() -> Any:
-    """How much of a sample's log-likelihoods (N,) log-weights (N,) can take in before the effective sample size falls
-    to a given number.
+    """Largest share of a sample's log-likelihoods (N,) that log-weights (N,) can take before the effective sample size
+    falls to a given number.
 
     Arguments: log-weights, log-likelihoods, what is left to take in (0 … 1], the number.
     """

@@ -43,14 +43,27 @@ MAX_BLOCK_SAMPLES = 256
 
 
 class SplitModel(NamedTuple):
-    """One model written twice.
+    """Model with its parameters in the state, and the same model given its parameters.
 
     Attributes
     ----------
     joint
-        With the parameters in the state: what is identified, and the prior.
+        With the parameters in the state: gives their prior.
     given
-        The same without, at any values of the parameters: what a Kalman filter runs.
+        Without, at any values of the parameters: the model of the Kalman filters.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> import windsysid as ws
+    >>> q, v, w, k = sp.symbols("q v w k")
+    >>> spring = ws.models.Equations("spring", (q, v), (), (k,), (w,), (v, w - 0.2 * v - k * q))
+    >>> sensors, stiffness = [ws.models.Reading("position", q, noise=0.01)], ws.models.Parameter("k", 3.0, 0.5)
+    >>> joint = ws.models.compose(spring, rate=20.0, values={}, parameters=[stiffness], sensors=sensors)
+    >>> given = ws.models.compose(spring, rate=20.0, values={"k": 3.0}, sensors=sensors)
+    >>> model = ws.filters.SplitModel(joint, given)
+    >>> model.joint.states, model.given.states
+    (('q', 'v', 'k'), ('q', 'v'))
     """
 
     joint: StateSpace
@@ -58,14 +71,14 @@ class SplitModel(NamedTuple):
 
 
 class Mixture(NamedTuple):
-    """What the filter knows between two samples.
+    """State of a Rao–Blackwellised particle filter between two samples, from which it continues.
 
     Attributes
     ----------
     theta
         Parameters in filter coordinates (n_θ, N).
     log_weights
-        (N,), not normalised.
+        Logarithms of the weights (N,), not normalised.
     bank
         The Kalman filters of all particles.
     """
@@ -96,15 +109,15 @@ class Mixture(NamedTuple):
 
 
 class MixtureInfo(NamedTuple):
-    """What came out of T samples of m readings.
+    """Output of a Rao–Blackwellised particle filter for T samples of m readings.
 
     Attributes
     ----------
     mean, std
-        Of the parameters after each sample (T, n_θ).
+        Mean and standard deviation of the parameters after each sample (T, n_θ).
     whitened
-        Innovations through the mixture's own distribution to unit normals, reading by reading (T, m); NaN where
-        missing.
+        Innovations, transformed to unit normals by the distribution of the mixture, reading by reading (T, m); NaN
+        where missing.
     log_likelihood
         Log density of the readings of each sample given the past (T,).
     effective, resamplings, survivors
@@ -122,7 +135,9 @@ class MixtureInfo(NamedTuple):
 
 @dataclass(frozen=True)
 class RaoBlackwellised:
-    """Particles on a `SplitModel`'s parameters, a Kalman filter each; the protocol of `windsysid.filters.Filter`.
+    """Rao–Blackwellised particle filter: particles of the parameters, each with a Kalman filter of the states.
+
+    It has the methods of `windsysid.filters.Filter`, and takes a `SplitModel`.
 
     Attributes
     ----------
@@ -133,6 +148,29 @@ class RaoBlackwellised:
     ------
     ConfigurationError
         If an option is out of range.
+
+    References
+    ----------
+    - Doucet, de Freitas, Murphy & Russell, Proc. UAI 2000, arXiv:1301.3853.
+    - Särkkä & Svensson, Bayesian Filtering and Smoothing, 2nd ed., Cambridge 2023, ch. 11.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import sympy as sp
+    >>> import windsysid as ws
+    >>> q, v, w, k = sp.symbols("q v w k")
+    >>> spring = ws.models.Equations("spring", (q, v), (), (k,), (w,), (v, w - 0.2 * v - k * q))
+    >>> stiffness, sensor = ws.models.Parameter("k", 3.0, 0.5), ws.models.Reading("position", q, noise=0.01)
+    >>> common = {"rate": 20.0, "cov": np.eye(2), "sensors": [sensor]}
+    >>> joint = ws.models.compose(spring, values={}, parameters=[stiffness], **common)
+    >>> model = ws.filters.SplitModel(joint, ws.models.compose(spring, values={"k": 3.0}, **common))
+    >>> time = 0.05 * np.arange(100)
+    >>> readings = (np.exp(-0.1 * time) * np.cos(2.0 * time))[:, None]  # released at q = 1 m with k = 4 N/m
+    >>> particles = ws.filters.RaoBlackwellised(particles=200)
+    >>> mixture, info = particles.run(model, particles.init(model), np.zeros((100, 1)), readings)
+    >>> round(float(stiffness.physical(info.mean[-1, 0])), 1), mixture.theta.shape
+    (4.0, (1, 200))
     """
 
     particles: int = 1024
@@ -257,7 +295,7 @@ def _bank(model: SplitModel, theta: Array) -> Bank:
 
 
 def _resample_bank(model: SplitModel, bank: Bank, theta: Array, chosen: NDArray[np.int64]) -> Bank:
-    """Filters at new parameters that believe what their ancestors did."""
+    """Filters at resampled parameters with the beliefs of their ancestors."""
     mean, cov = (np.ascontiguousarray(values[chosen]) for values in _filters(bank))
     filled = np.concatenate([np.arange(len(mean)), np.full(-len(mean) % LANES, len(mean) - 1)])
     return _bank(model, theta)._replace(

@@ -1,4 +1,4 @@
-"""What becomes of weights: resampling, Liu and West's kernel, the health of the cloud, the record of a run."""
+"""Weights of particles: resampling, Liu and West's kernel, the health of the cloud, the record of a run."""
 
 from typing import NamedTuple, Protocol
 
@@ -19,10 +19,10 @@ MIN_EFFECTIVE = 10.0
 
 
 class ParticleInfo(NamedTuple):
-    """What came out of T samples: the fields of `windsysid.filters.Info`, then how the particles fared.
+    """Output of a particle filter for T samples: the fields of `windsysid.filters.Info`, and health of the particles.
 
-    Each innovation is whitened by its own standard deviation, mixture and noise together, and not decorrelated from the
-    others of its sample; `whitening_std` is `innovation_std`, and nothing is ever gated.
+    Each innovation is standardised by its own standard deviation, of mixture and noise together, and not decorrelated
+    from the others of its sample; `whitening_std` is `innovation_std`, and no reading is gated.
 
     Attributes
     ----------
@@ -31,9 +31,9 @@ class ParticleInfo(NamedTuple):
     effective
         Effective sample size after each sample (T,).
     resamplings
-        How often the particles were resampled for each sample (T,).
+        Number of resamplings in each sample (T,).
     survivors
-        The fewest particles that had descendants at one of them (T,); N where there was none.
+        Smallest number of particles with descendants in one of them (T,); N where there was none.
     """
 
     mean: Array
@@ -61,7 +61,7 @@ def liu_west(values: Array, weights: Array, chosen: NDArray[np.int64], noise: Ar
 
 
 class ResamplingOptions(Protocol):
-    """What resampling asks of a filter's options."""
+    """Options of a filter that resampling uses."""
 
     @property
     def seed(self) -> int: ...
@@ -85,12 +85,12 @@ def resample(
 
 
 def survivors(chosen: NDArray[np.int64]) -> int:
-    """How many particles had descendants: ancestors come in order."""
+    """Number of particles with descendants; ancestors are in order."""
     return 1 + int(np.count_nonzero(np.diff(chosen)))
 
 
 class Fared(Protocol):
-    """What is known of how particles fared, (T,) each."""
+    """Health of the particles, (T,) each."""
 
     @property
     def effective(self) -> Array: ...
@@ -101,17 +101,31 @@ class Fared(Protocol):
 
 
 def degeneracy(info: Fared) -> str:
-    """Describe the health of a particle cloud in a sentence or two that a reader can act on.
+    """Describe the health of a particle cloud in one or two sentences.
 
     Parameters
     ----------
-    info
-        What a particle filter's `run` returned.
+    info : ParticleInfo or MixtureInfo
+        Output of `run` of a particle filter.
 
     Returns
     -------
     str
-        It begins with ``healthy``, ``thin`` or ``degenerate``.
+        Begins with ``healthy``, ``thin`` or ``degenerate``.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import sympy as sp
+    >>> import windsysid as ws
+    >>> q, v, w, k = sp.symbols("q v w k")
+    >>> spring = ws.models.Equations("spring", (q, v), (), (k,), (w,), (v, w - 0.2 * v - k * q))
+    >>> sensor = ws.models.Reading("position", q, noise=0.1)
+    >>> model = ws.models.compose(spring, rate=20.0, values={"k": 4.0}, cov=np.eye(2), sensors=[sensor])
+    >>> particles = ws.filters.ParticleFilter(particles=500)
+    >>> _, info = particles.run(model, particles.init(model), np.zeros((20, 1)), np.zeros((20, 1)))
+    >>> ws.filters.degeneracy(info).partition(":")[0]
+    'healthy'
     """
     count = int(info.survivors.max(initial=0)) if not info.resamplings.all() else 0
     count = max(count, int(np.ceil(info.effective.max(initial=0.0))))
@@ -130,7 +144,7 @@ def degeneracy(info: Fared) -> str:
         )
     if info.effective[worst] < MIN_EFFECTIVE or info.survivors[thin] < MIN_EFFECTIVE:
         return (
-            f"thin: {text}. What is lost there stays lost: compare with another seed, take more particles or a"
+            f"thin: {text}. Lost particles cannot be recovered: compare with another seed, take more particles or a"
             " narrower prior"
         )
     return f"healthy: {text}"

@@ -32,7 +32,7 @@ KILLED = 3
 
 
 def share(items: Iterable[T], workers: Sequence[Worker], do: Callable[[T, Worker, Say], None], tell: Say) -> None:
-    """Let workers do items, each the next one; what `do` says `tell` hears, in the thread of the caller.
+    """Let workers do items, each the next one; `tell` receives the messages of `do`, in the thread of the caller.
 
     Where this is interrupted, or one of them fails, all workers are closed.
     """
@@ -50,7 +50,7 @@ def share(items: Iterable[T], workers: Sequence[Worker], do: Callable[[T, Worker
                 do(item, worker, lambda *news: said.put(news))
         except StoppedError:
             pass
-        except BaseException as error:  # told to whoever waits
+        except BaseException as error:  # passed to the waiting caller
             said.put(error)
         finally:
             said.put(None)
@@ -78,8 +78,8 @@ def share(items: Iterable[T], workers: Sequence[Worker], do: Callable[[T, Worker
 
 
 def run_here(tasks: Iterable[Task], workers: Sequence[Worker], tell: Tell) -> None:
-    """Run tasks by worker processes of this machine, record by record, so that one day keeps all of them busy; what is
-    whole is filed by the caller while workers go on, and what is there where this is interrupted."""
+    """Run tasks by worker processes of this machine, record by record, so that one day keeps all of them busy; the
+    caller files complete ones while workers continue, and an interruption keeps what is complete."""
 
     def do(one: tuple[Task, str, int], worker: Worker, say: Say) -> None:
         say(one[0], take(*one, worker))
@@ -105,7 +105,7 @@ def run_on_dask(tasks: Iterable[Task], address: str, tell: Tell) -> None:
         If the scheduler goes away, or workers die at a task again and again.
     """
     distributed = package("distributed", "Dask schedulers", "fleet")
-    with quiet("distributed"):  # what goes wrong is told in one line
+    with quiet("distributed"):  # errors are reported in one line
         try:
             client = distributed.Client(address, timeout="30s")
         except (OSError, ValueError, TimeoutError) as error:
@@ -117,7 +117,7 @@ def run_on_dask(tasks: Iterable[Task], address: str, tell: Tell) -> None:
 
 
 def _on_dask(client: Any, dask: Any, waiting: Iterator[Task], address: str) -> Iterator[list[tuple[str, str]]]:
-    """What is told of each record, task by task."""
+    """Statuses of the records of each task."""
     given: dict[str, Task] = {}
     killed: Counter[str] = Counter()
 
@@ -160,7 +160,7 @@ _own = threading.local()
 
 
 def run_on_worker(task: Task) -> list[tuple[str, str]]:
-    """What a Dask worker runs: what is told of each record."""
+    """Task of a Dask worker: the statuses of its records."""
     if getattr(_own, "worker", None) is None:
         _own.worker = Worker(task.limit)
     _own.worker.limit = task.limit

@@ -1,8 +1,8 @@
-"""A worker process under guard: what hangs is ended, what dies is started again, and both are told.
+"""A worker process under guard: a hanging one is ended, a dead one is restarted, and both are reported.
 
-Files from elsewhere can make a library hang or crash (HDF5 does), and an out-of-memory killer asks nobody. So records
-are opened in a process of their own, one after the other. The process is a fresh interpreter with one thread, told
-everything as text: nothing is forked, so that threads and libraries of the caller do not matter.
+Foreign files can make a library hang or crash (HDF5 does), and an out-of-memory killer gives no warning. So records
+are opened in a process of their own, one after the other. The process is a fresh interpreter with one thread and
+receives everything as text: nothing is forked, so that threads and libraries of the caller do not matter.
 """
 
 import contextlib
@@ -31,7 +31,7 @@ READY_SECONDS = 300.0
 """A worker that is not ready by then never will be."""
 
 COMPILE_FACTOR = 3.0
-"""How many times the limit a first record has: its model may have to be compiled."""
+"""Factor on the limit of a first record, whose model may have to be compiled."""
 
 _THREADS = ("OPENBLAS", "OMP", "MKL", "NUMBA", "VECLIB_MAXIMUM", "NUMEXPR")
 
@@ -128,12 +128,12 @@ class Worker:
         threading.Thread(target=_listen, args=(self._process, self._answers), daemon=True).start()
 
     def _next(self, seconds: float | None) -> dict[str, Any] | None:
-        """What the process says next; None where it ended."""
+        """Next message of the process; None if it ended."""
         try:
             line = self._answers.get(timeout=seconds)
         except queue.Empty:
             self._kill()
-            raise HangingWorkerError(f"gave no answer in {seconds:g} s and was ended") from None
+            raise HangingWorkerError(f"did not finish within {seconds:g} s and was ended") from None
         if line is None or not line.endswith("\n"):
             return None
         answer: dict[str, Any] = json.loads(line)
@@ -162,7 +162,7 @@ class Worker:
 
 
 def _listen(process: "subprocess.Popen[str]", answers: "queue.Queue[str | None]") -> None:
-    """Pass on what a process says, and that it ended."""
+    """Pass on the messages of a process, and its end."""
     assert process.stdout is not None
     with contextlib.suppress(OSError, ValueError), process.stdout:
         for line in process.stdout:

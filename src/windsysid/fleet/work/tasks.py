@@ -17,10 +17,10 @@ from windsysid.fleet.work.guard import DEATHS, DeadWorkerError, HangingWorkerErr
 __all__ = ["FLUSH_SECONDS", "Filing", "Task", "Tell", "run_task", "take"]
 
 Tell = Callable[[str, str], None]
-"""Hears of each record: its status, and why it has no result."""
+"""Callback for each record: its status, and why it has no result."""
 
 FLUSH_SECONDS = 120.0
-"""What was found is filed at least this often: so much work is lost where everything is killed."""
+"""Time after which results are filed at the latest [s]: the work that a kill loses."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Task:
 
     @property
     def key(self) -> str:
-        """The same for the same work."""
+        """Digest of the work: equal for equal work."""
         content = repr((self.place, self.sources, self.settings))
         digest = hashlib.sha256(content.encode()).hexdigest()[:12]
         return f"windsysid-{self.member.name}-{self.day}-{digest}"
@@ -76,7 +76,7 @@ class Filing:
             self._file(task.place)
 
     def close(self) -> None:
-        """File what is there, where the work ended between two records."""
+        """File the results so far, where the work ended between two records."""
         for place in tuple(self._open):
             self._file(place)
 
@@ -86,7 +86,7 @@ class Filing:
 
 
 def run_task(task: Task, worker: Worker, tell: Tell) -> None:
-    """Take the records of a task by one worker and file them; `tell` is told the status of each, and why it has no
+    """Take the records of a task by one worker and file them; `tell` receives the status of each, and why it has no
     result.
 
     What was found is filed also where the worker is stopped between two records.

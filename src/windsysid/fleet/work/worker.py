@@ -1,4 +1,4 @@
-"""The process that opens records: it may hang or die, and nobody else does.
+"""The process that opens records: it may hang or die without harm to others.
 
 It reads one request a line from standard input and writes one answer a line: JSON, paths or samples in, rows out.
 ``python -m windsysid.fleet.work.worker`` is started by `windsysid.fleet.work.guard` only.
@@ -45,7 +45,7 @@ from windsysid.turbine.turbine import Turbine
 __all__ = ["main", "pack_samples", "take", "take_samples"]
 
 POLL_SECONDS = 0.2
-"""How often a lock that another process holds is asked for."""
+"""Interval at which a lock that another process holds is tried again [s]."""
 
 Say = Callable[[dict[str, Any]], None]
 

@@ -144,7 +144,7 @@ class BlockwiseConditioner:
         return refine(part, read, self.steps) if self.steps > 1 else part
 
     def _turns(self, part: Record, azimuth: Array) -> float:
-        """What must be added to the azimuth so that it goes on where it was: whole turns where it was recorded."""
+        """Whole turns to be added to the azimuth so that it continues."""
         row = int(np.argmin(np.abs(part.time - self._reached)))
         off = self._azimuth - float(azimuth[row])
         recorded = part["rotor_azimuth"] if "rotor_azimuth" in part else np.full(part.samples, np.nan)

@@ -99,7 +99,7 @@ def add_noise(record: Record, channels: Sequence[str], percent: float, seed: int
 
 
 def with_noise(sensors: Sequence[Sensor], added: Mapping[str, float]) -> tuple[Sensor, ...]:
-    """The same sensors, as noisy as they and the added noise are together."""
+    """Sensors with the added noise included in their own."""
     return tuple(
         sensor.model_copy(update={"noise": math.hypot(sensor.noise, added.get(sensor.channel, 0.0))})
         for sensor in sensors
@@ -154,7 +154,7 @@ def _check_channel(record: Record, sensor: Sensor) -> None:
 
 
 def screened(record: Record, turbine: Turbine, sensors: Sequence[Sensor], *, refuse: bool = True) -> list[Fault]:
-    """What is wrong with the channels that the joint formulation reads (`windsysid.inspection.screening`); RecordError
+    """Faults of the channels that the joint formulation reads (`windsysid.inspection.screening`); RecordError
     where it makes estimates wrong."""
     return screen(
         record, turbine, [sensor.channel for sensor in sensors],
@@ -188,7 +188,7 @@ def without_faulty(record: Record, faults: Sequence[Fault]) -> tuple[Record, lis
 def resample_for_model(
     record: Record, turbine: Turbine, rate: float | None, sensors: Sequence[Sensor]
 ) -> tuple[Record, int, tuple[Finding, ...]]:
-    """The record at a lower rate, where one is asked for or the turbine's model has nothing to say of what is faster;
+    """The record at a lower rate, where one is requested or the turbine's model has no faster modes;
     samples per reading, and a note.
 
     Where the equations need shorter steps than a reading takes, sensors are missing between their readings and all else
@@ -215,7 +215,7 @@ def choose_rate(recorded: float, duration: float, turbine: Turbine, rate: float 
     Raises
     ------
     ConfigurationError
-        If the rate that is asked for takes every mode out of the record, or leaves next to no readings.
+        If the rate that is requested takes every mode out of the record, or leaves next to no readings.
     """
     asked = rate is not None
     if rate is None:
@@ -224,7 +224,7 @@ def choose_rate(recorded: float, duration: float, turbine: Turbine, rate: float 
         raise ConfigurationError(f"rate: expected more than 0 and at most the record's {recorded:.4g} Hz, got {rate:g}")
     if rate is None or rate > 0.95 * recorded:
         return None
-    if asked:  # of a record too short for a rate that nobody asked for, its length is what is wrong
+    if asked:  # of a record too short for a rate that was not requested, its length is what is wrong
         _check_rate(duration, turbine, rate)
     return rate
 
@@ -239,20 +239,20 @@ def _usual_rate(recorded: float, duration: float, turbine: Turbine) -> float | N
 
 
 def steps_per_reading(turbine: Turbine, rate: float) -> int:
-    """How many steps the equations need for each reading at that rate [Hz]."""
+    """Number of steps of the equations for each reading at that rate [Hz]."""
     fastest = max(turbine.natural_frequency(name) for name in turbine.model.coordinates)
     return max(math.ceil(fastest / MAX_STEP / rate * (1.0 - 1e-9)), 1)
 
 
 def note_rate(recorded: float, rate: float, steps: int, turbine: Turbine) -> tuple[Finding, ...]:
-    """What resampling from the rate `recorded` to `rate` [Hz] does."""
+    """Note on the effect of resampling from the rate `recorded` to `rate` [Hz]."""
     fastest = max(turbine.natural_frequency(name) for name in turbine.model.coordinates)
     lost = fastest / (2.0 * math.pi) if steps > 1 and fastest > 0.8 * math.pi * rate else None
     return (Finding("resampled", "note", {"recorded": recorded, "rate": rate, "lost_mode": lost, "steps": steps}),)
 
 
 def note_steps(steps: int) -> Finding:
-    """How finely the equations go."""
+    """Step of the equations."""
     return Finding("steps_of_equations", "note", {"steps": steps})
 
 
@@ -299,7 +299,7 @@ def _check_rate(duration: float, turbine: Turbine, rate: float) -> None:
 
 
 def thin_to_readings(outcome: Outcome, steps: int) -> Outcome:
-    """What a formulation found at every reading, on a record that has `steps` samples for each."""
+    """Expand the result of a formulation at every reading to a record that has `steps` samples for each."""
     loads = outcome.loads
     return outcome._replace(
         history_mean=outcome.history_mean[::steps],

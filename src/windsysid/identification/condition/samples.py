@@ -1,4 +1,4 @@
-"""What filters read of a record, block by block, as often as it is asked for: from memory, or from a file on disk.
+"""Samples for filters, block by block, repeatedly: from memory, or from a file on disk.
 
 A search for the mode looks at all samples several times. A record that fits into memory is one block. A record that
 does not is written, as it comes, to a file that has no name and ends with the process, and is read back in blocks of

@@ -19,7 +19,7 @@ __all__ = ["SpectralSamples", "read_bridged"]
 
 
 def read_bridged(record: Record, channels: Sequence[str], notes: list[Finding]) -> Array:
-    """What channels hold (T, m), short gaps bridged, which `notes` then say.
+    """Values of channels (T, m), short gaps bridged and noted in `notes`.
 
     Raises
     ------
@@ -67,7 +67,7 @@ class SpectralSamples(NamedTuple):
         cls, record: Record, turbine: Turbine, sensors: Sequence[Sensor], notes: list[Finding],
         sums: BlockSums[Any] | None = None,
     ) -> "SpectralSamples":  # fmt: skip
-        """Read a record; `notes` are told of gaps that were bridged. RecordError as of `read_bridged`."""
+        """Read a record; gaps that were bridged are added to `notes`. RecordError as of `read_bridged`."""
         inputs = known_inputs(record, turbine, sensors)
         readings = read_bridged(record, [sensor.channel for sensor in sensors], notes)
         return cls(record, tuple(sensors), inputs, readings, sums)

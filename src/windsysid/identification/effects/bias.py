@@ -13,11 +13,12 @@ from typing import Any
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.checks.limits import OUTLIER_SIGMAS
 from windsysid.identification.effects.regression import RegressorEffect
 from windsysid.identification.effects.score_test import RegressorCandidate
 from windsysid.identification.estimate.fitted.linearisation import Linearisation, RegressorColumn
 from windsysid.identification.job import Job
-from windsysid.identification.limits import NEGLIGIBLE_SHARE, OUTLIER_SIGMAS
+from windsysid.identification.limits import NEGLIGIBLE_SHARE
 from windsysid.identification.model.effect import Effect
 from windsysid.identification.model.fit import Outcome, known_inputs
 from windsysid.identification.model.prior_odds import sigma_bound
@@ -43,8 +44,8 @@ MAX_SAMPLES_AT_REST = 2000
 
 @dataclass(frozen=True)
 class Biases:
-    """Constant biases that the sensor list does not have: for each channel the mean of what its readings are off by,
-    whose size is the prior standard deviation of the bias."""
+    """Constant biases that the sensor list lacks: for each channel the mean offset of its readings, whose size is the
+    prior standard deviation of the bias."""
 
     sizes: Mapping[str, float]
     units: Mapping[str, str]
@@ -61,7 +62,7 @@ class Biases:
 
     @property
     def note(self) -> Finding:
-        """What the readings are off by."""
+        """Offset of the readings."""
         units = {channel: self.units[channel] for channel in self.sizes}
         return Finding("sensor_offsets", "note", {"offsets": dict(self.sizes), "units": units})
 
@@ -95,7 +96,7 @@ class SmallBias(RegressorEffect):
         ]
 
     def describe(self, terms: Sequence[Term]) -> dict[str, Any]:
-        """How large it is."""
+        """Size of the offset."""
         (one,) = terms
         return {"size": one.size, "std": one.std}
 
@@ -120,7 +121,7 @@ def find_biases(record: Record, turbine: Turbine, sensors: Sequence[Sensor]) -> 
 
 
 def _at_rest(turbine: Turbine, sensors: Sequence[Sensor], inputs: Array) -> Array:
-    """What the sensors read of a machine that turns and is held where its springs are at ease (T, m)."""
+    """Readings of the sensors of a turning machine with unloaded springs (T, m)."""
     compiled = compile_model(turbine.model, tuple(sensors), instruments=True)
     p = np.array([turbine.values.get(name, 0.0) for name in compiled.parameters])
     n, nw = len(compiled.states), len(compiled.loads)
@@ -135,14 +136,14 @@ def _at_rest(turbine: Turbine, sensors: Sequence[Sensor], inputs: Array) -> Arra
 
 
 def _mean(readings: Array, psi: Array) -> float:
-    """The mean beside what goes with the rotor once and twice a turn."""
+    """Mean without the components at 1P and 2P."""
     known, weight = _weighed(readings)
     terms = [np.ones(len(readings))]
     if abs(psi[-1] - psi[0]) > 4.0 * np.pi:
         terms += [f(n * psi) for n in (1, 2) for f in (np.cos, np.sin)]
     design = np.column_stack(terms)
     normal = design.T @ (weight[:, None] * design)
-    rows = np.linalg.pinv(normal)[0] @ (weight[:, None] * design).T  # of few readings not every term is told
+    rows = np.linalg.pinv(normal)[0] @ (weight[:, None] * design).T  # few readings do not determine every term
     return float(rows @ known)
 
 
@@ -157,8 +158,8 @@ def _chance(readings: Array, periods: float) -> float:
 
 
 def _weighed(readings: Array) -> tuple[Array, Array]:
-    """Readings, zero where they are missing, and weights that fall to nothing there and at the ends: a vibration which
-    is cut off leaves nothing in the mean."""
+    """Readings, zero where they are missing, and weights that fall to zero there and at the ends, so that a truncated
+    vibration adds nothing to the mean."""
     known = np.isfinite(readings)
     weight = np.sin(np.pi * (np.arange(len(readings)) + 0.5) / len(readings)) ** 2
     return np.where(known, readings, 0.0), np.where(known, weight, 0.0)

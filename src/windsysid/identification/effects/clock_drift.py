@@ -2,14 +2,14 @@
 
 Two crystals differ by tens of parts in a million: 30 ms in ten minutes, a tenth of a period of a blade. A clock that is
 late has an unknown (`windsysid.identification.estimate.clock_lag`); its drift is seen before anything is identified, as
-sensors of turning blades feel gravity. In the reading y = Re a e^{iψ} of a logger that is late by κ, with the azimuth ψ
-of the tower's logger, the phase of a falls by Ωκ. It is taken window by window; where a straight line through the κ of
-all windows is beyond chance, readings are put back to when they were taken, as if the clocks had agreed at the first
-sample: how late a logger was then is the unknown's.
+sensors of turning blades measure gravity. In the reading y = Re a e^{iψ} of a logger that is late by κ, with the
+azimuth ψ of the tower's logger, the phase of a falls by Ωκ. It is taken window by window; where a straight line through
+the κ of all windows is beyond chance, readings are put back to when they were taken, as if the clocks had agreed at the
+first sample: how late a logger was then is the unknown's.
 
 Gravity tells a drift in minutes. What vibrates tells it sooner, from where spectra have ended: the halves of the record
 have a clock each, and the second is later than the first by half of what drifts. A record that drifts bends what
-spectra find, and with it that difference, so that they are asked again until nothing is left.
+spectra find, and with it that difference, so the fit is repeated until none remains.
 """
 
 import math
@@ -62,7 +62,7 @@ class ClockDrifts:
         return record, tuple(sensors)
 
     def notes(self, outcome: Outcome, *, filtered: bool) -> tuple[Finding, ...]:
-        """Which clocks drift."""
+        """Clocks that drift."""
         return tuple(one.note for one in self.drifts)
 
 
@@ -87,7 +87,7 @@ class ClockDrift(Effect):
         return Detection(fit, ClockDrifts(together(before, left), left), sigmas**2 / (2.0 * math.log(10.0)))
 
     def confirm(self, job: Job, found: Detection, after: FittedJob) -> FittedJob | None:
-        """Keep a drift that is gone where it was put back; what persists is something else."""
+        """Keep a drift that the correction removes; a remaining one has another cause."""
         put_back = found.inclusion
         if not isinstance(put_back, ClockDrifts):
             return after
@@ -102,8 +102,8 @@ def drifts_in(job: Job) -> tuple[Drift, ...]:
 
 
 def left_over(drifts: Sequence[Drift], known: Sequence[Drift], turbine: Turbine, duration: float) -> tuple[Drift, ...]:
-    """Drifts that matter in a record of so many seconds, and of loggers that were put back what is beyond its standard
-    deviation."""
+    """Significant drifts in a record of so many seconds, with the corrected lag of each logger that exceeds its
+    standard deviation."""
     before = {one.logger for one in known}
     return tuple(
         one for one in drifts if (abs(one.rate) > one.std if one.logger in before else one.matters(turbine, duration))
@@ -111,14 +111,14 @@ def left_over(drifts: Sequence[Drift], known: Sequence[Drift], turbine: Turbine,
 
 
 def persists(left: Sequence[Drift], before: Sequence[Drift]) -> bool:
-    """Whether more than half of a drift is left, beyond chance, where it was put back: something else looked like
+    """Test whether more than half of a drift remains, beyond chance, after alignment: another effect looked like
     one."""
     was = {one.logger: abs(one.rate) for one in before}
     return any(abs(one.rate) > max(MIN_EFFECT_SIGMAS * one.std, 0.5 * was.get(one.logger, math.inf)) for one in left)
 
 
 def together(drifts: Sequence[Drift], more: Sequence[Drift]) -> tuple[Drift, ...]:
-    """What is left to be put back, added to what was."""
+    """Remaining lag, added to the one that was corrected."""
     before = {one.logger: one for one in drifts}
     for one in more:
         if one.logger in before:
@@ -174,7 +174,7 @@ def find_drift(record: Record, channels: Sequence[str], usual_speed: float) -> t
 
 
 def _amplitude(values: Array, wave: Array) -> complex:
-    """The complex amplitude of what repeats in every turn, by least squares with a mean; NaN of a window with gaps."""
+    """Complex amplitude of the once-per-turn component, by least squares with a mean; NaN of a window with gaps."""
     if not np.isfinite(values).all():
         return complex(math.nan, math.nan)
     design = np.column_stack([np.ones(len(values)), wave.real, wave.imag])
@@ -183,7 +183,7 @@ def _amplitude(values: Array, wave: Array) -> complex:
 
 
 def _line(time: Array, late: Array, weights: Array) -> tuple[float, float]:
-    """The slope of a straight line through all, and what its scatter says of it."""
+    """Slope of a straight line through all, and its standard deviation from their scatter."""
     root = np.sqrt(weights / weights.mean())
     design = np.column_stack([np.ones(len(time)), time - time.mean()]) * root[:, None]
     fit = np.linalg.lstsq(design, late * root, rcond=None)[0]
@@ -193,7 +193,7 @@ def _line(time: Array, late: Array, weights: Array) -> tuple[float, float]:
 
 
 def _moved(time: Array, values: Array, late: Array) -> Array:
-    """Values (T,) that came so many seconds late, as they were at their times; NaN stay where they are.
+    """Values (T,) with a lag of so many seconds, interpolated to their times; NaN stay where they are.
 
     They are taken between samples from `FINER` times as many, by Fourier's series: white noise stays white, which a
     spline through the samples themselves would not leave it.

@@ -1,4 +1,4 @@
-"""Sinusoids in a fit: lines of the readings beside a mode, frequencies on which a coefficient depends, and rotor
+"""Sinusoids in a fit: lines of the readings near a mode, frequencies on which a coefficient depends, and rotor
 harmonics in the innovations."""
 
 import math
@@ -35,7 +35,7 @@ class Sinusoid(Effect):
     code = "sinusoid"
 
     def detect(self, job: Job, fit: FittedJob) -> Detection:
-        """Test the line that stands out beside a mode, and the one that a coefficient depends on; then turn waves in
+        """Test the line that stands out near a mode, and the one that a coefficient depends on; then turn waves in
         the readings of a rotor into forces."""
         known = sinusoids_in(job)
         seen = _Lines.of(job, fit)
@@ -55,7 +55,7 @@ class Sinusoid(Effect):
 
 
 class RotorHarmonic(Effect):
-    """What turns with the rotor at nP: imbalance, and loads that repeat in every turn, in the innovations."""
+    """Rotor harmonics: imbalance, and loads that repeat in every turn, in the innovations."""
 
     code = "rotor_harmonic"
 
@@ -74,8 +74,8 @@ class RotorHarmonic(Effect):
 
 
 def harmonics_of_spectra(job: Job, fit: FittedJob) -> Sinusoids | None:
-    """Rotor harmonics from 2P on in the innovations of one filter where spectra ended: filters take long over what they
-    do not know of. What turns at 1P may be masses, and waits."""
+    """Rotor harmonics from 2P on in the innovations of one filter at the result of spectra: filters converge slowly
+    with unmodelled loads. 1P may come from masses and is tested later."""
     if not (fit.outcome.turns and fit.outcome.hypothesis == Broadband.name):
         return None
     of = fit.read, job.turbine, fit.sensors
@@ -92,8 +92,8 @@ def sinusoids_in(job: Job) -> Sinusoids | None:
 
 
 class _Lines(NamedTuple):
-    """Frequencies that may be sinusoids: the line beside a mode, and the frequency that a coefficient depends on; what
-    is to be said of them if they are not included, and the line whose influence is not known."""
+    """Frequencies that may be sinusoids: the line near a mode, and the frequency that a coefficient depends on;
+    findings if they are not included, and the line of unknown influence."""
 
     line: Line | None
     depends: tuple[tuple[str, float], ...]
@@ -102,7 +102,7 @@ class _Lines(NamedTuple):
 
     @classmethod
     def of(cls, job: Job, fit: FittedJob) -> "_Lines":
-        """What a fit shows."""
+        """Tonal components of a fit."""
         dependence, line = doubt_line(job, fit), line_of(fit.outcome, fit.read)
         depends = () if dependence is None else ((dependence.channel, dependence.frequency),)
         doubts = () if dependence is None else (dependence.doubt,)
@@ -120,7 +120,7 @@ class _Lines(NamedTuple):
         return [*([first] if first is not None else []), *self.depends, *_steady_in_readings(fit)]
 
     def judged(self, job: Job, fit: FittedJob, known: Sinusoids | None) -> FittedJob:
-        """The fit with what lines say against it."""
+        """Fit with the findings on lines."""
         fit = fit.lacking(*self.doubts)._replace(line=self.judged_line)
         for sine in _sines(known):
             if not (sine.order or fit.outcome.doubts or fit.unmodelled):
@@ -154,7 +154,7 @@ def _near_supports(turbine: Turbine) -> tuple[float, float] | None:
 
 
 def _turns_with(frequency: float, rotor_hz: float) -> bool:
-    """Whether a frequency is a harmonic of the rotor."""
+    """Test whether a frequency is a harmonic of the rotor."""
     order = round(frequency / rotor_hz) if rotor_hz > 0.0 else 0
     return order > 0 and abs(frequency - order * rotor_hz) < HARMONIC_HALF_WIDTH_SHARE * frequency
 
@@ -164,7 +164,7 @@ def _sines(known: Sinusoids | None) -> tuple[Sine, ...]:
 
 
 def _are_waves(known: Sinusoids | None) -> bool:
-    """Whether sinusoids are included as waves in the readings, and not as forces."""
+    """True if sinusoids are included as waves in the readings, and not as forces."""
     return known is not None and not known.forces
 
 
@@ -178,7 +178,7 @@ def _unknown(found: Sequence[Sine], known: Sinusoids | None, duration: float) ->
 
 
 def _turns(job: Job, fit: FittedJob) -> bool:
-    """Whether some sensors turn with the rotor and others do not."""
+    """Test whether some sensors rotate with the rotor and others do not."""
     return turned(fit.read, job.turbine, fit.sensors) is not None
 
 

@@ -40,7 +40,7 @@ __all__ = ["NarrowBandIncluded", "NarrowBandLoad", "narrow_band_in"]
 
 @dataclass(frozen=True)
 class NarrowBandIncluded:
-    """A narrow-band load that explains the spectra, beside broad ones."""
+    """A narrow-band load that explains the spectra, in addition to broad ones."""
 
     alternative: NarrowBandFit
     code: str = "narrow_band_load"
@@ -57,7 +57,7 @@ class NarrowBandIncluded:
 
 
 class NarrowBandLoad(Effect):
-    """A narrow-band load, where spectra explain the record much better with it and coefficients are elsewhere."""
+    """A narrow-band load, where spectra explain the record much better with it and coefficients change."""
 
     code = "narrow_band_load"
 
@@ -75,7 +75,7 @@ class NarrowBandLoad(Effect):
         return Detection(alone, NarrowBandIncluded(beside), beside.gain / math.log(10.0), start)
 
     def _start(self, job: Job, fit: FittedJob) -> FittedJob | None:
-        """What spectra find with the load, where filters are to begin; None where spectra do not apply."""
+        """Fit of the spectra with the load, as a start of filters; None if spectra do not apply."""
         on_time = heard_on_time(fit.read, fit.outcome, job.turbine, fit.sensors)
         of = on_time, job.turbine, fit.sensors
         try:
@@ -87,7 +87,7 @@ class NarrowBandLoad(Effect):
         return fit._replace(formulation="spectral", outcome=told_before(near, fit.outcome))
 
     def confirm(self, job: Job, found: Detection, after: FittedJob) -> FittedJob | None:
-        """Say what the load is, or that filters do without it, and hold them against spectra."""
+        """Describe the load, or that filters do not need it, and compare them with spectra."""
         included = found.inclusion
         if not isinstance(included, NarrowBandIncluded) or after.formulation != "joint" or found.start is None:
             return after

@@ -45,7 +45,7 @@ SETTLED = 10.0
 
 @dataclass(frozen=True)
 class RandomWalkBiases:
-    """Biases that wander, or trends.
+    """Random-walk biases, or trends.
 
     Attributes
     ----------
@@ -91,7 +91,7 @@ class RandomWalkBiases:
 
 
 class RandomWalkBias(Effect):
-    """Random walks and trends, found in what varies slower than the structure."""
+    """Random walks and trends, detected in variations slower than the structure."""
 
     code = "random_walk_bias"
 
@@ -105,8 +105,7 @@ class RandomWalkBias(Effect):
 def find_random_walks(
     record: Record, turbine: Turbine, sensors: Sequence[Sensor], *, leaning: bool = False
 ) -> RandomWalkBiases | None:
-    """Find accelerometers whose biases wander, or have a trend; those that are sensitive to gravity only if
-    `leaning`."""
+    """Detect random-walk biases or trends of accelerometers; those that are sensitive to gravity only if `leaning`."""
     slowest = turbine.slowest_frequency / (2.0 * np.pi)
     once = abs(turbine.rotor_speed) / (2.0 * np.pi)
     below = SLOW_SHARE * (min(slowest, once) if once > 0.0 else slowest)
@@ -175,7 +174,7 @@ def _trends(readings: Array) -> bool:
 
 
 def _without_trend(readings: Array) -> Array:
-    """Readings without what varies less than `SLOWEST_PERIODS` times over the record; their mean stays."""
+    """Readings without components of fewer than `SLOWEST_PERIODS` periods in the record; their mean stays."""
     known = np.isfinite(readings)
     terms = _slow_terms(len(readings), 2 * SLOWEST_PERIODS)
     share = np.linalg.lstsq(terms[known], readings[known], rcond=None)[0]

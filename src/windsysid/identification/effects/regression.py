@@ -37,7 +37,7 @@ class RegressorEffect:
         raise NotImplementedError
 
     def describe(self, terms: Sequence[Term]) -> dict[str, Any]:
-        """Numbers that say what the included waveforms in one channel are: the data of its finding."""
+        """Description of the included waveforms in one channel: the data of its finding."""
         raise NotImplementedError
 
 

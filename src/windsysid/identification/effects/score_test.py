@@ -6,9 +6,9 @@ included,
 
     g = Jᵀ z,   I = Jᵀ J − Xᵀ Λ⁻¹ X,   X = J_θᵀ J,   S = gᵀ I⁻¹ g,
 
-S is χ² with c degrees of freedom where the innovations are white and nothing is missing in the model; φ̂ = I⁻¹ g has the
-covariance I⁻¹, and Δθ = Λ⁻¹ X φ is by how much the fit would change with regressors of size φ, to first order. A fit
-that lacks large ones has its loads far off, and φ̂ with it; (JᵀJ)⁻¹ Jᵀz is unbiased under any loads, and is what is
+S is χ² with c degrees of freedom where the innovations are white and nothing is missing in the model; φ̂ = I⁻¹ g has
+the covariance I⁻¹, and Δθ = Λ⁻¹ X φ is by how much the fit would change with regressors of size φ, to first order. A
+fit that lacks large ones has its loads far off, and φ̂ with it; (JᵀJ)⁻¹ Jᵀz is unbiased under any loads, and is what is
 included.
 
 Real innovations are not quite white, so S is divided by their spectral density next to the frequencies of the
@@ -32,7 +32,7 @@ from windsysid.identification.limits import P_CANDIDATE
 __all__ = ["RegressorCandidate", "ScoreTest", "log_tail_of_f", "promising", "score_tests"]
 
 MIN_SHARE = 0.05
-"""Setting: share of the information on a regressor that the fit's unknowns leave at least: what a linearisation says of
+"""Setting: share of the information on a regressor that the fit's unknowns leave at least: by a linearisation
 less is its own error."""
 
 HANN_LOSS = 1.94
@@ -119,7 +119,7 @@ def score_tests(at: Linearisation, candidates: Sequence[RegressorCandidate]) -> 
 
 
 def _inverse_of_rest(information: Array, explained: Array) -> Array:
-    """The inverse (c, c) of information without what the fit's unknowns explain of it, at least `MIN_SHARE` of it in
+    """The inverse (c, c) of information without the part that the fit's unknowns explain, at least `MIN_SHARE` of it in
     each direction."""
     values, axes = np.linalg.eigh(information)
     kept = values > 1e-12 * values[-1]

@@ -1,14 +1,14 @@
-"""Lines that are no obstacle: sines of steady frequency, amplitude and phase.
+"""Deterministic sinusoids: detection and removal, for a steady frequency, amplitude and phase.
 
 A machine nearby, or an imbalance of the rotor, pushes with a sine. A narrow-band load is none, and more than half of it
 would stay where a sine is taken away. Thomson's F tells them apart: of a sine it grows as its power over its
 surroundings, of a narrow-band load it does not. A sine that turns with the rotor at nP is looked for in the innovations
 of filters instead, which know what gravity and a given imbalance do.
 
-What a sine does to a linear structure that does not turn is a sine in each channel, and is left out by least squares:
-one frequency of the record is lost, of the many that tell a mode. Where blades turn, a sine at f on what stands is one
-at f ± Ω/2π on them, and the other way round. To take these out of the readings is good enough for a first answer; a
-filter then feels that channels have lost what hangs together. So sines become forces
+A sinusoidal force on a linear structure without rotating parts gives a sinusoid in each channel, which least squares
+remove: one frequency of the record is lost, of the many that determine a mode. On rotating blades, a sinusoid at f of
+the fixed frame is at f ± Ω/2π, and vice versa. Removing it from the readings is enough for a first estimate; a filter
+is sensitive to the lost correlation of channels. So sinusoids become forces
 (`windsysid.identification.effects.sinusoidal_force`).
 """
 
@@ -58,7 +58,7 @@ class Sine(NamedTuple):
     order: int = 0
 
     def same_as(self, other: "Sine", apart: float) -> bool:
-        """Whether two are within so many hertz of each other, in what stands or on what turns."""
+        """Test whether two are within so many hertz of each other, in the fixed or in the rotating frame."""
         return abs(self.frequency - other.frequency) < apart and self.on_blades == other.on_blades
 
     @property
@@ -105,14 +105,13 @@ class _SeenLine(NamedTuple):
     scatter: float
 
     def is_steady_at(self, frequency: float, step: float) -> bool:
-        """Whether it is as steady as a sine at a frequency [Hz], in a periodogram whose frequencies are a step apart,
-        may be by chance."""
+        """Test whether the peak is one of a steady sinusoid at a frequency [Hz], in a periodogram with this step."""
         apart = MAX_SINE_SHIFT_BINS * step * math.sqrt(max(1.0, FAINT_LINE_POWER / self.over))
         return self.scatter <= MAX_SINE_SCATTER and abs(self.frequency - frequency) <= apart
 
     @classmethod
     def of(cls, record: Record, channel: str, frequency: float) -> "_SeenLine | None":
-        """What stands near a frequency [Hz]; None where there are no surroundings."""
+        """Statistic of a peak near a frequency [Hz]; None if there are no neighbours."""
         if not np.isfinite(record[channel]).any():
             return None
         values, samples, rate = bridged(record[channel], channel), record.samples, record.rate
@@ -128,8 +127,7 @@ class _SeenLine(NamedTuple):
 
 
 def _scatter(wave: Complex, level: float) -> float:
-    """By how much the means of parts of a wave (T,) scatter, squared, over what white noise of a level per sample
-    does."""
+    """Squared scatter of the means of parts of a wave (T,), relative to that of white noise of a level per sample."""
     samples = len(wave)
     length = 2 * samples // (SEGMENTS + 1)
     windows = np.zeros((SEGMENTS, samples))
@@ -188,8 +186,8 @@ def without_sines(record: Record, turbine: Turbine, sensors: Sequence[Sensor], s
 
 
 def ways_of(sine: Sine, record: Record, psi: Array | None) -> list[Sine]:
-    """What a sine may be: itself, or what a sine on the other side of the hub looks like, whose rotor has the azimuth
-    ψ (T,)."""
+    """Candidates for a sinusoid: itself, and the image of a sinusoid on the other side of the hub, whose rotor has the
+    azimuth ψ (T,)."""
     if psi is None or sine.order:
         return [sine]
     rotor_hz, least = _turns(record, psi), RESOLUTION_BINS / record.duration
@@ -205,7 +203,7 @@ def phase_of(sine: Sine, record: Record, psi: Array | None) -> Array:
 
 
 def turned(record: Record, turbine: Turbine, sensors: Sequence[Sensor]) -> Array | None:
-    """The rotor's azimuth (T,) [rad], on and on, where some sensors turn with it and others do not; None elsewhere."""
+    """The rotor's azimuth (T,) [rad], on and on, where some sensors turn with it and others do not; otherwise None."""
     if len({bool(sensor.blade) for sensor in sensors}) < 2 or "rotor_azimuth" not in record:
         return None
     try:
@@ -231,8 +229,8 @@ def _refined(windowed: Array, time: Array, frequency: float, step: float) -> flo
 
 
 def _waves(values: Array, window: Array, phases: Sequence[Array]) -> Array:
-    """What of values (T,) goes as sines of these phases (T,), by least squares under a window, so that neither a loud
-    line elsewhere nor the slope of a resonance bends it."""
+    """Part of values (T,) that is sinusoids of these phases (T,), by least squares under a window, so that neither a
+    strong line at another frequency nor the slope of a resonance bends it."""
     known = np.isfinite(values)
     columns = [wave for phase in phases for wave in (np.cos(phase), np.sin(phase))]
     design = np.column_stack([np.ones(len(values)), *columns])

@@ -1,14 +1,14 @@
-"""Sines of the readings as forces: how strongly each pushes, from the innovations of a filter.
+"""Sinusoids of the readings as forces: the amplitude of each, from the innovations of a filter.
 
 To first order, innovations change with a force as a filter that knows it says. So of each sine on each load that it may
 act on, cosine and sine, a filter goes over the record once more, and least squares of the innovations on the changes
 tell the amplitudes: generalised least squares, as innovations are white. The forces then act in the model as measured
-ones do, beside the loads that nobody measured.
+ones do, in addition to the loads that are not measured.
 
 What turns with the rotor turns as gravity and imbalance do. A search without the force has taken a part of it for
 masses, gains and axes that are off, within their tolerances, and would never give that back. So of sines at nP these
-tolerances are unknowns beside the amplitudes, held by their priors, and coefficients move with them as the search says;
-innovations count as far as they repeat in every turn.
+tolerances are additional unknowns besides the amplitudes, held by their priors, and coefficients move with them as the
+search says; innovations count as far as they repeat in every turn.
 """
 
 import math
@@ -42,11 +42,11 @@ STEP = 0.5
 """Numerical: width of the slopes of innovations, in standard deviations of a tolerance."""
 
 REPEATED = 8
-"""Setting: harmonics nP by which innovations that repeat in every turn are told."""
+"""Setting: harmonics nP by which innovations that repeat in every turn are detected."""
 
 
 class SineForce(NamedTuple):
-    """How strongly a sine pushes on a load: what of cosine and of sine, and the standard deviation of either, in the
+    """Amplitudes of a sinusoidal force on a load: of cosine and sine, and the standard deviation of either, in the
     load's unit."""
 
     sine: Sine
@@ -63,7 +63,7 @@ class SineForce(NamedTuple):
 
     @property
     def matters(self) -> bool:
-        """Whether it is surely there."""
+        """True if it is significant."""
         return self.amplitude > MIN_EFFECT_SIGMAS * self.std
 
     @property
@@ -79,7 +79,7 @@ class SineForce(NamedTuple):
 def find_forces(
     problem: TurbineProblem, unknowns: Array, record: Record, sines: Sequence[Sine], *, along: Array, at: Array
 ) -> list[SineForce]:
-    """How strongly sines push.
+    """Amplitudes of sinusoidal forces.
 
     A sine that was seen on the support may push the blades, and the other way round: what explains more is taken.
 
@@ -129,7 +129,7 @@ def forces_of(
     sines: Sequence[Sine], near: Outcome, record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior,
     chosen: Sequence[str] | None = None,
 ) -> list[SineForce]:  # fmt: skip
-    """How strongly sines push where a search has ended, on whatever record, with whatever priors."""
+    """Amplitudes of sinusoidal forces at the end of a search, on any record, with any priors."""
     problem = pose(record, turbine, sensors, prior, chosen, near.hypothesis)
     mean, known, of = where_it_ended(near, problem), near.unknowns, problem.unknowns.of
     at = mean[of("tolerances")]
@@ -151,19 +151,19 @@ def _innovations(problem: TurbineProblem, points: Sequence[Array]) -> list[Array
 
 
 def _turns_again(psi: Array) -> Array:
-    """What takes from values (T, m) what repeats in every turn, as coefficients of orthonormal waves (2K + 1, T)."""
+    """Part of values (T, m) that repeats in every turn, as coefficients of orthonormal waves (2K + 1, T)."""
     waves = [wave for order in range(1, REPEATED + 1) for wave in (np.cos(order * psi), np.sin(order * psi))]
     return np.asarray(np.linalg.qr(np.column_stack([np.ones(len(psi)), *waves]))[0].T)
 
 
 def _again(repeats: Array, changes: Sequence[Array] | Array, shape: tuple[int, ...]) -> Array:
-    """What of n changes of shape (T, m) repeats in every turn (K, n)."""
+    """Part of n changes of shape (T, m) that repeats in every turn (K, n)."""
     found = [(repeats @ np.reshape(change, shape)).ravel() for change in changes]
     return np.column_stack(found) if found else np.empty((len(repeats) * shape[1], 0))
 
 
 def _amplitudes(pushing: "Sequence[_Pushing]", innovations: Array, slopes: Array, at: Array) -> list[SineForce]:
-    """How strongly forces push, by least squares of innovations (K,) on their changes with the forces, and with
+    """Amplitudes of forces, by least squares of innovations (K,) on their changes with the forces, and with
     tolerances (K, t) that are held by their priors, where a search has put them (t,)."""
     if not pushing:
         return []
@@ -225,7 +225,7 @@ class Sinusoids:
         return without_sines(record, turbine, sensors, [one.sine for one in self.forces] or self.sines)
 
     def notes(self, outcome: Outcome, *, filtered: bool) -> tuple[Finding, ...]:
-        """What was found of them."""
+        """Detected forces."""
         if not (filtered and self.forces):
             return tuple(sine.note for sine in self.sines)
         sure = [force for force in self.forces if force.matters]
@@ -235,7 +235,7 @@ class Sinusoids:
 
 
 def with_forces(record: Record, forces: Sequence[SineForce], psi: Array | None) -> Record:
-    """The record with forces as parts of its loads, beside those that it has; its rotor has the azimuth ψ (T,)."""
+    """The record with forces added to its loads; its rotor has the azimuth ψ (T,)."""
     for one in forces:
         cosine, sine = _waves(one.sine, record, psi)
         part = PART_OF + one.load

@@ -1,4 +1,4 @@
-"""Clocks that are late: readings shifted in time, and what the record says of the shift.
+"""Clock lags: readings shifted in time, and the information of the record on the shift.
 
 A reading that came κ seconds late is moved by D(κ) = e^{κG}, G a derivative of the band in which the structure moves:
 an antisymmetric convolution, so that D is orthogonal, white noise stays white and no Jacobian enters the likelihood. A
@@ -87,13 +87,13 @@ class Shifted:
         return np.cumsum(np.broadcast_to(step, len(inputs)))
 
     def later(self, late: Array) -> "Shifted":
-        """The same with readings that are so much later (m,) [s]."""
+        """Sensors with readings that are so much later (m,) [s]."""
         return Shifted(self.samples, self.late + late, self.steps, self.edge)
 
 
 @dataclass(frozen=True)
 class Lateness:
-    """How readings of samples change with c clocks.
+    """Derivatives of the readings of samples to c clock lags.
 
     Attributes
     ----------
@@ -112,7 +112,7 @@ class Lateness:
         return len(self.clocks)
 
     def of(self, inputs: Array, readings: Array, /) -> Array:
-        """What so late readings (T, m) gain if they are taken back (T, m, c)."""
+        """Derivative of so late readings (T, m) to their lags (T, m, c)."""
         time, late = self.samples.time(inputs), np.array(self.clocks)
         slopes = np.zeros(readings.shape)
         for column in np.flatnonzero(late.any(axis=0)):
@@ -121,7 +121,7 @@ class Lateness:
 
 
 def shifted(problem: Problem, samples: Samples, clocks: Array) -> Shifted:
-    """The samples with what clocks (c,) [standard deviations] are late taken back."""
+    """Samples with clock lags (c,) [standard deviations] corrected."""
     late = np.zeros(1)
     for value, one in zip(clocks, problem.clocks, strict=True):
         late = late + value * one
@@ -131,8 +131,8 @@ def shifted(problem: Problem, samples: Samples, clocks: Array) -> Shifted:
 
 
 def put_on_time(record: Record, late: Mapping[str, float], highest: float) -> Record:
-    """The record with channels put back that came so many seconds late, as far as they are slower than modes up to the
-    highest natural frequency [rad/s] need."""
+    """Record with lagged channels corrected by so many seconds, as far as they are slower than modes up to the highest
+    natural frequency [rad/s] need."""
     moved = {
         name: (advance(record.time, record[name], seconds, BAND * highest), record.unit(name))
         for name, seconds in late.items()
@@ -142,7 +142,7 @@ def put_on_time(record: Record, late: Mapping[str, float], highest: float) -> Re
 
 
 def advance(time: Array, values: Array, seconds: float, edge: float) -> Array:
-    """Values (T,) that came so many seconds late, as they were at their times (T,) [s]; NaN stay where they are."""
+    """Values (T,) with a lag of so many seconds, interpolated to the times (T,) [s]; NaN stay where they are."""
     found = np.asarray(values, dtype=np.float64).copy()
     term = values
     for order in range(1, 4):  # e^{κG} to third order: a shift is a small part of a period
@@ -215,7 +215,7 @@ def add_clocks(problem: Problem, samples: Shifted, seen: Look, at: Array) -> Wid
 
 
 class ClockInformation(NamedTuple):
-    """What readings say of c clocks, in standard deviations of their tolerances.
+    """Information of readings on c clock lags, in standard deviations of their tolerances.
 
     Attributes
     ----------
@@ -231,7 +231,7 @@ class ClockInformation(NamedTuple):
 
 
 def clock_information(here: StateSpace, samples: Shifted, found: Score, clocks: Sequence[Array]) -> ClockInformation:
-    """What readings say of clocks where a look with the model `here` has found so much; clocks as for `add_clocks`."""
+    """Information on clock lags from an evaluation with the model `here`; clocks as for `add_clocks`."""
 
     def likelihood(late: Array) -> float:
         belief, total = EKF.init(here), 0.0
@@ -252,7 +252,7 @@ def clock_information(here: StateSpace, samples: Shifted, found: Score, clocks: 
 
 
 def _joint_covariance(A: Array, mixed: Array, curvature: Array) -> Array:
-    """The inverse of [[A, M], [Mᵀ, C]]; what is left of C beside A cannot be less than the prior's information."""
+    """The inverse of [[A, M], [Mᵀ, C]]; the Schur complement of A cannot be less than the prior's information."""
     by = np.linalg.solve(A, mixed)
     values, axes = np.linalg.eigh(curvature - mixed.T @ by)
     left = (axes / np.maximum(values, 1.0)) @ axes.T

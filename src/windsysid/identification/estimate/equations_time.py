@@ -1,8 +1,8 @@
 """Time-domain estimate of one's own equations.
 
-The unknowns are the parameters θ and, beside them, the noise of every sensor and the level of every load, η. The record
-is read recursively (`windsysid.identification.estimate.online`); that history is kept. The result is the mode of the
-posterior of the whole record on the likelihood of the state-only filter
+The unknowns are the parameters θ and, next to them, the noise of every sensor and the level of every load, η. The
+record is read recursively (`windsysid.identification.estimate.online`); that history is kept. The result is the mode of
+the posterior of the whole record on the likelihood of the state-only filter
 (`windsysid.identification.estimate.scoring`).
 
 The search begins where a joint filter ends. Far off, the likelihood has false maxima, because the motion that it
@@ -46,7 +46,7 @@ FIRST_FRACTION = 16
 
 
 class EquationsEstimate(NamedTuple):
-    """What a formulation finds of one's own equations: names of the method and of the equations, and seconds; the mode
+    """Result of a formulation for user equations: names of the method and of the equations, and seconds; the mode
     of the posterior of θ and η; the filter there, with its states; what was known of the unknowns at which time [s],
     mean and standard deviation (T, n); the load models as used; notes, doubts, and tests of the innovations."""
 
@@ -134,7 +134,7 @@ def _compile(problem: OwnProblem) -> tuple[int, int]:
 
 
 def _list_doubts(problem: OwnProblem, found: Solution) -> tuple[Finding, ...]:
-    """What speaks against the bands and does not show in the innovations."""
+    """Reasons against the intervals that the innovations do not show."""
     doubts = _list_step_doubts(problem.build(found.mean), found.info, found.inputs)
     if not found.settled:
         doubts += (Finding("fit_not_converged", "reason"),)

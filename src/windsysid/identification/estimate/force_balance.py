@@ -1,6 +1,7 @@
 """The paper's formulation: identify coefficients from the balance of forces, with displacement and velocity as inputs.
 
-The equations of motion are linear in stiffness and damping. With measured q, q̇, q̈ put in, each degree of freedom gives
+The equations of motion are linear in stiffness and damping. With measured q, q̇, q̈ put in, each degree of freedom
+gives
 
     s_j(t) = Σ_i Φ_ji(t) θ_i,
     s = F(θ = 0) − M q̈  (what is left of the known forces),    Φ = −∂F/∂θ  (here: q and q̇),
@@ -74,7 +75,7 @@ class Kinematic(NamedTuple):
 
 
 class MeasuredMotion(NamedTuple):
-    """What a force balance reads: the motion of every free degree of freedom, (T, n) each; ψ, Ω, dΩ/dt of the rotor
+    """Inputs of a force balance: the motion of every free degree of freedom, (T, n) each; ψ, Ω, dΩ/dt of the rotor
     (T, 3); known generalised loads (T, n), or None: withheld; samples per second [Hz]."""
 
     motion: Kinematic
@@ -135,8 +136,8 @@ def analysis_band(turbine: Turbine) -> tuple[float, float]:
 
 
 def measured_channels(record: Record, turbine: Turbine) -> tuple[str, ...]:
-    """The channels that a force balance of this record reads: an acceleration per degree of freedom, and what else is
-    there."""
+    """Channels that a force balance of this record reads: an acceleration per degree of freedom, and the others
+    present."""
     optional = [f"{stem}_{quantity}" for stem in turbine.rotor.stems for quantity in ("displacement", "velocity")]
     return (
         *(f"{stem}_acceleration" for stem in turbine.rotor.stems),
@@ -284,7 +285,7 @@ def balance_statespace(
 
 
 def _residual_rms(balance: Balance) -> Array:
-    """Rms of what least squares leaves of each row: the noise of the balance, from the data."""
+    """Rms residual of each row after least squares: the noise of the balance, from the data."""
     rms = np.empty(balance.force.shape[1])
     for j in range(len(rms)):
         known = np.isfinite(balance.force[:, j]) & np.isfinite(balance.regressors[:, j]).all(axis=1)

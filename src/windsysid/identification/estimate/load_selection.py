@@ -4,9 +4,9 @@ cost as little, the others too.
 A model explains a record when the spectra of its innovations have no peak within reach of a natural frequency that
 noise would not show in one record of a thousand (`windsysid.checks.verdict`). On a rotor no other is then tried. A
 fit can take in loads of another colour and leave no peak: under a rigid rotor, where others are cheap, they are
-compared all the same, on as many samples as are held. None is tried where the loads hardly matter, as in a free decay:
-what the simplest model's loads can do by themselves is then small beside the motion. Of those that are tried, the one
-with the greatest evidence is chosen (`windsysid.identification.estimate.evidence`).
+compared all the same, on as many samples as are held. None is tried without influence of loads, as in a free decay:
+what the simplest model's loads can do by themselves is then small compared with the motion. Of those that are tried,
+the one with the greatest evidence is chosen (`windsysid.identification.estimate.evidence`).
 """
 
 import math
@@ -47,7 +47,7 @@ TRIAL_LENGTH = 2
 
 
 class Question(NamedTuple):
-    """What is asked of a record, whatever its loads are: arguments of
+    """Part of a problem that does not depend on the load model: arguments of
     `windsysid.identification.model.turbine_problem.pose`.
     """
 
@@ -132,7 +132,7 @@ def choose(question: Question, names: Sequence[str], first: int) -> Choice:
 
 
 def _is_enough(tried: Sequence[Candidate], *, cheap: bool) -> bool:
-    """Whether the simplest model needs no rival: it explains the record, and others are dear, or loads hardly
+    """Test whether the simplest model needs no rival: it explains the record, and others are costly, or loads hardly
     matter."""
     simplest = tried[0]
     return len(tried) == 1 and ((simplest.white and not cheap) or not simplest.driven)
@@ -147,7 +147,7 @@ def warm(problem: TurbineProblem) -> None:
 
 
 def _start_candidate(problem: TurbineProblem, first: int) -> Candidate:
-    """A model that has seen nothing."""
+    """Model before any data."""
     online = begin(*problem.prior, first, (problem.inputs.shape[1], problem.readings.shape[1]))
     history = advance(problem.build, online, problem.inputs[:0], problem.readings[:0])[1]
     return Candidate(problem, online, history, -math.inf, white=True, driven=True)
@@ -175,7 +175,7 @@ def _log_evidence(log_likelihood: float, known: Online) -> float:
 
 
 def _explains(problem: TurbineProblem, info: Info, rate: float) -> bool:
-    """Whether the innovations have no peak within reach of a natural frequency."""
+    """True if the innovations have no peak close to a natural frequency."""
     turbine = problem.turbine
     natural = [turbine.natural_frequency(name) / (2.0 * math.pi) for name in turbine.model.coordinates]
     return is_explained(
@@ -184,12 +184,12 @@ def _explains(problem: TurbineProblem, info: Info, rate: float) -> bool:
 
 
 def is_explained(whiteness: Whiteness) -> bool:
-    """Whether innovations have no peak within reach of a natural frequency that noise would not show."""
+    """Test whether innovations have no significant peak close to a natural frequency."""
     return not any(channel.peak > whiteness.spectrum_bound for channel in whiteness.channels)
 
 
 def _loads_matter(model: StateSpace, inputs: Array, info: Info) -> bool:
-    """Whether the loads, from rest and with nothing read, would make a good part of the motion in some degree of
+    """Test whether the loads alone, from rest, cause a good part of the motion in some degree of
     freedom."""
     n = len(model.compiled.states) // 2
     cov = model.cov.copy()
@@ -202,7 +202,7 @@ def _loads_matter(model: StateSpace, inputs: Array, info: Info) -> bool:
 
 
 def _start(problem: TurbineProblem, tried: Sequence[Candidate]) -> Start:
-    """Where to look first: the simplest model where its joint filter ends, others at the prior, with loads as loud as
+    """Start values: the simplest model at the end of its joint filter, others at the prior, with the level of loads as
     the simplest found them."""
     if not tried and problem.loads.name == next(iter(HYPOTHESES)):
         return problem.start
@@ -218,7 +218,7 @@ def _start(problem: TurbineProblem, tried: Sequence[Candidate]) -> Start:
 
 
 def _compare_levels(simplest: Candidate) -> dict[str, float]:
-    """How much louder than in the file the loads are, by the level of their spectra: a factor for each statistic."""
+    """Factor by which the loads exceed those in the file, from the level of their spectra, for each statistic."""
     statistics, eta = simplest.problem.statistics, simplest.problem.unknowns.of("statistics")
     levels = [s.name for s in statistics if s.kind == "level"]
     values = values_of(statistics, simplest.online.theta[eta])

@@ -51,7 +51,7 @@ DOUBLINGS = 1, 2, 4, 8
 """Setting: multiples of the first samples at which the mode is found anew from all that are held."""
 
 MEMORY = DOUBLINGS[-1]
-"""How many times the first samples are held."""
+"""Number of times that the first samples are repeated."""
 
 ON_LINE_TOLERANCE = 0.2
 """Numerical: Newton's decrement of the last step of a search on line: blocks move θ as far, and filters follow."""
@@ -64,7 +64,7 @@ MAX_BLOCK = 50_000
 
 
 class Online(NamedTuple):
-    """What is known between two samples, and all that is needed to go on.
+    """State between two samples: all that is needed to continue.
 
     Attributes
     ----------
@@ -180,7 +180,7 @@ def stored(online: Online, history: History) -> dict[str, Any]:
 
 
 def restored(build: Callable[[Array], StateSpace], arrays: Mapping[str, Any]) -> tuple[Online, History]:
-    """What `stored` gave: going on from it gives what going on without a stop would have given, bit for bit.
+    """Restore from `stored`: the continued run equals one without a stop, bit for bit.
 
     Raises
     ------
@@ -208,7 +208,7 @@ def join_histories(histories: Sequence[History]) -> History:
 def spread_over_samples(
     prior_mean: Array, prior_cov: Array, history: History | None, samples: int
 ) -> tuple[Array, Array]:
-    """Mean and standard deviation of θ as they were known after each of so many samples (T, n_θ): the prior before the
+    """Mean and standard deviation of θ estimated online after each of so many samples (T, n_θ): the prior before the
     first estimate.
 
     NaN where there is no history.

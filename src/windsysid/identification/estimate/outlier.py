@@ -1,4 +1,4 @@
-"""Readings that are left out: spikes, which stand alone, and what lies beyond the gate of a filter."""
+"""Readings that are left out: single spikes, and readings beyond the gate of a filter."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array
+from windsysid.checks.limits import MAX_OUTLIER_SHARE
 from windsysid.identification.condition.samples import Block, Samples
-from windsysid.identification.limits import MAX_NEIGHBOUR_SHARE, MAX_OUTLIER_SHARE, MIN_OUTLIER_POWER, MIN_SPIKE_MEDIANS
+from windsysid.identification.limits import MAX_NEIGHBOUR_SHARE, MIN_OUTLIER_POWER, MIN_SPIKE_MEDIANS
 
 __all__ = ["Outliers", "find_spikes"]
 
@@ -20,19 +21,19 @@ class Outliers:
     places: tuple[NDArray[np.int64], ...] = ()
 
     def mask(self, block: int, shape: tuple[int, int]) -> NDArray[np.bool_]:
-        """Which readings (T, m) of a block are outliers."""
+        """Mask of the outliers in readings (T, m) of a block."""
         found = np.zeros(shape, dtype=np.bool_)
         if block < len(self.places):
             found.reshape(-1)[self.places[block]] = True
         return found
 
     def counts(self, channels: int) -> NDArray[np.int64]:
-        """How many there are of each channel (m,)."""
+        """Number of outliers of each channel (m,)."""
         columns = [places % channels for places in self.places]
         return np.bincount(np.concatenate([[], *columns]).astype(np.int64), minlength=channels)
 
     def that_matter(self, power: Array, read: NDArray[np.int64], samples: int) -> "Outliers":
-        """Those of channels that feel them, and not where they are the rule.
+        """Outliers of channels that are sensitive to them, except where they are common.
 
         Parameters
         ----------
@@ -47,7 +48,7 @@ class Outliers:
         return Outliers(kept) if any(len(places) for places in kept) else Outliers()
 
     def same_as(self, other: "Outliers") -> bool:
-        """Whether the same readings are left out."""
+        """True if the same readings are left out."""
         return len(self.places) == len(other.places) and all(map(np.array_equal, self.places, other.places))
 
     def left_out_of(self, samples: Samples) -> Samples:
@@ -79,7 +80,7 @@ def find_spikes(samples: Samples) -> Outliers:
 
 
 def _alone(readings: Array) -> NDArray[np.int64]:
-    """Which readings of a channel (T,) are spikes."""
+    """Mask of the spikes in readings of a channel (T,)."""
     read = np.flatnonzero(np.isfinite(readings))
     values = readings[read]
     off = np.zeros(len(values))

@@ -1,9 +1,9 @@
-"""Priors of damping that hold an estimate where the readings do not want it.
+"""Detect conflict between prior and data in damping, and widen the prior.
 
-Damping of a structure is known to half of it at best, and what the air adds may be several times as much. A prior that
-is too far off draws the estimate to itself, and Fisher's information, taken where the estimate came to lie, says that
-the readings know it well there: a tower with four times the damping of its file came out ten standard deviations off.
-So the likelihood is evaluated on the far side: where it rises by more than `MIN_LOG_LIKELIHOOD_RISE` with up to twice
+Structural damping is known to half of its value at best, and aerodynamic damping may be several times as much. If the
+prior mean is far from the true value, the posterior mode is pulled towards it, and the Fisher information evaluated
+there understates the uncertainty: a tower with four times the damping of its file was ten standard deviations off. So
+the likelihood is evaluated on the far side: where it rises by more than `MIN_LOG_LIKELIHOOD_RISE` with up to twice
 as much damping, all other unknowns following, or with half as much where the prior is above, the prior is made wider,
 and the search is made again.
 """
@@ -113,7 +113,7 @@ def one_by_one(log_likelihood: Callable[[Array], float]) -> Callable[[Sequence[A
 
 
 def with_wide_priors(identify: Callable[[Prior], Outcome], prior: Prior) -> tuple[Outcome, Prior]:
-    """What spectra find under a prior that is made wider where it holds an estimate, and that prior. A record that they
+    """Fit of the spectra under a prior that is widened in a conflict, and that prior. A record that they
     doubt, a short one for most, keeps it."""
     found = identify(prior)
     given = found.model.parameters
@@ -128,7 +128,7 @@ def with_wide_priors(identify: Callable[[Prior], Outcome], prior: Prior) -> tupl
 def solve_with_wide_priors(
     problem: TurbineProblem, samples: Samples, online: Online, *, rate: float
 ) -> tuple[TurbineProblem, Solution]:
-    """The same for filters: the search goes on from where it ended. Arguments as for
+    """Fit of the filters under a widened prior, from the end of the search. Arguments as for
     `windsysid.identification.estimate.search.solve`."""
     solution = first = solve(problem, samples, online, rate=rate)
     for _ in range(MAX_WIDENINGS):
@@ -151,7 +151,7 @@ def solve_with_wide_priors(
 
 
 def note_wide_priors(found: Outcome) -> Outcome:
-    """The same with what is to be said of priors that were made wider: a doubt where one is far off as it was given."""
+    """Fit with notes on widened priors: a finding if one conflicts with the prior as given."""
     notes, doubts = list(found.notes), list(found.doubts)
     for i, (q, given) in enumerate(zip(found.model.parameters, found.priors, strict=True)):
         if q.spread > given.spread:

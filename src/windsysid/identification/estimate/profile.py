@@ -27,7 +27,7 @@ from windsysid.mechanics.sensors import Sensor
 from windsysid.output.answers import Answer
 from windsysid.output.progress import Progress, unheard
 from windsysid.output.table import Table
-from windsysid.records.coercion import RecordLike, as_record
+from windsysid.records.coercion import MappingLike, RecordLike, as_record
 from windsysid.results.identification import Identification
 from windsysid.results.posterior import SIGMAS
 from windsysid.statespace.parameter import Parameter
@@ -53,22 +53,22 @@ FARTHEST = 12.0
 
 @dataclass(frozen=True, eq=False)
 class Profile(Answer):
-    """The profile of one parameter.
+    """Result of `windsysid.profile_likelihood`: profile of the posterior over one parameter.
 
     Attributes
     ----------
     name, unit
         Of the parameter.
     values
-        Where it was held (P,), in `unit`, rising.
+        Values of the parameter (P,), in `unit`, rising.
     log_posterior
-        Log posterior with the others at their best, less its maximum (P,).
+        Log posterior, maximised over the other parameters, minus its maximum (P,).
     estimate
         The mode, in `unit`.
     low, high
         Where the log posterior has dropped by 2, in `unit`; 0 or infinite where it does not.
     gaussian
-        The ±2σ band of the identification, in `unit`, for comparison.
+        The ±2σ interval of the identification, in `unit`, for comparison.
     """
 
     name: str
@@ -107,18 +107,22 @@ def profile_likelihood(
     section: tuple[float, float] | None = None,
     prior: Prior | None = None,
     parameters: Sequence[str] | None = None,
+    mapping: "MappingLike | None" = None,
     progress: Progress = unheard,
 ) -> Profile:
     """Profile the posterior of one parameter of `turbine`, given `record`, in the joint formulation.
 
+    For each value of the parameter the posterior is maximised over all others, so that the interval needs no Gaussian
+    approximation.
+
     Parameters
     ----------
-    name
-        The parameter.
-    record, turbine, sensors, section, prior, parameters
-        As for `windsysid.identify`.
-    progress
-        Told what is being done and its share that is done, 0 to 1; None where nobody knows.
+    record, turbine, sensors, section, prior, parameters, mapping
+        As in `windsysid.identify`.
+    name : str
+        Name of the parameter.
+    progress : callable, optional
+        Called with the present step and the share that is done, 0 to 1, or None if that is unknown.
 
     Returns
     -------
@@ -127,10 +131,24 @@ def profile_likelihood(
 
     Raises
     ------
-    RecordError, ConfigurationError, WindsysidError
-        As `windsysid.identify` raises them, and if `name` is not identified.
+    ConfigurationError
+        If `name` is not one of the identified parameters.
+    RecordError, WindsysidError
+        As raised by `windsysid.identify`.
+
+    References
+    ----------
+    Pawitan, In All Likelihood, Oxford 2001, ch. 3.4.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> record = ws.simulate("tower", duration=60.0, rate=5.0, seed=1)
+    >>> profile = ws.profile_likelihood(record, "tower", "k_side_side", parameters=["k_side_side"])
+    >>> print(f"{profile.low / 1e6:.3f} … {profile.high / 1e6:.3f} MN/m")
+    1.722 … 1.820 MN/m
     """
-    record, turbine = as_record(record), as_turbine(turbine)
+    record, turbine = as_record(record, mapping), as_turbine(turbine)
     progress("identifying", None)
     found = identify(
         record, turbine, sensors=sensors, formulation="joint", section=section, prior=prior, parameters=parameters
@@ -170,7 +188,7 @@ def _profile(problem: TurbineProblem, k: int, found: Identification, progress: P
 
 
 def _drops(problem: TurbineProblem, k: int, mode: FilteredMode, progress: Progress) -> dict[float, float]:
-    """How far the log posterior drops, by the distance of unknown k from the mode in its standard deviations."""
+    """Drop of the log posterior, by the distance of unknown k from the mode in its standard deviations."""
     height = _log_posterior(mode.mean, mode.log_likelihood, *problem.prior)
     drops = {0.0: 0.0}
     for side in (-1.0, 1.0):

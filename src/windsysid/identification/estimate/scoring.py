@@ -79,14 +79,14 @@ class Changes(Protocol):
 
     @property
     def count(self) -> int:
-        """How many there are, c."""
+        """Number of columns, c."""
 
     def of(self, inputs: Array, readings: Array, /) -> Array:
         """By how much readings (T, m) change with each of them (T, m, c); NaN only where the readings are."""
 
 
 class Score(NamedTuple):
-    """What a record says about θ at one point.
+    """Log-likelihood of a record at one θ, its gradient and information.
 
     Attributes
     ----------
@@ -109,7 +109,7 @@ class Score(NamedTuple):
     parts: tuple[Part, ...] = ()
 
     def plus(self, more: "Score") -> "Score":
-        """What both say together."""
+        """Sum of both evaluations."""
         return Score(
             self.log_likelihood + more.log_likelihood,
             self.gradient + more.gradient,
@@ -274,7 +274,7 @@ def look(
     build: Callable[[Array], StateSpace], samples: Samples, theta: Array, widths: Array,
     pool: ThreadPoolExecutor | None = None, changes: Changes | None = None,
 ) -> Look:  # fmt: skip
-    """What the readings say at θ (n_θ,), from differences of the widths given (n_θ,), and of changes of themselves."""
+    """Evaluation of the readings at θ (n_θ,), from differences of the widths given (n_θ,), and of their changes."""
     models, n = [build(values) for values in neighbours(theta, widths)], len(theta)
     bank = bank_of(models, changes.count if changes else 0)
     found = Score(0.0, np.zeros(n), np.zeros((n, n)), np.zeros((n, len(bank.tangents[0]))))
@@ -319,7 +319,7 @@ def log_likelihoods(
 
 
 def _of_the_count(readings: Array) -> float:
-    """What the number of normal readings takes of a log-likelihood, whatever they are."""
+    """Constant of a log-likelihood of so many normal readings."""
     return 0.5 * math.log(2.0 * math.pi) * float(np.isfinite(readings).sum())
 
 

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from windsysid._types import Array
 from windsysid.checks.dispersion import PartScores
 from windsysid.checks.innovation_sums import Stretch, measure_stretch
+from windsysid.checks.limits import OUTLIER_SIGMAS
 from windsysid.checks.whiteness import Whiteness, judge_stretches
 from windsysid.errors import WindsysidError
 from windsysid.filters import EKF, Info
@@ -28,7 +29,6 @@ from windsysid.identification.estimate.clock_lag import Lateness, add_clocks, sh
 from windsysid.identification.estimate.online import History, Online, advance, finish, join_histories
 from windsysid.identification.estimate.outlier import Outliers, find_spikes
 from windsysid.identification.estimate.scoring import InnovationMode, find_innovation_mode
-from windsysid.identification.limits import OUTLIER_SIGMAS
 from windsysid.identification.model.fit import check_finite, diverged
 from windsysid.identification.model.problem import Problem
 from windsysid.output.progress import expect
@@ -59,7 +59,7 @@ PASSES, LAST_PASS = 3.0, 0.25
 
 
 class Solution(NamedTuple):
-    """What samples say of a problem's unknowns.
+    """Information of samples on a problem's unknowns.
 
     Attributes
     ----------
@@ -106,7 +106,7 @@ class Solution(NamedTuple):
 
     @property
     def notes(self) -> tuple[Finding, ...]:
-        """What was left out."""
+        """Readings that were left out."""
         counts = self.outliers.counts(len(self.read))
         return tuple(
             Finding(
@@ -118,7 +118,7 @@ class Solution(NamedTuple):
 
 
 def expect_search(samples: int, before: float = 0.0) -> None:
-    """Tell who hears that a search through so many samples is left, and so many samples to go through before it."""
+    """Report the number of samples of a search, and of those before it."""
     expect(before + PASSES * samples, LAST_PASS * samples)
 
 
@@ -204,8 +204,8 @@ def _take_in(problem: Problem, samples: Samples, online: Online) -> tuple[Online
 def _search(
     problem: Problem, samples: Samples, start: tuple[Array, Array], rate: float, spikes: Outliers
 ) -> "tuple[InnovationMode, Outliers, _Seen]":
-    """The mode of the posterior without the readings that are outliers there, those, and what the filter says at the
-    mode. The first search leaves the spikes out."""
+    """Mode of the posterior without the outliers there, these outliers, and the filter at the mode. The first search
+    leaves the spikes out."""
     searched, late = problem.unknowns.but("clocks"), problem.unknowns.of("clocks")
     outliers, clocks, kept = spikes, np.zeros(len(problem.clocks)), spikes.left_out_of(samples)
     for searches in range(1, MAX_GATED_SEARCHES + 1):
@@ -264,7 +264,7 @@ def _scores(problem: Problem, mode: InnovationMode, rate: float) -> PartScores:
 
 
 class _Seen(NamedTuple):
-    """What one pass of a filter over all samples gave: sums over all, arrays of the last block."""
+    """Sums of one pass of a filter over all samples; arrays of the last block."""
 
     info: Info
     inputs: Array

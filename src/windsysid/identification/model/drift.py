@@ -35,7 +35,7 @@ class Drift(NamedTuple):
         return Finding("clock_drift", "note", self._asdict())
 
     def matters(self, turbine: Turbine, duration: float) -> bool:
-        """Whether it is beyond chance, no faster than clocks drift, and moves what vibrates in such a record [s]."""
+        """Test whether it is significant, no faster than clocks drift, and shifts vibration in such a record [s]."""
         fastest = max((turbine.natural_frequency(name) for name in turbine.model.coordinates), default=0.0)
         least = MIN_DRIFT_ANGLE / (fastest * duration) if fastest > 0.0 else math.inf
         sigmas = sigma_bound(MIN_EFFECT_SIGMAS, "clock_drift", turbine)

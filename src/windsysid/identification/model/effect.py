@@ -1,4 +1,4 @@
-"""Nuisance effects: what a record holds that is not the structure.
+"""Nuisance effects: components of a record that do not come from the structure.
 
 An effect is a few parameters φ that are added to the model, φ = 0 being the model without it. Every effect is one file
 in `windsysid.identification.effects`, and its line in the registry there; the loop that detects, includes and confirms
@@ -34,11 +34,11 @@ class Inclusion(Protocol):
         """The record and the sensors that know of the effect, as filters read them or spectra."""
 
     def notes(self, outcome: Outcome, *, filtered: bool) -> tuple[Finding, ...]:
-        """What a reader of the result must know of it."""
+        """Note on the effect for the reader of the result."""
 
 
 class Detection(NamedTuple):
-    """What a test of an effect says about a fit.
+    """Result of a test of an effect on a fit.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class Detection(NamedTuple):
 
 
 class Effect:
-    """One kind of nuisance effect: what it overrides is how it is found."""
+    """One kind of nuisance effect: subclasses define its detection."""
 
     code: ClassVar[str]
     """Its name in programs, such as ``clock_drift``."""
@@ -74,5 +74,5 @@ class Effect:
         return Detection(fit)
 
     def confirm(self, job: "Job", found: Detection, after: "FittedJob") -> "FittedJob | None":
-        """The fit that includes the effect, with what it says of it; None to keep the one before."""
+        """Fit that includes the effect, with its finding; None to keep the one before."""
         return after

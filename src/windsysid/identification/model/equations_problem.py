@@ -42,7 +42,7 @@ LOUDER = (1.0, 10.0, 100.0)
 
 
 class EquationsJob(NamedTuple):
-    """What is to be identified of one's own equations; attributes as of `windsysid.models.fit`."""
+    """User equations to be identified; attributes as of `windsysid.models.fit`."""
 
     model: Model
     parameters: tuple[Parameter, ...]
@@ -72,7 +72,7 @@ class EquationsJob(NamedTuple):
 
 
 class OwnProblem(NamedTuple):
-    """What a record leaves to be found: θ and η, logarithms of factors on the noise of each reading and then on each
+    """Unknowns of a record: θ and η, logarithms of factors on the noise of each reading and then on each
     load.
 
     Attributes
@@ -113,7 +113,7 @@ class OwnProblem(NamedTuple):
 
     @property
     def wide_prior(self) -> tuple[Array, Array]:
-        """The same: readings are taken as exact."""
+        """Model without tolerances: readings are taken as exact."""
         return self.prior
 
     @property
@@ -126,11 +126,11 @@ class OwnProblem(NamedTuple):
         return ()
 
     def start(self, inputs: Array, readings: Array) -> tuple[Array, Array]:
-        """Where to begin to look for the unknowns, and how uncertain that is, from T samples."""
+        """Start values of the unknowns and their uncertainty, from T samples."""
         return self.start_from([(inputs, readings)])
 
     def start_from(self, samples: Samples) -> tuple[Array, Array]:
-        """The same from samples in blocks."""
+        """Start values from samples in blocks."""
         block, theta = self.model.parameter_block, self.unknowns.of("parameters")
         mean, cov = self.prior
         best = -np.inf
@@ -195,7 +195,7 @@ def state_only_model(
 def loads_behind_low_pass(
     loads: Sequence[LoadModel], record: Record
 ) -> tuple[tuple[LoadModel, ...], tuple[Finding, ...]]:
-    """The load models as far as the record's low-pass lets them through, and a note on those that do not know how."""
+    """Load models as far as the record's low-pass passes them, and a note on those that cannot include it."""
     if LOW_PASS not in record.attributes:
         return tuple(loads), ()
     low_pass = float(record.attributes[LOW_PASS])
@@ -209,7 +209,7 @@ def loads_behind_low_pass(
 
 
 def constant_loads(acting: Sequence[str], record: Record, job: EquationsJob) -> dict[str, float]:
-    """The constant value of each load of a model that was not measured: what `values` says, and zero beside a model."""
+    """Constant value of each load of a model that was not measured: from `values`, and zero with a load model."""
     driven = {name for load in job.loads for name in load.outputs}
     constant = {}
     for name in acting:
@@ -217,7 +217,7 @@ def constant_loads(acting: Sequence[str], record: Record, job: EquationsJob) -> 
             continue
         if name not in job.values and name not in driven:
             raise ConfigurationError(
-                f"load '{name}': nothing says what it was: expected a channel, a model in `loads`, or a constant in "
+                f"load '{name}' is not defined: expected a channel, a model in `loads`, or a constant in "
                 f"`values` (0: it does not act); the record has {', '.join(record.channels)}"
             )
         constant[name] = float(job.values.get(name, 0.0))
@@ -249,7 +249,7 @@ def known_columns(compiled: CompiledModel, record: Record, job: EquationsJob, co
 
 
 def read_columns(record: Record, sensors: Sequence[Any], *, first: bool = True) -> Array:
-    """What the sensors read (T, m); in the first piece, each must hold numbers."""
+    """Readings of the sensors (T, m); in the first segment, each must hold numbers."""
     readings = np.column_stack([record[sensor.channel] for sensor in sensors])
     for sensor, values in zip(sensors, readings.T, strict=True):
         if first and not np.isfinite(values).any():

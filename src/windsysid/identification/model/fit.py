@@ -1,4 +1,4 @@
-"""What the two formulations share: priors, measured loads, and what they hand back."""
+"""Shared parts of the two formulations: priors, measured loads, and the result."""
 
 import math
 from collections.abc import Sequence
@@ -34,11 +34,11 @@ __all__ = ["PART_OF", "Outcome", "check_finite", "diverged", "known_inputs", "kn
 
 
 PART_OF = "part_of_"
-"""What the name of a channel begins with that holds what is known of a load beside what is not."""
+"""Prefix of a channel with the known part of a load."""
 
 
 class Outcome(NamedTuple):
-    """What a formulation found, in filter coordinates.
+    """Result of a formulation, in filter coordinates.
 
     Attributes
     ----------
@@ -88,7 +88,7 @@ class Outcome(NamedTuple):
     in_bands
         Whether spectra were read in bands around the modes, which supposes wind on a turning rotor.
     held
-        Damping coefficients that their priors hold where the readings do not want them.
+        Damping coefficients whose priors conflict with the readings.
     given_priors
         The identified parameters with their priors as they were given, where some were made wider; else none.
     drifts
@@ -141,8 +141,8 @@ class Outcome(NamedTuple):
         return known if self.joint_cov is not None else known.only("parameters")
 
     def given(self, *groups: Group, as_in: "Outcome | None" = None) -> tuple[Array, Array]:
-        """θ (n_θ,), and the covariance of all unknowns, given that what these groups of tolerances hold is as the file
-        says, or as another result has found it."""
+        """θ (n_θ,), and the covariance of all unknowns, given that these groups of tolerances are as in the file, or as
+        in another result."""
         cov, at = self.cov if self.joint_cov is None else self.joint_cov, self.unknowns
         known = {one.name: one.estimate for one in as_in.tolerances} if as_in is not None else {}
         mean = at.vector(parameters=self.theta)
@@ -155,7 +155,7 @@ class Outcome(NamedTuple):
 
 
 def known_inputs(record: Record, turbine: Turbine, sensors: Sequence[Sensor]) -> Array:
-    """The inputs that the turbine's model asks for (T, n_u); between samples of a uniform grid where times are
+    """Inputs of the turbine's model (T, n_u); between samples of a uniform grid where times are
     unequal."""
     if not record.is_uniform:
         wanted = (*TURNING, *turbine.model.inputs)
@@ -185,7 +185,7 @@ def check_finite(mean: Array, cov: Array) -> None:
 
 
 def diverged() -> WindsysidError:
-    """What to say where a filter has lost its way."""
+    """Error message for a filter that diverged."""
     return WindsysidError(
         "the filter diverged: expected loads, noise and priors of the size of the record's; "
         "check units and the turbine file, or move the priors with --prior-scale"

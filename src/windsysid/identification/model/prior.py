@@ -13,15 +13,24 @@ __all__ = ["Prior", "identifiable"]
 
 @dataclass(frozen=True)
 class Prior:
-    """How the priors differ from the turbine file's references.
+    """Centre and width of the priors, relative to the turbine file's reference values.
 
     Attributes
     ----------
     stiffness, damping
-        Factors on the references: where the priors are centred. A prior that is moved by a factor is widened to
-        reach back.
+        Factors on the references: the centres of the priors [1]. A prior that is shifted by a factor is widened so that
+        it still covers the reference.
     spread
         Relative standard deviation of stiffness and damping; the turbine file's by default.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> prior = ws.models.Prior(stiffness=1.1, spread=0.2)
+    >>> record = ws.simulate("tower", duration=600.0, rate=5.0, seed=1)
+    >>> result = ws.identify(record, "tower", prior=prior, formulation="spectral")
+    >>> print(f"{result['k_side_side'].prior / 1e6:.2f} MN/m becomes {result['k_side_side'].estimate / 1e6:.2f} MN/m")
+    1.95 MN/m becomes 1.77 MN/m
     """
 
     stiffness: float = 1.0
@@ -33,7 +42,7 @@ class Prior:
             if not (math.isfinite(factor) and 0.05 <= factor <= 20.0):
                 raise ConfigurationError(
                     f"prior scale of {name}: expected a factor between 0.05 and 20, got {factor:g}; "
-                    "for a structure further off, write another turbine file"
+                    "for a larger difference, write another turbine file"
                 )
         if self.spread is not None and not (math.isfinite(self.spread) and self.spread > 0.0):
             raise ConfigurationError(f"prior spread: expected a positive number, such as 0.3, got {self.spread:g}")

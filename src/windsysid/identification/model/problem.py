@@ -29,7 +29,7 @@ class Problem(Protocol):
 
     @property
     def wide_prior(self) -> tuple[Array, Array]:
-        """The same of all unknowns but the clocks."""
+        """Derivatives of all unknowns except the clocks."""
 
     @property
     def clocks(self) -> Sequence[Array]:

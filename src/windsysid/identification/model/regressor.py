@@ -120,18 +120,18 @@ class Regressors:
         return record.with_channels(known), tuple(sensors)
 
     def finding(self, channel: str, shift: tuple[str, float] | None) -> Finding:
-        """What the terms in a channel are, and which estimate they shifted, by how many standard deviations."""
+        """Terms in a channel, and the estimate that they shift, in standard deviations."""
         terms, (name, sigmas) = self.of(channel), shift or ("", 0.0)
         data = {"channel": channel, "unit": terms[0].unit, **self.describe(terms), "sigmas": sigmas}
         return Finding(self.code, "note", data, (name,) if name else ())
 
     def notes(self, outcome: Outcome, *, filtered: bool) -> tuple[Finding, ...]:
-        """What they are, and by how much estimates differ from those of the fit that lacked them."""
+        """Terms, and differences of estimates from those of the fit without them."""
         return tuple(self.finding(channel, compare(outcome, before)) for channel, before in self.before.items())
 
 
 def widening_of(effects: Sequence[object], n: int) -> Array:
-    """What the uncertain sizes of included regressors add to the covariance of n unknowns (n, n)."""
+    """Covariance that the uncertain sizes of included regressors add to n unknowns (n, n)."""
     total = np.zeros((n, n))
     for effect in effects:
         for one in effect.widenings.values() if isinstance(effect, Regressors) else ():

@@ -1,7 +1,7 @@
-"""Instruments and masses as unknowns: what is off, and what a model with that looks like.
+"""Instruments and masses as unknowns: their errors, and a model with them.
 
-Each tolerance is an unknown τ in standard deviations of its prior, beside θ and η. Gains, axes and masses are numbers
-of the model (`windsysid.mechanics.sensors.instrument_parameters`); clocks act on the readings
+Each tolerance is an unknown τ in standard deviations of its prior, in addition to θ and η. Gains, axes and masses are
+numbers of the model (`windsysid.mechanics.sensors.instrument_parameters`); clocks act on the readings
 (`windsysid.identification.estimate.clock_lag`). A body's mass and moments are wrong together. Those of different bodies
 are half wrong together, as they were weighed on one scale, or computed from one drawing and one density.
 """
@@ -88,7 +88,7 @@ def in_numbers(
     tolerances: Sequence[Tolerance], names: Sequence[str], turbine: Turbine, sensors: Sequence[Sensor],
     identified: Sequence[str],
 ) -> Inexact:  # fmt: skip
-    """What each tolerance moves at one standard deviation: parameters of the names given, and readings in time."""
+    """Shift by each tolerance at one standard deviation: parameters of the names given, and readings in time."""
     at = np.array([turbine.values.get(name, 0.0) for name in names])
     each = np.eye(len(tolerances))
     moved = [with_tolerances(at, names, tolerances, tau, turbine, sensors, identified) - at for tau in each]
@@ -97,7 +97,7 @@ def in_numbers(
 
 
 def note_tolerances(tolerances: Sequence[Tolerance]) -> tuple[Finding, ...]:
-    """What a record says is off, which the estimates take into account."""
+    """Tolerances that a record shows to be off, which the estimates include."""
     return tuple(
         Finding("tolerance_off", "note", _data(one) | {"contradicted": one.contradicted})
         for one in tolerances
@@ -106,7 +106,7 @@ def note_tolerances(tolerances: Sequence[Tolerance]) -> tuple[Finding, ...]:
 
 
 def doubt_tolerances(tolerances: Sequence[Tolerance]) -> tuple[Finding, ...]:
-    """What a record says little of, and yet puts far off."""
+    """Tolerances with little information in a record, and yet far off."""
     return tuple(
         Finding("tolerance_conflict", "reason", _data(one) | {"factor": MAX_TOLERANCE_SIGMAS})
         for one in tolerances
@@ -119,7 +119,7 @@ def _data(one: Tolerance) -> dict[str, Any]:
 
 
 def learned_tolerances(tolerances: Sequence[Tolerance], tau: Array, cov: Array) -> tuple[Tolerance, ...]:
-    """The tolerances with what the record says, from τ (n_τ,) and its covariance (n_τ, n_τ)."""
+    """Tolerances with the information of the record, from τ (n_τ,) and its covariance (n_τ, n_τ)."""
     std = np.sqrt(np.diag(cov))
     return tuple(
         replace(one, estimate=float(value * one.spread), std=float(e * one.spread))

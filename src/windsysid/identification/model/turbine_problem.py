@@ -49,7 +49,7 @@ MAX_MADE = 64
 
 
 class TurbineProblem(NamedTuple):
-    """What a record leaves to be found.
+    """Unknowns of a record.
 
     Attributes
     ----------
@@ -70,7 +70,7 @@ class TurbineProblem(NamedTuple):
     notes
         What was locked.
     made
-        Loads and noise at the last values of η that were asked for.
+        Loads and noise at the last values of η that were requested.
     """
 
     turbine: Turbine
@@ -86,7 +86,7 @@ class TurbineProblem(NamedTuple):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """What θ stands for."""
+        """Parameters of θ."""
         return self.model.parameters
 
     @property
@@ -105,7 +105,7 @@ class TurbineProblem(NamedTuple):
 
     @property
     def wide_prior(self) -> tuple[Array, Array]:
-        """The same of θ, η and those of τ that are numbers of the model: all but the clocks."""
+        """Values of θ, η and those of τ that are numbers of the model: all but the clocks."""
         mean, cov = self.prior
         known = self.unknowns.only("parameters", "statistics", "tolerances")
         at, wide = known.of("parameters", "statistics"), np.eye(known.size)
@@ -148,7 +148,7 @@ class TurbineProblem(NamedTuple):
         return loads, [sensor.noise for sensor in sensors]
 
     def start(self, inputs: Array, readings: Array) -> tuple[Array, Array]:
-        """Where to begin to look for the unknowns, and how uncertain that is (n,), (n, n): from the joint filter on T
+        """Start values of the unknowns and their uncertainty (n,), (n, n): from the joint filter on T
         samples.
 
         What the filter learns while linearised at a wrong θ it never forgets, so it runs again from where it ended,
@@ -242,8 +242,8 @@ def _joint_model(
 
 
 def _amplitudes(record: Record, turbine: Turbine, sensors: Sequence[Sensor], model: StateSpace, rotor: Array) -> Array:
-    """How far each degree of freedom may be from rest at the first sample: three times what the loudest second would
-    need.
+    """Bound of each degree of freedom's distance from rest at the first sample: three times what the strongest second
+    would need.
 
     A channel that reads C q + D q̇ + E q̈ has the gain |C + iωD − ω²E| to a motion at the natural frequency ω.
     """

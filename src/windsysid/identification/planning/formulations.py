@@ -1,4 +1,4 @@
-"""What a planned record will tell, by the formulation that will identify it.
+"""Information of a planned record, by the formulation of the later identification.
 
 Filters: the information of one long simulated record (`windsysid.identification.planning.information`). Spectra: that
 of a few of the planned length (`windsysid.identification.planning.spectral_information`).
@@ -34,8 +34,8 @@ MAX_SIMULATED_SAMPLES = 50_000
 
 
 class Planned(NamedTuple):
-    """What is planned: turbine, unknown parameters, rate [Hz], duration [s], the slowest decay [1/s], how long the
-    filter finds the state [s], every how many-th sample is simulated, the seed, who hears."""
+    """Plan of a record: turbine, unknown parameters, rate [Hz], duration [s], the slowest decay [1/s], time until the
+    filter finds the state [s], every how many-th sample is simulated, the seed, the progress callback."""
 
     turbine: Turbine
     unknown: tuple[str, ...]
@@ -54,7 +54,7 @@ class Planned(NamedTuple):
 
     @property
     def turns(self) -> bool:
-        """Whether a rotor with blades turns, which wind can drive."""
+        """True if a rotor with blades turns, which wind can drive."""
         return HYPOTHESES[RotorWind.name].applies_to(self.turbine)
 
     @property
@@ -76,7 +76,7 @@ class Planned(NamedTuple):
 
 
 def _by_filters(planned: Planned) -> PlannedInformation:
-    """What filters will say, under the loads of the turbine file."""
+    """Information for filters, under the loads of the turbine file."""
     length = min(max(RELAXATIONS / planned.damping, 20.0 * planned.finding), planned.most)
     planned.progress(f"simulating {spell(length)}", None)
     problem = _simulated(planned, length)
@@ -88,7 +88,7 @@ def _by_filters(planned: Planned) -> PlannedInformation:
 
 
 def _by_spectra(planned: Planned) -> PlannedInformation:
-    """What spectra will say, where a rotor turns under wind, else under loads of any smooth spectrum."""
+    """Information for spectra, under wind where a rotor turns, else under loads of any smooth spectrum."""
     length = min(planned.duration, planned.most)
     loads = RotorWind.name if planned.turns else "random"
     record = PlannedRecord(

@@ -1,4 +1,4 @@
-"""What a planned record tells: information in its first seconds, and its growth after them.
+"""Information of a planned record in its first seconds, and its growth after them.
 
 Readings come from a simulated record (`windsysid.identification.planning.plan`). Information on numbers of the model is
 the sum of squared slopes of the innovations; on clocks it is the curvature of the likelihood
@@ -21,7 +21,7 @@ from windsysid.output.progress import Progress
 __all__ = ["planned_information"]
 
 BLOCKS = 10
-"""Setting: parts of the record from whose scatter the accuracy is told."""
+"""Setting: parts of the record from whose scatter the accuracy is estimated."""
 
 STEP = 1e-6
 """Numerical: relative width of the differences."""
@@ -76,7 +76,7 @@ def planned_information(
 
 
 def _logarithms(problem: TurbineProblem) -> Array:
-    """How the logarithms of the statistics move with η: the first derivative of each by each (n, n)."""
+    """Derivatives of the logarithms of the statistics to η, each by each (n, n)."""
     steps = np.eye(len(problem.statistics))
     moved = [learned_statistics(problem.statistics, step, np.zeros_like(steps)) for step in steps]
     return np.array([[math.log(s.estimate / s.given) for s in one] for one in moved]).reshape(steps.shape).T

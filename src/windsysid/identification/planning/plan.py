@@ -1,7 +1,7 @@
 """Before anything is measured: how well will a set of sensors see each coefficient, and after how long?
 
 A record of the planned kind is simulated and its Fisher information taken, for coefficients and statistics of loads
-and noise together, since nobody will know those either: at the turbine file's values for filters, and as identification
+and noise together, which are not known either: at the turbine file's values for filters, and as identification
 itself computes it for spectra (`windsysid.identification.planning.formulations`). After the first seconds, in which a
 filter finds the state, information grows in proportion to time, so that for a record of T seconds
 
@@ -60,7 +60,7 @@ SAMPLES_PER_PERIOD = 20.0
 
 @dataclass(frozen=True, eq=False)
 class Plan(Answer):
-    """What a planned record will tell.
+    """Result of `windsysid.plan`: expected accuracy of each coefficient over the length of the record.
 
     Attributes
     ----------
@@ -69,21 +69,21 @@ class Plan(Answer):
     rotor_speed, rate, duration
         [rad/s], [Hz], [s].
     within
-        The wish: ±2σ relative to the value.
+        Wanted accuracy: ±2σ relative to the value [1].
     names, unknown
-        The unknown parameters, then the statistics of loads and noise; how many are parameters.
+        The unknown parameters, then the statistics of loads and noise; the number of parameters among them.
     asked
-        The parameters that the question is about.
+        The parameters of interest.
     start_seconds, start, growth
         t₀ [s], I(t₀) and İ [1/s] in relative coordinates (n, n).
     accuracy
         Relative standard error of the σ here, from the scatter of the simulated record.
     locked
-        Parameters asked for whose degree of freedom no sensor sees.
+        Parameters of interest whose degree of freedom no sensor measures.
     notes
-        What a reader must know.
+        Remarks.
     tolerances
-        What is known of instruments and masses within tolerances only: the last of `names`.
+        Errors of instruments and masses within their tolerances: the last of `names`.
     kinds
         Kind of each of `coefficients`: ``stiffness``, ``damping`` …
     """
@@ -141,7 +141,7 @@ class Plan(Answer):
 
     @cached_property
     def budget(self) -> Budget:
-        """What widens the bands after the planned duration; empty where the record leaves something unseen."""
+        """Uncertainty budget after the planned duration; empty if something is not observable."""
         information = self.information(self.duration)
         if not np.isfinite(standard_deviations(information)).all():
             return Budget()
@@ -152,7 +152,7 @@ class Plan(Answer):
 
     @cached_property
     def directions(self) -> tuple[str, ...]:
-        """What these sensors leave unseen or badly told apart after the planned duration, a sentence each."""
+        """Combinations that these sensors do not determine after the planned duration, a sentence each."""
         found = describe_information(self.names, self.information(self.duration), aside=self.names[self.unknown :])
         return tuple(map(str, found))
 
@@ -160,9 +160,9 @@ class Plan(Answer):
         """Will these sensors see `name` in time, and if not, how long do they need?"""
         band, needed, wish = self.band(name), self.needed(name), percent(self.within)
         if name in self.locked:
-            return f"{name}: never; no sensor sees this degree of freedom"
+            return f"{name}: never; no sensor responds to this degree of freedom"
         if math.isinf(band):
-            return f"{name}: never; these sensors do not see it"
+            return f"{name}: never; these sensors cannot observe it"
         after = f"±{percent(band)} after {spell(self.duration)}"
         if band <= self.within:
             return (
@@ -173,14 +173,14 @@ class Plan(Answer):
 
     @property
     def verdict(self) -> str:
-        """One line on all that was asked for."""
+        """One line on all that was requested."""
         needed = {name: self.needed(name) for name in self.asked}
         late = sorted((name for name in self.asked if self.band(name) > self.within), key=lambda name: needed[name])
         wish = f"within ±{percent(self.within)} (2σ) in {spell(self.duration)}"
         if not late:
             last = max(self.asked, key=lambda name: needed[name])
             when = f"{'before' if needed[last] <= self.start_seconds else 'after'} {spell(needed[last], 2)}"
-            return f"yes: everything asked for will be known {wish}; the last is {last}, {when}"
+            return f"yes: every requested interval is reached {wish}; the last is {last}, {when}"
         times = [f"{name} ({'never' if math.isinf(needed[name]) else spell(needed[name], 2)})" for name in late]
         return f"no: not known {wish}: {', '.join(times)}"
 
@@ -191,12 +191,12 @@ class Plan(Answer):
 
     @property
     def answers(self) -> list[str]:
-        """An answer for each parameter that was asked for by name; none where that is all of them."""
+        """An answer for each parameter that was requested by name; none where that is all of them."""
         return [self.answer(name) for name in self.asked] if set(self.asked) != set(self.coefficients) else []
 
     @property
     def coefficients(self) -> tuple[str, ...]:
-        """The parameters of the table: all that are unknown, and those asked for that no sensor sees."""
+        """The parameters of the table: all that are unknown, and those requested that no sensor sees."""
         return (*self.names[: self.unknown], *self.locked)
 
     @property
@@ -221,7 +221,7 @@ class Plan(Answer):
         return Table(self.headings, self.rows, title)
 
     def summary(self) -> dict[str, Any]:
-        """The plan as plain values: what ``summary.json`` holds."""
+        """Plan as plain values: the content of ``summary.json``."""
         return {
             "turbine": self.turbine,
             "sensors": list(self.sensors),
@@ -269,42 +269,65 @@ def plan(
     seed: int = 0,
     progress: Progress = unheard,
 ) -> Plan:
-    """Tell how well a planned record will show the coefficients of `turbine`, and how long a record the wish needs.
+    """Predict how accurately a planned record will identify the coefficients of `turbine`, and how long it has to be.
 
     Parameters
     ----------
-    sensors
-        The instruments; the turbine's usual ones by default.
-    duration, rate
-        Of the planned record [s], [Hz].
-    parameters
-        What is asked for; all coefficients by default. The coefficients of all free degrees of freedom are unknown in
-        any case, masses and geometry only where they are named here.
-    within
-        The wish: ±2σ relative to the value [1].
-    load_scale
-        Factor on the turbine file's loads [1].
-    rotor_speed
-        [rad/s]; the turbine's usual one by default.
-    formulation
-        By which the record will be identified (`windsysid.identify`). ``"joint"``: filters, under the loads of the
-        turbine file. ``"spectral"``: spectra, and where a rotor turns under wind. ``"auto"``: spectra where nothing
-        that moves turns and the planned record will do for them, else filters.
-    seed
-        Of the simulated record.
-    progress
-        Told what is being done and its share that is done, 0 to 1; None where nobody knows.
+    turbine : Turbine, str or Path
+        A turbine, the name of a packaged one, or the path of a TOML file.
+    sensors : sequence of Sensor, optional
+        Instruments; the turbine's usual ones by default.
+    duration, rate : float, default 600 and 100
+        Length [s] and sampling rate [Hz] of the planned record.
+    parameters : sequence of str, optional
+        Parameters of interest; all coefficients by default. The coefficients of all free degrees of freedom are unknown
+        in any case, masses and geometry only where they are named here.
+    within : float, default 0.2
+        Wanted accuracy: ±2σ relative to the value [1].
+    load_scale : float, default 1
+        Factor on the loads of the turbine file [1].
+    rotor_speed : float, optional
+        Rotor speed [rad/s]; the turbine's usual one by default.
+    formulation : {"auto", "joint", "spectral"}, default "auto"
+        Formulation that will identify the record (`windsysid.identify`). ``"joint"``: Kalman filter, under the loads of
+        the turbine file. ``"spectral"``: spectra; under wind where a rotor turns. ``"auto"``: spectral where the
+        structure has no rotating degrees of freedom and the planned record is long enough for it, else joint.
+    seed : int, default 0
+        Seed of the simulated record.
+    progress : callable, optional
+        Called with the present step and the share that is done, 0 to 1, or None if that is unknown.
 
     Returns
     -------
     Plan
-        The ±2σ band of each coefficient, relative to its value [1], after any length [s], and the length that the
-        wish needs [s].
+        The ±2σ interval of each coefficient, relative to its value [1], for any length of record [s], and the length
+        [s] that the wanted accuracy needs.
 
     Raises
     ------
     ConfigurationError
         If a name is unknown, a number out of range, or the sensor list empty.
+
+    See Also
+    --------
+    identify : Identification from a record.
+    simulate : A record of the turbine's sensors.
+
+    Notes
+    -----
+    The accuracy is the Cramér–Rao bound from the data alone, without priors of the coefficients.
+
+    References
+    ----------
+    - Kay, Fundamentals of Statistical Signal Processing: Estimation Theory, Prentice Hall 1993, ch. 3.
+    - Ljung, System Identification, 2nd ed., Prentice Hall 1999, ch. 7.4 and 9.3.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> planned = ws.plan("tower", duration=600.0, rate=5.0)
+    >>> print(str(planned).splitlines()[0])
+    No: not known within ±20 % (2σ) in 10 min: c_fore_aft (28 min), c_side_side (2.6 h).
     """
     _require_positive("within", within, 10.0)
     turbine = _as_planned(as_turbine(turbine), sensors, load_scale, rotor_speed)
@@ -328,7 +351,7 @@ def plan(
         {name: turbine.model.role(name)[0] for name in (*unknown, *asked)},
     )  # fmt: skip
     accuracy = _accuracy(draft, told.growths, told.length * damping)
-    return replace(draft, accuracy=accuracy, notes=(*draft.notes, f"these numbers are good to {percent(accuracy)}"))
+    return replace(draft, accuracy=accuracy, notes=(*draft.notes, f"these numbers are accurate to {percent(accuracy)}"))
 
 
 def percent(share: float) -> str:

@@ -1,4 +1,4 @@
-"""What a planned record tells by its spectra: the information that identification itself computes.
+"""Information of a planned record in its spectra, as identification computes it.
 
 Records of the planned kind are simulated and identified
 (`windsysid.identification.estimate.spectral.frequency_domain`), with the usual priors about the values that they were
@@ -55,9 +55,9 @@ class PlannedRecord(NamedTuple):
 
 
 class PlannedInformation(NamedTuple):
-    """What simulated records of `length` [s] in all tell: names of the unknowns, tolerances last (n,), and information
-    as in `windsysid.identification.planning.plan.Plan`, its growth by part (…, n, n); notes, and whether identification
-    would leave it at that."""
+    """Information of simulated records of `length` [s] in all: names of the unknowns, tolerances last (n,), and
+    information as in `windsysid.identification.planning.plan.Plan`, its growth by part (…, n, n); notes, and whether
+    identification would leave it at that."""
 
     names: tuple[str, ...]
     start: Array
@@ -92,7 +92,7 @@ def planned_spectra(planned: PlannedRecord, unknown: Sequence[str], progress: Pr
         growth[np.ix_(at, at)] = _information(outcome) / planned.length
     known = [0.0] * (len(names) - len(tolerances)) + [1.0] * len(tolerances)
     growths = _of_what_is_seen(growths)
-    doubts = tuple(f"such a record will be in doubt: {doubt}" for doubt in _shared_doubts(found))
+    doubts = tuple(f"such a record would not be trusted: {doubt}" for doubt in _shared_doubts(found))
     return PlannedInformation(
         tuple(names), np.diag(known), growths, tolerances, RECORDS * planned.length, doubts,
         fits=not (found[0].turns or doubts),
@@ -101,7 +101,7 @@ def planned_spectra(planned: PlannedRecord, unknown: Sequence[str], progress: Pr
 
 def _names(found: Outcome) -> list[str]:
     """Of all unknowns of an outcome, in their order. A level says where in its record's spectrum it is; here it has a
-    number, since the next record's is elsewhere."""
+    number, since the next record has another."""
     levels: list[str] = []
     for one in found.statistics:
         name = re.sub(r"_[\d.]+Hz$", "", one.name)

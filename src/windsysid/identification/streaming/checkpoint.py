@@ -76,7 +76,7 @@ class Checkpoint(NamedTuple):
             raise
         except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
             raise ConfigurationError(
-                f"{self.path}: expected where an earlier run of this version stopped, got something else ({error}): "
+                f"{self.path}: expected a checkpoint of this version, got something else ({error}): "
                 f"delete it to begin anew"
             ) from None
 

@@ -44,49 +44,65 @@ def identify_pieces(
 ) -> Identification:
     """Identify stiffness and damping from a record that comes in pieces, in bounded memory.
 
-    The estimate is what `windsysid.identify` would find. Samples are held on disk, beside the checkpoint or in the
-    system's folder for temporary files: 8 bytes for each number that a filter reads. The diagnosis judges all
-    innovations; kept are those of the last samples.
+    The estimate is that of `windsysid.identify`. Samples are kept on disk, next to the checkpoint or in the system's
+    folder for temporary files: 8 bytes for each number that the filter reads. All innovations enter the diagnosis;
+    those of the last samples are kept.
 
     Parameters
     ----------
-    pieces
-        Records in order, of one sampling rate: `windsysid.iterate_record` makes them of a file. Samples missing between
-        two pieces are missing readings.
+    pieces : iterable of Record
+        Records in order, of one sampling rate, such as `windsysid.iterate_record` yields. Samples missing between two
+        pieces are missing readings.
     turbine, sensors, prior, parameters, rate, loads, state
-        As for `windsysid.identify`; sensors and state are chosen on the first piece.
-    formulation
-        joint, or spectral: then sums over blocks are all that is kept, pieces may be of several records of one machine
-        in one state, and the result is within a third of a standard deviation of a whole record's
+        As in `windsysid.identify`; sensors and state are chosen on the first piece.
+    formulation : {"joint", "spectral"}, default "joint"
+        ``"spectral"`` keeps only sums over blocks; pieces may then be of several records of one turbine in one state,
+        and the estimate is within a third of a standard deviation of that of the whole record
         (`windsysid.identification.streaming.spectra`).
-    memory
-        Of the spectral formulation: time [s] in which what was taken in comes to count as 1/e, so that the result is
-        that of late; None where nothing is forgotten.
-    checkpoint
-        Where to write what is known after each piece, and to go on from if it is there; it is deleted at the end.
-    keep_checkpoint
-        Leave it there: who saves the result deletes it then, and nothing is lost if the disk is full or the process is
-        killed before.
-    progress
+    memory : float, optional
+        Time constant of exponential forgetting [s] (spectral formulation); by default nothing is forgotten.
+    checkpoint : str or Path, optional
+        File for the state after each piece, from which an interrupted call continues; deleted at the end.
+    keep_checkpoint : bool, default False
+        Keep it at the end, so that the caller can delete it once the result is saved.
+    progress : callable, optional
         Called with the time [s] reached after each piece.
-    options
-        Plain values that tell more of the call: kept with the result, and with the checkpoint, which another call does
-        not take up.
+    options : mapping, optional
+        Further values (plain types) that describe the call; kept with the result and with the checkpoint, which a call
+        with other options does not continue.
 
     Returns
     -------
     Identification
-        As of `windsysid.identify`; what was known on line is kept once for each estimate, not for each sample.
+        As of `windsysid.identify`; the history of the filter is kept once for each estimate, not for each sample.
 
     Raises
     ------
     RecordError, ConfigurationError
-        If a piece does not hold what is needed, an option is out of range, or the checkpoint belongs to another call.
+        If a piece lacks a channel, an option is out of range, or the checkpoint belongs to another call.
     OutputError
         If the disk is full.
     WindsysidError
-        As `windsysid.identify` raises it.
+        As raised by `windsysid.identify`.
+
+    See Also
+    --------
+    iterate_record : Read a file in pieces.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> record = ws.simulate("tower", duration=600.0, rate=5.0, seed=1)
+    >>> pieces = [record.section(0.0, 300.0), record.section(300.0, 600.0)]
+    >>> result = ws.identify_pieces(pieces, "tower", formulation="spectral")
+    >>> print(f"{result['k_fore_aft'].estimate / 1e6:.2f} MN/m")
+    1.89 MN/m
     """
+    if isinstance(pieces, str | Path | Record):
+        raise ConfigurationError(
+            f"pieces: expected records in order, as iterate_record yields them, got one {type(pieces).__name__}: use"
+            " identify, or iterate_record for a file that does not fit into memory"
+        )
     job = StreamingJob(
         as_turbine(turbine), sensors, prior or Prior(), parameters, formulation, rate, loads, memory,
         None if checkpoint is None else Path(checkpoint), keep_checkpoint, options or {}, state,
@@ -101,7 +117,7 @@ def _check(job: StreamingJob) -> None:
     check_odds(job.turbine)
     if job.formulation == "spectral":
         if job.rate is not None:
-            raise ConfigurationError("the spectral formulation reads the bands that it needs: leave the rate out")
+            raise ConfigurationError("the spectral formulation chooses its frequency ranges itself: leave the rate out")
         if job.memory is not None and not job.memory > 0.0:
             raise ConfigurationError(f"memory: expected seconds greater than 0, got {job.memory:g}")
     elif job.formulation != "joint" or job.memory is not None:

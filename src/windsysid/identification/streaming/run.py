@@ -36,8 +36,8 @@ FIRST_SAMPLES = 1000
 
 
 class StreamingJob(NamedTuple):
-    """What is to be identified from the segments of a record, as for `windsysid.identify_pieces`; `sensors` are those
-    that were asked for, and from the first segment on those that are used."""
+    """Job for the segments of a record, as for `windsysid.identify_pieces`; `sensors` are those
+    that were requested, and from the first segment on those that are used."""
 
     turbine: Turbine
     sensors: Sequence[Sensor] | None
@@ -61,7 +61,7 @@ class StreamingJob(NamedTuple):
         return {**common, "loads": self.loads, "site": self.turbine.site, "state": self.state, **only}
 
     def call_on(self, first: Record) -> dict[str, Any]:
-        """What must be the same in a call that resumes: of options that were added, how the file is read only."""
+        """Options that must agree in a call that resumes: of added options, only how the file is read."""
         beginning = replace(first, time=first.time[:FIRST_SAMPLES], values=first.values[:FIRST_SAMPLES])
         return {
             "version": __version__, "turbine": turbine_hash(self.turbine),
@@ -71,7 +71,7 @@ class StreamingJob(NamedTuple):
 
 
 class SegmentsEstimate(NamedTuple):
-    """What a formulation found, the last samples as they were read, how many there were, and the times of the history's
+    """Result of a formulation, the last samples as they were read, their number, and the times of the history's
     estimates [s]."""
 
     outcome: Outcome
@@ -81,7 +81,7 @@ class SegmentsEstimate(NamedTuple):
 
 
 class Accumulator(Protocol):
-    """What is kept of the segments of a record; the sensors as they are used."""
+    """State of the segments of a record; the sensors as they are used."""
 
     sensors: tuple[Sensor, ...]
 
@@ -92,10 +92,10 @@ class Accumulator(Protocol):
         """Take the next segment as it was recorded; the samples that were added, None where they are held back."""
 
     def restore(self, arrays: Mapping[str, Any], progress: Mapping[str, Any], /) -> None:
-        """Take what `stored` gave."""
+        """Restore from `stored`."""
 
     def stored(self) -> tuple[dict[str, Any], dict[str, Any]]:
-        """What a checkpoint needs beside the segments: arrays, and plain values."""
+        """Checkpoint without the segments: arrays, and plain values."""
 
     def finish(self) -> Record | None:
         """Take the samples that were held back."""
@@ -164,7 +164,7 @@ class _StreamingRun:
             self.checkpoint.write(arrays, common | progress)
 
     def _resume(self) -> None:
-        """Restore what was known when the segments so far had been taken."""
+        """Restore the state after the segments so far."""
         self._require_same_record(str(self.hash) == self.known["taken"])
         if self.checkpoint:
             with self.checkpoint.opened() as arrays:

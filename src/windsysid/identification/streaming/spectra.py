@@ -1,7 +1,7 @@
 """Accumulator of the spectral formulation: sums over blocks, and nothing else.
 
 Segments are cut into blocks as long as the first of them: of equal turns where the rotor's turns couple what moves, of
-equal time elsewhere and where a rotor is read in bands. Of each block only the products v vᴴ are kept
+equal time otherwise and where a rotor is read in bands. Of each block only the products v vᴴ are kept
 (`windsysid.spectral.transforms.block_sums`), and from their sums the posterior is found as from a whole record
 (`windsysid.identification.estimate.spectral.frequency_domain`). Memory and the time of the search do not depend on how
 long a record is, and records of one machine in one state add.
@@ -47,7 +47,7 @@ OVERLAP = 0.5 * TAPERED
 
 
 class BlockLayout(NamedTuple):
-    """How a record is cut into blocks, and how a block is transformed.
+    """Block length of a record and transform of a block.
 
     Attributes
     ----------
@@ -86,7 +86,7 @@ class BlockLayout(NamedTuple):
 
 
 def layout_of(part: Record, question: RotorQuestion) -> BlockLayout:
-    """How the record that begins with a segment is cut and transformed for a question; RecordError where the segment
+    """Block length and transform of a record that begins with a segment; RecordError where the segment
     has too few turns of the rotor."""
     if not turns_couple(question):
         return BlockLayout(part.rate, part.samples, 0, harmonics_of(question), None, 0)
@@ -151,7 +151,7 @@ class SpectraAccumulator:
         self.inputs = inputs
 
     def finish(self) -> None:
-        """Nothing is held back: what is left is no whole block."""
+        """Nothing remains: an incomplete block is dropped."""
 
     def stored(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """The sums, the samples after the last block, the speeds; and the notes."""
@@ -163,7 +163,7 @@ class SpectraAccumulator:
         return arrays, {"notes": [note.summary() for note in self.notes]}
 
     def restore(self, arrays: Mapping[str, Any], progress: Mapping[str, Any]) -> None:
-        """Take what `stored` gave."""
+        """Restore from `stored`."""
         self.last = replace(self.first, time=arrays["time"], values=arrays["values"])
         self.speeds, self.notes = arrays["speeds"].tolist(), list(map(read_finding, progress["notes"]))
         if "powers" in arrays:
@@ -190,7 +190,7 @@ class SpectraAccumulator:
         return SegmentsEstimate(outcome, read, self.taken, read.time[-1:])
 
     def _describe_blocks(self, sums: BlockSums[Any]) -> Finding:
-        """How many blocks there were, how long, and how much they count."""
+        """Number of blocks, their length, and their total weight."""
         data = {
             "blocks": len(sums.energies), "turns": self.layout.turns, "duration": sums.last.duration,
             "weight": sums.blocks if self.memory < 1.0 else None,

@@ -85,7 +85,7 @@ class SampleAccumulator:
         return added
 
     def stored(self) -> tuple[dict[str, Any], dict[str, Any]]:
-        """What is known so far, and which load model was chosen for what reason."""
+        """State so far, and the load model with the reason of its choice."""
         if self.problem is None or self.online is None:
             return {}, {"chosen": None}
         return stored(self.online, join_histories(self.histories)), {
@@ -93,7 +93,7 @@ class SampleAccumulator:
         }
 
     def restore(self, arrays: Mapping[str, Any], progress: Mapping[str, Any]) -> None:
-        """Take what `stored` gave, the samples having been replayed."""
+        """Restore from `stored`, after the samples have been replayed."""
         if progress["chosen"] is None:
             return
         name, why = progress["chosen"]
@@ -175,7 +175,7 @@ class SampleAccumulator:
         )  # fmt: skip
 
     def _noted(self, outcome: Outcome, last: int, samples: int) -> Outcome:
-        """The outcome at the readings' rate, with the history of the whole record, and notes on what is kept."""
+        """Outcome at the readings' rate, with the history of the whole record, and notes on the kept part."""
         pieces = Finding("pieces", "note", {"kept": last / self.windows.rate if last < samples else None})
         return thin_to_readings(outcome, self.windows.steps)._replace(
             history_mean=outcome.history_mean,

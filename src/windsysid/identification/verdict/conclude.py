@@ -1,4 +1,4 @@
-"""From what a formulation found to an `Identification` in physical units."""
+"""From the result of a formulation to an `Identification` in physical units."""
 
 import math
 from collections.abc import Sequence
@@ -147,7 +147,7 @@ def _estimates(outcome: Outcome, grades: Sequence[str]) -> tuple[Estimate, ...]:
 def _estimate(q: Parameter, turbine: Turbine, theta: float, std: float, history: Array) -> Estimate:
     """A coefficient in physical units, of its filter coordinate, that one's standard deviation and history (T,)."""
     known = turbine.model.coefficient(q.name)
-    reference = turbine.values[q.name] or None  # nobody knows what the file sets to zero
+    reference = turbine.values[q.name] or None  # it is not known what the file sets to zero
     low, value, high = (float(q.physical(theta + k * std)) for k in (-SIGMAS, 0.0, SIGMAS))
     spread = float(std * (value if q.logarithmic else q.scale))
     return Estimate(
@@ -189,7 +189,10 @@ def _judge(
     return diagnose(
         _whiteness(outcome, record.rate, frequencies) if filtered else outcome.whiteness,
         FittedParameters(
-            outcome.model.parameters, outcome.theta, outcome.cov, [(mode.name, mode.damping_ratio) for mode in at.modes]
+            outcome.model.parameters,
+            outcome.theta,
+            outcome.cov,
+            [(m.name, (z.estimate, z.low, z.high)) for m in at.modes for z in (m.damping_ratio,)],
         ),
         frequencies=frequencies,
         rotor=TurningRotor(at.speed, model.blades, any(freedom.blade for freedom in model.freedoms)),
@@ -207,7 +210,7 @@ def _whiteness(outcome: Outcome, rate: float, frequencies: Sequence[float]) -> W
 
 
 def doubts_of_innovations(outcome: Outcome, rate: float) -> tuple[Finding, ...]:
-    """What the innovations of a filter, so many a second, say against its result."""
+    """Findings on the innovations of a filter, at so many a second."""
     found = diagnose(
         _whiteness(outcome, rate, ()), FittedParameters((), np.empty(0), np.empty((0, 0))), frequencies=(),
         tests=RecordTests(bent=_bent(outcome), smoothed_loads=outcome.smoothed_loads),
@@ -244,7 +247,7 @@ def _burst(outcome: Outcome, record: Record) -> tuple[Finding, ...]:
 
 
 def _late(outcome: Outcome, record: Record) -> Late | None:
-    """How late the blades' readings are behind the tower's along x and y; None where there are not both."""
+    """Lag of the blades' readings behind the tower's along x and y; None if there are not both."""
     z = outcome.final.whitened
     along = [_first_along(outcome, axis) for axis in ("x", "y")]
     turned = 2.0 * math.pi / max(outcome.turbine.model.blades, 1)
@@ -277,7 +280,7 @@ def _highest_share(outcome: Outcome, rate: float) -> float:
 
 
 def _bent(outcome: Outcome) -> Bent | None:
-    """Which degree of freedom shows most that its spring or damper is no straight line."""
+    """Degree of freedom with the strongest nonlinearity of spring or damper."""
     coordinates = outcome.turbine.model.coordinates
     n, mean = len(coordinates), outcome.final.mean
     return find_bent(
@@ -312,7 +315,7 @@ def _budget(
 
 
 def _conditions(record: Record, rotor_speed: float) -> Conditions:
-    """How the turbine ran, as far as it was recorded."""
+    """State of operation, as far as it was recorded."""
     turning = "rotor_speed" in record or "rotor_azimuth" in record
     wind = record["wind_speed"] if "wind_speed" in record else np.empty(0)
     known = wind[np.isfinite(wind)]

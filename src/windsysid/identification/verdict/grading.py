@@ -20,6 +20,7 @@ from windsysid.checks.widening import grade_of, mixture_factor
 from windsysid.identification.estimate.fitted.modes import FittedModes
 from windsysid.identification.limits import MAX_DISAGREEMENT_SIGMAS, NEGLIGIBLE_SHARE
 from windsysid.identification.model.fit import Outcome
+from windsysid.results.estimate import IntervalEstimate
 from windsysid.results.finding import Finding
 from windsysid.results.mode import Mode
 from windsysid.results.posterior import SIGMAS
@@ -122,7 +123,7 @@ def is_contradictory(outcome: Outcome) -> bool:
 
 
 def _parts(scores: Sequence[PartScores]) -> set[str]:
-    """Return over what scores are available: time, frequency."""
+    """Combine the available scores: time, frequency."""
     return {one.over for one in scores}
 
 
@@ -253,12 +254,13 @@ def grade_modes(
     logarithmic = np.array([q.logarithmic for q in outcome.model.parameters], dtype=bool)
     unit, found = np.where(logarithmic, 1.0, np.abs(outcome.theta)), []
     for mode, *both in zip(modes, *widenings, strict=True):
-        letters, bands = [], []
-        for one, (value, low, high) in zip(both, (mode.frequency_hz, mode.damping_ratio), strict=True):
-            depends = np.abs(one.quantity) * unit > NEGLIGIBLE_SHARE * abs(value)
-            letters.append(grade_of(one.factor, excluded=bool((bad & depends).any())) if one.std > 0.0 else "")
-            bands.append((value, value - one.factor * (value - low), value + one.factor * (high - value)))
-        found.append(mode._replace(frequency_hz=bands[0], damping_ratio=bands[1], grades=(letters[0], letters[1])))
+        graded = []
+        for one, (_, value) in zip(both, mode.quantities, strict=True):
+            depends = np.abs(one.quantity) * unit > NEGLIGIBLE_SHARE * abs(value.estimate)
+            grade = grade_of(one.factor, excluded=bool((bad & depends).any())) if one.std > 0.0 else ""
+            wide = IntervalEstimate.normal(value.estimate, one.factor * value.std, value.unit)
+            graded.append(replace(wide, grade=grade, reference=value.reference))
+        found.append(Mode(mode.name, graded[0], graded[1]))
     return tuple(found)
 
 

@@ -1,4 +1,4 @@
-"""What smoothed loads say against a model: stiffness or damping that goes with amplitude, and loads that go together.
+"""Checks by smoothed loads: amplitude dependence of stiffness or damping, and correlated loads.
 
 Play, a spring that hardens and dry friction are forces on a degree of freedom that are no straight lines. A filter that
 knows none of them takes them in as loads, and finds the stiffness and damping of this amplitude. Had the model a small
@@ -18,8 +18,8 @@ play, where a slow part of q is hidden from accelerometers; and the sign of q̇.
 so are blades: their t are judged one by one and as their sum over the root of their number.
 
 In the same way two loads are held against each other, E against E: the score of a correlation that the model does not
-have. Where blades turn, or one sensor hears two directions, what is not known of one load is shared with another, and
-the score is none; so supports with a sensor for each direction are asked.
+have. Where blades turn, or one sensor measures two directions, what is not known of one load is shared with another,
+and the score is none; so supports with a sensor for each direction are asked.
 
 Source: Rao, Proc. Camb. Phil. Soc. 44, 1948, https://doi.org/10.1017/S0305004100023987 (score test); Masri &
 Caughey, J. Appl. Mech. 46, 1979, https://doi.org/10.1115/1.3424568 (restoring forces from motion); Cappé, Moulines &
@@ -53,8 +53,8 @@ CHUNK = 4096
 def judge_smoothed_loads(
     model: StateSpace, inputs: Array, readings: Array, info: Info, *, freedoms: Sequence[Coordinate]
 ) -> SmoothedLoads | None:
-    """What loads show along the motion; None where that cannot be asked: of times that are unequal, of a record too
-    short or at rest, and where no load is a state.
+    """Correlation of loads with the motion; None where it cannot be computed: of times that are unequal, of a record
+    too short or at rest, and where no load is a state.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def _bendings(law: Law, t: Array, freedoms: Sequence[Coordinate]) -> Iterator[Be
 
 
 def _most_correlated(freedoms: Sequence[Coordinate], driven: Complex) -> CorrelatedLoads | None:
-    """The two loads of n degrees of freedom that go together most, of what drives them (F, n); None of fewer."""
+    """The two loads of n degrees of freedom of strongest correlation, by their drives; None with fewer."""
     pairs = [
         CorrelatedLoads(
             (freedoms[i].load, freedoms[j].load), float(_score(driven[:, i], driven[:, j])), MAX_JOINT_SIGMAS
@@ -119,7 +119,7 @@ def _loads(model: StateSpace, inputs: Array, state: Array) -> Array:
 
 
 def _scores(q: Array, v: Array, driven: Complex) -> dict[Law, Array]:
-    """How many standard deviations t (n,) each law of force is from none, of smoothed displacements and velocities of n
+    """Statistic t (n,) of each law of force, of smoothed displacements and velocities of n
     degrees of freedom (T, n) and of what drives their loads (F, n). A load that goes with −q̇, as friction does, counts
     as positive."""
     q, v = _scaled(q), _scaled(v)

@@ -1,4 +1,4 @@
-"""What speaks against the bands of spectra, and what the halves of a record say beside."""
+"""Findings against the bands of spectra, and comparison of the halves of a record."""
 
 import math
 from collections.abc import Sequence
@@ -10,8 +10,9 @@ from windsysid._types import Array
 from windsysid.checks.blade_passing import find_passing
 from windsysid.errors import RecordError
 from windsysid.identification.estimate.spectral.drift_of_halves import drift_of_halves
-from windsysid.identification.limits import MAX_RESONANCE_DOF, MIN_RESONANCE_DOF, MIN_STANDING_RESONANCE_DOF
+from windsysid.identification.limits import MAX_RESONANCE_DOF, MIN_RESONANCE_DOF
 from windsysid.identification.model.drift import Drift
+from windsysid.inspection.limits import MIN_DEGREES_OF_FREEDOM
 from windsysid.results.finding import Finding
 from windsysid.results.tolerance import Tolerance
 from windsysid.results.transient import find_burst
@@ -26,7 +27,7 @@ __all__ = ["doubts_of_spectra", "drifts_of", "halves_of", "passed_by"]
 
 
 def halves_of(question: RotorQuestion, posed: Posed, found: RotorFit, loads: str) -> list[Posed]:
-    """The halves of a record with the unknowns of what was found; none of blocks, and where it is too short."""
+    """Halves of a record with the unknowns of the fit; none of blocks, and if it is too short."""
     if question.sums is not None:
         return []
     half, halves = len(question.readings) // 2, []
@@ -42,7 +43,7 @@ def halves_of(question: RotorQuestion, posed: Posed, found: RotorFit, loads: str
 def drifts_of(
     question: RotorQuestion, halves: Sequence[Posed], unknowns: Array, tolerances: Sequence[Tolerance]
 ) -> tuple[Drift, ...]:
-    """How clocks drift by what the halves say."""
+    """Clock drifts from the halves."""
     if not halves:
         return ()
     apart = 0.5 * len(question.readings) / question.rate
@@ -53,8 +54,8 @@ def drifts_of(
 def doubts_of_spectra(
     question: RotorQuestion, posed: Posed, found: RotorFit, loads: str, halves: Sequence[Posed]
 ) -> list[Finding]:
-    """What speaks against the bands: a search that did not end, a record that the spectra do not explain or that is not
-    stationary."""
+    """Findings against the bands: a search that did not converge, a record that the spectra do not explain or that is
+    not stationary."""
     doubts = list[Finding]()
     if not found.settled:
         doubts.append(Finding("search_not_converged", "reason", {"steps": found.steps}))
@@ -72,8 +73,8 @@ def doubts_of_spectra(
 
 
 def _unproven_length(question: RotorQuestion, posed: Posed, loads: str) -> list[Finding]:
-    """Whether the narrowest resonance counts as fewer independent values, or under wind as more, than were proven."""
-    doubts, least = list[Finding](), MIN_STANDING_RESONANCE_DOF if posed.smoothed is None else MIN_RESONANCE_DOF
+    """Test whether the narrowest resonance has fewer degrees of freedom, or under wind more, than validated."""
+    doubts, least = list[Finding](), MIN_DEGREES_OF_FREEDOM if posed.smoothed is None else MIN_RESONANCE_DOF
     if posed.resonance < least:
         doubts.append(Finding("narrow_resonance", "reason", {"count": posed.resonance, "least": least}))
     if loads == "rotor-wind" and posed.resonance > MAX_RESONANCE_DOF:
@@ -83,8 +84,8 @@ def _unproven_length(question: RotorQuestion, posed: Posed, loads: str) -> list[
 
 
 def passed_by(question: RotorQuestion, unknowns: Array, rotor_hz: float) -> list[Finding]:
-    """Whether the blades pass nearly as often as a structure vibrates on which nothing turns: wind makes no line there,
-    and spectra have no model of it."""
+    """Test whether blades pass close to a natural frequency of a structure without rotating parts: wind makes no line
+    there, and spectra have no model of it."""
     values = {q.name: float(q.physical(u)) for q, u in zip(question.parameters, unknowns, strict=False)}
     found, blades = question.turbine.with_values(values), question.turbine.model.blades
     modes = [(name, found.natural_frequency(name) / (2.0 * math.pi), 0.0) for name in found.model.coordinates]
@@ -93,7 +94,7 @@ def passed_by(question: RotorQuestion, unknowns: Array, rotor_hz: float) -> list
 
 
 def _unsteady_blocks(question: RotorQuestion, sums: BlockSums[Lifted], posed: Posed) -> list[Finding]:
-    """Whether the first half of the blocks is much louder or quieter than the second, and whether a block is long
+    """Test whether the first half of the blocks is much stronger or weaker than the second, and whether a block is long
     enough."""
     blocks, doubts = len(sums.energies), list[Finding]()
     alone = posed.resonance / sums.blocks
@@ -114,7 +115,7 @@ def _unsteady_blocks(question: RotorQuestion, sums: BlockSums[Lifted], posed: Po
 
 
 def _alike(posed: Posed, found: RotorFit) -> Posed:
-    """The same with the unknowns of what was found."""
+    """Findings with the unknowns of the fit."""
     return posed._replace(model=posed.model._replace(inexact=found.model.inexact))
 
 

@@ -1,5 +1,5 @@
-"""Places where a table of readings does not go on from what came before: passages that were pasted, samples that were
-lost while the time went on, converters that ran over, and channels that are copies of others.
+"""Breaks of continuity in a table of readings: pasted passages, samples lost while the time continued, overflows of
+converters, and copied channels.
 
 Each of them leaves every single value plausible. A passage that occurs twice makes bands too narrow, lost samples make
 damping too large, and a converter that runs over makes a spectrum of jumps.

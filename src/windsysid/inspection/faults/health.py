@@ -1,6 +1,6 @@
-"""Faults of single channels: what a look at the curves would find, with times and counts.
+"""Faults of single channels that a look at the curves would show, with times and counts.
 
-Every test asks for more than one sign, because healthy records have each of them alone: a sinusoid dwells at its
+Every test requires more than one sign, because healthy records have each of them alone: a sinusoid dwells at its
 extremes (clipping is more than that), a coarse converter repeats values (a frozen channel repeats them far longer than
 it is used to), an impact jumps (a spike jumps back at once).
 """
@@ -86,8 +86,8 @@ def _faults_of(r: _Readings, standing: bool) -> list[Fault]:
 
 
 def sampled_every(x: Array) -> tuple[int, str]:
-    """Every how many samples a channel (T,) without gaps was really read, and what is between: ``held`` values,
-    ``interpolated`` ones, on straight lines, or nothing, an empty text."""
+    """Number of samples per true reading of a channel (T,) without gaps, and the values between: ``held``,
+    ``interpolated`` on straight lines, or an empty text."""
     if x.size < 40:
         return 1, ""
     bends = np.abs(np.diff(x, 2))
@@ -250,8 +250,8 @@ def _clipping_found(r: _Readings, clipped: Mask) -> Fault:
 
 
 def _has_limits(r: _Readings, clipped: Mask) -> bool:
-    """Whether the quantity itself has limits: an angle, a controlled torque, or a quantity that cannot be negative and
-    rests at zero, such as the tension of a line."""
+    """Test whether the quantity itself has limits: an angle, a controlled torque, or a quantity that cannot be
+    negative and rests at zero, such as the tension of a line."""
     if is_torque(r.channel) or (r.kind == "displacement" and r.unit == "rad"):
         return True
     at_zero = not r.x[clipped].any() and not (r.x.min() < 0.0 < r.x.max())
@@ -277,7 +277,7 @@ def _frozen(r: _Readings, clipped: Mask, standing: bool) -> list[Fault]:
 
 
 def _far_too_long(r: _Readings, starts: NDArray[np.int64], lengths: NDArray[np.int64]) -> Mask:
-    """Which repetitions of a value (n,), from these samples on, are far longer than usual."""
+    """Mask of repetitions of a value (n,), from these samples on, that are far longer than usual."""
     shortest = 0.5 if r.kind in VIBRATION or r.kind == "azimuth" else 5.0
     # A slow signal dwells on a level of its converter, comes from the next one and leaves to the next one.
     edge = np.pad(np.abs(np.diff(r.x[starts])), 1, constant_values=0.0)
@@ -288,7 +288,7 @@ def _far_too_long(r: _Readings, starts: NDArray[np.int64], lengths: NDArray[np.i
 
 
 def _coded(r: _Readings, starts: NDArray[np.int64], lengths: NDArray[np.int64]) -> Mask:
-    """Which repetitions (n,) are a code for "no reading": a value that no vibration reaches."""
+    """Mask of repetitions (n,) that are a code for "no reading": a value that no vibration reaches."""
     low, middle, high = np.percentile(r.x, (25.0, 50.0, 75.0))
     if r.kind not in VIBRATION or np.percentile(lengths, 95.0) >= 2.0 or high <= low:
         return np.zeros(len(starts), dtype=np.bool_)
@@ -305,7 +305,7 @@ def _quantised(channel: str, x: Array, lsb: float, unit: str) -> list[Fault]:
 
 
 def _converter_step(x: Array) -> float:
-    """The step that all values are multiples of, 0 where there is none to be seen."""
+    """Step of which all values are multiples, 0 if there is none."""
     levels = np.unique(x)
     if levels.size < 2:
         return 0.0

@@ -153,7 +153,7 @@ def _without_cycle(prediction: _Prediction, period: int) -> _Prediction:
 
 
 def _falls_off(gain: Array) -> bool:
-    """Whether g (k,), from the row after a loss on, has the pattern of a loss."""
+    """Test whether g (k,), from the row after a loss on, has the pattern of a loss."""
     top = gain[0]
     return bool(
         top > MIN_LOSS_GAIN

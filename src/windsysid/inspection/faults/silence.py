@@ -3,7 +3,7 @@
 Vibration fades and comes back; an instrument is gone from one sample to the next. So a stretch counts where a channel's
 power over each of its own periods is far below the usual, for several periods in a row, where it is back within a
 few periods on either side, and where another channel vibrates meanwhile. Beats of two close modes pass through zero as
-fast, but there a linear prediction from the previous readings is as accurate as elsewhere.
+fast, but there a linear prediction from the previous readings is as accurate as in the rest.
 """
 
 import math
@@ -38,7 +38,7 @@ MIN_WINDOW_SAMPLES = 16
 
 
 def silent_stretches(record: Record, channels: Sequence[str]) -> list[Fault]:
-    """Where one of these channels, which vibrate, reads nothing but noise for a while."""
+    """Segments in which one of these channels, which vibrate, has only noise."""
     found = []
     for channel in channels:
         others = [other for other in channels if other != channel]
@@ -78,20 +78,20 @@ def _silent(x: Array) -> list[tuple[int, int]]:
 
 
 def _is_silent(rms: Array, usual: float, first: int, end: int) -> bool:
-    """Whether a run of quiet windows is long enough, and vibration is back before and after it."""
+    """Test whether a run of quiet windows is long enough, and vibration is back before and after it."""
     before = rms[max(first - NEIGHBOUR_WINDOWS, 0) : max(first - 1, 0)]
     after = rms[end + 1 : end + NEIGHBOUR_WINDOWS]
     return end - first >= MIN_SILENT_PERIODS and _is_back(before, usual) and _is_back(after, usual)
 
 
 def _is_back(rms: Array, usual: float) -> bool:
-    """Whether a channel vibrates as usual in one window or another beside a stretch, the nearest left out: it may be
+    """Test whether a channel vibrates as usual in a window next to a segment, the nearest left out: it may be
     half silent."""
     return len(rms) > 0 and float(rms.max()) > MIN_RETURN_RMS_RATIO * usual
 
 
 def _widened(x: Array, first: int, end: int) -> tuple[int, int]:
-    """The same up to the last sample on either side that is as small."""
+    """Segment extended to the last sample on either side that is as small."""
     middle, size = float(np.nanmean(x[first:end])), SILENT_SIGMAS * float(np.nanstd(x[first:end]))
     while first > 0 and abs(x[first - 1] - middle) < size:
         first -= 1
@@ -126,7 +126,7 @@ def _abrupt(x: Array, runs: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
 
 
 def _goes_on(x: Array, run: tuple[int, int]) -> bool:
-    """Whether a channel vibrates in a stretch as elsewhere."""
+    """Test whether a channel vibrates in a segment as in the rest."""
     stretch = x[slice(*run)]
     inside, usual = stretch[np.isfinite(stretch)], float(np.nanstd(x))
     return len(inside) > 0 and float(np.std(inside)) > MIN_OTHER_RMS_RATIO * usual > 0.0

@@ -46,7 +46,7 @@ _shorts = [struct.Struct(f"<{n}H").unpack_from for n in range(9)]
 
 
 class NotArrowError(ValueError):
-    """The bytes are no such stream: what was expected."""
+    """The bytes are not such a stream; the message says what was expected."""
 
 
 class Columns(NamedTuple):
@@ -130,7 +130,7 @@ def read_columns(payload: bytes, *, most_rows: int, most_columns: int) -> Column
             at += batch.rows
         marks = {name: payload[begin:end].decode() for name, begin, end in schema.marks}
     except (struct.error, IndexError, UnicodeDecodeError) as error:
-        raise NotArrowError(f"an offset leads out of it ({error})") from None
+        raise NotArrowError(f"an offset points outside it ({error})") from None
     return Columns(marks, *schema.texts, values)
 
 
@@ -175,7 +175,7 @@ def _messages(payload: bytes) -> Iterator[_Message]:
         begin = at + 8 + size
         long = _i64(payload, length)[0] if length else 0
         if size < 0 or not 0 <= long <= end - begin:
-            raise NotArrowError("a message is cut")
+            raise NotArrowError("a message is truncated")
         if not all((version, kind, header)) or not 3 <= _i16(payload, version)[0] <= 4:
             raise NotArrowError("expected version 4 or 5 of the format")
         yield _Message(payload[kind], _table(payload, header), begin, long)
@@ -208,7 +208,7 @@ def _schema(payload: bytes, message: _Message, most_columns: int) -> _Schema:
     pieces, at = [], 0
     for begin, end in [*sorted((begin, end) for _, begin, end in marks), (message.body, message.body)]:
         if begin < at or end > message.body:
-            raise NotArrowError("a text leads out of its message")
+            raise NotArrowError("a text points outside its message")
         pieces.append((at, begin, payload[at:begin]))
         at = end
     schema = _Schema(tuple(pieces), fields, marks)
@@ -285,7 +285,7 @@ def _buffer(payload: bytes, batch: _Batch, which: int, size: int) -> int:
     """Offset of a batch's buffer, of which `size` bytes are read."""
     offset, length = _pair(payload, batch.buffer + 16 * which)
     if offset < 0 or length < size or offset + length > batch.length:
-        raise NotArrowError("a column is cut")
+        raise NotArrowError("a column is truncated")
     return batch.body + int(offset)
 
 
@@ -301,10 +301,10 @@ def _places(payload: bytes, table: int, most: int) -> list[int]:
     """Offsets of the first fields of a table; 0 if a field is absent."""
     listed = table - _i32(payload, table)[0]
     if listed < 0:
-        raise NotArrowError("an offset leads out of it")
+        raise NotArrowError("an offset points outside it")
     known = min(most, (_shorts[1](payload, listed)[0] - 4) // 2)
     if known < 0:
-        raise NotArrowError("a table is cut")
+        raise NotArrowError("a table is truncated")
     found = [table + off if off else 0 for off in _shorts[known](payload, listed + 4)]
     return found if known == most else found + [0] * (most - known)
 

@@ -44,7 +44,7 @@ _STREAM = re.compile(r"[\w.-]{0,40}")
 
 
 class BlockRefused(WindsysidError, ValueError):  # noqa: N818  (it is the sender's error, not ours)
-    """A block that cannot be accepted; the message is one printable line: what was expected and what was received."""
+    """A block that cannot be accepted; the message is one printable line with the expected and the received value."""
 
     def __init__(self, why: str) -> None:
         super().__init__(one_line(why))

@@ -192,7 +192,7 @@ def _store(file: TomlTable) -> str:
     named = file.text("store", expected="a path, or postgresql://USER@HOST/DATABASE, in quotes", needed=True)
     path = file.folder / named.removeprefix("sqlite:").removeprefix("//")
     if named and not path.parent.is_dir():
-        file.fault(f"store: the folder '{path.parent}' is not there: make it, for the service's user to write into")
+        file.fault(f"store: the folder '{path.parent}' does not exist: create it, writable by the service's user")
     return str(path)
 
 
@@ -212,7 +212,7 @@ def _sources(file: TomlTable, turbines: tuple[Member, ...]) -> tuple[SourceSetti
     read = {one.turbine for one in sources if isinstance(one, FolderSettings | ReplaySettings)}
     for one in turbines:
         if one.mapping is not None and one.name not in read:
-            what = "mapping is for sources folder and replay, and it has none: take it out"
+            what = "mapping is only for the sources folder and replay: remove it"
             file.fault(f"[[turbine]] '{one.name}': {what}")
     if not file.given.get("source"):
         file.fault("[[source]] is missing: expected one table or more, of kind mqtt, folder, opcua or replay")
@@ -271,7 +271,9 @@ def _page(table: TomlTable) -> PageSettings:
     certificate, key = table.path("certificate", exists="file"), table.path("key", exists="file")
     asked = any(f"{who}_token_{how}" in table.given for who in ("reader", "operator") for how in ("file", "env"))
     if host not in LOOPBACK and not asked:
-        table.fault(f"host: '{host[:60]}' is seen beyond this machine: give reader_token_file and operator_token_file")
+        table.fault(
+            f"host: '{host[:60]}' can be reached from other machines: give reader_token_file and operator_token_file"
+        )
     if (certificate is None) != (key is None):
         table.fault("certificate and key: expected both or neither, got one")
     table.done()

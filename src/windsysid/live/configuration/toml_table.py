@@ -21,7 +21,7 @@ _LONGEST_SHOWN = 40
 
 @dataclass(frozen=True)
 class Secret:
-    """A password or a token: what prints it prints nothing of it."""
+    """Password or token, which is never printed."""
 
     value: str = field(repr=False)
 
@@ -51,7 +51,7 @@ class TomlTable:
             self.fault(f"expected a table, got {_shown(given)}")
 
     def fault(self, what: str) -> None:
-        """Note what is wrong."""
+        """Note a fault."""
         self.faults.append(f"{self.where}: {what}")
 
     def value(self, key: str, expected: str, right: Callable[[Any], bool], default: Any, needed: bool = False) -> Any:
@@ -144,7 +144,7 @@ class TomlTable:
         return found
 
     def secret(self, key: str) -> Secret | None:
-        """A secret: what the file that `key_file` names holds, or the environment variable that `key_env` names."""
+        """Secret from the file that `key_file` names, or the environment variable that `key_env` names."""
         path = self.path(f"{key}_file")
         variable = self.text(f"{key}_env", expected="the name of an environment variable in quotes")
         if path is not None and variable:
@@ -164,7 +164,7 @@ class TomlTable:
             with path.open(encoding="utf-8") as file:
                 text = file.read(_LONGEST_SECRET).strip()
         except (OSError, ValueError) as error:
-            why = getattr(error, "strerror", None) or "it is no text"
+            why = getattr(error, "strerror", None) or "it is not a text file"
             self.fault(f"{key}: '{path}' cannot be read ({why}): make it a text file that the service may read")
             return None
         if not text:

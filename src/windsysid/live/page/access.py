@@ -27,7 +27,7 @@ SESSION_SECONDS = 30 * 86400
 """A screen on a wall logs in once a month."""
 
 MIN_TOKEN = 16
-"""Characters of a token at least: what can be guessed protects nothing."""
+"""Least number of characters of a token, so that it cannot be guessed."""
 
 LOOPBACK = ("localhost", "127.0.0.1", "[::1]")
 """Names under which a page without tokens is served: a foreign name that leads here is an attack by DNS."""

@@ -68,7 +68,7 @@ Responses = dict[int | str, dict[str, Any]]
 
 
 def _errors(**of: str) -> Responses:
-    """Statuses, and what they say."""
+    """HTTP statuses and their descriptions."""
     return {int(status[1:]): {"model": models.RequestProblem, "description": text} for status, text in of.items()}
 
 
@@ -80,14 +80,14 @@ def _beside_text(errors: Responses) -> Responses:
 
 ERRORS = _errors(
     _400="the body is no text",
-    _401="a token is wanted",
-    _403="the token does not allow it, or the origin is another's",
+    _401="a token is required",
+    _403="not allowed with this token or from this origin",
     _413="the body is too large",
     _414="the address is too long",
     _429="too many requests, or too many wrong tokens",
     _503="the store does not answer",
 )
-UNKNOWN = _errors(_404="there is none of this name")
+UNKNOWN = _errors(_404="nothing has this name")
 
 
 def app(

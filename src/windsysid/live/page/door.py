@@ -43,7 +43,7 @@ class Door:
         """As calling it, for operators only; HTTPException 403 for readers."""
         role = self(request)
         if role != "operator":
-            raise HTTPException(403, "expected the operator's token: this one may only look")
+            raise HTTPException(403, "expected the operator's token: this one is read-only")
         return role
 
     def routes(self) -> APIRouter:

@@ -40,7 +40,7 @@ SAFE = ("GET", "HEAD", "OPTIONS")
 
 @dataclass(frozen=True)
 class RequestLimits:
-    """Bounds of what clients may ask.
+    """Limits on requests.
 
     Attributes
     ----------

@@ -128,7 +128,7 @@ class PageOverview(BaseModel):
 
 
 class FoundMode(BaseModel):
-    """A mode of the newest estimate, ±2σ, and how far it is from what the rotor excites."""
+    """Mode of the newest estimate, ±2σ, and its distance from rotor harmonics."""
 
     name: str
     frequency: Annotated[float | None, Field(description="Hz")]

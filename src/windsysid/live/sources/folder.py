@@ -135,7 +135,7 @@ class FolderSource:
             begin = begin_of(piece) if begin is None else begin
             if begin is None:
                 raise RecordError(
-                    f"{path.name}: no moment with its zone: name zone or start in the mapping (docs/records.md)"
+                    f"{path.name}: no start time with its zone: give zone or start in the mapping (docs/records.md)"
                 )
             fresh = piece if until is None else _behind(piece, until)
             if fresh is not None:

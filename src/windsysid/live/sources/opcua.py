@@ -169,7 +169,9 @@ class OpcuaSource:
         if self._blocks.qsize() >= KEPT:
             self._blocks.get_nowait()
             self._blocks.task_done()
-            logger.warning("%s: the store is away for too long: the oldest block is dropped", self.describe())
+            logger.warning(
+                "%s: the store has been unavailable for too long: the oldest block is dropped", self.describe()
+            )
         units = tuple(unit for _, unit in self.nodes.values())
         values = np.array(rows, dtype=np.float64)
         self._blocks.put_nowait(
@@ -177,7 +179,7 @@ class OpcuaSource:
         )
 
     async def _bring(self, push: Push) -> None:
-        """Push blocks one after the other; one that could not be committed is tried again."""
+        """Push blocks one after the other; a block that was not committed is tried again."""
         while True:
             block = await self._blocks.get()
             async for _ in retries(asyncio.Event()):

@@ -44,14 +44,14 @@ WIDEST = 32
 """Blocks of a flow that were sent and are not committed, at most."""
 
 UNDER_WAY = 500
-"""Blocks of all flows that were sent and are not committed, at most: mosquitto as it comes keeps 1000 messages for a
-service, and drops what comes beyond without a word."""
+"""Largest number of sent blocks of all flows without commit: mosquitto by default keeps 1000 messages for a service,
+and drops more silently."""
 
 LONGEST_PAUSE = 30.0
 """Between two attempts to reach the broker [s]."""
 
 LONGEST_PATIENCE = 60.0
-"""For the service to commit what was sent [s]."""
+"""Time for the service to commit a sent block [s]."""
 
 
 class _Sending:
@@ -197,7 +197,7 @@ class Publisher:
             return self._changed.wait_for(enough, timeout)
 
     def close(self) -> None:
-        """Disconnect; what is not committed stays in the buffer's file."""
+        """Disconnect; uncommitted blocks stay in the buffer's file."""
         with self._changed:
             self._closing = True
             self._changed.notify_all()

@@ -1,4 +1,4 @@
-"""A publisher's buffer: what was not committed yet, on disk, the oldest dropped when it is full."""
+"""Buffer of a publisher: uncommitted blocks, on disk, the oldest dropped when it is full."""
 
 import sqlite3
 import threading

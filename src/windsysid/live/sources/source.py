@@ -19,7 +19,7 @@ Push = Callable[[Block], Future[None]]
 """Takes a block in: the future ends when it is committed. It may wait, and goes with any thread."""
 
 LONGEST_PAUSE = 30.0
-"""Between two attempts to reach what a source reads from [s]."""
+"""Pause between two attempts to reach a source [s]."""
 
 
 class SourceState(NamedTuple):

@@ -1,4 +1,4 @@
-"""Protocol of databases: what differs between SQLite and PostgreSQL. All other SQL is the same."""
+"""Protocol of databases: differences between SQLite and PostgreSQL. All other SQL is the same."""
 
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
@@ -55,14 +55,14 @@ class Database(Protocol):
         """Size of the store on disk [bytes]."""
 
     def tidy(self, connection: Any) -> None:
-        """Give back to the disk what was thinned."""
+        """Return deleted pages to the disk."""
 
     def release(self) -> None:
         """Let another service have it."""
 
 
 def one_line(error: BaseException) -> str:
-    """The first line of what a driver says."""
+    """First line of a driver's message."""
     return " ".join(str(error).strip().partition("\n")[0].split())[:100] or type(error).__name__
 
 
@@ -78,16 +78,16 @@ def bring_up_to_date(
     """
     today = len(STEPS)
     if tables and "windsysid_store" not in tables:
-        raise StoreError(f"{name} holds tables of something else: choose another place for the store")
+        raise StoreError(f"{name} holds tables of another program: choose another place for the store")
     version = connection.execute("SELECT version FROM windsysid_store").fetchone()[0] if tables else 0
     if version > today:
         raise StoreError(
-            f"{name} was written by a newer windsysid (form {version}, expected up to {today}): install that version"
+            f"{name} was written by a newer windsysid (format {version}, expected up to {today}): install that version"
         )
     if version == today:
         return
     if read_only:
-        state = "is empty" if not tables else f"is of an older form ({version}, expected {today})"
+        state = "is empty" if not tables else f"has an older format ({version}, expected {today})"
         raise StoreError(f"{name} {state}: start windsysid live on it once")
     connection.execute(begin)
     for step in STEPS[version:]:

@@ -22,7 +22,7 @@ WAITING = {
     "connect_timeout": 5, "keepalives_idle": 10, "keepalives_interval": 5, "keepalives_count": 3,
     "tcp_user_timeout": 15_000, "application_name": "windsysid",
 }  # fmt: skip
-"""A server that says nothing is given up after seconds, where the URL says nothing else."""
+"""Time-outs for a server that does not answer, unless the URL sets them."""
 
 LETTING_GO_MS = 3000
 """A service that has just ended still holds the lock until the server has seen its connection close."""

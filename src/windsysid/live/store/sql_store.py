@@ -78,7 +78,7 @@ class SqlStore:
 
     @property
     def trouble(self) -> str:
-        """Why nothing can be written at this moment; empty where nothing hinders."""
+        """Reason why nothing can be written now; empty if writing works."""
         since = self._since
         waited = 0.0 if since is None else time.monotonic() - since
         if self._trouble or waited < MAX_COMMIT_SECONDS:
@@ -100,7 +100,7 @@ class SqlStore:
         return done
 
     def close(self) -> None:
-        """Write what is queued and end. What cannot be written now has a StoreError."""
+        """Write the queue and end. If it cannot be written, a StoreError is raised."""
         with self._changed:
             self._closing = True
             self._changed.notify()
@@ -109,7 +109,7 @@ class SqlStore:
         self._database.release()
 
     def _run(self) -> None:
-        """The writer thread: what waits is one transaction."""
+        """The writer thread: all waiting entries form one transaction."""
         while True:
             with self._changed:
                 self._changed.wait_for(lambda: self._jobs or self._closing)
@@ -147,7 +147,7 @@ class SqlStore:
                     return self._fail(jobs, error)
                 pause = min(2 * pause, LONGEST)
         if self._trouble:
-            logging.getLogger("windsysid").warning("%s is written again", self._database.name)
+            logging.getLogger("windsysid").warning("%s can be written again", self._database.name)
             self._trouble = ""
         for job, value in zip(jobs, values, strict=True):
             job.done.set_result(value)
@@ -189,7 +189,7 @@ class SqlStore:
         """Wait before the next attempt; False where the store is being closed."""
         trouble = f"{self._database.name} cannot be written: {self._database.explain(error)}"
         if not self._trouble:
-            logging.getLogger("windsysid").warning("%s; what comes waits", trouble)
+            logging.getLogger("windsysid").warning("%s; new blocks wait", trouble)
         self._trouble = trouble
         with self._changed:
             return not self._changed.wait_for(lambda: self._closing, pause)

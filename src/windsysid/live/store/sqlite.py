@@ -63,7 +63,7 @@ class Sqlite:
 
     def _check_path(self) -> None:
         if not self._path.parent.is_dir():
-            raise StoreError(f"{self.name}: its folder is not there: make it, or choose another")
+            raise StoreError(f"{self.name}: its folder does not exist: create it, or choose another")
         if self._path.is_dir():
             raise StoreError(f"{self.name} is a folder, expected the name of a file: add one")
         if self._read_only and not self._path.exists():
@@ -116,7 +116,7 @@ class Sqlite:
         return statement.replace("BYTES", "BLOB")
 
     def connect(self) -> sqlite3.Connection:
-        """A connection to write by: what it has committed is on disk."""
+        """Connection for writing: committed data are on disk."""
         connection = self._open()
         connection.execute("PRAGMA journal_mode = WAL")
         connection.execute(f"PRAGMA synchronous = {'OFF' if self._folder else 'FULL'}")
@@ -146,7 +146,7 @@ class Sqlite:
         return sum(path.stat().st_size for path in (self._path, log) if path.exists())
 
     def tidy(self, connection: Any) -> None:
-        """Give free pages back, so many at a time that no commit waits for long."""
+        """Free pages in portions, so that no commit waits for long."""
         connection.execute("PRAGMA incremental_vacuum(4096)").fetchall()
 
     def release(self) -> None:

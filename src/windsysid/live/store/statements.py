@@ -1,4 +1,4 @@
-"""The statements by which a store is written. None asks what another found: a batch goes to the server at once.
+"""Statements that write to a store. None depends on the result of another: a batch is sent to the server at once.
 
 What is there already is left as it is, so that every commit may come again, in whole or in part.
 """

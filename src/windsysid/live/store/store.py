@@ -26,7 +26,7 @@ class Store(Protocol):
 
     @property
     def trouble(self) -> str:
-        """Why nothing can be written at this moment, in one line; empty where nothing hinders.
+        """Reason why nothing can be written now, in one line; empty if writing works.
 
         While the disk is full or the database restarts, what was submitted waits. It is empty again after the first
         commit that is written.
@@ -41,7 +41,7 @@ class Store(Protocol):
         """
 
     def close(self) -> None:
-        """Write what is queued and end."""
+        """Write the queue and end."""
 
     # what the engine asks at its start
 

@@ -1,4 +1,4 @@
-"""Alarms of a watch: what changed, its cause (structure or sensor), its severity, and its end.
+"""Alarms of a watch: the change, its cause (structure or sensor), its severity, and its end.
 
 Rules, in their order:
 
@@ -45,13 +45,13 @@ BLIND_WINDOWS = 36
 """Windows without a block before an alarm: six hours of 10 minutes."""
 
 ADVICE = {
-    "structure": "compare the records before and after (windsysid compare) and have the turbine looked at",
-    "sensor": "look at sensor, cable and logger before the turbine",
+    "structure": "compare the records before and after (windsysid compare) and have the turbine inspected",
+    "sensor": "check sensor, cable and logger before the turbine",
 }
 
 
 class AlarmCase(NamedTuple):
-    """A jump and what was said of it.
+    """A jump and its report.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""A slow drift: a level that is surely another than it was weeks or months ago, though it jumped nowhere.
+"""Slow drift: a level that differs significantly from that of weeks or months ago, though there was no jump.
 
 Whenever a week leaves the windows that are kept, the level after it may become a reference: one in `MAX_KEPT_BLOCKS`
 windows, `MAX_REFERENCES` of them, of which the oldest leaves. Once in `TEST_EVERY_BLOCKS` windows the level l is held
@@ -82,7 +82,7 @@ class Past(NamedTuple):
 
 
 class Drifted(NamedTuple):
-    """A drift, as a jump from the reference to now, and what the level may have wandered by itself meanwhile.
+    """Drift, as a jump from the reference to now, and the random walk of the level meanwhile.
 
     Attributes
     ----------
@@ -142,7 +142,7 @@ def grew(before: Jump, jump: Jump) -> bool:
 
 @lru_cache(maxsize=64)
 def limit_of(alarms_per_year: float, window: float, series: int) -> float:
-    """The z that tests of so many series pass so often in a year, at most, where nothing drifts."""
+    """Threshold z that tests of so many series exceed so often in a year, at most, if nothing drifts."""
     from scipy.stats import norm
 
     tests = max(1, series) * MAX_REFERENCES * YEAR / (TEST_EVERY_BLOCKS * window)

@@ -52,7 +52,7 @@ from windsysid.monitoring.watch import TOLERATED_DRIFT, YEAR, was_lost
 __all__ = ["Taken", "WatchOptions", "Watching", "resume", "start"]
 
 MAX_CASES = 256
-"""Jumps of which a watch knows what was said; of more, the oldest are no longer measured again or ended by it."""
+"""Number of jumps whose reports a watch keeps; beyond it, the oldest are no longer updated."""
 
 _KINDS = ("k", "c", "f", "noise")
 
@@ -147,7 +147,7 @@ class Watching:
         return LevelFollower(one.kind, one.logarithmic, self.options.tolerated[one.kind], kept)
 
     def _covariates(self, newest: int = 0) -> Array:
-        """Of all windows, or of so many of the newest."""
+        """All windows, or a number of the newest."""
         part = slice(-newest if newest else None, None)
         state, conditions = self._windows.state[part], self._windows.conditions[part]
         if self._state.standards is None:
@@ -215,7 +215,7 @@ class Watching:
             self._state = self._state._replace(settings=made, changed=changed)
 
     def _let_go(self) -> None:
-        """Forget the oldest windows but for what they taught."""
+        """Forget the oldest windows, but not their statistics."""
         x = self._covariates()
         for follower in self._followers.values():
             follower.let_go(x, LET_GO_BLOCKS)
@@ -394,7 +394,7 @@ def _is_return(series: str, jump: Jump, cases: Sequence[AlarmCase]) -> bool:
 
 
 def start(turbine: str, options: WatchOptions = WatchOptions()) -> Watching:
-    """A watch that has seen nothing yet.
+    """A watch before any data.
 
     Raises
     ------

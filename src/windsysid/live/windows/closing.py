@@ -58,7 +58,7 @@ def conclude(follower: Follower, task: WindowTask, found: Estimated, now: int) -
 
 
 def _pack(means: Drift, watch: bytes) -> bytes:
-    """A checkpoint: what the channels' means are known to be, and the watch's own."""
+    """Checkpoint: the known means of the channels, and that of the watch."""
     head = json.dumps(means, sort_keys=True, allow_nan=False).encode()
     return len(head).to_bytes(4, "big") + head + watch
 

@@ -1,4 +1,4 @@
-"""Under what a window was measured, as covariates of its estimates: the turbine's state, and SCADA where there is any.
+"""Conditions of a window, as covariates of its estimates: the turbine's state, and SCADA if there is any.
 
 As in an archive (`windsysid.fleet.series`) a state other than the commonest has an indicator, which holds all that the
 air does to it; wind, pitch and rotor speed count in the commonest state only. Transients are left out, and states that

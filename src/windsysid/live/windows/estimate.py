@@ -43,7 +43,7 @@ class Estimator(Protocol):
         """True while a turbine's equations are being compiled, which takes minutes the first time on a machine."""
 
     def close(self) -> None:
-        """End what is under way: `take` raises `windsysid.fleet.work.guard.StoppedError`."""
+        """End the current work: `take` raises `windsysid.fleet.work.guard.StoppedError`."""
 
 
 class Here:

@@ -35,7 +35,7 @@ EVERY = 5.0
 """Seconds of samples that are looked at together."""
 
 MEMORY = 60.0
-"""Seconds in which what was is forgotten to 1/e, and over which clipping is counted."""
+"""Time constant of forgetting, and time over which clipping is counted [s]."""
 
 DEAD, DEAD_INTERVALS = 10.0, 20.0
 STUCK: dict[Kind, float] = {**dict.fromkeys(VIBRATION, 10.0), "wind speed": 300.0, "rotor speed": 300.0}
@@ -60,10 +60,10 @@ _LIVELY = 100
 _ADVICE = {
     "dead": "gives no samples: check sensor, cable and logger",
     "missing": "lacks more samples than usual: check cable and logger",
-    "stuck": "repeats one value: check sensor and cable; its samples say nothing",
+    "stuck": "repeats one value: check sensor and cable; its samples are useless",
     "clipping": "is cut off at its largest values: lower the gain, or take a sensor of a wider range",
-    "spikes": "jumps out and straight back: check plugs, cable and shield",
-    "drift": "has moved away from its usual mean: check mounting and supply of the sensor",
+    "spikes": "has spikes: check plugs, cable and shield",
+    "drift": "has drifted away from its usual mean: check mounting and supply of the sensor",
 }
 
 
@@ -111,7 +111,7 @@ class StreamHealth:
         self._seconds = 0.0
 
     def take(self, block: Block) -> list[Verdict]:
-        """Take in a block; what has changed since."""
+        """Process a block; returns the changes."""
         changed: list[Verdict] = []
         if self._held and (block.rate != self._held[0].rate or block.channels != self._held[0].channels):
             changed = self._examine()
@@ -146,7 +146,7 @@ class StreamHealth:
 
 @dataclass
 class _Side:
-    """The largest values of a minute: how often the very largest came, and what came just below."""
+    """Largest values of a minute: count of the largest, and of those just below."""
 
     top: float = -math.inf
     at: int = 0

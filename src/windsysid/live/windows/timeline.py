@@ -290,7 +290,7 @@ def _agree(old: Block, at: int, new: Block, begin: int) -> bool:
 
 
 def _filled(blocks: Sequence[Block], index: Sequence[int], rate: float, origin: int) -> tuple[_Piece, int]:
-    """A grid with the samples of blocks on it; what comes again does not replace what is there."""
+    """Grid with the samples of blocks; repeated samples do not replace earlier ones."""
     channels = {name: unit for block in blocks for name, unit in zip(block.channels, block.units, strict=True)}
     column = {name: i for i, name in enumerate(channels)}
     rows = max(at + len(block.values) for at, block in zip(index, blocks, strict=True))

@@ -25,7 +25,7 @@ from windsysid.modal.marks import ModeMarks
 from windsysid.modal.matching.match import with_references
 from windsysid.modal.singular_values import singular_values
 from windsysid.output.progress import Progress, unheard
-from windsysid.records.coercion import RecordLike, as_record
+from windsysid.records.coercion import MappingLike, RecordLike, as_records
 from windsysid.records.record import Record
 from windsysid.results.provenance import record_hash
 from windsysid.spectral.oma.analyse import Sensors, sensors_of_each
@@ -64,35 +64,44 @@ def analyse_decays(
     limits: tuple[float, float] | None = None,
     section: tuple[float, float] | None = None,
     marks: ModeMarks | None = None,
+    mapping: "MappingLike | None" = None,
     progress: Progress = unheard,
 ) -> OperationalModes:
-    """Find the modes of a structure from one or several free decays.
+    """Identify the modes of a structure from one or several free decays.
 
     Parameters
     ----------
-    record
-        Any record with a release, after which nothing drives the structure; or a list of records of one structure in
-        one state, with the same sensors or some in common.
-    sensors, turbine
+    record : Record, str, Path, pandas.DataFrame or xarray.Dataset, or a sequence of these
+        A record with a release, after which no load acts; or several of one structure in one state, with the same
+        sensors or some in common.
+    sensors, turbine : optional
         As in `windsysid.oma`. Channels of rotating blades are left out.
-    limits
+    limits : (float, float), optional
         Frequency range of the modes [Hz].
-    section
-        Start and end [s]; the release is sought there.
-    marks
-        Modes that are to be left out; none can be added (`windsysid.results.read_mode_marks`).
-    progress
+    section : (float, float), optional
+        Start and end [s] of the part in which the release is sought; the whole record by default.
+    marks : ModeMarks, optional
+        Modes to leave out; none can be added (`windsysid.results.read_mode_marks`).
+    mapping : str, Path or Mapping, optional
+        Mapping file with the names, units and signs of channels, where `record` is a path (`read_record`).
+    progress : callable, optional
         Called with the present step and the share that is done, 0 to 1, or None if that is unknown.
 
     Returns
     -------
     OperationalModes
-        Frequencies [Hz], damping ratios and shapes with their intervals, and reasons for doubt.
+        Frequencies [Hz], damping ratios [1] and shapes (n,) with their 95 % intervals and grades.
 
     Raises
     ------
-    ConfigurationError, RecordError
-        If a channel cannot be used, or the record is no free decay.
+    RecordError
+        If a record cannot be read, or is no free decay.
+    ConfigurationError
+        If there is no record, or a channel cannot be used.
+
+    See Also
+    --------
+    oma : Modes from ambient vibration.
 
     Examples
     --------
@@ -101,18 +110,17 @@ def analyse_decays(
     >>> t = np.arange(0.0, 40.0, 0.02)
     >>> swing = np.exp(-0.06 * t) * np.cos(6.0 * t) + 0.01 * np.random.default_rng(0).normal(size=len(t))
     >>> found = ws.free_decay(ws.Record(t, swing[:, None], ("top_acceleration",), ("m/s^2",)))
-    >>> [(round(mode.frequency, 2), round(mode.damping, 3), mode.grades) for mode in found.modes]
-    [(0.95, 0.01, ('A', 'A'))]
+    >>> for mode in found.modes:
+    ...     print(mode.name, round(mode.frequency.estimate, 2), mode.frequency.unit, mode.frequency.grade)
+    ...     print("damping ratio", round(mode.damping_ratio.estimate, 3), mode.damping_ratio.grade)
+    mode 1 0.95 Hz A
+    damping ratio 0.01 A
     """
     begun = time.process_time()
     marks = ModeMarks() if marks is None else marks
     if marks.add:
         raise ConfigurationError("modes by hand: expected frequencies to remove only, got ranges to add: give limits")
-    several = isinstance(record, list | tuple)
-    given = cast("list[RecordLike]", record) if several else [cast("RecordLike", record)]
-    records = [as_record(one) for one in given]
-    if not records:
-        raise ConfigurationError("records: expected one at least, got an empty list")
+    records = as_records(record, mapping)
     machine = None if turbine is None else as_turbine(turbine)
     lists = sensors_of_each(sensors, len(records))
     progress("releases", None)
@@ -132,7 +140,7 @@ def analyse_decays(
 
 def _without_removed(found: OperationalModes, marks: ModeMarks) -> OperationalModes:
     """Result without the modes that were removed by hand."""
-    kept, notes = marks.kept([(mode.frequency, mode.damping * mode.frequency) for mode in found.modes])
+    kept, notes = marks.kept([(mode.frequency.estimate, mode.half_width) for mode in found.modes])
     return replace(
         found,
         modes=tuple(found.modes[i] for i in kept),
@@ -156,7 +164,7 @@ def _released(
     first = release(values)
     if len(values) - first < limits.MIN_SAMPLES:
         raise _no_decay(record.name, "most of its vibration is at its end")
-    note = "channels of blades were left out: free decays are of what does not turn"
+    note = "blade channels were left out: free decays are analysed in the fixed frame"
     result = _empty_result(record, samples, chosen, first)
     if len(kept) < len(samples.sensors):
         result = replace(result, notes=(*result.notes, note))
@@ -168,7 +176,7 @@ def _standing(samples: Samples) -> list[int]:
     turning = turns_per_second(samples.record) > 0.0
     kept = [i for i, one in enumerate(samples.sensors) if not (turning and is_blade(one.channel))]
     if not kept:
-        raise RecordError(f"{samples.record.name}: expected channels of what does not turn, got blades: use identify")
+        raise RecordError(f"{samples.record.name}: expected channels in the fixed frame, got blades: use identify")
     return kept
 
 
@@ -196,8 +204,7 @@ def _no_decay(name: str, why: str) -> RecordError:
 
 def _fitted(released: Sequence[_Released], between: tuple[float, float] | None) -> tuple[DecayFit, list[_Released]]:
     """Fit of all records, cut off where the slowest decay is over, and begun where the motion is free."""
-    highest = max(highest_peak(one.decay) for one in released)
-    released = [_reduced(one, highest) for one in released]
+    released = _all_reduced(released)
     fit = search_decays([one.decay for one in released], between)
     cut = [_without_end(one, fit) for one in released]
     if any(a is not b for a, b in zip(cut, released, strict=True)):
@@ -206,8 +213,14 @@ def _fitted(released: Sequence[_Released], between: tuple[float, float] | None) 
     if begun is not released:
         released, fit = begun, search_decays([one.decay for one in begun], between)
     if not len(fit.theta):
-        raise _no_decay(released[0].result.record, "no decaying vibration stands out of the noise")
+        raise _no_decay(released[0].result.record, "no decaying vibration exceeds the noise")
     return fit, released
+
+
+def _all_reduced(released: Sequence[_Released]) -> list[_Released]:
+    """Records at rates that the vibration of all of them needs."""
+    highest = max(highest_peak(one.decay) for one in released)
+    return [_reduced(one, highest) for one in released]
 
 
 def _reduced(one: _Released, highest: float) -> _Released:
@@ -229,7 +242,7 @@ def _begun_later(released: list[_Released], fit: DecayFit) -> list[_Released]:
 
 
 def _without_end(one: _Released, fit: DecayFit) -> _Released:
-    """Cut off what comes after `TIME_CONSTANTS` of the slowest mode."""
+    """Cut the record after `TIME_CONSTANTS` of the slowest mode."""
     if not len(fit.theta):
         return one
     longest = limits.TIME_CONSTANTS / float(np.min(2.0 * np.pi * fit.frequency * fit.damping))
@@ -285,7 +298,7 @@ def _undriven_modes(fit: DecayFit, described: Sequence[DescribedMode], record: s
         raise _no_decay(record, f"{100 * driven:.0f} % of the vibration at its beginning does not decay")
     if driven < limits.MIN_DRIVEN_SHARE:
         return modes
-    text = f"{100 * driven:.0f} % of the vibration at the beginning does not decay: something drives the structure"
+    text = f"{100 * driven:.0f} % of the vibration at the beginning does not decay: a load acts on the structure"
     return tuple(replace(mode, grounds=(*mode.grounds, Doubt("history", text))) for mode in modes)
 
 

@@ -12,8 +12,13 @@ from windsysid.checks.limits import MAX_WIDENING, MIN_REPORTED_WIDENING
 from windsysid.modal.decays import limits
 from windsysid.modal.decays.likelihood import Decay, DecayFit, part_scores, poles
 from windsysid.modal.shape_merging import Ratios, merge_shapes
+from windsysid.results.estimate import IntervalEstimate
 from windsysid.spectral.modal_bands.check import shape_doubts
-from windsysid.spectral.modal_bands.limits import MIN_STRUCTURE_DAMPING
+from windsysid.spectral.modal_bands.limits import (
+    MAX_NONLINEAR_SHARE,
+    MAX_RELIABLE_LOG_DAMPING_STD,
+    MIN_STRUCTURE_DAMPING,
+)
 from windsysid.spectral.modal_bands.part_scores import BandWidening, widening_of
 from windsysid.spectral.oma.mode import Doubt, OperationalMode
 
@@ -86,8 +91,10 @@ def _mode(
             (grounds if one.factor > MAX_WIDENING else remarks).append(Doubt("scores", text, what))  # type: ignore[arg-type]
     half = max(10.0 * z * f, 3.0 / float(len(fit.records[0].residual)))
     return OperationalMode(
-        "", f, f * std_f, z, std_z, shape, std, np.nan, np.nan, (max(f - half, 0.0), f + half), tuple(grounds),
-        shape_cov=cov, remarks=tuple(remarks), widening=(over[0].factor, over[1].factor),
+        name="", frequency=IntervalEstimate.normal(f, f * std_f, "Hz"),
+        damping_ratio=IntervalEstimate.lognormal(z, std_z, "1"), shape=shape, shape_std=std, load=np.nan,
+        ln_load_std=np.nan, band=(max(f - half, 0.0), f + half), grounds=tuple(grounds), shape_cov=cov,
+        remarks=tuple(remarks), widening=(over[0].factor, over[1].factor),
     )  # fmt: skip
 
 
@@ -125,21 +132,21 @@ def _doubts(fit: DecayFit, decays: Sequence[Decay], j: int, rotor_hz: float) -> 
     std = float(np.sqrt(fit.cov[len(fit.frequency) + j, len(fit.frequency) + j]))
     doubts = []
     if (ratio := _decay_ratio(fit, decays, j))[0] < ratio[1]:
-        doubts.append(Doubt("history", f"near {f:.4g} Hz as much vibration goes on as decays: something drives it"))
-    if std > limits.MAX_LOG_DAMPING_STD:
+        doubts.append(Doubt("history", f"near {f:.4g} Hz half of the vibration does not decay: a load acts"))
+    if std > MAX_RELIABLE_LOG_DAMPING_STD:
         doubts.append(Doubt("short", f"the decay is too short: damping known to a factor of {np.exp(2.0 * std):.2g}"))
     others = np.abs(fit.frequency - f) < limits.MIN_DISTANCE * z * f
     if np.any(others & (_begun(fit) > _begun(fit)[j])):
-        text = "a stronger mode is within its half-width: it may be how that one changes with amplitude"
+        text = "a stronger mode is within its half-width: it may be that mode's change with amplitude"
         doubts.append(Doubt("faint", text))
     if (pair := _combination(fit, j)) is not None:
-        text = f"it is at the sum or difference of {pair[0]:.4g} and {pair[1]:.4g} Hz: a nonlinearity may make it"
+        text = f"it is at the sum or difference of {pair[0]:.4g} and {pair[1]:.4g} Hz: a nonlinearity may cause it"
         doubts.append(Doubt("image", text))
     if (sideband := _sideband(fit, j, rotor_hz)) is not None:
-        text = f"it is {sideband[1]:.4g} Hz from {sideband[0]:.4g} Hz and decays as that mode: the rotor may make it"
+        text = f"it is {sideband[1]:.4g} Hz from {sideband[0]:.4g} Hz and decays as that mode: the rotor may cause it"
         doubts.append(Doubt("image", text))
     if _is_line(fit, j):
-        text = f"it hardly decays: a damping ratio of {100 * z:.2g} %, which machines have and structures hardly"
+        text = f"it hardly decays: a damping ratio of {100 * z:.2g} %, typical of machines, not of structures"
         doubts.append(Doubt("line", text))
     return doubts
 
@@ -164,20 +171,25 @@ def _sideband(fit: DecayFit, j: int, rotor_hz: float) -> tuple[float, float] | N
     """Frequency [Hz] of a much stronger mode that decays as mode j, and that of a harmonic of the rotor, or of a line,
     by which they differ: coefficients that are periodic modulate a mode."""
     f, rate, r = fit.frequency, fit.frequency * fit.damping, len(fit.frequency)
-    periodic = [n * rotor_hz for n in range(1, limits.MAX_SIDEBAND_ORDER + 1)] if rotor_hz else []
-    periodic += [float(f[i]) for i in range(r) if i != j and _is_line(fit, i)]
     reach = limits.COMBINATION_SIGMAS * float(np.sqrt(fit.cov[r + j, r + j])) + limits.MAX_DECAY_DIFFERENCE
     for a in _much_stronger(fit, j):
         if abs(np.log(rate[j] / rate[a])) < reach:
-            for shift in periodic:
+            for shift in _periodic(fit, j, rotor_hz):
                 if min(abs(abs(f[a] + sign * shift) - f[j]) for sign in (-1.0, 1.0)) < _reach(fit, j):
                     return float(f[a]), shift
     return None
 
 
+def _periodic(fit: DecayFit, j: int, rotor_hz: float) -> list[float]:
+    """Frequencies [Hz] with which coefficients may vary: harmonics of the rotor, and lines other than mode j."""
+    harmonics = [n * rotor_hz for n in range(1, limits.MAX_SIDEBAND_ORDER + 1)] if rotor_hz else []
+    lines = [i for i in range(len(fit.frequency)) if i != j and _is_line(fit, i)]
+    return [*harmonics, *fit.frequency[lines].tolist()]
+
+
 def _much_stronger(fit: DecayFit, j: int) -> list[int]:
     begun = _begun(fit)
-    return [i for i in range(len(begun)) if begun[i] > begun[j] / limits.MAX_COMBINATION_SHARE]
+    return [i for i in range(len(begun)) if begun[i] > begun[j] / MAX_NONLINEAR_SHARE]
 
 
 def _reach(fit: DecayFit, j: int) -> float:
@@ -187,7 +199,7 @@ def _reach(fit: DecayFit, j: int) -> float:
 
 
 def _over(widening: BandWidening, local: float) -> BandWidening:
-    """What of a widening the local noise does not explain."""
+    """Part of a widening that the local noise does not explain."""
     return widening._replace(factor=max(1.0, widening.factor / local))
 
 

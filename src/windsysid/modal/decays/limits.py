@@ -6,23 +6,14 @@ MAX_MODES = 12
 MIN_CYCLES = 2.0
 """Size: cycles of a mode in the record; a slower one cannot be distinguished from a drift."""
 
-MAX_FREQUENCY_SHARE = 0.42
-"""Size: highest frequency of modes over the sampling rate; anti-aliasing filters fall off beyond."""
-
 MAX_DAMPING = 0.3
 """Size: damping ratio beyond which a decay is over before it has become a vibration."""
-
-MIN_DOUBLE_LOG_ODDS = 6.0
-"""Log odds times two: evidence for one mode more, strong from 6 (Kass & Raftery, J. Am. Stat. Assoc. 90, 1995)."""
 
 AMBIENT_PROBABILITY = 1e-4
 """Probability: that ambient vibration is by chance as large at one of its instants as a decay at its beginning."""
 
 TIME_CONSTANTS = 5.0
 """Size: time constants 1/(2π ζ f) of the slowest mode after which a record is cut off: its amplitude is below 1 %."""
-
-MAX_LOG_DAMPING_STD = 0.6
-"""Size: standard deviation of ln ζ beyond which a decay is too short for it, as for ambient vibration."""
 
 START_PROBABILITY = 1e-3
 """Probability: of a larger residual at the beginning of a decay; below it the motion is not free yet."""
@@ -59,9 +50,9 @@ MIN_DRIVEN_SHARE, MAX_DRIVEN_SHARE = 0.02, 0.3
 """Size: share of the power at the beginning in modes that do not decay, beyond which no mode of the record is to be
 used, and beyond which it is no decay."""
 
-MAX_COMBINATION_SHARE, COMBINATION_SIGMAS, COMBINATION_DISTANCE = 0.01, 3.0, 1e-3
-"""Size: power of a mode over those of two others, and its distance from their sum or difference, in standard deviations
-and relative, up to which a quadratic nonlinearity may make it (OpenFAST's decays of a rotor have such)."""
+COMBINATION_SIGMAS, COMBINATION_DISTANCE = 3.0, 1e-3
+"""Size: distance of a mode from the sum or difference of two others, in standard deviations and relative, up to which a
+quadratic nonlinearity may make it (OpenFAST's decays of a rotor have such)."""
 
 MAX_SIDEBAND_ORDER, MAX_DECAY_DIFFERENCE = 6, 0.2
 """Size: order of a rotor harmonic that modulates a mode, twice the number of three blades, and the logarithm of the

@@ -12,8 +12,10 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.modal.decays.likelihood import Decay, DecayFit, fit_decays, poles
-from windsysid.modal.decays.limits import MAX_DAMPING, MAX_FREQUENCY_SHARE, MAX_MODES, MIN_CYCLES, MIN_DOUBLE_LOG_ODDS
+from windsysid.modal.decays.limits import MAX_DAMPING, MAX_MODES, MIN_CYCLES
 from windsysid.modal.decays.start import realized_modes, residual_modes
+from windsysid.spectral.modal_bands.limits import MIN_DOUBLE_LOG_ODDS
+from windsysid.spectral.oma.limits import MAX_FREQUENCY_SHARE
 
 __all__ = ["search_decays"]
 

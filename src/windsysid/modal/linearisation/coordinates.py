@@ -68,7 +68,7 @@ class ModelCoordinates(NamedTuple):
 
     @property
     def rotates(self) -> bool:
-        """Whether any belongs to the blades."""
+        """True if any belongs to the blades."""
         return any(len(group.states) == BLADES for group in self.groups)
 
     def transformed(self, found: LinearisedModel) -> Array:
@@ -187,7 +187,7 @@ def _group(
 
 
 def _blade(state: LinearisedState) -> tuple[int, tuple[str, str]]:
-    """Number of the blade of a state, 0 where none is named, and what the same state of all blades is called."""
+    """Number of the blade of a state, 0 if none is named, and the common name of this state of all blades."""
     module, _, instance = state.module.partition("_")
     number = re.search(r"blade (\d)", state.name, flags=re.IGNORECASE)
     named = int(number[1]) if number else int(instance) if instance.isdigit() and module == "BD" else 0

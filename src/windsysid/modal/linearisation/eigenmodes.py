@@ -11,7 +11,7 @@ modes are closer to each other than four digits can tell, so a linear propagatio
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple, cast
 
 import numpy as np
@@ -20,6 +20,8 @@ from windsysid._types import Array, Complex
 from windsysid.modal.analysis import ModalSpectrum
 from windsysid.modal.linearisation.coordinates import ModelCoordinates
 from windsysid.modal.linearisation.lin_file import LinearisedModel
+from windsysid.results.estimate import IntervalEstimate
+from windsysid.results.mode import Mode
 
 __all__ = ["DampedSpectrum", "LinearisedMode", "ModelModes", "model_modes"]
 
@@ -45,28 +47,24 @@ _SUPPORT = {
 """Degrees of freedom that move together in a bending mode of the support."""
 
 
-class LinearisedMode(NamedTuple):
+@dataclass(frozen=True)
+class LinearisedMode(Mode):
     """A mode of a linearised model.
 
     Attributes
     ----------
     name
         By the largest participation; modes of one kind are numbered by frequency from the second on.
-    frequency, frequency_std
-        Damped frequency Im λ / 2π, and its standard deviation by the rounding of the files [Hz].
-    damping, damping_std
-        Ratio −Re λ / |λ| [1], and its standard deviation.
+    frequency
+        Damped frequency Im λ / 2π [Hz], with its 95 % interval by the rounding of the files.
+    damping_ratio
+        −Re λ / |λ| [1], likewise.
     participation
         Share of each kind of degree of freedom [1], largest first.
     shape
         Displacement of each kind, of any scale: metres of the tower top and of blade tips, radians of a platform.
     """
 
-    name: str
-    frequency: float
-    frequency_std: float
-    damping: float
-    damping_std: float
     participation: Mapping[str, float]
     shape: Mapping[str, complex]
 
@@ -79,7 +77,7 @@ class LinearisedMode(NamedTuple):
     @property
     def values_text(self) -> tuple[str, str, str]:
         """Name, frequency [Hz] and damping ratio [%], without intervals."""
-        return self.name, f"{self.frequency:.5f}", f"{100.0 * self.damping:.3f}"
+        return self.name, f"{self.frequency.estimate:.5f}", f"{100.0 * self.damping_ratio.estimate:.3f}"
 
 
 class DampedSpectrum(ModalSpectrum):
@@ -134,7 +132,11 @@ def model_modes(files: Sequence[LinearisedModel], coordinates: ModelCoordinates)
     f, f_std, z, z_std = (v.tolist() for v in (spectrum.frequency, stds[0], spectrum.damping, stds[1]))
     modes = tuple(
         LinearisedMode(
-            name, f[i], f_std[i], z[i], z_std[i], shares[m][0], {kind: complex(v[m]) for kind, v in motions.items()}
+            name,
+            IntervalEstimate.normal(f[i], f_std[i], "Hz"),
+            IntervalEstimate.normal(z[i], z_std[i], "1"),
+            shares[m][0],
+            {kind: complex(v[m]) for kind, v in motions.items()},
         )
         for i, (m, name) in enumerate(zip(keep, spectrum.names, strict=True))
     )

@@ -33,18 +33,18 @@ ENDING = ".lin"
 def read_linearisation(
     paths: str | Path | Sequence[str | Path], *, operating: tuple[float, float] | None = None
 ) -> LinearisedModes:
-    """Read OpenFAST linearisation files and compute the modes in the fixed frame.
+    """Compute the modes of OpenFAST linearisation files in the fixed frame.
 
     Files ``X.1.lin``, ``X.2.lin`` … of one name are azimuths of one operating point and are averaged after the
     multi-blade transformation; several names are operating points of one machine, whose modes are linked over rotor
-    speed. Source: Bir, NREL/CP-500-42553 (2008).
+    speed.
 
     Parameters
     ----------
-    paths
+    paths : str, Path, or sequence of these
         One file, or several in any order.
-    operating
-        Least and greatest operating speed [rad/s]; those of the files by default.
+    operating : (float, float), optional
+        Lowest and highest operating speed [rad/s]; those of the files by default.
 
     Returns
     -------
@@ -58,11 +58,21 @@ def read_linearisation(
         If a file is no linearisation or is damaged, the files do not belong together, or the rotor does not have three
         blades.
 
+    See Also
+    --------
+    modes : Modes of a turbine file or of an identification.
+
+    References
+    ----------
+    Bir, Multiblade Coordinate Transformation and its Application to Wind Turbine Analysis, NREL/CP-500-42553, 2008.
+
     Examples
     --------
     A tower with one degree of freedom, in a folder that is deleted afterwards:
 
     >>> import tempfile
+    >>> from pathlib import Path
+    >>> import windsysid as ws
     >>> heading = "Rotor Speed: 0 rad/s | Azimuth: 0 rad | Number of continuous states: 2 | Order of continuous states:"
     >>> name = "1st tower fore-aft bending mode DOF, m"
     >>> states = f"x | x | 1 0.0 F 2 ED {name} | 2 0.0 F 2 ED First time derivative of {name}/s"
@@ -70,8 +80,8 @@ def read_linearisation(
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = Path(folder) / "tower.1.lin"
     ...     _ = path.write_text(f"{heading} | {states} |  | {A}".replace(" | ", chr(10)))
-    ...     (mode,) = read_linearisation(path).modes
-    >>> print(mode.name, round(mode.frequency, 4), "Hz", round(mode.damping, 4))
+    ...     (mode,) = ws.read_linearisation(path).modes
+    >>> print(mode.name, round(mode.frequency.estimate, 4), "Hz", round(mode.damping_ratio.estimate, 4))
     tower fore-aft 0.3183 Hz 0.01
     """
     listed = [paths] if isinstance(paths, str | Path) else list(paths)
@@ -95,7 +105,7 @@ def _diagram(
 ) -> LinearisedModes:
     """The answer, of operating points by rotor speed."""
     speeds = np.array([float(np.mean([one.rotor_speed for one in files])) for files in points])
-    banded = any(mode.frequency_std > 0.0 for each in found for mode in each.modes)
+    banded = any(mode.frequency.std > 0.0 for each in found for mode in each.modes)
     usual, first = len(points) - 1, points[-1][0]
     curves = link([each.spectrum for each in found], speeds, usual, np.eye(2), shortest=1)
     blades = found[usual].spectrum.method == "Coleman"
@@ -164,7 +174,7 @@ def _unstable(speeds: Array, found: Sequence[ModelModes]) -> list[Unstable]:
 
 
 def _notes(points: Sequence[Sequence[LinearisedModel]], found: Sequence[ModelModes]) -> list[str]:
-    """What a reader of the answer must know."""
+    """Notes for a reader of the answer."""
     notes = ["Frequencies are damped, Im λ / 2π, in the fixed frame."]
     if found[-1].spectrum.method == "Coleman":
         notes.append("Multi-blade transformation of three blades (Bir 2008), averaged over the azimuths of each set.")
@@ -180,7 +190,7 @@ def _notes(points: Sequence[Sequence[LinearisedModel]], found: Sequence[ModelMod
 
 
 def _uneven(files: Sequence[LinearisedModel]) -> bool:
-    """Whether the azimuths of an operating point leave a part of the turn out."""
+    """Test whether the azimuths of an operating point leave a part of the turn out."""
     turn = 2.0 * math.pi
     angles = np.sort([one.azimuth % turn for one in files])
     gaps = np.diff([*angles, angles[0] + turn])

@@ -73,9 +73,7 @@ class LinearisedModes(Campbell):
         """Warnings of operating points whose files have too few digits."""
         found = []
         for point in self.points:
-            ratio, name = max(
-                ((SIGMAS * m.frequency_std / m.frequency, m.name) for m in point.modes), default=(0.0, "")
-            )
+            ratio, name = max(((SIGMAS * m.frequency.relative_std, m.name) for m in point.modes), default=(0.0, ""))
             if point.digits < MIN_DIGITS:
                 found.append(
                     f"Warning: {point.files[0]} has {point.digits} digits: rounding moves {name} by ± "
@@ -93,19 +91,19 @@ class LinearisedModes(Campbell):
         return Table(("mode", "damped Hz", "damping [%]", "participation"), rows, f"modes at {at}", (0, 3))
 
     def contents(self) -> list[Table | str]:
-        """Warnings, the modes, then what every diagram has."""
+        """Warnings, the modes, then the parts of every diagram."""
         return [*self.warnings, self.modes_table(), *super().contents()]
 
     def to_dataframe(self) -> "pd.DataFrame":
         """A row for each operating point and mode: ``speed`` [rad/s], ``wind_speed`` [m/s], ``mode``, ``frequency``
-        [Hz] and ``damping`` ratio with their standard deviations, and the participation of each kind, ``in KIND``."""
+        [Hz] and ``damping_ratio`` with their standard deviations, and the participation of each kind, ``in KIND``."""
         import pandas as pd
 
         return pd.DataFrame([
             {
                 "speed": point.rotor_speed, "wind_speed": point.wind_speed, "mode": mode.name,
-                "frequency": mode.frequency, "frequency_std": mode.frequency_std,
-                "damping": mode.damping, "damping_std": mode.damping_std,
+                "frequency": mode.frequency.estimate, "frequency_std": mode.frequency.std,
+                "damping_ratio": mode.damping_ratio.estimate, "damping_ratio_std": mode.damping_ratio.std,
                 **{f"in {kind}": share for kind, share in mode.participation.items()},
             }
             for point in self.points for mode in point.modes
@@ -119,4 +117,4 @@ class LinearisedModes(Campbell):
 
 def _plain(mode: LinearisedMode) -> Mapping[str, Any]:
     shape = {kind: [value.real, value.imag] for kind, value in mode.shape.items()}
-    return {**mode._asdict(), "participation": dict(mode.participation), "shape": shape}
+    return {**mode.summary(), "participation": dict(mode.participation), "shape": shape}

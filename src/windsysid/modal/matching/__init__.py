@@ -1,1 +1,1 @@
-"""Which measured mode is which mode of a model, with odds."""
+"""Matching of measured modes to modes of a model, with odds."""

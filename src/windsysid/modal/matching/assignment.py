@@ -61,7 +61,7 @@ def pair_probabilities(weights: Array) -> Array:
     return found
 
 
-def _components(weights: Array) -> "Iterator[tuple[NDArray[np.intp], ...]]":
+def _components(weights: Array) -> Iterator[tuple[NDArray[np.int64], ...]]:
     """Indices of parts that have no pairs with each other."""
     from scipy.sparse.csgraph import connected_components
 
@@ -99,7 +99,7 @@ def _sums(weights: Array) -> Array:
         [pairs[i, k] * (before[k, free] @ after[k + 1, free | bits[i]]) for k in range(n)]
         for i, free in enumerate(without)
     ]
-    return np.asarray(np.array(found) / after[0, 0])
+    return np.asarray(np.array(found) / after[0, 0], dtype=np.float64)
 
 
 def _sum_product(weights: Array) -> Array:

@@ -35,9 +35,6 @@ any other harmonic."""
 MAX_HARMONIC = 12
 """Setting: highest order n of a harmonic nP."""
 
-HARMONIC_WIDTH, HARMONIC_HALF_WIDTHS = 0.01, 1.5
-"""Size: distance from a harmonic up to which a peak may be its, relative, and in half-widths ζ of the peak."""
-
 LOAD_ODDS = 3.0
 """Odds: of a load against a mode that the model lacks, where `oma` says "load or mode" or finds a sinusoid."""
 

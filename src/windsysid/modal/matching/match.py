@@ -1,4 +1,4 @@
-"""Which measured mode is which mode of a model: one-to-one assignment by frequency, damping and shape, with odds.
+"""Matching of measured modes to modes of a model: one-to-one assignment by frequency, damping and shape, with odds.
 
 Modes that the model lacks, loads and rotor harmonics compete with its modes for each measured one
 (`windsysid.modal.matching.likelihood`); probabilities are sums over all one-to-one assignments
@@ -24,6 +24,7 @@ from windsysid.modal.matching.result import MatchedMode, ModeCandidate, ModeMatc
 from windsysid.modal.matching.sensor_shapes import linearised_shape, turbine_shapes
 from windsysid.results.identification import Identification
 from windsysid.spectral.oma.known_modes import KnownMode, KnownModes, as_modes
+from windsysid.spectral.oma.limits import MAX_HARMONIC_DISTANCE, MAX_HARMONIC_HALF_WIDTHS
 from windsysid.spectral.oma.mode import OperationalMode
 from windsysid.spectral.oma.result import OperationalModes
 from windsysid.turbine.coercion import as_turbine
@@ -134,17 +135,21 @@ def with_references(
     known = [_known(mode, channels) for mode in modes]
     found = []
     for mode, match in zip(modes, candidates_of(known, expected, rotor_hz, _blades_of(machine)), strict=True):
-        reference = match.reference
-        name = mode.name if reference is None else match.best.name
-        found.append(replace(mode, name=name, reference=reference, candidates=match.candidates))
+        name = mode.name if match.reference[0] is None else match.best.name
+        f, z = (
+            replace(one, reference=reference)
+            for (_, one), reference in zip(mode.quantities, match.reference, strict=True)
+        )
+        found.append(replace(mode, name=name, frequency=f, damping_ratio=z, candidates=match.candidates))
     return found
 
 
 def _known(mode: OperationalMode, channels: Sequence[str]) -> KnownMode:
     """A mode of `windsysid.oma`, whose shape is that of some channels."""
     return KnownMode(
-        mode.name, math.log(mode.frequency), mode.frequency_std / mode.frequency, math.log(mode.damping),
-        mode.ln_damping_std, dict(zip(channels, mode.shape.tolist(), strict=True)), mode.trusted,
+        mode.name, math.log(mode.frequency.estimate), mode.frequency.relative_std,
+        math.log(mode.damping_ratio.estimate), mode.damping_ratio.relative_std,
+        dict(zip(channels, mode.shape.tolist(), strict=True)), mode.trusted,
         dict(zip(channels, mode.shape_std.tolist(), strict=True)), tuple(doubt.kind for doubt in mode.grounds),
     )  # fmt: skip
 
@@ -171,12 +176,8 @@ def candidates_of(
 
 def _matched(mode: KnownMode, best: ModeCandidate, candidates: Sequence[ModeCandidate]) -> MatchedMode:
     """A measured mode with its candidates, the best one first."""
-    f = math.exp(mode.ln_frequency)
     rest = sorted((one for one in candidates if one is not best), key=_probability, reverse=True)
-    return MatchedMode(
-        mode.name, f, f * mode.ln_frequency_std, math.exp(mode.ln_damping), mode.ln_damping_std, mode.trusted,
-        (best, *rest),
-    )  # fmt: skip
+    return MatchedMode(mode.name, *mode.values, mode.trusted, (best, *rest))
 
 
 def _probability(candidate: ModeCandidate) -> float:
@@ -185,7 +186,7 @@ def _probability(candidate: ModeCandidate) -> float:
 
 def _not_measured(found: Sequence[MatchedMode], model: Sequence[ModelMode]) -> list[str]:
     """A note on modes of the model within the range of the measured ones that none of these is."""
-    taken, measured = {mode.best.name for mode in found}, [mode.frequency for mode in found]
+    taken, measured = {mode.best.name for mode in found}, [mode.frequency.estimate for mode in found]
     rest = [one for one in model if one.name not in taken and min(measured) <= one.frequency <= max(measured)]
     listed = ", ".join(f"{one.name} ({one.frequency:.4g} Hz)" for one in rest[:6])
     return [f"modes of the model that were not measured: {listed}"] if rest else []
@@ -202,7 +203,7 @@ def _other_causes(mode: KnownMode, rotor_hz: float, blades: int) -> dict[str, fl
     if {"load", "line"} & {*mode.doubts}:
         causes["load"] = limits.LOAD_ODDS
     f = math.exp(mode.ln_frequency)
-    reach = max(limits.HARMONIC_WIDTH, limits.HARMONIC_HALF_WIDTHS * math.exp(mode.ln_damping))
+    reach = max(MAX_HARMONIC_DISTANCE, MAX_HARMONIC_HALF_WIDTHS * math.exp(mode.ln_damping))
     n = round(f / rotor_hz) if rotor_hz > 0.0 else 0
     if 0 < n <= limits.MAX_HARMONIC and abs(f / (n * rotor_hz) - 1.0) < reach:
         passes = n % blades == 0
@@ -217,10 +218,10 @@ def _measured(result: "Measured") -> KnownModes:
         return as_modes(result)
     modes = []
     for one in result.modes:
-        (f, low, high), (z, z_low, z_high) = one.frequency_hz, one.damping_ratio
-        std = 0.25 * (z_high - z_low) / z if z > 0.0 else math.inf
-        logs = (math.log(f), 0.25 * (high - low) / f, math.log(max(z, 1e-6)), min(std, 3.0))
-        modes.append(KnownMode(one.name, *logs, {}, "C" not in one.grades))
+        f, z = one.frequency, one.damping_ratio
+        std = z.relative_std if z.estimate > 0.0 else math.inf
+        logs = (math.log(f.estimate), f.relative_std, math.log(max(z.estimate, 1e-6)), min(std, 3.0))
+        modes.append(KnownMode(one.name, *logs, {}, one.trusted))
     posterior = result.posterior
     start, section, hashed = posterior.start, posterior.section, posterior.record_hash
     return KnownModes(posterior.record, start, section, hashed, tuple(modes), True, posterior.turbine.rotor_speed)

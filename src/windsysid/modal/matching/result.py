@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from windsysid.modal.matching.limits import MAX_ODDS
 from windsysid.output.console import render
 from windsysid.output.table import Table
+from windsysid.results.estimate import IntervalEstimate
 from windsysid.results.posterior import SIGMAS
 from windsysid.results.serialization import finite
 
@@ -25,7 +26,7 @@ class ModeCandidate(NamedTuple):
         Of the mode; or ``3P, blade passing``, ``4P``, ``load`` or ``unknown``.
     probability
         [1].
-    frequency, damping
+    frequency, damping_ratio
         Of the model [Hz], [1]; None for other causes.
     mac
         Modal assurance criterion with its 95 % interval; None if shapes have fewer than two channels in common.
@@ -34,21 +35,19 @@ class ModeCandidate(NamedTuple):
     name: str
     probability: float
     frequency: float | None = None
-    damping: float | None = None
+    damping_ratio: float | None = None
     mac: tuple[float, float, float] | None = None
 
 
 class MatchedMode(NamedTuple):
-    """A measured mode, and what it may be.
+    """Measured mode, and its candidates in the model.
 
     Attributes
     ----------
     name
         As measured.
-    frequency, frequency_std
-        [Hz].
-    damping, ln_damping_std
-        Ratio [1], and the standard deviation of its logarithm.
+    frequency, damping_ratio
+        [Hz], [1], with their 95 % intervals.
     trusted
         True if its grades are A or B.
     candidates
@@ -56,10 +55,8 @@ class MatchedMode(NamedTuple):
     """
 
     name: str
-    frequency: float
-    frequency_std: float
-    damping: float
-    ln_damping_std: float
+    frequency: IntervalEstimate
+    damping_ratio: IntervalEstimate
     trusted: bool
     candidates: tuple[ModeCandidate, ...]
 
@@ -69,10 +66,10 @@ class MatchedMode(NamedTuple):
         return self.candidates[0]
 
     @property
-    def reference(self) -> tuple[float, float] | None:
+    def reference(self) -> tuple[float | None, float | None]:
         """Frequency [Hz] and damping ratio of the model's mode that it is, with odds above 1 : 1; None without one."""
-        f, z = self.best.frequency, self.best.damping
-        return (f, z) if f is not None and z is not None and self.best.probability > 0.5 else None
+        likely = self.best.probability > 0.5
+        return (self.best.frequency, self.best.damping_ratio) if likely else (None, None)
 
 
 @dataclass(frozen=True)
@@ -102,7 +99,7 @@ class ModeMatch:
         headings = ("mode", "f ± 2σ [Hz]", "is", "odds", "f off by", "MAC", "or")
         rows = [
             (
-                mode.name, f"{mode.frequency:.4f} ± {SIGMAS * mode.frequency_std:.4f}", *candidate_cells(mode),
+                mode.name, f"{mode.frequency.estimate:.4f} ± {SIGMAS * mode.frequency.std:.4f}", *candidate_cells(mode),
                 next((f"{c.name}, {c.probability:.2f}" for c in mode.candidates[1:] if c.probability > 0.05), ""),
             )
             for mode in self.modes
@@ -110,16 +107,17 @@ class ModeMatch:
         return Table(headings, rows, f"modes of {self.record} in {self.model}", (0, 2, 6))
 
     def to_dataframe(self) -> "pd.DataFrame":
-        """A row for each measured mode and candidate: ``mode``, ``frequency`` [Hz], ``frequency_std``, ``damping``,
-        ``ln_damping_std``, ``candidate``, ``probability``, ``model_frequency`` [Hz], ``model_damping``, ``mac``,
-        ``mac_low``, ``mac_high``; NaN where there is none."""
+        """A row for each measured mode and candidate: ``mode``, ``frequency`` [Hz], ``frequency_std``,
+        ``damping_ratio``, ``damping_ratio_std``, ``candidate``, ``probability``, ``model_frequency`` [Hz],
+        ``model_damping_ratio``, ``mac``, ``mac_low``, ``mac_high``; NaN where there is none."""
         import pandas as pd
 
         rows = [
             {
-                "mode": mode.name, "frequency": mode.frequency, "frequency_std": mode.frequency_std,
-                "damping": mode.damping, "ln_damping_std": mode.ln_damping_std, "candidate": one.name,
-                "probability": one.probability, "model_frequency": one.frequency, "model_damping": one.damping,
+                "mode": mode.name, "frequency": mode.frequency.estimate, "frequency_std": mode.frequency.std,
+                "damping_ratio": mode.damping_ratio.estimate, "damping_ratio_std": mode.damping_ratio.std,
+                "candidate": one.name, "probability": one.probability, "model_frequency": one.frequency,
+                "model_damping_ratio": one.damping_ratio,
                 **dict(zip(("mac", "mac_low", "mac_high"), one.mac or (None, None, None), strict=True)),
             }
             for mode in self.modes
@@ -129,7 +127,13 @@ class ModeMatch:
 
     def summary(self) -> dict[str, Any]:
         """Plain values for JSON."""
-        modes = [{**m._asdict(), "candidates": [one._asdict() for one in m.candidates]} for m in self.modes]
+        modes = [
+            {
+                **m._asdict(), "frequency": m.frequency.summary(), "damping_ratio": m.damping_ratio.summary(),
+                "candidates": [one._asdict() for one in m.candidates],
+            }
+            for m in self.modes
+        ]  # fmt: skip
         return {"record": self.record, "model": self.model, "rotor_speed_rad_s": self.rotor_speed, "modes": modes,
             "notes": list(self.notes)}  # fmt: skip
 
@@ -145,7 +149,7 @@ class ModeMatch:
 def candidate_cells(mode: MatchedMode) -> tuple[str, str, str, str]:
     """Name, odds, difference of the frequency from the model's, and MAC with its interval, of the best candidate."""
     best = mode.best
-    off = "" if best.frequency is None else f"{100.0 * (mode.frequency / best.frequency - 1.0):+.2f} %"
+    off = "" if best.frequency is None else f"{100.0 * (mode.frequency.estimate / best.frequency - 1.0):+.2f} %"
     mac = "" if best.mac is None else "{:.2f} ({:.2f} … {:.2f})".format(*best.mac)
     return best.name, odds_text(best.probability), off, mac
 

@@ -84,8 +84,8 @@ def linearised_shape(mode: LinearisedMode, rotor_speed: float, channels: Sequenc
     moves all tips alike: the collective part is left out where the tower moves more. Azimuths of OpenFAST are a
     quarter turn smaller.
     """
-    omega = 2.0 * math.pi * mode.frequency
-    exponent = complex(-mode.damping * omega / math.sqrt(max(1.0 - mode.damping**2, 1e-6)), omega)
+    omega, ratio = 2.0 * math.pi * mode.frequency.estimate, mode.damping_ratio.estimate
+    exponent = complex(-ratio * omega / math.sqrt(max(1.0 - ratio**2, 1e-6)), omega)
 
     def part(kind: str) -> complex:
         return mode.shape.get(kind, 0.0j)

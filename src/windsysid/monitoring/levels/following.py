@@ -47,13 +47,13 @@ HINDSIGHTS = (12, MAX_HINDSIGHT_BLOCKS)
 """Blocks after which a jump is dated and measured again: two hours and a day."""
 
 MAX_JUMPS = 16
-"""Jumps among the blocks that are kept; where there are so many, no more are looked for until the first has left."""
+"""Largest number of jumps among the blocks that are kept; then no more are searched for until the first has left."""
 
 Ring = NDArray[np.float32]
 
 
 class Now(NamedTuple):
-    """Where a series stands after a block, in filter coordinates.
+    """State of a series after a block, in filter coordinates.
 
     Attributes
     ----------
@@ -125,17 +125,17 @@ class LevelFollower:
 
     @staticmethod
     def beginning(blocks: int, let_go: int) -> Kept:
-        """A series of which nothing was seen in so many blocks that are kept, and so many before."""
+        """Series without data in so many blocks that are kept, and so many before."""
         nothing = np.full(blocks, np.nan, dtype=np.float32)
         return Kept(nothing, nothing, let_go, None, None, 1.0, ())
 
     @property
     def known(self) -> int:
-        """How many of the blocks that are kept say something."""
+        """Number of kept blocks with information."""
         return int(np.isfinite(self.kept.y).sum())
 
     def append(self, y: float, std: float) -> None:
-        """A block; NaN where it says nothing. One of `learn`, `follow` and `guess` must come before the next."""
+        """Process a block; NaN without information. One of `learn`, `follow` and `guess` must come before the next."""
         with np.errstate(over="ignore", under="ignore"):
             block = np.array([y, std], dtype=np.float32)
         if not (np.isfinite(block).all() and block[1] > 0.0):
@@ -143,7 +143,7 @@ class LevelFollower:
         self.kept = self.kept._replace(y=np.append(self.kept.y, block[0]), std=np.append(self.kept.std, block[1]))
 
     def guess(self) -> Now:
-        """Where the series stands before any rates were learned: as if no covariate had an effect on it."""
+        """State of the series before any rates were learned: without effect of covariates."""
         y, r = self._blocks()
         if not np.isfinite(y).any():
             return Now(math.nan, math.nan, 0.0, 0.0)
@@ -175,7 +175,7 @@ class LevelFollower:
         return self._stands(x)
 
     def wander_beside_trend(self, x: Array) -> float:
-        """The wander that is learned where the level may follow a straight line as well, with covariates x (n, m).
+        """Random-walk rate that is learned if the level may also follow a straight line, with covariates x (n, m).
 
         A steady drift is a wander to `learn`, which explains it; here it is none.
         """
@@ -205,7 +205,7 @@ class LevelFollower:
         return float(done.level[-1]), float(done.std[-1])
 
     def let_go(self, x: Array, count: int) -> None:
-        """Forget the first `count` of the blocks, with covariates x (n, m), but for what they taught."""
+        """Forget the first `count` of the blocks, with covariates x (n, m), but not their statistics."""
         kept, before = self.kept, self.kept.before
         if before is not None and kept.rates is not None:
             before = track(self._cleared(x).part(slice(count)), before, kept.rates, test=False).belief
@@ -257,12 +257,12 @@ class LevelFollower:
         return y, np.where(np.isfinite(y), std, 1.0) ** 2
 
     def _cleared(self, x: Array, jumps: tuple[Jump, ...] | None = None) -> Observations:
-        """Blocks without what is bad or of no side near a jump."""
+        """Blocks without those that are bad or ambiguous near a jump."""
         assert self.kept.rates is not None
         return self._run(x, self.kept.rates, jumps)[1]
 
     def _run(self, x: Array, rates: Rates, jumps: tuple[Jump, ...] | None = None) -> tuple[Track, Observations]:
-        """The filter and the test through all blocks, and what `_cleared` says."""
+        """Filter and test through all blocks, and the blocks of `_cleared`."""
         kept = self.kept
         assert kept.before is not None
         y, r = self._blocks(x)
@@ -275,7 +275,7 @@ class LevelFollower:
             earliest, latest, found = (max(0, at - kept.let_go) for at in (jump.earliest, jump.latest, jump.found))
             near = slice(max(0, earliest - MAX_HINDSIGHT_BLOCKS), found + 1)
             y[near] = without_bad(y[near], rates.scatter * r[near])
-            y[earliest:latest] = np.nan  # nobody knows on which side these are
+            y[earliest:latest] = np.nan  # it is not known on which side these are
         for jump in jumps:
             end = max(begin, jump.latest - kept.let_go)
             if end > begin:
@@ -285,7 +285,7 @@ class LevelFollower:
         return track(blocks.part(slice(begin, None)), past, rates, tolerated=least), blocks
 
     def _now(self, done: Sequence[Track], rates: Rates) -> Now:
-        """What all likely wanders say together after the newest block."""
+        """State averaged over all likely random-walk rates after the newest block."""
         level, std, statistic = (float(one[-1]) for one in together(done, rates, newest=1))
         return Now(level, std, shared_error(level, *self._blocks(), rates), statistic)
 

@@ -15,9 +15,9 @@ threshold of b² it takes more than b² / `INNOVATION_LIMIT_SIGMAS`² blocks. Th
 `CANDIDATE_SPACING` of their age apart, up to an age of `MAX_JUMP_AGE_BLOCKS` blocks. Missing blocks are NaN.
 
 `threshold` turns a rate of false alarms into b²: Siegmund and Venkatraman's approximation for white innovations, every
-k, no clipping and ν₀ = 0, beside which there are fewer.
+k, no clipping and ν₀ = 0, compared with which there are fewer.
 
-The variance of a damping grows with the damping that its block found: low estimates are told with narrow bands, and a
+The variance of a damping grows with the damping that its block found: low estimates have narrow bands, and a
 level that weighs blocks by these comes out low, by more σ the more blocks there are. Where it does so by a power that
 is learned, r_t ∝ y_t^g, it is taken at the level that is foreseen, r_t (hᵀ m / y_t)^g.
 
@@ -80,7 +80,7 @@ class Observations(NamedTuple):
         Values (T,), NaN where one is missing, their variances (T,), and covariates (T, m).
     freed
         (T, 1 + m): variance that level and slopes gain before a block where the level is known to have jumped, 0
-        elsewhere. No jump from before is looked for any more.
+        otherwise. Earlier jumps are no longer searched for.
     """
 
     y: Array
@@ -99,7 +99,7 @@ class Observations(NamedTuple):
 
 
 class Rates(NamedTuple):
-    """The variance q that a level gains per block, and what is known of the variance of its blocks.
+    """Variance q that a level gains per block, and the estimate of the variance of its blocks.
 
     Attributes
     ----------
@@ -115,7 +115,7 @@ class Rates(NamedTuple):
         Wanders that q may be, the scatter with each, and the logarithm of its prior, which has no norm
         (`windsysid.monitoring.levels.together`).
     learned_from
-        How many blocks told the scatter.
+        Number of blocks in the estimate of the scatter.
     """
 
     wander: float
@@ -126,13 +126,13 @@ class Rates(NamedTuple):
     learned_from: int = 0
 
     def hypotheses(self) -> list[tuple["Rates", float]]:
-        """These rates with each of the likely wanders and scatters, and the logarithm of its prior."""
+        """These rates with each of the likely random-walk rates and scatters, and the logarithm of its prior."""
         plain = self._replace(likely=())
         return [(plain._replace(wander=q, scatter=s2), prior) for q, s2, prior in self.likely] or [(plain, 0.0)]
 
 
 class Progress(NamedTuple):
-    """How far a track came: what it takes to go on as if there had been no end.
+    """State of a track: all that is needed to continue as if there had been no end.
 
     Attributes
     ----------
@@ -156,7 +156,7 @@ class Progress(NamedTuple):
 
 
 class Track(NamedTuple):
-    """What the filter and the test made of T blocks.
+    """Results of the filter and the test on T blocks.
 
     Attributes
     ----------
@@ -216,7 +216,7 @@ def track(
     tolerated
         ν₀.
     test
-        Whether ℓ is wanted.
+        Whether ℓ is required.
     """
     y, r, x, freed = blocks
     count = len(y)
@@ -249,7 +249,7 @@ def _no_candidates(d: int) -> tuple[NDArray[np.int64], Array]:
 
 
 def shared_error(level: float, y: Array, r: Array, rates: Rates) -> float:
-    """What the errors of blocks (T,) have in common with each other, as a standard deviation, in filter coordinates.
+    """Common part of the errors of blocks (T,), as a standard deviation, in filter coordinates.
 
     An estimate that is Gaussian with the relative standard deviation ς is so to first order. Its mean is off by a part
     of ς² of its value, in all blocks alike, so that no number of them takes it away.

@@ -1,5 +1,5 @@
-"""The rates of a series, learned from its blocks: how fast its level wanders, how far blocks scatter about it, and how
-their variance grows with what they say.
+"""Rates of a series, learned from its blocks: random walk of the level, scatter of the blocks about it, and growth of
+their variance with the estimate.
 """
 
 import math
@@ -29,7 +29,7 @@ MAX_GROWTH = 2.0
 
 
 def learn_rates(blocks: Observations, prior: LevelBelief, *, kind: str = "k", logarithmic: bool = True) -> Rates:
-    """Wander and scatter of a series by maximum likelihood, with priors `TYPICAL_WANDER` and `TYPICAL_SCATTER`.
+    """Random walk and scatter of a series by maximum likelihood, with `TYPICAL_WANDER` and `TYPICAL_SCATTER`.
 
     The wander is averaged over its likelihood. Of a damping, kind ``c``, it is learned how its variance grows, too.
     """
@@ -66,7 +66,7 @@ def learn_rates(blocks: Observations, prior: LevelBelief, *, kind: str = "k", lo
 
 
 def learn_growth(y: Array, r: Array, logarithmic: bool) -> float:
-    """The power with which variances (T,) grow with what blocks (T,) say, 0 … `MAX_GROWTH`, by least squares.
+    """Power with which variances (T,) grow with estimates (T,), 0 … `MAX_GROWTH`, by least squares.
 
     For values in logarithms r is the variance of a logarithm, and grows by 2 less than that of the value.
     """

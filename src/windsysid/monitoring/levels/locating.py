@@ -28,7 +28,7 @@ The effect is that of one standard deviation of the covariate.
 """
 
 JUMP_SLOPE_PRIOR = {"k": 0.3, "f": 0.15, "c": 1.0, "noise": 1.0}
-"""Prior standard deviation of what a jump does to the effects of covariates, relative, and a third of its own."""
+"""Prior standard deviation of a jump's change of covariate effects, relative, and a third of its own."""
 
 OUTLIER_SIGMAS = 5.0
 """Standard deviations from the median of five beyond which a block near a jump is left out.
@@ -46,8 +46,8 @@ MIN_LEVEL_BLOCKS = 3
 """Setting: blocks that a level has at least before and after a jump while rates are learned: one bad block is none."""
 
 MIN_WANDER = 1e-4
-"""Setting: share of the learned wander with which the likeliest block of a jump is looked for: what was learned has
-taken the jump for wander."""
+"""Setting: share of the learned random-walk rate with which the likeliest block of a jump is searched for, as the
+learned rate includes the jump."""
 
 CENTRE_BLOCKS = 25
 """Blocks whose median is where a level is looked for."""
@@ -150,7 +150,7 @@ def jump_while_learning(
     Returns
     -------
     tuple of Jump and Rates, or None
-        The jump and the rates beside it; None if the odds are below `MOVED_MIN_ODDS` or the jump is tolerated.
+        The jump and the rates next to it; None if the odds are below `MOVED_MIN_ODDS` or the jump is tolerated.
     """
     count, (jump, scale, least) = len(blocks.y), sizes
     good = np.flatnonzero(np.isfinite(blocks.y))[MIN_LEVEL_BLOCKS : -MIN_LEVEL_BLOCKS or None]
@@ -178,12 +178,12 @@ def jump_while_learning(
 
 
 def without_bad(y: Array, variance: Array) -> Array:
-    """Blocks (T,), NaN for what is `OUTLIER_SIGMAS` beside its neighbours; a step is none."""
+    """Blocks (T,), NaN for those that are `OUTLIER_SIGMAS` off their neighbours, but not for a step."""
     around = np.lib.stride_tricks.sliding_window_view(np.pad(y, 2, constant_values=np.nan), 5)
     middle = np.array([np.median(five[np.isfinite(five)]) if np.isfinite(five).any() else np.nan for five in around])
     return np.where(np.abs(y - middle) > OUTLIER_SIGMAS * np.sqrt(variance), np.nan, y)
 
 
 def freedom(mean: Array, jump: float, scale: float) -> Array:
-    """Prior variances (d,) of what a jump does to level and slopes: effects are expected to grow with the level."""
+    """Prior variances (d,) of a jump's changes of level and slopes: effects are expected to grow with the level."""
     return np.append(3.0 * jump, jump * mean[1:] / max(abs(mean[0]), scale)) ** 2

@@ -1,4 +1,4 @@
-"""Level and jump statistic averaged over uncertain wander and scatter.
+"""Level and jump statistic averaged over uncertain random-walk rate and scatter.
 
 A watch of a day knows neither. Plugged in as if they were known, a wander that came out too small makes jumps of what
 only wanders, and bands that are too narrow. So each wander q that is likely has a filter of its own (Magill's bank, or
@@ -12,8 +12,8 @@ where ℓ(q) is twice the logarithm of the ratio of likelihoods with a jump and 
 tolerated one adds: numerator and denominator are averaged over q, each by itself. What a larger wander explains as well
 as a jump does is then none.
 
-A wander's prior is Cauchy's of √q / (s √r): below its scale all are as likely. Beside a prior of its logarithm larger
-ones count for more, and series that wander more than is usual have bands that are wide enough before it is seen.
+A wander's prior is Cauchy's of √q / (s √r): below its scale all are as likely. Compared with a prior of its logarithm
+larger ones count for more, and series that wander more than is usual have bands that are wide enough before it is seen.
 
 The scatter is known from n blocks only. So variances are those of Student's t, and ℓ becomes n ln(1 + ℓ / n), which
 passes a threshold about as often as ℓ does where the scatter is known.
@@ -40,7 +40,7 @@ USUAL_WANDER = 0.1
 """Scale of their prior."""
 
 LEAST_LIKELY = 1e-6
-"""A wander that is less likely than this, beside the likeliest, has no filter."""
+"""A random-walk rate that is less likely than this, relative to the likeliest, has no filter."""
 
 PRIOR_BLOCKS = round(0.5 / TYPICAL_SCATTER**2)
 """Blocks that tell a scatter as well as its prior does."""
@@ -55,7 +55,7 @@ class Together(NamedTuple):
 
 
 def with_likely(blocks: Observations, prior: LevelBelief, rates: Rates) -> Rates:
-    """These rates, and the wanders that are likely after the blocks, each with the scatter that fits them best.
+    """These rates, and the random-walk rates that are likely after the blocks, each with its best scatter.
 
     Arguments are those of `windsysid.monitoring.levels.learning.learn_rates`; of the rates the scatter is where it
     begins.
@@ -78,7 +78,7 @@ def with_likely(blocks: Observations, prior: LevelBelief, rates: Rates) -> Rates
 
 
 def together(tracks: Sequence[Track], rates: Rates, newest: int = 0) -> Together:
-    """What the tracks with all `hypotheses` of these rates, in their order, say together of the same T blocks.
+    """State of the tracks with all `hypotheses` of these rates, in their order, averaged over the same T blocks.
 
     With `newest`, after so many of the newest blocks alone: to the same bits, whatever came with them in the tracks.
     """
@@ -100,7 +100,7 @@ def together(tracks: Sequence[Track], rates: Rates, newest: int = 0) -> Together
 
 
 def most_likely_begin(tracks: Sequence[Track], rates: Rates) -> int:
-    """The block before which the likeliest jump lies after the last block, by the likeliest wander."""
+    """Likeliest block of a jump after the last block, by the likeliest random-walk rate."""
     jumped = _evidence(tracks, rates)[:, -1] + [0.5 * one.statistic[-1] for one in tracks]
     return int(tracks[int(np.argmax(jumped))].since[-1])
 

@@ -44,7 +44,7 @@ from windsysid.records.formats.contents.source import (
 from windsysid.records.record import Record
 
 __all__ = [
-    "FORMATS", "format_of", "iterate_record", "load_mapping", "read_record", "write_record",
+    "FORMATS", "as_mapping", "format_of", "iterate_record", "load_mapping", "read_record", "write_record",
 ]  # fmt: skip
 
 FORMATS: tuple[Format, ...] = (
@@ -63,38 +63,60 @@ def read_record(
     section: tuple[float, float] | None = None,
     progress: Progress | None = None,
 ) -> Record:
-    """Read a record; the ending of the file name says which format it is.
+    """Read a record from a file; the ending of its name tells the format.
 
     Parameters
     ----------
     path : str or Path
-        Any format of ``docs/records.md``.
+        File in any format of ``docs/records.md``: CSV, netCDF, Parquet, OpenFAST, MATLAB, HDF5, TDMS, UFF, MDF and
+        others.
     mapping : str, Path or Mapping, optional
-        Mapping file (TOML): which column is the time, how text is written, names, units and signs of channels.
+        Mapping file (TOML): the column with the time, the notation of text, names, units and signs of channels.
     section : (float, float), optional
         Only the samples with start ≤ t < end [s], on the record's own clock. The rest is not kept in memory, and
-        what comes after it is not read (OpenFAST text is read whole).
+        samples after the end are not read (OpenFAST text is read whole).
     progress : callable, optional
         Called with the fraction of the file that has been read, 0 to 1.
 
     Returns
     -------
     Record
-        In SI units, under the name it was written with, otherwise the file's. Of OpenFAST's output, `rotor_azimuth` is
-        wrapped to [0, 2π), the time is as uniform as it was before it was rounded for the file, and a unit that
-        windsysid does not know stays with its values as ``"as written: <unit>"``.
+        In SI units, under the name it was written with, otherwise the file's. In OpenFAST output, `rotor_azimuth` is
+        wrapped to [0, 2π), and the time is as uniform as it was before it was rounded for the file. Values of an
+        unknown unit stay as they are, with the unit ``"as written: <unit>"``.
 
     Raises
     ------
     RecordError
-        If there is no such file, its ending is not one of those, its content is damaged or no record, a cell is not a
-        number (the first is named by column and line), a value is infinite, a unit is unknown, the time is missing,
-        unsorted or repeated, the section reaches outside the record, or an optional package is not installed.
+        If there is no such file, its ending is unknown, its content is damaged or no record, a cell is not a number
+        (the first is named by column and line), a value is infinite, a unit is unknown, the time is missing, unsorted
+        or repeated, the section reaches outside the record, or an optional package is not installed.
     ConfigurationError
         If the mapping is wrong or lists a column that is not there.
+
+    See Also
+    --------
+    iterate_record : Read a file in pieces.
+    write_record : Write a record.
+    load_mapping : Read a mapping file.
+    inspect : Faults of a record.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import windsysid as ws
+    >>> path = Path(tempfile.mkdtemp()) / "logger.csv"
+    >>> ws.write_record(ws.Record([0.0, 0.1, 0.2], [[0.1], [0.2], [0.1]], ("Acc X",), ("m/s^2",)), path)
+    >>> ws.read_record(path)["Acc X"].tolist()
+    [0.1, 0.2, 0.1]
+    >>> rules = path.with_suffix(".toml")
+    >>> _ = rules.write_text('channels."Acc X" = {name = "tower_x_acceleration", sign = -1}')
+    >>> ws.read_record(path, mapping=rules, section=(0.0, 0.15))["tower_x_acceleration"].tolist()
+    [-0.1, -0.2]
     """
     path = Path(path)
-    rules = _rules(mapping)
+    rules = as_mapping(mapping)
     found = format_of(path)
     with named_after(path):
         if section is None:
@@ -110,31 +132,46 @@ def iterate_record(
     section: tuple[float, float] | None = None,
     progress: Progress | None = None,
 ) -> Iterator[Record]:
-    """The record in pieces, for files that do not fit into memory.
+    """Read a record in pieces, for files that do not fit into memory.
 
     Parameters
     ----------
     path : str or Path
+        As in `read_record`.
     seconds_per_piece : float
-        [s]; pieces begin at multiples of it after the first sample.
+        Length of a piece [s]; pieces begin at multiples of it after the first sample.
     mapping, progress
         As in `read_record`.
     section : (float, float), optional
-        Only the samples with start ≤ t < end [s]; that it reaches outside the record is told at the end of it.
+        Only the samples with start ≤ t < end [s]; a section that reaches outside the record is an error at its end.
 
     Yields
     ------
     Record
         Every sample of the file, or of the section, is in exactly one piece, in order; times are the record's own. A
-        piece has at least 2 samples: one that would stand alone beside a gap goes with the piece before.
+        piece has at least 2 samples: a single one next to a gap is added to the piece before.
 
     Raises
     ------
     RecordError, ConfigurationError
-        As `read_record`, but where the bad place is reached.
+        As raised by `read_record`, once the faulty place is reached.
+
+    See Also
+    --------
+    identify_pieces : Identification from pieces.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import windsysid as ws
+    >>> path = Path(tempfile.mkdtemp()) / "tower.csv"
+    >>> ws.write_record(ws.simulate("tower", duration=60.0, rate=20.0), path)
+    >>> [piece.samples for piece in ws.iterate_record(path, 25.0)]
+    [500, 500, 200]
     """
     path = Path(path)
-    rules = _rules(mapping)
+    rules = as_mapping(mapping)
     if not 0.0 < seconds_per_piece < float("inf"):
         raise ConfigurationError(f"seconds_per_piece is {seconds_per_piece}, expected a time [s] above 0")
     found = format_of(path)
@@ -147,7 +184,8 @@ def _opened(found: Format, path: Path, rules: Mapping, *, whole: bool = False) -
     return without_repeats(found.open(path, rules, whole=whole))
 
 
-def _rules(mapping: str | Path | Mapping | None) -> Mapping:
+def as_mapping(mapping: str | Path | Mapping | None) -> Mapping:
+    """A mapping from itself or the path of its file; None maps nothing. ConfigurationError as of `load_mapping`."""
     if mapping is None:
         return Mapping()
     return mapping if isinstance(mapping, Mapping) else load_mapping(mapping)
@@ -183,23 +221,34 @@ def _endings(formats: tuple[Format, ...]) -> str:
 
 
 def write_record(record: Record, path: str | Path, *, overwrite: bool = False) -> None:
-    """Write a record as CSV, netCDF or Parquet; the ending of the file name says which.
+    """Write a record as CSV, netCDF or Parquet; the ending of the file name tells which.
 
-    The file appears complete or not at all; a folder that is missing is made. CSV keeps every bit of times and values
-    and the start, but not `Record.attributes`; netCDF and Parquet keep everything.
+    The file appears complete or not at all; a missing folder is made. CSV keeps every bit of times and values and the
+    start, but not `Record.attributes`; netCDF and Parquet keep everything.
 
     Parameters
     ----------
     record : Record
+        Record to write.
     path : str or Path
         Ends in ``.csv``, ``.txt``, ``.dat``, ``.tsv``, ``.nc``, ``.nc4``, ``.netcdf`` or ``.parquet``.
-    overwrite : bool
-        Replace a file that is already there.
+    overwrite : bool, default False
+        Replace an existing file.
 
     Raises
     ------
     OutputError
-        If the file is already there, it cannot be written, or the ending is not one of those.
+        If the file exists and `overwrite` is False, it cannot be written, or the ending is not one of those.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import windsysid as ws
+    >>> path = Path(tempfile.mkdtemp()) / "tower.csv"
+    >>> ws.write_record(ws.simulate("tower", duration=60.0, rate=20.0), path)
+    >>> ws.read_record(path).channels[:2]
+    ('rotor_azimuth', 'rotor_speed')
     """
     with claim_record(path, overwrite=overwrite) as write:
         write(record)
@@ -207,7 +256,7 @@ def write_record(record: Record, path: str | Path, *, overwrite: bool = False) -
 
 @contextmanager
 def claim_record(path: str | Path, *, overwrite: bool = False) -> Iterator[Callable[[Record], None]]:
-    """Take the name of a record's file before there is a record; yields what writes it. Raises as `write_record`."""
+    """Reserve the name of a record's file before there is a record; yields its writer. Raises as `write_record`."""
     path = Path(path)
     written = tuple(one for one in FORMATS if one.write is not None)
     writer = next((one.write for one in written if one.is_named(path)), None)

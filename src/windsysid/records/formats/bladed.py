@@ -142,7 +142,7 @@ def _read_header(path: Path) -> _ResultHeader:
     listing, data = (path.with_name(f"{path.stem}.{mark}{path.suffix[2:]}") for mark in "%$")
     for other in (listing, data):
         if not other.is_file():
-            raise RecordError(f"has no {other.name} beside it, where the rest of a Bladed result is; copy it there too")
+            raise RecordError(f"has no {other.name} next to it, the rest of the Bladed result; copy it there too")
     text = decoded(read_start(listing, _MOST_HEADER))
     lines = [tuple(line.split(None, 1)) for line in text.splitlines() if line.strip()]
     found = tuple((whole[0].upper(), whole[1] if len(whole) > 1 else "", " ".join(whole)) for whole in lines)
@@ -167,7 +167,7 @@ def _cells(header: _ResultHeader) -> list[Cell]:
 
 
 def _stations(header: _ResultHeader) -> list[str]:
-    """What to add to the names of variables, for each station."""
+    """Suffixes of the names of variables, for each station."""
     if len(header.shape) == 2:
         return [""]
     key = next((key for key in ("AXITICK", "AXIVAL") if header.all(key)), None)

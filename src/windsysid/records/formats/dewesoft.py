@@ -1,6 +1,6 @@
 """Dewesoft recordings, read by dwdatareader through Dewesoft's own library.
 
-Nobody but Dewesoft's software writes such files, so this reader is tested against the interface of dwdatareader and
+Only Dewesoft's software writes such files, so this reader is tested against the interface of dwdatareader and
 against files that are none, not against a recording. Times are those that the library gives for each sample, in seconds
 after the start of storing; channels of one rate are sampled together.
 """

@@ -1,4 +1,4 @@
-"""HAWC2 results: the list of channels in ``NAME.sel``, their numbers beside it in ``NAME.dat``, text or packed binary.
+"""HAWC2 results: the list of channels in ``NAME.sel``, their numbers next to it in ``NAME.dat``, text or packed binary.
 
 In a binary file each channel is a row of int16 with a scale; the channel Time has a resolution of 1/32000 of its range
 only, and the text has six digits. So times are the grid that the list says, number of scans over duration, beginning
@@ -35,7 +35,7 @@ _DIGITS = 1e-5  # resolution of six digits, of the number's power of ten
 
 @dataclass(frozen=True)
 class _List:
-    """What the ``.sel`` file says."""
+    """Content of the ``.sel`` file."""
 
     scans: int
     duration: float
@@ -48,7 +48,7 @@ def open_hawc2(path: Path, mapping: Mapping, *, whole: bool = False) -> FileSour
     listing, data = path.with_suffix(_suffix(path, "sel")), path.with_suffix(_suffix(path, "dat"))
     for other in (listing, data):
         if not other.is_file():
-            raise RecordError(f"has no {other.name} beside it, where the rest of a HAWC2 result is; copy it there too")
+            raise RecordError(f"has no {other.name} next to it, the rest of the HAWC2 result; copy it there too")
     known = _read_list(listing)
     channels = len(known.cells)
     if known.scales is None:
@@ -145,7 +145,7 @@ def _grid(known: _List, column: Callable[[int, int, int], Array]) -> TimeGrid:
         return TimeGrid(step, step)
     time = column(at, 0, known.scans)
     if not np.isfinite(time).all():
-        raise RecordError("the channel Time holds what is no time; it is damaged; run the simulation again")
+        raise RecordError("the channel Time is not a time; it is damaged; run the simulation again")
     if known.scales is not None:
         coarse = np.full(time.size, abs(float(known.scales[at])))
     else:

@@ -55,7 +55,7 @@ def _gtsdf(name: str, file: Any, found: list[tuple[str, Any]], mapping: Mapping)
 
 
 def opened(path: Path) -> Any:
-    """An h5py file, closed when nobody holds it any more; RecordError where it is damaged."""
+    """An h5py file, closed when it is no longer referenced; RecordError where it is damaged."""
     import h5py  # type: ignore[import-untyped,unused-ignore]
 
     with reading():  # damaged HDF5 raises nearly anything

@@ -76,7 +76,7 @@ def _column(values: Array) -> Callable[[int, int], Array]:
 
 
 def _parsed(path: Path) -> tuple[dict[str, list[str]], list[_Segment]]:
-    """The header of the file and all segments."""
+    """Parse the header of the file and all segments."""
     lines = _lines(path)
     head = _file_header(lines)
     mark = _SEPARATORS.get(head.get("Separator", ["Tab"])[0].lower(), "\t")
@@ -229,7 +229,7 @@ def _apart(head: dict[str, list[str]], segments: list[_Segment], parts: list[Arr
         return parts
     moments = [_moment(head, one) for one in segments]
     if start is None or None in moments:
-        raise RecordError("has segments whose times begin anew and no dates that tell them apart; split it in LabVIEW")
+        raise RecordError("has segments that restart the time and have no dates; split it in LabVIEW")
     begun = moment(start)
     return [part + (moment(str(one)) - begun).total_seconds() for part, one in zip(parts, moments, strict=True)]
 

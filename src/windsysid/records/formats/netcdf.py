@@ -2,7 +2,7 @@
 
 Everything a `Record` holds is kept, names and attributes included, so that reading gives back what was
 written. HDF5 protects none of its own tables: a damaged file gives zeros, or makes the library hang. So every block of
-numbers carries a checksum, and a seal after the end of the file holds one of the whole. Files from elsewhere are read
+numbers carries a checksum, and a seal after the end of the file holds one of the whole. Foreign files are read
 if they are built the same way: a coordinate ``time`` [s] and numbers along it.
 """
 
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 __all__ = ["FORMAT", "check_seal", "open_hdf5", "sealed", "unpacked"]
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
-_SEAL = b"windsysid crc32 "  # and eight digits, after the end of the HDF5 file, where nobody else looks
+_SEAL = b"windsysid crc32 "  # and eight digits, after the end of the HDF5 file, where no other program looks
 _MAX_CHECKED_BYTES = 1 << 28  # bytes: a section of a larger file is not worth reading it all for its checksum
 _VALUES = 1 << 20  # read at once
 _SOME = 10_000  # values that show in which units they are plausible
@@ -45,7 +45,7 @@ _MAX_VALUES_AT_ONCE = 1 << 24  # values that fit into memory without thinking
 
 
 class _Contents(NamedTuple):
-    """What a file holds: channels, the names of the file's variables, times [s], and what it says about itself."""
+    """Content of a file: channels, the names of the file's variables, times [s], and its attributes."""
 
     columns: tuple[Column, ...]
     variables: list[str]
@@ -141,7 +141,7 @@ def write_netcdf(record: Record, file: BinaryIO) -> None:
         whole.dimensions["time"] = record.samples
         columns = zip(("time", *record.channels), ("s", *record.units), (record.time, *record.values.T), strict=True)
         for name, unit, values in columns:
-            # HDF5 gives its fill value, zero unless told, for blocks that a damaged file has lost sight of.
+            # HDF5 gives its fill value, zero by default, for blocks that a damaged file has lost sight of.
             variable = whole.create_variable(name, ("time",), np.float64, values, fillvalue=np.nan, fletcher32=True)
             variable.attrs["units"] = unit
         whole.attrs.update({**record.attributes, **record.marks})

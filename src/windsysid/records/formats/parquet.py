@@ -5,8 +5,8 @@ come from the names, as in text. Needs pyarrow. Rows are written in groups with 
 only its groups and a damaged page is found.
 
 Parquet has no checksum of the footer, where names, units and types stand. windsysid writes one before it, where no
-reader of Parquet looks. In a file from elsewhere, what the footer says twice must agree: names, the number of rows, and
-that no value is beyond the least and the greatest that it tells of a column.
+reader of Parquet looks. In a foreign file, what the footer gives twice must agree: names, the number of rows, and
+that no value is beyond the least and the greatest that it gives for a column.
 """
 
 import io
@@ -53,7 +53,7 @@ _SOME = 10_000  # values that show in which units they are plausible
 _VALUES = 1 << 20  # read at once
 
 _SEAL = b"windsysid crc32 "
-"""What stands before a footer, with eight digits: the checksum of the footer and of what follows it."""
+"""Prefix of a footer, with eight digits: the checksum of the footer and of the bytes after it."""
 
 _UNNAMED = re.compile(r"__index_level_\d+__")
 """Name that pandas gives to an index without a name."""
@@ -89,7 +89,7 @@ def open_parquet(path: Path, mapping: Mapping, *, whole: bool = False) -> FileSo
 
 
 class _Rows(NamedTuple):
-    """How rows are read: channels, columns of the time and of their number, the clock and the times of the first rows.
+    """Reader of rows: channels, columns of the time and of their number, the clock and the times of the first rows.
 
     Without a clock rows are counted.
     """
@@ -175,7 +175,7 @@ def write_parquet(record: Record, file: BinaryIO) -> None:
 
 
 def _seal(footer: bytes | memoryview) -> bytes:
-    """What stands before a footer that windsysid wrote."""
+    """Prefix of a footer that windsysid wrote."""
     return _SEAL + b"%08x\n" % zlib.crc32(footer)
 
 
@@ -194,7 +194,7 @@ def _check_seal(path: Path) -> None:
 
 
 class _Footer:
-    """What the footer says of columns and groups of rows, held against the rows as they come.
+    """Columns and groups of rows in the footer, compared with the rows as they come.
 
     A group is asked about after its rows were read: pyarrow ends the whole process where one is damaged that nothing
     was read of.
@@ -275,7 +275,7 @@ def _column(batch: Any, names: list[str], index: int) -> Any:
 
 
 def _occurrence(names: list[str], index: int) -> int:
-    """How many columns before the one at `index` have its name."""
+    """Number of columns before the one at `index` with its name."""
     return names[:index].count(names[index])
 
 
@@ -307,7 +307,7 @@ def _times_and_counter(
 
 
 def _has_other_time(cells: list[Cell], index: int, mapping: Mapping) -> bool:
-    """Whether another column than the index is the time: the mapping's column, or one with the name of a time."""
+    """Test whether another column than the index is the time: the mapping's column, or one with the name of a time."""
     if mapping.time.column is not None:
         return mapping.time.column != cells[index].written
     return is_called_time(cells[0].name)

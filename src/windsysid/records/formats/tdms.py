@@ -2,7 +2,7 @@
 
 A file is a chain of segments; each says how long it is. nptdms reads what is left of a file that was cut, with channels
 of unequal length, and only warns. So the chain is followed here first: it must end where the file does, and hold as
-many bytes of numbers as the channels need. An index file beside the data (``.tdms_index``) is not used: it may be
+many bytes of numbers as the channels need. An index file next to the data (``.tdms_index``) is not used: it may be
 older than the data.
 
 The clock is the waveform's: ``wf_increment``, ``wf_start_offset`` and ``wf_start_time`` (UTC). Without them a channel

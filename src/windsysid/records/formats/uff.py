@@ -210,7 +210,7 @@ def _binary(path: Path, file: BinaryIO, number: str) -> _Set:
 
 
 def _is_mark_near(file: BinaryIO) -> bool:
-    """Whether the next line that is not blank ends a set; the file is then behind it."""
+    """Test whether the next line that is not blank ends a set; the file is then behind it."""
     line = file.readline(128)
     if not line.strip():
         line = file.readline(128)
@@ -225,7 +225,7 @@ def _lines(file: BinaryIO, count: int) -> tuple[str, ...]:
 
 
 def _to_mark(file: BinaryIO) -> int:
-    """Where the line that ends a set begins; the file is behind it."""
+    """Position of the line that ends a set; the file is behind it."""
     while line := file.readline():
         if line.rstrip() == _MARK:
             return file.tell() - len(line)

@@ -1,4 +1,4 @@
-"""The coefficients of a result with their bands, beside what the prior and the turbine file say."""
+"""The coefficients of a result with their bands, with the prior and the turbine file."""
 
 from collections.abc import Sequence
 
@@ -21,7 +21,7 @@ WIDER = 1.6
 
 
 def caption(found: Identification) -> str:
-    """What the pictures of the coefficients show."""
+    """Captions of the figures of the coefficients."""
     text = "Result with ±2σ (blue) and the prior's ±2σ (grey), as differences from the turbine file."
     if all(e.reference for e in found.estimates):
         return text

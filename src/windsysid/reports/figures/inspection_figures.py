@@ -93,7 +93,7 @@ def _mark_sections(ax: Axes, inspection: "Inspection") -> None:
 
 
 def _broken(time: Array, low: Array, high: Array, findings: Sequence[Fault]) -> tuple[Array, Array, Array]:
-    """The same curve, not drawn across gaps of the time."""
+    """Curve that is not drawn across gaps of the time."""
     gaps = [finding.spans for finding in findings if finding.kind == "gaps"]
     if not gaps or time.size < 2:
         return time, low, high
@@ -113,7 +113,7 @@ def _unit_drawn(channel: str, unit: str) -> tuple[str, float]:
 
 
 def _mark_faults(ax: Axes, inspection: "Inspection", channel: str, time: Array, values: Array) -> str:
-    """Shade long faults, dot short ones; return what they are, in words."""
+    """Shade long faults, mark short ones with dots; return their kinds, in words."""
     pixel = (time[-1] - time[0]) / 1000.0
     gaps = [finding for finding in inspection.of("") if finding.kind == "gaps"]
     faults = [finding for finding in (*inspection.of(channel), *gaps) if finding.severity != "note"]
@@ -160,7 +160,7 @@ def spectra_figure(inspection: "Inspection") -> Figure | None:
 
 
 def channels_drawn(inspection: "Inspection") -> list[Spectrum]:
-    """The most telling spectra, not more than fit on a page; what a simulator adds without gravity comes last."""
+    """The most informative spectra, not more than fit on a page; simulated ones without gravity come last."""
     return sorted(inspection.spectra, key=lambda spectrum: "kinematic" in spectrum.channel)[:MOST_PANELS]
 
 
@@ -298,7 +298,7 @@ def _level_limits(level: Array, vibrating: Array) -> tuple[float, float]:
 
 
 def _curve(inspection: "Inspection", picture: Spectrogram, line: ExpectedLine, x: Array) -> tuple[Array, Array]:
-    """Where a line is drawn: a harmonic rises with the rotor speed [rpm], a mode stays or splits."""
+    """Position of a line: a harmonic rises with the rotor speed [rpm], a mode stays or splits."""
     if picture.against != "rotor speed":
         return x[[0, -1]], np.full(2, line.frequency)
     return _over_speed(inspection, picture, line) if line.mode else (x, line.number * x / 60.0)
@@ -319,7 +319,7 @@ def _over_speed(inspection: "Inspection", picture: Spectrogram, line: ExpectedLi
 
 
 def _name_at_right(ax: Axes, names: Sequence[tuple[float, str, str]], top: float) -> None:
-    """Names beside the right end of their lines, moved apart where they would overlap."""
+    """Names next to the right end of their lines, moved apart where they would overlap."""
     gap = 0.045 * top
     last = -np.inf
     merged: list[tuple[float, list[str], str]] = []

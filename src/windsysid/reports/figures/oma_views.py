@@ -1,5 +1,7 @@
 """Plots of modes as users of operational modal analysis know them: singular values, poles, segments, complexity."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -36,7 +38,7 @@ def singular_value_plot(found: OperationalModes) -> Plot:
         PlotCurve(f"{name} singular value", values, colour="estimate" if i == 0 else "measured")
         for i, (name, values) in enumerate(zip(names, power.T, strict=False))
     ]
-    modes = [Mark(mode.frequency, mode.name, "estimate" if mode.trusted else "error", "modes") for mode in found.modes]
+    modes = _marks(found.modes)
     lines = [Mark(f, name, "other", "removed lines") for name, f in found.lines if f <= top]
     return Plot(
         "Singular values of the spectral matrix", found.frequency[shown], curves, Axis("frequency [Hz]"),
@@ -50,8 +52,8 @@ def band_plots(found: OperationalModes) -> list[Plot]:
     """Spectra of the readings and of the model in the bands of the modes."""
     plots = []
     for band in found.bands[:MAX_BAND_PLOTS]:
-        inside = [mode for mode in found.modes if band.frequency[0] <= mode.frequency <= band.frequency[-1]]
-        marks = [Mark(mode.frequency, mode.name, "estimate" if mode.trusted else "error", "modes") for mode in inside]
+        inside = [mode for mode in found.modes if band.frequency[0] <= mode.frequency.estimate <= band.frequency[-1]]
+        marks = _marks(inside)
         curves = [
             PlotCurve("measured", band.measured, look="dots", colour="measured"),
             PlotCurve("model", band.fitted),
@@ -82,7 +84,7 @@ def poles_plot(found: OperationalModes) -> Plot | None:
     return Plot(
         "Modes over the model order", frequency, curves, Axis("frequency [Hz]"),
         Axis("modes in the band", limits=(0.5, highest + 1.0)),
-        [Mark(mode.frequency, mode.name, "estimate" if mode.trusted else "error", "modes") for mode in found.modes],
+        _marks(found.modes),
         caption="each band fitted with one mode, two and so on; the evidence chooses how many are kept",
         link="frequency",
     )  # fmt: skip
@@ -116,10 +118,15 @@ def segment_plots(found: OperationalModes) -> list[Plot]:
     return plots
 
 
+def _marks(modes: Sequence[OperationalMode]) -> list[Mark]:
+    """Vertical lines at the frequencies of some modes."""
+    return [Mark(m.frequency.estimate, m.name, "estimate" if m.trusted else "error", "modes") for m in modes]
+
+
 def _relative(mode: OperationalMode, times: np.ndarray, column: int) -> np.ndarray:
     values = np.full(len(times), np.nan)
     if mode.segments is not None:
-        whole = (mode.frequency, mode.damping)[column - 1]
+        whole = (mode.frequency.estimate, mode.damping_ratio.estimate)[column - 1]
         values[np.searchsorted(times, mode.segments[:, 0])] = 100.0 * (mode.segments[:, column] / whole - 1.0)
     return values
 
@@ -141,7 +148,7 @@ def shape_table(found: OperationalModes) -> Table:
     """Measures of each shape: MPC, MPD, complexity, and its standard deviation."""
     rows = [
         (
-            mode.name, f"{mode.frequency:.4g}", "–" if np.isnan(mode.mpc) else f"{mode.mpc:.3f}",
+            mode.name, f"{mode.frequency.estimate:.4g}", "–" if np.isnan(mode.mpc) else f"{mode.mpc:.3f}",
             f"{np.degrees(mode.mpd):.1f}", f"{100.0 * mode.complexity:.1f}",
             f"{float(np.sqrt(np.mean(mode.shape_std**2))):.2g}",
         )

@@ -36,7 +36,7 @@ def participations(found: LinearisedModes, place: Axes | None = None) -> Figure:
         text = f"{shares[row, column]:.0f}"
         ax.text(column, row, text, ha="center", va="center", fontsize=8, color=colour)
     ax.set_xticks(range(len(kinds)), [label(kind) for kind in kinds], rotation=40, ha="right", fontsize=8.5)
-    rows = [f"{label(mode.name)}  {mode.frequency:.4g} Hz" for mode in found.modes]
+    rows = [f"{label(mode.name)}  {mode.frequency.estimate:.4g} Hz" for mode in found.modes]
     ax.set_yticks(range(len(rows)), rows, fontsize=8.5)
     ax.tick_params(length=0)
     ax.spines[:].set_visible(False)

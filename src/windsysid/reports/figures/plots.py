@@ -103,7 +103,7 @@ def _panels(
     for ax in axes.flat:
         ax.set_in_layout(False)  # somebody's figure may have a layout that would pile all boxes up
         ax.ticklabel_format(axis="y", scilimits=(-3, 5))  # no label of more than six characters
-        ax.yaxis.get_offset_text().set(x=-0.015, horizontalalignment="right", fontsize=8)  # beside the name, not on it
+        ax.yaxis.get_offset_text().set(x=-0.015, horizontalalignment="right", fontsize=8)  # next to the name, not on it
     for ax in axes[:, 0]:
         ax.yaxis.set_label_coords(-0.56 / (ax.get_position().width * width), 0.5)
     return axes
@@ -253,7 +253,7 @@ def start_indifference(
 
 
 def balance_error_comparison(names: Sequence[str], ours: Array, published: Mapping[str, float]) -> Figure:
-    """Average errors over many seeds (S, n_names) [%], beside the published ones."""
+    """Average errors over many seeds (S, n_names) [%], compared with the published ones."""
     figure = Figure(figsize=(8, 3.6), layout="constrained")
     ax = figure.subplots()
     for i, name in enumerate(names):
@@ -335,7 +335,7 @@ def tidy(ax: Axes) -> None:
 
 
 def _thin(samples: int) -> slice:
-    """Every so many samples that a figure stays light."""
+    """Decimation that keeps a figure small."""
     return slice(None, None, max(1, samples // MOST_POINTS))
 
 

@@ -29,7 +29,7 @@ def moving_shapes(found: OperationalModes) -> str:
     nodes = _nodes(found)
     if not found.modes or not nodes:
         return ""
-    names = [f"{mode.name}, {mode.frequency:.4g} Hz" for mode in found.modes]
+    names = [f"{mode.name}, {mode.frequency.estimate:.4g} Hz" for mode in found.modes]
     return template("oma").render(
         part="shapes", names=names, spec=json.dumps(_shapes(found, nodes)).replace("<", "\\u003c")
     )

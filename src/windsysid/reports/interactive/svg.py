@@ -54,7 +54,7 @@ def _array(values: object) -> Array:
 
 
 def _limits(plot: Plot, axis: Axis, *, of_x: bool) -> tuple[float, float]:
-    """Limits of an axis: as given, or those of what is drawn."""
+    """Limits of an axis: as given, or those of the curves."""
     if axis.limits is not None and axis.limits[1] > axis.limits[0]:
         return axis.limits
     if axis.names:
@@ -117,7 +117,7 @@ def _dots(x: Array, values: Array, bounds: tuple[Array, Array] | None, colour: s
 
 
 def _area(x: Array, bounds: tuple[Array, Array], colour: str, opacity: float) -> list[str]:
-    """What is between two bounds."""
+    """Values between two bounds."""
     found = []
     for part in _segments(x, *bounds):
         low, high = (_outline(x[part], bound[part], side) for bound, side in zip(bounds, (1, 0), strict=True))
@@ -126,7 +126,7 @@ def _area(x: Array, bounds: tuple[Array, Array], colour: str, opacity: float) ->
 
 
 def _segments(*values: Array) -> list[slice]:
-    """Where all are finite, without gaps."""
+    """Segments without gaps, in which all are finite."""
     fine = np.concatenate([[False], np.isfinite(np.sum(values, axis=0)), [False]])
     edges = np.flatnonzero(np.diff(fine.astype(int)))
     return [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]

@@ -35,7 +35,7 @@ def sentence(code: str, data: Data, quantities: Sequence[str] = ()) -> str:
     Examples
     --------
     >>> sentence("spectral_line", {"channel": "x", "frequency": 3.48, "rotor_frequency": 1.16, "cause": "transient"})
-    'x has a line at 3.48 Hz = 3.0P, beside a natural frequency'
+    'x has a sinusoid at 3.48 Hz = 3.0P, near a natural frequency'
     """
     values = {name: float(value) if value in _NOT_FINITE else value for name, value in data.items()}
     values |= {"quantities": list(quantities), "quantity": next(iter(quantities), "")}
@@ -46,12 +46,12 @@ def sentence(code: str, data: Data, quantities: Sequence[str] = ()) -> str:
 
 
 def names_cause(code: str) -> bool:
-    """Whether the sentence of a code names a likely cause."""
+    """Test whether the sentence of a code names a likely cause."""
     return len(_parts(code)) > 1
 
 
 def is_known(code: str, data: Data, quantities: Sequence[str]) -> bool:
-    """Whether this version can make the sentence of a finding."""
+    """Test whether this version can make the sentence of a finding."""
     try:
         return bool(sentence(code, data, quantities))
     except (KeyError, IndexError, TypeError, ValueError):

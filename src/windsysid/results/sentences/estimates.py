@@ -44,14 +44,14 @@ def _each(d: Data) -> str:
 def _prior_dominates(d: Data) -> str:
     share = f"{100.0 * d['share']:.0f} % from the data"
     if d["seen"]:
-        return f"{_all(d)}: the data see only {d['seen']}; the rest is the prior's ({share})"
+        return f"{_all(d)}: the data determine only {d['seen']}; the rest comes from the prior ({share})"
     if len(d["quantities"]) > 1:
-        return f"{d['direction']} together: {share}, the rest is the prior's"
-    return f"{d['quantity']}: {share}, its band is mostly the prior's"
+        return f"{d['direction']} together: {share}, the rest from the prior"
+    return f"{d['quantity']}: {share}, its interval comes mostly from the prior"
 
 
 def _tolerance(d: Data) -> str:
-    """What is off, and by how much."""
+    """Statement of a tolerance that is off, and its size."""
     factor, unit = TOLERANCE_UNITS[d["group"]]
     value, std = factor * d["estimate"], factor * d["std"]
     digits = max(0, 1 - math.floor(math.log10(std))) if 0.0 < std < math.inf else 3
@@ -59,7 +59,7 @@ def _tolerance(d: Data) -> str:
     if d["group"] == "clock":
         return f"the logger {d['of']} is {size} {'late' if value >= 0.0 else 'early'}"
     if d["group"] == "alignment":
-        return f"{d['of']} is turned by {value:+.{digits}f} ± {std:.{digits}f}{unit}"
+        return f"{d['of']} is rotated by {value:+.{digits}f} ± {std:.{digits}f}{unit}"
     what = f"the gain of {d['of']}" if d["group"] == "gain" else f"the mass of {d['of']}"
     return f"{what} is {size} {'larger' if value >= 0.0 else 'smaller'} than its file says"
 
@@ -68,7 +68,7 @@ def _tolerance_off(d: Data) -> str:
     taken = "the estimates take it into account"
     if not d["contradicted"]:
         return f"{_tolerance(d)}: {taken}"
-    return f"{_tolerance(d)}, as far as the model goes: {taken}; correct its file, or look for a coupling"
+    return f"{_tolerance(d)}, according to the model: {taken}; correct its file, or look for a coupling"
 
 
 def _wider_intervals(d: Data) -> str:
@@ -94,18 +94,18 @@ ESTIMATES: Final[Mapping[str, Sentence]] = {
     ),
     "damping_not_positive": _damping_not_positive,
     "damping_may_be_negative": (
-        "damping may be zero or negative within its band: {names}; a longer record tells"
+        "damping may be zero or negative within its band: {names}; choose a longer record"
     ),
     "prior_dominates": _prior_dominates,
-    "unseen": "{quantity} is not seen at all",
-    "unseen_combination": lambda d: f"{_all(d)}: only {d['seen']} is seen",
-    "unseen_direction": "{direction} together: no reading changes",
+    "unseen": "{quantity} is not determined by the data at all",
+    "unseen_combination": lambda d: f"{_all(d)}: only {d['seen']} is determined",
+    "unseen_direction": "{direction} together: no effect on the readings",
     "hard_to_tell_apart": lambda d: (
-        f"{_all(d)} are hard to tell apart: {d['seen']} is seen to {_two_sigma(d['std'])}, each alone to {_each(d)}"
+        f"{_all(d)} are hard to distinguish: {d['seen']} is known to {_two_sigma(d['std'])}, each alone to {_each(d)}"
         " (2σ)"
     ),
     "direction_hardly_seen": lambda d: (
-        f"{_all(d)} are hard to tell apart: {d['direction']} together is hardly seen (2σ of each: {_each(d)})"
+        f"{_all(d)} are hard to distinguish: {d['direction']} together is poorly determined (2σ of each: {_each(d)})"
     ),
     "correlated_estimates": lambda d: f"{' and '.join(d['quantities'])} are correlated by {d['correlation']:+.2f}",
     "wider_intervals": _wider_intervals,
@@ -126,17 +126,17 @@ ESTIMATES: Final[Mapping[str, Sentence]] = {
         " structure"
     ),
     "search_exhausted": (
-        "the likelihood still rose after {steps} steps, and more of a record of this size are too expensive: choose a"
-        " shorter section, or a lower --rate"
+        "the likelihood still rose after {steps} steps, and further steps on a record of this size cost too much: "
+        "choose a shorter section, or a lower --rate"
     ),
     "fit_not_converged": (
         "the likelihood still rose when the search ended: choose a longer record, identify fewer parameters, or give"
         " narrower priors"
     ),
     "steps_too_long": (
-        "steps are too long for the vibration at {frequency:.3g} Hz: the integration damps it by {damping:.2g %}, which"
-        " the damping lacks; give {rate:.3g} Hz, with gaps between"
+        "steps are too long at {frequency:.3g} Hz: the integration adds {damping:.2g %} of damping, which the estimate"
+        " lacks; give {rate:.3g} Hz, with gaps between"
     ),
-    "no_history": "there is no history: the search on line did not converge",
+    "no_history": "there are no online estimates: the online search did not converge",
 }  # fmt: skip
 """For each code its sentence: one part, or a statement and its likely cause with what to do."""

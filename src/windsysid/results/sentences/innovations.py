@@ -1,4 +1,4 @@
-"""Sentences about innovations of filters and what they show."""
+"""Sentences about innovations of filters."""
 
 from collections.abc import Mapping
 from typing import Final
@@ -12,7 +12,7 @@ _AMPLITUDE_CAUSES = {
     ("stiffness", True): "a spring that hardens, or play",
     ("stiffness", False): "a spring that softens: a crack or a loose bolt",
     ("damping", False): "a spring or joint with dry friction",
-    ("damping", True): "a spring or joint whose damper is no straight line",
+    ("damping", True): "a spring or joint with nonlinear damping",
 }
 
 
@@ -28,7 +28,7 @@ def _at(d: Data) -> str:
 def _unexplained_peak(d: Data) -> str:
     worst, *others = d["channels"]
     also = f" (also {', '.join(others)})" if others else ""
-    strong = f"its innovations are {d['level']:.2g} times too strong{also}"
+    strong = f"the power of its innovations is {d['level']:.2g} times that expected{also}"
     return f"the model does not explain {worst} around {_at(d)}: {strong}"
 
 
@@ -42,7 +42,7 @@ def _level_over_frequency(d: Data) -> str:
 
 
 def _grows(d: Data) -> bool:
-    """Whether a coefficient grows with amplitude: stiffness where the statistic is positive, damping where it is
+    """Test whether a coefficient grows with amplitude: stiffness if the statistic is positive, damping if it is
     negative."""
     return (d["sigmas"] > 0.0) is (d["law"] == "stiffness")
 
@@ -54,10 +54,10 @@ INNOVATIONS: Final[Mapping[str, Sentence]] = {
     ),
     "innovation_level": lambda d: (
         f"the innovations are {d['ratio']:.2g} times as large as the model expects (mean square {d['mean_square']:.3g},"
-        f" expected {d['low']:.3f} … {d['high']:.3f}): all bands are too {'narrow' if d['ratio'] > 1.0 else 'wide'}"
+        f" expected {d['low']:.3f} … {d['high']:.3f}): all intervals are too {'narrow' if d['ratio'] > 1.0 else 'wide'}"
     ),
     "missing_samples": "{channel} is missing in {share:.0f %} of the samples",
-    "constant_offset": "{channel} is off by a constant that the model does not have: give its sensor a bias",
+    "constant_offset": "{channel} has an offset that the model does not include: give its sensor a bias",
     "unexplained_peak": (_unexplained_peak, _OTHER_LOADS),
     "unexplained_level": (_unexplained_level, _OTHER_LOADS),
     "far_peak": lambda d: (
@@ -68,40 +68,40 @@ INNOVATIONS: Final[Mapping[str, Sentence]] = {
         "the innovations of {channel} are not white (squared autocorrelations add up to {colour:.2f})"
     ),
     "level_over_frequency": (_level_over_frequency, _OTHER_LOADS),
-    "spectral_line": (lambda d: f"{d['channel']} has a line at {_at(d)}, beside a natural frequency", LIKELY_MACHINE),
+    "spectral_line": (lambda d: f"{d['channel']} has a sinusoid at {_at(d)}, near a natural frequency", LIKELY_MACHINE),
     "late_blades": (
-        lambda d: f"blades seem {'later' if d['lag'] > 0 else 'earlier'} than the tower ({d['sigmas']:.1f} standard"
+        lambda d: f"blade channels {'lag' if d['lag'] > 0 else 'lead'} the tower channels ({d['sigmas']:.1f} standard"
         " deviations)",
-        ": likely an instrument (a late logger, a wrong azimuth); align the clocks",
+        ": likely an instrument (a clock lag, a wrong azimuth); align the clocks",
     ),
     "nonstationary_level": (
         "the innovations of {channel} vary in level by {variation:.0f %} over the record",
         lambda d: (
             ": likely an instrument (dead, stuck or cut off); choose a steadier section"
             if d["alone"]
-            else ": likely loads that swell and fade; choose a steadier section"
+            else ": likely loads of varying strength; choose a steadier section"
         ),
     ),
     "heavy_tails": (
-        "the innovations of {channel} have tails (excess kurtosis {kurtosis:.1f})",
-        ": likely impacts, or an instrument that spikes; look at its largest readings",
+        "the innovations of {channel} have heavy tails (excess kurtosis {kurtosis:.1f})",
+        ": likely impacts, or an instrument with spikes; check its largest readings",
     ),
     "correlated_innovations": (
         "innovations of {channels:and} are correlated ({correlation:.2f})",
-        ": likely loads on both at once, a sensor off its axis or a late logger",
+        ": likely loads on both at once, a misaligned sensor or a clock lag",
     ),
     "too_many_outliers": (
-        "{share:.0f %} of the readings of {channel} were left out as outliers: so many are none, and the model is wrong"
+        "{share:.0f %} of the readings of {channel} were left out: too many for outliers, the model is wrong"
     ),
     "gated_readings": "{share:.2g %} of the readings of {channel} were left out as outliers",
     "outlying_innovations": (
         "{count} readings of {channel} are more than {sigmas:g} standard deviations off and make up {share:.0f %} of "
         "its squared innovations",
-        ": take the spikes out",
+        ": remove the spikes",
     ),
     "nonlinear_force": (
-        "the innovations of {channel} go with cubes of {coordinate}",
-        ": likely a spring that hardens, or friction; its coefficients hold at this amplitude only",
+        "the innovations of {channel} are correlated with the cube of {coordinate}",
+        ": likely a hardening spring or friction; coefficients hold at this amplitude",
     ),
     "amplitude_dependence": (
         lambda d: f"{d['law']} of {' and '.join(d['coordinates'])} {'grows' if _grows(d) else 'falls'} with amplitude"
@@ -109,7 +109,7 @@ INNOVATIONS: Final[Mapping[str, Sentence]] = {
         lambda d: f": likely {_AMPLITUDE_CAUSES[d['law'], _grows(d)]}; it holds at this amplitude only",
     ),
     "correlated_loads": (
-        "{loads:and} go together ({sigmas:|.1f|} standard deviations)",
+        "{loads:and} are correlated ({sigmas:|.1f|} standard deviations)",
         ": likely loads on both at once; choose a section in which the wind comes along one axis",
     ),
 }  # fmt: skip

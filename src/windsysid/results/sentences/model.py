@@ -8,14 +8,14 @@ from windsysid.results.sentences.template import LIKELY_MACHINE, Data, Sentence,
 __all__ = ["LOADS_WITHHELD", "MODEL"]
 
 LOADS_WITHHELD = (
-    "Stationary loads feed what damping takes, E[f v] = c E[v²]: a balance without them loses damping and biases "
+    "Stationary loads supply what damping dissipates, E[f v] = c E[v²]: a balance without them biases damping and "
     "stiffness. Use the joint formulation."
 )
-"""What a reader of a balance without its loads must know."""
+"""Note on a force balance without its loads."""
 _TOTAL = "damping is total: structure and aerodynamics"
 _WHY_CHOSEN = {
     "explains": "it explains the record", "as before": "as before",
-    "loads hardly matter": "loads hardly matter in this record",
+    "loads hardly matter": "loads have little influence in this record",
 }  # fmt: skip
 _WHY_STATE = {
     "given": "as given", "pitch": "blades are feathered", "speed": "rotor speed {share:.3g %} of the usual one",
@@ -60,19 +60,19 @@ MODEL: Final[Mapping[str, Sentence]] = {
     ),
     "loads_of_spectra": _loads_of_spectra,
     "loads_in_bands": (
-        "loads: in each band peaks at harmonics of the rotor and a level, learned from the record with the noise"
+        "loads: in each frequency range peaks at harmonics of the rotor and a level, learned with the noise"
     ),
     "damping_is_total": _TOTAL,
     "load_model_chosen": _load_model_chosen,
     "load_model_caution": "{text}",
     "loads_withheld": "loads withheld: {loads}. " + LOADS_WITHHELD,
-    "loads_missing": "the balance lacks loads that act, and so loses the damping",
+    "loads_missing": "the force balance omits loads that act, which biases damping",
     "low_pass_unknown_to_loads": (
-        "the record went through a low-pass at {low_pass:.3g} Hz, and the model of {loads} does not know it: damping "
-        "may come out too low"
+        "the record was low-pass filtered at {low_pass:.3g} Hz, which the model of {loads} omits: damping may be too "
+        "low"
     ),
     "narrow_band_load": (
-        "a narrow-band load of {rms:.2g} {unit} rms pushes {load} at {frequency:.4g} Hz ({width:.2g %} damped)",
+        "a narrow-band load of {rms:.4g} {unit} rms acts on {load} at {frequency:.4g} Hz ({width:.2g %} damped)",
         ": likely a machine or waves; the estimates take it into account",
     ),
     "narrow_band_load_preferred": (
@@ -89,9 +89,9 @@ MODEL: Final[Mapping[str, Sentence]] = {
         _ANOTHER_SECTION,
     ),
     "tone_removed": ("a sinusoid at {frequency:.4g} Hz was removed from the readings", ": likely a machine"),
-    "tone_left": ("a sinusoid at {frequency:.4g} Hz is left over", LIKELY_MACHINE),
+    "tone_left": ("a sinusoid at {frequency:.4g} Hz remains", LIKELY_MACHINE),
     "rotor_harmonic_left": (
-        "the rotor harmonic {order}P is left over",
+        "the rotor harmonic {order}P remains",
         ": likely loads that turn with the rotor; try another section",
     ),
     "sinusoidal_force": (_sinusoidal_force, _cause_of_force),
@@ -100,32 +100,33 @@ MODEL: Final[Mapping[str, Sentence]] = {
         " tolerances"
     ),
     "effect_not_tested": "a {effect} could not be tested for ({error})",
-    "effect_not_included": "a {effect} matters, and the model cannot have it ({error}): choose another section",
+    "effect_not_included": "a {effect} matters, but the model cannot include it ({error}): choose another section",
     "spectral_as_filters_fail": "spectral formulation, which filters cannot check ({error}): choose another section",
     "joint_as_spectra_do_not_apply": "joint formulation, as spectra do not apply ({error})",
     "joint_as_spectra_are_doubtful": "joint formulation, as spectra are in doubt ({because})",
     "joint_as_loads_are_broad": (
-        "joint formulation: broad loads explain the record, and spectra in bands suppose wind"
+        "joint formulation: broad loads explain the record, and spectra around the modes assume wind"
     ),
     "joint_with_spectra": "joint formulation; spectra were computed, too",
     "joint_agrees": "joint formulation; spectra agree within {sigmas:.1f} standard deviations",
     "spectral_under_wind": "spectral formulation: wind drives a turning rotor",
     "spectral_as_clock_drifts": (
-        "spectral formulation: a clock drifts, and filters are sensitive to what is read between samples"
+        "spectral formulation: a clock drifts, and filters are sensitive to interpolation between samples"
     ),
     "spectral_with_filters": (
-        "spectral formulation: the record is stationary, and nothing that moves turns; filters were computed, too"
+        "spectral formulation: the record is stationary, and the structure has no rotating degrees of freedom; filters"
+        " were computed, too"
     ),
     "spectral_agrees": (
-        "spectral formulation: the record is stationary, and nothing that moves turns; filters agree within"
-        " {sigmas:.1f} standard deviations"
+        "spectral formulation: the record is stationary, and the structure has no rotating degrees of freedom; filters"
+        " agree within {sigmas:.1f} standard deviations"
     ),
     "formulations_disagree": lambda d: (
         f"filters and spectra disagree on {d['quantity']} by {d['sigmas']:.1f} standard deviations:"
-        f" {'blades move that no channel sees: record them' if d['unseen_blades'] else 'loads are not as modelled'}"
+        f" {'blades move that no channel measures: record them' if d['unseen_blades'] else 'loads are not as modelled'}"
     ),
     "bands_suppose_wind": (
-        "broad loads explain the record, and spectra in bands suppose wind: use --formulation joint"
+        "broad loads explain the record, and spectra around the modes assume wind: use --formulation joint"
     ),
     "coefficient_not_positive": "{quantity} is not positive",
     "particle_weights": "{text}",

@@ -1,4 +1,4 @@
-"""Sentences about the record: its faults, what was done to its readings, and whether it is stationary."""
+"""Sentences about the record: its faults, its preprocessing, and its stationarity."""
 
 from collections.abc import Mapping
 from typing import Final
@@ -18,15 +18,15 @@ FAULTS = (
 def _locked(d: Data) -> str:
     if d["coordinate"] == "lag":
         return "no blade channels: the blades are locked, and only the support's coefficients are identified"
-    return f"no channel sees {d['coordinate'].replace('_', '-')}: it is locked"
+    return f"no channel measures {d['coordinate'].replace('_', '-')}: it is locked"
 
 
 def _resampled(d: Data) -> str:
     said = f"resampled from {d['recorded']:.4g} to {d['rate']:.3g} Hz"
     if d["lost_mode"] is not None:
         said += (
-            f", which takes the mode near {d['lost_mode']:.3g} Hz out of the record and not out of the model: do not "
-            "rely on what is said of it"
+            f", which removes the mode near {d['lost_mode']:.3g} Hz from the record but not from the model: do not "
+            "use the results of this mode"
         )
     return said + (f", {_steps(d)}" if d["steps"] > 1 else "")
 
@@ -37,19 +37,19 @@ def _steps(d: Data) -> str:
 
 def _offsets(d: Data) -> str:
     off = ", ".join(f"{name} by {value:.2g} {d['units'][name]}" for name, value in d["offsets"].items())
-    return f"readings are off by a constant, which is estimated too: {off}"
+    return f"offsets of readings are estimated, too: {off}"
 
 
 def _drifts(d: Data) -> str:
-    drifts = ", ".join(f"{name} by {value:.2g} {d['units'][name]} in a second" for name, value in d["drifts"].items())
+    drifts = ", ".join(f"{name} by {value:.2g} {d['units'][name]} per second" for name, value in d["drifts"].items())
     drifting = f", and drifts are estimated too: {drifts}" if drifts else ""
-    return f"offsets wander: slow variations of {', '.join(d['channels'])} are taken out{drifting}"
+    return f"random-walk bias: slow variations of {', '.join(d['channels'])} are removed{drifting}"
 
 
 def _clock_drift(d: Data) -> str:
     ppm, std, pace = 1e6 * abs(d["rate"]), 1e6 * d["std"], "slowly" if d["rate"] < 0.0 else "fast"
     by = f"the clock of the logger {d['logger']} runs {ppm:.3g} ± {std:.2g} ppm too {pace}, by {d['by']}"
-    return f"{by}: its readings were put back"
+    return f"{by}: its readings were aligned"
 
 
 def _regressor(what: str) -> Template:
@@ -66,20 +66,20 @@ def _regressor(what: str) -> Template:
 
 def _pieces(d: Data) -> str:
     kept = f": innovations, states and loads are kept of the last {d['kept']:.0f} s" if d["kept"] is not None else ""
-    return f"taken in piece by piece{kept}"
+    return f"processed in segments{kept}"
 
 
 def _blocks(d: Data) -> str:
     size = f"{d['turns']} turns" if d["turns"] else f"{d['duration']:.4g} s"
-    faded = f", which count as {d['weight']:.3g}: the older, the less" if d["weight"] is not None else ""
-    return f"taken in piece by piece: {d['blocks']} blocks of {size}{faded}"
+    faded = f", which count as {d['weight']:.3g}: the older, the less they count" if d["weight"] is not None else ""
+    return f"processed in segments: {d['blocks']} blocks of {size}{faded}"
 
 
 def _azimuth_and_speed(d: Data) -> str:
     how = "faster" if d["ratio"] > 1.0 else "slower"
     return (
-        f"rotor_azimuth turns {100.0 * abs(d['ratio'] - 1.0):.2g} % {how} than rotor_speed says: where time is wrong,"
-        " stiffness is by twice that; check the sampling rate and both channels"
+        f"rotor_azimuth turns {100.0 * abs(d['ratio'] - 1.0):.2g} % {how} than rotor_speed: if time is wrong,"
+        " the error of stiffness is twice that; check the sampling rate and both channels"
     )
 
 
@@ -108,14 +108,14 @@ RECORD: Final[Mapping[str, Sentence]] = {
     ),
     "azimuth_contradicts_speed": _azimuth_and_speed,
     "dead_channel": (
-        lambda d: f"nothing vibrates in {d['channels'][0]}"
+        lambda d: f"no vibration in {d['channels'][0]}"
         + (f" and {len(d['channels']) - 1} more" if len(d["channels"]) > 1 else "")
-        + ", only noise is there",
+        + ", only noise",
         ": likely an instrument (no power, a broken cable); check it or leave it out",
     ),
     "blade_passing_on_mode": (
         "the blades pass steadily at {frequency:.3g} Hz ({blades}P), on the mode at {mode:.3g} Hz, and cannot be "
-        "told from it: take a section at another speed"
+        "distinguished from it: take a section at another speed"
     ),
     "blade_passing_in_mode": (
         "{blades}P at {frequency:.3g} Hz is within the half-width of the mode at {mode:.3g} Hz ({damping:.0f %}"
@@ -129,11 +129,11 @@ RECORD: Final[Mapping[str, Sentence]] = {
         "the blades pass at {frequency:.3g} Hz ({blades}P), near {coordinate} at {mode:.3g} Hz: their load was not"
         " modelled; use --formulation joint"
     ),
-    "missing_samples_bridged": "{count} missing samples of {channel} were bridged",
+    "missing_samples_bridged": "{count} missing samples of {channel} were interpolated",
     **{code: _fault(code) for code in FAULTS},
     "coordinate_locked": _locked,
     "blades_locked_unseen": (
-        "no channel sees the blades, so they are locked: the support's stiffness may be off by more than its band; "
+        "no channel measures the blades, so they are locked: the support's stiffness may be off by more than its band; "
         "add a blade sensor (docs/tower.md)"
     ),
     "resampled": _resampled,
@@ -141,11 +141,11 @@ RECORD: Final[Mapping[str, Sentence]] = {
     "sensor_offsets": _offsets,
     "wandering_offsets": _drifts,
     "clock_drift": _clock_drift,
-    "bias": _regressor("{channel} is off by {size:.2g} ± {wide:.1g} {unit}"),
+    "bias": _regressor("{channel} has an offset of {size:.2g} ± {wide:.1g} {unit}"),
     "trend": _regressor("{channel} has a trend of {size:.2g} {unit} rms"),
     "step": _regressor("{channel} steps by {size:.2g} ± {wide:.1g} {unit} at {time:.4g} s"),
     "drift_moved_readings": (
-        "readings of a clock that drifts were put back, between samples: filters are sensitive to that; use "
+        "readings of a drifting clock were interpolated to the samples: filters are sensitive to that; use "
         "--formulation spectral"
     ),
     "outliers": "{count} of {read} samples of {channel} were left out as outliers (beyond {sigmas:g}σ)",

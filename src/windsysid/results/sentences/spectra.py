@@ -1,4 +1,4 @@
-"""Sentences about spectra: what was read, and what speaks against their intervals."""
+"""Sentences about spectra: frequency ranges, and findings against their intervals."""
 
 from collections.abc import Mapping
 from typing import Final
@@ -14,7 +14,7 @@ def _hz(frequencies: list[float]) -> str:
 
 def _in_bands(d: Data) -> str:
     places = ", ".join(f"{name} near {frequency:.3g} Hz" for name, frequency in d["modes"].items())
-    return f"read in bands: {places}; rotor harmonics were removed"
+    return f"frequency ranges around modes: {places}; rotor harmonics were removed"
 
 
 def _ranges_read(d: Data) -> str:
@@ -41,39 +41,39 @@ SPECTRA: Final[Mapping[str, Sentence]] = {
         " from {least:g}: choose longer pieces"
     ),
     "long_record_under_wind": (
-        "bands under wind were proven for {duration:.3g} s at most: in a longer record they are narrower than what the"
-        " load model does not know"
+        "intervals under wind are validated up to {duration:.3g} s: in a longer record they omit the error of the load"
+        " model"
     ),
     "unexplained_power": (
-        "{channel} is {ratio:.2g} times as loud (squared) as the model expects at {low:.3g} … {high:.3g} Hz: loads or"
+        "the power of {channel} is {ratio:.2g} times that of the model at {low:.3g} … {high:.3g} Hz: loads or"
         " motion are not as modelled there"
     ),
     "nonstationary": (
-        "{channel} is {ratio:.2g} times as loud (squared) in one half as in the other at {low:.3g} … {high:.3g} Hz: not"
+        "the power of {channel} is {ratio:.2g} times larger in one half than in the other at {low:.3g} …"
+        " {high:.3g} Hz: not"
         " stationary; choose a steadier section"
     ),
     "stationarity_untestable": (
         "no frequency range is free of rotor harmonics in both halves: stationarity cannot be tested; choose a section"
         " of steadier rotor speed"
     ),
-    "too_short_for_stationarity": "the record is too short to see whether it is stationary: choose a longer one",
-    "one_block": "one block only: it cannot be seen whether the record is stationary; choose a longer one",
+    "too_short_for_stationarity": "the record is too short for a test of stationarity: choose a longer one",
+    "one_block": "one block only: stationarity cannot be tested; choose a longer record",
     "halves_disagree_in_bands": (
-        "the halves of the record do not agree on {quantity} ({change:+.2g %}): what drives it, or the structure, "
-        "changed"
+        "the halves of the record do not agree on {quantity} ({change:+.2g %}): loads or structure changed"
     ),
     "class_disagrees_in_bands": lambda d: (
         f"{' and '.join(d['modes'])} alone gives a stiffness of the blades that differs by {100 * d['change']:+.2g} %:"
         " the turbine file has this mode at another frequency; check its masses and roll"
     ),
     "narrower_bands_disagree": (
-        "narrower bands do not agree on {quantity} ({change:+.2g %}): something in the bands is not as modelled"
+        "narrower frequency ranges do not agree on {quantity} ({change:+.2g %}): the model does not fit there"
     ),
     "segments_without_spectrum": (
-        "parts of the record have no spectrum that the model could have: choose another section"
+        "the model has no spectrum like that of some segments: choose another section"
     ),
     "faint_peak": lambda d: (
-        f"no peak of {' and '.join(d['modes'])} stands out near {_hz(d['frequencies'])}: choose a longer record, or a"
+        f"no distinct peak of {' and '.join(d['modes'])} near {_hz(d['frequencies'])}: choose a longer record, or a"
         " narrower prior"
     ),
     "ambiguous_peak": lambda d: (
@@ -81,7 +81,7 @@ SPECTRA: Final[Mapping[str, Sentence]] = {
         " narrower prior ([prior] in the turbine file)"
     ),
     "varying_rotor_speed": (
-        "the rotor's speed varies by ±{variation:.2g %} (standard deviation), and spectra were taken as if it did not"
+        "the rotor's speed varies by ±{variation:.2g %} (standard deviation), and spectra assume a constant speed"
     ),
     "lag_angle": lambda d: (
         f"the blades' mean lag angle is {1e3 * d['angle']:.1f} ± {2e3 * d['std']:.1f} mrad"

@@ -1,4 +1,4 @@
-"""Wind as stochastic processes, and what it does to a turning rotor.
+"""Wind as stochastic processes, and its loads on a turning rotor.
 
 `field` gives the wind speed at points of the blades, `direction` where it comes from, `blades` the generalised loads
 that follow, `feedback` simulates with the aerodynamic damping in the loop, `packaged` holds the machines' numbers.

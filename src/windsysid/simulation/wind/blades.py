@@ -62,7 +62,7 @@ class BladeAerodynamics:
     levers
         How far a station moves in the plane per unit lag angle [m]; r − d (rigid blade on its hinge) by default.
     assumed
-        What nobody published.
+        Values that are not published.
     """
 
     radii: tuple[float, ...]

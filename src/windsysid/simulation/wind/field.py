@@ -236,8 +236,8 @@ def tower_shadow(conditions: WindConditions, angle: ArrayLike, radius: ArrayLike
     """Factor on the axial wind in front of the tower: potential flow past a cylinder of radius a, seen by a blade below
     the hub.
 
-    1 − a² (z² − x²)/(z² + x²)², z upwind of the tower's axis, x beside it (Burton et al., Wind Energy Handbook; Hansen,
-    Aerodynamics of Wind Turbines).
+    1 − a² (z² − x²)/(z² + x²)², z upwind of the tower's axis, x next to it (Burton et al., Wind Energy Handbook;
+    Hansen, Aerodynamics of Wind Turbines).
     """
     angle, radius = np.asarray(angle, dtype=np.float64), np.asarray(radius, dtype=np.float64)
     if conditions.tower_radius == 0.0:
@@ -253,7 +253,7 @@ def _shear(conditions: WindConditions, height: Array) -> Array:
 
 
 def _decay_rate(frequency: Array, conditions: WindConditions) -> Array:
-    """What multiplies the separation in the coherence's exponent [1/m]."""
+    """Factor on the separation in the coherence's exponent [1/m]."""
     return DECAY * np.hypot(frequency / conditions.speed, 0.12 / conditions.length_scale)
 
 
@@ -298,7 +298,7 @@ def _draw(factor: Array, amplitude: Array, rng: np.random.Generator, period: int
 
 
 def _period(samples: int, rate: float, conditions: WindConditions) -> int:
-    """Samples of one period of the drawn field: a product of small primes, for the transforms' sake."""
+    """Samples of one period of the drawn field: a product of small primes, for fast Fourier transforms."""
     from scipy.fft import next_fast_len
 
     longer = 5.0 * conditions.length_scale / conditions.speed

@@ -17,7 +17,7 @@ __all__ = ["SimulatedWindLoads", "wind_loads"]
 
 
 class SimulatedWindLoads(NamedTuple):
-    """What the wind does to a turbine over T samples.
+    """Effect of the wind on a turbine over T samples.
 
     Attributes
     ----------

@@ -36,7 +36,7 @@ def frequency_ranges(limits: tuple[float, float]) -> list[tuple[float, float]]:
 def doubts_of(
     model: LinearModel, spectra: CrossSpectra, fit: LinearFit, channels: Sequence[str], energies: Array
 ) -> list[Finding]:
-    """What speaks against the bands: a search that did not end, resonances of few bins, what the model does not
+    """Findings against the bands: a search that did not converge, resonances of few bins, power that the model does not
     explain, blocks of different loudness.
 
     `energies` (n, R, m) are those of n parts of the record in their order, over the ranges of the blocks.

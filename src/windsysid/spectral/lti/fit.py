@@ -1,8 +1,8 @@
 """The mode of the posterior of equations of one's own, from cross-spectra.
 
 Far from the truth no resonance of the model meets one of the record. So the search begins with all resonances made wide
-(by a share of their frequencies), and the likelihood is let in little by little. What wide resonances say of natural
-frequencies is kept and what they say of damping is forgotten. Then come the spectra as they are; what a finite record
+(by a share of their frequencies), and the likelihood is let in little by little. The information of wide resonances on
+natural frequencies is kept and that on damping is discarded. Then come the spectra as they are; what a finite record
 does to them (`LinearModel.smear`) is taken at the last mode found, until that stays.
 """
 
@@ -42,7 +42,7 @@ START_SIGMAS = (0.0, 0.5, 1.0, 2.0, 4.0)
 
 
 class LinearFit(NamedTuple):
-    """What a record says of the unknowns.
+    """Log-likelihood of a record, its gradient and information.
 
     Attributes
     ----------

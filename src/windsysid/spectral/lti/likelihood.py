@@ -91,7 +91,7 @@ class LinearModel(NamedTuple):
         return np.concatenate([own, *(load.poles for load in self.loads)]).astype(np.complex128)
 
     def stable(self, unknowns: Array) -> bool:
-        """Whether the equations have a stationary vibration there."""
+        """Test whether the equations have a stationary vibration there."""
         poles = np.linalg.eigvals(self._systems(unknowns[None]).A[0])
         return is_stable(np.asarray(poles, dtype=np.complex128))
 

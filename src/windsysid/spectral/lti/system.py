@@ -1,7 +1,7 @@
 """Equations of one's own, linearised about a working point, in the frequency domain.
 
-About a working point x̄, where ẋ = f(x̄, ū, p, w̄) = 0, the equations and the readings are ẋ = A x + G w, y = C x + E w,
-so that at s = iω the loads reach the readings through T = C X G + E, X = (s − A)⁻¹. A parameter moves T by
+About a working point x̄, where ẋ = f(x̄, ū, p, w̄) = 0, the equations and the readings are ẋ = A x + G w, y = C x + E
+w, so that at s = iω the loads reach the readings through T = C X G + E, X = (s − A)⁻¹. A parameter moves T by
 
     dT = [C X | 1] [[dA, dG], [dC, dE]] [X G ; 1] = L B R,
 
@@ -146,7 +146,7 @@ def resolve(system: LinearSystem, s: Complex) -> tuple[Complex, Complex, Complex
 
 
 def is_stable(poles: Complex) -> bool:
-    """Whether no motion grows."""
+    """True if all motions are stable."""
     return not poles.size or bool(poles.real.max() <= 1e-9 * np.abs(poles).max())
 
 

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array, Complex
+from windsysid.inspection.limits import MIN_MODE_CYCLES
 from windsysid.spectral.modal_bands import limits
 from windsysid.spectral.modal_bands.model import Modes, prominence, spectrum, tilt_of
 from windsysid.spectral.modal_bands.model_order import BandFit, Shapes
@@ -41,7 +42,7 @@ def mode_doubts(found: BandFit, j: int, shapes: Shapes, readings: Readings) -> l
     length = readings.samples / readings.rate
     doubts = fit_doubts(found, j, shapes, readings)
     if _at_border(found, j, length):
-        doubts.append(Doubt("border", "it sits at the border of its band"))
+        doubts.append(Doubt("border", "it is at the edge of its frequency range"))
     over = prominence(found.fit.modes, j, found.band)
     if over < limits.MIN_CLEAR_PROMINENCE:
         text = f"its power is only {over:.2g} times that of the background: it may be the skirt of a neighbouring mode"
@@ -57,8 +58,8 @@ def fit_doubts(found: BandFit, j: int, shapes: Shapes, readings: Readings) -> li
     length = readings.samples / readings.rate
     doubts = []
     if not fit.converged:
-        doubts.append(Doubt("search", "the search for its posterior did not end"))
-    if std_z > limits.MAX_RELIABLE_LOG_DAMPING_STD or f * length < limits.MIN_MODE_CYCLES:
+        doubts.append(Doubt("search", "the search for its posterior did not converge"))
+    if std_z > limits.MAX_RELIABLE_LOG_DAMPING_STD or f * length < MIN_MODE_CYCLES:
         factor = np.exp(2.0 * min(std_z, 3.0))
         text = f"the record is too short for it: {f * length:.0f} cycles, damping known to a factor of {factor:.2g}"
         doubts.append(Doubt("short", text))
@@ -125,13 +126,11 @@ def _line_doubts(f: float, z: float, std_z: float, length: float, lines: Sequenc
             )
     if np.exp(2.0 * std_z) * z < limits.MIN_STRUCTURE_DAMPING:
         found.append(
-            f"it is as narrow as a machine's line that wanders: a damping ratio of {100 * z:.2g} %, which structures "
-            f"hardly have"
+            f"it is as narrow as a machine's varying tone: a damping ratio of {100 * z:.2g} %, which structures "
+            f"do not have"
         )
     if z * f * length < limits.MIN_HALF_WIDTH_BINS:
-        found.append(
-            f"it is as narrow as a line: a damping ratio of {100 * z:.2g} % cannot be told from none in {length:.4g} s"
-        )
+        found.append(f"it is as narrow as a line: a damping ratio of {100 * z:.2g} % is not resolved in {length:.4g} s")
     return found[:1]
 
 
@@ -158,7 +157,7 @@ def is_steady(found: BandFit, j: int) -> bool:
     variances = _envelope_variance(np.vstack([measured, (draws[0] + 1j * draws[1]) * level]), bins)
     drawn = np.log(variances[1:])
     probability = ndtr((np.log(variances[0]) - drawn.mean()) / drawn.std())
-    return bool(probability < limits.STEADY_FALSE_ALARM_PROBABILITY)
+    return bool(probability < limits.MODE_FALSE_ALARM_PROBABILITY)
 
 
 def _envelope_variance(transforms: Complex, bins: NDArray[np.int64]) -> Array:

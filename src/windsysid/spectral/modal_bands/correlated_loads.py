@@ -11,7 +11,7 @@ Soc. 44, 1948, https://doi.org/10.1017/S0305004100023987).
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.spectral.modal_bands.limits import LOAD_FALSE_ALARM_PROBABILITY, MIN_DOUBLE_LOG_ODDS
+from windsysid.spectral.modal_bands.limits import MIN_DOUBLE_LOG_ODDS, MODE_FALSE_ALARM_PROBABILITY
 from windsysid.spectral.modal_bands.model import Modes, with_real_elements
 from windsysid.spectral.modal_bands.scoring import COARSE_TOLERANCE, ModalFit, evidence, score, slopes
 from windsysid.spectral.modal_bands.start import add_mode, modes_at
@@ -46,7 +46,7 @@ def are_shared(fit: ModalFit, band: Band) -> bool:
         seen = sizes > MIN_INFORMATION_SHARE * sizes[-1]
         if (
             chdtrc(seen.sum(), np.sum((ways[:, seen].T @ gradient[own]) ** 2 / sizes[seen]))
-            < LOAD_FALSE_ALARM_PROBABILITY
+            < MODE_FALSE_ALARM_PROBABILITY
         ):
             return True
     return False

@@ -10,16 +10,17 @@ are not. Of a mode that moves far, a quadratic nonlinearity makes a faint harmon
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import permutations
 from typing import NamedTuple
 
 import numpy as np
 
 from windsysid._types import Array, Complex
 from windsysid.spectral.modal_bands.limits import (
-    HARMONIC_FALSE_ALARM_PROBABILITY,
     IMAGE_FALSE_ALARM_PROBABILITY,
     MAX_NONLINEAR_SHARE,
     MIN_MOTION_FREEDOM,
+    MODE_FALSE_ALARM_PROBABILITY,
 )
 from windsysid.spectral.oma.mode import Doubt, OperationalMode
 
@@ -59,7 +60,7 @@ def with_images(modes: Sequence[OperationalMode], frequency: Array, values: Comp
     checked = []
     for mode, motion in zip(modes, motions, strict=True):
         origins = (
-            other.frequency
+            other.frequency.estimate
             for other, its in zip(modes, motions, strict=True)
             if its.last < motion.first and its.power > motion.power and _go_together(motion, its)
         )
@@ -78,17 +79,15 @@ def with_harmonics(modes: Sequence[OperationalMode], frequency: Array, values: C
     """
     motions = [_motion_of(mode, frequency, values) for mode in modes]
     grounds: dict[int, Doubt] = {}
-    for i, (first, its) in enumerate(zip(modes, motions, strict=True)):
-        for k, (higher, other) in enumerate(zip(modes, motions, strict=True)):
-            order = round(higher.frequency / first.frequency)
-            if not 2 <= order <= MAX_HARMONIC or not its.first < other.last / order or other.first > its.last * order:
-                continue
-            if _phase_is_bound(its, other, order, float(frequency[1])):
-                text = f"its phase is bound to that of the peak at {first.frequency:.4g} Hz, as of harmonics"
-                grounds.setdefault(k, Doubt("load", f"load or mode: {text}"))
-                if other.power > MAX_NONLINEAR_SHARE * its.power:
-                    text = f"the phase of the peak at {higher.frequency:.4g} Hz is bound to its own, as of harmonics"
-                    grounds.setdefault(i, Doubt("load", f"load or mode: {text}"))
+    for i, k in permutations(range(len(modes)), 2):
+        first, higher, order = modes[i], modes[k], round(modes[k].frequency.estimate / modes[i].frequency.estimate)
+        if 2 <= order <= MAX_HARMONIC and _phase_is_bound(motions[i], motions[k], order, float(frequency[1])):
+            text = f"its phase is locked to that of the peak at {first.frequency.estimate:.4g} Hz, as for harmonics"
+            grounds.setdefault(k, Doubt("load", f"load or mode: {text}"))
+            if motions[k].power > MAX_NONLINEAR_SHARE * motions[i].power:
+                peak = f"the peak at {higher.frequency.estimate:.4g} Hz"
+                text = f"the phase of {peak} is locked to its own, as for harmonics"
+                grounds.setdefault(i, Doubt("load", f"load or mode: {text}"))
     return [
         replace(mode, grounds=(*mode.grounds, grounds[i])) if i in grounds else mode for i, mode in enumerate(modes)
     ]
@@ -96,6 +95,8 @@ def with_harmonics(modes: Sequence[OperationalMode], frequency: Array, values: C
 
 def _phase_is_bound(one: _Motion, other: _Motion, order: int, step: float) -> bool:
     """True if the phase of a motion times an order is that of another motion, but for a constant."""
+    if one.first * order > other.last or other.first > one.last * order:
+        return False
     length = 2 * order * max(len(one.transform), len(other.transform))
     first, second = (np.fft.ifft(motion.transform, length) for motion in (one, other))
     size = np.maximum(np.abs(first), 1e-300)
@@ -105,15 +106,15 @@ def _phase_is_bound(one: _Motion, other: _Motion, order: int, step: float) -> bo
     freedom = 2.0 * min(one.freedom, other.freedom, float(power.sum() ** 2 / np.sum(power**2)))
     if freedom < MIN_MOTION_FREEDOM:
         return False
-    bound = 1.0 - HARMONIC_FALSE_ALARM_PROBABILITY ** (1.0 / (freedom - 1.0))
+    bound = 1.0 - MODE_FALSE_ALARM_PROBABILITY ** (1.0 / (freedom - 1.0))
     whole = float(np.sum(np.abs(multiplied) ** 2) * np.sum(np.abs(second) ** 2))
     return bool(np.abs(np.vdot(multiplied, second)) ** 2 > bound * whole)
 
 
 def _motion_of(mode: OperationalMode, frequency: Array, values: Complex) -> _Motion:
     step = float(frequency[1])
-    half = max(int(MOTION_HALF_WIDTHS * mode.damping * mode.frequency / step), MIN_MOTION_BINS)
-    middle = round(mode.frequency / step)
+    half = max(int(MOTION_HALF_WIDTHS * mode.half_width / step), MIN_MOTION_BINS)
+    middle = round(mode.frequency.estimate / step)
     bins = np.arange(max(middle - half, 1), min(middle + half, len(frequency)))
     along = values[bins] @ mode.shape.conj()
     power = np.abs(along) ** 2

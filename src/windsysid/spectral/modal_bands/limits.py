@@ -16,15 +16,13 @@ MIN_BAND_BINS = 8
 MAX_LOG_DAMPING_STD, MAX_RELIABLE_LOG_DAMPING_STD = 1.2, 0.6
 """Size: standard deviation of ln ζ beyond which it is that of the prior, and beyond which a record is too short."""
 
-MIN_MODE_CYCLES = 40
-"""Size: cycles of a mode in the record."""
-
 MIN_PROMINENCE, MIN_BORDER_PROMINENCE, MIN_CLEAR_PROMINENCE = 2.0, 7.0, 5.0
 """Size: power of a mode at its natural frequency over the background. Below the first, or at the border of a band the
 second, it represents the background, as no power law fits the skirts of several modes; below the third it may."""
 
-STEADY_FALSE_ALARM_PROBABILITY = 1e-4
-"""Probability: significance level of the test for an envelope that varies less than under random loads."""
+MODE_FALSE_ALARM_PROBABILITY = 1e-4
+"""Probability: significance level of each test of a mode: for an envelope that varies less than under random loads, for
+a phase that is bound to that of another peak, and for correlated loads (score test)."""
 
 MAX_QUARTER_SIGMAS, MAX_QUARTER_ENERGY, MAX_SINGLE_QUARTER_ENERGY = 4.5, 2.6, 3.6
 """Size: energy of a quarter of the record in standard deviations from the mean, and over the mean: both make a
@@ -36,18 +34,14 @@ MIN_HALF_WIDTH_BINS = 0.4
 MAX_SHAPE_STD = 0.15
 """Size: root mean square of a shape's standard deviations beyond which the shape is uncertain."""
 
-LOAD_FALSE_ALARM_PROBABILITY, IMAGE_FALSE_ALARM_PROBABILITY = 1e-4, 1e-6
-"""Probability: significance levels of the score test for correlated loads of a mode, and of the line in the product of
-the motions of two modes."""
-
-HARMONIC_FALSE_ALARM_PROBABILITY = 1e-4
-"""Probability: that the phases of two modes, one at a multiple of the other, are bound by chance."""
+IMAGE_FALSE_ALARM_PROBABILITY = 1e-6
+"""Probability: significance level of the line in the product of the motions of two modes."""
 
 MIN_MOTION_FREEDOM = 8.0
 """Size: equivalent degrees of freedom of a motion; with fewer, two modes may be equal by chance."""
 
 MAX_NONLINEAR_SHARE = 0.01
-"""Size: power of a harmonic over that of its first up to which a nonlinearity may make it of a mode."""
+"""Size: power of a harmonic over that of its first up to which a nonlinearity may cause it of a mode."""
 
 MAX_DAMPING = 0.2
 """Size: damping ratio beyond which a mode is background."""
@@ -97,9 +91,9 @@ COMB_SCATTER = 0.5
 """Setting: distance of such a peak from its multiple in its half-widths, as a standard deviation: it has no mode's
 form."""
 
-MIN_COMB_ODDS, MAX_STATED_ODDS = 3.0, 1e3
+MIN_COMB_ODDS = 3.0
 """Odds: of a comb of harmonics from which on its peaks are compared with it, positive evidence (Kass & Raftery, J. Am.
-Stat. Assoc. 90, 1995), and largest ones that are stated."""
+Stat. Assoc. 90, 1995)."""
 
 MAX_LOAD_ODDS = 0.5
 """Odds: of a load against a mode beyond which a peak is not graded."""

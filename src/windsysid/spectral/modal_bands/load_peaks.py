@@ -38,10 +38,10 @@ def with_load_odds(modes: Sequence[OperationalMode]) -> list[OperationalMode]:
             ratio, mac = shape_ratio(mode, other)
             together = alone[i] * ratio / (1.0 + alone[k] * ratio)
             if together > odds:
-                odds, why = together, f", its shape that of {other.frequency:.4g} Hz (MAC {mac:.3f})"
+                odds, why = together, f", its shape that of {other.frequency.estimate:.4g} Hz (MAC {mac:.3f})"
         if odds > limits.MAX_LOAD_ODDS:
-            text = f"load or mode: its damping ratio would be {100 * mode.damping:.2g} %{why}; odds of a load, such as"
-            text = f"{text} waves or a machine, {odds:.2g} : 1"
+            text = f"load or mode: its damping ratio would be {100 * mode.damping_ratio.estimate:.2g} %{why};"
+            text = f"{text} odds of a load, such as waves or a machine, {odds:.2g} : 1"
             mode = replace(mode, grounds=(*mode.grounds, Doubt("load", text)))
         checked.append(mode)
     return checked
@@ -58,16 +58,16 @@ def with_comb_odds(modes: Sequence[OperationalMode], turning: float) -> list[Ope
     if not odds or max(odds) < limits.MIN_COMB_ODDS:
         return list(modes)
     best = int(np.argmax(odds))
-    base, spread = modes[best].frequency, _comb_spread(modes[best])
+    base, spread = modes[best].frequency.estimate, _comb_spread(modes[best])
     checked = []
     for mode in modes:
-        order = max(round(mode.frequency / base), 1)
+        order = max(round(mode.frequency.estimate / base), 1)
         own = _width_ratio(mode) if mode is modes[best] else _harmonic_ratio(mode, order, base, spread)
         of_others = odds[best] / combs[best].get(order, 1.0)
         of_harmonic = own * of_others / (1.0 + of_others)
         if order <= limits.MAX_COMB_ORDER and of_harmonic > limits.MAX_LOAD_ODDS:
             text = f"load or mode: it is {order} times {base:.4g} Hz, as other peaks are: odds of a harmonic of a rotor"
-            text = f"{text} without a speed channel, {min(of_harmonic, limits.MAX_STATED_ODDS):.2g} : 1"
+            text = f"{text} without a speed channel, {of_harmonic:.2g} : 1"
             mode = replace(mode, grounds=(*mode.grounds, Doubt("load", text)))
         checked.append(mode)
     return checked
@@ -75,10 +75,10 @@ def with_comb_odds(modes: Sequence[OperationalMode], turning: float) -> list[Ope
 
 def _comb(modes: Sequence[OperationalMode], first: OperationalMode) -> dict[int, float]:
     """Likelihood ratio of each multiple of a peak's frequency, by the likeliest peak there, against modes."""
-    base, spread = first.frequency, _comb_spread(first)
+    base, spread = first.frequency.estimate, _comb_spread(first)
     ratios = {1: _width_ratio(first)}
     for peak in modes:
-        order = round(peak.frequency / base)
+        order = round(peak.frequency.estimate / base)
         if 2 <= order <= limits.MAX_COMB_ORDER:
             ratios[order] = max(ratios.get(order, 1.0), _harmonic_ratio(peak, order, base, spread))
     return ratios
@@ -87,13 +87,13 @@ def _comb(modes: Sequence[OperationalMode], first: OperationalMode) -> dict[int,
 def _harmonic_ratio(mode: OperationalMode, order: int, base: float, spread: float) -> float:
     """Density of the frequency and width of a peak if it is a harmonic of a frequency [Hz], over that of a mode."""
     scale = float(np.hypot(_comb_spread(mode), order * spread))
-    off = (mode.frequency - order * base) / scale
+    off = (mode.frequency.estimate - order * base) / scale
     return _width_ratio(mode) * float(np.exp(-0.5 * off**2) / (np.sqrt(2.0 * np.pi) * scale)) * base
 
 
 def _comb_spread(mode: OperationalMode) -> float:
     """Distance [Hz] of a peak from its multiple, as a standard deviation."""
-    return float(np.hypot(mode.frequency_std, limits.COMB_SCATTER * mode.damping * mode.frequency))
+    return float(np.hypot(mode.frequency.std, limits.COMB_SCATTER * mode.half_width))
 
 
 def _width_ratio(mode: OperationalMode) -> float:
@@ -103,9 +103,8 @@ def _width_ratio(mode: OperationalMode) -> float:
 
 def _odds_of_width(mode: OperationalMode) -> float:
     """Odds of a load against a mode by frequency and half-width."""
-    of_load = sum(
-        prior * _density(mode, *width) for (prior, *width), (low, high) in limits.LOADS if low <= mode.frequency <= high
-    )
+    f = mode.frequency.estimate
+    of_load = sum(prior * _density(mode, *width) for (prior, *width), (low, high) in limits.LOADS if low <= f <= high)
     return of_load / _structural_density(mode)
 
 
@@ -115,8 +114,8 @@ def _structural_density(mode: OperationalMode) -> float:
 
 def _density(mode: OperationalMode, centre: float, spread: float) -> float:
     """Density of the estimate of ln ζ under a log-normal distribution."""
-    std = float(np.hypot(spread, mode.ln_damping_std))
-    return float(np.exp(-0.5 * (np.log(mode.damping / centre) / std) ** 2) / std)
+    std = float(np.hypot(spread, mode.damping_ratio.relative_std))
+    return float(np.exp(-0.5 * (np.log(mode.damping_ratio.estimate / centre) / std) ** 2) / std)
 
 
 def shape_ratio(mode: OperationalMode, other: OperationalMode) -> tuple[float, float]:
@@ -131,7 +130,9 @@ def shape_ratio(mode: OperationalMode, other: OperationalMode) -> tuple[float, f
     off = max(1.0 - mac, unsure)
     scales = np.array(limits.SHAPE_DEVIATIONS) + unsure
     of_load = float(np.mean(np.exp(-off / scales) / scales))
-    equal = limits.EQUAL_SHAPES[int(abs(np.log(mode.frequency / other.frequency)) > np.log(limits.MAX_CLOSE_RATIO))]
+    equal = limits.EQUAL_SHAPES[
+        int(abs(np.log(mode.frequency.estimate / other.frequency.estimate)) > np.log(limits.MAX_CLOSE_RATIO))
+    ]
     return of_load / ((1.0 - equal) * _random_density(1.0 - off, moving) + equal * of_load), mac
 
 

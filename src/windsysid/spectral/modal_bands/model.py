@@ -84,7 +84,7 @@ class Modes(NamedTuple):
 
     @property
     def real(self) -> NDArray[np.int64]:
-        """Which element of each shape is real (r,)."""
+        """Index of the real element of each shape (r,)."""
         return np.asarray(
             np.argmin(np.abs(self.shape.imag) / np.maximum(np.abs(self.shape), 1e-300), axis=0), dtype=np.int64
         )
@@ -239,7 +239,7 @@ def _centre(band: Band) -> float:
 
 @lru_cache(maxsize=64)
 def _parts(m: int, r: int) -> tuple[NDArray[np.int64], ...]:
-    """Where the parts of a step end, and the places below the diagonals of C and of X."""
+    """Ends of the parts of a step, and the places below the diagonals of C and of X."""
     low, below = r * (r - 1) // 2, m * (m - 1) // 2
     sizes = [r, r, m * r, m * r - r, low, low, int(r > 0), m, below, below, 1]
     return (np.cumsum(sizes)[:-1], *np.tril_indices(r, -1), *np.tril_indices(m, -1))

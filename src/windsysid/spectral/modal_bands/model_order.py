@@ -2,8 +2,8 @@
 
 A band's transforms are scaled and turned into their first m principal directions, as many as its modes can need and two
 more; modes are added one by one as long as Schwarz's approximation of the evidence rises (Ann. Statist. 1978,
-https://doi.org/10.1214/aos/1176344136). What the other directions tell of the shapes follows from a regression on the
-modal responses.
+https://doi.org/10.1214/aos/1176344136). The information of the other directions on the shapes follows from a regression
+on the modal responses.
 """
 
 from collections.abc import Sequence

@@ -127,7 +127,7 @@ def _overlap(group: list[Peak], peak: Peak, step: float) -> bool:
 
 
 def widened(inside: list[Peak], others: list[Peak], low: float, high: float, step: float) -> tuple[float, float]:
-    """A band around peaks as wide as they ask for, as far as it leaves out the cores of the others."""
+    """A band around peaks of the required width, as far as it leaves out the cores of the others."""
     reach = [max(BAND_HALF_WIDTHS * peak.half_width, MIN_HALF_BAND_BINS * step) for peak in inside]
     first = min(peak.frequency - wide for peak, wide in zip(inside, reach, strict=True))
     last = max(peak.frequency + wide for peak, wide in zip(inside, reach, strict=True))

@@ -42,7 +42,7 @@ with it, 0.3 if only the evidence of model orders is compared."""
 
 SEARCH = SearchLimits(FINE_TOLERANCE, max_steps=40, stalled=0.2, damping=1e-2, refused_damping=1e-3)
 """Numerical: limits of a search. If J cannot decrease any more, a decrease of 0.1 may be left. Starts are rough, so
-damping is strong; the nearest of many optima is wanted, so a refused step is turned in small steps."""
+damping is strong; the nearest of many optima is required, so a refused step is turned in small steps."""
 
 MAX_STEPS_TO_TARGET = 40.0
 """Numerical: steps as large as the last one between a search and its target, beyond which it terminates."""

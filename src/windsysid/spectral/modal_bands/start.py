@@ -79,7 +79,7 @@ def add_mode(modes: Modes, band: Band) -> Modes:
 
 
 def _unexplained(modes: Modes, band: Band, places: Array, width: float) -> Array:
-    """How far the data exceed the modes' spectrum around each place, along the direction that exceeds it most, in
+    """Excess of the data over the modes' spectrum around each place, along the direction of the largest, in
     standard deviations."""
     root = np.linalg.inv(np.linalg.cholesky(spectrum(modes, band)))
     white = root @ band.power @ root.conj().transpose(0, 2, 1)
@@ -152,7 +152,7 @@ def expect(modes: Modes, band: Band, passes: int = EM_STEPS) -> Modes:
 
 
 def quiet_start(band: Band, share: float = 0.25) -> Complex:
-    """L (m, m) of what is in a band beside its modes: the mean over the quietest rows, each channel's power counted
+    """L (m, m) of the background in a band: the mean over the quietest rows, each channel's power counted
     alike."""
     power: NDArray[np.complex128] = band.power
     m = power.shape[1]

@@ -10,7 +10,7 @@ probable ones under unmeasured random loads (`modal_bands.model`), as many as th
 import time
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 from windsysid.errors import ConfigurationError
 from windsysid.inspection.bodies import name_a_turbine
@@ -20,7 +20,7 @@ from windsysid.mechanics.sensors import Sensor
 from windsysid.modal.marks import ModeMarks
 from windsysid.modal.matching.match import with_references
 from windsysid.output.progress import Progress, unheard
-from windsysid.records.coercion import RecordLike, as_record
+from windsysid.records.coercion import MappingLike, RecordLike, as_records
 from windsysid.records.record import Record
 from windsysid.spectral.modal_bands.images import with_harmonics, with_images
 from windsysid.spectral.modal_bands.limits import COMB_ODDS
@@ -52,50 +52,80 @@ def analyse_vibration(
     bands: "Sequence[tuple[float, float]] | ModeMarks | None" = None,
     limits: tuple[float, float] | None = None,
     section: tuple[float, float] | None = None,
+    mapping: "MappingLike | None" = None,
     progress: Progress = unheard,
 ) -> OperationalModes:
-    """Find the modes of a structure from its ambient vibration.
+    """Identify the modes of a structure from its ambient vibration (operational modal analysis).
+
+    Bayesian analysis in the frequency domain: peaks of the singular values of the spectral matrix give frequency bands,
+    and in each the most probable modes under unmeasured random loads are found, as many as the evidence supports.
 
     Parameters
     ----------
-    record
-        Any record: readings of acceleration, velocity, displacement, strain or load. If a rotor turns, blades' readings
-        are transformed into multi-blade coordinates by rotor_azimuth. A list of records is of one structure in one
-        state: with the same sensors, or with some in common while others moved (setups).
-    sensors
-        Sensors or names of channels, or such a list for each record; by default the turbine's, or else the record's
-        accelerometers. Sensors of several records with a position and a direction are the same if these are; others if
-        their channels are.
-    turbine
-        Its sensors are used, and modes near those of the turbine file have their names.
-    bands
-        (lowest, highest) [Hz], one for each group of close modes; by default found from the spectra. Or modes that
+    record : Record, str, Path, pandas.DataFrame or xarray.Dataset, or a sequence of these
+        Acceleration, velocity, displacement, strain or load. If a rotor turns, the sensors on blades are transformed
+        into multi-blade coordinates by ``rotor_azimuth``. Several records are of one structure in one state: with the
+        same sensors, or with some in common while others moved (multi-setup).
+    sensors : sequence of Sensor, ModalSensor or str, or a sequence of these, optional
+        Sensors or names of channels, or a list of them for each record; by default those of the turbine, or else the
+        record's accelerometers. Sensors of several records with a position and a direction are the same if these are;
+        others if their channels are.
+    turbine : Turbine, str or Path, optional
+        Gives the sensors, and names to modes near those of the turbine file.
+    bands : sequence of (float, float), or ModeMarks, optional
+        Lowest and highest frequency [Hz] of each group of close modes; by default found from the spectra. Or modes that
         were added and removed by hand (`windsysid.results.read_mode_marks`): all others are found from the spectra.
-    limits
-        Frequency range of the search for bands [Hz]; by default from the lowest on, up to a largest number of bands;
-        a note names its end if there are more.
-    section
-        Start and end [s].
-    progress
+    limits : (float, float), optional
+        Frequency range of the search for bands [Hz]; by default from the lowest frequency on, up to a largest number of
+        bands. A note names the end of the search if there are more.
+    section : (float, float), optional
+        Start and end of the part to use [s]; the whole record by default.
+    mapping : str, Path or Mapping, optional
+        Mapping file with the names, units and signs of channels, where `record` is a path (`read_record`).
+    progress : callable, optional
         Called with the present step and the share that is done, 0 to 1, or None if that is unknown.
 
     Returns
     -------
     OperationalModes
-        Frequencies [Hz], damping ratios and shapes with their intervals, and reasons for doubt.
+        Frequencies [Hz], damping ratios [1] and shapes (n,) with their 95 % intervals and grades.
 
     Raises
     ------
-    ConfigurationError, RecordError
+    RecordError
+        If a record cannot be read or is too short.
+    ConfigurationError
         If there is no record, a channel cannot be used, or records have no sensor in common.
+
+    See Also
+    --------
+    free_decay : Modes from the decay after a release, without load.
+    identify : Stiffness and damping of a turbine.
+    modes : Modes of a turbine file over rotor speed (Campbell diagram).
+
+    Notes
+    -----
+    An interval of a damping ratio needs a long record: at least 100 cycles of the mode, better 1000.
+
+    References
+    ----------
+    - Au, Operational Modal Analysis, Springer 2017.
+    - Brincker & Ventura, Introduction to Operational Modal Analysis, Wiley 2015.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> record = ws.simulate("nrel5mw", duration=600.0, rate=5.0, seed=1)
+    >>> found = ws.oma(record)
+    >>> for mode in found.modes:
+    ...     print(f"{mode.name}: {mode.frequency:.3f} Hz, damping {100 * mode.damping:.1f} %, grades {mode.grades}")
+    tower x: 0.315 Hz, damping 0.2 %, grades ('C', 'C')
+    lag backward: 0.893 Hz, damping 0.9 %, grades ('A', 'A')
+    lag collective: 1.112 Hz, damping 0.3 %, grades ('A', 'A')
+    lag forward: 1.306 Hz, damping 0.4 %, grades ('A', 'A')
     """
     begun = time.process_time()
-    several = isinstance(record, list | tuple)
-    records = [
-        as_record(each) for each in (cast("list[RecordLike]", record) if several else [cast("RecordLike", record)])
-    ]
-    if not records:
-        raise ConfigurationError("records: expected one at least, got an empty list")
+    records = as_records(record, mapping)
     machine = None if turbine is None else as_turbine(turbine)
     request = _AnalysisOptions(machine, bands, limits, section, progress)
     lists = sensors_of_each(sensors, len(records))
@@ -170,7 +200,8 @@ def _searched(record: Record, readings: Readings, request: _AnalysisOptions) -> 
     noted = readings
     if found.reached is not None:
         further = (
-            f"modes were sought up to {found.reached:.4g} Hz: peaks go on beyond it, give --range LOW HIGH for them"
+            f"modes were searched up to {found.reached:.4g} Hz: there are peaks above it, give --range LOW HIGH"
+            " for them"
         )
         noted = noted._replace(high=found.reached, notes=(*noted.notes, further))
     noted = noted._replace(notes=(*noted.notes, *map(covered_note, found.covered)))
@@ -180,9 +211,16 @@ def _searched(record: Record, readings: Readings, request: _AnalysisOptions) -> 
     modes, noted = _without_removed([mode for band in bands for mode in band], marks, noted)
     checked = with_images(modes, found.spectrum.frequency, found.spectrum.values)
     checked = with_load_odds(with_harmonics(checked, found.spectrum.frequency, found.spectrum.values))
-    if rotor_of(readings.used) is None:
-        checked = with_comb_odds(checked, COMB_ODDS[0 if request.turbine or name_a_turbine(record.channels) else 1])
+    checked = _without_speed(checked, readings.used, request)
     return RecordAnalysis(record, noted, found, tuple(checked))
+
+
+def _without_speed(modes: list[OperationalMode], used: Record, request: _AnalysisOptions) -> list[OperationalMode]:
+    """Modes with the odds of harmonics of a rotor where its speed is not recorded."""
+    if rotor_of(used) is not None:
+        return modes
+    of_turbine = request.turbine is not None or name_a_turbine(used.channels)
+    return with_comb_odds(modes, COMB_ODDS[0 if of_turbine else 1])
 
 
 def _without_removed(
@@ -190,10 +228,12 @@ def _without_removed(
 ) -> tuple[list[OperationalMode], Readings]:
     """Modes by rising frequency without those that were removed by hand, and readings with a note on each mark."""
     for low, high in marks.add:  # a mode of another band is there twice
-        modes = [m for m in modes if not low <= m.frequency <= high or (low <= m.band[0] and m.band[1] <= high)]
-    modes, notes = sorted(modes, key=lambda mode: mode.frequency), list(readings.notes)
+        modes = [
+            m for m in modes if not low <= m.frequency.estimate <= high or (low <= m.band[0] and m.band[1] <= high)
+        ]
+    modes, notes = sorted(modes, key=lambda mode: mode.frequency.estimate), list(readings.notes)
     notes += [f"modes were fitted between {low:.4g} and {high:.4g} Hz, as marked by hand" for low, high in marks.add]
-    kept, removed = marks.kept([(mode.frequency, mode.damping * mode.frequency) for mode in modes])
+    kept, removed = marks.kept([(mode.frequency.estimate, mode.half_width) for mode in modes])
     return [modes[i] for i in kept], readings._replace(notes=(*notes, *removed))
 
 

@@ -84,7 +84,7 @@ def _weighted_shapes(modes: Sequence[OperationalMode], channels: Sequence[int]) 
     shape = np.array([mode.shape[channels] for mode in modes]).T
     std = np.array([mode.shape_std[channels] for mode in modes]).T
     sigma = np.hypot(np.maximum(std, 1e-6), limits.SHAPE_PHASE_STD * np.abs(shape))
-    return _Shapes(np.array([mode.frequency for mode in modes]), shape / sigma)
+    return _Shapes(np.array([mode.frequency.estimate for mode in modes]), shape / sigma)
 
 
 def aligned(readings: Readings, lags: Sequence[Lag]) -> Readings:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from windsysid._types import Array, Complex
 from windsysid.errors import RecordError
 from windsysid.inspection.faults.health import sampled_every
-from windsysid.inspection.limits import MIN_ROTOR_SPEED
+from windsysid.inspection.limits import MAX_CONSTANT_SPEED_VARIATION, MIN_ROTOR_SPEED
 from windsysid.inspection.plausibility import rotor_of
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import LOW_PASS, Record
@@ -163,7 +163,7 @@ def _highest_frequency(samples: Samples) -> tuple[float, list[str]]:
     if every <= 1 or slow_high >= high:
         return high, []
     read = f"{record.rate / every:.4g} times a second and filled in between"
-    return slow_high, [f"{slowest} was read {read}: modes are sought below {slow_high:.4g} Hz"]
+    return slow_high, [f"{slowest} was read {read}: modes are searched below {slow_high:.4g} Hz"]
 
 
 def _rotation_of(record: Record, high: float) -> _Rotation:
@@ -181,7 +181,7 @@ def _rotation_of(record: Record, high: float) -> _Rotation:
         f"the rotor speed varies by {100 * rotor.variation:.1f} %: harmonics and whirls are smeared; choose a "
         f"steadier section",
     )
-    smeared = rotor.variation > limits.MAX_SPEED_VARIATION
+    smeared = rotor.variation > MAX_CONSTANT_SPEED_VARIATION
     return _Rotation(_unwrapped_azimuth(record, rotor.mean), once, tuple(harmonics), doubts if smeared else ())
 
 
@@ -229,7 +229,7 @@ def _sinusoid_notes(sinusoids: Sequence[RemovedLine]) -> list[str]:
     if not sinusoids:
         return []
     listed = ", ".join(f"{line.frequency:.4g}" for line in sinusoids[:8]) + (" …" if len(sinusoids) > 8 else "")
-    return [f"steady lines were taken out at {listed} Hz: no vibration under random loads looks like that"]
+    return [f"sinusoids were removed at {listed} Hz: random loads do not cause them"]
 
 
 def _frames_of(names: list[str], rotation: _Rotation) -> _Frames:
@@ -241,7 +241,7 @@ def _frames_of(names: list[str], rotation: _Rotation) -> _Frames:
     fixed = [i for i in range(len(names)) if i not in turning]
     if turning and rotation.azimuth is None:
         note = "rotor_azimuth is missing: the blades' channels are left out, since their frequencies are shifted"
-        return _Frames(fixed, [], [f"{note} by the turning"])
+        return _Frames(fixed, [], [f"{note} by the rotation"])
     listed = ", ".join(names[i] for i in incomplete)
     note = f"left out: {listed}: multi-blade coordinates need every blade's sensor"
     return _Frames(fixed, sets, [note] if incomplete else [])

@@ -10,6 +10,7 @@ from windsysid._types import Array
 from windsysid.checks.dispersion import PartScores
 from windsysid.checks.limits import EVEN_CHANCE, MAX_WIDENING, MIN_REPORTED_WIDENING
 from windsysid.checks.widening import mixture_factor
+from windsysid.results.estimate import IntervalEstimate
 from windsysid.spectral.modal_bands.check import explanations, is_spurious, mode_doubts
 from windsysid.spectral.modal_bands.model_order import BandFit, Shapes, full_shapes
 from windsysid.spectral.modal_bands.part_scores import Segments, part_scores, widening_of
@@ -48,8 +49,10 @@ def widened(mode: OperationalMode, found: BandFit, j: int, parts: Sequence[PartS
             (grounds if factor > MAX_WIDENING else remarks).append(Doubt("scores", text, what))  # type: ignore[arg-type]
     return replace(
         mode,
-        frequency_std=factors[0] * mode.frequency_std,
-        ln_damping_std=factors[1] * mode.ln_damping_std,
+        frequency=IntervalEstimate.normal(mode.frequency.estimate, factors[0] * mode.frequency.std, "Hz"),
+        damping_ratio=IntervalEstimate.lognormal(
+            mode.damping_ratio.estimate, factors[1] * mode.damping_ratio.relative_std, "1"
+        ),
         grounds=tuple(grounds),
         remarks=tuple(remarks),
         widening=(factors[0], factors[1]),
@@ -67,7 +70,7 @@ def _in_segments(mode: OperationalMode, r: int, j: int, parts: Sequence[PartScor
         if one.over == "time":
             cov = np.linalg.inv(one.information.sum(axis=0) + one.precision)
             step = len(one.places) * (one.gradients @ cov)[:, [j, r + j]]
-            values = np.array([mode.frequency, mode.damping]) * np.exp(np.clip(step, -1.5, 1.5))
+            values = np.array([mode.frequency.estimate, mode.damping_ratio.estimate]) * np.exp(np.clip(step, -1.5, 1.5))
             return np.column_stack([one.places, values])
     return None
 
@@ -78,10 +81,8 @@ def mode_of(found: BandFit, j: int, shapes: Shapes, grounds: Sequence[Doubt]) ->
     std_f, std_z = found.fit.std(j)
     return OperationalMode(
         name="",
-        frequency=f,
-        frequency_std=f * std_f,
-        damping=z,
-        ln_damping_std=std_z,
+        frequency=IntervalEstimate.normal(f, f * std_f, "Hz"),
+        damping_ratio=IntervalEstimate.lognormal(z, std_z, "1"),
         shape=shapes.shape[:, j],
         shape_std=shapes.std[:, j],
         load=float(shapes.load[j]),
@@ -96,7 +97,7 @@ def without_skirts(bands: list[list[OperationalMode]]) -> list[list[OperationalM
     """Remove modes at the border of their band that are the skirt of another band's mode; a list for each band."""
 
     def reach(mode: OperationalMode) -> float:
-        return SKIRT_HALF_WIDTHS * mode.damping * mode.frequency
+        return SKIRT_HALF_WIDTHS * mode.half_width
 
     kept = []
     for band in bands:
@@ -106,7 +107,10 @@ def without_skirts(bands: list[list[OperationalMode]]) -> list[list[OperationalM
                 mode
                 for mode in band
                 if not mode.doubted_for("border")
-                or all(abs(mode.frequency - other.frequency) > reach(mode) + reach(other) for other in others)
+                or all(
+                    abs(mode.frequency.estimate - other.frequency.estimate) > reach(mode) + reach(other)
+                    for other in others
+                )
             ]
         )
     return kept

@@ -25,9 +25,7 @@ def find_duplicates(singles: Sequence[RecordAnalysis]) -> list[str]:
     for (i, one), (j, other) in combinations(enumerate(singles), 2):
         same = np.array_equal(one.readings.fixed, other.readings.fixed)
         if same or (j - i <= MAX_RECORD_DISTANCE and _have_same_motion(one, other)):
-            found.append(
-                f"{one.record.name} and {other.record.name} hold the same motion: what happened once counts twice"
-            )
+            found.append(f"{one.record.name} and {other.record.name} contain the same motion, which counts twice")
     return found
 
 

@@ -13,6 +13,7 @@ from windsysid.configuration import parse_json
 from windsysid.errors import ConfigurationError
 from windsysid.modal.campbell import MeasuredMode
 from windsysid.output.folders import result_file
+from windsysid.results.estimate import IntervalEstimate
 from windsysid.results.posterior import SIGMAS, section_name
 from windsysid.spectral.modal_bands.scoring import DAMPING_PRIOR
 from windsysid.spectral.oma.result import ANALYSIS, OperationalModes
@@ -33,6 +34,13 @@ class KnownMode(NamedTuple):
     trusted: bool
     shape_std: Mapping[str, float] = MappingProxyType({})
     doubts: tuple[str, ...] = ()
+
+    @property
+    def values(self) -> tuple[IntervalEstimate, IntervalEstimate]:
+        """Frequency [Hz] and damping ratio with their intervals."""
+        f, z = math.exp(self.ln_frequency), math.exp(self.ln_damping)
+        std = f * self.ln_frequency_std
+        return IntervalEstimate.normal(f, std, "Hz"), IntervalEstimate.lognormal(z, self.ln_damping_std, "1")
 
 
 class KnownModes(NamedTuple):
@@ -62,13 +70,9 @@ class KnownModes(NamedTuple):
 
     def measured(self) -> list[MeasuredMode]:
         """Modes to be drawn in a Campbell diagram."""
-        found = []
-        for mode in self.modes:
-            f, z, half = math.exp(mode.ln_frequency), math.exp(mode.ln_damping), SIGMAS * mode.ln_damping_std
-            band = (z, z * math.exp(-half), z * math.exp(half))
-            std = f * mode.ln_frequency_std
-            found.append(MeasuredMode(self.record, mode.name, self.rotor_speed, f, std, band, mode.trusted))
-        return found
+        return [
+            MeasuredMode(self.record, mode.name, self.rotor_speed, *mode.values, mode.trusted) for mode in self.modes
+        ]
 
 
 ModesLike: TypeAlias = OperationalModes | KnownModes | str | Path
@@ -118,7 +122,7 @@ def _summary_of(folder: Path) -> dict[str, Any]:
 def _read(summary: dict[str, Any]) -> KnownModes:
     modes = []
     for one in summary["modes"]:
-        f, z, shape = one["frequency_hz"], one["damping_ratio"], one["shape"]
+        f, z, shape = one["frequency" if "frequency" in one else "frequency_hz"], one["damping_ratio"], one["shape"]
         values: Complex = np.array(shape["real"]) + 1j * np.array(shape["imaginary"])
         name = str(one["name"])
         f_std, z_std = (f["high"] - f["low"]) / (2.0 * SIGMAS), math.log(z["high"] / z["low"]) / (2.0 * SIGMAS)

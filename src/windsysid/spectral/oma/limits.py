@@ -19,9 +19,6 @@ MAX_LOW_PASS_SHARE = 0.8
 MIN_CYCLES = 8
 """Size: cycles in the record of the lowest frequency of modes."""
 
-MAX_SPEED_VARIATION = 0.02
-"""Size: relative standard deviation of the rotor speed beyond which harmonics and whirl modes are smeared."""
-
 MAX_ENERGY_SHARE = 0.6
 """Size: share of the vibration in an eighth of the record beyond which it is a transient."""
 
@@ -37,9 +34,9 @@ BAND_SEARCHES = 2
 MAX_BORDER_SHIFT = 0.15
 """Size: distance of a band's borders from their right places, over its width, beyond which it is fitted again."""
 
-MAX_HARMONIC_DISTANCE = 0.01
-"""Size: relative distance from a rotor harmonic up to which a peak is one of rotationally sampled wind; so is one
-nearer than one and a half of its half-widths."""
+MAX_HARMONIC_DISTANCE, MAX_HARMONIC_HALF_WIDTHS = 0.01, 1.5
+"""Size: distance from a rotor harmonic up to which a peak may be one of rotationally sampled wind, relative, and in
+half-widths of the peak."""
 
 MIN_PEAK_SIGMAS = 8.0
 """Size in standard deviations: rise of a peak that requires a mode."""

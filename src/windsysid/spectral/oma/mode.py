@@ -1,6 +1,6 @@
 """A mode under ambient loads: its values with their intervals, its shape, and reasons for doubt."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -9,8 +9,8 @@ from windsysid._types import Array, Complex
 from windsysid.checks.widening import grade_of
 from windsysid.modal.matching.result import ModeCandidate
 from windsysid.modal.shapes import along_axis, phase_collinearity, phase_deviation
+from windsysid.results.estimate import IntervalEstimate
 from windsysid.results.mode import Mode
-from windsysid.results.posterior import SIGMAS
 
 __all__ = ["Doubt", "DoubtKind", "OperationalMode"]
 
@@ -27,23 +27,22 @@ class Doubt(NamedTuple):
     of: Literal["mode", "frequency", "damping ratio"] = "mode"
 
 
-@dataclass(frozen=True)
-class OperationalMode:
-    """A mode under ambient loads.
+@dataclass(frozen=True, kw_only=True)
+class OperationalMode(Mode):
+    """Mode of a structure under ambient loads, or in a free decay.
 
     Attributes
     ----------
     name
         ``mode 1`` …; if a rotor turns, the part that moves most: ``lag forward``.
-    frequency, frequency_std
-        [Hz], the standard deviation as widened.
-    damping, ln_damping_std
-        ζ [1], and the standard deviation of its logarithm [1], as widened.
+    frequency, damping_ratio
+        [Hz], [1], with their 95 % intervals as widened, grades, and the turbine file's value; the interval of the
+        damping ratio is that of its logarithm.
     shape, shape_std
         (n,) complex, 1 in the channel with the largest motion, as accelerations; standard deviations of real and
         imaginary part.
     load, ln_load_std
-        One-sided spectrum of the load that drives it, per modal mass where the shape is 1 [unit²/Hz], and the standard
+        One-sided spectrum of the load on the mode, per modal mass where the shape is 1 [unit²/Hz], and the standard
         deviation of its logarithm.
     band
         Lowest and highest frequency that were used [Hz].
@@ -53,8 +52,6 @@ class OperationalMode:
         Causes of wider intervals.
     widening
         Factors on the standard deviations of frequency and ln ζ that the model gives.
-    reference
-        Frequency [Hz] and damping ratio [1] that the turbine file gives; None where nothing is near.
     shape_cov
         Covariance (2 n, 2 n) of the shape's real parts and then its imaginary ones; None if it was not kept.
     segments
@@ -64,37 +61,23 @@ class OperationalMode:
         Modes of the turbine file that it may be, and other causes, with their probabilities; the best one first.
     """
 
-    name: str
-    frequency: float
-    frequency_std: float
-    damping: float
-    ln_damping_std: float
     shape: Complex
     shape_std: Array
     load: float
     ln_load_std: float
     band: tuple[float, float]
     grounds: tuple[Doubt, ...]
-    reference: tuple[float, float] | None = None
     shape_cov: Array | None = None
     remarks: tuple[Doubt, ...] = ()
     widening: tuple[float, float] = (1.0, 1.0)
     segments: Array | None = None
     candidates: tuple[ModeCandidate, ...] = ()
 
-    @property
-    def grades(self) -> tuple[str, str]:
-        """Grades A, B or C of the frequency and the damping ratio."""
-        f, z = (
-            grade_of(factor, excluded=any(one.of in ("mode", what) for one in self.grounds))
-            for factor, what in zip(self.widening, ("frequency", "damping ratio"), strict=True)
-        )
-        return f, z
-
-    @property
-    def trusted(self) -> bool:
-        """True if frequency and damping ratio are of grade A or B."""
-        return "C" not in self.grades
+    def __post_init__(self) -> None:
+        """Grade frequency and damping ratio by their widening and the reasons against them."""
+        for (name, one), factor in zip(self.quantities, self.widening, strict=True):
+            grade = grade_of(factor, excluded=any(reason.of in ("mode", name) for reason in self.grounds))
+            object.__setattr__(self, name.replace(" ", "_"), replace(one, grade=grade))
 
     @property
     def doubts(self) -> tuple[str, ...]:
@@ -104,14 +87,6 @@ class OperationalMode:
     def doubted_for(self, *kinds: DoubtKind) -> bool:
         """True if it has a doubt of one of these kinds."""
         return any(doubt.kind in kinds for doubt in self.grounds)
-
-    @property
-    def mode(self) -> Mode:
-        """Frequency and damping ratio with ±2σ, as every other result has them; the interval of the damping ratio is
-        that of its logarithm."""
-        half, factor = SIGMAS * self.frequency_std, float(np.exp(SIGMAS * min(self.ln_damping_std, 3.0)))
-        f, z = self.frequency, self.damping
-        return Mode(self.name, (f, f - half, f + half), (z, z / factor, z * factor), self.reference, self.grades)
 
     @property
     def mpc(self) -> float:
@@ -129,12 +104,11 @@ class OperationalMode:
         turned = along_axis(self.shape)
         return float(np.sum(turned.imag**2) / np.sum(np.abs(turned) ** 2))
 
-    def summary(self, channels: tuple[str, ...], units: tuple[str, ...]) -> dict[str, Any]:
+    def full_summary(self, channels: tuple[str, ...], units: tuple[str, ...]) -> dict[str, Any]:
         """Plain values for JSON, with the shape by `channels` in their `units`."""
-        factor = float(np.exp(SIGMAS * min(self.ln_load_std, 3.0)))
-        largest = int(np.argmax(np.abs(self.shape)))
+        unit = f"({units[int(np.argmax(np.abs(self.shape)))]})^2/Hz"
         return {
-            **self.mode.summary(),
+            **self.summary(),
             "shape": {
                 "sensors": list(channels),
                 "real": self.shape.real.tolist(),
@@ -144,12 +118,7 @@ class OperationalMode:
                 "mpc": self.mpc,
                 "mpd_rad": self.mpd,
             },
-            "load_level": {
-                "estimate": self.load,
-                "low": self.load / factor,
-                "high": self.load * factor,
-                "unit": f"({units[largest]})^2/Hz",
-            },
+            "load_level": IntervalEstimate.lognormal(self.load, self.ln_load_std, unit).summary(),
             "band_hz": list(self.band),
             "segments": None if self.segments is None else self.segments.tolist(),
             **({"candidates": [one._asdict() for one in self.candidates]} if self.candidates else {}),

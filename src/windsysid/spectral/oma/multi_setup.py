@@ -20,6 +20,7 @@ from windsysid._types import Complex
 from windsysid.errors import ConfigurationError
 from windsysid.modal.shape_merging import MergedShape, Ratios, merge_shapes
 from windsysid.modal.shapes import assurance
+from windsysid.results.estimate import IntervalEstimate
 from windsysid.spectral.modal_bands.check import fit_doubts, shape_doubts
 from windsysid.spectral.modal_bands.correlated_loads import are_shared
 from windsysid.spectral.modal_bands.limits import MIN_BAND_BINS
@@ -98,7 +99,7 @@ def join(singles: Sequence[RecordAnalysis]) -> OperationalModes:
             continue
         joint.bands.append(fits)
         joint.modes.extend((_described(fits, j, track, setups), track) for j, track in enumerate(group))
-    joint.modes.sort(key=lambda pair: pair[0].frequency)
+    joint.modes.sort(key=lambda pair: pair[0].frequency.estimate)
     return _result(setups, joint)
 
 
@@ -152,7 +153,7 @@ def _observed_modes(setups: _Setups) -> list[list[Seen]]:
         for mode in single.modes:
             shape: Complex = np.full(len(setups.sensors.names), np.nan, dtype=np.complex128)
             shape[place] = mode.shape
-            modes.append(Seen(mode.frequency, shape))
+            modes.append(Seen(mode.frequency.estimate, shape))
         observed.append(modes)
     return observed
 
@@ -180,8 +181,8 @@ def _groups(tracks: Sequence[Track], setups: _Setups) -> list[tuple[float, float
 def _peak_of(track: Track, setups: _Setups) -> Peak:
     """Peak at the median frequency of a track, with the median damping ratio."""
     modes = setups.modes_of(track)
-    f = float(np.median([mode.frequency for mode in modes]))
-    peak = Peak(f, float(np.median([mode.damping for mode in modes])) * f, 0.0)
+    f = float(np.median([mode.frequency.estimate for mode in modes]))
+    peak = Peak(f, float(np.median([mode.damping_ratio.estimate for mode in modes])) * f, 0.0)
     return peak._replace(alone=any(is_rotational_peak(peak, single.readings) for single in setups.singles))
 
 
@@ -211,9 +212,9 @@ def _fit_jointly(setups: _Setups, group: Sequence[Track], limits: tuple[float, f
 
 def _start_of(modes: Sequence[OperationalMode]) -> tuple[float, float]:
     """Weighted mean of the frequency and median of the damping ratio of one mode in several records."""
-    weight = np.array([mode.frequency_std**-2.0 for mode in modes])
-    f = float(weight @ [mode.frequency for mode in modes] / weight.sum())
-    return f, float(np.median([mode.damping for mode in modes]))
+    weight = np.array([mode.frequency.std**-2.0 for mode in modes])
+    f = float(weight @ [mode.frequency.estimate for mode in modes] / weight.sum())
+    return f, float(np.median([mode.damping_ratio.estimate for mode in modes]))
 
 
 def _described(fits: Sequence[BandFit], j: int, track: Track, setups: _Setups) -> OperationalMode:
@@ -237,10 +238,11 @@ def _described(fits: Sequence[BandFit], j: int, track: Track, setups: _Setups) -
     std = np.sqrt(0.5 * scatter * np.maximum(variance[:n] + variance[n:], 0.0))
     load, ln_load_std = _mean_load(each, ratios, merged.shape)
     widening = np.sqrt(np.mean([np.square(mode.widening) for mode in setups.modes_of(track)], axis=0))
+    f, z = each[0].frequency, each[0].damping_ratio
     return replace(
         each[0],
-        frequency_std=each[0].frequency_std * widening[0],
-        ln_damping_std=each[0].ln_damping_std * widening[1],
+        frequency=IntervalEstimate.normal(f.estimate, f.std * float(widening[0]), "Hz"),
+        damping_ratio=IntervalEstimate.lognormal(z.estimate, z.relative_std * float(widening[1]), "1"),
         widening=(float(widening[0]), float(widening[1])),
         shape=merged.shape,
         shape_std=std,
@@ -271,12 +273,10 @@ def _disagreement(track: Track, setups: _Setups) -> list[Doubt]:
     """Doubt a mode if the estimates of the records alone scatter more than their uncertainty."""
     modes = setups.modes_of(track)
     doubts = []
-    for name, values, stds in (
-        ("frequency", [np.log(m.frequency) for m in modes], [m.frequency_std / m.frequency for m in modes]),
-        ("damping", [np.log(m.damping) for m in modes], [m.ln_damping_std for m in modes]),
-    ):
-        weight = np.array(stds) ** -2.0
-        off = np.array(values) - weight @ values / weight.sum()
+    for name, each in (("frequency", [m.frequency for m in modes]), ("damping", [m.damping_ratio for m in modes])):
+        values, stds = np.log([one.estimate for one in each]), np.array([one.relative_std for one in each])
+        weight = stds**-2.0
+        off = values - weight @ values / weight.sum()
         square = float(weight @ off**2)
         if len(modes) > 1 and _chi2_probability(square, len(modes) - 1) < MIN_SCATTER_PROBABILITY:
             worst = setups.results[list(track)[int(np.argmax(np.abs(off) * np.sqrt(weight)))]].record
@@ -302,7 +302,7 @@ def _mean_load(each: Sequence[OperationalMode], ratios: Sequence[Ratios], shape:
 
 
 def _result(setups: _Setups, joint: _Joint) -> OperationalModes:
-    """Result of all records; what only one record has, such as spectra for the figure, is that of the first."""
+    """Result of all records; parts that only one record has, such as spectra for the figure, are those of the first."""
     results, sensors = setups.results, setups.sensors
     return replace(
         results[0],
@@ -339,7 +339,7 @@ def _notes(setups: _Setups, joint: _Joint) -> list[str]:
     if joint.left_out:
         first = [next(iter(track.items())) for track in joint.left_out]
         seen = ", ".join(
-            f"{setups.singles[s].modes[j].frequency:.4g} Hz ({setups.results[s].record})" for s, j in first
+            f"{setups.singles[s].modes[j].frequency.estimate:.4g} Hz ({setups.results[s].record})" for s, j in first
         )
         notes.append(f"seen in fewer than half of the records, never trusted, and left out: {seen}")
     return [*notes, *map(covered_note, joint.covered)]

@@ -53,7 +53,7 @@ class RecordModes:
 
     def summary(self) -> dict[str, Any]:
         """Plain values for JSON."""
-        alone = [None if mode is None else mode.mode.summary() for mode in self.modes]
+        alone = [None if mode is None else mode.summary() for mode in self.modes]
         own = {"record": self.record, "start": self.start, "section": list(self.section)}
         return {**own, "rate_hz": self.rate, "samples": self.samples, "modes": alone, "notes": list(self.notes)}
 
@@ -88,7 +88,7 @@ class DecayHistory(NamedTuple):
 
 @dataclass(frozen=True)
 class OperationalModes(Answer):
-    """Modes of a structure from its ambient vibration.
+    """Result of `windsysid.oma` or `windsysid.free_decay`: modes, spectra and remarks.
 
     Attributes
     ----------
@@ -106,7 +106,7 @@ class OperationalModes(Answer):
         Frequencies [Hz] (F,), the largest singular values of the spectral matrix there (F, k), of channels scaled to
         the same median, and each band.
     rotor_hz
-        Turns per second [Hz]; 0 where none turns.
+        Rotor frequency [Hz]; 0 where none turns.
     doubts
         Reasons why the whole result is doubtful.
     notes
@@ -164,7 +164,7 @@ class OperationalModes(Answer):
     def reasons(self) -> tuple[str, ...]:
         """Reasons for doubt about the record, its bands and its modes."""
         of_modes = (
-            f"{mode.name}, {mode.frequency:.4g} Hz: {doubt.text}"
+            f"{mode.name}, {mode.frequency.estimate:.4g} Hz: {doubt.text}"
             for mode in self.modes
             for doubt in mode.grounds
             if doubt.kind != "record"
@@ -175,7 +175,7 @@ class OperationalModes(Answer):
     def remarks(self) -> tuple[str, ...]:
         """Causes of wider intervals of modes that are to be used."""
         return tuple(
-            f"{mode.name}, {mode.frequency:.4g} Hz: {remark.text}"
+            f"{mode.name}, {mode.frequency.estimate:.4g} Hz: {remark.text}"
             for mode in self.modes
             for remark in mode.remarks
             if mode.trusted
@@ -201,7 +201,7 @@ class OperationalModes(Answer):
             "elapsed_s": self.elapsed,
             "rotor_speed_rad_s": 2.0 * np.pi * self.rotor_hz,
             "sensors": [None if s is None else s.model_dump(exclude_none=True) for s in self.sensors],
-            "modes": [mode.summary(self.channels, self.units) for mode in self.modes],
+            "modes": [mode.full_summary(self.channels, self.units) for mode in self.modes],
             "mac": self.mac().tolist(),
             "lines": [{"name": name, "frequency_hz": f} for name, f in self.lines],
             "trusted": self.trusted,
@@ -241,17 +241,13 @@ class OperationalModes(Answer):
         ``low``, ``high`` (±2σ), ``grade``, and ``in_file``, the value of the turbine file or NaN."""
         import pandas as pd
 
-        rows: list[tuple[Any, ...]] = []
-        for mode in self.modes:
-            known, values = mode.reference or (np.nan, np.nan), mode.mode
-            rows.append((mode.name, "frequency", "Hz", *values.frequency_hz, values.grades[0], known[0]))
-            rows.append((mode.name, "damping ratio", "1", *values.damping_ratio, values.grades[1], known[1]))
+        rows = [row for mode in self.modes for row in mode.dataframe_rows()]
         columns = ["name", "quantity", "unit", "estimate", "low", "high", "grade", "in_file"]
-        return pd.DataFrame(rows, columns=columns)
+        return pd.DataFrame(rows, columns=columns).astype({"in_file": float})
 
     @property
     def _numbered(self) -> bool:
-        """True if names of modes do not say what moves."""
+        """True if names of modes do not describe their motion."""
         return any(mode.name.startswith("mode ") for mode in self.modes)
 
     @property
@@ -267,9 +263,9 @@ class OperationalModes(Answer):
         for mode in self.modes:
             best = mode.candidates[:1]
             which = tuple(f"{one.name}, {odds_text(one.probability)}" for one in best)
-            known = (mode.mode.reference_cells()[0], *which) if best else ()
+            known = (mode.reference_cell(), *which) if best else ()
             largest = (self.channels[int(np.argmax(np.abs(mode.shape)))],) * self._numbered
-            rows.append((*mode.mode.cells(), *known, *largest))
+            rows.append((*mode.cells(), *known, *largest))
         return rows
 
     def __repr__(self) -> str:
@@ -295,7 +291,10 @@ class OperationalModes(Answer):
         rows = []
         for i, mode in enumerate(self.modes):
             alone = [part.modes[i] for part in self.parts]
-            cells = ("not seen" if one is None else f"{one.frequency:.4f}, {100 * one.damping:.2f}" for one in alone)
+            cells = (
+                "not seen" if one is None else f"{one.frequency.estimate:.4f}, {100 * one.damping_ratio.estimate:.2f}"
+                for one in alone
+            )
             rows.append((mode.name, *cells))
         headings = ("f [Hz], ζ [%]", *(part.record for part in self.parts))
         return Table(headings, rows, caption, tuple(range(len(headings))))

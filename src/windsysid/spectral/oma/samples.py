@@ -140,7 +140,7 @@ def _with_few_gaps(record: Record, columns: Sequence[int]) -> tuple[Record, list
     first, past = _longest_whole(np.isnan(record.values[:, columns]))
     if past - first < MIN_MODAL_SAMPLES:
         raise RecordError(
-            f"{record.name}: {100 * share:.0f} % of a channel is missing and no stretch is whole: choose other "
+            f"{record.name}: {100 * share:.0f} % of a channel is missing and no segment is complete: choose other "
             f"channels, or a section"
         )
     step = record.time[1] - record.time[0]

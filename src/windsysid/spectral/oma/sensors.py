@@ -72,7 +72,7 @@ class SensorList(tuple["ModalSensor", ...]):
 
 
 class ModalSensor(BaseModel):
-    """One channel whose vibration is analysed.
+    """Channel for operational modal analysis, with its position and direction for figures.
 
     Attributes
     ----------
@@ -84,6 +84,17 @@ class ModalSensor(BaseModel):
         Position [m], for figures; None if it is unknown.
     direction
         Direction [1]; of any length.
+
+    Examples
+    --------
+    >>> import windsysid as ws
+    >>> sensors = [
+    ...     ws.models.ModalSensor(channel=f"tower_{axis}_acceleration", position=(0.0, 0.0, 90.0), direction=direction)
+    ...     for axis, direction in (("x", (0.0, 1.0, 0.0)), ("z", (1.0, 0.0, 0.0)))
+    ... ]
+    >>> found = ws.oma(ws.simulate("tower", duration=600.0, rate=5.0, seed=1), sensors=sensors)
+    >>> found.channels, round(found.modes[0].frequency, 3)
+    (('tower_x_acceleration', 'tower_z_acceleration'), 0.315)
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -97,7 +108,7 @@ class ModalSensor(BaseModel):
     @classmethod
     def _points_somewhere(cls, value: tuple[float, float, float] | None) -> tuple[float, float, float] | None:
         if value is not None and not any(value):
-            raise ValueError("expected a direction that points somewhere")
+            raise ValueError("expected a direction other than zero")
         return value
 
 

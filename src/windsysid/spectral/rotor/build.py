@@ -1,5 +1,5 @@
-"""From a record's readings and a turbine to the lifted spectrum as a function of the unknowns: a rotor that turns, or
-what stands (`windsysid.spectral.rotor.build_parked`)."""
+"""From a record's readings and a turbine to the lifted spectrum as a function of the unknowns: a turning rotor, or a
+parked structure (`windsysid.spectral.rotor.build_parked`)."""
 
 import math
 from collections.abc import Sequence
@@ -29,7 +29,7 @@ BINS_PER_POOL = 1.4
 
 
 def turns_couple(question: RotorQuestion) -> bool:
-    """Whether the azimuth stands in the equations or the readings, and the rotor turns."""
+    """True if the azimuth is in the equations or the readings, and the rotor turns."""
     p, speed = question.centres, float(question.speed.mean())
     found = matrix_harmonics(question.compiled, p[None], np.zeros((1, question.size)), speed, question.inputs[0])
     others = np.arange(2 * HIGHEST + 1) != HIGHEST
@@ -46,7 +46,7 @@ def pose_lifted(question: RotorQuestion, loads: str, bands: Sequence[tuple[float
     Raises
     ------
     RecordError, ConfigurationError
-        If the record is too short, or the rotor turns too slowly beside its modes.
+        If the record is too short, or the rotor turns too slowly compared with its modes.
     """
     if turns_couple(question):
         return _pose_turning(question, loads)
@@ -63,7 +63,7 @@ def harmonics_of(question: RotorQuestion) -> int:
     Raises
     ------
     RecordError
-        If the rotor turns too slowly beside its modes, or the record is sampled too slowly.
+        If the rotor turns too slowly compared with its modes, or the record is sampled too slowly.
     """
     if not turns_couple(question):
         return 0

@@ -92,7 +92,7 @@ def _check_length(bins: int, least: int, duration: float) -> None:
 
 
 def _in_bands(frequency: Array, bands: Sequence[tuple[float, float]]) -> NDArray[np.bool_]:
-    """Which frequencies (B,) are in a band."""
+    """Mask of the frequencies (B,) in a band."""
     low, high = np.array(bands).T
     return np.asarray(((frequency[:, None] >= low) & (frequency[:, None] <= high)).any(axis=1))
 
@@ -114,7 +114,7 @@ def _grouped(bins: NDArray[Any], alike: int) -> NDArray[Any]:
 
 
 def _start(question: RotorQuestion, model: LiftedModel, peaks: Mapping[str, float]) -> Array:
-    """Where a search begins: with stiffnesses at which natural frequencies are those of the peaks."""
+    """Start of a search: stiffnesses at which natural frequencies are those of the peaks."""
     start = damped_start(question.turbine, question.parameters, *model.prior)
     for i, q in enumerate(question.parameters):
         if q.kind == "stiffness" and q.logarithmic and q.part in peaks:
@@ -170,7 +170,7 @@ def _bands(peaks: Sequence[float], lifted: Lifted) -> tuple[tuple[float, float],
 
 
 def _on_lines(lifted: Lifted, speed: Array) -> NDArray[np.bool_]:
-    """Which base frequencies are within reach of a harmonic of the rotor, which is as wide as the speed varies."""
+    """Mask of base frequencies close to a harmonic of the rotor, which is as wide as the speed varies."""
     if lifted.rotor_hz * lifted.duration < 1.0:
         return np.zeros(len(lifted.base), dtype=np.bool_)
     order = np.round(lifted.base / lifted.rotor_hz)

@@ -79,7 +79,7 @@ def parts_of(
 
 
 def unexplained(parts: Iterable[RangePower]) -> list[Finding]:
-    """Reasons where a channel is louder or quieter than the model expects, the worst first.
+    """Findings where the power of a channel is above or below that of the model, the worst first.
 
     The mean of N complex normal entries is χ² with 2N degrees of freedom.
     """

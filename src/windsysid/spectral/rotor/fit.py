@@ -20,7 +20,7 @@ WHOLE = ((1.0, 1),)
 
 
 class RotorFit(NamedTuple):
-    """What a record says of the unknowns.
+    """Log-likelihood of a record, its gradient and information.
 
     Attributes
     ----------
@@ -85,7 +85,7 @@ def fit(
 
 
 def admit(found: RotorFit, inexact: Inexact) -> RotorFit:
-    """The mode of the posterior with instruments and masses as unknowns beside, looked for from that without."""
+    """The mode of the posterior with instruments and masses as additional unknowns, searched from that without."""
     model = found.model._replace(inexact=inexact)
     start = model.unknowns.from_other(found.unknowns, found.model.unknowns)
     mode = find_nearby(_evaluator(model), start, model.prior)
@@ -93,7 +93,7 @@ def admit(found: RotorFit, inexact: Inexact) -> RotorFit:
 
 
 def _described(model: LiftedModel, mode: SpectralMode) -> RotorFit:
-    """What a mode says."""
+    """Evaluation at a mode."""
     mean, spread = model.prior
     off = (mode.unknowns - mean) / spread
     log_likelihood = -(mode.value - 0.5 * float(off @ off))

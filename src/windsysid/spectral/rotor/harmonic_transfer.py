@@ -105,7 +105,7 @@ def matrix_harmonics(
 
 
 def element_sizes(matrices: MatrixHarmonics) -> tuple[Array, Array]:
-    """What an element would be if it were as large as the largest of its matrix, or of its row of readings, in
+    """Size of an element relative to the largest of its matrix, or of its row of readings, in
     coordinates of unit mass: (3, V, 1, n, n) and (3, V, 1, m, n)."""
     mechanics, readings = np.abs(matrices.mechanics), np.abs(matrices.readings)
     unit = np.sqrt(np.einsum("vii->vi", mechanics[0, :, HIGHEST]))[None, :, None, None, :]
@@ -117,7 +117,7 @@ def element_sizes(matrices: MatrixHarmonics) -> tuple[Array, Array]:
 
 
 def without_rounding(matrices: Complex, least: Array) -> Complex:
-    """The matrices with elements smaller than `least` set to nothing: what is not there is not multiplied out."""
+    """The matrices with elements smaller than `least` set to zero, so that they are not multiplied."""
     return np.asarray(np.where(np.abs(matrices) < least, 0.0, matrices))
 
 

@@ -63,7 +63,7 @@ def places_of(placement: Complex) -> tuple[NDArray[np.int64], Complex]:
 
 
 class Room(NamedTuple):
-    """Where the matrices of one place are worked out; those of complex rows are (rows, columns).
+    """Workspace for the matrices of one place; those of complex rows are (rows, columns).
 
     Attributes
     ----------

@@ -118,7 +118,7 @@ def element_at(matrices: Any, h: int, i: int, j: int, omega: float) -> Any:
 
 @inlined
 def _nothing(matrices: Any, h: int, i: int, j: int) -> bool:
-    """Whether an element is zero at every frequency."""
+    """Test whether an element is zero at every frequency."""
     return bool(matrices[0, h, i, j] == 0.0 and matrices[1, h, i, j] == 0.0 and matrices[2, h, i, j] == 0.0)
 
 

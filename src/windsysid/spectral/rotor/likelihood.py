@@ -36,7 +36,7 @@ __all__ = [
 
 
 class SpectrumGrid(NamedTuple):
-    """Where B spectra are taken.
+    """Frequencies of B spectra.
 
     Attributes
     ----------
@@ -93,7 +93,7 @@ class Likelihood(NamedTuple):
 
 
 class Ingredients(NamedTuple):
-    """What spectra at B places are made of.
+    """Terms of spectra at B places.
 
     Attributes
     ----------
@@ -124,7 +124,7 @@ class Ingredients(NamedTuple):
 
     @property
     def is_on_time(self) -> bool:
-        """Whether no clock is late or may be."""
+        """True if no clock has a lag or a tolerance of it."""
         return not self.late.any() and (self.slopes is None or not len(self.slopes.late))
 
 
@@ -150,7 +150,7 @@ def spectrum_of_bins(of: Ingredients, *, whiten: bool) -> ModelSpectrum:
 
 
 class _Response(NamedTuple):
-    """How the entries answer the sources.
+    """Response of the entries to the sources.
 
     Attributes
     ----------
@@ -281,7 +281,7 @@ def whittle_of_many(of: Ingredients, data: Complex, counts: Array) -> Likelihood
 
 
 def _many_entries(of: Ingredients) -> list[NDArray[Any]]:
-    """What loops over spectra of many entries are given."""
+    """Arguments of loops over spectra of many entries."""
     place = of.place
     omega = 2.0 * np.pi * (place.base[:, None] + place.rotor_hz * place.orders)
     nothing = np.empty((0, 0, 0), dtype=np.complex128)

@@ -78,5 +78,5 @@ def _drift(load: LoadModel) -> Array:
 
 
 def _turned(load: LoadModel, step: float) -> float:
-    """How far the eigenvalues of Φ are from 1."""
+    """Distance of the eigenvalues of Φ from 1."""
     return float(np.abs(np.linalg.eigvals(load.discretise(step)[0]) - 1.0).max())

@@ -44,7 +44,7 @@ class Sources(Protocol):
 
     @property
     def statistics(self) -> tuple[Statistic, ...]:
-        """What is learned of it."""
+        """Its statistics."""
 
     @property
     def placement(self) -> Complex:
@@ -321,7 +321,7 @@ class BandLoads:
         return SourceSpectra(own.reshape(len(self.statistics), bins, -1), np.empty((len(self.statistics), bins, 0)))
 
     def _parts(self, every: int) -> tuple[NDArray[np.intp], Array]:
-        """Which band each frequency belongs to, and how far it is from its low to its high end, 0 … 1."""
+        """Index of each frequency's band, and its position from the low to the high end, 0 … 1."""
         frequency = self._frequency[every // 2 :: every]
         middles = [math.sqrt(a[1] * b[0]) for a, b in zip(self._bands[:-1], self._bands[1:], strict=True)]
         which = np.searchsorted(middles, frequency)

@@ -86,7 +86,7 @@ class Inexact(NamedTuple):
 
     @property
     def clocks(self) -> int:
-        """How many of them make readings late."""
+        """Number of clock lags."""
         return int(self.late.any(axis=1).sum())
 
 
@@ -95,7 +95,7 @@ EXACT = Inexact(np.empty((0, 0)), np.empty((0, 0)))
 
 
 class LiftedModel(NamedTuple):
-    """A record in the frequency domain, and what it is a function of.
+    """Record in the frequency domain, and the arguments of its likelihood.
 
     Attributes
     ----------
@@ -175,12 +175,12 @@ class LiftedModel(NamedTuple):
 
     @property
     def counts(self) -> Array:
-        """How many bins share each spectrum (B,)."""
+        """Number of bins that share each spectrum (B,)."""
         return np.full(len(self.data), float(self.data.shape[2])) if self.shared is None else self.shared
 
     @property
     def statistics(self) -> tuple[Statistic, ...]:
-        """What η stands for."""
+        """Statistics of η."""
         return (*self.sources.statistics, *self.noise)
 
     @property
@@ -236,7 +236,7 @@ class LiftedModel(NamedTuple):
         return _scaled(whole, float(counts.sum() / counts[bins].sum()) / self.overlap)
 
     def _from_kernels(self) -> NDArray[np.intp]:
-        """Where each unknown is among the derivatives of the kernels, which have the statistics last (n,)."""
+        """Index of each unknown in the derivatives of the kernels, which have the statistics last (n,)."""
         return np.argsort(self.unknowns.places(*MECHANICAL, "clocks", "statistics"))
 
     def spectrum(self, unknowns: Array, *, slopes: bool = False, matrices: Matrices | None = None) -> ModelSpectrum:
@@ -322,7 +322,7 @@ class LiftedModel(NamedTuple):
     def _ingredients(
         self, unknowns: Array, every: int, matrices: Matrices | None, *, slopes: bool
     ) -> Iterator[tuple[NDArray[np.intp], Ingredients]]:
-        """What spectra at every n-th place are made of, for a few of them at a time."""
+        """Terms of spectra at every n-th place, for a few of them at a time."""
         bins = np.arange(every // 2, len(self.place.base), every)
         still, moved = self.matrices(unknowns, slopes=slopes) if matrices is None else matrices
         late, later = self._late(unknowns)

@@ -1,4 +1,4 @@
-"""Spectra of broad loads and of a narrow-band one beside them (`windsysid.loads.narrow_band`)."""
+"""Spectra of broad loads and of a narrow-band one next to them (`windsysid.loads.narrow_band`)."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -39,7 +39,7 @@ class NarrowBandBeside:
         ]
 
     def spectra(self, values: Mapping[str, float], every: int = 1) -> SourceSpectra:
-        """Those of the broad loads, and the narrow one's beside them."""
+        """Those of the broad loads, and the narrow one's next to them."""
         own, cross = self._broad.spectra(values, every)
         own = own.copy()
         shape = self._shape(values, every)[0]

@@ -90,7 +90,7 @@ class RotorQuestion(NamedTuple):
 
     @property
     def at_centres(self) -> Turbine:
-        """The turbine with what is identified at the centres of the priors."""
+        """Turbine with the identified coefficients at the centres of the priors."""
         return self.turbine.with_values({q.name: q.centre for q in self.parameters})
 
     @property
@@ -102,7 +102,7 @@ class RotorQuestion(NamedTuple):
 
     @property
     def has_lag(self) -> bool:
-        """Whether the blades' mean lag angle matters: a rotor on a hub that moves."""
+        """True if the blades' mean lag angle matters: a rotor on a hub that moves."""
         rotor = self.turbine.model.rotor
         return rotor is not None and rotor.lag == "free" and rotor.x == "free"
 

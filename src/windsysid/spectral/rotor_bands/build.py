@@ -92,7 +92,7 @@ class PosedBands(NamedTuple):
 
 
 def belongs_in_bands(question: RotorQuestion) -> bool:
-    """Whether a rotor whose turns couple its motion is to be read in bands: three blades with the modes of a real
+    """Test whether a periodic rotor is to be read in bands: three blades with the modes of a real
     machine, lightly damped, many turns' harmonics apart or with sensors that read what the model has not."""
     turbine = question.turbine
     rotor_hz = abs(float(question.speed.mean())) / (2.0 * math.pi)
@@ -106,7 +106,7 @@ def belongs_in_bands(question: RotorQuestion) -> bool:
 
 
 def is_lightly_damped(turbine: Turbine) -> bool:
-    """Whether a mode is damped as little as those of a real machine."""
+    """Test whether a mode is damped as little as those of a real machine."""
     return any(
         turbine.damping(name) < MAX_LIGHT_DAMPING * turbine.critical_damping(name) for name in turbine.model.coordinates
     )
@@ -124,7 +124,7 @@ def highest_in_bands(question: RotorQuestion) -> float:
 
 
 def search_bands(question: RotorQuestion) -> PosedBands | None:
-    """The problem in bands around the modes, which are looked for; None where they cannot be told apart.
+    """The problem in bands around the modes, which are looked for; None where they cannot be separated.
 
     Raises
     ------
@@ -178,7 +178,7 @@ def pose_bands(
 
 
 def centre_bands(question: RotorQuestion, posed: PosedBands, unknowns: Array) -> PosedBands:
-    """The same with the bands around the modes of the unknowns (n,), so that they do not depend on how a peak was
+    """Problem with the bands around the modes of the unknowns (n,), so that they do not depend on how a peak was
     found; it starts there."""
     p = question.centres
     theta = unknowns[posed.model.unknowns.of("parameters")].tolist()
@@ -370,7 +370,7 @@ class _Builder:
     def _entries(
         self, spectra: TurnedSpectra, rows: Sequence[Row], bins: NDArray[np.intp], left_out: NDArray[np.bool_]
     ) -> Complex:
-        """What the rows read at the bins (B, e, g), 0 where it is left out."""
+        """Readings of the rows at the bins (B, e, g), 0 where it is left out."""
         read = [spectra.combined(self.weights[row.combination], row.order)[bins] for row in rows]
         return np.where(left_out[:, :, None], 0.0, np.stack(read, axis=1))
 
@@ -404,7 +404,7 @@ class _Builder:
     def _disturbances(
         self, name: str, rows: Sequence[Row], powers: Sequence[float], fine: Array
     ) -> tuple[tuple[Statistic, ...], Array]:
-        """What every row reads besides, a level at either end: statistics, and the density of each as given
+        """Levels of every row, one at either end: statistics, and the density of each as given
         (n, F, e)."""
         statistics, given = [], []
         for i, row in enumerate(rows):

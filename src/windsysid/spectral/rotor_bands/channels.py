@@ -11,8 +11,8 @@ support's readings at k = 0. Nothing depends on how steady the speed is but the 
 
 Readings of N equal sensors, one on each blade, go into N classes, y_p = N^{−1/2} Σ_b e^{−2πi p (b − 1)/N} y_b. A class
 is a signed direction in multi-blade coordinates: what whirls backward at F is p = 1 at F + Ω, what whirls forward
-p = −1 at F − Ω, what moves together p = 0 at F. Flap that whirls forward is told from edgewise motion that whirls
-backward at the same F. Where one blade has no sensor, its fellows are read as they are.
+p = −1 at F − Ω, what moves together p = 0 at F. Forward flap is distinguished from backward edgewise
+motion at the same F. If one blade has no sensor, the others are read as they are.
 """
 
 import math
@@ -48,7 +48,7 @@ class Combined(NamedTuple):
     shape
         p of the class; None for a reading as it is.
     blade
-        Number of the blade that is read as it is; 0 elsewhere.
+        Number of the blade that is read as it is; otherwise 0.
     """
 
     label: str
@@ -58,7 +58,7 @@ class Combined(NamedTuple):
 
     @property
     def turns(self) -> bool:
-        """Whether it is read on blades."""
+        """True if it is read on blades."""
         return self.shape is not None or self.blade > 0
 
 
@@ -97,7 +97,9 @@ def combine(sensors: Sequence[Sensor], blades: int) -> list[Combined]:
                 weights = np.zeros(len(sensors), dtype=np.complex128)
                 for blade, column in columns.items():
                     weights[column] = np.exp(-2j * math.pi * p * (blade - 1) / blades) / math.sqrt(blades)
-                found.append(Combined(f"{sensors[columns[1]].channel} and its fellows, {way}", weights, p, 0))
+                found.append(
+                    Combined(f"{sensors[columns[1]].channel} and those of the other blades, {way}", weights, p, 0)
+                )
         else:
             found += [Combined(sensors[i].channel, identity[i], None, blade) for blade, i in columns.items()]
     return found
@@ -112,6 +114,6 @@ def bins_between(spectra: TurnedSpectra, low: float, high: float) -> NDArray[np.
 
 
 def _mounting(sensor: Sensor) -> tuple[tuple[str, object], ...]:
-    """What sensors share that read the same on different blades."""
+    """Common part of sensors with the same reading on different blades."""
     fields = sensor.model_dump(exclude={"channel", "point", "noise", "bias", "drift"})
     return tuple(sorted((name, repr(value)) for name, value in fields.items()))

@@ -37,7 +37,7 @@ PARTS = (3, 8)
 
 NARROW_SHARE, KNOWN_SHARE = 0.65, 0.1
 """Setting: width of the narrower bands over that of the bands, and remaining share of a covariance if they contain as
-much, since levels at the ends of a band are estimated anew. A step of less than a standard deviation is no reason."""
+much, since levels at the ends of a band are estimated anew. A step of less than a standard deviation is no finding."""
 
 
 def doubts_of_bands(question: RotorQuestion, posed: PosedBands, fit: RotorBandFit) -> list[Finding]:
@@ -78,7 +78,7 @@ def _halves(question: RotorQuestion, posed: PosedBands) -> list[PosedBands]:
 def _disagreements(
     question: RotorQuestion, posed: PosedBands, found: SpectralMode, halves: Sequence[PosedBands], narrow: PosedBands
 ) -> list[Finding]:
-    """Whether the halves and the narrower bands say another stiffness than the record."""
+    """Test whether the halves and the narrower bands give another stiffness than the record."""
     which = [i for i, q in enumerate(question.parameters) if q.logarithmic]
     names = [question.parameters[i].name for i in which]
     first, second, again = (_again(posed, found, other) for other in (*halves, narrow))
@@ -98,7 +98,7 @@ def _disagreements(
 
 
 def _short(posed: PosedBands) -> list[Finding]:
-    """Whether resonances are narrower in the record than those whose bands were proven."""
+    """Test whether resonances are narrower in the record than those whose bands were validated."""
     spectra, doubts = posed.spectra, list[Finding]()
     for of_blades, least in ((True, MIN_BLADES_FREEDOM), (False, MIN_SUPPORT_FREEDOM)):
         widths = [p.ratio * p.frequency for p in posed.places if (p.shape is not None) == of_blades]
@@ -153,7 +153,7 @@ def _power(band: LiftedModel) -> Array:
 
 
 def _energies(whole: PosedBands, piece: PosedBands, unknowns: Array) -> list[RangePower]:
-    """The same of a part of the record, what is expected being the whole's, row by row."""
+    """Statistics of a part of the record, with the expectation of the whole, row by row."""
     found = []
     for (of, _, _), (band, _, rows), place in zip(
         whole.model.bands, piece.model.bands, whole.model.places(), strict=True

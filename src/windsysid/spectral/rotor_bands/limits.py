@@ -5,7 +5,7 @@ MIN_BAND_BINS = 6
 
 MAX_LIGHT_DAMPING = 0.01
 """Size: damping ratio below which a rotor is analysed in bands: resonances are so narrow compared with the prior that a
-search that does not start at their peaks converges elsewhere."""
+search that does not start at their peaks converges to another point."""
 
 DISAGREEMENT_PROBABILITY = 1e-3
 """Probability: of a larger difference between two estimates by chance."""

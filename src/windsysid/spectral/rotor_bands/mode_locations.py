@@ -167,12 +167,12 @@ def _search(
 
 
 def _stands(name: str) -> bool:
-    """Whether a mode is the support's and read there: not its roll, which stands for all that is faster."""
+    """Test whether a mode is the support's and read there: not its roll, which stands for all that is faster."""
     return name.startswith("tower") and name != "tower roll"
 
 
 def _base(name: str, frequency: float, rotor_hz: float) -> float:
-    """Where a mode of that frequency in the fixed frame is read."""
+    """Frequency at which a mode of that frequency in the fixed frame is read."""
     return frequency + WHIRLS.get(name, 0) * rotor_hz
 
 
@@ -245,7 +245,7 @@ def _trace(
 
 
 def _doubts(group: _Group, found: Mapping[str, float], gain: float, rivals: Sequence[float]) -> list[Finding]:
-    """What speaks against the peaks of a group."""
+    """Findings against the peaks of a group."""
     data = {"modes": group.modes, "frequencies": [found[name] for name in group.modes]}
     if gain < MIN_PEAK_LOG_ODDS:
         return [Finding("faint_peak", "reason", data)]

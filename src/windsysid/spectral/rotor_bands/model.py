@@ -64,7 +64,7 @@ class BandModel(NamedTuple):
 
     @property
     def statistics(self) -> tuple[Statistic, ...]:
-        """What η stands for."""
+        """Statistics of η."""
         return tuple(s for band in self.bands for s in band.model.statistics)
 
     @property
@@ -115,8 +115,8 @@ class BandModel(NamedTuple):
         return found
 
     def admit(self, at: Array, inexact: Inexact) -> "RotorBandFit":
-        """The mode of the posterior with instruments and masses as unknowns beside, looked for from that without
-        (n,)."""
+        """The mode of the posterior with instruments and masses as additional unknowns besides, looked for from that
+        without (n,)."""
         wide = BandModel(tuple(b._replace(model=b.model._replace(inexact=inexact)) for b in self.bands))
         start = wide.unknowns.from_other(at, self.unknowns)
         return RotorBandFit(wide, find_nearby(wide.likelihood, start, wide.prior))
@@ -129,8 +129,8 @@ class BandModel(NamedTuple):
         """The mode of the posterior, looked for from `start` (n,).
 
         What the taper's window adds to the spectra of wide modes, and how alike gusts make neighbouring bins, is taken
-        at the mode without them, and the mode found anew. A `rough` search ends with a step that is short beside the
-        bands: for comparing results.
+        at the mode without them, and the mode found anew. A `rough` search ends with a step that is short compared with
+        the bands: for comparing results.
         """
         mode = find_in_stages(self.likelihood, start, self.prior, WHOLE, tolerance=COMPARISON_TOLERANCE)
         bands = []
@@ -147,7 +147,7 @@ class BandModel(NamedTuple):
         )
 
     def _with_gusts(self, unknowns: Array) -> "BandModel":
-        """The same with c_h as the record has it: that of the taper, or more. Bands have few bins, so all have one."""
+        """Problem with c_h from the record: that of the taper, or more. Bands have few bins, so all have one."""
         models = [band.model for band in self.bands]
         told = [
             m.shared_by_neighbours(m.spectrum(unknowns[at]).spectrum)

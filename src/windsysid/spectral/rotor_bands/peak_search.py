@@ -45,7 +45,7 @@ AMPLITUDE_STEPS = 12
 
 
 class Trace(NamedTuple):
-    """How much a resonance explains, L [nats] at base frequencies (F,) [Hz]."""
+    """Gain of a resonance, L [nats] at base frequencies (F,) [Hz]."""
 
     frequency: Array
     gain: Array
@@ -99,7 +99,7 @@ def trace(spectra: TurnedSpectra, rows: Sequence[Complex], humps: int, blades: i
 
 
 def best_of(score: Array, at: Array, log_frequency: Array) -> tuple[float, list[float]]:
-    """Where the score (S,) is greatest, and where its rivals are: other summits nearly as high, elsewhere in
+    """Maximum of the score (S,), and its rivals: other maxima nearly as high, at other places in
     frequency (S,)."""
     best = int(np.argmax(score))
     summits = [
@@ -127,7 +127,7 @@ def _median(f: Array, power: Array, spectra: TurnedSpectra) -> Array:
 
 
 def _humps(f: Array, ratio: Array, spectra: TurnedSpectra, humps: int, blades: int) -> Array:
-    """1 + Σ a_n g_n (F,): what humps of the wind explain."""
+    """1 + Σ a_n g_n (F,): the part that rotationally sampled peaks explain."""
     width = max(SAMPLED_PEAK_HZ, MIN_SAMPLED_PEAK_BINS / spectra.duration)
     first, last = math.floor(f[0] / spectra.rotor_hz), math.ceil(f[-1] / spectra.rotor_hz)
     orders = [n for n in range(first, last + 1) if (n - humps) % blades == 0]

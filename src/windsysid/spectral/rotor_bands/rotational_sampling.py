@@ -10,7 +10,7 @@ f^(−5/3) far away, and flatter near the harmonic the higher n is, since only s
 rotor. T_c and a follow from a wind of a fifth of the tip's speed.
 
 In a band S(f) = a + b g_n(f) + c g_{n+N}(f), with the humps below and above: three levels, all positive, all learned.
-A power law would take the flank of a hump for that of a mode. Where no hump is meant, S is a level at either end and a
+A power law would take the skirt of a peak for that of a mode. Where no peak is meant, S is a level at either end and a
 straight line between.
 
 A force on a blade pushes what carries it, too: the moment F_i about the link is a force F_i / lever along the tangent,
@@ -38,7 +38,7 @@ TIP_SPEED_RATIO = 5.0
 
 
 class Wind(NamedTuple):
-    """What flanks of humps depend on.
+    """Parameters of the skirts of rotationally sampled peaks.
 
     Attributes
     ----------
@@ -150,7 +150,7 @@ def line_terms(frequency: Array, low: float, high: float) -> Array:
 def blade_class(
     freedoms: Sequence[Coordinate], shape: int, blades: int, lever: float, hinge_offset: float, kappa: float
 ) -> Complex:
-    """Where unit moments about the links of class p at k = 0 push, with the forces that come with them (5 n,)."""
+    """Loads of unit moments about the links of class p at k = 0, with the forces that come with them (5 n,)."""
     placement = np.zeros((len(ABOUT_BLADES), len(freedoms)), dtype=np.complex128)
     middle = len(ABOUT_BLADES) // 2
     turn = np.exp(2j * math.pi * np.arange(blades) / blades)
@@ -172,7 +172,7 @@ def blade_class(
 
 
 def one_force(freedoms: Sequence[Coordinate], name: str, orders: NDArray[np.intp], order: int) -> Complex:
-    """Where a unit load on one degree of freedom pushes at one of the harmonics (k n,)."""
+    """Load of a unit load on one degree of freedom at one of the harmonics (k n,)."""
     placement = np.zeros((len(orders), len(freedoms)), dtype=np.complex128)
     placement[orders.tolist().index(order), [freedom.name for freedom in freedoms].index(name)] = 1.0
     return placement.ravel()

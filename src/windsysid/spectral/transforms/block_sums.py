@@ -30,7 +30,7 @@ class BlockTransform(Protocol):
 
     @property
     def independent(self) -> Array:
-        """How many independent values each mean square has, but for `overlap`."""
+        """Degrees of freedom of each mean square, but for `overlap`."""
 
     @property
     def overlap(self) -> float:
@@ -104,7 +104,7 @@ class BlockSums(NamedTuple, Generic[Block]):
 
     @property
     def blocks(self) -> float:
-        """How many, as far as they are not forgotten."""
+        """Number of blocks, weighted by the memory."""
         return sum(self.counts)
 
     @property
@@ -181,5 +181,5 @@ def _products(block: BlockTransform) -> Complex:
 
 
 def _paired(values: list[Summand]) -> list[Summand]:
-    """Sums of two neighbours each; what is over stays."""
+    """Sums of two neighbours each; an odd last one stays."""
     return [a + b for a, b in zip(values[::2], values[1::2], strict=False)] + values[len(values) // 2 * 2 :]

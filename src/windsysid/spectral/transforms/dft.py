@@ -1,4 +1,4 @@
-"""Tapered Fourier transforms of readings, and what a taper does to a spectrum.
+"""Tapered Fourier transforms of readings, and the effect of a taper on a spectrum.
 
 A stationary record y (T, n) of rate 1/Δ has at the frequencies k/(TΔ) the transform
 
@@ -62,7 +62,7 @@ class Band(NamedTuple):
     factor: float
 
     def expected(self, values: Complex) -> Complex:
-        """What is at `fine` (F, …) as its expectation in the rows (K, …)."""
+        """Expectation in the rows (K, …) of a term at `fine` (F, …)."""
         near = values[self.first[:, None] + np.arange(self.window.shape[1])]
         return np.asarray(np.einsum("kw,kw...->k...", self.window, near))
 

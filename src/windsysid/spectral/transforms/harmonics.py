@@ -29,7 +29,7 @@ MAX_REFINED = 5
 
 
 def without_harmonics(values: Array, azimuth: Array) -> Array:
-    """Values (T, n) without their mean and what follows cos kψ, sin kψ of the azimuth ψ (T,) [rad]."""
+    """Values (T, n) without their mean and components cos kψ, sin kψ of the azimuth ψ (T,) [rad]."""
     samples = len(values)
     step = np.max(np.abs(np.diff(np.unwrap(azimuth))))
     orders = int(min(MAX_HARMONIC, 0.8 * np.pi / max(step, 1e-6), samples // 20))

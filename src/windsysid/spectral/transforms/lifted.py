@@ -1,4 +1,4 @@
-"""The lifted spectrum of a record: what belongs together at f, f ± Ω, f ± 2Ω … as one vector.
+"""Lifted spectrum of a record: the components at f, f ± Ω, f ± 2Ω … as one vector.
 
 A linear rotor that turns steadily has coefficients of period 2π in azimuth. A motion at the frequency f therefore comes
 with motions at f + kΩ, k = ±1, ±2 …, and with no others. The vector of the readings' Fourier coefficients at those

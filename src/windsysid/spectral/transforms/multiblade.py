@@ -19,14 +19,14 @@ _BLADE = re.compile(r"blade_(\d+)_(.+)")
 
 
 class BladeSet(NamedTuple):
-    """Channels that read the same on every blade: what, and their columns, blade 1 first."""
+    """Channels with the same reading on every blade: their quantity, and their columns, blade 1 first."""
 
     what: str
     columns: tuple[int, ...]
 
 
 def is_blade(name: str) -> bool:
-    """Whether the name of a channel has the number of its blade, which `blade_sets` requires."""
+    """Test whether the name of a channel has the number of its blade, which `blade_sets` requires."""
     return _BLADE.fullmatch(name) is not None
 
 

@@ -94,7 +94,7 @@ class TurnedBlock(NamedTuple):
 
     @property
     def independent(self) -> Array:
-        """As how many bins each reading counts (m,), (Σ P)² / Σ P²."""
+        """Effective number of bins of each reading (m,), (Σ P)² / Σ P²."""
         power = np.abs(self.data[0]) ** 2
         return np.asarray(power.sum(axis=0) ** 2 / np.maximum(np.sum(power**2, axis=0), 1e-300))
 

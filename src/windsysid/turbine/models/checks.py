@@ -14,7 +14,7 @@ __all__ = ["check_gyration", "gyration_problem"]
 
 
 def gyration_problem(stiffness_per_mass: Array, length: float) -> str:
-    """Say what is wrong with EI over mass per length (n,) [N·m³/kg] of a beam; '' if nothing is.
+    """Report an error of EI over mass per length (n,) [N·m³/kg] of a beam; '' if there is none.
 
     The median section is judged by its radius of gyration, as its material has about steel's speed of sound.
     """

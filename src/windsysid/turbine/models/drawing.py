@@ -1,4 +1,4 @@
-"""Machines from a table of a drawing: what stands on top in the first lines, then the tower from its foot upwards.
+"""Machines from a table of a drawing: parts on top in the first lines, then the tower from its foot upwards.
 
     top_mass = 350 t
     top_height = 1.9 m

@@ -74,7 +74,7 @@ class InputFile:
         raise ConfigurationError(f"{self.path}:{line}: {message}")
 
     def has(self, name: str) -> bool:
-        """Whether there is a value of that name."""
+        """Test whether there is a value of that name."""
         return name.lower() in self._entries
 
     def text(self, name: str) -> str:

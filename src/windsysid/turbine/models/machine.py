@@ -11,7 +11,7 @@ __all__ = ["DIRECTIONS", "Blade", "Machine", "PointMass", "Support", "Top"]
 
 
 class PointMass(NamedTuple):
-    """Height [m], mass [kg] and inertia about a horizontal axis [kg·m²] of what sits on the support."""
+    """Height [m], mass [kg] and inertia about a horizontal axis [kg·m²] of the parts on the support."""
 
     z: float
     mass: float
@@ -19,7 +19,7 @@ class PointMass(NamedTuple):
 
 
 class Support(NamedTuple):
-    """Tower and what it stands on, as one beam. Directions are side-side and fore-aft.
+    """Tower and its foundation, as one beam. Directions are side-side and fore-aft.
 
     Attributes
     ----------
@@ -88,7 +88,7 @@ class Blade(NamedTuple):
 
 
 class Top(NamedTuple):
-    """What stands on the tower, without blades.
+    """Parts on the tower, without blades.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Modes of a machine: its support as a beam, what stands on top, and blades in multi-blade coordinates."""
+"""Modes of a machine: its support as a beam, the parts on top, and blades in multi-blade coordinates."""
 
 import math
 from typing import NamedTuple
@@ -37,7 +37,7 @@ class MachineMode(NamedTuple):
 
 
 class MachineModes(NamedTuple):
-    """Modes of a machine with its rotor turning, by what moves; None where there are no blades."""
+    """Modes of a machine with its rotor turning, by the moving part; None without blades."""
 
     side_side: MachineMode
     fore_aft: MachineMode
@@ -138,7 +138,7 @@ def machine_modes(machine: Machine, rotor_speed: float) -> MachineModes:
 
 
 def _top(machine: Machine, rotor_speed: float) -> LinearEquations:
-    """Equations of what stands on the tower; without blades where the rotor is a mass."""
+    """Equations of the parts on the tower; without blades if the rotor is a mass."""
     own = mass_equations(machine.top, machine.gravity)
     if machine.blade is None:
         return own
@@ -251,7 +251,7 @@ def _energies(machine: Machine, frames: list[_SupportPlane], shape: Complex) -> 
 
 
 def _sorted(machine: Machine, modes: list[MachineMode]) -> MachineModes:
-    """Modes by what moves: the tower's near those with a rigid rotor; edgewise ones by the energy of their part."""
+    """Modes by the moving part: those of the tower near those with a rigid rotor; edgewise ones by energy."""
     side_side = _tower_mode(machine, modes, 0)
     fore_aft = _tower_mode(machine, [mode for mode in modes if mode is not side_side], 1)
     if machine.blade is None:

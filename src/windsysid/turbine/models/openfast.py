@@ -75,7 +75,7 @@ def _check_version(dyn: InputFile) -> None:
 
 
 def _below(main: InputFile, dyn: InputFile) -> Substructure:
-    """What the tower stands on; a platform that floats is refused."""
+    """Foundation of the tower; a platform that floats is refused."""
     for name, most in (("CompSub", 1), ("CompSoil", 0)):
         if main.has(name) and main.count(name) > most:
             expected = " or ".join("01"[: most + 1])
@@ -131,7 +131,7 @@ def _polynomial(file: InputFile, stem: str) -> Array:
 
 
 def _top(dyn: InputFile) -> Top:
-    """What stands on the tower, without blades."""
+    """Parts on the tower, without blades."""
     tilt = math.radians(dyn.number("ShftTilt"))
     shaft = np.array([math.cos(tilt), 0.0, math.sin(tilt)])
     apex = np.array([0.0, 0.0, dyn.number("Twr2Shft")]) + dyn.number("OverHang") * shaft

@@ -19,7 +19,7 @@ KINDS = ("tower", "rotor")
 
 
 def is_model(path: str | Path) -> bool:
-    """Whether a path has the ending of a model."""
+    """Test whether a path has the ending of a model."""
     return Path(path).suffix.lower() in ENDINGS
 
 

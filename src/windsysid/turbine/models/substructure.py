@@ -1,4 +1,4 @@
-"""What a tower stands on: SubDyn's members in one vertical line, soil springs, and the water that moves along."""
+"""Foundation of a tower: SubDyn's members in one vertical line, soil springs, and the water that moves along."""
 
 import math
 from typing import NamedTuple
@@ -74,7 +74,7 @@ def read_substructure(main: InputFile, foot: float) -> Substructure:
 
 
 def _repeats(z: Array) -> Array:
-    """How many earlier stations (n,) have the same height."""
+    """Number of earlier stations (n,) at the same height."""
     return np.array([float(np.sum(z[:i] == height)) for i, height in enumerate(z)])
 
 

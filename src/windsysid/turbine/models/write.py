@@ -27,7 +27,7 @@ def turbine_text(machine: Machine, kind: str) -> str:
     Raises
     ------
     ConfigurationError
-        If the machine has no such modes, or a rotor was asked for and the model has no blades.
+        If the machine has no such modes, or a rotor was requested and the model has no blades.
     """
     write: dict[str, Callable[[Machine], str]] = {"tower": _tower_text, "rotor": _rotor_text}
     return write[kind](machine)

@@ -1,1 +1,1 @@
-"""What a fit implies: modes, residuals, its linearisation, influence of what is left out."""
+"""Properties of a fit: modes, residuals, linearisation, influence of single frequencies."""

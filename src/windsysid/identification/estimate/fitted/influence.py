@@ -1,8 +1,8 @@
-"""Whether a result is what it is by one line.
+"""Influence of one frequency on a result.
 
-A machine's line beside a mode may become the mode's peak, and the mode its flank: it stands out less then, or by no
+A machine's line near a mode may become the mode's peak, and the mode its skirt: it stands out less then, or by no
 more than chance may. So the frequency that stands out most of the support's readings is taken out where it might be a
-line, and spectra are asked again. A coefficient of a structure under random loads depends little on one frequency, and
+line, and spectra are fitted again. A coefficient of a structure under random loads depends little on one frequency, and
 that of a line's mode altogether; that of a mode of a few frequencies' width depends on each, and is not asked.
 """
 
@@ -47,7 +47,7 @@ class Dependence(NamedTuple):
 
 
 def doubt_line(job: Job, fit: FittedJob) -> Dependence | None:
-    """Whether a coefficient of a fit depends on one frequency; None where spectra do not apply, and for bands around
+    """Test whether a coefficient of a fit depends on one frequency; None if spectra do not apply, and for bands around
     the modes of a real rotor, which have other tests."""
     line = _suspect(fit.outcome, fit.read)
     if line is None or line.ratio < MIN_LINE_POWER:
@@ -96,7 +96,7 @@ class _Influence(NamedTuple):
 
 
 def _influence(job: Job, fit: FittedJob, frequency: float, beside: int = 0) -> _Influence | None:
-    """Influence of a frequency [Hz] and of so many of the periodogram to either side; None if spectra do not apply."""
+    """Influence of a frequency [Hz] and its neighbours in the periodogram; None if spectra do not apply."""
     outcome = fit.outcome
     spectral = (RotorWind.name, NarrowBand.name)  # others are for filters only
     loads = outcome.hypothesis if outcome.hypothesis in spectral else "broadband"
@@ -143,8 +143,8 @@ def _channels_of_supports(outcome: Outcome, record: Record, turbines: Sequence[T
 
 
 def _without(record: Record, channels: Sequence[str], frequency: float, beside: int = 0) -> Record:
-    """The record without a sine in these channels, or with as much at so many frequencies to either side as their
-    surroundings have."""
+    """Record without a sinusoid in these channels, or with the power of its surroundings at the frequencies to either
+    side."""
     values = np.column_stack([record[channel] for channel in channels])
     known = np.nan_to_num(values - np.nanmean(values, axis=0))
     if not beside:

@@ -36,7 +36,7 @@ class RegressorColumn(NamedTuple):
 
 
 class RegressorSums(NamedTuple):
-    """What innovations say of c columns.
+    """Information of innovations on c columns.
 
     Attributes
     ----------
@@ -92,11 +92,11 @@ class Linearisation:
 
     @property
     def held(self) -> "Linearisation":
-        """The same with all unknowns held: its sums cost a fraction."""
+        """Sums with all unknowns fixed, at a fraction of the cost."""
         return replace(self, cov=np.zeros((0, 0)))
 
     def sums(self, columns: Sequence[RegressorColumn]) -> RegressorSums:
-        """Add up what the innovations say of columns."""
+        """Add up the information of the innovations on columns."""
         n, m, c = len(self.cov), self.readings.shape[1], len(columns)
         widths = INCREMENT * np.sqrt(np.diag(self.cov))
         beside = bank_of([self.problem.build(one) for one in neighbours(self.unknowns, widths)])

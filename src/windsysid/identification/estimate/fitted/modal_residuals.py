@@ -1,5 +1,5 @@
-"""What a record has beside the modes that were found, and speaks against them: lines, blades that pass; and channels in
-which nothing vibrates."""
+"""Residuals near the modes: tonal components, blade passing; and dead
+channels."""
 
 import math
 from collections.abc import Sequence
@@ -27,7 +27,7 @@ __all__ = ["channel_of", "channels_of", "doubts_beside_modes", "line_of", "mode_
 def doubts_beside_modes(
     outcome: Outcome, record: Record, modes: Sequence[Mode], speed: float, *, filtered: bool
 ) -> tuple[Finding, ...]:
-    """What speaks against the modes of a turbine whose rotor has a mean speed [rad/s]; of filters, more is asked."""
+    """Findings against the modes of a turbine with a mean rotor speed [rad/s]; more of them for filters."""
     return (
         *_still(outcome, record, speed, outcome.final.innovation if filtered else None),
         *(_passed(outcome, record, modes) if filtered else ()),
@@ -35,7 +35,7 @@ def doubts_beside_modes(
 
 
 def line_of(outcome: Outcome, record: Record) -> Line | None:
-    """What stands out most of the readings beside a mode, but for a narrow-band load that was found; modes are not
+    """Strongest line near a mode, except for a narrow-band load that was found; modes are not
     narrower than the file's: a line that was taken for one is."""
     at = modes_of(outcome)
     if not (at.modes and record.is_uniform):
@@ -50,7 +50,7 @@ def line_of(outcome: Outcome, record: Record) -> Line | None:
 
 
 def ranges_of_narrow_band(outcome: Outcome, record: Record, rotor_hz: float) -> list[tuple[float, float]]:
-    """Where a narrow-band load that was found stands out [Hz], as what turns and what does not reads it; none where it
+    """Frequency of a narrow-band load that was found [Hz], in the fixed and in the rotating frame; none if it
     is as narrow as a line."""
     known = {one.name: one.estimate for one in outcome.statistics}
     if FREQUENCY not in known:
@@ -64,16 +64,16 @@ def ranges_of_narrow_band(outcome: Outcome, record: Record, rotor_hz: float) -> 
 
 def _no_narrower(file: Turbine, modes: Sequence[Mode]) -> list[tuple[float, float]]:
     """Frequency [Hz] and damping ratio of modes, none narrower than the file's."""
-    return [(m.frequency_hz[0], max(m.damping_ratio[0], _usual_damping(file, m))) for m in modes]
+    return [(m.frequency.estimate, max(m.damping_ratio.estimate, _usual_damping(file, m))) for m in modes]
 
 
 def _usual_damping(file: Turbine, mode: Mode) -> float:
     """The file's damping ratio of a mode or, where it has none of that name, of the degree of freedom that vibrates
     most nearly as fast: a line may turn two modes of a tower into two that whirl."""
-    if mode.reference is not None:
-        return mode.reference[1]
+    if mode.damping_ratio.reference is not None:
+        return mode.damping_ratio.reference
     ratios = {
-        abs(math.log(file.natural_frequency(name) / (2.0 * math.pi * mode.frequency_hz[0]))): file.damping(name)
+        abs(math.log(file.natural_frequency(name) / (2.0 * math.pi * mode.frequency.estimate))): file.damping(name)
         / file.critical_damping(name)
         for name in file.model.coordinates
         if file.natural_frequency(name) > 0.0
@@ -82,7 +82,7 @@ def _usual_damping(file: Turbine, mode: Mode) -> float:
 
 
 def _still(outcome: Outcome, record: Record, speed: float, innovations: Array | None) -> tuple[Finding, ...]:
-    """Which channels hear no vibration, as a doubt; the file's frequencies tell where to listen: the fit's may be
+    """Finding on dead channels; the file's frequencies are used: the fit's may be
     anywhere then."""
     if not record.is_uniform:
         return ()
@@ -122,8 +122,8 @@ def mode_of(turbine: Turbine, name: str) -> tuple[float, float]:
 
 
 def channel_of(outcome: Outcome, record: Record, name: str) -> str | None:
-    """The channel without gaps of what does not turn in which a degree of freedom shows most, of those that read hardly
-    anything else near its frequency; None where there is none."""
+    """Channel in the fixed frame without gaps that shows a degree of freedom best, of those with hardly anything else
+    near its frequency; None if there is none."""
     file = outcome.turbine
     hz = {other: file.natural_frequency(other) for other in file.model.coordinates}  # free ones have none
     low, high = hz[name] / MAX_NEIGHBOUR_FACTOR, hz[name] * MAX_NEIGHBOUR_FACTOR
@@ -153,7 +153,7 @@ def channels_of(outcome: Outcome) -> dict[str, set[str]] | None:
 
 
 def _seen(outcome: Outcome, turn: float) -> Array:
-    """What readings say of each degree of freedom's displacement (m, n), the rotor turned by an angle [rad]."""
+    """Weights of each degree of freedom's displacement in the readings (m, n), at an azimuth [rad]."""
     file, compiled = outcome.turbine, outcome.model.compiled
     p, (n, m) = np.array([file.values[name] for name in compiled.parameters]), (len(compiled.states), compiled.readings)
     seen, loads, inputs = np.zeros((m, n)), len(compiled.loads), outcome.rotor.mean(axis=0)[: len(compiled.inputs)]

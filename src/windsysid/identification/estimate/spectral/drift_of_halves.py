@@ -1,4 +1,4 @@
-"""Drifts of clocks from both halves of a record: the second is later than the first by half of what drifts."""
+"""Drifts of clocks from both halves of a record: the lags of the halves differ by half of the drift."""
 
 import math
 from collections.abc import Sequence

@@ -28,7 +28,6 @@ from windsysid.identification.estimate.spectral.narrow_band import (
 from windsysid.identification.estimate.spectral.rotor_bands import SpectralEstimate, read_in_bands
 from windsysid.identification.limits import (
     MAX_RIVAL_LOG_ODDS,
-    MAX_SPEED_VARIATION,
     MAX_SPEED_VARIATION_IN_BANDS,
     NEGLIGIBLE_SPEED_VARIATION,
     NEGLIGIBLE_SPEED_VARIATION_IN_BANDS,
@@ -44,6 +43,7 @@ from windsysid.identification.model.tolerances import (
 )
 from windsysid.identification.model.turbine_problem import seen_by
 from windsysid.identification.verdict.spectral_findings import doubts_of_spectra, drifts_of, halves_of, passed_by
+from windsysid.inspection.limits import MAX_CONSTANT_SPEED_VARIATION
 from windsysid.loads.family import hypothesis
 from windsysid.loads.hypothesis import HYPOTHESES
 from windsysid.loads.narrow_band import NarrowBand
@@ -101,7 +101,7 @@ def identify_by_spectrum(
         )
         if in_bands is not None:
             return in_bands
-    doubts = _speed(speeds, NEGLIGIBLE_SPEED_VARIATION, MAX_SPEED_VARIATION) if coupled else []
+    doubts = _speed(speeds, NEGLIGIBLE_SPEED_VARIATION, MAX_CONSTANT_SPEED_VARIATION) if coupled else []
     names = _names(turbine, loads, coupled=coupled)
     questions = {one: broad if one == "broadband" else ask(samples, turbine, prior, chosen, one) for one in names}
     poses = {name: pose_lifted(question, name) for name, question in questions.items()}
@@ -132,14 +132,14 @@ def _compile(poses: Iterable[Posed]) -> float:
 
 
 def _in_bands(question: RotorQuestion, loads: str, doubts: list[Finding], notes: list[Finding]) -> Outcome | None:
-    """The result of a rotor that is read in bands; None where its modes cannot be told apart."""
+    """The result of a rotor that is read in bands; None where its modes cannot be separated."""
     started = time.perf_counter()
     tolerances = tolerances_in(question)
     found = read_in_bands(question, loads, inexact_of(question, tolerances) if tolerances else None)
     if found is None:
         if question.sums is not None or question.turned is not None:
             raise ConfigurationError(
-                "modes of the rotor are too near each other to be told apart in pieces: identify a section of it"
+                "modes of the rotor are too close to be separated in segments: identify a section of it"
             )
         return None
     found = found._replace(notes=(*notes, *found.notes), doubts=(*doubts, *found.doubts))
@@ -226,12 +226,12 @@ def _outcome(
 
 
 def tolerances_in(question: RotorQuestion) -> tuple[Tolerance, ...]:
-    """What is known of instruments and masses within tolerances only."""
+    """Tolerances of instruments and masses."""
     return tolerances_of(question.turbine, question.sensors, [q.name for q in question.parameters])
 
 
 def inexact_of(question: RotorQuestion, tolerances: Sequence[Tolerance]) -> Inexact:
-    """The same in numbers."""
+    """Tolerances as numbers."""
     names = [q.name for q in question.parameters]
     return in_numbers(tolerances, question.compiled.parameters, question.turbine, question.sensors, names)
 
@@ -280,7 +280,7 @@ def _without_lag(supposed: Turbine, file: Turbine) -> Turbine:
 
 
 def _speed(speed: Array, steady: float, varying: float) -> list[Finding]:
-    """What speaks against spectra of a constant speed; RecordError where it varies too much."""
+    """Findings against spectra of a constant speed; RecordError if it varies too much."""
     varies = float(speed.std() / abs(speed.mean()))
     if varies > varying:
         raise RecordError(
@@ -293,8 +293,8 @@ def _speed(speed: Array, steady: float, varying: float) -> list[Finding]:
 
 
 class _Found(NamedTuple):
-    """The load model that explains the record best, its problem, what the record says under it, its log evidence over
-    others, in which `part` of the record only was used, and what else is to be said of it."""
+    """Load model that explains the record best, its problem, the fit, its log evidence over others, in which `part` of
+    the record only was used, and notes."""
 
     name: str
     posed: Posed
@@ -339,7 +339,7 @@ def _fit_alone(posed: Posed) -> RotorFit:
 
 def _after_stages(poses: dict[str, Posed]) -> _Found:
     """The load model of the greatest evidence: after the first stages where it is clear there, on half of the bins
-    elsewhere; fitted to the end."""
+    otherwise; fitted to the end."""
     tried = {name: fit(posed.model, posed.start, COARSE[:-1], rough=True) for name, posed in poses.items()}
     ranking = _ranked(tried)
     rivals = ranking.within(MAX_RIVAL_LOG_ODDS)
@@ -355,8 +355,8 @@ def _after_stages(poses: dict[str, Posed]) -> _Found:
 
 
 def _after_all(poses: dict[str, Posed]) -> _Found:
-    """The load model of the greatest evidence where all have been fitted to the end: what the taper of a short block
-    does to spectra can look like another load."""
+    """Load model of the greatest evidence after all have been fitted to the end: the effect of a short block's taper on
+    spectra can look like another load."""
     tried = {name: _fit_alone(posed) for name, posed in poses.items()}
     overlap = max(found.model.overlap for found in tried.values())
     ranking = rank(tried, lambda name: tried[name].evidence_at(overlap))

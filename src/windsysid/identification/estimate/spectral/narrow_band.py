@@ -1,15 +1,15 @@
-"""Whether a narrow-band load explains a record's spectra better than broad loads alone.
+"""Test for a narrow-band load: comparison of the spectra with and without one.
 
-A machine nearby, waves or a neighbour's mode push at frequencies of their own. Beside a damped mode such a load is the
-narrower peak of the two: a search that knows broad loads only takes it for the mode, and the mode for a hump of the
+A machine nearby, waves or a neighbour's mode push at frequencies of their own. Near a damped mode such a load is the
+narrower peak of the two: a search that knows broad loads only takes it for the mode, and the mode for a peak of the
 loads. All that is left over is white then. So a narrow-band load on the support is let into the spectral likelihood
 (`windsysid.loads.narrow_band`), and the evidence p(y | loads) with it and without is compared, by Laplace's
 approximation (`windsysid.identification.estimate.evidence`).
 
-The likelihood has several summits: the load may be the peak beside a mode, or the peak that passed for the mode. Places
+The likelihood has several summits: the load may be the peak near a mode, or the peak that passed for the mode. Places
 to begin at come from the channels that see most of the support, one by one: for many frequencies, widths and strengths
-of the load, beside the modes as they were found and damped as their priors have it, Whittle's likelihood of the
-channel's spectrum is told, and searches begin at the best.
+of the load, with the modes as they were found and damped as their priors have it, Whittle's likelihood of the
+channel's spectrum is evaluated, and searches begin at the best.
 
 Source: Whittle, J. R. Statist. Soc. B 15, 1953, https://doi.org/10.1111/j.2517-6161.1953.tb00131.x.
 """
@@ -76,7 +76,7 @@ NOTHING, LITTLE = -8.0, -1.0
 
 
 class NarrowBandFit(NamedTuple):
-    """What spectra say with a narrow-band load.
+    """Fit of spectra with a narrow-band load.
 
     Attributes
     ----------
@@ -102,7 +102,7 @@ class NarrowBandFit(NamedTuple):
 
     @property
     def is_needed(self) -> bool:
-        """Whether broad loads alone explain the record much worse, and that matters."""
+        """Test whether broad loads alone explain the record much worse and change coefficients."""
         return self.gain > MIN_LOG_ODDS and _largest(self.moved) > NEGLIGIBLE_SHIFT_SIGMAS
 
     @property
@@ -119,7 +119,7 @@ class NarrowBandFit(NamedTuple):
 def fit_narrow_band(
     question: RotorQuestion, broad: Posed, found: RotorFit, *, thorough: bool = False
 ) -> NarrowBandFit | None:
-    """What a record's spectra say with a narrow-band load on the support; None where it could push nothing.
+    """Fit of a record's spectra with a narrow-band load on the support; None where it could act on nothing.
 
     The search ends early where such a load explains nothing and changes nothing, if it need not be `thorough`.
 
@@ -157,7 +157,7 @@ def fit_narrow_band(
 
 
 def doubts_of_narrow_band(found: NarrowBandFit | None, *, asked: str) -> tuple[Finding, ...]:
-    """What a narrow-band load says against a result under the load model that was `asked` for."""
+    """Finding on a narrow-band load against a result under the requested load model."""
     if found is None:
         return ()
     at = {"frequency": found.values[FREQUENCY]}
@@ -178,7 +178,7 @@ def _largest(moved: Mapping[str, float]) -> float:
 
 
 def note_narrow_band(found: NarrowBandFit) -> Finding:
-    """What a reader should know of a narrow-band load that a result takes into account."""
+    """Note on a narrow-band load that a result includes."""
     levels = [one for one in found.statistics if one.kind == "narrow-band level"]
     loudest = max(levels, key=lambda one: found.values[one.name])
     data = {
@@ -189,7 +189,7 @@ def note_narrow_band(found: NarrowBandFit) -> Finding:
 
 
 def _ends(question: RotorQuestion, posed: Posed, starts: Sequence[Array], *, rough: bool = False) -> list[RotorFit]:
-    """Where searches end, the best first: those that say the same of the coefficients count as one. A rough one looks
+    """Ends of the searches, the best first; ends with equal coefficients count as one. A rough search evaluates
     at every other bin, and not at what the taper adds."""
     found = list[RotorFit]()
     for start in starts:
@@ -220,7 +220,7 @@ def _load_of(question: RotorQuestion, posed: Posed, end: RotorFit) -> dict[str, 
 
 
 def _starts(question: RotorQuestion, found: RotorFit, model: LiftedModel) -> list[Array]:
-    """Where to begin: beside the modes as they were found, damped as the prior has them, and damped more than that."""
+    """Start values: near the modes as found, with the prior's damping, and with more."""
     damped, more = found.unknowns.copy(), found.unknowns.copy()
     supports = {one.name for one in question.turbine.model.freedoms if not one.blade}
     of_support = [i for i, q in enumerate(question.parameters) if q.kind == "damping" and q.part in supports]
@@ -276,7 +276,7 @@ class _Place(NamedTuple):
     at: int
 
     def is_like(self, other: "_Place") -> bool:
-        """Whether a search from the other ends where one from here does."""
+        """True if a search from the other ends at the end of one from here."""
         return self.known is other.known and abs(math.log(self.frequency / other.frequency)) < START_SPACING
 
 
@@ -327,7 +327,7 @@ def _places(question: RotorQuestion, model: LiftedModel, known: Array) -> Iterat
 
 
 def _is_narrow(question: RotorQuestion, posed: Posed, end: RotorFit) -> bool:
-    """Whether the load is narrower than a mode beside it: one as wide would take a part of any mode's peak."""
+    """Test whether the load is narrower than a neighbouring mode: one as wide would take a part of any mode's peak."""
     narrow, values = narrow_band_statistics(question.turbine, question.loads), _load_of(question, posed, end)
     found = {q.name: float(q.physical(u)) for q, u in zip(question.parameters, end.unknowns, strict=False)}
     turbine = question.turbine.with_values(found)
@@ -348,7 +348,7 @@ def _off(question: RotorQuestion, best: RotorFit, other: RotorFit) -> tuple[dict
 
 
 def _may_matter(question: RotorQuestion, found: RotorFit, end: RotorFit, gain: float) -> bool:
-    """Whether a rough end of so much log evidence more is better, or may be another explanation that counts, searched
+    """Test whether a rough end with so much more log evidence is better, or may be a rival explanation, searched
     to the end."""
     off = _largest(_off(question, found, end)[0])
     return gain > 0.0 or (off > NEGLIGIBLE_SHIFT_SIGMAS and off * math.exp(gain) > 0.5 * MIN_EXPECTED_SHIFT_SIGMAS)

@@ -1,4 +1,4 @@
-"""A narrow-band load is asked for beside what a search found, of filters or of spectra."""
+"""Test for a narrow-band load as an alternative to the result of a search, of filters or of spectra."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -41,11 +41,11 @@ def narrow_band_beside(
     near: Outcome, record: Record, turbine: Turbine, sensors: Sequence[Sensor],
     sums: BlockSums[Any] | None = None,
 ) -> NarrowBandFit | None:  # fmt: skip
-    """What spectra say of a narrow-band load beside broad ones where a search has ended `near`, of filters or of
+    """Spectra with a narrow-band load as an alternative to broad ones, from the end of a search, of filters or of
     spectra; None where they do not apply, or such a load could push nothing, under wind, and where damping, a gain or a
     mass is nothing like what it should be. Other arguments as for `identify_by_spectrum`.
 
-    Priors are those that were given. One that was made wider since the readings want more damping stays so: no
+    Priors are those that were given. One that was made wider since the readings show more damping stays so: no
     narrow-band load makes a mode look damped more, and it would be held against what the prior does not explain.
     """
     if _is_far(near):
@@ -73,7 +73,7 @@ def narrow_band_beside(
 
 
 def _is_far(near: Outcome) -> bool:
-    """Whether a search has ended where no such load is looked for: under wind, with one, without damping, or with a
+    """Test whether no such load is searched for after a fit: under wind, with one, without damping, or with a
     gain or a mass that is nothing like what it should be."""
     at = zip(near.model.parameters, near.theta, strict=True)
     undamped = any(q.kind == "damping" and theta <= 0.0 for q, theta in at)
@@ -82,8 +82,8 @@ def _is_far(near: Outcome) -> bool:
 
 
 def _may_be_there(samples: SpectralSamples, turbine: Turbine) -> bool:
-    """Whether such a load could push the support, and spectra apply: no load is measured, and the yaw hardly varies, of
-    which spectra know one value."""
+    """Test whether such a load could act on the support, and spectra apply: no load is measured, and the yaw hardly
+    varies, of which spectra know one value."""
     measured, loads = known_loads(samples.record, turbine)
     some_known = measured.any() or len({load.load for load in loads}) < len(turbine.model.loads)
     turned = np.ptp(samples.inputs[:, 2:], axis=0).max(initial=0.0) > MAX_YAW_CHANGE
@@ -91,8 +91,8 @@ def _may_be_there(samples: SpectralSamples, turbine: Turbine) -> bool:
 
 
 def heard_on_time(record: Record, near: Outcome, turbine: Turbine, sensors: Sequence[Sensor]) -> Record:
-    """A record with what loggers are late, as a search has found, taken back: blades that are 2 ms late look to spectra
-    like loads of another kind."""
+    """Record with the clock lags of a search corrected: blades with a lag of 2 ms look to spectra like loads of another
+    kind."""
     tau = np.array([one.estimate / one.spread for one in near.tolerances])
     late = seconds_late(near.tolerances, tau, sensors).tolist()
     highest = max(turbine.natural_frequency(name) for name in turbine.model.coordinates)
@@ -100,8 +100,8 @@ def heard_on_time(record: Record, near: Outcome, turbine: Turbine, sensors: Sequ
 
 
 def told_before(near: Outcome, found: Outcome) -> Outcome:
-    """What spectra say of a record that was put on time as `found` has it, told of the record as it was: loggers are
-    late by what was taken back, and by what spectra find beside."""
+    """Spectra of a record with the clock lags of `found` corrected, expressed for the record before: loggers are
+    late by the corrected lag and the one that spectra find."""
     late = {one.name: one.estimate for one in found.tolerances if one.group == "clock"}
     tolerances = [replace(one, estimate=one.estimate + late.get(one.name, 0.0)) for one in near.tolerances]
     return near._replace(tolerances=tuple(tolerances))

@@ -60,12 +60,12 @@ class SpectralEstimate(NamedTuple):
 
 def read_in_bands(question: RotorQuestion, loads: str, inexact: Inexact | None = None) -> SpectralEstimate | None:
     """Coefficients and statistics from bands around the modes; with τ where instruments or masses are not exact. None
-    where the modes cannot be told apart.
+    where the modes cannot be separated.
 
     Raises
     ------
     RecordError, ConfigurationError, WindsysidError
-        If the record is too short, loads of one kind are asked for, or no spectrum fits.
+        If the record is too short, loads of one kind are requested, or no spectrum fits.
     """
     if loads == "rotor-wind":
         raise ConfigurationError(

@@ -1,4 +1,4 @@
-"""What every format needs from a file: that it is there and can be read."""
+"""Access to a file for every format: that it exists and can be read."""
 
 import contextlib
 import logging
@@ -16,7 +16,7 @@ __all__ = ["check_input", "damaged", "named_after", "quiet", "read_start", "read
 
 
 def check_input(path: Path) -> None:
-    """Refuse what is not a file with something in it.
+    """Refuse a path that is not a file with content.
 
     Raises
     ------
@@ -36,7 +36,7 @@ def check_input(path: Path) -> None:
 
 @contextlib.contextmanager
 def named_after(path: Path) -> Iterator[None]:
-    """Refuse what is not a file with something in it, and put the file's name before every error inside.
+    """Refuse a path that is not a file with content, and put the file's name before every error inside.
 
     Raises
     ------
@@ -67,7 +67,7 @@ def read_start(path: Path, size: int) -> bytes:
 
 @contextlib.contextmanager
 def quiet(package: str) -> Iterator[None]:
-    """Keep a package from writing its own log to the terminal: what is wrong with a file is one line of ours."""
+    """Keep a package from writing its own log to the terminal: an error of a file is one line of windsysid."""
     names = [name for name in logging.root.manager.loggerDict if name == package or name.startswith(f"{package}.")]
     levels = {name: logging.getLogger(name).level for name in names}
     for name in names:
@@ -89,7 +89,7 @@ def damaged(error: Exception) -> Exception:
 
 @contextlib.contextmanager
 def reading() -> Iterator[None]:
-    """Raise what a library raises while it reads a file as the error of `damaged`."""
+    """Convert a library's error while it reads a file to the error of `damaged`."""
     try:
         yield
     except Exception as error:

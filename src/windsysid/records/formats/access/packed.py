@@ -125,7 +125,7 @@ def open_packed(path: Path) -> PackedOutput:
 
 
 class _PackedHead(NamedTuple):
-    """Format, characters of a name, numbers of channels and samples, and position of what follows them."""
+    """Format, characters of a name, numbers of channels and samples, and position of the rest."""
 
     kind: int
     width: int
@@ -161,7 +161,7 @@ def _rubbish() -> RecordError:
 
 
 def _description_size(file: BinaryIO, head: _PackedHead, size: int) -> tuple[int, int]:
-    """Bytes of the description, and of what follows the counted rows; RecordError if the file is too short."""
+    """Numbers of bytes of the description, and after the counted rows; RecordError if the file is too short."""
     fixed = head.at + 16 + (0 if head.kind == 3 else 8 * head.channels)  # two numbers for the time, scales
     needed, description = fixed + 4 + 2 * head.names_size + head.samples * head.row, 0
     if size >= fixed + 4:

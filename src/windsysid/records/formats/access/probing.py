@@ -48,7 +48,7 @@ WITHOUT_MEMORY_LIMIT = ("scipy.io",)
 
 
 class ProcessGuard:
-    """Whether another process watches this one, and ends it if it hangs."""
+    """True if another process watches this one, and ends it if it hangs."""
 
     on = False
 

@@ -1,7 +1,7 @@
 """Files that are heaps of named arrays, MATLAB's and HDF5's: which of them are channels.
 
 A vector is a channel, and so is each column of a matrix, called ``name_1``, ``name_2`` … Along which axis of a matrix
-the time runs is told by the length of the time; a file without one must have matrices that are ten times longer than
+the time runs follows from the length of the time; a file without one must have matrices that are ten times longer than
 wide. Arrays of other lengths than the time's, and what is no number, are no channels: they are left out, and the
 attribute ``left_out`` names them. One that the mapping lists must fit.
 """
@@ -72,7 +72,7 @@ def source_of_arrays(
     Raises
     ------
     RecordError
-        If it cannot be told which array is the time or along which axis it runs, or the arrays are no record.
+        If it is ambiguous which array is the time or along which axis it runs, or the arrays are no record.
     ConfigurationError
         If the mapping lists an array that is not there.
     """
@@ -161,8 +161,8 @@ def _time_axis(array: Stored, length: int | None) -> int | None:
     if length is not None:
         if rows == columns == length:
             raise RecordError(
-                f"'{array.path}' is {rows} by {columns}, as long as the time both ways: its samples cannot be told from"
-                " its channels; store each channel apart"
+                f"'{array.path}' is {rows} by {columns}, as long as the time both ways: samples or channels? Store each"
+                " channel separately"
             )
         return 0 if rows == length else 1 if columns == length else None
     if max(rows, columns) >= _LONGER * min(rows, columns):

@@ -147,7 +147,7 @@ def _spelt(unit: str) -> str | None:
 
 
 def is_no_time_unit(unit: str) -> bool:
-    """Whether a text is a known unit of another quantity than time."""
+    """Test whether a text is a known unit of another quantity than time."""
     try:
         return si_unit(unit) not in ("s", "1")
     except ConfigurationError:
@@ -155,7 +155,7 @@ def is_no_time_unit(unit: str) -> bool:
 
 
 def is_called_time(name: str) -> bool:
-    """Whether a column has the name of a time, with or without a unit at its end."""
+    """Test whether a column has the name of a time, with or without a unit at its end."""
     return _time_and_unit(name)[0].lower() in TIME_NAMES
 
 
@@ -171,7 +171,7 @@ def name_and_unit(written: str) -> Cell:
 
 
 def _is_meant(name: str, suffix: str, unit: str) -> bool:
-    """Whether the ending of a name is a unit, and not a letter that means something else."""
+    """Test whether the ending of a name is a unit, and not a letter that means something else."""
     if len(suffix) > 2:
         return True
     quantity = implied_unit(name)
@@ -236,7 +236,7 @@ def plan_columns(
     some: Callable[[int], Array],
     how: str,
 ) -> tuple[Column, ...]:
-    """Which columns become which channels.
+    """Columns that become channels.
 
     Parameters
     ----------
@@ -245,7 +245,7 @@ def plan_columns(
         Index of the time column, or of several, None if it is not among them.
     mapping : Mapping
     some : callable
-        Some values (n,) of a column, by its index; asked for only where a unit is missing.
+        Some values (n,) of a column, by its index; requested only where a unit is missing.
     how : str
         How a user writes a unit in this format; ``{}`` stands for the name and the unit.
 
@@ -281,7 +281,7 @@ def _check_listed(
 
 
 def _rules(keys: Sequence[tuple[str, ...]], times: tuple[int | None, ...], mapping: Mapping) -> dict[int, ChannelRule]:
-    """What the mapping says about each column that becomes a channel, by its index."""
+    """Mapping of each column that becomes a channel, by its index."""
     found = {i: mapping.rule_of(*names) for i, names in enumerate(keys) if i not in times}
     rules = {i: rule or ChannelRule() for i, rule in found.items() if rule or not mapping.only_listed}
     if not rules and mapping.only_listed:

@@ -1,8 +1,8 @@
-"""What a file format is to the rest of windsysid: a name, endings, first bytes, functions that open and write it.
+"""Interface of a file format: a name, endings, first bytes, functions that open and write it.
 
 A format is one module that ends in ``FORMAT = Format(...)``; `windsysid.records.formats` lists them. The ending of a
 file's name says which formats it could be. Where several share an ending, the content decides: the first bytes, or a
-file beside it. The packages that a format needs are imported when a file is opened, by `package`.
+file next to it. The packages that a format needs are imported when a file is opened, by `package`.
 """
 
 import importlib
@@ -30,7 +30,7 @@ class Format:
     endings : tuple of str
         Of file names, in small letters; ``#`` stands for digits.
     open : callable
-        ``open(path, mapping, whole=False)`` gives a `FileSource`; it is told whether the `whole` file will be read.
+        ``open(path, mapping, whole=False)`` gives a `FileSource`; it is passed whether the `whole` file will be read.
     write : callable or None
         ``write(record, file)``; None where windsysid only reads.
     begins : tuple of bytes
@@ -47,12 +47,12 @@ class Format:
     claims: Callable[[Path], bool] | None = None
 
     def is_named(self, path: Path) -> bool:
-        """Whether the name of a file has one of the endings."""
+        """Test whether the name of a file has one of the endings."""
         suffix = path.suffix.lower()
         return any(re.fullmatch(re.escape(ending).replace(r"\#", r"\d+"), suffix) for ending in self.endings)
 
     def holds(self, path: Path, start: bytes) -> bool:
-        """Whether the content, or what lies beside it, shows that the file is of this format."""
+        """Test whether the content, or a neighbouring file, shows that the file is of this format."""
         return (bool(self.begins) and start.startswith(self.begins)) or (self.claims is not None and self.claims(path))
 
 

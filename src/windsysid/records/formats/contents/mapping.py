@@ -1,4 +1,4 @@
-"""A mapping file: what a record does not say about itself, written once by whoever knows.
+"""Mapping file: properties of a record that its file does not give, written once by a user.
 
     [time]
     column = "Zeit"
@@ -52,7 +52,7 @@ class _Strict:
 
 @dataclass(frozen=True)
 class TimeRule(_Strict):
-    """Where the time is and what it counts.
+    """Column and unit of the time.
 
     Attributes
     ----------
@@ -97,7 +97,7 @@ class TimeRule(_Strict):
 
 @dataclass(frozen=True)
 class CsvRule(_Strict):
-    """How a text file is written, where that cannot be seen from it.
+    """Format of a text file, as far as it cannot be detected.
 
     Attributes
     ----------
@@ -133,7 +133,7 @@ class CsvRule(_Strict):
 
 @dataclass(frozen=True)
 class ChannelRule(_Strict):
-    """What one column is.
+    """Meaning of one column.
 
     Attributes
     ----------
@@ -247,27 +247,42 @@ def _check_encoding(name: str) -> None:
 
 
 def matches(key: str, *names: str) -> bool:
-    """Whether a key of ``[channels]`` means a column with these names: one of them, or a pattern such as ``Acc*``."""
+    """Test whether a key of ``[channels]`` means a column with these names: one of them, or a pattern such as
+    ``Acc*``."""
     return key in names or ("*" in key and any(fnmatch.fnmatchcase(name, key.replace("[", "[[]")) for name in names))
 
 
 def load_mapping(path: str | Path) -> Mapping:
-    """Read a mapping file.
+    """Read a mapping file: names, units and signs of the channels of a logger's files, and where their time is.
 
     Parameters
     ----------
     path : str or Path
-        TOML, see the module.
+        TOML file; `windsysid.records.formats.contents.mapping` and docs/records.md list its keys.
 
     Returns
     -------
     Mapping
-        What the file says of time, names, units and signs.
+        The rules for time, names, units and signs.
 
     Raises
     ------
     ConfigurationError
-        If it is missing, no TOML, or holds an unknown key or a wrong value; the line names the key.
+        If the file is missing, no TOML, or has an unknown key or a wrong value; the message names the key.
+
+    See Also
+    --------
+    read_record : Read a record by a mapping.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import windsysid as ws
+    >>> path = Path(tempfile.mkdtemp()) / "logger.toml"
+    >>> _ = path.write_text('channels."Acc X" = {name = "tower_x_acceleration", unit = "g", sign = -1}')
+    >>> ws.load_mapping(path).channels["Acc X"]
+    ChannelRule(name='tower_x_acceleration', unit='g', sign=-1, factor=1.0)
     """
     from pydantic import TypeAdapter, ValidationError
 

@@ -192,7 +192,7 @@ def _placed(column: Column, series: FileSeries, rows: Rows, low: int, high: int)
 
 
 def _time_index(series: Sequence[FileSeries], mapping: Mapping, hint: str) -> int | None:
-    """Which of the series is the time; None where the clock is said otherwise."""
+    """Index of the series that is the time; None if the clock is given otherwise."""
     cells = [one.cell for one in series]
     if mapping.time.column is not None:
         return find_time(cells, mapping)
@@ -211,7 +211,7 @@ def _time_index(series: Sequence[FileSeries], mapping: Mapping, hint: str) -> in
 
 
 def _has_times(series: Sequence[FileSeries], mapping: Mapping) -> bool:
-    """Whether the wanted series have times; refuses a mapping that says otherwise what they are."""
+    """Test whether the wanted series have times; refuses a mapping that contradicts them."""
     wanted = [one for one in series if not mapping.only_listed or mapping.rule_of(one.cell.written, one.cell.name)]
     timed = any(one.grid or one.times for one in wanted)
     if timed and mapping.time.rate is not None:
@@ -310,7 +310,7 @@ def _own_times(first: FileSeries) -> tuple[Array, str | None]:
         return first.times(), first.start
     if first.grid is None or not 0.0 < first.grid.step < np.inf:
         raise RecordError(
-            f"channel '{first.cell.name}' says no time step; give its rate [Hz] in a mapping file: [time] rate"
+            f"channel '{first.cell.name}' has no time step; give its rate [Hz] in a mapping file: [time] rate"
         )
     with np.errstate(over="ignore"):  # the check of the rows reports infinity
         return np.asarray(first.grid.first + first.grid.step * np.arange(first.samples)), first.grid.start

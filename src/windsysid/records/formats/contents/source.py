@@ -1,4 +1,4 @@
-"""A file that has been opened but not read: what is in it, and its samples block by block.
+"""An open file before reading: its content, and its samples block by block.
 
 Every format gives a `FileSource`. `gather` makes one `Record` of it, `gather_section` reads a part, `pieces` gives
 the record in pieces that fit into memory. Blocks are checked as they pass, so that a file of any size is
@@ -100,7 +100,7 @@ class FileSource:
 
 
 def reading_notes(attributes: Mapping[str, str]) -> list[str]:
-    """List what was left out when a file was read, from the attributes of its record."""
+    """List the parts of a file that were left out, from the attributes of its record."""
     return [f"Reading the file: {text.format(attributes[key])}." for key, text in _NOTES.items() if key in attributes]
 
 
@@ -182,7 +182,7 @@ def pieces(
 ) -> Iterator[Record]:
     """The file, or a section of it [s], as records of about `seconds` each; every sample is in exactly one of them.
 
-    A sample that would be alone in its piece, beside a gap, joins the piece before it.
+    A sample that would be alone in its piece, next to a gap, joins the piece before it.
 
     Raises
     ------
@@ -298,7 +298,7 @@ def _note(times: Array, placed: RegularTimes) -> str:
 
 
 def _has_rhythm(times: Array) -> bool:
-    """Whether times (T,) [s] increase by nearly whole multiples of one step."""
+    """Test whether times (T,) [s] increase by nearly whole multiples of one step."""
     steps = np.diff(times)
     if not steps.size or not np.all(steps > 0.0):
         return False

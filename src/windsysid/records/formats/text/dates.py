@@ -65,17 +65,17 @@ def format_without_date(cell: str) -> str | None:
 
 
 def has_year(pattern: str) -> bool:
-    """Whether a strptime pattern reads a year: without one, a time is no moment of the calendar."""
+    """Test whether a strptime pattern reads a year: without one, a time is no moment of the calendar."""
     return bool(_YEAR.search(pattern.replace("%%", "")))
 
 
 def is_stamp(cell: str) -> bool:
-    """Whether a cell is an ISO date and time, with or without a zone."""
+    """Test whether a cell is an ISO date and time, with or without a zone."""
     return bool(_ISO.fullmatch(cell) or _ISO_ZONED.fullmatch(cell))
 
 
 def is_zoned(cell: str) -> bool:
-    """Whether a cell is an ISO date and time with a zone."""
+    """Test whether a cell is an ISO date and time with a zone."""
     return bool(_ISO_ZONED.fullmatch(cell))
 
 

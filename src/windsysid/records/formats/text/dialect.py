@@ -1,4 +1,4 @@
-"""How a text table is written, found from its first lines.
+"""Format of a text table, detected from its first lines.
 
 The delimiter is the one that splits the most cells into values: of the cells that it makes, the greatest part are
 numbers, times or missing. Decimal commas are believed where some cell cannot be a number in thousands (``0,125``,
@@ -43,7 +43,7 @@ Line = tuple[int, str]
 
 @dataclass(frozen=True)
 class Layout:
-    """How a text table is written.
+    """Format of a text table.
 
     Attributes
     ----------
@@ -99,7 +99,7 @@ def find_layout(lines: Sequence[Line], rule: CsvRule, *, timed: bool = True) -> 
 
 
 class _Table(NamedTuple):
-    """The lines of a table, the cells of the first of them, and what is known about it from elsewhere."""
+    """The lines of a table, the cells of the first of them, and known properties."""
 
     lines: Sequence[Line]
     rows: list[list[str]]
@@ -181,7 +181,7 @@ def _usual_width(rows: list[list[str]]) -> int:
 
 
 def _preamble(rows: list[list[str]]) -> int:
-    """How many lines of text stand above the names: none of them as wide as the table, and none of numbers."""
+    """Number of lines of text above the names: none of them as wide as the table, and none of numbers."""
     width = _usual_width(rows)
     first = next((i for i, row in enumerate(rows) if len(row) == width), 0)
     table = rows[first:]
@@ -208,7 +208,7 @@ def split(line: str, delimiter: str) -> list[str]:
 
 
 def is_number(cell: str, decimal: str = ".") -> bool:
-    """Whether a cell is a number as files write it."""
+    """Test whether a cell is a number as files write it."""
     if decimal != "." and "." in cell:
         return False
     try:
@@ -288,12 +288,12 @@ def _is_number_with_comma(cell: str) -> bool:
 
 
 def counts_rows(cells: Sequence[Cell], rows: list[list[str]]) -> bool:
-    """Whether the first column only counts the rows, as an index without a name that pandas writes."""
+    """Test whether the first column only counts the rows, as an index without a name that pandas writes."""
     return len(cells) > 1 and cells[0].written.lower() in _COUNTERS and _counts(rows)
 
 
 def _counts(rows: list[list[str]]) -> bool:
-    """Whether the first cells are whole numbers that increase; a few rows may have been dropped."""
+    """Test whether the first cells are whole numbers that increase; a few rows may have been dropped."""
     numbers = [row[0] for row in rows if row and row[0]]
     if len(numbers) < 2 or not all(re.fullmatch(r"\d{1,15}", text) for text in numbers):
         return False
@@ -317,7 +317,7 @@ def _commented_names(preamble: list[str], delimiter: str, size: int) -> tuple[Ce
 
 
 def _has_units(lines: Sequence[Line], rows: list[list[str]], rule: CsvRule) -> bool:
-    """Whether the line below the header holds units."""
+    """Test whether the line below the header holds units."""
     if rule.unit_row == 0 or len(rows) < 2:
         return False
     if rule.unit_row is None:

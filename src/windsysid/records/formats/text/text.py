@@ -4,7 +4,7 @@ Loggers write UTF-8 with or without a byte-order mark, UTF-16, or the Windows co
 CR LF, LF or CR. `encoding_of` and `decoded` are the one rule for the encoding of every text format. `line_blocks`
 gives all of them as UTF-8 with LF, a few MB at a time and always whole lines, so that parsers need not handle them.
 The last line of a file that does not end its lines may be cut in the middle of a number: it comes last and alone, or
-not at all if the caller does not want it.
+not at all if the caller disables it.
 """
 
 import codecs
@@ -55,12 +55,12 @@ class LineBlock(NamedTuple):
 
 
 def encoding_of(path: Path, wanted: str | None = None) -> str:
-    """The encoding of a text file: the one that is wanted, its byte-order mark's, UTF-8, or the Windows code page.
+    """The encoding of a text file: the one that is required, its byte-order mark's, UTF-8, or the Windows code page.
 
     Raises
     ------
     RecordError
-        If the file is binary, or does not begin in the encoding that is wanted.
+        If the file is binary, or does not begin in the encoding that is required.
     """
     with path.open("rb") as file:
         start = file.read(1 << 18)
@@ -98,7 +98,7 @@ def _marked(start: bytes) -> str | None:
 
 
 def _is_utf8(text: bytes) -> bool:
-    """Whether bytes are UTF-8; the last character may be incomplete."""
+    """Test whether bytes are UTF-8; the last character may be incomplete."""
     try:
         codecs.getincrementaldecoder("utf-8")().decode(text)
     except UnicodeDecodeError:
@@ -107,7 +107,7 @@ def _is_utf8(text: bytes) -> bool:
 
 
 def _is_code_page(text: bytes) -> bool:
-    """Whether the first bytes outside ASCII are not UTF-8."""
+    """Test whether the first bytes outside ASCII are not UTF-8."""
     try:
         codecs.getincrementaldecoder("utf-8")().decode(text)
     except UnicodeDecodeError as error:

@@ -3,7 +3,7 @@
 A time is *elapsed*, a number in some unit of which only differences mean something, or *absolute*, a moment of the
 calendar: ISO text, text in a pattern that the mapping gives, or a number since a known day. Elapsed seconds stay as
 they are in the file; elapsed days and absolute times become seconds from the first sample. The moment of time 0 is
-kept as ISO text: with the zone as it was given, or without one where nobody said which zone the clock was in.
+kept as ISO text: with the zone as it was given, or without one where the zone the clock was in.
 An elapsed time may say its zero in its unit, as in the CF conventions: ``s since 2021-07-07T12:00:00Z``.
 
 The unit of a number comes from the header or the mapping; without one, `time_units` decides whether it is seconds. A
@@ -61,7 +61,7 @@ _UTC = ("utc", "gmt", "z")
 
 @dataclass(frozen=True)
 class Clock:
-    """How one time column is turned into seconds.
+    """Conversion of one time column to seconds.
 
     Attributes
     ----------
@@ -282,8 +282,7 @@ def split_since(unit: str | None) -> tuple[str | None, str | None]:
 
 
 def start_of(rule: TimeRule, given: str | None) -> str | None:
-    """The moment of time 0 from the mapping's `rule` and from what the file says, in the mapping's zone where it has
-    none.
+    """Moment of time 0 from the mapping's `rule` and from the file, in the mapping's zone if it has none.
 
     Raises
     ------

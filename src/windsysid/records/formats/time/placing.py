@@ -1,4 +1,4 @@
-"""Where the samples of a slower series stand in the table of a faster one.
+"""Positions of the samples of a slower series in the table of a faster one.
 
 Nothing is interpolated and nothing moves: a slower series joins where each of its times is a time of the faster one, to
 a thousandth of a step, and where it begins and ends within one of its own steps of the faster one. A series of the same

@@ -72,14 +72,14 @@ def confirmed_unit(numbers: Array) -> str:
 
 
 def _are_seconds(numbers: Array, first: float, step: float) -> bool:
-    """Whether numbers are seconds since 1970, or have steps that are unusual in other units."""
+    """Test whether numbers are seconds since 1970, or have steps that are unusual in other units."""
     if RECENT[0] <= first < RECENT[1] and step <= 1.0 + MAX_STEP_DEVIATION:
         return True
     return step <= MAX_STEP * (1.0 + MAX_STEP_DEVIATION) and not _is_usual_elsewhere(numbers, step)
 
 
 def _is_usual_elsewhere(numbers: Array, step: float) -> bool:
-    """Whether the step or the mean step is a usual one in minutes, hours or days, within the rounding of the times."""
+    """Test whether the step or the mean step is a usual one in minutes, hours or days, within rounding."""
     steps = np.diff(numbers)
     off = steps - step * np.maximum(np.rint(steps / step), 1.0)  # lost rows make multiples of a step
     rounded = np.any(steps == 0.0) or np.mean(steps > 1.5 * step) > MAX_LOST_SHARE
