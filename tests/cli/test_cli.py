@@ -463,6 +463,19 @@ def test_the_program_says_its_version():
     assert re.fullmatch(r"windsysid \d+\.\d+\.\d+\n", ended.stdout)
 
 
+def test_start_runs_the_command_that_it_prints(record):
+    """A command imports its own module only, so that `start` found no `identify` outside of this process."""
+    ended = program("start", str(record), "--turbine", "verne555", "--yes")
+    assert "No such command" not in ended.stderr
+    assert (ended.returncode, ended.stdout.splitlines()[-1][:25]) == (0, "again: windsysid identify")
+
+
+def test_what_is_no_result_is_refused_with_what_to_do(record):
+    ended = program("compare", str(record), str(record))
+    assert ended.returncode == 2
+    assert ended.stderr.endswith("(Not a directory): identify the record first\n")
+
+
 def test_the_program_refuses_in_one_line(record):
     for arguments, complaint in (
         (

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
-from windsysid.cli.common import Mapping, app, name_of, numbered, print_table, show_progress
+from windsysid.cli.common import Mapping, app, name_of, numbered, print_table, register_commands, show_progress
 from windsysid.errors import ConfigurationError, WindsysidError
 from windsysid.output.console import printable
 
@@ -56,6 +56,7 @@ def _run(words: list[str], name: str) -> Path:
 
     folder = next(path for path in numbered(name) if is_free(path))
     print(f"\n{printable(shlex.join(['windsysid', *words]))}\n")
+    register_commands(words[0])
     typer.main.get_command(app).main([*words, "--output", str(folder)], "windsysid", standalone_mode=False)
     return (folder / "report.html").resolve()
 

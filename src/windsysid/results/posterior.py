@@ -211,7 +211,7 @@ def opened(folder: str | Path) -> "Iterator[h5netcdf.File]":
     except (OSError, ValueError) as error:
         raise ConfigurationError(
             f"result {folder}: expected a folder that windsysid identify wrote, got no identification.nc that can be"
-            f" read ({error.__class__.__name__})"
+            f" read ({getattr(error, 'strerror', None) or error.__class__.__name__}): identify the record first"
         ) from None
     except KeyError:
         raise ConfigurationError(
