@@ -15,7 +15,7 @@ from windsysid.units import UNITS, canonical, is_same_quantity, parse_quantity, 
     [
         (("kN-m", "(kN·m)", "[kN*m]", "kN m", "kNm", " kN⋅m "), "kN*m"),
         (("m/s²", "m/s^2", "m/s2", "m/s**2", "m/s/s", "m/sec^2"), "m/s^2"),
-        (("RPM", "rev/min", "1/min", "rpm"), "rpm"),
+        (("RPM", "rev/min", "1/min", "r/min", "U/min", "min^-1", "min-1", "rpm"), "rpm"),
         (("°", "degrees", "deg"), "deg"),
         (("Ns/m", "N-s/m", "N·s/m"), "N*s/m"),
         (("µε", "με", "uε", "µϵ", "µe", "Âµε"), "µε"),

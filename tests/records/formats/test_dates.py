@@ -83,6 +83,8 @@ def test_what_is_proposed_for_dates_is_accepted(tmp_path, style, delimiter):
         ("Date,Time", lambda m: f"{m:%Y-%m-%d,%H:%M:%S.%f}"),
         ("Date,Time", lambda m: f"{m:%d.%m.%Y,%H:%M:%S.%f}"),
         ("Datum;Uhrzeit", lambda m: f"{m:%d.%m.%Y;%H:%M:%S},{m.microsecond // 1000:03d}"),
+        ("Datum/Uhrzeit", lambda m: f"{m:%d.%m.%Y %H:%M:%S},{m.microsecond // 1000:03d}"),
+        ("Fecha y hora", lambda m: f"{m:%Y-%m-%d %H:%M:%S.%f}"),
         ("Date,Time", lambda m: f"{m:%m/%d/%Y,%I:%M:%S.%f %p}"),
         ("time", lambda m: f"{45_304 + ((m - pd.Timestamp('2024-01-13')) / pd.Timedelta(days=1)):.12f}"),
         ("time [d]", lambda m: f"{45_304 + ((m - pd.Timestamp('2024-01-13')) / pd.Timedelta(days=1)):.12f}"),
@@ -93,7 +95,7 @@ def test_what_is_proposed_for_dates_is_accepted(tmp_path, style, delimiter):
     ],
 )
 def test_what_is_proposed_for_columns_and_counts_of_dates_is_accepted(tmp_path, header, cell):
-    mark = ";" if ";" in header else ","
+    mark = ";" if header.startswith("Datum") else ","
     path = write(
         tmp_path, f"{header}{mark}a [m]\n" + "".join(f"{cell(m)}{mark}{k % 7}\n" for k, m in enumerate(MOMENTS))
     )
