@@ -1,5 +1,6 @@
 """The commands that make, look at and list: simulate, inspect, turbine, turbines, study."""
 
+import shlex
 from dataclasses import replace
 from datetime import date, timedelta
 from functools import partial
@@ -158,7 +159,8 @@ def examples(
     with show_progress("examples") as progress:
         written = write_examples(folder, progress)
     print(*(printable(path) for path in written), sep="\n")
-    print(printable(f"next: cd {folder}; windsysid identify tower_year1.csv --turbine tower"))
+    enter = "" if folder == Path() else f"cd {shlex.quote(str(folder))}; "
+    print(printable(f"next: {enter}windsysid identify tower_year1.csv --turbine tower"))
 
 
 @app.command()

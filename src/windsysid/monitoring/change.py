@@ -178,7 +178,9 @@ class Comparison(Answer):
 
     def table(self) -> Table:
         """Every quantity in either record, and its change."""
-        return Table(HEADINGS, self.rows, f"{self.records[0]} (A) → {self.records[1]} (B)", words=(0, 1))
+        return Table(
+            HEADINGS, self.rows, f"{self.records[0]} (A) → {self.records[1]} (B), change: priors removed", words=(0, 1)
+        )
 
     @property
     def rows(self) -> list[tuple[str, ...]]:

@@ -308,7 +308,7 @@ def _lacking(states: Sequence[State], splits: Sequence[DampingSplit]) -> list[st
         return [f"{why}: {help_}"]
     names = ", ".join(split.name for split in wanted)
     how = "the parked records are too short" if any(parked) else "standstill is too far from the records"
-    return [f"the structure's part of {names} is not told from nothing, because {how}: {help_}"]
+    return [f"the structure's part of {names} cannot be distinguished from zero, because {how}: {help_}"]
 
 
 def _minutes(split: DampingSplit) -> float:

@@ -55,7 +55,9 @@ def in_order(
     """
     count = len(results)
     if count < MIN_BLOCKS:
-        raise ConfigurationError(f"expected at least {MIN_BLOCKS} records to learn from, got {count}")
+        raise ConfigurationError(
+            f"expected at least {MIN_BLOCKS} records to learn from, got {count}; identify more, or use compare for two"
+        )
     notes: list[str] = []
     order = list(range(count))
     spans = spans_of(results) if time is None else None

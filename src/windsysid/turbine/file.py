@@ -112,5 +112,7 @@ def load_turbine(name_or_path: str | Path) -> Turbine:
     try:
         content = read_toml(path)
     except (OSError, ValueError) as error:
-        raise ConfigurationError(f"turbine file {text}: cannot be read ({error}); check the path") from None
+        raise ConfigurationError(
+            f"turbine file {text}: cannot be read ({getattr(error, 'strerror', None) or error}); check the path"
+        ) from None
     return parse_turbine(content, text)

@@ -114,10 +114,10 @@ MODEL: Final[Mapping[str, Sentence]] = {
         "spectral formulation: a clock drifts, and filters are sensitive to what is read between samples"
     ),
     "spectral_with_filters": (
-        "spectral formulation: the record is stationary, and nothing that moves turns; filters were computed, too"
+        "spectral formulation: the record is stationary, and no degree of freedom rotates; filters were computed, too"
     ),
     "spectral_agrees": (
-        "spectral formulation: the record is stationary, and nothing that moves turns; filters agree within"
+        "spectral formulation: the record is stationary, and no degree of freedom rotates; filters agree within"
         " {sigmas:.1f} standard deviations"
     ),
     "formulations_disagree": lambda d: (
