@@ -11,15 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
-from windsysid.cli.common import (
-    Mapping,
-    app,
-    name_of,
-    numbered,
-    print_table,
-    register_commands,
-    show_progress,
-)
+from windsysid.cli.common import Mapping, app, name_of, numbered, print_table, register_commands, show_progress
 from windsysid.errors import ConfigurationError, WindsysidError
 from windsysid.output.console import printable
 
