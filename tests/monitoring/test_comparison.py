@@ -566,7 +566,7 @@ def test_one_record_by_its_hash_has_not_moved_and_two_of_one_name_may_have(verne
     found = compare(*one)
     assert found.same
     assert not found.moved
-    assert "the same values, so no change" in found.doubts[0]
+    assert "the same values, so there is no change" in found.doubts[0]
     other = one[1]._replace(record="a.csv", record_hash="1e")
     assert [change.name for change in compare(one[0], other).moved] == ["k_x"]
     assert not compare(one[0], other).same
