@@ -13,6 +13,7 @@ import windsysid
 from tests.live.streaming import NOON
 from windsysid.fleet.members import Member
 from windsysid.live.page.app import app
+from windsysid.live.page.spectra import waterfall_of
 from windsysid.live.store import Keep, open_store
 from windsysid.live.store.contents import Commit
 from windsysid.live.windows.estimate import Here
@@ -105,3 +106,13 @@ def test_results_have_the_means_of_channels(store):
     found = TestClient(app(store), base_url=OWN).get("/api/turbines/T01/results").json()
     [speed] = [one for one in found["conditions"] if one["name"] == "rotor_speed"]
     assert (speed["title"], speed["unit"], len(speed["mean"])) == ("rotor speed", "rad/s", len(found["windows"]))
+
+
+def test_a_window_without_frequencies_is_left_out_of_the_waterfall():
+    """The page answered with an internal error."""
+    plot = {"title": "a", "x": [1.0, 2.0], "y_axis": {"label": "m"}, "marks": []}
+    measured = [{"name": "measured", "values": [1.0, 100.0]}]
+    empty = plot | {"x": [], "curves": [{"name": "measured", "values": []}]}
+    found = waterfall_of([(0, [plot | {"curves": measured}]), (HOUR, [empty])], None)
+    assert found.density == [[0.0, 2.0]]
+    assert len(found.windows) == 1

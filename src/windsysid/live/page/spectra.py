@@ -26,7 +26,8 @@ def waterfall_of(found: Sequence[WindowSpectra], channel: str | None) -> models.
     """Measured spectra of a channel, by default the first, at the frequencies of the newest one."""
     channels = list(dict.fromkeys(plot["title"] for _, plots in reversed(found) for plot in plots))
     channel = channel or next(iter(channels), "")
-    chosen = {window / NS_PER_MS: plot for window, plots in found for plot in plots if plot["title"] == channel}
+    all_plots = ((window, plot) for window, plots in found for plot in plots)
+    chosen = {window / NS_PER_MS: plot for window, plot in all_plots if plot["title"] == channel and plot["x"]}
     plots = list(chosen.values())
     newest: Mapping[str, Any] = plots[-1] if plots else {"x": [], "y_axis": {"label": ""}}
     return models.Waterfall(
