@@ -79,7 +79,8 @@ def catalogue() -> str:
                 for _, text in texts(ast.parse(path.read_text("utf-8")))
             )
             known = [text for text in found if len(re.findall("[A-Za-z]{2,}", text)) > 2 and not CODE.search(text)]
-            lines += [f"\n# {path.relative_to(ROOT).as_posix()}", *known] if known else []
+            module = ".".join(path.relative_to(ROOT).with_suffix("").parts)
+            lines += [f"\n# {module}", *known] if known else []
     return "\n".join(line.strip(" ") for line in lines) + "\n"
 
 
