@@ -7,7 +7,7 @@ Every library is taken at its best. Those on JAX (dynamax, cuthbert) run in one 
 SymPy's equations written out for XLA, with derivatives of their own, and give out no more than the moments. Those that
 call Python for each sample (filterpy, Stone-Soup, pykalman) compile no equations and know no derivatives. They are
 timed with the same equations in NumPy and exact Jacobians (`models.Written`; filterpy also with central differences, as
-it is used where nobody derives any), and once more with windsysid's compiled kernels (`models.Kernels`), where what is
+for users who have no derivatives), and once more with windsysid's compiled kernels (`models.Kernels`), where what is
 left of them is their algebra. All run in turns, pinned to one core, and are charged for the processor time of all their
 threads; slow ones get fewer samples. The final means and standard deviations of the ten coefficients are compared with
 windsysid's after the same samples; where they differ, there is no table.
@@ -64,7 +64,7 @@ ALPHA, BETA = 1.0, 1.0
 """Of the unscented transform, with κ = 3 − n: windsysid's."""
 
 FIELDS = ["filtered_means", "filtered_covariances"]
-"""All that dynamax is asked for."""
+"""Outputs that dynamax returns."""
 
 
 class Run(NamedTuple):
@@ -349,7 +349,7 @@ def _pykalman_unscented(
 
 
 class _Noise:
-    """What Stone-Soup asks of a Gaussian model and a Kalman filter never calls, and the covariance of its noise."""
+    """Noise covariance of a Gaussian model, and methods that Stone-Soup requires and a Kalman filter never calls."""
 
     noise: Array
 

@@ -3,8 +3,8 @@
     python benchmarks/processes.py           (make bench)
 
 *First run*: the cache folder is empty (`XDG_CACHE_HOME`), as after an installation, so that equations are derived,
-kernels compiled and Matplotlib lists its fonts. *Later runs*: median of several. Seconds are what the clock shows;
-beside them is the processor time of all threads, which a busy machine changes less. The record is 100 s at 100 Hz of
+kernels compiled and Matplotlib lists its fonts. *Later runs*: median of several. Seconds are elapsed time; the
+processor time of all threads, which a busy machine changes less, is given in addition. The record is 100 s at 100 Hz of
 the scale model.
 """
 

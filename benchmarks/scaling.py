@@ -1,10 +1,10 @@
-"""How cost and memory grow: with samples, blades, turbines in one process, threads and particles.
+"""Growth of cost and memory with samples, blades, turbines in one process, threads and particles.
 
     python benchmarks/scaling.py             (make bench)
 
 The joint extended Kalman filter on 100 Hz records of the scale model; the particle filter on its force balance. Every
 case runs in a process of its own, because the peak memory of a process only grows. "µs per sample" is processor time;
-what one and two threads are compared by is the clock.
+one and two threads are compared by elapsed time.
 
 *Turbines*: each has coefficients, a belief and readings of its own; every second of data each filter takes in a hundred
 samples and the belief is all that stays. "× real time" is how many seconds of data of all turbines go through in one.
@@ -224,7 +224,7 @@ def _timed(run: Callable[[], object], repeats: int) -> tuple[float, float]:
 
 
 def alone(folder: str, case: str, *arguments: int) -> dict[str, float]:
-    """What a case returns, with the peak memory [MB] of the process that it had to itself."""
+    """Run a case in a process of its own and return its numbers, with the peak memory [MB] of that process."""
     command = [sys.executable, __file__, "--case", case, folder, *map(str, arguments)]
     said = subprocess.run(command, capture_output=True, text=True, check=False)
     if said.returncode:

@@ -1,4 +1,4 @@
-"""How fast windsysid is, and how far from the floor: hand-written C of the same filter on the same record, in one run.
+"""Speed of windsysid, relative to hand-written C of the same filter on the same record, in one run.
 
     python benchmarks/speed.py       (make bench)
 
@@ -6,7 +6,7 @@ The record is 100 s at 100 Hz of the scale model, five accelerometers, some read
 with gcc, where there is one, for the model's sizes; its equations of motion are windsysid's own, translated. The
 results of both are compared before anything is timed. Filters run in turns on one core and are charged for processor
 time, so that a busy machine is busy for all; of each the least of many runs counts. Searches for the mode use the
-library's own threads, and are charged for what the clock shows.
+library's own threads, and are measured by elapsed time.
 """
 
 import ast
@@ -85,7 +85,7 @@ def surroundings() -> Iterable[str]:
 
 
 def _said(*command: str) -> str:
-    """What a command printed; nothing where it does not exist or fails."""
+    """Run a command and return its standard output; empty if it does not exist or prints nothing."""
     if shutil.which(command[0]) is None:
         return ""
     return subprocess.run(command, capture_output=True, text=True, cwd=HERE, check=False).stdout.strip()

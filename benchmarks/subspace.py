@@ -1,4 +1,4 @@
-"""Frequencies of tower and blades under wind, window by window: pyOMA-2's stochastic subspace identification beside
+"""Frequencies of tower and blades under wind, window by window, by pyOMA-2's stochastic subspace identification and by
 windsysid.
 
     PYTHONPATH=. python benchmarks/subspace.py --openfast FOLDER      in an environment made from benchmarks/peers.txt
@@ -15,8 +15,8 @@ complexity of a mode shape, which would throw out both whirls, are off. Of a mod
 stabilisation diagram calls stable, of each order the one nearest to the truth within `REACH`, and of those the median
 over the orders.
 
-windsysid is what `validation.field` has it: packaged turbine files and priors up to 1.5 times off, `tower` for the
-tower, the rotor's file for the blades, which takes minutes for a window. Windows are disjoint, from 60 s to 600 s.
+windsysid runs as in `validation.field`: packaged turbine files and priors up to 1.5 times off, `tower` for the
+tower, the rotor's file for the blades, which takes minutes for a window. Windows are disjoint, of 60, 120 and 270 s.
 Identifications in the output folder are used again, those of the field study among them.
 """
 
@@ -48,7 +48,7 @@ MODES = ("tower", "lag backward", "lag collective", "lag forward")
 TIPS = tuple(f"blade_{i}_tip_lag_acceleration" for i in (1, 2, 3))
 
 REACH = 0.08
-"""How far from the truth a pole may be to be taken for the mode, relative."""
+"""Largest relative distance from the truth at which a pole is taken for the mode."""
 
 FEWEST = 3
 """Orders in which a mode must be stable to count as found."""
@@ -107,7 +107,8 @@ def without_gravity(blades: Array, azimuth: Array) -> Array:
 
 
 def channels(record: Record, rate: float) -> Array:
-    """What the subspace method gets (T, 4): the tower's acceleration and the blades' in multi-blade coordinates."""
+    """Prepare the channels of the subspace method (T, 4): accelerations of the tower, and of the blades in multi-blade
+    coordinates."""
     azimuth = np.unwrap(record["rotor_azimuth"])
     blades = without_gravity(np.column_stack([record[name] for name in TIPS]), azimuth)
     fixed = multi_blade(blades, azimuth)
