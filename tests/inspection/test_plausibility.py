@@ -35,6 +35,11 @@ def test_a_generator_without_a_gear_turns_as_the_rotor_and_one_behind_a_gear_doe
     assert rotor_of(record_with("Drehzahl", 1.2, "m")) is None
 
 
+def test_a_speed_channel_without_readings_is_passed_over_in_silence(recwarn: pytest.WarningsRecorder):
+    assert rotor_of(record_with("GenSpeed", np.nan)) is None
+    assert not recwarn.list
+
+
 def test_a_drehzahl_is_no_vibration():
     assert kind_of("Rotordrehzahl", "rad/s") == "rotor speed"
 

@@ -106,7 +106,7 @@ def _speed_channels(record: Record) -> list[str]:
     """
     if "rotor_speed" in record:
         return ["rotor_speed"]
-    names = [name for name in record.channels if record.unit(name) == "rad/s"]
+    names = [name for name in record.channels if record.unit(name) == "rad/s" and np.isfinite(record[name]).any()]
     ours = {name: getattr(meaning_of(name), "name", None) for name in names}
     turning = [name for wanted in ("rotor_speed", "generator_speed") for name in names if ours[name] == wanted]
     return [name for name in turning if abs(float(np.nanmean(record[name]))) < MAX_ROTOR_SPEED]

@@ -74,7 +74,7 @@ class MeasuredMode(NamedTuple):
     frequency, damping_ratio
         [Hz], [1], with their 95 % intervals.
     trusted
-        Whether nothing spoke against it.
+        True if its grades are A or B.
     candidate, expected, probability
         The mode of the model that it is (`windsysid.match`), or another cause; the model's frequency [Hz], None for
         other causes; and its probability [1].

@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 
 import windsysid as ws
+from tests.modal.linearisation.whirling_rotor import Rotor
 from tests.spectral.oma import modes as operational
 from windsysid.errors import ConfigurationError
 from windsysid.inspection.spectra import expected_modes
 from windsysid.modal.matching.likelihood import ModelMode
 from windsysid.modal.matching.match import candidates_of, match_modes, with_references
+from windsysid.modal.matching.sensor_shapes import linearised_shape
 from windsysid.spectral.oma.known_modes import KnownMode, KnownModes
 
 SPEED = 12.1 * math.pi / 30.0
@@ -109,6 +111,23 @@ def test_a_model_at_another_rotor_speed_is_warned_of():
     diagram = ws.modes("nrel5mw", speeds=(1.0, 1.4))
     found = ws.match(record(seen("a", 0.3), speed=0.6), diagram)
     assert found.notes[0].startswith("Warning: 9.55 rpm is the nearest speed of the model, the record has 5.73")
+
+
+def test_shapes_of_a_linearisation_are_those_of_the_same_mode_at_the_records_speed(tmp_path: Path):
+    """Participations change with the speed, and names with them: a curve and another mode have one name."""
+    speeds = (0.3, 0.8, 1.2)
+    rotors = [Rotor(blade=2.6, mass=3.0, speed=speed) for speed in speeds]
+    diagram = ws.read_linearisation([path for i, one in enumerate(rotors) for path in one.write(tmp_path, f"point{i}")])
+    channels = ["tower_x_acceleration", *(f"blades_tip_lag_acceleration {way}" for way in ("forward", "backward"))]
+    whirls = [mode for mode in diagram.points[0].modes if mode.name != "edge collective"]
+    shapes = [linearised_shape(mode, speeds[0], channels) for mode in whirls]
+    measured = [seen(m.name, m.frequency.estimate, 0.01, **shape) for m, shape in zip(whirls, shapes, strict=True)]
+    found = match_modes(record(*measured, speed=speeds[0]), diagram)
+    assert len(found.modes) > 2
+    for mode in found.modes:
+        (same,) = (one for one in mode.candidates if one.frequency == pytest.approx(mode.frequency.estimate))
+        assert same.mac is not None
+        assert same.mac[0] == pytest.approx(1.0)
 
 
 def test_nothing_is_matched_with_nothing():

@@ -68,6 +68,7 @@ def test_a_foundation_that_rocks_lowers_the_frequency(tmp_path: Path):
         ("[mm]", "", r"tower\.csv:6: wall: expected a unit such as \[m\]"),
         ("diameter", "width", r"tower\.csv:6: unknown column 'width'"),
         ("87.6, 3.87", "-1, 3.87", r"tower\.csv:8: height: expected two or more heights that ascend"),
+        ("87.6, 3.87", "# top\n\n-1, 3.87", r"tower\.csv:10: height: expected two or more heights that ascend"),
         ("87.6, 3.87, 24.7", "87.6, 3.87", r"tower\.csv:8: expected 3 numbers, got '87\.6, 3\.87'"),
         ("87.6, 3.87, 24.7", "87.6, 3.87, nan", r"tower\.csv:8: expected 3 numbers"),
         ("[mm]", "[m]", r"tower\.csv:7: wall: expected more than 0 and less than half of the diameter"),

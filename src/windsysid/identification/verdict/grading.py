@@ -123,7 +123,7 @@ def is_contradictory(outcome: Outcome) -> bool:
 
 
 def _parts(scores: Sequence[PartScores]) -> set[str]:
-    """Combine the available scores: time, frequency."""
+    """Axes over which scores are available: time, frequency."""
     return {one.over for one in scores}
 
 

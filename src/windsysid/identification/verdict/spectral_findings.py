@@ -115,7 +115,7 @@ def _unsteady_blocks(question: RotorQuestion, sums: BlockSums[Lifted], posed: Po
 
 
 def _alike(posed: Posed, found: RotorFit) -> Posed:
-    """Findings with the unknowns of the fit."""
+    """Problem with the inexact quantities of the fit."""
     return posed._replace(model=posed.model._replace(inexact=found.model.inexact))
 
 

@@ -13,14 +13,11 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.modal.decays.likelihood import Decay, DecayFit, fit_decays, poles
 from windsysid.modal.decays.limits import MAX_DAMPING, MAX_MODES, MIN_CYCLES
-from windsysid.modal.decays.start import realized_modes, residual_modes
+from windsysid.modal.decays.start import AVERAGED_BINS, realized_modes, residual_modes
 from windsysid.spectral.modal_bands.limits import MIN_DOUBLE_LOG_ODDS
 from windsysid.spectral.oma.limits import MAX_FREQUENCY_SHARE
 
 __all__ = ["search_decays"]
-
-AVERAGED_BINS = 9
-"""Setting: bins of a periodogram that are averaged."""
 
 TAPERED_SHARE = 0.04
 """Setting: share of a residual in the tapers at its beginning and end."""

@@ -23,7 +23,7 @@ from windsysid.modal.decays.limits import (
 )
 from windsysid.spectral.oma.limits import MAX_FREQUENCY_SHARE
 
-__all__ = ["highest_peak", "realized_modes", "reduced", "release", "residual_modes"]
+__all__ = ["AVERAGED_BINS", "highest_peak", "realized_modes", "reduced", "release", "residual_modes"]
 
 MAX_ROWS, MAX_COLUMNS = 240, 800
 """Numerical: largest size of the block Hankel matrix."""

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from windsysid.modal.campbell import Campbell
 from windsysid.modal.linearisation.eigenmodes import LinearisedMode
+from windsysid.modal.tracking import Curve
 from windsysid.output.table import Table
 from windsysid.results.posterior import SIGMAS
 from windsysid.units import RPM
@@ -62,6 +63,11 @@ class LinearisedModes(Campbell):
     def modes(self) -> tuple[LinearisedMode, ...]:
         """Those at the usual rotor speed, which is the highest, by frequency."""
         return self.points[self.usual].modes
+
+    def mode_of(self, curve: Curve, i: int) -> LinearisedMode:
+        """The mode of a curve at an operating point, where its name may be another one."""
+        f = float(curve.frequency[i])
+        return min(self.points[i].modes, key=lambda mode: (abs(mode.frequency.estimate - f), mode.name != curve.name))
 
     @property
     def band_source(self) -> str:

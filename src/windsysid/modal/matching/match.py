@@ -257,9 +257,9 @@ def _diagram_modes(found: Campbell, measured: KnownModes) -> tuple[str, list[Mod
         )
         notes = [f"Warning: {off}: blade modes change with the speed; give the model at that of the record"]
     if isinstance(found, LinearisedModes):
-        point = min(found.points, key=lambda p: abs(p.rotor_speed - speed))
+        i = int(np.argmin(np.abs(found.speeds - speed)))
         channels = list(measured.modes[0].shape)
-        shapes = {m.name: linearised_shape(m, point.rotor_speed, channels) for m in point.modes}
+        shapes = {c.name: linearised_shape(found.mode_of(c, i), float(found.speeds[i]), channels) for c in found.curves}
     modes = []
     for curve in found.curves:
         values = (curve.frequency, curve.frequency_std, curve.damping, curve.damping_std)

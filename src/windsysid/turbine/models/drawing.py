@@ -49,12 +49,12 @@ def read_drawing(path: Path) -> Machine:
     """
     file = InputFile(path)
     values, lines, at = _values(file)
-    columns = _table(file, at)
+    columns, rows = _table(file, at)
     z = columns["height"]
-    if len(z) < 2 or np.any(np.diff(z) <= 0.0):
-        i = int(np.argmax(np.diff(z) <= 0.0)) if len(z) > 1 else 0
-        file.fail(at + 1 + min(i + 1, len(z) - 1), "height: expected two or more heights that ascend from the foot")
-    last = at + len(z)
+    falls = np.flatnonzero(np.diff(z) <= 0.0)
+    if len(z) < 2 or falls.size:
+        line = rows[falls[0] + 1] if falls.size else [at, *rows][-1]
+        file.fail(line, "height: expected two or more heights that ascend from the foot")
     z, columns = _refined(z, columns)
     mass, stiffness = _section(file, at, columns, values)
     if problem := gyration_problem(stiffness / mass, float(z[-1] - z[0])):
@@ -76,7 +76,7 @@ def read_drawing(path: Path) -> Machine:
         return f"{path.name}:{', '.join(known)}" if known else "assumed"
 
     sources = {
-        "tower": f"{path.name}:{at + 1}-{last}", "top": where("top_mass", "top_height", "top_inertia"),
+        "tower": f"{path.name}:{rows[0]}-{rows[-1]}", "top": where("top_mass", "top_height", "top_inertia"),
         "damping": where("damping"), "rotor_speed": where("rotor_speed"), "gravity": where("gravity"), "outputs": "",
     }  # fmt: skip
     return Machine(
@@ -139,12 +139,12 @@ _RANGES = {
 """Smallest and largest value of a key, and what is expected."""
 
 
-def _table(file: InputFile, at: int) -> dict[str, Array]:
-    """Columns of the table below the line `at`, in SI."""
+def _table(file: InputFile, at: int) -> tuple[dict[str, Array], list[int]]:
+    """Columns of the table below the line `at`, in SI, and the numbers of its lines."""
     units = dict(_heading(file, at, heading) for heading in file.lines[at - 1].split(","))
     if "height" not in units:
         file.fail(at, f"expected a column 'height [m]', got {', '.join(units)}")
-    rows = []
+    rows, lines = [], []
     for number, text in _texts(file, at + 1):
         try:
             row = [float(word) for word in text.split(",")]
@@ -153,8 +153,9 @@ def _table(file: InputFile, at: int) -> dict[str, Array]:
         if len(row) != len(units) or not all(map(math.isfinite, row)):
             file.fail(number, f"expected {len(units)} numbers, got '{text[:60]}'")
         rows.append(row)
+        lines.append(number)
     values = np.array(rows).reshape(len(rows), len(units)) * list(units.values())
-    return {name: values[:, i] for i, name in enumerate(units)}
+    return {name: values[:, i] for i, name in enumerate(units)}, lines
 
 
 def _heading(file: InputFile, at: int, heading: str) -> tuple[str, float]:

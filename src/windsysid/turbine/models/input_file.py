@@ -101,11 +101,14 @@ class InputFile:
         """The number of that name; `default` where the file does not have it."""
         if default is not None and not self.has(name):
             return default
-        text = self.text(name)
+        return self.value(self.line(name), self.text(name), f"{name}: ")
+
+    def value(self, line: int, text: str, of: str = "") -> float:
+        """The number that a line has as text; an error says `of` what it is."""
         try:
             return _number(text)
         except ValueError:
-            self.fail(self.line(name), f"{name}: expected a number, got '{text[:40]}'")
+            self.fail(line, f"{of}expected a number, got '{text[:40]}'")
 
     def positive(self, name: str) -> float:
         """A number above 0."""

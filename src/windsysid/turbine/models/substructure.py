@@ -50,7 +50,7 @@ def read_substructure(main: InputFile, foot: float) -> Substructure:
     joints, first = sub.rows("JointID", sub.count("NJoints"), 4)
     heights = {}
     for i, words in enumerate(joints):
-        x, y, height = (_value(sub, first + i, word) for word in words[1:4])
+        x, y, height = (sub.value(first + i, word) for word in words[1:4])
         if math.hypot(x, y) > STEP:
             sub.fail(
                 first + i,
@@ -78,22 +78,12 @@ def _repeats(z: Array) -> Array:
     return np.array([float(np.sum(z[:i] == height)) for i, height in enumerate(z)])
 
 
-def _value(file: InputFile, line: int, word: str) -> float:
-    try:
-        value = float(word.upper().replace("D", "E"))
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        file.fail(line, f"expected a number, got '{word[:40]}'")
-    return value
-
-
 def _members(sub: InputFile, heights: dict[str, float]) -> list[list[float]]:
     """Two stations of each member: z, mass per length, EI, κGA."""
     properties, first = sub.rows("PropSetID", _sets(sub), 6)
     sections = {}
     for i, words in enumerate(properties):
-        young, shear, density, diameter, wall = (_value(sub, first + i, word) for word in words[1:6])
+        young, shear, density, diameter, wall = (sub.value(first + i, word) for word in words[1:6])
         inner = diameter - 2.0 * wall
         area = math.pi / 4.0 * (diameter**2 - inner**2)
         second = math.pi / 64.0 * (diameter**4 - inner**4)
@@ -123,7 +113,7 @@ def _points(sub: InputFile, heights: dict[str, float]) -> tuple[PointMass, ...]:
     for i, words in enumerate(rows):
         if words[0] not in heights:
             sub.fail(first + i, f"mass: joint {words[0]} is not in the table of joints")
-        found.append(PointMass(heights[words[0]], *(_value(sub, first + i, word) for word in words[1:3])))
+        found.append(PointMass(heights[words[0]], *(sub.value(first + i, word) for word in words[1:3])))
     return tuple(found)
 
 
@@ -157,9 +147,9 @@ def _water(main: InputFile, z: Array) -> tuple[Array, tuple[str, ...]]:
     if not count:
         return none, ()
     rows, first = hydro.rows("PropSetID", count, 3)
-    diameter, wall = (_value(hydro, first, word) for word in rows[0][1:3])
+    diameter, wall = (hydro.value(first, word) for word in rows[0][1:3])
     coefficients, at = hydro.rows("SimplCd", 1, 3)
-    added = _value(hydro, at, coefficients[0][2])
+    added = hydro.value(at, coefficients[0][2])
     sea = main if main.has("WtrDens") else hydro
     density = sea.number("WtrDens", 1025.0)
     outside = added * density * math.pi / 4.0 * diameter**2

@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+from windsysid.errors import ConfigurationError
 from windsysid.turbine.models.hinge import equivalent_hinge, equivalent_rotor
 from windsysid.turbine.models.limits import (
     AERODYNAMIC_DAMPING,
@@ -68,8 +69,6 @@ def _tower_text(machine: Machine) -> str:
 
 
 def _rotor_text(machine: Machine) -> str:
-    from windsysid.errors import ConfigurationError
-
     if machine.blade is None:
         raise ConfigurationError(f"{machine.name}: the model has no blades: expected --kind tower")
     modes, towers = machine_modes(machine, machine.rotor_speed), tower_modes(machine, 0)
