@@ -16,7 +16,7 @@ from windsysid.fleet.scada import SCADA_COLUMNS
 from windsysid.identification.identify import identify
 from windsysid.identification.job import Formulation
 from windsysid.inspection.channels import kinds
-from windsysid.inspection.plausibility import rotor_of
+from windsysid.inspection.rotor import rotor_of
 from windsysid.inspection.screening import faults_of, read_besides
 from windsysid.mechanics.sensors import Sensor
 from windsysid.monitoring.own_information import without_prior

@@ -15,7 +15,7 @@ from windsysid.inspection.channels import Kind, most_telling
 from windsysid.inspection.fault import Fault, Severity
 from windsysid.inspection.inspection import Inspection
 from windsysid.inspection.limits import MAX_CONSTANT_SPEED_VARIATION, MIN_MODAL_SAMPLES, MIN_SAMPLES
-from windsysid.inspection.plausibility import Rotor
+from windsysid.inspection.rotor import Rotor
 from windsysid.inspection.screening import examine
 from windsysid.inspection.sections import Proposal, propose, propose_longest
 from windsysid.inspection.spectra import Spectrogram, Spectrum, cleaned, expected_modes, spectra, spectrogram

@@ -9,7 +9,7 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.inspection.sentences import advice, statement
 
-__all__ = ["SEVERITIES", "Fault", "Severity"]
+__all__ = ["SEVERITIES", "Fault", "Severity", "unit_fault"]
 
 Severity = Literal["note", "warning", "unusable"]
 SEVERITIES: tuple[Severity, ...] = ("unusable", "warning", "note")
@@ -68,3 +68,8 @@ class Fault:
             "spans_s": [[float(a), float(b)] for a, b in self.spans[:most]],
             "data": dict(self.data),
         }
+
+
+def unit_fault(channel: str, evidence: str, severity: Severity = "warning", **data: Any) -> Fault:
+    """Fault of kind ``unit``, with the evidence for it."""
+    return Fault(channel, "unit", severity, 0, data={"evidence": evidence, **data})

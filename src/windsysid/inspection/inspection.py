@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from windsysid.inspection.channels import kinds, most_telling
 from windsysid.inspection.fault import SEVERITIES, Fault
-from windsysid.inspection.plausibility import Rotor
+from windsysid.inspection.rotor import Rotor
 from windsysid.inspection.sections import Proposal
 from windsysid.inspection.spectra import Spectrogram, Spectrum
 from windsysid.inspection.stops import Stop

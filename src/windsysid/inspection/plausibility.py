@@ -1,33 +1,30 @@
-"""Units that cannot be right, and channels that contradict each other."""
+"""Units that cannot be right, and axes that are tilted or turned."""
 
 import itertools
 import math
 import re
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from windsysid._types import Array
 from windsysid.inspection.bodies import body_of
 from windsysid.inspection.channels import Kind, is_position
-from windsysid.inspection.fault import Fault, Severity
+from windsysid.inspection.fault import Fault, Severity, unit_fault
 from windsysid.inspection.limits import (
     MAX_ACCELERATION_RATE,
     MAX_DOUBTFUL_ACCELERATION_RATE,
-    MAX_ROTOR_SPEED,
     MAX_SWING,
     MIN_ACCELERATION_RATE,
-    MIN_ROTOR_SPEED,
 )
-from windsysid.inspection.tags import meaning_of
+from windsysid.inspection.rotor import Rotor, once_per_turn, rotor_faults
 from windsysid.records.record import Record
-from windsysid.signals.azimuth import MAX_SCATTER, steadied
 
 if TYPE_CHECKING:
     from windsysid.turbine.turbine import Turbine
 
-__all__ = ["GRAVITY", "TIME", "Rotor", "implausible", "once_per_turn", "rotor_of", "turns_per_second"]
+__all__ = ["GRAVITY", "TIME", "implausible"]
 
 
 GRAVITY = 9.80665
@@ -35,13 +32,6 @@ GRAVITY = 9.80665
 TIME = "time"
 """Subject of findings on the time's unit."""
 _TURN = math.tau
-_RATIOS = (
-    (60.0 / _TURN, "rpm marked as rad/s"),
-    (360.0 / _TURN, "degrees marked as radians"),
-    (1.0 / _TURN, "turns (Hz) marked as radians"),
-    (6.0, "rpm and deg/s mixed up"),
-)
-"""Setting: ratio of a written value to the right one, and the mistake that makes it."""
 
 
 _GRAVITIES = (
@@ -75,64 +65,6 @@ MIN_YAW_DEGREES = 10.0
 """Setting: smallest yaw that is reported where sensors do not yaw: each axis shows 17 % of the other's motion."""
 
 
-class Rotor:
-    """Rotation of the rotor.
-
-    Attributes
-    ----------
-    speed
-        (T,) [rad/s], bridged where it was missing.
-    source
-        The channel it comes from.
-    """
-
-    def __init__(self, speed: Array, source: str):
-        self.speed, self.source = speed, source
-        self.mean = float(np.mean(speed))
-        self.variation = float(np.std(speed) / abs(self.mean)) if self.mean else 0.0
-        self.turns = abs(self.mean) > MIN_ROTOR_SPEED
-
-
-def turns_per_second(record: Record) -> float:
-    """Mean rotor speed of a record [Hz]; 0 where the rotor stands or its speed is unknown."""
-    rotor = rotor_of(record)
-    return abs(rotor.mean) / math.tau if rotor is not None and rotor.turns else 0.0
-
-
-def _speed_channels(record: Record) -> list[str]:
-    """Channels with the rotor speed [rad/s], by their names: ``rotor_speed``, or those of other loggers.
-
-    The speed of a generator counts where it is one that rotors have: there is no gear.
-    """
-    if "rotor_speed" in record:
-        return ["rotor_speed"]
-    names = [name for name in record.channels if record.unit(name) == "rad/s" and np.isfinite(record[name]).any()]
-    ours = {name: getattr(meaning_of(name), "name", None) for name in names}
-    turning = [name for wanted in ("rotor_speed", "generator_speed") for name in names if ours[name] == wanted]
-    return [name for name in turning if abs(float(np.nanmean(record[name]))) < MAX_ROTOR_SPEED]
-
-
-def rotor_of(record: Record, usable: "set[str] | None" = None) -> Rotor | None:
-    """Rotor speed from its channel, or from the azimuth; None where neither is usable."""
-    for channel in (*_speed_channels(record), "rotor_azimuth"):
-        if channel not in record or (usable is not None and channel not in usable):
-            continue
-        values = record[channel]
-        known = np.isfinite(values)
-        if known.sum() < 10:
-            continue
-        if channel != "rotor_azimuth":
-            return Rotor(np.interp(record.time, record.time[known], values[known]), channel)
-        psi = np.interp(record.time, record.time[known], np.unwrap(values[known]))
-        window = max(1, round(record.rate))  # one second: an encoder's steps average out
-        ahead, behind = (
-            np.minimum(np.arange(psi.size) + window, psi.size - 1),
-            np.maximum(np.arange(psi.size) - window, 0),
-        )
-        return Rotor((psi[ahead] - psi[behind]) / (record.time[ahead] - record.time[behind]), channel)
-    return None
-
-
 def implausible(record: Record, known: dict[str, Kind], rotor: Rotor | None, turbine: "Turbine | None") -> list[Fault]:
     """Faults of units and contradictions over all channels (`known`: those that are usable, with their kinds)."""
     found = _pace(record) if "acceleration" in known.values() else []
@@ -141,11 +73,7 @@ def implausible(record: Record, known: dict[str, Kind], rotor: Rotor | None, tur
     found += [*_tilts(record, known), *_yawed_axes(record, known)]
     if not any(one.data.get("evidence") == "gravity in another unit" for one in found):
         found += _tilted(record, [channel for channel, kind in known.items() if kind == "acceleration"])
-    if "rotor_speed" in known:
-        found += _rotor_speed(record, turbine)
-    if "rotor_azimuth" in known:
-        found += _azimuth_against_speed(record, "rotor_speed" in known)
-    return found
+    return [*found, *rotor_faults(record, known, turbine)]
 
 
 def _wrong_unit(record: Record, channel: str, kind: Kind, rotor: Rotor | None) -> list[Fault]:
@@ -156,11 +84,11 @@ def _wrong_unit(record: Record, channel: str, kind: Kind, rotor: Rotor | None) -
         return _acceleration(record, channel, x, rotor)
     if kind == "displacement" and unit == "m":
         large = np.std(x) > 10.0 and not is_position(channel)
-        return [_unit(channel, "no deflection so large", rms=float(np.std(x)))] if large else []
+        return [unit_fault(channel, "no deflection so large", rms=float(np.std(x)))] if large else []
     if unit == "rad":
         return _angle(channel, kind, x)
     if kind == "wind speed" and np.mean(x) > 40.0:
-        return [_unit(channel, "no wind so strong", mean=float(np.mean(x)))]
+        return [unit_fault(channel, "no wind so strong", mean=float(np.mean(x)))]
     return []
 
 
@@ -168,7 +96,7 @@ def _pace(record: Record) -> list[Fault]:
     """Test whether accelerations come so seldom that the time was in milliseconds, or so often that it was in days."""
     step = 1.0 / record.rate
     if record.rate < MIN_ACCELERATION_RATE:
-        return [_unit(TIME, "no structure so slow", step=step)]
+        return [unit_fault(TIME, "no structure so slow", step=step)]
     slow = record.rate <= MAX_DOUBTFUL_ACCELERATION_RATE and np.array_equal(record.time, np.round(record.time))
     if not slow and record.rate <= MAX_ACCELERATION_RATE:
         return []
@@ -184,7 +112,7 @@ def _tilted(record: Record, channels: Sequence[str]) -> list[Fault]:
         size = math.hypot(*means)
         for factor, mistake in _GRAVITIES if len(three) == 3 else ():
             if abs(size / (GRAVITY * factor) - 1.0) < 0.03 and rms < 0.1 * size:
-                found.append(_unit(place, "gravity of three axes", mean=size, mistake=mistake))
+                found.append(unit_fault(place, "gravity of three axes", mean=size, mistake=mistake))
     return found
 
 
@@ -217,7 +145,7 @@ def _acceleration(record: Record, channel: str, x: Array, rotor: Rotor | None) -
     mean, rms = float(np.mean(x)), float(np.std(x))
     for factor, mistake in _GRAVITIES:
         if abs(abs(mean) / (GRAVITY * factor) - 1.0) < 0.03 and rms < 0.5 * GRAVITY * factor:
-            return [_unit(channel, "gravity in another unit", mean=mean, mistake=mistake)]
+            return [unit_fault(channel, "gravity in another unit", mean=mean, mistake=mistake)]
     if abs(abs(mean) - GRAVITY) < 0.3:
         return [Fault(channel, "gravity", "note", x.size, data={"mean": mean})]
     if body_of(channel) == "structure" and (shaken := _shaken(record, channel, rms)):
@@ -229,9 +157,9 @@ def _acceleration(record: Record, channel: str, x: Array, rotor: Rotor | None) -
 def _shaken(record: Record, channel: str, rms: float) -> list[Fault]:
     """A wrong unit of an accelerometer on a structure, by its size."""
     if rms > 10.0 * GRAVITY and channel.startswith(("tower", "nacelle", "hub", "foundation")):
-        return [_unit(channel, "no support so shaken", rms=rms, gravities=rms / GRAVITY)]
+        return [unit_fault(channel, "no support so shaken", rms=rms, gravities=rms / GRAVITY)]
     swing = _swing(record, channel)
-    return [_unit(channel, "no structure swings so far", rms=rms, swing=swing)] if swing > MAX_SWING else []
+    return [unit_fault(channel, "no structure swings so far", rms=rms, swing=swing)] if swing > MAX_SWING else []
 
 
 def _tilts(record: Record, known: Iterable[str]) -> list[Fault]:
@@ -276,15 +204,8 @@ def _gravity_once_per_turn(record: Record, channel: str, rms: float, rotor: Roto
     amplitude = once_per_turn(record, record[channel], rotor)
     for factor, mistake in _GRAVITIES:
         if abs(amplitude / (GRAVITY * factor) - 1.0) < 0.05 and amplitude > 1.2 * rms:
-            return [_unit(channel, "gravity once per turn", amplitude=amplitude, mistake=mistake)]
+            return [unit_fault(channel, "gravity once per turn", amplitude=amplitude, mistake=mistake)]
     return []
-
-
-def once_per_turn(record: Record, values: Array, rotor: Rotor) -> float:
-    """Amplitude of a channel at 1P, from the angle that the rotor turned."""
-    ok = np.isfinite(values)
-    psi = np.concatenate([[0.0], np.cumsum(0.5 * (rotor.speed[1:] + rotor.speed[:-1]) * np.diff(record.time))])
-    return float(2.0 * np.abs(np.mean((values[ok] - values[ok].mean()) * np.exp(-1j * psi[ok]))))
 
 
 def _angle(channel: str, kind: Kind, x: Array) -> list[Fault]:
@@ -294,10 +215,10 @@ def _angle(channel: str, kind: Kind, x: Array) -> list[Fault]:
     size = float(np.median(wraps)) if wraps.size else 0.0
     if _is_in_degrees(kind, size, span, largest):
         if not size:
-            return [_unit(channel, "angle too large", largest=largest)]
-        return [_unit(channel, "wraps elsewhere", at=360, mistake="degrees marked as rad")]
+            return [unit_fault(channel, "angle too large", largest=largest)]
+        return [unit_fault(channel, "wraps elsewhere", at=360, mistake="degrees marked as rad")]
     if kind == "azimuth" and wraps.size >= 3 and 0.8 < size < 1.05 and span < 1.05:
-        return [_unit(channel, "wraps elsewhere", at=1, mistake="turns marked as rad")]
+        return [unit_fault(channel, "wraps elsewhere", at=1, mistake="turns marked as rad")]
     return []
 
 
@@ -308,123 +229,3 @@ def _is_in_degrees(kind: Kind, wrap: float, span: float, largest: float) -> bool
     if kind in ("direction", "yaw"):
         return 2.0 * _TURN < largest <= 361.0
     return kind == "pitch" and largest > _TURN
-
-
-def _rotor_speed(record: Record, turbine: "Turbine | None") -> list[Fault]:
-    usual = float(np.nanmedian(record["rotor_speed"]))
-    if "rotor_azimuth" in record and _azimuth_speed(record) is not None:
-        return []  # the azimuth tells more, see below
-    if turbine is not None and turbine.rotor_speed > 0.0 and usual != 0.0:
-        return _against_usual_speed(usual, turbine)
-    rpm = usual * 60.0 / _TURN
-    if abs(usual) > 30.0:
-        return [_unit("rotor_speed", "fast rotor", speed=usual, rpm=rpm)]
-    if abs(usual) > MAX_ROTOR_SPEED:
-        return [_unit("rotor_speed", "small rotor", "note", speed=usual, rpm=rpm)]
-    return []
-
-
-def _against_usual_speed(speed: float, turbine: "Turbine") -> list[Fault]:
-    """A wrong unit of a rotor speed, by that of the turbine file: a machine may run away, but hardly this far."""
-    ratio = abs(speed) / turbine.rotor_speed
-    for factor, mistake in _RATIOS[:3]:
-        if abs(np.log(ratio / factor)) < 0.35 and abs(np.log(ratio)) > 1.0:
-            severity: Severity = "warning" if factor > 1.0 else "note"  # an idling rotor is slow too
-            speeds = {"speed": speed, "usual": turbine.rotor_speed, "turbine": turbine.name}
-            return [_unit("rotor_speed", "another usual speed", severity, **speeds, mistake=mistake)]
-    return []
-
-
-def _azimuth_speed(record: Record) -> float | None:
-    """Mean speed of the azimuth [rad/s]; None where it does not turn or its own unit is in doubt."""
-    values = record["rotor_azimuth"]
-    ok = np.isfinite(values)
-    if ok.sum() < 10:
-        return None
-    time, psi = record.time[ok], values[ok]
-    steps = np.mod(np.diff(psi) + np.pi, _TURN) - np.pi
-    near = np.diff(time) < 1.5 / record.rate
-    return float(np.median(steps[near] / np.diff(time)[near])) if near.any() else None
-
-
-def _azimuth_against_speed(record: Record, with_speed: bool) -> list[Fault]:
-    psi = record["rotor_azimuth"]
-    psi = psi[np.isfinite(psi)]
-    span = float(np.ptp(psi))
-    wraps = int(np.count_nonzero(np.abs(np.diff(psi)) > 0.5 * span))
-    if wraps >= 3 and not 0.95 * _TURN < span < 1.05 * _TURN and span < 400.0:
-        return []  # the unit is wrong: said already
-    own = _azimuth_speed(record)
-    if own is None:
-        return []
-    if own < -0.02:
-        return [_contradiction(evidence="backwards", azimuth=own)]
-    found = _azimuth_scatter(record)
-    if not with_speed:
-        return found
-    return _against_speed(record, own) or [*found, *_azimuth_jumps(record)]
-
-
-def _against_speed(record: Record, own: float) -> list[Fault]:
-    """A mean speed of the azimuth [rad/s] that contradicts the rotor speed."""
-    mean = float(np.median(_speed_at_azimuth(record)))
-    if abs(mean) <= 0.05 or abs(own / mean - 1.0) <= 0.02:
-        return []
-    ratio = mean / own if own else np.inf
-    mistake = next((text for factor, text in _RATIOS if abs(abs(ratio) / factor - 1.0) < 0.02), "")
-    return [_contradiction(azimuth=own, speed=mean, ratio=ratio, mistake=mistake)]
-
-
-def _azimuth_jumps(record: Record) -> list[Fault]:
-    """Places where the azimuth jumps by more than the rotor turned."""
-    ok = np.isfinite(record["rotor_azimuth"])
-    time, speed = record.time[ok], _speed_at_azimuth(record)
-    expected = 0.5 * (speed[1:] + speed[:-1]) * np.diff(time)
-    slip = np.mod(np.diff(record["rotor_azimuth"][ok]) - expected + np.pi, _TURN) - np.pi
-    # two glitches that cancel are a spike, reported as such; a slip stays
-    lasting = np.flatnonzero((np.abs(slip) > 0.3) & (np.abs(_around(slip)) > 0.3) & (np.diff(time) < 1.5 / record.rate))
-    if not lasting.size:
-        return []
-    spans = np.column_stack([time[lasting], time[lasting + 1]])
-    data = {"largest": float(np.max(np.abs(slip[lasting])))}
-    return [Fault("rotor_azimuth", "azimuth jumps", "warning", int(lasting.size), spans, data)]
-
-
-def _speed_at_azimuth(record: Record) -> Array:
-    """Rotor speed at the times of known azimuths, bridged where it is missing."""
-    ok = np.isfinite(record["rotor_azimuth"])
-    time, speed = record.time[ok], record["rotor_speed"][ok]
-    known = np.isfinite(speed)
-    return np.interp(time, time[known], speed[known])
-
-
-def _azimuth_scatter(record: Record) -> list[Fault]:
-    """That azimuths scatter about a smooth rotation, more than gravity on the blades lets pass."""
-    record = record.on_own_times()
-    smooth = steadied(record)
-    if smooth is record:
-        return []
-    off = np.mod(record["rotor_azimuth"] - smooth["rotor_azimuth"] + np.pi, _TURN) - np.pi
-    off = off[np.isfinite(off)]
-    off = off[np.abs(off) <= 10.0 * np.median(np.abs(off))]  # others are spikes
-    if not np.std(off) > MAX_SCATTER:
-        return []
-    data = {"degrees": float(np.degrees(np.std(off)))}
-    return [Fault("rotor_azimuth", "azimuth scatter", "warning", int(off.size), data=data)]
-
-
-def _around(values: Array, reach: int = 6) -> Array:
-    """Sum of each value with its neighbours."""
-    total = np.concatenate([[0.0], np.cumsum(values)])
-    index = np.arange(values.size)
-    return np.asarray(
-        total[np.minimum(index + reach + 1, values.size)] - total[np.maximum(index - reach, 0)], dtype=np.float64
-    )
-
-
-def _unit(channel: str, evidence: str, severity: Severity = "warning", **data: Any) -> Fault:
-    return Fault(channel, "unit", severity, 0, data={"evidence": evidence, **data})
-
-
-def _contradiction(**data: Any) -> Fault:
-    return Fault("rotor_azimuth", "contradiction", "warning", 0, data=data)

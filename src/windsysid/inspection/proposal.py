@@ -15,7 +15,8 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError, UnknownTimeError
 from windsysid.inspection.limits import MAX_GRAVITY_DEVIATION
-from windsysid.inspection.plausibility import GRAVITY, Rotor, once_per_turn
+from windsysid.inspection.plausibility import GRAVITY
+from windsysid.inspection.rotor import Rotor, once_per_turn
 from windsysid.inspection.tags import Meaning, meaning_of
 from windsysid.output.console import render
 from windsysid.output.table import Table

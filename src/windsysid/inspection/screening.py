@@ -20,7 +20,8 @@ from windsysid.inspection.faults.health import channel_faults
 from windsysid.inspection.faults.losses import lost_rows
 from windsysid.inspection.faults.silence import silent_stretches
 from windsysid.inspection.limits import MAX_OFFSET_SIGMAS, MIN_ROTOR_SPEED
-from windsysid.inspection.plausibility import TIME, Rotor, implausible, rotor_of
+from windsysid.inspection.plausibility import TIME, implausible
+from windsysid.inspection.rotor import Rotor, rotor_of
 from windsysid.records.record import Record
 from windsysid.results.finding import Finding
 from windsysid.results.finding import Severity as FindingSeverity

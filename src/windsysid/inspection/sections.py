@@ -35,7 +35,7 @@ from windsysid.inspection.limits import (
     MIN_SECTION_SECONDS,
     MIN_VIBRATION_FACTOR,
 )
-from windsysid.inspection.plausibility import Rotor
+from windsysid.inspection.rotor import Rotor
 from windsysid.inspection.sentences import joined, percent
 from windsysid.inspection.stationarity import Vibration, changes, vibration_of
 from windsysid.records.record import Record

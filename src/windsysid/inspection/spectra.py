@@ -14,7 +14,7 @@ from windsysid._types import Array
 from windsysid.inspection.bodies import body_of
 from windsysid.inspection.fault import Fault
 from windsysid.inspection.limits import MAX_CONSTANT_SPEED_VARIATION, MAX_REFERENCE_DISTANCE
-from windsysid.inspection.plausibility import Rotor
+from windsysid.inspection.rotor import Rotor
 from windsysid.records.checks import refuse_gaps
 from windsysid.records.record import Record
 

@@ -21,7 +21,7 @@ from windsysid.inspection.limits import (
     MIN_STARTED_SHARE,
     MIN_STOP_SECONDS,
 )
-from windsysid.inspection.plausibility import Rotor
+from windsysid.inspection.rotor import Rotor
 from windsysid.records.record import Record
 from windsysid.units import RPM
 

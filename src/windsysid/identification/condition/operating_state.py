@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from windsysid.inspection.channels import kinds
-from windsysid.inspection.plausibility import rotor_of
+from windsysid.inspection.rotor import rotor_of
 from windsysid.records.record import Record
 from windsysid.results.finding import Finding
 from windsysid.turbine.operation import operation_of

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 
 from windsysid.errors import ConfigurationError, RecordError
-from windsysid.inspection.plausibility import turns_per_second
+from windsysid.inspection.rotor import turns_per_second
 from windsysid.kernels.threads import one_thread
 from windsysid.mechanics.sensors import Sensor
 from windsysid.modal.decays import limits

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from windsysid.errors import ConfigurationError
 from windsysid.inspection.bodies import name_a_turbine
-from windsysid.inspection.plausibility import rotor_of
+from windsysid.inspection.rotor import rotor_of
 from windsysid.kernels.threads import one_thread
 from windsysid.mechanics.sensors import Sensor
 from windsysid.modal.marks import ModeMarks

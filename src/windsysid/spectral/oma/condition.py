@@ -10,7 +10,7 @@ from windsysid._types import Array, Complex
 from windsysid.errors import RecordError
 from windsysid.inspection.faults.health import sampled_every
 from windsysid.inspection.limits import MAX_CONSTANT_SPEED_VARIATION, MIN_ROTOR_SPEED
-from windsysid.inspection.plausibility import rotor_of
+from windsysid.inspection.rotor import rotor_of
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import LOW_PASS, Record
 from windsysid.spectral.oma import limits

@@ -12,7 +12,7 @@ from windsysid.errors import RecordError
 from windsysid.inspection.fault import Fault
 from windsysid.inspection.faults.continuity import copies_among
 from windsysid.inspection.limits import MAX_SHORT_GAP_SAMPLES, MIN_MODAL_SAMPLES
-from windsysid.inspection.plausibility import rotor_of
+from windsysid.inspection.rotor import rotor_of
 from windsysid.inspection.screening import doubted, noted, screen
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import RATE_DOUBT, STAMPS, Record

@@ -12,7 +12,7 @@ from windsysid.checks.dead_channel import is_constant
 from windsysid.errors import ConfigurationError
 from windsysid.inspection.bodies import body_of
 from windsysid.inspection.channels import VIBRATION, Kind, kind_of
-from windsysid.inspection.plausibility import rotor_of
+from windsysid.inspection.rotor import rotor_of
 from windsysid.mechanics.sensor_lists import first_problem, parse_sensors, read_sensor_file
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
