@@ -274,8 +274,8 @@ def _shared_data(before: Posterior, after: Posterior) -> tuple[bool, tuple[str, 
         return False, ()
     return False, (
         (
-            f"the two sections of {name or before.record} have {common:.4g} s in common: bands and odds take them"
-            ", which favours no change"
+            f"the two sections of {name or before.record} have {common:.4g} s in common: intervals and odds take them"
+            " as independent, which favours no change"
         ),
     )
 
@@ -288,8 +288,7 @@ def _differing_models(before: Posterior, after: Posterior) -> list[str]:
     if fixed:
         told.append(
             f"the turbine files of the two results differ in {_list_some(fixed)}: the change may be that of the"
-            " files; identify"
-            " both with one file"
+            " files; identify both with one file"
         )
     alone = [name for name in (*a, *b) if (name in a) != (name in b)]
     if alone:
