@@ -31,9 +31,7 @@ def levels_of(found: Sequence[tuple[int, SeriesLevel]]) -> models.Levels:
     """Levels as columns; null for windows without a level."""
     windows = sorted({window for window, _ in found})
     at = {window: i for i, window in enumerate(windows)}
-    fields = (
-        "estimate", "low", "high", "level", "level_low", "level_high", "statistic", "limit",
-    )  # fmt: skip
+    fields = ("estimate", "low", "high", "level", "level_low", "level_high", "statistic", "limit")
     columns: dict[str, dict[str, list[Any]]] = {}
     shown: dict[str, SeriesLevel] = {}
     for window, level in found:
