@@ -117,9 +117,7 @@ def _mode(
     return models.FoundMode(name=_text(mode, "name"), **values, **grades, nearest=nearest, distance=distance)
 
 
-_MODE_NUMBERS = (
-    "frequency", "frequency_low", "frequency_high", "damping_ratio", "damping_ratio_low", "damping_ratio_high",
-)  # fmt: skip
+_MODE_NUMBERS = tuple(f"{name}{end}" for name in ("frequency", "damping_ratio") for end in ("", "_low", "_high"))
 
 
 _MODE_GRADES = ("frequency_grade", "damping_ratio_grade")

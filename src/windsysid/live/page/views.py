@@ -116,6 +116,7 @@ def _summary(
     engine: Mapping[str, TurbineState],
 ) -> models.TurbineSummary:
     row: Mapping[str, Any] = {} if result is None else result.row
+    trusted = None if result is None else row.get("status") == "ok" and bool(row.get("trusted"))
     seen = sorted((alarm_seen(alarm) for alarm in alarms), key=_alarm_order)
     faults = [_channel(health) for health in healths if health.state != "good"]
     known = status or Status(name, {}, 0, 0, "waiting", None, {})
@@ -126,13 +127,9 @@ def _summary(
     return models.TurbineSummary(
         name=name, verdict=verdict, answer=answer, state=known.state, rotor_speed=number_of(known.rotor_speed),
         stream=_ms_or_none(known.stream), received=_ms_or_none(known.received), window=window, until=until,
-        trusted=_trusted(result), grades=stored_grades(row), reasons=reasons_of(row), windows_waiting=waiting,
+        trusted=trusted, grades=stored_grades(row), reasons=reasons_of(row), windows_waiting=waiting,
         behind=behind, alarms=seen, faults=faults,
     )  # fmt: skip
-
-
-def _trusted(result: Result | None) -> bool | None:
-    return None if result is None else result.row.get("status") == "ok" and bool(result.row.get("trusted"))
 
 
 def _verdict_of_alarms(
