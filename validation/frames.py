@@ -1,7 +1,7 @@
 """Shear frames of N storeys: do the bands of spectra hold stiffness and damping of every storey, from output alone?
 
 Unit masses; springs k_i and dampers c_i between floors, and a damper a from every floor to the ground, so that the
-lowest and the highest mode have 1 % (Rayleigh). White forces on every floor, not measured them; a geophone with 1 %
+lowest and the highest mode have 1 % (Rayleigh). Unmeasured white forces act on every floor; a geophone with 1 %
 of noise on every floor; 600 s at 50 Hz. The frame is sampled exactly, by the matrix exponential. Priors are drawn about
 the truth: 30 % for stiffness, 50 % for damping, a factor 2 for the levels of forces and noise. Seeds begin at `FRESH`.
 

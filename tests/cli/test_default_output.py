@@ -6,6 +6,7 @@ import pytest
 
 import windsysid as ws
 from tests.conftest import Ended
+from tests.turbine.models.test_drawing import DRAWING
 from windsysid.cli.common import name_of, numbered
 from windsysid.cli.fleet import _archive_of
 from windsysid.cli.identify import _checkpoint, _default_output
@@ -117,3 +118,15 @@ def test_a_name_has_no_folder_and_no_ending(tmp_path: Path):
     (tmp_path / "2025.07").mkdir()
     assert name_of(tmp_path / "2025.07") == "2025.07"
     assert name_of("data/r.csv", "oma") == "r-oma"
+
+
+@pytest.mark.parametrize("command", [("inspect", "{}", "--write-mapping", "{}"), ("turbine", "{}", "--output", "{}")])
+def test_a_command_never_overwrites_the_file_that_it_reads(run, record: Path, tmp_path: Path, command: tuple[str, ...]):
+    """A measured record, named as the mapping to write by mistake, was replaced by it."""
+    path = tmp_path / "read.csv"
+    content = record.read_bytes() if command[0] == "inspect" else DRAWING.encode()
+    path.write_bytes(content)
+    ended = run(*(word.format(path) for word in command), "--overwrite")
+    assert path.read_bytes() == content
+    assert ended.code == 2
+    assert "is to be read: choose another name" in ended.err[0]

@@ -139,3 +139,17 @@ def test_names_are_asked_for_where_the_turbine_knows_none_of_them(run, folder: P
     assert "another channel is called tower_z_acceleration already" in ended.out
     names = [rule.name for rule in load_mapping("odd-mapping.toml").channels.values()]
     assert names == ["tower_z_acceleration", "tower_x_acceleration", "rotor_speed"]
+
+
+def test_a_name_that_the_file_gives_to_a_later_channel_is_refused(run, folder: Path, answers):
+    """It was in the mapping twice, which was refused after all questions; the name of a channel left out is free."""
+    _, *rows = (folder / "logger.csv").read_text(encoding="utf-8").splitlines()
+    rows = rows[: len(rows) // 3]
+    Path("odd.csv").write_text("\n".join(["time [s];TT 1;TT 2;Rotor speed (rpm)", *rows]) + "\n", encoding="utf-8")
+    answers("rotor_speed", "tower_z_acceleration", "-", "tower_z_acceleration", "mg")
+    ended = run("start", "odd.csv", "--turbine", "tower")
+    assert (ended.code, ended.err) == (0, []), ended
+    assert "another channel is called rotor_speed already" in ended.out
+    assert "another channel is called tower_z_acceleration already" not in ended.out
+    mapping = load_mapping("odd-mapping.toml")
+    assert [rule.name for rule in mapping.channels.values()] == ["tower_z_acceleration", "rotor_speed"]

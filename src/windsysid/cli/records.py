@@ -140,7 +140,7 @@ def _write_mapping(record: Path, mapping: Path | None, target: Path, *, overwrit
     from windsysid.inspection.proposal import propose_mapping
     from windsysid.output.files import claim_file
 
-    with claim_file(target, overwrite=overwrite) as write:
+    with claim_file(target, overwrite=overwrite, inputs=filter(None, [record, mapping])) as write:
         with show_progress("inspect") as progress:
             progress(f"reading {record}")
             found = propose_mapping(record, mapping)
@@ -184,7 +184,7 @@ def turbine(
     if output is None:
         print(turbine_file_from(model, kind), end="")
         return
-    with claim_file(output, overwrite=overwrite) as write:
+    with claim_file(output, overwrite=overwrite, inputs=[model]) as write:
         text = turbine_file_from(model, kind)
         write(lambda file: file.write(text.encode()))
     print(printable(f"turbine: {output}; check what it assumes, then: windsysid identify RECORD --turbine {output}"))

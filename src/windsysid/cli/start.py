@@ -172,9 +172,10 @@ def _complete(found: "MappingProposal", known: list[str], turbine: str, guide: _
         print("(of a tower x is side-side, z fore-aft)")
     guesses: list[Guess] = []
     for guess in found.guesses:
-        taken = {one.name or one.written for one in guesses}
-        guesses.append(_complete_guess(guess, known, taken, guide))
-    return replace(found, guesses=tuple(guess for guess in guesses if guess.unit != LEAVE_OUT))
+        taken = {one.name or one.written for one in guesses} | {one.name for one in found.guesses if one.name}
+        done = _complete_guess(guess, known, taken, guide)
+        guesses += [done] if done.unit != LEAVE_OUT else []
+    return replace(found, guesses=tuple(guesses))
 
 
 def _complete_guess(guess: "Guess", known: list[str], taken: set[str], guide: _Guide) -> "Guess":

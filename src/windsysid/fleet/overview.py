@@ -91,7 +91,7 @@ class Overview(Answer):
     watches
         Of each turbine that could be watched.
     standings
-        Coefficients of turbines among their turbines of the type.
+        Coefficients of turbines, compared within the type.
     failing
         Sensors that fail.
     events

@@ -18,7 +18,7 @@ FAILING_MIN_SHARE = 0.25
 """Share of a week's records with a finding from which a sensor is named."""
 
 SHARED_MIN_SHARE = 0.05
-"""Median share of its turbines of the type, from which the site or the logger is named instead."""
+"""Median share at the other turbines of the type, from which the site or the logger is named instead."""
 
 MIN_RECORDS = 12
 """Records of a week that are needed."""
@@ -47,7 +47,7 @@ class Failing(NamedTuple):
     first, last
         Days on which the first week begins and the last one ends.
     shared
-        Whether turbines of the type have it too.
+        Whether the other turbines of the type have it too.
     """
 
     turbine: str

@@ -25,7 +25,7 @@ MIN_SISTERS = 5
 
 
 class Standing(NamedTuple):
-    """A turbine's coefficient among its turbines of the type'.
+    """Coefficient of a turbine compared with those of the others of its type.
 
     Attributes
     ----------

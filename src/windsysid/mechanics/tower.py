@@ -12,8 +12,8 @@ damps it by its own velocity, fore-aft far more than sideways. What bends is a t
     T = ½ m_x v_x² + ½ m_z v_z²,    V = ½ k_x x² + ½ k_z z²,    D = ½ c_x v_x² + ½ c_z v_z²,
 
 with k_x = k_z for a round tower and true masses: V is then the same for every yaw. They are two coefficients all the
-same, because a vibration shows k/m and never k, and it is not known two modal masses: what the masses of the file get
-wrong ends in the stiffness.
+same, because a vibration shows k/m and never k, and two modal masses are not known: errors of the masses in the file
+become errors of the stiffness.
 
 Along the compass bearing b of an axis fixed to the tower, a vector reads v_x sin(b − γ) − v_z cos(b − γ). A top that
 leans by `tilt` radians per metre tips its accelerometers: what measures gravity reads g · tilt · (x, z) less than the

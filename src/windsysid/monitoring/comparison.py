@@ -272,12 +272,11 @@ def _shared_data(before: Posterior, after: Posterior) -> tuple[bool, tuple[str, 
     common = min(before.section[1], after.section[1]) - max(before.section[0], after.section[0])
     if common <= 0.0:
         return False, ()
-    return False, (
-        (
-            f"the two sections of {name or before.record} have {common:.4g} s in common: bands and odds take them"
-            ", which favours no change"
-        ),
+    note = (
+        f"the two sections of {name or before.record} have {common:.4g} s in common: intervals and odds take them"
+        " as independent, which favours no change"
     )
+    return False, (note,)
 
 
 def _differing_models(before: Posterior, after: Posterior) -> list[str]:
@@ -288,8 +287,7 @@ def _differing_models(before: Posterior, after: Posterior) -> list[str]:
     if fixed:
         told.append(
             f"the turbine files of the two results differ in {_list_some(fixed)}: the change may be that of the"
-            " files; identify"
-            " both with one file"
+            " files; identify both with one file"
         )
     alone = [name for name in (*a, *b) if (name in a) != (name in b)]
     if alone:

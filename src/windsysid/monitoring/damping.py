@@ -362,7 +362,7 @@ def _notes(states: Sequence[State], splits: Sequence[DampingSplit], design: _Des
 
 
 def _parked_note(parked: Sequence[State], design: _Design) -> str:
-    """True if the structural part includes aerodynamic damping of a parked rotor."""
+    """Note on whether the structural part includes the aerodynamic damping of a parked rotor."""
     if design.parked_wind:
         return "the structural part is that of the parked records, extrapolated to no wind"
     blowing = [f"{state.wind_speed:.3g}" for state in parked if state.wind_speed is not None]

@@ -149,8 +149,8 @@ def watch(
     notes = [*blocks.notes, *notes]
     notes.insert(
         0,
-        f"alarms from {blocks.when(float(blocks.time[begins]))} on: {begins} records to learn from, which are"
-        " looked for afterwards",
+        f"alarms from {blocks.when(float(blocks.time[begins]))} on: {begins} records to learn from, in which"
+        " jumps are searched for afterwards",
     )
     return Watch(blocks, tuple(series), changes, alarms_per_year, begins, tuple(notes))
 

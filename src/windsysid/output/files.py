@@ -21,16 +21,20 @@ Write = Callable[[BinaryIO], object]
 
 
 @contextmanager
-def claim_file(path: str | Path, *, overwrite: bool = False) -> Iterator[Callable[[Write], None]]:
+def claim_file(
+    path: str | Path, *, overwrite: bool = False, inputs: Iterable[str | Path] = ()
+) -> Iterator[Callable[[Write], None]]:
     """Reserve the name of a file before its content is computed; yields a function that writes all of it, or nothing.
 
     Raises
     ------
     OutputError
-        If the file is there and `overwrite` is off, it is a folder, another process is writing it, or it cannot be
-        written.
+        If the file is there and `overwrite` is off, it is a folder or one of the `inputs`, another process is writing
+        it, or it cannot be written.
     """
     path = Path(path)
+    if os.path.realpath(path) in map(os.path.realpath, inputs):
+        raise OutputError(f"{path}: is to be read: choose another name for the file to write")
     remedy = "choose a folder you may write to, with space left"
     if os.path.isdir(path):
         raise OutputError(f"{path}: is a folder, expected the name of a file; add one")

@@ -106,7 +106,7 @@ def _availability(overview: Overview) -> Table:
 
 
 def _plots(overview: Overview) -> list[Plot]:
-    """Levels of every coefficient, and turbines against their turbines of the type where there are enough."""
+    """Levels of every coefficient, and each turbine against the others of its type if there are enough."""
     plots = []
     for name in _watched(overview):
         plots.append(_level_plot(overview, name))

@@ -8,7 +8,8 @@ import pytest
 from windsysid.live.engine_state import EngineState, TurbineState
 from windsysid.live.page.metrics import metrics_text
 from windsysid.live.page.models import AlarmSeen, ChannelHealth, PageOverview, TurbineSummary
-from windsysid.live.page.views import _covariance, _verdict_of_alarms, _verdict_of_result
+from windsysid.live.page.results import _covariance
+from windsysid.live.page.views import _verdict_of_alarms, _verdict_of_result
 
 
 def summary(name: str) -> TurbineSummary:

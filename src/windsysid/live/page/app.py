@@ -25,19 +25,10 @@ from windsysid.live.page.door import Door
 from windsysid.live.page.guard import RequestGuard, RequestLimits
 from windsysid.live.page.metrics import MEDIA_TYPE, metrics_text
 from windsysid.live.page.newest import Newest
+from windsysid.live.page.results import NS_PER_MS, detail_of, levels_of, results_of
 from windsysid.live.page.spectra import spectra_of, waterfall_of
 from windsysid.live.page.streams import Streams, TooManyStreams
-from windsysid.live.page.views import (
-    NS_PER_MS,
-    alarm_seen,
-    detail_of,
-    levels_of,
-    overview_of,
-    results_of,
-    sources_of,
-    trouble_of,
-    turbine_of,
-)
+from windsysid.live.page.views import alarm_seen, overview_of, sources_of, trouble_of, turbine_of
 from windsysid.live.sources.source import BlockSource
 from windsysid.live.store.store import Store
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from windsysid.live.page import models
-from windsysid.live.page.views import NS_PER_MS
+from windsysid.live.page.results import ms_of
 
 __all__ = ["spectra_of", "waterfall_of"]
 
@@ -19,7 +19,7 @@ def spectra_of(found: Sequence[WindowSpectra]) -> models.Spectra:
     """Spectra of the last window."""
     if not found:
         return models.Spectra(window=None, plots=[])
-    return models.Spectra(window=found[-1][0] / NS_PER_MS, plots=found[-1][1])
+    return models.Spectra(window=ms_of(found[-1][0]), plots=found[-1][1])
 
 
 def waterfall_of(found: Sequence[WindowSpectra], channel: str | None) -> models.Waterfall:
@@ -27,7 +27,7 @@ def waterfall_of(found: Sequence[WindowSpectra], channel: str | None) -> models.
     channels = list(dict.fromkeys(plot["title"] for _, plots in reversed(found) for plot in plots))
     channel = channel or next(iter(channels), "")
     all_plots = ((window, plot) for window, plots in found for plot in plots)
-    chosen = {window / NS_PER_MS: plot for window, plot in all_plots if plot["title"] == channel and plot["x"]}
+    chosen = {ms_of(window): plot for window, plot in all_plots if plot["title"] == channel and plot["x"]}
     plots = list(chosen.values())
     newest: Mapping[str, Any] = plots[-1] if plots else {"x": [], "y_axis": {"label": ""}}
     return models.Waterfall(
