@@ -120,7 +120,14 @@ def test_a_name_has_no_folder_and_no_ending(tmp_path: Path):
     assert name_of("data/r.csv", "oma") == "r-oma"
 
 
-@pytest.mark.parametrize("command", [("inspect", "{}", "--write-mapping", "{}"), ("turbine", "{}", "--output", "{}")])
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("inspect", "{}", "--write-mapping", "{}"),
+        ("turbine", "{}", "--output", "{}"),
+        ("simulate", "--turbine", "{}", "--output", "{}", "--duration", "60"),
+    ],
+)
 def test_a_command_never_overwrites_the_file_that_it_reads(run, record: Path, tmp_path: Path, command: tuple[str, ...]):
     """A measured record, named as the mapping to write by mistake, was replaced by it."""
     path = tmp_path / "read.csv"

@@ -85,7 +85,8 @@ def simulate(
 
     machine = load_turbine(turbine)
     target = output or next(path for path in numbered(name_of(turbine), ".csv") if overwrite or not path.exists())
-    with claim_record(target, overwrite=overwrite) as write, show_progress("simulate") as progress:
+    claimed = claim_record(target, overwrite=overwrite, inputs=[turbine])
+    with claimed as write, show_progress("simulate") as progress:
         progress(f"{duration:g} s of {machine.name} at {rate:g} Hz")
         record = simulate_record(machine, duration=duration, rate=rate, seed=seed, loads=loads)
         record = replace(record, start=_start_of(seed))

@@ -8,7 +8,7 @@ wrong with a file becomes one line: a `RecordError` on reading, an `OutputError`
 mapping is a `ConfigurationError`.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -255,8 +255,13 @@ def write_record(record: Record, path: str | Path, *, overwrite: bool = False) -
 
 
 @contextmanager
-def claim_record(path: str | Path, *, overwrite: bool = False) -> Iterator[Callable[[Record], None]]:
-    """Reserve the name of a record's file before there is a record; yields its writer. Raises as `write_record`."""
+def claim_record(
+    path: str | Path, *, overwrite: bool = False, inputs: Iterable[str | Path] = ()
+) -> Iterator[Callable[[Record], None]]:
+    """Reserve the name of a record's file, none of the `inputs`, before there is a record; yields its writer.
+
+    Raises as `write_record`.
+    """
     path = Path(path)
     written = tuple(one for one in FORMATS if one.write is not None)
     writer = next((one.write for one in written if one.is_named(path)), None)
@@ -265,5 +270,5 @@ def claim_record(path: str | Path, *, overwrite: bool = False) -> Iterator[Calla
             f"{path}: cannot write files ending in '{path.suffix}', expected one of {_endings(written)}; "
             "choose another name"
         )
-    with claim_file(path, overwrite=overwrite) as write:
+    with claim_file(path, overwrite=overwrite, inputs=inputs) as write:
         yield lambda record: write(lambda file: writer(record, file))
