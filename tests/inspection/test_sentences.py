@@ -39,8 +39,9 @@ def test_every_fault_that_is_made_is_in_the_table():
     made = set()
     for path in (Path(windsysid.__file__).parent / "inspection").rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            called = getattr(node.func, "id", "") if isinstance(node, ast.Call) else ""
-            if called in ("Fault", "unit_fault") and len(node.args) > 1:
+            if not isinstance(node, ast.Call) or len(node.args) < 2:
+                continue
+            if getattr(node.func, "id", "") in ("Fault", "unit_fault"):
                 kind = node.args[1]
                 made |= {kind.value} if isinstance(kind, ast.Constant) else set()
     assert {"gaps", "spikes", "frozen", "no deflection so large"} < made

@@ -65,7 +65,7 @@ class LinearisedModes(Campbell):
         return self.points[self.usual].modes
 
     def mode_of(self, curve: Curve, i: int) -> LinearisedMode:
-        """The mode of a curve at an operating point, where its name may be another one."""
+        """Mode of a curve at operating point `i`, where its name may be another one than that of the `curve`."""
         f = float(curve.frequency[i])
         return min(self.points[i].modes, key=lambda mode: (abs(mode.frequency.estimate - f), mode.name != curve.name))
 
