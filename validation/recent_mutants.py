@@ -229,8 +229,8 @@ _CLOCKS_AND_LINES = (
     ),
     Mutant(
         "a rival that explains much worse", "spectral/narrow_band.py",
-        "or expected < MIN_EXPECTED_SHIFT_SIGMAS", "or off < MIN_EXPECTED_SHIFT_SIGMAS",
-        "an explanation that is hardly possible is a doubt",
+        "self.widths[name], self.chance", "self.widths[name], 0.5",
+        "an explanation that is hardly possible widens as one of even chance",
     ),
     Mutant(
         "damping below nothing and a narrow band", "spectral/narrow_band_alternative.py",

@@ -19,8 +19,11 @@ MIN_REPORTED_WIDENING = 1.1
 """Size: factor on a standard deviation from which on an interval counts as wider than that of the model."""
 
 EVEN_CHANCE = 0.5
-"""Probability: least one of a rival explanation that counts at all. The evidence of approximate models preferred the
-wrong one by 3 to 5 in logarithms (``python -m validation.towers``): it may raise a rival, and not dismiss it."""
+"""Probability: of a rival explanation whose evidence is not known."""
+
+LOG_EVIDENCE_STD = 2.0
+"""Log odds: standard deviation of the error of the log evidence of approximate models, which preferred the wrong one by
+3 to 5 (``python -m validation.towers``)."""
 
 LINE_FALSE_ALARM_PROBABILITY = 2e-3
 """Probability: significance level of the test for a spectral line; one healthy record in 500 (`python -m

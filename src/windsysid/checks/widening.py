@@ -22,13 +22,13 @@ def grade_of(factor: float, *, excluded: bool) -> str:
     return "B" if factor > MIN_REPORTED_WIDENING else "A"
 
 
-def mixture_factor(rivals: Sequence[tuple[float, float]]) -> float:
+def mixture_factor(rivals: Sequence[tuple[float, float, float]]) -> float:
     """Factor on ±2σ that covers as much of a mixture of normal distributions as ±2σ of one, for rival explanations as
-    pairs of a shift [σ] and a probability.
+    a shift [σ], a standard deviation [σ] and a probability each.
 
     Examples
     --------
-    >>> [round(mixture_factor([(shift, chance)]), 2) for shift, chance in ((3.0, 0.25), (6.0, 1.0), (23.0, 0.002))]
+    >>> [round(mixture_factor([(shift, 1.0, chance)]), 2) for shift, chance in ((3.0, 0.25), (6.0, 1.0), (23.0, 0.002))]
     [1.95, 3.85, 1.01]
     """
     from scipy.optimize import brentq
@@ -38,11 +38,12 @@ def mixture_factor(rivals: Sequence[tuple[float, float]]) -> float:
 
     if not rivals:
         return 1.0
-    shifts, chances = np.abs(np.array(rivals)).T
-    shifts, chances = np.append(0.0, shifts), np.append(max(1.0 - chances.sum(), 0.0), chances)
+    shifts, widths, chances = np.abs(np.array([(0.0, 1.0, 0.0), *rivals])).T
+    chances[0] = max(1.0 - chances.sum(), 0.0)
     chances /= chances.sum()
 
     def beyond(half: float) -> float:
-        return float(chances @ (ndtr(shifts - half) + ndtr(-shifts - half))) - 2.0 * float(ndtr(-SIGMAS))
+        tails = ndtr((shifts - half) / widths) + ndtr((-shifts - half) / widths)
+        return float(chances @ tails) - 2.0 * float(ndtr(-SIGMAS))
 
-    return max(1.0, float(brentq(beyond, 0.0, SIGMAS + 10.0 + shifts.max())) / SIGMAS)
+    return max(1.0, float(brentq(beyond, 0.0, (SIGMAS + 10.0) * widths.max() + shifts.max())) / SIGMAS)

@@ -55,7 +55,7 @@ def choose(job: Job) -> FittedJob:
         joint = run(_affordable(job.by("joint")))[1]
         return joint.noting(_note("joint_as_spectra_do_not_apply", error=str(error)))
     spectral = spectral.doubted(*_undamped(spectral.outcome))
-    doubts = spectral.outcome.doubts
+    doubts = [one for one in spectral.outcome.doubts if one not in spectral.rivals or _is_far(one)]
     joint_job = job.by("joint").with_effects_of(spectral_job, "clock_drift", Sinusoid.code)
     if _is_left_to_spectra(job, spectral):
         broad = _by_broad_loads(joint_job) if spectral.outcome.in_bands else None
@@ -110,10 +110,23 @@ def _affordable(job: Job) -> Job:
 def _filters_instead(job: Job, spectral: FittedJob, doubt: Finding) -> FittedJob:
     """By filters where something speaks against spectra."""
     joint = _with_priors_of(spectral, run(job)[1])
-    explained = joint.rivals or joint.outcome.hypothesis == NarrowBand.name
+    explained = joint.outcome.hypothesis == NarrowBand.name
     if not explained and compare(joint.outcome, spectral.outcome)[1] < MAX_DISAGREEMENT_SIGMAS:
-        joint = joint.with_rivals(*spectral.rivals)  # filters have ended where spectra did
+        joint = _with_farther_rivals(joint, spectral)  # filters have ended where spectra did
     return joint.noting(_note("joint_as_spectra_are_doubtful", because=doubt))
+
+
+def _is_far(rival: Finding) -> bool:
+    """Test whether a rival explanation is so far away that filters are asked first."""
+    return float(rival.data.get("sigmas", math.inf)) > MAX_DISAGREEMENT_SIGMAS
+
+
+def _with_farther_rivals(joint: FittedJob, spectral: FittedJob) -> FittedJob:
+    """The fit by filters with those rivals, its own or of spectra, that are expected to shift estimates more."""
+    ours, theirs = (
+        sum(one.data.get("sigmas", math.inf) * one.data["chance"] for one in fit.rivals) for fit in (joint, spectral)
+    )
+    return joint if ours >= theirs else joint.with_rivals(*spectral.rivals)
 
 
 def _cross_checked(job: Job, joint: FittedJob, spectral_job: Job, spectral: FittedJob) -> FittedJob:
@@ -131,7 +144,7 @@ def _cross_checked(job: Job, joint: FittedJob, spectral_job: Job, spectral: Fitt
     if spectral.outcome.turns:
         if off > MAX_DISAGREEMENT_SIGMAS:
             return joint.noting(_note("joint_with_spectra"), *against)
-        return joint.noting(_note("joint_agrees", sigmas=off))
+        return _with_farther_rivals(joint, spectral).noting(_note("joint_agrees", sigmas=off))
     if off > MAX_DISAGREEMENT_SIGMAS:
         return spectral.noting(_note("spectral_with_filters"), *against)
     innovations = doubts_of_innovations(joint.outcome, joint.read.rate)

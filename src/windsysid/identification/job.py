@@ -155,5 +155,6 @@ class FittedJob(NamedTuple):
         return self._replace(unmodelled=(*self.unmodelled, *unmodelled))
 
     def with_rivals(self, *rivals: Finding) -> "FittedJob":
-        """Fit with the finding on a narrow-band load."""
-        return self.doubted(*rivals)._replace(rivals=rivals)
+        """Fit with these findings on a narrow-band load, in place of those before."""
+        others = (one for one in self.outcome.doubts if one not in self.rivals)
+        return self._replace(outcome=self.outcome._replace(doubts=(*others, *rivals)), rivals=rivals)

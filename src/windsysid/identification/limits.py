@@ -162,17 +162,11 @@ MAX_INFLUENCE_SIGMAS = 2.5
 NEGLIGIBLE_SHIFT_SIGMAS = 1.5
 """Size: standard deviations up to which a coefficient may differ under another explanation without effect."""
 
-MIN_EXPECTED_SHIFT_SIGMAS = 0.25
-"""Size: standard deviations by which a coefficient differs under another explanation, times the odds of that."""
-
 MIN_LOG_ODDS = 2.5
 """Log odds: of two explanations the better one, 12 to 1."""
 
 MAX_RIVAL_LOG_ODDS = 50.0
 """Log odds: against a load model that is dropped after the first stages, which weigh the record with a fifth."""
-
-MAX_NARROW_DAMPING_SHARE = 0.5
-"""Size: share of the damping ratio of the mode next to it, below which a load may have passed for the mode."""
 
 MAX_TOLERANCE_CHANGE = 0.5
 """Size: share of a gain or of a mass by which a search may have moved it where spectra check filters."""

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from windsysid.checks.limits import EVEN_CHANCE
+from windsysid.checks.limits import LOG_EVIDENCE_STD
 from windsysid.errors import ConfigurationError
 from windsysid.identification.effects import EFFECTS
 from windsysid.identification.identify import identify
 from windsysid.identification.job import Job
 from windsysid.identification.model.prior_odds import (
     WAVES_HZ,
-    chance_of_rival,
+    chances_of_rivals,
     f_bound,
     log_bound,
     odds_of,
@@ -53,9 +53,14 @@ def test_bounds_are_as_given_onshore_and_move_with_the_odds():
     assert chance[0] / chance[1] == pytest.approx(100.0)
 
 
-def test_evidence_may_raise_a_rival_and_not_dismiss_it():
-    assert [chance_of_rival(log_odds) for log_odds in (-9e3, -9.0, 0.0)] == [EVEN_CHANCE] * 3
-    assert chance_of_rival(math.log(9.0)) == pytest.approx(0.9)
+def test_evidence_that_may_be_wrong_makes_rivals_less_certain():
+    """Independently: the mean over normal errors of the log odds, by draws."""
+    errors = LOG_EVIDENCE_STD * np.random.default_rng(1).standard_normal(400_000)
+    for log_odds in (-4.0, 0.0, 3.0):
+        mean = float(np.mean(1.0 / (1.0 + np.exp(-(log_odds + errors)))))
+        assert chances_of_rivals([log_odds]) == pytest.approx([mean], abs=0.01)
+    assert chances_of_rivals([]) == []
+    assert sum(chances_of_rivals([9e3, 9e3, -9e3])) == pytest.approx(1.0)
 
 
 def test_a_waveform_that_a_turbine_file_calls_unlikely_needs_more_evidence():

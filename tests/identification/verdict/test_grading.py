@@ -112,13 +112,13 @@ def test_an_interval_holds_as_much_of_the_mixture_of_explanations():
     for shift, chance in ((3.0, 0.25), (5.0, 0.5), (10.0, 0.02)):
         drawn = rng.standard_normal(400_000) + shift * (rng.random(400_000) < chance)
         half = np.quantile(np.abs(drawn), 0.9545)
-        assert mixture_factor([(shift, chance)]) == pytest.approx(half / 2.0, rel=0.02)
+        assert mixture_factor([(shift, 1.0, chance)]) == pytest.approx(half / 2.0, rel=0.02)
     assert mixture_factor([]) == 1.0
 
 
 def test_a_rival_explanation_widens_what_it_moves():
     found, plain = concluded(rival(3.0, 0.25), over=("time", "frequency")), concluded(over=("time", "frequency"))
-    assert found["k_fore_aft"].std / plain["k_fore_aft"].std == pytest.approx(mixture_factor([(3.0, 0.25)]), rel=0.02)
+    assert found["k_fore_aft"].std / plain["k_fore_aft"].std == pytest.approx(mixture_factor([(3.0, 1.0, 0.25)]), rel=0.02)
     assert grades(found) == {**dict.fromkeys(NAMES, "A"), "k_fore_aft": "B"}
     assert found.diagnosis.trusted
     assert mode_grades(found)["tower fore-aft"] == ("B", "A")

@@ -10,17 +10,20 @@ Sources: Kass & Raftery, J. Am. Stat. Assoc. 90, 1995, https://doi.org/10.1080/0
 """
 
 import math
+from collections.abc import Sequence
 from functools import cache
 from importlib import resources
 from typing import Any
 
-from windsysid.checks.limits import EVEN_CHANCE
+import numpy as np
+
+from windsysid.checks.limits import LOG_EVIDENCE_STD
 from windsysid.configuration import parse_toml
 from windsysid.errors import ConfigurationError
 from windsysid.spectral.transforms.harmonics import TAPERS
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["chance_of_rival", "check_odds", "f_bound", "log_bound", "odds_of", "odds_table", "sigma_bound"]
+__all__ = ["chances_of_rivals", "check_odds", "f_bound", "log_bound", "odds_of", "odds_table", "sigma_bound"]
 
 
 WAVES_HZ = (0.03, 0.5)
@@ -59,9 +62,21 @@ def odds_of(code: str, turbine: Turbine, frequency: float = math.nan) -> float:
     return float(odds) + (odds_of("waves", turbine) if is_wave else 0.0)
 
 
-def chance_of_rival(log_odds: float) -> float:
-    """Probability of a rival with these posterior log odds, `EVEN_CHANCE` at least."""
-    return max(EVEN_CHANCE, 1.0 / (1.0 + math.exp(-max(log_odds, 0.0))))
+def chances_of_rivals(log_odds: Sequence[float]) -> list[float]:
+    """Probabilities of the rivals of an explanation, from their posterior log odds against it.
+
+    The mean of a logistic function over normal errors of the log odds, with standard deviation s = `LOG_EVIDENCE_STD`,
+    is that of the log odds over √(1 + π s²/8) (MacKay, Neural Computation 4, 1992,
+    https://doi.org/10.1162/neco.1992.4.5.720).
+
+    Examples
+    --------
+    >>> [round(chance, 2) for chance in chances_of_rivals([0.0])], [round(p, 2) for p in chances_of_rivals([3.0, -3.0])]
+    ([0.5], [0.85, 0.02])
+    """
+    tempered = np.append(0.0, log_odds) / math.sqrt(1.0 + math.pi / 8.0 * LOG_EVIDENCE_STD**2)
+    weights = np.exp(tempered - tempered.max())
+    return (weights[1:] / weights.sum()).tolist()
 
 
 def log_bound(bound: float, code: str, turbine: Turbine) -> float:

@@ -39,9 +39,10 @@ COVERED_BY_INTERVALS: Mapping[str, frozenset[str]] = {
         "channel_level", "correlated_innovations", "correlated_loads", "innovation_level", "level_over_frequency",
         "unexplained_level", "unexplained_peak",
     ), _EVERY),
+    **dict.fromkeys(("narrow_band_load_ambiguous", "narrow_band_load_possible"), frozenset({"time"})),
 }  # fmt: skip
-"""Setting: findings of loads that change and of innovations that are not white, and the scores that give their effect
-on an interval: over time, and over frequencies too."""
+"""Setting: findings of loads that change, of innovations that are not white and of narrow-band loads, and the scores
+with which intervals cover them: over time, and over frequencies too."""
 
 Readers = Mapping[str, Collection[str]]
 """For each degree of freedom that moves by itself the channels that measure it."""
@@ -88,10 +89,11 @@ def widenings_of(
         [_widening(scores, f"{mode.name} {what}", row, cov) for mode, row in zip(at.modes, rows, strict=True)]
         for what, rows in zip(("frequency", "damping ratio"), at.slopes, strict=True)
     ]
-    rivals = _rivals(findings, coefficients) if _parts(scores) >= _EVERY else []
+    rivals = _rivals([one for one in findings if _is_coverable(one, scores)], coefficients)
+    stds = np.array([one.std for one in coefficients])
     return (
-        [_with_rivals(one, rivals) for one in coefficients],
-        [[_with_rivals(one, rivals) for one in row] for row in modes],
+        [_with_rivals(one, rivals, stds) for one in coefficients],
+        [[_with_rivals(one, rivals, stds) for one in row] for row in modes],
     )
 
 
@@ -127,14 +129,21 @@ def _parts(scores: Sequence[PartScores]) -> set[str]:
     return {one.over for one in scores}
 
 
-def _rivals(findings: Sequence[Finding], coefficients: Sequence[Widening]) -> list[tuple[Array, float]]:
-    """Shifts of the coefficients under rival explanations (n_θ,), and the probability of each."""
+def _is_coverable(one: Finding, scores: Sequence[PartScores]) -> bool:
+    """Test whether there are the scores with which intervals may cover a finding."""
+    return _parts(scores) >= COVERED_BY_INTERVALS.get(one.code, _EVERY)
+
+
+def _rivals(findings: Sequence[Finding], coefficients: Sequence[Widening]) -> list[tuple[Array, Array, float]]:
+    """Shifts of the coefficients under rival explanations (n_θ,), their standard deviations there over those of the
+    result (n_θ,), and the probability of each rival."""
     found = []
     for one in findings:
         if one.severity == "reason" and "shifts" in one.data:
             shifts, far = one.data["shifts"], _beyond(one, coefficients)
             off = [0.0 if each.name in far else shifts.get(each.name, 0.0) for each in coefficients]
-            found.append((np.array(off), float(one.data["chance"])))
+            widths = [one.data.get("widths", {}).get(each.name, 1.0) for each in coefficients]
+            found.append((np.array(off), np.array(widths), float(one.data["chance"])))
     return found
 
 
@@ -165,10 +174,16 @@ def _covered(one: Finding, coefficients: Sequence[Widening]) -> Finding:
     return replace(one, severity="remark") if of_innovations or one.code in COVERED_BY_INTERVALS else one
 
 
-def _with_rivals(one: Widening, rivals: Sequence[tuple[Array, float]]) -> Widening:
-    """Widen an interval to cover 95 % of the mixture of all explanations."""
-    std = one.factor * one.std
-    factor = mixture_factor([(float(one.quantity @ off) / std, chance) for off, chance in rivals]) if std > 0.0 else 1.0
+def _with_rivals(one: Widening, rivals: Sequence[tuple[Array, Array, float]], stds: Array) -> Widening:
+    """Widen an interval to cover 95 % of the mixture of all explanations; `stds` are those of the coefficients."""
+    std, own = one.factor * one.std, one.quantity * stds
+    if not std > 0.0:
+        return one
+    of_rivals = [
+        (float(one.quantity @ off) / std, float(np.linalg.norm(own * widths) / np.linalg.norm(own)), chance)
+        for off, widths, chance in rivals
+    ]
+    factor = mixture_factor(of_rivals)
     if factor <= 1.0:
         return one
     over, place = ("explanations", 0.0) if factor > one.factor else (one.over, one.place)
@@ -218,7 +233,7 @@ def judged(
     """Turn reasons that wider intervals cover into remarks, and report the widening."""
     findings = []
     for one in diagnosis.findings:
-        if one.severity == "reason" and _parts(scores) >= COVERED_BY_INTERVALS.get(one.code, _EVERY):
+        if one.severity == "reason" and _is_coverable(one, scores):
             one = _covered(one, coefficients)
         elif one.severity == "reason" and "shifts" in one.data:
             differing = _differing(_in_sigmas(one, coefficients))

@@ -80,11 +80,12 @@ MODEL: Final[Mapping[str, Sentence]] = {
         ": likely loads of a machine; try the load model narrow-band",
     ),
     "narrow_band_load_ambiguous": (
-        "a narrow-band load at {frequency:.3g} Hz is ambiguous, and {quantity} would change by {sigmas:.1f} σ",
+        "another explanation of the narrow-band load at {frequency:.3g} Hz has a probability of {chance:.2g %}, and"
+        " {quantity} would change by {sigmas:.1f} σ",
         _ANOTHER_SECTION,
     ),
     "narrow_band_load_possible": (
-        "a narrow-band load at {frequency:.3g} Hz explains the spectra as well, and {quantity} would change by"
+        "a narrow-band load at {frequency:.3g} Hz has a probability of {chance:.2g %}, and {quantity} would change by"
         " {sigmas:.1f} σ",
         _ANOTHER_SECTION,
     ),

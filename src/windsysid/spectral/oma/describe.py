@@ -39,11 +39,11 @@ def widened(mode: OperationalMode, found: BandFit, j: int, parts: Sequence[PartS
     for i, what in enumerate(("frequency", "damping ratio")):
         over = widening_of(parts, i * r + j)
         std = over.factor * found.fit.std(j)[i]
-        rivals = [(float(shift[i]) / std, EVEN_CHANCE) for _, shift in others]
+        rivals = [(float(shift[i]) / std, 1.0, EVEN_CHANCE) for _, shift in others]
         factor = over.factor * mixture_factor(rivals)
         factors.append(factor)
         if factor > MIN_REPORTED_WIDENING:
-            furthest = others[int(np.argmax([abs(shift) for shift, _ in rivals]))][0]
+            furthest = others[int(np.argmax([abs(shift) for shift, *_ in rivals]))][0]
             why = furthest if factor > over.factor**2 else over.cause
             text = f"the interval of its {what} is {factor:.2g} times as wide as that of the model: {why}"
             (grounds if factor > MAX_WIDENING else remarks).append(Doubt("scores", text, what))  # type: ignore[arg-type]

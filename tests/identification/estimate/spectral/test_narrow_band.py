@@ -9,17 +9,13 @@ import pytest
 from tests.identification.fits import TOWER
 from windsysid.identification.estimate.spectral.narrow_band import (
     NarrowBandFit,
-    _elsewhere,
+    Rival,
+    _widths,
     doubts_of_narrow_band,
     fit_narrow_band,
     note_narrow_band,
 )
-from windsysid.identification.limits import (
-    MAX_DISAGREEMENT_SIGMAS,
-    MIN_EXPECTED_SHIFT_SIGMAS,
-    MIN_LOG_ODDS,
-    NEGLIGIBLE_SHIFT_SIGMAS,
-)
+from windsysid.identification.limits import MIN_LOG_ODDS, NEGLIGIBLE_SHIFT_SIGMAS
 from windsysid.loads.narrow_band import FREQUENCY, WIDTH, narrow_band_statistics
 from windsysid.loads.statistics import coordinates_of
 from windsysid.statespace.unknowns import Unknowns
@@ -32,13 +28,13 @@ QUESTION: Any = SimpleNamespace(parameters=[SimpleNamespace(name="k_x"), SimpleN
 def narrow(
     gain: float = 2.0 * MIN_LOG_ODDS,
     moved: float = 2.0 * NEGLIGIBLE_SHIFT_SIGMAS,
-    rival: tuple[dict[str, float], dict[str, float], float] | None = None,
+    rivals: tuple[Rival, ...] = (),
 ) -> Any:
     """A fit with such a load of `VALUES`."""
     eta = coordinates_of(STATISTICS, VALUES)
     fit: Any = SimpleNamespace(unknowns=None, model=SimpleNamespace(split_statistics=lambda unknowns: (eta, None)))
     posed: Any = SimpleNamespace(model=SimpleNamespace(sources=SimpleNamespace(statistics=STATISTICS)))
-    return NarrowBandFit(posed, fit, gain, {"k_x": 0.1, "c_x": -moved}, {"k_x": 0.01, "c_x": -0.1 * moved}, rival)
+    return NarrowBandFit(posed, fit, gain, {"k_x": 0.1, "c_x": -moved}, {"k_x": 0.01, "c_x": -0.1 * moved}, rivals)
 
 
 def end(*theta: float, log_evidence: float = 0.0) -> Any:
@@ -58,13 +54,12 @@ def test_it_speaks_against_given_loads_and_where_another_explanation_is_as_good(
     assert doubts_of_narrow_band(narrow(), asked="auto") == ()
     (found,) = doubts_of_narrow_band(narrow(), asked="broadband")
     assert (found.code, found.data["frequency"]) == ("narrow_band_load_preferred", pytest.approx(0.4))
-    rival = {"k_x": 1.0, "c_x": -4.0}, {"k_x": 0.1, "c_x": -0.4}, -3.0
+    rival = Rival(0.35, {"k_x": 1.0, "c_x": -4.0}, {"k_x": 0.1, "c_x": -0.4}, {"k_x": 1.0, "c_x": 2.0}, 0.2)
     for gain, code in ((0.0, "narrow_band_load_possible"), (2.0 * MIN_LOG_ODDS, "narrow_band_load_ambiguous")):
-        (found,) = doubts_of_narrow_band(narrow(gain, rival=rival), asked="auto")
+        found, _ = doubts_of_narrow_band(narrow(gain, rivals=(rival, rival)), asked="auto")
         assert (found.code, found.quantities, found.data["sigmas"]) == (code, ("c_x",), 4.0)
-        assert (found.data["shifts"], found.data["chance"]) == (rival[1], 0.5)
-        (likelier,) = doubts_of_narrow_band(narrow(gain, rival=(*rival[:2], np.log(4.0))), asked="auto")
-        assert likelier.data["chance"] == pytest.approx(0.8)
+        assert (found.data["shifts"], found.data["widths"]) == (rival.shifts, rival.widths)
+        assert (found.data["frequency"], found.data["chance"]) == (0.35, 0.2)
 
 
 def test_its_note_has_the_strongest_level():
@@ -74,17 +69,18 @@ def test_its_note_has_the_strongest_level():
     assert data["width"] == pytest.approx(0.02)
 
 
-def test_an_explanation_is_a_rival_where_its_odds_times_its_distance_is_large():
-    best = end(0.0, 0.0)
-    off = 10.0 * MAX_DISAGREEMENT_SIGMAS
-    assert _elsewhere(QUESTION, best, end(0.0, 0.09 * MAX_DISAGREEMENT_SIGMAS)) is None
-    sigmas, shifts, log_odds = _elsewhere(QUESTION, best, end(0.0, 0.1 * off, log_evidence=1.0)) or ({}, {}, 0.0)
-    assert log_odds == 1.0
-    assert sigmas == pytest.approx({"k_x": 0.0, "c_x": off})
-    assert shifts == pytest.approx({"k_x": 0.0, "c_x": 0.1 * off})
-    unlikely = np.log(MIN_EXPECTED_SHIFT_SIGMAS / off)
-    assert _elsewhere(QUESTION, best, end(0.0, 0.1 * off, log_evidence=unlikely - 0.1)) is None
-    assert _elsewhere(QUESTION, best, end(0.0, 0.1 * off, log_evidence=unlikely + 0.1)) is not None
+def test_a_rival_widens_by_its_chance_its_shift_and_its_own_uncertainty():
+    """A rival two standard deviations away, three times as uncertain and half as likely as the result, was not seen at all."""
+    assert _widths(QUESTION, end(0.0, 0.0), end(0.0, 0.1)) == pytest.approx({"k_x": 1.0, "c_x": 1.0})
+
+    def factor(shift: float, width: float, chance: float) -> float:
+        return Rival(0.4, {"k_x": 0.0, "c_x": shift}, {}, {"k_x": 1.0, "c_x": width}, chance).factor
+
+    rng, n = np.random.default_rng(2), 400_000
+    drawn = np.where(rng.random(n) < 1.0 / 3.0, 2.0 + 3.0 * rng.standard_normal(n), rng.standard_normal(n))
+    assert factor(2.0, 3.0, 1.0 / 3.0) == pytest.approx(np.quantile(np.abs(drawn), 0.9545) / 2.0, rel=0.02)
+    assert factor(2.0, 3.0, 0.2) > max(factor(1.0, 3.0, 0.2), factor(2.0, 1.0, 0.2), factor(2.0, 3.0, 0.1)) > 1.1
+    assert factor(0.0, 1.0, 0.5) == pytest.approx(1.0)
 
 
 def test_a_support_whose_loads_are_measured_has_none():

@@ -306,7 +306,7 @@ class _Found(NamedTuple):
 
 def _with_narrow_band(question: RotorQuestion, broad: _Found) -> _Found:
     """A narrow-band load in addition to broad ones; WindsysidError where none fits."""
-    beside = fit_narrow_band(question, broad.posed, broad.fit, thorough=True)
+    beside = fit_narrow_band(question, broad.posed, broad.fit, requested=True)
     if beside is None:
         raise WindsysidError("no narrow-band load fits this record: choose broadband")
     name, why = NarrowBand.name, {"rivals": {"broad loads alone": beside.gain}, "part": False}

@@ -18,20 +18,15 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from operator import attrgetter
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.identification.estimate.evidence import rank
-from windsysid.identification.limits import (
-    MAX_DISAGREEMENT_SIGMAS,
-    MAX_NARROW_DAMPING_SHARE,
-    MIN_EXPECTED_SHIFT_SIGMAS,
-    MIN_LOG_ODDS,
-    NEGLIGIBLE_SHIFT_SIGMAS,
-)
-from windsysid.identification.model.prior_odds import chance_of_rival, odds_of
+from windsysid.checks.limits import MIN_REPORTED_WIDENING
+from windsysid.checks.widening import mixture_factor
+from windsysid.identification.limits import MIN_LOG_ODDS, NEGLIGIBLE_SHIFT_SIGMAS
+from windsysid.identification.model.prior_odds import chances_of_rivals, odds_of
 from windsysid.loads.narrow_band import FREQUENCY, WIDTH, NarrowBand, narrow_band_statistics
 from windsysid.loads.statistics import Statistic, coordinates_of, values_of
 from windsysid.results.finding import Finding
@@ -75,6 +70,33 @@ NOTHING, LITTLE = -8.0, -1.0
 """Setting: coordinates of the level of a load that is absent, and of one that is hardly present."""
 
 
+class Rival(NamedTuple):
+    """An explanation other than the best one.
+
+    Attributes
+    ----------
+    frequency
+        Of its narrow-band load, or of the best one's [Hz].
+    moved, shifts
+        Shifts of the coefficients to it [σ], and in filter coordinates.
+    widths
+        Their standard deviations over those of the best one.
+    chance
+        Its probability.
+    """
+
+    frequency: float
+    moved: dict[str, float]
+    shifts: dict[str, float]
+    widths: dict[str, float]
+    chance: float
+
+    @property
+    def factor(self) -> float:
+        """Factor on the interval of the coefficient that it widens most."""
+        return max(mixture_factor([(self.moved[name], self.widths[name], self.chance)]) for name in self.moved)
+
+
 class NarrowBandFit(NamedTuple):
     """Fit of spectra with a narrow-band load.
 
@@ -88,9 +110,8 @@ class NarrowBandFit(NamedTuple):
         Shifts of the coefficients from the fit with broad loads alone [σ].
     shifts
         The same in filter coordinates.
-    rival
-        Shifts [σ], shifts in filter coordinates and posterior log odds of an explanation that is nearly as good as the
-        better one of both; None where there is none.
+    rivals
+        Other explanations that widen an interval.
     """
 
     posed: Posed
@@ -98,7 +119,7 @@ class NarrowBandFit(NamedTuple):
     gain: float
     moved: dict[str, float]
     shifts: dict[str, float]
-    rival: tuple[dict[str, float], dict[str, float], float] | None
+    rivals: tuple[Rival, ...] = ()
 
     @property
     def is_needed(self) -> bool:
@@ -117,43 +138,41 @@ class NarrowBandFit(NamedTuple):
 
 
 def fit_narrow_band(
-    question: RotorQuestion, broad: Posed, found: RotorFit, *, thorough: bool = False
+    question: RotorQuestion, broad: Posed, found: RotorFit, *, requested: bool = False
 ) -> NarrowBandFit | None:
     """Fit of a record's spectra with a narrow-band load on the support; None where it could act on nothing.
-
-    The search ends early where such a load explains nothing and changes nothing, if it need not be `thorough`.
 
     Parameters
     ----------
     broad, found
         The problem with broad loads, and where a search of it has ended, instruments and masses as files say.
+    requested
+        Whether results have this load even where it is not needed.
     """
     if not narrow_band_statistics(question.turbine, question.loads):
         return None
     posed = pose_lifted(question, NarrowBand.name, broad.bands)
     overlap = found.model.overlap
     posed = posed._replace(model=posed.model._replace(overlap=overlap))
-    ends = _ends(question, posed, _starts(question, found, posed.model), rough=True)
+    rough = _ends(question, posed, _starts(question, found, posed.model), rough=True)
+    near = [end.unknowns for end in rough if rough[0].log_evidence - end.log_evidence < MAX_START_LOG_ODDS]
+    ends = _ends(question, posed, near)
     if not ends:
         return None
-    plain = fit(found.model._replace(smear=None), found.unknowns, FIRST_STAGES, rough=True).log_evidence
-    gain = ends[0].log_evidence - plain
-    near = rank(ends, LOG_EVIDENCE).within(MAX_START_LOG_ODDS)
-    if not thorough:
-        near = tuple(end for end in near if _may_matter(question, found, end, end.log_evidence - plain))
-    if not near:
-        return NarrowBandFit(posed, ends[0], gain, *_off(question, found, ends[0]), None)
-    ends = _ends(question, posed, [end.unknowns for end in near])
-    if not ends:
-        return None
-    ends = [end._replace(log_evidence=end.evidence_at(overlap)) for end in ends]
+    ends = sorted((end._replace(log_evidence=end.evidence_at(overlap)) for end in ends), key=LOG_EVIDENCE, reverse=True)
     gain = ends[0].log_evidence - found.log_evidence
-    if gain > MIN_LOG_ODDS:
-        best, others = ends[0], [*ends[1:], found]
-    else:
-        best, others = found, [end for end in ends if _is_narrow(question, posed, end)]
-    rivals = (_elsewhere(question, best, other) for other in others)
-    return NarrowBandFit(posed, ends[0], gain, *_off(question, found, ends[0]), next(filter(None, rivals), None))
+    fitted = NarrowBandFit(posed, ends[0], gain, *_off(question, found, ends[0]))
+    needed = requested or fitted.is_needed
+    best, others = (ends[0], [*ends[1:], found]) if needed else (found, ends)
+    chances = chances_of_rivals([other.log_evidence - best.log_evidence for other in others])
+    rivals = [
+        Rival(
+            _load_of(question, posed, ends[0] if other is found else other)[FREQUENCY],
+            *_off(question, best, other), _widths(question, best, other), chance,
+        )
+        for other, chance in zip(others, chances, strict=True)
+    ]  # fmt: skip
+    return fitted._replace(rivals=tuple(rival for rival in rivals if rival.factor > MIN_REPORTED_WIDENING))
 
 
 def doubts_of_narrow_band(found: NarrowBandFit | None, *, asked: str) -> tuple[Finding, ...]:
@@ -162,14 +181,18 @@ def doubts_of_narrow_band(found: NarrowBandFit | None, *, asked: str) -> tuple[F
         return ()
     at = {"frequency": found.values[FREQUENCY]}
     if found.is_needed and asked not in ("auto", NarrowBand.name):
-        data = at | {"gain": found.gain, "shifts": found.shifts, "chance": chance_of_rival(found.gain)}
+        (chance,) = chances_of_rivals([found.gain])
+        data = at | {"gain": found.gain, "shifts": found.shifts, "chance": chance}
         return (Finding("narrow_band_load_preferred", "reason", data, tuple(found.moved)),)
-    if found.rival is None:
-        return ()
-    moved, shifts, log_odds = found.rival
     code = "narrow_band_load_ambiguous" if found.is_needed else "narrow_band_load_possible"
-    data = at | {"sigmas": _largest(moved), "shifts": shifts, "chance": chance_of_rival(log_odds)}
-    return (Finding(code, "reason", data, (max(moved, key=lambda name: abs(moved[name])),)),)
+    return tuple(Finding(code, "reason", *_data(rival)) for rival in found.rivals)
+
+
+def _data(rival: Rival) -> tuple[dict[str, Any], tuple[str, ...]]:
+    """What a finding on a rival says, and the coefficient that it moves most."""
+    worst = max(rival.moved, key=lambda name: abs(rival.moved[name]))
+    moved = {"frequency": rival.frequency, "sigmas": abs(rival.moved[worst])}
+    return moved | {"shifts": rival.shifts, "widths": rival.widths, "chance": rival.chance}, (worst,)
 
 
 def _largest(moved: Mapping[str, float]) -> float:
@@ -326,19 +349,6 @@ def _places(question: RotorQuestion, model: LiftedModel, known: Array) -> Iterat
                 )  # fmt: skip
 
 
-def _is_narrow(question: RotorQuestion, posed: Posed, end: RotorFit) -> bool:
-    """Test whether the load is narrower than a neighbouring mode: one as wide would take a part of any mode's peak."""
-    narrow, values = narrow_band_statistics(question.turbine, question.loads), _load_of(question, posed, end)
-    found = {q.name: float(q.physical(u)) for q, u in zip(question.parameters, end.unknowns, strict=False)}
-    turbine = question.turbine.with_values(found)
-    beside = [
-        turbine.damping(name) / turbine.critical_damping(name)
-        for name in (one.of for one in narrow[2:])
-        if abs(math.log(turbine.natural_frequency(name) / (2.0 * math.pi * values[FREQUENCY]))) < ASIDE
-    ]
-    return values[WIDTH] < MAX_NARROW_DAMPING_SHARE * max(beside, default=0.0)
-
-
 def _off(question: RotorQuestion, best: RotorFit, other: RotorFit) -> tuple[dict[str, float], dict[str, float]]:
     """Shifts of the coefficients under another explanation, in standard deviations and in filter coordinates."""
     theta, names = best.model.unknowns.of("parameters"), [q.name for q in question.parameters]
@@ -347,21 +357,7 @@ def _off(question: RotorQuestion, best: RotorFit, other: RotorFit) -> tuple[dict
     return dict(zip(names, sigmas.tolist(), strict=True)), dict(zip(names, shifts.tolist(), strict=True))
 
 
-def _may_matter(question: RotorQuestion, found: RotorFit, end: RotorFit, gain: float) -> bool:
-    """Test whether a rough end with so much more log evidence is better, or may be a rival explanation, searched
-    to the end."""
-    off = _largest(_off(question, found, end)[0])
-    return gain > 0.0 or (off > NEGLIGIBLE_SHIFT_SIGMAS and off * math.exp(gain) > 0.5 * MIN_EXPECTED_SHIFT_SIGMAS)
-
-
-def _elsewhere(
-    question: RotorQuestion, best: RotorFit, other: RotorFit
-) -> tuple[dict[str, float], dict[str, float], float] | None:
-    """Shifts of the coefficients under another explanation that is nearly as good, as of `_off`, and its log odds."""
-    moved, shifts = _off(question, best, other)
-    off = _largest(moved)
-    log_odds = other.log_evidence - best.log_evidence
-    expected = off * math.exp(min(log_odds, 0.0))
-    if off < MAX_DISAGREEMENT_SIGMAS or expected < MIN_EXPECTED_SHIFT_SIGMAS:
-        return None
-    return moved, shifts, log_odds
+def _widths(question: RotorQuestion, best: RotorFit, other: RotorFit) -> dict[str, float]:
+    """Standard deviations of the coefficients under another explanation over those under the best one."""
+    stds = [np.sqrt(np.diag(end.cov)[end.model.unknowns.of("parameters")]) for end in (best, other)]
+    return dict(zip([q.name for q in question.parameters], (stds[1] / stds[0]).tolist(), strict=True))

@@ -20,6 +20,7 @@ from windsysid.spectral.rotor.model import Inexact
 from windsysid.spectral.rotor.problem import RotorQuestion
 from windsysid.spectral.rotor_bands.build import PosedBands, centre_bands, search_bands
 from windsysid.spectral.rotor_bands.check import doubts_of_bands
+from windsysid.spectral.rotor_bands.limits import BLADE_STIFFNESS_DISCREPANCY
 from windsysid.spectral.rotor_bands.model import BandModel
 from windsysid.statespace.unknowns import Unknowns
 
@@ -79,7 +80,7 @@ def read_in_bands(question: RotorQuestion, loads: str, inexact: Inexact | None =
         fit = posed.model.fit(posed.start)
         wide = fit if inexact is None else fit.model.admit(fit.mode.unknowns, inexact)
         found = wide.mode
-        cov = covariance(found.information)
+        cov = _with_discrepancy(question, covariance(found.information))
     except np.linalg.LinAlgError:
         raise WindsysidError(
             "no spectrum of this model is positive: expected loads, noise and priors of the size of the record's; "
@@ -99,6 +100,17 @@ def read_in_bands(question: RotorQuestion, loads: str, inexact: Inexact | None =
         find_held(one_by_one(lambda u: -wide.model.likelihood(u)[0]), found.unknowns, cov, question.parameters),
         _spectra(posed, wide.model, found.unknowns, cov),
     )
+
+
+def _with_discrepancy(question: RotorQuestion, cov: Array) -> Array:
+    """Covariance of the unknowns with the discrepancy between a bending blade and an equivalent hinge: an error of the
+    stiffness that all blades share (Kennedy and O'Hagan, J. R. Statist. Soc. B 63, 2001,
+    https://doi.org/10.1111/1467-9868.00294)."""
+    blades = {freedom.name for freedom in question.turbine.model.freedoms if freedom.blade}
+    springs = [i for i, q in enumerate(question.parameters) if q.logarithmic and q.part in blades]
+    wide = cov.copy()
+    wide[np.ix_(springs, springs)] += BLADE_STIFFNESS_DISCREPANCY**2
+    return wide
 
 
 def _spectra(posed: PosedBands, model: BandModel, unknowns: Array, cov: Array) -> tuple[FittedSpectrum, ...]:
