@@ -21,7 +21,7 @@ MIN_REPORTED_WIDENING = 1.1
 EVEN_CHANCE = 0.5
 """Probability: of a rival explanation whose evidence is not known."""
 
-LOG_EVIDENCE_STD = 2.0
+LOG_EVIDENCE_STD = 3.0
 """Log odds: standard deviation of the error of the log evidence of approximate models, which preferred the wrong one by
 3 to 5 (``python -m validation.towers``)."""
 

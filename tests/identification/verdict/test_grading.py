@@ -118,7 +118,8 @@ def test_an_interval_holds_as_much_of_the_mixture_of_explanations():
 
 def test_a_rival_explanation_widens_what_it_moves():
     found, plain = concluded(rival(3.0, 0.25), over=("time", "frequency")), concluded(over=("time", "frequency"))
-    assert found["k_fore_aft"].std / plain["k_fore_aft"].std == pytest.approx(mixture_factor([(3.0, 1.0, 0.25)]), rel=0.02)
+    factor = found["k_fore_aft"].std / plain["k_fore_aft"].std
+    assert factor == pytest.approx(mixture_factor([(3.0, 1.0, 0.25)]), rel=0.02)
     assert grades(found) == {**dict.fromkeys(NAMES, "A"), "k_fore_aft": "B"}
     assert found.diagnosis.trusted
     assert mode_grades(found)["tower fore-aft"] == ("B", "A")

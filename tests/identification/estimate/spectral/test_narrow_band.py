@@ -70,7 +70,7 @@ def test_its_note_has_the_strongest_level():
 
 
 def test_a_rival_widens_by_its_chance_its_shift_and_its_own_uncertainty():
-    """A rival two standard deviations away, three times as uncertain and half as likely as the result, was not seen at all."""
+    """A rival two standard deviations away, three times as uncertain and half as likely, was not seen at all."""
     assert _widths(QUESTION, end(0.0, 0.0), end(0.0, 0.1)) == pytest.approx({"k_x": 1.0, "c_x": 1.0})
 
     def factor(shift: float, width: float, chance: float) -> float:

@@ -9,9 +9,12 @@ import pytest
 from windsysid.errors import ConfigurationError, WindsysidError
 from windsysid.identification.estimate.spectral import rotor_bands
 from windsysid.identification.estimate.spectral.rotor_bands import read_in_bands
+from windsysid.identification.model.prior import Prior
+from windsysid.spectral.rotor_bands.limits import BLADE_STIFFNESS_DISCREPANCY
 from windsysid.statespace.unknowns import Unknowns
+from windsysid.turbine.file import load_turbine
 
-QUESTION: Any = SimpleNamespace(parameters=())
+QUESTION: Any = SimpleNamespace(parameters=(), turbine=SimpleNamespace(model=SimpleNamespace(freedoms=())))
 NAMES = Unknowns(parameters=("k",), lag=("mean_lag",))
 INFORMATION = np.diag([4.0, 25.0])
 
@@ -72,6 +75,18 @@ def test_an_estimate_is_the_mode_its_covariance_and_the_log_likelihood_without_t
     notes = {one.code: one.data for one in estimate.notes}
     assert notes["lag_angle"] == {"angle": 0.2, "std": pytest.approx(0.2)}
     assert notes["bands_read"]["modes"] == {"lag 1": pytest.approx(2.3), "x": pytest.approx(0.4)}
+
+
+def test_blades_have_the_discrepancy_of_an_equivalent_hinge():
+    """The forward whirl of a bending blade was 2.8 standard deviations off."""
+    rotor = load_turbine("nrel5mw_full")
+    parameters = Prior().parameters(rotor, ("k_x", "c_beta_1", "k_beta_1", "k_beta_2", "k_beta_3"), linear=False)
+    question: Any = SimpleNamespace(parameters=parameters, turbine=rotor)
+    cov = 1e-6 * np.eye(len(parameters) + 2)
+    blades = np.array([q.name.startswith("k_beta") for q in parameters] + [False] * 2)
+    added = rotor_bands._with_discrepancy(question, cov) - cov
+    np.testing.assert_allclose(added, BLADE_STIFFNESS_DISCREPANCY**2 * np.outer(blades, blades), atol=1e-15)
+    assert np.all(cov == 1e-6 * np.eye(len(cov)))
 
 
 def test_modes_that_cannot_be_told_apart_have_no_estimate(found: Any):
