@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.records.words import in_english
 from windsysid.units import to_si, unit_text
 
 __all__ = ["implied_unit", "missing_units", "plausible_units"]
@@ -120,4 +121,4 @@ def missing_units(channels: Sequence[tuple[str, Array]], how: str) -> str:
 
 
 def _words(channel: str) -> list[str]:
-    return re.split(r"[^a-z0-9]+", channel.lower())
+    return re.split(r"[^a-z0-9]+", in_english(channel).strip().lower())
