@@ -85,7 +85,7 @@ _PIECES = (
 )
 _WORDS = {
     "sec": "s", "seconds": "s", "second": "s", "degrees": "deg", "degree": "deg", "RPM": "rpm",
-    "rev/min": "rpm", "1/min": "rpm", "r/min": "rpm", "U/min": "rpm", "min^-1": "rpm", "min-1": "rpm",
+    "rev/min": "rpm", "1/min": "rpm", "r/min": "rpm", "U/min": "rpm", "tr/min": "rpm", "min^-1": "rpm", "min-1": "rpm",
     "m/ss": "m/s^2", "gal": "Gal",
     "microstrains": "microstrain", "micro-strain": "microstrain", "ustrain": "microstrain", "µstrain": "microstrain",
     "ustr": "microstrain", "µstr": "microstrain", "uStrain": "microstrain", "µStrain": "microstrain",

@@ -75,6 +75,35 @@ def test_answers_are_read_from_standard_input_and_asked_again(run, folder: Path,
     assert "k_side_side" in ended.out
 
 
+def with_header(folder: Path, *names: str) -> Path:
+    """The logger's record with other names."""
+    _, *rows = (folder / "logger.csv").read_text(encoding="utf-8").splitlines()
+    path = Path("renamed.csv")
+    path.write_text("\n".join([";".join(names), *rows[:4000]]).replace(".", ",") + "\n", encoding="utf-8")
+    return path
+
+
+def test_a_logger_of_another_language_is_understood(run, folder: Path):
+    """Names with ä, ó … were cut there, and `identify` refused the mapping that was written."""
+    record = with_header(
+        folder, "Zeit [s]", "Beschleunigung Gondel längs [mg]", "Querbeschleunigung [mg]", "Drehzahl [1/min]"
+    )
+    ended = run("start", record, "--turbine", "tower", "--yes")
+    assert (ended.code, ended.err) == (0, []), ended
+    rules = load_mapping("renamed-mapping.toml").channels
+    assert [rule.name for rule in rules.values()] == ["tower_z_acceleration", "tower_x_acceleration", "rotor_speed"]
+
+
+def test_channels_that_the_turbine_does_not_know_are_refused_before_a_mapping_is_written(run, folder: Path):
+    """A mapping with `# ? name =` was written, and `identify` refused it."""
+    record = with_header(folder, "time [s]", "ax [mg]", "ay [mg]", "n [rpm]")
+    ended = run("start", record, "--turbine", "tower", "--yes")
+    assert (ended.code, len(ended.err)) == (2, 1), ended
+    assert "no channel has a name that tower knows" in ended.err[0]
+    assert "leave --yes out to name them" in ended.err[0]
+    assert not list(Path().glob("*.toml"))
+
+
 def test_a_unit_is_never_guessed(run, folder: Path):
     ended = run("start", bare(folder), "--turbine", "tower", "--yes")
     assert ended.code == 2

@@ -62,6 +62,22 @@ def test_tags_of_iec_61400_25_and_usual_words_are_known(tag, name):
     assert said(tag).name == name
 
 
+@pytest.mark.parametrize(
+    ("written", "name"),
+    [
+        ("Beschleunigung Turm längs", "tower_z_acceleration"), ("Beschleunigung_vorn", "tower_z_acceleration"),
+        ("Turmkopfbeschleunigung quer", "tower_x_acceleration"), ("Beschl. Gondel seitlich", "nacelle_x_acceleration"),
+        ("Aceleración torre longitudinal", "tower_z_acceleration"), ("Windgeschwindigkeit", "wind_speed"),
+        ("Aceleracio\u0301n góndola lateral", "nacelle_x_acceleration"), ("Velocidad viento", "wind_speed"),
+        ("Velocidad del rotor", "rotor_speed"), ("Vitesse rotor", "rotor_speed"), ("Drehzahl", "rotor_speed"),
+        ("Generatordrehzahl", "generator_speed"), ("Turbulenz", None),
+    ],
+)  # fmt: skip
+def test_names_in_german_spanish_and_french_are_known(written, name):
+    meaning = meaning_of(written)
+    assert (meaning.name if meaning else None) == name
+
+
 @pytest.mark.parametrize("name", ["channel 7", "WROTTEN", "temp", "gain", "foreign"])
 def test_other_names_say_nothing(name):
     assert meaning_of(name) is None

@@ -1,5 +1,6 @@
 """The commands live and export: what is wrong is said in lines, and a store becomes an archive."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ from windsysid.fleet.rows import empty_row
 from windsysid.live.store import open_store
 from windsysid.live.store.contents import Commit, SeriesLevel
 from windsysid.live.store.contents import Result as Stored
+from windsysid.turbine.file import packaged_file
 
 CONFIG = """
 store = "store.sqlite"
@@ -47,6 +49,24 @@ def test_all_that_is_wrong_is_said_in_a_line_each(tmp_path: Path):
     assert all(line.startswith("windsysid: ") for line in lines)
     assert "[page]: port: expected a whole number of 0 to 65535, got -1" in lines[0]
     assert "[page]: unknown key 'hots' (meant 'host'?)" in lines[1]
+
+
+def test_a_file_of_another_kind_takes_few_lines(tmp_path: Path):
+    """It took a line for each key that it has."""
+    (tmp_path / "live.toml").write_text(packaged_file("tower"), encoding="utf-8")
+    lines = run("live", tmp_path / "live.toml").stderr.splitlines()
+    assert len(lines) <= 5, lines
+    assert re.search(r"unknown keys 'name', 'description', '\w+' and \d+ more: expected store, ", lines[-1])
+
+
+def test_of_many_faults_the_first_are_printed_and_all_by_check(tmp_path: Path):
+    wrong = "".join(f"[[turbine]]\nname = {k}\n" for k in range(9))
+    (tmp_path / "live.toml").write_text(wrong, encoding="utf-8")
+    few = run("live", tmp_path / "live.toml").stderr.splitlines()
+    every = run("live", tmp_path / "live.toml", "--check").stderr.splitlines()
+    assert len(few) == 6
+    assert few[:5] == every[:5]
+    assert f"and {len(every) - 5} more: windsysid live --check" in few[5]
 
 
 @pytest.mark.parametrize("options", [[], ["live.toml", "--demo"]])

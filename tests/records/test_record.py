@@ -8,6 +8,7 @@ import pytest
 
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.inspection import inspect_record
+from windsysid.records.formats import read_record
 from windsysid.records.quantities import implied_unit
 from windsysid.records.record import Record
 from windsysid.signals.condition import resample
@@ -298,3 +299,20 @@ def test_a_clock_that_was_set_back_is_told_from_rows_in_disorder():
     time[[200, 201]] = time[[201, 200]]
     with pytest.raises(RecordError, match="sort the rows"):
         make(time)
+
+
+@pytest.mark.parametrize("unit", ["kg", "kN", "mm/s"])
+def test_an_acceleration_in_the_unit_of_another_quantity_is_refused(unit, tmp_path):
+    """`inspect` and `oma` took it without a word."""
+    rows = [f"{0.1 * k:.1f},{k % 7}" for k in range(100)]
+    (tmp_path / "a.csv").write_text("\n".join([f"time [s],Beschleunigung quer [{unit}]", *rows]) + "\n")
+    expected = rf"'Beschleunigung quer': expected a unit of acceleration \(m/s\^2, g, .*got {unit}; .*unit = \"g\"$"
+    with pytest.raises(RecordError, match=expected):
+        read_record(tmp_path / "a.csv")
+    with pytest.raises(RecordError, match="'NacAccX': expected a unit of acceleration"):
+        Record(np.arange(9.0), np.zeros((9, 1)), ("NacAccX",), ("N",))
+
+
+@pytest.mark.parametrize(("name", "unit"), [("acc x", "V"), ("acc temp", "degC"), ("acc load", "N"), ("a", "kg")])
+def test_raw_readings_and_other_quantities_of_an_accelerometer_are_taken(name, unit):
+    assert Record(np.arange(9.0), np.zeros((9, 1)), (name,), (unit,)).units == (unit,)

@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from windsysid.output.table import Table
 
 __all__ = [
-    "HYPOTHESES_HELP", "Destination", "NamesTurbine", "app", "claim_output", "name_of", "numbered",
-    "parse_option", "print_and_save",
-    "print_answer", "print_table", "register_commands", "rotor_speeds", "show_progress",
+    "COMMANDS", "HYPOTHESES_HELP", "PACKAGED", "Destination", "NamesTurbine", "app", "claim_output", "name_of",
+    "numbered", "parse_option", "print_and_save", "print_answer", "print_table", "register_commands", "rotor_speeds",
+    "show_progress",
 ]  # fmt: skip
 
 COMMANDS = {
@@ -59,12 +59,9 @@ app = typer.Typer(
     help="Identify the stiffness and damping of a wind turbine from its vibration.",
 )
 
+PACKAGED = "A packaged turbine (windsysid turbines lists them)"
 TurbineOption = Annotated[
-    str,
-    typer.Option(
-        "--turbine",
-        help="A packaged turbine (windsysid turbines lists them), a TOML file or a model (windsysid turbine).",
-    ),
+    str, typer.Option("--turbine", help=f"{PACKAGED}, a TOML file or a model (windsysid turbine).")
 ]
 Mapping = Annotated[Path | None, typer.Option(help="TOML file that describes a record's columns (docs/records.md).")]
 Output = Annotated[

@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 
 __all__ = ["export", "live"]
 
+MAX_FAULTS = 5
+"""Setting: largest number of faults of a CONFIG that are printed; `--check` prints all."""
+
 
 @app.command()
 def live(
@@ -63,7 +66,7 @@ def live(
         ready = partial(_show, browser=not no_browser)
         raise typer.Exit(serve(settings, sources, listening, ready=ready, note=story()))
     assert config is not None
-    settings = _settings(config)
+    settings = _settings(config, whole=check)
     if port is not None:
         settings = replace(settings, page=replace(settings.page, port=port))
     from windsysid.live.configuration.wiring import sources_of
@@ -113,14 +116,17 @@ def export(
     print(printable(f"archive: {archive}" + ("" if levels is None else f"; levels: {levels}")))
 
 
-def _settings(config: Path) -> "Settings":
-    """The settings of a file, or everything that is wrong with it: a line each, and exit code 2."""
+def _settings(config: Path, *, whole: bool) -> "Settings":
+    """The settings of a file, or what is wrong with it, a line for each fault, and exit code 2."""
     from windsysid.live.configuration.settings import SettingsError, read_settings
 
     try:
         return read_settings(config)
     except SettingsError as error:
-        for line in error.lines:
+        shown = error.lines if whole else error.lines[:MAX_FAULTS]
+        left = len(error.lines) - len(shown)
+        more = [f"and {left} more: windsysid live --check {config} lists all"] if left else []
+        for line in (*shown, *more):
             print(f"windsysid: {printable(line)}", file=sys.stderr)
         raise typer.Exit(2) from None
 

@@ -10,6 +10,7 @@ import typer
 
 from windsysid._version import __version__
 from windsysid.cli.common import app, register_commands
+from windsysid.cli.usage import UsageError, usage_line
 from windsysid.errors import WindsysidError
 from windsysid.output.console import printable, show_what_can_be_shown
 
@@ -23,11 +24,15 @@ def main() -> None:
     try:
         try:
             register_commands(*sys.argv[1:2])
-            app(prog_name="windsysid")
+            code = app(prog_name="windsysid", standalone_mode=False)
         finally:
             sys.stdout.flush()
     except WindsysidError as error:
         _refuse(str(error))
+    except UsageError as error:
+        _refuse(usage_line(error, sys.argv[1:]))
+    except typer.Abort:
+        sys.exit(130)
     except BrokenPipeError:  # whoever read the output has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)
@@ -37,6 +42,7 @@ def main() -> None:
         _refuse(f"{where}{error.strerror or error}: check the path, its permissions and the space left")
     except MemoryError as error:
         _refuse(f"out of memory ({error}): take a shorter record, --section, a lower --rate, or --in-pieces")
+    sys.exit(code or 0)
 
 
 def _refuse(message: str) -> NoReturn:

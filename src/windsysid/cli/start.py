@@ -175,6 +175,12 @@ def _complete(found: "MappingProposal", known: list[str], turbine: str, guide: _
         taken = {one.name or one.written for one in guesses} | {one.name for one in found.guesses if one.name}
         done = _complete_guess(guess, known, taken, guide)
         guesses += [done] if done.unit != LEAVE_OUT else []
+    if known and not any(guess.name in known for guess in guesses):
+        asked = "leave --yes out to name them" if guide.yes else "give one of them such a name"
+        raise ConfigurationError(
+            f"start: no channel has a name that {turbine} knows: expected {' or '.join(known)}; {asked}, or take "
+            f"--turbine {NO_TURBINE} for modes only"
+        )
     return replace(found, guesses=tuple(guesses))
 
 
@@ -186,9 +192,11 @@ def _complete_guess(guess: "Guess", known: list[str], taken: set[str], guide: _G
             raise ConfigurationError(f"another channel is called {name} already")
         return name
 
-    if guess.name is None and known:
-        name = guide.ask(f"Name of '{guess.written}'", free, default=guess.written)
-        guess = replace(guess, name=None if name == guess.written else name)
+    at_top = (guess.name or "").replace("nacelle_", "tower_")  # a tower's model ends there
+    if guess.name not in known and at_top in known and at_top not in taken:
+        guess = replace(guess, name=at_top)
+    elif guess.name is None and known:
+        guess = replace(guess, name=guide.ask(f"Name of '{guess.written}'", free, default=guess.written))
     if guess.is_said:
         return guess
     question = f"Unit of '{guess.written}' (g, mg, m/s^2, rpm …; {LEAVE_OUT} leaves it out)"

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from typing import Literal
 
 from windsysid.inspection.bodies import body_of
-from windsysid.inspection.tags import words_of
 from windsysid.records.record import AS_WRITTEN, Record
+from windsysid.records.words import words_of
 
 __all__ = ["VIBRATION", "Kind", "is_position", "is_torque", "kind_of", "kinds", "most_telling"]
 
@@ -63,7 +63,7 @@ def _kind_of_operation(channel: str, words: set[str], unit: str) -> Kind | None:
     """Kind of a channel of the rotor, of the air or of a control; None if it is none."""
     if "azimuth" in words:
         return "azimuth"
-    if (words & {"rotor", "rot"} and words & {"speed", "rpm"}) or words & {"drehzahl", "rotordrehzahl"}:
+    if (words & {"rotor", "rot"} and words & {"speed", "rpm"}) or words <= {"rpm", "drehzahl"}:
         return "rotor speed"
     if "direction" in words:
         return "direction"

@@ -48,6 +48,8 @@ MAX_PROPOSALS = 5
 BLOCKS_PER_SECTION = 40
 """Setting: number of blocks in a section: windows start at each block."""
 
+FALSIFYING = frozenset(("lost samples", "copied passage"))
+"""Setting: faults that make results wrong wherever they are, however few samples they touch."""
 CHANGE_PENALTY = 0.2
 """Setting: penalty of a change of vibration at the limit of what chance explains; a larger change is an objection."""
 
@@ -306,6 +308,8 @@ def _judge_faults(record: Record, known: dict[str, Kind], findings: Sequence[Fau
     for w in range(share.size):
         here = [kind for kind, where in present.items() if where[w]]
         words.append(f"{joined(here)} in {percent(share[w])} of the samples" if here else "no gaps or faults")
+    for kind in FALSIFYING & present.keys():
+        share[present[kind]] += MAX_FAULT_SHARE * (1.0 + 1e-9)
     judge(share / MAX_FAULT_SHARE, words, words)
 
 

@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 from windsysid._types import Array
+from windsysid.inspection.limits import MAX_FAULT_SHARE
 from windsysid.units import unit_text
 
 __all__ = ["STATEMENTS", "advice", "joined", "percent", "statement"]
@@ -187,9 +188,15 @@ def _mistake(_: str, d: Data) -> str:
     return f"{d['mistake']}?" if d["mistake"] else "check the unit of both"
 
 
+def _bridged(_: str, d: Data) -> str:
+    """Advice on lost samples; a record with more of them than a section may have is never proposed as a whole."""
+    few = d["share"] <= MAX_FAULT_SHARE
+    return "few enough: identify and oma bridge them" if few else "choose a section without them"
+
+
 ADVICE: Final[Mapping[str, str | Callable[[str, Data], str]]] = {
     "short gaps": "use the whole record; identify takes them as missing, oma fills them",
-    "gaps": "choose a section between them",
+    "gaps": _bridged,
     "irregular sampling": _resample,
     "repeated rows": "the logger stalled or wrote twice; treat them as missing",
     "too short": "give a longer record",
@@ -197,7 +204,7 @@ ADVICE: Final[Mapping[str, str | Callable[[str, Data], str]]] = {
         "leave it out"
         if d["share"] == 1.0
         else {
-            "unusable": "mostly missing: leave it out", "warning": "choose a section without them",
+            "unusable": "mostly missing: leave it out", "warning": _bridged(severity, d),
             "note": "short enough to be bridged",
         }[severity]
     ),

@@ -8,7 +8,9 @@ system, so that a tag gives a name and a quantity, and the unit follows from the
 import re
 from dataclasses import dataclass
 
-__all__ = ["Meaning", "meaning_of", "words_of"]
+from windsysid.records.words import words_of
+
+__all__ = ["Meaning", "meaning_of"]
 
 
 @dataclass(frozen=True)
@@ -66,21 +68,15 @@ _WORDS: tuple[tuple[tuple[str, ...], str], ...] = (
     (("anemometer",), "wind_speed"), (("rotor", "azimuth"), "rotor_azimuth"), (("azimuth",), "rotor_azimuth"),
     (("rotor", "position"), "rotor_azimuth"), (("rotor", "speed"), "rotor_speed"), (("rotorspeed",), "rotor_speed"),
     (("rot", "speed"), "rotor_speed"), (("rot", "spd"), "rotor_speed"), (("rotor", "rpm"), "rotor_speed"),
-    (("rotordrehzahl",), "rotor_speed"), (("rotor", "drehzahl"), "rotor_speed"), (("lss", "speed"), "rotor_speed"),
+    (("lss", "speed"), "rotor_speed"),
     (("generator", "speed"), "generator_speed"), (("gen", "speed"), "generator_speed"),
     (("gen", "spd"), "generator_speed"), (("generator", "rpm"), "generator_speed"), (("power",), "power"),
-    (("gen", "rpm"), "generator_speed"), (("generatordrehzahl",), "generator_speed"),
-    (("generator", "drehzahl"), "generator_speed"), (("drehzahl",), "rotor_speed"), (("rpm",), "rotor_speed"),
+    (("gen", "rpm"), "generator_speed"), (("rpm",), "rotor_speed"),
     (("pitch",), "blade_#_pitch"), (("nacelle", "direction"), "nacelle_yaw"), (("nacelle", "position"), "nacelle_yaw"),
     (("yaw",), "nacelle_yaw"), (("temperature",), "air_temperature"),
 )  # fmt: skip
 _OURS = re.compile(rf"({'|'.join(_PLACES)}|blade_\d+)_([a-z]+_)*(acceleration|velocity|displacement)")
 _ACCELERATION = ("acceleration", "accelerometer", "accel", "acc", "accelerations")
-
-
-def words_of(name: str) -> list[str]:
-    """The words of a name in small letters: ``NacAccX_2`` is nac, acc, x, 2."""
-    return [word.lower() for word in re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-zäöü]+|[a-z]+|\d+", name)]
 
 
 def meaning_of(name: str) -> Meaning | None:

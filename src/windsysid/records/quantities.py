@@ -11,9 +11,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.units import to_si, unit_text
+from windsysid.errors import RecordError
+from windsysid.records.words import in_english, words_of
+from windsysid.units import si_unit, to_si, unit_text
 
-__all__ = ["implied_unit", "missing_units", "plausible_units"]
+__all__ = ["check_quantity", "implied_unit", "missing_units", "plausible_units"]
 
 
 _GRAVITY = 9.80665
@@ -36,6 +38,12 @@ _CANDIDATES: dict[str, tuple[tuple[str, ...], float, float]] = {
 }
 
 
+_ACCELERATION = ("acceleration", "accelerometer", "accel", "acc")
+_OTHER_QUANTITIES = frozenset(("velocity", "speed", "displacement", "force", "load", "moment"))
+_OTHER_UNITS = frozenset(("kg", "N", "N*m", "m", "m/s", "rad", "rad/s", "W", "Pa"))
+"""SI units that no acceleration has, raw or converted."""
+
+
 def implied_unit(channel: str) -> str | None:
     """The SI unit of the quantity that a channel's name says; None where it says none.
 
@@ -47,7 +55,7 @@ def implied_unit(channel: str) -> str | None:
     length = "rad" if turns else "m"
     angles = ("azimuth", "pitch", "roll", "yaw", "angle", "direction")
     for words_of_quantity, unit in (
-        (("acceleration", "accelerometer", "accel", "acc"), f"{length}/s^2"),
+        (_ACCELERATION, f"{length}/s^2"),
         (("velocity", "speed"), f"{length}/s"),
         (("displacement", "deflection"), length),
         (("strain", "gauge"), "1"),
@@ -59,6 +67,23 @@ def implied_unit(channel: str) -> str | None:
         if any(word in words for word in words_of_quantity):
             return unit
     return None
+
+
+def check_quantity(channel: str, unit: str) -> None:
+    """Refuse an acceleration in the unit of another mechanical quantity; volts and ratios may be raw readings.
+
+    Raises
+    ------
+    RecordError
+        With the units that are accepted, and how to name the right one.
+    """
+    words = words_of(channel)
+    if not set(_ACCELERATION) & set(words) or _OTHER_QUANTITIES & set(words) or si_unit(unit) not in _OTHER_UNITS:
+        return
+    raise RecordError(
+        f"channel '{channel}': expected a unit of acceleration ({', '.join(_CANDIDATES['m/s^2'][0])}), got {unit}; "
+        f'correct it, or name it in a mapping: [channels."{channel}"] unit = "g"'
+    )
 
 
 def plausible_units(channel: str, values: Array) -> tuple[str, ...]:
@@ -120,4 +145,4 @@ def missing_units(channels: Sequence[tuple[str, Array]], how: str) -> str:
 
 
 def _words(channel: str) -> list[str]:
-    return re.split(r"[^a-z0-9]+", channel.lower())
+    return re.split(r"[^a-z0-9]+", in_english(channel).strip().lower())

@@ -25,7 +25,7 @@ from windsysid.output.pages import pages
 from windsysid.records.checks import UNIFORM, Array, check_channels, check_rows, refuse_gaps, refuse_outside
 from windsysid.records.labelled import Labelled, of_dataset, of_frame
 from windsysid.records.moments import tidy
-from windsysid.records.quantities import implied_unit, missing_units
+from windsysid.records.quantities import check_quantity, implied_unit, missing_units
 from windsysid.records.stamps import grid_behind, usual_step
 from windsysid.units import UNITS, canonical, si_unit, to_si
 
@@ -459,6 +459,7 @@ def _checked_unit(unit: str, channel: str) -> str:
         known = canonical(unit)
     except ConfigurationError as error:
         raise RecordError(f"channel '{channel}': {error}") from error
+    check_quantity(channel, unit)
     si, factor = UNITS[known]
     if factor != 1.0:
         raise RecordError(

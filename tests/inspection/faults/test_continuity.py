@@ -146,3 +146,22 @@ def test_no_modes_from_a_pasted_record_are_trusted():
     values = vibration(8, 300.0)
     assert ws.oma(record_of(values)).trusted
     assert "repeat earlier rows" in ws.oma(record_of(np.vstack([values, values]))).reasons[0]
+
+
+@pytest.mark.parametrize("lost", ["rows", "buffers", "readings"])
+def test_the_verdict_and_the_findings_give_the_same_advice(lost):
+    """A section was to be chosen, and all of the record to be used."""
+    values = vibration(4)
+    record = record_of(values)
+    if lost == "rows":
+        kept = np.r_[: len(values) // 3, len(values) // 3 + 200 : len(values)]
+        record = Record(record.time[kept], values[kept], NAMES, ("m/s^2",) * 3)
+    elif lost == "buffers":
+        record = record_of(values[np.mod(np.arange(len(values)), 1500) >= 25])
+    else:
+        values[4000:4200, 1] = np.nan
+        record = record_of(values)
+    found = ws.inspect(record)
+    asked = any("choose a section" in finding.text for finding in found.findings)
+    assert asked == (lost == "buffers")
+    assert ("use all of it" in found.verdict) != asked, found.verdict

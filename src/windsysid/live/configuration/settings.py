@@ -157,7 +157,8 @@ def read_settings(path: str | Path) -> Settings:
         tables = parse_toml(read_toml(path))
     except (OSError, ValueError) as error:
         why = getattr(error, "strerror", None) or str(error)
-        raise SettingsError([f"{path}: cannot be read as TOML ({why}): docs/live.md has a settings file"]) from None
+        what = "cannot be read" if isinstance(error, OSError) else "is no TOML"
+        raise SettingsError([f"{path}: {what} ({why}): docs/live.md has a settings file"]) from None
     faults: list[str] = []
     found = _settings(TomlTable(str(path), tables, path.resolve().parent, faults))
     if faults:

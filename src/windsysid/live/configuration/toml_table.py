@@ -17,6 +17,8 @@ __all__ = ["Secret", "TomlTable"]
 
 _LONGEST_SECRET = 4096
 _LONGEST_SHOWN = 40
+MAX_KEYS_SHOWN = 3
+"""Setting: largest number of unknown keys of a table that a fault names."""
 
 
 @dataclass(frozen=True)
@@ -186,12 +188,14 @@ class TomlTable:
         return TomlTable(f"{self.where}: [{key}]", self.given.get(key, {}), self.folder, self.faults)
 
     def done(self) -> None:
-        """Record every unknown key."""
-        for key in self.given:
-            if key not in self.known:
-                near = difflib.get_close_matches(key, self.known, 1)
-                meant = f" (meant '{near[0]}'?)" if near else ""
-                self.fault(f"unknown key '{key[:_LONGEST_SHOWN]}'{meant}: expected {', '.join(self.known)}")
+        """Note the unknown keys of the table as one fault."""
+        unknown = [key for key in self.given if key not in self.known]
+        near = [(key, difflib.get_close_matches(key, self.known, 1)) for key in unknown[:MAX_KEYS_SHOWN]]
+        shown = [f"'{key[:_LONGEST_SHOWN]}'" + "".join(f" (meant '{one}'?)" for one in found) for key, found in near]
+        if unknown:
+            more = f" and {len(unknown) - len(shown)} more" if len(unknown) > len(shown) else ""
+            keys = "key" if len(unknown) == 1 else "keys"
+            self.fault(f"unknown {keys} {', '.join(shown)}{more}: expected {', '.join(self.known)}")
 
 
 def _host(url: str) -> bool:

@@ -19,7 +19,7 @@ import numpy as np
 from windsysid.errors import ConfigurationError, RecordError, UnknownTimeError
 from windsysid.records.checks import Array, check_channels
 from windsysid.records.formats.contents.mapping import AS_IT_IS, ChannelRule, Mapping, matches
-from windsysid.records.quantities import implied_unit, missing_units
+from windsysid.records.quantities import check_quantity, implied_unit, missing_units
 from windsysid.records.record import AS_WRITTEN
 from windsysid.units import canonical, is_same_quantity, si_unit, to_si
 
@@ -321,6 +321,7 @@ def _column(index: int, cell: Cell, rule: ChannelRule) -> Column:
     if unit.startswith(AS_WRITTEN):
         return Column(index, name, unit, rule.scale)
     try:
+        check_quantity(name, unit)
         return Column(index, name, si_unit(unit), to_si(1.0, unit) * rule.scale)
     except ConfigurationError as error:
         raise RecordError(
