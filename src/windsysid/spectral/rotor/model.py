@@ -252,8 +252,9 @@ class LiftedModel(NamedTuple):
         A = np.zeros((len(unknowns) if slopes else 0, bins, e, e), dtype=np.complex128)
         for at, part in parts:
             weights = np.ascontiguousarray(self.window[at])
-            smooth()(weights, part.spectrum[None], S)
-            smooth()(weights, part.slopes, A)
+            for fine, out in ((part.spectrum[None], S), (part.slopes, A)):
+                numbers = (each.view(np.float64).reshape(*each.shape[:2], 2 * e * e) for each in (fine, out))
+                smooth()(weights, *numbers)
         return self._masked(S[0], A[self._from_kernels()] if slopes else A)
 
     def _masked(self, S: Complex, A: Complex) -> ModelSpectrum:
