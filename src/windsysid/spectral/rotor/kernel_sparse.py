@@ -155,6 +155,8 @@ def _halves(
     moved[:], half[:] = 0.0, 0.0
     for h in range(d_mechanics.shape[1]):
         shift = h - HIGHEST
+        if abs(shift) >= count:
+            continue
         for i in range(n):
             for j in range(n):
                 if _nothing(d_mechanics, h, i, j):
@@ -193,6 +195,8 @@ def _spectra(
         D[:], T[:], T_s[:], Q[:] = 0.0, 0.0, 0.0, 0.0
         for h in range(mechanics.shape[1]):
             shift = h - HIGHEST
+            if abs(shift) >= count:
+                continue
             for i in range(n):
                 for j in range(n):
                     if _nothing(mechanics, h, i, j):
