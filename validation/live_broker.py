@@ -391,7 +391,9 @@ def timed(turbines: int, seconds: float, home: Path) -> str:
         parts.start("serve")
         until((home / "ready").exists, "the service is ready")
         parts.start("load")
+        before = sum(os.times()[2:4])
         parts.running["load"].wait(seconds + 300.0)
+        publisher = sum(os.times()[2:4]) - before
         broker = Path(f"/proc/{parts.running['broker'].pid}/stat").read_text().rpartition(")")[2].split()
         parts.end("serve")
     finally:
@@ -427,7 +429,10 @@ def timed(turbines: int, seconds: float, home: Path) -> str:
     busy = {name: took for name, took in told["threads"].items() if took > 0.02 * told["cpu"]}
     listed = ", ".join(f"{name} {took / told['wall']:.1%}" for name, took in sorted(busy.items(), key=lambda x: -x[1]))
     own = (int(broker[11]) + int(broker[12])) / os.sysconf("SC_CLK_TCK") / told["wall"]
-    lines.append(f"  processors busy: service {told['cpu'] / told['wall']:.1%} ({listed}), broker {own:.1%}")
+    lines.append(
+        f"  processors busy: service {told['cpu'] / told['wall']:.1%} ({listed}), broker {own:.1%},"
+        f" publisher {publisher / told['wall']:.1%}"
+    )
     return "\n".join(lines)
 
 

@@ -173,6 +173,7 @@ def _ratios(values: Array, at: NDArray[np.int64]) -> Array:
 
 def _filled(column: Array) -> Array:
     """Readings (T,) about their mean, missing ones interpolated from their neighbours."""
-    known = np.flatnonzero(np.isfinite(column))
-    filled = np.interp(np.arange(len(column)), known, column[known])
-    return np.asarray(filled - math.fsum(filled) / len(filled))
+    known = np.isfinite(column)
+    if not known.all():
+        column = np.interp(np.arange(len(column)), np.flatnonzero(known), column[known])
+    return np.asarray(column - math.fsum(column.tolist()) / len(column))

@@ -155,7 +155,7 @@ def screen(
     RecordError
         If a unit is evidently wrong, or a sensor's channel does not move.
     """
-    measured = list(sensors)
+    measured = tuple(sensors)
     read = [*measured, *(channel for channel in others if channel in record)]
     findings = [*faults_of(record, read, turbine), *copied_channels(record, measured)]
     for finding in findings if refuse else ():

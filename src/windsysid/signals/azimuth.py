@@ -8,6 +8,7 @@ import math
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.records.kept import kept_with_record
 from windsysid.records.record import Record
 from windsysid.signals.band import bridged
 
@@ -35,6 +36,7 @@ COARSE, TEETH = 0.25, 4.0
 """Distinct azimuths of a coarse encoder, as a share of all, and how many of its steps it is smoothed over at least."""
 
 
+@kept_with_record
 def steadied(record: Record) -> Record:
     """The record with azimuths put onto a smooth rotation: those that stand alone, all that scatter beyond
     `MAX_SCATTER`, and those of a coarse encoder; other records as they are.

@@ -18,7 +18,7 @@ def test_smoothing_is_a_weighted_sum():
     rng = np.random.default_rng(2)
     weights, fine = rng.random((6, 4)), rng.normal(size=(2, 6, 3, 3)) + 1j * rng.normal(size=(2, 6, 3, 3))
     out = np.zeros((2, 4, 3, 3), dtype=complex)
-    smooth()(weights, fine, out)
+    smooth()(weights, *(each.view(float).reshape(*each.shape[:2], 18) for each in (fine, out)))
     expected = np.einsum("fb,nfij->nbij", weights, fine)
     np.testing.assert_allclose(np.tril(out), np.tril(expected), atol=1e-12)
 

@@ -10,9 +10,11 @@ from windsysid.errors import RecordError
 from windsysid.identification.limits import MAX_MISSING_SHARE
 from windsysid.identification.model.fit import known_inputs
 from windsysid.mechanics.sensors import Sensor
+from windsysid.records.kept import kept_with_record
 from windsysid.records.record import Record
 from windsysid.results.finding import Finding
 from windsysid.spectral.transforms.block_sums import BlockSums
+from windsysid.spectral.transforms.lifted import Lifted
 from windsysid.turbine.turbine import Turbine
 
 __all__ = ["SpectralSamples", "read_bridged"]
@@ -54,6 +56,8 @@ class SpectralSamples(NamedTuple):
         The model's inputs (T, n_u), and what the sensors read (T, m).
     sums
         Sums over all blocks of a longer record, of which this is the last; None where this is all of it.
+    lifts
+        Lifted spectra of the readings by their number of harmonics, as far as they are known.
     """
 
     record: Record
@@ -61,6 +65,7 @@ class SpectralSamples(NamedTuple):
     inputs: Array
     readings: Array
     sums: BlockSums[Any] | None = None
+    lifts: dict[int, Lifted] | None = None
 
     @classmethod
     def of(
@@ -70,4 +75,11 @@ class SpectralSamples(NamedTuple):
         """Read a record; gaps that were bridged are added to `notes`. RecordError as of `read_bridged`."""
         inputs = known_inputs(record, turbine, sensors)
         readings = read_bridged(record, [sensor.channel for sensor in sensors], notes)
-        return cls(record, tuple(sensors), inputs, readings, sums)
+        channels = tuple(sensor.channel for sensor in sensors)
+        return cls(record, tuple(sensors), inputs, readings, sums, _lifts(record, channels, id(inputs)))
+
+
+@kept_with_record
+def _lifts(record: Record, channels: tuple[str, ...], inputs: int) -> dict[int, Lifted]:
+    """Lifted spectra of channels of a record and inputs of this identity, none at first."""
+    return {}

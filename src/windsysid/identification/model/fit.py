@@ -16,6 +16,7 @@ from windsysid.filters import Info
 from windsysid.identification.model.drift import Drift
 from windsysid.loads.statistics import Statistic
 from windsysid.mechanics.sensors import Sensor
+from windsysid.records.kept import kept_with_record
 from windsysid.records.record import LOW_PASS, Record
 from windsysid.results.estimate import FittedSpectrum
 from windsysid.results.finding import Finding
@@ -155,15 +156,19 @@ class Outcome(NamedTuple):
 
 
 def known_inputs(record: Record, turbine: Turbine, sensors: Sequence[Sensor]) -> Array:
-    """Inputs of the turbine's model (T, n_u); between samples of a uniform grid where times are
-    unequal."""
-    if not record.is_uniform:
-        wanted = (*TURNING, *turbine.model.inputs)
-        even = resample(record.select([c for c in record.channels if c in wanted]), record.rate)
-        inputs = known_inputs(even, turbine, sensors)
-        return np.column_stack([np.interp(record.time, even.time, column) for column in inputs.T])
-    required = {*turbine.model.required_inputs, *(name for sensor in sensors for name in sensor.needed_inputs)}
-    return read_inputs(record, turbine.model.inputs, turbine.rotor_speed, required=required)
+    """Inputs of the turbine's model (T, n_u), which must not be changed; between samples of a uniform grid where times
+    are unequal."""
+    required = frozenset((*turbine.model.required_inputs, *(name for one in sensors for name in one.needed_inputs)))
+    return _inputs(record, tuple(turbine.model.inputs), turbine.rotor_speed, required)
+
+
+@kept_with_record
+def _inputs(record: Record, names: tuple[str, ...], rotor_speed: float, required: frozenset[str]) -> Array:
+    if record.is_uniform:
+        return read_inputs(record, names, rotor_speed, required=required)
+    even = resample(record.select([c for c in record.channels if c in (*TURNING, *names)]), record.rate)
+    inputs = read_inputs(even, names, rotor_speed, required=required)
+    return np.column_stack([np.interp(record.time, even.time, column) for column in inputs.T])
 
 
 def known_loads(record: Record, turbine: Turbine) -> tuple[Array, list[GaussMarkov]]:

@@ -30,14 +30,10 @@ def halves_of(question: RotorQuestion, posed: Posed, found: RotorFit, loads: str
     """Halves of a record with the unknowns of the fit; none of blocks, and if it is too short."""
     if question.sums is not None:
         return []
-    half, halves = len(question.readings) // 2, []
-    for part in (slice(0, half), slice(half, 2 * half)):
-        piece = question._replace(readings=question.readings[part], inputs=question.inputs[part])
-        try:
-            halves.append(_alike(pose_lifted(piece, loads, posed.bands), found))
-        except RecordError:
-            return []
-    return halves
+    try:
+        return [_alike(pose_lifted(half, loads, posed.bands), found) for half in question.halves]
+    except RecordError:
+        return []
 
 
 def drifts_of(

@@ -25,6 +25,7 @@ from windsysid.inspection.limits import (
     MIN_SEAMS,
     SEAM_PROBABILITY,
 )
+from windsysid.records.kept import kept_with_record
 from windsysid.records.record import Record
 
 __all__ = [
@@ -102,7 +103,8 @@ def copies_among(values: Array) -> list[tuple[int, int]]:
     return found
 
 
-def copied_channels(record: Record, channels: Sequence[str]) -> list[Fault]:
+@kept_with_record
+def copied_channels(record: Record, channels: tuple[str, ...]) -> list[Fault]:
     """Channels that are others, whatever their scale and offset."""
     return [
         Fault(channels[j], "copy", "warning", record.samples, data={"of": channels[i]})

@@ -13,7 +13,9 @@ standard normal, or narrower for errors with heavy tails (de la Peña, Lai & Sha
 Rows lost at random have no common remainder and are not detected.
 """
 
+import math
 from collections.abc import Sequence
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -46,6 +48,9 @@ MAX_SINGLE_CHANNELS = 8
 MIN_PERIOD, MAX_PERIOD = 4, 64
 """Setting: smallest and largest number of rows from one loss to the next that are searched: more frequent losses bias
 the models, rarer ones are lost buffers (`continuity.lost_samples`)."""
+
+MAX_MULTIPLE = 2000
+"""Numerical: largest multiple of periods whose remainders are summed in one pass."""
 
 
 class _Prediction(NamedTuple):
@@ -110,30 +115,58 @@ def _detected(prediction: _Prediction) -> tuple[float, int]:
     are detected."""
     found = (0.0, 0)
     terms = _terms(prediction)
-    for period in range(MIN_PERIOD, min(MAX_PERIOD, len(terms) // 50) + 1):
-        significance = _significance(terms, period)
-        if (
-            significance > max(MIN_LOSS_SIGMAS, found[0])
-            and _significance(_terms(_without_cycle(prediction, period)), period) > MIN_LOSS_SIGMAS
-        ):
-            found = (significance, period)
+    for period, sums in sorted(_by_remainder(terms).items()):
+        significance = _significance(terms, sums)
+        if significance > max(MIN_LOSS_SIGMAS, found[0]):
+            left = _terms(_without_cycle(prediction, period))
+            if _significance(left, _by_remainder(left)[period]) > MIN_LOSS_SIGMAS:
+                found = (significance, period)
     return found
 
 
 def _terms(prediction: _Prediction) -> Array:
     """Terms e·a, (e·a)² and |a|² of all rows (T, 3)."""
-    product = np.sum(prediction.error * prediction.ahead, axis=1)
-    return np.column_stack([product, product**2, np.sum(prediction.ahead**2, axis=1)])
+    product = np.einsum("ti,ti->t", prediction.error, prediction.ahead)
+    return np.column_stack([product, product**2, np.einsum("ti,ti->t", prediction.ahead, prediction.ahead)])
 
 
-def _significance(terms: Array, period: int) -> float:
+def _by_remainder(terms: Array) -> dict[int, Array]:
+    """Sums of the terms (T, 3) by the remainder of the row number (k, 3), over an even number of cycles, for each
+    period k that is searched."""
+    found, longest = {}, min(MAX_PERIOD, len(terms) // 50)
+    for multiple, periods in _multiples():
+        first = len(terms) // multiple * multiple
+        whole = terms[:first].reshape(-1, multiple, 3).sum(axis=0)
+        for period in periods:
+            if period <= longest:
+                last = len(terms) // (2 * period) * 2 * period
+                rest = terms[first:last].reshape(-1, period, 3).sum(axis=0)
+                found[period] = whole.reshape(-1, period, 3).sum(axis=0) + rest
+    return found
+
+
+@cache
+def _multiples() -> list[tuple[int, list[int]]]:
+    """Common multiples of 2k for all periods k, each with its periods: one pass over the rows serves several."""
+    found = list[tuple[int, list[int]]]()
+    for period in range(MAX_PERIOD, MIN_PERIOD - 1, -1):
+        grown = [(math.lcm(multiple, 2 * period) / multiple, i) for i, (multiple, _) in enumerate(found)]
+        factor, i = min(grown, default=(math.inf, 0))
+        if not found or factor * found[i][0] > MAX_MULTIPLE:
+            found.append((2 * period, [period]))
+        else:
+            found[i] = (round(factor * found[i][0]), [*found[i][1], period])
+    return found
+
+
+def _significance(terms: Array, by_remainder: Array) -> float:
     """Significance of g after a loss [σ]; 0 if g does not decrease over the next rows, or differs between losses."""
-    cycles = 2 * (len(terms) // (2 * period))
-    sums, squares, powers = terms[: cycles * period].reshape(cycles, period, 3).sum(axis=0).T
+    period, (sums, squares, powers) = len(by_remainder), by_remainder.T
     gain = sums / np.maximum(powers, 1e-300)
     after = int(np.argmax(gain))
-    if not _falls_off(np.roll(gain, -after)):
+    if not _falls_off(gain, after):
         return 0.0
+    cycles = len(terms) // (2 * period) * 2
     for losses in (2, 3):
         at = terms[after : after + losses * period * ((cycles - 1) // losses) : period]
         each = at[: len(at) // losses * losses].reshape(-1, losses, 3).sum(axis=0)
@@ -152,11 +185,11 @@ def _without_cycle(prediction: _Prediction, period: int) -> _Prediction:
     return _Prediction(*parts)
 
 
-def _falls_off(gain: Array) -> bool:
-    """Test whether g (k,), from the row after a loss on, has the pattern of a loss."""
-    top = gain[0]
+def _falls_off(gain: Array, after: int) -> bool:
+    """Test whether g (k,) has the pattern of a loss before the row `after`, where it is largest."""
+    top = gain[after]
     return bool(
         top > MIN_LOSS_GAIN
-        and gain[-1] < MAX_PREVIOUS_GAIN_RATIO * top
-        and np.abs(gain[1:]).max() < MAX_OTHER_GAIN_RATIO * top
+        and gain[after - 1] < MAX_PREVIOUS_GAIN_RATIO * top
+        and np.abs(np.delete(gain, after)).max() < MAX_OTHER_GAIN_RATIO * top
     )

@@ -14,7 +14,7 @@ import logging
 import random
 import threading
 import time
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Iterable
 from pathlib import Path
 from types import TracebackType
@@ -50,20 +50,36 @@ and drops more silently."""
 LONGEST_PAUSE = 30.0
 """Between two attempts to reach the broker [s]."""
 
+LOOK_EVERY = 0.25
+"""Interval at which sent blocks that are not committed are looked for [s]."""
+
 LONGEST_PATIENCE = 60.0
 """Time for the service to commit a sent block [s]."""
 
 
 class _Sending:
-    """Progress of sending one flow."""
+    """Progress of sending one flow; `under_way` counts the sent blocks of all flows without commit."""
 
-    def __init__(self, patience: float) -> None:
+    def __init__(self, patience: float, under_way: Counter[str]) -> None:
         self.committed: int | None = None
         self.sent: deque[int] = deque()
         self.width, self.patience, self.until = WIDEST, patience, 0.0
+        self._under_way = under_way
+
+    def add(self, number: int) -> None:
+        """Count a block as sent."""
+        self.sent.append(number)
+        self._under_way["blocks"] += 1
+
+    def commit(self, number: int) -> None:
+        """Count blocks up to a number as committed."""
+        while self.sent and self.sent[0] <= number:
+            self.sent.popleft()
+            self._under_way["blocks"] -= 1
 
     def go_back(self, width: int) -> None:
         """Send again from the first block that is not committed."""
+        self._under_way["blocks"] -= len(self.sent)
         self.sent.clear()
         self.width = width
 
@@ -71,6 +87,7 @@ class _Sending:
         """A block is not under way any more."""
         with contextlib.suppress(ValueError):
             self.sent.remove(number)
+            self._under_way["blocks"] -= 1
 
 
 class Publisher:
@@ -114,6 +131,7 @@ class Publisher:
         self._changed = threading.Condition(threading.RLock())
         self._newest = self.ring.flows()
         self._flows: dict[Flow, _Sending] = {}
+        self._under_way, self._looked = Counter[str](), 0.0
         self._told: dict[str, Flow] = {}  # by the topic of its acknowledgements
         self._due: dict[Flow, None] = {}  # in the order in which their turn comes
         self._client: Any = None
@@ -166,7 +184,7 @@ class Publisher:
             if not new:
                 return 0
             dropped = self.ring.put(new)
-            self._newest = newest
+            self._newest.update(newest)
             for flow, _ in new:
                 self._open(flow)
                 self._due[flow] = None
@@ -179,10 +197,10 @@ class Publisher:
     def _new(
         self, packed: Iterable[tuple[Flow, PackedBlock]]
     ) -> tuple[list[tuple[Flow, PackedBlock]], dict[Flow, int]]:
-        """Blocks with a higher number than all before of their flow, and the newest numbers with them."""
-        new, newest = [], dict(self._newest)
+        """Blocks with a higher number than all before of their flow, and the newest numbers of these flows."""
+        new, newest = [], dict[Flow, int]()
         for flow, one in packed:
-            if flow not in newest or one.sequence > newest[flow]:
+            if one.sequence > newest.get(flow, self._newest.get(flow, -1)):
                 newest[flow] = one.sequence
                 new.append((flow, one))
         return new, newest
@@ -208,7 +226,7 @@ class Publisher:
     def _open(self, flow: Flow) -> None:
         """Register a flow, and subscribe to its acknowledgements."""
         if flow not in self._flows:
-            self._flows[flow] = _Sending(self.patience)
+            self._flows[flow] = _Sending(self.patience, self._under_way)
             self._told[self.topics.committed(*flow)] = flow
             if self._connected:
                 self._hear(self._client, flow)
@@ -248,18 +266,15 @@ class Publisher:
     def _go_on(self, client: Any) -> bool:
         """Wait for something to do, and do it; False when the connection is over."""
         with self._changed:
-            self._changed.wait_for(lambda: self._closing or self._over or self._may_send(), 0.25)
+            self._changed.wait_for(lambda: self._closing or self._over or self._may_send(), LOOK_EVERY)
             if self._closing or self._over:
                 return False
             if not self._connected:
                 return True
             now = time.monotonic()
-            for flow, sending in self._flows.items():
-                if sending.sent and now > sending.until:
-                    self.resent += len(sending.sent)
-                    sending.go_back(1)
-                    sending.patience = min(2.0 * sending.patience, LONGEST_PATIENCE)
-                    self._due[flow] = None
+            if now > self._looked + LOOK_EVERY:
+                self._looked = now
+                self._look_for_lost(now)
             while self._may_send():
                 flow = next(iter(self._due))
                 del self._due[flow]
@@ -267,12 +282,21 @@ class Publisher:
             self._changed.notify_all()
         return True
 
+    def _look_for_lost(self, now: float) -> None:
+        """Send again what the service did not commit in time."""
+        for flow, sending in self._flows.items():
+            if sending.sent and now > sending.until:
+                self.resent += len(sending.sent)
+                sending.go_back(1)
+                sending.patience = min(2.0 * sending.patience, LONGEST_PATIENCE)
+                self._due[flow] = None
+
     def _may_send(self) -> bool:
         return bool(self._connected and self._due) and self._room() > 0
 
     def _room(self) -> int:
         """Blocks that may be sent before more are committed."""
-        return UNDER_WAY - sum(len(sending.sent) for sending in self._flows.values())
+        return UNDER_WAY - self._under_way["blocks"]
 
     def _send_more(self, client: Any, flow: Flow, sending: _Sending) -> None:
         if sending.committed is not None:
@@ -284,7 +308,7 @@ class Publisher:
             client.publish(self.topics.blocks(flow.turbine), block.payload, qos=1, properties=properties_of(marks))
             if not sending.sent:
                 sending.until = time.monotonic() + sending.patience
-            sending.sent.append(block.sequence)
+            sending.add(block.sequence)
             last = block.sequence
 
     # what the broker says, in the client's thread
@@ -345,8 +369,7 @@ class Publisher:
             return
         sending.committed = number
         self._newest[flow] = max(number, self._newest.get(flow, number))
-        while sending.sent and sending.sent[0] <= number:
-            sending.sent.popleft()
+        sending.commit(number)
         sending.width = min(2 * sending.width, WIDEST)
         sending.patience, sending.until = self.patience, time.monotonic() + self.patience
         self._due[flow] = None

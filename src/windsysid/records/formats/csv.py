@@ -46,8 +46,8 @@ _HOW = "write '{}' in the header"
 _HEAD = 1 << 18  # bytes that tell how a file is written
 _NUMBER_ROWS, _DATE_ROWS = 20, 1000  # rows from which the unit of a time, or the format of dates, is determined
 _SHORT = 1 << 23
-"""Bytes of a file that NumPy reads in less time than pandas takes to be imported; of longer ones pandas reads a number
-in a sixth of the time."""
+"""Bytes that NumPy reads in less time than pandas takes to be imported: what a process reads beyond, in one file or in
+several, pandas reads, a number in a sixth of the time."""
 
 
 class _Head(NamedTuple):
@@ -252,7 +252,9 @@ def _without_blanks(text: bytes, mark: bytes) -> bytes:
 
 
 class _Reader:
-    """Rows of one file as numbers, block by block."""
+    """Rows of one file as numbers, block by block; `by_numpy` bytes of all files were read by NumPy."""
+
+    by_numpy = 0
 
     def __init__(
         self,
@@ -396,7 +398,8 @@ class _Reader:
 
     def _cells(self, text: bytes, numbers: Numbers) -> tuple[Array, list[list[str]]]:
         """The `numeric` columns (T, n), and the texts of times that are no numbers."""
-        if self.short and not self.clock.textual:
+        if self.short and not self.clock.textual and _Reader.by_numpy < _SHORT:
+            _Reader.by_numpy += len(text)
             with contextlib.suppress(ValueError):  # something is missing, or no number
                 return np.loadtxt(
                     io.BytesIO(text), delimiter=self.layout.delimiter, usecols=self.numeric, comments=None, ndmin=2

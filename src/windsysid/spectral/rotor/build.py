@@ -108,7 +108,7 @@ def _pose_turning(question: RotorQuestion, loads: str) -> Posed:
         data = factored(np.array([power[pool].sum(axis=0) for pool in pools]))
     number = np.round(lifted.base * lifted.duration).astype(np.intp)
     fine = finer_bins(int(number[0]), int(number[-1])) / lifted.duration
-    window = taper_window(lifted.taper, number)
+    window = taper_window(len(lifted.taper), number)
     window = np.column_stack([window[:, pool].mean(axis=1) for pool in pools])
 
     def model_at(where: Array, weights: Array | None) -> LiftedModel:

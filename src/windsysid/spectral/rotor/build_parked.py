@@ -102,7 +102,7 @@ def _grid(lifted: Lifted, used: NDArray[np.bool_], width: float) -> tuple[Array,
     how many neighbouring bins share a spectrum; `width` is half the half-power width of the narrowest mode in bins."""
     number = np.round(lifted.base * lifted.duration).astype(np.intp)[used]
     if width < MIN_EXACT_BINS:
-        return finer_bins(int(number[0]), int(number[-1])) / lifted.duration, taper_window(lifted.taper, number), 1
+        return finer_bins(int(number[0]), int(number[-1])) / lifted.duration, taper_window(len(lifted.taper), number), 1
     alike = int(width / BINS_PER_GROUP)
     return _grouped(number, alike).mean(axis=1) / lifted.duration, None, alike
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.scoring import covariance, laplace_evidence
+from windsysid.spectral.rotor.likelihood import Likelihood
 from windsysid.spectral.rotor.model import Inexact, LiftedModel
 from windsysid.spectral.rotor.scoring import FINE_TOLERANCE, SpectralMode, find_in_stages, find_nearby
 
@@ -103,10 +104,12 @@ def _described(model: LiftedModel, mode: SpectralMode) -> RotorFit:
 
 
 def _evaluator(model: LiftedModel) -> Callable[[Array, int], tuple[float, Array, Array]]:
-    """J, g and F of a model."""
+    """J, g and F of a model; a later stage begins where another one ended."""
+    known = dict[tuple[bytes, int], Likelihood]()
 
     def evaluate(unknowns: Array, every: int) -> tuple[float, Array, Array]:
-        found = model.likelihood(unknowns, every)
+        key = unknowns.tobytes(), every
+        found = known[key] = known.get(key) or model.likelihood(unknowns, every)
         return found.value, found.gradient, found.information
 
     return evaluate

@@ -34,9 +34,9 @@ def spectra() -> Any:
 
 @lru_cache(maxsize=1)
 def smooth() -> Any:
-    """The kernel that adds matrices (n, F, e, e), weighted (F, B), up in (n, B, e, e)."""
-    c4 = types.Array(types.complex128, 4, "C")
-    return compiled(_smooth, types.void(types.float64[:, ::1], c4, c4))
+    """The kernel that adds numbers (n, F, r), weighted (F, B), up in (n, B, r)."""
+    f3 = types.float64[:, :, ::1]
+    return compiled(_smooth, types.void(types.float64[:, ::1], f3, f3))
 
 
 @lru_cache(maxsize=1)
@@ -155,6 +155,8 @@ def _halves(
     moved[:], half[:] = 0.0, 0.0
     for h in range(d_mechanics.shape[1]):
         shift = h - HIGHEST
+        if abs(shift) >= count:
+            continue
         for i in range(n):
             for j in range(n):
                 if _nothing(d_mechanics, h, i, j):
@@ -193,6 +195,8 @@ def _spectra(
         D[:], T[:], T_s[:], Q[:] = 0.0, 0.0, 0.0, 0.0
         for h in range(mechanics.shape[1]):
             shift = h - HIGHEST
+            if abs(shift) >= count:
+                continue
             for i in range(n):
                 for j in range(n):
                     if _nothing(mechanics, h, i, j):
@@ -242,13 +246,16 @@ def _spectra(
 
 def _smooth(weights: Any, fine: Any, out: Any) -> None:
     for b in range(weights.shape[1]):
-        for f in range(weights.shape[0]):
-            weight = weights[f, b]
-            if weight != 0.0:
-                for a in range(fine.shape[0]):
-                    for x in range(fine.shape[2]):
-                        for y in range(fine.shape[3]):
-                            out[a, b, x, y] += weight * fine[a, f, x, y]
+        first, last = 0, weights.shape[0]
+        while first < last and weights[first, b] == 0.0:
+            first += 1
+        while last > first and weights[last - 1, b] == 0.0:
+            last -= 1
+        for a in range(fine.shape[0]):
+            for f in range(first, last):
+                weight = weights[f, b]
+                for r in range(fine.shape[2]):
+                    out[a, b, r] += weight * fine[a, f, r]
 
 
 def _add_up(S: Any, A: Any, data: Any, counts: Any, gradient: Any, information: Any) -> float:

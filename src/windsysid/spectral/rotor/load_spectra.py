@@ -291,6 +291,7 @@ class BandLoads:
         count, units = frequency.shape[1], {freedom.load: freedom.load_unit for freedom in freedoms}
         names = list(units)
         self._bands, self._frequency, self._loads = bands, np.abs(frequency), list(given)
+        self._known = dict[int, tuple[NDArray[np.intp], Array]]()
         self.statistics = tuple(
             Statistic(f"{load.replace('load_', 'load_density_')}_{end}", f"{units[load]}/√Hz", float(value))
             for load, values in given.items()
@@ -322,12 +323,15 @@ class BandLoads:
 
     def _parts(self, every: int) -> tuple[NDArray[np.intp], Array]:
         """Index of each frequency's band, and its position from the low to the high end, 0 … 1."""
+        if every in self._known:
+            return self._known[every]
         frequency = self._frequency[every // 2 :: every]
         middles = [math.sqrt(a[1] * b[0]) for a, b in zip(self._bands[:-1], self._bands[1:], strict=True)]
         which = np.searchsorted(middles, frequency)
         low, high = (np.log([band[end] for band in self._bands])[which] for end in (0, 1))
         with np.errstate(divide="ignore"):
             part = np.clip((np.log(frequency) - low) / (high - low), -1.0, 2.0)
+        self._known[every] = which, part
         return which, part
 
 

@@ -2,6 +2,7 @@
 noise."""
 
 from collections.abc import Iterator
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -31,6 +32,7 @@ from windsysid.spectral.rotor.likelihood import (
     whittle_of_many,
 )
 from windsysid.spectral.rotor.load_spectra import Sources, SourceSpectra
+from windsysid.spectral.transforms.dft import taper
 from windsysid.spectral.transforms.lifted import Complex
 from windsysid.statespace.parameter import Parameter
 from windsysid.statespace.unknowns import BlockName, Unknowns
@@ -252,8 +254,9 @@ class LiftedModel(NamedTuple):
         A = np.zeros((len(unknowns) if slopes else 0, bins, e, e), dtype=np.complex128)
         for at, part in parts:
             weights = np.ascontiguousarray(self.window[at])
-            smooth()(weights, part.spectrum[None], S)
-            smooth()(weights, part.slopes, A)
+            for fine, out in ((part.spectrum[None], S), (part.slopes, A)):
+                numbers = (each.view(np.float64).reshape(*each.shape[:2], 2 * e * e) for each in (fine, out))
+                smooth()(weights, *numbers)
         return self._masked(S[0], A[self._from_kernels()] if slopes else A)
 
     def _masked(self, S: Complex, A: Complex) -> ModelSpectrum:
@@ -398,17 +401,22 @@ def finer_bins(first: int, last: int) -> Array:
     return np.asarray(np.arange(first * FINER - reach, last * FINER + reach + 1) / FINER)
 
 
-def taper_window(taper: Array, bins: NDArray[np.intp]) -> Array:
+def taper_window(samples: int, bins: NDArray[np.intp]) -> Array:
     """The weights (F, B) with which spectra on the finer grid between the first and the last of `bins` make up the
-    smoothed ones at `bins` (B,)."""
-    padded = np.abs(np.fft.fft(taper, FINER * len(taper))) ** 2
-    reach = WINDOW_BINS * FINER
-    weights = np.concatenate([padded[-reach:], padded[: reach + 1]])
-    weights /= weights.sum()
+    smoothed ones at `bins` (B,), under the taper of so many samples."""
+    reach, weights = WINDOW_BINS * FINER, _window(samples)
     out = np.zeros(((bins[-1] - bins[0]) * FINER + 2 * reach + 1, len(bins)))
     for column, place in enumerate((bins - bins[0]) * FINER):
         out[place : place + 2 * reach + 1, column] = weights
     return out
+
+
+@lru_cache(maxsize=64)
+def _window(samples: int) -> Array:
+    """The taper's window at the finer bins within `WINDOW_BINS` of its middle, with the sum 1."""
+    padded = np.abs(np.fft.fft(taper(samples), FINER * samples)) ** 2
+    weights = np.roll(padded, WINDOW_BINS * FINER)[: 2 * WINDOW_BINS * FINER + 1]
+    return np.asarray(weights / weights.sum())
 
 
 def _scaled(found: Likelihood, share: float) -> Likelihood:

@@ -49,6 +49,8 @@ class RotorQuestion(NamedTuple):
         What blocks of it say together, where it came in pieces: readings and inputs are then those of the last.
     turned
         The same of a rotor that is read in bands.
+    lifts
+        Where the results of `lifted` are kept, by number of harmonics; None to keep none.
     """
 
     turbine: Turbine
@@ -61,6 +63,7 @@ class RotorQuestion(NamedTuple):
     loads: tuple[GaussMarkov, ...]
     sums: BlockSums[Lifted] | None = None
     turned: BlockSums[TurnedBlock] | None = None
+    lifts: dict[int, Lifted] | None = None
 
     @property
     def size(self) -> int:
@@ -106,6 +109,16 @@ class RotorQuestion(NamedTuple):
         rotor = self.turbine.model.rotor
         return rotor is not None and rotor.lag == "free" and rotor.x == "free"
 
+    @property
+    def halves(self) -> "tuple[RotorQuestion, RotorQuestion]":
+        """The questions of either half of the readings."""
+        half = len(self.readings) // 2
+        first, second = (
+            self._replace(readings=self.readings[part], inputs=self.inputs[part], lifts=None)
+            for part in (slice(0, half), slice(half, 2 * half))
+        )
+        return first, second
+
     def frequency(self, name: str) -> float:
         """Natural frequency of a degree of freedom at the centres of the priors [Hz]."""
         return self.at_centres.natural_frequency(name) / (2.0 * math.pi)
@@ -114,7 +127,10 @@ class RotorQuestion(NamedTuple):
         """The record's lifted spectrum; of several blocks the last's."""
         if self.sums is not None:
             return self.sums.last
-        return lift(self.readings, self.azimuth, self.rate, harmonics)
+        lifts = {} if self.lifts is None else self.lifts
+        if harmonics not in lifts:
+            lifts[harmonics] = lift(self.readings, self.azimuth, self.rate, harmonics)
+        return lifts[harmonics]
 
     def with_narrow_band(self, broad: Sources, frequency: Array) -> NarrowBandBeside:
         """Broad loads at signed frequencies (B, 2K+1) [Hz], and a narrow-band one on the support."""

@@ -360,7 +360,7 @@ class _Builder:
                 self.spectra.gusts,
             )  # fmt: skip
 
-        smoothed = model_at(fine, taper_window(self.spectra.taper, bins))
+        smoothed = model_at(fine, taper_window(len(self.spectra.taper), bins))
         return (
             RotorBand(model_at(f, None), smoothed, tuple(ordered))
             if wide

@@ -67,12 +67,7 @@ def _halves(question: RotorQuestion, posed: PosedBands) -> list[PosedBands]:
     if question.turned is not None:
         halves = [combine_groups(question.turned, groups) for groups in question.turned.halves() or ()]
         return [pose_bands(question, posed.places, half) for half in halves]
-    half = len(question.readings) // 2
-    pieces = [
-        question._replace(readings=question.readings[part], inputs=question.inputs[part])
-        for part in (slice(0, half), slice(half, 2 * half))
-    ]
-    return [pose_bands(piece, posed.places) for piece in pieces]
+    return [pose_bands(half, posed.places) for half in question.halves]
 
 
 def _disagreements(

@@ -11,6 +11,7 @@ https://doi.org/10.1093/biomet/asy071). Neighbouring Y_k are slightly correlated
 sharp by the factor c_h = T Σh⁴/(Σh²)².
 """
 
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -77,9 +78,12 @@ def taper(samples: int) -> Array:
     """The cosine taper (T,), one period of a function that repeats, as the transform takes it."""
     number = np.arange(samples)
     inside = np.minimum(number, samples - number) / max(0.5 * TAPERED * samples, 1.0)
-    return np.asarray(0.5 - 0.5 * np.cos(np.pi * np.minimum(inside, 1.0)))
+    h, rising = np.ones(samples), inside < 1.0
+    h[rising] = 0.5 - 0.5 * np.cos(np.pi * inside[rising])
+    return h
 
 
+@lru_cache(maxsize=64)
 def taper_factor(samples: int) -> float:
     """c_h of the taper."""
     h = taper(samples)

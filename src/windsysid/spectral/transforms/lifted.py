@@ -129,7 +129,8 @@ def lift(readings: Array, azimuth: Array, rate: float, harmonics: int) -> Lifted
     bins = np.arange(FIRST_BIN, last + 1)
     orders = np.arange(-harmonics, harmonics + 1)
     data = np.empty((len(bins), len(orders), readings.shape[1]), dtype=np.complex128)
-    slip = np.exp(-1j * (azimuth - azimuth[0] - 2.0 * math.pi * rotor_hz * np.arange(samples) / rate))
+    if harmonics:
+        slip = np.exp(-1j * (azimuth - azimuth[0] - 2.0 * math.pi * rotor_hz * np.arange(samples) / rate))
     start = np.exp(-1j * azimuth[0])
     scale = math.sqrt(1.0 / rate / float(h @ h))
     for j, k in enumerate(orders[harmonics:], harmonics):

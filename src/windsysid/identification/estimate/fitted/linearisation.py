@@ -132,9 +132,10 @@ class Linearisation:
 
 def linearise(job: Job, fit: FittedJob) -> Linearisation | None:
     """Linearise a fit of filters; None where its innovations do not belong to its samples."""
-    outcome, at = fit.outcome, job.resampled()
+    outcome = fit.outcome
     if fit.formulation != "joint" or outcome.joint_cov is None or len(outcome.final.whitened) != fit.read.samples:
         return None
+    at = job.resampled()
     problem = pose(at.record, job.turbine, at.sensors, job.prior or Prior(), job.parameters, outcome.hypothesis)
     unknowns = where_it_ended(outcome, problem)
     n = len(unknowns)

@@ -264,8 +264,9 @@ def ask(
     turbine = _without_lag(supposed.turbine, turbine)
     compiled = compile_model(turbine.model, sensors, instruments=True)
     question = RotorQuestion(
-        turbine, sensors, samples.readings, record.rate, samples.inputs, compiled, parameters, tuple(file_loads)
-    )
+        turbine, sensors, samples.readings, record.rate, samples.inputs, compiled, parameters, tuple(file_loads),
+        lifts=samples.lifts,
+    )  # fmt: skip
     in_frame = sums is not None and isinstance(sums.last, TurnedBlock)
     return question._replace(turned=sums) if in_frame else question._replace(sums=sums)
 

@@ -197,6 +197,8 @@ def _are_names(row: list[str]) -> bool:
 def split(line: str, delimiter: str) -> list[str]:
     """The cells of one line, without the blanks and quotes around them."""
     if line and '"' not in line:
+        if " " not in line and line.isprintable():
+            return line.split(delimiter)
         return line.split() if delimiter == " " else [cell.strip() for cell in line.split(delimiter)]
     try:
         cells = next(
