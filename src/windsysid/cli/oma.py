@@ -114,7 +114,7 @@ def oma(
             f"--band cannot be combined with {'--decay' if decay else '--modes'}: expected one of them"
         )
     marks = read_mode_marks(modes) if modes is not None else None
-    analyse: "Callable[..., OperationalModes]"
+    analyse: Callable[..., OperationalModes]
     if decay:
         from windsysid.modal.decays.analyse import analyse_decays
 

@@ -18,8 +18,8 @@ from windsysid.results.posterior import SIGMAS
 from windsysid.units import unit_text
 
 __all__ = [
-    "caption", "coefficient_plots", "compact_spectra", "history_plots", "innovation_plots", "load_plots", "prior_limits",
-    "record_plots", "relative_values", "spectra_plots", "whiteness_plots",
+    "caption", "coefficient_plots", "compact_spectra", "history_plots", "innovation_plots", "load_plots",
+    "prior_limits", "record_plots", "relative_values", "spectra_plots", "whiteness_plots",
 ]  # fmt: skip
 
 MAX_PLOTS = 12

@@ -104,7 +104,7 @@ def _spectrogram_plot(i: "Inspection", picture: Spectrogram) -> Plot | None:
     x, y = picture.position * (RPM if over_speed else 1.0), picture.frequency[inside]
     with np.errstate(divide="ignore"):
         level = np.log10(_averaged(_averaged(picture.density[inside], 0), 1)).T
-    x, y = _averaged(x, 0), _averaged(y, 0)
+    x, y = _averaged(x[None], 1)[0], _averaged(y[None], 1)[0]
     level[~np.isfinite(level)] = np.nan
     if len(x) < 2 or not np.isfinite(level).any():
         return None
@@ -126,7 +126,7 @@ def _averaged(values: Array, axis: int) -> Array:
     size = -(-values.shape[axis] // MAX_CELLS)
     starts = np.arange(0, values.shape[axis], size)
     counts = np.diff(starts, append=values.shape[axis])
-    return np.asarray(np.add.reduceat(values, starts, axis) / np.expand_dims(counts, tuple(range(axis + 1, values.ndim))))
+    return np.asarray(np.add.reduceat(values, starts, axis) / np.moveaxis(np.atleast_2d(counts), -1, axis))
 
 
 def _curve(i: "Inspection", picture: Spectrogram, line: ExpectedLine, x: Array) -> Array:

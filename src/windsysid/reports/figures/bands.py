@@ -16,6 +16,7 @@ __all__ = ["coefficient_bands"]
 ROW, WIDTH, MARGIN = 0.32, 12.6, 0.95
 """Inches: height of a coefficient, width of the figure, height of title and axis."""
 
+
 def coefficient_bands(found: Identification, place: Axes | None = None) -> Figure:
     """One line a coefficient, as differences from the turbine file [%], from the result where the file has no value;
     stiffness and damping apart, as damping is known far less."""

@@ -136,9 +136,8 @@ def decay_plot(one: DecayHistory) -> Plot:
         PlotCurve("residual", one.measured - one.fitted, colour="error"),
     ]
     caption = "from where the motion is taken as free; the channel that decays most clearly"
-    return Plot(
-        f"{shortened(one.channel)}, {shortened(one.record)}", one.time, curves, Axis("time [s]"), Axis(""), caption=caption
-    )
+    title = f"{shortened(one.channel)}, {shortened(one.record)}"
+    return Plot(title, one.time, curves, Axis("time [s]"), Axis(""), caption=caption)
 
 
 def shape_table(found: OperationalModes) -> Table:
