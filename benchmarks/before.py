@@ -1,72 +1,47 @@
-"""One command in this checkout and in an older one, in turns: processor time and clock, start of Python included.
+"""The commands of `processes.py` in this checkout and in an older one, in turns: processor time, start of Python
+included.
 
     git worktree add ../older COMMIT
-    python benchmarks/before.py ../older [--runs 5]
+    python benchmarks/before.py ../older [--runs 5] [--only TEXT]
 
-The command is `identify --prior-scale 1.3 --no-report` of the reference record, 100 s of the scale model at 100 Hz.
-Both run in this environment, warm, each with a cache of its own.
+Both run in this environment, warm, each with a cache of its own, on the same records.
 """
 
 import argparse
-import os
-import resource
 import statistics
-import subprocess
-import sys
 import tempfile
-import time
 from pathlib import Path
 
+from processes import commands, run
+from rich.console import Console
+from sheets import Sheet, number
+
 HERE = Path(__file__).resolve().parents[1]
-START = "from windsysid.cli import main; main()"
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("older", type=Path, help="another checkout of this repository")
     parser.add_argument("--runs", type=int, default=5, help="of each, after one that compiles")
+    parser.add_argument("--only", default="", help="commands whose title contains this")
     options = parser.parse_args()
-    checkouts = {"older": options.older.resolve(), "this": HERE}
-    seen: dict[str, list[tuple[float, float]]] = {name: [] for name in checkouts}
+    checkouts = {"older": options.older.resolve() / "src", "this": HERE / "src"}
+    rows = []
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        record = folder / "record.csv"
-        made = ["simulate", "--turbine", "verne555", "--duration", "100", "--rate", "100", "--seed", "1"]
-        run(checkouts["older"], folder, *made, "--output", str(record))
-        for turn in range(options.runs + 1):
-            for which, checkout in checkouts.items():
-                cost = run(
-                    checkout, folder / which, "identify", str(record), "--turbine", "verne555", "--prior-scale", "1.3",
-                    "--no-report", "--overwrite", "--output", str(folder / which / "result"),
-                )  # fmt: skip
-                if turn:
-                    seen[which].append(cost)
-    for which, costs in seen.items():
-        used, clock = (statistics.median(column) for column in zip(*costs, strict=True))
-        print(f"{which}: {used:.2f} s of the processor, {clock:.2f} s by the clock")
-    ratios = [new[0] / old[0] for new, old in zip(seen["this"], seen["older"], strict=True)]
-    print(f"this ÷ older, of the processor: {statistics.median(ratios):.2f} ({min(ratios):.2f} to {max(ratios):.2f})")
-
-
-def run(checkout: Path, folder: Path, *arguments: str) -> tuple[float, float]:
-    """Seconds of the processor and by the clock."""
-    folder.mkdir(exist_ok=True)
-    unset = ("WINDSYSID_CACHE", "OPENBLAS_NUM_THREADS", "PYTHONDONTWRITEBYTECODE")
-    kept = {name: value for name, value in os.environ.items() if name not in unset}
-    around = kept | {"PYTHONPATH": str(checkout / "src"), "XDG_CACHE_HOME": str(folder / "cache")}
-    before, begun = used(), time.perf_counter()
-    said = subprocess.run(
-        [sys.executable, "-c", START, *arguments], env=around, capture_output=True, text=True, check=False
-    )
-    if said.returncode:
-        raise SystemExit(f"{checkout}: windsysid {' '.join(arguments)} failed: {said.stderr.strip()[-300:]}")
-    return used() - before, time.perf_counter() - begun
-
-
-def used() -> float:
-    """Processor time of all processes that have ended [s]."""
-    children = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return children.ru_utime + children.ru_stime
+        for title, command in commands(folder).items():
+            if options.only not in title:
+                continue
+            seen: dict[str, list[float]] = {which: [] for which in checkouts}
+            for turn in range(options.runs + 1):
+                for which, source in checkouts.items():
+                    used = run(folder / which, *command, source=source)[1]
+                    seen[which] += [used] if turn else []
+            ratios = [new / old for new, old in zip(seen["this"], seen["older"], strict=True)]
+            medians = [statistics.median(costs) for costs in (*seen.values(), ratios)]
+            rows.append((title, *map(number, medians), f"{min(ratios):.2f} to {max(ratios):.2f}"))
+    headings = ("command", "older", "this", "this ÷ older", "over the turns")
+    Console(width=140).print(Sheet("Processor time, seconds", headings, rows, {}).table(), highlight=False)
 
 
 if __name__ == "__main__":

@@ -43,7 +43,7 @@ def test_overwriting_keeps_what_is_the_users_and_leaves_the_new_result(run, reco
     assert run("inspect", record, "--output", ".", "--overwrite", "--section-length", "5").code == 0
     assert {name: (out / name).read_text() for name in mine} == mine
     assert {path.name for path in out.glob("[!.]*")} == {
-        "inspection.json", "report.html", "overview.png", "spectra.png", "spectrogram.png", "good.txt",
+        "inspection.json", "report.html", "good.txt",
         "notes", "figures",
     }  # fmt: skip
 

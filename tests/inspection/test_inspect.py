@@ -329,15 +329,13 @@ def test_results_are_saved_whole(healthy, verne555, tmp_path):
     values[500] += 50.0
     inspection = inspect_record(changed(healthy, TOWER, values), verne555)
     inspection.save(tmp_path)
-    assert {p.name for p in tmp_path.glob("[!.]*")} == {
-        "inspection.json", "report.html", "overview.png", "spectra.png", "spectrogram.png",
-    }  # fmt: skip
+    assert {p.name for p in tmp_path.glob("[!.]*")} == {"inspection.json", "report.html"}
     summary = json.loads((tmp_path / "inspection.json").read_text(encoding="utf-8"))
     assert summary["findings"][0]["spans_s"] == [[10.0, 10.0]]
     assert summary["sections"][0]["good"]
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert page.count("data:image/png") == 2
-    assert page.count('<figure class="plot">') > 0
+    assert page.count('<figure class="plot">') > 2
+    assert '"cells":{' in page
     assert "spike" in page
     assert "spike" in str(inspection)
 

@@ -67,8 +67,9 @@ def shaken(names: tuple[str, ...], unit: str = "m/s^2") -> Record:
 def test_every_figure_of_an_inspection_and_of_modes_takes_any_name():
     record = shaken((*HOSTILE[:5], HOSTILE[6], "\x07\x1b[31m", "x" * 200))
     inspection = inspect_record(record)
-    assert {"report.html", "overview.png", "spectra.png", "spectrogram.png"} <= set(files(inspection))
-    assert "modes.png" in files(analyse_vibration(shaken(tuple(HOSTILE[:3]))))
+    for answer in (inspection, analyse_vibration(shaken(tuple(HOSTILE[:3])))):
+        assert "report.html" in files(answer)
+        assert png(figure_of(answer))
     assert png(record_overview(shaken(("acceleration",), AS_WRITTEN + "$m$/s²加"), ["acceleration"]))
     assert files(replace(inspection, turbine="$T_{$"))
 

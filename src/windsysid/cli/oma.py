@@ -1,8 +1,9 @@
 """The command that finds modes from ambient vibration."""
 
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from typer.core import TyperCommand
@@ -21,6 +22,9 @@ from windsysid.cli.common import (
 )
 from windsysid.errors import ConfigurationError
 from windsysid.output.console import printable
+
+if TYPE_CHECKING:
+    from windsysid.spectral.oma.result import OperationalModes
 
 __all__ = []
 
@@ -97,11 +101,9 @@ def oma(
     ] = False,
 ) -> None:
     """Modes of any structure from its ambient vibration: frequencies, damping, shapes, no model needed."""
-    from windsysid.modal.decays.analyse import analyse_decays
     from windsysid.modal.marks import read_mode_marks
     from windsysid.records.formats import load_mapping, read_record
     from windsysid.reports.loading import kept
-    from windsysid.spectral.oma.analyse import analyse_vibration
 
     inputs = (*records, *(sensors or []), *filter(None, [modes]))
     to = claim_output(context, output, name_of(records[0], "oma"), *inputs, overwrite=overwrite, json=json)
@@ -112,8 +114,15 @@ def oma(
             f"--band cannot be combined with {'--decay' if decay else '--modes'}: expected one of them"
         )
     marks = read_mode_marks(modes) if modes is not None else None
-    bands = list(map(_band, band)) if band else marks
-    analyse = partial(analyse_decays, marks=marks) if decay else partial(analyse_vibration, bands=bands)
+    analyse: Callable[..., OperationalModes]
+    if decay:
+        from windsysid.modal.decays.analyse import analyse_decays
+
+        analyse = partial(analyse_decays, marks=marks)
+    else:
+        from windsysid.spectral.oma.analyse import analyse_vibration
+
+        analyse = partial(analyse_vibration, bands=list(map(_band, band)) if band else marks)
     with show_progress("oma") as progress:
         found = analyse(
             [read_record(path, mapping=rules, progress=partial(progress, f"reading {path}")) for path in records],

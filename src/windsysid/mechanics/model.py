@@ -11,14 +11,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol, Self, TypeVar
 
-import numpy as np
-
-from windsysid._types import Array, Complex
 from windsysid.errors import ConfigurationError
 
 if TYPE_CHECKING:
     import sympy as sp
 
+    from windsysid._types import Array, Complex
     from windsysid.mechanics.equations import Equations
     from windsysid.mechanics.rotor import RotorModel
 
@@ -150,13 +148,13 @@ class ModalAxes(Protocol):
     def obstacles(self, values: Mapping[str, float]) -> list[str]:
         """Why the equations are not constant in these coordinates, a phrase each; empty where they are."""
 
-    def transform(self, psi: Array) -> Array:
+    def transform(self, psi: "Array") -> "Array":
         """T(ψ) of q = T ξ with its first and second derivative to ψ (3, K, n, n), at azimuths (K,)."""
 
-    def weights(self, values: Mapping[str, float]) -> Array:
+    def weights(self, values: Mapping[str, float]) -> "Array":
         """Mass of each coordinate (n,) [kg or kg·m²]."""
 
-    def name(self, shape: Complex) -> str:
+    def name(self, shape: "Complex") -> str:
         """Name of a mode from its shape (n,), each displacement times the root of its mass."""
 
 
@@ -174,20 +172,24 @@ class FixedAxes:
         """None."""
         return []
 
-    def transform(self, psi: Array) -> Array:
+    def transform(self, psi: "Array") -> "Array":
         """The identity, and zeros (3, K, n, n)."""
+        import numpy as np
+
         n = len(self.model.coordinates)
         T = np.zeros((3, len(psi), n, n))
         T[0] = np.eye(n)
         return T
 
-    def weights(self, values: Mapping[str, float]) -> Array:
+    def weights(self, values: Mapping[str, float]) -> "Array":
         """Mass or inertia of each degree of freedom (n,)."""
+        import numpy as np
+
         return np.array([self.model.inertia(name, values) for name in self.model.coordinates])
 
-    def name(self, shape: Complex) -> str:
+    def name(self, shape: "Complex") -> str:
         """The degree of freedom with most of the energy."""
-        return self.prefix + self.model.coordinates[int(np.argmax(np.abs(shape) ** 2))].replace("_", "-")
+        return self.prefix + self.model.coordinates[int((abs(shape) ** 2).argmax())].replace("_", "-")
 
 
 class MechanicalModel(Model, Protocol):

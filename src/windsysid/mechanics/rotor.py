@@ -22,12 +22,12 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 from windsysid.errors import ConfigurationError
 from windsysid.mechanics.kinematics import INPUTS, Kinematics
 from windsysid.mechanics.model import Coefficient, Coordinate, MechanicalModel, register_model
-from windsysid.mechanics.multi_blade import MultiBlade
 
 if TYPE_CHECKING:
     import sympy as sp
 
     from windsysid.mechanics.equations import Equations
+    from windsysid.mechanics.multi_blade import MultiBlade
     from windsysid.mechanics.sensors import Sensor
 
 __all__ = ["RotorModel"]
@@ -193,8 +193,10 @@ class RotorModel(MechanicalModel):
         """Itself."""
         return self
 
-    def modes(self) -> MultiBlade:
+    def modes(self) -> "MultiBlade":
         """Multi-blade coordinates."""
+        from windsysid.mechanics.multi_blade import MultiBlade
+
         return MultiBlade(self)
 
     def lean(self, values: Mapping[str, float]) -> float:

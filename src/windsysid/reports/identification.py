@@ -24,9 +24,13 @@ _HISTORIES = {
 def identification_report(identification: Identification, record: Record | None = None) -> bytes:
     """The report of one identification on the section of the record that it used; without its channels where the record
     is not given."""
-    from windsysid.reports.figures.bands import caption
-    from windsysid.reports.figures.plots import coefficient_histories
-    from windsysid.reports.identification_plots import coefficient_plots, record_plots, spectra_plots
+    from windsysid.reports.identification_plots import (
+        caption,
+        coefficient_plots,
+        history_plots,
+        record_plots,
+        spectra_plots,
+    )
 
     i = identification
     sections = [
@@ -40,8 +44,7 @@ def identification_report(identification: Identification, record: Record | None 
         Section("Inputs", text=i.notes, tables=_tables_of_rest(i)),
     ]
     if i.formulation in _HISTORIES and len(i.mean) > 1:
-        figures = [(coefficient_histories(i), _HISTORIES[i.formulation])]
-        sections.append(Section("Online estimates", figures=figures))
+        sections.append(Section("Online estimates", text=[_HISTORIES[i.formulation]], plots=history_plots(i)))
     sections.append(_explains_section(i))
     if i.loads is not None and i.loads.names:
         sections.append(_load_section(i))

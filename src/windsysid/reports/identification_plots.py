@@ -11,7 +11,6 @@ from windsysid._types import Array
 from windsysid.identification.estimate.fitted.spectra import dense_places
 from windsysid.inspection.spectra import seen_from
 from windsysid.records.record import Record
-from windsysid.reports.figures.bands import WIDER, prior_limits, relative_values
 from windsysid.reports.interactive.plot import Axis, Mark, Plot, PlotCurve, ShadedRange, thinned
 from windsysid.results.estimate import FittedSpectrum
 from windsysid.results.identification import Estimate, Identification
@@ -19,8 +18,8 @@ from windsysid.results.posterior import SIGMAS
 from windsysid.units import unit_text
 
 __all__ = [
-    "coefficient_plots", "compact_spectra", "innovation_plots", "load_plots", "record_plots", "spectra_plots",
-    "whiteness_plots",
+    "caption", "coefficient_plots", "compact_spectra", "history_plots", "innovation_plots", "load_plots",
+    "prior_limits", "record_plots", "relative_values", "spectra_plots", "whiteness_plots",
 ]  # fmt: skip
 
 MAX_PLOTS = 12
@@ -41,6 +40,12 @@ MAX_KEPT_BINS = 200
 
 MIN_AVERAGED_BINS, MAX_AVERAGED_POINTS = 5, 250
 """Setting: bins over which a periodogram in frequency ranges is averaged, and points that remain."""
+
+WIDER = 1.6
+"""So many times the widest band of what the file knows is shown; what is wider is cut off."""
+
+HISTORY_POINTS = 700
+"""Setting: largest number of points of a history."""
 
 TIME, SIGMA, DENSITY = "time [s]", "[σ]", "PSD"
 
@@ -264,6 +269,28 @@ def load_plots(found: Identification) -> list[Plot]:
     return plots
 
 
+def caption(found: Identification) -> str:
+    """Captions of the figures of the coefficients."""
+    text = "Result with ±2σ (blue) and the prior's ±2σ (grey), as differences from the turbine file."
+    if all(e.reference for e in found.estimates):
+        return text
+    return f"{text} *: the file has no value; the band is drawn about the result."
+
+
+def prior_limits(found: Identification) -> dict[str, list[float]]:
+    """Limits (±2σ) of the prior of each coefficient [SI]."""
+    return {
+        q.name: [float(q.physical(q.prior[0] + k * q.prior[1])) for k in (-SIGMAS, SIGMAS)] for q in found.parameters
+    }
+
+
+def relative_values(e: Estimate, prior: Sequence[float]) -> list[float]:
+    """Estimate, its limits and those of the prior, as differences from the turbine file [%], from the result where the
+    file has no value."""
+    base = e.reference or e.estimate or 1.0
+    return [100.0 * (x / base - 1.0) for x in (e.estimate, e.low, e.high, *prior)]
+
+
 def coefficient_plots(found: Identification, caption: str) -> list[Plot]:
     """Coefficients with their intervals and those of the prior, as differences from the turbine file [%]; stiffness and
     damping apart, as damping is known far less."""
@@ -285,3 +312,24 @@ def _coefficient_plot(group: Sequence[Estimate], priors: dict[str, list[float]],
     y_axis = Axis(f"difference from the {'turbine file' if some else 'result'} [%]", limits=(-half, half))
     at, across = np.arange(len(group)), [Mark(0.0, across=True)]
     return Plot(group[0].kind, at, curves, Axis("", names=names), y_axis, marks=across, caption=caption)
+
+
+def history_plots(found: Identification) -> list[Plot]:
+    """Estimates after each sample with ±2σ, the result of the whole record at the end, and the value of the file."""
+    plots, every = [], slice(None, None, -(-len(found.time) // HISTORY_POINTS))
+    time = np.append(found.time[every], found.time[-1])
+    for e in found.estimates:
+        middle, low, high = (np.append(values[every], np.nan) for values in found.history(e.name))
+        result, below, above = (np.where(np.isnan(middle), value, np.nan) for value in (e.estimate, e.low, e.high))
+        late = slice(len(time) // 8, None)
+        shown = [*low[late], *high[late], e.low, e.high, *([] if e.reference is None else [e.reference])]
+        least, most = np.nanmin(shown), np.nanmax(shown)
+        limits = least - 0.2 * (most - least), most + 0.2 * (most - least)
+        curves = [
+            PlotCurve("on-line estimate", middle, low, high),
+            PlotCurve("result", result, below, above, "dots", "reference"),
+        ]
+        marks = [] if e.reference is None else [Mark(e.reference, "turbine file", across=True)]
+        label = f"[{unit_text(e.unit)}]" if e.unit else ""
+        plots.append(Plot(e.name, time, curves, Axis(TIME), Axis(label, limits=limits), marks, link="time"))
+    return plots

@@ -2,19 +2,8 @@
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from windsysid.reports.figures.inspection_figures import (
-    channels_drawn,
-    density_unit,
-    drawn_lines,
-    highest_drawn,
-    overview,
-    spectra_figure,
-    spectrogram_figure,
-)
-from windsysid.reports.html import Section, png, report_page
-from windsysid.reports.interactive.plot import Axis, Mark, Plot, PlotCurve
+from windsysid.reports.html import Section, report_page
+from windsysid.reports.inspection_plots import overview_plots, spectra_plots, spectrogram_plots
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,42 +13,34 @@ if TYPE_CHECKING:
 
 __all__ = ["figure", "files"]
 
-MAX_POINTS = 2000
-"""Setting: frequencies of a spectrum on the page; of neighbours the largest value is shown."""
-
-NAMES = ("rotor harmonics", "expected modes")
-
 LEGEND = (
-    "Faults are orange; blue are the proposed sections, numbered, the best one darker; dashed lines are where the rotor"
-    " stops and starts. Every spike is drawn: each pixel shows the least and the greatest value in it."
+    "Faults are orange, the best section is blue, other good ones are green; dashed lines are where the rotor stops and"
+    " starts. Every spike is drawn: the smallest and the largest reading of each segment of time."
 )
 
 
 def figure(inspection: "Inspection", place: "Axes | None" = None) -> "Figure":
     """Draw the channels over time with faults, proposed sections and stops of the rotor."""
+    from windsysid.reports.figures.inspection_figures import overview
+
     return overview(inspection, place)
 
 
 def files(inspection: "Inspection") -> dict[str, bytes]:
-    """``report.html``, ``inspection.json``, and the figures that exist (overview, spectra, spectrogram), by name."""
+    """``report.html`` and ``inspection.json``, by name."""
     i = inspection
-    figures = {"overview": overview(i), "spectra": spectra_figure(i), "spectrogram": spectrogram_figure(i)}
-    pictures = {name: png(figure) for name, figure in figures.items() if figure is not None}
     sections = [
         Section("What was found", text=[f"{i.verdict[0].upper()}{i.verdict[1:]}.", *_findings(i), *i.notes]),
         Section(
             "Which part to use",
-            text=_proposals(i),
+            text=[*_proposals(i), _overview_caption(i)],
             tables=[i.stops_table()] if i.stops else [],
-            figures=_with(pictures.get("overview"), _overview_caption(i)),
+            plots=overview_plots(i),
         ),
-        *_vibration(i, pictures),
+        *_vibration(i),
     ]
-    return {
-        "report.html": report_page("Inspection of a record", i.heading(), sections),
-        "inspection.json": i.to_json().encode(),
-        **{f"{name}.png": picture for name, picture in pictures.items()},
-    }
+    page = report_page("Inspection of a record", i.heading(), sections)
+    return {"report.html": page, "inspection.json": i.to_json().encode()}
 
 
 def _proposals(i: "Inspection") -> list[str]:
@@ -70,37 +51,16 @@ def _proposals(i: "Inspection") -> list[str]:
     return listed if any(p.good for p in i.proposals) else ["WARNING: no section of this record is good.", *listed]
 
 
-def _vibration(i: "Inspection", pictures: dict[str, bytes]) -> list[Section]:
+def _vibration(i: "Inspection") -> list[Section]:
     """Channels that vibrate, if there are spectra."""
     if not i.spectra:
         return []
     peaks = i.peaks_table(most_channels=12)
     text = [*([_mode_text(i)] if i.modes else []), _spectra_caption(i)]
-    sections = [Section("What vibrates", text=text, tables=[peaks] if peaks.rows else [], plots=_spectra_plots(i))]
-    pictured = _with(pictures.get("spectrogram"), _spectrogram_caption(i))
-    return [*sections, Section("Spectra over the record", figures=pictured)] if pictured else sections
-
-
-def _spectra_plots(i: "Inspection") -> list[Plot]:
-    """Spectra with the rotor's harmonics, the expected modes and the listed peaks, up to the highest of these."""
-    plots = []
-    for spectrum in channels_drawn(i):
-        top = highest_drawn(spectrum, i.blades)
-        f, density = spectrum.frequency[1:], spectrum.density[1:]
-        size = max(1, -(-len(f) // MAX_POINTS))
-        if not (density > 0.0).any():
-            continue
-        starts = range(0, len(f), size)
-        curve = PlotCurve("measured", np.maximum.reduceat(density, starts))
-        marks = [
-            Mark(line.frequency, line.name, "error" if line.mode else "reference", NAMES[line.mode])
-            for line in drawn_lines(spectrum.lines, i.blades, float(f[-1]))
-        ]
-        marks += [Mark(peak.frequency, "", "measured", "listed peaks") for peak in spectrum.peaks]
-        axes = Axis("frequency [Hz]", limits=(0.0, top)), Axis(f"PSD [{density_unit(spectrum.unit)}]", log=True)
-        title = spectrum.channel.replace("_", " ")
-        plots.append(Plot(title, f[::size], [curve], *axes, marks=marks, link="frequency"))
-    return plots
+    sections = [Section("What vibrates", text=text, tables=[peaks] if peaks.rows else [], plots=spectra_plots(i))]
+    plots = spectrogram_plots(i)
+    over = Section("Spectra over the record", text=[_spectrogram_caption(i)], plots=plots)
+    return [*sections, over] if plots else sections
 
 
 def _findings(i: "Inspection") -> list[str]:
@@ -110,10 +70,6 @@ def _findings(i: "Inspection") -> list[str]:
         + f"{channels}: {text}."
         for channels, severity, text in i.finding_rows()
     ]
-
-
-def _with(picture: bytes | None, caption: str) -> list[tuple[bytes, str]]:
-    return [] if picture is None else [(picture, caption)]
 
 
 def _overview_caption(i: "Inspection") -> str:

@@ -1,124 +1,37 @@
 """Operational modes as a figure and as one page."""
 
-import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from typing import TYPE_CHECKING
 
-from windsysid.modal.shapes import along_axis
 from windsysid.output.table import Table
-from windsysid.reports.figures.canvas import MAX_TICK_CHARACTERS, canvas, label
 from windsysid.reports.figures.oma_views import (
     assurance_table,
     band_plots,
-    complexity_figure,
     decay_plot,
     poles_plot,
     segment_plots,
     setup_table,
+    shape_plots,
     shape_table,
     singular_value_plot,
 )  # fmt: skip
-from windsysid.reports.figures.plots import BAND, ERROR, ESTIMATE, MEASURED, REFERENCE, tidy
-from windsysid.reports.html import Section, png, report_page
-from windsysid.reports.interactive.oma import marks_form, moving_shapes, page_script
-from windsysid.spectral.oma.mode import OperationalMode
+from windsysid.reports.html import Section, report_page
+from windsysid.reports.interactive.oma import complex_planes, marks_form, moving_shapes, page_script
 from windsysid.spectral.oma.result import OperationalModes
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 __all__ = ["figure", "files"]
 
-MOST_SHAPES = 24
-"""Modes whose shapes are drawn."""
-
-COLUMNS, MOST_DECAYS = 4, 6
+MOST_DECAYS = 6
 
 
-def figure(found: OperationalModes, place: Axes | None = None) -> Figure:
+def figure(found: OperationalModes, place: "Axes | None" = None) -> "Figure":
     """The spectrum of all channels with the modes, and in each band the model on it."""
-    bands = found.bands[:MOST_SHAPES]
-    rows = -(-len(bands) // COLUMNS)
-    drawn = canvas((11.0, 3.4 + 2.2 * rows), place)
-    grid = drawn.add_gridspec(1 + rows, COLUMNS, height_ratios=[1.5, *[1.0] * rows])
-    above = drawn.add_subplot(grid[0, :])
-    _spectrum(above, found)
-    for i, band in enumerate(bands):
-        ax = drawn.add_subplot(grid[1 + i // COLUMNS, i % COLUMNS])
-        ax.semilogy(band.frequency, band.measured, ".", ms=2.5, color=MEASURED)
-        ax.semilogy(band.frequency, band.fitted, color=ESTIMATE, lw=1.3)
-        inside = [mode for mode in found.modes if band.frequency[0] <= mode.frequency.estimate <= band.frequency[-1]]
-        for mode in inside:
-            ax.axvline(mode.frequency.estimate, color=REFERENCE if mode.trusted else ERROR, ls=":", lw=0.9)
-        ax.set_title(", ".join(mode.name for mode in inside)[:40], fontsize=8.5, loc="left")
-        ax.set_yticks([], minor=True)
-        ax.tick_params(labelleft=False)
-        tidy(ax)
-    drawn.supxlabel("frequency [Hz]", fontsize=9)
-    return drawn
+    from windsysid.reports.figures import oma_figure
 
-
-def _spectrum(ax: Axes, found: OperationalModes) -> None:
-    for i, values in enumerate(found.singular_values.T):
-        ax.semilogy(found.frequency[1:], values[1:], color=MEASURED, lw=0.9 if i == 0 else 0.5, alpha=1.0 - 0.12 * i)
-    for mode in found.modes:
-        ax.axvspan(*mode.band, color=BAND, alpha=0.25, lw=0)
-        ax.axvline(mode.frequency.estimate, color=ESTIMATE if mode.trusted else ERROR, lw=0.9)
-    for _, f in found.lines[:60]:
-        ax.axvline(f, color=MEASURED, lw=0.5, ls=":")
-    top = max((mode.band[1] for mode in found.modes), default=float(found.frequency[-1]))
-    ax.set_xlim(0.0, min(1.3 * top, float(found.frequency[-1])))
-    ax.set_title(
-        "singular values; blue: modes and their frequency ranges, orange: grade C, dotted: removed lines",
-        fontsize=9,
-        loc="left",
-    )
-    tidy(ax)
-
-
-def _shapes(found: OperationalModes) -> Figure | None:
-    """Mode shapes: arrows at the sensors' places where these are known, otherwise bars with ±2σ."""
-    modes = found.modes[:MOST_SHAPES]
-    if not modes:
-        return None
-    placed = all(s is not None and s.position is not None and s.direction is not None for s in found.sensors)
-    columns = min(COLUMNS, len(modes))
-    rows = -(-len(modes) // columns)
-    height = 3.0 if placed else 0.9 + 0.22 * len(found.channels)
-    drawn = Figure(figsize=(2.75 * columns, height * rows + 0.3), layout="constrained")
-    for i, mode in enumerate(modes):
-        ax = drawn.add_subplot(rows, columns, i + 1, projection="3d" if placed else None)
-        (_arrows if placed else _bars)(ax, found, mode, i % columns == 0)
-        ax.set_title(f"{mode.name}, {mode.frequency.estimate:.4g} Hz", fontsize=8.5, loc="left", color=REFERENCE)
-    return drawn
-
-
-def _bars(ax: Axes, found: OperationalModes, mode: OperationalMode, named: bool) -> None:
-    at = np.arange(len(found.channels))
-    turned = along_axis(mode.shape)
-    for part, offset, colour in ((turned.real, -0.17, ESTIMATE), (turned.imag, 0.17, MEASURED)):
-        ax.barh(at + offset, part, 0.32, color=colour)
-        ax.errorbar(part, at + offset, xerr=2.0 * mode.shape_std, fmt="none", ecolor=REFERENCE, elinewidth=0.7)
-    names = [label(name, MAX_TICK_CHARACTERS) for name in found.channels]
-    ax.set_yticks(at, names if named else [""] * len(at), fontsize=7)
-    ax.invert_yaxis()
-    ax.set_xlim(-1.3, 1.3)
-    ax.axvline(0.0, color=REFERENCE, lw=0.6)
-    tidy(ax)
-
-
-def _arrows(ax: Axes, found: OperationalModes, mode: OperationalMode, named: bool) -> None:
-    sensors = [s for s in found.sensors if s is not None]
-    place = np.array([s.position for s in sensors], dtype=np.float64)
-    way = np.array([s.direction for s in sensors], dtype=np.float64)
-    way /= np.linalg.norm(way, axis=1, keepdims=True)
-    span = float(np.ptp(place, axis=0).max()) or 1.0
-    turned = along_axis(mode.shape).real
-    moved = place + 0.25 * span * way * turned[:, None]
-    ax.plot(*place.T, "o", ms=2.5, color=MEASURED)
-    for start, end in zip(place, moved, strict=True):
-        ax.plot(*np.transpose([start, end]), color=ESTIMATE, lw=1.4)
-    ax.plot(*moved.T, "o", ms=3.5, color=ESTIMATE)
-    ax.tick_params(labelsize=6, colors=REFERENCE)
-    for name in ("xaxis", "yaxis", "zaxis"):
-        getattr(ax, name).set_pane_color((0.0, 0.0, 0.0, 0.0))
+    return oma_figure.figure(found, place)
 
 
 def _causes(found: OperationalModes) -> Table:
@@ -150,21 +63,21 @@ def _record_by_record(found: OperationalModes) -> list[Section]:
     ]
 
 
-def _shape_section(found: OperationalModes) -> list[Section]:
+def _shape_sections(found: OperationalModes) -> list[Section]:
     """Shapes, moving and still, in the complex plane, and their measures."""
-    shapes, complexity = _shapes(found), complexity_figure(found)
-    if shapes is None or complexity is None:
+    if not found.modes:
         return []
-    text = "Shapes as accelerations, 1 where most moves. Bars: blue in phase, grey out of phase, lines ±2σ."
-    circle = "Components of each shape in the complex plane: on one line where all channels move in phase."
+    text = "Shapes as accelerations, 1 where most moves, with ±2σ."
     measures = "MPC: phase collinearity, 1 for a real shape. MPD: mean phase deviation. MAC: 1 for equal shapes."
     tables = [shape_table(found), assurance_table(found)]
-    figures = [(shapes, text), (complexity, circle)]
-    return [Section("Shapes", text=[measures], figures=figures, tables=tables, markup=moving_shapes(found))]
+    return [
+        Section("Shapes", text=[text], plots=shape_plots(found), markup=moving_shapes(found)),
+        Section("Measures of the shapes", text=[measures], tables=tables, markup=complex_planes(found)),
+    ]
 
 
 def files(found: OperationalModes) -> dict[str, bytes]:
-    """``report.html``, ``modes.png`` and ``summary.json``, by name."""
+    """``report.html`` and ``summary.json``, by name."""
     usable = sum(mode.trusted for mode in found.modes)
     verdict = f"{usable} of {len(found.modes)} modes may be used with their intervals: grades A and B."
     caption = (
@@ -178,7 +91,7 @@ def files(found: OperationalModes) -> dict[str, bytes]:
     ]
     if found.decays:
         sections.insert(1, Section("Free decays", plots=[decay_plot(one) for one in found.decays[:MOST_DECAYS]]))
-    sections += [*_stability(found), *_record_by_record(found), *_shape_section(found)]
+    sections += [*_stability(found), *_record_by_record(found), *_shape_sections(found)]
     if found.modes:
         text = "To add or remove modes, mark them here, and give the file with --modes."
         sections.append(Section("Modes by hand", text=[text], markup=marks_form(found) + page_script()))
@@ -191,6 +104,5 @@ def files(found: OperationalModes) -> dict[str, bytes]:
     subtitle = f"{found.record}{section} · {len(found.channels)} channels · {found.rate:.4g} Hz"
     return {
         "report.html": report_page(f"Modes from {found.method}", subtitle, sections),
-        "modes.png": png(figure(found)),
         "summary.json": found.to_json().encode(),
     }

@@ -3,12 +3,13 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from windsysid._types import Array
 from windsysid.errors import ConfigurationError
-from windsysid.statespace.process import Process, discretise_block, rational
+
+if TYPE_CHECKING:
+    from windsysid._types import Array
+    from windsysid.statespace.process import Process
 
 __all__ = ["GaussMarkov"]
 
@@ -64,7 +65,7 @@ class GaussMarkov:
     low_pass: float = math.inf
 
     def __post_init__(self) -> None:
-        if not (self.rms > 0.0 and self.time_constant > 0.0 and np.isfinite(self.rms * self.time_constant)):
+        if not (self.rms > 0.0 and self.time_constant > 0.0 and math.isfinite(self.rms * self.time_constant)):
             raise ConfigurationError(
                 f"load '{self.load}': expected a positive rms and time constant, got {self.rms} and"
                 f" {self.time_constant}"
@@ -87,18 +88,24 @@ class GaussMarkov:
         """The process behind the low-pass, where there is one."""
         if self.harmonic or math.isinf(self.low_pass):
             return None
+        from windsysid.statespace.process import rational
+
         pole = 2.0 * math.pi * CUT_OFF_FACTOR * self.low_pass * complex(-math.sqrt(0.5), math.sqrt(0.5))
         return rational(self.rms, [-1.0 / self.time_constant, pole, pole.conjugate()])
 
     @property
-    def cov(self) -> Array:
+    def cov(self) -> "Array":
         """Stationary covariance (n, n)."""
+        import numpy as np
+
         passed = self._passed
         return self.rms**2 * np.eye(len(self.states)) if passed is None else passed.cov
 
     @property
-    def outputs(self) -> Mapping[str, Array]:
+    def outputs(self) -> "Mapping[str, Array]":
         """It drives its own degree of freedom."""
+        import numpy as np
+
         if passed := self._passed:
             return {self.load: passed.value[None]}
         if not self.harmonic:
@@ -107,8 +114,12 @@ class GaussMarkov:
         rows[-2:] = np.eye(2)
         return {self.load: rows}
 
-    def discretise(self, step: float) -> tuple[Array, Array]:
+    def discretise(self, step: float) -> "tuple[Array, Array]":
         """Φ and Q (n, n) over `step` [s], exact."""
+        import numpy as np
+
+        from windsysid.statespace.process import discretise_block
+
         if passed := self._passed:
             return discretise_block(passed.drift, passed.cov, step)
         variance = self.rms**2 * -np.expm1(-2.0 * step / self.time_constant)

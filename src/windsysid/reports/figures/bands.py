@@ -7,39 +7,14 @@ from matplotlib.figure import Figure
 
 from windsysid.reports.figures.canvas import canvas
 from windsysid.reports.figures.plots import BAND, ESTIMATE, REFERENCE, symbol, tidy
+from windsysid.reports.identification_plots import WIDER, prior_limits, relative_values
 from windsysid.results.identification import Estimate, Identification
-from windsysid.results.posterior import SIGMAS
 from windsysid.units import unit_text
 
-__all__ = ["WIDER", "caption", "coefficient_bands", "prior_limits", "relative_values"]
+__all__ = ["coefficient_bands"]
 
 ROW, WIDTH, MARGIN = 0.32, 12.6, 0.95
 """Inches: height of a coefficient, width of the figure, height of title and axis."""
-
-WIDER = 1.6
-"""So many times the widest band of what the file knows is shown; what is wider is cut off."""
-
-
-def caption(found: Identification) -> str:
-    """Captions of the figures of the coefficients."""
-    text = "Result with ±2σ (blue) and the prior's ±2σ (grey), as differences from the turbine file."
-    if all(e.reference for e in found.estimates):
-        return text
-    return f"{text} *: the file has no value; the band is drawn about the result."
-
-
-def prior_limits(found: Identification) -> dict[str, list[float]]:
-    """Limits (±2σ) of the prior of each coefficient [SI]."""
-    return {
-        q.name: [float(q.physical(q.prior[0] + k * q.prior[1])) for k in (-SIGMAS, SIGMAS)] for q in found.parameters
-    }
-
-
-def relative_values(e: Estimate, prior: Sequence[float]) -> list[float]:
-    """Estimate, its limits and those of the prior, as differences from the turbine file [%], from the result where the
-    file has no value."""
-    base = e.reference or e.estimate or 1.0
-    return [100.0 * (x / base - 1.0) for x in (e.estimate, e.low, e.high, *prior)]
 
 
 def coefficient_bands(found: Identification, place: Axes | None = None) -> Figure:

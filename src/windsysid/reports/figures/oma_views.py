@@ -1,23 +1,20 @@
-"""Plots of modes as users of operational modal analysis know them: singular values, poles, segments, complexity."""
+"""Plots of modes as users of operational modal analysis know them: singular values, poles, segments, shapes."""
 
 from collections.abc import Sequence
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from windsysid.modal.shapes import along_axis, assurance
 from windsysid.output.table import Table
-from windsysid.reports.figures.canvas import label
-from windsysid.reports.figures.plots import ERROR, ESTIMATE, REFERENCE
-from windsysid.reports.interactive.plot import Axis, Mark, Plot, PlotCurve, ShadedRange
+from windsysid.reports.interactive.plot import Axis, Mark, Plot, PlotCurve, ShadedRange, shortened
 from windsysid.spectral.oma.mode import OperationalMode
 from windsysid.spectral.oma.result import DecayHistory, OperationalModes, RecordModes
 
-__all__ = ["assurance_table", "band_plots", "complexity_figure", "decay_plot", "poles_plot", "segment_plots",
-    "setup_table", "shape_table", "singular_value_plot"]  # fmt: skip
+__all__ = ["assurance_table", "band_plots", "decay_plot", "poles_plot", "segment_plots", "setup_table", "shape_plots",
+    "shape_table", "singular_value_plot"]  # fmt: skip
 
-MAX_MODES, COLUMNS = 12, 6
-"""Setting: modes of the plots over segments, and columns of complexity plots."""
+MAX_MODES, MAX_SHAPES = 12, 24
+"""Setting: modes of the plots over segments, and of those of shapes."""
 
 STABLE_FREQUENCY, STABLE_DAMPING = 0.01, 0.2
 """Setting: relative change from one model order to the next up to which a pole counts as stable: usual values in
@@ -139,9 +136,8 @@ def decay_plot(one: DecayHistory) -> Plot:
         PlotCurve("residual", one.measured - one.fitted, colour="error"),
     ]
     caption = "from where the motion is taken as free; the channel that decays most clearly"
-    return Plot(
-        f"{label(one.channel)}, {label(one.record)}", one.time, curves, Axis("time [s]"), Axis(""), caption=caption
-    )
+    title = f"{shortened(one.channel)}, {shortened(one.record)}"
+    return Plot(title, one.time, curves, Axis("time [s]"), Axis(""), caption=caption)
 
 
 def shape_table(found: OperationalModes) -> Table:
@@ -189,24 +185,18 @@ def _agreement(found: OperationalModes, part: RecordModes, i: int) -> str:
     return "–" if np.isnan(value) else f"{value:.3f}"
 
 
-def complexity_figure(found: OperationalModes) -> Figure | None:
-    """Components of each shape in the complex plane, turned so that the line that fits them best is the real axis."""
-    modes = found.modes[: 2 * MAX_MODES]
-    if not modes:
-        return None
-    columns = min(COLUMNS, len(modes))
-    rows = -(-len(modes) // columns)
-    drawn = Figure(figsize=(1.9 * columns, 2.1 * rows), layout="constrained")
-    for i, mode in enumerate(modes):
-        ax = drawn.add_subplot(rows, columns, i + 1)
-        turned = along_axis(mode.shape)
-        for z in turned:
-            ax.plot([0.0, z.real], [0.0, z.imag], color=ESTIMATE if mode.trusted else ERROR, lw=1.2)
-        ax.plot(turned.real, turned.imag, ".", ms=4, color=ESTIMATE if mode.trusted else ERROR)
-        angle = np.linspace(0.0, 2.0 * np.pi, 90)
-        ax.plot(np.cos(angle), np.sin(angle), color=REFERENCE, lw=0.5)
-        ax.set(xlim=(-1.15, 1.15), ylim=(-1.15, 1.15), aspect="equal", xticks=[], yticks=[])
-        ax.set_title(f"{mode.name}\nMPD {np.degrees(mode.mpd):.1f}°", fontsize=8, color=REFERENCE)
-        for side in ax.spines.values():
-            side.set_visible(False)
-    return drawn
+def shape_plots(found: OperationalModes) -> list[Plot]:
+    """Shape of each mode, one channel after the other: its part in phase with ±2σ, and its part out of phase."""
+    at, plots = np.arange(len(found.channels)), []
+    axes = Axis("", names=[shortened(name) for name in found.channels]), Axis("shape", limits=(-1.3, 1.3))
+    for mode in found.modes[:MAX_SHAPES]:
+        turned, reach = along_axis(mode.shape), 2.0 * mode.shape_std
+        curves = [
+            PlotCurve(name, part, part - reach, part + reach, "dots", colour)
+            for name, part, colour in (
+                ("in phase", turned.real, "estimate"), ("out of phase", turned.imag, "measured"),
+            )
+        ]  # fmt: skip
+        title = f"{mode.name}, {mode.frequency.estimate:.4g} Hz"
+        plots.append(Plot(title, at, curves, *axes, [Mark(0.0, across=True)], link="shapes"))
+    return plots

@@ -11,7 +11,7 @@ from windsysid.reports.html import static_text, template
 from windsysid.spectral.oma.result import OperationalModes
 from windsysid.spectral.oma.sensors import Node
 
-__all__ = ["marks_form", "moving_shapes", "page_script"]
+__all__ = ["complex_planes", "marks_form", "moving_shapes", "page_script"]
 
 
 def page_script() -> str:
@@ -22,6 +22,12 @@ def page_script() -> str:
 def marks_form(found: OperationalModes) -> str:
     """Form in which modes are added and removed by hand; it saves the file that `--modes` reads."""
     return template("oma").render(part="marks", modes=found.modes, record=" ".join(found.record.split()))
+
+
+def complex_planes(found: OperationalModes) -> str:
+    """Components of each shape in the complex plane, turned so that the line that fits them best is the real axis."""
+    ends = [[(100.0 * z.real, -100.0 * z.imag) for z in along_axis(mode.shape)] for mode in found.modes]
+    return template("oma").render(part="planes", modes=zip(found.modes, ends, strict=True))
 
 
 def moving_shapes(found: OperationalModes) -> str:

@@ -13,10 +13,13 @@ from numpy.typing import ArrayLike
 
 from windsysid._types import Array
 
-__all__ = ["Axis", "Mark", "Plot", "PlotCurve", "ShadedRange", "thinned", "to_json"]
+__all__ = ["Axis", "Cells", "Mark", "Plot", "PlotCurve", "ShadedRange", "shortened", "thinned", "to_json"]
 
 MAX_POINTS = 1000
 """Setting: points of a curve that a page embeds; a plot is about as many pixels wide."""
+
+MAX_NAME_CHARACTERS = 60
+"""Setting: largest length of a name in a plot."""
 
 DIGITS = 4
 """Setting: significant digits of embedded values."""
@@ -72,9 +75,23 @@ class ShadedRange:
     colour: str = "measured"
 
 
+@dataclass(frozen=True, eq=False)
+class Cells:
+    """A density over x (n,) and y (m,), both ascending: logarithms to base 10 (n, m), NaN where none is known, in cells
+    of a `width` along x; `low` and `high` have the first and last shade. `label` is the unit."""
+
+    x: Array
+    y: Array
+    values: Array
+    width: float
+    low: float
+    high: float
+    label: str
+
+
 @dataclass(frozen=True)
 class Plot:
-    """One picture: curves over a common x (n,), marks and shaded ranges.
+    """One picture: curves over a common x (n,), marks and shaded ranges, on cells if there are any.
 
     Plots of one `link` zoom together. The caption stands below and is the name for screen readers.
 
@@ -107,6 +124,13 @@ class Plot:
     spans: Sequence[ShadedRange] = ()
     caption: str = ""
     link: str = field(default="")
+    cells: Cells | None = None
+
+
+def shortened(text: str, most: int = MAX_NAME_CHARACTERS) -> str:
+    """A name without characters that cannot be printed, and without its middle if it is too long."""
+    shown = "".join(sign if sign.isprintable() else "?" for sign in " ".join(text.split()))
+    return shown if len(shown) <= most else f"{shown[: most // 2 - 1]} … {shown[-(most // 2 - 2) :]}"
 
 
 def thinned(x: Array, values: Array, points: int = MAX_POINTS) -> tuple[Array, Array, Array]:
@@ -137,8 +161,15 @@ def to_json(plot: Plot) -> str:
         "marks": [{**vars(mark), "at": float(mark.at)} for mark in plot.marks],
         "spans": [{**vars(span), "start": float(span.start), "end": float(span.end)} for span in plot.spans],
         "link": plot.link,
+        **({"cells": _cells(plot.cells)} if plot.cells is not None else {}),
     }  # fmt: skip
     return json.dumps(spec, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c")
+
+
+def _cells(cells: Cells) -> dict[str, object]:
+    shades = {"width": float(cells.width), "low": float(cells.low), "high": float(cells.high), "label": cells.label}
+    columns = [_numbers(column, 3) for column in cells.values]
+    return {"x": _numbers(cells.x, DIGITS + 4), "y": _numbers(cells.y), "values": columns, **shades}
 
 
 def _axis(axis: Axis) -> dict[str, object]:

@@ -8,7 +8,7 @@ from html import escape
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.reports.interactive.plot import Axis, Plot, PlotCurve
+from windsysid.reports.interactive.plot import Axis, Cells, Plot, PlotCurve
 
 __all__ = ["static_svg"]
 
@@ -19,6 +19,9 @@ COLUMN = 1.5
 
 NAME_ROWS = 3
 """Setting: rows of names of marks above a plot."""
+
+SHADES = 6
+"""Setting: shades of cells."""
 
 CHARACTER = 3.4
 """Setting: half the width of a character [px]."""
@@ -32,6 +35,7 @@ def static_svg(plot: Plot, identity: str) -> str:
     to_x = _place(plot.x_axis, x_limits, LEFT, WIDTH - RIGHT)
     to_y = _place(plot.y_axis, y_limits, HEIGHT - BOTTOM, TOP)
     inside = [
+        *([] if plot.cells is None else _shades(plot.cells, to_x, to_y)),
         *_spans(plot, to_x),
         *(part for curve in plot.curves for part in _curve(curve, to_x(_array(plot.x)), to_y)),
         *_marks(plot, to_x, to_y),
@@ -145,6 +149,24 @@ def _outline(x: Array, y: Array, extreme: int | None = None) -> str:
 def _reverse(points: str) -> str:
     numbers = points.split(" ")
     return " ".join(f"{x} {y}" for x, y in zip(numbers[-2::-2], numbers[::-2], strict=True))
+
+
+def _shades(cells: Cells, to_x: Place, to_y: Place) -> list[str]:
+    """Cells in a few shades, those of one shade that lie above each other as one rectangle."""
+    share = np.clip((cells.values - cells.low) / ((cells.high - cells.low) or 1.0), 0.0, 1.0)
+    level = np.nan_to_num(np.round(SHADES * share), nan=0.0).astype(int)
+    edges = to_y(np.concatenate([cells.y[:1], 0.5 * (cells.y[1:] + cells.y[:-1]), cells.y[-1:]]))
+    left, right = to_x(cells.x - 0.5 * cells.width), to_x(cells.x + 0.5 * cells.width)
+    paths: dict[int, list[str]] = {}
+    for column, a, b in zip(level, left.tolist(), right.tolist(), strict=True):
+        ends = np.flatnonzero(np.diff(column, prepend=-1, append=-1))
+        for first, end in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True):
+            rectangle = f"M{a:.1f} {edges[first]:.1f}H{b:.1f}V{edges[end]:.1f}H{a:.1f}Z"
+            paths.setdefault(int(column[first]), []).append(rectangle)
+    return [
+        f'<path d="{"".join(path)}" style="fill:var(--estimate)" fill-opacity="{shade / SHADES:.2f}"/>'
+        for shade, path in sorted(paths.items()) if shade
+    ]  # fmt: skip
 
 
 def _spans(plot: Plot, to_x: Place) -> list[str]:

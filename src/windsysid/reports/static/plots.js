@@ -471,7 +471,7 @@ const plots = (() => {
 
     csv() {
       const { x, x_axis: axis, y_axis: y, curves, cells } = this.spec;
-      if (cells) return this.cellRows(cells);
+      if (cells) return this.cellRows(cells, axis);
       const chosen = curves.filter((_, i) => this.shown(i));
       const columns = chosen.flatMap((c) => [...(c.look === "area" ? [] : [[c.right ?? `${c.name}, ${y.label}`, c.values]]), ...(c.low ? [[`${c.name}, low`, c.low], [`${c.name}, high`, c.high]] : [])]);
       const rows = x.map((_, k) => k).filter((k) => x[k] >= this.view.x[0] && x[k] <= this.view.x[1]);
@@ -480,9 +480,10 @@ const plots = (() => {
         .map((row) => row.map(cell).join(",")).join("\n") + "\n";
     }
 
-    cellRows(cells) {
+    cellRows(cells, axis) {
+      const dated = axis.dates;
       const kept = cells.x.map((_, k) => k).filter((k) => cells.x[k] >= this.view.x[0] && cells.x[k] <= this.view.x[1]);
-      return [["time [UTC]", ...cells.y.map((at) => `${digits(at, 5)} Hz, log10 of ${cells.label}`)], ...kept.map((k) => [moment(cells.x[k]), ...cells.values[k].map((v) => v ?? "")])]
+      return [[dated ? "time [UTC]" : axis.label, ...cells.y.map((at) => `${digits(at, 5)} Hz, log10 of ${cells.label}`)], ...kept.map((k) => [dated ? moment(cells.x[k]) : cells.x[k], ...cells.values[k].map((v) => v ?? "")])]
         .map((row) => row.map(cell).join(",")).join("\n") + "\n";
     }
 
