@@ -15,6 +15,8 @@ __all__ = [
     "RPM",
     "UNITS",
     "canonical",
+    "engineering",
+    "engineering_unit",
     "is_same_quantity",
     "parse_quantity",
     "si_unit",
@@ -222,6 +224,34 @@ def parse_quantity(text: str, unit: str) -> float:
 def unit_text(unit: str) -> str:
     """A unit as it is printed: ``N*m/rad`` → N·m/rad, ``m/s^2`` → m/s²."""
     return unit.replace("*", "·").replace("^2", "²")
+
+
+_PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"))
+
+
+def engineering(unit: str, *values: float | None) -> tuple[str, ...]:
+    """Values in an engineer's unit with four significant digits, then that unit, chosen by the first; "" for None.
+
+    Examples
+    --------
+    >>> engineering("N/m", 1784100.0, 980000.0, None)
+    ('1.784', '0.98', '', 'MN/m')
+    """
+    size, text = engineering_unit(unit, values[0] or 0.0)
+    return (*("" if value is None else f"{value / size:.4g}" for value in values), text)
+
+
+def engineering_unit(unit: str, value: float) -> tuple[float, str]:
+    """Size [SI] and text of the unit in which an engineer reads a value.
+
+    Examples
+    --------
+    >>> engineering_unit("N*s/m", 11303.0), engineering_unit("m/s^2", 11303.0)
+    ((1000.0, 'kN·s/m'), (1.0, 'm/s²'))
+    """
+    prefixes = _PREFIXES if unit.startswith("N") else ()
+    size, prefix = next((one for one in prefixes if abs(value) >= one[0]), (1.0, ""))
+    return size, prefix + unit_text(unit)
 
 
 def spell(seconds: float, digits: int = 3) -> str:

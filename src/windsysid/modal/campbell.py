@@ -28,7 +28,9 @@ __all__ = ["MEASURED_HEADINGS", "Campbell", "Margin", "MeasuredMode", "speed_ran
 
 Triple = tuple[float, float, float]
 
-MEASURED_HEADINGS = ("record", "rpm", "mode", "f [Hz], ±2σ", "ζ [%], ±2σ", "which mode, odds", "off by", "trusted")
+MEASURED_HEADINGS = (
+    *("record", "rpm", "mode", "f ± 95 % [Hz]", "ζ, 95 % interval [%]"), *("which mode, odds", "off by", "trusted"),
+)  # fmt: skip
 
 
 class Margin(NamedTuple):
@@ -227,7 +229,7 @@ class Campbell(Answer):
         d = nearest.distance
         harmonics = " or ".join((", ".join(f"{n}P" for n in self.orders[:-1]), f"{self.orders[-1]}P"))
         doubtful = ", ".join(f"{m.mode} and {m.order}P" for m in self.margins if not m.certain)
-        sure = f" Within the bands they may: {doubtful}." if doubtful else ""
+        sure = f" Within the intervals they may: {doubtful}." if doubtful else ""
         return (
             f"No mode crosses {harmonics} {over}: the nearest is {nearest.mode}, {_distance(d, 1.0)}"
             f" {nearest.order}P at {nearest.speed[0] * RPM:.3g} rpm.{sure}"

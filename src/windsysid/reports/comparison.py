@@ -18,8 +18,8 @@ __all__ = ["figure", "files"]
 
 
 def figure(comparison: Comparison, place: Axes | None = None) -> Figure:
-    """Every change with its ±2σ band: stiffness and frequencies, damping, loads and noise, each on a scale of its own;
-    orange where a coefficient moved.
+    """Every change with its 95 % interval: stiffness and frequencies, damping, loads and noise, each on a scale of its
+    own; orange where a coefficient changed.
 
     A band that has no end goes to the edge of the drawn; where nothing is determined it is dotted and has no dot.
     """
@@ -50,7 +50,7 @@ def _draw_changes(ax: Axes, group: Sequence[QuantityChange], comparison: Compari
     ax.set_yticks(rows, [symbol(c.name) for c in group])
     ax.set_ylim(-0.7, len(group) - 0.3)
     ax.set_xlim(left, right)
-    ax.set_xlabel("change [%], ±2σ")
+    ax.set_xlabel("change [%], 95 % interval")
     tidy(ax)
 
 
@@ -65,7 +65,7 @@ def files(comparison: Comparison) -> dict[str, bytes]:
     )
     text = [comparison.sentence, *comparison.doubts, *comparison.notes, caption]
     sections = [
-        Section("What moved", text=text, plots=_plots(comparison)),
+        Section("What changed", text=text, plots=_plots(comparison)),
         Section("In numbers", text=READING, tables=[_table(comparison)]),
     ]
     return {
@@ -87,21 +87,26 @@ def _plots(comparison: Comparison) -> list[Plot]:
     """Changes with their intervals, a plot a group."""
     plots = []
     for title, group in _groups(comparison):
-        moved = np.array([c in comparison.moved for c in group])
-        others = "measured" if group is comparison.statistics else "estimate"
+        colours = np.array([_colour(c, comparison) for c in group])
         values = np.array([_finite(c) for c in group]).T
         if not np.isfinite(values).any():
             continue
         curves = [
             PlotCurve(name, at, low, high, "dots", colour)
-            for name, colour, chosen in (("moved", "error", moved), ("others", others, ~moved))
-            if chosen.any()
+            for name, colour, own in KINDS
+            if (chosen := colours == own).any()
             for at, low, high in [np.where(chosen, values, np.nan)]
         ]
         names = [c.name for c in group]
-        axes = Axis("", names=names), Axis("change, ±2σ [%]")
+        axes = Axis("", names=names), Axis("change, 95 % interval [%]")
         plots.append(Plot(title, np.arange(len(group)), curves, *axes, marks=[Mark(0.0, across=True)]))
     return plots
+
+
+KINDS = (
+    ("changed", "error", ERROR), ("coefficient", "estimate", ESTIMATE), ("mode, load or noise", "measured", MEASURED),
+)  # fmt: skip
+"""Names, colours and Matplotlib's colours of changes."""
 
 
 def _finite(change: QuantityChange) -> tuple[float, float, float]:
@@ -122,7 +127,7 @@ def _table(comparison: Comparison) -> Table:
 
 READING = (
     'A and B are the two results, priors included, and B/A − 1 is their ratio. "Priors removed" is the change that the'
-    " records show by themselves, with its ±2σ interval: a prior pulls both results to the same value and hides a part"
+    " records show by themselves, with its 95 % interval: a prior pulls both results to the same value and hides a part"
     " of a change, most where a record says little. Judge a change by this column. Its interval takes masses and"
     " instruments as the files give them: their errors are the same in both records and shift A and B alike.",
     "Odds compare no change with one of the size that damage makes (10 % of a stiffness, half of a damping, a load or a"

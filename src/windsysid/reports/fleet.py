@@ -119,7 +119,7 @@ def _sister_plot(name: str, mine: Sequence[Standing]) -> Plot:
     """Turbines against the mean of the others, with its scatter."""
     half, spread = np.array([(s.high - s.percent, 2.0 * s.spread) for s in mine]).T
     percent, outlier = np.array([s.percent for s in mine]), np.array([s.outlier for s in mine])
-    curves = [PlotCurve("scatter of the others", 0.0 * spread, -spread, spread, "dots", "measured")]
+    curves = [PlotCurve("scatter of the others", 0.0 * spread, -spread, spread, "bars", "measured")]
     for label_, colour, chosen in (("outlier", "error", outlier), ("others", "estimate", ~outlier)):
         at = np.where(chosen, percent, np.nan)
         curves += [PlotCurve(label_, at, at - half, at + half, "dots", colour)] if chosen.any() else []
@@ -173,7 +173,8 @@ def files(overview: Overview) -> dict[str, bytes]:
         "The level of each turbine at mean covariates, against that at the end of learning; orange where it jumped."
     )
     if overview.standings:
-        levels += " Turbines with ±2σ against the mean of the others, whose scatter (±2σ) is grey; orange: an outlier."
+        levels += " Turbines with 95 % intervals against the mean of the others, whose scatter (95 %) is grey;"
+        levels += " orange: an outlier."
     sections = [
         Section("What stands out", text=[*_sentences(overview), *overview.notes]),
         Section("Every turbine at a glance", tables=overview.tables()),
@@ -229,7 +230,7 @@ def _jumps(overview: Overview) -> Table:
         )
         for name, one in overview.watches.items() for c in one.changes
     ]  # fmt: skip
-    return Table(("turbine", "", "when", "change", "±2σ band", "where to look"), rows, words=(0, 1, 2, 5))
+    return Table(("turbine", "quantity", "when", "change", "95 % interval", "where to look"), rows, words=(0, 1, 2, 5))
 
 
 def _usable(overview: Overview) -> Table:

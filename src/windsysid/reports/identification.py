@@ -6,7 +6,7 @@ from windsysid.output.table import Table
 from windsysid.records.moments import in_words, shift_moment
 from windsysid.records.record import Record
 from windsysid.reports.html import Section, report_page
-from windsysid.results.identification import Identification
+from windsysid.results.identification import READING, Identification
 from windsysid.results.provenance import Provenance
 
 __all__ = ["identification_report", "provenance_section"]
@@ -32,7 +32,7 @@ def identification_report(identification: Identification, record: Record | None 
     sections = [
         Section(
             "Result",
-            text=_trust(i),
+            text=[*_trust(i), READING],
             tables=[*([i.modes_table()] if i.modes else []), i.table()],
             plots=coefficient_plots(i, caption(i)),
         ),
@@ -59,7 +59,7 @@ def identification_report(identification: Identification, record: Record | None 
 
 def _tables_of_rest(i: Identification) -> list[Table]:
     statistics = [i.statistics_table()] if i.statistics else []
-    return [*statistics, *([i.budget.table(), i.tolerances_table()] if i.tolerances else [])]
+    return [*statistics, *([i.budget_table(), i.tolerances_table()] if i.tolerances else [])]
 
 
 def _explains_section(identification: Identification) -> Section:
@@ -74,8 +74,8 @@ def _explains_section(identification: Identification) -> Section:
         title,
         text=[
             "Innovations are what each reading adds to what the model expected, scaled to unit variance. They should "
-            "stay between "
-            "the dashed lines 95 % of the time and look like noise. Where they do not, the bands above are too narrow.",
+            "stay between the dashed lines 95 % of the time and look like noise. Where they do not, the intervals above"
+            " are too narrow.",
             WHITENESS,
             *i.diagnosis.remarks,
         ],
@@ -88,7 +88,7 @@ def _load_section(identification: Identification) -> Section:
     """The loads as the filter knew them."""
     from windsysid.reports.identification_plots import load_plots
 
-    text = "The loads on the structure, as the filter estimated them at the result, with ±2σ."
+    text = "The loads on the structure, as the filter estimated them at the result, with 95 % intervals."
     return Section("The loads", text=[text], plots=load_plots(identification))
 
 

@@ -16,7 +16,7 @@ from windsysid.reports.interactive.plot import Axis, Mark, Plot, PlotCurve, Shad
 from windsysid.results.estimate import FittedSpectrum
 from windsysid.results.identification import Estimate, Identification
 from windsysid.results.posterior import SIGMAS
-from windsysid.units import unit_text
+from windsysid.units import engineering_unit, unit_text
 
 __all__ = [
     "coefficient_plots", "compact_spectra", "innovation_plots", "load_plots", "record_plots", "spectra_plots",
@@ -210,7 +210,7 @@ def innovation_plots(found: Identification) -> list[Plot]:
     for row, name in enumerate(found.readings[:MAX_PLOTS]):
         time, low, high = thinned(found.innovation_time, found.whitened[:, row])
         curve = PlotCurve("innovations", 0.5 * (low + high), low, high, look="area", colour="measured")
-        marks = [Mark(at, "", "reference", "±2σ", across=True) for at in (-SIGMAS, SIGMAS)]
+        marks = [Mark(at, "", "reference", "95 %", across=True) for at in (-SIGMAS, SIGMAS)]
         plots.append(Plot(name.replace("_", " "), time, [curve], Axis(TIME), Axis(SIGMA), marks, link="time"))
     return plots
 
@@ -258,9 +258,10 @@ def load_plots(found: Identification) -> list[Plot]:
     for name, mean, std in () if loads is None else zip(loads.names, loads.mean.T, loads.std.T, strict=True):
         step = max(1, -(-len(mean) // 1500))
         x, value, half = (v[::step] for v in (found.innovation_time, mean, SIGMAS * std))
-        unit = "" if found.machine is None else f"[{unit_text(found.machine.model.freedom(name).load_unit)}]"
-        curve = PlotCurve("load", value, value - half, value + half)
-        plots.append(Plot(name.replace("_", " "), x, [curve], Axis(TIME), Axis(unit), link="time"))
+        unit = "" if found.machine is None else found.machine.model.freedom(name).load_unit
+        size, text = engineering_unit(unit, float(np.nanmax(np.abs(value))))
+        curve = PlotCurve("load", value / size, (value - half) / size, (value + half) / size)
+        plots.append(Plot(name.replace("_", " "), x, [curve], Axis(TIME), Axis(f"[{text}]"), link="time"))
     return plots
 
 
@@ -278,7 +279,7 @@ def _coefficient_plot(group: Sequence[Estimate], priors: dict[str, list[float]],
     some = bool(known.any())
     half = WIDER * float(max(np.abs([low, high])[:, known if some else ~known].max(), 1e-3))
     curves = [
-        PlotCurve("prior", 0.5 * (before + after), before, after, "dots", "measured"),
+        PlotCurve("prior", 0.5 * (before + after), before, after, "bars", "measured"),
         PlotCurve("result", value, low, high, "dots"),
     ]
     names = [f"{e.name} *" if some and not e.reference else e.name for e in group]

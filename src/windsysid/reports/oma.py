@@ -155,7 +155,7 @@ def _shape_section(found: OperationalModes) -> list[Section]:
     shapes, complexity = _shapes(found), complexity_figure(found)
     if shapes is None or complexity is None:
         return []
-    text = "Shapes as accelerations, 1 where most moves. Bars: blue in phase, grey out of phase, lines ±2σ."
+    text = "Shapes as accelerations, 1 where most moves. Bars: blue in phase, grey out of phase, lines 95 % intervals."
     circle = "Components of each shape in the complex plane: on one line where all channels move in phase."
     measures = "MPC: phase collinearity, 1 for a real shape. MPD: mean phase deviation. MAC: 1 for equal shapes."
     tables = [shape_table(found), assurance_table(found)]
@@ -169,7 +169,7 @@ def files(found: OperationalModes) -> dict[str, bytes]:
     verdict = f"{usable} of {len(found.modes)} modes may be used with their intervals: grades A and B."
     caption = (
         "Grey: the readings, all channels of a band added after scaling; blue: modes and what else is in the "
-        "band. Intervals of frequencies and damping ratios are ±2σ."
+        "band."
     )
     sections = [
         Section("Modes", text=[verdict, *found.reasons_of_record], tables=[found.table("")]),

@@ -53,7 +53,7 @@ def figure(plan: Plan, place: Axes | None = None) -> Figure:
     ax.axvline(plan.duration, color=REFERENCE, ls=":", lw=1)
     planned = f"planned: {spell(plan.duration)}"
     ax.text(plan.duration, 1.01, planned, transform=ax.get_xaxis_transform(), ha="center", fontsize=8)
-    ax.set(xlabel="duration", ylabel="±2σ [% of the value]", xlim=(time[0], time[-1]))
+    ax.set(xlabel="duration", ylabel="95 % interval, ± [% of the value]", xlim=(time[0], time[-1]))
     ticks = [t for t in TICKS if time[0] <= t <= time[-1]]
     ax.set_xticks(ticks, [spell(t) for t in ticks])
     ax.xaxis.set_minor_formatter(NullFormatter())
@@ -90,18 +90,17 @@ def _plot(plan: Plan) -> Plot:
         Mark(100.0 * plan.within, f"wish: ±{percent(plan.within)}", across=True),
         Mark(plan.duration / MINUTE, f"planned: {spell(plan.duration)}"),
     ]
-    x_axis, y_axis = Axis("duration [min]", log=True), Axis("±2σ [% of the value]", log=True)
-    return Plot("Intervals by duration", time / MINUTE, curves, x_axis, y_axis, marks)
+    x_axis, y_axis = Axis("duration [min]", log=True), Axis("95 % interval, ± [% of the value]", log=True)
+    return Plot("Intervals by duration", time / MINUTE, curves, x_axis, y_axis, marks, end_names=True)
 
 
 def files(plan: Plan) -> dict[str, bytes]:
     """``report.html``, ``plan.png`` and ``summary.json``, by name."""
-    wish = f"The horizontal line is the target, ±{percent(plan.within)}."
-    caption = f"From the data alone, without a prior. Blue: stiffness, orange: damping. {wish}"
+    caption = "From the data alone, without a prior; ± is half of the 95 % interval. Blue: stiffness, orange: damping."
     sections = [
         Section("What can these sensors identify?", text=[plan.sentence, *plan.answers],
         tables=[Table(plan.headings, plan.rows)]),
-        *([Section("What widens the bands", tables=[plan.budget.table()])] if plan.budget.rows else []),
+        *([Section("What widens the intervals", tables=[plan.budget.table({})])] if plan.budget.rows else []),
         Section("How long it takes", text=[caption], plots=[_plot(plan)]),
         Section("What can be identified", text=plan.directions or ["Every parameter can be identified."]),
         Section("How this was computed", text=plan.notes),

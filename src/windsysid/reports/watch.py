@@ -16,7 +16,7 @@ from windsysid.reports.figures.canvas import canvas
 from windsysid.reports.figures.plots import BAND, ERROR, ESTIMATE, REFERENCE, symbol, tidy
 from windsysid.reports.html import Section, png, report_page
 from windsysid.reports.interactive.plot import Axis, Mark, Plot, PlotCurve, ShadedRange
-from windsysid.units import unit_text
+from windsysid.units import engineering_unit, unit_text
 
 __all__ = ["figure", "files"]
 
@@ -100,12 +100,13 @@ def _plots(watch: Watch) -> list[Plot]:
         found = [c for c in watch.changes if c.name == s.name]
         marks = [Mark(moment(c.time), f"{c.percent:+.2g} %", "error", "jumps") for c in found]
         spans = [ShadedRange(moment(c.earliest), moment(c.latest), "jumps", "error") for c in found]
+        size, text = engineering_unit(s.unit, s.level[-1])
+        adjusted, level, low, high = (values[::step] / size for values in (s.adjusted, s.level, s.low, s.high))
         curves = [
-            PlotCurve("records", s.adjusted[::step], look="dots", colour="measured"),
-            PlotCurve("level", s.level[::step], s.low[::step], s.high[::step]),
-        ]
+            PlotCurve("records", adjusted, look="dots", colour="measured"), PlotCurve("level", level, low, high)
+        ]  # fmt: skip
         name = (noise_source(s.name) or s.name).replace("_", " ")
-        y_axis, time = Axis(f"[{unit_text(s.unit)}]", limits=_limits(s.adjusted)), moment(watch.blocks.time[::step])
+        y_axis, time = Axis(f"[{text}]", limits=_limits(s.adjusted / size)), moment(watch.blocks.time[::step])
         plots.append(Plot(name, time, curves, x_axis, y_axis, marks, spans, link="time"))
         test = PlotCurve("test ÷ threshold", _highest(s.statistic, step) / s.limit)
         threshold = Mark(1.0, "threshold", "reference", "threshold", across=True)
@@ -117,11 +118,12 @@ def files(watch: Watch) -> dict[str, bytes]:
     """``report.html``, ``monitor.png`` and ``summary.json``, by name."""
     drawn = png(figure(watch))
     caption = (
-        "Grey: records less the effect of covariates. Blue: the level as it was known after each, with ±2σ. Below:"
-        " the test for a jump as a share of its threshold. Orange: jumps that set off an alarm, and when they happened."
+        "Grey: records less the effect of covariates. Blue: the level as it was known after each, with its 95 %"
+        " interval. Below: the test for a jump as a share of its threshold. Orange: jumps that set off an alarm, and"
+        " when they happened."
     )
     jumps = Table(
-        ("", "when", "found", "change", "±2σ band", "where to look"),
+        ("quantity", "when", "found", "change", "95 % interval", "where to look"),
         [
             (
                 c.name, watch.blocks.between(c.earliest, c.latest), watch.blocks.when(c.found), f"{c.percent:+.3g} %",

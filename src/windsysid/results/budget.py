@@ -87,15 +87,19 @@ class Budget(NamedTuple):
             for row in self.rows
         }  # fmt: skip
 
-    def table(self, leave_out: Collection[str] = ()) -> Table:
-        """As a table, without the rows of some names."""
+    def table(self, values: Mapping[str, float], leave_out: Collection[str] = ()) -> Table:
+        """As a table, with half-widths relative to `values` where these are known; without the rows of some names, and
+        without causes that have no share."""
+        shown = [row for row in self.rows if row.name not in leave_out]
+        causes = [i for i in range(len(self.causes)) if any(row.causes[i] >= 0.005 for row in shown)]
         rows = []
-        for row in (row for row in self.rows if row.name not in leave_out):
-            width = f"{100.0 * row.two_sigma:.2g} %" if row.relative else f"{row.two_sigma:.3g}"
-            shares = (f"{100.0 * share:.0f} %" for share in (row.alone, *row.causes))
-            rows.append((row.name, width, *shares))
-        title = "Uncertainty budget: shares of the variance of each interval"
-        return Table(("band", "±2σ", "data and prior", *self.causes), rows, title)
+        for row in shown:
+            whole = 1.0 if row.relative else abs(values.get(row.name, 0.0))
+            width = f"{100.0 * row.two_sigma / whole:.2g} %" if whole else f"{row.two_sigma:.3g}"
+            shares = (f"{100.0 * share:.0f} %" for share in (row.alone, *(row.causes[i] for i in causes)))
+            rows.append((row.name.removesuffix(" [Hz]"), width, *shares))
+        title = "Uncertainty budget: shares of the variance of each 95 % interval"
+        return Table(("quantity", "± 95 %", "data and prior", *(self.causes[i] for i in causes)), rows, title)
 
 
 def budget_of(

@@ -1,7 +1,7 @@
 """Result of an identification: estimates with their bands, the history of the search, and the verdict."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +16,7 @@ from windsysid.results.posterior import Posterior, section_name, unusable_among
 from windsysid.results.serialization import finite
 from windsysid.results.storage import as_netcdf, attributes_of, variables_of
 from windsysid.results.values import IdentificationValues
-from windsysid.units import RPM, unit_text
+from windsysid.units import RPM, engineering, unit_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -25,7 +25,10 @@ if TYPE_CHECKING:
 USABLE = ("A", "B")
 """Setting: grades of quantities that may be used."""
 
-__all__ = ["Estimate", "Identification", "coefficient_errors", "finite"]
+READING = "± is half of the 95 % interval. Numbers of grade A and B may be used, those of C not."
+"""Explanation of the tables."""
+
+__all__ = ["READING", "Estimate", "Identification", "coefficient_errors", "finite"]
 
 
 @dataclass(frozen=True)
@@ -188,7 +191,7 @@ class Identification(IdentificationValues, Answer):
             *self.usable(),
             self.table(),
             *([self.statistics_table()] if self.statistics else []),
-            *([self.budget.table(leave_out=of_modes)] if self.tolerances else []),
+            *([self.budget_table(leave_out=of_modes)] if self.tolerances else []),
             *self.diagnosis.remarks,
             *self.notes,
         ]
@@ -208,11 +211,11 @@ class Identification(IdentificationValues, Answer):
         rows = []
         for e in self.estimates:
             informed = f"{100.0 * e.informed_by_data:.1f} %"
-            rows.append(_estimate_cells(e.name, unit_text(e.unit), e.grade, informed, known, asdict(e)))
+            rows.append(_estimate_cells(e.name, e.unit, e.grade, informed, known, asdict(e)))
             if e.tip is not None:
-                unit = "N/m" if e.kind == "stiffness" else "N·s/m"
+                unit = "N/m" if e.kind == "stiffness" else "N*s/m"
                 rows.append(_estimate_cells("  at the tip", unit, "", "", known, e.tip))
-        headings = ("coefficient", "estimate", "±2σ band", "unit", "", "from data")
+        headings = ("coefficient", "estimate", "95 % interval", "unit", "grade", "from data")
         more = ("in file", "differs") if known else ()
         title = "Stiffness and damping" if self.machine is not None else "Parameters"
         return Table((*headings, *more), rows, title, words=(0, 3))
@@ -220,7 +223,7 @@ class Identification(IdentificationValues, Answer):
     def modes_table(self) -> Table:
         """The modes: frequencies, damping ratios, and how far they are from the nearest harmonic of the rotor."""
         orders, speed = self._harmonics(), self.machine.rotor_speed if self.machine is not None else 0.0
-        headings = ["mode", "f ± 2σ [Hz]", "grade", "ζ ± 2σ [%]", "grade"]
+        headings = ["mode", "f ± 95 % [Hz]", "grade", "ζ ± 95 % [%]", "grade"]
         rows = [[*mode.cells()] for mode in self.modes]
         if orders:
             headings.append("from nP")
@@ -240,12 +243,20 @@ class Identification(IdentificationValues, Answer):
 
     def statistics_table(self) -> Table:
         """Statistics of loads and noise."""
-        rows = [
-            (s.name, f"{s.estimate:.4g}", f"{s.low:.4g} … {s.high:.4g}", unit_text(s.unit), f"{s.given:.4g}")
-            for s in self.statistics
-        ]
-        headings = ("statistic", "estimate", "±2σ band", "unit", "prior")
+        rows = []
+        for s in self.statistics:
+            value, low, high, given, unit = engineering(s.unit, s.estimate, s.low, s.high, s.given)
+            rows.append((s.name, value, f"{low} … {high}", unit, given))
+        headings = ("statistic", "estimate", "95 % interval", "unit", "prior")
         return Table(headings, rows, "Loads and noise, learned from the record", words=(0, 3))
+
+    def budget_table(self, leave_out: Collection[str] = ()) -> Table:
+        """Sources of the width of the intervals, without the rows of some names."""
+        values = {e.name: e.estimate for e in self.estimates}
+        for mode in self.modes:
+            values[f"{mode.name}: frequency [Hz]"] = mode.frequency.estimate
+            values[f"{mode.name}: damping ratio"] = mode.damping_ratio.estimate
+        return self.budget.table(values, leave_out)
 
     def tolerances_table(self) -> Table:
         """Estimated errors of instruments and masses."""
@@ -262,11 +273,12 @@ def _estimate_cells(
     name: str, unit: str, grade: str, informed: str, known: bool, values: Mapping[str, Any]
 ) -> tuple[str, ...]:
     estimate, reference = values["estimate"], values["reference"]
-    cells = (name, f"{estimate:.5g}", f"{values['low']:.5g} … {values['high']:.5g}", unit, grade, informed)
+    value, low, high, in_file, unit = engineering(unit, estimate, values["low"], values["high"], reference)
+    cells = (name, value, f"{low} … {high}", unit, grade, informed)
     if not known:
         return cells
     difference = f"{round(100.0 * (estimate / reference - 1.0), 2) + 0.0:+.2f} %" if reference else ""  # no -0.00 %
-    return (*cells, "" if reference is None else f"{reference:.5g}", difference)
+    return (*cells, in_file, difference)
 
 
 def _estimate_summary(e: Estimate) -> dict[str, Any]:

@@ -96,7 +96,7 @@ class ModeMatch:
 
     def table(self) -> Table:
         """Measured modes with the candidate of the best assignment, its odds and MAC, and the next candidate."""
-        headings = ("mode", "f ± 2σ [Hz]", "is", "odds", "f off by", "MAC", "or")
+        headings = ("mode", "f ± 95 % [Hz]", "is", "odds", "f off by", "MAC", "or")
         rows = [
             (
                 mode.name, f"{mode.frequency.estimate:.4f} ± {SIGMAS * mode.frequency.std:.4f}", *candidate_cells(mode),

@@ -22,10 +22,10 @@ WIDER = 1.6
 
 def caption(found: Identification) -> str:
     """Captions of the figures of the coefficients."""
-    text = "Result with ±2σ (blue) and the prior's ±2σ (grey), as differences from the turbine file."
+    text = "95 % intervals of the result (blue) and of the prior (grey), as differences from the turbine file."
     if all(e.reference for e in found.estimates):
         return text
-    return f"{text} *: the file has no value; the band is drawn about the result."
+    return f"{text} *: the file has no value; the interval is drawn about the result."
 
 
 def prior_limits(found: Identification) -> dict[str, list[float]]:

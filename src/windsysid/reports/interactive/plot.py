@@ -38,8 +38,9 @@ class Axis:
 class PlotCurve:
     """Values over the plot's x (n,), with the limits of an interval where `low` and `high` are given.
 
-    `look` is ``"line"``, ``"dots"`` (intervals as whiskers) or ``"area"`` (between `low` and `high` only); `colour` is
-    ``"estimate"``, ``"measured"``, ``"reference"``, ``"error"`` or ``"other"``. NaN leaves a gap.
+    `look` is ``"line"``, ``"dots"`` (intervals as whiskers), ``"bars"`` (wide whiskers without dots) or ``"area"``
+    (between `low` and `high` only); `colour` is ``"estimate"``, ``"measured"``, ``"reference"``, ``"error"`` or
+    ``"other"``. NaN leaves a gap.
     """
 
     name: str
@@ -76,7 +77,8 @@ class ShadedRange:
 class Plot:
     """One picture: curves over a common x (n,), marks and shaded ranges.
 
-    Plots of one `link` zoom together. The caption stands below and is the name for screen readers.
+    Plots of one `link` zoom together. The caption stands below and is the name for screen readers. With `end_names`
+    each line has its name at its right end.
 
     Examples
     --------
@@ -107,6 +109,7 @@ class Plot:
     spans: Sequence[ShadedRange] = ()
     caption: str = ""
     link: str = field(default="")
+    end_names: bool = False
 
 
 def thinned(x: Array, values: Array, points: int = MAX_POINTS) -> tuple[Array, Array, Array]:
@@ -137,6 +140,7 @@ def to_json(plot: Plot) -> str:
         "marks": [{**vars(mark), "at": float(mark.at)} for mark in plot.marks],
         "spans": [{**vars(span), "start": float(span.start), "end": float(span.end)} for span in plot.spans],
         "link": plot.link,
+        "end_names": plot.end_names,
     }  # fmt: skip
     return json.dumps(spec, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c")
 
