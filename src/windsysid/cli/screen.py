@@ -97,7 +97,7 @@ def _coefficients(estimates: "Sequence[Estimate]") -> Table:
     width = 3 * abreast
     padded = [(*row, *[""] * (width - len(row))) for row in rows]
     words = [i for i in range(width) if i % 3 == 0]
-    return Table(("coefficient", "estimate ± 95 %", "grade") * abreast, padded, words=words)
+    return Table(("coefficient", "estimate ± 95 %", "") * abreast, padded, words=words)
 
 
 def _share(e: "Estimate") -> str:

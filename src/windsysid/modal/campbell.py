@@ -16,6 +16,7 @@ from windsysid.modal.tracking import Curve
 from windsysid.output.answers import Answer
 from windsysid.output.table import Table
 from windsysid.results.estimate import IntervalEstimate
+from windsysid.results.mode import with_half_width
 from windsysid.results.posterior import SIGMAS
 from windsysid.results.serialization import finite
 from windsysid.units import RPM
@@ -183,7 +184,7 @@ class Campbell(Answer):
             rows.append(
                 (
                     mode.record, f"{mode.speed * RPM:.2f}", mode.name,
-                    f"{f.estimate:.4f} ± {SIGMAS * f.std:.4f}",
+                    with_half_width(f.estimate, SIGMAS * f.std, 4),
                     f"{100.0 * z.estimate:.2f} ({100.0 * z.low:.2f} … {100.0 * z.high:.2f})",
                     which, off, "yes" if mode.trusted else "no",
                 )

@@ -138,7 +138,7 @@ def _level_plot(overview: Overview, name: str) -> Plot:
         jumped = any(change.name == name for change in one.changes)
         curves.append(PlotCurve(turbine, _change(one, name, own, common), colour="error" if jumped else "measured"))
     x_axis = Axis("", dates=True) if dated else Axis("day")
-    return Plot(f"{name}: change of the level", common, curves, x_axis, Axis("change [%]"), link="time")
+    return Plot(f"{name}: change of the level", common, curves, x_axis, Axis("change [%]"), link="time", end_names=True)
 
 
 def _change(one: Watch, name: str, own: Array, common: Array) -> Array:

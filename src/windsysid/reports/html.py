@@ -111,7 +111,8 @@ def template(name: str) -> "Template":
 def _is_wide(table: Table) -> bool:
     """Test whether a phone shows each row of a table as a card."""
     columns = zip(table.headings, *table.rows, strict=True)
-    return sum(longest_word(own) + GAP_CHARACTERS for own in columns) > PHONE_CHARACTERS
+    words = (longest_word([BREAKS.sub("_", text) for text in own]) for own in columns)
+    return sum(word + GAP_CHARACTERS for word in words) > PHONE_CHARACTERS
 
 
 def png(figure: "Figure") -> bytes:
@@ -135,6 +136,8 @@ def _embedded(figure: "Figure | bytes", caption: str) -> str:
     text = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->", "", text[text.index("<svg") :], flags=re.DOTALL)
     text = re.sub(r' xmlns(?::xlink)?="[^"]*"', "", text)
     text = re.sub(r"#[0-9a-f]{6}\b", lambda found: COLOURS.get(found[0], found[0]), text)
-    text = re.sub(r' id="(?:figure|axes|patch|line2d|text|matplotlib|xtick|ytick|[A-Za-z]+Collection)_[^"]*"', "", text)
+    text = re.sub(
+        r' id="(?:figure|axes|patch|line2d|text|matplotlib.axis|[xy]tick|[A-Za-z]+Collection)_[^"]*"', "", text
+    )
     text = text.replace("xlink:href", "href")
     return text.replace("<svg", f'<svg class="drawn" role="img" aria-label="{escape(caption)}"', 1)

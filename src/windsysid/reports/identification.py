@@ -119,7 +119,9 @@ def provenance_section(identification: Identification, provenance: Provenance) -
         "What is needed to find the record again and to repeat the identification. Below: the turbine as it was"
         " identified."
     )
-    return Section("Provenance", text=[text], tables=[Table(("", ""), rows, words=(0, 1))], file=file, folded=True)
+    return Section(
+        "Provenance", text=[text], tables=[Table(("item", "value"), rows, words=(0, 1))], file=file, folded=True
+    )
 
 
 def _plain(value: object) -> str:

@@ -12,7 +12,7 @@ from windsysid.reports.figures.oma_views import (
     band_plots,
     complexity_figure,
     decay_plot,
-    poles_plot,
+    poles_plots,
     segment_plots,
     setup_table,
     shape_table,
@@ -133,7 +133,7 @@ def _causes(found: OperationalModes) -> Table:
 
 def _stability(found: OperationalModes) -> list[Section]:
     """Modes over model orders and segments of the record."""
-    stay = [plot for plot in (poles_plot(found), *segment_plots(found)) if plot is not None]
+    stay = [*poles_plots(found), *segment_plots(found)]
     text = "A structural mode keeps its frequency for all model orders and segments of the record."
     return [Section("Stability of the modes", text=[text], plots=stay)] if stay else []
 
@@ -168,11 +168,14 @@ def files(found: OperationalModes) -> dict[str, bytes]:
     usable = sum(mode.trusted for mode in found.modes)
     verdict = f"{usable} of {len(found.modes)} modes may be used with their intervals: grades A and B."
     caption = (
-        "Grey: the readings, all channels of a band added after scaling; blue: modes and what else is in the "
-        "band."
+        "Grey: the readings, all channels of a band added after scaling; blue: modes and what else is in the band."
     )
     sections = [
-        Section("Modes", text=[verdict, *found.reasons_of_record], tables=[found.table("")]),
+        Section(
+            "Modes",
+            text=[verdict, "± is the 95 % interval.", *found.reasons_of_record],
+            tables=[found.table("")],
+        ),
         Section("Spectra", plots=[singular_value_plot(found)]),
         *([Section("Modes in their bands", text=[caption], plots=band_plots(found))] if found.bands else []),
     ]

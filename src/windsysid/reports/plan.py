@@ -96,11 +96,11 @@ def _plot(plan: Plan) -> Plot:
 
 def files(plan: Plan) -> dict[str, bytes]:
     """``report.html``, ``plan.png`` and ``summary.json``, by name."""
-    caption = "From the data alone, without a prior; ± is half of the 95 % interval. Blue: stiffness, orange: damping."
+    caption = "From the data alone, without a prior; ± is the 95 % interval. Blue: stiffness, orange: damping."
     sections = [
         Section("What can these sensors identify?", text=[plan.sentence, *plan.answers],
         tables=[Table(plan.headings, plan.rows)]),
-        *([Section("What widens the intervals", tables=[plan.budget.table({})])] if plan.budget.rows else []),
+        *([Section("What widens the intervals", tables=[plan.budget.table()])] if plan.budget.rows else []),
         Section("How long it takes", text=[caption], plots=[_plot(plan)]),
         Section("What can be identified", text=plan.directions or ["Every parameter can be identified."]),
         Section("How this was computed", text=plan.notes),

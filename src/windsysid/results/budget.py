@@ -8,6 +8,7 @@ over all orders in which causes become known (Shapley effects). Sources: Owen, S
 import math
 from collections.abc import Collection, Mapping, Sequence
 from itertools import chain, combinations, permutations
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -87,7 +88,7 @@ class Budget(NamedTuple):
             for row in self.rows
         }  # fmt: skip
 
-    def table(self, values: Mapping[str, float], leave_out: Collection[str] = ()) -> Table:
+    def table(self, values: Mapping[str, float] = MappingProxyType({}), leave_out: Collection[str] = ()) -> Table:
         """As a table, with half-widths relative to `values` where these are known; without the rows of some names, and
         without causes that have no share."""
         shown = [row for row in self.rows if row.name not in leave_out]

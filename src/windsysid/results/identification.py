@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 USABLE = ("A", "B")
 """Setting: grades of quantities that may be used."""
 
-READING = "± is half of the 95 % interval. Numbers of grade A and B may be used, those of C not."
+READING = "± is the 95 % interval. Numbers of grade A and B may be used, those of C not."
 """Explanation of the tables."""
 
 __all__ = ["READING", "Estimate", "Identification", "coefficient_errors", "finite"]

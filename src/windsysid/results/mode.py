@@ -7,7 +7,23 @@ from typing import Any
 
 from windsysid.results.estimate import IntervalEstimate
 
-__all__ = ["Mode"]
+__all__ = ["Mode", "with_half_width"]
+
+MAX_DECIMALS = 7
+"""Setting: decimals that are shown at most."""
+
+
+def with_half_width(value: float, half: float, decimals: int) -> str:
+    """A value with half of its interval, with more decimals than given where that half would be shown as zero.
+
+    Examples
+    --------
+    >>> with_half_width(0.31549, 0.0017, 4), with_half_width(0.31549, 0.000012, 4)
+    ('0.3155 ± 0.0017', '0.31549 ± 0.00001')
+    """
+    if 0.0 < half < 10.0**-decimals:
+        decimals = min(math.ceil(-math.log10(half)), MAX_DECIMALS)
+    return f"{value:.{decimals}f} ± {half:.{decimals}f}"
 
 
 @dataclass(frozen=True)
@@ -58,8 +74,9 @@ class Mode:
     def cells(self) -> tuple[str, str, str, str, str]:
         """Name, frequency [Hz] and damping ratio [%] as ``estimate ± 2σ``, each with its grade, for a table."""
         f, z = self.frequency, self.damping_ratio
-        value, half, digits = 100.0 * z.estimate, 100.0 * (z.estimate - z.low), 3 if abs(z.estimate) < 0.01 else 2
-        frequency, damping = f"{f.estimate:.4f} ± {f.estimate - f.low:.4f}", f"{value:.{digits}f} ± {half:.{digits}f}"
+        frequency = with_half_width(f.estimate, f.estimate - f.low, 4)
+        percent, half = 100.0 * z.estimate, 100.0 * (z.estimate - z.low)
+        damping = with_half_width(percent, half, 3 if abs(percent) < 1.0 else 2)
         return self.name, frequency, f.grade, damping, z.grade
 
     def beside(self, orders: Sequence[int], rotor_speed: float) -> str:
