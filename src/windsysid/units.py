@@ -23,6 +23,7 @@ __all__ = [
     "spell",
     "to_si",
     "unit_text",
+    "with_half_width",
 ]
 
 RPM = 30.0 / math.pi
@@ -252,6 +253,19 @@ def engineering_unit(unit: str, value: float) -> tuple[float, str]:
     prefixes = _PREFIXES if unit.startswith("N") else ()
     size, prefix = next((one for one in prefixes if abs(value) >= one[0]), (1.0, ""))
     return size, prefix + unit_text(unit)
+
+
+def with_half_width(value: float, half: float, decimals: int) -> str:
+    """A value with half of its interval, with more decimals than given where that half would be shown as zero.
+
+    Examples
+    --------
+    >>> with_half_width(0.31549, 0.0017, 4), with_half_width(0.31549, 0.000012, 4)
+    ('0.3155 ± 0.0017', '0.31549 ± 0.00001')
+    """
+    if 0.0 < half < 10.0**-decimals:
+        decimals = min(math.ceil(-math.log10(half)), 7)
+    return f"{value:.{decimals}f} ± {half:.{decimals}f}"
 
 
 def spell(seconds: float, digits: int = 3) -> str:

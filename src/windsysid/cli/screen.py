@@ -7,8 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from windsysid.output.console import WIDTH, render
-from windsysid.output.table import Table
-from windsysid.results.identification import READING
+from windsysid.output.table import READING, Table
 from windsysid.units import engineering
 
 if TYPE_CHECKING:

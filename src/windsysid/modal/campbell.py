@@ -16,10 +16,9 @@ from windsysid.modal.tracking import Curve
 from windsysid.output.answers import Answer
 from windsysid.output.table import Table
 from windsysid.results.estimate import IntervalEstimate
-from windsysid.results.mode import with_half_width
 from windsysid.results.posterior import SIGMAS
 from windsysid.results.serialization import finite
-from windsysid.units import RPM
+from windsysid.units import RPM, with_half_width
 
 if TYPE_CHECKING:
     import pandas as pd

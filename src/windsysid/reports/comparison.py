@@ -9,8 +9,7 @@ from matplotlib.figure import Figure
 
 from windsysid.monitoring.change import MOVED_MIN_ODDS, Comparison, QuantityChange
 from windsysid.output.table import Table
-from windsysid.reports.figures.canvas import canvas
-from windsysid.reports.figures.plots import ERROR, ESTIMATE, MEASURED, REFERENCE, symbol, tidy
+from windsysid.reports.figures.drawing import drawn
 from windsysid.reports.html import Section, png, report_page
 from windsysid.reports.interactive.plot import Axis, Mark, Plot, PlotCurve
 
@@ -19,44 +18,12 @@ __all__ = ["figure", "files"]
 
 def figure(comparison: Comparison, place: Axes | None = None) -> Figure:
     """Every change with its 95 % interval: stiffness and frequencies, damping, loads and noise, each on a scale of its
-    own; orange where a coefficient changed.
-
-    A band that has no end goes to the edge of the drawn; where nothing is determined it is dotted and has no dot.
-    """
-    groups = _groups(comparison)
-    drawn = canvas((12.0, 1.0 + 0.32 * max(len(group) for _, group in groups)), place)
-    for ax, (title, group) in zip(drawn.subplots(1, len(groups), squeeze=False)[0], groups, strict=True):
-        _draw_changes(ax, group, comparison)
-        ax.set_title(title, fontsize=10, loc="left")
-    return drawn
-
-
-def _draw_changes(ax: Axes, group: Sequence[QuantityChange], comparison: Comparison) -> None:
-    """One line a change."""
-    ends = [end for c in group for end in (c.low, c.percent, c.high) if c.told and math.isfinite(end)]
-    low, high = (min(ends), max(ends)) if ends else (-100.0, 100.0)
-    margin = 0.08 * max(high - low, 1e-3)
-    left, right = min(low, -margin) - margin, max(high, margin) + margin
-    rows = np.arange(len(group))[::-1]
-    for row, change in zip(rows, group, strict=True):
-        colour = _colour(change, comparison)
-        band = [max(change.low, left), min(change.high, right)]
-        if change.told:
-            ax.plot(band, [row, row], color=colour, lw=5, alpha=0.45, solid_capstyle="butt")
-            ax.plot(min(change.percent, right), row, "o", color=colour, ms=5)
-        else:
-            ax.plot([left, right], [row, row], color=colour, lw=1.5, ls=":")
-    ax.axvline(0.0, color=REFERENCE, ls="--", lw=0.8)
-    ax.set_yticks(rows, [symbol(c.name) for c in group])
-    ax.set_ylim(-0.7, len(group) - 0.3)
-    ax.set_xlim(left, right)
-    ax.set_xlabel("change [%], 95 % interval")
-    tidy(ax)
+    own; orange where a coefficient changed. An interval without an end is left out."""
+    return drawn(_plots(comparison), place, "The records determine no change.")
 
 
 def files(comparison: Comparison) -> dict[str, bytes]:
     """``report.html``, ``changes.png`` and ``summary.json``, by name."""
-    drawn = png(figure(comparison))
     before, after = comparison.records
     caption = (
         f"From {before} (A) to {after} (B), priors removed. Orange: a coefficient that changed, at odds of"
@@ -70,7 +37,7 @@ def files(comparison: Comparison) -> dict[str, bytes]:
     ]
     return {
         "report.html": report_page("Changes between two records", f"{before} (A) → {after} (B)", sections),
-        "changes.png": drawn,
+        "changes.png": png(figure(comparison)),
         "summary.json": comparison.to_json().encode(),
     }
 
@@ -93,8 +60,8 @@ def _plots(comparison: Comparison) -> list[Plot]:
             continue
         curves = [
             PlotCurve(name, at, low, high, "dots", colour)
-            for name, colour, own in KINDS
-            if (chosen := colours == own).any()
+            for name, colour in KINDS
+            if (chosen := colours == colour).any()
             for at, low, high in [np.where(chosen, values, np.nan)]
         ]
         names = [c.name for c in group]
@@ -103,10 +70,8 @@ def _plots(comparison: Comparison) -> list[Plot]:
     return plots
 
 
-KINDS = (
-    ("changed", "error", ERROR), ("coefficient", "estimate", ESTIMATE), ("mode, load or noise", "measured", MEASURED),
-)  # fmt: skip
-"""Names, colours and Matplotlib's colours of changes."""
+KINDS = (("changed", "error"), ("coefficient", "estimate"), ("mode, load or noise", "measured"))
+"""Names and colours of changes."""
 
 
 def _finite(change: QuantityChange) -> tuple[float, float, float]:
@@ -141,5 +106,5 @@ READING = (
 
 def _colour(change: QuantityChange, comparison: Comparison) -> str:
     if change in comparison.coefficients:
-        return ERROR if change in comparison.moved else ESTIMATE
-    return MEASURED
+        return "error" if change in comparison.moved else "estimate"
+    return "measured"

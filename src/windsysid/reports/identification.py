@@ -2,11 +2,11 @@
 
 from collections.abc import Mapping
 
-from windsysid.output.table import Table
+from windsysid.output.table import READING, Table
 from windsysid.records.moments import in_words, shift_moment
 from windsysid.records.record import Record
 from windsysid.reports.html import Section, report_page
-from windsysid.results.identification import READING, Identification
+from windsysid.results.identification import Identification
 from windsysid.results.provenance import Provenance
 
 __all__ = ["identification_report", "provenance_section"]
@@ -24,9 +24,8 @@ _HISTORIES = {
 def identification_report(identification: Identification, record: Record | None = None) -> bytes:
     """The report of one identification on the section of the record that it used; without its channels where the record
     is not given."""
-    from windsysid.reports.figures.bands import caption
     from windsysid.reports.figures.plots import coefficient_histories
-    from windsysid.reports.identification_plots import coefficient_plots, record_plots, spectra_plots
+    from windsysid.reports.identification_plots import caption, coefficient_plots, record_plots, spectra_plots
 
     i = identification
     sections = [
@@ -59,7 +58,7 @@ def identification_report(identification: Identification, record: Record | None 
 
 def _tables_of_rest(i: Identification) -> list[Table]:
     statistics = [i.statistics_table()] if i.statistics else []
-    return [*statistics, *([i.budget_table(), i.tolerances_table()] if i.tolerances else [])]
+    return [*statistics, *([i.budget.table(), i.tolerances_table()] if i.tolerances else [])]
 
 
 def _explains_section(identification: Identification) -> Section:

@@ -11,7 +11,6 @@ from windsysid._types import Array
 from windsysid.identification.estimate.fitted.spectra import dense_places
 from windsysid.inspection.spectra import seen_from
 from windsysid.records.record import Record
-from windsysid.reports.figures.bands import WIDER, prior_limits, relative_values
 from windsysid.reports.interactive.plot import Axis, Mark, Plot, PlotCurve, ShadedRange, thinned
 from windsysid.results.estimate import FittedSpectrum
 from windsysid.results.identification import Estimate, Identification
@@ -19,8 +18,8 @@ from windsysid.results.posterior import SIGMAS
 from windsysid.units import engineering_unit, unit_text
 
 __all__ = [
-    "coefficient_plots", "compact_spectra", "innovation_plots", "load_plots", "record_plots", "spectra_plots",
-    "whiteness_plots",
+    "caption", "coefficient_plots", "compact_spectra", "innovation_plots", "load_plots", "record_plots",
+    "spectra_plots", "whiteness_plots",
 ]  # fmt: skip
 
 MAX_PLOTS = 12
@@ -41,6 +40,9 @@ MAX_KEPT_BINS = 200
 
 MIN_AVERAGED_BINS, MAX_AVERAGED_POINTS = 5, 250
 """Setting: bins over which a periodogram in frequency ranges is averaged, and points that remain."""
+
+WIDER = 1.6
+"""So many times the widest band of what the file knows is shown; what is wider is cut off."""
 
 TIME, SIGMA, DENSITY = "time [s]", "[σ]", "PSD"
 
@@ -265,16 +267,38 @@ def load_plots(found: Identification) -> list[Plot]:
     return plots
 
 
+def caption(found: Identification) -> str:
+    """Captions of the figures of the coefficients."""
+    text = "95 % intervals of the result (blue) and of the prior (grey), as differences from the turbine file."
+    if all(e.reference for e in found.estimates):
+        return text
+    return f"{text} *: the file has no value; the interval is drawn about the result."
+
+
+def _prior_limits(found: Identification) -> dict[str, list[float]]:
+    """Limits (±2σ) of the prior of each coefficient [SI]."""
+    return {
+        q.name: [float(q.physical(q.prior[0] + k * q.prior[1])) for k in (-SIGMAS, SIGMAS)] for q in found.parameters
+    }
+
+
+def _relative_values(e: Estimate, prior: Sequence[float]) -> list[float]:
+    """Estimate, its limits and those of the prior, as differences from the turbine file [%], from the result where the
+    file has no value."""
+    base = e.reference or e.estimate or 1.0
+    return [100.0 * (x / base - 1.0) for x in (e.estimate, e.low, e.high, *prior)]
+
+
 def coefficient_plots(found: Identification, caption: str) -> list[Plot]:
     """Coefficients with their intervals and those of the prior, as differences from the turbine file [%]; stiffness and
     damping apart, as damping is known far less."""
     groups = [[e for e in found.estimates if e.kind == kind] for kind in ("stiffness", "damping", "parameter")]
-    return [_coefficient_plot(group, prior_limits(found), caption) for group in groups if group]
+    return [_coefficient_plot(group, _prior_limits(found), caption) for group in groups if group]
 
 
 def _coefficient_plot(group: Sequence[Estimate], priors: dict[str, list[float]], caption: str) -> Plot:
     """Coefficients of one kind."""
-    value, low, high, before, after = np.array([relative_values(e, priors[e.name]) for e in group]).T
+    value, low, high, before, after = np.array([_relative_values(e, priors[e.name]) for e in group]).T
     known = np.array([bool(e.reference) for e in group])
     some = bool(known.any())
     half = WIDER * float(max(np.abs([low, high])[:, known if some else ~known].max(), 1e-3))

@@ -4,13 +4,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from windsysid.reports.figures.drawing import drawn
 from windsysid.reports.figures.inspection_figures import (
     channels_drawn,
     density_unit,
     drawn_lines,
     highest_drawn,
     overview,
-    spectra_figure,
     spectrogram_figure,
 )
 from windsysid.reports.html import Section, png, report_page
@@ -42,8 +42,12 @@ def figure(inspection: "Inspection", place: "Axes | None" = None) -> "Figure":
 
 def files(inspection: "Inspection") -> dict[str, bytes]:
     """``report.html``, ``inspection.json``, and the figures that exist (overview, spectra, spectrogram), by name."""
-    i = inspection
-    figures = {"overview": overview(i), "spectra": spectra_figure(i), "spectrogram": spectrogram_figure(i)}
+    i, plots = inspection, _spectra_plots(inspection)
+    figures = {
+        "overview": overview(i),
+        "spectra": drawn(plots) if plots else None,
+        "spectrogram": spectrogram_figure(i),
+    }
     pictures = {name: png(figure) for name, figure in figures.items() if figure is not None}
     sections = [
         Section("What was found", text=[f"{i.verdict[0].upper()}{i.verdict[1:]}.", *_findings(i), *i.notes]),

@@ -1,7 +1,7 @@
 """Result of an identification: estimates with their bands, the history of the search, and the verdict."""
 
 import json
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -25,10 +25,7 @@ if TYPE_CHECKING:
 USABLE = ("A", "B")
 """Setting: grades of quantities that may be used."""
 
-READING = "± is the 95 % interval. Numbers of grade A and B may be used, those of C not."
-"""Explanation of the tables."""
-
-__all__ = ["READING", "Estimate", "Identification", "coefficient_errors", "finite"]
+__all__ = ["Estimate", "Identification", "coefficient_errors", "finite"]
 
 
 @dataclass(frozen=True)
@@ -183,7 +180,6 @@ class Identification(IdentificationValues, Answer):
     def contents(self) -> list[Table | str]:
         """The modes, whether to trust them, the estimates; then what they rest on: loads, noise, the budget, notes."""
         title = f"{self.turbine}, {self.record}: {self.formulation}, {self.method}"
-        of_modes = {row.name for row in self.budget.rows} - {e.name for e in self.estimates}
         return [
             title,
             *([self.modes_table()] if self.modes else []),
@@ -191,7 +187,7 @@ class Identification(IdentificationValues, Answer):
             *self.usable(),
             self.table(),
             *([self.statistics_table()] if self.statistics else []),
-            *([self.budget_table(leave_out=of_modes)] if self.tolerances else []),
+            *([self.budget.table(modes=False)] if self.tolerances else []),
             *self.diagnosis.remarks,
             *self.notes,
         ]
@@ -215,8 +211,8 @@ class Identification(IdentificationValues, Answer):
             if e.tip is not None:
                 unit = "N/m" if e.kind == "stiffness" else "N*s/m"
                 rows.append(_estimate_cells("  at the tip", unit, "", "", known, e.tip))
-        headings = ("coefficient", "estimate", "95 % interval", "unit", "grade", "from data")
-        more = ("in file", "differs") if known else ()
+        headings = ("coefficient", "estimate", "95 % interval", "unit", "grade", "by data")
+        more = ("file", "differs") if known else ()
         title = "Stiffness and damping" if self.machine is not None else "Parameters"
         return Table((*headings, *more), rows, title, words=(0, 3))
 
@@ -250,14 +246,6 @@ class Identification(IdentificationValues, Answer):
         headings = ("statistic", "estimate", "95 % interval", "unit", "prior")
         return Table(headings, rows, "Loads and noise, learned from the record", words=(0, 3))
 
-    def budget_table(self, leave_out: Collection[str] = ()) -> Table:
-        """Sources of the width of the intervals, without the rows of some names."""
-        values = {e.name: e.estimate for e in self.estimates}
-        for mode in self.modes:
-            values[f"{mode.name}: frequency [Hz]"] = mode.frequency.estimate
-            values[f"{mode.name}: damping ratio"] = mode.damping_ratio.estimate
-        return self.budget.table(values, leave_out)
-
     def tolerances_table(self) -> Table:
         """Estimated errors of instruments and masses."""
         rows = [one.cells() for one in self.tolerances]
@@ -277,7 +265,7 @@ def _estimate_cells(
     cells = (name, value, f"{low} … {high}", unit, grade, informed)
     if not known:
         return cells
-    difference = f"{round(100.0 * (estimate / reference - 1.0), 2) + 0.0:+.2f} %" if reference else ""  # no -0.00 %
+    difference = f"{round(100.0 * (estimate / reference - 1.0), 1) + 0.0:+.1f} %" if reference else ""  # no -0.00 %
     return (*cells, in_file, difference)
 
 

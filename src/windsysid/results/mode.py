@@ -6,24 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from windsysid.results.estimate import IntervalEstimate
+from windsysid.units import with_half_width
 
-__all__ = ["Mode", "with_half_width"]
-
-MAX_DECIMALS = 7
-"""Setting: decimals that are shown at most."""
-
-
-def with_half_width(value: float, half: float, decimals: int) -> str:
-    """A value with half of its interval, with more decimals than given where that half would be shown as zero.
-
-    Examples
-    --------
-    >>> with_half_width(0.31549, 0.0017, 4), with_half_width(0.31549, 0.000012, 4)
-    ('0.3155 ± 0.0017', '0.31549 ± 0.00001')
-    """
-    if 0.0 < half < 10.0**-decimals:
-        decimals = min(math.ceil(-math.log10(half)), MAX_DECIMALS)
-    return f"{value:.{decimals}f} ± {half:.{decimals}f}"
+__all__ = ["Mode"]
 
 
 @dataclass(frozen=True)

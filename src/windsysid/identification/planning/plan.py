@@ -147,7 +147,7 @@ class Plan(Answer):
             return Budget()
         size = np.sqrt(np.diag(information))
         cov = np.linalg.inv(information / np.outer(size, size)) / np.outer(size, size)
-        rows = [(name, slope, True) for name, slope in zip(self.names, np.eye(len(cov))[: self.unknown], strict=False)]
+        rows = [(name, slope) for name, slope in zip(self.names, np.eye(len(cov))[: self.unknown], strict=False)]
         return budget_of(rows, cov, slice(self.unknown, len(cov) - len(self.tolerances)), self.tolerances)
 
     @cached_property

@@ -8,9 +8,9 @@ from windsysid.modal.matching.limits import MAX_ODDS
 from windsysid.output.answers import Answer
 from windsysid.output.table import Table
 from windsysid.results.estimate import IntervalEstimate
-from windsysid.results.mode import with_half_width
 from windsysid.results.posterior import SIGMAS
 from windsysid.results.serialization import finite
+from windsysid.units import with_half_width
 
 if TYPE_CHECKING:
     import pandas as pd

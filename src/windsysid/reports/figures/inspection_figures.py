@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
-from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
+from matplotlib.ticker import MaxNLocator
 
 from windsysid._types import Array
 from windsysid.inspection.bodies import body_of
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from windsysid.inspection.inspection import Inspection
 
 __all__ = [
-    "channels_drawn", "density_unit", "drawn_lines", "highest_drawn", "overview", "spectra_figure",
+    "channels_drawn", "density_unit", "drawn_lines", "highest_drawn", "overview",
     "spectrogram_figure",
 ]  # fmt: skip
 
@@ -140,50 +140,9 @@ def _dot(ax: Axes, begins: Array, time: Array, values: Array) -> None:
         ax.plot(time[index], values[index], "o", ms=3, mfc="none", color=ERROR, lw=0, clip_on=False)
 
 
-def spectra_figure(inspection: "Inspection") -> Figure | None:
-    """Power spectral densities with 1P, NP, 2NP (black) and the expected modes (orange numbers)."""
-    chosen = channels_drawn(inspection)
-    if not chosen:
-        return None
-    columns = min(3, len(chosen)) if len(chosen) != 4 else 2
-    rows = -(-len(chosen) // columns)
-    figure = Figure(figsize=(12 if columns > 1 else 9, 2.5 * rows + 0.9), layout="constrained")
-    axes = figure.subplots(rows, columns, squeeze=False)
-    for ax, spectrum in zip(axes.flat, chosen, strict=False):
-        _spectrum(ax, spectrum, inspection)
-    for ax in axes.flat[len(chosen) :]:
-        ax.set_visible(False)
-    for ax in axes.flat[max(0, len(chosen) - columns) : len(chosen)]:
-        ax.set_xlabel("frequency [Hz]", fontsize=8.5)
-    _mode_legend(figure, inspection)
-    return figure
-
-
 def channels_drawn(inspection: "Inspection") -> list[Spectrum]:
     """The most informative spectra, not more than fit on a page; simulated ones without gravity come last."""
     return sorted(inspection.spectra, key=lambda spectrum: "kinematic" in spectrum.channel)[:MOST_PANELS]
-
-
-def _spectrum(ax: Axes, spectrum: Spectrum, inspection: "Inspection") -> None:
-    top = highest_drawn(spectrum, inspection.blades)
-    inside = (spectrum.frequency > 0.0) & (spectrum.frequency <= top)
-    f, density = spectrum.frequency[inside], spectrum.density[inside]
-    density = np.maximum(density, 1e-12 * density.max()) if density.max() > 0.0 else np.full_like(density, np.nan)
-    ax.semilogy(f, density, color=ESTIMATE, lw=0.9)
-    ax.set_xlim(0.0, top)
-    if np.isfinite(density).any():
-        ax.set_ylim(max(density.min(), 1e-9 * density.max()) / 2.0, density.max() * 5.0)
-    _mark_lines(ax, drawn_lines(spectrum.lines, inspection.blades, top), top)
-    ax.set_title(
-        label(spectrum.channel.replace("_", " "), MAX_TITLE_CHARACTERS),
-        fontsize=8.5,
-        loc="left",
-        pad=24 if any(line.mode for line in spectrum.lines) else 13 if spectrum.lines else 4,
-    )
-    ax.set_ylabel(f"[{density_unit(spectrum.unit)}]", fontsize=8)
-    ax.yaxis.set_major_locator(LogLocator(numticks=5))
-    ax.yaxis.set_minor_locator(NullLocator())
-    tidy(ax)
 
 
 def density_unit(unit: str) -> str:
@@ -205,35 +164,6 @@ def highest_drawn(spectrum: Spectrum, blades: int) -> float:
 def drawn_lines(lines: Sequence[ExpectedLine], blades: int, top: float) -> list[ExpectedLine]:
     """Modes, and 1P, N P and 2N P, below a frequency [Hz]."""
     return [line for line in lines if (line.mode or line.number in (1, blades, 2 * blades)) and line.frequency < top]
-
-
-def _mark_lines(ax: Axes, lines: Sequence[ExpectedLine], top: float) -> None:
-    """Vertical lines; names above the axes, harmonics in the lower row and modes in the upper, near ones together."""
-    for mode, y in ((False, 1.01), (True, 1.085)):
-        colour, style = _COLOURS[mode], _STYLES[mode]
-        labels: list[tuple[float, str]] = []
-        for line in sorted((line for line in lines if line.mode is mode), key=lambda line: line.frequency):
-            ax.axvline(line.frequency, color=colour, ls=style, lw=0.8, alpha=0.8, zorder=1)
-            text = str(line.number) if mode else line.name
-            if labels and line.frequency - labels[-1][0] < 0.035 * top * (1 + 0.5 * labels[-1][1].count("·")):
-                labels[-1] = (labels[-1][0], labels[-1][1] + "·" + text)
-            else:
-                labels.append((line.frequency, text))
-        for x, text in labels:
-            ax.text(
-                x, y, text, transform=ax.get_xaxis_transform(), ha="center", va="bottom", fontsize=SMALL, color=colour
-            )
-
-
-def _mode_legend(figure: Figure, inspection: "Inspection") -> None:
-    if not inspection.modes:
-        return
-    listed = " · ".join(f"{i} {name} {frequency:.3g} Hz" for i, (name, frequency, _) in enumerate(inspection.modes, 1))
-    figure.suptitle(
-        f"orange, expected modes of {label(inspection.turbine or '')}: {listed}\n"
-        "(in the fixed frame; instruments on a blade see them shifted by 1P)",
-        fontsize=8.5, color=ERROR, x=0.01, ha="left",
-    )  # fmt: skip
 
 
 def spectrogram_figure(inspection: "Inspection") -> Figure | None:

@@ -48,7 +48,7 @@ def static_svg(plot: Plot, identity: str) -> str:
         f'height="{HEIGHT - TOP - BOTTOM:g}"/></clipPath>',
         *_frame(plot, (x_limits, y_limits), (to_x, to_y), right),
         f'<g clip-path="url(#{clip})">', *inside, "</g>",
-        *_mark_names(plot, to_x, to_y, right),
+        *_mark_names(plot, to_x, right),
         *(_end_names(plot, to_x(_array(plot.x)), to_y, right) if plot.end_names else ()),
         "</svg>",
     ])  # fmt: skip
@@ -175,16 +175,14 @@ def _marks(plot: Plot, to_x: Place, to_y: Place, right: float) -> list[str]:
             found.append(
                 f'<path d="{path}" style="stroke:var(--{mark.colour})" stroke-width="1" stroke-dasharray="2 3"/>'
             )
+        if mark.across:
+            found.append(_text(LEFT + 4.0, at - 4.0, mark.name, f"var(--{mark.colour})", "start"))
     return found
 
 
-def _mark_names(plot: Plot, to_x: Place, to_y: Place, right: float) -> list[str]:
-    """Names of marks: across at the left, and vertical ones each in the lowest row that has room."""
-    found = [
-        _text(LEFT + 4.0, float(to_y(_array([mark.at]))[0]) - 4.0, mark.name, f"var(--{mark.colour})", "start")
-        for mark in plot.marks if mark.across and mark.name
-    ]  # fmt: skip
-    rows = [-math.inf] * NAME_ROWS
+def _mark_names(plot: Plot, to_x: Place, right: float) -> list[str]:
+    """Names of vertical marks, each in the lowest row that has room."""
+    found, rows = list[str](), [-math.inf] * NAME_ROWS
     for mark in sorted((m for m in plot.marks if m.name and not m.across), key=lambda m: m.at):
         at, half = float(to_x(_array([mark.at]))[0]), CHARACTER * len(mark.name)
         row = next((i for i, end in enumerate(rows) if at - half >= end), None)
