@@ -4,16 +4,19 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import pytest
 
 import windsysid.loads.family  # noqa: F401 (registers windsysid's own, before a test forgets what came in it)
+from tests.accessible import problems
 from windsysid import cli
 from windsysid.loads.hypothesis import HYPOTHESES
 from windsysid.mechanics.model import MODELS
 from windsysid.mechanics.sensors import SENSORS
 from windsysid.records.formats.access.probing import ProcessGuard
+from windsysid.reports import html
 from windsysid.results.finding import Finding
 from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine
@@ -33,6 +36,27 @@ def every_finding_has_a_sentence() -> Iterator[None]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Finding, "__post_init__", read)
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def every_page_can_be_read() -> Iterator[None]:
+    """Check each page as it is made, so that no test makes one that keyboards and screen readers cannot read."""
+    made = html.template
+
+    def checked(name: str) -> Any:
+        template = made(name)
+
+        def render(**values: Any) -> str:
+            page = template.render(**values)
+            lacks = problems(page) if name == "report" else []
+            assert not lacks, "\n".join(lacks[:20])
+            return page
+
+        return SimpleNamespace(render=render)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(html, "template", checked)
         yield
 
 

@@ -15,12 +15,15 @@ __all__ = [
     "RPM",
     "UNITS",
     "canonical",
+    "engineering",
+    "engineering_unit",
     "is_same_quantity",
     "parse_quantity",
     "si_unit",
     "spell",
     "to_si",
     "unit_text",
+    "with_half_width",
 ]
 
 RPM = 30.0 / math.pi
@@ -222,6 +225,47 @@ def parse_quantity(text: str, unit: str) -> float:
 def unit_text(unit: str) -> str:
     """A unit as it is printed: ``N*m/rad`` → N·m/rad, ``m/s^2`` → m/s²."""
     return unit.replace("*", "·").replace("^2", "²")
+
+
+_PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"))
+
+
+def engineering(unit: str, *values: float | None) -> tuple[str, ...]:
+    """Values in an engineer's unit with four significant digits, then that unit, chosen by the first; "" for None.
+
+    Examples
+    --------
+    >>> engineering("N/m", 1784100.0, 980000.0, None)
+    ('1.784', '0.98', '', 'MN/m')
+    """
+    size, text = engineering_unit(unit, values[0] or 0.0)
+    return (*("" if value is None else f"{value / size:.4g}" for value in values), text)
+
+
+def engineering_unit(unit: str, value: float) -> tuple[float, str]:
+    """Size [SI] and text of the unit in which an engineer reads a value.
+
+    Examples
+    --------
+    >>> engineering_unit("N*s/m", 11303.0), engineering_unit("m/s^2", 11303.0)
+    ((1000.0, 'kN·s/m'), (1.0, 'm/s²'))
+    """
+    prefixes = _PREFIXES if unit.startswith("N") else ()
+    size, prefix = next((one for one in prefixes if abs(value) >= one[0]), (1.0, ""))
+    return size, prefix + unit_text(unit)
+
+
+def with_half_width(value: float, half: float, decimals: int) -> str:
+    """A value with half of its interval, with more decimals than given where that half would be shown as zero.
+
+    Examples
+    --------
+    >>> with_half_width(0.31549, 0.0017, 4), with_half_width(0.31549, 0.000012, 4)
+    ('0.3155 ± 0.0017', '0.31549 ± 0.00001')
+    """
+    if 0.0 < half < 10.0**-decimals:
+        decimals = min(math.ceil(-math.log10(half)), 7)
+    return f"{value:.{decimals}f} ± {half:.{decimals}f}"
 
 
 def spell(seconds: float, digits: int = 3) -> str:

@@ -5,9 +5,10 @@ from pathlib import Path
 import pytest
 
 import windsysid as ws
-from windsysid.cli.screen import engineering, first_screen
+from windsysid.cli.screen import first_screen
 from windsysid.output.console import render
 from windsysid.output.table import Table
+from windsysid.units import engineering
 
 
 @pytest.fixture(autouse=True)
@@ -60,7 +61,7 @@ def test_what_does_not_fit_is_cut_after_whole_rows():
     ],
 )  # fmt: skip
 def test_coefficients_are_in_engineering_units(value: float, unit: str, text: str):
-    assert engineering(value, unit) == text
+    assert " ".join(engineering(unit, value)) == text
 
 
 def test_a_direction_that_no_channel_sees_is_on_the_first_screen(run, tmp_path: Path):

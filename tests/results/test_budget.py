@@ -33,7 +33,7 @@ def test_the_budget_of_a_sum_of_independent_causes_adds_up():
     slope = np.array([1.0, 3.0, 1.0, 2.0])
     cov = np.diag([4.0, 1.0, 1.0, 1.0])
     tolerances = (Tolerance("gain", "a", 0.01), Tolerance("masses", "hub", 0.02))
-    found = budget_of([("y", slope, True)], cov, slice(1, 2), tolerances)
+    found = budget_of([("y", slope)], cov, slice(1, 2), tolerances)
     assert found.causes == ("load statistics", "gain", "masses")
     (row,) = found.rows
     assert row.two_sigma == pytest.approx(2.0 * np.sqrt(18.0))
@@ -51,8 +51,8 @@ def test_shares_of_correlated_causes_add_up_whatever_their_order():
     """Each alone would lower the variance by more than its share, or less; two causes alike have one share."""
     slope, cov = np.array([1.0, 2.0, 1.0, 1.0]), gaussian(4)
     tolerances = (Tolerance("gain", "a", 0.01), Tolerance("masses", "hub", 0.02))
-    (row,) = budget_of([("y", slope, True)], cov, slice(1, 2), tolerances).rows
+    (row,) = budget_of([("y", slope)], cov, slice(1, 2), tolerances).rows
     assert row.alone + sum(row.causes) == pytest.approx(1.0)
     alike = np.array([[2.0, 0.5, 0.5], [0.5, 1.0, 0.8], [0.5, 0.8, 1.0]])
-    (row,) = budget_of([("y", np.ones(3), True)], alike, slice(0, 0), tolerances).rows
+    (row,) = budget_of([("y", np.ones(3))], alike, slice(0, 0), tolerances).rows
     assert row.causes[0] == pytest.approx(row.causes[1])

@@ -47,7 +47,7 @@ def plan(
         ),
     ] = None,
     within: Annotated[
-        float, typer.Option(metavar="PERCENT", help="Target: ±2σ within this share of the value.")
+        float, typer.Option(metavar="PERCENT", help="Target: 95 % interval, ± this share of the value.")
     ] = 20.0,
     load_scale: Annotated[float, typer.Option(help="Factor on the loads of the turbine file.")] = 1.0,
     rotor_speed: Annotated[

@@ -62,9 +62,10 @@ def live(
         settings, sources = make(page)
         start_log(LogSettings(level="warning"))
         listening = listen(page, any_near=port is None)
-        print(render(story()), flush=True)
+        note = story(sources)
+        print(render(note), flush=True)
         ready = partial(_show, browser=not no_browser)
-        raise typer.Exit(serve(settings, sources, listening, ready=ready, note=story()))
+        raise typer.Exit(serve(settings, sources, listening, ready=ready, note=note))
     assert config is not None
     settings = _settings(config, whole=check)
     if port is not None:

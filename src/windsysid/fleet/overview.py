@@ -154,7 +154,7 @@ class Overview(Answer):
             "turbine", "stands out", "records", "identified", "least usable", "of the time", "states",
             "off the turbines of its type",
         )  # fmt: skip
-        return [Table(headings, rows, self.size, words=(0, 1, 4))]
+        return [Table(headings, rows, self.size, words=(0, 1, 4, 6, 7))]
 
     def summary(self) -> dict[str, Any]:
         """Plain values, for ``summary.json``."""

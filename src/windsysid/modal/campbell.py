@@ -18,7 +18,7 @@ from windsysid.output.table import Table
 from windsysid.results.estimate import IntervalEstimate
 from windsysid.results.posterior import SIGMAS
 from windsysid.results.serialization import finite
-from windsysid.units import RPM
+from windsysid.units import RPM, with_half_width
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -28,7 +28,9 @@ __all__ = ["MEASURED_HEADINGS", "Campbell", "Margin", "MeasuredMode", "speed_ran
 
 Triple = tuple[float, float, float]
 
-MEASURED_HEADINGS = ("record", "rpm", "mode", "f [Hz], ±2σ", "ζ [%], ±2σ", "which mode, odds", "off by", "trusted")
+MEASURED_HEADINGS = (
+    *("record", "rpm", "mode", "f ± 95 % [Hz]", "ζ, 95 % interval [%]"), *("which mode, odds", "off by", "trusted"),
+)  # fmt: skip
 
 
 class Margin(NamedTuple):
@@ -181,7 +183,7 @@ class Campbell(Answer):
             rows.append(
                 (
                     mode.record, f"{mode.speed * RPM:.2f}", mode.name,
-                    f"{f.estimate:.4f} ± {SIGMAS * f.std:.4f}",
+                    with_half_width(f.estimate, SIGMAS * f.std, 4),
                     f"{100.0 * z.estimate:.2f} ({100.0 * z.low:.2f} … {100.0 * z.high:.2f})",
                     which, off, "yes" if mode.trusted else "no",
                 )
@@ -227,7 +229,7 @@ class Campbell(Answer):
         d = nearest.distance
         harmonics = " or ".join((", ".join(f"{n}P" for n in self.orders[:-1]), f"{self.orders[-1]}P"))
         doubtful = ", ".join(f"{m.mode} and {m.order}P" for m in self.margins if not m.certain)
-        sure = f" Within the bands they may: {doubtful}." if doubtful else ""
+        sure = f" Within the intervals they may: {doubtful}." if doubtful else ""
         return (
             f"No mode crosses {harmonics} {over}: the nearest is {nearest.mode}, {_distance(d, 1.0)}"
             f" {nearest.order}P at {nearest.speed[0] * RPM:.3g} rpm.{sure}"

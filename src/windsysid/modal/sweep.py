@@ -203,7 +203,7 @@ class _CompiledTurbine:
             "constant": "the equations are constant: the rotor is rigid",
         }[method]
         notes = [
-            how + (f"; bands are ±{SIGMAS:g}σ of the posterior, by exact derivatives" if posterior.parameters else "")
+            how + ("; 95 % intervals are those of the posterior, by exact derivatives" if posterior.parameters else "")
         ]
         if method == "Floquet" and self.turbine.model.blades == 2:
             notes.append(
@@ -213,11 +213,11 @@ class _CompiledTurbine:
             )
         if not posterior.parameters:
             notes.append(
-                "the turbine file's values are taken as exact: bands come with the result of an identification"
+                "the turbine file's values are taken as exact: intervals come with the result of an identification"
             )
         elif not posterior.trusted:
             notes.append(
-                "WARNING: the identification is not trusted (its summary says why): the bands may be too narrow"
+                "WARNING: the identification is not trusted (its summary says why): the intervals may be too narrow"
             )
         return notes
 

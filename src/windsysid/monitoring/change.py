@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from windsysid.output.answers import Answer
 from windsysid.output.table import Table
 from windsysid.results.serialization import finite
-from windsysid.units import unit_text
+from windsysid.units import engineering
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -90,7 +90,7 @@ class QuantityChange(NamedTuple):
             how = f"rose from about zero (odds {_odds(self.log_odds)})"
         else:
             verb = "rose" if self.percent > 0.0 else "fell"
-            how = f"{verb} by {abs(self.percent):.3g} % (±2σ: {_band(self)} %; odds {_odds(self.log_odds)})"
+            how = f"{verb} by {abs(self.percent):.3g} % (95 % interval {_band(self)} %; odds {_odds(self.log_odds)})"
         return f"{self.name} {how}"
 
 
@@ -187,15 +187,14 @@ class Comparison(Answer):
     @property
     def rows(self) -> list[tuple[str, ...]]:
         """As a table under `HEADINGS`."""
-        return [
-            (
-                change.name, unit_text(change.unit), f"{change.before:.5g}", f"{change.after:.5g}",
-                _percent(change.percent) if change.told else "not told",
-                _band(change).replace(" ", "") if change.told else "",
-                "" if math.isnan(change.log_odds) else _odds(change.log_odds).replace(" ", ""),
-            )
-            for change in (*self.coefficients, *self.modes, *self.statistics)
-        ]  # fmt: skip
+        rows = []
+        for change in (*self.coefficients, *self.modes, *self.statistics):
+            before, after, unit = engineering(change.unit, change.before, change.after)
+            percent = _percent(change.percent) if change.told else "not determined"
+            interval = _band(change).replace(" ", "") if change.told else ""
+            odds = "" if math.isnan(change.log_odds) else _odds(change.log_odds).replace(" ", "")
+            rows.append((change.name, unit, before, after, percent, interval, odds))
+        return rows
 
     def summary(self) -> dict[str, Any]:
         """Plain values, for ``summary.json``; undetermined or unbounded values are None."""
@@ -223,7 +222,7 @@ class Comparison(Answer):
         return [self.sentence, *(f"not to be trusted: {doubt}" for doubt in self.doubts), self.table(), *self.notes]
 
 
-HEADINGS = ("", "unit", "A", "B", "change %", "±2σ %", "odds")
+HEADINGS = ("quantity", "unit", "A", "B", "change %", "95 % interval", "odds")
 """Seven columns: 80 signs of a terminal hold no more."""
 
 

@@ -12,7 +12,7 @@ from windsysid.monitoring.series import DAY, RecordBlocks
 from windsysid.output.answers import Answer
 from windsysid.output.table import Table
 from windsysid.results.serialization import finite
-from windsysid.units import unit_text
+from windsysid.units import engineering, unit_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -173,26 +173,24 @@ class Watch(Answer):
         series, where there are any."""
         told = [Table(HEADINGS, self.rows, f"{len(self.blocks.time)} records", words=(0, 1))]
         if self.effects:
-            told.append(Table(self.effect_headings, self.effects, "Effect of one unit of a covariate, ±2σ"))
+            told.append(Table(self.effect_headings, self.effects, "Effect of one unit of a covariate, ± 95 % interval"))
         if self.blocks.left_out:
             rows = [
                 (name, f"{sum(of.values())}", ", ".join(f"{n} {why.replace('_', ' ')}" for why, n in of.items()))
                 for name, of in self.blocks.left_out.items()
             ]
-            told.append(Table(("", "records", "reason"), rows, "Left out: not of grade A or B", words=(0, 2)))
+            told.append(Table(("quantity", "records", "reason"), rows, "Left out: not of grade A or B", words=(0, 2)))
         return told
 
     @property
     def rows(self) -> list[tuple[str, ...]]:
         """One line a series, under `HEADINGS`."""
-        return [
-            (
-                s.name, unit_text(s.unit), f"{s.level[-1]:.5g} ± {0.5 * (s.high[-1] - s.low[-1]):.2g}",
-                _signed(*s.drift), f"{two_digits(s.wander)} %",
-                f"{s.scatter:.2f}", f"{two_digits(s.smallest)} %",
-            )
-            for s in self.series
-        ]  # fmt: skip
+        rows = []
+        for s in self.series:
+            level, half, unit = engineering(s.unit, s.level[-1], 0.5 * (s.high[-1] - s.low[-1]))
+            shares = f"{two_digits(s.wander)} %", f"{s.scatter:.2f}", f"{two_digits(s.smallest)} %"
+            rows.append((s.name, unit, f"{level} ± {two_digits(float(half))}", _signed(*s.drift), *shares))
+        return rows
 
     @property
     def effects(self) -> list[tuple[str, ...]]:
@@ -236,7 +234,7 @@ class Watch(Answer):
         return [self.sentence, *self.tables(), *self.notes]
 
 
-HEADINGS = ("", "unit", "now, ±2σ", "drift, ±2σ", "random walk a day", "scatter ÷ σ", "detectable in a day")
+HEADINGS = ("quantity", "unit", "now ± 95 %", "drift ± 95 %", "random walk a day", "scatter ÷ σ", "detectable in a day")
 
 
 def _signed(percent: float, low: float, high: float) -> str:

@@ -91,7 +91,7 @@ def compare(before: PosteriorLike | ModesLike, after: PosteriorLike | ModesLike)
     >>> records = [ws.simulate(one, duration=600.0, rate=5.0) for one in (tower, softer)]
     >>> before, after = (ws.identify(record, tower, formulation="spectral") for record in records)
     >>> print(ws.compare(before, after).coefficients[0])
-    k_side_side fell by 19.9 % (±2σ: -20.9 … -18.9 %; odds >1000 : 1)
+    k_side_side fell by 19.9 % (95 % interval -20.9 … -18.9 %; odds >1000 : 1)
     """
     of_modes = [holds_modes(one) for one in (before, after)]
     if all(of_modes):

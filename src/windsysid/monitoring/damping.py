@@ -152,7 +152,7 @@ def _doubts(posteriors: Sequence[Posterior], free: int, square: float) -> list[s
     if _is_scatter_significant(free, square):
         doubts.append(
             f"records scatter about the fits by {math.sqrt(square / free):.2g} of their own σ: something else changed"
-            " too, or their bands are too narrow; the bands given here include it"
+            " too, or their intervals are too narrow; the intervals given here include it"
         )
     return doubts
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 from windsysid.output.answers import Answer
 from windsysid.output.table import Table
 from windsysid.results.serialization import finite
-from windsysid.units import RPM, unit_text
+from windsysid.units import RPM, engineering, unit_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -168,7 +168,7 @@ class Separation(Answer):
 
     def table(self) -> Table:
         """Structural and aerodynamic part of each coefficient, in every state."""
-        return Table(HEADINGS, self.rows, "structural and aerodynamic damping", words=(0, 1, 2))
+        return Table(HEADINGS, self.rows, "Structural and aerodynamic damping", words=(0, 1, 2))
 
     @property
     def rows(self) -> list[tuple[str, ...]]:
@@ -186,8 +186,9 @@ class Separation(Answer):
             shown = [(of, band) for of, band in parts if band is not None] or self._by_state("total", split.measured)
             for of, band in shown:
                 ratio = band.over(0.01 * split.critical)
-                head = (split.name, unit_text(split.unit)) if (of, band) == shown[0] else ("", "")
-                rows.append((*head, of, f"{band.value:.4g}", band.span, f"{ratio.value:.3g} %", f"{ratio.span} %"))
+                name = split.name if (of, band) == shown[0] else ""
+                value, low, high, unit = engineering(split.unit, *band)
+                rows.append((name, unit, of, value, f"{low} … {high}", f"{ratio.value:.3g} %", f"{ratio.span} %"))
         return rows
 
     def _by_state(self, what: str, bands: Sequence[AnyBand]) -> list[tuple[str, AnyBand]]:
@@ -218,7 +219,7 @@ class Separation(Answer):
         return [self.sentence, *self.lacking, *doubts, self.table(), *self.notes]
 
 
-HEADINGS = ("", "unit", "of", "c", "±2σ band", "of critical", "±2σ band")
+HEADINGS = ("coefficient", "unit", "part", "c", "95 % interval", "of critical", "95 % interval")
 
 
 def _plain(split: DampingSplit) -> dict[str, Any]:

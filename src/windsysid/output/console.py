@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Column, Table
 
-__all__ = ["plain", "printable", "render", "show_what_can_be_shown"]
+__all__ = ["longest_word", "plain", "printable", "render", "show_what_can_be_shown"]
 
 WIDTH = 120
 """Columns where there is no terminal: a pipe, a file or a notebook gets the same text everywhere."""
@@ -110,7 +110,7 @@ def _within(part: Any, width: int) -> list[Any]:
     column."""
     if not isinstance(part, OurTable) or not part.rows or len(part.headings) < MIN_COLUMNS_TO_SPLIT:
         return [part]
-    groups = _groups([_longest_word(own) for own in zip(part.headings, *part.rows, strict=True)], width)
+    groups = _groups([longest_word(own) for own in zip(part.headings, *part.rows, strict=True)], width)
     captions = [part.caption, *[""] * (len(groups) - 1)]
     return [_columns(part, group, caption) for group, caption in zip(groups, captions, strict=True)]
 
@@ -134,7 +134,7 @@ def _columns(table: OurTable, which: "Sequence[int]", caption: str) -> OurTable:
     return OurTable([table.headings[i] for i in which], rows, caption, words)
 
 
-def _longest_word(texts: "Sequence[str]") -> int:
+def longest_word(texts: "Sequence[str]") -> int:
     """Characters of the longest word, where numbers stay with their signs and intervals."""
     return max(map(len, " ".join(texts).replace(" …", "_…").replace(" ± ", "_±_").split()), default=1)
 
@@ -171,7 +171,7 @@ def _share_width(columns: "Sequence[Column]", width: int) -> None:
     """Give each column the width of its longest word, and the narrowest of them the rest."""
     texts = [[str(text) for text in (column.header, *column._cells)] for column in columns]
     natural = [max(map(len, own)) for own in texts]
-    least = list(map(_longest_word, texts))
+    least = list(map(longest_word, texts))
     spare = width - sum(least) - 2 * (len(least) - 1)  # columns stand two apart
     for i in sorted(range(len(least)), key=lambda i: natural[i] - least[i]):
         if columns[i].justify == "right" or spare >= 0:  # names may be folded where nothing else helps

@@ -3,7 +3,10 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-__all__ = ["Table"]
+__all__ = ["READING", "Table"]
+
+READING = "± is the 95 % interval. Numbers of grade A and B may be used, those of C not."
+"""Explanation of tables of results."""
 
 
 @dataclass(frozen=True)

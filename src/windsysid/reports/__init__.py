@@ -21,6 +21,7 @@ MODULES = {
     "Identification": "histories",
     "Inspection": "inspection",
     "LinearisedModes": "figures.participations",
+    "ModeMatch": "figures.matches",
     "OperationalModes": "oma",
     "Overview": "fleet",
     "Plan": "plan",

@@ -139,17 +139,17 @@ def _label_ends(ax: Axes, ends: list[tuple[float, str, str]]) -> None:
 def sections(found: Campbell, drawn: bytes) -> list[Section]:
     """Sections of the page, with the diagram."""
     bands = (
-        f"; bands: ±{SIGMAS:g}σ {found.band_source}, those of frequencies often as thin as the lines"
+        f"; shaded: 95 % intervals {found.band_source}, those of frequencies often as thin as the lines"
         if found.banded
         else ""
     )
     caption = (
         f"Frequencies and damping ratios in the fixed frame. Blue: tower, green: blades{bands}. Dashed: harmonics of"
         f" the rotor, dotted: {'the record' if found.record else 'the usual speed'}."
-        + (" Points: measured, ±2σ; hollow where they are not to be trusted." if found.measured else "")
+        + (" Points: measured, with 95 % intervals; hollow where they are not to be trusted." if found.measured else "")
     )
     where = f"Distance f / nP − 1 where it is least {speed_range(found.operating)}" if found.orders else "Parked"
-    distances = where + (f", ±{SIGMAS:g}σ" if found.banded else "")
+    distances = where + (", ± 95 % interval" if found.banded else "")
     parts = [
         Section("Resonance and stability", text=found.sentences, tables=[Table(found.headings, found.rows, distances)]),
         Section("Campbell diagram", figures=[(drawn, caption)]),

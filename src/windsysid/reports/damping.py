@@ -58,7 +58,7 @@ def _panel(ax: Axes, split: DampingSplit, order: list[int], base: str) -> None:
     ax.errorbar(
         at, value, yerr=[value - low, high - value], fmt="o", ms=4,
         color=ERROR if split.structural is None else MEASURED,
-        ecolor=MEASURED, mec=REFERENCE, mew=0.6, elinewidth=1.4, label="total by the record itself, ±2σ",
+        ecolor=MEASURED, mec=REFERENCE, mew=0.6, elinewidth=1.4, label="total by the record itself, 95 % interval",
     )  # fmt: skip
     ax.axhline(0.0, color=REFERENCE, lw=0.6)
 
@@ -67,12 +67,10 @@ def files(separation: Separation) -> dict[str, bytes]:
     """``report.html``, ``damping.png`` and ``summary.json``, by name."""
     drawn = figure(separation)
     caption = (
-        f"Light blue: {separation.base}, its band shaded; dark blue: the aerodynamic part in that state, white"
-        " where it is negative. Points: the total damping from each record alone, its prior removed."
+        f"Lower bars: {separation.base}, its 95 % interval shaded; upper bars: the aerodynamic part in that state,"
+        " hollow where it is negative. Points: the total damping from each record alone, its prior removed."
     )
-    records = Table(
-        ("record", "state"), [(state.record, str(state)) for state in separation.states], "The records.", (0, 1)
-    )
+    records = Table(("record", "state"), [(state.record, str(state)) for state in separation.states], "Records", (0, 1))
     sections = [
         Section(
             "Structure and air",

@@ -1,12 +1,10 @@
 """A fleet at a glance as a figure and as one page."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from windsysid._types import Array
 from windsysid.fleet.overview import OUTLIER_CHANCE, Overview
@@ -14,8 +12,7 @@ from windsysid.fleet.sisters import Standing
 from windsysid.monitoring.changes import Watch
 from windsysid.monitoring.series import DAY, MIN_BLOCKS
 from windsysid.output.table import Table
-from windsysid.reports.figures.canvas import MAX_TICK_CHARACTERS, canvas, label
-from windsysid.reports.figures.plots import BAND, ERROR, ESTIMATE, MEASURED, REFERENCE, symbol, tidy
+from windsysid.reports.figures.drawing import drawn
 from windsysid.reports.html import Section, png, report_page
 from windsysid.reports.interactive.plot import Axis, Plot, PlotCurve
 
@@ -27,72 +24,7 @@ POINTS = 400
 
 def figure(overview: Overview, place: Axes | None = None) -> Figure:
     """Levels of every coefficient since the end of learning, and comparison within a type if there are enough."""
-    names = _watched(overview)
-    rows = max(len(names), 1)
-    drawn = canvas((12.0, 0.6 + 2.1 * rows), place)
-    if not names:
-        drawn.text(0.5, 0.5, NOTHING_WATCHED, ha="center", va="center", fontsize=9, wrap=True)
-        return drawn
-    sisters = bool(overview.standings)
-    panels = drawn.subplots(rows, 1 + sisters, squeeze=False, width_ratios=[3, 2][: 1 + sisters])
-    named = {name for event in overview.events for name in event.turbine.split(", ") if event.kind != "sensor"}
-    for (left, *others), name in zip(panels, names, strict=False):
-        _levels(left, overview, name, named)
-        left.set_title(f"{symbol(name)}: change [%]", fontsize=9, loc="left")
-        for right in others:
-            _sisters(right, overview, name)
-            right.set_title(f"{symbol(name)}: off the mean of its type [%]", fontsize=9, loc="left")
-    return drawn
-
-
-def _levels(ax: Axes, overview: Overview, name: str, named: set[str]) -> None:
-    """Change of the level since the end of learning, day by day; turbines that stand out have a colour."""
-    for turbine, one in overview.watches.items():
-        series = next((s for s in one.series if s.name == name), None)
-        if series is None:
-            continue
-        days = _days(one)
-        some = slice(one.begins, None, max(1, (len(days) - one.begins) // POINTS))
-        change = 100.0 * (series.level / series.level[one.begins] - 1.0)
-        mine = turbine in named and any(c.name == name for c in one.changes)
-        ax.plot(days[some], change[some], color=ERROR if mine else MEASURED, lw=1.4 if mine else 0.7, zorder=2 + mine)
-        if mine:
-            ax.annotate(
-                label(turbine, MAX_TICK_CHARACTERS),
-                (days[-1], change[-1]),
-                xytext=(3, 0),
-                textcoords="offset points",
-                fontsize=8,
-                va="center",
-            )
-    tidy(ax)
-    ax.tick_params(axis="x", labelsize=8)
-
-
-def _days(one: Watch) -> NDArray[Any]:
-    """Times as dates, or as days since the first record."""
-    if one.blocks.begin is None:
-        return one.blocks.time / DAY
-    first = np.datetime64(one.blocks.begin.replace(tzinfo=None), "s")
-    return np.asarray(first + one.blocks.time.astype("timedelta64[s]"))
-
-
-def _sisters(ax: Axes, overview: Overview, name: str) -> None:
-    """Each turbine with its band, and the scatter of the others."""
-    mine = [s for s in overview.standings if s.name == name]
-    for at, s in enumerate(mine):
-        ax.plot([at, at], [-2.0 * s.spread, 2.0 * s.spread], color=BAND, lw=7, solid_capstyle="butt", zorder=1)
-        colour = ERROR if s.outlier else ESTIMATE
-        ax.errorbar(at, s.percent, yerr=s.high - s.percent, fmt="o", ms=4, color=colour, elinewidth=1.2, zorder=2)
-    ax.axhline(0.0, color=REFERENCE, lw=0.6)
-    every = max(1, -(-len(mine) // 12))
-    ax.set_xticks(
-        range(0, len(mine), every),
-        [label(s.turbine, MAX_TICK_CHARACTERS) for s in mine[::every]],
-        fontsize=7,
-        rotation=45,
-    )
-    tidy(ax)
+    return drawn(_plots(overview), place, NOTHING_WATCHED)
 
 
 def _availability(overview: Overview) -> Table:
@@ -119,7 +51,7 @@ def _sister_plot(name: str, mine: Sequence[Standing]) -> Plot:
     """Turbines against the mean of the others, with its scatter."""
     half, spread = np.array([(s.high - s.percent, 2.0 * s.spread) for s in mine]).T
     percent, outlier = np.array([s.percent for s in mine]), np.array([s.outlier for s in mine])
-    curves = [PlotCurve("scatter of the others", 0.0 * spread, -spread, spread, "dots", "measured")]
+    curves = [PlotCurve("scatter of the others", 0.0 * spread, -spread, spread, "bars", "measured")]
     for label_, colour, chosen in (("outlier", "error", outlier), ("others", "estimate", ~outlier)):
         at = np.where(chosen, percent, np.nan)
         curves += [PlotCurve(label_, at, at - half, at + half, "dots", colour)] if chosen.any() else []
@@ -138,7 +70,7 @@ def _level_plot(overview: Overview, name: str) -> Plot:
         jumped = any(change.name == name for change in one.changes)
         curves.append(PlotCurve(turbine, _change(one, name, own, common), colour="error" if jumped else "measured"))
     x_axis = Axis("", dates=True) if dated else Axis("day")
-    return Plot(f"{name}: change of the level", common, curves, x_axis, Axis("change [%]"), link="time")
+    return Plot(f"{name}: change of the level", common, curves, x_axis, Axis("change [%]"), link="time", end_names=True)
 
 
 def _change(one: Watch, name: str, own: Array, common: Array) -> Array:
@@ -168,12 +100,12 @@ def _watched(overview: Overview) -> list[str]:
 
 def files(overview: Overview) -> dict[str, bytes]:
     """``report.html``, ``fleet.png`` and ``summary.json``, by name."""
-    drawn = png(figure(overview))
     levels = (
         "The level of each turbine at mean covariates, against that at the end of learning; orange where it jumped."
     )
     if overview.standings:
-        levels += " Turbines with ±2σ against the mean of the others, whose scatter (±2σ) is grey; orange: an outlier."
+        levels += " Turbines with 95 % intervals against the mean of the others, whose scatter (95 %) is grey;"
+        levels += " orange: an outlier."
     sections = [
         Section("What stands out", text=[*_sentences(overview), *overview.notes]),
         Section("Every turbine at a glance", tables=overview.tables()),
@@ -194,7 +126,7 @@ def files(overview: Overview) -> dict[str, bytes]:
     )
     return {
         "report.html": report_page("The fleet at a glance", subtitle, sections),
-        "fleet.png": drawn,
+        "fleet.png": png(figure(overview)),
         "summary.json": overview.to_json().encode(),
     }
 
@@ -229,7 +161,7 @@ def _jumps(overview: Overview) -> Table:
         )
         for name, one in overview.watches.items() for c in one.changes
     ]  # fmt: skip
-    return Table(("turbine", "", "when", "change", "±2σ band", "where to look"), rows, words=(0, 1, 2, 5))
+    return Table(("turbine", "quantity", "when", "change", "95 % interval", "where to look"), rows, words=(0, 1, 2, 5))
 
 
 def _usable(overview: Overview) -> Table:

@@ -3,14 +3,16 @@
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from windsysid.reports.figures.bands import coefficient_bands
+from windsysid.reports.figures.drawing import drawn
 from windsysid.reports.figures.plots import coefficient_histories
+from windsysid.reports.identification_plots import coefficient_plots
 from windsysid.results.identification import Identification
 
 __all__ = ["figure"]
 
 
 def figure(found: Identification, place: Axes | None = None) -> Figure:
-    """The history of every coefficient with its band and reference; the bands alone where there is none."""
-    draw = coefficient_bands if len(found.mean) == 1 else coefficient_histories
-    return draw(found, place=place)
+    """The history of every coefficient with its band and reference; the intervals alone where there is none."""
+    if len(found.mean) > 1:
+        return coefficient_histories(found, place=place)
+    return drawn(coefficient_plots(found, ""), place)

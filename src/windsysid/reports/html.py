@@ -9,6 +9,7 @@ from html import escape
 from importlib.resources import files
 from typing import TYPE_CHECKING
 
+from windsysid.output.console import longest_word
 from windsysid.output.table import Table
 from windsysid.reports.interactive.plot import Plot, to_json
 from windsysid.reports.interactive.svg import static_svg
@@ -21,6 +22,13 @@ __all__ = ["Section", "fragment", "png", "report_page", "static_text", "template
 
 UPLOT, UPLOT_CSS = "../../live/page/static/uplot.js", "../../live/page/static/uplot.css"
 """uPlot as the live page has it (MIT licence, uplot-license.txt)."""
+
+PHONE_CHARACTERS, GAP_CHARACTERS = 44, 2
+"""Setting: characters of a table that fit a phone, and of the space between two columns; a wider one is shown there as
+a card for each row."""
+
+BREAKS = re.compile(r" (?=[%±…[]|: \d)|(?<=[±:]) (?=[-+−]?\d)")
+"""Spaces at which a value is not broken: 1.2 ± 0.3 %, 100 : 1."""
 
 COLOURS = {
     "#000000": "var(--ink)", "#111111": "var(--ink)", "#262626": "var(--ink)", "#555555": "var(--quiet)",
@@ -95,7 +103,16 @@ def template(name: str) -> "Template":
     environment = Environment(
         loader=PackageLoader("windsysid.reports"), autoescape=True, trim_blocks=True, lstrip_blocks=True
     )
+    environment.filters["unbroken"] = lambda text: BREAKS.sub("\N{NO-BREAK SPACE}", text)
+    environment.tests["wide"] = _is_wide
     return environment.get_template(f"{name}.html.j2")
+
+
+def _is_wide(table: Table) -> bool:
+    """Test whether a phone shows each row of a table as a card."""
+    columns = zip(table.headings, *table.rows, strict=True)
+    words = (longest_word([BREAKS.sub("_", text) for text in own]) for own in columns)
+    return sum(word + GAP_CHARACTERS for word in words) > PHONE_CHARACTERS
 
 
 def png(figure: "Figure") -> bytes:
@@ -119,6 +136,8 @@ def _embedded(figure: "Figure | bytes", caption: str) -> str:
     text = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->", "", text[text.index("<svg") :], flags=re.DOTALL)
     text = re.sub(r' xmlns(?::xlink)?="[^"]*"', "", text)
     text = re.sub(r"#[0-9a-f]{6}\b", lambda found: COLOURS.get(found[0], found[0]), text)
-    text = re.sub(r' id="(?:figure|axes|patch|line2d|text|matplotlib|xtick|ytick|[A-Za-z]+Collection)_[^"]*"', "", text)
+    text = re.sub(
+        r' id="(?:figure|axes|patch|line2d|text|matplotlib.axis|[xy]tick|[A-Za-z]+Collection)_[^"]*"', "", text
+    )
     text = text.replace("xlink:href", "href")
     return text.replace("<svg", f'<svg class="drawn" role="img" aria-label="{escape(caption)}"', 1)

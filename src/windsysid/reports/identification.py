@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from windsysid.output.table import Table
+from windsysid.output.table import READING, Table
 from windsysid.records.moments import in_words, shift_moment
 from windsysid.records.record import Record
 from windsysid.reports.html import Section, report_page
@@ -36,7 +36,7 @@ def identification_report(identification: Identification, record: Record | None 
     sections = [
         Section(
             "Result",
-            text=_trust(i),
+            text=[*_trust(i), READING],
             tables=[*([i.modes_table()] if i.modes else []), i.table()],
             plots=coefficient_plots(i, caption(i)),
         ),
@@ -77,8 +77,8 @@ def _explains_section(identification: Identification) -> Section:
         title,
         text=[
             "Innovations are what each reading adds to what the model expected, scaled to unit variance. They should "
-            "stay between "
-            "the dashed lines 95 % of the time and look like noise. Where they do not, the bands above are too narrow.",
+            "stay between the dashed lines 95 % of the time and look like noise. Where they do not, the intervals above"
+            " are too narrow.",
             WHITENESS,
             *i.diagnosis.remarks,
         ],
@@ -91,7 +91,7 @@ def _load_section(identification: Identification) -> Section:
     """The loads as the filter knew them."""
     from windsysid.reports.identification_plots import load_plots
 
-    text = "The loads on the structure, as the filter estimated them at the result, with ±2σ."
+    text = "The loads on the structure, as the filter estimated them at the result, with 95 % intervals."
     return Section("The loads", text=[text], plots=load_plots(identification))
 
 
@@ -122,7 +122,9 @@ def provenance_section(identification: Identification, provenance: Provenance) -
         "What is needed to find the record again and to repeat the identification. Below: the turbine as it was"
         " identified."
     )
-    return Section("Provenance", text=[text], tables=[Table(("", ""), rows, words=(0, 1))], file=file, folded=True)
+    return Section(
+        "Provenance", text=[text], tables=[Table(("item", "value"), rows, words=(0, 1))], file=file, folded=True
+    )
 
 
 def _plain(value: object) -> str:

@@ -15,11 +15,11 @@ from windsysid.reports.interactive.plot import Axis, Mark, Plot, PlotCurve, Shad
 from windsysid.results.estimate import FittedSpectrum
 from windsysid.results.identification import Estimate, Identification
 from windsysid.results.posterior import SIGMAS
-from windsysid.units import unit_text
+from windsysid.units import engineering_unit, unit_text
 
 __all__ = [
     "caption", "coefficient_plots", "compact_spectra", "history_plots", "innovation_plots", "load_plots",
-    "prior_limits", "record_plots", "relative_values", "spectra_plots", "whiteness_plots",
+    "record_plots", "spectra_plots", "whiteness_plots",
 ]  # fmt: skip
 
 MAX_PLOTS = 12
@@ -215,7 +215,7 @@ def innovation_plots(found: Identification) -> list[Plot]:
     for row, name in enumerate(found.readings[:MAX_PLOTS]):
         time, low, high = thinned(found.innovation_time, found.whitened[:, row])
         curve = PlotCurve("innovations", 0.5 * (low + high), low, high, look="area", colour="measured")
-        marks = [Mark(at, "", "reference", "±2σ", across=True) for at in (-SIGMAS, SIGMAS)]
+        marks = [Mark(at, "", "reference", "95 %", across=True) for at in (-SIGMAS, SIGMAS)]
         plots.append(Plot(name.replace("_", " "), time, [curve], Axis(TIME), Axis(SIGMA), marks, link="time"))
     return plots
 
@@ -263,28 +263,29 @@ def load_plots(found: Identification) -> list[Plot]:
     for name, mean, std in () if loads is None else zip(loads.names, loads.mean.T, loads.std.T, strict=True):
         step = max(1, -(-len(mean) // 1500))
         x, value, half = (v[::step] for v in (found.innovation_time, mean, SIGMAS * std))
-        unit = "" if found.machine is None else f"[{unit_text(found.machine.model.freedom(name).load_unit)}]"
-        curve = PlotCurve("load", value, value - half, value + half)
-        plots.append(Plot(name.replace("_", " "), x, [curve], Axis(TIME), Axis(unit), link="time"))
+        unit = "" if found.machine is None else found.machine.model.freedom(name).load_unit
+        size, text = engineering_unit(unit, float(np.nanmax(np.abs(value))))
+        curve = PlotCurve("load", value / size, (value - half) / size, (value + half) / size)
+        plots.append(Plot(name.replace("_", " "), x, [curve], Axis(TIME), Axis(f"[{text}]"), link="time"))
     return plots
 
 
 def caption(found: Identification) -> str:
     """Captions of the figures of the coefficients."""
-    text = "Result with ±2σ (blue) and the prior's ±2σ (grey), as differences from the turbine file."
+    text = "95 % intervals of the result (blue) and of the prior (grey), as differences from the turbine file."
     if all(e.reference for e in found.estimates):
         return text
-    return f"{text} *: the file has no value; the band is drawn about the result."
+    return f"{text} *: the file has no value; the interval is drawn about the result."
 
 
-def prior_limits(found: Identification) -> dict[str, list[float]]:
+def _prior_limits(found: Identification) -> dict[str, list[float]]:
     """Limits (±2σ) of the prior of each coefficient [SI]."""
     return {
         q.name: [float(q.physical(q.prior[0] + k * q.prior[1])) for k in (-SIGMAS, SIGMAS)] for q in found.parameters
     }
 
 
-def relative_values(e: Estimate, prior: Sequence[float]) -> list[float]:
+def _relative_values(e: Estimate, prior: Sequence[float]) -> list[float]:
     """Estimate, its limits and those of the prior, as differences from the turbine file [%], from the result where the
     file has no value."""
     base = e.reference or e.estimate or 1.0
@@ -295,17 +296,17 @@ def coefficient_plots(found: Identification, caption: str) -> list[Plot]:
     """Coefficients with their intervals and those of the prior, as differences from the turbine file [%]; stiffness and
     damping apart, as damping is known far less."""
     groups = [[e for e in found.estimates if e.kind == kind] for kind in ("stiffness", "damping", "parameter")]
-    return [_coefficient_plot(group, prior_limits(found), caption) for group in groups if group]
+    return [_coefficient_plot(group, _prior_limits(found), caption) for group in groups if group]
 
 
 def _coefficient_plot(group: Sequence[Estimate], priors: dict[str, list[float]], caption: str) -> Plot:
     """Coefficients of one kind."""
-    value, low, high, before, after = np.array([relative_values(e, priors[e.name]) for e in group]).T
+    value, low, high, before, after = np.array([_relative_values(e, priors[e.name]) for e in group]).T
     known = np.array([bool(e.reference) for e in group])
     some = bool(known.any())
     half = WIDER * float(max(np.abs([low, high])[:, known if some else ~known].max(), 1e-3))
     curves = [
-        PlotCurve("prior", 0.5 * (before + after), before, after, "dots", "measured"),
+        PlotCurve("prior", 0.5 * (before + after), before, after, "bars", "measured"),
         PlotCurve("result", value, low, high, "dots"),
     ]
     names = [f"{e.name} *" if some and not e.reference else e.name for e in group]

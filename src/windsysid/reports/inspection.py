@@ -21,9 +21,9 @@ LEGEND = (
 
 def figure(inspection: "Inspection", place: "Axes | None" = None) -> "Figure":
     """Draw the channels over time with faults, proposed sections and stops of the rotor."""
-    from windsysid.reports.figures.inspection_figures import overview
+    from windsysid.reports.figures.drawing import drawn
 
-    return overview(inspection, place)
+    return drawn(overview_plots(inspection), place)
 
 
 def files(inspection: "Inspection") -> dict[str, bytes]:

@@ -17,7 +17,9 @@ __all__ = ["Reported", "holds_result", "kept", "load_result"]
 ANSWER = "answer.json"
 """The file that holds an answer whole."""
 
-KEPT = frozenset(["Campbell", "Comparison", "LinearisedModes", "OperationalModes", "Plan", "Separation", "Watch"])
+KEPT = frozenset(
+    ["Campbell", "Comparison", "LinearisedModes", "ModeMatch", "OperationalModes", "Plan", "Separation", "Watch"]
+)
 """Answers that have that file. An identification has ``identification.nc``; the page of an inspection shows its record,
 and that of an overview its archive."""
 
@@ -46,7 +48,7 @@ def load_result(folder: str | Path) -> Answer:
     -------
     Answer
         An `Identification`, `Fit`, `OperationalModes`, `Comparison`, `Watch`, `Separation`, `Campbell`,
-        `LinearisedModes` or `Plan`.
+        `LinearisedModes`, `ModeMatch` or `Plan`.
 
     Raises
     ------

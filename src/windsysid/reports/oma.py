@@ -7,7 +7,7 @@ from windsysid.reports.figures.oma_views import (
     assurance_table,
     band_plots,
     decay_plot,
-    poles_plot,
+    poles_plots,
     segment_plots,
     setup_table,
     shape_plots,
@@ -24,14 +24,15 @@ if TYPE_CHECKING:
 
 __all__ = ["figure", "files"]
 
-MOST_DECAYS = 6
+MAX_DECAYS, MAX_BANDS = 6, 12
+"""Setting: decays on the page, and bands of the figure."""
 
 
 def figure(found: OperationalModes, place: "Axes | None" = None) -> "Figure":
-    """The spectrum of all channels with the modes, and in each band the model on it."""
-    from windsysid.reports.figures import oma_figure
+    """The singular values of the spectral matrix with the modes, and in each band the model on the readings."""
+    from windsysid.reports.figures.drawing import drawn
 
-    return oma_figure.figure(found, place)
+    return drawn([singular_value_plot(found), *band_plots(found)[:MAX_BANDS]], place)
 
 
 def _causes(found: OperationalModes) -> Table:
@@ -46,7 +47,7 @@ def _causes(found: OperationalModes) -> Table:
 
 def _stability(found: OperationalModes) -> list[Section]:
     """Modes over model orders and segments of the record."""
-    stay = [plot for plot in (poles_plot(found), *segment_plots(found)) if plot is not None]
+    stay = [*poles_plots(found), *segment_plots(found)]
     text = "A structural mode keeps its frequency for all model orders and segments of the record."
     return [Section("Stability of the modes", text=[text], plots=stay)] if stay else []
 
@@ -67,7 +68,7 @@ def _shape_sections(found: OperationalModes) -> list[Section]:
     """Shapes, moving and still, in the complex plane, and their measures."""
     if not found.modes:
         return []
-    text = "Shapes as accelerations, 1 where most moves, with ±2σ."
+    text = "Shapes as accelerations, 1 where most moves, with their 95 % intervals."
     measures = "MPC: phase collinearity, 1 for a real shape. MPD: mean phase deviation. MAC: 1 for equal shapes."
     tables = [shape_table(found), assurance_table(found)]
     return [
@@ -81,16 +82,19 @@ def files(found: OperationalModes) -> dict[str, bytes]:
     usable = sum(mode.trusted for mode in found.modes)
     verdict = f"{usable} of {len(found.modes)} modes may be used with their intervals: grades A and B."
     caption = (
-        "Grey: the readings, all channels of a band added after scaling; blue: modes and what else is in the "
-        "band. Intervals of frequencies and damping ratios are ±2σ."
+        "Grey: the readings, all channels of a band added after scaling; blue: modes and what else is in the band."
     )
     sections = [
-        Section("Modes", text=[verdict, *found.reasons_of_record], tables=[found.table("")]),
+        Section(
+            "Modes",
+            text=[verdict, "± is the 95 % interval.", *found.reasons_of_record],
+            tables=[found.table("")],
+        ),
         Section("Spectra", plots=[singular_value_plot(found)]),
         *([Section("Modes in their bands", text=[caption], plots=band_plots(found))] if found.bands else []),
     ]
     if found.decays:
-        sections.insert(1, Section("Free decays", plots=[decay_plot(one) for one in found.decays[:MOST_DECAYS]]))
+        sections.insert(1, Section("Free decays", plots=[decay_plot(one) for one in found.decays[:MAX_DECAYS]]))
     sections += [*_stability(found), *_record_by_record(found), *_shape_sections(found)]
     if found.modes:
         text = "To add or remove modes, mark them here, and give the file with --modes."

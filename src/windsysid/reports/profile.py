@@ -31,7 +31,7 @@ def figure(profile: Profile, place: Axes | None = None) -> Figure:
         color=REFERENCE,
         ls="--",
         lw=1,
-        label="Gaussian ±2σ",
+        label="Gaussian 95 % interval",
     )
     ax.axhline(-0.5 * SIGMAS**2, color=REFERENCE, ls=":", lw=0.8)
     ax.set(

@@ -4,54 +4,27 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.dates import ConciseDateFormatter
 from matplotlib.figure import Figure
 
 from windsysid._types import Array
 from windsysid.mechanics.sensors import noise_source
-from windsysid.monitoring.changes import Watch, WatchedSeries
+from windsysid.monitoring.changes import Watch
 from windsysid.monitoring.series import DAY
 from windsysid.output.table import Table
-from windsysid.reports.figures.canvas import canvas
-from windsysid.reports.figures.plots import BAND, ERROR, ESTIMATE, REFERENCE, symbol, tidy
+from windsysid.reports.figures.drawing import drawn
 from windsysid.reports.html import Section, png, report_page
 from windsysid.reports.interactive.plot import Axis, Mark, Plot, PlotCurve, ShadedRange
-from windsysid.units import unit_text
+from windsysid.units import engineering_unit
 
 __all__ = ["figure", "files"]
-
-FEW = 400
-"""Blocks whose points are drawn large."""
 
 POINTS = 1000
 """Blocks shown of a long series; alarms and levels are shown whole."""
 
 
 def figure(watch: Watch, place: Axes | None = None) -> Figure:
-    """Every series with its level, ±2σ band and alarms on the left, the statistic of its test on the right."""
-    when = _moments(watch, watch.blocks.time)
-    some = slice(None, None, -(-len(when) // POINTS))
-    size = 2.0 if len(when) > FEW else 4.0
-    drawn = canvas((12.0, 0.6 + 1.45 * len(watch.series)), place)
-    panels = drawn.subplots(len(watch.series), 2, squeeze=False, sharex=True, width_ratios=[3, 2])
-    for (left, right), s in zip(panels, watch.series, strict=True):
-        left.fill_between(when[some], s.low[some], s.high[some], color=BAND, lw=0)
-        left.plot(when[some], s.level[some], color=ESTIMATE, lw=1.2)
-        left.plot(when[some], s.adjusted[some], "o", color="#555555", mew=0, ms=size, alpha=0.7, rasterized=True)
-        left.set_ylim(_limits(s.adjusted))
-        left.set_title(_title(s), fontsize=9, loc="left")
-        right.plot(when[some], _highest(s.statistic, some.step) / s.limit, color=ESTIMATE, lw=0.8)
-        right.axhline(1.0, color=REFERENCE, ls="--", lw=0.8)
-        for ax in (left, right):
-            _mark_changes(ax, watch, s.name)
-            tidy(ax)
-    panels[0, 1].set_title("test for a jump ÷ threshold", fontsize=9, loc="left")
-    for ax in panels[-1]:
-        if watch.blocks.begin is None:
-            ax.set_xlabel("day")
-        else:
-            ax.xaxis.set_major_formatter(ConciseDateFormatter(ax.xaxis.get_major_locator()))  # type: ignore[no-untyped-call]
-    return drawn
+    """Every series with its level, 95 % interval and alarms on the left, the statistic of its test on the right."""
+    return drawn(_plots(watch), place)
 
 
 def _limits(values: Array) -> tuple[float, float]:
@@ -59,30 +32,6 @@ def _limits(values: Array) -> tuple[float, float]:
     low, high = np.percentile(values[np.isfinite(values)], [0.5, 99.5])
     room = 0.3 * (high - low) or 0.01 * abs(high) or 1.0
     return low - room, high + room
-
-
-def _title(series: WatchedSeries) -> str:
-    source = noise_source(series.name)
-    name = symbol(source or series.name)
-    if source:
-        return f"noise, {name}"
-    return f"{name} [{unit_text(series.unit)}]" if series.unit else name
-
-
-def _mark_changes(ax: Axes, watch: Watch, name: str) -> None:
-    """Mark the jumps of a series, with the interval in which each happened."""
-    for change in watch.changes:
-        if change.name == name:
-            at, earliest, latest = _moments(watch, np.array([change.time, change.earliest, change.latest]))
-            ax.axvline(at, color=ERROR, lw=1.2)
-            ax.axvspan(earliest, latest, color=ERROR, alpha=0.25, lw=0)
-
-
-def _moments(watch: Watch, time: Array) -> Any:
-    """Times [s] as dates, or as days if their start is not known."""
-    if watch.blocks.begin is None:
-        return time / DAY
-    return np.datetime64(watch.blocks.begin.replace(tzinfo=None), "s") + time.astype("timedelta64[s]")
 
 
 def _plots(watch: Watch) -> list[Plot]:
@@ -100,12 +49,13 @@ def _plots(watch: Watch) -> list[Plot]:
         found = [c for c in watch.changes if c.name == s.name]
         marks = [Mark(moment(c.time), f"{c.percent:+.2g} %", "error", "jumps") for c in found]
         spans = [ShadedRange(moment(c.earliest), moment(c.latest), "jumps", "error") for c in found]
+        size, text = engineering_unit(s.unit, s.level[-1])
+        adjusted, level, low, high = (values[::step] / size for values in (s.adjusted, s.level, s.low, s.high))
         curves = [
-            PlotCurve("records", s.adjusted[::step], look="dots", colour="measured"),
-            PlotCurve("level", s.level[::step], s.low[::step], s.high[::step]),
-        ]
+            PlotCurve("records", adjusted, look="dots", colour="measured"), PlotCurve("level", level, low, high)
+        ]  # fmt: skip
         name = (noise_source(s.name) or s.name).replace("_", " ")
-        y_axis, time = Axis(f"[{unit_text(s.unit)}]", limits=_limits(s.adjusted)), moment(watch.blocks.time[::step])
+        y_axis, time = Axis(f"[{text}]", limits=_limits(s.adjusted / size)), moment(watch.blocks.time[::step])
         plots.append(Plot(name, time, curves, x_axis, y_axis, marks, spans, link="time"))
         test = PlotCurve("test ÷ threshold", _highest(s.statistic, step) / s.limit)
         threshold = Mark(1.0, "threshold", "reference", "threshold", across=True)
@@ -115,13 +65,13 @@ def _plots(watch: Watch) -> list[Plot]:
 
 def files(watch: Watch) -> dict[str, bytes]:
     """``report.html``, ``monitor.png`` and ``summary.json``, by name."""
-    drawn = png(figure(watch))
     caption = (
-        "Grey: records less the effect of covariates. Blue: the level as it was known after each, with ±2σ. Below:"
-        " the test for a jump as a share of its threshold. Orange: jumps that set off an alarm, and when they happened."
+        "Grey: records less the effect of covariates. Blue: the level as it was known after each, with its 95 %"
+        " interval. Below: the test for a jump as a share of its threshold. Orange: jumps that set off an alarm, and"
+        " when they happened."
     )
     jumps = Table(
-        ("", "when", "found", "change", "±2σ band", "where to look"),
+        ("quantity", "when", "found", "change", "95 % interval", "where to look"),
         [
             (
                 c.name, watch.blocks.between(c.earliest, c.latest), watch.blocks.when(c.found), f"{c.percent:+.3g} %",
@@ -139,7 +89,7 @@ def files(watch: Watch) -> dict[str, bytes]:
     subtitle = f"{len(watch.blocks.time)} records, {watch.alarms_per_year:g} false alarms a year"
     return {
         "report.html": report_page("What changed over many records", subtitle, sections),
-        "monitor.png": drawn,
+        "monitor.png": png(figure(watch)),
         "summary.json": watch.to_json().encode(),
     }
 

@@ -6,7 +6,7 @@ over all orders in which causes become known (Shapley effects). Sources: Owen, S
 """
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import chain, combinations, permutations
 from typing import Any, NamedTuple
 
@@ -36,9 +36,7 @@ class Share(NamedTuple):
     name
         A coefficient, or a mode's frequency or damping ratio.
     two_sigma
-        Half-width of its band: relative for a stiffness, in its own unit (N·s/m, Hz, 1 …) otherwise.
-    relative
-        Whether it is.
+        Half-width of its interval, relative to the estimate.
     alone
         Share of the variance that would be left if all causes were known exactly: the data's own, with the prior.
     causes
@@ -47,7 +45,6 @@ class Share(NamedTuple):
 
     name: str
     two_sigma: float
-    relative: bool
     alone: float
     causes: tuple[float, ...]
 
@@ -81,32 +78,35 @@ class Budget(NamedTuple):
         """As plain values, for ``summary.json``."""
         return {
             row.name: {
-                "two_sigma": row.two_sigma, "relative": row.relative, "data and prior": row.alone,
+                "two_sigma": row.two_sigma, "data and prior": row.alone,
                 **dict(zip(self.causes, row.causes, strict=True)),
             }
             for row in self.rows
         }  # fmt: skip
 
-    def table(self, leave_out: Collection[str] = ()) -> Table:
-        """As a table, without the rows of some names."""
-        rows = []
-        for row in (row for row in self.rows if row.name not in leave_out):
-            width = f"{100.0 * row.two_sigma:.2g} %" if row.relative else f"{row.two_sigma:.3g}"
-            shares = (f"{100.0 * share:.0f} %" for share in (row.alone, *row.causes))
-            rows.append((row.name, width, *shares))
-        title = "Uncertainty budget: shares of the variance of each interval"
-        return Table(("band", "±2σ", "data and prior", *self.causes), rows, title)
+    def table(self, *, modes: bool = True) -> Table:
+        """As a table, with or without those of modes; without causes that have no share."""
+        rows = [row for row in self.rows if modes or ":" not in row.name]
+        shares = np.array([(row.alone, *row.causes) for row in rows]).reshape(len(rows), -1)
+        shown = [0, *(i for i in range(1, shares.shape[1]) if shares[:, i].max() >= 0.005)]
+        cells = [
+            (row.name, f"{100.0 * row.two_sigma:.2g} %", *(f"{100.0 * share:.0f} %" for share in own[shown]))
+            for row, own in zip(rows, shares, strict=True)
+        ]
+        names = ("data and prior", *self.causes)
+        title = "Uncertainty budget: shares of the variance of each 95 % interval"
+        return Table(("quantity", "± 95 %", *(names[i] for i in shown)), cells, title)
 
 
 def budget_of(
-    rows: Sequence[tuple[str, Array, bool]], cov: Array, statistics: slice, tolerances: Sequence[Tolerance]
+    rows: Sequence[tuple[str, Array]], cov: Array, statistics: slice, tolerances: Sequence[Tolerance]
 ) -> Budget:
     """The budget of quantities that the unknowns (n,) make up linearly.
 
     Parameters
     ----------
     rows
-        Name, derivatives to the unknowns (n,), and whether the quantity is relative.
+        Name and relative derivatives to the unknowns (n,).
     cov
         Of all unknowns (n, n), those of tolerances last.
     statistics
@@ -120,12 +120,12 @@ def budget_of(
         places.setdefault(one.group, []).append(first + at)
     causes = tuple(cause for cause in CAUSES if places.get(cause))
     given, found = _given({cause: places[cause] for cause in causes}, cov), []
-    for name, slope, relative in rows:
+    for name, slope in rows:
         left = {known: max(float(slope @ rest @ slope), 0.0) for known, rest in given.items()}
         whole = left[frozenset()]
         if whole > 0.0:
             shares = tuple(_shapley(cause, causes, left) / whole for cause in causes)
-            found.append(Share(name, 2.0 * math.sqrt(whole), relative, left[frozenset(causes)] / whole, shares))
+            found.append(Share(name, 2.0 * math.sqrt(whole), left[frozenset(causes)] / whole, shares))
     return Budget(causes, tuple(found))
 
 

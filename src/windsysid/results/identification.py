@@ -16,7 +16,7 @@ from windsysid.results.posterior import Posterior, section_name, unusable_among
 from windsysid.results.serialization import finite
 from windsysid.results.storage import as_netcdf, attributes_of, variables_of
 from windsysid.results.values import IdentificationValues
-from windsysid.units import RPM, unit_text
+from windsysid.units import RPM, engineering, unit_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -180,7 +180,6 @@ class Identification(IdentificationValues, Answer):
     def contents(self) -> list[Table | str]:
         """The modes, whether to trust them, the estimates; then what they rest on: loads, noise, the budget, notes."""
         title = f"{self.turbine}, {self.record}: {self.formulation}, {self.method}"
-        of_modes = {row.name for row in self.budget.rows} - {e.name for e in self.estimates}
         return [
             title,
             *([self.modes_table()] if self.modes else []),
@@ -188,7 +187,7 @@ class Identification(IdentificationValues, Answer):
             *self.usable(),
             self.table(),
             *([self.statistics_table()] if self.statistics else []),
-            *([self.budget.table(leave_out=of_modes)] if self.tolerances else []),
+            *([self.budget.table(modes=False)] if self.tolerances else []),
             *self.diagnosis.remarks,
             *self.notes,
         ]
@@ -208,19 +207,19 @@ class Identification(IdentificationValues, Answer):
         rows = []
         for e in self.estimates:
             informed = f"{100.0 * e.informed_by_data:.1f} %"
-            rows.append(_estimate_cells(e.name, unit_text(e.unit), e.grade, informed, known, asdict(e)))
+            rows.append(_estimate_cells(e.name, e.unit, e.grade, informed, known, asdict(e)))
             if e.tip is not None:
-                unit = "N/m" if e.kind == "stiffness" else "N·s/m"
+                unit = "N/m" if e.kind == "stiffness" else "N*s/m"
                 rows.append(_estimate_cells("  at the tip", unit, "", "", known, e.tip))
-        headings = ("coefficient", "estimate", "±2σ band", "unit", "", "from data")
-        more = ("in file", "differs") if known else ()
+        headings = ("coefficient", "estimate", "95 % interval", "unit", "grade", "by data")
+        more = ("file", "differs") if known else ()
         title = "Stiffness and damping" if self.machine is not None else "Parameters"
         return Table((*headings, *more), rows, title, words=(0, 3))
 
     def modes_table(self) -> Table:
         """The modes: frequencies, damping ratios, and how far they are from the nearest harmonic of the rotor."""
         orders, speed = self._harmonics(), self.machine.rotor_speed if self.machine is not None else 0.0
-        headings = ["mode", "f ± 2σ [Hz]", "grade", "ζ ± 2σ [%]", "grade"]
+        headings = ["mode", "f ± 95 % [Hz]", "grade", "ζ ± 95 % [%]", "grade"]
         rows = [[*mode.cells()] for mode in self.modes]
         if orders:
             headings.append("from nP")
@@ -240,11 +239,11 @@ class Identification(IdentificationValues, Answer):
 
     def statistics_table(self) -> Table:
         """Statistics of loads and noise."""
-        rows = [
-            (s.name, f"{s.estimate:.4g}", f"{s.low:.4g} … {s.high:.4g}", unit_text(s.unit), f"{s.given:.4g}")
-            for s in self.statistics
-        ]
-        headings = ("statistic", "estimate", "±2σ band", "unit", "prior")
+        rows = []
+        for s in self.statistics:
+            value, low, high, given, unit = engineering(s.unit, s.estimate, s.low, s.high, s.given)
+            rows.append((s.name, value, f"{low} … {high}", unit, given))
+        headings = ("statistic", "estimate", "95 % interval", "unit", "prior")
         return Table(headings, rows, "Loads and noise, learned from the record", words=(0, 3))
 
     def tolerances_table(self) -> Table:
@@ -262,11 +261,12 @@ def _estimate_cells(
     name: str, unit: str, grade: str, informed: str, known: bool, values: Mapping[str, Any]
 ) -> tuple[str, ...]:
     estimate, reference = values["estimate"], values["reference"]
-    cells = (name, f"{estimate:.5g}", f"{values['low']:.5g} … {values['high']:.5g}", unit, grade, informed)
+    value, low, high, in_file, unit = engineering(unit, estimate, values["low"], values["high"], reference)
+    cells = (name, value, f"{low} … {high}", unit, grade, informed)
     if not known:
         return cells
-    difference = f"{round(100.0 * (estimate / reference - 1.0), 2) + 0.0:+.2f} %" if reference else ""  # no -0.00 %
-    return (*cells, "" if reference is None else f"{reference:.5g}", difference)
+    difference = f"{round(100.0 * (estimate / reference - 1.0), 1) + 0.0:+.1f} %" if reference else ""  # no -0.00 %
+    return (*cells, in_file, difference)
 
 
 def _estimate_summary(e: Estimate) -> dict[str, Any]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from windsysid.results.estimate import IntervalEstimate
+from windsysid.units import with_half_width
 
 __all__ = ["Mode"]
 
@@ -58,8 +59,9 @@ class Mode:
     def cells(self) -> tuple[str, str, str, str, str]:
         """Name, frequency [Hz] and damping ratio [%] as ``estimate ± 2σ``, each with its grade, for a table."""
         f, z = self.frequency, self.damping_ratio
-        value, half, digits = 100.0 * z.estimate, 100.0 * (z.estimate - z.low), 3 if abs(z.estimate) < 0.01 else 2
-        frequency, damping = f"{f.estimate:.4f} ± {f.estimate - f.low:.4f}", f"{value:.{digits}f} ± {half:.{digits}f}"
+        frequency = with_half_width(f.estimate, f.estimate - f.low, 4)
+        percent, half = 100.0 * z.estimate, 100.0 * (z.estimate - z.low)
+        damping = with_half_width(percent, half, 3 if abs(percent) < 1.0 else 2)
         return self.name, frequency, f.grade, damping, z.grade
 
     def beside(self, orders: Sequence[int], rotor_speed: float) -> str:

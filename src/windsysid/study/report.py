@@ -110,10 +110,10 @@ def _scenario(study: Study) -> list[str]:
 
 OVERVIEW = "Tower accelerations of the whole record with the section used (the paper's Fig 3)."
 HISTORIES = (
-    "Estimate, ±2σ band, reference and error of each coefficient (the paper's Figs 4–9; blades 2 and 3 are alike)."
+    "Estimate, 95 % interval, reference and error of each coefficient (the paper's Figs 4–9; blades 2 and 3 are alike)."
 )
 LOAD_SPECTRA = "Wind at the hub and at a turning blade, and the loads they make: the rotor's multiples are marked."
-WITHHELD_HISTORIES = "The bands are narrow and wrong: the model ignores the load."
+WITHHELD_HISTORIES = "The intervals are narrow and wrong: the model ignores the load."
 STARTS_TEXT = (
     "The published claim: initial conditions are indifferent, and the process can start at any point of a record. Left,"
     " starts that are off by 0.3 to 3 times; right, 100 s sections of the same record.",

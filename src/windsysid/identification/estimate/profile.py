@@ -94,7 +94,7 @@ class Profile(Answer):
         unit = unit_text(self.unit)
         return [
             f"{self.name}: {self.estimate:.5g} {unit}, profile {self.low:.5g} … {self.high:.5g}, "
-            f"Gaussian ±2σ {self.gaussian[0]:.5g} … {self.gaussian[1]:.5g}"
+            f"Gaussian 95 % interval {self.gaussian[0]:.5g} … {self.gaussian[1]:.5g}"
         ]
 
 

@@ -147,7 +147,7 @@ class Plan(Answer):
             return Budget()
         size = np.sqrt(np.diag(information))
         cov = np.linalg.inv(information / np.outer(size, size)) / np.outer(size, size)
-        rows = [(name, slope, True) for name, slope in zip(self.names, np.eye(len(cov))[: self.unknown], strict=False)]
+        rows = [(name, slope) for name, slope in zip(self.names, np.eye(len(cov))[: self.unknown], strict=False)]
         return budget_of(rows, cov, slice(self.unknown, len(cov) - len(self.tolerances)), self.tolerances)
 
     @cached_property
@@ -176,7 +176,7 @@ class Plan(Answer):
         """One line on all that was requested."""
         needed = {name: self.needed(name) for name in self.asked}
         late = sorted((name for name in self.asked if self.band(name) > self.within), key=lambda name: needed[name])
-        wish = f"within ±{percent(self.within)} (2σ) in {spell(self.duration)}"
+        wish = f"within ±{percent(self.within)} (95 %) in {spell(self.duration)}"
         if not late:
             last = max(self.asked, key=lambda name: needed[name])
             when = f"{'before' if needed[last] <= self.start_seconds else 'after'} {spell(needed[last], 2)}"
@@ -202,7 +202,7 @@ class Plan(Answer):
     @property
     def headings(self) -> tuple[str, str, str]:
         """Of the table."""
-        return ("parameter", f"±2σ after {spell(self.duration)}", f"±{percent(self.within)} after")
+        return ("parameter", f"± 95 % after {spell(self.duration)}", f"±{percent(self.within)} after")
 
     @property
     def rows(self) -> list[tuple[str, str, str]]:
@@ -327,7 +327,7 @@ def plan(
     >>> import windsysid as ws
     >>> planned = ws.plan("tower", duration=600.0, rate=5.0)
     >>> print(str(planned).splitlines()[0])
-    No: not known within ±20 % (2σ) in 10 min: c_fore_aft (28 min), c_side_side (2.6 h).
+    No: not known within ±20 % (95 %) in 10 min: c_fore_aft (28 min), c_side_side (2.6 h).
     """
     _require_positive("within", within, 10.0)
     turbine = _as_planned(as_turbine(turbine), sensors, load_scale, rotor_speed)

@@ -296,8 +296,9 @@ def _budget(
     if outcome.joint_cov is None:
         return Budget()
     unit, variance = np.eye(len(outcome.theta), len(outcome.joint_cov)), np.diag(outcome.joint_cov)
+    values = [abs(float(q.physical(x))) or 1.0 for q, x in zip(outcome.model.parameters, outcome.theta, strict=True)]
     rows = [
-        (q.name, unit[i] * (1.0 if q.logarithmic else q.scale), q.logarithmic)
+        (q.name, unit[i] * (1.0 if q.logarithmic else q.scale / values[i]))
         for i, q in enumerate(outcome.model.parameters)
     ]
     statistics = outcome.unknowns.of("statistics")
@@ -305,9 +306,10 @@ def _budget(
     added = {one.name: (share * one.added()).tolist() for one, share in zip(coefficients, shares, strict=True)}
     own = budget_of(rows, outcome.joint_cov, statistics, outcome.tolerances).widened(added)
     rows = [
-        (f"{mode.name}: {what}", slope @ unit, False)
-        for what, of in zip(("frequency [Hz]", "damping ratio"), at.slopes, strict=True)
+        (f"{mode.name}: {what}", slope @ unit / (abs(one.estimate) or 1.0))
+        for k, of in enumerate(at.slopes)
         for mode, slope in zip(at.modes, of, strict=True)
+        for what, one in [mode.quantities[k]]
     ]
     added = {name: one.added().tolist() for (name, *_), one in zip(rows, of_modes, strict=True)}
     modes = budget_of(rows, at.given_masses, statistics, outcome.tolerances).widened(added)

@@ -5,11 +5,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from windsysid.modal.matching.limits import MAX_ODDS
-from windsysid.output.console import render
+from windsysid.output.answers import Answer
 from windsysid.output.table import Table
 from windsysid.results.estimate import IntervalEstimate
 from windsysid.results.posterior import SIGMAS
 from windsysid.results.serialization import finite
+from windsysid.units import with_half_width
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -73,7 +74,7 @@ class MatchedMode(NamedTuple):
 
 
 @dataclass(frozen=True)
-class ModeMatch:
+class ModeMatch(Answer):
     """Which measured mode is which mode of a model.
 
     Attributes
@@ -96,10 +97,11 @@ class ModeMatch:
 
     def table(self) -> Table:
         """Measured modes with the candidate of the best assignment, its odds and MAC, and the next candidate."""
-        headings = ("mode", "f ± 2σ [Hz]", "is", "odds", "f off by", "MAC", "or")
+        headings = ("mode", "f ± 95 % [Hz]", "is", "odds", "f off by", "MAC", "or")
         rows = [
             (
-                mode.name, f"{mode.frequency.estimate:.4f} ± {SIGMAS * mode.frequency.std:.4f}", *candidate_cells(mode),
+                mode.name, with_half_width(mode.frequency.estimate, SIGMAS * mode.frequency.std, 4),
+                *candidate_cells(mode),
                 next((f"{c.name}, {c.probability:.2f}" for c in mode.candidates[1:] if c.probability > 0.05), ""),
             )
             for mode in self.modes
@@ -141,9 +143,9 @@ class ModeMatch:
         """`summary` as JSON text."""
         return json.dumps(finite(self.summary()), indent=2, ensure_ascii=False) + "\n"
 
-    def __str__(self) -> str:
-        """The table and the notes as text."""
-        return render(self.table(), *self.notes)
+    def contents(self) -> list[Table | str]:
+        """The table and the notes."""
+        return [self.table(), *self.notes]
 
 
 def candidate_cells(mode: MatchedMode) -> tuple[str, str, str, str]:

@@ -10,7 +10,7 @@ from windsysid.reports.interactive.plot import Axis, Mark, Plot, PlotCurve, Shad
 from windsysid.spectral.oma.mode import OperationalMode
 from windsysid.spectral.oma.result import DecayHistory, OperationalModes, RecordModes
 
-__all__ = ["assurance_table", "band_plots", "decay_plot", "poles_plot", "segment_plots", "setup_table", "shape_plots",
+__all__ = ["assurance_table", "band_plots", "decay_plot", "poles_plots", "segment_plots", "setup_table", "shape_plots",
     "shape_table", "singular_value_plot"]  # fmt: skip
 
 MAX_MODES, MAX_SHAPES = 12, 24
@@ -61,30 +61,33 @@ def band_plots(found: OperationalModes) -> list[Plot]:
     return plots
 
 
-def poles_plot(found: OperationalModes) -> Plot | None:
-    """Modes of fits with 1, 2, … modes in each band, as a stabilisation diagram; None if there are none."""
+def poles_plots(found: OperationalModes) -> list[Plot]:
+    """Modes of fits with 1, 2, … modes in each band, as a stabilisation diagram, and their damping ratios."""
     poles = []
     for band in found.bands:
         before: list[tuple[float, float]] = []
         for order, (f, z) in enumerate(band.poles, 1):
             now = list(zip(f.tolist(), z.tolist(), strict=True))
-            poles += [(g, order, _is_stable((g, y), before)) for g, y in now]
+            poles += [(g, order, 100.0 * y, _is_stable((g, y), before)) for g, y in now]
             before = now
     if not poles:
-        return None
-    frequency, order, stable = np.array(sorted(poles)).T
-    curves = [
-        PlotCurve("stable: 1 % in f, 20 % in ζ", np.where(stable > 0, order, np.nan), look="dots", colour="estimate"),
-        PlotCurve("new or moved", np.where(stable > 0, np.nan, order), look="dots", colour="measured"),
-    ]
-    highest = int(order.max())
-    return Plot(
-        "Modes over the model order", frequency, curves, Axis("frequency [Hz]"),
-        Axis("modes in the band", limits=(0.5, highest + 1.0)),
-        _marks(found.modes),
-        caption="each band fitted with one mode, two and so on; the evidence chooses how many are kept",
-        link="frequency",
+        return []
+    frequency, order, damping, stable = np.array(sorted(poles)).T
+    fitted = "each band fitted with one mode, two and so on"
+    shown = (
+        ("Modes over the model order", order, Axis("modes in the band", limits=(0.5, order.max() + 1.0)),
+        f"{fitted}; the evidence chooses how many are kept"),
+        ("Damping ratio over frequency", damping, Axis("damping ratio [%]"), f"{fitted}: a mode is a cluster"),
     )  # fmt: skip
+    return [
+        Plot(
+            title, frequency,
+            [PlotCurve("stable: 1 % in f, 20 % in ζ", np.where(stable > 0, of, np.nan), look="dots"),
+            PlotCurve("new or changed", np.where(stable > 0, np.nan, of), look="dots", colour="measured")],
+            Axis("frequency [Hz]"), y_axis, _marks(found.modes), caption=caption, link="frequency",
+        )
+        for title, of, y_axis, caption in shown
+    ]  # fmt: skip
 
 
 def _is_stable(pole: tuple[float, float], before: list[tuple[float, float]]) -> bool:
@@ -186,7 +189,7 @@ def _agreement(found: OperationalModes, part: RecordModes, i: int) -> str:
 
 
 def shape_plots(found: OperationalModes) -> list[Plot]:
-    """Shape of each mode, one channel after the other: its part in phase with ±2σ, and its part out of phase."""
+    """Shape of each mode, by channel: parts in phase and out of phase with 95 % intervals."""
     at, plots = np.arange(len(found.channels)), []
     axes = Axis("", names=[shortened(name) for name in found.channels]), Axis("shape", limits=(-1.3, 1.3))
     for mode in found.modes[:MAX_SHAPES]:

@@ -1,16 +1,20 @@
 """Modes of a linearised model as a figure and as one page: participations, and a Campbell diagram of several speeds."""
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from windsysid._types import Array
 from windsysid.modal.linearisation.result import LinearisedModes
 from windsysid.reports import campbell
 from windsysid.reports.figures.canvas import label, single
 from windsysid.reports.html import Section, png
 from windsysid.units import RPM
 
-__all__ = ["LinearisedModes", "figure", "files", "participations"]
+__all__ = ["LinearisedModes", "figure", "files", "participations", "shares_of_modes"]
 
 MIN_SHOWN_SHARE = 0.05
 """Setting: smallest participation in any mode of a kind of degree of freedom that has a column."""
@@ -29,18 +33,26 @@ def participations(found: LinearisedModes, place: Axes | None = None) -> Figure:
     listed = {kind for mode in found.modes for kind, share in mode.participation.items() if share >= MIN_SHOWN_SHARE}
     kinds = sorted(listed, key=lambda kind: (campbell.is_of_blades(kind), not kind.startswith("tower"), kind))
     shares = np.array([[100.0 * mode.participation.get(kind, 0.0) for kind in kinds] for mode in found.modes])
-    drawn, ax = single((2.6 + 0.55 * len(kinds), 1.9 + 0.32 * len(found.modes)), place)
-    ax.imshow(shares, cmap="Blues", vmin=0.0, vmax=100.0, aspect="auto")
-    for row, column in np.argwhere(shares >= MIN_PRINTED_PERCENT):
-        colour = "white" if shares[row, column] > 55.0 else "#111111"
-        text = f"{shares[row, column]:.0f}"
+    title = f"participation [%] at {found.speeds[found.usual] * RPM:.3g} rpm"
+    return shares_of_modes(shares, found.modes, kinds, title, place)
+
+
+def shares_of_modes(
+    percent: Array, modes: Sequence[Any], columns: Sequence[str], title: str, place: Axes | None
+) -> Figure:
+    """Shares (modes, columns) [%] as a table of colours, the first mode on top."""
+    drawn, ax = single((2.6 + 0.55 * len(columns), 1.9 + 0.32 * len(modes)), place)
+    ax.imshow(percent, cmap="Blues", vmin=0.0, vmax=100.0, aspect="auto")
+    for row, column in np.argwhere(percent >= MIN_PRINTED_PERCENT):
+        colour = "white" if percent[row, column] > 55.0 else "#111111"
+        text = f"{percent[row, column]:.0f}"
         ax.text(column, row, text, ha="center", va="center", fontsize=8, color=colour)
-    ax.set_xticks(range(len(kinds)), [label(kind) for kind in kinds], rotation=40, ha="right", fontsize=8.5)
-    rows = [f"{label(mode.name)}  {mode.frequency.estimate:.4g} Hz" for mode in found.modes]
+    ax.set_xticks(range(len(columns)), [label(name) for name in columns], rotation=40, ha="right", fontsize=8.5)
+    rows = [f"{label(mode.name)}  {mode.frequency.estimate:.4g} Hz" for mode in modes]
     ax.set_yticks(range(len(rows)), rows, fontsize=8.5)
     ax.tick_params(length=0)
     ax.spines[:].set_visible(False)
-    ax.set_title(f"participation [%] at {found.speeds[found.usual] * RPM:.3g} rpm", fontsize=9.5, loc="left")
+    ax.set_title(title, fontsize=9.5, loc="left")
     return drawn
 
 

@@ -1,6 +1,6 @@
 """Figures: one function per picture, a Matplotlib `Figure` out, nothing shown and nothing saved.
 
-Blue is the estimate with its ±2σ band, dashed black the reference, grey what was measured, orange an error.
+Blue is the estimate with its 95 % interval, dashed black the reference, grey what was measured, orange an error.
 """
 
 from collections.abc import Mapping, Sequence
@@ -119,13 +119,13 @@ def _history(ax: Axes, identification: Identification, name: str) -> None:
     every = _thin(len(identification.time))
     time = identification.time[every]
     middle, low, high = (values[every] for values in identification.history(name))
-    ax.fill_between(time, low, high, color=BAND, lw=0, label="±2σ")
+    ax.fill_between(time, low, high, color=BAND, lw=0, label="95 % interval")
     ax.plot(time, middle, color=ESTIMATE, lw=1.2, label="on-line estimate")
     if estimate.reference is not None:
         ax.axhline(estimate.reference, color=REFERENCE, ls="--", lw=1, label="reference")
     ax.errorbar(
         time[-1], estimate.estimate, yerr=[[estimate.estimate - estimate.low], [estimate.high - estimate.estimate]],
-        fmt="o", ms=4, color=REFERENCE, capsize=3, label="result ±2σ", clip_on=False, zorder=5,
+        fmt="o", ms=4, color=REFERENCE, capsize=3, label="result, 95 % interval", clip_on=False, zorder=5,
     )  # fmt: skip
     late = slice(len(time) // 8, None)
     bounds = (low[late].min(), high[late].max(), estimate.low, estimate.high, estimate.reference)
@@ -245,7 +245,7 @@ def start_indifference(
     axes[-1, 0].set_xlabel("time since the start [s], logarithmic")
     axes[-1, 1].set_xlabel("section starts at [s], 100 s long")
     axes[0, 0].set_title("priors off by a factor", fontsize=10)
-    axes[0, 1].set_title("any starting point of the record, ±2σ", fontsize=10)
+    axes[0, 1].set_title("any starting point of the record, 95 % intervals", fontsize=10)
     figure.legend(
         *axes[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=len(starts), frameon=False, fontsize=8
     )

@@ -41,8 +41,9 @@ class Axis:
 class PlotCurve:
     """Values over the plot's x (n,), with the limits of an interval where `low` and `high` are given.
 
-    `look` is ``"line"``, ``"dots"`` (intervals as whiskers) or ``"area"`` (between `low` and `high` only); `colour` is
-    ``"estimate"``, ``"measured"``, ``"reference"``, ``"error"`` or ``"other"``. NaN leaves a gap.
+    `look` is ``"line"``, ``"dots"`` (intervals as whiskers), ``"bars"`` (wide whiskers without dots) or ``"area"``
+    (between `low` and `high` only); `colour` is ``"estimate"``, ``"measured"``, ``"reference"``, ``"error"`` or
+    ``"other"``. NaN leaves a gap.
     """
 
     name: str
@@ -93,7 +94,8 @@ class Cells:
 class Plot:
     """One picture: curves over a common x (n,), marks and shaded ranges, on cells if there are any.
 
-    Plots of one `link` zoom together. The caption stands below and is the name for screen readers.
+    Plots of one `link` zoom together. The caption stands below and is the name for screen readers. With `end_names`
+    each line has its name at its right end.
 
     Examples
     --------
@@ -125,6 +127,7 @@ class Plot:
     caption: str = ""
     link: str = field(default="")
     cells: Cells | None = None
+    end_names: bool = False
 
 
 def shortened(text: str, most: int = MAX_NAME_CHARACTERS) -> str:
@@ -162,6 +165,7 @@ def to_json(plot: Plot) -> str:
         "spans": [{**vars(span), "start": float(span.start), "end": float(span.end)} for span in plot.spans],
         "link": plot.link,
         **({"cells": _cells(plot.cells)} if plot.cells is not None else {}),
+        "end_names": plot.end_names,
     }  # fmt: skip
     return json.dumps(spec, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c")
 

@@ -23,8 +23,11 @@ NAME_ROWS = 3
 SHADES = 6
 """Setting: shades of cells."""
 
-CHARACTER = 3.4
-"""Setting: half the width of a character [px]."""
+CHARACTER, LINE, END_NAMES = 3.4, 12.0, 110.0
+"""Setting: half the width of a character, height of a line, and room for names at the right ends of curves [px]."""
+
+FEW = 60
+"""Setting: points up to which they are drawn larger."""
 
 Place = Callable[[Array], Array]
 
@@ -32,23 +35,25 @@ Place = Callable[[Array], Array]
 def static_svg(plot: Plot, identity: str) -> str:
     """The plot as SVG text; `identity` is unique on the page."""
     x_limits, y_limits = _limits(plot, plot.x_axis, of_x=True), _limits(plot, plot.y_axis, of_x=False)
-    to_x = _place(plot.x_axis, x_limits, LEFT, WIDTH - RIGHT)
+    right = WIDTH - (END_NAMES if plot.end_names else RIGHT)
+    to_x = _place(plot.x_axis, x_limits, LEFT, right)
     to_y = _place(plot.y_axis, y_limits, HEIGHT - BOTTOM, TOP)
     inside = [
         *([] if plot.cells is None else _shades(plot.cells, to_x, to_y)),
         *_spans(plot, to_x),
         *(part for curve in plot.curves for part in _curve(curve, to_x(_array(plot.x)), to_y)),
-        *_marks(plot, to_x, to_y),
+        *_marks(plot, to_x, to_y, right),
     ]
     clip = f"clip-{identity}"
     name = escape(f"{plot.title}: {plot.caption}" if plot.caption else plot.title, quote=True)
     return "".join([
         f'<svg class="static" role="img" aria-label="{name}" viewBox="0 0 {WIDTH:g} {HEIGHT:g}">',
-        f'<clipPath id="{clip}"><rect x="{LEFT:g}" y="{TOP:g}" width="{WIDTH - LEFT - RIGHT:g}" '
+        f'<clipPath id="{clip}"><rect x="{LEFT:g}" y="{TOP:g}" width="{right - LEFT:g}" '
         f'height="{HEIGHT - TOP - BOTTOM:g}"/></clipPath>',
-        *_frame(plot, (x_limits, y_limits), (to_x, to_y)),
+        *_frame(plot, (x_limits, y_limits), (to_x, to_y), right),
         f'<g clip-path="url(#{clip})">', *inside, "</g>",
-        *_mark_names(plot, to_x),
+        *_mark_names(plot, to_x, right),
+        *(_end_names(plot, to_x(_array(plot.x)), to_y, right) if plot.end_names else ()),
         "</svg>",
     ])  # fmt: skip
 
@@ -99,8 +104,8 @@ def _curve(curve: PlotCurve, x: Array, to_y: Place) -> list[str]:
     """One curve: its interval, then itself."""
     values, colour = to_y(_array(curve.values)), f"var(--{curve.colour})"
     bounds = None if curve.low is None else (to_y(_array(curve.low)), to_y(_array(curve.high)))
-    if curve.look == "dots":
-        return _dots(x, values, bounds, colour)
+    if curve.look in ("dots", "bars"):
+        return _dots(x, values, bounds, colour, bars=curve.look == "bars")
     found = [] if bounds is None else _area(x, bounds, colour, 1.0 if curve.look == "area" else 0.25)
     if curve.look == "line":
         path = "".join(f"M{_outline(x[part], values[part])}" for part in _segments(x, values))
@@ -109,15 +114,18 @@ def _curve(curve: PlotCurve, x: Array, to_y: Place) -> list[str]:
     return found
 
 
-def _dots(x: Array, values: Array, bounds: tuple[Array, Array] | None, colour: str) -> list[str]:
-    """Dots with whiskers."""
+def _dots(x: Array, values: Array, bounds: tuple[Array, Array] | None, colour: str, *, bars: bool) -> list[str]:
+    """Dots with whiskers, or bars alone. Dots are rounded squares: printers leave out lines without a length."""
     ends = () if bounds is None else zip(x, *bounds, strict=True)
     whiskers = "".join(f"M{a:.1f} {b:.1f}V{c:.1f}" for a, b, c in ends if math.isfinite(a + b + c))
-    dots = "".join(f"M{a:.1f} {b:.1f}h0" for a, b in zip(x, values, strict=True) if math.isfinite(a + b))
-    return [
-        f'<path d="{whiskers}" style="stroke:{colour}" stroke-width="1.4" fill="none"/>',
-        f'<path d="{dots}" style="stroke:{colour}" stroke-width="4" stroke-linecap="round"/>',
-    ]
+    look = 'stroke-width="9" stroke-opacity="0.3"' if bars else 'stroke-width="1.6"'
+    found = [f'<path d="{whiskers}" style="stroke:{colour}" {look} fill="none"/>']
+    size = 1.5 if len(x) > FEW else 3.0
+    around = f"h{size:g}v{size:g}h{-size:g}z"
+    corners = zip(x - 0.5 * size, values - 0.5 * size, strict=True)
+    dots = "".join(f"M{a:.1f} {b:.1f}{around}" for a, b in corners if math.isfinite(a + b))
+    round_ = 'stroke-width="2" stroke-linejoin="round"'
+    return found if bars else [*found, f'<path d="{dots}" style="stroke:{colour};fill:{colour}" {round_}/>']
 
 
 def _area(x: Array, bounds: tuple[Array, Array], colour: str, opacity: float) -> list[str]:
@@ -180,57 +188,69 @@ def _spans(plot: Plot, to_x: Place) -> list[str]:
     return found
 
 
-def _marks(plot: Plot, to_x: Place, to_y: Place) -> list[str]:
+def _marks(plot: Plot, to_x: Place, to_y: Place, right: float) -> list[str]:
     found = []
     for mark in plot.marks:
         at = (to_y if mark.across else to_x)(_array([mark.at]))[0]
-        path = f"M{LEFT:g} {at:.1f}H{WIDTH - RIGHT:g}" if mark.across else f"M{at:.1f} {TOP:g}V{HEIGHT - BOTTOM:g}"
+        path = f"M{LEFT:g} {at:.1f}H{right:g}" if mark.across else f"M{at:.1f} {TOP:g}V{HEIGHT - BOTTOM:g}"
         if math.isfinite(at):
             found.append(
                 f'<path d="{path}" style="stroke:var(--{mark.colour})" stroke-width="1" stroke-dasharray="2 3"/>'
             )
+        if mark.across:
+            found.append(_text(LEFT + 4.0, at - 4.0, mark.name, f"var(--{mark.colour})", "start"))
     return found
 
 
-def _mark_names(plot: Plot, to_x: Place) -> list[str]:
+def _mark_names(plot: Plot, to_x: Place, right: float) -> list[str]:
     """Names of vertical marks, each in the lowest row that has room."""
-    found, rows = [], [-math.inf] * NAME_ROWS
+    found, rows = list[str](), [-math.inf] * NAME_ROWS
     for mark in sorted((m for m in plot.marks if m.name and not m.across), key=lambda m: m.at):
         at, half = float(to_x(_array([mark.at]))[0]), CHARACTER * len(mark.name)
         row = next((i for i, end in enumerate(rows) if at - half >= end), None)
-        if row is not None and LEFT <= at <= WIDTH - RIGHT:
+        if row is not None and LEFT <= at <= right:
             found.append(_text(at, TOP - 5.0 - 12.0 * row, mark.name, f"var(--{mark.colour})", "middle"))
             rows[row] = at + half
     return found
 
 
-def _frame(plot: Plot, limits: Sequence[tuple[float, float]], places: Sequence[Place]) -> list[str]:
+def _end_names(plot: Plot, x: Array, to_y: Place, right: float) -> list[str]:
+    """Names of lines at their right ends, from the highest down, each below the one before."""
+    ends = []
+    for curve in plot.curves:
+        known = np.flatnonzero(np.isfinite(to_y(_array(curve.values))))
+        if curve.look == "line" and len(known) and x[known[-1]] >= right - 2.0:
+            ends.append((float(to_y(_array(curve.values))[known[-1]]), curve))
+    found, last = [], -math.inf
+    for at, curve in sorted(ends, key=lambda one: one[0]):
+        last = max(at, last + LINE)
+        found.append(_text(right + 6.0, last + 3.5, curve.name, f"var(--{curve.colour})", "start"))
+    return found
+
+
+def _frame(
+    plot: Plot, limits: Sequence[tuple[float, float]], places: Sequence[Place], right: float
+) -> list[str]:  # fmt: skip
     """Grid, ticks and labels."""
-    (to_x, to_y), bottom, found = places, HEIGHT - BOTTOM, []
+    (to_x, to_y), bottom, found = places, HEIGHT - BOTTOM, list[str]()
+    names = plot.x_axis.names
+    turned = bool(names) and 2.0 * CHARACTER * max(map(len, names)) > (right - LEFT) / len(names)
     for value, name in _ticks(plot.x_axis, limits[0], 8):
         at = to_x(_array([value]))[0]
         found.append(f'<path d="M{at:.1f} {TOP:g}V{bottom:g}" style="stroke:var(--rule)"/>')
-        if plot.x_axis.names:
-            found.append(
-                _text(
-                    at,
-                    bottom + 12.0,
-                    name,
-                    "var(--quiet)",
-                    "end",
-                    f' transform="rotate(-25 {at:.1f} {bottom + 12:.1f})"',
-                )
-            )
+        if turned:
+            turn = f' transform="rotate(-25 {at:.1f} {bottom + 12:.1f})"'
+            found.append(_text(at, bottom + 12.0, name, "var(--quiet)", "end", turn))
         else:
             found.append(_text(at, bottom + 14.0, name, "var(--quiet)", "middle"))
     for value, name in _ticks(plot.y_axis, limits[1], 5):
         at = to_y(_array([value]))[0]
-        found.append(f'<path d="M{LEFT:g} {at:.1f}H{WIDTH - RIGHT:g}" style="stroke:var(--rule)"/>')
+        found.append(f'<path d="M{LEFT:g} {at:.1f}H{right:g}" style="stroke:var(--rule)"/>')
         found.append(_text(LEFT - 6.0, at + 3.5, name, "var(--quiet)", "end"))
-    found.append(_text(0.5 * (LEFT + WIDTH - RIGHT), HEIGHT - 8.0, plot.x_axis.label, "var(--ink)", "middle"))
+    found.append(_text(0.5 * (LEFT + right), HEIGHT - 8.0, plot.x_axis.label, "var(--ink)", "middle"))
     middle = 0.5 * (TOP + bottom)
-    turned = f' transform="rotate(-90 12 {middle:g})"'
-    return [*found, _text(12.0, middle, plot.y_axis.label, "var(--ink)", "middle", turned)]
+    upright = f' transform="rotate(-90 12 {middle:g})"'
+    return [*found, _text(12.0, middle, plot.y_axis.label, "var(--ink)", "middle", upright)]
 
 
 def _text(x: float, y: float, text: str, colour: str, anchor: str, more: str = "") -> str:
@@ -248,10 +268,21 @@ def _ticks(axis: Axis, limits: tuple[float, float], most: int) -> list[tuple[flo
         return [(float(i), name) for i, name in enumerate(axis.names) if i % every == 0]
     if axis.log and high > 10.0 * low:
         powers = range(math.ceil(math.log10(low)), math.floor(math.log10(high)) + 1)
-        return [(10.0**n, f"{10.0**n:g}") for n in powers[:: max(1, -(-len(powers) // most))]]
+        return [(10.0**n, _power_of_ten(n)) for n in powers[:: max(1, -(-len(powers) // most))]]
     step = _step((high - low) / most)
     values = (step * np.arange(math.ceil(low / step), math.floor(high / step) + 1)).tolist()
     return _dated(values, step) if axis.dates else [(value, f"{value + 0.0:.6g}") for value in values]
+
+
+def _power_of_ten(n: int) -> str:
+    """Ten to the power of n as text: a number where it is short.
+
+    Examples
+    --------
+    >>> _power_of_ten(-2), _power_of_ten(-5), _power_of_ten(6)
+    ('0.01', '10⁻⁵', '10⁶')
+    """
+    return f"{10.0**n:g}" if -4 < n < 6 else "10" + str(n).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
 
 
 def _dated(values: Sequence[float], step: float) -> list[tuple[float, str]]:

@@ -56,6 +56,12 @@ const plots = (() => {
     });
   };
 
+  // A tick of a logarithmic axis: powers of ten that are long as such.
+  const power = (value) => {
+    const n = Math.round(Math.log10(value));
+    return n > -4 && n < 6 ? digits(value) : `10${String(n).replace(/./g, (sign) => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(sign)])}`;
+  };
+
   const cell = (text) => (/[",\n]/.test(text) ? `"${String(text).replaceAll('"', '""')}"` : String(text));
 
   class Figure {
@@ -86,8 +92,7 @@ const plots = (() => {
       this.log ??= { x: spec.x_axis.log, y: spec.y_axis.log };
       const kept = this.view && this.zoomed() ? this.view : null;
       this.spec = spec;
-      const long = Math.max(0, ...spec.x_axis.names.map((one) => one.length));
-      this.nameHeight = long ? Math.min(130, 20 + 5.2 * long) : 0;
+      this.longest = Math.max(0, ...spec.x_axis.names.map((one) => one.length));
       this.whole = this.extent(spec.x);
       this.start = spec.x_axis.limits ?? this.whole;
       this.view = kept ?? { x: this.positive([...this.start], this.log.x), y: null };
@@ -175,7 +180,9 @@ const plots = (() => {
 
     fit() {
       const width = Math.floor(this.place.clientWidth);
-      if (this.plot && width && width !== this.width) { this.width = width; this.plot.setSize({ width, height: HEIGHT + this.nameHeight }); }
+      if (!this.plot || !width || width === this.width) return;
+      if (this.longest || this.spec.end_names) this.draw();
+      else this.plot.setSize({ width: this.width = width, height: HEIGHT + this.nameHeight });
     }
 
     // Vertical limits of the curves that are shown within the horizontal ones, of the left axis or the right one.
@@ -208,11 +215,11 @@ const plots = (() => {
         const show = this.shown(i), none = { show: false }, scale = c.right ? "right" : "y";
         if (c.look !== "area") {
           data.push(c.values);
-          const dots = c.look === "dots" || c.look === "rings";
-          series.push({ show, scale, stroke: paint(c.colour), width: dots ? 0 : 1.4, dash: c.dashed ? [6, 4] : undefined, spanGaps: false,
-            points: dots ? { show: true, size: spec.x.length > 400 ? 3 : 5, fill: paint(c.look === "rings" ? "page" : c.colour), stroke: paint(c.colour) } : none, ...(dots ? { paths: () => null } : {}) });
+          const dots = c.look === "dots" || c.look === "rings", dot = spec.x.length > 400 ? 3 : spec.x.length > 60 ? 5 : 8, drawn = dots || c.look === "bars";
+          series.push({ show, scale, stroke: paint(c.colour), width: drawn ? 0 : 1.4, dash: c.dashed ? [6, 4] : undefined, spanGaps: false,
+            points: dots ? { show: true, size: dot, fill: paint(c.look === "rings" ? "page" : c.colour), stroke: paint(c.colour) } : none, ...(drawn ? { paths: () => null } : {}) });
         }
-        if (c.low && c.look !== "dots") {
+        if (c.low && c.look !== "dots" && c.look !== "bars") {
           data.push(c.high, c.low);
           const edge = { show, scale, stroke: c.look === "area" ? paint(c.colour) : "transparent", width: c.look === "area" ? 0.7 : 0, points: none };
           series.push(edge, edge);
@@ -221,15 +228,18 @@ const plots = (() => {
       });
       const axis = (side, more) => ({ stroke: paint("ink"), grid: { stroke: paint("rule"), width: 1 }, ticks: { stroke: paint("rule"), width: 1 },
         font: "12px system-ui, sans-serif", labelFont: "12px system-ui, sans-serif", label: spec[`${side}_axis`].label || undefined, labelSize: 20, ...more });
-      const name = (values, few) => values.map((v) => (v === null ? "" : few && !Number.isInteger(Number(Math.log10(v).toFixed(9))) ? "" : digits(v, 6)));
+      const name = (values, few) => values.map((v) => (v === null ? "" : !few ? digits(v, 6) : Number.isInteger(Number(Math.log10(v).toFixed(9))) ? power(v) : ""));
       const values = (side) => (u, ticks) => name(ticks, log[side] && u.scales[side].max > 30 * u.scales[side].min);
       const names = spec.x_axis.names;
-      const byName = { splits: () => names.map((_, i) => i), values: () => names, rotate: 50, size: this.nameHeight, grid: { show: false } };
       const right = spec.curves.find((c) => c.right);
       this.plot?.destroy();
       this.width = Math.floor(this.place.clientWidth) || 320;
+      const flat = names.length * (8 + 7 * this.longest) < this.width - 76;
+      this.nameHeight = !names.length ? 0 : flat ? 30 : Math.min(130, 20 + 5.2 * this.longest);
+      const byName = { splits: () => names.map((_, i) => i), values: () => names, rotate: flat ? 0 : 50, size: this.nameHeight, grid: { show: false } };
+      const ends = spec.end_names ? Math.min(0.3 * this.width, 10 + 6.5 * Math.max(...spec.curves.map((c) => c.name.length))) : 14;
       this.plot = new uPlot({
-        width: this.width, height: HEIGHT + this.nameHeight, legend: { show: false }, padding: [spec.marks.some((one) => one.name && !one.across) ? 6 + 13 * NAME_ROWS : 10, 14, 0, 0],
+        width: this.width, height: HEIGHT + this.nameHeight, legend: { show: false }, padding: [spec.marks.some((one) => one.name && !one.across) ? 6 + 13 * NAME_ROWS : 10, ends, 0, 0],
         scales: {
           x: { time: spec.x_axis.dates, distr: log.x ? 3 : 1, range: () => this.view.x },
           y: { distr: log.y ? 3 : 1, range: () => this.heights() },
@@ -249,7 +259,7 @@ const plots = (() => {
         },
         hooks: {
           drawClear: [(u) => { this.drawCells(u); this.drawSpans(u); this.drawWhiskers(u); }],
-          draw: [(u) => this.drawMarks(u)],
+          draw: [(u) => { this.drawMarks(u); if (spec.end_names) this.drawEnds(u); }],
           setCursor: [(u) => this.read(u.cursor.idx, u)],
           setSelect: [(u) => this.zoomTo(u)],
         },
@@ -311,9 +321,10 @@ const plots = (() => {
       const count = this.spec.x.filter((at) => at >= from && at <= to).length;
       if (count > MAX_WHISKERS) return;
       this.within(u, (ctx) => this.spec.curves.forEach((c, i) => {
-        if (c.look !== "dots" || !c.low || !this.shown(i)) return;
-        ctx.strokeStyle = colour(c.colour, count > 60 ? 0.35 : 0.7);
-        ctx.lineWidth = 1.3 * uPlot.pxRatio;
+        const bars = c.look === "bars";
+        if (!(bars || c.look === "dots") || !c.low || !this.shown(i)) return;
+        ctx.strokeStyle = colour(c.colour, bars ? 0.3 : count > 60 ? 0.35 : 0.8);
+        ctx.lineWidth = (bars ? 11 : count > 60 ? 1.3 : 2) * uPlot.pxRatio;
         ctx.beginPath();
         this.spec.x.forEach((at, k) => {
           if (c.low[k] === null || c.high[k] === null) return;
@@ -341,8 +352,13 @@ const plots = (() => {
       });
       ctx.save();
       ctx.font = `${11 * ratio}px system-ui, sans-serif`;
-      ctx.textAlign = "center";
       const rows = Array(NAME_ROWS).fill(-Infinity);
+      ctx.textAlign = "left";
+      for (const mark of marks.filter((one) => one.name && one.across)) {
+        ctx.fillStyle = colour(mark.colour);
+        ctx.fillText(mark.name, bbox.left + 4 * ratio, u.valToPos(mark.at, "y", true) - 5 * ratio);
+      }
+      ctx.textAlign = "center";
       for (const mark of marks.filter((one) => one.name && !one.across && one.at >= this.view.x[0] && one.at <= this.view.x[1])) {
         const half = 0.5 * ctx.measureText(mark.name).width + 3 * ratio;
         const at = Math.min(Math.max(u.valToPos(mark.at, "x", true), half), ctx.canvas.width - half);
@@ -351,6 +367,23 @@ const plots = (() => {
         ctx.fillStyle = colour(mark.colour);
         ctx.fillText(mark.name, at, bbox.top - (5 + 13 * row) * ratio);
         rows[row] = at + half;
+      }
+      ctx.restore();
+    }
+
+    // Names of lines at their right ends, from the highest down, each below the one before.
+    drawEnds(u) {
+      const { ctx, bbox } = u, ratio = uPlot.pxRatio, ends = [], { x, curves } = this.spec;
+      const last = x.findLastIndex((at) => at <= this.view.x[1]);
+      curves.forEach((c, i) => { if (c.look === "line" && this.shown(i) && c.values[last] !== null) ends.push([u.valToPos(c.values[last], "y", true), c]); });
+      ctx.save();
+      ctx.font = `${11 * ratio}px system-ui, sans-serif`;
+      [ctx.textAlign, ctx.textBaseline] = ["left", "middle"];
+      let lowest = -Infinity;
+      for (const [at, c] of ends.filter(([at]) => at >= bbox.top && at <= bbox.top + bbox.height).sort(([a], [b]) => a - b)) {
+        lowest = Math.max(at, lowest + 12 * ratio);
+        ctx.fillStyle = colour(c.colour);
+        ctx.fillText(c.name, bbox.left + bbox.width + 5 * ratio, lowest);
       }
       ctx.restore();
     }

@@ -94,7 +94,7 @@ ESTIMATES: Final[Mapping[str, Sentence]] = {
     ),
     "damping_not_positive": _damping_not_positive,
     "damping_may_be_negative": (
-        "damping may be zero or negative within its band: {names}; choose a longer record"
+        "damping may be zero or negative within its interval: {names}; choose a longer record"
     ),
     "prior_dominates": _prior_dominates,
     "unseen": "{quantity} is not determined by the data at all",
@@ -102,10 +102,10 @@ ESTIMATES: Final[Mapping[str, Sentence]] = {
     "unseen_direction": "{direction} together: no effect on the readings",
     "hard_to_tell_apart": lambda d: (
         f"{_all(d)} are hard to distinguish: {d['seen']} is known to {_two_sigma(d['std'])}, each alone to {_each(d)}"
-        " (2σ)"
+        " (95 %)"
     ),
     "direction_hardly_seen": lambda d: (
-        f"{_all(d)} are hard to distinguish: {d['direction']} together is poorly determined (2σ of each: {_each(d)})"
+        f"{_all(d)} are hard to distinguish: {d['direction']} together is poorly determined (95 % of each: {_each(d)})"
     ),
     "correlated_estimates": lambda d: f"{' and '.join(d['quantities'])} are correlated by {d['correlation']:+.2f}",
     "wider_intervals": _wider_intervals,

@@ -133,8 +133,8 @@ RECORD: Final[Mapping[str, Sentence]] = {
     **{code: _fault(code) for code in FAULTS},
     "coordinate_locked": _locked,
     "blades_locked_unseen": (
-        "no channel measures the blades, so they are locked: the support's stiffness may be off by more than its band; "
-        "add a blade sensor (docs/tower.md)"
+        "no channel measures the blades, so they are locked: the support's stiffness may be off by more than its"
+        " interval; add a blade sensor (docs/tower.md)"
     ),
     "resampled": _resampled,
     "steps_of_equations": _steps,

@@ -254,7 +254,7 @@ class OperationalModes(Answer):
     def headings(self) -> tuple[str, ...]:
         """Headings of `rows`."""
         known = ("reference [Hz]", "which mode, odds") if any(mode.candidates for mode in self.modes) else ()
-        return ("mode", "f ± 2σ [Hz]", "grade", "ζ ± 2σ [%]", "grade", *known, *(("moves most",) * self._numbered))
+        return ("mode", "f ± 95 % [Hz]", "grade", "ζ ± 95 % [%]", "grade", *known, *(("moves most",) * self._numbered))
 
     @property
     def rows(self) -> list[tuple[str, ...]]:

@@ -1,5 +1,7 @@
 // Requests to the service, and its events.
 
+const PATIENCE = 30000; // ms, then an error instead of a page that waits
+
 export class Refused extends Error {
   constructor(status, text) {
     super(text);
@@ -11,7 +13,7 @@ export async function ask(path, body) {
   const options = body === undefined ? {} : {
     method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body),
   };
-  const answer = await fetch(path, { cache: "no-store", ...options });
+  const answer = await fetch(path, { cache: "no-store", signal: AbortSignal.timeout(PATIENCE), ...options });
   const said = await answer.json().catch(() => ({}));
   if (!answer.ok) {
     const text = Array.isArray(said.detail) ? said.detail.map((one) => one.msg).join("; ") : said.detail;

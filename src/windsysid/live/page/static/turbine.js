@@ -387,7 +387,7 @@ export class TurbineView {
       newest ? this.windowPart(newest) : null,
       h("details", { id: "stream" }, h("summary", { id: "stream-title" }, "Stream since its first block"),
         table("Counts.", [["Quantity"], ["Count", true]], Object.entries(counts).map(([name, count]) => [name, count.toLocaleString("en").replaceAll(",", "\u202f")])),
-        configurations.length ? table("Settings.", [["Since"], ["Settings"]], configurations.map((one) => [when(one.at), one.settings])) : null),
+        configurations.length ? table("Settings.", [["Since"], ["Settings"]], configurations.map((one) => [when(one.at), one.settings]), { stacked: true }) : null),
     ];
   }
 
