@@ -9,23 +9,51 @@ from matplotlib.figure import Figure
 
 from windsysid.monitoring.change import Comparison, QuantityChange
 from windsysid.output.table import Table
-from windsysid.reports import campbell, comparison, fleet, inspection, inspection_plots, plan, watch
-from windsysid.reports.figures import bands, plots
+from windsysid.reports import campbell, comparison, fleet, inspection, inspection_plots, watch
+from windsysid.reports.figures import plots
+from windsysid.reports.figures.drawing import drawn
 from windsysid.reports.figures.plots import ERROR, ESTIMATE, MEASURED
+from windsysid.reports.interactive.plot import Axis, Mark, Plot, PlotCurve, ShadedRange
 
 
 def change(name: str, percent: float, log_odds: float) -> QuantityChange:
     return QuantityChange(name, "N/m", 1.0, 1.0, percent, percent - 1.0, percent + 1.0, log_odds, 0.5, "stiffness")
 
 
-def test_a_coefficient_that_moved_is_orange_and_a_mode_is_grey():
+def test_a_coefficient_that_changed_is_orange_and_a_mode_is_grey():
     moved, steady, mode = change("k_a", -5.0, 10.0), change("k_b", 0.1, -1.0), change("bending", -2.5, np.nan)
     found = Comparison(("a", "b"), (moved, steady), (mode,), (), False, (), ())
     (ax,) = comparison.figure(found).axes
     assert [line.get_color() for line in ax.lines if line.get_marker() == "o"] == [ERROR, ESTIMATE, MEASURED]
-    low, high = ax.get_xlim()
+    low, high = ax.get_ylim()
     assert low < -6.0
     assert high > 1.1
+    nothing = Comparison(("a", "b"), (), (), (), False, (), ())
+    assert comparison.figure(nothing).texts[0].get_text() == "The records determine no change."
+
+
+def described(**changes: Any) -> Plot:
+    x = np.linspace(0.1, 2.0, 50)
+    given: dict[str, Any] = {
+        "title": "$cost$", "x": x, "x_axis": Axis("x", log=True), "y_axis": Axis("y", log=True),
+        "curves": [PlotCurve("k_a", x, 0.5 * x, 2.0 * x), PlotCurve("b", x, 0.5 * x, 2.0 * x, "bars", "measured")],
+        "marks": [Mark(0.5, "mode"), Mark(0.51, "too near"), Mark(1.0, "limit", across=True)],
+        "spans": [ShadedRange(0.2, 0.3)],
+    }  # fmt: skip
+    return Plot(**{**given, **changes})
+
+
+def test_a_description_is_drawn_with_names_that_have_room():
+    (ax,) = drawn([described()]).axes
+    assert {text.get_text() for text in ax.texts} == {"mode", "limit"}
+    assert ax.get_yscale() == "log"
+    assert len(drawn([described()] * 3).axes) == 4
+    own = Figure().subplots()
+    assert drawn([described(x_axis=Axis("", dates=True), marks=[], spans=[])], own) is own.figure
+    named = described(
+        x=[0, 1], curves=[PlotCurve("c", [1, 2], look="dots")], x_axis=Axis("", names=("a", "b")), marks=[]
+    )
+    assert [tick.get_text() for tick in drawn([named]).axes[0].get_xticklabels()] == ["a", "b"]
 
 
 def test_an_axis_shows_all_but_the_farthest_values():
@@ -54,11 +82,10 @@ def test_names_at_the_end_of_curves_do_not_overlap():
     assert np.diff(places).min() > 0.2
 
 
-def test_curves_that_end_together_share_a_label():
-    ax = Figure().subplots()
-    time = np.array([1.0, 10.0])
-    kinds = {"k_a": "stiffness", "k_b": "stiffness", "c_a": "damping"}
-    plan._draw_bands(ax, time, {"k_a": time, "k_b": 1.01 * time, "c_a": 1.02 * time}, kinds)
+def test_curves_that_end_together_share_a_name():
+    x = np.array([1.0, 10.0])
+    curves = [PlotCurve("k_a", x), PlotCurve("k_b", 1.01 * x), PlotCurve("c_a", 1.02 * x, colour="error")]
+    (ax,) = drawn([described(x=x, curves=curves, marks=[], spans=[], end_names=True)]).axes
     assert sorted(text.get_text().count(",") for text in ax.texts) == [0, 1]
 
 
@@ -82,11 +109,3 @@ def test_many_faults_are_thinned_and_none_is_kept():
     spans = np.column_stack([np.arange(1000.0), np.arange(1000.0) + 0.5])
     assert len(inspection_plots.some(spans)) <= inspection_plots.MAX_MARKS
     assert inspection_plots.some(np.empty((0, 2))).shape == (0, 2)
-
-
-def test_a_band_about_the_result_is_marked():
-    estimate: Any = SimpleNamespace(
-        name="k_a", kind="stiffness", unit="N/m", estimate=2.0, low=1.0, high=3.0, reference=None
-    )
-    ax = Figure().subplots()
-    assert bands._draw_row(ax, 0, estimate, [1.0, 3.0]) == (-50.0, 50.0)

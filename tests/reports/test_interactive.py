@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 import windsysid as ws
 from windsysid.inspection.spectra import ExpectedLine, SpectralPeak, Spectrum
 from windsysid.monitoring.change import Comparison, QuantityChange
+from windsysid.output.table import Table
 from windsysid.reports import comparison
 from windsysid.reports.figures.plots import ESTIMATE
 from windsysid.reports.html import Section, report_page
@@ -63,6 +64,27 @@ def test_the_static_picture_is_well_formed_and_small(changes: dict[str, Any]):
     assert ElementTree.fromstring(text).get("role") == "img"
     assert len(text) < 400_000
     assert "nan" not in text.replace("nacelle", "")
+
+
+def test_points_have_a_size_as_printers_leave_out_lines_without_a_length():
+    text = static_svg(plot(curves=[PlotCurve("measured", np.ones(5000), look="dots")]), "p")
+    assert not re.search(r"h0\D", text)
+    assert text.count("z") >= 5000
+    named = static_svg(plot(curves=[PlotCurve("k_a", np.ones(5000))], end_names=True, y_axis=Axis("", log=True)), "p")
+    assert ">k_a</text>" in named
+
+
+def test_ticks_of_a_logarithmic_axis_are_powers_of_ten():
+    text = static_svg(plot(curves=[PlotCurve("a", np.geomspace(1e-7, 1.0, 5000))]), "p")
+    assert "10⁻⁶" in text
+    assert "e-" not in text
+
+
+def test_tables_wider_than_a_phone_are_cards_there_and_values_are_not_broken():
+    narrow, wide = Table(("a", "b"), [("x", "1.5 ± 0.2 %")]), Table(("a", *["column"] * 6), [("x", *["1.23456"] * 6)])
+    page = report_page("A", "b", [Section("c", tables=[narrow, wide])]).decode()
+    assert page.count('class="wide"') == 1
+    assert "1.5\N{NO-BREAK SPACE}±\N{NO-BREAK SPACE}0.2\N{NO-BREAK SPACE}%" in page
 
 
 def test_a_thinned_curve_keeps_its_spikes():

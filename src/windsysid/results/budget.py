@@ -36,7 +36,7 @@ class Share(NamedTuple):
     name
         A coefficient, or a mode's frequency or damping ratio.
     two_sigma
-        Half-width of its interval, relative to the estimate.
+        Half-width of its interval, relative to the estimate unless `relative` is False (results of version 0.2).
     alone
         Share of the variance that would be left if all causes were known exactly: the data's own, with the prior.
     causes
@@ -47,6 +47,7 @@ class Share(NamedTuple):
     two_sigma: float
     alone: float
     causes: tuple[float, ...]
+    relative: bool = True
 
 
 class Budget(NamedTuple):
@@ -85,17 +86,16 @@ class Budget(NamedTuple):
         }  # fmt: skip
 
     def table(self, *, modes: bool = True) -> Table:
-        """As a table, with or without those of modes; without causes that have no share."""
+        """As a table, with or without modes; without causes that have no share."""
         rows = [row for row in self.rows if modes or ":" not in row.name]
         shares = np.array([(row.alone, *row.causes) for row in rows]).reshape(len(rows), -1)
         shown = [0, *(i for i in range(1, shares.shape[1]) if shares[:, i].max() >= 0.005)]
-        cells = [
-            (row.name, f"{100.0 * row.two_sigma:.2g} %", *(f"{100.0 * share:.0f} %" for share in own[shown]))
-            for row, own in zip(rows, shares, strict=True)
-        ]
-        names = ("data and prior", *self.causes)
-        title = "Uncertainty budget: shares of the variance of each 95 % interval"
-        return Table(("quantity", "± 95 %", *(names[i] for i in shown)), cells, title)
+        cells = []
+        for row, own in zip(rows, shares, strict=True):
+            width = f"{100.0 * row.two_sigma:.2g} %" if row.relative else f"{row.two_sigma:.3g}"
+            cells.append((row.name, width, *(f"{100.0 * share:.0f} %" for share in own[shown])))
+        names = np.array(["data and prior", *self.causes])[shown].tolist()
+        return Table(("quantity", "± 95 %", *names), cells, "Uncertainty budget: shares of each interval's variance")
 
 
 def budget_of(

@@ -203,18 +203,17 @@ class Identification(IdentificationValues, Answer):
 
     def table(self) -> Table:
         """The estimates with their bands, and the references where any is known."""
-        known = any(e.reference is not None for e in self.estimates)
+        headings = ["coefficient", "estimate", "95 % interval", "unit", "grade", "by data"]
+        headings += ["file", "differs"] if any(e.reference is not None for e in self.estimates) else []
         rows = []
         for e in self.estimates:
             informed = f"{100.0 * e.informed_by_data:.1f} %"
-            rows.append(_estimate_cells(e.name, e.unit, e.grade, informed, known, asdict(e)))
+            rows.append(_estimate_cells(e.name, e.unit, e.grade, informed, asdict(e))[: len(headings)])
             if e.tip is not None:
                 unit = "N/m" if e.kind == "stiffness" else "N*s/m"
-                rows.append(_estimate_cells("  at the tip", unit, "", "", known, e.tip))
-        headings = ("coefficient", "estimate", "95 % interval", "unit", "grade", "by data")
-        more = ("file", "differs") if known else ()
+                rows.append(_estimate_cells("  at the tip", unit, "", "", e.tip)[: len(headings)])
         title = "Stiffness and damping" if self.machine is not None else "Parameters"
-        return Table((*headings, *more), rows, title, words=(0, 3))
+        return Table(headings, rows, title, words=(0, 3))
 
     def modes_table(self) -> Table:
         """The modes: frequencies, damping ratios, and how far they are from the nearest harmonic of the rotor."""
@@ -257,16 +256,11 @@ def coefficient_errors(history: Array, reference: float) -> Array:
     return np.asarray(np.abs(history - reference) / abs(reference) * 100.0, dtype=np.float64)
 
 
-def _estimate_cells(
-    name: str, unit: str, grade: str, informed: str, known: bool, values: Mapping[str, Any]
-) -> tuple[str, ...]:
+def _estimate_cells(name: str, unit: str, grade: str, informed: str, values: Mapping[str, Any]) -> tuple[str, ...]:
     estimate, reference = values["estimate"], values["reference"]
     value, low, high, in_file, unit = engineering(unit, estimate, values["low"], values["high"], reference)
-    cells = (name, value, f"{low} … {high}", unit, grade, informed)
-    if not known:
-        return cells
     difference = f"{round(100.0 * (estimate / reference - 1.0), 1) + 0.0:+.1f} %" if reference else ""  # no -0.00 %
-    return (*cells, in_file, difference)
+    return name, value, f"{low} … {high}", unit, grade, informed, in_file, difference
 
 
 def _estimate_summary(e: Estimate) -> dict[str, Any]:

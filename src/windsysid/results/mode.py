@@ -60,8 +60,7 @@ class Mode:
         """Name, frequency [Hz] and damping ratio [%] as ``estimate ± 2σ``, each with its grade, for a table."""
         f, z = self.frequency, self.damping_ratio
         frequency = with_half_width(f.estimate, f.estimate - f.low, 4)
-        percent, half = 100.0 * z.estimate, 100.0 * (z.estimate - z.low)
-        damping = with_half_width(percent, half, 3 if abs(percent) < 1.0 else 2)
+        damping = with_half_width(100.0 * z.estimate, 100.0 * (z.estimate - z.low), 3 if abs(z.estimate) < 0.01 else 2)
         return self.name, frequency, f.grade, damping, z.grade
 
     def beside(self, orders: Sequence[int], rotor_speed: float) -> str:

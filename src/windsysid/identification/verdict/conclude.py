@@ -289,6 +289,11 @@ def _bent(outcome: Outcome) -> Bent | None:
     )  # fmt: skip
 
 
+def _relative_slope(q: Parameter, x: float) -> float:
+    """Slope of the logarithm of a coefficient to its filter coordinate."""
+    return 1.0 if q.logarithmic else q.scale / (abs(float(q.physical(x))) or 1.0)
+
+
 def _budget(
     outcome: Outcome, at: FittedModes, coefficients: Sequence[Widening], of_modes: Sequence[Widening]
 ) -> Budget:
@@ -296,19 +301,16 @@ def _budget(
     if outcome.joint_cov is None:
         return Budget()
     unit, variance = np.eye(len(outcome.theta), len(outcome.joint_cov)), np.diag(outcome.joint_cov)
-    values = [abs(float(q.physical(x))) or 1.0 for q, x in zip(outcome.model.parameters, outcome.theta, strict=True)]
-    rows = [
-        (q.name, unit[i] * (1.0 if q.logarithmic else q.scale / values[i]))
-        for i, q in enumerate(outcome.model.parameters)
-    ]
+    theta = enumerate(zip(outcome.model.parameters, outcome.theta, strict=True))
+    rows = [(q.name, unit[i] * _relative_slope(q, float(x))) for i, (q, x) in theta]
     statistics = outcome.unknowns.of("statistics")
     shares = np.diag(at.given_masses)[: len(rows)] / variance[: len(rows)]
     added = {one.name: (share * one.added()).tolist() for one, share in zip(coefficients, shares, strict=True)}
     own = budget_of(rows, outcome.joint_cov, statistics, outcome.tolerances).widened(added)
     rows = [
         (f"{mode.name}: {what}", slope @ unit / (abs(one.estimate) or 1.0))
-        for k, of in enumerate(at.slopes)
-        for mode, slope in zip(at.modes, of, strict=True)
+        for k in (0, 1)
+        for mode, slope in zip(at.modes, at.slopes[k], strict=True)
         for what, one in [mode.quantities[k]]
     ]
     added = {name: one.added().tolist() for (name, *_), one in zip(rows, of_modes, strict=True)}

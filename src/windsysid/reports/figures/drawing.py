@@ -26,8 +26,8 @@ WIDTH, HEIGHT = 6.2, 2.9
 FEW = 60
 """Setting: points up to which they are drawn larger."""
 
-MAX_NAMED, MAX_TICKS = 8, 12
-"""Setting: curves and named ticks that are named."""
+MAX_NAMED, MAX_TICKS, END_GAP = 8, 12, 0.04
+"""Setting: curves and ticks that are named, and distance of names at ends of curves [height of the axes]."""
 
 
 def drawn(plots: Sequence[Plot], place: Axes | None = None, nothing: str = "") -> Figure:
@@ -55,12 +55,9 @@ def _draw(ax: Axes, plot: Plot) -> None:
         ax.axvspan(*_times(plot, [span.start, span.end]), color=COLOURS[span.colour], alpha=0.2, lw=0)
     for curve in plot.curves:
         _draw_curve(ax, _times(plot, plot.x), curve)
-        if plot.end_names and np.isfinite(np.asarray(curve.values)[-1:]).all():
-            at = _times(plot, plot.x)[-1], np.asarray(curve.values)[-1]
-            ax.annotate(symbol(curve.name), at, (4, 0), textcoords="offset points", color=COLOURS[curve.colour],
-                        fontsize=8, va="center")  # fmt: skip
     _draw_marks(ax, plot)
     _set_axes(ax, plot)
+    _name_ends(ax, plot.curves if plot.end_names else ())
     ax.set_title(label(plot.title), fontsize=9, loc="left", pad=14 if any(m.name for m in plot.marks) else 4)
     if 1 < len(plot.curves) <= MAX_NAMED and not plot.end_names:
         ax.legend(fontsize=7.5, frameon=False)
@@ -75,14 +72,13 @@ def _times(plot: Plot, values: Any) -> Any:
 
 def _draw_curve(ax: Axes, x: Any, curve: PlotCurve) -> None:
     colour, values = COLOURS[curve.colour], np.asarray(curve.values, dtype=np.float64)
-    known = curve.low is not None and curve.high is not None
-    ends = np.array([curve.low, curve.high], dtype=np.float64) if known else np.array([values, values])
+    ends = None if curve.low is None else np.array([curve.low, curve.high], dtype=np.float64)
     if curve.look in LOOKS:
         size = {"ms": 5.0 if len(x) <= FEW else 2.0} if curve.look == "dots" else {}
-        reach = np.abs(ends - values)
+        reach = None if ends is None else np.abs(ends - values)
         ax.errorbar(x, values, yerr=reach, color=colour, label=label(curve.name), **LOOKS[curve.look], **size)
         return
-    if known:
+    if ends is not None:
         ax.fill_between(x, *ends, color=colour, alpha=1.0 if curve.look == "area" else 0.3, lw=0)
     if curve.look == "line":
         ax.plot(x, values, color=colour, lw=1.2, ls="--" if curve.dashed else "-", label=label(curve.name))
@@ -107,6 +103,21 @@ def _draw_marks(ax: Axes, plot: Plot) -> None:
             last = mark.at
 
 
+def _name_ends(ax: Axes, curves: Sequence[PlotCurve]) -> None:
+    """Name curves at their right ends, those of one colour that end together with one text."""
+    place = ax.transScale + ax.transLimits
+    ends = [(float(np.asarray(one.values)[-1]), one) for one in curves]
+    groups: list[tuple[float, str, list[str]]] = []
+    for value, one in sorted((end for end in ends if np.isfinite(end[0])), key=lambda end: end[0]):
+        at = float(place.transform((1.0, value))[1])
+        if groups and at - groups[-1][0] < END_GAP and one.colour == groups[-1][1]:
+            groups[-1][2].append(symbol(one.name))
+        else:
+            groups.append((at, one.colour, [symbol(one.name)]))
+    for at, colour, names in groups:
+        ax.text(1.01, at, ", ".join(names), transform=ax.transAxes, color=COLOURS[colour], fontsize=8, va="center")
+
+
 def _set_axes(ax: Axes, plot: Plot) -> None:
     x_axis, y_axis = plot.x_axis, plot.y_axis
     ax.set(xlabel=x_axis.label, ylabel=y_axis.label)
@@ -114,7 +125,7 @@ def _set_axes(ax: Axes, plot: Plot) -> None:
         ax.set_xscale("log")
     if y_axis.log:
         ax.set_yscale("log")
-    ax.set_xlim(x_axis.limits)
+    ax.set_xlim((-0.5, len(x_axis.names) - 0.5) if x_axis.names else x_axis.limits)
     ax.set_ylim(y_axis.limits)
     if x_axis.names:
         every = -(-len(x_axis.names) // MAX_TICKS)
