@@ -1,9 +1,13 @@
-"""Names of a namespace that are imported when they are first used."""
+"""Names of a namespace that are imported when they are first used; functions name arguments of a wrong type."""
 
+import sys
 from collections.abc import Callable, Mapping
+from functools import wraps
 from importlib import import_module
+from types import FunctionType, UnionType
+from typing import Any, Union, get_args, get_origin
 
-__all__ = ["lazily"]
+__all__ = ["lazily", "misfit", "naming_arguments"]
 
 
 def lazily(
@@ -33,7 +37,103 @@ def lazily(
             raise AttributeError(f"module '{namespace}' has no attribute '{name}'")
         module, original = public[name]
         found = import_module(f"windsysid.{module or original}")
-        value = values[name] = getattr(found, original) if module else found
-        return value
+        value = getattr(found, original) if module else found
+        values[name] = naming_arguments(name, value)
+        return values[name]
 
     return public, imported
+
+
+def naming_arguments(name: str, function: Any) -> Any:
+    """A public function which names an argument of a wrong type where it fails because of it; others as they are.
+
+    It takes the place of the function in its module, so that it can be pickled.
+    """
+    home = sys.modules.get(getattr(function, "__module__", ""))
+    if not isinstance(function, FunctionType) or vars(home).get(function.__name__) is not function:
+        return function
+
+    @wraps(function)
+    def named(*arguments: Any, **options: Any) -> Any:
+        try:
+            return function(*arguments, **options)
+        except (AttributeError, TypeError, ValueError, LookupError) as error:
+            wrong = None if type(error).__module__ == "windsysid.errors" else misfit(function, arguments, options)
+            if wrong is None:
+                raise
+            raise TypeError(f"{name}: {wrong}") from error
+
+    setattr(home, function.__name__, named)
+    return named
+
+
+def misfit(function: FunctionType, arguments: tuple[Any, ...], options: dict[str, Any]) -> str | None:
+    """The first argument that has none of the types of its annotation, in words; only what certainly does not fit.
+
+    Examples
+    --------
+    >>> def double(values: "list[float]", count: int = 2) -> None: ...
+    >>> misfit(double, (3,), {})
+    'values: expected list[float], got int 3'
+    >>> misfit(double, ([1.0],), {"count": 4})
+    """
+    import inspect
+    import re
+
+    signature = inspect.signature(function)
+    try:
+        given = signature.bind(*arguments, **options).arguments
+    except TypeError:
+        return None
+    for key, value in given.items():
+        parameter = signature.parameters[key]
+        hint = _evaluated(parameter.annotation, function.__globals__)
+        if parameter.kind not in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD) and not _fits(value, hint):
+            hint = getattr(hint, "__bound__", hint) or hint
+            written = "array_like" if "numpy" in repr(hint) else inspect.formatannotation(hint).replace("typing.", "")
+            shown = f"{type(value).__name__} {value!r}"
+            got = "None" if value is None else shown if len(shown) < 50 else type(value).__name__
+            written = re.sub(r"type\[~.*\]", "a class", re.sub("[a-z_.]+[.](?=[A-Za-z])", "", written))
+            return f"{key}: expected {written}, got {got}"
+    return None
+
+
+class _Names(dict[str, Any]):
+    """Names of a module; those that it imports for type checkers only may be anything."""
+
+    def __missing__(self, name: str) -> Any:
+        import builtins
+
+        return getattr(builtins, name, Any)
+
+
+def _evaluated(annotation: Any, names: dict[str, Any]) -> Any:
+    """The types of an annotation; Any where they are not known."""
+    try:
+        return eval(annotation, {}, _Names(names)) if isinstance(annotation, str) else annotation
+    except Exception:
+        return Any
+
+
+def _fits(value: Any, hint: Any) -> bool:
+    """Test whether a value may have a type of an annotation."""
+    from collections.abc import Iterable
+    from inspect import Parameter
+    from numbers import Integral, Real
+
+    hint = getattr(hint, "__bound__", hint)
+    if "numpy" in repr(hint):
+        array = hasattr(value, "__array__") or isinstance(value, list | tuple | Real)
+        return array or (value is None and "None" in repr(hint))
+    kind, inner = get_origin(hint) or hint, get_args(hint)
+    kind = {float: Real, int: Integral, None: type(None)}.get(kind, kind)
+    if kind in (Union, UnionType):
+        return any(_fits(value, one) for one in inner)
+    if not isinstance(kind, type) or kind in (Any, Parameter.empty):
+        return True
+    if getattr(kind, "_is_protocol", False) and kind.__module__.startswith("windsysid"):
+        return all(hasattr(value, name) for name in (*vars(kind), *kind.__annotations__) if not name.startswith("_"))
+    if isinstance(value, str) and issubclass(kind, Iterable):
+        return kind is str
+    several = isinstance(value, list | tuple) and len(inner) == 1
+    return isinstance(value, kind) and (not several or all(_fits(each, inner[0]) for each in value))

@@ -3,6 +3,7 @@
 `docs/tutorials/own_model.md` builds one.
 """
 
+from windsysid._lazy import naming_arguments
 from windsysid.identification.fit_equations import Fit, Reading, fit
 from windsysid.identification.model.prior import Prior
 from windsysid.loads.hypothesis import LoadHypothesis, SupposedLoads, register_loads
@@ -66,3 +67,5 @@ __all__ = [
     "register_model",
     "register_sensor",
 ]
+
+globals().update({name: naming_arguments(name, globals()[name]) for name in __all__})

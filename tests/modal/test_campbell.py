@@ -328,7 +328,7 @@ def test_the_summary_as_json_is_all_that_is_printed(run):
          "--operating: expected a unit of the same quantity as rad/s; got '3 kg'"),
         (("--turbine", "verne555", "--speeds", "3 rpm", "2 rpm"),
          "speeds: expected two rotor speeds from 0 on, the lower first, got 3 and 2 rpm"),
-        (("src",), "result src: expected a folder that windsysid identify wrote, got no identification.nc"),
+        (("src",), "result src: expected a folder that windsysid identify wrote, got no result in it: check"),
     ],
 )  # fmt: skip
 def test_a_bad_option_is_refused_in_one_line(run, arguments, complaint, monkeypatch, tmp_path):

@@ -1,5 +1,6 @@
 """Filters: each is one module and one `Filter` of pure functions, and passes the one protocol test."""
 
+from windsysid._lazy import naming_arguments
 from windsysid.filters.checkpoint import load_belief, save_belief
 from windsysid.filters.ekf import EKF
 from windsysid.filters.iekf import IEKF
@@ -35,3 +36,5 @@ __all__ = [
 
 FILTERS: tuple[Filter, ...] = (EKF, IEKF, UKF)
 """Every filter there is; the protocol test runs them all."""
+
+globals().update({name: naming_arguments(name, globals()[name]) for name in __all__})

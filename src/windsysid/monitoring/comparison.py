@@ -42,7 +42,7 @@ from windsysid.monitoring.own_information import (
 )
 from windsysid.results.coercion import PosteriorLike, as_posterior
 from windsysid.results.posterior import SIGMAS, Posterior
-from windsysid.spectral.oma.known_modes import ModesLike, holds_modes
+from windsysid.spectral.oma.known_modes import ModesLike, all_hold_modes
 from windsysid.statespace.parameter import Parameter
 
 __all__ = ["compare"]
@@ -93,11 +93,8 @@ def compare(before: PosteriorLike | ModesLike, after: PosteriorLike | ModesLike)
     >>> print(ws.compare(before, after).coefficients[0])
     k_side_side fell by 19.9 % (95 % interval -20.9 … -18.9 %; odds >1000 : 1)
     """
-    of_modes = [holds_modes(one) for one in (before, after)]
-    if all(of_modes):
+    if all_hold_modes((before, after)):
         return compare_modes(cast("ModesLike", before), cast("ModesLike", after))
-    if any(of_modes):
-        raise ConfigurationError("expected two results of windsysid identify or two of windsysid oma, got one of each")
     return _compare_coefficients(
         as_posterior(cast("PosteriorLike", before)), as_posterior(cast("PosteriorLike", after))
     )

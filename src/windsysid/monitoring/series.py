@@ -24,7 +24,7 @@ from windsysid.monitoring.dates import MIN_BLOCKS, Order, Span, in_order, spans_
 from windsysid.monitoring.modal_tracks import modal_tracks
 from windsysid.monitoring.own_information import without_prior
 from windsysid.results.posterior import SIGMAS, Posterior, load_posterior
-from windsysid.spectral.oma.known_modes import KnownModes, ModesLike, as_modes, holds_modes
+from windsysid.spectral.oma.known_modes import KnownModes, ModesLike, all_hold_modes, as_modes
 from windsysid.statespace.parameter import Parameter
 
 __all__ = ["DAY", "MIN_BLOCKS", "RecordBlocks", "gather", "gather_modes", "left_out_of", "read_blocks"]
@@ -294,10 +294,7 @@ def read_blocks(folders: Sequence[str | Path], covariates: str | Path | None = N
 
 def _read_results(folders: Sequence[str | Path]) -> list[tuple[Path, Result]]:
     """Each folder with its result, all of them of one kind."""
-    of_modes = [holds_modes(folder) for folder in folders]
-    if any(of_modes) and not all(of_modes):
-        raise ConfigurationError("expected results of windsysid identify or of windsysid oma, got some of each")
-    read: Callable[[str | Path], Result] = as_modes if any(of_modes) else load_posterior
+    read: Callable[[str | Path], Result] = as_modes if all_hold_modes(folders) else load_posterior
     return [(Path(folder), read(folder)) for folder in folders]
 
 

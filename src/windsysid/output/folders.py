@@ -28,7 +28,7 @@ from windsysid.errors import OutputError
 from windsysid.output.files import explain_errors, make_folders, place_file, remove_empty, replace_file, sync
 from windsysid.output.locks import HOME, MANIFEST, TRIES, release, remove_abandoned, try_lock
 
-__all__ = ["Saveable", "claim", "is_free", "result_file"]
+__all__ = ["Saveable", "claim", "content_of", "is_free", "result_file"]
 
 NAMES = frozenset(
     [
@@ -139,6 +139,33 @@ def result_file(folder: str | Path, name: str) -> Path:
                 release(handle, folder / HOME / "lock")
     staged = noted.staging(folder)
     return staged / name if (staged / name).exists() or (staged.is_dir() and name not in noted.files) else folder / name
+
+
+_COMMANDS = {
+    "OperationalModes": "oma", "Comparison": "compare", "Watch": "monitor", "Separation": "damping", "Plan": "plan",
+    "Campbell": "modes", "LinearisedModes": "modes",
+}  # fmt: skip
+"""Classes of answers with the commands that write them."""
+
+
+def content_of(folder: str | Path) -> str:
+    """Content of a folder in which another result was expected, and advice."""
+    folder = Path(folder)
+    if not folder.exists():
+        return "none: check the name"
+    if not folder.is_dir():
+        return "a file: give the folder that holds it"
+    if (folder / "identification.nc").exists():
+        return "one of windsysid identify: give another folder"
+    if (folder / "inspection.json").exists():
+        return "an inspection, which keeps no record: read the record and take windsysid.inspect"
+    if (folder / "answer.json").exists():
+        with contextlib.suppress(OSError, ValueError, LookupError):
+            head = (folder / "answer.json").read_text(encoding="utf-8")[:40]
+            return f"one of windsysid {_COMMANDS[head.split(chr(34))[3]]}: give another folder"
+    if (folder / "summary.json").exists():
+        return "a summary of version 0.1.0 only: give the command again"
+    return "no result in it: check the name, or identify a record first"
 
 
 def is_free(folder: Path) -> bool:

@@ -8,7 +8,7 @@ from typing import Any
 from windsysid.configuration import parse_json
 from windsysid.errors import ConfigurationError
 from windsysid.output.answers import Answer
-from windsysid.output.folders import result_file
+from windsysid.output.folders import content_of, result_file
 from windsysid.output.table import Table
 from windsysid.results.serialization import as_plain, from_plain
 
@@ -73,7 +73,7 @@ def load_result(folder: str | Path) -> Answer:
         return _load_identification(folder)
     path = result_file(folder, ANSWER)
     if not path.exists():
-        raise ConfigurationError(f"result {folder}: expected a folder that windsysid wrote, got {_found(folder)}")
+        raise ConfigurationError(f"result {folder}: expected a folder that windsysid wrote, got {content_of(folder)}")
     try:
         said = parse_json(path.read_text(encoding="utf-8"))
         found: Answer = from_plain(reports.answer_class(_known(said["answer"])), said["fields"])
@@ -132,16 +132,3 @@ def _known(name: str) -> str:
     if name not in KEPT:
         raise ValueError(name)
     return name
-
-
-def _found(folder: Path) -> str:
-    """Content of the folder instead, and advice."""
-    if not folder.exists():
-        return "none: check the name"
-    if not folder.is_dir():
-        return "a file: give the folder that holds it"
-    if (folder / "inspection.json").exists():
-        return "an inspection, which keeps no record: read the record and take windsysid.inspect"
-    if (folder / "summary.json").exists():
-        return "a summary of version 0.1.0 only: give the command again"
-    return "no result in it: check the name, or identify a record first"

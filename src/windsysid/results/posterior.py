@@ -14,7 +14,7 @@ from windsysid.configuration import parse_json
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.loads.statistics import Statistic, coordinates_of, learned_statistics
 from windsysid.mechanics.sensors import noise_source
-from windsysid.output.folders import result_file
+from windsysid.output.folders import content_of, result_file
 from windsysid.records.formats.netcdf import check_seal, open_hdf5
 from windsysid.results.finding import Finding, read_finding
 from windsysid.results.tolerance import Group, Tolerance, unknowns_of
@@ -225,10 +225,14 @@ def opened(folder: str | Path) -> "Iterator[h5netcdf.File]":
         raise
     except RecordError:
         raise changed from None
+    except FileNotFoundError:
+        raise ConfigurationError(
+            f"result {folder}: expected a folder that windsysid identify wrote, got {content_of(folder)}"
+        ) from None
     except (OSError, ValueError) as error:
         raise ConfigurationError(
-            f"result {folder}: expected a folder that windsysid identify wrote, got no identification.nc that can be"
-            f" read ({getattr(error, 'strerror', None) or error.__class__.__name__}): identify the record first"
+            f"result {folder}: identification.nc cannot be read"
+            f" ({getattr(error, 'strerror', None) or error.__class__.__name__}): identify the record again"
         ) from None
     except KeyError:
         raise ConfigurationError(

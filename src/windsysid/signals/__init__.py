@@ -5,6 +5,7 @@ Condition the channels (`condition`), put several loggers on one clock (`align`)
 (`band`). NaN is a missing sample everywhere; nothing invents what a gap held.
 """
 
+from windsysid._lazy import naming_arguments
 from windsysid.signals.align import Aligned, ClockOffset, align, clock_offset
 from windsysid.signals.band import band_pass
 from windsysid.signals.causal import (
@@ -59,3 +60,5 @@ __all__ = [
     "tower_inputs",
     "with_nacelle_axes",
 ]
+
+globals().update({name: naming_arguments(name, globals()[name]) for name in __all__})

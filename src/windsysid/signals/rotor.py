@@ -175,7 +175,7 @@ def rotor_from_encoder(
     >>> round(float(found.speed[600]), 3), round(float(found.psi[600]), 2)
     (1.2, 36.0)
     """
-    angle = sense * np.asarray(angle, dtype=np.float64)
+    angle = sense * np.atleast_1d(np.asarray(angle, dtype=np.float64))
     known = np.isfinite(angle)
     neighbours = known[1:] & known[:-1]
     if not neighbours.any():

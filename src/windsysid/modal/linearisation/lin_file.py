@@ -98,10 +98,15 @@ def read_lin_file(path: str | Path) -> LinearisedModel:
     Raises
     ------
     ConfigurationError
-        If a header line, a state, a matrix or a number is missing or wrong: file, line, what was expected, what to do.
+        If the file cannot be read, or a header line, a state, a matrix or a number is missing or wrong: file, line,
+        what was expected, what to do.
     """
     path = Path(path)
-    text = _FileLines(path, path.read_text(encoding="utf-8", errors="replace").splitlines())
+    try:
+        text = _FileLines(path, path.read_text(encoding="utf-8", errors="replace").splitlines())
+    except OSError as error:
+        why = "no such file" if isinstance(error, FileNotFoundError) else f"cannot be read ({error.strerror})"
+        raise ConfigurationError(f"{path}: {why}; check the name and the folder") from None
     states = _states(text)
     counts = {letter: int(text.header(f"Number of {name}", default=0.0)) for letter, name in _COUNTS.items()}
     if len(states) != counts["x"]:
