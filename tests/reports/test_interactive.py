@@ -76,7 +76,7 @@ def test_points_have_a_size_as_printers_leave_out_lines_without_a_length():
 
 def test_ticks_of_a_logarithmic_axis_are_powers_of_ten():
     text = static_svg(plot(curves=[PlotCurve("a", np.geomspace(1e-7, 1.0, 5000))]), "p")
-    assert re.search(r"10⁻[4-7]</text>", text)
+    assert ">10⁻⁵</text>" in text
     assert not re.search(r"\de-\d", text)
 
 
