@@ -83,7 +83,7 @@ def test_the_band_falls_with_the_root_of_time_and_the_wish_is_met_when_it_says()
     needed = found.needed("c_x")
     assert found.band("c_x", needed) == pytest.approx(0.1, rel=1e-6)
     assert found.band("c_x", 100.0 * needed) == pytest.approx(0.01, rel=0.01)
-    assert found.verdict.startswith("no: not known within ±10 % (95 %) in 2 min: c_x (")
+    assert found.verdict.startswith("no: not known within ±10 % (95 % interval) in 2 min: c_x (")
     row = found.to_dataframe().set_index("name").loc["c_x"]
     assert (row["band"], row["needed"]) == (found.band("c_x"), found.needed("c_x"))
     assert f"±10 % after {spell(needed, 2)}" in found.answer("c_x")
@@ -111,7 +111,7 @@ def test_stiffness_and_mass_are_seen_only_up_to_a_common_factor():
     for name in ("k_x", "c_x", "hub_mass_x"):
         assert found.band(name) == found.needed(name) == math.inf
     assert found.answer("k_x") == "k_x: never; these sensors cannot observe it"
-    assert found.verdict == "no: not known within ±20 % (95 %) in 10 min: k_x (never), hub_mass_x (never)"
+    assert found.verdict == "no: not known within ±20 % (95 % interval) in 10 min: k_x (never), hub_mass_x (never)"
     assert "nan" not in str(found)
 
 
@@ -310,7 +310,7 @@ def test_the_command_answers_and_writes_its_report(run, tmp_path, monkeypatch):
     code, out, err = run("plan", "--turbine", "verne555", *options, "--output", tmp_path / "plan")
     assert (code, err) == (0, [])
     for words in (
-        "No: not known within ±20 % (95 %) in 100 s: c_x (",
+        "No: not known within ±20 % (95 % interval) in 100 s: c_x (",
         "c_x: no, ±",
         "k_x: yes, ±",
         "c_beta_3",

@@ -56,7 +56,7 @@ def test_a_sensor_of_t3_sticks_and_dies_when_its_time_has_come():
 def test_the_story_has_the_times_of_the_records():
     _, towers = demo(PageSettings(), now=NOW)
     told = story(towers)
-    assert "T2 loses 5 % of its stiffness on 02 Jan 18:08 UTC of the records, 60 s after learning" in told
+    assert "T2 loses 5 % of its stiffness on 02 Jan 18:08 UTC of the records, 60 s after learning." in told
     assert "A sensor of T3 fails on 02 Jan 19:03 UTC" in told
 
 

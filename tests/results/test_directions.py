@@ -90,7 +90,7 @@ def test_what_is_hardly_told_apart_is_said_with_both_bands():
     (found,) = describe_information(("k_x", "m"), information)
     assert (found.code, found.data["seen"]) == ("hard_to_tell_apart", "their ratio k_x/m")
     assert found.data["std"] == pytest.approx(0.005, rel=0.01)
-    text = "k_x and m are hard to distinguish: their ratio k_x/m is known to ±1 %, each alone to ±80 % (95 %)"
+    text = "k_x and m are hard to distinguish: their ratio k_x/m is known to ±1 %, each alone to ±80 % (95 % interval)"
     assert str(found) == text
 
 

@@ -294,4 +294,4 @@ def test_answers_are_drawn_in_a_figure_of_ones_own(found: ws.results.Identificat
 def test_a_difference_of_nothing_has_no_minus(found: ws.results.Identification):
     reference = found.estimates[0].estimate * (1.0 + 1e-6)
     same = replace(found, estimates=(replace(found.estimates[0], reference=reference),))
-    assert same.table().rows[0][-1] == "+0.00 %"
+    assert same.table().rows[0][-1] == "+0.0 %"

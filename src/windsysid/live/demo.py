@@ -99,8 +99,9 @@ def story(towers: "Sequence[DemoTower]") -> str:
         f"Demo: three simulated towers, {plan.speed:g} times faster than real time.",
         f"The watch learns from {plan.history * plan.window / 3600.0:g} h first, as fast as this machine can.",
         f"T2 loses {100.0 * plan.softer_by:g} % of its stiffness on {softer} UTC of the records, {pace:.0f} s after"
-        f" learning; the alarm follows when the newest estimate of T2 is an hour later. A sensor of T3 fails on {fails}"
-        " UTC. T1 does not change.",
+        " learning.",
+        "The alarm follows when the newest estimate of T2 is an hour later.",
+        f"A sensor of T3 fails on {fails} UTC. T1 does not change.",
         "A busy machine takes longer, as does the first run, which compiles models; times of the records stay.",
     ))  # fmt: skip
 

@@ -187,7 +187,7 @@ class Comparison(Answer):
     @property
     def rows(self) -> list[tuple[str, ...]]:
         """As a table under `HEADINGS`."""
-        rows = []
+        rows = list[tuple[str, ...]]()
         for change in (*self.coefficients, *self.modes, *self.statistics):
             before, after, unit = engineering(change.unit, change.before, change.after)
             percent = _percent(change.percent) if change.told else "not determined"

@@ -185,7 +185,7 @@ class Watch(Answer):
     @property
     def rows(self) -> list[tuple[str, ...]]:
         """One line a series, under `HEADINGS`."""
-        rows = []
+        rows = list[tuple[str, ...]]()
         for s in self.series:
             level, half, unit = engineering(s.unit, s.level[-1], 0.5 * (s.high[-1] - s.low[-1]))
             shares = f"{two_digits(s.wander)} %", f"{s.scatter:.2f}", f"{two_digits(s.smallest)} %"

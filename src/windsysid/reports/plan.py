@@ -48,7 +48,7 @@ def _plot(plan: Plan) -> Plot:
         for name, band in zip(seen, bands.T, strict=True)
     ]
     marks = [
-        Mark(100.0 * plan.within, f"wish: ±{percent(plan.within)}", across=True),
+        Mark(100.0 * plan.within, f"target: ±{percent(plan.within)}", across=True),
         Mark(plan.duration / MINUTE, f"planned: {spell(plan.duration)}"),
     ]
     x_axis, y_axis = Axis("duration [min]", log=True), Axis("95 % interval, ± [% of the value]", log=True)

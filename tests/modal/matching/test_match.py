@@ -14,6 +14,7 @@ from windsysid.errors import ConfigurationError
 from windsysid.inspection.spectra import expected_modes
 from windsysid.modal.matching.likelihood import ModelMode
 from windsysid.modal.matching.match import candidates_of, match_modes, with_references
+from windsysid.modal.matching.result import ModeMatch
 from windsysid.modal.matching.sensor_shapes import linearised_shape
 from windsysid.spectral.oma.known_modes import KnownMode, KnownModes
 
@@ -38,6 +39,17 @@ def test_each_mode_of_the_model_is_given_once():
     assert [mode.reference for mode in found] == [(1.0, 0.01), (None, None), (2.0, 0.01)]
     for mode in found:
         assert sum(one.probability for one in mode.candidates) == pytest.approx(1.0)
+
+
+def test_a_match_is_saved_with_its_page_and_loaded_again(tmp_path: Path):
+    modes = candidates_of([seen("a", 1.01), seen("c", 2.02)], MODEL, 0.0)
+    found = ModeMatch("record", "model", 0.0, modes, ("a note",))
+    found.save(tmp_path / "match")
+    names = {path.name for path in (tmp_path / "match").iterdir()}
+    assert names >= {"report.html", "match.png", "matches.csv", "summary.json"}
+    assert ws.load_result(tmp_path / "match") == found
+    assert "a note" in found._repr_html_()
+    assert [text.get_text() for text in found.plot().axes[0].texts].count("0") == 0
 
 
 @pytest.mark.parametrize(

@@ -32,11 +32,12 @@ def test_a_tolerance_has_two_digits_of_its_standard_deviation(group: str, estima
 def test_two_coefficients_that_are_hard_to_tell_apart_have_the_bands_of_their_ratio_and_of_each():
     data = {"seen": "their ratio k_x/m", "std": 0.01, "low": 0.04, "high": 0.05}
     expected = (
-        "k_x and m are hard to distinguish: their ratio k_x/m is known to ±2 %, each alone to ±8 % … ±10 % (95 %)"
+        "k_x and m are hard to distinguish: their ratio k_x/m is known to ±2 %, each alone to ±8 % … ±10 %"
+        " (95 % interval)"
     )
     assert sentence("hard_to_tell_apart", data, ("k_x", "m")) == expected
     alike = data | {"high": 0.041}
-    assert sentence("hard_to_tell_apart", alike, ("k_x", "m")).endswith("each alone to ±8 % (95 %)")
+    assert sentence("hard_to_tell_apart", alike, ("k_x", "m")).endswith("each alone to ±8 % (95 % interval)")
 
 
 def test_a_prior_that_dominates_is_said_of_one_of_several_and_of_a_combination():

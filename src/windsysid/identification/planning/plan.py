@@ -176,7 +176,7 @@ class Plan(Answer):
         """One line on all that was requested."""
         needed = {name: self.needed(name) for name in self.asked}
         late = sorted((name for name in self.asked if self.band(name) > self.within), key=lambda name: needed[name])
-        wish = f"within ±{percent(self.within)} (95 %) in {spell(self.duration)}"
+        wish = f"within ±{percent(self.within)} (95 % interval) in {spell(self.duration)}"
         if not late:
             last = max(self.asked, key=lambda name: needed[name])
             when = f"{'before' if needed[last] <= self.start_seconds else 'after'} {spell(needed[last], 2)}"
@@ -327,7 +327,7 @@ def plan(
     >>> import windsysid as ws
     >>> planned = ws.plan("tower", duration=600.0, rate=5.0)
     >>> print(str(planned).splitlines()[0])
-    No: not known within ±20 % (95 %) in 10 min: c_fore_aft (28 min), c_side_side (2.6 h).
+    No: not known within ±20 % (95 % interval) in 10 min: c_fore_aft (28 min), c_side_side (2.6 h).
     """
     _require_positive("within", within, 10.0)
     turbine = _as_planned(as_turbine(turbine), sensors, load_scale, rotor_speed)

@@ -74,7 +74,7 @@ def _draw_curve(ax: Axes, x: Any, curve: PlotCurve) -> None:
     colour, values = COLOURS[curve.colour], np.asarray(curve.values, dtype=np.float64)
     ends = None if curve.low is None else np.array([curve.low, curve.high], dtype=np.float64)
     if curve.look in LOOKS:
-        size = {"ms": 5.0 if len(x) <= FEW else 2.0} if curve.look == "dots" else {}
+        size: Any = {"ms": 5.0 if len(x) <= FEW else 2.0} if curve.look == "dots" else {}
         reach = None if ends is None else np.abs(ends - values)
         ax.errorbar(x, values, yerr=reach, color=colour, label=label(curve.name), **LOOKS[curve.look], **size)
         return
@@ -91,7 +91,7 @@ def _draw_marks(ax: Axes, plot: Plot) -> None:
         colour = COLOURS[mark.colour]
         if mark.across:
             ax.axhline(mark.at, color=colour, ls="--", lw=0.8)
-            ax.annotate(mark.name, (0.01, mark.at), (0, 2), xycoords=ax.get_yaxis_transform(),
+            ax.annotate(label(mark.name), (0.01, mark.at), (0, 2), xycoords=ax.get_yaxis_transform(),
                         textcoords="offset points", fontsize=7.5, color=colour)  # fmt: skip
             continue
         (at,) = _times(plot, [mark.at])

@@ -79,7 +79,7 @@ const plots = (() => {
       this.update(spec);
       this.observer = new ResizeObserver(() => this.fit());
       this.observer.observe(this.place);
-      matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.draw(), { signal: this.ended.signal });
+      for (const media of ["(prefers-color-scheme: dark)", "print"]) matchMedia(media).addEventListener("change", () => this.draw(), { signal: this.ended.signal });
     }
 
     zoomed() {

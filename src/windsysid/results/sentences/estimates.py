@@ -102,10 +102,10 @@ ESTIMATES: Final[Mapping[str, Sentence]] = {
     "unseen_direction": "{direction} together: no effect on the readings",
     "hard_to_tell_apart": lambda d: (
         f"{_all(d)} are hard to distinguish: {d['seen']} is known to {_two_sigma(d['std'])}, each alone to {_each(d)}"
-        " (95 %)"
+        " (95 % interval)"
     ),
     "direction_hardly_seen": lambda d: (
-        f"{_all(d)} are hard to distinguish: {d['direction']} together is poorly determined (95 % of each: {_each(d)})"
+        f"{_all(d)} are hard to distinguish: {d['direction']} together is poorly determined (each to {_each(d)})"
     ),
     "correlated_estimates": lambda d: f"{' and '.join(d['quantities'])} are correlated by {d['correlation']:+.2f}",
     "wider_intervals": _wider_intervals,
