@@ -29,7 +29,7 @@ def main() -> None:
     rows = []
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        for title, command in commands(folder).items():
+        for title, command in commands(folder, short=True).items():
             if options.only not in title:
                 continue
             seen: dict[str, list[float]] = {which: [] for which in checkouts}

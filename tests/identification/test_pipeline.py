@@ -120,3 +120,16 @@ def test_a_cross_check_that_fails_leaves_the_result(monkeypatch: pytest.MonkeyPa
     found = identify(made, "tower")
     assert found.formulation == ("spectral" if failing == "joint" else "joint")
     assert "not today" in " ".join(str(one) for one in found.findings)
+
+
+@pytest.mark.parametrize(
+    ("rate", "seconds", "loads"),
+    [(100.0, 28.0, "auto"), (20.0, 25.0, "auto"), (20.0, 140.0, "broadband"), (50.0, 58.0, "broadband")],
+)
+def test_filters_have_the_loads_of_wind_where_they_take_few_steps(
+    verne555: Turbine, rate: float, seconds: float, loads: str
+):
+    """2800 readings at 20 Hz are 14 000 steps of the equations: a search with the wind's load states took minutes."""
+    record = simulate_record(verne555, duration=seconds, rate=rate, seed=1)
+    job = Job(record, record, verne555, None, None, None, None, "auto")
+    assert automatic_choice._affordable(job).loads == loads

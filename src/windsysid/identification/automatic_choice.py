@@ -4,6 +4,7 @@ import math
 from dataclasses import replace
 from typing import Any
 
+from windsysid.identification.condition.readings import choose_rate, steps_per_reading
 from windsysid.identification.effects import EFFECTS
 from windsysid.identification.effects.clock_drift import drifts_in
 from windsysid.identification.effects.lines import Sinusoid, harmonics_of_spectra, sinusoids_in
@@ -35,9 +36,9 @@ TRANSIENT = frozenset({
 })  # fmt: skip
 """Setting: findings of spectra that a record is a transient, or too short to tell: a rotor in wind goes to filters."""
 
-MAX_WIND_SAMPLES = 3000
-"""Setting: samples of a rotor's record up to which filters may have the wind's 31 load states: one evaluation of their
-likelihood takes 3 s then (two cores, 2026), a search ten."""
+MAX_WIND_STEPS = 3000
+"""Setting: steps of the equations over a rotor's record up to which filters may have the wind's 31 load states: one
+evaluation of their likelihood takes 3 s then (two cores, 2026), a search ten."""
 
 WITHOUT_WIND = Finding("bands_suppose_wind", "reason")
 
@@ -78,7 +79,7 @@ def _is_left_to_spectra(job: Job, spectral: FittedJob) -> bool:
     """Test whether a rotor is in wind, and its record stationary or too long for filters with the load states of wind.
     Bands suppose wind and also show a free decay, which filters explain without these states."""
     transient = TRANSIENT.intersection(one.code for one in spectral.outcome.doubts)
-    alone = job.part.samples > MAX_WIND_SAMPLES and not spectral.outcome.in_bands
+    alone = _steps(job) > MAX_WIND_STEPS and not spectral.outcome.in_bands
     return spectral.outcome.hypothesis == RotorWind.name and (alone or not transient)
 
 
@@ -102,9 +103,16 @@ def _prepared(job: Job, spectral: FittedJob) -> Job:
 
 
 def _affordable(job: Job) -> Job:
-    """The job with broad loads where the wind's load states are too many for the samples of the record."""
-    dear = HYPOTHESES[RotorWind.name].applies_to(job.turbine) and job.part.samples > MAX_WIND_SAMPLES
+    """The job with broad loads where the wind's load states are too many for the steps that filters take."""
+    dear = HYPOTHESES[RotorWind.name].applies_to(job.turbine) and _steps(job) > MAX_WIND_STEPS
     return replace(job, loads=Broadband.name) if dear and job.loads == "auto" else job
+
+
+def _steps(job: Job) -> float:
+    """Steps of the equations that filters take over the record of a job."""
+    part = job.part
+    rate = choose_rate(part.rate, part.duration, job.turbine, job.rate) or part.rate
+    return part.duration * rate * steps_per_reading(job.turbine, rate)
 
 
 def _filters_instead(job: Job, spectral: FittedJob, doubt: Finding) -> FittedJob:
