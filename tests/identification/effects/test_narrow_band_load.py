@@ -15,10 +15,10 @@ from windsysid.loads.narrow_band import FREQUENCY
 RECORD = record_of(noise())
 
 
-def alternative(*, is_needed: bool = True, rival: tuple[dict[str, float], dict[str, float]] | None = None) -> Any:
+def alternative(*, is_needed: bool = True) -> Any:
     moved = {"k_side_side": 3.0}
     values = {FREQUENCY: 0.4}
-    return SimpleNamespace(is_needed=is_needed, gain=23.0, rival=rival, moved=moved, shifts=moved, values=values)
+    return SimpleNamespace(is_needed=is_needed, gain=23.0, rivals=(), moved=moved, shifts=moved, values=values)
 
 
 @pytest.fixture
