@@ -19,7 +19,7 @@ BECAUSE = Finding("prior_conflict", "reason", {"sigmas": 4.2}, ("k_x",)).summary
 
 EXAMPLE: dict[str, Any] = {
     "alone": True, "amplitude": 4.6, "angle": 0.0123, "at": 0.33, "because": BECAUSE, "blades": 3, "blocks": 5,
-    "by": "gravity in its readings", "change": 0.034, "channel": "tower_x_acceleration",
+    "by": "gravity in its readings", "chance": 0.26, "change": 0.034, "channel": "tower_x_acceleration",
     "channels": ["blade_1_lag_acceleration", "tower_x_acceleration"], "coefficients": [["c_x", -0.1, True]],
     "colour": 0.14, "contradicted": True, "coordinate": "side_side", "coordinates": ["beta_1", "beta_2"],
     "correlation": -0.95, "count": 12, "damping": 0.12, "direction": "k_x +10 % and m +10 %", "drifts": {"z": 0.01},

@@ -8,6 +8,7 @@ from windsysid.identification.condition.readings import choose_rate, steps_per_r
 from windsysid.identification.effects import EFFECTS
 from windsysid.identification.effects.clock_drift import drifts_in
 from windsysid.identification.effects.lines import Sinusoid, harmonics_of_spectra, sinusoids_in
+from windsysid.identification.effects.narrow_band_load import NarrowBandLoad
 from windsysid.identification.effects.random_walk_bias import RandomWalkBias
 from windsysid.identification.formulations import estimate
 from windsysid.identification.job import FittedJob, Job
@@ -56,7 +57,8 @@ def choose(job: Job) -> FittedJob:
         joint = run(_affordable(job.by("joint")))[1]
         return joint.noting(_note("joint_as_spectra_do_not_apply", error=str(error)))
     spectral = spectral.doubted(*_undamped(spectral.outcome))
-    doubts = [one for one in spectral.outcome.doubts if one not in spectral.rivals or _is_far(one)]
+    rivals = _rivals_in(spectral)
+    doubts = [one for one in spectral.outcome.doubts if one not in rivals]
     joint_job = job.by("joint").with_effects_of(spectral_job, "clock_drift", Sinusoid.code)
     if _is_left_to_spectra(job, spectral):
         broad = _by_broad_loads(joint_job) if spectral.outcome.in_bands else None
@@ -124,17 +126,19 @@ def _filters_instead(job: Job, spectral: FittedJob, doubt: Finding) -> FittedJob
     return joint.noting(_note("joint_as_spectra_are_doubtful", because=doubt))
 
 
-def _is_far(rival: Finding) -> bool:
-    """Test whether a rival explanation is so far away that filters are asked first."""
-    return float(rival.data.get("sigmas", math.inf)) > MAX_DISAGREEMENT_SIGMAS
+def _rivals_in(fit: FittedJob) -> list[Finding]:
+    """Findings of a fit on a narrow-band load."""
+    return [one for one in fit.outcome.doubts if one.code.startswith(NarrowBandLoad.code)]
 
 
 def _with_farther_rivals(joint: FittedJob, spectral: FittedJob) -> FittedJob:
     """The fit by filters with those rivals, its own or of spectra, that are expected to shift estimates more."""
-    ours, theirs = (
-        sum(one.data.get("sigmas", math.inf) * one.data["chance"] for one in fit.rivals) for fit in (joint, spectral)
-    )
-    return joint if ours >= theirs else joint.with_rivals(*spectral.rivals)
+    ours, theirs = _rivals_in(joint), _rivals_in(spectral)
+    shifts = [sum(one.data.get("sigmas", math.inf) * one.data["chance"] for one in some) for some in (ours, theirs)]
+    if shifts[0] >= shifts[1]:
+        return joint
+    others = [one for one in joint.outcome.doubts if one not in ours]
+    return joint._replace(outcome=joint.outcome._replace(doubts=(*others, *theirs)))
 
 
 def _cross_checked(job: Job, joint: FittedJob, spectral_job: Job, spectral: FittedJob) -> FittedJob:

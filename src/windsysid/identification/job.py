@@ -125,8 +125,6 @@ class FittedJob(NamedTuple):
         As it was in the end.
     line
         What stands out most of the readings near a mode, if anything depends on it.
-    rivals
-        What a narrow-band load says against it.
     unmodelled
         What effects that are not included say against it.
     """
@@ -138,7 +136,6 @@ class FittedJob(NamedTuple):
     faults: Sequence[Fault]
     prior: Prior = Prior()
     line: Line | None = None
-    rivals: tuple[Finding, ...] = ()
     unmodelled: tuple[Finding, ...] = ()
 
     def noting(self, note: Finding, *doubts: Finding) -> "FittedJob":
@@ -153,8 +150,3 @@ class FittedJob(NamedTuple):
     def lacking(self, *unmodelled: Finding) -> "FittedJob":
         """Fit with findings on effects that are not included."""
         return self._replace(unmodelled=(*self.unmodelled, *unmodelled))
-
-    def with_rivals(self, *rivals: Finding) -> "FittedJob":
-        """Fit with these findings on a narrow-band load, in place of those before."""
-        others = (one for one in self.outcome.doubts if one not in self.rivals)
-        return self._replace(outcome=self.outcome._replace(doubts=(*others, *rivals)), rivals=rivals)

@@ -15,10 +15,10 @@ from windsysid.loads.narrow_band import FREQUENCY
 RECORD = record_of(noise())
 
 
-def alternative(*, is_needed: bool = True, rival: tuple[dict[str, float], dict[str, float]] | None = None) -> Any:
+def alternative(*, is_needed: bool = True) -> Any:
     moved = {"k_side_side": 3.0}
     values = {FREQUENCY: 0.4}
-    return SimpleNamespace(is_needed=is_needed, gain=23.0, rival=rival, moved=moved, shifts=moved, values=values)
+    return SimpleNamespace(is_needed=is_needed, gain=23.0, rivals=(), moved=moved, shifts=moved, values=values)
 
 
 @pytest.fixture
@@ -34,14 +34,14 @@ def test_its_evidence_is_the_log_odds_of_spectra_and_the_search_begins_at_the_fi
     assert isinstance(seen.inclusion, NarrowBandIncluded)
     assert seen.log10_odds == pytest.approx(23.0 / math.log(10.0))
     assert seen.start is fit
-    assert not seen.fit.rivals
+    assert not seen.fit.outcome.doubts
 
 
 def test_it_speaks_against_a_fit_whose_loads_were_given(found: Any):
     found(alternative())
     seen = NarrowBandLoad().detect(job_of(RECORD, formulation="spectral", loads="broadband"), fitted(RECORD))
     assert seen.inclusion is None
-    assert [one.code for one in seen.fit.rivals] == ["narrow_band_load_preferred"]
+    assert [one.code for one in seen.fit.outcome.doubts] == ["narrow_band_load_preferred"]
 
 
 def test_nothing_is_said_where_spectra_do_not_apply_or_it_is_included(found: Any):
@@ -62,6 +62,6 @@ def test_filters_that_do_without_it_are_held_against_spectra():
     included = Detection(fit, NarrowBandIncluded(alternative()), 10.0, fit)
     after = NarrowBandLoad().confirm(job, included, fitted(RECORD, "joint", hypothesis="broadband"))
     assert after is not None
-    assert [one.code for one in after.rivals] == ["narrow_band_load_preferred"]
+    assert [one.code for one in after.outcome.doubts] == ["narrow_band_load_preferred"]
     spectral = fitted(RECORD)
     assert NarrowBandLoad().confirm(job, included, spectral) is spectral

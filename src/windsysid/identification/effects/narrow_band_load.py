@@ -66,12 +66,12 @@ class NarrowBandLoad(Effect):
         if narrow_band_in(job) is not None:
             return Detection(fit)
         beside = narrow_band_beside(fit.outcome, fit.read, job.turbine, fit.sensors)
-        alone = fit.with_rivals(*doubts_of_narrow_band(beside, asked=job.loads))
+        alone = fit.doubted(*doubts_of_narrow_band(beside, asked=job.loads))
         if beside is None or not beside.is_needed or job.loads != "auto":
             return Detection(alone)
         start = self._start(job, fit) if job.filtered else fit
         if start is None:
-            return Detection(fit.with_rivals(*doubts_of_narrow_band(beside, asked=Broadband.name)))
+            return Detection(fit.doubted(*doubts_of_narrow_band(beside, asked=Broadband.name)))
         return Detection(alone, NarrowBandIncluded(beside), beside.gain / math.log(10.0), start)
 
     def _start(self, job: Job, fit: FittedJob) -> FittedJob | None:
@@ -92,7 +92,7 @@ class NarrowBandLoad(Effect):
         if not isinstance(included, NarrowBandIncluded) or after.formulation != "joint" or found.start is None:
             return after
         if after.outcome.hypothesis != NarrowBand.name:
-            return after.with_rivals(*doubts_of_narrow_band(included.alternative, asked=Broadband.name))
+            return after.doubted(*doubts_of_narrow_band(included.alternative, asked=Broadband.name))
         there, off = found.start.outcome, compare(after.outcome, found.start.outcome)[1]
         against = [disagreement(after.outcome, there, job.turbine)] if off > MAX_DISAGREEMENT_SIGMAS else []
         doubts = doubts_of_narrow_band(included.alternative, asked="auto")

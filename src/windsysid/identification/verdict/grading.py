@@ -154,10 +154,10 @@ def _in_sigmas(one: Finding, coefficients: Sequence[Widening]) -> dict[str, floa
 
 
 def _beyond(one: Finding, coefficients: Sequence[Widening]) -> tuple[str, ...]:
-    """Coefficients that differ under a rival explanation, if one shifts so far that no interval covers both."""
+    """Coefficients that differ under a rival explanation, if one shifts so far that no interval covers both. A slightly
+    wrong prior or load model may make such a rival the likelier one."""
     off = _in_sigmas(one, coefficients)
-    far = max(off.values(), default=0.0)
-    return _differing(off) if mixture_factor([(far, 1.0, one.data["chance"])]) > MAX_WIDENING else ()
+    return _differing(off) if max(off.values(), default=0.0) > SIGMAS * MAX_WIDENING else ()
 
 
 def _differing(off: Mapping[str, float]) -> tuple[str, ...]:

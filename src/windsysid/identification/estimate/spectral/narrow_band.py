@@ -163,16 +163,8 @@ def fit_narrow_band(
     gain = ends[0].log_evidence - found.log_evidence
     fitted = NarrowBandFit(posed, ends[0], gain, *_off(question, found, ends[0]))
     needed = requested or fitted.is_needed
-    best, others = (ends[0], [*ends[1:], found]) if needed else (found, ends)
-    chances = chances_of_rivals([other.log_evidence - best.log_evidence for other in others])
-    rivals = [
-        Rival(
-            _load_of(question, posed, ends[0] if other is found else other)[FREQUENCY],
-            *_off(question, best, other), _widths(question, best, other), chance,
-        )
-        for other, chance in zip(others, chances, strict=True)
-    ]  # fmt: skip
-    return fitted._replace(rivals=tuple(rival for rival in rivals if rival.factor > MIN_REPORTED_WIDENING))
+    rivals = _rivals(question, ends[0], [*ends[1:], found]) if needed else _rivals(question, found, ends)
+    return fitted._replace(rivals=rivals)
 
 
 def doubts_of_narrow_band(found: NarrowBandFit | None, *, asked: str) -> tuple[Finding, ...]:
@@ -347,6 +339,22 @@ def _places(question: RotorQuestion, model: LiftedModel, known: Array) -> Iterat
                     there[FREQUENCY], level.of, modes[i], known, float(cost - costs[best]),
                     with_load(alone(i, there, LITTLE)), at,
                 )  # fmt: skip
+
+
+def _rivals(question: RotorQuestion, best: RotorFit, others: Sequence[RotorFit]) -> tuple[Rival, ...]:
+    """Explanations other than the best one that widen an interval."""
+    chances = chances_of_rivals([other.log_evidence - best.log_evidence for other in others])
+    rivals = (
+        Rival(_frequency_of(other, best), *_off(question, best, other), _widths(question, best, other), chance)
+        for other, chance in zip(others, chances, strict=True)
+    )
+    return tuple(rival for rival in rivals if rival.factor > MIN_REPORTED_WIDENING)
+
+
+def _frequency_of(*ends: RotorFit) -> float:
+    """Frequency [Hz] of the narrow-band load of the first fit that has one."""
+    loads = (values_of(end.model.sources.statistics, end.model.split_statistics(end.unknowns)[0]) for end in ends)
+    return next(values[FREQUENCY] for values in loads if FREQUENCY in values)
 
 
 def _off(question: RotorQuestion, best: RotorFit, other: RotorFit) -> tuple[dict[str, float], dict[str, float]]:
