@@ -135,7 +135,7 @@ def _is_one(value: Any, kind: type, inner: tuple[Any, ...]) -> bool:
     """Test whether a value is of a class, and its elements of the classes `inner`."""
     from collections.abc import Iterable
 
-    if getattr(kind, "_is_protocol", False) and kind.__module__.startswith("windsysid"):
+    if getattr(kind, "_is_protocol", False):
         return all(hasattr(value, name) for name in (*vars(kind), *kind.__annotations__) if not name.startswith("_"))
     if isinstance(value, str) and issubclass(kind, Iterable):
         return kind is str
