@@ -142,7 +142,7 @@ def test_what_is_no_turbine_and_no_result_is_refused(tmp_path: Path):
             as_turbine(wrong)  # type: ignore[arg-type]
         with pytest.raises(ConfigurationError, match="expected what identify returned"):
             as_posterior(wrong)  # type: ignore[arg-type]
-    with pytest.raises(ConfigurationError, match="expected a folder that windsysid identify wrote"):
+    with pytest.raises(ConfigurationError, match="expected one of windsysid identify"):
         as_posterior(tmp_path)
 
 

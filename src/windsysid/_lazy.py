@@ -87,7 +87,8 @@ def misfit(function: FunctionType, arguments: tuple[Any, ...], options: dict[str
         return None
     for key, value in given.items():
         parameter = signature.parameters[key]
-        hint = _evaluated(parameter.annotation, function.__globals__)
+        written = Any if parameter.annotation is parameter.empty else parameter.annotation
+        hint = _evaluated(written, function.__globals__)
         if parameter.kind not in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD) and not _fits(value, hint):
             hint = getattr(hint, "__bound__", hint) or hint
             written = "array_like" if "numpy" in repr(hint) else inspect.formatannotation(hint).replace("typing.", "")
@@ -117,23 +118,26 @@ def _evaluated(annotation: Any, names: dict[str, Any]) -> Any:
 
 def _fits(value: Any, hint: Any) -> bool:
     """Test whether a value may have a type of an annotation."""
-    from collections.abc import Iterable
-    from inspect import Parameter
     from numbers import Integral, Real
 
     hint = getattr(hint, "__bound__", hint)
     if "numpy" in repr(hint):
-        array = hasattr(value, "__array__") or isinstance(value, list | tuple | Real)
-        return array or (value is None and "None" in repr(hint))
+        kinds: Any = (list, tuple, Real, type(None) if "None" in repr(hint) else list)
+        return hasattr(value, "__array__") or isinstance(value, kinds)
     kind, inner = get_origin(hint) or hint, get_args(hint)
-    kind = {float: Real, int: Integral, None: type(None)}.get(kind, kind)
     if kind in (Union, UnionType):
         return any(_fits(value, one) for one in inner)
-    if not isinstance(kind, type) or kind in (Any, Parameter.empty):
-        return True
-    if getattr(kind, "_is_protocol", False) and kind.__module__.startswith("windsysid"):
+    kind = {float: Real, int: Integral, None: type(None)}.get(kind, kind)
+    return not isinstance(kind, type) or kind is Any or _is_one(value, kind, inner)
+
+
+def _is_one(value: Any, kind: type, inner: tuple[Any, ...]) -> bool:
+    """Test whether a value is of a class, and its elements of the classes `inner`."""
+    from collections.abc import Iterable
+
+    if getattr(kind, "_is_protocol", False):
         return all(hasattr(value, name) for name in (*vars(kind), *kind.__annotations__) if not name.startswith("_"))
     if isinstance(value, str) and issubclass(kind, Iterable):
         return kind is str
-    several = isinstance(value, list | tuple) and len(inner) == 1
-    return isinstance(value, kind) and (not several or all(_fits(each, inner[0]) for each in value))
+    several = value if isinstance(value, list | tuple) and len(inner) == 1 else ()
+    return isinstance(value, kind) and all(_fits(each, inner[0]) for each in several)

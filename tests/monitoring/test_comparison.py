@@ -672,4 +672,4 @@ def test_a_folder_without_a_result_is_refused_in_one_line(results, tmp_path, mon
         cli.main()
     (line,) = capsys.readouterr().err.splitlines()
     assert ended.value.code == 2
-    assert "expected a folder that windsysid identify wrote" in line
+    assert "expected one of windsysid identify" in line

@@ -53,20 +53,22 @@ def test_what_is_not_trusted_in_both_is_not_compared():
 
 def test_results_of_two_kinds_are_not_compared(verne555):
     tower = ws.identify(ws.simulate("tower", duration=600.0, rate=5.0, seed=1), "tower", formulation="spectral")
-    with pytest.raises(ws.ConfigurationError, match="of one kind, got one of oma and one of identify: give the same"):
+    with pytest.raises(
+        ws.ConfigurationError, match="got one of oma and one of identify: give the same command"
+    ):
         compare(record_of(1, (1.1, 2.7)), tower)
 
 
 def test_a_folder_of_another_kind_is_refused_with_what_is_accepted_and_what_it_is(tmp_path):
     """The message named `identify` only, and asked to identify the record first."""
     (tmp_path / "answer.json").write_text('{"answer": "Comparison", "fields": {}}')
-    expected = "expected a folder that identify or oma wrote, got one of windsysid compare: give another folder"
+    expected = "expected one of windsysid identify or oma, got one of compare: give another folder"
     for read in (lambda: compare(tmp_path, tmp_path), lambda: ws.read_blocks([tmp_path])):
         with pytest.raises(ws.ConfigurationError, match=expected):
             read()
-    with pytest.raises(ws.ConfigurationError, match="identify or oma wrote, got none: check the name"):
+    with pytest.raises(ws.ConfigurationError, match="identify or oma, got none: check the name"):
         compare(tmp_path / "nowhere", tmp_path)
-    with pytest.raises(ws.ConfigurationError, match="windsysid identify wrote, got one of windsysid compare"):
+    with pytest.raises(ws.ConfigurationError, match="expected one of windsysid identify, got one of compare"):
         ws.damping([tmp_path])
 
 

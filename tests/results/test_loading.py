@@ -250,7 +250,7 @@ def test_what_is_no_result_is_one_line(tmp_path: Path):
 def test_json_that_is_nested_too_deeply_is_one_line_wherever_a_result_is_read(tmp_path: Path):
     deep = "[" * 100_000
     (tmp_path / "summary.json").write_text(deep)
-    with pytest.raises(ConfigurationError, match="expected a folder that windsysid oma wrote"):
+    with pytest.raises(ConfigurationError, match="expected one of windsysid oma"):
         as_modes(tmp_path)
     (tmp_path / ".windsysid").mkdir()
     (tmp_path / ".windsysid" / MANIFEST).write_text(deep)

@@ -22,17 +22,11 @@ def main() -> None:
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does: nothing half done is left
     show_what_can_be_shown()
     try:
-        try:
-            register_commands(*sys.argv[1:2])
-            code = app(prog_name="windsysid", standalone_mode=False)
-        finally:
-            sys.stdout.flush()
+        code = _run()
     except WindsysidError as error:
         _refuse(str(error))
     except UsageError as error:
         _refuse(usage_line(error, sys.argv[1:]))
-    except typer.Abort:
-        sys.exit(130)
     except BrokenPipeError:  # whoever read the output has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)
@@ -42,7 +36,18 @@ def main() -> None:
         _refuse(f"{where}{error.strerror or error}: check the path, its permissions and the space left")
     except MemoryError as error:
         _refuse(f"out of memory ({error}): take a shorter record, --section, a lower --rate, or --in-pieces")
-    sys.exit(code or 0)
+    sys.exit(code)
+
+
+def _run() -> int:
+    """Run the command that was typed; its exit code."""
+    try:
+        register_commands(*sys.argv[1:2])
+        return app(prog_name="windsysid", standalone_mode=False) or 0
+    except typer.Abort:
+        return 130
+    finally:
+        sys.stdout.flush()
 
 
 def _refuse(message: str) -> NoReturn:

@@ -175,13 +175,18 @@ def _complete(found: "MappingProposal", known: list[str], turbine: str, guide: _
         taken = {one.name or one.written for one in guesses} | {one.name for one in found.guesses if one.name}
         done = _complete_guess(guess, known, taken, guide)
         guesses += [done] if done.unit != LEAVE_OUT else []
+    _refuse_unknown(guesses, known, turbine, guide)
+    return replace(found, guesses=tuple(guesses))
+
+
+def _refuse_unknown(guesses: "list[Guess]", known: list[str], turbine: str, guide: _Guide) -> None:
+    """Refuse channels of which the turbine knows none."""
     if known and not any(guess.name in known for guess in guesses):
         asked = "leave --yes out to name them" if guide.yes else "give one of them such a name"
         raise ConfigurationError(
             f"start: no channel has a name that {turbine} knows: expected {' or '.join(known)}; {asked}, or take "
             f"--turbine {NO_TURBINE} for modes only"
         )
-    return replace(found, guesses=tuple(guesses))
 
 
 def _complete_guess(guess: "Guess", known: list[str], taken: set[str], guide: _Guide) -> "Guess":

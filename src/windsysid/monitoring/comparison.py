@@ -32,6 +32,7 @@ from windsysid.mechanics.compile import compile_model
 from windsysid.modal.analysis import analyse, directions_of
 from windsysid.monitoring.change import UNTOLD, Comparison, QuantityChange
 from windsysid.monitoring.modal_comparison import compare_modes
+from windsysid.monitoring.modal_tracks import all_hold_modes
 from windsysid.monitoring.own_information import (
     TYPICAL_CHANGE,
     Difference,
@@ -42,7 +43,7 @@ from windsysid.monitoring.own_information import (
 )
 from windsysid.results.coercion import PosteriorLike, as_posterior
 from windsysid.results.posterior import SIGMAS, Posterior
-from windsysid.spectral.oma.known_modes import ModesLike, all_hold_modes
+from windsysid.spectral.oma.known_modes import ModesLike
 from windsysid.statespace.parameter import Parameter
 
 __all__ = ["compare"]

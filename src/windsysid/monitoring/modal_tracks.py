@@ -3,16 +3,43 @@
 import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError
-from windsysid.spectral.oma.known_modes import KnownMode, KnownModes, in_channels, without_damping_prior
+from windsysid.output.folders import content_of, result_file
+from windsysid.spectral.oma.known_modes import KnownMode, KnownModes, holds_modes, in_channels, without_damping_prior
 from windsysid.spectral.oma.mode_tracking import Seen, follow_modes
 
-__all__ = ["ModalTrack", "modal_tracks", "tracks_of"]
+__all__ = ["ModalTrack", "all_hold_modes", "modal_tracks", "tracks_of"]
+
+
+def all_hold_modes(given: Sequence[object]) -> bool:
+    """True for results of oma, False for those of identify.
+
+    Raises
+    ------
+    ConfigurationError
+        If there are some of each, or a folder that neither of the two wrote.
+    """
+    of_modes = [holds_modes(one) for one in given]
+    for one, known in zip(given, of_modes, strict=True):
+        if isinstance(one, str | Path) and not (known or result_file(one, "identification.nc").exists()):
+            found = content_of(one)
+            raise ConfigurationError(f"result {one}: expected one of windsysid identify or oma, got {found}")
+    if len(set(of_modes)) == 2:
+        first, second = (_shown(given[of_modes.index(kind)]) for kind in (True, False))
+        raise ConfigurationError(
+            f"expected results of one kind, got {first} of oma and {second} of identify: give the same command for each"
+        )
+    return any(of_modes)
+
+
+def _shown(given: object) -> str:
+    return str(given) if isinstance(given, str | Path) else "one"
 
 
 class ModalTrack(NamedTuple):

@@ -21,10 +21,10 @@ from windsysid.mechanics.rotor import MEAN_LAG
 from windsysid.mechanics.sensors import noise_source
 from windsysid.monitoring.covariates import lines_of, read_covariates
 from windsysid.monitoring.dates import MIN_BLOCKS, Order, Span, in_order, spans_of
-from windsysid.monitoring.modal_tracks import modal_tracks
+from windsysid.monitoring.modal_tracks import all_hold_modes, modal_tracks
 from windsysid.monitoring.own_information import without_prior
 from windsysid.results.posterior import SIGMAS, Posterior, load_posterior
-from windsysid.spectral.oma.known_modes import KnownModes, ModesLike, all_hold_modes, as_modes
+from windsysid.spectral.oma.known_modes import KnownModes, ModesLike, as_modes
 from windsysid.statespace.parameter import Parameter
 
 __all__ = ["DAY", "MIN_BLOCKS", "RecordBlocks", "gather", "gather_modes", "left_out_of", "read_blocks"]

@@ -156,13 +156,13 @@ def content_of(folder: str | Path) -> str:
     if not folder.is_dir():
         return "a file: give the folder that holds it"
     if (folder / "identification.nc").exists():
-        return "one of windsysid identify: give another folder"
+        return "one of identify: give another folder"
     if (folder / "inspection.json").exists():
         return "an inspection, which keeps no record: read the record and take windsysid.inspect"
     if (folder / "answer.json").exists():
         with contextlib.suppress(OSError, ValueError, LookupError):
             head = (folder / "answer.json").read_text(encoding="utf-8")[:40]
-            return f"one of windsysid {_COMMANDS[head.split(chr(34))[3]]}: give another folder"
+            return f"one of {_COMMANDS[head.split(chr(34))[3]]}: give another folder"
     if (folder / "summary.json").exists():
         return "a summary of version 0.1.0 only: give the command again"
     return "no result in it: check the name, or identify a record first"

@@ -225,15 +225,10 @@ def opened(folder: str | Path) -> "Iterator[h5netcdf.File]":
         raise
     except RecordError:
         raise changed from None
-    except FileNotFoundError:
-        raise ConfigurationError(
-            f"result {folder}: expected a folder that windsysid identify wrote, got {content_of(folder)}"
-        ) from None
     except (OSError, ValueError) as error:
-        raise ConfigurationError(
-            f"result {folder}: identification.nc cannot be read"
-            f" ({getattr(error, 'strerror', None) or error.__class__.__name__}): identify the record again"
-        ) from None
+        named = getattr(error, "strerror", None) or error.__class__.__name__
+        why = content_of(folder) if isinstance(error, FileNotFoundError) else f"one that cannot be read ({named})"
+        raise ConfigurationError(f"result {folder}: expected one of windsysid identify, got {why}") from None
     except KeyError:
         raise ConfigurationError(
             f"result {folder}: expected the whole result in identification.nc, got a file of an older version:"

@@ -92,6 +92,14 @@ class LinearisedModel:
         return self.matrices["A"]
 
 
+def _lines(path: Path) -> list[str]:
+    try:
+        return path.read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError as error:
+        why = "no such file" if isinstance(error, FileNotFoundError) else f"cannot be read ({error.strerror})"
+        raise ConfigurationError(f"{path}: {why}; check the name and the folder") from None
+
+
 def read_lin_file(path: str | Path) -> LinearisedModel:
     """Read one ``.lin`` file.
 
@@ -102,11 +110,7 @@ def read_lin_file(path: str | Path) -> LinearisedModel:
         what was expected, what to do.
     """
     path = Path(path)
-    try:
-        text = _FileLines(path, path.read_text(encoding="utf-8", errors="replace").splitlines())
-    except OSError as error:
-        why = "no such file" if isinstance(error, FileNotFoundError) else f"cannot be read ({error.strerror})"
-        raise ConfigurationError(f"{path}: {why}; check the name and the folder") from None
+    text = _FileLines(path, _lines(path))
     states = _states(text)
     counts = {letter: int(text.header(f"Number of {name}", default=0.0)) for letter, name in _COUNTS.items()}
     if len(states) != counts["x"]:

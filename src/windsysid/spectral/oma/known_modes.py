@@ -1,7 +1,7 @@
 """Modes of a result of `windsysid.oma`, or of the folder that it was saved in, for comparisons and diagrams."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple, TypeAlias
@@ -18,9 +18,7 @@ from windsysid.results.posterior import SIGMAS, section_name
 from windsysid.spectral.modal_bands.scoring import DAMPING_PRIOR
 from windsysid.spectral.oma.result import ANALYSIS, OperationalModes
 
-__all__ = [
-    "KnownMode", "KnownModes", "ModesLike", "all_hold_modes", "as_modes", "in_channels", "without_damping_prior",
-]  # fmt: skip
+__all__ = ["KnownMode", "KnownModes", "ModesLike", "as_modes", "holds_modes", "in_channels", "without_damping_prior"]
 
 
 class KnownMode(NamedTuple):
@@ -80,38 +78,11 @@ class KnownModes(NamedTuple):
 ModesLike: TypeAlias = OperationalModes | KnownModes | str | Path
 
 
-def _holds_modes(given: object) -> bool:
+def holds_modes(given: object) -> bool:
     """True for a result of `windsysid.oma`, or the folder of one."""
     if isinstance(given, OperationalModes | KnownModes):
         return True
     return isinstance(given, str | Path) and _summary_of(Path(given)).get("analysis") == ANALYSIS
-
-
-def all_hold_modes(given: Sequence[object]) -> bool:
-    """True for results of oma, False for those of identify.
-
-    Raises
-    ------
-    ConfigurationError
-        If there are some of each, or a folder that neither of the two wrote.
-    """
-    for one in given:
-        other = isinstance(one, str | Path) and not result_file(one, "identification.nc").exists()
-        if other and not _holds_modes(one):
-            found = content_of(Path(str(one)))
-            raise ConfigurationError(f"result {one}: expected a folder that identify or oma wrote, got {found}")
-    of_modes = [_holds_modes(one) for one in given]
-    if any(of_modes) and not all(of_modes):
-        first, second = (given[of_modes.index(kind)] for kind in (True, False))
-        raise ConfigurationError(
-            f"expected results of one kind, got {_shown(first)} of oma and {_shown(second)} of identify: give the same "
-            "command for each record"
-        )
-    return any(of_modes)
-
-
-def _shown(given: object) -> str:
-    return str(given) if isinstance(given, str | Path) else "one"
 
 
 def as_modes(given: ModesLike) -> KnownModes:
@@ -120,9 +91,7 @@ def as_modes(given: ModesLike) -> KnownModes:
         return given
     summary = given.summary() if isinstance(given, OperationalModes) else _summary_of(Path(given))
     if summary.get("analysis") != ANALYSIS:
-        raise ConfigurationError(
-            f"result {given}: expected a folder that windsysid oma wrote, got {content_of(Path(str(given)))}"
-        )
+        raise ConfigurationError(f"result {given}: expected one of windsysid oma, got {content_of(str(given))}")
     try:
         return _read(summary)
     except (KeyError, TypeError, ValueError) as error:
