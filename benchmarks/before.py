@@ -1,9 +1,10 @@
 """One command in this checkout and in an older one, in turns: processor time and clock, start of Python included.
 
     git worktree add ../older COMMIT
-    python benchmarks/before.py ../older [--runs 5]
+    python benchmarks/before.py ../older [--runs 5] [--records 20]
 
-The command is `identify --prior-scale 1.3 --no-report` of the reference record, 100 s of the scale model at 100 Hz.
+The command is `identify --prior-scale 1.3 --no-report` of the reference record, 100 s of the scale model at 100 Hz, or
+with ``--records`` `batch` of so many records of a tower, 10 minutes at 100 Hz as CSV, by one worker.
 Both run in this environment, warm, each with a cache of its own.
 """
 
@@ -25,20 +26,24 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("older", type=Path, help="another checkout of this repository")
     parser.add_argument("--runs", type=int, default=5, help="of each, after one that compiles")
+    parser.add_argument("--records", type=int, default=0, help="take so many records by batch instead")
     options = parser.parse_args()
     checkouts = {"older": options.older.resolve(), "this": HERE}
     seen: dict[str, list[tuple[float, float]]] = {name: [] for name in checkouts}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        record = folder / "record.csv"
-        made = ["simulate", "--turbine", "verne555", "--duration", "100", "--rate", "100", "--seed", "1"]
-        run(checkouts["older"], folder, *made, "--output", str(record))
+        name, seconds = ("tower", 600) if options.records else ("verne555", 100)
+        (folder / "records").mkdir()
+        for seed in range(1, max(options.records, 1) + 1):
+            made = ["simulate", "--turbine", name, "--duration", str(seconds), "--rate", "100", "--seed", str(seed)]
+            run(checkouts["older"], folder, *made, "--output", str(folder / "records" / f"{seed}.csv"))
         for turn in range(options.runs + 1):
             for which, checkout in checkouts.items():
-                cost = run(
-                    checkout, folder / which, "identify", str(record), "--turbine", "verne555", "--prior-scale", "1.3",
-                    "--no-report", "--overwrite", "--output", str(folder / which / "result"),
-                )  # fmt: skip
+                result = folder / which / f"result{turn}"
+                command = ["identify", str(folder / "records" / "1.csv"), "--prior-scale", "1.3", "--no-report"]
+                if options.records:
+                    command = ["batch", str(folder / "records"), "--workers", "1"]
+                cost = run(checkout, folder / which, *command, "--turbine", name, "--output", str(result))
                 if turn:
                     seen[which].append(cost)
     for which, costs in seen.items():
