@@ -27,7 +27,7 @@ from windsysid.filters import EKF
 HERE = Path(__file__).parent
 RESULTS, PAGE = HERE / "results.json", HERE.parent / "docs" / "performance_tables.md"
 
-OURS, THEIRS = ("speed", "processes", "scaling", "compiling"), ("peers", "smc")
+OURS, THEIRS = ("speed", "processes", "scaling", "growth", "compiling"), ("peers", "smc")
 """Parts, by the environment that they run in."""
 
 COMMANDS = {

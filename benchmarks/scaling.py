@@ -223,9 +223,9 @@ def _timed(run: Callable[[], object], repeats: int) -> tuple[float, float]:
     return float(median[0]), float(median[1])
 
 
-def alone(folder: str, case: str, *arguments: int) -> dict[str, float]:
+def alone(folder: str, case: str, *arguments: int, script: str = __file__) -> dict[str, float]:
     """Run a case in a process of its own and return its numbers, with the peak memory [MB] of that process."""
-    command = [sys.executable, __file__, "--case", case, folder, *map(str, arguments)]
+    command = [sys.executable, script, "--case", case, folder, *map(str, arguments)]
     said = subprocess.run(command, capture_output=True, text=True, check=False)
     if said.returncode:
         raise SystemExit(f"{case} {arguments} failed: {said.stderr.strip().splitlines()[-1]}")

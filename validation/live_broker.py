@@ -427,11 +427,13 @@ def timed(turbines: int, seconds: float, home: Path) -> str:
         low, high, most = 1e3 * np.percentile(span, (50, 95, 100))
         lines.append(f"  {name:28} median {low:6.0f} ms   95th percentile {high:6.0f} ms   longest {most:6.0f} ms")
     busy = {name: took for name, took in told["threads"].items() if took > 0.02 * told["cpu"]}
-    listed = ", ".join(f"{name} {took / told['wall']:.1%}" for name, took in sorted(busy.items(), key=lambda x: -x[1]))
-    own = (int(broker[11]) + int(broker[12])) / os.sysconf("SC_CLK_TCK") / told["wall"]
+    each = 1e6 / max(len(told["stages"]), 1)
+    listed = ", ".join(f"{name} {each * took:.0f}" for name, took in sorted(busy.items(), key=lambda x: -x[1]))
+    own = (int(broker[11]) + int(broker[12])) / os.sysconf("SC_CLK_TCK")
     lines.append(
-        f"  processors busy: service {told['cpu'] / told['wall']:.1%} ({listed}), broker {own:.1%},"
-        f" publisher {publisher / told['wall']:.1%}"
+        f"  µs of processor time a block: service {each * told['cpu']:.0f} ({listed}), broker {each * own:.0f},"
+        f" publisher {each * publisher:.0f}; together {(told['cpu'] + own + publisher) / told['wall']:.0%} of one"
+        " processor"
     )
     return "\n".join(lines)
 

@@ -4,6 +4,7 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
 import windsysid as ws
+from windsysid.inspection.faults import losses
 from windsysid.inspection.faults.losses import lost_rows
 
 RATE = 50.0
@@ -68,3 +69,13 @@ def test_readings_that_were_filled_in_are_not_lost_rows():
     slow = np.arange(len(y))
     for filled in (CubicSpline(slow, y)(t), np.column_stack([np.interp(t, slow, column) for column in y.T])):
         assert lost_rows(record_of(filled), NAMES) == []
+
+
+@pytest.mark.parametrize("rows", [997, 5_000, 60_011])
+def test_sums_by_remainder_are_those_of_each_period_alone(rows: int):
+    terms = np.random.default_rng(rows).normal(size=(rows, 3))
+    found = losses._by_remainder(terms)
+    assert sorted(found) == list(range(losses.MIN_PERIOD, min(losses.MAX_PERIOD, rows // 50) + 1))
+    for period, sums in found.items():
+        whole = rows // (2 * period) * 2 * period
+        np.testing.assert_allclose(sums, terms[:whole].reshape(-1, period, 3).sum(axis=0), atol=1e-9)

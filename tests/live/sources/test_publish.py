@@ -2,6 +2,7 @@
 
 import io
 import sys
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from tests.live.sources.servers import Mosquitto
 from windsysid.live.blocks.codec import encode_json
 from windsysid.live.sources.cutting import blocks_of
 from windsysid.live.sources.mqtt import MqttSource
+from windsysid.live.sources.publisher import _Sending
 from windsysid.records.formats import write_record
 from windsysid.records.record import Record
 
@@ -73,3 +75,18 @@ def test_what_is_wrong_is_said_in_a_line(words, line, tmp_path: Path, run, monke
     assert len(ended.err) == 1
     assert line in ended.err[0]
     assert "secret" not in ended.err[0]
+
+
+def test_blocks_under_way_are_counted_over_all_flows():
+    under_way = Counter[str]()
+    first, second = (_Sending(1.0, under_way) for _ in range(2))
+    for number in (1, 2, 3):
+        first.add(number)
+    second.add(7)
+    assert under_way["blocks"] == 4
+    first.commit(1)
+    second.drop(7)
+    second.drop(8)
+    assert under_way["blocks"] == len(first.sent) == 2
+    first.go_back(1)
+    assert under_way["blocks"] == 0

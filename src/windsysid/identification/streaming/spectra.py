@@ -133,7 +133,8 @@ class SpectraAccumulator:
         part = segment.on_uniform_grid()
         require_alike(part, self.layout.rate)
         joined = _joined(self.last, part)
-        _, _, inputs, readings, _ = self._samples(joined)
+        samples = self._samples(joined)
+        inputs, readings = samples.inputs, samples.readings
         blocks, first = self.layout.cut(inputs[:, 0])
         for block in blocks:
             self._add(inputs[block], readings[block])
