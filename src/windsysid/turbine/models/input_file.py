@@ -14,9 +14,9 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.configuration import special_file_kind
 from windsysid.errors import ConfigurationError
-from windsysid.turbine.models.limits import MAX_FILE_BYTES
+from windsysid.turbine.models.limits import MAX_FILE_BYTES, MAX_GYRATION, MIN_GYRATION, STEEL_SOUND_SPEED
 
-__all__ = ["InputFile", "StationTable"]
+__all__ = ["InputFile", "StationTable", "gyration_problem"]
 
 _ENTRY = re.compile(r"""\s*("[^"]*"|'[^']*'|[^\s,]+(?:\s*,\s*[^\s,]+)*)\s+([A-Za-z]\w*)(?:\((\d+)\))?(?=[\s-]|$)""")
 _UNIT = re.compile(r"[\s()*.·-]")
@@ -43,6 +43,8 @@ class InputFile:
         Of the file.
     asked_by
         Where its name stands, for messages.
+    read
+        All files of the model so far, to which this one is added.
 
     Raises
     ------
@@ -50,8 +52,10 @@ class InputFile:
         If it cannot be read; and by all methods, with file and line, where a value is missing or has another form.
     """
 
-    def __init__(self, path: Path, asked_by: str = "") -> None:
+    def __init__(self, path: Path, asked_by: str = "", read: list[Path] | None = None) -> None:
         self.path = path
+        self.read = [] if read is None else read
+        self.read.append(path)
         named = f" (named in {asked_by})" if asked_by else ""
         try:
             if kind := special_file_kind(path):
@@ -142,7 +146,7 @@ class InputFile:
     def file(self, name: str) -> "InputFile":
         """The input file that the value names, relative to this one."""
         where = f"{self.path}:{self.line(name)}"
-        return InputFile(self.path.parent / self.text(name).replace("\\", "/"), where)
+        return InputFile(self.path.parent / self.text(name).replace("\\", "/"), where, self.read)
 
     def table(self, count: str, units: dict[str, str]) -> StationTable:
         """The table of as many rows as the value `count` says, by its headings.
@@ -202,6 +206,11 @@ class InputFile:
             names += [word.strip(" -") for word in words.split(",") if word.strip(" -")]
         return names
 
+    def check_gyration(self, line: int, name: str, stiffness_per_mass: Array, length: float) -> None:
+        """Refuse a stiffness whose size does not fit the mass per length (`gyration_problem`)."""
+        if problem := gyration_problem(stiffness_per_mass, length):
+            self.fail(line, f"{name}: {problem}")
+
     def _row(self, index: int, width: int) -> list[float]:
         words = self.lines[index].replace(",", " ").split() if index < len(self.lines) else []
         try:
@@ -233,3 +242,19 @@ def _number(text: str) -> float:
     if not math.isfinite(value):
         raise ValueError(text)
     return value
+
+
+def gyration_problem(stiffness_per_mass: Array, length: float) -> str:
+    """Report an error of EI over mass per length (n,) [N·m³/kg] of a beam; '' if there is none.
+
+    The median section is judged by its radius of gyration, as its material has about steel's speed of sound.
+    """
+    if not np.all(np.isfinite(stiffness_per_mass)) or np.any(stiffness_per_mass <= 0.0):
+        return "expected stiffness and mass above 0"
+    share = float(np.sqrt(np.median(stiffness_per_mass))) / STEEL_SOUND_SPEED / length
+    if MIN_GYRATION <= share <= MAX_GYRATION:
+        return ""
+    return (
+        f"stiffness over mass means a section of {share * length:.2g} m radius in a beam of {length:.3g} m: expected "
+        f"{MIN_GYRATION * length:.2g} to {MAX_GYRATION * length:.2g} m; check units (N·m², kg/m)"
+    )

@@ -12,7 +12,6 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError
 from windsysid.turbine.models.blade import BladeSection, blade_of_shapes
-from windsysid.turbine.models.checks import check_gyration
 from windsysid.turbine.models.input_file import InputFile
 from windsysid.turbine.models.machine import Blade, Machine, PointMass, Support, Top
 from windsysid.turbine.models.rotor_motion import BLADES
@@ -63,7 +62,7 @@ def read_openfast(path: Path) -> Machine:
     }
     return Machine(
         path.stem, "OpenFAST", support, _top(dyn), blade, blades, dyn.number("RotSpeed") * math.pi / 30.0, gravity,
-        bool(below.sources), tuple(dyn.outputs()), sources,
+        bool(below.sources), tuple(dyn.outputs()), sources, tuple(main.read),
     )  # fmt: skip
 
 
@@ -105,7 +104,7 @@ def _support(dyn: InputFile, below: Substructure) -> tuple[Support, str]:
     for side in ("SS", "FA"):
         adjusted = tower.factor(f"Adj{side}St") * tower.factor(f"{side}StTunr1")
         column = table.columns[f"Tw{side}Stif"] * adjusted
-        check_gyration(tower, table, f"Tw{side}Stif", column / np.maximum(mass, 1e-300), top - foot)
+        tower.check_gyration(table.first, f"Tw{side}Stif", column / np.maximum(mass, 1e-300), top - foot)
         stiffness.append(column)
         shapes.append([_polynomial(tower, f"Tw{side}M{mode}Sh") for mode in (1, 2)])
         damping.append([tower.damping(f"Twr{side}Dmp{mode}") for mode in (1, 2)])
@@ -162,7 +161,7 @@ def _blade(dyn: InputFile) -> tuple[Blade, str]:
     columns = {name: np.interp(at, table.columns["BlFract"], column) for name, column in table.columns.items()}
     mass = table.columns["BMassDen"] * file.factor("AdjBlMs")
     for name in ("FlpStff", "EdgStff"):
-        check_gyration(file, table, name, table.columns[name] / np.maximum(mass, 1e-300), length)
+        file.check_gyration(table.first, name, table.columns[name] / np.maximum(mass, 1e-300), length)
     element = np.append(np.full(nodes, length / nodes), 0.0)
     pitch = dyn.number("BlPitch1", 0.0)
     tip = dyn.number("TipMass1", 0.0)

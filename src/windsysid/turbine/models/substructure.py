@@ -127,7 +127,7 @@ def _base(sub: InputFile, heights: dict[str, float]) -> tuple[Array | None, tupl
         return None, ()
     if len(words) < 8 or words[7].strip("\"'").lower() in ("", "none", "unused"):
         sub.fail(first, f"joint {words[0]} is free: expected a soil file (SSIfile)")
-    soil = InputFile(sub.path.parent / words[7].strip("\"'"), f"{sub.path}:{first}")
+    soil = InputFile(sub.path.parent / words[7].strip("\"'"), f"{sub.path}:{first}", sub.read)
     k = {name: soil.number(name, 0.0) for name in ("Kyy", "Kytx", "Ktxtx", "Kxx", "Kxty", "Ktyty")}
     for name in ("Kxx", "Kyy", "Ktxtx", "Ktyty"):
         if k[name] <= 0.0:
