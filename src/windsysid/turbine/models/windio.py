@@ -165,10 +165,10 @@ def read_windio(path: Path) -> Machine:
         "gravity": "assumed", "outputs": "",
         "damping": parts.where("tower.structure.elastic_properties.structural_damping"),
     }  # fmt: skip
+    speed = root.number(names["speed"]) * SPEED[version]
     return Machine(
-        path.stem, "windIO", support, top, blade, BLADES, root.number(names["speed"]) * SPEED[version], GRAVITY, sea, (),
-        sources, (path,), tuple(assumed),
-    )  # fmt: skip
+        path.stem, "windIO", support, top, blade, BLADES, speed, GRAVITY, sea, (), sources, (path,), tuple(assumed)
+    )
 
 
 def _load(path: Path) -> tuple[YamlNode, int]:

@@ -18,6 +18,9 @@ BEAM, FULL = 19, 30
 MIN_TABLE_SHARE = 0.99
 """Setting: share of a body's length that its table must reach: tables are written with some digits only."""
 
+STATIONS = 201
+"""Setting: stations along a body in addition to its rows: the sea bed is then exact to 0.1 m in a pile of 45 m."""
+
 DAMPING = ("damping", "damping_posdef", "damping_aniso", "damping_aniso_v2")
 """Setting: commands of Rayleigh damping: M_x M_y M_z [1/s] and K_x K_y K_z [s]."""
 
@@ -55,16 +58,17 @@ class Body:
         """Rows of the table, its file and first line."""
         return read_sections(self.block.block("timoschenko_input"))
 
-    def check_sections(self, stiffness: Array, along: Array) -> None:
-        """Refuse a table that ends before the axis does, or whose stiffness (n,) does not fit its masses."""
+    def check_sections(self, stiffness: Array | None, along: Array) -> None:
+        """Refuse a table that ends before the axis does, or a stiffness (n,), if given, that does not fit its masses."""
         rows, file, line = self.sections
         if rows[-1, 0] < MIN_TABLE_SHARE * self.length:
             file.fail(
                 line + len(rows) - 1,
                 f"body {self.name}: expected sections up to its length of {self.length:.4g} m, got {rows[-1, 0]:.4g} m",
             )
-        mass = np.maximum(self.column(1, along), 1e-300)
-        file.check_gyration(line, f"body {self.name}", stiffness / mass, self.length)
+        if stiffness is not None:
+            mass = np.maximum(self.column(1, along), 1e-300)
+            file.check_gyration(line, f"body {self.name}", stiffness / mass, self.length)
 
     @property
     def lines(self) -> str:
@@ -73,9 +77,9 @@ class Body:
         return f"{line}-{line + len(rows) - 1}"
 
     def stations(self) -> Array:
-        """Distances along the axis (n,) of the rows of the table, up to its length."""
-        along = self.sections[0][:, 0]
-        return np.concatenate([[0.0], along[(along > 0.0) & (along < self.length - 1e-9)], [self.length]])
+        """Distances along the axis (n,): rows of the table up to its length, and some between for soil and water."""
+        along = np.unique(np.concatenate([self.sections[0][:, 0], np.linspace(0.0, self.length, STATIONS)]))
+        return np.asarray(along[(along >= 0.0) & (along <= self.length)])
 
     def column(self, index: int, along: Array) -> Array:
         """A column of the table at some distances (n,)."""
@@ -177,9 +181,10 @@ def _bodies(structure: Block) -> dict[str, Body]:
 
 
 def _named(bodies: dict[str, Body], entry: Entry) -> Body:
-    if len(entry.words) < 2 or entry.words[1].lower() not in bodies:
-        entry.fail(f"unknown body '{' '.join(entry.words[1:])[:40]}': expected one of {', '.join(bodies)[:80]}")
-    return bodies[entry.words[1].lower()]
+    name = " ".join(entry.words[1:2]).lower()
+    if name not in bodies:
+        entry.fail(f"unknown body '{name[:40]}': expected one of {', '.join(bodies)[:80]}")
+    return bodies[name]
 
 
 def _of(block: Block, which: int) -> Entry:

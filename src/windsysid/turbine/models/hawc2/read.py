@@ -64,7 +64,7 @@ def read_hawc2(path: Path) -> Machine:
     return Machine(
         path.stem, "HAWC2", support, top, _blade(blades[0], top, roots), BLADES, speed,
         float(gravity[0].numbers(1, 1)[0]) if gravity else GRAVITY, water is not None, (), sources,
-        tuple(main.file.read),
+        tuple(main.file.read), ("soil curves in kN per metre",) * (support.soil is not None),
     )  # fmt: skip
 
 
@@ -110,7 +110,7 @@ def _support(main: Block, structure: Block, chain: list[Placed]) -> tuple[Suppor
         foot = -float(placed.origin[2])
         first = foot + along + STEP * (placed is not chain[0])
         tensor = bending_stiffness(body, along)
-        body.check_sections(tensor[:, 0, 0], along)
+        body.check_sections(tensor[:, 0, 0] if placed is chain[-1] else None, along)
         z.append(first)
         mass.append(body.column(1, along))
         shear.append(body.shear(along))
