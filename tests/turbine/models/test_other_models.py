@@ -45,7 +45,7 @@ def test_a_machine_is_the_same_in_hawc2_and_in_both_versions_of_windio(tmp_path:
 
 
 def test_a_tower_under_a_rigid_mass_has_its_closed_form(tmp_path: Path):
-    """Frequency and stiffness-proportional damping ζ = βω/2 of a cantilever with a mass on top, by Rayleigh's method."""
+    """Frequency and stiffness-proportional damping ζ = βω/2 of a cantilever with a mass on top, by Rayleigh."""
     machine = read_hawc2(write_hawc2(tmp_path))
     machine = machine._replace(gravity=0.0, top=machine.top._replace(masses=((1e7, np.zeros(3)),)), blade=None)
     mode = tower_modes(machine, 1)[0]

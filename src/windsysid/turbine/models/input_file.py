@@ -181,17 +181,23 @@ class InputFile:
         self._check_units(at + 1, headings, units)
         return at
 
-    def rows(self, heading: str, count: int, width: int) -> tuple[list[list[str]], int]:
-        """Words of some rows below a heading and its line of units, and the number of the first."""
-        at = next((i for i, line in enumerate(self.lines) if line.lower().split()[:1] == [heading.lower()]), None)
-        if at is None:
-            self.fail(1, f"expected a table with the heading {heading}, found none")
+    def heading(self, name: str, column: str = "") -> tuple[list[str], int]:
+        """Words of the heading that begins with a name and has a column, in lower case, and its index."""
+        for index, line in enumerate(self.lines):
+            words = line.lower().split()
+            if words[:1] == [name.lower()] and (not column or column.lower() in words):
+                return words, index
+        self.fail(1, f"expected a table with the heading {name}{f' and a column {column}' * bool(column)}, found none")
+
+    def rows(self, name: str, count: int, width: int, column: str = "") -> tuple[list[list[str]], int]:
+        """Words of some rows below a heading (`heading`) and its line of units, and the number of the first."""
+        at = self.heading(name, column)[1]
         found = [line.replace(",", " ").split() for line in self.lines[at + 2 : at + 2 + count]]
         for i, words in enumerate(found):
             if len(words) < width:
-                self.fail(at + 3 + i, f"expected {width} values under {heading}, got '{' '.join(words)[:60]}'")
+                self.fail(at + 3 + i, f"expected {width} values under {name}, got '{' '.join(words)[:60]}'")
         if len(found) < count:
-            self.fail(len(self.lines), f"expected {count} rows under {heading}, got {len(found)}")
+            self.fail(len(self.lines), f"expected {count} rows under {name}, got {len(found)}")
         return found, at + 3
 
     def outputs(self) -> list[str]:

@@ -59,7 +59,7 @@ class Body:
         return read_sections(self.block.block("timoschenko_input"))
 
     def check_sections(self, stiffness: Array | None, along: Array) -> None:
-        """Refuse a table that ends before the axis does, or a stiffness (n,), if given, that does not fit its masses."""
+        """Refuse a table that ends before the axis does, or a stiffness (n,), where given, unlike its masses."""
         rows, file, line = self.sections
         if rows[-1, 0] < MIN_TABLE_SHARE * self.length:
             file.fail(
