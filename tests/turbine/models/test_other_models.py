@@ -205,7 +205,12 @@ WRONG_HAWC2 = [
     ("htc/main.htc", "body2_eulerang 90 0 0", "body2_eulerpar 1 0 0 0", r"body2_eulerpar: expected mbdy2_eulerang"),
     ("htc/main.htc", "link 3 mbdy_c2_def blade3", "nothing", r"expected 3 blades, got 2"),
     ("htc/main.htc", "2e-3 2e-3", "[factor] 2e-3", r"main\.htc:8: damping_posdef: expected a number, got '\[factor\]'"),
-    ("data/tower_st.dat", "70.0 ", "0.0 ", r"tower_st\.dat:4: expected ascending distances, got 0 after 0"),
+    (
+        "data/tower_st.dat",
+        "70.0 ",
+        "0.0 ",
+        r"tower_st\.dat:4: expected rows of one width and ascending distances, got 0 after 0",
+    ),
     ("data/tower_st.dat", "70.0 ", "60.0 ", r"tower_st\.dat:4: body tower: expected sections up to its length of 70 m"),
     ("data/tower_st.dat", "$1 2", "$1 3", r"tower_st\.dat:5: expected a row of 19 or 30 numbers, 3 rows in all, got 0"),
     ("data/stiff_st.dat", "#1\n", "#2\n", r"stiff_st\.dat:1: expected set 1 with subset 1"),

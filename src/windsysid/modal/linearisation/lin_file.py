@@ -188,20 +188,20 @@ def _named(description: str) -> tuple[str, str, bool]:
 
 def _state_matrix(text: _FileLines) -> tuple[Array, Array, int]:
     """Read A, its rounding, and its significant digits."""
-    found = ((i, heading) for i, line in enumerate(text.lines) if (heading := _MATRIX.match(line)))
-    index, heading = next(found, (0, None))
+    index = next((i for i, line in enumerate(text.lines) if _MATRIX.match(line)), 0)
+    heading = _MATRIX.match(text.lines[index])
     if heading is None or heading[1] == "0":
         raise text.error(None, "expected a matrix 'A: n x n' of at least one state, got none")
     shape = (int(heading[1]), int(heading[2]))
-    cells = [_cells(text, index + 1 + i, shape[1]) for i in range(shape[0])]
-    A = np.array([[_value(cell) for cell in row] for row in cells]).reshape(shape)
+    cells = np.array([_cells(text, index + 1 + i, shape[1]) for i in range(shape[0])]).ravel().tolist()
+    A = np.array([*map(_value, cells)]).reshape(shape)
     if not np.isfinite(A).all():
         i, j = (int(k) for k in np.argwhere(~np.isfinite(A))[0])
-        raise text.error(index + 1 + i, f"expected a number in column {j + 1} of A, got '{cells[i][j][:30]}'")
-    rounded = [[_rounding(cell) for cell in row] for row in cells]
-    sizes = np.array([[size for size, _ in row] for row in rounded]).reshape(shape)
-    rounding = np.where(np.isin(np.abs(A), (0.0, 1.0)), 0.0, sizes)
-    return A, rounding, max((count for row in rounded for _, count in row), default=0)
+        raise text.error(
+            index + 1 + i, f"expected a number in column {j + 1} of A, got '{cells[i * shape[1] + j][:30]}'"
+        )
+    sizes, digits = zip(*map(_rounding, cells), strict=True)
+    return A, np.where(np.isin(np.abs(A), (0.0, 1.0)), 0.0, np.reshape(sizes, shape)), max(digits)
 
 
 def _cells(text: _FileLines, index: int, columns: int) -> list[str]:

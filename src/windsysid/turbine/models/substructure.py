@@ -150,27 +150,25 @@ def _water(main: InputFile, z: Array) -> tuple[Array, tuple[str, ...]]:
     if not main.has("CompHydro") or main.count("CompHydro") != 1:
         return found, ()
     hydro = main.file("HydroFile")
-    count = hydro.count("NPropSetsCyl" if hydro.has("NPropSetsCyl") else "NPropSets", 0)
-    if not count or not hydro.count("NMembers", 0):
+    if not hydro.count("NMembers", 0):
         return found, ()
-    tables = _hydro_tables(hydro, count)
+    tables = _hydro_tables(hydro)
     sea = main if main.has("WtrDens") else hydro
     density, level = sea.number("WtrDens", 1025.0), sea.number("MSL2SWL", 0.0)
     filled = _filled(hydro, density)
     rows, first = hydro.rows("MemberID", hydro.count("NMembers"), 5, "MJointID1")
     mode = hydro.heading("MemberID", "MJointID1")[0].index("mcoefmod")
     for i, words in enumerate(rows):
-        if any(joint not in tables.heights for joint in words[1:3]) or any(s not in tables.sizes for s in words[3:5]):
+        if not (set(words[1:3]) <= tables.heights.keys() and set(words[3:5]) <= tables.sizes.keys()):
             hydro.fail(first + i, f"member {words[0]}: a joint or section is not in the tables above")
         ends = np.array([tables.heights[joint] for joint in words[1:3]])
-        low, high = sorted(ends)
-        share = (z - ends[0]) / (ends[1] - ends[0]) if high > low else 0.0 * z
-        diameter, wall = (tables.sizes[words[3]][k] * (1 - share) + tables.sizes[words[4]][k] * share for k in (0, 1))
-        added = tables.coefficient(words[mode] if len(words) > mode else "1", words[0], z - level, share)
-        outside = np.where(z <= level, added * density * math.pi / 4.0 * diameter**2, 0.0)
+        share = (z - ends[0]) / (ends[1] - ends[0] or math.inf)
+        diameter, wall = (np.outer(1.0 - share, tables.sizes[words[3]]) + np.outer(share, tables.sizes[words[4]])).T
+        added = tables.coefficient("".join(words[mode : mode + 1]), words[0], z - level, share)
         surface, inner = filled.get(words[0], (-math.inf, 0.0))
-        inside = np.where(z <= surface, inner * math.pi / 4.0 * (diameter - 2.0 * wall) ** 2, 0.0)
-        found += np.where((z >= low - 10.0 * STEP) & (z <= high) & (found == 0.0), outside + inside, 0.0)
+        mass = added * density * diameter**2 * (z <= level) + inner * (diameter - 2.0 * wall) ** 2 * (z <= surface)
+        within = (z >= ends.min() - 10.0 * STEP) & (z <= ends.max()) & (found == 0.0)
+        found += np.where(within, math.pi / 4.0 * mass, 0.0)
     return found, (f"{hydro.path.name}:{first}-{first + len(rows) - 1}",)
 
 
@@ -191,8 +189,9 @@ class _HydroTables(NamedTuple):
         return np.asarray(first * (1.0 - share) + last * share)
 
 
-def _hydro_tables(hydro: InputFile, sets: int) -> _HydroTables:
+def _hydro_tables(hydro: InputFile) -> _HydroTables:
     """Read HydroDyn's tables of joints, sections and coefficients."""
+    sets = hydro.count("NPropSetsCyl" if hydro.has("NPropSetsCyl") else "NPropSets", 0)
 
     def table(name: str, count: int, columns: tuple[str, ...]) -> list[tuple[str, tuple[float, ...]]]:
         if not count:

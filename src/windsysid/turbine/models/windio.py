@@ -14,25 +14,17 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError
-from windsysid.turbine.models.blade import blade_of_beam
+from windsysid.turbine.models.blade import BLADE_ELEMENTS, blade_of_beam
 from windsysid.turbine.models.input_file import InputFile
 from windsysid.turbine.models.machine import Blade, Machine, PointMass, Support, Top
 from windsysid.turbine.models.rotor_motion import BLADES
+from windsysid.turbine.models.substructure import SHEAR_FACTOR, STATIONS, STEP
 from windsysid.units import RPM
 
 __all__ = ["read_windio"]
 
 GRAVITY, WATER_DENSITY = 9.81, 1025.0
 """Gravity [m/s²] and density of sea water [kg/m³], which windIO does not have or need not have."""
-
-STEP = 1e-6
-"""Setting: distance [m] between the two sides of the tower's foot."""
-
-BLADE_ELEMENTS = 60
-"""Setting: elements of a blade, whose frequencies are then exact to 1e-3."""
-
-SHEAR_FACTOR = 0.53
-"""Setting: Cowper's shear coefficient of a thin tube."""
 
 TOWER_DAMPING, BLADE_DAMPING = 0.005, 0.005
 """Size: damping ratios where a file has none: those of the NREL 5 MW and IEA 15 MW turbines' blades and of drawings."""
@@ -236,7 +228,7 @@ def _beam(root: YamlNode, part: YamlNode, names: dict[str, str]) -> Array:
     grid, height = axis.numbers("grid", 2), axis.numbers("values", 2)
     if len(grid) != len(height) or np.any(np.diff(height) <= 0.0) or np.any(np.diff(grid) <= 0.0):
         axis.fail("expected as many heights as points of the grid, both ascending from the foot")
-    at = np.unique(np.concatenate([grid, np.linspace(0.0, 1.0, 201)]))
+    at = np.unique(np.concatenate([grid, np.linspace(0.0, 1.0, STATIONS)]))
     z = np.interp(at, grid, height)
     if part.find(names["layers"]) is not None:
         mass, bending, shear = _tube(root, part, names, at)
@@ -338,7 +330,7 @@ def _blade(parts: YamlNode, names: dict[str, str], angle: float) -> tuple[Blade,
     blade = parts.get("blade")
     elastic = blade.get(names["blade"])
     along = (np.arange(BLADE_ELEMENTS) + 0.5) / BLADE_ELEMENTS
-    fine = np.linspace(0.0, 1.0, 201)
+    fine = np.linspace(0.0, 1.0, STATIONS)
     line = np.array([blade.curve(f"{names['axis']}.{name}", fine) for name in "xyz"])
     length = float(np.sum(np.linalg.norm(np.diff(line, axis=1), axis=0)))
     about_x, cross, about_y, mass = _sections(elastic, along)

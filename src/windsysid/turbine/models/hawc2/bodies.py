@@ -7,10 +7,11 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.turbine.models.hawc2.htc_file import Block, Entry, read_sections
+from windsysid.turbine.models.hawc2.htc_file import Command, HtcBlock, read_sections
 from windsysid.turbine.models.input_file import InputFile
+from windsysid.turbine.models.substructure import STATIONS
 
-__all__ = ["Body", "Placed", "bending_stiffness", "placed_bodies", "rayleigh"]
+__all__ = ["Body", "PlacedBody", "bending_stiffness", "placed_bodies", "rayleigh"]
 
 BEAM, FULL = 19, 30
 """Setting: columns of sections of a beam (r, m, …, E, G, I_x, I_y, …), and of those with a stiffness matrix."""
@@ -18,8 +19,8 @@ BEAM, FULL = 19, 30
 MIN_TABLE_SHARE = 0.99
 """Setting: share of a body's length that its table must reach: tables are written with some digits only."""
 
-STATIONS = 201
-"""Setting: stations along a body in addition to its rows: the sea bed is then exact to 0.1 m in a pile of 45 m."""
+BODY = ("body", "mbdy", "main_body")
+"""Setting: commands that name a body."""
 
 DAMPING = ("damping", "damping_posdef", "damping_aniso", "damping_aniso_v2")
 """Setting: commands of Rayleigh damping: M_x M_y M_z [1/s] and K_x K_y K_z [s]."""
@@ -36,7 +37,7 @@ class Body:
         Its block, or that of the body of which it is a copy.
     """
 
-    def __init__(self, name: str, block: Block) -> None:
+    def __init__(self, name: str, block: HtcBlock) -> None:
         self.name, self.block = name, block
         if block.commands("type") and block.word("type").lower() != "timoschenko":
             block.command("type").fail(f"expected timoschenko, got {block.word('type')}")
@@ -44,7 +45,7 @@ class Body:
         unknown = [e for e in block.commands("damping*", "gravity*") if e.words[0] not in DAMPING]
         if unknown:
             unknown[0].fail(f"expected {' or '.join(DAMPING)}: this command is not known")
-        self.damping: Entry | None = next(iter(block.commands(*DAMPING)), None)
+        self.damping: Command | None = next(iter(block.commands(*DAMPING)), None)
         self.nodes = _nodes(block)
         self.arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(self.nodes[:, :3], axis=0), axis=1))])
 
@@ -117,7 +118,7 @@ class Body:
         return [*self.point_masses(), *((float(m), r, np.zeros((3, 3))) for m, r in zip(parts, at, strict=True))]
 
 
-class Placed(NamedTuple):
+class PlacedBody(NamedTuple):
     """A body, the one on whose last node it stands ('' for the ground), its origin (3,) [m] and axes (3, 3)."""
 
     body: Body
@@ -137,7 +138,7 @@ class Placed(NamedTuple):
         return bool(np.all(np.abs(nodes[:, [0, 1, 3]]) < 1e-6) and np.all(np.diff(nodes[:, 2]) < 0.0))
 
 
-def placed_bodies(structure: Block) -> dict[str, Placed]:
+def placed_bodies(structure: HtcBlock) -> dict[str, PlacedBody]:
     """Read all bodies of a structure with their places.
 
     Raises
@@ -147,10 +148,8 @@ def placed_bodies(structure: Block) -> dict[str, Placed]:
     """
     bodies = _bodies(structure)
     orientation = structure.block("orientation")
-    found: dict[str, Placed] = {}
-    for block in orientation.all("base"):
-        body = _named(bodies, block.command("body", "mbdy", "main_body"))
-        found[body.name] = Placed(body, "", block.command("inipos").numbers(1, 3), _rotation(block, ""))
+    bases = [(_named(bodies, block.command(*BODY)), block) for block in orientation.all("base")]
+    found = {b.name: PlacedBody(b, "", at.command("inipos").numbers(1, 3), _rotation(at, "")) for b, at in bases}
     waiting = list(orientation.all("relative"))
     while waiting:
         ready = [b for b in waiting if _named(bodies, _of(b, 1)).name in found]
@@ -158,17 +157,16 @@ def placed_bodies(structure: Block) -> dict[str, Placed]:
             waiting[0].file.fail(waiting[0].line, f"body {_of(waiting[0], 1).words[1]}: its place is not given")
         for block in ready:
             below, body = found[_named(bodies, _of(block, 1)).name], _named(bodies, _of(block, 2))
-            node = _of(block, 1).words[2:3]
-            origin = below.end if node in ((), ("last",)) else below.origin + below.axes @ _node(below, _of(block, 1))
-            found[body.name] = Placed(body, below.body.name, origin, below.axes @ _rotation(block, "2"))
+            if _of(block, 1).words[2:3] not in (("last",), (str(len(below.body.nodes)),)):
+                _of(block, 1).fail(f"expected the last node of {below.body.name}, got others: not read")
+            found[body.name] = PlacedBody(body, below.body.name, below.end, below.axes @ _rotation(block, "2"))
         waiting = [b for b in waiting if b not in ready]
-    for name, body in bodies.items():
-        if name not in found:
-            body.block.file.fail(body.block.line, f"body {name}: no block of 'orientation' places it")
+    if lost := [body for name, body in bodies.items() if name not in found]:
+        lost[0].block.file.fail(lost[0].block.line, f"body {lost[0].name}: no block of 'orientation' places it")
     return found
 
 
-def _bodies(structure: Block) -> dict[str, Body]:
+def _bodies(structure: HtcBlock) -> dict[str, Body]:
     blocks = {block.word("name").lower(): block for block in structure.all("main_body")}
     found = {}
     for name, block in blocks.items():
@@ -180,27 +178,20 @@ def _bodies(structure: Block) -> dict[str, Body]:
     return found
 
 
-def _named(bodies: dict[str, Body], entry: Entry) -> Body:
+def _named(bodies: dict[str, Body], entry: Command) -> Body:
     name = " ".join(entry.words[1:2]).lower()
     if name not in bodies:
         entry.fail(f"unknown body '{name[:40]}': expected one of {', '.join(bodies)[:80]}")
     return bodies[name]
 
 
-def _of(block: Block, which: int) -> Entry:
-    return block.command(f"body{which}", f"mbdy{which}", f"main_body{which}")
+def _of(block: HtcBlock, which: int) -> Command:
+    return block.command(*(f"{stem}{which}" for stem in BODY))
 
 
-def _node(placed: Placed, entry: Entry) -> Array:
-    node = int(entry.numbers(2, 1)[0])
-    if not 1 <= node <= len(placed.body.nodes):
-        entry.fail(f"expected a node from 1 to {len(placed.body.nodes)}, got {node}")
-    return placed.body.nodes[node - 1, :3]
-
-
-def _rotation(block: Block, which: str) -> Array:
+def _rotation(block: HtcBlock, which: str) -> Array:
     """Rotation (3, 3) by all lines of Euler's angles, each about the axes as turned so far."""
-    names = [f"{stem}{which}_eulerang" for stem in ("body", "mbdy", "main_body")]
+    names = [f"{stem}{which}_eulerang" for stem in BODY]
     found = np.eye(3)
     for entry in block.entries:
         if entry.words[0] in names:
@@ -214,7 +205,7 @@ def _rotation(block: Block, which: str) -> Array:
     return found
 
 
-def _nodes(block: Block) -> Array:
+def _nodes(block: HtcBlock) -> Array:
     """Nodes (n, 4) of the axis: x, y, z [m], twist [deg]."""
     axis = block.block("c2_def")
     rows = axis.commands("sec")

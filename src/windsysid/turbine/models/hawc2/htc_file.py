@@ -6,6 +6,7 @@ reads another file in between. Files are named relative to the folder in which H
 
 import re
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple, NoReturn
 
@@ -14,7 +15,7 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.turbine.models.input_file import InputFile
 
-__all__ = ["Block", "Entry", "read_htc", "read_sections"]
+__all__ = ["Command", "HtcBlock", "read_htc", "read_sections"]
 
 MAX_FILES = 100
 """Setting: files that one main file may continue in; a file that names itself would never end."""
@@ -23,7 +24,7 @@ SECTION_WIDTHS = (19, 30)
 """Setting: columns of a section: those of a beam, or with a full stiffness matrix."""
 
 
-class Entry(NamedTuple):
+class Command(NamedTuple):
     """Words of a command, and where it stands."""
 
     words: tuple[str, ...]
@@ -39,6 +40,11 @@ class Entry(NamedTuple):
         """File and line."""
         return f"{self.file.path.name}:{self.line}"
 
+    @property
+    def value(self) -> str:
+        """The first word behind its name."""
+        return self.words[1] if len(self.words) > 1 else self.fail("expected a value")
+
     def numbers(self, first: int, count: int) -> Array:
         """`count` numbers (count,) from the word `first` on, the command's name being word 0."""
         words = self.words[first : first + count]
@@ -47,7 +53,7 @@ class Entry(NamedTuple):
         return np.array([self.file.value(self.line, word, f"{self.words[0]}: ") for word in words])
 
 
-class Block:
+class HtcBlock:
     """A block of commands and blocks, in the order of the file.
 
     Parameters
@@ -62,29 +68,29 @@ class Block:
 
     def __init__(self, name: str, file: InputFile, line: int, root: Path) -> None:
         self.name, self.file, self.line, self.root = name, file, line, root
-        self.entries: list[Entry] = []
-        self.blocks: list[Block] = []
+        self.entries: list[Command] = []
+        self.blocks: list[HtcBlock] = []
 
-    def all(self, *names: str) -> "Iterator[Block]":
+    def all(self, *names: str) -> "Iterator[HtcBlock]":
         """Blocks of these names."""
         return (block for block in self.blocks if block.name in names)
 
-    def first(self, name: str) -> "Block | None":
+    def first(self, name: str) -> "HtcBlock | None":
         """The first block of that name."""
         return next(self.all(name), None)
 
-    def block(self, name: str) -> "Block":
+    def block(self, name: str) -> "HtcBlock":
         """The first block of that name; an error where there is none."""
         if (found := self.first(name)) is None:
             self.file.fail(self.line, f"{self.name}: expected a block 'begin {name}', found none")
         return found
 
-    def commands(self, *names: str) -> list[Entry]:
+    def commands(self, *names: str) -> list[Command]:
         """Commands of these names; names may end in ``*``."""
         stems = tuple(name[:-1] for name in names if name.endswith("*"))
         return [e for e in self.entries if e.words[0] in names or (stems and e.words[0].startswith(stems))]
 
-    def command(self, *names: str) -> Entry:
+    def command(self, *names: str) -> Command:
         """The last command of one of these names; an error where there is none."""
         if not (found := self.commands(*names)):
             self.file.fail(self.line, f"{self.name}: expected a command {' or '.join(names)}, found none")
@@ -92,10 +98,7 @@ class Block:
 
     def word(self, *names: str) -> str:
         """First value of a command."""
-        entry = self.command(*names)
-        if len(entry.words) < 2:
-            entry.fail("expected a value")
-        return entry.words[1]
+        return self.command(*names).value
 
     def open(self, name: str) -> InputFile:
         """The file that a command names."""
@@ -103,7 +106,7 @@ class Block:
         return InputFile(_resolve(self.root, entry), entry.where, self.file.read)
 
 
-def read_htc(path: Path) -> Block:
+def read_htc(path: Path) -> HtcBlock:
     """Read a main input file with all files that it continues in.
 
     Raises
@@ -112,33 +115,29 @@ def read_htc(path: Path) -> Block:
         With file and line: a file that is missing, or a block without its end.
     """
     main = InputFile(path)
-    found = Block("file", main, 1, _root(main))
+    found = HtcBlock("file", main, 1, _root(main))
     _fill([found], main, found.root)
     return found
 
 
-def _fill(stack: list[Block], file: InputFile, root: Path) -> None:
+def _fill(stack: list[HtcBlock], file: InputFile, root: Path) -> None:
     """Read commands into the innermost open block."""
     depth = len(stack)
     for number, line in enumerate(file.lines, start=1):
         words = line.split(";")[0].split()
-        if not words:
+        entry = Command((words[0].lower(), *words[1:]), file, number) if words else None
+        if entry is None:
             continue
-        name = words[0].lower()
-        entry = Entry((name, *words[1:]), file, number)
-        if name == "exit":
+        if entry.words[0] == "exit":
             break
-        if name in ("begin", "end") and len(words) < 2:
-            entry.fail("expected the name of a block")
-        if name == "begin":
-            block = Block(words[1].lower(), file, number, root)
-            stack[-1].blocks.append(block)
-            stack.append(block)
-        elif name == "end":
-            if len(stack) <= depth or stack[-1].name != words[1].lower():
-                entry.fail(f"expected the end of '{stack[-1].name}' (line {stack[-1].line}), got '{words[1][:40]}'")
+        if entry.words[0] == "begin":
+            stack.append(HtcBlock(entry.value.lower(), file, number, root))
+            stack[-2].blocks.append(stack[-1])
+        elif entry.words[0] == "end":
+            if len(stack) <= depth or stack[-1].name != entry.value.lower():
+                entry.fail(f"expected the end of '{stack[-1].name}' (line {stack[-1].line}), got '{entry.value[:40]}'")
             stack.pop()
-        elif name == "continue_in_file":
+        elif entry.words[0] == "continue_in_file":
             if len(file.read) >= MAX_FILES:
                 entry.fail(f"expected up to {MAX_FILES} files, got more: does a file continue in itself?")
             _fill(stack, InputFile(_resolve(root, entry), entry.where, file.read), root)
@@ -148,12 +147,10 @@ def _fill(stack: list[Block], file: InputFile, root: Path) -> None:
         file.fail(len(file.lines), f"expected 'end {stack[-1].name}' (line {stack[-1].line}), found none")
 
 
-def _resolve(root: Path, entry: Entry) -> Path:
+def _resolve(root: Path, entry: Command) -> Path:
     """Path of the file that a command names; upper and lower case are alike where no such file exists."""
-    if len(entry.words) < 2:
-        entry.fail("expected the name of a file")
     found = root
-    for part in Path(entry.words[1].strip("\"'").replace("\\", "/")).parts:
+    for part in Path(entry.value.strip("\"'").replace("\\", "/")).parts:
         exact = found / part
         if not exact.exists() and found.is_dir():
             exact = next((p for p in sorted(found.iterdir()) if p.name.lower() == part.lower()), exact)
@@ -166,13 +163,13 @@ def _root(main: InputFile) -> Path:
     for number, line in enumerate(main.lines, start=1):
         words = line.split(";")[0].split()
         if len(words) > 1 and words[0].lower() in ("filename", "continue_in_file"):
-            entry = Entry(tuple(words), main, number)
+            entry = Command(tuple(words), main, number)
             folders = [main.path.absolute().parent, *main.path.absolute().parents[1:4]]
             return next((folder for folder in folders if _resolve(folder, entry).is_file()), folders[0])
     return main.path.absolute().parent
 
 
-def read_sections(block: Block) -> tuple[Array, InputFile, int]:
+def read_sections(block: HtcBlock) -> tuple[Array, InputFile, int]:
     """Read the table of a ``timoschenko_input``: rows (n, 19) or (n, 30), its file, and the number of its first line.
 
     Raises
@@ -181,24 +178,32 @@ def read_sections(block: Block) -> tuple[Array, InputFile, int]:
         With file and line: a missing set, rows of another width, or distances that do not ascend.
     """
     file, wanted = block.open("filename"), block.command("set").numbers(1, 2).astype(int)
-    at, current = None, 0
-    for number, line in enumerate(file.lines, start=1):
-        if mark := re.match(r"\s*([#$])\s*(\d+)(?:\s+(\d+))?", line):
-            if mark[1] == "#":
-                current = int(mark[2])
-            elif current == wanted[0] and int(mark[2]) == wanted[1]:
-                at, count = number, int(mark[3] or 0)
-                break
-    if at is None:
+    at, count = _subset(file, int(wanted[0]), int(wanted[1]))
+    if not at:
         file.fail(1, f"expected set {wanted[0]} with subset {wanted[1]} ({block.command('set').where}), found none")
-    rows: list[list[float]] = []
-    for number in range(at + 1, at + 1 + count):
-        words = file.lines[number - 1].split() if number <= len(file.lines) else []
-        if len(words) not in SECTION_WIDTHS or (rows and len(words) != len(rows[0])):
-            file.fail(number, f"expected a row of 19 or 30 numbers, {count} rows in all, got {len(words)} values")
-        rows.append([file.value(number, word) for word in words])
-        if len(rows) > 1 and rows[-1][0] <= rows[-2][0]:
-            file.fail(number, f"expected ascending distances, got {rows[-1][0]:g} after {rows[-2][0]:g}")
-    if len(rows) < 2:
+    if count < 2:
         file.fail(at, "expected two or more rows")
+    rows = [_row(file, number, count) for number in range(at + 1, at + 1 + count)]
+    for number, (one, other) in enumerate(pairwise(rows), start=at + 2):
+        if len(one) != len(other) or other[0] <= one[0]:
+            file.fail(number, f"expected rows of one width and ascending distances, got {other[0]:g} after {one[0]:g}")
     return np.array(rows), file, at + 1
+
+
+def _subset(file: InputFile, wanted: int, subset: int) -> tuple[int, int]:
+    """Line of a subset ``$`` of a set ``#``, 0 if there is none, and the number of its rows."""
+    current = 0
+    for number, line in enumerate(file.lines, start=1):
+        mark = re.match(r"\s*([#$])\s*(\d+)(?:\s+(\d+))?", line)
+        if mark and mark[1] == "#":
+            current = int(mark[2])
+        elif mark and (current, int(mark[2])) == (wanted, subset):
+            return number, int(mark[3] or 0)
+    return 0, 0
+
+
+def _row(file: InputFile, number: int, count: int) -> list[float]:
+    words = file.lines[number - 1].split() if number <= len(file.lines) else []
+    if len(words) not in SECTION_WIDTHS:
+        file.fail(number, f"expected a row of 19 or 30 numbers, {count} rows in all, got {len(words)} values")
+    return [file.value(number, word) for word in words]

@@ -10,23 +10,18 @@ from pathlib import Path
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.turbine.models.blade import blade_of_beam
-from windsysid.turbine.models.hawc2.bodies import Body, Placed, bending_stiffness, placed_bodies, rayleigh
-from windsysid.turbine.models.hawc2.htc_file import Block, read_htc
+from windsysid.turbine.models.blade import BLADE_ELEMENTS, blade_of_beam
+from windsysid.turbine.models.hawc2.bodies import Body, PlacedBody, bending_stiffness, placed_bodies, rayleigh
+from windsysid.turbine.models.hawc2.htc_file import HtcBlock, read_htc
 from windsysid.turbine.models.hawc2.seabed import soil_stiffness, water_mass
 from windsysid.turbine.models.machine import Blade, Machine, PointMass, Support, Top
 from windsysid.turbine.models.rotor_motion import BLADES
+from windsysid.turbine.models.substructure import STEP
 
 __all__ = ["read_hawc2"]
 
 TO_MACHINE = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 """Rotation from HAWC2's axes to those of a machine: downwind, to the right looking upwind, up."""
-
-STEP = 1e-6
-"""Setting: distance [m] between the two sides of a joint of bodies."""
-
-BLADE_ELEMENTS = 60
-"""Setting: elements of a blade, whose frequencies are then exact to 1e-3."""
 
 GRAVITY = 9.81
 """Gravity [m/s²] that HAWC2 takes where a file has none."""
@@ -47,15 +42,12 @@ def read_hawc2(path: Path) -> Machine:
     chain = _chain(blades[0], places)
     at = _tower_index(chain)
     support, sources = _support(main, structure, chain[: at + 1])
-    below = {placed.body.name for placed in chain[: at + 1]}
-    on_top = [p for name, p in places.items() if name not in below and p not in blades]
-    for placed in on_top:
-        if chain[at] not in _chain(placed, places):
-            placed.body.block.file.fail(placed.body.block.line, f"body {placed.body.name}: not on the tower: not read")
-    top, roots = _top(chain, at, on_top, blades)
+    on_top = _on_top(chain[: at + 1], blades, places)
+    top, roots = _top(chain[at].end, on_top, blades)
     speed, speed_at = _rotor_speed(main, structure)
     water = main.first("hydro")
-    gravity = water.block("water_properties").commands("gravity") if water and water.first("water_properties") else []
+    properties = water.first("water_properties") if water else None
+    gravity = properties.commands("gravity") if properties else []
     sources |= {
         "top": ", ".join(dict.fromkeys(m.where for p in on_top for m in p.body.masses)),
         "blade": f"{blades[0].body.sections[1].path.name}:{blades[0].body.lines}",
@@ -68,7 +60,16 @@ def read_hawc2(path: Path) -> Machine:
     )  # fmt: skip
 
 
-def _blades(main: Block, structure: Block, places: dict[str, Placed]) -> list[Placed]:
+def _on_top(support: list[PlacedBody], blades: list[PlacedBody], places: dict[str, PlacedBody]) -> list[PlacedBody]:
+    """Bodies that are neither support nor blades; they stand on the tower."""
+    found = [placed for placed in places.values() if not any(placed is one for one in [*support, *blades])]
+    for placed in found:
+        if not any(one is support[-1] for one in _chain(placed, places)):
+            placed.body.block.file.fail(placed.body.block.line, f"body {placed.body.name}: not on the tower: not read")
+    return found
+
+
+def _blades(main: HtcBlock, structure: HtcBlock, places: dict[str, PlacedBody]) -> list[PlacedBody]:
     """The blades, as the block ``aero`` links them, or by their names."""
     aero = main.first("aero")
     names = [e.words[3].lower() for e in aero.commands("link") if len(e.words) > 3] if aero else []
@@ -79,7 +80,7 @@ def _blades(main: Block, structure: Block, places: dict[str, Placed]) -> list[Pl
     return found
 
 
-def _chain(last: Placed, places: dict[str, Placed]) -> list[Placed]:
+def _chain(last: PlacedBody, places: dict[str, PlacedBody]) -> list[PlacedBody]:
     """Bodies from the ground to one."""
     found = [last]
     while found[0].parent:
@@ -87,7 +88,7 @@ def _chain(last: Placed, places: dict[str, Placed]) -> list[Placed]:
     return found
 
 
-def _tower_index(chain: list[Placed]) -> int:
+def _tower_index(chain: list[PlacedBody]) -> int:
     """Index of the tower: the last upright body of that name, or the longest one that is upright."""
     upright = [i for i, placed in enumerate(chain) if abs(placed.axes[2, 2] - 1.0) < STEP and placed.upright]
     named = [i for i in upright if chain[i].body.name == "tower"]
@@ -96,7 +97,7 @@ def _tower_index(chain: list[Placed]) -> int:
     return named[-1] if named else max(upright, key=lambda i: chain[i].body.length)
 
 
-def _support(main: Block, structure: Block, chain: list[Placed]) -> tuple[Support, dict[str, str]]:
+def _support(main: HtcBlock, structure: HtcBlock, chain: list[PlacedBody]) -> tuple[Support, dict[str, str]]:
     """Tower and what it stands on, and where the numbers stand."""
     z, mass, shear = [], [], []
     stiffness, rates, water, soil = [], [], [], []
@@ -130,7 +131,7 @@ def _support(main: Block, structure: Block, chain: list[Placed]) -> tuple[Suppor
     return support, {"tower": ", ".join(sources), "damping": damping or "none"}
 
 
-def _base(structure: Block, body: Body, in_soil: bool) -> Array | None:
+def _base(structure: HtcBlock, body: Body, in_soil: bool) -> Array | None:
     """Foundation of the lowest body: None where it is clamped, nothing but the soil where it stands in that."""
     constraints = structure.block("constraint")
     for block in constraints.all("fix0"):
@@ -141,9 +142,8 @@ def _base(structure: Block, body: Body, in_soil: bool) -> Array | None:
     return np.zeros((2, 2, 2))
 
 
-def _top(chain: list[Placed], at: int, parts: list[Placed], blades: list[Placed]) -> tuple[Top, float]:
+def _top(origin: Array, parts: list[PlacedBody], blades: list[PlacedBody]) -> tuple[Top, float]:
     """Parts on the tower, and the distance of the blades' roots from the rotor's centre."""
-    origin = chain[at].end
     masses, inertia = [], np.zeros((3, 3))
     for placed in parts:
         rotation = TO_MACHINE @ placed.axes
@@ -160,7 +160,7 @@ def _top(chain: list[Placed], at: int, parts: list[Placed], blades: list[Placed]
     return Top(tuple(masses), inertia[:2, :2], apex, shaft, cone), hub
 
 
-def _blade(placed: Placed, top: Top, root: float) -> Blade:
+def _blade(placed: PlacedBody, top: Top, root: float) -> Blade:
     """The blade: twisted sections along its curve."""
     body = placed.body
     length = np.full(BLADE_ELEMENTS, body.length / BLADE_ELEMENTS)
@@ -182,7 +182,7 @@ def _blade(placed: Placed, top: Top, root: float) -> Blade:
     return blade_of_beam(length, mass, axes @ tensor @ turned, axes @ (rates * tensor) @ turned, root)
 
 
-def _rotor_speed(main: Block, structure: Block) -> tuple[float, str]:
+def _rotor_speed(main: HtcBlock, structure: HtcBlock) -> tuple[float, str]:
     """Usual rotor speed [rad/s]: the rated one of DTU's controller, or that at the start; and where it stands."""
     dll = main.first("dll")
     for block in dll.all("type2_dll") if dll else ():
