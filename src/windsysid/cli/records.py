@@ -167,7 +167,10 @@ def examples(
 @app.command()
 def turbine(
     model: Annotated[
-        Path, typer.Argument(metavar="MODEL", help="OpenFAST's main file (.fst), or a table of a drawing (.csv).")
+        Path,
+        typer.Argument(
+            metavar="MODEL", help="Main file of OpenFAST (.fst) or HAWC2 (.htc), windIO (.yaml), or a drawing (.csv)."
+        ),
     ],
     output: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Turbine file to write; printed by default.")
@@ -180,12 +183,12 @@ def turbine(
 ) -> None:
     """Make a turbine file from the machine's own model."""
     from windsysid.output.files import claim_file
-    from windsysid.turbine.models.read import turbine_file_from
+    from windsysid.turbine.models.read import model_files, turbine_file_from
 
     if output is None:
         print(turbine_file_from(model, kind), end="")
         return
-    with claim_file(output, overwrite=overwrite, inputs=[model]) as write:
+    with claim_file(output, overwrite=overwrite, inputs=model_files(model)) as write:
         text = turbine_file_from(model, kind)
         write(lambda file: file.write(text.encode()))
     print(printable(f"turbine: {output}; check what it assumes, then: windsysid identify RECORD --turbine {output}"))

@@ -137,6 +137,11 @@ PropSetID YoungE ShearG MatDens XsecD XsecT
 SOIL = "1e9 Kxx\n1e9 Kyy\n4e9 Kytx\n-4e9 Kxty\n8e10 Ktxtx\n8e10 Ktyty\n"
 
 HYDRO = """------- HydroDyn ---
+2 NJoints - joints
+JointID Jointxi Jointyi Jointzi
+(-) (m) (m) (m)
+1 0 0 -20
+2 0 0 0
 1 NPropSetsCyl - sets
 PropSetID PropD PropThck
 (-) (m) (m)
@@ -144,7 +149,14 @@ PropSetID PropD PropThck
 SimplCd SimplCdMG SimplCa SimplCaMG
 (-) (-) (-) (-)
 1.0 1.0 1.0 1.0
+1 NMembers - members
+MemberID MJointID1 MJointID2 MPropSetID1 MPropSetID2 MDivSize MCoefMod
+(-) (-) (-) (-) (-) (m) (-)
+1 1 2 1 1 0.5 1
 1 NFillGroups - groups
+FillNumM FillMList FillFSLoc FillDens
+(-) (-) (m) (kg/m^3)
+1 1 0.0 DEFAULT
 """
 
 

@@ -38,6 +38,90 @@ def test_sources_name_file_and_lines(tmp_path: Path):
     assert rows[int(last) - 1].startswith("1.0 1800")
 
 
+def fast_7_in_the_sea(folder: Path, model: int = 2, surge: bool = False) -> Path:
+    """A deck of FAST 7 whose tower begins 20 m below the water, as one on a monopile does."""
+    text = f'{model} PtfmModel - switch\n"platform.dat" PtfmFile - file\n'
+    path = write_deck(folder, 7, changes={"main.fst": ("made up\n", f"made up\n{text}")})
+    (folder / "platform.dat").write_text(
+        f"platform\nmade up\n{surge} PtfmSgDOF - flag\nFalse PtfmRDOF - flag\n20.0 TwrDraft - m\n1 TwrLdMod - switch\n"
+        "5.0 TwrDiam - m\n0.8 TwrCA - (-)\n1000.0 WtrDens - kg/m^3\n0.0 PtfmMass - kg\n",
+        encoding="utf-8",
+    )
+    return path
+
+
+def test_a_tower_of_fast_7_begins_where_its_platform_says(tmp_path: Path):
+    """FAST 7 has the platform in a file of its own: a floating one was taken as a clamped tower."""
+    found = read_openfast(fast_7_in_the_sea(tmp_path / "sea"))
+    assert found.support.z[0] == -20.0
+    wet = found.support.water[(found.support.z > -20.0) & (found.support.z <= 0.0)]
+    np.testing.assert_allclose(wet, 0.8 * 1000.0 * np.pi / 4.0 * 25.0)
+    assert not found.support.water[found.support.z > 1e-6].any()
+    assert found.offshore
+    with pytest.raises(ConfigurationError, match=r"platform\.dat:3: PtfmSgDOF: .*floating machines are not read"):
+        read_openfast(fast_7_in_the_sea(tmp_path / "floating", 3, surge=True))
+
+
+def test_furling_machines_are_refused(tmp_path: Path):
+    path = write_deck(tmp_path, changes={"ed.dat": ("made up\n", "made up\nTrue Furling - flag\n")})
+    with pytest.raises(ConfigurationError, match=r"ed\.dat:3: Furling: expected False, got True"):
+        read_openfast(path)
+
+
+def test_all_sections_and_coefficients_of_the_water_count(tmp_path: Path):
+    """Two members, of 5 m and 6 to 4 m, whose coefficient is simple and by depth; the lower one is filled to −12 m."""
+    text = """------- HydroDyn ---
+3 NJoints - joints
+JointID Jointxi Jointyi Jointzi
+(-) (m) (m) (m)
+1 0 0 -20
+2 0 0 -10
+3 0 0 0
+3 NPropSetsCyl - sets
+PropSetID PropD PropThck
+(-) (m) (m)
+1 5.0 0.05
+2 6.0 0.05
+3 4.0 0.05
+SimplCd SimplCdMG SimplCa SimplCaMG
+(-) (-) (-) (-)
+1.0 1.0 0.9 1.0
+2 NCoefDpth - depths
+Dpth DpthCd DpthCdMG DpthCa
+(m) (-) (-) (-)
+0 1 1 0.5
+10 1 1 1.0
+2 NMembers - members
+MemberID MJointID1 MJointID2 MPropSetID1 MPropSetID2 MDivSize MCoefMod
+(-) (-) (-) (-) (-) (m) (-)
+1 1 2 1 1 0.5 1
+2 2 3 2 3 0.5 2
+1 NFillGroups - groups
+FillNumM FillMList FillFSLoc FillDens
+(-) (-) (m) (kg/m^3)
+1 1 -12.0 1100
+"""
+    path = write_deck(tmp_path, pile="clamped")
+    (tmp_path / "hd.dat").write_text(text, encoding="utf-8")
+    support = read_openfast(path).support
+
+    def water(z: float) -> float:
+        return float(np.interp(z, support.z, support.water))
+
+    assert water(-15.0) == pytest.approx(np.pi / 4.0 * (0.9 * 1025.0 * 25.0 + 1100.0 * 4.9**2))
+    assert water(-11.0) == pytest.approx(0.9 * 1025.0 * np.pi / 4.0 * 25.0)
+    assert water(-5.0) == pytest.approx(0.75 * 1025.0 * np.pi / 4.0 * 25.0, rel=1e-3)
+
+
+def test_members_of_fast_8_have_no_type(tmp_path: Path):
+    new = read_openfast(write_deck(tmp_path / "new", pile="clamped")).support
+    path = write_deck(tmp_path / "old", pile="clamped")
+    sub = tmp_path / "old/sd.dat"
+    text = sub.read_text(encoding="utf-8").replace(" MType", " COSMID").replace(" 1c", "")
+    sub.write_text(text, encoding="utf-8")
+    np.testing.assert_array_equal(read_openfast(path).support.stiffness, new.stiffness)
+
+
 def test_adjustments_of_a_deck_count(tmp_path: Path):
     plain = read_openfast(write_deck(tmp_path / "a")).support
     changed = read_openfast(

@@ -58,12 +58,12 @@ def test_a_model_takes_the_place_of_a_turbine_file(tmp_path: Path):
 
 
 def test_other_files_and_kinds_are_refused(tmp_path: Path):
-    with pytest.raises(ws.ConfigurationError, match=r"expected a file that ends in \.fst or \.csv"):
-        ws.turbine_from(tmp_path / "model.htc")
+    with pytest.raises(ws.ConfigurationError, match=r"expected a file that ends in \.fst or \.htc or .*\.csv"):
+        ws.turbine_from(tmp_path / "model.prj")
     with pytest.raises(ws.ConfigurationError, match="kind: expected tower or rotor, got 'barge'"):
         ws.turbine_from(write_deck(tmp_path), "barge")
-    with pytest.raises(ws.ConfigurationError, match=r"a \.toml file or of a model \(\.fst, \.csv\)"):
-        ws.load_turbine("model.htc")
+    with pytest.raises(ws.ConfigurationError, match=r"a \.toml file or of a model \(\.fst, \.htc, .*\.csv\)"):
+        ws.load_turbine("model.prj")
 
 
 def test_the_command_writes_a_file_that_loads(run: Callable[..., Ended], tmp_path: Path):
@@ -73,6 +73,11 @@ def test_the_command_writes_a_file_that_loads(run: Callable[..., Ended], tmp_pat
     assert run("turbine", path).out == target.read_text(encoding="utf-8")
     assert run("turbine", path, "--output", target).code == 2
     assert run("turbine", path, "--output", target, "--overwrite", "--kind", "rotor").code == 0
+    before = (tmp_path / "blade.dat").read_bytes()
+    refused = run("turbine", path, "--output", tmp_path / "blade.dat", "--overwrite")
+    assert refused.code == 2
+    assert "is to be read" in "".join(refused.err)
+    assert (tmp_path / "blade.dat").read_bytes() == before
 
 
 def test_a_faulty_deck_is_one_line_and_code_2(run: Callable[..., Ended], tmp_path: Path):

@@ -168,9 +168,7 @@ def _with_rounding(files: Sequence[LinearisedModel], random: np.random.Generator
     entries = np.array([one.A for one in files])
     values, which = np.unique(np.abs(entries), return_inverse=True)
     errors = np.sign(entries) * random.uniform(-1.0, 1.0, len(values))[which.reshape(entries.shape)]
-    return [
-        replace(one, matrices={"A": one.A + one.rounding * error}) for one, error in zip(files, errors, strict=True)
-    ]
+    return [replace(one, A=one.A + one.rounding * error) for one, error in zip(files, errors, strict=True)]
 
 
 def _name(shares: Mapping[str, float]) -> str:

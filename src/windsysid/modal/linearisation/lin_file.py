@@ -1,6 +1,6 @@
-"""Linearisation files of OpenFAST (``.lin``): operating point, order of the states, and the matrices A, B, C, D.
+"""Linearisation files of OpenFAST (``.lin``): operating point, order of the states, and the state matrix A.
 
-    ẋ = A x + B u,      y = C x + D u
+    ẋ = A x + B u
 
 about one azimuth of a steady state. Values are text in the number format ``OutFmt`` of the main input file: its default
 writes four significant digits, so each entry of A has a rounding error, which is read with it.
@@ -8,7 +8,7 @@ writes four significant digits, so each entry of A has a rounding error, which i
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,11 +20,9 @@ from windsysid.errors import ConfigurationError
 __all__ = ["LinearisedModel", "LinearisedState", "read_lin_file"]
 
 _ROW = re.compile(r"\s*(\d+)\s+(\S.*?)\s+([TF])\s+(?:(\d)\s+)?(\S.*)$")
-_MATRIX = re.compile(r"\s*(\w+):\s+(\d+)\s*x\s*(\d+)\s*$")
+_MATRIX = re.compile(r"\s*A:\s+(\d+)\s*x\s*(\d+)\s*$")
 _NUMBER = re.compile(r"[+-]?(\d*)\.?(\d*)(?:[EDed]?([+-]?\d+))?$")
 _RATE = "First time derivative of "
-_COUNTS = {"x": "continuous states", "u": "inputs", "y": "outputs"}
-_SIZES = {"A": "xx", "B": "xu", "C": "yx", "D": "yu"}
 
 
 @dataclass(frozen=True)
@@ -68,8 +66,8 @@ class LinearisedModel:
         [m/s]; NaN where the file has none.
     states : tuple of LinearisedState (n,)
         In the order of A.
-    matrices : Mapping of str to (n, m) array
-        Those that are in the file: ``A``, ``B``, ``C``, ``D`` and Jacobians. State units are SI.
+    A : (n, n) array
+        State matrix; units of states are SI.
     rounding : (n, n) array
         Largest rounding error of each entry of A, in its unit; zero for zeros and ones.
     digits : int
@@ -82,14 +80,9 @@ class LinearisedModel:
     azimuth: float
     wind_speed: float
     states: tuple[LinearisedState, ...]
-    matrices: Mapping[str, Array]
+    A: Array
     rounding: Array
     digits: int
-
-    @property
-    def A(self) -> Array:
-        """State matrix (n, n)."""
-        return self.matrices["A"]
 
 
 def _lines(path: Path) -> list[str]:
@@ -112,20 +105,16 @@ def read_lin_file(path: str | Path) -> LinearisedModel:
     path = Path(path)
     text = _FileLines(path, _lines(path))
     states = _states(text)
-    counts = {letter: int(text.header(f"Number of {name}", default=0.0)) for letter, name in _COUNTS.items()}
-    if len(states) != counts["x"]:
-        raise text.error(None, f"expected {counts['x']} states as its header says, got {len(states)} in their list")
-    matrices, rounding, digits = _matrices(text)
-    for name, letters in _SIZES.items():
-        expected = tuple(counts[letter] for letter in letters)
-        if name in matrices and matrices[name].shape != expected:
-            got = "{} x {}".format(*matrices[name].shape)
-            raise text.error(None, f"expected {name} of {expected[0]} x {expected[1]} as its header says, got {got}")
-    if "A" not in matrices or not states:
-        raise text.error(None, "expected a matrix 'A: n x n' of at least one state, got none")
+    count = int(text.header("Number of continuous states", default=0.0))
+    if len(states) != count:
+        raise text.error(None, f"expected {count} states as its header says, got {len(states)} in their list")
+    A, rounding, digits = _state_matrix(text)
+    if A.shape != (count, count):
+        got = "{} x {}".format(*A.shape)
+        raise text.error(None, f"expected A of {count} x {count} as its header says, got {got}")
     speed, azimuth = text.header("Rotor Speed", "rad/s"), text.header("Azimuth", "rad")
     wind = text.header("Wind Speed", "m/s", default=math.nan)
-    return LinearisedModel(path, text.description(), speed, azimuth, wind, states, matrices, rounding, digits)
+    return LinearisedModel(path, text.description(), speed, azimuth, wind, states, A, rounding, digits)
 
 
 @dataclass(frozen=True)
@@ -206,25 +195,22 @@ def _named(description: str) -> tuple[str, str, bool]:
     return module, words.strip(), rate
 
 
-def _matrices(text: _FileLines) -> tuple[dict[str, Array], Array, int]:
-    """Read all matrices, the rounding of A, and its significant digits."""
-    found: dict[str, Array] = {}
-    rounding, digits = np.zeros((0, 0)), 0
-    for index, line in enumerate(text.lines):
-        if not (heading := _MATRIX.match(line)):
-            continue
-        name, shape = heading[1], (int(heading[2]), int(heading[3]))
-        cells = [_cells(text, index + 1 + i, shape[1]) for i in range(shape[0])]
-        found[name] = np.array([[_value(cell) for cell in row] for row in cells]).reshape(shape)
-        if not np.isfinite(found[name]).all():
-            i, j = (int(k) for k in np.argwhere(~np.isfinite(found[name]))[0])
-            raise text.error(index + 1 + i, f"expected a number in column {j + 1} of {name}, got '{cells[i][j][:30]}'")
-        if name == "A":
-            rounded = [[_rounding(cell) for cell in row] for row in cells]
-            exact = np.isin(np.abs(found[name]), (0.0, 1.0))
-            rounding = np.where(exact, 0.0, np.array([[size for size, _ in row] for row in rounded]).reshape(shape))
-            digits = max((count for row in rounded for _, count in row), default=0)
-    return found, rounding, digits
+def _state_matrix(text: _FileLines) -> tuple[Array, Array, int]:
+    """Read A, its rounding, and its significant digits."""
+    index = next((i for i, line in enumerate(text.lines) if _MATRIX.match(line)), 0)
+    heading = _MATRIX.match(text.lines[index])
+    if heading is None or heading[1] == "0":
+        raise text.error(None, "expected a matrix 'A: n x n' of at least one state, got none")
+    shape = (int(heading[1]), int(heading[2]))
+    cells = np.array([_cells(text, index + 1 + i, shape[1]) for i in range(shape[0])]).ravel().tolist()
+    A = np.array([*map(_value, cells)]).reshape(shape)
+    if not np.isfinite(A).all():
+        i, j = (int(k) for k in np.argwhere(~np.isfinite(A))[0])
+        raise text.error(
+            index + 1 + i, f"expected a number in column {j + 1} of A, got '{cells[i * shape[1] + j][:30]}'"
+        )
+    sizes, digits = zip(*map(_rounding, cells), strict=True)
+    return A, np.where(np.isin(np.abs(A), (0.0, 1.0)), 0.0, np.reshape(sizes, shape)), max(digits)
 
 
 def _cells(text: _FileLines, index: int, columns: int) -> list[str]:

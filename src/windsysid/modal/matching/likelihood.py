@@ -2,12 +2,13 @@
 
 Each weight is the density of what was measured if it is the model's mode, over its density if the model lacks it. Both
 errors, of the model and of the measurement, are in the scale of Student's t distributions of ln f and ln ζ. The
-direction of a shape φ about that of the model, ψ, has the angular central Gaussian distribution (Tyler, Biometrika
-74(3), 1987): the density over that of a random direction of n channels is
+direction of a shape φ about that of the model, ψ, has Watson's distribution (Mardia and Jupp, Directional Statistics,
+2000, section 10.4) or, with the probability ε, is a random one: the density over that of a random direction of n
+channels is
 
-    √κ (κ MAC + 1 − MAC)^(−n/2),        κ (n − 1) = expected 1 − MAC,
+    ε + (1 − ε) exp(λ MAC) / M(½, n/2, λ),        λ = (n − 1) / 2 (expected 1 − MAC),
 
-to which the errors of the model and of the shape add.
+M being Kummer's function; the errors of the model and of the shape add in the expected 1 − MAC.
 """
 
 import math
@@ -157,9 +158,12 @@ def _shape_ratio(mac: Assurance | None) -> float:
     """Density of a shape about the model's, over that of a random direction."""
     if mac is None:
         return 1.0
-    n = mac.channels
-    kappa = min((limits.MODEL_SHAPE_ERROR + mac.unsure) / (n - 1), 1.0)
-    return float(math.sqrt(kappa) * (kappa * mac.value + 1.0 - mac.value) ** (-0.5 * n))
+    from scipy.special import hyp1f1
+
+    n, other = mac.channels, limits.OTHER_SHAPE_PROBABILITY
+    concentration = 0.5 * (n - 1) / min(limits.MODEL_SHAPE_ERROR + mac.unsure, 1.0)
+    watson = math.exp(concentration * (mac.value - 1.0)) / float(hyp1f1(0.5 * (n - 1), 0.5 * n, -concentration))
+    return other + (1.0 - other) * watson
 
 
 def _density(off: float, std: float, error: float) -> float:

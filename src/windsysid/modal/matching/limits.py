@@ -18,6 +18,10 @@ MODEL_SHAPE_ERROR = 0.1
 """Size: expected 1 − MAC of a mode and its model: shapes are taken for the same from a MAC of 0.9 on (Allemang, Sound
 and Vibration 37(8), 2003)."""
 
+OTHER_SHAPE_PROBABILITY = 0.05
+"""Probability: that a model's mode has no such shape as the measured one, by a wrong sign or name of a channel: one
+record in twenty. Without it, a near frequency and a MAC of 0 exclude each other."""
+
 EQUAL_SHAPE_PROBABILITY = 0.2
 """Probability: that a peak that the model lacks has the shape of one of its modes at the sensors, as the second bending
 mode of a tower has at its top."""

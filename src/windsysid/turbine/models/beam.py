@@ -21,13 +21,15 @@ QUADRATURE_POINTS = 4
 
 
 class BeamSection(NamedTuple):
-    """Properties of a beam at stations z (n,): EI [N·m²], κGA [N], inertia per length and weight per length [kg/m]."""
+    """Properties of a beam at stations z (n,): EI [N·m²], κGA [N], inertia per length and weight per length [kg/m],
+    lateral stiffness of the ground [N/m²]."""
 
     z: Array
     bending: Array
     shear: Array
     inertia: Array
     weight: Array
+    soil: Array | None = None
 
 
 class BeamMatrices(NamedTuple):
@@ -71,6 +73,8 @@ def beam_matrices(
         here = slice(2 * e, 2 * e + 4)
         shapes, slopes = cubic_shapes((z - a) / (b - a), b - a)
         K[here, here] += _element_stiffness(section, b, b - a, z, w)
+        if section.soil is not None:
+            K[here, here] += (shapes * w * np.interp(z, section.z, section.soil)) @ shapes.T
         M[here, here] += (shapes * w * np.interp(z, section.z, section.inertia)) @ shapes.T
         G[here, here] -= (slopes * w * above(z)) @ slopes.T
     for point in points:

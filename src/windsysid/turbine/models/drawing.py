@@ -20,7 +20,6 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError
-from windsysid.turbine.models.checks import gyration_problem
 from windsysid.turbine.models.input_file import InputFile
 from windsysid.turbine.models.machine import Machine, Support, Top
 from windsysid.units import parse_quantity
@@ -57,8 +56,7 @@ def read_drawing(path: Path) -> Machine:
         file.fail(line, "height: expected two or more heights that ascend from the foot")
     z, columns = _refined(z, columns)
     mass, stiffness = _section(file, at, columns, values)
-    if problem := gyration_problem(stiffness / mass, float(z[-1] - z[0])):
-        file.fail(at + 1, problem)
+    file.check_gyration(at + 1, "section", stiffness / mass, float(z[-1] - z[0]))
     base = None
     if math.isfinite(values["base_rocking"]) or math.isfinite(values["base_lateral"]):
         springs = [min(values[name], MAX_BASE * stiffness[0]) for name in ("base_lateral", "base_rocking")]
@@ -81,7 +79,7 @@ def read_drawing(path: Path) -> Machine:
     }  # fmt: skip
     return Machine(
         path.stem, "a drawing", support, top, None, round(values["blades"]), values["rotor_speed"], values["gravity"],
-        False, (), sources,
+        False, (), sources, (path,),
     )  # fmt: skip
 
 

@@ -14,9 +14,9 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.configuration import special_file_kind
 from windsysid.errors import ConfigurationError
-from windsysid.turbine.models.limits import MAX_FILE_BYTES
+from windsysid.turbine.models.limits import MAX_FILE_BYTES, MAX_GYRATION, MIN_GYRATION, STEEL_SOUND_SPEED
 
-__all__ = ["InputFile", "StationTable"]
+__all__ = ["InputFile", "StationTable", "gyration_problem"]
 
 _ENTRY = re.compile(r"""\s*("[^"]*"|'[^']*'|[^\s,]+(?:\s*,\s*[^\s,]+)*)\s+([A-Za-z]\w*)(?:\((\d+)\))?(?=[\s-]|$)""")
 _UNIT = re.compile(r"[\s()*.·-]")
@@ -43,6 +43,8 @@ class InputFile:
         Of the file.
     asked_by
         Where its name stands, for messages.
+    read
+        All files of the model so far, to which this one is added.
 
     Raises
     ------
@@ -50,8 +52,10 @@ class InputFile:
         If it cannot be read; and by all methods, with file and line, where a value is missing or has another form.
     """
 
-    def __init__(self, path: Path, asked_by: str = "") -> None:
+    def __init__(self, path: Path, asked_by: str = "", read: list[Path] | None = None) -> None:
         self.path = path
+        self.read = [] if read is None else read
+        self.read.append(path)
         named = f" (named in {asked_by})" if asked_by else ""
         try:
             if kind := special_file_kind(path):
@@ -142,7 +146,7 @@ class InputFile:
     def file(self, name: str) -> "InputFile":
         """The input file that the value names, relative to this one."""
         where = f"{self.path}:{self.line(name)}"
-        return InputFile(self.path.parent / self.text(name).replace("\\", "/"), where)
+        return InputFile(self.path.parent / self.text(name).replace("\\", "/"), where, self.read)
 
     def table(self, count: str, units: dict[str, str]) -> StationTable:
         """The table of as many rows as the value `count` says, by its headings.
@@ -177,17 +181,23 @@ class InputFile:
         self._check_units(at + 1, headings, units)
         return at
 
-    def rows(self, heading: str, count: int, width: int) -> tuple[list[list[str]], int]:
-        """Words of some rows below a heading and its line of units, and the number of the first."""
-        at = next((i for i, line in enumerate(self.lines) if line.lower().split()[:1] == [heading.lower()]), None)
-        if at is None:
-            self.fail(1, f"expected a table with the heading {heading}, found none")
+    def heading(self, name: str, column: str = "") -> tuple[list[str], int]:
+        """Words of the heading that begins with a name and has a column, in lower case, and its index."""
+        for index, line in enumerate(self.lines):
+            words = line.lower().split()
+            if words[:1] == [name.lower()] and (not column or column.lower() in words):
+                return words, index
+        self.fail(1, f"expected a table with the heading {name}{f' and a column {column}' * bool(column)}, found none")
+
+    def rows(self, name: str, count: int, width: int, column: str = "") -> tuple[list[list[str]], int]:
+        """Words of some rows below a heading (`heading`) and its line of units, and the number of the first."""
+        at = self.heading(name, column)[1]
         found = [line.replace(",", " ").split() for line in self.lines[at + 2 : at + 2 + count]]
         for i, words in enumerate(found):
             if len(words) < width:
-                self.fail(at + 3 + i, f"expected {width} values under {heading}, got '{' '.join(words)[:60]}'")
+                self.fail(at + 3 + i, f"expected {width} values under {name}, got '{' '.join(words)[:60]}'")
         if len(found) < count:
-            self.fail(len(self.lines), f"expected {count} rows under {heading}, got {len(found)}")
+            self.fail(len(self.lines), f"expected {count} rows under {name}, got {len(found)}")
         return found, at + 3
 
     def outputs(self) -> list[str]:
@@ -201,6 +211,11 @@ class InputFile:
             words = quoted[1] if quoted else (line.split() or [""])[0]
             names += [word.strip(" -") for word in words.split(",") if word.strip(" -")]
         return names
+
+    def check_gyration(self, line: int, name: str, stiffness_per_mass: Array, length: float) -> None:
+        """Refuse a stiffness whose size does not fit the mass per length (`gyration_problem`)."""
+        if problem := gyration_problem(stiffness_per_mass, length):
+            self.fail(line, f"{name}: {problem}")
 
     def _row(self, index: int, width: int) -> list[float]:
         words = self.lines[index].replace(",", " ").split() if index < len(self.lines) else []
@@ -233,3 +248,19 @@ def _number(text: str) -> float:
     if not math.isfinite(value):
         raise ValueError(text)
     return value
+
+
+def gyration_problem(stiffness_per_mass: Array, length: float) -> str:
+    """Report an error of EI over mass per length (n,) [N·m³/kg] of a beam; '' if there is none.
+
+    The median section is judged by its radius of gyration, as its material has about steel's speed of sound.
+    """
+    if not np.all(np.isfinite(stiffness_per_mass)) or np.any(stiffness_per_mass <= 0.0):
+        return "expected stiffness and mass above 0"
+    share = float(np.sqrt(np.median(stiffness_per_mass))) / STEEL_SOUND_SPEED / length
+    if MIN_GYRATION <= share <= MAX_GYRATION:
+        return ""
+    return (
+        f"stiffness over mass means a section of {share * length:.2g} m radius in a beam of {length:.3g} m: expected "
+        f"{MIN_GYRATION * length:.2g} to {MAX_GYRATION * length:.2g} m; check units (N·m², kg/m)"
+    )

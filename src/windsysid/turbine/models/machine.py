@@ -1,5 +1,6 @@
 """A machine as its model describes it: support, masses on top, blades."""
 
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -42,6 +43,11 @@ class Support(NamedTuple):
     shapes
         Coefficients (2, 2, 7) of polynomials in the height above the foot, as a share of the tower's, to which a model
         restricts the tower; None: it bends as a beam does.
+    soil
+        Lateral stiffness of the ground along the beam (n,) [N/m²]; None: none.
+    rayleigh
+        Damping by direction (2, 2, n): its share of the mass [1/s] and of the stiffness [s], in place of `damping`;
+        None: `damping` holds.
     """
 
     z: Array
@@ -54,6 +60,8 @@ class Support(NamedTuple):
     foot: float
     damping: Array
     shapes: Array | None
+    soil: Array | None = None
+    rayleigh: Array | None = None
 
 
 class Blade(NamedTuple):
@@ -136,7 +144,11 @@ class Machine(NamedTuple):
     outputs
         Channels that the model writes.
     sources
-        File and lines of the numbers, by topic: tower, top, blade, rotor_speed, gravity, outputs.
+        File and lines of the numbers, by topic: tower, top, blade, rotor_speed, gravity, outputs, damping.
+    files
+        All files that were read.
+    assumed
+        What the model does not have.
     """
 
     name: str
@@ -150,3 +162,5 @@ class Machine(NamedTuple):
     offshore: bool
     outputs: tuple[str, ...]
     sources: dict[str, str]
+    files: tuple[Path, ...] = ()
+    assumed: tuple[str, ...] = ()

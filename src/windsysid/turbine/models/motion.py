@@ -25,6 +25,13 @@ MAX_ROTOR_SHIFT, MIN_TOWER_SHARE = 1.5, 0.25
 of elastic energy of its mode: light towers share modes with flapwise motion."""
 
 
+MIN_VIBRATION = 0.1
+"""Setting: imaginary part of an exponent over its size from which it is a mode: damping ratios up to 0.995."""
+
+MIN_RATE = 1e-12
+"""Setting: stiffness-proportional damping [s] in place of 0, whose flexibility would be infinite."""
+
+
 class MachineMode(NamedTuple):
     """Frequency [Hz], damping ratio [1] and shares [1] of elastic energy: side-side, fore-aft, and blades by shape and
     part."""
@@ -156,7 +163,7 @@ def _frame(machine: Machine, direction: int) -> _SupportPlane:
     if foot > support.z[0]:
         nodes = np.concatenate([np.linspace(support.z[0], foot, BASE_ELEMENTS + 1)[:-1], nodes])
     section = BeamSection(
-        support.z, support.stiffness[direction], support.shear, support.mass + support.water, support.mass
+        support.z, support.stiffness[direction], support.shear, support.mass + support.water, support.mass, support.soil
     )
     mass = sum(mass for mass, _ in machine.top.masses)
     mass += BLADES * machine.blade.mass.sum() if machine.blade is not None else 0.0
@@ -166,7 +173,14 @@ def _frame(machine: Machine, direction: int) -> _SupportPlane:
     if support.base is not None:
         ends = basis[:2]
         matrices = matrices._replace(stiffness=matrices.stiffness + ends.T @ support.base[direction] @ ends)
-    return _SupportPlane(matrices, _tower_damping(machine, full, nodes, basis, direction), basis)
+    if support.rayleigh is None:
+        return _SupportPlane(matrices, _tower_damping(machine, full, nodes, basis, direction), basis)
+    of_mass, rate = support.rayleigh[direction][0], np.maximum(support.rayleigh[direction][1], MIN_RATE)
+    section = section._replace(
+        bending=rate * section.bending, shear=rate * section.shear, inertia=of_mass * section.weight, soil=None
+    )
+    rates = beam_matrices(nodes, section, (), 0.0, 0.0)
+    return _SupportPlane(matrices, basis.T @ (rates.stiffness + rates.mass) @ basis, basis)
 
 
 def _basis(support: Support, nodes: Array, direction: int) -> Array:
@@ -229,7 +243,7 @@ def _modes(machine: Machine, frames: list[_SupportPlane], system: LinearEquation
     exponents = 1.0 / inverse
     found = []
     for i in np.argsort(exponents.imag):
-        if exponents[i].imag > 1e-6 * abs(exponents[i]):
+        if exponents[i].imag > MIN_VIBRATION * abs(exponents[i]):
             value = complex(exponents[i])
             energies = _energies(machine, frames, vectors[:size, i])
             found.append(MachineMode(value.imag / (2.0 * math.pi), -value.real / abs(value), *energies))

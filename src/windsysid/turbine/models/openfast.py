@@ -12,11 +12,10 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError
 from windsysid.turbine.models.blade import BladeSection, blade_of_shapes
-from windsysid.turbine.models.checks import check_gyration
 from windsysid.turbine.models.input_file import InputFile
 from windsysid.turbine.models.machine import Blade, Machine, PointMass, Support, Top
 from windsysid.turbine.models.rotor_motion import BLADES
-from windsysid.turbine.models.substructure import Substructure, read_substructure
+from windsysid.turbine.models.substructure import STATIONS, Substructure, read_substructure
 
 __all__ = ["read_openfast"]
 
@@ -46,8 +45,12 @@ def read_openfast(path: Path) -> Machine:
         dyn.fail(dyn.line("NumBl"), f"NumBl: expected {BLADES} blades, got {blades}")
     site = main if main.has("Gravity") else dyn
     gravity = site.number("Gravity")
-    below = _below(main, dyn)
-    support, tower = _support(dyn, below)
+    if dyn.flag("Furling"):
+        dyn.fail(dyn.line("Furling"), "Furling: expected False, got True: furling machines are not read")
+    platform = dyn.file("PtfmFile") if dyn.has("PtfmModel") and dyn.count("PtfmModel") else dyn
+    below = _below(main, dyn, platform)
+    support, tower = _support(dyn, below, platform)
+    offshore = bool(below.sources) or bool(np.any(support.water))
     blade, blade_sources = _blade(dyn)
     if main.has("CompElast") and main.count("CompElast") == 2:
         blade_sources += " of ElastoDyn; the model itself bends as BeamDyn's blade"
@@ -63,7 +66,7 @@ def read_openfast(path: Path) -> Machine:
     }
     return Machine(
         path.stem, "OpenFAST", support, _top(dyn), blade, blades, dyn.number("RotSpeed") * math.pi / 30.0, gravity,
-        bool(below.sources), tuple(dyn.outputs()), sources,
+        offshore, tuple(dyn.outputs()), sources, tuple(main.read),
     )  # fmt: skip
 
 
@@ -74,7 +77,7 @@ def _check_version(dyn: InputFile) -> None:
             dyn.fail(number, f"expected ElastoDyn v1.xx, got '{line.strip(' -')[:50]}': this version is not known")
 
 
-def _below(main: InputFile, dyn: InputFile) -> Substructure:
+def _below(main: InputFile, dyn: InputFile, platform: InputFile) -> Substructure:
     """Foundation of the tower; a platform that floats is refused."""
     for name, most in (("CompSub", 1), ("CompSoil", 0)):
         if main.has(name) and main.count(name) > most:
@@ -82,39 +85,49 @@ def _below(main: InputFile, dyn: InputFile) -> Substructure:
             main.fail(main.line(name), f"{name}: expected {expected}, got {main.text(name)}: not read")
     if main.has("CompSub") and main.count("CompSub") == 1:
         return read_substructure(main, dyn.number("TowerBsHt", 0.0))
-    moves = [name for name in ("PtfmSgDOF", "PtfmSwDOF", "PtfmRDOF", "PtfmPDOF") if dyn.flag(name)]
+    moves = [name for name in ("PtfmSgDOF", "PtfmSwDOF", "PtfmRDOF", "PtfmPDOF") if platform.flag(name)]
     if moves:
-        dyn.fail(
-            dyn.line(moves[0]),
+        platform.fail(
+            platform.line(moves[0]),
             f"{moves[0]}: expected a tower clamped at its foot or on SubDyn (CompSub 1), got a platform that moves; "
             "floating machines are not read",
         )
     return Substructure.none()
 
 
-def _support(dyn: InputFile, below: Substructure) -> tuple[Support, str]:
+def _support(dyn: InputFile, below: Substructure, platform: InputFile) -> tuple[Support, str]:
     """The support, and where the tower's numbers stand."""
     tower = dyn.file("TwrFile")
     table = tower.table("NTwInpSt", TOWER_UNITS)
-    top, foot = dyn.number("TowerHt"), dyn.number("TowerBsHt", 0.0) + dyn.number("TwrRBHt", 0.0)
+    base = dyn.number("TowerBsHt", -platform.number("TwrDraft", 0.0))
+    top, foot = dyn.number("TowerHt"), base + dyn.number("TwrRBHt", 0.0)
     if top <= foot:
         dyn.fail(dyn.line("TowerHt"), f"TowerHt: expected a height above the tower's foot at {foot:g} m, got {top:g}")
-    z = foot + (top - foot) * table.columns["HtFract"]
-    mass = table.columns["TMassDen"] * tower.factor("AdjTwMa")
+    in_water = platform.has("TwrLdMod") and platform.count("TwrLdMod") == 1
+    at = table.columns["HtFract"]
+    if in_water:
+        at = np.union1d(at, np.linspace(0.0, 1.0, STATIONS))
+    columns = {name: np.interp(at, table.columns["HtFract"], column) for name, column in table.columns.items()}
+    z = foot + (top - foot) * at
+    mass = columns["TMassDen"] * tower.factor("AdjTwMa")
     stiffness, shapes, damping = [], [], []
     for side in ("SS", "FA"):
         adjusted = tower.factor(f"Adj{side}St") * tower.factor(f"{side}StTunr1")
-        column = table.columns[f"Tw{side}Stif"] * adjusted
-        check_gyration(tower, table, f"Tw{side}Stif", column / np.maximum(mass, 1e-300), top - foot)
+        column = columns[f"Tw{side}Stif"] * adjusted
+        tower.check_gyration(table.first, f"Tw{side}Stif", column / np.maximum(mass, 1e-300), top - foot)
         stiffness.append(column)
         shapes.append([_polynomial(tower, f"Tw{side}M{mode}Sh") for mode in (1, 2)])
         damping.append([tower.damping(f"Twr{side}Dmp{mode}") for mode in (1, 2)])
     points = list(below.points)
-    if platform := dyn.number("PtfmMass", 0.0):
-        points.append(PointMass(foot, platform, dyn.number("PtfmRIner", 0.0)))
+    if mass_below := platform.number("PtfmMass", 0.0):
+        points.append(PointMass(foot, mass_below, platform.number("PtfmRIner", 0.0)))
+    water = np.zeros_like(z)
+    if in_water:
+        area = math.pi / 4.0 * platform.number("TwrDiam") ** 2
+        water = np.where(z <= 0.0, platform.number("TwrCA") * platform.number("WtrDens", 1025.0) * area, 0.0)
     joined = np.concatenate([below.z, z])
     support = Support(
-        joined, np.concatenate([below.mass, mass]), np.concatenate([below.water, 0.0 * z]),
+        joined, np.concatenate([below.mass, mass]), np.concatenate([below.water, water]),
         np.concatenate([np.tile(below.bending, (2, 1)), np.array(stiffness)], axis=1),
         np.concatenate([below.shear, np.full_like(z, np.inf)]), tuple(points), below.base, foot, np.array(damping),
         np.array(shapes),
@@ -162,7 +175,7 @@ def _blade(dyn: InputFile) -> tuple[Blade, str]:
     columns = {name: np.interp(at, table.columns["BlFract"], column) for name, column in table.columns.items()}
     mass = table.columns["BMassDen"] * file.factor("AdjBlMs")
     for name in ("FlpStff", "EdgStff"):
-        check_gyration(file, table, name, table.columns[name] / np.maximum(mass, 1e-300), length)
+        file.check_gyration(table.first, name, table.columns[name] / np.maximum(mass, 1e-300), length)
     element = np.append(np.full(nodes, length / nodes), 0.0)
     pitch = dyn.number("BlPitch1", 0.0)
     tip = dyn.number("TipMass1", 0.0)

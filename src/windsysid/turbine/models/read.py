@@ -10,10 +10,10 @@ if TYPE_CHECKING:
     from windsysid.turbine.models.machine import Machine
     from windsysid.turbine.turbine import Turbine
 
-__all__ = ["ENDINGS", "KINDS", "is_model", "turbine_file_from", "turbine_from"]
+__all__ = ["ENDINGS", "KINDS", "is_model", "model_files", "turbine_file_from", "turbine_from"]
 
-ENDINGS = (".fst", ".csv")
-"""Endings of models: OpenFAST's main input file, and a table of a drawing."""
+ENDINGS = (".fst", ".htc", ".yaml", ".yml", ".csv")
+"""Endings of models: main input files of OpenFAST and HAWC2, windIO, and a table of a drawing."""
 
 KINDS = ("tower", "rotor")
 
@@ -29,8 +29,8 @@ def turbine_from(path: str | Path, kind: str = "tower") -> "Turbine":
     Parameters
     ----------
     path
-        Main input file of OpenFAST 1 to 5 or FAST 7 and 8 (``.fst``), or a table of a drawing (``.csv``,
-        docs/how_to/bring_your_machine.md).
+        Main input file of OpenFAST 1 to 5 or FAST 7 and 8 (``.fst``) or of HAWC2 (``.htc``), a turbine of windIO
+        (``.yaml``, needs PyYAML), or a table of a drawing (``.csv``, docs/how_to/bring_your_machine.md).
     kind
         ``tower``: side-side and fore-aft under a rigid rotor. ``rotor``: equivalent-hinge blades on a tower that moves
         sideways.
@@ -48,7 +48,8 @@ def turbine_from(path: str | Path, kind: str = "tower") -> "Turbine":
     Notes
     -----
     Frequencies are those of the model with its rotor turning. Damping is that of the machine: ElastoDyn's ratio refers
-    to the tower without its top mass, so 1 % there may be 0.35 % here. Air is a guess with a wide prior.
+    to the tower without its top mass, so 1 % there may be 0.35 % here; HAWC2's and windIO's factors of stiffness hold
+    as they are. Air is a guess with a wide prior.
 
     Examples
     --------
@@ -58,6 +59,17 @@ def turbine_from(path: str | Path, kind: str = "tower") -> "Turbine":
     from windsysid.turbine.tables import parse_turbine
 
     return parse_turbine(turbine_file_from(path, kind), str(path))
+
+
+def model_files(path: str | Path) -> tuple[Path, ...]:
+    """List all files of a model, which nothing may replace.
+
+    Raises
+    ------
+    ConfigurationError
+        As `turbine_from`.
+    """
+    return _reader(Path(path))(Path(path)).files
 
 
 def turbine_file_from(path: str | Path, kind: str = "tower") -> str:
@@ -79,9 +91,11 @@ def turbine_file_from(path: str | Path, kind: str = "tower") -> str:
 
 def _reader(path: Path) -> "Callable[[Path], Machine]":
     from windsysid.turbine.models.drawing import read_drawing
+    from windsysid.turbine.models.hawc2.read import read_hawc2
     from windsysid.turbine.models.openfast import read_openfast
+    from windsysid.turbine.models.windio import read_windio
 
-    readers = dict(zip(ENDINGS, (read_openfast, read_drawing), strict=True))
+    readers = dict(zip(ENDINGS, (read_openfast, read_hawc2, read_windio, read_windio, read_drawing), strict=True))
     if (reader := readers.get(path.suffix.lower())) is None:
         raise ConfigurationError(f"{path}: no model: expected a file that ends in {' or '.join(ENDINGS)}")
     return reader

@@ -112,7 +112,7 @@ def _head(machine: Machine, description: str, assumed: str) -> list[str]:
         f"# Made by windsysid turbine from a model of {machine.program}. Check what is assumed.",
         f"name = {_quoted(machine.name)}", f"description = {_quoted(f'{machine.name}: {description}')}",
         f"source = {_quoted(f'{machine.program} model: ' + ', '.join(files))}",
-        f"assumed = [{', '.join(_quoted(word) for word in assumed.split(', '))}]",
+        f"assumed = [{', '.join(_quoted(word) for word in [*assumed.split(', '), *machine.assumed])}]",
         *(['site = "offshore"'] if machine.offshore else []), "",
     ]  # fmt: skip
 
