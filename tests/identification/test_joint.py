@@ -1,14 +1,13 @@
 """The joint formulation: coefficients from accelerometers alone, with the loads as states or known."""
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
 
 from tests.findings import codes, notes, only, reasons
+from tests.identification.fits import identify_without_effects as identify
 from windsysid.errors import ConfigurationError, WindsysidError
-from windsysid.identification import identify as front
 from windsysid.identification.model.fit import check_finite, known_loads
 from windsysid.identification.model.prior import Prior, identifiable
 from windsysid.mechanics import RotorModel, compile_model
@@ -20,10 +19,6 @@ from windsysid.simulation.record import simulate_record
 from windsysid.statespace.gauss_markov import GaussMarkov
 from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine
-
-identify = partial(front.identify, formulation="joint")
-"""Filters: what is tested here."""
-
 
 RATE = 100.0
 
