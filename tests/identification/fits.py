@@ -56,8 +56,13 @@ def fitted(record: Record, formulation: Any = "spectral", **changes: Any) -> Fit
     return FittedJob(formulation, outcome_of(record, **changes), record, TOWER.sensors, ())
 
 
-def identify_without_effects(*given: Any, formulation: str = "joint", **options: Any) -> Identification:
+def leave_effects_untested(patch: pytest.MonkeyPatch) -> None:
     """Identify without tests for effects, which take more than half of the time."""
+    patch.setattr(pipeline, "_test", lambda job, fit, *_: (fit, None))
+
+
+def identify_without_effects(*given: Any, formulation: str = "joint", **options: Any) -> Identification:
+    """Identify, by filters unless told otherwise, for a test that asks nothing of effects."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pipeline, "_test", lambda job, fit, *_: (fit, None))
+        leave_effects_untested(patch)
         return front.identify(*given, formulation=formulation, **options)  # type: ignore[arg-type]
