@@ -15,6 +15,9 @@ from windsysid.simulation.record import simulate_record
 from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine
 
+pytestmark = pytest.mark.usefixtures("without_effects")
+
+
 RATE, F = 20.0, 1.5
 
 

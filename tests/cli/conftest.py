@@ -4,7 +4,6 @@ from typing import Any
 
 import pytest
 
-from tests.identification.fits import leave_effects_untested
 from windsysid.identification import identify as front_door
 from windsysid.records.record import Record
 from windsysid.results.identification import Identification
@@ -27,9 +26,8 @@ def identify_once(record: Record, turbine: Any, *, progress: Any, **options: Any
 
 
 @pytest.fixture(autouse=True)
-def shared_answers(monkeypatch: pytest.MonkeyPatch) -> None:
+def shared_answers(monkeypatch: pytest.MonkeyPatch, without_effects: None) -> None:
     monkeypatch.setattr(front_door, "identify", identify_once)
-    leave_effects_untested(monkeypatch)
 
 
 @pytest.fixture

@@ -4,10 +4,9 @@ identifications of which nobody asks an effect."""
 from typing import Any
 
 import numpy as np
-import pytest
 
+from tests.conftest import effects_untested
 from windsysid.identification import identify as front
-from windsysid.identification import pipeline
 from windsysid.identification.job import FittedJob, Job
 from windsysid.identification.model.fit import Outcome, known_inputs, no_innovations
 from windsysid.identification.model.prior import Prior, identifiable
@@ -56,13 +55,7 @@ def fitted(record: Record, formulation: Any = "spectral", **changes: Any) -> Fit
     return FittedJob(formulation, outcome_of(record, **changes), record, TOWER.sensors, ())
 
 
-def leave_effects_untested(patch: pytest.MonkeyPatch) -> None:
-    """Identify without tests for effects, which take more than half of the time."""
-    patch.setattr(pipeline, "_test", lambda job, fit, *_: (fit, None))
-
-
 def identify_without_effects(*given: Any, formulation: str = "joint", **options: Any) -> Identification:
     """Identify, by filters unless told otherwise, for a test that asks nothing of effects."""
-    with pytest.MonkeyPatch.context() as patch:
-        leave_effects_untested(patch)
+    with effects_untested():
         return front.identify(*given, formulation=formulation, **options)  # type: ignore[arg-type]

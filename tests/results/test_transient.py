@@ -15,6 +15,9 @@ from windsysid.results.finding import Finding
 from windsysid.results.transient import Transient, explain_by_transient, find_burst, find_transient
 from windsysid.turbine.file import load_turbine
 
+pytestmark = pytest.mark.usefixtures("without_effects")
+
+
 RATE = 4.0
 CAUSES = ("machine", "waves", "spikes", "swell", "friction", "loads of another kind", "logger", "changed")
 

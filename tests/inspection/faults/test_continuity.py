@@ -13,6 +13,9 @@ from windsysid.inspection.screening import doubted, examine, noted, screen
 from windsysid.records.record import Record
 from windsysid.simulation.record import simulate_record
 
+pytestmark = pytest.mark.usefixtures("without_effects")
+
+
 RATE = 50.0
 NAMES = ("a_acceleration", "b_acceleration", "c_acceleration")
 
