@@ -126,6 +126,7 @@ def test_a_free_decay_without_load_is_identified_within_percents(verne555, decay
     assert "loads_known" in codes(result.findings)
 
 
+@pytest.mark.slow
 def test_a_free_decay_is_identified_with_small_loads_as_states_too(verne555):
     # The turbine file's loads, 15 N rms, would not be believed: the file must say how little there is.
     calm = replace(
@@ -228,7 +229,8 @@ def test_an_axis_that_nothing_sees_is_locked(verne555, driven):
     assert [e.name for e in result.estimates] == ["k_x", "c_x"]
 
 
-@pytest.mark.parametrize("unseen", [pytest.param((2,), marks=pytest.mark.slow), (2, 3)])
+@pytest.mark.slow
+@pytest.mark.parametrize("unseen", [(2,), (2, 3)])
 def test_a_blade_without_a_channel_is_found_through_the_hub(verne555, driven, unseen):
     hidden = tuple(f"blade_{i}" for i in unseen)
     result = identify(driven.select([name for name in driven.channels if not name.startswith(hidden)]), verne555)

@@ -18,18 +18,22 @@ def identified(name: str, seed: int) -> Identification:
     )
 
 
-def test_a_line_that_does_not_stand_out_is_found_and_left_out(monkeypatch: pytest.MonkeyPatch):
+def test_a_line_that_does_not_stand_out_is_found(monkeypatch: pytest.MonkeyPatch):
     """Stiffness came out five standard deviations too small, and trusted."""
-    found = identified("line 5 % from a mode", 8000)
-    assert not [one for one in reasons(found) if one.data.get("frequency") == pytest.approx(1.64, abs=0.005)]
-    assert only(found.findings, "tone_removed").data["frequency"] == pytest.approx(1.64, abs=0.005)
-    errors = [(e.estimate - Machine().truth[e.name]) / e.std for e in found.estimates]
-    assert max(abs(z) for z in errors) < 3.0
     monkeypatch.setattr(pipeline, "MAX_EXTENSIONS", 0)
     said = reasons(identified("line 5 % from a mode", 8000))
     assert only(said, "line_influence").quantities[0] == "k_x"
     for code in ("line_influence", "narrow_band_load_preferred"):
         assert only(said, code).data["frequency"] == pytest.approx(1.64, abs=0.005)
+
+
+@pytest.mark.slow
+def test_a_line_that_does_not_stand_out_is_left_out():
+    found = identified("line 5 % from a mode", 8000)
+    assert not [one for one in reasons(found) if one.data.get("frequency") == pytest.approx(1.64, abs=0.005)]
+    assert only(found.findings, "tone_removed").data["frequency"] == pytest.approx(1.64, abs=0.005)
+    errors = [(e.estimate - Machine().truth[e.name]) / e.std for e in found.estimates]
+    assert max(abs(z) for z in errors) < 3.0
 
 
 @pytest.mark.slow

@@ -55,6 +55,7 @@ def test_a_weak_sea_is_taken_for_waves_offshore_only(monkeypatch: pytest.MonkeyP
     assert offshore.diagnosis.trusted
 
 
+@pytest.mark.slow
 def test_filters_take_it_into_account(monkeypatch: pytest.MonkeyPatch):
     found, worst = towers(NARROW, 650000, monkeypatch, formulation="joint")
     assert worst < 3.0

@@ -204,7 +204,10 @@ def test_a_yaw_in_steps_is_smoothed_and_a_wrong_unit_refused():
 
 
 @needs_shared
-@pytest.mark.parametrize(("name", "frequency"), [("c2_turb12_full", 0.3153), ("d1_turb12_full_KSS090", 0.2986)])
+@pytest.mark.parametrize(
+    ("name", "frequency"),
+    [("c2_turb12_full", 0.3153), pytest.param("d1_turb12_full_KSS090", 0.2986, marks=pytest.mark.slow)],
+)
 def test_an_independent_simulation_in_turbulent_wind_is_found_and_trusted(tower: Turbine, name: str, frequency: float):
     # OpenFAST with everything moving; truth from its linearisation: frequency at 12.1 rpm, damping 0.566 % in steady 12
     # m/s.

@@ -27,7 +27,10 @@ def test_a_tower_that_is_as_its_file_says_is_trusted():
 
 @pytest.mark.parametrize(
     ("kind", "said"),
-    [("play of 0.3 σ", {"nonlinear_force"}), ("friction of 10 %", {"nonlinear_force", "amplitude_dependence"})],
+    [
+        ("play of 0.3 σ", {"nonlinear_force"}),
+        pytest.param("friction of 10 %", {"nonlinear_force", "amplitude_dependence"}, marks=pytest.mark.slow),
+    ],
 )
 def test_what_spectra_hardly_show_is_seen_by_filters(kind: str, said: set[str]):
     result = found(kind)
