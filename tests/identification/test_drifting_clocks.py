@@ -88,6 +88,7 @@ def test_in_100_s_vibration_tells_a_drift():
     assert found.diagnosis.trusted
 
 
+@pytest.mark.slow
 def test_a_drift_is_put_back_until_none_is_left(monkeypatch: pytest.MonkeyPatch):
     """The first look sees too little: what drifts bends what the halves are held against."""
     monkeypatch.setitem(SCENARIOS, "drifting", Scenario("instrument", instruments=Instruments(drift=-1.5e-4)))

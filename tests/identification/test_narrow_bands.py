@@ -33,7 +33,7 @@ def test_a_narrow_band_that_passed_for_a_mode_is_taken_into_account(monkeypatch:
     assert worst > 8.0
     assert reasons(broad)[0].code == "narrow_band_load_preferred"
     assert reasons(broad)[0].data["frequency"] == pytest.approx(0.335, abs=0.0005)
-    found, worst = towers(NARROW, 650000, monkeypatch)
+    found, worst = towers(NARROW, 650000, monkeypatch, formulation="spectral")
     assert worst < 3.0
     assert found.diagnosis.trusted
     load = only(found.findings, "narrow_band_load").data
@@ -66,7 +66,7 @@ def test_filters_take_it_into_account(monkeypatch: pytest.MonkeyPatch):
 
 @pytest.mark.parametrize("damping", [*(pytest.param(one, marks=pytest.mark.slow) for one in (0.5, 1.0)), 3.0])
 def test_a_mode_that_is_damped_less_or_more_than_the_file_says_is_none(damping: float, monkeypatch: pytest.MonkeyPatch):
-    found, worst = towers(Kind(damping=damping), 650001, monkeypatch)
+    found, worst = towers(Kind(damping=damping), 650001, monkeypatch, formulation="spectral")
     assert found.diagnosis.trusted
     assert worst < 3.0
     assert "narrow_band_load" not in codes(found.findings)
