@@ -25,6 +25,9 @@ from sheets import Sheet, number, present
 
 PEERS = Path(__file__).resolve().parents[1] / ".venv-peers" / "bin" / "python"
 
+RECORDS = 10
+"""Setting: records of ten minutes in the folder for `batch`."""
+
 SUBSPACE = """
 import logging, sys
 import matplotlib
@@ -72,6 +75,9 @@ def commands(folder: Path, *, short: bool = False) -> dict[str, tuple[str, ...]]
         made, "simulate", "--turbine", "nrel5mw", "--loads", "wind", "--duration", "600", "--rate", "10", "--output",
         rotor,
     )  # fmt: skip
+    for seed in map(str, range(1, RECORDS + 1)):
+        to = str(folder / "archive" / f"{seed}.csv")
+        run(made, "simulate", "--turbine", "tower", "--duration", "600", "--rate", "50", "--seed", seed, "--output", to)
     building, tower = str(folder / "building.csv"), str(folder / "tower_year1.csv")
     to = ("--overwrite", "--output", str(folder / "result"))
     answers = {
@@ -85,6 +91,17 @@ def commands(folder: Path, *, short: bool = False) -> dict[str, tuple[str, ...]]
         "windsysid identify --help": ("identify", "--help"),
         "windsysid turbines": ("turbines",),
         "windsysid inspect": ("inspect", tower, *to),
+        f"windsysid batch, {RECORDS} records": (
+            "batch",
+            str(folder / "archive"),
+            "--turbine",
+            "tower",
+            "--workers",
+            "1",
+            *to[:1],
+            "--output",
+            str(folder / "rows"),
+        ),
     }
     for title, command in answers.items():
         name, _, of = title.partition(",")

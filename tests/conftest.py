@@ -12,6 +12,7 @@ import pytest
 import windsysid.loads.family  # noqa: F401 (registers windsysid's own, before a test forgets what came in it)
 from tests.accessible import problems
 from windsysid import cli
+from windsysid.identification import pipeline
 from windsysid.loads.hypothesis import HYPOTHESES
 from windsysid.mechanics.model import MODELS
 from windsysid.mechanics.sensors import SENSORS
@@ -65,6 +66,21 @@ def verne555() -> Turbine:
     """The scale model with masses and sensors known exactly: bounds, and other ways to the same numbers, know no
     tolerances."""
     return load_turbine("verne555").exact()
+
+
+@contextmanager
+def effects_untested() -> Iterator[None]:
+    """Identify without tests for effects, which take more than half of the time of filters."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pipeline, "_test", lambda job, fit, *_: (fit, None))
+        yield
+
+
+@pytest.fixture(scope="module")
+def without_effects() -> Iterator[None]:
+    """Leave effects untested in a module that asks nothing of them."""
+    with effects_untested():
+        yield
 
 
 @contextmanager

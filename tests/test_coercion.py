@@ -14,6 +14,8 @@ from windsysid.records.coercion import as_record
 from windsysid.results.coercion import as_posterior
 from windsysid.turbine.coercion import as_turbine
 
+pytestmark = pytest.mark.usefixtures("without_effects")
+
 
 @pytest.fixture(scope="module")
 def record() -> ws.Record:

@@ -24,7 +24,7 @@ RECENT_TESTS: dict[str, tuple[str, ...]] = {
     "modal_bands/images.py": ("test_oma.py",),
     "oma/known_modes.py": ("test_known_modes.py", "test_modes.py"),
     "levels/learning.py": ("test_jumps.py", "test_watch.py"),
-    "fitted/influence.py": ("test_line_dependence.py",),
+    "fitted/influence.py": ("test_influence.py", "test_line_dependence.py"),
     "levels/locating.py": ("test_locating.py", "test_jumps.py", "test_watch.py"),
     "modal_bands/check.py": ("test_oma.py", "test_check.py"),
     "modal_bands/part_scores.py": ("test_part_scores.py", "test_oma.py"),

@@ -15,6 +15,9 @@ from windsysid.simulation.record import simulate_record
 from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine
 
+pytestmark = pytest.mark.usefixtures("without_effects")
+
+
 RATE, F = 20.0, 1.5
 
 
@@ -76,8 +79,13 @@ def test_what_is_missing_or_too_short_is_not_judged():
     assert find_still(noise, ("a", "b"), rate=RATE, frequencies=[], rotor_hz=0.0) == ()
 
 
-@pytest.mark.parametrize("dead", ["", "blade"])
-@pytest.mark.parametrize("formulation", ["joint", "spectral"])
+@pytest.mark.parametrize(
+    ("dead", "formulation"),
+    [
+        ("", "spectral"), ("blade", "joint"), pytest.param("", "joint", marks=pytest.mark.slow),
+        pytest.param("blade", "spectral", marks=pytest.mark.slow),
+    ],
+)  # fmt: skip
 def test_sensors_without_power_are_never_trusted(
     verne555: Turbine, dead: str, formulation: Literal["joint", "spectral"]
 ):

@@ -26,7 +26,7 @@ def identify_once(record: Record, turbine: Any, *, progress: Any, **options: Any
 
 
 @pytest.fixture(autouse=True)
-def shared_answers(monkeypatch: pytest.MonkeyPatch) -> None:
+def shared_answers(monkeypatch: pytest.MonkeyPatch, without_effects: None) -> None:
     monkeypatch.setattr(front_door, "identify", identify_once)
 
 

@@ -461,9 +461,11 @@ def test_the_program_says_its_version():
     assert re.fullmatch(r"windsysid \d+\.\d+\.\d+\n", ended.stdout)
 
 
-def test_start_runs_the_command_that_it_prints(record):
+def test_start_runs_the_command_that_it_prints(tmp_path):
     """A command imports its own module only, so that `start` found no `identify` outside of this process."""
-    ended = program("start", str(record), "--turbine", "verne555", "--yes")
+    record = tmp_path / "record.csv"
+    write_record(simulate_record("tower", duration=60.0, rate=4.0, seed=1), record)
+    ended = program("start", str(record), "--turbine", "tower", "--yes")
     assert "No such command" not in ended.stderr
     assert (ended.returncode, ended.stdout.splitlines()[-1][:25]) == (0, "again: windsysid identify")
 

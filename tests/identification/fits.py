@@ -1,13 +1,17 @@
-"""Fits of the packaged tower that nothing has estimated: the values of its file, with standard deviations as given."""
+"""Fits of the packaged tower that nothing has estimated: the values of its file, with standard deviations as given; and
+identifications of which nobody asks an effect."""
 
 from typing import Any
 
 import numpy as np
 
+from tests.conftest import effects_untested
+from windsysid.identification import identify as front
 from windsysid.identification.job import FittedJob, Job
 from windsysid.identification.model.fit import Outcome, known_inputs, no_innovations
 from windsysid.identification.model.prior import Prior, identifiable
 from windsysid.records.record import Record
+from windsysid.results.identification import Identification
 from windsysid.statespace.compose import compose
 from windsysid.turbine.file import load_turbine
 
@@ -49,3 +53,9 @@ def job_of(record: Record, **changes: Any) -> Job:
 
 def fitted(record: Record, formulation: Any = "spectral", **changes: Any) -> FittedJob:
     return FittedJob(formulation, outcome_of(record, **changes), record, TOWER.sensors, ())
+
+
+def identify_without_effects(*given: Any, formulation: str = "joint", **options: Any) -> Identification:
+    """Identify, by filters unless told otherwise, for a test that asks nothing of effects."""
+    with effects_untested():
+        return front.identify(*given, formulation=formulation, **options)  # type: ignore[arg-type]

@@ -6,6 +6,7 @@ from validation.adversary.instruments import Instruments
 from validation.adversary.scenarios import SCENARIOS, Scenario, record
 
 from tests.findings import codes, only, reasons
+from tests.identification.fits import identify_without_effects
 from windsysid.identification.effects import clock_drift as drifting_clocks
 from windsysid.identification.effects.clock_drift import ClockDrift, find_drift, persists, together
 from windsysid.identification.identify import identify
@@ -50,7 +51,7 @@ def test_a_steady_clock_is_left_alone(verne555: Turbine):
 
 def test_the_turbine_is_identified_from_readings_that_were_put_back(drifting: Record):
     """Coefficients were 5 to 20 standard deviations off, and filters took minutes."""
-    found = identify(drifting, TURBINE, prior=DrawnPrior(seed=300))
+    found = identify_without_effects(drifting, TURBINE, formulation="auto", prior=DrawnPrior(seed=300))
     truth = SCENARIOS["reference"].machine.truth
     assert found.formulation == "spectral"
     assert found.diagnosis.trusted
@@ -61,7 +62,7 @@ def test_the_turbine_is_identified_from_readings_that_were_put_back(drifting: Re
 def test_filters_that_are_asked_for_say_that_they_feel_it(drifting: Record, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(drifting_clocks, "find_drift", lambda *given: (2.5e-4, 3e-6))
     part = drifting.section(0.0, 20.0)
-    found = identify(part, TURBINE, formulation="joint", loads="broadband", prior=DrawnPrior(seed=300))
+    found = identify_without_effects(part, TURBINE, loads="broadband", prior=DrawnPrior(seed=300))
     assert "drift_moved_readings" in codes(reasons(found))
 
 
@@ -87,10 +88,13 @@ def test_in_100_s_vibration_tells_a_drift():
     assert found.diagnosis.trusted
 
 
+@pytest.mark.slow
 def test_a_drift_is_put_back_until_none_is_left(monkeypatch: pytest.MonkeyPatch):
     """The first look sees too little: what drifts bends what the halves are held against."""
     monkeypatch.setitem(SCENARIOS, "drifting", Scenario("instrument", instruments=Instruments(drift=-1.5e-4)))
-    found = identify(record("drifting", 110301), TURBINE, formulation="spectral", prior=DrawnPrior(seed=110301))
+    found = identify(
+        record("drifting", 110301), TURBINE, formulation="spectral", prior=DrawnPrior(seed=110301), loads="broadband"
+    )
     drift = only(found.findings, "clock_drift").data
     ppm, std = -1e6 * drift["rate"], 1e6 * drift["std"]
     assert abs(ppm - 150.0) < 3.0 * std
@@ -98,7 +102,8 @@ def test_a_drift_is_put_back_until_none_is_left(monkeypatch: pytest.MonkeyPatch)
 
 @pytest.mark.parametrize("kind", [pytest.param("reference", marks=pytest.mark.slow), "support 15 % softer from midway"])
 def test_halves_on_one_clock_show_no_drift(kind: str):
-    found = identify(record(kind, 11), TURBINE, formulation="spectral", prior=DrawnPrior(seed=11))
+    prior = DrawnPrior(seed=11)
+    found = identify(record(kind, 11), TURBINE, formulation="spectral", prior=prior, loads="broadband")
     assert "clock_drift" not in codes(found.findings)
 
 

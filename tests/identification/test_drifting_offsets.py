@@ -5,11 +5,11 @@ import pytest
 from validation.adversary.scenarios import SCENARIOS, record
 
 from tests.findings import codes
+from tests.identification.fits import identify_without_effects
 from validation import towers
 from windsysid.identification.condition.spectral_readings import SpectralSamples
 from windsysid.identification.effects.random_walk_bias import find_random_walks
 from windsysid.identification.estimate.spectral.frequency_domain import ask
-from windsysid.identification.identify import identify
 from windsysid.identification.model.prior import Prior
 from windsysid.records.record import Record
 from windsysid.simulation.record import simulate_record
@@ -120,7 +120,7 @@ def test_spectra_give_a_drift_the_density_of_a_random_walk():
 
 def test_a_healthy_machine_whose_sensors_drift_is_trusted(verne555: Turbine):
     """It went on for minutes, and was condemned."""
-    found = identify(record("offsets wander", 270_001), verne555, prior=DrawnPrior(seed=270_001))
+    found = identify_without_effects(record("offsets wander", 270_001), verne555, prior=DrawnPrior(seed=270_001))
     truth = SCENARIOS["offsets wander"].machine.truth
     assert found.diagnosis.trusted, found.diagnosis.reasons
     assert max(abs(e.estimate - truth[e.name]) / e.std for e in found.estimates) < 3.5
@@ -131,6 +131,7 @@ def test_a_healthy_machine_whose_sensors_drift_is_trusted(verne555: Turbine):
 def test_filters_are_no_judge_of_a_tower_whose_sensors_drift(kind: str):
     """Filters took a drift for loads, and what they said against spectra condemned a result that was right."""
     made, truth = towers.simulate(kind, 820_001)
-    found = identify(made, load_turbine("tower"), prior=DrawnPrior(seed=820_001))
+    tower, prior = load_turbine("tower"), DrawnPrior(seed=820_001)
+    found = identify_without_effects(made, tower, formulation="auto", prior=prior)
     assert found.diagnosis.trusted, found.diagnosis.reasons
     assert max(abs(e.estimate - truth[e.name]) / e.std for e in found.estimates) < 3.0

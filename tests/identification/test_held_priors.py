@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from tests.findings import codes, only, reasons
+from tests.identification.fits import identify_without_effects
 from windsysid.identification.estimate.prior_conflict import find_held, note_wide_priors, one_by_one
-from windsysid.identification.identify import identify
 from windsysid.results.finding import Finding
 from windsysid.simulation.record import simulate_record
 from windsysid.statespace.parameter import Parameter
@@ -20,7 +20,7 @@ def found_of(times: float, seed: int, formulation: Literal["auto", "joint"] = "a
     tower = load_turbine("tower")
     true = tower.with_values({"c_side_side": times * tower.values["c_side_side"]})
     record = simulate_record(true, duration=600.0, rate=20.0, seed=seed)
-    return true, identify(record, tower, formulation=formulation)
+    return true, identify_without_effects(record, tower, formulation=formulation)
 
 
 @pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])

@@ -1,14 +1,13 @@
 """The joint formulation: coefficients from accelerometers alone, with the loads as states or known."""
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
 
 from tests.findings import codes, notes, only, reasons
+from tests.identification.fits import identify_without_effects as identify
 from windsysid.errors import ConfigurationError, WindsysidError
-from windsysid.identification import identify as front
 from windsysid.identification.model.fit import check_finite, known_loads
 from windsysid.identification.model.prior import Prior, identifiable
 from windsysid.mechanics import RotorModel, compile_model
@@ -20,10 +19,6 @@ from windsysid.simulation.record import simulate_record
 from windsysid.statespace.gauss_markov import GaussMarkov
 from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine
-
-identify = partial(front.identify, formulation="joint")
-"""Filters: what is tested here."""
-
 
 RATE = 100.0
 
@@ -131,6 +126,7 @@ def test_a_free_decay_without_load_is_identified_within_percents(verne555, decay
     assert "loads_known" in codes(result.findings)
 
 
+@pytest.mark.slow
 def test_a_free_decay_is_identified_with_small_loads_as_states_too(verne555):
     # The turbine file's loads, 15 N rms, would not be believed: the file must say how little there is.
     calm = replace(
@@ -233,7 +229,8 @@ def test_an_axis_that_nothing_sees_is_locked(verne555, driven):
     assert [e.name for e in result.estimates] == ["k_x", "c_x"]
 
 
-@pytest.mark.parametrize("unseen", [pytest.param((2,), marks=pytest.mark.slow), (2, 3)])
+@pytest.mark.slow
+@pytest.mark.parametrize("unseen", [(2,), (2, 3)])
 def test_a_blade_without_a_channel_is_found_through_the_hub(verne555, driven, unseen):
     hidden = tuple(f"blade_{i}" for i in unseen)
     result = identify(driven.select([name for name in driven.channels if not name.startswith(hidden)]), verne555)

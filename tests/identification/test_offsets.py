@@ -7,8 +7,8 @@ import pytest
 from validation.adversary.scenarios import SCENARIOS, record
 
 from tests.findings import only
+from tests.identification.fits import identify_without_effects
 from windsysid.identification.effects.bias import find_biases
-from windsysid.identification.identify import identify
 from windsysid.mechanics.sensors import Accelerometer
 from windsysid.records.record import Record
 from windsysid.simulation.record import simulate_record
@@ -29,7 +29,8 @@ def off(made: Record, turbine: Turbine, offsets: tuple[float, ...] = OFFSETS) ->
 
 def test_sensors_that_are_off_are_found_and_the_result_is_right(verne555: Turbine):
     """A few thousandths of gravity: it was condemned for late blades, after half a minute."""
-    found = identify(record("offsets of 5 mg", 200_001), verne555, prior=DrawnPrior(seed=200_001))
+    made, prior = record("offsets of 5 mg", 200_001), DrawnPrior(seed=200_001)
+    found = identify_without_effects(made, verne555, formulation="auto", prior=prior)
     truth = SCENARIOS["offsets of 5 mg"].machine.truth
     assert found.diagnosis.trusted, found.diagnosis.reasons
     assert max(abs(e.estimate - truth[e.name]) / e.std for e in found.estimates) < 3.0

@@ -1,14 +1,13 @@
 """A machine that stands: its turbine file says 0 rpm, and everything takes it."""
 
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tests.identification.fits import identify_without_effects as identify
 from windsysid.errors import ConfigurationError, RecordError
-from windsysid.identification import identify as front
 from windsysid.identification.planning import formulations as planned_ways
 from windsysid.identification.planning.plan import plan
 from windsysid.inspection import inspect_record
@@ -19,9 +18,6 @@ from windsysid.signals.rotor import rotor_inputs
 from windsysid.simulation.record import simulate_record
 from windsysid.turbine.file import load_turbine, write_turbine
 from windsysid.turbine.turbine import Turbine
-
-identify = partial(front.identify, formulation="joint")
-"""Filters: what is tested here."""
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
-from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
@@ -10,8 +9,8 @@ import numpy as np
 import pytest
 
 from tests.findings import notes, only
+from tests.identification.fits import identify_without_effects as identify
 from windsysid.errors import ConfigurationError, RecordError
-from windsysid.identification import identify as front
 from windsysid.identification.estimate.outlier import find_spikes
 from windsysid.identification.model.prior import Prior
 from windsysid.identification.streaming.identify_pieces import identify_pieces
@@ -22,9 +21,6 @@ from windsysid.results.provenance import record_hash
 from windsysid.simulation.record import simulate_record
 from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine
-
-identify = partial(front.identify, formulation="joint")
-"""Filters: what is tested here."""
 
 
 @pytest.fixture(scope="module")

@@ -33,6 +33,11 @@ def whole(tower: Turbine) -> Record:
     return simulate_record(tower, duration=1500.0, rate=5.0, seed=5)
 
 
+@pytest.fixture(scope="module")
+def straight(tower: Turbine, whole: Record) -> Identification:
+    return identify_pieces(pieces(whole), tower, formulation="spectral")
+
+
 def pieces(record: Record, seconds: float = LENGTH) -> list[Record]:
     n = round(seconds * record.rate)
     firsts = range(0, record.samples - 1, n)
@@ -58,11 +63,10 @@ def test_one_piece_of_a_rotor_says_what_the_record_says(verne555: Turbine) -> No
     assert "one_block" in codes(reasons(found))
 
 
-def test_pieces_and_the_whole_agree(tower: Turbine, whole: Record) -> None:
+def test_pieces_and_the_whole_agree(tower: Turbine, whole: Record, straight: Identification) -> None:
     """The taper takes 6 % of the whole's ends and hardly any of the blocks': by chance that is √0.06 of a standard
     deviation."""
-    found = identify_pieces(pieces(whole), tower, formulation="spectral")
-    expected = identify(whole, tower, formulation="spectral")
+    found, expected = straight, identify(whole, tower, formulation="spectral")
     assert np.sqrt(np.mean(apart(found, expected) ** 2)) < 0.5
     ratio = [a.std / b.std for a, b in zip(found.estimates, expected.estimates, strict=True)]
     assert ratio == pytest.approx(np.ones(len(ratio)), abs=0.15)
@@ -82,13 +86,12 @@ def test_records_of_one_machine_add(tower: Turbine, whole: Record) -> None:
     assert side[1].std == pytest.approx(side[0].std / np.sqrt(2.0), rel=0.15)
 
 
-def test_what_is_forgotten_counts_no_more(tower: Turbine, whole: Record) -> None:
+def test_what_is_forgotten_counts_no_more(tower: Turbine, whole: Record, straight: Identification) -> None:
     parts = pieces(whole)
     late = identify_pieces(parts, tower, formulation="spectral", memory=50.0)
     last = identify_pieces(parts[-1:], tower, formulation="spectral")
-    all_of_it = identify_pieces(parts, tower, formulation="spectral")
     assert late.estimates[0].std == pytest.approx(last.estimates[0].std, rel=0.25)
-    assert late.estimates[0].std > 1.5 * all_of_it.estimates[0].std
+    assert late.estimates[0].std > 1.5 * straight.estimates[0].std
     assert 0.0 < only(late.findings, "blocks").data["weight"] < 5.0
 
 
@@ -102,14 +105,15 @@ def _stopping(of: Sequence[Record], after: int) -> Iterator[Record]:
     raise KeyboardInterrupt
 
 
-def test_an_interrupted_run_ends_where_an_uninterrupted_one_ends(tower: Turbine, whole: Record, tmp_path: Path) -> None:
+def test_an_interrupted_run_ends_where_an_uninterrupted_one_ends(
+    tower: Turbine, whole: Record, straight: Identification, tmp_path: Path
+) -> None:
     checkpoint = tmp_path / "state.npz"
     with pytest.raises(KeyboardInterrupt):
         identify_pieces(_stopping(pieces(whole), 3), tower, formulation="spectral", checkpoint=checkpoint)
     assert checkpoint.exists()
     resumed = identify_pieces(pieces(whole), tower, formulation="spectral", checkpoint=checkpoint)
     assert not checkpoint.exists()
-    straight = identify_pieces(pieces(whole), tower, formulation="spectral")
     assert np.array_equal(resumed.cov, straight.cov)
     assert [e.estimate for e in resumed.estimates] == [e.estimate for e in straight.estimates]
     assert resumed.findings == straight.findings
@@ -145,15 +149,21 @@ def turning(machine: Turbine) -> Record:
     return simulate_record(machine, duration=480.0, rate=12.5, seed=31, loads="wind")
 
 
-def test_one_piece_in_bands_says_what_the_record_says(machine: Turbine, turning: Record) -> None:
+@pytest.fixture(scope="module")
+def expected(machine: Turbine, turning: Record) -> Identification:
+    return identify(turning, machine, formulation="spectral")
+
+
+def test_one_piece_in_bands_says_what_the_record_says(
+    machine: Turbine, turning: Record, expected: Identification
+) -> None:
     found = identify_pieces([turning], machine, formulation="spectral")
-    expected = identify(turning, machine, formulation="spectral")
     assert np.abs(apart(found, expected)).max() < 1e-3
     assert "one_block" in codes(reasons(found))
 
 
 def test_pieces_in_bands_agree_with_the_whole_and_can_be_taken_up_again(
-    machine: Turbine, turning: Record, tmp_path: Path
+    machine: Turbine, turning: Record, expected: Identification, tmp_path: Path
 ) -> None:
     checkpoint = tmp_path / "state.npz"
     parts = pieces(turning, 160.0)
@@ -165,7 +175,6 @@ def test_pieces_in_bands_agree_with_the_whole_and_can_be_taken_up_again(
     assert found.findings == straight.findings
     blocks = only(found.findings, "blocks").data
     assert (blocks["blocks"], blocks["duration"]) == (3, pytest.approx(160.0, rel=1e-3))
-    expected = identify(turning, machine, formulation="spectral")
     assert np.sqrt(np.mean(apart(found, expected) ** 2)) < 0.5
     of_blades = [e.std / expected[e.name].std for e in found.estimates if "beta" in e.name]
     assert of_blades == pytest.approx(np.ones(len(of_blades)), abs=0.3)

@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +9,7 @@ import pytest
 from validation.trust import identify_broadband
 
 from tests.findings import notes, only, reasons
+from tests.identification.fits import identify_without_effects as identify
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.identification import identify as front
 from windsysid.identification.model.prior import Prior
@@ -25,10 +25,6 @@ from windsysid.simulation.record import simulate_record
 from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine
 from windsysid.units import RPM
-
-identify = partial(front.identify, formulation="joint")
-"""Filters: what is tested here."""
-
 
 SHARED = Path(__file__).parents[3] / "shared" / "data"
 needs_shared = pytest.mark.skipif(not SHARED.is_dir(), reason="the records to run against are not here")
@@ -208,7 +204,10 @@ def test_a_yaw_in_steps_is_smoothed_and_a_wrong_unit_refused():
 
 
 @needs_shared
-@pytest.mark.parametrize(("name", "frequency"), [("c2_turb12_full", 0.3153), ("d1_turb12_full_KSS090", 0.2986)])
+@pytest.mark.parametrize(
+    ("name", "frequency"),
+    [("c2_turb12_full", 0.3153), pytest.param("d1_turb12_full_KSS090", 0.2986, marks=pytest.mark.slow)],
+)
 def test_an_independent_simulation_in_turbulent_wind_is_found_and_trusted(tower: Turbine, name: str, frequency: float):
     # OpenFAST with everything moving; truth from its linearisation: frequency at 12.1 rpm, damping 0.566 % in steady 12
     # m/s.

@@ -21,6 +21,9 @@ from windsysid.inspection.screening import noted, screen
 from windsysid.records.record import Record
 from windsysid.simulation.record import simulate_record
 
+pytestmark = pytest.mark.usefixtures("without_effects")
+
+
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "data"
 TOWER, BLADE = "tower_x_acceleration", "blade_2_lag_acceleration"
 G = 9.80665

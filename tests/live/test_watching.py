@@ -19,6 +19,8 @@ from windsysid.monitoring.watch import TOLERATED_DRIFT
 STEP = 600 * 10**9
 BEGIN = 1_700_000_400 * 10**9 // STEP * STEP
 SIGMA, NOISE_SIGMA = 0.004, 0.05
+SOON = WatchOptions(learn=48)
+"""A third of a day to learn from, so that a jump after half a day is found."""
 
 
 def row(theta: dict[str, float], noise: dict[str, float] | None = None, **more: Any) -> Row:
@@ -62,13 +64,13 @@ def last_said(taken: list[Taken]) -> dict[str, Alarm]:
 
 
 def test_a_softer_support_is_one_alarm_that_says_what_when_and_how_much():
-    taken = feed(start("T1"), stream(330, at=170, jump={"k_x": -0.03}))
-    assert not any(one.alarms for one in taken[:171])
+    taken = feed(start("T1", SOON), stream(160, at=70, jump={"k_x": -0.03}))
+    assert not any(one.alarms for one in taken[:71])
     (alarm,) = last_said(taken).values()
     assert (alarm.kind, alarm.severity, alarm.about, alarm.ended) == ("structure", "alarm", "k_x", None)
-    assert alarm.earliest <= BEGIN + 170 * STEP <= alarm.latest
+    assert alarm.earliest <= BEGIN + 70 * STEP <= alarm.latest
     found = next(k for k, one in enumerate(taken) if one.alarms)
-    assert found <= 176
+    assert found <= 76
     assert alarm.opened == BEGIN + (found + 1) * STEP
     assert "stiffness of the tower, x (k_x) fell by " in alarm.text
     assert "the sensors did not change" in alarm.text
@@ -78,9 +80,9 @@ def test_a_softer_support_is_one_alarm_that_says_what_when_and_how_much():
 
 @pytest.mark.parametrize("more", [{"noise_tower": 1.0}, {"health": [{"channel": "a"}]}])
 def test_what_jumps_with_a_sensor_is_put_down_to_it(more: dict[str, Any]):
-    rows = stream(190, at=170, jump={"k_x": -0.05, "noise_tower": more.get("noise_tower", 0.0)})
-    rows[170:] = [one | {name: value for name, value in more.items() if name in one} for one in rows[170:]]
-    alarms = last_said(feed(start("T1"), rows))
+    rows = stream(90, at=70, jump={"k_x": -0.05, "noise_tower": more.get("noise_tower", 0.0)})
+    rows[70:] = [one | {name: value for name, value in more.items() if name in one} for one in rows[70:]]
+    alarms = last_said(feed(start("T1", SOON), rows))
     assert {alarm.kind for alarm in alarms.values()} == {"sensor"}
     assert {alarm.severity for alarm in alarms.values()} == {"warning"}
     (stiffness,) = [alarm for alarm in alarms.values() if alarm.about == "k_x"]
@@ -95,14 +97,14 @@ def graded(one: Row, **grades: str) -> Row:
 
 def test_a_window_counts_for_the_coefficients_that_it_determines():
     # k_x is off by a fifth and of grade C in half of the windows; k_y falls in all of them.
-    rows = [graded(one) for one in stream(200, at=170, jump={"k_y": -0.05})]
-    for k in range(0, 200, 2):
+    rows = [graded(one) for one in stream(100, at=70, jump={"k_y": -0.05})]
+    for k in range(0, 100, 2):
         theta = {of["name"]: of["own"] for of in rows[k]["parameters"]}
         rows[k] = graded(row(theta | {"k_x": 0.2}, {"noise_tower": 0.0}), k_x="C")
-    taken = feed(start("T1"), rows)
+    taken = feed(start("T1", SOON), rows)
     (alarm,) = last_said(taken).values()
     assert (alarm.about, alarm.kind) == ("k_y", "structure")
-    k_x, k_y, noise = taken[198].levels
+    k_x, k_y, noise = taken[98].levels
     assert (k_x.grade, k_y.grade, noise.grade) == ("C", "A", "")
     assert k_x.estimate == pytest.approx(100.0 * math.exp(0.2))  # shown, and not followed
     assert k_x.level == pytest.approx(100.0, rel=0.01)
@@ -119,27 +121,27 @@ def test_a_row_without_grades_counts_where_it_is_trusted():
 
 
 def test_a_jump_after_which_most_estimates_are_c_is_the_sensors_first():
-    rows = [graded(one) for one in stream(210, at=170, jump={"k_x": -0.05})]
-    rows[170:] = [graded(one, **({"k_x": "C"} if k % 3 else {})) for k, one in enumerate(rows[170:])]
-    (alarm,) = last_said(feed(start("T1"), rows)).values()
+    rows = [graded(one) for one in stream(110, at=70, jump={"k_x": -0.05})]
+    rows[70:] = [graded(one, **({"k_x": "C"} if k % 3 else {})) for k, one in enumerate(rows[70:])]
+    (alarm,) = last_said(feed(start("T1", SOON), rows)).values()
     assert (alarm.about, alarm.kind) == ("k_x", "sensor")
     assert "does not explain" in alarm.text
 
 
 def test_coefficients_of_grade_c_for_six_hours_are_a_notice():
-    rows = [graded(one) for one in stream(200)]
-    rows[150:] = [graded(one, k_x="C", k_y="C") for one in rows[150:]]
-    (alarm,) = last_said(feed(start("T1"), rows)).values()
+    rows = [graded(one) for one in stream(100)]
+    rows[50:] = [graded(one, k_x="C", k_y="C") for one in rows[50:]]
+    (alarm,) = last_said(feed(start("T1", SOON), rows)).values()
     assert (alarm.kind, alarm.severity) == ("data", "notice")
     assert "all coefficients have grade C: why" in alarm.text
 
 
 def test_what_comes_back_ends_its_alarm_and_is_a_notice():
-    alarms = list(last_said(feed(start("T1"), stream(320, at=170, jump={"k_x": -0.05}, back=270))).values())
+    alarms = list(last_said(feed(start("T1", SOON), stream(220, at=70, jump={"k_x": -0.05}, back=170))).values())
     first, second = alarms
     assert first.severity == "alarm"
     assert first.ended is not None
-    assert BEGIN + 270 * STEP < first.ended < BEGIN + 285 * STEP
+    assert BEGIN + 170 * STEP < first.ended < BEGIN + 185 * STEP
     assert (second.severity, second.ended) == ("notice", second.opened)
     assert "reverses an earlier change" in second.text
 
@@ -239,19 +241,19 @@ def test_a_watch_goes_on_from_a_checkpoint_through_a_drift_to_the_same_bits():
 
 @pytest.mark.parametrize("version", [b"watch 1", b"watch 2"])
 def test_a_checkpoint_of_a_version_before_is_read(version: bytes):
-    rows = stream(200, at=170, jump={"k_x": -0.04})
-    content = feed(start("T1"), rows)[-1].checkpoint
+    rows = stream(100, at=70, jump={"k_x": -0.04})
+    content = feed(start("T1", SOON), rows)[-1].checkpoint
     header, arrays = unpack(content, "checkpoint")
     if version == b"watch 1":
         for one in header["series"]:
             del one["past"]
         header["cases"] = [case[:4] for case in header["cases"]]
     assert header["cases"]
-    arrays.insert(2, np.ones(200, dtype=bool))  # whether the windows were trusted
+    arrays.insert(2, np.ones(100, dtype=bool))  # whether the windows were trusted
     before = pack(header, arrays).replace(b"watch 3", version)
     (next_row,) = stream(1, seed=5)
-    window = BEGIN + 200 * STEP
-    assert resume(before, "T1").take(next_row, window) == resume(content, "T1").take(next_row, window)
+    window = BEGIN + 100 * STEP
+    assert resume(before, "T1", SOON).take(next_row, window) == resume(content, "T1", SOON).take(next_row, window)
 
 
 def test_a_checkpoint_never_outgrows_the_windows_that_are_kept(monkeypatch: pytest.MonkeyPatch):
@@ -320,7 +322,7 @@ def test_refused_and_missing_windows_widen_the_band_and_long_silence_is_said():
 def test_a_state_other_than_the_usual_has_a_level_of_its_own():
     # A parked turbine looks softer by 10 %: no alarm, and the level is that of the running one.
     rng = np.random.default_rng(4)
-    rows = stream(700, seed=4)
+    rows = stream(400, seed=4)
     for k, one in enumerate(rows):
         one["state"] = "parked" if (k // 20) % 4 == 1 else "running"
         one["scada_wind_speed"] = 8.0 + rng.standard_normal()
@@ -334,49 +336,49 @@ def test_a_state_other_than_the_usual_has_a_level_of_its_own():
 
 
 def test_the_effect_of_temperature_is_learned_and_no_alarm():
-    rows = stream(1000, seed=5)
+    rows = stream(500, seed=5)
     for k, one in enumerate(rows):
-        one["scada_temperature"] = 10.0 + 8.0 * math.sin(2.0 * math.pi * k / 700.0) + 3.0 * math.sin(k / 23.0)
+        one["scada_temperature"] = 10.0 + 8.0 * math.sin(2.0 * math.pi * k / 350.0) + 3.0 * math.sin(k / 23.0)
         one["parameters"][0]["own"] -= 0.003 * (one["scada_temperature"] - 10.0)
-    rows[500]["scada_temperature"] = None  # left out
+    rows[250]["scada_temperature"] = None  # left out
     assert not last_said(feed(start("T1"), rows))
 
 
 def test_another_prior_or_coordinate_is_no_jump():
-    rows = stream(240, seed=6)
-    for one in rows[190:]:
+    rows = stream(140, seed=6)
+    for one in rows[90:]:
         first, second = one["parameters"]
         first |= {"prior_centre": 130.0, "own": first["own"] - math.log(1.3)}
         value = 100.0 * math.exp(second["own"])
         second |= {"logarithmic": False, "coordinate_scale": 50.0, "own": value / 50.0}
         second |= {"own_std": second["own_std"] * value / 50.0}
-    taken = feed(start("T1"), rows)
+    taken = feed(start("T1", SOON), rows)
     assert not last_said(taken)
     assert [taken[-1].levels[i].level for i in (0, 1)] == pytest.approx([100.0, 100.0], abs=0.2)
 
 
 def test_a_series_that_comes_later_is_learned_from_when_it_is_there():
-    rows = stream(240, seed=7)
+    rows = stream(140, seed=7)
     rng = np.random.default_rng(8)
     for k, one in enumerate(rows):
         if k >= 30:
-            own = SIGMA * rng.standard_normal() - 0.05 * (k >= 200)
+            own = SIGMA * rng.standard_normal() - 0.05 * (k >= 100)
             one["parameters"].append(one["parameters"][0] | {"name": "k_beta_1", "own": own})
-    alarms = last_said(feed(start("T1"), rows))
+    alarms = last_said(feed(start("T1", SOON), rows))
     assert [alarm.about for alarm in alarms.values()] == ["k_beta_1"]
 
 
 def test_one_bad_window_is_no_alarm():
-    rows = stream(230, seed=9)
-    rows[170]["parameters"][0]["own"] = 5.0
-    rows[200]["parameters"][0]["own"] = -1e30
-    rows[201]["parameters"][0]["own"] = math.nan
-    assert not last_said(feed(start("T1"), rows))
+    rows = stream(130, seed=9)
+    rows[70]["parameters"][0]["own"] = 5.0
+    rows[100]["parameters"][0]["own"] = -1e30
+    rows[101]["parameters"][0]["own"] = math.nan
+    assert not last_said(feed(start("T1", SOON), rows))
 
 
 def test_a_change_of_settings_is_said_where_something_jumps_with_it():
-    rows = stream(200, seed=10, at=170, jump={"k_x": -0.05})
-    for one in rows[170:]:
+    rows = stream(100, seed=10, at=70, jump={"k_x": -0.05})
+    for one in rows[70:]:
         one["settings"] = "sha256:1"
-    (alarm,) = last_said(feed(start("T1"), rows)).values()
+    (alarm,) = last_said(feed(start("T1", SOON), rows)).values()
     assert "settings or version changed at the same time" in alarm.text

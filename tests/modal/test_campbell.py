@@ -23,6 +23,9 @@ from windsysid.statespace.parameter import Parameter
 from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine
 
+pytestmark = pytest.mark.usefixtures("without_effects")
+
+
 RPM = 30.0 / math.pi
 
 

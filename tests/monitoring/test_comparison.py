@@ -31,6 +31,9 @@ from windsysid.statespace.parameter import Parameter
 from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine
 
+pytestmark = pytest.mark.usefixtures("without_effects")
+
+
 identify = partial(front.identify, formulation="joint")
 """Filters: what is tested here."""
 

@@ -23,6 +23,9 @@ from windsysid.statespace.parameter import Parameter
 from windsysid.turbine.file import load_turbine
 from windsysid.units import RPM
 
+pytestmark = pytest.mark.usefixtures("without_effects")
+
+
 C0, A, B = 8000.0, 60000.0, 20000.0
 """Structure, air at the fastest rotor speed, and at the strongest wind [N·s/m]."""
 

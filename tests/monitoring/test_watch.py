@@ -27,6 +27,9 @@ from windsysid.statespace.parameter import Parameter
 from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine
 
+pytestmark = pytest.mark.usefixtures("without_effects")
+
+
 PLACE = Site("none", ("k_x", "c_x", "k_beta_1"), np.array([0.003, 0.4, 0.0012]), 10.0)
 
 

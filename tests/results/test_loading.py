@@ -22,6 +22,8 @@ from windsysid.results import storage
 from windsysid.results.serialization import as_plain, finite, from_plain
 from windsysid.spectral.oma.known_modes import as_modes
 
+pytestmark = pytest.mark.usefixtures("without_effects")
+
 
 @pytest.fixture(scope="module")
 def record() -> ws.Record:

@@ -30,6 +30,9 @@ from windsysid.results.provenance import RecordHash, record_hash
 from windsysid.simulation.record import simulate_record
 from windsysid.turbine.turbine import Turbine
 
+pytestmark = pytest.mark.usefixtures("without_effects")
+
+
 START = "2026-03-01T12:00:00+01:00"
 
 

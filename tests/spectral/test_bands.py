@@ -184,7 +184,7 @@ def test_gradient_is_the_slope_of_the_likelihood() -> None:
 
 
 def test_bands_know_instruments_and_masses() -> None:
-    """Slopes of what all bands share, clocks of the blades' logger among them; and a stiffness known as masses are."""
+    """Slopes of what all bands share, clocks of the blades' logger among them."""
     asked = question(record())
     names = [q.name for q in asked.parameters]
     compiled = compile_model(TURBINE.model, asked.sensors, instruments=True)
@@ -203,8 +203,11 @@ def test_bands_know_instruments_and_masses() -> None:
         off[i] = 1e-3
         slope = (wide.likelihood(at + off)[0] - wide.likelihood(at - off)[0]) / 2e-3
         assert gradient[i] == pytest.approx(slope, rel=2e-3, abs=2e-3 * np.sqrt(information[i, i]))
+
+
+@pytest.mark.slow
+def test_a_stiffness_is_known_in_bands_as_masses_are() -> None:
     found = ws.identify(record(), TURBINE, formulation="spectral", prior=DrawnPrior(seed=1))
-    assert len(found.tolerances) == len(tolerances)
     assert 0.015 < found["k_beta_1"].std / found["k_beta_1"].estimate < 0.04
 
 
@@ -236,6 +239,7 @@ def test_loud_second_half_is_not_trusted() -> None:
     changed = record().with_channels({name: (values, "m/s^2") for name, values in loud.items()})
     found = ws.identify(changed, TURBINE, formulation="spectral")
     assert not found.diagnosis.trusted
+    assert {"gain", "alignment", "masses", "clock"} <= {one.group for one in found.tolerances}
 
 
 @pytest.mark.parametrize("seconds", [6.0, 10.0, 15.0, 30.0])

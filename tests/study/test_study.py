@@ -12,7 +12,7 @@ from validation.wind_study import main, summary
 
 from windsysid.identification.estimate.force_balance import analysis_band
 from windsysid.output.folders import claim
-from windsysid.study import run
+from windsysid.study import methods, run
 from windsysid.study.methods import Method, gather, method_table
 from windsysid.study.published import PUBLISHED
 from windsysid.study.report import error_table, study_files, withheld_table
@@ -37,12 +37,13 @@ def told() -> list[str]:
 
 
 @pytest.fixture(scope="module")
-def study(told: list[str]) -> Study:
+def study(told: list[str], without_effects: None) -> Study:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(run, "SEEDS", 2)
         patch.setattr(run, "STARTS", (0.0, 500.0))
         patch.setattr(run, "FACTORS", (0.3, 3.0))
         patch.setattr(run, "COMPARED", 1)
+        patch.setattr(methods, "FILTERS", methods.FILTERS[:1])
         return run_study(0, lambda doing, share: told.append(doing))
 
 

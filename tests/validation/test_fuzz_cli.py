@@ -5,6 +5,8 @@ import os
 import pytest
 from validation.fuzz_cli import Input, Outcome, judge, run_inputs
 
+pytestmark = pytest.mark.usefixtures("without_effects")
+
 
 @pytest.mark.parametrize("count", [60, pytest.param(100, marks=pytest.mark.slow)])
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="inputs run in forks of this process")

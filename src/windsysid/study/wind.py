@@ -8,7 +8,7 @@ the numbers.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -127,11 +127,10 @@ def direction_change_study(seed: int = 0) -> DirectionChangeStudy:
 
 def simulate_wind_reference(turbine: Turbine, seed: int, direction: Direction) -> WindReference:
     """The reference scenario's record under turbulent wind with aerodynamic damping; reproducible for a seed."""
-    conditions, aerodynamics = packaged_wind(turbine.name)
     rotor = constant_speed_inputs(turbine.rotor_speed, DURATION, RATE)
-    wind = wind_loads(turbine, conditions, aerodynamics, rotor, rate=RATE, direction=direction, seed=seed)
-    old = Direction(direction.mean_deg, direction.std_deg, direction.time_constant)
-    without_change = wind_loads(turbine, conditions, aerodynamics, rotor, rate=RATE, direction=old, seed=seed)
+    of = turbine, *packaged_wind(turbine.name), rotor
+    wind, old = wind_loads(*of, rate=RATE, direction=direction, seed=seed), replace(direction, changes=())
+    without_change = wind if old == direction else wind_loads(*of, rate=RATE, direction=old, seed=seed)
     model = compile_model(turbine.model)
     p = np.array([turbine.values[name] for name in model.parameters])
     response, acted = integrate_with_feedback(

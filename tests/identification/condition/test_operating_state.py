@@ -47,7 +47,7 @@ def test_parked_towers_with_the_packaged_file_are_usable_and_their_intervals_hol
 
 def test_an_operating_tower_is_identified_as_it_was():
     record = simulate_record(TOWER, duration=600.0, rate=10.0, seed=3)
-    found, given = identify(record, TOWER), identify(record, TOWER, state="operating")
+    found, given = (identify(record, TOWER, formulation="spectral", state=state) for state in ("auto", "operating"))
     assert [e.estimate for e in found.estimates] == [e.estimate for e in given.estimates]
     assert {e.name: e.prior for e in found.estimates} == TOWER.coefficients
     assert found.summary()["state"] == "operating"

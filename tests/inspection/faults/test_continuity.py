@@ -13,6 +13,9 @@ from windsysid.inspection.screening import doubted, examine, noted, screen
 from windsysid.records.record import Record
 from windsysid.simulation.record import simulate_record
 
+pytestmark = pytest.mark.usefixtures("without_effects")
+
+
 RATE = 50.0
 NAMES = ("a_acceleration", "b_acceleration", "c_acceleration")
 
@@ -130,7 +133,9 @@ def test_a_copy_of_a_sensor_is_a_doubt_and_two_sensors_close_by_are_not():
     assert not screen(record_of(np.column_stack([values[:, 0], near, values[:, 1]])), None, NAMES)
 
 
-@pytest.mark.parametrize("formulation", ["auto", "spectral", pytest.param("joint", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "formulation", ["spectral", *(pytest.param(one, marks=pytest.mark.slow) for one in ("auto", "joint"))]
+)
 def test_no_identification_from_a_pasted_record_is_trusted(formulation):
     tower = ws.load_turbine("tower")
     once = simulate_record(tower, duration=600.0, rate=20.0, seed=11)

@@ -7,6 +7,9 @@ import pytest
 import windsysid as ws
 from tests.turbine.models.test_motion import SHARED
 
+pytestmark = pytest.mark.usefixtures("without_effects")
+
+
 RECORDS = SHARED.parent / "openfast"
 MODEL = SHARED / "nrel5mw_land" / "NREL-5MW.fst"
 
