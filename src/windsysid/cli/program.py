@@ -2,6 +2,7 @@
 
 import logging
 import os
+import re
 import signal
 import sys
 from typing import Annotated, NoReturn
@@ -15,6 +16,9 @@ from windsysid.output.console import printable, show_what_can_be_shown
 
 __all__ = ["app", "main"]
 
+_ARGUMENT = re.compile(r"(?<![\w./'=-])([a-z_]+)=(?:'([\w-]+)'|True)?(?=[\s;:,.)]|$)")
+"""An argument of a Python function in a message: ``rate=``, ``formulation='joint'``, ``overwrite=True``."""
+
 
 def main() -> None:
     """Run the command line: bad input ends in one line on standard error and exit code 2."""
@@ -27,7 +31,7 @@ def main() -> None:
         finally:
             sys.stdout.flush()
     except WindsysidError as error:
-        _refuse(str(error))
+        _refuse(_name_options(str(error)))
     except BrokenPipeError:  # whoever read the output has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)
@@ -37,6 +41,18 @@ def main() -> None:
         _refuse(f"{where}{error.strerror or error}: check the path, its permissions and the space left")
     except MemoryError as error:
         _refuse(f"out of memory ({error}): take a shorter record, --section, a lower --rate, or --in-pieces")
+
+
+def _name_options(message: str) -> str:
+    """Replace the arguments of Python functions in a message by those options that the command has."""
+    commands = getattr(typer.main.get_command(app), "commands", {})
+    options = {name for one in sys.argv[1:2] if one in commands for at in commands[one].params for name in at.opts}
+
+    def option(match: re.Match[str]) -> str:
+        name = f"--{match[1].replace('_', '-')}"
+        return match[0] if name not in options else f"{name} {match[2]}" if match[2] else name
+
+    return _ARGUMENT.sub(option, message)
 
 
 def _refuse(message: str) -> NoReturn:

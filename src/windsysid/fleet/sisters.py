@@ -51,7 +51,7 @@ class Standing(NamedTuple):
     outlier: bool
 
     @property
-    def told(self) -> str:
+    def sentence(self) -> str:
         """The sentence."""
         off = f"{self.percent:+.2g} % ({self.low:+.2g} … {self.high:+.2g} %) off the turbines of its type"
         return f"{self.name} is {off}, which scatter by {self.spread:.2g} %"

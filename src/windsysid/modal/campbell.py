@@ -160,7 +160,7 @@ class Campbell(Answer):
         ], ignore_index=True)  # fmt: skip
 
     def to_xarray(self) -> "xr.Dataset":
-        """The same with the dimensions ``mode`` and ``speed`` [rad/s]."""
+        """Data of the diagram with the dimensions ``mode`` and ``speed`` [rad/s]."""
         import xarray as xr
 
         frame = self.to_dataframe()

@@ -78,13 +78,13 @@ class QuantityChange(NamedTuple):
         return 100.0 * (self.after / self.before - 1.0) if self.before else math.nan
 
     @property
-    def told(self) -> bool:
+    def is_bounded(self) -> bool:
         """True if the records bound the change on one side at least."""
         return not math.isnan(self.percent)
 
     def __str__(self) -> str:
         """Size of the change, and its odds."""
-        if not self.told:
+        if not self.is_bounded:
             how = f"changed by an amount that the data do not determine (odds {_odds(self.log_odds)})"
         elif math.isinf(self.percent):
             how = f"rose from about zero (odds {_odds(self.log_odds)})"
@@ -190,8 +190,8 @@ class Comparison(Answer):
         return [
             (
                 change.name, unit_text(change.unit), f"{change.before:.5g}", f"{change.after:.5g}",
-                _percent(change.percent) if change.told else "not told",
-                _band(change).replace(" ", "") if change.told else "",
+                _percent(change.percent) if change.is_bounded else "not known",
+                _band(change).replace(" ", "") if change.is_bounded else "",
                 "" if math.isnan(change.log_odds) else _odds(change.log_odds).replace(" ", ""),
             )
             for change in (*self.coefficients, *self.modes, *self.statistics)

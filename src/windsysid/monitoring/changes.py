@@ -36,7 +36,7 @@ class DetectedJump(NamedTuple):
         How much, and the ±2σ band [% of the level before].
     cause
         Where to look: the turbine, the sensor, or the sensor before the turbine.
-    told
+    sentence
         The sentence.
     """
 
@@ -49,7 +49,7 @@ class DetectedJump(NamedTuple):
     low: float
     high: float
     cause: str
-    told: str
+    sentence: str
 
 
 class WatchedSeries(NamedTuple):
@@ -157,7 +157,7 @@ class Watch(Answer):
     def sentence(self) -> str:
         """The answer."""
         if self.changes:
-            return "; ".join(change.told for change in self.changes)
+            return "; ".join(change.sentence for change in self.changes)
         days = (self.blocks.time[-1] - self.blocks.time[self.begins]) / DAY
         step = float(np.median(np.diff(self.blocks.time)))
         within = "a day" if step < DAY else f"one record ({step / DAY:.3g} days)"

@@ -104,7 +104,7 @@ def compare(before: PosteriorLike | ModesLike, after: PosteriorLike | ModesLike)
 
 
 def _compare_coefficients(before: Posterior, after: Posterior) -> Comparison:
-    """What moved between two results of identify."""
+    """Comparison of two results of `identify`."""
     frame = common_frame(before, after)
     if not frame:
         raise ConfigurationError(

@@ -33,7 +33,7 @@ def figure(comparison: Comparison, place: Axes | None = None) -> Figure:
 
 def _draw_changes(ax: Axes, group: Sequence[QuantityChange], comparison: Comparison) -> None:
     """One line a change."""
-    ends = [end for c in group for end in (c.low, c.percent, c.high) if c.told and math.isfinite(end)]
+    ends = [end for c in group for end in (c.low, c.percent, c.high) if c.is_bounded and math.isfinite(end)]
     low, high = (min(ends), max(ends)) if ends else (-100.0, 100.0)
     margin = 0.08 * max(high - low, 1e-3)
     left, right = min(low, -margin) - margin, max(high, margin) + margin
@@ -41,7 +41,7 @@ def _draw_changes(ax: Axes, group: Sequence[QuantityChange], comparison: Compari
     for row, change in zip(rows, group, strict=True):
         colour = _colour(change, comparison)
         band = [max(change.low, left), min(change.high, right)]
-        if change.told:
+        if change.is_bounded:
             ax.plot(band, [row, row], color=colour, lw=5, alpha=0.45, solid_capstyle="butt")
             ax.plot(min(change.percent, right), row, "o", color=colour, ms=5)
         else:
@@ -107,7 +107,7 @@ def _plots(comparison: Comparison) -> list[Plot]:
 def _finite(change: QuantityChange) -> tuple[float, float, float]:
     """Change and interval [%]; NaN where it is not determined or has no end."""
     values = (change.percent, change.low, change.high)
-    return values if change.told and all(map(math.isfinite, values)) else (math.nan, math.nan, math.nan)
+    return values if change.is_bounded and all(map(math.isfinite, values)) else (math.nan, math.nan, math.nan)
 
 
 def _table(comparison: Comparison) -> Table:

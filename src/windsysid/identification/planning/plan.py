@@ -69,7 +69,7 @@ class Plan(Answer):
     rotor_speed, rate, duration
         [rad/s], [Hz], [s].
     within
-        Wanted accuracy: ±2σ relative to the value [1].
+        Required accuracy: ±2σ relative to the value [1].
     names, unknown
         The unknown parameters, then the statistics of loads and noise; the number of parameters among them.
     asked
@@ -283,7 +283,7 @@ def plan(
         Parameters of interest; all coefficients by default. The coefficients of all free degrees of freedom are unknown
         in any case, masses and geometry only where they are named here.
     within : float, default 0.2
-        Wanted accuracy: ±2σ relative to the value [1].
+        Required accuracy: ±2σ relative to the value [1].
     load_scale : float, default 1
         Factor on the loads of the turbine file [1].
     rotor_speed : float, optional
@@ -301,7 +301,7 @@ def plan(
     -------
     Plan
         The ±2σ interval of each coefficient, relative to its value [1], for any length of record [s], and the length
-        [s] that the wanted accuracy needs.
+        [s] that the required accuracy needs.
 
     Raises
     ------

@@ -74,7 +74,7 @@ class MatchedMode(NamedTuple):
 
 @dataclass(frozen=True)
 class ModeMatch:
-    """Which measured mode is which mode of a model.
+    """Assignment of measured modes to the modes of a model.
 
     Attributes
     ----------

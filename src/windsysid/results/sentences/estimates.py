@@ -127,7 +127,7 @@ ESTIMATES: Final[Mapping[str, Sentence]] = {
     ),
     "search_exhausted": (
         "the likelihood still rose after {steps} steps, and further steps on a record of this size cost too much: "
-        "choose a shorter section, or a lower --rate"
+        "choose a shorter section, or a lower rate"
     ),
     "fit_not_converged": (
         "the likelihood still rose when the search ended: choose a longer record, identify fewer parameters, or give"

@@ -19,7 +19,7 @@ _WHY_CHOSEN = {
 }  # fmt: skip
 _WHY_STATE = {
     "given": "as given", "pitch": "blades are feathered", "speed": "rotor speed {share:.3g %} of the usual one",
-    "unknown": "no rotor speed is recorded; say --state parked otherwise",
+    "unknown": "no rotor speed is recorded; if the turbine is parked, give that as its state",
 }  # fmt: skip
 _ANOTHER_SECTION = ": likely loads of a machine; try another section"
 
@@ -125,7 +125,7 @@ MODEL: Final[Mapping[str, Sentence]] = {
         f" {'blades move that no channel measures: record them' if d['unseen_blades'] else 'loads are not as modelled'}"
     ),
     "bands_suppose_wind": (
-        "broad loads explain the record, and spectra around the modes assume wind: use --formulation joint"
+        "broad loads explain the record, and spectra around the modes assume wind: use the joint formulation"
     ),
     "coefficient_not_positive": "{quantity} is not positive",
     "particle_weights": "{text}",

@@ -201,8 +201,8 @@ def _searched(record: Record, readings: Readings, request: _AnalysisOptions) -> 
     noted = readings
     if found.reached is not None:
         further = (
-            f"modes were searched up to {found.reached:.4g} Hz: there are peaks above it, give --range LOW HIGH"
-            " for them"
+            f"modes were searched up to {found.reached:.4g} Hz: there are peaks above it; give a"
+            " frequency range for them"
         )
         noted = noted._replace(high=found.reached, notes=(*noted.notes, further))
     noted = noted._replace(notes=(*noted.notes, *map(covered_note, found.covered)))
