@@ -15,6 +15,8 @@ __all__ = [
     "RPM",
     "UNITS",
     "canonical",
+    "engineering",
+    "engineering_unit",
     "is_same_quantity",
     "parse_quantity",
     "si_unit",
@@ -222,6 +224,33 @@ def parse_quantity(text: str, unit: str) -> float:
 def unit_text(unit: str) -> str:
     """A unit as it is printed: ``N*m/rad`` → N·m/rad, ``m/s^2`` → m/s²."""
     return unit.replace("*", "·").replace("^2", "²")
+
+
+_PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"))
+
+
+def engineering_unit(size: float, unit: str) -> tuple[float, str]:
+    """Return the factor and the text of the unit in which forces, stiffness and damping of this size are printed.
+
+    Examples
+    --------
+    >>> engineering_unit(1784100.0, "N/m")
+    (1000000.0, 'MN/m')
+    """
+    factor, prefix = next((one for one in _PREFIXES if abs(size) >= one[0] and unit.startswith("N")), (1.0, ""))
+    return factor, prefix + unit_text(unit)
+
+
+def engineering(value: float, unit: str) -> str:
+    """Return a value with four significant digits in an engineer's unit.
+
+    Examples
+    --------
+    >>> engineering(1784100.0, "N/m")
+    '1.784 MN/m'
+    """
+    factor, text = engineering_unit(value, unit)
+    return f"{value / factor:.4g} {text}"
 
 
 def spell(seconds: float, digits: int = 3) -> str:

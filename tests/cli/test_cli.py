@@ -199,7 +199,8 @@ def test_messages_name_arguments_in_python_and_options_in_the_command(run, recor
     advice = "rename them with {}, or list the record's own with {}"
     with pytest.raises(RecordError, match=advice.format("mapping=", "sensors=")):
         windsysid.identify(read_record(other), "verne555", progress=lambda *_: None)
-    refused(run("identify", other, "--turbine", "verne555", "--output", results), advice.format("--mapping", "--sensors"))
+    ended = run("identify", other, "--turbine", "verne555", "--output", results)
+    refused(ended, advice.format("--mapping", "--sensors"))
 
 
 @pytest.mark.parametrize(
@@ -270,7 +271,8 @@ def test_what_is_there_already_is_left_untouched(run, record, results, tmp_path)
     results.mkdir()
     (results / "summary.json").write_text("mine")
     common = ("--turbine", "verne555", "--output", results)
-    refused(run("identify", record, *common), r"is already there: choose another folder, or overwrite it \(--overwrite\)")
+    ended = run("identify", record, *common)
+    refused(ended, r"is already there: choose another folder, or overwrite it \(--overwrite\)")
     refused(run("study", "--output", results), "is already there")
     assert [(path.name, path.read_text()) for path in results.iterdir()] == [("summary.json", "mine")]
 

@@ -5,9 +5,10 @@ from pathlib import Path
 import pytest
 
 import windsysid as ws
-from windsysid.cli.screen import engineering, first_screen
+from windsysid.cli.screen import first_screen
 from windsysid.output.console import render
 from windsysid.output.table import Table
+from windsysid.units import engineering
 
 
 @pytest.fixture(autouse=True)

@@ -381,7 +381,7 @@ def test_only_coefficients_that_are_not_to_be_used_are_doubted(verne555):
     said = {one.record: compare(good._replace(record="good"), one).doubts for one in (some, every, other)}
     assert said["some"] == ("c_y of some (grade C): see its report; the others may be compared",)
     assert said["other"] == ()
-    assert said["every"] == ("the result of every is not trusted by itself: see its report",)
+    assert said["every"] == ("findings speak against the result of every: see its report",)
 
 
 def test_what_one_record_does_not_see_has_not_moved(verne555):

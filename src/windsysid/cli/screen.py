@@ -8,19 +8,18 @@ from typing import TYPE_CHECKING
 
 from windsysid.output.console import WIDTH, render
 from windsysid.output.table import Table
-from windsysid.units import unit_text
+from windsysid.units import engineering
 
 if TYPE_CHECKING:
     from windsysid.results.estimate import Estimate
     from windsysid.results.identification import Identification
 
-__all__ = ["engineering", "first_screen", "identification_parts"]
+__all__ = ["first_screen", "identification_parts"]
 
 LINES = 24
 """Setting: lines of a terminal, of which two are for the end of the screen and the place of the results."""
 MAX_REASONS = 3
 """Setting: largest number of reasons against a result that its first screen lists."""
-_PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"))
 
 
 def first_screen(parts: Sequence[Table | str], lines: int = LINES - 2) -> str:
@@ -103,15 +102,3 @@ def _coefficients(estimates: "Sequence[Estimate]") -> Table:
 def _share(e: "Estimate") -> str:
     """Half of the 95 % interval over the estimate."""
     return f"{50.0 * (e.high - e.low) / abs(e.estimate):.2g} %" if e.estimate else "?"
-
-
-def engineering(value: float, unit: str) -> str:
-    """A value with four significant digits in an engineer's unit.
-
-    Examples
-    --------
-    >>> engineering(1784100.0, "N/m")
-    '1.784 MN/m'
-    """
-    size, prefix = next((one for one in _PREFIXES if abs(value) >= one[0] and unit.startswith("N")), (1.0, ""))
-    return f"{value / size:.4g} {prefix}{unit_text(unit)}"

@@ -1,7 +1,7 @@
 """Events of a fleet, in sentences: jumps, failing sensors, outliers, each once.
 
-An alarm whose jump has zero in its band, once its date is known, is left out, unless a jump that has not takes it back;
-the watch of the turbine lists it.
+An alarm whose jump has zero in its interval, once its date is known, is left out, unless a jump that has not takes it
+back; the watch of the turbine lists it.
 A jump that happens while a sensor of the turbine fails is put down to that.
 A jump that half of the turbines of the type have on the same date is the season's, the site's or the software's, and no
 turbine's. What falls in the cold and comes back, at once or in steps, is named as ice.
@@ -108,7 +108,9 @@ def events_of(
     shared, single = _shared_jumps(jumps, len(watches))
     sensors, unexplained = _sensor_failures(single, failing)
     doubtful = {jump.turbine for jump in single if jump not in unexplained}
-    outliers = [FleetEvent(s.turbine, "outlier", s.sentence) for s in standings if s.outlier and s.turbine not in doubtful]
+    outliers = [
+        FleetEvent(s.turbine, "outlier", s.sentence) for s in standings if s.outlier and s.turbine not in doubtful
+    ]
     found = shared + _single_jumps(unexplained, air) + sensors + outliers
     return sorted(found, key=lambda event: _WORST.index(event.kind))
 
@@ -178,7 +180,7 @@ def _told(one: Watch) -> list[DetectedJump]:
 
 
 def _is_sure(change: DetectedJump) -> bool:
-    """Test whether a jump's band contains only jumps."""
+    """Test whether a jump's interval contains only jumps."""
     return change.low > 0.0 or change.high < 0.0
 
 

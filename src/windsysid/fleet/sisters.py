@@ -32,7 +32,7 @@ class Standing(NamedTuple):
     turbine, name
         Which.
     percent, low, high
-        Above the mean of the others, and the ±2σ band of the turbine's own estimate [%].
+        Above the mean of the others, and the 95 % interval of the turbine's own estimate [%].
     spread
         Standard deviation of the others, their estimates' errors included [%].
     score

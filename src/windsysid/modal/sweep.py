@@ -1,4 +1,4 @@
-"""The Campbell diagram: frequencies and damping ratios of all modes against rotor speed, with the bands that follow
+"""The Campbell diagram: frequencies and damping ratios of all modes against rotor speed, with the intervals that follow
 from a posterior.
 
 Modes are found at each of a row of speeds (`windsysid.modal.analysis`) and linked (`windsysid.modal.tracking`). What is
@@ -153,7 +153,8 @@ class _CompiledTurbine:
         self.directions = directions_of(self.model, self.parameters, posterior.theta)
 
     def spectrum(self, speed: float) -> ModalSpectrum:
-        """The modes at a speed, or a hair next to it where a mode is locked so narrowly that its band would vanish."""
+        """The modes at a speed, or a hair next to it where a mode is locked so narrowly that its interval would
+        vanish."""
         return analyse_unlocked(self.turbine.model, self.model, self.p, speed, self.directions)
 
     def diagram(
@@ -203,7 +204,7 @@ class _CompiledTurbine:
             "constant": "the equations are constant: the rotor is rigid",
         }[method]
         notes = [
-            how + (f"; bands are ±{SIGMAS:g}σ of the posterior, by exact derivatives" if posterior.parameters else "")
+            how + (f"; intervals: ±{SIGMAS:g}σ of the posterior, by exact derivatives" if posterior.parameters else "")
         ]
         if method == "Floquet" and self.turbine.model.blades == 2:
             notes.append(
@@ -213,11 +214,11 @@ class _CompiledTurbine:
             )
         if not posterior.parameters:
             notes.append(
-                "the turbine file's values are taken as exact: bands come with the result of an identification"
+                "the turbine file's values are taken as exact: intervals come with the result of an identification"
             )
         elif not posterior.trusted:
             notes.append(
-                "WARNING: the identification is not trusted (its summary says why): the bands may be too narrow"
+                "WARNING: the identification is not trusted (its summary says why): the intervals may be too narrow"
             )
         return notes
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from windsysid.output.answers import Answer
 from windsysid.output.table import Table
 from windsysid.results.serialization import finite
-from windsysid.units import unit_text
+from windsysid.units import engineering_unit
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 __all__ = ["HEADINGS", "MOVED_MIN_ODDS", "Comparison", "QuantityChange"]
 
 UNTOLD = math.log(10.0)
-"""A change is not reported where its band (±2σ) reaches further than this factor either way."""
+"""A change is not reported where its interval (±2σ) reaches further than this factor either way."""
 
 MOVED_MIN_ODDS = 100.0
 """Odds from which a coefficient is said to have moved."""
@@ -39,9 +39,9 @@ class QuantityChange(NamedTuple):
     before, after
         Estimates of the two results, priors included, in SI, Hz for a frequency.
     percent, low, high
-        By how much B is above A [% of A] according to the records without the priors, and the ±2σ band. `low` is −100
-        where B may be nothing, `high` infinite where A may be. `percent` is NaN where both are so, or where the band of
-        a logarithm reaches further than a factor of ten either way: the change is not reported.
+        By how much B is above A [% of A] according to the records without the priors, and the 95 % interval. `low` is
+        −100 where B may be nothing, `high` infinite where A may be. `percent` is NaN where both are so, or where the
+        interval of a logarithm reaches further than a factor of ten either way: the change is not reported.
     log_odds
         Natural logarithm of the odds that it moved; NaN for a mode, which moves if a coefficient does.
     chance
@@ -189,7 +189,7 @@ class Comparison(Answer):
         """As a table under `HEADINGS`."""
         return [
             (
-                change.name, unit_text(change.unit), f"{change.before:.5g}", f"{change.after:.5g}",
+                change.name, *_in_one_unit(change),
                 _percent(change.percent) if change.is_bounded else "not known",
                 _band(change).replace(" ", "") if change.is_bounded else "",
                 "" if math.isnan(change.log_odds) else _odds(change.log_odds).replace(" ", ""),
@@ -227,8 +227,14 @@ HEADINGS = ("", "unit", "A", "B", "change %", "±2σ %", "odds")
 """Seven columns: 80 signs of a terminal hold no more."""
 
 
+def _in_one_unit(change: QuantityChange) -> tuple[str, str, str]:
+    """Unit, and the estimates of A and B in it."""
+    factor, unit = engineering_unit(max(abs(change.before), abs(change.after)), change.unit)
+    return unit, f"{change.before / factor:.4g}", f"{change.after / factor:.4g}"
+
+
 def _half_width(change: QuantityChange) -> float:
-    """Half of the ±2σ band in ln(B/A)."""
+    """Half of the 95 % interval in ln(B/A)."""
     if change.low <= -100.0 or math.isinf(change.high):
         return math.inf
     return 0.5 * math.log((100.0 + change.high) / (100.0 + change.low))

@@ -12,7 +12,7 @@ from windsysid.monitoring.series import DAY, RecordBlocks
 from windsysid.output.answers import Answer
 from windsysid.output.table import Table
 from windsysid.results.serialization import finite
-from windsysid.units import unit_text
+from windsysid.units import engineering_unit, unit_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -33,7 +33,7 @@ class DetectedJump(NamedTuple):
     found
         When the alarm went [s].
     percent, low, high
-        How much, and the ±2σ band [% of the level before].
+        How much, and the 95 % interval [% of the level before].
     cause
         Where to look: the turbine, the sensor, or the sensor before the turbine.
     sentence
@@ -60,7 +60,7 @@ class WatchedSeries(NamedTuple):
     name, unit
         Of the coefficient.
     level, low, high
-        (T,) value at mean covariates and its ±2σ band, in `unit`, as it was known after each block.
+        (T,) value at mean covariates and its 95 % interval, in `unit`, as it was known after each block.
     adjusted
         (T,) blocks less the effect of the covariates, in `unit`.
     whitened, statistic
@@ -68,13 +68,13 @@ class WatchedSeries(NamedTuple):
     limit
         Its threshold.
     drift
-        Change of the level since the end of learning and its ±2σ band [%].
+        Change of the level since the end of learning and its 95 % interval [%].
     slopes
-        Effect of each covariate, per unit of it, and its ±2σ band [%].
+        Effect of each covariate, per unit of it, and its 95 % interval [%].
     wander
         Standard deviation of the level's wandering in a day [%].
     scatter
-        By how much blocks scatter more than their bands say.
+        By how much blocks scatter more than their intervals say.
     smallest
         Jump that is found within a day in nine cases of ten [%].
     """
@@ -187,7 +187,7 @@ class Watch(Answer):
         """One line a series, under `HEADINGS`."""
         return [
             (
-                s.name, unit_text(s.unit), f"{s.level[-1]:.5g} ± {0.5 * (s.high[-1] - s.low[-1]):.2g}",
+                s.name, *_level(s),
                 _signed(*s.drift), f"{two_digits(s.wander)} %",
                 f"{s.scatter:.2f}", f"{two_digits(s.smallest)} %",
             )
@@ -237,6 +237,12 @@ class Watch(Answer):
 
 
 HEADINGS = ("", "unit", "now, ±2σ", "drift, ±2σ", "random walk a day", "scatter ÷ σ", "detectable in a day")
+
+
+def _level(one: WatchedSeries) -> tuple[str, str]:
+    """Unit, and the last level with half of its 95 % interval in it."""
+    factor, unit = engineering_unit(one.level[-1], one.unit)
+    return unit, f"{one.level[-1] / factor:.4g} ± {0.5 * (one.high[-1] - one.low[-1]) / factor:.2g}"
 
 
 def _signed(percent: float, low: float, high: float) -> str:

@@ -140,7 +140,7 @@ def _distrusted(before: Posterior, after: Posterior, frame: Sequence[Parameter])
         if bad and len(bad) < len(frame):
             doubts.append(f"{', '.join(bad)} of {result.record} (grade C): see its report; the others may be compared")
         elif bad:
-            doubts.append(f"the result of {result.record} is not trusted by itself: see its report")
+            doubts.append(f"findings speak against the result of {result.record}: see its report")
     return doubts
 
 
@@ -184,7 +184,7 @@ def _changes(
 
 
 def _growth(step: float, sigma: float) -> tuple[float, float, float]:
-    """A change of a logarithm and its ±2σ band [%]."""
+    """A change of a logarithm and its 95 % interval [%]."""
     if SIGMAS * sigma > UNTOLD:
         return math.nan, -100.0, math.inf
     percent, low, high = (100.0 * math.expm1(step + k * sigma) for k in (0.0, -SIGMAS, SIGMAS))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 from windsysid.output.answers import Answer
 from windsysid.output.table import Table
 from windsysid.results.serialization import finite
-from windsysid.units import RPM, unit_text
+from windsysid.units import RPM, engineering_unit, unit_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -18,7 +18,7 @@ __all__ = ["HEADINGS", "DampingBand", "DampingSplit", "Separation", "State"]
 
 
 class DampingBand(NamedTuple):
-    """A value and its ±2σ band, SI."""
+    """A value and its 95 % interval, SI."""
 
     value: float
     low: float
@@ -30,7 +30,7 @@ class DampingBand(NamedTuple):
 
     @property
     def span(self) -> str:
-        """The band."""
+        """The interval."""
         return f"{self.low:.3g} … {self.high:.3g}"
 
 
@@ -93,7 +93,7 @@ class DampingSplit:
         return self.structural is not None and self.structural.low > 0.0
 
     def percent(self, band: DampingBand) -> str:
-        """A band in % of critical damping."""
+        """An interval in % of critical damping."""
         ratio = band.over(0.01 * self.critical)
         return f"{ratio.value:.3g} % ({ratio.span} %)"
 
@@ -186,8 +186,10 @@ class Separation(Answer):
             shown = [(of, band) for of, band in parts if band is not None] or self._by_state("total", split.measured)
             for of, band in shown:
                 ratio = band.over(0.01 * split.critical)
-                head = (split.name, unit_text(split.unit)) if (of, band) == shown[0] else ("", "")
-                rows.append((*head, of, f"{band.value:.4g}", band.span, f"{ratio.value:.3g} %", f"{ratio.span} %"))
+                factor, unit = engineering_unit(band.value, split.unit)
+                c = band.over(factor)
+                name = split.name if (of, band) == shown[0] else ""
+                rows.append((name, unit, of, f"{c.value:.4g}", c.span, f"{ratio.value:.3g} %", f"{ratio.span} %"))
         return rows
 
     def _by_state(self, what: str, bands: Sequence[AnyBand]) -> list[tuple[str, AnyBand]]:
@@ -218,7 +220,7 @@ class Separation(Answer):
         return [self.sentence, *self.lacking, *doubts, self.table(), *self.notes]
 
 
-HEADINGS = ("", "unit", "of", "c", "±2σ band", "of critical", "±2σ band")
+HEADINGS = ("", "unit", "of", "c", "95 % interval", "of critical", "95 % interval")
 
 
 def _plain(split: DampingSplit) -> dict[str, Any]:

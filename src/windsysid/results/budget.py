@@ -16,6 +16,7 @@ from windsysid._types import Array
 from windsysid.checks.conditioning import hold
 from windsysid.output.table import Table
 from windsysid.results.tolerance import Tolerance
+from windsysid.units import engineering
 
 __all__ = ["CAUSES", "Budget", "Share", "budget_of"]
 
@@ -36,7 +37,7 @@ class Share(NamedTuple):
     name
         A coefficient, or a mode's frequency or damping ratio.
     two_sigma
-        Half-width of its band: relative for a stiffness, in its own unit (N·s/m, Hz, 1 …) otherwise.
+        Half-width of its interval: relative for a stiffness, in its own unit (N·s/m, Hz, 1 …) otherwise.
     relative
         Whether it is.
     alone
@@ -87,15 +88,17 @@ class Budget(NamedTuple):
             for row in self.rows
         }  # fmt: skip
 
-    def table(self, leave_out: Collection[str] = ()) -> Table:
-        """As a table, without the rows of some names."""
+    def table(self, leave_out: Collection[str] = (), units: Mapping[str, str] | None = None) -> Table:
+        """As a table, without the rows of some names, and with the units of coefficients."""
         rows = []
         for row in (row for row in self.rows if row.name not in leave_out):
-            width = f"{100.0 * row.two_sigma:.2g} %" if row.relative else f"{row.two_sigma:.3g}"
+            width = f"{100.0 * row.two_sigma:.2g} %"
+            if not row.relative:
+                width = engineering(row.two_sigma, (units or {}).get(row.name, "")).strip()
             shares = (f"{100.0 * share:.0f} %" for share in (row.alone, *row.causes))
             rows.append((row.name, width, *shares))
         title = "Uncertainty budget: shares of the variance of each interval"
-        return Table(("band", "±2σ", "data and prior", *self.causes), rows, title)
+        return Table(("interval", "±2σ", "data and prior", *self.causes), rows, title)
 
 
 def budget_of(

@@ -1,4 +1,4 @@
-"""Result of an identification: estimates with their bands, the history of the search, and the verdict."""
+"""Result of an identification: estimates with their intervals, the history of the search, and the verdict."""
 
 import json
 from collections.abc import Mapping
@@ -16,7 +16,7 @@ from windsysid.results.posterior import Posterior, section_name, unusable_among
 from windsysid.results.serialization import finite
 from windsysid.results.storage import as_netcdf, attributes_of, variables_of
 from windsysid.results.values import IdentificationValues
-from windsysid.units import RPM, unit_text
+from windsysid.units import RPM, engineering_unit, unit_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -180,7 +180,8 @@ class Identification(IdentificationValues, Answer):
     def contents(self) -> list[Table | str]:
         """The modes, whether to trust them, the estimates; then what they rest on: loads, noise, the budget, notes."""
         title = f"{self.turbine}, {self.record}: {self.formulation}, {self.method}"
-        of_modes = {row.name for row in self.budget.rows} - {e.name for e in self.estimates}
+        units = {e.name: e.unit for e in self.estimates}
+        of_modes = {row.name for row in self.budget.rows} - set(units)
         return [
             title,
             *([self.modes_table()] if self.modes else []),
@@ -188,7 +189,7 @@ class Identification(IdentificationValues, Answer):
             *self.usable(),
             self.table(),
             *([self.statistics_table()] if self.statistics else []),
-            *([self.budget.table(leave_out=of_modes)] if self.tolerances else []),
+            *([self.budget.table(of_modes, units)] if self.tolerances else []),
             *self.diagnosis.remarks,
             *self.notes,
         ]
@@ -203,16 +204,16 @@ class Identification(IdentificationValues, Answer):
         return [f"can still be used (grade A or B): {', '.join(good)}"] if good else []
 
     def table(self) -> Table:
-        """The estimates with their bands, and the references where any is known."""
+        """The estimates with their intervals, and the references where any is known."""
         known = any(e.reference is not None for e in self.estimates)
         rows = []
         for e in self.estimates:
             informed = f"{100.0 * e.informed_by_data:.1f} %"
-            rows.append(_estimate_cells(e.name, unit_text(e.unit), e.grade, informed, known, asdict(e)))
+            rows.append(_estimate_cells(e.name, e.unit, e.grade, informed, known, asdict(e)))
             if e.tip is not None:
-                unit = "N/m" if e.kind == "stiffness" else "N·s/m"
+                unit = "N/m" if e.kind == "stiffness" else "N*s/m"
                 rows.append(_estimate_cells("  at the tip", unit, "", "", known, e.tip))
-        headings = ("coefficient", "estimate", "±2σ band", "unit", "", "from data")
+        headings = ("coefficient", "estimate", "95 % interval", "unit", "", "from data")
         more = ("in file", "differs") if known else ()
         title = "Stiffness and damping" if self.machine is not None else "Parameters"
         return Table((*headings, *more), rows, title, words=(0, 3))
@@ -240,11 +241,12 @@ class Identification(IdentificationValues, Answer):
 
     def statistics_table(self) -> Table:
         """Statistics of loads and noise."""
-        rows = [
-            (s.name, f"{s.estimate:.4g}", f"{s.low:.4g} … {s.high:.4g}", unit_text(s.unit), f"{s.given:.4g}")
-            for s in self.statistics
-        ]
-        headings = ("statistic", "estimate", "±2σ band", "unit", "prior")
+        rows = []
+        for s in self.statistics:
+            factor, unit = engineering_unit(s.estimate, s.unit)
+            estimate, low, high, given = (f"{one / factor:.4g}" for one in (s.estimate, s.low, s.high, s.given))
+            rows.append((s.name, estimate, f"{low} … {high}", unit, given))
+        headings = ("statistic", "estimate", "95 % interval", "unit", "prior")
         return Table(headings, rows, "Loads and noise, learned from the record", words=(0, 3))
 
     def tolerances_table(self) -> Table:
@@ -262,11 +264,13 @@ def _estimate_cells(
     name: str, unit: str, grade: str, informed: str, known: bool, values: Mapping[str, Any]
 ) -> tuple[str, ...]:
     estimate, reference = values["estimate"], values["reference"]
-    cells = (name, f"{estimate:.5g}", f"{values['low']:.5g} … {values['high']:.5g}", unit, grade, informed)
+    factor, unit = engineering_unit(estimate, unit)
+    span = f"{values['low'] / factor:.4g} … {values['high'] / factor:.4g}"
+    cells = (name, f"{estimate / factor:.4g}", span, unit, grade, informed)
     if not known:
         return cells
     difference = f"{round(100.0 * (estimate / reference - 1.0), 2) + 0.0:+.2f} %" if reference else ""  # no -0.00 %
-    return (*cells, "" if reference is None else f"{reference:.5g}", difference)
+    return (*cells, "" if reference is None else f"{reference / factor:.4g}", difference)
 
 
 def _estimate_summary(e: Estimate) -> dict[str, Any]:

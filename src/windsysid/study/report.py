@@ -100,7 +100,7 @@ def _scenario(study: Study) -> list[str]:
         " coefficients.",
         f"Over {len(study.errors)} seeds, ±2σ at the end of the section holds the reference in"
         f" {100 * study.covered:.0f} % of the {len(study.errors) * study.errors.shape[2]} cases (95 % if"
-        " the bands were perfect).",
+        " the intervals were perfect).",
         f"The published SIR particle filter took {PUBLISHED_HOURS:g} hours for {SIR.particles} particles;"
         f" here it takes {study.particles.elapsed:.2g} s on the same force balance. How it fared:"
         f" {study.particles.notes[-1]}.",
@@ -110,10 +110,10 @@ def _scenario(study: Study) -> list[str]:
 
 OVERVIEW = "Tower accelerations of the whole record with the section used (the paper's Fig 3)."
 HISTORIES = (
-    "Estimate, ±2σ band, reference and error of each coefficient (the paper's Figs 4–9; blades 2 and 3 are alike)."
+    "Estimate, 95 % interval, reference and error of each coefficient (the paper's Figs 4–9; blades 2 and 3 are alike)."
 )
 LOAD_SPECTRA = "Wind at the hub and at a turning blade, and the loads they make: the rotor's multiples are marked."
-WITHHELD_HISTORIES = "The bands are narrow and wrong: the model ignores the load."
+WITHHELD_HISTORIES = "The intervals are narrow and wrong: the model ignores the load."
 STARTS_TEXT = (
     "The published claim: initial conditions are indifferent, and the process can start at any point of a record. Left,"
     " starts that are off by 0.3 to 3 times; right, 100 s sections of the same record.",

@@ -21,6 +21,7 @@ from windsysid.turbine.model_file import ModelFile, model_tables
 from windsysid.turbine.rotor_file import RotorFile, rotor_tables
 from windsysid.turbine.tower_file import TowerFile, tower_tables
 from windsysid.turbine.turbine import Turbine
+from windsysid.units import engineering
 
 __all__ = ["as_tables", "parse_turbine"]
 
@@ -84,8 +85,9 @@ def as_tables(turbine: Turbine) -> dict[str, Any]:
 
 def _stiffness(turbine: Turbine, coordinate: str) -> str:
     """The stiffness of a degree of freedom, with its name."""
+    units = {one.name: one.unit for one in turbine.model.coefficients}
     names = turbine.model.coefficients_of(coordinate, "stiffness")
-    return ", ".join(f"{name} = {turbine.values[name]:.4g}" for name in names)
+    return ", ".join(f"{name} = {engineering(turbine.values[name], units[name])}" for name in names)
 
 
 class _Format(NamedTuple):

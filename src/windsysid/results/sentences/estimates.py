@@ -17,7 +17,7 @@ TOLERANCE_UNITS = {
 
 def _damping_not_positive(d: Data) -> str:
     def sure(certain: bool) -> str:
-        return " (negative over its whole band)" if certain else ""
+        return " (negative over its whole interval)" if certain else ""
 
     lost = [f"{name} is {value:.2g}{sure(certain)}" for name, value, certain in d["coefficients"]]
     lost += [f"{name} has {100.0 * ratio:.2g} %{sure(certain)}" for name, ratio, certain in d["modes"]]
@@ -94,7 +94,7 @@ ESTIMATES: Final[Mapping[str, Sentence]] = {
     ),
     "damping_not_positive": _damping_not_positive,
     "damping_may_be_negative": (
-        "damping may be zero or negative within its band: {names}; choose a longer record"
+        "damping may be zero or negative within its interval: {names}; choose a longer record"
     ),
     "prior_dominates": _prior_dominates,
     "unseen": "{quantity} is not determined by the data at all",

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Final
 
 from windsysid.results.sentences.template import LIKELY_MACHINE, Data, Sentence, fill
+from windsysid.units import engineering, engineering_unit
 
 __all__ = ["LOADS_WITHHELD", "MODEL"]
 
@@ -42,7 +43,8 @@ def _loads_of_spectra(d: Data) -> str:
 
 def _sinusoidal_force(d: Data) -> str:
     at = f"{d['order']}P" if d["order"] else f"{d['frequency']:.4g} Hz"
-    return f"{d['load']} has a sinusoid of {d['amplitude']:.2g} ± {2.0 * d['std']:.1g} {d['unit']} at {at}"
+    factor, unit = engineering_unit(d["amplitude"], d["unit"])
+    return f"{d['load']} has a sinusoid of {d['amplitude'] / factor:.2g} ± {2.0 * d['std'] / factor:.1g} {unit} at {at}"
 
 
 def _cause_of_force(d: Data) -> str:
@@ -72,7 +74,10 @@ MODEL: Final[Mapping[str, Sentence]] = {
         "low"
     ),
     "narrow_band_load": (
-        "a narrow-band load of {rms:.4g} {unit} rms acts on {load} at {frequency:.4g} Hz ({width:.2g %} damped)",
+        lambda d: (
+            f"a narrow-band load of {engineering(d['rms'], d['unit'])} rms acts on {d['load']} at"
+            f" {d['frequency']:.4g} Hz ({100.0 * d['width']:.2g} % damped)"
+        ),
         ": likely a machine or waves; the estimates take it into account",
     ),
     "narrow_band_load_preferred": (

@@ -53,7 +53,8 @@ def _clock_drift(d: Data) -> str:
 
 
 def _regressor(what: str) -> Template:
-    """The sentence of a waveform: its size with a band of two standard deviations, and which estimate it shifts."""
+    """The sentence of a waveform: its size with an interval of two standard deviations, and which estimate it
+    shifts."""
 
     def of(d: Data) -> str:
         size = what.format_map({**d, "wide": 2.0 * d.get("std", 0.0)})
@@ -133,8 +134,8 @@ RECORD: Final[Mapping[str, Sentence]] = {
     **{code: _fault(code) for code in FAULTS},
     "coordinate_locked": _locked,
     "blades_locked_unseen": (
-        "no channel measures the blades, so they are locked: the support's stiffness may be off by more than its band; "
-        "add a blade sensor (docs/tower.md)"
+        "no channel measures the blades, so they are locked: the support's stiffness may be off by more than its "
+        "interval; add a blade sensor (docs/tower.md)"
     ),
     "resampled": _resampled,
     "steps_of_equations": _steps,
