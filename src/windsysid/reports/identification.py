@@ -59,7 +59,8 @@ def identification_report(identification: Identification, record: Record | None 
 
 def _tables_of_rest(i: Identification) -> list[Table]:
     statistics = [i.statistics_table()] if i.statistics else []
-    return [*statistics, *([i.budget.table(units={e.name: e.unit for e in i.estimates}), i.tolerances_table()] if i.tolerances else [])]
+    units = {e.name: e.unit for e in i.estimates}
+    return [*statistics, *([i.budget.table(units=units), i.tolerances_table()] if i.tolerances else [])]
 
 
 def _explains_section(identification: Identification) -> Section:

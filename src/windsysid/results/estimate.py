@@ -113,7 +113,6 @@ class Estimate:
     tip: Mapping[str, float] | None = None
     grade: str = ""
 
-
     def __str__(self) -> str:
         return f"{self.name}: {_sentence(self)}"
 
