@@ -62,7 +62,8 @@ def compare(before: PosteriorLike | ModesLike, after: PosteriorLike | ModesLike)
     Returns
     -------
     Comparison
-        Changes [%] with their 95 % intervals, and the posterior odds of each. Exchanging the two reverses the changes.
+        ``coefficients`` and ``modes``: changes [% of `before`] with their 95 % intervals, and the posterior odds that
+        there is a change; ``doubts``: reasons not to trust the comparison.
 
     Raises
     ------
@@ -76,7 +77,8 @@ def compare(before: PosteriorLike | ModesLike, after: PosteriorLike | ModesLike)
 
     Notes
     -----
-    The odds are a Savage–Dickey ratio: the density of "no change" before and after the records were seen.
+    The odds are a Savage–Dickey ratio: the density of "no change" before and after the records were seen. Both results
+    share the tolerances of instruments and masses, which therefore do not widen the interval of a change.
 
     References
     ----------

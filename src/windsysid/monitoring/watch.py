@@ -74,7 +74,8 @@ def watch(
     Parameters
     ----------
     blocks : RecordBlocks
-        Estimates of at least `MIN_BLOCKS` records with their covariates (`windsysid.read_blocks`).
+        Estimates (T, n) of n series from T records, at least `MIN_BLOCKS`, with times [s] and covariates (T, m)
+        (`windsysid.read_blocks`).
     alarms_per_year : float, default 0.1
         Accepted rate of false alarms of the turbine, all series together [1/a].
     tolerated : mapping of str to float, optional
@@ -84,7 +85,8 @@ def watch(
     Returns
     -------
     Watch
-        Level, drift and jumps of each series with their 95 % intervals.
+        ``series``: level (T,) and drift [%] of each, with 95 % intervals; ``changes``: jumps [%] with the interval of
+        their date and size.
 
     Raises
     ------
