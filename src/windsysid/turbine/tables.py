@@ -85,9 +85,9 @@ def as_tables(turbine: Turbine) -> dict[str, Any]:
 
 def _stiffness(turbine: Turbine, coordinate: str) -> str:
     """The stiffness of a degree of freedom, with its name."""
-    units = {one.name: one.unit for one in turbine.model.coefficients}
     names = turbine.model.coefficients_of(coordinate, "stiffness")
-    return ", ".join(f"{name} = {engineering(turbine.values[name], units[name])}" for name in names)
+    units = {name: turbine.model.coefficient(name).unit for name in names}
+    return ", ".join(f"{name} = {engineering(turbine.values[name], unit)}" for name, unit in units.items())
 
 
 class _Format(NamedTuple):
