@@ -162,7 +162,7 @@ def monitor(
         list[Path],
         typer.Argument(
             metavar="RESULT|ARCHIVE",
-            help="Folders that windsysid identify or oma wrote, ordered by their dates if these are known; or an archive of batch.",
+            help="Folders that windsysid identify or oma wrote, by date if known; or an archive of batch.",
         ),
     ],
     turbine: Annotated[str | None, typer.Option(help="Only this turbine of an archive, with a report.")] = None,
@@ -217,7 +217,7 @@ def modes(
     ] = None,
     turbine: Annotated[
         str | None,
-        typer.Option(help="In place of a result: a packaged turbine (windsysid turbines lists them) or a TOML file."),
+        typer.Option(help="In place of a result: a packaged turbine (windsysid turbines) or a TOML file."),
     ] = None,
     speeds: Annotated[
         tuple[str, str] | None,

@@ -115,7 +115,7 @@ def inspect_command(
     ] = None,
     write_mapping: Annotated[
         Path | None,
-        typer.Option(help="Write a proposed mapping, with its open questions, to this TOML file, and stop."),
+        typer.Option(help="Write a proposed mapping, with open questions, to this TOML file, and stop."),
     ] = None,
     verbose: Verbose = False,
     overwrite: Overwrite = False,
