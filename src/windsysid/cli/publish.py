@@ -157,7 +157,7 @@ def _from_records(
 
 
 def _from_logger(turbine: str, stream: str) -> Iterator["Block"]:
-    """Blocks of a logger's lines; one that is none is said, and the next is taken."""
+    """Read the blocks of a logger from its lines; a line that is no block is reported and skipped."""
     from dataclasses import replace
 
     from windsysid.live.blocks.codec import BlockRefused, check, decode
