@@ -88,7 +88,7 @@ def run(python: str, part: str, short: bool) -> list[Sheet]:
 
 
 def compared(costs: dict[str, float], floor: float | None, earlier: dict) -> Sheet | None:
-    """What got slower since an earlier benchmark, each in units of its own C reference; None where that is missing."""
+    """Costs that rose since an earlier benchmark, each relative to its own C reference; None where that is missing."""
     if not (floor and earlier["floor"]):
         return None
     rows = []

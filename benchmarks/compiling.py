@@ -1,4 +1,4 @@
-"""How long the generated functions of a model take to compile: by `windsysid.kernels.assemble`, and by Numba alone.
+"""Compile time of the generated functions of a model: by `windsysid.kernels.assemble`, and by Numba alone.
 
     python benchmarks/compiling.py             (make bench)
 

@@ -93,7 +93,7 @@ def speed(turbine: Turbine, samples: int = 2000, repeats: int = 15) -> Table:
 
 
 def quality(turbine: Turbine, runs: int) -> Table:
-    """How far the coefficients are off at the end of the record, and how often ±2σ holds them."""
+    """Errors of the coefficients at the end of the record, and share of true values within ±2σ."""
     table = Table(title=f"{runs} runs of {DURATION:g} s, ten coefficients each", title_justify="left")
     for heading in ("record", "filter", "±2σ holds", "rms of error/σ", "rms error k", "rms error c", "diverged"):
         table.add_column(heading, justify="left" if heading in ("record", "filter") else "right")

@@ -1,4 +1,4 @@
-"""What a live store takes of time and disk: ``python -m benchmarks.live_store --store sqlite``.
+"""Time and disk space that a live store needs: ``python -m benchmarks.live_store --store sqlite``.
 
 Blocks of one second of 100 Hz and five channels, float32, of 1000 turbines, each with its status, as the engine submits
 them; then a month of windows of one turbine.

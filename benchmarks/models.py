@@ -184,9 +184,7 @@ def _rows(expressions: list[Any], like: Array) -> Array:
 
 
 class Differences(Written):
-    """The same by central differences, one direction after the other, for users who have the equations as a function
-    only.
-    """
+    """Kernel with derivatives by central differences, for users who have the equations only as a function."""
 
     def __init__(self, problem: Problem) -> None:
         super().__init__(problem)

@@ -1,5 +1,5 @@
-"""What every part of the benchmark hands on: a table as text, and windsysid's own costs as numbers for the next
-benchmark to compare with.
+"""Result of each part of the benchmark: a table as text, and windsysid's own costs as numbers, which the next
+benchmark compares with its own.
 
     python benchmarks/sheets.py PART [--short] [--json FILE]
 

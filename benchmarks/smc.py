@@ -1,5 +1,4 @@
-"""The particle filter beside `particles`, on the same model with the same scheme in one run: time, and what both end
-at.
+"""Comparison of the particle filter with the library `particles`: time and estimates for one model and one scheme.
 
     python benchmarks/smc.py [--runs 5]        in an environment made from benchmarks/peers.txt
 
@@ -60,7 +59,7 @@ class Problem:
 
 
 class Peer(particles.FeynmanKac):
-    """The same model for `particles`: states (N, 10)."""
+    """Model of the force balance for `particles`: states (N, 10)."""
 
     def __init__(self, problem: Problem, seed: int) -> None:
         super().__init__(len(problem.force))
@@ -98,7 +97,7 @@ class Peer(particles.FeynmanKac):
 
 
 class WithDistributions(Peer):
-    """The same with the library's own distributions, as its manual writes a model."""
+    """Model with the distributions of `particles`, as its manual writes a model."""
 
     def logG(self, t: int, xp: np.ndarray | None, x: np.ndarray) -> np.ndarray:
         expected = x @ self.problem.rows[t].T

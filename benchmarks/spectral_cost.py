@@ -1,4 +1,4 @@
-"""What a row of an archive costs by the spectral formulation: against length, sensors and harmonics K.
+"""Cost of a row of an archive by the spectral formulation, as a function of length, sensors and harmonics K.
 
     python benchmarks/spectral_cost.py
 

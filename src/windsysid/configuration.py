@@ -24,7 +24,7 @@ _KINDS = {stat.S_IFIFO: "a pipe", stat.S_IFSOCK: "a socket", stat.S_IFCHR: "a de
 
 
 def special_file_kind(path: str | Path) -> str:
-    """Kind of a path from which reading may block for ever, such as a pipe; empty for any other path."""
+    """Kind of a path whose reading may never end, such as a pipe; empty for any other path."""
     try:
         return _KINDS.get(stat.S_IFMT(os.stat(path).st_mode), "")
     except (OSError, ValueError):  # opening the path raises the error that fits

@@ -8,10 +8,15 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
+import windsysid
 from tests.conftest import Ended
 from windsysid import cli
+from windsysid.cli.common import register_commands
+from windsysid.cli.program import _name_options
+from windsysid.errors import RecordError
 from windsysid.records.formats import read_record, write_record
 from windsysid.records.record import Record
 from windsysid.simulation.record import simulate_record
@@ -187,6 +192,34 @@ def test_a_bad_sensor_list_is_refused_in_one_line(run, record, tmp_path, results
     refused(run("identify", record, *common), complaint)
 
 
+def test_messages_name_arguments_in_python_and_options_in_the_command(run, record, tmp_path, results):
+    wide = read_record(record)
+    other = tmp_path / "other.csv"
+    pd.DataFrame({"time [s]": wide.time, "nacelle [m/s^2]": wide["tower_x_acceleration"]}).to_csv(other, index=False)
+    advice = "rename them with {}, or list the record's own with {}"
+    with pytest.raises(RecordError, match=advice.format("mapping=", "sensors=")):
+        windsysid.identify(read_record(other), "verne555", progress=lambda *_: None)
+    ended = run("identify", other, "--turbine", "verne555", "--output", results)
+    refused(ended, advice.format("--mapping", "--sensors"))
+
+
+@pytest.mark.parametrize(
+    ("command", "message", "shown"),
+    [
+        ("identify", "use formulation='joint', or rate=", "use --formulation joint, or --rate"),
+        ("identify", "overwrite it (overwrite=True)", "overwrite it (--overwrite)"),
+        ("turbine", "expected kind='tower'", "expected --kind tower"),
+        ("inspect", "use formulation='joint'", "use formulation='joint'"),
+        ("identify", "a/rate=.csv: no such file; rate=3", "a/rate=.csv: no such file; rate=3"),
+        ("no-command", "use rate=", "use rate="),
+    ],
+)
+def test_only_options_of_the_command_are_named(monkeypatch, command, message, shown):
+    monkeypatch.setattr(sys, "argv", ["windsysid", command])
+    register_commands()
+    assert _name_options(message) == shown
+
+
 def test_the_force_balance_takes_no_sensor_list(run, record, tmp_path, results):
     (tmp_path / "sensors.toml").write_text(
         '[[sensor]]\nchannel="tower_x_acceleration"\nquantity="acceleration"\npoint="tower"\naxis="x"\nnoise=0.1\n'
@@ -238,7 +271,8 @@ def test_what_is_there_already_is_left_untouched(run, record, results, tmp_path)
     results.mkdir()
     (results / "summary.json").write_text("mine")
     common = ("--turbine", "verne555", "--output", results)
-    refused(run("identify", record, *common), "is already there: choose another folder, or add --overwrite")
+    ended = run("identify", record, *common)
+    refused(ended, r"is already there: choose another folder, or overwrite it \(--overwrite\)")
     refused(run("study", "--output", results), "is already there")
     assert [(path.name, path.read_text()) for path in results.iterdir()] == [("summary.json", "mine")]
 

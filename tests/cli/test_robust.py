@@ -72,7 +72,7 @@ def identified_table():
     from rich.table import Table
 
     table = Table(title="a turbine, [/x]: " + "a caption that says more than fits, " * 4)
-    for heading in ("coefficient", "estimate", "±2σ band", "unit", "from data", "reference", "difference"):
+    for heading in ("coefficient", "estimate", "95 % interval", "unit", "from data", "reference", "difference"):
         table.add_column(heading)
     for name in ("k_x", "c_beta_3", "a_very_long_name_of_a_coefficient_[/x]"):
         table.add_row(name, "1.2345e+06", "1.2345e+06 … 1.3456e+06", "N·m·s/rad", "99.9 %", "1.2345e+06", "+12.34 %")

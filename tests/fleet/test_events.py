@@ -68,33 +68,33 @@ def test_jumps_of_sisters_in_two_directions_are_not_one():
 def test_what_fell_in_the_frost_and_came_back_in_the_thaw_is_ice():
     (event,) = events((15.0, -4.0), (30.0, 4.1))
     assert event.kind == "ice"
-    assert event.told.startswith("k fell by 3.9 % on 2026-01-16")
-    assert "rose again on 2026-01-31" in event.told
-    assert "at -6 °C when it fell" in event.told
+    assert event.sentence.startswith("k fell by 3.9 % on 2026-01-16")
+    assert "rose again on 2026-01-31" in event.sentence
+    assert "at -6 °C when it fell" in event.sentence
 
 
 def test_a_fall_of_doubtful_size_that_is_taken_back_for_sure_is_ice_and_no_turbine_that_rose():
     (event,) = events((15.0, -4.0), (30.0, 4.1), spreads=[5.0, 0.1])
     assert event.kind == "ice"
-    assert event.told.startswith("k fell by 3.9 % on 2026-01-16")
+    assert event.sentence.startswith("k fell by 3.9 % on 2026-01-16")
 
 
 def test_ice_that_grows_and_falls_off_in_steps_is_one_event():
     (event,) = events((10.0, -1.0), (11.0, -2.0), (12.0, -1.2), (25.0, 1.5), (28.0, 2.7))
     assert event.kind == "ice"
-    assert "fell by 4.1 % on 2026-01-11 00:00+00:00 … 2026-01-13" in event.told
-    assert "rose again on 2026-01-26 00:00+00:00 … 2026-01-29" in event.told
+    assert "fell by 4.1 % on 2026-01-11 00:00+00:00 … 2026-01-13" in event.sentence
+    assert "rose again on 2026-01-26 00:00+00:00 … 2026-01-29" in event.sentence
 
 
 def test_what_falls_in_steps_is_told_once_with_the_size_that_the_blocks_have():
     (event,) = events((40.0, -1.5), (41.0, -1.5))
-    assert event.told.startswith("k fell by 2.96 % in 2 steps on 2026-02-10 00:00+00:00 … 2026-02-11")
+    assert event.sentence.startswith("k fell by 2.96 % in 2 steps on 2026-02-10 00:00+00:00 … 2026-02-11")
 
 
 def test_an_alarm_whose_jump_may_be_none_is_no_event():
     assert events((40.0, -1.0), spreads=[1.5]) == []
     (event,) = events((40.0, -1.0), (50.0, -3.0), spreads=[1.5, 0.1])
-    assert event.told == "k -3 %"
+    assert event.sentence == "k -3 %"
 
 
 @pytest.mark.parametrize(
@@ -111,6 +111,6 @@ def test_what_is_not_like_ice_is_the_turbine(jumps: list[tuple[float, float]]):
 
 
 def test_a_loss_after_the_ice_is_named_by_itself():
-    kinds = {event.kind: event.told for event in events((10.0, -4.0), (20.0, 4.0), (45.0, -3.0))}
+    kinds = {event.kind: event.sentence for event in events((10.0, -4.0), (20.0, 4.0), (45.0, -3.0))}
     assert set(kinds) == {"ice", "turbine"}
     assert kinds["turbine"] == "k -3 %"

@@ -34,7 +34,7 @@ def page(rows: dict[str, list[Row]]) -> Overview:
 
 def test_a_softened_turbine_and_a_failing_sensor_are_named_and_no_other(page: Overview, rows: dict[str, list[Row]]):
     assert {(event.turbine, event.kind) for event in page.events} == {("T02", "turbine"), ("T04", "sensor")}
-    (fall,) = [event.told for event in page.events if event.turbine == "T02"]
+    (fall,) = [event.sentence for event in page.events if event.turbine == "T02"]
     assert fall.startswith("k_side_side fell by ")
     first = next(row["start"] for row in rows["T02"] if row["start"] >= SOFT.begin.isoformat())
     assert first[:10] in fall

@@ -132,7 +132,7 @@ def test_the_average_error_belongs_to_the_history(found):
 
 def test_a_result_prints_as_tables_and_knows_its_names(found):
     text = str(found)
-    for words in ("k_beta_3", "N·m/rad", "±2σ band", "tower x", "learned from the record"):
+    for words in ("k_beta_3", "N·m/rad", "95 % interval", "tower x", "learned from the record"):
         assert words in text
     with pytest.raises(KeyError, match="'k_z' was not identified: expected one of k_x"):
         found["k_z"]

@@ -293,7 +293,7 @@ def test_readings_in_another_unit_than_they_say_are_one_clear_error(verne555, dr
 
 
 def test_a_diverged_filter_is_one_clear_error():
-    with pytest.raises(WindsysidError, match=r"the filter diverged: .* --prior-scale"):
+    with pytest.raises(WindsysidError, match=r"the filter diverged: .* change the priors"):
         check_finite(np.array([1.0, np.nan]), np.eye(2))
     with pytest.raises(WindsysidError, match="the filter diverged"):
         check_finite(np.zeros(1), np.array([[np.inf]]))

@@ -238,9 +238,9 @@ def test_the_way_back_is_the_change_backwards(verne555, seed):
     for one in everything(there):
         other = next(c for c in everything(back) if c.name == one.name)
         assert min(one.low, other.low) >= -100.0
-        if one.told:
+        if one.is_bounded:
             assert growth(one.percent) == pytest.approx(-growth(other.percent), abs=1e-9)
-        assert other.told == one.told
+        assert other.is_bounded == one.is_bounded
         assert growth(one.low) == pytest.approx(-growth(other.high), rel=1e-9)
         assert one.chance == pytest.approx(other.chance)
         assert one.log_odds == pytest.approx(other.log_odds, nan_ok=True)
@@ -348,9 +348,9 @@ def test_damping_that_may_be_nothing_has_a_band_without_an_end(verne555):
     assert gone.moved
     assert "c_x rose from about zero" in compare(negative, firm).sentence
     (neither,) = compare(faint, faint._replace(record="another")).coefficients
-    assert (neither.low, neither.high, neither.told) == (-100.0, math.inf, False)
+    assert (neither.low, neither.high, neither.is_bounded) == (-100.0, math.inf, False)
     (unstable,) = compare(negative, negative._replace(record="another")).coefficients
-    assert not unstable.told
+    assert not unstable.is_bounded
 
 
 def test_ratio_limits_hold_the_truth_as_often_as_two_sigma_should():
@@ -384,7 +384,7 @@ def test_only_coefficients_that_are_not_to_be_used_are_doubted(verne555):
     said = {one.record: compare(good._replace(record="good"), one).doubts for one in (some, every, other)}
     assert said["some"] == ("c_y of some (grade C): see its report; the others may be compared",)
     assert said["other"] == ()
-    assert said["every"] == ("the result of every is not trusted by itself: see its report",)
+    assert said["every"] == ("findings speak against the result of every: see its report",)
 
 
 def test_what_one_record_does_not_see_has_not_moved(verne555):
@@ -394,7 +394,7 @@ def test_what_one_record_does_not_see_has_not_moved(verne555):
     for pair in ((blind, sharp), (sharp, blind)):
         found = compare(*pair)
         change = found.coefficients[1]
-        assert (change.told, change.low, change.high) == (False, -100.0, math.inf)
+        assert (change.is_bounded, change.low, change.high) == (False, -100.0, math.inf)
         assert change.log_odds == pytest.approx(0.0, abs=1e-3)
         assert "the records hold too little information on k_y" in found.sentence
 
@@ -634,7 +634,7 @@ def test_an_identified_record_under_other_priors_has_not_moved_in_either_order(r
         for change in everything(found):
             assert change.chance > 0.9, change  # not quite 1: the record is not quite Gaussian
             assert not change.log_odds > 0.0
-            if change.told:
+            if change.is_bounded:
                 assert abs(growth(change.percent)) < 0.02 * (growth(change.high) - growth(change.low)), change
         assert (
             found.sentence

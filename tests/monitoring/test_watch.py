@@ -124,7 +124,7 @@ def test_the_same_moves_in_a_failing_tower_and_with_a_failing_sensor():
     theta[2000:, 0] = np.where(np.arange(1000) % 5 == 0, theta[2000:, 0], np.nan)  # four of five are of grade C then
     change = watch(replace(tower, theta=theta)).changes[0]
     assert (change.name, change.cause) == ("k_x", SENSOR)
-    assert "does not explain" in change.told
+    assert "does not explain" in change.sentence
 
 
 def test_false_alarms_of_a_year_are_shared_out_among_the_series():

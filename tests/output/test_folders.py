@@ -124,7 +124,7 @@ def test_every_result_type_is_saved_by_the_one_way():
 def test_results_are_not_overwritten_without_being_told(tmp_path: Path):
     save(tmp_path, OLD)
     with (
-        pytest.raises(OutputError, match="is already there: choose another folder, or add --overwrite"),
+        pytest.raises(OutputError, match=r"is already there: choose another folder, or overwrite it"),
         claim(tmp_path),
     ):
         pytest.fail("never entered")

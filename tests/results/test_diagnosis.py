@@ -344,7 +344,7 @@ def test_doubts_condemn_and_what_is_not_white_is_not_asked_to_be():
     found = diagnosed(np.cumsum(white(), axis=0), is_white=False, findings=(doubt, note))
     assert found.whiteness is None
     assert (found.findings, found.trusted) == ((doubt, note), False)
-    assert str(found) == f"trust: NO: because {doubt}"
+    assert str(found) == f"trust: NO, because {doubt}"
 
 
 def test_a_constant_that_the_model_does_not_have_asks_for_a_bias():

@@ -249,7 +249,7 @@ def test_a_record_of_few_turns_is_refused(seconds: float) -> None:
 
 
 def test_bands_take_no_load_model() -> None:
-    with pytest.raises(ConfigurationError, match="leave --loads out"):
+    with pytest.raises(ConfigurationError, match="leave loads= out"):
         ws.identify(record(), TURBINE, formulation="spectral", loads="rotor-wind")
 
 

@@ -2,7 +2,7 @@
 
 A fit takes in loads whose spectrum is not the model's: it moves levels, memory and noise until innovations are as white
 as they can be. What is left has no peak. Their spectrum is a little low over octaves and a little high over others, and
-coefficients are off by more than their bands say. So levels s_b are averaged over half-octaves b and all channels
+coefficients are off by more than their intervals say. So levels s_b are averaged over half-octaves b and all channels
 within reach of the natural frequencies, where each has ν_b degrees of freedom. By Wilson & Hilferty's cube root
 
     x_b = (s_b^{1/3} − 1 + 2/9ν_b) √(9ν_b/2),        Σ x_b² is χ² with as many degrees of freedom as half-octaves.

@@ -57,7 +57,7 @@ def doubt_damping(
     parameters: Sequence[Parameter], theta: Array, cov: Array, modes: Sequence[tuple[str, Band]]
 ) -> list[Finding]:
     """A reason and a remark for damping that is not positive, of coefficients and of `modes`, each with its name and
-    its damping ratio with the ±2σ band."""
+    its damping ratio with the 95 % interval."""
     dampers, found = _dampers(parameters, theta, cov), list[Finding]()
     lost, lost_modes = _not_positive(dampers), _not_positive(modes)
     if lost or lost_modes:
@@ -71,7 +71,7 @@ def doubt_damping(
 
 
 def _not_positive(damping: Sequence[tuple[str, Band]]) -> list[tuple[str, float, bool]]:
-    """Name and value of negative damping, and whether its whole band is negative."""
+    """Name and value of negative damping, and whether its whole interval is negative."""
     return [(name, value, high < 0.0) for name, (value, _, high) in damping if value <= 0.0]
 
 
@@ -82,7 +82,7 @@ def _against_prior(q: Parameter, theta: float, variance: float) -> CoefficientCh
 
 
 def _dampers(parameters: Sequence[Parameter], theta: Array, cov: Array) -> list[tuple[str, Band]]:
-    """Name and band of each damping coefficient that may be negative: linear, and expected above zero."""
+    """Name and interval of each damping coefficient that may be negative: linear, and expected above zero."""
     found = []
     for q, t, v in zip(parameters, theta, np.diag(cov), strict=True):
         if q.kind == "damping" and not q.logarithmic and q.centre > 0.0:

@@ -5,7 +5,7 @@ zero is a combination of parameters that may change without any reading changing
 by a common factor, for instance. One with a condition index √(λ_max / λ) above 30 is a combination that is hardly seen,
 and the parameters of whose variance it makes up more than half are distinguished badly. After an identification the
 same test compares the posterior with the prior: of the directions in which the data hold less information
-than the prior, the bands are the prior's.
+than the prior, the intervals are the prior's.
 
 Source: Belsley, Kuh & Welsch, Regression Diagnostics (Wiley 1980), ch. 3, https://doi.org/10.1002/0471725153, for
 indices and shares of variance; Rothenberg, Econometrica 39(3), 1971, https://doi.org/10.2307/1913267, for

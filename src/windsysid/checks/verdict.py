@@ -11,8 +11,8 @@ Kirubarajan 2001, §5.4). Each test is against what white noise of that length w
 A long record makes any test reject, so a departure counts only if it is significant and large, and large is measured in
 what a reader relies on. The score of the likelihood is a sum of innovations weighted by their sensitivity to a
 coefficient, and a coefficient of a vibration listens around its natural frequency: where the spectrum is S there, the
-score varies by √S more than the bands hold. Colour out of reach of every natural frequency does little harm; it is a
-remark and no reason.
+score varies by √S more than the intervals hold. Colour out of reach of every natural frequency does little harm; it is
+a remark and no reason.
 
 Limits of chance are such that each of some ten tests condemns one healthy record in 500; ``python -m
 validation.adversary.calibrate`` prints every limit with values of healthy records. Limits of size follow from the harm.
@@ -109,7 +109,7 @@ class Diagnosis:
         return tuple(str(finding) for finding in self.findings if finding.severity == severity)
 
     def __str__(self) -> str:
-        return "trust: yes" if self.trusted else "trust: NO: because " + "; and because ".join(self.reasons)
+        return "trust: yes" if self.trusted else "trust: NO, because " + "; and because ".join(self.reasons)
 
     def summary(self) -> dict[str, Any]:
         """As plain values, for ``summary.json``."""
@@ -128,7 +128,7 @@ class Diagnosis:
 
 class FittedParameters(NamedTuple):
     """The identified parameters with their priors, their estimates (n_θ,) and covariance (n_θ, n_θ) in filter
-    coordinates; and of each mode its name and its damping ratio with the ±2σ band."""
+    coordinates; and of each mode its name and its damping ratio with the 95 % interval."""
 
     parameters: Sequence[Parameter]
     theta: Array

@@ -10,7 +10,8 @@ __all__ = ["grade_of", "mixture_factor"]
 
 
 def grade_of(factor: float, *, excluded: bool) -> str:
-    """Grade of a quantity from the factor on its interval; C if it is `excluded`, for a reason that no interval covers.
+    """Return the grade of a quantity from the factor on its interval; C if a reason excludes it that no interval
+    covers.
 
     Examples
     --------

@@ -70,7 +70,7 @@ def plan(
     verbose: Verbose = False,
     overwrite: Overwrite = False,
 ) -> None:
-    """Before measuring: how well will these sensors see each coefficient, and after how long?"""
+    """Plan a measurement: the accuracy of each coefficient with these sensors, and the time that it needs."""
     from windsysid.identification.planning.plan import plan as plan_record
     from windsysid.mechanics.sensor_lists import read_sensors
     from windsysid.turbine.file import load_turbine
@@ -102,7 +102,7 @@ def compare(
     verbose: Verbose = False,
     overwrite: Overwrite = False,
 ) -> None:
-    """Between records: which coefficients moved, by how much, and how sure that is."""
+    """Compare the results of records: which coefficients changed, by how much, and with which odds."""
     from json import dumps
 
     from windsysid.monitoring.comparison import compare as compare_results
@@ -140,7 +140,7 @@ def damping(
     verbose: Verbose = False,
     overwrite: Overwrite = False,
 ) -> None:
-    """Structural against aerodynamic damping from records in several states."""
+    """Separate structural and aerodynamic damping, from records in several states of operation."""
     from windsysid.monitoring.damping import separate_damping
     from windsysid.results.posterior import load_posterior
 
@@ -162,7 +162,7 @@ def monitor(
         list[Path],
         typer.Argument(
             metavar="RESULT|ARCHIVE",
-            help="Folders that windsysid identify or oma wrote, in order of time if they say it; or one of batch.",
+            help="Folders that windsysid identify or oma wrote, by date if known; or an archive of batch.",
         ),
     ],
     turbine: Annotated[str | None, typer.Option(help="Only this turbine of an archive, with a report.")] = None,
@@ -178,7 +178,7 @@ def monitor(
     verbose: Verbose = False,
     overwrite: Overwrite = False,
 ) -> None:
-    """Drifts and jumps over many records, with their dates and sizes, at a stated rate of false alarms."""
+    """Detect drifts and jumps over many records, with dates and sizes, at a stated rate of false alarms."""
     from windsysid.fleet.archive import is_archive, turbines_of
     from windsysid.monitoring.series import read_blocks
     from windsysid.monitoring.watch import watch
@@ -216,7 +216,8 @@ def modes(
         ),
     ] = None,
     turbine: Annotated[
-        str | None, typer.Option(help="Instead: a packaged turbine (windsysid turbines lists them) or a TOML file.")
+        str | None,
+        typer.Option(help="In place of a result: a packaged turbine (windsysid turbines) or a TOML file."),
     ] = None,
     speeds: Annotated[
         tuple[str, str] | None,
@@ -241,7 +242,7 @@ def modes(
     verbose: Verbose = False,
     overwrite: Overwrite = False,
 ) -> None:
-    """Frequencies and damping ratios against rotor speed, distance from the rotor's harmonics, stability."""
+    """Compute modes over rotor speed (Campbell diagram): frequencies, damping, distance from harmonics, stability."""
     from windsysid.modal.linearisation.read import ENDING, read_linearisation
     from windsysid.modal.matching.match import on_diagram
     from windsysid.modal.sweep import find_modes

@@ -67,13 +67,13 @@ Mapping = Annotated[Path | None, typer.Option(help="TOML file that describes a r
 Output = Annotated[
     Path | None,
     typer.Option(
-        metavar="FOLDER", help="For report.html and data. By default results/NAME, or NAME-2 … where that is taken."
+        metavar="FOLDER", help="For report.html and data; by default results/NAME, or NAME-2 … if that exists."
     ),
 ]
 Json = Annotated[
     bool, typer.Option("--json", metavar="", help="Print the summary as JSON; nothing is saved without --output.")
 ]
-Verbose = Annotated[bool, typer.Option("--verbose", metavar="", help="Print everything, not the first screen only.")]
+Verbose = Annotated[bool, typer.Option("--verbose", metavar="", help="Print everything, not only the first screen.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", metavar="", help="Overwrite existing results.")]
 
 

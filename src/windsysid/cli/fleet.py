@@ -68,7 +68,7 @@ def batch(
     ] = None,
     limit: Annotated[str, typer.Option(help="Time that a record may take, with its unit.")] = "10 min",
 ) -> None:
-    """Identify all new records of folders into one archive, interruptible, a row for each record."""
+    """Identify all new records in folders, into one archive with a row for each; may be interrupted."""
     from windsysid.fleet.batch import batch as take
 
     seconds = parse_option("--limit", limit, "s")
@@ -118,7 +118,7 @@ def report(
     verbose: Verbose = False,
     overwrite: Overwrite = False,
 ) -> None:
-    """Every turbine of an archive at a glance: outliers, jumps, availability, failing sensors; one page."""
+    """Report on all turbines of an archive on one page: outliers, jumps, availability, failing sensors."""
     from windsysid.fleet.overview import oversee
     from windsysid.reports.loading import Reported, holds_result
 

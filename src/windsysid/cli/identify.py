@@ -54,8 +54,8 @@ def identify(
         typer.Option(
             metavar="NAME",
             help=(
-                "auto: chosen from the record. joint: accelerometers, loads as states. spectral: a stationary record's "
-                "spectra. force-balance: the published study's."
+                "auto: chosen from the record. joint: Kalman filter with loads as states. spectral: spectra of a "
+                "stationary record. force-balance: as in the published study."
             ),
         ),
     ] = "auto",
@@ -65,7 +65,7 @@ def identify(
     rate: Annotated[
         float | None,
         typer.Option(
-            help="Readings per second to resample to [Hz], without aliasing: leave out what is faster than the model."
+            help="Resample to this rate [Hz], without aliasing, to leave out frequencies above the model's modes."
         ),
     ] = None,
     loads: Annotated[
@@ -85,7 +85,7 @@ def identify(
         Literal["auto", "operating", "parked"],
         typer.Option(metavar="NAME", help="State of the turbine: operating or parked. auto: by the rotor speed."),
     ] = "auto",
-    prior_scale: Annotated[float, typer.Option(help="Centre every prior at this multiple of its reference.")] = 1.0,
+    prior_scale: Annotated[float, typer.Option(help="Centre all priors at the reference values times this.")] = 1.0,
     add_noise: Annotated[
         float,
         typer.Option(metavar="PERCENT", help="Add white noise of this percentage of each sensor's standard deviation."),
@@ -96,8 +96,8 @@ def identify(
         typer.Option(
             metavar="LENGTH",
             help=(
-                'Take the record in piece by piece ("10 min"), in bounded memory; interrupted, the same command'
-                " goes on."
+                'Read the record in pieces of this length ("10 min"), in bounded memory; after an interruption the'
+                " same command continues."
             ),
         ),
     ] = None,

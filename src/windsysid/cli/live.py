@@ -42,7 +42,7 @@ def live(
     ] = False,
     check: Annotated[bool, typer.Option("--check", metavar="", help="Check CONFIG and report its errors.")] = False,
 ) -> None:
-    """Follow turbines while they run: estimates, alarms and a page, nothing lost."""
+    """Monitor turbines while they run: estimates, alarms and a web page; no sample is lost."""
     from dataclasses import replace
     from functools import partial
 

@@ -100,7 +100,7 @@ def oma(
         bool, typer.Option("--no-report", metavar="", help="Write no report.html and no figures.")
     ] = False,
 ) -> None:
-    """Modes of any structure from its ambient vibration: frequencies, damping, shapes, no model needed."""
+    """Identify the modes of any structure from ambient vibration: frequencies, damping, shapes; no model needed."""
     from windsysid.modal.marks import read_mode_marks
     from windsysid.records.formats import load_mapping, read_record
     from windsysid.reports.loading import kept

@@ -2,6 +2,7 @@
 
 import logging
 import os
+import re
 import signal
 import sys
 from typing import Annotated, NoReturn
@@ -16,6 +17,9 @@ from windsysid.output.console import printable, show_what_can_be_shown
 
 __all__ = ["app", "main"]
 
+_ARGUMENT = re.compile(r"(?<![\w./'=-])([a-z_]+)=(?:'([\w-]+)'|True)?(?=[\s;:,.)]|$)")
+"""An argument of a Python function in a message: ``rate=``, ``formulation='joint'``, ``overwrite=True``."""
+
 
 def main() -> None:
     """Run the command line: bad input ends in one line on standard error and exit code 2."""
@@ -24,7 +28,7 @@ def main() -> None:
     try:
         code = _run()
     except WindsysidError as error:
-        _refuse(str(error))
+        _refuse(_name_options(str(error)))
     except UsageError as error:
         _refuse(usage_line(error, sys.argv[1:]))
     except BrokenPipeError:  # whoever read the output has seen enough
@@ -48,6 +52,18 @@ def _run() -> int:
         return 130
     finally:
         sys.stdout.flush()
+
+
+def _name_options(message: str) -> str:
+    """Replace the arguments of Python functions in a message by those options that the command has."""
+    commands = getattr(typer.main.get_command(app), "commands", {})
+    options = {name for one in sys.argv[1:2] if one in commands for at in commands[one].params for name in at.opts}
+
+    def option(match: re.Match[str]) -> str:
+        name = f"--{match[1].replace('_', '-')}"
+        return match[0] if name not in options else f"{name} {match[2]}" if match[2] else name
+
+    return _ARGUMENT.sub(option, message)
 
 
 def _refuse(message: str) -> NoReturn:

@@ -44,7 +44,7 @@ def publish(
         str | None,
         typer.Option(metavar="MOMENT", help="Start of a record that gives none, such as 2026-01-05T12:00:00Z."),
     ] = None,
-    stream: Annotated[str, typer.Option(help="Which of the turbine's loggers this is, where it has several.")] = "",
+    stream: Annotated[str, typer.Option(help="Name of the logger, if the turbine has several.")] = "",
     topic: Annotated[
         str, typer.Option(metavar="TOPIC", show_default=False, help="Of blocks; windsysid/{turbine}/blocks by default.")
     ] = "windsysid/{turbine}/blocks",
@@ -157,7 +157,7 @@ def _from_records(
 
 
 def _from_logger(turbine: str, stream: str) -> Iterator["Block"]:
-    """Blocks of a logger's lines; one that is none is said, and the next is taken."""
+    """Read the blocks of a logger from its lines; a line that is no block is reported and skipped."""
     from dataclasses import replace
 
     from windsysid.live.blocks.codec import BlockRefused, check, decode

@@ -78,7 +78,7 @@ def simulate(
     seed: Annotated[int, typer.Option(metavar="NUMBER", min=0, help="Seed of loads and noise.")] = 0,
     overwrite: Overwrite = False,
 ) -> None:
-    """Simulate the readings of a turbine's sensors."""
+    """Simulate a record of a turbine's sensors."""
     from windsysid.records.formats import claim_record
     from windsysid.simulation.record import simulate_record
     from windsysid.turbine.file import load_turbine
@@ -111,15 +111,16 @@ def inspect_command(
     output: Output = None,
     mapping: Mapping = None,
     section_length: Annotated[
-        float | None, typer.Option(help="Length of the sections to propose [s]; else the longest that are good.")
+        float | None, typer.Option(help="Length of the sections to propose [s]; by default the longest good ones.")
     ] = None,
     write_mapping: Annotated[
-        Path | None, typer.Option(help="Propose a mapping with its open questions, and write this TOML file instead.")
+        Path | None,
+        typer.Option(help="Write a proposed mapping, with open questions, to this TOML file, and stop."),
     ] = None,
     verbose: Verbose = False,
     overwrite: Overwrite = False,
 ) -> None:
-    """Look at a record: its health, its spectra, and the sections worth using."""
+    """Inspect a record: faults, spectra, and the sections that are fit for identification."""
     if write_mapping is not None:
         _write_mapping(record, mapping, write_mapping, overwrite=overwrite)
         return
@@ -181,7 +182,7 @@ def turbine(
     ] = "tower",
     overwrite: Overwrite = False,
 ) -> None:
-    """Make a turbine file from the machine's own model."""
+    """Make a turbine file from the model of another program."""
     from windsysid.output.files import claim_file
     from windsysid.turbine.models.read import model_files, turbine_file_from
 

@@ -29,14 +29,14 @@ MAX_FINDINGS = 4
 def start(
     record: Annotated[Path, typer.Argument(help="CSV, Parquet, netCDF, MATLAB, TDMS, OpenFAST … (docs/records.md).")],
     turbine: Annotated[
-        str | None, typer.Option(help="A packaged turbine, a TOML file, or none: modes only. Asked by default.")
+        str | None, typer.Option(help="A packaged turbine, a TOML file, or none (modes only). Asked for by default.")
     ] = None,
     mapping: Mapping = None,
     yes: Annotated[
         bool, typer.Option("--yes", metavar="", help="Take defaults without questions; units have no default.")
     ] = False,
 ) -> None:
-    """Begin here: from a file to an answer, step by step, with the command that repeats it."""
+    """Begin here: read a file, identify the turbine step by step, and print the command that repeats it."""
     guide = _Guide(yes)
     machine = _turbine(turbine) if turbine else _ask_turbine(guide)
     mapping = mapping or _write_mapping(record, machine, guide)

@@ -27,7 +27,7 @@ def warm(
         ),
     ] = False,
 ) -> None:
-    """Compile in advance all that commands compile at first use: for images, clusters, wheels."""
+    """Compile in advance what commands compile at first use, for container images, clusters and wheels."""
     from windsysid.kernels.cache import cache_folder, compile_anew
 
     compile_anew(portable=portable)

@@ -1,7 +1,7 @@
 """Events of a fleet, in sentences: jumps, failing sensors, outliers, each once.
 
-An alarm whose jump has zero in its band, once its date is known, is left out, unless a jump that has not takes it back;
-the watch of the turbine lists it.
+An alarm whose jump has zero in its interval, once its date is known, is left out, unless a jump that has not takes it
+back; the watch of the turbine lists it.
 A jump that happens while a sensor of the turbine fails is put down to that.
 A jump that half of the turbines of the type have on the same date is the season's, the site's or the software's, and no
 turbine's. What falls in the cold and comes back, at once or in steps, is named as ice.
@@ -70,13 +70,13 @@ class FleetEvent(NamedTuple):
         Which; several, with commas, where they share it.
     kind
         ``turbine``, ``ice``, ``sensor``, ``outlier`` or ``shared``.
-    told
+    sentence
         The sentence.
     """
 
     turbine: str
     kind: str
-    told: str
+    sentence: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +108,9 @@ def events_of(
     shared, single = _shared_jumps(jumps, len(watches))
     sensors, unexplained = _sensor_failures(single, failing)
     doubtful = {jump.turbine for jump in single if jump not in unexplained}
-    outliers = [FleetEvent(s.turbine, "outlier", s.told) for s in standings if s.outlier and s.turbine not in doubtful]
+    outliers = [
+        FleetEvent(s.turbine, "outlier", s.sentence) for s in standings if s.outlier and s.turbine not in doubtful
+    ]
     found = shared + _single_jumps(unexplained, air) + sensors + outliers
     return sorted(found, key=lambda event: _WORST.index(event.kind))
 
@@ -138,7 +140,7 @@ def _sensor_failures(jumps: Sequence[_Jump], failing: Sequence[Failing]) -> tupl
         theirs = [jump for jump in jumps if jump.turbine == one.turbine and one.covers(jump.seconds)]
         explained.update(theirs)
         more = f"; jumps found meanwhile, {len(theirs)}, are attributed to it" if theirs else ""
-        events.append(FleetEvent(one.turbine, "shared" if one.shared else "sensor", one.told + more))
+        events.append(FleetEvent(one.turbine, "shared" if one.shared else "sensor", one.sentence + more))
     return events, [jump for jump in jumps if jump not in explained]
 
 
@@ -155,7 +157,7 @@ def _single_jumps(jumps: Sequence[_Jump], air: Mapping[str, tuple[Array, Array]]
             steps = [one.change for one in (jump, *back)]
             events.append(_went(jump.turbine, steps, jump.watch, *air[jump.turbine]))
         else:
-            events.append(FleetEvent(jump.turbine, "sensor" if sensor else "turbine", jump.change.told))
+            events.append(FleetEvent(jump.turbine, "sensor" if sensor else "turbine", jump.change.sentence))
     return events
 
 
@@ -178,7 +180,7 @@ def _told(one: Watch) -> list[DetectedJump]:
 
 
 def _is_sure(change: DetectedJump) -> bool:
-    """Test whether a jump's band contains only jumps."""
+    """Test whether a jump's interval contains only jumps."""
     return change.low > 0.0 or change.high < 0.0
 
 
@@ -203,7 +205,7 @@ def _as_one(one: Watch, run: Sequence[DetectedJump]) -> DetectedJump:
     when, found = one.blocks.between(first.earliest, last.latest), one.blocks.when(first.found)
     told = f"{first.name} {verb} by {abs(percent):.3g} % in {len(run)} steps on {when}, found on {found}"
     cause = next((step.cause for step in run if step.cause in (NOISE, SENSOR)), first.cause)
-    return first._replace(latest=last.latest, percent=percent, low=percent, high=percent, cause=cause, told=told)
+    return first._replace(latest=last.latest, percent=percent, low=percent, high=percent, cause=cause, sentence=told)
 
 
 def _epoch(one: Watch) -> float:

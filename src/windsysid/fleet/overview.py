@@ -135,7 +135,7 @@ class Overview(Answer):
             return [f"no turbine is watched ({self.size}): too few records with a result"]
         if not self.events:
             return [f"nothing stands out in {self.size}"]
-        return [f"{event.turbine}: {event.told}" for event in self.events]
+        return [f"{event.turbine}: {event.sentence}" for event in self.events]
 
     def tables(self) -> list[Table]:
         """One line a turbine."""

@@ -64,7 +64,7 @@ class Failing(NamedTuple):
         return low - WEEK <= seconds <= high + WEEK
 
     @property
-    def told(self) -> str:
+    def sentence(self) -> str:
         """The sentence."""
         who = (
             "other turbines of its type have it too: check the site and the loggers"

@@ -32,7 +32,7 @@ class Standing(NamedTuple):
     turbine, name
         Which.
     percent, low, high
-        Above the mean of the others, and the ±2σ band of the turbine's own estimate [%].
+        Above the mean of the others, and the 95 % interval of the turbine's own estimate [%].
     spread
         Standard deviation of the others, their estimates' errors included [%].
     score
@@ -51,7 +51,7 @@ class Standing(NamedTuple):
     outlier: bool
 
     @property
-    def told(self) -> str:
+    def sentence(self) -> str:
         """The sentence."""
         off = f"{self.percent:+.2g} % ({self.low:+.2g} … {self.high:+.2g} %) off the turbines of its type"
         return f"{self.name} is {off}, which scatter by {self.spread:.2g} %"

@@ -45,26 +45,28 @@ def identify(
 ) -> Identification:
     """Identify stiffness and damping of `turbine` from the vibration in `record`.
 
-    The estimate is the posterior mode of the coefficients, with the statistics of loads and noise learned from the same
+    The estimate is the posterior mode of the coefficients. The statistics of loads and noise are learned from the same
     record. Intervals are ±2σ (about 95 %) and include the tolerances of instruments and masses.
 
     Parameters
     ----------
     record : Record, str, Path, pandas.DataFrame or xarray.Dataset
-        Channels in SI units, with ``rotor_azimuth`` [rad]; ``rotor_speed`` [rad/s] and known loads ``load_x`` … [N,
-        N·m] where measured, or ``part_of_load_x`` … where further, unmeasured loads act. The columns of a table have
-        their unit in the name, ``"tower_x_acceleration [m/s^2]"``, or in their attributes.
+        Channels (T,) in SI units, uniformly sampled; NaN is a missing sample. A turning rotor needs ``rotor_azimuth``
+        [rad]; ``rotor_speed`` [rad/s] is used if present, and so are known loads ``load_x`` … [N, N·m], or
+        ``part_of_load_x`` … if further, unmeasured loads act. The columns of a table have their unit in the name,
+        ``"tower_x_acceleration [m/s^2]"``, or in their attributes.
     turbine : Turbine, str or Path
         Masses, geometry, and the reference values on which priors are centred: a turbine, the name of a packaged one
         (`packaged_turbines`), or the path of a TOML file.
     sensors : sequence of Sensor, optional
         Instruments on the record's channels. By default those of the turbine that are recorded. The force balance reads
-        displacement, velocity and acceleration of every degree of freedom by name, and integrates what is missing.
+        displacement, velocity and acceleration of every degree of freedom by name, and integrates those that are
+        missing.
     formulation : {"auto", "joint", "spectral", "force-balance"}, default "auto"
         ``"joint"``: Kalman filter of motion, loads and parameters. ``"spectral"``: Whittle likelihood, for stationary
-        records. ``"force-balance"``: the motion is taken from the measurements. ``"auto"``: spectral for a stationary
-        record of a rotor that turns in wind, or of a structure without rotating degrees of freedom, else joint; where
-        both apply, each result is checked against the other.
+        records. ``"force-balance"``: extended Kalman filter of the parameters, with the measured motion as known.
+        ``"auto"``: spectral for a stationary record of a rotor that turns in wind, or of a structure without rotating
+        degrees of freedom, else joint; where both apply, each result is checked against the other.
     section : (float, float), optional
         Start and end of the part to use [s]; the whole record by default.
     prior : Prior, optional
@@ -74,8 +76,8 @@ def identify(
         damping of every free degree of freedom.
     rate : float, optional
         Sampling rate [Hz] to which the record is resampled, without aliasing (joint formulation). By default the
-        record's own; for a tower under a rigid rotor twelve samples per period. The equations are integrated with
-        shorter steps where they need them.
+        record's own; for a tower under a rigid rotor twelve samples per period. Integration steps are shorter if the
+        equations require it.
     loads : {"auto", "broadband", "second-order", "narrow-band", "rotor-wind"}, default "auto"
         Load model (joint formulation); by default that with the largest evidence.
     site : {"onshore", "offshore"}, optional
@@ -86,12 +88,15 @@ def identify(
     mapping : str, Path or Mapping, optional
         Mapping file with the names, units and signs of channels, where `record` is a path (`read_record`).
     progress : callable, optional
-        Called with the present step and the share that is done, 0 to 1, or None if that is unknown.
+        Called as ``progress(step, share)`` with the present step, a str, and the share that is done, 0 to 1, or None
+        if that is unknown.
 
     Returns
     -------
     Identification
-        Coefficients, modes and loads with their 95 % intervals and grades, and a diagnosis of the result.
+        ``estimates``: coefficients [N/m, N·s/m; N·m/rad, N·m·s/rad for rotations]; ``modes``: frequencies [Hz] and
+        damping ratios [1]; ``statistics`` of loads and noise; each with its 95 % interval, the first two with grades.
+        ``diagnosis`` says whether to trust the result, and why not; ``save`` writes it to a folder.
 
     Raises
     ------
@@ -112,13 +117,16 @@ def identify(
 
     Notes
     -----
-    Grade A: the interval of the model; B: a wider one; C: not to be used (docs/grades.md). Damping is that of structure
-    and air together (`damping` separates them).
+    Grade A: the interval of the model; B: a wider one; C: not to be used (docs/grades.md). Damping is the sum of
+    structural and aerodynamic damping (`damping` separates them). In a record of length T, the relative standard
+    deviation of a frequency f is about √(ζ / (2π f T)) at best, and that of its damping ratio ζ 1 / √(2π ζ f T), so
+    that damping needs long records (Au); `plan` predicts both for a turbine and its sensors.
 
     References
     ----------
     - Särkkä & Svensson, Bayesian Filtering and Smoothing, 2nd ed., Cambridge 2023, ch. 16 (joint formulation).
     - Whittle, J. R. Statist. Soc. B 15, 1953, doi:10.1111/j.2517-6161.1953.tb00131.x (spectral formulation).
+    - Au, Operational Modal Analysis, Springer 2017, ch. 15 and 16 (uncertainty laws).
 
     Examples
     --------
@@ -126,11 +134,11 @@ def identify(
     >>> record = ws.simulate("tower", duration=600.0, rate=5.0, seed=1)
     >>> result = ws.identify(record, "tower", formulation="spectral")
     >>> for one in result.estimates:
-    ...     print(f"{one.name}: {one.estimate:.2e} ({one.low:.2e} … {one.high:.2e}) {one.unit}, {one.grade}")
-    k_side_side: 1.76e+06 (1.69e+06 … 1.84e+06) N/m, A
-    c_side_side: 7.78e+03 (2.13e+03 … 1.34e+04) N*s/m, A
-    k_fore_aft: 1.88e+06 (1.77e+06 … 2.00e+06) N/m, A
-    c_fore_aft: 1.17e+05 (8.09e+04 … 1.52e+05) N*s/m, A
+    ...     print(one)
+    k_side_side: 1.764 MN/m (95 % interval 1.693 … 1.837, grade A)
+    c_side_side: 7.783 kN·s/m (95 % interval 2.13 … 13.44, grade A)
+    k_fore_aft: 1.881 MN/m (95 % interval 1.767 … 2.002, grade A)
+    c_fore_aft: 116.7 kN·s/m (95 % interval 80.92 … 152.5, grade A)
     >>> result.diagnosis.trusted
     True
     """

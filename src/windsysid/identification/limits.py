@@ -8,7 +8,7 @@ from windsysid.spectral.transforms.lifted import FIRST_BIN
 # Records
 
 MIN_SAMPLES_PER_PERIOD = 2.5
-"""Size: samples per period of the slowest mode below which nothing of it is left in a resampled record."""
+"""Size: samples per period of the slowest mode below which resampling removes the mode."""
 
 MAX_RADIANS_PER_READING = 2.5
 """Size: longest time between readings, times the highest natural frequency [rad]: 2.5 readings for each period."""
@@ -187,8 +187,8 @@ MAX_FORCE_SIGMAS = 3.8
 tested exceed this bound and `MAX_JOINT_SIGMAS` in one healthy record of 140 (docs/adversary.md)."""
 
 MAX_JOINT_SIGMAS = 3.2
-"""Probability: standard deviations of chance of a force law of like coordinates together, and of the correlation of two
-loads. Where sensors may be misaligned, the fit leaves a third of a correlation."""
+"""Probability: significance, in standard deviations, of a force law of equal degrees of freedom together, and of the
+correlation of two loads. Where sensors may be misaligned, the fit leaves a third of a correlation."""
 
 MAX_RESONANCE_DOF = 50.0
 """Size: equivalent degrees of freedom within the narrowest resonance of a rotor under wind: bands grow narrower with

@@ -44,12 +44,12 @@ def inspect_record(
     Parameters
     ----------
     record : Record, str, Path, pandas.DataFrame or xarray.Dataset
-        Any record.
+        Any record: channels (T,); NaN is a missing sample.
     turbine : Turbine, str or Path, optional
         Turbine whose modes and usual sensors are expected; without it only the rotor's harmonics are marked.
     section_length : float, optional
         Length of the sections to propose [s]; a shorter record is assessed as a whole. By default the whole record is
-        proposed where it is about as good as its best 100 s, else the longest parts that are.
+        proposed if it is about as good as its best 100 s, otherwise the longest sections that are.
     mapping : str, Path or Mapping, optional
         Mapping file with the names, units and signs of channels, where `record` is a path (`read_record`).
 
@@ -69,6 +69,10 @@ def inspect_record(
     --------
     read_record : Read a record from a file.
     identify : Identification from a record.
+
+    Notes
+    -----
+    A fault is ``unusable`` (leave the channel or the samples out), a ``warning`` (correct it) or a ``note``.
 
     References
     ----------

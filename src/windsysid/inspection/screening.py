@@ -1,8 +1,9 @@
 """Checks that every identification runs before it reads a record, and the use of their findings.
 
 A unit that is evidently wrong and a channel that is dead make every estimate wrong: the record is refused. Readings
-that were copied or lost, and converters that ran over, make estimates or their bands wrong: no such result is trusted.
-Spikes, clipping, gaps and stuck stretches make it worse by an amount that the data do not tell: they are noted.
+that were copied or lost, and converters that ran over, make estimates or their intervals wrong: no such result is
+trusted. Spikes, clipping, gaps and stuck stretches make it worse by an amount that the data do not tell: they are
+noted.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -34,7 +35,7 @@ __all__ = ["doubted", "examine", "faults_of", "noted", "read_besides", "screen"]
 
 _DEAD = ("constant", "frozen")
 _FALSE = frozenset({"copied passage", "copy", "lost rows", "lost samples", "overrun"})
-"""Kinds of findings that make estimates or their bands wrong."""
+"""Kinds of findings that make estimates or their intervals wrong."""
 _JUMPING = frozenset({"clipping", "frozen", "held", "interpolated", "missing", "overrun", "silent", "spikes"})
 """Kinds of findings that jumps of a channel come from."""
 _MAX_VALUE = 1e100

@@ -1,1 +1,1 @@
-"""The only room that knows Numba: options, vectors of doubles, rows of whole vectors, random numbers by counting."""
+"""The only package that imports Numba: options, vectors of doubles, rows of whole vectors, counter-based random numbers."""

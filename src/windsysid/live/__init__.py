@@ -1,1 +1,2 @@
-"""Many turbines followed while they run: blocks of samples in, estimates with bands and alarms out, nothing lost."""
+"""Many turbines followed while they run: blocks of samples in, estimates with intervals and alarms out, nothing
+lost."""

@@ -1,10 +1,10 @@
 """Statistics of loads and noise as parameters, learned from the record.
 
-Wrong statistics ruin honest bands more than the choice of filter does, so they are identified with the coefficients:
-one rms for the load on each degree of freedom, one time constant (harmonics of the rotor have their own of either), and
-one noise level for each kind of sensor. Each is a factor on what the turbine file and the sensor list say. Loads on
-like degrees of freedom, those on the blades for instance, are alike in the file and alike by a factor of two in a
-record: their levels are tied by the prior.
+Wrong statistics ruin honest intervals more than the choice of filter does, so they are identified with the
+coefficients: one rms for the load on each degree of freedom, one time constant (harmonics of the rotor have their own
+of either), and one noise level for each kind of sensor. Each is a factor on what the turbine file and the sensor list
+say. Loads on like degrees of freedom, those on the blades for instance, are alike in the file and alike by a factor of
+two in a record: their levels are tied by the prior.
 
 Of a first-order load with corner below the modes only the level rms²/τ of its spectrum is well seen; rms and time
 constant wander together. The coordinates η are therefore ln(rms² / τ)/2, ln τ and ln noise, relative to what was given,
@@ -62,7 +62,7 @@ class Statistic:
     given
         What the turbine file or the sensor list says, or what its size should be: the median of the prior.
     estimate, low, high
-        What the record says, with a ±2σ band; NaN until it has been learned.
+        What the record says, with a 95 % interval; NaN until it has been learned.
     spread
         Prior standard deviation of its coordinate η.
     like
@@ -162,7 +162,7 @@ def moved_sensors(
 
 
 def learned_statistics(statistics: Sequence[Statistic], eta: Array, cov: Array) -> tuple[Statistic, ...]:
-    """The statistics with estimates and ±2σ bands, from η (n,) and its covariance (n, n)."""
+    """The statistics with estimates and 95 % intervals, from η (n,) and its covariance (n, n)."""
     matrix = to_logarithms(statistics)
     middle = matrix @ eta
     std = np.sqrt(np.diag(matrix @ cov @ matrix.T))

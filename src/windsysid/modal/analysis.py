@@ -140,7 +140,7 @@ def analyse(
 def analyse_unlocked(
     rotor: MechanicalModel, model: CompiledModel, p: Array, rotor_speed: float, directions: Array | None = None
 ) -> ModalSpectrum:
-    """`analyse`, except where a mode is locked to the rotor so narrowly that its band would vanish.
+    """`analyse`, except where a mode is locked to the rotor so narrowly that its interval would vanish.
 
     There it returns the mean of the modes at speeds a hair below and above.
     """
@@ -182,7 +182,7 @@ def modes_with_slopes(
     theta: Array,
     cov: Array,
 ) -> tuple[tuple[Mode, ...], Array]:
-    """Modes with ±2σ bands from the covariance of θ (n_θ, n_θ) around `theta` (n_θ,), which
+    """Modes with 95 % intervals from the covariance of θ (n_θ, n_θ) around `theta` (n_θ,), which
     `windsysid.modal.sweep.find_modes` gives at that speed; and the derivatives of frequencies [Hz] and damping ratios
     to θ (2, modes, n_θ).
 

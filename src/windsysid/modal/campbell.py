@@ -41,9 +41,9 @@ class Margin(NamedTuple):
     mode, order
         Name of the mode, n.
     distance
-        f / nP − 1 where it is least, with its band; zero where the mode crosses nP.
+        f / nP − 1 where it is least, with its interval; zero where the mode crosses nP.
     speed
-        Where that is, with the band of a crossing [rad/s].
+        Where that is, with the interval of a crossing [rad/s].
     crosses
         Whether the mode crosses nP within the operating range.
     """
@@ -56,11 +56,11 @@ class Margin(NamedTuple):
 
     @property
     def certain(self) -> bool:
-        """True if the band stays away from the harmonic, too."""
+        """True if the interval stays away from the harmonic, too."""
         return not self.crosses and self.distance[1] * self.distance[2] > 0.0
 
     def text(self) -> str:
-        """The distance, or the speed of the crossing, with its band."""
+        """The distance, or the speed of the crossing, with its interval."""
         if self.crosses:
             return f"crosses at {_band(self.speed, RPM)} rpm"
         return f"{_band(self.distance, 100.0, 1.0, '+')} %"
@@ -162,7 +162,7 @@ class Campbell(Answer):
         ], ignore_index=True)  # fmt: skip
 
     def to_xarray(self) -> "xr.Dataset":
-        """The same with the dimensions ``mode`` and ``speed`` [rad/s]."""
+        """Data of the diagram with the dimensions ``mode`` and ``speed`` [rad/s]."""
         import xarray as xr
 
         frame = self.to_dataframe()
@@ -285,14 +285,14 @@ class Campbell(Answer):
         return rows
 
     def values_text(self, curve: Curve) -> tuple[str, str, str]:
-        """Name, frequency [Hz] and damping ratio [%] of a mode, `curve`, at the usual speed, with their bands."""
+        """Name, frequency [Hz] and damping ratio [%] of a mode, `curve`, at the usual speed, with their intervals."""
         f, z = (_triple(one) for _, one in curve.at(self.usual).quantities)
         seen = math.isfinite(f[0])
         return curve.name, _band(f) if seen else "–", _band(z, 100.0) if seen else "–"
 
     @property
     def band_source(self) -> str:
-        """Source of the bands."""
+        """Source of the intervals."""
         return "of the posterior"
 
     def table(self) -> Table:
@@ -402,7 +402,7 @@ def speed_range(ends: tuple[float, float]) -> str:
 
 
 def _band(triple: Triple, factor: float = 1.0, least: float = 0.0, sign: str = "") -> str:
-    """A value ± its band, to two digits of the band or of `least`; to four digits where it has none."""
+    """A value ± its interval, to two digits of the interval or of `least`; to four digits where it has none."""
     value, half = factor * triple[0], factor * (triple[2] - triple[1]) / 2.0
     if half == 0.0 and least == 0.0:
         return f"{value:{sign}.4g}"
@@ -415,7 +415,7 @@ def _triple(one: IntervalEstimate) -> Triple:
 
 
 def _distance(triple: Triple, least: float) -> str:
-    """A relative distance in % with its band, and whether it is above or below."""
+    """A relative distance in % with its interval, and whether it is above or below."""
     size = triple if triple[0] > 0.0 else (-triple[0], -triple[2], -triple[1])
     return f"{_band(size, 100.0, least)} % {'above' if triple[0] > 0.0 else 'below'}"
 

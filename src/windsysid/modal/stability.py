@@ -45,11 +45,11 @@ class GroundResonance(NamedTuple):
     support
         ``x`` or ``y``.
     speed
-        Ω of the meeting with its band [rad/s].
+        Ω of the meeting with its interval [rad/s].
     margin
         Its distance from the operating range, relative to the nearer end; zero within.
     damping, growing
-        Least damping ratio of all modes at that speed with its band, and whether any grows there.
+        Least damping ratio of all modes at that speed with its interval, and whether any grows there.
     """
 
     support: str

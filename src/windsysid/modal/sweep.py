@@ -1,4 +1,4 @@
-"""The Campbell diagram: frequencies and damping ratios of all modes against rotor speed, with the bands that follow
+"""The Campbell diagram: frequencies and damping ratios of all modes against rotor speed, with the intervals that follow
 from a posterior.
 
 Modes are found at each of a row of speeds (`windsysid.modal.analysis`) and linked (`windsysid.modal.tracking`). What is
@@ -153,7 +153,8 @@ class _CompiledTurbine:
         self.directions = directions_of(self.model, self.parameters, posterior.theta)
 
     def spectrum(self, speed: float) -> ModalSpectrum:
-        """The modes at a speed, or a hair next to it where a mode is locked so narrowly that its band would vanish."""
+        """The modes at a speed, or a hair next to it where a mode is locked so narrowly that its interval would
+        vanish."""
         return analyse_unlocked(self.turbine.model, self.model, self.p, speed, self.directions)
 
     def diagram(

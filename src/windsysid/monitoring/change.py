@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 __all__ = ["HEADINGS", "MOVED_MIN_ODDS", "Comparison", "QuantityChange"]
 
 UNTOLD = math.log(10.0)
-"""A change is not reported where its band (±2σ) reaches further than this factor either way."""
+"""A change is not reported where its interval (±2σ) reaches further than this factor either way."""
 
 MOVED_MIN_ODDS = 100.0
 """Odds from which a coefficient is said to have moved."""
@@ -39,9 +39,9 @@ class QuantityChange(NamedTuple):
     before, after
         Estimates of the two results, priors included, in SI, Hz for a frequency.
     percent, low, high
-        By how much B is above A [% of A] according to the records without the priors, and the ±2σ band. `low` is −100
-        where B may be nothing, `high` infinite where A may be. `percent` is NaN where both are so, or where the band of
-        a logarithm reaches further than a factor of ten either way: the change is not reported.
+        By how much B is above A [% of A] according to the records without the priors, and the 95 % interval. `low` is
+        −100 where B may be nothing, `high` infinite where A may be. `percent` is NaN where both are so, or where the
+        interval of a logarithm reaches further than a factor of ten either way: the change is not reported.
     log_odds
         Natural logarithm of the odds that it moved; NaN for a mode, which moves if a coefficient does.
     chance
@@ -78,13 +78,13 @@ class QuantityChange(NamedTuple):
         return 100.0 * (self.after / self.before - 1.0) if self.before else math.nan
 
     @property
-    def told(self) -> bool:
+    def is_bounded(self) -> bool:
         """True if the records bound the change on one side at least."""
         return not math.isnan(self.percent)
 
     def __str__(self) -> str:
         """Size of the change, and its odds."""
-        if not self.told:
+        if not self.is_bounded:
             how = f"changed by an amount that the data do not determine (odds {_odds(self.log_odds)})"
         elif math.isinf(self.percent):
             how = f"rose from about zero (odds {_odds(self.log_odds)})"
@@ -190,8 +190,8 @@ class Comparison(Answer):
         rows = list[tuple[str, ...]]()
         for change in (*self.coefficients, *self.modes, *self.statistics):
             before, after, unit = engineering(change.unit, change.before, change.after)
-            percent = _percent(change.percent) if change.told else "not determined"
-            interval = _band(change).replace(" ", "") if change.told else ""
+            percent = _percent(change.percent) if change.is_bounded else "not determined"
+            interval = _band(change).replace(" ", "") if change.is_bounded else ""
             odds = "" if math.isnan(change.log_odds) else _odds(change.log_odds).replace(" ", "")
             rows.append((change.name, unit, before, after, percent, interval, odds))
         return rows
@@ -227,7 +227,7 @@ HEADINGS = ("quantity", "unit", "A", "B", "change %", "95 % interval", "odds")
 
 
 def _half_width(change: QuantityChange) -> float:
-    """Half of the ±2σ band in ln(B/A)."""
+    """Half of the 95 % interval in ln(B/A)."""
     if change.low <= -100.0 or math.isinf(change.high):
         return math.inf
     return 0.5 * math.log((100.0 + change.high) / (100.0 + change.low))

@@ -33,10 +33,10 @@ class DetectedJump(NamedTuple):
     found
         When the alarm went [s].
     percent, low, high
-        How much, and the ±2σ band [% of the level before].
+        How much, and the 95 % interval [% of the level before].
     cause
         Where to look: the turbine, the sensor, or the sensor before the turbine.
-    told
+    sentence
         The sentence.
     """
 
@@ -49,7 +49,7 @@ class DetectedJump(NamedTuple):
     low: float
     high: float
     cause: str
-    told: str
+    sentence: str
 
 
 class WatchedSeries(NamedTuple):
@@ -60,7 +60,7 @@ class WatchedSeries(NamedTuple):
     name, unit
         Of the coefficient.
     level, low, high
-        (T,) value at mean covariates and its ±2σ band, in `unit`, as it was known after each block.
+        (T,) value at mean covariates and its 95 % interval, in `unit`, as it was known after each block.
     adjusted
         (T,) blocks less the effect of the covariates, in `unit`.
     whitened, statistic
@@ -68,13 +68,13 @@ class WatchedSeries(NamedTuple):
     limit
         Its threshold.
     drift
-        Change of the level since the end of learning and its ±2σ band [%].
+        Change of the level since the end of learning and its 95 % interval [%].
     slopes
-        Effect of each covariate, per unit of it, and its ±2σ band [%].
+        Effect of each covariate, per unit of it, and its 95 % interval [%].
     wander
         Standard deviation of the level's wandering in a day [%].
     scatter
-        By how much blocks scatter more than their bands say.
+        By how much blocks scatter more than their intervals say.
     smallest
         Jump that is found within a day in nine cases of ten [%].
     """
@@ -157,7 +157,7 @@ class Watch(Answer):
     def sentence(self) -> str:
         """The answer."""
         if self.changes:
-            return "; ".join(change.told for change in self.changes)
+            return "; ".join(change.sentence for change in self.changes)
         days = (self.blocks.time[-1] - self.blocks.time[self.begins]) / DAY
         step = float(np.median(np.diff(self.blocks.time)))
         within = "a day" if step < DAY else f"one record ({step / DAY:.3g} days)"

@@ -63,7 +63,8 @@ def compare(before: PosteriorLike | ModesLike, after: PosteriorLike | ModesLike)
     Returns
     -------
     Comparison
-        Changes [%] with their 95 % intervals, and the posterior odds of each. Exchanging the two reverses the changes.
+        ``coefficients`` and ``modes``: changes [% of `before`] with their 95 % intervals, and the posterior odds that
+        there is a change; ``doubts``: reasons not to trust the comparison.
 
     Raises
     ------
@@ -77,7 +78,8 @@ def compare(before: PosteriorLike | ModesLike, after: PosteriorLike | ModesLike)
 
     Notes
     -----
-    The odds are a Savage–Dickey ratio: the density of "no change" before and after the records were seen.
+    The odds are a Savage–Dickey ratio: the density of "no change" before and after the records were seen. Both results
+    share the tolerances of instruments and masses, which therefore do not widen the interval of a change.
 
     References
     ----------
@@ -102,7 +104,7 @@ def compare(before: PosteriorLike | ModesLike, after: PosteriorLike | ModesLike)
 
 
 def _compare_coefficients(before: Posterior, after: Posterior) -> Comparison:
-    """What moved between two results of identify."""
+    """Comparison of two results of `identify`."""
     frame = common_frame(before, after)
     if not frame:
         raise ConfigurationError(
@@ -138,7 +140,7 @@ def _distrusted(before: Posterior, after: Posterior, frame: Sequence[Parameter])
         if bad and len(bad) < len(frame):
             doubts.append(f"{', '.join(bad)} of {result.record} (grade C): see its report; the others may be compared")
         elif bad:
-            doubts.append(f"the result of {result.record} is not trusted by itself: see its report")
+            doubts.append(f"findings speak against the result of {result.record}: see its report")
     return doubts
 
 
@@ -182,7 +184,7 @@ def _changes(
 
 
 def _growth(step: float, sigma: float) -> tuple[float, float, float]:
-    """A change of a logarithm and its ±2σ band [%]."""
+    """A change of a logarithm and its 95 % interval [%]."""
     if SIGMAS * sigma > UNTOLD:
         return math.nan, -100.0, math.inf
     percent, low, high = (100.0 * math.expm1(step + k * sigma) for k in (0.0, -SIGMAS, SIGMAS))

@@ -12,7 +12,7 @@ Where parked records do not have winds far apart, d is not distinguished from c�
 
 The records' own estimates, priors taken out, are weighted by their variances, which are proportional to c for a mode
 under broadband load (σ_c² = c²/(ζωT)) and therefore taken at the fitted c: at the estimated one, low estimates would
-weigh too much. All bands are then wider by one factor φ ≥ 1 of prior density ∝ φ⁻⁴ (beyond 2 in one case of eight),
+weigh too much. All intervals are then wider by one factor φ ≥ 1 of prior density ∝ φ⁻⁴ (beyond 2 in one case of eight),
 learned from how far records scatter about the fits of all degrees of freedom. What the records do not determine,
 because the row (1, 0, 0, 0) is no combination of theirs, is not given.
 """
@@ -55,7 +55,8 @@ WISHED_RELATIVE_BAND = 0.5
 """A parked record is requested that would bring ±2σ of structural damping to this share of it."""
 
 SCATTER_PROBABILITY = 0.01
-"""Probability of so much scatter about the fits, were the records' own bands all there is, below which it is said."""
+"""Probability of so much scatter about the fits, were the records' own intervals all there is, below which it is
+said."""
 
 STRUCTURE = np.array([1.0, 0.0, 0.0, 0.0])
 """The row of the structure's part."""
@@ -228,7 +229,7 @@ class _Fit:
         self.square = float((((value - fitted) / s) ** 2).sum())
 
     def at(self, row: Array, width: float) -> DampingBand | None:
-        """The combination `row` of c₀, a, b and d with its band; None where the records do not determine it."""
+        """The combination `row` of c₀, a, b and d with its interval; None where the records do not determine it."""
         along = self.seen @ row
         if np.linalg.norm(row - along @ self.seen) > DESIGN_TOLERANCE * np.linalg.norm(row):
             return None
@@ -243,7 +244,7 @@ def _stretch(fitted: Array, value: Array) -> Array:
 
 
 def _half_width(free: int, square: float) -> float:
-    """Half-width of a 95.45 % band [standard deviations].
+    """Half-width of a 95.45 % interval [standard deviations].
 
     φ is averaged over what `free` squares that add up to `square` give.
     """

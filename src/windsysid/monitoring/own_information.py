@@ -121,10 +121,10 @@ class _Belief(NamedTuple):
 
 
 def common_frame(before: Posterior, after: Posterior) -> tuple[Parameter, ...]:
-    """Coordinates for the coefficients that both identified, the same for (A, B) and (B, A); the wind's mean lag angle
-    is none of the structure's.
+    """Coordinates of the coefficients that both identified, equal for (A, B) and (B, A).
 
-    Their priors are as wide as changes by damage.
+    The mean lag angle under wind is left out: it is no property of the structure. Priors are as wide as changes by
+    damage.
     """
     found = []
     others = {q.name: q for q in after.parameters if q.name != MEAN_LAG}

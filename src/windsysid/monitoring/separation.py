@@ -18,7 +18,7 @@ __all__ = ["HEADINGS", "DampingBand", "DampingSplit", "Separation", "State"]
 
 
 class DampingBand(NamedTuple):
-    """A value and its ±2σ band, SI."""
+    """A value and its 95 % interval, SI."""
 
     value: float
     low: float
@@ -30,7 +30,7 @@ class DampingBand(NamedTuple):
 
     @property
     def span(self) -> str:
-        """The band."""
+        """The interval."""
         return f"{self.low:.3g} … {self.high:.3g}"
 
 
@@ -93,7 +93,7 @@ class DampingSplit:
         return self.structural is not None and self.structural.low > 0.0
 
     def percent(self, band: DampingBand) -> str:
-        """A band in % of critical damping."""
+        """An interval in % of critical damping."""
         ratio = band.over(0.01 * self.critical)
         return f"{ratio.value:.3g} % ({ratio.span} %)"
 

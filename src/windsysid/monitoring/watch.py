@@ -4,7 +4,7 @@ rate, failing sensors distinguished from failing structures.
 Every record leaves a block: its information on each coefficient, without its prior, and the covariates of its time
 (temperature, wind speed, power …). Each coefficient is a level that may wander, plus slopes times covariates, plus the
 block's own error (`windsysid.monitoring.levels.jumps`). Level and slopes are learned as the blocks come, from a prior;
-how fast the level wanders and by how much blocks scatter more than their bands say is learned by maximum likelihood
+how fast the level wanders and by how much blocks scatter more than their intervals say is learned by maximum likelihood
 from the first `MAX_LEARNING_BLOCKS` blocks, and again whenever there are twice as many. A test for a jump of any size
 above `TOLERATED_DRIFT` at any time runs on the whitened innovations of each series; the false alarms of a year are
 shared out evenly among the series.
@@ -74,7 +74,8 @@ def watch(
     Parameters
     ----------
     blocks : RecordBlocks
-        Estimates of at least `MIN_BLOCKS` records with their covariates (`windsysid.read_blocks`).
+        Estimates (T, n) of n series from T records, at least `MIN_BLOCKS`, with times [s] and covariates (T, m)
+        (`windsysid.read_blocks`).
     alarms_per_year : float, default 0.1
         Accepted rate of false alarms of the turbine, all series together [1/a].
     tolerated : mapping of str to float, optional
@@ -84,7 +85,8 @@ def watch(
     Returns
     -------
     Watch
-        Level, drift and jumps of each series with their 95 % intervals.
+        ``series``: level (T,) and drift [%] of each, with 95 % intervals; ``changes``: jumps [%] with the interval of
+        their date and size.
 
     Raises
     ------
@@ -314,7 +316,7 @@ def _meet(one: Jump, other: Jump) -> bool:
 
 
 def tell(name: str, percent: tuple[float, float, float], when: str, found: str, why: str) -> str:
-    """A jump in a sentence: by how much and its ±2σ band [%], when, when it was found, and where to look."""
+    """A jump in a sentence: by how much and its 95 % interval [%], when, when it was found, and where to look."""
     verb = "rose" if percent[0] > 0.0 else "fell"
     size, low, high = abs(percent[0]), percent[1], percent[2]
     return f"{name} {verb} by {size:.3g} % ({low:+.3g} … {high:+.3g} %) on {when}, found on {found}: {why}"
@@ -350,11 +352,11 @@ def _standardise_covariates(blocks: RecordBlocks, begins: int) -> tuple[_Standar
 
 
 BEYOND = 700.0
-"""Largest step in a logarithm whose factor is still a number: the bands of series without information end there."""
+"""Largest step in a logarithm whose factor is still a number: the intervals of series without information end there."""
 
 
 def percent_of(part: float, std: float, of: float, logarithmic: bool) -> tuple[float, float, float]:
-    """A change in filter coordinates and its ±2σ band in percent of the value at coordinate `of`."""
+    """A change in filter coordinates and its 95 % interval in percent of the value at coordinate `of`."""
     steps = part + std * np.array([0.0, -SIGMAS, SIGMAS])
     percent = 100.0 * (np.expm1(np.minimum(steps, BEYOND)) if logarithmic else steps / max(abs(of), 1e-300))
     return float(percent[0]), float(percent[1]), float(percent[2])

@@ -30,7 +30,7 @@ class Answer(Saveable):
 
     @abstractmethod
     def to_dataframe(self) -> "pd.DataFrame":
-        """The answer's numbers as they are, one thing a row: SI units, Hz for frequencies, bands of ±2σ."""
+        """The answer's numbers as they are, one thing a row: SI units, Hz for frequencies, intervals of ±2σ."""
 
     def __str__(self) -> str:
         """The parts as text, as wide as the terminal."""

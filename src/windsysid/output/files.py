@@ -91,7 +91,7 @@ def replace_file(path: Path, write: Write, *, overwrite: bool = True) -> None:
 
 
 def _there(path: Path) -> OutputError:
-    return OutputError(f"{path}: is already there; choose another name, or overwrite it (--overwrite, overwrite=True)")
+    return OutputError(f"{path}: is already there; choose another name, or overwrite it (overwrite=True)")
 
 
 @contextmanager

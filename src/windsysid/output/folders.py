@@ -313,7 +313,9 @@ def _refuse_kept(given: Path, folder: Path, *, overwrite: bool) -> None:
             raise OutputError(f"output {given}: expected a folder, got a file: choose another name")
         if any(name != HOME for name in os.listdir(folder)):
             if not overwrite:
-                raise OutputError(f"output {given} is already there: choose another folder, or add --overwrite")
+                raise OutputError(
+                    f"output {given} is already there: choose another folder, or overwrite it (overwrite=True)"
+                )
             if _noted(folder) is None:
                 raise OutputError(
                     f"output {given} holds files that are not noted as results of windsysid: choose another folder, or"

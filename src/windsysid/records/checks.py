@@ -146,7 +146,7 @@ def refuse_gaps(name: str, time: Array, rows: int) -> NoReturn:
     low, high = ends if before - first >= 0.5 * (last - after) else (after, last)
     raise RecordError(
         f"{name}: the gap of {after - before:.9g} s after {before:.9g} s is too long ({rows:.3g} rows); keep"
-        f" {low:.13g} to {high:.13g} s (--section, or cut the file)"
+        f" {low:.13g} to {high:.13g} s (section=, or cut the file)"
     )
 
 

@@ -77,7 +77,7 @@ KINDS = (("changed", "error"), ("coefficient", "estimate"), ("mode, load or nois
 def _finite(change: QuantityChange) -> tuple[float, float, float]:
     """Change and interval [%]; NaN where it is not determined or has no end."""
     values = (change.percent, change.low, change.high)
-    return values if change.told and all(map(math.isfinite, values)) else (math.nan, math.nan, math.nan)
+    return values if change.is_bounded and all(map(math.isfinite, values)) else (math.nan, math.nan, math.nan)
 
 
 def _table(comparison: Comparison) -> Table:

@@ -62,7 +62,7 @@ def identification_report(identification: Identification, record: Record | None 
 
 def _tables_of_rest(i: Identification) -> list[Table]:
     statistics = [i.statistics_table()] if i.statistics else []
-    return [*statistics, *([i.budget.table(), i.tolerances_table()] if i.tolerances else [])]
+    return [*statistics, *([i.budget.table(units=units), i.tolerances_table()] if i.tolerances else [])]
 
 
 def _explains_section(identification: Identification) -> Section:
@@ -150,7 +150,7 @@ WHITENESS = (
 def _trust(identification: Identification) -> list[str]:
     """Verdict, with a paragraph for every reason against trust."""
     diagnosis = identification.diagnosis
-    return [*(f"trust: NO: because {reason}" for reason in diagnosis.reasons), *identification.usable()] or [
+    return [*(f"trust: NO, because {reason}" for reason in diagnosis.reasons), *identification.usable()] or [
         str(diagnosis)
     ]
 

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 from windsysid._types import Array
 from windsysid.results.posterior import SIGMAS
+from windsysid.units import engineering_unit
 
 __all__ = ["Estimate", "FittedSpectrum", "IntervalEstimate"]
 
@@ -67,8 +68,7 @@ class IntervalEstimate:
         return self.std / self.estimate
 
     def __str__(self) -> str:
-        unit, grade = "" if self.unit == "1" else f" {self.unit}", f", grade {self.grade}" if self.grade else ""
-        return f"{self.estimate:.4g}{unit} (95 % interval {self.low:.4g} … {self.high:.4g}{grade})"
+        return _sentence(self)
 
     def summary(self) -> dict[str, Any]:
         """Plain values for JSON, without an unknown grade or reference."""
@@ -112,6 +112,16 @@ class Estimate:
     average_error_percent: float | None
     tip: Mapping[str, float] | None = None
     grade: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.name}: {_sentence(self)}"
+
+
+def _sentence(one: IntervalEstimate | Estimate) -> str:
+    """Value with its unit, interval and grade, in engineering units."""
+    factor, unit = engineering_unit(one.unit, one.estimate)
+    unit, grade = "" if one.unit == "1" else f" {unit}", f", grade {one.grade}" if one.grade else ""
+    return f"{one.estimate / factor:.4g}{unit} (95 % interval {one.low / factor:.4g} … {one.high / factor:.4g}{grade})"
 
 
 class FittedSpectrum(NamedTuple):

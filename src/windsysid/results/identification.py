@@ -1,4 +1,4 @@
-"""Result of an identification: estimates with their bands, the history of the search, and the verdict."""
+"""Result of an identification: estimates with their intervals, the history of the search, and the verdict."""
 
 import json
 from collections.abc import Mapping

@@ -37,7 +37,7 @@ choice)."""
 
 
 class Conditions(NamedTuple):
-    """How the turbine ran: means over the section, None where nothing was recorded.
+    """Operating conditions: means over the section, None where a quantity was not recorded.
 
     Attributes
     ----------
@@ -72,7 +72,7 @@ class Posterior(NamedTuple):
     record
         Name of the record.
     trusted
-        True if there was no reason against the result.
+        True if no finding makes the result untrustworthy.
     conditions
         Operating conditions of the turbine.
     start
@@ -109,7 +109,7 @@ class Posterior(NamedTuple):
     unusable: Mapping[str, str] = {}
 
     def given(self, *groups: Group) -> "Posterior":
-        """The same given that instruments or masses of these groups, of all by default, are as their files say.
+        """Posterior conditioned on the stated values of instruments or masses of these groups, of all by default.
 
         Two results of one machine share them: changes between the two are reported without them.
         """

@@ -165,7 +165,7 @@ def clock_offset(first: Record, other: Record, *, channel: str | None = None, se
     Returns
     -------
     ClockOffset
-        To be added to the time of `other` for the time of `first`.
+        Offset that, added to the time of `other`, gives the time of `first`.
 
     Raises
     ------

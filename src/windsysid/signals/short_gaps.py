@@ -49,29 +49,29 @@ def fill_short_gaps(values: Array, longest: int) -> Array:
     The autocovariance is estimated from the filled channel, iteratively; the first iteration fills by straight lines.
     """
     known = np.isfinite(values)
-    wanted = np.flatnonzero(in_short_gaps(~known, longest))
-    if not wanted.size or np.count_nonzero(known) <= 2 * HALF_WINDOW:
+    missing = np.flatnonzero(in_short_gaps(~known, longest))
+    if not missing.size or np.count_nonzero(known) <= 2 * HALF_WINDOW:
         return values
     mean, scale = float(values[known].mean()), float(values[known].std()) or 1.0
     index = np.arange(values.size)
     whole = np.interp(index, index[known], (values[known] - mean) / scale)
     for _ in range(MAX_ITERATIONS):
-        before = whole[wanted]
-        whole[wanted] = _predicted(whole, known, wanted)
-        if np.std(whole[wanted] - before) <= MAX_CHANGE_SIGMAS:
+        before = whole[missing]
+        whole[missing] = _predicted(whole, known, missing)
+        if np.std(whole[missing] - before) <= MAX_CHANGE_SIGMAS:
             break
     filled = values.copy()
-    filled[wanted] = mean + scale * whole[wanted]
+    filled[missing] = mean + scale * whole[missing]
     return filled
 
 
-def _predicted(whole: Array, known: Mask, wanted: NDArray[np.intp]) -> Array:
-    """Conditional means of the samples at `wanted`, given the known samples in windows around them."""
+def _predicted(whole: Array, known: Mask, missing: NDArray[np.intp]) -> Array:
+    """Conditional means of the samples at `missing`, given the known samples in windows around them."""
     covariance = _covariance(whole)
     padded, there = np.pad(whole, HALF_WINDOW), np.pad(known, HALF_WINDOW)
     around = np.arange(2 * HALF_WINDOW + 1)
     parts = []
-    for batch in np.split(wanted, np.arange(_BATCH, wanted.size, _BATCH)):
+    for batch in np.split(missing, np.arange(_BATCH, missing.size, _BATCH)):
         rows = batch[:, None] + around
         mask = there[rows]
         system = covariance * (mask[:, :, None] & mask[:, None, :])

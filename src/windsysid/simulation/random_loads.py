@@ -38,7 +38,7 @@ def draw_loads(
     ValueError
         If it is missing.
     ConfigurationError
-        If a block drives a load that is not wanted.
+        If a block drives a load that is not in `names`.
     """
     return _driven(blocks, [_states(block, samples, rate, rng) for block in blocks], names, samples, azimuth)
 

@@ -49,7 +49,7 @@ def simulate_record(
     turbine : Turbine, str or Path
         A turbine, the name of a packaged one, or the path of a TOML file.
     duration : float
-        Length of the record [s].
+        Length of the record [s]; it has T = `duration` · `rate` samples, rounded.
     rate : float
         Sampling rate [Hz].
     seed : int, default 0
@@ -63,8 +63,8 @@ def simulate_record(
     Returns
     -------
     Record
-        The channels of the sensors in SI units, with ``rotor_azimuth`` [rad] and ``rotor_speed`` [rad/s] of a rotor
-        that turns.
+        The channels (T,) of the sensors in SI units, with ``rotor_azimuth`` [rad] and ``rotor_speed`` [rad/s] if the
+        rotor turns.
 
     Raises
     ------

@@ -60,8 +60,8 @@ def set_load_outputs(blocks: Any, ws: Any, before: Any, after: Any) -> None:
 
 @pasted
 def set_load_ends(blocks: Any, ws: Any, state: Any, before: Any, after: Any) -> None:
-    """Loads at either end of a step, known ones and those of the load states: of `state`, and ``ws.z`` at the end, both
-    beside ``ws.middle``."""
+    """Loads at either end of a step, known ones and those of the load states: of `state`, and ``ws.z`` at the end, in
+    addition to ``ws.middle``."""
     nx, nz, _, _, nu, nw = blocks.sizes
     for i in range(nw):
         first, last = before[nu + i], after[nu + i]

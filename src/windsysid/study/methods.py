@@ -2,7 +2,7 @@
 time.
 
 ``python -m windsysid.study.methods [--runs N]`` prints the table that the study's report shows: 100 s sections of the
-reference scenario, priors of the joint formulation drawn 30 % off. Errors and bands are those at the end of the
+reference scenario, priors of the joint formulation drawn 30 % off. Errors and intervals are those at the end of the
 section.
 """
 

@@ -100,7 +100,7 @@ def _scenario(study: Study) -> list[str]:
         " coefficients.",
         f"Over {len(study.errors)} seeds, ±2σ at the end of the section holds the reference in"
         f" {100 * study.covered:.0f} % of the {len(study.errors) * study.errors.shape[2]} cases (95 % if"
-        " the bands were perfect).",
+        " the intervals were perfect).",
         f"The published SIR particle filter took {PUBLISHED_HOURS:g} hours for {SIR.particles} particles;"
         f" here it takes {study.particles.elapsed:.2g} s on the same force balance. How it fared:"
         f" {study.particles.notes[-1]}.",

@@ -21,6 +21,7 @@ from windsysid.turbine.model_file import ModelFile, model_tables
 from windsysid.turbine.rotor_file import RotorFile, rotor_tables
 from windsysid.turbine.tower_file import TowerFile, tower_tables
 from windsysid.turbine.turbine import Turbine
+from windsysid.units import engineering
 
 __all__ = ["as_tables", "parse_turbine"]
 
@@ -85,7 +86,8 @@ def as_tables(turbine: Turbine) -> dict[str, Any]:
 def _stiffness(turbine: Turbine, coordinate: str) -> str:
     """The stiffness of a degree of freedom, with its name."""
     names = turbine.model.coefficients_of(coordinate, "stiffness")
-    return ", ".join(f"{name} = {turbine.values[name]:.4g}" for name in names)
+    units = {name: turbine.model.coefficient(name).unit for name in names}
+    return ", ".join(f"{name} = {' '.join(engineering(unit, turbine.values[name]))}" for name, unit in units.items())
 
 
 class _Format(NamedTuple):

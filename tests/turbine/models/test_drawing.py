@@ -88,7 +88,7 @@ def test_a_tower_that_buckles_is_refused(tmp_path: Path):
 
 
 def test_a_drawing_has_no_rotor_of_its_own(tmp_path: Path):
-    with pytest.raises(ConfigurationError, match="the model has no blades: expected --kind tower"):
+    with pytest.raises(ConfigurationError, match="the model has no blades: expected kind='tower'"):
         turbine_from(drawing(tmp_path), "rotor")
 
 

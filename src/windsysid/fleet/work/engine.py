@@ -109,7 +109,7 @@ def run_on_dask(tasks: Iterable[Task], address: str, tell: Tell) -> None:
         try:
             client = distributed.Client(address, timeout="30s")
         except (OSError, ValueError, TimeoutError) as error:
-            raise ConfigurationError(f"--scheduler {address}: cannot be reached ({type(error).__name__})") from None
+            raise ConfigurationError(f"scheduler {address}: cannot be reached ({type(error).__name__})") from None
         with client:
             for done in _on_dask(client, distributed, iter(tasks), address):
                 for one in done:

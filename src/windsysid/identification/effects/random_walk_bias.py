@@ -1,4 +1,4 @@
-"""Random-walk biases of accelerometers that their list does not declare.
+"""Random-walk biases of accelerometers that the sensor list does not declare.
 
 Below its slowest mode a structure hardly accelerates: loads of a flat spectrum give readings whose power grows with the
 fourth power of frequency, loads with a long memory with the square. Power that grows towards low frequencies is the

@@ -51,7 +51,7 @@ class RegressorCandidate(NamedTuple):
         Of the effect, and the reading that shows it.
     columns
         The regressors.
-    beside
+    density_range
         Frequencies, in periods over the record, from and to which the innovations tell the density at theirs.
     places
         At how many places such regressors were looked for: the chance of any is so many times that of one.
@@ -60,7 +60,7 @@ class RegressorCandidate(NamedTuple):
     code: str
     channel: str
     columns: tuple[RegressorColumn, ...]
-    beside: tuple[float, float] = SLOW
+    density_range: tuple[float, float] = SLOW
     places: float = 1.0
 
 
@@ -109,7 +109,7 @@ def score_tests(at: Linearisation, candidates: Sequence[RegressorCandidate]) -> 
         follow = at.cov @ sums.mixed[:, own]
         cov = _inverse_of_rest(sums.information[own, own], sums.mixed[:, own].T @ follow)
         alone = np.linalg.pinv(sums.information[own, own], hermitian=True) @ sums.gradient[own]
-        density, freedom = _density(periodogram, sums.energy[:, own].sum(axis=1), one.beside)
+        density, freedom = _density(periodogram, sums.energy[:, own].sum(axis=1), one.density_range)
         count = len(one.columns)
         statistic = float(sums.gradient[own] @ cov @ sums.gradient[own]) / (count * density)
         log10_p = (log_tail_of_f(statistic, count, freedom) + math.log(one.places)) / math.log(10.0)
@@ -136,10 +136,10 @@ def _periodogram(innovations: Array) -> Array:
     return np.asarray(np.abs(np.fft.rfft(window[:, None] * innovations, axis=0)) ** 2 / np.sum(window**2) / there)
 
 
-def _density(periodogram: Array, energy: Array, beside: tuple[float, float]) -> tuple[float, float]:
+def _density(periodogram: Array, energy: Array, density_range: tuple[float, float]) -> tuple[float, float]:
     """The density of the innovations between two frequencies, each reading (m,) weighted by how much of the regressors
     it has, and the degrees of freedom of that mean."""
-    low, high = (int(np.clip(round(edge), 1, len(periodogram) - 1)) for edge in beside)
+    low, high = (int(np.clip(round(edge), 1, len(periodogram) - 1)) for edge in density_range)
     share = energy / energy.sum()
     means = periodogram[low : max(high, low + 1)].mean(axis=0)
     density = float(share @ means)

@@ -1,11 +1,11 @@
 """The profile of the posterior of one parameter: how far it may go when all others give way.
 
-    ℓ_p(θ_k) = max over the others of ℓ(θ_k, others),      band: ℓ_p ≥ max ℓ − 2,
+    ℓ_p(θ_k) = max over the others of ℓ(θ_k, others),      interval: ℓ_p ≥ max ℓ − 2,
 
 which is ±2σ exactly where the posterior is Gaussian, and is right in any coordinate where it is not. The others are
-found anew at each value from where the Gaussian would put them. Between the values, and to the ends of the band, the
-signed root r = sign(θ_k − θ̂_k) √(2 (max ℓ − ℓ_p)), nearly a straight line, is interpolated. Source: Pawitan, In All
-Likelihood (Oxford 2001), ch. 3.4.
+found anew at each value from where the Gaussian would put them. Between the values, and to the ends of the interval,
+the signed root r = sign(θ_k − θ̂_k) √(2 (max ℓ − ℓ_p)), nearly a straight line, is interpolated. Source: Pawitan, In
+All Likelihood (Oxford 2001), ch. 3.4.
 """
 
 import math
@@ -32,7 +32,7 @@ from windsysid.results.identification import Identification
 from windsysid.results.posterior import SIGMAS
 from windsysid.statespace.parameter import Parameter
 from windsysid.turbine.coercion import TurbineLike, as_turbine
-from windsysid.units import unit_text
+from windsysid.units import engineering
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -91,10 +91,11 @@ class Profile(Answer):
 
     def contents(self) -> list[Table | str]:
         """One line."""
-        unit = unit_text(self.unit)
+        ends = (self.low, self.high, *self.gaussian)
+        estimate, low, high, least, most, unit = engineering(self.unit, self.estimate, *ends)
         return [
-            f"{self.name}: {self.estimate:.5g} {unit}, profile {self.low:.5g} … {self.high:.5g}, "
-            f"Gaussian 95 % interval {self.gaussian[0]:.5g} … {self.gaussian[1]:.5g}"
+            f"{self.name}: {estimate} {unit}, 95 % interval {low} … {high} {unit} (profile),"
+            f" {least} … {most} {unit} (Gaussian, ±2σ)"
         ]
 
 

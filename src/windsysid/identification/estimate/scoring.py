@@ -1,8 +1,9 @@
 """The mode of the posterior by Fisher scoring on the innovations of a state-only filter.
 
 A joint filter leaves out how its own gain depends on the parameters (Ljung 1979), and what it learns while the state is
-still unknown counts too much: its bands are too narrow (`validation.calibration` prints by how much). The likelihood of
-the state-only filter knows both. With whitened innovations z and the standard deviations s they were divided by,
+still unknown counts too much: its intervals are too narrow (`validation.calibration` prints by how much). The
+likelihood of the state-only filter knows both. With whitened innovations z and the standard deviations s they were
+divided by,
 
     log L = −Σ (log s + z²/2) + const,   ∂ log L = −Σ (∂ log s + z ∂z),
     Fisher information ≈ Σ a aᵀ + 2 Σ ∂log s ∂log sᵀ,   a = ∂z + z ∂log s  (the derivative of the innovation, over s),

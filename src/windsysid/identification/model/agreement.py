@@ -27,7 +27,7 @@ def shifts_to(other: Outcome, one: Outcome) -> dict[str, float]:
 
 def _differences(one: Outcome, other: Outcome) -> dict[str, tuple[float, float]]:
     """Differences of the parameters in filter coordinates, and their sizes in the larger of both standard deviations,
-    with instruments and masses as the first has found them: both share them, and wide bands would hide what loads
+    with instruments and masses as the first has found them: both share them, and wide intervals would hide what loads
     do."""
     shared: tuple[Group, ...] = ("gain", "alignment", "clock", "masses")
     (theta, cov), (others, other_cov) = (found.given(*shared, as_in=one) for found in (one, other))

@@ -193,7 +193,7 @@ def diverged() -> WindsysidError:
     """Error message for a filter that diverged."""
     return WindsysidError(
         "the filter diverged: expected loads, noise and priors of the size of the record's; "
-        "check units and the turbine file, or move the priors with --prior-scale"
+        "check units and the turbine file, or change the priors"
     )
 
 

@@ -69,7 +69,7 @@ class Plan(Answer):
     rotor_speed, rate, duration
         [rad/s], [Hz], [s].
     within
-        Wanted accuracy: ±2σ relative to the value [1].
+        Required accuracy: ±2σ relative to the value [1].
     names, unknown
         The unknown parameters, then the statistics of loads and noise; the number of parameters among them.
     asked
@@ -280,10 +280,10 @@ def plan(
     duration, rate : float, default 600 and 100
         Length [s] and sampling rate [Hz] of the planned record.
     parameters : sequence of str, optional
-        Parameters of interest; all coefficients by default. The coefficients of all free degrees of freedom are unknown
-        in any case, masses and geometry only where they are named here.
+        Parameters of interest; all coefficients by default. The coefficients of all free degrees of freedom are always
+        unknown, masses and geometry only if they are named here.
     within : float, default 0.2
-        Wanted accuracy: ±2σ relative to the value [1].
+        Required accuracy: ±2σ relative to the value [1].
     load_scale : float, default 1
         Factor on the loads of the turbine file [1].
     rotor_speed : float, optional
@@ -295,13 +295,15 @@ def plan(
     seed : int, default 0
         Seed of the simulated record.
     progress : callable, optional
-        Called with the present step and the share that is done, 0 to 1, or None if that is unknown.
+        Called as ``progress(step, share)`` with the present step, a str, and the share that is done, 0 to 1, or None
+        if that is unknown.
 
     Returns
     -------
     Plan
-        The ±2σ interval of each coefficient, relative to its value [1], for any length of record [s], and the length
-        [s] that the wanted accuracy needs.
+        ``band(name, duration)``: ±2σ of a coefficient, relative to its value [1], for a length of record [s];
+        ``needed(name)``: the length [s] that the required accuracy needs; ``directions``: combinations of parameters
+        that the sensors do not determine.
 
     Raises
     ------

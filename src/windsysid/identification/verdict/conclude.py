@@ -73,8 +73,9 @@ def conclude(
     outcome: Outcome, record: Record, formulation: Formulation, *, whole: WholeRecord | None = None,
     provenance: Provenance | None = None, faults: Sequence[Fault] = (), line: Line | None = None,
 ) -> Identification:  # fmt: skip
-    """Put what a formulation found on `record`, the end of the `whole` or all of it, into physical units, with bands,
-    modes and errors, and judge it, with the faults of its channels and the line of its readings that stands out most.
+    """Put what a formulation found on `record`, the end of the `whole` or all of it, into physical units, with
+    intervals, modes and errors, and judge it, with the faults of its channels and the line of its readings that stands
+    out most.
     """
     at = modes_of(outcome, compile_model(outcome.turbine.model) if formulation == "force-balance" else None)
     balanced = formulation == "force-balance"

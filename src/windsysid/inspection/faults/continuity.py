@@ -1,8 +1,8 @@
 """Breaks of continuity in a table of readings: pasted passages, samples lost while the time continued, overflows of
 converters, and copied channels.
 
-Each of them leaves every single value plausible. A passage that occurs twice makes bands too narrow, lost samples make
-damping too large, and a converter that runs over makes a spectrum of jumps.
+Each of them leaves every single value plausible. A passage that occurs twice makes intervals too narrow, lost samples
+make damping too large, and a converter that runs over makes a spectrum of jumps.
 """
 
 from collections.abc import Sequence

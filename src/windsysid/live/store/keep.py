@@ -31,7 +31,7 @@ class Keep:
     Raises
     ------
     ConfigurationError
-        If one is no span.
+        If a text is no time span.
     """
 
     results: str = "10 years"

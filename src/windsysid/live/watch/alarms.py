@@ -7,12 +7,12 @@ Rules, in their order:
 - **Cause.** A jump of a sensor's noise is the sensor's. A jump of anything else is put down to a sensor first where a
   noise jumped with it, where most estimates of it had grade A or B before and have not after, or where records have
   findings of their channels since. Otherwise it is the structure.
-- **Severity.** ``alarm``: the structure lost, by the whole of its ±2σ band, at least `GRAVE_LOSS`. ``warning``: any
-  other jump. ``notice``: a jump that took back an earlier one.
-- **End.** An alarm ends when the level has come back: when its ±2σ band lies nearer to the level before than half of
-  the jump; or when it was measured again and there is none in its band. It opens at the threshold of the test and ends
-  at half of the jump, so that it does not flicker. Who has acknowledged it knows it; it lasts as long as the turbine is
-  not what it was.
+- **Severity.** ``alarm``: the structure lost, by the whole of its 95 % interval, at least `GRAVE_LOSS`. ``warning``:
+  any other jump. ``notice``: a jump that took back an earlier one.
+- **End.** An alarm ends when the level has come back: when its 95 % interval lies nearer to the level before than half
+  of the jump; or when it was measured again and there is none in its interval. It opens at the threshold of the test
+  and ends at half of the jump, so that it does not flicker. Who has acknowledged it knows it; it lasts as long as the
+  turbine is not what it was.
 - **Nothing to watch.** Where no window could be taken in for `BLIND_WINDOWS` windows, a notice says why; it ends with
   the first that is.
 """
@@ -170,7 +170,7 @@ def _cause(watched: Watched, about: Circumstances) -> tuple[Literal["structure",
 
 
 def _severity(series: str, cause: str, percent: tuple[float, float, float]) -> Severity:
-    """`percent` is a change and its ±2σ band."""
+    """`percent` is a change and its 95 % interval."""
     grave = cause == "structure" and percent[2] <= -GRAVE_LOSS.get(series, math.inf)
     return "alarm" if grave else "warning"
 

@@ -38,7 +38,7 @@ TEST_EVERY_BLOCKS = 144
 """A day of 10 minutes."""
 
 GROWN = 1.5
-"""Factor on a drift, by the whole of its ±2σ band, from which on an alarm says it anew."""
+"""Factor on a drift, by the whole of its 95 % interval, from which on an alarm says it anew."""
 
 
 class DriftReference(NamedTuple):

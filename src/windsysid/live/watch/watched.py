@@ -79,7 +79,7 @@ def in_coordinates_of(known: Watched, one: Watched, said: Said) -> Said:
 
 
 def band_of(one: Watched, theta: float, std: float) -> tuple[float | None, float | None, float | None]:
-    """Value, and its ±2σ band, in the unit of the series; None where there is none."""
+    """Value, and its 95 % interval, in the unit of the series; None where there is none."""
     if not (math.isfinite(theta) and math.isfinite(std)):
         return None, None, None
     ends = sorted(one.value(theta + side * std) for side in (-SIGMAS, SIGMAS))

@@ -4,7 +4,7 @@ A row gives a block of each series: of a coefficient what the window says withou
 was found. Each is followed by `windsysid.monitoring.levels.following`, through the conditions of
 `windsysid.live.windows.conditions`; what jumped, or drifted (`windsysid.live.watch.slow_drifts`), becomes an alarm by
 the rules of `windsysid.live.watch.alarms`. Windows that are refused, failed, transient or missing are blocks without an
-estimate, and so are coefficients of grade C: the level wanders on, its band widens.
+estimate, and so are coefficients of grade C: the level wanders on, its interval widens.
 """
 
 import math

@@ -198,7 +198,7 @@ def _empty_result(record: Record, samples: Samples, chosen: Sequence[ModalSensor
 
 def _no_decay(name: str, why: str) -> RecordError:
     return RecordError(
-        f"{name}: expected a free decay, got none: {why}; for ambient vibration leave out --decay (`windsysid.oma`)"
+        f"{name}: expected a free decay, got none: {why}; for ambient vibration use `oma` without a decay"
     )
 
 

@@ -38,7 +38,7 @@ TIME_PARTS = 32
 """Setting: number of segments whose scores are compared."""
 
 MIN_SAMPLES = 64
-"""Size: samples of a decay, at least."""
+"""Size: smallest number of samples of a decay."""
 
 MIN_NOISE = 1e-3
 """Size: smallest noise over the root mean square of a channel; structures are hardly linear to more digits."""

@@ -75,7 +75,7 @@ class MatchedMode(NamedTuple):
 
 @dataclass(frozen=True)
 class ModeMatch(Answer):
-    """Which measured mode is which mode of a model.
+    """Assignment of measured modes to the modes of a model.
 
     Attributes
     ----------

@@ -251,8 +251,8 @@ def _no_candidates(d: int) -> tuple[NDArray[np.int64], Array]:
 def shared_error(level: float, y: Array, r: Array, rates: Rates) -> float:
     """Common part of the errors of blocks (T,), as a standard deviation, in filter coordinates.
 
-    An estimate that is Gaussian with the relative standard deviation ς is so to first order. Its mean is off by a part
-    of ς² of its value, in all blocks alike, so that no number of them takes it away.
+    An estimate with the relative standard deviation ς is Gaussian to first order only. Its mean has a relative bias of
+    the order ς², which is equal in all blocks, so that averaging over blocks does not reduce it.
     """
     there = np.isfinite(y)
     if not there.any():

@@ -1,8 +1,8 @@
 """Level and jump statistic averaged over uncertain random-walk rate and scatter.
 
 A watch of a day knows neither. Plugged in as if they were known, a wander that came out too small makes jumps of what
-only wanders, and bands that are too narrow. So each wander q that is likely has a filter of its own (Magill's bank, or
-static multiple models), and these say together, with the weights of what they make of the blocks,
+only wanders, and intervals that are too narrow. So each wander q that is likely has a filter of its own (Magill's bank,
+or static multiple models), and these say together, with the weights of what they make of the blocks,
 
     w(q) ∝ p(q) L(q),    level = Σ w m,    variance = Σ w (P + (m − level)²),
 
@@ -13,7 +13,8 @@ tolerated one adds: numerator and denominator are averaged over q, each by itsel
 as a jump does is then none.
 
 A wander's prior is Cauchy's of √q / (s √r): below its scale all are as likely. Compared with a prior of its logarithm
-larger ones count for more, and series that wander more than is usual have bands that are wide enough before it is seen.
+larger ones count for more, and series that wander more than is usual have intervals that are wide enough before it is
+seen.
 
 The scatter is known from n blocks only. So variances are those of Student's t, and ℓ becomes n ln(1 + ℓ / n), which
 passes a threshold about as often as ℓ does where the scatter is known.

@@ -214,7 +214,7 @@ def _numbers(rows: list[tuple[int, list[str]]], index: int, layout: Layout) -> A
 
 
 def _is_complete(last: str, rows: list[tuple[int, list[str]]], delimiter: str) -> bool:
-    """Test whether a last line without an end is whole: as wide as the others, with as many decimals."""
+    """Test whether a last line without an end is complete: it has the columns and the decimals of the others."""
     cells = split(last, delimiter)
     others = [row for _, row in rows[:20] if row != cells]
     if last.rstrip().endswith('"') or not others:

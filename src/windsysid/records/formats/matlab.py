@@ -3,7 +3,7 @@
 A variable is an array of `windsysid.records.formats.contents.arrays`; the fields of a structure are ``name/field``.
 HDF5 counts axes from the other end than MATLAB, so that a matrix of T rows and m columns lies there as (m, T): what is
 the time follows from its length, so that both versions give the same record. A scalar called ``fs`` or the like is no
-time; the message that asks for the rate names it. Cells, characters and objects (``timetable``, ``datetime``) are left
+time; the message that a rate is missing names it. Cells, characters and objects (``timetable``, ``datetime``) are left
 out.
 """
 

@@ -131,8 +131,8 @@ def _notes(schema: Any) -> dict[str, str]:
 def _blocks(file: Any, rows: _Rows, rate: float, start: float, end: float) -> Iterator[FileBlock]:
     """Blocks of the rows from `start` to `end` [s]."""
     done, total, waiting = 0, max(file.metadata.num_rows, 1), None
-    wanted = [*rows.times, *(column.index for column in rows.columns)]
-    for table in _batches(file, file.schema_arrow.names, wanted):
+    indices = [*rows.times, *(column.index for column in rows.columns)]
+    for table in _batches(file, file.schema_arrow.names, indices):
         first = done
         done += len(table[0])
         seconds = np.arange(first, done) / rate if rows.clock is None else _seconds(rows.clock, table[0])
@@ -200,11 +200,11 @@ class _Footer:
     was read of.
     """
 
-    def __init__(self, file: Any, names: list[str], wanted: list[int]) -> None:
+    def __init__(self, file: Any, names: list[str], indices: list[int]) -> None:
         self.about, self.names = file.metadata, names
         paths = [self.about.schema.column(i).path for i in range(self.about.num_columns)]
         places = {name: [i for i, path in enumerate(paths) if path == name] for name in names}
-        self.at = {i: places[names[i]][_occurrence(names, i)] for i in wanted if places[names[i]]}
+        self.at = {i: places[names[i]][_occurrence(names, i)] for i in indices if places[names[i]]}
         self.group, self.begin, self.done = 0, 0, 0  # the group at hand, its first row, rows that came
 
     def check(self, batch: Any) -> None:
@@ -258,14 +258,14 @@ def _opened(path: Path) -> Any:
         return pq.ParquetFile(path, page_checksum_verification=True)
 
 
-def _batches(file: Any, names: list[str], wanted: list[int]) -> Iterator[list[Any]]:
-    """The columns at the indices `wanted` of a file with columns of these names, batch by batch."""
+def _batches(file: Any, names: list[str], indices: list[int]) -> Iterator[list[Any]]:
+    """The columns at these indices of a file with columns of these names, batch by batch."""
     with reading():
-        footer = _Footer(file, names, wanted)
-        read = list(dict.fromkeys(names[i] for i in wanted))
-        for batch in file.iter_batches(max(1, min(_GROUP, _VALUES // len(wanted))), columns=read):
+        footer = _Footer(file, names, indices)
+        read = list(dict.fromkeys(names[i] for i in indices))
+        for batch in file.iter_batches(max(1, min(_GROUP, _VALUES // len(indices))), columns=read):
             footer.check(batch)
-            yield [_column(batch, names, i) for i in wanted]
+            yield [_column(batch, names, i) for i in indices]
         footer.check_end()
 
 

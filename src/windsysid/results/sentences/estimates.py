@@ -17,7 +17,7 @@ TOLERANCE_UNITS = {
 
 def _damping_not_positive(d: Data) -> str:
     def sure(certain: bool) -> str:
-        return " (negative over its whole band)" if certain else ""
+        return " (negative over its whole interval)" if certain else ""
 
     lost = [f"{name} is {value:.2g}{sure(certain)}" for name, value, certain in d["coefficients"]]
     lost += [f"{name} has {100.0 * ratio:.2g} %{sure(certain)}" for name, ratio, certain in d["modes"]]
@@ -127,7 +127,7 @@ ESTIMATES: Final[Mapping[str, Sentence]] = {
     ),
     "search_exhausted": (
         "the likelihood still rose after {steps} steps, and further steps on a record of this size cost too much: "
-        "choose a shorter section, or a lower --rate"
+        "choose a shorter section, or a lower rate"
     ),
     "fit_not_converged": (
         "the likelihood still rose when the search ended: choose a longer record, identify fewer parameters, or give"

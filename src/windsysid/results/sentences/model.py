@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Final
 
 from windsysid.results.sentences.template import LIKELY_MACHINE, Data, Sentence, fill
+from windsysid.units import engineering, engineering_unit
 
 __all__ = ["LOADS_WITHHELD", "MODEL"]
 
@@ -19,7 +20,7 @@ _WHY_CHOSEN = {
 }  # fmt: skip
 _WHY_STATE = {
     "given": "as given", "pitch": "blades are feathered", "speed": "rotor speed {share:.3g %} of the usual one",
-    "unknown": "no rotor speed is recorded; say --state parked otherwise",
+    "unknown": "no rotor speed is recorded; if the turbine is parked, give that as its state",
 }  # fmt: skip
 _ANOTHER_SECTION = ": likely loads of a machine; try another section"
 
@@ -42,7 +43,8 @@ def _loads_of_spectra(d: Data) -> str:
 
 def _sinusoidal_force(d: Data) -> str:
     at = f"{d['order']}P" if d["order"] else f"{d['frequency']:.4g} Hz"
-    return f"{d['load']} has a sinusoid of {d['amplitude']:.2g} ± {2.0 * d['std']:.1g} {d['unit']} at {at}"
+    factor, unit = engineering_unit(d["unit"], d["amplitude"])
+    return f"{d['load']} has a sinusoid of {d['amplitude'] / factor:.2g} ± {2.0 * d['std'] / factor:.1g} {unit} at {at}"
 
 
 def _cause_of_force(d: Data) -> str:
@@ -72,7 +74,10 @@ MODEL: Final[Mapping[str, Sentence]] = {
         "low"
     ),
     "narrow_band_load": (
-        "a narrow-band load of {rms:.4g} {unit} rms acts on {load} at {frequency:.4g} Hz ({width:.2g %} damped)",
+        lambda d: (
+            f"a narrow-band load of {' '.join(engineering(d['unit'], d['rms']))} rms acts on {d['load']} at"
+            f" {d['frequency']:.4g} Hz ({100.0 * d['width']:.2g} % damped)"
+        ),
         ": likely a machine or waves; the estimates take it into account",
     ),
     "narrow_band_load_preferred": (
@@ -126,7 +131,7 @@ MODEL: Final[Mapping[str, Sentence]] = {
         f" {'blades move that no channel measures: record them' if d['unseen_blades'] else 'loads are not as modelled'}"
     ),
     "bands_suppose_wind": (
-        "broad loads explain the record, and spectra around the modes assume wind: use --formulation joint"
+        "broad loads explain the record, and spectra around the modes assume wind: use the joint formulation"
     ),
     "coefficient_not_positive": "{quantity} is not positive",
     "particle_weights": "{text}",

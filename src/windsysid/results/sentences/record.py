@@ -53,7 +53,8 @@ def _clock_drift(d: Data) -> str:
 
 
 def _regressor(what: str) -> Template:
-    """The sentence of a waveform: its size with a band of two standard deviations, and which estimate it shifts."""
+    """The sentence of a waveform: its size with an interval of two standard deviations, and which estimate it
+    shifts."""
 
     def of(d: Data) -> str:
         size = what.format_map({**d, "wide": 2.0 * d.get("std", 0.0)})
@@ -127,7 +128,7 @@ RECORD: Final[Mapping[str, Sentence]] = {
     ),
     "blade_passing_near_mode": (
         "the blades pass at {frequency:.3g} Hz ({blades}P), near {coordinate} at {mode:.3g} Hz: their load was not"
-        " modelled; use --formulation joint"
+        " modelled; use the joint formulation"
     ),
     "missing_samples_bridged": "{count} missing samples of {channel} were interpolated",
     **{code: _fault(code) for code in FAULTS},
@@ -145,8 +146,8 @@ RECORD: Final[Mapping[str, Sentence]] = {
     "trend": _regressor("{channel} has a trend of {size:.2g} {unit} rms"),
     "step": _regressor("{channel} steps by {size:.2g} ± {wide:.1g} {unit} at {time:.4g} s"),
     "drift_moved_readings": (
-        "readings of a drifting clock were interpolated to the samples: filters are sensitive to that; use "
-        "--formulation spectral"
+        "readings of a drifting clock were interpolated to the samples: filters are sensitive to that; use the "
+        "spectral formulation"
     ),
     "outliers": "{count} of {read} samples of {channel} were left out as outliers (beyond {sigmas:g}σ)",
     "balance_filtered": "both sides of the balance filtered to {low:.2f}–{high:.2f} Hz with zero phase",

@@ -57,15 +57,17 @@ def analyse_vibration(
 ) -> OperationalModes:
     """Identify the modes of a structure from its ambient vibration (operational modal analysis).
 
-    Bayesian analysis in the frequency domain: peaks of the singular values of the spectral matrix give frequency bands,
-    and in each the most probable modes under unmeasured random loads are found, as many as the evidence supports.
+    The analysis is Bayesian, in the frequency domain. Peaks of the singular values of the spectral matrix give
+    frequency bands. In each band the most probable modes under unmeasured random loads are found, as many as the
+    evidence supports.
 
     Parameters
     ----------
     record : Record, str, Path, pandas.DataFrame or xarray.Dataset, or a sequence of these
-        Acceleration, velocity, displacement, strain or load. If a rotor turns, the sensors on blades are transformed
-        into multi-blade coordinates by ``rotor_azimuth``. Several records are of one structure in one state: with the
-        same sensors, or with some in common while others moved (multi-setup).
+        Acceleration, velocity, displacement, strain or load (T,), uniformly sampled; NaN is a missing sample. If a
+        rotor turns, the sensors on blades are transformed into multi-blade coordinates by ``rotor_azimuth`` [rad].
+        Several records must be of one structure in one state, with the same sensors, or with some in common while
+        others moved (multi-setup).
     sensors : sequence of Sensor, ModalSensor or str, or a sequence of these, optional
         Sensors or names of channels, or a list of them for each record; by default those of the turbine, or else the
         record's accelerometers. Sensors of several records with a position and a direction are the same if these are;
@@ -83,12 +85,14 @@ def analyse_vibration(
     mapping : str, Path or Mapping, optional
         Mapping file with the names, units and signs of channels, where `record` is a path (`read_record`).
     progress : callable, optional
-        Called with the present step and the share that is done, 0 to 1, or None if that is unknown.
+        Called as ``progress(step, share)`` with the present step, a str, and the share that is done, 0 to 1, or None
+        if that is unknown.
 
     Returns
     -------
     OperationalModes
-        Frequencies [Hz], damping ratios [1] and shapes (n,) with their 95 % intervals and grades.
+        ``modes``: frequencies [Hz], damping ratios [1] and complex shapes (n,) at the n channels, with their 95 %
+        intervals and grades; ``singular_values`` (F, k) of the spectral matrix at ``frequency`` (F,) [Hz].
 
     Raises
     ------
@@ -105,7 +109,9 @@ def analyse_vibration(
 
     Notes
     -----
-    An interval of a damping ratio needs a long record: at least 100 cycles of the mode, better 1000.
+    Damping needs a long record: at least 100 cycles of the mode, better 1000. There is no model order to choose, as in
+    stochastic subspace identification (SSI): the evidence selects the number of modes of a band, and `save` draws a
+    stabilisation diagram for comparison.
 
     References
     ----------
@@ -201,8 +207,8 @@ def _searched(record: Record, readings: Readings, request: _AnalysisOptions) -> 
     noted = readings
     if found.reached is not None:
         further = (
-            f"modes were searched up to {found.reached:.4g} Hz: there are peaks above it, give --range LOW HIGH"
-            " for them"
+            f"modes were searched up to {found.reached:.4g} Hz: there are peaks above it; give a"
+            " frequency range for them"
         )
         noted = noted._replace(high=found.reached, notes=(*noted.notes, further))
     noted = noted._replace(notes=(*noted.notes, *map(covered_note, found.covered)))

@@ -210,7 +210,7 @@ def modes_of(found: BandFit) -> int:
 
 
 def modes_inside(found: BandFit, length: float) -> int:
-    """Number of modes inside a band of a record of some length [s]."""
+    """Count the modes of a band that are not spurious, for a record of this length [s]."""
     return sum(not is_spurious(found, j, length) for j in range(modes_of(found)))
 
 

@@ -258,7 +258,7 @@ def _without_vibration(
     got = f"got only {_listed(live)} of blades, water, air or mooring lines" if live else "got none"
     return ConfigurationError(
         f"{record.name}: expected channels that show the structure's vibration (acceleration, strain, load, "
-        f"displacement, velocity), {got}: list them (--sensors)"
+        f"displacement, velocity), {got}: list them (sensors=)"
     )
 
 
@@ -290,7 +290,7 @@ def _left_out(blades: Sequence[str], media: Sequence[str], kinds: Mapping[str, K
     if blades:
         notes.append(
             f"left out: {_listed(blades)}: modes of rotating blades appear at f ± 1P; name channels of all blades "
-            "blade_1_… and record rotor_azimuth, or list them (--sensors)"
+            "blade_1_… and record rotor_azimuth, or list the sensors"
         )
     if media:
         notes.append(

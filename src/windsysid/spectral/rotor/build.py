@@ -74,12 +74,12 @@ def harmonics_of(question: RotorQuestion) -> int:
     if K > MAX_HARMONICS:
         raise RecordError(
             f"the rotor turns at {rotor_hz:.3g} Hz, and modes reach {fastest:.3g} Hz: expected at most "
-            f"{MAX_HARMONICS - 2} P; use --formulation joint"
+            f"{MAX_HARMONICS - 2} P; use formulation='joint'"
         )
     if (K + 0.5) * rotor_hz > 0.5 * rate:
         raise RecordError(
             f"sampling rate: expected {(2 * K + 1) * rotor_hz:.3g} Hz or more, got {rate:.4g}: sample faster, or use "
-            f"--formulation joint"
+            f"formulation='joint'"
         )
     return K
 

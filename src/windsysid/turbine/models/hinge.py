@@ -98,7 +98,7 @@ def equivalent_rotor(
     if modes.collective is None or modes.second is None or modes.backward is None or modes.forward is None:
         raise ConfigurationError(
             f"{machine.name}: expected edgewise modes and a second side-side mode of the tower, found fewer; write the "
-            "file with --kind tower"
+            "file with kind='tower'"
         )
     first, second = tower
     named = (modes.side_side, modes.backward, modes.collective, modes.forward, modes.second)
@@ -130,7 +130,7 @@ def equivalent_rotor(
     if np.max(np.abs(found.fun)) > MAX_MISFIT or answer.hub_mass <= 0.0:
         raise ConfigurationError(
             f"{machine.name}: no support with a free roll has the modes {', '.join(f'{f:.4g}' for f in targets)} Hz; "
-            "write the file with --kind tower"
+            "write the file with kind='tower'"
         )
     return blade(found.x), answer
 

@@ -70,7 +70,7 @@ def _tower_text(machine: Machine) -> str:
 
 def _rotor_text(machine: Machine) -> str:
     if machine.blade is None:
-        raise ConfigurationError(f"{machine.name}: the model has no blades: expected --kind tower")
+        raise ConfigurationError(f"{machine.name}: the model has no blades: expected kind='tower'")
     modes, towers = machine_modes(machine, machine.rotor_speed), tower_modes(machine, 0)
     elastic = equivalent_hinge(machine.blade, machine.top, towers[0])
     hinge, support = equivalent_rotor(machine, elastic, towers, modes)

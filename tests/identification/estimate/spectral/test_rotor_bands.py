@@ -95,7 +95,7 @@ def test_modes_that_cannot_be_told_apart_have_no_estimate(found: Any):
 
 
 def test_a_load_model_and_a_spectrum_that_is_not_positive_are_refused(found: Any):
-    with pytest.raises(ConfigurationError, match=r"load model rotor-wind: bands .* leave --loads out"):
+    with pytest.raises(ConfigurationError, match=r"load model rotor-wind: bands .* leave loads= out"):
         read_in_bands(QUESTION, "rotor-wind")
     found(posed(fails=True))
     with pytest.raises(WindsysidError, match="no spectrum of this model is positive"):

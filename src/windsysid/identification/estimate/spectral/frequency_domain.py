@@ -119,7 +119,7 @@ def _refuse_measured_loads(record: Record, turbine: Turbine) -> None:
     known, unknown = known_loads(record, turbine)
     if known.any() or len({load.load for load in unknown}) < len(turbine.model.loads):
         raise ConfigurationError(
-            "the spectral formulation takes no measured loads: leave load_… out, or use --formulation joint"
+            "the spectral formulation takes no measured loads: leave load_… out, or use formulation='joint'"
         )
 
 
@@ -286,7 +286,7 @@ def _speed(speed: Array, steady: float, varying: float) -> list[Finding]:
     if varies > varying:
         raise RecordError(
             f"the rotor's speed varies by ±{100 * varies:.2g} % (one σ): expected at most ±{100 * varying:g} % for "
-            "spectra; choose a steadier section, or use --formulation joint"
+            "spectra; choose a steadier section, or use formulation='joint'"
         )
     if varies > steady:
         return [Finding("varying_rotor_speed", "reason", {"variation": varies})]

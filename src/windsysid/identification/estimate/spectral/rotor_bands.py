@@ -70,7 +70,7 @@ def read_in_bands(question: RotorQuestion, loads: str, inexact: Inexact | None =
     """
     if loads == "rotor-wind":
         raise ConfigurationError(
-            "load model rotor-wind: bands around the modes of a real rotor have loads of their own; leave --loads out"
+            "load model rotor-wind: bands around the modes of a real rotor have loads of their own; leave loads= out"
         )
     posed = search_bands(question)
     if posed is None:

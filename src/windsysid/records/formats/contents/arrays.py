@@ -112,7 +112,7 @@ def _no_channel(arrays: Sequence[Stored]) -> RecordError:
 
 
 def rate_hint(arrays: Sequence[Stored]) -> str:
-    """Hint on the rate from a scalar ``fs`` or the like, for the message that asks for the rate; empty if none."""
+    """Hint on the rate from a scalar ``fs`` or the like, for the message that a rate is missing; empty if none."""
     scalars = [one for one in arrays if not one.shape and one.numeric and one.name.lower() in _RATES]
     return "".join(f"the file says {one.path} = {float(one.read(())):g}" for one in scalars[:1])
 

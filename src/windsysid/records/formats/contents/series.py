@@ -211,7 +211,7 @@ def _time_index(series: Sequence[FileSeries], mapping: Mapping, hint: str) -> in
 
 
 def _has_times(series: Sequence[FileSeries], mapping: Mapping) -> bool:
-    """Test whether the wanted series have times; refuses a mapping that contradicts them."""
+    """Test whether the selected series have times; refuses a mapping that contradicts them."""
     wanted = [one for one in series if not mapping.only_listed or mapping.rule_of(one.cell.written, one.cell.name)]
     timed = any(one.grid or one.times for one in wanted)
     if timed and mapping.time.rate is not None:
