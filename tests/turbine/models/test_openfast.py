@@ -86,7 +86,7 @@ PropSetID PropD PropThck
 SimplCd SimplCdMG SimplCa SimplCaMG
 (-) (-) (-) (-)
 1.0 1.0 0.9 1.0
-2 NCoefDpth - depths
+2 NCoefDpthCyl - depths
 Dpth DpthCd DpthCdMG DpthCa
 (m) (-) (-) (-)
 0 1 1 0.5

@@ -191,9 +191,9 @@ class _HydroTables(NamedTuple):
 
 def _hydro_tables(hydro: InputFile) -> _HydroTables:
     """Read HydroDyn's tables of joints, sections and coefficients."""
-    sets = hydro.count("NPropSetsCyl" if hydro.has("NPropSetsCyl") else "NPropSets", 0)
 
-    def table(name: str, count: int, columns: tuple[str, ...]) -> list[tuple[str, tuple[float, ...]]]:
+    def table(name: str, counted: str, columns: tuple[str, ...]) -> list[tuple[str, tuple[float, ...]]]:
+        count = hydro.count(f"{counted}Cyl" if hydro.has(f"{counted}Cyl") else counted, 0) if counted else 1
         if not count:
             return []
         words = hydro.heading(name, columns[0])[0]
@@ -201,14 +201,13 @@ def _hydro_tables(hydro: InputFile) -> _HydroTables:
         rows, first = hydro.rows(name, count, max(at) + 1, columns[0])
         return [(row[0], tuple(hydro.value(first + i, row[k]) for k in at)) for i, row in enumerate(rows)]
 
-    depths = table("Dpth", hydro.count("NCoefDpth", 0), ("DpthCa", "Dpth"))
-    name = "NCoefMembersCyl" if hydro.has("NCoefMembersCyl") else "NCoefMembers"
+    depths = table("Dpth", "NCoefDpth", ("DpthCa", "Dpth"))
     stem = next((line.split()[0] for line in hydro.lines if line.lower().startswith("memberid_hyd")), "MemberID")
-    members = table(stem, hydro.count(name, 0), ("MemberCa1", "MemberCa2"))
+    members = table(stem, "NCoefMembers", ("MemberCa1", "MemberCa2"))
     return _HydroTables(
-        {key: row[0] for key, row in table("JointID", hydro.count("NJoints"), ("Jointzi",))},
-        {key: (row[0], row[1]) for key, row in table("PropSetID", sets, ("PropD", "PropThck"))},
-        table("SimplCd", 1, ("SimplCa",))[0][1][0], np.array([row for _, row in depths]).T[::-1],
+        {key: row[0] for key, row in table("JointID", "NJoints", ("Jointzi",))},
+        {key: (row[0], row[1]) for key, row in table("PropSetID", "NPropSets", ("PropD", "PropThck"))},
+        table("SimplCd", "", ("SimplCa",))[0][1][0], np.array([row for _, row in depths]).T[::-1],
         {key: (row[0], row[1]) for key, row in members},
     )  # fmt: skip
 
@@ -217,7 +216,7 @@ def _filled(hydro: InputFile, density: float) -> dict[str, tuple[float, float]]:
     """Height of the water inside [m] and its density [kg/m³], by filled member."""
     groups = hydro.count("NFillGroups", 0)
     rows, first = hydro.rows("FillNumM", groups, 4) if groups else ([], 0)
-    found = {}
+    found: dict[str, tuple[float, float]] = {}
     for i, words in enumerate(rows):
         count = int(hydro.value(first + i, words[0]))
         if len(words) < count + 3:

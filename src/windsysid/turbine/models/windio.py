@@ -238,7 +238,7 @@ def _beam(root: YamlNode, part: YamlNode, names: dict[str, str]) -> Array:
         about_x, _, about_y, mass = _sections(elastic, at)
         found = np.array([z, mass, about_x, about_y, np.full_like(z, np.inf)])
     line = part.get(names["diameter"]).line
-    part.file.check_gyration(line, part.name, found[2] / np.maximum(found[1], 1e-300), float(z[-1] - z[0]))
+    part.file.check_gyration(line, part.name, found[2] / np.maximum(found[1], 1e-30), float(z[-1] - z[0]))
     return found
 
 
@@ -336,7 +336,7 @@ def _blade(parts: YamlNode, names: dict[str, str], angle: float) -> tuple[Blade,
     about_x, cross, about_y, mass = _sections(elastic, along)
     flap, edge = (about_y, about_x) if np.median(about_x) > np.median(about_y) else (about_x, about_y)
     tensor = np.array([[flap, -cross], [-cross, edge]]).transpose(2, 0, 1)
-    blade.file.check_gyration(elastic.line, "blade", flap / np.maximum(mass, 1e-300), length)
+    blade.file.check_gyration(elastic.line, "blade", flap / np.maximum(mass, 1e-30), length)
     twist = blade.curve(names["twist"], along) * angle
     c, s = np.cos(twist), np.sin(twist)
     axes = np.array([[c, s], [-s, c]]).transpose(2, 0, 1)

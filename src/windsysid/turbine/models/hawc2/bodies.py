@@ -68,7 +68,7 @@ class Body:
                 f"body {self.name}: expected sections up to its length of {self.length:.4g} m, got {rows[-1, 0]:.4g} m",
             )
         if stiffness is not None:
-            mass = np.maximum(self.column(1, along), 1e-300)
+            mass = np.maximum(self.column(1, along), 1e-30)
             file.check_gyration(line, f"body {self.name}", stiffness / mass, self.length)
 
     @property
