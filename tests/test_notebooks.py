@@ -44,13 +44,8 @@ def test_the_cells_of_a_notebook_run_and_show_pictures(notebook: Path, tmp_path:
     assert pictures == PICTURES[notebook.stem]
 
 
-@pytest.mark.parametrize(
-    "notebook",
-    [
-        pytest.param(path, id=path.stem, marks=[pytest.mark.slow] * (path.stem != "modes_without_a_model"))
-        for path in NOTEBOOKS
-    ],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.stem)
 def test_a_notebook_runs_and_shows_pictures(notebook: Path, tmp_path: Path):
     copy = tmp_path / notebook.name  # a kernel works where its notebook lies
     copy.write_bytes(notebook.read_bytes())

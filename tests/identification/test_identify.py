@@ -358,7 +358,7 @@ def test_options_that_do_not_belong_together_are_refused(verne555, record):
     with pytest.raises(ConfigurationError, match="the force balance takes no sensor list"):
         identify(record, verne555, formulation="force-balance", sensors=verne555.sensors)
     with pytest.raises(ConfigurationError, match="expected auto, joint, spectral, force-balance; got 'both'"):
-        identify(record, verne555, formulation="both")  # type: ignore[arg-type]
+        identify(record, verne555, formulation="both")
 
 
 def test_the_force_balance_says_that_loads_are_missing(verne555, record):

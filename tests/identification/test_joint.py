@@ -8,6 +8,7 @@ import pytest
 from tests.findings import codes, notes, only, reasons
 from tests.identification.fits import identify_without_effects as identify
 from windsysid.errors import ConfigurationError, WindsysidError
+from windsysid.identification import identify as front
 from windsysid.identification.model.fit import check_finite, known_loads
 from windsysid.identification.model.prior import Prior, identifiable
 from windsysid.mechanics import RotorModel, compile_model
@@ -334,7 +335,7 @@ def test_bands_hold_the_truth_as_often_as_they_say(verne555: Turbine):
     # 30 records × 10 coefficients from unbiased priors: rms of (estimate - truth)/σ. Its standard error for one
     # coefficient is 1/√60 = 0.13: bound at three of them.
     z = np.array([
-        [(e.estimate - (e.reference or 0.0)) / e.std for e in identify(record, verne555,
+        [(e.estimate - (e.reference or 0.0)) / e.std for e in front.identify(record, verne555, formulation="joint",
         prior=Prior(spread=1.0)).estimates]
         for record in (simulate_record(verne555, duration=60.0, rate=RATE, seed=seed) for seed in range(100, 130))
     ])  # fmt: skip

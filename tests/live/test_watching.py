@@ -213,7 +213,7 @@ def test_a_drift_that_goes_back_ends_its_alarm():
 
 
 @pytest.mark.usefixtures("weeks_of_40_windows")
-@pytest.mark.parametrize(("end", "tolerated"), [(-0.004, 0.005), (-0.03, 0.03)])
+@pytest.mark.parametrize(("end", "tolerated"), [pytest.param(-0.004, 0.005, marks=pytest.mark.slow), (-0.03, 0.03)])
 def test_what_does_not_drift_beyond_what_is_tolerated_is_no_alarm(end: float, tolerated: float):
     options = WatchOptions(learn=24, tolerated=TOLERATED_DRIFT | {"k": tolerated})
     assert not last_said(feed(start("T1", options), drifting(440, end, over=200)))

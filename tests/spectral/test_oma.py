@@ -396,7 +396,7 @@ def test_a_machines_line_that_wanders_is_no_mode_to_trust(seed, wander):
     assert all(mode.trusted for mode in found.modes if mode not in narrow)
 
 
-@pytest.mark.parametrize("seed", [6, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (12, 25, 32)), 43])
+@pytest.mark.parametrize("seed", [6, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (12, 25, 32, 43))])
 def test_every_clear_mode_of_a_frame_is_found_and_no_other(seed):
     """Few bins tell a peak's half height badly: bands came out too narrow to tell a mode from what is around it."""
     modes = ((0.8, 0.008), (1.9, 0.010), (3.1, 0.012), (4.6, 0.015))
@@ -494,7 +494,7 @@ def windows(count, step):
     return [record_of(y[i * step : i * step + 3000], RATE) for i in range(count)]
 
 
-@pytest.mark.parametrize("step", [0, pytest.param(750, marks=pytest.mark.slow), 2000])
+@pytest.mark.parametrize("step", [0, *(pytest.param(step, marks=pytest.mark.slow) for step in (750, 2000))])
 def test_records_that_hold_the_same_motion_are_not_trusted_together(step):
     """What happened once counted several times: bands were too narrow by the root of that."""
     rng = np.random.default_rng(3)

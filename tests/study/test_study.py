@@ -10,6 +10,7 @@ import pytest
 import xarray as xr
 from validation.wind_study import main, summary
 
+from windsysid.filters import FILTERS
 from windsysid.identification.estimate.force_balance import analysis_band
 from windsysid.output.folders import claim
 from windsysid.study import methods, run
@@ -43,7 +44,7 @@ def study(told: list[str], without_effects: None) -> Study:
         patch.setattr(run, "STARTS", (0.0, 500.0))
         patch.setattr(run, "FACTORS", (0.3, 3.0))
         patch.setattr(run, "COMPARED", 1)
-        patch.setattr(methods, "FILTERS", methods.FILTERS[:1])
+        patch.setattr(methods, "FILTERS", FILTERS[:1])
         return run_study(0, lambda doing, share: told.append(doing))
 
 
