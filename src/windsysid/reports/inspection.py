@@ -10,7 +10,7 @@ from windsysid.reports.figures.inspection_figures import (
     density_unit,
     drawn_lines,
     highest_drawn,
-    overview,
+    history_plots,
     spectrogram_figure,
 )
 from windsysid.reports.html import Section, png, report_page
@@ -30,32 +30,32 @@ MAX_POINTS = 2000
 NAMES = ("rotor harmonics", "expected modes")
 
 LEGEND = (
-    "Faults are orange; blue are the proposed sections, numbered, the best one darker; dashed lines are where the rotor"
-    " stops and starts. Every spike is drawn: each pixel shows the least and the greatest value in it."
+    "Orange: faults; blue: the proposed sections; dashed: the rotor stops and starts. Every spike is drawn: each pixel"
+    " shows the least and the greatest value in it."
 )
 
 
 def figure(inspection: "Inspection", place: "Axes | None" = None) -> "Figure":
     """Draw the channels over time with faults, proposed sections and stops of the rotor."""
-    return overview(inspection, place)
+    return drawn(history_plots(inspection), place)
 
 
 def files(inspection: "Inspection") -> dict[str, bytes]:
     """``report.html``, ``inspection.json``, and the figures that exist (overview, spectra, spectrogram), by name."""
     i, plots = inspection, _spectra_plots(inspection)
     figures = {
-        "overview": overview(i),
+        "overview": figure(i),
         "spectra": drawn(plots) if plots else None,
         "spectrogram": spectrogram_figure(i),
     }
-    pictures = {name: png(figure) for name, figure in figures.items() if figure is not None}
+    pictures = {name: png(one) for name, one in figures.items() if one is not None}
     sections = [
         Section("What was found", text=[f"{i.verdict[0].upper()}{i.verdict[1:]}.", *_findings(i), *i.notes]),
         Section(
             "Which part to use",
-            text=_proposals(i),
+            text=[*_proposals(i), _overview_caption(i)],
             tables=[i.stops_table()] if i.stops else [],
-            figures=_with(pictures.get("overview"), _overview_caption(i)),
+            plots=history_plots(i),
         ),
         *_vibration(i, pictures),
     ]
