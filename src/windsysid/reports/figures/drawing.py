@@ -79,7 +79,8 @@ def _draw_curve(ax: Axes, x: Any, curve: PlotCurve) -> None:
         ax.errorbar(x, values, yerr=reach, color=colour, label=label(curve.name), **LOOKS[curve.look], **size)
         return
     if ends is not None:
-        ax.fill_between(x, *ends, color=colour, alpha=1.0 if curve.look == "area" else 0.3, lw=0)
+        whole = curve.look == "area"  # with an edge, so that a constant is seen
+        ax.fill_between(x, *ends, color=colour, alpha=1.0 if whole else 0.3, lw=0.6 * whole)
     if curve.look == "line":
         ax.plot(x, values, color=colour, lw=1.2, ls="--" if curve.dashed else "-", label=label(curve.name))
 

@@ -133,7 +133,8 @@ def _area(x: Array, bounds: tuple[Array, Array], colour: str, opacity: float) ->
     found = []
     for part in _segments(x, *bounds):
         low, high = (_outline(x[part], bound[part], side) for bound, side in zip(bounds, (1, 0), strict=True))
-        found.append(f'<path d="M{low}L{_reverse(high)}Z" style="fill:{colour}" fill-opacity="{opacity:g}"/>')
+        paint = f"fill:{colour};stroke:{colour};stroke-width:0.6" if opacity == 1.0 else f"fill:{colour}"
+        found.append(f'<path d="M{low}L{_reverse(high)}Z" style="{paint}" fill-opacity="{opacity:g}"/>')
     return found
 
 
