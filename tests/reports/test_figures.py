@@ -9,9 +9,10 @@ from matplotlib.figure import Figure
 
 from windsysid.monitoring.change import Comparison, QuantityChange
 from windsysid.output.table import Table
-from windsysid.reports import campbell, comparison, fleet, inspection, inspection_plots, plan, watch
+from windsysid.reports import campbell, comparison, fleet, inspection, plan, watch
 from windsysid.reports.figures import bands, plots
 from windsysid.reports.figures.plots import ERROR, ESTIMATE, MEASURED
+from windsysid.reports.interactive import inspection as inspection_pictures
 
 
 def change(name: str, percent: float, log_odds: float) -> QuantityChange:
@@ -80,8 +81,8 @@ def test_a_record_without_a_good_section_is_warned_of():
 
 def test_many_faults_are_thinned_and_none_is_kept():
     spans = np.column_stack([np.arange(1000.0), np.arange(1000.0) + 0.5])
-    assert len(inspection_plots.some(spans)) <= inspection_plots.MAX_MARKS
-    assert inspection_plots.some(np.empty((0, 2))).shape == (0, 2)
+    assert len(inspection_pictures.some(spans)) <= inspection_pictures.MAX_MARKS
+    assert inspection_pictures.some(np.empty((0, 2))).shape == (0, 2)
 
 
 def test_a_band_about_the_result_is_marked():

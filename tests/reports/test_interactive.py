@@ -18,7 +18,7 @@ from windsysid.reports.figures.plots import ESTIMATE
 from windsysid.reports.html import Section, report_page
 from windsysid.reports.identification import identification_report
 from windsysid.reports.identification_plots import spectra_plots
-from windsysid.reports.inspection_plots import highest_drawn
+from windsysid.reports.interactive.inspection import highest_drawn
 from windsysid.reports.interactive.plot import Axis, Mark, Plot, PlotCurve, ShadedRange, thinned, to_json
 from windsysid.reports.interactive.svg import static_svg
 

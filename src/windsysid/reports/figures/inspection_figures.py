@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator
 from windsysid._types import Array
 from windsysid.reports.figures.canvas import canvas, label
 from windsysid.reports.figures.plots import BAND, ERROR, ESTIMATE, MEASURED, REFERENCE, envelope, tidy
-from windsysid.reports.inspection_plots import MAX_PLOTS, broken, some, unit_drawn
+from windsysid.reports.interactive.inspection import MAX_PLOTS, broken, gaps_of, some, unit_drawn
 
 if TYPE_CHECKING:
     from windsysid.inspection.inspection import Inspection
@@ -30,7 +30,7 @@ def overview(inspection: "Inspection", place: Axes | None = None) -> Figure:
     for ax, channel in zip(axes, channels, strict=True):
         unit, factor = unit_drawn(channel, record.unit(channel))
         values = factor * record[channel]
-        time, low, high = broken(*envelope(record.time, values), inspection.of(""))
+        time, low, high = broken(*envelope(record.time, values), gaps_of(inspection))
         _mark_sections(ax, inspection)
         ax.fill_between(time, low, high, color=MEASURED, lw=0.6, edgecolor=MEASURED)
         said = _mark_faults(ax, inspection, channel, record.time, values)
@@ -66,8 +66,8 @@ def _mark_sections(ax: Axes, inspection: "Inspection") -> None:
 def _mark_faults(ax: Axes, inspection: "Inspection", channel: str, time: Array, values: Array) -> str:
     """Shade long faults, mark short ones with dots; return their kinds, in words."""
     pixel = (time[-1] - time[0]) / 1000.0
-    gaps = [finding for finding in inspection.of("") if finding.kind == "gaps"]
-    faults = [finding for finding in (*inspection.of(channel), *gaps) if finding.severity != "note"]
+    found = *inspection.of(channel), *gaps_of(inspection)
+    faults = [finding for finding in found if finding.severity != "note"]
     for finding in faults:
         spans = some(finding.spans)
         long = spans[:, 1] - spans[:, 0] > pixel
