@@ -23,7 +23,7 @@ from windsysid.live.store import open_store
 from windsysid.live.store.contents import Commit, Result, SeriesLevel, Status, StoredBlock
 from windsysid.live.store.encoding import pack_spectra
 from windsysid.live.store.sql_store import SqlStore
-from windsysid.reports.figures.identification_plots import compact_spectra
+from windsysid.reports.interactive.identification import compact_spectra
 from windsysid.reports.interactive.plot import to_json
 from windsysid.simulation.record import simulate_record
 from windsysid.turbine.file import load_turbine

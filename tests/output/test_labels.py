@@ -17,9 +17,9 @@ from windsysid.records.record import AS_WRITTEN
 from windsysid.reports import figure as figure_of
 from windsysid.reports import files
 from windsysid.reports.figures.canvas import label
-from windsysid.reports.figures.identification_plots import innovation_plots, whiteness_plots
 from windsysid.reports.figures.plots import record_overview, symbol
 from windsysid.reports.html import png
+from windsysid.reports.interactive.identification import innovation_plots, whiteness_plots
 from windsysid.reports.interactive.plot import to_json
 from windsysid.reports.interactive.svg import static_svg
 from windsysid.spectral.oma.analyse import analyse_vibration

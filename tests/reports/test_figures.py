@@ -10,9 +10,10 @@ from matplotlib.figure import Figure
 from windsysid.monitoring.change import Comparison, QuantityChange
 from windsysid.output.table import Table
 from windsysid.reports import campbell, comparison, fleet, inspection, watch
-from windsysid.reports.figures import inspection_plots, plots
+from windsysid.reports.figures import plots
 from windsysid.reports.figures.drawing import drawn
 from windsysid.reports.figures.plots import ERROR, ESTIMATE, MEASURED
+from windsysid.reports.interactive import inspection as inspection_plots
 from windsysid.reports.interactive.plot import Axis, Mark, Plot, PlotCurve, ShadedRange
 
 

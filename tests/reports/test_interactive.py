@@ -15,11 +15,11 @@ from windsysid.inspection.spectra import ExpectedLine, SpectralPeak, Spectrum
 from windsysid.monitoring.change import Comparison, QuantityChange
 from windsysid.output.table import Table
 from windsysid.reports import comparison
-from windsysid.reports.figures.identification_plots import spectra_plots
-from windsysid.reports.figures.inspection_plots import highest_drawn
 from windsysid.reports.figures.plots import ESTIMATE
 from windsysid.reports.html import Section, report_page
 from windsysid.reports.identification import identification_report
+from windsysid.reports.interactive.identification import spectra_plots
+from windsysid.reports.interactive.inspection import highest_drawn
 from windsysid.reports.interactive.plot import Axis, Mark, Plot, PlotCurve, ShadedRange, thinned, to_json
 from windsysid.reports.interactive.svg import static_svg
 

@@ -112,9 +112,8 @@ def _affordable(job: Job) -> Job:
 
 def _steps(job: Job) -> float:
     """Steps of the equations that filters take over the record of a job."""
-    part = job.part
-    rate = choose_rate(part.rate, part.duration, job.turbine, job.rate) or part.rate
-    return part.duration * rate * steps_per_reading(job.turbine, rate)
+    rate = choose_rate(job.part.rate, job.part.duration, job.turbine, job.rate) or job.part.rate
+    return job.part.duration * rate * steps_per_reading(job.turbine, rate)
 
 
 def _filters_instead(job: Job, spectral: FittedJob, doubt: Finding) -> FittedJob:
@@ -180,9 +179,7 @@ def _fitted_beside(job: Job, spectral: FittedJob) -> tuple[Job, FittedJob]:
     leaning = job.including(wander)
     drifting = estimate(leaning, spectral)
     agrees = compare(drifting.outcome, spectral.outcome)[1] <= MAX_DISAGREEMENT_SIGMAS
-    if agrees and not _is_doubtful(drifting):
-        return leaning, drifting
-    return answered, joint
+    return (leaning, drifting) if agrees and not _is_doubtful(drifting) else (answered, joint)
 
 
 def _by_broad_loads(job: Job) -> FittedJob | None:
@@ -191,8 +188,7 @@ def _by_broad_loads(job: Job) -> FittedJob | None:
     damped, and it has more than its model: it stays with bands."""
     if job.loads not in ("auto", Broadband.name) or is_lightly_damped(job.turbine):
         return None
-    part, joint = job.part, None
-    begun = float(part.time[0])
+    part, joint, begun = job.part, None, float(job.part.time[0])
     beginning = begun + BEGINNING * 2.0 * math.pi / job.turbine.slowest_frequency
     for end in sorted({min(beginning, float(part.time[-1])), float(part.time[-1])}):
         try:
@@ -215,10 +211,6 @@ def _note(code: str, **data: Any) -> Finding:
 
 def _undamped(found: Outcome) -> list[Finding]:
     """Damping coefficients that are not positive: a spectrum gives their size only, and a search may find the image."""
-    at = zip(found.model.parameters, found.theta.tolist(), strict=True)
-    dampers = [(q, theta) for q, theta in at if q.kind == "damping" and q.part in found.turbine.model.coordinates]
-    return [
-        Finding("coefficient_not_positive", "reason", {"value": float(q.physical(theta))}, (q.name,))
-        for q, theta in dampers
-        if q.physical(theta) <= 0.0
-    ]
+    at = [(q, float(q.physical(theta))) for q, theta in zip(found.model.parameters, found.theta, strict=True)]
+    dampers = [(q, c) for q, c in at if q.kind == "damping" and q.part in found.turbine.model.coordinates]
+    return [Finding("coefficient_not_positive", "reason", {"value": c}, (q.name,)) for q, c in dampers if c <= 0.0]

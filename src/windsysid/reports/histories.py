@@ -4,8 +4,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from windsysid.reports.figures.drawing import drawn
-from windsysid.reports.figures.identification_plots import coefficient_plots
 from windsysid.reports.figures.plots import coefficient_histories
+from windsysid.reports.interactive.identification import coefficient_plots
 from windsysid.results.identification import Identification
 
 __all__ = ["figure"]

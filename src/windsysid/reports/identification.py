@@ -24,7 +24,7 @@ _HISTORIES = {
 def identification_report(identification: Identification, record: Record | None = None) -> bytes:
     """The report of one identification on the section of the record that it used; without its channels where the record
     is not given."""
-    from windsysid.reports.figures.identification_plots import (
+    from windsysid.reports.interactive.identification import (
         caption,
         coefficient_plots,
         history_plots,
@@ -67,7 +67,7 @@ def _tables_of_rest(i: Identification) -> list[Table]:
 
 def _explains_section(identification: Identification) -> Section:
     """Check of the model against the record: by its innovations, or in words if there are none."""
-    from windsysid.reports.figures.identification_plots import innovation_plots, whiteness_plots
+    from windsysid.reports.interactive.identification import innovation_plots, whiteness_plots
 
     i, title = identification, "Does the model explain the record?"
     if i.formulation == "spectral":
@@ -89,7 +89,7 @@ def _explains_section(identification: Identification) -> Section:
 
 def _load_section(identification: Identification) -> Section:
     """The loads as the filter knew them."""
-    from windsysid.reports.figures.identification_plots import load_plots
+    from windsysid.reports.interactive.identification import load_plots
 
     text = "The loads on the structure, as the filter estimated them at the result, with 95 % intervals."
     return Section("The loads", text=[text], plots=load_plots(identification))

@@ -2,8 +2,8 @@
 
 from typing import TYPE_CHECKING
 
-from windsysid.reports.figures.inspection_plots import overview_plots, spectra_plots, spectrogram_plots
 from windsysid.reports.html import Section, report_page
+from windsysid.reports.interactive.inspection import overview_plots, spectra_plots, spectrogram_plots
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

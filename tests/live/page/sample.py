@@ -196,7 +196,7 @@ def make_rows() -> None:
     """Identify two simulated records, and write their rows and spectra."""
     import windsysid
     from windsysid.fleet.rows import empty_row, row_of
-    from windsysid.reports.figures.identification_plots import compact_spectra
+    from windsysid.reports.interactive.identification import compact_spectra
     from windsysid.reports.interactive.plot import to_json
     from windsysid.results.serialization import finite
     from windsysid.turbine.file import load_turbine

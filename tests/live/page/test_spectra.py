@@ -18,7 +18,7 @@ from windsysid.live.store import Keep, open_store
 from windsysid.live.store.contents import Commit
 from windsysid.live.windows.estimate import Here
 from windsysid.live.windows.timeline import Gathered
-from windsysid.reports.figures.identification_plots import MAX_KEPT_BINS, compact_spectra, spectra_plots
+from windsysid.reports.interactive.identification import MAX_KEPT_BINS, compact_spectra, spectra_plots
 
 from . import sample
 

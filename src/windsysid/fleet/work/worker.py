@@ -128,7 +128,7 @@ def take_samples(
     request: dict[str, Any], member: Member, formulation: str, settings: str, say: Say
 ) -> tuple[Row, list[str]]:
     """Row of the samples in the request, without SCADA of files, and plots of their spectra as JSON."""
-    from windsysid.reports.figures.identification_plots import compact_spectra
+    from windsysid.reports.interactive.identification import compact_spectra
     from windsysid.reports.interactive.plot import to_json
 
     source, size = request["source"], -1

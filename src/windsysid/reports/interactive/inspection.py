@@ -15,8 +15,8 @@ from windsysid.units import RPM, unit_text
 if TYPE_CHECKING:
     from windsysid.inspection.inspection import Inspection
 
-__all__ = ["broken", "drawn_lines", "highest_drawn", "overview_plots", "some", "spectra_plots", "spectrogram_plots",
-    "unit_drawn"]  # fmt: skip
+__all__ = ["broken", "drawn_lines", "gaps_of", "highest_drawn", "overview_plots", "some", "spectra_plots",
+    "spectrogram_plots", "unit_drawn"]  # fmt: skip
 
 MAX_PLOTS, MAX_MARKS, MAX_POINTS, MAX_CELLS = 12, 200, 2000, 120
 """Setting: channels that are drawn, faults that are marked in each, frequencies of a spectrum (of neighbours the
@@ -41,7 +41,7 @@ def overview_plots(i: "Inspection") -> list[Plot]:
     for channel in i.shown(MAX_PLOTS):
         unit, factor = unit_drawn(channel, i.record.unit(channel))
         values = factor * i.record[channel]
-        time, low, high = broken(*thinned(i.record.time, values), i.of(""))
+        time, low, high = broken(*thinned(i.record.time, values), gaps_of(i))
         curve = PlotCurve("readings", 0.5 * (low + high), low, high, "area", "measured")
         kinds, faults, dots = _faults(i, channel, time, values)
         curves = [curve] if dots is None else [curve, dots]
@@ -58,8 +58,7 @@ def _faults(
 ) -> tuple[str, list[ShadedRange], PlotCurve | None]:
     """Kinds of the faults of a channel in words; long ones as ranges, short ones as dots at the times drawn."""
     time, spans, dots = i.record.time, [], np.full(len(drawn), np.nan)
-    gaps = [fault for fault in i.of("") if fault.kind == "gaps"]
-    faults = [fault for fault in (*i.of(channel), *gaps) if fault.severity != "note"]
+    faults = [fault for fault in (*i.of(channel), *gaps_of(i)) if fault.severity != "note"]
     for fault in faults:
         places = some(fault.spans)
         long = places[:, 1] - places[:, 0] > (time[-1] - time[0]) / 1000.0
@@ -191,12 +190,16 @@ def density_unit(unit: str) -> str:
     )
 
 
-def broken(time: Array, low: Array, high: Array, findings: Sequence[Fault]) -> tuple[Array, Array, Array]:
+def gaps_of(i: "Inspection") -> list[Fault]:
+    """Gaps of the record's time."""
+    return [fault for fault in i.of("") if fault.kind == "gaps"]
+
+
+def broken(time: Array, low: Array, high: Array, gaps: Sequence[Fault]) -> tuple[Array, Array, Array]:
     """Curve that is not drawn across gaps of the time."""
-    gaps = [finding.spans for finding in findings if finding.kind == "gaps"]
     if not gaps or time.size < 2:
         return time, low, high
-    at = np.unique(np.searchsorted(time, np.concatenate(gaps).mean(axis=1)))
+    at = np.unique(np.searchsorted(time, np.concatenate([gap.spans for gap in gaps]).mean(axis=1)))
     at = at[(at > 0) & (at < time.size)]
     return np.insert(time, at, time[at]), np.insert(low, at, np.nan), np.insert(high, at, np.nan)
 
