@@ -44,11 +44,12 @@ def test_a_narrow_band_that_passed_for_a_mode_is_taken_into_account(monkeypatch:
 
 def test_a_weak_sea_is_taken_for_waves_offshore_only(monkeypatch: pytest.MonkeyPatch):
     """Waves of 3.3 s under a tower of 0.32 Hz: spectra explain the record as well without them, which shifts fore-aft
-    stiffness and damping."""
+    stiffness and damping. Onshore they are a rival, and estimates were more than three standard deviations off."""
     sea = Kind(loads=_narrow(0.3, 0.03, 0.16, 1))
     onshore, off = towers(sea, 650010, monkeypatch, formulation="spectral")
-    assert off > 3.0
+    assert off < 3.0
     assert "narrow_band_load" not in codes(onshore.findings)
+    assert "narrow_band_load_possible" in codes(onshore.findings)
     offshore, worst = towers(sea, 650010, monkeypatch, formulation="spectral", site="offshore")
     assert only(offshore.findings, "narrow_band_load").data["frequency"] == pytest.approx(0.3, abs=0.01)
     assert worst < 3.0
@@ -72,14 +73,14 @@ def test_a_mode_that_is_damped_less_or_more_than_the_file_says_is_none(damping: 
     assert "narrow_band_load" not in codes(found.findings)
 
 
-def test_one_that_the_readings_cannot_tell_from_a_mode_speaks_against_the_result(monkeypatch: pytest.MonkeyPatch):
+def test_one_that_the_readings_cannot_tell_from_a_mode_widens_the_interval(monkeypatch: pytest.MonkeyPatch):
     doubts = []
     for seed in range(650010, 650013):
         found, worst = towers(Kind(loads=_narrow(0.335, 0.003, 0.1, 1)), seed, monkeypatch, formulation="spectral")
         if found.diagnosis.trusted:
-            assert worst < 5.0
-        doubts += [one for one in reasons(found) if one.code == "narrow_band_load_possible"]
-    assert {one.quantities[0] for one in doubts} == {"c_fore_aft"}
+            assert worst < 3.0
+        doubts += [one for one in found.findings if one.code == "narrow_band_load_possible"]
+    assert "c_fore_aft" in {one.quantities[0] for one in doubts}
 
 
 def test_a_rotor_on_its_support_is_asked_too(monkeypatch: pytest.MonkeyPatch):

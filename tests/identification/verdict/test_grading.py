@@ -156,8 +156,11 @@ def test_a_rival_that_is_far_away_is_a_reason_however_small_its_chance():
     assert not found.diagnosis.trusted
 
 
-def test_a_rival_stays_a_reason_where_scores_over_frequencies_are_not_known():
+def test_a_narrow_band_rival_widens_where_scores_are_not_known_and_any_other_stays_a_reason():
     found = concluded(rival(3.0, 0.25))
+    assert grades(found) == {**dict.fromkeys(NAMES, "A"), "k_fore_aft": "B"}
+    assert found.diagnosis.trusted
+    found = concluded(replace(rival(3.0, 0.25), code="line_influence"))
     assert grades(found)["k_fore_aft"] == "C"
     assert not found.diagnosis.trusted
 

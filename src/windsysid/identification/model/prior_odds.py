@@ -72,11 +72,11 @@ def chances_of_rivals(log_odds: Sequence[float]) -> list[float]:
     Examples
     --------
     >>> [round(chance, 2) for chance in chances_of_rivals([0.0])], [round(p, 2) for p in chances_of_rivals([3.0, -3.0])]
-    ([0.5], [0.85, 0.02])
+    ([0.5], [0.77, 0.05])
     """
     tempered = np.append(0.0, log_odds) / math.sqrt(1.0 + math.pi / 8.0 * LOG_EVIDENCE_STD**2)
     weights = np.exp(tempered - tempered.max())
-    return (weights[1:] / weights.sum()).tolist()
+    return [float(weight) for weight in weights[1:] / weights.sum()]
 
 
 def log_bound(bound: float, code: str, turbine: Turbine) -> float:

@@ -39,10 +39,11 @@ COVERED_BY_INTERVALS: Mapping[str, frozenset[str]] = {
         "channel_level", "correlated_innovations", "correlated_loads", "innovation_level", "level_over_frequency",
         "unexplained_level", "unexplained_peak",
     ), _EVERY),
-    **dict.fromkeys(("narrow_band_load_ambiguous", "narrow_band_load_possible"), frozenset({"time"})),
+    **dict.fromkeys(("narrow_band_load_ambiguous", "narrow_band_load_possible"), frozenset()),
 }  # fmt: skip
-"""Setting: findings of loads that change, of innovations that are not white and of narrow-band loads, and the scores
-with which intervals cover them: over time, and over frequencies too."""
+"""Setting: findings that intervals cover, and the scores that this takes: of loads that change, over time; of
+innovations that are not white, over frequencies too; of narrow-band loads, whose rivals are known by themselves,
+none."""
 
 Readers = Mapping[str, Collection[str]]
 """For each degree of freedom that moves by itself the channels that measure it."""
