@@ -168,26 +168,28 @@ class Separation(Answer):
 
     def table(self) -> Table:
         """Structural and aerodynamic part of each coefficient, in every state."""
-        return Table(HEADINGS, self.rows, "structural and aerodynamic damping", words=(0, 1, 2))
+        rest = " (at rest: with the air of a parked rotor; air: what rotation and wind add)" if self.parked_air else ""
+        return Table(HEADINGS, self.rows, f"structural and aerodynamic damping{rest}", words=(0, 1))
 
     @property
     def rows(self) -> list[tuple[str, ...]]:
         """As a table under `HEADINGS`."""
         rows: list[tuple[str, ...]] = []
-        air = "air beyond that" if self.parked_air else "air"
         for split in self.splits:
-            parts = [(self.base, split.structural)]
+            parts = [("at rest" if self.parked_air else "structure", split.structural)]
             if split.structural is None:
                 parts = [
                     ("structure and what turns with the rotor", split.calm),
                     ("a metre per second of wind more", split.per_wind),
                 ]
-            parts += self._by_state(air, split.aerodynamic)
+            parts += self._by_state("air", split.aerodynamic)
             shown = [(of, band) for of, band in parts if band is not None] or self._by_state("total", split.measured)
             for of, band in shown:
                 ratio = band.over(0.01 * split.critical)
-                head = (split.name, unit_text(split.unit)) if (of, band) == shown[0] else ("", "")
-                rows.append((*head, of, f"{band.value:.4g}", band.span, f"{ratio.value:.3g} %", f"{ratio.span} %"))
+                name = split.name if (of, band) == shown[0] else ""
+                thousand = split.critical >= 1e4
+                c, unit = band.over(1e3 if thousand else 1.0), f"{'k' * thousand}{unit_text(split.unit)}"
+                rows.append((name, of, f"{ratio.value:.3g}", ratio.span, f"{c.value:.4g}", c.span, unit))
         return rows
 
     def _by_state(self, what: str, bands: Sequence[AnyBand]) -> list[tuple[str, AnyBand]]:
@@ -218,7 +220,7 @@ class Separation(Answer):
         return [self.sentence, *self.lacking, *doubts, self.table(), *self.notes]
 
 
-HEADINGS = ("", "unit", "of", "c", "±2σ band", "of critical", "±2σ band")
+HEADINGS = ("", "part", "ζ [%]", "±2σ", "c", "±2σ", "unit")
 
 
 def _plain(split: DampingSplit) -> dict[str, Any]:
