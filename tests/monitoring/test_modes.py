@@ -53,9 +53,7 @@ def test_what_is_not_trusted_in_both_is_not_compared():
 
 def test_results_of_two_kinds_are_not_compared(verne555):
     tower = ws.identify(ws.simulate("tower", duration=600.0, rate=5.0, seed=1), "tower", formulation="spectral")
-    with pytest.raises(
-        ws.ConfigurationError, match="got one of oma and one of identify: give the same command"
-    ):
+    with pytest.raises(ws.ConfigurationError, match="got one of oma and one of identify: give the same command"):
         compare(record_of(1, (1.1, 2.7)), tower)
 
 
