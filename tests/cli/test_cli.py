@@ -471,7 +471,7 @@ def test_start_runs_the_command_that_it_prints(record):
 def test_what_is_no_result_is_refused_with_what_to_do(record):
     ended = program("compare", str(record), str(record))
     assert ended.returncode == 2
-    assert ended.stderr.endswith("expected one of windsysid identify or oma, got a file: give the folder that holds it\n")
+    assert ended.stderr.endswith("identify or oma, got a file: give the folder that holds it\n")
 
 
 def test_the_program_refuses_in_one_line(record):
