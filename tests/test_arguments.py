@@ -13,7 +13,7 @@ import pytest
 import windsysid as ws
 from windsysid._lazy import misfit
 
-WRONG = (3, None, "no such thing", [])
+WRONG: tuple[Any, ...] = (3, None, "no such thing", [])
 
 
 def functions() -> Iterator[Any]:

@@ -49,8 +49,10 @@ def naming_arguments(name: str, function: Any) -> Any:
 
     It takes the place of the function in its module, so that it can be pickled.
     """
-    home = sys.modules.get(getattr(function, "__module__", ""))
-    if not isinstance(function, FunctionType) or vars(home).get(function.__name__) is not function:
+    if not isinstance(function, FunctionType):
+        return function
+    home = sys.modules[function.__module__]
+    if getattr(home, function.__name__, None) != function:
         return function
 
     @wraps(function)
@@ -67,7 +69,7 @@ def naming_arguments(name: str, function: Any) -> Any:
     return named
 
 
-def misfit(function: FunctionType, arguments: tuple[Any, ...], options: dict[str, Any]) -> str | None:
+def misfit(function: Callable[..., Any], arguments: tuple[Any, ...], options: dict[str, Any]) -> str | None:
     """The first argument that has none of the types of its annotation, in words; only what certainly does not fit.
 
     Examples
@@ -80,7 +82,7 @@ def misfit(function: FunctionType, arguments: tuple[Any, ...], options: dict[str
     import inspect
     import re
 
-    signature = inspect.signature(function)
+    signature, names = inspect.signature(function), getattr(inspect.unwrap(function), "__globals__", {})
     try:
         given = signature.bind(*arguments, **options).arguments
     except TypeError:
@@ -88,7 +90,7 @@ def misfit(function: FunctionType, arguments: tuple[Any, ...], options: dict[str
     for key, value in given.items():
         parameter = signature.parameters[key]
         written = Any if parameter.annotation is parameter.empty else parameter.annotation
-        hint = _evaluated(written, function.__globals__)
+        hint = _evaluated(written, names)
         if parameter.kind not in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD) and not _fits(value, hint):
             hint = getattr(hint, "__bound__", hint) or hint
             written = "array_like" if "numpy" in repr(hint) else inspect.formatannotation(hint).replace("typing.", "")

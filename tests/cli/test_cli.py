@@ -507,7 +507,7 @@ def test_start_runs_the_command_that_it_prints(tmp_path):
 def test_what_is_no_result_is_refused_with_what_to_do(record):
     ended = program("compare", str(record), str(record))
     assert ended.returncode == 2
-    assert ended.stderr.endswith("(Not a directory): identify the record first\n")
+    assert ended.stderr.endswith("identify or oma, got a file: give the folder that holds it\n")
 
 
 def test_the_program_refuses_in_one_line(record):

@@ -79,3 +79,13 @@ def test_a_table_that_is_too_wide_is_shown_in_parts_with_its_first_column():
     assert shown.count("k_side_side") == 2
     assert all(head in shown for head in heads)
     assert max(map(len, shown.splitlines())) <= 80
+
+
+def test_numbers_and_names_of_a_wide_table_stay_on_one_line():
+    """Cells such as -47.2 ± 0.3 % were broken before the %, and names between their words."""
+    heads = ("mode", "f [Hz]", "ζ [%]", "from 1P", "from 3P", "from 6P", "note")
+    row = ["tower side-side", "0.3161 ± 0.0017", "0.63 ± 0.37", "+42.5 ± 0.8 %", "-42.0 ± 0.3 %", "-71.0 ± 0.2 %"]
+    row.append("a b " * 30)
+    shown = render(Table(heads, [row], "modes", words=(0, 6)), width=80)
+    assert all(len(line) <= 80 for line in shown.splitlines())
+    assert all(any(cell in line for line in shown.splitlines()) for cell in row[:6])

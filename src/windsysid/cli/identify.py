@@ -137,7 +137,7 @@ def identify(
     if in_pieces is not None:
         _checkpoint(folder).unlink(missing_ok=True)
     print(
-        f"{found.samples} samples in {found.elapsed:.2f} s; results:"
+        f"identified in {found.elapsed:.1f} s from {found.samples} samples; results:"
         f" {printable(folder / ('summary.json' if no_report else 'report.html'))}"
     )
 

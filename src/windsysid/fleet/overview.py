@@ -151,10 +151,10 @@ class Overview(Answer):
                 "" if far is None else f"{far.name} {far.percent:+.2g} %",
             ))  # fmt: skip
         headings = (
-            "turbine", "stands out", "records", "identified", "least usable", "of the time", "states",
-            "off the turbines of its type",
+            "turbine", "stands out", "records", "identified", "least usable", "available", "states", "off its type",
         )  # fmt: skip
-        return [Table(headings, rows, self.size, words=(0, 1, 4, 6, 7))]
+        compared = len(headings) - (not self.standings)
+        return [Table(headings[:compared], [row[:compared] for row in rows], self.size, words=(0, 1, 4, 6, 7))]
 
     def summary(self) -> dict[str, Any]:
         """Plain values, for ``summary.json``."""

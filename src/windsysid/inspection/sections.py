@@ -357,7 +357,7 @@ def _judge_excitation(vibrations: dict[str, Vibration], cut: _Blocks, judge: Any
     weak = -np.log2(level)
     judge(
         np.where(weak > 0.0, weak, np.maximum(0.25 * weak, -0.5)),
-        [f"vibration {v:.2g} × the record's median" for v in level],
+        [f"vibration {v:.2g} × that of the record" for v in level],
         [f"RMS only {v:.2g} × the record's median" for v in level],
         np.maximum(-np.log2(MIN_VIBRATION_FACTOR), np.log2(chance)),
     )
@@ -370,7 +370,7 @@ def _judge_excitation(vibrations: dict[str, Vibration], cut: _Blocks, judge: Any
         for f, v, n, most in zip(size, verb, found.segments, found.allowed, strict=True)
     ]
     words = [
-        f"stationary (false alarms: {percent(FALSE_ALARM_PROBABILITY)})"
+        f"stationary (tested at {percent(FALSE_ALARM_PROBABILITY)})"
         if c
         else f"it {v} by {f:.2g} × between its {_NAMES[n]}"
         for f, v, n, c in zip(size, verb, found.segments, found.by_chance, strict=True)

@@ -60,10 +60,10 @@ class Margin(NamedTuple):
         return not self.crosses and self.distance[1] * self.distance[2] > 0.0
 
     def text(self) -> str:
-        """The distance, or the speed of the crossing, with its interval."""
+        """The distance [%] with its interval, or the speed of the crossing."""
         if self.crosses:
-            return f"crosses at {_band(self.speed, RPM)} rpm"
-        return f"{_band(self.distance, 100.0, 1.0, '+')} %"
+            return f"{self.speed[0] * RPM:.4g} rpm"
+        return _band(self.distance, 100.0, 1.0, "+").replace(" ", "")
 
 
 class MeasuredMode(NamedTuple):
@@ -265,7 +265,7 @@ class Campbell(Answer):
     def headings(self) -> tuple[str, ...]:
         """Of the table."""
         at = f"{self.speeds[self.usual] * RPM:.3g} rpm"
-        return ("mode", f"Hz at {at}", "damping [%]", *(f"from {n}P" for n in self.orders))
+        return ("mode", f"Hz at {at}", "damping [%]", *(f"{n}P [%]" for n in self.orders))
 
     @property
     def rows(self) -> list[tuple[str, ...]]:
@@ -299,7 +299,7 @@ class Campbell(Answer):
         """The modes at the usual speed, and how far each stays from the rotor's harmonics."""
         low, high = (value * RPM for value in self.operating)
         where = f"over {low:.3g} … {high:.3g} rpm" if low < high else f"at {low:.3g} rpm"
-        over = f"distance from nP {where}" if self.orders else "parked"
+        over = f"distance from nP {where}, or where a mode meets it" if self.orders else "parked"
         return Table(self.headings, self.rows, f"{self.title}: {over}")
 
     @property
@@ -370,9 +370,10 @@ class Campbell(Answer):
         )
 
     def contents(self) -> list[Table | str]:
-        """The sentences, the tables, the notes."""
+        """The first sentence, the tables, the other sentences, the notes."""
         beside = [Table(MEASURED_HEADINGS, self.measured_rows, "measured", (0, 2, 5, 7))] if self.measured else []
-        return [*self.sentences, self.table(), *beside, *self.notes]
+        first, *others = self.sentences
+        return [first, self.table(), *beside, *others, *self.notes]
 
 
 def _margin(name: str, order: int, frequency: Array, std: Array, speed: Array) -> Margin:

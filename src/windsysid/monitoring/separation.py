@@ -168,27 +168,27 @@ class Separation(Answer):
 
     def table(self) -> Table:
         """Structural and aerodynamic part of each coefficient, in every state."""
-        return Table(HEADINGS, self.rows, "Structural and aerodynamic damping", words=(0, 1, 2))
+        rest = " (at rest: with the air of a parked rotor; air: what rotation and wind add)" if self.parked_air else ""
+        return Table(HEADINGS, self.rows, f"Structural and aerodynamic damping{rest}", words=(0, 1))
 
     @property
     def rows(self) -> list[tuple[str, ...]]:
         """As a table under `HEADINGS`."""
         rows: list[tuple[str, ...]] = []
-        air = "air beyond that" if self.parked_air else "air"
         for split in self.splits:
-            parts = [(self.base, split.structural)]
+            parts = [("at rest" if self.parked_air else "structure", split.structural)]
             if split.structural is None:
                 parts = [
                     ("structure and what turns with the rotor", split.calm),
                     ("a metre per second of wind more", split.per_wind),
                 ]
-            parts += self._by_state(air, split.aerodynamic)
+            parts += self._by_state("air", split.aerodynamic)
             shown = [(of, band) for of, band in parts if band is not None] or self._by_state("total", split.measured)
             for of, band in shown:
                 ratio = band.over(0.01 * split.critical)
                 name = split.name if (of, band) == shown[0] else ""
-                value, low, high, unit = engineering(split.unit, *band)
-                rows.append((name, unit, of, value, f"{low} … {high}", f"{ratio.value:.3g} %", f"{ratio.span} %"))
+                c, low, high, unit = engineering(split.unit, *band)
+                rows.append((name, of, f"{ratio.value:.3g}", ratio.span, c, f"{low} … {high}", unit))
         return rows
 
     def _by_state(self, what: str, bands: Sequence[AnyBand]) -> list[tuple[str, AnyBand]]:
@@ -219,7 +219,7 @@ class Separation(Answer):
         return [self.sentence, *self.lacking, *doubts, self.table(), *self.notes]
 
 
-HEADINGS = ("coefficient", "unit", "part", "c", "95 % interval", "of critical", "95 % interval")
+HEADINGS = ("coefficient", "part", "ζ [%]", "95 % interval", "c", "95 % interval", "unit")
 
 
 def _plain(split: DampingSplit) -> dict[str, Any]:

@@ -110,7 +110,8 @@ def _within(part: Any, width: int) -> list[Any]:
     column."""
     if not isinstance(part, OurTable) or not part.rows or len(part.headings) < MIN_COLUMNS_TO_SPLIT:
         return [part]
-    groups = _groups([longest_word(own) for own in zip(part.headings, *part.rows, strict=True)], width)
+    columns = enumerate(zip(part.headings, *part.rows, strict=True))
+    groups = _groups([_least(own, i in part.words) for i, own in columns], width)
     captions = [part.caption, *[""] * (len(groups) - 1)]
     return [_columns(part, group, caption) for group, caption in zip(groups, captions, strict=True)]
 
@@ -134,9 +135,21 @@ def _columns(table: OurTable, which: "Sequence[int]", caption: str) -> OurTable:
     return OurTable([table.headings[i] for i in which], rows, caption, words)
 
 
+MAX_NAME = 24
+"""Setting: largest number of characters of names that are kept on one line."""
+
+
 def longest_word(texts: "Sequence[str]") -> int:
     """Characters of the longest word, where numbers stay with their signs and intervals."""
     return max(map(len, " ".join(texts).replace(" …", "_…").replace(" ± ", "_±_").split()), default=1)
+
+
+def _least(texts: "Sequence[str]", words: bool) -> int:
+    """Narrowest width of a column of heading and cells: numbers and names stay on one line, sentences are wrapped."""
+    longest = max(map(len, texts[1:]), default=0)
+    if words and longest > MAX_NAME:
+        return longest_word(texts)
+    return max(longest, *map(len, texts[0].split()), 1)
 
 
 def _as_rich(table: OurTable) -> "Table":
@@ -171,7 +184,7 @@ def _share_width(columns: "Sequence[Column]", width: int) -> None:
     """Give each column the width of its longest word, and the narrowest of them the rest."""
     texts = [[str(text) for text in (column.header, *column._cells)] for column in columns]
     natural = [max(map(len, own)) for own in texts]
-    least = list(map(longest_word, texts))
+    least = [_least(own, column.justify == "left") for own, column in zip(texts, columns, strict=True)]
     spare = width - sum(least) - 2 * (len(least) - 1)  # columns stand two apart
     for i in sorted(range(len(least)), key=lambda i: natural[i] - least[i]):
         if columns[i].justify == "right" or spare >= 0:  # names may be folded where nothing else helps

@@ -274,7 +274,7 @@ class OperationalModes(Answer):
 
     def contents(self) -> list[Table | str]:
         """The modes, the verdict with its reasons, the table record by record if there are several, the notes."""
-        verdict = "trusted" if self.trusted else "not to be trusted:"
+        verdict = "trust: yes, every mode has grade A or B" if self.trusted else "trust: NO, because"
         return [
             self.table(), verdict, *(f"  {reason}" for reason in self.reasons),
             *([self.agreement_table()] if self.parts else []), *self.remarks, *self.notes,

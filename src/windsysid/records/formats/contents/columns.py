@@ -265,7 +265,7 @@ def plan_columns(
     columns = tuple(_column(index, cells[index], rule) for index, rule in rules.items())
     unsaid = [one for one in columns if not (cells[one.index].unit or rules[one.index].unit) and implied_unit(one.name)]
     if unsaid:
-        advice = f"{how}, or name its unit in a mapping file"
+        advice = f"{how}, or in a mapping (windsysid start asks and writes it)"
         raise RecordError(missing_units([(one.name, some(one.index)) for one in unsaid], advice))
     _check_names(columns, rules)
     return columns
