@@ -9,7 +9,8 @@ from windsysid.records.record import Record
 
 __all__ = ["kept_with_record"]
 
-P, T = ParamSpec("P"), TypeVar("T")
+P = ParamSpec("P")
+T = TypeVar("T")
 
 
 def kept_with_record(function: Callable[Concatenate[Record, P], T]) -> Callable[Concatenate[Record, P], T]:
