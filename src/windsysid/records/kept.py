@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from functools import wraps
-from typing import Any, Concatenate, ParamSpec, TypeVar
+from typing import Any, Concatenate, ParamSpec, TypeVar, cast
 from weakref import WeakKeyDictionary
 
 from windsysid.records.record import Record
@@ -24,7 +24,6 @@ def kept_with_record(function: Callable[Concatenate[Record, P], T]) -> Callable[
         if key not in known:
             result = function(record, *args, **options)
             known[key] = None if result is record else result  # a record that refers to itself would never be freed
-        kept: Any = known[key]
-        return record if kept is None else kept
+        return cast(T, record if known[key] is None else known[key])
 
-    return once
+    return cast(Callable[Concatenate[Record, P], T], once)

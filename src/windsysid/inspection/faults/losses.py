@@ -13,9 +13,7 @@ standard normal, or narrower for errors with heavy tails (de la Peña, Lai & Sha
 Rows lost at random have no common remainder and are not detected.
 """
 
-import math
 from collections.abc import Sequence
-from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -132,30 +130,14 @@ def _terms(prediction: _Prediction) -> Array:
 
 def _by_remainder(terms: Array) -> dict[int, Array]:
     """Sums of the terms (T, 3) by the remainder of the row number (k, 3), over an even number of cycles, for each
-    period k that is searched."""
-    found, longest = {}, min(MAX_PERIOD, len(terms) // 50)
-    for multiple, periods in _multiples():
-        first = len(terms) // multiple * multiple
-        whole = terms[:first].reshape(-1, multiple, 3).sum(axis=0)
-        for period in periods:
-            if period <= longest:
-                last = len(terms) // (2 * period) * 2 * period
-                rest = terms[first:last].reshape(-1, period, 3).sum(axis=0)
-                found[period] = whole.reshape(-1, period, 3).sum(axis=0) + rest
-    return found
-
-
-@cache
-def _multiples() -> list[tuple[int, list[int]]]:
-    """Common multiples of 2k for all periods k, each with its periods: one pass over the rows serves several."""
-    found = list[tuple[int, list[int]]]()
-    for period in range(MAX_PERIOD, MIN_PERIOD - 1, -1):
-        grown = [(math.lcm(multiple, 2 * period) / multiple, i) for i, (multiple, _) in enumerate(found)]
-        factor, i = min(grown, default=(math.inf, 0))
-        if not found or factor * found[i][0] > MAX_MULTIPLE:
-            found.append((2 * period, [period]))
-        else:
-            found[i] = (round(factor * found[i][0]), [*found[i][1], period])
+    period k that is searched: sums of one pass over the rows, by a multiple of 2k, serve several periods."""
+    sums, found, rows = dict[int, Array](), {}, len(terms)
+    for k in range(min(MAX_PERIOD, rows // 50), MIN_PERIOD - 1, -1):
+        multiple = next((known for known in sums if known % (2 * k) == 0), MAX_MULTIPLE // (2 * k) * 2 * k)
+        first, last = rows // multiple * multiple, rows // (2 * k) * 2 * k
+        if multiple not in sums:
+            sums[multiple] = terms[:first].reshape(-1, multiple, 3).sum(axis=0)
+        found[k] = sums[multiple].reshape(-1, k, 3).sum(axis=0) + terms[first:last].reshape(-1, k, 3).sum(axis=0)
     return found
 
 

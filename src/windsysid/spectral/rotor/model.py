@@ -254,9 +254,8 @@ class LiftedModel(NamedTuple):
         A = np.zeros((len(unknowns) if slopes else 0, bins, e, e), dtype=np.complex128)
         for at, part in parts:
             weights = np.ascontiguousarray(self.window[at])
-            for fine, out in ((part.spectrum[None], S), (part.slopes, A)):
-                numbers = (each.view(np.float64).reshape(*each.shape[:2], 2 * e * e) for each in (fine, out))
-                smooth()(weights, *numbers)
+            smooth()(weights, _numbers(part.spectrum[None]), _numbers(S))
+            smooth()(weights, _numbers(part.slopes), _numbers(A))
         return self._masked(S[0], A[self._from_kernels()] if slopes else A)
 
     def _masked(self, S: Complex, A: Complex) -> ModelSpectrum:
@@ -409,6 +408,11 @@ def taper_window(samples: int, bins: NDArray[np.intp]) -> Array:
     for column, place in enumerate((bins - bins[0]) * FINER):
         out[place : place + 2 * reach + 1, column] = weights
     return out
+
+
+def _numbers(entries: Complex) -> Array:
+    """Entries (n, F, e, e) as real numbers (n, F, 2 e²) in the same memory."""
+    return entries.view(np.float64).reshape(*entries.shape[:2], 2 * entries.shape[2] ** 2)
 
 
 @lru_cache(maxsize=64)
