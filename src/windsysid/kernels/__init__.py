@@ -1,1 +1,2 @@
-"""The only package that imports Numba: options, vectors of doubles, rows of whole vectors, counter-based random numbers."""
+"""The only package that imports Numba: options, vectors of doubles, rows of whole vectors, counter-based random
+numbers."""
