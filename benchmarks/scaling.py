@@ -163,7 +163,7 @@ def online(_: str, count: int, settled: int) -> dict[str, float]:
 
 def search(_: str, threads: int) -> dict[str, float]:
     """Seconds to the mode of the posterior of 100 s of record, all that `identify` learns unknown."""
-    likelihood.THREADS = threads
+    likelihood.BANK_THREADS = threads
     problem = posed(load_turbine("verne555").exact(), 10_000)
     mean, cov = problem.prior
     start, start_cov = problem.start(problem.inputs, problem.readings)

@@ -20,7 +20,7 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.identification.condition.readings import usable_sensors
-from windsysid.identification.estimate.scoring import INCREMENT, information
+from windsysid.identification.estimate.scoring import DIFFERENCE_STEP_SIGMAS, information
 from windsysid.identification.identify import identify
 from windsysid.identification.model.prior import Prior
 from windsysid.identification.model.turbine_problem import pose
@@ -171,10 +171,10 @@ def bound(name: str, duration: float, runs: int = BOUND_RUNS) -> Array:
         record = scenario.record(turbine, seed).section(0.0, duration)
         problem = pose(record, turbine, usable_sensors(record, turbine, None), Prior())
         at, prior = problem.prior[0], np.linalg.inv(problem.prior[1])
-        widths = INCREMENT * np.full(len(at), 0.02)
+        widths = DIFFERENCE_STEP_SIGMAS * np.full(len(at), 0.02)
         for _ in range(2):  # the second time with widths that fit the information
             fisher = information(problem.build, problem.inputs, problem.readings, at, widths)[1]
-            widths = INCREMENT / np.sqrt(np.diag(fisher + prior))
+            widths = DIFFERENCE_STEP_SIGMAS / np.sqrt(np.diag(fisher + prior))
         fishers.append(fisher)
     return np.asarray(np.sqrt(np.diag(np.linalg.inv(np.mean(fishers, axis=0) + prior)))[: len(problem.parameters)])
 

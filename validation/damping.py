@@ -34,7 +34,7 @@ from windsysid.records.record import Record
 from windsysid.results.posterior import Posterior
 from windsysid.simulation.integrate import integrate
 from windsysid.simulation.random_loads import draw_loads
-from windsysid.simulation.record import LEAD_IN, simulate_record
+from windsysid.simulation.record import MIN_LEAD_IN_SECONDS, simulate_record
 from windsysid.simulation.wind import blade_loads, packaged_wind, wind_loads
 from windsysid.simulation.wind.feedback import integrate_with_feedback
 from windsysid.turbine.file import load_turbine
@@ -147,7 +147,7 @@ def campaign(name: str, seed: int) -> list[Outcome]:
     if name == "a stop":
         record = stop_record(seed)
         (stop,) = inspect_record(record, prior).stops
-        sections = ((LEAD_IN, STOPS_AT), (stop.start, stop.end))
+        sections = ((MIN_LEAD_IN_SECONDS, STOPS_AT), (stop.start, stop.end))
         results = [identify(record, prior, formulation="joint", section=section).posterior for section in sections]
         return _outcomes(
             name,
@@ -242,11 +242,11 @@ def in_wind(name: str, seed: int) -> list[Outcome]:
     conditions, working = packaged_wind("verne555")
     model = compile_model(turbine.model, turbine.sensors)
     p = np.array([turbine.values[name] for name in model.parameters])
-    lead, names = round(LEAD_IN * rate), [f"c_{q}" for q in turbine.model.coordinates]
+    lead, names = round(MIN_LEAD_IN_SECONDS * rate), [f"c_{q}" for q in turbine.model.coordinates]
     results, parts = [], {}
     for k, (rpm, kmh) in enumerate(IN_WIND[name]):
         rng = np.random.default_rng(1000 * seed + k)
-        time = np.arange(round((LEAD_IN + duration) * rate)) / rate
+        time = np.arange(round((MIN_LEAD_IN_SECONDS + duration) * rate)) / rate
         rotor = np.column_stack([rpm / RPM * time + 1.0, np.full_like(time, rpm / RPM), np.zeros_like(time)])
         blade = working if rpm else replace(working, pitch_deg=FEATHERED, induction=0.0)
         wind = wind_loads(turbine, replace(conditions, speed=kmh / 3.6), blade, rotor, rate=rate, seed=1000 * seed + k)

@@ -32,7 +32,7 @@ from windsysid.identification.identify import identify
 from windsysid.identification.model.prior import Prior
 from windsysid.mechanics.compile import compile_model
 from windsysid.modal.analysis import modes_with_slopes
-from windsysid.monitoring.change import MOVED_MIN_ODDS, Comparison
+from windsysid.monitoring.change import MIN_CHANGE_ODDS, Comparison
 from windsysid.monitoring.comparison import compare
 from windsysid.output.console import render
 from windsysid.output.folders import result_file
@@ -496,7 +496,7 @@ def halves(record: str, turbine: str, found: Sequence[tuple[Posterior, Posterior
         met = met and not moved
         answers.append("; ".join(moved) or f"nothing moved; {_nearest(compare(before, after))}")
     return Changed(
-        f"{record}, second half over first", turbine, tuple(answers), f"no odds beyond {MOVED_MIN_ODDS:g} : 1", met
+        f"{record}, second half over first", turbine, tuple(answers), f"no odds beyond {MIN_CHANGE_ODDS:g} : 1", met
     )
 
 

@@ -107,17 +107,17 @@ def simulated_truths(*, duration: float = 600.0, seed: int = 0) -> list[Truth]:
     from windsysid.simulation.integrate import constant_speed_inputs
     from windsysid.simulation.integrate import integrate as respond
     from windsysid.simulation.random_loads import draw_loads
-    from windsysid.simulation.record import LEAD_IN
+    from windsysid.simulation.record import MIN_LEAD_IN_SECONDS
     from windsysid.turbine.file import load_turbine
 
     turbine, rate = load_turbine("verne555").exact(), 100.0
     model = compile_model(turbine.model)
     n = len(turbine.model.coordinates)
-    rotor = constant_speed_inputs(turbine.rotor_speed, LEAD_IN + duration, rate)
+    rotor = constant_speed_inputs(turbine.rotor_speed, MIN_LEAD_IN_SECONDS + duration, rate)
     loads = draw_loads(turbine.loads, model.loads, len(rotor), rate, np.random.default_rng(seed))
     p = np.array([turbine.values[name] for name in model.parameters])
     response = respond(model, p, np.hstack([rotor, loads]), rate=rate, start=np.zeros(2 * n))
-    lead = round(LEAD_IN * rate)
+    lead = round(MIN_LEAD_IN_SECONDS * rate)
     cutoff = 0.5 * turbine.rotor_speed / (2.0 * np.pi)
     return [
         Truth(

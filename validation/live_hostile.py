@@ -26,7 +26,7 @@ from windsysid.live.blocks.block import Block
 from windsysid.live.blocks.codec import BlockRefused, decode, encode_arrow, encode_json
 from windsysid.live.blocks.limits import ALWAYS_ALLOWED_CELLS, BlockLimits
 from windsysid.live.engine import Engine, Followed
-from windsysid.live.sources.broker import LONGEST_PAYLOAD
+from windsysid.live.sources.broker import MAX_PAYLOAD_BYTES
 from windsysid.live.store.opening import open_store
 from windsysid.live.store.store import Store
 from windsysid.live.windows.estimate import Estimated
@@ -224,7 +224,7 @@ def _engine(store: Store, now: int) -> Engine:
 def _pushed(engine: Engine, payload: bytes) -> tuple[str, str]:
     """Why a message was refused, and what is wrong with how; both empty where it was accepted."""
     try:
-        block = decode(payload, turbine="T02", limits=BlockLimits(payload=LONGEST_PAYLOAD))
+        block = decode(payload, turbine="T02", limits=BlockLimits(payload=MAX_PAYLOAD_BYTES))
         engine.push(block).result(60.0)
     except BlockRefused as error:
         short = str(error).isprintable() and len(str(error)) <= 300

@@ -23,7 +23,7 @@ from windsysid._types import Array
 from windsysid.identification.identify import identify
 from windsysid.output.console import render
 from windsysid.simulation.integrate import constant_speed_inputs
-from windsysid.simulation.record import LEAD_IN, simulate_record
+from windsysid.simulation.record import MIN_LEAD_IN_SECONDS, simulate_record
 from windsysid.simulation.wind import packaged_wind, wind_loads
 from windsysid.study.drawn_prior import DrawnPrior
 from windsysid.turbine.file import load_turbine
@@ -69,9 +69,9 @@ def total_coefficients(turbine: Turbine, wind: str, seed: int, *, duration: floa
     """The turbine with the coefficients that the record of that wind and seed was made with, air included."""
     if wind != "wind-feedback":
         return turbine
-    rotor = constant_speed_inputs(turbine.rotor_speed, LEAD_IN + duration, RATE)
+    rotor = constant_speed_inputs(turbine.rotor_speed, MIN_LEAD_IN_SECONDS + duration, RATE)
     made = wind_loads(turbine, *packaged_wind(turbine.name), rotor, rate=RATE, seed=seed)
-    air = np.diag(made.damping[round(LEAD_IN * RATE) :].mean(axis=0))
+    air = np.diag(made.damping[round(MIN_LEAD_IN_SECONDS * RATE) :].mean(axis=0))
     names = [f"c_{name}" for name in turbine.model.coordinates]
     return turbine.with_values({name: turbine.values[name] + c for name, c in zip(names, air, strict=True)})
 

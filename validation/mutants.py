@@ -335,7 +335,7 @@ _FILTERS = (
     Mutant(
         "sides of the load noise", "ukf.py",
         "eta[i] = out * direction[i] if n <= j < n + nz else 0.0",
-        "eta[i] = SPREAD * direction[i] if n <= j < n + nz else 0.0",
+        "eta[i] = SIGMA_POINT_SIGMAS * direction[i] if n <= j < n + nz else 0.0",
         "both sigma points of a load noise are on one side",
     ),
     Mutant(
@@ -562,14 +562,14 @@ _LOADS = (
     ),
     Mutant(
         "prior of a time constant", "statistics.py",
-        'Statistic(name, "s", load.time_constant, spread=TIME_CONSTANT_SPREAD)',
+        'Statistic(name, "s", load.time_constant, spread=LOG_TIME_CONSTANT_STD)',
         'Statistic(name, "s", load.time_constant)',
         "the prior of a load's time constant is as wide as that of its level",
     ),
     Mutant(
         "prior of a level", "statistics.py",
-        "SPREAD, TIME_CONSTANT_SPREAD = 1.5, 0.7",
-        "SPREAD, TIME_CONSTANT_SPREAD = 0.5, 0.7",
+        "LOG_LEVEL_STD, LOG_TIME_CONSTANT_STD = 1.5, 0.7",
+        "LOG_LEVEL_STD, LOG_TIME_CONSTANT_STD = 0.5, 0.7",
         "loads and noise may be wrong by a factor of two only",
     ),
     Mutant(

@@ -65,22 +65,22 @@ RECENT_TESTS: dict[str, tuple[str, ...]] = {
 _READINGS = (
     Mutant(
         "readings that are smoother on the grid", "stamps.py",
-        "said.sum() < ENOUGH or", "said.sum() < -ENOUGH or",
+        "said.sum() < MIN_LOG_LIKELIHOOD_GAIN or", "said.sum() < -MIN_LOG_LIKELIHOOD_GAIN or",
         "stamps that scatter a little are put on a grid that readings do not show",
     ),
     Mutant(
         "one channel against the grid", "stamps.py",
-        "np.any(said < -ENOUGH)", "np.all(said < -ENOUGH)",
+        "np.any(said < -MIN_LOG_LIKELIHOOD_GAIN)", "np.all(said < -MIN_LOG_LIKELIHOOD_GAIN)",
         "a grid is taken though a channel is much rougher on it",
     ),
     Mutant(
         "samples that were lost among late stamps", "stamps.py",
-        "> LATE:", "> 1000.0 * LATE:",
+        "> MAX_END_STEPS:", "> 1000.0 * MAX_END_STEPS:",
         "samples of a record that lost some are numbered as if none were lost",
     ),
     Mutant(
         "spikes in the roughness", "stamps.py",
-        "np.minimum(one, SPIKE * np.nanmedian(one, axis=0))", "one",
+        "np.minimum(one, MAX_SQUARE_RATIO * np.nanmedian(one, axis=0))", "one",
         "one spike decides whether stamps are right",
     ),
     Mutant(
@@ -178,7 +178,7 @@ _CLOCKS_AND_LINES = (
     ),
     Mutant(
         "scatter of a sine", "effects/sinusoid.py",
-        "return self.scatter <= MAX_SINE_SCATTER and", "return",
+        "return self.scatter <= MAX_SINUSOID_SCATTER and", "return",
         "a load that swells and fades is taken out as a sine",
     ),
     Mutant(
@@ -193,7 +193,7 @@ _CLOCKS_AND_LINES = (
     ),
     Mutant(
         "F of a steady sine", "transforms/harmonics.py",
-        "(TAPERS - 1) * np.abs(mean) ** 2", "np.abs(mean) ** 2",
+        "(TAPER_COUNT - 1) * np.abs(mean) ** 2", "np.abs(mean) ** 2",
         "steady sines have a sixth of their F",
     ),
     Mutant(
@@ -307,7 +307,7 @@ _DOUBTS = (
     ),
     Mutant(
         "which of two channels is late", "checks/stationarity.py",
-        "int(lag) - LAGS, correlation", "LAGS - int(lag), correlation",
+        "int(lag) - MAX_LAG, correlation", "MAX_LAG - int(lag), correlation",
         "the channel that is early is said to be late",
     ),
     Mutant(
@@ -375,17 +375,17 @@ _DOUBTS = (
 _LIVE = (
     Mutant(
         "texts without end", "blocks/arrow.py",
-        "if length > LONGEST_TEXT or begin + length > len(payload):", "if begin + length > len(payload):",
+        "if length > MAX_TEXT_BYTES or begin + length > len(payload):", "if begin + length > len(payload):",
         "a name of megabytes is taken in",
     ),
     Mutant(
         "texts beyond the payload", "blocks/arrow.py",
-        "if length > LONGEST_TEXT or begin + length > len(payload):", "if length > LONGEST_TEXT:",
+        "if length > MAX_TEXT_BYTES or begin + length > len(payload):", "if length > MAX_TEXT_BYTES:",
         "a text that leads out of the payload is cut in silence",
     ),
     Mutant(
         "batches without end", "blocks/arrow.py",
-        "if len(batches) > MOST_BATCHES:", "if len(batches) > 1000 * MOST_BATCHES:",
+        "if len(batches) > MAX_BATCHES:", "if len(batches) > 1000 * MAX_BATCHES:",
         "a block of a million empty batches is taken in",
     ),
     Mutant(
@@ -435,7 +435,8 @@ _LIVE = (
     ),
     Mutant(
         "a stamp on the boundary", "windows/timeline.py",
-        "math.ceil((until - block.start) / step - EDGE)", "math.ceil((until - block.start) / step + EDGE)",
+        "math.ceil((until - block.start) / step - MAX_EDGE_SAMPLES)",
+        "math.ceil((until - block.start) / step + MAX_EDGE_SAMPLES)",
         "the first sample of a window is in the one before, too",
     ),
     Mutant(
@@ -481,12 +482,12 @@ _LIVE = (
     ),
     Mutant(
         "a stream that is quiet", "watch/open_alarms.py",
-        "if now - self._heard.get(cause, 0) > QUIET]", "if now - self._heard.get(cause, 0) > 0]",
+        "if now - self._heard.get(cause, 0) > QUIET_NS]", "if now - self._heard.get(cause, 0) > 0]",
         "an alarm of late blocks ends at once",
     ),
     Mutant(
         "a dead channel of a slow logger", "streams.py",
-        "max(DEAD, DEAD_INTERVALS * interval)", "DEAD",
+        "max(MIN_DEAD_SECONDS, MIN_DEAD_INTERVALS * interval)", "MIN_DEAD_SECONDS",
         "a channel of one sample in a minute is dead",
     ),
     Mutant(
@@ -496,22 +497,23 @@ _LIVE = (
     ),
     Mutant(
         "windows in a row that drift", "streams.py",
-        '"drift" if outside == DRIFT_WINDOWS', '"drift" if outside == 1',
+        '"drift" if outside == MIN_DRIFT_WINDOWS', '"drift" if outside == 1',
         "one odd window is a drift",
     ),
     Mutant(
         "end of a fault", "streams.py",
-        "self.good < RECOVERY:", "self.good < 0.0:",
+        "self.good < RECOVERY_SECONDS:", "self.good < 0.0:",
         "a loose plug is good and bad in turns",
     ),
     Mutant(
         "an alarm of stiffness", "watch/alarms.py",
-        'cause == "structure" and percent[2] <= -GRAVE_LOSS', 'percent[2] <= -GRAVE_LOSS',
+        'cause == "structure" and percent[2] <= -MIN_ALARM_LOSS_PERCENT', 'percent[2] <= -MIN_ALARM_LOSS_PERCENT',
         "a sensor that failed raises the alarm of the structure",
     ),
     Mutant(
         "a level that came back", "watch/alarms.py",
-        "abs(level - jump.before) + SIGMAS * std <= BACK_MAX_SHARE", "abs(level - jump.before) <= BACK_MAX_SHARE",
+        "abs(level - jump.before) + SIGMAS * std <= MAX_REST_SHARE",
+        "abs(level - jump.before) <= MAX_REST_SHARE",
         "a level that nobody knows is said to be back",
     ),
     Mutant(
@@ -526,7 +528,7 @@ _LIVE = (
     ),
     Mutant(
         "a drift that grew", "watch/slow_drifts.py",
-        "abs(jump.size) - SIGMAS * jump.std >= GROWN", "abs(jump.size) >= GROWN",
+        "abs(jump.size) - SIGMAS * jump.std >= MIN_GROWTH_FACTOR", "abs(jump.size) >= MIN_GROWTH_FACTOR",
         "a drift is told anew for its scatter",
     ),
 )  # fmt: skip
@@ -534,7 +536,7 @@ _LIVE = (
 _FLEET_AND_MODES = (
     Mutant(
         "jumps of sisters", "events.py",
-        "max(MIN_SHARED, 0.5 * turbines)", "max(2, 0.5 * turbines)",
+        "max(MIN_SHARED_TURBINES, 0.5 * turbines)", "max(2, 0.5 * turbines)",
         "two turbines that jump in a week are the site's",
     ),
     Mutant(
@@ -544,12 +546,12 @@ _FLEET_AND_MODES = (
     ),
     Mutant(
         "ice in warm weather", "events.py",
-        "if mean > ICE_MAX_TEMPERATURE or levels[top] > 0.0:", "if levels[top] > 0.0:",
+        "if mean > MAX_ICING_CELSIUS or levels[top] > 0.0:", "if levels[top] > 0.0:",
         "what falls and comes back in summer is ice",
     ),
     Mutant(
         "a fall that came back", "events.py",
-        "abs(levels[back]) <= RETURN_MAX_REST * np.max(np.abs(levels[: back + 1]))", "back > 0",
+        "abs(levels[back]) <= MAX_REST_SHARE * np.max(np.abs(levels[: back + 1]))", "back > 0",
         "a loss that grew is said to have come back",
     ),
     Mutant(
@@ -569,7 +571,7 @@ _FLEET_AND_MODES = (
     ),
     Mutant(
         "records of a week", "sensors.py",
-        "& (mine.records >= MIN_RECORDS)", "",
+        "& (mine.records >= MIN_WEEKLY_RECORDS)", "",
         "one record condemns a sensor for a week",
     ),
     Mutant(
@@ -584,7 +586,7 @@ _FLEET_AND_MODES = (
     ),
     Mutant(
         "SCADA of a part of a record", "scada.py",
-        "< MIN_SHARE * seconds", "< 0.0 * seconds",
+        "< MIN_COVERED_SHARE * seconds", "< 0.0 * seconds",
         "SCADA of a minute speaks for ten",
     ),
     Mutant(

@@ -20,7 +20,7 @@ from windsysid.records.record import Record
 from windsysid.results.identification import Identification
 from windsysid.simulation.integrate import constant_speed_inputs, integrate
 from windsysid.simulation.random_loads import draw_loads
-from windsysid.simulation.record import LEAD_IN
+from windsysid.simulation.record import MIN_LEAD_IN_SECONDS
 from windsysid.statespace.gauss_markov import GaussMarkov
 from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine
@@ -107,7 +107,7 @@ def faulty_record(fault: Fault, size: float, seed: int, *, duration: float = 100
     turbine = load_turbine("verne555").exact()
     rng = np.random.default_rng([seed, 7])
     model = compile_model(turbine.model, turbine.sensors)
-    rotor = constant_speed_inputs(turbine.rotor_speed, LEAD_IN + duration, rate)
+    rotor = constant_speed_inputs(turbine.rotor_speed, MIN_LEAD_IN_SECONDS + duration, rate)
     drawn = draw_loads(turbine.loads, model.loads, len(rotor), rate, rng)
     if fault.loads is not None:
         drawn = fault.loads(turbine, drawn, rotor[:, 0], rate, size, rng)
@@ -118,7 +118,7 @@ def faulty_record(fault: Fault, size: float, seed: int, *, duration: float = 100
         readings = fault.readings(response.readings, noise, size, rng)
     else:
         readings = response.readings + noise * rng.standard_normal(response.readings.shape)
-    lead = round(LEAD_IN * rate)
+    lead = round(MIN_LEAD_IN_SECONDS * rate)
     return Record(
         time=np.arange(len(rotor) - lead) / rate,
         values=np.hstack([np.mod(rotor[lead:, :1], 2.0 * np.pi), rotor[lead:, 1:2], readings[lead:]]),

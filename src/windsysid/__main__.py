@@ -8,7 +8,7 @@ from typing import Any
 
 __all__ = ["main"]
 
-SECONDS_TO_PRESS_AGAIN = 0.05
+INTERRUPT_REPEAT_SECONDS = 0.05
 """Seconds after which a dropped interrupt is sent again."""
 
 
@@ -30,7 +30,7 @@ def _interrupt_again(dropped: Any) -> None:
     if not issubclass(dropped.exc_type, KeyboardInterrupt):
         sys.__unraisablehook__(dropped)
         return
-    again = threading.Timer(SECONDS_TO_PRESS_AGAIN, os.kill, (os.getpid(), signal.SIGINT))
+    again = threading.Timer(INTERRUPT_REPEAT_SECONDS, os.kill, (os.getpid(), signal.SIGINT))
     again.daemon = True
     again.start()
 

@@ -12,19 +12,9 @@ from functools import cache
 from windsysid.errors import ConfigurationError
 
 __all__ = [
-    "RPM",
-    "UNITS",
-    "canonical",
-    "engineering",
-    "engineering_unit",
-    "is_same_quantity",
-    "parse_quantity",
-    "si_unit",
-    "spell",
-    "to_si",
-    "unit_text",
-    "with_half_width",
-]
+    "RPM", "UNITS", "canonical", "engineering", "engineering_unit", "is_same_quantity", "parse_quantity", "si_unit",
+    "spell", "to_si", "unit_text", "with_half_width",
+]  # fmt: skip
 
 RPM = 30.0 / math.pi
 """Revolutions per minute in one radian per second."""

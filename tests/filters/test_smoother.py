@@ -53,7 +53,7 @@ def test_chunks_leave_no_seam(filter_: Filter, chunk: int, monkeypatch: pytest.M
     model = rotor_with_everything()
     inputs, readings = record(model)
     whole = smooth(model, inputs, readings, filter_)
-    monkeypatch.setattr(smoother, "CHUNK", chunk)
+    monkeypatch.setattr(smoother, "CHUNK_SAMPLES", chunk)
     pieces = smooth(model, inputs, readings, filter_)
     np.testing.assert_array_equal(pieces.mean, whole.mean)
     np.testing.assert_array_equal(pieces.std, whole.std)

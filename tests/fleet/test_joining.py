@@ -12,7 +12,7 @@ from windsysid.errors import ConfigurationError
 from windsysid.fleet import joining
 from windsysid.fleet.archive import add_rows, day_of, known_sources, place_of, rows_in
 from windsysid.fleet.batch import Batch, batch
-from windsysid.fleet.joining import OTHER_CLOCK, join, join_late
+from windsysid.fleet.joining import NOT_JOINED_PREFIX, join, join_late
 from windsysid.fleet.rows import Row, empty_row
 from windsysid.fleet.scada import Scada
 
@@ -76,7 +76,7 @@ def test_another_clock_is_a_note_that_goes_when_it_is_mended():
     local = scada(datetime(2026, 3, 1), wind_speed=[4.0] * 4)
     found = join(row(notes=["mine"]), local, USUAL)
     assert found["notes"][0] == "mine"
-    assert found["notes"][1].startswith(OTHER_CLOCK)
+    assert found["notes"][1].startswith(NOT_JOINED_PREFIX)
     assert len(found["notes"][1]) <= 160
     found = join(found, scada(wind_speed=[4.0] * 4), USUAL)
     assert (found["notes"], found["scada_wind_speed"]) == (["mine"], 4.0)

@@ -591,7 +591,7 @@ def test_an_error_of_arithmetic_leaves_identify_as_one_line(
     def fail(asked: object) -> None:
         raise error
 
-    monkeypatch.setitem(identify_module._WAYS, "joint", fail)
+    monkeypatch.setitem(identify_module._BY_FORMULATION, "joint", fail)
     record = simulate_record(verne555, duration=5.0, rate=50.0)
     with pytest.raises(NumericalError) as refused:
         identify_module.identify(record, verne555, formulation="joint")

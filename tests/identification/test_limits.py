@@ -11,7 +11,7 @@ from validation.structure import KINDS, SETTINGS, limits_of
 import windsysid.identification
 from windsysid.checks.limits import OUTLIER_SIGMAS
 from windsysid.identification import limits
-from windsysid.identification.effects.sinusoid import ORDERS
+from windsysid.identification.effects.sinusoid import MAX_HARMONIC
 
 ROOM = Path(windsysid.identification.__file__).parent
 SINE = f(2, 12)
@@ -24,8 +24,8 @@ SINE = f(2, 12)
         (2.0 * norm.sf(OUTLIER_SIGMAS), 2e6),
         (2.0 * norm.sf(limits.MAX_DISAGREEMENT_SIGMAS), 370),
         (rayleigh.sf(limits.MIN_EFFECT_SIGMAS), 3000),
-        (SINE.sf(limits.MIN_SINE_F), 6600),
-        (2 * ORDERS * SINE.sf(limits.MIN_HARMONIC_F), 100),
+        (SINE.sf(limits.MIN_SINUSOID_F), 6600),
+        (2 * MAX_HARMONIC * SINE.sf(limits.MIN_HARMONIC_F), 100),
         (math.exp(-limits.MIN_LOG_ODDS), 12),
     ],
 )

@@ -10,7 +10,7 @@ import windsysid.identification.estimate.spectral.narrow_band_alternative as bes
 from windsysid.identification.estimate.time_domain import identify_jointly
 from windsysid.identification.model.fit import Outcome
 from windsysid.identification.model.prior import Prior
-from windsysid.identification.model.tolerances import ALL
+from windsysid.identification.model.tolerances import ALL_BODIES
 from windsysid.records.record import Record
 from windsysid.spectral.rotor.problem import RotorQuestion
 from windsysid.study.drawn_prior import DrawnPrior
@@ -53,7 +53,7 @@ def test_an_axis_is_where_the_search_has_put_it(
     assert abs(np.degrees(angle.estimate) - SCENARIOS["5 degrees off"].instruments.angle[0]) < 2.0
     moved = {name: value for name, value in question.turbine.values.items() if name not in rotor.values}
     assert sum(abs(value - angle.estimate) < 1e-12 for value in moved.values()) == 1
-    heavier = sum(one.estimate for one in found.tolerances if one.group == "masses" and one.of in ("hub", ALL))
+    heavier = sum(one.estimate for one in found.tolerances if one.group == "masses" and one.of in ("hub", ALL_BODIES))
     hub = rotor.values["hub_mass_x"] * (1.0 + heavier)
     assert question.turbine.values["hub_mass_x"] == pytest.approx(hub, rel=1e-9)
 

@@ -53,7 +53,7 @@ def one_mode(*, damping_ratio: float = 0.037, noise: float = 0.005, time_constan
 def test_one_mode_under_broadband_load_is_seen_as_well_as_the_closed_form_says(monkeypatch, options, rate):
     # σ_k/k = 2 √(ζ/ωT), σ_c/c = 1/√(ζωT). The simulated record renews its energy 400 times: σ is known to 2.5 %, bound
     # at three of them and 2 % for noise and the unknown load.
-    monkeypatch.setattr(planned_ways, "RELAXATIONS", 400.0)
+    monkeypatch.setattr(planned_ways, "SIMULATED_RELAXATIONS", 400.0)
     monkeypatch.setattr(planned_ways, "MAX_SIMULATED_SAMPLES", 400_000)
     turbine = one_mode(**options)
     found = plan(turbine, duration=600.0, rate=rate, seed=1)
@@ -66,7 +66,7 @@ def test_one_mode_under_broadband_load_is_seen_as_well_as_the_closed_form_says(m
 def test_a_short_record_holds_what_extrapolation_says(monkeypatch):
     # The information of 25 records of 20 s, each taken whole. The energy of one is renewed 8 times, so that their mean
     # scatters by 1/√200 = 7 %, the plan's own by 1/√400 = 5 %: bound at three times both together.
-    monkeypatch.setattr(planned_ways, "RELAXATIONS", 400.0)
+    monkeypatch.setattr(planned_ways, "SIMULATED_RELAXATIONS", 400.0)
     turbine = one_mode()
     found = plan(turbine, duration=20.0, rate=50.0)
     direct = []

@@ -62,7 +62,7 @@ def test_a_search_that_would_be_too_expensive_ends_with_what_it_knows(monkeypatc
 
     whole = search()
     assert whole.settled
-    monkeypatch.setattr(scoring, "MAX_OPERATIONS", 1.0)
+    monkeypatch.setattr(scoring, "MAX_UPDATED_ELEMENTS", 1.0)
     monkeypatch.setattr(scoring, "MIN_STEPS", 1)
     short = search()
     assert (short.settled, short.ended, short.iterations) == (False, True, 1)

@@ -21,7 +21,7 @@ from windsysid.identification.effects.sinusoidal_force import SineForce, find_fo
 from windsysid.identification.formulations import estimate
 from windsysid.identification.identify import identify
 from windsysid.identification.job import Job
-from windsysid.identification.limits import MAX_SINE_SCATTER
+from windsysid.identification.limits import MAX_SINUSOID_SCATTER
 from windsysid.identification.model.fit import PART_OF, known_loads
 from windsysid.identification.model.prior import Prior
 from windsysid.identification.model.turbine_problem import pose
@@ -267,7 +267,7 @@ def test_gravity_stays_where_sines_are_left_out(verne555: Turbine):
 
 def test_one_steady_sine_in_a_hundred_scatters_by_more_than_its_bound():
     """Four parts about their mean have three complex degrees of freedom: half a χ² of six."""
-    assert gammaincc(steady_lines.SEGMENTS - 1, MAX_SINE_SCATTER) == pytest.approx(0.01, rel=0.01)
+    assert gammaincc(steady_lines.SEGMENT_COUNT - 1, MAX_SINUSOID_SCATTER) == pytest.approx(0.01, rel=0.01)
 
 
 @pytest.mark.parametrize(("growth", "least", "most", "steady"), [(0.6, 7.8, 8.4, True), (0.65, 8.4, 9.0, False)])

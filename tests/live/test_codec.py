@@ -257,7 +257,7 @@ A_COLUMN = pa.array([1.0])
 
 
 def test_as_many_batches_as_stated_are_read_and_one_more_is_refused(monkeypatch):
-    monkeypatch.setattr(arrow, "MOST_BATCHES", 3)
+    monkeypatch.setattr(arrow, "MAX_BATCHES", 3)
     field = pa.field("a", pa.float64(), metadata={"unit": "m"})
     assert decode(sent([field], [A_COLUMN], 3), turbine="T01").values.shape == (3, 1)
     with pytest.raises(BlockRefused, match="more than 3 batches"):

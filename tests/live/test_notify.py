@@ -65,8 +65,8 @@ def store() -> Iterator[Store]:
 @pytest.fixture(autouse=True)
 def hurry(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(notify, "POLL_SECONDS", 0.02)
-    monkeypatch.setattr(notify, "FIRST_PAUSE", 0.02)
-    monkeypatch.setattr(notify, "LONGEST_PAUSE", 0.1)
+    monkeypatch.setattr(notify, "MIN_PAUSE_SECONDS", 0.02)
+    monkeypatch.setattr(notify, "MAX_PAUSE_SECONDS", 0.1)
 
 
 def tell_until(store: Store, listener: Any, done: Callable[[], bool], then: Callable[[], None] = lambda: None) -> None:

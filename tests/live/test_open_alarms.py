@@ -1,6 +1,6 @@
 """Alarms that the engine opens and ends itself: one a cause, and each cause by itself."""
 
-from windsysid.live.watch.open_alarms import QUIET, OpenAlarms
+from windsysid.live.watch.open_alarms import QUIET_NS, OpenAlarms
 from windsysid.live.windows.streams import Verdict
 
 
@@ -22,7 +22,7 @@ def test_a_drift_goes_on_while_a_spike_comes_and_goes():
 def test_an_alarm_of_the_stream_ends_when_it_was_quiet_for_a_while():
     alarms = OpenAlarms("T1")
     (alarm,) = alarms.data("refused", "warning", "blocks were refused", 5)
-    assert alarms.data("refused", "warning", "blocks were refused", QUIET) == []
-    assert alarms.quiet(2 * QUIET) == []
-    (ended,) = alarms.quiet(2 * QUIET + 1)
-    assert (ended.key, ended.ended) == (alarm.key, 2 * QUIET + 1)
+    assert alarms.data("refused", "warning", "blocks were refused", QUIET_NS) == []
+    assert alarms.quiet(2 * QUIET_NS) == []
+    (ended,) = alarms.quiet(2 * QUIET_NS + 1)
+    assert (ended.key, ended.ended) == (alarm.key, 2 * QUIET_NS + 1)

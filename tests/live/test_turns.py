@@ -6,7 +6,7 @@ import pytest
 
 from tests.live.memory import MemoryStore
 from windsysid.live.engine import Engine
-from windsysid.live.turns import SHORT, ShortTurns
+from windsysid.live.turns import TURN_SECONDS, ShortTurns
 
 
 @pytest.fixture(autouse=True)
@@ -21,10 +21,10 @@ def own(monkeypatch: pytest.MonkeyPatch):
 
 def test_turns_are_short_until_the_last_has_ended():
     first, second = ShortTurns(), ShortTurns()
-    assert sys.getswitchinterval() == pytest.approx(SHORT, rel=0.02)
+    assert sys.getswitchinterval() == pytest.approx(TURN_SECONDS, rel=0.02)
     first.end()
     first.end()
-    assert sys.getswitchinterval() == pytest.approx(SHORT, rel=0.02)
+    assert sys.getswitchinterval() == pytest.approx(TURN_SECONDS, rel=0.02)
     second.end()
     assert sys.getswitchinterval() == pytest.approx(0.005, rel=0.02)
 
@@ -39,6 +39,6 @@ def test_turns_that_are_shorter_already_stay():
 
 def test_an_engine_takes_short_turns_while_it_runs():
     engine = Engine([], MemoryStore(), workers=0)
-    assert sys.getswitchinterval() == pytest.approx(SHORT, rel=0.02)
+    assert sys.getswitchinterval() == pytest.approx(TURN_SECONDS, rel=0.02)
     engine.drain()
     assert sys.getswitchinterval() == pytest.approx(0.005, rel=0.02)

@@ -149,7 +149,7 @@ def test_what_comes_back_ends_its_alarm_and_is_a_notice():
 def test_a_watch_goes_on_from_any_checkpoint_to_the_same_bits(monkeypatch: pytest.MonkeyPatch):
     # Through learning, a jump and what is measured again of it, a gap, and blocks that leave.
     monkeypatch.setattr(following, "MAX_KEPT_BLOCKS", 100)
-    monkeypatch.setattr(following, "LET_GO_BLOCKS", 25)
+    monkeypatch.setattr(following, "DROPPED_BLOCKS", 25)
     monkeypatch.setattr("windsysid.live.watch.watching.MAX_KEPT_BLOCKS", 100)
     monkeypatch.setattr("windsysid.live.watch.watching.LET_GO_BLOCKS", 25)
     rows = stream(200, at=60, jump={"k_x": -0.04, "noise_tower": 0.8})

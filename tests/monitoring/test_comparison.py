@@ -19,7 +19,7 @@ from windsysid.identification.model.prior import Prior
 from windsysid.loads.statistics import Statistic
 from windsysid.mechanics.compile import compile_model
 from windsysid.modal.analysis import modes
-from windsysid.monitoring.change import MOVED_MIN_ODDS, Comparison, QuantityChange
+from windsysid.monitoring.change import MIN_CHANGE_ODDS, Comparison, QuantityChange
 from windsysid.monitoring.comparison import compare
 from windsysid.monitoring.damping import separate_damping
 from windsysid.monitoring.own_information import own_information, without_prior
@@ -372,7 +372,7 @@ def test_false_alarms_are_as_rare_as_the_odds_promise_and_bands_hold(tower):
         found = compare(a, b).coefficients
         alarms += sum(change.moved for change in found)
         held += sum(change.low < 0.0 < change.high for change in found)
-    assert alarms <= 2 * runs / MOVED_MIN_ODDS
+    assert alarms <= 2 * runs / MIN_CHANGE_ODDS
     assert held / (2 * runs) == pytest.approx(0.954, abs=0.025)
 
 

@@ -74,8 +74,8 @@ def test_the_statistic_is_the_likelihood_ratio_of_a_regression(monkeypatch: pyte
 def test_rates_are_those_of_scipys_likelihood(monkeypatch: pytest.MonkeyPatch):
     # Scatter at the maximum of SciPy's joint density, wander its mean over that density at this scatter.
     unclipped(monkeypatch)
-    monkeypatch.setattr(learning, "TYPICAL_WANDER", (0.0, 1e3))  # flat priors
-    monkeypatch.setattr(learning, "TYPICAL_SCATTER", 1e3)
+    monkeypatch.setattr(learning, "LOG_RANDOM_WALK_PRIOR", (0.0, 1e3))  # flat priors
+    monkeypatch.setattr(learning, "LOG_SCATTER_STD", 1e3)
     count = 80
     y, r, x = series(count, wander=0.2, seed=3)
     found = learn_rates(Observations.of(y, r, x), vague(1))

@@ -10,7 +10,7 @@ from windsysid.errors import RecordError
 from windsysid.records.formats import read_record
 from windsysid.records.record import Record
 from windsysid.signals import band_pass, integrate, rotor_inputs
-from windsysid.signals.azimuth import GLITCH, steadied
+from windsysid.signals.azimuth import MIN_GLITCH_RADIANS, steadied
 
 DECAY = Path(__file__).parents[3] / "shared" / "data" / "openfast" / "a2_rot12_decay_min.outb"
 needs_decay = pytest.mark.skipif(not DECAY.is_file(), reason="the OpenFAST records are not beside this checkout")
@@ -245,7 +245,7 @@ def test_an_encoder_of_coarse_steps_is_smoothed_over_them(recorded, degrees):
 def test_an_azimuth_that_is_lost_now_and_then_is_bridged():
     glitches = np.random.default_rng(7).random(len(R_TIME)) < 0.02
     psi = rotor_inputs(rotor_record(np.where(glitches, 0.0, np.mod(AZIMUTH, 2 * np.pi)), SPEED), 1.2)[:, 0]
-    assert np.max(np.abs(np.mod(psi - AZIMUTH + np.pi, 2 * np.pi) - np.pi)) < GLITCH
+    assert np.max(np.abs(np.mod(psi - AZIMUTH + np.pi, 2 * np.pi) - np.pi)) < MIN_GLITCH_RADIANS
 
 
 def test_a_glitch_of_an_azimuth_is_put_on_the_rotation_and_moves_nothing_beside_it():

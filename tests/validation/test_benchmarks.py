@@ -122,7 +122,7 @@ def test_sensors_said_to_be_far_too_quiet_do_not_lead_astray(monkeypatch: pytest
     # told so, the joint filter locks in at once; with all noise 10 and 100 times as loud it finds the way
     ground = synthetic_ground(duration=10.0)
     assert strays(two_storey(), ground, range(4)) == 0
-    monkeypatch.setattr(fitting, "LOUDER", (1.0,))
+    monkeypatch.setattr(fitting, "NOISE_FACTORS", (1.0,))
     assert strays(two_storey(), ground, range(4)) > 0
 
 

@@ -31,7 +31,7 @@ from windsysid.checks.stationarity import how_late
 from windsysid.checks.whiteness import examine
 from windsysid.filters import EKF
 from windsysid.identification.condition.readings import resample_for_model
-from windsysid.identification.estimate.clock_lag import PASSED
+from windsysid.identification.estimate.clock_lag import PASS_EDGE_FACTOR
 from windsysid.identification.model.prior import Prior
 from windsysid.identification.model.turbine_problem import TurbineProblem, pose
 from windsysid.identification.verdict.smoothed_loads import judge_smoothed_loads
@@ -93,7 +93,7 @@ def measure(name: str, seed: int) -> list[float]:
     z = info.whitened[::steps]
     frequencies = problem.frequencies(problem.prior[0])
     w = examine(z, names=model.readings, rate=made.rate, frequencies=frequencies)
-    below = min(0.5, PASSED * max(frequencies) / made.rate)
+    below = min(0.5, PASS_EDGE_FACTOR * max(frequencies) / made.rate)
     late = how_late(z, made["rotor_azimuth"], (0, 1), {2 + i: 2.0 * math.pi * i / 3.0 for i in range(3)}, below=below)
     compiled = compile_model(turbine.model)
     p = np.array([turbine.values[q] for q in compiled.parameters])

@@ -20,7 +20,7 @@ from windsysid.checks.limits import (
     MIN_RESONANCE_WIDTH_BINS,
     UNMODELLED_BLADE_PASSING_FACTOR,
 )
-from windsysid.checks.lines import PARABOLA_LOSS, SURROUNDINGS, line_bound, stand_out_of_a_bend
+from windsysid.checks.lines import PARABOLA_LOSS, SURROUNDING_BINS, line_bound, stand_out_of_a_bend
 from windsysid.results.finding import Finding
 
 __all__ = ["Passing", "find_passing"]
@@ -109,6 +109,8 @@ def _stands_out(values: Array, phase: Array) -> bool:
     """Test whether readings that are rotated back by a phase (T,) have a significant mean."""
     window = np.hanning(len(values))
     power = np.abs(np.fft.fft((window * np.exp(-1j * phase))[:, None] * (values - values.mean(axis=0)), axis=0)) ** 2
-    around = np.concatenate([power[-SURROUNDINGS:], power[: SURROUNDINGS + 1]])
-    ratio = stand_out_of_a_bend(around, np.array([SURROUNDINGS]), SURROUNDINGS)
-    return bool(ratio.max() > line_bound(values.shape[1], SURROUNDINGS, LINE_FALSE_ALARM_PROBABILITY, PARABOLA_LOSS))
+    around = np.concatenate([power[-SURROUNDING_BINS:], power[: SURROUNDING_BINS + 1]])
+    ratio = stand_out_of_a_bend(around, np.array([SURROUNDING_BINS]), SURROUNDING_BINS)
+    return bool(
+        ratio.max() > line_bound(values.shape[1], SURROUNDING_BINS, LINE_FALSE_ALARM_PROBABILITY, PARABOLA_LOSS)
+    )

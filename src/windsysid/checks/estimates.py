@@ -16,13 +16,8 @@ from windsysid.results.finding import Finding
 from windsysid.statespace.parameter import Parameter
 
 __all__ = [
-    "Band",
-    "CoefficientCheck",
-    "conflict",
-    "doubt_damping",
-    "doubt_priors",
-    "hold_against_priors",
-]
+    "Band", "CoefficientCheck", "conflict", "doubt_damping", "doubt_priors", "hold_against_priors",
+]  # fmt: skip
 
 Band = tuple[float, float, float]
 """Value, and ±2σ around it: low, high."""

@@ -15,12 +15,8 @@ from windsysid.checks.lines import stand_out
 from windsysid.checks.stationarity import levels, shared_products
 
 __all__ = [
-    "Stretch",
-    "Sums",
-    "band_of_interest",
-    "measure_stretch",
-    "spectral_window",
-]
+    "Stretch", "Sums", "band_of_interest", "measure_stretch", "spectral_window",
+]  # fmt: skip
 
 
 SEGMENTS_PER_RECORD = 16
@@ -32,7 +28,7 @@ MIN_SEGMENT_SAMPLES = 16
 MAX_LAGS = 200
 """Setting: largest number of lags of the autocorrelation."""
 
-LINE_SURROUNDINGS = 40
+SURROUNDING_BINS = 40
 """Setting: frequency bins to either side of a line that give the level around it in innovations."""
 
 LEVEL_PERIODS = 5.0
@@ -265,11 +261,11 @@ def _strongest_line(z: Array, rate: float, frequencies: Sequence[float]) -> tupl
     for natural in frequencies or [0.0]:
         highest = natural * LINE_NEAR_MODE_FACTOR or math.inf
         near |= (frequency > natural / LINE_NEAR_MODE_FACTOR) & (frequency < highest)
-    near[: LINE_SURROUNDINGS + 1] = near[-LINE_SURROUNDINGS - 1 :] = False
+    near[: SURROUNDING_BINS + 1] = near[-SURROUNDING_BINS - 1 :] = False
     if not near.any():
         return np.zeros(m), np.full(m, math.nan), 0
     at = np.flatnonzero(near)
-    ratio = stand_out(power, at, LINE_SURROUNDINGS)
+    ratio = stand_out(power, at, SURROUNDING_BINS)
     highest = np.argmax(ratio, axis=0)
     return ratio[highest, range(m)], frequency[at[highest]], m * len(at)
 

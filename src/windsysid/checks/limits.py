@@ -8,7 +8,7 @@ FALSE_ALARM_PROBABILITY = 1e-3
 """Probability: significance level of a test of the innovations, all channels and frequencies together; set on simulated
 records (`validation.adversary.calibrate`)."""
 
-ODDS_OF_DISPERSION = 0.1
+DISPERSION_PRIOR_ODDS = 0.1
 """Odds: that the scores of a record's parts scatter by more than the model says, before they are seen."""
 
 MAX_WIDENING = 5.0
@@ -18,7 +18,7 @@ error."""
 MIN_REPORTED_WIDENING = 1.1
 """Size: factor on a standard deviation from which on an interval counts as wider than that of the model."""
 
-EVEN_CHANCE = 0.5
+MIN_RIVAL_PROBABILITY = 0.5
 """Probability: of a rival explanation whose evidence is not known."""
 
 LOG_EVIDENCE_STD = 3.0
@@ -113,7 +113,7 @@ MAX_FAR_PEAK_LEVEL = 3.0
 MIN_DOMINANT_PEAK_LEVEL = 4.0
 """Size: spectrum of the innovations, 1 if white, from which on a peak is named before the correlation of channels."""
 
-MAX_COLOUR = 0.02
+MAX_SQUARED_AUTOCORRELATION = 0.02
 """Size: sum of squared autocorrelations beyond which colour is remarked; one correlation of 0.14."""
 
 MAX_LEVEL_DEPARTURE = 0.05

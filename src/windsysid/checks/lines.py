@@ -35,13 +35,13 @@ from windsysid.checks.limits import (
 
 __all__ = ["Line", "find_line", "line_bound", "stand_out", "stand_out_of_a_bend"]
 
-WIDTH = 2
+LINE_HALF_WIDTH_BINS = 2
 """Setting: frequency bins to either side of a line that its own power reaches with Hann's window."""
 
 HANN_VARIANCE = 1.94
 """Numerical: variance of the mean of neighbouring bins with Hann's window over that of independent ones."""
 
-SURROUNDINGS = 30
+SURROUNDING_BINS = 30
 """Setting: frequency bins to either side of one that give the level around it in readings, where resonances bend it."""
 
 PARABOLA_LOSS = 1.9
@@ -83,11 +83,13 @@ def stand_out(power: Array, at: NDArray[np.int64], surroundings: int) -> Array:
     def around(width: int) -> Array:
         return np.asarray(sums[at + width + 1] - sums[at - width])
 
-    level = (around(surroundings) - around(WIDTH)) / (2 * (surroundings - WIDTH))
+    level = (around(surroundings) - around(LINE_HALF_WIDTH_BINS)) / (2 * (surroundings - LINE_HALF_WIDTH_BINS))
     return np.asarray(power[at] / np.maximum(level, 1e-300))
 
 
-def stand_out_of_a_bend(power: Array, at: NDArray[np.int64], surroundings: int, width: int = WIDTH) -> Array:
+def stand_out_of_a_bend(
+    power: Array, at: NDArray[np.int64], surroundings: int, width: int = LINE_HALF_WIDTH_BINS
+) -> Array:
     """Power (F, m) at some frequencies (K,) over the level that a parabola in 1/S has there (K, m), estimated from so
     many to either side but for those within a width."""
     away = np.arange(width + 1, surroundings + 1)
@@ -111,7 +113,7 @@ def stand_out_of_a_bend(power: Array, at: NDArray[np.int64], surroundings: int, 
 def line_bound(tested: int, surroundings: int, chance: float, loss: float = 1.0) -> float:
     """Upper bound of the greatest of so many ratios of `stand_out` under the null hypothesis, or of
     `stand_out_of_a_bend` with `PARABOLA_LOSS`."""
-    n = 2 * (surroundings - WIDTH) / HANN_VARIANCE / loss
+    n = 2 * (surroundings - LINE_HALF_WIDTH_BINS) / HANN_VARIANCE / loss
     return float(n * ((chance / max(tested, 1)) ** (-1.0 / n) - 1.0))
 
 
@@ -133,14 +135,14 @@ def find_line(
         near &= np.abs(frequency - seen) > NARROW_RESONANCE_MARGIN_BINS * step  # by what turns, and by what does not
     for low, high in known:
         near &= (frequency < low) | (frequency > high)
-    near[: SURROUNDINGS + 1] = near[-SURROUNDINGS - 1 :] = False
+    near[: SURROUNDING_BINS + 1] = near[-SURROUNDING_BINS - 1 :] = False
     whole = np.flatnonzero(np.mean(~np.isfinite(values), axis=0) <= MAX_MISSING_SHARE)
     if not near.any() or not whole.size:
         return None
     at = np.flatnonzero(near)
     ratio = _ratios(np.column_stack([_filled(column) for column in values[:, whole].T]), at)
     row, column = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
-    bound = line_bound(ratio.size, SURROUNDINGS, LINE_FALSE_ALARM_PROBABILITY, PARABOLA_LOSS)
+    bound = line_bound(ratio.size, SURROUNDING_BINS, LINE_FALSE_ALARM_PROBABILITY, PARABOLA_LOSS)
     return Line(channels[int(whole[column])], float(frequency[at[row]]), float(ratio[row, column]), bound)
 
 
@@ -165,9 +167,9 @@ def _ratios(values: Array, at: NDArray[np.int64]) -> Array:
     """Power of values (T, m) at points of their periodogram (K,) over the level around them (K, m), a parabola where
     they are far above its mean."""
     power = np.abs(np.fft.rfft(np.hanning(len(values))[:, None] * values, axis=0)) ** 2
-    ratio = stand_out(power, at, SURROUNDINGS)
+    ratio = stand_out(power, at, SURROUNDING_BINS)
     high = ratio.max(axis=1) > MIN_FITTED_RATIO
-    ratio[high] = stand_out_of_a_bend(power, at[high], SURROUNDINGS)
+    ratio[high] = stand_out_of_a_bend(power, at[high], SURROUNDING_BINS)
     return ratio
 
 

@@ -27,7 +27,7 @@ __all__ = ["Bending", "Bent", "Law", "doubt_bending", "doubt_bent", "find_bent"]
 Law = Literal["stiffness", "damping"]
 """Force that depends on amplitude: with the cube of displacement, or with the sign of velocity."""
 
-CUBES = ((3, 0), (2, 1), (1, 2), (0, 3))
+CUBIC_EXPONENTS = ((3, 0), (2, 1), (1, 2), (0, 3))
 """Setting: powers of q and of q̇ in the cubic terms."""
 
 
@@ -86,7 +86,7 @@ def find_bent(
         own = later[seen, column]
         basis = np.linalg.qr(known[seen])[0]
         for j, coordinate in enumerate(coordinates):
-            cubes = np.column_stack([q[seen, j] ** a * rates[seen, j] ** b for a, b in CUBES])
+            cubes = np.column_stack([q[seen, j] ** a * rates[seen, j] ** b for a, b in CUBIC_EXPONENTS])
             cubes = cubes - basis @ (basis.T @ cubes)
             u = cubes.T @ own
             try:
@@ -97,7 +97,7 @@ def find_bent(
             found.append((statistic, coordinate, channel))
     if not found:
         return None
-    bound = 2.0 * float(gammainccinv(0.5 * len(CUBES), chance / tested))
+    bound = 2.0 * float(gammainccinv(0.5 * len(CUBIC_EXPONENTS), chance / tested))
     statistic, coordinate, channel = max(found)
     return Bent(coordinate, channel, statistic, bound)
 

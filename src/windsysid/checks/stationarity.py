@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 
 from windsysid._types import Array
 
-__all__ = ["LAGS", "Late", "Level", "Shared", "how_late", "levels", "most_shared", "shared_products", "steadiness"]
+__all__ = ["MAX_LAG", "Late", "Level", "Shared", "how_late", "levels", "most_shared", "shared_products", "steadiness"]
 
-LAGS = 3
+MAX_LAG = 3
 """Setting: largest lag of one channel behind another that is tested, to either side [samples]."""
 
 
@@ -86,12 +86,12 @@ def levels(z: Array, used: NDArray[np.bool_], window: int) -> tuple[Array, Array
 def shared_products(z: Array, used: NDArray[np.bool_]) -> tuple[Array, Array]:
     """Sums of z_i(t + lag) z_j(t) over z (T, m) with variance 1 at lags −L … L, and how many (2L + 1, m, m)."""
     m = z.shape[1]
-    products, pairs = np.zeros((2 * LAGS + 1, m, m)), np.zeros((2 * LAGS + 1, m, m))
+    products, pairs = np.zeros((2 * MAX_LAG + 1, m, m)), np.zeros((2 * MAX_LAG + 1, m, m))
     seen = used.astype(np.float64)
-    for lag in range(min(LAGS, len(z) - 1) + 1):
+    for lag in range(min(MAX_LAG, len(z) - 1) + 1):
         later, now = slice(lag, None), slice(None, len(z) - lag)
-        products[LAGS + lag], pairs[LAGS + lag] = z[later].T @ z[now], seen[later].T @ seen[now]
-        products[LAGS - lag], pairs[LAGS - lag] = products[LAGS + lag].T, pairs[LAGS + lag].T
+        products[MAX_LAG + lag], pairs[MAX_LAG + lag] = z[later].T @ z[now], seen[later].T @ seen[now]
+        products[MAX_LAG - lag], pairs[MAX_LAG - lag] = products[MAX_LAG + lag].T, pairs[MAX_LAG + lag].T
     return products, pairs
 
 
@@ -120,7 +120,7 @@ def most_shared(products: Array, pairs: Array) -> Shared | None:
     sigmas = products[:, later, now] / np.sqrt(number)
     lag, pair = np.unravel_index(int(np.argmax(np.abs(sigmas))), sigmas.shape)
     correlation = float(sigmas[lag, pair] / math.sqrt(number[lag, pair]))
-    return Shared(int(later[pair]), int(now[pair]), int(lag) - LAGS, correlation, float(abs(sigmas[lag, pair])))
+    return Shared(int(later[pair]), int(now[pair]), int(lag) - MAX_LAG, correlation, float(abs(sigmas[lag, pair])))
 
 
 def how_late(
@@ -140,7 +140,7 @@ def how_late(
         Frequency in cycles per sample up to which is looked.
     """
     kept = np.fft.rfftfreq(len(z)) <= below
-    lags = [lag for lag in range(-LAGS, LAGS + 1) if lag]
+    lags = [lag for lag in range(-MAX_LAG, MAX_LAG + 1) if lag]
     z = np.nan_to_num(z)
     total, number = np.zeros(len(lags)), 0
     for column, angle in blades.items():

@@ -36,7 +36,6 @@ from windsysid.checks.limits import (
     FALSE_ALARM_PROBABILITY,
     MAX_CHANCE_SIGMAS,
     MAX_CHANNEL_LEVEL_FACTOR,
-    MAX_COLOUR,
     MAX_CROSS_CORRELATION,
     MAX_FAR_PEAK_LEVEL,
     MAX_KURTOSIS,
@@ -46,6 +45,7 @@ from windsysid.checks.limits import (
     MAX_OUTLIER_POWER_SHARE,
     MAX_OUTLIER_SHARE,
     MAX_PEAK_LEVEL,
+    MAX_SQUARED_AUTOCORRELATION,
     MIN_DOMINANT_PEAK_LEVEL,
     MIN_REMARKED_OUTLIERS,
     OUTLIER_SIGMAS,
@@ -279,7 +279,7 @@ def _judge_colour(w: Whiteness, rotor_hz: float) -> list[Finding]:
         where = {"channel": far.name, "frequency": far.far_hz, "rotor_frequency": rotor_hz}
         found.append(Finding("far_peak", "remark", where | {"level": far.far}))
     worst = max(w.channels, key=lambda c: c.colour)
-    if worst.colour > max(MAX_COLOUR, w.colour_bound):
+    if worst.colour > max(MAX_SQUARED_AUTOCORRELATION, w.colour_bound):
         found.append(Finding("coloured_innovations", "remark", {"channel": worst.name, "colour": worst.colour}))
     return found
 

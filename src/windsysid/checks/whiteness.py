@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from windsysid._types import Array
 from windsysid.checks.colour import Colour, smooth_colour
 from windsysid.checks.innovation_sums import (
-    LINE_SURROUNDINGS,
+    SURROUNDING_BINS,
     Stretch,
     Sums,
     band_of_interest,
@@ -23,12 +23,8 @@ from windsysid.checks.lines import line_bound
 from windsysid.checks.stationarity import Shared, most_shared, steadiness
 
 __all__ = [
-    "ChannelCheck",
-    "Whiteness",
-    "chance_limit",
-    "examine",
-    "judge_stretches",
-]
+    "ChannelCheck", "Whiteness", "chance_limit", "examine", "judge_stretches",
+]  # fmt: skip
 
 
 NEAR_MODE_FACTOR = 1.3
@@ -296,7 +292,7 @@ def _judge_alike(sums: Sums, names: Sequence[str], frequencies: Sequence[float])
         spectrum=spectrum,
         spectrum_bound=chance_limit(FALSE_ALARM_PROBABILITY / max(spectrum.size, 1), freedom) / freedom,
         colour_bound=(chance_limit(FALSE_ALARM_PROBABILITY / m, lags) - lags) / fewest,
-        line_bound=line_bound(sums.tested, LINE_SURROUNDINGS, LINE_FALSE_ALARM_PROBABILITY),
+        line_bound=line_bound(sums.tested, SURROUNDING_BINS, LINE_FALSE_ALARM_PROBABILITY),
         shared=most_shared(sums.shared, sums.shared_pairs),
         smooth=smooth_colour(
             frequency,

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 __all__ = []
 
 _PASSWORD = "WINDSYSID_MQTT_PASSWORD"
-_ROOM = 32_000_000
+_MIN_FREE_BUFFER_BYTES = 32_000_000
 """Of the buffer, before a record goes on being read [bytes]: what is in a file need not be dropped."""
 
 
@@ -77,7 +77,7 @@ def publish(
                 blocks = _from_records(records, turbine, begin, seconds, speed, stream, mapping)
             for one in blocks:
                 if not logger:
-                    publisher.wait(room=_ROOM)
+                    publisher.wait(room=_MIN_FREE_BUFFER_BYTES)
                 new = publisher.send(one)
                 sent, known = sent + new, known + 1 - new
                 progress(f"{sent} blocks, {len(publisher.ring)} not committed. {publisher.trouble}")

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from windsysid.output.console import WIDTH, render
+from windsysid.output.console import DEFAULT_COLUMNS, render
 from windsysid.output.table import READING, Table
 from windsysid.units import engineering
 
@@ -16,13 +16,13 @@ if TYPE_CHECKING:
 
 __all__ = ["first_screen", "identification_parts"]
 
-LINES = 24
+MAX_SCREEN_LINES = 24
 """Setting: lines of a terminal, of which two are for the end of the screen and the place of the results."""
 MAX_REASONS = 3
 """Setting: largest number of reasons against a result that its first screen lists."""
 
 
-def first_screen(parts: Sequence[Table | str], lines: int = LINES - 2) -> str:
+def first_screen(parts: Sequence[Table | str], lines: int = MAX_SCREEN_LINES - 2) -> str:
     """Render parts of an answer in their order, shortened to some lines.
 
     A table that does not fit is cut after whole rows; what follows the first part that was cut is left out. The last
@@ -60,7 +60,7 @@ def _shorten(part: Table | str, lines: int) -> Table | str | None:
 
 def _height(text: str) -> int:
     """Lines that a text takes on the terminal."""
-    width = max(shutil.get_terminal_size((WIDTH, LINES)).columns, 20)
+    width = max(shutil.get_terminal_size((DEFAULT_COLUMNS, MAX_SCREEN_LINES)).columns, 20)
     return sum(max(1, math.ceil(len(line) / width)) for line in text.split("\n"))
 
 
@@ -90,7 +90,7 @@ def identification_parts(found: "Identification") -> list[Table | str]:
 def _coefficients(estimates: "Sequence[Estimate]") -> Table:
     """Coefficients in engineering units, two in a row where there are many."""
     cells = [(e.name, f"{' '.join(engineering(e.unit, e.estimate))} ± {_share(e)}", e.grade) for e in estimates]
-    abreast = 1 if len(cells) <= LINES // 4 else 2
+    abreast = 1 if len(cells) <= MAX_SCREEN_LINES // 4 else 2
     step = math.ceil(len(cells) / abreast)
     rows = [sum((cells[k] for k in range(i, len(cells), step)), ()) for i in range(step)]
     width = 3 * abreast

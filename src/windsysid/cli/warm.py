@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 __all__ = []
 
-PERIODS, SAMPLES_PER_PERIOD = 90.0, 10.0
+RECORD_PERIODS, SAMPLES_PER_PERIOD = 90.0, 10.0
 """Setting: length of a simulated record in periods of the slowest mode, and its rate in samples per fastest period."""
 
 
@@ -50,7 +50,7 @@ def _use(turbine: "Turbine", progress: "Progress") -> None:
     frequencies = [turbine.natural_frequency(name) / (2.0 * math.pi) for name in turbine.model.coordinates]
     progress(f"{turbine.name}: simulating", None)
     record = simulate_record(
-        turbine, duration=PERIODS / min(frequencies), rate=SAMPLES_PER_PERIOD * max(frequencies), seed=1
+        turbine, duration=RECORD_PERIODS / min(frequencies), rate=SAMPLES_PER_PERIOD * max(frequencies), seed=1
     )
     progress(f"{turbine.name}: identifying", None)
     identify(record, turbine)

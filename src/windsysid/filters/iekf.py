@@ -46,7 +46,7 @@ from windsysid.statespace.workspace import BLOCKS, WORKSPACE, Matrix, Vector, sc
 
 __all__ = ["IEKF"]
 
-BEND_LIMIT_SIGMAS = 0.2
+MIN_NONLINEARITY_SIGMAS = 0.2
 """Standard deviations of its noise that a reading is off its linearisation, above which the sample is iterated."""
 
 MAX_ITERATIONS = 10
@@ -192,7 +192,7 @@ def _bends(reading_jacobian: Any, blocks: Any, ws: Any, steps: Any, inputs: Any,
     bent = False
     for c in range(readings.size):
         if not (np.isnan(readings[c]) or gated[c]):
-            bent = bent or abs(ws.y[c] - line[c]) > BEND_LIMIT_SIGMAS * np.sqrt(blocks.noise[c])
+            bent = bent or abs(ws.y[c] - line[c]) > MIN_NONLINEARITY_SIGMAS * np.sqrt(blocks.noise[c])
         ws.y[c] = steps.y[c]
     for c in range(rows):
         store(ws.H, c, load(steps.H, c))

@@ -16,9 +16,9 @@ from windsysid.kernels.simd import LANES, load, splat, store
 
 __all__ = ["absorb", "factorise", "square", "triangularise"]
 
-ROUNDING = 2.3e-16
+RELATIVE_ROUNDING = 2.3e-16
 
-SMALLEST = 1e-290
+MIN_SUM_OF_SQUARES = 1e-290
 """A sum of squares below it is zero: its inverse is, or could be, infinite."""
 
 
@@ -35,7 +35,7 @@ def factorise(cov: Any, root: Any) -> None:
             for k in range(j):
                 row = row - splat(root[k, j]) * load(root, k * width + c)
             store(root, j * width + c, row)
-        scale = splat(0.0 if root[j, j] <= n * ROUNDING * cov[j, j] else 1.0 / math.sqrt(root[j, j]))
+        scale = splat(0.0 if root[j, j] <= n * RELATIVE_ROUNDING * cov[j, j] else 1.0 / math.sqrt(root[j, j]))
         store(root, j * width + first, scale * without_first(load(root, j * width + first), j - first * LANES))
         for c in range(first + 1, width):
             store(root, j * width + c, scale * load(root, j * width + c))
@@ -78,7 +78,7 @@ def triangularise(rows: Any, pivot: Any) -> None:
         tail = lanes_sum(squares)
         norm = math.sqrt(head * head + tail)
         rows[i, i] = norm
-        if tail < SMALLEST:
+        if tail < MIN_SUM_OF_SQUARES:
             if head < 0.0:
                 for r in range(i + 1, n):
                     rows[r, i] = -rows[r, i]

@@ -27,7 +27,7 @@ from numba import types
 from windsysid._types import Array
 from windsysid.filters.ekf import EKF
 from windsysid.filters.protocol import Filter, Info, empty_info
-from windsysid.filters.roots import ROUNDING, factorise, triangularise
+from windsysid.filters.roots import RELATIVE_ROUNDING, factorise, triangularise
 from windsysid.filters.ukf import SIGMA_POINTS, UKF, set_load_roots, sigma_points, spread_transition
 from windsysid.kernels.jit import JACOBIAN, VALUE, compiled, uncounted
 from windsysid.kernels.rows import inner, padded, write
@@ -39,7 +39,7 @@ from windsysid.statespace.workspace import BLOCKS, WORKSPACE, workspace
 __all__ = ["Smoothed", "smooth"]
 
 
-CHUNK = 2048
+CHUNK_SAMPLES = 2048
 """Samples of which all covariances are held at once."""
 
 
@@ -113,7 +113,7 @@ def smooth(model: StateSpace, inputs: Array, readings: Array, filter_: Filter = 
     inputs = np.ascontiguousarray(inputs, dtype=np.float64)
     readings = np.ascontiguousarray(readings, dtype=np.float64)
     n, m, samples = len(model.states), len(model.readings), len(readings)
-    chunks = [slice(first, first + CHUNK) for first in range(0, max(samples, 1), CHUNK)]
+    chunks = [slice(first, first + CHUNK_SAMPLES) for first in range(0, max(samples, 1), CHUNK_SAMPLES)]
     beliefs = [filter_.init(model)]
     for chunk in chunks:
         beliefs.append(filter_.run(model, beliefs[-1], inputs[chunk], readings[chunk])[0])
@@ -301,4 +301,4 @@ def _solve(rows: Any, right: Any) -> None:
             right[i] -= row[j] * right[j]
             size += row[j] * row[j]
         size = math.sqrt(size + row[i] * row[i])
-        right[i] = right[i] / row[i] if row[i] > n * ROUNDING * size else 0.0
+        right[i] = right[i] / row[i] if row[i] > n * RELATIVE_ROUNDING * size else 0.0

@@ -55,7 +55,7 @@ from windsysid.statespace.workspace import (
 
 __all__ = ["UKF"]
 
-SPREAD = math.sqrt(3.0)
+SIGMA_POINT_SIGMAS = math.sqrt(3.0)
 """c: how many standard deviations the sigma points are out."""
 
 
@@ -207,7 +207,7 @@ def spread_transition(
     for j in range(n + nz + rough):
         direction = root[j] if j < n else points.load_roots[s * nz + min(j - n, nz - 1)]
         for side in range(2):
-            out = SPREAD if side == 0 else -SPREAD
+            out = SIGMA_POINT_SIGMAS if side == 0 else -SIGMA_POINT_SIGMAS
             for i in range(n):
                 state[i] = mean[i] + out * direction[i] if j < n else mean[i]
             for i in range(nz):
@@ -218,9 +218,9 @@ def spread_transition(
                 for i in range(nx):
                     points.high[i] = ws.x[i]
         for i in range(nx):
-            rows[i, j] = (points.high[i] - ws.x[i]) / (2.0 * SPREAD)
-            points.curvature[i] = (0.5 * (points.high[i] + ws.x[i]) - points.first[i]) / SPREAD
-            points.bend[i] += points.curvature[i] / SPREAD
+            rows[i, j] = (points.high[i] - ws.x[i]) / (2.0 * SIGMA_POINT_SIGMAS)
+            points.curvature[i] = (0.5 * (points.high[i] + ws.x[i]) - points.first[i]) / SIGMA_POINT_SIGMAS
+            points.bend[i] += points.curvature[i] / SIGMA_POINT_SIGMAS
         for i in range(nx):
             for k in range(i, nx):
                 points.curved_x[i, k] += points.curvature[i] * points.curvature[k]
@@ -265,7 +265,7 @@ def spread_reading(reading: Any, blocks: Any, ws: Any, points: Any, mean: Any, i
     for j in range(n):
         direction = points.root[j]
         for side in range(2):
-            out = SPREAD if side == 0 else -SPREAD
+            out = SIGMA_POINT_SIGMAS if side == 0 else -SIGMA_POINT_SIGMAS
             for i in range(n):
                 state[i] = mean[i] + out * direction[i]
             expected_reading(reading, blocks, ws, state, inputs)
@@ -273,9 +273,9 @@ def spread_reading(reading: Any, blocks: Any, ws: Any, points: Any, mean: Any, i
                 for c in range(m):
                     points.high[c] = ws.y[c]
         for c in range(m):
-            points.directions[j, c] = (points.high[c] - ws.y[c]) / (2.0 * SPREAD)
-            points.curvature[c] = (0.5 * (points.high[c] + ws.y[c]) - points.first[c]) / SPREAD
-            points.bend[c] += points.curvature[c] / SPREAD
+            points.directions[j, c] = (points.high[c] - ws.y[c]) / (2.0 * SIGMA_POINT_SIGMAS)
+            points.curvature[c] = (0.5 * (points.high[c] + ws.y[c]) - points.first[c]) / SIGMA_POINT_SIGMAS
+            points.bend[c] += points.curvature[c] / SIGMA_POINT_SIGMAS
         for c in range(m):
             for d in range(c, m):
                 curved[c, d] += points.curvature[c] * points.curvature[d]

@@ -28,20 +28,20 @@ from windsysid.units import spell
 
 __all__ = ["Batch", "batch"]
 
-LIMIT_SECONDS = 600.0
+MAX_RECORD_SECONDS = 600.0
 """Time that a record may take before its worker counts as hanging."""
 
-RUNS = 3
+MAX_RUNS = 3
 """Runs in which a record that failed is tried again."""
 
 FORMULATIONS = ("spectral", "joint", "auto")
 
-_LOOKS_PER_REPORT = 20
+_POLLS_PER_REPORT = 20
 
-LOOKS_A_WORKER = 50
+MIN_RECORDS_PER_WORKER = 50
 """Records whose begin is requested that are worth another worker's start."""
 
-REASONS = 3
+MAX_LISTED_REASONS = 3
 """Reasons for no result that the answer lists."""
 
 
@@ -100,7 +100,7 @@ def batch(
     formulation: str = "spectral",
     workers: int | None = None,
     scheduler: str | None = None,
-    limit: float = LIMIT_SECONDS,
+    limit: float = MAX_RECORD_SECONDS,
     progress: Progress = unheard,
 ) -> Batch:
     """Identify every record in folders and append one row for each to an archive.
@@ -226,7 +226,9 @@ def _members(
 
 def _unused_patterns(theirs: Mapping[str, Sequence[str]], members: Sequence[Member]) -> tuple[str, ...]:
     bare = (member for member in members if not theirs[member.name])
-    return tuple(f"no file fits the pattern of '{member.name}': {member.pattern}" for member in islice(bare, REASONS))
+    return tuple(
+        f"no file fits the pattern of '{member.name}': {member.pattern}" for member in islice(bare, MAX_LISTED_REASONS)
+    )
 
 
 def _join_scada(run: _ArchiveRun, members: Sequence[Member], progress: Progress) -> int:
@@ -277,8 +279,8 @@ class _Counted:
 
     def reasons(self) -> list[str]:
         """A sentence for each of the commonest reasons why there is no result."""
-        told = [f"{count} {status}: {why}" for (status, why), count in self.whys.most_common(REASONS)]
-        more = len(self.whys) - REASONS
+        told = [f"{count} {status}: {why}" for (status, why), count in self.whys.most_common(MAX_LISTED_REASONS)]
+        more = len(self.whys) - MAX_LISTED_REASONS
         return [*told, f"{more} other reasons: column why of the archive"] if more > 0 else told
 
 
@@ -324,7 +326,7 @@ def _new(paths: Sequence[str], known: dict[str, Known]) -> list[str]:
     found = []
     for path in paths:
         row = known.get(path)
-        if row is None or row.size != size_or_unknown(path) or (row.status == "failed" and row.tries < RUNS):
+        if row is None or row.size != size_or_unknown(path) or (row.status == "failed" and row.tries < MAX_RUNS):
             found.append(path)
     return found
 
@@ -369,10 +371,10 @@ def _begins(asked: Sequence[tuple[Member, str]], team: Sequence[Worker], progres
 
     def hear(path: str, start: str | None) -> None:
         found[path] = start
-        if len(found) % _LOOKS_PER_REPORT == 0:
+        if len(found) % _POLLS_PER_REPORT == 0:
             progress("when the records began", len(found) / len(asked))
 
-    share(asked, team[: math.ceil(len(asked) / LOOKS_A_WORKER)], _look, hear)
+    share(asked, team[: math.ceil(len(asked) / MIN_RECORDS_PER_WORKER)], _look, hear)
     return found
 
 

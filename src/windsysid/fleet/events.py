@@ -27,35 +27,35 @@ from windsysid.monitoring.watch import NOISE, SENSOR
 
 __all__ = ["FleetEvent", "events_of"]
 
-SHARED_DAYS = 7.0
+MAX_SHARED_DAYS = 7.0
 """Jumps of turbines of the type within so many days of each other belong together."""
 
-MIN_SHARED = 3
+MIN_SHARED_TURBINES = 3
 """Turbines of the type that must have a jump for it to be the site's, and half of them."""
 
-STEP_DAYS = 2.0
+MAX_STEP_DAYS = 2.0
 """Jumps of a coefficient in one direction, at most so many days apart, are one.
 
 What grows in hours, as ice does, sets off one alarm after the other, and the size of each is of little use.
 """
 
-SIDE_DAYS = 3.0
+LEVEL_DAYS = 3.0
 """Days before and after jumps whose blocks tell the level: when the alarm went, what grows had not grown."""
 
-RETURN_DAYS = 60.0
+MAX_RECOVERY_DAYS = 60.0
 """Greatest number of days after which a drop that recovers counts as temporary."""
 
-RETURN_MAX_REST = 0.5
+MAX_REST_SHARE = 0.5
 """Share of a fall that may be left after it came back."""
 
-ICE_MAX_TEMPERATURE = 2.0
+MAX_ICING_CELSIUS = 2.0
 """Mean temperature [°C] of the day of the fall up to which what came and went is named as ice.
 
 Ice grows below 0 °C, and thermometers of nacelles read a degree or two too much. It stays until the thaw is over, so
 that the temperature meanwhile says little.
 """
 
-ICE_DAY = 0.5 * DAY
+ICING_SECONDS = 0.5 * DAY
 """[s] before and after the fall whose temperature counts."""
 
 _WORST = ("turbine", "ice", "sensor", "outlier", "shared")
@@ -96,7 +96,7 @@ class _Jump:
         """Test whether two jumps are of one coefficient, in one direction, about the same date."""
         one, another = self.change, other.change
         same = one.name == another.name and one.percent * another.percent > 0.0
-        return same and abs(self.seconds - other.seconds) <= SHARED_DAYS * DAY
+        return same and abs(self.seconds - other.seconds) <= MAX_SHARED_DAYS * DAY
 
 
 def events_of(
@@ -122,7 +122,7 @@ def _shared_jumps(jumps: Sequence[_Jump], turbines: int) -> tuple[list[FleetEven
     for jump in jumps:
         alike = [other for other in left if jump.is_alike(other)]
         sisters = list(dict.fromkeys(other.turbine for other in alike))
-        if jump not in left or len(sisters) < max(MIN_SHARED, 0.5 * turbines):
+        if jump not in left or len(sisters) < max(MIN_SHARED_TURBINES, 0.5 * turbines):
             continue
         left = [other for other in left if other not in alike]
         verb = "rose" if jump.change.percent > 0.0 else "fell"
@@ -190,7 +190,11 @@ def _merged(one: Watch) -> list[DetectedJump]:
     newest: dict[str, list[DetectedJump]] = {}
     for change in one.changes:
         run = newest.get(change.name)
-        if run is None or change.percent * run[-1].percent <= 0.0 or change.earliest - run[-1].latest > STEP_DAYS * DAY:
+        if (
+            run is None
+            or change.percent * run[-1].percent <= 0.0
+            or change.earliest - run[-1].latest > MAX_STEP_DAYS * DAY
+        ):
             runs.append(newest.setdefault(change.name, []) if run is None else [])
             run = newest[change.name] = runs[-1]
         run.append(change)
@@ -219,7 +223,7 @@ def _epoch(one: Watch) -> float:
 def _levels(one: Watch, steps: Sequence[DetectedJump]) -> list[float]:
     """Level after each of some jumps of a coefficient, less that before the first, in percent of that."""
     time, values = one.blocks.time, next(series.adjusted for series in one.series if series.name == steps[0].name)
-    side = SIDE_DAYS * DAY
+    side = LEVEL_DAYS * DAY
 
     def level(low: float, high: float) -> float:
         inside = (time > low) & (time < high) & np.isfinite(values)
@@ -235,9 +239,9 @@ def _levels(one: Watch, steps: Sequence[DetectedJump]) -> list[float]:
 
 def _steps_back(one: Watch, steps: Sequence[DetectedJump]) -> int:
     """After how many more jumps of a coefficient the first one is taken back; 0 where it is not."""
-    levels = _levels(one, [step for step in steps if step.time - steps[0].time <= RETURN_DAYS * DAY])
+    levels = _levels(one, [step for step in steps if step.time - steps[0].time <= MAX_RECOVERY_DAYS * DAY])
     back = int(np.argmin(np.abs(levels)))
-    return back if abs(levels[back]) <= RETURN_MAX_REST * np.max(np.abs(levels[: back + 1])) else 0
+    return back if abs(levels[back]) <= MAX_REST_SHARE * np.max(np.abs(levels[: back + 1])) else 0
 
 
 def _went(name: str, steps: Sequence[DetectedJump], one: Watch, seconds: Array, temperature: Array) -> FleetEvent:
@@ -246,7 +250,7 @@ def _went(name: str, steps: Sequence[DetectedJump], one: Watch, seconds: Array, 
     top = int(np.argmax(np.abs(levels)))
     first, reached, begins, last = steps[0], steps[top], steps[top + 1], steps[-1]
     base = _epoch(one)
-    inside = (seconds >= base + first.earliest - ICE_DAY) & (seconds <= base + first.latest + ICE_DAY)
+    inside = (seconds >= base + first.earliest - ICING_SECONDS) & (seconds <= base + first.latest + ICING_SECONDS)
     inside &= np.isfinite(temperature)
     mean = float(temperature[inside].mean()) if inside.any() else None
     verbs = ("rose", "fell") if levels[top] > 0.0 else ("fell", "rose")
@@ -254,6 +258,6 @@ def _went(name: str, steps: Sequence[DetectedJump], one: Watch, seconds: Array, 
     told = f"{first.name} {verbs[0]} by {abs(levels[top]):.2g} % on {when[0]} and {verbs[1]} again on {when[1]}"
     if mean is None:
         return FleetEvent(name, "turbine", told)
-    if mean > ICE_MAX_TEMPERATURE or levels[top] > 0.0:
+    if mean > MAX_ICING_CELSIUS or levels[top] > 0.0:
         return FleetEvent(name, "turbine", f"{told}, at {round(mean)} °C when it {verbs[0]}")
     return FleetEvent(name, "ice", f"{told}, at {round(mean)} °C when it fell, as with ice on blades")

@@ -15,9 +15,9 @@ from windsysid.fleet.scada import SCADA_COLUMNS, Scada, read_scada
 from windsysid.records.moments import has_zone, moment
 from windsysid.turbine.operation import operation
 
-__all__ = ["OTHER_CLOCK", "check_clocks", "join", "join_late", "read_scadas"]
+__all__ = ["NOT_JOINED_PREFIX", "check_clocks", "join", "join_late", "read_scadas"]
 
-OTHER_CLOCK = "SCADA was not joined"
+NOT_JOINED_PREFIX = "SCADA was not joined"
 """Prefix of the note on a row without SCADA."""
 
 _READ = (
@@ -77,11 +77,11 @@ def join(row: Row, scada: Scada, usual: float) -> Row:
     if row["start"] is None:
         return row
     start, seconds = moment(row["start"]), row["duration"]
-    notes = [note for note in row["notes"] if not note.startswith(OTHER_CLOCK)]
+    notes = [note for note in row["notes"] if not note.startswith(NOT_JOINED_PREFIX)]
     try:
         found = scada.during(start, seconds)
     except ConfigurationError as error:
-        return row | {"notes": [*notes, f"{OTHER_CLOCK}: {error}"]}
+        return row | {"notes": [*notes, f"{NOT_JOINED_PREFIX}: {error}"]}
     whole = scada.holds(start, seconds)
     said = {name: found.get(name) for name in scada.columns if whole or row[f"scada_{name}"] is None}
     row = row | {f"scada_{name}": value for name, value in said.items()} | {"notes": notes}

@@ -20,8 +20,8 @@ from windsysid.errors import ConfigurationError
 from windsysid.fleet.archive import read_table, turbines_of
 from windsysid.fleet.events import FleetEvent, events_of
 from windsysid.fleet.sensors import Failing, failing_sensors, weeks_of
-from windsysid.fleet.series import WANTED, blocks_of, numbers, pairs, seconds_of, texts
-from windsysid.fleet.sisters import MIN_SISTERS, Standing, stand
+from windsysid.fleet.series import BLOCK_COLUMNS, blocks_of, numbers, pairs, seconds_of, texts
+from windsysid.fleet.sisters import MIN_TURBINES_OF_TYPE, Standing, stand
 from windsysid.monitoring.changes import Watch
 from windsysid.monitoring.watch import watch
 from windsysid.output.answers import Answer
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Glance", "Overview", "oversee", "overview_of"]
 
-OUTLIER_CHANCE = 0.05
+OUTLIER_PROBABILITY = 0.05
 """Probability of an outlier on the page of a healthy fleet: one page in twenty."""
 
 
@@ -208,7 +208,7 @@ def oversee(archive: str | Path, *, alarms_per_year: float = 0.1, progress: Prog
     names = turbines_of(archive)
     for i, name in enumerate(names):
         progress(f"reading {name}", i / len(names))
-        tables[name] = read_table(archive, name, (*WANTED, "modes", "why", "duration", "health"))
+        tables[name] = read_table(archive, name, (*BLOCK_COLUMNS, "modes", "why", "duration", "health"))
     return overview_of(tables, Path(archive), alarms_per_year=alarms_per_year, progress=progress)
 
 
@@ -231,8 +231,8 @@ def overview_of(
     glances = {name: _glance(table, *span) for name, table in tables.items()}
     failing = failing_sensors({name: weeks_of(table) for name, table in tables.items()})
     standings = _standings(watches)
-    if len(watches) < MIN_SISTERS:
-        notes.append(f"comparison within a turbine type needs at least {MIN_SISTERS} turbines")
+    if len(watches) < MIN_TURBINES_OF_TYPE:
+        notes.append(f"comparison within a turbine type needs at least {MIN_TURBINES_OF_TYPE} turbines")
     air = {name: (seconds_of(table), numbers(table, "scada_temperature")) for name, table in tables.items()}
     events = events_of(watches, failing, standings, air)
     return Overview(
@@ -304,13 +304,13 @@ def _standings(watches: Mapping[str, Watch]) -> list[Standing]:
     kinds: dict[tuple[tuple[str, str, float], ...], list[str]] = {}
     for name, one in watches.items():
         kinds.setdefault(_coefficients(one), []).append(name)
-    tests = sum(len(key) for key, names in kinds.items() if len(names) >= MIN_SISTERS)
+    tests = sum(len(key) for key, names in kinds.items() if len(names) >= MIN_TURBINES_OF_TYPE)
     found: list[Standing] = []
     for key, names in kinds.items():
         means = _common_means([watches[name] for name in names])
         for coefficient, *_ in key:
             levels = {name: _level(watches[name], coefficient, means) for name in names}
-            found += stand(levels, coefficient, OUTLIER_CHANCE / max(tests, 1))
+            found += stand(levels, coefficient, OUTLIER_PROBABILITY / max(tests, 1))
     return found
 
 

@@ -29,10 +29,10 @@ SCADA_COLUMNS: dict[str, tuple[str, tuple[str, ...]]] = {
 }
 """Quantity of SCADA that is kept: its unit (none for a code), and the channels that may hold it."""
 
-CLOCKS_DIFFER = 86400.0
+MAX_ZONE_SECONDS = 86400.0
 """[s] that a local clock is off UTC at most, with time to spare."""
 
-MIN_SHARE = 0.5
+MIN_COVERED_SHARE = 0.5
 """Share of a record that SCADA must cover to say anything of it."""
 
 
@@ -64,15 +64,15 @@ class Scada(NamedTuple):
     def is_near(self, start: datetime | None, seconds: float | None) -> bool:
         """Test whether `seconds` from `start` on, a date without a zone, may be in the time of its lines.
 
-        UTC where a zone is known: clocks of unknown zone differ by less than `CLOCKS_DIFFER`.
+        UTC where a zone is known: clocks of unknown zone differ by less than `MAX_ZONE_SECONDS`.
         """
         if start is None or seconds is None:
             return False
         zone = self.begin.tzinfo
         begin = self.begin if zone is None else self.begin.astimezone(UTC).replace(tzinfo=None)
         low = (start - begin) / timedelta(seconds=1)
-        last = self.time[-1] + self.period + CLOCKS_DIFFER
-        return bool(self.time[0] - CLOCKS_DIFFER <= low + seconds and low <= last)
+        last = self.time[-1] + self.period + MAX_ZONE_SECONDS
+        return bool(self.time[0] - MAX_ZONE_SECONDS <= low + seconds and low <= last)
 
     def during(self, start: datetime, seconds: float) -> dict[str, float]:
         """Statistics of `seconds` from `start` on, by name; a name is left out if too little is known.
@@ -94,7 +94,7 @@ class Scada(NamedTuple):
         for name, column in self.columns.items():
             values = column[first:last]
             there = np.isfinite(values) & (overlap > 0.0)
-            if overlap[there].sum() < MIN_SHARE * seconds or not there.any():
+            if overlap[there].sum() < MIN_COVERED_SHARE * seconds or not there.any():
                 continue
             found[name] = _mean(name, values[there], overlap[there])
         return found

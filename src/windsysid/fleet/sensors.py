@@ -12,15 +12,15 @@ from windsysid.fleet.series import pairs, seconds_of
 
 __all__ = ["Failing", "Weeks", "failing_sensors", "weeks_of"]
 
-WEEK = 7 * 86400.0
+WEEK_SECONDS = 7 * 86400.0
 
-FAILING_MIN_SHARE = 0.25
+MIN_FAILING_SHARE = 0.25
 """Share of a week's records with a finding from which a sensor is named."""
 
-SHARED_MIN_SHARE = 0.05
+MIN_COMMON_SHARE = 0.05
 """Median share at the other turbines of the type, from which the site or the logger is named instead."""
 
-MIN_RECORDS = 12
+MIN_WEEKLY_RECORDS = 12
 """Records of a week that are needed."""
 
 
@@ -61,7 +61,7 @@ class Failing(NamedTuple):
     def covers(self, seconds: float) -> bool:
         """Test whether a moment [s since 1970] is in these weeks, or in the one before or after."""
         low, high = (datetime.fromisoformat(day).replace(tzinfo=UTC).timestamp() for day in (self.first, self.last))
-        return low - WEEK <= seconds <= high + WEEK
+        return low - WEEK_SECONDS <= seconds <= high + WEEK_SECONDS
 
     @property
     def sentence(self) -> str:
@@ -77,7 +77,7 @@ class Failing(NamedTuple):
 def weeks_of(table: Any) -> Weeks:
     """Weeks from rows with the columns ``time`` and ``health``."""
     seconds = seconds_of(table)
-    week = np.where(np.isfinite(seconds), np.floor(np.nan_to_num(seconds) / WEEK), -1.0).astype(np.int64)
+    week = np.where(np.isfinite(seconds), np.floor(np.nan_to_num(seconds) / WEEK_SECONDS), -1.0).astype(np.int64)
     number = np.unique(week[week >= 0])
     records = np.array([(week == one).sum() for one in number], dtype=np.int64)
     health = pairs(table, "health")
@@ -98,7 +98,7 @@ def failing_sensors(weeks: Mapping[str, Weeks]) -> list[Failing]:
     for turbine, mine in weeks.items():
         for channel, kinds in mine.findings.items():
             share = kinds[""] / np.maximum(mine.records, 1)
-            bad = (share >= FAILING_MIN_SHARE) & (mine.records >= MIN_RECORDS)
+            bad = (share >= MIN_FAILING_SHARE) & (mine.records >= MIN_WEEKLY_RECORDS)
             for first, last in _runs(mine.number, bad):
                 part = slice(first, last + 1)
                 worst = max((kind for kind in kinds if kind), key=lambda kind: int(kinds[kind][part].sum()))
@@ -115,7 +115,7 @@ def _is_shared(sisters: Sequence[Weeks], channel: str, numbers: NDArray[np.int64
     """True if this channel of the other turbines of the type has findings in these weeks, too."""
     shares = np.array([_share(other, channel, numbers) for other in sisters])
     known = shares[~np.isnan(shares)]
-    return bool(known.size) and float(np.median(known)) >= SHARED_MIN_SHARE
+    return bool(known.size) and float(np.median(known)) >= MIN_COMMON_SHARE
 
 
 def _share(weeks: Weeks, channel: str, numbers: NDArray[np.int64]) -> float:
@@ -140,4 +140,4 @@ def _runs(number: NDArray[np.int64], bad: NDArray[np.bool_]) -> list[tuple[int, 
 
 
 def _day(week: int) -> str:
-    return datetime.fromtimestamp(float(week) * WEEK, UTC).date().isoformat()
+    return datetime.fromtimestamp(float(week) * WEEK_SECONDS, UTC).date().isoformat()

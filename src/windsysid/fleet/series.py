@@ -30,7 +30,7 @@ __all__ = ["COVARIATES", "Pairs", "archive_blocks", "blocks_of", "numbers", "pai
 COVARIATES = ("wind_speed", "temperature", "pitch", "rotor_speed")
 """Of SCADA, where most records have them. The power follows from them, the yaw is no straight line."""
 
-STRONG_WIND = 0.9
+STRONG_WIND_QUANTILE = 0.9
 """Quantile of the wind that is learned from, beyond which a coefficient may follow the wind by another slope.
 
 Blades pitch from the rated wind on, and damping levels off there. A single line would run on into winds that were never
@@ -43,7 +43,7 @@ MIN_SHARE = 0.9
 MIN_STATE_SHARE, MIN_STATE_RECORDS = 0.05, 10
 """Least share and number of a state among the records that are learned from."""
 
-WANTED = (
+BLOCK_COLUMNS = (
     "status", "source", "start", "time", "state", "trusted", "windsysid", "parameters", "statistics", "rotor_speed",
     *(f"scada_{name}" for name in COVARIATES),
 )  # fmt: skip
@@ -80,11 +80,11 @@ def archive_blocks(archive: str | Path, turbine: str) -> RecordBlocks:
     ConfigurationError
         If there is no such turbine, or too few records of it were identified.
     """
-    return blocks_of(read_table(archive, turbine, WANTED))
+    return blocks_of(read_table(archive, turbine, BLOCK_COLUMNS))
 
 
 def blocks_of(table: Any) -> RecordBlocks:
-    """Blocks from rows with the columns `WANTED`; ConfigurationError as `archive_blocks`."""
+    """Blocks from rows with the columns `BLOCK_COLUMNS`; ConfigurationError as `archive_blocks`."""
     notes: list[str] = []
     table = _usable(table, notes)
     begin = _begin(texts(table, "start").tolist())
@@ -250,7 +250,7 @@ def _strong_wind(values: Array, usual: NDArray[np.bool_], notes: list[str]) -> d
     learned = learning[usual[: len(learning)] & np.isfinite(learning)]
     if not learned.size:
         return {}
-    most = round(float(np.quantile(learned, STRONG_WIND)))  # whole, so that turbines of the type have the same
+    most = round(float(np.quantile(learned, STRONG_WIND_QUANTILE)))  # whole, so that turbines of the type have the same
     notes.append(f"strong_wind is what the wind has above {most} m/s")
     return {"strong_wind": np.where(usual, np.maximum(values - most, 0.0), 0.0)}
 

@@ -18,9 +18,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-__all__ = ["MIN_SISTERS", "Standing", "stand"]
+__all__ = ["MIN_TURBINES_OF_TYPE", "Standing", "stand"]
 
-MIN_SISTERS = 5
+MIN_TURBINES_OF_TYPE = 5
 """Turbines of one kind that are needed to call one of them an outlier."""
 
 
@@ -73,7 +73,7 @@ def stand(levels: Mapping[str, tuple[float, float]], name: str, chance: float) -
 
     turbines = list(levels)
     n = len(turbines)
-    if n < MIN_SISTERS:
+    if n < MIN_TURBINES_OF_TYPE:
         return []
     y, sigma = np.array([levels[turbine] for turbine in turbines]).T
     limit = float(student.isf(0.5 * chance / n, n - 2))

@@ -28,11 +28,11 @@ from windsysid.spectral.rotor_bands.build import is_lightly_damped
 
 __all__ = ["choose", "spectral_alone"]
 
-BEGINNING = 60.0
+SCREENED_PERIODS = 60.0
 """Setting: periods of the slowest mode at a record's beginning in which filters look for loads that they cannot
 explain: where there are, a search of all of it takes minutes."""
 
-TRANSIENT = frozenset({
+TRANSIENT_CODES = frozenset({
     "burst", "nonstationary", "stationarity_untestable", "too_short_for_stationarity", "varying_rotor_speed",
 })  # fmt: skip
 """Setting: findings of spectra that a record is a transient, or too short to tell: a rotor in wind goes to filters."""
@@ -80,7 +80,7 @@ def choose(job: Job) -> FittedJob:
 def _is_left_to_spectra(job: Job, spectral: FittedJob) -> bool:
     """Test whether a rotor is in wind, and its record stationary or too long for filters with the load states of wind.
     Bands suppose wind and also show a free decay, which filters explain without these states."""
-    transient = TRANSIENT.intersection(one.code for one in spectral.outcome.doubts)
+    transient = TRANSIENT_CODES.intersection(one.code for one in spectral.outcome.doubts)
     alone = _steps(job) > MAX_WIND_STEPS and not spectral.outcome.in_bands
     return spectral.outcome.hypothesis == RotorWind.name and (alone or not transient)
 
@@ -189,7 +189,7 @@ def _by_broad_loads(job: Job) -> FittedJob | None:
     if job.loads not in ("auto", Broadband.name) or is_lightly_damped(job.turbine):
         return None
     part, joint, begun = job.part, None, float(job.part.time[0])
-    beginning = begun + BEGINNING * 2.0 * math.pi / job.turbine.slowest_frequency
+    beginning = begun + SCREENED_PERIODS * 2.0 * math.pi / job.turbine.slowest_frequency
     for end in sorted({min(beginning, float(part.time[-1])), float(part.time[-1])}):
         try:
             _, joint = run(replace(job, part=part.section(begun, end), loads=Broadband.name), effects=())

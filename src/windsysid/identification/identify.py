@@ -159,15 +159,15 @@ def identify(
         from windsysid.records.formats import as_mapping
 
         options["mapping"] = mapping_tables(as_mapping(mapping))
-    if formulation not in _WAYS:
-        raise ConfigurationError(f"formulation: expected {', '.join(_WAYS)}; got '{formulation}'")
+    if formulation not in _BY_FORMULATION:
+        raise ConfigurationError(f"formulation: expected {', '.join(_BY_FORMULATION)}; got '{formulation}'")
     part = record.section(*section) if section else record
     machine, notes = in_state(placed, part, state)
     job = Job(record, part, machine, sensors, prior, parameters, rate, loads)
     doing = f"{formulation} formulation, {part.samples} samples"
     progress(doing, None)
     with hear(progress, doing):
-        fit = _WAYS[formulation](job)
+        fit = _BY_FORMULATION[formulation](job)
     outcome = fit.outcome._replace(doubts=(*fit.outcome.doubts, *fit.unmodelled), notes=(*fit.outcome.notes, *notes))
     return conclude(
         note_wide_priors(outcome), fit.read, fit.formulation, faults=fit.faults, line=fit.line,
@@ -175,7 +175,7 @@ def identify(
     )  # fmt: skip
 
 
-_WAYS: dict[str, Callable[[Job], FittedJob]] = {
+_BY_FORMULATION: dict[str, Callable[[Job], FittedJob]] = {
     "auto": choose,
     "joint": lambda job: run(job.by("joint"))[1],
     "spectral": spectral_alone,

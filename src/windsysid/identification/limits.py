@@ -48,7 +48,7 @@ MAX_SPEED_VARIATION_IN_BANDS = 0.2
 """Size: as `windsysid.inspection.limits.MAX_CONSTANT_SPEED_VARIATION`, of bands that follow the blades; source:
 ``python -m validation.auto``."""
 
-MAX_YAW_CHANGE = 0.05
+MAX_YAW_CHANGE_RADIANS = 0.05
 """Size: range of the yaw [rad] beyond which spectra, which know one yaw only, are not compared with filters."""
 
 NEGLIGIBLE_SHARE = 0.1
@@ -92,7 +92,7 @@ MIN_EFFECT_SIGMAS = 4.0
 """Probability: standard deviations from which on a clock drift or the amplitude of a force is taken as real; one
 amplitude of chance in 3000 is larger."""
 
-MIN_DRIFT_ANGLE = 0.07
+MIN_DRIFT_RADIANS = 0.07
 """Size: angle [rad] of the fastest motion of a coordinate by which a clock drift over the record matters."""
 
 MAX_DRIFT_RATE = 3e-4
@@ -116,7 +116,7 @@ chance alone leaves 45 once in ten thousand."""
 
 # Sinusoids
 
-MIN_SINE_F = 20.0
+MIN_SINUSOID_F = 20.0
 """Probability: Thomson's F of a line that may be a sinusoid; chance exceeds it at one frequency in 6600."""
 
 MIN_HARMONIC_F = 14.0
@@ -133,10 +133,10 @@ same sinusoid; one in ten healthy records has it."""
 MARGINAL_LINE_FACTOR = 1.25
 """Size: times its bound within which a line may be chance: no finding if no estimate depends on it."""
 
-MAX_SINE_SCATTER = 8.4
+MAX_SINUSOID_SCATTER = 8.4
 """Probability: squared scatter of a sinusoid's amplitude and phase over segments, relative to chance: 1 in 100."""
 
-MAX_SINE_SHIFT_BINS = 0.3
+MAX_SINUSOID_SHIFT_BINS = 0.3
 """Size: difference of a sinusoid's frequency between channels, in frequencies of the periodogram."""
 
 FAINT_LINE_POWER = 25.0

@@ -14,7 +14,7 @@ MIN_MODAL_SAMPLES = 256
 MIN_ROTOR_SPEED = 0.05
 """Size: rotor speed of a running machine [rad/s]."""
 
-MAX_SWING = 4.0
+MAX_MOTION_RMS = 4.0
 """Size: root mean square [m] of the motion that an acceleration means; the tops of the tallest turbines move by 1 m,
 floaters by more only below 0.1 Hz, which is left out."""
 

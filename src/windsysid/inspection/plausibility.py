@@ -15,7 +15,7 @@ from windsysid.inspection.fault import Fault, Severity, unit_fault
 from windsysid.inspection.limits import (
     MAX_ACCELERATION_RATE,
     MAX_DOUBTFUL_ACCELERATION_RATE,
-    MAX_SWING,
+    MAX_MOTION_RMS,
     MIN_ACCELERATION_RATE,
 )
 from windsysid.inspection.rotor import Rotor, once_per_turn, rotor_faults
@@ -45,16 +45,16 @@ _GRAVITIES = (
 
 _AXIS = re.compile(r"(.+)_([xyz])_((?:acceleration|velocity|displacement)(?:_kinematic)?)")
 
-HALF_QUARTER_TURN = 45.0
+MIN_EXCHANGE_DEGREES = 45.0
 """Setting: angle [deg] from which on an axis is nearer to the other one."""
 
 MAX_GRAVITY_DIFFERENCE = 0.01
 """Setting: relative difference from gravity of the means of two axes that share it; calibrations are as good."""
 
-MIN_SWING_FREQUENCY = 0.1
+MIN_MOTION_HZ = 0.1
 """Setting: frequency [Hz] above which the motion is computed that an acceleration means."""
 
-MAX_SWING_SIGMAS = 20.0
+MAX_MOTION_SIGMAS = 20.0
 """Setting: distance from the median, in robust standard deviations, beyond which readings are codes or spikes and no
 motion."""
 
@@ -127,16 +127,16 @@ def _by_place(channels: Sequence[str]) -> dict[str, list[str]]:
 
 
 def _swing(record: Record, channel: str) -> float:
-    """Motion [m] that an acceleration means above `MIN_SWING_FREQUENCY`, root mean square."""
+    """Motion [m] that an acceleration means above `MIN_MOTION_HZ`, root mean square."""
     values = record[channel]
     known = np.isfinite(values)
     distance = np.abs(values - np.median(values[known]))
     scale = 1.4826 * float(np.median(distance[known]))
-    known &= (distance <= MAX_SWING_SIGMAS * scale) | (scale == 0.0)
+    known &= (distance <= MAX_MOTION_SIGMAS * scale) | (scale == 0.0)
     filled = np.interp(record.time, record.time[known], values[known])
     power = np.abs(np.fft.rfft((filled - filled.mean()) * np.hanning(len(filled)))) ** 2
     frequency = np.arange(len(power)) * record.rate / len(filled)
-    above = frequency > max(MIN_SWING_FREQUENCY, 3.0 * record.rate / len(filled))
+    above = frequency > max(MIN_MOTION_HZ, 3.0 * record.rate / len(filled))
     total = np.sum(power[above] / (_TURN * frequency[above]) ** 4)
     return float(np.sqrt(2.0 * total / (0.375 * len(filled) ** 2)))
 
@@ -159,7 +159,7 @@ def _shaken(record: Record, channel: str, rms: float) -> list[Fault]:
     if rms > 10.0 * GRAVITY and channel.startswith(("tower", "nacelle", "hub", "foundation")):
         return [unit_fault(channel, "no support so shaken", rms=rms, gravities=rms / GRAVITY)]
     swing = _swing(record, channel)
-    return [unit_fault(channel, "no structure swings so far", rms=rms, swing=swing)] if swing > MAX_SWING else []
+    return [unit_fault(channel, "no structure swings so far", rms=rms, swing=swing)] if swing > MAX_MOTION_RMS else []
 
 
 def _tilts(record: Record, known: Iterable[str]) -> list[Fault]:
@@ -170,7 +170,7 @@ def _tilts(record: Record, known: Iterable[str]) -> list[Fault]:
         same_point = _axis_of(one)[::2] == _axis_of(other)[::2]
         tilt = math.degrees(math.atan2(abs(mean[one]), abs(mean[other])))
         whole = abs(math.hypot(mean[one], mean[other]) / GRAVITY - 1.0) < MAX_GRAVITY_DIFFERENCE
-        if same_point and whole and MIN_TILT_DEGREES < tilt < HALF_QUARTER_TURN:
+        if same_point and whole and MIN_TILT_DEGREES < tilt < MIN_EXCHANGE_DEGREES:
             data = {"mean": mean[one], "degrees": tilt, "upright": other}
             found.append(Fault(one, "tilt", "note", record.samples, data=data))
     return found
@@ -186,7 +186,7 @@ def _yawed_axes(record: Record, known: Iterable[str]) -> list[Fault]:
     angle = math.degrees(math.atan2(across, along))
     if not angle > MIN_YAW_DEGREES:
         return []
-    severity: Severity = "warning" if angle > HALF_QUARTER_TURN else "note"
+    severity: Severity = "warning" if angle > MIN_EXCHANGE_DEGREES else "note"
     data = {"degrees": angle, "channels": ", ".join(axes[:4])}
     return [Fault("nacelle_yaw", "yawed axes", severity, record.samples, data=data)]
 

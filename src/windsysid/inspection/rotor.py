@@ -11,7 +11,7 @@ from windsysid.inspection.fault import Fault, Severity, unit_fault
 from windsysid.inspection.limits import MAX_ROTOR_SPEED, MIN_ROTOR_SPEED
 from windsysid.inspection.tags import meaning_of
 from windsysid.records.record import Record
-from windsysid.signals.azimuth import MAX_SCATTER, steadied
+from windsysid.signals.azimuth import MAX_SCATTER_RADIANS, steadied
 
 if TYPE_CHECKING:
     from windsysid.turbine.turbine import Turbine
@@ -199,7 +199,7 @@ def _azimuth_scatter(record: Record) -> list[Fault]:
     off = np.mod(record["rotor_azimuth"] - smooth["rotor_azimuth"] + np.pi, _TURN) - np.pi
     off = off[np.isfinite(off)]
     off = off[np.abs(off) <= 10.0 * np.median(np.abs(off))]  # others are spikes
-    if not np.std(off) > MAX_SCATTER:
+    if not np.std(off) > MAX_SCATTER_RADIANS:
         return []
     data = {"degrees": float(np.degrees(np.std(off)))}
     return [Fault("rotor_azimuth", "azimuth scatter", "warning", int(off.size), data=data)]

@@ -22,16 +22,9 @@ if TYPE_CHECKING:
     from windsysid.turbine.turbine import Turbine
 
 __all__ = [
-    "ExpectedLine",
-    "SpectralPeak",
-    "Spectrogram",
-    "Spectrum",
-    "cleaned",
-    "expected_modes",
-    "lines_in",
-    "spectra",
+    "ExpectedLine", "SpectralPeak", "Spectrogram", "Spectrum", "cleaned", "expected_modes", "lines_in", "spectra",
     "spectrogram",
-]
+]  # fmt: skip
 
 
 MAX_PEAKS = 8

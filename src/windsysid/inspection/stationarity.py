@@ -28,10 +28,10 @@ from windsysid.records.record import Record
 
 __all__ = ["SectionChanges", "Vibration", "changes", "vibration_of"]
 
-EXPONENTS = (1.0, 0.5, 0.0)
+WHITENING_EXPONENTS = (1.0, 0.5, 0.0)
 """Setting: powers to which the spectrum is raised: as it is, half and fully whitened."""
 
-SEGMENTS = (2, 4)
+SEGMENT_COUNTS = (2, 4)
 """Setting: numbers of segments into which a section is divided."""
 
 POWER_SHARE_OUTSIDE = 0.01
@@ -58,7 +58,7 @@ class Vibration(NamedTuple):
     edges
         (n + 1,): samples of the record at which steps of `energy` and `weight` begin and end.
     energy
-        (3, n): for each of `EXPONENTS`, the sum of squares in each step.
+        (3, n): for each of `WHITENING_EXPONENTS`, the sum of squares in each step.
     weight
         (n,): effective number of samples in each step.
     degrees
@@ -125,7 +125,7 @@ def vibration_of(record: Record, channel: str) -> Vibration | None:
     if not power.sum() > 0.0:
         return None
     energy, degrees = [], []
-    for exponent in EXPONENTS:
+    for exponent in WHITENING_EXPONENTS:
         shaped = spectrum * _gain(power, exponent)
         level = np.abs(shaped) ** 2
         energy.append(np.fft.irfft(shaped, len(x)) ** 2)
@@ -140,13 +140,13 @@ def changes(vibrations: Sequence[Vibration], starts: NDArray[np.int64], ends: ND
     """Test whether vibration changes within sections from samples `starts` (w,) to `ends` (w,)."""
     from scipy.special import fdtri
 
-    comparisons = len(EXPONENTS) * sum(n * (n - 1) // 2 for n in SEGMENTS)
+    comparisons = len(WHITENING_EXPONENTS) * sum(n * (n - 1) // 2 for n in SEGMENT_COUNTS)
     sections = len(starts)
     best = SectionChanges(
         np.zeros(sections), np.ones(sections, dtype=np.bool_), np.ones(sections), np.full(sections, np.inf),
-        np.full(sections, SEGMENTS[0]),
+        np.full(sections, SEGMENT_COUNTS[0]),
     )  # fmt: skip
-    for segments in SEGMENTS:
+    for segments in SEGMENT_COUNTS:
         cut = starts[:, None] + (ends - starts)[:, None] * np.arange(segments + 1) // segments
         found = [vibration.power(np.stack([cut[:, :-1], cut[:, 1:]], axis=-1)) for vibration in vibrations]
         power, freedom = (np.array(values) for values in zip(*found, strict=True))  # (m, 3, w, segments)
@@ -159,7 +159,7 @@ def changes(vibrations: Sequence[Vibration], starts: NDArray[np.int64], ends: ND
             excess = np.sqrt(np.mean((ratio / allowed) ** 2, axis=0))  # (3, w)
             by_chance = best.by_chance & np.all(np.mean((ratio / chance) ** 2, axis=0) <= 1.0, axis=0)
             best = best._replace(by_chance=by_chance)
-            for k in range(len(EXPONENTS)):
+            for k in range(len(WHITENING_EXPONENTS)):
                 larger = excess[k] > best.excess
                 sign = np.where(ratio[:, k].mean(axis=0) < 0.0, -0.5, 0.5)
                 best = SectionChanges(

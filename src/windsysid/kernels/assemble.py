@@ -33,7 +33,7 @@ _OF_CONSTANTS: dict[type[ast.AST], Callable[..., Any]] = {
     ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv,
     ast.Pow: operator.pow, ast.USub: operator.neg,
 }  # fmt: skip
-_LARGEST_POWER = 1 << 16
+_MAX_MULTIPLIED_EXPONENT = 1 << 16
 """Whole exponents up to which a power is written as multiplications."""
 
 
@@ -179,7 +179,7 @@ class _Body:
         if _constant(left) and _constant(right) and type(sign) in _OF_CONSTANTS:
             return _OF_CONSTANTS[type(sign)](left, right)
         if isinstance(sign, ast.Pow):
-            if isinstance(right, int) and abs(right) <= _LARGEST_POWER:
+            if isinstance(right, int) and abs(right) <= _MAX_MULTIPLIED_EXPONENT:
                 return self._power(left, right)
             return self._called(node, operator.pow, [left, right])
         if type(sign) not in _INSTRUCTIONS:

@@ -40,7 +40,7 @@ __all__ = [
     "write_whole",
 ]  # fmt: skip
 
-LONGEST_WAIT = 120.0
+MAX_WAIT_SECONDS = 120.0
 """[s] After which a process makes a file itself, whoever else is at it."""
 
 _DIGEST = hashlib.sha256().digest_size
@@ -82,7 +82,7 @@ def in_turn(path: Path) -> Iterator[None]:
 
     The file may be there afterwards: look before making it.
     """
-    lock, until = path.with_name(f".{path.name}{LOCK}"), time.monotonic() + LONGEST_WAIT
+    lock, until = path.with_name(f".{path.name}{LOCK}"), time.monotonic() + MAX_WAIT_SECONDS
     try:
         _make(path.parent)
         while (handle := try_lock(lock)) is None and not path.exists() and time.monotonic() < until:

@@ -33,7 +33,7 @@ __all__ = [
     "turn",
 ]
 
-CHUNK = 64
+VECTORS_PER_CHUNK = 64
 """Vectors of a row that `gram` goes through before it turns to the next row: four such rows stay in the first cache."""
 
 
@@ -131,8 +131,8 @@ def gram(rows: Any, weight: float, out: Any) -> None:
     of 4."""
     stays_a_function()
     width = rows.shape[1] // LANES
-    for start in range(0, width, CHUNK):
-        end = min(width, start + CHUNK)
+    for start in range(0, width, VECTORS_PER_CHUNK):
+        end = min(width, start + VECTORS_PER_CHUNK)
         for j in range(0, out.shape[0], 4):
             for i in range(j, out.shape[0]):
                 a = b = c = d = splat(0.0)

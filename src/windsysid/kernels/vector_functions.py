@@ -25,7 +25,7 @@ from windsysid.kernels.simd import (
 
 __all__ = ["vector_call"]
 
-_FARTHEST = 1e6
+_MAX_ARGUMENT = 1e6
 """Magnitude of an argument up to which n times a part of π/2 is exact; beyond, lanes go one by one."""
 
 _HALF_PI = (1.57079632673412561417e00, 6.07710050630396597660e-11, 2.02226624879595063154e-21)
@@ -60,7 +60,7 @@ def vector_call(context: Any, builder: Any, function: Callable[..., Any], vector
 def _turned(builder: Any, call: Callable[..., Any], quarters: int, x: Any) -> Any:
     """The sine of x, so many quarter turns ahead; `call` gives it for numbers."""
     result = cgutils.alloca_once_value(builder, x)
-    with builder.if_else(_beyond(builder, x, _FARTHEST), likely=False) as (far, near):
+    with builder.if_else(_beyond(builder, x, _MAX_ARGUMENT), likely=False) as (far, near):
         with far, cgutils.for_range(builder, ir.Constant(ir.IntType(64), LANES)) as loop:
             lane = builder.trunc(loop.index, IR_INDEX)
             value = call(builder, [builder.extract_element(x, lane)])

@@ -24,21 +24,21 @@ from windsysid.turbine.turbine import Turbine
 
 __all__ = ["DemoPlan", "DemoTower", "demo", "story"]
 
-RATE = 10.0
+RATE_HZ = 10.0
 """Of the loggers [Hz]: thirty times a tower's frequency."""
 
 BLOCK_SECONDS = 60.0
 
-PIECE = 6
+WINDOWS_AT_ONCE = 6
 """Windows that are simulated at once, in one wind."""
 
-GUSTS = 0.2
+LOG_WIND_STD = 0.2
 """Scatter of the wind from piece to piece, as the standard deviation of its logarithm."""
 
-AGO_SECONDS = 3 * 86400.0
+START_BEFORE_NOW_SECONDS = 3 * 86400.0
 """Time before now at which the demo begins, so that it does not overtake the clock."""
 
-AHEAD = 16
+MAX_UNCOMMITTED_BLOCKS = 16
 """Blocks that wait for their commit at most."""
 
 
@@ -55,7 +55,7 @@ class DemoPlan:
     history
         Windows that the watch learns from; they are played as fast as they are taken.
     softer_after, fails_after
-        Windows after these, in whole pieces of `PIECE`, when T2 loses stiffness and when T3 loses a sensor.
+        Windows after these, in whole pieces of `WINDOWS_AT_ONCE`, when T2 loses stiffness and when T3 loses a sensor.
     softer_by
         Relative loss of both stiffnesses.
     """
@@ -79,7 +79,7 @@ def demo(
         The moment of the demo's begin [ns since 1970]; today by default.
     """
     members = tuple(Member(name, "tower") for name in ("T1", "T2", "T3"))
-    begin = (time.time_ns() if now is None else now) - round(AGO_SECONDS * SECOND)
+    begin = (time.time_ns() if now is None else now) - round(START_BEFORE_NOW_SECONDS * SECOND)
     settings = Settings(
         store=":memory:", turbines=members, page=page, window=plan.window, lateness=0.0, learn=plan.history,
         alarms_per_year=1.0,
@@ -140,14 +140,14 @@ class DemoTower:
                     return
             waiting.append(asyncio.wrap_future(await asyncio.to_thread(push, block)))
             self.state = self.state._replace(blocks=self.state.blocks + 1)
-            while len(waiting) >= AHEAD:
+            while len(waiting) >= MAX_UNCOMMITTED_BLOCKS:
                 await waiting.popleft()
 
     def blocks(self) -> Iterator[Block]:
         """All blocks, without end."""
         piece = 0
         while True:
-            start = self.begin + round(piece * PIECE * self.plan.window * SECOND)
+            start = self.begin + round(piece * WINDOWS_AT_ONCE * self.plan.window * SECOND)
             yield from blocks_of(self._record(piece), self.turbine, start, seconds=BLOCK_SECONDS)
             piece += 1
 
@@ -155,21 +155,21 @@ class DemoTower:
         """Readings of the tower's sensors in a segment."""
         from windsysid.simulation.record import simulate_record
 
-        after = (piece + 1) * PIECE - self.plan.history  # windows of the demo when the piece is over
+        after = (piece + 1) * WINDOWS_AT_ONCE - self.plan.history  # windows of the demo when the piece is over
         seed = 1000 * self.seed + piece
         tower = _in_wind(load_turbine("tower"), np.random.default_rng(seed))
         if self.turbine == "T2" and after > self.plan.softer_after:
             tower = _softer(tower, self.plan.softer_by)
-        record = simulate_record(tower, duration=PIECE * self.plan.window, rate=RATE, seed=seed)
+        record = simulate_record(tower, duration=WINDOWS_AT_ONCE * self.plan.window, rate=RATE_HZ, seed=seed)
         if self.turbine == "T3" and after > self.plan.fails_after:
-            first = after - PIECE <= self.plan.fails_after
+            first = after - WINDOWS_AT_ONCE <= self.plan.fails_after
             record = _failing(record, self.plan.window if first else 0.0)
         return record
 
 
 def _in_wind(tower: Turbine, rng: np.random.Generator) -> Turbine:
     """The tower in another wind: loads scatter from piece to piece."""
-    strength = float(np.exp(GUSTS * rng.standard_normal()))
+    strength = float(np.exp(LOG_WIND_STD * rng.standard_normal()))
     return replace(tower, loads=tuple(replace(load, rms=strength * load.rms) for load in tower.loads))
 
 

@@ -40,19 +40,19 @@ from windsysid.turbine.file import load_turbine
 
 __all__ = ["Delays", "Engine", "EngineState", "Followed", "TurbineState"]
 
-AHEAD = 300 * SECOND
+MAX_LEAD_NS = 300 * SECOND
 """Largest lead of a block over the service's clock [ns]."""
 
-BOUND, BOUND_BYTES = 4096, 128_000_000
+MAX_PENDING_BLOCKS, MAX_PENDING_BYTES = 4096, 128_000_000
 """Greatest number of blocks, and of their bytes, on their way to the store: beyond, `Engine.push` waits."""
 
-WITHHELD_WINDOWS = 4
+MAX_WAITING_WINDOWS = 4
 """Windows of a turbine that may wait for a worker: beyond, blocks are stored and not acknowledged."""
 
-BEHIND_WINDOWS = 2
+MAX_BEHIND_WINDOWS = 2
 """Windows' lengths by which a turbine's oldest waiting window may be behind before that is an alarm."""
 
-TICK = 1.0
+TICK_SECONDS = 1.0
 """Interval of the search for silent turbines [s]."""
 
 
@@ -112,7 +112,7 @@ class Engine:
         self._tell = on_event or (lambda *_, **__: None)
         self._tasks: queue.Queue[WindowTask | None] = queue.Queue()
         self._stopping = threading.Event()
-        self._gate = Gate(BOUND, BOUND_BYTES)
+        self._gate = Gate(MAX_PENDING_BLOCKS, MAX_PENDING_BYTES)
         self._idle = threading.Condition()
         self._sums, self._summing = Counter[str](), threading.Lock()
         self._rate = 0.0
@@ -133,8 +133,9 @@ class Engine:
     def push(self, block: Block) -> Future[None]:
         """Take a block; the future ends when it is on disk, or was before.
 
-        It waits while `BOUND` blocks are on their way to the store. Where a turbine's windows wait in a row, its
-        blocks are stored and the futures end when the row is shorter: senders that wait for them are slowed down.
+        It waits while `MAX_PENDING_BLOCKS` blocks are on their way to the store. Where a turbine's windows wait in a
+        row, its blocks are stored and the futures end when the row is shorter: senders that wait for them are slowed
+        down.
 
         Raises
         ------
@@ -166,7 +167,7 @@ class Engine:
 
     def _checked(self, block: Block) -> Block:
         block = check(block, self._limits)
-        if block.start > self._now() + AHEAD:
+        if block.start > self._now() + MAX_LEAD_NS:
             raise BlockRefused(
                 f"block starts at {moment_text(block.start, 0)}, ahead of the service's clock: set the logger's"
                 " clock, or the service's"
@@ -241,7 +242,7 @@ class Engine:
             with follower.lock:
                 if error is not None and forget is not None:
                     forget()
-                withhold = error is None and len(follower.order) > WITHHELD_WINDOWS and not self._stopping.is_set()
+                withhold = error is None and len(follower.order) > MAX_WAITING_WINDOWS and not self._stopping.is_set()
                 if withhold:
                     follower.withheld.append(done)
             if error is not None:
@@ -331,7 +332,7 @@ class Engine:
             del follower.estimates[task.window]
             follower.order.popleft()
             free: list[Future[None]] = []
-            if len(follower.order) <= WITHHELD_WINDOWS:
+            if len(follower.order) <= MAX_WAITING_WINDOWS:
                 free, follower.withheld = follower.withheld, []
         for future in free:
             future.set_result(None)
@@ -357,7 +358,7 @@ class Engine:
     def _watch_clock(self) -> None:
         """Look for turbines that fell silent or behind."""
         last, before = 0, time.monotonic()
-        while not self._stopping.wait(TICK):
+        while not self._stopping.wait(TICK_SECONDS):
             since = time.monotonic()
             self._rate = (self._sums["blocks"] - last) / max(since - before, 1e-9)
             last, before = self._sums["blocks"], since
@@ -372,7 +373,7 @@ class Engine:
         now = self._now()
         self._look_for_silence(follower, now)
         behind = now - follower.order[0].closed if follower.order else 0
-        if behind > BEHIND_WINDOWS * follower.windows.length:
+        if behind > MAX_BEHIND_WINDOWS * follower.windows.length:
             text = (
                 f"estimates are {behind / SECOND:.0f} s behind, {len(follower.order)} windows wait, no data are lost:"
                 " give the service more processors, or fewer turbines"

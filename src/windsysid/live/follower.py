@@ -25,10 +25,10 @@ from windsysid.live.windows.timeline import SECOND, TurbineWindows, sample_time
 
 __all__ = ["Conclusion", "Followed", "Follower", "Placed", "WindowTask"]
 
-STREAMS = 16
+MAX_STREAMS = 16
 """Loggers that a turbine may have."""
 
-LONGEST = 2
+MAX_BLOCK_WINDOWS = 2
 """Windows that a block may have samples of."""
 
 Arrival = Literal["new", "repeated", "too late"]
@@ -166,13 +166,15 @@ class Follower:
 
     def _stream(self, block: Block) -> _Stream:
         """The logger of a block, new or known."""
-        if len(self.windows.of_block(block)) > LONGEST:
+        if len(self.windows.of_block(block)) > MAX_BLOCK_WINDOWS:
             raise BlockRefused(
                 f"block of {len(block.values) / block.rate:.6g} s: expected no longer than a window of"
                 f" {self.windows.length / SECOND:g} s; send shorter blocks"
             )
-        if block.stream not in self.streams and len(self.streams) >= STREAMS:
-            raise BlockRefused(f"stream '{block.stream}': the turbine has {STREAMS} loggers already, expected no more")
+        if block.stream not in self.streams and len(self.streams) >= MAX_STREAMS:
+            raise BlockRefused(
+                f"stream '{block.stream}': the turbine has {MAX_STREAMS} loggers already, expected no more"
+            )
         return self.streams.get(block.stream, _Stream())
 
     def _check_tables(self, block: Block, windows: Iterable[int]) -> None:

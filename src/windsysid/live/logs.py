@@ -16,7 +16,7 @@ from windsysid.live.configuration.settings import LogSettings
 
 __all__ = ["event", "start_log"]
 
-LONGEST = 2000
+MAX_MESSAGE_CHARACTERS = 2000
 """Characters of a message."""
 
 FIELDS = "fields"
@@ -63,7 +63,7 @@ class RepeatFilter(logging.Filter):
 
     def filter(self, record: logging.LogRecord) -> bool:
         """Check whether a line is written."""
-        key, now = (record.name, record.levelno, str(record.msg)[:LONGEST]), time.monotonic()
+        key, now = (record.name, record.levelno, str(record.msg)[:MAX_MESSAGE_CHARACTERS]), time.monotonic()
         with self._guard:
             begun, count = self._counted.get(key, (now, 0))
             if now - begun >= self._seconds:
@@ -82,7 +82,7 @@ def event(level: int, message: str, **fields: object) -> None:
 
 
 def _clean(text: str) -> str:
-    return one_line(text, LONGEST)
+    return one_line(text, MAX_MESSAGE_CHARACTERS)
 
 
 def _moment(record: logging.LogRecord) -> str:

@@ -30,13 +30,13 @@ __all__ = [
 POLL_SECONDS = 1.0
 """Interval of reading the journal [s]."""
 
-EVENTS_AT_ONCE = 1000
-ALARMS_AT_ONCE = 100_000
+MAX_EVENTS_PER_READ = 1000
+MAX_ALARMS_PER_READ = 100_000
 
-ANSWER_SECONDS = 10.0
+MAX_ANSWER_SECONDS = 10.0
 """In which a recipient must confirm."""
 
-FIRST_PAUSE, LONGEST_PAUSE = 1.0, 300.0
+MIN_PAUSE_SECONDS, MAX_PAUSE_SECONDS = 1.0, 300.0
 """Between tries [s]: each pause is twice the one before."""
 
 REFUSALS = (400, 413, 422)
@@ -118,16 +118,16 @@ async def tell_alarms(store: Store, recipient: Recipient, stop: asyncio.Event) -
     place = await _in_thread(stop, store.told, recipient.key)
     if place is None:
         place = await _in_thread(stop, store.last_event)
-        fresh = await _in_thread(stop, store.alarms, open_only=True, most=ALARMS_AT_ONCE)
+        fresh = await _in_thread(stop, store.alarms, open_only=True, most=MAX_ALARMS_PER_READ)
         await _tell(store, recipient, stop, fresh or [], place)
     while not stop.is_set():
-        events: list[Event] = await _in_thread(stop, store.events, place, most=EVENTS_AT_ONCE) or []
+        events: list[Event] = await _in_thread(stop, store.events, place, most=MAX_EVENTS_PER_READ) or []
         if events:
             place = events[-1].id
         changed = await _changed(store, stop, events)
         if changed is not None:
             await _tell(store, recipient, stop, changed, place)
-        if len(events) < EVENTS_AT_ONCE:
+        if len(events) < MAX_EVENTS_PER_READ:
             await _pause(stop, POLL_SECONDS)
     await recipient.close()
 
@@ -137,7 +137,7 @@ async def _changed(store: Store, stop: asyncio.Event, events: Sequence[Event]) -
     changed = {one.key for one in events if one.kind == "alarm"}
     if not changed:
         return None
-    known = await _in_thread(stop, store.alarms, most=ALARMS_AT_ONCE) or []
+    known = await _in_thread(stop, store.alarms, most=MAX_ALARMS_PER_READ) or []
     return [alarm for alarm in known if alarm.key in changed]
 
 
@@ -157,7 +157,7 @@ async def _in_thread(stop: asyncio.Event, ask: Any, *given: Any, **options: Any)
             return await asyncio.to_thread(ask, *given, **options)
         except WindsysidError as error:
             _log.warning("notices wait for the store: %s", error)
-            await _pause(stop, LONGEST_PAUSE / 10.0)
+            await _pause(stop, MAX_PAUSE_SECONDS / 10.0)
             if stop.is_set():
                 return None
 
@@ -170,7 +170,7 @@ async def _send_all(recipient: Recipient, alarms: Iterable[Alarm], stop: asyncio
 
 
 async def _send(recipient: Recipient, alarm: Alarm, stop: asyncio.Event) -> None:
-    pause = FIRST_PAUSE
+    pause = MIN_PAUSE_SECONDS
     while not stop.is_set():
         try:
             await recipient.send(alarm)
@@ -179,10 +179,10 @@ async def _send(recipient: Recipient, alarm: Alarm, stop: asyncio.Event) -> None
             if error.for_good:
                 _log.error("%s refuses alarm %s for good: %s", recipient.key, alarm.key, error)
                 return
-            if pause in (FIRST_PAUSE, LONGEST_PAUSE):
+            if pause in (MIN_PAUSE_SECONDS, MAX_PAUSE_SECONDS):
                 _log.warning("%s has not received alarm %s; it will be sent again: %s", recipient.key, alarm.key, error)
         await _pause(stop, pause)
-        pause = min(2.0 * pause, LONGEST_PAUSE)
+        pause = min(2.0 * pause, MAX_PAUSE_SECONDS)
 
 
 async def _pause(stop: asyncio.Event, seconds: float) -> None:
@@ -219,7 +219,7 @@ class Webhook:
         if token is not None:
             headers["Authorization"] = f"Bearer {token}"
         self._url = url
-        self._client = httpx.AsyncClient(headers=headers, timeout=ANSWER_SECONDS, follow_redirects=False)
+        self._client = httpx.AsyncClient(headers=headers, timeout=MAX_ANSWER_SECONDS, follow_redirects=False)
 
     async def send(self, alarm: Alarm) -> None:
         """Post an alarm as it is now; `UndeliveredError` without an answer of 2xx."""
@@ -261,9 +261,9 @@ class MqttRecipient:
             self._connect()
             for content, retain in ((payload, not ended), *(((b"", True),) if ended else ())):
                 sent = self._client.publish(topic, content, qos=1, retain=retain)
-                sent.wait_for_publish(ANSWER_SECONDS)
+                sent.wait_for_publish(MAX_ANSWER_SECONDS)
                 if not sent.is_published():
-                    raise UndeliveredError(f"no confirmation within {ANSWER_SECONDS:g} s")
+                    raise UndeliveredError(f"no confirmation within {MAX_ANSWER_SECONDS:g} s")
         except (OSError, ValueError, RuntimeError) as error:
             raise UndeliveredError(" ".join(str(error).split()) or type(error).__name__) from None
 
@@ -274,7 +274,7 @@ class MqttRecipient:
         self._client.loop_stop()
         self._refused = ""
         connect(self._client, self._broker, clean=True)
-        until = time.monotonic() + ANSWER_SECONDS
+        until = time.monotonic() + MAX_ANSWER_SECONDS
         while not self._client.is_connected():
             if time.monotonic() > until or self._refused:
                 raise UndeliveredError(self._refused or "no connection")

@@ -33,10 +33,10 @@ __all__ = ["END_SECONDS", "listen", "serve", "url_of"]
 END_SECONDS = 5.0
 """From a signal to the end, at most."""
 
-DRAIN_SECONDS = 3.0
+MAX_DRAIN_SECONDS = 3.0
 """Part of it for the engine to finish open windows."""
 
-STREAM_SECONDS = 1
+MAX_STREAM_SECONDS = 1
 """Part of it for open answers [s, whole]."""
 
 RETRY_SECONDS = 60.0
@@ -45,7 +45,7 @@ RETRY_SECONDS = 60.0
 THIN_SECONDS = 6 * 3600.0
 """Interval of thinning the store [s]."""
 
-PORTS_TRIED = 20
+MAX_TRIED_PORTS = 20
 
 BACKLOG = 128
 """Length of the queue of connections that are not accepted yet."""
@@ -64,7 +64,7 @@ def listen(page: PageSettings, *, any_near: bool = False) -> socket.socket:
     ConfigurationError
         If it cannot be had.
     """
-    last = min(page.port + PORTS_TRIED, 65536) if any_near else page.port + 1
+    last = min(page.port + MAX_TRIED_PORTS, 65536) if any_near else page.port + 1
     for port in range(page.port, last):
         try:
             family, kind, protocol, _, address = socket.getaddrinfo(page.host, port, type=socket.SOCK_STREAM)[0]
@@ -171,7 +171,7 @@ async def _run(
     _tell_systemd("STOPPING=1")
     streams.close()
     server.should_exit = True
-    drained = asyncio.create_task(asyncio.to_thread(engine.drain, DRAIN_SECONDS))
+    drained = asyncio.create_task(asyncio.to_thread(engine.drain, MAX_DRAIN_SECONDS))
     await asyncio.wait([drained, web, *others], timeout=END_SECONDS - 1.0)
     for task in others:
         task.cancel()
@@ -237,7 +237,7 @@ def _server(
     config = uvicorn.Config(
         page, log_config=None, access_log=False, server_header=False, lifespan="off", ws="none",
         http=bounded(Connections(connection_limit())), backlog=BACKLOG, timeout_keep_alive=30,
-        timeout_graceful_shutdown=STREAM_SECONDS,
+        timeout_graceful_shutdown=MAX_STREAM_SECONDS,
         ssl_certfile=certificate, ssl_keyfile=key,
     )  # fmt: skip
     return Server(config), streams_of(page)

@@ -11,9 +11,9 @@ import sys
 import threading
 from typing import ClassVar
 
-__all__ = ["SHORT", "ShortTurns"]
+__all__ = ["TURN_SECONDS", "ShortTurns"]
 
-SHORT = 5e-4
+TURN_SECONDS = 5e-4
 """A turn [s]: a tenth of Python's own."""
 
 
@@ -29,7 +29,7 @@ class ShortTurns:
         with self._lock:
             if not self._asking:
                 kind._before = sys.getswitchinterval()
-                sys.setswitchinterval(min(kind._before, SHORT))
+                sys.setswitchinterval(min(kind._before, TURN_SECONDS))
             self._asking.add(self)
 
     def end(self) -> None:

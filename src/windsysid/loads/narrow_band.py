@@ -16,18 +16,18 @@ from windsysid.statespace.load_model import LoadModel
 from windsysid.statespace.process import load_on, second_order
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["DAMPING", "FREQUENCY", "LEVEL", "WIDTH", "NarrowBand", "narrow_band_statistics"]
+__all__ = ["FREQUENCY", "LEVEL", "MEDIAN_DAMPING_RATIO", "WIDTH", "NarrowBand", "narrow_band_statistics"]
 
 FREQUENCY, WIDTH, LEVEL = "narrow_band_frequency", "narrow_band_damping", "narrow_band_rms_"
 """Names of its statistics; the last is followed by the degree of freedom that it acts on."""
 
-BESIDE = 0.15
+LOG_FREQUENCY_STD = 0.15
 """Prior standard deviation of the logarithm of its frequency over that of the support's modes."""
 
-DAMPING, DAMPING_SPREAD = 0.01, 1.2
+MEDIAN_DAMPING_RATIO, LOG_DAMPING_STD = 0.01, 1.2
 """Its damping ratio, and the prior standard deviation of the logarithm of that: from nearly a line to waves."""
 
-SHARE, SHARE_SPREAD = 0.05, 2.0
+MEDIAN_RMS_RATIO, LOG_RMS_RATIO_STD = 0.05, 2.0
 """Its rms relative to that of the broad load in the turbine file, and the prior standard deviation of the logarithm of
 the ratio: it may act on one degree of freedom only."""
 
@@ -77,14 +77,14 @@ def narrow_band_statistics(turbine: Turbine, loads: Sequence[GaussMarkov]) -> tu
     modes = [math.log(turbine.natural_frequency(one.name) / (2.0 * math.pi)) for one in pushed]
     low, high = min(modes), max(modes)
     return (
-        Statistic(FREQUENCY, "Hz", math.exp(0.5 * (low + high)), spread=BESIDE + 0.5 * (high - low)),
-        Statistic(WIDTH, "1", DAMPING, spread=DAMPING_SPREAD),
+        Statistic(FREQUENCY, "Hz", math.exp(0.5 * (low + high)), spread=LOG_FREQUENCY_STD + 0.5 * (high - low)),
+        Statistic(WIDTH, "1", MEDIAN_DAMPING_RATIO, spread=LOG_DAMPING_STD),
         *(
             Statistic(
                 LEVEL + one.name,
                 one.load_unit,
-                SHARE * rms[one.load],
-                spread=SHARE_SPREAD,
+                MEDIAN_RMS_RATIO * rms[one.load],
+                spread=LOG_RMS_RATIO_STD,
                 kind="narrow-band level",
                 of=one.name,
             )

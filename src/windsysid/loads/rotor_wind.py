@@ -35,7 +35,7 @@ from windsysid.errors import ConfigurationError
 from windsysid.loads.hypothesis import LoadHypothesis, SupposedLoads, Values, with_level
 from windsysid.loads.rotor_forces import BladeForces, blade_force, rotor_harmonic
 from windsysid.loads.statistics import Statistic
-from windsysid.mechanics.rotor import COUPLING, MEAN_LAG, MEAN_LAG_SPREAD
+from windsysid.mechanics.rotor import COUPLING, MEAN_LAG, MEAN_LAG_STD
 from windsysid.statespace.gauss_markov import GaussMarkov
 from windsysid.statespace.load_model import LoadModel
 from windsysid.statespace.parameter import Parameter
@@ -44,7 +44,7 @@ from windsysid.turbine.turbine import Turbine
 
 __all__ = ["RotorWind"]
 
-CORNER = 0.091
+FIRST_POLE_RATIO = 0.091
 """Given value of the first pole of the term m = 1, over the rotor's frequency: at a tip speed ratio of 5."""
 
 
@@ -86,7 +86,7 @@ TERMS = (
 """The terms m = 0 … 9, fitted to sums over six stations of two blades (the scale model's and the NREL 5 MW turbine's)
 in Kaimal's spectrum with the IEC's coherence, from 0.08 to 3 P. Higher terms are as the last."""
 
-COUPLING_SPREAD = 0.5
+COUPLING_STD = 0.5
 """Prior standard deviation of c_hub_blade over the geometric mean of the damping of hub and blade."""
 
 
@@ -134,8 +134,8 @@ class RotorWind(LoadHypothesis):
         coupled = replace(turbine, model=in_wind, values={**v, COUPLING: 0.0, MEAN_LAG: lag})
         scale = math.sqrt(max(turbine.damping(rotor.freedom(hub[0]).name) * turbine.damping("beta_1"), 1e-300))
         parameters = (
-            Parameter(COUPLING, 0.0, COUPLING_SPREAD * scale, False, scale, "damping", "air"),
-            Parameter(MEAN_LAG, lag, MEAN_LAG_SPREAD, False, MEAN_LAG_SPREAD, "geometry", "blades"),
+            Parameter(COUPLING, 0.0, COUPLING_STD * scale, False, scale, "damping", "air"),
+            Parameter(MEAN_LAG, lag, MEAN_LAG_STD, False, MEAN_LAG_STD, "geometry", "blades"),
         )
         return SupposedLoads(self.name, self.text, coupled, statistics, blocks, parameters)
 
@@ -170,7 +170,7 @@ def _rotor_statistics(
     moment = of_blades[0] if of_blades else of_hub[0] * _lever(turbine)
     found = [
         Statistic("load_rms_wind", "N*m", moment, spread=1.5, kind="level"),
-        Statistic("load_corner", "Hz", CORNER * turn, spread=0.7),
+        Statistic("load_corner", "Hz", FIRST_POLE_RATIO * turn, spread=0.7),
     ]
     if both:
         found += [

@@ -27,26 +27,19 @@ from windsysid.mechanics.sensors import Sensor
 from windsysid.statespace.gauss_markov import GaussMarkov
 
 __all__ = [
-    "Statistic",
-    "coordinates_of",
-    "learned_statistics",
-    "load_groups",
-    "moved_loads",
-    "moved_sensors",
-    "noise_groups",
-    "to_logarithms",
-    "values_of",
-]
+    "Statistic", "coordinates_of", "learned_statistics", "load_groups", "moved_loads", "moved_sensors", "noise_groups",
+    "to_logarithms", "values_of",
+]  # fmt: skip
 
 
-SPREAD, TIME_CONSTANT_SPREAD = 1.5, 0.7
+LOG_LEVEL_STD, LOG_TIME_CONSTANT_STD = 1.5, 0.7
 """Prior standard deviations of η: levels may be wrong by a factor of four or five, the time constant by a factor of
 two."""
 
-LARGEST = 300.0
+MAX_LOG_RATIO = 300.0
 """Of the logarithm of a statistic over what was given: a search that went astray finds no number beyond."""
 
-TIE = 0.5
+LOG_LEVEL_DIFFERENCE_STD = 0.5
 """Prior standard deviation of the logarithm of one degree of freedom's level about that of its like: loads on like
 degrees of freedom differ by a factor of two."""
 
@@ -83,7 +76,7 @@ class Statistic:
     estimate: float = math.nan
     low: float = math.nan
     high: float = math.nan
-    spread: float = SPREAD
+    spread: float = LOG_LEVEL_STD
     like: str = ""
     kind: Literal["level", "narrow-band level", "noise", "shape"] = "shape"
     of: str = ""
@@ -106,14 +99,16 @@ def load_groups(loads: Sequence[GaussMarkov], model: MechanicalModel) -> tuple[S
         found[name] = replace(one, spread=float(factor[row, row]), like=one.like if len(factor) > 1 else "")
     for load in loads:
         name = _time_group(load)
-        found.setdefault(name, Statistic(name, "s", load.time_constant, spread=TIME_CONSTANT_SPREAD))
+        found.setdefault(name, Statistic(name, "s", load.time_constant, spread=LOG_TIME_CONSTANT_STD))
     return tuple(found.values())
 
 
 def _tied(levels: int) -> Array:
     """The lower Cholesky factor (n, n) of the prior covariance of n tied levels; of one that stands alone, its
     spread."""
-    cov = np.full((levels, levels), SPREAD**2) + (TIE**2 * np.eye(levels) if levels > 1 else 0.0)
+    cov = np.full((levels, levels), LOG_LEVEL_STD**2) + (
+        LOG_LEVEL_DIFFERENCE_STD**2 * np.eye(levels) if levels > 1 else 0.0
+    )
     return np.asarray(np.linalg.cholesky(cov))
 
 
@@ -127,7 +122,7 @@ def noise_groups(sensors: Sequence[Sensor]) -> tuple[Statistic, ...]:
 
 def values_of(statistics: Sequence[Statistic], eta: Array) -> dict[str, float]:
     """Value of each statistic by name, from its coordinates η (n,)."""
-    logarithms = np.clip(to_logarithms(statistics) @ eta, -LARGEST, LARGEST)
+    logarithms = np.clip(to_logarithms(statistics) @ eta, -MAX_LOG_RATIO, MAX_LOG_RATIO)
     return {s.name: s.given * math.exp(float(value)) for s, value in zip(statistics, logarithms, strict=True)}
 
 

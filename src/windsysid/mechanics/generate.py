@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 __all__ = ["generate_source"]
 
-SMALLEST = 1e-30
+MIN_MAGNITUDE = 1e-30
 """Least magnitude: |z| is kept that far off zero, so that |z|ⁿ has derivatives to z and n where z = 0, and not 0/0 or 0
 · log 0."""
 
@@ -323,7 +323,7 @@ def _printer() -> Any:
 
     class Printer(PythonCodePrinter):  # type: ignore[misc]
         def _print_Abs(self, expression: sp.Abs) -> str:
-            return f"max(abs({self._print(expression.args[0])}), {SMALLEST})"
+            return f"max(abs({self._print(expression.args[0])}), {MIN_MAGNITUDE})"
 
         def _print_DiracDelta(self, expression: sp.DiracDelta) -> str:
             return "0.0"

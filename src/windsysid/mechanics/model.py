@@ -22,16 +22,9 @@ if TYPE_CHECKING:
 
 
 __all__ = [
-    "MODELS",
-    "Coefficient",
-    "Coordinate",
-    "FixedAxes",
-    "Kind",
-    "MechanicalModel",
-    "ModalAxes",
-    "Model",
+    "MODELS", "Coefficient", "Coordinate", "FixedAxes", "Kind", "MechanicalModel", "ModalAxes", "Model",
     "register_model",
-]
+]  # fmt: skip
 
 
 Kind = Literal["stiffness", "damping", "inertia", "geometry", ""]

@@ -17,7 +17,7 @@ from windsysid._types import Array, Complex
 
 __all__ = ["MultiBlade"]
 
-WHIRL_MIN_ROUNDNESS = 0.8
+MIN_WHIRL_ROUNDNESS = 0.8
 """Least ratio of axes of the support's orbit to be called a whirl: 1 is a circle, 0 a line."""
 
 
@@ -128,7 +128,7 @@ class MultiBlade(NamedTuple):
         energy = {f"tower {name}": abs(shape[i]) ** 2 for name, i in support.items()}
         if {"x", "y"} <= set(support):
             whirl, roundness = _whirl(shape[support["x"]], shape[support["y"]])
-            if roundness > WHIRL_MIN_ROUNDNESS:
+            if roundness > MIN_WHIRL_ROUNDNESS:
                 energy[f"tower {whirl}"] = energy.pop("tower x") + energy.pop("tower y")
         if N:
             energy["lag collective" if N > 1 else "lag"] = abs(shape[start]) ** 2

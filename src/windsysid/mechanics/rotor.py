@@ -247,7 +247,7 @@ COUPLING = "c_hub_blade"
 MEAN_LAG = "mean_lag_angle"
 """The angle by which the mean torque of the wind makes all blades lead."""
 
-MEAN_LAG_SPREAD = 0.01
+MEAN_LAG_STD = 0.01
 """Prior standard deviation of it [rad]."""
 
 

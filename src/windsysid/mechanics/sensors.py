@@ -22,21 +22,10 @@ if TYPE_CHECKING:
 
 
 __all__ = [
-    "SENSORS",
-    "TOWER_LOGGER",
-    "Accelerometer",
-    "AngularRateSensor",
-    "DisplacementSensor",
-    "MomentSensor",
-    "PlacedSensor",
-    "Sensor",
-    "StrainGauge",
-    "StructuralMotion",
-    "VelocitySensor",
-    "instrument_parameters",
-    "noise_source",
-    "register_sensor",
-]
+    "SENSORS", "TOWER_LOGGER", "Accelerometer", "AngularRateSensor", "DisplacementSensor", "MomentSensor",
+    "PlacedSensor", "Sensor", "StrainGauge", "StructuralMotion", "VelocitySensor", "instrument_parameters",
+    "noise_source", "register_sensor",
+]  # fmt: skip
 
 
 TOWER_LOGGER = "tower"

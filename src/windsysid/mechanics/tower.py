@@ -47,7 +47,7 @@ TOWER_INPUTS = ("rotor_azimuth", "rotor_speed", "nacelle_yaw", "yaw_rate", "yaw_
 DIRECTIONS = ("side_side", "fore_aft")
 
 
-TOWER_SAMPLES = 12.0
+SAMPLES_PER_TOWER_PERIOD = 12.0
 """Samples per period of a tower: room for its blade-passing line, not for the blades' own modes and the tower's
 second."""
 
@@ -73,7 +73,7 @@ class TowerModel(MechanicalModel):
     """
 
     kind: ClassVar[str] = "tower"
-    samples_per_period: ClassVar[float | None] = TOWER_SAMPLES
+    samples_per_period: ClassVar[float | None] = SAMPLES_PER_TOWER_PERIOD
 
     blades: int = 3
     side_side: Literal["free", "locked"] = "free"

@@ -37,7 +37,7 @@ MAX_STEPS = 4000
 MAX_STEP_EIGENVALUE = 1.0
 """Step times the largest eigenvalue of A: the error of a step is then about 2e-13."""
 
-LOST_MULTIPLIER_RATIO = 1e-11
+MIN_MULTIPLIER_RATIO = 1e-11
 """A multiplier that much smaller than the largest has drowned in rounding errors."""
 
 
@@ -98,7 +98,7 @@ def floquet(system: Callable[[Array], Array], period: float, steps: int | None =
     """
     time, fundamental = _fundamental(system, period, steps or steps_needed(system, period))
     multipliers, vectors = np.linalg.eig(fundamental[-1])
-    if np.abs(multipliers).min() < LOST_MULTIPLIER_RATIO * max(1.0, float(np.abs(multipliers).max())):
+    if np.abs(multipliers).min() < MIN_MULTIPLIER_RATIO * max(1.0, float(np.abs(multipliers).max())):
         raise ConfigurationError(
             f"a vibration dies out within a single turn of {period:.3g} s, too slow a turn for Floquet's theory: choose"
             " a higher rotor speed"

@@ -14,7 +14,7 @@ from windsysid.results.mode import Mode
 
 __all__ = ["Curve", "bends", "link"]
 
-MAX_BEND = 0.005
+MAX_BEND_SHARE = 0.005
 """Share of the diagram's height by which a curve may leave the straight line between its neighbours."""
 
 
@@ -97,7 +97,7 @@ def bends(curves: Sequence[Curve], speeds: Array) -> list[float]:
         height = float(np.nanmax(values) - min(np.nanmin(values), 0.0)) if curves else 1.0
         for v in values:
             straight = (v[:-2] * step[1:] + v[2:] * step[:-1]) / (step[1:] + step[:-1])
-            here[1:-1] |= np.abs(v[1:-1] - straight) > MAX_BEND * height
+            here[1:-1] |= np.abs(v[1:-1] - straight) > MAX_BEND_SHARE * height
             seen = np.isfinite(v)
             here[:-1] |= seen[:-1] != seen[1:]
             here[1:] |= seen[:-1] != seen[1:]

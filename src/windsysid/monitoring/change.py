@@ -13,19 +13,19 @@ from windsysid.units import engineering
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["HEADINGS", "MOVED_MIN_ODDS", "Comparison", "QuantityChange"]
+__all__ = ["HEADINGS", "MIN_CHANGE_ODDS", "Comparison", "QuantityChange"]
 
-UNTOLD = math.log(10.0)
+MAX_REPORTED_LOG_FACTOR = math.log(10.0)
 """A change is not reported where its interval (±2σ) reaches further than this factor either way."""
 
-MOVED_MIN_ODDS = 100.0
+MIN_CHANGE_ODDS = 100.0
 """Odds from which a coefficient is said to have moved."""
 
 MAX_SHOWN_ODDS = 1000.0
 """Odds that are shown at most: none of 2176 coefficients without a change reached 100 : 1 (docs/comparison.md), which
 bounds the rate of false alarms at 1.4 in 1000 (95 %) and shows nothing of rarer ones."""
 
-SUSPECT_MIN_ODDS = 10.0
+MIN_SUSPECT_ODDS = 10.0
 """Odds from which it is said that it may have."""
 
 
@@ -64,13 +64,13 @@ class QuantityChange(NamedTuple):
 
     @property
     def moved(self) -> bool:
-        """True if the odds are beyond `MOVED_MIN_ODDS`."""
-        return self.log_odds > math.log(MOVED_MIN_ODDS)
+        """True if the odds are beyond `MIN_CHANGE_ODDS`."""
+        return self.log_odds > math.log(MIN_CHANGE_ODDS)
 
     @property
     def suspect(self) -> bool:
-        """True if the odds are beyond `SUSPECT_MIN_ODDS`."""
-        return self.log_odds > math.log(SUSPECT_MIN_ODDS)
+        """True if the odds are beyond `MIN_SUSPECT_ODDS`."""
+        return self.log_odds > math.log(MIN_SUSPECT_ODDS)
 
     @property
     def ratio_percent(self) -> float:
@@ -156,7 +156,7 @@ class Comparison(Answer):
             )
         moved = ", ".join(map(str, self.moved))
         suspects = ", ".join(map(str, self._suspects))
-        told = [f"changed: {moved}" if moved else f"no change: no coefficient reaches odds of {MOVED_MIN_ODDS:g} : 1"]
+        told = [f"changed: {moved}" if moved else f"no change: no coefficient reaches odds of {MIN_CHANGE_ODDS:g} : 1"]
         if suspects:
             told.append(f"may have changed: {suspects}")
         told += [] if moved else self._unseen()
@@ -170,8 +170,8 @@ class Comparison(Answer):
         told, dark = [], []
         for kind in ("stiffness", "frequency", "damping"):
             steps = {c.name: 2.0 * _half_width(c) for c in self.coefficients if c.kind == kind}
-            dark += [name for name, step in steps.items() if step > UNTOLD]
-            greatest = max((step for step in steps.values() if step <= UNTOLD), default=None)
+            dark += [name for name, step in steps.items() if step > MAX_REPORTED_LOG_FACTOR]
+            greatest = max((step for step in steps.values() if step <= MAX_REPORTED_LOG_FACTOR), default=None)
             if greatest is not None:
                 told.append(f"a change of {kind} by less than {_size(greatest)} could remain undetected")
         return told + (

@@ -30,7 +30,7 @@ import numpy as np
 from windsysid.errors import ConfigurationError
 from windsysid.mechanics.compile import compile_model
 from windsysid.modal.analysis import analyse, directions_of
-from windsysid.monitoring.change import UNTOLD, Comparison, QuantityChange
+from windsysid.monitoring.change import MAX_REPORTED_LOG_FACTOR, Comparison, QuantityChange
 from windsysid.monitoring.modal_comparison import compare_modes
 from windsysid.monitoring.modal_tracks import all_hold_modes
 from windsysid.monitoring.own_information import (
@@ -185,7 +185,7 @@ def _changes(
 
 def _growth(step: float, sigma: float) -> tuple[float, float, float]:
     """A change of a logarithm and its 95 % interval [%]."""
-    if SIGMAS * sigma > UNTOLD:
+    if SIGMAS * sigma > MAX_REPORTED_LOG_FACTOR:
         return math.nan, -100.0, math.inf
     percent, low, high = (100.0 * math.expm1(step + k * sigma) for k in (0.0, -SIGMAS, SIGMAS))
     return percent, low, high

@@ -33,10 +33,10 @@ from windsysid.results.posterior import SIGMAS, Posterior
 __all__ = ["separate_damping"]
 
 
-PARKED_MAX_SHARE = 0.1
+MAX_PARKED_SPEED_SHARE = 0.1
 """Share of the fastest record's rotor speed below which a rotor counts as parked or idling."""
 
-PARKED_MAX_SPEED = 0.05
+MAX_PARKED_SPEED = 0.05
 """Rotor speed below which it does in any case [rad/s]."""
 
 MIN_WIND_RATIO = 1.5
@@ -51,7 +51,7 @@ SCATTER_PRIOR_POWER = 4
 VARIANCE_PASSES = 10
 """Times that the variances are taken at the fit."""
 
-WISHED_RELATIVE_BAND = 0.5
+TARGET_RELATIVE_TWO_SIGMA = 0.5
 """A parked record is requested that would bring ±2σ of structural damping to this share of it."""
 
 SCATTER_PROBABILITY = 0.01
@@ -169,7 +169,7 @@ def _identified(result: Posterior, name: str) -> bool:
 def _states(results: Sequence[Posterior]) -> tuple[State, ...]:
     """State of operation in each record."""
     speeds = [abs(result.conditions.rotor_speed or 0.0) for result in results]
-    limit = max(PARKED_MAX_SHARE * max(speeds), PARKED_MAX_SPEED)
+    limit = max(MAX_PARKED_SPEED_SHARE * max(speeds), MAX_PARKED_SPEED)
     return tuple(
         State(result.record, speed, result.conditions.wind_speed, speed < limit)
         for result, speed in zip(results, speeds, strict=True)
@@ -321,8 +321,8 @@ def _lacking(states: Sequence[State], splits: Sequence[DampingSplit]) -> list[st
         return []
     minutes = max(map(_minutes, wanted))
     help_ = (
-        f"record {minutes:.0f} min with the rotor parked or idling in weak wind for ±{100 * WISHED_RELATIVE_BAND:.0f}"
-        " %, or a stop with the decay after it (windsysid inspect finds it)"
+        f"record {minutes:.0f} min with the rotor parked or idling in weak wind for"
+        f" ±{100 * TARGET_RELATIVE_TWO_SIGMA:.0f} %, or a stop with the decay after it (windsysid inspect finds it)"
     )
     if splits[0].structural is None:
         why = (
@@ -336,10 +336,10 @@ def _lacking(states: Sequence[State], splits: Sequence[DampingSplit]) -> list[st
 
 
 def _minutes(split: DampingSplit) -> float:
-    """Length of a parked record that brings structural damping to `WISHED_RELATIVE_BAND`: σ_c/c = 1/√(ζωT)."""
+    """Length of a parked record that brings structural damping to `TARGET_RELATIVE_TWO_SIGMA`: σ_c/c = 1/√(ζωT)."""
     seen = [split.structural.value] if split.structural is not None else [band.value for band in split.measured]
     ratio = max(min(seen) / split.critical, 1e-3)
-    return math.ceil((SIGMAS / WISHED_RELATIVE_BAND) ** 2 / (ratio * split.frequency) / 60.0)
+    return math.ceil((SIGMAS / TARGET_RELATIVE_TWO_SIGMA) ** 2 / (ratio * split.frequency) / 60.0)
 
 
 def _notes(states: Sequence[State], splits: Sequence[DampingSplit], design: _Design) -> list[str]:

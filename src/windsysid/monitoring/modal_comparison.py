@@ -12,7 +12,7 @@ import numpy as np
 
 from windsysid.errors import ConfigurationError
 from windsysid.modal.shapes import assurance
-from windsysid.monitoring.change import UNTOLD, Comparison, QuantityChange
+from windsysid.monitoring.change import MAX_REPORTED_LOG_FACTOR, Comparison, QuantityChange
 from windsysid.monitoring.modal_tracks import tracks_of
 from windsysid.monitoring.own_information import TYPICAL_CHANGE
 from windsysid.results.posterior import SIGMAS
@@ -27,7 +27,7 @@ from windsysid.spectral.oma.known_modes import (
 
 __all__ = ["compare_modes"]
 
-OTHER_SHAPE = 0.9
+MIN_SAME_SHAPE_MAC = 0.9
 """Modal assurance criterion below which it is said that a shape changed."""
 
 
@@ -76,7 +76,7 @@ def _left_out(records: Sequence[KnownModes], tracks: Sequence[dict[int, int]]) -
 def _other_shapes(pairs: Sequence[tuple[KnownMode, KnownMode]], channels: list[str]) -> list[str]:
     """Notes of modes whose shape changed."""
     alike = [(old, assurance(in_channels(old, channels), in_channels(new, channels))) for old, new in pairs]
-    return [f"the shape of {mode.name} differs: MAC {mac:.2f}" for mode, mac in alike if mac < OTHER_SHAPE]
+    return [f"the shape of {mode.name} differs: MAC {mac:.2f}" for mode, mac in alike if mac < MIN_SAME_SHAPE_MAC]
 
 
 def _named(mode: KnownMode) -> str:
@@ -97,7 +97,7 @@ def _change(name: str, unit: str, kind: str, old: tuple[float, float], new: tupl
     step, sigma = new[0] - old[0], math.hypot(old[1], new[1])
     values = math.exp(old[0]), math.exp(new[0])
     prior = 0.5 * TYPICAL_CHANGE["stiffness"] if kind == "frequency" else TYPICAL_CHANGE["damping"]
-    if not SIGMAS * sigma < UNTOLD:
+    if not SIGMAS * sigma < MAX_REPORTED_LOG_FACTOR:
         return QuantityChange(name, unit, *values, math.nan, -100.0, math.inf, 0.0, 1.0, kind)
     posterior = 1.0 / (sigma**-2.0 + prior**-2.0)
     log_odds = 0.5 * math.log(posterior / prior**2) + 0.5 * step**2 * posterior / sigma**4

@@ -13,14 +13,9 @@ from windsysid.results.posterior import Posterior
 from windsysid.statespace.parameter import Parameter
 
 __all__ = [
-    "TYPICAL_CHANGE",
-    "Difference",
-    "common_frame",
-    "difference_between",
-    "estimate_of",
-    "own_information",
+    "TYPICAL_CHANGE", "Difference", "common_frame", "difference_between", "estimate_of", "own_information",
     "without_prior",
-]
+]  # fmt: skip
 
 
 TYPICAL_CHANGE = {"stiffness": 0.1, "damping": 0.5, "load": 0.5, "noise": 0.5}

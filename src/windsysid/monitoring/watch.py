@@ -54,7 +54,7 @@ TOLERATED_DRIFT = {"k": 0.005, "f": 0.0025, "c": 0.1, "noise": 0.1}
 
 YEAR = 365.25 * DAY
 
-ROUNDING = 1e-9
+MAX_CONSTANT_VARIATION = 1e-9
 """Share of a covariate's size up to which it is constant, and moves by rounding alone."""
 
 SENSOR, STRUCTURE, NOISE = "check the sensor first", "the turbine", "the sensor"
@@ -341,7 +341,7 @@ def _standardise_covariates(blocks: RecordBlocks, begins: int) -> tuple[_Standar
             " column out"
         )
     scales = np.nanstd(x[:begins], axis=0)
-    moves = scales > ROUNDING * np.nanmax(np.abs(x[:begins]), axis=0)
+    moves = scales > MAX_CONSTANT_VARIATION * np.nanmax(np.abs(x[:begins]), axis=0)
     notes = [
         f"{name} was constant while learning and was left out"
         for name, there in zip(blocks.covariate_names, moves, strict=True) if not there
@@ -351,12 +351,12 @@ def _standardise_covariates(blocks: RecordBlocks, begins: int) -> tuple[_Standar
     return _Standardised(np.ascontiguousarray(centred), names, scales[moves]), notes
 
 
-BEYOND = 700.0
+MAX_LOG_STEP = 700.0
 """Largest step in a logarithm whose factor is still a number: the intervals of series without information end there."""
 
 
 def percent_of(part: float, std: float, of: float, logarithmic: bool) -> tuple[float, float, float]:
     """A change in filter coordinates and its 95 % interval in percent of the value at coordinate `of`."""
     steps = part + std * np.array([0.0, -SIGMAS, SIGMAS])
-    percent = 100.0 * (np.expm1(np.minimum(steps, BEYOND)) if logarithmic else steps / max(abs(of), 1e-300))
+    percent = 100.0 * (np.expm1(np.minimum(steps, MAX_LOG_STEP)) if logarithmic else steps / max(abs(of), 1e-300))
     return float(percent[0]), float(percent[1]), float(percent[2])

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = ["longest_word", "plain", "printable", "render", "show_what_can_be_shown"]
 
-WIDTH = 120
+DEFAULT_COLUMNS = 120
 """Columns where there is no terminal: a pipe, a file or a notebook gets the same text everywhere."""
 
 _PLAIN = {
@@ -92,7 +92,7 @@ def render(*parts: Any, width: int | None = None) -> str:
     from rich.table import Table
 
     encoding = getattr(sys.stdout, "encoding", None) or "utf-8"
-    width = width or max(shutil.get_terminal_size((WIDTH, 24)).columns, 20)
+    width = width or max(shutil.get_terminal_size((DEFAULT_COLUMNS, 24)).columns, 20)
     console = Console(width=width, color_system=None, highlight=False, markup=False, emoji=False, soft_wrap=True)
     with console.capture() as capture:
         for part in itertools.chain.from_iterable(_within(one, width) for one in parts):

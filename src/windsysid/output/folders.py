@@ -26,7 +26,7 @@ from pathlib import Path
 from windsysid.configuration import parse_json
 from windsysid.errors import OutputError
 from windsysid.output.files import explain_errors, make_folders, place_file, remove_empty, replace_file, sync
-from windsysid.output.locks import HOME, MANIFEST, TRIES, release, remove_abandoned, try_lock
+from windsysid.output.locks import HOME, MANIFEST, MAX_TRIES, release, remove_abandoned, try_lock
 
 __all__ = ["Saveable", "claim", "content_of", "is_free", "result_file"]
 
@@ -346,7 +346,7 @@ def _refuse_changed(given: Path, folder: Path, names: Iterable[str]) -> None:
 
 def _enter(given: Path, folder: Path, made: list[Path]) -> int:
     """Make the folder, as `make_folders` does, and lock it."""
-    for _ in range(TRIES):
+    for _ in range(MAX_TRIES):
         try:
             make_folders(folder / HOME, made)
             handle = try_lock(folder / HOME / "lock")

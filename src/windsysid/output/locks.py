@@ -11,14 +11,14 @@ from pathlib import Path
 __all__ = ["release", "remove_abandoned", "try_lock"]
 
 HOME, MANIFEST, LOCK, PART = ".windsysid", "manifest.json", ".windsysid-lock", ".windsysid-part"
-TRIES, PAUSE = 10, 0.02  # a lock that is let go or swept up at this moment is requested again [s]
+MAX_TRIES, PAUSE_SECONDS = 10, 0.02  # a lock that is let go or swept up at this moment is requested again [s]
 
 
 def try_lock(path: Path) -> int | None:
     """Open a file and lock it; None while another process holds it. The lock ends with the process."""
-    for attempt in range(TRIES):
+    for attempt in range(MAX_TRIES):
         if attempt:
-            time.sleep(PAUSE)
+            time.sleep(PAUSE_SECONDS)
         handle = os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_BINARY", 0), 0o666)
         try:
             locked = _lock(handle)

@@ -17,7 +17,7 @@ __all__ = ["Progress", "Shown", "expect", "hear", "passed", "unheard"]
 Progress: TypeAlias = Callable[[str, float | None], object]
 """Callback with the name of the step and its completed share, from 0 to 1; None if unknown."""
 
-SILENT = 2.0
+SILENT_SECONDS = 2.0
 """Seconds [s] before times are shown."""
 
 
@@ -50,7 +50,7 @@ class Shown:
         """Per cent and the time left, or the time that has passed; nothing in the first seconds."""
         now = self.clock()
         told = [] if self.first is None else [f"{100.0 * self.share:.0f} %"]
-        if now - self.begun < SILENT:
+        if now - self.begun < SILENT_SECONDS:
             return told[0] if told else ""
         if self.first is not None and self.share > self.first:
             left = (now - self.since) * (1.0 - self.share) / (self.share - self.first)

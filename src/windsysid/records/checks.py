@@ -8,26 +8,26 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.errors import RecordError
 
-__all__ = ["UNIFORM", "Array", "check_block", "check_channels", "check_rows", "refuse_gaps", "refuse_outside"]
+__all__ = ["MAX_OFF_STEPS", "Array", "check_block", "check_channels", "check_rows", "refuse_gaps", "refuse_outside"]
 
 
-BESIDE = 8
+NEIGHBOUR_ROWS = 8
 """Rows before and after one whose time runs backwards that are regular in another order, if they were exchanged."""
 
-MAX_SET_BACKS = 0.05
+MAX_SET_BACK_SHARE = 0.05
 """Share of rows whose time runs backwards, above which rows are in no order, and no clock was set back."""
 
-UNIFORM = 1e-3
+MAX_OFF_STEPS = 1e-3
 """Of a step: within this a time grid counts as uniform."""
 
-MAX_TIME = 1e13
+MAX_TIME_SECONDS = 1e13
 """Largest absolute time [s]: 300 000 years, where double precision resolves 2 ms. A larger number is damaged, or a
 count in another unit."""
 
-MIN_MEAN_STEP = 1e-9
+MIN_MEAN_STEP_SECONDS = 1e-9
 """Smallest mean step [s]: a rate above 1 GHz comes from a wrong unit or a damaged file, and overflows in spectra."""
 
-_LONGEST_NAME = 200
+_MAX_NAME_CHARACTERS = 200
 
 
 def check_channels(channels: Iterable[str]) -> None:
@@ -42,9 +42,9 @@ def check_channels(channels: Iterable[str]) -> None:
             raise RecordError(
                 f"{name[:40]!r} is not a channel name: expected characters that UTF-8 can hold; rename it"
             )
-        if len(name) > _LONGEST_NAME:
+        if len(name) > _MAX_NAME_CHARACTERS:
             raise RecordError(
-                f"the channel name '{name[:40]}…' has {len(name)} characters; expected {_LONGEST_NAME} at most"
+                f"the channel name '{name[:40]}…' has {len(name)} characters; expected {_MAX_NAME_CHARACTERS} at most"
             )
         if name == "time":
             raise RecordError("a channel is called 'time', which is the record's own: rename it")
@@ -85,10 +85,11 @@ def check_block(
     if not finite.all():
         k = int(np.argmin(finite))
         raise RecordError(f"the time at {place(k)} is {time[k]}: expected seconds; remove that row or write its time")
-    if not np.all(np.abs(time) <= MAX_TIME):
-        k = int(np.argmax(np.abs(time) > MAX_TIME))
+    if not np.all(np.abs(time) <= MAX_TIME_SECONDS):
+        k = int(np.argmax(np.abs(time) > MAX_TIME_SECONDS))
         raise RecordError(
-            f"the time at {place(k)} is {time[k]:g} s: expected at most {MAX_TIME:g} s; correct it, or name its unit"
+            f"the time at {place(k)} is {time[k]:g} s: expected at most {MAX_TIME_SECONDS:g} s; correct it, or"
+            " name its unit"
         )
     steps = np.diff(time, prepend=previous)  # the first is NaN where nothing went before, and compares as False
     if np.any(steps <= 0.0):
@@ -101,10 +102,10 @@ def check_block(
             f"the time {what} at {place(k)} ({before!r} s, then {float(time[k])!r} s): "
             f"expected strictly increasing; {what_to_do}"
         )
-    if time[-1] - time[0] < MIN_MEAN_STEP * (time.size - 1):
+    if time[-1] - time[0] < MIN_MEAN_STEP_SECONDS * (time.size - 1):
         raise RecordError(
             f"{time.size} samples from {place(0)} on last {time[-1] - time[0]:g} s: expected at most"
-            f" {1.0 / MIN_MEAN_STEP:g} samples per second; correct the step or the unit of the time"
+            f" {1.0 / MIN_MEAN_STEP_SECONDS:g} samples per second; correct the step or the unit of the time"
         )
     infinite = np.isinf(values)
     if infinite.any():
@@ -128,10 +129,10 @@ def _remedy_of_order(time: Array, steps: Array, k: int, before: float) -> str:
     """Advice on a time (T,) that runs backwards at row k: where sorting gives no regular steps, two segments
     would be mixed."""
     usual = float(np.median(steps[steps > 0.0])) if np.any(steps > 0.0) else 0.0
-    around = np.sort(np.append(time[max(k - BESIDE, 0) : k + BESIDE], [before] if k == 0 else []))
+    around = np.sort(np.append(time[max(k - NEIGHBOUR_ROWS, 0) : k + NEIGHBOUR_ROWS], [before] if k == 0 else []))
     between = np.diff(around)
     swapped = np.all((between > 0.5 * usual) & (between < 3.0 * usual))
-    if swapped or np.count_nonzero(steps < 0.0) > MAX_SET_BACKS * len(steps):
+    if swapped or np.count_nonzero(steps < 0.0) > MAX_SET_BACK_SHARE * len(steps):
         return "sort the rows"
     return "a clock was set back? shift what follows"
 
@@ -157,7 +158,7 @@ def refuse_outside(start: float, end: float, samples: int, first: float, last: f
         raise RecordError(
             f"the section {start:g} to {end:g} s is empty: expected start before end; {own}; choose others"
         )
-    if start < first - step or end > last + step * (1.0 + UNIFORM):
+    if start < first - step or end > last + step * (1.0 + MAX_OFF_STEPS):
         raise RecordError(
             f"the section {start:g} to {end:g} s reaches outside the record: {own}; choose a section inside"
         )

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from windsysid._types import Array
 from windsysid.errors import RecordError
 from windsysid.records.rounded import rounded_grid
-from windsysid.records.stamps import ENOUGH, count_lost_rows, grid_log_odds, rhythm, usual_step
+from windsysid.records.stamps import MIN_LOG_LIKELIHOOD_GAIN, count_lost_rows, grid_log_odds, rhythm, usual_step
 
 __all__ = ["RegularTimes", "is_even", "place_packets", "place_rounded", "shares_stamps"]
 
@@ -27,10 +27,10 @@ MIN_PACKETS = 8
 MIN_FULL_SHARE = 0.5
 """Smallest share of packets of the largest size for which smaller packets count as incomplete."""
 
-MAX_LOST_INSIDE = 0.01
+MAX_LOST_SHARE = 0.01
 """Share of rows lost inside packets, above which their places matter."""
 
-WALK = 64
+RETURN_PACKETS = 64
 """Packets over which stamps that follow counted rows have come back to them."""
 
 MAX_SPREAD_STEPS = 2.0
@@ -97,7 +97,7 @@ def place_packets(time: Array) -> RegularTimes | None:
         return None
     stamps = time[first]
     found = _by_stamps(stamps, sizes)
-    inside = found is not None and np.sum(sizes.max() - sizes[1:-1]) > MAX_LOST_INSIDE * time.size
+    inside = found is not None and np.sum(sizes.max() - sizes[1:-1]) > MAX_LOST_SHARE * time.size
     found = found if found is not None and not inside else _by_count(stamps, first)
     if found is None and not inside:
         return None
@@ -119,7 +119,9 @@ def place_rounded(time: Array, values: Array) -> RegularTimes | None:
         return None
     placed = _placed(grid.begin, grid.step, grid.places, time.size)
     rows = len(values)
-    against = rows > MIN_PACKETS and grid_log_odds(time[:rows], placed.time[:rows], values).sum() < -ENOUGH
+    against = (
+        rows > MIN_PACKETS and grid_log_odds(time[:rows], placed.time[:rows], values).sum() < -MIN_LOG_LIKELIHOOD_GAIN
+    )
     return None if against else placed
 
 
@@ -148,7 +150,7 @@ def _by_stamps(stamps: Array, sizes: Rows) -> tuple[float, float, Rows] | None:
 def _wanders(off: Array, step: float) -> bool:
     """Test whether stamps depart (n,) [s] from counted rows as a random walk, which rows lost one by one make, and not
     as scatter."""
-    reach = min(WALK, len(off) // 4)
+    reach = min(RETURN_PACKETS, len(off) // 4)
     if reach < 2:
         return False
     near, far = (float(np.sqrt(np.mean(np.square(off[lag:] - off[:-lag])))) for lag in (1, reach))

@@ -22,7 +22,7 @@ import numpy.typing as npt
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.output.console import printable
 from windsysid.output.pages import pages
-from windsysid.records.checks import UNIFORM, Array, check_channels, check_rows, refuse_gaps, refuse_outside
+from windsysid.records.checks import MAX_OFF_STEPS, Array, check_channels, check_rows, refuse_gaps, refuse_outside
 from windsysid.records.labelled import Labelled, of_dataset, of_frame
 from windsysid.records.moments import tidy
 from windsysid.records.quantities import check_quantity, implied_unit, missing_units
@@ -49,7 +49,7 @@ RATE_DOUBT = "rate_doubt"
 STAMPS = "time_stamps"
 """Attribute of a record whose rows share time stamps: how the rows were placed on a regular grid."""
 
-FINENESS = 64
+TICKS_PER_STEP = 64
 """Ticks per median step to which the times of an unequally sampled record are rounded: 0.08 ms at 100 Hz, at most."""
 
 _OFF_GRID = 0.1  # of a step: beyond this a time stamp does not belong to a uniform grid
@@ -154,7 +154,7 @@ class Record:
         """True if every sample lies on one uniform time grid, to a thousandth of a step."""
         step = self.duration / (self.samples - 1)
         grid = self.time[0] + step * np.arange(self.samples)
-        return bool(np.max(np.abs(self.time - grid)) <= UNIFORM * step)
+        return bool(np.max(np.abs(self.time - grid)) <= MAX_OFF_STEPS * step)
 
     @cached_property
     def has_grid(self) -> bool:
@@ -298,13 +298,13 @@ class Record:
     def on_own_times(self) -> Record:
         """The record for filters: on a uniform grid where its times allow that, else each sample at its own time.
 
-        Such times are rounded to a `FINENESS`-th of the median step, so that few intervals occur; rows that then fall
-        together are kept as one, with the later values where both have some.
+        Such times are rounded to a `TICKS_PER_STEP`-th of the median step, so that few intervals occur; rows that then
+        fall together are kept as one, with the later values where both have some.
         """
         try:
             return self.on_uniform_grid()
         except RecordError:
-            tick = usual_step(self.time) / FINENESS
+            tick = usual_step(self.time) / TICKS_PER_STEP
         index = np.rint((self.time - self.time[0]) / tick).astype(np.int64)
         first = np.concatenate([[True], np.diff(index) > 0])
         row = np.cumsum(first) - 1

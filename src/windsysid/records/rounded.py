@@ -13,7 +13,7 @@ from windsysid._types import Array
 
 __all__ = ["RoundedGrid", "is_coarse", "rounded_grid"]
 
-UNITS = (86_400.0, 3600.0, 60.0, 1.0)
+UNIT_SECONDS = (86_400.0, 3600.0, 60.0, 1.0)
 """Units [s] whose decimal fractions stamps are multiples of."""
 
 MAX_DECIMALS = 9
@@ -90,7 +90,7 @@ def _quantum(time: Array) -> float:
     """The coarsest decimal fraction [s] of a unit of which all differences of times are multiples; 0 if none is."""
     elapsed = np.abs(time - time[0])
     doubt = 8.0 * np.spacing(float(np.max(np.abs(time)))) + 2e-9  # moments are kept to 1 ns
-    candidates = sorted((unit * 10.0**-k for unit in UNITS for k in range(MAX_DECIMALS + 1)), reverse=True)
+    candidates = sorted((unit * 10.0**-k for unit in UNIT_SECONDS for k in range(MAX_DECIMALS + 1)), reverse=True)
     for quantum in candidates:
         if quantum < 50.0 * doubt:
             break

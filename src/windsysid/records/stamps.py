@@ -13,24 +13,24 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from windsysid._types import Array
 
-__all__ = ["ENOUGH", "count_lost_rows", "grid_behind", "grid_log_odds", "rhythm", "usual_step"]
+__all__ = ["MIN_LOG_LIKELIHOOD_GAIN", "count_lost_rows", "grid_behind", "grid_log_odds", "rhythm", "usual_step"]
 
-ENOUGH = 8.0
+MIN_LOG_LIKELIHOOD_GAIN = 8.0
 """Log likelihood by which readings have to be smoother on the grid than at their stamps."""
 
-NEAR = 0.02
+MAX_STEP_ERROR = 0.02
 """Share by which the step of a grid may be off at first."""
 
-FIRST = 256
+FIRST_SAMPLES = 256
 """Samples at the beginning from which the step of a grid is taken first."""
 
-LATE = 5.0
+MAX_END_STEPS = 5.0
 """Steps by which the last stamp may be off the grid of counted samples."""
 
-FINER = 4
+STEPS_PER_RESOLUTION = 4
 """Steps that are tried for each one that times tell apart."""
 
-SPIKE = 100.0
+MAX_SQUARE_RATIO = 100.0
 """Of the median square, beyond which a reading tells no more: one spike would speak for the whole channel."""
 
 MIN_SHIFT_ROWS = 1.5
@@ -80,11 +80,11 @@ def grid_behind(time: Array, values: Array, step: float) -> tuple[float, float, 
         if lost is None:
             return None
         index = (counted + np.cumsum(lost)).astype(np.float64)
-        if abs((time[-1] - time[0]) / step - index[-1]) > LATE:
+        if abs((time[-1] - time[0]) / step - index[-1]) > MAX_END_STEPS:
             return None
         step, begin = map(float, np.polyfit(index, time, 1))
     said = grid_log_odds(time, begin + step * index, values)
-    if said.sum() < ENOUGH or np.any(said < -ENOUGH):
+    if said.sum() < MIN_LOG_LIKELIHOOD_GAIN or np.any(said < -MIN_LOG_LIKELIHOOD_GAIN):
         return None
     return begin + step * float(index[0]), step, index - index[0]
 
@@ -113,10 +113,10 @@ def rhythm(time: Array, step: float) -> tuple[float, float]:
 
     The step maximises Rayleigh's periodogram (the length of the sum of phases) over increasing parts of the record.
     """
-    reach, samples = NEAR, FIRST
+    reach, samples = MAX_STEP_ERROR, FIRST_SAMPLES
     while True:
         elapsed = time[:samples] - time[0]
-        steps = step * (1.0 + np.linspace(-reach, reach, 2 * math.ceil(FINER * reach * samples) + 1))
+        steps = step * (1.0 + np.linspace(-reach, reach, 2 * math.ceil(STEPS_PER_RESOLUTION * reach * samples) + 1))
         sums = [np.sum(np.exp(2j * np.pi / one * elapsed)) for one in steps]
         best = int(np.argmax(np.abs(sums)))
         step = float(steps[best])
@@ -171,7 +171,9 @@ def _log_ratio(at_stamps: Array, on_grid: Array) -> Array:
     told = samples > 0.0
     ratio = np.zeros(len(samples))
     squares = [np.square(one[:, told]) for one in (at_stamps, on_grid)]
-    power = [np.nanmean(np.minimum(one, SPIKE * np.nanmedian(one, axis=0)), axis=0) + _ROUNDING for one in squares]
+    power = [
+        np.nanmean(np.minimum(one, MAX_SQUARE_RATIO * np.nanmedian(one, axis=0)), axis=0) + _ROUNDING for one in squares
+    ]
     ratio[told] = 0.5 * samples[told] * np.log(power[0] / power[1])
     return ratio
 

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from windsysid.monitoring.change import MOVED_MIN_ODDS, Comparison, QuantityChange
+from windsysid.monitoring.change import MIN_CHANGE_ODDS, Comparison, QuantityChange
 from windsysid.output.table import Table
 from windsysid.reports.figures.drawing import drawn
 from windsysid.reports.html import Section, png, report_page
@@ -27,7 +27,7 @@ def files(comparison: Comparison) -> dict[str, bytes]:
     before, after = comparison.records
     caption = (
         f"From {before} (A) to {after} (B), priors removed. Orange: a coefficient that changed, at odds of"
-        f" {MOVED_MIN_ODDS:g} : 1 and more; grey: frequencies of modes, loads and noise. An interval without an end"
+        f" {MIN_CHANGE_ODDS:g} : 1 and more; grey: frequencies of modes, loads and noise. An interval without an end"
         " and a change that the records do not determine are in the table only."
     )
     text = [comparison.sentence, *comparison.doubts, *comparison.notes, caption]

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from windsysid._types import Array
-from windsysid.fleet.overview import OUTLIER_CHANCE, Overview
+from windsysid.fleet.overview import OUTLIER_PROBABILITY, Overview
 from windsysid.fleet.sisters import Standing
 from windsysid.monitoring.changes import Watch
 from windsysid.monitoring.series import DAY, MIN_BLOCKS
@@ -18,7 +18,7 @@ from windsysid.reports.interactive.plot import Axis, Plot, PlotCurve
 
 __all__ = ["figure", "files"]
 
-POINTS = 400
+MAX_POINTS = 400
 """Points shown of a level."""
 
 
@@ -64,7 +64,7 @@ def _level_plot(overview: Overview, name: str) -> Plot:
     watches = {turbine: one for turbine, one in overview.watches.items() if name in _names(one)}
     dated = all(one.blocks.begin is not None for one in watches.values())
     times = [_seconds(one) if dated else one.blocks.time / DAY for one in watches.values()]
-    common = np.linspace(min(map(np.min, times)), max(map(np.max, times)), POINTS)
+    common = np.linspace(min(map(np.min, times)), max(map(np.max, times)), MAX_POINTS)
     curves = []
     for (turbine, one), own in zip(watches.items(), times, strict=True):
         jumped = any(change.name == name for change in one.changes)
@@ -122,7 +122,7 @@ def files(overview: Overview) -> dict[str, bytes]:
     count = sum(glance.records for glance in overview.glances.values())
     subtitle = (
         f"{overview.size}, {count} records; stated for a healthy fleet: {overview.alarms_per_year:g}"
-        f" alarms of a jump a year, an outlier on one page in {1.0 / OUTLIER_CHANCE:.0f}"
+        f" alarms of a jump a year, an outlier on one page in {1.0 / OUTLIER_PROBABILITY:.0f}"
     )
     return {
         "report.html": report_page("The fleet at a glance", subtitle, sections),

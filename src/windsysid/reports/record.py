@@ -11,13 +11,13 @@ from windsysid.units import unit_text
 
 __all__ = ["figure"]
 
-MOST_PANELS = 12
+MAX_PANELS = 12
 
 
 def figure(record: Record, place: Axes | None = None) -> Figure:
-    """Draw channels over time, a panel each, the first `MOST_PANELS` of them; each pixel shows the least and the
+    """Draw channels over time, a panel each, the first `MAX_PANELS` of them; each pixel shows the least and the
     greatest value in it."""
-    channels = record.channels[:MOST_PANELS]
+    channels = record.channels[:MAX_PANELS]
     drawn = canvas((10.0, max(1.2, 2.2 - 0.25 * len(channels)) * len(channels) + 0.6), place)
     panels = drawn.subplots(len(channels), 1, sharex=True, squeeze=False)[:, 0]
     for ax, channel in zip(panels, channels, strict=True):

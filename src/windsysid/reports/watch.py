@@ -18,7 +18,7 @@ from windsysid.units import engineering_unit
 
 __all__ = ["figure", "files"]
 
-POINTS = 1000
+MAX_POINTS = 1000
 """Blocks shown of a long series; alarms and levels are shown whole."""
 
 
@@ -35,10 +35,10 @@ def _limits(values: Array) -> tuple[float, float]:
 
 
 def _plots(watch: Watch) -> list[Plot]:
-    """Every series, and the statistic of its test, of a series longer than `POINTS` every so many records."""
+    """Every series, and the statistic of its test, of a series longer than `MAX_POINTS` every so many records."""
     begin = watch.blocks.begin
     origin, unit = (0.0, DAY) if begin is None else (begin.timestamp(), 1.0)
-    step = -(-len(watch.blocks.time) // POINTS)
+    step = -(-len(watch.blocks.time) // MAX_POINTS)
     x_axis = Axis("day") if begin is None else Axis("", dates=True)
 
     def moment(time: Any) -> Any:

@@ -21,7 +21,7 @@ from windsysid.signals.condition import resample
 __all__ = ["Aligned", "ClockOffset", "align", "clock_offset"]
 
 
-_PIECE = 20.0  # s, at least, for one offset
+_PIECE_SECONDS = 20.0  # s, at least, for one offset
 _PIECES = 20
 
 
@@ -205,7 +205,7 @@ def clock_offset(first: Record, other: Record, *, channel: str | None = None, se
     middle = 0.5 * (float(other.time[0]) + float(other.time[-1]))
     low = max(0, round((start_a - offset - start_b) * rate))
     high = min(len(b), round((start_a + len(a) / rate - offset - start_b) * rate))
-    count = min(_PIECES, int((high - low) / (rate * _PIECE)))
+    count = min(_PIECES, int((high - low) / (rate * _PIECE_SECONDS)))
     centres, pieces = [], []
     for piece in range(count):
         i, j = (low + round(n * (high - low) / count) for n in (piece, piece + 1))

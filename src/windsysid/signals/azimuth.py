@@ -12,34 +12,34 @@ from windsysid.records.kept import kept_with_record
 from windsysid.records.record import Record
 from windsysid.signals.band import bridged
 
-__all__ = ["MAX_SCATTER", "steadied"]
+__all__ = ["MAX_SCATTER_RADIANS", "steadied"]
 
-MAX_SCATTER = 2e-3
+MAX_SCATTER_RADIANS = 2e-3
 """Scatter of azimuths [rad] beyond which they are smoothed: 0.1°, with which gravity on a blade reads 0.02 m/s²."""
 
-FEWEST = 50
+MIN_AZIMUTHS = 50
 """Fewer azimuths than this are left as they are."""
 
-SHORTEST, LONGEST = 5, 40.0
+MIN_SAMPLES, MAX_SECONDS = 5, 40.0
 """Samples over which azimuths are smoothed, at least, and seconds, at most."""
 
 MAX_CORRELATION = 0.5
 """Greatest autocorrelation, over ten lags, of what scatters: beyond it, the rotor may have turned like that."""
 
-AROUND = 11
+GLITCH_SAMPLES = 11
 """Samples whose median a glitch stands out of."""
 
-GLITCH = 0.1
+MIN_GLITCH_RADIANS = 0.1
 """Least error of a glitch [rad], and ten times that of others; more than a tenth of azimuths are none."""
 
-COARSE, TEETH = 0.25, 4.0
+MAX_DISTINCT_SHARE, MIN_SMOOTHED_STEPS = 0.25, 4.0
 """Distinct azimuths of a coarse encoder, as a share of all, and how many of its steps it is smoothed over at least."""
 
 
 @kept_with_record
 def steadied(record: Record) -> Record:
     """The record with azimuths put onto a smooth rotation: those that stand alone, all that scatter beyond
-    `MAX_SCATTER`, and those of a coarse encoder; other records as they are.
+    `MAX_SCATTER_RADIANS`, and those of a coarse encoder; other records as they are.
 
     The rotation is known from neighbours: local parabolas (Savitzky & Golay 1964) with the recorded speed, or the
     median one, over the length that predicts each azimuth best from the others (leave-one-out). A rotor that did turn
@@ -49,7 +49,7 @@ def steadied(record: Record) -> Record:
         return record
     azimuth = record["rotor_azimuth"]
     known = np.isfinite(azimuth)
-    if known.sum() < FEWEST:
+    if known.sum() < MIN_AZIMUTHS:
         return record
     time = record.time - record.time[0]
     steps = np.mod(np.diff(azimuth[known]) + np.pi, 2.0 * np.pi) - np.pi
@@ -61,10 +61,12 @@ def steadied(record: Record) -> Record:
     read = np.interp(time, time[known], np.unwrap((azimuth - turned)[known]))
     offset = _without_glitches(read)
     levels = np.unique(np.round(azimuth[known], 9))
-    shortest = float(SHORTEST)
-    coarse = len(levels) < COARSE * known.sum()
+    shortest = float(MIN_SAMPLES)
+    coarse = len(levels) < MAX_DISTINCT_SHARE * known.sum()
     if coarse and len(levels) > 1:
-        shortest = max(shortest, TEETH * float(np.median(np.diff(levels))) / max(abs(float(np.mean(steps))), 1e-9))
+        shortest = max(
+            shortest, MIN_SMOOTHED_STEPS * float(np.median(np.diff(levels))) / max(abs(float(np.mean(steps))), 1e-9)
+        )
     smooth = _without_scatter(offset, record.rate, shortest, coarse=coarse)
     if smooth is read:
         return record
@@ -76,9 +78,9 @@ def _without_glitches(psi: Array) -> Array:
     """Angles (T,) [rad] with those that stand out of their neighbours' median put on it; the same array if none do."""
     from scipy.ndimage import median_filter
 
-    near = np.asarray(median_filter(psi, AROUND, mode="nearest"), dtype=np.float64)
+    near = np.asarray(median_filter(psi, GLITCH_SAMPLES, mode="nearest"), dtype=np.float64)
     off = np.abs(psi - near)
-    glitch = off > max(GLITCH, 10.0 * float(np.median(off)))
+    glitch = off > max(MIN_GLITCH_RADIANS, 10.0 * float(np.median(off)))
     return np.where(glitch, near, psi) if 0.0 < np.mean(glitch) < 0.1 else psi
 
 
@@ -88,13 +90,13 @@ def _without_scatter(psi: Array, rate: float, shortest: float, *, coarse: bool) 
     from scipy.signal import savgol_coeffs, savgol_filter
 
     smooth, scatter, predicted = psi, np.zeros(1), math.inf
-    window = 2 * math.ceil(0.5 * min(shortest, len(psi))) + 1 if shortest > SHORTEST else SHORTEST
-    while window <= min(max(LONGEST * rate, shortest), len(psi) / 4):
+    window = 2 * math.ceil(0.5 * min(shortest, len(psi))) + 1 if shortest > MIN_SAMPLES else MIN_SAMPLES
+    while window <= min(max(MAX_SECONDS * rate, shortest), len(psi) / 4):
         fit = np.asarray(savgol_filter(psi, window, 2), dtype=np.float64)
         own = float(savgol_coeffs(window, 2)[window // 2])  # weight of an angle in its own fit
         left = (psi - fit)[window // 2 : -(window // 2)]
         error = float(np.mean(np.square(left))) / (1.0 - own)  # the variance of white scatter
-        if error < MAX_SCATTER**2:
+        if error < MAX_SCATTER_RADIANS**2:
             break
         if error / (1.0 - own) < predicted:
             smooth, scatter, predicted = fit, left, error / (1.0 - own)

@@ -17,7 +17,7 @@ from windsysid.errors import RecordError
 __all__ = ["band_pass", "bridged", "check_cutoff", "high_pass_gain", "through"]
 
 
-STEEPNESS = 8
+CUT_OFF_EXPONENT = 8
 """Exponent of f / f_c in the power gain of a cut-off: a fourth-order Butterworth filter run forward and backward."""
 
 
@@ -57,14 +57,14 @@ def band_pass(values: ArrayLike, rate: float, band: tuple[float, float]) -> Arra
     _check_band(low, high, rate)
 
     def gain(f: Array) -> Any:
-        return high_pass_gain(f, low) / (1.0 + (f / high) ** STEEPNESS) + 0j
+        return high_pass_gain(f, low) / (1.0 + (f / high) ** CUT_OFF_EXPONENT) + 0j
 
     return through(values, rate, gain, 2.0 / low)
 
 
 def high_pass_gain(f: Array, cutoff: float) -> Array:
     """Power gain of a fourth-order Butterworth high-pass; written so that f = 0 gives 0."""
-    scaled = (f / cutoff) ** STEEPNESS
+    scaled = (f / cutoff) ** CUT_OFF_EXPONENT
     return scaled / (1.0 + scaled)
 
 

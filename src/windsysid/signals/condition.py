@@ -22,7 +22,7 @@ __all__ = ["Despiked", "LevelledPair", "Unbiased", "despike", "remove_bias", "re
 
 
 _TURN = 2.0 * math.pi
-_MOST_ROWS = 50_000_000
+_MAX_ROWS = 50_000_000
 
 
 class Despiked(NamedTuple):
@@ -160,7 +160,7 @@ def _grid(record: Record, rate: float, first: float, last: float, limit: float) 
         )
     rows = math.floor((last - first) * rate * (1.0 + 1e-12) + 1e-6) + 1
     factor = math.ceil(record.rate / rate * (1.0 - 1e-6)) if record.rate > rate * (1.0 + 1e-6) else 1
-    if rows * factor > _MOST_ROWS:
+    if rows * factor > _MAX_ROWS:
         if record.duration * record.rate > 10 * record.samples:
             refuse_gaps(record.name, record.time, rows * factor)
         raise RecordError(

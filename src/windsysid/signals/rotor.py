@@ -21,7 +21,7 @@ from windsysid.signals.band import bridged
 __all__ = ["RotorMotion", "check_units", "rotor_from_encoder", "rotor_from_pulses", "rotor_inputs", "smooth_slope"]
 
 
-STANDING_MAX_SPEED = 0.05
+MAX_STANDING_SPEED = 0.05
 """Mean speed [rad/s] below which the rotor of a parked machine counts as standing: half a revolution per minute."""
 
 MAX_SPEED_FACTOR = 20.0
@@ -120,7 +120,7 @@ def _check_rotation(mean_speed: float, drift: float, rotor_speed: float, *, meas
     [rad/s]."""
     parked = rotor_speed == 0.0  # then the turbine says nothing of how fast it turns
     turning = mean_speed + drift
-    standing = STANDING_MAX_SPEED if parked else rotor_speed / MAX_SPEED_FACTOR
+    standing = MAX_STANDING_SPEED if parked else rotor_speed / MAX_SPEED_FACTOR
     if max(abs(mean_speed), abs(turning)) < standing and (parked or measured):
         return  # parked or idling: the azimuth need not run forward
     if not turning > 0.0:

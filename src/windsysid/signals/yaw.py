@@ -24,7 +24,7 @@ from windsysid.signals.rotor import check_units, rotor_inputs
 __all__ = ["to_nacelle", "tower_inputs", "with_nacelle_axes"]
 
 
-STANDING_MAX_SHARE = 0.02
+MAX_STANDING_SPEED_SHARE = 0.02
 """Share of the usual rotor speed below which a rotor stands, and its azimuth says nothing."""
 
 YAW_WINDOW_SECONDS = 10.0
@@ -167,7 +167,7 @@ def tower_inputs(record: Record, rotor_speed: float, *, needs_yaw: bool) -> Arra
     inputs = np.zeros((record.samples, 5))
     known = "rotor_speed" in record and bool(np.isfinite(record["rotor_speed"]).any())
     speed = bridged(record["rotor_speed"], "rotor_speed") if known else np.full(record.samples, rotor_speed)
-    turns = abs(float(speed.mean())) > STANDING_MAX_SHARE * rotor_speed
+    turns = abs(float(speed.mean())) > MAX_STANDING_SPEED_SHARE * rotor_speed
     if turns and "rotor_azimuth" in record and np.isfinite(record["rotor_azimuth"]).sum() > 1:
         inputs[:, :2] = rotor_inputs(record, rotor_speed)[:, :2]
     else:

@@ -28,13 +28,13 @@ __all__ = ["simulate_record"]
 WIND = ("wind", "wind-feedback")
 """Loads that are simulated from turbulence and not drawn from a hypothesis."""
 
-SHARE = 0.7
+MAX_MEMORY_SHARE = 0.7
 """Largest share of a machine's memory for a simulation."""
 
-LEAD_IN = 60.0
+MIN_LEAD_IN_SECONDS = 60.0
 """Seconds simulated, at least, before a record starts."""
 
-RELAXATIONS, MOST_LEAD_IN = 6.0, 1800.0
+LEAD_IN_RELAXATIONS, MAX_LEAD_IN_SECONDS = 6.0, 1800.0
 """Memories 1/ζω of the slowest mode until a machine that began at rest under its weight vibrates stationarily, and the
 longest time [s] that is simulated for that."""
 
@@ -101,9 +101,9 @@ def simulate_record(
     turbine = turbine if supposed is None else supposed.turbine
     fastest = max(turbine.natural_frequency(name) for name in turbine.model.coordinates) / (2.0 * np.pi)
     _check_sampling(duration, rate, fastest)
-    before = LEAD_IN  # the air damps, and what it does before is costly
+    before = MIN_LEAD_IN_SECONDS  # the air damps, and what it does before is costly
     if supposed is not None:
-        before = max(LEAD_IN, min(RELAXATIONS / turbine.slowest_decay, MOST_LEAD_IN))
+        before = max(MIN_LEAD_IN_SECONDS, min(LEAD_IN_RELAXATIONS / turbine.slowest_decay, MAX_LEAD_IN_SECONDS))
     _check_memory(turbine, duration, rate, before)
     machine = _Machine.turning(turbine, before + duration, rate, max(1, int(np.ceil(20.0 * fastest / rate))))
     rng = np.random.default_rng(seed)
@@ -205,10 +205,10 @@ def _check_memory(turbine: Turbine, duration: float, rate: float, before: float)
     """Refuse a simulation that does not fit into the memory of this machine, with `before` [s] in addition."""
     columns = 4 * len(turbine.model.states) + 3 * (3 + len(turbine.loads) + len(turbine.sensors))
     needed, there = 8e-9 * columns * rate * (before + duration), memory()
-    if needed > SHARE * there:
+    if needed > MAX_MEMORY_SHARE * there:
         raise ConfigurationError(
             f"{duration:g} s at {rate:g} Hz need about {needed:.3g} GB of memory, and this machine has {there:.3g} GB: "
-            f"simulate {SHARE * there / needed * duration:.2g} s at most, or at a lower rate"
+            f"simulate {MAX_MEMORY_SHARE * there / needed * duration:.2g} s at most, or at a lower rate"
         )
 
 

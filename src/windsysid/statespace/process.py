@@ -13,16 +13,9 @@ from windsysid._types import Array
 from windsysid.errors import ConfigurationError
 
 __all__ = [
-    "LoadBlock",
-    "PlacedProcess",
-    "Process",
-    "discretise_block",
-    "first_order",
-    "load_on",
-    "place_copies",
-    "rational",
+    "LoadBlock", "PlacedProcess", "Process", "discretise_block", "first_order", "load_on", "place_copies", "rational",
     "second_order",
-]
+]  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,14 +22,9 @@ from windsysid.kernels.simd import LANES, load, splat, store
 from windsysid.statespace.workspace import load_output
 
 __all__ = [
-    "expected_reading",
-    "linearise_reading",
-    "linearise_transition",
-    "move",
-    "predict_moments",
-    "set_load_outputs",
+    "expected_reading", "linearise_reading", "linearise_transition", "move", "predict_moments", "set_load_outputs",
     "set_parameters",
-]
+]  # fmt: skip
 
 
 @pasted

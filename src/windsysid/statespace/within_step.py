@@ -25,13 +25,13 @@ from windsysid.statespace.load_model import LoadModel
 
 __all__ = ["within_step"]
 
-FOLLOWED = 0.31
+MAX_STEP_RADIANS = 0.31
 """[rad] that the fastest mode goes in a step."""
 
-INSTANT = 1e-4
+INSTANT_STEPS = 1e-4
 """Of a step: so short a time that the noise of a load has hardly moved on to what it drives."""
 
-NOTHING = 1e-4
+MIN_DENSITY_SHARE = 1e-4
 """Share of the largest density, each in its state's variance, below which a state has no noise of its own."""
 
 
@@ -42,15 +42,15 @@ def within_step(load: LoadModel, step: float) -> Array:
     """
     size = np.sqrt(np.diag(load.cov))
     size[size == 0.0] = 1.0  # a state that nothing drives
-    density = load.discretise(INSTANT * step)[1] / (INSTANT * step) / np.outer(size, size)
+    density = load.discretise(INSTANT_STEPS * step)[1] / (INSTANT_STEPS * step) / np.outer(size, size)
     largest = float(np.diag(density).max(initial=0.0))
-    if np.abs(density - np.diag(np.diag(density))).max(initial=0.0) < NOTHING * largest:
+    if np.abs(density - np.diag(np.diag(density))).max(initial=0.0) < MIN_DENSITY_SHARE * largest:
         rates, axes = np.diag(density), np.eye(len(size))
     else:
         rates, axes = np.linalg.eigh(density)
     axes = size[:, None] * axes
     rows = np.vstack([np.zeros((1, len(size))), *load.outputs.values()])
-    rough = (rates > NOTHING * largest) & (np.abs(rows @ axes).max(axis=0) > 0.0)
+    rough = (rates > MIN_DENSITY_SHARE * largest) & (np.abs(rows @ axes).max(axis=0) > 0.0)
     rates, axes = rates[rough], axes[:, rough]
-    turned = np.square(2.0 * FOLLOWED / (rates * step))  # ω²τ², as a rate is 2/τ
+    turned = np.square(2.0 * MAX_STEP_RADIANS / (rates * step))  # ω²τ², as a rate is 2/τ
     return np.asarray(axes * np.sqrt(rates * step / 12.0 * np.maximum(0.0, (turned - 1.0) / (turned + 1.0))))

@@ -29,7 +29,7 @@ from windsysid.turbine.turbine import Turbine
 
 __all__ = ["Study", "run_study"]
 
-SETTLING = 30.0
+CONVERGENCE_SECONDS = 30.0
 """The second averaging window starts so many seconds into the section."""
 
 SEEDS, COMPARED = 20, 10
@@ -180,7 +180,7 @@ def run_study(seed: int = 0, progress: Progress = unheard) -> Study:
 
 def average_errors(identification: Identification) -> Array:
     """Average error (Eq 24) of every coefficient [%], (2, n_θ): over the whole section, and from 30 s on."""
-    late = int(np.searchsorted(identification.time, identification.time[0] + SETTLING))
+    late = int(np.searchsorted(identification.time, identification.time[0] + CONVERGENCE_SECONDS))
     rows = np.empty((2, len(identification.estimates)))
     for i, e in enumerate(identification.estimates):
         errors = coefficient_errors(identification.history(e.name)[0], e.reference or 1.0)

@@ -46,7 +46,7 @@ __all__ = [
 WINDOW = (20.0, 40.0)
 """Times of the other wind direction, in seconds of the section."""
 
-TURNING = 6.0
+TURNING_SECONDS = 6.0
 """Seconds that the wind takes to turn, the IEC's for an extreme direction change."""
 
 SPREAD_DEG = 4.0
@@ -110,8 +110,8 @@ def direction_change_study(seed: int = 0) -> DirectionChangeStudy:
     conditions, blade = packaged_wind("verne555")
     diameter = 2.0 * blade.radii[-1] + blade.widths[-1]
     size = float(np.rad2deg(extreme_direction_change(conditions, diameter)))
-    away, back = SECTION[0] + WINDOW[0], SECTION[0] + WINDOW[1] - TURNING
-    changes = (DirectionChange(away, size, TURNING), DirectionChange(back, -size, TURNING))
+    away, back = SECTION[0] + WINDOW[0], SECTION[0] + WINDOW[1] - TURNING_SECONDS
+    changes = (DirectionChange(away, size, TURNING_SECONDS), DirectionChange(back, -size, TURNING_SECONDS))
     under = simulate_wind_reference(turbine, seed, Direction(std_deg=SPREAD_DEG, changes=changes))
     steady = simulate_wind_reference(turbine, seed, Direction(std_deg=SPREAD_DEG))
     return DirectionChangeStudy(

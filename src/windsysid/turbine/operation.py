@@ -15,16 +15,16 @@ __all__ = ["STATES", "Operation", "operation", "operation_of"]
 
 STATES = ("parked", "idling", "running", "transient", "unknown")
 
-PARKED_MAX_SHARE = 0.1
+MAX_PARKED_SPEED_SHARE = 0.1
 """Share of the usual rotor speed below which a rotor is parked; inspection of stops takes the same."""
 
-RUNNING_MIN_SHARE = 0.4
+MIN_RUNNING_SPEED_SHARE = 0.4
 """Share of the usual rotor speed above which a rotor runs, where the power is not known."""
 
-STEADY_MAX_CHANGE = 0.35
+MAX_STEADY_SPEED_CHANGE = 0.35
 """Share of the usual rotor speed by which it may vary in a record; a start or a stop varies it more."""
 
-BINS = 10
+SPEED_BIN_COUNT = 10
 """Bins of rotor speed in the usual one."""
 
 
@@ -70,13 +70,13 @@ def operation_of(speed: Array | None, usual: float, power: float | None = None) 
 def operation(mean: float, low: float, high: float, usual: float, power: float | None) -> Operation:
     """The state by mean and range of a rotor speed without its sign, and by the power, as `operation_of`."""
     share = mean / usual
-    passes = low < PARKED_MAX_SHARE * usual and high > RUNNING_MIN_SHARE * usual
-    if passes or high - low > STEADY_MAX_CHANGE * usual:
+    passes = low < MAX_PARKED_SPEED_SHARE * usual and high > MIN_RUNNING_SPEED_SHARE * usual
+    if passes or high - low > MAX_STEADY_SPEED_CHANGE * usual:
         state = "transient"
-    elif share < PARKED_MAX_SHARE:
+    elif share < MAX_PARKED_SPEED_SHARE:
         state = "parked"
     elif power is not None:
         state = "running" if power > 0.0 else "idling"
     else:
-        state = "running" if share > RUNNING_MIN_SHARE else "idling"
-    return Operation(state, math.floor(BINS * share + 1e-9) / BINS, mean, low, high)
+        state = "running" if share > MIN_RUNNING_SPEED_SHARE else "idling"
+    return Operation(state, math.floor(SPEED_BIN_COUNT * share + 1e-9) / SPEED_BIN_COUNT, mean, low, high)

@@ -55,15 +55,15 @@ def parse_turbine(text: str, source: str) -> Turbine:
     turbine = replace(file.turbine(parse_sensors(sensors, f"turbine file {source}")), site=file.site, odds=file.odds)
     for name in turbine.model.coordinates:
         frequency = turbine.natural_frequency(name) / (2.0 * math.pi)
-        if not frequency <= _FASTEST:
+        if not frequency <= _MAX_FREQUENCY_HZ:
             raise ConfigurationError(
                 f"turbine file {source}: {_stiffness(turbine, name)} makes {name} vibrate at {frequency:.3g} Hz: "
-                f"expected at most {_FASTEST:g} Hz; correct the value or its unit"
+                f"expected at most {_MAX_FREQUENCY_HZ:g} Hz; correct the value or its unit"
             )
     return turbine
 
 
-_FASTEST = 25_000.0
+_MAX_FREQUENCY_HZ = 25_000.0
 """Highest frequency that four samples per period at the fastest rate of a simulation can show [Hz]."""
 
 

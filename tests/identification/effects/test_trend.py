@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tests.identification.fits import CHANNELS, TOWER
-from windsysid.identification.effects.trend import ORDERS, Trend
+from windsysid.identification.effects.trend import MAX_POLYNOMIAL_ORDER, Trend
 from windsysid.identification.model.regressor import Legendre, Term
 
 TIME = np.linspace(20.0, 80.0, 2001)
@@ -24,7 +24,9 @@ def test_each_channel_has_the_polynomials_over_the_record_but_the_constant():
         assert {column.row for column in one.columns} == {row}
         waves = np.array([column.wave(TIME) for column in one.columns])
         x = np.linspace(-1.0, 1.0, len(TIME))
-        np.testing.assert_allclose(waves, np.polynomial.legendre.legvander(x, ORDERS)[:, 1:].T, atol=1e-12)
+        np.testing.assert_allclose(
+            waves, np.polynomial.legendre.legvander(x, MAX_POLYNOMIAL_ORDER)[:, 1:].T, atol=1e-12
+        )
 
 
 def test_a_sensor_with_a_random_walk_has_none():

@@ -14,7 +14,7 @@ from windsysid.identification.effects import EFFECTS
 from windsysid.identification.identify import identify
 from windsysid.identification.job import Job
 from windsysid.identification.model.prior_odds import (
-    WAVES_HZ,
+    WAVE_FREQUENCIES_HZ,
     chances_of_rivals,
     f_bound,
     log_bound,
@@ -24,7 +24,7 @@ from windsysid.identification.model.prior_odds import (
 )
 from windsysid.identification.pipeline import run
 from windsysid.simulation.record import simulate_record
-from windsysid.spectral.transforms.harmonics import TAPERS
+from windsysid.spectral.transforms.harmonics import TAPER_COUNT
 from windsysid.turbine.file import load_turbine
 
 TOWER = load_turbine("tower")
@@ -32,7 +32,7 @@ TOWER = load_turbine("tower")
 
 def test_waves_are_likely_offshore_and_at_frequencies_of_waves():
     sea, odds = TOWER.at("offshore"), odds_table()["waves"]
-    alone = odds_of("narrow_band_load", sea, 1.1 * WAVES_HZ[1])
+    alone = odds_of("narrow_band_load", sea, 1.1 * WAVE_FREQUENCIES_HZ[1])
     assert odds_of("narrow_band_load", sea, 0.3) == alone + odds["offshore"]
     assert odds_of("narrow_band_load", TOWER, 0.3) == alone + odds["onshore"]
     assert odds["offshore"] > 10.0 > 0.1 > odds["onshore"]
@@ -49,7 +49,7 @@ def test_bounds_are_as_given_onshore_and_move_with_the_odds():
         assert bound(4.0, "sinusoid", TOWER) == pytest.approx(4.0)
     assert log_bound(4.0, "sinusoid", rare) == pytest.approx(4.0 + math.log(100.0))
     assert sigma_bound(4.0, "sinusoid", rare) ** 2 == pytest.approx(16.0 + 2.0 * math.log(100.0))
-    chance = [stats.f.sf(f_bound(20.0, "sinusoid", at), 2, 2 * TAPERS - 2) for at in (TOWER, rare)]
+    chance = [stats.f.sf(f_bound(20.0, "sinusoid", at), 2, 2 * TAPER_COUNT - 2) for at in (TOWER, rare)]
     assert chance[0] / chance[1] == pytest.approx(100.0)
 
 

@@ -75,7 +75,7 @@ def test_readings_that_were_filled_in_are_not_lost_rows():
 def test_sums_by_remainder_are_those_of_each_period_alone(rows: int):
     terms = np.random.default_rng(rows).normal(size=(rows, 3))
     found = losses._by_remainder(terms)
-    assert sorted(found) == list(range(losses.MIN_PERIOD, min(losses.MAX_PERIOD, rows // 50) + 1))
+    assert sorted(found) == list(range(losses.MIN_PERIOD_ROWS, min(losses.MAX_PERIOD_ROWS, rows // 50) + 1))
     for period, sums in found.items():
         whole = rows // (2 * period) * 2 * period
         np.testing.assert_allclose(sums, terms[:whole].reshape(-1, period, 3).sum(axis=0), atol=1e-9)

@@ -24,7 +24,7 @@ CHANNELS, UNITS = ("tower_x_acceleration", "tower_y_acceleration"), ("m/s^2", "m
 
 @pytest.fixture(autouse=True)
 def _looks_often(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(folder, "LOOK_EVERY", 0.05)
+    monkeypatch.setattr(folder, "POLL_SECONDS", 0.05)
 
 
 def record_of(minute: int, samples: int = 1000) -> Record:

@@ -24,7 +24,7 @@ from windsysid.live.configuration.toml_table import Secret
 from windsysid.live.engine import Engine, Followed
 from windsysid.live.sources.broker import Marks, Topics, connect, new_client, properties_of
 from windsysid.live.sources.mqtt import Inbox, MqttSource
-from windsysid.live.sources.publisher import WIDEST, Publisher
+from windsysid.live.sources.publisher import MAX_UNCOMMITTED_BLOCKS, Publisher
 from windsysid.live.store.opening import open_store
 
 SECOND = 1_000_000_000
@@ -192,7 +192,7 @@ def test_turbines_that_are_held_back_do_not_stall_the_others_for_good(
     mosquitto: Mosquitto, monkeypatch: pytest.MonkeyPatch
 ):
     """More is held back than the broker sends unacknowledged; then it is acknowledged, the newest first."""
-    monkeypatch.setattr("windsysid.live.sources.mqtt.ON_THEIR_WAY", 40)
+    monkeypatch.setattr("windsysid.live.sources.mqtt.MAX_UNACKNOWLEDGED_MESSAGES", 40)
     taker = Taker()
     taker.holding = True
     service = Service(MqttSource(mosquitto.broker, ["T01", "T02"]), taker)
@@ -226,7 +226,7 @@ def test_a_hundred_turbines_that_are_held_back_leave_room_for_others(mosquitto: 
     service = Service(MqttSource(mosquitto.broker, [*behind, "other"]), Slow())
     wait_for(lambda: service.source.state.state == "running")
     logger = Logger(mosquitto.broker, "windsysid/other/committed")
-    for k in range(1, WIDEST + 1):  # as many as a publisher has under way
+    for k in range(1, MAX_UNCOMMITTED_BLOCKS + 1):  # as many as a publisher has under way
         for turbine in behind:
             logger.say(f"windsysid/{turbine}/blocks", encode_json(block_of(k, turbine)))
         wait_for(lambda k=k: len(service.taker.blocks) == k * len(behind))
@@ -252,7 +252,7 @@ def test_blocks_wait_at_the_broker_while_the_engine_is_busy(mosquitto: Mosquitto
 
     free = threading.Event()
     monkeypatch.setattr("windsysid.live.sources.mqtt.Inbox", Watched)
-    monkeypatch.setattr("windsysid.live.sources.mqtt.WAITING", 20_000)
+    monkeypatch.setattr("windsysid.live.sources.mqtt.MAX_WAITING_BYTES", 20_000)
     service = Service(MqttSource(mosquitto.broker, ["T01"]), Busy())
     wait_for(lambda: service.source.state.state == "running")
     logger = Logger(mosquitto.broker)

@@ -88,7 +88,7 @@ def rows_of(service: Service) -> np.ndarray:
 
 
 def test_nodes_are_read_at_even_times_and_after_the_server_was_restarted(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("windsysid.live.sources.opcua.BLOCK", 0.4)
+    monkeypatch.setattr("windsysid.live.sources.opcua.BLOCK_SECONDS", 0.4)
     scada = Scada(free_port())
     source = OpcuaSource(scada.url, "T01", NODES, every=0.1)
     service = Service(source)
@@ -140,7 +140,7 @@ def test_a_value_that_the_server_calls_bad_or_that_is_no_number_is_missing():
 
 
 def test_a_server_with_certificates_is_read_encrypted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("windsysid.live.sources.opcua.BLOCK", 0.4)
+    monkeypatch.setattr("windsysid.live.sources.opcua.BLOCK_SECONDS", 0.4)
     served, own = certificate_of("scada", tmp_path), certificate_of("windsysid", tmp_path, ".crt")
     scada = Scada(free_port(), served)
     try:

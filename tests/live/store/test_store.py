@@ -255,7 +255,7 @@ def test_a_migration_that_fails_leaves_the_store_as_it_was(again: Open, monkeypa
 
 
 def test_what_is_too_old_goes_and_of_old_levels_one_a_day_stays(again: Open, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(sql_store, "SLICE", 7)
+    monkeypatch.setattr(sql_store, "ROWS_PER_DELETION", 7)
     store = again(Keep(results="2 days", levels="1 day", alarms="1 week"))
     now = 10 * DAY
     windows = range(0, now, DAY // 6)

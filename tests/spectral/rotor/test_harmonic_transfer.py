@@ -3,7 +3,7 @@
 import numpy as np
 
 from windsysid.spectral.rotor.harmonic_transfer import (
-    HIGHEST,
+    MAX_HARMONIC,
     MatrixHarmonics,
     coupled,
     element_sizes,
@@ -12,8 +12,8 @@ from windsysid.spectral.rotor.harmonic_transfer import (
 
 
 def test_a_matrix_that_does_not_turn_couples_no_harmonics():
-    M = np.zeros((3, 2 * HIGHEST + 1, 1, 1), dtype=complex)
-    M[:, HIGHEST, 0, 0] = 2.0, 0.3, 50.0  # mass, damping, stiffness
+    M = np.zeros((3, 2 * MAX_HARMONIC + 1, 1, 1), dtype=complex)
+    M[:, MAX_HARMONIC, 0, 0] = 2.0, 0.3, 50.0  # mass, damping, stiffness
     orders, base = np.arange(-1, 2), np.array([0.2, 0.7])
     found = coupled(M, base, orders, 0.5)[:, :, 0, :, 0]
     w = 2.0 * np.pi * (base[:, None] + 0.5 * orders)
@@ -22,14 +22,14 @@ def test_a_matrix_that_does_not_turn_couples_no_harmonics():
 
 
 def test_a_harmonic_couples_neighbours():
-    M = np.zeros((3, 2 * HIGHEST + 1, 1, 1), dtype=complex)
-    M[2, HIGHEST + 1] = 1.0
+    M = np.zeros((3, 2 * MAX_HARMONIC + 1, 1, 1), dtype=complex)
+    M[2, MAX_HARMONIC + 1] = 1.0
     found = coupled(M, np.array([0.2]), np.arange(-1, 2), 0.5)[0, :, 0, :, 0]
     np.testing.assert_allclose(found, np.eye(3, k=-1))
 
 
 def test_rounding_is_zero_beside_the_size_of_its_matrix():
-    X = np.ones((3, 1, 2 * HIGHEST + 1, 2, 2), dtype=complex)
+    X = np.ones((3, 1, 2 * MAX_HARMONIC + 1, 2, 2), dtype=complex)
     sizes = element_sizes(MatrixHarmonics(X, X))
     small = np.full_like(X, 1e-14)
     assert not without_rounding(small, 1e-11 * sizes[0]).any()

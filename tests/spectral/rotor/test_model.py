@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from windsysid.spectral.rotor.model import FINER, finer_bins, taper_window
+from windsysid.spectral.rotor.model import GRID_FACTOR, finer_bins, taper_window
 from windsysid.spectral.rotor.problem import Posed
 
 
@@ -13,7 +13,7 @@ def test_the_window_of_the_taper_adds_up_to_one_about_its_bin():
     assert weights.shape == (len(fine), 3)
     np.testing.assert_allclose(weights.sum(axis=0), 1.0)
     np.testing.assert_allclose(fine @ weights, bins)
-    assert np.diff(fine) == pytest.approx(1.0 / FINER)
+    assert np.diff(fine) == pytest.approx(1.0 / GRID_FACTOR)
 
 
 def test_a_likelihood_of_every_other_bin_counts_as_much_as_all(posed: Posed):

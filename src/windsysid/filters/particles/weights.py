@@ -14,7 +14,7 @@ from windsysid.kernels.philox import Purpose, normals, uniforms
 
 __all__ = ["ParticleInfo", "degeneracy", "liu_west"]
 
-MIN_EFFECTIVE = 10.0
+MIN_EFFECTIVE_PARTICLES = 10.0
 """Effective particles below which an estimate rests on next to nothing."""
 
 
@@ -136,13 +136,13 @@ def degeneracy(info: Fared) -> str:
         f"{times} resamplings; of {count} particles {np.median(info.effective):.0f} count in the median,"
         f" {info.effective[worst]:.0f} at sample {worst}, {info.survivors[thin]} survived sample {thin}"
     )
-    poor = float(np.mean(info.effective < MIN_EFFECTIVE))
+    poor = float(np.mean(info.effective < MIN_EFFECTIVE_PARTICLES))
     if poor > 0.01:
         return (
-            f"degenerate: {text}. {100.0 * poor:.0f} % of the estimates rest on fewer than {MIN_EFFECTIVE:.0f}: take"
-            " more particles, RaoBlackwellised or a Kalman filter"
+            f"degenerate: {text}. {100.0 * poor:.0f} % of the estimates rest on fewer than"
+            f" {MIN_EFFECTIVE_PARTICLES:.0f}: take more particles, RaoBlackwellised or a Kalman filter"
         )
-    if info.effective[worst] < MIN_EFFECTIVE or info.survivors[thin] < MIN_EFFECTIVE:
+    if info.effective[worst] < MIN_EFFECTIVE_PARTICLES or info.survivors[thin] < MIN_EFFECTIVE_PARTICLES:
         return (
             f"thin: {text}. Lost particles cannot be recovered: compare with another seed, take more particles or a"
             " narrower prior"

@@ -1,8 +1,8 @@
 """Who runs the tasks: worker processes of this machine, or a Dask scheduler of the user's.
 
 Both take records by a guarded process (`windsysid.fleet.work.tasks.take`), so that one which hangs or kills is met in
-the same way. On Dask a task has a deterministic key, a window of `WINDOW` tasks a worker is submitted, and each future
-is released as it completes: finished work whose future is held would be run again where its worker dies.
+the same way. On Dask a task has a deterministic key, a window of `TASKS_PER_WORKER` tasks a worker is submitted, and
+each future is released as it completes: finished work whose future is held would be run again where its worker dies.
 """
 
 import queue
@@ -24,10 +24,10 @@ __all__ = ["run_here", "run_on_dask", "share"]
 T = TypeVar("T")
 Say = Callable[..., None]
 
-WINDOW = 4
+TASKS_PER_WORKER = 4
 """Tasks submitted for each Dask worker: schedulers suffer beyond 100 000 tasks."""
 
-KILLED = 3
+MAX_RESUBMISSIONS = 3
 """Times that a task is given to Dask again after workers died at it; Dask itself tries four times in each."""
 
 
@@ -127,7 +127,7 @@ def _on_dask(client: Any, dask: Any, waiting: Iterator[Task], address: str) -> I
 
     completed = dask.as_completed()
     workers = max(len(client.scheduler_info(n_workers=-1)["workers"]), 1)
-    for task, _ in zip(waiting, range(WINDOW * workers), strict=False):
+    for task, _ in zip(waiting, range(TASKS_PER_WORKER * workers), strict=False):
         completed.add(submit(task))
     gone = OutputError(f"the scheduler {address} went away: start it, and give the same command again: it goes on")
     for future in completed:
@@ -138,7 +138,7 @@ def _on_dask(client: Any, dask: Any, waiting: Iterator[Task], address: str) -> I
             told = future.result()
         except dask.KilledWorker:
             killed[key] += 1
-            if killed[key] > KILLED:
+            if killed[key] > MAX_RESUBMISSIONS:
                 raise OutputError(f"Dask workers died again and again at {key}: look at their logs") from None
             future.release()
             completed.add(submit(given[key]))

@@ -19,12 +19,12 @@ from typing import Any
 import windsysid
 from windsysid.errors import OutputError
 
-__all__ = ["DEATHS", "DeadWorkerError", "HangingWorkerError", "StoppedError", "Worker"]
+__all__ = ["MAX_DEATHS", "DeadWorkerError", "HangingWorkerError", "StoppedError", "Worker"]
 
-DEATHS = 3
+MAX_DEATHS = 3
 """Times that a worker may die at a record before the record is left alone: others may have killed it."""
 
-STARTS = 5
+MAX_FAILED_STARTS = 5
 """Times in a row that a worker may die before it is ready."""
 
 READY_SECONDS = 300.0
@@ -102,7 +102,7 @@ class Worker:
 
     def _running(self) -> "subprocess.Popen[str]":
         """The process, ready."""
-        for _ in range(STARTS):
+        for _ in range(MAX_FAILED_STARTS):
             if self._stopped.is_set():
                 raise StoppedError
             if self._process is not None and self._process.poll() is None:
@@ -112,7 +112,9 @@ class Worker:
                 if self._next(READY_SECONDS) is not None and not self._stopped.is_set() and self._process is not None:
                     return self._process
             self._kill()
-        raise OutputError(f"workers end before they are ready ({STARTS} times): try windsysid identify on one record")
+        raise OutputError(
+            f"workers end before they are ready ({MAX_FAILED_STARTS} times): try windsysid identify on one record"
+        )
 
     def _start(self) -> None:
         source = str(Path(windsysid.__file__).parents[1])

@@ -12,14 +12,14 @@ from windsysid.fleet.archive import add_rows
 from windsysid.fleet.members import Member
 from windsysid.fleet.paths import size_or_unknown
 from windsysid.fleet.rows import Row, failed_row
-from windsysid.fleet.work.guard import DEATHS, DeadWorkerError, HangingWorkerError, Worker
+from windsysid.fleet.work.guard import MAX_DEATHS, DeadWorkerError, HangingWorkerError, Worker
 
-__all__ = ["FLUSH_SECONDS", "Filing", "Task", "Tell", "run_task", "take"]
+__all__ = ["MAX_UNFILED_SECONDS", "Filing", "Task", "Tell", "run_task", "take"]
 
 Tell = Callable[[str, str], None]
 """Callback for each record: its status, and why it has no result."""
 
-FLUSH_SECONDS = 120.0
+MAX_UNFILED_SECONDS = 120.0
 """Time after which results are filed at the latest [s]: the work that a kill loses."""
 
 
@@ -60,7 +60,7 @@ class Task:
 
 
 class Filing:
-    """Rows as they come, filed when their task is whole, or `FLUSH_SECONDS` after the first of them."""
+    """Rows as they come, filed when their task is whole, or `MAX_UNFILED_SECONDS` after the first of them."""
 
     def __init__(self) -> None:
         self._open: dict[str, tuple[list[Row], float]] = {}
@@ -72,7 +72,7 @@ class Filing:
         self._left[task.place] = left
         rows, since = self._open.setdefault(task.place, ([], time.monotonic()))
         rows.append(row)
-        if not left or time.monotonic() - since > FLUSH_SECONDS:
+        if not left or time.monotonic() - since > MAX_UNFILED_SECONDS:
             self._file(task.place)
 
     def close(self) -> None:
@@ -111,7 +111,7 @@ def _ask(task: Task, source: str, worker: Worker) -> Row:
         "settings": task.settings,
     }  # fmt: skip
     why = ""
-    for _ in range(DEATHS):
+    for _ in range(MAX_DEATHS):
         try:
             row: Row = worker.ask(request)["row"]
             return row
@@ -119,5 +119,5 @@ def _ask(task: Task, source: str, worker: Worker) -> Row:
             why = str(error)
             break
         except DeadWorkerError as error:
-            why = f"{error}, {DEATHS} times"
+            why = f"{error}, {MAX_DEATHS} times"
     return failed_row(source, size_or_unknown(source), task.settings, why)

@@ -31,11 +31,11 @@ from windsysid.turbine.turbine import Turbine
 
 __all__ = ["BlockwiseConditioner", "ConditionedSamples"]
 
-SMOOTHING = 8.0
+MAX_SMOOTHING_SECONDS = 8.0
 """Setting: seconds that the slopes of azimuth and yaw look ahead and back at most (`windsysid.signals.yaw`,
 `windsysid.signals.rotor`)."""
 
-RESAMPLING = 50.0
+MAX_RESAMPLING_SAMPLES = 50.0
 """Setting: samples of the lower rate that resampling looks ahead and back at most (`windsysid.signals.condition`)."""
 
 
@@ -70,7 +70,9 @@ class BlockwiseConditioner:
         readings = self._slow or first.rate
         self.steps = steps_per_reading(turbine, readings)
         self.rate = self.steps * readings
-        self._margin = SMOOTHING + (RESAMPLING / readings if self._slow or self.steps > 1 else 0.0)
+        self._margin = MAX_SMOOTHING_SECONDS + (
+            MAX_RESAMPLING_SAMPLES / readings if self._slow or self.steps > 1 else 0.0
+        )
         self.notes: tuple[Finding, ...] = ()
         if self._slow is not None:
             self.notes = note_rate(first.rate, self._slow, self.steps, turbine)

@@ -13,7 +13,7 @@ from windsysid.turbine.turbine import OPERATING, Turbine
 
 __all__ = ["in_state"]
 
-FEATHERED_MIN_PITCH = math.radians(45.0)
+MIN_FEATHERED_PITCH = math.radians(45.0)
 """Setting: pitch angle [rad] above which blades are feathered; below 30° in operation, 80 to 90° at rest."""
 
 
@@ -36,7 +36,7 @@ def _recorded_state(turbine: Turbine, record: Record) -> dict[str, str | float]:
     known = kinds(record)
     pitches = [name for name, kind in known.items() if kind == "pitch" and record.unit(name) == "rad"]
     pitch = max((float(np.nanmedian(record[name])) for name in pitches), default=0.0)
-    if FEATHERED_MIN_PITCH < pitch < math.pi:
+    if MIN_FEATHERED_PITCH < pitch < math.pi:
         return {"state": "parked", "why": "pitch"}
     rotor = rotor_of(record, set(known))
     if rotor is None:

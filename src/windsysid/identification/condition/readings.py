@@ -28,27 +28,15 @@ from windsysid.signals.azimuth import steadied
 from windsysid.turbine.turbine import Turbine
 
 __all__ = [
-    "add_noise",
-    "check_length",
-    "check_readings",
-    "choose_rate",
-    "note_rate",
-    "note_steps",
-    "refine",
-    "resample_for_model",
-    "screened",
-    "slow_down",
-    "steps_per_reading",
-    "thin_to_readings",
-    "usable_sensors",
-    "with_noise",
-    "without_faulty",
-]
+    "add_noise", "check_length", "check_readings", "choose_rate", "note_rate", "note_steps", "refine",
+    "resample_for_model", "screened", "slow_down", "steps_per_reading", "thin_to_readings", "usable_sensors",
+    "with_noise", "without_faulty",
+]  # fmt: skip
 
 TAKEN_AS_MISSING = frozenset({"clipping", "frozen", "silent", "spikes"})
 """Kinds of faults whose readings are left out."""
 
-MAX_STEP = 0.31
+MAX_STEP_RADIANS = 0.31
 """Numerical: longest step of the equations, times the highest natural frequency [rad].
 
 The Runge–Kutta method is fast by a share (ωh)⁴/60 of a mode's stiffness: 0.015 %, a tenth of the standard deviation
@@ -56,7 +44,7 @@ that ten minutes leave of a mode with 1 % damping at some hertz.
 """
 
 
-MIN_RESAMPLED = 8_000
+MIN_RESAMPLED_SAMPLES = 8_000
 """Setting: least number of samples after resampling to the rate that the equations need, which is done if it at least
 halves their number: for a rotor with 23 states one evaluation of their likelihood takes 0.8 s (two cores, 2026)."""
 
@@ -234,14 +222,14 @@ def _usual_rate(recorded: float, duration: float, turbine: Turbine) -> float | N
     fastest = max(turbine.natural_frequency(name) for name in turbine.model.coordinates)
     if turbine.model.samples_per_period is not None:
         return min(turbine.model.samples_per_period * fastest / (2.0 * math.pi), recorded)
-    least = max(fastest / MAX_STEP, MIN_RESAMPLED / duration)
+    least = max(fastest / MAX_STEP_RADIANS, MIN_RESAMPLED_SAMPLES / duration)
     return least if math.isfinite(duration) and least < 0.5 * recorded else None
 
 
 def steps_per_reading(turbine: Turbine, rate: float) -> int:
     """Number of steps of the equations for each reading at that rate [Hz]."""
     fastest = max(turbine.natural_frequency(name) for name in turbine.model.coordinates)
-    return max(math.ceil(fastest / MAX_STEP / rate * (1.0 - 1e-9)), 1)
+    return max(math.ceil(fastest / MAX_STEP_RADIANS / rate * (1.0 - 1e-9)), 1)
 
 
 def note_rate(recorded: float, rate: float, steps: int, turbine: Turbine) -> tuple[Finding, ...]:

@@ -25,14 +25,14 @@ Block = tuple[Array, Array]
 Samples = Iterable[Block]
 """Blocks in order, the same each time: a list of blocks, or `SamplesOnDisk`."""
 
-MAX_BLOCK = 100_000
+MAX_BLOCK_SAMPLES = 100_000
 """Setting: samples read back at once, which bound memory, and innovations that are judged together."""
 
 
 def split_evenly(count: int, every: int = 1) -> list[slice]:
-    """As few parts of at most `MAX_BLOCK` samples as there can be, all but equally long, that begin at multiples of
-    `every`."""
-    parts = max(-(-count // MAX_BLOCK), 1)
+    """As few parts of at most `MAX_BLOCK_SAMPLES` samples as there can be, all but equally long, that begin at
+    multiples of `every`."""
+    parts = max(-(-count // MAX_BLOCK_SAMPLES), 1)
     edges = [round(i * count / parts) // every * every for i in range(parts)] + [count]
     return [slice(first, last) for first, last in pairwise(edges)]
 

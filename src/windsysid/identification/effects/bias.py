@@ -35,7 +35,7 @@ __all__ = ["Biases", "SensorBias", "SmallBias", "find_biases"]
 SLOW_PERIODS = (1, 23)
 """Setting: periods in a record, from and to, of the slow variations that tell what chance does to a mean."""
 
-SLOW_SHARE = 0.5
+MAX_SLOW_SHARE = 0.5
 """Setting: share of the slowest mode's frequency below which variations are slow."""
 
 MAX_SAMPLES_AT_REST = 2000
@@ -151,7 +151,7 @@ def _chance(readings: Array, periods: float) -> float:
     """Standard deviation of a mean, from how strong slow variations are, of a record of so many periods of the slowest
     mode."""
     known, weight = _weighed(readings)
-    counts = np.arange(SLOW_PERIODS[0], max(min(SLOW_PERIODS[1], SLOW_SHARE * periods), SLOW_PERIODS[0] + 1))
+    counts = np.arange(SLOW_PERIODS[0], max(min(SLOW_PERIODS[1], MAX_SLOW_SHARE * periods), SLOW_PERIODS[0] + 1))
     mean = float(weight @ known / weight.sum())
     off, turn = weight * (known - mean), 2j * np.pi * np.arange(len(readings)) / len(readings)
     return float(np.sqrt(np.mean([abs(np.exp(count * turn) @ off) ** 2 for count in counts])) / weight.sum())

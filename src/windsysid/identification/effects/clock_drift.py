@@ -29,15 +29,15 @@ from windsysid.identification.model.fit import Outcome
 from windsysid.mechanics.sensors import TOWER_LOGGER, Sensor
 from windsysid.records.record import Record
 from windsysid.results.finding import Finding
-from windsysid.signals.rotor import STANDING_MAX_SPEED, rotor_inputs
+from windsysid.signals.rotor import MAX_STANDING_SPEED, rotor_inputs
 from windsysid.turbine.turbine import Turbine
 
 __all__ = ["ClockDrift", "ClockDrifts", "drifts_in", "find_drift", "left_over", "persists", "together"]
 
-TURNS_PER_WINDOW, MAX_WINDOWS = 5.0, 40
+MIN_TURNS_PER_WINDOW, MAX_WINDOWS = 5.0, 40
 """Setting: turns of a window at least; windows of a record at most."""
 
-FINER = 8
+INTERPOLATION_FACTOR = 8
 """Numerical: values between which a shifted one is interpolated, to each that was read."""
 
 
@@ -148,9 +148,9 @@ def find_drift(record: Record, channels: Sequence[str], usual_speed: float) -> t
     except RecordError:
         return None
     mean = abs(float(speed.mean()))
-    if mean <= STANDING_MAX_SPEED:
+    if mean <= MAX_STANDING_SPEED:
         return None
-    count = min(MAX_WINDOWS, int(record.duration * mean / (2.0 * math.pi * TURNS_PER_WINDOW)))
+    count = min(MAX_WINDOWS, int(record.duration * mean / (2.0 * math.pi * MIN_TURNS_PER_WINDOW)))
     if count < MIN_DRIFT_WINDOWS:
         return None
     bounds = np.linspace(0, record.samples, count + 1).astype(int)
@@ -195,8 +195,8 @@ def _line(time: Array, late: Array, weights: Array) -> tuple[float, float]:
 def _moved(time: Array, values: Array, late: Array) -> Array:
     """Values (T,) with a lag of so many seconds, interpolated to their times; NaN stay where they are.
 
-    They are taken between samples from `FINER` times as many, by Fourier's series: white noise stays white, which a
-    spline through the samples themselves would not leave it.
+    They are taken between samples from `INTERPOLATION_FACTOR` times as many, by Fourier's series: white noise stays
+    white, which a spline through the samples themselves would not leave it.
     """
     from scipy.interpolate import make_interp_spline
     from scipy.signal import resample
@@ -207,7 +207,7 @@ def _moved(time: Array, values: Array, late: Array) -> Array:
     whole = np.interp(time, time[known], values[known])
     line = np.polynomial.Polynomial.fit(time, whole, 1)
     samples, step = len(time), time[1] - time[0]
-    fine = time[0] + np.arange(FINER * samples) * step / FINER
-    curve = make_interp_spline(fine, resample(whole - line(time), FINER * samples), k=3)
+    fine = time[0] + np.arange(INTERPOLATION_FACTOR * samples) * step / INTERPOLATION_FACTOR
+    curve = make_interp_spline(fine, resample(whole - line(time), INTERPOLATION_FACTOR * samples), k=3)
     at = np.clip(time + late, time[0], time[-1])
     return np.where(known, curve(at) + line(at), np.nan)

@@ -30,16 +30,16 @@ from windsysid.turbine.turbine import Turbine
 
 __all__ = ["RandomWalkBias", "RandomWalkBiases", "find_random_walks"]
 
-SLOW_SHARE = 0.5
+MAX_SLOW_SHARE = 0.5
 """Setting: share of the slowest mode's and the rotor's frequency below which readings are slow."""
 
-SLOWEST_PERIODS = 3
+MIN_DRIFT_PERIODS = 3
 """Setting: periods in a record of the slowest variation that shows a drift; slower ones are taken out with it."""
 
-ROUNDS = 300
+UPDATE_COUNT = 300
 """Numerical: multiplicative updates (Févotte, Bertin & Durrieu 2009, doi:10.1162/neco.2008.04-08-771)."""
 
-SETTLED = 10.0
+INITIAL_OFFSET_SECONDS = 10.0
 """Setting: seconds of a drift that make the offset at the beginning."""
 
 
@@ -52,7 +52,7 @@ class RandomWalkBiases:
     drifts
         For each channel the standard deviation of a random walk after one second, and its bias at the beginning.
     detrended
-        Channels without what varies less than `SLOWEST_PERIODS` times over the record.
+        Channels without what varies less than `MIN_DRIFT_PERIODS` times over the record.
     units
         Of the channels.
     """
@@ -108,8 +108,8 @@ def find_random_walks(
     """Detect random-walk biases or trends of accelerometers; those that are sensitive to gravity only if `leaning`."""
     slowest = turbine.slowest_frequency / (2.0 * np.pi)
     once = abs(turbine.rotor_speed) / (2.0 * np.pi)
-    below = SLOW_SHARE * (min(slowest, once) if once > 0.0 else slowest)
-    if below * record.duration < 2 * SLOWEST_PERIODS:  # what is slow is the motion
+    below = MAX_SLOW_SHARE * (min(slowest, once) if once > 0.0 else slowest)
+    if below * record.duration < 2 * MIN_DRIFT_PERIODS:  # what is slow is the motion
         return None
     drifts, detrended = dict[str, tuple[float, float]](), list[str]()
     for group in _alike(sensors, leaning):
@@ -118,7 +118,7 @@ def find_random_walks(
             detrended += [sensor.channel for sensor in group if _trends(record[sensor.channel])]
             continue
         for sensor, (_, drift) in zip(group, found, strict=True):
-            drifts[sensor.channel] = drift, max(sensor.bias, drift * math.sqrt(SETTLED))
+            drifts[sensor.channel] = drift, max(sensor.bias, drift * math.sqrt(INITIAL_OFFSET_SECONDS))
             detrended.append(sensor.channel)
     return RandomWalkBiases(drifts, tuple(detrended), {s.channel: s.unit for s in sensors}) if detrended else None
 
@@ -137,7 +137,7 @@ def _wandering(readings: Array, rate: float, below: float, at: float) -> tuple[f
     """By how much log likelihood a random walk or flicker explains readings (T,) better below a frequency [Hz], and the
     standard deviation after one second of the random walk that is as strong at another one."""
     n = len(readings)
-    first, last = SLOWEST_PERIODS, int(below * n / rate)
+    first, last = MIN_DRIFT_PERIODS, int(below * n / rate)
     if last - first < MIN_SLOW_FREQUENCIES:
         return 0.0, 0.0
     known = np.isfinite(readings)
@@ -157,7 +157,7 @@ def _wandering(readings: Array, rate: float, below: float, at: float) -> tuple[f
 def _explained(power: Array, shapes: Array) -> tuple[float, Array]:
     """Fit a sum of spectra (K, F) to a periodogram (F,); −log likelihood, and the amount of each (K,)."""
     share = np.mean(power) / (len(shapes) * shapes.mean(axis=1))
-    for _ in range(ROUNDS):
+    for _ in range(UPDATE_COUNT):
         whole = share @ shapes
         share *= (shapes @ (power / whole**2)) / (shapes @ (1.0 / whole))
     whole = share @ shapes
@@ -165,18 +165,19 @@ def _explained(power: Array, shapes: Array) -> tuple[float, Array]:
 
 
 def _trends(readings: Array) -> bool:
-    """Test for a trend: variations of fewer than `SLOWEST_PERIODS` periods much stronger than slightly faster ones."""
+    """Test for a trend: variations of fewer than `MIN_DRIFT_PERIODS` periods much stronger than slightly faster
+    ones."""
     known = np.isfinite(readings)
-    terms = _slow_terms(len(readings), 4 * SLOWEST_PERIODS)[:, 1:]
+    terms = _slow_terms(len(readings), 4 * MIN_DRIFT_PERIODS)[:, 1:]
     share = np.linalg.lstsq(terms[known], readings[known] - np.mean(readings[known]), rcond=None)[0]
-    slow, faster = np.mean(share[: 2 * SLOWEST_PERIODS] ** 2), np.mean(share[2 * SLOWEST_PERIODS :] ** 2)
+    slow, faster = np.mean(share[: 2 * MIN_DRIFT_PERIODS] ** 2), np.mean(share[2 * MIN_DRIFT_PERIODS :] ** 2)
     return bool(slow > MIN_TREND_POWER * faster)
 
 
 def _without_trend(readings: Array) -> Array:
-    """Readings without components of fewer than `SLOWEST_PERIODS` periods in the record; their mean stays."""
+    """Readings without components of fewer than `MIN_DRIFT_PERIODS` periods in the record; their mean stays."""
     known = np.isfinite(readings)
-    terms = _slow_terms(len(readings), 2 * SLOWEST_PERIODS)
+    terms = _slow_terms(len(readings), 2 * MIN_DRIFT_PERIODS)
     share = np.linalg.lstsq(terms[known], readings[known], rcond=None)[0]
     return np.asarray(readings - terms[:, 1:] @ share[1:])
 

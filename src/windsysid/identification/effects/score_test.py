@@ -31,14 +31,14 @@ from windsysid.identification.limits import P_CANDIDATE
 
 __all__ = ["RegressorCandidate", "ScoreTest", "log_tail_of_f", "promising", "score_tests"]
 
-MIN_SHARE = 0.05
+MIN_LEFT_SHARE = 0.05
 """Setting: share of the information on a regressor that the fit's unknowns leave at least: by a linearisation
 less is its own error."""
 
-HANN_LOSS = 1.94
+HANN_VARIANCE_FACTOR = 1.94
 """Numerical: variance of the mean of neighbouring frequencies under Hann's window, over that of independent ones."""
 
-SLOW = (8.0, 60.0)
+NEIGHBOUR_PERIODS = (8.0, 60.0)
 """Setting: periods over the record next to those of what varies a few times in it; loads are smooth there."""
 
 
@@ -60,7 +60,7 @@ class RegressorCandidate(NamedTuple):
     code: str
     channel: str
     columns: tuple[RegressorColumn, ...]
-    density_range: tuple[float, float] = SLOW
+    density_range: tuple[float, float] = NEIGHBOUR_PERIODS
     places: float = 1.0
 
 
@@ -119,13 +119,13 @@ def score_tests(at: Linearisation, candidates: Sequence[RegressorCandidate]) -> 
 
 
 def _inverse_of_rest(information: Array, explained: Array) -> Array:
-    """The inverse (c, c) of information without the part that the fit's unknowns explain, at least `MIN_SHARE` of it in
-    each direction."""
+    """The inverse (c, c) of information without the part that the fit's unknowns explain, at least `MIN_LEFT_SHARE` of
+    it in each direction."""
     values, axes = np.linalg.eigh(information)
     kept = values > 1e-12 * values[-1]
     root = axes[:, kept] / np.sqrt(values[kept])
     shares, axes = np.linalg.eigh(np.eye(root.shape[1]) - root.T @ explained @ root)
-    root = root @ axes / np.sqrt(np.maximum(shares, MIN_SHARE))
+    root = root @ axes / np.sqrt(np.maximum(shares, MIN_LEFT_SHARE))
     return np.asarray(root @ root.T)
 
 
@@ -143,7 +143,7 @@ def _density(periodogram: Array, energy: Array, density_range: tuple[float, floa
     share = energy / energy.sum()
     means = periodogram[low : max(high, low + 1)].mean(axis=0)
     density = float(share @ means)
-    alone = 2.0 * max(high - low, 1) / HANN_LOSS
+    alone = 2.0 * max(high - low, 1) / HANN_VARIANCE_FACTOR
     return density, alone * density**2 / float(np.square(share * means).sum())
 
 

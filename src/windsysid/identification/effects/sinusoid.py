@@ -19,16 +19,16 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array, Complex
-from windsysid.checks.lines import SURROUNDINGS, stand_out_of_a_bend
+from windsysid.checks.lines import SURROUNDING_BINS, stand_out_of_a_bend
 from windsysid.errors import RecordError
 from windsysid.identification.limits import (
     FAINT_LINE_POWER,
-    MAX_SINE_SCATTER,
-    MAX_SINE_SHIFT_BINS,
+    MAX_SINUSOID_SCATTER,
+    MAX_SINUSOID_SHIFT_BINS,
     MIN_F_OVER_POWER,
     MIN_HARMONIC_F,
     MIN_LINE_POWER,
-    MIN_SINE_F,
+    MIN_SINUSOID_F,
     RESOLUTION_BINS,
 )
 from windsysid.identification.model.prior_odds import f_bound
@@ -42,10 +42,10 @@ from windsysid.turbine.turbine import Turbine
 
 __all__ = ["Sine", "find_sine", "find_turning", "one_turn", "phase_of", "turned", "ways_of", "without_sines"]
 
-SEGMENTS = 4
+SEGMENT_COUNT = 4
 """Setting: segments of a record, which overlap by half, in which a sinusoid has to have one amplitude and phase."""
 
-ORDERS = 6
+MAX_HARMONIC = 6
 """Setting: harmonics nP of the rotor that are looked for."""
 
 
@@ -86,7 +86,7 @@ def find_sine(
     seen = _SeenLine.of(record, channel, frequency)
     if seen is None or abs(seen.frequency - rotor_hz) < RESOLUTION_BINS * step:
         return None
-    if seen.steadiness < max(f_bound(MIN_SINE_F, "sinusoid", turbine), MIN_F_OVER_POWER * seen.over):
+    if seen.steadiness < max(f_bound(MIN_SINUSOID_F, "sinusoid", turbine), MIN_F_OVER_POWER * seen.over):
         return None
     others = [sensor.channel for sensor in sensors if bool(sensor.blade) is on_blades and sensor.channel != channel]
     elsewhere = (_SeenLine.of(record, other, seen.frequency) for other in others)
@@ -106,8 +106,8 @@ class _SeenLine(NamedTuple):
 
     def is_steady_at(self, frequency: float, step: float) -> bool:
         """Test whether the peak is one of a steady sinusoid at a frequency [Hz], in a periodogram with this step."""
-        apart = MAX_SINE_SHIFT_BINS * step * math.sqrt(max(1.0, FAINT_LINE_POWER / self.over))
-        return self.scatter <= MAX_SINE_SCATTER and abs(self.frequency - frequency) <= apart
+        apart = MAX_SINUSOID_SHIFT_BINS * step * math.sqrt(max(1.0, FAINT_LINE_POWER / self.over))
+        return self.scatter <= MAX_SINUSOID_SCATTER and abs(self.frequency - frequency) <= apart
 
     @classmethod
     def of(cls, record: Record, channel: str, frequency: float) -> "_SeenLine | None":
@@ -118,9 +118,9 @@ class _SeenLine(NamedTuple):
         values, time, window = values - values.mean(), record.time - record.time[0], np.hanning(samples)
         frequency = _refined(window * values, time, frequency, rate / samples)
         power, at = np.abs(np.fft.rfft(window * values)) ** 2, round(frequency * samples / rate)
-        if not SURROUNDINGS < at < len(power) - SURROUNDINGS:
+        if not SURROUNDING_BINS < at < len(power) - SURROUNDING_BINS:
             return None
-        over = float(stand_out_of_a_bend(power[:, None], np.array([at]), SURROUNDINGS)[0, 0])
+        over = float(stand_out_of_a_bend(power[:, None], np.array([at]), SURROUNDING_BINS)[0, 0])
         level = power[at] / over / np.sum(window**2)
         scatter = _scatter(values * np.exp(-2j * math.pi * frequency * time), level)
         return cls(frequency, steadiness(values, rate, frequency), over, scatter)
@@ -129,9 +129,9 @@ class _SeenLine(NamedTuple):
 def _scatter(wave: Complex, level: float) -> float:
     """Squared scatter of the means of parts of a wave (T,), relative to that of white noise of a level per sample."""
     samples = len(wave)
-    length = 2 * samples // (SEGMENTS + 1)
-    windows = np.zeros((SEGMENTS, samples))
-    for window, first in zip(windows, np.linspace(0, samples - length, SEGMENTS).astype(int), strict=True):
+    length = 2 * samples // (SEGMENT_COUNT + 1)
+    windows = np.zeros((SEGMENT_COUNT, samples))
+    for window, first in zip(windows, np.linspace(0, samples - length, SEGMENT_COUNT).astype(int), strict=True):
         window[first : first + length] = np.hanning(length) / np.hanning(length).sum()
     means, weight = windows @ wave, np.linalg.inv(level * windows @ windows.T)
     off = means - np.sum(weight @ means) / np.sum(weight)
@@ -154,7 +154,7 @@ def find_turning(
     if psi is None or not record.is_uniform or len(whitened) != record.samples:
         return []
     rotor_hz, apart = _turns(record, psi), RESOLUTION_BINS / record.duration
-    turning = [Sine(order * rotor_hz, on_blades=False, order=order) for order in range(1, ORDERS + 1)]
+    turning = [Sine(order * rotor_hz, on_blades=False, order=order) for order in range(1, MAX_HARMONIC + 1)]
     turning = [one for one in turning if apart < one.frequency < 0.4 * record.rate]
     turning = [one for one in turning if not any(one.same_as(other, apart) for other in known)]
     least = f_bound(MIN_HARMONIC_F, "rotor_harmonic", turbine)

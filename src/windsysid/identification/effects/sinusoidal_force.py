@@ -23,7 +23,7 @@ from windsysid._types import Array
 from windsysid.filters import EKF
 from windsysid.filters.bank import bank_of, run_bank
 from windsysid.identification.effects.sinusoid import Sine, phase_of, turned, ways_of, without_sines
-from windsysid.identification.estimate.scoring import THREADS
+from windsysid.identification.estimate.scoring import BANK_THREADS
 from windsysid.identification.estimate.time_domain import where_it_ended
 from windsysid.identification.limits import MIN_EFFECT_SIGMAS, RESOLUTION_BINS
 from windsysid.identification.model.fit import PART_OF, Outcome
@@ -38,10 +38,10 @@ from windsysid.turbine.turbine import Turbine
 __all__ = ["SineForce", "Sinusoids", "find_forces", "forces_of", "with_forces"]
 
 
-STEP = 0.5
+STEP_SIGMAS = 0.5
 """Numerical: width of the slopes of innovations, in standard deviations of a tolerance."""
 
-REPEATED = 8
+MAX_HARMONIC = 8
 """Setting: harmonics nP by which innovations that repeat in every turn are detected."""
 
 
@@ -118,10 +118,12 @@ def find_forces(
     free, turning = ([one for one in pushing if bool(one.sine.order) is turns] for turns in (False, True))
     found = _amplitudes(free, now.ravel(), np.empty((now.size, 0)), np.empty(0))
     if turning and psi is not None:
-        slopes = [now - one for one in _innovations(problem, [unknowns + STEP * direction for direction in along.T])]
+        slopes = [
+            now - one for one in _innovations(problem, [unknowns + STEP_SIGMAS * direction for direction in along.T])
+        ]
         repeats = _turns_again(psi)
         again = [one._replace(changes=_again(repeats, one.changes.T, now.shape)) for one in turning]
-        found += _amplitudes(again, (repeats @ now).ravel(), _again(repeats, slopes, now.shape) / STEP, at)
+        found += _amplitudes(again, (repeats @ now).ravel(), _again(repeats, slopes, now.shape) / STEP_SIGMAS, at)
     return found
 
 
@@ -145,14 +147,14 @@ def _innovations(problem: TurbineProblem, points: Sequence[Array]) -> list[Array
     """Of filters side by side at several unknowns (T, m), zero where a reading is missing."""
     if not points:
         return []
-    with ThreadPoolExecutor(THREADS) as pool:
+    with ThreadPoolExecutor(BANK_THREADS) as pool:
         scores = run_bank(bank_of([problem.build(one) for one in points]), problem.inputs, problem.readings, pool)[1]
     return [np.nan_to_num(one) for one in np.moveaxis(scores.whitened, -1, 0)]
 
 
 def _turns_again(psi: Array) -> Array:
     """Part of values (T, m) that repeats in every turn, as coefficients of orthonormal waves (2K + 1, T)."""
-    waves = [wave for order in range(1, REPEATED + 1) for wave in (np.cos(order * psi), np.sin(order * psi))]
+    waves = [wave for order in range(1, MAX_HARMONIC + 1) for wave in (np.cos(order * psi), np.sin(order * psi))]
     return np.asarray(np.linalg.qr(np.column_stack([np.ones(len(psi)), *waves]))[0].T)
 
 

@@ -13,10 +13,10 @@ from windsysid.identification.model.regressor import StepAt, Term
 
 __all__ = ["Step", "likeliest_change"]
 
-PLACES = 39.0
+INDEPENDENT_PLACES = 39.0
 """Setting: as how many independent places the samples of a record count at which a step may be."""
 
-MARGIN = 0.02
+MARGIN_SHARE = 0.02
 """Setting: share of the record at either end in which no step is looked for."""
 
 
@@ -33,7 +33,7 @@ class Step(RegressorEffect):
                 self.code,
                 sensor.channel,
                 (RegressorColumn(row, StepAt(float(at.time[likeliest_change(at.readings[:, row])]))),),
-                places=PLACES,
+                places=INDEPENDENT_PLACES,
             )
             for row, sensor in enumerate(at.problem.sensors)
             if not sensor.drift
@@ -51,6 +51,6 @@ def likeliest_change(values: Array) -> int:
     counts = np.concatenate([[0], np.cumsum(there)])
     sums = np.concatenate([[0.0], np.cumsum(np.where(there, values - np.mean(values[there]), 0.0))])
     share = counts / counts[-1]
-    inside = (share > MARGIN) & (share < 1.0 - MARGIN)
+    inside = (share > MARGIN_SHARE) & (share < 1.0 - MARGIN_SHARE)
     off = np.abs(sums) / np.sqrt(np.where(inside, share * (1.0 - share), 1.0))
     return int(np.argmax(np.where(inside, off, -1.0)))

@@ -12,7 +12,7 @@ from windsysid.identification.model.regressor import Legendre, Term
 
 __all__ = ["Trend"]
 
-ORDERS = 4
+MAX_POLYNOMIAL_ORDER = 4
 """Setting: Legendre polynomials up to this order: up to two turns of a trend over the record."""
 
 
@@ -24,7 +24,7 @@ class Trend(RegressorEffect):
     def candidates(self, at: Linearisation) -> Sequence[RegressorCandidate]:
         """One candidate for each channel whose sensor has no random walk."""
         first, last = float(at.time[0]), float(at.time[-1])
-        waves = [Legendre(order, first, last) for order in range(1, ORDERS + 1)]
+        waves = [Legendre(order, first, last) for order in range(1, MAX_POLYNOMIAL_ORDER + 1)]
         return [
             RegressorCandidate(self.code, sensor.channel, tuple(RegressorColumn(row, wave) for wave in waves))
             for row, sensor in enumerate(at.problem.sensors)

@@ -27,25 +27,17 @@ from windsysid.records.record import Record
 from windsysid.statespace.compose import StateSpace
 
 __all__ = [
-    "ClockInformation",
-    "Lateness",
-    "Shifted",
-    "Widened",
-    "add_clocks",
-    "advance",
-    "clock_information",
-    "derivative",
-    "put_on_time",
-    "shifted",
-]
+    "ClockInformation", "Lateness", "Shifted", "Widened", "add_clocks", "advance", "clock_information", "derivative",
+    "put_on_time", "shifted",
+]  # fmt: skip
 
-BAND, PASSED = 2.7, 2.0
+STOP_EDGE_FACTOR, PASS_EDGE_FACTOR = 2.7, 2.0
 """Setting: edge of the band that is shifted, and up to where all of it passes, in highest natural frequencies."""
 
-TAPS = 24.0
+HALF_LENGTH_RADIANS = 24.0
 """Numerical: half-length of the convolution, in samples, times the edge in radians per sample."""
 
-WIDTH = 0.2
+DIFFERENCE_STEP_SIGMAS = 0.2
 """Numerical: width of the differences, in standard deviations of a clock's tolerance."""
 
 
@@ -126,7 +118,7 @@ def shifted(problem: Problem, samples: Samples, clocks: Array) -> Shifted:
     for value, one in zip(clocks, problem.clocks, strict=True):
         late = late + value * one
     middle = problem.prior[0]
-    edge = BAND * 2.0 * math.pi * max(problem.frequencies(middle), default=0.0)
+    edge = STOP_EDGE_FACTOR * 2.0 * math.pi * max(problem.frequencies(middle), default=0.0)
     return Shifted(samples, late, problem.build(middle).blocks.step, edge)
 
 
@@ -134,7 +126,7 @@ def put_on_time(record: Record, late: Mapping[str, float], highest: float) -> Re
     """Record with lagged channels corrected by so many seconds, as far as they are slower than modes up to the highest
     natural frequency [rad/s] need."""
     moved = {
-        name: (advance(record.time, record[name], seconds, BAND * highest), record.unit(name))
+        name: (advance(record.time, record[name], seconds, STOP_EDGE_FACTOR * highest), record.unit(name))
         for name, seconds in late.items()
         if seconds
     }
@@ -164,7 +156,7 @@ def derivative(time: Array, values: Array, edge: float) -> Array:
     grid = t[0] + step * np.arange(round((t[-1] - t[0]) / step) + 1)
     even = np.interp(grid, t, y)
     corner = min(edge * step, math.pi)
-    half = min(math.ceil(TAPS / corner), len(even) - 1)
+    half = min(math.ceil(HALF_LENGTH_RADIANS / corner), len(even) - 1)
     n = np.arange(1, half + 1)
     ideal = (corner * np.cos(corner * n) - np.sin(corner * n) / n) / (math.pi * n)
     taps = ideal * np.kaiser(2 * half + 1, 6.0)[half + 1 :]
@@ -241,13 +233,15 @@ def clock_information(here: StateSpace, samples: Shifted, found: Score, clocks: 
         return total
 
     middle = found.log_likelihood
-    above, below = ([likelihood(sign * WIDTH * one) for one in clocks] for sign in (1.0, -1.0))
-    gradient = np.array([up - down for up, down in zip(above, below, strict=True)]) / (2.0 * WIDTH)
-    curvature = np.diag([2.0 * middle - up - down for up, down in zip(above, below, strict=True)]) / WIDTH**2
+    above, below = ([likelihood(sign * DIFFERENCE_STEP_SIGMAS * one) for one in clocks] for sign in (1.0, -1.0))
+    gradient = np.array([up - down for up, down in zip(above, below, strict=True)]) / (2.0 * DIFFERENCE_STEP_SIGMAS)
+    curvature = (
+        np.diag([2.0 * middle - up - down for up, down in zip(above, below, strict=True)]) / DIFFERENCE_STEP_SIGMAS**2
+    )
     for i in range(len(clocks)):
         for j in range(i):
-            both = likelihood(WIDTH * (clocks[i] + clocks[j]))
-            curvature[i, j] = curvature[j, i] = (above[i] + above[j] - middle - both) / WIDTH**2
+            both = likelihood(DIFFERENCE_STEP_SIGMAS * (clocks[i] + clocks[j]))
+            curvature[i, j] = curvature[j, i] = (above[i] + above[j] - middle - both) / DIFFERENCE_STEP_SIGMAS**2
     return ClockInformation(gradient, curvature, found.mixed)
 
 

@@ -41,7 +41,7 @@ from windsysid.statespace.load_model import LoadModel
 
 __all__ = ["EquationsEstimate", "fit_by_filter"]
 
-FIRST_FRACTION = 16
+FIRST_ESTIMATE_DIVISOR = 16
 """Setting: the first estimate on line comes after this fraction of the record."""
 
 
@@ -73,7 +73,7 @@ def fit_by_filter(job: EquationsJob, segments: SegmentReader) -> EquationsEstima
     count, rate = segments.samples, segments.last.rate
     columns = _compile(problem)
     started = time.perf_counter()
-    nothing = begin(*problem.prior, -(-count // FIRST_FRACTION), columns)
+    nothing = begin(*problem.prior, -(-count // FIRST_ESTIMATE_DIVISOR), columns)
     found = solve(problem, samples, nothing, rate=rate, start=problem.start_from(samples))
     return EquationsEstimate(
         method=f"posterior mode, {EKF.name}",

@@ -45,24 +45,16 @@ if TYPE_CHECKING:
     from windsysid.mechanics.equations import Equations
 
 __all__ = [
-    "Balance",
-    "Kinematic",
-    "MeasuredMotion",
-    "analysis_band",
-    "balance_forces",
-    "balance_statespace",
-    "filter_balance",
-    "identify_by_force_balance",
-    "measured_channels",
-    "measured_motion",
-]
+    "Balance", "Kinematic", "MeasuredMotion", "analysis_band", "balance_forces", "balance_statespace", "filter_balance",
+    "identify_by_force_balance", "measured_channels", "measured_motion",
+]  # fmt: skip
 
 
-RINGING = 2.0
+EDGE_PERIODS = 2.0
 """Setting: periods of the band's lower edge at either end of a record that are left out: there the filters know one
 side only."""
 
-INCREMENT = 0.01
+RELATIVE_STEP = 0.01
 """Numerical: the paper's "centesimal increment": relative step of its finite differences."""
 
 
@@ -227,7 +219,7 @@ def balance_forces(
         if jacobian == "exact":
             return force - residual({name: 1.0})
         at = turbine.values[name]
-        return (residual({name: at}) - residual({name: at * (1.0 + INCREMENT)})) / (at * INCREMENT)
+        return (residual({name: at}) - residual({name: at * (1.0 + RELATIVE_STEP)})) / (at * RELATIVE_STEP)
 
     force = residual({})
     regressors = np.empty((samples, n, len(parameters)))
@@ -240,7 +232,7 @@ def _filtered(balance: Balance, rate: float, band: tuple[float, float]) -> Balan
     """A force balance in a band [Hz]; its ends, which the filters distort, are missing."""
     force, regressors = balance
     missing = ~np.isfinite(force)
-    ends = math.ceil(RINGING / band[0] * rate)
+    ends = math.ceil(EDGE_PERIODS / band[0] * rate)
     missing[:ends] = missing[-ends:] = True
     filtered = Balance(np.empty_like(force), np.zeros_like(regressors))
     for j in range(force.shape[1]):
@@ -291,8 +283,8 @@ def _residual_rms(balance: Balance) -> Array:
         known = np.isfinite(balance.force[:, j]) & np.isfinite(balance.regressors[:, j]).all(axis=1)
         if not known.any():
             raise RecordError(
-                f"force balance: no sample is left: its filters need {RINGING:g} periods of the lower edge at either "
-                "end; choose a longer record, or a section further inside"
+                f"force balance: no sample is left: its filters need {EDGE_PERIODS:g} periods of the lower edge at"
+                " either end; choose a longer record, or a section further inside"
             )
         rows, right = balance.regressors[known, j], balance.force[known, j]
         solution = np.linalg.lstsq(rows, right, rcond=None)[0]

@@ -26,7 +26,7 @@ from windsysid.identification.estimate.evidence import Ranking, rank
 from windsysid.identification.estimate.online import MEMORY, History, Online, advance, begin, finish, join_histories
 from windsysid.identification.limits import NEGLIGIBLE_SHARE
 from windsysid.identification.model.prior import Prior
-from windsysid.identification.model.problem import FIRST_WIDTH
+from windsysid.identification.model.problem import FIRST_LOG_STD
 from windsysid.identification.model.turbine_problem import TurbineProblem, pose
 from windsysid.loads.hypothesis import HYPOTHESES
 from windsysid.loads.statistics import coordinates_of, values_of
@@ -42,7 +42,7 @@ __all__ = ["Candidate", "Choice", "Question", "choose", "is_explained", "warm"]
 Start = Callable[[Array, Array], tuple[Array, Array]]
 
 
-TRIAL_LENGTH = 2
+TRIAL_FACTOR = 2
 """Setting: times the first samples that compare models: a difference that matters is overwhelming there."""
 
 
@@ -105,7 +105,7 @@ def choose(question: Question, names: Sequence[str], first: int) -> Choice:
     """
     rate, warming = question.record.rate, 0.0
     tried: list[Candidate] = []
-    cheap, length = question.turbine.model.rotor is None, TRIAL_LENGTH * first
+    cheap, length = question.turbine.model.rotor is None, TRIAL_FACTOR * first
     for name in names:
         begun = time.perf_counter()
         problem = pose(*question, name)
@@ -212,7 +212,7 @@ def _start(problem: TurbineProblem, tried: Sequence[Candidate]) -> Start:
         mean[problem.unknowns.of("statistics")] = coordinates_of(problem.statistics, values)
 
     def start(inputs: Array, readings: Array) -> tuple[Array, Array]:
-        return mean, np.diag(np.full(len(mean), FIRST_WIDTH**2))
+        return mean, np.diag(np.full(len(mean), FIRST_LOG_STD**2))
 
     return start
 

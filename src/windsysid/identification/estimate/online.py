@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 from windsysid._types import Array
 from windsysid.filters.bank import Bank, bank_of
 from windsysid.identification.estimate.scoring import (
-    INCREMENT,
-    THREADS,
+    BANK_THREADS,
+    DIFFERENCE_STEP_SIGMAS,
     find_innovation_mode,
     look,
     neighbours,
@@ -35,22 +35,15 @@ from windsysid.identification.estimate.scoring import (
 from windsysid.statespace.compose import StateSpace
 
 __all__ = [
-    "History",
-    "Online",
-    "advance",
-    "begin",
-    "finish",
-    "join_histories",
-    "restored",
-    "stored",
-]
+    "History", "Online", "advance", "begin", "finish", "join_histories", "restored", "stored",
+]  # fmt: skip
 
 Start = Callable[[Array, Array], tuple[Array, Array]]
 
-DOUBLINGS = 1, 2, 4, 8
+REFIT_MULTIPLES = 1, 2, 4, 8
 """Setting: multiples of the first samples at which the mode is found anew from all that are held."""
 
-MEMORY = DOUBLINGS[-1]
+MEMORY = REFIT_MULTIPLES[-1]
 """Number of times that the first samples are repeated."""
 
 ON_LINE_TOLERANCE = 0.2
@@ -59,7 +52,7 @@ ON_LINE_TOLERANCE = 0.2
 BLOCKS_PER_RECORD = 20
 """Setting: a block is one of so many equal parts of what has been seen."""
 
-MAX_BLOCK = 50_000
+MAX_BLOCK_SAMPLES = 50_000
 """Setting: samples beyond which blocks do not grow: those of a block are held."""
 
 
@@ -151,7 +144,7 @@ def advance(
         inputs=np.concatenate([online.inputs, inputs]), readings=np.concatenate([online.readings, readings])
     )
     rows = []
-    with ThreadPoolExecutor(THREADS) as pool:
+    with ThreadPoolExecutor(BANK_THREADS) as pool:
         while (end := _next_due(online)) - _first_held(online) <= len(online.readings):
             online = _take_block(build, online, end, pool, start)
             rows.append((online.samples, online.theta, online.cov))
@@ -163,7 +156,7 @@ def finish(build: Callable[[Array], StateSpace], online: Online, start: Start | 
     end = _first_held(online) + len(online.readings)
     if end == online.samples:
         return online, _history([], len(online.theta))
-    with ThreadPoolExecutor(THREADS) as pool:
+    with ThreadPoolExecutor(BANK_THREADS) as pool:
         online = _take_block(build, online, end, pool, start)
     return online, _history([(online.samples, online.theta, online.cov)], len(online.theta))
 
@@ -231,8 +224,8 @@ def _next_due(online: Online) -> int:
     """The sample at which the next estimate is due."""
     if online.samples < online.first:
         return online.first
-    block = online.samples + min(max(online.first // 4, online.samples // BLOCKS_PER_RECORD), MAX_BLOCK)
-    ahead = [ratio * online.first for ratio in DOUBLINGS if ratio * online.first > online.samples]
+    block = online.samples + min(max(online.first // 4, online.samples // BLOCKS_PER_RECORD), MAX_BLOCK_SAMPLES)
+    ahead = [ratio * online.first for ratio in REFIT_MULTIPLES if ratio * online.first > online.samples]
     return min(block, *ahead) if ahead else block
 
 
@@ -247,7 +240,7 @@ def _take_block(
     """The estimate after `end` samples."""
     held_from = _first_held(online)
     held = online.inputs[: end - held_from], online.readings[: end - held_from]
-    if online.bank is None or end / online.first in DOUBLINGS:
+    if online.bank is None or end / online.first in REFIT_MULTIPLES:
         begin_at = start(*held) if start and online.bank is None else (online.theta, online.cov)
         online = _find_anew(build, online, *held, pool, begin_at)
     else:
@@ -275,7 +268,7 @@ def _find_anew(
     )  # fmt: skip
     seen = mode.look
     if not mode.decrement < ON_LINE_TOLERANCE:  # too long a step to follow along the slopes
-        widths = INCREMENT * np.sqrt(1.0 / np.diag(np.linalg.inv(mode.cov)))
+        widths = DIFFERENCE_STEP_SIGMAS * np.sqrt(1.0 / np.diag(np.linalg.inv(mode.cov)))
         seen = look(build, [(inputs, readings)], mode.mean, widths, pool)
     information = np.linalg.inv(online.prior_cov)
     precision = seen.found.fisher + information
@@ -288,7 +281,7 @@ def _recentre_bank(
     build: Callable[[Array], StateSpace], online: Online, bank: Bank, precision: Array, step: Array
 ) -> Online:
     """θ one step on, and the bank's filters about it."""
-    theta, widths = online.theta + step, INCREMENT / np.sqrt(np.diag(precision))
+    theta, widths = online.theta + step, DIFFERENCE_STEP_SIGMAS / np.sqrt(np.diag(precision))
     fresh = bank_of([build(values) for values in neighbours(theta, widths)])
     n = len(theta)
     offsets = np.array(neighbours(np.zeros(n), widths))

@@ -22,7 +22,7 @@ from windsysid.checks.limits import MAX_PRIOR_SHIFT_SIGMAS
 from windsysid.identification.condition.samples import Samples
 from windsysid.identification.estimate.clock_lag import shifted
 from windsysid.identification.estimate.online import Online
-from windsysid.identification.estimate.scoring import THREADS, log_likelihoods
+from windsysid.identification.estimate.scoring import BANK_THREADS, log_likelihoods
 from windsysid.identification.estimate.search import Solution, solve
 from windsysid.identification.limits import MIN_LOG_LIKELIHOOD_RISE, MIN_PRIOR_PULL_SIGMAS
 from windsysid.identification.model.fit import Outcome
@@ -34,7 +34,7 @@ from windsysid.turbine.turbine import Turbine
 
 __all__ = ["find_held", "note_wide_priors", "one_by_one", "solve_with_wide_priors", "with_wide_priors"]
 
-FACTORS = (1.25, 1.5, 2.0)
+DAMPING_FACTORS = (1.25, 1.5, 2.0)
 """Setting: factors on damping at which the likelihood is evaluated."""
 
 WIDENING_FACTOR = 4.0
@@ -78,7 +78,7 @@ def find_held(
         return ()
     points = [unknowns, *(point for j, q in asked for point in _beyond(unknowns, cov, j, q))]
     here, *beyond = log_likelihoods(points)
-    values = np.reshape(beyond, (len(asked), len(FACTORS)))
+    values = np.reshape(beyond, (len(asked), len(DAMPING_FACTORS)))
     known = np.logical_and.accumulate(np.isfinite(values), axis=1)
     rises = np.max(values, axis=1, initial=here, where=known) > here + MIN_LOG_LIKELIHOOD_RISE
     return tuple(q.name for (_, q), rise in zip(asked, rises, strict=True) if rise)
@@ -93,7 +93,7 @@ def _beyond(unknowns: Array, cov: Array, j: int, q: Parameter) -> list[Array]:
     """Unknowns farther away from the prior than the estimate is."""
     theta, away = float(unknowns[j]), math.copysign(1.0, float(unknowns[j]) - q.prior[0])
     follow = cov[:, j] / cov[j, j]
-    return [unknowns + follow * theta * (factor**away - 1.0) for factor in FACTORS]
+    return [unknowns + follow * theta * (factor**away - 1.0) for factor in DAMPING_FACTORS]
 
 
 def one_by_one(log_likelihood: Callable[[Array], float]) -> Callable[[Sequence[Array]], list[float]]:
@@ -135,7 +135,7 @@ def solve_with_wide_priors(
         n = len(solution.mean) - len(problem.clocks)
         mean, cov = solution.mean[:n], solution.cov[:n, :n]
         heard = shifted(problem, solution.outliers.left_out_of(samples), solution.mean[n:])
-        with ThreadPoolExecutor(THREADS) as pool:
+        with ThreadPoolExecutor(BANK_THREADS) as pool:
             of_readings = partial(log_likelihoods, problem.build, heard, pool=pool)
             held = find_held(of_readings, mean, cov, problem.parameters)
         if not (held and solution.settled):

@@ -38,16 +38,14 @@ if TYPE_CHECKING:
     import pandas as pd
 
 __all__ = [
-    "Profile",
-    "interpolate_on",
-    "profile_likelihood",
-]
+    "Profile", "interpolate_on", "profile_likelihood",
+]  # fmt: skip
 
 
-STEPS = (1.0, 2.0, 3.0)
+PROFILE_SIGMAS = (1.0, 2.0, 3.0)
 """Setting: where the posterior is profiled on either side, in standard deviations of the Gaussian."""
 
-FARTHEST = 12.0
+MAX_PROFILE_SIGMAS = 12.0
 """Setting: standard deviations up to which the profile goes on where the interval has not ended before."""
 
 
@@ -193,12 +191,12 @@ def _drops(problem: TurbineProblem, k: int, mode: FilteredMode, progress: Progre
     height = _log_posterior(mode.mean, mode.log_likelihood, *problem.prior)
     drops = {0.0: 0.0}
     for side in (-1.0, 1.0):
-        steps = list(STEPS)
+        steps = list(PROFILE_SIGMAS)
         while steps:
             at = side * steps.pop(0)
             progress(f"{problem.parameters[k].name} held {at:+g} σ from its estimate", None)
             drops[at] = height - _held(problem, k, mode.mean[k] + at * math.sqrt(mode.cov[k, k]), mode)
-            if not steps and drops[at] < 0.5 * SIGMAS**2 and abs(at) < FARTHEST:
+            if not steps and drops[at] < 0.5 * SIGMAS**2 and abs(at) < MAX_PROFILE_SIGMAS:
                 steps = [2.0 * abs(at)]
     return drops
 

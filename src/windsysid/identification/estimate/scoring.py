@@ -32,19 +32,9 @@ from windsysid.scoring import Evaluation, SearchLimits, find_mode
 from windsysid.statespace.compose import StateSpace
 
 __all__ = [
-    "Changes",
-    "FilteredMode",
-    "InnovationMode",
-    "Look",
-    "Score",
-    "find_innovation_mode",
-    "information",
-    "log_likelihoods",
-    "look",
-    "neighbours",
-    "posterior_mode",
-    "score",
-]
+    "Changes", "FilteredMode", "InnovationMode", "Look", "Score", "find_innovation_mode", "information",
+    "log_likelihoods", "look", "neighbours", "posterior_mode", "score",
+]  # fmt: skip
 
 
 MODE_TOLERANCE = 0.05
@@ -56,7 +46,7 @@ SEARCH = SearchLimits(
 """Numerical: an evaluation runs a bank of filters over all samples: so the last step is taken unseen. Searches begin
 where the recursion on line ends, near the mode."""
 
-MAX_OPERATIONS, MIN_STEPS = 6e8, 6
+MAX_UPDATED_ELEMENTS, MIN_STEPS = 6e8, 6
 """Setting: elements of covariances that the evaluations of a search may update, and steps that it may take whatever
 they cost. 6e8 take 4 s (two cores, 2026); searches that converge take five steps, and a dozen if sensors
 of a tower drift."""
@@ -64,14 +54,14 @@ of a tower drift."""
 MAX_STEP_SIGMAS = 3.0
 """Numerical: standard deviations of its prior, or of a clock's tolerance, by which a step moves an unknown at most."""
 
-INCREMENT = 0.01
+DIFFERENCE_STEP_SIGMAS = 0.01
 """Numerical: width of the forward differences, in standard deviations of a parameter with all others fixed: so narrow
 that curvature does not matter, and far wider than rounding."""
 
-THREADS = 2
+BANK_THREADS = 2
 """Setting: threads of a bank of filters."""
 
-CHUNK = 1000
+CHUNK_SAMPLES = 1000
 """Setting: samples between two sums over the bank, which bound its memory: either half is a part of the record."""
 
 
@@ -234,11 +224,11 @@ def find_innovation_mode(
     """
     precision = np.asarray(np.linalg.inv(prior[1]), dtype=np.float64)
     curvature = np.linalg.inv(start[1]) + precision
-    with ThreadPoolExecutor(THREADS) as pool:
+    with ThreadPoolExecutor(BANK_THREADS) as pool:
 
         def evaluate(theta: Array) -> _BankEvaluation:
             nonlocal curvature
-            there = look(build, samples, theta, INCREMENT / np.sqrt(np.diag(curvature)), pool, changes)
+            there = look(build, samples, theta, DIFFERENCE_STEP_SIGMAS / np.sqrt(np.diag(curvature)), pool, changes)
             score = Evaluation(-there.found.log_likelihood, -there.found.gradient, there.found.fisher)
             found = score.with_prior(theta - prior[0], precision)
             if not all(np.isfinite(part).all() for part in (found.value, found.gradient, found.information)):
@@ -248,7 +238,7 @@ def find_innovation_mode(
 
         first = _first_finite(evaluate, (start[0].copy(), prior[0]))
         operations = sum(len(readings) for _, readings in samples) * first.look.bank.cov.size
-        steps = min(max(int(MAX_OPERATIONS / max(operations, 1)), MIN_STEPS), SEARCH.max_steps)
+        steps = min(max(int(MAX_UPDATED_ELEMENTS / max(operations, 1)), MIN_STEPS), SEARCH.max_steps)
         limits = SEARCH._replace(tolerance=tolerance, unseen=tolerance, max_steps=steps)
         mode = find_mode(
             evaluate, first.look.theta, limits, max_step=MAX_STEP_SIGMAS / np.sqrt(np.diag(precision)), first=first
@@ -298,9 +288,9 @@ def information(
     theta
         Where (n_θ,).
     widths
-        Widths of the differences (n_θ,): `INCREMENT` standard deviations of each parameter serve well.
+        Widths of the differences (n_θ,): `DIFFERENCE_STEP_SIGMAS` standard deviations of each parameter serve well.
     """
-    with ThreadPoolExecutor(THREADS) as pool:
+    with ThreadPoolExecutor(BANK_THREADS) as pool:
         found = look(build, [(inputs, readings)], theta, widths, pool).found
     return found.gradient, found.fisher
 
@@ -311,8 +301,8 @@ def log_likelihoods(
     """Of the readings at several θ (K,), by filters side by side; not finite where a filter loses its way."""
     bank, found = bank_of([build(theta) for theta in points]), np.zeros(len(points))
     for inputs, readings in samples:
-        for first in range(0, len(readings), CHUNK):
-            part = slice(first, first + CHUNK)
+        for first in range(0, len(readings), CHUNK_SAMPLES):
+            part = slice(first, first + CHUNK_SAMPLES)
             bank, scores = run_bank(bank, inputs[part], readings[part], pool)
             found -= (scores.log_std + 0.5 * np.square(scores.whitened)).sum(axis=(0, 1))
         found -= _of_the_count(readings)
@@ -338,8 +328,8 @@ def score(
     n, across = len(widths), np.outer(widths, widths)
     log_likelihood, gradient, fisher, parts = 0.0, np.zeros(n), np.zeros((n, n)), list[Part]()
     mixed = np.zeros((n, bank.tangents.shape[1]))
-    for first in range(0, len(readings), CHUNK):
-        part = slice(first, first + CHUNK)
+    for first in range(0, len(readings), CHUNK_SAMPLES):
+        part = slice(first, first + CHUNK_SAMPLES)
         bank, scores = run_bank(bank, inputs[part], readings[part], pool, None if changes is None else changes[part])
         z, log_s = (array.reshape(-1, bank.filters) for array in scores[:2])  # zero where the reading is missing
         middle = z[:, 0]

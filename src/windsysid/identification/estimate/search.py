@@ -42,19 +42,19 @@ __all__ = ["Solution", "expect_search", "solve"]
 MAX_GATED_SEARCHES = 4
 """Setting: searches for the mode until the set of outliers stays."""
 
-MAX_CLIMBS = 2
+MAX_CONTINUATIONS = 2
 """Setting: how often a search that has not converged goes on."""
 
 MAX_SHIFTS = 3
 """Setting: how often readings are shifted by the lags of their clocks, and the search goes on."""
 
-UNSEEN_STEP = 4.0
+MAX_UNSEEN_STEP = 4.0
 """Numerical: squared length [σ] of a shift's step of the other unknowns, below which it is taken unseen."""
 
-COVARIANCE_CHUNK = 1024
+COVARIANCE_CHUNK_SAMPLES = 1024
 """Setting: samples whose covariances are held at once."""
 
-PASSES, LAST_PASS = 3.0, 0.25
+EXPECTED_PASSES, LAST_PASS_SHARE = 3.0, 0.25
 """Setting: for progress only: how often a search goes through all samples, and what is left of it until it ends."""
 
 
@@ -119,7 +119,7 @@ class Solution(NamedTuple):
 
 def expect_search(samples: int, before: float = 0.0) -> None:
     """Report the number of samples of a search, and of those before it."""
-    expect(before + PASSES * samples, LAST_PASS * samples)
+    expect(before + EXPECTED_PASSES * samples, LAST_PASS_SHARE * samples)
 
 
 def solve(
@@ -232,7 +232,7 @@ def _climb(problem: Problem, samples: Samples, start: tuple[Array, Array], clock
     mean[given], cov[given, given] = start
     for _ in range(MAX_SHIFTS):
         moved = shifted(problem, samples, clocks)
-        for _ in range(MAX_CLIMBS):
+        for _ in range(MAX_CONTINUATIONS):
             mode = find_innovation_mode(
                 problem.build, moved, prior=prior, start=(mean, cov),
                 changes=Lateness(moved, problem.clocks) if problem.clocks else None,
@@ -247,7 +247,7 @@ def _climb(problem: Problem, samples: Samples, start: tuple[Array, Array], clock
         check_finite(wide.mean, wide.cov)
         mode = mode._replace(mean=wide.mean, cov=wide.cov)
         mean, clocks = wide.mean[searched], wide.mean[late]
-        if wide.moved < UNSEEN_STEP or not mode.settled:
+        if wide.moved < MAX_UNSEEN_STEP or not mode.settled:
             break
     else:
         mode = mode._replace(settled=mode.settled and not problem.clocks)
@@ -289,8 +289,8 @@ def _filter(
         left_out = (outliers or Outliers()).mask(block, readings.shape)
         kept = np.where(left_out, np.nan, readings) if outliers else readings
         parts, loads = [], []
-        for first in range(0, len(inputs), COVARIANCE_CHUNK):
-            part = slice(first, first + COVARIANCE_CHUNK)
+        for first in range(0, len(inputs), COVARIANCE_CHUNK_SAMPLES):
+            part = slice(first, first + COVARIANCE_CHUNK_SAMPLES)
             belief, info, covs = EKF.run_with_covariances(model, belief, inputs[part], kept[part])
             parts.append(info)
             loads.append(_acting_loads(model, inputs[part], info, covs))

@@ -21,7 +21,7 @@ from windsysid.identification.estimate.clock_lag import shifted
 from windsysid.identification.estimate.load_selection import Question, choose, is_explained, warm
 from windsysid.identification.estimate.online import MEMORY, join_histories, spread_over_samples
 from windsysid.identification.estimate.prior_conflict import solve_with_wide_priors
-from windsysid.identification.estimate.scoring import THREADS, log_likelihoods
+from windsysid.identification.estimate.scoring import BANK_THREADS, log_likelihoods
 from windsysid.identification.estimate.search import Solution, expect_search, solve
 from windsysid.identification.model.fit import Outcome, known_loads
 from windsysid.identification.model.prior import Prior
@@ -41,23 +41,18 @@ from windsysid.statespace.unknowns import BlockName
 from windsysid.turbine.turbine import Turbine
 
 __all__ = [
-    "describe_solution",
-    "first_estimate",
-    "identify_jointly",
-    "identify_jointly_from",
-    "innovations_of",
-    "load_models",
+    "describe_solution", "first_estimate", "identify_jointly", "identify_jointly_from", "innovations_of", "load_models",
     "where_it_ended",
-]
+]  # fmt: skip
 
 
-FIRST_PERIODS = 10.0
+FIRST_ESTIMATE_PERIODS = 10.0
 """Setting: periods of the slowest degree of freedom before the first estimate on line."""
 
-QUIETER = 1.0, 0.7, 0.5, 0.35
+NOISE_FACTORS = 1.0, 0.7, 0.5, 0.35
 """Setting: shares of the noise where a search has ended, with which another one may begin."""
 
-CHOICE = 4.0
+CHOICE_PASSES = 4.0
 """Setting: for progress only: how often the choice of a load model goes through the samples that it looks at."""
 
 
@@ -72,7 +67,7 @@ def identify_jointly(
     started = time.perf_counter()
     question = Question(record, turbine, tuple(sensors), prior, chosen)
     first, count = first_estimate(turbine, record.rate), record.samples
-    expect_search(count, count + CHOICE * min(MEMORY * first, count))
+    expect_search(count, count + CHOICE_PASSES * min(MEMORY * first, count))
     choice = choose(question, load_models(record, turbine, loads), first)
     expect_search(count, count)
     problem, best = choice.best.problem, choice.best
@@ -159,10 +154,10 @@ def _where_it_ended(near: Outcome, problem: TurbineProblem) -> tuple[Array, Arra
 def _with_likeliest_noise(problem: TurbineProblem, mean: Array, cov: Array) -> tuple[Array, Array]:
     """A start of a search with the likeliest of some levels of noise: spectra take leakage for noise, too."""
     noise = problem.unknowns.places("statistics")[[one.kind == "noise" for one in problem.statistics]]
-    starts = [mean.copy() for _ in QUIETER]
-    for start, share in zip(starts, QUIETER, strict=True):
+    starts = [mean.copy() for _ in NOISE_FACTORS]
+    for start, share in zip(starts, NOISE_FACTORS, strict=True):
         start[noise] += math.log(share)
-    with ThreadPoolExecutor(THREADS) as pool:
+    with ThreadPoolExecutor(BANK_THREADS) as pool:
         found = log_likelihoods(problem.build, [(problem.inputs, problem.readings)], starts, pool)
     return starts[int(np.argmax(np.nan_to_num(found, nan=-np.inf)))], cov
 
@@ -184,7 +179,7 @@ def load_models(record: Record, turbine: Turbine, loads: str) -> tuple[str, ...]
 def first_estimate(turbine: Turbine, rate: float) -> int:
     """Samples before the first estimate on line."""
     slowest = min(turbine.natural_frequency(name) for name in turbine.model.coordinates)
-    return math.ceil(FIRST_PERIODS * 2.0 * math.pi / slowest * rate)
+    return math.ceil(FIRST_ESTIMATE_PERIODS * 2.0 * math.pi / slowest * rate)
 
 
 def describe_solution(

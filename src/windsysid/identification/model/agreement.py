@@ -2,7 +2,7 @@
 
 import math
 
-from windsysid.checks.limits import EVEN_CHANCE
+from windsysid.checks.limits import MIN_RIVAL_PROBABILITY
 from windsysid.identification.model.fit import Outcome
 from windsysid.results.finding import Finding
 from windsysid.results.tolerance import Group
@@ -44,7 +44,7 @@ def _differences(one: Outcome, other: Outcome) -> dict[str, tuple[float, float]]
 def disagreement(fit: Outcome, other: Outcome, turbine: Turbine) -> Finding:
     """That filters and spectra are standard deviations apart on a coefficient, and the likeliest cause."""
     (name, off), locked = compare(fit, other), _blades_move(turbine) and not _blades_move(fit.turbine)
-    data = {"sigmas": off, "unseen_blades": locked, "shifts": shifts_to(other, fit), "chance": EVEN_CHANCE}
+    data = {"sigmas": off, "unseen_blades": locked, "shifts": shifts_to(other, fit), "chance": MIN_RIVAL_PROBABILITY}
     return Finding("formulations_disagree", "reason", data, (name,))
 
 

@@ -3,7 +3,7 @@
 import math
 from typing import NamedTuple
 
-from windsysid.identification.limits import MAX_DRIFT_RATE, MIN_DRIFT_ANGLE, MIN_EFFECT_SIGMAS
+from windsysid.identification.limits import MAX_DRIFT_RATE, MIN_DRIFT_RADIANS, MIN_EFFECT_SIGMAS
 from windsysid.identification.model.prior_odds import sigma_bound
 from windsysid.results.finding import Finding
 from windsysid.turbine.turbine import Turbine
@@ -37,6 +37,6 @@ class Drift(NamedTuple):
     def matters(self, turbine: Turbine, duration: float) -> bool:
         """Test whether it is significant, no faster than clocks drift, and shifts vibration in such a record [s]."""
         fastest = max((turbine.natural_frequency(name) for name in turbine.model.coordinates), default=0.0)
-        least = MIN_DRIFT_ANGLE / (fastest * duration) if fastest > 0.0 else math.inf
+        least = MIN_DRIFT_RADIANS / (fastest * duration) if fastest > 0.0 else math.inf
         sigmas = sigma_bound(MIN_EFFECT_SIGMAS, "clock_drift", turbine)
         return max(sigmas * self.std, least) < abs(self.rate) < MAX_DRIFT_RATE

@@ -12,7 +12,7 @@ from windsysid._types import Array
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.filters import EKF
 from windsysid.identification.condition.samples import Samples
-from windsysid.identification.model.problem import FIRST_WIDTH
+from windsysid.identification.model.problem import FIRST_LOG_STD
 from windsysid.mechanics.compile import CompiledModel
 from windsysid.mechanics.model import Model
 from windsysid.records.record import LOW_PASS, Record
@@ -24,20 +24,15 @@ from windsysid.statespace.parameter import Parameter
 from windsysid.statespace.unknowns import Unknowns
 
 __all__ = [
-    "EquationsJob",
-    "OwnProblem",
-    "constant_loads",
-    "known_columns",
-    "loads_behind_low_pass",
-    "read_columns",
+    "EquationsJob", "OwnProblem", "constant_loads", "known_columns", "loads_behind_low_pass", "read_columns",
     "state_only_model",
-]
+]  # fmt: skip
 
 
-LEVEL_SPREAD = 1.5
+LOG_LEVEL_STD = 1.5
 """Setting: prior standard deviation of the logarithm of a level: noise and loads may be 4 to 5 times off."""
 
-LOUDER = (1.0, 10.0, 100.0)
+NOISE_FACTORS = (1.0, 10.0, 100.0)
 """Setting: factors on all noise with which the joint filter looks for a start."""
 
 
@@ -63,7 +58,7 @@ class EquationsJob(NamedTuple):
     def levels(self) -> Array:
         """Prior standard deviations of η (n_η,): of the noise of each reading, then of each load; none where they are
         not learned."""
-        return np.full((len(self.sensors) + len(self.loads)) * self.learn_levels, LEVEL_SPREAD)
+        return np.full((len(self.sensors) + len(self.loads)) * self.learn_levels, LOG_LEVEL_STD)
 
     @property
     def centres(self) -> dict[str, float]:
@@ -134,7 +129,7 @@ class OwnProblem(NamedTuple):
         block, theta = self.model.parameter_block, self.unknowns.of("parameters")
         mean, cov = self.prior
         best = -np.inf
-        for factor in LOUDER:
+        for factor in NOISE_FACTORS:
             noise = self.model.blocks.noise * factor**2
             louder = replace(self.model, blocks=self.model.blocks._replace(noise=noise))
             belief = EKF.init(louder)
@@ -149,7 +144,7 @@ class OwnProblem(NamedTuple):
             log_likelihood = _measure_excess(self.build(at), samples)[1]
             reached = float(log_likelihood - 0.5 * off @ np.linalg.solve(self.prior[1], off))
             if reached > best:
-                best, mean, cov = reached, at, np.diag(np.full(len(at), FIRST_WIDTH**2))
+                best, mean, cov = reached, at, np.diag(np.full(len(at), FIRST_LOG_STD**2))
                 cov[theta, theta] = belief.cov[block, block]
         return mean, cov
 

@@ -20,13 +20,13 @@ import numpy as np
 from windsysid.checks.limits import LOG_EVIDENCE_STD
 from windsysid.configuration import parse_toml
 from windsysid.errors import ConfigurationError
-from windsysid.spectral.transforms.harmonics import TAPERS
+from windsysid.spectral.transforms.harmonics import TAPER_COUNT
 from windsysid.turbine.turbine import Turbine
 
 __all__ = ["chances_of_rivals", "check_odds", "f_bound", "log_bound", "odds_of", "odds_table", "sigma_bound"]
 
 
-WAVES_HZ = (0.03, 0.5)
+WAVE_FREQUENCIES_HZ = (0.03, 0.5)
 """Setting: frequencies of waves with periods of 33 to 2 s, which have the prior odds of ``waves``."""
 
 
@@ -58,7 +58,7 @@ def odds_of(code: str, turbine: Turbine, frequency: float = math.nan) -> float:
     """
     table = odds_table()
     odds = turbine.odds.get(code, table.get(code, table["other"])[turbine.site])
-    is_wave = code == "narrow_band_load" and WAVES_HZ[0] <= frequency <= WAVES_HZ[1]
+    is_wave = code == "narrow_band_load" and WAVE_FREQUENCIES_HZ[0] <= frequency <= WAVE_FREQUENCIES_HZ[1]
     return float(odds) + (odds_of("waves", turbine) if is_wave else 0.0)
 
 
@@ -92,5 +92,5 @@ def sigma_bound(bound: float, code: str, turbine: Turbine) -> float:
 def f_bound(bound: float, code: str, turbine: Turbine) -> float:
     """Bound on Thomson's F, whose chance is (1 + F/(K − 1))^(1 − K) for K tapers, for the prior odds of a turbine,
     given that for the odds onshore."""
-    rest = TAPERS - 1
+    rest = TAPER_COUNT - 1
     return rest * math.expm1(max(log_bound(rest * math.log1p(bound / rest), code, turbine), 0.0) / rest)

@@ -7,9 +7,9 @@ from windsysid._types import Array
 from windsysid.statespace.compose import StateSpace
 from windsysid.statespace.unknowns import Unknowns
 
-__all__ = ["FIRST_WIDTH", "Problem"]
+__all__ = ["FIRST_LOG_STD", "Problem"]
 
-FIRST_WIDTH = 0.05
+FIRST_LOG_STD = 0.05
 """Setting: standard deviation of the logarithm of a statistic of loads or noise that scales its first differences."""
 
 

@@ -22,19 +22,14 @@ from windsysid.spectral.rotor.model import Inexact
 from windsysid.turbine.turbine import Turbine
 
 __all__ = [
-    "doubt_tolerances",
-    "in_numbers",
-    "learned_tolerances",
-    "note_tolerances",
-    "seconds_late",
-    "tolerances_of",
+    "doubt_tolerances", "in_numbers", "learned_tolerances", "note_tolerances", "seconds_late", "tolerances_of",
     "with_tolerances",
-]
+]  # fmt: skip
 
 
-ALL = "all bodies"
+ALL_BODIES = "all bodies"
 
-SHARED = 0.5
+SHARED_VARIANCE_SHARE = 0.5
 """Setting: share of the variance of a body's mass that all have together; half is its own."""
 
 
@@ -43,9 +38,9 @@ def tolerances_of(turbine: Turbine, sensors: Sequence[Sensor], identified: Seque
     found = [Tolerance("gain", s.channel, s.gain_tolerance) for s in sensors]
     found += [Tolerance("alignment", s.channel, s.alignment) for s in sensors]
     bodies = [body for body in turbine.model.bodies() if _masses(turbine, body, identified)]
-    shared = SHARED if len(bodies) > 1 else 0.0
+    shared = SHARED_VARIANCE_SHARE if len(bodies) > 1 else 0.0
     found += [Tolerance("masses", body, math.sqrt(1.0 - shared) * turbine.mass_tolerance) for body in bodies]
-    found.append(Tolerance("masses", ALL, math.sqrt(shared) * turbine.mass_tolerance))
+    found.append(Tolerance("masses", ALL_BODIES, math.sqrt(shared) * turbine.mass_tolerance))
     spreads = dict[str, float]()
     for s in sensors:
         spreads[s.sampled_by] = max(s.clock_tolerance, spreads.get(s.sampled_by, 0.0))
@@ -57,7 +52,7 @@ def tolerances_of(turbine: Turbine, sensors: Sequence[Sensor], identified: Seque
 def _masses(turbine: Turbine, body: str, identified: Sequence[str]) -> tuple[str, ...]:
     """The inertias of a body, or of all, that are known and not zero."""
     bodies = turbine.model.bodies()
-    names = bodies[body] if body != ALL else [name for names in bodies.values() for name in names]
+    names = bodies[body] if body != ALL_BODIES else [name for names in bodies.values() for name in names]
     return tuple(name for name in names if name not in identified and turbine.values[name] != 0.0)
 
 

@@ -18,7 +18,7 @@ from windsysid._types import Array
 from windsysid.filters import EKF
 from windsysid.identification.model.fit import known_inputs, known_loads
 from windsysid.identification.model.prior import Prior, identifiable
-from windsysid.identification.model.problem import FIRST_WIDTH
+from windsysid.identification.model.problem import FIRST_LOG_STD
 from windsysid.identification.model.tolerances import seconds_late, tolerances_of, with_tolerances
 from windsysid.loads.family import hypothesis
 from windsysid.loads.hypothesis import SupposedLoads
@@ -41,10 +41,10 @@ __all__ = ["TurbineProblem", "pose", "seen_by"]
 MAX_PASSES = 4
 """Numerical: passes of the joint filter towards a start."""
 
-START_TOLERANCE = 0.05
+START_TOLERANCE_SIGMAS = 0.05
 """Numerical: the passes stop when one moves no parameter by more than so many standard deviations."""
 
-MAX_MADE = 64
+MAX_CACHED_LOADS = 64
 """Setting: values of η whose loads and noise are kept."""
 
 
@@ -124,7 +124,7 @@ class TurbineProblem(NamedTuple):
         statistics, off = unknowns[known.of("statistics")], unknowns[known.of("tolerances")]
         eta = statistics.tobytes()
         if eta not in self.made:  # of the neighbours of a value, most differ in θ alone
-            if len(self.made) >= MAX_MADE:
+            if len(self.made) >= MAX_CACHED_LOADS:
                 self.made.clear()
             self.made[eta] = self._levels(values_of(self.statistics, statistics))
         found = parameters_given(
@@ -166,9 +166,9 @@ class TurbineProblem(NamedTuple):
                 break
             before, cov = theta, belief.cov[block, block]
             theta = belief.mean[block] + cov @ np.linalg.solve(prior_cov, prior_mean - before)
-            if np.all(np.abs(theta - before) < START_TOLERANCE * np.sqrt(np.diag(cov))):
+            if np.all(np.abs(theta - before) < START_TOLERANCE_SIGMAS * np.sqrt(np.diag(cov))):
                 break
-        at, start_cov = known.of("parameters"), np.diag(np.full(known.size, FIRST_WIDTH**2))
+        at, start_cov = known.of("parameters"), np.diag(np.full(known.size, FIRST_LOG_STD**2))
         start_cov[at, at] = cov
         return known.vector(parameters=theta), start_cov
 

@@ -23,9 +23,9 @@ from windsysid.results.tolerance import Tolerance
 from windsysid.turbine.turbine import Turbine
 from windsysid.units import spell
 
-__all__ = ["WAYS", "Planned"]
+__all__ = ["BY_FORMULATION", "Planned"]
 
-RELAXATIONS = 100.0
+SIMULATED_RELAXATIONS = 100.0
 """Setting: how many times the energy of the least damped mode is renewed in the simulated record: σ is then known to
 1/(2√100) = 5 %."""
 
@@ -77,7 +77,7 @@ class Planned(NamedTuple):
 
 def _by_filters(planned: Planned) -> PlannedInformation:
     """Information for filters, under the loads of the turbine file."""
-    length = min(max(RELAXATIONS / planned.damping, 20.0 * planned.finding), planned.most)
+    length = min(max(SIMULATED_RELAXATIONS / planned.damping, 20.0 * planned.finding), planned.most)
     planned.progress(f"simulating {spell(length)}", None)
     problem = _simulated(planned, length)
     start, growths = planned_information(problem, planned.simulated_rate, planned.finding, planned.progress)
@@ -124,4 +124,4 @@ def _rests_on(what: str, length: float, tolerances: Sequence[Tolerance]) -> str:
     return f"from the data alone, no prior, by {what}; {unknown}; from {spell(length)} of simulated vibration"
 
 
-WAYS = {"auto": _by_what_fits, "joint": _by_filters, "spectral": _by_spectra}
+BY_FORMULATION = {"auto": _by_what_fits, "joint": _by_filters, "spectral": _by_spectra}

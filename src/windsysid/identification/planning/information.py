@@ -13,17 +13,17 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.filters.bank import bank_of
 from windsysid.identification.estimate.clock_lag import Lateness, clock_information, shifted
-from windsysid.identification.estimate.scoring import THREADS, look, neighbours, score
+from windsysid.identification.estimate.scoring import BANK_THREADS, look, neighbours, score
 from windsysid.identification.model.turbine_problem import TurbineProblem
 from windsysid.loads.statistics import learned_statistics
 from windsysid.output.progress import Progress
 
 __all__ = ["planned_information"]
 
-BLOCKS = 10
+BLOCK_COUNT = 10
 """Setting: parts of the record from whose scatter the accuracy is estimated."""
 
-STEP = 1e-6
+RELATIVE_STEP = 1e-6
 """Numerical: relative width of the differences."""
 
 CLOCK_SAMPLES = 10_000
@@ -44,12 +44,12 @@ def planned_information(
     sizes = known.vector(parameters=relative, statistics=1.0, tolerances=1.0)
     to_relative = np.diag(sizes)  # ∂ unknowns / ∂ ln p
     to_relative[eta, eta] = np.linalg.inv(_logarithms(problem))
-    widths = STEP * np.abs(sizes)
+    widths = RELATIVE_STEP * np.abs(sizes)
     first = max(1, round(finding * rate))
-    ends = np.linspace(first, len(problem.readings), BLOCKS + 1).astype(int)
+    ends = np.linspace(first, len(problem.readings), BLOCK_COUNT + 1).astype(int)
     bank = bank_of([problem.build(values) for values in neighbours(theta, widths)])
     found: list[Array] = []
-    with ThreadPoolExecutor(THREADS) as pool:
+    with ThreadPoolExecutor(BANK_THREADS) as pool:
         for begin, end in zip([0, *ends[:-1]], ends, strict=True):
             progress("information of the simulated record", begin / len(problem.readings))
             part = slice(begin, end)
@@ -57,7 +57,7 @@ def planned_information(
             found.append(to_relative.T @ scored.fisher @ to_relative)
     seconds = np.diff(ends)[:, None, None] / rate
     size, whole = len(theta), len(theta) + len(problem.clocks)
-    growths = np.zeros((BLOCKS, whole, whole))
+    growths = np.zeros((BLOCK_COUNT, whole, whole))
     growths[:, :size, :size] = np.array(found[1:]) / seconds
     start = np.diag(problem.unknowns.vector(tolerances=1.0, clocks=1.0))
     start[:size, :size] += found[0]

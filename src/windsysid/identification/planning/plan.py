@@ -30,7 +30,7 @@ from windsysid.errors import ConfigurationError
 from windsysid.identification.limits import MAX_PLANNED_SECONDS
 from windsysid.identification.model.prior import identifiable
 from windsysid.identification.model.turbine_problem import seen_by
-from windsysid.identification.planning.formulations import WAYS, Planned
+from windsysid.identification.planning.formulations import BY_FORMULATION, Planned
 from windsysid.kernels.threads import one_thread
 from windsysid.mechanics.sensors import Sensor
 from windsysid.output.answers import Answer
@@ -51,7 +51,7 @@ if TYPE_CHECKING:
 __all__ = ["Plan", "plan"]
 
 
-PERIODS = 5.0
+CONVERGENCE_PERIODS = 5.0
 """Setting: periods of the slowest mode in which the filter finds the state."""
 
 SAMPLES_PER_PERIOD = 20.0
@@ -334,18 +334,18 @@ def plan(
     _require_positive("within", within, 10.0)
     turbine = _as_planned(as_turbine(turbine), sensors, load_scale, rotor_speed)
     _check_record(turbine, duration, rate)
-    if formulation not in WAYS:
-        raise ConfigurationError(f"formulation: expected {', '.join(WAYS)}; got '{formulation}'")
+    if formulation not in BY_FORMULATION:
+        raise ConfigurationError(f"formulation: expected {', '.join(BY_FORMULATION)}; got '{formulation}'")
     known = identifiable(turbine)
     asked = identifiable(turbine, parameters) if parameters is not None else known
     notes: list[Finding] = []
     seen = seen_by(turbine, turbine.sensors, notes)
     unknown = tuple(name for name in dict.fromkeys([*known, *asked]) if seen.model.acts(name))
     slowest, fastest, damping = _time_scales(seen)
-    finding = min(PERIODS * 2.0 * math.pi / slowest, duration)
+    finding = min(CONVERGENCE_PERIODS * 2.0 * math.pi / slowest, duration)
     thinning = max(1, int(rate / (SAMPLES_PER_PERIOD * fastest / (2.0 * math.pi))))
     planned = Planned(seen, unknown, rate, duration, damping, finding, thinning, seed, progress)
-    told = WAYS[formulation](planned)
+    told = BY_FORMULATION[formulation](planned)
     draft = Plan(
         turbine.name, tuple(sensor.channel for sensor in turbine.sensors), turbine.rotor_speed, rate, duration, within,
         told.names, len(unknown), tuple(asked), finding, told.start, told.growths.mean(axis=0), 0.0,

@@ -28,10 +28,10 @@ from windsysid.turbine.turbine import Turbine
 
 __all__ = ["PlannedInformation", "PlannedRecord", "planned_spectra"]
 
-RECORDS = 4
+RECORD_COUNT = 4
 """Setting: records that are simulated; their scatter tells the accuracy."""
 
-ROUNDING = 1e-7
+MAX_ROUNDING_EIGENVALUE = 1e-7
 """Numerical: scaled eigenvalue up to which the information is rounding where the priors' is taken out."""
 
 
@@ -77,8 +77,8 @@ def planned_spectra(planned: PlannedRecord, unknown: Sequence[str], progress: Pr
         If spectra do not apply to such a record.
     """
     found = []
-    for i in range(RECORDS):
-        progress("identifying simulated records", i / RECORDS)
+    for i in range(RECORD_COUNT):
+        progress("identifying simulated records", i / RECORD_COUNT)
         turbine = planned.turbine
         found.append(identify_by_spectrum(planned.drawn(i), turbine, turbine.sensors, Prior(), unknown))
     tolerances = found[0].tolerances
@@ -86,7 +86,7 @@ def planned_spectra(planned: PlannedRecord, unknown: Sequence[str], progress: Pr
     for one in tolerances:
         names[one.name] = names.pop(one.name)  # last
     places = {name: i for i, name in enumerate(names)}
-    growths = np.zeros((RECORDS, len(names), len(names)))
+    growths = np.zeros((RECORD_COUNT, len(names), len(names)))
     for growth, outcome in zip(growths, found, strict=True):
         at = [places[name] for name in _names(outcome)]
         growth[np.ix_(at, at)] = _information(outcome) / planned.length
@@ -94,7 +94,7 @@ def planned_spectra(planned: PlannedRecord, unknown: Sequence[str], progress: Pr
     growths = _of_what_is_seen(growths)
     doubts = tuple(f"such a record would not be trusted: {doubt}" for doubt in _shared_doubts(found))
     return PlannedInformation(
-        tuple(names), np.diag(known), growths, tolerances, RECORDS * planned.length, doubts,
+        tuple(names), np.diag(known), growths, tolerances, RECORD_COUNT * planned.length, doubts,
         fits=not (found[0].turns or doubts),
     )  # fmt: skip
 
@@ -115,7 +115,7 @@ def _shared_doubts(found: Sequence[Outcome]) -> tuple[Finding, ...]:
     for one in found:
         for key, doubt in {(d.code, d.channels, d.quantities): d for d in one.doubts}.items():
             alike.setdefault(key, []).append(doubt)
-    return tuple(doubts[0] for doubts in alike.values() if len(doubts) > RECORDS // 2)
+    return tuple(doubts[0] for doubts in alike.values() if len(doubts) > RECORD_COUNT // 2)
 
 
 def _information(found: Outcome) -> Array:
@@ -139,6 +139,6 @@ def _of_what_is_seen(growths: Array) -> Array:
     mean = growths.mean(axis=0)
     scale = np.sqrt(np.maximum(np.diag(mean), 1e-300))
     values, vectors = np.linalg.eigh(mean / np.outer(scale, scale))
-    seen = vectors[:, values > ROUNDING]
+    seen = vectors[:, values > MAX_ROUNDING_EIGENVALUE]
     project = seen @ seen.T * np.outer(1.0 / scale, scale)
     return np.asarray(project.T @ growths @ project)

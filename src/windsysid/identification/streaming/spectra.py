@@ -36,13 +36,13 @@ from windsysid.spectral.rotor.build import harmonics_of, turns_couple
 from windsysid.spectral.rotor.problem import RotorQuestion
 from windsysid.spectral.rotor_bands.build import belongs_in_bands, highest_in_bands
 from windsysid.spectral.transforms.block_sums import BlockSums, cut_blocks, cut_turns
-from windsysid.spectral.transforms.dft import TAPERED
+from windsysid.spectral.transforms.dft import TAPERED_SHARE
 from windsysid.spectral.transforms.lifted import Lifted, lift
 from windsysid.spectral.transforms.rotating_frame import MAX_GROUPS, TurnedBlock, turned_block, turned_spectra
 
 __all__ = ["BlockLayout", "SpectraAccumulator", "layout_of"]
 
-OVERLAP = 0.5 * TAPERED
+OVERLAP_SHARE = 0.5 * TAPERED_SHARE
 """Setting: share of a block that the next one repeats."""
 
 
@@ -70,8 +70,8 @@ class BlockLayout(NamedTuple):
     def cut(self, azimuth: Array) -> tuple[list[slice], int]:
         """The whole blocks, and the sample with which the next one begins."""
         if self.turns:
-            return cut_turns(azimuth, self.turns, OVERLAP)
-        return cut_blocks(len(azimuth), self.samples, OVERLAP)
+            return cut_turns(azimuth, self.turns, OVERLAP_SHARE)
+        return cut_blocks(len(azimuth), self.samples, OVERLAP_SHARE)
 
     def transform(self, readings: Array, azimuth: Array) -> Lifted | TurnedBlock:
         """The transforms of one block."""

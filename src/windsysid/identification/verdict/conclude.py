@@ -17,7 +17,7 @@ from windsysid.checks.verdict import Diagnosis, FittedParameters, RecordTests, T
 from windsysid.checks.whiteness import Whiteness, examine
 from windsysid.errors import RecordError
 from windsysid.filters import EKF
-from windsysid.identification.estimate.clock_lag import PASSED
+from windsysid.identification.estimate.clock_lag import PASS_EDGE_FACTOR
 from windsysid.identification.estimate.fitted.modal_residuals import channels_of, doubts_beside_modes
 from windsysid.identification.estimate.fitted.modes import FittedModes, modes_of
 from windsysid.identification.job import Formulation
@@ -43,7 +43,7 @@ from windsysid.results.identification import Estimate, Identification, coefficie
 from windsysid.results.posterior import SIGMAS, Conditions
 from windsysid.results.provenance import Provenance
 from windsysid.results.transient import Transient, explain_by_transient, find_burst, find_transient
-from windsysid.signals.rotor import STANDING_MAX_SPEED, rotor_inputs
+from windsysid.signals.rotor import MAX_STANDING_SPEED, rotor_inputs
 from windsysid.statespace.parameter import Parameter
 from windsysid.turbine.turbine import Turbine
 
@@ -230,7 +230,7 @@ def _off_clock(record: Record, speed: float) -> tuple[Finding, ...]:
         return ()
     mean = float(recorded.mean())
     turned = float(psi[-1] - psi[0]) / float(record.time[-1] - record.time[0])
-    if not mean > STANDING_MAX_SPEED or abs(turned / mean - 1.0) < MAX_RATE_MISMATCH:
+    if not mean > MAX_STANDING_SPEED or abs(turned / mean - 1.0) < MAX_RATE_MISMATCH:
         return ()
     return (Finding("azimuth_contradicts_speed", "reason", {"ratio": turned / mean}),)
 
@@ -277,7 +277,7 @@ def _highest_share(outcome: Outcome, rate: float) -> float:
         return 0.5
     turbine = outcome.turbine.with_values({q.name: float(q.physical(q.prior[0])) for q in outcome.model.parameters})
     highest = max(turbine.natural_frequency(name) for name in turbine.model.coordinates) / (2.0 * math.pi)
-    return min(0.5, PASSED * highest / rate)
+    return min(0.5, PASS_EDGE_FACTOR * highest / rate)
 
 
 def _bent(outcome: Outcome) -> Bent | None:

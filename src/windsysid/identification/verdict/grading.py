@@ -14,7 +14,7 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.checks.dispersion import PartScores, expected_factor
-from windsysid.checks.limits import EVEN_CHANCE, MAX_WIDENING, MIN_REPORTED_WIDENING
+from windsysid.checks.limits import MAX_WIDENING, MIN_REPORTED_WIDENING, MIN_RIVAL_PROBABILITY
 from windsysid.checks.verdict import Diagnosis
 from windsysid.checks.widening import grade_of, mixture_factor
 from windsysid.identification.estimate.fitted.modes import FittedModes
@@ -110,7 +110,7 @@ def with_tolerance_shifts(diagnosis: Diagnosis, outcome: Outcome) -> Diagnosis:
             shifts = -joint[: len(names), at] / joint[at, at] * one.estimate / one.spread
             known[one.group, one.of] = dict(zip(names, shifts.tolist(), strict=True))
     findings = [
-        replace(one, data={**one.data, "shifts": known[key], "chance": EVEN_CHANCE})
+        replace(one, data={**one.data, "shifts": known[key], "chance": MIN_RIVAL_PROBABILITY})
         if one.code == "tolerance_conflict" and (key := (one.data["group"], one.data["of"])) in known
         else one
         for one in diagnosis.findings

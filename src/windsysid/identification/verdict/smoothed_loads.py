@@ -43,10 +43,10 @@ from windsysid.statespace.compose import StateSpace
 
 __all__ = ["judge_smoothed_loads"]
 
-TURN_Q, TURN_V = 1.0, 0.1
+TURN_Q_RMS, TURN_V_RMS = 1.0, 0.1
 """Setting: displacement and velocity, in their rms, about which a force turns round."""
 
-CHUNK = 4096
+CHUNK_SAMPLES = 4096
 """Setting: samples for which all H(ψ) are held at once."""
 
 
@@ -112,7 +112,7 @@ def _most_correlated(freedoms: Sequence[Coordinate], driven: Complex) -> Correla
 def _loads(model: StateSpace, inputs: Array, state: Array) -> Array:
     """The loads that are states (T, n_w), of their states (T, n)."""
     nx, nz = model.blocks.sizes[:2]
-    parts = [slice(first, first + CHUNK) for first in range(0, len(inputs), CHUNK)]
+    parts = [slice(first, first + CHUNK_SAMPLES) for first in range(0, len(inputs), CHUNK_SAMPLES)]
     return np.concatenate(
         [np.einsum("twz,tz->tw", acting_loads(model, inputs[at])[1], state[at, nx : nx + nz]) for at in parts]
     )
@@ -124,7 +124,7 @@ def _scores(q: Array, v: Array, driven: Complex) -> dict[Law, Array]:
     as positive."""
     q, v = _scaled(q), _scaled(v)
     lines = np.linalg.qr(np.diff(np.hstack([q, v]), axis=0))[0]
-    forces: dict[Law, Array] = {"stiffness": np.tanh(q / TURN_Q), "damping": -np.tanh(v / TURN_V)}
+    forces: dict[Law, Array] = {"stiffness": np.tanh(q / TURN_Q_RMS), "damping": -np.tanh(v / TURN_V_RMS)}
     found: dict[Law, Array] = {}
     for law, force in forces.items():
         steps = np.diff(force, axis=0)

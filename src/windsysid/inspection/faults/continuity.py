@@ -29,22 +29,17 @@ from windsysid.records.kept import kept_with_record
 from windsysid.records.record import Record
 
 __all__ = [
-    "copied_channels",
-    "copied_passages",
-    "copies_among",
-    "lost_samples",
-    "normalised_errors",
-    "overrun",
+    "copied_channels", "copied_passages", "copies_among", "lost_samples", "normalised_errors", "overrun",
     "prediction_errors",
-]
+]  # fmt: skip
 
-PREDICTORS = 24
+PREDICTOR_READINGS = 24
 """Setting: number of readings from which the next one is predicted."""
 
 MAX_FITTED_ROWS = 20_000
 """Setting: largest number of rows that a prediction is fitted to."""
 
-_BLOCK = 400
+_BLOCK_ROWS = 400
 """Setting: number of rows over which the size of prediction errors is estimated."""
 _FACTOR, _MODULUS = 0x9E3779B97F4A7C15, 2**64
 """Numerical: multiplier and modulus of the hash of a passage."""
@@ -159,7 +154,7 @@ def lost_samples(record: Record, channels: Sequence[str]) -> list[Fault]:
     rows = np.flatnonzero((together > bound) & (middle > 3.0))
     if not rows.size:
         return []
-    seams = rows[np.concatenate([[True], np.diff(rows) > PREDICTORS])]
+    seams = rows[np.concatenate([[True], np.diff(rows) > PREDICTOR_READINGS])]
     buffer = _common_divisor(seams)
     if not buffer:
         return []
@@ -173,7 +168,7 @@ def _common_divisor(rows: NDArray[np.int64]) -> int:
     steps = np.concatenate([np.diff(rows), rows[2:] - rows[:-2]])
     candidates = np.unique(np.concatenate([steps // part + off for part in (1, 2, 3) for off in (-1, 0, 1)]))
     for apart in candidates[::-1].tolist():
-        if apart <= PREDICTORS:
+        if apart <= PREDICTOR_READINGS:
             break
         count = np.bincount(rows % apart, minlength=apart)
         in_step = int((count + np.roll(count, 1) + np.roll(count, -1)).max())
@@ -185,20 +180,22 @@ def _common_divisor(rows: NDArray[np.int64]) -> int:
 def prediction_errors(x: Array) -> Array:
     """Errors (T,) of the best linear prediction from the previous readings."""
     x = x - x.mean()
-    rows = np.arange(PREDICTORS, len(x))
+    rows = np.arange(PREDICTOR_READINGS, len(x))
     if rows.size > MAX_FITTED_ROWS:
-        starts = np.linspace(PREDICTORS, len(x) - 1000, MAX_FITTED_ROWS // 1000).astype(np.int64)
+        starts = np.linspace(PREDICTOR_READINGS, len(x) - 1000, MAX_FITTED_ROWS // 1000).astype(np.int64)
         rows = (starts[:, None] + np.arange(1000)).ravel()
-    past = np.column_stack([x[rows - lag] for lag in range(PREDICTORS + 1)])
+    past = np.column_stack([x[rows - lag] for lag in range(PREDICTOR_READINGS + 1)])
     used = past
     for _ in range(2):
         moment = used.T @ used
-        moment[1:, 1:] += np.eye(PREDICTORS) * 1e-12 * moment[0, 0]  # what is sampled very often predicts itself
+        moment[1:, 1:] += (
+            np.eye(PREDICTOR_READINGS) * 1e-12 * moment[0, 0]
+        )  # what is sampled very often predicts itself
         weights = np.linalg.lstsq(moment[1:, 1:], moment[1:, 0], rcond=None)[0]
         error = np.abs(past @ np.concatenate([[1.0], -weights]))
         used = past[error <= 4.0 * np.median(error) / 0.6745]
     errors: Array = np.convolve(x, np.concatenate([[1.0], -weights]))[: len(x)]
-    errors[:PREDICTORS] = 0.0
+    errors[:PREDICTOR_READINGS] = 0.0
     return errors
 
 
@@ -209,11 +206,11 @@ def normalised_errors(errors: Array) -> Array:
 
 def _size_around(size: Array) -> Array:
     """Standard deviation around each row, of the largest of three blocks: vibration swells and fades."""
-    whole = len(size) // _BLOCK
-    blocks = np.median(size[: whole * _BLOCK].reshape(whole, _BLOCK), axis=1) / 0.6745
+    whole = len(size) // _BLOCK_ROWS
+    blocks = np.median(size[: whole * _BLOCK_ROWS].reshape(whole, _BLOCK_ROWS), axis=1) / 0.6745
     around = np.pad(blocks, 1, mode="edge")
     blocks = np.maximum.reduce([around[:-2], around[1:-1], around[2:]])
-    return np.concatenate([np.repeat(blocks, _BLOCK), np.full(len(size) - whole * _BLOCK, blocks[-1])])
+    return np.concatenate([np.repeat(blocks, _BLOCK_ROWS), np.full(len(size) - whole * _BLOCK_ROWS, blocks[-1])])
 
 
 def _columns(record: Record, channels: Sequence[str]) -> Array:

@@ -43,7 +43,7 @@ MAX_ROWS = 100_000
 MAX_SINGLE_CHANNELS = 8
 """Setting: largest number of channels that are examined one by one, in addition to all together."""
 
-MIN_PERIOD, MAX_PERIOD = 4, 64
+MIN_PERIOD_ROWS, MAX_PERIOD_ROWS = 4, 64
 """Setting: smallest and largest number of rows from one loss to the next that are searched: more frequent losses bias
 the models, rarer ones are lost buffers (`continuity.lost_samples`)."""
 
@@ -132,7 +132,7 @@ def _by_remainder(terms: Array) -> dict[int, Array]:
     """Sums of the terms (T, 3) by the remainder of the row number (k, 3), over an even number of cycles, for each
     period k that is searched: sums of one pass over the rows, by a multiple of 2k, serve several periods."""
     sums, found, rows = dict[int, Array](), {}, len(terms)
-    for k in range(min(MAX_PERIOD, rows // 50), MIN_PERIOD - 1, -1):
+    for k in range(min(MAX_PERIOD_ROWS, rows // 50), MIN_PERIOD_ROWS - 1, -1):
         multiple = next((known for known in sums if known % (2 * k) == 0), MAX_MULTIPLE // (2 * k) * 2 * k)
         first, last = rows // multiple * multiple, rows // (2 * k) * 2 * k
         if multiple not in sums:

@@ -13,7 +13,7 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.inspection.fault import Fault
-from windsysid.inspection.faults.continuity import PREDICTORS, normalised_errors, prediction_errors
+from windsysid.inspection.faults.continuity import PREDICTOR_READINGS, normalised_errors, prediction_errors
 from windsysid.inspection.faults.runs import runs_of
 from windsysid.inspection.limits import (
     MAX_QUIET_POWER,
@@ -114,12 +114,12 @@ def _abrupt(x: Array, runs: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
     errors, usual = normalised_errors(raw), float(np.median(np.abs(raw))) / 0.6745
 
     def breaks(at: int) -> bool:
-        around = errors[max(at - 2, 0) : at + PREDICTORS]
+        around = errors[max(at - 2, 0) : at + PREDICTOR_READINGS]
         large = np.abs(around) > MIN_ABRUPT_SIGMAS
         return bool(large.any()) or float(np.mean(around**2)) > MIN_ABRUPT_POWER
 
     def quiet(first: int, end: int) -> bool:
-        inside = raw[first + PREDICTORS : end]
+        inside = raw[first + PREDICTOR_READINGS : end]
         return len(inside) >= MIN_QUIET_SAMPLES and float(np.mean(inside**2)) < MAX_QUIET_POWER * usual**2
 
     return [run for run in runs if breaks(run[0]) or breaks(run[1]) or quiet(*run)]

@@ -18,16 +18,16 @@ __all__ = ["Columns", "NotArrowError", "read_columns"]
 MARK = b"\xff\xff\xff\xff"
 """Before every message."""
 
-LONGEST_TEXT = 1000
+MAX_TEXT_BYTES = 1000
 """Of a name, a unit or a mark [bytes]."""
 
-MOST_MARKS = 100
+MAX_MARKS = 100
 """Of a schema or a field."""
 
-MOST_BATCHES = 10_000
+MAX_BATCHES = 10_000
 """Largest number of batches in a stream: each one takes 100 bytes of description, however few rows it has."""
 
-KNOWN_AT_MOST, MAX_SCHEMA_CACHE_BYTES = 32, 16_000_000
+MAX_CACHED_SCHEMAS, MAX_SCHEMA_CACHE_BYTES = 32, 16_000_000
 """Largest number of schema lengths in the cache, and of schemas of one length; size of the cache [bytes]."""
 
 SCHEMA, BATCH = 1, 3
@@ -157,8 +157,8 @@ def _batches(payload: bytes, messages: Iterator[_Message], columns: int, most_ro
         if not 0 <= batch.rows <= rows <= most_rows:
             raise NotArrowError(f"more than {most_rows} samples: send shorter blocks")
         batches.append(batch)
-        if len(batches) > MOST_BATCHES:
-            raise NotArrowError(f"more than {MOST_BATCHES} batches: send one")
+        if len(batches) > MAX_BATCHES:
+            raise NotArrowError(f"more than {MAX_BATCHES} batches: send one")
     return batches
 
 
@@ -192,7 +192,7 @@ def _known_schema(payload: bytes, message: _Message) -> _Schema | None:
 
 
 _schemas: dict[int, list[_Schema]] = {}
-"""Schemas that were read, by the length of their messages; `KNOWN_AT_MOST` lengths, and of each length as many."""
+"""Schemas that were read, by the length of their messages; `MAX_CACHED_SCHEMAS` lengths, and of each length as many."""
 
 
 def _schema(payload: bytes, message: _Message, most_columns: int) -> _Schema:
@@ -219,13 +219,13 @@ def _schema(payload: bytes, message: _Message, most_columns: int) -> _Schema:
 def _remember(schema: _Schema, length: int) -> None:
     """Add a schema of so many bytes to the cache, which is emptied where it would become too large."""
     held = sum(size * len(alike) for size, alike in _schemas.items())
-    if len(_schemas) >= KNOWN_AT_MOST or held + length > MAX_SCHEMA_CACHE_BYTES:
+    if len(_schemas) >= MAX_CACHED_SCHEMAS or held + length > MAX_SCHEMA_CACHE_BYTES:
         _schemas.clear()
     texts = sum(len(field.name) + len(field.unit or "") for field in schema.fields)
     if texts <= length <= MAX_SCHEMA_CACHE_BYTES:  # longer texts would share their bytes
         alike = _schemas.setdefault(length, [])
         alike.insert(0, schema)
-        del alike[KNOWN_AT_MOST:]
+        del alike[MAX_CACHED_SCHEMAS:]
 
 
 def _too_wide(columns: int, most: int) -> NotArrowError:
@@ -248,8 +248,8 @@ def _field(payload: bytes, table: int) -> _Field:
 def _marks(payload: bytes, at: int) -> list[list[int]]:
     """Metadata: where the key and the value of each are."""
     count, first = _vector(payload, at)
-    if count > MOST_MARKS:
-        raise NotArrowError(f"{count} metadata: expected {MOST_MARKS} at most")
+    if count > MAX_MARKS:
+        raise NotArrowError(f"{count} metadata: expected {MAX_MARKS} at most")
     return [_places(payload, _table(payload, first + 4 * i), 2) for i in range(count)]
 
 
@@ -320,8 +320,8 @@ def _vector(payload: bytes, at: int) -> tuple[int, int]:
 def _span(payload: bytes, at: int) -> tuple[int, int]:
     """Start and end of a text."""
     length, begin = _vector(payload, at)
-    if length > LONGEST_TEXT or begin + length > len(payload):
-        raise NotArrowError(f"a text of {length} bytes: expected {LONGEST_TEXT} at most")
+    if length > MAX_TEXT_BYTES or begin + length > len(payload):
+        raise NotArrowError(f"a text of {length} bytes: expected {MAX_TEXT_BYTES} at most")
     return begin, begin + length
 
 

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from windsysid.errors import ConfigurationError, RecordError, StoreError, WindsysidError
 from windsysid.live.blocks.arrow import NotArrowError, read_columns
 from windsysid.live.blocks.block import Block
-from windsysid.live.blocks.limits import LAST_MOMENT, BlockLimits, one_line
+from windsysid.live.blocks.limits import MAX_TIME_NS, BlockLimits, one_line
 from windsysid.records.checks import check_channels
 from windsysid.records.moments import moment, tidy
 from windsysid.records.record import AS_WRITTEN
@@ -169,12 +169,12 @@ def _check_numbers(block: Block, limits: BlockLimits) -> None:
     if not limits.lowest_rate <= block.rate <= limits.rate:
         raise BlockRefused(f"rate: expected {limits.lowest_rate:g} to {limits.rate:g} Hz, got {block.rate:g}")
     for name, number in (("start", block.start), ("sequence", block.sequence)):
-        if not (isinstance(number, Integral) and 0 <= number < LAST_MOMENT):
+        if not (isinstance(number, Integral) and 0 <= number < MAX_TIME_NS):
             raise BlockRefused(
-                f"{name}: expected a whole number from 0 to {LAST_MOMENT}{' (ns since 1970)' * (name == 'start')}, got"
+                f"{name}: expected a whole number from 0 to {MAX_TIME_NS}{' (ns since 1970)' * (name == 'start')}, got"
                 f" {number!r:.24}"
             )
-    if block.start + len(block.values) * 1e9 / block.rate >= LAST_MOMENT:
+    if block.start + len(block.values) * 1e9 / block.rate >= MAX_TIME_NS:
         raise BlockRefused(f"start: the block ends after the year 2115: it begins at {block.start} ns since 1970")
 
 
@@ -192,7 +192,7 @@ def _in_si(
             factors = tuple(1.0 if unit.startswith(AS_WRITTEN) else to_si(1.0, unit) for unit in units)
         except (RecordError, ConfigurationError) as error:
             raise BlockRefused(" ".join(str(error).split())) from None
-        if len(_known) >= _KNOWN_AT_MOST:
+        if len(_known) >= _MAX_CACHED_UNITS:
             _known.clear()
         known = _known[key] = own, (None if set(factors) == {1.0} else np.array(factors))
     own, scale = known
@@ -209,7 +209,7 @@ def _check_texts(channels: tuple[str, ...], units: tuple[str, ...], limits: Bloc
             raise BlockRefused(f"name or unit {text!r:.60}: expected up to {limits.name} printable characters")
 
 
-_KNOWN_AT_MOST = 512
+_MAX_CACHED_UNITS = 512
 _known: dict[tuple[tuple[str, ...], tuple[str, ...], int], tuple[tuple[str, ...], NDArray[np.float64] | None]] = {}
 """Names and units that were looked at before: the same loggers send the same ones all day."""
 

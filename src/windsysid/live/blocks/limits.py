@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 from windsysid.output.console import printable
 
-__all__ = ["LAST_MOMENT", "MAX_TABLE_CHANNELS", "BlockLimits", "cells_allowed", "one_line"]
+__all__ = ["MAX_TABLE_CHANNELS", "MAX_TIME_NS", "BlockLimits", "cells_allowed", "one_line"]
 
-LAST_MOMENT = 2**62
+MAX_TIME_NS = 2**62
 """Latest time of a sample [ns since 1970], in the year 2116."""
 
 ALWAYS_ALLOWED_CELLS = 4_000_000

@@ -37,7 +37,7 @@ __all__ = ["LogSettings", "MqttNotice", "PageSettings", "Settings", "SettingsErr
 
 LOOPBACK = ("127.0.0.1", "::1", "localhost")
 SEVERITIES = ("notice", "warning", "alarm")
-LEAST_LEARNED = 12
+MIN_LEARNING_WINDOWS = 12
 """Windows that the watch learns from at least."""
 
 
@@ -183,7 +183,7 @@ def _settings(file: TomlTable) -> Settings:
     return Settings(
         store=store, turbines=turbines, sources=sources, notices=tuple(notices), page=page, log=log,
         window=window, lateness=lateness, silence=silence, formulation=formulation, workers=workers,
-        alarms_per_year=alarms, learn=max(round(learn / window), LEAST_LEARNED), keep=keep,
+        alarms_per_year=alarms, learn=max(round(learn / window), MIN_LEARNING_WINDOWS), keep=keep,
     )  # fmt: skip
 
 

@@ -15,8 +15,8 @@ from windsysid.units import parse_quantity
 
 __all__ = ["Secret", "TomlTable"]
 
-_LONGEST_SECRET = 4096
-_LONGEST_SHOWN = 40
+_MAX_SECRET_CHARACTERS = 4096
+_MAX_SHOWN_CHARACTERS = 40
 MAX_KEYS_SHOWN = 3
 """Setting: largest number of unknown keys of a table that a fault names."""
 
@@ -164,7 +164,7 @@ class TomlTable:
     def _secret_of(self, key: str, path: Path) -> Secret | None:
         try:
             with path.open(encoding="utf-8") as file:
-                text = file.read(_LONGEST_SECRET).strip()
+                text = file.read(_MAX_SECRET_CHARACTERS).strip()
         except (OSError, ValueError) as error:
             why = getattr(error, "strerror", None) or "it is not a text file"
             self.fault(f"{key}: '{path}' cannot be read ({why}): make it a text file that the service may read")
@@ -191,7 +191,9 @@ class TomlTable:
         """Note the unknown keys of the table as one fault."""
         unknown = [key for key in self.given if key not in self.known]
         near = [(key, difflib.get_close_matches(key, self.known, 1)) for key in unknown[:MAX_KEYS_SHOWN]]
-        shown = [f"'{key[:_LONGEST_SHOWN]}'" + "".join(f" (meant '{one}'?)" for one in found) for key, found in near]
+        shown = [
+            f"'{key[:_MAX_SHOWN_CHARACTERS]}'" + "".join(f" (meant '{one}'?)" for one in found) for key, found in near
+        ]
         if unknown:
             more = f" and {len(unknown) - len(shown)} more" if len(unknown) > len(shown) else ""
             keys = "key" if len(unknown) == 1 else "keys"
@@ -210,4 +212,4 @@ def _shown(value: Any) -> str:
     if isinstance(value, dict | list):
         return "a table" if isinstance(value, dict) else "a list"
     text = repr(value)
-    return text if len(text) <= _LONGEST_SHOWN else f"{text[: _LONGEST_SHOWN - 1]}…"
+    return text if len(text) <= _MAX_SHOWN_CHARACTERS else f"{text[: _MAX_SHOWN_CHARACTERS - 1]}…"

@@ -26,7 +26,7 @@ COOKIE = "windsysid_session"
 SESSION_SECONDS = 30 * 86400
 """A screen on a wall logs in once a month."""
 
-MIN_TOKEN = 16
+MIN_TOKEN_CHARACTERS = 16
 """Least number of characters of a token, so that it cannot be guessed."""
 
 LOOPBACK = ("localhost", "127.0.0.1", "[::1]")
@@ -55,10 +55,12 @@ class Access:
 
     def __post_init__(self) -> None:
         for name, token in (("read-only", self.read), ("operator", self.operate)):
-            if token is not None and (len(token) < MIN_TOKEN or not token.isascii() or not token.isprintable()):
+            if token is not None and (
+                len(token) < MIN_TOKEN_CHARACTERS or not token.isascii() or not token.isprintable()
+            ):
                 raise ConfigurationError(
-                    f"{name} token: expected {MIN_TOKEN} or more printable ASCII characters, got {len(token)}:"
-                    " make one by `openssl rand -hex 32`"
+                    f"{name} token: expected {MIN_TOKEN_CHARACTERS} or more printable ASCII characters, got"
+                    f" {len(token)}: make one by `openssl rand -hex 32`"
                 )
         if self.read is not None and self.read == self.operate:
             raise ConfigurationError("page: the read-only and the operator token are the same: give each its own")

@@ -38,20 +38,20 @@ STATIC = FilePath(__file__).parent / "static"
 PLOTS = FilePath(reports.__file__).parent / "static"
 """Script and style of the plots of report pages."""
 
-MOST_POINTS = 4000
+MAX_POINTS = 4000
 """Setting: largest number of windows in one answer."""
 
 MAX_SPECTRA = 800
 """Setting: spectra of one waterfall."""
 
-MOST_MOMENT = 9.2e12
+MAX_TIME_MS = 9.2e12
 """Largest time [ms] whose nanoseconds have 64 bits: the year 2261."""
 
-MOST_EVENT = 2**63 - 1
+MAX_EVENT = 2**63 - 1
 
 Name = Annotated[str, Path(pattern=r"^[\w. -]*\w$", max_length=200, description="of a turbine")]
-Moment = Annotated[float | None, Query(ge=0.0, le=MOST_MOMENT, allow_inf_nan=False, description="ms since 1970, UTC")]
-Most = Annotated[int, Query(ge=2, le=MOST_POINTS, description="of more windows, a sample at equal steps")]
+Moment = Annotated[float | None, Query(ge=0.0, le=MAX_TIME_MS, allow_inf_nan=False, description="ms since 1970, UTC")]
+Most = Annotated[int, Query(ge=2, le=MAX_POINTS, description="of more windows, a sample at equal steps")]
 Key = Annotated[str, Path(max_length=500, pattern=r"^[^\x00-\x1f\x7f]+$", description="of an alarm")]
 
 
@@ -239,7 +239,7 @@ def _turbines(store: Store, engine: PageEngine | None, newest: Newest, door: Doo
     @router.get("/results/{window}")
     def result(
         turbine: Annotated[str, Depends(known)],
-        window: Annotated[float, Path(ge=0.0, le=MOST_MOMENT, allow_inf_nan=False, description="its begin, ms")],
+        window: Annotated[float, Path(ge=0.0, le=MAX_TIME_MS, allow_inf_nan=False, description="its begin, ms")],
     ) -> models.Detail:
         """All results of one window."""
         begin = round(window * NS_PER_MS)
@@ -259,7 +259,7 @@ def _alarms(store: Store, engine: PageEngine | None, door: Door) -> APIRouter:
     def alarms(
         turbine: Annotated[str | None, Query(pattern=r"^[\w. -]*\w$", max_length=200)] = None,
         open_only: bool = False,
-        most: Annotated[int, Query(ge=1, le=MOST_POINTS)] = 200,
+        most: Annotated[int, Query(ge=1, le=MAX_POINTS)] = 200,
     ) -> list[models.AlarmSeen]:
         """Alarms, newest first."""
         return [alarm_seen(alarm) for alarm in store.alarms(turbine=turbine, open_only=open_only, most=most)]
@@ -294,7 +294,7 @@ def _events(streams: Streams, door: Door) -> APIRouter:
 
     @router.get("/api/events", response_class=EventSourceResponse, dependencies=[Depends(door), Depends(counted_in)])
     async def events(
-        after: Annotated[int | None, Query(ge=0, le=MOST_EVENT, description="an event: what came after it")] = None,
+        after: Annotated[int | None, Query(ge=0, le=MAX_EVENT, description="an event: what came after it")] = None,
         last_event_id: Annotated[str | None, Header(description="as `after`; it goes before it")] = None,
     ) -> AsyncIterator[ServerSentEvent]:
         """Changes as server-sent events; ids are those of the store's journal."""

@@ -8,7 +8,7 @@ from windsysid.live.store.store import Store
 
 __all__ = ["Newest"]
 
-MOST_EVENTS = 5000
+MAX_EVENTS = 5000
 """Setting: events that are checked for new results; after more, all results are read again."""
 
 
@@ -32,10 +32,10 @@ class Newest:
 
     def _forget_changed(self) -> None:
         last = self._store.last_event()
-        if last - self._event > MOST_EVENTS:
+        if last - self._event > MAX_EVENTS:
             self._results.clear()
         elif last > self._event:
-            for event in self._store.events(self._event, most=MOST_EVENTS):
+            for event in self._store.events(self._event, most=MAX_EVENTS):
                 if event.kind == "result":
                     self._results.pop(event.turbine, None)
         self._event = last

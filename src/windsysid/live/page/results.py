@@ -21,7 +21,7 @@ __all__ = ["NS_PER_MS", "detail_of", "levels_of", "list_of", "ms_of", "number_of
 
 NS_PER_MS = 1_000_000
 
-MULTIPLES = 4
+MAX_BLADE_PASSING_MULTIPLE = 4
 """Setting: multiples of the blade-passing frequency, in addition to 1P."""
 
 TWO_PI = 2.0 * math.pi
@@ -128,7 +128,7 @@ def _excitations(row: Mapping[str, Any]) -> list[models.Excitation]:
     speed, blades = number_of(row.get("rotor_speed")), _blades(row)
     if not speed or blades is None:
         return []
-    orders = [1, *(blades * k for k in range(1, MULTIPLES + 1))]
+    orders = [1, *(blades * k for k in range(1, MAX_BLADE_PASSING_MULTIPLE + 1))]
     return [models.Excitation(name=f"{order}P", frequency=order * speed / TWO_PI) for order in orders]
 
 

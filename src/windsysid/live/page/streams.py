@@ -18,7 +18,7 @@ __all__ = ["Streams", "TooManyStreams"]
 POLL_SECONDS = 0.5
 """Interval of reading the journal while pages are open [s]."""
 
-KEPT_EVENTS = 2000
+MAX_SINGLE_EVENTS = 2000
 """Largest number of events sent one by one; after more, a page requests all data again."""
 
 
@@ -36,7 +36,7 @@ class Streams:
     def __init__(self, store: Store, most: int) -> None:
         self._store, self._most = store, most
         self._open = 0
-        self._kept: deque[Event] = deque(maxlen=KEPT_EVENTS)
+        self._kept: deque[Event] = deque(maxlen=MAX_SINGLE_EVENTS)
         self._complete_after = self._last = 0
         self._changed = asyncio.Event()
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -94,13 +94,13 @@ class Streams:
         while not self._closed:
             await asyncio.sleep(POLL_SECONDS)
             try:
-                fresh = await asyncio.to_thread(self._store.events, self._last, most=KEPT_EVENTS)
+                fresh = await asyncio.to_thread(self._store.events, self._last, most=MAX_SINGLE_EVENTS)
             except WindsysidError:  # the database is not reachable: try again
                 continue
             if fresh:
                 self._kept.extend(fresh)
                 self._last = fresh[-1].id
-                if len(self._kept) == KEPT_EVENTS:
+                if len(self._kept) == MAX_SINGLE_EVENTS:
                     self._complete_after = self._kept[0].id - 1
                 self._wake()
 

@@ -22,7 +22,7 @@ VERDICTS = get_args(models.Verdict)
 
 SEVERITIES = ("alarm", "warning", "notice")
 
-MOST_OPEN = 10_000
+MAX_OPEN_ALARMS = 10_000
 """Setting: largest number of open alarms in an overview."""
 
 
@@ -52,7 +52,7 @@ def overview_of(store: Store, engine: PageEngine | None, newest: Newest, role: s
     turbines = state.turbines if state is not None else {}
     statuses = {status.turbine: status for status in store.statuses()}
     healths = _by_turbine(store.healths())
-    alarms = _by_turbine(store.alarms(open_only=True, most=MOST_OPEN))
+    alarms = _by_turbine(store.alarms(open_only=True, most=MAX_OPEN_ALARMS))
     names = sorted({*store.turbines(), *turbines})
     results = newest.of(names)
     summaries = [

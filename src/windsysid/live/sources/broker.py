@@ -18,19 +18,19 @@ from windsysid.errors import ConfigurationError
 from windsysid.live.configuration.source_settings import Broker
 
 __all__ = [
-    "LONGEST_PAYLOAD", "TOPIC", "Marks", "Topics", "connect", "marks_of", "needed", "new_client", "properties_of",
+    "MAX_PAYLOAD_BYTES", "TOPIC", "Marks", "Topics", "connect", "marks_of", "needed", "new_client", "properties_of",
 ]  # fmt: skip
 
 TOPIC = "windsysid/{turbine}/blocks"
 """Of blocks."""
 
-LONGEST_PAYLOAD = 2_000_000
+MAX_PAYLOAD_BYTES = 2_000_000
 """Of a message [bytes]: the broker hands longer ones to no service."""
 
-KEEPALIVE = 20
+KEEPALIVE_SECONDS = 20
 """A connection that is silent for half as long again is lost [s]."""
 
-PATIENCE = 5.0
+MAX_CONNECT_SECONDS = 5.0
 """For a connection to be made [s]."""
 
 
@@ -118,7 +118,7 @@ def new_client(broker: Broker, name: str = "", *, manual_ack: bool = False) -> A
         reconnect_on_failure=False,
         manual_ack=manual_ack,
     )
-    client.connect_timeout = PATIENCE
+    client.connect_timeout = MAX_CONNECT_SECONDS
     if broker.user:
         client.username_pw_set(broker.user, None if broker.password is None else broker.password.value)
     if broker.url.startswith("mqtts://"):
@@ -144,7 +144,7 @@ def connect(client: Any, broker: Broker, *, clean: bool, properties: Mapping[str
         setattr(told, name, value)
     address = urlsplit(broker.url)
     port = address.port or (8883 if address.scheme == "mqtts" else 1883)
-    client.connect(address.hostname or "", port, KEEPALIVE, clean_start=clean, properties=told)
+    client.connect(address.hostname or "", port, KEEPALIVE_SECONDS, clean_start=clean, properties=told)
     client.loop_start()
 
 

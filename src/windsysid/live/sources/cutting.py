@@ -16,13 +16,13 @@ __all__ = ["begin_of", "blocks_of", "even_rate", "moment_ns"]
 SECOND = 1_000_000_000
 """Nanoseconds."""
 
-_GAP = 1.5
+_MIN_GAP_STEPS = 1.5
 """Steps: a longer one is a gap."""
 
-_OFF = 0.25
+_MAX_OFF_GRID_STEPS = 0.25
 """Of a step: a sample farther from its block's grid is not evenly spaced."""
 
-_ROUNDED = 0.05
+_MAX_ROUNDING_STEPS = 0.05
 """Of a step: how far a rate with fewer digits may move the last sample."""
 
 
@@ -57,7 +57,7 @@ def even_rate(record: Record) -> float:
     rate = record.rate
     for digits in range(3, 12):
         rounded = float(f"{rate:.{digits}g}")
-        if record.duration * abs(1.0 - rounded / rate) <= _ROUNDED / rate:
+        if record.duration * abs(1.0 - rounded / rate) <= _MAX_ROUNDING_STEPS / rate:
             return rounded
     return rate
 
@@ -83,13 +83,13 @@ def blocks_of(record: Record, turbine: str, begin: int, *, seconds: float = 1.0,
     """
     rate = even_rate(record)
     length = max(1, round(seconds * rate))
-    edges = [0, *(np.flatnonzero(np.diff(record.time) * rate > _GAP) + 1).tolist(), record.samples]
+    edges = [0, *(np.flatnonzero(np.diff(record.time) * rate > _MIN_GAP_STEPS) + 1).tolist(), record.samples]
     for first, last in itertools.pairwise(edges):
         for low in range(first, last, length):
             high = min(low + length, last)
             place = (record.time[low:high] - record.time[low]) * rate
             off = np.abs(place - np.arange(high - low))
-            if off.max() > _OFF:
+            if off.max() > _MAX_OFF_GRID_STEPS:
                 raise RecordError(
                     f"{record.name}: samples at {record.time[low]:.6g} s are not evenly spaced: expected one rate,"
                     f" {rate:.6g} Hz; put them on one rate first"

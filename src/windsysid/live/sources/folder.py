@@ -22,13 +22,13 @@ __all__ = ["FolderSource"]
 
 logger = logging.getLogger(__name__)
 
-LOOK_EVERY = 2.0
+POLL_SECONDS = 2.0
 """Interval of reading the folder [s]: a file that is equal at two readings is complete."""
 
-BLOCK = 10.0
+BLOCK_SECONDS = 10.0
 """Length of a block [s]."""
 
-_PIECE = 600.0
+_PIECE_SECONDS = 600.0
 """Of a file that is in memory at once [s]."""
 
 
@@ -87,7 +87,7 @@ class FolderSource:
                 if stop.is_set():
                     break
                 self._taken[path] = face
-            await stopped_within(stop, LOOK_EVERY)
+            await stopped_within(stop, POLL_SECONDS)
         self.state = self.state._replace(state="ended")
 
     def _complete(self) -> list[tuple[Path, _Face]]:
@@ -131,7 +131,7 @@ class FolderSource:
     def _blocks(self, path: Path) -> Iterator[Block]:
         until = self._until.get(path)
         begin = None
-        for piece in iterate_record(path, _PIECE, mapping=self.mapping):
+        for piece in iterate_record(path, _PIECE_SECONDS, mapping=self.mapping):
             begin = begin_of(piece) if begin is None else begin
             if begin is None:
                 raise RecordError(
@@ -139,7 +139,7 @@ class FolderSource:
                 )
             fresh = piece if until is None else _behind(piece, until)
             if fresh is not None:
-                yield from blocks_of(fresh, self.turbine, begin, seconds=BLOCK)
+                yield from blocks_of(fresh, self.turbine, begin, seconds=BLOCK_SECONDS)
                 self._until[path] = float(fresh.time[-1])
 
 

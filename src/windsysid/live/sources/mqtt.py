@@ -19,36 +19,36 @@ from typing import Any
 from windsysid.live.blocks.block import Block
 from windsysid.live.blocks.codec import BlockLimits, BlockRefused, decode, refusing
 from windsysid.live.configuration.source_settings import Broker
-from windsysid.live.sources.broker import LONGEST_PAYLOAD, TOPIC, Marks, Topics, connect, marks_of, new_client
+from windsysid.live.sources.broker import MAX_PAYLOAD_BYTES, TOPIC, Marks, Topics, connect, marks_of, new_client
 from windsysid.live.sources.source import Push, SourceState, retries, stopped_within
 
 __all__ = ["Inbox", "MqttSource"]
 
 logger = logging.getLogger(__name__)
 
-ON_THEIR_WAY = 4000
+MAX_UNACKNOWLEDGED_MESSAGES = 4000
 """Messages that the broker sends before the first of them is acknowledged: of 100 turbines that are behind, and of
-others, but no more than the engine lets in (`windsysid.live.engine.BOUND`)."""
+others, but no more than the engine lets in (`windsysid.live.engine.MAX_PENDING_BLOCKS`)."""
 
-WAITING = 64_000_000
+MAX_WAITING_BYTES = 64_000_000
 """Bytes of messages that wait for the engine; the broker's others wait in its connection."""
 
-PATIENCE = 20.0
+MAX_WAIT_SECONDS = 20.0
 """The longest that a message waits for room [s]: the client keeps the connection alive between two messages."""
 
-KEPT = 7 * 86_400
+SESSION_EXPIRY_SECONDS = 7 * 86_400
 """Time for which the broker keeps messages for a disconnected service [s]."""
 
-TOLD_EVERY = 0.1
+ACKNOWLEDGEMENT_SECONDS = 0.1
 """Interval of acknowledgements to publishers [s]."""
 
-QUIET = 10.0
+LOG_INTERVAL_SECONDS = 10.0
 """Between two lines of the log about refused messages [s]."""
 
-TOPICS_AT_ONCE = 100
+MAX_TOPICS_PER_MESSAGE = 100
 """In one message to the broker."""
 
-STREAMS = 32
+MAX_STREAMS = 32
 """Setting: loggers of a turbine whose blocks are acknowledged."""
 
 
@@ -76,7 +76,7 @@ class MqttSource:
         self._lock = threading.Lock()
         self._committed: dict[str, dict[str, int]] = {turbine: {} for turbine in self.turbines.values()}
         self._untold: set[tuple[str, str]] = set()
-        self._said = -QUIET
+        self._said = -LOG_INTERVAL_SECONDS
 
     def describe(self) -> str:
         """The broker and the number of turbines."""
@@ -107,7 +107,7 @@ class MqttSource:
             streams = self._committed[turbine]
             known = streams.get(stream)
             if known is None:
-                if after is None and len(streams) < STREAMS:
+                if after is None and len(streams) < MAX_STREAMS:
                     streams[stream] = sequence
             elif after is None or after <= known:
                 streams[stream] = max(known, sequence)
@@ -129,7 +129,7 @@ class MqttSource:
                 self.state = state._replace(blocks=state.blocks + 1)
                 return
             self.state = state.with_refusal(refused)
-            speak = time.monotonic() - self._said >= QUIET
+            speak = time.monotonic() - self._said >= LOG_INTERVAL_SECONDS
             if speak:
                 self._said = time.monotonic()
         if speak:
@@ -152,9 +152,9 @@ class Inbox:
         self._closed = False
 
     def put(self, message: Any) -> None:
-        """Add a message, when there is room for it or `PATIENCE` has passed."""
+        """Add a message, when there is room for it or `MAX_WAIT_SECONDS` has passed."""
         with self._changed:
-            self._changed.wait_for(lambda: self._closed or self.bytes < self._most, PATIENCE)
+            self._changed.wait_for(lambda: self._closed or self.bytes < self._most, MAX_WAIT_SECONDS)
             self._messages.append(message)
             self.bytes += len(message.payload)
             self._changed.notify_all()
@@ -188,7 +188,7 @@ class _Session:
         self._source, self._push = source, push
         self.was_connected = False
         self._why = ""
-        self._inbox = Inbox(WAITING)
+        self._inbox = Inbox(MAX_WAITING_BYTES)
         self._loop = asyncio.get_running_loop()
         self._over = asyncio.Event()
         self._client = new_client(source.broker, source.client, manual_ack=True)
@@ -202,7 +202,7 @@ class _Session:
         taking.start()
         try:
             await asyncio.to_thread(self._connect)
-            while not self._over.is_set() and not await stopped_within(stop, TOLD_EVERY):
+            while not self._over.is_set() and not await stopped_within(stop, ACKNOWLEDGEMENT_SECONDS):
                 self._tell(self._source.untold())
         except OSError as error:
             self._why = f"no connection ({error.strerror or error})"
@@ -213,9 +213,9 @@ class _Session:
 
     def _connect(self) -> None:
         told = {
-            "SessionExpiryInterval": KEPT,
-            "ReceiveMaximum": ON_THEIR_WAY,
-            "MaximumPacketSize": LONGEST_PAYLOAD + 65_536,
+            "SessionExpiryInterval": SESSION_EXPIRY_SECONDS,
+            "ReceiveMaximum": MAX_UNACKNOWLEDGED_MESSAGES,
+            "MaximumPacketSize": MAX_PAYLOAD_BYTES + 65_536,
         }
         connect(self._client, self._source.broker, clean=False, properties=told)
 
@@ -237,8 +237,8 @@ class _Session:
         from paho.mqtt.subscribeoptions import SubscribeOptions
 
         topics = [(topic, SubscribeOptions(qos=1)) for topic in self._source.turbines]
-        for i in range(0, len(topics), TOPICS_AT_ONCE):
-            client.subscribe(topics[i : i + TOPICS_AT_ONCE])
+        for i in range(0, len(topics), MAX_TOPICS_PER_MESSAGE):
+            client.subscribe(topics[i : i + MAX_TOPICS_PER_MESSAGE])
         self._tell(self._source.untold(everything=True))  # a broker that was killed has forgotten it
         self.was_connected = True
         self._source.state = self._source.state._replace(state="running", text="")
@@ -264,7 +264,7 @@ class _Session:
         try:
             with refusing("read"):
                 marks = marks_of(message)
-                block = decode(message.payload, turbine=turbine, limits=BlockLimits(payload=LONGEST_PAYLOAD))
+                block = decode(message.payload, turbine=turbine, limits=BlockLimits(payload=MAX_PAYLOAD_BYTES))
             future = self._push(block)
         except BlockRefused as error:
             self._refuse(message, turbine, marks, str(error))

@@ -31,22 +31,22 @@ logger = logging.getLogger(__name__)
 SECOND = 1_000_000_000
 """Nanoseconds."""
 
-BLOCK = 5.0
+BLOCK_SECONDS = 5.0
 """Length of a block [s], and one sample at least."""
 
-PATIENCE = 4.0
+MAX_ANSWER_SECONDS = 4.0
 """For an answer of the server [s]."""
 
-LAST_WAIT = 2.0
+MAX_LAST_WAIT_SECONDS = 2.0
 """For the store to take the last blocks when the service ends [s]."""
 
 POLICIES = ("Aes256Sha256RsaPss", "Aes128Sha256RsaOaep", "Basic256Sha256")
 """Kinds of encryption, the strongest first."""
 
-LATE = 0.5
+MAX_DELAY_PERIODS = 0.5
 """Of a period: an answer that comes later is of another moment, and missing."""
 
-KEPT = 10_000
+MAX_KEPT_BLOCKS = 10_000
 """Blocks that wait for the store at most: beyond, the oldest are dropped."""
 
 STREAM = "scada"
@@ -111,14 +111,14 @@ class OpcuaSource:
                     logger.warning("%s: %s; trying again", self.describe(), why)
                     self.state = self.state._replace(state="trying", text=why)
             with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(self._blocks.join(), LAST_WAIT)
+                await asyncio.wait_for(self._blocks.join(), MAX_LAST_WAIT_SECONDS)
         finally:
             bringing.cancel()
         self.state = self.state._replace(state="ended")
 
     async def _hold(self, asyncua: Any, succeeded: Any, stop: asyncio.Event) -> str:
         """Be connected, and read, until it fails or `stop` is set; why it failed."""
-        client = asyncua.Client(self.server, timeout=PATIENCE)
+        client = asyncua.Client(self.server, timeout=MAX_ANSWER_SECONDS)
         if self.user:
             client.set_user(self.user)
             client.set_password("" if self.password is None else self.password.value)
@@ -128,8 +128,8 @@ class OpcuaSource:
             raise ConfigurationError(f"node: expected one such as ns=2;s=Rotor.Speed: {str(error)[:80]}") from None
         try:
             if self.secured is not None:
-                await asyncio.wait_for(_secure(client, self.secured), 2.0 * PATIENCE)
-            await asyncio.wait_for(client.connect(), 2.0 * PATIENCE)
+                await asyncio.wait_for(_secure(client, self.secured), 2.0 * MAX_ANSWER_SECONDS)
+            await asyncio.wait_for(client.connect(), 2.0 * MAX_ANSWER_SECONDS)
             succeeded()
             self.state = self.state._replace(state="running", text="")
             await self._read(client, nodes, stop)
@@ -139,20 +139,20 @@ class OpcuaSource:
             return str(error).split("\n")[0][:120] or type(error).__name__
         finally:
             try:
-                await asyncio.wait_for(client.disconnect(), PATIENCE)
+                await asyncio.wait_for(client.disconnect(), MAX_ANSWER_SECONDS)
             except Exception:
                 logger.debug("disconnecting", exc_info=True)
         return ""
 
     async def _read(self, client: Any, nodes: Sequence[Any], stop: asyncio.Event) -> None:
         period = round(self.every * SECOND)
-        length = max(1, round(BLOCK / self.every))
+        length = max(1, round(BLOCK_SECONDS / self.every))
         rows: list[list[float]] = []
         first = tick = time.time_ns() // period * period + period
         try:
             while not await stopped_within(stop, max(0.0, (tick - time.time_ns()) / SECOND)):
-                answers = await asyncio.wait_for(client.read_attributes(nodes), PATIENCE)
-                late = time.time_ns() - tick > LATE * period
+                answers = await asyncio.wait_for(client.read_attributes(nodes), MAX_ANSWER_SECONDS)
+                late = time.time_ns() - tick > MAX_DELAY_PERIODS * period
                 rows.append([math.nan if late else _number(answer) for answer in answers])
                 tick += period
                 behind = (time.time_ns() - tick) // period
@@ -166,7 +166,7 @@ class OpcuaSource:
     def _give(self, start: int, rows: list[list[float]]) -> None:
         if not rows:
             return
-        if self._blocks.qsize() >= KEPT:
+        if self._blocks.qsize() >= MAX_KEPT_BLOCKS:
             self._blocks.get_nowait()
             self._blocks.task_done()
             logger.warning(

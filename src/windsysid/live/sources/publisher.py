@@ -24,7 +24,7 @@ from windsysid.live.blocks.block import Block
 from windsysid.live.blocks.codec import BlockRefused, check, encode_arrow
 from windsysid.live.configuration.source_settings import Broker
 from windsysid.live.sources.broker import (
-    LONGEST_PAYLOAD,
+    MAX_PAYLOAD_BYTES,
     TOPIC,
     Marks,
     Topics,
@@ -40,20 +40,20 @@ __all__ = ["Publisher"]
 
 logger = logging.getLogger(__name__)
 
-WIDEST = 32
+MAX_UNCOMMITTED_BLOCKS = 32
 """Blocks of a flow that were sent and are not committed, at most."""
 
-UNDER_WAY = 500
+MAX_UNCOMMITTED_BLOCKS_OF_ALL = 500
 """Largest number of sent blocks of all flows without commit: mosquitto by default keeps 1000 messages for a service,
 and drops more silently."""
 
-LONGEST_PAUSE = 30.0
+MAX_PAUSE_SECONDS = 30.0
 """Between two attempts to reach the broker [s]."""
 
 LOOK_EVERY = 0.25
 """Interval at which sent blocks that are not committed are looked for [s]."""
 
-LONGEST_PATIENCE = 60.0
+MAX_COMMIT_SECONDS = 60.0
 """Time for the service to commit a sent block [s]."""
 
 
@@ -63,7 +63,7 @@ class _Sending:
     def __init__(self, patience: float, under_way: Counter[str]) -> None:
         self.committed: int | None = None
         self.sent: deque[int] = deque()
-        self.width, self.patience, self.until = WIDEST, patience, 0.0
+        self.width, self.patience, self.until = MAX_UNCOMMITTED_BLOCKS, patience, 0.0
         self._under_way = under_way
 
     def add(self, number: int) -> None:
@@ -177,8 +177,8 @@ class Publisher:
             (Flow(block.turbine, block.stream), PackedBlock(block.sequence, encode_arrow(block))) for block in blocks
         ]
         longest = max((len(one.payload) for _, one in packed), default=0)
-        if longest > LONGEST_PAYLOAD:
-            raise BlockRefused(f"block of {longest} bytes: expected {LONGEST_PAYLOAD} at most; send shorter blocks")
+        if longest > MAX_PAYLOAD_BYTES:
+            raise BlockRefused(f"block of {longest} bytes: expected {MAX_PAYLOAD_BYTES} at most; send shorter blocks")
         with self._changed:
             new, newest = self._new(packed)
             if not new:
@@ -252,7 +252,7 @@ class Publisher:
             with self._changed:
                 self._connected = False
                 self._changed.wait_for(lambda: self._closing, pause * random.uniform(0.5, 1.0))
-            pause = min(2.0 * pause, LONGEST_PAUSE)
+            pause = min(2.0 * pause, MAX_PAUSE_SECONDS)
 
     def _new_client(self) -> Any:
         client = new_client(self.broker)
@@ -288,7 +288,7 @@ class Publisher:
             if sending.sent and now > sending.until:
                 self.resent += len(sending.sent)
                 sending.go_back(1)
-                sending.patience = min(2.0 * sending.patience, LONGEST_PATIENCE)
+                sending.patience = min(2.0 * sending.patience, MAX_COMMIT_SECONDS)
                 self._due[flow] = None
 
     def _may_send(self) -> bool:
@@ -296,7 +296,7 @@ class Publisher:
 
     def _room(self) -> int:
         """Blocks that may be sent before more are committed."""
-        return UNDER_WAY - self._under_way["blocks"]
+        return MAX_UNCOMMITTED_BLOCKS_OF_ALL - self._under_way["blocks"]
 
     def _send_more(self, client: Any, flow: Flow, sending: _Sending) -> None:
         if sending.committed is not None:
@@ -320,7 +320,7 @@ class Publisher:
         with self._changed:
             for flow, sending in self._flows.items():
                 self._hear(client, flow)
-                sending.go_back(WIDEST)
+                sending.go_back(MAX_UNCOMMITTED_BLOCKS)
                 self._due[flow] = None
             self._connected, self._why = True, ""
             self._changed.notify_all()
@@ -370,7 +370,7 @@ class Publisher:
         sending.committed = number
         self._newest[flow] = max(number, self._newest.get(flow, number))
         sending.commit(number)
-        sending.width = min(2 * sending.width, WIDEST)
+        sending.width = min(2 * sending.width, MAX_UNCOMMITTED_BLOCKS)
         sending.patience, sending.until = self.patience, time.monotonic() + self.patience
         self._due[flow] = None
         self._changed.notify_all()

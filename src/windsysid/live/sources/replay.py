@@ -16,7 +16,7 @@ from windsysid.records.record import Record
 
 __all__ = ["Replay", "begin_or_now", "paced", "record_blocks"]
 
-_PIECE = 600.0
+_PIECE_SECONDS = 600.0
 """Of a file that is in memory at once [s]."""
 
 
@@ -148,4 +148,4 @@ def record_blocks(
 
 
 def _pieces(record: Record | str | Path, mapping: str | Path | Mapping | None) -> Iterator[Record]:
-    return iter([record]) if isinstance(record, Record) else iterate_record(record, _PIECE, mapping=mapping)
+    return iter([record]) if isinstance(record, Record) else iterate_record(record, _PIECE_SECONDS, mapping=mapping)

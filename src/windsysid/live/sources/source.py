@@ -18,7 +18,7 @@ __all__ = ["BlockSource", "Commits", "Push", "SourceState", "refuse", "retries",
 Push = Callable[[Block], Future[None]]
 """Takes a block in: the future ends when it is committed. It may wait, and goes with any thread."""
 
-LONGEST_PAUSE = 30.0
+MAX_PAUSE_SECONDS = 30.0
 """Pause between two attempts to reach a source [s]."""
 
 
@@ -67,7 +67,7 @@ class BlockSource(Protocol):
         """
 
 
-AHEAD = 32
+MAX_UNCOMMITTED_BLOCKS = 32
 """Blocks that wait for their commit at most."""
 
 _log = logging.getLogger(__name__)
@@ -95,12 +95,12 @@ class Commits:
         self._waiting: deque[asyncio.Future[None]] = deque()
 
     async def push(self, push: Push, block: Block) -> None:
-        """Push a block; wait while `AHEAD` blocks are on their way."""
+        """Push a block; wait while `MAX_UNCOMMITTED_BLOCKS` blocks are on their way."""
         try:
             self._waiting.append(asyncio.wrap_future(await asyncio.to_thread(push, block)))
         except BlockRefused as error:
             refuse(self._source, f"{self._about}{error}")
-        while len(self._waiting) >= AHEAD or (self._waiting and self._waiting[0].done()):
+        while len(self._waiting) >= MAX_UNCOMMITTED_BLOCKS or (self._waiting and self._waiting[0].done()):
             await self._settle()
 
     async def finish(self) -> None:
@@ -137,4 +137,4 @@ async def retries(stop: asyncio.Event, first: float = 0.5) -> AsyncIterator[Call
         yield succeeded
         if await stopped_within(stop, pause * random.uniform(0.5, 1.0)):  # not all at once when a broker comes back
             return
-        pause = min(2.0 * pause, LONGEST_PAUSE)
+        pause = min(2.0 * pause, MAX_PAUSE_SECONDS)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 __all__ = ["export_levels", "export_results", "levels_dataset"]
 
-AT_ONCE = 10 * DAY
+READ_SPAN_NS = 10 * DAY
 """Stream time that is read from the store at once."""
 
 ESTIMATE = (("", "of the window alone"), ("_low", "lower end of ±2σ"), ("_high", "upper end of ±2σ"))
@@ -154,5 +154,5 @@ def _pieces(store: SqlStore, turbine: str) -> Iterator[tuple[int, int]]:
     extent = store.extent(turbine)
     if extent is not None:
         first, newest = extent
-        for since in range(first, newest + 1, AT_ONCE):
-            yield since, since + AT_ONCE
+        for since in range(first, newest + 1, READ_SPAN_NS):
+            yield since, since + READ_SPAN_NS

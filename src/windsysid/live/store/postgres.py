@@ -15,16 +15,16 @@ __all__ = ["Postgres"]
 LOCK = 0x57494E44
 """``WIND``: the advisory lock that the one service of a database holds while it is connected."""
 
-IDLE = 4
+MAX_IDLE_CONNECTIONS = 4
 """Connections kept for readers."""
 
-WAITING = {
+TIMEOUT_PARAMETERS = {
     "connect_timeout": 5, "keepalives_idle": 10, "keepalives_interval": 5, "keepalives_count": 3,
     "tcp_user_timeout": 15_000, "application_name": "windsysid",
 }  # fmt: skip
 """Time-outs for a server that does not answer, unless the URL sets them."""
 
-LETTING_GO_MS = 3000
+MAX_UNLOCK_MS = 3000
 """A service that has just ended still holds the lock until the server has seen its connection close."""
 
 PASSING = ("08", "53", "55", "57", "58", "40")
@@ -77,7 +77,7 @@ class Postgres:
             self._secrets = {str(parts.get("password") or ""), unquote(urlsplit(url).password or "")} - {""}
         except (self._driver.Error, ValueError):
             raise StoreError("the store's URL cannot be read: expected postgresql://user@host:port/database") from None
-        self._parts: dict[str, Any] = WAITING | parts
+        self._parts: dict[str, Any] = TIMEOUT_PARAMETERS | parts
         place = "/".join(str(parts[key]) for key in ("host", "dbname") if key in parts)
         self.name = f"database {place or 'of the environment'}"
 
@@ -96,7 +96,7 @@ class Postgres:
     def _claim(self) -> Any:
         """A connection that holds the lock: the server lets it go with the connection."""
         connection = self._open()
-        connection.execute(f"SET lock_timeout TO {LETTING_GO_MS}")
+        connection.execute(f"SET lock_timeout TO {MAX_UNLOCK_MS}")
         try:
             connection.execute(f"SELECT pg_advisory_lock({LOCK})")
         except self._driver.errors.LockNotAvailable:
@@ -138,7 +138,7 @@ class Postgres:
         try:
             yield connection
             with self._guard:
-                kept = len(self._idle) < IDLE
+                kept = len(self._idle) < MAX_IDLE_CONNECTIONS
                 if kept:
                     self._idle.append(connection)
         except self._driver.OperationalError:

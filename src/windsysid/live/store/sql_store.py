@@ -21,20 +21,20 @@ from windsysid.live.store.store import ContentError
 
 __all__ = ["SqlStore"]
 
-MOST = 1000
+MAX_COMMITS_PER_TRANSACTION = 1000
 """Commits of one transaction."""
 
-PAUSE, LONGEST = 0.05, 2.0
+MIN_PAUSE_SECONDS, MAX_PAUSE_SECONDS = 0.05, 2.0
 """Between attempts while the database refuses, doubled from the first to the second [s]."""
 
 MAX_COMMIT_SECONDS = 5.0
 """Time for writing a commit [s] beyond which `SqlStore.trouble` reports it."""
 
-SLICE = 1000
+ROWS_PER_DELETION = 1000
 """Rows that thinning takes away in one transaction, so that commits need not wait for it."""
 
-FIRST, LAST = -(2**63), 2**63 - 1
-ALL = 10**9
+MIN_TIME_NS, MAX_TIME_NS = -(2**63), 2**63 - 1
+MAX_ROWS = 10**9
 
 
 class _Job(NamedTuple):
@@ -118,7 +118,7 @@ class SqlStore:
                 jobs = [self._jobs.popleft()]
                 while (
                     self._jobs
-                    and len(jobs) < MOST
+                    and len(jobs) < MAX_COMMITS_PER_TRANSACTION
                     and isinstance(jobs[0].work, PreparedCommit)
                     and isinstance(self._jobs[0].work, PreparedCommit)
                 ):
@@ -134,7 +134,7 @@ class SqlStore:
 
     def _attempt(self, jobs: Sequence[_Job]) -> None:
         """Write jobs as one transaction, now or as soon as the database takes it."""
-        pause = PAUSE
+        pause = MIN_PAUSE_SECONDS
         while True:
             try:
                 values = self._transact([job.work for job in jobs])
@@ -145,7 +145,7 @@ class SqlStore:
                     return self._refuse(jobs, error)
                 if not self._wait(error, pause):
                     return self._fail(jobs, error)
-                pause = min(2 * pause, LONGEST)
+                pause = min(2 * pause, MAX_PAUSE_SECONDS)
         if self._trouble:
             logging.getLogger("windsysid").warning("%s can be written again", self._database.name)
             self._trouble = ""
@@ -272,7 +272,7 @@ class SqlStore:
         found = self._read(
             "SELECT window_start, turbine, stream, sequence, start, rate, channels, units, dtype, content FROM blocks"
             " WHERE turbine = ? AND window_start BETWEEN ? AND ?",
-            (turbine, FIRST if window is None else window, LAST if window is None else window),
+            (turbine, MIN_TIME_NS if window is None else window, MAX_TIME_NS if window is None else window),
         )
         found.sort(key=lambda row: (row[0], row[2], row[3]))  # databases differ in how they order text
         return ((window, block_of(columns)) for window, *columns in found)
@@ -333,7 +333,7 @@ class SqlStore:
         """Of windows that begin at `since` or later and before `until`, in order of time; checkpoints are empty."""
         windows, values = self._windows("results", turbine, since, until, most)
         found = self._read(
-            sql.RESULTS_OF.format(windows=windows), (turbine, *values, ALL if newest is None else newest)
+            sql.RESULTS_OF.format(windows=windows), (turbine, *values, MAX_ROWS if newest is None else newest)
         )
         return [
             Result(turbine, start, end, closed, row_of(row), levels_of(levels) if levels else [], b"")
@@ -370,7 +370,7 @@ class SqlStore:
         self, table: str, turbine: str, since: int | None, until: int | None, most: int | None
     ) -> tuple[str, tuple[Any, ...]]:
         """A condition for windows of a turbine, and its values."""
-        between = (FIRST if since is None else since, LAST if until is None else until)
+        between = (MIN_TIME_NS if since is None else since, MAX_TIME_NS if until is None else until)
         if most is None:
             return "window_start BETWEEN ? AND ? - 1", between
         return f"window_start IN ({sql.EVERY_SO_MANIETH.format(table=table)})", (turbine, *between, most, most)
@@ -416,7 +416,7 @@ class SqlStore:
             later = self._read(
                 "SELECT window_start FROM results WHERE turbine = ? AND window_start < ?"
                 " ORDER BY window_start LIMIT 1 OFFSET ?",
-                (turbine, before, SLICE),
+                (turbine, before, ROWS_PER_DELETION),
             )
             cut = later[0][0] if later else before
             self._change("DELETE FROM results WHERE turbine = ? AND window_start < ?", (turbine, cut))

@@ -7,14 +7,14 @@ Rules, in their order:
 - **Cause.** A jump of a sensor's noise is the sensor's. A jump of anything else is put down to a sensor first where a
   noise jumped with it, where most estimates of it had grade A or B before and have not after, or where records have
   findings of their channels since. Otherwise it is the structure.
-- **Severity.** ``alarm``: the structure lost, by the whole of its 95 % interval, at least `GRAVE_LOSS`. ``warning``:
-  any other jump. ``notice``: a jump that took back an earlier one.
+- **Severity.** ``alarm``: the structure lost, by the whole of its 95 % interval, at least `MIN_ALARM_LOSS_PERCENT`.
+  ``warning``: any other jump. ``notice``: a jump that took back an earlier one.
 - **End.** An alarm ends when the level has come back: when its 95 % interval lies nearer to the level before than half
   of the jump; or when it was measured again and there is none in its interval. It opens at the threshold of the test
   and ends at half of the jump, so that it does not flicker. Who has acknowledged it knows it; it lasts as long as the
   turbine is not what it was.
-- **Nothing to watch.** Where no window could be taken in for `BLIND_WINDOWS` windows, a notice says why; it ends with
-  the first that is.
+- **Nothing to watch.** Where no window could be taken in for `MIN_EMPTY_WINDOWS` windows, a notice says why; it ends
+  with the first that is.
 """
 
 import math
@@ -32,16 +32,17 @@ from windsysid.monitoring.watch import HEARD, SENSOR, SOUND, UNEXPLAINED, UNWATC
 from windsysid.results.posterior import SIGMAS
 
 __all__ = [
-    "BLIND_WINDOWS", "AlarmCase", "Circumstances", "blind_alarm", "came_back", "drift_alarm", "jump_alarm", "why_blind",
+    "MIN_EMPTY_WINDOWS", "AlarmCase", "Circumstances", "blind_alarm", "came_back", "drift_alarm", "jump_alarm",
+    "why_blind",
 ]  # fmt: skip
 
-GRAVE_LOSS = {"k": 2.0, "f": 1.0, "c": 30.0}
+MIN_ALARM_LOSS_PERCENT = {"k": 2.0, "f": 1.0, "c": 30.0}
 """Loss from which a jump of the structure is an alarm [%]: of stiffness, frequency, damping."""
 
-BACK_MAX_SHARE = 0.5
+MAX_REST_SHARE = 0.5
 """Share of a jump that may be left where it came back."""
 
-BLIND_WINDOWS = 36
+MIN_EMPTY_WINDOWS = 36
 """Windows without a block before an alarm: six hours of 10 minutes."""
 
 ADVICE = {
@@ -171,20 +172,20 @@ def _cause(watched: Watched, about: Circumstances) -> tuple[Literal["structure",
 
 def _severity(series: str, cause: str, percent: tuple[float, float, float]) -> Severity:
     """`percent` is a change and its 95 % interval."""
-    grave = cause == "structure" and percent[2] <= -GRAVE_LOSS.get(series, math.inf)
+    grave = cause == "structure" and percent[2] <= -MIN_ALARM_LOSS_PERCENT.get(series, math.inf)
     return "alarm" if grave else "warning"
 
 
 def came_back(jump: Jump, level: float, std: float) -> bool:
     """Check whether a level with this standard deviation has returned to its value before a jump."""
     none = abs(jump.size) <= SIGMAS * jump.std
-    return none or abs(level - jump.before) + SIGMAS * std <= BACK_MAX_SHARE * abs(jump.size)
+    return none or abs(level - jump.before) + SIGMAS * std <= MAX_REST_SHARE * abs(jump.size)
 
 
 def takes_back(earlier: Jump, jump: Jump) -> bool:
     """Check whether a jump reverses an earlier one of the same series."""
     rest = abs(earlier.size + jump.size)
-    return earlier.found < jump.found and earlier.size * jump.size < 0.0 and rest <= BACK_MAX_SHARE * abs(earlier.size)
+    return earlier.found < jump.found and earlier.size * jump.size < 0.0 and rest <= MAX_REST_SHARE * abs(earlier.size)
 
 
 def blind_alarm(turbine: str, since: int, opened: int, ended: int | None, why: str) -> Alarm:

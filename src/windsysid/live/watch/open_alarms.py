@@ -11,7 +11,7 @@ TOO_LATE = (
     " set the clock, or raise lateness"
 )
 
-QUIET = 600 * SECOND
+QUIET_NS = 600 * SECOND
 """A stream without a refused or late block for so long [ns] has none any more."""
 
 
@@ -54,7 +54,7 @@ class OpenAlarms:
 
     def quiet(self, now: int) -> list[Alarm]:
         """End the alarms about refused and late blocks."""
-        gone = [cause for cause in ("refused", "too late") if now - self._heard.get(cause, 0) > QUIET]
+        gone = [cause for cause in ("refused", "too late") if now - self._heard.get(cause, 0) > QUIET_NS]
         return [alarm for cause in gone for alarm in self.ended(cause, now)]
 
 

@@ -37,7 +37,7 @@ MAX_REFERENCES = 13
 TEST_EVERY_BLOCKS = 144
 """A day of 10 minutes."""
 
-GROWN = 1.5
+MIN_GROWTH_FACTOR = 1.5
 """Factor on a drift, by the whole of its 95 % interval, from which on an alarm says it anew."""
 
 
@@ -137,7 +137,7 @@ def past_of(plain: Sequence[Any]) -> Past:
 
 def grew(before: Jump, jump: Jump) -> bool:
     """Check whether a drift has grown by half since it was reported."""
-    return abs(jump.size) - SIGMAS * jump.std >= GROWN * abs(before.size)
+    return abs(jump.size) - SIGMAS * jump.std >= MIN_GROWTH_FACTOR * abs(before.size)
 
 
 @lru_cache(maxsize=64)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid.fleet.rows import Row
-from windsysid.live.windows.conditions import NONE, Standards, conditions_of, state_of
+from windsysid.live.windows.conditions import NO_STATE, Standards, conditions_of, state_of
 
 __all__ = ["NO_WINDOWS", "KeptWindows", "WatchState"]
 
@@ -26,7 +26,7 @@ class KeptWindows(NamedTuple):
     def and_then(self, time: int, row: Row | None) -> "KeptWindows":
         """With one more; None where it is missing."""
         if row is None:
-            newest: tuple[Any, ...] = (time, NONE, False, np.full(self.conditions.shape[1], np.nan))
+            newest: tuple[Any, ...] = (time, NO_STATE, False, np.full(self.conditions.shape[1], np.nan))
         else:
             newest = (time, state_of(row), not row["health"], conditions_of(row))
         parts: tuple[NDArray[Any], ...] = self

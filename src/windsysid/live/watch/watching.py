@@ -20,7 +20,7 @@ from windsysid.fleet.series import COVARIATES
 from windsysid.live.checkpoint import KeptWatch, pack_watch, unpack_watch
 from windsysid.live.store.contents import Alarm, SeriesLevel
 from windsysid.live.watch.alarms import (
-    BLIND_WINDOWS,
+    MIN_EMPTY_WINDOWS,
     AlarmCase,
     Circumstances,
     blind_alarm,
@@ -42,8 +42,8 @@ from windsysid.live.watch.slow_drifts import (
 )
 from windsysid.live.watch.watch_state import NO_WINDOWS, WatchState
 from windsysid.live.watch.watched import Said, Watched, band_of, in_coordinates_of, said_of
-from windsysid.live.windows.conditions import NONE, covariates_of, learn_standards
-from windsysid.monitoring.levels.following import LET_GO_BLOCKS, MAX_KEPT_BLOCKS, Kept, LevelFollower, Now
+from windsysid.live.windows.conditions import NO_STATE, covariates_of, learn_standards
+from windsysid.monitoring.levels.following import DROPPED_BLOCKS, MAX_KEPT_BLOCKS, Kept, LevelFollower, Now
 from windsysid.monitoring.levels.jumps import threshold
 from windsysid.monitoring.levels.locating import MAX_HINDSIGHT_BLOCKS, Jump
 from windsysid.monitoring.series import MIN_BLOCKS
@@ -126,7 +126,7 @@ class Watching:
         if len(self._windows.time):
             last = int(self._windows.time[-1])
             missing = round((window - last) / step) - 1
-            for k in range(max(0, missing - LET_GO_BLOCKS), missing):  # the level wanders on, a week at most
+            for k in range(max(0, missing - DROPPED_BLOCKS), missing):  # the level wanders on, a week at most
                 self._block(last + (k + 1) * step, None)
         said, now = self._block(window, row)
         alarms = self._alarms(now, window + step, drifts=self._windows_so_far // TEST_EVERY_BLOCKS > tested)
@@ -164,7 +164,7 @@ class Watching:
                 self._followers[one.name] = self._follower(one, kept)
         own = {one.name: in_coordinates_of(self._watched[one.name], one, value) for one, value in said.items()}
         self._windows = self._windows.and_then(window, row)
-        takes = bool(self._windows.state[-1] != NONE)
+        takes = bool(self._windows.state[-1] != NO_STATE)
         for name, follower in self._followers.items():
             follower.append(*(own.get(name, Said()).usable if takes else Said())[:2])
         learning = self._count(row, takes)
@@ -187,7 +187,7 @@ class Watching:
         if not learning:
             past, wander = self._past.get(name, Past()), follower.wander_beside_trend(x)
             first = int(self._windows.time[0])
-            self._past[name] = remembered(past, follower.kept, LET_GO_BLOCKS, first, wander)
+            self._past[name] = remembered(past, follower.kept, DROPPED_BLOCKS, first, wander)
         return now
 
     def _count(self, row: Row | None, takes: bool) -> bool | None:
@@ -218,9 +218,9 @@ class Watching:
         """Forget the oldest windows, but not their statistics."""
         x = self._covariates()
         for follower in self._followers.values():
-            follower.let_go(x, LET_GO_BLOCKS)
-        self._windows = self._windows.later(LET_GO_BLOCKS)
-        self._state = self._state._replace(let_go=self._state.let_go + LET_GO_BLOCKS)
+            follower.let_go(x, DROPPED_BLOCKS)
+        self._windows = self._windows.later(DROPPED_BLOCKS)
+        self._state = self._state._replace(let_go=self._state.let_go + DROPPED_BLOCKS)
 
     def _next_learning(self) -> int:
         """The number of windows at which rates are learned next: `learn` times a power of two."""
@@ -348,7 +348,7 @@ class Watching:
             and case.jump.earliest <= jump.found and jump.earliest <= case.jump.found
         ]  # fmt: skip
         first = self._state.let_go
-        known = self._windows.state != NONE
+        known = self._windows.state != NO_STATE
         here = jump._replace(**{at: int(known[: max(0, getattr(jump, at) - first)].sum()) for at in _PLACES})
         changed = self._state.changed
         return Circumstances(
@@ -374,7 +374,7 @@ class Watching:
         if state.blind == 0 and state.blind_open is not None and state.blind_since is not None:
             self._state = state._replace(blind_since=None, blind_open=None, why="")
             return blind_alarm(self.turbine, state.blind_since, state.blind_open, end, state.why)
-        if state.blind >= BLIND_WINDOWS and state.blind_open is None and state.blind_since is not None:
+        if state.blind >= MIN_EMPTY_WINDOWS and state.blind_open is None and state.blind_since is not None:
             self._state = state._replace(blind_open=end)
             return blind_alarm(self.turbine, state.blind_since, end, None, state.why)
         return None

@@ -15,18 +15,18 @@ from numpy.typing import NDArray
 
 from windsysid._types import Array
 from windsysid.fleet.rows import Row
-from windsysid.fleet.series import COVARIATES, MIN_SHARE, MIN_STATE_RECORDS, MIN_STATE_SHARE, STRONG_WIND
+from windsysid.fleet.series import COVARIATES, MIN_SHARE, MIN_STATE_RECORDS, MIN_STATE_SHARE, STRONG_WIND_QUANTILE
 from windsysid.turbine.operation import STATES
 
-__all__ = ["NONE", "Standards", "conditions_of", "covariates_of", "learn_standards", "state_of"]
+__all__ = ["NO_STATE", "Standards", "conditions_of", "covariates_of", "learn_standards", "state_of"]
 
-NONE = -1
+NO_STATE = -1
 """The state of a window that says nothing: refused, failed, of a rotor that starts or stops, or not there."""
 
-LEAST_SPREAD = {"wind_speed": 1.0, "temperature": 3.0, "pitch": 0.02}
+MIN_SPREAD = {"wind_speed": 1.0, "temperature": 3.0, "pitch": 0.02}
 """[m/s], [°C], [rad]: a covariate is standardised by this where it moved less while it was learned from."""
 
-LEAST_SPEED_SHARE = 0.02
+MIN_SPEED_SPREAD_SHARE = 0.02
 """Minimum spread of the rotor speed, as a share of its mean."""
 
 
@@ -56,9 +56,9 @@ class Standards(NamedTuple):
 
 
 def state_of(row: Row) -> int:
-    """The state of a window's row, as its place in `STATES`, or `NONE`."""
+    """The state of a window's row, as its place in `STATES`, or `NO_STATE`."""
     if row["status"] != "ok" or row["state"] == "transient":
-        return NONE
+        return NO_STATE
     return STATES.index(row["state"]) if row["state"] in STATES else STATES.index("unknown")
 
 
@@ -71,7 +71,7 @@ def conditions_of(row: Row) -> NDArray[np.float32]:
 
 def learn_standards(states: NDArray[np.int8], conditions: NDArray[np.float32]) -> Standards:
     """Standards of windows (n,) with conditions (n, 4), of which at least one has a state."""
-    counts = Counter(states[states != NONE].tolist())
+    counts = Counter(states[states != NO_STATE].tolist())
     usual = counts.most_common(1)[0][0]
     least = max(MIN_STATE_SHARE * sum(counts.values()), MIN_STATE_RECORDS)
     others = tuple(sorted(state for state, count in counts.items() if state != usual and count >= least))
@@ -79,11 +79,11 @@ def learn_standards(states: NDArray[np.int8], conditions: NDArray[np.float32]) -
     columns = [i for i in range(len(COVARIATES)) if np.isfinite(among[:, i]).mean() >= MIN_SHARE]
     centre = [float(np.nanmean(among[:, i])) for i in columns]
     spread = [
-        max(float(np.nanstd(among[:, i])), LEAST_SPREAD.get(COVARIATES[i], LEAST_SPEED_SHARE * abs(middle)), 1e-9)
+        max(float(np.nanstd(among[:, i])), MIN_SPREAD.get(COVARIATES[i], MIN_SPEED_SPREAD_SHARE * abs(middle)), 1e-9)
         for i, middle in zip(columns, centre, strict=True)
     ]
     wind = COVARIATES.index("wind_speed")
-    strong = float(round(np.nanquantile(among[:, wind], STRONG_WIND))) if wind in columns else math.nan
+    strong = float(round(np.nanquantile(among[:, wind], STRONG_WIND_QUANTILE))) if wind in columns else math.nan
     return Standards(usual, others, tuple(columns), tuple(centre), tuple(spread), strong)
 
 

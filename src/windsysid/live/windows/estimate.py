@@ -13,14 +13,14 @@ from typing import NamedTuple, Protocol
 
 from windsysid.fleet.members import Member
 from windsysid.fleet.rows import Row, empty_row, failed_row
-from windsysid.fleet.work.guard import DEATHS, DeadWorkerError, HangingWorkerError, Worker
+from windsysid.fleet.work.guard import MAX_DEATHS, DeadWorkerError, HangingWorkerError, Worker
 from windsysid.fleet.work.worker import pack_samples, take_samples
 from windsysid.live.windows.timeline import Gathered
 from windsysid.results.serialization import finite
 
-__all__ = ["LIMIT_SECONDS", "Estimated", "Estimator", "Here", "InWorker", "estimators"]
+__all__ = ["MAX_WINDOW_SECONDS", "Estimated", "Estimator", "Here", "InWorker", "estimators"]
 
-LIMIT_SECONDS = 600.0
+MAX_WINDOW_SECONDS = 600.0
 """Time that a window may take before its worker counts as hanging."""
 
 
@@ -73,7 +73,7 @@ class InWorker:
         Seconds that a window may take.
     """
 
-    def __init__(self, limit: float = LIMIT_SECONDS) -> None:
+    def __init__(self, limit: float = MAX_WINDOW_SECONDS) -> None:
         self._worker = Worker(limit)
 
     @property
@@ -88,7 +88,7 @@ class InWorker:
         asked = {"member": asdict(member), "formulation": formulation, "settings": settings}
         request = pack_samples(gathered.record, gathered.rate) | asked
         why = ""
-        for _ in range(DEATHS):
+        for _ in range(MAX_DEATHS):
             try:
                 answer = self._worker.ask(request)
                 return Estimated(answer["row"], answer["seconds"], answer["spectra"])
@@ -96,7 +96,7 @@ class InWorker:
                 why = str(error)
                 break
             except DeadWorkerError as error:
-                why = f"{error}, {DEATHS} times"
+                why = f"{error}, {MAX_DEATHS} times"
         return Estimated(failed_row(source, gathered.record.values.nbytes, settings, why), 0.0)
 
     def close(self) -> None:

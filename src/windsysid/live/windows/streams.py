@@ -31,30 +31,30 @@ from windsysid.units import unit_text
 
 __all__ = ["Drift", "StreamHealth", "Verdict", "drifts", "sensor_alarm"]
 
-EVERY = 5.0
+BATCH_SECONDS = 5.0
 """Seconds of samples that are looked at together."""
 
-MEMORY = 60.0
+MEMORY_SECONDS = 60.0
 """Time constant of forgetting, and time over which clipping is counted [s]."""
 
-DEAD, DEAD_INTERVALS = 10.0, 20.0
-STUCK: dict[Kind, float] = {**dict.fromkeys(VIBRATION, 10.0), "wind speed": 300.0, "rotor speed": 300.0}
-STUCK_FACTOR = 10.0
-CONSTANT = 60.0
+MIN_DEAD_SECONDS, MIN_DEAD_INTERVALS = 10.0, 20.0
+MIN_STUCK_SECONDS: dict[Kind, float] = {**dict.fromkeys(VIBRATION, 10.0), "wind speed": 300.0, "rotor speed": 300.0}
+MIN_STUCK_FACTOR = 10.0
+MIN_CONSTANT_SECONDS = 60.0
 """Seconds after which a vibration channel that never changed is stuck."""
-MORE_MISSING = 0.2
-SPIKE_SIGMAS, SPIKES = 10.0, 3.0
-RECOVERY = 120.0
+MAX_MISSING_INCREASE = 0.2
+MIN_SPIKE_SIGMAS, MAX_SPIKES = 10.0, 3.0
+RECOVERY_SECONDS = 120.0
 """Seconds without the fault after which a channel is good again."""
 
-DRIFT_LEARN, DRIFT_WINDOWS, DRIFT_GIVE_UP = 144, 3, 1008
+DRIFT_LEARNING_WINDOWS, MIN_DRIFT_WINDOWS, MAX_DRIFT_WINDOWS = 144, 3, 1008
 """Windows to learn from, windows in a row that lie outside, and windows after which that is the new usual."""
-DRIFT_SIGMAS, DRIFT_RANGES, DRIFT_SHARE = 8.0, 3.0, 0.5
+MIN_DRIFT_SIGMAS, MIN_DRIFT_RANGES, MIN_DRIFT_SHARE = 8.0, 3.0, 0.5
 """Of the spread of the means, of their largest deviation yet, and of the channel's own standard deviation."""
-DRIFT_GROWTH = 1.01
+MAX_RANGE_GROWTH = 1.01
 """By which the largest deviation may grow in a window once it is learned: seasons widen it, a drift must not."""
 
-_LIVELY = 100
+_MIN_CHANGES = 100
 """Changes of value after which it is known how long a channel may repeat one."""
 
 _ADVICE = {
@@ -117,7 +117,7 @@ class StreamHealth:
             changed = self._examine()
         self._held.append(block)
         self._seconds += len(block.values) / block.rate
-        return changed + self._examine() if self._seconds >= EVERY else changed
+        return changed + self._examine() if self._seconds >= BATCH_SECONDS else changed
 
     def _examine(self) -> list[Verdict]:
         blocks, self._held, self._seconds = self._held, [], 0.0
@@ -227,7 +227,7 @@ class _Channel:
         fault, since = self._fault(end)
         if fault is None:
             self.good += seconds
-            if self.state == "good" or self.good < RECOVERY:
+            if self.state == "good" or self.good < RECOVERY_SECONDS:
                 return None
             fault, since = "good", end - round(self.good * SECOND)
         else:
@@ -245,35 +245,35 @@ class _Channel:
     def _fault(self, end: int) -> tuple[str | None, int]:
         """The worst fault that is there now, and since when."""
         interval = self.seen / self.samples if self.samples else 0.0
-        if self.lost >= max(DEAD, DEAD_INTERVALS * interval):
+        if self.lost >= max(MIN_DEAD_SECONDS, MIN_DEAD_INTERVALS * interval):
             return "dead", end - round(self.lost * SECOND)
         if self._is_stuck():
             return "stuck", end - round(self.run * SECOND)
-        recent = end - round(MEMORY * SECOND)
-        if self.seen > MEMORY and self.missing > self.usual_missing + MORE_MISSING:
+        recent = end - round(MEMORY_SECONDS * SECOND)
+        if self.seen > MEMORY_SECONDS and self.missing > self.usual_missing + MAX_MISSING_INCREASE:
             return "missing", recent
         if self.clipped:
             return "clipping", recent
-        if self.spikes >= (SPIKES if self.state != "spikes" else 0.5):
+        if self.spikes >= (MAX_SPIKES if self.state != "spikes" else 0.5):
             return "spikes", recent
         return None, end
 
     def _is_stuck(self) -> bool:
-        limit = STUCK.get(self.kind)
+        limit = MIN_STUCK_SECONDS.get(self.kind)
         vibrates = self.kind in VIBRATION
         if limit is None or not (vibrates or self.last != 0.0):
             return False
-        if self.changes >= _LIVELY:
-            return self.run >= max(limit, STUCK_FACTOR * self.longest)
-        return vibrates and self.changes == 0 and self.run >= CONSTANT
+        if self.changes >= _MIN_CHANGES:
+            return self.run >= max(limit, MIN_STUCK_FACTOR * self.longest)
+        return vibrates and self.changes == 0 and self.run >= MIN_CONSTANT_SECONDS
 
     def _count_missing(self, there: float, seconds: float) -> None:
         self.seen += seconds
         if there == 0.0 and self.state == "dead":  # which is another fault
             self.missing = self.usual_missing
             return
-        weight = 1.0 - math.exp(-seconds / MEMORY)
-        if self.seen <= 2.0 * MEMORY:  # what it does at first is what it is used to
+        weight = 1.0 - math.exp(-seconds / MEMORY_SECONDS)
+        if self.seen <= 2.0 * MEMORY_SECONDS:  # what it does at first is what it is used to
             self.usual_missing += (1.0 - there - self.usual_missing) * min(1.0, seconds / self.seen)
             self.missing = self.usual_missing
         else:
@@ -304,19 +304,19 @@ class _Channel:
         a = np.abs(d)
         steps = np.sort(a)
         still = int(np.searchsorted(steps, 0.0, side="right"))
-        self.spikes *= math.exp(-seconds / MEMORY)
+        self.spikes *= math.exp(-seconds / MEMORY_SECONDS)
         if len(steps) - still < 10:
             return
         now = float(steps[still + int(0.9 * (len(steps) - still))]) / 1.645
         ordered = np.sort(y)
         quarter = len(y) // 4
         spread = 0.7413 * float(ordered[3 * quarter] - ordered[quarter])
-        weight = 1.0 - math.exp(-seconds / MEMORY)
+        weight = 1.0 - math.exp(-seconds / MEMORY_SECONDS)
         first = self.scale == 0.0
         self.scale = now if first else self.scale + (now - self.scale) * weight
         self.spread = spread if first else self.spread + (spread - self.spread) * weight
         lsb = float(steps[still])
-        least = max(SPIKE_SIGMAS * max(self.scale, now), 0.5 * max(self.spread, spread), 4.0 * lsb)
+        least = max(MIN_SPIKE_SIGMAS * max(self.scale, now), 0.5 * max(self.spread, spread), 4.0 * lsb)
         if steps[-1] > least:
             self.spikes += sum(1 for _ in _spikes(y, d, np.flatnonzero(a > least)[:100]))
         self._count_ends(y, ordered, lsb, seconds)
@@ -329,7 +329,7 @@ class _Channel:
         for side, sign in zip(self.sides, (1.0, -1.0), strict=True):
             side.count(sign * y, ordered if sign > 0.0 else -ordered[::-1], near, level)
         self.counted += seconds
-        if self.counted >= MEMORY:
+        if self.counted >= MEMORY_SECONDS:
             self.clipped = any(side.is_clipped for side in self.sides)
             self.sides, self.counted = (_Side(), _Side()), 0.0
 
@@ -369,7 +369,7 @@ def drifts(known: Mapping[str, list[float]], row: Row, window: int, until: int) 
         now, state = _follow_mean(before, mean, own)
         if state == "drift":
             text = f"{name} {_ADVICE['drift']}: {mean:.4g} {unit_text(channel['unit'])} instead of {before[1]:.4g}"
-            since = window - (DRIFT_WINDOWS - 1) * (until - window)
+            since = window - (MIN_DRIFT_WINDOWS - 1) * (until - window)
             changed.append(Verdict(name, "drift", since, until, text))
         elif state == "good":
             changed.append(Verdict(name, "good", until, until, ""))
@@ -393,18 +393,18 @@ def _follow_mean(known: Sequence[float], mean: float, own: float) -> tuple[list[
     """
     n, centre, variance, largest, outside = known
     off = mean - centre
-    limit = max(DRIFT_SIGMAS * math.sqrt(variance), DRIFT_RANGES * largest, DRIFT_SHARE * own)
-    if n >= DRIFT_LEARN and abs(off) > limit:
+    limit = max(MIN_DRIFT_SIGMAS * math.sqrt(variance), MIN_DRIFT_RANGES * largest, MIN_DRIFT_SHARE * own)
+    if n >= DRIFT_LEARNING_WINDOWS and abs(off) > limit:
         outside += 1.0
-        if outside < DRIFT_GIVE_UP:
-            return [n, centre, variance, largest, outside], "drift" if outside == DRIFT_WINDOWS else ""
+        if outside < MAX_DRIFT_WINDOWS:
+            return [n, centre, variance, largest, outside], "drift" if outside == MIN_DRIFT_WINDOWS else ""
         n = centre = variance = largest = 0.0
         off = mean
     n += 1.0
     weight = 1.0 / min(n, 1000.0)
-    if n > DRIFT_LEARN // 2:  # by then the centre is known
-        largest = max(largest, abs(off) if n <= DRIFT_LEARN else min(abs(off), DRIFT_GROWTH * largest))
-    if n > DRIFT_LEARN:  # what lies outside must not widen what is usual
+    if n > DRIFT_LEARNING_WINDOWS // 2:  # by then the centre is known
+        largest = max(largest, abs(off) if n <= DRIFT_LEARNING_WINDOWS else min(abs(off), MAX_RANGE_GROWTH * largest))
+    if n > DRIFT_LEARNING_WINDOWS:  # what lies outside must not widen what is usual
         off = math.copysign(min(abs(off), 3.0 * math.sqrt(variance)), off)
     now = [n, centre + weight * off, (1.0 - weight) * (variance + weight * off * off), largest, 0.0]
-    return now, "good" if outside >= DRIFT_WINDOWS else ""
+    return now, "good" if outside >= MIN_DRIFT_WINDOWS else ""

@@ -31,10 +31,10 @@ __all__ = ["SECOND", "Gathered", "TurbineWindows", "gather", "sample_time"]
 SECOND = 1_000_000_000
 """Nanoseconds."""
 
-EDGE = 1e-3
+MAX_EDGE_SAMPLES = 1e-3
 """Of a sample: a stamp so near before a boundary counts as on it, since stamps are rounded."""
 
-AVERAGED, MOST_AVERAGED = 10.0, 100
+AVERAGED_SECONDS, MAX_AVERAGED_BLOCKS = 10.0, 100
 """Seconds of blocks, and blocks, whose stamps decide together whether one stamp was off or samples are missing."""
 
 
@@ -69,7 +69,10 @@ class TurbineWindows(NamedTuple):
     def of_block(self, block: Block) -> range:
         """Starts of the windows that a block has samples of."""
         step = SECOND / block.rate
-        first, last = block.start + EDGE * step, sample_time(block, len(block.values) - 1) + EDGE * step
+        first, last = (
+            block.start + MAX_EDGE_SAMPLES * step,
+            sample_time(block, len(block.values) - 1) + MAX_EDGE_SAMPLES * step,
+        )
         return range(self.start(int(first)), self.start(int(last)) + 1, self.length)
 
 
@@ -140,8 +143,8 @@ def gather(blocks: Iterable[Block], window: int, until: int, name: str) -> Gathe
 def _inside(block: Block, window: int, until: int) -> Block | None:
     """The samples of a block that lie in a window."""
     step = SECOND / block.rate
-    low = max(0, math.ceil((window - block.start) / step - EDGE))
-    high = min(len(block.values), math.ceil((until - block.start) / step - EDGE))
+    low = max(0, math.ceil((window - block.start) / step - MAX_EDGE_SAMPLES))
+    high = min(len(block.values), math.ceil((until - block.start) / step - MAX_EDGE_SAMPLES))
     if low >= high:
         return None
     if low == 0 and high == len(block.values):
@@ -210,7 +213,7 @@ def _indices(blocks: Sequence[Block], first: int) -> list[int]:
     end = 0  # of what is placed
     lags: list[float] = []  # of stamps behind the grid, in samples: of the newest blocks that went on evenly
     known = _PlacedBlocks()
-    some = max(1, min(MOST_AVERAGED, math.ceil(AVERAGED * rate / max(1, len(blocks[first].values)))))
+    some = max(1, min(MAX_AVERAGED_BLOCKS, math.ceil(AVERAGED_SECONDS * rate / max(1, len(blocks[first].values)))))
 
     def off(k: int) -> float:
         return (blocks[k].start - origin) * rate / SECOND

@@ -5,7 +5,7 @@ jumps among them. All else follows from these: the filter and the test of `winds
 that belief through those blocks, one by one as they come or at once after a restart, to the same bits.
 
 The first `learn` blocks are learned from. Rates are learned from them, again whenever there are twice as many, and from
-`MAX_KEPT_BLOCKS` on whenever `LET_GO_BLOCKS` more have come: these then leave, and the belief before them becomes the
+`MAX_KEPT_BLOCKS` on whenever `DROPPED_BLOCKS` more have come: these then leave, and the belief before them becomes the
 one after them. A jump is looked for as far back as blocks are kept. It is dated and measured when it is found, and
 again when `HINDSIGHTS` more blocks have come.
 
@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from windsysid._types import Array
 from windsysid.monitoring.levels.jumps import LevelBelief, Observations, Progress, Rates, Track, shared_error, track
-from windsysid.monitoring.levels.learning import EXPECTED_SCATTER, learn_growth, learn_rates
+from windsysid.monitoring.levels.learning import MEAN_SQUARED_SCATTER, learn_growth, learn_rates
 from windsysid.monitoring.levels.locating import (
     JUMP_SLOPE_PRIOR,
     MAX_HINDSIGHT_BLOCKS,
@@ -35,12 +35,12 @@ from windsysid.monitoring.levels.locating import (
 )
 from windsysid.monitoring.levels.together import most_likely_begin, together, with_likely
 
-__all__ = ["HINDSIGHTS", "LET_GO_BLOCKS", "MAX_KEPT_BLOCKS", "Kept", "LevelFollower", "Now"]
+__all__ = ["DROPPED_BLOCKS", "HINDSIGHTS", "MAX_KEPT_BLOCKS", "Kept", "LevelFollower", "Now"]
 
 MAX_KEPT_BLOCKS = 4032
 """Blocks that are kept: four weeks of 10 minutes."""
 
-LET_GO_BLOCKS = 1008
+DROPPED_BLOCKS = 1008
 """Blocks that leave at once where more would be kept: a week."""
 
 HINDSIGHTS = (12, MAX_HINDSIGHT_BLOCKS)
@@ -150,7 +150,7 @@ class LevelFollower:
         blocks = Observations.of(y, r, np.empty((len(y), 0)))
         prior, _ = first_belief(y, r, 0, self.kind, self.logarithmic)
         growth = learn_growth(y, r, self.logarithmic) if self.kind == "c" else 0.0
-        rates = with_likely(blocks, prior, Rates(0.0, EXPECTED_SCATTER, growth, self.logarithmic))
+        rates = with_likely(blocks, prior, Rates(0.0, MEAN_SQUARED_SCATTER, growth, self.logarithmic))
         return self._now([track(blocks, prior, one, test=False) for one, _ in rates.hypotheses()], rates)
 
     def learn(self, x: Array, *, anew: bool) -> Now:

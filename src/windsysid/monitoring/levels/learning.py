@@ -9,19 +9,19 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.monitoring.levels.jumps import LevelBelief, Observations, Rates, track
 
-__all__ = ["EXPECTED_SCATTER", "TYPICAL_SCATTER", "learn_growth", "learn_rates"]
+__all__ = ["LOG_SCATTER_STD", "MEAN_SQUARED_SCATTER", "learn_growth", "learn_rates"]
 
-TYPICAL_WANDER = (math.log(1e-2), math.log(10.0))
+LOG_RANDOM_WALK_PRIOR = (math.log(1e-2), math.log(10.0))
 """Prior of ln(√q / √r): median and standard deviation.
 
 A block lets the level move by a hundredth of its own σ, give or take a factor of ten: by 12 hundredths in a day of 10
 minutes.
 """
 
-TYPICAL_SCATTER = 0.5
+LOG_SCATTER_STD = 0.5
 """Prior standard deviation of ln s."""
 
-EXPECTED_SCATTER = math.exp(2.0 * TYPICAL_SCATTER**2)
+MEAN_SQUARED_SCATTER = math.exp(2.0 * LOG_SCATTER_STD**2)
 """Mean of s² before anything was learned."""
 
 MAX_GROWTH = 2.0
@@ -29,7 +29,7 @@ MAX_GROWTH = 2.0
 
 
 def learn_rates(blocks: Observations, prior: LevelBelief, *, kind: str = "k", logarithmic: bool = True) -> Rates:
-    """Random walk and scatter of a series by maximum likelihood, with `TYPICAL_WANDER` and `TYPICAL_SCATTER`.
+    """Random walk and scatter of a series by maximum likelihood, with `LOG_RANDOM_WALK_PRIOR` and `LOG_SCATTER_STD`.
 
     The wander is averaged over its likelihood. Of a damping, kind ``c``, it is learned how its variance grows, too.
     """
@@ -45,10 +45,10 @@ def learn_rates(blocks: Observations, prior: LevelBelief, *, kind: str = "k", lo
     def cost(at: Array) -> float:
         if abs(at).max() > 30.0:
             return math.inf
-        off = ((at[0] - TYPICAL_WANDER[0]) / TYPICAL_WANDER[1]) ** 2 + (at[1] / TYPICAL_SCATTER) ** 2
+        off = ((at[0] - LOG_RANDOM_WALK_PRIOR[0]) / LOG_RANDOM_WALK_PRIOR[1]) ** 2 + (at[1] / LOG_SCATTER_STD) ** 2
         return 0.5 * float(off) - track(blocks, prior, rates(at), test=False).log_likelihood
 
-    start = np.array([TYPICAL_WANDER[0], 0.0])
+    start = np.array([LOG_RANDOM_WALK_PRIOR[0], 0.0])
     simplex = start + np.array([[0.0, 0.0], [3.0, 0.0], [0.0, 0.5]])
     found = minimize(
         cost,

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.monitoring.change import MOVED_MIN_ODDS
+from windsysid.monitoring.change import MIN_CHANGE_ODDS
 from windsysid.monitoring.levels.jumps import LevelBelief, Observations, Rates, track
 from windsysid.monitoring.levels.learning import learn_rates
 from windsysid.results.posterior import SIGMAS
@@ -45,7 +45,7 @@ MAX_HINDSIGHT_BLOCKS = 144
 MIN_LEVEL_BLOCKS = 3
 """Setting: blocks that a level has at least before and after a jump while rates are learned: one bad block is none."""
 
-MIN_WANDER = 1e-4
+MIN_WALK_SHARE = 1e-4
 """Setting: share of the learned random-walk rate with which the likeliest block of a jump is searched for, as the
 learned rate includes the jump."""
 
@@ -150,14 +150,14 @@ def jump_while_learning(
     Returns
     -------
     tuple of Jump and Rates, or None
-        The jump and the rates next to it; None if the odds are below `MOVED_MIN_ODDS` or the jump is tolerated.
+        The jump and the rates next to it; None if the odds are below `MIN_CHANGE_ODDS` or the jump is tolerated.
     """
     count, (jump, scale, least) = len(blocks.y), sizes
     good = np.flatnonzero(np.isfinite(blocks.y))[MIN_LEVEL_BLOCKS : -MIN_LEVEL_BLOCKS or None]
     if not good.size:
         return None
     rates = learn_rates(blocks, prior, kind=kind, logarithmic=logarithmic)
-    free, steady = freedom(prior.mean, jump, scale), rates._replace(wander=MIN_WANDER * rates.wander)
+    free, steady = freedom(prior.mean, jump, scale), rates._replace(wander=MIN_WALK_SHARE * rates.wander)
 
     def stepped(place: int) -> Observations:
         freed = blocks.freed.copy()
@@ -171,7 +171,7 @@ def jump_while_learning(
     likely = int(places[np.argmax([likelihood(stepped(int(place)), steady) for place in places])])
     again = learn_rates(stepped(likely), prior, kind=kind, logarithmic=logarithmic)
     gain = likelihood(stepped(likely), again) - likelihood(blocks, rates)
-    if gain < math.log(MOVED_MIN_ODDS * good.size):
+    if gain < math.log(MIN_CHANGE_ODDS * good.size):
         return None
     found = locate(blocks, prior, again, count - 1, likely, jump, scale)
     return (found, again) if abs(found.size) > least else None

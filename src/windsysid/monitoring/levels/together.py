@@ -30,20 +30,20 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.monitoring.levels.jumps import INNOVATION_LIMIT_SIGMAS, LevelBelief, Observations, Rates, Track, track
-from windsysid.monitoring.levels.learning import EXPECTED_SCATTER, TYPICAL_SCATTER
+from windsysid.monitoring.levels.learning import LOG_SCATTER_STD, MEAN_SQUARED_SCATTER
 
 __all__ = ["Together", "most_likely_begin", "together", "with_likely"]
 
-WANDERS = np.geomspace(3e-4, 2.0, 18)
+RANDOM_WALK_RATIOS = np.geomspace(3e-4, 2.0, 18)
 """Of √q / (s √r), each 1.7 times the one before."""
 
-USUAL_WANDER = 0.1
+RANDOM_WALK_SCALE = 0.1
 """Scale of their prior."""
 
-LEAST_LIKELY = 1e-6
+MIN_RELATIVE_LIKELIHOOD = 1e-6
 """A random-walk rate that is less likely than this, relative to the likeliest, has no filter."""
 
-PRIOR_BLOCKS = round(0.5 / TYPICAL_SCATTER**2)
+PRIOR_BLOCKS = round(0.5 / LOG_SCATTER_STD**2)
 """Blocks that tell a scatter as well as its prior does."""
 
 
@@ -64,16 +64,16 @@ def with_likely(blocks: Observations, prior: LevelBelief, rates: Rates) -> Rates
     there = np.isfinite(blocks.y)
     usual, count = float(np.median(blocks.r[there])), int(there.sum())
     found, evidence = [], []
-    for share in WANDERS:
+    for share in RANDOM_WALK_RATIOS:
         one = rates._replace(wander=usual * rates.scatter * share**2, likely=())
         whitened = track(blocks, prior, one, test=False).whitened
         squares = np.minimum(whitened[np.isfinite(whitened)] ** 2, INNOVATION_LIMIT_SIGMAS**2)
-        scatter = (rates.scatter * float(squares.sum()) + PRIOR_BLOCKS * EXPECTED_SCATTER) / (count + PRIOR_BLOCKS)
+        scatter = (rates.scatter * float(squares.sum()) + PRIOR_BLOCKS * MEAN_SQUARED_SCATTER) / (count + PRIOR_BLOCKS)
         one = one._replace(wander=usual * scatter * share**2, scatter=scatter)
-        chance = math.log(share / (1.0 + (share / USUAL_WANDER) ** 2))
+        chance = math.log(share / (1.0 + (share / RANDOM_WALK_SCALE) ** 2))
         found.append((one.wander, one.scatter, chance))
         evidence.append(chance + float(track(blocks, prior, one, test=False).evidence[-1]))
-    least = max(evidence) + math.log(LEAST_LIKELY)
+    least = max(evidence) + math.log(MIN_RELATIVE_LIKELIHOOD)
     likely = tuple(one for one, of in zip(found, evidence, strict=True) if of >= least)
     return rates._replace(likely=likely, learned_from=count)
 

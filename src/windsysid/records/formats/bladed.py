@@ -42,7 +42,7 @@ _KEYWORDS = {
 }  # fmt: skip
 """Words that begin a line of a header; a line with another first word continues the list above."""
 _SINGLE = 1.2e-7  # of the step: it was written from single precision
-_MOST_HEADER = 1 << 22  # bytes
+_MAX_HEADER_BYTES = 1 << 22  # bytes
 
 
 @dataclass(frozen=True)
@@ -143,7 +143,7 @@ def _read_header(path: Path) -> _ResultHeader:
     for other in (listing, data):
         if not other.is_file():
             raise RecordError(f"has no {other.name} next to it, the rest of the Bladed result; copy it there too")
-    text = decoded(read_start(listing, _MOST_HEADER))
+    text = decoded(read_start(listing, _MAX_HEADER_BYTES))
     lines = [tuple(line.split(None, 1)) for line in text.splitlines() if line.strip()]
     found = tuple((whole[0].upper(), whole[1] if len(whole) > 1 else "", " ".join(whole)) for whole in lines)
     if not found or found[0][0] != "FILE":

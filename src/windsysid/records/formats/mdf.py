@@ -33,7 +33,7 @@ _CHAINED = {
     b"AT": (0,), b"EV": (0,), b"HL": (0,), b"DL": (0,), b"LD": (0,),
 }  # fmt: skip
 """Links that form chains and trees, by kind of block: no block is part of two of them (ASAM MDF 4.2, chapter 5)."""
-_MOST_PACKED = 1100  # zlib packs 1032 bytes into one at most
+_MAX_COMPRESSION_RATIO = 1100  # zlib packs 1032 bytes into one at most
 
 
 def open_mdf(path: Path, mapping: Mapping, *, whole: bool = False) -> FileSource:
@@ -115,7 +115,7 @@ def _channels(file: Any, size: int) -> tuple[list[tuple[str, str]], list[tuple[i
     for number, group in enumerate(file.groups):
         about = group.channel_group
         needed = about.cycles_nr * max(1, about.samples_byte_nr)
-        if needed > _MOST_PACKED * size:
+        if needed > _MAX_COMPRESSION_RATIO * size:
             raise RecordError(f"is damaged: group {number} says {about.cycles_nr} samples, more than the file can hold")
         name = about.acq_name or f"group_{number}"
         for index, channel in enumerate(group.channels):

@@ -26,7 +26,7 @@ __all__ = [
 
 
 ESTIMATE, BAND, REFERENCE, MEASURED, ERROR = "#1764ab", "#a9cbe8", "#111111", "#9a9a9a", "#d1661b"
-MOST_POINTS = 4000
+MAX_POINTS = 4000
 MAX_UNIT_CHARACTERS = 16
 """Largest length of a unit in a figure; units of unknown quantities are texts from files."""
 GREEK = (
@@ -336,12 +336,12 @@ def tidy(ax: Axes) -> None:
 
 def _thin(samples: int) -> slice:
     """Decimation that keeps a figure small."""
-    return slice(None, None, max(1, samples // MOST_POINTS))
+    return slice(None, None, max(1, samples // MAX_POINTS))
 
 
 def envelope(time: Array, values: Array) -> tuple[Array, Array, Array]:
     """Least and greatest value in each of some thousand stretches, so that no spike is lost to thinning."""
-    size = max(1, len(values) // MOST_POINTS)
+    size = max(1, len(values) // MAX_POINTS)
     stretches = len(values) // size
     cut = values[: stretches * size].reshape(stretches, size)
     empty = ~np.isfinite(cut).any(axis=1)

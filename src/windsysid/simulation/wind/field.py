@@ -28,24 +28,18 @@ from windsysid._types import Array
 from windsysid.errors import ConfigurationError
 
 __all__ = [
-    "WindConditions",
-    "WindOnRotor",
-    "coherence",
-    "extreme_direction_change",
-    "iec_turbulence_intensity",
-    "kaimal_spectrum",
-    "rotating_turbulence",
-    "rotor_wind",
-]
+    "WindConditions", "WindOnRotor", "coherence", "extreme_direction_change", "iec_turbulence_intensity",
+    "kaimal_spectrum", "rotating_turbulence", "rotor_wind",
+]  # fmt: skip
 
 
 IEC_REFERENCE_INTENSITY = {"A+": 0.18, "A": 0.16, "B": 0.14, "C": 0.12}
 """I_ref of the turbulence categories (IEC 61400-1 ed. 4, basic parameters of the classes)."""
 
-DECAY = 12.0
+COHERENCE_DECAY = 12.0
 """Decay of the coherence with separation (IEC 61400-1 ed. 4, annex C)."""
 
-JITTER = 1e-10
+RELATIVE_JITTER = 1e-10
 """Added to the diagonal before factorising, relative: harmonics of the hub point are exactly zero."""
 
 
@@ -254,7 +248,7 @@ def _shear(conditions: WindConditions, height: Array) -> Array:
 
 def _decay_rate(frequency: Array, conditions: WindConditions) -> Array:
     """Factor on the separation in the coherence's exponent [1/m]."""
-    return DECAY * np.hypot(frequency / conditions.speed, 0.12 / conditions.length_scale)
+    return COHERENCE_DECAY * np.hypot(frequency / conditions.speed, 0.12 / conditions.length_scale)
 
 
 def _ring_coherence(frequency: Array, rings: Array, conditions: WindConditions, harmonics: int) -> Array:
@@ -283,7 +277,7 @@ def _harmonic(correlations: Array, n: int, rings: int) -> Array:
     matrix[:, lower[0], lower[1]] = correlations[n]
     matrix[:, lower[1], lower[0]] = correlations[n]
     diagonal = np.arange(rings)
-    matrix[:, diagonal, diagonal] = np.maximum(matrix[:, diagonal, diagonal], 0.0) + JITTER
+    matrix[:, diagonal, diagonal] = np.maximum(matrix[:, diagonal, diagonal], 0.0) + RELATIVE_JITTER
     return matrix
 
 

@@ -20,7 +20,7 @@ from windsysid.mechanics.compile import CompiledModel
 from windsysid.spectral.lti.system import LinearSystem, is_stable, linearise, low_rank, resolve
 from windsysid.spectral.rotor.load_filters import LoadShape
 from windsysid.spectral.transforms.cross_spectra import CrossSpectra, FixedBlock, PooledBins, pool
-from windsysid.spectral.transforms.dft import WINDOW_REACH, window_weights
+from windsysid.spectral.transforms.dft import WINDOW_BINS, window_weights
 from windsysid.statespace.parameter import Parameter
 from windsysid.statespace.unknowns import Unknowns
 
@@ -198,7 +198,7 @@ class LinearModel(NamedTuple):
         middle, sharp = self.spectrum(rows.frequency, unknowns), self._replace(blur=0.0)
         around = sharp.spectrum(places.ravel(), unknowns).reshape(len(number), 3, *middle.shape[1:])
         mean = np.einsum("g,kgij->kij", 0.5 * weights, around)
-        near = np.flatnonzero(number <= 2.0 * WINDOW_REACH / BINS_PER_POOL)
+        near = np.flatnonzero(number <= 2.0 * WINDOW_BINS / BINS_PER_POOL)
         for run in np.split(near, np.flatnonzero(np.diff(near) > 1) + 1):
             if len(run):
                 mean[run] = sharp._windowed(spectra.last, rows.first[run[0] : run[-1] + 2], unknowns)

@@ -26,15 +26,8 @@ from windsysid.spectral.modal_bands.model import (
 from windsysid.spectral.transforms.dft import Band
 
 __all__ = [
-    "COARSE_TOLERANCE",
-    "HALF_TOLERANCE",
-    "ModalFit",
-    "evidence",
-    "prior_slopes",
-    "score",
-    "score_together",
-    "slopes",
-]
+    "COARSE_TOLERANCE", "HALF_TOLERANCE", "ModalFit", "evidence", "prior_slopes", "score", "score_together", "slopes",
+]  # fmt: skip
 
 FINE_TOLERANCE, HALF_TOLERANCE, COARSE_TOLERANCE = 1e-3, 0.02, 0.1
 """Numerical: Newton decrement of the last step: 0.03 standard deviations of a result, 0.14 of halves that are compared

@@ -8,7 +8,7 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.checks.dispersion import PartScores
-from windsysid.checks.limits import EVEN_CHANCE, MAX_WIDENING, MIN_REPORTED_WIDENING
+from windsysid.checks.limits import MAX_WIDENING, MIN_REPORTED_WIDENING, MIN_RIVAL_PROBABILITY
 from windsysid.checks.widening import mixture_factor
 from windsysid.results.estimate import IntervalEstimate
 from windsysid.spectral.modal_bands.check import explanations, is_spurious, mode_doubts
@@ -39,7 +39,7 @@ def widened(mode: OperationalMode, found: BandFit, j: int, parts: Sequence[PartS
     for i, what in enumerate(("frequency", "damping ratio")):
         over = widening_of(parts, i * r + j)
         std = over.factor * found.fit.std(j)[i]
-        rivals = [(float(shift[i]) / std, 1.0, EVEN_CHANCE) for _, shift in others]
+        rivals = [(float(shift[i]) / std, 1.0, MIN_RIVAL_PROBABILITY) for _, shift in others]
         factor = over.factor * mixture_factor(rivals)
         factors.append(factor)
         if factor > MIN_REPORTED_WIDENING:

@@ -20,14 +20,8 @@ from windsysid.spectral.oma.limits import MAX_SENSORS
 from windsysid.spectral.transforms.multiblade import is_blade
 
 __all__ = [
-    "ModalSensor",
-    "Node",
-    "SensorList",
-    "choose_sensors",
-    "derivative_order",
-    "geometry_of",
-    "read_modal_sensors",
-]
+    "ModalSensor", "Node", "SensorList", "choose_sensors", "derivative_order", "geometry_of", "read_modal_sensors",
+]  # fmt: skip
 
 Quantity = Literal["acceleration", "velocity", "displacement", "strain", "load"]
 

@@ -12,7 +12,7 @@ from windsysid.errors import ConfigurationError, RecordError
 from windsysid.loads.hypothesis import HYPOTHESES
 from windsysid.loads.narrow_band import NarrowBand
 from windsysid.spectral.rotor.build_parked import pose_standing
-from windsysid.spectral.rotor.harmonic_transfer import HIGHEST, matrix_harmonics
+from windsysid.spectral.rotor.harmonic_transfer import MAX_HARMONIC, matrix_harmonics
 from windsysid.spectral.rotor.likelihood import SpectrumGrid
 from windsysid.spectral.rotor.limits import MAX_HARMONICS, MIN_BINS, MIN_TURNS
 from windsysid.spectral.rotor.load_spectra import BroadbandLoads, Sources, WindLoads, WindRotor
@@ -32,7 +32,7 @@ def turns_couple(question: RotorQuestion) -> bool:
     """True if the azimuth is in the equations or the readings, and the rotor turns."""
     p, speed = question.centres, float(question.speed.mean())
     found = matrix_harmonics(question.compiled, p[None], np.zeros((1, question.size)), speed, question.inputs[0])
-    others = np.arange(2 * HIGHEST + 1) != HIGHEST
+    others = np.arange(2 * MAX_HARMONIC + 1) != MAX_HARMONIC
     return bool(found.mechanics[:, :, others].any() or found.readings[:, :, others].any())
 
 

@@ -8,8 +8,8 @@ those of the readings; with one load on every degree of freedom
     M = (∂q̈/∂w)⁻¹,  C = −M ∂q̈/∂q̇,  K = −M ∂q̈/∂q,      R^a = ∂y/∂w M,  R^v = ∂y/∂q̇ − R^a ∂q̈/∂q̇,  R^q = ∂y/∂q − R^a
     ∂q̈/∂q,
 
-at `POINTS` azimuths, and the fast Fourier transform their harmonics. At the frequencies ω_k = ω + kΩ the motion answers
-by
+at `AZIMUTH_COUNT` azimuths, and the fast Fourier transform their harmonics. At the frequencies ω_k = ω + kΩ the motion
+answers by
 
     D_jk = −ω_k² M_{j−k} + i ω_k C_{j−k} + K_{j−k},      R_jk likewise,      T = R D⁻¹.
 
@@ -33,19 +33,19 @@ from windsysid.spectral.transforms.lifted import Complex
 
 __all__ = ["MatrixHarmonics", "coupled", "element_sizes", "equal_lag", "matrix_harmonics", "without_rounding"]
 
-POINTS = 8
-"""Numerical: azimuths at which matrices are evaluated: harmonics up to `HIGHEST` are exact if there are none above
+AZIMUTH_COUNT = 8
+"""Numerical: azimuths at which matrices are evaluated: harmonics up to `MAX_HARMONIC` are exact if there are none above
 4."""
 
-HIGHEST = 3
+MAX_HARMONIC = 3
 """Numerical: highest harmonic |h| of a matrix; those of a rotor's equations and readings end at 2 and 3."""
 
-ROUNDING = 1e-13
+MAX_RELATIVE_ROUNDING = 1e-13
 """Numerical: size of an element over that of the others of its matrix, below which it is rounding."""
 
 
 class MatrixHarmonics(NamedTuple):
-    """Harmonics −`HIGHEST` … `HIGHEST` of a model's matrices, for V sets of parameters.
+    """Harmonics −`MAX_HARMONIC` … `MAX_HARMONIC` of a model's matrices, for V sets of parameters.
 
     Attributes
     ----------
@@ -82,7 +82,7 @@ def matrix_harmonics(
     if "rotor_azimuth" in model.inputs:
         where = model.inputs.index("rotor_azimuth")
         u[model.inputs.index("rotor_speed")] = rotor_speed
-    points = POINTS if where >= 0 and rotor_speed != 0.0 else 1
+    points = AZIMUTH_COUNT if where >= 0 and rotor_speed != 0.0 else 1
     rates = np.zeros((sets, points, n, 2 * n)), np.zeros((sets, points, n, n))
     seen = np.zeros((sets, points, m, 2 * n)), np.zeros((sets, points, m, n))
     columns = 2 * n, len(model.identified), n
@@ -101,14 +101,16 @@ def matrix_harmonics(
     readings = np.stack([by_acceleration, direct[..., n:], direct[..., :n]])
     found = MatrixHarmonics(_series(mechanics), _series(readings))
     sizes = element_sizes(MatrixHarmonics(found.mechanics[:, :1], found.readings[:, :1]))
-    return MatrixHarmonics(*(without_rounding(X, ROUNDING * size) for X, size in zip(found, sizes, strict=True)))
+    return MatrixHarmonics(
+        *(without_rounding(X, MAX_RELATIVE_ROUNDING * size) for X, size in zip(found, sizes, strict=True))
+    )
 
 
 def element_sizes(matrices: MatrixHarmonics) -> tuple[Array, Array]:
     """Size of an element relative to the largest of its matrix, or of its row of readings, in
     coordinates of unit mass: (3, V, 1, n, n) and (3, V, 1, m, n)."""
     mechanics, readings = np.abs(matrices.mechanics), np.abs(matrices.readings)
-    unit = np.sqrt(np.einsum("vii->vi", mechanics[0, :, HIGHEST]))[None, :, None, None, :]
+    unit = np.sqrt(np.einsum("vii->vi", mechanics[0, :, MAX_HARMONIC]))[None, :, None, None, :]
     both = unit * np.swapaxes(unit, -1, -2)
     of_matrix = (mechanics / both).max(axis=(2, 3, 4), keepdims=True) * both
     of_row = (readings / unit).max(axis=(2, 4), keepdims=True) * unit
@@ -143,7 +145,7 @@ def _couple(matrices: Any, frequency: Any, out: Any) -> None:
     bins, count = frequency.shape
     rows, columns = matrices.shape[2], matrices.shape[3]
     for h in range(matrices.shape[1]):
-        shift = h - HIGHEST
+        shift = h - MAX_HARMONIC
         for i in range(rows):
             for j in range(columns):
                 a, v, q = matrices[0, h, i, j], matrices[1, h, i, j], matrices[2, h, i, j]
@@ -159,11 +161,11 @@ def _series(values: Array) -> Complex:
     """Harmonics of matrices (…, P, r, c) over P azimuths: (…, 7, r, c)."""
     points = values.shape[-3]
     if points == 1:
-        out = np.zeros((*values.shape[:-3], 2 * HIGHEST + 1, *values.shape[-2:]), dtype=np.complex128)
-        out[..., HIGHEST, :, :] = values[..., 0, :, :]
+        out = np.zeros((*values.shape[:-3], 2 * MAX_HARMONIC + 1, *values.shape[-2:]), dtype=np.complex128)
+        out[..., MAX_HARMONIC, :, :] = values[..., 0, :, :]
         return out
     found = np.fft.fft(values, axis=-3) / points
-    return np.asarray(np.take(found, np.arange(-HIGHEST, HIGHEST + 1) % points, axis=-3))
+    return np.asarray(np.take(found, np.arange(-MAX_HARMONIC, MAX_HARMONIC + 1) % points, axis=-3))
 
 
 class _Pointer(types.WrapperAddressProtocol):  # type: ignore[misc]

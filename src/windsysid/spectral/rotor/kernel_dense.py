@@ -36,7 +36,7 @@ from windsysid.kernels.complex_rows import (
 from windsysid.kernels.complex_solve import factor, solve, solve_turned, whiten
 from windsysid.kernels.jit import called, compiled
 from windsysid.kernels.rows import padded
-from windsysid.spectral.rotor.harmonic_transfer import HIGHEST
+from windsysid.spectral.rotor.harmonic_transfer import MAX_HARMONIC
 from windsysid.spectral.rotor.kernel_sparse import element_at
 from windsysid.spectral.transforms.lifted import Complex
 
@@ -187,7 +187,7 @@ def _couple(matrices: Any, elements: Any, omega: Any, out: Any) -> int:
     clear(out)
     for at in range(len(elements)):
         h, i, j = elements[at, 1], elements[at, 2], elements[at, 3]
-        shift = h - HIGHEST
+        shift = h - MAX_HARMONIC
         apart = max(apart, abs(shift * n + i - j))
         for k in range(max(0, -shift), min(count, count - shift)):
             out[(k + shift) * n + i, k * n + j] = element_at(matrices[:, 0], h, i, j, omega[k])
@@ -203,7 +203,7 @@ def _read(
     clear(out)
     for at in range(len(elements)):
         h, i, j = elements[at, 1], elements[at, 2], elements[at, 3]
-        shift = h - HIGHEST
+        shift = h - MAX_HARMONIC
         for k in range(max(0, -shift), min(count, count - shift)):
             x = entry_of[k + shift, i]
             if x < 0 or left_out[x]:
@@ -317,7 +317,7 @@ def _half_moved(
         if dm_at[at, 0] != which:
             continue
         h, i, j = dm_at[at, 1], dm_at[at, 2], dm_at[at, 3]
-        shift = h - HIGHEST
+        shift = h - MAX_HARMONIC
         for k in range(max(0, -shift), min(count, count - shift)):
             to, value = k * n + j, element_at(d_mechanics[:, which], h, i, j, omega[k])
             if room.slot[to] < 0:
@@ -330,7 +330,7 @@ def _half_moved(
         if dr_at[at, 0] != which:
             continue
         h, i, j = dr_at[at, 1], dr_at[at, 2], dr_at[at, 3]
-        shift = h - HIGHEST
+        shift = h - MAX_HARMONIC
         for k in range(max(0, -shift), min(count, count - shift)):
             x, to = entry_of[k + shift, i], k * n + j
             if x < 0 or left_out[x]:

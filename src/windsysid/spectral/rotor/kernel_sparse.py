@@ -13,7 +13,7 @@ import numpy as np
 from numba import types
 
 from windsysid.kernels.jit import called, compiled, inlined
-from windsysid.spectral.rotor.harmonic_transfer import HIGHEST
+from windsysid.spectral.rotor.harmonic_transfer import MAX_HARMONIC
 
 __all__ = ["MAX_LOOP_ENTRIES", "add_up", "element_at", "smooth", "spectra"]
 
@@ -154,7 +154,7 @@ def _halves(
     count, n, r, e = omega.shape[0], d_mechanics.shape[2], d_readings.shape[2], len(entries)
     moved[:], half[:] = 0.0, 0.0
     for h in range(d_mechanics.shape[1]):
-        shift = h - HIGHEST
+        shift = h - MAX_HARMONIC
         if abs(shift) >= count:
             continue
         for i in range(n):
@@ -194,7 +194,7 @@ def _spectra(
     for b in range(bins):
         D[:], T[:], T_s[:], Q[:] = 0.0, 0.0, 0.0, 0.0
         for h in range(mechanics.shape[1]):
-            shift = h - HIGHEST
+            shift = h - MAX_HARMONIC
             if abs(shift) >= count:
                 continue
             for i in range(n):

@@ -15,7 +15,7 @@ from windsysid.statespace.load_model import LoadModel
 
 __all__ = ["LoadShape", "load_shapes"]
 
-MAX_STEP, MAX_DECAY = 1.0, 0.01
+MAX_STEP_SECONDS, MAX_DECAY = 1.0, 0.01
 """Numerical: longest step at which Φ is evaluated [s], and largest distance of its eigenvalues from 1: the logarithm is
 then on the right branch."""
 
@@ -69,7 +69,7 @@ def _drift(load: LoadModel) -> Array:
     """F (n, n)."""
     from scipy.linalg import logm
 
-    step = MAX_STEP
+    step = MAX_STEP_SECONDS
     while (
         _turned(load, step) > MAX_DECAY or _turned(load, step / 7.0) > MAX_DECAY
     ):  # 7: a step of whole periods turns nothing

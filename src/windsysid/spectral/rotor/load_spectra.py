@@ -112,7 +112,7 @@ MAX_WIND_HARMONIC = 12
 RING_POINTS = 96
 """Numerical: points on a ring over which coherence is averaged."""
 
-EDDY_MOMENT = 1.2
+EDDY_MOMENT_FACTOR = 1.2
 """Setting: factor on the wind's mean lever for small eddies, in moment and in squared force over squared moment."""
 
 
@@ -182,8 +182,8 @@ class WindLoads:
         f = self._base[every // 2 :: every, None] + self._rotor_hz * self._orders
         own = values["load_rms_eddies"] ** 2 / corner * (1.0 + (f / corner) ** 2) ** (-5.0 / 3.0) / self._blades
         own = np.tile(own, self._blades)
-        outer = per_force / values["load_eddies_lever"] / EDDY_MOMENT
-        G = size * per_force**2 * force + EDDY_MOMENT * outer**2 * own
+        outer = per_force / values["load_eddies_lever"] / EDDY_MOMENT_FACTOR
+        G = size * per_force**2 * force + EDDY_MOMENT_FACTOR * outer**2 * own
         GF = size * per_force * both + outer * own
         return SourceSpectra(np.concatenate([G, size * moment + own], axis=1), GF)
 

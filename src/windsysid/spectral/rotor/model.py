@@ -12,7 +12,7 @@ from windsysid._types import Array
 from windsysid.loads.statistics import Statistic, to_logarithms, values_of
 from windsysid.mechanics.compile import CompiledModel
 from windsysid.mechanics.model import Coordinate
-from windsysid.mechanics.rotor import MEAN_LAG, MEAN_LAG_SPREAD
+from windsysid.mechanics.rotor import MEAN_LAG, MEAN_LAG_STD
 from windsysid.spectral.rotor.harmonic_transfer import (
     MatrixHarmonics,
     element_sizes,
@@ -37,7 +37,7 @@ from windsysid.spectral.transforms.lifted import Complex
 from windsysid.statespace.parameter import Parameter
 from windsysid.statespace.unknowns import BlockName, Unknowns
 
-__all__ = ["FINER", "Inexact", "LiftedModel", "finer_bins", "taper_window"]
+__all__ = ["GRID_FACTOR", "Inexact", "LiftedModel", "finer_bins", "taper_window"]
 
 MECHANICAL: tuple[BlockName, ...] = ("parameters", "lag", "tolerances")
 """Unknowns of the matrices."""
@@ -51,7 +51,7 @@ MIN_RELATIVE_CHANGE = 1e-11
 MAX_NUMBERS = 400_000
 """Numerical: complex numbers of derivatives in memory at once."""
 
-FINER = 2
+GRID_FACTOR = 2
 """Numerical: bins of the grid on which spectra are smoothed per bin of the record: the taper's window is exact on
 it."""
 
@@ -188,7 +188,7 @@ class LiftedModel(NamedTuple):
     @property
     def prior(self) -> tuple[Array, Array]:
         """Mean and standard deviation of the unknowns."""
-        known = [q.prior for q in self.parameters] + [(0.0, MEAN_LAG_SPREAD)] * self.lag
+        known = [q.prior for q in self.parameters] + [(0.0, MEAN_LAG_STD)] * self.lag
         known += [(0.0, s.spread) for s in self.statistics]
         known += [(0.0, 1.0)] * len(self.inexact.late)
         mean, spread = np.array(known).T
@@ -396,16 +396,16 @@ class LiftedModel(NamedTuple):
 
 def finer_bins(first: int, last: int) -> Array:
     """The finer grid (F,) for the bins first … last, in bins."""
-    reach = WINDOW_BINS * FINER
-    return np.asarray(np.arange(first * FINER - reach, last * FINER + reach + 1) / FINER)
+    reach = WINDOW_BINS * GRID_FACTOR
+    return np.asarray(np.arange(first * GRID_FACTOR - reach, last * GRID_FACTOR + reach + 1) / GRID_FACTOR)
 
 
 def taper_window(samples: int, bins: NDArray[np.intp]) -> Array:
     """The weights (F, B) with which spectra on the finer grid between the first and the last of `bins` make up the
     smoothed ones at `bins` (B,), under the taper of so many samples."""
-    reach, weights = WINDOW_BINS * FINER, _window(samples)
-    out = np.zeros(((bins[-1] - bins[0]) * FINER + 2 * reach + 1, len(bins)))
-    for column, place in enumerate((bins - bins[0]) * FINER):
+    reach, weights = WINDOW_BINS * GRID_FACTOR, _window(samples)
+    out = np.zeros(((bins[-1] - bins[0]) * GRID_FACTOR + 2 * reach + 1, len(bins)))
+    for column, place in enumerate((bins - bins[0]) * GRID_FACTOR):
         out[place : place + 2 * reach + 1, column] = weights
     return out
 
@@ -418,8 +418,8 @@ def _numbers(entries: Complex) -> Array:
 @lru_cache(maxsize=64)
 def _window(samples: int) -> Array:
     """The taper's window at the finer bins within `WINDOW_BINS` of its middle, with the sum 1."""
-    padded = np.abs(np.fft.fft(taper(samples), FINER * samples)) ** 2
-    weights = np.roll(padded, WINDOW_BINS * FINER)[: 2 * WINDOW_BINS * FINER + 1]
+    padded = np.abs(np.fft.fft(taper(samples), GRID_FACTOR * samples)) ** 2
+    weights = np.roll(padded, WINDOW_BINS * GRID_FACTOR)[: 2 * WINDOW_BINS * GRID_FACTOR + 1]
     return np.asarray(weights / weights.sum())
 
 

@@ -32,10 +32,10 @@ from windsysid.spectral.transforms.rotating_frame import combine_groups
 
 __all__ = ["doubts_of_bands"]
 
-PARTS = (3, 8)
+PART_COUNTS = (3, 8)
 """Setting: numbers of parts of a band: wide ones show a wrong level, narrow ones a resonance at another place."""
 
-NARROW_SHARE, KNOWN_SHARE = 0.65, 0.1
+NARROW_SHARE, MAX_REMAINING_SHARE = 0.65, 0.1
 """Setting: width of the narrower bands over that of the bands, and remaining share of a covariance if they contain as
 much, since levels at the ends of a band are estimated anew. A step of less than a standard deviation is no finding."""
 
@@ -88,7 +88,7 @@ def _disagreements(
         doubts += differing
     step = again.mode.unknowns[which] - found.unknowns[which]
     if np.any(np.abs(step) > np.sqrt(np.diag(known).clip(0.0))):
-        doubts += _differ("narrower_bands_disagree", step, less - (1.0 - KNOWN_SHARE) * known, names)
+        doubts += _differ("narrower_bands_disagree", step, less - (1.0 - MAX_REMAINING_SHARE) * known, names)
     return doubts
 
 
@@ -124,7 +124,7 @@ def _differ(code: str, step: Array, cov: Array, names: list[str]) -> list[Findin
 
 
 def _parts(posed: PosedBands, unknowns: Array) -> list[tuple[list[RangePower], ...]]:
-    """Mean squares of the parts of each row's band, for each number of `PARTS`."""
+    """Mean squares of the parts of each row's band, for each number of `PART_COUNTS`."""
     found = []
     for (band, _, rows), place in zip(posed.model.bands, posed.model.places(), strict=True):
         S = np.einsum("bii->bi", band.spectrum(unknowns[place]).spectrum).real
@@ -132,7 +132,7 @@ def _parts(posed: PosedBands, unknowns: Array) -> list[tuple[list[RangePower], .
         f = band.base
         for i, row in enumerate(rows):
             label, overlap = posed.combined[row.combination].label, band.overlap / band.blocks
-            edges = [np.linspace(row.low, row.high * 1.000001, count + 1).tolist() for count in PARTS]
+            edges = [np.linspace(row.low, row.high * 1.000001, count + 1).tolist() for count in PART_COUNTS]
             found.append(
                 tuple(
                     parts_of(power[:, i], S[:, i], f, label, list(pairwise(own)), overlap, MIN_ENERGY_FREEDOM)

@@ -20,14 +20,14 @@ from numpy.typing import NDArray
 from windsysid._types import Array, Complex
 
 __all__ = [
-    "TAPERED", "WINDOW_REACH", "Band", "band_data", "plain_band", "taper", "taper_factor", "transform",
+    "TAPERED_SHARE", "WINDOW_BINS", "Band", "band_data", "plain_band", "taper", "taper_factor", "transform",
     "window_weights",
 ]  # fmt: skip
 
-TAPERED = 0.1
+TAPERED_SHARE = 0.1
 """Setting: share of the record over which the taper rises and falls."""
 
-WINDOW_REACH = 24
+WINDOW_BINS = 24
 """Numerical: bins on either side over which the taper's window is summed: less than a hundredth of it lies beyond."""
 
 MAX_ROWS = 160
@@ -77,7 +77,7 @@ def plain_band(frequency: Array, counts: Array, power: Complex, factor: float) -
 def taper(samples: int) -> Array:
     """The cosine taper (T,), one period of a function that repeats, as the transform takes it."""
     number = np.arange(samples)
-    inside = np.minimum(number, samples - number) / max(0.5 * TAPERED * samples, 1.0)
+    inside = np.minimum(number, samples - number) / max(0.5 * TAPERED_SHARE * samples, 1.0)
     h, rising = np.ones(samples), inside < 1.0
     h[rising] = 0.5 - 0.5 * np.cos(np.pi * inside[rising])
     return h
@@ -106,10 +106,10 @@ def transform(values: NDArray[np.float64] | Complex, rate: float) -> tuple[Array
 def window_weights(samples: int, rate: float, bins: NDArray[np.int64]) -> tuple[Array, NDArray[np.int64], Array]:
     """Frequencies (F,) [Hz] at half bins around `bins` (K,), and for each bin the taper's window over the (W,) from its
     `first` (K,) on, rows summing to 1."""
-    steps = np.arange(2 * (int(bins[0]) - WINDOW_REACH), 2 * (int(bins[-1]) + WINDOW_REACH) + 1)
+    steps = np.arange(2 * (int(bins[0]) - WINDOW_BINS), 2 * (int(bins[-1]) + WINDOW_BINS) + 1)
     first = np.asarray(2 * (bins - bins[0]), dtype=np.int64)
-    reach = np.arange(4 * WINDOW_REACH + 1)
-    weight = _window(samples)[np.abs(reach - 2 * WINDOW_REACH)] * (steps[first[:, None] + reach] > 0)
+    reach = np.arange(4 * WINDOW_BINS + 1)
+    weight = _window(samples)[np.abs(reach - 2 * WINDOW_BINS)] * (steps[first[:, None] + reach] > 0)
     weight /= weight.sum(axis=1, keepdims=True)
     return 0.5 * np.maximum(steps, 1) * rate / samples, first, weight
 
@@ -139,7 +139,7 @@ def band_data(values: Complex, bins: NDArray[np.int64], samples: int, rate: floa
 
 
 def _window(samples: int) -> Array:
-    """The taper's window at whole half bins from 0 to twice `WINDOW_REACH`; the same for every length but the
+    """The taper's window at whole half bins from 0 to twice `WINDOW_BINS`; the same for every length but the
     shortest."""
     h = taper(min(samples, 4096))
-    return np.asarray(np.abs(np.fft.fft(h, 2 * len(h))[: 2 * WINDOW_REACH + 1]) ** 2, dtype=np.float64)
+    return np.asarray(np.abs(np.fft.fft(h, 2 * len(h))[: 2 * WINDOW_BINS + 1]) ** 2, dtype=np.float64)

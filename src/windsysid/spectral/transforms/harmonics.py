@@ -18,7 +18,7 @@ __all__ = ["find_lines", "steadiness", "without_harmonics", "without_line"]
 MAX_HARMONIC = 30
 """Setting: highest rotor harmonic that is fitted and removed."""
 
-TAPERS, BANDWIDTH = 7, 4.0
+TAPER_COUNT, TAPER_BINS = 7, 4.0
 """Setting: number and half-width [bins] of the tapers of the F test."""
 
 MAX_STATISTIC_LOSS = 3.0
@@ -52,7 +52,9 @@ def find_lines(values: Array, rate: float, low: float, high: float) -> list[floa
     frequency = np.arange(size // 2 + 1) * rate / size
     inside = (frequency > low) & (frequency < high)
     found: list[tuple[float, float]] = []
-    limit = float(fisher.isf(SINUSOID_FALSE_ALARM_PROBABILITY / max(1, samples // 2 * channels), 2, 2 * TAPERS - 2))
+    limit = float(
+        fisher.isf(SINUSOID_FALSE_ALARM_PROBABILITY / max(1, samples // 2 * channels), 2, 2 * TAPER_COUNT - 2)
+    )
     for column in values.T:
         tapered = tapers * column
         ratio = _ratio(rfft(tapered, size, axis=1)[:, inside], sums)
@@ -104,7 +106,7 @@ def _ratio(spectra: Complex, sums: Array) -> Array:
     """The F statistic (F,) of tapered transforms (TAPERS, F)."""
     mean = sums @ spectra / (sums @ sums)
     left = np.sum(np.abs(spectra - sums[:, None] * mean[None]) ** 2, axis=0)
-    return np.asarray((TAPERS - 1) * np.abs(mean) ** 2 * (sums @ sums) / np.maximum(left, 1e-300))
+    return np.asarray((TAPER_COUNT - 1) * np.abs(mean) ** 2 * (sums @ sums) / np.maximum(left, 1e-300))
 
 
 def _largest_near(ratio: Array) -> Array:
@@ -120,7 +122,7 @@ def _tapers(samples: int) -> tuple[NDArray[np.float64], Array]:
     from scipy.signal.windows import dpss
 
     most = 8192
-    short = dpss(min(samples, most), BANDWIDTH, TAPERS)
+    short = dpss(min(samples, most), TAPER_BINS, TAPER_COUNT)
     if samples > most:
         at = np.linspace(0.0, most - 1.0, samples)
         short = np.array([np.interp(at, np.arange(most), taper) for taper in short])

@@ -14,7 +14,7 @@ __all__ = ["Substructure", "read_substructure"]
 SHEAR_FACTOR = 0.53
 """Setting: Cowper's shear coefficient κ of a thin steel tube, 2(1 + ν)/(4 + 3ν) (J. Appl. Mech. 33, 1966)."""
 
-STEP = 1e-6
+STEP_METRES = 1e-6
 """Setting: distance [m] between the two sides of a step of the section."""
 
 
@@ -55,7 +55,7 @@ def read_substructure(main: InputFile, foot: float) -> Substructure:
     heights = {}
     for i, words in enumerate(joints):
         x, y, height = (sub.value(first + i, word) for word in words[1:4])
-        if math.hypot(x, y) > STEP:
+        if math.hypot(x, y) > STEP_METRES:
             sub.fail(
                 first + i,
                 f"joint {words[0]}: expected joints in one vertical line (a monopile), got x, y = {x:g}, {y:g}",
@@ -67,8 +67,8 @@ def read_substructure(main: InputFile, foot: float) -> Substructure:
     z = table[:, 0]
     if abs(z[-1] - foot) > 0.01:
         sub.fail(first, f"expected members up to the tower's foot at {foot:g} m (TowerBsHt), got up to {z[-1]:g} m")
-    own = z + STEP * _repeats(z)
-    own[-1] = min(own[-1], foot - STEP)
+    own = z + STEP_METRES * _repeats(z)
+    own[-1] = min(own[-1], foot - STEP_METRES)
     z = np.union1d(own, np.linspace(own[0], own[-1], STATIONS))
     table = np.array([np.interp(z, own, column) for column in table.T]).T
     base, springs = _base(sub, heights)
@@ -167,7 +167,7 @@ def _water(main: InputFile, z: Array) -> tuple[Array, tuple[str, ...]]:
         added = tables.coefficient("".join(words[mode : mode + 1]), words[0], z - level, share)
         surface, inner = filled.get(words[0], (-math.inf, 0.0))
         mass = added * density * diameter**2 * (z <= level) + inner * (diameter - 2.0 * wall) ** 2 * (z <= surface)
-        within = (z >= ends.min() - 10.0 * STEP) & (z <= ends.max()) & (found == 0.0)
+        within = (z >= ends.min() - 10.0 * STEP_METRES) & (z <= ends.max()) & (found == 0.0)
         found += np.where(within, math.pi / 4.0 * mass, 0.0)
     return found, (f"{hydro.path.name}:{first}-{first + len(rows) - 1}",)
 

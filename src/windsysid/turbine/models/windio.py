@@ -18,7 +18,7 @@ from windsysid.turbine.models.blade import BLADE_ELEMENTS, blade_of_beam
 from windsysid.turbine.models.input_file import InputFile
 from windsysid.turbine.models.machine import Blade, Machine, PointMass, Support, Top
 from windsysid.turbine.models.rotor_motion import BLADES
-from windsysid.turbine.models.substructure import SHEAR_FACTOR, STATIONS, STEP
+from windsysid.turbine.models.substructure import SHEAR_FACTOR, STATIONS, STEP_METRES
 from windsysid.units import RPM
 
 __all__ = ["read_windio"]
@@ -203,7 +203,7 @@ def _support(root: YamlNode, parts: YamlNode, names: dict[str, str]) -> tuple[Su
             pile.fail(f"expected a pile from below the sea bed at {bed:g} m up to the tower's foot at {foot:g} m")
         z = np.concatenate([[bed], below[0][below[0] > bed]])
         low = np.array([z, *(np.interp(z, below[0], column) for column in below[1:])])
-        low[0, -1] = foot - STEP
+        low[0, -1] = foot - STEP_METRES
         diameter = np.interp(z, below[0], _diameter(pile, names, below[0]))
         sea = root.number("environment.water_density", WATER_DENSITY)
         water = np.concatenate([np.where(low[0] <= 0.0, sea * math.pi / 4.0 * diameter**2, 0.0), water])

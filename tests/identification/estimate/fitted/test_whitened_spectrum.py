@@ -9,7 +9,7 @@ from windsysid.checks.dispersion import PartScores, expected_factor
 from windsysid.filters import EKF
 from windsysid.identification.estimate.fitted.linearisation import Linearisation
 from windsysid.identification.estimate.fitted.whitened_spectrum import scores_over_frequency
-from windsysid.identification.estimate.scoring import INCREMENT, information
+from windsysid.identification.estimate.scoring import DIFFERENCE_STEP_SIGMAS, information
 from windsysid.identification.model.prior import Prior
 from windsysid.identification.model.turbine_problem import pose
 from windsysid.records.record import Record
@@ -50,7 +50,7 @@ def test_they_add_up_to_gradient_and_information_of_the_filter(tower: Turbine):
     for seed in range(16):
         made = simulate_record(tower, duration=600.0, rate=4.0, seed=100 + seed)
         at, found = at_the_truth(tower, made), scores(tower, made)
-        widths = INCREMENT * 0.1 * np.sqrt(np.diag(at.cov))
+        widths = DIFFERENCE_STEP_SIGMAS * 0.1 * np.sqrt(np.diag(at.cov))
         gradient, fisher = information(at.problem.build, at.inputs, at.readings, at.unknowns, widths)
         gradients.append([gradient[:4], found.gradients.sum(axis=0)[:4]])
         fishers.append([np.diag(fisher)[:4], np.diag(found.information.sum(axis=0))[:4]])

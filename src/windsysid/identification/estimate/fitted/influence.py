@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.checks.lines import SURROUNDINGS, Line, find_line, stand_out_of_a_bend
+from windsysid.checks.lines import SURROUNDING_BINS, Line, find_line, stand_out_of_a_bend
 from windsysid.errors import WindsysidError
 from windsysid.identification.estimate.fitted.modal_residuals import channel_of, mode_of, ranges_of_narrow_band
 from windsysid.identification.estimate.spectral.frequency_domain import identify_by_spectrum
@@ -33,7 +33,7 @@ __all__ = ["Dependence", "doubt_line", "doubt_sine", "doubt_standing_out"]
 SEARCH_RADIUS_FACTOR = 1.25
 """Setting: factor about a mode's frequency within which a line is looked for."""
 
-BESIDE, AWAY = 3, 8
+NEAR_BINS, FAR_BINS = 3, 8
 """Setting: frequencies of the periodogram to either side of a sinusoid in which a narrow-band load would have left
 something, and beyond which their surroundings tell what would be there without one."""
 
@@ -75,7 +75,7 @@ def doubt_standing_out(line: Line, job: Job, fit: FittedJob, rotor_hz: float) ->
 def doubt_sine(frequency: float, job: Job, fit: FittedJob) -> tuple[Finding, ...]:
     """Reason not to trust a fit if the power that is left around a removed sinusoid at a frequency [Hz] still changes a
     coefficient: a narrow-band load would."""
-    found = _influence(job, fit, frequency, BESIDE)
+    found = _influence(job, fit, frequency, NEAR_BINS)
     if found is None or found.sigmas < MAX_INFLUENCE_SIGMAS:
         return ()
     return (found.doubt("tone_influence", frequency),)
@@ -167,6 +167,6 @@ def _standing_out(values: Array, line: float, beside: int) -> Array:
     their surroundings (m,); infinite where there are none."""
     power = np.abs(np.fft.rfft(np.hanning(len(values))[:, None] * values, axis=0)) ** 2
     at = round(line) + np.arange(-beside, beside + 1)
-    if at[0] <= SURROUNDINGS or at[-1] >= len(power) - SURROUNDINGS:
+    if at[0] <= SURROUNDING_BINS or at[-1] >= len(power) - SURROUNDING_BINS:
         return np.full(values.shape[1], np.inf)
-    return np.asarray(stand_out_of_a_bend(power, at, SURROUNDINGS, AWAY).mean(axis=0))
+    return np.asarray(stand_out_of_a_bend(power, at, SURROUNDING_BINS, FAR_BINS).mean(axis=0))

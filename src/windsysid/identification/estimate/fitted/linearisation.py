@@ -18,7 +18,7 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.filters.bank import LANES, bank_of, run_bank
 from windsysid.identification.estimate.clock_lag import shifted
-from windsysid.identification.estimate.scoring import CHUNK, INCREMENT, THREADS, neighbours
+from windsysid.identification.estimate.scoring import BANK_THREADS, CHUNK_SAMPLES, DIFFERENCE_STEP_SIGMAS, neighbours
 from windsysid.identification.estimate.time_domain import where_it_ended
 from windsysid.identification.job import FittedJob, Job
 from windsysid.identification.model.prior import Prior
@@ -98,14 +98,14 @@ class Linearisation:
     def sums(self, columns: Sequence[RegressorColumn]) -> RegressorSums:
         """Add up the information of the innovations on columns."""
         n, m, c = len(self.cov), self.readings.shape[1], len(columns)
-        widths = INCREMENT * np.sqrt(np.diag(self.cov))
+        widths = DIFFERENCE_STEP_SIGMAS * np.sqrt(np.diag(self.cov))
         beside = bank_of([self.problem.build(one) for one in neighbours(self.unknowns, widths)])
         along = bank_of([self.problem.build(self.unknowns)] * LANES, -(-c // LANES))
         waves = np.array([column.wave(self.time) for column in columns])
         total = RegressorSums(np.zeros(c), np.zeros((c, c)), np.zeros((n, c)), np.zeros((m, c)))
-        with ThreadPoolExecutor(THREADS) as pool:
-            for first in range(0, len(self.time), CHUNK):
-                part = slice(first, first + CHUNK)
+        with ThreadPoolExecutor(BANK_THREADS) as pool:
+            for first in range(0, len(self.time), CHUNK_SAMPLES):
+                part = slice(first, first + CHUNK_SAMPLES)
                 of = self.inputs[part], self.readings[part]
                 beside, near = run_bank(beside, *of, pool)
                 along, far = run_bank(along, *of, pool, self._changes(columns, waves[:, part]), respond=True)

@@ -17,7 +17,7 @@ from windsysid.spectral.rotor.model import LiftedModel
 
 __all__ = ["dense_places", "joined_spectrum", "spectra_of_filter", "spectra_of_model"]
 
-MAX_SLOPE_NUMBERS = 8_000_000
+MAX_DERIVATIVE_NUMBERS = 8_000_000
 """Numerical: complex numbers of derivatives in memory, beyond which a spectrum has no interval."""
 
 MAX_FREQUENCIES = 800
@@ -29,7 +29,7 @@ def spectra_of_model(
 ) -> tuple[FittedSpectrum, ...]:
     """Spectra of the entries of a model of spectra, those of one name together; `labels` (e,) are name and frame."""
     entries = len(model.place.entries)
-    slopes = len(unknowns) * len(model.place.base) * entries**2 <= MAX_SLOPE_NUMBERS
+    slopes = len(unknowns) * len(model.place.base) * entries**2 <= MAX_DERIVATIVE_NUMBERS
     found = model.spectrum(unknowns, slopes=slopes)
     S = np.einsum("bii->bi", found.spectrum).real
     of_logarithm = np.einsum("nbii->nbi", found.slopes).real / S if slopes else np.zeros((len(unknowns), *S.shape))

@@ -17,7 +17,7 @@ from windsysid.checks.dispersion import PartScores
 from windsysid.filters.bank import bank_of, run_bank
 from windsysid.identification.estimate.fitted.linearisation import Linearisation
 from windsysid.identification.estimate.fitted.spectra import spectra_of_filter
-from windsysid.identification.estimate.scoring import INCREMENT, neighbours
+from windsysid.identification.estimate.scoring import DIFFERENCE_STEP_SIGMAS, neighbours
 from windsysid.results.estimate import FittedSpectrum
 from windsysid.signals.inputs import TURNING
 
@@ -29,7 +29,7 @@ IMPULSE = (1.0, -2.0, 1.0)
 MIN_READ_SHARE = 0.9
 """Setting: share of the readings of a channel below which a spectrum with gaps is no estimate."""
 
-MAX_RANGES = 128
+MAX_FREQUENCY_RANGES = 128
 """Setting: ranges of frequency of equal information into which bins are joined, so that memory is bounded."""
 
 
@@ -47,7 +47,7 @@ def scores_over_frequency(at: Linearisation, precision: Array) -> tuple[PartScor
     gradients = np.einsum("fnij,fji->fn", slopes, power).real
     information = np.einsum("fnij,foji->fno", slopes, slopes).real
     share = np.einsum("fno,on->f", information, np.linalg.inv(information.sum(axis=0) + precision))
-    label = (MAX_RANGES * (np.cumsum(share) - 0.5 * share) / share.sum()).astype(int)
+    label = (MAX_FREQUENCY_RANGES * (np.cumsum(share) - 0.5 * share) / share.sum()).astype(int)
     first = np.unique(label, return_index=True)[1]
     frequency = np.arange(1, len(share) + 1) / (samples * steps * (at.time[1] - at.time[0]))
     spectra = spectra_of_filter(whitening, slopes, at.cov, frequency, at.problem.sensors)
@@ -74,7 +74,7 @@ def _is_time_invariant(at: Linearisation) -> bool:
 
 def _log_slopes(at: Linearisation, samples: int, m: int) -> tuple[Complex, Complex]:
     """H and G at the frequencies between zero and the highest (F, m, m), (F, n, m, m)."""
-    widths = INCREMENT * np.sqrt(np.diag(at.cov))
+    widths = DIFFERENCE_STEP_SIGMAS * np.sqrt(np.diag(at.cov))
     models = [at.problem.build(one) for one in neighbours(at.unknowns, widths)]
     silent = np.full(at.readings.shape, np.nan)
     silent[:: at.steps] = 0.0

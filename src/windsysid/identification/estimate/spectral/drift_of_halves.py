@@ -11,7 +11,7 @@ from windsysid.spectral.rotor.model import LiftedModel
 
 __all__ = ["drift_of_halves"]
 
-STEPS, SMALL = 3, 1.0
+MAX_STEPS, LAST_STEP_SIGMAS = 3, 1.0
 """Numerical: most steps of scoring to the clock of a half; one of so many standard deviations or fewer is the last."""
 
 
@@ -32,13 +32,13 @@ def _clocks(half: LiftedModel, unknowns: Array, count: int) -> tuple[Array, Arra
     """Delays of the clocks (count,) [s] and their standard deviations with all others known; infinite ones of a clock
     that nothing shows."""
     at, unknowns = half.unknowns.of("clocks"), unknowns.copy()
-    for _ in range(STEPS):
+    for _ in range(MAX_STEPS):
         said = half.likelihood(unknowns)
         information = np.diag(said.information)[at]
         shown = information > 0.0
         step = np.divide(said.gradient[at], information, out=np.zeros(count), where=shown)
         unknowns[at] -= step
-        if (step**2 * information <= SMALL**2).all():
+        if (step**2 * information <= LAST_STEP_SIGMAS**2).all():
             break
     spread = np.abs(half.inexact.late[-count:]).max(axis=1)
     std = np.divide(spread, np.sqrt(np.abs(information)), out=np.full(count, math.inf), where=shown)

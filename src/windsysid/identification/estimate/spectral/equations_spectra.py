@@ -34,11 +34,11 @@ __all__ = ["fit_by_spectra"]
 NYQUIST_SHARE = 0.8
 """Setting: share of half the sampling rate: no frequency above it is used."""
 
-BEYOND = 2.0
+FREQUENCY_RANGE_FACTOR = 2.0
 """Setting: spectra are read from the lowest natural frequency that the priors allow, over this, to the highest, times
 this: none beyond informs on the structure, and the shape of a load has to hold over a narrower range."""
 
-VARIES = 1e-6
+MIN_INPUT_VARIATION = 1e-6
 """Numerical: standard deviation of an input, over its size, from which it is no working point."""
 
 
@@ -151,7 +151,7 @@ def _working_point(job: EquationsJob, compiled: CompiledModel, part: Record) -> 
     """Constant inputs (n_u,) and loads (n_w,), and where the state at rest is looked for (n,)."""
     columns = known_columns(compiled, part, job, constant_loads(compiled.loads, part, job))
     size = np.abs(columns).max(axis=0, initial=0.0)
-    varying = np.flatnonzero(columns.std(axis=0) > VARIES * size)
+    varying = np.flatnonzero(columns.std(axis=0) > MIN_INPUT_VARIATION * size)
     if len(varying):
         name = (*compiled.inputs, *compiled.loads)[varying[0]]
         raise ConfigurationError(f"'{name}' varies: expected constant inputs for spectra; use formulation='joint'")
@@ -178,4 +178,6 @@ def _limits(posed: LinearModel, part: Record) -> tuple[float, float]:
     if not len(hz):
         return 0.0, most
     creeps = len(posed.compiled.states) > 2 * len(found[-1])  # what does not oscillate says something down to 0
-    return 0.0 if creeps else float(hz.min()) / BEYOND, min(most, BEYOND * float(hz.max()))
+    return 0.0 if creeps else float(hz.min()) / FREQUENCY_RANGE_FACTOR, min(
+        most, FREQUENCY_RANGE_FACTOR * float(hz.max())
+    )

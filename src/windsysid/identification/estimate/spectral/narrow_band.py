@@ -48,25 +48,25 @@ MAX_START_LOG_ODDS = 5.0
 ROUGH_TOLERANCE = 0.1
 """Numerical: squared length of the last step in standard deviations of a search that tells evidence."""
 
-SAME_END_SIGMAS = 0.5
+SAME_OPTIMUM_SIGMAS = 0.5
 """Numerical: standard deviations of the coefficients within which two searches have ended in one place."""
 
-START_SPACING = 0.04
+MIN_START_LOG_SPACING = 0.04
 """Numerical: difference of the logarithm of frequency within which two places are one to begin at."""
 
-PLACES, ASIDE = 61, 0.25
+TRIAL_COUNT, LOG_MARGIN = 61, 0.25
 """Setting: count of frequencies tried, and how far beyond the support's modes they reach, in log frequency."""
 
-WIDTHS, OVER = (0.001, 0.004, 0.02), (3.0, 30.0, 300.0)
+TRIAL_DAMPING, TRIAL_STRENGTHS = (0.001, 0.004, 0.02), (3.0, 30.0, 300.0)
 """Setting: damping ratios that are tried, and strengths over the spectrum without the load where it stands out most."""
 
-EVERYWHERE = 3.0
+BROAD_DAMPING = 3.0
 """Setting: damping ratio of a load that is hardly narrow: it tells how the support answers at any frequency."""
 
 LOG_EVIDENCE = attrgetter("log_evidence")
 """Of a fit."""
 
-NOTHING, LITTLE = -8.0, -1.0
+ABSENT_LOG_LEVEL, FAINT_LOG_LEVEL = -8.0, -1.0
 """Setting: coordinates of the level of a load that is absent, and of one that is hardly present."""
 
 
@@ -217,7 +217,7 @@ def _ends(question: RotorQuestion, posed: Posed, starts: Sequence[Array], *, rou
     ends = list[RotorFit]()
     with_prior = [_with_prior(question, posed, end) for end in found]
     for end in sorted(with_prior, key=LOG_EVIDENCE, reverse=True):
-        if not any(_largest(_off(question, other, end)[0]) < SAME_END_SIGMAS for other in ends):
+        if not any(_largest(_off(question, other, end)[0]) < SAME_OPTIMUM_SIGMAS for other in ends):
             ends.append(end)
     return ends
 
@@ -242,7 +242,9 @@ def _starts(question: RotorQuestion, found: RotorFit, model: LiftedModel) -> lis
     damped[of_support] = model.prior[0][of_support]
     more[of_support] = damped[of_support] + model.prior[1][of_support]
     chosen = _best_of([*_places(question, model, damped), *_places(question, model, found.unknowns)])
-    swapped = [_swapped(question, one) for one in chosen if abs(math.log(one.frequency / one.mode)) > START_SPACING]
+    swapped = [
+        _swapped(question, one) for one in chosen if abs(math.log(one.frequency / one.mode)) > MIN_START_LOG_SPACING
+    ]
     last = max(_places(question, model, more), key=lambda one: one.gain)
     return [*(one.start for one in chosen), *swapped[:1], last.start]
 
@@ -292,7 +294,7 @@ class _Place(NamedTuple):
 
     def is_like(self, other: "_Place") -> bool:
         """True if a search from the other ends at the end of one from here."""
-        return self.known is other.known and abs(math.log(self.frequency / other.frequency)) < START_SPACING
+        return self.known is other.known and abs(math.log(self.frequency / other.frequency)) < MIN_START_LOG_SPACING
 
 
 def _places(question: RotorQuestion, model: LiftedModel, known: Array) -> Iterator[_Place]:
@@ -302,7 +304,7 @@ def _places(question: RotorQuestion, model: LiftedModel, known: Array) -> Iterat
     values = {q.name: float(q.physical(u)) for q, u in zip(question.parameters, known, strict=False)}
     turbine = question.turbine.with_values(values)
     modes = [turbine.natural_frequency(one.of) / (2.0 * math.pi) for one in levels]
-    places = np.exp(np.linspace(math.log(min(modes)) - ASIDE, math.log(max(modes)) + ASIDE, PLACES))
+    places = np.exp(np.linspace(math.log(min(modes)) - LOG_MARGIN, math.log(max(modes)) + LOG_MARGIN, TRIAL_COUNT))
     order = model.place.orders[model.place.entries // len(model.combine)]
     frequency = model.base[:, None] + model.place.rotor_hz * order
     power = np.sum(np.abs(model.data) ** 2, axis=2) / model.counts[:, None]
@@ -318,18 +320,18 @@ def _places(question: RotorQuestion, model: LiftedModel, known: Array) -> Iterat
         eta[2:][np.arange(len(levels)) != i] = others
         return eta
 
-    without = expected(alone(-1, {}, NOTHING))
+    without = expected(alone(-1, {}, ABSENT_LOG_LEVEL))
     for i, level in enumerate(levels):
-        wide = alone(i, {FREQUENCY: modes[i], WIDTH: EVERYWHERE}, NOTHING)
+        wide = alone(i, {FREQUENCY: modes[i], WIDTH: BROAD_DAMPING}, ABSENT_LOG_LEVEL)
         added = np.maximum(expected(wide) - without, np.finfo(float).eps * without)  # rounding makes it negative
-        answer = added / (level.given**2 * narrow_density(frequency, modes[i], EVERYWHERE)[0])
+        answer = added / (level.given**2 * narrow_density(frequency, modes[i], BROAD_DAMPING)[0])
         entry = int(np.argmax((answer / without).max(axis=0))) % len(model.combine)
         seen = model.place.entries % len(model.combine) == entry
         S, H, P, f = (values[:, seen] for values in (without, answer, power, frequency))
         cost = np.einsum("b,be->", model.counts, np.log(S) + P / S)
-        for width in WIDTHS:
+        for width in TRIAL_DAMPING:
             shape = narrow_density(f, places[:, None, None], width)[0] * H
-            for over in OVER:
+            for over in TRIAL_STRENGTHS:
                 rms = np.sqrt(over / np.max(shape / S, axis=(1, 2)))
                 whole = S + np.square(rms)[:, None, None] * shape
                 costs = np.einsum("b,pbe->p", model.counts, np.log(whole) + P / whole)
@@ -337,7 +339,7 @@ def _places(question: RotorQuestion, model: LiftedModel, known: Array) -> Iterat
                 there = {FREQUENCY: float(places[best]), WIDTH: width, level.name: float(rms[best])}
                 yield _Place(
                     there[FREQUENCY], level.of, modes[i], known, float(cost - costs[best]),
-                    with_load(alone(i, there, LITTLE)), at,
+                    with_load(alone(i, there, FAINT_LOG_LEVEL)), at,
                 )  # fmt: skip
 
 

@@ -12,7 +12,7 @@ from windsysid.identification.condition.spectral_readings import SpectralSamples
 from windsysid.identification.estimate.clock_lag import put_on_time
 from windsysid.identification.estimate.spectral.frequency_domain import ask, inexact_of, tolerances_in
 from windsysid.identification.estimate.spectral.narrow_band import NarrowBandFit, fit_narrow_band
-from windsysid.identification.limits import MAX_TOLERANCE_CHANGE, MAX_YAW_CHANGE
+from windsysid.identification.limits import MAX_TOLERANCE_CHANGE, MAX_YAW_CHANGE_RADIANS
 from windsysid.identification.model.fit import Outcome, known_loads
 from windsysid.identification.model.prior import Prior
 from windsysid.identification.model.tolerances import seconds_late
@@ -33,7 +33,7 @@ from windsysid.turbine.turbine import Turbine
 __all__ = ["heard_on_time", "narrow_band_beside", "told_before"]
 
 
-AGAIN = ((0.2, 1), *WHOLE)
+RESTART_STAGES = ((0.2, 1), *WHOLE)
 """Setting: the stages of a search that begins where another one has ended, which knew loads by other statistics."""
 
 
@@ -86,7 +86,7 @@ def _may_be_there(samples: SpectralSamples, turbine: Turbine) -> bool:
     varies, of which spectra know one value."""
     measured, loads = known_loads(samples.record, turbine)
     some_known = measured.any() or len({load.load for load in loads}) < len(turbine.model.loads)
-    turned = np.ptp(samples.inputs[:, 2:], axis=0).max(initial=0.0) > MAX_YAW_CHANGE
+    turned = np.ptp(samples.inputs[:, 2:], axis=0).max(initial=0.0) > MAX_YAW_CHANGE_RADIANS
     return not (some_known or turned) and bool(narrow_band_statistics(turbine, loads))
 
 
@@ -131,6 +131,6 @@ def _where_it_ended(near: Outcome, question: RotorQuestion, posed: Posed) -> tup
         start[i] = q.coordinate(found[q.name])
     known = {one.name: one.estimate for one in near.statistics}
     if not all(one.name in known for one in statistics):
-        return start, AGAIN
+        return start, RESTART_STAGES
     start[posed.model.unknowns.of("statistics")] = coordinates_of(statistics, known)
     return start, WHOLE

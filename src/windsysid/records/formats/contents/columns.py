@@ -24,22 +24,10 @@ from windsysid.records.record import AS_WRITTEN
 from windsysid.units import canonical, is_same_quantity, si_unit, to_si
 
 __all__ = [
-    "COUNTER_NAMES",
-    "DATE_NAMES",
-    "SUFFIXES",
-    "TIME_NAMES",
-    "Cell",
-    "Column",
-    "find_time",
-    "find_times",
-    "is_called_time",
-    "is_no_time_unit",
-    "name_and_unit",
-    "names_and_units",
-    "occurrences",
-    "plan_columns",
+    "COUNTER_NAMES", "DATE_NAMES", "SUFFIXES", "TIME_NAMES", "Cell", "Column", "find_time", "find_times",
+    "is_called_time", "is_no_time_unit", "name_and_unit", "names_and_units", "occurrences", "plan_columns",
     "split_unit",
-]
+]  # fmt: skip
 
 SUFFIXES = {
     "_mV_per_V": "mV/V", "_V_per_V": "V/V", "_microstrain": "microstrain", "_ustrain": "microstrain",

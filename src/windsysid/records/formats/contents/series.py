@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from windsysid.errors import ConfigurationError, RecordError, UnknownTimeError
-from windsysid.records.checks import UNIFORM
+from windsysid.records.checks import MAX_OFF_STEPS
 from windsysid.records.formats.contents.columns import (
     Cell,
     Column,
@@ -275,7 +275,7 @@ def _same_clock(one: FileSeries, other: FileSeries) -> bool:
     if one.grid is None or other.grid is None:
         return True
     apart = other.grid.first - one.grid.first + _between(one.grid.start, other.grid.start)
-    return one.grid.step == other.grid.step and abs(apart) <= UNIFORM * one.grid.step
+    return one.grid.step == other.grid.step and abs(apart) <= MAX_OFF_STEPS * one.grid.step
 
 
 def _sampling(series: FileSeries) -> str:

@@ -28,7 +28,7 @@ __all__ = [
 Progress = Callable[[float], None]
 """Called with the fraction of the file that has been read."""
 
-IRREGULAR = 0.25
+MAX_OFF_GRID_STEPS = 0.25
 """Part of a step by which stamps may be off multiples of it and still be a clock where the rate is given."""
 
 MAX_SPAN_ERROR = 0.01
@@ -303,7 +303,7 @@ def _has_rhythm(times: Array) -> bool:
     if not steps.size or not np.all(steps > 0.0):
         return False
     counts = steps / usual_step(times)
-    return bool(np.all(np.abs(counts - np.rint(counts)) <= IRREGULAR))
+    return bool(np.all(np.abs(counts - np.rint(counts)) <= MAX_OFF_GRID_STEPS))
 
 
 def _check_span(times: Array, placed: RegularTimes | None, rate: float) -> None:

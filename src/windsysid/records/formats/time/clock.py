@@ -29,7 +29,7 @@ from windsysid.records.formats.text.dates import (
     is_zoned,
     parse_column,
 )
-from windsysid.records.formats.time.time_units import RECENT, confirmed_unit
+from windsysid.records.formats.time.time_units import RECENT_SECONDS, confirmed_unit
 from windsysid.records.moments import SINCE, has_zone, moment_text, tidy, zone_offset
 from windsysid.records.record import Array
 from windsysid.records.stamps import usual_step
@@ -353,7 +353,7 @@ def _seconds_in(unit: str) -> float:
 def _since_1970(first: float, unit: str | None) -> int:
     """Nanoseconds per count of a time that counts from 1970 in less than seconds; 0 where it does not."""
     for count, names in ((1_000_000, ("ms", "milliseconds")), (1000, ("µs", "us")), (1, ("ns",))):
-        low, high = (moment * _SECOND / count for moment in RECENT)
+        low, high = (moment * _SECOND / count for moment in RECENT_SECONDS)
         if low <= first < high and (unit is None or unit in names):
             return count
     return 0

@@ -8,13 +8,13 @@ rate that is shorter was cut, and does not join.
 import numpy as np
 import numpy.typing as npt
 
-from windsysid.records.checks import UNIFORM, Array
+from windsysid.records.checks import MAX_OFF_STEPS, Array
 
 __all__ = ["Rows", "coinciding"]
 
 Rows = npt.NDArray[np.int64]
 
-_SLOWER = 1.5  # times as long is the step of a slower series at least
+_MIN_SLOWER_RATIO = 1.5  # times as long is the step of a slower series at least
 
 
 def coinciding(time: Array, slower: Array) -> Rows | None:
@@ -26,7 +26,7 @@ def coinciding(time: Array, slower: Array) -> Rows | None:
         return None
     step, long = float(np.median(np.diff(time))), float(np.median(np.diff(slower)))
     rows = np.minimum(np.searchsorted(time, slower - 0.5 * step), time.size - 1).astype(np.int64)
-    meets = np.max(np.abs(time[rows] - slower)) <= UNIFORM * step and bool(np.all(np.diff(rows) > 0))
-    within = (1.0 + UNIFORM) * long
+    meets = np.max(np.abs(time[rows] - slower)) <= MAX_OFF_STEPS * step and bool(np.all(np.diff(rows) > 0))
+    within = (1.0 + MAX_OFF_STEPS) * long
     lasts = abs(slower[0] - time[0]) < within and abs(time[-1] - slower[-1]) < within
-    return rows if meets and lasts and long >= _SLOWER * step else None
+    return rows if meets and lasts and long >= _MIN_SLOWER_RATIO * step else None

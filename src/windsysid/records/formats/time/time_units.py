@@ -20,15 +20,15 @@ from windsysid.errors import RecordError
 from windsysid.records.stamps import usual_step
 from windsysid.units import to_si
 
-__all__ = ["MAX_RATE", "RECENT", "confirmed_unit"]
+__all__ = ["MAX_RATE_HZ", "RECENT_SECONDS", "confirmed_unit"]
 
-MAX_RATE = 5e4
+MAX_RATE_HZ = 5e4
 """Highest plausible sampling rate of a turbine [Hz]."""
 
-MAX_STEP = 0.1
+MAX_STEP_SECONDS = 0.1
 """Largest step that is accepted as seconds: in milliseconds it would be a rate of 10 kHz."""
 
-RECENT = (946_684_800, 2_082_758_400)
+RECENT_SECONDS = (946_684_800, 2_082_758_400)
 """The years 2000 to 2036 [s since 1970]."""
 
 MAX_STEP_DEVIATION = 0.01
@@ -59,11 +59,11 @@ def confirmed_unit(numbers: Array) -> str:
     if len(numbers) < 2 or np.any(np.diff(numbers) < 0.0):
         return "s"  # the check of the rows names the fault
     first, step = float(numbers[0]), usual_step(numbers)
-    if 0.0 < step * MAX_RATE < 1.0 and any(low <= first < high for low, high in _DAY_NUMBERS):
+    if 0.0 < step * MAX_RATE_HZ < 1.0 and any(low <= first < high for low, high in _DAY_NUMBERS):
         return "d"
     if step == 0.0:
         raise RecordError(f"the time has no unit, and its first values are all equal; {_HOW}")
-    if step * MAX_RATE >= 1.0 - MAX_STEP_DEVIATION and _are_seconds(numbers, first, step):
+    if step * MAX_RATE_HZ >= 1.0 - MAX_STEP_DEVIATION and _are_seconds(numbers, first, step):
         return "s"
     raise RecordError(
         f"the time has no unit: steps of {step:.4g} mean {1.0 / step:.4g} Hz in s, {1e3 / step:.4g} Hz in ms, or a"
@@ -73,9 +73,9 @@ def confirmed_unit(numbers: Array) -> str:
 
 def _are_seconds(numbers: Array, first: float, step: float) -> bool:
     """Test whether numbers are seconds since 1970, or have steps that are unusual in other units."""
-    if RECENT[0] <= first < RECENT[1] and step <= 1.0 + MAX_STEP_DEVIATION:
+    if RECENT_SECONDS[0] <= first < RECENT_SECONDS[1] and step <= 1.0 + MAX_STEP_DEVIATION:
         return True
-    return step <= MAX_STEP * (1.0 + MAX_STEP_DEVIATION) and not _is_usual_elsewhere(numbers, step)
+    return step <= MAX_STEP_SECONDS * (1.0 + MAX_STEP_DEVIATION) and not _is_usual_elsewhere(numbers, step)
 
 
 def _is_usual_elsewhere(numbers: Array, step: float) -> bool:

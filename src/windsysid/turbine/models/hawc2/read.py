@@ -16,7 +16,7 @@ from windsysid.turbine.models.hawc2.htc_file import HtcBlock, read_htc
 from windsysid.turbine.models.hawc2.seabed import soil_stiffness, water_mass
 from windsysid.turbine.models.machine import Blade, Machine, PointMass, Support, Top
 from windsysid.turbine.models.rotor_motion import BLADES
-from windsysid.turbine.models.substructure import STEP
+from windsysid.turbine.models.substructure import STEP_METRES
 
 __all__ = ["read_hawc2"]
 
@@ -90,7 +90,7 @@ def _chain(last: PlacedBody, places: dict[str, PlacedBody]) -> list[PlacedBody]:
 
 def _tower_index(chain: list[PlacedBody]) -> int:
     """Index of the tower: the last upright body of that name, or the longest one that is upright."""
-    upright = [i for i, placed in enumerate(chain) if abs(placed.axes[2, 2] - 1.0) < STEP and placed.upright]
+    upright = [i for i, placed in enumerate(chain) if abs(placed.axes[2, 2] - 1.0) < STEP_METRES and placed.upright]
     named = [i for i in upright if chain[i].body.name == "tower"]
     if not upright:
         chain[0].body.block.file.fail(chain[0].body.block.line, f"{chain[0].body.name}: expected an upright body")
@@ -105,11 +105,11 @@ def _support(main: HtcBlock, structure: HtcBlock, chain: list[PlacedBody]) -> tu
     sources = []
     for placed in chain:
         body = placed.body
-        if not placed.upright or not np.allclose(placed.axes, np.eye(3), atol=STEP):
+        if not placed.upright or not np.allclose(placed.axes, np.eye(3), atol=STEP_METRES):
             body.block.file.fail(body.block.line, f"body {body.name}: expected an upright one with global axes")
         along = body.stations()
         foot = -float(placed.origin[2])
-        first = foot + along + STEP * (placed is not chain[0])
+        first = foot + along + STEP_METRES * (placed is not chain[0])
         tensor = bending_stiffness(body, along)
         body.check_sections(tensor[:, 0, 0] if placed is chain[-1] else None, along)
         z.append(first)
