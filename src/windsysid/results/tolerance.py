@@ -61,7 +61,7 @@ class Tolerance:
         """Name, tolerance and estimate, as text for a table."""
         factor, unit = TOLERANCE_UNITS[self.group]
         spread, value, std = (factor * number for number in (self.spread, self.estimate, self.std))
-        return self.name, f"± {spread:.3g} {unit}", f"{value:+.2f} ± {std:.2f} {unit}"
+        return self.name, f"± {spread:.3g} {unit}", f"{round(value, 2) + 0.0:+.2f} ± {std:.2f} {unit}"
 
 
 def unknowns_of(

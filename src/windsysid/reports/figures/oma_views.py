@@ -84,7 +84,8 @@ def poles_plots(found: OperationalModes) -> list[Plot]:
             title, frequency,
             [PlotCurve("stable: 1 % in f, 20 % in ζ", np.where(stable > 0, of, np.nan), look="dots"),
             PlotCurve("new or changed", np.where(stable > 0, np.nan, of), look="dots", colour="measured")],
-            Axis("frequency [Hz]"), y_axis, _marks(found.modes), caption=caption, link="frequency",
+            Axis("frequency [Hz]", limits=(0.0, 1.08 * float(frequency[-1]))), y_axis, _marks(found.modes),
+            caption=caption, link="frequency",
         )
         for title, of, y_axis, caption in shown
     ]  # fmt: skip

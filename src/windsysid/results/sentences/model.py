@@ -22,7 +22,7 @@ _WHY_STATE = {
     "given": "as given", "pitch": "blades are feathered", "speed": "rotor speed {share:.3g %} of the usual one",
     "unknown": "no rotor speed is recorded; if the turbine is parked, give that as its state",
 }  # fmt: skip
-_ANOTHER_SECTION = ": likely loads of a machine; try another section"
+_MAY_DECIDE = ": a machine or waves would cause it; a longer record or another section may decide"
 
 
 def _load_model_chosen(d: Data) -> str:
@@ -86,13 +86,13 @@ MODEL: Final[Mapping[str, Sentence]] = {
     ),
     "narrow_band_load_ambiguous": (
         "another explanation of the narrow-band load at {frequency:.3g} Hz has a probability of {chance:.2g %}, and"
-        " {quantity} would change by {sigmas:.1f} σ",
-        _ANOTHER_SECTION,
+        " {quantity} would change by {sigmas:.1f} σ with it",
+        _MAY_DECIDE,
     ),
     "narrow_band_load_possible": (
         "a narrow-band load at {frequency:.3g} Hz has a probability of {chance:.2g %}, and {quantity} would change by"
-        " {sigmas:.1f} σ",
-        _ANOTHER_SECTION,
+        " {sigmas:.1f} σ with it",
+        _MAY_DECIDE,
     ),
     "tone_removed": ("a sinusoid at {frequency:.4g} Hz was removed from the readings", ": likely a machine"),
     "tone_left": ("a sinusoid at {frequency:.4g} Hz remains", LIKELY_MACHINE),
