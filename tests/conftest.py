@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import wraps
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, NamedTuple
@@ -45,6 +46,7 @@ def every_page_can_be_read() -> Iterator[None]:
     """Check each page as it is made, so that no test makes one that keyboards and screen readers cannot read."""
     made = html.template
 
+    @wraps(made)
     def checked(name: str) -> Any:
         template = made(name)
 

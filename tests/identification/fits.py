@@ -59,3 +59,12 @@ def identify_without_effects(*given: Any, formulation: str = "joint", **options:
     """Identify, by filters unless told otherwise, for a test that asks nothing of effects."""
     with effects_untested():
         return front.identify(*given, formulation=formulation, **options)  # type: ignore[arg-type]
+
+
+def std_of_model(found: Identification, name: str) -> float:
+    """Standard deviation of an estimate without what contradictory data and rival explanations add."""
+    shares = dict(
+        zip(found.budget.causes, next(one.causes for one in found.budget.rows if one.name == name), strict=True)
+    )
+    added = shares.get("dispersion", 0.0) + shares.get("which explanation", 0.0)
+    return float(found[name].std * np.sqrt(1.0 - added))

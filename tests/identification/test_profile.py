@@ -78,7 +78,7 @@ def test_what_only_the_prior_knows_has_the_priors_band():
 
 def test_a_profile_is_drawn_and_put_in_words(profile):
     assert str(profile).startswith("c_x: ")
-    assert "profile " in str(profile)
+    assert "(profile)" in str(profile)
     assert "N·s/m" in str(profile)
     (axes,) = profile.plot().axes
     assert axes.get_xlabel().endswith("[N·s/m]")

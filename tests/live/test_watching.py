@@ -151,7 +151,7 @@ def test_a_watch_goes_on_from_any_checkpoint_to_the_same_bits(monkeypatch: pytes
     monkeypatch.setattr(following, "MAX_KEPT_BLOCKS", 100)
     monkeypatch.setattr(following, "DROPPED_BLOCKS", 25)
     monkeypatch.setattr("windsysid.live.watch.watching.MAX_KEPT_BLOCKS", 100)
-    monkeypatch.setattr("windsysid.live.watch.watching.LET_GO_BLOCKS", 25)
+    monkeypatch.setattr("windsysid.live.watch.watching.DROPPED_BLOCKS", 25)
     rows = stream(200, at=60, jump={"k_x": -0.04, "noise_tower": 0.8})
     rows[40:43] = [refused()] * 3
     options = WatchOptions(learn=24)
@@ -172,7 +172,7 @@ def weeks_of_40_windows(monkeypatch: pytest.MonkeyPatch) -> None:
     for module in (following, watching_module, slow_drifts):
         monkeypatch.setattr(module, "MAX_KEPT_BLOCKS", 160)
     for module in (following, watching_module):
-        monkeypatch.setattr(module, "LET_GO_BLOCKS", 40)
+        monkeypatch.setattr(module, "DROPPED_BLOCKS", 40)
     monkeypatch.setattr(watching_module, "TEST_EVERY_BLOCKS", 12)
     slow_drifts.limit_of.cache_clear()
 
@@ -258,7 +258,7 @@ def test_a_checkpoint_of_a_version_before_is_read(version: bytes):
 
 def test_a_checkpoint_never_outgrows_the_windows_that_are_kept(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("windsysid.live.watch.watching.MAX_KEPT_BLOCKS", 100)
-    monkeypatch.setattr("windsysid.live.watch.watching.LET_GO_BLOCKS", 25)
+    monkeypatch.setattr("windsysid.live.watch.watching.DROPPED_BLOCKS", 25)
     sizes = [len(one.checkpoint) for one in feed(start("T1", WatchOptions(learn=12)), stream(400))]
     assert max(sizes[:150]) >= max(sizes[150:]) - 200
     assert sizes[99] > sizes[50]

@@ -88,6 +88,7 @@ SHORT: dict[str, tuple[str, ...]] = {
     "benchmarks/before.py": ("{root} --runs 1",),
     "benchmarks/compiling.py": ("--short",),
     "benchmarks/filters.py": ("",),
+    "benchmarks/growth.py": ("--short",),
     "benchmarks/live_store.py": ("--blocks 100",),
     "benchmarks/peers.py": ("--short",),
     "benchmarks/processes.py": ("--short",),

@@ -137,7 +137,7 @@ def _embedded(figure: "Figure | bytes", caption: str) -> str:
     text = re.sub(r' xmlns(?::xlink)?="[^"]*"', "", text)
     text = re.sub(r"#[0-9a-f]{6}\b", lambda found: COLOURS.get(found[0], found[0]), text)
     text = re.sub(
-        r' id="(?:figure|axes|patch|line2d|text|matplotlib.axis|[xy]tick|[A-Za-z]+Collection)_[^"]*"', "", text
+        r' id="(?:figure|axes|patch|line2d|legend|text|matplotlib.axis|[xy]tick|[A-Za-z]+Collection)_[^"]*"', "", text
     )
     text = text.replace("xlink:href", "href")
     return text.replace("<svg", f'<svg class="drawn" role="img" aria-label="{escape(caption)}"', 1)

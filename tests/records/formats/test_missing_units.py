@@ -58,7 +58,7 @@ def bare(folder, ending, name="rotor_speed", values=BARE["rotor_speed in rpm"][1
 @pytest.mark.parametrize("ending", ["csv", "nc", "parquet"])
 def test_a_rotor_speed_without_a_unit_is_refused_in_every_format(tmp_path, ending):
     path = bare(tmp_path, ending)
-    message = r"channel 'rotor_speed' has no unit; its values \(11.8 … 12.4\) are plausible in rpm; .*mapping file$"
+    message = r"channel 'rotor_speed' has no unit; its values \(11.8 … 12.4\) are plausible in rpm; .*mapping"
     refused(path, message)
     refused(path, message, section=(0.0, 2.0))
     with pytest.raises(Exception, match="has no unit"):

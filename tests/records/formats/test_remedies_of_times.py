@@ -36,7 +36,7 @@ def refusal(path):
         ("time,a [m]\n" + "".join(f"12:00:{k:02d},1\n" for k in range(60)), "no date.*rate", "[time]\nrate = 1.0"),
         ("time,a [m]\n" + "".join(f"12:00:{k:02d},1\n" for k in range(60)), 'format = "%H:%M:%S"',
          '[time]\nformat = "%H:%M:%S"'),
-        ("time [s],tower_x_acceleration\n" + ROWS, "mapping file",
+        ("time [s],tower_x_acceleration\n" + ROWS, "in a mapping",
         '[channels.tower_x_acceleration]\nunit = "m/s^2"'),
         ("time [s],a [furlong]\n" + ROWS, "another in the mapping file", '[channels."a"]\nunit = "m"'),
         ("time [s],a [furlong]\n" + ROWS, 'unit = "as written"', '[channels."a"]\nunit = "as written"'),
