@@ -70,6 +70,17 @@ def test_a_blade_of_a_uniform_beam_has_its_closed_form():
     assert blade.tip_slope * SPAN == pytest.approx(1.3765, rel=1e-3)
 
 
+def test_damping_of_a_blade_has_its_share_of_the_mass(tmp_path: Path):
+    of_stiffness = read_hawc2(write_hawc2(tmp_path / "stiffness")).blade
+    both = read_hawc2(
+        write_hawc2(tmp_path, {"htc/main.htc": ("damping_aniso 0 0 0", "damping_aniso 0.02 0.02 0")})
+    ).blade
+    assert of_stiffness is not None
+    assert both is not None
+    modal = np.einsum("p,pkd,pld->kl", both.mass, both.displacement, both.displacement)
+    np.testing.assert_allclose(both.damping - of_stiffness.damping, 0.02 * modal, rtol=1e-9, atol=1e-9 * modal.max())
+
+
 def test_a_pile_in_soil_and_water(tmp_path: Path):
     """A stiff pile on uniform springs k: a body that moves and rocks under a heavy tower top."""
     k = 5e7
