@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,6 +19,7 @@ from windsysid import ConfigurationError, cli
 from windsysid._types import Array
 from windsysid.identification.identify import identify
 from windsysid.identification.planning.plan import plan
+from windsysid.monitoring.changes import Watch
 from windsysid.monitoring.levels.jumps import threshold
 from windsysid.monitoring.series import DAY, RecordBlocks, gather, read_blocks
 from windsysid.monitoring.watch import NOISE, SENSOR, STRUCTURE, percent_of, watch
@@ -384,3 +386,15 @@ def test_records_far_apart_find_a_jump_within_one_record():
     blocks = quiet(("k_x",), 40, seed=1)
     assert "within a day" in watch(blocks).sentence
     assert "within one record (10 days)" in watch(replace(blocks, time=1440.0 * blocks.time)).sentence
+
+
+def test_a_level_has_the_digits_of_its_interval():
+    steady = {"drift": (0.0, 0.0, 0.0), "wander": 0.1, "scatter": 1.0, "smallest": 1.0}
+    series: Any = [
+        SimpleNamespace(name=name, unit=unit, level=[level], low=[level - half], high=[level + half], **steady)
+        for name, unit, level, half in (
+            ("bending", "Hz", 0.315494, 0.000123), ("k_x", "N/m", 1784123.0, 20000.0), ("exact", "Hz", 0.3, 0.0),
+        )
+    ]  # fmt: skip
+    rows = Watch.rows.fget(SimpleNamespace(series=series))  # type: ignore[attr-defined]
+    assert [row[1:3] for row in rows] == [("Hz", "0.31549 ± 0.00012"), ("MN/m", "1.784 ± 0.02"), ("Hz", "0.3 ± 0")]

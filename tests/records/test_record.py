@@ -313,6 +313,18 @@ def test_an_acceleration_in_the_unit_of_another_quantity_is_refused(unit, tmp_pa
         Record(np.arange(9.0), np.zeros((9, 1)), ("NacAccX",), ("N",))
 
 
-@pytest.mark.parametrize(("name", "unit"), [("acc x", "V"), ("acc temp", "degC"), ("acc load", "N"), ("a", "kg")])
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [
+        ("acc x", "V"), ("acc temp", "degC"), ("acc load", "N"), ("a", "kg"), ("hydraulic_acc_pressure", "Pa"),
+        ("accelerometer_tilt", "rad"),
+    ],
+)  # fmt: skip
 def test_raw_readings_and_other_quantities_of_an_accelerometer_are_taken(name, unit):
     assert Record(np.arange(9.0), np.zeros((9, 1)), (name,), (unit,)).units == (unit,)
+
+
+def test_a_channel_is_a_copy_of_a_record_with_one_channel_too():
+    record = Record(np.arange(9.0), np.zeros((9, 1)), ("tower_x_acceleration",), ("m/s^2",))
+    record["tower_x_acceleration"][:] = 1.0
+    assert not record.values.any()

@@ -3,6 +3,7 @@
 import json
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 from xml.etree import ElementTree
 
@@ -18,7 +19,7 @@ from windsysid.reports import comparison
 from windsysid.reports.figures.plots import ESTIMATE
 from windsysid.reports.html import Section, report_page
 from windsysid.reports.identification import identification_report
-from windsysid.reports.interactive.identification import spectra_plots
+from windsysid.reports.interactive.identification import history_plots, spectra_plots
 from windsysid.reports.interactive.inspection import highest_drawn
 from windsysid.reports.interactive.plot import Axis, Mark, Plot, PlotCurve, ShadedRange, thinned, to_json
 from windsysid.reports.interactive.svg import static_svg
@@ -168,3 +169,16 @@ def test_the_page_of_an_identification_has_its_spectra_and_stays_small():
     page = identification_report(found, record)
     assert len(page) < 1_500_000
     assert not re.findall(rb'(?:src|href)="(?!data:|#)', page)
+
+
+def test_histories_of_coefficients_are_in_engineering_units():
+    e = SimpleNamespace(name="k_x", unit="N/m", estimate=1.8e6, low=1.7e6, high=1.9e6, reference=2.0e6)
+    histories = np.array([1.5e6, 1.8e6]), np.array([1.2e6, 1.7e6]), np.array([1.8e6, 1.9e6])
+    found: Any = SimpleNamespace(time=np.array([0.0, 1.0]), estimates=[e], history=lambda name: histories)
+    (plot,) = history_plots(found)
+    assert plot.y_axis.label == "[MN/m]"
+    online, result = plot.curves
+    np.testing.assert_allclose(np.asarray(online.values)[:2], [1.5, 1.8])
+    assert (np.asarray(result.low)[-1], np.asarray(result.values)[-1]) == (1.7, 1.8)
+    assert [mark.at for mark in plot.marks] == [2.0]
+    assert plot.y_axis.limits == pytest.approx((1.2 - 0.16, 2.0 + 0.16))

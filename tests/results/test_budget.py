@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from windsysid.checks.conditioning import hold
-from windsysid.results.budget import budget_of
+from windsysid.results.budget import Budget, budget_of
 from windsysid.results.tolerance import Tolerance
 
 
@@ -56,3 +56,7 @@ def test_shares_of_correlated_causes_add_up_whatever_their_order():
     alike = np.array([[2.0, 0.5, 0.5], [0.5, 1.0, 0.8], [0.5, 0.8, 1.0]])
     (row,) = budget_of([("y", np.ones(3))], alike, slice(0, 0), tolerances).rows
     assert row.causes[0] == pytest.approx(row.causes[1])
+
+
+def test_a_budget_without_rows_is_an_empty_table():
+    assert Budget(("gain",)).table().rows == []

@@ -1,6 +1,7 @@
 """Result of a watch over many records: series, jumps, alarms."""
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -12,7 +13,7 @@ from windsysid.monitoring.series import DAY, RecordBlocks
 from windsysid.output.answers import Answer
 from windsysid.output.table import Table
 from windsysid.results.serialization import finite
-from windsysid.units import engineering, unit_text
+from windsysid.units import engineering_unit, unit_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -187,9 +188,11 @@ class Watch(Answer):
         """One line a series, under `HEADINGS`."""
         rows = list[tuple[str, ...]]()
         for s in self.series:
-            level, half, unit = engineering(s.unit, s.level[-1], 0.5 * (s.high[-1] - s.low[-1]))
+            size, unit = engineering_unit(s.unit, s.level[-1])
+            level, half = s.level[-1] / size, 0.5 * (s.high[-1] - s.low[-1]) / size
+            digits = 2 + math.floor(math.log10(abs(level) / half)) if 0.0 < half * abs(level) < math.inf else 4
             shares = f"{two_digits(s.wander)} %", f"{s.scatter:.2f}", f"{two_digits(s.smallest)} %"
-            rows.append((s.name, unit, f"{level} ± {two_digits(float(half))}", _signed(*s.drift), *shares))
+            rows.append((s.name, unit, f"{level:.{max(digits, 4)}g} ± {two_digits(half)}", _signed(*s.drift), *shares))
         return rows
 
     @property

@@ -143,7 +143,7 @@ def result_file(folder: str | Path, name: str) -> Path:
 
 _COMMANDS = {
     "OperationalModes": "oma", "Comparison": "compare", "Watch": "monitor", "Separation": "damping", "Plan": "plan",
-    "Campbell": "modes", "LinearisedModes": "modes",
+    "Campbell": "modes", "LinearisedModes": "modes", "ModeMatch": "match",
 }  # fmt: skip
 """Classes of answers with the commands that write them."""
 

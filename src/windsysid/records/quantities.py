@@ -39,9 +39,11 @@ _CANDIDATES: dict[str, tuple[tuple[str, ...], float, float]] = {
 
 
 _ACCELERATION = ("acceleration", "accelerometer", "accel", "acc")
-_OTHER_QUANTITIES = frozenset(("velocity", "speed", "displacement", "force", "load", "moment"))
-_OTHER_UNITS = frozenset(("kg", "N", "N*m", "m", "m/s", "rad", "rad/s", "W", "Pa"))
-"""SI units that no acceleration has, raw or converted."""
+_OTHER_QUANTITIES = frozenset(
+    ("velocity", "speed", "displacement", "position", "angle", "tilt", "force", "load", "moment", "mass", "power")
+)
+_OTHER_UNITS = frozenset(("kg", "N", "N*m", "m", "m/s", "rad", "rad/s", "W"))
+"""SI units that no acceleration has, raw or converted; the pressure of an accumulator is often called acc, too."""
 
 
 def implied_unit(channel: str) -> str | None:

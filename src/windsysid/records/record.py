@@ -176,7 +176,7 @@ class Record:
         RecordError
             If the record has no such channel.
         """
-        return np.ascontiguousarray(self.values[:, self._column(channel)])
+        return self.values[:, self._column(channel)].copy()
 
     def unit(self, channel: str) -> str:
         """The unit of one channel; RecordError if the record has no such channel."""

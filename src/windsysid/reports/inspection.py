@@ -93,7 +93,7 @@ def _spectrogram_caption(i: "Inspection") -> str:
     if i.spectrograms and i.spectrograms[0].against == "rotor speed":
         return (
             "Frequency over rotor speed: a harmonic of the rotor rises with the speed, a mode of the structure stays or"
-            " splits. Grey: the rotor never turned at that speed."
+            " splits. Blank: little vibration, or the rotor never turned at that speed."
         )
     return "Frequency over time: the rotor speed does not vary, or is not known."
 

@@ -88,8 +88,8 @@ class Budget(NamedTuple):
     def table(self, *, modes: bool = True) -> Table:
         """As a table, with or without modes; without causes that have no share."""
         rows = [row for row in self.rows if modes or ":" not in row.name]
-        shares = np.array([(row.alone, *row.causes) for row in rows]).reshape(len(rows), -1)
-        shown = [0, *(i for i in range(1, shares.shape[1]) if shares[:, i].max() >= 0.005)]
+        shares = np.array([(row.alone, *row.causes) for row in rows]).reshape(len(rows), 1 + len(self.causes))
+        shown = [0, *(i for i in range(1, shares.shape[1]) if shares[:, i].max(initial=0.0) >= 0.005)]
         cells = []
         for row, own in zip(rows, shares, strict=True):
             width = f"{100.0 * row.two_sigma:.2g} %" if row.relative else f"{row.two_sigma:.3g}"

@@ -100,7 +100,7 @@ def load_turbine(name_or_path: str | Path) -> Turbine:
     Parameters
     ----------
     name_or_path : str or Path
-        One of `packaged_turbines`, or the path of a file that ends in ``.toml``, or of a model: ``.fst``, ``.csv``.
+        One of `packaged_turbines`, or the path of a file that ends in ``.toml``, or of a model (`turbine_from`).
 
     Returns
     -------

@@ -57,6 +57,7 @@ def test_other_matrices_than_that_of_the_states_are_skipped(tmp_path: Path):
         ("A: 10 x 10", "A: 10 x 9", "line 33: expected a row of 9 numbers, got 10"),
         ("A: 10 x 10", "A: 9 x 10", "expected A of 10 x 10 as its header says, got 9 x 10"),
         ("A: 10 x 10", "a: 10 x 10", "expected a matrix 'A: n x n'"),
+        ("A: 10 x 10\n", "A: 2 x 0\n\n\n", "expected a matrix 'A: n x n' of at least one state"),
         ("1.000000000000E+00", "*****", "line 33: expected a number in column 6 of A, got '*****'"),
     ],
 )

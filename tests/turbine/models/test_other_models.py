@@ -19,7 +19,7 @@ from tests.turbine.models.other_decks import (
     write_hawc2,
     write_windio,
 )
-from windsysid.errors import ConfigurationError
+from windsysid.errors import ConfigurationError, WindsysidError
 from windsysid.turbine.models.blade import blade_of_beam
 from windsysid.turbine.models.hawc2.read import read_hawc2
 from windsysid.turbine.models.machine import Machine
@@ -68,6 +68,17 @@ def test_a_blade_of_a_uniform_beam_has_its_closed_form():
     assert blade.edge == 1
     np.testing.assert_allclose(blade.damping, 1e-3 * blade.stiffness, atol=1e-6 * blade.stiffness.max())
     assert blade.tip_slope * SPAN == pytest.approx(1.3765, rel=1e-3)
+
+
+def test_damping_of_a_blade_has_its_share_of_the_mass(tmp_path: Path):
+    of_stiffness = read_hawc2(write_hawc2(tmp_path / "stiffness")).blade
+    both = read_hawc2(
+        write_hawc2(tmp_path, {"htc/main.htc": ("damping_aniso 0 0 0", "damping_aniso 0.02 0.02 0")})
+    ).blade
+    assert of_stiffness is not None
+    assert both is not None
+    modal = np.einsum("p,pkd,pld->kl", both.mass, both.displacement, both.displacement)
+    np.testing.assert_allclose(both.damping - of_stiffness.damping, 0.02 * modal, rtol=1e-9, atol=1e-9 * modal.max())
 
 
 def test_a_pile_in_soil_and_water(tmp_path: Path):
@@ -276,6 +287,34 @@ def test_what_is_wrong_with_a_file_of_windio_is_one_line(
     with pytest.raises(ConfigurationError, match=message) as caught:
         turbine_file_from(path)
     assert "\n" not in str(caught.value)
+
+
+LOOP = """    begin relative;
+      body1 blade1 last;
+      body2 tower 1;
+    end relative;
+  end orientation"""
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new", "message"),
+    [
+        ("data/blade_st.dat", "900000000.0", "0", "main.htc: the model failed in a numerical operation .LinAlgError"),
+        ("htc/main.htc", "sec 2 0 0 38 0", "sec 2 0 0 0 0", "main.htc: the model failed in a numerical operation"),
+        ("htc/main.htc", "  end orientation", LOOP, r"main\.htc:\d+: body2: body tower: expected one place, got two"),
+    ],
+)
+def test_what_cannot_be_computed_of_a_deck_is_one_line(tmp_path: Path, name: str, old: str, new: str, message: str):
+    path = write_hawc2(tmp_path, {name: (old, new)})
+    for read in (model_files, turbine_file_from):
+        with pytest.raises(WindsysidError, match=message):
+            read(path)
+
+
+def test_characters_that_yaml_does_not_have_are_one_line(tmp_path: Path):
+    path = write_windio(tmp_path, 2, ("made", "\x00made"))
+    with pytest.raises(ConfigurationError, match=r"v2\.yaml:1: no YAML: unacceptable character"):
+        read_windio(path)
 
 
 def test_a_pile_of_windio_ends_at_the_sea_bed(tmp_path: Path):

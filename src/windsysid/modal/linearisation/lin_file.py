@@ -199,7 +199,7 @@ def _state_matrix(text: _FileLines) -> tuple[Array, Array, int]:
     """Read A, its rounding, and its significant digits."""
     index = next((i for i, line in enumerate(text.lines) if _MATRIX.match(line)), 0)
     heading = _MATRIX.match(text.lines[index])
-    if heading is None or heading[1] == "0":
+    if heading is None or "0" in heading.groups():
         raise text.error(None, "expected a matrix 'A: n x n' of at least one state, got none")
     shape = (int(heading[1]), int(heading[2]))
     cells = np.array([_cells(text, index + 1 + i, shape[1]) for i in range(shape[0])]).ravel().tolist()

@@ -43,7 +43,7 @@ def drawn(plots: Sequence[Plot], place: Axes | None = None, nothing: str = "") -
     rows = -(-len(plots) // 2)
     figure = canvas((2.0 * WIDTH, HEIGHT * rows), place)
     panels = figure.subplots(rows, 2, squeeze=False).flat
-    for ax, plot in zip(panels, plots, strict=False):
+    for plot, ax in zip(plots, panels, strict=False):  # plots end first, so that no panel is taken in vain
         _draw(ax, plot)
     for ax in panels:
         ax.set_visible(False)

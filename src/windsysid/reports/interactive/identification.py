@@ -320,17 +320,19 @@ def history_plots(found: Identification) -> list[Plot]:
     plots, every = [], slice(None, None, -(-len(found.time) // HISTORY_POINTS))
     time = np.append(found.time[every], found.time[-1])
     for e in found.estimates:
-        middle, low, high = (np.append(values[every], np.nan) for values in found.history(e.name))
-        result, below, above = (np.where(np.isnan(middle), value, np.nan) for value in (e.estimate, e.low, e.high))
-        late = slice(len(time) // 8, None)
-        shown = [*low[late], *high[late], e.low, e.high, *([] if e.reference is None else [e.reference])]
+        size, unit = engineering_unit(e.unit, e.estimate)
+        middle, low, high = (np.append(values[every], np.nan) / size for values in found.history(e.name))
+        ends = [value / size for value in (e.estimate, e.low, e.high)]
+        result, below, above = (np.where(np.isnan(middle), value, np.nan) for value in ends)
+        late, known = slice(len(time) // 8, None), [] if e.reference is None else [e.reference / size]
+        shown = [*low[late], *high[late], *ends, *known]
         least, most = np.nanmin(shown), np.nanmax(shown)
         limits = least - 0.2 * (most - least), most + 0.2 * (most - least)
         curves = [
             PlotCurve("on-line estimate", middle, low, high),
             PlotCurve("result", result, below, above, "dots", "reference"),
         ]
-        marks = [] if e.reference is None else [Mark(e.reference, "turbine file", across=True)]
-        label = f"[{unit_text(e.unit)}]" if e.unit else ""
+        marks = [Mark(value, "turbine file", across=True) for value in known]
+        label = f"[{unit}]" if e.unit else ""
         plots.append(Plot(e.name, time, curves, Axis(TIME), Axis(label, limits=limits), marks, link="time"))
     return plots

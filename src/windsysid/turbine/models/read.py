@@ -1,6 +1,5 @@
 """Turbines from models: the reader for each kind of file, by its ending."""
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -69,7 +68,7 @@ def model_files(path: str | Path) -> tuple[Path, ...]:
     ConfigurationError
         As `turbine_from`.
     """
-    return _reader(Path(path))(Path(path)).files
+    return _machine(Path(path)).files
 
 
 def turbine_file_from(path: str | Path, kind: str = "tower") -> str:
@@ -84,12 +83,12 @@ def turbine_file_from(path: str | Path, kind: str = "tower") -> str:
 
     if kind not in KINDS:
         raise ConfigurationError(f"kind: expected {' or '.join(KINDS)}, got {kind!r:.40}")
-    machine = _reader(Path(path))(Path(path))
+    machine = _machine(Path(path))
     with as_numerical_error(f"{path}: the modes of the model"):
         return turbine_text(machine, kind)
 
 
-def _reader(path: Path) -> "Callable[[Path], Machine]":
+def _machine(path: Path) -> "Machine":
     from windsysid.turbine.models.drawing import read_drawing
     from windsysid.turbine.models.hawc2.read import read_hawc2
     from windsysid.turbine.models.openfast import read_openfast
@@ -98,4 +97,5 @@ def _reader(path: Path) -> "Callable[[Path], Machine]":
     readers = dict(zip(ENDINGS, (read_openfast, read_hawc2, read_windio, read_windio, read_drawing), strict=True))
     if (reader := readers.get(path.suffix.lower())) is None:
         raise ConfigurationError(f"{path}: no model: expected a file that ends in {' or '.join(ENDINGS)}")
-    return reader
+    with as_numerical_error(f"{path}: the model"):
+        return reader(path)

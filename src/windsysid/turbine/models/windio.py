@@ -174,9 +174,9 @@ def _load(path: Path) -> tuple[YamlNode, int]:
     file = InputFile(path)
     try:
         node = yaml.compose("\n".join(file.lines), Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
-    except yaml.MarkedYAMLError as error:
-        line = error.problem_mark.line + 1 if error.problem_mark else 1
-        file.fail(line, f"no YAML: {error.problem}")
+    except yaml.YAMLError as error:
+        mark, text = getattr(error, "problem_mark", None), getattr(error, "problem", error)
+        file.fail(mark.line + 1 if mark else 1, f"no YAML: {' '.join(str(text).split())}")
     if node is None or node.id != "mapping":
         file.fail(1, "expected a windIO file with 'assembly' and 'components', found no names")
     root = YamlNode(node, file, "")

@@ -56,6 +56,8 @@ def test_it_speaks_against_given_loads_and_where_another_explanation_is_as_good(
     assert (found.code, found.data["frequency"]) == ("narrow_band_load_preferred", pytest.approx(0.4))
     rival = Rival(0.35, {"k_x": 1.0, "c_x": -4.0}, {"k_x": 0.1, "c_x": -0.4}, {"k_x": 1.0, "c_x": 2.0}, 0.2)
     for gain, code in ((0.0, "narrow_band_load_possible"), (2.0 * MIN_LOG_ODDS, "narrow_band_load_ambiguous")):
+        requested, _ = doubts_of_narrow_band(narrow(gain, rivals=(rival, rival)), asked="narrow-band")
+        assert requested.code == "narrow_band_load_ambiguous"  # rivals are those of a result with the load
         found, _ = doubts_of_narrow_band(narrow(gain, rivals=(rival, rival)), asked="auto")
         assert (found.code, found.quantities, found.data["sigmas"]) == (code, ("c_x",), 4.0)
         assert (found.data["shifts"], found.data["widths"]) == (rival.shifts, rival.widths)

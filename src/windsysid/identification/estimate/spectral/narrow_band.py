@@ -176,7 +176,8 @@ def doubts_of_narrow_band(found: NarrowBandFit | None, *, asked: str) -> tuple[F
         (chance,) = chances_of_rivals([found.gain])
         data = at | {"gain": found.gain, "shifts": found.shifts, "chance": chance}
         return (Finding("narrow_band_load_preferred", "reason", data, tuple(found.moved)),)
-    code = "narrow_band_load_ambiguous" if found.is_needed else "narrow_band_load_possible"
+    included = found.is_needed or asked == NarrowBand.name
+    code = "narrow_band_load_ambiguous" if included else "narrow_band_load_possible"
     return tuple(Finding(code, "reason", *_data(rival)) for rival in found.rivals)
 
 

@@ -159,6 +159,8 @@ def placed_bodies(structure: HtcBlock) -> dict[str, PlacedBody]:
             below, body = found[_named(bodies, _of(block, 1)).name], _named(bodies, _of(block, 2))
             if _of(block, 1).words[2:3] not in (("last",), (str(len(below.body.nodes)),)):
                 _of(block, 1).fail(f"expected the last node of {below.body.name}, got others: not read")
+            if body.name in found:
+                _of(block, 2).fail(f"body {body.name}: expected one place, got two")
             found[body.name] = PlacedBody(body, below.body.name, below.end, below.axes @ _rotation(block, "2"))
         waiting = [b for b in waiting if b not in ready]
     if lost := [body for name, body in bodies.items() if name not in found]:

@@ -174,12 +174,15 @@ def _blade(placed: PlacedBody, top: Top, root: float) -> Blade:
     c, s = np.cos(twist), np.sin(twist)
     axes = np.array([[s, c], [-c, s]]).transpose(2, 0, 1)
     turned = axes.transpose(0, 2, 1)
-    factors = rayleigh(body, BLADE_ELEMENTS)[:, 1]
+    of_mass, factors = rayleigh(body, BLADE_ELEMENTS).transpose(1, 0, 2)
     rates = np.sqrt(factors[:, None] * factors[None]).transpose(2, 0, 1)
     mass = body.column(1, along) * length
     for m, offset, _ in body.point_masses():
         mass[np.argmin(np.abs(along - offset[2]))] += m
-    return blade_of_beam(length, mass, axes @ tensor @ turned, axes @ (rates * tensor) @ turned, root)
+    blade = blade_of_beam(length, mass, axes @ tensor @ turned, axes @ (rates * tensor) @ turned, root)
+    along_axes = np.einsum("pde,pkd->pke", axes, blade.displacement[:-1])
+    added = np.einsum("p,ep,pke,ple->kl", mass, of_mass, along_axes, along_axes)
+    return blade._replace(damping=blade.damping + added)
 
 
 def _rotor_speed(main: HtcBlock, structure: HtcBlock) -> tuple[float, str]:
