@@ -1,6 +1,9 @@
 """From a file to an answer: the walk, its questions, and the examples it is tried on."""
 
 import io
+import os
+import shutil
+import subprocess
 import sys
 from pathlib import Path
 
@@ -50,6 +53,23 @@ def test_yes_takes_every_default_and_prints_the_command_that_repeats_it(run, fol
     assert Path("results/logger-2/report.html").exists()
     run("start", record, "--turbine", "tower", "--yes")
     assert [path.name for path in Path().glob("*.toml")] == [mapping.name]
+
+
+def test_the_readme_shows_what_is_printed(folder: Path, tmp_path: Path):
+    """It showed the estimates of another formulation."""
+    shutil.copy(folder / "logger.csv", tmp_path)
+    readme = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+    command, shown = readme.split("windsysid examples .\nwindsysid ")[1].split("\n```\n\n```text\n", 1)
+    ended = subprocess.run(
+        [sys.executable, "-m", "windsysid", *command.split()],
+        cwd=tmp_path,
+        env=os.environ | {"COLUMNS": "80", "PYTHONIOENCODING": "utf-8"},
+        capture_output=True,
+        encoding="utf-8",
+        check=True,
+    )
+    printed = ended.stdout.splitlines()
+    assert [line for line in shown.split("\n```")[0].splitlines() if line not in printed] == []
 
 
 def test_the_findings_of_the_inspection_are_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
