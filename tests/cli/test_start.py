@@ -72,6 +72,21 @@ def test_the_readme_shows_what_is_printed(folder: Path, tmp_path: Path):
     assert [line for line in shown.split("\n```")[0].splitlines() if line not in printed] == []
 
 
+def test_an_acceleration_in_the_unit_of_a_force_is_asked_about(run, folder: Path, answers):
+    """A mapping with that unit was written, and refused afterwards."""
+    record = Path("kilonewtons.csv")
+    record.write_text((folder / "logger.csv").read_text(encoding="utf-8").replace("FA (mg)", "FA (kN)"))
+    ended = run("start", record, "--turbine", "tower", "--yes")
+    assert ended.code == 2
+    assert "no safe default: Unit of 'Acc tower top FA'" in ended.err[-1]
+    assert not list(Path().glob("*.toml"))
+    answers("", "kN", "mg")
+    ended = run("start", record, "--turbine", "tower")
+    assert (ended.code, ended.err) == (0, []), ended
+    assert "expected a unit of acceleration" in ended.out
+    assert "kN" not in Path("kilonewtons-mapping.toml").read_text(encoding="utf-8").split("only_listed")[1]
+
+
 def test_the_findings_of_the_inspection_are_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     """Only their number was printed."""
     path = tmp_path / "upright.csv"
@@ -151,7 +166,7 @@ def test_numbers_are_checked():
     assert start._two_numbers("0 600.5") == ["0", "600.5"]
     assert start._two_numbers("all") == []
     assert start._positive("20") == 20.0
-    for refuse in (lambda: start._two_numbers("6"), lambda: start._positive("-1"), lambda: start._unit("")):
+    for refuse in (lambda: start._two_numbers("6"), lambda: start._positive("-1"), lambda: start._unit("x", "")):
         with pytest.raises(ws.WindsysidError, match="expected"):
             refuse()
 
