@@ -144,7 +144,7 @@ def test_what_is_no_turbine_and_no_result_is_refused(tmp_path: Path):
             as_turbine(wrong)  # type: ignore[arg-type]
         with pytest.raises(ConfigurationError, match="expected what identify returned"):
             as_posterior(wrong)  # type: ignore[arg-type]
-    with pytest.raises(ConfigurationError, match="expected one of windsysid identify"):
+    with pytest.raises(ConfigurationError, match="expected a result of windsysid identify"):
         as_posterior(tmp_path)
 
 

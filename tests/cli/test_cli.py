@@ -507,7 +507,9 @@ def test_start_runs_the_command_that_it_prints(tmp_path):
 def test_what_is_no_result_is_refused_with_what_to_do(record):
     ended = program("compare", str(record), str(record))
     assert ended.returncode == 2
-    assert ended.stderr.endswith("identify or oma, got a file: give the folder that holds it\n")
+    made = "give the folder of a result; windsysid identify RECORD makes one\n"
+    assert ended.stderr.endswith(f"expected a result of windsysid identify or oma, got a file: {made}")
+    assert program("modes", str(record)).stderr.endswith(f"a result of windsysid identify, got a file: {made}")
 
 
 def test_the_program_refuses_in_one_line(record):

@@ -53,6 +53,19 @@ def test_what_does_not_fit_is_cut_after_whole_rows():
     assert first_screen(["title", "end"], lines=12) == "title\nend"
 
 
+def test_a_verdict_follows_a_table_that_is_cut():
+    """Twenty modes of grade C filled the screen, and no line said why."""
+    table = Table(("mode", "grade"), [(f"mode {k}", "C") for k in range(30)])
+    reasons = ["  the record is a transient", *(f"  mode {k}: a line" for k in range(9))]
+    shown = first_screen([table, "trust: NO, because", *reasons, "end"], lines=20).splitlines()
+    assert len(shown) <= 20
+    at = shown.index("trust: NO, because")
+    assert any("mode 3 " in line for line in shown[:at])
+    assert shown[at + 1] == reasons[0]
+    assert shown[-1].startswith("… more")
+    assert "end" not in shown
+
+
 @pytest.mark.parametrize(
     ("value", "unit", "text"),
     [

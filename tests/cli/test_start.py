@@ -1,6 +1,9 @@
 """From a file to an answer: the walk, its questions, and the examples it is tried on."""
 
 import io
+import os
+import shutil
+import subprocess
 import sys
 from pathlib import Path
 
@@ -50,6 +53,38 @@ def test_yes_takes_every_default_and_prints_the_command_that_repeats_it(run, fol
     assert Path("results/logger-2/report.html").exists()
     run("start", record, "--turbine", "tower", "--yes")
     assert [path.name for path in Path().glob("*.toml")] == [mapping.name]
+
+
+def test_the_readme_shows_what_is_printed(folder: Path, tmp_path: Path):
+    """It showed the estimates of another formulation."""
+    shutil.copy(folder / "logger.csv", tmp_path)
+    readme = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+    command, shown = readme.split("windsysid examples .\nwindsysid ")[1].split("\n```\n\n```text\n", 1)
+    ended = subprocess.run(
+        [sys.executable, "-m", "windsysid", *command.split()],
+        cwd=tmp_path,
+        env=os.environ | {"COLUMNS": "80", "PYTHONIOENCODING": "utf-8"},
+        capture_output=True,
+        encoding="utf-8",
+        check=True,
+    )
+    printed = ended.stdout.splitlines()
+    assert [line for line in shown.split("\n```")[0].splitlines() if line not in printed] == []
+
+
+def test_an_acceleration_in_the_unit_of_a_force_is_asked_about(run, folder: Path, answers):
+    """A mapping with that unit was written, and refused afterwards."""
+    record = Path("kilonewtons.csv")
+    record.write_text((folder / "logger.csv").read_text(encoding="utf-8").replace("FA (mg)", "FA (kN)"))
+    ended = run("start", record, "--turbine", "tower", "--yes")
+    assert ended.code == 2
+    assert "no safe default: Unit of 'Acc tower top FA'" in ended.err[-1]
+    assert not list(Path().glob("*.toml"))
+    answers("", "kN", "mg")
+    ended = run("start", record, "--turbine", "tower")
+    assert (ended.code, ended.err) == (0, []), ended
+    assert "expected a unit of acceleration" in ended.out
+    assert "kN" not in Path("kilonewtons-mapping.toml").read_text(encoding="utf-8").split("only_listed")[1]
 
 
 def test_the_findings_of_the_inspection_are_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
@@ -131,7 +166,7 @@ def test_numbers_are_checked():
     assert start._two_numbers("0 600.5") == ["0", "600.5"]
     assert start._two_numbers("all") == []
     assert start._positive("20") == 20.0
-    for refuse in (lambda: start._two_numbers("6"), lambda: start._positive("-1"), lambda: start._unit("")):
+    for refuse in (lambda: start._two_numbers("6"), lambda: start._positive("-1"), lambda: start._unit("x", "")):
         with pytest.raises(ws.WindsysidError, match="expected"):
             refuse()
 

@@ -185,6 +185,7 @@ def test_rpm_marked_as_rad_is_seen_from_the_turbine_alone(healthy, verne555):
     record = changed(healthy, "rotor_speed", healthy["rotor_speed"] * 30.0 / np.pi)
     record = record.select([name for name in record.channels if name != "rotor_azimuth"])
     assert "rpm marked as rad/s" in only_alarm(record, "unit", "rotor_speed", verne555).text
+    assert inspect_record(record, verne555).verdict.endswith("; correct units first, then use all of it")
 
 
 def test_a_direction_in_degrees_is_named(healthy):

@@ -324,14 +324,14 @@ def test_the_summary_as_json_is_all_that_is_printed(run):
     ("arguments", "complaint"),
     [
         (("nowhere",),
-         "result nowhere: expected one of windsysid identify, got none: check the name"),
+         "nowhere: expected a result of windsysid identify, got no such folder: check the name"),
         (("--turbine", "verne555", "--speeds", "2", "3 rpm"),
          "--speeds: the unit is missing: write it behind the number, in rad/s; got '2'"),
         (("--turbine", "verne555", "--operating", "2 rpm", "3 kg"),
          "--operating: expected a unit of the same quantity as rad/s; got '3 kg'"),
         (("--turbine", "verne555", "--speeds", "3 rpm", "2 rpm"),
          "speeds: expected two rotor speeds from 0 on, the lower first, got 3 and 2 rpm"),
-        (("src",), "result src: expected one of windsysid identify, got no result in it: check"),
+        (("src",), "src: expected a result of windsysid identify, got no result in it: check"),
     ],
 )  # fmt: skip
 def test_a_bad_option_is_refused_in_one_line(run, arguments, complaint, monkeypatch, tmp_path):

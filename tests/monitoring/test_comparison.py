@@ -675,4 +675,4 @@ def test_a_folder_without_a_result_is_refused_in_one_line(results, tmp_path, mon
         cli.main()
     (line,) = capsys.readouterr().err.splitlines()
     assert ended.value.code == 2
-    assert "expected one of windsysid identify" in line
+    assert "expected a result of windsysid identify" in line

@@ -60,13 +60,13 @@ def test_results_of_two_kinds_are_not_compared(verne555):
 def test_a_folder_of_another_kind_is_refused_with_what_is_accepted_and_what_it_is(tmp_path):
     """The message named `identify` only, and asked to identify the record first."""
     (tmp_path / "answer.json").write_text('{"answer": "Comparison", "fields": {}}')
-    expected = "expected one of windsysid identify or oma, got one of compare: give another folder"
+    expected = "expected a result of windsysid identify or oma, got one of compare: give another folder"
     for read in (lambda: compare(tmp_path, tmp_path), lambda: ws.read_blocks([tmp_path])):
         with pytest.raises(ws.ConfigurationError, match=expected):
             read()
-    with pytest.raises(ws.ConfigurationError, match="identify or oma, got none: check the name"):
+    with pytest.raises(ws.ConfigurationError, match="identify or oma, got no such folder: check the name"):
         compare(tmp_path / "nowhere", tmp_path)
-    with pytest.raises(ws.ConfigurationError, match="expected one of windsysid identify, got one of compare"):
+    with pytest.raises(ws.ConfigurationError, match="expected a result of windsysid identify, got one of compare"):
         ws.damping([tmp_path])
 
 

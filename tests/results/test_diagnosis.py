@@ -235,6 +235,15 @@ def test_an_estimate_far_from_its_prior_is_a_contradiction():
     assert reason.data["sigmas"] == pytest.approx(-5.0, abs=0.01)
 
 
+@pytest.mark.parametrize(("y", "at"), [(-1.5, 0), (0.1, -1)])
+def test_a_file_of_another_machine_is_named_first(y: float, at: int):
+    """A crack, a loose bolt and friction came first, where every stiffness contradicted the turbine file."""
+    springs = tuple(Parameter(name, 100.0, 0.3, kind="stiffness") for name in ("k_x", "k_y"))
+    found = diagnosed(3.0 * white(), parameters=springs, theta=np.array([-1.5, y]), cov=1e-4 * np.eye(2))
+    assert [one.code for one in reasons(found)].count("innovation_level") == 1
+    assert reasons(found)[at].code == "prior_conflict"
+
+
 @pytest.mark.slow
 def test_the_shift_is_measured_in_what_was_to_be_expected():
     # A prior draws θ, a measurement of variance r sees it: estimate − centre has the variance σ₀² − σ² (closed form).

@@ -233,7 +233,7 @@ def test_the_page_of_a_result_is_drawn_again(saved: Path, tmp_path: Path, run: C
 
 
 def test_what_is_no_result_is_one_line(tmp_path: Path):
-    for folder, why in ((tmp_path, "got no result in it"), (tmp_path / "none", "got none: check the name")):
+    for folder, why in ((tmp_path, "got no result in it"), (tmp_path / "none", "got no such folder: check the name")):
         with pytest.raises(ConfigurationError, match=f"expected a folder that windsysid wrote, {why}"):
             ws.load_result(folder)
     for text in (
@@ -252,7 +252,7 @@ def test_what_is_no_result_is_one_line(tmp_path: Path):
 def test_json_that_is_nested_too_deeply_is_one_line_wherever_a_result_is_read(tmp_path: Path):
     deep = "[" * 100_000
     (tmp_path / "summary.json").write_text(deep)
-    with pytest.raises(ConfigurationError, match="expected one of windsysid oma"):
+    with pytest.raises(ConfigurationError, match="expected a result of windsysid oma"):
         as_modes(tmp_path)
     (tmp_path / ".windsysid").mkdir()
     (tmp_path / ".windsysid" / MANIFEST).write_text(deep)

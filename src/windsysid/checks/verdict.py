@@ -191,7 +191,10 @@ def diagnose(
     of_readings = tests.line is not None and tests.line.ratio > tests.line.bound
     line, found = _judge_line(seen, rotor_hz, of_innovations=not of_readings), [*findings]
     found += line if whiteness is None else _judge_innovations(whiteness, tests, rotor, line)
-    found += doubt_priors(checks)
+    doubts = doubt_priors(checks)
+    stiffnesses = {q.name for q in parameters if q.kind == "stiffness"}
+    is_another_machine = bool(stiffnesses) and stiffnesses <= {name for one in doubts for name in one.quantities}
+    found = [*doubts, *found] if is_another_machine else [*found, *doubts]
     prior_cov = np.diag([q.prior[1] ** 2 for q in parameters])
     found += describe_directions(names, cov, prior_cov, logarithmic, theta) if names else []
     found += doubt_damping(parameters, theta, cov, damping)

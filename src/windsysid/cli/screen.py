@@ -1,5 +1,6 @@
 """The first screen of an answer: the most important lines, at most 24 at 80 columns; `--verbose` prints the rest."""
 
+import itertools
 import math
 import shutil
 from collections.abc import Sequence
@@ -25,8 +26,8 @@ MAX_REASONS = 3
 def first_screen(parts: Sequence[Table | str], lines: int = MAX_SCREEN_LINES - 2) -> str:
     """Render parts of an answer in their order, shortened to some lines.
 
-    A table that does not fit is cut after whole rows; what follows the first part that was cut is left out. The last
-    line says how to see all.
+    A table that does not fit is cut after whole rows. The verdict with its first reasons follows it; what else follows
+    the first part that was cut is left out. The last line says how to see all.
 
     Examples
     --------
@@ -38,12 +39,25 @@ def first_screen(parts: Sequence[Table | str], lines: int = MAX_SCREEN_LINES - 2
     if _height(whole) <= lines:
         return whole
     shown = list[Table | str]()
-    for part in parts:
-        fitting = _shorten(part, lines - 1 - _height(render(*shown)) if shown else lines - 1)
-        shown += [] if fitting is None else [fitting]
-        if fitting is not part:
-            break
+    for i, part in enumerate(parts):
+        room = lines - 1 - (_height(render(*shown)) if shown else 0)
+        fitting = _shorten(part, room)
+        if fitting is part:
+            shown.append(part)
+            continue
+        verdict = _verdict(parts[i + 1 :], room // 4)
+        fitting = _shorten(part, room - (_height(render(*verdict)) if verdict else 0))
+        shown += verdict if fitting is None else [fitting, *verdict]
+        break
     return render(*shown, "… more: --verbose, or the page")
+
+
+def _verdict(parts: Sequence[Table | str], lines: int) -> list[str]:
+    """The sentence "trust: …" that begins some parts, with as many of its first reasons as fit into some lines."""
+    if not (parts and isinstance(parts[0], str) and parts[0].startswith("trust: ")):
+        return []
+    said = [*itertools.takewhile(lambda part: isinstance(part, str), parts[: 1 + MAX_REASONS])]
+    return next((said[:count] for count in range(len(said), 0, -1) if _height(render(*said[:count])) <= lines), [])
 
 
 def _shorten(part: Table | str, lines: int) -> Table | str | None:

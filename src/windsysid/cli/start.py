@@ -6,13 +6,14 @@ import sys
 import webbrowser
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
 from windsysid.cli.common import Mapping, app, name_of, numbered, print_table, register_commands, show_progress
-from windsysid.errors import ConfigurationError, WindsysidError
+from windsysid.errors import ConfigurationError, RecordError, WindsysidError
 from windsysid.output.console import printable
 
 if TYPE_CHECKING:
@@ -202,10 +203,17 @@ def _complete_guess(guess: "Guess", known: list[str], taken: set[str], guide: _G
         guess = replace(guess, name=at_top)
     elif guess.name is None and known:
         guess = replace(guess, name=guide.ask(f"Name of '{guess.written}'", free, default=guess.written))
+    unit = partial(_unit, guess.name or guess.written)
+    offered = guess.unit
     if guess.is_said:
-        return guess
+        try:
+            unit(offered or LEAVE_OUT)
+        except RecordError:
+            offered = None
+        else:
+            return guess
     question = f"Unit of '{guess.written}' (g, mg, m/s^2, rpm …; {LEAVE_OUT} leaves it out)"
-    return replace(guess, unit=guide.ask(question, _unit, offered=guess.unit), doubts=())
+    return replace(guess, unit=guide.ask(question, unit, offered=offered), doubts=())
 
 
 def _section(record: Path, mapping: Path | None, turbine: str, guide: _Guide) -> list[str]:
@@ -238,13 +246,18 @@ def _turbine(text: str) -> str:
     return text
 
 
-def _unit(text: str) -> str:
-    """A unit that is known, or the mark of a channel to leave out."""
+def _unit(channel: str, text: str) -> str:
+    """A unit that is known and suits a channel's name, or the mark of a channel to leave out."""
+    from windsysid.records.quantities import check_quantity
     from windsysid.units import canonical
 
     if not text:
         raise ConfigurationError(f"expected a unit, such as m/s^2 or g, or {LEAVE_OUT} to leave the channel out")
-    return text if text == LEAVE_OUT else canonical(text)
+    if text == LEAVE_OUT:
+        return text
+    unit = canonical(text)
+    check_quantity(channel, unit)
+    return unit
 
 
 def _positive(text: str) -> float:

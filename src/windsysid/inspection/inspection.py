@@ -84,10 +84,12 @@ class Inspection(Answer):
     def verdict(self) -> str:
         """Usability of this record, and the section to use, in one line."""
         good = [p for p in self.proposals if p.good]
+        units = any(f.kind == "unit" and f.severity == "warning" for f in self.findings)
+        use = "correct units first, then use" if units else "use"
         if good and good[0].end - good[0].start >= self.record.duration:
-            return f"{self._counts}; use all of it"
+            return f"{self._counts}; {use} all of it"
         if good:
-            return f"{self._counts}; use {good[0].start:g}–{good[0].end:g} s"
+            return f"{self._counts}; {use} {good[0].start:g}–{good[0].end:g} s"
         against = ": " + "; ".join(self.proposals[0].against) if self.proposals else ""
         return f"{self._counts}; no section is good{against}"
 

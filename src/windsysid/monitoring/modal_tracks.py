@@ -29,7 +29,7 @@ def all_hold_modes(given: Sequence[object]) -> bool:
     for one, known in zip(given, of_modes, strict=True):
         if isinstance(one, str | Path) and not (known or result_file(one, "identification.nc").exists()):
             found = content_of(one)
-            raise ConfigurationError(f"result {one}: expected one of windsysid identify or oma, got {found}")
+            raise ConfigurationError(f"{one}: expected a result of windsysid identify or oma, got {found}")
     if len(set(of_modes)) == 2:
         first, second = (_shown(given[of_modes.index(kind)]) for kind in (True, False))
         raise ConfigurationError(

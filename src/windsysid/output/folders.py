@@ -152,9 +152,11 @@ def content_of(folder: str | Path) -> str:
     """Content of a folder in which another result was expected, and advice."""
     folder = Path(folder)
     if not folder.exists():
-        return "none: check the name"
+        return "no such folder: check the name"
     if not folder.is_dir():
-        return "a file: give the folder that holds it"
+        if folder.name in NAMES:
+            return "a file: give the folder that holds it"
+        return "a file: give the folder of a result; windsysid identify RECORD makes one"
     if (folder / "identification.nc").exists():
         return "one of identify: give another folder"
     if (folder / "inspection.json").exists():

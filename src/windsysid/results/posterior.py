@@ -227,8 +227,9 @@ def opened(folder: str | Path) -> "Iterator[h5netcdf.File]":
         raise changed from None
     except (OSError, ValueError) as error:
         named = getattr(error, "strerror", None) or error.__class__.__name__
-        why = content_of(folder) if isinstance(error, FileNotFoundError) else f"one that cannot be read ({named})"
-        raise ConfigurationError(f"result {folder}: expected one of windsysid identify, got {why}") from None
+        absent = isinstance(error, FileNotFoundError | NotADirectoryError)
+        why = content_of(folder) if absent else f"one that cannot be read ({named})"
+        raise ConfigurationError(f"{folder}: expected a result of windsysid identify, got {why}") from None
     except KeyError:
         raise ConfigurationError(
             f"result {folder}: expected the whole result in identification.nc, got a file of an older version:"

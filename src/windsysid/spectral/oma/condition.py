@@ -273,6 +273,6 @@ def _transient_doubts(values: Array) -> list[str]:
     if most < limits.MAX_ENERGY_SHARE:
         return []
     return [
-        f"the record is a transient: an eighth of it has {100 * most:.0f} % of the vibration; a free decay is for "
-        f"windsysid identify"
+        f"the record is a transient: an eighth of it has {100 * most:.0f} % of the vibration; choose a section "
+        f"without it, or --decay for a free decay"
     ]

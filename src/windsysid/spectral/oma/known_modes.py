@@ -91,7 +91,7 @@ def as_modes(given: ModesLike) -> KnownModes:
         return given
     summary = given.summary() if isinstance(given, OperationalModes) else _summary_of(Path(given))
     if summary.get("analysis") != ANALYSIS:
-        raise ConfigurationError(f"result {given}: expected one of windsysid oma, got {content_of(str(given))}")
+        raise ConfigurationError(f"{given}: expected a result of windsysid oma, got {content_of(str(given))}")
     try:
         return _read(summary)
     except (KeyError, TypeError, ValueError) as error:
