@@ -49,7 +49,8 @@ class Sinusoid(Effect):
         if new:
             odds = math.log10(odds_of(self.code, job.turbine))
             return Detection(judged, Sinusoids((*_sines(known), *new)), SINUSOID_DIGITS + odds)
-        if job.filtered and _are_waves(known) and _turns(job, fit):
+        waves = known is not None and not known.forces
+        if job.filtered and waves and turned(fit.read, job.turbine, fit.sensors) is not None:
             return _as_forces(job, fit, judged, _sines(known))
         return Detection(judged)
 
@@ -163,11 +164,6 @@ def _sines(known: Sinusoids | None) -> tuple[Sine, ...]:
     return known.sines if known is not None else ()
 
 
-def _are_waves(known: Sinusoids | None) -> bool:
-    """True if sinusoids are included as waves in the readings, and not as forces."""
-    return known is not None and not known.forces
-
-
 def _unknown(found: Sequence[Sine], known: Sinusoids | None, duration: float) -> list[Sine]:
     """Sinusoids that are not included yet, each once."""
     new, apart = list[Sine](), RESOLUTION_BINS / duration
@@ -175,11 +171,6 @@ def _unknown(found: Sequence[Sine], known: Sinusoids | None, duration: float) ->
         if not any(sine.same_as(other, apart) for other in (*_sines(known), *new)):
             new.append(sine)
     return new
-
-
-def _turns(job: Job, fit: FittedJob) -> bool:
-    """Test whether some sensors rotate with the rotor and others do not."""
-    return turned(fit.read, job.turbine, fit.sensors) is not None
 
 
 def _as_forces(job: Job, fit: FittedJob, judged: FittedJob, sines: tuple[Sine, ...]) -> Detection:

@@ -5,7 +5,6 @@ that has it (`windsysid.identification.estimate.spectral.narrow_band`).
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,34 +25,20 @@ from windsysid.identification.estimate.spectral.narrow_band_alternative import (
 from windsysid.identification.job import FittedJob, Job
 from windsysid.identification.limits import MAX_DISAGREEMENT_SIGMAS
 from windsysid.identification.model.agreement import compare, disagreement
-from windsysid.identification.model.effect import Detection, Effect
-from windsysid.identification.model.fit import Outcome
+from windsysid.identification.model.effect import Detection, Effect, Inclusion
 from windsysid.loads.family import Broadband
 from windsysid.loads.narrow_band import NarrowBand
-from windsysid.mechanics.sensors import Sensor
-from windsysid.records.record import Record
-from windsysid.results.finding import Finding
-from windsysid.turbine.turbine import Turbine
 
 __all__ = ["NarrowBandIncluded", "NarrowBandLoad", "narrow_band_in"]
 
 
 @dataclass(frozen=True)
-class NarrowBandIncluded:
-    """A narrow-band load that explains the spectra, in addition to broad ones."""
+class NarrowBandIncluded(Inclusion):
+    """A narrow-band load that explains the spectra, in addition to broad ones: a load of the model, of which the fit
+    that includes it has the note."""
 
     alternative: NarrowBandFit
     code: str = "narrow_band_load"
-
-    def correct(
-        self, record: Record, turbine: Turbine, sensors: Sequence[Sensor], *, filtered: bool
-    ) -> tuple[Record, tuple[Sensor, ...]]:
-        """Nothing: it is a load of the model."""
-        return record, tuple(sensors)
-
-    def notes(self, outcome: Outcome, *, filtered: bool) -> tuple[Finding, ...]:
-        """Nothing: the fit that includes it says so."""
-        return ()
 
 
 class NarrowBandLoad(Effect):
