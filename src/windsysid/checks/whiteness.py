@@ -178,14 +178,13 @@ def _together(parts: dict[tuple[int, ...], Whiteness], m: int) -> Whiteness:
     frequency, spectrum = _joined_spectrum(parts, m)
     total = sum(w.used for w in alike)
     low, high = _chi_square_interval(total)
-    channels = [(column, one) for columns, w in parts.items() for column, one in zip(columns, w.channels, strict=True)]
-    colours = [w.smooth for w in alike if w.smooth is not None]
+    colours = filter(None, (w.smooth for w in alike))
     return Whiteness(
         used=total,
         nis=sum(w.nis * w.used for w in alike) / max(total, 1),
         nis_low=low,
         nis_high=high,
-        channels=tuple(one for _, one in sorted(channels, key=operator.itemgetter(0))),
+        channels=_channels_of(parts),
         lags=lags,
         autocorrelation=correlation,
         autocorrelation_bound=max(w.autocorrelation_bound for w in alike),
@@ -197,6 +196,12 @@ def _together(parts: dict[tuple[int, ...], Whiteness], m: int) -> Whiteness:
         shared=_most_shared_of(parts),
         smooth=max(colours, key=lambda smooth: smooth.statistic / smooth.bound, default=None),
     )
+
+
+def _channels_of(parts: dict[tuple[int, ...], Whiteness]) -> tuple[ChannelCheck, ...]:
+    """The channels of all parts by their columns."""
+    found = [(column, one) for columns, w in parts.items() for column, one in zip(columns, w.channels, strict=True)]
+    return tuple(one for _, one in sorted(found, key=operator.itemgetter(0)))
 
 
 def _joined_correlation(parts: dict[tuple[int, ...], Whiteness], m: int) -> tuple[Array, Array]:

@@ -192,7 +192,7 @@ def load_posterior(folder: str | Path) -> Posterior:
     return Posterior(
         identified, parameters, theta, cov, record, bool(trusted), conditions,
         start, found, section=(begun, ended), statistics=learned, joint_cov=joint_cov, tolerances=tolerances,
-        unusable=unusable_among(grades, [read_finding(one) for one in said.get("findings", [])], trusted=bool(trusted)),
+        unusable=unusable_among(grades, list(map(read_finding, said.get("findings", []))), trusted=bool(trusted)),
     ).given("masses")  # fmt: skip
 
 

@@ -45,7 +45,7 @@ class Sinusoid(Effect):
             return Detection(judged)
         read = part if known is None else known.left(part, job.turbine, fit.sensors)
         sines = [find_sine(read, job.turbine, fit.sensors, *line) for line in seen.candidates(fit)]
-        new = _unknown([sine for sine in sines if sine is not None], known, part.duration)
+        new = _unknown(list(filter(None, sines)), known, part.duration)
         if new:
             odds = math.log10(odds_of(self.code, job.turbine))
             return Detection(judged, Sinusoids((*_sines(known), *new)), SINUSOID_DIGITS + odds)

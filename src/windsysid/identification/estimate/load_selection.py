@@ -122,13 +122,20 @@ def choose(question: Question, names: Sequence[str], first: int) -> Choice:
                 raise
             continue
         tried.append(candidate)
-        if len(tried) == 1 and ((candidate.white and not cheap) or not candidate.driven):
-            break  # no rival: others are costly, or loads hardly matter
+        if _is_enough(tried, cheap=cheap):
+            break
     if not tried:
         raise WindsysidError("no load model fits this record: check units, the turbine file and the priors")
     ranking = rank(tried, lambda candidate: candidate.log_evidence)
     seconds = min(length, question.record.samples) / rate
     return Choice(ranking.best, _describe_choice(ranking, seconds), warming)
+
+
+def _is_enough(tried: Sequence[Candidate], *, cheap: bool) -> bool:
+    """Test whether the simplest model needs no rival: it explains the record, and others are costly, or loads hardly
+    matter."""
+    simplest = tried[0]
+    return len(tried) == 1 and ((simplest.white and not cheap) or not simplest.driven)
 
 
 def warm(problem: TurbineProblem) -> None:

@@ -286,6 +286,11 @@ def _bent(outcome: Outcome) -> Bent | None:
     )  # fmt: skip
 
 
+def _relative_slope(q: Parameter, x: float) -> float:
+    """Slope of the logarithm of a coefficient to its filter coordinate."""
+    return 1.0 if q.logarithmic else q.scale / (abs(float(q.physical(x))) or 1.0)
+
+
 def _budget(
     outcome: Outcome, at: FittedModes, coefficients: Sequence[Widening], of_modes: Sequence[Widening]
 ) -> Budget:
@@ -293,10 +298,8 @@ def _budget(
     if outcome.joint_cov is None:
         return Budget()
     unit, variance = np.eye(len(outcome.theta), len(outcome.joint_cov)), np.diag(outcome.joint_cov)
-    rows = [
-        (q.name, row * (1.0 if q.logarithmic else q.scale / (abs(float(q.physical(float(x)))) or 1.0)))
-        for q, x, row in zip(outcome.model.parameters, outcome.theta, unit, strict=True)
-    ]
+    theta = enumerate(zip(outcome.model.parameters, outcome.theta, strict=True))
+    rows = [(q.name, unit[i] * _relative_slope(q, float(x))) for i, (q, x) in theta]
     statistics = outcome.unknowns.of("statistics")
     shares = np.diag(at.given_masses)[: len(rows)] / variance[: len(rows)]
     added = {one.name: (share * one.added()).tolist() for one, share in zip(coefficients, shares, strict=True)}

@@ -243,8 +243,10 @@ def _reported(names: Collection[str], widenings: Sequence[Widening]) -> Iterator
     """Findings on the widenings of coefficients with these names, and of others, by their cause."""
     for severity, low, high in (("reason", MAX_WIDENING, np.inf), ("remark", MIN_REPORTED_WIDENING, MAX_WIDENING)):
         wide = sorted((one for one in widenings if low < one.factor <= high), key=lambda one: -one.factor)
-        for over in dict.fromkeys(one.over for one in wide):
-            some = [one for one in wide if one.over == over]
+        by_cause: dict[str, list[Widening]] = {}
+        for one in wide:
+            by_cause.setdefault(one.over, []).append(one)
+        for over, some in by_cause.items():
             data = {"names": [one.name for one in some], "factor": some[0].factor, "over": over, "at": some[0].place}
             own = tuple(one.name for one in some if one.name in names)
             yield Finding("wider_intervals", severity, data, own)  # type: ignore[arg-type]

@@ -89,9 +89,7 @@ def join(singles: Sequence[RecordAnalysis]) -> OperationalModes:
         If the records are not connected by common sensors, or one sensor has different units.
     """
     results = [result_of(single) for single in singles]
-    sure = [tuple(mode for mode in single.modes if not mode.doubted_for("shape")) for single in singles]
-    known = [single._replace(modes=modes) for single, modes in zip(singles, sure, strict=True)]
-    setups = _Setups(known, results, common_sensors(results))
+    setups = _Setups([_without_doubtful_shapes(single) for single in singles], results, common_sensors(results))
     tracks = follow_modes(_observed_modes(setups))
     joint = _Joint([], [], [], [track for track in tracks if not _is_mode(track, setups)])
     for low, high, group in _groups([track for track in tracks if track not in joint.left_out], setups):
@@ -103,6 +101,11 @@ def join(singles: Sequence[RecordAnalysis]) -> OperationalModes:
         joint.modes.extend((_described(fits, j, track, setups), track) for j, track in enumerate(group))
     joint.modes.sort(key=lambda pair: pair[0].frequency.estimate)
     return _result(setups, joint)
+
+
+def _without_doubtful_shapes(single: RecordAnalysis) -> RecordAnalysis:
+    """Remove modes that may be none: they would be taken for those of other records."""
+    return single._replace(modes=tuple(mode for mode in single.modes if not mode.doubted_for("shape")))
 
 
 def common_sensors(results: Sequence[OperationalModes]) -> _Sensors:

@@ -58,16 +58,18 @@ def choose_samples(record: Record, sensors: Sequence[Sensor | ModalSensor | str]
     whole, gap_notes = without_gaps(record.select([*channels, *helpers]), channels)
     findings, spikes = _screened(whole, channels, helpers)
     values = np.column_stack([bridged(_without_spikes(whole, name, spikes), name) for name in channels])
-    spectral = (one for one in findings if one.kind in SPECTRAL_FAULTS)
-    said = (f"channel {one.channel or 'clock'}: {one.kind}: {one.statement}" for one in spectral)
     kept, copy_notes = _without_copies(whole.name, channels, values, refuse=sensors is not None)
     return Samples(
         record=whole,
         sensors=tuple(chosen[i] for i in kept),
         values=values[:, kept],
         notes=(*left_out, *gap_notes, *map(str, noted(findings)), *_spike_notes(spikes, whole.samples), *copy_notes),
-        doubts=(*said, *map(str, doubted(findings))),
+        doubts=(*(_doubt_of(one) for one in findings if one.kind in SPECTRAL_FAULTS), *map(str, doubted(findings))),
     )
+
+
+def _doubt_of(fault: Fault) -> str:
+    return f"channel {fault.channel or 'clock'}: {fault.kind}: {fault.statement}"
 
 
 def _screened(record: Record, channels: Sequence[str], helpers: Sequence[str]) -> tuple[list[Fault], list[Fault]]:

@@ -225,8 +225,7 @@ def _of_the_structure(record: Record) -> tuple[tuple[ModalSensor, ...], tuple[st
     """Choose the channels of the best kind that measure the structure, with notes on channels of other bodies."""
     kinds = _vibration_kinds(record)
     live = [name for name in kinds if _moves(record[name])]
-    media = [name for name in live if body_of(name) not in ("structure", "rotor")]
-    blades = _turning_blades(record, [name for name in live if name not in media])
+    media, blades = _other_bodies(record, live)
     usable = {name: kinds[name] for name in live if name not in (*media, *blades)}
     if not usable:
         raise _without_vibration(record, list(kinds), live, blades)
@@ -255,6 +254,12 @@ def _without_vibration(
         f"{record.name}: expected channels that show the structure's vibration (acceleration, strain, load, "
         f"displacement, velocity), {got}: list them (sensors=)"
     )
+
+
+def _other_bodies(record: Record, names: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Channels of water, air and mooring lines, and those of rotating blades."""
+    media = [name for name in names if body_of(name) not in ("structure", "rotor")]
+    return media, _turning_blades(record, [name for name in names if name not in media])
 
 
 def _turning_blades(record: Record, names: Sequence[str]) -> list[str]:

@@ -6,7 +6,7 @@ spring of the roll for the mode in which the blades move together, then one on e
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -111,8 +111,7 @@ def find_places(
     """
     values = {q.name: q.centre for q in parameters}
     there = frequencies(values)
-    turns = {combination.turns for combination in combined}  # only modes that some combination of readings shows
-    named = [name for name in there if (name in WHIRLS and True in turns) or (_stands(name) and False in turns)]
+    named = _read_modes(there, combined)
     found: dict[str, float] = {}
     doubts: list[Finding] = []
 
@@ -135,6 +134,12 @@ def find_places(
     places = tuple(ModeLocation(name, WHIRLS.get(name), where[name], ratios[name]) for name in named)
     start = np.array([float(q.coordinate(values[q.name])) for q in parameters])
     return ModeLocations(places, start, tuple(doubts))
+
+
+def _read_modes(modes: Iterable[str], combined: Sequence[Combined]) -> list[str]:
+    """Those of the modes that some combination of readings shows: whirls where it turns, the support's where not."""
+    turns = {combination.turns for combination in combined}
+    return [name for name in modes if (name in WHIRLS and True in turns) or (_stands(name) and False in turns)]
 
 
 def _search(
