@@ -17,9 +17,8 @@ from windsysid.checks.whiteness import Whiteness
 from windsysid.configuration import parse_json
 from windsysid.records.formats.netcdf import sealed
 from windsysid.results.budget import Budget
-from windsysid.results.estimate import Estimate, FittedSpectrum, IntervalEstimate
+from windsysid.results.estimate import Estimate, FittedSpectrum, IntervalEstimate, Loads
 from windsysid.results.finding import Finding, Severity, read_finding
-from windsysid.results.load_history import Loads
 from windsysid.results.mode import Mode
 from windsysid.results.posterior import (
     PRIORS,

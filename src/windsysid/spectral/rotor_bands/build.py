@@ -131,7 +131,7 @@ def search_bands(question: RotorQuestion) -> PosedBands | None:
     RecordError
         If the record is too short for the bands, or no sensor shows a mode.
     """
-    spectra, combined = _read(question)
+    spectra, combined = _read(question), combine(question.sensors, len(WHIRLS))
     at_centres = question.centres
     names = question.compiled.parameters
 
@@ -163,10 +163,8 @@ def pose_bands(
     RecordError
         If the record is too short for the bands, or no sensor shows a mode.
     """
-    if spectra is None:
-        spectra, combined = _read(question)
-    else:
-        combined = combine(question.sensors, len(WHIRLS))
+    spectra = _read(question) if spectra is None else spectra
+    combined = combine(question.sensors, len(WHIRLS))
     builder = _Builder(question, spectra, combined, width)
     of_blades = [place for place in places if place.shape is not None]
     built = [builder.blades(of_blades, places)] if of_blades else []
@@ -194,12 +192,10 @@ def centre_bands(question: RotorQuestion, posed: PosedBands, unknowns: Array) ->
     return moved._replace(start=moved.model.start_from(unknowns, posed.model), doubts=posed.doubts)
 
 
-def _read(question: RotorQuestion) -> tuple[TurnedSpectra, list[Combined]]:
+def _read(question: RotorQuestion) -> TurnedSpectra:
     if question.turned is not None:
-        spectra = combine_groups(question.turned)
-    else:
-        spectra = turned_spectra(question.readings, question.azimuth, question.rate, 1)
-    return spectra, combine(question.sensors, len(WHIRLS))
+        return combine_groups(question.turned)
+    return turned_spectra(question.readings, question.azimuth, question.rate, 1)
 
 
 def _modes(question: RotorQuestion, p: Array, spectra: TurnedSpectra) -> dict[str, tuple[float, float]]:
