@@ -10,17 +10,19 @@ import numpy as np
 from windsysid.checks.limits import HARMONIC_HALF_WIDTH_SHARE, LINE_SEARCH_FACTOR
 from windsysid.checks.lines import Line
 from windsysid.checks.verdict import found_line
+from windsysid.filters import EKF
 from windsysid.identification.effects.sinusoid import Sine, find_sine, find_turning, one_turn, turned
 from windsysid.identification.effects.sinusoidal_force import Sinusoids, forces_of
 from windsysid.identification.estimate.fitted.influence import doubt_line, doubt_sine, doubt_standing_out
 from windsysid.identification.estimate.fitted.modal_residuals import line_of
 from windsysid.identification.estimate.fitted.modes import modes_of
-from windsysid.identification.estimate.time_domain import innovations_of
+from windsysid.identification.estimate.time_domain import where_it_ended
 from windsysid.identification.job import FittedJob, Job
 from windsysid.identification.limits import RESOLUTION_BINS, SINUSOID_DIGITS
 from windsysid.identification.model.effect import Detection, Effect
 from windsysid.identification.model.prior import Prior
 from windsysid.identification.model.prior_odds import odds_of
+from windsysid.identification.model.turbine_problem import pose
 from windsysid.loads.family import Broadband
 from windsysid.results.finding import Finding
 from windsysid.spectral.transforms.harmonics import find_lines
@@ -80,7 +82,9 @@ def harmonics_of_spectra(job: Job, fit: FittedJob) -> Sinusoids | None:
     if not (fit.outcome.turns and fit.outcome.hypothesis == Broadband.name):
         return None
     of = fit.read, job.turbine, fit.sensors
-    left = innovations_of(fit.outcome, *of, fit.prior, job.parameters)
+    problem = pose(*of, fit.prior, job.parameters, fit.outcome.hypothesis)
+    model = problem.build(where_it_ended(fit.outcome, problem))
+    left = EKF.run(model, EKF.init(model), problem.inputs, problem.readings)[1].whitened
     known = sinusoids_in(job)
     new = _unknown([one for one in find_turning(left, *of) if one.order > 1], known, job.part.duration)
     return Sinusoids((*_sines(known), *new)) if new else None

@@ -238,6 +238,7 @@ class _Builder:
         self.question, self.spectra, self.combined, self.width = question, spectra, combined, width
         self.weights = np.array([c.weights for c in combined])
         self.freedoms = question.turbine.model.freedoms
+        self.pushed = [freedom.name for freedom in self.freedoms if not freedom.blade and freedom.name != "roll"]
         self.given = question.centres
         self.hz, self.duration = spectra.rotor_hz, spectra.duration
         v = question.turbine.values
@@ -279,10 +280,9 @@ class _Builder:
         """The loads on the support at the frequencies of a whirl, if it is read there."""
         if not rows:
             return []
-        pushed = [f.name for f in self.freedoms if not f.blade and f.name != "roll"]
         return [
             _Load(f"{name}_{_WAY[-side]}", "N/√Hz", one_force(self.freedoms, name, ABOUT_BLADES, side), rows[0], None)
-            for name in pushed
+            for name in self.pushed
         ]
 
     def support(self, group: Sequence[ModeLocation], places: Sequence[ModeLocation]) -> RotorBand:
@@ -295,9 +295,10 @@ class _Builder:
         _, high = self._apart(last, others, 0.0, last.frequency + self._reach(last.frequency, SUPPORT_HALF_WIDTH))
         rows = [Row(i, 0, low, high) for i, c in enumerate(self.combined) if not c.turns]
         name = place.name.replace(" ", "_")
-        pushed = [freedom.name for freedom in self.freedoms if not freedom.blade and freedom.name != "roll"]
-        pushes = [one_force(self.freedoms, freedom, ABOUT_SUPPORT, 0) for freedom in pushed]
-        loads = [_Load(f"{of}_{name}", "N/√Hz", push, rows[0], 0) for of, push in zip(pushed, pushes, strict=True)]
+        loads = [
+            _Load(f"{of}_{name}", "N/√Hz", one_force(self.freedoms, of, ABOUT_SUPPORT, 0), rows[0], 0)
+            for of in self.pushed
+        ]
         wide = place.ratio * place.frequency * self.duration > MIN_WIDE_BINS
         return self._band(name, bins_between(self.spectra, low, high), ABOUT_SUPPORT, rows, loads, wide=wide)
 
