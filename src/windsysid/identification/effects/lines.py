@@ -28,7 +28,7 @@ from windsysid.results.finding import Finding
 from windsysid.spectral.transforms.harmonics import find_lines
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["RotorHarmonic", "Sinusoid", "harmonics_of_spectra", "sinusoids_in"]
+__all__ = ["RotorHarmonic", "Sinusoid", "harmonics_of_spectra"]
 
 
 class Sinusoid(Effect):
@@ -39,7 +39,7 @@ class Sinusoid(Effect):
     def detect(self, job: Job, fit: FittedJob) -> Detection:
         """Test the line that stands out near a mode, and the one that a coefficient depends on; then turn waves in
         the readings of a rotor into forces."""
-        known = sinusoids_in(job)
+        known = job.inclusion(Sinusoids)
         seen = _Lines.of(job, fit)
         judged = seen.judged(job, fit, known)
         part = job.part.on_own_times()
@@ -66,7 +66,7 @@ class RotorHarmonic(Effect):
         """Test innovations at nP; masses that are off may be an imbalance."""
         if not job.filtered:
             return Detection(fit)
-        known = sinusoids_in(job)
+        known = job.inclusion(Sinusoids)
         left = find_turning(fit.outcome.final.whitened, fit.read, job.turbine, fit.sensors, _sines(known))
         judged = fit.lacking(*(one.doubt for one in left))
         if any(one.group == "masses" and one.off for one in fit.outcome.tolerances):
@@ -85,15 +85,9 @@ def harmonics_of_spectra(job: Job, fit: FittedJob) -> Sinusoids | None:
     problem = pose(*of, fit.prior, job.parameters, fit.outcome.hypothesis)
     model = problem.build(where_it_ended(fit.outcome, problem))
     left = EKF.run(model, EKF.init(model), problem.inputs, problem.readings)[1].whitened
-    known = sinusoids_in(job)
+    known = job.inclusion(Sinusoids)
     new = _unknown([one for one in find_turning(left, *of) if one.order > 1], known, job.part.duration)
     return Sinusoids((*_sines(known), *new)) if new else None
-
-
-def sinusoids_in(job: Job) -> Sinusoids | None:
-    """The sinusoids that a job includes."""
-    included = job.included(Sinusoid.code)
-    return included if isinstance(included, Sinusoids) else None
 
 
 class _Lines(NamedTuple):

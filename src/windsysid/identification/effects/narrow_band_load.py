@@ -29,7 +29,7 @@ from windsysid.identification.model.effect import Detection, Effect, Inclusion
 from windsysid.loads.family import Broadband
 from windsysid.loads.narrow_band import NarrowBand
 
-__all__ = ["NarrowBandIncluded", "NarrowBandLoad", "narrow_band_in"]
+__all__ = ["NarrowBandIncluded", "NarrowBandLoad"]
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class NarrowBandLoad(Effect):
 
     def detect(self, job: Job, fit: FittedJob) -> Detection:
         """Compare the evidence of spectra with it and without."""
-        if narrow_band_in(job) is not None:
+        if job.inclusion(NarrowBandIncluded) is not None:
             return Detection(fit)
         beside = narrow_band_beside(fit.outcome, fit.read, job.turbine, fit.sensors)
         alone = fit.doubted(*doubts_of_narrow_band(beside, asked=job.loads))
@@ -82,9 +82,3 @@ class NarrowBandLoad(Effect):
         against = [disagreement(after.outcome, there, job.turbine)] if off > MAX_DISAGREEMENT_SIGMAS else []
         doubts = doubts_of_narrow_band(included.alternative, asked="auto")
         return after.noting(note_narrow_band(included.alternative), *doubts, *against)
-
-
-def narrow_band_in(job: Job) -> NarrowBandIncluded | None:
-    """The narrow-band load that a job includes."""
-    included = job.included(NarrowBandLoad.code)
-    return included if isinstance(included, NarrowBandIncluded) else None
