@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from windsysid.results.load_history import Loads
+from windsysid.results.estimate import Loads
 from windsysid.results.serialization import as_plain, from_plain
 
 

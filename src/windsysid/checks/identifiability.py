@@ -19,6 +19,7 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.checks.limits import MAX_NEGLIGIBLE_ENTRY, MIN_CONDITION_INDEX, MIN_NAMED_CORRELATION
+from windsysid.inspection.sentences import joined
 from windsysid.results.finding import Finding
 
 __all__ = ["describe_directions", "describe_information", "standard_deviations"]
@@ -228,7 +229,7 @@ _SUPERSCRIPTS = ("", "", "²", "³", "⁴")
 def _describe_direction(names: Sequence[str], row: Array) -> str:
     """A direction as steps in percent, the largest 10 %."""
     steps = 10.0 * row / np.abs(row).max() * np.sign(row[np.flatnonzero(row)[0]])
-    return _list(
+    return joined(
         [f"{name} {float(f'{step:.2g}'):+g} %" for name, step in zip(names, steps, strict=True) if step != 0.0]
     )
 
@@ -253,8 +254,3 @@ def _small_integers(row: Array, tolerance: float = 0.005) -> list[int] | None:
     integers = [round(float(x) * factor) for x in scaled]
     close = all(abs(x * factor - i) <= tolerance * factor for x, i in zip(scaled, integers, strict=True))
     return integers if close and max(map(abs, integers)) <= 4 else None
-
-
-def _list(items: Sequence[str]) -> str:
-    """``a, b and c``."""
-    return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} and {items[-1]}"

@@ -22,7 +22,7 @@ from windsysid._types import Array
 from windsysid.checks.limits import MIN_NONLINEARITY_SAMPLES
 from windsysid.results.finding import Finding
 
-__all__ = ["Bending", "Bent", "Law", "doubt_bending", "doubt_bent", "find_bent"]
+__all__ = ["Bending", "Bent", "Law", "doubt_bending", "doubt_bent", "find_bent", "standardised"]
 
 Law = Literal["stiffness", "damping"]
 """Force that depends on amplitude: with the cube of displacement, or with the sign of velocity."""
@@ -74,7 +74,7 @@ def find_bent(
     or at rest."""
     from scipy.special import gammainccinv
 
-    q, rates = _scaled(q[:-1]), _scaled(rates[:-1])
+    q, rates = standardised(q[:-1]), standardised(rates[:-1])
     later = z[1:]
     known = np.column_stack([np.ones(len(q)), q, rates])
     found: list[tuple[float, str, str]] = []
@@ -102,7 +102,7 @@ def find_bent(
     return Bent(coordinate, channel, statistic, bound)
 
 
-def _scaled(values: Array) -> Array:
+def standardised(values: Array) -> Array:
     """Values (T, n) about their mean, of rms 1."""
     centred = values - np.nanmean(values, axis=0)
     return np.asarray(centred / np.maximum(np.nanstd(centred, axis=0), 1e-300))

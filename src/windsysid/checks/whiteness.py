@@ -178,6 +178,7 @@ def _together(parts: dict[tuple[int, ...], Whiteness], m: int) -> Whiteness:
     frequency, spectrum = _joined_spectrum(parts, m)
     total = sum(w.used for w in alike)
     low, high = _chi_square_interval(total)
+    colours = filter(None, (w.smooth for w in alike))
     return Whiteness(
         used=total,
         nis=sum(w.nis * w.used for w in alike) / max(total, 1),
@@ -193,7 +194,7 @@ def _together(parts: dict[tuple[int, ...], Whiteness], m: int) -> Whiteness:
         colour_bound=max(w.colour_bound for w in alike),
         line_bound=max(w.line_bound for w in alike),
         shared=_most_shared_of(parts),
-        smooth=_strongest_colour_of(parts),
+        smooth=max(colours, key=lambda smooth: smooth.statistic / smooth.bound, default=None),
     )
 
 
@@ -201,12 +202,6 @@ def _channels_of(parts: dict[tuple[int, ...], Whiteness]) -> tuple[ChannelCheck,
     """The channels of all parts by their columns."""
     found = [(column, one) for columns, w in parts.items() for column, one in zip(columns, w.channels, strict=True)]
     return tuple(one for _, one in sorted(found, key=operator.itemgetter(0)))
-
-
-def _strongest_colour_of(parts: dict[tuple[int, ...], Whiteness]) -> Colour | None:
-    """The departure from a level spectrum that is largest over its bound."""
-    found = [w.smooth for w in parts.values() if w.smooth is not None]
-    return max(found, key=lambda smooth: smooth.statistic / smooth.bound, default=None)
 
 
 def _joined_correlation(parts: dict[tuple[int, ...], Whiteness], m: int) -> tuple[Array, Array]:

@@ -5,7 +5,6 @@ page and shared out among the turbines. What then looks alike at half of the tur
 the site's or the season's, and no turbine's. What falls in the cold and comes back is named as ice.
 """
 
-import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -24,11 +23,10 @@ from windsysid.fleet.series import BLOCK_COLUMNS, blocks_of, numbers, pairs, sec
 from windsysid.fleet.sisters import MIN_TURBINES_OF_TYPE, Standing, stand
 from windsysid.monitoring.changes import Watch
 from windsysid.monitoring.watch import watch
-from windsysid.output.answers import Answer
+from windsysid.output.answers import SummarisedAnswer
 from windsysid.output.progress import Progress, unheard
 from windsysid.output.table import Table
 from windsysid.results.identification import USABLE
-from windsysid.results.serialization import finite
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -79,7 +77,7 @@ class Glance(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Overview(Answer):
+class Overview(SummarisedAnswer):
     """A fleet at a glance.
 
     Attributes
@@ -174,10 +172,6 @@ class Overview(Answer):
             "sensors": [one._asdict() for one in self.failing],
             "notes": list(self.notes),
         }
-
-    def to_json(self) -> str:
-        """`summary` as text."""
-        return json.dumps(finite(self.summary()), indent=2, ensure_ascii=False) + "\n"
 
     def __repr__(self) -> str:
         return f"<Overview of {self.size}: {'; '.join(self.sentences)}>"

@@ -7,9 +7,10 @@ from typing import Any
 from windsysid.identification.condition.readings import choose_rate, steps_per_reading
 from windsysid.identification.effects import EFFECTS
 from windsysid.identification.effects.clock_drift import drifts_in
-from windsysid.identification.effects.lines import Sinusoid, harmonics_of_spectra, sinusoids_in
+from windsysid.identification.effects.lines import Sinusoid, harmonics_of_spectra
 from windsysid.identification.effects.narrow_band_load import NarrowBandLoad
 from windsysid.identification.effects.random_walk_bias import RandomWalkBias
+from windsysid.identification.effects.sinusoidal_force import Sinusoids
 from windsysid.identification.formulations import estimate
 from windsysid.identification.job import FittedJob, Job
 from windsysid.identification.limits import MAX_DISAGREEMENT_SIGMAS
@@ -143,7 +144,7 @@ def _with_farther_rivals(joint: FittedJob, spectral: FittedJob) -> FittedJob:
 def _cross_checked(job: Job, joint: FittedJob, spectral_job: Job, spectral: FittedJob) -> FittedJob:
     """Filters for a structure with rotating parts, spectra for others, each checked by the other."""
     waves = tuple(one.code for one in job.effects if isinstance(one, Regressors))
-    found_more = bool(waves) or sinusoids_in(job) != sinusoids_in(spectral_job)
+    found_more = bool(waves) or job.inclusion(Sinusoids) != spectral_job.inclusion(Sinusoids)
     if found_more and not spectral.outcome.turns:  # spectra lack what filters found
         try:
             _, spectral = run(spectral_job.with_effects_of(job, "clock_drift", Sinusoid.code, *waves))
@@ -169,7 +170,7 @@ def _with_priors_of(spectral: FittedJob, joint: FittedJob) -> FittedJob:
 def _fitted_beside(job: Job, spectral: FittedJob) -> tuple[Job, FittedJob]:
     """By filters from where spectra ended. Where that differs, and a drift of sensors that are sensitive to gravity is
     there and explains it, with that drift."""
-    near = spectral if sinusoids_in(job) is None else None  # filters have not looked there yet
+    near = spectral if job.inclusion(Sinusoids) is None else None  # filters have not looked there yet
     answered, joint = run(job, spectral if near is not None else None, effects=(EFFECTS,))
     if compare(joint.outcome, spectral.outcome)[1] <= MAX_DISAGREEMENT_SIGMAS:
         return answered, joint

@@ -10,8 +10,8 @@ from dataclasses import replace
 from windsysid.errors import ConfigurationError, WindsysidError
 from windsysid.identification.condition.readings import check_length, thin_to_readings
 from windsysid.identification.effects.clock_drift import drifts_in
-from windsysid.identification.effects.lines import sinusoids_in
-from windsysid.identification.effects.narrow_band_load import narrow_band_in
+from windsysid.identification.effects.narrow_band_load import NarrowBandIncluded
+from windsysid.identification.effects.sinusoidal_force import Sinusoids
 from windsysid.identification.estimate.fitted.linearisation import linearise
 from windsysid.identification.estimate.fitted.whitened_spectrum import scores_over_frequency
 from windsysid.identification.estimate.force_balance import identify_by_force_balance, measured_channels
@@ -45,7 +45,7 @@ def _by_filters(job: Job, start: FittedJob | None) -> FittedJob:
     check_length(part.name, part.duration, part.rate, turbine)
     outcome = thin_to_readings(_search(job, at, start), steps)
     outcome = outcome._replace(notes=(*job.notes(outcome), *at.notes, *outcome.notes))
-    waves = sinusoids_in(job)
+    waves = job.inclusion(Sinusoids)
     left = part if waves is None or not waves.forces else waves.left(part, turbine, at.sensors)
     read = replace(left, time=left.time[::steps], values=left.values[::steps])
     fit = FittedJob("joint", _widened(job, outcome), read, at.sensors, at.faults, job.prior or Prior())
@@ -90,7 +90,7 @@ def _by_spectra(job: Job, start: FittedJob | None) -> FittedJob:
     if job.rate is not None:
         raise ConfigurationError("the spectral formulation chooses its frequency ranges itself: leave the rate out")
     at = job.condition()
-    part, loads, narrow = at.record, job.loads, narrow_band_in(job) is not None and start is not None
+    part, loads, narrow = at.record, job.loads, job.inclusion(NarrowBandIncluded) is not None and start is not None
     if start is not None and narrow:
         part, loads = heard_on_time(part, start.outcome, turbine, at.sensors), NarrowBand.name
     outcome, prior = with_wide_priors(

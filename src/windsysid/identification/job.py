@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, TypeVar
 
 from windsysid.checks.lines import Line
 from windsysid.identification.condition.readings import resample_for_model, screened, usable_sensors, without_faulty
@@ -16,6 +16,8 @@ from windsysid.results.finding import Finding
 from windsysid.turbine.turbine import Turbine
 
 __all__ = ["Conditioned", "FittedJob", "Formulation", "Job"]
+
+_Included = TypeVar("_Included", bound=Inclusion)
 
 Formulation = Literal["joint", "force-balance", "spectral"]
 
@@ -89,6 +91,10 @@ class Job:
     def included(self, code: str) -> Inclusion | None:
         """The effect of this code, if it is included."""
         return next((one for one in self.effects if one.code == code), None)
+
+    def inclusion(self, kind: type[_Included]) -> _Included | None:
+        """The effect of this class, if it is included."""
+        return next((one for one in self.effects if isinstance(one, kind)), None)
 
     def condition(self) -> Conditioned:
         """The readings as the model has them."""

@@ -61,11 +61,6 @@ def run(
     return job, _test(job, fit, effects, full | refused)[0]
 
 
-def _not_included(code: str, error: str) -> Finding:
-    """Reason that readings warrant an effect which the model does not have."""
-    return Finding("effect_not_included", "reason", {"effect": code.replace("_", " "), "error": error})
-
-
 def _test(
     job: Job, fit: FittedJob, stages: Sequence[Sequence[Effect]], refused: Refused
 ) -> tuple[FittedJob, tuple[Effect, Detection, Inclusion] | None]:
@@ -97,5 +92,6 @@ def _tested(
         if found.inclusion is not None and effect.code not in refused:
             warranted.append((effect, found, found.inclusion))
         elif found.inclusion is not None and refused[effect.code]:
-            fit = fit.lacking(_not_included(found.inclusion.code, refused[effect.code]))
+            data = {"effect": found.inclusion.code.replace("_", " "), "error": refused[effect.code]}
+            fit = fit.lacking(Finding("effect_not_included", "reason", data))
     return fit, warranted

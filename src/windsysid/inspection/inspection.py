@@ -1,6 +1,5 @@
 """Result of an inspection: faults, vibration, section to use; as text, figures and files."""
 
-import json
 from collections import Counter
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -11,7 +10,7 @@ from windsysid.inspection.rotor import Rotor
 from windsysid.inspection.sections import Proposal
 from windsysid.inspection.spectra import Spectrogram, Spectrum
 from windsysid.inspection.stops import Stop
-from windsysid.output.answers import Answer
+from windsysid.output.answers import SummarisedAnswer
 from windsysid.output.table import Table
 from windsysid.records.record import Record
 from windsysid.units import RPM, unit_text
@@ -25,7 +24,7 @@ STOPS_TITLE = "Stops of the rotor: sections for structural damping"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Inspection(Answer):
+class Inspection(SummarisedAnswer):
     """Result of `windsysid.inspect`: faults, spectra and proposed sections of a record.
 
     Attributes
@@ -138,12 +137,6 @@ class Inspection(Answer):
             "stops": [stop.summary() for stop in self.stops],
             "notes": list(self.notes),
         }
-
-    def to_json(self) -> str:
-        """`summary` as JSON text; what is not a finite number becomes null."""
-        from windsysid.results.serialization import finite
-
-        return json.dumps(finite(self.summary()), indent=2, ensure_ascii=False) + "\n"
 
     def table(self) -> Table:
         """The findings."""

@@ -1,6 +1,5 @@
 """The Campbell diagram: modes against rotor speed, and their distance from the rotor's harmonics."""
 
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -13,11 +12,10 @@ from windsysid._types import Array
 from windsysid.modal.matching.result import odds_text
 from windsysid.modal.stability import GroundResonance, Unstable
 from windsysid.modal.tracking import Curve
-from windsysid.output.answers import Answer
+from windsysid.output.answers import SummarisedAnswer
 from windsysid.output.table import Table
 from windsysid.results.estimate import IntervalEstimate
 from windsysid.results.posterior import SIGMAS
-from windsysid.results.serialization import finite
 from windsysid.units import RPM, with_half_width
 
 if TYPE_CHECKING:
@@ -99,7 +97,7 @@ class MeasuredMode(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Campbell(Answer):
+class Campbell(SummarisedAnswer):
     """Campbell diagram: modes over rotor speed, their distance from the harmonics, and instabilities.
 
     Attributes
@@ -358,10 +356,6 @@ class Campbell(Answer):
             "notes": list(self.notes),
             **({"measured": [mode.summary() for mode in self.measured]} if self.measured else {}),
         }
-
-    def to_json(self) -> str:
-        """`summary` as JSON text; null where a mode does not oscillate."""
-        return json.dumps(finite(self.summary()), indent=2, ensure_ascii=False) + "\n"
 
     def __repr__(self) -> str:
         return (

@@ -1,6 +1,5 @@
 """Result of a watch over many records: series, jumps, alarms."""
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,9 +9,8 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.monitoring.series import DAY, RecordBlocks
-from windsysid.output.answers import Answer
+from windsysid.output.answers import SummarisedAnswer
 from windsysid.output.table import Table
-from windsysid.results.serialization import finite
 from windsysid.units import engineering_unit, unit_text
 
 if TYPE_CHECKING:
@@ -97,7 +95,7 @@ class WatchedSeries(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Watch(Answer):
+class Watch(SummarisedAnswer):
     """Result of `windsysid.monitor`: level, drift and jumps of each series.
 
     Attributes
@@ -224,10 +222,6 @@ class Watch(Answer):
             "left_out": {name: dict(counts) for name, counts in self.blocks.left_out.items()},
             "notes": list(self.notes),
         }  # fmt: skip
-
-    def to_json(self) -> str:
-        """`summary` as text."""
-        return json.dumps(finite(self.summary()), indent=2, ensure_ascii=False) + "\n"
 
     def __repr__(self) -> str:
         return f"<Watch over {len(self.blocks.time)} records: {self.sentence}>"

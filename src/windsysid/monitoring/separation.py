@@ -1,14 +1,12 @@
 """Result of the separation of structural and aerodynamic damping, and its words."""
 
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
-from windsysid.output.answers import Answer
+from windsysid.output.answers import SummarisedAnswer
 from windsysid.output.table import Table
-from windsysid.results.serialization import finite
 from windsysid.units import RPM, engineering, unit_text
 
 if TYPE_CHECKING:
@@ -99,7 +97,7 @@ class DampingSplit:
 
 
 @dataclass(frozen=True)
-class Separation(Answer):
+class Separation(SummarisedAnswer):
     """Result of `windsysid.damping`: structural and aerodynamic damping.
 
     Attributes
@@ -205,10 +203,6 @@ class Separation(Answer):
             "notes": list(self.notes),
             "doubts": list(self.doubts),
         }
-
-    def to_json(self) -> str:
-        """`summary` as text."""
-        return json.dumps(finite(self.summary()), indent=2, ensure_ascii=False) + "\n"
 
     def __repr__(self) -> str:
         return f"<Separation: {self.sentence}>"

@@ -4,9 +4,10 @@ An answer does not know its page. The room of the pages knows which module write
 draws it; it is looked up by the name of the type when somebody asks (`windsysid.output.pages`).
 """
 
+import json
 from abc import abstractmethod
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from windsysid.output.console import render
 from windsysid.output.folders import Saveable
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["Answer"]
+__all__ = ["Answer", "SummarisedAnswer"]
 
 
 class Answer(Saveable):
@@ -67,3 +68,17 @@ class Answer(Saveable):
         """
         figure: Figure = pages().figure(self, ax)
         return figure
+
+
+class SummarisedAnswer(Answer):
+    """An answer with a summary for other programs."""
+
+    @abstractmethod
+    def summary(self) -> dict[str, Any]:
+        """Plain values, for ``summary.json``."""
+
+    def to_json(self) -> str:
+        """`summary` as JSON text; what is not a finite number becomes null."""
+        from windsysid.results.serialization import finite
+
+        return json.dumps(finite(self.summary()), indent=2, ensure_ascii=False) + "\n"

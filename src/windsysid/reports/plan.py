@@ -8,7 +8,8 @@ from matplotlib.figure import Figure
 
 from windsysid._types import Array
 from windsysid.checks.identifiability import standard_deviations
-from windsysid.identification.planning.plan import Plan, percent
+from windsysid.identification.planning.plan import Plan
+from windsysid.inspection.sentences import percent
 from windsysid.output.table import Table
 from windsysid.reports.figures.drawing import drawn
 from windsysid.reports.html import Section, png, report_page

@@ -1,4 +1,4 @@
-"""Estimates with intervals: of a quantity, of a coefficient, and of the spectrum of one channel under a fit."""
+"""Estimates with intervals: of a quantity, of a coefficient, of loads, and of the spectrum of one channel."""
 
 import math
 from collections.abc import Mapping
@@ -9,7 +9,7 @@ from windsysid._types import Array
 from windsysid.results.posterior import SIGMAS
 from windsysid.units import engineering_unit
 
-__all__ = ["Estimate", "FittedSpectrum", "IntervalEstimate"]
+__all__ = ["Estimate", "FittedSpectrum", "IntervalEstimate", "Loads"]
 
 
 @dataclass(frozen=True)
@@ -122,6 +122,14 @@ def _sentence(one: IntervalEstimate | Estimate) -> str:
     factor, unit = engineering_unit(one.unit, one.estimate)
     unit, grade = "" if one.unit == "1" else f" {unit}", f", grade {one.grade}" if one.grade else ""
     return f"{one.estimate / factor:.4g}{unit} (95 % interval {one.low / factor:.4g} … {one.high / factor:.4g}{grade})"
+
+
+class Loads(NamedTuple):
+    """The loads that were states: names, mean and standard deviation after each sample (T, n) [N, N·m]."""
+
+    names: tuple[str, ...]
+    mean: Array
+    std: Array
 
 
 class FittedSpectrum(NamedTuple):

@@ -179,9 +179,7 @@ def load_posterior(folder: str | Path) -> Posterior:
         record = section_name(file.attrs["record"], begun, ended)
         start, found = (file.attrs.get(key) for key in ("record_start", "record_hash"))
         learned = read_statistics(file)
-        means = (file.attrs.get(f"mean_{what}") for what in Conditions._fields)
-        conditions = Conditions(*(None if mean is None else float(mean) for mean in means))
-        parameters = read_parameters(file)
+        conditions, parameters = read_conditions(file), read_parameters(file)
         estimate = file["final_estimate"][...].tolist()
         cov = file["cov"][...]
         joint_cov = file["joint_cov"][...] if learned and "joint_cov" in file else None
@@ -194,7 +192,7 @@ def load_posterior(folder: str | Path) -> Posterior:
     return Posterior(
         identified, parameters, theta, cov, record, bool(trusted), conditions,
         start, found, section=(begun, ended), statistics=learned, joint_cov=joint_cov, tolerances=tolerances,
-        unusable=unusable_among(grades, [read_finding(one) for one in said.get("findings", [])], trusted=bool(trusted)),
+        unusable=unusable_among(grades, list(map(read_finding, said.get("findings", []))), trusted=bool(trusted)),
     ).given("masses")  # fmt: skip
 
 
@@ -245,6 +243,12 @@ def read_parameters(file: "h5netcdf.File") -> tuple[Parameter, ...]:
         Parameter(name, centre, spread, bool(logarithmic), scale, kind, part)
         for name, centre, spread, logarithmic, scale, kind, part in zip(names, *columns, kinds, parts, strict=True)
     )
+
+
+def read_conditions(file: "h5netcdf.File") -> Conditions:
+    """Operating conditions of the turbine."""
+    means = (file.attrs.get(f"mean_{what}") for what in Conditions._fields)
+    return Conditions(*(None if mean is None else float(mean) for mean in means))
 
 
 def read_tolerances(file: "h5netcdf.File") -> tuple[Tolerance, ...]:

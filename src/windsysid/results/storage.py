@@ -17,16 +17,15 @@ from windsysid.checks.whiteness import Whiteness
 from windsysid.configuration import parse_json
 from windsysid.records.formats.netcdf import sealed
 from windsysid.results.budget import Budget
-from windsysid.results.estimate import Estimate, FittedSpectrum, IntervalEstimate
+from windsysid.results.estimate import Estimate, FittedSpectrum, IntervalEstimate, Loads
 from windsysid.results.finding import Finding, Severity, read_finding
-from windsysid.results.load_history import Loads
 from windsysid.results.mode import Mode
 from windsysid.results.posterior import (
     PRIORS,
     ROLES,
     SIGMAS,
-    Conditions,
     opened,
+    read_conditions,
     read_parameters,
     read_statistics,
     read_tolerances,
@@ -206,7 +205,6 @@ def read_fields(folder: str | Path) -> dict[str, Any]:
         parameters = read_parameters(file)
         histories = [file[name][...] for name in ("estimate", "low", "high")]
         middle, _, high = (_coordinates(parameters, values) for values in histories)
-        conditions = (file.attrs.get(f"mean_{what}") for what in Conditions._fields)
         traced = file.attrs.get("provenance")
         fields |= {
             "section": (float(file.attrs["section_start_s"]), float(file.attrs["section_end_s"])),
@@ -221,7 +219,7 @@ def read_fields(folder: str | Path) -> dict[str, Any]:
             "statistics": read_statistics(file),
             "loads": _read_loads(file),
             "machine": None,
-            "conditions": Conditions(*(None if mean is None else float(mean) for mean in conditions)),
+            "conditions": read_conditions(file),
             "provenance": None if traced is None else _read_provenance(parse_json(traced)),
             "joint_cov": file["joint_cov"][...] if "joint_cov" in file else None,
             "tolerances": read_tolerances(file),

@@ -8,9 +8,8 @@ from windsysid._types import Array
 from windsysid.checks.verdict import Diagnosis
 from windsysid.loads.statistics import Statistic
 from windsysid.results.budget import Budget
-from windsysid.results.estimate import Estimate, FittedSpectrum
+from windsysid.results.estimate import Estimate, FittedSpectrum, Loads
 from windsysid.results.finding import Finding
-from windsysid.results.load_history import Loads
 from windsysid.results.mode import Mode
 from windsysid.results.posterior import NOT_RECORDED, SIGMAS, Conditions
 from windsysid.results.provenance import Provenance

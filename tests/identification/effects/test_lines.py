@@ -5,7 +5,7 @@ import pytest
 
 from tests.identification.fits import CHANNELS, RATE, fitted, job_of, noise, record_of
 from windsysid.identification.effects import lines
-from windsysid.identification.effects.lines import RotorHarmonic, Sinusoid, sinusoids_in
+from windsysid.identification.effects.lines import RotorHarmonic, Sinusoid
 from windsysid.identification.effects.sinusoid import Sine
 from windsysid.identification.effects.sinusoidal_force import Sinusoids
 
@@ -43,14 +43,14 @@ def test_noise_has_no_sinusoid_and_one_that_is_included_is_not_found_again():
     assert Sinusoid().detect(job_of(record), fitted(record)).inclusion is None
     record = with_tone(1.0)
     job = job_of(record).including(Sinusoids((Sine(HZ, on_blades=False),)))
-    assert sinusoids_in(job) is job.effects[0]
+    assert job.inclusion(Sinusoids) is job.effects[0]
     assert Sinusoid().detect(job, fitted(record)._replace(unmodelled=())).inclusion is None
 
 
 def test_rotor_harmonics_are_not_tested_on_spectra():
     record = with_tone(0.0)
     job, fit = job_of(record, formulation="spectral"), fitted(record)
-    assert sinusoids_in(job) is None
+    assert job.inclusion(Sinusoids) is None
     assert RotorHarmonic().detect(job, fit) == (fit, None, 0.0, None)
 
 

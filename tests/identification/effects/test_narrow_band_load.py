@@ -8,7 +8,7 @@ import pytest
 
 from tests.identification.fits import TOWER, fitted, job_of, noise, record_of
 from windsysid.identification.effects import narrow_band_load as module
-from windsysid.identification.effects.narrow_band_load import NarrowBandIncluded, NarrowBandLoad, narrow_band_in
+from windsysid.identification.effects.narrow_band_load import NarrowBandIncluded, NarrowBandLoad
 from windsysid.identification.model.effect import Detection
 from windsysid.loads.narrow_band import FREQUENCY
 
@@ -51,7 +51,7 @@ def test_nothing_is_said_where_spectra_do_not_apply_or_it_is_included(found: Any
     found(alternative())
     included = NarrowBandIncluded(alternative())
     job = job.including(included)
-    assert narrow_band_in(job) is included
+    assert job.inclusion(NarrowBandIncluded) is included
     assert NarrowBandLoad().detect(job, fit) == (fit, None, 0.0, None)
     assert included.correct(RECORD, TOWER, TOWER.sensors, filtered=True) == (RECORD, TOWER.sensors)
     assert included.notes(fit.outcome, filtered=True) == ()

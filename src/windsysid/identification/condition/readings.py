@@ -21,8 +21,8 @@ from windsysid.inspection.limits import MIN_SAMPLES
 from windsysid.inspection.screening import read_besides, screen
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
+from windsysid.results.estimate import Loads
 from windsysid.results.finding import Finding
-from windsysid.results.load_history import Loads
 from windsysid.signals import resample
 from windsysid.signals.azimuth import steadied
 from windsysid.turbine.turbine import Turbine

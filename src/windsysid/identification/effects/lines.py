@@ -10,23 +10,25 @@ import numpy as np
 from windsysid.checks.limits import HARMONIC_HALF_WIDTH_SHARE, LINE_SEARCH_FACTOR
 from windsysid.checks.lines import Line
 from windsysid.checks.verdict import found_line
+from windsysid.filters import EKF
 from windsysid.identification.effects.sinusoid import Sine, find_sine, find_turning, one_turn, turned
 from windsysid.identification.effects.sinusoidal_force import Sinusoids, forces_of
 from windsysid.identification.estimate.fitted.influence import doubt_line, doubt_sine, doubt_standing_out
 from windsysid.identification.estimate.fitted.modal_residuals import line_of
 from windsysid.identification.estimate.fitted.modes import modes_of
-from windsysid.identification.estimate.time_domain import innovations_of
+from windsysid.identification.estimate.time_domain import where_it_ended
 from windsysid.identification.job import FittedJob, Job
 from windsysid.identification.limits import RESOLUTION_BINS, SINUSOID_DIGITS
 from windsysid.identification.model.effect import Detection, Effect
 from windsysid.identification.model.prior import Prior
 from windsysid.identification.model.prior_odds import odds_of
+from windsysid.identification.model.turbine_problem import pose
 from windsysid.loads.family import Broadband
 from windsysid.results.finding import Finding
 from windsysid.spectral.transforms.harmonics import find_lines
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["RotorHarmonic", "Sinusoid", "harmonics_of_spectra", "sinusoids_in"]
+__all__ = ["RotorHarmonic", "Sinusoid", "harmonics_of_spectra"]
 
 
 class Sinusoid(Effect):
@@ -37,7 +39,7 @@ class Sinusoid(Effect):
     def detect(self, job: Job, fit: FittedJob) -> Detection:
         """Test the line that stands out near a mode, and the one that a coefficient depends on; then turn waves in
         the readings of a rotor into forces."""
-        known = sinusoids_in(job)
+        known = job.inclusion(Sinusoids)
         seen = _Lines.of(job, fit)
         judged = seen.judged(job, fit, known)
         part = job.part.on_own_times()
@@ -45,11 +47,12 @@ class Sinusoid(Effect):
             return Detection(judged)
         read = part if known is None else known.left(part, job.turbine, fit.sensors)
         sines = [find_sine(read, job.turbine, fit.sensors, *line) for line in seen.candidates(fit)]
-        new = _unknown([sine for sine in sines if sine is not None], known, part.duration)
+        new = _unknown(list(filter(None, sines)), known, part.duration)
         if new:
             odds = math.log10(odds_of(self.code, job.turbine))
             return Detection(judged, Sinusoids((*_sines(known), *new)), SINUSOID_DIGITS + odds)
-        if job.filtered and _are_waves(known) and _turns(job, fit):
+        waves = known is not None and not known.forces
+        if job.filtered and waves and turned(fit.read, job.turbine, fit.sensors) is not None:
             return _as_forces(job, fit, judged, _sines(known))
         return Detection(judged)
 
@@ -63,7 +66,7 @@ class RotorHarmonic(Effect):
         """Test innovations at nP; masses that are off may be an imbalance."""
         if not job.filtered:
             return Detection(fit)
-        known = sinusoids_in(job)
+        known = job.inclusion(Sinusoids)
         left = find_turning(fit.outcome.final.whitened, fit.read, job.turbine, fit.sensors, _sines(known))
         judged = fit.lacking(*(one.doubt for one in left))
         if any(one.group == "masses" and one.off for one in fit.outcome.tolerances):
@@ -79,16 +82,12 @@ def harmonics_of_spectra(job: Job, fit: FittedJob) -> Sinusoids | None:
     if not (fit.outcome.turns and fit.outcome.hypothesis == Broadband.name):
         return None
     of = fit.read, job.turbine, fit.sensors
-    left = innovations_of(fit.outcome, *of, fit.prior, job.parameters)
-    known = sinusoids_in(job)
+    problem = pose(*of, fit.prior, job.parameters, fit.outcome.hypothesis)
+    model = problem.build(where_it_ended(fit.outcome, problem))
+    left = EKF.run(model, EKF.init(model), problem.inputs, problem.readings)[1].whitened
+    known = job.inclusion(Sinusoids)
     new = _unknown([one for one in find_turning(left, *of) if one.order > 1], known, job.part.duration)
     return Sinusoids((*_sines(known), *new)) if new else None
-
-
-def sinusoids_in(job: Job) -> Sinusoids | None:
-    """The sinusoids that a job includes."""
-    included = job.included(Sinusoid.code)
-    return included if isinstance(included, Sinusoids) else None
 
 
 class _Lines(NamedTuple):
@@ -163,11 +162,6 @@ def _sines(known: Sinusoids | None) -> tuple[Sine, ...]:
     return known.sines if known is not None else ()
 
 
-def _are_waves(known: Sinusoids | None) -> bool:
-    """True if sinusoids are included as waves in the readings, and not as forces."""
-    return known is not None and not known.forces
-
-
 def _unknown(found: Sequence[Sine], known: Sinusoids | None, duration: float) -> list[Sine]:
     """Sinusoids that are not included yet, each once."""
     new, apart = list[Sine](), RESOLUTION_BINS / duration
@@ -175,11 +169,6 @@ def _unknown(found: Sequence[Sine], known: Sinusoids | None, duration: float) ->
         if not any(sine.same_as(other, apart) for other in (*_sines(known), *new)):
             new.append(sine)
     return new
-
-
-def _turns(job: Job, fit: FittedJob) -> bool:
-    """Test whether some sensors rotate with the rotor and others do not."""
-    return turned(fit.read, job.turbine, fit.sensors) is not None
 
 
 def _as_forces(job: Job, fit: FittedJob, judged: FittedJob, sines: tuple[Sine, ...]) -> Detection:

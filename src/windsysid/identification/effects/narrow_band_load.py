@@ -5,7 +5,6 @@ that has it (`windsysid.identification.estimate.spectral.narrow_band`).
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,34 +25,20 @@ from windsysid.identification.estimate.spectral.narrow_band_alternative import (
 from windsysid.identification.job import FittedJob, Job
 from windsysid.identification.limits import MAX_DISAGREEMENT_SIGMAS
 from windsysid.identification.model.agreement import compare, disagreement
-from windsysid.identification.model.effect import Detection, Effect
-from windsysid.identification.model.fit import Outcome
+from windsysid.identification.model.effect import Detection, Effect, Inclusion
 from windsysid.loads.family import Broadband
 from windsysid.loads.narrow_band import NarrowBand
-from windsysid.mechanics.sensors import Sensor
-from windsysid.records.record import Record
-from windsysid.results.finding import Finding
-from windsysid.turbine.turbine import Turbine
 
-__all__ = ["NarrowBandIncluded", "NarrowBandLoad", "narrow_band_in"]
+__all__ = ["NarrowBandIncluded", "NarrowBandLoad"]
 
 
 @dataclass(frozen=True)
-class NarrowBandIncluded:
-    """A narrow-band load that explains the spectra, in addition to broad ones."""
+class NarrowBandIncluded(Inclusion):
+    """A narrow-band load that explains the spectra, in addition to broad ones: a load of the model, of which the fit
+    that includes it has the note."""
 
     alternative: NarrowBandFit
     code: str = "narrow_band_load"
-
-    def correct(
-        self, record: Record, turbine: Turbine, sensors: Sequence[Sensor], *, filtered: bool
-    ) -> tuple[Record, tuple[Sensor, ...]]:
-        """Nothing: it is a load of the model."""
-        return record, tuple(sensors)
-
-    def notes(self, outcome: Outcome, *, filtered: bool) -> tuple[Finding, ...]:
-        """Nothing: the fit that includes it says so."""
-        return ()
 
 
 class NarrowBandLoad(Effect):
@@ -63,7 +48,7 @@ class NarrowBandLoad(Effect):
 
     def detect(self, job: Job, fit: FittedJob) -> Detection:
         """Compare the evidence of spectra with it and without."""
-        if narrow_band_in(job) is not None:
+        if job.inclusion(NarrowBandIncluded) is not None:
             return Detection(fit)
         beside = narrow_band_beside(fit.outcome, fit.read, job.turbine, fit.sensors)
         alone = fit.doubted(*doubts_of_narrow_band(beside, asked=job.loads))
@@ -97,9 +82,3 @@ class NarrowBandLoad(Effect):
         against = [disagreement(after.outcome, there, job.turbine)] if off > MAX_DISAGREEMENT_SIGMAS else []
         doubts = doubts_of_narrow_band(included.alternative, asked="auto")
         return after.noting(note_narrow_band(included.alternative), *doubts, *against)
-
-
-def narrow_band_in(job: Job) -> NarrowBandIncluded | None:
-    """The narrow-band load that a job includes."""
-    included = job.included(NarrowBandLoad.code)
-    return included if isinstance(included, NarrowBandIncluded) else None

@@ -80,19 +80,23 @@ def find_sine(
     it is not steady, or at 1P, where gravity is."""
     if not record.is_uniform:
         return None
-    step, psi = 1.0 / record.duration, turned(record, turbine, sensors)
-    rotor_hz = 0.0 if psi is None else _turns(record, psi)
-    on_blades = any(sensor.blade for sensor in sensors if sensor.channel == channel)
+    step, rotor_hz = 1.0 / record.duration, _turns(record, turned(record, turbine, sensors))
+    blades = {sensor.channel: bool(sensor.blade) for sensor in sensors}
+    on_blades = blades.get(channel, False)
     seen = _SeenLine.of(record, channel, frequency)
     if seen is None or abs(seen.frequency - rotor_hz) < RESOLUTION_BINS * step:
         return None
     if seen.steadiness < max(f_bound(MIN_SINUSOID_F, "sinusoid", turbine), MIN_F_OVER_POWER * seen.over):
         return None
-    others = [sensor.channel for sensor in sensors if bool(sensor.blade) is on_blades and sensor.channel != channel]
-    elsewhere = (_SeenLine.of(record, other, seen.frequency) for other in others)
+    others = [name for name, turns in blades.items() if turns is on_blades and name != channel]
+    return Sine(seen.frequency, on_blades) if _is_steady(seen, record, others, step) else None
+
+
+def _is_steady(seen: "_SeenLine", record: Record, channels: Sequence[str], step: float) -> bool:
+    """Test whether a line is a steady sinusoid, in its own channel and in those of the others in which it is strong."""
+    elsewhere = (_SeenLine.of(record, channel, seen.frequency) for channel in channels)
     loud = [one for one in elsewhere if one is not None and one.over >= MIN_LINE_POWER]
-    steady = all(one.is_steady_at(seen.frequency, step) for one in (seen, *loud))
-    return Sine(seen.frequency, on_blades) if steady else None
+    return all(one.is_steady_at(seen.frequency, step) for one in (seen, *loud))
 
 
 class _SeenLine(NamedTuple):
@@ -140,8 +144,7 @@ def _scatter(wave: Complex, level: float) -> float:
 
 def one_turn(record: Record, turbine: Turbine, sensors: Sequence[Sensor]) -> Sine | None:
     """The sine at 1P on the support; None where no blades turn that are read."""
-    psi = turned(record, turbine, sensors)
-    hz = 0.0 if psi is None else _turns(record, psi)
+    hz = _turns(record, turned(record, turbine, sensors))
     return Sine(hz, on_blades=False, order=1) if hz > RESOLUTION_BINS / record.duration else None
 
 
@@ -170,7 +173,7 @@ def find_turning(
 def without_sines(record: Record, turbine: Turbine, sensors: Sequence[Sensor], sines: Sequence[Sine]) -> Record:
     """The record without sines in any channel of the sensors, but at 1P, where the model has forces of its own."""
     psi = turned(record, turbine, sensors)
-    rotor_hz, step = (0.0 if psi is None else _turns(record, psi)), 1.0 / record.duration
+    rotor_hz, step = _turns(record, psi), 1.0 / record.duration
     window, left = np.hanning(record.samples), {}
     for sensor in sensors:
         phases = []
@@ -212,9 +215,9 @@ def turned(record: Record, turbine: Turbine, sensors: Sequence[Sensor]) -> Array
         return None
 
 
-def _turns(record: Record, psi: Array) -> float:
-    """1P [Hz]."""
-    return abs(float(psi[-1] - psi[0])) / (2.0 * math.pi * record.duration)
+def _turns(record: Record, psi: Array | None) -> float:
+    """1P [Hz] of a rotor at the azimuth ψ (T,); 0 without one."""
+    return 0.0 if psi is None else abs(float(psi[-1] - psi[0])) / (2.0 * math.pi * record.duration)
 
 
 def _refined(windowed: Array, time: Array, frequency: float, step: float) -> float:

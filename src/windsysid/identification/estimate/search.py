@@ -32,8 +32,8 @@ from windsysid.identification.estimate.scoring import InnovationMode, find_innov
 from windsysid.identification.model.fit import check_finite, diverged
 from windsysid.identification.model.problem import Problem
 from windsysid.output.progress import expect
+from windsysid.results.estimate import Loads
 from windsysid.results.finding import Finding
-from windsysid.results.load_history import Loads
 from windsysid.statespace.acting_loads import acting_loads
 from windsysid.statespace.compose import StateSpace
 

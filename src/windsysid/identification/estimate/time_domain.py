@@ -16,7 +16,6 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.errors import WindsysidError
-from windsysid.filters import EKF
 from windsysid.identification.estimate.clock_lag import shifted
 from windsysid.identification.estimate.load_selection import Question, choose, is_explained, warm
 from windsysid.identification.estimate.online import MEMORY, join_histories, spread_over_samples
@@ -41,8 +40,7 @@ from windsysid.statespace.unknowns import BlockName
 from windsysid.turbine.turbine import Turbine
 
 __all__ = [
-    "describe_solution", "first_estimate", "identify_jointly", "identify_jointly_from", "innovations_of", "load_models",
-    "where_it_ended",
+    "describe_solution", "first_estimate", "identify_jointly", "identify_jointly_from", "load_models", "where_it_ended",
 ]  # fmt: skip
 
 
@@ -113,16 +111,6 @@ def identify_jointly_from(
     why = Finding("load_model_chosen", "note", {"model": near.hypothesis, "reason": reason})
     found = describe_solution(problem, solution, turbine, why, only, elapsed)
     return found._replace(smoothed_loads=_smoothed_loads(problem, solution), given_priors=near.given_priors)
-
-
-def innovations_of(
-    near: Outcome, record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior,
-    chosen: Sequence[str] | None = None,
-) -> Array:  # fmt: skip
-    """Whitened innovations (T, m) of a filter where a search has ended, of spectra perhaps; NaN without a reading."""
-    problem = pose(record, turbine, sensors, prior, chosen, near.hypothesis)
-    model = problem.build(where_it_ended(near, problem))
-    return EKF.run(model, EKF.init(model), problem.inputs, problem.readings)[1].whitened
 
 
 def where_it_ended(near: Outcome, problem: TurbineProblem) -> Array:

@@ -22,7 +22,7 @@ __all__ = ["Detection", "Effect", "Inclusion"]
 
 
 class Inclusion(Protocol):
-    """An effect as the model takes it into account."""
+    """An effect as the model takes it into account; a subclass may leave the readings as they are, without a note."""
 
     @property
     def code(self) -> str:
@@ -32,9 +32,11 @@ class Inclusion(Protocol):
         self, record: Record, turbine: Turbine, sensors: Sequence[Sensor], *, filtered: bool
     ) -> tuple[Record, tuple[Sensor, ...]]:
         """The record and the sensors that know of the effect, as filters read them or spectra."""
+        return record, tuple(sensors)
 
     def notes(self, outcome: Outcome, *, filtered: bool) -> tuple[Finding, ...]:
         """Note on the effect for the reader of the result."""
+        return ()
 
 
 class Detection(NamedTuple):

@@ -18,9 +18,8 @@ from windsysid.loads.statistics import Statistic
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.kept import kept_with_record
 from windsysid.records.record import LOW_PASS, Record
-from windsysid.results.estimate import FittedSpectrum
+from windsysid.results.estimate import FittedSpectrum, Loads
 from windsysid.results.finding import Finding
-from windsysid.results.load_history import Loads
 from windsysid.results.smoothed_loads import SmoothedLoads
 from windsysid.results.tolerance import Group, Tolerance, unknowns_of
 from windsysid.signals import resample

@@ -15,7 +15,6 @@ Statistical Signal Processing: Estimation Theory (Prentice Hall 1993), ch. 3; Lj
 1999), ch. 7.4 and 9.3.
 """
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -31,15 +30,15 @@ from windsysid.identification.limits import MAX_PLANNED_SECONDS
 from windsysid.identification.model.prior import identifiable
 from windsysid.identification.model.turbine_problem import seen_by
 from windsysid.identification.planning.formulations import BY_FORMULATION, Planned
+from windsysid.inspection.sentences import percent
 from windsysid.kernels.threads import one_thread
 from windsysid.mechanics.sensors import Sensor
-from windsysid.output.answers import Answer
+from windsysid.output.answers import SummarisedAnswer
 from windsysid.output.progress import Progress, unheard
 from windsysid.output.table import Table
 from windsysid.results.budget import Budget, budget_of
 from windsysid.results.finding import Finding
 from windsysid.results.posterior import SIGMAS
-from windsysid.results.serialization import finite
 from windsysid.results.tolerance import Tolerance
 from windsysid.turbine.coercion import TurbineLike, as_turbine
 from windsysid.turbine.turbine import Turbine
@@ -59,7 +58,7 @@ SAMPLES_PER_PERIOD = 20.0
 
 
 @dataclass(frozen=True, eq=False)
-class Plan(Answer):
+class Plan(SummarisedAnswer):
     """Result of `windsysid.plan`: expected accuracy of each coefficient over the length of the record.
 
     Attributes
@@ -241,10 +240,6 @@ class Plan(Answer):
             "notes": list(self.notes),
         }  # fmt: skip
 
-    def to_json(self) -> str:
-        """`summary` as JSON text; null where something is never seen."""
-        return json.dumps(finite(self.summary()), indent=2, ensure_ascii=False) + "\n"
-
     def __repr__(self) -> str:
         return f"<Plan of {self.turbine}: {self.sentence}; print it for the table>"
 
@@ -354,11 +349,6 @@ def plan(
     )  # fmt: skip
     accuracy = _accuracy(draft, told.growths, told.length * damping)
     return replace(draft, accuracy=accuracy, notes=(*draft.notes, f"these numbers are accurate to {percent(accuracy)}"))
-
-
-def percent(share: float) -> str:
-    """A share in percent, with two digits."""
-    return f"{float(f'{100.0 * share:.2g}'):g} %"
 
 
 def _as_planned(

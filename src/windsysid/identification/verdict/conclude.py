@@ -42,7 +42,7 @@ from windsysid.results.finding import Finding
 from windsysid.results.identification import Estimate, Identification, coefficient_errors
 from windsysid.results.posterior import SIGMAS, Conditions
 from windsysid.results.provenance import Provenance
-from windsysid.results.transient import Transient, explain_by_transient, find_burst, find_transient
+from windsysid.results.transient import explain_by_transient, find_burst, find_transient
 from windsysid.signals.rotor import MAX_STANDING_SPEED, rotor_inputs
 from windsysid.statespace.parameter import Parameter
 from windsysid.turbine.turbine import Turbine
@@ -80,9 +80,10 @@ def conclude(
     at = modes_of(outcome, compile_model(outcome.turbine.model) if formulation == "force-balance" else None)
     balanced = formulation == "force-balance"
     diagnosis = _judge(outcome, record, formulation, at, line, faults, tested_for_bursts=whole is None)
-    transient = _transient(outcome, record) if whole is None else None
-    if transient is not None:
-        diagnosis = explain_by_transient(diagnosis, transient, outcome.channels)
+    if whole is None:
+        readings = np.column_stack([record[name] for name in outcome.channels])
+        transient = find_transient(readings, outcome.channels)
+        diagnosis = diagnosis if transient is None else explain_by_transient(diagnosis, transient, outcome.channels)
     diagnosis = with_tolerance_shifts(diagnosis, outcome)
     coefficients, of_modes = widenings_of(_on_clock(outcome, record, whole), at, diagnosis.findings)
     wide, effective = scaled(outcome, at, coefficients)
@@ -233,11 +234,6 @@ def _off_clock(record: Record, speed: float) -> tuple[Finding, ...]:
     if not mean > MAX_STANDING_SPEED or abs(turned / mean - 1.0) < MAX_RATE_MISMATCH:
         return ()
     return (Finding("azimuth_contradicts_speed", "reason", {"ratio": turned / mean}),)
-
-
-def _transient(outcome: Outcome, record: Record) -> Transient | None:
-    """Find the channels of the readings whose vibration decreases over the whole record."""
-    return find_transient(np.column_stack([record[name] for name in outcome.channels]), outcome.channels)
 
 
 def _burst(outcome: Outcome, record: Record) -> tuple[Finding, ...]:

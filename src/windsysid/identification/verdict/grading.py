@@ -6,7 +6,7 @@ covers. A reason affects the coefficients that it names, or those whose channels
 them.
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -125,14 +125,9 @@ def is_contradictory(outcome: Outcome) -> bool:
     return max((one.factor for one in found), default=1.0) > SIGMAS
 
 
-def _parts(scores: Sequence[PartScores]) -> set[str]:
-    """Axes over which scores are available: time, frequency."""
-    return {one.over for one in scores}
-
-
 def _is_coverable(one: Finding, scores: Sequence[PartScores]) -> bool:
     """Test whether there are the scores with which intervals may cover a finding."""
-    return _parts(scores) >= COVERED_BY_INTERVALS.get(one.code, _EVERY)
+    return {each.over for each in scores} >= COVERED_BY_INTERVALS.get(one.code, _EVERY)
 
 
 def _rivals(findings: Sequence[Finding], coefficients: Sequence[Widening]) -> list[tuple[Array, Array, float]]:
@@ -240,15 +235,21 @@ def judged(
             differing = _differing(_in_sigmas(one, coefficients))
             one = replace(one, quantities=tuple(dict.fromkeys((*one.quantities, *differing))))
         findings.append(one)
-    names, widenings = {one.name for one in coefficients}, [*coefficients, *others]
+    names = {one.name for one in coefficients}
+    return replace(diagnosis, findings=(*findings, *_reported(names, [*coefficients, *others])))
+
+
+def _reported(names: Collection[str], widenings: Sequence[Widening]) -> Iterator[Finding]:
+    """Findings on the widenings of coefficients with these names, and of others, by their cause."""
     for severity, low, high in (("reason", MAX_WIDENING, np.inf), ("remark", MIN_REPORTED_WIDENING, MAX_WIDENING)):
         wide = sorted((one for one in widenings if low < one.factor <= high), key=lambda one: -one.factor)
-        for over in dict.fromkeys(one.over for one in wide):
-            some = [one for one in wide if one.over == over]
+        by_cause: dict[str, list[Widening]] = {}
+        for one in wide:
+            by_cause.setdefault(one.over, []).append(one)
+        for over, some in by_cause.items():
             data = {"names": [one.name for one in some], "factor": some[0].factor, "over": over, "at": some[0].place}
             own = tuple(one.name for one in some if one.name in names)
-            findings.append(Finding("wider_intervals", severity, data, own))  # type: ignore[arg-type]
-    return replace(diagnosis, findings=tuple(findings))
+            yield Finding("wider_intervals", severity, data, own)  # type: ignore[arg-type]
 
 
 def grade_coefficients(

@@ -33,7 +33,7 @@ from itertools import combinations
 import numpy as np
 
 from windsysid._types import Array, Complex
-from windsysid.checks.nonlinearity import Bending, Law
+from windsysid.checks.nonlinearity import Bending, Law, standardised
 from windsysid.filters import Info, smooth
 from windsysid.identification.limits import MAX_FORCE_SIGMAS, MAX_JOINT_SIGMAS, MIN_WHITENED_SAMPLES
 from windsysid.mechanics.model import Coordinate
@@ -122,7 +122,7 @@ def _scores(q: Array, v: Array, driven: Complex) -> dict[Law, Array]:
     """Statistic t (n,) of each law of force, of smoothed displacements and velocities of n
     degrees of freedom (T, n) and of what drives their loads (F, n). A load that goes with −q̇, as friction does, counts
     as positive."""
-    q, v = _scaled(q), _scaled(v)
+    q, v = standardised(q), standardised(v)
     lines = np.linalg.qr(np.diff(np.hstack([q, v]), axis=0))[0]
     forces: dict[Law, Array] = {"stiffness": np.tanh(q / TURN_Q_RMS), "damping": -np.tanh(v / TURN_V_RMS)}
     found: dict[Law, Array] = {}
@@ -137,9 +137,3 @@ def _score(e: Complex, d: Complex) -> Array:
     """By how many standard deviations of chance two Fourier transforms (F, …) go together (…,)."""
     chance = np.sqrt(0.5 * np.sum(np.abs(e) ** 2 * np.abs(d) ** 2, axis=0))
     return np.asarray(np.sum((e.conj() * d).real, axis=0) / np.maximum(chance, 1e-300))
-
-
-def _scaled(values: Array) -> Array:
-    """Values (T, n) about their means, of rms 1."""
-    centred = values - values.mean(axis=0)
-    return np.asarray(centred / np.maximum(centred.std(axis=0), 1e-300))

@@ -1,15 +1,13 @@
 """Measured modes with the modes of a model that they may be."""
 
-import json
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from windsysid.modal.matching.limits import MAX_ODDS
-from windsysid.output.answers import Answer
+from windsysid.output.answers import SummarisedAnswer
 from windsysid.output.table import Table
 from windsysid.results.estimate import IntervalEstimate
 from windsysid.results.posterior import SIGMAS
-from windsysid.results.serialization import finite
 from windsysid.units import with_half_width
 
 if TYPE_CHECKING:
@@ -74,7 +72,7 @@ class MatchedMode(NamedTuple):
 
 
 @dataclass(frozen=True)
-class ModeMatch(Answer):
+class ModeMatch(SummarisedAnswer):
     """Assignment of measured modes to the modes of a model.
 
     Attributes
@@ -138,10 +136,6 @@ class ModeMatch(Answer):
         ]  # fmt: skip
         return {"record": self.record, "model": self.model, "rotor_speed_rad_s": self.rotor_speed, "modes": modes,
             "notes": list(self.notes)}  # fmt: skip
-
-    def to_json(self) -> str:
-        """`summary` as JSON text."""
-        return json.dumps(finite(self.summary()), indent=2, ensure_ascii=False) + "\n"
 
     def contents(self) -> list[Table | str]:
         """The table and the notes."""

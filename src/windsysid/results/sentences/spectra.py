@@ -17,12 +17,6 @@ def _in_bands(d: Data) -> str:
     return f"frequency ranges around modes: {places}; rotor harmonics were removed"
 
 
-def _ranges_read(d: Data) -> str:
-    return (
-        f"read at {', '.join(f'{low:.3g} … {high:.3g} Hz' for low, high in d['ranges'])}; rotor harmonics were removed"
-    )
-
-
 SPECTRA: Final[Mapping[str, Sentence]] = {
     "narrow_resonance": (
         "the narrowest resonance has {count:.2g} equivalent degrees of freedom; intervals are validated from {least:g}:"
@@ -86,7 +80,9 @@ SPECTRA: Final[Mapping[str, Sentence]] = {
     "lag_angle": lambda d: (
         f"the blades' mean lag angle is {1e3 * d['angle']:.1f} ± {2e3 * d['std']:.1f} mrad"
     ),
-    "ranges_read": _ranges_read,
+    "ranges_read": lambda d: (
+        f"read at {', '.join(f'{low:.3g} … {high:.3g} Hz' for low, high in d['ranges'])}; rotor harmonics were removed"
+    ),
     "bands_read": _in_bands,
     "blocks_read": lambda d: (
         f"read in {d['blocks']:g} block{'s' * (d['blocks'] != 1)} of {d['duration']:.4g} s, at {d['low']:.3g} …"

@@ -13,7 +13,7 @@ import numpy as np
 
 from windsysid._types import Array, Complex
 from windsysid.spectral.lti.likelihood import LinearModel
-from windsysid.spectral.rotor.scoring import SpectralMode, find_in_stages
+from windsysid.spectral.rotor.scoring import find_in_stages
 from windsysid.spectral.transforms.cross_spectra import CrossSpectra, PooledBins
 
 __all__ = ["LinearFit", "fit_linear"]
@@ -88,7 +88,8 @@ def fit_linear(model: LinearModel, spectra: CrossSpectra) -> LinearFit:
     for _ in range(MAX_SMEAR_ITERATIONS):
         smear = model.smear(spectra, rows, unknowns)
         mode = find_in_stages(_evaluator(model, rows, factor, smear), unknowns, model.prior, [(1.0, 1)])
-        stays = mode.converged and _moved(mode, unknowns) < MAX_STEP_SIGMAS
+        sigmas = np.abs(mode.unknowns - unknowns) * np.sqrt(np.diag(mode.information))  # each step, others held
+        stays = mode.converged and float(np.max(sigmas)) < MAX_STEP_SIGMAS
         unknowns = mode.unknowns
         if stays:
             break
@@ -96,11 +97,6 @@ def fit_linear(model: LinearModel, spectra: CrossSpectra) -> LinearFit:
     cov = np.linalg.inv(mode.information)
     log_likelihood = -(mode.value - 0.5 * float(off @ off))
     return LinearFit(mode.unknowns, 0.5 * (cov + cov.T), log_likelihood, rows, smear, stays)
-
-
-def _moved(mode: SpectralMode, before: Array) -> float:
-    """Greatest step of an unknown in its standard deviations, others held."""
-    return float(np.max(np.abs(mode.unknowns - before) * np.sqrt(np.diag(mode.information))))
 
 
 def _evaluator(

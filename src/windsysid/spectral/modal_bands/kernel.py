@@ -118,6 +118,17 @@ def _add(u: Any, v: Any, scale: float, out: Any) -> None:
             at += 2
 
 
+@inlined
+def _turned(d: Any, both: Any, white: Any, j: int, v: Any) -> None:
+    """v = G⁻¹ Φ (D ∘ B)ᴴ e_j."""
+    for i in range(len(v)):
+        v[i] = 0.0
+    for other in range(len(white)):
+        weight = d[j, other] * both[j, other]
+        for i in range(len(v)):
+            v[i] += weight.conjugate() * white[other, i]
+
+
 def _whiten(
     power: Any, count: Any, frequency: Any, fine: Any, first: Any, window: Any, f: Any, zeta: Any,
     shape: Any, load: Any, rest: Any, numbers: Any, drift: Any, real: Any, slopes: Any, misfit: Any,
@@ -214,22 +225,12 @@ def _whiten(
         a = 0
         for which in range(2):
             for j in range(r):
-                for i in range(m):
-                    v[i] = 0.0
-                for other in range(r):
-                    weight = (d_f[j, other] if which == 0 else d_z[j, other]) * both[j, other]
-                    for i in range(m):
-                        v[i] += weight.conjugate() * white[other, i]
+                _turned(d_f if which == 0 else d_z, both, white, j, v)
                 _add(white[j], v, size, slopes[a, k])
                 a += 1
         first_drift = len(slopes) - 2 * m * r
         for j in range(r):
-            for i in range(m):
-                inner[j, i] = 0.0
-            for other in range(r):
-                weight = d[j, other] * both[j, other]
-                for i in range(m):
-                    inner[j, i] += weight.conjugate() * white[other, i]
+            _turned(d, both, white, j, inner[j])
         for which in range(2):
             for j in range(r):
                 for i in range(m):
@@ -264,12 +265,7 @@ def _whiten(
                     a += 1
         if r > 0:
             for j in range(r):
-                for i in range(m):
-                    v[i] = 0.0
-                for other in range(r):
-                    weight = d_a[j, other] * both[j, other]
-                    for i in range(m):
-                        v[i] += weight.conjugate() * white[other, i]
+                _turned(d_a, both, white, j, v)
                 _add(white[j], v, 0.5 * size, slopes[a, k])
             a += 1
         for i in range(m):

@@ -119,10 +119,11 @@ def _tested_lags(shapes: _Shapes) -> list[Lag]:
     """Estimate lags, and test them by an F test together and one by one."""
     count = len(shapes.values)
     lags = _fitted(shapes, np.zeros(count), range(1, count) if count > 1 else ())
-    late = _outside_group(shapes, lags)
+    together = _largest_group(shapes, lags)
+    late = np.flatnonzero(~together).tolist()
     if not late:
         return []
-    lags = _fitted(shapes, np.where(np.isin(np.arange(count), late), lags - _common(shapes, lags), 0.0), late)
+    lags = _fitted(shapes, np.where(together, 0.0, lags - float(np.mean(lags[together]))), late)
     least = shapes.misfit(lags)
     freedom = limits.SHAPE_PHASE_FREEDOM + shapes.freedom - len(late)
     if freedom < limits.SHAPE_PHASE_FREEDOM:
@@ -172,22 +173,11 @@ def _std(shapes: _Shapes, lags: Array, channel: int) -> float:
     return float(step / np.sqrt(max(0.5 * (below - 2.0 * here + above), 1e-12)))
 
 
-def _groups(shapes: _Shapes, lags: Array) -> NDArray[np.bool_]:
-    """Mask (n, n) of pairs of channels with equal lags."""
+def _largest_group(shapes: _Shapes, lags: Array) -> NDArray[np.bool_]:
+    """Mask (n,) of the largest group of channels with equal lags."""
     std = np.array([_std(shapes, lags, channel) for channel in range(len(lags))])
-    return np.asarray(np.abs(lags[:, None] - lags) <= limits.MAX_CLOCK_SIGMAS * np.hypot(std[:, None], std))
-
-
-def _common(shapes: _Shapes, lags: Array) -> float:
-    """Mean lag of the largest group of channels that agree [s]."""
-    together = _groups(shapes, lags)
-    return float(np.mean(lags[together[int(np.argmax(together.sum(axis=1)))]]))
-
-
-def _outside_group(shapes: _Shapes, lags: Array) -> list[int]:
-    """Indices of the channels outside the largest group."""
-    together = _groups(shapes, lags)
-    return np.flatnonzero(~together[int(np.argmax(together.sum(axis=1)))]).tolist()
+    together = np.abs(lags[:, None] - lags) <= limits.MAX_CLOCK_SIGMAS * np.hypot(std[:, None], std)
+    return np.asarray(together[int(np.argmax(together.sum(axis=1)))])
 
 
 def _constant_phase(shapes: _Shapes, lags: Array, channel: int) -> float:

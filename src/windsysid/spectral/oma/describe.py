@@ -96,23 +96,14 @@ def mode_of(found: BandFit, j: int, shapes: Shapes, grounds: Sequence[Doubt]) ->
 def without_skirts(bands: list[list[OperationalMode]]) -> list[list[OperationalMode]]:
     """Remove modes at the border of their band that are the skirt of another band's mode; a list for each band."""
 
-    def reach(mode: OperationalMode) -> float:
-        return SKIRT_HALF_WIDTHS * mode.half_width
+    def is_apart(mode: OperationalMode, other: OperationalMode) -> bool:
+        reach = SKIRT_HALF_WIDTHS * mode.half_width + SKIRT_HALF_WIDTHS * other.half_width
+        return abs(mode.frequency.estimate - other.frequency.estimate) > reach
 
     kept = []
     for band in bands:
         others = [mode for other in bands if other is not band for mode in other if not mode.doubted_for("border")]
-        kept.append(
-            [
-                mode
-                for mode in band
-                if not mode.doubted_for("border")
-                or all(
-                    abs(mode.frequency.estimate - other.frequency.estimate) > reach(mode) + reach(other)
-                    for other in others
-                )
-            ]
-        )
+        kept.append([m for m in band if not m.doubted_for("border") or all(is_apart(m, other) for other in others)])
     return kept
 
 

@@ -1,6 +1,5 @@
 """Result of operational modal analysis: modes with their intervals, shapes and reasons for doubt."""
 
-import json
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -9,10 +8,9 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.modal.matching.result import odds_text
 from windsysid.modal.shapes import assurance_matrix
-from windsysid.output.answers import Answer
+from windsysid.output.answers import SummarisedAnswer
 from windsysid.output.table import Table
 from windsysid.results.posterior import section_name
-from windsysid.results.serialization import finite
 from windsysid.spectral.oma.mode import OperationalMode
 from windsysid.spectral.oma.sensors import ModalSensor, Node
 from windsysid.units import unit_text
@@ -87,7 +85,7 @@ class DecayHistory(NamedTuple):
 
 
 @dataclass(frozen=True)
-class OperationalModes(Answer):
+class OperationalModes(SummarisedAnswer):
     """Result of `windsysid.oma` or `windsysid.free_decay`: modes, spectra and remarks.
 
     Attributes
@@ -231,10 +229,6 @@ class OperationalModes(Answer):
             .reshape(len(common), len(of.modes)) for of in (self, other)
         )  # fmt: skip
         return assurance_matrix(ours, theirs)
-
-    def to_json(self) -> str:
-        """`summary` as JSON text."""
-        return json.dumps(finite(self.summary()), indent=2, ensure_ascii=False) + "\n"
 
     def to_dataframe(self) -> "pd.DataFrame":
         """Frequency and damping ratio of each mode, a row each: ``name``, ``quantity``, ``unit``, ``estimate``,

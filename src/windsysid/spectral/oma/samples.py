@@ -16,6 +16,7 @@ from windsysid.inspection.rotor import rotor_of
 from windsysid.inspection.screening import doubted, noted, screen
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import RATE_DOUBT, STAMPS, Record
+from windsysid.signals.band import bridged
 from windsysid.signals.condition import resample
 from windsysid.signals.short_gaps import fill_short_gaps
 from windsysid.spectral.oma.limits import MAX_BRIDGED_SHARE, MAX_FILLED_SHARE, MAX_SPIKE_SHARE
@@ -56,7 +57,7 @@ def choose_samples(record: Record, sensors: Sequence[Sensor | ModalSensor | str]
     helpers = [name for name in turning if name in record and name not in channels]
     whole, gap_notes = without_gaps(record.select([*channels, *helpers]), channels)
     findings, spikes = _screened(whole, channels, helpers)
-    values = np.column_stack([_bridged(_without_spikes(whole, name, spikes)) for name in channels])
+    values = np.column_stack([bridged(_without_spikes(whole, name, spikes), name) for name in channels])
     kept, copy_notes = _without_copies(whole.name, channels, values, refuse=sensors is not None)
     return Samples(
         record=whole,
@@ -65,6 +66,10 @@ def choose_samples(record: Record, sensors: Sequence[Sensor | ModalSensor | str]
         notes=(*left_out, *gap_notes, *map(str, noted(findings)), *_spike_notes(spikes, whole.samples), *copy_notes),
         doubts=(*(_doubt_of(one) for one in findings if one.kind in SPECTRAL_FAULTS), *map(str, doubted(findings))),
     )
+
+
+def _doubt_of(fault: Fault) -> str:
+    return f"channel {fault.channel or 'clock'}: {fault.kind}: {fault.statement}"
 
 
 def _screened(record: Record, channels: Sequence[str], helpers: Sequence[str]) -> tuple[list[Fault], list[Fault]]:
@@ -176,12 +181,6 @@ def _spike_notes(spikes: Sequence[Fault], samples: int) -> list[str]:
     return [f"{count} samples of spikes among {samples} were bridged by straight lines: {where}"]
 
 
-def _bridged(values: Array) -> Array:
-    """Fill missing values by straight lines."""
-    known = np.isfinite(values)
-    return values if known.all() else np.interp(np.arange(len(values)), np.flatnonzero(known), values[known])
-
-
 def _without_copies(
     record: str, channels: Sequence[str], values: Array, *, refuse: bool
 ) -> tuple[list[int], list[str]]:
@@ -195,7 +194,3 @@ def _without_copies(
     notes = [f"{channels[j]} is a copy of {channels[i]} and is left out" for i, j in copies]
     left_out = {j for _, j in copies}
     return [i for i in range(len(channels)) if i not in left_out], notes
-
-
-def _doubt_of(fault: Fault) -> str:
-    return f"channel {fault.channel or 'clock'}: {fault.kind}: {fault.statement}"

@@ -223,17 +223,17 @@ def search_again(
     larger amplitude: the first search then finds that one.
     """
     of_modes = _marked(_peaks_of_modes(found, spectrum.step), spectrum.readings)
-    others = [peak for peak in peaked if all(_are_apart(peak, mode) for mode in of_modes)]
+    others = [
+        peak
+        for peak in peaked
+        if all(abs(peak.frequency - o.frequency) > 2.0 * max(peak.half_width, o.half_width) for o in of_modes)
+    ]
     peaks = _merged([*of_modes, *others])
     modes = {peak.frequency for peak in of_modes}
     readings, kept = spectrum.readings, found if keep else ()
     bands = group_peaks(peaks, spectrum.step, readings.low, readings.high)
     fits = [_fit_anew(spectrum, band, peaks, modes, kept) for band in bands]
     return [fit for fit in fits if fit is not None]
-
-
-def _are_apart(peak: Peak, other: Peak) -> bool:
-    return abs(peak.frequency - other.frequency) > 2.0 * max(peak.half_width, other.half_width)
 
 
 def _merged(peaks: Sequence[Peak]) -> list[Peak]:

@@ -73,6 +73,15 @@ def slopes_by_differences(sources: Sources, values: Mapping[str, float], every: 
     return SourceSpectra(*(np.array(part) for part in zip(*found, strict=True)))
 
 
+def _side_by_side(driven: Sequence[str], loads: Sequence[str], harmonics: int) -> Complex:
+    """U of loads that are independent and each drive one of a model's loads, at all harmonics."""
+    placement = np.zeros((harmonics * len(loads), len(driven) * harmonics), dtype=np.complex128)
+    for i, load in enumerate(driven):
+        for k in range(harmonics):
+            placement[k * len(loads) + loads.index(load), i * harmonics + k] = 1.0
+    return placement
+
+
 class BroadbandLoads:
     """First-order Gauss–Markov loads, as a turbine file lists them, on degrees of freedom of their own."""
 
@@ -81,13 +90,7 @@ class BroadbandLoads:
         self.loads = [load for load in loads if not load.harmonic]
         self.statistics = load_groups(self.loads, model)
         self._model, self._frequency = model, frequency
-        names = model.loads
-        count = frequency.shape[1]
-        sources = len(self.loads) * count
-        self.placement = np.zeros((count * len(names), sources), dtype=np.complex128)
-        for i, load in enumerate(self.loads):
-            for k in range(count):
-                self.placement[k * len(names) + names.index(load.load), i * count + k] = 1.0
+        self.placement = _side_by_side([load.load for load in self.loads], model.loads, frequency.shape[1])
 
     def spectra(self, values: Mapping[str, float], every: int = 1) -> SourceSpectra:
         """2σ²τ / (1 + (2πfτ)²) each."""
@@ -288,19 +291,16 @@ class BandLoads:
     ) -> None:  # fmt: skip
         """`given` amplitudes of each load (2 bands: low, high, low …), the model's `freedoms` (n,), `bands` [Hz],
         signed `frequency` (B, 2K+1) [Hz]."""
-        count, units = frequency.shape[1], {freedom.load: freedom.load_unit for freedom in freedoms}
-        names = list(units)
+        units = {freedom.load: freedom.load_unit for freedom in freedoms}
         self._bands, self._frequency, self._loads = bands, np.abs(frequency), list(given)
         self._known = dict[int, tuple[NDArray[np.intp], Array]]()
+        ends = [f"{frequency:.3g}Hz" for band in bands for frequency in band]
         self.statistics = tuple(
             Statistic(f"{load.replace('load_', 'load_density_')}_{end}", f"{units[load]}/√Hz", float(value))
             for load, values in given.items()
-            for end, value in zip(_ends(bands), values, strict=True)
+            for end, value in zip(ends, values, strict=True)
         )
-        self.placement = np.zeros((count * len(names), len(given) * count), dtype=np.complex128)
-        for i, load in enumerate(given):
-            for k in range(count):
-                self.placement[k * len(names) + names.index(load), i * count + k] = 1.0
+        self.placement = _side_by_side(list(given), list(units), frequency.shape[1])
 
     def spectra(self, values: Mapping[str, float], every: int = 1) -> SourceSpectra:
         """Power laws through the levels at the ends of each band; between bands the nearer one's."""
@@ -333,8 +333,3 @@ class BandLoads:
             part = np.clip((np.log(frequency) - low) / (high - low), -1.0, 2.0)
         self._known[every] = which, part
         return which, part
-
-
-def _ends(bands: Sequence[tuple[float, float]]) -> list[str]:
-    """A name for either end of every band: its frequency."""
-    return [f"{frequency:.3g}Hz" for band in bands for frequency in band]

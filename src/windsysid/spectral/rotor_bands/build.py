@@ -131,7 +131,7 @@ def search_bands(question: RotorQuestion) -> PosedBands | None:
     RecordError
         If the record is too short for the bands, or no sensor shows a mode.
     """
-    spectra, combined = _read(question)
+    spectra, combined = _read(question), combine(question.sensors, len(WHIRLS))
     at_centres = question.centres
     names = question.compiled.parameters
 
@@ -163,10 +163,8 @@ def pose_bands(
     RecordError
         If the record is too short for the bands, or no sensor shows a mode.
     """
-    if spectra is None:
-        spectra, combined = _read(question)
-    else:
-        combined = combine(question.sensors, len(WHIRLS))
+    spectra = _read(question) if spectra is None else spectra
+    combined = combine(question.sensors, len(WHIRLS))
     builder = _Builder(question, spectra, combined, width)
     of_blades = [place for place in places if place.shape is not None]
     built = [builder.blades(of_blades, places)] if of_blades else []
@@ -194,12 +192,10 @@ def centre_bands(question: RotorQuestion, posed: PosedBands, unknowns: Array) ->
     return moved._replace(start=moved.model.start_from(unknowns, posed.model), doubts=posed.doubts)
 
 
-def _read(question: RotorQuestion) -> tuple[TurnedSpectra, list[Combined]]:
+def _read(question: RotorQuestion) -> TurnedSpectra:
     if question.turned is not None:
-        spectra = combine_groups(question.turned)
-    else:
-        spectra = turned_spectra(question.readings, question.azimuth, question.rate, 1)
-    return spectra, combine(question.sensors, len(WHIRLS))
+        return combine_groups(question.turned)
+    return turned_spectra(question.readings, question.azimuth, question.rate, 1)
 
 
 def _modes(question: RotorQuestion, p: Array, spectra: TurnedSpectra) -> dict[str, tuple[float, float]]:
@@ -242,6 +238,7 @@ class _Builder:
         self.question, self.spectra, self.combined, self.width = question, spectra, combined, width
         self.weights = np.array([c.weights for c in combined])
         self.freedoms = question.turbine.model.freedoms
+        self.pushed = [freedom.name for freedom in self.freedoms if not freedom.blade and freedom.name != "roll"]
         self.given = question.centres
         self.hz, self.duration = spectra.rotor_hz, spectra.duration
         v = question.turbine.values
@@ -283,10 +280,9 @@ class _Builder:
         """The loads on the support at the frequencies of a whirl, if it is read there."""
         if not rows:
             return []
-        pushed = [f.name for f in self.freedoms if not f.blade and f.name != "roll"]
         return [
             _Load(f"{name}_{_WAY[-side]}", "N/√Hz", one_force(self.freedoms, name, ABOUT_BLADES, side), rows[0], None)
-            for name in pushed
+            for name in self.pushed
         ]
 
     def support(self, group: Sequence[ModeLocation], places: Sequence[ModeLocation]) -> RotorBand:
@@ -299,9 +295,10 @@ class _Builder:
         _, high = self._apart(last, others, 0.0, last.frequency + self._reach(last.frequency, SUPPORT_HALF_WIDTH))
         rows = [Row(i, 0, low, high) for i, c in enumerate(self.combined) if not c.turns]
         name = place.name.replace(" ", "_")
-        pushed = [freedom.name for freedom in self.freedoms if not freedom.blade and freedom.name != "roll"]
-        pushes = [one_force(self.freedoms, freedom, ABOUT_SUPPORT, 0) for freedom in pushed]
-        loads = [_Load(f"{of}_{name}", "N/√Hz", push, rows[0], 0) for of, push in zip(pushed, pushes, strict=True)]
+        loads = [
+            _Load(f"{of}_{name}", "N/√Hz", one_force(self.freedoms, of, ABOUT_SUPPORT, 0), rows[0], 0)
+            for of in self.pushed
+        ]
         wide = place.ratio * place.frequency * self.duration > MIN_WIDE_BINS
         return self._band(name, bins_between(self.spectra, low, high), ABOUT_SUPPORT, rows, loads, wide=wide)
 

@@ -76,7 +76,9 @@ def _disagreements(
     """Test whether the halves and the narrower bands give another stiffness than the record."""
     which = [i for i, q in enumerate(question.parameters) if q.logarithmic]
     names = [question.parameters[i].name for i in which]
-    first, second, again = (_again(posed, found, other) for other in (*halves, narrow))
+    first, second, again = (
+        other.model.fit(other.model.start_from(found.unknowns, posed.model), rough=True) for other in (*halves, narrow)
+    )
     known, one, other, less = (
         np.linalg.inv(fit.mode.information)[np.ix_(which, which)]
         for fit in (RotorBandFit(posed.model, found), first, second, again)
@@ -103,11 +105,6 @@ def _short(posed: PosedBands) -> list[Finding]:
             code = "narrow_resonance_in_bands" if spectra.recent is None else "narrow_resonance_in_bands_of_pieces"
             doubts.append(Finding(code, "reason", data))
     return doubts
-
-
-def _again(whole: PosedBands, found: SpectralMode, other: PosedBands) -> RotorBandFit:
-    """The mode of a part of the record, looked for from that of the whole."""
-    return other.model.fit(other.model.start_from(found.unknowns, whole.model), rough=True)
 
 
 def _differ(code: str, step: Array, cov: Array, names: list[str]) -> list[Finding]:

@@ -44,6 +44,7 @@ def without_harmonics(values: Array, azimuth: Array) -> Array:
 def find_lines(values: Array, rate: float, low: float, high: float) -> list[float]:
     """Frequencies [Hz] between two others at which values (T, n) have a steady sine."""
     from scipy.fft import next_fast_len, rfft
+    from scipy.ndimage import maximum_filter1d
     from scipy.stats import f as fisher
 
     samples, channels = values.shape
@@ -58,7 +59,7 @@ def find_lines(values: Array, rate: float, low: float, high: float) -> list[floa
     for column in values.T:
         tapered = tapers * column
         ratio = _ratio(rfft(tapered, size, axis=1)[:, inside], sums)
-        peaks = np.flatnonzero((ratio > limit / MAX_STATISTIC_LOSS) & (ratio == _largest_near(ratio)))
+        peaks = np.flatnonzero((ratio > limit / MAX_STATISTIC_LOSS) & (ratio == maximum_filter1d(ratio, 5)))
         for i in peaks[np.argsort(ratio[peaks])[::-1][:MAX_REFINED]]:
             near = frequency[inside][i] + rate / size * np.linspace(-0.5, 0.5, 9)  # a line between bins is seen less
             wave = np.exp(-2j * np.pi * np.outer(np.arange(samples) / rate, near))
@@ -107,13 +108,6 @@ def _ratio(spectra: Complex, sums: Array) -> Array:
     mean = sums @ spectra / (sums @ sums)
     left = np.sum(np.abs(spectra - sums[:, None] * mean[None]) ** 2, axis=0)
     return np.asarray((TAPER_COUNT - 1) * np.abs(mean) ** 2 * (sums @ sums) / np.maximum(left, 1e-300))
-
-
-def _largest_near(ratio: Array) -> Array:
-    """The largest within two places of each."""
-    from scipy.ndimage import maximum_filter1d
-
-    return np.asarray(maximum_filter1d(ratio, 5))
 
 
 @lru_cache(maxsize=4)

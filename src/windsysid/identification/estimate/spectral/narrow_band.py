@@ -225,14 +225,10 @@ def _ends(question: RotorQuestion, posed: Posed, starts: Sequence[Array], *, rou
 
 def _with_prior(question: RotorQuestion, posed: Posed, end: RotorFit) -> RotorFit:
     """A fit whose log evidence includes the log prior odds of a narrow-band load at its frequency."""
-    odds = odds_of("narrow_band_load", question.turbine, _load_of(question, posed, end)[FREQUENCY])
-    return end._replace(log_evidence=end.log_evidence + math.log(odds))
-
-
-def _load_of(question: RotorQuestion, posed: Posed, end: RotorFit) -> dict[str, float]:
-    """The statistics of the narrow-band load of a fit, by name."""
     narrow = narrow_band_statistics(question.turbine, question.loads)
-    return values_of(narrow, posed.model.split_statistics(end.unknowns)[0][-len(narrow) :])
+    load = values_of(narrow, posed.model.split_statistics(end.unknowns)[0][-len(narrow) :])
+    odds = odds_of("narrow_band_load", question.turbine, load[FREQUENCY])
+    return end._replace(log_evidence=end.log_evidence + math.log(odds))
 
 
 def _starts(question: RotorQuestion, found: RotorFit, model: LiftedModel) -> list[Array]:
