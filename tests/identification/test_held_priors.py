@@ -9,6 +9,7 @@ import pytest
 
 from tests.findings import codes, only, reasons
 from tests.identification.fits import identify_without_effects
+from windsysid.identification.estimate import prior_conflict
 from windsysid.identification.estimate.prior_conflict import find_held, note_wide_priors, one_by_one
 from windsysid.results.finding import Finding
 from windsysid.simulation.record import simulate_record
@@ -39,6 +40,14 @@ def test_damping_that_no_prior_like_the_files_could_have_is_found_and_not_truste
     assert abs(c.estimate - true.values["c_side_side"]) < 3.0 * c.std
     assert not found.diagnosis.trusted
     assert (reasons(found)[0].code, reasons(found)[0].quantities) == ("prior_conflict", ("c_side_side",))
+
+
+def test_a_prior_is_not_widened_where_the_search_was_too_expensive(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(prior_conflict, "MAX_REPEATED_ELEMENTS", 0.0)
+    _, found = found_of(4.0, 1, "joint")
+    assert "prior_widened" not in codes(found.findings)
+    assert "search_exhausted" in codes(reasons(found))
+    assert found["c_side_side"].grade == "C"
 
 
 def test_damping_as_in_the_file_keeps_its_prior():

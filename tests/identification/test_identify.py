@@ -511,7 +511,7 @@ def test_auto_goes_by_spectra_in_wind(verne555):
 
 @pytest.mark.parametrize("code", ["halves_disagree_in_bands", pytest.param("nonstationary", marks=pytest.mark.slow)])
 def test_a_finding_against_spectra_in_wind_starts_no_filters(verne555, monkeypatch, code):
-    """Filters with 31 load states took minutes, and nobody trusted their results."""
+    """Filters with 50 load states took minutes, and nobody trusted their results."""
     record = simulate_record(verne555, duration=100.0, rate=100.0, seed=8003, loads="wind")
     by_spectrum, asked = identify_by_spectrum, []
 

@@ -11,8 +11,8 @@ from tests.mechanics.models import Reads, symbols
 from windsysid.filters.protocol import empty_info
 from windsysid.identification.condition.readings import usable_sensors
 from windsysid.identification.estimate.load_selection import Question, _loads_matter, _log_evidence, choose
-from windsysid.identification.estimate.online import begin
-from windsysid.identification.estimate.time_domain import first_estimate, load_models
+from windsysid.identification.estimate.online import begin, finish
+from windsysid.identification.estimate.time_domain import first_estimate, identify_jointly, load_models
 from windsysid.identification.model.prior import Prior
 from windsysid.mechanics.equations import Equations
 from windsysid.simulation.record import simulate_record
@@ -65,3 +65,17 @@ def test_under_a_rigid_rotor_the_evidence_decides_between_load_models(loads: str
     assert choice.why.data["reason"] == "evidence"
     assert all(gain > 0.0 for gain in choice.why.data["rivals"].values())
     assert choice.best.log_evidence > 0.0
+
+
+def test_a_record_shorter_than_the_first_block_is_searched_once_on_line():
+    """The choice made the estimate on line, threw it away, and the search made it again."""
+    tower = load_turbine("tower")
+    record = simulate_record(tower, duration=25.0, rate=20.0, seed=3)
+    sensors = usable_sensors(record, tower, None)
+    first = first_estimate(tower, record.rate)
+    assert record.samples < first
+    best = choose(Question(record, tower, sensors, Prior(), None), ("broadband",), first).best
+    assert best.online.samples == record.samples
+    assert len(finish(best.problem.build, best.online, best.problem.start)[1].samples) == 0
+    found = identify_jointly(record, tower, sensors, Prior(), loads="broadband")
+    assert np.array_equal(found.history_mean[-1], best.online.theta[: len(found.theta)])

@@ -4,7 +4,7 @@ import math
 from dataclasses import replace
 from typing import Any
 
-from windsysid.identification.condition.readings import choose_rate, steps_per_reading
+from windsysid.identification.condition.readings import choose_rate, steps_per_reading, usable_sensors
 from windsysid.identification.effects import EFFECTS
 from windsysid.identification.effects.clock_drift import drifts_in
 from windsysid.identification.effects.lines import Sinusoid, harmonics_of_spectra
@@ -15,8 +15,9 @@ from windsysid.identification.formulations import estimate
 from windsysid.identification.job import FittedJob, Job
 from windsysid.identification.limits import MAX_DISAGREEMENT_SIGMAS
 from windsysid.identification.model.agreement import compare, disagreement
-from windsysid.identification.model.fit import Outcome
+from windsysid.identification.model.fit import Outcome, known_loads
 from windsysid.identification.model.regressor import Regressors
+from windsysid.identification.model.turbine_problem import seen_by
 from windsysid.identification.pipeline import FAILURES, run
 from windsysid.identification.verdict.conclude import doubts_of_innovations
 from windsysid.identification.verdict.grading import is_contradictory
@@ -38,9 +39,9 @@ TRANSIENT_CODES = frozenset({
 })  # fmt: skip
 """Setting: findings of spectra that a record is a transient, or too short to tell: a rotor in wind goes to filters."""
 
-MAX_WIND_STEPS = 3000
-"""Setting: steps of the equations over a rotor's record up to which filters may have the wind's 31 load states: one
-evaluation of their likelihood takes 3 s then (two cores, 2026), a search ten."""
+MAX_WIND_ELEMENTS = 4.5e6
+"""Setting: elements of covariances that a filter with the wind's load states may update over a rotor's record. The 40
+filters of an evaluation of their likelihood take 1.4 s then (processor time, 2026), and a search has a dozen."""
 
 WITHOUT_WIND = Finding("bands_suppose_wind", "reason")
 
@@ -49,7 +50,7 @@ def choose(job: Job) -> FittedJob:
     """Choose spectra under wind and where nothing turns, filters otherwise, and cross-check them, but under wind.
 
     Springs that harden, friction, play and loads of another kind show in innovations; in the size of a spectrum they
-    hardly do. Under wind filters have 31 load states: they answer transients only, and any other finding is a reason
+    hardly do. Under wind filters have 50 load states: they answer transients only, and any other finding is a reason
     against the spectral result.
     """
     try:
@@ -82,7 +83,7 @@ def _is_left_to_spectra(job: Job, spectral: FittedJob) -> bool:
     """Test whether a rotor is in wind, and its record stationary or too long for filters with the load states of wind.
     Bands suppose wind and also show a free decay, which filters explain without these states."""
     transient = TRANSIENT_CODES.intersection(one.code for one in spectral.outcome.doubts)
-    alone = _steps(job) > MAX_WIND_STEPS and not spectral.outcome.in_bands
+    alone = _is_dear(job) and not spectral.outcome.in_bands
     return spectral.outcome.hypothesis == RotorWind.name and (alone or not transient)
 
 
@@ -106,15 +107,20 @@ def _prepared(job: Job, spectral: FittedJob) -> Job:
 
 
 def _affordable(job: Job) -> Job:
-    """The job with broad loads where the wind's load states are too many for the steps that filters take."""
-    dear = HYPOTHESES[RotorWind.name].applies_to(job.turbine) and _steps(job) > MAX_WIND_STEPS
-    return replace(job, loads=Broadband.name) if dear and job.loads == "auto" else job
+    """The job with broad loads where filters with the wind's load states are too expensive."""
+    return replace(job, loads=Broadband.name) if job.loads == "auto" and _is_dear(job) else job
 
 
-def _steps(job: Job) -> float:
-    """Steps of the equations that filters take over the record of a job."""
-    rate = choose_rate(job.part.rate, job.part.duration, job.turbine, job.rate) or job.part.rate
-    return job.part.duration * rate * steps_per_reading(job.turbine, rate)
+def _is_dear(job: Job) -> bool:
+    """Test whether wind's load states are too many for the steps of the equations that filters take over a record."""
+    turbine = seen_by(job.turbine, usable_sensors(job.part, job.turbine, job.sensors), [])
+    loads = known_loads(job.part, turbine)[1]
+    if not loads or not HYPOTHESES[RotorWind.name].applies_to(turbine):
+        return False
+    of_wind = HYPOTHESES[RotorWind.name].suppose(turbine, loads).given()
+    states = 2 * len(turbine.model.coordinates) + sum(len(block.states) for block in of_wind)
+    rate = choose_rate(job.part.rate, job.part.duration, turbine, job.rate) or job.part.rate
+    return job.part.duration * rate * steps_per_reading(turbine, rate) * states**2 > MAX_WIND_ELEMENTS
 
 
 def _filters_instead(job: Job, spectral: FittedJob, doubt: Finding) -> FittedJob:

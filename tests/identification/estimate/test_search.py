@@ -10,6 +10,8 @@ from tests.identification.test_posterior_mode import autoregression
 from windsysid._types import Array
 from windsysid.checks.limits import OUTLIER_SIGMAS
 from windsysid.errors import WindsysidError
+from windsysid.identification.estimate import search
+from windsysid.identification.estimate.outlier import Outliers
 from windsysid.identification.estimate.search import solve
 from windsysid.statespace.compose import StateSpace
 from windsysid.statespace.unknowns import Unknowns
@@ -78,6 +80,17 @@ def test_a_reading_that_is_far_off_is_left_out_and_counted():
     (note,) = found.notes
     assert (note.code, note.data["count"], note.data["sigmas"]) == ("outliers", 1, OUTLIER_SIGMAS)
     assert np.all(np.abs(found.mean - whole.mean) < np.sqrt(np.diag(whole.cov)))
+
+
+def test_no_search_without_outliers_begins_where_the_first_was_too_expensive(monkeypatch: pytest.MonkeyPatch):
+    """A transient under wind was searched 32 times and took more than a minute, for numbers of grade C."""
+    y = process()
+    y[200] += 6.0 * SIGMA
+    monkeypatch.setattr(search, "MAX_REPEATED_ELEMENTS", 0.0)
+    monkeypatch.setattr(search, "find_spikes", lambda samples: Outliers())
+    found = solve(Autoregression(), samples_of(y), None, rate=1.0, start=PRIOR)
+    assert (found.settled, found.exhausted) == (False, True)
+    assert found.updated == 8 * SAMPLES * (found.iterations + 1)
 
 
 def test_no_start_and_no_samples_are_refused():

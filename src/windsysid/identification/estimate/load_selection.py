@@ -158,10 +158,11 @@ def _take_in(candidate: Candidate, until: int, rate: float, start: Start) -> Can
     problem, online = candidate.problem, candidate.online
     part = slice(online.reached, until)
     online, history = advance(problem.build, online, problem.inputs[part], problem.readings[part], start)
-    known = online if online.bank else finish(problem.build, online, start)[0]  # shorter than the first block
-    model, seen = problem.build(known.theta), slice(0, known.samples)
+    if online.bank is None:  # the record is shorter than the first block
+        online, history = finish(problem.build, online, start)
+    model, seen = problem.build(online.theta), slice(0, online.samples)
     info = EKF.run(model, EKF.init(model), problem.inputs[seen], problem.readings[seen])[1]
-    evidence = _log_evidence(float(info.log_likelihood.sum()), known)
+    evidence = _log_evidence(float(info.log_likelihood.sum()), online)
     white = _explains(problem, info, rate)
     driven = _loads_matter(model, problem.inputs[seen], info)
     return Candidate(problem, online, join_histories([candidate.history, history]), evidence, white, driven)

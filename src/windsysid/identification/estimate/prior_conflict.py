@@ -22,7 +22,7 @@ from windsysid.checks.limits import MAX_PRIOR_SHIFT_SIGMAS
 from windsysid.identification.condition.samples import Samples
 from windsysid.identification.estimate.clock_lag import shifted
 from windsysid.identification.estimate.online import Online
-from windsysid.identification.estimate.scoring import BANK_THREADS, log_likelihoods
+from windsysid.identification.estimate.scoring import BANK_THREADS, MAX_REPEATED_ELEMENTS, log_likelihoods
 from windsysid.identification.estimate.search import Solution, solve
 from windsysid.identification.limits import MIN_LOG_LIKELIHOOD_RISE, MIN_PRIOR_PULL_SIGMAS
 from windsysid.identification.model.fit import Outcome
@@ -128,9 +128,10 @@ def with_wide_priors(identify: Callable[[Prior], Outcome], prior: Prior) -> tupl
 def solve_with_wide_priors(
     problem: TurbineProblem, samples: Samples, online: Online, *, rate: float
 ) -> tuple[TurbineProblem, Solution]:
-    """Fit of the filters under a widened prior, from the end of the search. Arguments as for
-    `windsysid.identification.estimate.search.solve`."""
+    """Fit of the filters under a widened prior, from the end of the search, while that is not too expensive. Arguments
+    as for `windsysid.identification.estimate.search.solve`."""
     solution = first = solve(problem, samples, online, rate=rate)
+    updated = first.updated
     for _ in range(MAX_WIDENINGS):
         n = len(solution.mean) - len(problem.clocks)
         mean, cov = solution.mean[:n], solution.cov[:n, :n]
@@ -140,6 +141,9 @@ def solve_with_wide_priors(
             held = find_held(of_readings, mean, cov, problem.parameters)
         if not (held and solution.settled):
             break
+        if updated > MAX_REPEATED_ELEMENTS:
+            solution = solution._replace(settled=False, exhausted=True)
+            break
         model, block = problem.model, problem.model.parameter_block
         wide = np.array([WIDENING_FACTOR if q.name in held else 1.0 for q in model.parameters])
         prior = model.cov.copy()
@@ -147,6 +151,7 @@ def solve_with_wide_priors(
         parameters = tuple(_widened(q, held) for q in model.parameters)
         problem = problem._replace(model=replace(model, parameters=parameters, cov=prior))
         solution = solve(problem, samples, None, rate=rate, start=(mean, cov))
+        updated += solution.updated
     return problem, solution._replace(history=first.history)
 
 

@@ -51,6 +51,10 @@ MAX_UPDATED_ELEMENTS, MIN_STEPS = 6e8, 6
 they cost. 6e8 take 4 s (two cores, 2026); searches that converge take five steps, and a dozen if sensors
 of a tower drift."""
 
+MAX_REPEATED_ELEMENTS = 3.0 * MAX_UPDATED_ELEMENTS
+"""Setting: elements that the evaluations for a result may have updated before another search, without outliers or
+under a wider prior, begins: 15 s."""
+
 MAX_STEP_SIGMAS = 3.0
 """Numerical: standard deviations of its prior, or of a clock's tolerance, by which a step moves an unknown at most."""
 
@@ -146,6 +150,8 @@ class InnovationMode(NamedTuple):
         The last evaluation: θ is one step away from there where it settled.
     ended
         Whether no search is to go on from there: it has settled, or more steps would be too expensive.
+    updated
+        Elements of covariances that the evaluations updated.
     """
 
     mean: Array
@@ -155,6 +161,7 @@ class InnovationMode(NamedTuple):
     decrement: float
     look: Look
     ended: bool
+    updated: float
 
 
 class FilteredMode(NamedTuple):
@@ -246,7 +253,8 @@ def find_innovation_mode(
     here = mode.evaluation
     cov = np.asarray(np.linalg.inv(here.information), dtype=np.float64)
     ended = mode.converged or mode.steps == steps < SEARCH.max_steps
-    return InnovationMode(mode.point, cov, mode.steps, mode.converged, mode.decrement, here.look, ended)
+    updated = float((mode.steps + 1) * operations)
+    return InnovationMode(mode.point, cov, mode.steps, mode.converged, mode.decrement, here.look, ended, updated)
 
 
 def _first_finite(evaluate: Callable[[Array], _BankEvaluation], points: Sequence[Array]) -> _BankEvaluation:

@@ -28,7 +28,11 @@ from windsysid.identification.condition.samples import Samples, split_evenly
 from windsysid.identification.estimate.clock_lag import Lateness, add_clocks, shifted
 from windsysid.identification.estimate.online import History, Online, advance, finish, join_histories
 from windsysid.identification.estimate.outlier import Outliers, find_spikes
-from windsysid.identification.estimate.scoring import InnovationMode, find_innovation_mode
+from windsysid.identification.estimate.scoring import (
+    MAX_REPEATED_ELEMENTS,
+    InnovationMode,
+    find_innovation_mode,
+)
 from windsysid.identification.model.fit import check_finite, diverged
 from windsysid.identification.model.problem import Problem
 from windsysid.output.progress import expect
@@ -85,6 +89,8 @@ class Solution(NamedTuple):
         How many readings of each channel there were (m,).
     samples, mean_inputs
         How many samples there were, and the mean of what went in (n_u + n_w,).
+    updated
+        Elements of covariances that the evaluations of all searches updated.
     """
 
     history: History | None
@@ -103,6 +109,7 @@ class Solution(NamedTuple):
     read: NDArray[np.int64]
     samples: int
     mean_inputs: Array
+    updated: float
 
     @property
     def notes(self) -> tuple[Finding, ...]:
@@ -185,6 +192,7 @@ def solve(
         read=seen.read,
         samples=seen.stretch.samples,
         mean_inputs=seen.total_inputs / seen.stretch.samples,
+        updated=mode.updated,
     )
 
 
@@ -205,11 +213,12 @@ def _search(
     problem: Problem, samples: Samples, start: tuple[Array, Array], rate: float, spikes: Outliers
 ) -> "tuple[InnovationMode, Outliers, _Seen]":
     """Mode of the posterior without the outliers there, these outliers, and the filter at the mode. The first search
-    leaves the spikes out."""
+    leaves the spikes out, and another one begins while that is not too expensive."""
     searched, late = problem.unknowns.but("clocks"), problem.unknowns.of("clocks")
-    outliers, clocks, kept = spikes, np.zeros(len(problem.clocks)), spikes.left_out_of(samples)
+    outliers, clocks, kept, updated = spikes, np.zeros(len(problem.clocks)), spikes.left_out_of(samples), 0.0
     for searches in range(1, MAX_GATED_SEARCHES + 1):
         mode = _climb(problem, kept, start, clocks)
+        updated += mode.updated
         start, clocks = (mode.mean[searched], mode.cov[np.ix_(searched, searched)]), mode.mean[late]
         model, frequencies = problem.build(start[0]), problem.frequencies(mode.mean)
         gated = replace(model, blocks=model.blocks._replace(gate=np.array([OUTLIER_SIGMAS])))
@@ -217,16 +226,19 @@ def _search(
         found = seen.gated.that_matter(seen.gated_power, seen.read, seen.stretch.samples)
         if found.same_as(outliers) or (not mode.settled and (mode.ended or searches > 1)):  # no set settles
             break
+        if updated > MAX_REPEATED_ELEMENTS:
+            mode = mode._replace(settled=False, ended=True)
+            break
         outliers, kept = found, found.left_out_of(samples)
     if seen.gated.counts(len(seen.read)).any():  # what a filter without a gate says
         seen = _filter(model, shifted(problem, samples, clocks), rate, frequencies, outliers)
-    return mode, outliers, seen
+    return mode._replace(updated=updated), outliers, seen
 
 
 def _climb(problem: Problem, samples: Samples, start: tuple[Array, Array], clocks: Array) -> InnovationMode:
     """The mode of the posterior of all unknowns; of its `look`, the clocks are no part."""
     prior, searched, late = problem.wide_prior, problem.unknowns.but("clocks"), problem.unknowns.of("clocks")
-    mean, cov = prior[0].copy(), prior[1].copy()
+    mean, cov, updated = prior[0].copy(), prior[1].copy(), 0.0
     whole = len(start[0]) == len(mean)
     given = slice(None) if whole else problem.unknowns.of("parameters", "statistics")
     mean[given], cov[given, given] = start
@@ -237,7 +249,7 @@ def _climb(problem: Problem, samples: Samples, start: tuple[Array, Array], clock
                 problem.build, moved, prior=prior, start=(mean, cov),
                 changes=Lateness(moved, problem.clocks) if problem.clocks else None,
             )  # fmt: skip
-            mean, cov = mode.mean, mode.cov
+            mean, cov, updated = mode.mean, mode.cov, updated + mode.updated
             if mode.ended:
                 break
         check_finite(mode.mean, mode.cov)
@@ -251,7 +263,7 @@ def _climb(problem: Problem, samples: Samples, start: tuple[Array, Array], clock
             break
     else:
         mode = mode._replace(settled=mode.settled and not problem.clocks)
-    return mode
+    return mode._replace(updated=updated)
 
 
 def _scores(problem: Problem, mode: InnovationMode, rate: float) -> PartScores:
