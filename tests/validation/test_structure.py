@@ -11,13 +11,13 @@ ROOT = Path(__file__).parents[2]
 
 BOUNDS = {
     "functions over complexity 10 [%]": 2.0,  # target 4.0
-    "lines of src": 94191,  # target 72 904: those of commit 103975a
-    "lines of the middle": 29502,  # target 19 500
+    "lines of src": 95900,  # target 72 904: those of commit 103975a
+    "lines of the middle": 29491,  # target 19 500
     "large folders": 0,
     "long signatures": 17,  # target 30
     "repeated classes": 0,  # target 0
     "untested modules": 0,  # target 0
-    "decision limits": 251,  # target 120
+    "decision limits": 250,  # target 120
     "scattered limits": 0,  # target 0
 }
 """Values of today where a target is not reached, targets where one is. A change lowers a bound; it raises one only
@@ -26,7 +26,7 @@ where users can do more, and says so: grades and intervals for each quantity (52
 the first hour: default results, start, examples and first screens (690), spectra with the fit and interactive plots in
 all pages (900), decays, stabilisation, shapes and modes by hand of `oma` (1820), notebooks, files that put a mode
 elsewhere and jumps while a watch learns (300), linearisations of OpenFAST (1070), `mapping` of `oma` and `free_decay`
-(two long signatures)."""
+(two long signatures); models of HAWC2 and windIO (1250), and one line for each error of usage, type and unit (430)."""
 
 
 def test_the_structure_stays_within_its_bounds():

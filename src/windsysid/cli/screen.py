@@ -56,7 +56,8 @@ def _verdict(parts: Sequence[Table | str], lines: int) -> list[str]:
     """The sentence "trust: …" that begins some parts, with as many of its first reasons as fit into some lines."""
     if not (parts and isinstance(parts[0], str) and parts[0].startswith("trust: ")):
         return []
-    said = [*itertools.takewhile(lambda part: isinstance(part, str), parts[: 1 + MAX_REASONS])]
+    texts = itertools.takewhile(lambda part: isinstance(part, str), parts[: 1 + MAX_REASONS])
+    said = list(map(str, texts))
     return next((said[:count] for count in range(len(said), 0, -1) if _height(render(*said[:count])) <= lines), [])
 
 
