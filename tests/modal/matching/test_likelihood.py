@@ -5,7 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from windsysid.modal.matching.likelihood import ModelMode, assurance_interval, pair_weights, shape_assurance
+from windsysid.modal.matching.likelihood import (
+    Assurance,
+    ModelMode,
+    assurance_interval,
+    pair_weights,
+    shape_assurance,
+)
 from windsysid.modal.shapes import assurance
 from windsysid.spectral.oma.known_modes import KnownMode
 
@@ -82,3 +88,10 @@ def test_the_damping_of_a_model_without_damping_is_not_compared():
 
 def test_one_common_channel_is_no_shape():
     assert shape_assurance(measured(x=1.0), model(x=1.0, z=2.0)) is None
+
+
+@pytest.mark.parametrize("channels", [200, 1000])
+def test_a_shape_of_many_channels_has_finite_weights(channels: int):
+    macs = [Assurance(mac, mac, mac, channels, 0.0) for mac in (0.99, 0.1)]
+    like, unlike = pair_weights(measured(), [model(), model()], macs)
+    assert 0.0 <= unlike < 0.05 * like < math.inf

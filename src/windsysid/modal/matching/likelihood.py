@@ -27,6 +27,10 @@ from windsysid.spectral.oma.known_modes import KnownMode
 __all__ = ["Assurance", "ModelMode", "assurance_interval", "pair_weights", "shape_assurance"]
 
 
+MAX_CONCENTRATION = 700.0
+"""Numerical: largest λ whose exponential is a number: that of 140 channels."""
+
+
 class ModelMode(NamedTuple):
     """Mode of a model.
 
@@ -161,7 +165,7 @@ def _shape_ratio(mac: Assurance | None) -> float:
     from scipy.special import hyp1f1
 
     n, other = mac.channels, limits.OTHER_SHAPE_PROBABILITY
-    concentration = 0.5 * (n - 1) / min(limits.MODEL_SHAPE_ERROR + mac.unsure, 1.0)
+    concentration = min(0.5 * (n - 1) / min(limits.MODEL_SHAPE_ERROR + mac.unsure, 1.0), MAX_CONCENTRATION)
     watson = math.exp(concentration * (mac.value - 1.0)) / float(hyp1f1(0.5 * (n - 1), 0.5 * n, -concentration))
     return other + (1.0 - other) * watson
 
