@@ -84,6 +84,7 @@ def test_an_acceleration_in_the_unit_of_a_force_is_asked_about(run, folder: Path
     ended = run("start", record, "--turbine", "tower")
     assert (ended.code, ended.err) == (0, []), ended
     assert "expected a unit of acceleration" in ended.out
+    assert "a quantity that is not measured in kN" in ended.out
     assert "kN" not in Path("kilonewtons-mapping.toml").read_text(encoding="utf-8").split("only_listed")[1]
 
 
@@ -103,6 +104,7 @@ def test_answers_are_read_from_standard_input_and_asked_again(run, folder: Path,
     assert (ended.code, ended.err) == (0, []), ended
     assert "no turbine 'towel'" in ended.out
     assert "unknown unit 'stone'" in ended.out
+    assert "Its values allow each" in ended.out  # before the question, which is hard to answer without
     assert "expected a unit" in ended.out
     rules = load_mapping("bare-mapping.toml").channels
     assert (rules["first"].name, rules["first"].unit) == ("tower_z_acceleration", "mg")

@@ -13,6 +13,7 @@ from windsysid.reports import campbell, comparison, fleet, inspection, watch
 from windsysid.reports.figures import plots
 from windsysid.reports.figures.drawing import drawn
 from windsysid.reports.figures.plots import ERROR, ESTIMATE, MEASURED
+from windsysid.reports.html import Section, reasons_against, report_page
 from windsysid.reports.interactive import inspection as inspection_plots
 from windsysid.reports.interactive.plot import Axis, Mark, Plot, PlotCurve, ShadedRange
 
@@ -110,3 +111,11 @@ def test_many_faults_are_thinned_and_none_is_kept():
     spans = np.column_stack([np.arange(1000.0), np.arange(1000.0) + 0.5])
     assert len(inspection_plots.some(spans)) <= inspection_plots.MAX_MARKS
     assert inspection_plots.some(np.empty((0, 2))).shape == (0, 2)
+
+
+def test_a_page_states_the_verdict_once_and_marks_every_reason():
+    """The verdict stood before each reason, and the page of oma did not mark a transient."""
+    page = report_page("Modes", "", [Section("Result", text=[*reasons_against(["a", "b"]), "and more"])]).decode()
+    assert '<p class="warning">trust: NO, because a</p>' in page
+    assert '<p class="warning">and because b</p>' in page
+    assert "<p>and more</p>" in page

@@ -212,6 +212,7 @@ def _complete_guess(guess: "Guess", known: list[str], taken: set[str], guide: _G
             offered = None
         else:
             return guess
+    print(printable(f"'{guess.written}': {'; '.join((*guess.evidence, *guess.doubts))}"))
     question = f"Unit of '{guess.written}' (g, mg, m/s^2, rpm …; {LEAVE_OUT} leaves it out)"
     return replace(guess, unit=guide.ask(question, unit, offered=offered), doubts=())
 

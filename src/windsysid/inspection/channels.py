@@ -43,6 +43,9 @@ _OPERATION = frozenset(
 _DRIVE_TRAIN = frozenset(("speed", "rpm", "omega", "lss", "hss", "hs", "ls", "lssh", "shaft"))
 """Words that mark an angular velocity [rad/s] as that of a shaft."""
 
+_MACHINES = frozenset(("wea", "wka", "wec", "wtg", "turbine"))
+"""Words for a wind turbine, with which its number stands: Drehzahl_WEA1."""
+
 _FLOATER = frozenset(("ptfm", "platform", "floater", "tower", "twr", "nacelle", "nac", "barge", "spar", "buoy"))
 """Words of bodies whose pitch and yaw are motions and not controlled angles; the yaw of a nacelle is controlled."""
 
@@ -63,7 +66,9 @@ def _kind_of_operation(channel: str, words: set[str], unit: str) -> Kind | None:
     """Kind of a channel of the rotor, of the air or of a control; None if it is none."""
     if "azimuth" in words:
         return "azimuth"
-    if (words & {"rotor", "rot"} and words & {"speed", "rpm"}) or words <= {"rpm", "drehzahl"}:
+    if (words & {"rotor", "rot"} and words & {"speed", "rpm"}) or set(filter(str.isalpha, words)) - _MACHINES == {
+        "rpm"
+    }:
         return "rotor speed"
     if "direction" in words:
         return "direction"

@@ -160,7 +160,7 @@ def content_of(folder: str | Path) -> str:
     if (folder / "identification.nc").exists():
         return "one of identify: give another folder"
     if (folder / "inspection.json").exists():
-        return "an inspection, which keeps no record: read the record and take windsysid.inspect"
+        return "an inspection, which keeps no record: inspect the record again, or give another folder"
     if (folder / "answer.json").exists():
         with contextlib.suppress(OSError, ValueError, LookupError):
             head = (folder / "answer.json").read_text(encoding="utf-8")[:40]

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from jinja2 import Template
     from matplotlib.figure import Figure
 
-__all__ = ["Section", "fragment", "png", "report_page", "static_text", "template"]
+__all__ = ["Section", "fragment", "png", "reasons_against", "report_page", "static_text", "template"]
 
 UPLOT, UPLOT_CSS = "../../live/page/static/uplot.js", "../../live/page/static/uplot.css"
 """uPlot as the live page has it (MIT licence, uplot-license.txt)."""
@@ -66,6 +66,11 @@ def report_page(title: str, subtitle: str, sections: Sequence[Section]) -> bytes
         scripts=[static_text(name) for name in names if name.endswith(".js")],
     )  # fmt: skip
     return page.encode(errors="backslashreplace")
+
+
+def reasons_against(reasons: Sequence[str]) -> list[str]:
+    """A paragraph for every reason against a result; pages mark them, and the first has the verdict."""
+    return [f"{'and' if i else 'trust: NO,'} because {reason}" for i, reason in enumerate(reasons)]
 
 
 def _shown(section: Section, number: int) -> dict[str, object]:

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from windsysid.output.table import READING, Table
 from windsysid.records.moments import in_words, shift_moment
 from windsysid.records.record import Record
-from windsysid.reports.html import Section, report_page
+from windsysid.reports.html import Section, reasons_against, report_page
 from windsysid.results.identification import Identification
 from windsysid.results.provenance import Provenance
 
@@ -36,7 +36,7 @@ def identification_report(identification: Identification, record: Record | None 
     sections = [
         Section(
             "Result",
-            text=[*_trust(i), READING],
+            text=[*(reasons_against(i.diagnosis.reasons) or [str(i.diagnosis)]), *i.usable(), READING],
             tables=[*([i.modes_table()] if i.modes else []), i.table()],
             plots=coefficient_plots(i, caption(i)),
         ),
@@ -145,14 +145,6 @@ WHITENESS = (
     "The spectrum of the innovations is 1 for white noise. A peak above the orange line condemns the result where it"
     " lies in the shaded range of the modes; elsewhere it does little harm."
 )
-
-
-def _trust(identification: Identification) -> list[str]:
-    """Verdict, with a paragraph for every reason against trust."""
-    diagnosis = identification.diagnosis
-    return [*(f"trust: NO, because {reason}" for reason in diagnosis.reasons), *identification.usable()] or [
-        str(diagnosis)
-    ]
 
 
 def diagnosis_tables(identification: Identification) -> list[Table]:

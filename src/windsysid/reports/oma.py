@@ -14,7 +14,7 @@ from windsysid.reports.figures.oma_views import (
     shape_table,
     singular_value_plot,
 )  # fmt: skip
-from windsysid.reports.html import Section, report_page
+from windsysid.reports.html import Section, reasons_against, report_page
 from windsysid.reports.interactive.oma import complex_planes, marks_form, moving_shapes, page_script
 from windsysid.spectral.oma.result import OperationalModes
 
@@ -87,7 +87,7 @@ def files(found: OperationalModes) -> dict[str, bytes]:
     sections = [
         Section(
             "Modes",
-            text=[verdict, "± is the 95 % interval.", *found.reasons_of_record],
+            text=[verdict, *reasons_against(found.reasons_of_record), "± is the 95 % interval."],
             tables=[found.table("")],
         ),
         Section("Spectra", plots=[singular_value_plot(found)]),

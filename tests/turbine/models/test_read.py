@@ -64,6 +64,8 @@ def test_other_files_and_kinds_are_refused(tmp_path: Path):
         ws.turbine_from(write_deck(tmp_path), "barge")
     with pytest.raises(ws.ConfigurationError, match=r"a \.toml file or of a model \(\.fst, \.htc, .*\.csv\)"):
         ws.load_turbine("model.prj")
+    with pytest.raises(ws.ConfigurationError, match=r"no model: .*, such as .*\.fst$"):
+        ws.turbine_from(tmp_path)
 
 
 def test_the_command_writes_a_file_that_loads(run: Callable[..., Ended], tmp_path: Path):

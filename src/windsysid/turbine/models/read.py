@@ -96,6 +96,9 @@ def _machine(path: Path) -> "Machine":
 
     readers = dict(zip(ENDINGS, (read_openfast, read_hawc2, read_windio, read_windio, read_drawing), strict=True))
     if (reader := readers.get(path.suffix.lower())) is None:
-        raise ConfigurationError(f"{path}: no model: expected a file that ends in {' or '.join(ENDINGS)}")
+        inside = [f", such as {one}" for one in sorted(path.glob("*")) if one.suffix.lower() in readers]
+        raise ConfigurationError(
+            f"{path}: no model: expected a file that ends in {' or '.join(ENDINGS)}{''.join(inside[:1])}"
+        )
     with as_numerical_error(f"{path}: the model"):
         return reader(path)
