@@ -38,9 +38,9 @@ TRANSIENT_CODES = frozenset({
 })  # fmt: skip
 """Setting: findings of spectra that a record is a transient, or too short to tell: a rotor in wind goes to filters."""
 
-MAX_WIND_ELEMENTS = 4.5e6
+MAX_WIND_ELEMENTS = 3.6e6
 """Setting: elements of covariances that a filter with the wind's load states may update over a rotor's record. The 40
-filters of an evaluation of their likelihood take 1.4 s then (processor time, 2026), and a search has a dozen."""
+filters of an evaluation of their likelihood take 1.2 s then (processor time, 2026), and a search has a dozen."""
 
 WITHOUT_WIND = Finding("bands_suppose_wind", "reason")
 
