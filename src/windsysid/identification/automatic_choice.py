@@ -39,9 +39,9 @@ TRANSIENT_CODES = frozenset({
 })  # fmt: skip
 """Setting: findings of spectra that a record is a transient, or too short to tell: a rotor in wind goes to filters."""
 
-MAX_WIND_ELEMENTS = 4.5e6
+MAX_WIND_ELEMENTS = 3.6e6
 """Setting: elements of covariances that a filter with the wind's load states may update over a rotor's record. The 40
-filters of an evaluation of their likelihood take 1.4 s then (processor time, 2026), and a search has a dozen."""
+filters of an evaluation of their likelihood take 1.2 s then (processor time, 2026), and a search has a dozen."""
 
 WITHOUT_WIND = Finding("bands_suppose_wind", "reason")
 
@@ -114,11 +114,10 @@ def _affordable(job: Job) -> Job:
 def _is_dear(job: Job) -> bool:
     """Test whether wind's load states are too many for the steps of the equations that filters take over a record."""
     turbine = seen_by(job.turbine, usable_sensors(job.part, job.turbine, job.sensors), [])
-    loads = known_loads(job.part, turbine)[1]
-    if not loads or not HYPOTHESES[RotorWind.name].applies_to(turbine):
+    loads, wind = known_loads(job.part, turbine)[1], HYPOTHESES[RotorWind.name]
+    if not loads or not wind.applies_to(turbine):
         return False
-    of_wind = HYPOTHESES[RotorWind.name].suppose(turbine, loads).given()
-    states = 2 * len(turbine.model.coordinates) + sum(len(block.states) for block in of_wind)
+    states = 2 * len(turbine.model.coordinates) + sum(len(one.states) for one in wind.suppose(turbine, loads).given())
     rate = choose_rate(job.part.rate, job.part.duration, turbine, job.rate) or job.part.rate
     return job.part.duration * rate * steps_per_reading(turbine, rate) * states**2 > MAX_WIND_ELEMENTS
 

@@ -131,7 +131,6 @@ def solve_with_wide_priors(
     """Fit of the filters under a widened prior, from the end of the search, while that is not too expensive. Arguments
     as for `windsysid.identification.estimate.search.solve`."""
     solution = first = solve(problem, samples, online, rate=rate)
-    updated = first.updated
     for _ in range(MAX_WIDENINGS):
         n = len(solution.mean) - len(problem.clocks)
         mean, cov = solution.mean[:n], solution.cov[:n, :n]
@@ -141,7 +140,7 @@ def solve_with_wide_priors(
             held = find_held(of_readings, mean, cov, problem.parameters)
         if not (held and solution.settled):
             break
-        if updated > MAX_REPEATED_ELEMENTS:
+        if solution.updated > MAX_REPEATED_ELEMENTS:
             solution = solution._replace(settled=False, exhausted=True)
             break
         model, block = problem.model, problem.model.parameter_block
@@ -150,8 +149,8 @@ def solve_with_wide_priors(
         prior[block, block] *= np.outer(wide, wide)
         parameters = tuple(_widened(q, held) for q in model.parameters)
         problem = problem._replace(model=replace(model, parameters=parameters, cov=prior))
-        solution = solve(problem, samples, None, rate=rate, start=(mean, cov))
-        updated += solution.updated
+        again = solve(problem, samples, None, rate=rate, start=(mean, cov))
+        solution = again._replace(updated=solution.updated + again.updated)
     return problem, solution._replace(history=first.history)
 
 

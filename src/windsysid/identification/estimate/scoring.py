@@ -150,8 +150,6 @@ class InnovationMode(NamedTuple):
         The last evaluation: θ is one step away from there where it settled.
     ended
         Whether no search is to go on from there: it has settled, or more steps would be too expensive.
-    updated
-        Elements of covariances that the evaluations updated.
     """
 
     mean: Array
@@ -161,7 +159,6 @@ class InnovationMode(NamedTuple):
     decrement: float
     look: Look
     ended: bool
-    updated: float
 
 
 class FilteredMode(NamedTuple):
@@ -253,8 +250,7 @@ def find_innovation_mode(
     here = mode.evaluation
     cov = np.asarray(np.linalg.inv(here.information), dtype=np.float64)
     ended = mode.converged or mode.steps == steps < SEARCH.max_steps
-    updated = float((mode.steps + 1) * operations)
-    return InnovationMode(mode.point, cov, mode.steps, mode.converged, mode.decrement, here.look, ended, updated)
+    return InnovationMode(mode.point, cov, mode.steps, mode.converged, mode.decrement, here.look, ended)
 
 
 def _first_finite(evaluate: Callable[[Array], _BankEvaluation], points: Sequence[Array]) -> _BankEvaluation:

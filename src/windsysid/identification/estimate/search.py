@@ -28,11 +28,7 @@ from windsysid.identification.condition.samples import Samples, split_evenly
 from windsysid.identification.estimate.clock_lag import Lateness, add_clocks, shifted
 from windsysid.identification.estimate.online import History, Online, advance, finish, join_histories
 from windsysid.identification.estimate.outlier import Outliers, find_spikes
-from windsysid.identification.estimate.scoring import (
-    MAX_REPEATED_ELEMENTS,
-    InnovationMode,
-    find_innovation_mode,
-)
+from windsysid.identification.estimate.scoring import MAX_REPEATED_ELEMENTS, InnovationMode, find_innovation_mode
 from windsysid.identification.model.fit import check_finite, diverged
 from windsysid.identification.model.problem import Problem
 from windsysid.output.progress import expect
@@ -109,7 +105,7 @@ class Solution(NamedTuple):
     read: NDArray[np.int64]
     samples: int
     mean_inputs: Array
-    updated: float
+    updated: int
 
     @property
     def notes(self) -> tuple[Finding, ...]:
@@ -170,7 +166,7 @@ def solve(
         raise ValueError("a search begins where the recursion ends, or at a start")
     try:
         with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is refused
-            mode, outliers, seen = _search(problem, samples, start, rate, spikes)
+            mode, outliers, seen, updated = _search(problem, samples, start, rate, spikes)
     except np.linalg.LinAlgError:
         raise diverged() from None
     return Solution(
@@ -192,7 +188,7 @@ def solve(
         read=seen.read,
         samples=seen.stretch.samples,
         mean_inputs=seen.total_inputs / seen.stretch.samples,
-        updated=mode.updated,
+        updated=updated,
     )
 
 
@@ -211,14 +207,14 @@ def _take_in(problem: Problem, samples: Samples, online: Online) -> tuple[Online
 
 def _search(
     problem: Problem, samples: Samples, start: tuple[Array, Array], rate: float, spikes: Outliers
-) -> "tuple[InnovationMode, Outliers, _Seen]":
-    """Mode of the posterior without the outliers there, these outliers, and the filter at the mode. The first search
-    leaves the spikes out, and another one begins while that is not too expensive."""
+) -> "tuple[InnovationMode, Outliers, _Seen, int]":
+    """Mode of the posterior without the outliers there, these outliers, the filter at the mode, and elements updated.
+    The first search leaves the spikes out, and another one begins while that is not too expensive."""
     searched, late = problem.unknowns.but("clocks"), problem.unknowns.of("clocks")
-    outliers, clocks, kept, updated = spikes, np.zeros(len(problem.clocks)), spikes.left_out_of(samples), 0.0
+    outliers, clocks, kept, updated = spikes, np.zeros(len(problem.clocks)), spikes.left_out_of(samples), 0
     for searches in range(1, MAX_GATED_SEARCHES + 1):
         mode = _climb(problem, kept, start, clocks)
-        updated += mode.updated
+        updated += (mode.iterations + 1) * mode.look.bank.samples * mode.look.bank.cov.size
         start, clocks = (mode.mean[searched], mode.cov[np.ix_(searched, searched)]), mode.mean[late]
         model, frequencies = problem.build(start[0]), problem.frequencies(mode.mean)
         gated = replace(model, blocks=model.blocks._replace(gate=np.array([OUTLIER_SIGMAS])))
@@ -232,13 +228,13 @@ def _search(
         outliers, kept = found, found.left_out_of(samples)
     if seen.gated.counts(len(seen.read)).any():  # what a filter without a gate says
         seen = _filter(model, shifted(problem, samples, clocks), rate, frequencies, outliers)
-    return mode._replace(updated=updated), outliers, seen
+    return mode, outliers, seen, updated
 
 
 def _climb(problem: Problem, samples: Samples, start: tuple[Array, Array], clocks: Array) -> InnovationMode:
     """The mode of the posterior of all unknowns; of its `look`, the clocks are no part."""
     prior, searched, late = problem.wide_prior, problem.unknowns.but("clocks"), problem.unknowns.of("clocks")
-    mean, cov, updated = prior[0].copy(), prior[1].copy(), 0.0
+    mean, cov = prior[0].copy(), prior[1].copy()
     whole = len(start[0]) == len(mean)
     given = slice(None) if whole else problem.unknowns.of("parameters", "statistics")
     mean[given], cov[given, given] = start
@@ -249,7 +245,7 @@ def _climb(problem: Problem, samples: Samples, start: tuple[Array, Array], clock
                 problem.build, moved, prior=prior, start=(mean, cov),
                 changes=Lateness(moved, problem.clocks) if problem.clocks else None,
             )  # fmt: skip
-            mean, cov, updated = mode.mean, mode.cov, updated + mode.updated
+            mean, cov = mode.mean, mode.cov
             if mode.ended:
                 break
         check_finite(mode.mean, mode.cov)
@@ -263,7 +259,7 @@ def _climb(problem: Problem, samples: Samples, start: tuple[Array, Array], clock
             break
     else:
         mode = mode._replace(settled=mode.settled and not problem.clocks)
-    return mode._replace(updated=updated)
+    return mode
 
 
 def _scores(problem: Problem, mode: InnovationMode, rate: float) -> PartScores:

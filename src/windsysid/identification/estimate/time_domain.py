@@ -171,13 +171,9 @@ def first_estimate(turbine: Turbine, rate: float) -> int:
 
 
 def describe_solution(
-    problem: TurbineProblem,
-    solution: Solution,
-    given: Turbine,
-    why: Finding,
-    history: tuple[Array, Array],
+    problem: TurbineProblem, solution: Solution, given: Turbine, why: Finding, history: tuple[Array, Array],
     elapsed: float,
-) -> Outcome:
+) -> Outcome:  # fmt: skip
     """Outcome of a solution, with notes and reasons.
 
     Parameters
@@ -205,12 +201,7 @@ def describe_solution(
         rotor=solution.mean_inputs[None, : len(problem.model.compiled.inputs)],
         channels=tuple(sensor.channel for sensor in problem.sensors),
         elapsed=elapsed,
-        notes=(
-            *problem.notes,
-            *_describe_loads(problem, why),
-            *note_tolerances(tolerances),
-            *solution.notes,
-        ),
+        notes=(*problem.notes, *_describe_loads(problem, why), *note_tolerances(tolerances), *solution.notes),
         statistics=learned_statistics(problem.statistics, solution.mean[eta], solution.cov[eta, eta]),
         doubts=_list_doubts(solution, given, problem.turbine, tolerances),
         loads=solution.loads,
