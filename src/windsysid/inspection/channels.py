@@ -66,9 +66,8 @@ def _kind_of_operation(channel: str, words: set[str], unit: str) -> Kind | None:
     """Kind of a channel of the rotor, of the air or of a control; None if it is none."""
     if "azimuth" in words:
         return "azimuth"
-    if (words & {"rotor", "rot"} and words & {"speed", "rpm"}) or set(filter(str.isalpha, words)) - _MACHINES == {
-        "rpm"
-    }:
+    alone = set(filter(str.isalpha, words)) - _MACHINES == {"rpm"}
+    if alone or (words & {"rotor", "rot"} and words & {"speed", "rpm"}):
         return "rotor speed"
     if "direction" in words:
         return "direction"
