@@ -19,7 +19,17 @@ def record_with(name: str, speed: float, unit: str = "rad/s") -> ws.Record:
 
 @pytest.mark.parametrize(
     "name",
-    [*"rotor_speed Drehzahl Rotordrehzahl rotor_rpm RotSpeed rpm Drehzahl_Rotor Drehzahl_WEA1".split(), "LSS speed"],
+    [
+        "rotor_speed",
+        "Drehzahl",
+        "Rotordrehzahl",
+        "rotor_rpm",
+        "RotSpeed",
+        "rpm",
+        "Drehzahl_Rotor",
+        "LSS speed",
+        "Drehzahl_WEA1",
+    ],
 )
 def test_a_speed_channel_is_known_by_its_usual_names(name: str):
     """With a German name the rotor's harmonics were modes."""
