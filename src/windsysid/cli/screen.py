@@ -52,13 +52,14 @@ def first_screen(parts: Sequence[Table | str], lines: int = MAX_SCREEN_LINES - 2
     return render(*shown, "… more: --verbose, or the page")
 
 
-def _verdict(parts: Sequence[Table | str], lines: int) -> list[str]:
+def _verdict(parts: Sequence[Table | str], lines: int) -> list[Table | str]:
     """The sentence "trust: …" that begins some parts, with as many of its first reasons as fit into some lines."""
     if not (parts and isinstance(parts[0], str) and parts[0].startswith("trust: ")):
         return []
-    texts = itertools.takewhile(lambda part: isinstance(part, str), parts[: 1 + MAX_REASONS])
-    said = list(map(str, texts))
-    return next((said[:count] for count in range(len(said), 0, -1) if _height(render(*said[:count])) <= lines), [])
+    said = list(map(str, itertools.takewhile(lambda part: isinstance(part, str), parts[: 1 + MAX_REASONS])))
+    while said and _height(render(*said)) > lines:
+        said.pop()
+    return said
 
 
 def _shorten(part: Table | str, lines: int) -> Table | str | None:
