@@ -56,7 +56,7 @@ def _verdict(parts: Sequence[Table | str], lines: int) -> list[Table | str]:
     """The sentence "trust: …" that begins some parts, with as many of its first reasons as fit into some lines."""
     if not (parts and isinstance(parts[0], str) and parts[0].startswith("trust: ")):
         return []
-    said = list(map(str, itertools.takewhile(lambda part: isinstance(part, str), parts[: 1 + MAX_REASONS])))
+    said = list(itertools.takewhile(lambda part: isinstance(part, str), parts[: 1 + MAX_REASONS]))
     while said and _height(render(*said)) > lines:
         said.pop()
     return said
