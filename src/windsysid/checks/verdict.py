@@ -192,13 +192,18 @@ def diagnose(
     line, found = _judge_line(seen, rotor_hz, of_innovations=not of_readings), [*findings]
     found += line if whiteness is None else _judge_innovations(whiteness, tests, rotor, line)
     doubts = doubt_priors(checks)
-    stiffnesses = {q.name for q in parameters if q.kind == "stiffness"}
-    is_another_machine = bool(stiffnesses) and stiffnesses <= {name for one in doubts for name in one.quantities}
-    found = [*doubts, *found] if is_another_machine else [*found, *doubts]
+    at = len(found) * (not _is_another_machine(doubts, parameters))
+    found[at:at] = doubts
     prior_cov = np.diag([q.prior[1] ** 2 for q in parameters])
     found += describe_directions(names, cov, prior_cov, logarithmic, theta) if names else []
     found += doubt_damping(parameters, theta, cov, damping)
     return Diagnosis(tuple(found), whiteness, checks, rotor_hz, rotor.blades, band_of_interest(frequencies), seen)
+
+
+def _is_another_machine(doubts: Sequence[Finding], parameters: Sequence[Parameter]) -> bool:
+    """Test whether every stiffness contradicts its prior."""
+    stiffnesses = {q.name for q in parameters if q.kind == "stiffness"}
+    return bool(stiffnesses) and stiffnesses <= {name for one in doubts for name in one.quantities}
 
 
 def _judge_innovations(w: Whiteness, tests: RecordTests, rotor: TurningRotor, line: list[Finding]) -> list[Finding]:

@@ -41,14 +41,11 @@ def first_screen(parts: Sequence[Table | str], lines: int = MAX_SCREEN_LINES - 2
     shown = list[Table | str]()
     for i, part in enumerate(parts):
         room = lines - 1 - (_height(render(*shown)) if shown else 0)
-        fitting = _shorten(part, room)
-        if fitting is part:
-            shown.append(part)
-            continue
-        verdict = _verdict(parts[i + 1 :], room // 4)
+        verdict = [] if _height(render(part)) <= room else _verdict(parts[i + 1 :], room // 4)
         fitting = _shorten(part, room - (_height(render(*verdict)) if verdict else 0))
         shown += verdict if fitting is None else [fitting, *verdict]
-        break
+        if fitting is not part:
+            break
     return render(*shown, "… more: --verbose, or the page")
 
 

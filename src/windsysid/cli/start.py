@@ -204,17 +204,20 @@ def _complete_guess(guess: "Guess", known: list[str], taken: set[str], guide: _G
     elif guess.name is None and known:
         guess = replace(guess, name=guide.ask(f"Name of '{guess.written}'", free, default=guess.written))
     unit = partial(_unit, guess.name or guess.written)
-    offered = guess.unit
+    guess = _without_unsuitable_unit(guess, unit)
     if guess.is_said:
-        try:
-            unit(offered or LEAVE_OUT)
-        except RecordError:
-            offered = None
-        else:
-            return guess
+        return guess
     print(printable(f"'{guess.written}': {'; '.join((*guess.evidence, *guess.doubts))}"))
     question = f"Unit of '{guess.written}' (g, mg, m/s^2, rpm …; {LEAVE_OUT} leaves it out)"
-    return replace(guess, unit=guide.ask(question, unit, offered=offered), doubts=())
+    return replace(guess, unit=guide.ask(question, unit, offered=guess.unit), doubts=())
+
+
+def _without_unsuitable_unit(guess: "Guess", accept: Callable[[str], str]) -> "Guess":
+    try:
+        accept(guess.unit or LEAVE_OUT)
+    except RecordError:
+        return replace(guess, unit=None, evidence=())
+    return guess
 
 
 def _section(record: Path, mapping: Path | None, turbine: str, guide: _Guide) -> list[str]:
@@ -254,11 +257,9 @@ def _unit(channel: str, text: str) -> str:
 
     if not text:
         raise ConfigurationError(f"expected a unit, such as m/s^2 or g, or {LEAVE_OUT} to leave the channel out")
-    if text == LEAVE_OUT:
-        return text
-    unit = canonical(text)
-    check_quantity(channel, unit)
-    return unit
+    if text != LEAVE_OUT:
+        check_quantity(channel, text := canonical(text))
+    return text
 
 
 def _positive(text: str) -> float:

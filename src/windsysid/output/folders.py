@@ -154,9 +154,8 @@ def content_of(folder: str | Path) -> str:
     if not folder.exists():
         return "no such folder: check the name"
     if not folder.is_dir():
-        if folder.name in NAMES:
-            return "a file: give the folder that holds it"
-        return "a file: give the folder of a result; windsysid identify RECORD makes one"
+        what = "that holds it" if folder.name in NAMES else "of a result; windsysid identify RECORD makes one"
+        return f"a file: give the folder {what}"
     if (folder / "identification.nc").exists():
         return "one of identify: give another folder"
     if (folder / "inspection.json").exists():

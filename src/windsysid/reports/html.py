@@ -68,9 +68,9 @@ def report_page(title: str, subtitle: str, sections: Sequence[Section]) -> bytes
     return page.encode(errors="backslashreplace")
 
 
-def reasons_against(reasons: Sequence[str]) -> list[str]:
-    """A paragraph for every reason against a result; pages mark them, and the first has the verdict."""
-    return [f"{'and' if i else 'trust: NO,'} because {reason}" for i, reason in enumerate(reasons)]
+def reasons_against(reasons: Sequence[str], otherwise: Sequence[str] = ()) -> list[str]:
+    """A paragraph for every reason against a result, the first with the verdict, which pages mark; else `otherwise`."""
+    return [f"{'and' if i else 'trust: NO,'} because {reason}" for i, reason in enumerate(reasons)] or [*otherwise]
 
 
 def _shown(section: Section, number: int) -> dict[str, object]:

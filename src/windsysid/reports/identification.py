@@ -36,7 +36,7 @@ def identification_report(identification: Identification, record: Record | None 
     sections = [
         Section(
             "Result",
-            text=[*(reasons_against(i.diagnosis.reasons) or [str(i.diagnosis)]), *i.usable(), READING],
+            text=[*reasons_against(i.diagnosis.reasons, [str(i.diagnosis)]), *i.usable(), READING],
             tables=[*([i.modes_table()] if i.modes else []), i.table()],
             plots=coefficient_plots(i, caption(i)),
         ),
