@@ -85,8 +85,8 @@ def misfit(function: Callable[..., Any], arguments: tuple[Any, ...], options: di
     signature, names = inspect.signature(function), getattr(inspect.unwrap(function), "__globals__", {})
     try:
         given = signature.bind(*arguments, **options).arguments
-    except TypeError:
-        return None
+    except TypeError as error:
+        return f"{error}; its arguments are {', '.join(signature.parameters)}"
     for key, value in given.items():
         parameter = signature.parameters[key]
         written = Any if parameter.annotation is parameter.empty else parameter.annotation
