@@ -22,7 +22,7 @@ _WHY_STATE = {
     "given": "as given", "pitch": "blades are feathered", "speed": "rotor speed {share:.3g %} of the usual one",
     "unknown": "no rotor speed is recorded; if the turbine is parked, give that as its state",
 }  # fmt: skip
-_MAY_DECIDE = ": a machine or waves would cause it; a longer record or another section may decide"
+_MAY_DECIDE = ": another section may decide"
 
 
 def _load_model_chosen(d: Data) -> str:
@@ -85,13 +85,13 @@ MODEL: Final[Mapping[str, Sentence]] = {
         ": likely loads of a machine; try the load model narrow-band",
     ),
     "narrow_band_load_ambiguous": (
-        "another explanation of the narrow-band load at {frequency:.3g} Hz has a probability of {chance:.2g %}, and"
-        " {quantity} would change by {sigmas:.1f} σ with it",
+        "the narrow-band load at {frequency:.3g} Hz has another explanation (probability {chance:.2g %}); {quantity}"
+        " would change by {sigmas:.1f} σ",
         _MAY_DECIDE,
     ),
     "narrow_band_load_possible": (
-        "a narrow-band load at {frequency:.3g} Hz has a probability of {chance:.2g %}, and {quantity} would change by"
-        " {sigmas:.1f} σ with it",
+        "a narrow-band load at {frequency:.3g} Hz is possible (probability {chance:.2g %}); {quantity} would change by"
+        " {sigmas:.1f} σ",
         _MAY_DECIDE,
     ),
     "tone_removed": ("a sinusoid at {frequency:.4g} Hz was removed from the readings", ": likely a machine"),
