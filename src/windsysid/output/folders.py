@@ -41,12 +41,12 @@ NAMES = frozenset(
         "changes.png",
         "damping.png",
         "fleet.png",
-        "modes.png",
+        "match.png",
+        "matches.csv",
+        "participation.png",
+        "modes.csv",
         "monitor.png",
         "plan.png",
-        "overview.png",
-        "spectra.png",
-        "spectrogram.png",
     ]
 )
 """Files that results consist of: a user's file of such a name is met before the work, not after it."""
