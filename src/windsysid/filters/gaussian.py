@@ -2,10 +2,11 @@
 update.
 
 A measurement of m readings with independent noise is taken in one reading at a time, which needs no matrix to be
-inverted and lets a missing reading (NaN) simply be left out. The covariance update is Joseph's form written out for a
-scalar reading,
+inverted and lets a missing reading (NaN) simply be left out. With P the covariance before the sample,
 
-    P ← (I − K h) P (I − K h)ᵀ + K r Kᵀ = P − K vᵀ − v Kᵀ + s K Kᵀ,     v = P hᵀ,  s = h v + r,  K = v / s.
+    v_c = P h_cᵀ − Σ_{d<c} K_d (h_c v_d),   s_c = h_c v_c + r_c,   K_c = v_c / s_c,   P ← P − Σ_c K_c v_cᵀ,
+
+so that P is read and written once a sample. Joseph's form would add the error of K_c, which is of the size of rounding.
 
 Source: Särkkä & Svensson, Bayesian Filtering and Smoothing (2nd ed.), ch. 6; Bucy & Joseph (1968).
 """
@@ -22,7 +23,7 @@ from windsysid.kernels.parts import lanes_sum
 from windsysid.kernels.rows import inner, multiply
 from windsysid.kernels.simd import LANES, load, splat, store
 
-__all__ = ["ARGUMENTS", "assimilate", "assimilate_sample", "close_belief", "keep", "open_belief", "scratch"]
+__all__ = ["ARGUMENTS", "assimilate_sample", "close_belief", "keep", "open_belief", "scratch"]
 
 
 scratch = threading.local()
@@ -60,21 +61,38 @@ def close_belief(ws: Any, mean: Any, cov: Any) -> None:
 
 @pasted
 def assimilate_sample(ws: Any, blocks: Any, readings: Any, gated: Any, whitened: Any, whitening_std: Any) -> float:
-    """Take in a sample's readings, linearised at ``ws.about``, one after the other; the log density that they had."""
-    vectors = ws.about.size // LANES
+    """Assimilate a sample's readings, linearised at ``ws.about``, given H P in ``ws.spread``; returns their log
+    density."""
+    vectors, m, n = ws.about.size // LANES, readings.size, ws.cov.shape[0]
+    H, v, gains, mean = ws.H, ws.spread, ws.gains, ws.mean
     total = 0.0
-    for c in range(readings.size):
+    for c in range(m):
         whitened[c] = np.nan
         whitening_std[c] = np.nan
         if np.isnan(readings[c]) or gated[c]:
+            for i in range(n):
+                gains[i, c] = 0.0
             continue
         moved = splat(0.0)
         for i in range(vectors):
-            moved = moved + load(ws.H, c * vectors + i) * (load(ws.mean, i) - load(ws.about, i))
-        z, std = assimilate(ws, c, readings[c] - ws.y[c] - lanes_sum(moved), blocks.noise[c])
+            moved = moved + load(H, c * vectors + i) * (load(mean, i) - load(ws.about, i))
+        s = blocks.noise[c] + inner(H, c, v, c)
+        scale, root = 1.0 / s, math.sqrt(s)
+        residual = readings[c] - ws.y[c] - lanes_sum(moved)
+        step = splat(scale * residual)
+        for i in range(vectors):
+            store(mean, i, load(mean, i) + step * load(v, c * vectors + i))
+        for d in range(c + 1, m):
+            share = splat(scale * inner(H, d, v, c))
+            for i in range(vectors):
+                store(v, d * vectors + i, load(v, d * vectors + i) - share * load(v, c * vectors + i))
+        for i in range(n):
+            gains[i, c] = -scale * v[c, i]
+        z = residual / root
         whitened[c] = z
-        whitening_std[c] = std
-        total -= 0.5 * (math.log(2.0 * math.pi) + z * z) + math.log(std)
+        whitening_std[c] = root
+        total -= 0.5 * (math.log(2.0 * math.pi) + z * z) + math.log(root)
+    multiply(ws.cov, gains, 0, n, 0, m, v, ws.cov)
     return total
 
 
@@ -91,31 +109,3 @@ def keep(mean: Any, cov: Any, k: int, means: Any, stds: Any, covs: Any) -> None:
         for i in range(n):
             for j in range(n):
                 covs[k, i, j] = cov[i, j]
-
-
-@pasted
-def assimilate(ws: Any, c: int, residual: float, variance: float) -> tuple[float, float]:
-    """Take in reading `c`, row c of ``ws.H`` its derivative h, into ``ws.mean`` and ``ws.cov``.
-
-    `residual` is its deviation from the expectation at the current mean. Returns the whitened innovation and the
-    standard deviation it was divided by.
-    """
-    n, vectors = ws.cov.shape[0], ws.cov.shape[1] // LANES
-    v, K, pulled, mean, cov = ws.spread, ws.K, ws.pulled, ws.mean, ws.cov
-    multiply(ws.nothing, ws.H, c, c + 1, 0, n, cov, v)
-    s = variance + inner(ws.H, c, v, c)
-    scale, size, step = splat(1.0 / s), splat(s), splat(residual)
-    for i in range(vectors):
-        along = load(v, c * vectors + i)
-        gain = along * scale
-        store(K, i, gain)
-        store(pulled, i, size * gain - along)
-        store(mean, i, load(mean, i) + gain * step)
-    # P − K vᵀ + (s K − v) Kᵀ
-    for j in range(vectors):
-        along, gain = load(v, c * vectors + j), load(K, j)
-        for i in range(n):
-            at = i * vectors + j
-            store(cov, at, load(cov, at) + splat(pulled[0, i]) * gain - splat(K[0, i]) * along)
-    root = math.sqrt(s)
-    return residual / root, root

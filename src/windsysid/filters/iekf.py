@@ -117,6 +117,7 @@ def _run(
         before = after
         compare(ws, blocks, readings[k], innovation[k], innovation_std[k], gated[k])
         settled = _iterate(reading_jacobian, blocks, ws, steps, after, readings[k], gated[k])
+        multiply(ws.nothing, ws.H, 0, ws.y.size, 0, ws.cov.shape[0], ws.cov, ws.spread)
         log_likelihood[k] = assimilate_sample(ws, blocks, readings[k], gated[k], whitened[k], whitening_std[k])
         if not settled:
             _copy(ws.about, ws.mean)

@@ -29,44 +29,57 @@ def padded(rows: int, columns: int) -> NDArray[np.float64]:
 def multiply(start: Any, weights: Any, first: int, last: int, begin: int, end: int, matrix: Any, out: Any) -> None:
     """Rows i of `out` = `start` + Σ_j weights[i, j] · row j of `matrix`, for first ≤ i < last and begin ≤ j < end.
 
-    A `start` of one row is that of every row. Four vectors of a sum at a time stay in registers.
+    A `start` of one row is that of every row. Two rows and up to four vectors of their sums stay in registers, so that
+    each vector of `matrix` is read once for both rows; a last row without a second is computed twice.
     """
     stays_a_function()
     width = out.shape[1] // LANES
     apart = 0 if start.shape[0] == 1 else width
-    for i in range(first, last):
+    for i in range(first, last, 2):
+        k = min(i + 1, last - 1)
         c = 0
         while c + 4 <= width:
-            at = i * apart + c
-            one, two, three, four = load(start, at), load(start, at + 1), load(start, at + 2), load(start, at + 3)
+            a, b, at = i * apart + c, k * apart + c, begin * width + c
+            a0, a1, a2, a3 = load(start, a), load(start, a + 1), load(start, a + 2), load(start, a + 3)
+            b0, b1, b2, b3 = load(start, b), load(start, b + 1), load(start, b + 2), load(start, b + 3)
             for j in range(begin, end):
-                weight, at = splat(weights[i, j]), j * width + c
-                one = one + weight * load(matrix, at)
-                two = two + weight * load(matrix, at + 1)
-                three = three + weight * load(matrix, at + 2)
-                four = four + weight * load(matrix, at + 3)
-            at = i * width + c
-            store(out, at, one)
-            store(out, at + 1, two)
-            store(out, at + 2, three)
-            store(out, at + 3, four)
+                u, v = splat(weights[i, j]), splat(weights[k, j])
+                m0, m1, m2, m3 = load(matrix, at), load(matrix, at + 1), load(matrix, at + 2), load(matrix, at + 3)
+                a0, a1, a2, a3 = a0 + u * m0, a1 + u * m1, a2 + u * m2, a3 + u * m3
+                b0, b1, b2, b3 = b0 + v * m0, b1 + v * m1, b2 + v * m2, b3 + v * m3
+                at += width
+            _store_four(out, i * width + c, a0, a1, a2, a3)
+            _store_four(out, k * width + c, b0, b1, b2, b3)
             c += 4
         while c + 2 <= width:
-            at = i * apart + c
-            one, two = load(start, at), load(start, at + 1)
+            a, b, at = i * apart + c, k * apart + c, begin * width + c
+            a0, a1, b0, b1 = load(start, a), load(start, a + 1), load(start, b), load(start, b + 1)
             for j in range(begin, end):
-                weight, at = splat(weights[i, j]), j * width + c
-                one = one + weight * load(matrix, at)
-                two = two + weight * load(matrix, at + 1)
-            at = i * width + c
-            store(out, at, one)
-            store(out, at + 1, two)
+                u, v = splat(weights[i, j]), splat(weights[k, j])
+                m0, m1 = load(matrix, at), load(matrix, at + 1)
+                a0, a1, b0, b1 = a0 + u * m0, a1 + u * m1, b0 + v * m0, b1 + v * m1
+                at += width
+            store(out, i * width + c, a0)
+            store(out, i * width + c + 1, a1)
+            store(out, k * width + c, b0)
+            store(out, k * width + c + 1, b1)
             c += 2
         if c < width:
-            one = load(start, i * apart + c)
+            a0, b0, at = load(start, i * apart + c), load(start, k * apart + c), begin * width + c
             for j in range(begin, end):
-                one = one + splat(weights[i, j]) * load(matrix, j * width + c)
-            store(out, i * width + c, one)
+                m0 = load(matrix, at)
+                a0, b0 = a0 + splat(weights[i, j]) * m0, b0 + splat(weights[k, j]) * m0
+                at += width
+            store(out, i * width + c, a0)
+            store(out, k * width + c, b0)
+
+
+@pasted
+def _store_four(out: Any, at: int, one: Any, two: Any, three: Any, four: Any) -> None:
+    store(out, at, one)
+    store(out, at + 1, two)
+    store(out, at + 2, three)
+    store(out, at + 3, four)
 
 
 @pasted

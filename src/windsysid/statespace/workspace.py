@@ -116,9 +116,9 @@ class Workspace(NamedTuple):
         ∂y/∂ state (m + 1, n⁺), of which a kernel writes the first columns, and those of θ through `H_p`; ∂y/∂w goes
         into `E`, and through the loads' states into `seen`.
     spread
-        H P (m, n⁺).
-    K, pulled
-        A reading's gain and s K − v (1, n⁺).
+        H P (m, n⁺), and then v of each reading.
+    gains
+        −Kᵀ of all readings (n, m⁺).
     nothing
         A row of zeros, as long as any.
     """
@@ -167,8 +167,7 @@ class Workspace(NamedTuple):
     E: Matrix
     seen: Matrix
     spread: Matrix
-    K: Matrix
-    pulled: Matrix
+    gains: Matrix
     nothing: Matrix
 
 
@@ -221,8 +220,7 @@ def workspace(blocks: Blocks) -> Workspace:
         within=padded(moving, rough), within_T=padded(rough, moving),
         moved=padded(moving, n), moved_T=padded(n, moving), pushed=padded(moving, nz), crossed=padded(moving, moving),
         y=np.zeros(m), H=H, H_p=shifted(H, nx + nz + nb), E=np.zeros((m, nw)), seen=padded(m, nz), spread=padded(m, n),
-        K=padded(1, n), pulled=padded(1, n),
-        nothing=padded(1, n + columns),
+        gains=padded(n, m), nothing=padded(1, n + columns),
     )  # fmt: skip
 
 
