@@ -3,7 +3,7 @@
    The state is [x | z | θ]: NX mechanical states (displacements, then velocities), NZ first-order Gauss–Markov loads, one on each degree
    of freedom, and NT parameters in filter coordinates, p = scale · exp(θ) or scale · θ. x goes through RK4 with its sensitivities to
    x₀, w₀, w₁ and p; the load noise reaches it through w₁, inside its own step, and the deviation of each load from a straight line
-   within the step through w₀ and w₁. Readings are taken in one at a time by Joseph's form written out; NaN is a missing reading.
+   within the step through w₀ and w₁. Readings are taken in one at a time, and all of them reach the covariance at once; NaN is a missing reading.
 
    benchmarks/speed.py writes model.h: the sizes NX, NZ, NT, NU, NP, M, and windsysid's equations of motion and readings in C. It also
    compiles and runs this file. All sizes are known to the compiler; rows are padded to whole registers, so that its loops have no remainder.
@@ -164,7 +164,7 @@ static void predict(const Model *model, Belief *b, const double *before, const d
 static void update(const Model *model, Belief *b, const double *inputs, const double *readings, const Info *out)
 {
     double w[NZ], y[M], C[M][NX] = {{0}}, D[M][SOME(NT)] = {{0}}, E[M][NZ] = {{0}};
-    double H[M][W] ALIGNED = {{0}}, v[W] ALIGNED, gain[W] ALIGNED, pulled[W] ALIGNED, about[W] ALIGNED;
+    double H[M][W] ALIGNED = {{0}}, v[M][W] ALIGNED, gains[N][M], about[W] ALIGNED;
 
     set_parameters(model, b);
     for (int i = 0; i < NZ; i++) w[i] = inputs[NU + i] + b->mean[NX + i];
@@ -175,34 +175,39 @@ static void update(const Model *model, Belief *b, const double *inputs, const do
         for (int i = 0; i < NT; i++) H[c][NX + NZ + i] = D[c][i] * b->slope[i];
         out->innovation[c] = readings[c] - y[c];
         out->innovation_std[c] = NAN;
+        COMBINE(v[c], H[c], N, b->P, W);
         if (isnan(readings[c])) continue;
         double s = model->r[c];
-        COMBINE(v, H[c], N, b->P, W);
-        for (int i = 0; i < W; i++) s += H[c][i] * v[i];
+        for (int i = 0; i < W; i++) s += H[c][i] * v[c][i];
         out->innovation_std[c] = sqrt(s);
     }
     memcpy(about, b->mean, sizeof about);
     *out->log_likelihood = 0.0;
     for (int c = 0; c < M; c++) {
         out->whitened[c] = out->whitening_std[c] = NAN;
+        for (int i = 0; i < N; i++) gains[i][c] = 0.0;
         if (isnan(readings[c])) continue;
         double s = model->r[c], residual = readings[c] - y[c];
-        COMBINE(v, H[c], N, b->P, W);
         for (int i = 0; i < W; i++) {
-            s += H[c][i] * v[i];
+            s += H[c][i] * v[c][i];
             residual -= H[c][i] * (b->mean[i] - about[i]);
         }
         double scale = 1.0 / s, std = sqrt(s);
-        for (int i = 0; i < W; i++) {
-            gain[i] = v[i] * scale;
-            pulled[i] = s * gain[i] - v[i];
-            b->mean[i] += gain[i] * residual;
+        for (int i = 0; i < W; i++) b->mean[i] += scale * residual * v[c][i];
+        for (int d = c + 1; d < M; d++) {
+            double share = 0.0;
+            for (int i = 0; i < W; i++) share += scale * H[d][i] * v[c][i];
+            for (int i = 0; i < W; i++) v[d][i] -= share * v[c][i];
         }
-        for (int i = 0; i < N; i++)
-            for (int j = 0; j < W; j++) b->P[i][j] += pulled[i] * gain[j] - gain[i] * v[j];
+        for (int i = 0; i < N; i++) gains[i][c] = -scale * v[c][i];
         out->whitened[c] = residual / std;
         out->whitening_std[c] = std;
         *out->log_likelihood -= 0.5 * (log(2.0 * M_PI) + out->whitened[c] * out->whitened[c]) + log(std);
+    }
+    for (int i = 0; i < N; i++) {
+        double row[W] ALIGNED;
+        COMBINE(row, gains[i], M, v, W);
+        for (int j = 0; j < W; j++) b->P[i][j] += row[j];
     }
     for (int i = 0; i < N; i++) {
         for (int j = 0; j < i; j++) b->P[i][j] = b->P[j][i];

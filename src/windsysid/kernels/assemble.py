@@ -21,8 +21,8 @@ from numba.extending import intrinsic
 
 from windsysid.errors import ConfigurationError
 from windsysid.kernels.jit import compiled
-from windsysid.kernels.simd import FAST_FLAGS, IR_DOUBLE, IR_VECTOR, splatted
-from windsysid.kernels.vector_functions import vector_call
+from windsysid.kernels.simd import FAST_FLAGS, IR_DOUBLE, IR_INDEX, IR_VECTOR, LANES, splatted
+from windsysid.kernels.vector_functions import TURNS, sine_and_cosine, vector_call
 
 __all__ = ["assembled", "where"]
 
@@ -33,6 +33,9 @@ _OF_CONSTANTS: dict[type[ast.AST], Callable[..., Any]] = {
     ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv,
     ast.Pow: operator.pow, ast.USub: operator.neg,
 }  # fmt: skip
+_TURNS = tuple(function.__name__ for function in TURNS)
+_MIN_ANGLES = 3
+"""Angles of numbers from which one vector is faster than calls for each."""
 _MAX_MULTIPLIED_EXPONENT = 1 << 16
 """Whole exponents up to which a power is written as multiplications."""
 
@@ -100,13 +103,17 @@ class _Body:
             name: context.make_array(kind)(context, builder, array) for name, (kind, array) in arrays.items()
         }
         self.names: dict[str, Any] = {}
+        self.waiting: dict[str, ast.expr] = {}
+        self.turned: dict[str, Sequence[Any]] = {}
 
     def write(self, statements: Sequence[ast.stmt]) -> None:
-        """One assignment after another."""
+        """One assignment after another, once the sines and cosines of all angles are known."""
+        self.waiting = {s.targets[0].id: s.value for s in statements if _names(s)}
+        self._turn([node for statement in statements for node in ast.walk(statement)])
         for statement in statements:
             match statement:
-                case ast.Assign(targets=[ast.Name(id=name)], value=value):
-                    self.names[name] = self._term(value)
+                case ast.Assign(targets=[ast.Name() as name]):
+                    self._term(name)
                 case ast.Assign(targets=[target], value=value):
                     term = self._term(value)
                     pointer = self._place(target)
@@ -123,6 +130,8 @@ class _Body:
             case ast.Constant(value=int() | float() as value):
                 return value
             case ast.Name(id=name):
+                if name not in self.names and name in self.waiting:
+                    self.names[name] = self._term(self.waiting[name])
                 return self.names[name] if name in self.names else self._global(node, name)
             case ast.Subscript():
                 loaded = self.builder.load(self._place(node))
@@ -136,9 +145,33 @@ class _Body:
             case ast.Compare(left=left, ops=[sign], comparators=[right]):
                 compare = self.builder.fcmp_unordered if isinstance(sign, ast.NotEq) else self.builder.fcmp_ordered
                 return compare(_COMPARISONS[type(sign)], *self._alike(self._term(left), self._term(right)))
+            case ast.Call(func=ast.Name(id=name), args=[angle]) if name in _TURNS and ast.unparse(angle) in self.turned:
+                return self.turned[ast.unparse(angle)][_TURNS.index(name)]
             case ast.Call(func=ast.Name(id=name), args=args):
                 return self._called(node, self._global(node, name), [self._term(arg) for arg in args])
         raise _unknown(node)
+
+    def _turn(self, nodes: Sequence[ast.AST]) -> None:
+        """Sines and cosines of all angles: of vectors, and of `LANES` numbers as one vector."""
+        numbers: dict[str, Any] = {}
+        for node in nodes:
+            match node:
+                case ast.Call(func=ast.Name(id=name), args=[angle]) if name in _TURNS:
+                    text, value = ast.unparse(angle), self._term(angle)
+                    if not _constant(value) and text not in self.turned:
+                        if value.type == IR_VECTOR:
+                            self.turned[text] = sine_and_cosine(self.context, self.builder, value)
+                        else:
+                            numbers[text] = value
+        texts = list(numbers) if len(numbers) >= _MIN_ANGLES else []
+        for batch in (texts[first : first + LANES] for first in range(0, len(texts), LANES)):
+            vector = self._as(IR_VECTOR, numbers[batch[0]])
+            places = [ir.Constant(IR_INDEX, lane) for lane in range(LANES)]
+            for text, place in zip(batch, places, strict=False):
+                vector = self.builder.insert_element(vector, numbers[text], place)
+            results = sine_and_cosine(self.context, self.builder, vector)
+            for text, place in zip(batch, places, strict=False):
+                self.turned[text] = [self.builder.extract_element(result, place) for result in results]
 
     def _global(self, node: ast.AST, name: str) -> Any:
         for known in (self.known, self.known["__builtins__"]):
@@ -219,6 +252,11 @@ class _Body:
         if not found:
             raise _unknown(node)
         return self.context.get_function(typed, found)(self.builder, values)
+
+
+def _names(statement: ast.stmt) -> bool:
+    """Test whether a statement gives a name to a value."""
+    return isinstance(statement, ast.Assign) and isinstance(statement.targets[0], ast.Name)
 
 
 def _constant(term: Any) -> bool:

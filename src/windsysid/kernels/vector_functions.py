@@ -23,7 +23,7 @@ from windsysid.kernels.simd import (
     by_llvm,
 )
 
-__all__ = ["vector_call"]
+__all__ = ["TURNS", "sine_and_cosine", "vector_call"]
 
 _MAX_ARGUMENT = 1e6
 """Magnitude of an argument up to which n times a part of π/2 is exact; beyond, lanes go one by one."""
@@ -39,17 +39,17 @@ _COSINE = (
 )  # fmt: skip
 
 _BY_LLVM = {math.sqrt: "sqrt", abs: "fabs", max: "maxnum", min: "minnum"}
-_QUARTERS = {math.sin: 0, math.cos: 1}
-"""Number of quarter turns by which a function leads the sine."""
+TURNS = (math.sin, math.cos)
+"""What `sine_and_cosine` gives, in its order."""
 
 
 def vector_call(context: Any, builder: Any, function: Callable[..., Any], vectors: Sequence[Any]) -> Any:
     """Instructions for `function` of vectors."""
     if function in _BY_LLVM:
         return by_llvm(builder, _BY_LLVM[function], *vectors)
+    if function in TURNS:
+        return sine_and_cosine(context, builder, vectors[0])[TURNS.index(function)]
     call = context.get_function(function, signature(types.float64, *[types.float64] * len(vectors)))
-    if function in _QUARTERS:
-        return _turned(builder, call, _QUARTERS[function], vectors[0])
     result = ir.Constant(IR_VECTOR, ir.Undefined)
     for lane in (ir.Constant(IR_INDEX, i) for i in range(LANES)):
         value = call(builder, [builder.extract_element(vector, lane) for vector in vectors])
@@ -57,21 +57,24 @@ def vector_call(context: Any, builder: Any, function: Callable[..., Any], vector
     return result
 
 
-def _turned(builder: Any, call: Callable[..., Any], quarters: int, x: Any) -> Any:
-    """The sine of x, so many quarter turns ahead; `call` gives it for numbers."""
-    result = cgutils.alloca_once_value(builder, x)
+def sine_and_cosine(context: Any, builder: Any, x: Any) -> list[Any]:
+    """Instructions for the sine and the cosine of the vector x."""
+    calls = [context.get_function(f, signature(types.float64, types.float64)) for f in (math.sin, math.cos)]
+    results = [cgutils.alloca_once_value(builder, x) for _ in calls]
     with builder.if_else(_beyond(builder, x, _MAX_ARGUMENT), likely=False) as (far, near):
         with far, cgutils.for_range(builder, ir.Constant(ir.IntType(64), LANES)) as loop:
             lane = builder.trunc(loop.index, IR_INDEX)
-            value = call(builder, [builder.extract_element(x, lane)])
-            builder.store(builder.insert_element(builder.load(result), value, lane), result)
+            for call, result in zip(calls, results, strict=True):
+                value = call(builder, [builder.extract_element(x, lane)])
+                builder.store(builder.insert_element(builder.load(result), value, lane), result)
         with near:
-            builder.store(_reduced(builder, quarters, x), result)
-    return builder.load(result)
+            for value, result in zip(_reduced(builder, x), results, strict=True):
+                builder.store(value, result)
+    return [builder.load(result) for result in results]
 
 
-def _reduced(builder: Any, quarters: int, x: Any) -> Any:
-    """The sine by n and r."""
+def _reduced(builder: Any, x: Any) -> list[Any]:
+    """The sine and the cosine by n and r."""
 
     def times(*factors: Any) -> Any:
         product, *others = factors
@@ -99,7 +102,7 @@ def _reduced(builder: Any, quarters: int, x: Any) -> Any:
     s = times(r, r)
     odd = plus(r, times(r, s, polynomial(_SINE)))
     even = minus(_all(1.0), minus(times(_all(0.5), s), times(s, s, polynomial(_COSINE))))
-    return _in_quadrant(builder, plus(n, _all(float(quarters))), odd, even)
+    return [_in_quadrant(builder, plus(n, _all(quarters)), odd, even) for quarters in (0.0, 1.0)]
 
 
 def _in_quadrant(builder: Any, quadrant: Any, odd: Any, even: Any) -> Any:
