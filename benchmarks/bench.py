@@ -20,14 +20,16 @@ from pathlib import Path
 
 import speed
 from rich.console import Console
+from roofline import SIZES
 from sheets import Sheet, number
 
 from windsysid.filters import EKF
+from windsysid.filters.bank import LANES
 
 HERE = Path(__file__).parent
 RESULTS, PAGE = HERE / "results.json", HERE.parent / "docs" / "performance_tables.md"
 
-OURS, THEIRS = ("speed", "processes", "scaling", "growth", "compiling"), ("peers", "smc")
+OURS, THEIRS = ("speed", "roofline", "processes", "scaling", "growth", "compiling"), ("peers", "smc")
 """Parts, by the environment that they run in."""
 
 COMMANDS = {
@@ -37,6 +39,9 @@ COMMANDS = {
     "windsysid identify --no-report, rotor": 3.0, "windsysid identify, rotor": 3.4,
 }  # fmt: skip
 """Targets of whole commands in later runs [s of the processor]."""
+
+FLOORS, BANK = ("÷ C", "÷ C, vectors"), (f"the same, {LANES} side by side, each",)
+"""Headings of the C references, and the row of the bank's lanes."""
 
 LONG = ("smc",)
 """Parts that have no short form."""
@@ -110,10 +115,23 @@ def targets(sheets: Sequence[Sheet]) -> Sheet:
     ]
     turbines, processes = partial(find, sheets, "Turbines"), partial(find, sheets, "Whole commands")
     many, ten = turbines(("1000",), "µs per sample"), turbines(("10",), "µs per sample")
-    floors = [find(sheets, "One core", (EKF.name,), variant) for variant in ("÷ C", "÷ C, vectors")]
+    floors = [find(sheets, "One core", (EKF.name,), variant) for variant in FLOORS]
     particles = "2000 particles, 10000 samples"
     rows = [
-        _judged("joint EKF ÷ the faster C", 2.0, max((ratio for ratio in floors if ratio), default=None)),
+        _judged("joint EKF ÷ the faster C", 1.3, max((ratio for ratio in floors if ratio), default=None)),
+        _judged(
+            f"{BANK[0]}: ÷ the faster C",
+            1.3,
+            max((ratio for ratio in (find(sheets, "One core", BANK, v) for v in FLOORS) if ratio), default=None),
+        ),
+        *(
+            _judged(
+                f"spectral likelihood, {m} readings, {r} modes ÷ C",
+                1.3,
+                find(sheets, "Spectral likelihood", (str(m), str(r)), "÷ C"),
+            )
+            for m, r in SIZES
+        ),
         _judged("fastest peer ÷ joint EKF", -10.0, min((ratio for ratio in peers if ratio), default=None)),
         _judged("filterpy on windsysid's compiled equations ÷ joint EKF", -10.0, extended(("filterpy", "windsysid's"))),
         _judged("filterpy by differences ÷ joint EKF", -300.0, extended(("filterpy", "NumPy, differences"))),

@@ -92,6 +92,7 @@ SHORT: dict[str, tuple[str, ...]] = {
     "benchmarks/live_store.py": ("--blocks 100",),
     "benchmarks/peers.py": ("--short",),
     "benchmarks/processes.py": ("--short",),
+    "benchmarks/roofline.py": ("--short",),
     "benchmarks/scaling.py": ("--short",),
     "benchmarks/smc.py": ("--runs 1",),
     "benchmarks/spectral_cost.py": ("--short",),

@@ -24,7 +24,7 @@ def benchmark_modules(monkeypatch: pytest.MonkeyPatch) -> Iterator[dict[str, Mod
     """Modules of benchmarks/, whose names are not a package's; they are forgotten afterwards."""
     before = set(sys.modules)
     monkeypatch.syspath_prepend(str(BENCHMARKS))
-    yield {name: importlib.import_module(name) for name in ("models", "speed")}
+    yield {name: importlib.import_module(name) for name in ("models", "roofline", "speed")}
     for name in set(sys.modules) - before:
         if (BENCHMARKS / f"{name}.py").exists():
             del sys.modules[name]
@@ -43,6 +43,18 @@ def test_the_c_reference_computes_what_windsysid_computes(benchmark_modules: dic
     found = speed.Reference(model, tmp_path / "reference.so", ("-O1",)).run(problem.inputs, readings)
     expected = EKF.run(model, EKF.init(model), problem.inputs, readings)[1]
     assert speed.farthest_apart(found, expected) < speed.AGREES
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="the C reference is compiled with gcc")
+@pytest.mark.parametrize(("m", "r"), [(2, 1), (4, 2)])
+def test_the_spectral_likelihood_in_c_is_windsysids(
+    benchmark_modules: dict[str, ModuleType], tmp_path: Path, m: int, r: int
+):
+    """Value, gradient and information of a band."""
+    roofline = benchmark_modules["roofline"]
+    modes, band = roofline.band_of(m, r)
+    found = roofline.SpectralReference(tmp_path, m, r).run(modes, band)
+    assert roofline.apart(found, roofline.scores(modes, band)) < 1e-9
 
 
 def test_the_model_of_the_peers_is_windsysids(benchmark_modules: dict[str, ModuleType]):
