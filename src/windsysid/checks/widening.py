@@ -32,7 +32,6 @@ def mixture_factor(rivals: Sequence[tuple[float, float, float]]) -> float:
     >>> [round(mixture_factor([(shift, 1.0, chance)]), 2) for shift, chance in ((3.0, 0.25), (6.0, 1.0), (23.0, 0.002))]
     [1.95, 3.85, 1.01]
     """
-    from scipy.optimize import brentq
     from scipy.special import ndtr
 
     from windsysid.results.posterior import SIGMAS
@@ -47,4 +46,8 @@ def mixture_factor(rivals: Sequence[tuple[float, float, float]]) -> float:
         tails = ndtr((shifts - half) / widths) + ndtr((-shifts - half) / widths)
         return float(chances @ tails) - 2.0 * float(ndtr(-SIGMAS))
 
-    return max(1.0, float(brentq(beyond, 0.0, (SIGMAS + 10.0) * widths.max() + shifts.max())) / SIGMAS)
+    low, high = 0.0, float((SIGMAS + 10.0) * widths.max() + shifts.max())
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if beyond(middle) > 0.0 else (low, middle)
+    return max(1.0, low / SIGMAS)

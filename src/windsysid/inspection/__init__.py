@@ -20,6 +20,7 @@ from windsysid.inspection.screening import examine
 from windsysid.inspection.sections import Proposal, propose, propose_longest
 from windsysid.inspection.spectra import Spectrogram, Spectrum, cleaned, expected_modes, spectra, spectrogram
 from windsysid.inspection.stops import Stop, find_stops
+from windsysid.kernels.threads import one_thread
 from windsysid.records.coercion import MappingLike, RecordLike, as_record
 from windsysid.records.formats.contents.source import reading_notes
 from windsysid.records.record import Record
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 __all__ = ["Fault", "Inspection", "Proposal", "Stop", "inspect_record"]
 
 
+@one_thread()
 def inspect_record(
     record: RecordLike,
     turbine: "TurbineLike | None" = None,

@@ -28,6 +28,7 @@ from windsysid.records.formats.openfast import known_channel
 from windsysid.records.moments import has_zone
 from windsysid.records.quantities import implied_unit, plausible_units
 from windsysid.records.record import AS_WRITTEN, Record
+from windsysid.signals.textbook import short_spectra
 from windsysid.units import RPM, canonical, si_unit, to_si
 
 __all__ = ["Guess", "MappingProposal", "propose_mapping"]
@@ -288,14 +289,14 @@ def _gravity(record: Record, name: str, values: Array, rotor: Rotor | None) -> t
 
 def _peak(record: Record, values: Array, rotor: Rotor | None) -> list[str]:
     """The strongest frequency of a channel, where there is one."""
-    from scipy.signal import welch
-
     some = values[:_MAX_SAMPLES]
     ok = np.isfinite(some)
     if ok.sum() < 256 or not np.nanstd(some) > 0.0:
         return []
     filled = np.interp(np.arange(some.size), np.flatnonzero(ok), some[ok])
-    frequency, power = welch(filled - filled.mean(), fs=record.rate, nperseg=min(filled.size, 4096))
+    size = min(filled.size, 4096)
+    frequency, _, density = short_spectra(filled, record.rate, size, size // 2)
+    power = density.mean(axis=1)
     k = 1 + int(np.argmax(power[1:]))
     if power[k] < 20.0 * np.median(power[1:]):
         return []

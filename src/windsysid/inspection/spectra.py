@@ -17,6 +17,7 @@ from windsysid.inspection.limits import MAX_CONSTANT_SPEED_VARIATION, MAX_REFERE
 from windsysid.inspection.rotor import Rotor
 from windsysid.records.checks import refuse_gaps
 from windsysid.records.record import Record
+from windsysid.signals.textbook import short_spectra
 
 if TYPE_CHECKING:
     from windsysid.turbine.turbine import Turbine
@@ -216,8 +217,6 @@ def spectra(
     rotor: Rotor | None, modes: Sequence[tuple[str, float, float]], blades: int,
 ) -> tuple[Spectrum, ...]:  # fmt: skip
     """Welch spectra of the columns of `values` (T, m), with peaks and their matches."""
-    from scipy.signal import welch
-
     samples = len(values)
     size = int(min(max(samples // SEGMENTS_PER_RECORD, min(samples, 256)), MAX_SEGMENT_SECONDS * rate))
     if size < 16:
@@ -229,7 +228,8 @@ def spectra(
     resolution = 1.5 * rate / size  # noise bandwidth of a Hann window
     found = []
     for column, channel in enumerate(channels):
-        frequency, density = welch(values[:, column], rate, nperseg=size, detrend=_without_mean)
+        frequency, _, short = short_spectra(values[:, column], rate, size, size // 2)
+        density = short.mean(axis=1)
         lines = lines_in(channel, rotor, modes, blades, rate / 2.0, resolution)
         peaks = _peaks(frequency, density, resolution, segments, lines)
         found.append(Spectrum(channel, units[channel], frequency, density, resolution, peaks, lines))
@@ -309,10 +309,6 @@ def _broad_peaks(
     return found
 
 
-def _without_mean(segments: Any) -> Any:
-    return segments - segments.mean(axis=-1, keepdims=True)
-
-
 def _matches(at: float, lines: Sequence[ExpectedLine]) -> tuple[str, ...]:
     """Names of the lines a peak may be, the nearest first; a mode that is only near is named with its distance."""
     near = sorted(lines, key=lambda line: abs(line.frequency - at))
@@ -334,7 +330,6 @@ def spectrogram(
     A segment lasts some five turns of the rotor: 1P is distinguished from 2P while the speed hardly changes.
     """
     from scipy.fft import next_fast_len
-    from scipy.signal import spectrogram as stft
 
     duration = values.size / rate
     seconds = 5.0 * 2.0 * np.pi / abs(rotor.mean) if rotor is not None and rotor.turns else duration / 20.0
@@ -345,9 +340,7 @@ def spectrogram(
         return None
     size = int(next_fast_len(size, real=True))
     overlap = size - max(1, min(size // 2, max(size // 4, values.size // 2000)))
-    frequency, middle, density = stft(
-        values, rate, window="hann", nperseg=size, noverlap=overlap, detrend=_without_mean
-    )
+    frequency, middle, density = short_spectra(values, rate, size, overlap)
     if not varies or rotor is None:
         return Spectrogram(channel, unit, "time", time[0] + middle, frequency, density)
     speeds, mean = _over_speed(np.interp(middle, time - time[0], rotor.speed), density)

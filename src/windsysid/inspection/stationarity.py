@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from windsysid._types import Array, Mask
 from windsysid.inspection.limits import FALSE_ALARM_PROBABILITY, MAX_VIBRATION_CHANGE
 from windsysid.records.record import Record
+from windsysid.signals.textbook import tukey
 
 __all__ = ["SectionChanges", "Vibration", "changes", "vibration_of"]
 
@@ -118,7 +119,7 @@ def vibration_of(record: Record, channel: str) -> Vibration | None:
     edges = np.append(np.arange(0, len(values), per_step), len(values))
     size = np.diff(edges)
     x = np.add.reduceat(centred, edges[:-1]) / size
-    taper = _taper(len(x))
+    taper = tukey(len(x) + 2, 2.0 * TAPERED_SHARE)[1:-1]
     spectrum = np.fft.rfft(x * taper)
     spectrum[0] = 0.0
     power = np.abs(spectrum) ** 2
@@ -183,10 +184,3 @@ def _gain(power: Array, exponent: float) -> Array:
     inside = (share > 0.5 * POWER_SHARE_OUTSIDE) & (share < 1.0 - 0.5 * POWER_SHARE_OUTSIDE)
     inside[np.argmax(power)] = True
     return np.where(inside, np.maximum(smooth, 1e-300) ** (0.5 * (exponent - 1.0)), 0.0)
-
-
-def _taper(samples: int) -> Array:
-    """Tukey window (T,)."""
-    from scipy.signal.windows import tukey
-
-    return np.asarray(tukey(samples + 2, 2.0 * TAPERED_SHARE)[1:-1], dtype=np.float64)

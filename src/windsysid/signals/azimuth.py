@@ -11,6 +11,7 @@ from windsysid._types import Array
 from windsysid.records.kept import kept_with_record
 from windsysid.records.record import Record
 from windsysid.signals.band import bridged
+from windsysid.signals.textbook import local_parabolas, parabola_weights
 
 __all__ = ["MAX_SCATTER_RADIANS", "steadied"]
 
@@ -87,13 +88,11 @@ def _without_glitches(psi: Array) -> Array:
 def _without_scatter(psi: Array, rate: float, shortest: float, *, coarse: bool) -> Array:
     """Angles (T,) [rad] smoothed over `shortest` samples at least; the same array where they do not scatter, or, unless
     they are `coarse`, where what scatters is correlated."""
-    from scipy.signal import savgol_coeffs, savgol_filter
-
     smooth, scatter, predicted = psi, np.zeros(1), math.inf
     window = 2 * math.ceil(0.5 * min(shortest, len(psi))) + 1 if shortest > MIN_SAMPLES else MIN_SAMPLES
     while window <= min(max(MAX_SECONDS * rate, shortest), len(psi) / 4):
-        fit = np.asarray(savgol_filter(psi, window, 2), dtype=np.float64)
-        own = float(savgol_coeffs(window, 2)[window // 2])  # weight of an angle in its own fit
+        fit = local_parabolas(psi, window)
+        own = float(parabola_weights(window)[0, window // 2])  # weight of an angle in its own fit
         left = (psi - fit)[window // 2 : -(window // 2)]
         error = float(np.mean(np.square(left))) / (1.0 - own)  # the variance of white scatter
         if error < MAX_SCATTER_RADIANS**2:

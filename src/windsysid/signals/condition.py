@@ -17,6 +17,7 @@ from windsysid.errors import RecordError
 from windsysid.records.checks import refuse_gaps
 from windsysid.records.record import LOW_PASS, Record
 from windsysid.signals.integration import GRAVITY
+from windsysid.signals.textbook import cubic_spline
 
 __all__ = ["Despiked", "LevelledPair", "Unbiased", "despike", "remove_bias", "remove_gravity_and_tilt", "resample"]
 
@@ -212,9 +213,7 @@ def _interpolated(time: Array, values: Array, grid: Array, limit: float) -> Arra
         inside = slice(*np.searchsorted(grid, (t[0] - slack, t[-1] + slack)))
         at = np.clip(grid[inside], t[0], t[-1])
         if len(t) >= 4:
-            from scipy.interpolate import CubicSpline
-
-            result[inside] = CubicSpline(t, y)(at)
+            result[inside] = cubic_spline(t, y, at)
         elif len(t) >= 2:
             result[inside] = np.interp(at, t, y)
         else:
@@ -229,7 +228,7 @@ def _decimated(fine: Array, factor: int, margin: int) -> Array:
     known = np.isfinite(fine)
     if not known.any():
         return fine[margin::factor]
-    from scipy.signal import oaconvolve
+    from scipy.fft import irfft, next_fast_len, rfft
 
     taps = _low_pass(factor, margin)
     index = np.arange(len(fine))
@@ -244,7 +243,9 @@ def _decimated(fine: Array, factor: int, margin: int) -> Array:
         whole[tail] = 2.0 * whole[last] - whole[2 * last - index[tail]]
         whole[: head.start] = whole[head.start]
         whole[tail.stop :] = whole[tail.stop - 1]
-    passed = np.asarray(oaconvolve(whole, taps, mode="same"), dtype=np.float64)
+    size = next_fast_len(len(whole) + len(taps) - 1, real=True)
+    passed = np.asarray(irfft(rfft(whole, size) * rfft(taps, size), size), dtype=np.float64)
+    passed = passed[margin : margin + len(whole)]
     passed[~known] = np.nan
     return passed[margin::factor]
 
@@ -257,14 +258,11 @@ def _low_pass(factor: int, margin: int) -> Array:
     A filter that removes all below half the rate leaves a hole there that no model of the samples has, and a mode's
     damping pays for it. Source: Proakis, Digital Communications, ch. 9.2.
     """
-    from scipy.signal import firwin2
-
     across = np.linspace(0.4, 0.6, 41)
     gain = np.cos(0.25 * np.pi * (across - 0.4) / 0.1)
-    taps = np.asarray(
-        firwin2(2 * margin + 1, [0.0, *(2.0 * across / factor), 1.0], [1.0, *gain, 0.0], window=("kaiser", 4.0)),
-        dtype=np.float64,
-    )
+    f = np.linspace(0.0, 1.0, 1 + 2 ** math.ceil(math.log2(2 * margin + 1)))  # of half the rate
+    wanted = np.interp(f, [0.0, *(2.0 * across / factor), 1.0], [1.0, *gain, 0.0])
+    taps = np.fft.irfft(wanted * np.exp(-1j * np.pi * margin * f))[: 2 * margin + 1] * np.kaiser(2 * margin + 1, 4.0)
     return np.asarray(taps / taps.sum())  # of an azimuth that has run for hours a millionth would be an angle
 
 

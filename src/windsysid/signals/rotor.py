@@ -17,6 +17,7 @@ from windsysid.errors import RecordError
 from windsysid.records.record import Record
 from windsysid.signals.azimuth import steadied
 from windsysid.signals.band import bridged
+from windsysid.signals.textbook import local_parabolas
 
 __all__ = ["RotorMotion", "check_units", "rotor_from_encoder", "rotor_from_pulses", "rotor_inputs", "smooth_slope"]
 
@@ -296,9 +297,7 @@ def smooth_slope(values: Array, rate: float) -> Array:
     """Slope over one second, by local quadratic least squares (Savitzky & Golay 1964)."""
     if np.ptp(values) < 1e-9 * max(1.0, float(np.abs(values).max())):
         return np.zeros_like(values)
-    from scipy.signal import savgol_filter
-
     window = min(2 * math.ceil(rate / 2.0) + 1, len(values) - (1 - len(values) % 2))
     if window < 5:
         return np.gradient(values, 1.0 / rate)
-    return np.asarray(savgol_filter(values, window, 2, deriv=1, delta=1.0 / rate), dtype=np.float64)
+    return local_parabolas(values, window, 1, rate)

@@ -20,6 +20,7 @@ from windsysid.errors import RecordError
 from windsysid.records.record import Record
 from windsysid.signals.band import bridged
 from windsysid.signals.rotor import check_units, rotor_inputs
+from windsysid.signals.textbook import local_parabolas
 
 __all__ = ["to_nacelle", "tower_inputs", "with_nacelle_axes"]
 
@@ -194,10 +195,7 @@ def _unwrapped(yaw: Array) -> Array:
 
 def _smooth(yaw: Array, rate: float) -> Array:
     """Yaw, its rate and its acceleration (T, 3), by local quadratic least squares (Savitzky & Golay 1964)."""
-    from scipy.signal import savgol_filter
-
     window = min(2 * math.ceil(YAW_WINDOW_SECONDS * rate / 2.0) + 1, len(yaw) - (1 - len(yaw) % 2))
     if np.ptp(yaw) == 0.0 or window < 5:
         return np.column_stack([yaw, np.zeros((len(yaw), 2))])
-    columns = [savgol_filter(yaw, window, 2, deriv=order, delta=1.0 / rate) for order in (0, 1, 2)]
-    return np.asarray(np.column_stack(columns), dtype=np.float64)
+    return np.column_stack([local_parabolas(yaw, window, order, rate) for order in (0, 1, 2)])

@@ -20,6 +20,7 @@ from windsysid._types import Array
 from windsysid.mechanics.compile import compile_model
 from windsysid.reports.figures.plots import BAND, ERROR, ESTIMATE, MEASURED, REFERENCE, symbol, tidy
 from windsysid.results.identification import Identification
+from windsysid.signals.textbook import short_spectra
 from windsysid.simulation.integrate import constant_speed_inputs
 from windsysid.simulation.wind import (
     Direction,
@@ -244,10 +245,8 @@ def load_spectra_figure(study: DirectionChangeStudy) -> Figure:
 
 def mean_spectrum(values: Array) -> tuple[Array, Array]:
     """One-sided spectrum (Welch, 41 s pieces), the mean over columns."""
-    from scipy.signal import welch
-
-    frequency, spectra = welch(values, RATE, nperseg=4096, axis=0)
-    return np.asarray(frequency)[1:], np.asarray(spectra.mean(axis=1))[1:]
+    found = [short_spectra(column, RATE, 4096, 2048) for column in values.T]
+    return found[0][0][1:], np.asarray(np.mean([one[2].mean(axis=1) for one in found], axis=0))[1:]
 
 
 def _fit(ax: Axes) -> None:

@@ -37,6 +37,7 @@ from windsysid.records.record import Record
 from windsysid.results.finding import Finding
 from windsysid.signals.band import bridged
 from windsysid.signals.rotor import rotor_inputs
+from windsysid.signals.textbook import minimum
 from windsysid.spectral.transforms.harmonics import steadiness
 from windsysid.turbine.turbine import Turbine
 
@@ -222,13 +223,9 @@ def _turns(record: Record, psi: Array | None) -> float:
 
 def _refined(windowed: Array, time: Array, frequency: float, step: float) -> float:
     """The frequency [Hz] near another at which windowed values (T,) have most."""
-    from scipy.optimize import minimize_scalar
-
-    found = minimize_scalar(
-        lambda f: -abs(windowed @ np.exp(-2j * math.pi * f * time)),
-        bounds=(frequency - step, frequency + step), method="bounded", options={"xatol": 1e-3 * step},
-    )  # fmt: skip
-    return float(found.x)
+    return minimum(
+        lambda f: -abs(windowed @ np.exp(-2j * math.pi * f * time)), frequency - step, frequency + step, 1e-3 * step
+    )
 
 
 def _waves(values: Array, window: Array, phases: Sequence[Array]) -> Array:

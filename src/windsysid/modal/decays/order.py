@@ -14,6 +14,7 @@ from windsysid._types import Array
 from windsysid.modal.decays.likelihood import Decay, DecayFit, fit_decays, poles
 from windsysid.modal.decays.limits import MAX_DAMPING, MAX_MODES, MIN_CYCLES
 from windsysid.modal.decays.start import AVERAGED_BINS, realized_modes, residual_modes
+from windsysid.signals.textbook import tukey
 from windsysid.spectral.modal_bands.limits import MIN_DOUBLE_LOG_ODDS
 from windsysid.spectral.oma.limits import MAX_FREQUENCY_SHARE
 
@@ -81,8 +82,6 @@ def _whittle(fit: DecayFit) -> float:
 
     Tapered ends keep the skirts of modes that are still missing from covering what another one explains.
     """
-    from scipy.signal.windows import tukey
-
     total = 0.0
     for one in fit.records:
         taper = tukey(len(one.residual), TAPERED_SHARE)[:, None]

@@ -15,6 +15,7 @@ from windsysid.reports.interactive.plot import Axis, Mark, Plot, PlotCurve, Shad
 from windsysid.results.estimate import FittedSpectrum
 from windsysid.results.identification import Estimate, Identification
 from windsysid.results.posterior import SIGMAS
+from windsysid.signals.textbook import short_spectra
 from windsysid.units import engineering_unit, unit_text
 
 __all__ = [
@@ -145,8 +146,6 @@ def _gaps(frequency: Array) -> list[tuple[float, float]]:
 def _welch(found: Identification, record: Record, name: str) -> tuple[Array, Array] | None:
     """Welch's one-sided density of a channel at up to `MAX_POINTS` frequencies [Hz], whose resolution suits the
     narrowest mode; None where the channel has too few samples."""
-    from scipy.signal import welch
-
     values = record[name] - np.nanmean(record[name]) if np.isfinite(record[name]).any() else record[name]
     values = np.nan_to_num(values)
     width = min((2.0 * m.damping_ratio.estimate * m.frequency.estimate for m in found.modes), default=math.inf)
@@ -154,8 +153,8 @@ def _welch(found: Identification, record: Record, name: str) -> tuple[Array, Arr
     size = int(min(max(wanted, len(values) / 64.0), len(values) / MIN_AVERAGES))
     if size < 16:
         return None
-    f, density = welch(values, record.rate, nperseg=size)
-    f, density = f[1:], density[1:]
+    f, _, short = short_spectra(values, record.rate, size, size // 2)
+    f, density = f[1:], short[1:].mean(axis=1)
     places = np.unique(np.geomspace(1, len(f), MAX_POINTS).astype(int)) - 1
     counts = np.diff(places, append=len(f))
     f, density = (np.add.reduceat(v, places) / counts for v in (f, density))

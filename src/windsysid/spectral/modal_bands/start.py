@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array, Complex
+from windsysid.signals.textbook import minimum
 from windsysid.spectral.modal_bands.model import SLOPE_STD, Modes, responses, spectrum
 from windsysid.spectral.transforms.dft import Band, plain_band
 
@@ -35,8 +36,6 @@ EM_STEPS = 8
 def without_modes(band: Band) -> Modes:
     """Background of a band without modes: the most probable slope b, and the mean of the scaled spectra, which has the
     greatest likelihood."""
-    from scipy.optimize import minimize_scalar
-
     x = np.log(band.frequency / np.sqrt(band.frequency[0] * band.frequency[-1]))
     total, channels = float(band.counts.sum()), band.power.shape[1]
 
@@ -47,11 +46,11 @@ def without_modes(band: Band) -> Modes:
         ratio = float(np.linalg.slogdet(level(b))[1]) * total + b * channels * float(band.counts @ x)
         return float(ratio / band.factor + 0.5 * (b / SLOPE_STD) ** 2)
 
-    best = minimize_scalar(cost, bounds=(-MAX_SLOPE, MAX_SLOPE), method="bounded", options={"xatol": 1e-3})
-    found = level(float(best.x))
+    slope = minimum(cost, -MAX_SLOPE, MAX_SLOPE, 1e-3)
+    found = level(slope)
     found = found + 1e-9 * np.diag(np.einsum("kii->i", band.power).real / len(band.power))
     none, no = np.empty(0), np.empty((channels, 0), dtype=np.complex128)
-    return Modes(none, none, no, np.empty((0, 0), dtype=np.complex128), 0.0, _root(found), float(best.x))
+    return Modes(none, none, no, np.empty((0, 0), dtype=np.complex128), 0.0, _root(found), slope)
 
 
 def modes_at(known: Sequence[tuple[float, float]], band: Band) -> Modes:

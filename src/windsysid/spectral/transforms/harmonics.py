@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array, Complex
+from windsysid.signals.textbook import minimum
 from windsysid.spectral.transforms.limits import SINUSOID_FALSE_ALARM_PROBABILITY
 
 __all__ = ["find_lines", "steadiness", "without_harmonics", "without_line"]
@@ -45,7 +46,6 @@ def find_lines(values: Array, rate: float, low: float, high: float) -> list[floa
     """Frequencies [Hz] between two others at which values (T, n) have a steady sine."""
     from scipy.fft import next_fast_len, rfft
     from scipy.ndimage import maximum_filter1d
-    from scipy.stats import f as fisher
 
     samples, channels = values.shape
     tapers, sums = _tapers(samples)
@@ -53,9 +53,8 @@ def find_lines(values: Array, rate: float, low: float, high: float) -> list[floa
     frequency = np.arange(size // 2 + 1) * rate / size
     inside = (frequency > low) & (frequency < high)
     found: list[tuple[float, float]] = []
-    limit = float(
-        fisher.isf(SINUSOID_FALSE_ALARM_PROBABILITY / max(1, samples // 2 * channels), 2, 2 * TAPER_COUNT - 2)
-    )
+    chance = SINUSOID_FALSE_ALARM_PROBABILITY / max(1, samples // 2 * channels)
+    limit = (TAPER_COUNT - 1) * (chance ** (-1.0 / (TAPER_COUNT - 1)) - 1.0)  # of F with 2 and 2 (TAPERS − 1) degrees
     for column in values.T:
         tapered = tapers * column
         ratio = _ratio(rfft(tapered, size, axis=1)[:, inside], sums)
@@ -75,8 +74,6 @@ def find_lines(values: Array, rate: float, low: float, high: float) -> list[floa
 
 def without_line(values: Array, rate: float, frequency: float) -> Array:
     """Values (T, n) without a sine near a frequency [Hz], its own frequency by least squares."""
-    from scipy.optimize import minimize_scalar
-
     samples = len(values)
     time = np.arange(samples) / rate
 
@@ -86,13 +83,11 @@ def without_line(values: Array, rate: float, frequency: float) -> Array:
         return np.asarray(design @ np.linalg.solve(design.T @ design, design.T @ values))
 
     scale = 1.0 / np.maximum(values.std(axis=0), 1e-300)
-    best = minimize_scalar(
-        lambda f: -float(np.sum((fitted(f) * scale) ** 2)),
-        bounds=(frequency - 0.5 * rate / samples, frequency + 0.5 * rate / samples),
-        method="bounded",
-        options={"xatol": 1e-3 * rate / samples},
+    step = rate / samples
+    found = minimum(
+        lambda f: -float(np.sum((fitted(f) * scale) ** 2)), frequency - 0.5 * step, frequency + 0.5 * step, 1e-3 * step
     )
-    return np.asarray(values - fitted(float(best.x)))
+    return np.asarray(values - fitted(found))
 
 
 def steadiness(values: Array, rate: float, frequency: float) -> float:
@@ -113,10 +108,15 @@ def _ratio(spectra: Complex, sums: Array) -> Array:
 @lru_cache(maxsize=4)
 def _tapers(samples: int) -> tuple[NDArray[np.float64], Array]:
     """Slepian tapers (TAPERS, T), long ones interpolated, and their sums."""
-    from scipy.signal.windows import dpss
+    from scipy.linalg import eigh_tridiagonal
 
     most = 8192
-    short = dpss(min(samples, most), TAPER_BINS, TAPER_COUNT)
+    size = min(samples, most)
+    index = np.arange(size)
+    centre = (0.5 * (size - 1) - index) ** 2 * np.cos(2.0 * np.pi * TAPER_BINS / size)
+    beside = 0.5 * index[1:] * (size - index[1:])
+    _, columns = eigh_tridiagonal(centre, beside, select="i", select_range=(size - TAPER_COUNT, size - 1))
+    short = columns.T[::-1]
     if samples > most:
         at = np.linspace(0.0, most - 1.0, samples)
         short = np.array([np.interp(at, np.arange(most), taper) for taper in short])
