@@ -1,9 +1,10 @@
-"""A table of text: columns and rows are said once, a terminal and an HTML page show them."""
+"""A table of text, which a terminal and an HTML page show, and names of channels in words."""
 
-from collections.abc import Sequence
+import re
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-__all__ = ["READING", "Table"]
+__all__ = ["READING", "Table", "axes_of", "titled"]
 
 READING = "± is the 95 % interval. Numbers of grade A and B may be used, those of C not."
 """Explanation of tables of results."""
@@ -20,3 +21,33 @@ class Table:
     rows: Sequence[Sequence[str]]
     caption: str = ""
     words: Sequence[int] = (0,)
+
+
+_AXIS = re.compile(r"(?:tower|nacelle)[ _]([xyz])(?![^ _])")
+_DIRECTIONS = {"x": "side-side", "y": "vertical", "z": "fore-aft"}
+
+
+def titled(channel: str) -> str:
+    """Name of a channel in words, with the direction of an axis of tower or nacelle.
+
+    Examples
+    --------
+    >>> titled("tower_x_acceleration"), titled("blade_1_tip_lag_acceleration")
+    ('tower x acceleration, side-side', 'blade 1 tip lag acceleration')
+    """
+    words, axis = channel.replace("_", " "), _AXIS.match(channel)
+    words = words.replace("side side", "side-side").replace("fore aft", "fore-aft")
+    direction = f", {_DIRECTIONS[axis[1]]}" if axis else ""
+    return words if words.endswith(direction) else words + direction
+
+
+def axes_of(names: Iterable[str]) -> str:
+    """Directions of the axes in names of channels or modes, to be added to a caption; empty if there is none.
+
+    Examples
+    --------
+    >>> axes_of(["tower x", "tower y", "lag forward"])
+    '; x is side-side, y is vertical'
+    """
+    axes = sorted({axis[1] for axis in map(_AXIS.match, names) if axis})
+    return "".join(f"{', ' if i else '; '}{axis} is {_DIRECTIONS[axis]}" for i, axis in enumerate(axes))

@@ -23,7 +23,7 @@ CAUSES = ("load statistics", "gain", "alignment", "clock", "masses")
 """Sources of width in addition to the record's length and the prior: loads and noise that must be learned, and
 instruments and masses within tolerances."""
 
-WIDENED = ("dispersion", "which explanation")
+WIDENED = ("dispersion", "rival explanations")
 """Causes of intervals wider than those of the model: contradictions among segments or frequencies, and rival
 explanations."""
 

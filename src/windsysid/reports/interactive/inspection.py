@@ -9,6 +9,7 @@ from windsysid._types import Array
 from windsysid.inspection.bodies import body_of
 from windsysid.inspection.fault import Fault
 from windsysid.inspection.spectra import ExpectedLine, Spectrogram, Spectrum, seen_from
+from windsysid.output.table import titled
 from windsysid.reports.interactive.plot import Axis, Cells, Mark, Plot, PlotCurve, ShadedRange, shortened, thinned
 from windsysid.units import RPM, unit_text
 
@@ -45,7 +46,7 @@ def overview_plots(i: "Inspection") -> list[Plot]:
         curve = PlotCurve("readings", 0.5 * (low + high), low, high, "area", "measured")
         kinds, faults, dots = _faults(i, channel, time, values)
         curves = [curve] if dots is None else [curve, dots]
-        name = shortened(channel.replace("_", " "))
+        name = shortened(titled(channel))
         spans = [*sections, *faults]
         plots.append(
             Plot(name, time, curves, Axis("time [s]"), Axis(f"[{unit}]"), stops, spans, caption=kinds, link="time")
@@ -86,7 +87,7 @@ def spectra_plots(i: "Inspection") -> list[Plot]:
         ]
         marks += [Mark(peak.frequency, "", "measured", "listed peaks") for peak in spectrum.peaks]
         axes = Axis("frequency [Hz]", limits=(0.0, top)), Axis(f"PSD [{density_unit(spectrum.unit)}]", log=True)
-        title = spectrum.channel.replace("_", " ")
+        title = titled(spectrum.channel)
         plots.append(Plot(title, f[::size], [curve], *axes, marks=marks, link="frequency"))
     return plots
 
@@ -115,7 +116,7 @@ def _spectrogram_plot(i: "Inspection", picture: Spectrogram) -> Plot | None:
         PlotCurve(line.name, _curve(i, picture, line, x), colour=COLOURS[line.mode], dashed=True)
         for line in drawn_lines(lines, i.blades, top * 1.0001)
     ]
-    half, name = 0.5 * cells.width, shortened(picture.channel.replace("_", " "))
+    half, name = 0.5 * cells.width, shortened(titled(picture.channel))
     x_axis = Axis("rotor speed [rpm]" if over_speed else "time [s]", limits=(float(x[0] - half), float(x[-1] + half)))
     return Plot(name, x, curves, x_axis, Axis("frequency [Hz]", limits=(0.0, top)), cells=cells)
 
