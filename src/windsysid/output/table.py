@@ -23,17 +23,20 @@ class Table:
     words: Sequence[int] = (0,)
 
 
-_AXIS = re.compile(r"(?:tower|nacelle)[ _]([xyz])(?![^ _])")
-_DIRECTIONS = {"x": "side-side", "y": "vertical", "z": "fore-aft"}
+_AXIS = re.compile(
+    r"(?:(?:tower|nacelle|[kc])[ _](?=(?:[xyz]|beta)(?:[ _,]|$))|(?:blade[ _]\d+[ \w]*[ _])?(?=lag[ _]))"
+    r"(x|y|z|beta|lag)"
+)
+_DIRECTIONS = {"x": "side-side", "y": "vertical", "z": "fore-aft", "lag": "edgewise", "beta": "edgewise"}
 
 
 def titled(channel: str) -> str:
-    """Name of a channel in words, with the direction of an axis of tower or nacelle.
+    """Name of a channel in words, with the direction of its axis on tower, nacelle or blade; also of a coefficient.
 
     Examples
     --------
     >>> titled("tower_x_acceleration"), titled("blade_1_tip_lag_acceleration")
-    ('tower x acceleration, side-side', 'blade 1 tip lag acceleration')
+    ('tower x acceleration, side-side', 'blade 1 tip lag acceleration, edgewise')
     """
     words, axis = channel.replace("_", " "), _AXIS.match(channel)
     words = words.replace("side side", "side-side").replace("fore aft", "fore-aft")
@@ -42,12 +45,12 @@ def titled(channel: str) -> str:
 
 
 def axes_of(names: Iterable[str]) -> str:
-    """Directions of the axes in names of channels or modes, to be added to a caption; empty if there is none.
+    """Directions of the axes in names of channels, coefficients or modes, for a caption; empty if there is none.
 
     Examples
     --------
     >>> axes_of(["tower x", "tower y", "lag forward"])
-    '; x is side-side, y is vertical'
+    '; lag is edgewise, x is side-side, y is vertical'
     """
     axes = sorted({axis[1] for axis in map(_AXIS.match, names) if axis})
     return "".join(f"{', ' if i else '; '}{axis} is {_DIRECTIONS[axis]}" for i, axis in enumerate(axes))

@@ -212,8 +212,8 @@ class Identification(IdentificationValues, Answer):
             if e.tip is not None:
                 unit = "N/m" if e.kind == "stiffness" else "N*s/m"
                 rows.append(_estimate_cells("  at the tip", unit, "", "", e.tip)[: len(headings)])
-        title = "Stiffness and damping" if self.machine is not None else "Parameters"
-        return Table(headings, rows, title, words=(0, 3))
+        title = "Stiffness and damping" + axes_of(e.name for e in self.estimates)
+        return Table(headings, rows, title if self.machine is not None else "Parameters", words=(0, 3))
 
     def modes_table(self) -> Table:
         """The modes: frequencies, damping ratios, and how far they are from the nearest harmonic of the rotor."""
