@@ -309,7 +309,7 @@ def test_the_command_answers_and_writes_its_report(run, tmp_path):
     assert summary["modes"]["tower x"]["frequency"]["estimate"] == pytest.approx(0.3155, rel=2e-4)
     page = (tmp_path / "modes" / "report.html").read_text(encoding="utf-8")
     assert "data:image" not in page
-    assert page.count('<figure class="plot">') == 2
+    assert page.count('<figure class="plot"><figcaption>') == 2
     code, _, (line,) = run("modes", "--turbine", "nrel5mw", "--output", tmp_path / "modes")
     assert code == 2
     assert "already there" in line

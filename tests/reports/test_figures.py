@@ -78,8 +78,9 @@ def test_a_name_is_written_as_formulas_have_it(name: str, shown: str):
 
 
 def test_names_at_the_ends_of_curves_neither_overlap_nor_leave_the_picture():
-    x = np.array([1.0, 10.0])
-    curves = [PlotCurve(f"c_{i}", np.full(2, 1e-3 * i)) for i in range(9)] + [PlotCurve("6P", [1.0, np.nan])]
+    x = np.array([1.0, 5.0, 10.0])
+    curves = [PlotCurve(f"c_{i}", np.full(3, 1.0 + 1e-3 * i)) for i in range(9)]
+    curves.append(PlotCurve("6P", [1.0, 50.0, np.nan]))
     picture = static_svg(described(x=x, curves=curves, marks=[], spans=[], end_names=True), "0")
     places = sorted(float(y) for y in re.findall(r'y="([\d.]+)"[^>]*>c_\d<', picture))
     assert np.diff(places).min() > 11.0

@@ -25,9 +25,9 @@ BLADE_KINDS = ("lag", "edge", "flap", "torsion", "blade ")
 MAX_HARMONIC_RATIO = 2.5
 """Setting: highest frequency that is drawn, relative to the highest harmonic; models have modes far above."""
 
-POINTS, APART = 240, 1e-5
+POINTS, APART = 240, 0.006
 """Setting: rotor speeds at which curves are drawn, and distance of points that were measured at one speed, relative to
-the range of speeds: a curve has one value at each place."""
+the range of speeds, so that their intervals are seen."""
 
 
 def is_of_blades(name: str) -> bool:
@@ -50,17 +50,19 @@ def plots(found: Campbell) -> list[Plot]:
         top = min(top, MAX_HARMONIC_RATIO * max(found.orders) * rpm[-1] / 60.0)
     shown = [curve for curve in shown if np.nanmin(curve.frequency) < top]
     dense, apart = np.linspace(rpm[0], rpm[-1], POINTS), APART * max(rpm[-1] - rpm[0], 1.0)
-    at = np.array([mode.speed * RPM + apart * i for i, mode in enumerate(found.measured)])
+    speeds = [mode.speed * RPM for mode in found.measured]
+    at = np.array([v + apart * (speeds[:i].count(v) - 0.5 * (speeds.count(v) - 1)) for i, v in enumerate(speeds)])
     x = np.unique(np.concatenate([rpm, dense, at]))
     least = min(0.0, 1.1 * min(float(np.nanmin(100.0 * (c.damping - SIGMAS * c.damping_std))) for c in shown))
     most = 1.06 * max(float(np.nanmax(100.0 * (c.damping + SIGMAS * c.damping_std))) for c in shown)
-    most = max([most, *(110.0 * mode.damping_ratio.estimate for mode in found.measured)])
+    ratios = [mode.damping_ratio for mode in found.measured]
+    most = max([most, *(105.0 * min(one.high, 2.0 * one.estimate) for one in ratios)])
     harmonics = [(f"{n}P", n * x / 60.0) for n in found.orders]
     lines = [
         PlotCurve(name, np.where(f <= top, f, np.nan), colour="measured", dashed=True) for name, f in harmonics
     ]  # fmt: skip
     curves = [_curve(found, c.name, x, c.frequency, c.frequency_std) for c in shown]
-    ratios = [_curve(found, c.name, x, 100.0 * c.damping, 100.0 * c.damping_std) for c in shown]
+    damped = [_curve(found, c.name, x, 100.0 * c.damping, 100.0 * c.damping_std) for c in shown]
     low, high = (value * RPM for value in found.operating)
     spans = [ShadedRange(low, high, "operating range" if found.orders else "parked")]
     spans += [ShadedRange(one.low * RPM, one.high * RPM, "unstable", "error") for one in found.unstable]
@@ -70,7 +72,7 @@ def plots(found: Campbell) -> list[Plot]:
     return [
         Plot("Natural frequencies", x, [*lines, *curves, *_points(found, x, at, "frequency", 1.0)], x_axis,
              Axis("frequency [Hz]", limits=(0.0, top)), [usual], **common),  # type: ignore[arg-type]
-        Plot("Damping ratios", x, [*ratios, *_points(found, x, at, "damping_ratio", 100.0)], x_axis,
+        Plot("Damping ratios", x, [*damped, *_points(found, x, at, "damping_ratio", 100.0)], x_axis,
              Axis("damping ratio [%]", limits=(least, most)), [usual, Mark(0.0, across=True)], **common),  # type: ignore[arg-type]
     ]  # fmt: skip
 
@@ -103,7 +105,7 @@ def sections(found: Campbell) -> list[Section]:
         else ""
     )
     caption = f"In the fixed frame. Blue: tower, green: blades{bands}. Dashed: harmonics of the rotor." + (
-        " Points: measured, with 95 % intervals." if found.measured else ""
+        " Points: measured, with 95 % intervals, those of one speed next to each other." if found.measured else ""
     )
     where = f"Distance f / nP − 1 where it is least {speed_range(found.operating)}" if found.orders else "Parked"
     distances = where + (", ± 95 % interval" if found.banded else "") + axes_of(curve.name for curve in found.curves)

@@ -67,7 +67,7 @@ def files(watch: Watch) -> dict[str, bytes]:
     """``report.html``, ``monitor.png`` and ``summary.json``, by name."""
     caption = (
         "Grey: records less the effect of covariates. Blue: the level as it was known after each, with its 95 %"
-        " interval. Below: the test for a jump as a share of its threshold. Orange: jumps that set off an alarm, and"
+        " interval. Next to it: the test for a jump as a share of its threshold. Orange: jumps with an alarm, and"
         " when they happened."
     )
     jumps = Table(

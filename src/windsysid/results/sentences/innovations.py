@@ -33,12 +33,12 @@ def _unexplained_peak(d: Data) -> str:
 
 
 def _unexplained_level(d: Data) -> str:
-    return f"prediction errors of {d['channel']} are {d['level']:.2g} times as strong as expected around {_at(d)}"
+    return f"{d['channel']}: prediction errors {d['level']:.2g} times as strong as expected around {_at(d)}"
 
 
 def _level_over_frequency(d: Data) -> str:
     low, high = (_hz(d[f"{end}_frequency"], d["rotor_frequency"]) for end in ("low", "high"))
-    return f"the level of the prediction errors goes from {d['low']:.2f} around {low} to {d['high']:.2f} around {high}"
+    return f"the level of prediction errors goes from {d['low']:.2f} around {low} to {d['high']:.2f} around {high}"
 
 
 def _grows(d: Data) -> bool:
@@ -49,7 +49,7 @@ def _grows(d: Data) -> bool:
 
 INNOVATIONS: Final[Mapping[str, Sentence]] = {
     "channel_level": (
-        "the prediction errors of {channel} are {ratio:.3g} times as large as the model expects",
+        "prediction errors of {channel} are {ratio:.3g} times as large as the model expects",
         ": likely an instrument (its noise, unit or gain); check it or leave it out",
     ),
     "innovation_level": lambda d: (
@@ -100,7 +100,7 @@ INNOVATIONS: Final[Mapping[str, Sentence]] = {
         ": remove the spikes",
     ),
     "nonlinear_force": (
-        "the prediction errors of {channel} are correlated with the cube of {coordinate}",
+        "prediction errors of {channel} are correlated with the cube of {coordinate}",
         ": likely a hardening spring or friction; coefficients hold at this amplitude",
     ),
     "amplitude_dependence": (
