@@ -66,5 +66,5 @@ def std_of_model(found: Identification, name: str) -> float:
     shares = dict(
         zip(found.budget.causes, next(one.causes for one in found.budget.rows if one.name == name), strict=True)
     )
-    added = shares.get("dispersion", 0.0) + shares.get("which explanation", 0.0)
+    added = shares.get("dispersion", 0.0) + shares.get("rival explanations", 0.0)
     return float(found[name].std * np.sqrt(1.0 - added))

@@ -228,7 +228,6 @@ def test_the_command_says_it_and_writes_it(folders, tmp_path, capsys):
     assert "c_fore_aft: structure and a parked rotor's air" in capsys.readouterr().out
     assert sorted(path.name for path in output.glob("[!.]*")) == [
         "answer.json",
-        "damping.png",
         "report.html",
         "summary.json",
     ]

@@ -1,5 +1,6 @@
 """What figures show: limits, colours, labels and captions."""
 
+import re
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,13 +10,14 @@ from matplotlib.figure import Figure
 
 from windsysid.monitoring.change import Comparison, QuantityChange
 from windsysid.output.table import Table
-from windsysid.reports import campbell, comparison, fleet, inspection, watch
+from windsysid.reports import comparison, fleet, inspection, watch
 from windsysid.reports.figures import plots
 from windsysid.reports.figures.drawing import drawn
 from windsysid.reports.figures.plots import ERROR, ESTIMATE, MEASURED
 from windsysid.reports.html import Section, reasons_against, report_page
 from windsysid.reports.interactive import inspection as inspection_plots
 from windsysid.reports.interactive.plot import Axis, Mark, Plot, PlotCurve, ShadedRange
+from windsysid.reports.interactive.svg import static_svg
 
 
 def change(name: str, percent: float, log_odds: float) -> QuantityChange:
@@ -75,13 +77,15 @@ def test_a_name_is_written_as_formulas_have_it(name: str, shown: str):
     assert plots.symbol(name) == shown
 
 
-def test_names_at_the_end_of_curves_do_not_overlap():
-    figure = Figure(figsize=(5, 4))
-    ax = figure.subplots()
-    ax.set_ylim(0.0, 10.0)
-    campbell._label_ends(ax, [(5.0, "a", "k"), (5.01, "b", "k"), (5.02, "c", "k")])
-    places = [text.get_position()[1] for text in ax.texts]
-    assert np.diff(places).min() > 0.2
+def test_names_at_the_ends_of_curves_neither_overlap_nor_leave_the_picture():
+    x = np.array([1.0, 5.0, 10.0])
+    curves = [PlotCurve(f"c_{i}", np.full(3, 1.0 + 1e-3 * i)) for i in range(9)]
+    curves.append(PlotCurve("6P", [1.0, 50.0, np.nan]))
+    picture = static_svg(described(x=x, curves=curves, marks=[], spans=[], end_names=True), "0")
+    places = sorted(float(y) for y in re.findall(r'y="([\d.]+)"[^>]*>c_\d<', picture))
+    assert np.diff(places).min() > 11.0
+    assert places[-1] < 260.0
+    assert ">6P<" in picture
 
 
 def test_curves_that_end_together_share_a_name():

@@ -157,7 +157,7 @@ def test_the_page_of_an_identification_has_its_spectra_and_stays_small():
     record = ws.simulate(turbine, duration=300.0, rate=4.0, seed=1)
     found = ws.identify(record, turbine, formulation="spectral")
     plots = spectra_plots(found, record)
-    assert [plot.title for plot in plots] == ["tower x acceleration", "tower z acceleration"]
+    assert [plot.title for plot in plots] == ["tower x acceleration, side-side", "tower z acceleration, fore-aft"]
     for plot in plots:
         measured, model = plot.curves
         assert [measured.name, model.name] == ["measured", "model"]

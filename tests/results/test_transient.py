@@ -96,7 +96,7 @@ def test_only_causes_in_channels_that_fall_are_replaced():
     assert reasons(found) == [fall.finding, dead, short]
     (remark,) = remarks(found)
     assert (remark.code, remark.data["cause"]) == ("heavy_tails", "transient")
-    assert str(remark) == "the innovations of x have heavy tails (excess kurtosis 1.2)"
+    assert str(remark) == "the prediction errors of x have heavy tails (excess kurtosis 1.2)"
     (note,) = notes(found)
     assert note.data["because"]["data"]["cause"] == "transient"
     assert str(note).endswith("as spectra are in doubt (x has a sinusoid at 1 Hz, near a natural frequency)")

@@ -11,7 +11,7 @@ from windsysid.inspection.sections import Proposal
 from windsysid.inspection.spectra import Spectrogram, Spectrum
 from windsysid.inspection.stops import Stop
 from windsysid.output.answers import SummarisedAnswer
-from windsysid.output.table import Table
+from windsysid.output.table import Table, axes_of
 from windsysid.records.record import Record
 from windsysid.units import RPM, unit_text
 
@@ -154,7 +154,8 @@ class Inspection(SummarisedAnswer):
     def peaks_table(self, most_channels: int = 6) -> Table:
         """Spectral peaks of the most telling channels, `most_channels` at most."""
         headings = ("channel", "frequency [Hz]", "rms", "what it may be")
-        return Table(headings, self.peak_rows(most_channels), "Spectral peaks", words=(0, 3))
+        shown = [spectrum.channel for spectrum in self.spectra[:most_channels]]
+        return Table(headings, self.peak_rows(most_channels), f"Spectral peaks{axes_of(shown)}", words=(0, 3))
 
     @property
     def sections_title(self) -> str:

@@ -1,33 +1,33 @@
 """A Campbell diagram as a figure and as one page."""
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
+from windsysid._types import Array
 from windsysid.modal.campbell import MEASURED_HEADINGS, Campbell, speed_range
-from windsysid.output.table import Table
-from windsysid.reports.figures.canvas import canvas
-from windsysid.reports.figures.plots import BAND, ERROR, ESTIMATE, MEASURED, REFERENCE, tidy
-from windsysid.reports.html import Section, png, report_page
+from windsysid.output.table import Table, axes_of
+from windsysid.reports.html import Section, report_page
+from windsysid.reports.interactive.plot import Axis, Mark, Plot, PlotCurve, ShadedRange
 from windsysid.results.posterior import SIGMAS
 from windsysid.units import RPM
 
-__all__ = ["Campbell", "data", "figure", "files", "is_of_blades", "page", "sections"]
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
+__all__ = ["Campbell", "data", "figure", "files", "is_of_blades", "page", "plots", "sections"]
 
-BLADES, BLADES_BAND = "#2e7d46", "#b7d9c1"
-"""Modes of the blades; the support's are blue."""
 
 BLADE_KINDS = ("lag", "edge", "flap", "torsion", "blade ")
 
 MAX_HARMONIC_RATIO = 2.5
 """Setting: highest frequency that is drawn, relative to the highest harmonic; models have modes far above."""
 
-MAX_MARKED_SPEEDS = 12
-"""Setting: largest number of rotor speeds that are marked on the curves."""
+POINTS, APART = 240, 0.006
+"""Setting: rotor speeds at which curves are drawn, and distance of points that were measured at one speed, relative to
+the range of speeds, so that their intervals are seen."""
 
 
 def is_of_blades(name: str) -> bool:
@@ -35,136 +35,96 @@ def is_of_blades(name: str) -> bool:
     return name.startswith(BLADE_KINDS)
 
 
-def figure(found: Campbell, place: Axes | None = None) -> Figure:
+def figure(found: Campbell, place: "Axes | None" = None) -> "Figure":
     """Frequencies and damping ratios with ±2σ against rotor speed; harmonics dashed, the operating range shaded."""
-    drawn = canvas((10.0, 8.6), place)
-    above, below = drawn.subplots(2, 1, sharex=True, height_ratios=[1.9, 1.0])
-    rpm = found.speeds * RPM
-    top = 1.06 * max(float(np.nanmax(curve.frequency + SIGMAS * curve.frequency_std)) for curve in found.curves)
+    from windsysid.reports.figures.drawing import drawn
+
+    return drawn(plots(found), place, columns=1)
+
+
+def plots(found: Campbell) -> list[Plot]:
+    """Frequencies and damping ratios over rotor speed; harmonics dashed, measured modes as points."""
+    rpm, shown = found.speeds * RPM, found.curves
+    top = 1.06 * max(float(np.nanmax(curve.frequency + SIGMAS * curve.frequency_std)) for curve in shown)
     if found.orders:
         top = min(top, MAX_HARMONIC_RATIO * max(found.orders) * rpm[-1] / 60.0)
-    found = replace(found, curves=tuple(curve for curve in found.curves if np.nanmin(curve.frequency) < top))
-    ends = _draw_curves(found, above, below)
-    _draw_measured(found, above, below)
-    for order in found.orders:
-        above.plot(rpm, order * rpm / 60.0, color=MEASURED, ls="--", lw=0.9, zorder=1)
-        near = min(0.95 * (rpm[-1] - rpm[0]) + rpm[0], 60.0 * 0.94 * top / order)
-        above.text(
-            near, order * near / 60.0, f"{order}P", ha="center", va="center", fontsize=8.5, color="#555555",
-            bbox={"facecolor": "white", "lw": 0, "pad": 1.2, "alpha": 0.9},
-        )  # fmt: skip
-    above.set(ylim=(0.0, top), ylabel="frequency [Hz]")
-    below.set(xlim=(rpm[0], rpm[-1]), xlabel="rotor speed [rpm]", ylabel="damping ratio [%]")
+    shown = [curve for curve in shown if np.nanmin(curve.frequency) < top]
+    dense, apart = np.linspace(rpm[0], rpm[-1], POINTS), APART * max(rpm[-1] - rpm[0], 1.0)
+    speeds = [mode.speed * RPM for mode in found.measured]
+    at = np.array([v + apart * (speeds[:i].count(v) - 0.5 * (speeds.count(v) - 1)) for i, v in enumerate(speeds)])
+    x = np.unique(np.concatenate([rpm, dense, at]))
+    least = min(0.0, 1.1 * min(float(np.nanmin(100.0 * (c.damping - SIGMAS * c.damping_std))) for c in shown))
+    most = 1.06 * max(float(np.nanmax(100.0 * (c.damping + SIGMAS * c.damping_std))) for c in shown)
+    ratios = [mode.damping_ratio for mode in found.measured]
+    most = max([most, *(105.0 * min(one.high, 2.0 * one.estimate) for one in ratios)])
+    harmonics = [(f"{n}P", n * x / 60.0) for n in found.orders]
+    lines = [
+        PlotCurve(name, np.where(f <= top, f, np.nan), colour="measured", dashed=True) for name, f in harmonics
+    ]  # fmt: skip
+    curves = [_curve(found, c.name, x, c.frequency, c.frequency_std) for c in shown]
+    damped = [_curve(found, c.name, x, 100.0 * c.damping, 100.0 * c.damping_std) for c in shown]
     low, high = (value * RPM for value in found.operating)
-    least = min(0.0, 1.1 * min(float(np.nanmin(100.0 * (c.damping - SIGMAS * c.damping_std))) for c in found.curves))
-    below.set_ylim(bottom=least)
-    for ax in (above, below):
-        ax.axvspan(low, high, color="#f2ead9", lw=0, zorder=0)
-        ax.axvline(found.speeds[found.usual] * RPM, color=REFERENCE, ls=":", lw=0.8, zorder=1)
-        for each in found.unstable:
-            ax.axvspan(each.low * RPM, each.high * RPM, color=ERROR, alpha=0.25, lw=0, zorder=0)
-        tidy(ax)
-        _label_ends(ax, ends[ax])
-    if least < 0.0:
-        below.axhline(0.0, color=REFERENCE, lw=0.8)
-    words = ("operating range" if found.orders else "parked") + ("; orange: unstable" if found.unstable else "")
-    above.text(0.5 * (low + high), 1.012, words, transform=above.get_xaxis_transform(), ha="center", fontsize=8.5)
-    return drawn
+    spans = [ShadedRange(low, high, "operating range" if found.orders else "parked")]
+    spans += [ShadedRange(one.low * RPM, one.high * RPM, "unstable", "error") for one in found.unstable]
+    usual = Mark(float(rpm[found.usual]), group="the record" if found.record else "usual speed")
+    x_axis = Axis("rotor speed [rpm]", limits=(float(rpm[0]), float(rpm[-1])))
+    common = {"spans": spans, "link": "speed", "end_names": True, "tall": True}
+    return [
+        Plot("Natural frequencies", x, [*lines, *curves, *_points(found, x, at, "frequency", 1.0)], x_axis,
+             Axis("frequency [Hz]", limits=(0.0, top)), [usual], **common),  # type: ignore[arg-type]
+        Plot("Damping ratios", x, [*damped, *_points(found, x, at, "damping_ratio", 100.0)], x_axis,
+             Axis("damping ratio [%]", limits=(least, most)), [usual, Mark(0.0, across=True)], **common),  # type: ignore[arg-type]
+    ]  # fmt: skip
 
 
-Ends = dict[Axes, list[tuple[float, str, str]]]
-"""Of each axes, the value, name and colour of the curves that reach its right end."""
+def _curve(found: Campbell, name: str, x: Array, value: Array, std: Array) -> PlotCurve:
+    """Values of a mode with ±2σ at the speeds x, as far as it oscillates."""
+    seen, colour = np.isfinite(value), "other" if is_of_blades(name) else "estimate"
+    middle, half = (np.interp(x, RPM * found.speeds[seen], v[seen], np.nan, np.nan) for v in (value, SIGMAS * std))
+    ends = (middle - half, middle + half) if found.banded else (None, None)
+    return PlotCurve(name, middle, *ends, colour=colour)
 
 
-def _draw_curves(found: Campbell, above: Axes, below: Axes) -> Ends:
-    """Draw the modes' frequencies and damping ratios with ±2σ."""
-    rpm = found.speeds * RPM
-    ends: Ends = {above: [], below: []}
-    for curve in found.curves:
-        colour, band = (BLADES, BLADES_BAND) if is_of_blades(curve.name) else (ESTIMATE, BAND)
-        for ax, value, std in (
-            (above, curve.frequency, curve.frequency_std), (below, 100.0 * curve.damping, 100.0 * curve.damping_std),
-        ):  # fmt: skip
-            ax.fill_between(rpm, value - SIGMAS * std, value + SIGMAS * std, color=band, alpha=0.55, lw=0)
-            ax.plot(rpm, value, color=colour, lw=1.0, marker="o" if len(rpm) <= MAX_MARKED_SPEEDS else "", ms=3.5)
-            seen = np.flatnonzero(np.isfinite(value))
-            if seen[-1] == len(rpm) - 1:
-                ends[ax].append((float(value[-1]), curve.name, colour))
-            elif np.isfinite(value[found.usual]):
-                ax.annotate(
-                    curve.name, (rpm[seen[-1]], value[seen[-1]]), (5, 0), textcoords="offset points", fontsize=8.5,
-                    color=colour, va="bottom",
-                )  # fmt: skip
-    return ends
+def _points(found: Campbell, x: Array, at: Array, quantity: str, scale: float) -> Iterator[PlotCurve]:
+    """Measured modes with their intervals, those that are not to be trusted apart."""
+    for trusted, name, colour in ((True, "measured", "reference"), (False, "measured, not to be trusted", "error")):
+        rows = [i for i, mode in enumerate(found.measured) if mode.trusted is trusted]
+        values = np.full((3, len(x)), np.nan)
+        for i in rows:
+            one = getattr(found.measured[i], quantity)
+            values[:, np.searchsorted(x, at[i])] = scale * one.estimate, scale * one.low, scale * one.high
+        if rows:
+            yield PlotCurve(name, *values, look="dots", colour=colour)
 
 
-def _draw_measured(found: Campbell, above: Axes, below: Axes) -> None:
-    """Draw measured modes as points with ±2σ, hollow where they are not to be trusted."""
-    for mode in found.measured:
-        fill = REFERENCE if mode.trusted else "white"
-        for ax, one, scale in ((above, mode.frequency, 1.0), (below, mode.damping_ratio, 100.0)):
-            reach = [[scale * (one.estimate - one.low)], [scale * (one.high - one.estimate)]]
-            ax.errorbar(
-                mode.speed * RPM, scale * one.estimate, yerr=reach, fmt="o", ms=5, color=REFERENCE, mfc=fill,
-                elinewidth=0.9, zorder=4,
-            )  # fmt: skip
-
-
-def _label_ends(ax: Axes, ends: list[tuple[float, str, str]]) -> None:
-    """Write each curve's name next to its right end, none over another, a thin line to those that had to move."""
-    low, high = ax.get_ylim()
-    ends = [end for end in ends if end[0] <= high]
-    height = ax.bbox.height / ax.figure.dpi * 72.0
-    gap = 11.5 * (high - low) / height
-    ends = sorted(ends)
-    places = [end[0] for end in ends]
-    for _ in range(100):
-        for i in range(len(places) - 1):
-            overlap = gap - (places[i + 1] - places[i])
-            if overlap > 0.0:
-                places[i] -= 0.5 * overlap
-                places[i + 1] += 0.5 * overlap
-        shift = max(0.0, low + 0.4 * gap - places[0])
-        places[0] += shift
-    for place, (value, name, colour) in zip(places, ends, strict=True):
-        moved = abs(place - value) > 0.15 * gap
-        ax.annotate(
-            name, (1.0, value), (1.03 if moved else 1.012, place), xycoords=("axes fraction", "data"),
-            textcoords=("axes fraction", "data"), fontsize=8.5, color=colour, va="center", annotation_clip=False,
-            arrowprops={"arrowstyle": "-", "lw": 0.5, "color": colour, "shrinkA": 0, "shrinkB": 0,
-            "relpos": (0.0, 0.5)} if moved else None,
-        )  # fmt: skip
-
-
-def sections(found: Campbell, drawn: bytes) -> list[Section]:
+def sections(found: Campbell) -> list[Section]:
     """Sections of the page, with the diagram."""
     bands = (
         f"; shaded: 95 % intervals {found.band_source}, those of frequencies often as thin as the lines"
         if found.banded
         else ""
     )
-    caption = (
-        f"Frequencies and damping ratios in the fixed frame. Blue: tower, green: blades{bands}. Dashed: harmonics of"
-        f" the rotor, dotted: {'the record' if found.record else 'the usual speed'}."
-        + (" Points: measured, with 95 % intervals; hollow where they are not to be trusted." if found.measured else "")
+    caption = f"In the fixed frame. Blue: tower, green: blades{bands}. Dashed: harmonics of the rotor." + (
+        " Points: measured, with 95 % intervals, those of one speed next to each other." if found.measured else ""
     )
     where = f"Distance f / nP − 1 where it is least {speed_range(found.operating)}" if found.orders else "Parked"
-    distances = where + (", ± 95 % interval" if found.banded else "")
+    distances = where + (", ± 95 % interval" if found.banded else "") + axes_of(curve.name for curve in found.curves)
+    frequencies, ratios = plots(found)
     parts = [
         Section("Resonance and stability", text=found.sentences, tables=[Table(found.headings, found.rows, distances)]),
-        Section("Campbell diagram", figures=[(drawn, caption)]),
+        Section("Campbell diagram", text=[caption], plots=[frequencies]),
+        Section("Damping over rotor speed", plots=[ratios]),
         Section("How this was computed", text=found.notes),
     ]
     if found.measured:
         beside = Table(MEASURED_HEADINGS, found.measured_rows, "", words=(0, 2, 5, 7))
-        parts.insert(2, Section("What was measured", tables=[beside]))
+        parts.insert(3, Section("What was measured", tables=[beside]))
     return parts
 
 
 def files(found: Campbell) -> dict[str, bytes]:
-    """``report.html``, ``campbell.png``, ``modes.csv`` and ``summary.json``, by name."""
-    drawn = png(figure(found))
-    return {"report.html": page(found, sections(found, drawn)), "campbell.png": drawn, **data(found)}
+    """``report.html``, ``modes.csv`` and ``summary.json``, by name."""
+    return {"report.html": page(found, sections(found)), **data(found)}
 
 
 def page(found: Campbell, parts: Sequence[Section]) -> bytes:

@@ -1,82 +1,72 @@
 """Structural and aerodynamic damping as a figure and as one page."""
 
-import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
-from windsysid.monitoring.separation import DampingSplit, Separation
-from windsysid.output.table import Table
-from windsysid.reports.figures.canvas import canvas
-from windsysid.reports.figures.plots import BAND, ERROR, ESTIMATE, MEASURED, REFERENCE, symbol, tidy
-from windsysid.reports.html import Section, png, report_page
+import numpy as np
+
+from windsysid.monitoring.separation import DampingBand, DampingSplit, Separation, State
+from windsysid.output.table import Table, titled
+from windsysid.reports.html import Section, report_page
+from windsysid.reports.interactive.plot import Axis, Mark, Plot, PlotCurve
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 __all__ = ["figure", "files"]
 
-COLUMNS = 3
 
-
-def figure(separation: Separation, place: Axes | None = None) -> Figure:
+def figure(separation: Separation, place: "Axes | None" = None) -> "Figure":
     """Draw every record's damping in % of critical: structure's share, air's share, and the record's own value."""
-    splits, states = separation.splits, separation.states
-    columns = min(COLUMNS, len(splits))
-    rows = -(-len(splits) // columns)
+    from windsysid.reports.figures.drawing import drawn
+
+    return drawn(_plots(separation), place)
+
+
+def _plots(separation: Separation) -> list[Plot]:
+    """Damping of each degree of freedom over the states of operation, parked ones first."""
+    states = separation.states
     order = sorted(
         range(len(states)), key=lambda i: (not states[i].parked, states[i].rotor_speed, states[i].wind_speed or 0.0)
     )
-    width = max(3.4, 1.2 + 0.75 * len(states))
-    drawn = canvas((width * columns, 3.2 * rows + 0.4), place)
-    panels = drawn.subplots(rows, columns, squeeze=False).ravel()
-    for ax, split in zip(panels, splits, strict=False):
-        _panel(ax, split, order, separation.base)
-        ax.set_xticks(range(len(order)), [str(states[i]).replace(", ", "\n") for i in order], fontsize=8)
-        ax.set_xlim(-0.6, len(order) - 0.4)
-        ax.set_title(symbol(split.name), fontsize=10, loc="left")
-        tidy(ax)
-    for ax in panels[len(splits) :]:
-        ax.remove()
-    for ax in panels[: len(splits) : columns]:
-        ax.set_ylabel("% of critical")
-    handles = {
-        label: handle for ax in drawn.axes for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)
-    }
-    drawn.legend(handles.values(), handles.keys(), loc="outside upper center", ncols=4, frameon=False, fontsize=9)
-    return drawn
+    return [_plot(split, [states[i] for i in order], order, separation.base) for split in separation.splits]
 
 
-def _panel(ax: Axes, split: DampingSplit, order: list[int], base: str) -> None:
-    at, percent = np.arange(len(order)), 0.01 * split.critical
-    measured = [split.measured[i].over(percent) for i in order]
+def _plot(split: DampingSplit, states: Sequence[State], order: Sequence[int], base: str) -> Plot:
+    """Total damping in each record, the structure's as a band, and the air's."""
+    at, count = np.arange(len(order)), len(order)
+    curves = [_curve("total of the record alone", [split.measured[i] for i in order], split, "dots", "measured")]
     if split.structural is not None:
-        structure = split.structural.over(percent)
-        air = [part.value / percent if (part := split.aerodynamic[i]) is not None else 0.0 for i in order]
-        ax.bar(at, structure.value, 0.55, color=BAND, label=base)
-        fill = ["white" if share < 0.0 else ESTIMATE for share in air]
-        ax.bar(at, air, 0.55, bottom=structure.value, color=fill, edgecolor=ESTIMATE, label="air")
-        ax.axhspan(structure.low, structure.high, color=BAND, alpha=0.35, lw=0, zorder=0)
-        ax.axhline(structure.value, color=REFERENCE, ls="--", lw=0.8)
-    value, low, high = np.transpose(measured)
-    ax.errorbar(
-        at, value, yerr=[value - low, high - value], fmt="o", ms=4,
-        color=ERROR if split.structural is None else MEASURED,
-        ecolor=MEASURED, mec=REFERENCE, mew=0.6, elinewidth=1.4, label="total by the record itself, 95 % interval",
-    )  # fmt: skip
-    ax.axhline(0.0, color=REFERENCE, lw=0.6)
+        air = [split.aerodynamic[i] for i in order]
+        curves.insert(0, _curve(base, [split.structural] * count, split, "line", "other"))
+        curves.append(_curve("air", air, split, "dots", "estimate"))
+    axes = Axis("", names=[str(state) for state in states]), Axis("damping [% of critical]")
+    return Plot(titled(split.name), at, curves, *axes, [Mark(0.0, across=True)])
+
+
+def _curve(
+    name: str, bands: Sequence[DampingBand | None], split: DampingSplit, look: str, colour: str
+) -> PlotCurve:  # fmt: skip
+    """Values with their intervals in % of critical, NaN where one is not known."""
+    unknown = DampingBand(np.nan, np.nan, np.nan)
+    value, low, high = np.transpose([(one or unknown).over(0.01 * split.critical) for one in bands])
+    return PlotCurve(name, value, low, high, look, colour)
 
 
 def files(separation: Separation) -> dict[str, bytes]:
-    """``report.html``, ``damping.png`` and ``summary.json``, by name."""
-    drawn = figure(separation)
+    """``report.html`` and ``summary.json``, by name."""
     caption = (
-        f"Lower bars: {separation.base}, its 95 % interval shaded; upper bars: the aerodynamic part in that state,"
-        " hollow where it is negative. Points: the total damping from each record alone, its prior removed."
+        f"Green: {separation.base}. Blue: the aerodynamic part in that state. Grey: the total damping from each record"
+        " alone, its prior removed. Shaded and bars: 95 % intervals."
     )
     records = Table(("record", "state"), [(state.record, str(state)) for state in separation.states], "Records", (0, 1))
     sections = [
         Section(
             "Structure and air",
             text=[separation.sentence, *separation.lacking, *(f"WARNING: {doubt}" for doubt in separation.doubts),
-            *separation.notes],
-            figures=[(drawn, caption)],
+            *separation.notes, caption],
+            plots=_plots(separation),
         ),
         Section("In numbers", tables=[separation.table(), records]),
     ]  # fmt: skip
@@ -86,6 +76,5 @@ def files(separation: Separation) -> dict[str, bytes]:
     )
     return {
         "report.html": report_page("Structural and aerodynamic damping", subtitle, sections),
-        "damping.png": png(drawn),
         "summary.json": separation.to_json().encode(),
     }

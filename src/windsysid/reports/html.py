@@ -27,7 +27,7 @@ PHONE_CHARACTERS, GAP_CHARACTERS = 44, 2
 """Setting: characters of a table that fit a phone, and of the space between two columns; a wider one is shown there as
 a card for each row."""
 
-BREAKS = re.compile(r" (?=[%±…[]|: \d)|(?<=[±:]) (?=[-+−]?\d)")
+BREAKS = re.compile(r" (?=[%±…[]|: \d)|(?<=[±:…]) (?=[-+−]?\d)")
 """Spaces at which a value is not broken: 1.2 ± 0.3 %, 100 : 1."""
 
 COLOURS = {

@@ -36,7 +36,7 @@ def identification_report(identification: Identification, record: Record | None 
     sections = [
         Section(
             "Result",
-            text=[*reasons_against(i.diagnosis.reasons, [str(i.diagnosis)]), *i.usable(), READING],
+            text=[*reasons_against(i.diagnosis.reasons, [str(i.diagnosis)]), *i.usable(), f"{READING} {COLUMNS}"],
             tables=[*([i.modes_table()] if i.modes else []), i.table()],
             plots=coefficient_plots(i, caption(i)),
         ),
@@ -76,9 +76,9 @@ def _explains_section(identification: Identification) -> Section:
     return Section(
         title,
         text=[
-            "Innovations are what each reading adds to what the model expected, scaled to unit variance. They should "
-            "stay between the dashed lines 95 % of the time and look like noise. Where they do not, the intervals above"
-            " are too narrow.",
+            "A prediction error (innovation) is a reading minus its prediction from earlier readings, in standard "
+            "deviations σ. Prediction errors should be within the dashed lines 95 % of the time and look like noise. "
+            "Where they do not, the intervals above are too narrow.",
             WHITENESS,
             *i.diagnosis.remarks,
         ],
@@ -139,11 +139,16 @@ SPECTRA = (
     " interval of its posterior. Modes have the grade of their frequency. The fit does not use shaded frequencies."
 )
 
+COLUMNS = (
+    "f: natural frequency; ζ: damping ratio; from nP: distance from the nearest rotor harmonic; file: value in the"
+    " turbine file, from which the estimate differs; by data: share of the estimate that is not from the prior."
+)
+
 RECORD = "The channels that were used: the smallest and the largest reading of each segment of time."
 
 WHITENESS = (
-    "The spectrum of the innovations is 1 for white noise. A peak above the orange line condemns the result where it"
-    " lies in the shaded range of the modes; elsewhere it does little harm."
+    "The spectrum of the prediction errors is 1 for white noise. A peak above the orange line condemns the result where"
+    " it lies in the shaded range of the modes; elsewhere it does little harm."
 )
 
 
@@ -173,7 +178,7 @@ def diagnosis_tables(identification: Identification) -> list[Table]:
             Table(
                 headings,
                 rows,
-                "Whitened innovations: 1 is expected of the square, the peak and the level, 0 of colour and kurtosis",
+                "Prediction errors [σ]: 1 is expected of the square, the peak and the level, 0 of colour and kurtosis",
             )
         )
     against = [(c.name, f"{100.0 * c.informed_by_data:.1f} %", f"{c.shift:+.2f}") for c in diagnosis.coefficients]

@@ -81,9 +81,7 @@ def files(found: OperationalModes) -> dict[str, bytes]:
     """``report.html`` and ``summary.json``, by name."""
     usable = sum(mode.trusted for mode in found.modes)
     verdict = f"{usable} of {len(found.modes)} modes may be used with their intervals: grades A and B."
-    caption = (
-        "Grey: the readings, all channels of a band added after scaling; blue: modes and what else is in the band."
-    )
+    caption = "Grey: sum of the spectra of all channels, each scaled; blue: the fitted model."
     sections = [
         Section(
             "Modes",
@@ -91,7 +89,7 @@ def files(found: OperationalModes) -> dict[str, bytes]:
             tables=[found.table("")],
         ),
         Section("Spectra", plots=[singular_value_plot(found)]),
-        *([Section("Modes in their bands", text=[caption], plots=band_plots(found))] if found.bands else []),
+        *([Section("Fit around each mode", text=[caption], plots=band_plots(found))] if found.bands else []),
     ]
     if found.decays:
         sections.insert(1, Section("Free decays", plots=[decay_plot(one) for one in found.decays[:MAX_DECAYS]]))

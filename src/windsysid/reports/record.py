@@ -4,6 +4,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from windsysid.output.table import titled
 from windsysid.records.record import Record
 from windsysid.reports.figures.canvas import canvas, label
 from windsysid.reports.figures.plots import MEASURED, envelope, tidy
@@ -23,7 +24,7 @@ def figure(record: Record, place: Axes | None = None) -> Figure:
     for ax, channel in zip(panels, channels, strict=True):
         time, low, high = envelope(record.time, record[channel])
         ax.fill_between(time, low, high, color=MEASURED, edgecolor=MEASURED, lw=0.6)
-        ax.set_title(label(channel.replace("_", " ")), fontsize=8.5, loc="left", pad=2)
+        ax.set_title(label(titled(channel)), fontsize=8.5, loc="left", pad=2)
         ax.set_ylabel(f"[{label(unit_text(record.unit(channel)))}]", fontsize=8)
         if not np.isfinite(record[channel]).any():
             ax.text(0.5, 0.5, "no reading", transform=ax.transAxes, ha="center", va="center")

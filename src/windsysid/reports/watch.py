@@ -10,7 +10,7 @@ from windsysid._types import Array
 from windsysid.mechanics.sensors import noise_source
 from windsysid.monitoring.changes import Watch
 from windsysid.monitoring.series import DAY
-from windsysid.output.table import Table
+from windsysid.output.table import Table, titled
 from windsysid.reports.figures.drawing import drawn
 from windsysid.reports.html import Section, png, report_page
 from windsysid.reports.interactive.plot import Axis, Mark, Plot, PlotCurve, ShadedRange
@@ -54,7 +54,7 @@ def _plots(watch: Watch) -> list[Plot]:
         curves = [
             PlotCurve("records", adjusted, look="dots", colour="measured"), PlotCurve("level", level, low, high)
         ]  # fmt: skip
-        name = (noise_source(s.name) or s.name).replace("_", " ")
+        name = titled(noise_source(s.name) or s.name)
         y_axis, time = Axis(f"[{text}]", limits=_limits(s.adjusted / size)), moment(watch.blocks.time[::step])
         plots.append(Plot(name, time, curves, x_axis, y_axis, marks, spans, link="time"))
         test = PlotCurve("test ÷ threshold", _highest(s.statistic, step) / s.limit)
@@ -67,7 +67,7 @@ def files(watch: Watch) -> dict[str, bytes]:
     """``report.html``, ``monitor.png`` and ``summary.json``, by name."""
     caption = (
         "Grey: records less the effect of covariates. Blue: the level as it was known after each, with its 95 %"
-        " interval. Below: the test for a jump as a share of its threshold. Orange: jumps that set off an alarm, and"
+        " interval. Next to it: the test for a jump as a share of its threshold. Orange: jumps with an alarm, and"
         " when they happened."
     )
     jumps = Table(

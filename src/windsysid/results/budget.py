@@ -23,7 +23,7 @@ CAUSES = ("load statistics", "gain", "alignment", "clock", "masses")
 """Sources of width in addition to the record's length and the prior: loads and noise that must be learned, and
 instruments and masses within tolerances."""
 
-WIDENED = ("dispersion", "which explanation")
+WIDENED = ("dispersion", "rival explanations")
 """Causes of intervals wider than those of the model: contradictions among segments or frequencies, and rival
 explanations."""
 
@@ -92,7 +92,8 @@ class Budget(NamedTuple):
         shown = [0, *(i for i in range(1, shares.shape[1]) if shares[:, i].max(initial=0.0) >= 0.005)]
         cells = []
         for row, own in zip(rows, shares, strict=True):
-            width = f"{100.0 * row.two_sigma:.2g} %" if row.relative else f"{row.two_sigma:.3g}"
+            digits = 2 if row.two_sigma < 0.995 else 3
+            width = f"{100.0 * row.two_sigma:.{digits}g} %" if row.relative else f"{row.two_sigma:.3g}"
             cells.append((row.name, width, *(f"{100.0 * share:.0f} %" for share in own[shown])))
         names = np.array(["data and prior", *self.causes])[shown].tolist()
         return Table(("quantity", "± 95 %", *names), cells, "Uncertainty budget: shares of each interval's variance")

@@ -10,7 +10,7 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError
 from windsysid.output.answers import Answer
-from windsysid.output.table import Table
+from windsysid.output.table import Table, axes_of
 from windsysid.results.estimate import Estimate
 from windsysid.results.posterior import Posterior, section_name, unusable_among
 from windsysid.results.serialization import finite
@@ -212,8 +212,8 @@ class Identification(IdentificationValues, Answer):
             if e.tip is not None:
                 unit = "N/m" if e.kind == "stiffness" else "N*s/m"
                 rows.append(_estimate_cells("  at the tip", unit, "", "", e.tip)[: len(headings)])
-        title = "Stiffness and damping" if self.machine is not None else "Parameters"
-        return Table(headings, rows, title, words=(0, 3))
+        title = "Stiffness and damping" + axes_of(e.name for e in self.estimates)
+        return Table(headings, rows, title if self.machine is not None else "Parameters", words=(0, 3))
 
     def modes_table(self) -> Table:
         """The modes: frequencies, damping ratios, and how far they are from the nearest harmonic of the rotor."""
@@ -227,7 +227,7 @@ class Identification(IdentificationValues, Answer):
             headings.append("file")  # so that the modes of a tower fit 80 columns
             rows = [[*row, mode.reference_cell()] for row, mode in zip(rows, self.modes, strict=True)]
         at = f"at {speed * RPM:.3g} rpm" if orders else "with the rotor at rest"
-        return Table(headings, rows, f"Modes {at}, fixed frame")
+        return Table(headings, rows, f"Modes {at}, fixed frame{axes_of(mode.name for mode in self.modes)}")
 
     def _harmonics(self) -> tuple[int, ...]:
         """Orders n of the harmonics nP that load a tower most: 1P and multiples of the blades; none at rest."""

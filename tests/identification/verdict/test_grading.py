@@ -135,7 +135,7 @@ def test_shares_of_the_budget_add_up_to_the_interval_that_is_shown():
     made = tuple(one._replace(masses=(4,)) for one in made)
     found = conclude(outcome._replace(scores=made), RECORD, "joint")
     rows = {row.name: row for row in found.budget.rows}
-    assert found.budget.causes[-2:] == ("dispersion", "which explanation")
+    assert found.budget.causes[-2:] == ("dispersion", "rival explanations")
     for row in rows.values():
         assert row.alone + sum(row.causes) == pytest.approx(1.0)
     for name in ("k_side_side", "k_fore_aft"):
@@ -146,7 +146,7 @@ def test_shares_of_the_budget_add_up_to_the_interval_that_is_shown():
         assert rows[f"{mode.name}: frequency"].two_sigma == pytest.approx(shown, rel=0.02)
     assert min(rows["k_fore_aft"].causes[-2:]) > 0.1
     assert rows["k_side_side"].causes[-1] == pytest.approx(0.0, abs=1e-9)
-    assert found.summary()["budget"]["k_fore_aft"]["which explanation"] == rows["k_fore_aft"].causes[-1]
+    assert found.summary()["budget"]["k_fore_aft"]["rival explanations"] == rows["k_fore_aft"].causes[-1]
 
 
 def test_a_rival_that_is_far_away_is_a_reason_however_small_its_chance():

@@ -53,7 +53,7 @@ def test_a_diagram_takes_measured_modes(tmp_path: Path):
 def test_a_saved_answer_comes_back_with_its_table_and_pictures(tmp_path: Path):
     found = sweep(tmp_path)
     found.save(tmp_path / "out")
-    names = {"answer.json", "campbell.png", "modes.csv", "participation.png", "report.html", "summary.json"}
+    names = {"answer.json", "modes.csv", "report.html", "summary.json"}
     assert names <= {path.name for path in (tmp_path / "out").iterdir()}
     back = ws.load_result(tmp_path / "out")
     assert isinstance(back, LinearisedModes)
@@ -91,7 +91,7 @@ def test_uneven_azimuths_have_a_note(tmp_path: Path):
     assert any("rotor.1.lin: azimuths do not cover a turn evenly" in n for n in ws.read_linearisation(files[:3]).notes)
 
 
-def test_the_command_prints_the_modes_and_saves_csv_and_picture(run, tmp_path: Path):
+def test_the_command_prints_the_modes_and_saves_them(run, tmp_path: Path):
     files = Rotor().write(tmp_path, number="{:12.3E}", azimuths=1)
     ended = run("modes", *files, "--output", tmp_path / "out")
     assert ended.code == 0, ended.err
@@ -100,7 +100,6 @@ def test_the_command_prints_the_modes_and_saves_csv_and_picture(run, tmp_path: P
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert summary["operating_points"][0]["rotor_speed"] == pytest.approx(1.2)
     assert (tmp_path / "out" / "modes.csv").read_text().startswith("speed,wind_speed,mode,frequency")
-    assert (tmp_path / "out" / "participation.png").exists()
     refused = run("modes", *files, "--speeds", "1 rpm", "2 rpm")
     assert refused.code == 2
     assert refused.err == ["windsysid: --speeds: the rotor speeds are those of the .lin files: leave it out"]

@@ -46,7 +46,7 @@ def test_a_match_is_saved_with_its_page_and_loaded_again(tmp_path: Path):
     found = ModeMatch("record", "model", 0.0, modes, ("a note",))
     found.save(tmp_path / "match")
     names = {path.name for path in (tmp_path / "match").iterdir()}
-    assert names >= {"report.html", "match.png", "matches.csv", "summary.json"}
+    assert names >= {"report.html", "matches.csv", "summary.json"}
     assert ws.load_result(tmp_path / "match") == found
     assert "a note" in found._repr_html_()
     assert [text.get_text() for text in found.plot().axes[0].texts].count("0") == 0

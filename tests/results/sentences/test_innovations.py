@@ -9,8 +9,8 @@ from windsysid.results.sentences.innovations import INNOVATIONS
 def test_a_peak_is_said_with_its_harmonic_and_the_other_channels():
     data = {"channels": ["x", "y", "z"], "frequency": 3.48, "rotor_frequency": 1.16, "level": 3.21}
     expected = (
-        "the model does not explain x around 3.48 Hz = 3.0P: the power of its innovations is 3.2 times that expected"
-        " (also y, z)"
+        "the model does not explain x around 3.48 Hz = 3.0P: the power of its prediction errors is 3.2 times that"
+        " expected (also y, z)"
     )
     assert sentence("unexplained_peak", data).startswith(expected)
     assert "3.48 Hz: the power" in sentence("unexplained_peak", data | {"rotor_frequency": 0.0})

@@ -6,7 +6,7 @@ from windsysid.results.sentences.spectra import SPECTRA
 
 def test_ranges_and_modes_are_listed_in_hertz():
     ranges = sentence("ranges_read", {"ranges": [[0.2, 0.7], [1.0, 2.5]]})
-    assert ranges == "read at 0.2 … 0.7 Hz, 1 … 2.5 Hz; rotor harmonics were removed"
+    assert ranges == "fitted at 0.2 … 0.7 Hz, 1 … 2.5 Hz; rotor harmonics removed"
     bands = sentence("bands_read", {"modes": {"tower x": 0.331, "lag": 0.7}})
     assert (
         bands == "frequency ranges around modes: tower x near 0.331 Hz, lag near 0.7 Hz; rotor harmonics were removed"

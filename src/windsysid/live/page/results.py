@@ -15,6 +15,7 @@ from windsysid.live.page import models
 from windsysid.live.store.contents import Result, SeriesLevel
 from windsysid.live.watch.series_words import series_title
 from windsysid.mechanics.sensors import noise_source
+from windsysid.output.table import titled
 from windsysid.units import unit_text
 
 __all__ = ["NS_PER_MS", "detail_of", "levels_of", "list_of", "ms_of", "number_of", "reasons_of", "results_of"]
@@ -149,7 +150,7 @@ def _modes_over_time(rows: Sequence[Mapping[str, Any]]) -> list[models.ModeTrack
 def _loads_over_time(rows: Sequence[Mapping[str, Any]]) -> list[models.LoadTrack]:
     columns = _over_time(rows, "statistics", ("estimate", "low", "high"))
     return [
-        models.LoadTrack(name=name, title=name.replace("_", " "), unit=unit_text(_text(first, "unit")), **found)
+        models.LoadTrack(name=name, title=titled(name), unit=unit_text(_text(first, "unit")), **found)
         for name, (found, first) in columns.items()
         if not noise_source(name)
     ]
@@ -164,7 +165,7 @@ def _conditions_over_time(rows: Sequence[Mapping[str, Any]]) -> list[models.Cond
         if any(value is not None for value in values):
             found[f"scada_{name}"] = values, unit
     return [
-        models.ConditionTrack(name=name, title=name.replace("_", " "), unit=unit_text(unit), mean=values)
+        models.ConditionTrack(name=name, title=titled(name), unit=unit_text(unit), mean=values)
         for name, (values, unit) in found.items()
     ]
 

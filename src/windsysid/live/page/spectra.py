@@ -8,6 +8,7 @@ import numpy as np
 
 from windsysid.live.page import models
 from windsysid.live.page.results import ms_of
+from windsysid.output.table import titled
 
 __all__ = ["spectra_of", "waterfall_of"]
 
@@ -19,15 +20,17 @@ def spectra_of(found: Sequence[WindowSpectra]) -> models.Spectra:
     """Spectra of the last window."""
     if not found:
         return models.Spectra(window=None, plots=[])
-    return models.Spectra(window=ms_of(found[-1][0]), plots=found[-1][1])
+    return models.Spectra(
+        window=ms_of(found[-1][0]), plots=[plot | {"title": titled(plot["title"])} for plot in found[-1][1]]
+    )
 
 
 def waterfall_of(found: Sequence[WindowSpectra], channel: str | None) -> models.Waterfall:
     """Measured spectra of a channel, by default the first, at the frequencies of the newest one."""
-    channels = list(dict.fromkeys(plot["title"] for _, plots in reversed(found) for plot in plots))
-    channel = channel or next(iter(channels), "")
+    channels = list(dict.fromkeys(titled(plot["title"]) for _, plots in reversed(found) for plot in plots))
+    channel = titled(channel or next(iter(channels), ""))
     all_plots = ((window, plot) for window, plots in found for plot in plots)
-    chosen = {ms_of(window): plot for window, plot in all_plots if plot["title"] == channel and plot["x"]}
+    chosen = {ms_of(window): plot for window, plot in all_plots if titled(plot["title"]) == channel and plot["x"]}
     plots = list(chosen.values())
     newest: Mapping[str, Any] = plots[-1] if plots else {"x": [], "y_axis": {"label": ""}}
     return models.Waterfall(

@@ -30,8 +30,8 @@ MAX_NAMED, MAX_TICKS, END_GAP = 8, 12, 0.04
 """Setting: curves and ticks that are named, and distance of names at ends of curves [height of the axes]."""
 
 
-def drawn(plots: Sequence[Plot], place: Axes | None = None, nothing: str = "") -> Figure:
-    """Draw plots in two columns, a single one on the given axes, or a sentence if there are none."""
+def drawn(plots: Sequence[Plot], place: Axes | None = None, nothing: str = "", columns: int = 2) -> Figure:
+    """Draw plots in columns, a single one on the given axes, or a sentence if there are none."""
     if not plots:
         figure = canvas((WIDTH, HEIGHT), place)
         figure.text(0.5, 0.5, nothing, ha="center", va="center", fontsize=9, wrap=True)
@@ -40,9 +40,9 @@ def drawn(plots: Sequence[Plot], place: Axes | None = None, nothing: str = "") -
         figure, ax = single((1.5 * WIDTH, 1.5 * HEIGHT), place)
         _draw(ax, plots[0])
         return figure
-    rows = -(-len(plots) // 2)
-    figure = canvas((2.0 * WIDTH, HEIGHT * rows), place)
-    panels = figure.subplots(rows, 2, squeeze=False).flat
+    rows, size = -(-len(plots) // columns), 1.0 if columns > 1 else 1.5
+    figure = canvas((size * columns * WIDTH, size * rows * HEIGHT), place)
+    panels = figure.subplots(rows, columns, squeeze=False).flat
     for plot, ax in zip(plots, panels, strict=False):  # plots end first, so that no panel is taken in vain
         _draw(ax, plot)
     for ax in panels:
@@ -57,7 +57,7 @@ def _draw(ax: Axes, plot: Plot) -> None:
         _draw_curve(ax, _times(plot, plot.x), curve)
     _draw_marks(ax, plot)
     _set_axes(ax, plot)
-    _name_ends(ax, plot.curves if plot.end_names else ())
+    _name_ends(ax, _times(plot, plot.x), plot.curves if plot.end_names else ())
     ax.set_title(label(plot.title), fontsize=9, loc="left", pad=14 if any(m.name for m in plot.marks) else 4)
     if 1 < len(plot.curves) <= MAX_NAMED and not plot.end_names:
         ax.legend(fontsize=7.5, frameon=False)
@@ -104,12 +104,20 @@ def _draw_marks(ax: Axes, plot: Plot) -> None:
             last = mark.at
 
 
-def _name_ends(ax: Axes, curves: Sequence[PlotCurve]) -> None:
-    """Name curves at their right ends, those of one colour that end together with one text."""
+def _name_ends(ax: Axes, x: Any, curves: Sequence[PlotCurve]) -> None:
+    """Name curves at their right ends, those of one colour that end together with one text; others at their last
+    points."""
     place = ax.transScale + ax.transLimits
-    ends = [(float(np.asarray(one.values)[-1]), one) for one in curves]
+    ends = []
+    for one in curves:
+        known = np.flatnonzero(np.isfinite(one.values)) if one.look == "line" else []
+        if len(known) and known[-1] >= 0.99 * (len(x) - 1):
+            ends.append((float(np.asarray(one.values)[known[-1]]), one))
+        elif len(known):
+            ax.annotate(symbol(one.name), (x[known[-1]], np.asarray(one.values)[known[-1]]), (4, -4), fontsize=8,
+                        textcoords="offset points", color=COLOURS[one.colour], ha="left", va="top")  # fmt: skip
     groups: list[tuple[float, str, list[str]]] = []
-    for value, one in sorted((end for end in ends if np.isfinite(end[0])), key=lambda end: end[0]):
+    for value, one in sorted(ends, key=lambda end: end[0]):
         at = float(place.transform((1.0, value))[1])
         if groups and at - groups[-1][0] < END_GAP and one.colour == groups[-1][1]:
             groups[-1][2].append(symbol(one.name))

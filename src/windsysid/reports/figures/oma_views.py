@@ -39,8 +39,9 @@ def singular_value_plot(found: OperationalModes) -> Plot:
     lines = [Mark(f, name, "other", "removed lines") for name, f in found.lines if f <= top]
     return Plot(
         "Singular values of the spectral matrix", found.frequency[shown], curves, Axis("frequency [Hz]"),
-        Axis("singular value [dB]"), [*modes, *lines], [ShadedRange(*mode.band, group="bands") for mode in found.modes],
-        "channels scaled to the same median; modes are marked (grade C in another colour), their bands shaded",
+        Axis("singular value [dB]"), [*modes, *lines],
+        [ShadedRange(*mode.band, group="ranges of the fit") for mode in found.modes],
+        "channels scaled to the same median; modes are marked (grade C in another colour); shaded: ranges of the fit",
         "frequency",
     )  # fmt: skip
 
@@ -56,7 +57,7 @@ def band_plots(found: OperationalModes) -> list[Plot]:
             PlotCurve("model", band.fitted),
         ]
         title = ", ".join(mode.name for mode in inside)[:60] or "band"
-        axes = Axis("frequency [Hz]"), Axis("PSD, channels added after scaling", log=True)
+        axes = Axis("frequency [Hz]"), Axis("PSD, sum of scaled channels", log=True)
         plots.append(Plot(title, band.frequency, curves, *axes, marks))
     return plots
 
@@ -73,9 +74,9 @@ def poles_plots(found: OperationalModes) -> list[Plot]:
     if not poles:
         return []
     frequency, order, damping, stable = np.array(sorted(poles)).T
-    fitted = "each band fitted with one mode, two and so on"
+    fitted = "each frequency range fitted with one mode, two and so on"
     shown = (
-        ("Modes over the model order", order, Axis("modes in the band", limits=(0.5, order.max() + 1.0)),
+        ("Modes over the model order", order, Axis("modes in the range", limits=(0.5, order.max() + 1.0)),
         f"{fitted}; the evidence chooses how many are kept"),
         ("Damping ratio over frequency", damping, Axis("damping ratio [%]"), f"{fitted}: a mode is a cluster"),
     )  # fmt: skip
@@ -112,7 +113,7 @@ def segment_plots(found: OperationalModes) -> list[Plot]:
         plots.append(
             Plot(
                 f"{title} in segments of the record", times, curves, Axis("time [s]"), Axis(f"difference [{unit}]"),
-                [Mark(0.0, across=True)], caption="from the estimate of the whole, by one step of scoring",
+                [Mark(0.0, across=True)], caption="from the whole record, by one Newton step for each segment",
                 link="segments",
             )
         )  # fmt: skip

@@ -11,7 +11,7 @@ from windsysid._types import Array
 from windsysid.modal.linearisation.result import LinearisedModes
 from windsysid.reports import campbell
 from windsysid.reports.figures.canvas import label, single
-from windsysid.reports.html import Section, png
+from windsysid.reports.html import Section
 from windsysid.units import RPM
 
 __all__ = ["LinearisedModes", "figure", "files", "participations", "shares_of_modes"]
@@ -57,15 +57,12 @@ def shares_of_modes(
 
 
 def files(found: LinearisedModes) -> dict[str, bytes]:
-    """``report.html``, ``participation.png``, ``campbell.png`` of several speeds, ``modes.csv``, ``summary.json``."""
-    shares = png(participations(found))
-    several = len(found.points) > 1
-    drawn = png(campbell.figure(found)) if several else b""
-    parts = [part for part in campbell.sections(found, drawn) if several or part.title != "Campbell diagram"]
-    caption = (
-        "Share of each kind of degree of freedom in each mode. Forward: the blades' pattern whirls with the rotor;"
-        " backward: against it."
+    """``report.html``, with the Campbell diagram of several speeds, ``modes.csv`` and ``summary.json``, by name."""
+    parts = campbell.sections(found)
+    parts = parts if len(found.points) > 1 else [parts[0], *parts[3:]]
+    text = (
+        "Participation: share of each kind of degree of freedom in the mode. Forward: the blades' pattern whirls with"
+        " the rotor; backward: against it."
     )
-    parts.insert(0, Section("Modes", text=found.warnings, tables=[found.modes_table()], figures=[(shares, caption)]))
-    pictures = {"participation.png": shares, **({"campbell.png": drawn} if several else {})}
-    return {"report.html": campbell.page(found, parts), **pictures, **campbell.data(found)}
+    parts.insert(0, Section("Modes", text=[*found.warnings, text], tables=[found.modes_table()]))
+    return {"report.html": campbell.page(found, parts), **campbell.data(found)}

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from windsysid._types import Array
 from windsysid.identification.estimate.fitted.spectra import dense_places
 from windsysid.inspection.spectra import seen_from
+from windsysid.output.table import titled
 from windsysid.records.record import Record
 from windsysid.reports.interactive.plot import Axis, Mark, Plot, PlotCurve, ShadedRange, thinned
 from windsysid.results.estimate import FittedSpectrum
@@ -176,7 +177,7 @@ def _plot(
     frame = "rotating frame" if turning else "fixed frame"
     caption = frame if _turns(found) else ""
     return Plot(
-        name.replace("_", " "), x, curves, Axis("frequency [Hz]", limits=limits), Axis(label, log=True),
+        titled(name), x, curves, Axis("frequency [Hz]", limits=limits), Axis(label, log=True),
         marks=marks, spans=spans, caption=caption, link="frequency rotating" if turning else "frequency",
     )  # fmt: skip
 
@@ -213,9 +214,9 @@ def innovation_plots(found: Identification) -> list[Plot]:
     plots = []
     for row, name in enumerate(found.readings[:MAX_PLOTS]):
         time, low, high = thinned(found.innovation_time, found.whitened[:, row])
-        curve = PlotCurve("innovations", 0.5 * (low + high), low, high, look="area", colour="measured")
+        curve = PlotCurve("prediction errors", 0.5 * (low + high), low, high, look="area", colour="measured")
         marks = [Mark(at, "", "reference", "95 %", across=True) for at in (-SIGMAS, SIGMAS)]
-        plots.append(Plot(name.replace("_", " "), time, [curve], Axis(TIME), Axis(SIGMA), marks, link="time"))
+        plots.append(Plot(titled(name), time, [curve], Axis(TIME), Axis(SIGMA), marks, link="time"))
     return plots
 
 
@@ -237,7 +238,7 @@ def whiteness_plots(found: Identification) -> list[Plot]:
         f, _, level = thinned(w.frequency, w.spectrum[:, row], MAX_POINTS)
         plots.append(
             Plot(
-                check.name.replace("_", " "), f, [PlotCurve("innovations", level)],
+                titled(check.name), f, [PlotCurve("prediction errors", level)],
                 Axis("frequency [Hz]", log=bool(f[0] > 0.0)), Axis("spectrum [1]", log=True),
                 [*marks, *_marks(found, turning=check.name.startswith("blade"))], spans, link="whitened",
             )
@@ -252,7 +253,7 @@ def record_plots(record: Record, channels: Sequence[str]) -> list[Plot]:
         time, low, high = thinned(record.time, record[name])
         curve = PlotCurve("measured", 0.5 * (low + high), low, high, look="area", colour="measured")
         label = f"[{unit_text(record.unit(name))}]"
-        plots.append(Plot(name.replace("_", " "), time, [curve], Axis(TIME), Axis(label), link="time"))
+        plots.append(Plot(titled(name), time, [curve], Axis(TIME), Axis(label), link="time"))
     return plots
 
 
@@ -265,7 +266,7 @@ def load_plots(found: Identification) -> list[Plot]:
         unit = "" if found.machine is None else found.machine.model.freedom(name).load_unit
         size, text = engineering_unit(unit, float(np.nanmax(np.abs(value))))
         curve = PlotCurve("load", value / size, (value - half) / size, (value + half) / size)
-        plots.append(Plot(name.replace("_", " "), x, [curve], Axis(TIME), Axis(f"[{text}]"), link="time"))
+        plots.append(Plot(f"load on {titled(name)}", x, [curve], Axis(TIME), Axis(f"[{text}]"), link="time"))
     return plots
 
 

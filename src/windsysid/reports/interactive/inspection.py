@@ -9,6 +9,7 @@ from windsysid._types import Array
 from windsysid.inspection.bodies import body_of
 from windsysid.inspection.fault import Fault
 from windsysid.inspection.spectra import ExpectedLine, Spectrogram, Spectrum, seen_from
+from windsysid.output.table import titled
 from windsysid.reports.interactive.plot import Axis, Cells, Mark, Plot, PlotCurve, ShadedRange, shortened, thinned
 from windsysid.units import RPM, unit_text
 
@@ -45,7 +46,7 @@ def overview_plots(i: "Inspection") -> list[Plot]:
         curve = PlotCurve("readings", 0.5 * (low + high), low, high, "area", "measured")
         kinds, faults, dots = _faults(i, channel, time, values)
         curves = [curve] if dots is None else [curve, dots]
-        name = shortened(channel.replace("_", " "))
+        name = shortened(titled(channel))
         spans = [*sections, *faults]
         plots.append(
             Plot(name, time, curves, Axis("time [s]"), Axis(f"[{unit}]"), stops, spans, caption=kinds, link="time")
@@ -86,7 +87,7 @@ def spectra_plots(i: "Inspection") -> list[Plot]:
         ]
         marks += [Mark(peak.frequency, "", "measured", "listed peaks") for peak in spectrum.peaks]
         axes = Axis("frequency [Hz]", limits=(0.0, top)), Axis(f"PSD [{density_unit(spectrum.unit)}]", log=True)
-        title = spectrum.channel.replace("_", " ")
+        title = titled(spectrum.channel)
         plots.append(Plot(title, f[::size], [curve], *axes, marks=marks, link="frequency"))
     return plots
 
@@ -115,9 +116,10 @@ def _spectrogram_plot(i: "Inspection", picture: Spectrogram) -> Plot | None:
         PlotCurve(line.name, _curve(i, picture, line, x), colour=COLOURS[line.mode], dashed=True)
         for line in drawn_lines(lines, i.blades, top * 1.0001)
     ]
-    half, name = 0.5 * cells.width, shortened(picture.channel.replace("_", " "))
+    half, name = 0.5 * cells.width, shortened(titled(picture.channel))
     x_axis = Axis("rotor speed [rpm]" if over_speed else "time [s]", limits=(float(x[0] - half), float(x[-1] + half)))
-    return Plot(name, x, curves, x_axis, Axis("frequency [Hz]", limits=(0.0, top)), cells=cells)
+    shades = f"strongest shade: {10.0**high:.2g} {cells.label}, weakest: {10.0 * (high - low):.0f} dB less"
+    return Plot(name, x, curves, x_axis, Axis("frequency [Hz]", limits=(0.0, top)), caption=shades, cells=cells)
 
 
 def _averaged(values: Array, axis: int) -> Array:
@@ -154,7 +156,7 @@ def _lines_and_top(inspection: "Inspection", picture: Spectrogram) -> tuple[Sequ
     top = float(picture.frequency[-1])
     for spectrum in inspection.spectra:
         if spectrum.channel == picture.channel:
-            return spectrum.lines, min(highest_drawn(spectrum, inspection.blades), top)
+            return spectrum.lines, min(highest_drawn(spectrum, inspection.blades, peaks=False), top)
     return (), top
 
 
@@ -169,10 +171,11 @@ def channels_drawn(inspection: "Inspection") -> list[Spectrum]:
     return sorted(inspection.spectra, key=lambda spectrum: "kinematic" in spectrum.channel)[:MAX_PLOTS]
 
 
-def highest_drawn(spectrum: Spectrum, blades: int) -> float:
-    """Upper end of the frequency axis [Hz]: above 2N P, the modes and the highest listed peak."""
+def highest_drawn(spectrum: Spectrum, blades: int, *, peaks: bool = True) -> float:
+    """Upper end of the frequency axis [Hz]: above 2N P, the modes and, if `peaks`, the highest listed peak."""
     marked = [line.frequency for line in spectrum.lines if line.mode or line.number in (1, blades, 2 * blades)]
-    top = max((1.35 * max(marked, default=0.0), *(1.1 * peak.frequency for peak in spectrum.peaks)))
+    listed = [1.1 * peak.frequency for peak in spectrum.peaks] if peaks else []
+    top = max(1.35 * max(marked, default=0.0), *listed, 0.0)
     return min(float(spectrum.frequency[-1]), top) if marked else float(spectrum.frequency[-1])
 
 

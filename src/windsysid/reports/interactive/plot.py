@@ -95,7 +95,7 @@ class Plot:
     """One picture: curves over a common x (n,), marks and shaded ranges, on cells if there are any.
 
     Plots of one `link` zoom together. The caption stands below and is the name for screen readers. With `end_names`
-    each line has its name at its right end.
+    each line has its name at its right end; a `tall` plot is nearly twice as high on the screen.
 
     Examples
     --------
@@ -128,6 +128,7 @@ class Plot:
     link: str = field(default="")
     cells: Cells | None = None
     end_names: bool = False
+    tall: bool = False
 
 
 def shortened(text: str, most: int = MAX_NAME_CHARACTERS) -> str:
@@ -166,6 +167,7 @@ def to_json(plot: Plot) -> str:
         "link": plot.link,
         **({"cells": _cells(plot.cells)} if plot.cells is not None else {}),
         "end_names": plot.end_names,
+        "tall": plot.tall,
     }  # fmt: skip
     return json.dumps(spec, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c")
 

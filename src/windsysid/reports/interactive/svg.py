@@ -216,16 +216,26 @@ def _mark_names(plot: Plot, to_x: Place, right: float) -> list[str]:
 
 
 def _end_names(plot: Plot, x: Array, to_y: Place, right: float) -> list[str]:
-    """Names of lines at their right ends, from the highest down, each below the one before."""
-    ends = []
+    """Names of lines at their right ends, from the highest down, each below the one before; of lines that end before,
+    at their last points."""
+    ends, found = [], list[str]()
     for curve in plot.curves:
         known = np.flatnonzero(np.isfinite(to_y(_array(curve.values))))
-        if curve.look == "line" and len(known) and x[known[-1]] >= right - 2.0:
-            ends.append((float(to_y(_array(curve.values))[known[-1]]), curve))
-    found, last = [], -math.inf
-    for at, curve in sorted(ends, key=lambda one: one[0]):
-        last = max(at, last + LINE)
-        found.append(_text(right + 6.0, last + 3.5, curve.name, f"var(--{curve.colour})", "start"))
+        if curve.look != "line" or not len(known):
+            continue
+        at, end = float(to_y(_array(curve.values))[known[-1]]), float(x[known[-1]])
+        if end >= right - 0.01 * (right - LEFT):
+            ends.append((at, curve))
+        elif end > LEFT:
+            found.append(_text(end + 4.0, max(at + 3.5, TOP + 10.0), curve.name, f"var(--{curve.colour})", "start"))
+    last, below, places = -math.inf, HEIGHT - BOTTOM + 0.5 * LINE, list[float]()
+    ends.sort(key=lambda one: one[0])
+    for at, _ in ends:
+        places.append(last := max(at, last + LINE))
+    for at, (_, curve) in zip(reversed(places), reversed(ends), strict=True):
+        at = min(at, below)
+        below = at - LINE
+        found.append(_text(right + 6.0, at + 3.5, curve.name, f"var(--{curve.colour})", "start"))
     return found
 
 

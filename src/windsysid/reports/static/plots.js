@@ -176,13 +176,15 @@ const plots = (() => {
       );
     }
 
+    height() { return (this.spec.tall ? 1.7 : 1) * HEIGHT + this.nameHeight; }
+
     shown(i) { return !this.hidden.has(`c${i}`); }
 
     fit() {
       const width = Math.floor(this.place.clientWidth);
       if (!this.plot || !width || width === this.width) return;
       if (this.longest || this.spec.end_names) this.draw();
-      else this.plot.setSize({ width: this.width = width, height: HEIGHT + this.nameHeight });
+      else this.plot.setSize({ width: this.width = width, height: this.height() });
     }
 
     // Vertical limits of the curves that are shown within the horizontal ones, of the left axis or the right one.
@@ -228,8 +230,14 @@ const plots = (() => {
       });
       const axis = (side, more) => ({ stroke: paint("ink"), grid: { stroke: paint("rule"), width: 1 }, ticks: { stroke: paint("rule"), width: 1 },
         font: "12px system-ui, sans-serif", labelFont: "12px system-ui, sans-serif", label: spec[`${side}_axis`].label || undefined, labelSize: 20, ...more });
-      const name = (values, few) => values.map((v) => (v === null ? "" : !few ? digits(v, 6) : Number.isInteger(Number(Math.log10(v).toFixed(9))) ? power(v) : ""));
-      const values = (side) => (u, ticks) => name(ticks, log[side] && u.scales[side].max > 30 * u.scales[side].min);
+      const name = (values) => values.map((v) => (v === null ? "" : digits(v, 6)));
+      // Powers of ten, as many as there is room for; of a short axis 1, 2 and 5 times these.
+      const named = (ticks, decades) => ticks.map((v) => {
+        const n = Math.floor(Math.log10(v) + 1e-9), first = Math.round(v / 10 ** n);
+        return decades > 1.5 ? (first === 1 && n % Math.ceil(decades / 9) === 0 ? power(v) : "") : [1, 2, 5].includes(first) ? digits(v, 6) : "";
+      });
+      const values = (side) => (u, ticks) => (log[side] ? named(ticks, Math.log10(u.scales[side].max / u.scales[side].min)) : name(ticks));
+      const every = (side) => (log[side] ? { filter: (u, ticks) => ticks } : {});
       const names = spec.x_axis.names;
       const right = spec.curves.find((c) => c.right);
       this.plot?.destroy();
@@ -239,7 +247,7 @@ const plots = (() => {
       const byName = { splits: () => names.map((_, i) => i), values: () => names, rotate: flat ? 0 : 50, size: this.nameHeight, grid: { show: false } };
       const ends = spec.end_names ? Math.min(0.3 * this.width, 10 + 6.5 * Math.max(...spec.curves.map((c) => c.name.length))) : 14;
       this.plot = new uPlot({
-        width: this.width, height: HEIGHT + this.nameHeight, legend: { show: false }, padding: [spec.marks.some((one) => one.name && !one.across) ? 6 + 13 * NAME_ROWS : 10, ends, 0, 0],
+        width: this.width, height: this.height(), legend: { show: false }, padding: [spec.marks.some((one) => one.name && !one.across) ? 6 + 13 * NAME_ROWS : 10, ends, 0, 0],
         scales: {
           x: { time: spec.x_axis.dates, distr: log.x ? 3 : 1, range: () => this.view.x },
           y: { distr: log.y ? 3 : 1, range: () => this.heights() },
@@ -247,7 +255,7 @@ const plots = (() => {
         },
         // Moments of a report are in UTC, those of a page that says them itself in the reader's zone.
         ...(spec.x_axis.say ? {} : { tzDate: (seconds) => uPlot.tzDate(new Date(1000 * seconds), "Etc/UTC") }),
-        axes: [axis("x", names.length ? byName : spec.x_axis.dates ? { size: 44, values: ticksIn(spec.x_axis.say ? undefined : "UTC") } : { size: 34, values: values("x") }), axis("y", { size: 62, values: values("y") }),
+        axes: [axis("x", names.length ? byName : spec.x_axis.dates ? { size: 44, values: ticksIn(spec.x_axis.say ? undefined : "UTC") } : { size: 34, values: values("x"), ...every("x") }), axis("y", { size: 62, values: values("y"), ...every("y") }),
           ...(right ? [axis("y", { scale: "right", side: 1, size: 56, label: right.right, grid: { show: false }, stroke: paint(right.colour), values: (u, ticks) => name(ticks) })] : [])],
         series, bands,
         cursor: {
@@ -371,19 +379,31 @@ const plots = (() => {
       ctx.restore();
     }
 
-    // Names of lines at their right ends, from the highest down, each below the one before.
+    // Names of lines at their right ends, from the highest down, each below the one before; of lines that end before,
+    // at their last points.
     drawEnds(u) {
       const { ctx, bbox } = u, ratio = uPlot.pxRatio, ends = [], { x, curves } = this.spec;
       const last = x.findLastIndex((at) => at <= this.view.x[1]);
-      curves.forEach((c, i) => { if (c.look === "line" && this.shown(i) && c.values[last] !== null) ends.push([u.valToPos(c.values[last], "y", true), c]); });
       ctx.save();
       ctx.font = `${11 * ratio}px system-ui, sans-serif`;
       [ctx.textAlign, ctx.textBaseline] = ["left", "middle"];
-      let lowest = -Infinity;
-      for (const [at, c] of ends.filter(([at]) => at >= bbox.top && at <= bbox.top + bbox.height).sort(([a], [b]) => a - b)) {
-        lowest = Math.max(at, lowest + 12 * ratio);
+      curves.forEach((c, i) => {
+        if (c.look !== "line" || !this.shown(i)) return;
+        const end = c.values.findLastIndex((v, k) => k <= last && v !== null);
+        if (end < 0) return;
+        const at = u.valToPos(c.values[end], "y", true);
+        if (x[last] - x[end] < 0.01 * (this.view.x[1] - this.view.x[0])) { ends.push([at, c]); return; }
         ctx.fillStyle = colour(c.colour);
-        ctx.fillText(c.name, bbox.left + bbox.width + 5 * ratio, lowest);
+        ctx.fillText(c.name, u.valToPos(x[end], "x", true) + 5 * ratio, Math.max(at, bbox.top + 7 * ratio));
+      });
+      const named = ends.filter(([at]) => at >= bbox.top && at <= bbox.top + bbox.height).sort(([a], [b]) => a - b);
+      let [above, below] = [-Infinity, bbox.top + bbox.height + 6 * ratio];
+      for (const one of named) above = one[0] = Math.max(one[0], above + 12 * ratio);
+      for (const one of named.reverse()) {
+        one[0] = Math.min(one[0], below);
+        below = one[0] - 12 * ratio;
+        ctx.fillStyle = colour(one[1].colour);
+        ctx.fillText(one[1].name, bbox.left + bbox.width + 5 * ratio, one[0]);
       }
       ctx.restore();
     }

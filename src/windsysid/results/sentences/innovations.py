@@ -28,17 +28,17 @@ def _at(d: Data) -> str:
 def _unexplained_peak(d: Data) -> str:
     worst, *others = d["channels"]
     also = f" (also {', '.join(others)})" if others else ""
-    strong = f"the power of its innovations is {d['level']:.2g} times that expected{also}"
+    strong = f"the power of its prediction errors is {d['level']:.2g} times that expected{also}"
     return f"the model does not explain {worst} around {_at(d)}: {strong}"
 
 
 def _unexplained_level(d: Data) -> str:
-    return f"innovations of {d['channel']} are {d['level']:.2g} times as strong as expected around {_at(d)}"
+    return f"{d['channel']}: prediction errors {d['level']:.2g} times as strong as expected around {_at(d)}"
 
 
 def _level_over_frequency(d: Data) -> str:
     low, high = (_hz(d[f"{end}_frequency"], d["rotor_frequency"]) for end in ("low", "high"))
-    return f"the level of the innovations goes from {d['low']:.2f} around {low} to {d['high']:.2f} around {high}"
+    return f"the level of prediction errors goes from {d['low']:.2f} around {low} to {d['high']:.2f} around {high}"
 
 
 def _grows(d: Data) -> bool:
@@ -49,11 +49,11 @@ def _grows(d: Data) -> bool:
 
 INNOVATIONS: Final[Mapping[str, Sentence]] = {
     "channel_level": (
-        "the innovations of {channel} are {ratio:.3g} times as large as the model expects",
+        "prediction errors of {channel} are {ratio:.3g} times as large as the model expects",
         ": likely an instrument (its noise, unit or gain); check it or leave it out",
     ),
     "innovation_level": lambda d: (
-        f"the innovations are {d['ratio']:.2g} times as large as the model expects (mean square {d['mean_square']:.3g},"
+        f"the prediction errors are {d['ratio']:.2g} times as large as expected (mean square {d['mean_square']:.3g},"
         f" expected {d['low']:.3f} … {d['high']:.3f}): all intervals are too {'narrow' if d['ratio'] > 1.0 else 'wide'}"
     ),
     "missing_samples": "{channel} is missing in {share:.0f %} of the samples",
@@ -65,7 +65,7 @@ INNOVATIONS: Final[Mapping[str, Sentence]] = {
         "natural frequency"
     ),
     "coloured_innovations": (
-        "the innovations of {channel} are not white (squared autocorrelations add up to {colour:.2f})"
+        "the prediction errors of {channel} are not white (squared autocorrelations add up to {colour:.2f})"
     ),
     "level_over_frequency": (_level_over_frequency, _OTHER_LOADS),
     "spectral_line": (lambda d: f"{d['channel']} has a sinusoid at {_at(d)}, near a natural frequency", LIKELY_MACHINE),
@@ -75,7 +75,7 @@ INNOVATIONS: Final[Mapping[str, Sentence]] = {
         ": likely an instrument (a clock lag, a wrong azimuth); align the clocks",
     ),
     "nonstationary_level": (
-        "the innovations of {channel} vary in level by {variation:.0f %} over the record",
+        "the prediction errors of {channel} vary in level by {variation:.0f %} over the record",
         lambda d: (
             ": likely an instrument (dead, stuck or cut off); choose a steadier section"
             if d["alone"]
@@ -83,11 +83,11 @@ INNOVATIONS: Final[Mapping[str, Sentence]] = {
         ),
     ),
     "heavy_tails": (
-        "the innovations of {channel} have heavy tails (excess kurtosis {kurtosis:.1f})",
+        "the prediction errors of {channel} have heavy tails (excess kurtosis {kurtosis:.1f})",
         ": likely impacts, or an instrument with spikes; check its largest readings",
     ),
     "correlated_innovations": (
-        "innovations of {channels:and} are correlated ({correlation:.2f})",
+        "prediction errors of {channels:and} are correlated ({correlation:.2f})",
         ": likely loads on both at once, a misaligned sensor or a clock lag",
     ),
     "too_many_outliers": (
@@ -96,11 +96,11 @@ INNOVATIONS: Final[Mapping[str, Sentence]] = {
     "gated_readings": "{share:.2g %} of the readings of {channel} were left out as outliers",
     "outlying_innovations": (
         "{count} readings of {channel} are more than {sigmas:g} standard deviations off and make up {share:.0f %} of "
-        "its squared innovations",
+        "its squared prediction errors",
         ": remove the spikes",
     ),
     "nonlinear_force": (
-        "the innovations of {channel} are correlated with the cube of {coordinate}",
+        "prediction errors of {channel} are correlated with the cube of {coordinate}",
         ": likely a hardening spring or friction; coefficients hold at this amplitude",
     ),
     "amplitude_dependence": (

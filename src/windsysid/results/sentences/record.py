@@ -66,7 +66,7 @@ def _regressor(what: str) -> Template:
 
 
 def _pieces(d: Data) -> str:
-    kept = f": innovations, states and loads are kept of the last {d['kept']:.0f} s" if d["kept"] is not None else ""
+    kept = "" if d["kept"] is None else f": prediction errors, states and loads of the last {d['kept']:.0f} s are kept"
     return f"processed in segments{kept}"
 
 

@@ -81,7 +81,7 @@ SPECTRA: Final[Mapping[str, Sentence]] = {
         f"the blades' mean lag angle is {1e3 * d['angle']:.1f} ± {2e3 * d['std']:.1f} mrad"
     ),
     "ranges_read": lambda d: (
-        f"read at {', '.join(f'{low:.3g} … {high:.3g} Hz' for low, high in d['ranges'])}; rotor harmonics were removed"
+        f"fitted at {', '.join(f'{low:.3g} … {high:.3g} Hz' for low, high in d['ranges'])}; rotor harmonics removed"
     ),
     "bands_read": _in_bands,
     "blocks_read": lambda d: (
