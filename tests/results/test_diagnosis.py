@@ -71,6 +71,13 @@ def test_white_noise_passes_at_the_stated_rate():
     assert held == pytest.approx(0.9545, abs=0.005)
 
 
+def test_peaks_of_white_noise_in_gusts_are_chance():
+    """Gusts three times as strong, an eighth of the time: few segments make the spectrum, and its peaks are higher."""
+    swell = np.where(np.arange(4000) // 250 % 8, 1.0, 3.0)[:, None]
+    w = [examined(swell * white(4000, 2, 500 + seed)) for seed in range(100)]
+    assert sum((one.spectrum > one.spectrum_bound).any() for one in w) <= 2
+
+
 def test_autocorrelation_and_colour_are_those_of_a_first_order_process():
     # r_k = ρ^k, and their squares add up to ρ² / (1 − ρ²).
     rho, samples = 0.4, 200_000

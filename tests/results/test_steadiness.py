@@ -181,6 +181,17 @@ def test_blades_that_come_a_sample_late_are_found_in_their_own_frame():
     assert late.sigmas == pytest.approx(0.1 * np.sqrt(3 * 8000), abs=3.5)
 
 
+def test_blades_are_not_late_in_gusts():
+    """Products of two series that swell together scatter more; one of 40 may be beyond 3 σ."""
+    angles, beyond = {2 + i: 2.0 * np.pi * i / 3.0 for i in range(3)}, 0
+    for seed in range(40):
+        rng = np.random.default_rng(100 + seed)
+        z, psi = rng.standard_normal((4000, 5)), np.linspace(0.0, 580.0, 4000)
+        z *= np.where(np.arange(4000) // 250 % 4, 0.6, 1.7)[:, None]
+        beyond += how_late(z, psi, (0, 1), angles).sigmas > 3.0
+    assert beyond <= 2
+
+
 def test_blades_that_are_late_beyond_a_band_only_are_not_late_within_it():
     rng = np.random.default_rng(8)
     z, psi = rng.standard_normal((8000, 5)), np.linspace(0.0, 1160.0, 8000)

@@ -6,11 +6,13 @@ qq̇² and q̇³, which at one frequency span its third harmonic too, at any lag
 and independent of all that was known a reading before, so that with the cubes φ known then (T, 4), what goes with 1, q
 and q̇ of every degree of freedom taken out,
 
-    u = Φᵀ z,    uᵀ (Φᵀ Φ)⁻¹ u / var z
+    u = Φᵀ z,    uᵀ (Σ z_t² φ_t φ_tᵀ)⁻¹ u
 
-is χ² with four degrees of freedom: the score test (Rao 1948) of four coefficients that the model does not have.
+is χ² with four degrees of freedom: the score test (Rao 1948) of four coefficients that the model does not have, with
+White's covariance, as motion and innovations grow together in gusts.
 
-Source: Rao, Proc. Camb. Phil. Soc. 44, 1948, https://doi.org/10.1017/S0305004100023987.
+Sources: Rao, Proc. Camb. Phil. Soc. 44, 1948, https://doi.org/10.1017/S0305004100023987; White, Econometrica 48, 1980,
+https://doi.org/10.2307/1912934.
 """
 
 from collections.abc import Sequence
@@ -90,7 +92,8 @@ def find_bent(
             cubes = cubes - basis @ (basis.T @ cubes)
             u = cubes.T @ own
             try:
-                statistic = float(u @ np.linalg.solve(cubes.T @ cubes, u)) / float(np.mean(own**2))
+                scatter = cubes * own[:, None]
+                statistic = float(u @ np.linalg.solve(scatter.T @ scatter, u))
             except np.linalg.LinAlgError:  # a degree of freedom at rest
                 continue
             tested += 1

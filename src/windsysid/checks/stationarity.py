@@ -142,13 +142,15 @@ def how_late(
     kept = np.fft.rfftfreq(len(z)) <= below
     lags = [lag for lag in range(-MAX_LAG, MAX_LAG + 1) if lag]
     z = np.nan_to_num(z)
-    total, number = np.zeros(len(lags)), 0
+    total, scatter = np.zeros(len(lags)), np.zeros(len(lags))
     for column, angle in blades.items():
         tangential = -np.sin(azimuth + angle) * z[:, tower[0]] + np.cos(azimuth + angle) * z[:, tower[1]]
-        number += int(np.count_nonzero(tangential * z[:, column]))
         tangential = np.fft.irfft(np.where(kept, np.fft.rfft(tangential), 0.0), len(z))
         for k, lag in enumerate(lags):
             first, second = slice(max(-lag, 0), len(z) - max(lag, 0)), slice(max(lag, 0), len(z) - max(-lag, 0))
-            total[k] += float(tangential[first] @ z[second, column])
-    k = int(np.argmax(np.abs(total)))
-    return Late(lags[k], float(abs(total[k])) / math.sqrt(max(number * float(kept.mean()), 1.0)))
+            shared = tangential[first] * z[second, column]
+            total[k] += float(shared.sum())
+            scatter[k] += float(shared @ shared)  # of loads that swell, too
+    sigmas = np.abs(total) / np.sqrt(np.maximum(scatter, 1e-300))
+    k = int(np.argmax(sigmas))
+    return Late(lags[k], float(sigmas[k]))

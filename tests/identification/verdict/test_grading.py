@@ -94,6 +94,19 @@ def test_frequencies_that_contradict_widen_what_they_say_something_of():
     assert (said.severity, said.quantities, said.data["over"]) == ("remark", ("k_fore_aft",), "frequency")
 
 
+def test_readings_that_scatter_more_widen_all_by_as_much_where_no_frequencies_tell():
+    """White innovations of variance r² make the variance of a score at most r² times as large."""
+    loud, plain = Finding("channel_level", "reason", {"channel": CHANNELS[0], "ratio": 1.7}), concluded()
+    found = concluded(loud, over=("time",))
+    assert set(grades(found).values()) == {"B"}
+    assert found["k_side_side"].std / plain["k_side_side"].std == pytest.approx(1.7, rel=0.02)
+    (said,) = [one for one in found.findings if one.code == "wider_intervals"]
+    assert "readings scatter more about the fit than the model says" in str(said)
+    assert set(grades(concluded(loud, over=("time", "frequency"))).values()) == {"A"}
+    quiet = Finding("channel_level", "reason", {"channel": CHANNELS[0], "ratio": 0.6})
+    assert set(grades(concluded(quiet, over=("time",))).values()) == {"A"}
+
+
 def test_a_contradiction_that_no_interval_stands_for_is_c():
     found = concluded(ratio=(0.5, 0.5, 100.0, 0.5), over=("time", "frequency"))
     assert grades(found)["k_fore_aft"] == "C"
@@ -170,8 +183,8 @@ def test_scores_over_time_are_enough_for_loads_whose_level_changes():
     held 98 % of them (`validation.adversary`)."""
     level = Finding("nonstationary_level", "reason", {"channel": CHANNELS[0], "variation": 0.5, "alone": False})
     assert set(grades(concluded(level, over=("time",))).values()) == {"A"}
-    of_channel = Finding("channel_level", "reason", {"channel": CHANNELS[0], "ratio": 2.0})
-    assert "C" in grades(concluded(of_channel, over=("time",))).values()
+    shared = Finding("correlated_innovations", "reason", {"channels": list(CHANNELS[:2]), "correlation": 0.3})
+    assert "C" in grades(concluded(shared, over=("time",))).values()
 
 
 def turned_by(influence: float) -> Identification:

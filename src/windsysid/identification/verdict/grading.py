@@ -34,16 +34,16 @@ __all__ = [
 _EVERY = frozenset({"time", "frequency"})
 
 COVERED_BY_INTERVALS: Mapping[str, frozenset[str]] = {
-    "heavy_tails": frozenset({"time"}), "nonstationary_level": frozenset({"time"}),
+    **dict.fromkeys(("channel_level", "heavy_tails", "innovation_level", "nonstationary_level"), frozenset({"time"})),
     **dict.fromkeys((
-        "channel_level", "correlated_innovations", "correlated_loads", "innovation_level", "level_over_frequency",
-        "unexplained_level", "unexplained_peak",
+        "correlated_innovations", "correlated_loads", "level_over_frequency", "unexplained_level", "unexplained_peak",
     ), _EVERY),
     **dict.fromkeys(("narrow_band_load_ambiguous", "narrow_band_load_possible"), frozenset()),
 }  # fmt: skip
 """Setting: findings that intervals cover, and the scores that this takes: of loads that change, over time; of
 innovations that are not white, over frequencies too; of narrow-band loads, whose rivals are known by themselves,
-none."""
+none. White innovations of another level scatter scores by that level at most, where no scores over frequencies show
+by how much."""
 
 Readers = Mapping[str, Collection[str]]
 """For each degree of freedom that moves by itself the channels that measure it."""
@@ -61,7 +61,8 @@ class Widening(NamedTuple):
     factor
         Standard deviation over that of the model.
     over, place
-        Cause of most of it: ``time``, ``frequency`` or ``explanations``, and where [s] or [Hz]; empty without one.
+        Cause of most of it: ``time``, ``frequency``, ``level`` or ``explanations``, and where [s] or [Hz]; empty
+        without one.
     of_rivals
         Part of the factor that rival explanations make.
     """
@@ -91,11 +92,16 @@ def widenings_of(
         for what, rows in zip(("frequency", "damping ratio"), at.slopes, strict=True)
     ]
     rivals = _rivals([one for one in findings if _is_coverable(one, scores)], coefficients)
-    stds = np.array([one.std for one in coefficients])
-    return (
-        [_with_rivals(one, rivals, stds) for one in coefficients],
-        [[_with_rivals(one, rivals, stds) for one in row] for row in modes],
-    )
+    stds, level = np.array([one.std for one in coefficients]), 1.0
+    if "frequency" not in {one.over for one in scores}:
+        levels = (one.data["ratio"] for one in findings if one.code in ("channel_level", "innovation_level"))
+        level = max(levels, default=1.0)
+
+    def widened(one: Widening) -> Widening:
+        one = one._replace(factor=level, over="level", place=0.0) if one.factor < level else one
+        return _with_rivals(one, rivals, stds)
+
+    return [widened(one) for one in coefficients], [[widened(one) for one in row] for row in modes]
 
 
 def with_tolerance_shifts(diagnosis: Diagnosis, outcome: Outcome) -> Diagnosis:

@@ -9,9 +9,10 @@ being the steps of f from one sample to the next. The score of κ is their produ
 
 E and D being the Fourier transforms of e and d, of the smoothed loads and of f along the smoothed motion. t is normal
 with deviation 1, or less, where there is no such force: then E and D have no phase in common, and with phases at random
-no tail of t is longer than the normal one's. Of f, what goes with straight lines, the displacements and velocities of
-all degrees of freedom, is taken out first: coefficients explain that. Motion is smoothed, since a force of the kind
-shows where it turns round, and what happens a moment later tells when that was.
+no tail of t is longer than the normal one's. In gusts loads and motion grow together: where s of parts of the record
+scatters more than that, their scatter is the deviation. Of f, what goes with straight lines, the displacements and
+velocities of all degrees of freedom, is taken out first: coefficients explain that. Motion is smoothed, since a force
+of the kind shows where it turns round, and what happens a moment later tells when that was.
 
 Shapes are tanh q/σ, q in its rms: what cubes of a Gaussian q leave looks nearly alike, and so does the sign of q, of
 play, where a slow part of q is hidden from accelerometers; and the sign of q̇. Directions of one support are alike, and
@@ -32,7 +33,7 @@ from itertools import combinations
 
 import numpy as np
 
-from windsysid._types import Array, Complex
+from windsysid._types import Array
 from windsysid.checks.nonlinearity import Bending, Law, standardised
 from windsysid.filters import Info, smooth
 from windsysid.identification.limits import MAX_FORCE_SIGMAS, MAX_JOINT_SIGMAS, MIN_WHITENED_SAMPLES
@@ -48,6 +49,9 @@ TURN_Q_RMS, TURN_V_RMS = 1.0, 0.1
 
 CHUNK_SAMPLES = 4096
 """Setting: samples for which all H(ψ) are held at once."""
+
+PARTS = 64
+"""Setting: parts of a record over which a score scatters."""
 
 
 def judge_smoothed_loads(
@@ -70,7 +74,7 @@ def judge_smoothed_loads(
     state = smooth(model, inputs, np.where(info.gated, np.nan, readings)).mean
     n, tested = len(freedoms), [freedoms[j] for j in asked]
     loads = _loads(model, inputs, state)[:, [names.index(one.load) for one in tested]]
-    driven = np.fft.rfft(np.diff(loads, axis=0), axis=0)
+    driven = np.diff(loads, axis=0)
     scores = _scores(state[:, asked], state[:, [n + j for j in asked]], driven)
     bendings = [one for law, t in scores.items() for one in _bendings(law, t, tested)]
     apart = readings.shape[1] >= len(asked) and not any(one.blade for one in freedoms)
@@ -98,8 +102,8 @@ def _bendings(law: Law, t: Array, freedoms: Sequence[Coordinate]) -> Iterator[Be
         yield Bending(law, tuple(freedoms[i].name for i in group), sigmas, bound)
 
 
-def _most_correlated(freedoms: Sequence[Coordinate], driven: Complex) -> CorrelatedLoads | None:
-    """The two loads of n degrees of freedom of strongest correlation, by their drives; None with fewer."""
+def _most_correlated(freedoms: Sequence[Coordinate], driven: Array) -> CorrelatedLoads | None:
+    """The two loads of n degrees of freedom of strongest correlation, by their drives (T, n); None with fewer."""
     pairs = [
         CorrelatedLoads(
             (freedoms[i].load, freedoms[j].load), float(_score(driven[:, i], driven[:, j])), MAX_JOINT_SIGMAS
@@ -118,10 +122,10 @@ def _loads(model: StateSpace, inputs: Array, state: Array) -> Array:
     )
 
 
-def _scores(q: Array, v: Array, driven: Complex) -> dict[Law, Array]:
+def _scores(q: Array, v: Array, driven: Array) -> dict[Law, Array]:
     """Statistic t (n,) of each law of force, of smoothed displacements and velocities of n
-    degrees of freedom (T, n) and of what drives their loads (F, n). A load that goes with −q̇, as friction does, counts
-    as positive."""
+    degrees of freedom (T, n) and of what drives their loads (T − 1, n). A load that goes with −q̇, as friction does,
+    counts as positive."""
     q, v = standardised(q), standardised(v)
     lines = np.linalg.qr(np.diff(np.hstack([q, v]), axis=0))[0]
     forces: dict[Law, Array] = {"stiffness": np.tanh(q / TURN_Q_RMS), "damping": -np.tanh(v / TURN_V_RMS)}
@@ -129,11 +133,14 @@ def _scores(q: Array, v: Array, driven: Complex) -> dict[Law, Array]:
     for law, force in forces.items():
         steps = np.diff(force, axis=0)
         steps -= lines @ (lines.T @ steps)
-        found[law] = _score(driven, np.fft.rfft(steps, axis=0))
+        found[law] = _score(driven, steps)
     return found
 
 
-def _score(e: Complex, d: Complex) -> Array:
-    """By how many standard deviations of chance two Fourier transforms (F, …) go together (…,)."""
-    chance = np.sqrt(0.5 * np.sum(np.abs(e) ** 2 * np.abs(d) ** 2, axis=0))
-    return np.asarray(np.sum((e.conj() * d).real, axis=0) / np.maximum(chance, 1e-300))
+def _score(e: Array, d: Array) -> Array:
+    """By how many standard deviations of chance two series (T, …) go together (…,)."""
+    power = [np.abs(np.fft.rfft(one, axis=0)) ** 2 for one in (e, d)]
+    parts = np.add.reduceat(e * d, np.linspace(0, len(e), PARTS, endpoint=False, dtype=np.intp), axis=0)
+    stationary = np.sqrt(2.0 * np.sum(power[0] * power[1], axis=0)) / len(e)
+    chance = np.maximum(stationary, math.sqrt(PARTS) * np.std(parts, axis=0, ddof=1))
+    return np.asarray(parts.sum(axis=0) / np.maximum(chance, 1e-300))

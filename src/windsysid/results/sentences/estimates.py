@@ -75,6 +75,7 @@ def _wider_intervals(d: Data) -> str:
     why = {
         "explanations": "rival explanations of the record are possible",
         "frequency": f"readings around {d['at']:.3g} Hz contradict the fit to the others",
+        "level": "readings scatter more about the fit than the model says",
         "time": f"segments of the record contradict each other, most at {d['at']:.0f} s",
     }
     more = f" and {len(d['names']) - 3} more" if len(d["names"]) > 3 else ""
