@@ -1,5 +1,6 @@
 """Commands without --output: where results go, that nothing is overwritten, and that interrupted work goes on."""
 
+import json
 from pathlib import Path
 
 import pytest
@@ -165,7 +166,7 @@ def test_results_of_other_commands_are_left_out_of_many_and_named(folders: dict[
     given = [*folders.values(), folders["identify"]]
     assert results_of(given, "identify") == [folders["identify"]]
     line = capsys.readouterr().err
-    assert line.startswith("left out, since identify did not write them: ")
+    assert line.startswith("left out of the results of identify: ")
     assert line.count("\n") == 1
     for name, path in folders.items():
         assert (f"{path} ({name if name in FILES else 'no result'})" in line) == (name != "identify")
@@ -187,3 +188,15 @@ def test_results_of_identify_and_oma_alike_remain_and_of_more_of_one_command_the
     assert results_of([*both, folders["study"]], "identify", "oma") == both
     (folders["empty"] / "identification.nc").touch()
     assert results_of([*both, folders["empty"]], "identify", "oma") == [folders["identify"], folders["empty"]]
+
+
+def test_a_record_that_was_identified_twice_counts_once(folders: dict[str, Path], capsys):
+    for name, section in (("identify", [0, 600]), ("empty", [0, 600]), ("oma", [600, 1200])):
+        (folders[name] / "identification.nc").touch()
+        (folders[name] / "answer.json").unlink(missing_ok=True)
+        summary = {"record_hash": "sha256:1", "section": section}
+        (folders[name] / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
+    given = [folders["identify"], folders["empty"], folders["oma"]]
+    assert results_of(given, "identify") == [folders["identify"], folders["oma"]]
+    assert f"{folders['empty']} (same record as identify)" in capsys.readouterr().err
+    assert results_of(given[:2], "identify", least=2) == given[:2]

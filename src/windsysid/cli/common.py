@@ -139,22 +139,31 @@ def claim_output(
 
 
 def results_of(folders: Sequence[Path], *commands: str, least: int = 1) -> list[Path]:
-    """Those of several folders that one of some commands wrote, without repetitions; a line names the others.
+    """Those of several folders that one of some commands wrote, each record and section once; a line names the others.
 
     If more of them are of one command than of the other, only these are taken. If fewer than `least` remain, all are
     returned.
     """
-    from windsysid.output.folders import written_by
+    from windsysid.output.folders import data_of, written_by
 
     writers = {folder: written_by(folder) for folder in folders}
     counts = [list(writers.values()).count(command) for command in commands]
     wanted = [command for command, count in zip(commands, counts, strict=True) if count == max(counts)]
-    kept = [folder for folder, command in writers.items() if command in wanted or not folder.exists()]
-    if len(kept) < least or not any(counts):
+    kept, left, known = list[Path](), list[str](), dict[str, Path]()
+    for folder, command in writers.items():
+        twin = known.setdefault(data_of(folder) or str(folder), folder) if command in wanted else folder
+        if twin is not folder:
+            left.append(f"{folder} (same record as {twin.name})")
+        elif command in wanted or not folder.exists():
+            kept.append(folder)
+        else:
+            left.append(f"{folder} ({command or 'no result'})")
+    if len(kept) < least or not known:
         return list(folders)
-    if left := [f"{folder} ({command or 'no result'})" for folder, command in writers.items() if folder not in kept]:
-        listed = ", ".join(left[:MAX_LISTED]) + (f" and {len(left) - MAX_LISTED} more" if left[MAX_LISTED:] else "")
-        print(printable(f"left out, since {' or '.join(wanted)} did not write them: {listed}"), file=sys.stderr)
+    if left:
+        more = f" and {len(left) - MAX_LISTED} more" * (len(left) > MAX_LISTED)
+        told = f"left out of the results of {' and '.join(wanted)}: {', '.join(left[:MAX_LISTED])}{more}"
+        print(printable(told), file=sys.stderr)
     return kept
 
 

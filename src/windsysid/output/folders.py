@@ -28,7 +28,7 @@ from windsysid.errors import OutputError
 from windsysid.output.files import explain_errors, make_folders, place_file, remove_empty, replace_file, sync
 from windsysid.output.locks import HOME, MANIFEST, MAX_TRIES, release, remove_abandoned, try_lock
 
-__all__ = ["Saveable", "claim", "content_of", "is_free", "result_file", "written_by"]
+__all__ = ["Saveable", "claim", "content_of", "data_of", "is_free", "result_file", "written_by"]
 
 NAMES = frozenset(
     [
@@ -162,7 +162,16 @@ def written_by(folder: str | Path) -> str:
                 return _COMMANDS[text[:40].split('"')[3]]
             known = parse_json(text)
             return next(command for key, command in _SUMMARIES.items() if key in known)
-    return next((command for name, command in _FILES.items() if result_file(folder, name).exists()), "")
+    archive = "batch" if any(Path(folder).glob("turbine=*")) else ""
+    return next((command for name, command in _FILES.items() if result_file(folder, name).exists()), archive)
+
+
+def data_of(folder: str | Path) -> str:
+    """Hash of the record and section of a result, as ``summary.json`` has them; empty where it has none."""
+    with contextlib.suppress(OSError, ValueError, LookupError, TypeError):
+        known = parse_json(result_file(folder, "summary.json").read_text(encoding="utf-8"))
+        return f"{known['record_hash']} {known['section']}" if known["record_hash"] else ""
+    return ""
 
 
 def content_of(folder: str | Path) -> str:
