@@ -112,4 +112,4 @@ def _coefficients(estimates: "Sequence[Estimate]") -> Table:
 
 def _share(e: "Estimate") -> str:
     """Half of the 95 % interval over the estimate."""
-    return f"{50.0 * (e.high - e.low) / abs(e.estimate):.2g} %" if e.estimate else "?"
+    return f"{float(f'{50.0 * (e.high - e.low) / abs(e.estimate):.2g}'):g} %" if e.estimate else "?"

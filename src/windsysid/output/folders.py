@@ -28,7 +28,7 @@ from windsysid.errors import OutputError
 from windsysid.output.files import explain_errors, make_folders, place_file, remove_empty, replace_file, sync
 from windsysid.output.locks import HOME, MANIFEST, MAX_TRIES, release, remove_abandoned, try_lock
 
-__all__ = ["Saveable", "claim", "content_of", "data_of", "is_free", "result_file", "written_by"]
+__all__ = ["Saveable", "claim", "data_of", "is_free", "result_file", "without", "written_by"]
 
 NAMES = frozenset(
     [
@@ -174,11 +174,16 @@ def data_of(folder: str | Path) -> str:
     return ""
 
 
-def content_of(folder: str | Path) -> str:
-    """Content of a folder in which another result was expected, and advice."""
+def without(expected: str, folder: str | Path) -> str:
+    """Describe a folder that does not hold an expected result: its content, and advice."""
     folder = Path(folder)
-    if not folder.exists():
-        return "no such folder: check the name"
+    if not os.path.lexists(folder):
+        return f"{folder}: no such folder, expected {expected}; check the name and the folder"
+    return f"{folder}: expected {expected}, got {_content_of(folder)}"
+
+
+def _content_of(folder: Path) -> str:
+    """Content of a folder in which another result was expected, and advice."""
     if not folder.is_dir():
         what = "that holds it" if folder.name in NAMES else "of a result; windsysid identify RECORD makes one"
         return f"a file: give the folder {what}"
