@@ -70,7 +70,10 @@ def test_public_functions_can_be_pickled():
 
 
 def test_a_linearisation_that_is_not_there_is_refused_as_a_record_is():
-    with pytest.raises(ws.ConfigurationError, match=r"^nowhere\.1\.lin: no such file; check the name and the folder$"):
+    with pytest.raises(
+        ws.ConfigurationError,
+        match=r"^nowhere\.1\.lin: no such file, expected a \.lin file of OpenFAST; check the name and the folder$",
+    ):
         ws.read_linearisation("nowhere.1.lin")
 
 

@@ -9,7 +9,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-__all__ = ["parse_json", "parse_toml", "read_toml", "special_file_kind"]
+from windsysid.errors import ConfigurationError, unreadable
+
+__all__ = ["parse_json", "parse_toml", "read_tables", "read_toml", "special_file_kind"]
 
 MAX_TOML_CHARACTERS = 1 << 21
 """Largest length of a TOML text; the file of a fleet of 10 000 turbines has 1.5 million characters."""
@@ -48,6 +50,14 @@ def read_toml(path: Path, decode: Callable[[bytes], str] = _utf_8) -> str:
         raise ValueError(f"it is {kind}, expected a file")
     with path.open("rb") as file:
         return decode(file.read(4 * MAX_TOML_CHARACTERS))
+
+
+def read_tables(path: Path, expected: str, decode: Callable[[bytes], str] = _utf_8) -> dict[str, Any]:
+    """Read the tables of a TOML file of an expected kind; ConfigurationError if there are none."""
+    try:
+        return parse_toml(read_toml(path, decode))
+    except (OSError, ValueError) as error:
+        raise ConfigurationError(unreadable(path, expected, error)) from error
 
 
 def parse_toml(text: str) -> dict[str, Any]:

@@ -2,10 +2,11 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 __all__ = [
     "ConfigurationError", "NumericalError", "OutputError", "RecordError", "StoreError", "UnknownTimeError",
-    "WindsysidError", "as_numerical_error",
+    "WindsysidError", "as_numerical_error", "unreadable",
 ]  # fmt: skip
 
 
@@ -35,6 +36,23 @@ class StoreError(WindsysidError):
 
 class NumericalError(WindsysidError, ValueError):
     """A numerical operation failed, although the input was valid."""
+
+
+def unreadable(path: str | Path, expected: str, error: Exception) -> str:
+    """Describe an input file that cannot be opened or decoded, in the same sentence for every kind of file.
+
+    Examples
+    --------
+    >>> unreadable("my.toml", "a turbine file", FileNotFoundError())
+    'my.toml: no such file, expected a turbine file; check the name and the folder'
+    """
+    if isinstance(error, FileNotFoundError | NotADirectoryError):
+        return f"{path}: no such file, expected {expected}; check the name and the folder"
+    if isinstance(error, IsADirectoryError):
+        return f"{path}: is a folder, expected {expected}; name one of the files in it"
+    if isinstance(error, OSError):
+        return f"{path}: cannot be read ({error.strerror or error}), expected {expected}; check its permissions"
+    return f"{path}: is not {expected} ({' '.join(str(error).split())[:120]}); correct it"
 
 
 @contextmanager

@@ -13,7 +13,7 @@ from windsysid.errors import ConfigurationError
 
 __all__ = [
     "RPM", "UNITS", "canonical", "engineering", "engineering_unit", "is_same_quantity", "parse_quantity", "si_unit",
-    "spell", "to_si", "unit_text", "with_half_width",
+    "significant_digits", "spell", "to_si", "unit_text", "with_half_width",
 ]  # fmt: skip
 
 RPM = 30.0 / math.pi
@@ -220,8 +220,21 @@ def unit_text(unit: str) -> str:
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"))
 
 
-def engineering(unit: str, *values: float | None) -> tuple[str, ...]:
-    """Values in an engineer's unit with four significant digits, then that unit, chosen by the first; "" for None.
+def significant_digits(value: float, half: float, least: int = 4) -> int:
+    """Significant digits of a value that show half of its interval to two digits.
+
+    Examples
+    --------
+    >>> significant_digits(1784.1, 35.0), significant_digits(1784.1, 0.035)
+    (4, 7)
+    """
+    if not 0.0 < half * abs(value) < math.inf:
+        return least
+    return max(2 + math.floor(math.log10(abs(value))) - math.floor(math.log10(half)), least)
+
+
+def engineering(unit: str, *values: float | None, digits: int = 4) -> tuple[str, ...]:
+    """Values in an engineer's unit to some significant digits, then that unit, chosen by the first; "" for None.
 
     Examples
     --------
@@ -229,7 +242,7 @@ def engineering(unit: str, *values: float | None) -> tuple[str, ...]:
     ('1.784', '0.98', '', 'MN/m')
     """
     size, text = engineering_unit(unit, values[0] or 0.0)
-    return (*("" if value is None else f"{value / size:.4g}" for value in values), text)
+    return (*("" if value is None else f"{value / size:.{digits}g}" for value in values), text)
 
 
 def engineering_unit(unit: str, value: float) -> tuple[float, str]:

@@ -135,7 +135,7 @@ def test_a_cut_off_outb_is_refused_in_one_line(run, tmp_path, results, kept):
 
 def test_what_is_not_there_or_a_folder_is_refused(run, tmp_path, results):
     common = ("--turbine", "verne555", "--output", results)
-    refused(run("identify", tmp_path, *common), "is a folder, expected a file")
+    refused(run("identify", tmp_path, *common), "is a folder, expected a record")
     refused(run("identify", tmp_path / "nowhere.csv", *common), "no such file")
 
 
@@ -159,7 +159,7 @@ def test_what_is_not_there_or_a_folder_is_refused(run, tmp_path, results):
             ("--turbine", "nordex"),
             "no turbine 'nordex': expected one of hammond, nrel5mw, nrel5mw_full, tower, verne555",
         ),
-        (("--turbine", "nowhere.toml"), r"turbine file nowhere\.toml: cannot be read"),
+        (("--turbine", "nowhere.toml"), r"nowhere\.toml: no such file, expected a turbine file"),
         (("--sensors", "nowhere.toml"), r"nowhere\.toml: expected a TOML file"),
     ],
 )

@@ -1,5 +1,6 @@
 """Commands without --output: where results go, that nothing is overwritten, and that interrupted work goes on."""
 
+import json
 from pathlib import Path
 
 import pytest
@@ -7,7 +8,7 @@ import pytest
 import windsysid as ws
 from tests.conftest import Ended
 from tests.turbine.models.test_drawing import DRAWING
-from windsysid.cli.common import name_of, numbered
+from windsysid.cli.common import name_of, numbered, results_of
 from windsysid.cli.fleet import _archive_of
 from windsysid.cli.identify import _checkpoint, _default_output
 from windsysid.fleet.archive import add_rows, has_records_of, place_of
@@ -137,3 +138,65 @@ def test_a_command_never_overwrites_the_file_that_it_reads(run, record: Path, tm
     assert path.read_bytes() == content
     assert ended.code == 2
     assert "is to be read: choose another name" in ended.err[0]
+
+
+FILES = {
+    "identify": ("identification.nc", ""),
+    "inspect": ("inspection.json", "{}"),
+    "oma": ("answer.json", '{"answer": "OperationalModes"'),
+    "compare": ("answer.json", '{"answer": "Comparison"'),
+    "study": ("summary.json", '{"published_seconds": 1.0}'),
+    "report": ("summary.json", '{"archive": "a"}'),
+}
+
+
+@pytest.fixture
+def folders(tmp_path: Path) -> dict[str, Path]:
+    """A folder of each command's result, as a pattern finds them."""
+    for command, (name, text) in FILES.items():
+        (tmp_path / command).mkdir()
+        (tmp_path / command / name).write_text(text, encoding="utf-8")
+    (tmp_path / "study" / "identification.nc").touch()
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "notes.txt").touch()
+    return {path.name: path for path in tmp_path.iterdir()}
+
+
+def test_results_of_other_commands_are_left_out_of_many_and_named(folders: dict[str, Path], capsys):
+    given = [*folders.values(), folders["identify"]]
+    assert results_of(given, "identify") == [folders["identify"]]
+    line = capsys.readouterr().err
+    assert line.startswith("left out of the results of identify: ")
+    assert line.count("\n") == 1
+    for name, path in folders.items():
+        assert (f"{path} ({name if name in FILES else 'no result'})" in line) == (name != "identify")
+
+
+def test_a_result_of_another_command_alone_and_a_missing_folder_remain(folders: dict[str, Path], capsys):
+    for alone in ([folders["oma"]], [folders["oma"], folders["compare"]]):
+        assert results_of(alone, "identify") == alone
+    pair = [folders["identify"], folders["compare"]]
+    assert results_of(pair, "identify", "oma", least=2) == pair
+    missing = [folders["identify"], folders["identify"] / "missing"]
+    assert results_of(missing, "identify", "oma") == missing
+    assert capsys.readouterr().err == ""
+
+
+def test_results_of_identify_and_oma_alike_remain_and_of_more_of_one_command_these(folders: dict[str, Path]):
+    both = [folders["identify"], folders["oma"]]
+    assert results_of(both, "identify", "oma") == both
+    assert results_of([*both, folders["study"]], "identify", "oma") == both
+    (folders["empty"] / "identification.nc").touch()
+    assert results_of([*both, folders["empty"]], "identify", "oma") == [folders["identify"], folders["empty"]]
+
+
+def test_a_record_that_was_identified_twice_counts_once(folders: dict[str, Path], capsys):
+    for name, section in (("identify", [0, 600]), ("empty", [0, 600]), ("oma", [600, 1200])):
+        (folders[name] / "identification.nc").touch()
+        (folders[name] / "answer.json").unlink(missing_ok=True)
+        summary = {"record_hash": "sha256:1", "section": section}
+        (folders[name] / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
+    given = [folders["identify"], folders["empty"], folders["oma"]]
+    assert results_of(given, "identify") == [folders["identify"], folders["oma"]]
+    assert f"{folders['empty']} (same record as identify)" in capsys.readouterr().err
+    assert results_of(given[:2], "identify", least=2) == given[:2]

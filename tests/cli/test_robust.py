@@ -12,6 +12,7 @@ import pytest
 
 from windsysid import cli
 from windsysid.output.console import plain, render
+from windsysid.output.table import Table
 from windsysid.simulation.record import simulate_record
 from windsysid.turbine.file import load_turbine
 
@@ -69,14 +70,11 @@ class Terminal(io.StringIO):
 
 
 def identified_table():
-    from rich.table import Table
-
-    table = Table(title="a turbine, [/x]: " + "a caption that says more than fits, " * 4)
-    for heading in ("coefficient", "estimate", "95 % interval", "unit", "from data", "reference", "difference"):
-        table.add_column(heading)
-    for name in ("k_x", "c_beta_3", "a_very_long_name_of_a_coefficient_[/x]"):
-        table.add_row(name, "1.2345e+06", "1.2345e+06 … 1.3456e+06", "N·m·s/rad", "99.9 %", "1.2345e+06", "+12.34 %")
-    return table
+    title = "a turbine, [/x]: " + "a caption that says more than fits, " * 4
+    headings = ("coefficient", "estimate", "95 % interval", "unit", "from data", "reference", "difference")
+    cells = ("1.2345e+06", "1.2345e+06 … 1.3456e+06", "N·m·s/rad", "99.9 %", "1.2345e+06", "+12.34 %")
+    names = ("k_x", "c_beta_3", "a_very_long_name_of_a_coefficient_[/x]")
+    return Table(headings, [(name, *cells) for name in names], title)
 
 
 @pytest.mark.parametrize("columns", [60, 80, 120])
@@ -233,20 +231,24 @@ def test_an_interrupt_inside_a_destructor_ends_it_too():
 
 @pytest.mark.parametrize("columns", [60, 80])
 def test_no_number_is_broken_over_two_lines(monkeypatch: pytest.MonkeyPatch, columns: int):
-    from rich.table import Table
-
-    from windsysid.output.console import render
-
     monkeypatch.setenv("COLUMNS", str(columns))
-    table = Table()
-    table.add_column("name")
-    for heading in ("before", "after", "±2σ band"):
-        table.add_column(heading, justify="right")
-    table.add_row("noise_of_the_accelerometer_on_the_tower", "1.78083e+06", "-1.90012e-03", "1.7497e+06 … 1.8124e+06")
-    text = render(table)
+    row = ("noise_of_the_accelerometer_on_the_tower", "1.78083e+06", "-1.90012e-03", "1.7497e+06 … 1.8124e+06")
+    text = render(Table(("name", "before", "after", "±2σ band"), [row]))
     assert all(len(line) <= columns for line in text.splitlines())
     for number in ("1.78083e+06", "-1.90012e-03", "1.7497e+06 …", "1.8124e+06"):
         assert number in text
+
+
+def test_tables_have_one_style_and_an_empty_line_between_them(monkeypatch: pytest.MonkeyPatch):
+    narrow = Table(("name", "value"), [("a", "1.0"), ("大", "22.0")], "narrow")
+    wide = Table(("name", *(f"value of {i}" for i in range(9))), [("a", *(["1.23456789e+10"] * 9))])
+    for columns in ("80", "200"):
+        monkeypatch.setenv("COLUMNS", columns)
+        text = render(narrow, narrow, wide, "end")
+        assert not set("┏┃│┡") & set(text)
+        assert text.startswith("narrow\nname  value\n───────────\na       1.0\n大     22.0\n\nnarrow\n")
+        assert text.endswith("\nend")
+    assert text.count("\n\n") == 2
 
 
 @pytest.mark.parametrize("name", ["nic\udce9$a$.csv", "a\n[red]b\x1b[31m.csv", "<b>x.csv"])

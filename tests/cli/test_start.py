@@ -133,12 +133,40 @@ def test_a_logger_of_another_language_is_understood(run, folder: Path):
 
 def test_channels_that_the_turbine_does_not_know_are_refused_before_a_mapping_is_written(run, folder: Path):
     """A mapping with `# ? name =` was written, and `identify` refused it."""
-    record = with_header(folder, "time [s]", "ax [mg]", "ay [mg]", "n [rpm]")
+    record = with_header(folder, "time [s]", "a1 [mg]", "a2 [mg]", "n [rpm]")
     ended = run("start", record, "--turbine", "tower", "--yes")
     assert (ended.code, len(ended.err)) == (2, 1), ended
     assert "no channel has a name that tower knows" in ended.err[0]
     assert "leave --yes out to name them" in ended.err[0]
     assert not list(Path().glob("*.toml"))
+
+
+@pytest.mark.parametrize(
+    "names",
+    [("ax [mg]", "ay [mg]"), ("acc_x [mg]", "acc_y [mg]"), ("Beschleunigung X [mg]", "Beschleunigung Y [mg]"),
+     ("Acc Y [mg]", "Acc X [mg]"), ("Tower top X [mg]", "Tower top Y [mg]")],
+)  # fmt: skip
+def test_two_horizontal_axes_are_a_guess_that_somebody_confirms(
+    run, folder: Path, answers, monkeypatch: pytest.MonkeyPatch, names: tuple[str, str]
+):
+    monkeypatch.setattr(start, "_section", lambda *_: [])
+    monkeypatch.setattr(start, "_run", lambda *_: Path("report.html"))
+    record = with_header(folder, "time [s]", *names, "n [rpm]")
+    ended = run("start", record, "--turbine", "tower", "--yes")
+    assert (ended.code, len(ended.err)) == (2, 1), ended
+    assert "start --yes: no safe default: Name of" in ended.err[0]
+    assert "a guess: X fore-aft and Y side-side" in ended.out
+    assert not list(Path().glob("*.toml"))
+    usual = {"X": "tower_z_acceleration", "Y": "tower_x_acceleration"}
+    written = [name.split(" [")[0] for name in names]
+    answers("", "", "")
+    assert run("start", record, "--turbine", "tower").code == 0
+    rules = load_mapping("renamed-mapping.toml").channels
+    assert [rules[name].name for name in written] == [usual[name[-1].upper()] for name in written]
+    answers(rules[written[1]].name, "", "")
+    assert run("start", record, "--turbine", "tower").code == 0
+    exchanged = load_mapping("renamed-mapping-2.toml").channels
+    assert [exchanged[name].name for name in written] == [rules[name].name for name in reversed(written)]
 
 
 def test_a_unit_is_never_guessed(run, folder: Path):

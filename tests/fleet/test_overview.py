@@ -93,7 +93,7 @@ def test_the_command_reports_an_archive(run, tmp_path: Path, rows: dict[str, lis
         (("monitor", archive, "--turbine", "T9"), "no turbine 'T9'"),
         (("monitor", archive, "--output", tmp_path / "watched"), "give --turbine"),
         (("monitor", archive, "--covariates", tmp_path / "x.csv"), "leave the file out"),
-        (("report", tmp_path), "expected a folder that windsysid batch wrote"),
+        (("report", tmp_path), "expected an archive of windsysid batch"),
     ):
         ended = run(*arguments)
         assert (ended.code, len(ended.err)) == (2, 1)

@@ -275,7 +275,7 @@ def test_a_sensor_list_is_read(tmp_path: Path):
         ("[sensor]\nchannel = 'a'\n", "expected .*sensor.* tables"),
         (GOOD + "[other]\n", "expected .*sensor.* tables and nothing else, got other, sensor"),
         ("", "an empty file"),
-        ("this is no TOML", "expected a TOML file"),
+        ("this is no TOML", "is not a TOML file"),
         ("\x00\x01", "expected a TOML file"),
     ],
 )

@@ -325,7 +325,7 @@ def test_the_summary_as_json_is_all_that_is_printed(run):
     ("arguments", "complaint"),
     [
         (("nowhere",),
-         "nowhere: expected a result of windsysid identify, got no such folder: check the name"),
+         "nowhere: no such folder, expected a result of windsysid identify; check the name and the folder"),
         (("--turbine", "verne555", "--speeds", "2", "3 rpm"),
          "--speeds: the unit is missing: write it behind the number, in rad/s; got '2'"),
         (("--turbine", "verne555", "--operating", "2 rpm", "3 kg"),

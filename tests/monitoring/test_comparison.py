@@ -676,3 +676,18 @@ def test_a_folder_without_a_result_is_refused_in_one_line(results, tmp_path, mon
     (line,) = capsys.readouterr().err.splitlines()
     assert ended.value.code == 2
     assert "expected a result of windsysid identify" in line
+
+
+@pytest.mark.parametrize(
+    ("percent", "half", "row"),
+    [
+        (0.004, 0.001, ("1.774", "1.774071", "+0.0040", "+0.0030…+0.0050")),
+        (-3.2, 1.6, ("1.774", "1.717", "-3.20", "-4.80…-1.60")),
+        (135.0, 400.0, ("1.774", "4.169", "+135", "-265…+535")),
+    ],
+)
+def test_a_change_is_shown_to_two_digits_of_its_interval(percent: float, half: float, row: tuple[str, ...]):
+    after = 1.774e6 * (1.0 + 0.01 * percent)
+    values = (1.774e6, after, percent, percent - half, percent + half, 6.0, 0.0)
+    change = QuantityChange("k_side_side", "N/m", *values, "stiffness")
+    assert Comparison(("a", "b"), (change,), (), (), False, (), ()).rows[0][2:6] == row

@@ -64,7 +64,7 @@ def test_a_folder_of_another_kind_is_refused_with_what_is_accepted_and_what_it_i
     for read in (lambda: compare(tmp_path, tmp_path), lambda: ws.read_blocks([tmp_path])):
         with pytest.raises(ws.ConfigurationError, match=expected):
             read()
-    with pytest.raises(ws.ConfigurationError, match="identify or oma, got no such folder: check the name"):
+    with pytest.raises(ws.ConfigurationError, match="no such folder, expected a result of windsysid identify or oma"):
         compare(tmp_path / "nowhere", tmp_path)
     with pytest.raises(ws.ConfigurationError, match="expected a result of windsysid identify, got one of compare"):
         ws.damping([tmp_path])

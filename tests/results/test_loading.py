@@ -233,8 +233,8 @@ def test_the_page_of_a_result_is_drawn_again(saved: Path, tmp_path: Path, run: C
 
 
 def test_what_is_no_result_is_one_line(tmp_path: Path):
-    for folder, why in ((tmp_path, "got no result in it"), (tmp_path / "none", "got no such folder: check the name")):
-        with pytest.raises(ConfigurationError, match=f"expected a folder that windsysid wrote, {why}"):
+    for folder, why in ((tmp_path, ", got no result in it"), (tmp_path / "none", "; check the name and the folder")):
+        with pytest.raises(ConfigurationError, match=f"expected a result of windsysid{why}"):
             ws.load_result(folder)
     for text in (
         "{}",

@@ -400,15 +400,15 @@ def test_a_turbine_that_is_not_there_is_one_clear_line(tmp_path: Path):
         match=r"no turbine 'verne': expected one of hammond, nrel5mw, nrel5mw_full, tower, verne555, or",
     ):
         load_turbine("verne")
-    with pytest.raises(ConfigurationError, match=r"turbine file .*nowhere\.toml: cannot be read"):
+    with pytest.raises(ConfigurationError, match=r"nowhere\.toml: no such file, expected a turbine file"):
         load_turbine(tmp_path / "nowhere.toml")
     folder = tmp_path / "folder.toml"
     folder.mkdir()
-    with pytest.raises(ConfigurationError, match="cannot be read"):
+    with pytest.raises(ConfigurationError, match="is a folder, expected a turbine file"):
         load_turbine(folder)
     binary = tmp_path / "binary.toml"
     binary.write_bytes(bytes(range(128, 256)))
-    with pytest.raises(ConfigurationError, match="cannot be read") as caught:
+    with pytest.raises(ConfigurationError, match="is not a turbine file") as caught:
         load_turbine(binary)
     assert "\n" not in str(caught.value)
 

@@ -22,6 +22,7 @@ from windsysid.cli.common import (
     name_of,
     parse_option,
     print_and_save,
+    results_of,
     rotor_speeds,
     show_progress,
 )
@@ -107,6 +108,7 @@ def compare(
 
     from windsysid.monitoring.comparison import compare as compare_results
 
+    before, *after = results_of([before, *after], "identify", "oma", least=2)
     if output is not None and len(after) > 1:
         raise ConfigurationError("--output goes with two folders: compare one later record at a time")
     places = [
@@ -144,6 +146,7 @@ def damping(
     from windsysid.monitoring.damping import separate_damping
     from windsysid.results.posterior import load_posterior
 
+    results = results_of(results, "identify")
     to = claim_output(context, output, name_of(results[0], "damping"), *results, overwrite=overwrite, json=json)
     with show_progress("damping") as progress:
         known = []
@@ -197,6 +200,7 @@ def monitor(
         return
     if turbine is not None:
         raise ConfigurationError("--turbine goes with an archive that windsysid batch wrote")
+    results = results_of(results, "identify", "oma")
     inputs = (*results, *([] if covariates is None else [covariates]))
     to = claim_output(context, output, name_of(results[0], "monitor"), *inputs, overwrite=overwrite, json=json)
     with show_progress("monitor") as progress:

@@ -1,5 +1,6 @@
 """Shared parts of the commands: options, the output folder, progress, tables."""
 
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
@@ -19,8 +20,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "COMMANDS", "HYPOTHESES_HELP", "PACKAGED", "Destination", "NamesTurbine", "app", "claim_output", "name_of",
-    "numbered", "parse_option", "print_and_save", "print_answer", "print_table", "register_commands", "rotor_speeds",
-    "show_progress",
+    "numbered", "parse_option", "print_and_save", "print_answer", "print_table", "register_commands", "results_of",
+    "rotor_speeds", "show_progress",
 ]  # fmt: skip
 
 COMMANDS = {
@@ -77,6 +78,9 @@ Verbose = Annotated[bool, typer.Option("--verbose", metavar="", help="Print ever
 Overwrite = Annotated[bool, typer.Option("--overwrite", metavar="", help="Overwrite existing results.")]
 
 
+MAX_LISTED = 12
+"""Setting: largest number of folders that a line names."""
+
 HYPOTHESES_HELP = "; ".join(
     (
         "broadband: first-order Gauss–Markov",
@@ -132,6 +136,35 @@ def claim_output(
         return Destination(None, lambda _: None)
     folder = output or next(folder for folder in numbered(name) if overwrite or is_free(folder))
     return Destination(folder, context.with_resource(claim(folder, overwrite=overwrite, inputs=inputs)))
+
+
+def results_of(folders: Sequence[Path], *commands: str, least: int = 1) -> list[Path]:
+    """Those of several folders that one of some commands wrote, each record and section once; a line names the others.
+
+    If more of them are of one command than of the other, only these are taken. If fewer than `least` remain, all are
+    returned.
+    """
+    from windsysid.output.folders import data_of, written_by
+
+    writers = {folder: written_by(folder) for folder in folders}
+    counts = [list(writers.values()).count(command) for command in commands]
+    wanted = [command for command, count in zip(commands, counts, strict=True) if count == max(counts)]
+    kept, left, known = list[Path](), list[str](), dict[str, Path]()
+    for folder, command in writers.items():
+        twin = known.setdefault(data_of(folder) or str(folder), folder) if command in wanted else folder
+        if twin is not folder:
+            left.append(f"{folder} (same record as {twin.name})")
+        elif command in wanted or not folder.exists():
+            kept.append(folder)
+        else:
+            left.append(f"{folder} ({command or 'no result'})")
+    if len(kept) < least or not known:
+        return list(folders)
+    if left:
+        more = f" and {len(left) - MAX_LISTED} more" * (len(left) > MAX_LISTED)
+        told = f"left out of the results of {' and '.join(wanted)}: {', '.join(left[:MAX_LISTED])}{more}"
+        print(printable(told), file=sys.stderr)
+    return kept
 
 
 def numbered(name: str, ending: str = "") -> Iterator[Path]:

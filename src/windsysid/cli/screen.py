@@ -102,16 +102,14 @@ def identification_parts(found: "Identification") -> list[Table | str]:
 
 def _coefficients(estimates: "Sequence[Estimate]") -> Table:
     """Coefficients in engineering units, two in a row where there are many."""
-    cells = [(e.name, f"{' '.join(engineering(e.unit, e.estimate))} ± {_share(e)}", e.grade) for e in estimates]
+    cells = [(e.name, f"{' '.join(engineering(e.unit, e.estimate))} ± {_share(e)}  {e.grade}") for e in estimates]
     abreast = 1 if len(cells) <= MAX_SCREEN_LINES // 4 else 2
     step = math.ceil(len(cells) / abreast)
     rows = [sum((cells[k] for k in range(i, len(cells), step)), ()) for i in range(step)]
-    width = 3 * abreast
-    padded = [(*row, *[""] * (width - len(row))) for row in rows]
-    words = [i for i in range(width) if i % 3 == 0]
-    return Table(("coefficient", "estimate ± 95 %", "") * abreast, padded, words=words)
+    padded = [(*row, *[""] * (2 * abreast - len(row))) for row in rows]
+    return Table(("coefficient", "estimate ± 95 %, grade") * abreast, padded, words=range(0, 2 * abreast, 2))
 
 
 def _share(e: "Estimate") -> str:
     """Half of the 95 % interval over the estimate."""
-    return f"{50.0 * (e.high - e.low) / abs(e.estimate):.2g} %" if e.estimate else "?"
+    return f"{float(f'{50.0 * (e.high - e.low) / abs(e.estimate):.2g}'):g} %" if e.estimate else "?"

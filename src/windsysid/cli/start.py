@@ -173,7 +173,8 @@ def _complete(found: "MappingProposal", known: list[str], turbine: str, guide: _
         print("(of a tower x is side-side, z fore-aft)")
     guesses: list[Guess] = []
     for guess in found.guesses:
-        taken = {one.name or one.written for one in guesses} | {one.name for one in found.guesses if one.name}
+        sure = {one.name for one in found.guesses if one.name and not one.axis}
+        taken = {one.name or one.written for one in guesses} | sure
         done = _complete_guess(guess, known, taken, guide)
         guesses += [done] if done.unit != LEAVE_OUT else []
     _refuse_unknown(guesses, known, turbine, guide)
@@ -201,13 +202,20 @@ def _complete_guess(guess: "Guess", known: list[str], taken: set[str], guide: _G
     at_top = (guess.name or "").replace("nacelle_", "tower_")  # a tower's model ends there
     if guess.name not in known and at_top in known and at_top not in taken:
         guess = replace(guess, name=at_top)
+    described = printable(f"'{guess.written}': {'; '.join((*guess.evidence, *guess.doubts))}")
+    if known and guess.axis:
+        print(described)
+        offered = next((name for name in (guess.name, *known) if name in known and name not in taken), guess.written)
+        question = f"Name of '{guess.written}', of which only the axis is given"
+        guess, described = replace(guess, name=guide.ask(question, free, offered=offered)), ""
     elif guess.name is None and known:
         guess = replace(guess, name=guide.ask(f"Name of '{guess.written}'", free, default=guess.written))
+    guess = replace(guess, name=guess.name if known or not guess.axis else None, axis="")
     unit = partial(_unit, guess.name or guess.written)
     guess = _without_unsuitable_unit(guess, unit)
     if guess.is_said:
         return guess
-    print(printable(f"'{guess.written}': {'; '.join((*guess.evidence, *guess.doubts))}"))
+    print(described, end="\n" if described else "")
     question = f"Unit of '{guess.written}' (g, mg, m/s^2, rpm …; {LEAVE_OUT} leaves it out)"
     return replace(guess, unit=guide.ask(question, unit, offered=guess.unit), doubts=())
 

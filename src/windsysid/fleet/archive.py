@@ -24,6 +24,7 @@ from windsysid.errors import ConfigurationError, OutputError
 from windsysid.fleet.remote import is_remote
 from windsysid.fleet.rows import COLUMNS, COUNT, FLAG, MOMENT, NUMBER, NUMBERS, TEXT, TEXTS, Row
 from windsysid.output.files import explain_errors, make_folders, replace_file
+from windsysid.output.folders import without
 from windsysid.output.locks import LOCK, release, try_lock
 from windsysid.records.formats.contents.format import package
 from windsysid.records.moments import moment
@@ -161,9 +162,7 @@ def turbines_of(archive: str | Path) -> tuple[str, ...]:
     """
     folders = sorted(path.name for path in Path(archive).glob("turbine=*") if path.is_dir())
     if not folders:
-        raise ConfigurationError(
-            f"archive {archive}: expected a folder that windsysid batch wrote, got none of its files"
-        )
+        raise ConfigurationError(without("an archive of windsysid batch", archive))
     return tuple(name.removeprefix("turbine=") for name in folders)
 
 

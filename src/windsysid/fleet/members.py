@@ -23,7 +23,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from windsysid.configuration import parse_toml, read_toml
+from windsysid.configuration import read_tables
 from windsysid.errors import ConfigurationError
 from windsysid.mechanics.sensor_lists import read_sensors
 from windsysid.records.formats import load_mapping
@@ -101,10 +101,7 @@ def read_fleet(path: str | Path) -> tuple[Member, ...]:
         In one line: the file, the turbine, what was expected and what was got.
     """
     path = Path(path)
-    try:
-        tables = parse_toml(read_toml(path))
-    except (OSError, ValueError) as error:
-        raise ConfigurationError(f"fleet {path}: cannot be read ({error})") from None
+    tables = read_tables(path, "a fleet file")
     listed = tables.pop("turbine", None)
     if tables or not isinstance(listed, list) or not listed:
         got = ", ".join(tables) or "none"

@@ -174,6 +174,9 @@ modes with damping of 0.2 % to 5 % and 300 s to 3600 s exceed it in fewer than 1
 MAX_VIBRATION_CHANGE = 2.0
 """Size: ratio of the rms values of two segments that is accepted even if it is significant."""
 
+MAX_ENERGY_SHARE = 0.6
+"""Size: share of the vibration in an eighth of a section beyond which it is a transient."""
+
 MAX_REFERENCE_DISTANCE = 0.08
 """Size: relative distance up to which a peak or a mode may be one of the turbine file, whose values are references."""
 

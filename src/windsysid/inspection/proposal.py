@@ -6,6 +6,7 @@ Where more than one unit is left, the line stays a comment, so that the record i
 remains unknown is listed as a comment too. Nothing here is believed by a reader: the file is for its owner to correct.
 """
 
+import contextlib
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -29,7 +30,7 @@ from windsysid.records.moments import has_zone
 from windsysid.records.quantities import implied_unit, plausible_units
 from windsysid.records.record import AS_WRITTEN, Record
 from windsysid.signals.textbook import short_spectra
-from windsysid.units import RPM, canonical, si_unit, to_si
+from windsysid.units import RPM, canonical, is_same_quantity, si_unit, to_si
 
 __all__ = ["Guess", "MappingProposal", "propose_mapping"]
 
@@ -53,6 +54,8 @@ class Guess:
         Proposed; None if unknown.
     evidence, doubts : tuple of str
         What speaks for it, and what is to be checked.
+    axis : str
+        Letter of its axis, where nothing else gives the direction: the name is a guess.
     """
 
     written: str
@@ -60,6 +63,7 @@ class Guess:
     unit: str | None
     evidence: tuple[str, ...]
     doubts: tuple[str, ...]
+    axis: str = ""
 
     @property
     def is_said(self) -> bool:
@@ -139,13 +143,21 @@ def _proposal(path: Path, given: Mapping, *, timed: bool = True) -> MappingPropo
     record = read_record(path, mapping=whole)
     if record.attributes.get("source") == "OpenFAST":
         return _of_openfast(record, given)
-    known = {name: meaning_of(name) for name in record.channels}
+    known = {name: meaning_of(name) or _by_unit(record, name) for name in record.channels}
     rotor, remark = _rotor(record, known) if timed else (None, _UNTIMED)
     guesses = [_guess(record, name, known[name] or Meaning(None, ""), rotor, timed=timed) for name in record.channels]
     left = [f"Left out, because they hold text: {', '.join(texts)}."] if texts else []
     left += reading_notes(record.attributes)
     about = _about(record) if timed else [f"{record.samples} samples."]
     return MappingProposal(record.name, tuple(_told_apart(guesses)), given, (*about, remark, *left), timed=timed)
+
+
+def _by_unit(record: Record, name: str) -> Meaning | None:
+    """Meaning of a name without a quantity whose unit is that of an acceleration."""
+    said = record.unit(name).removeprefix(AS_WRITTEN)
+    with contextlib.suppress(ConfigurationError):
+        return meaning_of(f"{name} acceleration") if is_same_quantity(said, "m/s^2") else None
+    return None
 
 
 def _of_openfast(record: Record, given: Mapping) -> MappingProposal:
@@ -242,7 +254,7 @@ def _guess(record: Record, name: str, meaning: Meaning, rotor: Rotor | None, *, 
     unit = units[0] if len(units) == 1 else None
     if _contradicts(ours, unit):
         doubts.append(f"the name gives a quantity that is not measured in {unit}")
-    return Guess(name, ours, unit, tuple(evidence), tuple(doubts))
+    return Guess(name, ours, unit, tuple(evidence), tuple(doubts), meaning.axis)
 
 
 def _doubts_of_unit(units: tuple[str, ...], why: str) -> list[str]:
@@ -308,15 +320,23 @@ def _peak(record: Record, values: Array, rotor: Rotor | None) -> list[str]:
     return [f"vibrates most at {frequency[k]:.3g} Hz{turns}"]
 
 
+_PAIR = "a guess: X fore-aft and Y side-side, as where X is downwind; exchange the names where X points to the side"
+
+
 def _told_apart(guesses: list[Guess]) -> list[Guess]:
-    """The guesses with each proposed name once; the others keep their own."""
+    """The guesses with each proposed name once, X as fore-aft where X and Y are alike; the others keep their own."""
     names = [guess.name for guess in guesses]
-    return [
-        replace(guess, name=None, doubts=(*guess.doubts, f"several channels look like {guess.name}: which is it?"))
-        if guess.name is not None and names.count(guess.name) > 1
-        else guess
-        for guess in guesses
-    ]
+    axes = {name: sorted(one.axis for one in guesses if one.name == name) for name in names}
+    found: list[Guess] = []
+    for guess in guesses:
+        if guess.name is not None and axes[guess.name] == ["x", "y"]:
+            name = guess.name.replace("_x_", "_z_") if guess.axis == "x" else guess.name
+            guess = replace(guess, name=name, doubts=(_PAIR, *guess.doubts[1:]))
+        elif guess.name is not None and names.count(guess.name) > 1:
+            doubt = f"several channels look like {guess.name}: which is it?"
+            guess = replace(guess, name=None, doubts=(*guess.doubts, doubt))
+        found.append(guess)
+    return found
 
 
 def _channel(guess: Guess, optional: bool) -> list[str]:
@@ -325,7 +345,8 @@ def _channel(guess: Guess, optional: bool) -> list[str]:
     # a channel of which neither name nor unit is known is no use: its lines wait as comments
     mark = "# " if optional or (guess.name is None and guess.unit is None) else ""
     lines.append(f"{mark}[channels.{_quoted(guess.written)}]")
-    lines.append(f"{mark}name = {_quoted(guess.name)}" if guess.name else "# ? name = ")
+    named = mark if guess.name and not guess.axis else "# ? "
+    lines.append(f"{named}name = {_quoted(guess.name) if guess.name else ''}")
     lines.append(f"{mark}unit = {_quoted(guess.unit)}" if guess.unit else "# ? unit = ")
     return lines
 

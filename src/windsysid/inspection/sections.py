@@ -12,6 +12,7 @@ to hurt, and the windows are ranked by their sum:
                    much it grows or fades, both beyond chance (`windsysid.inspection.stationarity`)
 """
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -37,7 +38,7 @@ from windsysid.inspection.limits import (
 )
 from windsysid.inspection.rotor import Rotor
 from windsysid.inspection.sentences import joined, percent
-from windsysid.inspection.stationarity import Vibration, changes, vibration_of
+from windsysid.inspection.stationarity import Vibration, changes, transients, vibration_of
 from windsysid.records.record import Record
 from windsysid.units import RPM
 
@@ -104,7 +105,7 @@ def propose(
 def propose_longest(
     record: Record, known: dict[str, Kind], rotor: Rotor | None, findings: Sequence[Fault]
 ) -> tuple[Proposal, ...]:
-    """Propose the whole record if its penalty is close to the median of 100 s, else halves of it, and so on.
+    """Propose the whole record if its penalty is close to the median of 100 s, else 7/8, 3/4, half, a quarter … of it.
 
     Twice the duration makes intervals 1.4 times narrower. Parts that are too short for identification are not proposed.
 
@@ -114,17 +115,17 @@ def propose_longest(
         The usable channels with their kinds.
     """
     vibrations = _vibrations(record, known)
-    length = whole = record.duration + 1.0 / record.rate
+    whole = record.duration + 1.0 / record.rate
     least = max(MIN_SECTION_SECONDS, whole * min(1.0, _least_share(record, known, vibrations)))
     short = _judged(record, known, rotor, findings, min(least, whole), vibrations)
     if short is None:
         return ()
     usual = float(np.median(short.penalty))
-    while length > least:
+    shares = (1.0, 0.875, 0.75, *(0.5**k for k in range(1, 64)))
+    for length in itertools.takewhile(lambda length: length > least, (whole * share for share in shares)):
         found = _judged(record, known, rotor, findings, length, vibrations)
         if found is not None and (best := found.best())[0].good and best[0].penalty <= usual + MAX_LENGTH_PENALTY:
             return best
-        length /= 2.0
     return short.best()
 
 
@@ -362,12 +363,14 @@ def _judge_excitation(vibrations: dict[str, Vibration], cut: _Blocks, judge: Any
         np.maximum(-np.log2(MIN_VIBRATION_FACTOR), np.log2(chance)),
     )
     found = changes(list(vibrations.values()), first, last)
+    transient = transients(list(vibrations.values()), first, last)
     verb = ["grows" if f > 1.0 else "fades" for f in found.factor]
     size = np.exp(np.abs(np.log(found.factor)))
     complaint = [
-        f"the vibration {v} by {f:.2g} × between its {_NAMES[n]}; chance explains {most:.2g} × at"
+        text
+        or f"the vibration {v} by {f:.2g} × between its {_NAMES[n]}; chance explains {most:.2g} × at"
         " most (unless a decay is intended)"
-        for f, v, n, most in zip(size, verb, found.segments, found.allowed, strict=True)
+        for text, f, v, n, most in zip(transient, size, verb, found.segments, found.allowed, strict=True)
     ]
     words = [
         f"stationary (tested at {percent(FALSE_ALARM_PROBABILITY)})"
@@ -375,7 +378,8 @@ def _judge_excitation(vibrations: dict[str, Vibration], cut: _Blocks, judge: Any
         else f"it {v} by {f:.2g} × between its {_NAMES[n]}"
         for f, v, n, c in zip(size, verb, found.segments, found.by_chance, strict=True)
     ]
-    judge(CHANGE_PENALTY * found.excess, words, complaint, CHANGE_PENALTY)
+    excess = np.maximum(found.excess, [2.0 if text else 0.0 for text in transient])
+    judge(CHANGE_PENALTY * excess, words, complaint, CHANGE_PENALTY)
 
 
 def _levels(vibrations: Sequence[Vibration], windows: NDArray[np.int64]) -> tuple[Array, Array]:

@@ -23,11 +23,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array, Mask
-from windsysid.inspection.limits import FALSE_ALARM_PROBABILITY, MAX_VIBRATION_CHANGE
+from windsysid.inspection.limits import FALSE_ALARM_PROBABILITY, MAX_ENERGY_SHARE, MAX_VIBRATION_CHANGE
 from windsysid.records.record import Record
 from windsysid.signals.textbook import tukey
 
-__all__ = ["SectionChanges", "Vibration", "changes", "vibration_of"]
+__all__ = [
+    "SectionChanges", "Vibration", "changes", "energy_share", "transient_text", "transients",
+    "vibration_of",
+]  # fmt: skip
 
 WHITENING_EXPONENTS = (1.0, 0.5, 0.0)
 """Setting: powers to which the spectrum is raised: as it is, half and fully whitened."""
@@ -66,6 +69,8 @@ class Vibration(NamedTuple):
         (3,): equivalent degrees of freedom of the whole record.
     cycles
         Number of periods in the whole record of the frequency below which half of the power lies.
+    steps
+        (n,): sum of squares of the differences between successive samples in each step.
     """
 
     edges: NDArray[np.int64]
@@ -73,6 +78,7 @@ class Vibration(NamedTuple):
     weight: Array
     degrees: Array
     cycles: float
+    steps: Array
 
     def power(self, bounds: NDArray[np.int64]) -> tuple[Array, Array]:
         """Mean squares (3, ...) and degrees of freedom (3, ...) between samples `bounds` (..., 2) of the record."""
@@ -134,7 +140,28 @@ def vibration_of(record: Record, channel: str) -> Vibration | None:
         degrees.append(4.0 * level.sum() ** 2 / np.sum(level**2) * (1.0 - 1.25 * TAPERED_SHARE))
     weight = taper**2 * np.add.reduceat(known.astype(np.float64), edges[:-1]) / size
     cycles = float(np.searchsorted(np.cumsum(power), 0.5 * power.sum()))
-    return Vibration(edges, np.array(energy), weight, np.array(degrees), cycles)
+    jumps = np.nan_to_num(np.diff(values, prepend=values[0])) ** 2
+    return Vibration(edges, np.array(energy), weight, np.array(degrees), cycles, np.add.reduceat(jumps, edges[:-1]))
+
+
+def energy_share(energy: Array) -> Array:
+    """Share of the energy (8, m, ...) of m channels in the strongest eighth of a section: median over channels."""
+    return np.asarray(np.median(energy.max(axis=0) / np.maximum(energy.sum(axis=0), 1e-300), axis=0))
+
+
+def transient_text(share: float) -> str:
+    """Describe a section whose strongest eighth has a share of its vibration; empty if it is no transient."""
+    return "" if share < MAX_ENERGY_SHARE else f"an eighth of it has {100.0 * share:.0f} % of the vibration"
+
+
+def transients(vibrations: Sequence[Vibration], starts: NDArray[np.int64], ends: NDArray[np.int64]) -> list[str]:
+    """Describe transients in sections from samples `starts` (w,) to `ends` (w,); empty where there is none."""
+    cut = starts + (ends - starts) * np.arange(9)[:, None] // 8
+    energy = []
+    for one in vibrations:
+        total = np.concatenate([[0.0], np.cumsum(one.steps)])
+        energy.append(np.diff(total[np.searchsorted(one.edges, cut)], axis=0))
+    return list(map(transient_text, energy_share(np.stack(energy, axis=1)).tolist()))
 
 
 def changes(vibrations: Sequence[Vibration], starts: NDArray[np.int64], ends: NDArray[np.int64]) -> SectionChanges:

@@ -25,11 +25,14 @@ class Meaning:
         What says it, for a reader.
     doubts : tuple of str
         What is not said.
+    axis : str
+        Letter of an axis, where nothing else gives the direction.
     """
 
     name: str | None
     source: str
     doubts: tuple[str, ...] = ()
+    axis: str = ""
 
 
 _TAGS: dict[tuple[str, str], str] = {
@@ -76,6 +79,7 @@ _WORDS: tuple[tuple[tuple[str, ...], str], ...] = (
     (("yaw",), "nacelle_yaw"), (("temperature",), "air_temperature"),
 )  # fmt: skip
 _OURS = re.compile(rf"({'|'.join(_PLACES)}|blade_\d+)_([a-z]+_)*(acceleration|velocity|displacement)")
+_SHORT = re.compile(r"^a[ _]?([xyz])$", re.IGNORECASE)
 _ACCELERATION = ("acceleration", "accelerometer", "accel", "acc", "accelerations")
 
 
@@ -106,7 +110,7 @@ def _tag(name: str) -> Meaning | None:
 
 
 def _words(name: str) -> Meaning | None:
-    words = words_of(name)
+    words = words_of(_SHORT.sub(r"acc \1", name))
     joined = " ".join(words)
     if not set(_ACCELERATION).isdisjoint(words):
         return _acceleration(words)
@@ -126,7 +130,8 @@ def _acceleration(words: list[str]) -> Meaning:
     for listed, axis, notes in _AXES:
         if any(word in words for word in listed):
             doubts = notes if place else (*notes, "where is it mounted? The name does not say")
-            return Meaning(f"{place or 'tower'}_{axis}_acceleration", said, doubts)
+            letter = listed[0] if listed[0] in ("x", "y") else ""
+            return Meaning(f"{place or 'tower'}_{axis}_acceleration", said, doubts, letter)
     return Meaning(None, said, ("along which axis, and where is it mounted?",))
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from windsysid.configuration import parse_toml, read_toml
+from windsysid.configuration import read_tables
 from windsysid.errors import ConfigurationError
 from windsysid.mechanics.sensors import SENSORS, Sensor
 
@@ -76,10 +76,7 @@ def read_sensor_tables(path: str | Path) -> list[object]:
 def read_sensor_file(path: str | Path, others: Sequence[str] = ()) -> dict[str, Any]:
     """Read a TOML file with ``[[sensor]]`` tables and `others`; ConfigurationError where it holds more."""
     path = Path(path)
-    try:
-        content = parse_toml(read_toml(path))
-    except (OSError, ValueError) as error:
-        raise ConfigurationError(f"{path}: expected a TOML file with [[sensor]] tables, got: {error}") from None
+    content = read_tables(path, "a TOML file with [[sensor]] tables")
     tables = content.get("sensor")
     if set(content) - {*others} != {"sensor"} or not isinstance(tables, list):
         raise ConfigurationError(

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
-from windsysid.configuration import parse_toml, read_toml
+from windsysid.configuration import read_tables
 from windsysid.errors import ConfigurationError
 from windsysid.mechanics.sensor_lists import first_problem
 
@@ -106,10 +106,7 @@ def read_mode_marks(path: str | Path) -> ModeMarks:
     (2.345,)
     """
     expected = 'expected a file with add = [[LOW, HIGH], …] and remove = [F, …] in Hz, as the page of "oma" saves it'
-    try:
-        content = parse_toml(read_toml(Path(path)))
-    except (OSError, ValueError) as error:
-        raise ConfigurationError(f"{path}: {expected}, got: {error}") from None
+    content = read_tables(Path(path), expected.removeprefix("expected "))
     try:
         return ModeMarks.model_validate(content)
     except ValidationError as error:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from windsysid.output.answers import Answer
 from windsysid.output.table import Table
 from windsysid.results.serialization import finite
-from windsysid.units import engineering
+from windsysid.units import engineering, significant_digits
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -189,8 +189,9 @@ class Comparison(Answer):
         """As a table under `HEADINGS`."""
         rows = list[tuple[str, ...]]()
         for change in (*self.coefficients, *self.modes, *self.statistics):
-            before, after, unit = engineering(change.unit, change.before, change.after)
-            percent = _percent(change.percent) if change.is_bounded else "not determined"
+            digits = significant_digits(100.0, 0.5 * (change.high - change.low))
+            before, after, unit = engineering(change.unit, change.before, change.after, digits=digits)
+            percent = _percent(change.percent, change) if change.is_bounded else "not determined"
             interval = _band(change).replace(" ", "") if change.is_bounded else ""
             odds = "" if math.isnan(change.log_odds) else _odds(change.log_odds).replace(" ", "")
             rows.append((change.name, unit, before, after, percent, interval, odds))
@@ -239,14 +240,15 @@ def _size(step: float) -> str:
 
 
 def _band(change: QuantityChange) -> str:
-    return f"{_percent(change.low)} … {_percent(change.high)}"
+    return f"{_percent(change.low, change)} … {_percent(change.high, change)}"
 
 
-def _percent(value: float) -> str:
-    """A change [%] with its sign, to three digits or so."""
+def _percent(value: float, of: QuantityChange) -> str:
+    """A value [%] of a change with its sign, to three digits or so, or to two digits of half the interval."""
     if math.isinf(value):
         return "∞"
     digits = 0 if abs(value) >= 100.0 else 1 if abs(value) >= 10.0 else 2
+    digits = max(digits, significant_digits(1.0, 0.5 * (of.high - of.low), least=1) - 1)
     return f"{round(value, digits) + 0.0:+.{digits}f}"
 
 

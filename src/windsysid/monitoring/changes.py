@@ -1,6 +1,5 @@
 """Result of a watch over many records: series, jumps, alarms."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -11,7 +10,7 @@ from windsysid._types import Array
 from windsysid.monitoring.series import DAY, RecordBlocks
 from windsysid.output.answers import SummarisedAnswer
 from windsysid.output.table import Table
-from windsysid.units import engineering_unit, unit_text
+from windsysid.units import engineering_unit, significant_digits, unit_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -188,9 +187,9 @@ class Watch(SummarisedAnswer):
         for s in self.series:
             size, unit = engineering_unit(s.unit, s.level[-1])
             level, half = s.level[-1] / size, 0.5 * (s.high[-1] - s.low[-1]) / size
-            digits = 2 + math.floor(math.log10(abs(level) / half)) if 0.0 < half * abs(level) < math.inf else 4
+            digits = significant_digits(level, half)
             shares = f"{two_digits(s.wander)} %", f"{s.scatter:.2f}", f"{two_digits(s.smallest)} %"
-            rows.append((s.name, unit, f"{level:.{max(digits, 4)}g} ± {two_digits(half)}", _signed(*s.drift), *shares))
+            rows.append((s.name, unit, f"{level:.{digits}g} ± {two_digits(half)}", _signed(*s.drift), *shares))
         return rows
 
     @property

@@ -12,7 +12,7 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.configuration import special_file_kind
-from windsysid.errors import ConfigurationError
+from windsysid.errors import ConfigurationError, unreadable
 from windsysid.monitoring.dates import Span
 
 __all__ = ["CovariateTable", "lines_of", "read_covariates"]
@@ -37,7 +37,7 @@ def read_covariates(path: Path, count: int) -> CovariateTable:
         with path.open(newline="", encoding="utf-8-sig") as file:
             lines = list(csv.DictReader(file))
     except (OSError, ValueError) as error:
-        raise ConfigurationError(f"covariates {path}: cannot be read: {error}") from None
+        raise ConfigurationError(unreadable(path, "a CSV file of covariates", error)) from None
     if len(lines) != count:
         raise ConfigurationError(f"covariates {path}: expected {count} lines, one for each record, got {len(lines)}")
     texts = _texts(path, lines)

@@ -10,7 +10,7 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError
-from windsysid.output.folders import content_of, result_file
+from windsysid.output.folders import result_file, without
 from windsysid.spectral.oma.known_modes import KnownMode, KnownModes, holds_modes, in_channels, without_damping_prior
 from windsysid.spectral.oma.mode_tracking import Seen, follow_modes
 
@@ -28,8 +28,7 @@ def all_hold_modes(given: Sequence[object]) -> bool:
     of_modes = [holds_modes(one) for one in given]
     for one, known in zip(given, of_modes, strict=True):
         if isinstance(one, str | Path) and not (known or result_file(one, "identification.nc").exists()):
-            found = content_of(one)
-            raise ConfigurationError(f"{one}: expected a result of windsysid identify or oma, got {found}")
+            raise ConfigurationError(without("a result of windsysid identify or oma", one))
     if len(set(of_modes)) == 2:
         first, second = (_shown(given[of_modes.index(kind)]) for kind in (True, False))
         raise ConfigurationError(

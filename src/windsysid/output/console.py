@@ -7,15 +7,10 @@ import shutil
 import sys
 import textwrap
 import unicodedata
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import Any
 
-from windsysid.output.table import Table as OurTable
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from rich.console import Console
-    from rich.table import Column, Table
+from windsysid.output.table import Table
 
 __all__ = ["longest_word", "plain", "printable", "render", "show_what_can_be_shown"]
 
@@ -84,39 +79,38 @@ _CONTROLS = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 
 
 def render(*parts: Any, width: int | None = None) -> str:
-    """Render tables, Rich's or ours, and plain lines as text.
+    """Render tables, Rich's or ours, and plain lines as text, with an empty line between two tables.
 
     Tables are at most as wide as `width` or the terminal; cells are wrapped and never cut off.
     """
-    from rich.console import Console
-    from rich.table import Table
-
     encoding = getattr(sys.stdout, "encoding", None) or "utf-8"
     width = width or max(shutil.get_terminal_size((DEFAULT_COLUMNS, 24)).columns, 20)
-    console = Console(width=width, color_system=None, highlight=False, markup=False, emoji=False, soft_wrap=True)
-    with console.capture() as capture:
-        for part in itertools.chain.from_iterable(_within(one, width) for one in parts):
-            shown = _as_rich(part) if isinstance(part, OurTable) else part
-            if isinstance(shown, Table):
-                _fit(shown, console, encoding)
-                shown.title = _wrapped(str(shown.title), width) if shown.title else None
-            console.print(shown if isinstance(shown, Table) else _wrapped(str(shown), width))
-    text = "\n".join(line.rstrip() for line in capture.get().split("\n")).rstrip("\n")
-    return _CONTROLS.sub("?", text)
+    lines: list[str] = []
+    shown: list[Any] = []
+    for part in itertools.chain.from_iterable(_within(one, width) for one in parts):
+        is_table = isinstance(part, Table)
+        lines += [""] if is_table and shown and isinstance(shown[-1], Table) else []
+        lines += _table_lines(part, width, encoding) if is_table else _wrapped(str(part), width)
+        shown.append(part)
+    return _CONTROLS.sub("?", "\n".join(line.rstrip() for line in lines).rstrip("\n"))
 
 
 def _within(part: Any, width: int) -> list[Any]:
     """A part of an answer, or a table that is too wide even with its words apart as several with the same first
-    column."""
-    if not isinstance(part, OurTable) or not part.rows or len(part.headings) < MIN_COLUMNS_TO_SPLIT:
+    column; Rich's tables as ours."""
+    if type(part).__module__ == "rich.table":
+        words = [i for i, column in enumerate(part.columns) if column.justify != "right"]
+        rows = list(zip(*(column._cells for column in part.columns), strict=True))
+        part = Table([column.header for column in part.columns], rows, part.title or "", words)
+    if not isinstance(part, Table) or not part.rows or len(part.headings) < MIN_COLUMNS_TO_SPLIT:
         return [part]
     columns = enumerate(zip(part.headings, *part.rows, strict=True))
-    groups = _groups([_least(own, i in part.words) for i, own in columns], width)
+    groups = _groups([_least(own, is_words=i in part.words) for i, own in columns], width)
     captions = [part.caption, *[""] * (len(groups) - 1)]
     return [_columns(part, group, caption) for group, caption in zip(groups, captions, strict=True)]
 
 
-def _groups(least: "Sequence[int]", width: int) -> list[list[int]]:
+def _groups(least: Sequence[int], width: int) -> list[list[int]]:
     """Columns of such widths that fit next to the first one."""
     groups, left = [[0]], width - least[0]
     for i in range(1, len(least)):
@@ -128,79 +122,80 @@ def _groups(least: "Sequence[int]", width: int) -> list[list[int]]:
     return groups
 
 
-def _columns(table: OurTable, which: "Sequence[int]", caption: str) -> OurTable:
+def _columns(table: Table, which: Sequence[int], caption: str) -> Table:
     """Some columns of a table."""
     rows = [[row[i] for i in which] for row in table.rows]
     words = [place for place, i in enumerate(which) if i in table.words]
-    return OurTable([table.headings[i] for i in which], rows, caption, words)
+    return Table([table.headings[i] for i in which], rows, caption, words)
 
 
 MAX_NAME = 24
 """Setting: largest number of characters of names that are kept on one line."""
 
 
-def longest_word(texts: "Sequence[str]") -> int:
+def longest_word(texts: Sequence[str]) -> int:
     """Characters of the longest word, where numbers stay with their signs and intervals."""
     return max(map(len, " ".join(texts).replace(" …", "_…").replace(" ± ", "_±_").split()), default=1)
 
 
-def _least(texts: "Sequence[str]", words: bool) -> int:
+def _least(texts: Sequence[str], *, is_words: bool) -> int:
     """Narrowest width of a column of heading and cells: numbers and names stay on one line, sentences are wrapped."""
     longest = max(map(len, texts[1:]), default=0)
-    if words and longest > MAX_NAME:
+    if is_words and longest > MAX_NAME:
         return longest_word(texts)
     return max(longest, *map(len, texts[0].split()), 1)
 
 
-def _as_rich(table: OurTable) -> "Table":
-    from rich.table import Table
-
-    shown = Table(title=table.caption or None, title_justify="left")
-    for i, heading in enumerate(table.headings):
-        shown.add_column(heading, justify="left" if i in table.words else "right")
-    for row in table.rows:
-        shown.add_row(*row)
-    return shown
-
-
-def _fit(table: "Table", console: "Console", encoding: str) -> None:
-    """Spell characters that the encoding lacks, and fold cells instead of cutting them.
-
-    A table that is too wide for its frame has none. A number stays on one line.
-    """
-    from rich import box
-    from rich.measure import Measurement
-
-    for column in table.columns:
-        column.overflow, column.no_wrap = "fold", False
-        column.header = plain(str(column.header), encoding)
-        column._cells = [plain(str(cell), encoding) for cell in column._cells]
-    if Measurement.get(console, console.options.update(max_width=10_000), table).maximum > console.width:
-        table.box, table.show_edge, table.pad_edge, table.padding = box.SIMPLE_HEAD, False, False, (0, 1, 0, 0)
-        _share_width(table.columns, console.width)
+def _table_lines(table: Table, width: int, encoding: str) -> list[str]:
+    """Lines of a table: caption, headings, a rule and the rows, in characters that an encoding has."""
+    grid = [[plain(str(cell), encoding) for cell in row] for row in (table.headings, *table.rows)]
+    widths = _share_width(list(zip(*grid, strict=True)), table.words, width)
+    lines = _wrapped(plain(table.caption, encoding), width) if table.caption else []
+    for row in grid:
+        cells = [_folded(text, own) for text, own in zip(row, widths, strict=True)]
+        is_heading, height = row is grid[0], max(map(len, cells))
+        filled = [[""] * (height - len(cell)) * is_heading + cell + [""] * (height - len(cell)) for cell in cells]
+        for line in range(height):
+            lines.append("  ".join(_padded(cell[line], i, widths, table.words) for i, cell in enumerate(filled)))
+        lines += [plain("─", encoding) * (sum(widths) + 2 * (len(widths) - 1))] * is_heading
+    return lines
 
 
-def _share_width(columns: "Sequence[Column]", width: int) -> None:
-    """Give each column the width of its longest word, and the narrowest of them the rest."""
-    texts = [[str(text) for text in (column.header, *column._cells)] for column in columns]
-    natural = [max(map(len, own)) for own in texts]
-    least = [_least(own, column.justify == "left") for own, column in zip(texts, columns, strict=True)]
-    spare = width - sum(least) - 2 * (len(least) - 1)  # columns stand two apart
-    for i in sorted(range(len(least)), key=lambda i: natural[i] - least[i]):
-        if columns[i].justify == "right" or spare >= 0:  # names may be folded where nothing else helps
-            given = min(max(spare, 0), natural[i] - least[i])
-            columns[i].width = least[i] + given
-            spare -= given
+def _folded(text: str, width: int) -> list[str]:
+    """Lines of a cell; only a word that is wider than its column is broken."""
+    return [line for part in text.split("\n") for line in textwrap.wrap(part, width, break_on_hyphens=False) or [""]]
 
 
-def _wrapped(text: str, width: int) -> str:
+def _padded(text: str, i: int, widths: Sequence[int], words: Sequence[int]) -> str:
+    """A line of a cell of column i at the column's width, where East Asian characters take two places."""
+    wide = sum(unicodedata.east_asian_width(sign) in "WF" for sign in text)
+    return text.ljust(widths[i] - wide) if i in words else text.rjust(widths[i] - wide)
+
+
+def _share_width(columns: Sequence[Sequence[str]], words: Sequence[int], width: int) -> list[int]:
+    """Width of each column: of its longest word, and the narrowest of them get the rest; names are folded where nothing
+    else helps."""
+    natural = [max(map(len, own)) for own in columns]
+    widths = [_least(own, is_words=i in words) for i, own in enumerate(columns)]
+    spare = width - sum(widths) - 2 * (len(widths) - 1)  # columns stand two apart
+    for i in sorted(range(len(widths)), key=lambda i: natural[i] - widths[i]):
+        given = min(max(spare, 0), natural[i] - widths[i])
+        widths[i] += given
+        spare -= given
+    while spare < 0 and max(widths) > 1:
+        widths[max(range(len(widths)), key=lambda i: (i in words and widths[i] > 1, widths[i]))] -= 1
+        spare += 1
+    return widths
+
+
+def _wrapped(text: str, width: int) -> list[str]:
     """On a terminal, lines broken between words; in a pipe, lines as they are."""
-    if not sys.stdout.isatty():
-        return text
     lines: list[str] = []
     for line in text.split("\n"):
         indent = " " * (len(line) - len(line.lstrip()) + 2)
-        lines += textwrap.wrap(
-            line, width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
+        lines += (
+            textwrap.wrap(line, width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
+            if sys.stdout.isatty()
+            else [line]
         ) or [""]
-    return "\n".join(lines)
+    return lines

@@ -28,7 +28,7 @@ from windsysid.errors import OutputError
 from windsysid.output.files import explain_errors, make_folders, place_file, remove_empty, replace_file, sync
 from windsysid.output.locks import HOME, MANIFEST, MAX_TRIES, release, remove_abandoned, try_lock
 
-__all__ = ["Saveable", "claim", "content_of", "is_free", "result_file"]
+__all__ = ["Saveable", "claim", "data_of", "is_free", "result_file", "without", "written_by"]
 
 NAMES = frozenset(
     [
@@ -144,22 +144,49 @@ _COMMANDS = {
 """Classes of answers with the commands that write them."""
 
 
-def content_of(folder: str | Path) -> str:
-    """Content of a folder in which another result was expected, and advice."""
+_FILES = {"identification.nc": "identify", "inspection.json": "inspect"}
+_SUMMARIES = {"analysis": "oma", "published_seconds": "study", "archive": "report"}
+"""Files, and keys of ``summary.json``, with the commands that write them."""
+
+
+def written_by(folder: str | Path) -> str:
+    """Name of the command that wrote a folder's result; empty if there is none, or it is not known."""
+    for name in ("summary.json", "answer.json"):
+        with contextlib.suppress(OSError, ValueError, LookupError, TypeError, StopIteration):
+            text = result_file(folder, name).read_text(encoding="utf-8")
+            if name == "answer.json":
+                return _COMMANDS[text[:40].split('"')[3]]
+            known = parse_json(text)
+            return next(command for key, command in _SUMMARIES.items() if key in known)
+    archive = "batch" if any(Path(folder).glob("turbine=*")) else ""
+    return next((command for name, command in _FILES.items() if result_file(folder, name).exists()), archive)
+
+
+def data_of(folder: str | Path) -> str:
+    """Hash of the record and section of a result, as ``summary.json`` has them; empty where it has none."""
+    with contextlib.suppress(OSError, ValueError, LookupError, TypeError):
+        known = parse_json(result_file(folder, "summary.json").read_text(encoding="utf-8"))
+        return f"{known['record_hash']} {known['section']}" if known["record_hash"] else ""
+    return ""
+
+
+def without(expected: str, folder: str | Path) -> str:
+    """Describe a folder that does not hold an expected result: its content, and advice."""
     folder = Path(folder)
-    if not folder.exists():
-        return "no such folder: check the name"
+    if not os.path.lexists(folder):
+        return f"{folder}: no such folder, expected {expected}; check the name and the folder"
+    return f"{folder}: expected {expected}, got {_content_of(folder)}"
+
+
+def _content_of(folder: Path) -> str:
+    """Content of a folder in which another result was expected, and advice."""
     if not folder.is_dir():
         what = "that holds it" if folder.name in NAMES else "of a result; windsysid identify RECORD makes one"
         return f"a file: give the folder {what}"
-    if (folder / "identification.nc").exists():
-        return "one of identify: give another folder"
-    if (folder / "inspection.json").exists():
+    if (command := written_by(folder)) == "inspect":
         return "an inspection, which keeps no record: inspect the record again, or give another folder"
-    if (folder / "answer.json").exists():
-        with contextlib.suppress(OSError, ValueError, LookupError):
-            head = (folder / "answer.json").read_text(encoding="utf-8")[:40]
-            return f"one of {_COMMANDS[head.split(chr(34))[3]]}: give another folder"
+    if command:
+        return f"one of {command}: give another folder"
     if (folder / "summary.json").exists():
         return "a summary of version 0.1.0 only: give the command again"
     return "no result in it: check the name, or identify a record first"

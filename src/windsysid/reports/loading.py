@@ -8,7 +8,7 @@ from typing import Any
 from windsysid.configuration import parse_json
 from windsysid.errors import ConfigurationError
 from windsysid.output.answers import Answer
-from windsysid.output.folders import content_of, result_file
+from windsysid.output.folders import result_file, without
 from windsysid.output.table import Table
 from windsysid.results.serialization import as_plain, from_plain
 
@@ -73,7 +73,7 @@ def load_result(folder: str | Path) -> Answer:
         return _load_identification(folder)
     path = result_file(folder, ANSWER)
     if not path.exists():
-        raise ConfigurationError(f"result {folder}: expected a folder that windsysid wrote, got {content_of(folder)}")
+        raise ConfigurationError(without("a result of windsysid", folder))
     try:
         said = parse_json(path.read_text(encoding="utf-8"))
         found: Answer = from_plain(reports.answer_class(_known(said["answer"])), said["fields"])

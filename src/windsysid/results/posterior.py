@@ -14,7 +14,7 @@ from windsysid.configuration import parse_json
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.loads.statistics import Statistic, coordinates_of, learned_statistics
 from windsysid.mechanics.sensors import noise_source
-from windsysid.output.folders import content_of, result_file
+from windsysid.output.folders import result_file, without
 from windsysid.records.formats.netcdf import check_seal, open_hdf5
 from windsysid.results.finding import Finding, read_finding
 from windsysid.results.tolerance import Group, Tolerance, unknowns_of
@@ -225,8 +225,9 @@ def opened(folder: str | Path) -> "Iterator[h5netcdf.File]":
         raise changed from None
     except (OSError, ValueError) as error:
         named = getattr(error, "strerror", None) or error.__class__.__name__
-        absent = isinstance(error, FileNotFoundError | NotADirectoryError)
-        why = content_of(folder) if absent else f"one that cannot be read ({named})"
+        if isinstance(error, FileNotFoundError | NotADirectoryError):
+            raise ConfigurationError(without("a result of windsysid identify", folder)) from None
+        why = f"one that cannot be read ({named})"
         raise ConfigurationError(f"{folder}: expected a result of windsysid identify, got {why}") from None
     except KeyError:
         raise ConfigurationError(

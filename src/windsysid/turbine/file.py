@@ -8,7 +8,7 @@ from importlib import resources
 from pathlib import Path
 
 from windsysid.configuration import read_toml
-from windsysid.errors import ConfigurationError
+from windsysid.errors import ConfigurationError, unreadable
 from windsysid.output.files import claim_file
 from windsysid.turbine.models.read import ENDINGS, is_model, turbine_from
 from windsysid.turbine.turbine import Turbine
@@ -139,7 +139,5 @@ def load_turbine(name_or_path: str | Path) -> Turbine:
     try:
         content = read_toml(path)
     except (OSError, ValueError) as error:
-        raise ConfigurationError(
-            f"turbine file {text}: cannot be read ({getattr(error, 'strerror', None) or error}); check the path"
-        ) from None
+        raise ConfigurationError(unreadable(text, "a turbine file", error)) from None
     return parse_turbine(content, text)

@@ -44,7 +44,7 @@ def test_another_programs_database_is_refused_and_left_as_it_is(tmp_path: Path):
         ("sqlite://x.sqlite", False, "store of kind 'sqlite'"),
         ("{0}/missing/store.sqlite", False, "its folder does not exist"),
         ("{0}", False, "is a folder"),
-        ("{0}/none.sqlite", True, "is not there"),
+        ("{0}/none.sqlite", True, "no such file, expected a store"),
     ],
 )
 def test_what_cannot_be_opened_is_told_in_one_line(tmp_path: Path, url: str, read_only: bool, told: str):

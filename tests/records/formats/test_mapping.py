@@ -88,7 +88,7 @@ def test_text_columns_that_are_not_listed_may_hold_the_delimiter_in_quotes(tmp_p
         ("only_listed = 7", "only_listed"),
         ("only_listed = true", "lists no channel of the record"),
         ("place = 'x'", "unknown key 'place'"),
-        ("[time", "is no TOML"),
+        ("[time", "is not a mapping"),
     ],
 )  # fmt: skip
 def test_a_wrong_mapping_is_refused_naming_the_key(tmp_path, toml, message):
@@ -96,5 +96,5 @@ def test_a_wrong_mapping_is_refused_naming_the_key(tmp_path, toml, message):
 
 
 def test_a_mapping_that_is_not_there_is_refused(tmp_path):
-    with pytest.raises(ConfigurationError, match="cannot be read"):
+    with pytest.raises(ConfigurationError, match="no such file, expected a mapping"):
         load_mapping(tmp_path / "none.toml")

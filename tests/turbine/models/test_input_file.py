@@ -30,7 +30,7 @@ def test_values_are_found_by_name_in_any_spelling(tmp_path: Path):
 
 
 def test_a_folder_in_place_of_a_file_is_refused(tmp_path: Path):
-    with pytest.raises(ConfigurationError, match="cannot be read"):
+    with pytest.raises(ConfigurationError, match="is a folder"):
         InputFile(tmp_path)
 
 

@@ -206,7 +206,7 @@ WRONG_HAWC2 = [
     ("htc/main.htc", "damping_posdef", "damping_new", r"main\.htc:8: damping_new: expected damping or .* not known"),
     ("htc/main.htc", "type timoschenko;\n    nbodies", "type super;\n    nbodies", r"main\.htc:5: type: expected timo"),
     ("htc/main.htc", "body1 shaft last", "body1 axle last", r"main\.htc:\d+: body1: unknown body 'axle'"),
-    ("htc/main.htc", "parts/nacelle.htc", "parts/gone.htc", r"gone\.htc \(named in main\.htc:20\): cannot be read"),
+    ("htc/main.htc", "parts/nacelle.htc", "parts/gone.htc", r"gone\.htc \(named in main\.htc:20\): no such file"),
     (
         "htc/main.htc",
         "    begin fix0;\n      body tower;\n    end fix0;\n",

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from windsysid.configuration import parse_toml, read_toml
-from windsysid.errors import ConfigurationError
+from windsysid.errors import ConfigurationError, unreadable
 from windsysid.fleet.members import Member
 from windsysid.live.configuration.source_settings import (
     Broker,
@@ -156,9 +156,7 @@ def read_settings(path: str | Path) -> Settings:
     try:
         tables = parse_toml(read_toml(path))
     except (OSError, ValueError) as error:
-        why = getattr(error, "strerror", None) or str(error)
-        what = "cannot be read" if isinstance(error, OSError) else "is no TOML"
-        raise SettingsError([f"{path}: {what} ({why}): docs/live.md has a settings file"]) from None
+        raise SettingsError([unreadable(path, "a settings file as in docs/live.md", error)]) from None
     faults: list[str] = []
     found = _settings(TomlTable(str(path), tables, path.resolve().parent, faults))
     if faults:

@@ -9,7 +9,7 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
-from windsysid.errors import StoreError
+from windsysid.errors import StoreError, unreadable
 from windsysid.live.store.database import bring_up_to_date, one_line
 from windsysid.output.locks import LOCK, release, try_lock
 
@@ -67,7 +67,7 @@ class Sqlite:
         if self._path.is_dir():
             raise StoreError(f"{self.name} is a folder, expected the name of a file: add one")
         if self._read_only and not self._path.exists():
-            raise StoreError(f"{self.name} is not there: expected a file that windsysid live wrote")
+            raise StoreError(unreadable(self._path, "a store that windsysid live wrote", FileNotFoundError()))
 
     def _claim(self) -> None:
         try:

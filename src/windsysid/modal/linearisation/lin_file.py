@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.errors import ConfigurationError
+from windsysid.errors import ConfigurationError, unreadable
 
 __all__ = ["LinearisedModel", "LinearisedState", "read_lin_file"]
 
@@ -89,8 +89,7 @@ def _lines(path: Path) -> list[str]:
     try:
         return path.read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError as error:
-        why = "no such file" if isinstance(error, FileNotFoundError) else f"cannot be read ({error.strerror})"
-        raise ConfigurationError(f"{path}: {why}; check the name and the folder") from None
+        raise ConfigurationError(unreadable(path, "a .lin file of OpenFAST", error)) from None
 
 
 def read_lin_file(path: str | Path) -> LinearisedModel:

@@ -11,6 +11,7 @@ from windsysid.errors import RecordError
 from windsysid.inspection.faults.health import sampled_every
 from windsysid.inspection.limits import MAX_CONSTANT_SPEED_VARIATION, MIN_ROTOR_SPEED
 from windsysid.inspection.rotor import rotor_of
+from windsysid.inspection.stationarity import energy_share, transient_text
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import LOW_PASS, Record
 from windsysid.spectral.oma import limits
@@ -268,11 +269,6 @@ def _channels_of(sensors: Sequence[ModalSensor], frames: _Frames) -> list[tuple[
 
 def _transient_doubts(values: Array) -> list[str]:
     """Doubt a record with most of the vibration of half the channels in one eighth of it."""
-    energy = np.array([np.sum(part**2, axis=0) for part in np.array_split(np.diff(values, axis=0), 8)])
-    most = float(np.median(energy.max(axis=0) / np.maximum(energy.sum(axis=0), 1e-300)))
-    if most < limits.MAX_ENERGY_SHARE:
-        return []
-    return [
-        f"the record is a transient: an eighth of it has {100 * most:.0f} % of the vibration; choose a section "
-        f"without it, or --decay for a free decay"
-    ]
+    parts = np.array_split(np.diff(values, axis=0), 8)
+    text = transient_text(float(energy_share(np.array([np.sum(part**2, axis=0) for part in parts]))))
+    return [f"the record is a transient: {text}; choose a section without it, or --decay for a free decay"] * bool(text)

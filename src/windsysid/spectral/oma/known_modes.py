@@ -12,7 +12,7 @@ from windsysid._types import Complex
 from windsysid.configuration import parse_json
 from windsysid.errors import ConfigurationError
 from windsysid.modal.campbell import MeasuredMode
-from windsysid.output.folders import content_of, result_file
+from windsysid.output.folders import result_file, without
 from windsysid.results.estimate import IntervalEstimate
 from windsysid.results.posterior import SIGMAS, section_name
 from windsysid.spectral.modal_bands.scoring import DAMPING_PRIOR
@@ -91,7 +91,7 @@ def as_modes(given: ModesLike) -> KnownModes:
         return given
     summary = given.summary() if isinstance(given, OperationalModes) else _summary_of(Path(given))
     if summary.get("analysis") != ANALYSIS:
-        raise ConfigurationError(f"{given}: expected a result of windsysid oma, got {content_of(str(given))}")
+        raise ConfigurationError(without("a result of windsysid oma", str(given)))
     try:
         return _read(summary)
     except (KeyError, TypeError, ValueError) as error:

@@ -19,9 +19,6 @@ MAX_LOW_PASS_SHARE = 0.8
 MIN_CYCLES = 8
 """Size: cycles in the record of the lowest frequency of modes."""
 
-MAX_ENERGY_SHARE = 0.6
-"""Size: share of the vibration in an eighth of the record beyond which it is a transient."""
-
 MAX_BAND_MODES = 5
 """Setting: largest number of modes in one band."""
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.configuration import special_file_kind
-from windsysid.errors import ConfigurationError
+from windsysid.errors import ConfigurationError, unreadable
 from windsysid.turbine.models.limits import MAX_FILE_BYTES, MAX_GYRATION, MIN_GYRATION, STEEL_SOUND_SPEED
 
 __all__ = ["InputFile", "StationTable", "gyration_problem"]
@@ -63,8 +63,7 @@ class InputFile:
             with path.open("rb") as file:
                 content = file.read(MAX_FILE_BYTES)
         except (OSError, ValueError) as error:
-            reason = getattr(error, "strerror", None) or error
-            raise ConfigurationError(f"{path}{named}: cannot be read: {reason}") from None
+            raise ConfigurationError(unreadable(f"{path}{named}", "a file of a model", error)) from None
         self.lines = content.decode("utf-8-sig", errors="replace").splitlines()
         self._entries: dict[str, tuple[str, int]] = {}
         numbered = list(enumerate(self.lines, start=1))

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from windsysid.configuration import special_file_kind
-from windsysid.errors import ConfigurationError, RecordError
+from windsysid.errors import ConfigurationError, RecordError, unreadable
 
 __all__ = ["check_input", "damaged", "named_after", "quiet", "read_start", "reading"]
 
@@ -24,9 +24,9 @@ def check_input(path: Path) -> None:
         If there is no such file, it is a folder, a pipe, a device or a socket, it is empty, or it may not be read.
     """
     if os.path.isdir(path):
-        raise RecordError(f"{path}: is a folder, expected a file; name one of the files in it")
+        raise RecordError(unreadable(path, "a record", IsADirectoryError()))
     if not os.path.exists(path):
-        raise RecordError(f"{path}: no such file; check the name and the folder")
+        raise RecordError(unreadable(path, "a record", FileNotFoundError()))
     kind = special_file_kind(path)
     if kind:
         raise RecordError(f"{path}: is {kind}, expected a file; save its content as a file first")
@@ -62,7 +62,7 @@ def read_start(path: Path, size: int) -> bytes:
         with path.open("rb") as file:
             return file.read(size)
     except OSError as error:
-        raise RecordError(f"{path}: cannot be read ({error.strerror}); check its permissions") from error
+        raise RecordError(unreadable(path, "a record", error)) from error
 
 
 @contextlib.contextmanager

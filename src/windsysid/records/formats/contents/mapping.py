@@ -27,7 +27,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Literal
 
-from windsysid.configuration import parse_toml, read_toml
+from windsysid.configuration import read_tables
 from windsysid.errors import ConfigurationError
 from windsysid.records.formats.text.text import decoded
 from windsysid.records.moments import tidy
@@ -289,13 +289,7 @@ def load_mapping(path: str | Path) -> Mapping:
     from windsysid.mechanics.sensor_lists import first_problem
 
     path = Path(path)
-    try:
-        data = parse_toml(read_toml(path, decoded))
-    except OSError as error:
-        raise ConfigurationError(f"{path}: cannot be read ({error.strerror}); check the name of the mapping") from error
-    except ValueError as error:  # neither UTF-8 nor TOML
-        reason = " ".join(str(error).split())[:120]
-        raise ConfigurationError(f"{path}: is no TOML: {reason}; correct it") from error
+    data = read_tables(path, "a mapping", decoded)
     if "place" in data:
         raise ConfigurationError(f"{path}: unknown key 'place': remove it or correct its spelling")
     try:
