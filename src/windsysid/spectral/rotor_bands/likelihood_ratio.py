@@ -1,6 +1,6 @@
-"""Likelihood ratios of parts of a record that have coefficients of their own: its halves, and classes of its blades.
+"""Likelihood ratios of classes of blades that have a stiffness of their own.
 
-Levels of loads are those of each part under both hypotheses. Refits of short parts are far from quadratic, so that a
+Levels of loads are those of each class under both hypotheses. Refits of one row are far from quadratic, so that a
 difference of estimates is longer than its Fisher covariance lets expect; the ratio of likelihoods is not.
 """
 
@@ -20,43 +20,13 @@ from windsysid.spectral.rotor_bands.mode_locations import ModeLocation
 from windsysid.spectral.rotor_bands.model import COMPARISON_TOLERANCE, BandModel, RotorBand, RotorBandFit
 from windsysid.statespace.parameter import Parameter
 
-__all__ = ["chance_of_halves", "doubt_classes"]
+__all__ = ["doubt_classes"]
 
 STIFFNESS_STEP = 0.01
 """Setting: step between the factors on the blades' stiffness that are tried, in the logarithm."""
 
 CLASS_FREEDOM = 2.0
 """Setting: unknowns that a single resonance informs, its frequency and its damping."""
-
-
-def chance_of_halves(halves: Sequence[RotorBandFit], start: Array) -> float:
-    """Probability of a larger likelihood ratio by chance if the halves have the same coefficients, looked for from
-    those of `start` (n,).
-
-    The halves share the prior's information. The ratio is a sum of χ² of one degree of freedom each, weighted by the
-    data's share of the information, and is approximated by its first two moments (Satterthwaite).
-    """
-    from scipy.special import chdtrc
-
-    joint = BandModel(tuple(band for half in halves for band in half.model.bands))
-    at = np.zeros(joint.unknowns.size)
-    at[joint.unknowns.but("statistics")] = start[halves[0].model.unknowns.but("statistics")]
-    own = [half.mode.unknowns[half.model.unknowns.of("statistics")] for half in halves]
-    at[joint.unknowns.of("statistics")] = np.concatenate(own)
-    same, ratio = _search(joint, at, joint.prior), 0.0
-    shared = halves[0].model.unknowns.but("statistics")
-    cov, scatter = np.zeros((2, len(shared), len(shared)))
-    for half in halves:
-        mean, spread = half.model.prior
-        spread[shared] *= math.sqrt(len(halves))
-        found = _search(half.model, half.mode.unknowns, (mean, spread))
-        C = np.linalg.inv(found.information)
-        ratio -= 2.0 * found.value
-        cov += C[np.ix_(shared, shared)]
-        scatter += (C - C @ np.diag(spread**-2.0) @ C)[np.ix_(shared, shared)]
-    weights = np.linalg.solve(cov, scatter)
-    first, second = float(np.trace(weights)), float(np.trace(weights @ weights))
-    return float(chdtrc(first**2 / second, max(ratio + 2.0 * same.value, 0.0) * first / second))
 
 
 def doubt_classes(posed: PosedBands, found: SpectralMode, parameters: Sequence[Parameter]) -> list[Finding]:
