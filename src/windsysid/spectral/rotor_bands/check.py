@@ -17,7 +17,7 @@ from windsysid.spectral.rotor.check import RangePower, misshapen, parts_of, unex
 from windsysid.spectral.rotor.model import LiftedModel
 from windsysid.spectral.rotor.problem import RotorQuestion
 from windsysid.spectral.rotor_bands.build import PosedBands, pose_bands
-from windsysid.spectral.rotor_bands.likelihood_ratio import doubt_classes
+from windsysid.spectral.rotor_bands.likelihood_ratio import doubt_classes, doubt_halves
 from windsysid.spectral.rotor_bands.limits import (
     DISAGREEMENT_PROBABILITY,
     MIN_BLADES_FREEDOM,
@@ -48,18 +48,22 @@ def doubts_of_bands(
         return [*doubts, Finding(code, "reason")]
     doubts += unsteady(*(_energies(posed, piece, found.unknowns) for piece in halves))[:2]
     try:
-        return doubts + doubt_classes(posed, found, question.parameters)
+        doubts += doubt_classes(posed, found, question.parameters)
+        return doubts + doubt_halves([half.model for half in halves], fit, question.parameters)
     except np.linalg.LinAlgError:
         return [*doubts, Finding("segments_without_spectrum", "reason")]
 
 
-def halves_of_bands(question: RotorQuestion, posed: PosedBands) -> list[PosedBands]:
-    """The problem of either half of the record; none if it is too short or has one block."""
+def halves_of_bands(question: RotorQuestion, posed: PosedBands, fit: RotorBandFit) -> list[PosedBands]:
+    """The problem of either half of the record, as it is at a fit; none if it is too short or has one block."""
     try:
         if question.turned is not None:
-            halves = [combine_groups(question.turned, groups) for groups in question.turned.halves() or ()]
-            return [pose_bands(question, posed.places, half) for half in halves]
-        return [pose_bands(half, posed.places) for half in question.halves]
+            read = [combine_groups(question.turned, groups) for groups in question.turned.halves() or ()]
+            halves = [pose_bands(question, posed.places, half) for half in read]
+        else:
+            halves = [pose_bands(half, posed.places) for half in question.halves]
+        starts = [half.model.start_from(fit.mode.unknowns, fit.model) for half in halves]
+        return [h._replace(model=h.model.smeared_at(at)) for h, at in zip(halves, starts, strict=True)]
     except RecordError:
         return []
 

@@ -119,7 +119,10 @@ class BandModel(NamedTuple):
         without (n,)."""
         wide = self.with_inexact(inexact)
         start = wide.unknowns.from_other(at, self.unknowns)
-        return RotorBandFit(wide, find_nearby(wide.likelihood, start, wide.prior))
+        found = find_nearby(wide.likelihood, start, wide.prior)
+        if not found.converged:
+            found = find_in_stages(wide.likelihood, found.unknowns, wide.prior, WHOLE, tolerance=COMPARISON_TOLERANCE)
+        return RotorBandFit(wide, found)
 
     def near(self, start: Array) -> Array:
         """Unknowns (n,) roughly at the mode of the posterior, looked for from afar."""
@@ -132,7 +135,7 @@ class BandModel(NamedTuple):
         at the mode without them, and the mode found anew.
         """
         mode = find_in_stages(self.likelihood, start, self.prior, WHOLE, tolerance=COMPARISON_TOLERANCE)
-        whole = self._smeared(mode.unknowns)
+        whole = self.smeared_at(mode.unknowns)
         return RotorBandFit(whole, find_in_stages(whole.likelihood, mode.unknowns, self.prior, WHOLE))
 
     def scores(self, unknowns: Array) -> tuple[Array, Array, Array]:
@@ -147,19 +150,13 @@ class BandModel(NamedTuple):
             places.append(np.linspace(band.model.base[0], band.model.base[-1], len(g)))
         return np.concatenate(places), np.concatenate(gradients), np.concatenate(information)
 
-    def scored_at(self, unknowns: Array, other: "BandModel") -> tuple[Array, Array]:
-        """Gradient (n,) and Fisher information (n, n) of the log-likelihood at the unknowns of another model, which
-        has the same statistics."""
-        whole = self._smeared(self.start_from(unknowns, other)).with_inexact(other.bands[0].model.inexact)
-        _, gradient, information = whole.likelihood(whole.start_from(unknowns, other))
-        return -gradient, information
-
     def with_inexact(self, inexact: Inexact) -> "BandModel":
         """The model with instruments and masses as additional unknowns."""
         return BandModel(tuple(b._replace(model=b.model._replace(inexact=inexact)) for b in self.bands))
 
-    def _smeared(self, unknowns: Array) -> "BandModel":
-        """The model with what the taper's window adds to wide modes, and with c_h of the record."""
+    def smeared_at(self, unknowns: Array) -> "BandModel":
+        """The model with what the taper's window adds to wide modes at the unknowns (n,), and with c_h of the
+        record."""
         bands = []
         for band, place in zip(self.bands, self.places(), strict=True):
             if band.smoothed is not None:

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from windsysid._types import Array
 from windsysid.checks.dispersion import PartScores
 from windsysid.spectral.rotor_bands.model import BandModel, RotorBandFit
 
@@ -31,7 +30,8 @@ def scores_of_bands(fit: RotorBandFit, halves: Sequence[BandModel], duration: fl
     whole = PartScores("frequency", places, gradients, information, precision, precision @ (mean - at))
     if not halves:
         return (whole,)
-    parts = [half.scored_at(at, fit.model) for half in halves]
+    models = [half.with_inexact(fit.model.bands[0].model.inexact) for half in halves]
+    parts = [model.likelihood(model.start_from(at, fit.model)) for model in models]
     times = (np.arange(len(parts)) + 0.5) * duration / len(parts)
-    gradients, information = (np.array(each) for each in zip(*parts, strict=True))
-    return whole, whole._replace(over="time", places=times, gradients=gradients, information=information)
+    _, slopes, curvatures = (np.array(each) for each in zip(*parts, strict=True))
+    return whole, whole._replace(over="time", places=times, gradients=-slopes, information=curvatures)

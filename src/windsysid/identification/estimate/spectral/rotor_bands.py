@@ -92,7 +92,7 @@ def read_in_bands(question: RotorQuestion, loads: str, inexact: Inexact | None =
             "check units and the turbine file"
         ) from None
     converged = fit.mode.converged and found.converged
-    halves = halves_of_bands(question, posed)
+    halves = halves_of_bands(question, posed, fit)
     try:
         scores = scores_of_bands(wide, [half.model for half in halves], posed.spectra.duration)
     except np.linalg.LinAlgError:
