@@ -38,12 +38,14 @@ COVERED_BY_INTERVALS: Mapping[str, frozenset[str]] = {
     **dict.fromkeys((
         "correlated_innovations", "correlated_loads", "level_over_frequency", "unexplained_level", "unexplained_peak",
     ), _EVERY),
-    **dict.fromkeys(("narrow_band_load_ambiguous", "narrow_band_load_possible"), frozenset()),
+    **dict.fromkeys(
+        ("halves_disagree_in_bands", "narrow_band_load_ambiguous", "narrow_band_load_possible"), frozenset()
+    ),
 }  # fmt: skip
 """Setting: findings that intervals cover, and the scores that this takes: of loads that change, over time; of
-innovations that are not white, over frequencies too; of narrow-band loads, whose rivals are known by themselves,
-none. White innovations of another level scatter scores by that level at most, where no scores over frequencies show
-by how much."""
+innovations that are not white, over frequencies too; of narrow-band loads and halves that disagree, whose rivals are
+known by themselves, none. White innovations of another level scatter scores by that level at most, where no scores
+over frequencies show by how much."""
 
 Readers = Mapping[str, Collection[str]]
 """For each degree of freedom that moves by itself the channels that measure it."""

@@ -1,10 +1,8 @@
-"""Goodness of fit of narrow bands, and agreement of the halves of a record and of narrower bands.
+"""Goodness of fit of narrow bands.
 
 Levels of loads are learned, so that the size of a whole band says nothing. What can be wrong is its shape (parts of
-each row), its steadiness (energy of the halves), and the stiffness itself: each half of the record must say the same,
-and so must bands of two thirds of the width, which hold less of what the model may not have. Two estimates from the
-same data of which one uses less differ by the difference of their covariances (Hausman, Econometrica 46, 1978,
-https://doi.org/10.2307/1913827).
+each row), its steadiness (energy of the halves), and the mode that a class of the blades shows. What halves and bins
+say of coefficients widens intervals (`windsysid.spectral.rotor_bands.part_scores`).
 """
 
 from collections.abc import Sequence
@@ -18,9 +16,8 @@ from windsysid.results.finding import Finding
 from windsysid.spectral.rotor.check import RangePower, misshapen, parts_of, unexplained, unsteady
 from windsysid.spectral.rotor.model import LiftedModel
 from windsysid.spectral.rotor.problem import RotorQuestion
-from windsysid.spectral.rotor.scoring import SpectralMode
 from windsysid.spectral.rotor_bands.build import PosedBands, pose_bands
-from windsysid.spectral.rotor_bands.likelihood_ratio import chance_of_halves, doubt_classes
+from windsysid.spectral.rotor_bands.likelihood_ratio import doubt_classes, doubt_halves
 from windsysid.spectral.rotor_bands.limits import (
     DISAGREEMENT_PROBABILITY,
     MIN_BLADES_FREEDOM,
@@ -30,17 +27,15 @@ from windsysid.spectral.rotor_bands.limits import (
 from windsysid.spectral.rotor_bands.model import RotorBandFit
 from windsysid.spectral.transforms.rotating_frame import combine_groups
 
-__all__ = ["doubts_of_bands"]
+__all__ = ["doubts_of_bands", "halves_of_bands"]
 
 PART_COUNTS = (3, 8)
 """Setting: numbers of parts of a band: wide ones show a wrong level, narrow ones a resonance at another place."""
 
-NARROW_SHARE, MAX_REMAINING_SHARE = 0.65, 0.1
-"""Setting: width of the narrower bands over that of the bands, and remaining share of a covariance if they contain as
-much, since levels at the ends of a band are estimated anew. A step of less than a standard deviation is no finding."""
 
-
-def doubts_of_bands(question: RotorQuestion, posed: PosedBands, fit: RotorBandFit) -> list[Finding]:
+def doubts_of_bands(
+    question: RotorQuestion, posed: PosedBands, fit: RotorBandFit, halves: Sequence[PosedBands]
+) -> list[Finding]:
     """Reasons against a result."""
     posed, found = posed._replace(model=fit.model), fit.mode
     doubts = [*posed.doubts, *_short(posed)]
@@ -48,50 +43,29 @@ def doubts_of_bands(question: RotorQuestion, posed: PosedBands, fit: RotorBandFi
         doubts.append(Finding("search_not_converged", "reason", {"steps": found.steps}))
     thirds, eighths = zip(*_parts(posed, found.unknowns), strict=True)
     doubts += (unexplained(chain.from_iterable(thirds)) or misshapen(eighths, DISAGREEMENT_PROBABILITY))[:3]
-    try:
-        halves = _halves(question, posed)
-        narrow = pose_bands(question, posed.places, posed.spectra, width=NARROW_SHARE)
-    except RecordError:
-        return [*doubts, Finding("too_short_for_stationarity", "reason")]
-    if len(halves) < 2:
-        return [*doubts, Finding("one_block", "reason")]
+    if not halves:
+        code = "too_short_for_stationarity" if question.turned is None else "one_block"
+        return [*doubts, Finding(code, "reason")]
     doubts += unsteady(*(_energies(posed, piece, found.unknowns) for piece in halves))[:2]
     try:
-        return doubts + _disagreements(question, posed, found, halves, narrow)
+        doubts += doubt_classes(posed, found, question.parameters)
+        return doubts + doubt_halves([half.model for half in halves], fit, question.parameters)
     except np.linalg.LinAlgError:
         return [*doubts, Finding("segments_without_spectrum", "reason")]
 
 
-def _halves(question: RotorQuestion, posed: PosedBands) -> list[PosedBands]:
-    """The problem of either half of the record; of one block none."""
-    if question.turned is not None:
-        halves = [combine_groups(question.turned, groups) for groups in question.turned.halves() or ()]
-        return [pose_bands(question, posed.places, half) for half in halves]
-    return [pose_bands(half, posed.places) for half in question.halves]
-
-
-def _disagreements(
-    question: RotorQuestion, posed: PosedBands, found: SpectralMode, halves: Sequence[PosedBands], narrow: PosedBands
-) -> list[Finding]:
-    """Test whether the halves and the narrower bands give another stiffness than the record."""
-    which = [i for i, q in enumerate(question.parameters) if q.logarithmic]
-    names = [question.parameters[i].name for i in which]
-    first, second, again = (
-        other.model.fit(other.model.start_from(found.unknowns, posed.model), rough=True) for other in (*halves, narrow)
-    )
-    known, one, other, less = (
-        np.linalg.inv(fit.mode.information)[np.ix_(which, which)]
-        for fit in (RotorBandFit(posed.model, found), first, second, again)
-    )
-    doubts = doubt_classes(posed, found, question.parameters)
-    between = (first.mode.unknowns - second.mode.unknowns)[which]
-    differing = _differ("halves_disagree_in_bands", between, one + other, names)
-    if differing and chance_of_halves((first, second), found.unknowns) < DISAGREEMENT_PROBABILITY:
-        doubts += differing
-    step = again.mode.unknowns[which] - found.unknowns[which]
-    if np.any(np.abs(step) > np.sqrt(np.diag(known).clip(0.0))):
-        doubts += _differ("narrower_bands_disagree", step, less - (1.0 - MAX_REMAINING_SHARE) * known, names)
-    return doubts
+def halves_of_bands(question: RotorQuestion, posed: PosedBands, fit: RotorBandFit) -> list[PosedBands]:
+    """The problem of either half of the record, as it is at a fit; none if it is too short or has one block."""
+    try:
+        if question.turned is not None:
+            read = [combine_groups(question.turned, groups) for groups in question.turned.halves() or ()]
+            halves = [pose_bands(question, posed.places, half) for half in read]
+        else:
+            halves = [pose_bands(half, posed.places) for half in question.halves]
+        starts = [half.model.start_from(fit.mode.unknowns, fit.model) for half in halves]
+        return [h._replace(model=h.model.smeared_at(at)) for h, at in zip(halves, starts, strict=True)]
+    except RecordError:
+        return []
 
 
 def _short(posed: PosedBands) -> list[Finding]:
@@ -105,19 +79,6 @@ def _short(posed: PosedBands) -> list[Finding]:
             code = "narrow_resonance_in_bands" if spectra.recent is None else "narrow_resonance_in_bands_of_pieces"
             doubts.append(Finding(code, "reason", data))
     return doubts
-
-
-def _differ(code: str, step: Array, cov: Array, names: list[str]) -> list[Finding]:
-    """A reason where a step is longer than chance makes it, with the parameter that it moves most."""
-    from scipy.special import chdtri
-
-    values, vectors = np.linalg.eigh(cov)
-    values = np.maximum(values, 1e-3 * values.max())
-    size = float(np.sum((vectors.T @ step) ** 2 / values))
-    if size <= float(chdtri(len(step), DISAGREEMENT_PROBABILITY)):
-        return []
-    worst = int(np.argmax(np.abs(step) / np.sqrt(np.diag(cov).clip(1e-300))))
-    return [Finding(code, "reason", {"change": step[worst]}, (names[worst],))]
 
 
 def _parts(posed: PosedBands, unknowns: Array) -> list[tuple[list[RangePower], ...]]:

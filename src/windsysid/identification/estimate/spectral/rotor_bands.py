@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.checks.dispersion import PartScores
 from windsysid.errors import ConfigurationError, WindsysidError
 from windsysid.identification.estimate.fitted.spectra import joined_spectrum, spectra_of_model
 from windsysid.identification.estimate.prior_conflict import find_held, one_by_one
@@ -19,9 +20,10 @@ from windsysid.scoring import covariance
 from windsysid.spectral.rotor.model import Inexact
 from windsysid.spectral.rotor.problem import RotorQuestion
 from windsysid.spectral.rotor_bands.build import PosedBands, centre_bands, search_bands
-from windsysid.spectral.rotor_bands.check import doubts_of_bands
+from windsysid.spectral.rotor_bands.check import doubts_of_bands, halves_of_bands
 from windsysid.spectral.rotor_bands.limits import BLADE_STIFFNESS_DISCREPANCY
 from windsysid.spectral.rotor_bands.model import BandModel
+from windsysid.spectral.rotor_bands.part_scores import scores_of_bands
 from windsysid.statespace.unknowns import Unknowns
 
 __all__ = ["SpectralEstimate", "read_in_bands"]
@@ -46,6 +48,8 @@ class SpectralEstimate(NamedTuple):
         Damping coefficients that their priors hold.
     spectra
         Spectra under the fit, of bands.
+    scores
+        Of parts of the record, of bands.
     """
 
     unknowns: Array
@@ -57,6 +61,7 @@ class SpectralEstimate(NamedTuple):
     notes: tuple[Finding, ...]
     held: tuple[str, ...]
     spectra: tuple[FittedSpectrum, ...] = ()
+    scores: tuple[PartScores, ...] = ()
 
 
 def read_in_bands(question: RotorQuestion, loads: str, inexact: Inexact | None = None) -> SpectralEstimate | None:
@@ -87,6 +92,11 @@ def read_in_bands(question: RotorQuestion, loads: str, inexact: Inexact | None =
             "check units and the turbine file"
         ) from None
     converged = fit.mode.converged and found.converged
+    halves = halves_of_bands(question, posed, fit)
+    try:
+        scores = scores_of_bands(wide, [half.model for half in halves], posed.spectra.duration)
+    except np.linalg.LinAlgError:
+        scores = ()
     mean, spread = wide.model.prior
     off = (found.unknowns - mean) / spread
     return SpectralEstimate(
@@ -95,10 +105,11 @@ def read_in_bands(question: RotorQuestion, loads: str, inexact: Inexact | None =
         wide.model.unknowns,
         -(found.value - 0.5 * float(off @ off)),
         posed.model.statistics,
-        tuple(doubts_of_bands(question, posed, fit._replace(mode=fit.mode._replace(converged=converged)))),
+        tuple(doubts_of_bands(question, posed, fit._replace(mode=fit.mode._replace(converged=converged)), halves)),
         _notes(posed, found.unknowns, cov, wide.model.unknowns.of("lag").start),
         find_held(one_by_one(lambda u: -wide.model.likelihood(u)[0]), found.unknowns, cov, question.parameters),
         _spectra(posed, wide.model, found.unknowns, cov),
+        scores,
     )
 
 
