@@ -150,7 +150,7 @@ def in_turns(runs: dict[str, Callable[[], object]], repeats: int) -> dict[str, f
 
 
 def searches(problem: TurbineProblem, readings: Array) -> Table:
-    """Processor time to the mode of the posterior of a whole record [s], all threads, the passes of the joint filter for a start included."""
+    """Processor time of all threads to the mode of the posterior of a whole record [s], from the first pass on."""
     table = Table(title=f"Mode of the posterior, {len(readings)} samples", title_justify="left")
     for heading in ("unknowns", "number", "steps", "seconds"):
         table.add_column(heading, justify="left" if heading == "unknowns" else "right")
