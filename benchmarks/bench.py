@@ -1,12 +1,13 @@
 """The whole benchmark: `make bench`.
 
-    python benchmarks/bench.py --peers .venv-peers/bin/python [--short]
+    python benchmarks/bench.py --peers .venv-peers/bin/python [--short] [--only PART …]
 
 Every part runs in a process of its own, one after the other: those that compare with other libraries in the peers'
 environment. The tables go to docs/performance_tables.md, the numbers to benchmarks/results.json. Before it replaces
 that file it compares windsysid's costs with those committed there, both as ratios to the C reference of their own run,
 which takes the machine out, and names what got slower by more than 15 %. `--short` leaves out the long cases, compares,
-and writes nothing.
+and writes nothing. `--only PART …` measures these parts alone, and keeps the tables of the others under the commit at
+which they were measured.
 """
 
 import argparse
@@ -54,6 +55,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--peers", help="Python of the peers' environment; without it they are left out")
     parser.add_argument("--short", action="store_true", help="leave out the long cases, write nothing")
+    parser.add_argument("--only", nargs="+", choices=(*OURS, *THEIRS), help="measure these parts, keep the others")
     given = parser.parse_args()
     console = Console(width=140)
     about = [*speed.surroundings(), *_peer_versions(given.peers)]
@@ -61,6 +63,8 @@ def main() -> None:
     sheets: list[Sheet] = []
     for python, parts in ((sys.executable, OURS), (given.peers, THEIRS)):
         for part in parts:
+            if given.only and part not in given.only:
+                continue
             if python is None:
                 console.print(f"{part} left out: no environment of the peers")
             elif given.short and part in LONG:
@@ -71,16 +75,33 @@ def main() -> None:
     console.print(judged.table(), highlight=False)
     costs = {name: cost for sheet in sheets for name, cost in sheet.costs.items()}
     floor = find(sheets, "One core", (EKF.name,), "C")
-    slower = compared(costs, floor, json.loads(RESULTS.read_text(encoding="utf-8"))) if RESULTS.exists() else None
+    earlier = json.loads(RESULTS.read_text(encoding="utf-8")) if RESULTS.exists() else {"floor": None, "costs": {}}
+    slower = compared(costs, floor, earlier)
     if slower is None:
         console.print("not compared with an earlier benchmark: there is none, or no C reference in one of the two")
     else:
         console.print(slower.table() if slower.rows else "nothing got slower by more than 15 %", highlight=False)
     if not given.short:
-        RESULTS.write_text(
-            json.dumps({"about": about, "floor": floor, "costs": costs}, indent=1) + "\n", encoding="utf-8"
-        )
-        PAGE.write_text(page(about, [judged, *sheets]), encoding="utf-8")
+        new = {sheet.title for sheet in sheets}
+        kept = [one for one in earlier.get("tables", []) if given.only and one["sheet"]["title"] not in new]
+        write(about, floor, costs | _kept_costs(costs, floor, earlier if kept else None), sheets, kept)
+
+
+def write(
+    about: list[str], floor: float | None, costs: dict[str, float], sheets: Sequence[Sheet], kept: list[dict]
+) -> None:
+    """Write the numbers and the page; `kept` are tables of earlier runs, each with what that run was."""
+    tables = [{"about": about, "sheet": sheet._asdict()} for sheet in sheets] + kept
+    numbers = {"about": about, "floor": floor, "costs": costs, "tables": tables}
+    RESULTS.write_text(json.dumps(numbers, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    PAGE.write_text(page(about, [targets(sheets), *sheets], kept), encoding="utf-8")
+
+
+def _kept_costs(costs: dict[str, float], floor: float | None, earlier: dict | None) -> dict[str, float]:
+    """Costs that were not measured again, in the units of this run's C reference."""
+    if earlier is None or not (floor and earlier["floor"]):
+        return {}
+    return {name: cost * floor / earlier["floor"] for name, cost in earlier["costs"].items() if name not in costs}
 
 
 def run(python: str, part: str, short: bool) -> list[Sheet]:
@@ -176,11 +197,17 @@ def find(sheets: Iterable[Sheet], title: str, row: tuple[str, ...], heading: str
     return None
 
 
-def page(about: Iterable[str], sheets: Iterable[Sheet]) -> str:
-    """The tables as Markdown."""
+def page(about: Iterable[str], sheets: Iterable[Sheet], kept: Iterable[dict] = ()) -> str:
+    """The tables as Markdown; those that were not measured again stand last, with what their run was."""
     lines = ["<!-- Written by `make bench`. -->", "", "# The tables of speed", "", *(f"- {line}" for line in about)]
     for sheet in sheets:
         lines += ["", sheet.markdown()]
+    before: list[str] = []
+    for one in kept:
+        if one["about"] != before:
+            before = one["about"]
+            lines += ["", "## Not measured again", "", *(f"- {line}" for line in before)]
+        lines += ["", Sheet(**one["sheet"]).markdown()]
     return "\n".join(lines) + "\n"
 
 

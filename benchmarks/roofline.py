@@ -204,7 +204,8 @@ def joint_filter(repeats: int) -> tuple[float, float, float, float]:
 
 def roofline(limit: dict[str, float], counted: dict[str, tuple[float, float, float, float]]) -> Sheet:
     """How far each kernel is from the limits."""
-    rows = []
+    most = f"{limit['flops']:.0f} Gflop/s", f"{limit['cache']:.0f} GB/s", f"{limit['memory']:.0f} GB/s"
+    rows = [("limits of the core", "", "", "", *most, "", "")]
     for title, (flops, moved, streamed, measured) in counted.items():
         bounds = [
             1e-3 * work / limit[name] for name, work in (("flops", flops), ("cache", moved), ("memory", streamed))
@@ -215,15 +216,11 @@ def roofline(limit: dict[str, float], counted: dict[str, tuple[float, float, flo
                 number(measured), number(measured / max(bounds)),
             )
         )  # fmt: skip
-    title = (
-        f"Roofline: limits of one core are {limit['flops']:.0f} Gflop/s, {limit['cache']:.0f} GB/s from the cache and"
-        f" {limit['memory']:.0f} GB/s from memory"
-    )
     headings = (
         "kernel", "kflop", "kB in the cache", "kB of memory", "µs, flops", "µs, cache", "µs, memory", "µs measured",
         "÷ largest limit",
     )  # fmt: skip
-    return Sheet(title, headings, rows, {})
+    return Sheet("Roofline", headings, rows, {})
 
 
 def sheets(short: bool) -> Iterator[Sheet]:

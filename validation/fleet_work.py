@@ -9,8 +9,8 @@ twice, and the files of both archives must have the same bytes.
 
 ``python -m validation.fleet_work --reading``: what reading alone costs, by format.
 
-``python -m validation.fleet_work --cost 5``: what ten minutes of a tower at 100 Hz cost, and a year of 100 towers; and
-ten minutes of rotors under wind.
+``python -m validation.fleet_work --cost 5``: what ten minutes of a tower at 100 Hz cost, and a year of 100 towers; ten
+minutes of rotors under wind; and, on paper, ten years of 100 towers: processors, storage and network.
 """
 
 import argparse
@@ -32,6 +32,8 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
 from windsysid.fleet.archive import add_rows, read_table
 from windsysid.fleet.batch import batch
 from windsysid.fleet.members import single
@@ -52,6 +54,8 @@ TURBINES = ("T01", "T02")
 ROTORS = ("verne555", "nrel5mw")
 DAY_RECORDS = 144
 YEAR_RECORDS = 100 * 365 * DAY_RECORDS
+YEARS, CORES = 10, 16
+"""Of the archive on paper: 100 turbines for so many years, and processors that read it at once."""
 RUN_KILLED = 0.15
 """Share of the kills that end the run, and not a worker; they are not counted among the workers'."""
 
@@ -325,11 +329,12 @@ def speed(count: int, home: Path) -> str:
 
 def cost(count: int, home: Path) -> str:
     """Processor time and storage of ten-minute records at 100 Hz, and of a year of 100 towers."""
-    told = []
+    told, paper = [], {}
     rows: list[Row] = []
     for first, ending in enumerate(("csv", "parquet")):
         usual, size, found = _costs("tower", count, ending, 1000 * first, home)
         rows += found
+        paper[ending] = usual, size
         year = YEAR_RECORDS * usual / 3600.0
         told.append(
             f"{ending}: {usual:.2f} s of processor time a record, {size / 1e6:.1f} MB; a year of 100 towers:"
@@ -353,7 +358,35 @@ def cost(count: int, home: Path) -> str:
         f"archive: {row_size / 1e3:.1f} kB a row in a day of {DAY_RECORDS}, {YEAR_RECORDS * row_size / 1e9:.1f} GB in"
         f" {YEAR_RECORDS // DAY_RECORDS} files"
     )
-    return "\n".join(told)
+    return "\n".join([*told, "", on_paper(paper, row_size)])
+
+
+def on_paper(costs: dict[str, tuple[float, int]], row_size: float) -> str:
+    """100 towers for `YEARS` years, as a table, from processor time [s] and size [bytes] of a record by format, and the
+    size of a row [bytes]."""
+    records = YEARS * YEAR_RECORDS
+    seconds, sizes = (np.array([each[i] for each in costs.values()], dtype=np.float64) for i in (0, 1))
+    days, real_time = records * seconds / CORES / 86_400.0, YEARS * 365 * 86_400.0
+    rows = {
+        "processor time of a record, s": seconds,
+        "size of a record, MB": sizes / 1e6,
+        "processor time of all, h": records * seconds / 3600.0,
+        "of a turbine-year, h": records * seconds / 3600.0 / (100 * YEARS),
+        f"days with {CORES} processors": days,
+        "processors that keep up with 100 turbines": records * seconds / real_time,
+        "records, TB": records * sizes / 1e12,
+        f"network for {CORES} processors, Mbit/s": 8e-6 * records * sizes / (86_400.0 * days),
+        "network for 100 turbines as they measure, Mbit/s": 8e-6 * records * sizes / real_time,
+        "rows, GB": np.full(len(costs), records * row_size / 1e9),
+    }
+    lines = [f"| 100 towers, {YEARS} years, {records / 1e6:.1f} million records | {' | '.join(costs)} |"]
+    lines += [f"|{' --- |' * (1 + len(costs))}"]
+    lines += [f"| {what} | {' | '.join(map(_number, values))} |" for what, values in rows.items()]
+    return "\n".join(lines)
+
+
+def _number(value: float) -> str:
+    return f"{value:.3g}" if value < 1000.0 else f"{value:,.0f}".replace(",", " ")
 
 
 def _costs(turbine: str, count: int, ending: str, seed: int, home: Path) -> tuple[float, int, list[Row]]:

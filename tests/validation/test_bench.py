@@ -98,7 +98,7 @@ def test_pages_have_the_figures_of_the_tables(bench: ModuleType):
         "docs/performance.md": [
             f"{ours:.1f} µs per sample on that machine: {floor:.2f} × hand-written C; dynamax takes {dynamax:.0f} ×, "
             f"cuthbert {cuthbert:.0f} ×, filterpy with NumPy and exact Jacobians {exact:.0f} × as long",
-            f"| posterior mode of 10 000 samples, 18 unknowns | {mode:.2f} s |",
+            f"| posterior mode of 10 000 samples, 18 unknowns | {mode:.2f} s of the processor |",
             f"| {clock:.2f} s; `particles` takes {theirs:.1f} × as long |",
             f"| {many:.1f} × real time with that filter.",
             f"| {slower:.0f} × as long per sample as that filter, {slowest:.0f} × over the first 100 s: "

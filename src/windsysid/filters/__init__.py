@@ -13,26 +13,9 @@ from windsysid.filters.smoother import Smoothed, smooth
 from windsysid.filters.ukf import UKF
 
 __all__ = [
-    "EKF",
-    "FILTERS",
-    "IEKF",
-    "UKF",
-    "Belief",
-    "Cloud",
-    "Filter",
-    "Info",
-    "Mixture",
-    "MixtureInfo",
-    "ParticleFilter",
-    "ParticleInfo",
-    "RaoBlackwellised",
-    "Smoothed",
-    "SplitModel",
-    "degeneracy",
-    "load_belief",
-    "save_belief",
-    "smooth",
-]
+    "EKF", "FILTERS", "IEKF", "UKF", "Belief", "Cloud", "Filter", "Info", "Mixture", "MixtureInfo", "ParticleFilter",
+    "ParticleInfo", "RaoBlackwellised", "Smoothed", "SplitModel", "degeneracy", "load_belief", "save_belief", "smooth",
+]  # fmt: skip
 
 FILTERS: tuple[Filter, ...] = (EKF, IEKF, UKF)
 """Every filter there is; the protocol test runs them all."""

@@ -37,30 +37,11 @@ _SCRATCH_TYPE = types.NamedTuple([_LINES.get(name, _f3) for name in Scratch._fie
 def run_kernel() -> Any:
     """The compiled run over T samples, one for all models."""
     model = types.FunctionType(LANE_JACOBIAN)
-    return compiled(
-        _run,
-        types.void(
-            model,
-            model,
-            _LANES_TYPE,
-            _SCRATCH_TYPE,
-            _f2,
-            _f3,
-            _f3,
-            _f1,
-            _f2,
-            _f2,
-            _f4,
-            _f3,
-            types.boolean,
-            types.intp,
-            _f4,
-            _f4,
-            _f2,
-            _f4,
-        ),
-        borrows=True,
-    )
+    signature = types.void(
+        model, model, _LANES_TYPE, _SCRATCH_TYPE, _f2, _f3, _f3, _f1, _f2, _f2, _f4, _f3, types.boolean, types.intp,
+        _f4, _f4, _f2, _f4,
+    )  # fmt: skip
+    return compiled(_run, signature, borrows=True)
 
 
 def _run(

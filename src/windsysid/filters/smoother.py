@@ -140,18 +140,8 @@ def _backward(model: StateSpace, filter_: Filter) -> Callable[..., None]:
 
 _matrix, _cube = types.float64[:, ::1], types.float64[:, :, ::1]
 _ARGUMENTS = (
-    WORKSPACE,
-    SIGMA_POINTS,
-    _matrix,
-    _matrix,
-    _matrix,
-    _matrix,
-    _cube,
-    types.float64[::1],
-    _matrix,
-    _matrix,
-    _matrix,
-)
+    WORKSPACE, SIGMA_POINTS, _matrix, _matrix, _matrix, _matrix, _cube, types.float64[::1], _matrix, _matrix, _matrix,
+)  # fmt: skip
 """Scratch, two blocks of rows (2n, w⁺) and a covariance (n, n⁺) among it; inputs of T samples and, unless they are the
 last, of the one after them; the filter's means and covariances; mean and root of the sample after, which become those
 of the first; means and standard deviations to be written."""

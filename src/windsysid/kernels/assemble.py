@@ -108,7 +108,10 @@ class _Body:
 
     def write(self, statements: Sequence[ast.stmt]) -> None:
         """One assignment after another, once the sines and cosines of all angles are known."""
-        self.waiting = {s.targets[0].id: s.value for s in statements if _names(s)}
+        for statement in statements:
+            match statement:
+                case ast.Assign(targets=[ast.Name(id=name)], value=value):
+                    self.waiting[name] = value
         self._turn([node for statement in statements for node in ast.walk(statement)])
         for statement in statements:
             match statement:
@@ -252,11 +255,6 @@ class _Body:
         if not found:
             raise _unknown(node)
         return self.context.get_function(typed, found)(self.builder, values)
-
-
-def _names(statement: ast.stmt) -> bool:
-    """Test whether a statement gives a name to a value."""
-    return isinstance(statement, ast.Assign) and isinstance(statement.targets[0], ast.Name)
 
 
 def _constant(term: Any) -> bool:

@@ -17,21 +17,9 @@ from windsysid.kernels.rows import padded
 from windsysid.kernels.simd import LANES, load, splat, store
 
 __all__ = [
-    "add_row",
-    "clear",
-    "clear_row",
-    "conjugate_row",
-    "copy_part",
-    "copy_row",
-    "exchange",
-    "gram",
-    "imaginary",
-    "products",
-    "scale_row",
-    "split",
-    "take_rows",
-    "turn",
-]
+    "add_row", "clear", "clear_row", "conjugate_row", "copy_part", "copy_row", "exchange", "gram", "imaginary",
+    "products", "scale_row", "split", "take_rows", "turn",
+]  # fmt: skip
 
 VECTORS_PER_CHUNK = 64
 """Vectors of a row that `gram` goes through before it turns to the next row: four such rows stay in the first cache."""

@@ -26,15 +26,8 @@ from windsysid.kernels.simd import LANE_MATRIX, LANE_VECTOR
 from windsysid.kernels.stored import packed, unpacked
 
 __all__ = [
-    "JACOBIAN",
-    "LANE_JACOBIAN",
-    "VALUE",
-    "called",
-    "compiled",
-    "inlined",
-    "pasted",
-    "uncounted",
-]
+    "JACOBIAN", "LANE_JACOBIAN", "VALUE", "called", "compiled", "inlined", "pasted", "uncounted",
+]  # fmt: skip
 
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": {"reassoc", "contract", "nsz", "arcp"}, "nogil": True}
 

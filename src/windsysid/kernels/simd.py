@@ -19,24 +19,9 @@ from numba.core.typing.templates import AbstractTemplate, infer_global, signatur
 from numba.extending import intrinsic, models, register_model
 
 __all__ = [
-    "FAST_FLAGS",
-    "IR_BITS",
-    "IR_DOUBLE",
-    "IR_INDEX",
-    "IR_INTEGERS",
-    "IR_VECTOR",
-    "LANES",
-    "LANE_MATRIX",
-    "LANE_VECTOR",
-    "VECTOR",
-    "by_llvm",
-    "load",
-    "splat",
-    "splatted",
-    "square_root",
-    "store",
-    "vectors",
-]
+    "FAST_FLAGS", "IR_BITS", "IR_DOUBLE", "IR_INDEX", "IR_INTEGERS", "IR_VECTOR", "LANES", "LANE_MATRIX", "LANE_VECTOR",
+    "VECTOR", "by_llvm", "load", "splat", "splatted", "square_root", "store", "vectors",
+]  # fmt: skip
 
 LANES = 8
 """Doubles in one vector: AVX-512's register, two of AVX2's."""

@@ -186,15 +186,8 @@ def predict_moments(rates_jacobian: Any, blocks: Any, ws: Any, mean: Any, cov: A
     n, moving = nx + nz + nb + nt, nx + nz
     linearise_transition(rates_jacobian, blocks, ws, mean, before, after)
     s = interval(blocks, after)
-    F, moved, moved_T, gain, gain_T, pushed, crossed = (
-        ws.F,
-        ws.moved,
-        ws.moved_T,
-        ws.gain,
-        ws.gain_T,
-        ws.pushed,
-        ws.crossed,
-    )
+    F, moved, moved_T, crossed = ws.F, ws.moved, ws.moved_T, ws.crossed
+    gain, gain_T, pushed = ws.gain, ws.gain_T, ws.pushed
     # F P and its transpose; b and θ stay
     multiply(ws.nothing, F, 0, nx, 0, n, cov, moved)
     multiply(ws.nothing, F, nx, moving, nx, moving, cov, moved)

@@ -3,8 +3,10 @@
 import os
 import sqlite3
 import time
+from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -132,3 +134,25 @@ def test_a_file_that_has_gone_is_not_made_anew(tmp_path: Path):
         store.turbines()
     assert not path.exists()
     store.close()
+
+
+def test_many_commits_a_second_share_transactions_and_few_do_not_wait(tmp_path: Path):
+    store = open_store(str(tmp_path / "store.sqlite"))
+    sizes: list[int] = []
+    write = store._write
+
+    def counted(jobs: Sequence[Any]) -> None:
+        sizes.append(len(jobs))
+        write(jobs)
+
+    store._write = counted  # type: ignore[method-assign]
+    begun = time.monotonic()
+    for number in range(20):
+        submit(store, blocks(number))
+    alone = len(sizes)
+    while time.monotonic() < begun + 3.0:
+        store.submit(blocks(len(sizes) + 100)).add_done_callback(lambda _: None)
+        time.sleep(5e-4)
+    store.close()
+    assert alone == 20
+    assert max(sizes) > 10

@@ -24,6 +24,10 @@ __all__ = ["SqlStore"]
 MAX_COMMITS_PER_TRANSACTION = 1000
 """Commits of one transaction."""
 
+GATHER_SECONDS, MIN_GATHER_RATE = 0.05, 200.0
+"""Time for which commits are gathered [s] where more than so many a second are submitted: a transaction costs as much
+as ten blocks, and results may wait for a second."""
+
 MIN_PAUSE_SECONDS, MAX_PAUSE_SECONDS = 0.05, 2.0
 """Between attempts while the database refuses, doubled from the first to the second [s]."""
 
@@ -110,21 +114,34 @@ class SqlStore:
 
     def _run(self) -> None:
         """The writer thread: all waiting entries form one transaction."""
+        begun, written, rate = time.monotonic(), 0, 0.0
         while True:
             with self._changed:
                 self._changed.wait_for(lambda: self._jobs or self._closing)
-                if not self._jobs:
-                    break
-                jobs = [self._jobs.popleft()]
-                while (
-                    self._jobs
-                    and len(jobs) < MAX_COMMITS_PER_TRANSACTION
-                    and isinstance(jobs[0].work, PreparedCommit)
-                    and isinstance(self._jobs[0].work, PreparedCommit)
-                ):
-                    jobs.append(self._jobs.popleft())
+            now = time.monotonic()
+            if now > begun + 1.0:
+                begun, written, rate = now, 0, written / (now - begun)
+            if rate > MIN_GATHER_RATE and not self._closing:
+                time.sleep(GATHER_SECONDS)
+            jobs = self._next_jobs()
+            if not jobs:
+                break
             self._write(jobs)
+            written += len(jobs)
         self._disconnect()
+
+    def _next_jobs(self) -> list[_Job]:
+        """Jobs of the next transaction: a call alone, or commits; none when the store closes."""
+        with self._changed:
+            jobs = [self._jobs.popleft()] if self._jobs else []
+            while (
+                self._jobs
+                and len(jobs) < MAX_COMMITS_PER_TRANSACTION
+                and isinstance(jobs[0].work, PreparedCommit)
+                and isinstance(self._jobs[0].work, PreparedCommit)
+            ):
+                jobs.append(self._jobs.popleft())
+        return jobs
 
     def _write(self, jobs: Sequence[_Job]) -> None:
         """Write jobs, and record when the writer began, for `trouble`."""
