@@ -26,7 +26,8 @@ def short_spectra(values: Array, rate: float, size: int, overlap: int) -> tuple[
     window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(size) / size)
     segments = np.lib.stride_tricks.sliding_window_view(values, size)[:: size - overlap]
     tapered = window * (segments - segments.mean(axis=1, keepdims=True))
-    density = np.abs(np.fft.rfft(tapered, axis=1)).T ** 2 / (rate * np.sum(window**2))
+    power = np.asarray(np.abs(np.fft.rfft(tapered, axis=1)).T ** 2, dtype=np.float64)
+    density = power / (rate * np.sum(window**2))
     density[1 : (size + 1) // 2] *= 2.0
     middle = (np.arange(len(segments)) * (size - overlap) + 0.5 * size) / rate
     return np.arange(len(density)) * rate / size, middle, density
@@ -41,7 +42,8 @@ def tukey(samples: int, share: float) -> Array:
 
 def parabola_weights(window: int) -> Array:
     """Weights (3, w) that give the coefficients of a least-squares parabola of w values at −1 … 1 (odd w)."""
-    return np.linalg.pinv(np.vander(np.linspace(-1.0, 1.0, window), 3, increasing=True))
+    powers = np.vander(np.linspace(-1.0, 1.0, window), 3, increasing=True)
+    return np.asarray(np.linalg.pinv(powers), dtype=np.float64)
 
 
 def local_parabolas(values: Array, window: int, derivative: int = 0, rate: float = 1.0) -> Array:
