@@ -100,7 +100,7 @@ class Sensor(BaseModel):
         `TOWER_LOGGER`; 0: exactly synchronous. Of several sensors of a logger the largest tolerance counts.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True)
 
     channel: str = Field(min_length=1)
     quantity: str

@@ -46,10 +46,7 @@ def singular_values(frequency: Array, values: Complex) -> tuple[Array, Array]:
     median = np.median(np.abs(values) ** 2, axis=0)
     scaled = values * np.sqrt(np.log(2.0) / np.maximum(median, 1e-300))
     size = max(AVERAGED_BINS, 3 * (len(values) // MAX_AVERAGES))
-    starts = np.arange(0, max(1, len(values) - size + 1), max(1, size // 3))
-    groups = [scaled[first : first + size] for first in starts]
-    most = min(MAX_VALUES, values.shape[1])
-    found = [np.linalg.svd(one / np.sqrt(len(one)), compute_uv=False)[:most] ** 2 for one in groups]
-    return np.array([frequency[i : i + size].mean() for i in starts]), np.array(
-        [np.pad(one, (0, most - len(one))) for one in found]
-    )
+    size, step = min(size, len(values)), max(1, size // 3)
+    groups, near = (np.lib.stride_tricks.sliding_window_view(x, size, axis=0)[::step] for x in (scaled, frequency))
+    found = np.linalg.svd(groups, compute_uv=False)[:, :MAX_VALUES] ** 2 / size
+    return near.mean(axis=1), np.pad(found, ((0, 0), (0, min(MAX_VALUES, values.shape[1]) - found.shape[1])))

@@ -14,6 +14,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from windsysid._types import Array
+from windsysid.signals.textbook import minimum
 from windsysid.turbine.turbine import Turbine
 from windsysid.units import RPM
 
@@ -71,14 +72,13 @@ def unstable_ranges(
     speeds
         (S,), rising: where to look first. Where growth peaks below zero between them, the peak is looked for too.
     """
-    from scipy.optimize import minimize_scalar
 
     def over(speed: float) -> float:
         return growth(speed) - NEUTRAL_GROWTH * max(speed, 1.0)
 
     def peak(low: float, high: float) -> tuple[float, float]:
-        best = minimize_scalar(lambda s: -over(s), bounds=(low, high), method="bounded", options={"xatol": resolution})
-        return float(best.x), -float(best.fun)
+        best = minimum(lambda s: -over(s), low, high, resolution)
+        return best, over(best)
 
     at = [float(s) for s in speeds]
     value = [over(s) for s in at]

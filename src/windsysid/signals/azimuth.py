@@ -11,7 +11,7 @@ from windsysid._types import Array
 from windsysid.records.kept import kept_with_record
 from windsysid.records.record import Record
 from windsysid.signals.band import bridged
-from windsysid.signals.textbook import local_parabolas, parabola_weights
+from windsysid.signals.textbook import local_parabolas
 
 __all__ = ["MAX_SCATTER_RADIANS", "steadied"]
 
@@ -92,7 +92,7 @@ def _without_scatter(psi: Array, rate: float, shortest: float, *, coarse: bool) 
     window = 2 * math.ceil(0.5 * min(shortest, len(psi))) + 1 if shortest > MIN_SAMPLES else MIN_SAMPLES
     while window <= min(max(MAX_SECONDS * rate, shortest), len(psi) / 4):
         fit = local_parabolas(psi, window)
-        own = float(parabola_weights(window)[0, window // 2])  # weight of an angle in its own fit
+        own = 0.75 * (3 * window**2 - 7) / (window * (window**2 - 4))  # weight of an angle in its own fit
         left = (psi - fit)[window // 2 : -(window // 2)]
         error = float(np.mean(np.square(left))) / (1.0 - own)  # the variance of white scatter
         if error < MAX_SCATTER_RADIANS**2:

@@ -89,7 +89,7 @@ AngularDamping = Annotated[float, quantity("N*m*s/rad"), AnyValue]
 class FileTable(BaseModel):
     """A table of a turbine file: a key that it does not know is an error."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
 
 def spread(widest: float) -> AfterValidator:

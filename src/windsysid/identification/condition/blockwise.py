@@ -139,7 +139,7 @@ class BlockwiseConditioner:
 
     def _resampled(self, part: Record) -> Record:
         """A part of the record at the rate of the model."""
-        read = [sensor.channel for sensor in self._sensors]
+        read = tuple(sensor.channel for sensor in self._sensors)
         if self._slow is not None:
             start = self._origin + math.ceil((part.time[0] - self._origin) * self._slow - 1e-6) / self._slow
             return slow_down(part, read, self._slow, self.steps, start=start)

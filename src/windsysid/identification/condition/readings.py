@@ -20,6 +20,7 @@ from windsysid.inspection.fault import Fault
 from windsysid.inspection.limits import MIN_SAMPLES
 from windsysid.inspection.screening import read_besides, screen
 from windsysid.mechanics.sensors import Sensor
+from windsysid.records.kept import kept_with_record
 from windsysid.records.record import Record
 from windsysid.results.estimate import Loads
 from windsysid.results.finding import Finding
@@ -182,7 +183,7 @@ def resample_for_model(
     Where the equations need shorter steps than a reading takes, sensors are missing between their readings and all else
     is as the fine grid has it.
     """
-    read = [sensor.channel for sensor in sensors]
+    read = tuple(sensor.channel for sensor in sensors)
     slow = choose_rate(record.rate, record.duration, turbine, rate)
     needed = MIN_SAMPLES / (slow or record.rate)
     if record.duration < needed - 1.0 / record.rate:
@@ -244,14 +245,16 @@ def note_steps(steps: int) -> Finding:
     return Finding("steps_of_equations", "note", {"steps": steps})
 
 
-def slow_down(record: Record, read: Sequence[str], rate: float, steps: int, *, start: float | None = None) -> Record:
+@kept_with_record
+def slow_down(record: Record, read: tuple[str, ...], rate: float, steps: int, *, start: float | None = None) -> Record:
     """The record with the channels `read` at `rate` [Hz] from `start` [s] on, its own by default, and all others
     `steps` times as often."""
     slow = resample(record, rate, start=start)
     return slow if steps <= 1 else _between_readings(slow, record, read, rate, steps)
 
 
-def refine(record: Record, read: Sequence[str], steps: int) -> Record:
+@kept_with_record
+def refine(record: Record, read: tuple[str, ...], steps: int) -> Record:
     """The record as it is in the channels `read`, and all others `steps` times as often."""
     return _between_readings(record, record, read, record.rate, steps)
 

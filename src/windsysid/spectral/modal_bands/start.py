@@ -130,6 +130,7 @@ def expect(modes: Modes, band: Band, passes: int = EM_STEPS) -> Modes:
     rest = modes.rest @ modes.rest.conj().T
     n, total = band.counts, float(band.counts.sum())
     level = np.einsum("kii->i", band.power).real / len(band.power)
+    whole = np.einsum("k,kij->ij", n, band.power)
     for _ in range(passes):
         d = h[:, :, None] * b * h.conj()[:, None, :]
         ahead = d @ phi.conj().T
@@ -138,7 +139,7 @@ def expect(modes: Modes, band: Band, passes: int = EM_STEPS) -> Modes:
         moments = seen @ gain.conj().transpose(0, 2, 1) + d - gain @ (phi @ d)
         across = np.einsum("k,kji->ij", n, seen.conj())
         phi = across @ np.linalg.inv(np.einsum("k,kij->ij", n, moments))
-        rest = (np.einsum("k,kij->ij", n, band.power) - phi @ across.conj().T) / total
+        rest = (whole - phi @ across.conj().T) / total
         rest = _positive(0.5 * (rest + rest.conj().T) + np.diag(1e-9 * level), level)
         b = np.einsum("k,kij->ij", n, moments / (h[:, :, None] * h.conj()[:, None, :])) / total
         size = np.sqrt(np.diagonal(b).real)

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array, Complex
+from windsysid.signals.textbook import tukey
 
 __all__ = [
     "TAPERED_SHARE", "WINDOW_BINS", "Band", "band_data", "plain_band", "taper", "taper_factor", "transform",
@@ -76,11 +77,7 @@ def plain_band(frequency: Array, counts: Array, power: Complex, factor: float) -
 
 def taper(samples: int) -> Array:
     """The cosine taper (T,), one period of a function that repeats, as the transform takes it."""
-    number = np.arange(samples)
-    inside = np.minimum(number, samples - number) / max(0.5 * TAPERED_SHARE * samples, 1.0)
-    h, rising = np.ones(samples), inside < 1.0
-    h[rising] = 0.5 - 0.5 * np.cos(np.pi * inside[rising])
-    return h
+    return tukey(samples + 1, TAPERED_SHARE)[:-1]
 
 
 @lru_cache(maxsize=64)
