@@ -44,11 +44,11 @@ def figure(found: Campbell, place: "Axes | None" = None) -> "Figure":
 
 def plots(found: Campbell) -> list[Plot]:
     """Frequencies and damping ratios over rotor speed; harmonics dashed, measured modes as points."""
-    rpm, shown = found.speeds * RPM, found.curves
-    top = 1.06 * max(float(np.nanmax(curve.frequency + SIGMAS * curve.frequency_std)) for curve in shown)
+    rpm = found.speeds * RPM
+    top = 1.06 * max(float(np.nanmax(curve.frequency + SIGMAS * curve.frequency_std)) for curve in found.curves)
     if found.orders:
         top = min(top, MAX_HARMONIC_RATIO * max(found.orders) * rpm[-1] / 60.0)
-    shown = [curve for curve in shown if np.nanmin(curve.frequency) < top]
+    shown = [curve for curve in found.curves if np.nanmin(curve.frequency) < top]
     dense, apart = np.linspace(rpm[0], rpm[-1], POINTS), APART * max(rpm[-1] - rpm[0], 1.0)
     speeds = [mode.speed * RPM for mode in found.measured]
     at = np.array([v + apart * (speeds[:i].count(v) - 0.5 * (speeds.count(v) - 1)) for i, v in enumerate(speeds)])
@@ -81,8 +81,8 @@ def _curve(found: Campbell, name: str, x: Array, value: Array, std: Array) -> Pl
     """Values of a mode with ±2σ at the speeds x, as far as it oscillates."""
     seen, colour = np.isfinite(value), "other" if is_of_blades(name) else "estimate"
     middle, half = (np.interp(x, RPM * found.speeds[seen], v[seen], np.nan, np.nan) for v in (value, SIGMAS * std))
-    ends = (middle - half, middle + half) if found.banded else (None, None)
-    return PlotCurve(name, middle, *ends, colour=colour)
+    low, high = (middle - half, middle + half) if found.banded else (None, None)
+    return PlotCurve(name, middle, low, high, colour=colour)
 
 
 def _points(found: Campbell, x: Array, at: Array, quantity: str, scale: float) -> Iterator[PlotCurve]:
@@ -94,7 +94,7 @@ def _points(found: Campbell, x: Array, at: Array, quantity: str, scale: float) -
             one = getattr(found.measured[i], quantity)
             values[:, np.searchsorted(x, at[i])] = scale * one.estimate, scale * one.low, scale * one.high
         if rows:
-            yield PlotCurve(name, *values, look="dots", colour=colour)
+            yield PlotCurve(name, values[0], values[1], values[2], "dots", colour)
 
 
 def sections(found: Campbell) -> list[Section]:

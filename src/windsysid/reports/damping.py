@@ -35,14 +35,12 @@ def _plots(separation: Separation) -> list[Plot]:
 
 def _plot(split: DampingSplit, states: Sequence[State], order: Sequence[int], base: str) -> Plot:
     """Total damping in each record, the structure's as a band, and the air's."""
-    at, count = np.arange(len(order)), len(order)
     curves = [_curve("total of the record alone", [split.measured[i] for i in order], split, "dots", "measured")]
     if split.structural is not None:
-        air = [split.aerodynamic[i] for i in order]
-        curves.insert(0, _curve(base, [split.structural] * count, split, "line", "other"))
-        curves.append(_curve("air", air, split, "dots", "estimate"))
+        curves.insert(0, _curve(base, [split.structural] * len(order), split, "line", "other"))
+        curves.append(_curve("air", [split.aerodynamic[i] for i in order], split, "dots", "estimate"))
     axes = Axis("", names=[str(state) for state in states]), Axis("damping [% of critical]")
-    return Plot(titled(split.name), at, curves, *axes, [Mark(0.0, across=True)])
+    return Plot(titled(split.name), np.arange(len(order)), curves, *axes, [Mark(0.0, across=True)])
 
 
 def _curve(

@@ -141,7 +141,7 @@ SPECTRA = (
 
 COLUMNS = (
     "f: natural frequency; ζ: damping ratio; from nP: distance from the nearest rotor harmonic; file: value in the"
-    " turbine file, from which the estimate differs; by data: share of the estimate that is not from the prior."
+    " turbine file, from which the estimate differs; by data: share of the information that is from the record."
 )
 
 RECORD = "The channels that were used: the smallest and the largest reading of each segment of time."

@@ -92,8 +92,7 @@ class Budget(NamedTuple):
         shown = [0, *(i for i in range(1, shares.shape[1]) if shares[:, i].max(initial=0.0) >= 0.005)]
         cells = []
         for row, own in zip(rows, shares, strict=True):
-            digits = 2 if row.two_sigma < 0.995 else 3
-            width = f"{100.0 * row.two_sigma:.{digits}g} %" if row.relative else f"{row.two_sigma:.3g}"
+            width = f"{float(f'{100.0 * row.two_sigma:.2g}'):g} %" if row.relative else f"{row.two_sigma:.3g}"
             cells.append((row.name, width, *(f"{100.0 * share:.0f} %" for share in own[shown])))
         names = np.array(["data and prior", *self.causes])[shown].tolist()
         return Table(("quantity", "± 95 %", *names), cells, "Uncertainty budget: shares of each interval's variance")

@@ -110,7 +110,7 @@ def _name_ends(ax: Axes, x: Any, curves: Sequence[PlotCurve]) -> None:
     place = ax.transScale + ax.transLimits
     ends = []
     for one in curves:
-        known = np.flatnonzero(np.isfinite(one.values)) if one.look == "line" else []
+        known: Any = np.flatnonzero(np.isfinite(one.values)) if one.look == "line" else []
         if len(known) and known[-1] >= 0.99 * (len(x) - 1):
             ends.append((float(np.asarray(one.values)[known[-1]]), one))
         elif len(known):

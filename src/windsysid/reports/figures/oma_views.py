@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from windsysid.modal.shapes import along_axis, assurance
-from windsysid.output.table import Table
+from windsysid.output.table import Table, titled
 from windsysid.reports.interactive.plot import Axis, Mark, Plot, PlotCurve, ShadedRange, shortened
 from windsysid.spectral.oma.mode import OperationalMode
 from windsysid.spectral.oma.result import DecayHistory, OperationalModes, RecordModes
@@ -141,8 +141,8 @@ def decay_plot(one: DecayHistory) -> Plot:
         PlotCurve("residual", one.measured - one.fitted, colour="error"),
     ]
     caption = "from where the motion is taken as free; the channel that decays most clearly"
-    title = f"{shortened(one.channel)}, {shortened(one.record)}"
-    return Plot(title, one.time, curves, Axis("time [s]"), Axis(""), caption=caption)
+    title = f"{shortened(titled(one.channel))}, {shortened(one.record)}"
+    return Plot(title, one.time, curves, Axis("time [s]"), Axis("[unit of the channel]"), caption=caption)
 
 
 def shape_table(found: OperationalModes) -> Table:

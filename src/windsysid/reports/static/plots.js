@@ -234,10 +234,16 @@ const plots = (() => {
       // Powers of ten, as many as there is room for; of a short axis 1, 2 and 5 times these.
       const named = (ticks, decades) => ticks.map((v) => {
         const n = Math.floor(Math.log10(v) + 1e-9), first = Math.round(v / 10 ** n);
-        return decades > 1.5 ? (first === 1 && n % Math.ceil(decades / 9) === 0 ? power(v) : "") : [1, 2, 5].includes(first) ? digits(v, 6) : "";
+        return decades > 1.5 ? (first === 1 && n % Math.ceil(decades / 9) === 0 ? power(v) : "") : ticks.length < 5 || [1, 2, 5].includes(first) ? digits(v, 3) : "";
       });
+      const splits = (u, axis, min, max) => {
+        const found = [];
+        for (let n = Math.floor(Math.log10(min)); n <= Math.log10(max); n++) for (let k = 1; k < 10; k++) found.push(k * 10 ** n);
+        const inside = found.filter((v) => v >= min && v <= max);
+        return inside.length > 1 ? inside : [0.1, 0.5, 0.9].map((share) => min + share * (max - min));
+      };
       const values = (side) => (u, ticks) => (log[side] ? named(ticks, Math.log10(u.scales[side].max / u.scales[side].min)) : name(ticks));
-      const every = (side) => (log[side] ? { filter: (u, ticks) => ticks } : {});
+      const every = (side) => (log[side] ? { splits, filter: (u, ticks) => ticks } : {});
       const names = spec.x_axis.names;
       const right = spec.curves.find((c) => c.right);
       this.plot?.destroy();

@@ -77,7 +77,7 @@ def pose_standing(
         None,
         _start(question, model, peaks),
         bands,
-        "any smooth spectrum in the bands around the modes" + narrow * ", and a narrow-band process on the support",
+        "any smooth spectrum around each mode" + narrow * ", and a narrow-band process on the support",
         2.0 * math.pi * width * blocks / lifted.overlap,
     )
 
