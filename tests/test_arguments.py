@@ -61,6 +61,8 @@ def test_errors_of_right_arguments_stay():
     )
     assert misfit(ws.identify, ("a.csv", "tower"), {"section": (0.0, 1.0), "rate": None}) is None
     assert misfit(ws.compare, ("a", Path("b")), {}) is None
+    short = misfit(ws.identify, ("a.csv", "tower"), {"section": (10.0,)})
+    assert short == "section: expected tuple[float, float] | None, got tuple (10.0,)"
     assert misfit(ws.read_linearisation, ([Path("a"), "b"],), {}) is None
 
 

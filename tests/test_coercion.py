@@ -93,7 +93,7 @@ def test_a_mapping_goes_wherever_a_path_goes(record: ws.Record, tmp_path: Path):
         lambda **given: ws.free_decay(path, **given),
         lambda **given: ws.profile_likelihood(path, "verne555", "k_x", **given),
     ):
-        with pytest.raises(ConfigurationError, match=r"missing\.toml: no such file, expected a turbine file"):
+        with pytest.raises(ConfigurationError, match=r"missing\.toml: no such file, expected a mapping"):
             read(mapping=tmp_path / "missing.toml")
 
 

@@ -141,5 +141,7 @@ def _is_one(value: Any, kind: type, inner: tuple[Any, ...]) -> bool:
         return all(hasattr(value, name) for name in (*vars(kind), *kind.__annotations__) if not name.startswith("_"))
     if isinstance(value, str) and issubclass(kind, Iterable):
         return kind is str
+    if isinstance(value, tuple) and kind is tuple and inner and inner[-1] is not ... and len(value) != len(inner):
+        return False
     several = value if isinstance(value, list | tuple) and len(inner) == 1 else ()
     return isinstance(value, kind) and all(_fits(each, inner[0]) for each in several)

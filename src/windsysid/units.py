@@ -206,7 +206,8 @@ def parse_quantity(text: str, unit: str) -> float:
     if not math.isfinite(amount):
         raise ConfigurationError(f'expected a finite number, such as "1.5 {unit}"')
     if not written.strip():
-        raise ConfigurationError(f"the unit is missing: write it behind the number, in {unit}")
+        usual = "rpm" if unit == "rad/s" else unit
+        raise ConfigurationError(f'the unit is missing: write it behind the number, such as "{number} {usual}"')
     if not is_same_quantity(written, unit):
         raise ConfigurationError(f"expected a unit of the same quantity as {unit}")
     return to_si(amount, written)

@@ -113,7 +113,7 @@ def test_a_parameter_has_the_kind_and_the_part_of_its_coefficient(turbine: ws.Tu
 
 
 def test_damping_that_is_not_positive_is_a_reason(turbine: ws.Turbine):
-    found = doubt_damping(identified(turbine), np.array([0.0, -0.01]), np.diag([1e-4, 1e-6]), ())
+    found = doubt_damping(identified(turbine), np.array([0.0, -0.01]), np.diag([1e-4, 1e-6]), (), {})
     assert [one.code for one in found if one.severity == "reason"] == ["damping_not_positive"]
 
 

@@ -357,12 +357,15 @@ def test_the_summary_as_json_is_all_that_is_printed(run, tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("options", "complaint"),
     [
-        (("--duration", "10"), "--duration: the unit is missing: write it behind the number, in s; got '10'"),
+        (
+            ("--duration", "10"),
+            "--duration: the unit is missing: write it behind the number, such as \"10 s\"; got '10'",
+        ),
         (("--duration", "ten min"), "--duration: expected a number and a unit"),
         (("--duration", "10 kg"), "--duration: expected a unit of the same quantity as s; got '10 kg'"),
         (("--duration", "inf s"), "--duration: expected a finite number"),
         (("--duration", "0.1 s"), "duration: expected one revolution"),
-        (("--rotor-speed", "12"), "--rotor-speed: the unit is missing: write it behind the number, in rad/s"),
+        (("--rotor-speed", "12"), '--rotor-speed: the unit is missing: write it behind the number, such as "12 rpm"'),
         (("--parameters", "k_z"), "parameter 'k_z' cannot be identified here"),
         (("--parameters", ""), "parameter '' cannot be identified here"),
         (("--within", "nan"), "within: expected a positive number"),

@@ -327,7 +327,7 @@ def test_the_summary_as_json_is_all_that_is_printed(run):
         (("nowhere",),
          "nowhere: no such folder, expected a result of windsysid identify; check the name and the folder"),
         (("--turbine", "verne555", "--speeds", "2", "3 rpm"),
-         "--speeds: the unit is missing: write it behind the number, in rad/s; got '2'"),
+         "--speeds: the unit is missing: write it behind the number, such as \"2 rpm\"; got '2'"),
         (("--turbine", "verne555", "--operating", "2 rpm", "3 kg"),
          "--operating: expected a unit of the same quantity as rad/s; got '3 kg'"),
         (("--turbine", "verne555", "--speeds", "3 rpm", "2 rpm"),

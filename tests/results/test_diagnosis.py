@@ -280,7 +280,7 @@ def test_negative_damping_is_a_reason_not_to_trust():
     for theta, surely in ((-0.1, True), (-0.01, False)):
         (reason,) = reasons(diagnosed(white(), parameters=(c,), theta=np.array([theta]), cov=np.array([[0.03**2]])))
         assert (reason.code, reason.quantities) == ("damping_not_positive", ("c_x",))
-        assert reason.data["coefficients"] == [["c_x", pytest.approx(10.0 * theta), surely]]
+        assert reason.data["coefficients"] == [["c_x", pytest.approx(10.0 * theta), surely, ""]]
         assert reason.data["modes"] == []
     (reason,) = reasons(
         diagnosed(white(), damping=[("tower x", (0.01, 0.008, 0.012)), ("lag forward", (-0.002, -0.005, 0.001))])

@@ -8,7 +8,8 @@ import pytest
 
 from tests.identification.fits import TOWER, noise, outcome_of, record_of
 from windsysid.identification.verdict.conclude import _estimates
-from windsysid.results.estimate import Estimate
+from windsysid.results.estimate import Estimate, IntervalEstimate
+from windsysid.results.mode import Mode
 from windsysid.results.serialization import as_plain, from_plain
 
 
@@ -42,3 +43,10 @@ def test_an_estimate_comes_back_from_plain_values_and_is_not_changed():
     name = "estimate"
     with pytest.raises(FrozenInstanceError):
         setattr(one, name, 3.0)
+
+
+def test_a_mode_prints_its_values_with_grades():
+    f = IntervalEstimate(0.3153, 0.3139, 0.3167, 0.0007, "Hz", "A")
+    z = IntervalEstimate(0.00437, 0.00116, 0.00758, 0.0016, "1", "B")
+    expected = "tower side-side: 0.3153 ± 0.0014 Hz (grade A), damping ratio 0.437 ± 0.321 % (grade B)"
+    assert str(Mode("tower side-side", f, z)) == expected

@@ -215,7 +215,7 @@ def test_blades_may_differ_and_be_given_by_their_moments(tmp_path: Path):
             GOOD.replace("1650 N/m", "1650 furlong"),
             r"support\.k_y: unknown unit 'furlong': expected .* got '1650 furlong'",
         ),
-        (GOOD.replace("1650 N/m", "1650"), r"support\.k_y: the unit is missing: .* in N/m, got '1650'"),
+        (GOOD.replace("1650 N/m", "1650"), r"support\.k_y: the unit is missing: .*1650 N/m.*, got '1650'"),
         (
             GOOD.replace('"1650 N/m"', "1650"),
             r"support\.k_y: expected a value with its unit, such as \"1\.5 N/m\", got 1650",
@@ -343,7 +343,7 @@ def test_a_tower_file_speaks_of_frequency_and_damping_ratio(tmp_path: Path):
         (('kind = "tower"', 'kind = "tower"\nlag = "free"'), r"unknown key 'model\.lag'"),
         (('modal_mass = "400 t"\n', ""), r"'side_side\.modal_mass' is missing: add it"),
         (("0.31 Hz", "0.31 rpm"), r"fore_aft\.frequency: expected a unit of the same quantity as Hz, got '0\.31 rpm'"),
-        (("0.5 %", "0.5"), r"side_side\.damping_ratio: the unit is missing: .* in %, got '0\.5'"),
+        (("0.5 %", "0.5"), r"side_side\.damping_ratio: the unit is missing: .*0\.5 %.*, got '0\.5'"),
         (("0.5 %", "120 %"), r"side_side\.damping_ratio: expected a size of 1e-09 … 1 .*got '120 %'"),
         (("0.5 %", "0 %"), r"side_side\.damping_ratio: expected a size other than 0 %"),
     ],

@@ -5,7 +5,7 @@ predictive check of Box, J. R. Statist. Soc. A 143, 1980, https://doi.org/10.230
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -49,14 +49,15 @@ def conflict(name: str, shift: float) -> Finding:
 
 
 def doubt_damping(
-    parameters: Sequence[Parameter], theta: Array, cov: Array, modes: Sequence[tuple[str, Band]]
-) -> list[Finding]:
-    """A reason and a remark for damping that is not positive, of coefficients and of `modes`, each with its name and
-    its damping ratio with the 95 % interval."""
+    parameters: Sequence[Parameter], theta: Array, cov: Array, modes: Sequence[tuple[str, Band]],
+    units: Mapping[str, str],
+) -> list[Finding]:  # fmt: skip
+    """A reason and a remark for damping that is not positive, of coefficients in their `units` and of `modes`, each
+    with its name and its damping ratio with the 95 % interval."""
     dampers, found = _dampers(parameters, theta, cov), list[Finding]()
     lost, lost_modes = _not_positive(dampers), _not_positive(modes)
     if lost or lost_modes:
-        data = {"coefficients": lost, "modes": lost_modes}
+        data = {"coefficients": [(*one, units.get(one[0], "")) for one in lost], "modes": lost_modes}
         found.append(Finding("damping_not_positive", "reason", data, tuple(name for name, *_ in lost)))
     uncertain = [name for name, (value, low, _) in (*dampers, *modes) if low <= 0.0 < value]
     if uncertain:

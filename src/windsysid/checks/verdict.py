@@ -128,12 +128,13 @@ class Diagnosis:
 
 class FittedParameters(NamedTuple):
     """The identified parameters with their priors, their estimates (n_θ,) and covariance (n_θ, n_θ) in filter
-    coordinates; and of each mode its name and its damping ratio with the 95 % interval."""
+    coordinates; of each mode its name and its damping ratio with the 95 % interval; units of parameters by name."""
 
     parameters: Sequence[Parameter]
     theta: Array
     cov: Array
     damping: Sequence[tuple[str, Band]] = ()
+    units: Mapping[str, str] = {}
 
 
 class TurningRotor(NamedTuple):
@@ -183,7 +184,7 @@ def diagnose(
         What the estimation found out about its own result.
     """
     rotor, tests = rotor or TurningRotor(), tests or RecordTests()
-    parameters, theta, cov, damping = fitted
+    parameters, theta, cov, damping, units = fitted
     rotor_hz = abs(rotor.speed) / (2.0 * math.pi)
     checks = hold_against_priors(parameters, theta, cov)
     names, logarithmic = [q.name for q in parameters], [q.logarithmic for q in parameters]
@@ -196,7 +197,7 @@ def diagnose(
     found[at:at] = doubts
     prior_cov = np.diag([q.prior[1] ** 2 for q in parameters])
     found += describe_directions(names, cov, prior_cov, logarithmic, theta) if names else []
-    found += doubt_damping(parameters, theta, cov, damping)
+    found += doubt_damping(parameters, theta, cov, damping, units)
     return Diagnosis(tuple(found), whiteness, checks, rotor_hz, rotor.blades, band_of_interest(frequencies), seen)
 
 

@@ -63,6 +63,8 @@ def _name_options(message: str) -> str:
         name = f"--{match[1].replace('_', '-')}"
         return match[0] if name not in options else f"{name} {match[2]}" if match[2] else name
 
+    first = f"--{message.partition(':')[0].replace('_', '-')}"
+    message = f"{first}:{message.partition(':')[2]}" if first in options else message
     return _ARGUMENT.sub(option, message)
 
 

@@ -213,7 +213,10 @@ def overview_of(
     notes: list[str] = []
     seconds = np.concatenate([seconds_of(table) for table in tables.values()])
     if not np.isfinite(seconds).any():
-        raise ConfigurationError(f"archive {archive}: no record says when it began: nothing can be put in order")
+        raise ConfigurationError(
+            f"archive {archive}: no record says when it began, so nothing can be put in order: give [time] start in a"
+            " mapping, and batch again"
+        )
     span = float(np.nanmin(seconds)), float(np.nanmax(seconds))
     watches: dict[str, Watch] = {}
     for i, (name, table) in enumerate(tables.items()):

@@ -110,7 +110,9 @@ STATEMENTS: Final[Mapping[str, Statement]] = {
     # channels
     "missing": _missing,
     "slower rate": lambda _, __, d: f"has a value in every {d['every']}th row only ({d['rate']:.4g} Hz)",
-    "unknown unit": lambda _, __, d: f"the unit '{d['unit']}' is not known",
+    "unknown unit": lambda _, __, d: (
+        "has no unit" if d["unit"] in ("", "unknown") else f"the unit '{d['unit']}' is not known"
+    ),
     "constant": lambda _, __, d: f"is {_amount([d['value']], 5, d['unit'])} throughout",
     "motionless": lambda _, __, d: f"is {_amount([d['value']], 5, d['unit'])} from the first sample to the last",
     "spikes": _spikes,
@@ -209,7 +211,7 @@ ADVICE: Final[Mapping[str, str | Callable[[str, Data], str]]] = {
         }[severity]
     ),
     "slower rate": "recorded by a slower logger",
-    "unknown unit": "values are kept as in the file",
+    "unknown unit": "values are kept as in the file; windsysid start asks for it",
     "constant": lambda _, d: "the rotor stands still" if d["standing"] else "a set value rather than a measured one",
     "motionless": "disconnected, or a motion that the simulator fixes; leave it out",
     "spikes": lambda severity, _: (

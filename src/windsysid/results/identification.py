@@ -85,9 +85,8 @@ class Identification(IdentificationValues, Answer):
 
     def __repr__(self) -> str:
         trusted = "trusted" if self.diagnosis.trusted else "not trusted"
-        listed = ", ".join(f"{e.name} {e.estimate:.4g}" for e in self.estimates[:4]) + (
-            ", …" if len(self.estimates) > 4 else ""
-        )
+        listed = ", ".join(" ".join((e.name, *engineering(e.unit, e.estimate))) for e in self.estimates[:4])
+        listed += ", …" * (len(self.estimates) > 4)
         return (
             f"<{type(self).__name__} of {self.turbine} from {self.record}: {len(self.estimates)} parameters ({listed}),"
             f" {trusted}; print it for the table>"

@@ -29,6 +29,10 @@ class Mode:
     frequency: IntervalEstimate
     damping_ratio: IntervalEstimate
 
+    def __str__(self) -> str:
+        name, frequency, f_grade, damping, z_grade = self.cells()
+        return f"{name}: {frequency} Hz (grade {f_grade or '–'}), damping ratio {damping} % (grade {z_grade or '–'})"
+
     @property
     def trusted(self) -> bool:
         """True if neither frequency nor damping ratio is of grade C."""

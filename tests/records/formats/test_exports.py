@@ -121,7 +121,7 @@ def test_seconds_since_1970_stay_seconds(tmp_path):
     "above",
     [
         "Station: hill\n", "Logger report\nSite;hill\nRate;20 Hz\n\n", "sep=;\n", "SEP=;\r\n", '"sep=;"\n',
-        "sep=;\nStation: hill\n", "# a comment\nreport\n",
+        "sep=;\nStation: hill\n", "# a comment\nreport\n", "Report of a spreadsheet;;\n;;\n",
     ],
 )  # fmt: skip
 def test_lines_above_the_names_are_kept_as_comments(tmp_path, above):
@@ -138,6 +138,13 @@ def test_the_separator_that_a_file_names_goes_before_its_look(tmp_path):
     assert record.channels == ("a, top",)
     np.testing.assert_array_equal(record["a, top"], [1.5, 2.5, 3.5])
     refused(path, "the first column is 'time .s.;a'", mapping=Mapping(csv=CsvRule(delimiter=",")))
+
+
+def test_a_title_and_units_above_dates_are_read_as_a_spreadsheet_writes_them(tmp_path):
+    rows_of_dates = "".join(f"2024-05-02T10:00:{k:02d}\t{k % 3}.5\t{k % 4}.5\n" for k in range(40))
+    record = read_record(write(tmp_path, "Messung 7\t\t\nDatum\ta\tb\n\tg\tmm\n" + rows_of_dates))
+    assert (record.channels, record.units) == (("a", "b"), ("m/s^2", "m"))
+    refused(write(tmp_path, "time [s]\ta\tb\n\tgood\tmm\n" + rows_of_dates), ".")
 
 
 def test_lines_above_that_look_like_rows_are_no_preamble(tmp_path):

@@ -9,9 +9,12 @@ from windsysid.results.sentences.estimates import ESTIMATES
 
 
 def test_a_damping_that_is_not_positive_is_listed_with_its_value_and_its_mode():
-    data = {"coefficients": [["c_x", -0.1, True], ["c_y", -0.02, False]], "modes": [["lag forward", -0.002, False]]}
+    data = {
+        "coefficients": [["c_x", -0.1, True], ["c_y", -20000.0, False, "N*s/m"]],
+        "modes": [["lag forward", -0.002, False]],
+    }
     text = sentence("damping_not_positive", data)
-    assert "c_x is -0.1 (negative over its whole interval), c_y is -0.02, lag forward has -0.2 %." in text
+    assert "c_x is -0.1 (negative over its whole interval), c_y is -20 kN·s/m, lag forward has -0.2 %." in text
 
 
 @pytest.mark.parametrize(

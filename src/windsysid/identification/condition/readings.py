@@ -121,7 +121,7 @@ def _recorded_sensors(record: Record, turbine: Turbine) -> tuple[Sensor, ...]:
         wanted = ", ".join(sensor.channel for sensor in turbine.sensors)
         raise RecordError(
             f"{record.name}: expected at least one of the channels {wanted}; got {', '.join(record.channels)}; "
-            "rename them with mapping=, or list the record's own with sensors="
+            "rename them with mapping= (windsysid start writes one), or list the record's own with sensors="
         )
     return found
 

@@ -195,6 +195,7 @@ def _judge(
             outcome.theta,
             outcome.cov,
             [(m.name, (z.estimate, z.low, z.high)) for m in at.modes for z in (m.damping_ratio,)],
+            {q.name: model.coefficient(q.name).unit for q in outcome.model.parameters},
         ),
         frequencies=frequencies,
         rotor=TurningRotor(at.speed, model.blades, any(freedom.blade for freedom in model.freedoms)),

@@ -6,6 +6,7 @@ from typing import Final
 
 from windsysid.checks.limits import MAX_WIDENING
 from windsysid.results.sentences.template import LIKELY_MACHINE, Data, Sentence
+from windsysid.units import engineering
 
 __all__ = ["ESTIMATES", "TOLERANCE_UNITS"]
 
@@ -19,7 +20,9 @@ def _damping_not_positive(d: Data) -> str:
     def sure(certain: bool) -> str:
         return " (negative over its whole interval)" if certain else ""
 
-    lost = [f"{name} is {value:.2g}{sure(certain)}" for name, value, certain in d["coefficients"]]
+    lost = []
+    for name, value, certain, *unit in d["coefficients"]:  # results of version 0.2 have no unit
+        lost.append(f"{name} is {' '.join(engineering(*unit or [''], value, digits=3)).strip()}{sure(certain)}")
     lost += [f"{name} has {100.0 * ratio:.2g} %{sure(certain)}" for name, ratio, certain in d["modes"]]
     return (
         f"damping is not positive: {', '.join(lost)}. If the motion grew, stop and check the turbine; if not, try"

@@ -120,10 +120,16 @@ def named(modes: Sequence[OperationalMode], channels: Sequence[str]) -> list[Ope
     return result
 
 
+_GAUGE, _TOWER_AXES = re.compile(r"TwHt\dALg?([xyz])t"), {"x": "z", "y": "x", "z": "y"}
+"""OpenFAST's accelerometers along the tower, which windsysid reads under their own names, and our letters of axes."""
+
+
 def _motion_name(size: Array, names: Sequence[str]) -> str:
     on_blades = np.array([name.startswith("blades_") for name in names])
     support = size[~on_blades].max(initial=0.0)
     if support * MIN_BLADE_RATIO > size[on_blades].max(initial=0.0):
-        return " ".join(names[int(np.argmax(np.where(on_blades, -1.0, size)))].split("_")[:2])
+        name = names[int(np.argmax(np.where(on_blades, -1.0, size)))]
+        gauge = _GAUGE.fullmatch(name)
+        return f"tower {_TOWER_AXES[gauge[1]]} ({name})" if gauge else " ".join(name.split("_")[:2])
     what, _, way = names[int(np.argmax(np.where(on_blades, size, -1.0)))].removeprefix("blades_").rpartition(" ")
     return f"{'flap' if re.search('flap|out', what) else 'lag'} {way}"

@@ -15,7 +15,7 @@ from windsysid.inspection.channels import VIBRATION, Kind, kind_of
 from windsysid.inspection.rotor import rotor_of
 from windsysid.mechanics.sensor_lists import first_problem, parse_sensors, read_sensor_file
 from windsysid.mechanics.sensors import Sensor
-from windsysid.records.record import Record
+from windsysid.records.record import AS_WRITTEN, Record
 from windsysid.spectral.oma.limits import MAX_SENSORS
 from windsysid.spectral.transforms.multiblade import is_blade
 
@@ -249,7 +249,9 @@ def _without_vibration(
         return ConfigurationError(
             f"{record.name}: {', '.join(dead[:3])}: constant or empty; expected vibration; check sensors and file"
         )
-    got = f"got only {_listed(live)} of blades, water, air or mooring lines" if live else "got none"
+    unitless = [name for name, unit in zip(record.channels, record.units, strict=True) if unit.startswith(AS_WRITTEN)]
+    why = f" (windsysid start asks for the units of {_listed(unitless)})" if unitless else ""
+    got = f"got only {_listed(live)} of blades, water, air or mooring lines" if live else f"got none{why}"
     return ConfigurationError(
         f"{record.name}: expected channels that show the structure's vibration (acceleration, strain, load, "
         f"displacement, velocity), {got}: list them (sensors=)"

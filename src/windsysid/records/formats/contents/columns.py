@@ -50,8 +50,8 @@ DATE_NAMES = ("date", "datum", "dato", "fecha", "data", "day")
 TIME_NAMES = (
     "time", "t", "timestamp", "datetime", "date time", "date/time", "date_time", "time stamp", "time_stamp", "elapsed",
     "elapsed time", "elapsed_time", "zeit", "zeitstempel", "tid", "uhrzeit", "hora", "temps", "tiempo",
-    "date and time", "local time", "datum/uhrzeit", "datum/zeit", "datum uhrzeit", "datum und uhrzeit",
-    "fecha y hora", "fecha/hora", "fecha hora",
+    "date and time", "local time", "datum", "date", "datum/uhrzeit", "datum/zeit", "datum uhrzeit",
+    "datum und uhrzeit", "fecha y hora", "fecha/hora", "fecha hora",
 )  # fmt: skip
 """Names of a time column, in any case."""
 

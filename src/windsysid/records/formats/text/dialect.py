@@ -181,12 +181,12 @@ def _usual_width(rows: list[list[str]]) -> int:
 
 
 def _preamble(rows: list[list[str]]) -> int:
-    """Number of lines of text above the names: none of them as wide as the table, and none of numbers."""
+    """Number of lines of text above the names: none of them is as wide as the table, or has one cell of it filled."""
     width = _usual_width(rows)
-    first = next((i for i, row in enumerate(rows) if len(row) == width), 0)
+    first = next((i for i, row in enumerate(rows) if len(row) == width and sum(map(bool, row)) > 1), 0)
     table = rows[first:]
     full = len(table) > 2 and all(len(row) == width for row in table)
-    is_table = full and _are_names(table[0]) and _is_headless(table[2])
+    is_table = full and _are_names(table[0]) and _is_headless(["0", *table[2][1:]])
     return first if is_table and not any(map(_is_headless, rows[:first])) else 0
 
 
@@ -333,14 +333,17 @@ def _are_units(row: list[str]) -> bool:
     if any(row) and all(map(_IN_BRACKETS.fullmatch, filter(None, row))):
         return True
     texts = [cell for cell in row if cell not in MISSING and not _NUMBER.fullmatch(cell) and not is_stamp(cell)]
-    return row[0] in texts and _is_time_unit(row[0]) and sum(map(bool, row)) <= len(texts) + row.count("1")
+    timed = row[0] in texts and _quantity(row[0]) == "s"
+    undated = not row[0] and any(texts) and all(map(_quantity, texts))  # above dates, as spreadsheets write it
+    return (timed or undated) and sum(map(bool, row)) <= len(texts) + row.count("1")
 
 
-def _is_time_unit(cell: str) -> bool:
+def _quantity(cell: str) -> str:
+    """SI unit of a cell with a unit, s of one that names a clock; empty for other text."""
     try:
-        return si_unit(cell) == "s"
+        return si_unit(cell)
     except ConfigurationError:
-        return cell.upper() in ("TS", "UTC")
+        return "s" if cell.upper() in ("TS", "UTC") else ""
 
 
 def _with_units(header: list[str], units: list[str], line: int) -> tuple[Cell, ...]:
