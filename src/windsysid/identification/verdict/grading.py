@@ -38,12 +38,13 @@ COVERED_BY_INTERVALS: Mapping[str, frozenset[str]] = {
     **dict.fromkeys((
         "correlated_innovations", "correlated_loads", "level_over_frequency", "unexplained_level", "unexplained_peak",
     ), _EVERY),
-    **dict.fromkeys(
-        ("halves_disagree_in_bands", "narrow_band_load_ambiguous", "narrow_band_load_possible"), frozenset()
-    ),
+    **dict.fromkeys((
+        "halves_disagree_in_bands", "narrow_band_load_ambiguous", "narrow_band_load_possible",
+        "narrower_bands_disagree",
+    ), frozenset()),
 }  # fmt: skip
 """Setting: findings that intervals cover, and the scores that this takes: of loads that change, over time; of
-innovations that are not white, over frequencies too; of narrow-band loads and halves that disagree, whose rivals are
+innovations that are not white, over frequencies too; of narrow-band loads, halves and narrower bands, whose rivals are
 known by themselves, none. White innovations of another level scatter scores by that level at most, where no scores
 over frequencies show by how much."""
 

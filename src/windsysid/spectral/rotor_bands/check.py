@@ -1,8 +1,10 @@
 """Goodness of fit of narrow bands.
 
 Levels of loads are learned, so that the size of a whole band says nothing. What can be wrong is its shape (parts of
-each row), its steadiness (energy of the halves), and the mode that a class of the blades shows. What halves and bins
-say of coefficients widens intervals (`windsysid.spectral.rotor_bands.part_scores`).
+each row), its steadiness (energy of the halves), and the coefficients: each half of the record must give the same, and
+so must bands of two thirds of the width, which hold less of what the model may not have. Two estimates from the same
+data of which one uses less differ by the difference of their covariances (Hausman, Econometrica 46, 1978,
+https://doi.org/10.2307/1913827). One that differs by more is a rival explanation.
 """
 
 from collections.abc import Sequence
@@ -17,7 +19,7 @@ from windsysid.spectral.rotor.check import RangePower, misshapen, parts_of, unex
 from windsysid.spectral.rotor.model import LiftedModel
 from windsysid.spectral.rotor.problem import RotorQuestion
 from windsysid.spectral.rotor_bands.build import PosedBands, pose_bands
-from windsysid.spectral.rotor_bands.likelihood_ratio import doubt_classes, doubt_halves
+from windsysid.spectral.rotor_bands.likelihood_ratio import doubt_classes, doubt_halves, rival_in_bands
 from windsysid.spectral.rotor_bands.limits import (
     DISAGREEMENT_PROBABILITY,
     MIN_BLADES_FREEDOM,
@@ -31,6 +33,11 @@ __all__ = ["doubts_of_bands", "halves_of_bands"]
 
 PART_COUNTS = (3, 8)
 """Setting: numbers of parts of a band: wide ones show a wrong level, narrow ones a resonance at another place."""
+
+
+NARROW_SHARE, MAX_REMAINING_SHARE = 0.65, 0.1
+"""Setting: width of the narrower bands over that of the bands, and remaining share of a covariance if they contain as
+much, since levels at the ends of a band are estimated anew. A step of less than a standard deviation is no finding."""
 
 
 def doubts_of_bands(
@@ -49,7 +56,8 @@ def doubts_of_bands(
     doubts += unsteady(*(_energies(posed, piece, found.unknowns) for piece in halves))[:2]
     try:
         doubts += doubt_classes(posed, found, question.parameters)
-        return doubts + doubt_halves([half.model for half in halves], fit, question.parameters)
+        doubts += doubt_halves([half.model for half in halves], fit, question.parameters)
+        return doubts + _narrower(question, posed, fit)
     except np.linalg.LinAlgError:
         return [*doubts, Finding("segments_without_spectrum", "reason")]
 
@@ -66,6 +74,28 @@ def halves_of_bands(question: RotorQuestion, posed: PosedBands, fit: RotorBandFi
         return [h._replace(model=h.model.smeared_at(at)) for h, at in zip(halves, starts, strict=True)]
     except RecordError:
         return []
+
+
+def _narrower(question: RotorQuestion, posed: PosedBands, fit: RotorBandFit) -> list[Finding]:
+    """Test whether narrower bands give another stiffness than the bands."""
+    from scipy.special import chdtri
+
+    try:
+        narrow = pose_bands(question, posed.places, posed.spectra, width=NARROW_SHARE).model
+    except RecordError:
+        return []
+    again = narrow.fit(narrow.start_from(fit.mode.unknowns, fit.model)).mode
+    which = [i for i, q in enumerate(question.parameters) if q.logarithmic]
+    n = len(question.parameters)
+    step = again.unknowns[:n] - fit.mode.unknowns[:n]
+    known, less = (np.linalg.inv(one.information)[np.ix_(which, which)] for one in (fit.mode, again))
+    values, vectors = np.linalg.eigh(less - (1.0 - MAX_REMAINING_SHARE) * known)
+    size = float(np.sum((vectors.T @ step[which]) ** 2 / np.maximum(values, 1e-3 * values.max())))
+    near = np.all(np.abs(step[which]) < np.sqrt(np.diag(known).clip(0.0)))
+    if near or size <= float(chdtri(len(which), DISAGREEMENT_PROBABILITY)):
+        return []
+    std = np.sqrt(np.diag(np.linalg.inv(fit.mode.information)))
+    return [rival_in_bands("narrower_bands_disagree", step, std, question.parameters)]
 
 
 def _short(posed: PosedBands) -> list[Finding]:

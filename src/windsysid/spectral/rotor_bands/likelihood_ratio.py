@@ -22,7 +22,7 @@ from windsysid.spectral.rotor_bands.mode_locations import ModeLocation
 from windsysid.spectral.rotor_bands.model import COMPARISON_TOLERANCE, BandModel, RotorBand, RotorBandFit
 from windsysid.statespace.parameter import Parameter
 
-__all__ = ["doubt_classes", "doubt_halves"]
+__all__ = ["doubt_classes", "doubt_halves", "rival_in_bands"]
 
 STIFFNESS_STEP = 0.01
 """Setting: step between the factors on the blades' stiffness that are tried, in the logarithm."""
@@ -63,10 +63,16 @@ def doubt_halves(
     if chdtrc(first**2 / second, max(ratio + 2.0 * same.value, 0.0) * first / second) > DISAGREEMENT_PROBABILITY:
         return []
     away = np.where(np.abs(steps[0]) > np.abs(steps[1]), *steps)
-    worst = max(range(len(parameters)), key=lambda i: float(abs(away[i]) / math.sqrt(cov[i, i])))
-    shifts = {q.name: float(step) for q, step in zip(parameters, away, strict=True)}
-    data = {"change": away[worst], "shifts": shifts, "chance": MIN_RIVAL_PROBABILITY}
-    return [Finding("halves_disagree_in_bands", "reason", data, (parameters[worst].name,))]
+    return [rival_in_bands("halves_disagree_in_bands", away, np.sqrt(np.diag(cov)), parameters)]
+
+
+def rival_in_bands(code: str, step: Array, std: Array, parameters: Sequence[Parameter]) -> Finding:
+    """A reason with the step of the coefficients (n,) as a rival explanation; it names the longest of those that are
+    logarithmic, over its standard deviation."""
+    worst = max((i for i, q in enumerate(parameters) if q.logarithmic), key=lambda i: float(abs(step[i]) / std[i]))
+    shifts = dict(zip((q.name for q in parameters), step.tolist(), strict=True))
+    data = {"change": step[worst], "shifts": shifts, "chance": MIN_RIVAL_PROBABILITY}
+    return Finding(code, "reason", data, (parameters[worst].name,))
 
 
 def doubt_classes(posed: PosedBands, found: SpectralMode, parameters: Sequence[Parameter]) -> list[Finding]:
