@@ -138,6 +138,6 @@ def test_filters_are_no_judge_of_a_tower_whose_sensors_drift(kind: str):
     """Filters took a drift for loads, and what they said against spectra condemned a result that was right."""
     made, truth = towers.simulate(kind, 820_001)
     tower, prior = load_turbine("tower"), DrawnPrior(seed=820_001)
-    found = identify_without_effects(made, tower, formulation="auto", prior=prior, section=(0.0, 300.0))
+    found = identify_without_effects(made, tower, formulation="auto", prior=prior)
     assert found.diagnosis.trusted, found.diagnosis.reasons
     assert max(abs(e.estimate - truth[e.name]) / e.std for e in found.estimates) < 3.0
