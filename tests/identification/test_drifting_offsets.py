@@ -8,7 +8,7 @@ from tests.findings import codes
 from tests.identification.fits import identify_without_effects
 from validation import towers
 from windsysid.identification.condition.spectral_readings import SpectralSamples
-from windsysid.identification.effects.random_walk_bias import find_random_walks
+from windsysid.identification.effects.random_walk_bias import _wandering, find_random_walks
 from windsysid.identification.estimate.spectral.frequency_domain import ask
 from windsysid.identification.model.prior import Prior
 from windsysid.records.record import Record
@@ -45,6 +45,12 @@ def test_a_drift_is_as_fast_as_the_readings_wander(verne555: Turbine, seed: int)
         assert sensor.bias >= 3.0 * sensor.drift
         assert np.std(read[sensor.channel]) < np.std(wandering[sensor.channel])
         assert np.mean(read[sensor.channel]) == pytest.approx(np.mean(wandering[sensor.channel]))
+
+
+@pytest.mark.parametrize("at", [0.3, 3.0])
+def test_a_random_walk_is_as_fast_wherever_the_slowest_mode_is(at: float):
+    walk = 0.1 * np.cumsum(np.random.default_rng(1).standard_normal(6000)) / np.sqrt(20.0)
+    assert _wandering(walk, 20.0, 0.2, at)[1] == pytest.approx(0.1, rel=0.3)  # 60 frequencies: 6 % by chance
 
 
 @pytest.mark.parametrize("name", ["verne555", "nrel5mw", "tower"])

@@ -52,7 +52,7 @@ def record(verne555: Turbine) -> Record:
 
 @pytest.fixture(scope="module")
 def found(verne555: Turbine, record: Record) -> Identification:
-    return identify_module.identify(record, verne555, formulation="joint", prior=Prior(0.7, 0.7))
+    return identify(record, verne555, prior=Prior(0.7, 0.7))
 
 
 def without(record: Record, *channels: str) -> Record:
@@ -455,9 +455,14 @@ def test_openfasts_free_decay_is_identified_from_real_sensors(openfast, scale, s
     assert dampings == pytest.approx(known, rel=0.10)
 
 
-def test_auto_goes_by_filters_and_holds_them_against_spectra(verne555):
-    record = simulate_record(verne555, duration=60.0, rate=100.0, seed=8)
-    found = identify_module.identify(record, verne555, formulation="auto")
+@pytest.fixture(scope="module")
+def minute(verne555: Turbine) -> Record:
+    return simulate_record(verne555, duration=60.0, rate=100.0, seed=8)
+
+
+def test_auto_goes_by_filters_and_holds_them_against_spectra(verne555, minute):
+    record = minute
+    found = identify(record, verne555, formulation="auto")
     assert found.formulation == "joint"
     assert found.diagnosis.trusted
     assert "joint_agrees" in codes(found.findings)
@@ -471,8 +476,10 @@ def test_auto_goes_by_filters_and_holds_them_against_spectra(verne555):
     assert [len(w) for w in (found.innovation, found.innovation_time)] == [record.samples] * 2
 
 
-def test_auto_takes_the_long_way_where_the_load_model_of_spectra_does_not_explain_the_record(verne555, monkeypatch):
-    record = simulate_record(verne555, duration=60.0, rate=100.0, seed=8).section(0.0, 45.0)
+def test_auto_takes_the_long_way_where_the_load_model_of_spectra_does_not_explain_the_record(
+    verne555, minute, monkeypatch
+):
+    record = minute.section(0.0, 45.0)
     monkeypatch.setattr("windsysid.identification.estimate.time_domain.is_explained", lambda whiteness: False)
     sensors = verne555.sensors
     near = identify_by_spectrum(record, verne555, sensors, Prior())
@@ -488,8 +495,7 @@ def test_auto_says_why_spectra_do_not_apply(verne555, record):
     assert "missing or faulty samples" in only(found.findings, "joint_as_spectra_do_not_apply").data["error"]
 
 
-def test_auto_trusts_neither_where_filters_and_spectra_disagree(verne555, monkeypatch):
-    record = simulate_record(verne555, duration=60.0, rate=100.0, seed=8)
+def test_auto_trusts_neither_where_filters_and_spectra_disagree(verne555, minute, monkeypatch):
     by_spectrum = identify_by_spectrum
 
     def off(*asked, **options):
@@ -497,22 +503,25 @@ def test_auto_trusts_neither_where_filters_and_spectra_disagree(verne555, monkey
         return found._replace(theta=found.theta + 4.0 * np.sqrt(np.diag(found.cov)))
 
     monkeypatch.setattr(ways, "identify_by_spectrum", off)
-    found = identify(record, verne555, formulation="auto")
+    found = identify(minute, verne555, formulation="auto")
     assert not found.diagnosis.trusted
     assert "formulations_disagree" in codes(reasons(found))
 
 
-def test_auto_goes_by_spectra_in_wind(verne555):
-    record = simulate_record(verne555, duration=100.0, rate=100.0, seed=8003, loads="wind")
-    found = identify(record, verne555, formulation="auto")
+@pytest.fixture(scope="module")
+def windy(verne555: Turbine) -> Record:
+    return simulate_record(verne555, duration=100.0, rate=100.0, seed=8003, loads="wind")
+
+
+def test_auto_goes_by_spectra_in_wind(verne555, windy):
+    found = identify(windy, verne555, formulation="auto")
     assert found.formulation == "spectral"
     assert "spectral_under_wind" in codes(found.findings)
 
 
 @pytest.mark.parametrize("code", ["halves_disagree_in_bands", pytest.param("nonstationary", marks=pytest.mark.slow)])
-def test_a_finding_against_spectra_in_wind_starts_no_filters(verne555, monkeypatch, code):
+def test_a_finding_against_spectra_in_wind_starts_no_filters(verne555, windy, monkeypatch, code):
     """Filters with 50 load states took minutes, and nobody trusted their results."""
-    record = simulate_record(verne555, duration=100.0, rate=100.0, seed=8003, loads="wind")
     by_spectrum, asked = identify_by_spectrum, []
 
     def doubted(*given, **options):
@@ -521,7 +530,7 @@ def test_a_finding_against_spectra_in_wind_starts_no_filters(verne555, monkeypat
 
     monkeypatch.setattr(ways, "identify_by_spectrum", doubted)
     monkeypatch.setitem(ways._FORMULATIONS, "joint", lambda *given: asked.append(given))
-    found = identify(record, verne555, formulation="auto")
+    found = identify(windy, verne555, formulation="auto")
     assert (found.formulation, asked) == ("spectral", [])
     assert code in codes(reasons(found))
     assert {e.grade for e in found.estimates} == {"C"}
@@ -546,7 +555,7 @@ def tower_record() -> Record:
 
 def test_auto_goes_by_spectra_where_nothing_turns(tower_record, tmp_path):
     """A saved result of spectra, which have neither loads nor a history, says all that others say."""
-    found = identify_module.identify(tower_record, "tower", formulation="auto")
+    found = identify(tower_record, "tower", formulation="auto")
     assert found.formulation == "spectral"
     assert found.diagnosis.trusted
     assert "spectral_agrees" in codes(found.findings)

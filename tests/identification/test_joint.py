@@ -26,7 +26,7 @@ RATE = 100.0
 
 @pytest.fixture(scope="module")
 def driven(verne555: Turbine) -> Record:
-    return simulate_record(verne555, duration=60.0, rate=RATE, seed=2)
+    return simulate_record(verne555, duration=40.0, rate=RATE, seed=2)
 
 
 @pytest.fixture(scope="module")
@@ -73,19 +73,19 @@ def test_ten_coefficients_come_from_accelerometers_and_priors_30_percent_off(fou
         if e.kind == "stiffness":
             assert e.estimate == pytest.approx(e.reference, rel=0.05)
             assert e.informed_by_data > 0.99
-        else:  # 60 s of a randomly driven structure know damping to about 15 %
-            assert 0.1 < e.std / e.reference < 0.21  # an interval may be wider where parts of the record contradict
-            assert 0.6 < e.informed_by_data < 0.95
+        else:  # 40 s of a randomly driven structure know damping to about 18 %
+            assert 0.12 < e.std / e.reference < 0.26  # an interval may be wider where parts of the record contradict
+            assert 0.5 < e.informed_by_data < 0.95
 
 
 def test_where_the_prior_started_does_not_matter(found):
-    # Stiffness within 0.6 of a standard deviation (damping, which differs, pulls it a little). A damping's prior holds
-    # a sixth to a quarter of its information, and 1.3 - 0.7 of it moves the answer by as much: less than one standard
-    # deviation.
+    # Stiffness within 0.6 of a standard deviation (damping, which differs, pulls it a little). A damping known to
+    # s = 18 % holds (s/0.3)² of its information in the prior, and 1.3 - 0.7 of it moves the answer by 0.6 s/0.3² = 1.2
+    # standard deviations.
     for e in found[0.7].estimates:
         other = found[1.3][e.name]
         difference = abs(e.estimate - other.estimate) / e.std
-        assert difference < (0.6 if e.kind == "stiffness" else 1.0), f"{e.name}: {difference} σ"
+        assert difference < (0.6 if e.kind == "stiffness" else 1.2), f"{e.name}: {difference} σ"
 
 
 def test_on_line_ends_where_the_whole_record_does(found):
@@ -106,9 +106,9 @@ def test_the_notes_say_how_it_was_done(found):
 
 
 def test_innovations_are_as_large_as_the_filter_expects(found):
-    # Mean square of T = 6000 whitened samples: 1 ± 4 √(2/T).
+    # Mean square of T = 4000 whitened samples: 1 ± 4 √(2/T).
     for result in found.values():
-        np.testing.assert_allclose(np.mean(result.whitened**2, axis=0), 1.0, atol=4 * np.sqrt(2 / 6000) + 0.02)
+        np.testing.assert_allclose(np.mean(result.whitened**2, axis=0), 1.0, atol=4 * np.sqrt(2 / 4000) + 0.02)
 
 
 @pytest.fixture(scope="module")

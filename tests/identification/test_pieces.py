@@ -38,11 +38,18 @@ def pieces(record: Record, length: float) -> Iterator[Record]:
             )
 
 
-def test_pieces_give_the_answer_of_the_whole(verne555: Turbine, whole: Record, tmp_path: Path):
+@pytest.fixture(scope="module")
+def straight(verne555: Turbine, whole: Record) -> Identification:
+    """Of three pieces, without an interruption."""
+    return identify_pieces(pieces(whole, 8.0), verne555)
+
+
+def test_pieces_give_the_answer_of_the_whole(
+    verne555: Turbine, whole: Record, straight: Identification, tmp_path: Path
+):
     # The model is posed on the first 80 periods, whose loudest second sets the initial state's prior: hence not bit for
     # bit.
-    one = identify(whole, verne555)
-    found = identify_pieces(pieces(whole, 8.0), verne555)
+    one, found = identify(whole, verne555), straight
     assert found.samples == whole.samples
     assert found.section == pytest.approx((0.0, 23.98))
     for e in found.estimates:
@@ -60,7 +67,9 @@ def test_pieces_give_the_answer_of_the_whole(verne555: Turbine, whole: Record, t
     found.plot()
 
 
-def test_an_interrupted_run_goes_on_where_it_stopped(verne555: Turbine, whole: Record, tmp_path: Path):
+def test_an_interrupted_run_goes_on_where_it_stopped(
+    verne555: Turbine, whole: Record, straight: Identification, tmp_path: Path
+):
     checkpoint = tmp_path / "checkpoint.npz"
 
     def interrupted() -> Iterator[Record]:
@@ -73,7 +82,6 @@ def test_an_interrupted_run_goes_on_where_it_stopped(verne555: Turbine, whole: R
         identify_pieces(interrupted(), verne555, checkpoint=checkpoint)
     assert checkpoint.exists()
     resumed = identify_pieces(pieces(whole, 8.0), verne555, checkpoint=checkpoint)
-    straight = identify_pieces(pieces(whole, 8.0), verne555)
     assert not checkpoint.exists()
     np.testing.assert_array_equal(resumed.mean, straight.mean)
     np.testing.assert_array_equal(resumed.cov, straight.cov)
@@ -135,10 +143,11 @@ def test_a_record_that_has_grown_since_is_the_same_record(
     assert grown.provenance.record_hash == record_hash(whole)
 
 
-def test_other_pieces_than_those_of_the_interrupted_run_are_refused(verne555: Turbine, whole: Record, tmp_path: Path):
+def test_other_pieces_than_those_of_the_interrupted_run_are_refused(
+    verne555: Turbine, whole: Record, stopped: Path, tmp_path: Path
+):
     checkpoint = tmp_path / "checkpoint.npz"
-    with pytest.raises(KeyboardInterrupt):
-        identify_pieces(_stopping(pieces(whole, 8.0), 2), verne555, checkpoint=checkpoint)
+    checkpoint.write_bytes(stopped.read_bytes())
     with pytest.raises(ConfigurationError, match=r"another call, which differs in length of pieces\b"):
         identify_pieces(pieces(whole, 6.0), verne555, checkpoint=checkpoint)
 

@@ -147,7 +147,7 @@ def machine() -> Turbine:
 @pytest.fixture(scope="module")
 def turning(machine: Turbine) -> Record:
     """A real machine's rotor in wind, which is read in bands."""
-    return simulate_record(machine, duration=480.0, rate=12.5, seed=31, loads="wind")
+    return simulate_record(machine, duration=360.0, rate=12.5, seed=31, loads="wind")
 
 
 @pytest.fixture(scope="module")
@@ -167,7 +167,7 @@ def test_pieces_in_bands_agree_with_the_whole_and_can_be_taken_up_again(
     machine: Turbine, turning: Record, expected: Identification, tmp_path: Path
 ) -> None:
     checkpoint = tmp_path / "state.npz"
-    parts = pieces(turning, 160.0)
+    parts = pieces(turning, 120.0)
     with pytest.raises(KeyboardInterrupt):
         identify_pieces(_stopping(parts, 2), machine, formulation="spectral", checkpoint=checkpoint)
     found = identify_pieces(parts, machine, formulation="spectral", checkpoint=checkpoint)
@@ -175,7 +175,7 @@ def test_pieces_in_bands_agree_with_the_whole_and_can_be_taken_up_again(
     assert np.array_equal(found.cov, straight.cov)
     assert found.findings == straight.findings
     blocks = only(found.findings, "blocks").data
-    assert (blocks["blocks"], blocks["duration"]) == (3, pytest.approx(160.0, rel=1e-3))
+    assert (blocks["blocks"], blocks["duration"]) == (3, pytest.approx(120.0, rel=1e-3))
     assert np.sqrt(np.mean(apart(found, expected) ** 2)) < 0.5
     of_blades = [e.std / expected[e.name].std for e in found.estimates if "beta" in e.name]
     assert of_blades == pytest.approx(np.ones(len(of_blades)), abs=0.3)
@@ -189,9 +189,9 @@ def test_a_rotor_whose_modes_are_many_turns_up_comes_in_pieces() -> None:
 
 
 def test_halves_in_bands_that_differ_are_not_trusted(machine: Turbine, turning: Record) -> None:
-    louder = np.where(turning.time > 240.0, 5.0, 1.0)[:, None]
+    louder = np.where(turning.time > 180.0, 5.0, 1.0)[:, None]
     values = np.where(_read(turning, machine), louder, 1.0) * turning.values
-    found = identify_pieces(pieces(replace(turning, values=values), 120.0), machine, formulation="spectral")
+    found = identify_pieces(pieces(replace(turning, values=values), 90.0), machine, formulation="spectral")
     assert "nonstationary" in codes(reasons(found))
     assert "narrow_resonance_in_bands_of_pieces" in codes(reasons(found))
 
