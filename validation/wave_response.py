@@ -28,7 +28,7 @@ BAND = (0.11, 0.24)
 """Setting: frequencies [Hz] between the waves' peak and 2P."""
 
 DAMPING, SPREAD = 0.06, (0.1, 0.7)
-"""Setting: prior mean of the damping ratio, and prior standard deviations of the logarithms of frequency and damping."""
+"""Setting: prior mean of the damping ratio; prior standard deviations of the logarithms of frequency and damping."""
 
 NOISE_BINS, ITERATIONS = 8.0, 8
 """Setting: standard deviation, in bins, of the smoothing of the noise spectrum, and fits with that of the last one."""
@@ -40,7 +40,8 @@ HANN_OVERLAP = 35.0 / 18.0
 def response(waves: Array, moment: Array, rate: float, reference: float) -> tuple[float, float, float, float]:
     """Shift of the frequency and damping ratio, each with its standard deviation.
 
-    The transfer function is (a + b(f − f₀)/f₀) / (f₁² − f² + 2iζf₁f) with complex a and b, the noise any smooth spectrum.
+    The transfer function is (a + b(f − f₀)/f₀) / (f₁² − f² + 2iζf₁f) with complex a and b; the noise has any smooth
+    spectrum.
     """
     taper = np.hanning(len(waves))
     f = np.fft.rfftfreq(len(waves), 1.0 / rate)

@@ -8,17 +8,27 @@ from pydantic import AfterValidator, Field, model_validator
 from windsysid.mechanics.sensors import Sensor
 from windsysid.mechanics.tower import DIRECTIONS, TowerModel
 from windsysid.statespace.gauss_markov import GaussMarkov
-from windsysid.turbine.entries import File, FileTable, Mass, NotNegative, Positive, RotorEntry, Tolerances, quantity, spread
+from windsysid.turbine.entries import (
+    File,
+    FileTable,
+    Mass,
+    NotNegative,
+    Positive,
+    RotorEntry,
+    Tolerances,
+    quantity,
+    spread,
+)  # fmt: skip
 from windsysid.turbine.turbine import OperatingState, Turbine
 
 __all__ = ["TowerFile", "tower_tables"]
 
 
 AERODYNAMIC_STIFFNESS_DISCREPANCY = 0.08
-"""Size: relative standard deviation between the fore-aft stiffness under an operating rotor and that of the structure.
-Blades flap in the air and lag behind the tower, which stiffens it. Fore-aft frequencies of OpenFAST's turbines are 5.1 %
-higher in a decay in steady wind (NREL 5 MW: 0.340 and 0.3235 Hz), and 3.4 % in the response to measured waves (IEA 15 MW:
-``python -m validation.wave_response``): 4 % of a frequency, 8 % of a stiffness."""
+"""Relative standard deviation between the fore-aft stiffness under an operating rotor and that of the structure.
+Blades that flap in the air lag behind the tower, and stiffen it. Fore-aft frequencies of OpenFAST's turbines are 5.1 %
+higher in a decay in steady wind (NREL 5 MW: 0.340 and 0.3235 Hz), and 3.4 % higher in the response to measured waves
+(IEA 15 MW: ``python -m validation.wave_response``): 4 % of a frequency, 8 % of a stiffness."""
 
 
 class _TowerModel(FileTable):
