@@ -165,7 +165,7 @@ KINDS: dict[str, tuple[str, str, Callable[[int], Record]]] = {
     },
     **{
         f"tower, random loads, {duration} s": ("tower", "random", simulated("tower", "random", float(duration)))
-        for duration in (600, 400, 300, 120)
+        for duration in (600, 400, 270, 120)
     },
     "tower, second half three times as loud, 600 s": (
         "tower", "random", louder(simulated("tower", "random", 600.0)),

@@ -7,10 +7,13 @@ import numpy as np
 import pytest
 import sympy as sp
 
+from windsysid.identification.identify import identify
 from windsysid.identification.model.tolerances import learned_tolerances, seconds_late, tolerances_of, with_tolerances
 from windsysid.mechanics import RotorModel, TowerModel
 from windsysid.mechanics.sensors import Accelerometer, AngularRateSensor, MomentSensor, instrument_parameters
+from windsysid.simulation.record import simulate_record
 from windsysid.turbine.file import load_turbine, write_turbine
+from windsysid.turbine.tower_file import AERODYNAMIC_STIFFNESS_DISCREPANCY
 
 
 def test_a_turbine_of_a_file_has_tolerances_and_an_exact_one_has_none(tmp_path):
@@ -34,6 +37,49 @@ def test_what_is_identified_is_no_tolerance():
     assert masses == ["top"]
     both = ["mass_side_side", "mass_fore_aft"]
     assert not [one for one in tolerances_of(tower, tower.sensors, both) if one.group == "masses"]
+
+
+def test_an_operating_rotor_makes_the_fore_aft_stiffness_uncertain(tmp_path):
+    """Air stiffened OpenFAST's towers fore-aft by 3 to 5 % of the frequency, and intervals left it out."""
+
+    def aerodynamic(turbine):
+        return [one for one in tolerances_of(turbine, turbine.sensors, []) if one.group == "aerodynamics"]
+
+    tower = load_turbine("tower")
+    (one,) = aerodynamic(tower)
+    assert (one.of, one.spread) == ("k_fore_aft", AERODYNAMIC_STIFFNESS_DISCREPANCY)
+    names = [*tower.values]
+    p = np.array([tower.values[name] for name in names])
+    moved = with_tolerances(p, names, [one], np.array([1.0]), tower, tower.sensors, ["k_fore_aft"]) / p
+    at = names.index("k_fore_aft")
+    assert moved[at] == pytest.approx(1.0 + one.spread)
+    assert (np.delete(moved, at) == 1.0).all()
+    write_turbine(replace(tower, aerodynamic_tolerance=0.03), tmp_path / "stiff.toml")
+    (one,) = aerodynamic(load_turbine(tmp_path / "stiff.toml"))
+    assert one.spread == 0.03
+    locked = tower.with_model(replace(tower.model, fore_aft="locked"))
+    for other in (tower.in_state("parked"), tower.exact(), locked, load_turbine("verne555")):
+        assert not aerodynamic(other)
+
+
+def test_aerodynamics_widen_the_fore_aft_mode_only_and_are_shared():
+    tower = load_turbine("tower")
+    record = simulate_record(tower, duration=270.0, rate=4.0, seed=3)
+    with_air, without = (
+        identify(record, turbine, formulation="spectral")
+        for turbine in (tower, replace(tower, aerodynamic_tolerance=0.0))
+    )
+    side, fore = ((a.frequency.high - a.frequency.low) / (b.frequency.high - b.frequency.low)
+                  for a, b in zip(with_air.modes, without.modes, strict=True))  # fmt: skip
+    assert side == pytest.approx(1.0, abs=0.02)
+    assert fore > 1.5
+    assert with_air["k_fore_aft"].std > AERODYNAMIC_STIFFNESS_DISCREPANCY * with_air["k_fore_aft"].estimate
+    share = dict(zip(with_air.budget.causes, with_air.budget.rows[2].causes, strict=True))
+    assert with_air.budget.rows[2].name == "k_fore_aft"
+    assert share["aerodynamics"] > 0.5
+    at = [q.name for q in with_air.posterior.parameters].index("k_fore_aft")
+    stds = [math.sqrt(one.posterior.given().cov[at, at]) for one in (with_air, without)]
+    assert stds[0] == pytest.approx(stds[1], rel=0.05)
 
 
 def test_tolerances_act_on_their_own_numbers_only():

@@ -163,7 +163,7 @@ MIN_VIBRATION_FACTOR = 0.25
 MIN_MODE_CYCLES = 40.0
 """Size: cycles of a mode in a record, or in a section of one, which `oma` needs for its damping."""
 
-MIN_DEGREES_OF_FREEDOM = 4.0
+MIN_DEGREES_OF_FREEDOM = 3.0
 """Size: equivalent degrees of freedom of the power of a section, and within the narrowest resonance where nothing
 turns, which `identify` needs: intervals of a tower are up to 18 times too narrow at one."""
 

@@ -19,7 +19,7 @@ from windsysid.results.tolerance import Tolerance
 
 __all__ = ["CAUSES", "Budget", "Share", "budget_of"]
 
-CAUSES = ("load statistics", "gain", "alignment", "clock", "masses")
+CAUSES = ("load statistics", "gain", "alignment", "clock", "masses", "aerodynamics")
 """Sources of width in addition to the record's length and the prior: loads and noise that must be learned, and
 instruments and masses within tolerances."""
 

@@ -13,7 +13,7 @@ from windsysid.statespace.unknowns import Unknowns
 
 __all__ = ["Group", "Tolerance", "unknowns_of"]
 
-Group = Literal["gain", "alignment", "clock", "masses"]
+Group = Literal["gain", "alignment", "clock", "masses", "aerodynamics"]
 
 
 @dataclass(frozen=True)
@@ -23,9 +23,10 @@ class Tolerance:
     Attributes
     ----------
     group, of
-        ``gain`` or ``alignment`` of a channel, ``clock`` of a logger, ``masses`` of a body or of all.
+        ``gain`` or ``alignment`` of a channel, ``clock`` of a logger, ``masses`` of a body or of all, ``aerodynamics``
+        of a stiffness.
     spread
-        Prior standard deviation: a share (gain, masses), [rad] (alignment) or [s] (clock).
+        Prior standard deviation: a share (gain, masses, aerodynamics), [rad] (alignment) or [s] (clock).
     estimate, std
         What the record says, in the same unit: how much larger the gain or the mass is, how far the axis is turned, how
         late the logger is. NaN until it has been learned.

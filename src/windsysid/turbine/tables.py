@@ -78,7 +78,8 @@ def as_tables(turbine: Turbine) -> dict[str, Any]:
         **({"odds": dict(turbine.odds)} if turbine.odds else {}),
         **_format(turbine.model.kind).tables(turbine),
         "prior": {"stiffness": turbine.spread[0], "damping": turbine.spread[1]},
-        "tolerances": {"masses": f"{turbine.mass_tolerance!r} 1"},
+        "tolerances": {"masses": f"{turbine.mass_tolerance!r} 1"}
+        | ({"aerodynamics": f"{turbine.aerodynamic_tolerance!r} 1"} if turbine.model.kind == "tower" else {}),
         "sensor": [sensor.model_dump(exclude_none=True) for sensor in turbine.sensors],
     }
 

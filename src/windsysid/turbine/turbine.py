@@ -63,6 +63,8 @@ class Turbine:
     mass_tolerance
         Relative standard deviation of the mass, with all moments, of each body (`MechanicalModel.bodies`); 0: exactly
         known.
+    aerodynamic_tolerance
+        Relative standard deviation of a tower's fore-aft stiffness by its operating rotor (`TowerModel`).
     site
         ``onshore`` or ``offshore``.
     odds
@@ -96,6 +98,7 @@ class Turbine:
     sensors: tuple[Sensor, ...]
     tip_lever: float = 0.0
     mass_tolerance: float = MASS_TOLERANCE
+    aerodynamic_tolerance: float = 0.0
     site: Site = "onshore"
     odds: Mapping[str, float] = field(default_factory=dict)
     states: Mapping[str, OperatingState] = field(default_factory=dict)
@@ -206,12 +209,13 @@ class Turbine:
             )
         return replace(
             self, values={**self.values, **state.values}, spread=(self.spread[0], state.damping_spread), states={},
-            rotor_speed=0.0, loads=tuple(load for load in self.loads if not load.harmonic),
+            rotor_speed=0.0, aerodynamic_tolerance=0.0, loads=tuple(load for load in self.loads if not load.harmonic),
         )  # fmt: skip
 
     def exact(self) -> "Turbine":
         """Turbine with its masses and its sensors known exactly: no tolerances."""
-        return replace(self, mass_tolerance=0.0, sensors=tuple(sensor.exact() for sensor in self.sensors))
+        sensors = tuple(sensor.exact() for sensor in self.sensors)
+        return replace(self, mass_tolerance=0.0, aerodynamic_tolerance=0.0, sensors=sensors)
 
     def at(self, site: str | None) -> "Turbine":
         """Return the turbine at a site, or at that of its file for None.

@@ -29,7 +29,7 @@ def _differences(one: Outcome, other: Outcome) -> dict[str, tuple[float, float]]
     """Differences of the parameters in filter coordinates, and their sizes in the larger of both standard deviations,
     with instruments and masses as the first has found them: both share them, and wide intervals would hide what loads
     do."""
-    shared: tuple[Group, ...] = ("gain", "alignment", "clock", "masses")
+    shared: tuple[Group, ...] = ("gain", "alignment", "clock", "masses", "aerodynamics")
     (theta, cov), (others, other_cov) = (found.given(*shared, as_in=one) for found in (one, other))
     names = [q.name for q in other.model.parameters]
     off = {}

@@ -34,13 +34,16 @@ SHARED_VARIANCE_SHARE = 0.5
 
 
 def tolerances_of(turbine: Turbine, sensors: Sequence[Sensor], identified: Sequence[str]) -> tuple[Tolerance, ...]:
-    """The tolerances that matter: gains, axes and masses, then clocks. What is `identified` is no tolerance."""
+    """The tolerances that matter: gains, axes, masses and aerodynamics, then clocks. What is `identified` has no other
+    tolerance than aerodynamics."""
     found = [Tolerance("gain", s.channel, s.gain_tolerance) for s in sensors]
     found += [Tolerance("alignment", s.channel, s.alignment) for s in sensors]
     bodies = [body for body in turbine.model.bodies() if _masses(turbine, body, identified)]
     shared = SHARED_VARIANCE_SHARE if len(bodies) > 1 else 0.0
     found += [Tolerance("masses", body, math.sqrt(1.0 - shared) * turbine.mass_tolerance) for body in bodies]
     found.append(Tolerance("masses", ALL_BODIES, math.sqrt(shared) * turbine.mass_tolerance))
+    if "k_fore_aft" in turbine.model.coefficients:
+        found.append(Tolerance("aerodynamics", "k_fore_aft", turbine.aerodynamic_tolerance))
     spreads = dict[str, float]()
     for s in sensors:
         spreads[s.sampled_by] = max(s.clock_tolerance, spreads.get(s.sampled_by, 0.0))
@@ -67,6 +70,8 @@ def with_tolerances(
         off = value * one.spread
         if one.group == "masses":
             p[[names.index(name) for name in _masses(turbine, one.of, identified)]] *= 1.0 + off
+        elif one.group == "aerodynamics":
+            p[names.index(one.of)] *= 1.0 + off
         elif one.group != "clock":
             gain, turn = instrument_parameters(channels.index(one.of))
             p[names.index(gain if one.group == "gain" else turn)] = off

@@ -94,7 +94,9 @@ def widenings_of(
         [_widening(scores, f"{mode.name} {what}", row, cov) for mode, row in zip(at.modes, rows, strict=True)]
         for what, rows in zip(("frequency", "damping ratio"), at.slopes, strict=True)
     ]
-    rivals = _rivals([one for one in findings if _is_coverable(one, scores)], coefficients)
+    without = outcome.given("masses", "aerodynamics")[1]
+    shares = [without[i, i] / max(cov[i, i], 1e-300) for i in range(len(coefficients))]
+    rivals = _rivals([one for one in findings if _is_coverable(one, scores)], coefficients, shares)
     stds, level = np.array([one.std for one in coefficients]), 1.0
     if "frequency" not in {one.over for one in scores}:
         levels = (one.data["ratio"] for one in findings if one.code in ("channel_level", "innovation_level"))
@@ -139,16 +141,20 @@ def _is_coverable(one: Finding, scores: Sequence[PartScores]) -> bool:
     return {each.over for each in scores} >= COVERED_BY_INTERVALS.get(one.code, _EVERY)
 
 
-def _rivals(findings: Sequence[Finding], coefficients: Sequence[Widening]) -> list[tuple[Array, Array, float]]:
+def _rivals(
+    findings: Sequence[Finding], coefficients: Sequence[Widening], shares: Sequence[float]
+) -> list[tuple[Array, Array, float]]:
     """Shifts of the coefficients under rival explanations (n_θ,), their standard deviations there over those of the
-    result (n_θ,), and the probability of each rival."""
+    result (n_θ,), and the probability of each rival; `shares` are those of the variances without aerodynamics, which
+    all explanations have."""
     found = []
     for one in findings:
         if one.severity == "reason" and "shifts" in one.data:
             shifts, far = one.data["shifts"], _beyond(one, coefficients)
             off = [0.0 if each.name in far else shifts.get(each.name, 0.0) for each in coefficients]
             widths = [one.data.get("widths", {}).get(each.name, 1.0) for each in coefficients]
-            found.append((np.array(off), np.array(widths), float(one.data["chance"])))
+            wide = np.sqrt(1.0 + (np.square(widths) - 1.0) * shares)
+            found.append((np.array(off), wide, float(one.data["chance"])))
     return found
 
 

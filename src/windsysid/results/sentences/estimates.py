@@ -11,7 +11,8 @@ from windsysid.units import engineering
 __all__ = ["ESTIMATES", "TOLERANCE_UNITS"]
 
 TOLERANCE_UNITS = {
-    "gain": (100.0, "%"), "alignment": (180.0 / math.pi, "°"), "clock": (1e3, "ms"), "masses": (100.0, "%")
+    "gain": (100.0, "%"), "alignment": (180.0 / math.pi, "°"), "clock": (1e3, "ms"), "masses": (100.0, "%"),
+    "aerodynamics": (100.0, "%"),
 }  # fmt: skip
 """Setting: factor and unit in which a tolerance of each group is shown."""
 
@@ -63,7 +64,8 @@ def _tolerance(d: Data) -> str:
         return f"the logger {d['of']} is {size} {'late' if value >= 0.0 else 'early'}"
     if d["group"] == "alignment":
         return f"{d['of']} is rotated by {value:+.{digits}f} ± {std:.{digits}f}{unit}"
-    what = f"the gain of {d['of']}" if d["group"] == "gain" else f"the mass of {d['of']}"
+    whats = {"gain": "the gain of ", "masses": "the mass of ", "aerodynamics": "with its aerodynamics, "}
+    what = whats[d["group"]] + d["of"]
     return f"{what} is {size} {'larger' if value >= 0.0 else 'smaller'} than its file says"
 
 
