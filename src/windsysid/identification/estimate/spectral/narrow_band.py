@@ -161,7 +161,7 @@ def fit_narrow_band(
     gain = ends[0].log_evidence - found.log_evidence
     fitted = NarrowBandFit(posed, ends[0], gain, *_off(question, found, ends[0]))
     needed = requested or fitted.is_needed
-    rivals = _of_ends(question, ends[0], [*ends[1:], found]) if needed else _of_posterior(question, posed.model, found)
+    rivals = _of_ends(question, ends[0], [*ends[1:], found]) if needed else _not_found(question, found, fitted, ends)
     return fitted._replace(rivals=_that_widen(rivals))
 
 
@@ -324,15 +324,18 @@ def _of_ends(question: RotorQuestion, best: RotorFit, others: Sequence[RotorFit]
     ]
 
 
-def _of_posterior(question: RotorQuestion, model: LiftedModel, found: RotorFit) -> list[Rival]:
-    """Narrow-band loads that a fit with broad loads alone lacks, by their posterior."""
+def _not_found(question: RotorQuestion, found: RotorFit, beside: NarrowBandFit, ends: Sequence[RotorFit]) -> list[Rival]:
+    """Narrow-band loads that a fit with broad loads alone lacks: of their posterior, and ends of searches that are too
+    narrow a peak of it for the points of its integral."""
     stds = dict(zip([q.name for q in question.parameters], np.sqrt(np.diag(found.cov)).tolist(), strict=False))
+    parts = shifted_by_narrow_band(question, beside.posed.model, found)
     rivals = []
-    for one in shifted_by_narrow_band(question, model, found):
+    for one, chance in zip(parts, chances_of_rivals([one.log_odds for one in parts]), strict=True):
         shifts, widths = dict.fromkeys(stds, 0.0) | one.shifts, dict.fromkeys(stds, 1.0) | one.widths
         moved = {name: shift / stds[name] for name, shift in shifts.items()}
-        rivals.append(Rival(one.frequency, moved, shifts, widths, one.chance))
-    return rivals
+        rivals.append(Rival(one.frequency, moved, shifts, widths, chance))
+    known = max((one.log_odds for one in parts), default=-math.inf) + found.log_evidence
+    return [*rivals, *_of_ends(question, found, [end for end in ends if end.log_evidence > known])]
 
 
 def _that_widen(rivals: Sequence[Rival]) -> tuple[Rival, ...]:

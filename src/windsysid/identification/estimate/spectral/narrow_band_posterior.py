@@ -20,7 +20,7 @@ import numpy as np
 from scipy.special import logsumexp, ndtri
 
 from windsysid._types import Array
-from windsysid.identification.model.prior_odds import chances_of_rivals, odds_of
+from windsysid.identification.model.prior_odds import odds_of
 from windsysid.loads.narrow_band import FREQUENCY, WIDTH, narrow_band_statistics
 from windsysid.loads.statistics import Statistic, coordinates_of
 from windsysid.spectral.rotor.fit import RotorFit
@@ -81,13 +81,13 @@ class Shifted(NamedTuple):
 
     Attributes
     ----------
-    chance, frequency
-        Its probability, and the load's mean frequency [Hz].
+    log_odds, frequency
+        Its log odds against broad loads alone, and the load's mean frequency [Hz].
     shifts, widths
         By name of the coefficient, mean shift in filter coordinates, and standard deviation over that without the load.
     """
 
-    chance: float
+    log_odds: float
     frequency: float
     shifts: dict[str, float]
     widths: dict[str, float]
@@ -142,22 +142,20 @@ def _shifted(question: RotorQuestion, model: LiftedModel, found: RotorFit, respo
     beside = mode.search(np.square(rms)[:, None, None] * density * response.answer)
     odds = [math.log(odds_of("narrow_band_load", question.turbine, f)) for f in own.tolist()]
     gains = beside.log_evidence - alone.log_evidence + odds
-    (chance,) = chances_of_rivals([float(logsumexp(gains)) - math.log(POINTS)])
     known = np.flatnonzero(mode.places >= 0)
     std = np.sqrt(np.diag(alone.cov[0]))[known]
     shift = (beside.point - alone.point)[:, known] / std
     wide = np.sqrt(np.diagonal(beside.cov, axis1=1, axis2=2))[:, known] / std
     rival = (np.hypot(shift, wide) > math.hypot(MOVED_SIGMAS, 1.0)).any(axis=1)
-    weights = np.exp(gains - logsumexp(gains)) * rival
-    share = float(weights.sum())
-    if not share > 0.0:
+    if not rival.any():
         return None
-    weights /= share
+    log_odds = float(logsumexp(gains, b=rival)) - math.log(POINTS)
+    weights = np.exp(gains - math.log(POINTS) - log_odds) * rival
     mean = weights @ shift
     spread = np.sqrt(weights @ (np.square(shift - mean) + np.square(wide)))
     names = [question.parameters[i].name for i in mode.places[known]]
     return Shifted(
-        chance * share, float(np.exp(weights @ np.log(own))), dict(zip(names, (mean * std).tolist(), strict=True)),
+        log_odds, float(np.exp(weights @ np.log(own))), dict(zip(names, (mean * std).tolist(), strict=True)),
         dict(zip(names, spread.tolist(), strict=True)),
     )  # fmt: skip
 
