@@ -25,6 +25,7 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.checks.limits import MIN_REPORTED_WIDENING
 from windsysid.checks.widening import mixture_factor
+from windsysid.identification.estimate.spectral.narrow_band_posterior import responses, shifted_by_narrow_band
 from windsysid.identification.limits import MIN_LOG_ODDS, NEGLIGIBLE_SHIFT_SIGMAS
 from windsysid.identification.model.prior_odds import chances_of_rivals, odds_of
 from windsysid.loads.narrow_band import FREQUENCY, WIDTH, NarrowBand, narrow_band_statistics
@@ -60,14 +61,11 @@ TRIAL_COUNT, LOG_MARGIN = 61, 0.25
 TRIAL_DAMPING, TRIAL_STRENGTHS = (0.001, 0.004, 0.02), (3.0, 30.0, 300.0)
 """Setting: damping ratios that are tried, and strengths over the spectrum without the load where it stands out most."""
 
-BROAD_DAMPING = 3.0
-"""Setting: damping ratio of a load that is hardly narrow: it tells how the support answers at any frequency."""
-
 LOG_EVIDENCE = attrgetter("log_evidence")
 """Of a fit."""
 
-ABSENT_LOG_LEVEL, FAINT_LOG_LEVEL = -8.0, -1.0
-"""Setting: coordinates of the level of a load that is absent, and of one that is hardly present."""
+FAINT_LOG_LEVEL = -1.0
+"""Setting: coordinate of the level of a load that is hardly present."""
 
 
 class Rival(NamedTuple):
@@ -91,10 +89,9 @@ class Rival(NamedTuple):
     widths: dict[str, float]
     chance: float
 
-    @property
-    def factor(self) -> float:
-        """Factor on the interval of the coefficient that it widens most."""
-        return max(mixture_factor([(self.moved[name], self.widths[name], self.chance)]) for name in self.moved)
+    def part(self, name: str) -> tuple[float, float, float]:
+        """What it is in a mixture for a coefficient: shift, standard deviation and probability."""
+        return self.moved[name], self.widths[name], self.chance
 
 
 class NarrowBandFit(NamedTuple):
@@ -155,16 +152,17 @@ def fit_narrow_band(
     overlap = found.model.overlap
     posed = posed._replace(model=posed.model._replace(overlap=overlap))
     rough = _ends(question, posed, _starts(question, found, posed.model), rough=True)
-    near = [end.unknowns for end in rough if rough[0].log_evidence - end.log_evidence < MAX_START_LOG_ODDS]
-    ends = _ends(question, posed, near)
-    if not ends:
+    if not rough:
         return None
+    worth = rough[0].log_evidence if requested else max(rough[0].log_evidence, found.log_evidence + MIN_LOG_ODDS)
+    near = [end.unknowns for end in rough if worth - end.log_evidence < MAX_START_LOG_ODDS]
+    ends = _ends(question, posed, near) or rough[:1]
     ends = sorted((end._replace(log_evidence=end.evidence_at(overlap)) for end in ends), key=LOG_EVIDENCE, reverse=True)
     gain = ends[0].log_evidence - found.log_evidence
     fitted = NarrowBandFit(posed, ends[0], gain, *_off(question, found, ends[0]))
     needed = requested or fitted.is_needed
-    rivals = _rivals(question, ends[0], [*ends[1:], found]) if needed else _rivals(question, found, ends)
-    return fitted._replace(rivals=rivals)
+    rivals = _of_ends(question, ends[0], [*ends[1:], found]) if needed else _not_found(question, found, fitted, ends)
+    return fitted._replace(rivals=_that_widen(rivals))
 
 
 def doubts_of_narrow_band(found: NarrowBandFit | None, *, asked: str) -> tuple[Finding, ...]:
@@ -297,34 +295,11 @@ class _Place(NamedTuple):
 def _places(question: RotorQuestion, model: LiftedModel, known: Array) -> Iterator[_Place]:
     """The best frequency of a load on each degree of freedom of the support, for every width and strength."""
     narrow = narrow_band_statistics(question.turbine, question.loads)
-    levels, at = narrow[2:], model.unknowns.of("statistics").stop - len(model.noise) - len(narrow)
-    values = {q.name: float(q.physical(u)) for q, u in zip(question.parameters, known, strict=False)}
-    turbine = question.turbine.with_values(values)
-    modes = [turbine.natural_frequency(one.of) / (2.0 * math.pi) for one in levels]
+    at = model.unknowns.of("statistics").stop - len(model.noise) - len(narrow)
+    seen = list(responses(question, model, known))
+    modes = [of.mode for of in seen]
     places = np.exp(np.linspace(math.log(min(modes)) - LOG_MARGIN, math.log(max(modes)) + LOG_MARGIN, TRIAL_COUNT))
-    order = model.place.orders[model.place.entries // len(model.combine)]
-    frequency = model.base[:, None] + model.place.rotor_hz * order
-    power = np.sum(np.abs(model.data) ** 2, axis=2) / model.counts[:, None]
-
-    def with_load(eta: Array) -> Array:
-        return np.insert(known, at, eta)
-
-    def expected(eta: Array) -> Array:
-        return np.asarray(np.einsum("bee->be", model.spectrum(with_load(eta)).spectrum).real)
-
-    def alone(i: int, values: dict[str, float], others: float) -> Array:
-        eta = coordinates_of(narrow, values)
-        eta[2:][np.arange(len(levels)) != i] = others
-        return eta
-
-    without = expected(alone(-1, {}, ABSENT_LOG_LEVEL))
-    for i, level in enumerate(levels):
-        wide = alone(i, {FREQUENCY: modes[i], WIDTH: BROAD_DAMPING}, ABSENT_LOG_LEVEL)
-        added = np.maximum(expected(wide) - without, np.finfo(float).eps * without)  # rounding makes it negative
-        answer = added / (level.given**2 * narrow_density(frequency, modes[i], BROAD_DAMPING)[0])
-        entry = int(np.argmax((answer / without).max(axis=0))) % len(model.combine)
-        seen = model.place.entries % len(model.combine) == entry
-        S, H, P, f = (values[:, seen] for values in (without, answer, power, frequency))
+    for mode, level, f, S, _, H, P in [(of.mode, of.level, *of[2:]) for of in seen]:
         cost = np.einsum("b,be->", model.counts, np.log(S) + P / S)
         for width in TRIAL_DAMPING:
             shape = narrow_density(f, places[:, None, None], width)[0] * H
@@ -334,20 +309,40 @@ def _places(question: RotorQuestion, model: LiftedModel, known: Array) -> Iterat
                 costs = np.einsum("b,pbe->p", model.counts, np.log(whole) + P / whole)
                 best = int(np.argmin(costs))
                 there = {FREQUENCY: float(places[best]), WIDTH: width, level.name: float(rms[best])}
-                yield _Place(
-                    there[FREQUENCY], level.of, modes[i], known, float(cost - costs[best]),
-                    with_load(alone(i, there, FAINT_LOG_LEVEL)), at,
-                )  # fmt: skip
+                eta = coordinates_of(narrow, there)
+                eta[2:][[one.name != level.name for one in narrow[2:]]] = FAINT_LOG_LEVEL
+                start = np.insert(known, at, eta)
+                yield _Place(there[FREQUENCY], level.of, mode, known, float(cost - costs[best]), start, at)
 
 
-def _rivals(question: RotorQuestion, best: RotorFit, others: Sequence[RotorFit]) -> tuple[Rival, ...]:
-    """Explanations other than the best one that widen an interval."""
+def _of_ends(question: RotorQuestion, best: RotorFit, others: Sequence[RotorFit]) -> list[Rival]:
+    """Explanations other than the best one where searches have ended."""
     chances = chances_of_rivals([other.log_evidence - best.log_evidence for other in others])
-    rivals = (
+    return [
         Rival(_frequency_of(other, best), *_off(question, best, other), _widths(question, best, other), chance)
         for other, chance in zip(others, chances, strict=True)
-    )
-    return tuple(rival for rival in rivals if rival.factor > MIN_REPORTED_WIDENING)
+    ]
+
+
+def _not_found(question: RotorQuestion, found: RotorFit, beside: NarrowBandFit, ends: Sequence[RotorFit]) -> list[Rival]:
+    """Narrow-band loads that a fit with broad loads alone lacks: of their posterior, and ends of searches that are too
+    narrow a peak of it for the points of its integral."""
+    stds = dict(zip([q.name for q in question.parameters], np.sqrt(np.diag(found.cov)).tolist(), strict=False))
+    parts = shifted_by_narrow_band(question, beside.posed.model, found)
+    rivals = []
+    for one, chance in zip(parts, chances_of_rivals([one.log_odds for one in parts]), strict=True):
+        shifts, widths = dict.fromkeys(stds, 0.0) | one.shifts, dict.fromkeys(stds, 1.0) | one.widths
+        moved = {name: shift / stds[name] for name, shift in shifts.items()}
+        rivals.append(Rival(one.frequency, moved, shifts, widths, chance))
+    known = max((one.log_odds for one in parts), default=-math.inf) + found.log_evidence
+    return [*rivals, *_of_ends(question, found, [end for end in ends if end.log_evidence > known])]
+
+
+def _that_widen(rivals: Sequence[Rival]) -> tuple[Rival, ...]:
+    """All rivals that move a coefficient whose interval they widen together; a few that hardly do add up."""
+    names = list(rivals[0].moved) if rivals else []
+    wide = [name for name in names if mixture_factor([one.part(name) for one in rivals]) > MIN_REPORTED_WIDENING]
+    return tuple(one for one in rivals if any(mixture_factor([one.part(name)]) > 1.0 for name in wide))
 
 
 def _frequency_of(*ends: RotorFit) -> float:
