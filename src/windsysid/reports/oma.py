@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from windsysid.output.table import Table
+from windsysid.output.table import Table, axes_of
 from windsysid.reports.figures.oma_views import (
     assurance_table,
     band_plots,
@@ -85,7 +85,7 @@ def files(found: OperationalModes) -> dict[str, bytes]:
     sections = [
         Section(
             "Modes",
-            text=[verdict, *reasons_against(found.reasons_of_record), "± is the 95 % interval."],
+            text=[verdict, *reasons_against(found.reasons_of_record), f"±: 95 % interval{axes_of(found.channels)}."],
             tables=[found.table("")],
         ),
         Section("Spectra", plots=[singular_value_plot(found)]),

@@ -10,7 +10,7 @@ from windsysid._types import Array
 from windsysid.checks.identifiability import standard_deviations
 from windsysid.identification.planning.plan import Plan
 from windsysid.inspection.sentences import percent
-from windsysid.output.table import Table
+from windsysid.output.table import Table, axes_of
 from windsysid.reports.figures.drawing import drawn
 from windsysid.reports.html import Section, png, report_page
 from windsysid.reports.interactive.plot import Axis, Mark, Plot, PlotCurve
@@ -61,7 +61,7 @@ def files(plan: Plan) -> dict[str, bytes]:
     caption = "From the data alone, without a prior; ± is the 95 % interval. Blue: stiffness, orange: damping."
     sections = [
         Section("What can these sensors identify?", text=[plan.sentence, *plan.answers],
-        tables=[Table(plan.headings, plan.rows)]),
+        tables=[Table(plan.headings, plan.rows, f"Stiffness k, damping c{axes_of(plan.coefficients)}")]),
         *([Section("What widens the intervals", tables=[plan.budget.table()])] if plan.budget.rows else []),
         Section("How long it takes", text=[caption], plots=[_plot(plan)]),
         Section("What can be identified", text=plan.directions or ["Every parameter can be identified."]),
