@@ -144,14 +144,16 @@ def results_of(folders: Sequence[Path], *commands: str, least: int = 1) -> list[
     If more of them are of one command than of the other, only these are taken. If fewer than `least` remain, all are
     returned.
     """
-    from windsysid.output.folders import data_of, written_by
+    from windsysid.output.folders import summary_of, written_by
 
     writers = {folder: written_by(folder) for folder in folders}
     counts = [list(writers.values()).count(command) for command in commands]
     wanted = [command for command, count in zip(commands, counts, strict=True) if count == max(counts)]
     kept, left, known = list[Path](), list[str](), dict[str, Path]()
     for folder, command in writers.items():
-        twin = known.setdefault(data_of(folder) or str(folder), folder) if command in wanted else folder
+        summary = summary_of(folder)
+        data = f"{summary.get('record_hash') or folder} {summary.get('section')}"
+        twin = known.setdefault(data, folder) if command in wanted else folder
         if twin is not folder:
             left.append(f"{folder} (same record as {twin.name})")
         elif command in wanted or not folder.exists():
