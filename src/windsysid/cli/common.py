@@ -1,6 +1,7 @@
 """Shared parts of the commands: options, the output folder, progress, tables."""
 
 import sys
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
@@ -147,26 +148,31 @@ def results_of(folders: Sequence[Path], *commands: str, least: int = 1) -> list[
     from windsysid.output.folders import summary_of, written_by
 
     writers = {folder: written_by(folder) for folder in folders}
-    counts = [list(writers.values()).count(command) for command in commands]
-    wanted = [command for command, count in zip(commands, counts, strict=True) if count == max(counts)]
-    kept, left, known = list[Path](), list[str](), dict[str, Path]()
+    counts = Counter(writers.values())
+    most = max(map(counts.__getitem__, commands))
+    wanted = [command for command in commands if counts[command] == most]
+    left, known = dict[Path, str](), dict[str, Path]()
     for folder, command in writers.items():
-        summary = summary_of(folder)
-        data = f"{summary.get('record_hash') or folder} {summary.get('section')}"
-        twin = known.setdefault(data, folder) if command in wanted else folder
-        if twin is not folder:
-            left.append(f"{folder} (same record as {twin.name})")
-        elif command in wanted or not folder.exists():
-            kept.append(folder)
-        else:
-            left.append(f"{folder} ({command or 'no result'})")
-    if len(kept) < least or not known:
+        if command in wanted:
+            summary = summary_of(folder)
+            twin = known.setdefault(f"{summary.get('record_hash', folder)} {summary.get('section')}", folder)
+            if twin is not folder:
+                left[folder] = f"same record as {twin.name}"
+        elif folder.exists():
+            left[folder] = {"": "no result"}.get(command, command)
+    if len(writers) - len(left) < least or not known:
         return list(folders)
+    _name_folders(left, wanted)
+    return [folder for folder in writers if folder not in left]
+
+
+def _name_folders(left: dict[Path, str], wanted: Sequence[str]) -> None:
+    """Name folders that were left out, with the reason of each, on standard error."""
+    listed = [f"{folder} ({why})" for folder, why in left.items()]
+    more = f" and {len(left) - MAX_LISTED} more" * (len(left) > MAX_LISTED)
+    told = f"left out of the results of {' and '.join(wanted)}: {', '.join(listed[:MAX_LISTED])}{more}"
     if left:
-        more = f" and {len(left) - MAX_LISTED} more" * (len(left) > MAX_LISTED)
-        told = f"left out of the results of {' and '.join(wanted)}: {', '.join(left[:MAX_LISTED])}{more}"
         print(printable(told), file=sys.stderr)
-    return kept
 
 
 def numbered(name: str, ending: str = "") -> Iterator[Path]:
