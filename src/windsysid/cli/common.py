@@ -145,17 +145,16 @@ def results_of(folders: Sequence[Path], *commands: str, least: int = 1) -> list[
     If more of them are of one command than of the other, only these are taken. If fewer than `least` remain, all are
     returned.
     """
-    from windsysid.output.folders import summary_of, written_by
+    from windsysid.output.folders import written_by
 
     writers = {folder: written_by(folder) for folder in folders}
     counts = Counter(writers.values())
     most = max(map(counts.__getitem__, commands))
-    wanted = [command for command in commands if counts[command] == most]
+    wanted = list(filter(lambda command: counts[command] == most, commands))
     left, known = dict[Path, str](), dict[str, Path]()
     for folder, command in writers.items():
         if command in wanted:
-            summary = summary_of(folder)
-            twin = known.setdefault(f"{summary.get('record_hash', folder)} {summary.get('section')}", folder)
+            twin = known.setdefault(_data_of(folder), folder)
             if twin is not folder:
                 left[folder] = f"same record as {twin.name}"
         elif folder.exists():
@@ -164,6 +163,14 @@ def results_of(folders: Sequence[Path], *commands: str, least: int = 1) -> list[
         return list(folders)
     _name_folders(left, wanted)
     return [folder for folder in writers if folder not in left]
+
+
+def _data_of(folder: Path) -> str:
+    """Hash of the record of a result, and its section; the folder where there is no hash."""
+    from windsysid.output.folders import summary_of
+
+    summary = summary_of(folder)
+    return f"{summary.get('record_hash') or folder} {summary.get('section')}"
 
 
 def _name_folders(left: dict[Path, str], wanted: Sequence[str]) -> None:
