@@ -147,5 +147,5 @@ def _is_one(value: Any, kind: type, inner: tuple[Any, ...]) -> bool:
 
 def _has_class(value: Any, kind: type, inner: tuple[Any, ...]) -> bool:
     """Test whether a value is of a class, and a tuple as long as its annotation."""
-    fixed = isinstance(value, tuple) and len(inner) > 1 and inner[-1] is not ...
-    return isinstance(value, kind) and not (fixed and len(value) != len(inner))
+    fixed = len(inner) > 1 and inner[-1] is not ...
+    return isinstance(value, kind) and not (fixed and isinstance(value, tuple) and len(value) != len(inner))

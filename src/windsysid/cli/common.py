@@ -170,7 +170,8 @@ def _data_of(folder: Path) -> str:
     from windsysid.output.folders import summary_of
 
     summary = summary_of(folder)
-    return f"{summary.get('record_hash') or folder} {summary.get('section')}"
+    known = {**(summary.get("provenance") or {}), **summary}
+    return f"{known.get('record_hash') or folder} {known.get('section')}"
 
 
 def _name_folders(left: dict[Path, str], wanted: Sequence[str]) -> None:
