@@ -39,13 +39,7 @@ class NumericalError(WindsysidError, ValueError):
 
 
 def unreadable(path: str | Path, expected: str, error: Exception) -> str:
-    """Describe an input file that cannot be opened or decoded, in the same sentence for every kind of file.
-
-    Examples
-    --------
-    >>> unreadable("my.toml", "a turbine file", FileNotFoundError())
-    'my.toml: no such file, expected a turbine file; check the name and the folder'
-    """
+    """Describe an input file that cannot be opened or decoded, in the same sentence for every kind of file."""
     if isinstance(error, FileNotFoundError | NotADirectoryError):
         return f"{path}: no such file, expected {expected}; check the name and the folder"
     if isinstance(error, IsADirectoryError):

@@ -222,13 +222,7 @@ _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"))
 
 
 def significant_digits(value: float, half: float, least: int = 4) -> int:
-    """Significant digits of a value that show half of its interval to two digits.
-
-    Examples
-    --------
-    >>> significant_digits(1784.1, 35.0), significant_digits(1784.1, 0.035)
-    (4, 7)
-    """
+    """Significant digits of a value that show half of its interval to two digits."""
     if not 0.0 < half * abs(value) < math.inf:
         return least
     return max(2 + math.floor(math.log10(abs(value))) - math.floor(math.log10(half)), least)

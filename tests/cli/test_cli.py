@@ -196,7 +196,7 @@ def test_messages_name_arguments_in_python_and_options_in_the_command(run, recor
     wide = read_record(record)
     other = tmp_path / "other.csv"
     pd.DataFrame({"time [s]": wide.time, "nacelle [m/s^2]": wide["tower_x_acceleration"]}).to_csv(other, index=False)
-    advice = "rename them with {}.*, or list the record's own with {}"
+    advice = "rename them with {}.*, or list your own with {}"
     with pytest.raises(RecordError, match=advice.format("mapping=", "sensors=")):
         windsysid.identify(read_record(other), "verne555", progress=lambda *_: None)
     ended = run("identify", other, "--turbine", "verne555", "--output", results)

@@ -200,3 +200,6 @@ def test_a_record_that_was_identified_twice_counts_once(folders: dict[str, Path]
     assert results_of(given, "identify") == [folders["identify"], folders["oma"]]
     assert f"{folders['empty']} (same record as identify)" in capsys.readouterr().err
     assert results_of(given[:2], "identify", least=2) == given[:2]
+    for folder in given[:2]:
+        (folder / "summary.json").write_text('{"record_hash": null, "section": [0, 600]}', encoding="utf-8")
+    assert results_of(given[:2], "identify") == given[:2]

@@ -1,6 +1,7 @@
 """Shared parts of the commands: options, the output folder, progress, tables."""
 
 import sys
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
@@ -144,27 +145,42 @@ def results_of(folders: Sequence[Path], *commands: str, least: int = 1) -> list[
     If more of them are of one command than of the other, only these are taken. If fewer than `least` remain, all are
     returned.
     """
-    from windsysid.output.folders import data_of, written_by
+    from windsysid.output.folders import written_by
 
     writers = {folder: written_by(folder) for folder in folders}
-    counts = [list(writers.values()).count(command) for command in commands]
-    wanted = [command for command, count in zip(commands, counts, strict=True) if count == max(counts)]
-    kept, left, known = list[Path](), list[str](), dict[str, Path]()
+    counts = Counter(writers.values())
+    most = max(map(counts.__getitem__, commands))
+    wanted = list(filter(lambda command: counts[command] == most, commands))
+    left, known = dict[Path, str](), dict[str, Path]()
     for folder, command in writers.items():
-        twin = known.setdefault(data_of(folder) or str(folder), folder) if command in wanted else folder
-        if twin is not folder:
-            left.append(f"{folder} (same record as {twin.name})")
-        elif command in wanted or not folder.exists():
-            kept.append(folder)
-        else:
-            left.append(f"{folder} ({command or 'no result'})")
-    if len(kept) < least or not known:
+        if command in wanted:
+            twin = known.setdefault(_data_of(folder), folder)
+            if twin is not folder:
+                left[folder] = f"same record as {twin.name}"
+        elif folder.exists():
+            left[folder] = {"": "no result"}.get(command, command)
+    if len(writers) - len(left) < least or not known:
         return list(folders)
+    _name_folders(left, wanted)
+    return [folder for folder in writers if folder not in left]
+
+
+def _data_of(folder: Path) -> str:
+    """Hash of the record of a result, and its section; the folder where there is no hash."""
+    from windsysid.output.folders import summary_of
+
+    summary = summary_of(folder)
+    known = {**(summary.get("provenance") or {}), **summary}
+    return f"{known.get('record_hash') or folder} {known.get('section')}"
+
+
+def _name_folders(left: dict[Path, str], wanted: Sequence[str]) -> None:
+    """Name folders that were left out, with the reason of each, on standard error."""
+    listed = [f"{folder} ({why})" for folder, why in left.items()]
+    more = f" and {len(left) - MAX_LISTED} more" * (len(left) > MAX_LISTED)
+    told = f"left out of the results of {' and '.join(wanted)}: {', '.join(listed[:MAX_LISTED])}{more}"
     if left:
-        more = f" and {len(left) - MAX_LISTED} more" * (len(left) > MAX_LISTED)
-        told = f"left out of the results of {' and '.join(wanted)}: {', '.join(left[:MAX_LISTED])}{more}"
         print(printable(told), file=sys.stderr)
-    return kept
 
 
 def numbered(name: str, ending: str = "") -> Iterator[Path]:

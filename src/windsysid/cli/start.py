@@ -193,31 +193,38 @@ def _refuse_unknown(guesses: "list[Guess]", known: list[str], turbine: str, guid
 
 def _complete_guess(guess: "Guess", known: list[str], taken: set[str], guide: _Guide) -> "Guess":
     """A channel with the name that a turbine knows and no other channel has, where it has none, and with its unit."""
+    at_top = (guess.name or "").replace("nacelle_", "tower_")  # a tower's model ends there
+    if guess.name not in known and at_top in known and at_top not in taken:
+        guess = replace(guess, name=at_top)
+    described = printable(f"'{guess.written}': {'; '.join((*guess.evidence, *guess.doubts))}")
+    if guess.axis and known:
+        print(described)
+        described = ""
+    guess = replace(guess, name=_name(guess, known, taken, guide), axis="")
+    unit = partial(_unit, guess.name or guess.written)
+    guess = _without_unsuitable_unit(guess, unit)
+    if guess.is_said:
+        return guess
+    print(described, end="\n" * bool(described))
+    question = f"Unit of '{guess.written}' (g, mg, m/s^2, rpm …; {LEAVE_OUT} leaves it out)"
+    return replace(guess, unit=guide.ask(question, unit, offered=guess.unit), doubts=())
+
+
+def _name(guess: "Guess", known: list[str], taken: set[str], guide: _Guide) -> str | None:
+    """Name of a channel, requested where it has none or only its axis gives the direction."""
 
     def free(name: str) -> str:
         if name in taken:
             raise ConfigurationError(f"another channel is called {name} already")
         return name
 
-    at_top = (guess.name or "").replace("nacelle_", "tower_")  # a tower's model ends there
-    if guess.name not in known and at_top in known and at_top not in taken:
-        guess = replace(guess, name=at_top)
-    described = printable(f"'{guess.written}': {'; '.join((*guess.evidence, *guess.doubts))}")
+    name: str | None = None if guess.axis else guess.name
     if known and guess.axis:
-        print(described)
-        offered = next((name for name in (guess.name, *known) if name in known and name not in taken), guess.written)
-        question = f"Name of '{guess.written}', of which only the axis is given"
-        guess, described = replace(guess, name=guide.ask(question, free, offered=offered)), ""
-    elif guess.name is None and known:
-        guess = replace(guess, name=guide.ask(f"Name of '{guess.written}'", free, default=guess.written))
-    guess = replace(guess, name=guess.name if known or not guess.axis else None, axis="")
-    unit = partial(_unit, guess.name or guess.written)
-    guess = _without_unsuitable_unit(guess, unit)
-    if guess.is_said:
-        return guess
-    print(described, end="\n" if described else "")
-    question = f"Unit of '{guess.written}' (g, mg, m/s^2, rpm …; {LEAVE_OUT} leaves it out)"
-    return replace(guess, unit=guide.ask(question, unit, offered=guess.unit), doubts=())
+        offered = next((one for one in (guess.name, *known) if one in known and one not in taken), guess.written)
+        name = guide.ask(f"Name of '{guess.written}', of which only the axis is given", free, offered=offered)
+    elif known and name is None:
+        name = guide.ask(f"Name of '{guess.written}'", free, default=guess.written)
+    return name
 
 
 def _without_unsuitable_unit(guess: "Guess", accept: Callable[[str], str]) -> "Guess":

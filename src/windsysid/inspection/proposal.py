@@ -143,7 +143,7 @@ def _proposal(path: Path, given: Mapping, *, timed: bool = True) -> MappingPropo
     record = read_record(path, mapping=whole)
     if record.attributes.get("source") == "OpenFAST":
         return _of_openfast(record, given)
-    known = {name: meaning_of(name) or _by_unit(record, name) for name in record.channels}
+    known = {name: _meaning(record, name) for name in record.channels}
     rotor, remark = _rotor(record, known) if timed else (None, _UNTIMED)
     guesses = [_guess(record, name, known[name] or Meaning(None, ""), rotor, timed=timed) for name in record.channels]
     left = [f"Left out, because they hold text: {', '.join(texts)}."] if texts else []
@@ -152,12 +152,12 @@ def _proposal(path: Path, given: Mapping, *, timed: bool = True) -> MappingPropo
     return MappingProposal(record.name, tuple(_told_apart(guesses)), given, (*about, remark, *left), timed=timed)
 
 
-def _by_unit(record: Record, name: str) -> Meaning | None:
-    """Meaning of a name without a quantity whose unit is that of an acceleration."""
+def _meaning(record: Record, name: str) -> Meaning | None:
+    """Meaning of a name, to which an acceleration's unit adds the quantity."""
     said = record.unit(name).removeprefix(AS_WRITTEN)
     with contextlib.suppress(ConfigurationError):
-        return meaning_of(f"{name} acceleration") if is_same_quantity(said, "m/s^2") else None
-    return None
+        return meaning_of(name) or (meaning_of(f"{name} acceleration") if is_same_quantity(said, "m/s^2") else None)
+    return meaning_of(name)
 
 
 def _of_openfast(record: Record, given: Mapping) -> MappingProposal:
@@ -325,14 +325,15 @@ _PAIR = "a guess: X fore-aft and Y side-side, as where X is downwind; exchange t
 
 def _told_apart(guesses: list[Guess]) -> list[Guess]:
     """The guesses with each proposed name once, X as fore-aft where X and Y are alike; the others keep their own."""
-    names = [guess.name for guess in guesses]
-    axes = {name: sorted(one.axis for one in guesses if one.name == name) for name in names}
     found: list[Guess] = []
     for guess in guesses:
-        if guess.name is not None and axes[guess.name] == ["x", "y"]:
+        axes = sorted(one.axis for one in guesses if one.name == guess.name)
+        if guess.name is None or len(axes) == 1:
+            pass
+        elif axes == ["x", "y"]:
             name = guess.name.replace("_x_", "_z_") if guess.axis == "x" else guess.name
             guess = replace(guess, name=name, doubts=(_PAIR, *guess.doubts[1:]))
-        elif guess.name is not None and names.count(guess.name) > 1:
+        else:
             doubt = f"several channels look like {guess.name}: which is it?"
             guess = replace(guess, name=None, doubts=(*guess.doubts, doubt))
         found.append(guess)

@@ -378,7 +378,7 @@ def _judge_excitation(vibrations: dict[str, Vibration], cut: _Blocks, judge: Any
         else f"it {v} by {f:.2g} × between its {_NAMES[n]}"
         for f, v, n, c in zip(size, verb, found.segments, found.by_chance, strict=True)
     ]
-    excess = np.maximum(found.excess, [2.0 if text else 0.0 for text in transient])
+    excess = np.maximum(found.excess, 2.0 * (np.array(transient) != ""))
     judge(CHANGE_PENALTY * excess, words, complaint, CHANGE_PENALTY)
 
 

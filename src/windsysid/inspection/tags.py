@@ -130,7 +130,7 @@ def _acceleration(words: list[str]) -> Meaning:
     for listed, axis, notes in _AXES:
         if any(word in words for word in listed):
             doubts = notes if place else (*notes, "where is it mounted? The name does not say")
-            letter = listed[0] if listed[0] in ("x", "y") else ""
+            letter = "".join({"x", "y"} & set(listed))
             return Meaning(f"{place or 'tower'}_{axis}_acceleration", said, doubts, letter)
     return Meaning(None, said, ("along which axis, and where is it mounted?",))
 

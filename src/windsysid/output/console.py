@@ -97,17 +97,21 @@ def render(*parts: Any, width: int | None = None) -> str:
 
 def _within(part: Any, width: int) -> list[Any]:
     """A part of an answer, or a table that is too wide even with its words apart as several with the same first
-    column; Rich's tables as ours."""
-    if type(part).__module__ == "rich.table":
-        words = [i for i, column in enumerate(part.columns) if column.justify != "right"]
-        rows = list(zip(*(column._cells for column in part.columns), strict=True))
-        part = Table([column.header for column in part.columns], rows, part.title or "", words)
+    column."""
+    part = _ours(part) if type(part).__module__ == "rich.table" else part
     if not isinstance(part, Table) or not part.rows or len(part.headings) < MIN_COLUMNS_TO_SPLIT:
         return [part]
     columns = enumerate(zip(part.headings, *part.rows, strict=True))
     groups = _groups([_least(own, is_words=i in part.words) for i, own in columns], width)
     captions = [part.caption, *[""] * (len(groups) - 1)]
     return [_columns(part, group, caption) for group, caption in zip(groups, captions, strict=True)]
+
+
+def _ours(table: Any) -> Table:
+    """A table of Rich as ours."""
+    words = [i for i, column in enumerate(table.columns) if column.justify != "right"]
+    rows = list(zip(*(column._cells for column in table.columns), strict=True))
+    return Table([column.header for column in table.columns], rows, table.title or "", words)
 
 
 def _groups(least: Sequence[int], width: int) -> list[list[int]]:

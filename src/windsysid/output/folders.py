@@ -22,13 +22,14 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from windsysid.configuration import parse_json
 from windsysid.errors import OutputError
 from windsysid.output.files import explain_errors, make_folders, place_file, remove_empty, replace_file, sync
 from windsysid.output.locks import HOME, MANIFEST, MAX_TRIES, release, remove_abandoned, try_lock
 
-__all__ = ["Saveable", "claim", "data_of", "is_free", "result_file", "without", "written_by"]
+__all__ = ["Saveable", "claim", "is_free", "result_file", "summary_of", "without", "written_by"]
 
 NAMES = frozenset(
     [
@@ -149,25 +150,21 @@ _SUMMARIES = {"analysis": "oma", "published_seconds": "study", "archive": "repor
 """Files, and keys of ``summary.json``, with the commands that write them."""
 
 
+def summary_of(folder: str | Path) -> dict[str, Any]:
+    """Content of a result's ``summary.json``; empty if there is none."""
+    with contextlib.suppress(OSError, ValueError):
+        found = parse_json(result_file(folder, "summary.json").read_text(encoding="utf-8"))
+        return found if isinstance(found, dict) else {}
+    return {}
+
+
 def written_by(folder: str | Path) -> str:
     """Name of the command that wrote a folder's result; empty if there is none, or it is not known."""
-    for name in ("summary.json", "answer.json"):
-        with contextlib.suppress(OSError, ValueError, LookupError, TypeError, StopIteration):
-            text = result_file(folder, name).read_text(encoding="utf-8")
-            if name == "answer.json":
-                return _COMMANDS[text[:40].split('"')[3]]
-            known = parse_json(text)
-            return next(command for key, command in _SUMMARIES.items() if key in known)
-    archive = "batch" if any(Path(folder).glob("turbine=*")) else ""
-    return next((command for name, command in _FILES.items() if result_file(folder, name).exists()), archive)
-
-
-def data_of(folder: str | Path) -> str:
-    """Hash of the record and section of a result, as ``summary.json`` has them; empty where it has none."""
-    with contextlib.suppress(OSError, ValueError, LookupError, TypeError):
-        known = parse_json(result_file(folder, "summary.json").read_text(encoding="utf-8"))
-        return f"{known['record_hash']} {known['section']}" if known["record_hash"] else ""
-    return ""
+    with contextlib.suppress(OSError, ValueError, LookupError):
+        return _COMMANDS[result_file(folder, "answer.json").read_text(encoding="utf-8")[:40].split('"')[3]]
+    known = [command for key, command in _SUMMARIES.items() if key in summary_of(folder)]
+    known += [command for name, command in _FILES.items() if result_file(folder, name).exists()]
+    return [*known, "batch" if any(Path(folder).glob("turbine=*")) else ""][0]
 
 
 def without(expected: str, folder: str | Path) -> str:

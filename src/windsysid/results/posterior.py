@@ -227,8 +227,7 @@ def opened(folder: str | Path) -> "Iterator[h5netcdf.File]":
         named = getattr(error, "strerror", None) or error.__class__.__name__
         if isinstance(error, FileNotFoundError | NotADirectoryError):
             raise ConfigurationError(without("a result of windsysid identify", folder)) from None
-        why = f"one that cannot be read ({named})"
-        raise ConfigurationError(f"{folder}: expected a result of windsysid identify, got {why}") from None
+        raise ConfigurationError(f"{folder}: expected a result of identify, got an unreadable one ({named})") from None
     except KeyError:
         raise ConfigurationError(
             f"result {folder}: expected the whole result in identification.nc, got a file of an older version:"

@@ -120,8 +120,8 @@ def _recorded_sensors(record: Record, turbine: Turbine) -> tuple[Sensor, ...]:
     if not found:
         wanted = ", ".join(sensor.channel for sensor in turbine.sensors)
         raise RecordError(
-            f"{record.name}: expected at least one of the channels {wanted}; got {', '.join(record.channels)}; "
-            "rename them with mapping= (windsysid start writes one), or list the record's own with sensors="
+            f"{record.name}: expected one of the channels {wanted}; got {', '.join(record.channels)}; "
+            "rename them with mapping= (by windsysid start), or list your own with sensors="
         )
     return found
 

@@ -194,7 +194,7 @@ def _judge(
             outcome.model.parameters,
             outcome.theta,
             outcome.cov,
-            [(m.name, (z.estimate, z.low, z.high)) for m in at.modes for z in (m.damping_ratio,)],
+            [(m.name, (m.damping_ratio.estimate, m.damping_ratio.low, m.damping_ratio.high)) for m in at.modes],
             {q.name: model.coefficient(q.name).unit for q in outcome.model.parameters},
         ),
         frequencies=frequencies,

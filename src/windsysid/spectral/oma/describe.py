@@ -120,8 +120,7 @@ def named(modes: Sequence[OperationalMode], channels: Sequence[str]) -> list[Ope
     return result
 
 
-_GAUGE, _TOWER_AXES = re.compile(r"TwHt\dALg?([xyz])t"), {"x": "z", "y": "x", "z": "y"}
-"""OpenFAST's accelerometers along the tower, which windsysid reads under their own names, and our letters of axes."""
+_GAUGE = re.compile(r"TwHt\dALg?([xyz])t")  # OpenFAST's accelerometers along the tower, read under their own names
 
 
 def _motion_name(size: Array, names: Sequence[str]) -> str:
@@ -130,6 +129,6 @@ def _motion_name(size: Array, names: Sequence[str]) -> str:
     if support * MIN_BLADE_RATIO > size[on_blades].max(initial=0.0):
         name = names[int(np.argmax(np.where(on_blades, -1.0, size)))]
         gauge = _GAUGE.fullmatch(name)
-        return f"tower {_TOWER_AXES[gauge[1]]} ({name})" if gauge else " ".join(name.split("_")[:2])
+        return f"tower {'zxy'['xyz'.index(gauge[1])]} ({name})" if gauge else " ".join(name.split("_")[:2])
     what, _, way = names[int(np.argmax(np.where(on_blades, size, -1.0)))].removeprefix("blades_").rpartition(" ")
     return f"{'flap' if re.search('flap|out', what) else 'lag'} {way}"

@@ -9,10 +9,9 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from windsysid._types import Complex
-from windsysid.configuration import parse_json
 from windsysid.errors import ConfigurationError
 from windsysid.modal.campbell import MeasuredMode
-from windsysid.output.folders import result_file, without
+from windsysid.output.folders import summary_of, without
 from windsysid.results.estimate import IntervalEstimate
 from windsysid.results.posterior import SIGMAS, section_name
 from windsysid.spectral.modal_bands.scoring import DAMPING_PRIOR
@@ -82,14 +81,14 @@ def holds_modes(given: object) -> bool:
     """True for a result of `windsysid.oma`, or the folder of one."""
     if isinstance(given, OperationalModes | KnownModes):
         return True
-    return isinstance(given, str | Path) and _summary_of(Path(given)).get("analysis") == ANALYSIS
+    return isinstance(given, str | Path) and summary_of(given).get("analysis") == ANALYSIS
 
 
 def as_modes(given: ModesLike) -> KnownModes:
     """Modes of a result, or of the folder that it was saved in; ConfigurationError if there are none."""
     if isinstance(given, KnownModes):
         return given
-    summary = given.summary() if isinstance(given, OperationalModes) else _summary_of(Path(given))
+    summary = given.summary() if isinstance(given, OperationalModes) else summary_of(given)
     if summary.get("analysis") != ANALYSIS:
         raise ConfigurationError(without("a result of windsysid oma", str(given)))
     try:
@@ -109,14 +108,6 @@ def without_damping_prior(mode: KnownMode) -> tuple[float, float]:
         return mode.ln_damping, math.inf
     mean = (mode.ln_damping * mode.ln_damping_std**-2.0 - centre * spread**-2.0) / information
     return mean, information**-0.5
-
-
-def _summary_of(folder: Path) -> dict[str, Any]:
-    try:
-        found = parse_json(result_file(folder, "summary.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return {}
-    return found if isinstance(found, dict) else {}
 
 
 def _read(summary: dict[str, Any]) -> KnownModes:

@@ -333,9 +333,8 @@ def _are_units(row: list[str]) -> bool:
     if any(row) and all(map(_IN_BRACKETS.fullmatch, filter(None, row))):
         return True
     texts = [cell for cell in row if cell not in MISSING and not _NUMBER.fullmatch(cell) and not is_stamp(cell)]
-    timed = row[0] in texts and _quantity(row[0]) == "s"
-    undated = not row[0] and any(texts) and all(map(_quantity, texts))  # above dates, as spreadsheets write it
-    return (timed or undated) and sum(map(bool, row)) <= len(texts) + row.count("1")
+    timed = _quantity(row[0]) == "s" if row[0] else bool(texts) and "" not in map(_quantity, texts)
+    return timed and sum(map(bool, row)) <= len(texts) + row.count("1")
 
 
 def _quantity(cell: str) -> str:
