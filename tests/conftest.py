@@ -1,5 +1,6 @@
 """What several test modules share. Generated models go to the user's own cache, so that a second run is fast."""
 
+import gc
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -25,6 +26,17 @@ from windsysid.turbine.turbine import Turbine
 
 ProcessGuard.on = True
 """Damaged HDF5 files of the tests are those of fixed seeds; `tests/records/formats/test_probing.py` looks first."""
+
+
+def pytest_collection() -> None:
+    """Collect no garbage while tests are imported, of which hardly anything is garbage."""
+    gc.disable()
+
+
+def pytest_collection_finish() -> None:
+    """Leave what was imported out of garbage collection, which went through it again and again."""
+    gc.freeze()
+    gc.enable()
 
 
 @pytest.fixture(scope="session", autouse=True)
