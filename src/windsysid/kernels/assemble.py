@@ -115,8 +115,8 @@ class _Body:
         self._turn([node for statement in statements for node in ast.walk(statement)])
         for statement in statements:
             match statement:
-                case ast.Assign(targets=[ast.Name() as name]):
-                    self._term(name)
+                case ast.Assign(targets=[ast.Name() as named]):
+                    self._term(named)
                 case ast.Assign(targets=[target], value=value):
                     term = self._term(value)
                     pointer = self._place(target)

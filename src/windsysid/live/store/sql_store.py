@@ -25,8 +25,8 @@ MAX_COMMITS_PER_TRANSACTION = 1000
 """Commits of one transaction."""
 
 GATHER_SECONDS, MIN_GATHER_RATE = 0.05, 200.0
-"""Time for which commits are gathered [s] where more than so many a second are submitted: a transaction costs as much
-as ten blocks, and results may wait for a second."""
+"""Time for which commits are gathered [s] where more than so many a second are submitted: a transaction costs more than
+a block (`python -m benchmarks.live_store`), and a commit may wait for a second."""
 
 MIN_PAUSE_SECONDS, MAX_PAUSE_SECONDS = 0.05, 2.0
 """Between attempts while the database refuses, doubled from the first to the second [s]."""
