@@ -6,10 +6,10 @@ with the prior precision Λ and C = (Σ F_k + Λ)⁻¹, part k shifts a quantity
 
     V_kl = aᵀC (δ_kl F_k − F_k C F_l) C a,      ν = (Σ V_kk)² / Σ V_kl²,      r = Σ (aᵀC g_k)² / Σ V_kk,
 
-where V is the covariance of the shifts. r ν is χ² with ν degrees of freedom, one for two halves: r is the sandwich covariance over the inverse of the information. Loads that
-change over time, a spectrum of another shape and a mode that the model lacks raise it for the quantities that they
-affect. It measures scatter: an error that is the same in all parts stays unseen. Parts are joined to groups of equal
-information on the quantity.
+where V is the covariance of the shifts. r ν is χ² with ν degrees of freedom, one for two halves: r is the sandwich
+covariance over the inverse of the information. Loads that change over time, a spectrum of another shape and a mode that
+the model lacks raise it for the quantities that they affect. It measures scatter: an error that is the same in all
+parts stays unseen. Parts are joined to groups of equal information on the quantity.
 
 A variance is not multiplied by r, which scatters where ν is small, but by its expectation over two explanations: the
 model is true, or the dispersion is s², with a scaled-inverse-χ² prior. Their odds follow from r in closed form.

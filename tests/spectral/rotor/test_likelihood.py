@@ -46,7 +46,7 @@ def test_value_gradient_and_information_are_whittles(entries: int):
     gradients, informations = whittle_by_bins(data, counts, ModelSpectrum(S, A, None))
     np.testing.assert_allclose(gradients.sum(axis=0), gradient)
     np.testing.assert_allclose(informations.sum(axis=0), information)
-    alone = whittle(data[1:2], counts[1:2], ModelSpectrum(S[1:2], A[:, 1:2], None))
+    alone = whittle(data[1:2], counts[1:2], ModelSpectrum(S[1:2], np.ascontiguousarray(A[:, 1:2]), None))
     np.testing.assert_allclose(gradients[1], alone.gradient)
 
 

@@ -1,6 +1,8 @@
 """Rotors in bands: what contradicting halves and narrower bands do to intervals."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from windsysid.identification.identify import identify
 from windsysid.records.record import Record
 from windsysid.results.identification import Identification
 from windsysid.simulation.record import simulate_record
+from windsysid.spectral.rotor_bands.check import _narrower
 from windsysid.spectral.rotor_bands.likelihood_ratio import rival_in_bands
 from windsysid.statespace.parameter import Parameter
 from windsysid.turbine.file import load_turbine
@@ -51,6 +54,23 @@ def test_a_tower_that_grows_softer_midway_widens_its_own_interval_or_has_none(fa
         assert abs(found["k_x"].estimate - middle) < 2.0 * found["k_x"].std
         (blade,) = (one for one in found.modes if one.name == "lag forward")
         assert blade.frequency.std < 0.01 * blade.frequency.estimate
+
+
+def test_narrower_bands_are_a_rival_where_chance_makes_no_such_step():
+    """They contain two thirds of the information."""
+
+    def step_of(size: float) -> list[Any]:
+        fit: Any = SimpleNamespace(
+            model=None, mode=SimpleNamespace(unknowns=np.zeros(2), information=np.diag([1e4, 1e2]))
+        )
+        again = SimpleNamespace(mode=SimpleNamespace(unknowns=np.array([size, 0.0]), information=np.diag([7e3, 7e1])))
+        narrow: Any = SimpleNamespace(start_from=lambda unknowns, other: unknowns, fit=lambda start: again)
+        return _narrower(narrow, fit, [Parameter("k_x", 1.0, 0.2), Parameter("c_x", 1.0, 0.5, logarithmic=False)])
+
+    assert step_of(0.009) == []  # less than a standard deviation
+    assert step_of(0.023) == []
+    (found,) = step_of(0.025)
+    assert (found.code, found.quantities) == ("narrower_bands_disagree", ("k_x",))
 
 
 def test_a_rival_names_the_stiffness_that_it_moves_most():

@@ -38,10 +38,8 @@ COVERED_BY_INTERVALS: Mapping[str, frozenset[str]] = {
     **dict.fromkeys((
         "correlated_innovations", "correlated_loads", "level_over_frequency", "unexplained_level", "unexplained_peak",
     ), _EVERY),
-    **dict.fromkeys((
-        "halves_disagree_in_bands", "narrow_band_load_ambiguous", "narrow_band_load_possible",
-        "narrower_bands_disagree",
-    ), frozenset()),
+    "halves_disagree_in_bands": frozenset(), "narrower_bands_disagree": frozenset(),
+    **dict.fromkeys(("narrow_band_load_ambiguous", "narrow_band_load_possible"), frozenset()),
 }  # fmt: skip
 """Setting: findings that intervals cover, and the scores that this takes: of loads that change, over time; of
 innovations that are not white, over frequencies too; of narrow-band loads, halves and narrower bands, whose rivals are

@@ -261,13 +261,7 @@ def whittle(data: Complex, counts: Array, model: ModelSpectrum) -> Likelihood:
 
 
 def whittle_by_bins(data: Complex, counts: Array, model: ModelSpectrum) -> tuple[Array, Array]:
-    """g (B, n) and F (B, n, n) of each of the B bins, for c_h = 1; arguments as of `whittle`.
-
-    Raises
-    ------
-    LinAlgError
-        Where a spectrum is not positive definite.
-    """
+    """g (B, n) and F (B, n, n) of each of the B bins, for c_h = 1; arguments as of `whittle`."""
     L_inv = _whitener(model.spectrum)
     y, A = L_inv @ data, np.moveaxis(L_inv @ model.slopes @ _h(L_inv), 0, 1)
     shown = counts[:, None, None] * np.eye(data.shape[1]) - y @ _h(y)

@@ -13,6 +13,7 @@ from itertools import chain, pairwise
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.checks.dispersion import PartScores
 from windsysid.errors import RecordError
 from windsysid.results.finding import Finding
 from windsysid.spectral.rotor.check import RangePower, misshapen, parts_of, unexplained, unsteady
@@ -26,10 +27,11 @@ from windsysid.spectral.rotor_bands.limits import (
     MIN_ENERGY_FREEDOM,
     MIN_SUPPORT_FREEDOM,
 )
-from windsysid.spectral.rotor_bands.model import RotorBandFit
+from windsysid.spectral.rotor_bands.model import BandModel, RotorBandFit
 from windsysid.spectral.transforms.rotating_frame import combine_groups
+from windsysid.statespace.parameter import Parameter
 
-__all__ = ["doubts_of_bands", "halves_of_bands"]
+__all__ = ["judge_bands"]
 
 PART_COUNTS = (3, 8)
 """Setting: numbers of parts of a band: wide ones show a wrong level, narrow ones a resonance at another place."""
@@ -40,62 +42,71 @@ NARROW_SHARE, MAX_REMAINING_SHARE = 0.65, 0.1
 much, since levels at the ends of a band are estimated anew. A step of less than a standard deviation is no finding."""
 
 
-def doubts_of_bands(
-    question: RotorQuestion, posed: PosedBands, fit: RotorBandFit, halves: Sequence[PosedBands]
-) -> list[Finding]:
-    """Reasons against a result."""
+def judge_bands(
+    question: RotorQuestion, posed: PosedBands, fit: RotorBandFit, wide: RotorBandFit
+) -> tuple[list[Finding], tuple[PartScores, ...]]:
+    """Reasons against a result, and the scores of parts of the record at the fit with tolerances (`wide`)."""
     posed, found = posed._replace(model=fit.model), fit.mode
     doubts = [*posed.doubts, *_short(posed)]
-    if not found.converged:
+    if not (found.converged and wide.mode.converged):
         doubts.append(Finding("search_not_converged", "reason", {"steps": found.steps}))
     thirds, eighths = zip(*_parts(posed, found.unknowns), strict=True)
     doubts += (unexplained(chain.from_iterable(thirds)) or misshapen(eighths, DISAGREEMENT_PROBABILITY))[:3]
-    if not halves:
-        code = "too_short_for_stationarity" if question.turned is None else "one_block"
-        return [*doubts, Finding(code, "reason")]
+    try:
+        halves = _halves(question, posed, fit)
+        narrow = pose_bands(question, posed.places, posed.spectra, width=NARROW_SHARE).model
+    except RecordError:
+        return [*doubts, Finding("too_short_for_stationarity", "reason")], ()
+    if len(halves) < 2:
+        return [*doubts, Finding("one_block", "reason")], ()
     doubts += unsteady(*(_energies(posed, piece, found.unknowns) for piece in halves))[:2]
+    models = [half.model for half in halves]
     try:
         doubts += doubt_classes(posed, found, question.parameters)
-        doubts += doubt_halves([half.model for half in halves], fit, question.parameters)
-        return doubts + _narrower(question, posed, fit)
+        doubts += doubt_halves(models, fit, question.parameters)
+        doubts += _narrower(narrow, fit, question.parameters)
+        return doubts, _scores(wide, models, posed.spectra.duration)
     except np.linalg.LinAlgError:
-        return [*doubts, Finding("segments_without_spectrum", "reason")]
+        return [*doubts, Finding("segments_without_spectrum", "reason")], ()
 
 
-def halves_of_bands(question: RotorQuestion, posed: PosedBands, fit: RotorBandFit) -> list[PosedBands]:
-    """The problem of either half of the record, as it is at a fit; none if it is too short or has one block."""
-    try:
-        if question.turned is not None:
-            read = [combine_groups(question.turned, groups) for groups in question.turned.halves() or ()]
-            halves = [pose_bands(question, posed.places, half) for half in read]
-        else:
-            halves = [pose_bands(half, posed.places) for half in question.halves]
-        starts = [half.model.start_from(fit.mode.unknowns, fit.model) for half in halves]
-        return [h._replace(model=h.model.smeared_at(at)) for h, at in zip(halves, starts, strict=True)]
-    except RecordError:
-        return []
+def _halves(question: RotorQuestion, posed: PosedBands, fit: RotorBandFit) -> list[PosedBands]:
+    """The problem of either half of the record, as it is at a fit; of one block none."""
+    if question.turned is not None:
+        read = [combine_groups(question.turned, groups) for groups in question.turned.halves() or ()]
+        halves = [pose_bands(question, posed.places, half) for half in read]
+    else:
+        halves = [pose_bands(half, posed.places) for half in question.halves]
+    starts = [half.model.start_from(fit.mode.unknowns, fit.model) for half in halves]
+    return [half._replace(model=half.model.smeared_at(at)) for half, at in zip(halves, starts, strict=True)]
 
 
-def _narrower(question: RotorQuestion, posed: PosedBands, fit: RotorBandFit) -> list[Finding]:
+def _scores(wide: RotorBandFit, halves: Sequence[BandModel], duration: float) -> tuple[PartScores, ...]:
+    """Scores over frequencies, and over the halves of a record of a duration [s]."""
+    at, (mean, spread) = wide.mode.unknowns, wide.model.prior
+    precision = np.diag(spread**-2.0)
+    whole = PartScores("frequency", *wide.model.scores(at), precision, precision @ (mean - at))
+    models = [half.with_inexact(wide.model.bands[0].model.inexact) for half in halves]
+    parts = [model.likelihood(model.start_from(at, wide.model)) for model in models]
+    _, slopes, information = (np.array(each) for each in zip(*parts, strict=True))
+    places = (np.arange(len(parts)) + 0.5) * duration / len(parts)
+    return whole, whole._replace(over="time", places=places, gradients=-slopes, information=information)
+
+
+def _narrower(narrow: BandModel, fit: RotorBandFit, parameters: Sequence[Parameter]) -> list[Finding]:
     """Test whether narrower bands give another stiffness than the bands."""
     from scipy.special import chdtri
 
-    try:
-        narrow = pose_bands(question, posed.places, posed.spectra, width=NARROW_SHARE).model
-    except RecordError:
-        return []
-    again = narrow.fit(narrow.start_from(fit.mode.unknowns, fit.model)).mode
-    which = [i for i, q in enumerate(question.parameters) if q.logarithmic]
-    n = len(question.parameters)
-    step = again.unknowns[:n] - fit.mode.unknowns[:n]
-    known, less = (np.linalg.inv(one.information)[np.ix_(which, which)] for one in (fit.mode, again))
-    values, vectors = np.linalg.eigh(less - (1.0 - MAX_REMAINING_SHARE) * known)
+    again, n = narrow.fit(narrow.start_from(fit.mode.unknowns, fit.model)).mode, len(parameters)
+    step, which = again.unknowns[:n] - fit.mode.unknowns[:n], [i for i, q in enumerate(parameters) if q.logarithmic]
+    known, less = (np.linalg.inv(one.information)[:n, :n] for one in (fit.mode, again))
+    std = np.sqrt(np.diag(known).clip(1e-300))
+    values, vectors = np.linalg.eigh((less - (1.0 - MAX_REMAINING_SHARE) * known)[np.ix_(which, which)])
     size = float(np.sum((vectors.T @ step[which]) ** 2 / np.maximum(values, 1e-3 * values.max())))
-    near = np.all(np.abs(step[which]) < np.sqrt(np.diag(known).clip(0.0)))
-    if near or size <= float(chdtri(len(which), DISAGREEMENT_PROBABILITY)):
+    if not np.any(np.abs(step) > std, where=np.isin(np.arange(n), which)):
         return []
-    std = np.sqrt(np.diag(np.linalg.inv(fit.mode.information)))
-    return [rival_in_bands("narrower_bands_disagree", step, std, question.parameters)]
+    far = size > float(chdtri(len(which), DISAGREEMENT_PROBABILITY))
+    return [rival_in_bands("narrower_bands_disagree", step, std, parameters)] if far else []
 
 
 def _short(posed: PosedBands) -> list[Finding]:

@@ -31,9 +31,7 @@ CLASS_FREEDOM = 2.0
 """Setting: unknowns that a single resonance informs, its frequency and its damping."""
 
 
-def doubt_halves(
-    halves: Sequence[BandModel], found: RotorBandFit, parameters: Sequence[Parameter]
-) -> list[Finding]:
+def doubt_halves(halves: Sequence[BandModel], found: RotorBandFit, parameters: Sequence[Parameter]) -> list[Finding]:
     """Return a reason if the halves of a record have other coefficients than all of it, with the farther shift of each
     coefficient as a rival explanation.
 
@@ -43,10 +41,10 @@ def doubt_halves(
     from scipy.special import chdtrc
 
     starts = [half.start_from(found.mode.unknowns, found.model) for half in halves]
-    joint, shared = BandModel(tuple(band for half in halves for band in half.bands)), halves[0].unknowns.but("statistics")
-    at = np.zeros(joint.unknowns.size)
+    joint, known = BandModel(tuple(band for half in halves for band in half.bands)), halves[0].unknowns
+    at, shared = np.zeros(joint.unknowns.size), known.but("statistics")
     at[joint.unknowns.but("statistics")] = starts[0][shared]
-    at[joint.unknowns.of("statistics")] = np.concatenate([start[halves[0].unknowns.of("statistics")] for start in starts])
+    at[joint.unknowns.of("statistics")] = np.concatenate([start[known.of("statistics")] for start in starts])
     same, ratio, steps = _search(joint, at, joint.prior), 0.0, []
     cov, scatter = np.zeros((2, len(shared), len(shared)))
     for half, start in zip(halves, starts, strict=True):

@@ -14,7 +14,7 @@ from windsysid._types import Array
 from windsysid.loads.statistics import Statistic
 from windsysid.spectral.rotor.fit import WHOLE
 from windsysid.spectral.rotor.model import Inexact, LiftedModel
-from windsysid.spectral.rotor.scoring import FINE_TOLERANCE, SpectralMode, find_in_stages, find_nearby
+from windsysid.spectral.rotor.scoring import SpectralMode, find_in_stages, find_nearby
 from windsysid.spectral.rotor_bands.channels import Row
 from windsysid.statespace.unknowns import Unknowns
 
@@ -140,15 +140,12 @@ class BandModel(NamedTuple):
 
     def scores(self, unknowns: Array) -> tuple[Array, Array, Array]:
         """Base frequency (P,) [Hz], gradient (P, n) and Fisher information (P, n, n) of parts of the bands."""
-        n, places, gradients, information = len(unknowns), [], [], []
+        found = []
         for band, at in zip(self.bands, self.places(), strict=True):
-            g, F = band.model.scores(unknowns[at])
-            gradients.append(np.zeros((len(g), n)))
-            gradients[-1][:, at] = g
-            information.append(np.zeros((len(g), n, n)))
-            information[-1][:, at[:, None], at] = F
-            places.append(np.linspace(band.model.base[0], band.model.base[-1], len(g)))
-        return np.concatenate(places), np.concatenate(gradients), np.concatenate(information)
+            (g, F), own = band.model.scores(unknowns[at]), np.eye(len(unknowns))[at]
+            found.append((np.linspace(band.model.base[0], band.model.base[-1], len(g)), g @ own, own.T @ F @ own))
+        places, gradients, information = (np.concatenate(each) for each in zip(*found, strict=True))
+        return places, gradients, information
 
     def with_inexact(self, inexact: Inexact) -> "BandModel":
         """The model with instruments and masses as additional unknowns."""

@@ -20,10 +20,9 @@ from windsysid.scoring import covariance
 from windsysid.spectral.rotor.model import Inexact
 from windsysid.spectral.rotor.problem import RotorQuestion
 from windsysid.spectral.rotor_bands.build import PosedBands, centre_bands, search_bands
-from windsysid.spectral.rotor_bands.check import doubts_of_bands, halves_of_bands
+from windsysid.spectral.rotor_bands.check import judge_bands
 from windsysid.spectral.rotor_bands.limits import BLADE_STIFFNESS_DISCREPANCY
 from windsysid.spectral.rotor_bands.model import BandModel
-from windsysid.spectral.rotor_bands.part_scores import scores_of_bands
 from windsysid.statespace.unknowns import Unknowns
 
 __all__ = ["SpectralEstimate", "read_in_bands"]
@@ -91,12 +90,7 @@ def read_in_bands(question: RotorQuestion, loads: str, inexact: Inexact | None =
             "no spectrum of this model is positive: expected loads, noise and priors of the size of the record's; "
             "check units and the turbine file"
         ) from None
-    converged = fit.mode.converged and found.converged
-    halves = halves_of_bands(question, posed, fit)
-    try:
-        scores = scores_of_bands(wide, [half.model for half in halves], posed.spectra.duration)
-    except np.linalg.LinAlgError:
-        scores = ()
+    doubts, scores = judge_bands(question, posed, fit, wide)
     mean, spread = wide.model.prior
     off = (found.unknowns - mean) / spread
     return SpectralEstimate(
@@ -105,7 +99,7 @@ def read_in_bands(question: RotorQuestion, loads: str, inexact: Inexact | None =
         wide.model.unknowns,
         -(found.value - 0.5 * float(off @ off)),
         posed.model.statistics,
-        tuple(doubts_of_bands(question, posed, fit._replace(mode=fit.mode._replace(converged=converged)), halves)),
+        tuple(doubts),
         _notes(posed, found.unknowns, cov, wide.model.unknowns.of("lag").start),
         find_held(one_by_one(lambda u: -wide.model.likelihood(u)[0]), found.unknowns, cov, question.parameters),
         _spectra(posed, wide.model, found.unknowns, cov),
