@@ -69,7 +69,8 @@ def response(waves: Array, moment: Array, rate: float, reference: float) -> tupl
             noise = np.convolve(square, kernel / kernel.sum(), mode="valid")
         cost = float(np.sum(np.log(noise)) / HANN_OVERLAP + 0.5 * np.sum((p[4:] / SPREAD) ** 2))
         if found is None or cost < found[0]:
-            found = cost, p, np.sqrt(np.diag(np.linalg.inv(fit.jac.T @ fit.jac)))
+            slopes = np.asarray(fit.jac)
+            found = cost, p, np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes)))
     assert found is not None
     _, p, std = found
     ratio = DAMPING * math.exp(p[5])
