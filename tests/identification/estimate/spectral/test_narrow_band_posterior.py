@@ -1,9 +1,11 @@
 """A narrow-band load that the spectra hardly show, integrated over its prior."""
 
+import numpy as np
 import pytest
 from validation.towers import KINDS, Kind, simulate
 
 from tests.findings import codes
+from windsysid.identification.estimate.spectral.narrow_band_posterior import POINTS, _points
 from windsysid.identification.identify import identify
 from windsysid.study.drawn_prior import DrawnPrior
 
@@ -36,3 +38,10 @@ def test_a_healthy_tower_keeps_the_intervals_of_its_model():
     found = identify(made, "tower", prior=DrawnPrior(seed=941000), formulation="spectral")
     assert "narrow_band_load" not in codes(found.findings)
     assert [one.grade for one in found.estimates][2] == "A"
+
+
+def test_points_are_standard_normal():
+    drawn = _points(3)
+    assert drawn.shape == (3, POINTS)
+    assert np.allclose(drawn.mean(axis=1), 0.0, atol=0.02)
+    assert np.allclose(np.cov(drawn), np.eye(3), atol=0.05)
