@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from tests.identification.fits import TOWER
+from windsysid.checks.widening import mixture_factor
 from windsysid.identification.estimate.spectral.narrow_band import (
     NarrowBandFit,
     Rival,
@@ -76,7 +77,7 @@ def test_a_rival_widens_by_its_chance_its_shift_and_its_own_uncertainty():
     assert _widths(QUESTION, end(0.0, 0.0), end(0.0, 0.1)) == pytest.approx({"k_x": 1.0, "c_x": 1.0})
 
     def factor(shift: float, width: float, chance: float) -> float:
-        return Rival(0.4, {"k_x": 0.0, "c_x": shift}, {}, {"k_x": 1.0, "c_x": width}, chance).factor
+        return mixture_factor([Rival(0.4, {"c_x": shift}, {}, {"c_x": width}, chance).part("c_x")])
 
     rng, n = np.random.default_rng(2), 400_000
     drawn = np.where(rng.random(n) < 1.0 / 3.0, 2.0 + 3.0 * rng.standard_normal(n), rng.standard_normal(n))

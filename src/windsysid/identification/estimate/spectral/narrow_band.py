@@ -216,9 +216,20 @@ def _ends(question: RotorQuestion, posed: Posed, starts: Sequence[Array], *, rou
     ends = list[RotorFit]()
     with_prior = [_with_prior(question, posed, end) for end in found]
     for end in sorted(with_prior, key=LOG_EVIDENCE, reverse=True):
-        if not any(_largest(_off(question, other, end)[0]) < SAME_OPTIMUM_SIGMAS for other in ends):
+        if not _is_image(question, end) and not any(
+            _largest(_off(question, other, end)[0]) < SAME_OPTIMUM_SIGMAS for other in ends
+        ):
             ends.append(end)
     return ends
+
+
+def _is_image(question: RotorQuestion, end: RotorFit) -> bool:
+    """Test for negative damping of a support, which has the spectra of positive damping."""
+    supports = {one.name for one in question.turbine.model.freedoms if not one.blade}
+    damping = [
+        u for q, u in zip(question.parameters, end.unknowns, strict=False) if q.kind == "damping" and q.part in supports
+    ]
+    return min(damping, default=0.0) < 0.0
 
 
 def _with_prior(question: RotorQuestion, posed: Posed, end: RotorFit) -> RotorFit:
@@ -324,7 +335,9 @@ def _of_ends(question: RotorQuestion, best: RotorFit, others: Sequence[RotorFit]
     ]
 
 
-def _not_found(question: RotorQuestion, found: RotorFit, beside: NarrowBandFit, ends: Sequence[RotorFit]) -> list[Rival]:
+def _not_found(
+    question: RotorQuestion, found: RotorFit, beside: NarrowBandFit, ends: Sequence[RotorFit]
+) -> list[Rival]:
     """Narrow-band loads that a fit with broad loads alone lacks: of their posterior, and ends of searches that are too
     narrow a peak of it for the points of its integral."""
     stds = dict(zip([q.name for q in question.parameters], np.sqrt(np.diag(found.cov)).tolist(), strict=False))

@@ -28,7 +28,7 @@ from windsysid.spectral.rotor.model import LiftedModel
 from windsysid.spectral.rotor.narrow_band_spectra import narrow_density
 from windsysid.spectral.rotor.problem import RotorQuestion
 
-__all__ = ["Response", "Shifted", "responses", "shifted_by_narrow_band"]
+__all__ = ["ShiftedPosterior", "SupportResponse", "responses", "shifted_by_narrow_band"]
 
 POINTS, STEPS = 512, 6
 """Numerical: points of the integral over a load, and steps of the searches at each."""
@@ -43,7 +43,7 @@ MIN_DAMPING_FACTOR = 0.2
 """Numerical: smallest factor on damping in a step: spectra do not tell its sign."""
 
 BROAD_LOG_POWER_STD, FIXED = 1.0, 1e-6
-"""Setting: prior standard deviation of the logarithm of the broad loads' power over that found, and of what is given."""
+"""Setting: prior standard deviation of the logarithm of broad loads' power over that found, and of what is given."""
 
 BROAD_DAMPING = 3.0
 """Setting: damping ratio of a load that is hardly narrow: it tells how the support answers at any frequency."""
@@ -51,11 +51,11 @@ BROAD_DAMPING = 3.0
 ABSENT_LOG_LEVEL = -8.0
 """Setting: coordinate of the level of a load that is absent."""
 
-MOVED_SIGMAS = 1.0
-"""Numerical: shift or added width of a coefficient from which on points belong to the rival."""
+MOVED_SIGMAS = 2.0
+"""Setting: shift or added width of a coefficient from which on a load is another explanation; less is as chance."""
 
 
-class Response(NamedTuple):
+class SupportResponse(NamedTuple):
     """Answer of the channel that sees most of a degree of freedom of the support.
 
     Attributes
@@ -76,7 +76,7 @@ class Response(NamedTuple):
     power: Array
 
 
-class Shifted(NamedTuple):
+class ShiftedPosterior(NamedTuple):
     """Part of a posterior under a narrow-band load in which coefficients of one degree of freedom differ.
 
     Attributes
@@ -93,7 +93,7 @@ class Shifted(NamedTuple):
     widths: dict[str, float]
 
 
-def responses(question: RotorQuestion, model: LiftedModel, known: Array) -> Iterator[Response]:
+def responses(question: RotorQuestion, model: LiftedModel, known: Array) -> Iterator[SupportResponse]:
     """Responses of the support's degrees of freedom to loads, with what is known of coefficients and broad loads."""
     narrow = narrow_band_statistics(question.turbine, question.loads)
     at = model.unknowns.of("statistics").stop - len(model.noise) - len(narrow)
@@ -119,10 +119,10 @@ def responses(question: RotorQuestion, model: LiftedModel, known: Array) -> Iter
         answer = added / (level.given**2 * narrow_density(frequency, mode, BROAD_DAMPING)[0])
         entry = int(np.argmax((answer / without).max(axis=0))) % len(model.combine)
         seen = model.place.entries % len(model.combine) == entry
-        yield Response(level, mode, *(of[:, seen] for of in (frequency, without, noise, answer, power)))
+        yield SupportResponse(level, mode, *(of[:, seen] for of in (frequency, without, noise, answer, power)))
 
 
-def shifted_by_narrow_band(question: RotorQuestion, model: LiftedModel, found: RotorFit) -> list[Shifted]:
+def shifted_by_narrow_band(question: RotorQuestion, model: LiftedModel, found: RotorFit) -> list[ShiftedPosterior]:
     """Parts of the posterior in which a narrow-band load shifts coefficients from where a search with broad loads alone
     has ended; `model` has the narrow-band load."""
     model = model._replace(smear=found.model.smear, overlap=found.model.overlap)
@@ -130,14 +130,17 @@ def shifted_by_narrow_band(question: RotorQuestion, model: LiftedModel, found: R
     return [part for part in parts if part is not None]
 
 
-def _shifted(question: RotorQuestion, model: LiftedModel, found: RotorFit, response: Response) -> Shifted | None:
+def _shifted(
+    question: RotorQuestion, model: LiftedModel, found: RotorFit, response: SupportResponse
+) -> ShiftedPosterior | None:
     frequency, width, *_ = narrow_band_statistics(question.turbine, question.loads)
     own, damping, rms = (
-        one.given * np.exp(one.spread * u) for one, u in zip((frequency, width, response.level), _points(3), strict=True)
+        one.given * np.exp(one.spread * u)
+        for one, u in zip((frequency, width, response.level), _points(3), strict=True)
     )
     damping = np.hypot(damping, 0.5 * float(np.median(np.diff(model.base))) / own)
     density = narrow_density(response.frequency, own[:, None, None], damping[:, None, None])[0]
-    mode = _Mode.of(question, model, found, response)
+    mode = _ModeUnderLoads.of(question, model, found, response)
     alone = mode.search(np.zeros((1, *response.answer.shape)))
     beside = mode.search(np.square(rms)[:, None, None] * density * response.answer)
     odds = [math.log(odds_of("narrow_band_load", question.turbine, f)) for f in own.tolist()]
@@ -154,7 +157,7 @@ def _shifted(question: RotorQuestion, model: LiftedModel, found: RotorFit, respo
     mean = weights @ shift
     spread = np.sqrt(weights @ (np.square(shift - mean) + np.square(wide)))
     names = [question.parameters[i].name for i in mode.places[known]]
-    return Shifted(
+    return ShiftedPosterior(
         log_odds, float(np.exp(weights @ np.log(own))), dict(zip(names, (mean * std).tolist(), strict=True)),
         dict(zip(names, spread.tolist(), strict=True)),
     )  # fmt: skip
@@ -177,7 +180,7 @@ class _Ends(NamedTuple):
     log_evidence: Array
 
 
-class _Mode(NamedTuple):
+class _ModeUnderLoads(NamedTuple):
     """A degree of freedom, whose unknowns are the logarithm of its stiffness over that found, its damping as the
     coefficient's coordinate, and the logarithm of the power of broad loads over that found.
 
@@ -193,7 +196,7 @@ class _Mode(NamedTuple):
         Dynamic stiffness over k as found (B, e), and that of one unit of the damping's coordinate.
     """
 
-    response: Response
+    response: SupportResponse
     counts: Array
     places: Array
     start: Array
@@ -203,7 +206,9 @@ class _Mode(NamedTuple):
     slope: Array
 
     @classmethod
-    def of(cls, question: RotorQuestion, model: LiftedModel, found: RotorFit, response: Response) -> "_Mode":
+    def of(
+        cls, question: RotorQuestion, model: LiftedModel, found: RotorFit, response: SupportResponse
+    ) -> "_ModeUnderLoads":
         """The degree of freedom of a response."""
         of, wanted = response.level.of, (("stiffness", True), ("damping", False))
         values = {q.name: float(q.physical(u)) for q, u in zip(question.parameters, found.unknowns, strict=False)}
@@ -229,7 +234,9 @@ class _Mode(NamedTuple):
         damping, going = np.ones(len(added)), np.arange(len(added))
         for _ in range(STEPS):
             step = -np.linalg.solve(information[going], gradient[going, :, None])[:, :, 0]
-            going, step = (part[-np.sum(step * gradient[going], axis=1) > NEGLIGIBLE_DECREMENT] for part in (going, step))
+            going, step = (
+                part[-np.sum(step * gradient[going], axis=1) > NEGLIGIBLE_DECREMENT] for part in (going, step)
+            )
             if not len(going):
                 break
             tried = point[going] + damping[going, None] * step.clip(-MAX_STEP * self.spread, MAX_STEP * self.spread)
