@@ -1,4 +1,4 @@
-"""Short textbook forms of functions of `scipy.signal`, `optimize` and `interpolate`: their import takes half a second."""
+"""Short textbook forms of functions of `scipy.signal`, `optimize` and `interpolate`, which take 0.5 s to import."""
 
 import math
 from collections.abc import Callable
@@ -18,8 +18,8 @@ def short_spectra(values: Array, rate: float, size: int, overlap: int) -> tuple[
     transforms = np.fft.rfft(window * (segments - segments.mean(axis=1, keepdims=True)), axis=1)
     density = np.asarray(np.abs(transforms.T) ** 2 / (rate * np.sum(window**2)), dtype=np.float64)
     density[1 : (size + 1) // 2] *= 2.0
-    middle = (np.arange(len(segments)) * (size - overlap) + 0.5 * size) / rate
-    return np.arange(len(density)) * rate / size, middle, density
+    middle = np.arange(len(segments)) * ((size - overlap) / rate) + 0.5 * size / rate
+    return np.arange(len(density)) * rate / size, np.asarray(middle, dtype=np.float64), density
 
 
 def tukey(samples: int, share: float) -> Array:
