@@ -126,7 +126,8 @@ def test_a_mass_beside_known_masses_moves_with_the_stiffness_in_its_own_proporti
 def test_a_damper_that_is_hardly_seen_is_mixed_up_with_the_mass_too():
     # In units of what is seen, the damper's share of the common factor is small where damping is small.
     found = plan(load_turbine("tower"), rate=10.0, parameters=["mass_side_side"])
-    (sentence,) = found.directions
+    sentence, aerodynamic = found.directions
+    assert aerodynamic.startswith("k_fore_aft and aerodynamics of k_fore_aft are correlated")
     assert sentence.startswith("k_side_side, c_side_side, mass_side_side")
     assert "only the proportion between them" in sentence
     assert found.band("c_side_side") == math.inf

@@ -111,6 +111,7 @@ SHORT: dict[str, tuple[str, ...]] = {
     "validation.matching": ("--machines 20 --records 1",),
     "validation.field": ("--openfast {data}/openfast --output {tmp} --without-rotor --seeds 1",),
     "validation.window_pairs": ("--openfast {data}/openfast --records c2 --seconds 180",),
+    "validation.wave_response": ("--openfast {data}/openfast",),
     "validation.windows": ("--openfast {data}/openfast --records c2 --seconds 180",),
     "validation.field_spectral": ("--simulated --rpm 12.1 --loads random --runs 1",),
     "validation.fleet": ("--healthy 1",),
