@@ -44,6 +44,15 @@ def dispersion_of(scores: PartScores, quantity: Array = FIRST) -> Dispersion:
     return found
 
 
+def test_two_halves_have_one_degree_of_freedom():
+    """The second half contradicts the first as much as that one contradicts it."""
+    rng = np.random.default_rng(20261127)
+    found = [dispersion_of(scores_of(rng, SPREAD * rng.standard_normal(3), parts=2)) for _ in range(1500)]
+    assert np.mean([one.freedom for one in found]) == pytest.approx(1.0, abs=0.1)
+    chance = [stats.chi2.sf(one.ratio * one.freedom, one.freedom) for one in found]
+    assert np.mean(np.array(chance) < 0.05) == pytest.approx(0.05, abs=0.015)
+
+
 def test_parts_of_a_true_model_scatter_as_fisher_information_tells():
     rng = np.random.default_rng(20261126)
     found = [dispersion_of(scores_of(rng, SPREAD * rng.standard_normal(3))) for _ in range(1500)]

@@ -4,12 +4,12 @@ The score of a fit is a sum over parts of a record, in time or over frequencies.
 of parts are uncorrelated and have their part F_k of Fisher information as covariance. At the mode of the posterior,
 with the prior precision Λ and C = (Σ F_k + Λ)⁻¹, part k shifts a quantity aᵀθ by aᵀC g_k, with the variance
 
-    v_k = aᵀC (F_k − F_k C F_k) C a,       ν = (Σ v_k)² / Σ v_k²,      r = Σ (aᵀC g_k)² / Σ v_k,
+    V_kl = aᵀC (δ_kl F_k − F_k C F_l) C a,      ν = (Σ V_kk)² / Σ V_kl²,      r = Σ (aᵀC g_k)² / Σ V_kk,
 
-and r ν is χ² with ν degrees of freedom: r is the sandwich covariance over the inverse of the information. Loads that
-change over time, a spectrum of another shape and a mode that the model lacks raise it for the quantities that they
-affect. It measures scatter: an error that is the same in all parts stays unseen. Parts are joined to groups of equal
-information on the quantity.
+where V is the covariance of the shifts. r ν is χ² with ν degrees of freedom, one for two halves: r is the sandwich
+covariance over the inverse of the information. Loads that change over time, a spectrum of another shape and a mode that
+the model lacks raise it for the quantities that they affect. It measures scatter: an error that is the same in all
+parts stays unseen. Parts are joined to groups of equal information on the quantity.
 
 A variance is not multiplied by r, which scatters where ν is small, but by its expectation over two explanations: the
 model is true, or the dispersion is s², with a scaled-inverse-χ² prior. Their odds follow from r in closed form.
@@ -127,14 +127,14 @@ class PartScores(NamedTuple):
         label = (MAX_GROUPS * (np.cumsum(own) - 0.5 * own) / own.sum()).astype(int)
         groups = [label == each for each in np.unique(label)]
         F = np.array([F[some].sum(axis=0) for some in groups])
-        moved = np.array([u @ g[some].sum(axis=0) for some in groups]) - F @ step @ u
-        expected = np.einsum("n,kno,o->k", u, F - F @ C @ F, u).clip(0.0)
-        if np.count_nonzero(expected) < 2:
+        moved, W = np.array([u @ g[some].sum(axis=0) for some in groups]) - F @ step @ u, F @ u
+        V = np.diag(W @ u) - W @ C @ W.T
+        if np.count_nonzero(np.diag(V) > 0.0) < 2:
             return None
         furthest = groups[int(np.argmax(np.abs(moved)))]
         return Dispersion(
-            float(np.sum(moved**2) / np.sum(expected)),
-            float(np.sum(expected) ** 2 / np.sum(expected**2)),
+            float(np.sum(moved**2) / np.trace(V)),
+            float(np.trace(V) ** 2 / np.sum(V**2)),
             min(float(own.sum() / (a @ u)), 1.0),
             float(own[furthest] @ self.places[furthest] / own[furthest].sum()),
         )
