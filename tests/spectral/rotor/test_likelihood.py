@@ -6,7 +6,14 @@ import pytest
 from windsysid.spectral.rotor import likelihood as module
 from windsysid.spectral.rotor.kernel_dense import elements_of, entries_at, places_of, spectra_dense
 from windsysid.spectral.rotor.kernel_sparse import MAX_LOOP_ENTRIES
-from windsysid.spectral.rotor.likelihood import Ingredients, ModelSpectrum, spectrum_of_bins, times_sources, whittle
+from windsysid.spectral.rotor.likelihood import (
+    Ingredients,
+    ModelSpectrum,
+    spectrum_of_bins,
+    times_sources,
+    whittle,
+    whittle_by_bins,
+)
 from windsysid.spectral.rotor.load_spectra import SourceSpectra
 from windsysid.spectral.rotor.problem import Posed
 
@@ -36,6 +43,11 @@ def test_value_gradient_and_information_are_whittles(entries: int):
     assert found.value == pytest.approx(value)
     np.testing.assert_allclose(found.gradient, gradient)
     np.testing.assert_allclose(found.information, information)
+    gradients, informations = whittle_by_bins(data, counts, ModelSpectrum(S, A, None))
+    np.testing.assert_allclose(gradients.sum(axis=0), gradient)
+    np.testing.assert_allclose(informations.sum(axis=0), information)
+    alone = whittle(data[1:2], counts[1:2], ModelSpectrum(S[1:2], np.ascontiguousarray(A[:, 1:2]), None))
+    np.testing.assert_allclose(gradients[1], alone.gradient)
 
 
 def test_loops_over_few_and_over_many_entries_are_products_of_matrices(ingredients: Ingredients):

@@ -38,6 +38,20 @@ def test_likelihoods_of_bands_add():
     np.testing.assert_array_equal(information, np.diag([4.0, 4.0, 2.0, 2.0]))
 
 
+def test_scores_of_bands_are_those_of_their_parts():
+    def scored(name: str, base: list[float]) -> Any:
+        one = band(name, 1.0)
+        one.model.base = np.array(base)
+        one.model.scores = lambda u: (np.outer([1.0, 2.0], u), np.array([np.eye(3), 2.0 * np.eye(3)]))
+        return one
+
+    model, u = BandModel((scored("a", [0.1, 0.2]), scored("b", [1.0, 1.2]))), np.array([1.0, 2.0, 3.0, 4.0])
+    places, gradients, information = model.scores(u)
+    np.testing.assert_array_equal(places, [0.1, 0.2, 1.0, 1.2])
+    np.testing.assert_array_equal(gradients[[1, 3]], [[2.0, 4.0, 6.0, 0.0], [2.0, 4.0, 0.0, 8.0]])
+    np.testing.assert_array_equal(information[3], np.diag([2.0, 2.0, 0.0, 2.0]))
+
+
 def test_levels_that_two_models_have_stay_what_they_are():
     before, after = BandModel((band("a", 1.0),)), BandModel((band("a", 4.0), band("b", 2.0)))
     found = after.start_from(np.array([0.1, 0.2, np.log(8.0)]), before)

@@ -113,12 +113,12 @@ def one_by_one(log_likelihood: Callable[[Array], float]) -> Callable[[Sequence[A
 
 
 def with_wide_priors(identify: Callable[[Prior], Outcome], prior: Prior) -> tuple[Outcome, Prior]:
-    """Fit of the spectra under a prior that is widened in a conflict, and that prior. A record that they
-    doubt, a short one for most, keeps it."""
+    """Fit of the spectra under a prior that is widened in a conflict, and that prior. A record with a reason against it
+    other than rival explanations, which widen intervals, keeps it."""
     found = identify(prior)
     given = found.model.parameters
     for _ in range(MAX_WIDENINGS):
-        if not found.held or found.doubts:
+        if not found.held or any("shifts" not in one.data for one in found.doubts):
             break
         prior = _WidenedPrior(of=prior, names=found.held)
         found = identify(prior)

@@ -31,7 +31,7 @@ from windsysid.spectral.transforms.lifted import Complex
 
 __all__ = [
     "Ingredients", "Likelihood", "ModelSpectrum", "Slopes", "SpectrumGrid", "spectrum_of_bins", "whittle",
-    "whittle_of_many",
+    "whittle_by_bins", "whittle_of_many",
 ]  # fmt: skip
 
 
@@ -258,6 +258,15 @@ def whittle(data: Complex, counts: Array, model: ModelSpectrum) -> Likelihood:
     flat = np.ascontiguousarray(A).reshape(len(A), -1).view(np.float64)  # tr AB = Σ A_ij conj(B_ij) for Hermitian B
     weighted = (flat.reshape(len(A), len(counts), -1) * counts[:, None]).reshape(len(A), -1)
     return Likelihood(value, flat @ np.ascontiguousarray(shown).view(np.float64).ravel(), weighted @ flat.T)
+
+
+def whittle_by_bins(data: Complex, counts: Array, model: ModelSpectrum) -> tuple[Array, Array]:
+    """g (B, n) and F (B, n, n) of each of the B bins, for c_h = 1; arguments as of `whittle`."""
+    L_inv = _whitener(model.spectrum)
+    y, A = L_inv @ data, np.moveaxis(L_inv @ model.slopes @ _h(L_inv), 0, 1)
+    shown = counts[:, None, None] * np.eye(data.shape[1]) - y @ _h(y)
+    F = counts[:, None, None] * np.einsum("bnij,boji->bno", A, A, optimize=True).real
+    return np.einsum("bnij,bji->bn", A, shown).real, F
 
 
 def whittle_of_many(of: Ingredients, data: Complex, counts: Array) -> Likelihood:

@@ -1,6 +1,7 @@
 """The lifted spectrum of a record as a function of the unknowns: coefficients, mean lag angle, statistics of loads and
 noise."""
 
+import math
 from collections.abc import Iterator
 from functools import lru_cache
 from typing import NamedTuple
@@ -29,6 +30,7 @@ from windsysid.spectral.rotor.likelihood import (
     SpectrumGrid,
     spectrum_of_bins,
     whittle,
+    whittle_by_bins,
     whittle_of_many,
 )
 from windsysid.spectral.rotor.load_spectra import Sources, SourceSpectra
@@ -236,6 +238,13 @@ class LiftedModel(NamedTuple):
             at = self._from_kernels()
             whole = Likelihood(whole.value, whole.gradient[at], whole.information[np.ix_(at, at)])
         return _scaled(whole, float(counts.sum() / counts[bins].sum()) / self.overlap)
+
+    def scores(self, unknowns: Array) -> tuple[Array, Array]:
+        """Gradient (P, n) and Fisher information (P, n, n) of the log-likelihood of each c_h neighbouring bins, which
+        count as one."""
+        g, F = whittle_by_bins(self.data, self.counts, self.spectrum(unknowns, slopes=True))
+        first = np.arange(0, len(g), math.ceil(self.overlap))
+        return -np.add.reduceat(g, first) / self.overlap, np.add.reduceat(F, first) / self.overlap
 
     def _from_kernels(self) -> NDArray[np.intp]:
         """Index of each unknown in the derivatives of the kernels, which have the statistics last (n,)."""

@@ -1,10 +1,10 @@
-"""Goodness of fit of narrow bands, and agreement of the halves of a record and of narrower bands.
+"""Goodness of fit of narrow bands.
 
 Levels of loads are learned, so that the size of a whole band says nothing. What can be wrong is its shape (parts of
-each row), its steadiness (energy of the halves), and the stiffness itself: each half of the record must say the same,
-and so must bands of two thirds of the width, which hold less of what the model may not have. Two estimates from the
-same data of which one uses less differ by the difference of their covariances (Hausman, Econometrica 46, 1978,
-https://doi.org/10.2307/1913827).
+each row), its steadiness (energy of the halves), and the coefficients: each half of the record must give the same, and
+so must bands of two thirds of the width, which hold less of what the model may not have. Two estimates from the same
+data of which one uses less differ by the difference of their covariances (Hausman, Econometrica 46, 1978,
+https://doi.org/10.2307/1913827). One that differs by more is a rival explanation.
 """
 
 from collections.abc import Sequence
@@ -13,85 +13,100 @@ from itertools import chain, pairwise
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.checks.dispersion import PartScores
 from windsysid.errors import RecordError
 from windsysid.results.finding import Finding
 from windsysid.spectral.rotor.check import RangePower, misshapen, parts_of, unexplained, unsteady
 from windsysid.spectral.rotor.model import LiftedModel
 from windsysid.spectral.rotor.problem import RotorQuestion
-from windsysid.spectral.rotor.scoring import SpectralMode
 from windsysid.spectral.rotor_bands.build import PosedBands, pose_bands
-from windsysid.spectral.rotor_bands.likelihood_ratio import chance_of_halves, doubt_classes
+from windsysid.spectral.rotor_bands.likelihood_ratio import doubt_classes, doubt_halves, rival_in_bands
 from windsysid.spectral.rotor_bands.limits import (
     DISAGREEMENT_PROBABILITY,
     MIN_BLADES_FREEDOM,
     MIN_ENERGY_FREEDOM,
     MIN_SUPPORT_FREEDOM,
 )
-from windsysid.spectral.rotor_bands.model import RotorBandFit
+from windsysid.spectral.rotor_bands.model import BandModel, RotorBandFit
 from windsysid.spectral.transforms.rotating_frame import combine_groups
+from windsysid.statespace.parameter import Parameter
 
-__all__ = ["doubts_of_bands"]
+__all__ = ["judge_bands"]
 
 PART_COUNTS = (3, 8)
 """Setting: numbers of parts of a band: wide ones show a wrong level, narrow ones a resonance at another place."""
+
 
 NARROW_SHARE, MAX_REMAINING_SHARE = 0.65, 0.1
 """Setting: width of the narrower bands over that of the bands, and remaining share of a covariance if they contain as
 much, since levels at the ends of a band are estimated anew. A step of less than a standard deviation is no finding."""
 
 
-def doubts_of_bands(question: RotorQuestion, posed: PosedBands, fit: RotorBandFit) -> list[Finding]:
-    """Reasons against a result."""
+def judge_bands(
+    question: RotorQuestion, posed: PosedBands, fit: RotorBandFit, wide: RotorBandFit
+) -> tuple[list[Finding], tuple[PartScores, ...]]:
+    """Reasons against a result, and the scores of parts of the record at the fit with tolerances (`wide`)."""
     posed, found = posed._replace(model=fit.model), fit.mode
     doubts = [*posed.doubts, *_short(posed)]
-    if not found.converged:
+    if not (found.converged and wide.mode.converged):
         doubts.append(Finding("search_not_converged", "reason", {"steps": found.steps}))
     thirds, eighths = zip(*_parts(posed, found.unknowns), strict=True)
     doubts += (unexplained(chain.from_iterable(thirds)) or misshapen(eighths, DISAGREEMENT_PROBABILITY))[:3]
     try:
-        halves = _halves(question, posed)
-        narrow = pose_bands(question, posed.places, posed.spectra, width=NARROW_SHARE)
+        halves = _halves(question, posed, fit)
+        narrow = pose_bands(question, posed.places, posed.spectra, width=NARROW_SHARE).model
     except RecordError:
-        return [*doubts, Finding("too_short_for_stationarity", "reason")]
+        return [*doubts, Finding("too_short_for_stationarity", "reason")], ()
     if len(halves) < 2:
-        return [*doubts, Finding("one_block", "reason")]
+        return [*doubts, Finding("one_block", "reason")], ()
     doubts += unsteady(*(_energies(posed, piece, found.unknowns) for piece in halves))[:2]
+    models = [half.model for half in halves]
     try:
-        return doubts + _disagreements(question, posed, found, halves, narrow)
+        doubts += doubt_classes(posed, found, question.parameters)
+        doubts += doubt_halves(models, fit, question.parameters)
+        doubts += _narrower(narrow, fit, question.parameters)
+        return doubts, _scores(wide, models, posed.spectra.duration)
     except np.linalg.LinAlgError:
-        return [*doubts, Finding("segments_without_spectrum", "reason")]
+        return [*doubts, Finding("segments_without_spectrum", "reason")], ()
 
 
-def _halves(question: RotorQuestion, posed: PosedBands) -> list[PosedBands]:
-    """The problem of either half of the record; of one block none."""
+def _halves(question: RotorQuestion, posed: PosedBands, fit: RotorBandFit) -> list[PosedBands]:
+    """The problem of either half of the record, as it is at a fit; of one block none."""
     if question.turned is not None:
-        halves = [combine_groups(question.turned, groups) for groups in question.turned.halves() or ()]
-        return [pose_bands(question, posed.places, half) for half in halves]
-    return [pose_bands(half, posed.places) for half in question.halves]
+        read = [combine_groups(question.turned, groups) for groups in question.turned.halves() or ()]
+        halves = [pose_bands(question, posed.places, half) for half in read]
+    else:
+        halves = [pose_bands(half, posed.places) for half in question.halves]
+    starts = [half.model.start_from(fit.mode.unknowns, fit.model) for half in halves]
+    return [half._replace(model=half.model.smeared_at(at)) for half, at in zip(halves, starts, strict=True)]
 
 
-def _disagreements(
-    question: RotorQuestion, posed: PosedBands, found: SpectralMode, halves: Sequence[PosedBands], narrow: PosedBands
-) -> list[Finding]:
-    """Test whether the halves and the narrower bands give another stiffness than the record."""
-    which = [i for i, q in enumerate(question.parameters) if q.logarithmic]
-    names = [question.parameters[i].name for i in which]
-    first, second, again = (
-        other.model.fit(other.model.start_from(found.unknowns, posed.model), rough=True) for other in (*halves, narrow)
-    )
-    known, one, other, less = (
-        np.linalg.inv(fit.mode.information)[np.ix_(which, which)]
-        for fit in (RotorBandFit(posed.model, found), first, second, again)
-    )
-    doubts = doubt_classes(posed, found, question.parameters)
-    between = (first.mode.unknowns - second.mode.unknowns)[which]
-    differing = _differ("halves_disagree_in_bands", between, one + other, names)
-    if differing and chance_of_halves((first, second), found.unknowns) < DISAGREEMENT_PROBABILITY:
-        doubts += differing
-    step = again.mode.unknowns[which] - found.unknowns[which]
-    if np.any(np.abs(step) > np.sqrt(np.diag(known).clip(0.0))):
-        doubts += _differ("narrower_bands_disagree", step, less - (1.0 - MAX_REMAINING_SHARE) * known, names)
-    return doubts
+def _scores(wide: RotorBandFit, halves: Sequence[BandModel], duration: float) -> tuple[PartScores, ...]:
+    """Scores over frequencies, and over the halves of a record of a duration [s]."""
+    at, (mean, spread) = wide.mode.unknowns, wide.model.prior
+    precision = np.diag(spread**-2.0)
+    whole = PartScores("frequency", *wide.model.scores(at), precision, precision @ (mean - at))
+    models = [half.with_inexact(wide.model.bands[0].model.inexact) for half in halves]
+    parts = [model.likelihood(model.start_from(at, wide.model)) for model in models]
+    _, slopes, information = (np.array(each) for each in zip(*parts, strict=True))
+    places = (np.arange(len(parts)) + 0.5) * duration / len(parts)
+    return whole, whole._replace(over="time", places=places, gradients=-slopes, information=information)
+
+
+def _narrower(narrow: BandModel, fit: RotorBandFit, parameters: Sequence[Parameter]) -> list[Finding]:
+    """Test whether narrower bands give another stiffness than the bands."""
+    from scipy.special import chdtri
+
+    again, n = narrow.fit(narrow.start_from(fit.mode.unknowns, fit.model)).mode, len(parameters)
+    step, which = again.unknowns[:n] - fit.mode.unknowns[:n], [i for i, q in enumerate(parameters) if q.logarithmic]
+    known, less = (np.linalg.inv(one.information)[:n, :n] for one in (fit.mode, again))
+    std = np.sqrt(np.diag(known).clip(1e-300))
+    values, vectors = np.linalg.eigh((less - (1.0 - MAX_REMAINING_SHARE) * known)[np.ix_(which, which)])
+    size = float(np.sum((vectors.T @ step[which]) ** 2 / np.maximum(values, 1e-3 * values.max())))
+    if not np.any(np.abs(step) > std, where=np.isin(np.arange(n), which)):
+        return []
+    far = size > float(chdtri(len(which), DISAGREEMENT_PROBABILITY))
+    return [rival_in_bands("narrower_bands_disagree", step, std, parameters)] if far else []
 
 
 def _short(posed: PosedBands) -> list[Finding]:
@@ -105,19 +120,6 @@ def _short(posed: PosedBands) -> list[Finding]:
             code = "narrow_resonance_in_bands" if spectra.recent is None else "narrow_resonance_in_bands_of_pieces"
             doubts.append(Finding(code, "reason", data))
     return doubts
-
-
-def _differ(code: str, step: Array, cov: Array, names: list[str]) -> list[Finding]:
-    """A reason where a step is longer than chance makes it, with the parameter that it moves most."""
-    from scipy.special import chdtri
-
-    values, vectors = np.linalg.eigh(cov)
-    values = np.maximum(values, 1e-3 * values.max())
-    size = float(np.sum((vectors.T @ step) ** 2 / values))
-    if size <= float(chdtri(len(step), DISAGREEMENT_PROBABILITY)):
-        return []
-    worst = int(np.argmax(np.abs(step) / np.sqrt(np.diag(cov).clip(1e-300))))
-    return [Finding(code, "reason", {"change": step[worst]}, (names[worst],))]
 
 
 def _parts(posed: PosedBands, unknowns: Array) -> list[tuple[list[RangePower], ...]]:

@@ -1,7 +1,8 @@
 """Likelihood ratios of parts of a record that have coefficients of their own: its halves, and classes of its blades.
 
 Levels of loads are those of each part under both hypotheses. Refits of short parts are far from quadratic, so that a
-difference of estimates is longer than its Fisher covariance lets expect; the ratio of likelihoods is not.
+difference of estimates is longer than its Fisher covariance lets expect; the ratio of likelihoods is not. Scores at the
+common mode do not show a resonance that has moved by more than its width, and refits do.
 """
 
 import math
@@ -11,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array
+from windsysid.checks.limits import MIN_RIVAL_PROBABILITY
 from windsysid.results.finding import Finding
 from windsysid.spectral.rotor.model import LiftedModel
 from windsysid.spectral.rotor.scoring import SpectralMode, find_in_stages
@@ -20,7 +22,7 @@ from windsysid.spectral.rotor_bands.mode_locations import ModeLocation
 from windsysid.spectral.rotor_bands.model import COMPARISON_TOLERANCE, BandModel, RotorBand, RotorBandFit
 from windsysid.statespace.parameter import Parameter
 
-__all__ = ["chance_of_halves", "doubt_classes"]
+__all__ = ["doubt_classes", "doubt_halves", "rival_in_bands"]
 
 STIFFNESS_STEP = 0.01
 """Setting: step between the factors on the blades' stiffness that are tried, in the logarithm."""
@@ -29,34 +31,46 @@ CLASS_FREEDOM = 2.0
 """Setting: unknowns that a single resonance informs, its frequency and its damping."""
 
 
-def chance_of_halves(halves: Sequence[RotorBandFit], start: Array) -> float:
-    """Probability of a larger likelihood ratio by chance if the halves have the same coefficients, looked for from
-    those of `start` (n,).
+def doubt_halves(halves: Sequence[BandModel], found: RotorBandFit, parameters: Sequence[Parameter]) -> list[Finding]:
+    """Return a reason if the halves of a record have other coefficients than all of it, with the farther shift of each
+    coefficient as a rival explanation.
 
     The halves share the prior's information. The ratio is a sum of χ² of one degree of freedom each, weighted by the
     data's share of the information, and is approximated by its first two moments (Satterthwaite).
     """
     from scipy.special import chdtrc
 
-    joint = BandModel(tuple(band for half in halves for band in half.model.bands))
-    at = np.zeros(joint.unknowns.size)
-    at[joint.unknowns.but("statistics")] = start[halves[0].model.unknowns.but("statistics")]
-    own = [half.mode.unknowns[half.model.unknowns.of("statistics")] for half in halves]
-    at[joint.unknowns.of("statistics")] = np.concatenate(own)
-    same, ratio = _search(joint, at, joint.prior), 0.0
-    shared = halves[0].model.unknowns.but("statistics")
+    starts = [half.start_from(found.mode.unknowns, found.model) for half in halves]
+    joint, known = BandModel(tuple(band for half in halves for band in half.bands)), halves[0].unknowns
+    at, shared = np.zeros(joint.unknowns.size), known.but("statistics")
+    at[joint.unknowns.but("statistics")] = starts[0][shared]
+    at[joint.unknowns.of("statistics")] = np.concatenate([start[known.of("statistics")] for start in starts])
+    same, ratio, steps = _search(joint, at, joint.prior), 0.0, []
     cov, scatter = np.zeros((2, len(shared), len(shared)))
-    for half in halves:
-        mean, spread = half.model.prior
+    for half, start in zip(halves, starts, strict=True):
+        mean, spread = half.prior
         spread[shared] *= math.sqrt(len(halves))
-        found = _search(half.model, half.mode.unknowns, (mean, spread))
-        C = np.linalg.inv(found.information)
-        ratio -= 2.0 * found.value
+        own = _search(half, start, (mean, spread))
+        C = np.linalg.inv(own.information)
+        ratio -= 2.0 * own.value
+        steps.append(own.unknowns[: len(parameters)] - found.mode.unknowns[: len(parameters)])
         cov += C[np.ix_(shared, shared)]
         scatter += (C - C @ np.diag(spread**-2.0) @ C)[np.ix_(shared, shared)]
     weights = np.linalg.solve(cov, scatter)
     first, second = float(np.trace(weights)), float(np.trace(weights @ weights))
-    return float(chdtrc(first**2 / second, max(ratio + 2.0 * same.value, 0.0) * first / second))
+    if chdtrc(first**2 / second, max(ratio + 2.0 * same.value, 0.0) * first / second) > DISAGREEMENT_PROBABILITY:
+        return []
+    away = np.where(np.abs(steps[0]) > np.abs(steps[1]), *steps)
+    return [rival_in_bands("halves_disagree_in_bands", away, np.sqrt(np.diag(cov)), parameters)]
+
+
+def rival_in_bands(code: str, step: Array, std: Array, parameters: Sequence[Parameter]) -> Finding:
+    """A reason with the step of the coefficients (n,) as a rival explanation; it names the longest of those that are
+    logarithmic, over its standard deviation."""
+    worst = max((i for i, q in enumerate(parameters) if q.logarithmic), key=lambda i: float(abs(step[i]) / std[i]))
+    shifts = dict(zip((q.name for q in parameters), step.tolist(), strict=True))
+    data = {"change": step[worst], "shifts": shifts, "chance": MIN_RIVAL_PROBABILITY}
+    return Finding(code, "reason", data, (parameters[worst].name,))
 
 
 def doubt_classes(posed: PosedBands, found: SpectralMode, parameters: Sequence[Parameter]) -> list[Finding]:

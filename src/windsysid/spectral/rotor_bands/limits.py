@@ -10,9 +10,10 @@ search that does not start at their peaks converges to another point."""
 DISAGREEMENT_PROBABILITY = 1e-3
 """Probability: of a larger difference between two estimates by chance."""
 
-MIN_BLADES_FREEDOM, MIN_SUPPORT_FREEDOM = 6.0, 0.7
+MIN_BLADES_FREEDOM, MIN_SUPPORT_FREEDOM = 4.0, 0.7
 """Size: equivalent degrees of freedom within the narrowest resonance (``python -m validation.field_spectral``): in
-windows of 120 s of OpenFAST's records, where the blades have 3, their whirl modes err by 2.5 times their intervals."""
+windows of 120 s of OpenFAST's records, where the blades have 3, whirl modes lie outside their intervals; in 180 s,
+where they have 4.8, inside."""
 
 MIN_ENERGY_FREEDOM = 4.0
 """Size: lower bound of the equivalent degrees of freedom of an energy; a resonance as narrow as a bin has few."""

@@ -14,7 +14,7 @@ from windsysid._types import Array
 from windsysid.loads.statistics import Statistic
 from windsysid.spectral.rotor.fit import WHOLE
 from windsysid.spectral.rotor.model import Inexact, LiftedModel
-from windsysid.spectral.rotor.scoring import FINE_TOLERANCE, SpectralMode, find_in_stages, find_nearby
+from windsysid.spectral.rotor.scoring import SpectralMode, find_in_stages, find_nearby
 from windsysid.spectral.rotor_bands.channels import Row
 from windsysid.statespace.unknowns import Unknowns
 
@@ -117,34 +117,51 @@ class BandModel(NamedTuple):
     def admit(self, at: Array, inexact: Inexact) -> "RotorBandFit":
         """The mode of the posterior with instruments and masses as additional unknowns besides, looked for from that
         without (n,)."""
-        wide = BandModel(tuple(b._replace(model=b.model._replace(inexact=inexact)) for b in self.bands))
+        wide = self.with_inexact(inexact)
         start = wide.unknowns.from_other(at, self.unknowns)
-        return RotorBandFit(wide, find_nearby(wide.likelihood, start, wide.prior))
+        found = find_nearby(wide.likelihood, start, wide.prior)
+        if not found.converged:
+            found = find_in_stages(wide.likelihood, found.unknowns, wide.prior, WHOLE, tolerance=COMPARISON_TOLERANCE)
+        return RotorBandFit(wide, found)
 
     def near(self, start: Array) -> Array:
         """Unknowns (n,) roughly at the mode of the posterior, looked for from afar."""
         return find_in_stages(self.likelihood, start, self.prior, ROUGH).unknowns
 
-    def fit(self, start: Array, *, rough: bool = False) -> RotorBandFit:
+    def fit(self, start: Array) -> RotorBandFit:
         """The mode of the posterior, looked for from `start` (n,).
 
         What the taper's window adds to the spectra of wide modes, and how alike gusts make neighbouring bins, is taken
-        at the mode without them, and the mode found anew. A `rough` search ends with a step that is short compared with
-        the bands: for comparing results.
+        at the mode without them, and the mode found anew.
         """
         mode = find_in_stages(self.likelihood, start, self.prior, WHOLE, tolerance=COMPARISON_TOLERANCE)
+        whole = self.smeared_at(mode.unknowns)
+        return RotorBandFit(whole, find_in_stages(whole.likelihood, mode.unknowns, self.prior, WHOLE))
+
+    def scores(self, unknowns: Array) -> tuple[Array, Array, Array]:
+        """Base frequency (P,) [Hz], gradient (P, n) and Fisher information (P, n, n) of parts of the bands."""
+        found = []
+        for band, at in zip(self.bands, self.places(), strict=True):
+            (g, F), own = band.model.scores(unknowns[at]), np.eye(len(unknowns))[at]
+            found.append((np.linspace(band.model.base[0], band.model.base[-1], len(g)), g @ own, own.T @ F @ own))
+        places, gradients, information = (np.concatenate(each) for each in zip(*found, strict=True))
+        return places, gradients, information
+
+    def with_inexact(self, inexact: Inexact) -> "BandModel":
+        """The model with instruments and masses as additional unknowns."""
+        return BandModel(tuple(b._replace(model=b.model._replace(inexact=inexact)) for b in self.bands))
+
+    def smeared_at(self, unknowns: Array) -> "BandModel":
+        """The model with what the taper's window adds to wide modes at the unknowns (n,), and with c_h of the
+        record."""
         bands = []
         for band, place in zip(self.bands, self.places(), strict=True):
             if band.smoothed is not None:
-                at = mode.unknowns[place]
+                at = unknowns[place]
                 smear = band.smoothed.spectrum(at).spectrum - band.model.spectrum(at).spectrum
                 band = band._replace(model=band.model._replace(smear=smear))
             bands.append(band)
-        whole = BandModel(tuple(bands))._with_gusts(mode.unknowns)
-        tolerance = COMPARISON_TOLERANCE if rough else FINE_TOLERANCE
-        return RotorBandFit(
-            whole, find_in_stages(whole.likelihood, mode.unknowns, self.prior, WHOLE, tolerance=tolerance)
-        )
+        return BandModel(tuple(bands))._with_gusts(unknowns)
 
     def _with_gusts(self, unknowns: Array) -> "BandModel":
         """Problem with c_h from the record: that of the taper, or more. Bands have few bins, so all have one."""

@@ -62,7 +62,7 @@ def posed(**more: bool) -> Any:
 def found(monkeypatch: pytest.MonkeyPatch) -> Any:
     """Says what the search for bands finds."""
     monkeypatch.setattr(rotor_bands, "centre_bands", lambda question, bands, near: bands)
-    monkeypatch.setattr(rotor_bands, "doubts_of_bands", lambda *of: [])
+    monkeypatch.setattr(rotor_bands, "judge_bands", lambda *of: ([], ()))
     return lambda bands: monkeypatch.setattr(rotor_bands, "search_bands", lambda question: bands)
 
 

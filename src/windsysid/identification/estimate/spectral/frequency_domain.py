@@ -197,6 +197,7 @@ def _outcome(
     theta, eta, tau = blocks.of("parameters"), blocks.of("statistics"), blocks.of("tolerances", "clocks")
     kept = blocks.but("lag")
     learned = learned_tolerances(tolerances, unknowns[tau], cov[tau, tau])
+    masses = tuple(tau.start + i for i, one in enumerate(tolerances) if one.group == "masses")
     return Outcome(
         turbine=question.turbine,
         model=compose(
@@ -222,6 +223,7 @@ def _outcome(
         tolerances=learned,
         held=found.held,
         sensors=question.sensors,
+        scores=tuple(one._replace(masses=masses) for one in found.scores),
     )
 
 

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.checks.dispersion import PartScores
 from windsysid.errors import ConfigurationError, WindsysidError
 from windsysid.identification.estimate.fitted.spectra import joined_spectrum, spectra_of_model
 from windsysid.identification.estimate.prior_conflict import find_held, one_by_one
@@ -19,7 +20,7 @@ from windsysid.scoring import covariance
 from windsysid.spectral.rotor.model import Inexact
 from windsysid.spectral.rotor.problem import RotorQuestion
 from windsysid.spectral.rotor_bands.build import PosedBands, centre_bands, search_bands
-from windsysid.spectral.rotor_bands.check import doubts_of_bands
+from windsysid.spectral.rotor_bands.check import judge_bands
 from windsysid.spectral.rotor_bands.limits import BLADE_STIFFNESS_DISCREPANCY
 from windsysid.spectral.rotor_bands.model import BandModel
 from windsysid.statespace.unknowns import Unknowns
@@ -46,6 +47,8 @@ class SpectralEstimate(NamedTuple):
         Damping coefficients that their priors hold.
     spectra
         Spectra under the fit, of bands.
+    scores
+        Of parts of the record, of bands.
     """
 
     unknowns: Array
@@ -57,6 +60,7 @@ class SpectralEstimate(NamedTuple):
     notes: tuple[Finding, ...]
     held: tuple[str, ...]
     spectra: tuple[FittedSpectrum, ...] = ()
+    scores: tuple[PartScores, ...] = ()
 
 
 def read_in_bands(question: RotorQuestion, loads: str, inexact: Inexact | None = None) -> SpectralEstimate | None:
@@ -86,7 +90,7 @@ def read_in_bands(question: RotorQuestion, loads: str, inexact: Inexact | None =
             "no spectrum of this model is positive: expected loads, noise and priors of the size of the record's; "
             "check units and the turbine file"
         ) from None
-    converged = fit.mode.converged and found.converged
+    doubts, scores = judge_bands(question, posed, fit, wide)
     mean, spread = wide.model.prior
     off = (found.unknowns - mean) / spread
     return SpectralEstimate(
@@ -95,10 +99,11 @@ def read_in_bands(question: RotorQuestion, loads: str, inexact: Inexact | None =
         wide.model.unknowns,
         -(found.value - 0.5 * float(off @ off)),
         posed.model.statistics,
-        tuple(doubts_of_bands(question, posed, fit._replace(mode=fit.mode._replace(converged=converged)))),
+        tuple(doubts),
         _notes(posed, found.unknowns, cov, wide.model.unknowns.of("lag").start),
         find_held(one_by_one(lambda u: -wide.model.likelihood(u)[0]), found.unknowns, cov, question.parameters),
         _spectra(posed, wide.model, found.unknowns, cov),
+        scores,
     )
 
 
