@@ -225,7 +225,8 @@ class _ModeUnderLoads(NamedTuple):
                 scale = q.scale if at else scale
         return cls(
             response, model.counts[:, None] / model.overlap, np.array(places), start, mean, spread,
-            1.0 - ratio**2 + 2j * ratio * turbine.damping(of) / critical, 2j * ratio * scale / critical,
+            np.asarray(1.0 - ratio**2 + 2j * ratio * turbine.damping(of) / critical, dtype=np.complex128),
+            np.asarray(2j * ratio * scale / critical, dtype=np.complex128),
         )  # fmt: skip
 
     def search(self, added: Array) -> _Ends:
