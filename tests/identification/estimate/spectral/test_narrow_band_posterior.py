@@ -43,5 +43,5 @@ def test_a_healthy_tower_keeps_the_intervals_of_its_model():
 def test_points_are_standard_normal():
     drawn = _points(3)
     assert drawn.shape == (3, POINTS)
-    assert np.allclose(drawn.mean(axis=1), 0.0, atol=0.02)
-    assert np.allclose(np.cov(drawn), np.eye(3), atol=0.05)
+    assert np.allclose(drawn.mean(axis=1), 0.0, atol=0.04)
+    assert np.allclose(np.cov(drawn), np.eye(3), atol=0.1)

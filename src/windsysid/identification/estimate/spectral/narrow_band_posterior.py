@@ -27,6 +27,7 @@ from windsysid.spectral.rotor.fit import RotorFit
 from windsysid.spectral.rotor.model import LiftedModel
 from windsysid.spectral.rotor.narrow_band_spectra import narrow_density
 from windsysid.spectral.rotor.problem import RotorQuestion
+from windsysid.spectral.transforms.lifted import Complex
 
 __all__ = ["ShiftedPosterior", "SupportResponse", "responses", "shifted_by_narrow_band"]
 
@@ -202,8 +203,8 @@ class _ModeUnderLoads(NamedTuple):
     start: Array
     mean: Array
     spread: Array
-    stiffness: Array
-    slope: Array
+    stiffness: Complex
+    slope: Complex
 
     @classmethod
     def of(
@@ -224,7 +225,8 @@ class _ModeUnderLoads(NamedTuple):
                 scale = q.scale if at else scale
         return cls(
             response, model.counts[:, None] / model.overlap, np.array(places), start, mean, spread,
-            1.0 - ratio**2 + 2j * ratio * turbine.damping(of) / critical, 2j * ratio * scale / critical,
+            np.asarray(1.0 - ratio**2 + 2j * ratio * turbine.damping(of) / critical, dtype=np.complex128),
+            np.asarray(2j * ratio * scale / critical, dtype=np.complex128),
         )  # fmt: skip
 
     def search(self, added: Array) -> _Ends:
@@ -248,7 +250,7 @@ class _ModeUnderLoads(NamedTuple):
             point[at] = tried[better]
             value[at], gradient[at], information[at] = (part[better] for part in found)
         evidence = -value - 0.5 * np.linalg.slogdet(information)[1]
-        return _Ends(point, np.linalg.inv(information), evidence)
+        return _Ends(point, np.asarray(np.linalg.inv(information)), evidence)
 
     def _evaluate(self, point: Array, added: Array) -> tuple[Array, Array, Array]:
         """J, g and F of Whittle's likelihood with the prior (P, …) at points (P, 3)."""
