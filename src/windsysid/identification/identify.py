@@ -136,9 +136,9 @@ def identify(
     >>> for one in result.estimates:
     ...     print(one)
     k_side_side: 1.764 MN/m (95 % interval 1.693 … 1.837, grade A)
-    c_side_side: 7.783 kN·s/m (95 % interval 2.058 … 13.51, grade A)
-    k_fore_aft: 1.881 MN/m (95 % interval 1.701 … 2.081, grade B)
-    c_fore_aft: 116.7 kN·s/m (95 % interval 73.24 … 160.1, grade B)
+    c_side_side: 7.783 kN·s/m (95 % interval 1.375 … 14.19, grade B)
+    k_fore_aft: 1.88 MN/m (95 % interval 1.562 … 2.262, grade B)
+    c_fore_aft: 116.7 kN·s/m (95 % interval 58.44 … 174.9, grade B)
     >>> result.diagnosis.trusted
     True
     """

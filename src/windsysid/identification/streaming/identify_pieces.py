@@ -96,7 +96,7 @@ def identify_pieces(
     >>> pieces = [record.section(0.0, 300.0), record.section(300.0, 600.0)]
     >>> result = ws.identify_pieces(pieces, "tower", formulation="spectral")
     >>> print(f"{result['k_fore_aft'].estimate / 1e6:.2f} MN/m")
-    1.89 MN/m
+    1.88 MN/m
     """
     if isinstance(pieces, str | Path | Record):
         raise ConfigurationError(
