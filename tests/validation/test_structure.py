@@ -22,13 +22,14 @@ BOUNDS = {
 }
 """Values of today where a target is not reached, targets where one is. A change lowers a bound; it raises one only
 where users can do more, and says so: grades and intervals for each quantity (520 lines); then grades of modes of
-`oma`, in archives, monitor and live, prior odds by site, states of towers and bounded searches (910 lines); then
-the first hour: default results, start, examples and first screens (690), spectra with the fit and interactive plots in
+`oma`, in archives, monitor and live, prior odds by site, states of towers and bounded searches (910 lines); then the
+first hour: default results, start, examples and first screens (690), spectra with the fit and interactive plots in
 all pages (900), decays, stabilisation, shapes and modes by hand of `oma` (1820), notebooks, files that put a mode
-elsewhere and jumps while a watch learns (300), linearisations of OpenFAST (1070), `mapping` of `oma` and `free_decay`
-(two long signatures); models of HAWC2 and windIO (1250), and one line for each error of usage, type and unit (430); possible narrow-band
-loads integrated over their prior, and rotors in windows of 180 s (370), tables of results of several commands, names
-of German loggers, and sections that `oma` accepts (180), answers without half of SciPy (80)."""
+elsewhere and jumps while a watch learns (300), linearisations of OpenFAST (1070), `mapping` of `oma` and
+`free_decay` (two long signatures); models of HAWC2 and windIO (1250), and one line for each error of usage, type and
+unit (430); possible narrow-band loads integrated over their prior, and rotors in windows of 180 s (370), tables of
+results of several commands, names of German loggers, and sections that `oma` accepts (180), answers without half of
+SciPy (80)."""
 
 
 def test_the_structure_stays_within_its_bounds():
