@@ -232,14 +232,14 @@ _FILTERS = (
     ),
     Mutant(
         "determinant in the likelihood", "gaussian.py",
-        "math.log(2.0 * math.pi) + z * z) + math.log(std)",
-        "math.log(2.0 * math.pi) + z * z) + 0.5 * math.log(std)",
+        "math.log(2.0 * math.pi) + z * z) + math.log(root)",
+        "math.log(2.0 * math.pi) + z * z) + 0.5 * math.log(root)",
         "log det S is halved once too often",
     ),
     Mutant(
         "second reading of a sample", "gaussian.py",
-        "(load(ws.mean, i) - load(ws.about, i))",
-        "(load(ws.about, i) - load(ws.mean, i))",
+        "(load(mean, i) - load(ws.about, i))",
+        "(load(ws.about, i) - load(mean, i))",
         "a reading is corrected the wrong way for what those before it moved",
     ),
     Mutant(

@@ -267,7 +267,7 @@ _DOUBTS = (
     ),
     Mutant(
         "the mode that moves with its parts", "checks/dispersion.py",
-        "F - F @ C @ F, u", "F, u",
+        "np.diag(W @ u) - W @ C @ W.T", "np.diag(W @ u)",
         "parts that differ are given too much room",
     ),
     Mutant(

@@ -39,7 +39,7 @@ def test_every_record_is_a_row_under_its_day(taken: tuple[Batch, Path]):
     assert (good["status"], good["state"], good["scada_wind_speed"]) == ("ok", "running", 9.0)
     assert good["start"] == "2026-03-02T00:00:00Z"
     assert [p["name"] for p in good["parameters"]] == ["k_side_side", "c_side_side", "k_fore_aft", "c_fore_aft"]
-    unknowns = 4 + len(good["statistics"]) + 5  # gains and axes of two sensors, and the mass of the top
+    unknowns = 4 + len(good["statistics"]) + 6  # gains and axes of two sensors, mass of the top, aerodynamics
     assert len(good["covariance"]) == unknowns * (unknowns + 1) // 2
     assert good["modes"][0]["frequency"] == pytest.approx(0.3163, rel=0.03)
 

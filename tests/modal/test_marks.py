@@ -21,7 +21,7 @@ def test_a_file_gives_ranges_and_frequencies(tmp_path):
         ("add = [1, 2]", "add.1"),
         ("drop = [1.0]", "drop"),
         ("remove = ['x']", "remove.1"),
-        ("add = [[", "expected a file with add"),
+        ("add = [[", "is not a file with add"),
     ],
 )
 def test_a_wrong_file_ends_in_one_line(tmp_path, text, got):

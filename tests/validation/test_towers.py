@@ -62,3 +62,10 @@ def test_what_spectra_doubt_stays_a_doubt_where_filters_end_there_too():
     """Damping was 29.6 σ off, and trusted: filters found the load's peak where spectra had, and were asked without the
     place from which the other explanation is found."""
     assert not found("all but a line, 0.31 Hz", 740011).diagnosis.trusted
+
+
+def test_a_spring_that_hardens_is_told_where_filters_and_spectra_disagree():
+    """Filters saw it at 7.8 σ, but only their estimate was used: stiffness was 6.4 σ off with grade B."""
+    result = found("hardening by 30 %", 950_000)
+    assert {"amplitude_dependence", "nonlinear_force"}.intersection(codes(reasons(result)))
+    assert {e.grade for e in result.estimates} == {"C"}

@@ -166,12 +166,12 @@ def results_of(folders: Sequence[Path], *commands: str, least: int = 1) -> list[
 
 
 def _data_of(folder: Path) -> str:
-    """Hash of the record of a result, and its section; the folder where there is no hash."""
+    """Hash and name of the record of a result, and its section; the folder where there is no hash."""
     from windsysid.output.folders import summary_of
 
     summary = summary_of(folder)
     known = {**(summary.get("provenance") or {}), **summary}
-    return f"{known.get('record_hash') or folder} {known.get('section')}"
+    return f"{known.get('record_hash') or folder} {known.get('record')} {known.get('section')}"
 
 
 def _name_folders(left: dict[Path, str], wanted: Sequence[str]) -> None:

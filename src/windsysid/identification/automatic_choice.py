@@ -39,6 +39,9 @@ TRANSIENT_CODES = frozenset({
 })  # fmt: skip
 """Setting: findings of spectra that a record is a transient, or too short to tell: a rotor in wind goes to filters."""
 
+NONLINEARITY_CODES = frozenset({"amplitude_dependence", "nonlinear_force"})
+"""Setting: findings of filters that speak against spectra, too, where the two disagree: no interval covers both."""
+
 MAX_WIND_ELEMENTS = 3.6e6
 """Setting: elements of covariances that a filter with the wind's load states may update over a rotor's record. The 40
 filters of an evaluation of their likelihood take 1.2 s then (processor time, 2026), and a search has a dozen."""
@@ -162,9 +165,10 @@ def _cross_checked(job: Job, joint: FittedJob, spectral_job: Job, spectral: Fitt
         if off > MAX_DISAGREEMENT_SIGMAS:
             return joint.noting(_note("joint_with_spectra"), *against)
         return _with_farther_rivals(joint, spectral).noting(_note("joint_agrees", sigmas=off))
-    if off > MAX_DISAGREEMENT_SIGMAS:
-        return spectral.noting(_note("spectral_with_filters"), *against)
     innovations = doubts_of_innovations(joint.outcome, joint.read.rate)
+    if off > MAX_DISAGREEMENT_SIGMAS:
+        nonlinear = (one for one in innovations if one.code in NONLINEARITY_CODES)
+        return spectral.noting(_note("spectral_with_filters"), *against, *nonlinear)
     return spectral.noting(_note("spectral_agrees", sigmas=off), *innovations)
 
 

@@ -115,7 +115,7 @@ def test_a_campbell_file_is_read_with_its_four_header_lines(tmp_path):
         ("time [s],a\n0,1\n1,\x002\n", "NUL|binary"),
         ("time [s],a,b\n0,1,2\n1,2\n2,3,4\n", "line 3 has 2 cells, expected 3"),
         ("# only\n# comments\n", "only comments"),
-        ("date;a\nfoo;1\nbar;2\n", "first column is 'date'"),
+        ("date;a\nfoo;1\nbar;2\n", "the time 'foo' at line 2 is neither a number nor ISO"),
     ],
 )
 def test_what_could_be_read_in_two_ways_or_none_is_refused(tmp_path, content, message):
