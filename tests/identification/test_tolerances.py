@@ -11,6 +11,7 @@ from windsysid.identification.identify import identify
 from windsysid.identification.model.tolerances import learned_tolerances, seconds_late, tolerances_of, with_tolerances
 from windsysid.mechanics import RotorModel, TowerModel
 from windsysid.mechanics.sensors import Accelerometer, AngularRateSensor, MomentSensor, instrument_parameters
+from windsysid.monitoring.comparison import compare
 from windsysid.simulation.record import simulate_record
 from windsysid.turbine.file import load_turbine, write_turbine
 from windsysid.turbine.tower_file import AERODYNAMIC_STIFFNESS_DISCREPANCY
@@ -155,3 +156,17 @@ def test_what_has_no_axis_is_not_turned():
     root = MomentSensor(channel="c", point="blade_1", axis="tangential", frame="blade", noise=0.1)
     assert rotor.readings_across([lag, gyroscope, root]) == [None, None, None]
     assert [sensor.alignment for sensor in (lag, gyroscope, root)] == [0.0, 0.0, 0.0]
+
+
+def test_a_parked_tower_does_not_share_the_aerodynamics_of_an_operating_one():
+    """A healthy tower was said to be softer when parked: both results were taken without what air adds."""
+    tower = load_turbine("tower")
+    states = (tower.in_state("parked"), tower)
+    parked, operating = (
+        identify(simulate_record(one, duration=600.0, rate=4.0, seed=3), one, formulation="spectral") for one in states
+    )
+    for pair in ((parked, operating), (operating, parked)):
+        change = next(one for one in compare(*pair).coefficients if one.name == "k_fore_aft")
+        assert math.log1p(0.01 * change.high) - math.log1p(0.01 * change.low) > 4.0 * AERODYNAMIC_STIFFNESS_DISCREPANCY
+    same = next(one for one in compare(operating, operating).coefficients if one.name == "k_fore_aft")
+    assert math.log1p(0.01 * same.high) - math.log1p(0.01 * same.low) < 4.0 * AERODYNAMIC_STIFFNESS_DISCREPANCY

@@ -143,8 +143,8 @@ def _rivals(
     findings: Sequence[Finding], coefficients: Sequence[Widening], shares: Sequence[float]
 ) -> list[tuple[Array, Array, float]]:
     """Shifts of the coefficients under rival explanations (n_θ,), their standard deviations there over those of the
-    result (n_θ,), and the probability of each rival; `shares` are those of the variances without aerodynamics, which
-    all explanations have."""
+    result (n_θ,), and the probability of each rival; `shares` are those of the variances given masses and aerodynamics,
+    which all explanations have, in those given masses."""
     found = []
     for one in findings:
         if one.severity == "reason" and "shifts" in one.data:
