@@ -40,7 +40,7 @@ from windsysid.monitoring.own_information import (
     difference_between,
     estimate_of,
     without_prior,
-)  # fmt: skip
+)
 from windsysid.results.coercion import PosteriorLike, as_posterior
 from windsysid.results.posterior import SIGMAS, Posterior
 from windsysid.results.tolerance import unknowns_of
