@@ -160,7 +160,7 @@ def test_what_is_not_there_or_a_folder_is_refused(run, tmp_path, results):
             "no turbine 'nordex': expected one of hammond, nrel5mw, nrel5mw_full, tower, verne555",
         ),
         (("--turbine", "nowhere.toml"), r"nowhere\.toml: no such file, expected a turbine file"),
-        (("--sensors", "nowhere.toml"), r"nowhere\.toml: expected a TOML file"),
+        (("--sensors", "nowhere.toml"), r"nowhere\.toml: no such file, expected a TOML file"),
     ],
 )
 def test_a_bad_option_is_refused_in_one_line(run, record, results, options, complaint):

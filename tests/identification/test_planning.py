@@ -373,7 +373,7 @@ def test_the_summary_as_json_is_all_that_is_printed(run, tmp_path, monkeypatch):
         (("--parameters", ""), "parameter '' cannot be identified here"),
         (("--within", "nan"), "within: expected a positive number"),
         (("--rate", "1"), "rate: expected at least"),
-        (("--sensors", "nowhere.toml"), "nowhere.toml: expected a TOML file"),
+        (("--sensors", "nowhere.toml"), "nowhere.toml: no such file, expected a TOML file"),
     ],
 )
 def test_a_bad_option_is_refused_in_one_line(run, options, complaint):
