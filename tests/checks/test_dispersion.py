@@ -82,7 +82,7 @@ def test_a_parameter_that_changes_widens_its_own_interval_only():
 
 def test_masses_that_are_known_are_no_unknowns():
     scores = scores_of(np.random.default_rng(2), np.array([0.1, 0.2, 0.3]))
-    held = scores._replace(masses=(2,)).dispersion(FIRST + np.eye(3)[2])
+    held = scores._replace(given=(2,)).dispersion(FIRST + np.eye(3)[2])
     two = scores._replace(
         gradients=scores.gradients[:, :2], information=scores.information[:, :2, :2], pull=np.zeros(2),
         precision=scores.precision[:2, :2],

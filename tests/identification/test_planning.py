@@ -275,6 +275,8 @@ def test_loads_and_rotor_speed_are_as_planned():
     usual, louder = (plan(turbine, rate=50.0, load_scale=scale) for scale in (1.0, 10.0))
     assert louder.band("c_x") < 0.8 * usual.band("c_x")  # the louder, the less the noise matters
     assert plan(turbine, rate=50.0, rotor_speed=3.0).rotor_speed == 3.0
+    parked = plan(load_turbine("tower"), rate=4.0, duration=600.0, rotor_speed=0.0, formulation="spectral")
+    assert not [one for one in parked.tolerances if one.group == "aerodynamics"]  # air stiffens under a rotor
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ from windsysid.identification.identify import identify
 from windsysid.identification.model.tolerances import learned_tolerances, seconds_late, tolerances_of, with_tolerances
 from windsysid.mechanics import RotorModel, TowerModel
 from windsysid.mechanics.sensors import Accelerometer, AngularRateSensor, MomentSensor, instrument_parameters
+from windsysid.monitoring.comparison import compare
 from windsysid.simulation.record import simulate_record
 from windsysid.turbine.file import load_turbine, write_turbine
 from windsysid.turbine.tower_file import AERODYNAMIC_STIFFNESS_DISCREPANCY
@@ -155,3 +156,34 @@ def test_what_has_no_axis_is_not_turned():
     root = MomentSensor(channel="c", point="blade_1", axis="tangential", frame="blade", noise=0.1)
     assert rotor.readings_across([lag, gyroscope, root]) == [None, None, None]
     assert [sensor.alignment for sensor in (lag, gyroscope, root)] == [0.0, 0.0, 0.0]
+
+
+def test_a_parked_tower_does_not_share_the_aerodynamics_of_an_operating_one():
+    """A healthy tower was said to be softer when parked: both results were taken without what air adds."""
+    tower = load_turbine("tower")
+    states = (tower.in_state("parked"), tower)
+    parked, operating = (
+        identify(simulate_record(one, duration=600.0, rate=4.0, seed=3), one, formulation="spectral") for one in states
+    )
+    for pair in ((parked, operating), (operating, parked)):
+        change = next(one for one in compare(*pair).coefficients if one.name == "k_fore_aft")
+        assert math.log1p(0.01 * change.high) - math.log1p(0.01 * change.low) > 4.0 * AERODYNAMIC_STIFFNESS_DISCREPANCY
+    same = next(one for one in compare(operating, operating).coefficients if one.name == "k_fore_aft")
+    assert math.log1p(0.01 * same.high) - math.log1p(0.01 * same.low) < 4.0 * AERODYNAMIC_STIFFNESS_DISCREPANCY
+
+
+def test_rivals_widen_what_aerodynamics_leave():
+    """Comparisons took the fore-aft stiffness as known a quarter better than without the tolerance."""
+    tower = load_turbine("tower")
+    record = simulate_record(tower, duration=600.0, rate=4.0, seed=5)
+    stds = []
+    for turbine in (tower, replace(tower, aerodynamic_tolerance=0.0)):
+        found = identify(record, turbine, formulation="spectral")
+        assert "wider_intervals" in [one.code for one in found.findings]
+        at = [q.name for q in found.posterior.parameters].index("k_fore_aft")
+        stds.append(math.sqrt(found.posterior.given().cov[at, at]))
+        assert all(row.alone + sum(row.causes) == pytest.approx(1.0) for row in found.budget.rows)
+        mode = found.modes[1].frequency
+        (row,) = (one for one in found.budget.rows if one.name == "tower fore-aft: frequency")
+        assert row.two_sigma == pytest.approx(0.5 * (mode.high - mode.low) / mode.estimate, rel=1e-6)
+    assert stds[0] == pytest.approx(stds[1], rel=0.05)

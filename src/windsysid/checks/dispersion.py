@@ -101,8 +101,8 @@ class PartScores(NamedTuple):
         Of the log-likelihood of each (K, n), and its Fisher information (K, n, n).
     precision, pull
         Prior precision Λ (n, n), and the gradient of the log prior (n,).
-    masses
-        Indices of the unknowns that are masses.
+    given
+        Indices of the unknowns that are taken as given: masses and aerodynamics.
     """
 
     over: Literal["time", "frequency"]
@@ -111,12 +111,11 @@ class PartScores(NamedTuple):
     information: Array
     precision: Array
     pull: Array
-    masses: tuple[int, ...] = ()
+    given: tuple[int, ...] = ()
 
     def dispersion(self, quantity: Array) -> Dispersion | None:
-        """Dispersion about a linear combination of the first unknowns, given the masses; None if fewer than two groups
-        inform it."""
-        free = np.setdiff1d(np.arange(len(self.pull)), np.array(self.masses, dtype=np.intp))
+        """Dispersion about a linear combination of the first unknowns; None if fewer than two groups inform it."""
+        free = np.setdiff1d(np.arange(len(self.pull)), np.array(self.given, dtype=np.intp))
         a = np.concatenate([quantity, np.zeros(len(self.pull) - len(quantity))])[free]
         g, F = self.gradients[:, free], self.information[:, free][:, :, free]
         C = np.linalg.inv(F.sum(axis=0) + self.precision[np.ix_(free, free)])

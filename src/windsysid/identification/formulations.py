@@ -64,7 +64,7 @@ def _scored(job: Job, fit: FittedJob) -> Outcome:
     if over is None:
         return fit.outcome
     scores, spectra = over
-    return fit.outcome._replace(scores=(time, scores._replace(masses=time.masses)), spectra=spectra)
+    return fit.outcome._replace(scores=(time, scores._replace(given=time.given)), spectra=spectra)
 
 
 def _search(job: Job, at: Conditioned, start: FittedJob | None) -> Outcome:

@@ -8,12 +8,5 @@ from windsysid.mechanics.sensors import Sensor
 from windsysid.mechanics.tower import TowerModel
 
 __all__ = [
-    "CompiledModel",
-    "MechanicalModel",
-    "Model",
-    "RotorModel",
-    "Sensor",
-    "TowerModel",
-    "compile_model",
-    "read_sensors",
-]
+    "CompiledModel", "MechanicalModel", "Model", "RotorModel", "Sensor", "TowerModel", "compile_model", "read_sensors",
+]  # fmt: skip

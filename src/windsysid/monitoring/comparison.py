@@ -43,6 +43,7 @@ from windsysid.monitoring.own_information import (
 )
 from windsysid.results.coercion import PosteriorLike, as_posterior
 from windsysid.results.posterior import SIGMAS, Posterior
+from windsysid.results.tolerance import unknowns_of
 from windsysid.spectral.oma.known_modes import ModesLike
 from windsysid.statespace.parameter import Parameter
 
@@ -79,7 +80,8 @@ def compare(before: PosteriorLike | ModesLike, after: PosteriorLike | ModesLike)
     Notes
     -----
     The odds are a Savage–Dickey ratio: the density of "no change" before and after the records were seen. Both results
-    share the tolerances of instruments and masses, which therefore do not widen the interval of a change.
+    share the tolerances of instruments, masses and, both in operation, aerodynamics, which therefore do not widen the
+    interval of a change.
 
     References
     ----------
@@ -105,6 +107,7 @@ def compare(before: PosteriorLike | ModesLike, after: PosteriorLike | ModesLike)
 
 def _compare_coefficients(before: Posterior, after: Posterior) -> Comparison:
     """Comparison of two results of `identify`."""
+    before, after = _with_unshared_air(before, after), _with_unshared_air(after, before)
     frame = common_frame(before, after)
     if not frame:
         raise ConfigurationError(
@@ -130,6 +133,17 @@ def _compare_coefficients(before: Posterior, after: Posterior) -> Comparison:
         (before.record, after.record), coefficients, _modes(before, after, frame, difference), statistics, same,
         tuple(doubts), notes,
     )  # fmt: skip
+
+
+def _with_unshared_air(result: Posterior, other: Posterior) -> Posterior:
+    """The result with aerodynamics as a part of its covariance if the other has none, as a parked tower."""
+    apart = [one.group == "aerodynamics" for one in result.tolerances]
+    if result.joint_cov is None or not any(apart) or other.turbine.aerodynamic_tolerance > 0.0:
+        return result
+    at = unknowns_of(result.parameters, result.statistics, result.tolerances).places("tolerances", "clocks")[apart]
+    left = np.setdiff1d(np.arange(len(result.joint_cov)), at)
+    tolerances = tuple(one for one in result.tolerances if one.group != "aerodynamics")
+    return result._replace(joint_cov=result.joint_cov[np.ix_(left, left)], tolerances=tolerances)
 
 
 def _distrusted(before: Posterior, after: Posterior, frame: Sequence[Parameter]) -> list[str]:

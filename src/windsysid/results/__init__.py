@@ -46,28 +46,10 @@ _PUBLIC, __getattr__ = _lazily(__name__, globals(), {
 })  # fmt: skip
 
 __all__ = [
-    "Batch",
-    "Campbell",
-    "Comparison",
-    "Estimate",
-    "Identification",
-    "Inspection",
-    "IntervalEstimate",
-    "LinearisedModes",
-    "Mode",
-    "ModeMarks",
-    "ModeMatch",
-    "OperationalMode",
-    "OperationalModes",
-    "Plan",
-    "Posterior",
-    "Profile",
-    "Provenance",
-    "Separation",
-    "Watch",
-    "load_posterior",
-    "read_mode_marks",
-]
+    "Batch", "Campbell", "Comparison", "Estimate", "Identification", "Inspection", "IntervalEstimate",
+    "LinearisedModes", "Mode", "ModeMarks", "ModeMatch", "OperationalMode", "OperationalModes", "Plan", "Posterior",
+    "Profile", "Provenance", "Separation", "Watch", "load_posterior", "read_mode_marks",
+]  # fmt: skip
 
 
 def __dir__() -> list[str]:

@@ -11,9 +11,12 @@ from windsysid.results.sentences.estimates import TOLERANCE_UNITS
 from windsysid.statespace.parameter import Parameter
 from windsysid.statespace.unknowns import Unknowns
 
-__all__ = ["Group", "Tolerance", "unknowns_of"]
+__all__ = ["SHARED", "Group", "Tolerance", "unknowns_of"]
 
 Group = Literal["gain", "alignment", "clock", "masses", "aerodynamics"]
+
+SHARED: tuple[Group, ...] = ("masses", "aerodynamics")
+"""Setting: tolerances of which a record says nothing: intervals given these are widened, as results are compared so."""
 
 
 @dataclass(frozen=True)

@@ -30,35 +30,11 @@ from windsysid.signals.rotor import RotorMotion, rotor_from_encoder, rotor_from_
 from windsysid.signals.yaw import to_nacelle, tower_inputs, with_nacelle_axes
 
 __all__ = [
-    "METHODS",
-    "Aligned",
-    "CausalIntegrator",
-    "CausalState",
-    "ClockOffset",
-    "Despiked",
-    "LevelledPair",
-    "Motion",
-    "RotorMotion",
-    "Unbiased",
-    "align",
-    "band_pass",
-    "causal_integrator",
-    "causal_response",
-    "clock_offset",
-    "despike",
-    "integrate",
-    "integrate_causally",
-    "remove_bias",
-    "remove_gravity_and_tilt",
-    "resample",
-    "rotor_from_blades",
-    "rotor_from_encoder",
-    "rotor_from_pulses",
-    "rotor_from_tower",
-    "rotor_inputs",
-    "to_nacelle",
-    "tower_inputs",
+    "METHODS", "Aligned", "CausalIntegrator", "CausalState", "ClockOffset", "Despiked", "LevelledPair", "Motion",
+    "RotorMotion", "Unbiased", "align", "band_pass", "causal_integrator", "causal_response", "clock_offset", "despike",
+    "integrate", "integrate_causally", "remove_bias", "remove_gravity_and_tilt", "resample", "rotor_from_blades",
+    "rotor_from_encoder", "rotor_from_pulses", "rotor_from_tower", "rotor_inputs", "to_nacelle", "tower_inputs",
     "with_nacelle_axes",
-]
+]  # fmt: skip
 
 globals().update({name: naming_arguments(name, globals()[name]) for name in __all__})

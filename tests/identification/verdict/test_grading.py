@@ -145,7 +145,7 @@ def test_shares_of_the_budget_add_up_to_the_interval_that_is_shown():
     joint[2, 4] = joint[4, 2] = 0.5 * STD
     outcome = outcome_of(RECORD, std=STD, doubts=(rival(3.0, 0.25),), joint_cov=joint, tolerances=(tolerance,))
     made = tuple(scores(one, np.array([0.5, 0.5, 9.0, 0.5]), unknowns=5) for one in ("time", "frequency"))
-    made = tuple(one._replace(masses=(4,)) for one in made)
+    made = tuple(one._replace(given=(4,)) for one in made)
     found = conclude(outcome._replace(scores=made), RECORD, "joint")
     rows = {row.name: row for row in found.budget.rows}
     assert found.budget.causes[-2:] == ("dispersion", "rival explanations")
@@ -217,7 +217,7 @@ def test_a_posterior_is_as_wide_as_its_modes_given_the_masses():
 
     def found(ratio: float) -> Identification:
         made = tuple(scores(one, np.array([0.5, 0.5, ratio, 0.5]), unknowns=5) for one in ("time", "frequency"))
-        made = tuple(one._replace(masses=(4,)) for one in made)
+        made = tuple(one._replace(given=(4,)) for one in made)
         outcome = outcome_of(RECORD, std=STD, cov=joint[:4, :4], joint_cov=joint, tolerances=(tolerance,), scores=made)
         return conclude(outcome, RECORD, "joint")
 

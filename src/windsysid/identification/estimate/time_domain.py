@@ -24,7 +24,12 @@ from windsysid.identification.estimate.scoring import BANK_THREADS, log_likeliho
 from windsysid.identification.estimate.search import Solution, expect_search, solve
 from windsysid.identification.model.fit import Outcome, known_loads
 from windsysid.identification.model.prior import Prior
-from windsysid.identification.model.tolerances import doubt_tolerances, learned_tolerances, note_tolerances
+from windsysid.identification.model.tolerances import (
+    doubt_tolerances,
+    learned_tolerances,
+    note_tolerances,
+    places_of_shared,
+)
 from windsysid.identification.model.turbine_problem import TurbineProblem, pose
 from windsysid.identification.verdict.smoothed_loads import judge_smoothed_loads
 from windsysid.loads.family import candidates
@@ -207,18 +212,12 @@ def describe_solution(
         loads=solution.loads,
         joint_cov=solution.cov,
         whiteness=solution.whiteness,
-        scores=(solution.scores._replace(masses=_masses_of(problem)),),
+        scores=(solution.scores._replace(given=places_of_shared(problem.unknowns, problem.tolerances)),),
         log_likelihood=solution.log_likelihood,
         hypothesis=problem.loads.name,
         tolerances=tolerances,
         sensors=problem.sensors,
     )
-
-
-def _masses_of(problem: TurbineProblem) -> tuple[int, ...]:
-    """Indices of the unknowns that are masses."""
-    places = problem.unknowns.places("tolerances", "clocks").tolist()
-    return tuple(at for at, one in zip(places, problem.tolerances, strict=True) if one.group == "masses")
 
 
 def _describe_loads(problem: TurbineProblem, why: Finding) -> tuple[Finding, ...]:

@@ -17,13 +17,14 @@ from windsysid._types import Array
 from windsysid.checks.limits import MAX_TOLERANCE_SIGMAS
 from windsysid.mechanics.sensors import TOWER_LOGGER, Sensor, instrument_parameters
 from windsysid.results.finding import Finding
-from windsysid.results.tolerance import Tolerance
+from windsysid.results.tolerance import SHARED, Tolerance
 from windsysid.spectral.rotor.model import Inexact
+from windsysid.statespace.unknowns import Unknowns
 from windsysid.turbine.turbine import Turbine
 
 __all__ = [
-    "doubt_tolerances", "in_numbers", "learned_tolerances", "note_tolerances", "seconds_late", "tolerances_of",
-    "with_tolerances",
+    "doubt_tolerances", "in_numbers", "learned_tolerances", "note_tolerances", "places_of_shared", "seconds_late",
+    "tolerances_of", "with_tolerances",
 ]  # fmt: skip
 
 
@@ -76,6 +77,12 @@ def with_tolerances(
             gain, turn = instrument_parameters(channels.index(one.of))
             p[names.index(gain if one.group == "gain" else turn)] = off
     return p
+
+
+def places_of_shared(unknowns: Unknowns, tolerances: Sequence[Tolerance]) -> tuple[int, ...]:
+    """Indices of the unknowns that are masses or aerodynamics."""
+    places = unknowns.places("tolerances", "clocks").tolist()
+    return tuple(at for at, one in zip(places, tolerances, strict=True) if one.group in SHARED)
 
 
 def seconds_late(tolerances: Sequence[Tolerance], tau: Array, sensors: Sequence[Sensor]) -> Array:

@@ -365,7 +365,8 @@ def _as_planned(
             "the sensor list is empty: expected at least one sensor; leave it out for the usual ones"
         )
     loads = tuple(replace(load, rms=load.rms * load_scale) for load in turbine.loads)
-    return replace(turbine, sensors=chosen, rotor_speed=turning, loads=loads)
+    air = turbine.aerodynamic_tolerance if turning else 0.0
+    return replace(turbine, sensors=chosen, rotor_speed=turning, aerodynamic_tolerance=air, loads=loads)
 
 
 def _require_positive(what: str, value: float, most: float) -> None:

@@ -86,7 +86,7 @@ def conclude(
         diagnosis = diagnosis if transient is None else explain_by_transient(diagnosis, transient, outcome.channels)
     diagnosis = with_tolerance_shifts(diagnosis, outcome)
     coefficients, of_modes = widenings_of(_on_clock(outcome, record, whole), at, diagnosis.findings)
-    wide, effective = scaled(outcome, at, coefficients)
+    wide, effective = scaled(outcome, coefficients)
     diagnosis = judged(diagnosis, outcome.scores, effective, [*chain.from_iterable(of_modes)])
     readers = None if balanced else channels_of(outcome)
     grades = grade_coefficients(diagnosis, outcome.model.parameters, effective, outcome.channels, readers)
@@ -123,7 +123,7 @@ def conclude(
         provenance=provenance,
         joint_cov=wide.joint_cov,
         tolerances=outcome.tolerances,
-        budget=_budget(outcome, at, coefficients, [*chain.from_iterable(of_modes)]),
+        budget=_budget(outcome, at, effective, [*chain.from_iterable(of_modes)]),
         spectra=outcome.spectra,
     )
 
@@ -298,12 +298,11 @@ def _budget(
     """Uncertainty budget of coefficients and of modes, the latter given the masses of the file."""
     if outcome.joint_cov is None:
         return Budget()
-    unit, variance = np.eye(len(outcome.theta), len(outcome.joint_cov)), np.diag(outcome.joint_cov)
+    unit = np.eye(len(outcome.theta), len(outcome.joint_cov))
     theta = enumerate(zip(outcome.model.parameters, outcome.theta, strict=True))
     rows = [(q.name, unit[i] * _relative_slope(q, float(x))) for i, (q, x) in theta]
     statistics = outcome.unknowns.of("statistics")
-    shares = np.diag(at.given_masses)[: len(rows)] / variance[: len(rows)]
-    added = {one.name: (share * one.added()).tolist() for one, share in zip(coefficients, shares, strict=True)}
+    added = {one.name: one.added().tolist() for one in coefficients}
     own = budget_of(rows, outcome.joint_cov, statistics, outcome.tolerances).widened(added)
     rows = [
         (f"{mode.name}: {what}", slope @ unit / (abs(one.estimate) or 1.0))

@@ -6,6 +6,7 @@ covers. A reason affects the coefficients that it names, or those whose channels
 them.
 """
 
+import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -24,6 +25,7 @@ from windsysid.results.estimate import IntervalEstimate
 from windsysid.results.finding import Finding
 from windsysid.results.mode import Mode
 from windsysid.results.posterior import SIGMAS
+from windsysid.results.tolerance import SHARED
 from windsysid.statespace.parameter import Parameter
 
 __all__ = [
@@ -84,17 +86,15 @@ class Widening(NamedTuple):
 def widenings_of(
     outcome: Outcome, at: FittedModes, findings: Sequence[Finding]
 ) -> tuple[list[Widening], list[list[Widening]]]:
-    """Compute the widening of coefficients, and of frequencies and damping ratios of modes, given the masses, from
-    scores and from rival explanations among the findings."""
-    scores, cov = outcome.scores, at.given_masses
+    """Compute the widening of coefficients given masses and aerodynamics, and of frequencies and damping ratios of
+    modes given the masses, from scores and from rival explanations among the findings."""
+    scores, cov = outcome.scores, outcome.given(*SHARED)[1]
     coefficients = widen_coefficients(scores, outcome.model.parameters, cov)
     modes = [
         [_widening(scores, f"{mode.name} {what}", row, cov) for mode, row in zip(at.modes, rows, strict=True)]
         for what, rows in zip(("frequency", "damping ratio"), at.slopes, strict=True)
     ]
-    without = outcome.given("masses", "aerodynamics")[1]
-    shares = [without[i, i] / max(cov[i, i], 1e-300) for i in range(len(coefficients))]
-    rivals = _rivals([one for one in findings if _is_coverable(one, scores)], coefficients, shares)
+    rivals = _rivals([one for one in findings if _is_coverable(one, scores)], coefficients)
     stds, level = np.array([one.std for one in coefficients]), 1.0
     if "frequency" not in {one.over for one in scores}:
         levels = (one.data["ratio"] for one in findings if one.code in ("channel_level", "innovation_level"))
@@ -104,7 +104,10 @@ def widenings_of(
         one = one._replace(factor=level, over="level", place=0.0) if one.factor < level else one
         return _with_rivals(one, rivals, stds)
 
-    return [widened(one) for one in coefficients], [[widened(one) for one in row] for row in modes]
+    return (
+        [widened(one) for one in coefficients],
+        [[_in_whole(widened(one), at.given_masses) for one in row] for row in modes],
+    )
 
 
 def with_tolerance_shifts(diagnosis: Diagnosis, outcome: Outcome) -> Diagnosis:
@@ -139,20 +142,16 @@ def _is_coverable(one: Finding, scores: Sequence[PartScores]) -> bool:
     return {each.over for each in scores} >= COVERED_BY_INTERVALS.get(one.code, _EVERY)
 
 
-def _rivals(
-    findings: Sequence[Finding], coefficients: Sequence[Widening], shares: Sequence[float]
-) -> list[tuple[Array, Array, float]]:
+def _rivals(findings: Sequence[Finding], coefficients: Sequence[Widening]) -> list[tuple[Array, Array, float]]:
     """Shifts of the coefficients under rival explanations (n_θ,), their standard deviations there over those of the
-    result (n_θ,), and the probability of each rival; `shares` are those of the variances without aerodynamics, which
-    all explanations have."""
+    result (n_θ,), and the probability of each rival."""
     found = []
     for one in findings:
         if one.severity == "reason" and "shifts" in one.data:
             shifts, far = one.data["shifts"], _beyond(one, coefficients)
             off = [0.0 if each.name in far else shifts.get(each.name, 0.0) for each in coefficients]
             widths = [one.data.get("widths", {}).get(each.name, 1.0) for each in coefficients]
-            wide = np.sqrt(1.0 + (np.square(widths) - 1.0) * shares)
-            found.append((np.array(off), wide, float(one.data["chance"])))
+            found.append((np.array(off), np.array(widths), float(one.data["chance"])))
     return found
 
 
@@ -200,7 +199,7 @@ def _with_rivals(one: Widening, rivals: Sequence[tuple[Array, Array, float]], st
 
 
 def widen_coefficients(scores: Sequence[PartScores], parameters: Sequence[Parameter], cov: Array) -> list[Widening]:
-    """Compute the widening of the coefficients from scores; `cov` is that of the model, given the masses."""
+    """Compute the widening of the coefficients from scores; `cov` is that of the model, given what results share."""
     rows = zip(parameters, np.eye(len(parameters)), strict=True)
     return [_widening(scores, q.name, row, cov) for q, row in rows]
 
@@ -217,20 +216,23 @@ def _widening(scores: Sequence[PartScores], name: str, quantity: Array, cov: Arr
     return found
 
 
-def scaled(outcome: Outcome, at: FittedModes, coefficients: Sequence[Widening]) -> tuple[Outcome, list[Widening]]:
-    """Widen the covariance given the masses, and add what masses contribute; the widening of the coefficients with the
-    masses' part, too."""
-    whole = outcome.cov if outcome.joint_cov is None else outcome.joint_cov
+def _in_whole(one: Widening, cov: Array) -> Widening:
+    """Widening of the interval of a covariance that has more than the part that is widened."""
+    n = len(one.quantity)
+    share = one.std**2 / max(float(one.quantity @ cov[:n, :n] @ one.quantity), 1e-300)
+    own, factor = (math.sqrt(1.0 + share * (f**2 - 1.0)) for f in (one.factor / one.of_rivals, one.factor))
+    return one._replace(factor=factor, of_rivals=factor / own)
+
+
+def scaled(outcome: Outcome, coefficients: Sequence[Widening]) -> tuple[Outcome, list[Widening]]:
+    """Widen the covariance given masses and aerodynamics, and add what these contribute; the widening of the
+    coefficients with that part, too."""
+    whole, given = outcome.cov if outcome.joint_cov is None else outcome.joint_cov, outcome.given(*SHARED)[1]
     n, factors = len(coefficients), np.ones(len(whole))
     factors[:n] = [one.factor for one in coefficients]
-    wide = whole - at.given_masses + at.given_masses * np.outer(factors, factors)
-    before, after = (np.sqrt(np.diag(cov)[:n]) for cov in (whole, wide))
-    found = [
-        one._replace(factor=float(b / a)) if a > 0.0 else one
-        for one, a, b in zip(coefficients, before, after, strict=True)
-    ]
+    wide = whole - given + given * np.outer(factors, factors)
     joint = None if outcome.joint_cov is None else wide
-    return outcome._replace(cov=wide[:n, :n], joint_cov=joint), found
+    return outcome._replace(cov=wide[:n, :n], joint_cov=joint), [_in_whole(one, whole) for one in coefficients]
 
 
 def judged(

@@ -20,20 +20,7 @@ from windsysid.simulation.wind.loads import SimulatedWindLoads, wind_loads
 from windsysid.simulation.wind.packaged import packaged_wind
 
 __all__ = [
-    "BladeAerodynamics",
-    "BladeLoads",
-    "Direction",
-    "DirectionChange",
-    "SimulatedWindLoads",
-    "WindConditions",
-    "blade_loads",
-    "coherence",
-    "extreme_direction_change",
-    "iec_turbulence_intensity",
-    "kaimal_spectrum",
-    "packaged_wind",
-    "rotating_turbulence",
-    "rotor_wind",
-    "simulate_direction",
-    "wind_loads",
-]
+    "BladeAerodynamics", "BladeLoads", "Direction", "DirectionChange", "SimulatedWindLoads", "WindConditions",
+    "blade_loads", "coherence", "extreme_direction_change", "iec_turbulence_intensity", "kaimal_spectrum",
+    "packaged_wind", "rotating_turbulence", "rotor_wind", "simulate_direction", "wind_loads",
+]  # fmt: skip

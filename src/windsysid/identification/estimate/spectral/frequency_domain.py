@@ -39,6 +39,7 @@ from windsysid.identification.model.tolerances import (
     in_numbers,
     learned_tolerances,
     note_tolerances,
+    places_of_shared,
     tolerances_of,
 )
 from windsysid.identification.model.turbine_problem import seen_by
@@ -197,7 +198,6 @@ def _outcome(
     theta, eta, tau = blocks.of("parameters"), blocks.of("statistics"), blocks.of("tolerances", "clocks")
     kept = blocks.but("lag")
     learned = learned_tolerances(tolerances, unknowns[tau], cov[tau, tau])
-    masses = tuple(tau.start + i for i, one in enumerate(tolerances) if one.group == "masses")
     return Outcome(
         turbine=question.turbine,
         model=compose(
@@ -223,7 +223,7 @@ def _outcome(
         tolerances=learned,
         held=found.held,
         sensors=question.sensors,
-        scores=tuple(one._replace(masses=masses) for one in found.scores),
+        scores=tuple(one._replace(given=places_of_shared(blocks, tolerances)) for one in found.scores),
     )
 
 

@@ -225,11 +225,13 @@ def _ends(question: RotorQuestion, posed: Posed, starts: Sequence[Array], *, rou
 
 def _is_image(question: RotorQuestion, end: RotorFit) -> bool:
     """Test for negative damping of a support, which has the spectra of positive damping."""
+    return bool((end.unknowns[_support_damping(question)] < 0.0).any())
+
+
+def _support_damping(question: RotorQuestion) -> list[int]:
+    """Which of the unknowns are damping coefficients of the support."""
     supports = {one.name for one in question.turbine.model.freedoms if not one.blade}
-    damping = [
-        u for q, u in zip(question.parameters, end.unknowns, strict=False) if q.kind == "damping" and q.part in supports
-    ]
-    return min(damping, default=0.0) < 0.0
+    return [i for i, q in enumerate(question.parameters) if q.kind == "damping" and q.part in supports]
 
 
 def _with_prior(question: RotorQuestion, posed: Posed, end: RotorFit) -> RotorFit:
@@ -242,9 +244,7 @@ def _with_prior(question: RotorQuestion, posed: Posed, end: RotorFit) -> RotorFi
 
 def _starts(question: RotorQuestion, found: RotorFit, model: LiftedModel) -> list[Array]:
     """Start values: near the modes as found, with the prior's damping, and with more."""
-    damped, more = found.unknowns.copy(), found.unknowns.copy()
-    supports = {one.name for one in question.turbine.model.freedoms if not one.blade}
-    of_support = [i for i, q in enumerate(question.parameters) if q.kind == "damping" and q.part in supports]
+    damped, more, of_support = found.unknowns.copy(), found.unknowns.copy(), _support_damping(question)
     damped[of_support] = model.prior[0][of_support]
     more[of_support] = damped[of_support] + model.prior[1][of_support]
     chosen = _best_of([*_places(question, model, damped), *_places(question, model, found.unknowns)])
