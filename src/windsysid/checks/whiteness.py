@@ -271,7 +271,8 @@ def _judge_alike(sums: Sums, names: Sequence[str], frequencies: Sequence[float])
                 **steadiness(*(float(v[c]) for v in sums_of_level), window=sums.window)._asdict(),
             )
         )
-    freedom /= 1.0 + max(check.unsteady for check in checks) ** 2  # of a level that varies, strong segments count most
+    swell = float(np.median([check.unsteady for check in checks]))
+    freedom /= 1.0 + swell**2  # of loads whose level varies, strong segments count most
     total = int(number.sum())
     low, high = _chi_square_interval(total)
     fewest = max(int(number.min(initial=total)), 1)
