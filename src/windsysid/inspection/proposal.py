@@ -335,7 +335,7 @@ def _told_apart(guesses: list[Guess]) -> list[Guess]:
             guess = replace(guess, name=name, doubts=(_PAIR, *guess.doubts[1:]))
         else:
             doubt = f"several channels look like {guess.name}: which is it?"
-            guess = replace(guess, name=None, doubts=(*guess.doubts, doubt))
+            guess = replace(guess, name=None, doubts=(*guess.doubts, doubt), axis="")
         found.append(guess)
     return found
 
