@@ -162,7 +162,8 @@ def written_by(folder: str | Path) -> str:
     """Name of the command that wrote a folder's result; empty if there is none, or it is not known."""
     with contextlib.suppress(OSError, ValueError, LookupError):
         return _COMMANDS[result_file(folder, "answer.json").read_text(encoding="utf-8")[:40].split('"')[3]]
-    known = [command for key, command in _SUMMARIES.items() if key in summary_of(folder)]
+    summary = summary_of(folder)
+    known = [command for key, command in _SUMMARIES.items() if key in summary]
     known += [command for name, command in _FILES.items() if result_file(folder, name).exists()]
     return [*known, "batch" if any(Path(folder).glob("turbine=*")) else ""][0]
 
