@@ -143,10 +143,9 @@ def _checked(block: Block, limits: BlockLimits) -> Block:
         raise BlockRefused(f"stream: expected up to 40 letters, digits, points and dashes, got {block.stream[:40]!r}")
     units, values = _in_si(block.channels, block.units, block.values, limits)
     flat = values.reshape(-1)
-    if not np.dot(flat, flat) < 0.25 * limits.magnitude**2:  # one pass, without warnings; seldom true
-        with np.errstate(over="ignore", invalid="ignore"):
-            if (absurd := np.abs(values) > limits.magnitude).any():
-                values = np.where(absurd, values.dtype.type(np.nan), values)
+    with np.errstate(over="ignore", invalid="ignore"):
+        if not np.dot(flat, flat) < 0.25 * limits.magnitude**2 and (absurd := np.abs(values) > limits.magnitude).any():
+            values = np.where(absurd, values.dtype.type(np.nan), values)
     rate = float(f"{block.rate:.12g}")
     if values is block.values and units == block.units and rate == block.rate:
         return block
