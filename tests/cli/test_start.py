@@ -198,6 +198,12 @@ def test_a_second_x_keeps_its_own_name(run, folder: Path, monkeypatch: pytest.Mo
     assert "no channel has a name that tower knows" in ended.err[0]
 
 
+def test_a_missing_record_is_refused_before_a_question(run, answers):
+    ended = run("start", "nowhere.csv")
+    assert (ended.code, len(ended.err)) == (2, 1)
+    assert "nowhere.csv: no such file" in ended.err[0]
+
+
 def test_a_unit_is_never_guessed(run, folder: Path):
     ended = run("start", bare(folder), "--turbine", "tower", "--yes")
     assert ended.code == 2
