@@ -235,7 +235,7 @@ def _units(record: Record, name: str, quantity: str) -> tuple[tuple[str, ...], s
 
 
 def _guess(record: Record, name: str, meaning: Meaning, rotor: Rotor | None, *, timed: bool = True) -> Guess:
-    ours, doubts = meaning.name, list(meaning.doubts)
+    ours, doubts, axis = meaning.name, list(meaning.doubts), meaning.axis
     evidence = [meaning.source] if meaning.source else []
     quantity = ours or name
     units, why = _units(record, name, quantity)
@@ -244,6 +244,8 @@ def _guess(record: Record, name: str, meaning: Meaning, rotor: Rotor | None, *, 
         return Guess(name, ours, None, tuple(evidence), (*doubts, "it has no values"))
     evidence.append(f"{np.nanmin(values):.4g} … {np.nanmax(values):.4g}, mean {np.nanmean(values):.4g}")
     gravity, shown = _gravity(record, name, values, rotor)
+    if ours and axis and shown.endswith(_UPRIGHT):
+        ours, doubts, axis = ours.replace("_x_", "_y_"), doubts[1:], ""
     if gravity is not None and implied_unit(quantity) in ("m/s^2", None):
         evidence.append(shown)
         units, why, more = _with_gravity(units, why, gravity, implied_unit(quantity))
@@ -254,7 +256,7 @@ def _guess(record: Record, name: str, meaning: Meaning, rotor: Rotor | None, *, 
     unit = units[0] if len(units) == 1 else None
     if _contradicts(ours, unit):
         doubts.append(f"the name gives a quantity that is not measured in {unit}")
-    return Guess(name, ours, unit, tuple(evidence), tuple(doubts), meaning.axis)
+    return Guess(name, ours, unit, tuple(evidence), tuple(doubts), axis)
 
 
 def _doubts_of_unit(units: tuple[str, ...], why: str) -> list[str]:
@@ -289,7 +291,7 @@ def _gravity(record: Record, name: str, values: Array, rotor: Rotor | None) -> t
     for unit in _UNITS_OF_ACCELERATION:
         g = GRAVITY / to_si(1.0, unit)
         if abs(abs(mean) / g - 1.0) < MAX_GRAVITY_DEVIATION and 0.0 < rms < 0.3 * g:
-            return unit, f"its mean is gravity in {unit}: it stands upright"
+            return unit, f"its mean is gravity in {unit}: {_UPRIGHT}"
     if rotor is not None and rotor.turns:
         swing = once_per_turn(record, values, rotor)
         for unit in _UNITS_OF_ACCELERATION:
@@ -323,15 +325,19 @@ def _peak(record: Record, values: Array, rotor: Rotor | None) -> list[str]:
 _PAIR = "a guess: X fore-aft and Y side-side, as where X is downwind; exchange the names where X points to the side"
 
 
+_UPRIGHT = "it stands upright"
+
+
 def _told_apart(guesses: list[Guess]) -> list[Guess]:
     """The guesses with each proposed name once, X as fore-aft where X and Y are alike; the others keep their own."""
     found: list[Guess] = []
+    sure = [one.name for one in guesses if not one.axis]
     for guess in guesses:
         axes = sorted(one.axis for one in guesses if one.name == guess.name)
         if guess.name is None or len(axes) == 1:
             pass
-        elif axes == ["x", "y"]:
-            name = guess.name.replace("_x_", "_z_") if guess.axis == "x" else guess.name
+        elif axes == ["x", "y"] and (fore_aft := guess.name.replace("_x_", "_z_")) not in sure:
+            name = fore_aft if guess.axis == "x" else guess.name
             guess = replace(guess, name=name, doubts=(_PAIR, *guess.doubts[1:]))
         else:
             doubt = f"several channels look like {guess.name}: which is it?"
