@@ -19,6 +19,7 @@ from windsysid.cli.common import (
     Verbose,
     app,
     claim_output,
+    compared,
     kept_of,
     name_of,
     parse_option,
@@ -108,11 +109,9 @@ def compare(
     from json import dumps
 
     from windsysid.monitoring.comparison import compare as compare_results
-    from windsysid.output.folders import written_by
 
     given = before, *after
-    if (command := written_by(before)) in ("identify", "oma"):
-        before, *after = results_of(given, command, least=2)
+    before, *after = compared(given)
     if output is not None and len(after) > 1:
         raise ConfigurationError("--output goes with two folders: compare one later record at a time")
     places = [

@@ -149,7 +149,8 @@ def _proposal(path: Path, given: Mapping, *, timed: bool = True) -> MappingPropo
     left = [f"Left out, because they hold text: {', '.join(texts)}."] if texts else []
     left += reading_notes(record.attributes)
     about = _about(record) if timed else [f"{record.samples} samples."]
-    return MappingProposal(record.name, tuple(_told_apart(guesses)), given, (*about, remark, *left), timed=timed)
+    apart = tuple(_told_apart(guess, guesses) for guess in guesses)
+    return MappingProposal(record.name, apart, given, (*about, remark, *left), timed=timed)
 
 
 def _meaning(record: Record, name: str) -> Meaning | None:
@@ -235,17 +236,16 @@ def _units(record: Record, name: str, quantity: str) -> tuple[tuple[str, ...], s
 
 
 def _guess(record: Record, name: str, meaning: Meaning, rotor: Rotor | None, *, timed: bool = True) -> Guess:
-    ours, doubts, axis = meaning.name, list(meaning.doubts), meaning.axis
     evidence = [meaning.source] if meaning.source else []
-    quantity = ours or name
+    quantity = meaning.name or name
     units, why = _units(record, name, quantity)
     values = record[name]
     if not np.isfinite(values).any():
-        return Guess(name, ours, None, tuple(evidence), (*doubts, "it has no values"))
+        return Guess(name, meaning.name, None, tuple(evidence), (*meaning.doubts, "it has no values"))
     evidence.append(f"{np.nanmin(values):.4g} … {np.nanmax(values):.4g}, mean {np.nanmean(values):.4g}")
     gravity, shown = _gravity(record, name, values, rotor)
-    if ours and axis and shown.endswith(_UPRIGHT):
-        ours, doubts, axis = ours.replace("_x_", "_y_"), doubts[1:], ""
+    meaning = _upright(meaning, shown)
+    ours, doubts = meaning.name, list(meaning.doubts)
     if gravity is not None and implied_unit(quantity) in ("m/s^2", None):
         evidence.append(shown)
         units, why, more = _with_gravity(units, why, gravity, implied_unit(quantity))
@@ -256,7 +256,14 @@ def _guess(record: Record, name: str, meaning: Meaning, rotor: Rotor | None, *, 
     unit = units[0] if len(units) == 1 else None
     if _contradicts(ours, unit):
         doubts.append(f"the name gives a quantity that is not measured in {unit}")
-    return Guess(name, ours, unit, tuple(evidence), tuple(doubts), axis)
+    return Guess(name, ours, unit, tuple(evidence), tuple(doubts), meaning.axis)
+
+
+def _upright(meaning: Meaning, gravity: str) -> Meaning:
+    """Meaning of a channel, vertical where its name gives an axis only and gravity shows that it stands upright."""
+    if not (meaning.axis and gravity.endswith(_UPRIGHT)):
+        return meaning
+    return Meaning(str(meaning.name).replace("_x_", "_y_"), meaning.source, meaning.doubts[1:])
 
 
 def _doubts_of_unit(units: tuple[str, ...], why: str) -> list[str]:
@@ -328,22 +335,16 @@ _PAIR = "a guess: X fore-aft and Y side-side, as where X is downwind; exchange t
 _UPRIGHT = "it stands upright"
 
 
-def _told_apart(guesses: list[Guess]) -> list[Guess]:
-    """The guesses with each proposed name once, X as fore-aft where X and Y are alike; the others keep their own."""
-    found: list[Guess] = []
-    sure = [one.name for one in guesses if not one.axis]
-    for guess in guesses:
-        axes = sorted(one.axis for one in guesses if one.name == guess.name)
-        if guess.name is None or len(axes) == 1:
-            pass
-        elif axes == ["x", "y"] and (fore_aft := guess.name.replace("_x_", "_z_")) not in sure:
-            name = fore_aft if guess.axis == "x" else guess.name
-            guess = replace(guess, name=name, doubts=(_PAIR, *guess.doubts[1:]))
-        else:
-            doubt = f"several channels look like {guess.name}: which is it?"
-            guess = replace(guess, name=None, doubts=(*guess.doubts, doubt), axis="")
-        found.append(guess)
-    return found
+def _told_apart(guess: Guess, guesses: list[Guess]) -> Guess:
+    """A guess whose name no other has: X is fore-aft where only X and Y are alike; the others keep their own."""
+    axes = sorted(one.axis for one in guesses if one.name == guess.name)
+    if guess.name is None or len(axes) == 1:
+        return guess
+    fore_aft = guess.name.replace("_x_", "_z_")
+    if axes == ["x", "y"] and all(one.name != fore_aft for one in guesses):
+        return replace(guess, name=fore_aft if guess.axis == "x" else guess.name, doubts=(_PAIR, *guess.doubts[1:]))
+    doubt = f"several channels look like {guess.name}: which is it?"
+    return replace(guess, name=None, doubts=(*guess.doubts, doubt), axis="")
 
 
 def _channel(guess: Guess, optional: bool) -> list[str]:
