@@ -203,3 +203,26 @@ def test_a_record_that_was_identified_twice_counts_once(folders: dict[str, Path]
     for folder in given[:2]:
         (folder / "summary.json").write_text('{"record_hash": null, "section": [0, 600]}', encoding="utf-8")
     assert results_of(given[:2], "identify") == given[:2]
+
+
+def test_compare_never_takes_a_later_record_for_the_one_to_compare_with(run, folders: dict[str, Path]):
+    """The first folder was left out where it was of oma and the others of identify, and the second took its place."""
+    (folders["empty"] / "identification.nc").touch()
+    for first in ("oma", "inspect"):
+        ended = run("compare", folders[first], folders["identify"], folders["empty"])
+        assert (ended.code, len(ended.err)) == (2, 1), ended
+        assert str(folders[first]) in ended.err[0]
+
+
+@pytest.mark.parametrize("command", ["monitor", "damping", "compare"])
+def test_a_folder_that_was_left_out_is_not_overwritten(run, folders: dict[str, Path], command: str):
+    for name in ("identify", "empty"):
+        (folders[name] / "identification.nc").touch()
+        (folders[name] / "summary.json").write_text('{"record_hash": "1", "section": [0, 1]}', encoding="utf-8")
+    (folders["notes.txt"]).unlink()
+    folders["notes.txt"].mkdir()
+    (folders["notes.txt"] / "identification.nc").touch()
+    given = folders["identify"], folders["notes.txt"], folders["empty"]
+    ended = run(command, *given, "--output", folders["empty"], "--overwrite")
+    assert ended.code == 2
+    assert "is the result that is to be read" in ended.err[-1]

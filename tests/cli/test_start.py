@@ -169,6 +169,41 @@ def test_two_horizontal_axes_are_a_guess_that_somebody_confirms(
     assert [exchanged[name].name for name in written] == [rules[name].name for name in reversed(written)]
 
 
+def test_the_mapping_says_nothing_of_a_guess_that_was_answered_otherwise(run, folder: Path, answers, monkeypatch):
+    """It said "X fore-aft and Y side-side" over names that had been exchanged."""
+    monkeypatch.setattr(start, "_section", lambda *_: [])
+    monkeypatch.setattr(start, "_run", lambda *_: Path("report.html"))
+    record = with_header(folder, "time [s]", "acc_x [mg]", "acc_y [mg]", "n [rpm]")
+    answers("tower_x_acceleration", "", "")
+    assert run("start", record, "--turbine", "tower").code == 0
+    assert "fore-aft" not in Path("renamed-mapping.toml").read_text(encoding="utf-8")
+
+
+def test_an_axis_is_never_proposed_as_another_direction_or_as_a_blade(run, folder: Path, answers, monkeypatch):
+    """A turbine without fore-aft channel was offered X as side-side, and Y as a blade's tip."""
+    monkeypatch.setattr(start, "_section", lambda *_: [])
+    monkeypatch.setattr(start, "_run", lambda *_: Path("report.html"))
+    record = with_header(folder, "time [s]", "acc_x [mg]", "acc_y [mg]", "n [rpm]")
+    answers("", "", "")
+    assert run("start", record, "--turbine", "nrel5mw").code == 0
+    rules = load_mapping("renamed-mapping.toml").channels
+    assert [rules[name].name for name in ("acc_x", "acc_y")] == ["acc_x", "tower_x_acceleration"]
+
+
+def test_a_second_x_keeps_its_own_name(run, folder: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(start, "_section", lambda *_: [])
+    monkeypatch.setattr(start, "_run", lambda *_: Path("report.html"))
+    record = with_header(folder, "time [s]", "acc_x_1 [mg]", "acc_x_2 [mg]", "n [rpm]")
+    ended = run("start", record, "--turbine", "tower", "--yes")
+    assert "no channel has a name that tower knows" in ended.err[0]
+
+
+def test_a_missing_record_is_refused_before_a_question(run, answers):
+    ended = run("start", "nowhere.csv")
+    assert (ended.code, len(ended.err)) == (2, 1)
+    assert "nowhere.csv: no such file" in ended.err[0]
+
+
 def test_a_unit_is_never_guessed(run, folder: Path):
     ended = run("start", bare(folder), "--turbine", "tower", "--yes")
     assert ended.code == 2

@@ -255,3 +255,21 @@ def test_a_time_that_a_mapping_gives_wrongly_is_refused_and_not_counted(tmp_path
     path.write_text("a_g,b_g\n" + "1,2\n" * 20)
     with pytest.raises(ConfigurationError, match="time"):
         propose_mapping(path, Mapping(time=TimeRule(column="clock")))
+
+
+@pytest.mark.parametrize(
+    ("columns", "names"),
+    [
+        (("X", "Y"), ["tower_z_acceleration", "tower_x_acceleration"]),
+        (("X", "Y up", "Z"), ["tower_x_acceleration", None, None]),
+        (("X up", "Y"), ["tower_y_acceleration", "tower_x_acceleration"]),
+        (("X", "Y", "acc fa"), [None, None, "tower_z_acceleration"]),
+    ],
+)
+def test_horizontal_axes_are_neither_upright_nor_named_twice(tmp_path, columns, names):
+    """Y that carries gravity was proposed as side-side, and X as fore-aft next to a channel that is called so."""
+    rng = np.random.default_rng(1)
+    time = np.arange(0.0, 60.0, 0.1)
+    values = {f"{name} [m/s^2]": rng.normal(9.81 * name.endswith("up"), 0.1, time.size) for name in columns}
+    pd.DataFrame({"time [s]": time, **values}).to_csv(tmp_path / "record.csv", index=False)
+    assert [guess.name for guess in propose_mapping(tmp_path / "record.csv").guesses] == names

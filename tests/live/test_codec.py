@@ -103,6 +103,7 @@ def test_what_is_no_block_is_refused_in_one_line(changes, said):
     assert str(refused.value).isprintable()
 
 
+@pytest.mark.filterwarnings("error")
 def test_values_that_no_sensor_gives_are_missing():
     values = np.array([[1e30, 1.1e30], [-1e31, 1e308]])
     block = check(a_block(values=values))

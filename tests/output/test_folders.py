@@ -481,3 +481,11 @@ def test_a_folder_of_every_answer_names_the_command_that_wrote_it(tmp_path: Path
     for name in KEPT:
         (tmp_path / "answer.json").write_text(f'{{"answer": "{name}", "fields": {{}}}}', encoding="utf-8")
         assert without("a result", tmp_path).endswith(": give another folder")
+
+
+def test_advice_names_the_command_that_writes_what_was_expected(tmp_path: Path):
+    """A folder that should have been an archive of batch was advised to be made by identify."""
+    assert without("an archive of windsysid batch", tmp_path).endswith("check the name, or use windsysid batch first")
+    assert without("a result of windsysid", tmp_path).endswith("check the name, or use windsysid identify first")
+    (tmp_path / "a.csv").touch()
+    assert without("a result of windsysid oma", tmp_path / "a.csv").endswith("; windsysid oma RECORD makes one")

@@ -19,6 +19,8 @@ from windsysid.cli.common import (
     Verbose,
     app,
     claim_output,
+    compared,
+    kept_of,
     name_of,
     parse_option,
     print_and_save,
@@ -108,11 +110,14 @@ def compare(
 
     from windsysid.monitoring.comparison import compare as compare_results
 
-    before, *after = results_of([before, *after], "identify", "oma", least=2)
+    given = before, *after
+    before, *after = compared(given)
     if output is not None and len(after) > 1:
         raise ConfigurationError("--output goes with two folders: compare one later record at a time")
     places = [
-        claim_output(context, output, name_of(later, "compare"), before, *after, overwrite=overwrite, json=json)
+        claim_output(
+            context, output, name_of(later, "compare"), *kept_of(given, "compare"), overwrite=overwrite, json=json
+        )
         for later in after
     ]
     comparisons = []
@@ -146,8 +151,8 @@ def damping(
     from windsysid.monitoring.damping import separate_damping
     from windsysid.results.posterior import load_posterior
 
-    results = results_of(results, "identify")
-    to = claim_output(context, output, name_of(results[0], "damping"), *results, overwrite=overwrite, json=json)
+    kept, results = kept_of(results, "damping"), results_of(results, "identify")
+    to = claim_output(context, output, name_of(results[0], "damping"), *kept, overwrite=overwrite, json=json)
     with show_progress("damping") as progress:
         known = []
         for i, folder in enumerate(results):
@@ -200,8 +205,8 @@ def monitor(
         return
     if turbine is not None:
         raise ConfigurationError("--turbine goes with an archive that windsysid batch wrote")
-    results = results_of(results, "identify", "oma")
-    inputs = (*results, *([] if covariates is None else [covariates]))
+    kept, results = kept_of(results, "monitor"), results_of(results, "identify", "oma")
+    inputs = (*kept, *([] if covariates is None else [covariates]))
     to = claim_output(context, output, name_of(results[0], "monitor"), *inputs, overwrite=overwrite, json=json)
     with show_progress("monitor") as progress:
         progress(f"watching {len(results)} results")

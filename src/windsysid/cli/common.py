@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from windsysid.output.table import Table
 
 __all__ = [
-    "COMMANDS", "HYPOTHESES_HELP", "PACKAGED", "Destination", "NamesTurbine", "app", "claim_output", "name_of",
-    "numbered", "parse_option", "print_and_save", "print_answer", "print_table", "register_commands", "results_of",
-    "rotor_speeds", "show_progress",
+    "COMMANDS", "HYPOTHESES_HELP", "PACKAGED", "Destination", "NamesTurbine", "app", "claim_output", "compared",
+    "kept_of", "name_of", "numbered", "parse_option", "print_and_save", "print_answer", "print_table",
+    "register_commands", "results_of", "rotor_speeds", "show_progress",
 ]  # fmt: skip
 
 COMMANDS = {
@@ -163,6 +163,21 @@ def results_of(folders: Sequence[Path], *commands: str, least: int = 1) -> list[
         return list(folders)
     _name_folders(left, wanted)
     return [folder for folder in writers if folder not in left]
+
+
+def compared(folders: Sequence[Path]) -> list[Path]:
+    """Those of several folders whose results can be compared with that of the first one, which stays."""
+    from windsysid.output.folders import written_by
+
+    command = written_by(folders[0])
+    return results_of(folders, command, least=2) if command in ("identify", "oma") else list(folders)
+
+
+def kept_of(folders: Sequence[Path], command: str) -> list[Path]:
+    """Those of the folders that a user named which a command must not overwrite: all but its own earlier results."""
+    from windsysid.output.folders import written_by
+
+    return [folder for folder in folders if written_by(folder) != command]
 
 
 def _data_of(folder: Path) -> str:

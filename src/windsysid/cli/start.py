@@ -38,6 +38,9 @@ def start(
     ] = False,
 ) -> None:
     """Begin here: read a file, identify the turbine step by step, and print the command that repeats it."""
+    from windsysid.records.formats.access.files import check_input
+
+    check_input(record)
     guide = _Guide(yes)
     machine = _turbine(turbine) if turbine else _ask_turbine(guide)
     mapping = mapping or _write_mapping(record, machine, guide)
@@ -200,7 +203,8 @@ def _complete_guess(guess: "Guess", known: list[str], taken: set[str], guide: _G
     if guess.axis and known:
         print(described)
         described = ""
-    guess = replace(guess, name=_name(guess, known, taken, guide), axis="")
+    doubts = guess.doubts[bool(guess.axis) :]  # the first is on the axis
+    guess = replace(guess, name=_name(guess, known, taken, guide), axis="", doubts=doubts)
     unit = partial(_unit, guess.name or guess.written)
     guess = _without_unsuitable_unit(guess, unit)
     if guess.is_said:
@@ -220,7 +224,8 @@ def _name(guess: "Guess", known: list[str], taken: set[str], guide: _Guide) -> s
 
     name: str | None = None if guess.axis else guess.name
     if known and guess.axis:
-        offered = next((one for one in (guess.name, *known) if one in known and one not in taken), guess.written)
+        both = [guess.name, guess.name.translate(str.maketrans("xz", "zx"))] if guess.name in known else []
+        offered = next((one for one in both if one in known and one not in taken), guess.written)
         name = guide.ask(f"Name of '{guess.written}', of which only the axis is given", free, offered=offered)
     elif known and name is None:
         name = guide.ask(f"Name of '{guess.written}'", free, default=guess.written)

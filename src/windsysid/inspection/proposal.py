@@ -149,7 +149,8 @@ def _proposal(path: Path, given: Mapping, *, timed: bool = True) -> MappingPropo
     left = [f"Left out, because they hold text: {', '.join(texts)}."] if texts else []
     left += reading_notes(record.attributes)
     about = _about(record) if timed else [f"{record.samples} samples."]
-    return MappingProposal(record.name, tuple(_told_apart(guesses)), given, (*about, remark, *left), timed=timed)
+    apart = tuple(_told_apart(guess, guesses) for guess in guesses)
+    return MappingProposal(record.name, apart, given, (*about, remark, *left), timed=timed)
 
 
 def _meaning(record: Record, name: str) -> Meaning | None:
@@ -235,15 +236,16 @@ def _units(record: Record, name: str, quantity: str) -> tuple[tuple[str, ...], s
 
 
 def _guess(record: Record, name: str, meaning: Meaning, rotor: Rotor | None, *, timed: bool = True) -> Guess:
-    ours, doubts = meaning.name, list(meaning.doubts)
     evidence = [meaning.source] if meaning.source else []
-    quantity = ours or name
+    quantity = meaning.name or name
     units, why = _units(record, name, quantity)
     values = record[name]
     if not np.isfinite(values).any():
-        return Guess(name, ours, None, tuple(evidence), (*doubts, "it has no values"))
+        return Guess(name, meaning.name, None, tuple(evidence), (*meaning.doubts, "it has no values"))
     evidence.append(f"{np.nanmin(values):.4g} … {np.nanmax(values):.4g}, mean {np.nanmean(values):.4g}")
     gravity, shown = _gravity(record, name, values, rotor)
+    meaning = _upright(meaning, shown)
+    ours, doubts = meaning.name, list(meaning.doubts)
     if gravity is not None and implied_unit(quantity) in ("m/s^2", None):
         evidence.append(shown)
         units, why, more = _with_gravity(units, why, gravity, implied_unit(quantity))
@@ -255,6 +257,13 @@ def _guess(record: Record, name: str, meaning: Meaning, rotor: Rotor | None, *, 
     if _contradicts(ours, unit):
         doubts.append(f"the name gives a quantity that is not measured in {unit}")
     return Guess(name, ours, unit, tuple(evidence), tuple(doubts), meaning.axis)
+
+
+def _upright(meaning: Meaning, gravity: str) -> Meaning:
+    """Meaning of a channel, vertical where its name gives an axis only and gravity shows that it stands upright."""
+    if not (meaning.axis and gravity.endswith(_UPRIGHT)):
+        return meaning
+    return Meaning(str(meaning.name).replace("_x_", "_y_"), meaning.source, meaning.doubts[1:])
 
 
 def _doubts_of_unit(units: tuple[str, ...], why: str) -> list[str]:
@@ -289,7 +298,7 @@ def _gravity(record: Record, name: str, values: Array, rotor: Rotor | None) -> t
     for unit in _UNITS_OF_ACCELERATION:
         g = GRAVITY / to_si(1.0, unit)
         if abs(abs(mean) / g - 1.0) < MAX_GRAVITY_DEVIATION and 0.0 < rms < 0.3 * g:
-            return unit, f"its mean is gravity in {unit}: it stands upright"
+            return unit, f"its mean is gravity in {unit}: {_UPRIGHT}"
     if rotor is not None and rotor.turns:
         swing = once_per_turn(record, values, rotor)
         for unit in _UNITS_OF_ACCELERATION:
@@ -323,21 +332,19 @@ def _peak(record: Record, values: Array, rotor: Rotor | None) -> list[str]:
 _PAIR = "a guess: X fore-aft and Y side-side, as where X is downwind; exchange the names where X points to the side"
 
 
-def _told_apart(guesses: list[Guess]) -> list[Guess]:
-    """The guesses with each proposed name once, X as fore-aft where X and Y are alike; the others keep their own."""
-    found: list[Guess] = []
-    for guess in guesses:
-        axes = sorted(one.axis for one in guesses if one.name == guess.name)
-        if guess.name is None or len(axes) == 1:
-            pass
-        elif axes == ["x", "y"]:
-            name = guess.name.replace("_x_", "_z_") if guess.axis == "x" else guess.name
-            guess = replace(guess, name=name, doubts=(_PAIR, *guess.doubts[1:]))
-        else:
-            doubt = f"several channels look like {guess.name}: which is it?"
-            guess = replace(guess, name=None, doubts=(*guess.doubts, doubt))
-        found.append(guess)
-    return found
+_UPRIGHT = "it stands upright"
+
+
+def _told_apart(guess: Guess, guesses: list[Guess]) -> Guess:
+    """A guess whose name no other has: X is fore-aft where only X and Y are alike; the others keep their own."""
+    axes = sorted(one.axis for one in guesses if one.name == guess.name)
+    if guess.name is None or len(axes) == 1:
+        return guess
+    fore_aft = guess.name.replace("_x_", "_z_")
+    if axes == ["x", "y"] and all(one.name != fore_aft for one in guesses):
+        return replace(guess, name=fore_aft if guess.axis == "x" else guess.name, doubts=(_PAIR, *guess.doubts[1:]))
+    doubt = f"several channels look like {guess.name}: which is it?"
+    return replace(guess, name=None, doubts=(*guess.doubts, doubt), axis="")
 
 
 def _channel(guess: Guess, optional: bool) -> list[str]:

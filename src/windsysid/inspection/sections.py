@@ -266,11 +266,10 @@ class _Blocks:
         total = np.concatenate([[0.0], np.cumsum(values)])
         return np.asarray(np.diff(total[self.edges]), dtype=np.float64)
 
-    def windows(self, block_sums: Array, blocks: int | None = None, offset: int = 0) -> Array:
-        """Sums over each window, or over `blocks` of its blocks from `offset` on."""
+    def windows(self, block_sums: Array) -> Array:
+        """Sums over each window."""
         total = np.concatenate([[0.0], np.cumsum(block_sums)])
-        start = np.arange(block_sums.size - self.per_window + 1) + offset
-        return np.asarray(total[start + (blocks or self.per_window)] - total[start], dtype=np.float64)
+        return np.asarray(total[self.per_window :] - total[: -self.per_window], dtype=np.float64)
 
     def moments(self, values: Array, time: Array) -> tuple[Array, Array, Array]:
         """Mean, standard deviation, and drift from start to end by least squares, of each window."""

@@ -162,7 +162,8 @@ def written_by(folder: str | Path) -> str:
     """Name of the command that wrote a folder's result; empty if there is none, or it is not known."""
     with contextlib.suppress(OSError, ValueError, LookupError):
         return _COMMANDS[result_file(folder, "answer.json").read_text(encoding="utf-8")[:40].split('"')[3]]
-    known = [command for key, command in _SUMMARIES.items() if key in summary_of(folder)]
+    summary = summary_of(folder)
+    known = [command for key, command in _SUMMARIES.items() if key in summary]
     known += [command for name, command in _FILES.items() if result_file(folder, name).exists()]
     return [*known, "batch" if any(Path(folder).glob("turbine=*")) else ""][0]
 
@@ -172,13 +173,14 @@ def without(expected: str, folder: str | Path) -> str:
     folder = Path(folder)
     if not os.path.lexists(folder):
         return f"{folder}: no such folder, expected {expected}; check the name and the folder"
-    return f"{folder}: expected {expected}, got {_content_of(folder)}"
+    maker = expected.partition("windsysid ")[2].split(" ")[0] or "identify"
+    return f"{folder}: expected {expected}, got {_content_of(folder, maker)}"
 
 
-def _content_of(folder: Path) -> str:
-    """Content of a folder in which another result was expected, and advice."""
+def _content_of(folder: Path, maker: str) -> str:
+    """Content of a folder in which a result of the command `maker` was expected, and advice."""
     if not folder.is_dir():
-        what = "that holds it" if folder.name in NAMES else "of a result; windsysid identify RECORD makes one"
+        what = "that holds it" if folder.name in NAMES else f"of a result; windsysid {maker} RECORD makes one"
         return f"a file: give the folder {what}"
     if (command := written_by(folder)) == "inspect":
         return "an inspection, which keeps no record: inspect the record again, or give another folder"
@@ -186,7 +188,7 @@ def _content_of(folder: Path) -> str:
         return f"one of {command}: give another folder"
     if (folder / "summary.json").exists():
         return "a summary of version 0.1.0 only: give the command again"
-    return "no result in it: check the name, or identify a record first"
+    return f"no result in it: check the name, or use windsysid {maker} first"
 
 
 def is_free(folder: Path) -> bool:

@@ -49,7 +49,7 @@ class Section:
     title: str
     text: Sequence[str] = ()
     tables: Sequence[Table] = ()
-    figures: "Sequence[tuple[Figure | bytes, str]]" = ()
+    figures: "Sequence[tuple[Figure, str]]" = ()
     plots: Sequence[Plot] = ()
     file: str = ""
     markup: str = ""
@@ -121,7 +121,7 @@ def _is_wide(table: Table) -> bool:
 
 
 def png(figure: "Figure") -> bytes:
-    """Figure as PNG, drawn once if it is shown twice, as drawing takes the time."""
+    """Render a figure as PNG."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=110)
     return buffer.getvalue()

@@ -143,12 +143,9 @@ def _checked(block: Block, limits: BlockLimits) -> Block:
         raise BlockRefused(f"stream: expected up to 40 letters, digits, points and dashes, got {block.stream[:40]!r}")
     units, values = _in_si(block.channels, block.units, block.values, limits)
     flat = values.reshape(-1)
-    if (
-        not float(np.dot(flat, flat)) < 0.25 * limits.magnitude**2
-    ):  # of what is usual a product says so, without warnings
-        with np.errstate(over="ignore", invalid="ignore"):
-            if (absurd := np.abs(values) > limits.magnitude).any():
-                values = np.where(absurd, values.dtype.type(np.nan), values)
+    with np.errstate(over="ignore", invalid="ignore"):
+        if not np.dot(flat, flat) < 0.25 * limits.magnitude**2 and (absurd := np.abs(values) > limits.magnitude).any():
+            values = np.where(absurd, values.dtype.type(np.nan), values)
     rate = float(f"{block.rate:.12g}")
     if values is block.values and units == block.units and rate == block.rate:
         return block

@@ -13,15 +13,14 @@ from matplotlib.ticker import LogLocator, MaxNLocator
 from numpy.typing import NDArray
 
 from windsysid._types import Array
-from windsysid.errors import ConfigurationError
 from windsysid.records.record import Record
 from windsysid.reports.figures.canvas import DisplayedFigure, canvas, label
 from windsysid.results.identification import Identification, coefficient_errors
 from windsysid.units import unit_text
 
 __all__ = [
-    "balance_error_comparison", "coefficient_histories", "envelope", "plot_loads", "record_overview",
-    "response_comparison", "start_indifference", "symbol", "tidy",
+    "balance_error_comparison", "coefficient_histories", "envelope", "record_overview", "response_comparison",
+    "start_indifference", "symbol", "tidy",
 ]  # fmt: skip
 
 
@@ -70,8 +69,8 @@ def coefficient_histories(
         left, bottom = i % columns * width, (rows - 1 - i // columns) * height
         axes = _panels(
             figure, (left + 0.8, bottom + 0.46, left + width - 0.12, bottom + height - 0.2),
-            heights=[3, 1.4] if known else [1], apart=(0.0, 0.14), size=size,
-        )[:, 0]  # fmt: skip
+            heights=[3, 1.4] if known else [1], apart=0.14, size=size,
+        )  # fmt: skip
         _history(axes[0], identification, name)
         if known:
             _error(axes[1], identification, name)
@@ -83,35 +82,27 @@ def coefficient_histories(
 
 def _panels(
     figure: Figure, box: tuple[float, float, float, float], *,
-    heights: Sequence[float], widths: Sequence[float] = (1.0,), apart: tuple[float, float],
-    size: tuple[float, float] | None = None,
+    heights: Sequence[float], apart: float, size: tuple[float, float] | None = None,
 ) -> NDArray[Any]:  # fmt: skip
-    """Axes (rows, columns) over common times in a `box` (left, bottom, right, top), `apart` from each other across and
-    down, all in inches of a figure of some `size`, its own by default.
+    """Axes (rows,) over common times in a `box` (left, bottom, right, top), `apart` from each other, all in inches of a
+    figure of some `size`, its own by default.
 
     Matplotlib's constrained layout finds such margins by measuring every label, which takes longer than the drawing.
     """
-    (left, bottom, right, top), (across, down) = box, apart
+    left, bottom, right, top = box
     width, height = size or figure.get_size_inches()
     grid = figure.add_gridspec(
-        len(heights), len(widths), height_ratios=heights, width_ratios=widths,
+        len(heights), 1, height_ratios=heights,
         left=left / width, right=right / width, bottom=bottom / height, top=top / height,
-        wspace=across * len(widths) / (right - left - across * (len(widths) - 1)),
-        hspace=down * len(heights) / (top - bottom - down * (len(heights) - 1)),
+        hspace=apart * len(heights) / (top - bottom - apart * (len(heights) - 1)),
     )  # fmt: skip
-    axes: NDArray[Any] = grid.subplots(squeeze=False, sharex="col")
-    for ax in axes.flat:
+    axes: NDArray[Any] = grid.subplots(squeeze=False, sharex="col")[:, 0]
+    for ax in axes:
         ax.set_in_layout(False)  # somebody's figure may have a layout that would pile all boxes up
         ax.ticklabel_format(axis="y", scilimits=(-3, 5))  # no label of more than six characters
         ax.yaxis.get_offset_text().set(x=-0.015, horizontalalignment="right", fontsize=8)  # next to the name, not on it
-    for ax in axes[:, 0]:
         ax.yaxis.set_label_coords(-0.56 / (ax.get_position().width * width), 0.5)
     return axes
-
-
-def _name(ax: Axes, text: str) -> None:
-    """A channel's name over its axes."""
-    ax.set_title(label(text.replace("_", " ")), fontsize=9, loc="left", y=1.0, pad=2)
 
 
 def _history(ax: Axes, identification: Identification, name: str) -> None:
@@ -155,14 +146,14 @@ def record_overview(record: Record, channels: Sequence[str], section: tuple[floa
     """Channels over time, the section that is used marked (the paper's Fig 3)."""
     height = 1.5 * len(channels) + 0.8
     figure = Figure(figsize=(10, height))
-    axes = _panels(figure, (0.8, 0.5, 9.9, height - 0.25), heights=[1.0] * len(channels), apart=(0.0, 0.3))[:, 0]
+    axes = _panels(figure, (0.8, 0.5, 9.9, height - 0.25), heights=[1.0] * len(channels), apart=0.3)
     for ax, channel in zip(axes, channels, strict=True):
         time, low, high = envelope(record.time, record[channel])
         ax.fill_between(time, low, high, color=MEASURED, lw=0.4, edgecolor=MEASURED)
         if section is not None:
             ax.axvspan(*section, color=BAND, alpha=0.6, lw=0)
         unit = record.units[record.channels.index(channel)]
-        _name(ax, channel)
+        ax.set_title(label(channel.replace("_", " ")), fontsize=9, loc="left", y=1.0, pad=2)
         ax.set_ylabel(f"[{label(unit_text(unit), MAX_UNIT_CHARACTERS)}]")
         tidy(ax)
     if section is not None:
@@ -280,50 +271,6 @@ def balance_error_comparison(names: Sequence[str], ours: Array, published: Mappi
     ax.set_ylabel("average error, Eq (24) [%]")
     ax.legend(frameon=False, fontsize=8, ncols=3, loc="upper left", bbox_to_anchor=(0.0, 1.14))
     tidy(ax)
-    return figure
-
-
-def plot_loads(identification: Identification, window: float | None = None) -> Figure:
-    """The loads that were states, with ±2σ: the whole record, and the middle `window` seconds of it; eight turns of the
-    rotor by default.
-
-    Raises
-    ------
-    ConfigurationError
-        If no load was a state.
-    """
-    loads, time, machine = identification.loads, identification.innovation_time, identification.machine
-    if loads is None or not loads.names:
-        raise ConfigurationError(
-            "no load was a state here: expected a result of the joint formulation without measured loads"
-        )
-    turning = identification.diagnosis.rotor_hz
-    width = window or (8.0 / turning if turning > 0.0 else 0.1 * (time[-1] - time[0]))
-    centre = 0.5 * (time[0] + time[-1])
-    inside = np.abs(time - centre) <= 0.5 * width
-    height = 1.5 * len(loads.names) + 0.9
-    figure = Figure(figsize=(10, height))
-    axes = _panels(
-        figure, (0.8, 0.5, 9.9, height - 0.35), heights=[1.0] * len(loads.names), widths=[3, 2], apart=(0.65, 0.3)
-    )
-    for (left, right), name, mean, std in zip(axes, loads.names, loads.mean.T, loads.std.T, strict=True):
-        start, low, high = envelope(time, mean)
-        left.fill_between(start, low, high, color=MEASURED, lw=0.4, edgecolor=MEASURED)
-        left.axvspan(centre - 0.5 * width, centre + 0.5 * width, color=BAND, alpha=0.6, lw=0)
-        right.fill_between(
-            time[inside], (mean - 2.0 * std)[inside], (mean + 2.0 * std)[inside], color=BAND, lw=0, label="±2σ"
-        )
-        right.plot(time[inside], mean[inside], color=ESTIMATE, lw=1.0, label="estimate")
-        _name(left, name)
-        if machine is not None:
-            left.set_ylabel(f"[{unit_text(machine.model.freedom(name).load_unit)}]")
-        tidy(left)
-        tidy(right)
-    axes[0, 1].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, fontsize=8)
-    for ax in axes[-1]:
-        ax.set_xlabel("time [s]")
-    axes[-1, 0].set_xlim(time[0], time[-1])
-    axes[-1, 1].set_xlim(centre - 0.5 * width, centre + 0.5 * width)
     return figure
 
 
