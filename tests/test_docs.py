@@ -121,10 +121,11 @@ spring = ws.models.Equations("page_shaken", (x, v, w), (ground,), (m, c_x, k), (
 time = np.arange(500) / 50.0
 shaking = np.random.default_rng(0).standard_normal((500, 2))
 record = ws.Record(time, shaking, ("ground", "acceleration"), ("m/s^2", "m/s^2"))
-_fit = ws.models.fit
+_models = ws.models
 class ws:
-    Parameter, Reading = ws.models.Parameter, ws.models.Reading
-    fit = staticmethod(lambda *a, values, **more: _fit(*a, values={**values, "c_x": 0.3}, **more))
+    class models:
+        Parameter, Reading = _models.Parameter, _models.Reading
+        fit = staticmethod(lambda *a, values, **more: _models.fit(*a, values={**values, "c_x": 0.3}, **more))
 """,
     "filters": MODEL,
     "particles": MODEL.replace("gate=6.0, ", ""),
