@@ -91,7 +91,10 @@ def planned_spectra(planned: PlannedRecord, unknown: Sequence[str], progress: Pr
         at = [places[name] for name in _names(outcome)]
         growth[np.ix_(at, at)] = _information(outcome) / planned.length
     known = [0.0] * (len(names) - len(tolerances)) + [1.0] * len(tolerances)
-    growths = _of_what_is_seen(growths)
+    shifts = np.eye(len(names))  # a tolerance of a coefficient is only seen as that coefficient
+    for i, k, spread in [(places[one.name], places[one.of], one.spread) for one in tolerances if one.of in places]:
+        shifts[[i, k], i] = 0.0, spread
+    growths = _of_what_is_seen(shifts.T @ growths @ shifts)
     doubts = tuple(f"such a record would not be trusted: {doubt}" for doubt in _shared_doubts(found))
     return PlannedInformation(
         tuple(names), np.diag(known), growths, tolerances, RECORD_COUNT * planned.length, doubts,
@@ -131,14 +134,32 @@ def _information(found: Outcome) -> Array:
     theta, eta = found.unknowns.of("parameters"), found.unknowns.of("statistics")
     to_relative[theta, theta] = np.diag(relative)
     to_relative[eta, eta] = np.linalg.inv(to_logarithms(statistics))
+    factors = [1.0 if one.group in ("alignment", "clock") else 1.0 + one.estimate for one in found.tolerances]
+    np.fill_diagonal(to_relative[eta.stop :, eta.stop :], factors)
     return np.asarray(to_relative.T @ (whole - np.diag(np.array(spreads) ** -2.0)) @ to_relative)
 
 
 def _of_what_is_seen(growths: Array) -> Array:
-    """The information (RECORDS, n, n) without that on directions of which the records together say nothing."""
-    mean = growths.mean(axis=0)
-    scale = np.sqrt(np.maximum(np.diag(mean), 1e-300))
-    values, vectors = np.linalg.eigh(mean / np.outer(scale, scale))
-    seen = vectors[:, values > MAX_ROUNDING_EIGENVALUE]
-    project = seen @ seen.T * np.outer(1.0 / scale, scale)
+    """The information (RECORDS, n, n) without that on directions of which no record says anything.
+
+    Each record is linearised at its own estimates, so that the directions differ a little and their mean has stray
+    information: as many are left out as the best record leaves open."""
+    values, vectors, scale = _directions(growths.mean(axis=0))
+    open_in_all = (scale == 0.0).sum() + min(_unseen(growth) for growth in growths)
+    seen = vectors[:, max(open_in_all, (values <= MAX_ROUNDING_EIGENVALUE).sum()) :]
+    safe = np.where(scale > 0.0, scale, 1.0)
+    project = seen @ seen.T * np.outer(1.0 / safe, safe)
     return np.asarray(project.T @ growths @ project)
+
+
+def _unseen(information: Array) -> int:
+    """Number of directions of a record's own unknowns (n,) of which its information (n, n) is rounding."""
+    values, _, scale = _directions(information)
+    return int((values <= MAX_ROUNDING_EIGENVALUE).sum() - (scale == 0.0).sum())
+
+
+def _directions(information: Array) -> tuple[Array, Array, Array]:
+    """Eigenvalues (n,), ascending, and eigenvectors (n, n) of the information over its scales, and these (n,)."""
+    scale = np.sqrt(np.abs(np.diag(information)))
+    safe = np.where(scale > 0.0, scale, 1.0)
+    return (*np.linalg.eigh(information / np.outer(safe, safe)), scale)
