@@ -140,26 +140,14 @@ def _information(found: Outcome) -> Array:
 
 
 def _of_what_is_seen(growths: Array) -> Array:
-    """The information (RECORDS, n, n) without that on directions of which no record says anything.
-
-    Each record is linearised at its own estimates, so that the directions differ a little and their mean has stray
-    information: as many are left out as the best record leaves open."""
-    values, vectors, scale = _directions(growths.mean(axis=0))
-    open_in_all = (scale == 0.0).sum() + min(_unseen(growth) for growth in growths)
-    seen = vectors[:, max(open_in_all, (values <= MAX_ROUNDING_EIGENVALUE).sum()) :]
-    safe = np.where(scale > 0.0, scale, 1.0)
-    project = seen @ seen.T * np.outer(1.0 / safe, safe)
+    """The information (RECORDS, n, n) without that on directions of which no record says anything. Each is linearised
+    at its own estimates, which gives their mean stray information: as many are left out as the best leaves open."""
+    every = np.concatenate([growths, growths.mean(axis=0, keepdims=True)])
+    scale = np.sqrt(np.abs(np.diagonal(every, axis1=1, axis2=2)))
+    size = np.where(scale > 0.0, scale, 1.0)
+    values, vectors = np.linalg.eigh(every / (size[:, :, None] * size[:, None, :]))
+    lacking = (scale == 0.0).sum(axis=1)
+    blind = (values <= MAX_ROUNDING_EIGENVALUE).sum(axis=1) - lacking
+    seen = vectors[-1][:, lacking[-1] + max(blind[-1], blind[:-1].min()) :]
+    project = seen @ seen.T * np.outer(1.0 / size[-1], size[-1])
     return np.asarray(project.T @ growths @ project)
-
-
-def _unseen(information: Array) -> int:
-    """Number of directions of a record's own unknowns (n,) of which its information (n, n) is rounding."""
-    values, _, scale = _directions(information)
-    return int((values <= MAX_ROUNDING_EIGENVALUE).sum() - (scale == 0.0).sum())
-
-
-def _directions(information: Array) -> tuple[Array, Array, Array]:
-    """Eigenvalues (n,), ascending, and eigenvectors (n, n) of the information over its scales, and these (n,)."""
-    scale = np.sqrt(np.abs(np.diag(information)))
-    safe = np.where(scale > 0.0, scale, 1.0)
-    return (*np.linalg.eigh(information / np.outer(safe, safe)), scale)
