@@ -47,10 +47,8 @@ class PlannedRecord(NamedTuple):
 
     def drawn(self, number: int = 0) -> Record:
         """The record of the seed, or of one of those after it."""
-        record = simulate_record(
-            self.turbine, duration=self.settling + self.length, rate=self.rate, seed=self.seed + number,
-            loads=self.loads,
-        )  # fmt: skip
+        seed, seconds = self.seed + number, self.settling + self.length
+        record = simulate_record(self.turbine, duration=seconds, rate=self.rate, seed=seed, loads=self.loads)
         return record.section(self.settling, float(record.time[-1]))
 
 
@@ -77,9 +75,9 @@ def planned_spectra(planned: PlannedRecord, unknown: Sequence[str], progress: Pr
         If spectra do not apply to such a record.
     """
     found = []
+    turbine = planned.turbine
     for i in range(RECORD_COUNT):
         progress("identifying simulated records", i / RECORD_COUNT)
-        turbine = planned.turbine
         found.append(identify_by_spectrum(planned.drawn(i), turbine, turbine.sensors, Prior(), unknown))
     tolerances = found[0].tolerances
     names = dict.fromkeys([*unknown, *(name for one in found for name in _names(one))])
@@ -90,16 +88,14 @@ def planned_spectra(planned: PlannedRecord, unknown: Sequence[str], progress: Pr
     for growth, outcome in zip(growths, found, strict=True):
         at = [places[name] for name in _names(outcome)]
         growth[np.ix_(at, at)] = _information(outcome) / planned.length
-    known = [0.0] * (len(names) - len(tolerances)) + [1.0] * len(tolerances)
     shifts = np.eye(len(names))  # a tolerance of a coefficient is only seen as that coefficient
     for i, k, spread in [(places[one.name], places[one.of], one.spread) for one in tolerances if one.of in places]:
         shifts[[i, k], i] = 0.0, spread
     growths = _of_what_is_seen(shifts.T @ growths @ shifts)
     doubts = tuple(f"such a record would not be trusted: {doubt}" for doubt in _shared_doubts(found))
-    return PlannedInformation(
-        tuple(names), np.diag(known), growths, tolerances, RECORD_COUNT * planned.length, doubts,
-        fits=not (found[0].turns or doubts),
-    )  # fmt: skip
+    start = 1.0 * np.diag(np.arange(len(names)) >= len(names) - len(tolerances))
+    fits, length = not (found[0].turns or doubts), RECORD_COUNT * planned.length
+    return PlannedInformation(tuple(names), start, growths, tolerances, length, doubts, fits)
 
 
 def _names(found: Outcome) -> list[str]:
@@ -134,8 +130,6 @@ def _information(found: Outcome) -> Array:
     theta, eta = found.unknowns.of("parameters"), found.unknowns.of("statistics")
     to_relative[theta, theta] = np.diag(relative)
     to_relative[eta, eta] = np.linalg.inv(to_logarithms(statistics))
-    factors = [1.0 if one.group in ("alignment", "clock") else 1.0 + one.estimate for one in found.tolerances]
-    np.fill_diagonal(to_relative[eta.stop :, eta.stop :], factors)
     return np.asarray(to_relative.T @ (whole - np.diag(np.array(spreads) ** -2.0)) @ to_relative)
 
 
