@@ -93,7 +93,7 @@ def planned_spectra(planned: PlannedRecord, unknown: Sequence[str], progress: Pr
         shifts[[i, k], i] = 0.0, spread
     growths = _of_what_is_seen(shifts.T @ growths @ shifts)
     doubts = tuple(f"such a record would not be trusted: {doubt}" for doubt in _shared_doubts(found))
-    start = 1.0 * np.diag(np.arange(len(names)) >= len(names) - len(tolerances))
+    start = np.diag((np.arange(len(names)) >= len(names) - len(tolerances)).astype(np.float64))
     fits, length = not (found[0].turns or doubts), RECORD_COUNT * planned.length
     return PlannedInformation(tuple(names), start, growths, tolerances, length, doubts, fits)
 
