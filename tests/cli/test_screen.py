@@ -53,6 +53,18 @@ def test_what_does_not_fit_is_cut_after_whole_rows():
     assert first_screen(["title", "end"], lines=12) == "title\nend"
 
 
+def test_a_table_that_a_screen_can_hold_is_never_cut():
+    """Two of four measured modes were left out below a table of the model's modes."""
+    model, measured = (
+        Table((name, "Hz"), [(f"{name} {k}", "1") for k in range(count)]) for name, count in (("A", 8), ("B", 4))
+    )
+    shown = first_screen(["title", model, "trust: NO, because", measured, "end"], lines=12)
+    assert all(f"A {k}" in shown for k in range(8))
+    shown = first_screen(["title", "word", "word", model, measured, "end"], lines=18)
+    assert all(f"B {k}" in shown for k in range(4))
+    assert shown.endswith("… more: --verbose, or the page")
+
+
 def test_a_verdict_follows_a_table_that_is_cut():
     """Twenty modes of grade C filled the screen, and no line said why."""
     table = Table(("mode", "grade"), [(f"mode {k}", "C") for k in range(30)])

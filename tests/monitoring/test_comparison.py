@@ -24,6 +24,7 @@ from windsysid.monitoring.comparison import compare
 from windsysid.monitoring.damping import separate_damping
 from windsysid.monitoring.own_information import own_information, without_prior
 from windsysid.monitoring.series import MIN_BLOCKS, gather
+from windsysid.output.console import render
 from windsysid.results.identification import Identification
 from windsysid.results.posterior import Conditions, Posterior, load_posterior
 from windsysid.simulation.record import simulate_record
@@ -690,4 +691,28 @@ def test_a_change_is_shown_to_two_digits_of_its_interval(percent: float, half: f
     after = 1.774e6 * (1.0 + 0.01 * percent)
     values = (1.774e6, after, percent, percent - half, percent + half, 6.0, 0.0)
     change = QuantityChange("k_side_side", "N/m", *values, "stiffness")
-    assert Comparison(("a", "b"), (change,), (), (), False, (), ()).rows[0][2:6] == row
+    assert Comparison(("a", "b"), (change,), (), (), False, (), ()).rows[0][1:5] == row
+
+
+def test_a_likely_change_comes_first_and_each_detectable_size_has_its_coefficient():
+    """The answer said "no change", then that a stiffness may have fallen, and one size for all."""
+    sides = QuantityChange("k_side_side", "N/m", 1.77e6, 1.72e6, -3.2, -4.9, -1.5, math.log(66.6), 1e-3, "stiffness")
+    fore = QuantityChange("k_fore_aft", "N/m", 1.88e6, 1.91e6, 1.9, -5.5, 9.9, -1.0, 0.6, "stiffness")
+    said = Comparison(("a", "b"), (sides, fore), (), (), False, (), ()).sentence
+    assert said.startswith("may have changed: k_side_side fell by 3.2 %")
+    assert "no change" not in said
+    assert "a change of stiffness by less than 3.6 % (k_side_side) … 16 % (k_fore_aft) could remain undetected" in said
+    calm = sides._replace(log_odds=0.0)
+    said = Comparison(("a", "b"), (calm,), (), (), False, (), ()).sentence
+    assert said.startswith(
+        "no change shown: no coefficient reaches odds of 10 : 1; a change of stiffness by less than "
+    )
+
+
+def test_a_comparison_is_one_table_at_80_columns():
+    names = ("noise_tower_acceleration", "m/s^2"), ("k_side_side", "N/m")
+    values = (0.004954, 0.004967, math.nan, -100.0, math.inf, 0.0, 1.0)
+    changes = tuple(QuantityChange(*one, *values) for one in names)
+    shown = render(Comparison(("a", "b"), (), (), changes, False, (), ()).table(), width=80)
+    assert shown.count("noise_tower_acceleration") == 1
+    assert max(map(len, shown.splitlines())) <= 80

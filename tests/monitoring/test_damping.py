@@ -13,6 +13,7 @@ from scipy.stats import norm
 from validation.damping import STOP_RPM, STOP_WIND, air_of_the_tower, stop_record, structure
 
 from windsysid import cli
+from windsysid.cli.screen import first_screen
 from windsysid.errors import ConfigurationError
 from windsysid.inspection import inspect_record
 from windsysid.monitoring.damping import _half_width, separate_damping
@@ -144,9 +145,21 @@ def test_at_one_tip_speed_ratio_the_structure_is_told_though_rotor_speed_and_win
     assert split.per_wind is None
 
 
+def test_every_part_is_in_one_table_at_80_columns(monkeypatch):
+    """The table was divided, with the units alone in its second part, and lost the row of the air."""
+    monkeypatch.setenv("COLUMNS", "80")
+    found = separate_damping([result(9e4, 5e3, 12.0, 9.0), result(2e4, 5e3, 0.0, 5.0)])
+    assert found.sentence.startswith("c_fore_aft: structure")
+    shown = first_screen(found.contents()).splitlines()
+    (row,) = [line for line in shown if line.lstrip().startswith("air, 12 rpm, 9 m/s ")]
+    assert max(len(line) for line in shown[shown.index(row) - 3 : shown.index(row) + 1]) <= 80
+    assert sum(line.startswith("coefficient ") for line in shown) == 1
+
+
 def test_a_single_record_gives_its_total_and_says_what_would_help():
     found = separate_damping([result(9e4, 5e3, 12.0, 9.0)])
-    assert (found.rows[0][1], found.rows[0][4], found.rows[0][6]) == ("total, 12 rpm, 9 m/s", "90", "kN·s/m")
+    assert found.rows[0][1] == "total, 12 rpm, 9 m/s"
+    assert (found.rows[0][0], found.rows[0][4]) == ("c_fore_aft [kN·s/m]", "90.0")
     # 4.9 % of critical at 2.036 rad/s: 16 / (ζ ω) = 2.7 min
     assert "one record gives the sum of structural and aerodynamic damping" in found.lacking[0]
     assert "record 3 min with the rotor parked or idling in weak wind for ±50 %" in found.lacking[0]

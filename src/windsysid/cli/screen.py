@@ -26,8 +26,9 @@ MAX_REASONS = 3
 def first_screen(parts: Sequence[Table | str], lines: int = MAX_SCREEN_LINES - 2) -> str:
     """Render parts of an answer in their order, shortened to some lines.
 
-    A table that does not fit is cut after whole rows. The verdict with its first reasons follows it; what else follows
-    the first part that was cut is left out. The last line says how to see all.
+    A table that a screen cannot hold is cut after whole rows; a smaller one is whole, even if the screen becomes
+    longer. The verdict with its first reasons follows the first part that does not fit; what else follows is left out.
+    The last line says how to see all.
 
     Examples
     --------
@@ -41,11 +42,15 @@ def first_screen(parts: Sequence[Table | str], lines: int = MAX_SCREEN_LINES - 2
     shown = list[Table | str]()
     for i, part in enumerate(parts):
         room = lines - 1 - (_height(render(*shown)) if shown else 0)
-        verdict = [] if _height(render(part)) <= room else _verdict(parts[i + 1 :], room // 4)
-        fitting = _shorten(part, room - (_height(render(*verdict)) if verdict else 0))
+        height = _height(render(part))
+        if height <= room:
+            shown.append(part)
+            continue
+        verdict = _verdict(parts[i + 1 :], lines // 4)
+        is_whole = isinstance(part, Table) and height < lines
+        fitting = part if is_whole else _shorten(part, room - (_height(render(*verdict)) if verdict else 0))
         shown += verdict if fitting is None else [fitting, *verdict]
-        if fitting is not part:
-            break
+        break
     return render(*shown, "… more: --verbose, or the page")
 
 

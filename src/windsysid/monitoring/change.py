@@ -154,35 +154,32 @@ class Comparison(Answer):
                 f"no change: both results are of the same record and section ({self.records[0]}), and one record"
                 " cannot differ from itself"
             )
-        moved = ", ".join(map(str, self.moved))
-        suspects = ", ".join(map(str, self._suspects))
-        told = [f"changed: {moved}" if moved else f"no change: no coefficient reaches odds of {MIN_CHANGE_ODDS:g} : 1"]
-        if suspects:
-            told.append(f"may have changed: {suspects}")
-        told += [] if moved else self._unseen()
+        some = (("changed", self.moved), ("may have changed", self._suspects))
+        told = [f"{verb}: {', '.join(map(str, changes))}" for verb, changes in some if changes]
+        told = told or [f"no change shown: no coefficient reaches odds of {MIN_SUSPECT_ODDS:g} : 1"]
+        told += [] if self.moved else self._unseen()
         other = [change.name for change in self.statistics if change.moved]
         if other:
             told.append(f"loads and noise differ in {', '.join(other)}")
         return "; ".join(told)
 
     def _unseen(self) -> list[str]:
-        """Largest change that could remain undetected, in words: a change is detected from about four σ on."""
+        """Changes that could remain undetected, in words, of the best and the worst known coefficient of each kind: a
+        change is detected from about four σ on."""
         told, dark = [], []
         for kind in ("stiffness", "frequency", "damping"):
             steps = {c.name: 2.0 * _half_width(c) for c in self.coefficients if c.kind == kind}
             dark += [name for name, step in steps.items() if step > MAX_REPORTED_LOG_FACTOR]
-            greatest = max((step for step in steps.values() if step <= MAX_REPORTED_LOG_FACTOR), default=None)
-            if greatest is not None:
-                told.append(f"a change of {kind} by less than {_size(greatest)} could remain undetected")
+            seen = sorted((step, name) for name, step in steps.items() if step <= MAX_REPORTED_LOG_FACTOR)
+            ends = " … ".join(f"{_size(step)} ({name})" for step, name in [*seen[:1], *seen[1:][-1:]])
+            told += [f"a change of {kind} by less than {ends} could remain undetected"] if seen else []
         return told + (
             [f"the records hold too little information on {', '.join(dark)} to show a change"] if dark else []
         )
 
     def table(self) -> Table:
         """Every quantity in either record, and its change."""
-        return Table(
-            HEADINGS, self.rows, f"{self.records[0]} (A) → {self.records[1]} (B), change: priors removed", words=(0, 1)
-        )
+        return Table(HEADINGS, self.rows, f"{self.records[0]} (A) → {self.records[1]} (B), change: priors removed")
 
     @property
     def rows(self) -> list[tuple[str, ...]]:
@@ -191,10 +188,10 @@ class Comparison(Answer):
         for change in (*self.coefficients, *self.modes, *self.statistics):
             digits = significant_digits(100.0, 0.5 * (change.high - change.low))
             before, after, unit = engineering(change.unit, change.before, change.after, digits=digits)
-            percent = _percent(change.percent, change) if change.is_bounded else "not determined"
-            interval = _band(change).replace(" ", "") if change.is_bounded else ""
+            percent = _percent(change.percent, change) if change.is_bounded else ""
+            interval = _band(change).replace(" ", "") if change.is_bounded else "not determined"
             odds = "" if math.isnan(change.log_odds) else _odds(change.log_odds).replace(" ", "")
-            rows.append((change.name, unit, before, after, percent, interval, odds))
+            rows.append((f"{change.name} [{unit}]", before, after, percent, interval, odds))
         return rows
 
     def summary(self) -> dict[str, Any]:
@@ -223,8 +220,8 @@ class Comparison(Answer):
         return [self.sentence, *(f"not to be trusted: {doubt}" for doubt in self.doubts), self.table(), *self.notes]
 
 
-HEADINGS = ("quantity", "unit", "A", "B", "change %", "95 % interval", "odds")
-"""Seven columns: 80 signs of a terminal hold no more."""
+HEADINGS = ("quantity", "A", "B", "change %", "95 % interval", "odds")
+"""Six columns: 80 signs of a terminal hold no more."""
 
 
 def _half_width(change: QuantityChange) -> float:

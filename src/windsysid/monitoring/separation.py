@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from windsysid.output.answers import SummarisedAnswer
 from windsysid.output.table import Table
-from windsysid.units import RPM, engineering, unit_text
+from windsysid.units import RPM, engineering_unit, significant_digits, unit_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -27,9 +27,11 @@ class DampingBand(NamedTuple):
         return DampingBand(self.value / unit, self.low / unit, self.high / unit)
 
     @property
-    def span(self) -> str:
-        """The interval."""
-        return f"{self.low:.3g} … {self.high:.3g}"
+    def cells(self) -> tuple[str, str]:
+        """The value and the interval, to three digits of the interval's width."""
+        decimals = min(significant_digits(1.0, self.high - self.low, least=0), 9)
+        value, low, high = (f"{round(one, decimals) + 0.0:.{decimals}f}" for one in self)
+        return value, f"{low} … {high}"
 
 
 AnyBand = TypeVar("AnyBand", DampingBand, DampingBand | None)
@@ -92,8 +94,8 @@ class DampingSplit:
 
     def percent(self, band: DampingBand) -> str:
         """An interval in % of critical damping."""
-        ratio = band.over(0.01 * self.critical)
-        return f"{ratio.value:.3g} % ({ratio.span} %)"
+        value, span = band.over(0.01 * self.critical).cells
+        return f"{value} % ({span} %)"
 
 
 @dataclass(frozen=True)
@@ -157,11 +159,11 @@ class Separation(SummarisedAnswer):
                 more = f", air at {self.states[fastest]} {split.percent(air)}" if air is not None else ""
                 told.append(f"{split.name}: {self.base} {split.percent(split.structural)}{more}")
         if told:
-            return f"of critical damping, {'; '.join(told)}"
+            return f"{'; '.join(told)}; all in % of critical damping"
         totals = "; ".join(f"{split.name} {split.percent(split.measured[fastest])}" for split in self.splits)
         return (
-            f"structural and aerodynamic damping cannot be separated; together, at {self.states[fastest]}, they are"
-            f" of critical damping {totals}"
+            f"structural and aerodynamic damping cannot be separated; together, at {self.states[fastest]}: {totals};"
+            " all in % of critical damping"
         )
 
     def table(self) -> Table:
@@ -183,10 +185,10 @@ class Separation(SummarisedAnswer):
             parts += self._by_state("air", split.aerodynamic)
             shown = [(of, band) for of, band in parts if band is not None] or self._by_state("total", split.measured)
             for of, band in shown:
-                ratio = band.over(0.01 * split.critical)
-                name = split.name if (of, band) == shown[0] else ""
-                c, low, high, unit = engineering(split.unit, *band)
-                rows.append((name, of, f"{ratio.value:.3g}", ratio.span, c, f"{low} … {high}", unit))
+                size, unit = engineering_unit(split.unit, max(abs(band.value) for _, band in shown))
+                name = f"{split.name} [{unit}]" if (of, band) == shown[0] else ""
+                ratio, own = band.over(0.01 * split.critical), band.over(size)
+                rows.append((name, of, *ratio.cells, *own.cells))
         return rows
 
     def _by_state(self, what: str, bands: Sequence[AnyBand]) -> list[tuple[str, AnyBand]]:
@@ -213,7 +215,7 @@ class Separation(SummarisedAnswer):
         return [self.sentence, *self.lacking, *doubts, self.table(), *self.notes]
 
 
-HEADINGS = ("coefficient", "part", "ζ [%]", "95 % interval", "c", "95 % interval", "unit")
+HEADINGS = ("coefficient", "part", "ζ [%]", "95 % interval", "c", "95 % interval")
 
 
 def _plain(split: DampingSplit) -> dict[str, Any]:

@@ -143,8 +143,9 @@ def longest_word(texts: Sequence[str]) -> int:
 
 
 def _least(texts: Sequence[str], *, is_words: bool) -> int:
-    """Narrowest width of a column of heading and cells: numbers and names stay on one line, sentences are wrapped."""
-    longest = max(map(len, texts[1:]), default=0)
+    """Narrowest width of a column of heading and cells: numbers and names stay on one line, sentences and units in
+    brackets are wrapped."""
+    longest = max((len(piece) for text in texts[1:] for piece in re.split(r" (?=\[)", text)), default=0)
     if is_words and longest > MAX_NAME:
         return longest_word(texts)
     return max(longest, *map(len, texts[0].split()), 1)

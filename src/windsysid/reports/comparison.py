@@ -85,8 +85,8 @@ def _table(comparison: Comparison) -> Table:
     table = comparison.table()
     changes = (*comparison.coefficients, *comparison.modes, *comparison.statistics)
     ratios = ["" if math.isnan(c.ratio_percent) else f"{c.ratio_percent:+.2f}" for c in changes]
-    headings = (*table.headings[:4], "B/A − 1 [%]", "priors removed [%]", *table.headings[5:])
-    rows = [(*row[:4], ratio, *row[4:]) for row, ratio in zip(table.rows, ratios, strict=True)]
+    headings = (*table.headings[:3], "B/A − 1 [%]", "priors removed [%]", *table.headings[4:])
+    rows = [(*row[:3], ratio, *row[3:]) for row, ratio in zip(table.rows, ratios, strict=True)]
     return Table(headings, rows, table.caption, table.words)
 
 

@@ -91,9 +91,7 @@ def _by_spectra(planned: Planned) -> PlannedInformation:
     """Information for spectra, under wind where a rotor turns, else under loads of any smooth spectrum."""
     length = min(planned.duration, planned.most)
     loads = RotorWind.name if planned.turns else "random"
-    record = PlannedRecord(
-        planned.thinned, planned.simulated_rate, planned.settling, length, planned.seed, loads
-    )  # fmt: skip
+    record = PlannedRecord(planned.thinned, planned.simulated_rate, planned.settling, length, planned.seed, loads)
     told = planned_spectra(record, planned.unknown, planned.progress)
     return told._replace(notes=(_rests_on("spectra", told.length, told.tolerances), *told.notes))
 

@@ -5,7 +5,6 @@ the sum of squared slopes of the innovations; on clocks it is the curvature of t
 (`windsysid.identification.estimate.clock_lag`).
 """
 
-import math
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -15,7 +14,7 @@ from windsysid.filters.bank import bank_of
 from windsysid.identification.estimate.clock_lag import Lateness, clock_information, shifted
 from windsysid.identification.estimate.scoring import BANK_THREADS, look, neighbours, score
 from windsysid.identification.model.turbine_problem import TurbineProblem
-from windsysid.loads.statistics import learned_statistics
+from windsysid.loads.statistics import to_logarithms
 from windsysid.output.progress import Progress
 
 __all__ = ["planned_information"]
@@ -43,7 +42,7 @@ def planned_information(
     relative = [1.0 if q.logarithmic else t for q, t in zip(problem.parameters, theta[at].tolist(), strict=True)]
     sizes = known.vector(parameters=relative, statistics=1.0, tolerances=1.0)
     to_relative = np.diag(sizes)  # ∂ unknowns / ∂ ln p
-    to_relative[eta, eta] = np.linalg.inv(_logarithms(problem))
+    to_relative[eta, eta] = np.linalg.inv(to_logarithms(problem.statistics))
     widths = RELATIVE_STEP * np.abs(sizes)
     first = max(1, round(finding * rate))
     ends = np.linspace(first, len(problem.readings), BLOCK_COUNT + 1).astype(int)
@@ -73,10 +72,3 @@ def planned_information(
         growths[:, :size, size:] = growths[:, size:, :size].swapaxes(1, 2)
         growths[:, size:, size:] = said.curvature / length
     return start, growths
-
-
-def _logarithms(problem: TurbineProblem) -> Array:
-    """Derivatives of the logarithms of the statistics to η, each by each (n, n)."""
-    steps = np.eye(len(problem.statistics))
-    moved = [learned_statistics(problem.statistics, step, np.zeros_like(steps)) for step in steps]
-    return np.array([[math.log(s.estimate / s.given) for s in one] for one in moved]).reshape(steps.shape).T

@@ -47,10 +47,8 @@ class PlannedRecord(NamedTuple):
 
     def drawn(self, number: int = 0) -> Record:
         """The record of the seed, or of one of those after it."""
-        record = simulate_record(
-            self.turbine, duration=self.settling + self.length, rate=self.rate, seed=self.seed + number,
-            loads=self.loads,
-        )  # fmt: skip
+        seed, seconds = self.seed + number, self.settling + self.length
+        record = simulate_record(self.turbine, duration=seconds, rate=self.rate, seed=seed, loads=self.loads)
         return record.section(self.settling, float(record.time[-1]))
 
 
@@ -77,9 +75,9 @@ def planned_spectra(planned: PlannedRecord, unknown: Sequence[str], progress: Pr
         If spectra do not apply to such a record.
     """
     found = []
+    turbine = planned.turbine
     for i in range(RECORD_COUNT):
         progress("identifying simulated records", i / RECORD_COUNT)
-        turbine = planned.turbine
         found.append(identify_by_spectrum(planned.drawn(i), turbine, turbine.sensors, Prior(), unknown))
     tolerances = found[0].tolerances
     names = dict.fromkeys([*unknown, *(name for one in found for name in _names(one))])
@@ -90,13 +88,14 @@ def planned_spectra(planned: PlannedRecord, unknown: Sequence[str], progress: Pr
     for growth, outcome in zip(growths, found, strict=True):
         at = [places[name] for name in _names(outcome)]
         growth[np.ix_(at, at)] = _information(outcome) / planned.length
-    known = [0.0] * (len(names) - len(tolerances)) + [1.0] * len(tolerances)
-    growths = _of_what_is_seen(growths)
+    shifts = np.eye(len(names))  # a tolerance of a coefficient is only seen as that coefficient
+    for i, k, spread in [(places[one.name], places[one.of], one.spread) for one in tolerances if one.of in places]:
+        shifts[[i, k], i] = 0.0, spread
+    growths = _of_what_is_seen(shifts.T @ growths @ shifts)
     doubts = tuple(f"such a record would not be trusted: {doubt}" for doubt in _shared_doubts(found))
-    return PlannedInformation(
-        tuple(names), np.diag(known), growths, tolerances, RECORD_COUNT * planned.length, doubts,
-        fits=not (found[0].turns or doubts),
-    )  # fmt: skip
+    start = np.diag((np.arange(len(names)) >= len(names) - len(tolerances)).astype(np.float64))
+    fits, length = not (found[0].turns or doubts), RECORD_COUNT * planned.length
+    return PlannedInformation(tuple(names), start, growths, tolerances, length, doubts, fits)
 
 
 def _names(found: Outcome) -> list[str]:
@@ -135,10 +134,14 @@ def _information(found: Outcome) -> Array:
 
 
 def _of_what_is_seen(growths: Array) -> Array:
-    """The information (RECORDS, n, n) without that on directions of which the records together say nothing."""
-    mean = growths.mean(axis=0)
-    scale = np.sqrt(np.maximum(np.diag(mean), 1e-300))
-    values, vectors = np.linalg.eigh(mean / np.outer(scale, scale))
-    seen = vectors[:, values > MAX_ROUNDING_EIGENVALUE]
-    project = seen @ seen.T * np.outer(1.0 / scale, scale)
+    """The information (RECORDS, n, n) without that on directions of which no record says anything. Each is linearised
+    at its own estimates, which gives their mean stray information: as many are left out as the best leaves open."""
+    every = np.concatenate([growths, growths.mean(axis=0, keepdims=True)])
+    scale = np.sqrt(np.abs(np.diagonal(every, axis1=1, axis2=2)))
+    size = np.where(scale > 0.0, scale, 1.0)
+    values, vectors = np.linalg.eigh(every / (size[:, :, None] * size[:, None, :]))
+    lacking = (scale == 0.0).sum(axis=1)
+    blind = (values <= MAX_ROUNDING_EIGENVALUE).sum(axis=1) - lacking
+    seen = vectors[-1][:, lacking[-1] + max(blind[-1], blind[:-1].min()) :]
+    project = seen @ seen.T * np.outer(1.0 / size[-1], size[-1])
     return np.asarray(project.T @ growths @ project)
