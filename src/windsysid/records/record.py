@@ -11,7 +11,7 @@ from __future__ import annotations
 import difflib
 import json
 import textwrap
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -407,6 +407,60 @@ class Record:
             nor dates.
         """
         return cls.from_labelled(of_frame(frame), "call the column '{}'")
+
+    @classmethod
+    def from_array(
+        cls,
+        values: npt.ArrayLike,
+        rate: float,
+        *,
+        channels: Sequence[str] | None = None,
+        units: str | Sequence[str] = "m/s^2",
+    ) -> Record:
+        """A record from an array, uniformly sampled from time 0 on.
+
+        Parameters
+        ----------
+        values : array_like (T,) or (T, m)
+            A row per sample and a column per channel; NaN is a missing value.
+        rate : float
+            Samples per second [Hz].
+        channels : sequence of str (m,), optional
+            Names; ``channel_1`` … by default.
+        units : str or sequence of str (m,), default "m/s^2"
+            Unit of all channels or of each, converted to SI. Without it, all are accelerations in m/s².
+
+        Raises
+        ------
+        RecordError
+            If these are no numbers, numbers of channels disagree, or a unit is unknown.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import windsysid as ws
+        >>> values = np.random.default_rng(0).normal(size=(600, 2))
+        >>> record = ws.Record.from_array(values, rate=10.0, channels=("floor_1", "floor_2"), units="mm/s^2")
+        >>> record.channels, record.units, record.duration
+        (('floor_1', 'floor_2'), ('m/s^2', 'm/s^2'), 60.0)
+        """
+        try:
+            table, rate = np.asarray(values, dtype=np.float64), float(rate)
+            table = table[:, None] if table.ndim == 1 else table
+            named = [f"channel_{i}" for i in range(1, len(table.T) + 1)] if channels is None else channels
+            names = [named] if isinstance(named, str) else list(named)
+            said = [units] * len(names) if isinstance(units, str) else list(units)
+        except (TypeError, ValueError) as error:
+            raise RecordError(f"from_array: expected numbers, a rate in Hz, and lists of channels: {error}") from error
+        if table.ndim != 2 or len(table) <= len(table.T) or not 0.0 < rate < np.inf:
+            got = f"got values {table.shape}, rate {rate:g}"
+            raise RecordError(f"from_array: expected values (T, m), a row per sample, and a rate in Hz, {got}")
+        if not len(names) == len(said) == len(table.T):
+            got = f"got {len(names)} channels and {len(said)} units"
+            raise RecordError(f"from_array: expected a channel and a unit for each of {len(table.T)} columns, {got}")
+        check_channels(tuple(names))
+        columns = dict(zip(names, zip(table.T, said, strict=True), strict=True))
+        return cls.from_labelled(Labelled(columns, np.arange(len(table)) / rate, None, {}, "array"), "give units")
 
     @classmethod
     def from_labelled(cls, table: Labelled, how: str) -> Record:
