@@ -38,6 +38,9 @@ def start(
     ] = False,
 ) -> None:
     """Begin here: read a file, identify the turbine step by step, and print the command that repeats it."""
+    from windsysid.records.formats.access.files import check_input
+
+    check_input(record)
     guide = _Guide(yes)
     machine = _turbine(turbine) if turbine else _ask_turbine(guide)
     mapping = mapping or _write_mapping(record, machine, guide)

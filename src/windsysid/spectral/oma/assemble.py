@@ -10,14 +10,14 @@ from windsysid.results.finding import Finding
 from windsysid.results.provenance import record_hash
 from windsysid.spectral.modal_bands.model import spectrum
 from windsysid.spectral.modal_bands.model_order import BandFit, poles_over_order
-from windsysid.spectral.modal_bands.peak_bands import Peak, find_peaks
+from windsysid.spectral.modal_bands.peak_bands import find_peaks
 from windsysid.spectral.oma.condition import Readings
 from windsysid.spectral.oma.limits import MAX_BAND_MODES, MIN_EXPLAINED_SHARE, MIN_PEAK_SHARE
 from windsysid.spectral.oma.mode import OperationalMode
 from windsysid.spectral.oma.result import BandSpectrum, OperationalModes
-from windsysid.spectral.oma.search import SearchedBands, band_bins, modes_inside
+from windsysid.spectral.oma.search import SearchedBands, band_bins, is_rotational_peak, modes_inside
 
-__all__ = ["RecordAnalysis", "acceleration_unit", "drawn", "result_of", "unlisted_vibration"]
+__all__ = ["RecordAnalysis", "acceleration_unit", "drawn", "result_of"]
 
 
 class RecordAnalysis(NamedTuple):
@@ -55,11 +55,11 @@ def result_of(single: RecordAnalysis) -> OperationalModes:
         elapsed=0.0,
         start=record.start,
         record_hash=record_hash(record),
-        findings=tuple(unlisted_vibration(single)),
+        findings=tuple(_unlisted_vibration(single)),
     )
 
 
-def unlisted_vibration(single: RecordAnalysis) -> list[Finding]:
+def _unlisted_vibration(single: RecordAnalysis) -> list[Finding]:
     """Find channels with most of their power in a spectral peak that the modes, at their loads, do not explain."""
     spectrum, found = single.found.spectrum, []
     readings, frequency = spectrum.readings, spectrum.frequency
@@ -69,27 +69,15 @@ def unlisted_vibration(single: RecordAnalysis) -> list[Finding]:
         response = ratio / np.abs(1.0 - ratio + 2j * mode.damping_ratio.estimate * np.sqrt(ratio))
         modal += mode.load * response[:, None] ** 2 * np.abs(mode.shape) ** 2
     searched = band_bins(spectrum, (readings.low, readings.high))
-
-    def share(peak: Peak, i: int) -> tuple[float, float]:
-        near = searched[np.abs(frequency[searched] - peak.frequency) <= peak.half_width]
-        own = power[near, i].sum()
-        return own / power[searched, i].sum(), modal[near, i].sum() / max(own, 1e-300)
-
     for i, channel in enumerate(readings.names):
         peaks = find_peaks(frequency, spectrum.values[:, i : i + 1], readings.low, readings.high)
-        peak = max(peaks, key=lambda each: share(each, i)[0], default=None)
-        if peak is None or _has_harmonic(peak, readings.rotor_hz):
+        near = [searched[np.abs(frequency[searched] - peak.frequency) <= peak.half_width] for peak in peaks]
+        held, k = max(((power[bins, i].sum(), k) for k, bins in enumerate(near)), default=(0.0, 0))
+        if held <= MIN_PEAK_SHARE * power[searched, i].sum() or modal[near[k], i].sum() >= MIN_EXPLAINED_SHARE * held:
             continue
-        held, explained = share(peak, i)
-        if held > MIN_PEAK_SHARE and explained < MIN_EXPLAINED_SHARE:
-            found.append(Finding("unlisted_vibration", "remark", {"channel": channel, "frequency": peak.frequency}))
+        if not is_rotational_peak(peaks[k]._replace(half_width=0.5 * peaks[k].half_width), readings):
+            found.append(Finding("unlisted_vibration", "remark", {"channel": channel, "frequency": peaks[k].frequency}))
     return found
-
-
-def _has_harmonic(peak: Peak, rotor_hz: float) -> bool:
-    """True if a rotor harmonic is within the half-width of a peak."""
-    order = round(peak.frequency / rotor_hz) if rotor_hz else 0
-    return order > 0 and abs(peak.frequency - order * rotor_hz) < peak.half_width
 
 
 def drawn(found: BandFit) -> BandSpectrum:
