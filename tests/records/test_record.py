@@ -345,8 +345,8 @@ def test_a_record_from_an_array():
 @pytest.mark.parametrize(
     ("values", "options", "message"),
     [
-        (np.zeros((2, 100)), {}, r"expected values \(T, m\), a row per sample.*got values \(2, 100\), rate 10"),
-        (np.zeros((100, 2)), {"channels": "floor"}, "for each of 2 columns, got 1 channels and 1 units"),
+        (np.zeros((2, 100)), {}, r"expected values \(T, m\), a row per sample.*got values \(2, 100\), .*rate 10"),
+        (np.zeros((100, 2)), {"channels": "floor"}, r"m channels, .*, 1 channels, 1 units"),
         (np.zeros((100, 2)), {"channels": 3}, "lists of channels"),
         (np.zeros((100, 2)), {"channels": ("a", "a")}, "occurs twice"),
         (np.zeros(100), {"units": "quux"}, "unknown unit 'quux'"),

@@ -410,13 +410,9 @@ class Record:
 
     @classmethod
     def from_array(
-        cls,
-        values: npt.ArrayLike,
-        rate: float,
-        *,
-        channels: Sequence[str] | None = None,
-        units: str | Sequence[str] = "m/s^2",
-    ) -> Record:
+        cls, values: npt.ArrayLike, rate: float, *,
+        channels: Sequence[str] | None = None, units: str | Sequence[str] = "m/s^2",
+    ) -> Record:  # fmt: skip
         """A record from an array, uniformly sampled from time 0 on.
 
         Parameters
@@ -441,8 +437,8 @@ class Record:
         >>> import windsysid as ws
         >>> values = np.random.default_rng(0).normal(size=(600, 2))
         >>> record = ws.Record.from_array(values, rate=10.0, channels=("floor_1", "floor_2"), units="mm/s^2")
-        >>> record.channels, record.units, record.duration
-        (('floor_1', 'floor_2'), ('m/s^2', 'm/s^2'), 60.0)
+        >>> record.channels, record.units, record.samples
+        (('floor_1', 'floor_2'), ('m/s^2', 'm/s^2'), 600)
         """
         try:
             table, rate = np.asarray(values, dtype=np.float64), float(rate)
@@ -452,14 +448,11 @@ class Record:
             said = [units] * len(names) if isinstance(units, str) else list(units)
         except (TypeError, ValueError) as error:
             raise RecordError(f"from_array: expected numbers, a rate in Hz, and lists of channels: {error}") from error
-        if table.ndim != 2 or len(table) <= len(table.T) or not 0.0 < rate < np.inf:
-            got = f"got values {table.shape}, rate {rate:g}"
-            raise RecordError(f"from_array: expected values (T, m), a row per sample, and a rate in Hz, {got}")
-        if not len(names) == len(said) == len(table.T):
-            got = f"got {len(names)} channels and {len(said)} units"
-            raise RecordError(f"from_array: expected a channel and a unit for each of {len(table.T)} columns, {got}")
+        if table.ndim != 2 or not len(names) == len(said) == len(table.T) < len(table) or not 0.0 < rate < np.inf:
+            got = f"got values {table.shape}, {len(names)} channels, {len(said)} units, rate {rate:g}"
+            raise RecordError(f"from_array: expected values (T, m), a row per sample, m channels, and a rate; {got}")
         check_channels(tuple(names))
-        columns = dict(zip(names, zip(table.T, said, strict=True), strict=True))
+        columns = {name: (values, unit) for name, values, unit in zip(names, table.T, said, strict=True)}
         return cls.from_labelled(Labelled(columns, np.arange(len(table)) / rate, None, {}, "array"), "give units")
 
     @classmethod

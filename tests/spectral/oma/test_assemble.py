@@ -1,5 +1,7 @@
 """Units and spectra of the result."""
 
+from typing import Any
+
 import pytest
 
 import windsysid as ws
@@ -16,7 +18,7 @@ def test_shapes_have_the_units_of_accelerations(unit: str, order: int, expected:
     assert acceleration_unit(unit, order) == expected
 
 
-def tower_modes(seed: int, **options: object) -> OperationalModes:
+def tower_modes(seed: int, **options: Any) -> OperationalModes:
     return ws.oma(ws.simulate("tower", duration=600.0, rate=5.0, seed=seed), **options)
 
 

@@ -12,7 +12,7 @@ from windsysid.spectral.modal_bands.model import spectrum
 from windsysid.spectral.modal_bands.model_order import BandFit, poles_over_order
 from windsysid.spectral.modal_bands.peak_bands import find_peaks
 from windsysid.spectral.oma.condition import Readings
-from windsysid.spectral.oma.limits import MAX_BAND_MODES, MIN_EXPLAINED_SHARE, MIN_PEAK_SHARE
+from windsysid.spectral.oma.limits import MAX_BAND_MODES, MIN_POWER_SHARE
 from windsysid.spectral.oma.mode import OperationalMode
 from windsysid.spectral.oma.result import BandSpectrum, OperationalModes
 from windsysid.spectral.oma.search import SearchedBands, band_bins, is_rotational_peak, modes_inside
@@ -72,8 +72,9 @@ def _unlisted_vibration(single: RecordAnalysis) -> list[Finding]:
     for i, channel in enumerate(readings.names):
         peaks = find_peaks(frequency, spectrum.values[:, i : i + 1], readings.low, readings.high)
         near = [searched[np.abs(frequency[searched] - peak.frequency) <= peak.half_width] for peak in peaks]
-        held, k = max(((power[bins, i].sum(), k) for k, bins in enumerate(near)), default=(0.0, 0))
-        if held <= MIN_PEAK_SHARE * power[searched, i].sum() or modal[near[k], i].sum() >= MIN_EXPLAINED_SHARE * held:
+        each = ((power[bins, i].sum(), modal[bins, i].sum(), k) for k, bins in enumerate(near))
+        held, explained, k = max(each, default=(0.0, 0.0, 0))
+        if 2.0 * held <= MIN_POWER_SHARE * power[searched, i].sum() or explained >= MIN_POWER_SHARE * held:
             continue
         if not is_rotational_peak(peaks[k]._replace(half_width=0.5 * peaks[k].half_width), readings):
             found.append(Finding("unlisted_vibration", "remark", {"channel": channel, "frequency": peaks[k].frequency}))
