@@ -346,12 +346,14 @@ def test_a_record_from_an_array():
     ("values", "options", "message"),
     [
         (np.zeros((2, 100)), {}, r"expected values \(T, m\), a row per sample.*got values \(2, 100\), .*rate 10"),
-        (np.zeros((100, 2)), {"channels": "floor"}, r"m channels, .*, 1 channels, 1 units"),
-        (np.zeros((100, 2)), {"channels": 3}, "lists of channels"),
+        (np.zeros((100, 2)), {"channels": "floor"}, r"m channels, .*, 1 channels, rate"),
+        (np.zeros((100, 2)), {"channels": 3}, r"m channels, .*, 1 channels, rate"),
         (np.zeros((100, 2)), {"channels": ("a", "a")}, "occurs twice"),
         (np.zeros(100), {"units": "quux"}, "unknown unit 'quux'"),
-        ("abc", {}, "expected numbers"),
-        (3.0, {}, "expected numbers"),
+        ("abc", {}, "could not convert"),
+        (3.0, {}, r"got values \(1, 1\)"),
+        (np.zeros((9, 2, 2)), {}, "too many values"),
+        (np.zeros((100, 2)), {"units": ("g", "g", "g")}, "and m units"),
     ],
 )
 def test_an_array_that_is_no_record_is_a_clear_error(values, options, message):

@@ -14,7 +14,7 @@ import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -441,19 +441,18 @@ class Record:
         (('floor_1', 'floor_2'), ('m/s^2', 'm/s^2'), 600)
         """
         try:
-            table, rate = np.asarray(values, dtype=np.float64), float(rate)
-            table = table[:, None] if table.ndim == 1 else table
-            named = [f"channel_{i}" for i in range(1, len(table.T) + 1)] if channels is None else channels
-            names = [named] if isinstance(named, str) else list(named)
-            said = [units] * len(names) if isinstance(units, str) else list(units)
+            table, rate = np.atleast_2d(np.asarray(values, dtype=np.float64).T).T, float(rate)
+            samples, m = table.shape
+            named = [f"channel_{i + 1}" for i in range(m)] if channels is None else channels
+            names, said = np.atleast_1d(named).astype(str).tolist(), np.broadcast_to(units, m).tolist()
         except (TypeError, ValueError) as error:
-            raise RecordError(f"from_array: expected numbers, a rate in Hz, and lists of channels: {error}") from error
-        if table.ndim != 2 or not len(names) == len(said) == len(table.T) < len(table) or not 0.0 < rate < np.inf:
-            got = f"got values {table.shape}, {len(names)} channels, {len(said)} units, rate {rate:g}"
+            raise RecordError(f"from_array: expected values (T, m), a rate in Hz, and m units: {error}") from error
+        if len(names) != m or m >= samples or not 0.0 < rate < np.inf:
+            got = f"got values {table.shape}, {len(names)} channels, rate {rate:g}"
             raise RecordError(f"from_array: expected values (T, m), a row per sample, m channels, and a rate; {got}")
         check_channels(tuple(names))
-        columns = {name: (values, unit) for name, values, unit in zip(names, table.T, said, strict=True)}
-        return cls.from_labelled(Labelled(columns, np.arange(len(table)) / rate, None, {}, "array"), "give units")
+        columns: dict[str, tuple[Any, str | None]] = dict(zip(names, zip(table.T, said, strict=True), strict=True))
+        return cls.from_labelled(Labelled(columns, np.arange(samples) / rate, None, {}, "array"), "give units")
 
     @classmethod
     def from_labelled(cls, table: Labelled, how: str) -> Record:

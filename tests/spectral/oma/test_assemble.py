@@ -44,3 +44,8 @@ def test_nothing_is_remarked_where_the_modes_explain_the_peaks():
 def test_modes_of_a_turbine_outside_the_searched_range_are_not_missed():
     found = tower_modes(1, turbine="tower", bands=[(0.29, 0.32)])
     assert "modes_not_found" not in codes(found.findings)
+
+
+def test_a_channel_of_several_records_is_remarked_once():
+    found = ws.oma([ws.simulate("tower", duration=600.0, rate=5.0, seed=seed) for seed in (1, 2)])
+    assert [one.channels for one in found.findings] == [("tower_z_acceleration",)]
