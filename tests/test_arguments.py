@@ -45,6 +45,8 @@ def test_the_message_names_the_argument_what_it_is_and_what_it_was():
         ws.monitor(3)  # type: ignore[arg-type]
     with pytest.raises(TypeError, match=r"^write_turbine: turbine: expected Turbine, got str 'tower'$"):
         ws.write_turbine("tower", "tower.toml")  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match=r"^plan: parameters: expected Sequence\[str\] \| None, got str 'k_x'$"):
+        ws.plan("tower", parameters="k_x")
     with pytest.raises(TypeError, match=r"^read_blocks: folders: expected Sequence\[str \| Path\], got None$"):
         ws.read_blocks(None)  # type: ignore[arg-type]
     with pytest.raises(TypeError, match=r"^band_pass: values: expected array_like, got str 'a'$"):
@@ -63,6 +65,9 @@ def test_errors_of_right_arguments_stay():
     assert misfit(ws.compare, ("a", Path("b")), {}) is None
     short = misfit(ws.identify, ("a.csv", "tower"), {"section": (10.0,)})
     assert short == "section: expected tuple[float, float] | None, got tuple (10.0,)"
+    pair = misfit(ws.oma, ("a.csv",), {"limits": (0.5, "x")})
+    assert pair == "limits: expected tuple[float, float] | None, got tuple (0.5, 'x')"
+    assert misfit(ws.oma, ("a.csv",), {"bands": [(1, 2.0)], "limits": (0.5, 2)}) is None
     assert misfit(ws.read_linearisation, ([Path("a"), "b"],), {}) is None
 
 

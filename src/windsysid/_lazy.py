@@ -141,11 +141,7 @@ def _is_one(value: Any, kind: type, inner: tuple[Any, ...]) -> bool:
         return all(hasattr(value, name) for name in (*vars(kind), *kind.__annotations__) if not name.startswith("_"))
     if isinstance(value, str) and issubclass(kind, Iterable):
         return kind is str
-    several = value if isinstance(value, list | tuple) and len(inner) == 1 else ()
-    return _has_class(value, kind, inner) and all(_fits(each, inner[0]) for each in several)
-
-
-def _has_class(value: Any, kind: type, inner: tuple[Any, ...]) -> bool:
-    """Test whether a value is of a class, and a tuple as long as its annotation."""
-    fixed = len(inner) > 1 and inner[-1] is not ...
-    return isinstance(value, kind) and not (fixed and isinstance(value, tuple) and len(value) != len(inner))
+    if not isinstance(value, kind) or not isinstance(value, list | tuple) or not inner:
+        return isinstance(value, kind)
+    each = inner if len(inner) > 1 and inner[-1] is not ... else inner[:1] * len(value)
+    return len(value) == len(each) and all(map(_fits, value, each))

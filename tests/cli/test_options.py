@@ -38,3 +38,9 @@ def test_an_interrupted_publisher_says_where_blocks_wait():
 def test_an_archive_without_a_turbine_that_can_be_watched_is_refused(tmp_path: Path):
     with pytest.raises(ConfigurationError, match="no turbine can be watched; T01"):
         fleet._watch_each(tmp_path, ["T01"], 0.1)
+
+
+def test_a_percentage_is_reported_as_it_was_given(run):
+    ended = run("plan", "--turbine", "tower", "--within", "-4")
+    assert ended.code == 2
+    assert "--within: expected a percentage above 0 and up to 1000, got -4" in "".join(ended.err)

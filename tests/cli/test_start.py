@@ -282,3 +282,10 @@ def test_a_name_that_the_file_gives_to_a_later_channel_is_refused(run, folder: P
     assert "another channel is called tower_z_acceleration already" not in ended.out
     mapping = load_mapping("odd-mapping.toml")
     assert [rule.name for rule in mapping.channels.values()] == ["tower_z_acceleration", "rotor_speed"]
+
+
+def test_a_file_that_is_not_there_is_refused_before_any_question(run):
+    ended = run("start", "nothere.csv")
+    assert ended.code == 2
+    assert "nothere.csv: no such file" in "".join(ended.err)
+    assert "Turbine" not in ended.out

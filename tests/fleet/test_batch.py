@@ -236,7 +236,17 @@ def test_the_command_says_what_it_took(run, tmp_path: Path, data: Path):
     shutil.copy(data / "T01" / "d_2026-03-02.csv", tmp_path / "bad.csv")
     ended = run("batch", tmp_path / "bad.csv", "--turbine", "tower", "--output", tmp_path / "archive", "--workers", 1)
     assert ended.code == 0
-    assert "1 records taken" in ended.out
+    assert "1 record taken" in ended.out
+    why = "no record was identified (1 refused: "
+    assert why in ended.out
+    assert "next:" not in ended.out
+    again = run("batch", tmp_path / "bad.csv", "--turbine", "tower", "--output", tmp_path / "archive", "--workers", 1)
+    assert "next:" not in again.out
+    for command in ("report", "monitor"):
+        refused = run(command, tmp_path / "archive")
+        assert refused.code == 2
+        assert why in "".join(refused.err)
+        assert "when it began" not in "".join(refused.err)
     assert "1 refused: " in ended.out
     assert "'wet' is not a number" in ended.out
     ended = run("batch", tmp_path / "none", "--turbine", "tower", "--output", tmp_path / "archive")

@@ -205,4 +205,4 @@ def test_zones_must_agree_and_records_be_enough(rows: dict[str, list[Row]]):
     with pytest.raises(ConfigurationError, match="at least 12 identified records"):
         blocks_of(table_of(of[:5]))
     with pytest.raises(ConfigurationError, match="no record says when it began"):
-        overview_of({"T": table_of([empty_row("/a", 1, "s")])}, Path("x"), alarms_per_year=0.1)
+        overview_of({"T": table_of([empty_row("/a", 1, "s") | {"status": "ok"}])}, Path("x"), alarms_per_year=0.1)

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import windsysid as ws
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.inspection import inspect_record
 from windsysid.records.formats import read_record
@@ -328,3 +329,42 @@ def test_a_channel_is_a_copy_of_a_record_with_one_channel_too():
     record = Record(np.arange(9.0), np.zeros((9, 1)), ("tower_x_acceleration",), ("m/s^2",))
     record["tower_x_acceleration"][:] = 1.0
     assert not record.values.any()
+
+
+def test_a_record_from_an_array():
+    values = np.random.default_rng(1).normal(size=(100, 2))
+    record = ws.Record.from_array(values, 10.0, units=("g", "mm"))
+    assert record.channels == ("channel_1", "channel_2")
+    assert record.units == ("m/s^2", "m")
+    np.testing.assert_allclose(record.values, values * [9.80665, 1e-3])
+    np.testing.assert_allclose(record.time[[0, -1]], [0.0, 9.9])
+    one = ws.Record.from_array(values[:, 0], 10.0, channels="floor")
+    assert (one.channels, one.units) == (("floor",), ("m/s^2",))
+
+
+@pytest.mark.parametrize(
+    ("values", "options", "message"),
+    [
+        (np.zeros((2, 100)), {}, r"expected values \(T, m\), a row per sample.*got values \(2, 100\), .*rate 10"),
+        (np.zeros((100, 2)), {"channels": "floor"}, r"m channels, .*, 1 channels, rate"),
+        (np.zeros((100, 2)), {"channels": 3}, r"m channels, .*, 1 channels, rate"),
+        (np.zeros((100, 2)), {"channels": ("a", "a")}, "occurs twice"),
+        (np.zeros(100), {"units": "quux"}, "unknown unit 'quux'"),
+        ("abc", {}, "could not convert"),
+        (3.0, {}, r"got values \(1, 1\)"),
+        (np.zeros((9, 2, 2)), {}, "too many values"),
+        (np.zeros((100, 2)), {"units": ("g", "g", "g")}, "and m units"),
+    ],
+)
+def test_an_array_that_is_no_record_is_a_clear_error(values, options, message):
+    with pytest.raises(ws.RecordError, match=message):
+        ws.Record.from_array(values, 10.0, **options)
+
+
+def test_other_tables_are_named_by_their_type():
+    with pytest.raises(ws.RecordError, match="DataFrame: expected one of pandas, got int"):
+        ws.Record.from_dataframe(3)  # type: ignore[arg-type]
+    with pytest.raises(ws.RecordError, match="Dataset: expected one of xarray, got int"):
+        ws.Record.from_xarray(3)  # type: ignore[arg-type]
+    with pytest.raises(ws.RecordError, match=r"got ndarray: call Record\.from_array\(values, rate\)"):
+        ws.oma(np.zeros((100, 2)))  # type: ignore[arg-type]

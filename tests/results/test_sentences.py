@@ -43,7 +43,8 @@ EXAMPLE: dict[str, Any] = {
 OTHERS: dict[str, dict[str, Any]] = {
     "ambiguous_peak": {"modes": ["tower x", "tower y"]}, "class_disagrees_in_bands": {"modes": ["lag collective"]},
     "bands_read": {"modes": {"tower x": 0.33}},
-    "faint_peak": {"modes": ["tower x"]}, "loads_of_spectra": {"loads": "broad spectra"},
+    "faint_peak": {"modes": ["tower x"]}, "modes_not_found": {"modes": {"tower x": 0.33}},
+    "loads_of_spectra": {"loads": "broad spectra"},
     "loads_are_states": {"loads": "first-order Gauss–Markov"},
 }  # fmt: skip
 """What a few of them hold under another name's meaning."""

@@ -380,8 +380,13 @@ def test_a_few_spikes_are_bridged_and_cost_no_trust():
 def test_modes_are_sought_in_a_range_only():
     found = ws.oma(record_of(two_modes(38), RATE), limits=(2.0, 4.0))
     assert [round(mode.frequency.estimate, 1) for mode in found.modes] == [2.7]
-    with pytest.raises(ws.ConfigurationError, match="limits 6 4 Hz: expected two rising"):
+    with pytest.raises(ws.ConfigurationError, match=r"--range 6 4 Hz \(limits\): expected two rising"):
         ws.oma(record_of(two_modes(38), RATE), limits=(6.0, 4.0))
+    for low in (0.5, 0.49 * RATE):  # a range that ends beyond the record's is refused, wherever it begins
+        with pytest.raises(ws.ConfigurationError, match=r"an upper end of at most .* Hz, 0.42 times the sampling rate"):
+            ws.oma(record_of(two_modes(38), RATE), limits=(low, 900.0))
+    with pytest.raises(ws.ConfigurationError, match="ax: expected axes of Matplotlib, got str"):
+        found.plot("x")  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("wander", [0.03, 0.1])

@@ -80,6 +80,8 @@ def plan(
 
     to = claim_output(context, output, name_of(turbine, "plan"), overwrite=overwrite, json=json)
     machine = load_turbine(turbine).in_state(state)
+    if not 0.0 < within <= 1000.0:
+        raise ConfigurationError(f"--within: expected a percentage above 0 and up to 1000, got {within:g}")
     listed = read_sensors(sensors) if sensors is not None else None
     asked = [name.strip() for name in parameters.split(",")] if parameters is not None else None
     seconds = parse_option("--duration", duration, "s")

@@ -69,7 +69,9 @@ def batch(
     limit: Annotated[str, typer.Option(help="Time that a record may take, with its unit.")] = "10 min",
 ) -> None:
     """Identify all new records in folders, into one archive with a row for each; may be interrupted."""
+    from windsysid.fleet.archive import is_archive, read_table, turbines_of
     from windsysid.fleet.batch import batch as take
+    from windsysid.fleet.series import unidentified
 
     seconds = parse_option("--limit", limit, "s")
     archive = output or _archive_of(sources)
@@ -85,7 +87,9 @@ def batch(
         print(printable(told), file=sys.stderr)
         raise typer.Exit(130) from None
     print(found)
-    print(printable(f"next: windsysid report {archive}"))
+    names = turbines_of(archive) if is_archive(archive) else ()
+    why = unidentified(read_table(archive, name, ("status", "why")) for name in names)
+    print(printable(why or f"next: windsysid report {archive}"))
 
 
 def _archive_of(sources: Sequence[str]) -> Path:

@@ -80,7 +80,7 @@ class Batch:
         count = sum(self.taken.values())
         words = {"ok": "identified", "refused": "refused", "failed": "failed"}
         parts = [f"{self.taken.get(status, 0)} {word}" for status, word in words.items()]
-        told = f"{count} records taken in {spell(self.seconds)}: {', '.join(parts)}"
+        told = f"{count} record{'s' if count != 1 else ''} taken in {spell(self.seconds)}: {', '.join(parts)}"
         told += f"; {self.known} were there already" if self.known else ""
         told += f"; {self.unmatched} files fit no pattern" if self.unmatched else ""
         told += f"; SCADA joined to {self.joined} of them" if self.joined else ""

@@ -19,7 +19,7 @@ from windsysid.errors import ConfigurationError
 from windsysid.fleet.archive import read_table, turbines_of
 from windsysid.fleet.events import FleetEvent, events_of
 from windsysid.fleet.sensors import Failing, failing_sensors, weeks_of
-from windsysid.fleet.series import BLOCK_COLUMNS, blocks_of, numbers, pairs, seconds_of, texts
+from windsysid.fleet.series import BLOCK_COLUMNS, blocks_of, numbers, pairs, seconds_of, texts, unidentified
 from windsysid.fleet.sisters import MIN_TURBINES_OF_TYPE, Standing, stand
 from windsysid.monitoring.changes import Watch
 from windsysid.monitoring.watch import watch
@@ -202,7 +202,7 @@ def oversee(archive: str | Path, *, alarms_per_year: float = 0.1, progress: Prog
     names = turbines_of(archive)
     for i, name in enumerate(names):
         progress(f"reading {name}", i / len(names))
-        tables[name] = read_table(archive, name, (*BLOCK_COLUMNS, "modes", "why", "duration", "health"))
+        tables[name] = read_table(archive, name, (*BLOCK_COLUMNS, "modes", "duration", "health"))
     return overview_of(tables, Path(archive), alarms_per_year=alarms_per_year, progress=progress)
 
 
@@ -211,6 +211,8 @@ def overview_of(
 ) -> Overview:
     """Overview of rows by turbine that have been read."""
     notes: list[str] = []
+    if why := unidentified(tables.values()):
+        raise ConfigurationError(f"archive {archive}: {why}")
     seconds = np.concatenate([seconds_of(table) for table in tables.values()])
     if not np.isfinite(seconds).any():
         raise ConfigurationError(

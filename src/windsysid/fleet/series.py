@@ -7,7 +7,7 @@ from.
 """
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -25,7 +25,9 @@ from windsysid.monitoring.watch import MAX_LEARNING_BLOCKS
 from windsysid.records.moments import moment
 from windsysid.results.posterior import SIGMAS
 
-__all__ = ["COVARIATES", "Pairs", "archive_blocks", "blocks_of", "numbers", "pairs", "seconds_of", "texts"]
+__all__ = [
+    "COVARIATES", "Pairs", "archive_blocks", "blocks_of", "numbers", "pairs", "seconds_of", "texts", "unidentified",
+]  # fmt: skip
 
 COVARIATES = ("wind_speed", "temperature", "pitch", "rotor_speed")
 """Of SCADA, where most records have them. The power follows from them, the yaw is no straight line."""
@@ -44,8 +46,8 @@ MIN_STATE_SHARE, MIN_STATE_RECORDS = 0.05, 10
 """Least share and number of a state among the records that are learned from."""
 
 BLOCK_COLUMNS = (
-    "status", "source", "start", "time", "state", "trusted", "windsysid", "parameters", "statistics", "rotor_speed",
-    *(f"scada_{name}" for name in COVARIATES),
+    "status", "why", "source", "start", "time", "state", "trusted", "windsysid", "parameters", "statistics",
+    "rotor_speed", *(f"scada_{name}" for name in COVARIATES),
 )  # fmt: skip
 """Columns that `blocks_of` reads."""
 
@@ -123,8 +125,20 @@ def blocks_of(table: Any) -> RecordBlocks:
     )
 
 
+def unidentified(tables: Iterable[Any]) -> str | None:
+    """Sentence with the commonest reason if no record of some tables was identified; None if one was."""
+    of = Counter(pair for t in tables for pair in zip(texts(t, "status"), texts(t, "why"), strict=True))
+    if not of or any(status == "ok" for status, _ in of):
+        return None
+    (status, why), count = of.most_common(1)[0]
+    more = f", {of.total() - count} for other reasons" if len(of) > 1 else ""
+    return f"no record was identified ({count} {status}: {why}{more})"
+
+
 def _usable(table: Any, notes: list[str]) -> Any:
     """Identified rows with a date, each once, in a steady state of which there are enough to learn from."""
+    if why := unidentified([table]):
+        raise ConfigurationError(why)
     good = (texts(table, "status") == "ok") & np.array([start is not None for start in texts(table, "start")])
     table = _first_of_each(table.filter(_mask(good)), notes)
     state = texts(table, "state")

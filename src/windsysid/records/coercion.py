@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias, cast
 
 from windsysid.errors import ConfigurationError, RecordError
-from windsysid.records.labelled import Labelled, of_dataset, of_frame
+from windsysid.records.labelled import Labelled, is_a, of_dataset, of_frame
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -69,14 +69,13 @@ def as_record(given: RecordLike, mapping: "MappingLike | None" = None) -> "Recor
         )
     if isinstance(given, Record):
         return given
-    library = type(given).__module__.split(".")[0]
-    if library == "pandas" and type(given).__name__ == "DataFrame":
+    if is_a(given, "pandas", "DataFrame"):
         return _said(of_frame(given), "a column '{0} [unit]', or attrs['units']['{0}']", "DataFrame")
-    if library == "xarray" and type(given).__name__ == "Dataset":
+    if is_a(given, "xarray", "Dataset"):
         return _said(of_dataset(given, every=False), "an attribute 'units'", "Dataset")
     raise RecordError(
         "record: expected a Record, the path of a file, a pandas DataFrame or an xarray Dataset, got"
-        f" {type(given).__name__}"
+        f" {type(given).__name__}{': call Record.from_array(values, rate)' if hasattr(given, '__array__') else ''}"
     )
 
 

@@ -14,7 +14,7 @@ from windsysid.errors import ConfigurationError, RecordError
 from windsysid.records.moments import moment_text, split_start, zone_offset
 from windsysid.units import si_unit, to_si
 
-__all__ = ["Labelled", "of_dataset", "of_frame", "written_order"]
+__all__ = ["Labelled", "is_a", "of_dataset", "of_frame", "written_order"]
 
 _HEADING = re.compile(r"(.*\S)\s*[\[(]([^\[\]()]*)[\])]\s*")
 _MINE = "windsysid_"
@@ -42,6 +42,16 @@ class Labelled(NamedTuple):
     name: str
 
 
+def is_a(given: Any, library: str, kind: str) -> bool:
+    """Test whether a value is of a class of a library, which is not imported."""
+    return any(base.__name__ == kind and base.__module__.split(".")[0] == library for base in type(given).__mro__)
+
+
+def _require(given: Any, library: str, kind: str) -> None:
+    if not is_a(given, library, kind):
+        raise RecordError(f"{kind}: expected one of {library}, got {type(given).__name__}")
+
+
 def of_frame(frame: Any) -> Labelled:
     """A DataFrame: columns ``name [unit]``, or units in ``attrs["units"]``; the time is a column or the index.
 
@@ -50,6 +60,7 @@ def of_frame(frame: Any) -> Labelled:
     RecordError
         If a column is there twice, or the time is neither numbers nor dates.
     """
+    _require(frame, "pandas", "DataFrame")
     said = frame.attrs.get("units", {})
     columns: dict[str, tuple[Any, str | None]] = {}
     for heading in frame.columns:
@@ -78,6 +89,7 @@ def of_dataset(dataset: Any, *, every: bool = True) -> Labelled:
     RecordError
         If there is no time, or it is neither numbers nor dates.
     """
+    _require(dataset, "xarray", "Dataset")
     if "time" not in dataset.variables or dataset["time"].dims != ("time",):
         found = ", ".join(str(name) for name in list(dataset.variables)[:12]) or "none"
         raise RecordError(f"Dataset: not a record: expected a coordinate 'time' (T,), got the variables {found}")

@@ -11,10 +11,10 @@ from __future__ import annotations
 import difflib
 import json
 import textwrap
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -407,6 +407,52 @@ class Record:
             nor dates.
         """
         return cls.from_labelled(of_frame(frame), "call the column '{}'")
+
+    @classmethod
+    def from_array(
+        cls, values: npt.ArrayLike, rate: float, *,
+        channels: Sequence[str] | None = None, units: str | Sequence[str] = "m/s^2",
+    ) -> Record:  # fmt: skip
+        """A record from an array, uniformly sampled from time 0 on.
+
+        Parameters
+        ----------
+        values : array_like (T,) or (T, m)
+            A row per sample and a column per channel; NaN is a missing value.
+        rate : float
+            Samples per second [Hz].
+        channels : sequence of str (m,), optional
+            Names; ``channel_1`` … by default.
+        units : str or sequence of str (m,), default "m/s^2"
+            Unit of all channels or of each, converted to SI. Without it, all are accelerations in m/s².
+
+        Raises
+        ------
+        RecordError
+            If these are no numbers, numbers of channels disagree, or a unit is unknown.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import windsysid as ws
+        >>> values = np.random.default_rng(0).normal(size=(600, 2))
+        >>> record = ws.Record.from_array(values, rate=10.0, channels=("floor_1", "floor_2"), units="mm/s^2")
+        >>> record.channels, record.units, record.samples
+        (('floor_1', 'floor_2'), ('m/s^2', 'm/s^2'), 600)
+        """
+        try:
+            table, rate = np.atleast_2d(np.asarray(values, dtype=np.float64).T).T, float(rate)
+            samples, m = table.shape
+            named = [f"channel_{i + 1}" for i in range(m)] if channels is None else channels
+            names, said = np.atleast_1d(named).astype(str).tolist(), np.broadcast_to(units, m).tolist()
+        except (TypeError, ValueError) as error:
+            raise RecordError(f"from_array: expected values (T, m), a rate in Hz, and m units: {error}") from error
+        if len(names) != m or m >= samples or not 0.0 < rate < np.inf:
+            got = f"got values {table.shape}, {len(names)} channels, rate {rate:g}"
+            raise RecordError(f"from_array: expected values (T, m), a row per sample, m channels, and a rate; {got}")
+        check_channels(tuple(names))
+        columns: dict[str, tuple[Any, str | None]] = dict(zip(names, zip(table.T, said, strict=True), strict=True))
+        return cls.from_labelled(Labelled(columns, np.arange(samples) / rate, None, {}, "array"), "give units")
 
     @classmethod
     def from_labelled(cls, table: Labelled, how: str) -> Record:

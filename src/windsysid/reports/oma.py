@@ -81,11 +81,12 @@ def files(found: OperationalModes) -> dict[str, bytes]:
     """``report.html`` and ``summary.json``, by name."""
     usable = sum(mode.trusted for mode in found.modes)
     verdict = f"{usable} of {len(found.modes)} modes may be used with their intervals: grades A and B."
+    against = [verdict, *reasons_against(found.reasons_of_record), *map(str, found.findings)]
     caption = "Grey: sum of the spectra of all channels, each scaled; blue: the fitted model."
     sections = [
         Section(
             "Modes",
-            text=[verdict, *reasons_against(found.reasons_of_record), f"±: 95 % interval{axes_of(found.channels)}."],
+            text=[*against, f"±: 95 % interval{axes_of(found.channels)}."],
             tables=[found.table("")],
         ),
         Section("Spectra", plots=[singular_value_plot(found)]),

@@ -91,6 +91,8 @@ def identifiable(turbine: Turbine, chosen: Sequence[str] | None = None) -> list[
         if not known:
             raise ConfigurationError(f"turbine '{turbine.name}': expected stiffness or damping to identify, got zeros")
         return known
+    if isinstance(chosen, str):
+        raise TypeError(f"parameters: expected a list of names, got '{chosen}'")
     if not chosen:
         raise ConfigurationError("parameters: expected at least one name; leave them out for all coefficients")
     usable = [name for name, value in turbine.values.items() if value != 0.0 and turbine.model.acts(name)]

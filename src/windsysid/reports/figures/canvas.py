@@ -52,7 +52,7 @@ def canvas(size: tuple[float, float], ax: Axes | None) -> Figure:
     """
     if ax is None:
         return DisplayedFigure(figsize=size, layout="constrained")
-    place = ax.get_subplotspec()
+    place = _checked(ax).get_subplotspec()
     if place is None:
         raise ConfigurationError("ax: expected axes that subplots or add_subplot made, got axes placed by hand")
     within = ax.figure
@@ -60,9 +60,15 @@ def canvas(size: tuple[float, float], ax: Axes | None) -> Figure:
     return cast(Figure, within.add_subfigure(place))
 
 
+def _checked(ax: Axes) -> Axes:
+    if isinstance(ax, Axes):
+        return ax
+    raise ConfigurationError(f"ax: expected axes of Matplotlib, got {type(ax).__name__}")
+
+
 def single(size: tuple[float, float], ax: Axes | None) -> tuple[Figure, Axes]:
     """A new figure of a size [inches] with its only axes, or `ax` and its figure."""
     if ax is not None:
-        return cast(Figure, ax.figure), ax
+        return cast(Figure, _checked(ax).figure), ax
     figure = DisplayedFigure(figsize=size, layout="constrained")
     return figure, figure.subplots()

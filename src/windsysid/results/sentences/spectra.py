@@ -42,6 +42,14 @@ SPECTRA: Final[Mapping[str, Sentence]] = {
         "the power of {channel} is {ratio:.2g} times that of the model at {low:.3g} … {high:.3g} Hz: loads or"
         " motion are not as modelled there"
     ),
+    "unlisted_vibration": (
+        "{channel}: most of its vibration, strongest at {frequency:.3g} Hz, belongs to no listed mode: it is a load, or"
+        " a mode too wide or too near another"
+    ),
+    "modes_not_found": lambda d: (
+        "modes of the turbine file that were not found: "
+        f"{', '.join(f'{name} ({f:.4g} Hz)' for name, f in sorted(d['modes'].items(), key=lambda pair: pair[1]))}"
+    ),
     "nonstationary": (
         "the power of {channel} is {ratio:.2g} times larger in one half than in the other at {low:.3g} …"
         " {high:.3g} Hz: not"

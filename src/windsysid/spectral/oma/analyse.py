@@ -22,6 +22,7 @@ from windsysid.modal.matching.match import with_references
 from windsysid.output.progress import Progress, unheard
 from windsysid.records.coercion import MappingLike, RecordLike, as_records
 from windsysid.records.record import Record
+from windsysid.results.finding import Finding
 from windsysid.spectral.modal_bands.images import with_harmonics, with_images
 from windsysid.spectral.modal_bands.limits import COMB_ODDS
 from windsysid.spectral.modal_bands.load_peaks import with_comb_odds, with_load_odds
@@ -142,10 +143,20 @@ def analyse_vibration(
     nodes, drawn = geometry_of(sensors)
     found = replace(found, nodes=nodes, lines_drawn=drawn)
     modes = with_references(named(found.modes, found.channels), found.channels, machine, found.rotor_hz)
+    ranges = request.given or [(r.low, r.high) for r in (single.found.spectrum.readings for single in singles)]
+    found = replace(found, findings=(*found.findings, *_not_found(modes, ranges)))
     if found.doubts:
         of_record = Doubt("record", f"the record is doubtful: {found.doubts[0]}")
         modes = [replace(mode, grounds=(*mode.grounds, of_record)) for mode in modes]
     return replace(found, modes=tuple(modes), elapsed=time.process_time() - begun)
+
+
+def _not_found(modes: Sequence[OperationalMode], ranges: Sequence[tuple[float, float]]) -> list[Finding]:
+    """Remark on modes of the turbine file in the searched ranges [Hz] that none of the modes is."""
+    taken = {mode.candidates[0].name for mode in modes if mode.candidates}
+    rest = {one.name: one.frequency or 0.0 for mode in modes[:1] for one in mode.candidates if one.name not in taken}
+    missing = {name: f for name, f in rest.items() if any(low < f < high for low, high in ranges)}
+    return [Finding("modes_not_found", "remark", {"modes": missing})] if missing else []
 
 
 class _AnalysisOptions(NamedTuple):

@@ -41,6 +41,10 @@ MIN_PEAK_SIGMAS = 8.0
 PEAK_WIDTH_FACTOR = 3.0
 """Size: factor on the half-width of such a peak without a mode, since few bins give its half height inaccurately."""
 
+MIN_POWER_SHARE = 0.5
+"""Size: share of a channel's power in a peak, twice that of its half-power range, that is most of its vibration; share
+of the power there that modes explain if the peak is theirs."""
+
 MODE_HALF_WIDTHS = 5.0
 """Size: half-widths of a mode within which it explains a peak."""
 

@@ -10,6 +10,7 @@ from windsysid.modal.matching.result import odds_text
 from windsysid.modal.shapes import assurance_matrix
 from windsysid.output.answers import SummarisedAnswer
 from windsysid.output.table import Table
+from windsysid.results.finding import Finding
 from windsysid.results.posterior import section_name
 from windsysid.spectral.oma.mode import OperationalMode
 from windsysid.spectral.oma.sensors import ModalSensor, Node
@@ -120,6 +121,8 @@ class OperationalModes(SummarisedAnswer):
         Of the whole record, as `windsysid.results.provenance.record_hash` gives it; None of several.
     decays
         Free decays (`windsysid.free_decay`), a history of each record; empty for ambient vibration.
+    findings
+        Remarks on vibration and modes of a turbine file that no mode of the result explains.
     nodes, lines_drawn
         Nodes of the structure and the pairs of their names that a line joins, for drawings of shapes.
     """
@@ -145,6 +148,7 @@ class OperationalModes(SummarisedAnswer):
     parts: tuple[RecordModes, ...] = ()
     record_hash: str | None = None
     decays: tuple[DecayHistory, ...] = ()
+    findings: tuple[Finding, ...] = ()
     nodes: tuple[Node, ...] = ()
     lines_drawn: tuple[tuple[str, str], ...] = ()
 
@@ -171,13 +175,14 @@ class OperationalModes(SummarisedAnswer):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Causes of wider intervals of modes that are to be used."""
-        return tuple(
+        """What no mode explains, and causes of wider intervals of modes that are to be used."""
+        of_modes = (
             f"{mode.name}, {mode.frequency.estimate:.4g} Hz: {remark.text}"
             for mode in self.modes
             for remark in mode.remarks
             if mode.trusted
         )
+        return (*map(str, self.findings), *of_modes)
 
     @property
     def reasons_of_record(self) -> tuple[str, ...]:
@@ -205,6 +210,7 @@ class OperationalModes(SummarisedAnswer):
             "trusted": self.trusted,
             "doubts": list(self.doubts),
             "reasons": list(self.reasons),
+            "findings": [one.summary() for one in self.findings],
             "notes": list(self.notes),
             **({"parts": [part.summary() for part in self.parts]} if self.parts else {}),
         }

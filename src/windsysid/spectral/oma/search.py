@@ -69,11 +69,13 @@ def search_modes(
     lowest `MAX_BANDS`."""
     if between is not None:
         low, high = between
-        if not 0.0 <= low < min(high, readings.high):
-            raise ConfigurationError(
-                f"limits {low:g} {high:g} Hz: expected two rising frequencies between 0 and {readings.high:.4g} Hz"
-            )
-        readings = readings._replace(low=max(readings.low, low), high=min(readings.high, high))
+        if not 0.0 <= low < high <= readings.high:
+            end = "two rising frequencies from 0 on"
+            if 0.0 <= low < high:
+                share = f"{limits.MAX_FREQUENCY_SHARE:g} times the sampling rate"
+                end = f"an upper end of at most {readings.high:.4g} Hz, {share}, or less after a low-pass"
+            raise ConfigurationError(f"--range {low:g} {high:g} Hz (limits): expected {end}")
+        readings = readings._replace(low=max(readings.low, low), high=high)
     spectrum = RecordSpectrum(readings, *transforms(readings))
     if bands is not None:
         return _search_given(spectrum, bands, progress)
