@@ -161,10 +161,17 @@ def _cross_checked(job: Job, joint: FittedJob, spectral_job: Job, spectral: Fitt
     spectral = spectral._replace(outcome=spectral.outcome._replace(scores=joint.outcome.scores))
     off = compare(joint.outcome, spectral.outcome)[1]
     against = [disagreement(joint.outcome, spectral.outcome, job.turbine)]
-    if spectral.outcome.turns:
-        if off > MAX_DISAGREEMENT_SIGMAS:
-            return joint.noting(_note("joint_with_spectra"), *against)
-        return _with_farther_rivals(joint, spectral).noting(_note("joint_agrees", sigmas=off))
+    if not spectral.outcome.turns:
+        return _checked_by_filters(spectral, joint, off, against)
+    if off > MAX_DISAGREEMENT_SIGMAS:
+        return joint.noting(_note("joint_with_spectra"), *against)
+    return _with_farther_rivals(joint, spectral).noting(_note("joint_agrees", sigmas=off))
+
+
+def _checked_by_filters(
+    spectral: FittedJob, joint: FittedJob, off: float, against: list[Finding]
+) -> FittedJob:  # fmt: skip
+    """Spectra with what the innovations of filters say; of filters that disagree, what concerns springs and dampers."""
     innovations = doubts_of_innovations(joint.outcome, joint.read.rate)
     if off > MAX_DISAGREEMENT_SIGMAS:
         nonlinear = (one for one in innovations if one.code in NONLINEARITY_CODES)

@@ -146,11 +146,15 @@ def _proposal(path: Path, given: Mapping, *, timed: bool = True) -> MappingPropo
     known = {name: _meaning(record, name) for name in record.channels}
     rotor, remark = _rotor(record, known) if timed else (None, _UNTIMED)
     guesses = [_guess(record, name, known[name] or Meaning(None, ""), rotor, timed=timed) for name in record.channels]
-    left = [f"Left out, because they hold text: {', '.join(texts)}."] if texts else []
-    left += reading_notes(record.attributes)
+    left = [*_named("Left out, because they hold text", texts), *reading_notes(record.attributes)]
     about = _about(record) if timed else [f"{record.samples} samples."]
     apart = tuple(_told_apart(guess, guesses) for guess in guesses)
     return MappingProposal(record.name, apart, given, (*about, remark, *left), timed=timed)
+
+
+def _named(why: str, names: list[str]) -> list[str]:
+    """A sentence that names channels; none where there are none."""
+    return [f"{why}: {', '.join(names)}."] if names else []
 
 
 def _meaning(record: Record, name: str) -> Meaning | None:

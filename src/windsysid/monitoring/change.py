@@ -171,8 +171,7 @@ class Comparison(Answer):
             steps = {c.name: 2.0 * _half_width(c) for c in self.coefficients if c.kind == kind}
             dark += [name for name, step in steps.items() if step > MAX_REPORTED_LOG_FACTOR]
             seen = sorted((step, name) for name, step in steps.items() if step <= MAX_REPORTED_LOG_FACTOR)
-            ends = " … ".join(f"{_size(step)} ({name})" for step, name in [*seen[:1], *seen[1:][-1:]])
-            told += [f"a change of {kind} by less than {ends} could remain undetected"] if seen else []
+            told += _undetected(kind, seen)
         return told + (
             [f"the records hold too little information on {', '.join(dark)} to show a change"] if dark else []
         )
@@ -222,6 +221,12 @@ class Comparison(Answer):
 
 HEADINGS = ("quantity", "A", "B", "change %", "95 % interval", "odds")
 """Six columns: 80 signs of a terminal hold no more."""
+
+
+def _undetected(kind: str, seen: list[tuple[float, str]]) -> list[str]:
+    """The smallest and the largest step of coefficients of a kind that could remain undetected, in words."""
+    ends = " … ".join(f"{_size(step)} ({name})" for step, name in [*seen[:1], *seen[1:][-1:]])
+    return [f"a change of {kind} by less than {ends} could remain undetected"] if seen else []
 
 
 def _half_width(change: QuantityChange) -> float:

@@ -148,7 +148,7 @@ def test_a_pile_has_its_own_mass_water_and_soil(tmp_path: Path):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"ed.dat": ('"tower.dat" TwrFile', '"other.dat" TwrFile')}, r"other\.dat \(named in .*ed\.dat:\d+\): no such file"),
+        ({"ed.dat": ('"tower.dat" TwrFile', '"other.dat" TwrFile')}, r"other\.dat \(named in .*ed\.dat:\d+\): no such"),
         ({"ed.dat": ("70 TowerHt", "70 Height")}, r"ed\.dat: expected a line 'value  TowerHt', found none"),
         ({"ed.dat": ("70 TowerHt", "tall TowerHt")}, r"ed\.dat:\d+: TowerHt: expected a number, got 'tall'"),
         ({"ed.dat": ("70 TowerHt", "nan TowerHt")}, r"ed\.dat:\d+: TowerHt: expected a number, got 'nan'"),

@@ -95,10 +95,7 @@ def widenings_of(
         for what, rows in zip(("frequency", "damping ratio"), at.slopes, strict=True)
     ]
     rivals = _rivals([one for one in findings if _is_coverable(one, scores)], coefficients)
-    stds, level = np.array([one.std for one in coefficients]), 1.0
-    if "frequency" not in {one.over for one in scores}:
-        levels = (one.data["ratio"] for one in findings if one.code in ("channel_level", "innovation_level"))
-        level = max(levels, default=1.0)
+    stds, level = np.array([one.std for one in coefficients]), _level_factor(findings, scores)
 
     def widened(one: Widening) -> Widening:
         one = one._replace(factor=level, over="level", place=0.0) if one.factor < level else one
@@ -108,6 +105,14 @@ def widenings_of(
         [widened(one) for one in coefficients],
         [[_in_whole(widened(one), at.given_masses) for one in row] for row in modes],
     )
+
+
+def _level_factor(findings: Sequence[Finding], scores: Sequence[PartScores]) -> float:
+    """Bound of the factor on intervals where innovations have another level and no scores over frequencies."""
+    if "frequency" in {one.over for one in scores}:
+        return 1.0
+    levels = (one.data["ratio"] for one in findings if one.code in ("channel_level", "innovation_level"))
+    return max(levels, default=1.0)
 
 
 def with_tolerance_shifts(diagnosis: Diagnosis, outcome: Outcome) -> Diagnosis:

@@ -153,9 +153,10 @@ def analyse_vibration(
 
 def _not_found(modes: Sequence[OperationalMode], ranges: Sequence[tuple[float, float]]) -> list[Finding]:
     """Remark on modes of the turbine file in the searched ranges [Hz] that none of the modes is."""
-    taken = {mode.candidates[0].name for mode in modes if mode.candidates}
-    rest = {one.name: one.frequency or 0.0 for mode in modes[:1] for one in mode.candidates if one.name not in taken}
-    missing = {name: f for name, f in rest.items() if any(low < f < high for low, high in ranges)}
+    known = {one.name: one.frequency or 0.0 for mode in modes[:1] for one in mode.candidates}
+    for mode in modes:
+        known.pop(mode.candidates[0].name if mode.candidates else "", None)
+    missing = {name: f for name, f in known.items() if any(low < f < high for low, high in ranges)}
     return [Finding("modes_not_found", "remark", {"modes": missing})] if missing else []
 
 

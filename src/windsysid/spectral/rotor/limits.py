@@ -1,7 +1,10 @@
 """Limits of lifted spectra; those without a source were set on simulated records."""
 
-MIN_BINS, MIN_TURNS = 3, 24
-"""Size: number of pools of bins, and turns of the rotor that the message states if there are fewer."""
+MIN_BINS = 3
+"""Size: number of pools of bins."""
+
+MIN_TURNS = 24
+"""Setting: turns of the rotor that the message states if there are fewer pools."""
 
 MAX_HARMONICS = 10
 """Size: highest harmonic K; if the rotor turns more slowly relative to its modes, matrices are too large."""
