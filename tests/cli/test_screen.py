@@ -60,6 +60,8 @@ def test_a_table_that_a_screen_can_hold_is_never_cut():
     )
     shown = first_screen(["title", model, "trust: NO, because", measured, "end"], lines=12)
     assert all(f"A {k}" in shown for k in range(8))
+    folded = Table(("A", "text"), [(f"A {k}", "word " * 60) for k in range(4)], words=(0, 1))
+    assert all(f"A {k}" in first_screen([folded, "end"], lines=12) for k in range(4))
     shown = first_screen(["title", "word", "word", model, measured, "end"], lines=18)
     assert all(f"B {k}" in shown for k in range(4))
     assert shown.endswith("… more: --verbose, or the page")

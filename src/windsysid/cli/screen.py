@@ -26,9 +26,9 @@ MAX_REASONS = 3
 def first_screen(parts: Sequence[Table | str], lines: int = MAX_SCREEN_LINES - 2) -> str:
     """Render parts of an answer in their order, shortened to some lines.
 
-    A table that a screen cannot hold is cut after whole rows; a smaller one is whole, even if the screen becomes
-    longer. The verdict with its first reasons follows the first part that does not fit; what else follows is left out.
-    The last line says how to see all.
+    A table that a screen cannot hold is cut after whole rows; a smaller one, or one with fewer rows than half of the
+    lines, is whole, even if the screen becomes longer. The verdict with its first reasons follows the first part that
+    does not fit; what else follows is left out. The last line says how to see all.
 
     Examples
     --------
@@ -47,7 +47,7 @@ def first_screen(parts: Sequence[Table | str], lines: int = MAX_SCREEN_LINES - 2
             shown.append(part)
             continue
         verdict = _verdict(parts[i + 1 :], lines // 4)
-        is_whole = isinstance(part, Table) and height < lines
+        is_whole = isinstance(part, Table) and min(height, 2 * len(part.rows)) < lines
         fitting = part if is_whole else _shorten(part, room - (_height(render(*verdict)) if verdict else 0))
         shown += verdict if fitting is None else [fitting, *verdict]
         break
