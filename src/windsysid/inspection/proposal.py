@@ -152,7 +152,7 @@ def _proposal(path: Path, given: Mapping, *, timed: bool = True) -> MappingPropo
     return MappingProposal(record.name, apart, given, (*about, remark, *left), timed=timed)
 
 
-def _named(why: str, names: list[str]) -> list[str]:
+def _named(why: str, names: tuple[str, ...]) -> list[str]:
     """A sentence that names channels; none where there are none."""
     return [f"{why}: {', '.join(names)}."] if names else []
 
