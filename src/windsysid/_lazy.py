@@ -141,7 +141,10 @@ def _is_one(value: Any, kind: type, inner: tuple[Any, ...]) -> bool:
         return all(hasattr(value, name) for name in (*vars(kind), *kind.__annotations__) if not name.startswith("_"))
     if isinstance(value, str) and issubclass(kind, Iterable):
         return kind is str
-    if not isinstance(value, kind) or not isinstance(value, list | tuple) or not inner:
-        return isinstance(value, kind)
-    each = inner if len(inner) > 1 and inner[-1] is not ... else inner[:1] * len(value)
-    return len(value) == len(each) and all(map(_fits, value, each))
+    return isinstance(value, kind) and (not isinstance(value, list | tuple) or _fit_each(value, inner))
+
+
+def _fit_each(values: Any, inner: tuple[Any, ...]) -> bool:
+    """Test whether elements have the types of an annotation, and a tuple its length."""
+    each = inner if len(inner) > 1 and inner[-1] is not ... else inner[:1] * len(values)
+    return not inner or (len(values) == len(each) and all(map(_fits, values, each)))

@@ -144,7 +144,8 @@ def analyse_vibration(
     found = replace(found, nodes=nodes, lines_drawn=drawn)
     modes = with_references(named(found.modes, found.channels), found.channels, machine, found.rotor_hz)
     ranges = request.given or [(r.low, r.high) for r in (single.found.spectrum.readings for single in singles)]
-    found = replace(found, findings=(*found.findings, *_not_found(modes, ranges)))
+    findings = {one.channels: one for one in (*found.findings, *_not_found(modes, ranges))}
+    found = replace(found, findings=tuple(findings.values()))
     if found.doubts:
         of_record = Doubt("record", f"the record is doubtful: {found.doubts[0]}")
         modes = [replace(mode, grounds=(*mode.grounds, of_record)) for mode in modes]
@@ -153,11 +154,10 @@ def analyse_vibration(
 
 def _not_found(modes: Sequence[OperationalMode], ranges: Sequence[tuple[float, float]]) -> list[Finding]:
     """Remark on modes of the turbine file in the searched ranges [Hz] that none of the modes is."""
-    known = {one.name: one.frequency or 0.0 for mode in modes[:1] for one in mode.candidates}
-    for mode in modes:
-        known.pop(mode.candidates[0].name if mode.candidates else "", None)
-    missing = {name: f for name, f in known.items() if any(low < f < high for low, high in ranges)}
-    return [Finding("modes_not_found", "remark", {"modes": missing})] if missing else []
+    taken = {mode.candidates[0].name for mode in modes if mode.candidates}
+    rest = {one.name: one.frequency or 0.0 for mode in modes[:1] for one in mode.candidates if one.name not in taken}
+    missing = {name: f for name, f in rest.items() if any(low < f < high for low, high in ranges)}
+    return [Finding("modes_not_found", "remark", {"modes": missing})] * bool(missing)
 
 
 class _AnalysisOptions(NamedTuple):

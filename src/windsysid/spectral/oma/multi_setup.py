@@ -320,7 +320,7 @@ def _result(setups: _Setups, joint: _Joint) -> OperationalModes:
         doubts=(*find_duplicates(setups.singles), *_by_record(results, "doubts")),
         notes=tuple(_notes(setups, joint)),
         parts=tuple(_record_modes(setups, joint)),
-        findings=tuple({one.channels: one for result in results for one in result.findings}.values()),
+        findings=_union(result.findings for result in results),
         record_hash=None,
     )
 
