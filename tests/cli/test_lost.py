@@ -195,3 +195,20 @@ def test_a_command_that_is_told_to_end_leaves_nothing_half_done(tmp_path):
     assert process.returncode not in (0, -signal.SIGTERM)
     assert "Traceback" not in err
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="pipes of POSIX")
+@pytest.mark.parametrize("command", ["identify", "inspect"])
+def test_a_result_is_saved_though_nobody_reads_what_is_printed(tmp_path: Path, command: str):
+    """``windsysid identify record.csv | head -3`` saved nothing."""
+    record = tmp_path / "tower.csv"
+    write_record(simulate_record("tower", duration=400.0, rate=4.0, seed=1), record)
+    read, write = os.pipe()
+    os.close(read)
+    arguments = [command, str(record), "--turbine", "tower", "--output", str(tmp_path / "out")]
+    with os.fdopen(write, "wb") as closed:
+        ended = subprocess.run(
+            [sys.executable, "-m", "windsysid", *arguments], stdout=closed, stderr=subprocess.PIPE, check=False
+        )
+    assert b"Traceback" not in ended.stderr
+    assert (tmp_path / "out" / "report.html").exists()

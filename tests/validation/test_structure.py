@@ -11,7 +11,7 @@ ROOT = Path(__file__).parents[2]
 
 BOUNDS = {
     "functions over complexity 10 [%]": 2.0,  # target 4.0
-    "lines of src": 96516,  # target 72 904: those of commit 103975a
+    "lines of src": 96526,  # target 72 904: those of commit 103975a
     "lines of the middle": 29916,  # target 19 500
     "large folders": 0,
     "long signatures": 17,  # target 30

@@ -1,5 +1,6 @@
 """Shared parts of the commands: options, the output folder, progress, tables."""
 
+import os
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 __all__ = [
     "COMMANDS", "HYPOTHESES_HELP", "PACKAGED", "Destination", "NamesTurbine", "app", "claim_output", "compared",
     "kept_of", "name_of", "numbered", "parse_option", "print_and_save", "print_answer", "print_table",
-    "register_commands", "results_of", "rotor_speeds", "show_progress",
+    "print_unsaved", "register_commands", "results_of", "rotor_speeds", "show_progress",
 ]  # fmt: skip
 
 COMMANDS = {
@@ -222,7 +223,15 @@ def print_answer(found: _Answer, *, json: bool, verbose: bool) -> None:
     """Print an answer as JSON, as a whole, or as its first screen."""
     from windsysid.cli.screen import first_screen
 
-    print(found.to_json().rstrip() if json else found if verbose else first_screen(found.contents()))
+    print_unsaved(found.to_json().rstrip() if json else found if verbose else first_screen(found.contents()))
+
+
+def print_unsaved(text: object) -> None:
+    """Print what is saved next, also if whoever reads the output has seen enough, as ``head`` has."""
+    try:
+        print(text, flush=True)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def print_and_save(found: _Answer, to: Destination, *, json: bool = False, verbose: bool = False) -> None:

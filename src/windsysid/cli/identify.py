@@ -34,6 +34,7 @@ from windsysid.cli.common import (
     name_of,
     numbered,
     parse_option,
+    print_unsaved,
     show_progress,
 )
 
@@ -132,7 +133,7 @@ def identify(
             found, used = _identify_whole(asked, add_noise, seed, progress)
         else:
             found, used = _identify_in_pieces(asked, _length(in_pieces, formulation, add_noise), folder, progress)
-    print(found if verbose else first_screen(identification_parts(found)))
+    print_unsaved(found if verbose else first_screen(identification_parts(found)))
     _save(found, used, write, report=not no_report)
     if in_pieces is not None:
         _checkpoint(folder).unlink(missing_ok=True)
