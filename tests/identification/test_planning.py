@@ -371,7 +371,7 @@ def test_the_summary_as_json_is_all_that_is_printed(run, tmp_path, monkeypatch):
         (("--rotor-speed", "12"), '--rotor-speed: the unit is missing: write it behind the number, such as "12 rpm"'),
         (("--parameters", "k_z"), "parameter 'k_z' cannot be identified here"),
         (("--parameters", ""), "parameter '' cannot be identified here"),
-        (("--within", "nan"), "within: expected a positive number"),
+        (("--within", "nan"), "within: expected a percentage above 0"),
         (("--rate", "1"), "rate: expected at least"),
         (("--sensors", "nowhere.toml"), "nowhere.toml: no such file, expected a TOML file"),
     ],
