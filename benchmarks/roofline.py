@@ -73,7 +73,7 @@ class SpectralReference:
         self._score.restype = ctypes.c_double
 
     def run(self, modes: Modes, band: Band) -> Scores:
-        """What `scores` returns."""
+        """Scores of a band, as `scores` gives them."""
         rows, fine, width = len(band.frequency), len(band.fine), band.window.shape[1]
         numbers = np.array(
             [np.sqrt(band.frequency[0] * band.frequency[-1]), modes.load_slope, modes.rest_slope], dtype=np.float64
@@ -203,7 +203,7 @@ def joint_filter(repeats: int) -> tuple[float, float, float, float]:
 
 
 def roofline(limit: dict[str, float], counted: dict[str, tuple[float, float, float, float]]) -> Sheet:
-    """How far each kernel is from the limits."""
+    """Table of the distance of each kernel from the limits of the core."""
     most = f"{limit['flops']:.0f} Gflop/s", f"{limit['cache']:.0f} GB/s", f"{limit['memory']:.0f} GB/s"
     rows = [("limits of the core", "", "", "", *most, "", "")]
     for title, (flops, moved, streamed, measured) in counted.items():

@@ -30,6 +30,13 @@ def answers(monkeypatch: pytest.MonkeyPatch):
     return lambda *lines: monkeypatch.setattr(sys, "stdin", io.StringIO("".join(f"{line}\n" for line in lines)))
 
 
+@pytest.fixture
+def names_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ask for names alone: no section is chosen, and nothing is identified."""
+    monkeypatch.setattr(start, "_section", lambda *_: [])
+    monkeypatch.setattr(start, "_run", lambda *_: Path("report.html"))
+
+
 def bare(folder: Path) -> Path:
     """The logger's record without units in its headers."""
     head, *rows = (folder / "logger.csv").read_text(encoding="utf-8").splitlines()
@@ -141,16 +148,13 @@ def test_channels_that_the_turbine_does_not_know_are_refused_before_a_mapping_is
     assert not list(Path().glob("*.toml"))
 
 
+@pytest.mark.usefixtures("names_only")
 @pytest.mark.parametrize(
     "names",
     [("ax [mg]", "ay [mg]"), ("acc_x [mg]", "acc_y [mg]"), ("Beschleunigung X [mg]", "Beschleunigung Y [mg]"),
      ("Acc Y [mg]", "Acc X [mg]"), ("Tower top X [mg]", "Tower top Y [mg]")],
 )  # fmt: skip
-def test_two_horizontal_axes_are_a_guess_that_somebody_confirms(
-    run, folder: Path, answers, monkeypatch: pytest.MonkeyPatch, names: tuple[str, str]
-):
-    monkeypatch.setattr(start, "_section", lambda *_: [])
-    monkeypatch.setattr(start, "_run", lambda *_: Path("report.html"))
+def test_two_horizontal_axes_are_a_guess_that_somebody_confirms(run, folder: Path, answers, names: tuple[str, str]):
     record = with_header(folder, "time [s]", *names, "n [rpm]")
     ended = run("start", record, "--turbine", "tower", "--yes")
     assert (ended.code, len(ended.err)) == (2, 1), ended
@@ -169,20 +173,18 @@ def test_two_horizontal_axes_are_a_guess_that_somebody_confirms(
     assert [exchanged[name].name for name in written] == [rules[name].name for name in reversed(written)]
 
 
-def test_the_mapping_says_nothing_of_a_guess_that_was_answered_otherwise(run, folder: Path, answers, monkeypatch):
+@pytest.mark.usefixtures("names_only")
+def test_the_mapping_says_nothing_of_a_guess_that_was_answered_otherwise(run, folder: Path, answers):
     """It said "X fore-aft and Y side-side" over names that had been exchanged."""
-    monkeypatch.setattr(start, "_section", lambda *_: [])
-    monkeypatch.setattr(start, "_run", lambda *_: Path("report.html"))
     record = with_header(folder, "time [s]", "acc_x [mg]", "acc_y [mg]", "n [rpm]")
     answers("tower_x_acceleration", "", "")
     assert run("start", record, "--turbine", "tower").code == 0
     assert "fore-aft" not in Path("renamed-mapping.toml").read_text(encoding="utf-8")
 
 
-def test_an_axis_is_never_proposed_as_another_direction_or_as_a_blade(run, folder: Path, answers, monkeypatch):
+@pytest.mark.usefixtures("names_only")
+def test_an_axis_is_never_proposed_as_another_direction_or_as_a_blade(run, folder: Path, answers):
     """A turbine without fore-aft channel was offered X as side-side, and Y as a blade's tip."""
-    monkeypatch.setattr(start, "_section", lambda *_: [])
-    monkeypatch.setattr(start, "_run", lambda *_: Path("report.html"))
     record = with_header(folder, "time [s]", "acc_x [mg]", "acc_y [mg]", "n [rpm]")
     answers("", "", "")
     assert run("start", record, "--turbine", "nrel5mw").code == 0
@@ -190,9 +192,8 @@ def test_an_axis_is_never_proposed_as_another_direction_or_as_a_blade(run, folde
     assert [rules[name].name for name in ("acc_x", "acc_y")] == ["acc_x", "tower_x_acceleration"]
 
 
-def test_a_second_x_keeps_its_own_name(run, folder: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(start, "_section", lambda *_: [])
-    monkeypatch.setattr(start, "_run", lambda *_: Path("report.html"))
+@pytest.mark.usefixtures("names_only")
+def test_a_second_x_keeps_its_own_name(run, folder: Path):
     record = with_header(folder, "time [s]", "acc_x_1 [mg]", "acc_x_2 [mg]", "n [rpm]")
     ended = run("start", record, "--turbine", "tower", "--yes")
     assert "no channel has a name that tower knows" in ended.err[0]

@@ -168,9 +168,7 @@ def _cross_checked(job: Job, joint: FittedJob, spectral_job: Job, spectral: Fitt
     return _with_farther_rivals(joint, spectral).noting(_note("joint_agrees", sigmas=off))
 
 
-def _checked_by_filters(
-    spectral: FittedJob, joint: FittedJob, off: float, against: list[Finding]
-) -> FittedJob:  # fmt: skip
+def _checked_by_filters(spectral: FittedJob, joint: FittedJob, off: float, against: list[Finding]) -> FittedJob:
     """Spectra with what the innovations of filters say; of filters that disagree, what concerns springs and dampers."""
     innovations = doubts_of_innovations(joint.outcome, joint.read.rate)
     if off > MAX_DISAGREEMENT_SIGMAS:
