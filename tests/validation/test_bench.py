@@ -106,7 +106,8 @@ def test_pages_have_the_figures_of_the_tables(bench: ModuleType):
             f"| {warm:.1f} s; {lean:.1f} s without the report; {first:.0f} s the first time, compilation included |",
         ],
         "docs/other_software.md": [
-            f"| {dynamax:.1f} and {exact:.0f} times as fast", f"| {own:.1f} times as fast, on a machine with other work |",
+            f"| {dynamax:.1f} and {exact:.0f} times as fast",
+            f"| {own:.1f} times as fast, on a machine with other work |",
         ],
         "docs/particles.md": [f"have {clock:.2f} s for 2 000 particles and 10 000 samples, and {theirs:.1f} times as"],
     }  # fmt: skip
