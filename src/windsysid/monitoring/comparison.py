@@ -210,7 +210,8 @@ def _ratio(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float
 
     a and b are (estimate, standard deviation); a negative limit counts as zero.
     """
-    low, high = _inverse(_highest_ratio(b, a)), _highest_ratio(a, b)
+    backwards, high = _highest_ratio(b, a), _highest_ratio(a, b)
+    low = 1.0 / backwards if backwards else math.inf
     if low == 0.0 and math.isinf(high):
         return math.nan, -100.0, math.inf
     middle = max(b[0], 0.0) / a[0] if a[0] > 0.0 else math.inf
@@ -224,10 +225,6 @@ def _highest_ratio(a: tuple[float, float], b: tuple[float, float]) -> float:
         return math.inf
     root = (a[0] * b[0]) ** 2 - below * (b[0] ** 2 - (SIGMAS * b[1]) ** 2)
     return max(a[0] * b[0] + math.sqrt(max(root, 0.0)), 0.0) / below
-
-
-def _inverse(ratio: float) -> float:
-    return math.inf if ratio == 0.0 else 1.0 / ratio
 
 
 def _modes(

@@ -288,6 +288,7 @@ def test_a_saved_result_says_which_coefficients_are_c_and_why(tmp_path: Any):
         )  # fmt: skip
         found.save(tmp_path / folder)
         assert found.posterior.unusable == load_posterior(tmp_path / folder).unusable == expected
+        assert load_posterior(tmp_path / folder).widening == found.posterior.widening != {}
 
 
 def test_what_intervals_hold_are_findings():

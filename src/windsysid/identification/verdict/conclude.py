@@ -104,7 +104,7 @@ def conclude(
         rate=record.rate,
         samples=whole.samples,
         elapsed=outcome.elapsed,
-        estimates=_estimates(wide, grades),
+        estimates=_estimates(wide, grades, coefficients),
         modes=grade_modes(at.modes, outcome, grades, of_modes),
         parameters=outcome.model.parameters,
         time=whole.history_time,
@@ -135,14 +135,12 @@ def _on_clock(outcome: Outcome, record: Record, whole: WholeRecord | None) -> Ou
     return outcome._replace(scores=tuple(places))
 
 
-def _estimates(outcome: Outcome, grades: Sequence[str]) -> tuple[Estimate, ...]:
-    """The coefficients in physical units, with their grades."""
-    stds = np.sqrt(np.diag(outcome.cov))
+def _estimates(outcome: Outcome, grades: Sequence[str], coefficients: Sequence[Widening]) -> tuple[Estimate, ...]:
+    """The coefficients in physical units, with their grades and what widened them."""
+    columns = outcome.model.parameters, outcome.theta, np.sqrt(np.diag(outcome.cov)), outcome.history_mean.T
     return tuple(
-        replace(_estimate(q, outcome.turbine, float(theta), float(std), history), grade=grade)
-        for q, theta, std, history, grade in zip(
-            outcome.model.parameters, outcome.theta, stds, outcome.history_mean.T, grades, strict=True
-        )
+        replace(_estimate(q, outcome.turbine, float(x), float(std), past), grade=grade, widening=one.factor)
+        for q, x, std, past, grade, one in zip(*columns, grades, coefficients, strict=True)
     )
 
 
