@@ -98,7 +98,7 @@ class Estimate:
     grade
         ``A``: the interval of the model; ``B``: a wider one; ``C``: not to be used (docs/grades.md); empty: not known.
     widening
-        Factor on the model's standard deviation, given masses and aerodynamics.
+        Factor on the model's standard deviation, given all tolerances.
     """
 
     name: str

@@ -189,10 +189,9 @@ def load_posterior(folder: str | Path) -> Posterior:
     turbine = parse_turbine(text, str(Path(folder) / "identification.nc"))
     theta = np.array([q.coordinate(value) for q, value in zip(parameters, estimate, strict=True)])
     grades = {q.name: "" for q in parameters} | {one["name"]: one.get("grade", "") for one in said.get("estimates", [])}
-    identified = turbine.with_values({q.name: value for q, value in zip(parameters, estimate, strict=True)})
     return Posterior(
-        identified, parameters, theta, cov, record, bool(trusted), conditions,
-        start, found, section=(begun, ended), statistics=learned, joint_cov=joint_cov, tolerances=tolerances,
+        turbine.with_values({q.name: value for q, value in zip(parameters, estimate, strict=True)}), parameters, theta,
+        cov, record, bool(trusted), conditions, start, found, (begun, ended), learned, joint_cov, tolerances,
         unusable=unusable_among(grades, list(map(read_finding, said.get("findings", []))), trusted=bool(trusted)),
         widening={one["name"]: one.get("widening", 1.0) for one in said.get("estimates", [])},
     ).given("masses")  # fmt: skip
