@@ -168,6 +168,44 @@ def test_a_result_that_is_its_prior_says_nothing(verne555):
     np.testing.assert_allclose(np.sqrt(np.diag(cov)), [1000.0 * q.prior[1] for q in prior])
 
 
+def widened(result: Posterior, *factors: float) -> Posterior:
+    """A result whose intervals are wider by these factors, about the same estimates."""
+    names = [q.name for q in result.parameters]
+    wide = result.cov * np.outer(factors, factors)
+    return result._replace(cov=wide, widening=dict(zip(names, factors, strict=True)))
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.6, 4.0])
+def test_a_wider_interval_leaves_what_a_record_says_where_it_is(verne555, factor):
+    """Found: damping of 10 ± 2.8 % with a prior of 6 ± 3 % and an interval widened 1.6 times became 47 ± 9 %."""
+    rng = np.random.default_rng(7)
+    cov, frame = correlated(rng, np.array([0.01, 0.4, 0.02, 0.3])), support(verne555)
+    said, information = said_in(frame, drawn(rng, cov), cov)
+    result = bayes(verne555, frame, said, information)
+    mean, own = without_prior(widened(result, *(factor,) * 4), frame)
+    np.testing.assert_allclose(mean, said, rtol=1e-4, atol=1e-6)
+    # Data's share of a variance is multiplied, and divided by itself: at least the factor, and more where it is small.
+    ratio = np.sqrt(np.diag(own) / np.diag(np.linalg.inv(information)))
+    assert (ratio >= 0.99 * factor).all()
+    assert ratio[0] == pytest.approx(factor, rel=0.2)
+
+
+def test_a_record_that_scatters_more_than_its_model_says_raises_no_false_alarms(verne555):
+    """Scores of one record of each pair disperse 2.5² times, which its intervals include; the prior is one σ off."""
+    rng, prior = np.random.default_rng(11), support(verne555, 1.0, 0.6)
+    cov = np.diag(np.array([0.01, 0.3, 0.02, 0.3]) ** 2)
+    chances = []
+    for _ in range(150):
+        results = []
+        for dispersion in (1.0, 2.5**2):
+            result = bayes(verne555, prior, *said_in(prior, drawn(rng, dispersion * cov), cov))
+            share = 1.0 - np.diag(result.cov) / np.array([q.prior[1] ** 2 for q in prior])
+            results.append(widened(result, *np.sqrt(1.0 + (dispersion - 1.0) * share)))
+        chances += [change.chance for change in compare(*results).coefficients]
+    assert np.mean(np.array(chances) < 0.01) < 0.02
+    assert 0.02 < np.mean(np.array(chances) < 0.05) < 0.08
+
+
 def test_blocks_do_not_depend_on_the_priors_of_their_results(verne555):
     rng, sets = np.random.default_rng(3), [support(verne555), support(verne555, 1.4, 0.5, 300.0)]
     said = [(drawn(rng, cov), cov) for cov in (correlated(rng) for _ in range(MIN_BLOCKS))]

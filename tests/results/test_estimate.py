@@ -7,16 +7,22 @@ import numpy as np
 import pytest
 
 from tests.identification.fits import TOWER, noise, outcome_of, record_of
+from windsysid.identification.model.fit import Outcome
 from windsysid.identification.verdict.conclude import _estimates
 from windsysid.results.estimate import Estimate, IntervalEstimate
 from windsysid.results.mode import Mode
 from windsysid.results.serialization import as_plain, from_plain
 
 
+def estimates(outcome: Outcome) -> tuple[Estimate, ...]:
+    """Estimates of grade A."""
+    return _estimates(outcome, "AAAA", np.ones(4))
+
+
 def test_a_band_is_two_standard_deviations_of_the_filter_coordinate():
     std = 0.02
     outcome = outcome_of(record_of(noise()), std=std)
-    found = {one.name: one for one in _estimates(outcome, "AAAA")}
+    found = {one.name: one for one in estimates(outcome)}
     k = found["k_side_side"]
     assert isinstance(k, Estimate)
     assert (k.kind, k.tip) == ("stiffness", None)
@@ -34,7 +40,7 @@ def test_the_error_of_the_history_is_relative_to_the_file():
     q = outcome.model.parameters[0]
     history = np.tile(outcome.theta, (3, 1))
     history[:, 0] = [q.coordinate(factor * TOWER.values[q.name]) for factor in (0.9, 1.0, 1.2)]
-    assert _estimates(outcome._replace(history_mean=history), "AAAA")[0].average_error_percent == pytest.approx(10.0)
+    assert estimates(outcome._replace(history_mean=history))[0].average_error_percent == pytest.approx(10.0)
 
 
 def test_an_estimate_comes_back_from_plain_values_and_is_not_changed():

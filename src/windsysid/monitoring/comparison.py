@@ -100,15 +100,12 @@ def compare(before: PosteriorLike | ModesLike, after: PosteriorLike | ModesLike)
     """
     if all_hold_modes((before, after)):
         return compare_modes(cast("ModesLike", before), cast("ModesLike", after))
-    return _compare_coefficients(
-        as_posterior(cast("PosteriorLike", before)), as_posterior(cast("PosteriorLike", after))
-    )
+    return _compare_coefficients(*(as_posterior(cast("PosteriorLike", one)) for one in (before, after)))
 
 
 def _compare_coefficients(before: Posterior, after: Posterior) -> Comparison:
     """Comparison of two results of `identify`."""
-    before, after = _with_unshared_air(before, after), _with_unshared_air(after, before)
-    frame = common_frame(before, after)
+    before, after, frame, notes = _in_states(before, after)
     if not frame:
         raise ConfigurationError(
             f"{before.record} and {after.record}: expected coefficients that both identified, got "
@@ -119,11 +116,11 @@ def _compare_coefficients(before: Posterior, after: Posterior) -> Comparison:
     levels = _frame_of_statistics(before, after)
     both = (*frame, *levels)
     statistics = _changes(before, after, both, difference_between(before, after, both))[len(frame) :] if levels else ()
-    same, notes = _shared_data(before, after)
+    same, shared = _shared_data(before, after)
     doubts = [*_distrusted(before, after, frame), *_differing_models(before, after)]
     moved = [change.name for change in coefficients if change.moved]
     if same and moved:
-        same = _have_same_values(before, after)
+        same = None not in (before.record_hash, after.record_hash)
         doubts.append(
             f"both results are of {before.record}{', the same values' if same else ': if that is one record'}, so"
             " there is no change, and priors, sensors or loads of the two identifications do not agree about"
@@ -131,14 +128,24 @@ def _compare_coefficients(before: Posterior, after: Posterior) -> Comparison:
         )
     return Comparison(
         (before.record, after.record), coefficients, _modes(before, after, frame, difference), statistics, same,
-        tuple(doubts), notes,
+        tuple(doubts), (*notes, *shared),
     )  # fmt: skip
 
 
-def _with_unshared_air(result: Posterior, other: Posterior) -> Posterior:
-    """The result with aerodynamics as a part of its covariance if the other has none, as a parked tower."""
+def _in_states(before: Posterior, after: Posterior) -> tuple[Posterior, Posterior, Sequence[Parameter], Sequence[str]]:
+    """Both results and what they have in common; of a parked and an operating tower not the air, with a note."""
+    frame = common_frame(before, after)
+    if (before.turbine.aerodynamic_tolerance > 0.0) == (after.turbine.aerodynamic_tolerance > 0.0):
+        return before, after, frame, ()
+    structural = tuple(q for q in frame if before.turbine.model.coefficient(q.name).kind != "damping")
+    note = "only one of the two results is of an operating rotor, whose air damps: windsysid damping compares damping"
+    return _with_unshared_air(before), _with_unshared_air(after), structural, (note,)
+
+
+def _with_unshared_air(result: Posterior) -> Posterior:
+    """The result with aerodynamics as a part of its covariance."""
     apart = [one.group == "aerodynamics" for one in result.tolerances]
-    if result.joint_cov is None or not any(apart) or other.turbine.aerodynamic_tolerance > 0.0:
+    if result.joint_cov is None or not any(apart):
         return result
     at = unknowns_of(result.parameters, result.statistics, result.tolerances).places("tolerances", "clocks")[apart]
     left = np.setdiff1d(np.arange(len(result.joint_cov)), at)
@@ -210,7 +217,8 @@ def _ratio(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float
 
     a and b are (estimate, standard deviation); a negative limit counts as zero.
     """
-    low, high = _inverse(_highest_ratio(b, a)), _highest_ratio(a, b)
+    backwards, high = _highest_ratio(b, a), _highest_ratio(a, b)
+    low = 1.0 / backwards if backwards else math.inf
     if low == 0.0 and math.isinf(high):
         return math.nan, -100.0, math.inf
     middle = max(b[0], 0.0) / a[0] if a[0] > 0.0 else math.inf
@@ -224,10 +232,6 @@ def _highest_ratio(a: tuple[float, float], b: tuple[float, float]) -> float:
         return math.inf
     root = (a[0] * b[0]) ** 2 - below * (b[0] ** 2 - (SIGMAS * b[1]) ** 2)
     return max(a[0] * b[0] + math.sqrt(max(root, 0.0)), 0.0) / below
-
-
-def _inverse(ratio: float) -> float:
-    return math.inf if ratio == 0.0 else 1.0 / ratio
 
 
 def _modes(
@@ -245,15 +249,13 @@ def _modes(
         compiled = compile_model(turbine.model)
         p = np.array([turbine.values[name] for name in compiled.parameters])
         theta = np.array([q.coordinate(turbine.values[q.name]) for q in frame])
+        along = directions_of(compiled, frame, theta)
         try:
-            spectrum = analyse(
-                turbine.model, compiled, p, speed, directions_of(compiled, frame, theta), method="Coleman"
-            )
+            spectrum = analyse(turbine.model, compiled, p, speed, along, method="Coleman")
         except ConfigurationError:  # two blades without a periodic motion
             return ()
-        f = spectrum.frequency
-        slopes = spectrum.frequency_and_damping_slopes()[0] / f[:, None]
-        found.append({name: (float(f[m]), slopes[m]) for m, name in enumerate(spectrum.names)})
+        f, slopes = spectrum.frequency, spectrum.frequency_and_damping_slopes()[0]
+        found.append({name: (float(f[m]), slopes[m] / f[m]) for m, name in enumerate(spectrum.names)})
     changes = []
     for name in (name for name in found[0] if name in found[1]):
         (f_a, slope_a), (f_b, slope_b) = found[0][name], found[1][name]
@@ -264,18 +266,13 @@ def _modes(
     return tuple(changes)
 
 
-def _have_same_values(before: Posterior, after: Posterior) -> bool:
-    """Test whether both results name the values that they were identified from."""
-    return before.record_hash is not None and after.record_hash is not None
-
-
 def _shared_data(before: Posterior, after: Posterior) -> tuple[bool, tuple[str, ...]]:
     """Test whether both results are of one record and section, with a note if sections of one record overlap.
 
     The hashes of the records tell; their names do where an older version wrote no hash.
     """
     name = before.record.rpartition(", ")[0]
-    if _have_same_values(before, after):
+    if None not in (before.record_hash, after.record_hash):
         one_record = before.record_hash == after.record_hash
         same = one_record and before.section == after.section
     else:

@@ -33,7 +33,8 @@ def own_information(result: Posterior, frame: Sequence[Parameter]) -> tuple[Arra
     """Information of a record itself: the result's posterior with its prior divided out.
 
     A stiffness that is linear in the result and logarithmic in `frame`, or the other way round, is taken along its
-    tangent at the estimate.
+    tangent at the estimate. The prior is divided out of the model's own posterior, and what remains is then widened as
+    the result was: a wider interval about the same estimate has no likelihood that gives it together with the prior.
 
     Parameters
     ----------
@@ -52,21 +53,23 @@ def own_information(result: Posterior, frame: Sequence[Parameter]) -> tuple[Arra
     known = _Belief.of(result)
     at = [known.names.index(q.name) for q in frame]
     stretch, mean = np.empty(len(frame)), np.empty(len(frame))
+    wider = np.array([result.widening.get(q.name, 1.0) for q in frame])
     for i, q in enumerate(frame):
         own = known.parameters[at[i]]
         value = float(own.physical(known.mean[at[i]]))
         stretch[i] = (value if own.logarithmic else own.scale) / (value if q.logarithmic else q.scale)
         mean[i] = q.coordinate(value)
     prior_mean = mean + stretch * (known.prior_mean[at] - known.mean[at])
-    cov, prior_cov = (c[np.ix_(at, at)] * np.outer(stretch, stretch) for c in (known.cov, known.prior_cov))
+    wide, prior_cov = (c[np.ix_(at, at)] * np.outer(stretch, stretch) for c in (known.cov, known.prior_cov))
     # In the prior's own measure the information is 1/share − 1 along each axis, with no small difference of large
-    # numbers.
+    # numbers; the data's part of the posterior, 1 − share, is what was widened.
     measure = np.linalg.inv(np.linalg.cholesky(prior_cov))
-    share, axes = np.linalg.eigh(measure @ cov @ measure.T)
+    share, axes = np.linalg.eigh(measure @ (wide / np.outer(wider, wider)) @ measure.T)
     seen = share < 1.0 - MIN_VARIANCE_SHARE
     rows, share = axes[:, seen].T @ measure, share[seen]
-    information = (rows.T * (1.0 / share - 1.0)) @ rows
-    vector = rows.T @ (rows @ (mean - prior_mean) / share) + information @ prior_mean
+    factor = 1.0 + (np.einsum("ki,ij,kj->k", rows, wide, rows) / share - 1.0) / (1.0 - share)
+    information = (rows.T * ((1.0 / share - 1.0) / factor)) @ rows
+    vector = rows.T @ (rows @ (mean - prior_mean) / (share * factor)) + information @ prior_mean
     return information, np.asarray(vector, dtype=np.float64)
 
 

@@ -97,6 +97,8 @@ class Estimate:
         The same estimate, low, high, std and reference per tip deflection [N/m or N·s/m], for blades with a tip lever.
     grade
         ``A``: the interval of the model; ``B``: a wider one; ``C``: not to be used (docs/grades.md); empty: not known.
+    widening
+        Factor on the model's standard deviation, given all tolerances.
     """
 
     name: str
@@ -112,6 +114,7 @@ class Estimate:
     average_error_percent: float | None
     tip: Mapping[str, float] | None = None
     grade: str = ""
+    widening: float = 1.0
 
     def __str__(self) -> str:
         return f"{self.name}: {_sentence(self)}"

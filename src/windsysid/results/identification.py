@@ -105,16 +105,15 @@ class Identification(IdentificationValues, Answer):
             raise ConfigurationError(f"{self.turbine}: expected a turbine, got equations of one's own")
         values = {e.name: e.estimate for e in self.estimates}
         theta = np.array([q.coordinate(values[q.name]) for q in self.parameters])
-        turbine = self.machine.with_values(values)
-        name = section_name(self.record, *self.section)
-        known = self.provenance
+        name, known = section_name(self.record, *self.section), self.provenance
+        grades = {e.name: e.grade for e in self.estimates}
         return Posterior(
-            turbine, self.parameters, theta, self.cov, name, self.diagnosis.trusted, self.conditions,
-            start=None if known is None else known.start, record_hash=None if known is None else known.record_hash,
+            self.machine.with_values(values), self.parameters, theta, self.cov, name, self.diagnosis.trusted,
+            self.conditions, start=None if known is None else known.start,
+            record_hash=None if known is None else known.record_hash,
             section=self.section, statistics=self.statistics, joint_cov=self.joint_cov, tolerances=self.tolerances,
-            unusable=unusable_among(
-                {e.name: e.grade for e in self.estimates}, self.findings, trusted=self.diagnosis.trusted
-            ),
+            unusable=unusable_among(grades, self.findings, trusted=self.diagnosis.trusted),
+            widening={e.name: e.widening for e in self.estimates},
         ).given("masses")  # fmt: skip
 
     def summary(self) -> dict[str, Any]:

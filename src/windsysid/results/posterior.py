@@ -91,6 +91,8 @@ class Posterior(NamedTuple):
         result: vibration determines ratios to masses, and those of the turbine are taken as exact.
     unusable
         Coefficients of grade C, each with the code of its reason (`unusable_among`).
+    widening
+        `Estimate.widening` of the coefficients, which `cov` and `joint_cov` include.
     """
 
     turbine: Turbine
@@ -107,6 +109,7 @@ class Posterior(NamedTuple):
     joint_cov: Array | None = None
     tolerances: tuple[Tolerance, ...] = ()
     unusable: Mapping[str, str] = {}
+    widening: Mapping[str, float] = {}
 
     def given(self, *groups: Group) -> "Posterior":
         """Posterior conditioned on the stated values of instruments or masses of these groups, of all by default.
@@ -178,21 +181,19 @@ def load_posterior(folder: str | Path) -> Posterior:
         begun, ended = (float(file.attrs[key]) for key in ("section_start_s", "section_end_s"))
         record = section_name(file.attrs["record"], begun, ended)
         start, found = (file.attrs.get(key) for key in ("record_start", "record_hash"))
-        learned = read_statistics(file)
+        learned, tolerances = read_statistics(file), read_tolerances(file)
         conditions, parameters = read_conditions(file), read_parameters(file)
-        estimate = file["final_estimate"][...].tolist()
-        cov = file["cov"][...]
+        estimate, cov = file["final_estimate"][...].tolist(), file["cov"][...]
         joint_cov = file["joint_cov"][...] if learned and "joint_cov" in file else None
-        tolerances = read_tolerances(file)
-        said = parse_json(file.attrs["result"]) if "result" in file.attrs else {}
+        said = parse_json(file.attrs.get("result", "{}"))
     turbine = parse_turbine(text, str(Path(folder) / "identification.nc"))
     theta = np.array([q.coordinate(value) for q, value in zip(parameters, estimate, strict=True)])
     grades = {q.name: "" for q in parameters} | {one["name"]: one.get("grade", "") for one in said.get("estimates", [])}
-    identified = turbine.with_values({q.name: value for q, value in zip(parameters, estimate, strict=True)})
     return Posterior(
-        identified, parameters, theta, cov, record, bool(trusted), conditions,
-        start, found, section=(begun, ended), statistics=learned, joint_cov=joint_cov, tolerances=tolerances,
+        turbine.with_values({q.name: value for q, value in zip(parameters, estimate, strict=True)}), parameters, theta,
+        cov, record, bool(trusted), conditions, start, found, (begun, ended), learned, joint_cov, tolerances,
         unusable=unusable_among(grades, list(map(read_finding, said.get("findings", []))), trusted=bool(trusted)),
+        widening={one["name"]: one.get("widening", 1.0) for one in said.get("estimates", [])},
     ).given("masses")  # fmt: skip
 
 

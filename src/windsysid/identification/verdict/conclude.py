@@ -86,7 +86,7 @@ def conclude(
         diagnosis = diagnosis if transient is None else explain_by_transient(diagnosis, transient, outcome.channels)
     diagnosis = with_tolerance_shifts(diagnosis, outcome)
     coefficients, of_modes = widenings_of(_on_clock(outcome, record, whole), at, diagnosis.findings)
-    wide, effective = scaled(outcome, coefficients)
+    wide, effective, factors = scaled(outcome, coefficients)
     diagnosis = judged(diagnosis, outcome.scores, effective, [*chain.from_iterable(of_modes)])
     readers = None if balanced else channels_of(outcome)
     grades = grade_coefficients(diagnosis, outcome.model.parameters, effective, outcome.channels, readers)
@@ -104,7 +104,7 @@ def conclude(
         rate=record.rate,
         samples=whole.samples,
         elapsed=outcome.elapsed,
-        estimates=_estimates(wide, grades),
+        estimates=_estimates(wide, grades, factors),
         modes=grade_modes(at.modes, outcome, grades, of_modes),
         parameters=outcome.model.parameters,
         time=whole.history_time,
@@ -135,14 +135,12 @@ def _on_clock(outcome: Outcome, record: Record, whole: WholeRecord | None) -> Ou
     return outcome._replace(scores=tuple(places))
 
 
-def _estimates(outcome: Outcome, grades: Sequence[str]) -> tuple[Estimate, ...]:
-    """The coefficients in physical units, with their grades."""
-    stds = np.sqrt(np.diag(outcome.cov))
+def _estimates(outcome: Outcome, grades: Sequence[str], factors: Array) -> tuple[Estimate, ...]:
+    """The coefficients in physical units, with their grades and the factors that widened them."""
+    columns = outcome.model.parameters, outcome.theta, np.sqrt(np.diag(outcome.cov)), outcome.history_mean.T
     return tuple(
-        replace(_estimate(q, outcome.turbine, float(theta), float(std), history), grade=grade)
-        for q, theta, std, history, grade in zip(
-            outcome.model.parameters, outcome.theta, stds, outcome.history_mean.T, grades, strict=True
-        )
+        replace(_estimate(q, outcome.turbine, float(x), float(std), past), grade=grade, widening=wider)
+        for q, x, std, past, grade, wider in zip(*columns, grades, factors.tolist(), strict=True)
     )
 
 

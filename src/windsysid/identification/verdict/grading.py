@@ -9,7 +9,7 @@ them.
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import NamedTuple, get_args
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from windsysid.results.estimate import IntervalEstimate
 from windsysid.results.finding import Finding
 from windsysid.results.mode import Mode
 from windsysid.results.posterior import SIGMAS
-from windsysid.results.tolerance import SHARED
+from windsysid.results.tolerance import SHARED, Group
 from windsysid.statespace.parameter import Parameter
 
 __all__ = [
@@ -111,8 +111,7 @@ def _level_factor(findings: Sequence[Finding], scores: Sequence[PartScores]) -> 
     """Bound of the factor on intervals where innovations have another level and no scores over frequencies."""
     if "frequency" in {one.over for one in scores}:
         return 1.0
-    levels = (one.data["ratio"] for one in findings if one.code in ("channel_level", "innovation_level"))
-    return max(levels, default=1.0)
+    return max((f.data["ratio"] for f in findings if f.code in ("channel_level", "innovation_level")), default=1.0)
 
 
 def with_tolerance_shifts(diagnosis: Diagnosis, outcome: Outcome) -> Diagnosis:
@@ -229,15 +228,17 @@ def _in_whole(one: Widening, cov: Array) -> Widening:
     return one._replace(factor=factor, of_rivals=factor / own)
 
 
-def scaled(outcome: Outcome, coefficients: Sequence[Widening]) -> tuple[Outcome, list[Widening]]:
-    """Widen the covariance given masses and aerodynamics, and add what these contribute; the widening of the
-    coefficients with that part, too."""
-    whole, given = outcome.cov if outcome.joint_cov is None else outcome.joint_cov, outcome.given(*SHARED)[1]
+def scaled(outcome: Outcome, coefficients: Sequence[Widening]) -> tuple[Outcome, list[Widening], Array]:
+    """Widen intervals given masses and aerodynamics, and leave regressions on tolerances as they are; the widening of
+    the coefficients with all contributions, and the factors (n_θ,) on standard deviations given all tolerances."""
+    whole = outcome.cov if outcome.joint_cov is None else outcome.joint_cov
+    given, alone = (outcome.given(*groups)[1] for groups in (SHARED, get_args(Group)))
     n, factors = len(coefficients), np.ones(len(whole))
-    factors[:n] = [one.factor for one in coefficients]
-    wide = whole - given + given * np.outer(factors, factors)
-    joint = None if outcome.joint_cov is None else wide
-    return outcome._replace(cov=wide[:n, :n], joint_cov=joint), [_in_whole(one, whole) for one in coefficients]
+    ratios = np.diag(given)[:n] / np.maximum(np.diag(alone)[:n], 1e-300)
+    factors[:n] = np.sqrt(1.0 + (np.square([one.factor for one in coefficients]) - 1.0) * ratios)
+    wide = whole - alone + alone * np.outer(factors, factors)
+    found = outcome._replace(cov=wide[:n, :n], joint_cov=None if outcome.joint_cov is None else wide)
+    return found, [_in_whole(one, whole) for one in coefficients], factors[:n]
 
 
 def judged(
