@@ -601,12 +601,12 @@ _FLEET_AND_MODES = (
     ),
     Mutant(
         "breaks at odd places", "continuity.py",
-        "max(MIN_SEAMS, MIN_SEAM_SHARE * rows.size)", "MIN_SEAMS",
+        "best = (FALSE_ALARM_PROBABILITY / samples, 0)", "best = (1.0, 0)",
         "blows are said to be lost samples",
     ),
     Mutant(
         "a converter that ran over", "continuity.py",
-        "far.size) or between < 0.2:", "far.size):",
+        "MIN_OVERRUN_JUMPS or between < 0.2:", "MIN_OVERRUN_JUMPS:",
         "a switch between two values is an overrun",
     ),
     Mutant(
@@ -616,7 +616,7 @@ _FLEET_AND_MODES = (
     ),
     Mutant(
         "vibration that fades", "silence.py",
-        "_is_back(before, usual) and _is_back(after, usual)", "_is_back(before, usual)",
+        "and first > 1 and end < count - 1", "and first > 1",
         "a decay is a silent channel",
     ),
     Mutant(
