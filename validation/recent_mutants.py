@@ -262,7 +262,7 @@ _DOUBTS = (
     ),
     Mutant(
         "a prior far from its estimate", "estimate/prior_conflict.py",
-        "if abs(off) > MAX_PRIOR_SHIFT_SIGMAS:", "if off > MAX_PRIOR_SHIFT_SIGMAS:",
+        "if abs(off) > CONFLICT_SIGMAS:", "if off > CONFLICT_SIGMAS:",
         "an estimate far below its prior is no doubt",
     ),
     Mutant(
@@ -287,7 +287,7 @@ _DOUBTS = (
     ),
     Mutant(
         "blades that pass beside a mode", "checks/blade_passing.py",
-        "> width + BLADE_PASSING_MARGIN_BINS * step", "> 10.0 * width + BLADE_PASSING_MARGIN_BINS * step",
+        "> width + HARMONIC_HALF_WIDTH_BINS * step", "> 10.0 * width + HARMONIC_HALF_WIDTH_BINS * step",
         "blades that pass far from a mode are said to pass on it",
     ),
     Mutant(
@@ -636,7 +636,7 @@ _FLEET_AND_MODES = (
     ),
     Mutant(
         "an offset that is allowed for", "screening.py",
-        "> MAX_OFFSET_SIGMAS * offset", "> 0.0 * offset",
+        "> CONFLICT_SIGMAS * offset", "> 0.0 * offset",
         "a sensor whose offset is known is refused",
     ),
     Mutant(

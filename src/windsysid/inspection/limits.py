@@ -95,10 +95,6 @@ MAX_DOUBTFUL_ACCELERATION_RATE = 1.0
 MAX_ACCELERATION_RATE = 20_000.0
 """Size: sampling rate of an acceleration [Hz] beyond which the time may be in another unit; few loggers are as fast."""
 
-MAX_OFFSET_SIGMAS = 3.0
-"""Size in standard deviations: mean of an acceleration over the prior of its sensor's offset, up to which it is
-expected."""
-
 MAX_GRAVITY_DEVIATION = 0.03
 """Size: relative distance from g of the mean of an upright accelerometer, or of its amplitude on a rotor."""
 
