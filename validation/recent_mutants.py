@@ -262,7 +262,7 @@ _DOUBTS = (
     ),
     Mutant(
         "a prior far from its estimate", "estimate/prior_conflict.py",
-        "if abs(off) > MAX_PRIOR_SHIFT_SIGMAS:", "if off > MAX_PRIOR_SHIFT_SIGMAS:",
+        "if abs(off) > CONFLICT_SIGMAS:", "if off > CONFLICT_SIGMAS:",
         "an estimate far below its prior is no doubt",
     ),
     Mutant(
@@ -287,7 +287,7 @@ _DOUBTS = (
     ),
     Mutant(
         "blades that pass beside a mode", "checks/blade_passing.py",
-        "> width + BLADE_PASSING_MARGIN_BINS * step", "> 10.0 * width + BLADE_PASSING_MARGIN_BINS * step",
+        "> width + HARMONIC_HALF_WIDTH_BINS * step", "> 10.0 * width + HARMONIC_HALF_WIDTH_BINS * step",
         "blades that pass far from a mode are said to pass on it",
     ),
     Mutant(
@@ -601,12 +601,12 @@ _FLEET_AND_MODES = (
     ),
     Mutant(
         "breaks at odd places", "continuity.py",
-        "max(MIN_SEAMS, MIN_SEAM_SHARE * rows.size)", "MIN_SEAMS",
+        "best = (FALSE_ALARM_PROBABILITY / samples, 0)", "best = (1.0, 0)",
         "blows are said to be lost samples",
     ),
     Mutant(
         "a converter that ran over", "continuity.py",
-        "far.size) or between < 0.2:", "far.size):",
+        "MIN_OVERRUN_JUMPS or between < 0.2:", "MIN_OVERRUN_JUMPS:",
         "a switch between two values is an overrun",
     ),
     Mutant(
@@ -616,7 +616,7 @@ _FLEET_AND_MODES = (
     ),
     Mutant(
         "vibration that fades", "silence.py",
-        "_is_back(before, usual) and _is_back(after, usual)", "_is_back(before, usual)",
+        "and first > 1 and end < count - 1", "and first > 1",
         "a decay is a silent channel",
     ),
     Mutant(
@@ -636,7 +636,7 @@ _FLEET_AND_MODES = (
     ),
     Mutant(
         "an offset that is allowed for", "screening.py",
-        "> MAX_OFFSET_SIGMAS * offset", "> 0.0 * offset",
+        "> CONFLICT_SIGMAS * offset", "> 0.0 * offset",
         "a sensor whose offset is known is refused",
     ),
     Mutant(

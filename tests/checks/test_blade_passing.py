@@ -78,7 +78,7 @@ def test_what_is_said_of_passing_blades_is_what_was_measured():
     values, azimuth = shaken(1, 0.4, 0.3, 0.44)
     found = find_passing([("", F, 0.4)], 3, readings=(values, azimuth, RATE))
     assert found is not None
-    assert found[:4] == pytest.approx((0.44, F, 0.128, 2.0 * RATE / SAMPLES), abs=1e-4)
+    assert found[:4] == pytest.approx((0.44, F, 0.128, 3.0 * RATE / SAMPLES), abs=1e-4)
     assert found.finding(3).code == "blade_passing_in_mode"
     assert found.finding(3).data["damping"] == pytest.approx(0.4)
 

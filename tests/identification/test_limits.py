@@ -9,7 +9,7 @@ from scipy.stats import f, norm, rayleigh
 from validation.structure import KINDS, SETTINGS, limits_of
 
 import windsysid.identification
-from windsysid.checks.limits import OUTLIER_SIGMAS
+from windsysid.checks.limits import CONFLICT_SIGMAS, OUTLIER_SIGMAS
 from windsysid.identification import limits
 from windsysid.identification.effects.sinusoid import MAX_HARMONIC
 
@@ -23,7 +23,7 @@ SINE = f(2, 12)
     [
         (2.0 * norm.sf(OUTLIER_SIGMAS), 2e6),
         (2.0 * norm.sf(limits.MAX_DISAGREEMENT_SIGMAS), 370),
-        (rayleigh.sf(limits.MIN_EFFECT_SIGMAS), 3000),
+        (rayleigh.sf(CONFLICT_SIGMAS), 3000),
         (SINE.sf(limits.MIN_SINUSOID_F), 6600),
         (2 * MAX_HARMONIC * SINE.sf(limits.MIN_HARMONIC_F), 100),
         (math.exp(-limits.MIN_LOG_ODDS), 12),

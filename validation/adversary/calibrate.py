@@ -17,7 +17,6 @@ from validation.adversary.scenarios import SCENARIOS, record
 from windsysid.checks.limits import (
     FALSE_ALARM_PROBABILITY,
     MAX_CHANCE_SIGMAS,
-    MAX_CHANNEL_LEVEL_FACTOR,
     MAX_CROSS_CORRELATION,
     MAX_KURTOSIS,
     MAX_LEVEL_FACTOR,
@@ -54,7 +53,7 @@ SHARE = 1.0 / 500.0
 
 LIMITS = {
     "size of all, ln": math.log(MAX_LEVEL_FACTOR),
-    "size of a channel, ln": math.log(MAX_CHANNEL_LEVEL_FACTOR),
+    "size of a channel, ln": math.log(MAX_LEVEL_FACTOR),
     "level over time": MAX_LEVEL_VARIATION,
     "level over time, σ": MAX_CHANCE_SIGMAS,
     "tails": MAX_KURTOSIS,

@@ -14,11 +14,10 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.checks.limits import (
-    BLADE_PASSING_MARGIN_BINS,
-    LINE_FALSE_ALARM_PROBABILITY,
+    FALSE_ALARM_PROBABILITY,
+    HARMONIC_HALF_WIDTH_BINS,
     LINE_NEAR_MODE_FACTOR,
     MIN_RESONANCE_WIDTH_BINS,
-    UNMODELLED_BLADE_PASSING_FACTOR,
 )
 from windsysid.checks.lines import PARABOLA_LOSS, SURROUNDING_BINS, line_bound, stand_out_of_a_bend
 from windsysid.results.finding import Finding
@@ -83,7 +82,7 @@ def find_passing(
         return _find_steady(modes, blades, *readings)
     passing = blades * rotor_hz
     for name, natural, damping in modes:
-        if passing and natural / UNMODELLED_BLADE_PASSING_FACTOR < passing < natural * UNMODELLED_BLADE_PASSING_FACTOR:
+        if passing and natural / LINE_NEAR_MODE_FACTOR < passing < natural * LINE_NEAR_MODE_FACTOR:
             return Passing(passing, natural, damping * natural, 0.0, name)
     return None
 
@@ -98,10 +97,10 @@ def _find_steady(
     scatter = cycle * float(np.std(azimuth[hop:] - azimuth[:-hop])) * rate / hop
     for _, natural, damping in modes:
         width = damping * natural
-        if abs(passing - natural) > width + BLADE_PASSING_MARGIN_BINS * step or scatter > width:
+        if abs(passing - natural) > width + HARMONIC_HALF_WIDTH_BINS * step or scatter > width:
             continue
         if width < MIN_RESONANCE_WIDTH_BINS * step or _stands_out(values, blades * azimuth):
-            return Passing(passing, natural, width, BLADE_PASSING_MARGIN_BINS * step)
+            return Passing(passing, natural, width, HARMONIC_HALF_WIDTH_BINS * step)
     return None
 
 
@@ -111,6 +110,4 @@ def _stands_out(values: Array, phase: Array) -> bool:
     power = np.abs(np.fft.fft((window * np.exp(-1j * phase))[:, None] * (values - values.mean(axis=0)), axis=0)) ** 2
     around = np.concatenate([power[-SURROUNDING_BINS:], power[: SURROUNDING_BINS + 1]])
     ratio = stand_out_of_a_bend(around, np.array([SURROUNDING_BINS]), SURROUNDING_BINS)
-    return bool(
-        ratio.max() > line_bound(values.shape[1], SURROUNDING_BINS, LINE_FALSE_ALARM_PROBABILITY, PARABOLA_LOSS)
-    )
+    return bool(ratio.max() > line_bound(values.shape[1], SURROUNDING_BINS, FALSE_ALARM_PROBABILITY, PARABOLA_LOSS))

@@ -19,12 +19,12 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.checks.limits import (
+    FALSE_ALARM_PROBABILITY,
     HARMONIC_HALF_WIDTH_BINS,
     HARMONIC_HALF_WIDTH_SHARE,
     MAX_MISSING_SHARE,
     MIN_LONG_RECORD_BINS,
     MIN_VIBRATION_BINS,
-    NOISE_VIBRATION_PROBABILITY,
     SHORT_NOISE_VIBRATION_PROBABILITY,
 )
 
@@ -66,9 +66,9 @@ def find_still(
         there &= away > np.maximum(HARMONIC_HALF_WIDTH_SHARE * f, HARMONIC_HALF_WIDTH_BINS * rate / len(readings))
     if there.sum() < MIN_VIBRATION_BINS:
         pairs = [] if innovations is None else list(zip(channels, readings.T, innovations.T, strict=True))
-        return tuple(channel for channel, x, e in pairs if _likelihood_ratio(x, e) < 1.0 / NOISE_VIBRATION_PROBABILITY)
+        return tuple(channel for channel, x, e in pairs if _likelihood_ratio(x, e) < 1.0 / FALSE_ALARM_PROBABILITY)
     clear = there.sum() >= MIN_LONG_RECORD_BINS and highest == FREQUENCY_RANGE_FACTOR * max(frequencies)
-    chance = NOISE_VIBRATION_PROBABILITY if clear else SHORT_NOISE_VIBRATION_PROBABILITY
+    chance = FALSE_ALARM_PROBABILITY if clear else SHORT_NOISE_VIBRATION_PROBABILITY
     judged = (missing.mean(axis=0) <= MAX_MISSING_SHARE) & (power[there].max(axis=0) > 0.0)
     return tuple(
         channel for channel, one, look in zip(channels, power[there].T, judged, strict=True)

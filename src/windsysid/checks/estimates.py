@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.checks.limits import MAX_PRIOR_SHIFT_SIGMAS
+from windsysid.checks.limits import CONFLICT_SIGMAS
 from windsysid.results.finding import Finding
 from windsysid.statespace.parameter import Parameter
 
@@ -40,7 +40,7 @@ def hold_against_priors(parameters: Sequence[Parameter], theta: Array, cov: Arra
 
 def doubt_priors(checks: Sequence[CoefficientCheck]) -> list[Finding]:
     """A reason for each estimate that contradicts its prior."""
-    return [conflict(check.name, check.shift) for check in checks if abs(check.shift) > MAX_PRIOR_SHIFT_SIGMAS]
+    return [conflict(check.name, check.shift) for check in checks if abs(check.shift) > CONFLICT_SIGMAS]
 
 
 def conflict(name: str, shift: float) -> Finding:

@@ -18,7 +18,7 @@ from fractions import Fraction
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.checks.limits import MAX_NEGLIGIBLE_ENTRY, MIN_CONDITION_INDEX, MIN_NAMED_CORRELATION
+from windsysid.checks.limits import MIN_CONDITION_INDEX, MIN_NAMED_CORRELATION, NEGLIGIBLE_SHARE
 from windsysid.inspection.sentences import joined
 from windsysid.results.finding import Finding
 
@@ -116,7 +116,7 @@ def describe_directions(
     size = np.where(logarithmic, 1.0, spread if theta is None else np.where(theta == 0.0, spread, theta))
     before, after = np.linalg.inv(prior_cov), np.linalg.inv(cov)
     found = []
-    for who, left, moved, rows in _describe_rules(names, prior_rules, 1.0 / spread, MAX_NEGLIGIBLE_ENTRY, 1.0 / size):
+    for who, left, moved, rows in _describe_rules(names, prior_rules, 1.0 / spread, NEGLIGIBLE_SHARE, 1.0 / size):
         left_of_prior = np.trace(np.linalg.solve(rows @ after @ rows.T, rows @ before @ rows.T)) / len(rows)
         data = {"share": 1.0 - left_of_prior, "seen": left, "direction": moved}
         found.append(Finding("prior_dominates", "remark", data, tuple(who)))

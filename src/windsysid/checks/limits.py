@@ -5,8 +5,9 @@ to what healthy records show. Each of some ten tests may condemn one healthy rec
 """
 
 FALSE_ALARM_PROBABILITY = 1e-3
-"""Probability: significance level of a test of the innovations, all channels and frequencies together; set on simulated
-records (`validation.adversary.calibrate`)."""
+"""Probability: significance level of a test, all channels, frequencies and times together: of innovations, lines, dead
+channels, bursts, effects, scatter between parts, clock lags and breaks of readings; set on simulated records
+(`validation.adversary.calibrate`)."""
 
 DISPERSION_PRIOR_ODDS = 0.1
 """Odds: that the scores of a record's parts scatter by more than the model says, before they are seen."""
@@ -15,9 +16,6 @@ MAX_WIDENING = 5.0
 """Size: factor on a standard deviation beyond which a record contradicts the model so much that no interval covers the
 error."""
 
-MIN_REPORTED_WIDENING = 1.1
-"""Size: factor on a standard deviation from which on an interval counts as wider than that of the model."""
-
 MIN_RIVAL_PROBABILITY = 0.5
 """Probability: of a rival explanation whose evidence is not known."""
 
@@ -25,16 +23,9 @@ LOG_EVIDENCE_STD = 3.0
 """Log odds: standard deviation of the error of the log evidence of approximate models, which preferred the wrong one by
 3 to 5 (``python -m validation.towers``)."""
 
-LINE_FALSE_ALARM_PROBABILITY = 2e-3
-"""Probability: significance level of the test for a spectral line; one healthy record in 500 (`python -m
-validation.adversary.calibrate`)."""
-
-NOISE_VIBRATION_PROBABILITY = 1e-3
-"""Probability: share of channels of noise that are taken for vibration; set on simulated records."""
-
 SHORT_NOISE_VIBRATION_PROBABILITY = 0.1
-"""Probability: the same share for records that are short or end just above the highest mode, whose resonances rise
-little above a power law."""
+"""Probability: share of channels of noise that are taken for vibration in records that are short or end just above the
+highest mode, whose resonances rise little above a power law."""
 
 MIN_LONG_RECORD_BINS = 200
 """Size: number of frequency bins below which a record is short for the test of dead channels."""
@@ -49,20 +40,19 @@ HARMONIC_HALF_WIDTH_SHARE = 0.02
 """Size: relative distance from a rotor harmonic nP within which power is the rotor's."""
 
 HARMONIC_HALF_WIDTH_BINS = 3.0
-"""Size: the same distance in frequency bins 1/T; the larger of both counts."""
+"""Size: the same distance in frequency bins 1/T, the larger of both counts; and distance beyond a mode's half-width ζf
+within which a blade-passing line is in it."""
 
-MAX_PRIOR_SHIFT_SIGMAS = 4.0
-"""Size in standard deviations: distance of an estimate from the mean of its prior beyond which they conflict; by chance
-one in 16 000."""
+CONFLICT_SIGMAS = 4.0
+"""Size in standard deviations: difference that chance does not explain, one in 16 000: of an estimate or of a sensor's
+offset from its prior, of two clocks, of a clock drift or of the amplitude of a force from 0, of which chance exceeds it
+in one of 3000."""
 
 MIN_CONDITION_INDEX = 30.0
 """Size: condition index from which on a combination of parameters is hardly identifiable (Belsley, Kuh & Welsch)."""
 
 MIN_NAMED_CORRELATION = 0.9
 """Size: correlation of two estimates from which on both are named."""
-
-MAX_NEGLIGIBLE_ENTRY = 0.15
-"""Size: entry of a direction that the prior determines, over the largest, that counts as zero."""
 
 INTEREST_FACTORS = (0.4, 2.5)
 """Size: factors on the lowest and on the highest natural frequency between which a spectral peak matters."""
@@ -80,12 +70,9 @@ MAX_OUTLIER_POWER_SHARE = 0.1
 MAX_OUTLIER_SHARE = 0.05
 """Size: share of a channel's readings up to which they are outliers, and left out; with more the model is wrong."""
 
-MAX_LEVEL_FACTOR = 1.1
-"""Size: factor on the normalised innovation squared of all channels. Levels are learned: healthy records scatter by
-0.02, and one in 500 is 1.06 off (`python -m validation.adversary.calibrate`)."""
-
-MAX_CHANNEL_LEVEL_FACTOR = 1.15
-"""Size: the same factor for one channel; one healthy record in 500 is 1.14 off."""
+MAX_LEVEL_FACTOR = 1.15
+"""Size: factor on the normalised innovation squared of all channels or of one. Levels are learned: one healthy record
+in 500 is 1.06 off with all and 1.14 with one channel (`python -m validation.adversary.calibrate`)."""
 
 MAX_CHANCE_SIGMAS = 4.5
 """Size in standard deviations: statistic of level, tails, lag of blades, or correlation of channels beyond chance; all
@@ -110,9 +97,6 @@ MAX_NEAR_MODE_LEVEL = 1.6
 MAX_FAR_PEAK_LEVEL = 3.0
 """Size: spectrum of the innovations, 1 if white, beyond which a peak far from natural frequencies is remarked."""
 
-MIN_DOMINANT_PEAK_LEVEL = 4.0
-"""Size: spectrum of the innovations, 1 if white, from which on a peak is named before the correlation of channels."""
-
 MAX_SQUARED_AUTOCORRELATION = 0.02
 """Size: sum of squared autocorrelations beyond which colour is remarked; one correlation of 0.14."""
 
@@ -120,11 +104,12 @@ MAX_LEVEL_DEPARTURE = 0.05
 """Size: rms departure of the spectrum of innovations from 1 over half-octaves, beyond chance; healthy fits have
 0.04."""
 
-MIN_NONLINEARITY_SAMPLES = 200
-"""Size: number of innovations of a channel below which it is not tested for nonlinearity."""
+MIN_NONLINEARITY_SAMPLES = 500
+"""Size: number of innovations below which no channel and no load is tested for nonlinearity."""
 
-LINE_NEAR_MODE_FACTOR = 1.15
-"""Size: factor on a natural frequency within which a line of the innovations biases the mode."""
+LINE_NEAR_MODE_FACTOR = 1.2
+"""Size: factor on a natural frequency within which a line of the innovations, or a blade-passing load that is not
+modelled, biases the mode."""
 
 LINE_SEARCH_FACTOR = 1.6
 """Size: factor on a natural frequency within which lines of the readings are searched: they bias the level of the loads
@@ -137,12 +122,6 @@ NARROW_RESONANCE_MARGIN_BINS = 8.0
 """Size: distance from a narrow resonance in frequency bins 1/T within which no line is searched: from 5 on, its skirts
 are parabolas in 1/S (``tests/results/test_steadiness.py``)."""
 
-UNMODELLED_BLADE_PASSING_FACTOR = 1.2
-"""Size: factor on a natural frequency within which a blade-passing load that is not modelled biases the mode."""
-
-BLADE_PASSING_MARGIN_BINS = 2.0
-"""Size: distance in frequency bins 1/T beyond a mode's half-width ζf within which a blade-passing line is in it."""
-
 MAX_INFORMED_STD_RATIO = 0.7
 """Size: standard deviation of a tolerance's estimate over that of its prior, below which the record is informative."""
 
@@ -151,9 +130,6 @@ MIN_DEVIATION_SIGMAS = 2.0
 
 MAX_TOLERANCE_SIGMAS = 3.0
 """Size in standard deviations: estimate over the prior of a tolerance beyond which they conflict."""
-
-BURST_PROBABILITY = 1e-4
-"""Probability: significance level of a burst in a stationary record, all channels together."""
 
 MIN_BURST_SHARE = 0.375
 """Size: share of a channel's power in one of 16 segments of a burst: the rms is three times that of the rest."""
@@ -165,9 +141,11 @@ exceeds it."""
 MIN_COMMON_RMS_FALL = 1.5
 """Size: the same ratio if all of two or more channels exceed it, as one of 20 such records does in one channel."""
 
-MAX_RISE_RATIO = 1.1
-"""Size: ratio of the mean square of a quarter to that of the previous one in a decay."""
-
 MAX_EARLIER_RATIO = 0.3
 """Size: ratio of the mean square of segments before the strongest to it in a decay, except the one immediately before,
 in which the decay may begin."""
+
+NEGLIGIBLE_SHARE = 0.1
+"""Size: share of a quantity up to which a contribution to it is neglected: an offset of a sample's noise, loads of a
+motion's rms, another coordinate of a reading, the integration of a damping ratio, a coefficient of a mode's variance, a
+parameter of a direction, a widening of an interval. In squares it is 1 %."""

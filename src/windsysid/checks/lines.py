@@ -24,9 +24,9 @@ from numpy.typing import NDArray
 
 from windsysid._types import Array
 from windsysid.checks.limits import (
+    FALSE_ALARM_PROBABILITY,
     HARMONIC_HALF_WIDTH_BINS,
     HARMONIC_HALF_WIDTH_SHARE,
-    LINE_FALSE_ALARM_PROBABILITY,
     LINE_SEARCH_FACTOR,
     MAX_MISSING_SHARE,
     MIN_RESONANCE_WIDTH_BINS,
@@ -66,7 +66,7 @@ class Line(NamedTuple):
     frequency
         [Hz].
     ratio, bound
-        Power over that of its surroundings, and what chance exceeds in a share `LINE_FALSE_ALARM_PROBABILITY` of
+        Power over that of its surroundings, and what chance exceeds in a share `FALSE_ALARM_PROBABILITY` of
         records.
     """
 
@@ -142,7 +142,7 @@ def find_line(
     at = np.flatnonzero(near)
     ratio = _ratios(np.column_stack([_filled(column) for column in values[:, whole].T]), at)
     row, column = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
-    bound = line_bound(ratio.size, SURROUNDING_BINS, LINE_FALSE_ALARM_PROBABILITY, PARABOLA_LOSS)
+    bound = line_bound(ratio.size, SURROUNDING_BINS, FALSE_ALARM_PROBABILITY, PARABOLA_LOSS)
     return Line(channels[int(whole[column])], float(frequency[at[row]]), float(ratio[row, column]), bound)
 
 

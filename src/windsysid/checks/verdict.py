@@ -35,7 +35,6 @@ from windsysid.checks.innovation_sums import band_of_interest
 from windsysid.checks.limits import (
     FALSE_ALARM_PROBABILITY,
     MAX_CHANCE_SIGMAS,
-    MAX_CHANNEL_LEVEL_FACTOR,
     MAX_CROSS_CORRELATION,
     MAX_FAR_PEAK_LEVEL,
     MAX_KURTOSIS,
@@ -46,7 +45,6 @@ from windsysid.checks.limits import (
     MAX_OUTLIER_SHARE,
     MAX_PEAK_LEVEL,
     MAX_SQUARED_AUTOCORRELATION,
-    MIN_DOMINANT_PEAK_LEVEL,
     MIN_REMARKED_OUTLIERS,
     OUTLIER_SIGMAS,
 )
@@ -211,7 +209,7 @@ def _judge_innovations(w: Whiteness, tests: RecordTests, rotor: TurningRotor, li
     """Findings of innovations and of a line, the most telling first."""
     spectrum = _judge_spectrum(w, abs(rotor.speed) / (2.0 * math.pi), rotor.blades_move)
     bending, together = tests.smoothed_loads or (None, None)
-    loud = max(np.nan_to_num(c.peak) for c in w.channels) > MIN_DOMINANT_PEAK_LEVEL
+    loud = max(np.nan_to_num(c.peak) for c in w.channels) > MAX_FAR_PEAK_LEVEL
     return [
         *_judge_steadiness(w), *line, *(spectrum if loud else ()), *_judge_shared(w), *_judge_size(w),
         *_judge_lateness(tests.late), *doubt_correlated(together), *doubt_bent(tests.bent), *doubt_bending(bending),
@@ -231,7 +229,7 @@ def _judge_size(w: Whiteness) -> list[Finding]:
     others = (w.nis * w.used - worst.nis * worst.used) / rest if rest > 0 else math.inf
     if (
         rest > 0
-        and _is_size_off(worst.nis, worst.used, MAX_CHANNEL_LEVEL_FACTOR)
+        and _is_size_off(worst.nis, worst.used, MAX_LEVEL_FACTOR)
         and not _is_size_off(others, rest, MAX_LEVEL_FACTOR)
     ):
         found.append(Finding("channel_level", "reason", {"channel": worst.name, "ratio": math.sqrt(worst.nis)}))

@@ -18,7 +18,7 @@ from windsysid.checks.innovation_sums import (
     measure_stretch,
     spectral_window,
 )
-from windsysid.checks.limits import FALSE_ALARM_PROBABILITY, LINE_FALSE_ALARM_PROBABILITY
+from windsysid.checks.limits import FALSE_ALARM_PROBABILITY
 from windsysid.checks.lines import line_bound
 from windsysid.checks.stationarity import Shared, most_shared, steadiness
 
@@ -111,7 +111,7 @@ class Whiteness(NamedTuple):
     colour_bound
         What the colour of white noise stays below, but for one record in 1000.
     line_bound
-        The same for the ratio of a line, but for a share `LINE_FALSE_ALARM_PROBABILITY` of records.
+        The same for the ratio of a line, but for a share `FALSE_ALARM_PROBABILITY` of records.
     shared
         What two channels share most (`windsysid.checks.stationarity`); None of one channel alone.
     smooth
@@ -289,7 +289,7 @@ def _judge_alike(sums: Sums, names: Sequence[str], frequencies: Sequence[float])
         spectrum=spectrum,
         spectrum_bound=chance_limit(FALSE_ALARM_PROBABILITY / max(spectrum.size, 1), freedom) / freedom,
         colour_bound=(chance_limit(FALSE_ALARM_PROBABILITY / m, lags) - lags) / fewest,
-        line_bound=line_bound(sums.tested, SURROUNDING_BINS, LINE_FALSE_ALARM_PROBABILITY),
+        line_bound=line_bound(sums.tested, SURROUNDING_BINS, FALSE_ALARM_PROBABILITY),
         shared=most_shared(sums.shared, sums.shared_pairs),
         smooth=smooth_colour(
             frequency,

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from windsysid.checks.limits import MAX_WIDENING, MIN_REPORTED_WIDENING
+from windsysid.checks.limits import MAX_WIDENING, NEGLIGIBLE_SHARE
 
 __all__ = ["grade_of", "mixture_factor"]
 
@@ -20,7 +20,7 @@ def grade_of(factor: float, *, excluded: bool) -> str:
     """
     if excluded or factor > MAX_WIDENING:
         return "C"
-    return "B" if factor > MIN_REPORTED_WIDENING else "A"
+    return "B" if factor > 1.0 + NEGLIGIBLE_SHARE else "A"
 
 
 def mixture_factor(rivals: Sequence[tuple[float, float, float]]) -> float:

@@ -7,11 +7,9 @@ from windsysid.spectral.transforms.lifted import FIRST_BIN
 
 # Records
 
-MIN_SAMPLES_PER_PERIOD = 2.5
-"""Size: samples per period of the slowest mode below which resampling removes the mode."""
-
 MAX_RADIANS_PER_READING = 2.5
-"""Size: longest time between readings, times the highest natural frequency [rad]: 2.5 readings for each period."""
+"""Size: longest time between readings, times the highest natural frequency [rad]: 2.5 readings for each period; and
+times the lowest one, beyond which resampling removes its mode."""
 
 MAX_RADIANS_PER_UNREFINED_STEP = 0.6
 """Size: the longest time between readings [rad] where the equations cannot take shorter steps than readings."""
@@ -35,9 +33,6 @@ MIN_TURNS = 2 * FIRST_BIN + 1
 MIN_BINS = 30
 """Size: fewest bins of a spectrum that equations are fitted to."""
 
-MIN_WHITENED_SAMPLES = 500
-"""Size: samples with a reading below which smoothed loads are not tested."""
-
 NEGLIGIBLE_SPEED_VARIATION = 0.005
 """Size: standard deviation of the rotor's speed over its mean, up to which spectra of a constant speed lose nothing."""
 
@@ -51,18 +46,10 @@ MAX_SPEED_VARIATION_IN_BANDS = 0.2
 MAX_YAW_CHANGE_RADIANS = 0.05
 """Size: range of the yaw [rad] beyond which spectra, which know one yaw only, are not compared with filters."""
 
-NEGLIGIBLE_SHARE = 0.1
-"""Size: share of a quantity up to which a contribution to it is neglected: an offset of a sample's noise, loads of a
-motion's rms, another coordinate of a reading, the integration of a damping ratio, a coefficient of a mode's variance,
-a widening of an interval. In squares it is 1 %."""
-
 # Outliers
 
 MIN_OUTLIER_POWER = 0.02
 """Size: share of a channel's mean squared innovation that outliers must add to be left out; fewer do no harm."""
-
-MIN_SPIKE_MEDIANS = 15.0
-"""Size: medians of a channel by which a spike differs from the mean of its neighbours: ten σ of normal values."""
 
 MAX_NEIGHBOUR_SHARE = 0.75
 """Size: share of a spike's difference that its neighbours may have; next to a spike they have half of it."""
@@ -71,9 +58,6 @@ MAX_NEIGHBOUR_SHARE = 0.75
 
 MAX_EXTENSIONS = 8
 """Size: effects that a record may have; each costs a search, and a record with more is not for these models."""
-
-P_EFFECT = 1e-3
-"""Probability: share of records without any of these effects in which one is included; each test has an equal share."""
 
 P_CANDIDATE = 0.01
 """Probability: of a statistic with the fit's unknowns fixed, below which a candidate is tested with them."""
@@ -87,10 +71,6 @@ MIN_NUISANCE_SHIFT_SIGMAS = 1.0
 
 MIN_LOG_STD_CHANGE = 0.3
 """Size: change of the logarithm of an effect's standard deviation from which on its size is estimated again."""
-
-MIN_EFFECT_SIGMAS = 4.0
-"""Probability: standard deviations from which on a clock drift or the amplitude of a force is taken as real; one
-amplitude of chance in 3000 is larger."""
 
 MIN_DRIFT_RADIANS = 0.07
 """Size: angle [rad] of the fastest motion of a coordinate by which a clock drift over the record matters."""
@@ -173,9 +153,6 @@ MAX_TOLERANCE_CHANGE = 0.5
 
 MAX_NEIGHBOUR_FACTOR = 1.6
 """Size: factor between frequencies within which another coordinate's mode may look like a narrow-band load."""
-
-MIN_PRIOR_PULL_SIGMAS = 0.3
-"""Size: standard deviations of the prior from which on it may pull an estimate of damping."""
 
 MIN_LOG_LIKELIHOOD_RISE = 0.5
 """Log odds: rise of the log likelihood beyond an estimate that conflicts with its prior: one σ by the data alone."""

@@ -55,20 +55,8 @@ MAX_COPY_RESIDUAL = 1e-6
 MIN_PREDICTED_ROWS = 1000
 """Size: number of rows for fitting a linear prediction, which detects lost rows and samples."""
 
-SEAM_PROBABILITY = 1e-7
-"""Probability: of prediction errors of all channels, in one row of white noise, beyond which the row is a seam."""
-
-MIN_SEAMS = 6
-"""Size: number of seams at multiples of a number of rows; 6 of 7 are by chance in one of 1000 such records."""
-
-MIN_SEAM_SHARE = 0.8
-"""Size: share of all seams at multiples of a number of rows."""
-
 MIN_OVERRUN_JUMPS = 3
 """Size: number of jumps across a channel's range from which on its converter overran."""
-
-MIN_END_JUMP_SHARE = 0.9
-"""Size: share of those jumps that start and end at the ends of the range."""
 
 MAX_OVERRUN_STEP_STD = 0.17
 """Size: standard deviation of a channel's other steps over its range, beyond which a jump across it is usual."""
@@ -85,42 +73,18 @@ MIN_LOSS_GAIN = 0.4
 """Size: g after a loss: 1 for one lost row, less because the losses bias the model."""
 
 MAX_OTHER_GAIN_RATIO = 0.6
-"""Size: |g| at any other remainder, relative to g after a loss."""
-
-MAX_PREVIOUS_GAIN_RATIO = 0.3
-"""Size: g at the previous remainder, relative to g after a loss. A sinusoid at a multiple of the rate over 2k gives a g
-that alternates."""
+"""Size: |g| at any other remainder, relative to g after a loss. A sinusoid at a multiple of the rate over 2k
+gives a g that alternates."""
 
 MIN_LOSS_SUM_RATIO = 0.5
 """Size: ratio of the sums after two losses; if only every second or third is a loss, k is larger."""
 
 MAX_SILENT_RMS_RATIO = 1.0 / 8.0
-"""Size: rms of a channel over a period, relative to its usual one, below which it is silent."""
-
-MIN_RETURN_RMS_RATIO = 0.4
-"""Size: the same ratio in a window next to a silent segment, from which on vibration is back."""
+"""Size: rms of a channel over a period, relative to its usual one, below which it is silent; other channels are
+not."""
 
 MIN_SILENT_PERIODS = 5
 """Size: number of consecutive silent periods."""
-
-MIN_OTHER_RMS_RATIO = 0.3
-"""Size: rms of another channel during a silent segment, relative to its usual one."""
-
-SILENT_SIGMAS = 5.0
-"""Size in standard deviations: readings of a silent segment within which its neighbouring samples are silent, too."""
-
-MIN_ABRUPT_SIGMAS = 6.0
-"""Size in standard deviations: one prediction error at an end of a silent segment; of Gaussian errors one in 10⁶."""
-
-MIN_ABRUPT_POWER = 4.0
-"""Size: mean square of the normalised prediction errors at an end of a silent segment; of Gaussian errors one in
-10⁶."""
-
-MAX_QUIET_POWER = 0.25
-"""Size: mean square of the normalised prediction errors within a silent segment."""
-
-MIN_QUIET_SAMPLES = 40
-"""Size: number of readings within a segment for judging their mean square error."""
 
 MIN_ACCELERATION_RATE = 0.5
 """Size: sampling rate of an acceleration [Hz] below which it shows no structure."""
@@ -130,10 +94,6 @@ MAX_DOUBTFUL_ACCELERATION_RATE = 1.0
 
 MAX_ACCELERATION_RATE = 20_000.0
 """Size: sampling rate of an acceleration [Hz] beyond which the time may be in another unit; few loggers are as fast."""
-
-MAX_OFFSET_SIGMAS = 3.0
-"""Size in standard deviations: mean of an acceleration over the prior of its sensor's offset, up to which it is
-expected."""
 
 MAX_GRAVITY_DEVIATION = 0.03
 """Size: relative distance from g of the mean of an upright accelerometer, or of its amplitude on a rotor."""
@@ -172,7 +132,8 @@ FALSE_ALARM_PROBABILITY = 0.01
 modes with damping of 0.2 % to 5 % and 300 s to 3600 s exceed it in fewer than 1 % (tests/inspection)."""
 
 MAX_VIBRATION_CHANGE = 2.0
-"""Size: ratio of the rms values of two segments that is accepted even if it is significant."""
+"""Size: ratio of the rms values of two segments that is accepted even if it is significant, and from which on the one
+after a stop is a decay."""
 
 MAX_ENERGY_SHARE = 0.6
 """Size: share of the vibration in an eighth of a section beyond which it is a transient."""
@@ -188,16 +149,10 @@ MIN_RUNNING_SHARE = 0.6
 """Size: share of the usual rotor speed above which the rotor runs."""
 
 MAX_STOPPED_SHARE = 0.1
-"""Size: share of the usual rotor speed below which the rotor stands."""
-
-MIN_STARTED_SHARE = 0.2
-"""Size: share of the usual rotor speed above which the rotor turns again."""
+"""Size: share of the usual rotor speed below which the rotor stands, and above which it turns again."""
 
 MAX_FALL_SECONDS = 60.0
 """Size: time from running to stopped [s]."""
 
 MIN_STOP_SECONDS = 30.0
 """Size: length of a section after a stop [s]; a shorter one is not listed."""
-
-MIN_DECAY_FACTOR = 1.5
-"""Size: vibration right after a stop over that of the section's second half, from which on it is a decay."""

@@ -12,6 +12,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from windsysid.checks.limits import CONFLICT_SIGMAS
 from windsysid.errors import RecordError
 from windsysid.inspection.channels import VIBRATION, Kind, kind_of, kinds
 from windsysid.inspection.fault import SEVERITIES, Fault
@@ -20,7 +21,7 @@ from windsysid.inspection.faults.continuity import copied_channels, copied_passa
 from windsysid.inspection.faults.health import channel_faults
 from windsysid.inspection.faults.losses import lost_rows
 from windsysid.inspection.faults.silence import silent_stretches
-from windsysid.inspection.limits import MAX_OFFSET_SIGMAS, MIN_ROTOR_SPEED
+from windsysid.inspection.limits import MIN_ROTOR_SPEED
 from windsysid.inspection.plausibility import TIME, implausible
 from windsysid.inspection.rotor import Rotor, rotor_of
 from windsysid.records.record import Record
@@ -175,7 +176,7 @@ def _refusal(record: Record, fault: Fault, sensors: Sequence[str], offset: float
         return ""
     if channel == TIME:
         return f"time: {fault.text}"
-    allowed = offset and not abs(float(np.nanmean(record[channel]))) > MAX_OFFSET_SIGMAS * offset
+    allowed = offset and not abs(float(np.nanmean(record[channel]))) > CONFLICT_SIGMAS * offset
     if allowed or fault.severity != "warning" or kind_of(channel, record.unit(channel)) == "wind speed":
         return ""
     return f"channel '{channel}': {fault.text} Correct its unit" + ", or leave it out of the sensors" * (

@@ -15,10 +15,9 @@ from windsysid.inspection.channels import VIBRATION, Kind
 from windsysid.inspection.limits import (
     MAX_FALL_SECONDS,
     MAX_STOPPED_SHARE,
-    MIN_DECAY_FACTOR,
+    MAX_VIBRATION_CHANGE,
     MIN_ROTOR_SPEED,
     MIN_RUNNING_SHARE,
-    MIN_STARTED_SHARE,
     MIN_STOP_SECONDS,
 )
 from windsysid.inspection.rotor import Rotor
@@ -64,7 +63,7 @@ class Stop:
     @property
     def decays(self) -> bool:
         """True if the stop was followed by a free decay."""
-        return self.decay >= MIN_DECAY_FACTOR
+        return self.decay >= MAX_VIBRATION_CHANGE
 
     def summary(self) -> dict[str, Any]:
         """As plain values."""
@@ -100,7 +99,7 @@ def find_stops(record: Record, rotor: Rotor | None, known: dict[str, Kind]) -> t
     usual = float(np.median(turning))
     stopped = speed < MAX_STOPPED_SHARE * usual
     entries = np.flatnonzero(stopped[1:] & ~stopped[:-1]) + 1
-    runs, turns = np.flatnonzero(speed > MIN_RUNNING_SHARE * usual), np.flatnonzero(speed > MIN_STARTED_SHARE * usual)
+    runs, turns = np.flatnonzero(speed > MIN_RUNNING_SHARE * usual), np.flatnonzero(speed > MAX_STOPPED_SHARE * usual)
     found: list[Stop] = []
     for entry in entries:
         before = np.searchsorted(runs, entry) - 1

@@ -24,9 +24,8 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.checks.limits import (
-    BURST_PROBABILITY,
+    FALSE_ALARM_PROBABILITY,
     MAX_EARLIER_RATIO,
-    MAX_RISE_RATIO,
     MIN_BURST_SHARE,
     MIN_COMMON_RMS_FALL,
     MIN_RMS_FALL,
@@ -84,7 +83,7 @@ class Burst(NamedTuple):
 def find_burst(values: Array, channels: Sequence[str], rate: float) -> Burst | None:
     """Find the least probable burst in readings (T, m) at `rate` [Hz]; None if chance explains every channel."""
     found = [(*_largest_share(column), name) for name, column in zip(channels, values.T, strict=True)]
-    bursts = [one for one in found if one[2] >= MIN_BURST_SHARE and one[0] * len(found) <= BURST_PROBABILITY]
+    bursts = [one for one in found if one[2] >= MIN_BURST_SHARE and one[0] * len(found) <= FALSE_ALARM_PROBABILITY]
     if not bursts:
         return None
     _, segment, share, name = min(bursts)
@@ -149,7 +148,7 @@ def _fall(readings: Array) -> float:
     if loudest > SEGMENTS // 2 or not earlier <= MAX_EARLIER_RATIO * power[loudest]:
         return 0.0
     rest = _mean_squares(known[len(known) * loudest // SEGMENTS :], QUARTERS)
-    rises = rest[1:] > MAX_RISE_RATIO * rest[:-1]
+    rises = rest[1:] > rest[:-1]
     if (rises & (rest[1:] > rest[0] / MIN_RMS_FALL**2)).any():  # below that is noise
         return 0.0
     return float(np.sqrt(rest[0] / max(rest[-1], 1e-300)))

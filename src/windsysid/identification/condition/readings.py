@@ -12,7 +12,6 @@ from windsysid.filters import Info
 from windsysid.identification.limits import (
     MAX_RADIANS_PER_READING,
     MAX_RADIANS_PER_UNREFINED_STEP,
-    MIN_SAMPLES_PER_PERIOD,
 )
 from windsysid.identification.model.fit import PART_OF, Outcome
 from windsysid.inspection.channels import VIBRATION, kinds
@@ -275,7 +274,7 @@ def _check_rate(duration: float, turbine: Turbine, rate: float) -> None:
     """Refuse a rate whose low-pass, flat to 0.4 of it, takes every mode out of the record, or that leaves next to no
     readings."""
     slowest = turbine.slowest_frequency / (2.0 * math.pi)
-    least = max(MIN_SAMPLES_PER_PERIOD * slowest, MIN_SAMPLES / duration)
+    least = max(math.tau / MAX_RADIANS_PER_READING * slowest, MIN_SAMPLES / duration)
     if rate < least:
         periods = duration * slowest
         left = (

@@ -13,12 +13,11 @@ from typing import Any
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.checks.limits import OUTLIER_SIGMAS
+from windsysid.checks.limits import NEGLIGIBLE_SHARE, OUTLIER_SIGMAS
 from windsysid.identification.effects.regression import RegressorEffect
 from windsysid.identification.effects.score_test import RegressorCandidate
 from windsysid.identification.estimate.fitted.linearisation import Linearisation, RegressorColumn
 from windsysid.identification.job import Job
-from windsysid.identification.limits import NEGLIGIBLE_SHARE
 from windsysid.identification.model.effect import Effect
 from windsysid.identification.model.fit import Outcome, known_inputs
 from windsysid.identification.model.prior_odds import sigma_bound

@@ -20,9 +20,10 @@ from itertools import pairwise
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.checks.limits import CONFLICT_SIGMAS
 from windsysid.errors import RecordError
 from windsysid.identification.job import FittedJob, Job
-from windsysid.identification.limits import MIN_AMPLITUDE_OVER_SCATTER, MIN_DRIFT_WINDOWS, MIN_EFFECT_SIGMAS
+from windsysid.identification.limits import MIN_AMPLITUDE_OVER_SCATTER, MIN_DRIFT_WINDOWS
 from windsysid.identification.model.drift import Drift
 from windsysid.identification.model.effect import Detection, Effect
 from windsysid.identification.model.fit import Outcome
@@ -114,7 +115,7 @@ def persists(left: Sequence[Drift], before: Sequence[Drift]) -> bool:
     """Test whether more than half of a drift remains, beyond chance, after alignment: another effect looked like
     one."""
     was = {one.logger: abs(one.rate) for one in before}
-    return any(abs(one.rate) > max(MIN_EFFECT_SIGMAS * one.std, 0.5 * was.get(one.logger, math.inf)) for one in left)
+    return any(abs(one.rate) > max(CONFLICT_SIGMAS * one.std, 0.5 * was.get(one.logger, math.inf)) for one in left)
 
 
 def together(drifts: Sequence[Drift], more: Sequence[Drift]) -> tuple[Drift, ...]:

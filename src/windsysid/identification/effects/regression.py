@@ -12,10 +12,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from windsysid.checks.limits import FALSE_ALARM_PROBABILITY
 from windsysid.identification.effects.score_test import RegressorCandidate, ScoreTest, promising, score_tests
 from windsysid.identification.estimate.fitted.linearisation import Linearisation, RegressorColumn, linearise
 from windsysid.identification.job import FittedJob, Job
-from windsysid.identification.limits import MIN_LOG_STD_CHANGE, MIN_NUISANCE_SHIFT_SIGMAS, MIN_SHIFT_SIGMAS, P_EFFECT
+from windsysid.identification.limits import MIN_LOG_STD_CHANGE, MIN_NUISANCE_SHIFT_SIGMAS, MIN_SHIFT_SIGMAS
 from windsysid.identification.model.effect import Detection, Effect
 from windsysid.identification.model.prior_odds import odds_of
 from windsysid.identification.model.regressor import Regressors, Term
@@ -67,7 +68,7 @@ class Regression(Effect):
         shared = sum(odds[one.code] for one in new)  # each test has its share of the probability
         ranked = [(math.log10(odds[one.candidate.code]) - one.log10_p, one) for one in tests[len(settling) :]]
         digits, best = max(ranked, key=lambda one: one[0], default=(0.0, None))
-        if best is None or digits - math.log10(shared) < -math.log10(P_EFFECT):
+        if best is None or digits - math.log10(shared) < -math.log10(FALSE_ALARM_PROBABILITY):
             return Detection(fit)
         found = self._with(job, at, fit, best)
         if not _matters(at, best):

@@ -20,12 +20,13 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.checks.limits import CONFLICT_SIGMAS
 from windsysid.filters import EKF
 from windsysid.filters.bank import bank_of, run_bank
 from windsysid.identification.effects.sinusoid import Sine, phase_of, turned, ways_of, without_sines
 from windsysid.identification.estimate.scoring import BANK_THREADS
 from windsysid.identification.estimate.time_domain import where_it_ended
-from windsysid.identification.limits import MIN_EFFECT_SIGMAS, RESOLUTION_BINS
+from windsysid.identification.limits import RESOLUTION_BINS
 from windsysid.identification.model.fit import PART_OF, Outcome
 from windsysid.identification.model.prior import Prior
 from windsysid.identification.model.turbine_problem import TurbineProblem, pose
@@ -64,7 +65,7 @@ class SineForce(NamedTuple):
     @property
     def matters(self) -> bool:
         """True if it is significant."""
-        return self.amplitude > MIN_EFFECT_SIGMAS * self.std
+        return self.amplitude > CONFLICT_SIGMAS * self.std
 
     @property
     def note(self) -> Finding:

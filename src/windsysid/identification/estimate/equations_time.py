@@ -18,6 +18,7 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.checks.dispersion import PartScores
+from windsysid.checks.limits import NEGLIGIBLE_SHARE
 from windsysid.checks.whiteness import Whiteness
 from windsysid.filters import EKF, Info
 from windsysid.filters.bank import bank_of, run_bank
@@ -25,7 +26,6 @@ from windsysid.identification.condition.samples import Samples, SamplesOnDisk
 from windsysid.identification.condition.segments import SegmentReader
 from windsysid.identification.estimate.online import begin, spread_over_samples
 from windsysid.identification.estimate.search import Solution, solve
-from windsysid.identification.limits import NEGLIGIBLE_SHARE
 from windsysid.identification.model.equations_problem import (
     EquationsJob,
     OwnProblem,

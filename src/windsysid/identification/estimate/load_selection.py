@@ -18,13 +18,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.checks.limits import NEGLIGIBLE_SHARE
 from windsysid.checks.whiteness import Whiteness, examine
 from windsysid.errors import WindsysidError
 from windsysid.filters import EKF, Info
 from windsysid.filters.bank import bank_of, run_bank
 from windsysid.identification.estimate.evidence import Ranking, rank
 from windsysid.identification.estimate.online import MEMORY, History, Online, advance, begin, finish, join_histories
-from windsysid.identification.limits import NEGLIGIBLE_SHARE
 from windsysid.identification.model.prior import Prior
 from windsysid.identification.model.problem import FIRST_LOG_STD
 from windsysid.identification.model.turbine_problem import TurbineProblem, pose

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from windsysid._types import Array
 from windsysid.checks.limits import MAX_OUTLIER_SHARE
 from windsysid.identification.condition.samples import Block, Samples
-from windsysid.identification.limits import MAX_NEIGHBOUR_SHARE, MIN_OUTLIER_POWER, MIN_SPIKE_MEDIANS
+from windsysid.identification.limits import MAX_NEIGHBOUR_SHARE, MIN_OUTLIER_POWER
+from windsysid.inspection.limits import MIN_SPIKE_SIGMAS
 
 __all__ = ["Outliers", "find_spikes"]
 
@@ -88,5 +89,5 @@ def _alone(readings: Array) -> NDArray[np.int64]:
     beside = np.maximum(np.roll(off, 1), np.roll(off, -1))
     if not len(off):
         return read
-    spikes = (off > MIN_SPIKE_MEDIANS * np.median(off)) & (beside < MAX_NEIGHBOUR_SHARE * off)
+    spikes = (off > MIN_SPIKE_SIGMAS * np.median(off) / 0.6745) & (beside < MAX_NEIGHBOUR_SHARE * off)
     return read[spikes] if np.count_nonzero(spikes) <= MAX_OUTLIER_SHARE * len(values) else read[:0]

@@ -18,13 +18,13 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.checks.estimates import conflict
-from windsysid.checks.limits import MAX_PRIOR_SHIFT_SIGMAS
+from windsysid.checks.limits import CONFLICT_SIGMAS
 from windsysid.identification.condition.samples import Samples
 from windsysid.identification.estimate.clock_lag import shifted
 from windsysid.identification.estimate.online import Online
 from windsysid.identification.estimate.scoring import BANK_THREADS, MAX_REPEATED_ELEMENTS, log_likelihoods
 from windsysid.identification.estimate.search import Solution, solve
-from windsysid.identification.limits import MIN_LOG_LIKELIHOOD_RISE, MIN_PRIOR_PULL_SIGMAS
+from windsysid.identification.limits import MIN_LOG_LIKELIHOOD_RISE, MIN_SHIFT_SIGMAS
 from windsysid.identification.model.fit import Outcome
 from windsysid.identification.model.prior import Prior
 from windsysid.identification.model.turbine_problem import TurbineProblem
@@ -86,7 +86,7 @@ def find_held(
 
 def _may_be_held(q: Parameter, theta: float) -> bool:
     mean, std = q.prior
-    return q.kind == "damping" and not q.logarithmic and theta > 0.0 and abs(theta - mean) > MIN_PRIOR_PULL_SIGMAS * std
+    return q.kind == "damping" and not q.logarithmic and theta > 0.0 and abs(theta - mean) > MIN_SHIFT_SIGMAS * std
 
 
 def _beyond(unknowns: Array, cov: Array, j: int, q: Parameter) -> list[Array]:
@@ -164,6 +164,6 @@ def note_wide_priors(found: Outcome) -> Outcome:
             notes.append(
                 Finding("prior_widened", "note", {"sigmas": off, "factor": q.spread / given.spread}, (q.name,))
             )
-            if abs(off) > MAX_PRIOR_SHIFT_SIGMAS:
+            if abs(off) > CONFLICT_SIGMAS:
                 doubts.append(conflict(q.name, off))
     return found._replace(notes=tuple(notes), doubts=tuple(doubts))

@@ -15,11 +15,11 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.checks.dispersion import PartScores, expected_factor
-from windsysid.checks.limits import MAX_WIDENING, MIN_REPORTED_WIDENING, MIN_RIVAL_PROBABILITY
+from windsysid.checks.limits import MAX_WIDENING, MIN_RIVAL_PROBABILITY, NEGLIGIBLE_SHARE
 from windsysid.checks.verdict import Diagnosis
 from windsysid.checks.widening import grade_of, mixture_factor
 from windsysid.identification.estimate.fitted.modes import FittedModes
-from windsysid.identification.limits import MAX_DISAGREEMENT_SIGMAS, NEGLIGIBLE_SHARE
+from windsysid.identification.limits import MAX_DISAGREEMENT_SIGMAS
 from windsysid.identification.model.fit import Outcome
 from windsysid.results.estimate import IntervalEstimate
 from windsysid.results.finding import Finding
@@ -262,7 +262,7 @@ def judged(
 
 def _reported(names: Collection[str], widenings: Sequence[Widening]) -> Iterator[Finding]:
     """Findings on the widenings of coefficients with these names, and of others, by their cause."""
-    for severity, low, high in (("reason", MAX_WIDENING, np.inf), ("remark", MIN_REPORTED_WIDENING, MAX_WIDENING)):
+    for severity, low, high in (("reason", MAX_WIDENING, np.inf), ("remark", 1.0 + NEGLIGIBLE_SHARE, MAX_WIDENING)):
         wide = sorted((one for one in widenings if low < one.factor <= high), key=lambda one: -one.factor)
         by_cause: dict[str, list[Widening]] = {}
         for one in wide:

@@ -34,9 +34,10 @@ from itertools import combinations
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.checks.limits import MIN_NONLINEARITY_SAMPLES
 from windsysid.checks.nonlinearity import Bending, Law, standardised
 from windsysid.filters import Info, smooth
-from windsysid.identification.limits import MAX_FORCE_SIGMAS, MAX_JOINT_SIGMAS, MIN_WHITENED_SAMPLES
+from windsysid.identification.limits import MAX_FORCE_SIGMAS, MAX_JOINT_SIGMAS
 from windsysid.mechanics.model import Coordinate
 from windsysid.results.smoothed_loads import CorrelatedLoads, SmoothedLoads
 from windsysid.statespace.acting_loads import acting_loads
@@ -86,7 +87,7 @@ def judge_smoothed_loads(
 def _testable(model: StateSpace, info: Info, freedoms: Sequence[Coordinate], names: Sequence[str]) -> list[int]:
     """Numbers of the degrees of freedom that move and whose load is a state; none where times are unequal, or the
     record is too short."""
-    if model.blocks.step.size > 1 or np.isfinite(info.whitened).any(axis=1).sum() < MIN_WHITENED_SAMPLES:
+    if model.blocks.step.size > 1 or np.isfinite(info.whitened).any(axis=1).sum() < MIN_NONLINEARITY_SAMPLES:
         return []
     return [j for j, one in enumerate(freedoms) if one.load in names and np.any(info.mean[:, j])]
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array
+from windsysid.checks.limits import FALSE_ALARM_PROBABILITY
 from windsysid.inspection.fault import Fault
 from windsysid.inspection.faults.runs import spans_of
 from windsysid.inspection.limits import (
@@ -18,12 +19,8 @@ from windsysid.inspection.limits import (
     MAX_OVERRUN_STEP_STD,
     MAX_UNWRAPPED_RATIO,
     MIN_COPIED_ROWS,
-    MIN_END_JUMP_SHARE,
     MIN_OVERRUN_JUMPS,
     MIN_PREDICTED_ROWS,
-    MIN_SEAM_SHARE,
-    MIN_SEAMS,
-    SEAM_PROBABILITY,
 )
 from windsysid.records.kept import kept_with_record
 from windsysid.records.record import Record
@@ -123,7 +120,7 @@ def overrun(record: Record, channel: str) -> list[Fault]:
     around = 0.5 * (step[far - 1] + step[far + 1])
     ends = (np.minimum(place[far], place[far + 1]) < 0.2) & (np.maximum(place[far], place[far + 1]) > 0.8)
     between = np.mean((place > 0.25) & (place < 0.75))
-    if ends.sum() < max(MIN_OVERRUN_JUMPS, MIN_END_JUMP_SHARE * far.size) or between < 0.2:
+    if ends.sum() < MIN_OVERRUN_JUMPS or between < 0.2:
         return []
     if np.std(step[np.abs(step) <= 0.75]) > MAX_OVERRUN_STEP_STD:  # some readings a period: crests follow troughs
         return []
@@ -150,31 +147,35 @@ def lost_samples(record: Record, channels: Sequence[str]) -> list[Fault]:
     apart = own > 1e-6 * own[-1]
     together = np.sum((into.T @ errors)[apart] ** 2 / own[apart, None], axis=0)
     middle = np.partition(errors**2, (len(errors) - 1) // 2, axis=0)[(len(errors) - 1) // 2]
-    bound = 2.0 * float(gammainccinv(0.5 * apart.sum(), SEAM_PROBABILITY))  # of chi-squared
+    bound = 2.0 * float(gammainccinv(0.5 * apart.sum(), FALSE_ALARM_PROBABILITY / len(values)))  # of chi-squared
     rows = np.flatnonzero((together > bound) & (middle > 3.0))
     if not rows.size:
         return []
     seams = rows[np.concatenate([[True], np.diff(rows) > PREDICTOR_READINGS])]
-    buffer = _common_divisor(seams)
+    buffer = _common_divisor(seams, len(values))
     if not buffer:
         return []
     spans = np.column_stack([record.time[seams], record.time[seams]])
     return [Fault("", "lost samples", "warning", int(seams.size), spans, {"distance": buffer / record.rate})]
 
 
-def _common_divisor(rows: NDArray[np.int64]) -> int:
-    """The largest number of rows by multiples of which most of these are apart, give or take one; 0 where there is
-    none."""
+def _common_divisor(rows: NDArray[np.int64], samples: int) -> int:
+    """The number of rows by multiples of which more of these `rows` are apart, give or take one, than by chance; 0 if
+    there is none.
+
+    Of n rows at random, the number within one of a multiple of d from a given row on is binomial with 3/d. Each d and
+    each row to count from is a test.
+    """
+    from scipy.special import bdtrc
+
     steps = np.concatenate([np.diff(rows), rows[2:] - rows[:-2]])
     candidates = np.unique(np.concatenate([steps // part + off for part in (1, 2, 3) for off in (-1, 0, 1)]))
-    for apart in candidates[::-1].tolist():
-        if apart <= PREDICTOR_READINGS:
-            break
+    best = (FALSE_ALARM_PROBABILITY / samples, 0)
+    for apart in candidates[candidates > PREDICTOR_READINGS].tolist():
         count = np.bincount(rows % apart, minlength=apart)
         in_step = int((count + np.roll(count, 1) + np.roll(count, -1)).max())
-        if in_step >= max(MIN_SEAMS, MIN_SEAM_SHARE * rows.size):
-            return int(apart)
-    return 0
+        best = min(best, (apart * float(bdtrc(in_step - 1, rows.size, 3.0 / apart)), int(apart)))
+    return best[1]
 
 
 def prediction_errors(x: Array) -> Array:

@@ -23,7 +23,6 @@ from windsysid.inspection.fault import Fault
 from windsysid.inspection.faults.health import sampled_every
 from windsysid.inspection.limits import (
     MAX_OTHER_GAIN_RATIO,
-    MAX_PREVIOUS_GAIN_RATIO,
     MIN_LOSS_GAIN,
     MIN_LOSS_SIGMAS,
     MIN_LOSS_SUM_RATIO,
@@ -170,8 +169,4 @@ def _without_cycle(prediction: _Prediction, period: int) -> _Prediction:
 def _falls_off(gain: Array, after: int) -> bool:
     """Test whether g (k,) has the pattern of a loss before the row `after`, where it is largest."""
     top = gain[after]
-    return bool(
-        top > MIN_LOSS_GAIN
-        and gain[after - 1] < MAX_PREVIOUS_GAIN_RATIO * top
-        and np.abs(np.delete(gain, after)).max() < MAX_OTHER_GAIN_RATIO * top
-    )
+    return bool(top > MIN_LOSS_GAIN and np.abs(np.delete(gain, after)).max() < MAX_OTHER_GAIN_RATIO * top)

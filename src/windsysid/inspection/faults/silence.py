@@ -1,9 +1,9 @@
-"""Stretches in which a channel falls silent at once while others go on: a loose plug, no power, a logger that fills in.
+"""Segments in which a channel falls silent at once while others go on: a loose plug, no power, a logger that fills in.
 
-Vibration fades and comes back; an instrument is gone from one sample to the next. So a stretch counts where a channel's
-power over each of its own periods is far below the usual, for several periods in a row, where it is back within a
-few periods on either side, and where another channel vibrates meanwhile. Beats of two close modes pass through zero as
-fast, but there a linear prediction from the previous readings is as accurate as in the rest.
+A segment within the record counts if a channel's power over each of its own periods is far below the usual one, for
+several periods in a row, if another channel vibrates meanwhile, and if at one end the errors of a linear prediction
+from the previous readings are larger than by chance: one error by χ² with one degree of freedom, or their sum over the
+order of the prediction. Vibration fades and comes back as it was predicted, in beats of two close modes, too.
 """
 
 import math
@@ -12,26 +12,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.checks.limits import FALSE_ALARM_PROBABILITY, OUTLIER_SIGMAS
 from windsysid.inspection.fault import Fault
 from windsysid.inspection.faults.continuity import PREDICTOR_READINGS, normalised_errors, prediction_errors
 from windsysid.inspection.faults.runs import runs_of
-from windsysid.inspection.limits import (
-    MAX_QUIET_POWER,
-    MAX_SILENT_RMS_RATIO,
-    MIN_ABRUPT_POWER,
-    MIN_ABRUPT_SIGMAS,
-    MIN_OTHER_RMS_RATIO,
-    MIN_QUIET_SAMPLES,
-    MIN_RETURN_RMS_RATIO,
-    MIN_SILENT_PERIODS,
-    SILENT_SIGMAS,
-)
+from windsysid.inspection.limits import MAX_SILENT_RMS_RATIO, MIN_SILENT_PERIODS
 from windsysid.records.record import Record
 
 __all__ = ["silent_stretches"]
-
-NEIGHBOUR_WINDOWS = 4
-"""Setting: number of windows next to a silent segment within which vibration is back."""
 
 MIN_WINDOW_SAMPLES = 16
 """Setting: smallest number of samples of a window, which is one period long otherwise."""
@@ -72,27 +60,17 @@ def _silent(x: Array) -> list[tuple[int, int]]:
     rms = np.sqrt(np.maximum(square - mean**2, 0.0))
     usual = float(np.median(rms[told]))
     runs = runs_of((rms < MAX_SILENT_RMS_RATIO * usual) & told).tolist()
-    silent = [(first * width, end * width) for first, end in runs if _is_silent(rms, usual, first, end)]
+    silent = [
+        (first * width, end * width) for first, end in runs
+        if end - first >= MIN_SILENT_PERIODS and first > 1 and end < count - 1
+    ]  # fmt: skip
     # what repeats one value is frozen
     return [_widened(x, *run) for run in silent if np.nanmax(x[slice(*run)]) > np.nanmin(x[slice(*run)])]
 
 
-def _is_silent(rms: Array, usual: float, first: int, end: int) -> bool:
-    """Test whether a run of quiet windows is long enough, and vibration is back before and after it."""
-    before = rms[max(first - NEIGHBOUR_WINDOWS, 0) : max(first - 1, 0)]
-    after = rms[end + 1 : end + NEIGHBOUR_WINDOWS]
-    return end - first >= MIN_SILENT_PERIODS and _is_back(before, usual) and _is_back(after, usual)
-
-
-def _is_back(rms: Array, usual: float) -> bool:
-    """Test whether a channel vibrates as usual in a window next to a segment, the nearest left out: it may be
-    half silent."""
-    return len(rms) > 0 and float(rms.max()) > MIN_RETURN_RMS_RATIO * usual
-
-
 def _widened(x: Array, first: int, end: int) -> tuple[int, int]:
     """Segment extended to the last sample on either side that is as small."""
-    middle, size = float(np.nanmean(x[first:end])), SILENT_SIGMAS * float(np.nanstd(x[first:end]))
+    middle, size = float(np.nanmean(x[first:end])), OUTLIER_SIGMAS * float(np.nanstd(x[first:end]))
     while first > 0 and abs(x[first - 1] - middle) < size:
         first -= 1
     while end < len(x) and abs(x[end] - middle) < size:
@@ -101,32 +79,25 @@ def _widened(x: Array, first: int, end: int) -> tuple[int, int]:
 
 
 def _abrupt(x: Array, runs: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
-    """Select the segments that vibration does not explain.
+    """Select the segments at one end of which the prediction from the previous readings fails."""
+    from scipy.special import chdtri
 
-    At one end the prediction from the previous readings fails, or within the segment prediction errors are far smaller
-    than usual, as without any load.
-    """
     if not runs:
         return []
     seen = np.isfinite(x)
     place = np.arange(len(x))
-    raw = prediction_errors(np.interp(place, place[seen], x[seen]))
-    errors, usual = normalised_errors(raw), float(np.median(np.abs(raw))) / 0.6745
+    power = normalised_errors(prediction_errors(np.interp(place, place[seen], x[seen]))) ** 2
+    one, several = (chdtri(count, FALSE_ALARM_PROBABILITY) for count in (1, PREDICTOR_READINGS + 2))
 
     def breaks(at: int) -> bool:
-        around = errors[max(at - 2, 0) : at + PREDICTOR_READINGS]
-        large = np.abs(around) > MIN_ABRUPT_SIGMAS
-        return bool(large.any()) or float(np.mean(around**2)) > MIN_ABRUPT_POWER
+        around = power[max(at - 2, 0) : at + PREDICTOR_READINGS]
+        return float(around.max()) > one or float(around.sum()) > several
 
-    def quiet(first: int, end: int) -> bool:
-        inside = raw[first + PREDICTOR_READINGS : end]
-        return len(inside) >= MIN_QUIET_SAMPLES and float(np.mean(inside**2)) < MAX_QUIET_POWER * usual**2
-
-    return [run for run in runs if breaks(run[0]) or breaks(run[1]) or quiet(*run)]
+    return [run for run in runs if breaks(run[0]) or breaks(run[1])]
 
 
 def _goes_on(x: Array, run: tuple[int, int]) -> bool:
     """Test whether a channel vibrates in a segment as in the rest."""
     stretch = x[slice(*run)]
     inside, usual = stretch[np.isfinite(stretch)], float(np.nanstd(x))
-    return len(inside) > 0 and float(np.std(inside)) > MIN_OTHER_RMS_RATIO * usual > 0.0
+    return len(inside) > 0 and float(np.std(inside)) > MAX_SILENT_RMS_RATIO * usual > 0.0

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array, Complex
-from windsysid.checks.limits import MAX_WIDENING, MIN_REPORTED_WIDENING
+from windsysid.checks.limits import MAX_WIDENING, NEGLIGIBLE_SHARE
 from windsysid.modal.decays import limits
 from windsysid.modal.decays.likelihood import Decay, DecayFit, part_scores, poles
 from windsysid.modal.shape_merging import Ratios, merge_shapes
@@ -86,7 +86,7 @@ def _mode(
     std = np.sqrt(0.5 * (variance[:n] + variance[n:]))
     grounds, remarks = [*shape_doubts(std)], list[Doubt]()
     for one, what in zip(over, ("frequency", "damping ratio"), strict=True):
-        if one.factor > MIN_REPORTED_WIDENING:
+        if one.factor > 1.0 + NEGLIGIBLE_SHARE:
             text = f"the interval of its {what} is {one.factor:.2g} times as wide as that of the model: {one.cause}"
             (grounds if one.factor > MAX_WIDENING else remarks).append(Doubt("scores", text, what))  # type: ignore[arg-type]
     half = max(10.0 * z * f, 3.0 / float(len(fit.records[0].residual)))

@@ -8,7 +8,7 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.checks.dispersion import PartScores
-from windsysid.checks.limits import MAX_WIDENING, MIN_REPORTED_WIDENING, MIN_RIVAL_PROBABILITY
+from windsysid.checks.limits import MAX_WIDENING, MIN_RIVAL_PROBABILITY, NEGLIGIBLE_SHARE
 from windsysid.checks.widening import mixture_factor
 from windsysid.results.estimate import IntervalEstimate
 from windsysid.spectral.modal_bands.check import explanations, is_spurious, mode_doubts
@@ -42,7 +42,7 @@ def widened(mode: OperationalMode, found: BandFit, j: int, parts: Sequence[PartS
         rivals = [(float(shift[i]) / std, 1.0, MIN_RIVAL_PROBABILITY) for _, shift in others]
         factor = over.factor * mixture_factor(rivals)
         factors.append(factor)
-        if factor > MIN_REPORTED_WIDENING:
+        if factor > 1.0 + NEGLIGIBLE_SHARE:
             furthest = others[int(np.argmax([abs(shift) for shift, *_ in rivals]))][0]
             why = furthest if factor > over.factor**2 else over.cause
             text = f"the interval of its {what} is {factor:.2g} times as wide as that of the model: {why}"

@@ -73,9 +73,6 @@ MIN_CORRELATION_SIGMAS = 8.0
 MAX_RECORD_DISTANCE = 3
 """Setting: number of following records that are searched for overlap; equal files are found wherever they are."""
 
-MIN_SCATTER_PROBABILITY = 1e-3
-"""Probability: of a larger scatter between records; below it they are not of one state."""
-
 MIN_SHAPE_ASSURANCE = 0.95
 """Size: modal assurance criterion below which shapes that scatter too much are not one shape."""
 
@@ -90,9 +87,6 @@ SHAPE_PHASE_STD = 0.03
 
 SHAPE_PHASE_FREEDOM = 2.0
 """Size: degrees of freedom of the prior knowledge of that standard deviation."""
-
-LAG_FALSE_ALARM_PROBABILITY = 1e-4
-"""Probability: significance level of the F test of a clock lag, over all channels of a record."""
 
 MIN_MISFIT_INCREASE = 25.0
 """Size: increase of Q (`clock_lag`), in units of its scatter, for other lags and for a constant phase: 5 σ."""
@@ -111,6 +105,3 @@ LAGS_PER_PERIOD = 80
 
 LAG_SWEEPS = 20
 """Setting: number of sweeps over the channels; from half of them on, the steps become smaller."""
-
-MAX_CLOCK_SIGMAS = 4.0
-"""Size in standard deviations: largest difference of the lags of channels with a common clock."""

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Complex
+from windsysid.checks.limits import FALSE_ALARM_PROBABILITY
 from windsysid.errors import ConfigurationError
 from windsysid.modal.shape_merging import MergedShape, Ratios, merge_shapes
 from windsysid.modal.shapes import assurance
@@ -31,7 +32,7 @@ from windsysid.spectral.modal_bands.start import modes_at
 from windsysid.spectral.oma.assemble import RecordAnalysis, drawn, result_of
 from windsysid.spectral.oma.describe import mode_of
 from windsysid.spectral.oma.duplicate_records import find_duplicates
-from windsysid.spectral.oma.limits import JOINT_STEPS, MIN_SCATTER_PROBABILITY, MIN_SHAPE_ASSURANCE
+from windsysid.spectral.oma.limits import JOINT_STEPS, MIN_SHAPE_ASSURANCE
 from windsysid.spectral.oma.mode import Doubt, DoubtKind, OperationalMode
 from windsysid.spectral.oma.mode_tracking import Seen, follow_modes
 from windsysid.spectral.oma.result import OperationalModes, RecordModes
@@ -260,7 +261,7 @@ def _ratios_of(mode: OperationalMode, place: NDArray[np.int64]) -> Ratios:
 
 def _shape_disagreement(merged: MergedShape, ratios: Sequence[Ratios]) -> list[Doubt]:
     """Doubt a shape if those of the records scatter more than their uncertainty, and one of them is not alike."""
-    if merged.freedom <= 0 or _chi2_probability(merged.misfit, merged.freedom) >= MIN_SCATTER_PROBABILITY:
+    if merged.freedom <= 0 or _chi2_probability(merged.misfit, merged.freedom) >= FALSE_ALARM_PROBABILITY:
         return []
     alike = min(assurance(merged.shape[one.place], one.ratio) for one in ratios)
     if alike >= MIN_SHAPE_ASSURANCE:
@@ -278,7 +279,7 @@ def _disagreement(track: Track, setups: _Setups) -> list[Doubt]:
         weight = stds**-2.0
         off = values - weight @ values / weight.sum()
         square = float(weight @ off**2)
-        if len(modes) > 1 and _chi2_probability(square, len(modes) - 1) < MIN_SCATTER_PROBABILITY:
+        if len(modes) > 1 and _chi2_probability(square, len(modes) - 1) < FALSE_ALARM_PROBABILITY:
             worst = setups.results[list(track)[int(np.argmax(np.abs(off) * np.sqrt(weight)))]].record
             text = f"χ² {square:.3g} for {len(modes) - 1}, {worst} most: not one state; compare them instead"
             doubts.append(Doubt("records", f"the records disagree in {name}: {text}"))

@@ -12,14 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.checks.limits import FALSE_ALARM_PROBABILITY
 from windsysid.results.finding import Finding
-from windsysid.spectral.rotor.limits import (
-    HALVES_FALSE_ALARM_PROBABILITY,
-    MAX_HALVES_RATIO,
-    MAX_MEAN_SQUARE,
-    MEAN_SQUARE_FALSE_ALARM_PROBABILITY,
-    MIN_MEAN_SQUARE,
-)
+from windsysid.spectral.rotor.limits import MAX_HALVES_RATIO, MAX_MEAN_SQUARE, MEAN_SQUARE_PROBABILITY, MIN_MEAN_SQUARE
 
 __all__ = ["RangePower", "misshapen", "parts_of", "unexplained", "unsteady"]
 
@@ -83,7 +78,7 @@ def unexplained(parts: Iterable[RangePower]) -> list[Finding]:
 
     The mean of N complex normal entries is χ² with 2N degrees of freedom.
     """
-    off = [p for p in parts if (p.mean > MAX_MEAN_SQUARE or p.mean < MIN_MEAN_SQUARE) and _is_rare(p)]
+    off = [p for p in parts if not MIN_MEAN_SQUARE < p.mean < MAX_MEAN_SQUARE and _chance(p) < MEAN_SQUARE_PROBABILITY]
     return [
         Finding("unexplained_power", "reason", _data(p, p.mean))
         for p in sorted(off, key=lambda p: -abs(math.log(max(p.mean, 1e-12))))
@@ -102,10 +97,6 @@ def misshapen(rows: Sequence[Sequence[RangePower]], probability: float) -> list[
             worst = parts[int(np.argmin(chances))]
             found.append(Finding("unexplained_power", "reason", _data(worst, worst.mean)))
     return found
-
-
-def _is_rare(part: RangePower) -> bool:
-    return _chance(part) < MEAN_SQUARE_FALSE_ALARM_PROBABILITY
 
 
 def _chance(part: RangePower) -> float:
@@ -140,7 +131,7 @@ def unsteady(first: Sequence[RangePower], second: Sequence[RangePower]) -> list[
         loud, quiet = (a, b) if a.energy > b.energy else (b, a)
         factor = loud.energy / max(quiet.energy, 1e-300)
         # 1/F follows F with the degrees of freedom exchanged
-        rare = 1.0 / float(fdtri(2.0 * quiet.independent, 2.0 * loud.independent, HALVES_FALSE_ALARM_PROBABILITY))
+        rare = 1.0 / float(fdtri(2.0 * quiet.independent, 2.0 * loud.independent, FALSE_ALARM_PROBABILITY / len(pairs)))
         if factor > max(MAX_HALVES_RATIO, rare):
             off.append((factor, a))
     return [

@@ -12,14 +12,11 @@ MAX_HARMONICS = 10
 MIN_BAND_BINS = 12
 """Size: mean number of bins of a band around a mode of a parked machine."""
 
-MEAN_SQUARE_FALSE_ALARM_PROBABILITY = 3.4e-6
-"""Probability: of a larger, or of a smaller, mean square by chance."""
-
 MAX_MEAN_SQUARE, MIN_MEAN_SQUARE = 1.5, 0.6
 """Size: mean squares of which only those beyond are a reason; at 1.5 intervals are √1.5 too narrow."""
 
 MAX_HALVES_RATIO = 3.0
 """Size: ratio of the energies of a record's halves."""
 
-HALVES_FALSE_ALARM_PROBABILITY = 1e-4
-"""Probability: significance level of the F test of that ratio."""
+MEAN_SQUARE_PROBABILITY = 3.4e-6
+"""Probability: of a larger, or of a smaller, mean square of one part by chance."""

@@ -14,6 +14,7 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.checks.dispersion import PartScores
+from windsysid.checks.limits import FALSE_ALARM_PROBABILITY
 from windsysid.errors import RecordError
 from windsysid.results.finding import Finding
 from windsysid.spectral.rotor.check import RangePower, misshapen, parts_of, unexplained, unsteady
@@ -21,12 +22,7 @@ from windsysid.spectral.rotor.model import LiftedModel
 from windsysid.spectral.rotor.problem import RotorQuestion
 from windsysid.spectral.rotor_bands.build import PosedBands, pose_bands
 from windsysid.spectral.rotor_bands.likelihood_ratio import doubt_classes, doubt_halves, rival_in_bands
-from windsysid.spectral.rotor_bands.limits import (
-    DISAGREEMENT_PROBABILITY,
-    MIN_BLADES_FREEDOM,
-    MIN_ENERGY_FREEDOM,
-    MIN_SUPPORT_FREEDOM,
-)
+from windsysid.spectral.rotor_bands.limits import MIN_BLADES_FREEDOM, MIN_ENERGY_FREEDOM, MIN_SUPPORT_FREEDOM
 from windsysid.spectral.rotor_bands.model import BandModel, RotorBandFit
 from windsysid.spectral.transforms.rotating_frame import combine_groups
 from windsysid.statespace.parameter import Parameter
@@ -51,7 +47,7 @@ def judge_bands(
     if not (found.converged and wide.mode.converged):
         doubts.append(Finding("search_not_converged", "reason", {"steps": found.steps}))
     thirds, eighths = zip(*_parts(posed, found.unknowns), strict=True)
-    doubts += (unexplained(chain.from_iterable(thirds)) or misshapen(eighths, DISAGREEMENT_PROBABILITY))[:3]
+    doubts += (unexplained(chain.from_iterable(thirds)) or misshapen(eighths, FALSE_ALARM_PROBABILITY))[:3]
     try:
         halves = _halves(question, posed, fit)
         narrow = pose_bands(question, posed.places, posed.spectra, width=NARROW_SHARE).model
@@ -105,7 +101,7 @@ def _narrower(narrow: BandModel, fit: RotorBandFit, parameters: Sequence[Paramet
     size = float(np.sum((vectors.T @ step[which]) ** 2 / np.maximum(values, 1e-3 * values.max())))
     if not np.any(np.abs(step) > std, where=np.isin(np.arange(n), which)):
         return []
-    far = size > float(chdtri(len(which), DISAGREEMENT_PROBABILITY))
+    far = size > float(chdtri(len(which), FALSE_ALARM_PROBABILITY))
     return [rival_in_bands("narrower_bands_disagree", step, std, parameters)] if far else []
 
 

@@ -12,12 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array
-from windsysid.checks.limits import MIN_RIVAL_PROBABILITY
+from windsysid.checks.limits import FALSE_ALARM_PROBABILITY, MIN_RIVAL_PROBABILITY
 from windsysid.results.finding import Finding
 from windsysid.spectral.rotor.model import LiftedModel
 from windsysid.spectral.rotor.scoring import SpectralMode, find_in_stages
 from windsysid.spectral.rotor_bands.build import PosedBands
-from windsysid.spectral.rotor_bands.limits import DISAGREEMENT_PROBABILITY
 from windsysid.spectral.rotor_bands.mode_locations import ModeLocation
 from windsysid.spectral.rotor_bands.model import COMPARISON_TOLERANCE, BandModel, RotorBand, RotorBandFit
 from windsysid.statespace.parameter import Parameter
@@ -58,7 +57,7 @@ def doubt_halves(halves: Sequence[BandModel], found: RotorBandFit, parameters: S
         scatter += (C - C @ np.diag(spread**-2.0) @ C)[np.ix_(shared, shared)]
     weights = np.linalg.solve(cov, scatter)
     first, second = float(np.trace(weights)), float(np.trace(weights @ weights))
-    if chdtrc(first**2 / second, max(ratio + 2.0 * same.value, 0.0) * first / second) > DISAGREEMENT_PROBABILITY:
+    if chdtrc(first**2 / second, max(ratio + 2.0 * same.value, 0.0) * first / second) > FALSE_ALARM_PROBABILITY:
         return []
     away = np.where(np.abs(steps[0]) > np.abs(steps[1]), *steps)
     return [rival_in_bands("halves_disagree_in_bands", away, np.sqrt(np.diag(cov)), parameters)]
@@ -81,7 +80,7 @@ def doubt_classes(posed: PosedBands, found: SpectralMode, parameters: Sequence[P
     band, where = posed.model.bands[0], posed.model.places()[0]
     blades = {row.name for row in band.model.freedoms if row.blade}
     which = [i for i, q in enumerate(parameters) if q.kind == "stiffness" and q.part in blades]
-    worst, doubts = DISAGREEMENT_PROBABILITY, list[Finding]()
+    worst, doubts = FALSE_ALARM_PROBABILITY, list[Finding]()
     for i, place in _rows_of_classes(posed) if which else ():
         change, ratio = _shift(BandModel((_only(band, i),)), found, where, which)
         chance = np.count_nonzero(~band.model.left_out[:, i]) * float(chdtrc(CLASS_FREEDOM, max(ratio, 0.0)))

@@ -7,9 +7,6 @@ MAX_LIGHT_DAMPING = 0.01
 """Size: damping ratio below which a rotor is analysed in bands: resonances are so narrow compared with the prior that a
 search that does not start at their peaks converges to another point."""
 
-DISAGREEMENT_PROBABILITY = 1e-3
-"""Probability: of a larger difference between two estimates by chance."""
-
 MIN_BLADES_FREEDOM, MIN_SUPPORT_FREEDOM = 4.0, 0.7
 """Size: equivalent degrees of freedom within the narrowest resonance (``python -m validation.field_spectral``): in
 windows of 120 s of OpenFAST's records, where the blades have 3, whirl modes lie outside their intervals; in 180 s,

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array, Complex
+from windsysid.checks.limits import FALSE_ALARM_PROBABILITY
 from windsysid.signals.textbook import minimum
-from windsysid.spectral.transforms.limits import SINUSOID_FALSE_ALARM_PROBABILITY
 
 __all__ = ["find_lines", "steadiness", "without_harmonics", "without_line"]
 
@@ -53,7 +53,7 @@ def find_lines(values: Array, rate: float, low: float, high: float) -> list[floa
     frequency = np.arange(size // 2 + 1) * rate / size
     inside = (frequency > low) & (frequency < high)
     found: list[tuple[float, float]] = []
-    chance = SINUSOID_FALSE_ALARM_PROBABILITY / max(1, samples // 2 * channels)
+    chance = FALSE_ALARM_PROBABILITY / max(1, samples // 2 * channels)
     limit = (TAPER_COUNT - 1) * (chance ** (-1.0 / (TAPER_COUNT - 1)) - 1.0)  # of F with 2 and 2 (TAPERS − 1) degrees
     for column in values.T:
         tapered = tapers * column

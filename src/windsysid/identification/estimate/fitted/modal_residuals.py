@@ -9,10 +9,11 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.checks.blade_passing import find_passing
 from windsysid.checks.dead_channel import find_still
+from windsysid.checks.limits import NEGLIGIBLE_SHARE
 from windsysid.checks.lines import Line, find_line
 from windsysid.errors import RecordError
 from windsysid.identification.estimate.fitted.modes import modes_of
-from windsysid.identification.limits import MAX_NEIGHBOUR_FACTOR, NEGLIGIBLE_SHARE, RESOLUTION_BINS
+from windsysid.identification.limits import MAX_NEIGHBOUR_FACTOR, RESOLUTION_BINS
 from windsysid.identification.model.fit import Outcome
 from windsysid.loads.narrow_band import FREQUENCY, WIDTH
 from windsysid.records.record import Record

@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.checks.limits import MIN_REPORTED_WIDENING
+from windsysid.checks.limits import NEGLIGIBLE_SHARE
 from windsysid.checks.widening import mixture_factor
 from windsysid.identification.estimate.spectral.narrow_band_posterior import responses, shifted_by_narrow_band
 from windsysid.identification.limits import MIN_LOG_ODDS, NEGLIGIBLE_SHIFT_SIGMAS
@@ -354,7 +354,7 @@ def _not_found(
 def _that_widen(rivals: Sequence[Rival]) -> tuple[Rival, ...]:
     """All rivals that move a coefficient whose interval they widen together; a few that hardly do add up."""
     names = list(rivals[0].moved) if rivals else []
-    wide = [name for name in names if mixture_factor([one.part(name) for one in rivals]) > MIN_REPORTED_WIDENING]
+    wide = [name for name in names if mixture_factor([one.part(name) for one in rivals]) > 1.0 + NEGLIGIBLE_SHARE]
     return tuple(one for one in rivals if any(mixture_factor([one.part(name)]) > 1.0 for name in wide))
 
 
