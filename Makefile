@@ -17,17 +17,17 @@ timed = @begun=$$(date +%s); echo "$(1) …"; $(2) && echo "$(1): $$(($$(date +%
 study: $(VENV)/.core
 	$(call timed,study,$(BIN)/windsysid study --output $(STUDY) --overwrite)
 
-# What most tests need is compiled first, while types are checked: each of the two workers would compile it for itself.
-test: $(VENV)/.installed
+# What most tests need is compiled first, since each of the two workers would compile it for itself; beside it the rest is installed and types are checked.
+test: $(VENV)/.core
 	@$(MAKE) --no-print-directory -j 2 lint tests
 
-kernels: $(VENV)/.installed
+kernels: $(VENV)/.core
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.compile_kernels
 
-tests: kernels
+tests: kernels $(VENV)/.installed
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal -q
 
-test-all: lint
+test-all: lint $(VENV)/.notebooks
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile -q -m "slow or not slow"
 
 lint: $(VENV)/.installed
@@ -37,7 +37,7 @@ lint: $(VENV)/.installed
 
 PIP_INSTALL = $(BIN)/python -m pip install --no-compile --quiet --disable-pip-version-check -c constraints.txt
 
-# A study needs the core alone; `make test` and all else install the rest.
+# A study needs the core alone; `make test` and all else install the rest, and do not build windsysid again for it.
 $(VENV)/.core: pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
 	  || { echo "windsysid needs Python 3.11 or newer; got $$($(PYTHON) --version). Try: make PYTHON=python3.12 ..."; exit 2; }
@@ -46,10 +46,14 @@ $(VENV)/.core: pyproject.toml constraints.txt
 	@touch $@
 
 $(VENV)/.installed: $(VENV)/.core
-	$(call timed,installation of what tests need,$(PIP_INSTALL) -e ".[all$(comma)dev]")
+	$(call timed,installation of what tests need,$(PIP_INSTALL) "windsysid[all$(comma)dev]")
 	@touch $@
 
 comma := ,
+
+$(VENV)/.notebooks: $(VENV)/.installed
+	$(PIP_INSTALL) "windsysid[notebooks]"
+	@touch $@
 
 bench: $(VENV)/.installed $(PEERS)/.installed
 	$(BIN)/python benchmarks/bench.py --peers $(PEERS)/bin/python $(if $(SHORT),--short)
@@ -83,7 +87,7 @@ docs: $(VENV)/.docs
 	@echo "site: results/site/index.html"
 
 $(VENV)/.docs: $(VENV)/.installed
-	$(PIP_INSTALL) -e ".[docs]"
+	$(PIP_INSTALL) "windsysid[docs]"
 	touch $@
 
 # `make wheel` writes dist/*.whl with machine code for the Python and Numba of this environment; others compile.
