@@ -26,6 +26,7 @@ import argparse
 import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -42,6 +43,9 @@ from windsysid.spectral.oma.result import OperationalModes
 
 Array = np.ndarray
 
+Modes = Sequence[tuple[float, float]]
+"""Frequencies [Hz] and damping ratios."""
+
 FRESH = 70_000
 CLOSE = ((0.98, 0.008), (1.00, 0.010), (1.02, 0.012))
 LENGTHS = (200.0, 500.0, 1500.0)
@@ -56,7 +60,7 @@ TIPS = ("tower_x_acceleration", *(f"blade_{b}_tip_lag_acceleration" for b in (1,
 
 
 def responses(
-    modes: Sequence[tuple[float, float]], mixing: Array, rate: float, samples: int, rng: np.random.Generator
+    modes: Modes, mixing: Array, rate: float, samples: int, rng: np.random.Generator
 ) -> Array:
     """Velocities (T, r) of modes q̈ + 2ζω q̇ + ω² q = w under white loads `mixing` (r, s), sampled exactly."""
     r = len(modes)
@@ -113,7 +117,7 @@ class Score(NamedTuple):
         )
 
 
-def scored(found: OperationalModes, truth: Sequence[tuple[float, float]]) -> Score:
+def scored(found: OperationalModes, truth: Modes) -> Score:
     """Each true mode with one of those that were found, within 5 %; those nearest to each other together."""
     modes = found.modes
     off = np.array([[abs(m.frequency.estimate / f - 1.0) for m in modes] for f, _ in truth]).reshape(len(truth), -1)
@@ -131,6 +135,14 @@ def scored(found: OperationalModes, truth: Sequence[tuple[float, float]]) -> Sco
     matched = {j for _, j in pairs}
     false = sum(mode.trusted for j, mode in enumerate(modes) if j not in matched)
     return Score(tuple(zs), len(truth), false, found.elapsed)
+
+
+def analysed(make: Callable[[int], tuple[Record, Modes]], seeds: Iterable[int]) -> Score:
+    """Analyse the records of some seeds, and compare the modes with the true ones."""
+    total = Score()
+    for made, modes in map(make, seeds):
+        total = total.with_more(scored(analyse_vibration(made), modes))
+    return total
 
 
 def row(name: str, score: Score, runs: int) -> tuple[str, ...]:
@@ -162,18 +174,23 @@ def close_modes(runs: int) -> Iterable[tuple[str, ...]]:
     yield row("three close modes, 5 000 s", total, runs)
 
 
+def modes_apart_record(seed: int) -> tuple[Record, Modes]:
+    """Four well-separated modes, each with a coloured load of its own: record and modes."""
+    rate, count = 50.0, 30_000
+    rng = np.random.default_rng(seed)
+    y = 0.002 * rng.normal(size=(count, 4))
+    for (f, z), shape in zip(APART, APART_SHAPES, strict=True):
+        size, angle = np.exp(-z * 2.0 * np.pi * f / rate), 2.0 * np.pi * f * np.sqrt(1.0 - z * z) / rate
+        load = lfilter([1.0], [1.0, -np.exp(-20.0 / rate)], rng.normal(size=count))
+        y += np.outer(lfilter([1.0, -2.0, 1.0], [1.0, -2.0 * size * np.cos(angle), size**2], load), shape)
+    return record(y, rate, "acceleration", "m/s^2"), APART
+
+
 def modes_apart(runs: int) -> Iterable[tuple[str, ...]]:
     """Four well-separated modes."""
-    rate, count = 50.0, 30_000
     total, whole = Score(), 0
     for seed in range(FRESH + 4000, FRESH + 4000 + runs):
-        rng = np.random.default_rng(seed)
-        y = 0.002 * rng.normal(size=(count, 4))
-        for (f, z), shape in zip(APART, APART_SHAPES, strict=True):
-            size, angle = np.exp(-z * 2.0 * np.pi * f / rate), 2.0 * np.pi * f * np.sqrt(1.0 - z * z) / rate
-            load = lfilter([1.0], [1.0, -np.exp(-20.0 / rate)], rng.normal(size=count))
-            y += np.outer(lfilter([1.0, -2.0, 1.0], [1.0, -2.0 * size * np.cos(angle), size**2], load), shape)
-        found = analyse_vibration(record(y, rate, "acceleration", "m/s^2"))
+        found = analyse_vibration(modes_apart_record(seed)[0])
         whole += found.trusted and len(found.modes) == len(APART)
         total = total.with_more(scored(found, APART))
     yield row(f"four modes apart, 600 s; {whole} of {runs} records with four modes, all A or B", total, runs)
@@ -210,34 +227,42 @@ def frame(storeys: int) -> tuple[list[tuple[float, float]], Array]:
     return [(float(f), 0.01) for f in frequency], shapes
 
 
+def frame_record(storeys: int, seed: int) -> tuple[Record, Modes]:
+    """A frame under white forces on every storey: record and modes."""
+    rng = np.random.default_rng(seed)
+    modes, shapes = frame(storeys)
+    y = responses(modes, shapes.T, 50.0, 30_000, rng) @ shapes.T
+    return record(y + 0.01 * y.std(axis=0) * rng.normal(size=y.shape), 50.0), modes
+
+
 def frames(runs: int) -> Iterable[tuple[str, ...]]:
     """Frames of several storeys."""
     for storeys in STOREYS:
-        modes, shapes = frame(storeys)
-        total = Score()
-        for seed in range(FRESH + 2000, FRESH + 2000 + runs):
-            rng = np.random.default_rng(seed)
-            y = responses(modes, shapes.T, 50.0, 30_000, rng) @ shapes.T
-            y += 0.01 * y.std(axis=0) * rng.normal(size=y.shape)
-            total = total.with_more(scored(analyse_vibration(record(y, 50.0)), modes))
+        total = analysed(partial(frame_record, storeys), range(FRESH + 2000, FRESH + 2000 + runs))
         yield row(f"frame of {storeys} storeys, 600 s at 50 Hz", total, runs)
+
+
+SHARED = {"on all storeys": np.ones(5), "at the top": np.eye(5)[-1]}
+"""Load on each storey."""
+
+
+def shared_load_record(load: Array, seed: int) -> tuple[Record, Modes]:
+    """A frame that one load drives: record and modes."""
+    rng = np.random.default_rng(seed)
+    modes, shapes = frame(5)
+    modes = [(f, 0.02) for f, _ in modes]
+    y = responses(modes, (shapes.T @ load)[:, None], 50.0, 30_000, rng) @ shapes.T
+    return record(y + 0.1 * y.std(axis=0) * rng.normal(size=y.shape), 50.0), modes
 
 
 def shared_loads(runs: int) -> Iterable[tuple[str, ...]]:
     """A frame that one load drives: modes that respond together."""
-    modes, shapes = frame(5)
-    modes = [(f, 0.02) for f, _ in modes]
-    for where, load in (("on all storeys", np.ones(5)), ("at the top", np.eye(5)[-1])):
-        total = Score()
-        for seed in range(FRESH + 5000, FRESH + 5000 + runs):
-            rng = np.random.default_rng(seed)
-            y = responses(modes, (shapes.T @ load)[:, None], 50.0, 30_000, rng) @ shapes.T
-            y += 0.1 * y.std(axis=0) * rng.normal(size=y.shape)
-            total = total.with_more(scored(analyse_vibration(record(y, 50.0)), modes))
+    for where, load in SHARED.items():
+        total = analysed(partial(shared_load_record, load), range(FRESH + 5000, FRESH + 5000 + runs))
         yield row(f"frame of 5 storeys, one load {where}", total, runs)
 
 
-def forced(modes: Sequence[tuple[float, float]], shapes: Array, forces: Array, rate: float, samples: int) -> Array:
+def forced(modes: Modes, shapes: Array, forces: Array, rate: float, samples: int) -> Array:
     """Accelerations (T, n) of a structure with these shapes under forces on its storeys, without the first part."""
     r = np.fft.rfftfreq(len(forces), 1.0 / rate)[:, None] / np.array([f for f, _ in modes])
     zeta = np.array([z for _, z in modes])
@@ -269,50 +294,62 @@ def small_frame(lowest: float, damping: float, storeys: int = 3) -> tuple[list[t
     return [(f * lowest / modes[0][0], damping) for f, _ in modes], shapes
 
 
+def sea_record(seed: int) -> tuple[Record, Modes]:
+    """A frame in a sea: record and modes."""
+    rate, samples, rng = 10.0, 6000, np.random.default_rng(seed)
+    modes, shapes = small_frame(float(np.exp(rng.uniform(np.log(0.15), 0.0))), 0.012)
+    sea = coloured(jonswap(rng.uniform(4.0, 12.0)), rate, 16_000, rng)
+    forces = 0.3 * rng.normal(size=(16_000, 3)) + rng.uniform(0.3, 3.0) * np.outer(sea, [1.0, 0.6, 0.3])
+    y = forced(modes, shapes, forces, rate, samples)
+    return record(y + 0.01 * y.std() * rng.normal(size=y.shape), rate, "acceleration", "m/s^2"), modes
+
+
 def seas(runs: int) -> Iterable[tuple[str, ...]]:
     """Frames in seas whose peak is below, at or above the first mode."""
-    rate, samples, total = 10.0, 6000, Score()
-    for seed in range(FRESH + 6000, FRESH + 6000 + runs):
-        rng = np.random.default_rng(seed)
-        modes, shapes = small_frame(float(np.exp(rng.uniform(np.log(0.15), 0.0))), 0.012)
-        sea = coloured(jonswap(rng.uniform(4.0, 12.0)), rate, 16_000, rng)
-        forces = 0.3 * rng.normal(size=(16_000, 3)) + rng.uniform(0.3, 3.0) * np.outer(sea, [1.0, 0.6, 0.3])
-        y = forced(modes, shapes, forces, rate, samples)
-        y += 0.01 * y.std() * rng.normal(size=y.shape)
-        total = total.with_more(scored(analyse_vibration(record(y, rate, "acceleration", "m/s^2")), modes))
+    total = analysed(sea_record, range(FRESH + 6000, FRESH + 6000 + runs))
     yield row("frame of 3 storeys in a sea, 600 s", total, runs)
+
+
+WANDER = (0.003, 0.01, 0.03)
+"""Relative standard deviations of a machine's speed."""
+
+
+def machine_record(wander: float, seed: int) -> tuple[Record, Modes]:
+    """A frame with a machine of varying speed between the first two modes: record and modes."""
+    rate, samples, rng = 50.0, 30_000, np.random.default_rng(seed)
+    modes, shapes = small_frame(1.0, 0.01)
+    slow = lfilter([1.0], [1.0, -np.exp(-1.0 / (20.0 * rate))], rng.normal(size=50_000))
+    machine = np.sin(2.0 * np.pi * np.cumsum(1.8 * (1.0 + wander * slow / slow.std())) / rate)
+    forces = rng.normal(size=(50_000, 3)) + 1.5 * np.outer(machine, [1, 0.6, 0.3])
+    y = forced(modes, shapes, forces, rate, samples)
+    return record(y + 0.01 * y.std() * rng.normal(size=y.shape), rate, "acceleration", "m/s^2"), modes
 
 
 def machines(runs: int) -> Iterable[tuple[str, ...]]:
     """Frames with a machine of varying speed between the first two modes."""
-    rate, samples = 50.0, 30_000
-    modes, shapes = small_frame(1.0, 0.01)
-    for wander in (0.003, 0.01, 0.03):
-        total = Score()
-        for seed in range(FRESH + 7000, FRESH + 7000 + runs):
-            rng = np.random.default_rng(seed)
-            slow = lfilter([1.0], [1.0, -np.exp(-1.0 / (20.0 * rate))], rng.normal(size=50_000))
-            machine = np.sin(2.0 * np.pi * np.cumsum(1.8 * (1.0 + wander * slow / slow.std())) / rate)
-            y = forced(
-                modes, shapes, rng.normal(size=(50_000, 3)) + 1.5 * np.outer(machine, [1, 0.6, 0.3]), rate, samples
-            )
-            y += 0.01 * y.std() * rng.normal(size=y.shape)
-            total = total.with_more(scored(analyse_vibration(record(y, rate, "acceleration", "m/s^2")), modes))
+    for wander in WANDER:
+        total = analysed(partial(machine_record, wander), range(FRESH + 7000, FRESH + 7000 + runs))
         yield row(f"frame of 3 storeys, machine at 1.8 Hz ± {100 * wander:g} %", total, runs)
+
+
+SLOPES = (-5, -4, -2, 2, 4)
+"""Exponents of the frequency in a load's spectrum."""
+
+
+def steep_load_record(slope: int, seed: int) -> tuple[Record, Modes]:
+    """A frame of four storeys under loads with a steep spectrum: record and modes."""
+    rate, samples, rng = 20.0, 12_000, np.random.default_rng(seed)
+    modes, shapes = small_frame(0.5, 0.012, 4)
+    each = [coloured(lambda f: f**slope, rate, 20_000, rng) for _ in range(4)]
+    y = forced(modes, shapes, np.column_stack(each), rate, samples)
+    y += 0.003 * y.std(axis=0).min() * rng.normal(size=y.shape)
+    return record(y, rate, "acceleration", "m/s^2"), modes
 
 
 def steep_loads(runs: int) -> Iterable[tuple[str, ...]]:
     """Frames of four storeys under loads of steep spectra."""
-    rate, samples = 20.0, 12_000
-    modes, shapes = small_frame(0.5, 0.012, 4)
-    for slope in (-5, -4, -2, 2, 4):
-        total = Score()
-        for seed in range(FRESH + 8000, FRESH + 8000 + runs):
-            rng = np.random.default_rng(seed)
-            each = [coloured(lambda f: f**slope, rate, 20_000, rng) for _ in range(4)]  # noqa: B023
-            y = forced(modes, shapes, np.column_stack(each), rate, samples)
-            y += 0.003 * y.std(axis=0).min() * rng.normal(size=y.shape)
-            total = total.with_more(scored(analyse_vibration(record(y, rate, "acceleration", "m/s^2")), modes))
+    for slope in SLOPES:
+        total = analysed(partial(steep_load_record, slope), range(FRESH + 8000, FRESH + 8000 + runs))
         yield row(f"frame of 4 storeys, loads as f^{slope}", total, runs)
 
 

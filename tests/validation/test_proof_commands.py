@@ -131,6 +131,7 @@ SHORT: dict[str, tuple[str, ...]] = {
     "validation.particles": ("--runs 1 --seeds 1",),
     "validation.pieces": ("--only -",),
     "validation.robustness": ("--runs 1 --only clean",),
+    "validation.side_by_side": ("--other {root} --only spectral --kinds random --folder {tmp}",),
     "validation.spectral": ("--runs 1 --loads random",),
     "validation.tolerances": ('--runs 1 --jobs 1 --only "as the"',),
     "validation.towers": ("--runs 1 --only healthy",),
