@@ -13,7 +13,6 @@ from windsysid.live.sources.mqtt5 import (
     MAX_PACKET_BYTES,
     Connection,
     Message,
-    Session,
     acknowledgement,
     packets,
     publish_packet,
@@ -37,7 +36,7 @@ async def answered(*answers: bytes, then: Callable[[Connection, asyncio.StreamRe
     async with await asyncio.start_server(serve, "127.0.0.1", 0) as server:
         port = server.sockets[0].getsockname()[1]
         broker = Broker(f"mqtt://127.0.0.1:{port}", "site", Secret("geheim"))
-        connection = await Connection.open(broker, Session("service", 60, 9))
+        connection = await Connection.open(broker, "service", expiry=60, unacknowledged=9)
         try:
             return await then(connection, await came)
         finally:
@@ -68,14 +67,13 @@ def test_messages_come_with_topic_identifier_properties_and_payload():
     assert found == [Message(b"a", 0, {}, b"one", False), Message(b"b", 65_535, told, b"two", True)]
 
 
-def test_no_more_is_published_than_the_broker_takes():
+def test_no_more_is_published_than_the_broker_takes_and_in_order():
     async def publish(connection: Connection, reader: asyncio.StreamReader) -> bytes:
-        for k in range(4):
-            connection.publish(b"t", b"%d" % k)
+        for k in range(8):
+            connection.publish(b"t", b"%d" % k, qos=k % 2)
         connection.send()
-        assert (await reader.readuntil(b"\x001")).endswith(
-            b"\x00\x01t\x00\x01\x000" + b"\x32\x07\x00\x01t\x00\x02\x001"
-        )
+        sent = await reader.readuntil(b"\x004")
+        assert sent.endswith(b"\x32\x07\x00\x01t\x00\x02\x003" + b"\x30\x05\x00\x01t\x004")  # 5 waits, and so does 6
         assert connection.unconfirmed == 2
         with pytest.raises(TimeoutError):
             await asyncio.wait_for(reader.read(1), 0.05)

@@ -15,10 +15,10 @@ from collections.abc import Iterable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 
 from windsysid.live.blocks.block import Block
-from windsysid.live.blocks.codec import BlockLimits, BlockRefused, decode, refusing
+from windsysid.live.blocks.codec import STREAM, BlockLimits, BlockRefused, decode, refusing
 from windsysid.live.configuration.source_settings import Broker
 from windsysid.live.sources.broker import MAX_PAYLOAD_BYTES, TOPIC, Marks, Topics, marks_of
-from windsysid.live.sources.mqtt5 import Connection, Message, Session, acknowledgement, publish_packet
+from windsysid.live.sources.mqtt5 import Connection, Message, acknowledgement
 from windsysid.live.sources.source import Push, SourceState, retries, stopped_within
 
 __all__ = ["MqttSource"]
@@ -145,10 +145,11 @@ class _Session:
 
     async def hold(self, stop: asyncio.Event) -> str:
         """Bring blocks until the connection is lost or `stop` is set; why it was lost."""
-        source = self._source
-        session = Session(source.client, SESSION_EXPIRY_SECONDS, MAX_UNACKNOWLEDGED_MESSAGES)
+        source, most = self._source, MAX_UNACKNOWLEDGED_MESSAGES
         try:
-            connection = await Connection.open(source.broker, session)
+            connection = await Connection.open(
+                source.broker, source.client, expiry=SESSION_EXPIRY_SECONDS, unacknowledged=most
+            )
         except OSError as error:
             return f"no connection ({error.strerror or error or 'no answer'})"
         connection.subscribe(list(source.turbines))
@@ -177,16 +178,17 @@ class _Session:
     async def _bring(self, connection: Connection, thread: ThreadPoolExecutor) -> None:
         while True:
             messages = await connection.messages()
-            taking = asyncio.get_running_loop().run_in_executor(thread, self._take_all, messages)
-            await asyncio.gather(taking, asyncio.sleep(READ_SECONDS))
+            if messages:
+                taking = asyncio.get_running_loop().run_in_executor(thread, self._take_all, messages)
+                await asyncio.gather(taking, asyncio.sleep(READ_SECONDS))
 
     def _lose(self, why: str) -> None:
         self._why = self._why or why
         self._over = True
 
     def _answer(self, connection: Connection, committed: dict[tuple[str, str], int]) -> None:
-        """Send acknowledgements, refusals, and the numbers up to which blocks are committed."""
-        sent = []
+        """Send acknowledgements, refusals, and then the numbers up to which blocks are committed or refused."""
+        acknowledged = []
         for _ in range(len(self._settled)):
             mid, topic, refusal = self._settled.popleft()
             if refusal:
@@ -194,11 +196,11 @@ class _Session:
             elif topic:
                 connection.unsubscribe(topic)
             if mid:
-                sent.append(acknowledgement(mid))
+                acknowledged.append(acknowledgement(mid))
         for (turbine, stream), sequence in committed.items():
             topic = self._source.topics.committed(turbine, stream).encode()
-            sent.append(publish_packet(topic, b"%d" % sequence, retain=True))
-        connection.send(*sent)
+            connection.publish(topic, b"%d" % sequence, qos=0, retain=True)
+        connection.send(*acknowledged)
 
     # in the thread
 
@@ -241,12 +243,8 @@ class _Session:
         self._source.count(f"{turbine}: {why}")
         told = {"sequence": marks.sequence, "stream": marks.stream, "reason": why[:400]}
         self._settled.append((message.mid, self._source.topics.refused(turbine).encode(), json.dumps(told).encode()))
-        if marks.sequence is not None and _is_name(marks.stream):
+        if marks.sequence is not None and STREAM.fullmatch(marks.stream):
             self._source.took(turbine, marks.stream, marks.sequence, marks.after)
 
 
 _LIMITS = BlockLimits(payload=MAX_PAYLOAD_BYTES)
-
-
-def _is_name(stream: str) -> bool:
-    return len(stream) <= 40 and all(sign.isalnum() or sign in "_.-" for sign in stream)

@@ -17,9 +17,7 @@ from urllib.parse import urlsplit
 from windsysid.errors import ConfigurationError
 from windsysid.live.configuration.source_settings import Broker
 
-__all__ = [
-    "Connection", "Message", "Session", "acknowledgement", "packets", "publish_packet", "tls_of", "user_properties",
-]  # fmt: skip
+__all__ = ["Connection", "Message", "acknowledgement", "packets", "publish_packet", "tls_of", "user_properties"]
 
 KEEPALIVE_SECONDS = 20
 """A connection that is silent for half as long again is lost [s]."""
@@ -34,66 +32,27 @@ MAX_PACKET_BYTES = 2_000_000 + 65_536
 """Longest packet that a broker may send [bytes]: the longest payload of a block, its topic and its properties."""
 
 MAX_TOPICS_PER_PACKET = 100
-"""Of a subscription."""
-
 CONNACK, PUBLISH, PUBACK, DISCONNECT = 2, 3, 4, 14
-"""Kinds of packets that are evaluated; those that answer a subscription or a ping are not."""
-
 SERVER_KEEPALIVE, RECEIVE_MAXIMUM, SUBSCRIPTION, USER_PROPERTY = 0x13, 0x21, 0x0B, 0x26
 _SIZES = dict.fromkeys((0x01, 0x17, 0x19, 0x24, 0x25, 0x28, 0x29, 0x2A), 1)
 _SIZES |= dict.fromkeys((0x13, 0x21, 0x22, 0x23), 2) | dict.fromkeys((0x02, 0x11, 0x18, 0x27), 4)
 """Sizes of properties that are numbers [bytes]; others are texts."""
 
-_REASONS = {
-    0x85: "client identifier not valid", 0x86: "bad user name or password", 0x87: "not authorised",
-    0x88: "server unavailable", 0x89: "server busy", 0x8A: "banned", 0x8B: "server shutting down",
-    0x8D: "keep-alive timeout", 0x8E: "session taken over by another client of this name", 0x95: "packet too large",
-    0x97: "quota exceeded",
-}  # fmt: skip
+_REASONS = {0x86: "bad user name or password", 0x87: "not authorised", 0x8E: "session taken over by another client"}
 
 _u16 = struct.Struct(">H").unpack_from
 _puback = struct.Struct(">BBH").pack
 
 
-class Session(NamedTuple):
-    """Session that a client asks a broker for.
-
-    Attributes
-    ----------
-    name
-        Client identifier; the broker chooses one where it is empty.
-    expiry
-        Time for which the broker keeps messages for a disconnected client [s]; 0 begins a new session.
-    unacknowledged
-        Messages that the broker sends before the first of them is acknowledged.
-    """
-
-    name: str = ""
-    expiry: int = 0
-    unacknowledged: int = 65_535
-
-
 class Message(NamedTuple):
-    """A received message.
-
-    Attributes
-    ----------
-    mid
-        Packet identifier, by which it is acknowledged; 0 with QoS 0.
-    properties
-        User properties.
-    retained
-        Whether it was published before the subscription.
-    """
+    """A received message: `mid`, its packet identifier, is 0 with QoS 0; `properties` are user properties. One that is
+    `retained` was published before the subscription."""
 
     topic: bytes
     mid: int
     properties: dict[str, str]
     payload: bytes
     retained: bool
-
-
-# packets
 
 
 def packets(data: bytes) -> tuple[list[tuple[int, bytes]], int]:
@@ -119,11 +78,9 @@ def packets(data: bytes) -> tuple[list[tuple[int, bytes]], int]:
     return found, begin
 
 
-def publish_packet(
-    topic: bytes, payload: bytes, properties: bytes = b"", mid: int = 0, *, retain: bool = False
-) -> bytes:
-    """A message with QoS 1, or with QoS 0 where `mid` is 0."""
-    head = _text(topic) + (mid.to_bytes(2, "big") if mid else b"") + _number(len(properties)) + properties
+def publish_packet(topic: bytes, payload: bytes, told: bytes = b"", mid: int = 0, *, retain: bool = False) -> bytes:
+    """A message with properties `told` and QoS 1, or with QoS 0 where `mid` is 0."""
+    head = _text(topic) + (mid.to_bytes(2, "big") if mid else b"") + _number(len(told)) + told
     return _packet(0x30 | (2 if mid else 0) | retain, head + payload)
 
 
@@ -137,13 +94,13 @@ def acknowledgement(mid: int) -> bytes:
     return _puback(PUBACK << 4, 2, mid)
 
 
-def _connect_packet(broker: Broker, session: Session) -> bytes:
-    flags, content = 0 if session.expiry else 2, _text(session.name.encode())
+def _connect_packet(broker: Broker, name: str, expiry: int, unacknowledged: int) -> bytes:
+    flags, content = 0 if expiry else 2, _text(name.encode())
     if broker.user:
         flags, content = flags | 0x80, content + _text(broker.user.encode())
         if broker.password is not None:
             flags, content = flags | 0x40, content + _text(broker.password.value.encode())
-    told = struct.pack(">BIBHBI", 0x11, session.expiry, 0x21, session.unacknowledged, 0x27, MAX_PACKET_BYTES)
+    told = struct.pack(">BIBHBI", 0x11, expiry, RECEIVE_MAXIMUM, unacknowledged, 0x27, MAX_PACKET_BYTES)
     head = struct.pack(">H4sBBHB", 4, b"MQTT", 5, flags, KEEPALIVE_SECONDS, len(told))
     return _packet(0x10, head + told + content)
 
@@ -154,12 +111,7 @@ def _packet(head: int, content: bytes) -> bytes:
 
 def _number(value: int) -> bytes:
     """A variable byte integer."""
-    digits = bytearray()
-    while value > 127:
-        digits.append(value & 127 | 128)
-        value >>= 7
-    digits.append(value)
-    return bytes(digits)
+    return bytes((value,)) if value < 128 else bytes((value & 127 | 128,)) + _number(value >> 7)
 
 
 def _number_at(data: bytes, at: int) -> tuple[int, int]:
@@ -179,19 +131,16 @@ def _text(content: bytes) -> bytes:
 
 
 def _text_at(data: bytes, at: int) -> tuple[bytes, int]:
-    begin = at + 2
-    end = begin + _u16(data, at)[0]
+    end = at + 2 + _u16(data, at)[0]
     if end > len(data):
         raise ValueError("a truncated text")
-    return data[begin:end], end
+    return data[at + 2 : end], end
 
 
 def _message(head: int, content: bytes) -> Message:
     topic, at = _text_at(content, 0)
-    mid = 0
-    if head & 6:
-        mid, at = _u16(content, at)[0], at + 2
-    told, _, at = _properties_at(content, at)
+    mid = _u16(content, at)[0] if head & 6 else 0
+    told, _, at = _properties_at(content, at + 2 if head & 6 else at)
     return Message(topic, mid, told, content[at:], bool(head & 1))
 
 
@@ -218,8 +167,7 @@ def _properties_at(data: bytes, at: int) -> tuple[dict[str, str], dict[int, int]
     return told, numbers, end
 
 
-def _reason(content: bytes, at: int) -> str:
-    code = content[at] if len(content) > at else 0
+def _reason(code: int) -> str:
     return _REASONS.get(code, f"code {code:#04x}")
 
 
@@ -232,17 +180,8 @@ def _checking() -> Iterator[None]:
         raise ConnectionError(f"malformed packet ({error})") from None
 
 
-# the connection
-
-
 def tls_of(broker: Broker) -> ssl.SSLContext | None:
-    """TLS of a broker's address, None without.
-
-    Raises
-    ------
-    ConfigurationError
-        If the broker's authority cannot be read.
-    """
+    """TLS of a broker's address, None without; ConfigurationError if the broker's authority cannot be read."""
     if not broker.url.startswith("mqtts://"):
         return None
     try:
@@ -252,24 +191,30 @@ def tls_of(broker: Broker) -> ssl.SSLContext | None:
 
 
 class Connection:
-    """A connection, for the event loop in which it was opened; an OSError says that it is lost.
-
-    Attributes
-    ----------
-    unconfirmed
-        Number of published messages that were sent and are not confirmed.
-    """
+    """A connection, for the event loop in which it was opened; an OSError says that it is lost. `unconfirmed` is the
+    number of messages that were published, sent and not confirmed."""
 
     def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self._reader, self._writer = reader, writer
         self._rest, self._mid, self._spoke = b"", 0, time.monotonic()
         self._keepalive, self._window = KEEPALIVE_SECONDS, 65_535
         self.unconfirmed, self._found = 0, list[tuple[int, bytes]]()
-        self._waiting: deque[tuple[bytes, bytes, bytes, bool]] = deque()
+        self._waiting: deque[tuple[bytes, bytes, bytes, int, bool]] = deque()
 
     @classmethod
-    async def open(cls, broker: Broker, session: Session = Session()) -> "Connection":
+    async def open(
+        cls, broker: Broker, name: str = "", *, expiry: int = 0, unacknowledged: int = 65_535
+    ) -> "Connection":
         """Connect.
+
+        Parameters
+        ----------
+        name
+            Client identifier; the broker chooses one where it is empty.
+        expiry
+            Time for which the broker keeps messages for a disconnected client [s]; 0 begins a new session.
+        unacknowledged
+            Messages that the broker sends before the first of them is acknowledged.
 
         Raises
         ------
@@ -284,7 +229,7 @@ class Connection:
             streams = await asyncio.open_connection(address.hostname, port, ssl=tls, limit=MAX_READ_BYTES)
             connection = cls(*streams)
             try:
-                await connection._greet(_connect_packet(broker, session))
+                await connection._greet(_connect_packet(broker, name, expiry, unacknowledged))
             except BaseException:
                 connection._writer.close()
                 raise
@@ -295,7 +240,7 @@ class Connection:
         with _checking():
             (head, content), *self._found = await self._packets()
             if head >> 4 != CONNACK or content[1]:
-                raise ConnectionError(f"the broker refuses ({_reason(content, 1)}): check user, password, rights")
+                raise ConnectionError(f"the broker refuses ({_reason(content[1])}): check user, password, rights")
             _, numbers, _ = _properties_at(content, 2)
         self._keepalive = numbers.get(SERVER_KEEPALIVE) or KEEPALIVE_SECONDS
         self._window = numbers.get(RECEIVE_MAXIMUM, self._window)
@@ -310,19 +255,20 @@ class Connection:
         """End a subscription."""
         self.send(_packet(0xA2, self._next_mid().to_bytes(2, "big") + b"\x00" + _text(topic)))
 
-    def publish(self, topic: bytes, payload: bytes, properties: bytes = b"", *, retain: bool = False) -> None:
-        """Publish with QoS 1: with the next `send`, or when fewer messages are unconfirmed, of which brokers limit the
-        number. `properties` are of `user_properties`."""
-        self._waiting.append((topic, payload, properties, retain))
+    def publish(
+        self, topic: bytes, payload: bytes, properties: bytes = b"", *, qos: int = 1, retain: bool = False
+    ) -> None:
+        """Publish in this order: with the next `send`, or when fewer messages are unconfirmed, of which brokers limit
+        the number. `properties` are of `user_properties`."""
+        self._waiting.append((topic, payload, properties, qos, retain))
 
     def send(self, *packets: bytes) -> None:
-        """Write packets and published messages together, or a ping where nothing was sent for long. It is to be called
-        every second at least."""
+        """Write packets and published messages together, or a ping where nothing was sent for long: call it often."""
         now, sent = time.monotonic(), list(packets)
-        while self._waiting and self.unconfirmed < self._window:
-            topic, payload, properties, retain = self._waiting.popleft()
-            self.unconfirmed += 1
-            sent.append(publish_packet(topic, payload, properties, self._next_mid(), retain=retain))
+        while self._waiting and (self.unconfirmed < self._window or not self._waiting[0][3]):
+            topic, payload, properties, qos, retain = self._waiting.popleft()
+            self.unconfirmed += qos
+            sent.append(publish_packet(topic, payload, properties, self._next_mid() if qos else 0, retain=retain))
         if sent or now > self._spoke + self._keepalive / 2.0:
             self._spoke = now
             self._writer.write(b"".join(sent) or b"\xc0\x00")
@@ -339,7 +285,7 @@ class Connection:
             found, self._found = self._found or await self._packets(), []
             for head, content in found:
                 if head >> 4 == DISCONNECT:
-                    raise ConnectionError(f"the broker ended it ({_reason(content, 0)})")
+                    raise ConnectionError(f"the broker ended it ({_reason(content[0] if content else 0)})")
                 self.unconfirmed -= head >> 4 == PUBACK
             if self._waiting:
                 self.send()

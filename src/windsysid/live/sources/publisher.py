@@ -26,7 +26,6 @@ from windsysid.live.sources.broker import MAX_PAYLOAD_BYTES, TOPIC, Marks, Topic
 from windsysid.live.sources.mqtt5 import Connection, Message, tls_of
 from windsysid.live.sources.ring import Flow, PackedBlock, Ring
 from windsysid.live.sources.source import retries, stopped_within
-from windsysid.live.turns import ShortTurns
 
 __all__ = ["Publisher"]
 
@@ -129,7 +128,6 @@ class Publisher:
         self._loop, self._awake, self._closing = asyncio.new_event_loop(), asyncio.Event(), asyncio.Event()
         for flow in self._newest:
             self._open(flow)
-        self._turns = ShortTurns()
         self._thread = threading.Thread(target=self._run, name="publisher", daemon=True)
         self._thread.start()
 
@@ -208,7 +206,6 @@ class Publisher:
         """Disconnect; uncommitted blocks stay in the buffer's file."""
         self._wake_up(self._closing, self._awake)
         self._thread.join()
-        self._turns.end()
         self.ring.close()
 
     def _wake_up(self, *events: asyncio.Event) -> None:
