@@ -494,7 +494,7 @@ class Engine:
         """Take up the windows that the store has blocks of."""
         ends: dict[int, int] = {}
         for window, block in self._store.waiting(follower.name):
-            follower.note(block, block.sequence, [window])
+            follower.note(block, block.sequence, {window: follower.grown(block, window)})
             follower.see(block)
             ends[window] = max(ends.get(window, 0), sample_time(block, len(block.values)))
         # a window of other boundaries was cut by settings that were changed since: it ends with its last sample

@@ -17,7 +17,7 @@ from windsysid._version import __version__
 from windsysid.errors import WindsysidError
 from windsysid.live.configuration.settings import SEVERITIES, MqttNotice, NoticeSettings, WebhookNotice
 from windsysid.live.logs import event
-from windsysid.live.sources.mqtt5 import Connection, tls_of
+from windsysid.live.sources.mqtt5 import Connection, check_authority
 from windsysid.live.store.contents import Alarm, Event
 from windsysid.live.store.store import Store
 
@@ -245,7 +245,7 @@ class MqttRecipient:
     def __init__(self, settings: MqttNotice) -> None:
         self.severity, self._topic, self._broker = settings.severity, settings.topic, settings.broker
         self.key = f"mqtt {urlsplit(settings.broker.url).hostname} {settings.topic}"
-        tls_of(settings.broker)  # says at once what is wrong
+        check_authority(settings.broker)  # says at once what is wrong
 
     async def send(self, alarm: Alarm) -> None:
         """Publish an alarm as it is now; `UndeliveredError` where the broker does not confirm."""

@@ -13,7 +13,7 @@ from windsysid.live.sources.mqtt5 import (
     MAX_PACKET_BYTES,
     Connection,
     Message,
-    acknowledgement,
+    ack_packet,
     packets,
     publish_packet,
     user_properties,
@@ -50,13 +50,13 @@ async def first(connection: Connection, _: asyncio.StreamReader) -> list[Message
 def test_packets_are_found_wherever_a_read_ends():
     payloads = [b"", b"x" * 100, b"y" * 20_000]
     data = b"".join(publish_packet(b"a/b", payload, MARKS, mid) for mid, payload in enumerate(payloads))
-    data += acknowledgement(258)
+    data += ack_packet(258)
     for cut in (*range(300), len(data) - 4, len(data)):
         found, size = packets(data[:cut])
         again, rest = packets(data[size:])
         assert [head >> 4 for head, _ in found + again] == [3, 3, 3, 4]
         assert size + rest == len(data)
-    assert packets(acknowledgement(258)) == ([(0x40, b"\x01\x02")], 4)
+    assert packets(ack_packet(258)) == ([(0x40, b"\x01\x02")], 4)
 
 
 def test_messages_come_with_topic_identifier_properties_and_payload():

@@ -18,7 +18,7 @@ from windsysid.live.blocks.block import Block
 from windsysid.live.blocks.codec import STREAM, BlockLimits, BlockRefused, decode, refusing
 from windsysid.live.configuration.source_settings import Broker
 from windsysid.live.sources.broker import MAX_PAYLOAD_BYTES, TOPIC, Marks, Topics, marks_of
-from windsysid.live.sources.mqtt5 import Connection, Message, acknowledgement
+from windsysid.live.sources.mqtt5 import Connection, Message, ack_packet, check_authority
 from windsysid.live.sources.source import Push, SourceState, retries, stopped_within
 
 __all__ = ["MqttSource"]
@@ -85,6 +85,7 @@ class MqttSource:
         ConfigurationError
             If the broker's authority cannot be read.
         """
+        check_authority(self.broker)
         async for succeeded in retries(stop):
             session = _Session(self, push)
             why = await session.hold(stop)
@@ -196,7 +197,7 @@ class _Session:
             elif topic:
                 connection.unsubscribe(topic)
             if mid:
-                acknowledged.append(acknowledgement(mid))
+                acknowledged.append(ack_packet(mid))
         for (turbine, stream), sequence in committed.items():
             topic = self._source.topics.committed(turbine, stream).encode()
             connection.publish(topic, b"%d" % sequence, qos=0, retain=True)

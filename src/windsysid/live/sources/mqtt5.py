@@ -17,7 +17,7 @@ from urllib.parse import urlsplit
 from windsysid.errors import ConfigurationError
 from windsysid.live.configuration.source_settings import Broker
 
-__all__ = ["Connection", "Message", "acknowledgement", "packets", "publish_packet", "tls_of", "user_properties"]
+__all__ = ["Connection", "Message", "ack_packet", "check_authority", "packets", "publish_packet", "user_properties"]
 
 KEEPALIVE_SECONDS = 20
 """A connection that is silent for half as long again is lost [s]."""
@@ -89,7 +89,7 @@ def user_properties(pairs: Iterable[tuple[str, str]]) -> bytes:
     return b"".join([b"\x26" + _text(key.encode()) + _text(value.encode()) for key, value in pairs])
 
 
-def acknowledgement(mid: int) -> bytes:
+def ack_packet(mid: int) -> bytes:
     """The acknowledgement of a message with QoS 1."""
     return _puback(PUBACK << 4, 2, mid)
 
@@ -180,12 +180,14 @@ def _checking() -> Iterator[None]:
         raise ConnectionError(f"malformed packet ({error})") from None
 
 
-def tls_of(broker: Broker) -> ssl.SSLContext | None:
-    """TLS of a broker's address, None without; ConfigurationError if the broker's authority cannot be read."""
-    if not broker.url.startswith("mqtts://"):
-        return None
+def _tls(broker: Broker) -> ssl.SSLContext | None:
+    return ssl.create_default_context(cafile=broker.ca) if broker.url.startswith("mqtts://") else None
+
+
+def check_authority(broker: Broker) -> None:
+    """Check that the broker's authority can be read; ConfigurationError otherwise."""
     try:
-        return ssl.create_default_context(cafile=broker.ca)
+        _tls(broker)
     except OSError as error:
         raise ConfigurationError(f"ca: '{broker.ca}' is no certificate of an authority ({error})") from None
 
@@ -220,10 +222,8 @@ class Connection:
         ------
         OSError
             If there is no broker, or it refuses.
-        ConfigurationError
-            If the broker's authority cannot be read.
         """
-        tls, address = tls_of(broker), urlsplit(broker.url)
+        tls, address = _tls(broker), urlsplit(broker.url)
         port = address.port or (1883 if tls is None else 8883)
         async with asyncio.timeout(MAX_CONNECT_SECONDS):
             streams = await asyncio.open_connection(address.hostname, port, ssl=tls, limit=MAX_READ_BYTES)

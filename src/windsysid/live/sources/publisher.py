@@ -23,7 +23,7 @@ from windsysid.live.blocks.block import Block
 from windsysid.live.blocks.codec import BlockRefused, check, encode_arrow
 from windsysid.live.configuration.source_settings import Broker
 from windsysid.live.sources.broker import MAX_PAYLOAD_BYTES, TOPIC, Marks, Topics, needed, properties_of
-from windsysid.live.sources.mqtt5 import Connection, Message, tls_of
+from windsysid.live.sources.mqtt5 import Connection, Message, check_authority
 from windsysid.live.sources.ring import Flow, PackedBlock, Ring
 from windsysid.live.sources.source import retries, stopped_within
 
@@ -113,7 +113,7 @@ class Publisher:
     ) -> None:
         self.broker, self.topics, self.patience = broker, Topics(topic), patience
         needed("pyarrow", "Arrow blocks need pyarrow")
-        tls_of(broker)  # says at once what is wrong
+        check_authority(broker)  # says at once what is wrong
         self.ring = Ring(buffer, most=most)
         self.dropped = self.refused = self.resent = 0
         self._changed = threading.Condition(threading.RLock())
@@ -226,8 +226,8 @@ class Publisher:
     # the thread
 
     def _run(self) -> None:
-        self._loop.run_until_complete(self._hold_all())
-        self._loop.close()
+        with contextlib.closing(self._loop):
+            self._loop.run_until_complete(self._hold_all())
 
     async def _hold_all(self) -> None:
         async for succeeded in retries(self._closing):
