@@ -45,7 +45,7 @@ from windsysid.live.configuration.source_settings import Broker
 from windsysid.live.engine import Engine, Followed
 from windsysid.live.sources.broker import Marks, properties_of
 from windsysid.live.sources.mqtt import MqttSource
-from windsysid.live.sources.mqtt5 import Connection, user_properties
+from windsysid.live.sources.mqtt5 import Connection
 from windsysid.live.sources.publisher import Publisher
 from windsysid.live.store.opening import open_store
 from windsysid.live.windows.timeline import SECOND, TurbineWindows
@@ -209,9 +209,8 @@ async def load(port: int, home: Path, turbines: list[str], seconds: float) -> No
             if number + SECOND > time.time_ns():
                 break
             payload = prepared[(second + i % 2 * 600) % len(prepared)].replace(b"%d" % PLACE, b"%d" % number)
-            marks = {"sequence": str(number), "stream": ""} | ({"after": str(number - SECOND)} if second else {})
-            topic = f"windsysid/{turbines[i]}/blocks".encode()
-            connection.publish(topic, payload, user_properties(marks.items()))
+            marks = Marks(number, after=number - SECOND if second else None)
+            connection.publish(f"windsysid/{turbines[i]}/blocks".encode(), payload, properties_of(marks))
             sent += 1
         connection.send()
     cpu = time.process_time() - cpu

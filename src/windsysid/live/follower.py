@@ -6,7 +6,7 @@ store. Its methods are called under its lock.
 
 import threading
 from collections import Counter, deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
@@ -154,16 +154,14 @@ class Follower:
             stream.restarted = True
         elif not stream.restarted and self._has(block.stream, sequence):
             return Placed("repeated", sequence)
-        grown = {window: self.grown(block, window) for window in still}
-        for window, table in grown.items():
-            table.check(block, window + self.windows.length)
+        tables = self._checked_tables(block, still)
         self.streams[block.stream] = stream
         if stream.restarted:
             sequence = block.start  # the sender counts from the beginning again: its starts go on growing
             if self._has(block.stream, sequence):
                 return Placed("repeated", sequence)
             stream.committed = block.sequence
-        self.note(block, sequence, grown)
+        self.note(block, sequence, tables)
         self._move_clock(stream, block, jump)
         return Placed("new", sequence, still)
 
@@ -179,6 +177,12 @@ class Follower:
                 f"stream '{block.stream}': the turbine has {MAX_STREAMS} loggers already, expected no more"
             )
         return self.streams.get(block.stream, _Stream())
+
+    def _checked_tables(self, block: Block, windows: Iterable[int]) -> dict[int, Growth]:
+        tables = {window: self.grown(block, window) for window in windows}
+        for window, table in tables.items():
+            table.check(block, window + self.windows.length)
+        return tables
 
     def _restarts(self, stream: _Stream, block: Block) -> bool:
         """Check whether a sender counts anew: its block has an earlier number but is later than all."""

@@ -85,7 +85,7 @@ def publish_packet(topic: bytes, payload: bytes, told: bytes = b"", mid: int = 0
 
 
 def user_properties(pairs: Iterable[tuple[str, str]]) -> bytes:
-    """User properties of a message."""
+    """User properties of a message, for `Connection.publish`."""
     return b"".join([b"\x26" + _text(key.encode()) + _text(value.encode()) for key, value in pairs])
 
 
@@ -258,8 +258,7 @@ class Connection:
     def publish(
         self, topic: bytes, payload: bytes, properties: bytes = b"", *, qos: int = 1, retain: bool = False
     ) -> None:
-        """Publish in this order: with the next `send`, or when fewer messages are unconfirmed, of which brokers limit
-        the number. `properties` are of `user_properties`."""
+        """Publish in this order: with the next `send`, or when fewer are unconfirmed, as many as the broker takes."""
         self._waiting.append((topic, payload, properties, qos, retain))
 
     def send(self, *packets: bytes) -> None:

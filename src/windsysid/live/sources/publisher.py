@@ -15,7 +15,6 @@ import logging
 import threading
 import time
 from collections import Counter, deque
-from collections.abc import Iterable
 from pathlib import Path
 from types import TracebackType
 
@@ -182,9 +181,7 @@ class Publisher:
             logger.warning("buffer full: %d blocks dropped, the oldest (%d in all)", dropped, self.dropped)
         return len(new)
 
-    def _new(
-        self, packed: Iterable[tuple[Flow, PackedBlock]]
-    ) -> tuple[list[tuple[Flow, PackedBlock]], dict[Flow, int]]:
+    def _new(self, packed: list[tuple[Flow, PackedBlock]]) -> tuple[list[tuple[Flow, PackedBlock]], dict[Flow, int]]:
         """Blocks with a higher number than all before of their flow, and the newest numbers of these flows."""
         new, newest = [], dict[Flow, int]()
         for flow, one in packed:
@@ -196,11 +193,10 @@ class Publisher:
     def wait(self, timeout: float | None = None, *, room: int | None = None) -> bool:
         """Wait until everything is committed, or the buffer has `room` [bytes]; False after `timeout` [s]."""
 
-        def enough() -> bool:
-            return not len(self.ring) if room is None else not len(self.ring) or self.ring.room >= room
-
         with self._changed:
-            return self._changed.wait_for(enough, timeout)
+            return self._changed.wait_for(
+                lambda: not len(self.ring) or (room is not None and self.ring.room >= room), timeout
+            )
 
     def close(self) -> None:
         """Disconnect; uncommitted blocks stay in the buffer's file."""
