@@ -18,6 +18,7 @@ The disk is not tried here: after a power cut it is SQLite and its file system t
 
 import argparse
 import asyncio
+import contextlib
 import json
 import os
 import random
@@ -42,8 +43,9 @@ from windsysid.live.blocks.block import Block
 from windsysid.live.blocks.codec import encode_arrow, encode_json
 from windsysid.live.configuration.source_settings import Broker
 from windsysid.live.engine import Engine, Followed
-from windsysid.live.sources.broker import Marks, connect, new_client, properties_of
+from windsysid.live.sources.broker import Marks, properties_of
 from windsysid.live.sources.mqtt import MqttSource
+from windsysid.live.sources.mqtt5 import Connection
 from windsysid.live.sources.publisher import Publisher
 from windsysid.live.store.opening import open_store
 from windsysid.live.windows.timeline import SECOND, TurbineWindows
@@ -56,6 +58,12 @@ LONG = 7200.0
 
 CHANNELS, UNITS = ("tower_x_acceleration", "tower_z_acceleration"), ("m/s^2", "m/s^2")
 TURBINES = ("T01", "T02", "T03")
+PLACE = 10**18
+"""Stands for the number and the start of a block in prepared payloads: it has as many digits."""
+
+LOAD_SECONDS = 0.005
+"""Interval at which blocks that are due are sent [s]."""
+
 PACE = 0.02
 """Between two rounds of blocks while parts are killed [s]."""
 
@@ -121,10 +129,13 @@ class _Timing:
 
     def __init__(self, engine: Engine) -> None:
         self.engine, self.stages, self._lock = engine, list[tuple[float, float, float]](), threading.Lock()
-        self.began, self.cpu = time.monotonic(), time.process_time()
+        self.began = self.cpu = 0.0
+        self.threads: Counter[str] = Counter()
 
     def push(self, block: Block) -> Future[None]:
         """Push, and note when what was over: reached us, taken, committed [s after the block's last sample]."""
+        if not self.began:
+            self.began, self.cpu, self.threads = time.monotonic(), time.process_time(), thread_seconds()
         end = block.start / SECOND + len(block.values) / block.rate
         came = time.time() - end
         future = self.engine.push(block)
@@ -138,20 +149,24 @@ class _Timing:
         return future
 
     def told(self) -> dict[str, Any]:
-        """Times of every block, and processor time by thread."""
-        ticks = os.sysconf("SC_CLK_TCK")
-        threads: Counter[str] = Counter()
-        for thread in threading.enumerate():
-            try:
-                fields = Path(f"/proc/self/task/{thread.native_id}/stat").read_text().rpartition(")")[2].split()
-            except OSError:
-                continue
-            threads[thread.name] += (int(fields[11]) + int(fields[12])) / ticks  # type: ignore[assignment]
+        """Times of every block, and processor time from the first one on, by thread."""
+        threads = thread_seconds()
+        threads.subtract(self.threads)
         state = self.engine.state()
         return {
             "stages": self.stages, "threads": threads, "cpu": time.process_time() - self.cpu,
             "wall": time.monotonic() - self.began, "engine": state.seconds, "windows": state.windows,
         }  # fmt: skip
+
+
+def thread_seconds() -> Counter[str]:
+    """Processor time of each thread of this process [s]."""
+    threads: Counter[str] = Counter()
+    for thread in threading.enumerate():
+        with contextlib.suppress(OSError):
+            fields = Path(f"/proc/self/task/{thread.native_id}/stat").read_text().rpartition(")")[2].split()
+            threads[thread.name] += (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")  # type: ignore[assignment]
+    return threads
 
 
 def publish(port: int, home: Path) -> None:
@@ -167,26 +182,52 @@ def publish(port: int, home: Path) -> None:
         (home / "sent").write_text(json.dumps({"number": number, "resent": publisher.resent}))
 
 
-def load(port: int, turbines: list[str], seconds: float) -> None:
-    """Loggers of many turbines in real time: 100 Hz, blocks of 1 s that end when they are sent."""
-    values = []
+async def load(port: int, home: Path, turbines: list[str], seconds: float) -> None:
+    """Loggers of many turbines in real time: 100 Hz, blocks of 1 s that end when they are sent, with QoS 1.
+
+    Payloads are encoded before, since a logger has a processor of its own; what is due is written together.
+    """
+    prepared = []
     for seed in range(2):
         record = simulate_record("tower", duration=600.0, rate=100.0, seed=seed)
-        columns = [record.channels.index(name) for name in CHANNELS]
-        values.append(np.ascontiguousarray(record.values[:, columns], dtype=np.float32))
-    encode_arrow(block_of(0, TURBINES[0]))  # loads what it needs
-    with Publisher(Broker(f"mqtt://127.0.0.1:{port}")) as publisher:
-        until(lambda: publisher.connected, "the broker is there")
-        began = time.time() + 1.0
-        for k in range(round(seconds) * len(turbines)):
-            due = began + k / len(turbines)
-            time.sleep(max(0.0, due - time.time()))
-            start = round((due - 1.0) * SECOND)
-            name = turbines[k % len(turbines)]
-            low = k // len(turbines) % 600 * 100
-            samples = values[k % len(turbines) % len(values)][low : low + 100]
-            publisher.send(Block(name, start, start, 100.0, CHANNELS, UNITS, samples))
-        publisher.wait(60.0)
+        values = record.values[:, [record.channels.index(name) for name in CHANNELS]].astype(np.float32)
+        prepared += [
+            encode_arrow(Block("", PLACE, PLACE, 100.0, CHANNELS, UNITS, values[low : low + 100]))
+            for low in range(0, len(values) - 99, 100)
+        ]
+    connection = await Connection.open(Broker(f"mqtt://127.0.0.1:{port}"))
+    connection.subscribe([b"windsysid/+/committed"])
+    committed: dict[bytes, int] = {}
+    hearing = asyncio.ensure_future(_hear(connection, committed))
+    began = time.time_ns() + SECOND
+    cpu, sent, count, number = time.process_time(), 0, len(turbines), 0
+    while sent < round(seconds) * count:
+        await asyncio.sleep(LOAD_SECONDS)
+        while sent < round(seconds) * count:
+            second, i = divmod(sent, count)
+            number = began + second * SECOND + i * SECOND // count  # of the block: its start; it ends a second later
+            if number + SECOND > time.time_ns():
+                break
+            payload = prepared[(second + i % 2 * 600) % len(prepared)].replace(b"%d" % PLACE, b"%d" % number)
+            marks = Marks(number, after=number - SECOND if second else None)
+            connection.publish(f"windsysid/{turbines[i]}/blocks".encode(), payload, properties_of(marks))
+            sent += 1
+        connection.send()
+    cpu = time.process_time() - cpu
+    end = time.monotonic() + 60.0
+    while min(committed.values(), default=0) <= number - SECOND and time.monotonic() < end and not hearing.done():
+        await asyncio.sleep(0.1)
+        connection.send()
+    (home / "load.json").write_text(json.dumps(cpu))
+    hearing.cancel()
+    await connection.close()
+
+
+async def _hear(connection: Connection, committed: dict[bytes, int]) -> None:
+    """Note up to which number the blocks of each turbine are committed."""
+    while True:
+        for message in await connection.messages():
+            committed[message.topic] = int(message.payload)
 
 
 class Parts:
@@ -302,34 +343,14 @@ def malformed(count: int, home: Path, seed: int) -> str:
     """Send nonsense between good blocks; what the service makes of it."""
     rng, parts = random.Random(seed), Parts(home)
     parts.part("serve", "--report", str(home / "report.json"), str(parts.port), str(home), *TURBINES)
-    good, memory = 0, []
     try:
         parts.start("broker")
         parts.start("serve")
         until((home / "ready").exists, "the service is ready")
-        client = new_client(Broker(f"mqtt://127.0.0.1:{parts.port}"))
-        heard: list[int] = []
-        client.on_message = lambda _c, _u, message: heard.append(int(message.payload))
-        connect(client, Broker(f"mqtt://127.0.0.1:{parts.port}"), clean=True)
-        until(client.is_connected, "the broker is there")
-        client.subscribe("windsysid/T01/committed", qos=1)
-        for k in range(count):
-            payload, marks = nonsense(rng)
-            sent = client.publish("windsysid/T02/blocks", payload, qos=1, properties=marks)
-            if k % 20 == 0:
-                block = block_of(good, "T01")
-                told = properties_of(Marks(good, after=good - 1 if good else None))
-                client.publish("windsysid/T01/blocks", encode_json(block), qos=1, properties=told)
-                good += 1
-            if k % 100 == 99:
-                sent.wait_for_publish(60.0)
-            if k % (count // 5) == count // 5 - 1:
-                until(lambda: bool(heard) and heard[-1] == good - 1, "the good blocks are committed")  # noqa: B023
-                memory.append(_memory(parts.running["serve"].pid))
+        broker, pid = Broker(f"mqtt://127.0.0.1:{parts.port}"), parts.running["serve"].pid
+        good, memory = asyncio.run(_mislead(broker, count, rng, pid))
         alive = parts.running["serve"].poll() is None
-        client.disconnect()
         code = parts.end("serve")
-        client.loop_stop()
     finally:
         parts.close()
     refused = json.loads((home / "report.json").read_text())["refused"]
@@ -345,7 +366,33 @@ def malformed(count: int, home: Path, seed: int) -> str:
     )
 
 
-def nonsense(rng: random.Random) -> tuple[bytes, Any]:
+async def _mislead(broker: Broker, count: int, rng: random.Random, pid: int) -> tuple[int, list[float]]:
+    """Send nonsense between good blocks; the number of these, and the service's memory after each fifth [MB]."""
+    connection = await Connection.open(broker)
+    connection.subscribe([b"windsysid/T01/committed"])
+    committed: dict[bytes, int] = {}
+    hearing = asyncio.ensure_future(_hear(connection, committed))
+    good, memory = 0, []
+    for k in range(count):
+        connection.publish(b"windsysid/T02/blocks", *nonsense(rng))
+        if k % 20 == 0:
+            marks = properties_of(Marks(good, after=good - 1 if good else None))
+            connection.publish(b"windsysid/T01/blocks", encode_json(block_of(good, "T01")), marks)
+            good += 1
+        connection.send()
+        while k % 100 == 99 and connection.unconfirmed:
+            await asyncio.sleep(0.001)
+        if k % (count // 5) == count // 5 - 1:
+            async with asyncio.timeout(300.0):
+                while max(committed.values(), default=0) != good - 1:
+                    await asyncio.sleep(0.02)
+            memory.append(_memory(pid))
+    hearing.cancel()
+    await connection.close()
+    return good, memory
+
+
+def nonsense(rng: random.Random) -> tuple[bytes, bytes]:
     """A message that is no block, in one of many ways."""
     arrow = bytearray(encode_arrow(block_of(rng.randrange(100), "T02")))
     text = json.loads(encode_json(block_of(rng.randrange(100), "T02")))
@@ -372,7 +419,7 @@ def nonsense(rng: random.Random) -> tuple[bytes, Any]:
     else:
         payload = b"{" + b'"a":[' * rng.randrange(1, 50_000)
     marks = properties_of(Marks(rng.randrange(2**62), rng.choice(["", "a", "../x", "#", "%s", "ä" * 100]), None))
-    return payload, marks if rng.random() < 0.5 else None
+    return payload, marks if rng.random() < 0.5 else b""
 
 
 def _memory(pid: int) -> float:
@@ -385,15 +432,14 @@ def timed(turbines: int, seconds: float, home: Path) -> str:
     """Turbines in real time; how long their blocks take, and where the service's time goes."""
     parts, names = Parts(home), [f"T{i:04d}" for i in range(turbines)]
     parts.part("serve", "--report", str(home / "report.json"), "--window", "600", str(parts.port), str(home), *names)
-    parts.part("load", "--seconds", str(seconds), str(parts.port), *names)
+    parts.part("load", "--seconds", str(seconds), str(parts.port), str(home), *names)
     try:
         parts.start("broker")
         parts.start("serve")
         until((home / "ready").exists, "the service is ready")
         parts.start("load")
-        before = sum(os.times()[2:4])
         parts.running["load"].wait(seconds + 300.0)
-        publisher = sum(os.times()[2:4]) - before
+        publisher = json.loads((home / "load.json").read_text())
         broker = Path(f"/proc/{parts.running['broker'].pid}/stat").read_text().rpartition(")")[2].split()
         parts.end("serve")
     finally:
@@ -457,7 +503,7 @@ def main() -> None:
     elif asked.part == "publish":
         publish(int(words[0]), Path(words[1]))
     elif asked.part == "load":
-        load(int(words[0]), words[1:], asked.seconds)
+        asyncio.run(load(int(words[0]), Path(words[1]), words[2:], asked.seconds))
     else:
         if shutil.which("mosquitto") is None:
             parser.error("mosquitto is not installed: apt-get install mosquitto")

@@ -19,7 +19,7 @@ from windsysid.fleet.work.guard import StoppedError
 from windsysid.live import engine as module
 from windsysid.live.blocks.block import Block
 from windsysid.live.blocks.codec import BlockRefused
-from windsysid.live.engine import Delays, Engine, Followed
+from windsysid.live.engine import TURN_SECONDS, Delays, Engine, Followed
 from windsysid.live.store.contents import Commit
 from windsysid.live.store.store import ContentError
 from windsysid.live.windows.estimate import Estimated, Here
@@ -552,3 +552,12 @@ def wait_for(condition: Any) -> None:
             return
         tick.wait(0.05)
     raise AssertionError("it never came")
+
+
+def test_threads_take_short_turns_while_an_engine_runs(monkeypatch: pytest.MonkeyPatch):
+    turns: list[float] = []
+    monkeypatch.setattr("sys.setswitchinterval", turns.append)
+    for own, expected in ((0.005, TURN_SECONDS), (1e-4, 1e-4)):
+        monkeypatch.setattr("sys.getswitchinterval", lambda own=own: own)
+        Engine([], MemoryStore(), workers=0).drain()
+        assert turns[-2:] == [expected, own]

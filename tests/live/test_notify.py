@@ -14,6 +14,7 @@ from typing import Any
 
 import pytest
 
+from tests.live.sources.servers import Logger, wait_for
 from windsysid.live import notify
 from windsysid.live.configuration.settings import MqttNotice
 from windsysid.live.configuration.source_settings import Broker
@@ -200,28 +201,16 @@ def broker(tmp_path: Path) -> Iterator[int]:
 
 
 def test_a_broker_keeps_open_alarms_and_none_that_ended(store: Store, broker: int):
-    from paho.mqtt import client as mqtt
-    from paho.mqtt.enums import CallbackAPIVersion
-
     recipient = MqttRecipient(MqttNotice(Broker(f"mqtt://127.0.0.1:{broker}"), "w/{turbine}/alarms/{alarm}", "warning"))
     open_(store, alarm(1), alarm(2))
     tell_until(store, recipient, lambda: store.told(recipient.key) is not None)
     again = MqttRecipient(MqttNotice(Broker(f"mqtt://127.0.0.1:{broker}"), "w/{turbine}/alarms/{alarm}", "warning"))
     open_(store, alarm(1, ended=2 * 10**18))
     tell_until(store, again, lambda: store.told(recipient.key) == store.last_event())
-    kept: list[Any] = []
-    listener = mqtt.Client(CallbackAPIVersion.VERSION2)
-    listener.on_message = lambda _client, _data, message: kept.append((message.topic, json.loads(message.payload)))
-    listener.connect("127.0.0.1", broker)
-    listener.subscribe("w/#", qos=1)
-    listener.subscribe("end", qos=1)
-    listener.loop_start()
-    until = time.monotonic() + PATIENCE
-    while not any(topic == "end" for topic, _ in kept):  # what is retained comes before it
-        assert time.monotonic() < until
-        listener.publish("end", "{}", qos=1)
-        time.sleep(0.05)
-    listener.disconnect()
-    listener.loop_stop()
+    listener = Logger(Broker(f"mqtt://127.0.0.1:{broker}"), "w/#", "end")
+    listener.say("end", b"{}")  # what is retained comes before it
+    wait_for(lambda: ("end", b"{}") in listener.heard)
+    listener.close()
+    kept = [(topic, json.loads(payload)) for topic, payload in listener.heard]
     alarms = [(topic, message["key"]) for topic, message in kept if topic != "end"]
     assert alarms == [("w/T01/alarms/T01%2Fk%2B%232", "T01/k+#2")]

@@ -144,15 +144,9 @@ def _show(url: str, *, browser: bool) -> None:
 def _needs_extra() -> None:
     from importlib.util import find_spec
 
-    for module in ("fastapi", "uvicorn", "httpx", "paho.mqtt", "pyarrow"):
-        try:
-            missing = find_spec(module) is None
-        except ModuleNotFoundError:
-            missing = True
-        if missing:
-            raise ConfigurationError(
-                f"windsysid live needs {module.split('.')[0]}; install it with: pip install 'windsysid[live]'"
-            )
+    for module in ("fastapi", "uvicorn", "httpx", "pyarrow"):
+        if find_spec(module) is None:
+            raise ConfigurationError(f"windsysid live needs {module}; install it with: pip install 'windsysid[live]'")
 
 
 def _count(turbines: int) -> str:

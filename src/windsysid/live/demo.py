@@ -5,7 +5,6 @@ Nothing of it is drawn beforehand: samples are simulated while they are played, 
 
 import asyncio
 import time
-from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -16,7 +15,7 @@ from windsysid.fleet.members import Member
 from windsysid.live.blocks.block import Block
 from windsysid.live.configuration.settings import PageSettings, Settings
 from windsysid.live.sources.cutting import blocks_of
-from windsysid.live.sources.source import Push, SourceState, stopped_within
+from windsysid.live.sources.source import Commits, Push, SourceState, stopped_within
 from windsysid.live.windows.timeline import SECOND, TurbineWindows
 from windsysid.records.record import Record
 from windsysid.turbine.file import load_turbine
@@ -37,9 +36,6 @@ LOG_WIND_STD = 0.2
 
 START_BEFORE_NOW_SECONDS = 3 * 86400.0
 """Time before now at which the demo begins, so that it does not overtake the clock."""
-
-MAX_UNCOMMITTED_BLOCKS = 16
-"""Blocks that wait for their commit at most."""
 
 
 @dataclass(frozen=True)
@@ -128,20 +124,17 @@ class DemoTower:
         blocks = self.blocks()
         live = self.begin + round(self.plan.history * self.plan.window * SECOND)
         began: float | None = None
-        waiting: deque[asyncio.Future[None]] = deque()
+        commits = Commits(self)
         while (block := await asyncio.to_thread(next, blocks)) and not stop.is_set():
             if block.start >= live:
-                while waiting and began is None:  # the past is taken before the demo begins
-                    await waiting.popleft()
-                began = time.monotonic() if began is None else began
+                if began is None:
+                    await commits.finish()  # the past is taken before the demo begins
+                    began = time.monotonic()
                 end = block.start + round(BLOCK_SECONDS * SECOND)
                 fast = began + (end - live) / SECOND / self.plan.speed - time.monotonic()
                 if await stopped_within(stop, max(fast, (end - time.time_ns()) / SECOND)):
                     return
-            waiting.append(asyncio.wrap_future(await asyncio.to_thread(push, block)))
-            self.state = self.state._replace(blocks=self.state.blocks + 1)
-            while len(waiting) >= MAX_UNCOMMITTED_BLOCKS:
-                await waiting.popleft()
+            await commits.push(push, block)
 
     def blocks(self) -> Iterator[Block]:
         """All blocks, without end."""

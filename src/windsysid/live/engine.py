@@ -11,6 +11,7 @@ result, and a result is a function of the window's blocks and of the checkpoint 
 
 import contextlib
 import queue
+import sys
 import threading
 import time
 from collections import Counter
@@ -28,7 +29,6 @@ from windsysid.live.engine_state import EngineState, TurbineState
 from windsysid.live.follower import Followed, Follower, Placed, WindowTask
 from windsysid.live.store.contents import Alarm, Commit, Severity, StoredBlock
 from windsysid.live.store.store import ContentError, Store
-from windsysid.live.turns import ShortTurns
 from windsysid.live.watch.open_alarms import TOO_LATE
 from windsysid.live.watch.watching import resume, start
 from windsysid.live.windows.closing import conclude, estimate, unpack
@@ -54,6 +54,10 @@ MAX_BEHIND_WINDOWS = 2
 
 TICK_SECONDS = 1.0
 """Interval of the search for silent turbines [s]."""
+
+TURN_SECONDS = 5e-4
+"""Time that a thread keeps Python's lock while others wait for it [s], a tenth of Python's own: a thread that reads 600
+rows of a store gives its turn away at every row (``python -m validation.live_engine --turbines 100 --speed 10``)."""
 
 
 class Delays(NamedTuple):
@@ -118,7 +122,8 @@ class Engine:
         self._rate = 0.0
         self._followers = {followed.member.name: self._follower(followed) for followed in turbines}
         self._restore()
-        self._turns = ShortTurns()
+        self._turn = sys.getswitchinterval()
+        sys.setswitchinterval(min(self._turn, TURN_SECONDS))
         self._estimators = estimators(workers)
         self._threads = [
             threading.Thread(target=self._work, args=(estimator,), name=f"window-{i}", daemon=True)
@@ -434,7 +439,7 @@ class Engine:
             thread.join(max(0.0, until - time.monotonic()))
         with contextlib.suppress(TimeoutError):
             last.exception(max(0.1, until - time.monotonic()))
-        self._turns.end()
+        sys.setswitchinterval(self._turn)
         return idle
 
     def state(self) -> EngineState:
@@ -489,7 +494,7 @@ class Engine:
         """Take up the windows that the store has blocks of."""
         ends: dict[int, int] = {}
         for window, block in self._store.waiting(follower.name):
-            follower.note(block, block.sequence, [window])
+            follower.note(block, block.sequence, {window: follower.grown(block, window)})
             follower.see(block)
             ends[window] = max(ends.get(window, 0), sample_time(block, len(block.values)))
         # a window of other boundaries was cut by settings that were changed since: it ends with its last sample

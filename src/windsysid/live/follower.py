@@ -6,7 +6,7 @@ store. Its methods are called under its lock.
 
 import threading
 from collections import Counter, deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
@@ -143,8 +143,9 @@ class Follower:
             If it is longer than two windows, there are too many loggers, or the table of a window would grow by far
             more cells than the block has values.
         """
-        stream = self._stream(block)
-        still = tuple(window for window in self.windows.of_block(block) if window >= self.closed_until)
+        windows = self.windows.of_block(block)
+        stream = self._stream(block, len(windows))
+        still = tuple([window for window in windows if window >= self.closed_until])
         sequence = block.sequence
         if not still:
             return Placed("repeated" if stream.has_committed(sequence) else "too late", sequence)
@@ -153,20 +154,20 @@ class Follower:
             stream.restarted = True
         elif not stream.restarted and self._has(block.stream, sequence):
             return Placed("repeated", sequence)
-        self._check_tables(block, still)
+        tables = self._checked_tables(block, still)
         self.streams[block.stream] = stream
         if stream.restarted:
             sequence = block.start  # the sender counts from the beginning again: its starts go on growing
             if self._has(block.stream, sequence):
                 return Placed("repeated", sequence)
             stream.committed = block.sequence
-        self.note(block, sequence, still)
+        self.note(block, sequence, tables)
         self._move_clock(stream, block, jump)
         return Placed("new", sequence, still)
 
-    def _stream(self, block: Block) -> _Stream:
+    def _stream(self, block: Block, windows: int) -> _Stream:
         """The logger of a block, new or known."""
-        if len(self.windows.of_block(block)) > MAX_BLOCK_WINDOWS:
+        if windows > MAX_BLOCK_WINDOWS:
             raise BlockRefused(
                 f"block of {len(block.values) / block.rate:.6g} s: expected no longer than a window of"
                 f" {self.windows.length / SECOND:g} s; send shorter blocks"
@@ -177,20 +178,22 @@ class Follower:
             )
         return self.streams.get(block.stream, _Stream())
 
-    def _check_tables(self, block: Block, windows: Iterable[int]) -> None:
-        for window in windows:
-            self._grown(block, window).check(block, window + self.windows.length)
+    def _checked_tables(self, block: Block, windows: Iterable[int]) -> dict[int, Growth]:
+        tables = {window: self.grown(block, window) for window in windows}
+        for window, table in tables.items():
+            table.check(block, window + self.windows.length)
+        return tables
 
     def _restarts(self, stream: _Stream, block: Block) -> bool:
         """Check whether a sender counts anew: its block has an earlier number but is later than all."""
         later = stream.newest is not None and block.start > stream.newest
         return later and not stream.restarted and self._has(block.stream, block.sequence)
 
-    def note(self, block: Block, sequence: int, windows: Iterable[int]) -> None:
-        """Write down that a block is known."""
-        for window in windows:
+    def note(self, block: Block, sequence: int, tables: Mapping[int, Growth]) -> None:
+        """Write down that a block is known, and what it makes of its windows' tables."""
+        for window, grown in tables.items():
             self.open.setdefault(window, {}).setdefault(block.stream, set()).add(sequence)
-            self.tables.setdefault(window, {})[block.stream, block.rate] = self._grown(block, window).after
+            self.tables.setdefault(window, {})[block.stream, block.rate] = grown.after
         stream = self.streams.setdefault(block.stream, _Stream())
         if sequence == block.start:  # so that numbers of both kinds never mix, also after a restart of ours
             stream.restarted = True
@@ -198,7 +201,7 @@ class Follower:
             stream.committed = sequence
         self._run_up(block.stream)
 
-    def _grown(self, block: Block, window: int) -> "Growth":
+    def grown(self, block: Block, window: int) -> Growth:
         """Size of a window's table without and with a block; each logger and each rate has a table of its own."""
         before = self.tables.get(window, {}).get((block.stream, block.rate))
         return growth(before, block, window, window + self.windows.length)

@@ -8,7 +8,6 @@ import asyncio
 import hashlib
 import json
 import logging
-import time
 from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime
 from typing import Any, Protocol
@@ -18,7 +17,7 @@ from windsysid._version import __version__
 from windsysid.errors import WindsysidError
 from windsysid.live.configuration.settings import SEVERITIES, MqttNotice, NoticeSettings, WebhookNotice
 from windsysid.live.logs import event
-from windsysid.live.sources.broker import connect, new_client
+from windsysid.live.sources.mqtt5 import Connection, check_authority
 from windsysid.live.store.contents import Alarm, Event
 from windsysid.live.store.store import Store
 
@@ -246,44 +245,26 @@ class MqttRecipient:
     def __init__(self, settings: MqttNotice) -> None:
         self.severity, self._topic, self._broker = settings.severity, settings.topic, settings.broker
         self.key = f"mqtt {urlsplit(settings.broker.url).hostname} {settings.topic}"
-        self._client = new_client(settings.broker)
-        self._client.on_connect = self._on_connect
-        self._refused = ""
+        check_authority(settings.broker)  # says at once what is wrong
 
     async def send(self, alarm: Alarm) -> None:
         """Publish an alarm as it is now; `UndeliveredError` where the broker does not confirm."""
-        await asyncio.to_thread(self._publish, alarm)
-
-    def _publish(self, alarm: Alarm) -> None:
-        topic = self._topic.replace("{turbine}", alarm.turbine).replace("{alarm}", quote(alarm.key, safe=" "))
-        payload, ended = json.dumps(notice_of(alarm)).encode(), alarm.ended is not None
+        topic = self._topic.replace("{turbine}", alarm.turbine).replace("{alarm}", quote(alarm.key, safe=" ")).encode()
+        ended = alarm.ended is not None
         try:
-            self._connect()
-            for content, retain in ((payload, not ended), *(((b"", True),) if ended else ())):
-                sent = self._client.publish(topic, content, qos=1, retain=retain)
-                sent.wait_for_publish(MAX_ANSWER_SECONDS)
-                if not sent.is_published():
-                    raise UndeliveredError(f"no confirmation within {MAX_ANSWER_SECONDS:g} s")
-        except (OSError, ValueError, RuntimeError) as error:
+            async with asyncio.timeout(MAX_ANSWER_SECONDS):
+                connection = await Connection.open(self._broker)
+                try:
+                    connection.publish(topic, json.dumps(notice_of(alarm)).encode(), retain=not ended)
+                    if ended:
+                        connection.publish(topic, b"", retain=True)
+                    await connection.confirmed()
+                finally:
+                    await connection.close()
+        except TimeoutError:
+            raise UndeliveredError(f"no confirmation within {MAX_ANSWER_SECONDS:g} s") from None
+        except OSError as error:
             raise UndeliveredError(" ".join(str(error).split()) or type(error).__name__) from None
 
-    def _connect(self) -> None:
-        """Be connected, again where the connection was lost."""
-        if self._client.is_connected():
-            return
-        self._client.loop_stop()
-        self._refused = ""
-        connect(self._client, self._broker, clean=True)
-        until = time.monotonic() + MAX_ANSWER_SECONDS
-        while not self._client.is_connected():
-            if time.monotonic() > until or self._refused:
-                raise UndeliveredError(self._refused or "no connection")
-            time.sleep(POLL_SECONDS / 20.0)
-
-    def _on_connect(self, client: Any, userdata: Any, flags: Any, reason: Any, properties: Any) -> None:
-        self._refused = f"the broker reports: {reason}" if reason.is_failure else ""
-
     async def close(self) -> None:
-        """Let go of connections."""
-        self._client.disconnect()
-        await asyncio.to_thread(self._client.loop_stop)
+        """Nothing to release: each alarm has a connection of its own."""

@@ -14,7 +14,8 @@ import numpy as np
 from windsysid._types import Array
 
 __all__ = [
-    "SINCE", "has_zone", "in_words", "moment", "moment_text", "shift_moment", "split_start", "tidy", "zone_offset",
+    "SINCE", "has_zone", "in_words", "moment", "moment_text", "nanoseconds", "shift_moment", "split_start", "tidy",
+    "zone_offset",
 ]  # fmt: skip
 
 _SECOND = 1_000_000_000  # ns
@@ -41,6 +42,13 @@ def tidy(text: str) -> str:
     """Moment with a ``T`` between date and time and a decimal point; ValueError as `moment`."""
     moment(text)
     return _plain(text)
+
+
+def nanoseconds(text: str) -> int:
+    """A moment with its zone, to the last digit of its fraction [ns since 1970, UTC]; ValueError as `moment`."""
+    fraction = re.search(r"\.(\d{1,9})", text := tidy(text))
+    whole = moment(text if fraction is None else text.replace(fraction[0], "", 1))
+    return int(whole.timestamp()) * _SECOND + (0 if fraction is None else int(fraction[1].ljust(9, "0")))
 
 
 def has_zone(text: str) -> bool:

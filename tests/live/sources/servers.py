@@ -1,16 +1,20 @@
 """Servers that the tests start for themselves."""
 
+import asyncio
 import shutil
 import socket
 import subprocess
+import threading
 import time
 from pathlib import Path
 
 import pytest
 
 from windsysid.live.configuration.source_settings import Broker
+from windsysid.live.sources.broker import Marks, properties_of
+from windsysid.live.sources.mqtt5 import Connection, Message
 
-__all__ = ["Mosquitto", "free_port", "wait_for"]
+__all__ = ["Logger", "Mosquitto", "free_port", "wait_for"]
 
 
 def free_port() -> int:
@@ -69,3 +73,49 @@ class Mosquitto:
         assert self.process is not None
         self.process.kill()
         self.process.wait()
+
+
+class Logger:
+    """A logger without a buffer, and what it hears."""
+
+    def __init__(self, broker: Broker, *topics: str) -> None:
+        self.messages: list[Message] = []
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
+        self._thread.start()
+        self._connection = self._do(Connection.open(broker))
+        self._do(self._subscribe(*topics))
+
+    @property
+    def heard(self) -> list[tuple[str, bytes]]:
+        """Topic and payload of each message."""
+        return [(message.topic.decode(), message.payload) for message in self.messages]
+
+    def _do(self, what):
+        return asyncio.run_coroutine_threadsafe(what, self._loop).result(30.0)
+
+    async def _subscribe(self, *topics: str) -> None:
+        self._connection.subscribe([topic.encode() for topic in topics])
+        self._hearing = asyncio.ensure_future(self._hear())
+
+    async def _hear(self) -> None:
+        while True:
+            self.messages += await self._connection.messages()
+
+    def say(self, topic: str, payload: bytes, marks: Marks | None = None) -> None:
+        """Publish, and wait until the broker has confirmed it."""
+        self._do(self._say(topic, payload, b"" if marks is None else properties_of(marks)))
+
+    async def _say(self, topic: str, payload: bytes, properties: bytes) -> None:
+        self._connection.publish(topic.encode(), payload, properties)
+        self._connection.send()
+        while self._connection.unconfirmed:
+            await asyncio.sleep(0.001)
+
+    def close(self) -> None:
+        """Disconnect."""
+        self._hearing.cancel()
+        self._do(self._connection.close())
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join()
+        self._loop.close()

@@ -31,7 +31,7 @@ from windsysid.live.blocks.arrow import NotArrowError, read_columns
 from windsysid.live.blocks.block import Block
 from windsysid.live.blocks.limits import MAX_TIME_NS, BlockLimits, one_line
 from windsysid.records.checks import check_channels
-from windsysid.records.moments import moment, tidy
+from windsysid.records.moments import has_zone, nanoseconds
 from windsysid.records.record import AS_WRITTEN
 from windsysid.units import si_unit, to_si
 
@@ -40,7 +40,7 @@ __all__ = ["BlockLimits", "BlockRefused", "check", "decode", "encode_arrow", "en
 ARROW = b"\xff\xff\xff\xff"
 """First bytes of an Arrow IPC stream; a JSON object begins with a brace."""
 
-_STREAM = re.compile(r"[\w.-]{0,40}")
+STREAM = re.compile(r"[\w.-]{0,40}")
 
 
 class BlockRefused(WindsysidError, ValueError):  # noqa: N818  (it is the sender's error, not ours)
@@ -139,7 +139,7 @@ def check(block: Block, limits: BlockLimits = BlockLimits()) -> Block:
 def _checked(block: Block, limits: BlockLimits) -> Block:
     _check_shape(block, limits)
     _check_numbers(block, limits)
-    if not _STREAM.fullmatch(block.stream):
+    if not STREAM.fullmatch(block.stream):
         raise BlockRefused(f"stream: expected up to 40 letters, digits, points and dashes, got {block.stream[:40]!r}")
     units, values = _in_si(block.channels, block.units, block.values, limits)
     flat = values.reshape(-1)
@@ -294,16 +294,8 @@ def _start(given: Any) -> int:
         if re.fullmatch(r"\d{1,20}", given, re.ASCII):
             return int(given)
         try:
-            text = tidy(given)
-            if moment(text).tzinfo is not None:
-                return _nanoseconds(text)
+            if has_zone(given):
+                return nanoseconds(given)
         except ValueError:
             pass
     raise BlockRefused(f"start: expected ns since 1970 or a moment with its zone (…T12:00:00Z), got {given!r:.40}")
-
-
-def _nanoseconds(text: str) -> int:
-    """Of a moment with a zone, to the last digit of its fraction."""
-    fraction = re.search(r"\.(\d{1,9})", text)
-    whole = moment(text if fraction is None else text.replace(fraction[0], "", 1))
-    return int(whole.timestamp()) * 1_000_000_000 + (0 if fraction is None else int(fraction[1].ljust(9, "0")))

@@ -1,4 +1,4 @@
-"""Connection to an MQTT 5 broker, and the topics and properties of blocks there.
+"""Topics and properties of blocks at an MQTT broker.
 
 Blocks come on one topic of each turbine, ``windsysid/<turbine>/blocks``. In addition, the service publishes
 ``windsysid/<turbine>/committed`` (retained: the number of the newest block up to which all are on its disk, as text; of
@@ -12,26 +12,17 @@ sent lies before the block.
 import importlib
 from collections.abc import Mapping
 from typing import Any, NamedTuple
-from urllib.parse import urlsplit
 
 from windsysid.errors import ConfigurationError
-from windsysid.live.configuration.source_settings import Broker
+from windsysid.live.sources.mqtt5 import user_properties
 
-__all__ = [
-    "MAX_PAYLOAD_BYTES", "TOPIC", "Marks", "Topics", "connect", "marks_of", "needed", "new_client", "properties_of",
-]  # fmt: skip
+__all__ = ["MAX_PAYLOAD_BYTES", "TOPIC", "Marks", "Topics", "marks_of", "needed", "properties_of"]
 
 TOPIC = "windsysid/{turbine}/blocks"
 """Of blocks."""
 
 MAX_PAYLOAD_BYTES = 2_000_000
 """Of a message [bytes]: the broker hands longer ones to no service."""
-
-KEEPALIVE_SECONDS = 20
-"""A connection that is silent for half as long again is lost [s]."""
-
-MAX_CONNECT_SECONDS = 5.0
-"""For a connection to be made [s]."""
 
 
 class Topics:
@@ -71,10 +62,8 @@ class Marks(NamedTuple):
     after: int | None = None
 
 
-def marks_of(message: Any) -> Marks:
-    """The marks of a message; those that are no numbers count as not said."""
-    pairs = getattr(message.properties, "UserProperty", None) or ()
-    told = {str(key): str(value) for key, value in pairs}
+def marks_of(told: Mapping[str, str]) -> Marks:
+    """The marks among a message's user properties; those that are no numbers count as not said."""
     return Marks(_whole(told.get("sequence")), told.get("stream", ""), _whole(told.get("after")))
 
 
@@ -86,12 +75,10 @@ def _whole(text: str | None) -> int | None:
     return number if abs(number) < 2**63 else None
 
 
-def properties_of(marks: Marks) -> Any:
+def properties_of(marks: Marks) -> bytes:
     """The marks as properties of a message."""
     told = {"sequence": str(marks.sequence), "stream": marks.stream}
-    properties = _properties("PUBLISH")
-    properties.UserProperty = list((told if marks.after is None else {**told, "after": str(marks.after)}).items())
-    return properties
+    return user_properties((told if marks.after is None else {**told, "after": str(marks.after)}).items())
 
 
 def needed(module: str, what: str) -> Any:
@@ -100,54 +87,3 @@ def needed(module: str, what: str) -> Any:
         return importlib.import_module(module)
     except ImportError:
         raise ConfigurationError(f"{what}; install it with: pip install 'windsysid[live]'") from None
-
-
-def new_client(broker: Broker, name: str = "", *, manual_ack: bool = False) -> Any:
-    """A paho client of MQTT 5 that is not connected yet, and does not connect again by itself.
-
-    Raises
-    ------
-    ConfigurationError
-        If paho is not installed, or the broker's authority cannot be read.
-    """
-    mqtt = needed("paho.mqtt.client", "MQTT needs paho-mqtt")
-    client = mqtt.Client(
-        mqtt.CallbackAPIVersion.VERSION2,
-        client_id=name,
-        protocol=mqtt.MQTTv5,
-        reconnect_on_failure=False,
-        manual_ack=manual_ack,
-    )
-    client.connect_timeout = MAX_CONNECT_SECONDS
-    if broker.user:
-        client.username_pw_set(broker.user, None if broker.password is None else broker.password.value)
-    if broker.url.startswith("mqtts://"):
-        try:
-            client.tls_set(ca_certs=None if broker.ca is None else str(broker.ca))
-        except OSError as error:
-            raise ConfigurationError(f"ca: '{broker.ca}' is no certificate of an authority ({error})") from None
-    return client
-
-
-def connect(client: Any, broker: Broker, *, clean: bool, properties: Mapping[str, int] | None = None) -> None:
-    """Connect and start the client's thread; OSError where there is no broker.
-
-    Parameters
-    ----------
-    clean
-        Whether what the broker kept for this client is thrown away.
-    properties
-        Of MQTT 5's CONNECT, by name.
-    """
-    told = _properties("CONNECT")
-    for name, value in (properties or {}).items():
-        setattr(told, name, value)
-    address = urlsplit(broker.url)
-    port = address.port or (8883 if address.scheme == "mqtts" else 1883)
-    client.connect(address.hostname or "", port, KEEPALIVE_SECONDS, clean_start=clean, properties=told)
-    client.loop_start()
-
-
-def _properties(packet: str) -> Any:
-    types = importlib.import_module("paho.mqtt.packettypes").PacketTypes
-    return importlib.import_module("paho.mqtt.properties").Properties(getattr(types, packet))

@@ -1,14 +1,13 @@
 """A record as the blocks that its logger would have sent."""
 
 import itertools
-import re
 from collections.abc import Iterator
 
 import numpy as np
 
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.live.blocks.block import Block
-from windsysid.records.moments import has_zone, moment, tidy
+from windsysid.records.moments import has_zone, nanoseconds
 from windsysid.records.record import Record
 
 __all__ = ["begin_of", "blocks_of", "even_rate", "moment_ns"]
@@ -40,9 +39,7 @@ def moment_ns(text: str) -> int:
         raise ConfigurationError(str(error)) from None
     if not known:
         raise ConfigurationError(f"expected a moment with its zone, such as 2026-01-05T12:00:00Z, got '{text[:40]}'")
-    fraction = re.search(r"\.(\d{1,9})", text := tidy(text))
-    whole = moment(text if fraction is None else text.replace(fraction[0], "", 1))
-    return int(whole.timestamp()) * SECOND + (0 if fraction is None else int(fraction[1].ljust(9, "0")))
+    return nanoseconds(text)
 
 
 def begin_of(record: Record) -> int | None:

@@ -8,33 +8,23 @@ back to the first block that is not committed, one block at first and twice as m
         publisher.send(block)
 """
 
+import asyncio
 import contextlib
 import json
 import logging
-import random
 import threading
 import time
 from collections import Counter, deque
-from collections.abc import Iterable
 from pathlib import Path
 from types import TracebackType
-from typing import Any
 
 from windsysid.live.blocks.block import Block
 from windsysid.live.blocks.codec import BlockRefused, check, encode_arrow
 from windsysid.live.configuration.source_settings import Broker
-from windsysid.live.sources.broker import (
-    MAX_PAYLOAD_BYTES,
-    TOPIC,
-    Marks,
-    Topics,
-    connect,
-    needed,
-    new_client,
-    properties_of,
-)
+from windsysid.live.sources.broker import MAX_PAYLOAD_BYTES, TOPIC, Marks, Topics, needed, properties_of
+from windsysid.live.sources.mqtt5 import Connection, Message, check_authority
 from windsysid.live.sources.ring import Flow, PackedBlock, Ring
-from windsysid.live.turns import ShortTurns
+from windsysid.live.sources.source import retries, stopped_within
 
 __all__ = ["Publisher"]
 
@@ -46,9 +36,6 @@ MAX_UNCOMMITTED_BLOCKS = 32
 MAX_UNCOMMITTED_BLOCKS_OF_ALL = 500
 """Largest number of sent blocks of all flows without commit: mosquitto by default keeps 1000 messages for a service,
 and drops more silently."""
-
-MAX_PAUSE_SECONDS = 30.0
-"""Between two attempts to reach the broker [s]."""
 
 LOOK_EVERY = 0.25
 """Interval at which sent blocks that are not committed are looked for [s]."""
@@ -109,7 +96,7 @@ class Publisher:
     Raises
     ------
     ConfigurationError
-        If paho is not installed, or the topic or the broker's authority is wrong.
+        If pyarrow is not installed, or the topic or the broker's authority is wrong.
     OutputError
         If the buffer cannot be written, or another publisher uses it.
     """
@@ -125,21 +112,21 @@ class Publisher:
     ) -> None:
         self.broker, self.topics, self.patience = broker, Topics(topic), patience
         needed("pyarrow", "Arrow blocks need pyarrow")
-        new_client(broker)  # says at once what is missing or wrong
+        check_authority(broker)  # says at once what is wrong
         self.ring = Ring(buffer, most=most)
         self.dropped = self.refused = self.resent = 0
         self._changed = threading.Condition(threading.RLock())
         self._newest = self.ring.flows()
         self._flows: dict[Flow, _Sending] = {}
         self._under_way, self._looked = Counter[str](), 0.0
-        self._told: dict[str, Flow] = {}  # by the topic of its acknowledgements
+        self._told: dict[bytes, Flow] = {}  # by the topic of its acknowledgements
         self._due: dict[Flow, None] = {}  # in the order in which their turn comes
-        self._client: Any = None
-        self._connected = self._closing = self._over = False
+        self._unheard: list[bytes] = []  # topics to subscribe to
+        self._connected = False
         self._why = ""
+        self._loop, self._awake, self._closing = asyncio.new_event_loop(), asyncio.Event(), asyncio.Event()
         for flow in self._newest:
             self._open(flow)
-        self._turns = ShortTurns()
         self._thread = threading.Thread(target=self._run, name="publisher", daemon=True)
         self._thread.start()
 
@@ -188,15 +175,13 @@ class Publisher:
             for flow, _ in new:
                 self._open(flow)
                 self._due[flow] = None
-            self._changed.notify_all()
+        self._wake_up(self._awake)
         if dropped:
             self.dropped += dropped
             logger.warning("buffer full: %d blocks dropped, the oldest (%d in all)", dropped, self.dropped)
         return len(new)
 
-    def _new(
-        self, packed: Iterable[tuple[Flow, PackedBlock]]
-    ) -> tuple[list[tuple[Flow, PackedBlock]], dict[Flow, int]]:
+    def _new(self, packed: list[tuple[Flow, PackedBlock]]) -> tuple[list[tuple[Flow, PackedBlock]], dict[Flow, int]]:
         """Blocks with a higher number than all before of their flow, and the newest numbers of these flows."""
         new, newest = [], dict[Flow, int]()
         for flow, one in packed:
@@ -208,79 +193,89 @@ class Publisher:
     def wait(self, timeout: float | None = None, *, room: int | None = None) -> bool:
         """Wait until everything is committed, or the buffer has `room` [bytes]; False after `timeout` [s]."""
 
-        def enough() -> bool:
-            return not len(self.ring) if room is None else not len(self.ring) or self.ring.room >= room
-
         with self._changed:
-            return self._changed.wait_for(enough, timeout)
+            return self._changed.wait_for(
+                lambda: not len(self.ring) or (room is not None and self.ring.room >= room), timeout
+            )
 
     def close(self) -> None:
         """Disconnect; uncommitted blocks stay in the buffer's file."""
-        with self._changed:
-            self._closing = True
-            self._changed.notify_all()
+        self._wake_up(self._closing, self._awake)
         self._thread.join()
-        self._turns.end()
         self.ring.close()
+
+    def _wake_up(self, *events: asyncio.Event) -> None:
+        with contextlib.suppress(RuntimeError):  # its loop has ended
+            for each in events:
+                self._loop.call_soon_threadsafe(each.set)
 
     def _open(self, flow: Flow) -> None:
         """Register a flow, and subscribe to its acknowledgements."""
         if flow not in self._flows:
             self._flows[flow] = _Sending(self.patience, self._under_way)
-            self._told[self.topics.committed(*flow)] = flow
-            if self._connected:
-                self._hear(self._client, flow)
+            self._told[self.topics.committed(*flow).encode()] = flow
+            self._unheard += self._topics_of(flow)
 
-    def _hear(self, client: Any, flow: Flow) -> None:
-        client.subscribe(self.topics.committed(*flow), qos=1)
-        client.subscribe(self.topics.refused(flow.turbine), qos=1)
+    def _topics_of(self, flow: Flow) -> list[bytes]:
+        return [self.topics.committed(*flow).encode(), self.topics.refused(flow.turbine).encode()]
 
     # the thread
 
     def _run(self) -> None:
-        pause = 0.5
-        while not self._closing:
-            client = self._new_client()
+        with contextlib.closing(self._loop):
+            self._loop.run_until_complete(self._hold_all())
+
+    async def _hold_all(self) -> None:
+        async for succeeded in retries(self._closing):
             try:
-                connect(client, self.broker, clean=True)
-                while self._go_on(client):
-                    pause = 0.5
+                connection = await Connection.open(self.broker)
             except OSError as error:
-                self._lost(client, f"no connection ({error.strerror or error})")
-            client.disconnect()
-            client.loop_stop()
-            with self._changed:
-                self._connected = False
-                self._changed.wait_for(lambda: self._closing, pause * random.uniform(0.5, 1.0))
-            pause = min(2.0 * pause, MAX_PAUSE_SECONDS)
+                self._lost(f"no connection ({error.strerror or error or 'no answer'})")
+                continue
+            succeeded()
+            try:
+                await self._hold(connection)
+            except OSError as error:
+                self._lost(f"connection lost ({error})")
 
-    def _new_client(self) -> Any:
-        client = new_client(self.broker)
-        client.on_connect = self._on_connect
-        client.on_disconnect = lambda client, _u, _f, reason, _p: self._lost(client, f"connection lost ({reason})")
-        client.on_message = self._on_message
-        with self._changed:
-            self._client, self._over = client, False
-        return client
+    async def _hold(self, connection: Connection) -> None:
+        """Send, until the publisher is closed or the connection is lost."""
+        self._begin()
+        hearing = asyncio.ensure_future(self._hear(connection))
+        try:
+            while not self._closing.is_set() and not hearing.done():
+                self._go_on(connection)
+                await stopped_within(self._awake, LOOK_EVERY)
+                self._awake.clear()
+            hearing.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await hearing
+        finally:
+            await connection.close()
 
-    def _go_on(self, client: Any) -> bool:
-        """Wait for something to do, and do it; False when the connection is over."""
+    def _begin(self) -> None:
         with self._changed:
-            self._changed.wait_for(lambda: self._closing or self._over or self._may_send(), LOOK_EVERY)
-            if self._closing or self._over:
-                return False
-            if not self._connected:
-                return True
+            self._unheard = [topic for flow in self._flows for topic in self._topics_of(flow)]
+            for flow, sending in self._flows.items():
+                sending.go_back(MAX_UNCOMMITTED_BLOCKS)
+                self._due[flow] = None
+            self._connected, self._why = True, ""
+
+    def _go_on(self, connection: Connection) -> None:
+        """Send what is due."""
+        with self._changed:
+            unheard, self._unheard = self._unheard, []
+            connection.subscribe(unheard)
             now = time.monotonic()
             if now > self._looked + LOOK_EVERY:
                 self._looked = now
                 self._look_for_lost(now)
-            while self._may_send():
+            while self._due and self._room() > 0:
                 flow = next(iter(self._due))
                 del self._due[flow]
-                self._send_more(client, flow, self._flows[flow])
+                self._send_more(connection, flow, self._flows[flow])
             self._changed.notify_all()
-        return True
+        connection.send()
 
     def _look_for_lost(self, now: float) -> None:
         """Send again what the service did not commit in time."""
@@ -291,68 +286,60 @@ class Publisher:
                 sending.patience = min(2.0 * sending.patience, MAX_COMMIT_SECONDS)
                 self._due[flow] = None
 
-    def _may_send(self) -> bool:
-        return bool(self._connected and self._due) and self._room() > 0
-
     def _room(self) -> int:
         """Blocks that may be sent before more are committed."""
         return MAX_UNCOMMITTED_BLOCKS_OF_ALL - self._under_way["blocks"]
 
-    def _send_more(self, client: Any, flow: Flow, sending: _Sending) -> None:
+    def _send_more(self, connection: Connection, flow: Flow, sending: _Sending) -> None:
         if sending.committed is not None:
             self.ring.forget(flow, sending.committed)
         last = sending.sent[-1] if sending.sent else None
         for block in self.ring.after(flow, last, min(sending.width - len(sending.sent), self._room())):
             after = last if last is not None and self.ring.holds(flow, last) else None
             marks = Marks(block.sequence, flow.stream, after)
-            client.publish(self.topics.blocks(flow.turbine), block.payload, qos=1, properties=properties_of(marks))
+            connection.publish(self.topics.blocks(flow.turbine).encode(), block.payload, properties_of(marks))
             if not sending.sent:
                 sending.until = time.monotonic() + sending.patience
             sending.add(block.sequence)
             last = block.sequence
 
-    # what the broker says, in the client's thread
+    def _lost(self, why: str) -> None:
+        with self._changed:
+            self._connected = False
+            if why != self._why:
+                logger.warning("broker %s: %s; %d blocks wait", self.broker.url, why, len(self.ring))
+            self._why = why
 
-    def _on_connect(self, client: Any, _userdata: Any, _flags: Any, reason: Any, _properties: Any) -> None:
-        if reason.is_failure:
-            self._lost(client, f"the broker refuses ({reason}): check user, password and its list of rights")
+    # what the broker says
+
+    async def _hear(self, connection: Connection) -> None:
+        while True:
+            messages = await connection.messages()
+            with self._changed:
+                for message in messages:
+                    self._on_message(message)
+            if self._due:
+                self._awake.set()
+
+    def _on_message(self, message: Message) -> None:
+        if message.retained:  # of a store that may be gone, or restored from a backup: what it had is not what it has
             return
-        with self._changed:
-            for flow, sending in self._flows.items():
-                self._hear(client, flow)
-                sending.go_back(MAX_UNCOMMITTED_BLOCKS)
-                self._due[flow] = None
-            self._connected, self._why = True, ""
-            self._changed.notify_all()
-
-    def _lost(self, client: Any, why: str) -> None:
-        with self._changed:
-            if client is self._client and not self._closing and not self._over:
-                self._over, self._connected = True, False
-                if why != self._why:
-                    logger.warning("broker %s: %s; %d blocks wait", self.broker.url, why, len(self.ring))
-                self._why = why
-                self._changed.notify_all()
-
-    def _on_message(self, _client: Any, _userdata: Any, message: Any) -> None:
-        if message.retain:  # of a store that may be gone, or restored from a backup: what it had is not what it has
+        flow = self._told.get(message.topic)
+        if flow is None:
+            self._refused(message)
             return
-        with self._changed:
-            flow = self._told.get(message.topic)
-            if flow is None:
-                self._refused(message)
-                return
-            with contextlib.suppress(ValueError):
-                self._heard(flow, self._flows[flow], int(message.payload))
+        with contextlib.suppress(ValueError):
+            self._heard(flow, self._flows[flow], int(message.payload))
 
-    def _refused(self, message: Any) -> None:
+    def _refused(self, message: Message) -> None:
         """The service will never take a block: it goes, and the log says so."""
         try:
             told = json.loads(message.payload)
             number, stream = int(told["sequence"]), str(told["stream"])
         except (ValueError, TypeError, KeyError, RecursionError):
             return
-        flows = [f for f in self._flows if f.stream == stream and self.topics.refused(f.turbine) == message.topic]
+        topic = message.topic.decode(errors="replace")
+        flows = [f for f in self._flows if f.stream == stream and self.topics.refused(f.turbine) == topic]
         for flow in flows:
             if not self.ring.holds(flow, number):  # another publisher's, or known
                 continue
@@ -362,7 +349,6 @@ class Publisher:
             self.ring.drop(flow, number)
             self._flows[flow].drop(number)
             self._due[flow] = None
-            self._changed.notify_all()
 
     def _heard(self, flow: Flow, sending: _Sending, number: int) -> None:
         if sending.committed is not None and number <= sending.committed:
@@ -373,4 +359,3 @@ class Publisher:
         sending.width = min(2 * sending.width, MAX_UNCOMMITTED_BLOCKS)
         sending.patience, sending.until = self.patience, time.monotonic() + self.patience
         self._due[flow] = None
-        self._changed.notify_all()
