@@ -17,7 +17,7 @@ from windsysid._version import __version__
 from windsysid.errors import WindsysidError
 from windsysid.live.configuration.settings import SEVERITIES, MqttNotice, NoticeSettings, WebhookNotice
 from windsysid.live.logs import event
-from windsysid.live.sources.mqtt5 import Connection, tls_of
+from windsysid.live.sources.connection import Connection, tls_of
 from windsysid.live.store.contents import Alarm, Event
 from windsysid.live.store.store import Store
 
@@ -249,7 +249,7 @@ class MqttRecipient:
 
     async def send(self, alarm: Alarm) -> None:
         """Publish an alarm as it is now; `UndeliveredError` where the broker does not confirm."""
-        topic = self._topic.replace("{turbine}", alarm.turbine).replace("{alarm}", quote(alarm.key, safe=" ")).encode()
+        topic = self._topic.replace("{turbine}", alarm.turbine).replace("{alarm}", quote(alarm.key, safe=" "))
         ended = alarm.ended is not None
         try:
             async with asyncio.timeout(MAX_ANSWER_SECONDS):

@@ -18,7 +18,7 @@ from windsysid.live.blocks.block import Block
 from windsysid.live.blocks.codec import BlockLimits, BlockRefused, decode, refusing
 from windsysid.live.configuration.source_settings import Broker
 from windsysid.live.sources.broker import MAX_PAYLOAD_BYTES, TOPIC, Marks, Topics, marks_of
-from windsysid.live.sources.mqtt5 import Connection, Message, Session, acknowledgement, publish_packet
+from windsysid.live.sources.connection import Connection, Message, Session
 from windsysid.live.sources.source import Push, SourceState, retries, stopped_within
 
 __all__ = ["MqttSource"]
@@ -65,7 +65,7 @@ class MqttSource:
         self, broker: Broker, turbines: Iterable[str], *, topic: str = TOPIC, client: str = "windsysid-live"
     ) -> None:
         self.broker, self.client, self.topics = broker, client, Topics(topic)
-        self.turbines = {self.topics.blocks(turbine).encode(): turbine for turbine in turbines}
+        self.turbines = {self.topics.blocks(turbine): turbine for turbine in turbines}
         self.state = SourceState()
         self._lock = threading.Lock()
         self._committed: dict[str, dict[str, int]] = {turbine: {} for turbine in self.turbines.values()}
@@ -83,7 +83,7 @@ class MqttSource:
         Raises
         ------
         ConfigurationError
-            If the broker's authority cannot be read.
+            If mqtt5 is not installed, or the broker's authority cannot be read.
         """
         async for succeeded in retries(stop):
             session = _Session(self, push)
@@ -141,7 +141,7 @@ class _Session:
         self._source, self._push = source, push
         self.was_connected = self._over = False
         self._why = ""
-        self._settled: deque[tuple[int, bytes, bytes]] = deque()
+        self._settled: deque[tuple[int, str, bytes]] = deque()
 
     async def hold(self, stop: asyncio.Event) -> str:
         """Bring blocks until the connection is lost or `stop` is set; why it was lost."""
@@ -185,8 +185,8 @@ class _Session:
         self._over = True
 
     def _answer(self, connection: Connection, committed: dict[tuple[str, str], int]) -> None:
-        """Send acknowledgements, refusals, and the numbers up to which blocks are committed."""
-        sent = []
+        """Send acknowledgements, refusals, and behind these the numbers up to which blocks are committed: with them a
+        publisher forgets a block."""
         for _ in range(len(self._settled)):
             mid, topic, refusal = self._settled.popleft()
             if refusal:
@@ -194,11 +194,11 @@ class _Session:
             elif topic:
                 connection.unsubscribe(topic)
             if mid:
-                sent.append(acknowledgement(mid))
+                connection.acknowledge(mid)
         for (turbine, stream), sequence in committed.items():
-            topic = self._source.topics.committed(turbine, stream).encode()
-            sent.append(publish_packet(topic, b"%d" % sequence, retain=True))
-        connection.send(*sent)
+            topic = self._source.topics.committed(turbine, stream)
+            connection.publish(topic, b"%d" % sequence, qos=0, retain=True)
+        connection.send()
 
     # in the thread
 
@@ -235,12 +235,12 @@ class _Session:
         else:
             self._source.count()
             self._source.took(block.turbine, block.stream, block.sequence, marks.after)
-            self._settled.append((message.mid, b"", b""))
+            self._settled.append((message.mid, "", b""))
 
     def _refuse(self, message: Message, turbine: str, marks: Marks, why: str) -> None:
         self._source.count(f"{turbine}: {why}")
         told = {"sequence": marks.sequence, "stream": marks.stream, "reason": why[:400]}
-        self._settled.append((message.mid, self._source.topics.refused(turbine).encode(), json.dumps(told).encode()))
+        self._settled.append((message.mid, self._source.topics.refused(turbine), json.dumps(told).encode()))
         if marks.sequence is not None and _is_name(marks.stream):
             self._source.took(turbine, marks.stream, marks.sequence, marks.after)
 
