@@ -44,8 +44,8 @@ from windsysid.live.blocks.codec import encode_arrow, encode_json
 from windsysid.live.configuration.source_settings import Broker
 from windsysid.live.engine import Engine, Followed
 from windsysid.live.sources.broker import Marks, properties_of
+from windsysid.live.sources.connection import Connection
 from windsysid.live.sources.mqtt import MqttSource
-from windsysid.live.sources.mqtt5 import Connection
 from windsysid.live.sources.publisher import Publisher
 from windsysid.live.store.opening import open_store
 from windsysid.live.windows.timeline import SECOND, TurbineWindows
@@ -196,8 +196,8 @@ async def load(port: int, home: Path, turbines: list[str], seconds: float) -> No
             for low in range(0, len(values) - 99, 100)
         ]
     connection = await Connection.open(Broker(f"mqtt://127.0.0.1:{port}"))
-    connection.subscribe([b"windsysid/+/committed"])
-    committed: dict[bytes, int] = {}
+    connection.subscribe(["windsysid/+/committed"])
+    committed: dict[str, int] = {}
     hearing = asyncio.ensure_future(_hear(connection, committed))
     began = time.time_ns() + SECOND
     cpu, sent, count, number = time.process_time(), 0, len(turbines), 0
@@ -209,8 +209,8 @@ async def load(port: int, home: Path, turbines: list[str], seconds: float) -> No
             if number + SECOND > time.time_ns():
                 break
             payload = prepared[(second + i % 2 * 600) % len(prepared)].replace(b"%d" % PLACE, b"%d" % number)
-            marks = Marks(number, after=number - SECOND if second else None)
-            connection.publish(f"windsysid/{turbines[i]}/blocks".encode(), payload, properties_of(marks))
+            marks = {"sequence": str(number), "stream": ""} | ({"after": str(number - SECOND)} if second else {})
+            connection.publish(f"windsysid/{turbines[i]}/blocks", payload, marks.items())
             sent += 1
         connection.send()
     cpu = time.process_time() - cpu
@@ -223,7 +223,7 @@ async def load(port: int, home: Path, turbines: list[str], seconds: float) -> No
     await connection.close()
 
 
-async def _hear(connection: Connection, committed: dict[bytes, int]) -> None:
+async def _hear(connection: Connection, committed: dict[str, int]) -> None:
     """Note up to which number the blocks of each turbine are committed."""
     while True:
         for message in await connection.messages():
@@ -369,15 +369,15 @@ def malformed(count: int, home: Path, seed: int) -> str:
 async def _mislead(broker: Broker, count: int, rng: random.Random, pid: int) -> tuple[int, list[float]]:
     """Send nonsense between good blocks; the number of these, and the service's memory after each fifth [MB]."""
     connection = await Connection.open(broker)
-    connection.subscribe([b"windsysid/T01/committed"])
-    committed: dict[bytes, int] = {}
+    connection.subscribe(["windsysid/T01/committed"])
+    committed: dict[str, int] = {}
     hearing = asyncio.ensure_future(_hear(connection, committed))
     good, memory = 0, []
     for k in range(count):
-        connection.publish(b"windsysid/T02/blocks", *nonsense(rng))
+        connection.publish("windsysid/T02/blocks", *nonsense(rng))
         if k % 20 == 0:
             marks = properties_of(Marks(good, after=good - 1 if good else None))
-            connection.publish(b"windsysid/T01/blocks", encode_json(block_of(good, "T01")), marks)
+            connection.publish("windsysid/T01/blocks", encode_json(block_of(good, "T01")), marks)
             good += 1
         connection.send()
         while k % 100 == 99 and connection.unconfirmed:
@@ -392,7 +392,7 @@ async def _mislead(broker: Broker, count: int, rng: random.Random, pid: int) -> 
     return good, memory
 
 
-def nonsense(rng: random.Random) -> tuple[bytes, bytes]:
+def nonsense(rng: random.Random) -> tuple[bytes, list[tuple[str, str]]]:
     """A message that is no block, in one of many ways."""
     arrow = bytearray(encode_arrow(block_of(rng.randrange(100), "T02")))
     text = json.loads(encode_json(block_of(rng.randrange(100), "T02")))
@@ -419,7 +419,7 @@ def nonsense(rng: random.Random) -> tuple[bytes, bytes]:
     else:
         payload = b"{" + b'"a":[' * rng.randrange(1, 50_000)
     marks = properties_of(Marks(rng.randrange(2**62), rng.choice(["", "a", "../x", "#", "%s", "ä" * 100]), None))
-    return payload, marks if rng.random() < 0.5 else b""
+    return payload, marks if rng.random() < 0.5 else []
 
 
 def _memory(pid: int) -> float:

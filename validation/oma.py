@@ -59,9 +59,7 @@ TRUTH = {"c2": (0.3153, 0.8908, 1.0402, 1.2990), "d1": (0.2986, 0.8907, 1.0323, 
 TIPS = ("tower_x_acceleration", *(f"blade_{b}_tip_lag_acceleration" for b in (1, 2, 3)))
 
 
-def responses(
-    modes: Modes, mixing: Array, rate: float, samples: int, rng: np.random.Generator
-) -> Array:
+def responses(modes: Modes, mixing: Array, rate: float, samples: int, rng: np.random.Generator) -> Array:
     """Velocities (T, r) of modes q̈ + 2ζω q̇ + ω² q = w under white loads `mixing` (r, s), sampled exactly."""
     r = len(modes)
     state, load = np.zeros((2 * r, 2 * r)), np.zeros((2 * r, mixing.shape[1]))

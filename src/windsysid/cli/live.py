@@ -144,7 +144,7 @@ def _show(url: str, *, browser: bool) -> None:
 def _needs_extra() -> None:
     from importlib.util import find_spec
 
-    for module in ("fastapi", "uvicorn", "httpx", "pyarrow"):
+    for module in ("fastapi", "uvicorn", "httpx", "mqtt5", "pyarrow"):
         if find_spec(module) is None:
             raise ConfigurationError(f"windsysid live needs {module}; install it with: pip install 'windsysid[live]'")
 

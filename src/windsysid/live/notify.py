@@ -17,7 +17,7 @@ from windsysid._version import __version__
 from windsysid.errors import WindsysidError
 from windsysid.live.configuration.settings import SEVERITIES, MqttNotice, NoticeSettings, WebhookNotice
 from windsysid.live.logs import event
-from windsysid.live.sources.mqtt5 import Connection, check_authority
+from windsysid.live.sources.connection import Connection, tls_of
 from windsysid.live.store.contents import Alarm, Event
 from windsysid.live.store.store import Store
 
@@ -245,11 +245,11 @@ class MqttRecipient:
     def __init__(self, settings: MqttNotice) -> None:
         self.severity, self._topic, self._broker = settings.severity, settings.topic, settings.broker
         self.key = f"mqtt {urlsplit(settings.broker.url).hostname} {settings.topic}"
-        check_authority(settings.broker)  # says at once what is wrong
+        tls_of(settings.broker)  # says at once what is wrong
 
     async def send(self, alarm: Alarm) -> None:
         """Publish an alarm as it is now; `UndeliveredError` where the broker does not confirm."""
-        topic = self._topic.replace("{turbine}", alarm.turbine).replace("{alarm}", quote(alarm.key, safe=" ")).encode()
+        topic = self._topic.replace("{turbine}", alarm.turbine).replace("{alarm}", quote(alarm.key, safe=" "))
         ended = alarm.ended is not None
         try:
             async with asyncio.timeout(MAX_ANSWER_SECONDS):

@@ -12,7 +12,7 @@ import pytest
 
 from windsysid.live.configuration.source_settings import Broker
 from windsysid.live.sources.broker import Marks, properties_of
-from windsysid.live.sources.mqtt5 import Connection, Message
+from windsysid.live.sources.connection import Connection, Message
 
 __all__ = ["Logger", "Mosquitto", "free_port", "wait_for"]
 
@@ -89,13 +89,13 @@ class Logger:
     @property
     def heard(self) -> list[tuple[str, bytes]]:
         """Topic and payload of each message."""
-        return [(message.topic.decode(), message.payload) for message in self.messages]
+        return [(message.topic, message.payload) for message in self.messages]
 
     def _do(self, what):
         return asyncio.run_coroutine_threadsafe(what, self._loop).result(30.0)
 
     async def _subscribe(self, *topics: str) -> None:
-        self._connection.subscribe([topic.encode() for topic in topics])
+        self._connection.subscribe(topics)
         self._hearing = asyncio.ensure_future(self._hear())
 
     async def _hear(self) -> None:
@@ -104,10 +104,10 @@ class Logger:
 
     def say(self, topic: str, payload: bytes, marks: Marks | None = None) -> None:
         """Publish, and wait until the broker has confirmed it."""
-        self._do(self._say(topic, payload, b"" if marks is None else properties_of(marks)))
+        self._do(self._say(topic, payload, [] if marks is None else properties_of(marks)))
 
-    async def _say(self, topic: str, payload: bytes, properties: bytes) -> None:
-        self._connection.publish(topic.encode(), payload, properties)
+    async def _say(self, topic: str, payload: bytes, properties: list[tuple[str, str]]) -> None:
+        self._connection.publish(topic, payload, properties)
         self._connection.send()
         while self._connection.unconfirmed:
             await asyncio.sleep(0.001)

@@ -232,7 +232,7 @@ def test_blocks_wait_at_the_broker_while_the_engine_is_busy(mosquitto: Mosquitto
         received(reader, data)
 
     monkeypatch.setattr(StreamReader, "feed_data", fed)
-    monkeypatch.setattr("windsysid.live.sources.mqtt5.MAX_READ_BYTES", 20_000)
+    monkeypatch.setattr("windsysid.live.sources.connection.MAX_READ_BYTES", 20_000)
     service = Service(MqttSource(mosquitto.broker, ["T01"]), Busy())
     wait_for(lambda: service.source.state.state == "running")
     logger = Logger(mosquitto.broker)

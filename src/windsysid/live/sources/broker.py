@@ -14,7 +14,6 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from windsysid.errors import ConfigurationError
-from windsysid.live.sources.mqtt5 import user_properties
 
 __all__ = ["MAX_PAYLOAD_BYTES", "TOPIC", "Marks", "Topics", "marks_of", "needed", "properties_of"]
 
@@ -75,10 +74,10 @@ def _whole(text: str | None) -> int | None:
     return number if abs(number) < 2**63 else None
 
 
-def properties_of(marks: Marks) -> bytes:
-    """The marks as properties of a message."""
+def properties_of(marks: Marks) -> list[tuple[str, str]]:
+    """The marks as user properties of a message."""
     told = {"sequence": str(marks.sequence), "stream": marks.stream}
-    return user_properties((told if marks.after is None else {**told, "after": str(marks.after)}).items())
+    return list((told if marks.after is None else {**told, "after": str(marks.after)}).items())
 
 
 def needed(module: str, what: str) -> Any:

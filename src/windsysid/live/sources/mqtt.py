@@ -18,7 +18,7 @@ from windsysid.live.blocks.block import Block
 from windsysid.live.blocks.codec import STREAM, BlockLimits, BlockRefused, decode, refusing
 from windsysid.live.configuration.source_settings import Broker
 from windsysid.live.sources.broker import MAX_PAYLOAD_BYTES, TOPIC, Marks, Topics, marks_of
-from windsysid.live.sources.mqtt5 import Connection, Message, ack_packet, check_authority
+from windsysid.live.sources.connection import Connection, Message, Session, tls_of
 from windsysid.live.sources.source import Push, SourceState, retries, stopped_within
 
 __all__ = ["MqttSource"]
@@ -65,7 +65,7 @@ class MqttSource:
         self, broker: Broker, turbines: Iterable[str], *, topic: str = TOPIC, client: str = "windsysid-live"
     ) -> None:
         self.broker, self.client, self.topics = broker, client, Topics(topic)
-        self.turbines = {self.topics.blocks(turbine).encode(): turbine for turbine in turbines}
+        self.turbines = {self.topics.blocks(turbine): turbine for turbine in turbines}
         self.state = SourceState()
         self._lock = threading.Lock()
         self._committed: dict[str, dict[str, int]] = {turbine: {} for turbine in self.turbines.values()}
@@ -83,9 +83,9 @@ class MqttSource:
         Raises
         ------
         ConfigurationError
-            If the broker's authority cannot be read.
+            If mqtt5 is not installed, or the broker's authority cannot be read.
         """
-        check_authority(self.broker)
+        tls_of(self.broker)  # says at once what is wrong
         async for succeeded in retries(stop):
             session = _Session(self, push)
             why = await session.hold(stop)
@@ -142,15 +142,14 @@ class _Session:
         self._source, self._push = source, push
         self.was_connected = self._over = False
         self._why = ""
-        self._settled: deque[tuple[int, bytes, bytes]] = deque()
+        self._settled: deque[tuple[int, str, bytes]] = deque()
 
     async def hold(self, stop: asyncio.Event) -> str:
         """Bring blocks until the connection is lost or `stop` is set; why it was lost."""
-        source, most = self._source, MAX_UNACKNOWLEDGED_MESSAGES
+        source = self._source
+        session = Session(source.client, SESSION_EXPIRY_SECONDS, MAX_UNACKNOWLEDGED_MESSAGES)
         try:
-            connection = await Connection.open(
-                source.broker, source.client, expiry=SESSION_EXPIRY_SECONDS, unacknowledged=most
-            )
+            connection = await Connection.open(source.broker, session)
         except OSError as error:
             return f"no connection ({error.strerror or error or 'no answer'})"
         connection.subscribe(list(source.turbines))
@@ -188,8 +187,8 @@ class _Session:
         self._over = True
 
     def _answer(self, connection: Connection, committed: dict[tuple[str, str], int]) -> None:
-        """Send acknowledgements, refusals, and then the numbers up to which blocks are committed or refused."""
-        acknowledged = []
+        """Send acknowledgements, refusals, and behind these the numbers up to which blocks are committed: with them a
+        publisher forgets a block."""
         for _ in range(len(self._settled)):
             mid, topic, refusal = self._settled.popleft()
             if refusal:
@@ -197,11 +196,11 @@ class _Session:
             elif topic:
                 connection.unsubscribe(topic)
             if mid:
-                acknowledged.append(ack_packet(mid))
+                connection.acknowledge(mid)
         for (turbine, stream), sequence in committed.items():
-            topic = self._source.topics.committed(turbine, stream).encode()
+            topic = self._source.topics.committed(turbine, stream)
             connection.publish(topic, b"%d" % sequence, qos=0, retain=True)
-        connection.send(*acknowledged)
+        connection.send()
 
     # in the thread
 
@@ -238,12 +237,12 @@ class _Session:
         else:
             self._source.count()
             self._source.took(block.turbine, block.stream, block.sequence, marks.after)
-            self._settled.append((message.mid, b"", b""))
+            self._settled.append((message.mid, "", b""))
 
     def _refuse(self, message: Message, turbine: str, marks: Marks, why: str) -> None:
         self._source.count(f"{turbine}: {why}")
         told = {"sequence": marks.sequence, "stream": marks.stream, "reason": why[:400]}
-        self._settled.append((message.mid, self._source.topics.refused(turbine).encode(), json.dumps(told).encode()))
+        self._settled.append((message.mid, self._source.topics.refused(turbine), json.dumps(told).encode()))
         if marks.sequence is not None and STREAM.fullmatch(marks.stream):
             self._source.took(turbine, marks.stream, marks.sequence, marks.after)
 

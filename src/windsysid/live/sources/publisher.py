@@ -22,7 +22,7 @@ from windsysid.live.blocks.block import Block
 from windsysid.live.blocks.codec import BlockRefused, check, encode_arrow
 from windsysid.live.configuration.source_settings import Broker
 from windsysid.live.sources.broker import MAX_PAYLOAD_BYTES, TOPIC, Marks, Topics, needed, properties_of
-from windsysid.live.sources.mqtt5 import Connection, Message, check_authority
+from windsysid.live.sources.connection import Connection, Message, tls_of
 from windsysid.live.sources.ring import Flow, PackedBlock, Ring
 from windsysid.live.sources.source import retries, stopped_within
 
@@ -96,7 +96,7 @@ class Publisher:
     Raises
     ------
     ConfigurationError
-        If pyarrow is not installed, or the topic or the broker's authority is wrong.
+        If pyarrow or mqtt5 is not installed, or the topic or the broker's authority is wrong.
     OutputError
         If the buffer cannot be written, or another publisher uses it.
     """
@@ -112,16 +112,17 @@ class Publisher:
     ) -> None:
         self.broker, self.topics, self.patience = broker, Topics(topic), patience
         needed("pyarrow", "Arrow blocks need pyarrow")
-        check_authority(broker)  # says at once what is wrong
+        needed("mqtt5", "MQTT needs mqtt5")
+        tls_of(broker)  # says at once what is wrong
         self.ring = Ring(buffer, most=most)
         self.dropped = self.refused = self.resent = 0
         self._changed = threading.Condition(threading.RLock())
         self._newest = self.ring.flows()
         self._flows: dict[Flow, _Sending] = {}
         self._under_way, self._looked = Counter[str](), 0.0
-        self._told: dict[bytes, Flow] = {}  # by the topic of its acknowledgements
+        self._told: dict[str, Flow] = {}  # by the topic of its acknowledgements
         self._due: dict[Flow, None] = {}  # in the order in which their turn comes
-        self._unheard: list[bytes] = []  # topics to subscribe to
+        self._unheard: list[str] = []  # topics to subscribe to
         self._connected = False
         self._why = ""
         self._loop, self._awake, self._closing = asyncio.new_event_loop(), asyncio.Event(), asyncio.Event()
@@ -213,11 +214,11 @@ class Publisher:
         """Register a flow, and subscribe to its acknowledgements."""
         if flow not in self._flows:
             self._flows[flow] = _Sending(self.patience, self._under_way)
-            self._told[self.topics.committed(*flow).encode()] = flow
+            self._told[self.topics.committed(*flow)] = flow
             self._unheard += self._topics_of(flow)
 
-    def _topics_of(self, flow: Flow) -> list[bytes]:
-        return [self.topics.committed(*flow).encode(), self.topics.refused(flow.turbine).encode()]
+    def _topics_of(self, flow: Flow) -> list[str]:
+        return [self.topics.committed(*flow), self.topics.refused(flow.turbine)]
 
     # the thread
 
@@ -297,7 +298,7 @@ class Publisher:
         for block in self.ring.after(flow, last, min(sending.width - len(sending.sent), self._room())):
             after = last if last is not None and self.ring.holds(flow, last) else None
             marks = Marks(block.sequence, flow.stream, after)
-            connection.publish(self.topics.blocks(flow.turbine).encode(), block.payload, properties_of(marks))
+            connection.publish(self.topics.blocks(flow.turbine), block.payload, properties_of(marks))
             if not sending.sent:
                 sending.until = time.monotonic() + sending.patience
             sending.add(block.sequence)
@@ -338,8 +339,7 @@ class Publisher:
             number, stream = int(told["sequence"]), str(told["stream"])
         except (ValueError, TypeError, KeyError, RecursionError):
             return
-        topic = message.topic.decode(errors="replace")
-        flows = [f for f in self._flows if f.stream == stream and self.topics.refused(f.turbine) == topic]
+        flows = [f for f in self._flows if f.stream == stream and self.topics.refused(f.turbine) == message.topic]
         for flow in flows:
             if not self.ring.holds(flow, number):  # another publisher's, or known
                 continue

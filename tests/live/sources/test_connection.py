@@ -1,4 +1,4 @@
-"""Packets of MQTT 5, and a connection to brokers that are slow, restart, or send what is no packet."""
+"""A connection to brokers that are slow, restart, or send malformed packets."""
 
 import asyncio
 import contextlib
@@ -6,21 +6,20 @@ import random
 from collections.abc import Awaitable, Callable
 
 import pytest
+from mqtt5 import ConnectPacket, PubAckPacket, PublishPacket, QoS, read
 
 from windsysid.live.configuration.source_settings import Broker
 from windsysid.live.configuration.toml_table import Secret
-from windsysid.live.sources.mqtt5 import (
-    MAX_PACKET_BYTES,
-    Connection,
-    Message,
-    ack_packet,
-    packets,
-    publish_packet,
-    user_properties,
-)
+from windsysid.live.sources.connection import MAX_PACKET_BYTES, Connection, Message, Session
 
 CONNACK = b"\x20\x03\x00\x00\x00"
-MARKS = user_properties([("sequence", "17"), ("ä", "")])
+MARKS = [("sequence", "17"), ("ä", "")]
+
+
+def published(topic: str, payload: bytes, mid: int | None = None, **told) -> bytes:
+    """A message as a broker sends it."""
+    qos = QoS.AT_MOST_ONCE if mid is None else QoS.AT_LEAST_ONCE
+    return PublishPacket(topic, payload, qos=qos, packet_id=mid, **told).write()
 
 
 async def answered(*answers: bytes, then: Callable[[Connection, asyncio.StreamReader], Awaitable[object]]) -> object:
@@ -36,7 +35,7 @@ async def answered(*answers: bytes, then: Callable[[Connection, asyncio.StreamRe
     async with await asyncio.start_server(serve, "127.0.0.1", 0) as server:
         port = server.sockets[0].getsockname()[1]
         broker = Broker(f"mqtt://127.0.0.1:{port}", "site", Secret("geheim"))
-        connection = await Connection.open(broker, "service", expiry=60, unacknowledged=9)
+        connection = await Connection.open(broker, Session("service", 60, 9))
         try:
             return await then(connection, await came)
         finally:
@@ -47,33 +46,45 @@ async def first(connection: Connection, _: asyncio.StreamReader) -> list[Message
     return await connection.messages()
 
 
-def test_packets_are_found_wherever_a_read_ends():
+def test_messages_are_found_wherever_a_read_ends():
     payloads = [b"", b"x" * 100, b"y" * 20_000]
-    data = b"".join(publish_packet(b"a/b", payload, MARKS, mid) for mid, payload in enumerate(payloads))
-    data += ack_packet(258)
-    for cut in (*range(300), len(data) - 4, len(data)):
-        found, size = packets(data[:cut])
-        again, rest = packets(data[size:])
-        assert [head >> 4 for head, _ in found + again] == [3, 3, 3, 4]
-        assert size + rest == len(data)
-    assert packets(ack_packet(258)) == ([(0x40, b"\x01\x02")], 4)
+    sent = [published("a/b", payload, mid, user_properties=MARKS) for mid, payload in enumerate(payloads, 1)]
+    data = b"".join([*sent, PubAckPacket(258).write()])
+
+    async def receive(connection: Connection, _: asyncio.StreamReader) -> list[Message]:
+        connection.unconfirmed, messages = 1, []
+        while connection.unconfirmed:
+            messages += await connection.messages()
+        return messages
+
+    for cut in (1, 2, 3, 10, 40, 150, 300, len(data) - 4, len(data) - 1):
+        found = asyncio.run(answered(CONNACK + data[:cut], data[cut:], then=receive))
+        assert found == [Message("a/b", mid, dict(MARKS), payload, False) for mid, payload in enumerate(payloads, 1)]
 
 
 def test_messages_come_with_topic_identifier_properties_and_payload():
-    other = b"\x01\x01" + b"\x02\x00\x00\x00\x01" + b"\x0b\x80\x01" + b"\x08\x00\x01r" + b"\x23\x00\x01"
-    sent = publish_packet(b"a", b"one") + publish_packet(b"b", b"two", other + MARKS, 65_535, retain=True)
+    other = {"payload_format_indicator": 1, "message_expiry_interval": 1, "subscription_ids": [128], "topic_alias": 1}
+    sent = published("a", b"one") + published("b", b"two", 65_535, retain=True, user_properties=MARKS, **other)
     found = asyncio.run(answered(CONNACK + sent, then=first))  # as a broker does that kept messages
-    told = {"sequence": "17", "ä": ""}
-    assert found == [Message(b"a", 0, {}, b"one", False), Message(b"b", 65_535, told, b"two", True)]
+    assert found == [Message("a", 0, {}, b"one", False), Message("b", 65_535, dict(MARKS), b"two", True)]
 
 
-def test_no_more_is_published_than_the_broker_takes_and_in_order():
+def test_a_text_that_other_libraries_refuse_is_read():
+    """Mosquitto hands on a mark with U+FEFF; a client that refuses it would get it again after each connection."""
+    sent = published("a", b"one", 1, user_properties=[("\ufeffafter", "1")])
+    found = asyncio.run(answered(CONNACK + sent, then=first))
+    assert found == [Message("a", 1, {"\ufeffafter": "1"}, b"one", False)]
+
+
+def test_no_more_is_published_than_the_broker_takes():
     async def publish(connection: Connection, reader: asyncio.StreamReader) -> bytes:
-        for k in range(8):
-            connection.publish(b"t", b"%d" % k, qos=k % 2)
+        for k in range(4):
+            connection.publish("t", b"%d" % k)
+        connection.publish("t", b"", qos=0)  # not before those that wait
         connection.send()
-        sent = await reader.readuntil(b"\x004")
-        assert sent.endswith(b"\x32\x07\x00\x01t\x00\x02\x003" + b"\x30\x05\x00\x01t\x004")  # 5 waits, and so does 6
+        assert (await reader.readuntil(b"\x001")).endswith(
+            b"\x00\x01t\x00\x01\x000" + b"\x32\x07\x00\x01t\x00\x02\x001"
+        )
         assert connection.unconfirmed == 2
         with pytest.raises(TimeoutError):
             await asyncio.wait_for(reader.read(1), 0.05)
@@ -82,19 +93,22 @@ def test_no_more_is_published_than_the_broker_takes_and_in_order():
     asyncio.run(answered(b"\x20\x06\x00\x00\x03\x21\x00\x02", then=publish))
 
 
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # mqtt5 about texts that are not UTF-8
 @pytest.mark.parametrize(
     ("answer", "why"),
     [
         (b"\x20\x03\x00\x86\x00", "bad user name or password"),
-        (b"\x20\x02\x00\x01", "code 0x01"),
+        (b"\x20\x02\x00\x01", "malformed"),
         (b"\x20\x00", "malformed"),
-        (b"HTTP/1.1 400 Bad Request\r\n" + bytes(100), "refuses"),
+        (published("a", b""), "no answer of MQTT 5"),
+        (b"HTTP/1.1 400 Bad Request\r\n" + bytes(100), "malformed"),
         (CONNACK + b"\xe0\x01\x8e", "taken over"),
-        (CONNACK + b"\x30\xff\xff\xff\xff\x01", "more than four bytes"),
-        (CONNACK + b"\x30\xff\xff\xff\x7f", f"{2**28 - 1} bytes"),
-        (CONNACK + b"\x32\x04\x00\x09ab", "truncated text"),
+        (CONNACK + b"\x30\xff\xff\xff\xff\x01", "variable byte integer"),
+        (CONNACK + b"\x30\xff\xff\xff\x7f" + bytes(MAX_PACKET_BYTES), f"longer than {MAX_PACKET_BYTES} bytes"),
+        (CONNACK + b"\x32\x04\x00\x09ab", "remaining length"),
         (CONNACK + b"\x32\x07\x00\x01a\x00\x01\x09\x26", "malformed"),
-        (CONNACK + b"\x30\x05\x00\x01a\x01\x01", "malformed|truncated"),
+        (CONNACK + b"\x30\x05\x00\x01a\x01\x01", "malformed"),
+        (CONNACK + b"\x30\x04\x00\x01\xff\x00", "not UTF-8"),
     ],
 )
 def test_a_refusal_and_a_malformed_packet_end_the_connection(answer: bytes, why: str):
@@ -102,6 +116,7 @@ def test_a_refusal_and_a_malformed_packet_end_the_connection(answer: bytes, why:
         asyncio.run(answered(answer, then=first))
 
 
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_arbitrary_bytes_never_raise_anything_but_an_error_of_the_connection():
     rng = random.Random(3)
 
@@ -111,7 +126,7 @@ def test_arbitrary_bytes_never_raise_anything_but_an_error_of_the_connection():
                 await connection.messages()
 
     for _ in range(60):
-        sent = bytearray(b"".join(publish_packet(b"a", bytes(30), MARKS, mid) for mid in range(3)))
+        sent = bytearray(b"".join(published("a", bytes(30), mid, user_properties=MARKS) for mid in range(1, 4)))
         for _ in range(rng.randrange(1, 6)):
             sent[rng.randrange(len(sent))] = rng.randrange(256)
         with contextlib.suppress(OSError):
@@ -136,5 +151,13 @@ def test_a_packet_of_a_session_says_who_connects_and_what_it_takes():
 
     sent = asyncio.run(answered(CONNACK, then=look))
     assert isinstance(sent, bytes)
-    head = b"\x00\x04MQTT\x05\xc0\x00\x14\x0d\x11\x00\x00\x00\x3c\x21\x00\x09\x27" + MAX_PACKET_BYTES.to_bytes(4, "big")
-    assert sent == bytes([0x10, len(sent) - 2]) + head + b"\x00\x07service\x00\x04site\x00\x06geheim"
+    expected = ConnectPacket(
+        "service",
+        username="site",
+        password=b"geheim",
+        keep_alive=20,
+        session_expiry_interval=60,
+        receive_max=9,
+        max_packet_size=MAX_PACKET_BYTES,
+    )
+    assert read(memoryview(sent)) == (expected, len(sent))
