@@ -33,7 +33,7 @@ from windsysid.checks.limits import (
     NARROW_RESONANCE_MARGIN_BINS,
 )
 
-__all__ = ["Line", "find_line", "line_bound", "stand_out", "stand_out_of_a_bend"]
+__all__ = ["Line", "find_line", "line_bound", "may_be_no_line", "stand_out", "stand_out_of_a_bend"]
 
 LINE_HALF_WIDTH_BINS = 2
 """Setting: frequency bins to either side of a line that its own power reaches with Hann's window."""
@@ -129,10 +129,7 @@ def find_line(
     step = rate / len(values)
     frequency = np.arange(len(values) // 2 + 1, dtype=np.float64) * step
     near = _near_modes(frequency, [natural for natural, _ in modes], reach)
-    near &= ~_near_harmonics(frequency, rotor_hz, step)
-    narrow = [natural for natural, damping in modes if damping * natural < MIN_RESONANCE_WIDTH_BINS * step]
-    for seen in (abs(natural + turn) for natural in narrow for turn in (-rotor_hz, 0.0, rotor_hz)):
-        near &= np.abs(frequency - seen) > NARROW_RESONANCE_MARGIN_BINS * step  # by what turns, and by what does not
+    near &= ~may_be_no_line(frequency, modes, rotor_hz, step)
     for low, high in known:
         near &= (frequency < low) | (frequency > high)
     near[: SURROUNDING_BINS + 1] = near[-SURROUNDING_BINS - 1 :] = False
@@ -154,13 +151,19 @@ def _near_modes(frequency: Array, naturals: Sequence[float], reach: float) -> ND
     return near
 
 
-def _near_harmonics(frequency: Array, rotor_hz: float, step: float) -> NDArray[np.bool_]:
-    """Mask of the frequencies (F,), one step apart, that may be rotor harmonics; empty for a rotor at rest."""
-    if not rotor_hz:
-        return np.zeros(len(frequency), dtype=np.bool_)
-    order = np.maximum(np.round(frequency / rotor_hz), 1.0)
-    width = np.maximum(HARMONIC_HALF_WIDTH_SHARE * frequency, HARMONIC_HALF_WIDTH_BINS * step)
-    return np.asarray(np.abs(frequency - order * rotor_hz) <= width)
+def may_be_no_line(
+    frequency: Array, modes: Sequence[tuple[float, float]], rotor_hz: float, step: float
+) -> NDArray[np.bool_]:
+    """Mask of the frequencies (F,) of a periodogram with this step that may be rotor harmonics, or the peak of one of
+    `modes` (`find_line`) that is as narrow as a line, as sensors on the rotor and on the support show it."""
+    narrow = [natural for natural, damping in modes if damping * natural < MIN_RESONANCE_WIDTH_BINS * step]
+    seen = np.abs([natural + turn for natural in narrow for turn in (-rotor_hz, 0.0, rotor_hz)])
+    found = (np.abs(frequency - seen[:, None]) <= NARROW_RESONANCE_MARGIN_BINS * step).any(axis=0)
+    if rotor_hz:
+        order = np.maximum(np.round(frequency / rotor_hz), 1.0)
+        width = np.maximum(HARMONIC_HALF_WIDTH_SHARE * frequency, HARMONIC_HALF_WIDTH_BINS * step)
+        found |= np.abs(frequency - order * rotor_hz) <= width
+    return np.asarray(found)
 
 
 def _ratios(values: Array, at: NDArray[np.int64]) -> Array:

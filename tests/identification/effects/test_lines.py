@@ -2,14 +2,19 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
-from tests.identification.fits import CHANNELS, RATE, fitted, job_of, noise, record_of
+from tests.identification.fits import CHANNELS, RATE, TOWER, fitted, job_of, noise, record_of
+from windsysid.checks.lines import may_be_no_line
 from windsysid.identification.effects import lines
 from windsysid.identification.effects.lines import RotorHarmonic, Sinusoid
 from windsysid.identification.effects.sinusoid import Sine
 from windsysid.identification.effects.sinusoidal_force import Sinusoids
+from windsysid.records.record import Record
 
 HZ = 0.36
+TOWER_HZ = TOWER.natural_frequency("side_side") / (2.0 * np.pi)
+TOWER_DAMPING = TOWER.damping("side_side") / TOWER.critical_damping("side_side")
 
 
 @pytest.fixture
@@ -47,6 +52,20 @@ def test_noise_has_no_sinusoid_and_one_that_is_included_is_not_found_again():
     assert Sinusoid().detect(job, fitted(record)._replace(unmodelled=())).inclusion is None
 
 
+@pytest.mark.usefixtures("no_refits")
+def test_a_resonance_that_is_narrower_than_the_record_resolves_is_no_sinusoid():
+    """Damping was 4.3 σ off with grade A: in 30 s the support's own resonance was taken for a machine's sinusoid."""
+    pole = np.exp((-TOWER_DAMPING + 1j) * 2.0 * np.pi * TOWER_HZ / RATE)
+
+    def resonance(seed: int) -> Record:
+        shocks = noise(seed)
+        shocks[:, 0] = lfilter([1.0, -2.0, 1.0], [1.0, -2.0 * pole.real, abs(pole) ** 2], shocks[:, 0])
+        return record_of(shocks)
+
+    found = [Sinusoid().detect(job_of(one), fitted(one)).inclusion for one in map(resonance, range(25, 33))]
+    assert found == [None] * 8
+
+
 def test_rotor_harmonics_are_not_tested_on_spectra():
     record = with_tone(0.0)
     job, fit = job_of(record, formulation="spectral"), fitted(record)
@@ -56,5 +75,5 @@ def test_rotor_harmonics_are_not_tested_on_spectra():
 
 @pytest.mark.parametrize(("hz", "turns"), [(0.6, True), (0.61, True), (0.63, False), (0.1, False)])
 def test_frequencies_within_two_percent_of_a_harmonic_turn_with_the_rotor(hz: float, turns: bool):
-    assert lines._turns_with(hz, 0.2) is turns
-    assert not lines._turns_with(hz, 0.0)
+    assert may_be_no_line(np.array([hz]), [], 0.2, 1e-3) == [turns]
+    assert not may_be_no_line(np.array([hz]), [], 0.0, 1e-3)

@@ -7,14 +7,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from windsysid.checks.limits import HARMONIC_HALF_WIDTH_SHARE, LINE_SEARCH_FACTOR
-from windsysid.checks.lines import Line
+from windsysid.checks.limits import LINE_SEARCH_FACTOR
+from windsysid.checks.lines import Line, may_be_no_line
 from windsysid.checks.verdict import found_line
 from windsysid.filters import EKF
 from windsysid.identification.effects.sinusoid import Sine, find_sine, find_turning, one_turn, turned
 from windsysid.identification.effects.sinusoidal_force import Sinusoids, forces_of
 from windsysid.identification.estimate.fitted.influence import doubt_line, doubt_sine, doubt_standing_out
-from windsysid.identification.estimate.fitted.modal_residuals import line_of
+from windsysid.identification.estimate.fitted.modal_residuals import line_of, no_narrower
 from windsysid.identification.estimate.fitted.modes import modes_of
 from windsysid.identification.estimate.time_domain import where_it_ended
 from windsysid.identification.job import FittedJob, Job
@@ -128,20 +128,22 @@ class _Lines(NamedTuple):
 
 
 def _steady_in_readings(fit: FittedJob) -> list[tuple[str, float]]:
-    """Frequencies near the modes of the support at which its readings are steady by Thomson's F, but for those that
-    turn with the rotor: a line that a mode has taken in does not stand out."""
+    """Frequencies near the modes of the support at which its readings are steady by Thomson's F, but for rotor
+    harmonics and narrow resonances, which are as steady: a line that a mode has taken in does not stand out."""
     at, record = modes_of(fit.outcome), fit.read
     between = _near_supports(at.turbine)
     if between is None or not record.is_uniform:
         return []
-    rotor_hz, found = abs(at.speed) / (2.0 * math.pi), list[tuple[str, float]]()
+    found = list[tuple[str, float]]()
     for channel in (sensor.channel for sensor in fit.sensors if not sensor.blade):
         values = record[channel]
         if np.isfinite(values).all():
             low, high = between[0], min(between[1], 0.4 * record.rate)
             lines = find_lines(values[:, None] - values.mean(), record.rate, low, high)
-            found += [(channel, f) for f in lines if not _turns_with(f, rotor_hz)]
-    return found
+            found += [(channel, f) for f in lines]
+    modes, rotor_hz = no_narrower(fit.outcome.turbine, at.modes), abs(at.speed) / (2.0 * math.pi)
+    other = may_be_no_line(np.array([f for _, f in found]), modes, rotor_hz, 1.0 / record.duration)
+    return [one for one, is_other in zip(found, other, strict=True) if not is_other]
 
 
 def _near_supports(turbine: Turbine) -> tuple[float, float] | None:
@@ -150,12 +152,6 @@ def _near_supports(turbine: Turbine) -> tuple[float, float] | None:
     hz = [turbine.natural_frequency(name) / (2.0 * math.pi) for name in names]
     hz = [one for one in hz if one > 0.0]
     return (min(hz) / LINE_SEARCH_FACTOR, max(hz) * LINE_SEARCH_FACTOR) if hz else None
-
-
-def _turns_with(frequency: float, rotor_hz: float) -> bool:
-    """Test whether a frequency is a harmonic of the rotor."""
-    order = round(frequency / rotor_hz) if rotor_hz > 0.0 else 0
-    return order > 0 and abs(frequency - order * rotor_hz) < HARMONIC_HALF_WIDTH_SHARE * frequency
 
 
 def _sines(known: Sinusoids | None) -> tuple[Sine, ...]:

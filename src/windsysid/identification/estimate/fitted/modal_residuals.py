@@ -22,7 +22,9 @@ from windsysid.results.mode import Mode
 from windsysid.signals.rotor import rotor_inputs
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["channel_of", "channels_of", "doubts_beside_modes", "line_of", "mode_of", "ranges_of_narrow_band"]
+__all__ = [
+    "channel_of", "channels_of", "doubts_beside_modes", "line_of", "mode_of", "no_narrower", "ranges_of_narrow_band",
+]  # fmt: skip
 
 
 def doubts_beside_modes(
@@ -41,7 +43,7 @@ def line_of(outcome: Outcome, record: Record) -> Line | None:
     at = modes_of(outcome)
     if not (at.modes and record.is_uniform):
         return None
-    known = _no_narrower(outcome.turbine, at.modes)
+    known = no_narrower(outcome.turbine, at.modes)
     readings = np.column_stack([record[channel] for channel in outcome.channels])
     rotor_hz = abs(at.speed) / (2.0 * math.pi)
     return find_line(
@@ -63,7 +65,7 @@ def ranges_of_narrow_band(outcome: Outcome, record: Record, rotor_hz: float) -> 
     return [(abs(seen) - away, abs(seen) + away) for seen in (own - rotor_hz, own, own + rotor_hz)]
 
 
-def _no_narrower(file: Turbine, modes: Sequence[Mode]) -> list[tuple[float, float]]:
+def no_narrower(file: Turbine, modes: Sequence[Mode]) -> list[tuple[float, float]]:
     """Frequency [Hz] and damping ratio of modes, none narrower than the file's."""
     return [(m.frequency.estimate, max(m.damping_ratio.estimate, _usual_damping(file, m))) for m in modes]
 
@@ -112,7 +114,7 @@ def _passed(outcome: Outcome, record: Record, modes: Sequence[Mode]) -> tuple[Fi
         return ()
     readings = np.column_stack([record[channel] for channel in outcome.channels])
     readings = np.nan_to_num(readings - np.nanmean(readings, axis=0))
-    known = [("", *mode) for mode in _no_narrower(outcome.turbine, modes)]
+    known = [("", *mode) for mode in no_narrower(outcome.turbine, modes)]
     found = find_passing(known, model.blades, readings=(readings, psi, record.rate))
     return () if found is None else (found.finding(model.blades),)
 
