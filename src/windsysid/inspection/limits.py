@@ -124,8 +124,8 @@ MIN_MODE_CYCLES = 40.0
 """Size: cycles of a mode in a record, or in a section of one, which `oma` needs for its damping."""
 
 MIN_DEGREES_OF_FREEDOM = 3.0
-"""Size: equivalent degrees of freedom of the power of a section, and within the narrowest resonance where nothing
-turns, which `identify` needs: intervals of a tower are up to 18 times too narrow at one."""
+"""Size: equivalent degrees of freedom of the power of a section, and within the narrowest resonance of a record in
+segments where nothing turns: with independent bins, intervals of a tower are up to 18 times too narrow at one."""
 
 FALSE_ALARM_PROBABILITY = 0.01
 """Probability: significance level of a change of vibration, all comparisons together. Simulated records of one to four

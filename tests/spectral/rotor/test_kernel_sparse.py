@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from windsysid.spectral.rotor.kernel_sparse import add_up, element_at, smooth
+from windsysid.spectral.rotor.kernel_sparse import add_up, element_at
 
 
 def test_an_element_is_a_polynomial_in_the_frequency():
@@ -12,15 +12,6 @@ def test_an_element_is_a_polynomial_in_the_frequency():
     a, v, q = X[:, 4, 1, 0]
     found = getattr(element_at, "py_func", element_at)(X, 4, 1, 0, 1.3)
     assert found == pytest.approx(-(1.3**2) * a + 1.3j * v + q)
-
-
-def test_smoothing_is_a_weighted_sum():
-    rng = np.random.default_rng(2)
-    weights, fine = rng.random((6, 4)), rng.normal(size=(2, 6, 3, 3)) + 1j * rng.normal(size=(2, 6, 3, 3))
-    out = np.zeros((2, 4, 3, 3), dtype=complex)
-    smooth()(weights, *(each.view(float).reshape(*each.shape[:2], 18) for each in (fine, out)))
-    expected = np.einsum("fb,nfij->nbij", weights, fine)
-    np.testing.assert_allclose(np.tril(out), np.tril(expected), atol=1e-12)
 
 
 def test_a_spectrum_that_is_not_positive_has_no_likelihood():

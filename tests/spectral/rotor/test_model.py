@@ -3,17 +3,41 @@
 import numpy as np
 import pytest
 
-from windsysid.spectral.rotor.model import GRID_FACTOR, finer_bins, taper_window
+from windsysid.spectral.rotor.model import GRID_FACTOR, finer_bins, taper_weights
 from windsysid.spectral.rotor.problem import Posed
+from windsysid.spectral.transforms.dft import taper
 
 
 def test_the_window_of_the_taper_adds_up_to_one_about_its_bin():
     bins = np.array([40, 41, 50])
-    fine, weights = finer_bins(40, 50), taper_window(400, bins)
+    fine, weights = finer_bins(40, 50), taper_weights(400, bins) ** 2
     assert weights.shape == (len(fine), 3)
     np.testing.assert_allclose(weights.sum(axis=0), 1.0)
     np.testing.assert_allclose(fine @ weights, bins)
     assert np.diff(fine) == pytest.approx(1.0 / GRID_FACTOR)
+
+
+@pytest.mark.parametrize("damping", [0.002, 0.006])
+def test_bins_that_a_narrow_resonance_makes_alike_have_the_covariance_of_the_transform(damping: float):
+    """A process with the autocovariance e^{−a|τ| + iωτ}, by the sum over all pairs of samples; a mode at 0.165 Hz."""
+    T, bins, middle = 270, np.arange(35, 56), 44.6
+    h, t, a = taper(T), np.arange(T), 2.0 * np.pi * 0.165 * damping
+    apart = np.subtract.outer(t, t)
+    process = np.exp(-a * np.abs(apart) + 2j * np.pi * middle / T * apart)
+    F = h * np.exp(-2j * np.pi * np.outer(bins, t) / T)
+    expected = F @ process @ F.conj().T / (h @ h)
+    fine, weights = finer_bins(35, 55, 8), taper_weights(T, bins, 8)
+    S = 2.0 * a / (a**2 + np.square(2.0 * np.pi * (fine - middle) / T))
+    found = weights.T @ (S[:, None] * weights)
+    np.testing.assert_allclose(found, expected, atol=0.06 * np.abs(expected).max())
+
+
+def test_bins_far_from_a_resonance_say_as_much_together_as_alone(posed: Posed):
+    assert posed.model.joint is not None
+    model = posed.model._replace(joint=None)
+    damped = posed.start + np.array([0.0, 30.0, 0.0, 30.0, *np.zeros(len(posed.start) - 4)]) * model.prior[1]
+    together, alone = (np.diag(one.likelihood(damped).information)[4:8] for one in (posed.model, model))
+    np.testing.assert_allclose(together, alone, rtol=0.15)
 
 
 def test_a_likelihood_of_every_other_bin_counts_as_much_as_all(posed: Posed):

@@ -32,3 +32,10 @@ def test_blocks_average_their_frequencies_and_not_their_data():
     assert first.vectors.shape == (len(first.base), 3)
     np.testing.assert_allclose(first.energies, np.mean(np.abs(first.vectors) ** 2))
     assert first.independent.tolist() == [len(first.base)]
+
+
+def test_harmonics_of_a_rotor_that_idles_are_not_removed():
+    """They are closer together than a few bins, so that most of a vibration would go with them."""
+    readings = np.random.default_rng(6).normal(size=(1500, 1))
+    idling, parked = (lift(readings, turned * TIME, RATE, 0) for turned in (2.0 * np.pi * 0.1, 1e-9))
+    np.testing.assert_allclose(idling.data, parked.data)

@@ -69,9 +69,10 @@ def doubts_of_spectra(
 
 
 def _unproven_length(question: RotorQuestion, posed: Posed, loads: str) -> list[Finding]:
-    """Test whether the narrowest resonance has fewer degrees of freedom, or under wind more, than validated."""
+    """Test whether the narrowest resonance has too few degrees of freedom if bins are independent, or under wind too
+    many."""
     doubts, least = list[Finding](), MIN_DEGREES_OF_FREEDOM if posed.smoothed is None else MIN_RESONANCE_DOF
-    if posed.resonance < least:
+    if posed.resonance < least and posed.model.joint is None:
         doubts.append(Finding("narrow_resonance", "reason", {"count": posed.resonance, "least": least}))
     if loads == "rotor-wind" and posed.resonance > MAX_RESONANCE_DOF:
         proven = len(question.readings) / question.rate * MAX_RESONANCE_DOF / posed.resonance

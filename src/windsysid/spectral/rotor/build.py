@@ -16,7 +16,7 @@ from windsysid.spectral.rotor.harmonic_transfer import MAX_HARMONIC, matrix_harm
 from windsysid.spectral.rotor.likelihood import SpectrumGrid
 from windsysid.spectral.rotor.limits import MAX_HARMONICS, MIN_BINS, MIN_TURNS
 from windsysid.spectral.rotor.load_spectra import BroadbandLoads, Sources, WindLoads, WindRotor
-from windsysid.spectral.rotor.model import LiftedModel, finer_bins, taper_window
+from windsysid.spectral.rotor.model import LiftedModel, finer_bins, taper_weights
 from windsysid.spectral.rotor.problem import Posed, RotorQuestion, damped_start
 from windsysid.spectral.transforms.block_sums import factored
 from windsysid.spectral.transforms.lifted import Complex, Lifted
@@ -108,7 +108,7 @@ def _pose_turning(question: RotorQuestion, loads: str) -> Posed:
         data = factored(np.array([power[pool].sum(axis=0) for pool in pools]))
     number = np.round(lifted.base * lifted.duration).astype(np.intp)
     fine = finer_bins(int(number[0]), int(number[-1])) / lifted.duration
-    window = taper_window(len(lifted.taper), number)
+    window = taper_weights(len(lifted.taper), number) ** 2
     window = np.column_stack([window[:, pool].mean(axis=1) for pool in pools])
 
     def model_at(where: Array, weights: Array | None) -> LiftedModel:

@@ -13,10 +13,10 @@ from windsysid.spectral.rotor.harmonic_transfer import coupled, matrix_harmonics
 from windsysid.spectral.rotor.likelihood import SpectrumGrid
 from windsysid.spectral.rotor.limits import MIN_BAND_BINS
 from windsysid.spectral.rotor.load_spectra import BandLoads
-from windsysid.spectral.rotor.model import LiftedModel, finer_bins, taper_window
+from windsysid.spectral.rotor.model import GRID_FACTOR, LiftedModel, finer_bins, taper_weights
 from windsysid.spectral.rotor.problem import Posed, RotorQuestion, damped_start
 from windsysid.spectral.transforms.block_sums import factored
-from windsysid.spectral.transforms.lifted import Lifted
+from windsysid.spectral.transforms.lifted import FIRST_BIN, MIN_LINE_TURNS, Lifted
 from windsysid.statespace.gauss_markov import GaussMarkov
 
 __all__ = ["pose_standing"]
@@ -29,6 +29,10 @@ SEARCH_SIGMAS = 3.0
 
 MIN_EXACT_BINS = 4.0
 """Setting: bins in half the half-power width of a mode below which spectra are smoothed by the taper's window."""
+
+MAX_JOINT_WIDTH, JOINT_GRID_FACTOR = 1.0, 8
+"""Setting: bins in half the half-power width of a mode below which neighbouring bins have a joint covariance, and
+frequencies per bin over which it is summed: enough for a mode that is damped a third as much."""
 
 LINE_BINS, LINE_SHARE = 2.5, 0.006
 """Setting: half-width of a rotor harmonic in bins, and as a share of its frequency, since no speed is constant."""
@@ -54,7 +58,7 @@ def pose_standing(
     used = _in_bands(lifted.base, bands) & ~lines
     _check_length(int(used.sum()), 1 if given_bands else MIN_BAND_BINS * len(bands), lifted.duration)
     width = question.narrowest * lifted.duration
-    base, window, alike = _grid(lifted, used, width)
+    base, joint, window, alike = _grid(lifted, used, width, alone=sums is None)
     data = single = _grouped(lifted.data[used, 0], alike).swapaxes(1, 2)
     if sums is not None:
         data = factored(_grouped(sums.power[used], alike).sum(axis=1))
@@ -71,6 +75,7 @@ def pose_standing(
         np.eye(m, dtype=np.complex128), question.compiled, question.turbine.model.freedoms, question.centres,
         question.inputs[0], question.parameters, False, sources, noise, levels, np.full(len(data), blocks * alike),
         blocks, None if sums is None else np.ascontiguousarray(single), 1.0 if sums is None else sums.gusts,
+        joint=joint,
     )  # fmt: skip
     return Posed(
         model,
@@ -97,14 +102,18 @@ def _in_bands(frequency: Array, bands: Sequence[tuple[float, float]]) -> NDArray
     return np.asarray(((frequency[:, None] >= low) & (frequency[:, None] <= high)).any(axis=1))
 
 
-def _grid(lifted: Lifted, used: NDArray[np.bool_], width: float) -> tuple[Array, Array | None, int]:
-    """Frequencies at which spectra are taken [Hz], the weights of the taper's window where they are smoothed by it, and
-    how many neighbouring bins share a spectrum; `width` is half the half-power width of the narrowest mode in bins."""
-    number = np.round(lifted.base * lifted.duration).astype(np.intp)[used]
+def _grid(
+    lifted: Lifted, used: NDArray[np.bool_], width: float, *, alone: bool
+) -> tuple[Array, Array | None, Array | None, int]:
+    """Frequencies at which spectra are taken [Hz], weights of joint bins, if a block is alone, and of the taper's
+    window, and how many bins share a spectrum; `width` is half the half-power width of the narrowest mode in bins."""
+    number, joint = np.flatnonzero(used) + FIRST_BIN, alone and width < MAX_JOINT_WIDTH
     if width < MIN_EXACT_BINS:
-        return finer_bins(int(number[0]), int(number[-1])) / lifted.duration, taper_window(len(lifted.taper), number), 1
+        factor = JOINT_GRID_FACTOR if joint else GRID_FACTOR
+        weights, fine = taper_weights(len(lifted.taper), number, factor), finer_bins(number[0], number[-1], factor)
+        return fine / lifted.duration, weights if joint else None, weights**2, 1
     alike = int(width / BINS_PER_GROUP)
-    return _grouped(number, alike).mean(axis=1) / lifted.duration, None, alike
+    return _grouped(number, alike).mean(axis=1) / lifted.duration, None, None, alike
 
 
 def _grouped(bins: NDArray[Any], alike: int) -> NDArray[Any]:
@@ -171,7 +180,7 @@ def _bands(peaks: Sequence[float], lifted: Lifted) -> tuple[tuple[float, float],
 
 def _on_lines(lifted: Lifted, speed: Array) -> NDArray[np.bool_]:
     """Mask of base frequencies close to a harmonic of the rotor, which is as wide as the speed varies."""
-    if lifted.rotor_hz * lifted.duration < 1.0:
+    if lifted.rotor_hz * lifted.duration < MIN_LINE_TURNS:
         return np.zeros(len(lifted.base), dtype=np.bool_)
     order = np.round(lifted.base / lifted.rotor_hz)
     share = LINE_SHARE + 2.0 * float(speed.std() / abs(speed.mean()))

@@ -15,7 +15,7 @@ from numba import types
 from windsysid.kernels.jit import called, compiled, inlined
 from windsysid.spectral.rotor.harmonic_transfer import MAX_HARMONIC
 
-__all__ = ["MAX_LOOP_ENTRIES", "add_up", "element_at", "smooth", "spectra"]
+__all__ = ["MAX_LOOP_ENTRIES", "add_up", "element_at", "spectra"]
 
 MAX_LOOP_ENTRIES = 12
 """Numerical: entries of a spectrum up to which these loops are faster than products of matrices."""
@@ -30,13 +30,6 @@ def spectra() -> Any:
         c4, c4, c5, c5, f2, types.int64[::1], types.boolean[:, ::1], c2, f2, f2, f3, f3, f2, f3, c3, c4
     )
     return compiled(_spectra, signature)
-
-
-@lru_cache(maxsize=1)
-def smooth() -> Any:
-    """The kernel that adds numbers (n, F, r), weighted (F, B), up in (n, B, r)."""
-    f3 = types.float64[:, :, ::1]
-    return compiled(_smooth, types.void(types.float64[:, ::1], f3, f3))
 
 
 @lru_cache(maxsize=1)
@@ -242,20 +235,6 @@ def _spectra(
             for x in range(e):
                 if not left_out[b, x]:
                     A[moved + loads + a, b, x, x] = d_noise[a, b, x]
-
-
-def _smooth(weights: Any, fine: Any, out: Any) -> None:
-    for b in range(weights.shape[1]):
-        first, last = 0, weights.shape[0]
-        while first < last and weights[first, b] == 0.0:
-            first += 1
-        while last > first and weights[last - 1, b] == 0.0:
-            last -= 1
-        for a in range(fine.shape[0]):
-            for f in range(first, last):
-                weight = weights[f, b]
-                for r in range(fine.shape[2]):
-                    out[a, b, r] += weight * fine[a, f, r]
 
 
 def _add_up(S: Any, A: Any, data: Any, counts: Any, gradient: Any, information: Any) -> float:

@@ -12,8 +12,8 @@ be multiplied out; a load gives dS = T U dS_s Uᴴ Tᴴ. A reading that comes κ
 dS = −iω (S − N) + h.c. in its rows.
 
 What a finite record shows is S smoothed by the window |H|² of its taper (Sykulski et al., Biometrika 106, 2019,
-https://doi.org/10.1093/biomet/asy071). Where a resonance is as narrow as a few bins, S and its derivatives are taken on
-a grid twice as fine and smoothed before they meet the data.
+https://doi.org/10.1093/biomet/asy071). Where a resonance is as narrow as a few bins, S and its derivatives are smoothed
+on a finer grid; where it is narrower than a bin, all bins b, c have the joint covariance Σ_f S(f) H(b − f) H(c − f)*.
 """
 
 from itertools import chain

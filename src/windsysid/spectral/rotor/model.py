@@ -2,8 +2,7 @@
 noise."""
 
 import math
-from collections.abc import Iterator
-from functools import lru_cache
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -21,7 +20,7 @@ from windsysid.spectral.rotor.harmonic_transfer import (
     matrix_harmonics,
     without_rounding,
 )
-from windsysid.spectral.rotor.kernel_sparse import MAX_LOOP_ENTRIES, smooth
+from windsysid.spectral.rotor.kernel_sparse import MAX_LOOP_ENTRIES
 from windsysid.spectral.rotor.likelihood import (
     Ingredients,
     Likelihood,
@@ -39,7 +38,7 @@ from windsysid.spectral.transforms.lifted import Complex
 from windsysid.statespace.parameter import Parameter
 from windsysid.statespace.unknowns import BlockName, Unknowns
 
-__all__ = ["GRID_FACTOR", "Inexact", "LiftedModel", "finer_bins", "taper_window"]
+__all__ = ["GRID_FACTOR", "Inexact", "LiftedModel", "finer_bins", "taper_weights"]
 
 MECHANICAL: tuple[BlockName, ...] = ("parameters", "lag", "tolerances")
 """Unknowns of the matrices."""
@@ -59,6 +58,9 @@ it."""
 
 WINDOW_BINS = 8
 """Numerical: bins on either side over which the taper's window is summed; 2 % of a Tukey window's power lies beyond."""
+
+MAX_JOINT_BINS = 40
+"""Numerical: neighbouring bins of one joint covariance; its cost grows with their square."""
 
 NEIGHBOUR_SHARE = 0.25
 """Setting: share of the bins over which neighbours are compared."""
@@ -110,6 +112,8 @@ class LiftedModel(NamedTuple):
     window
         Weights (F, B): the smoothed spectra at the bins are sums of the F on the finer grid; None where nothing is
         smoothed.
+    joint
+        Weights (F, B) with which bins are correlated, whose squares are the window; None for independent bins.
     smear
         What the taper's window adds to the spectra, where it is taken as known (B, e, e); None where it is not, or
         where `window` smooths.
@@ -164,6 +168,7 @@ class LiftedModel(NamedTuple):
     recent: Complex | None = None
     gusts: float = 1.0
     inexact: Inexact = EXACT
+    joint: Array | None = None
 
     @property
     def unknowns(self) -> Unknowns:
@@ -214,30 +219,43 @@ class LiftedModel(NamedTuple):
         LinAlgError
             Where a spectrum is not positive definite.
         """
-        counts = self.counts
+        if self.joint is not None:
+            return self._ordered(self._joint_parts(self.joint, unknowns, matrices, slopes=slopes), 1.0, slopes=slopes)
         if self.window is not None:
-            whole = whittle(self.data, counts, self.spectrum(unknowns, slopes=slopes, matrices=matrices))
+            whole = whittle(self.data, self.counts, self.spectrum(unknowns, slopes=slopes, matrices=matrices))
             return _scaled(whole, 1.0 / self.overlap)
-        bins = np.arange(every // 2, len(self.place.base), every)
+        share = float(self.counts.sum() / self.counts[every // 2 :: every].sum()) / self.overlap
+        return self._ordered(self._parts(unknowns, every, matrices, slopes=slopes), share, slopes=slopes)
+
+    def _parts(self, unknowns: Array, every: int, matrices: Matrices | None, *, slopes: bool) -> Iterator[Likelihood]:
+        """J, g and F of every n-th bin, a few of them at a time."""
         if slopes and len(self.place.entries) > MAX_LOOP_ENTRIES:
-            parts = [
-                whittle_of_many(of, self.data[at], counts[at])
-                for at, of in self._ingredients(unknowns, every, matrices, slopes=True)
-            ]
-        else:
-            parts = [
-                whittle(self.data[at], counts[at], model)
-                for at, model in self._spectra(unknowns, every, matrices, slopes=slopes, whiten=slopes)
-            ]
-        whole = Likelihood(
-            sum(part.value for part in parts),
-            np.sum([part.gradient for part in parts], axis=0),
-            np.sum([part.information for part in parts], axis=0),
-        )
-        if slopes:
-            at = self._from_kernels()
-            whole = Likelihood(whole.value, whole.gradient[at], whole.information[np.ix_(at, at)])
-        return _scaled(whole, float(counts.sum() / counts[bins].sum()) / self.overlap)
+            for at, of in self._ingredients(unknowns, every, matrices, slopes=True):
+                yield whittle_of_many(of, self.data[at], self.counts[at])
+            return
+        for at, model in self._spectra(unknowns, every, matrices, slopes=slopes, whiten=slopes):
+            yield whittle(self.data[at], self.counts[at], model)
+
+    def _ordered(self, parts: Iterable[Likelihood], share: float, *, slopes: bool) -> Likelihood:
+        """Sum of parts that count as a share, with derivatives in the order of the unknowns."""
+        value, gradient, information = (sum(each) for each in zip(*parts, strict=True))
+        at = self._from_kernels() if slopes else slice(0)
+        return _scaled(Likelihood(value, gradient[at], information[at][:, at]), share)
+
+    def _joint_parts(
+        self, weights: Array, unknowns: Array, matrices: Matrices | None, *, slopes: bool
+    ) -> Iterator[Likelihood]:
+        """J, g and F of groups of neighbouring bins, with the covariance Σ_f S(f) w_b(f) w_c(f) of the bins b and c."""
+        parts = self._spectra(unknowns, 1, matrices, slopes=slopes, whiten=False)
+        S = np.concatenate([np.concatenate([part.spectrum[None], part.slopes]) for _, part in parts], axis=1)
+        for group in np.array_split(np.arange(len(self.data)), math.ceil(len(self.data) / MAX_JOINT_BINS)):
+            near = weights[:, group].any(axis=1)
+            W, X = weights[near][:, group], np.moveaxis(_numbers(S[:, near]), 1, 2)
+            size, e, pairs = self.data[group].size, S.shape[-1], (W[:, :, None] * W[:, None]).reshape(len(W), -1)
+            sums = np.moveaxis((X.reshape(-1, len(W)) @ pairs).reshape(*X.shape[:2], len(group), len(group)), 1, 3)
+            C: Complex = np.ascontiguousarray(sums).view(np.complex128)
+            C = np.moveaxis(C.reshape(len(S), len(group), len(group), e, e), 3, 2).reshape(len(S), 1, size, size)
+            yield whittle(self.data[group].reshape(1, size, 1), np.ones(1), ModelSpectrum(C[0], C[1:], None))
 
     def scores(self, unknowns: Array) -> tuple[Array, Array]:
         """Gradient (P, n) and Fisher information (P, n, n) of the log-likelihood of each c_h neighbouring bins, which
@@ -259,13 +277,12 @@ class LiftedModel(NamedTuple):
             whole = whole[self._from_kernels()] if slopes else whole
             return ModelSpectrum(np.concatenate([part.spectrum for part in every_part]), whole, None)
         e, bins = len(self.place.entries), len(self.data)
-        S = np.zeros((1, bins, e, e), dtype=np.complex128)
+        S = np.zeros((bins, e, e), dtype=np.complex128)
         A = np.zeros((len(unknowns) if slopes else 0, bins, e, e), dtype=np.complex128)
         for at, part in parts:
-            weights = np.ascontiguousarray(self.window[at])
-            smooth()(weights, _numbers(part.spectrum[None]), _numbers(S))
-            smooth()(weights, _numbers(part.slopes), _numbers(A))
-        return self._masked(S[0], A[self._from_kernels()] if slopes else A)
+            S += np.tensordot(self.window[at], part.spectrum, (0, 0))
+            A += np.moveaxis(np.tensordot(self.window[at], part.slopes, (0, 1)), 0, 1)
+        return self._masked(S, A[self._from_kernels()] if slopes else A)
 
     def _masked(self, S: Complex, A: Complex) -> ModelSpectrum:
         """S and its derivatives, entries that are left out with unit variance."""
@@ -403,33 +420,25 @@ class LiftedModel(NamedTuple):
         return SourceSpectra(*(np.tensordot(factors.T, part, 1) for part in found))
 
 
-def finer_bins(first: int, last: int) -> Array:
+def finer_bins(first: int, last: int, factor: int = GRID_FACTOR) -> Array:
     """The finer grid (F,) for the bins first … last, in bins."""
-    reach = WINDOW_BINS * GRID_FACTOR
-    return np.asarray(np.arange(first * GRID_FACTOR - reach, last * GRID_FACTOR + reach + 1) / GRID_FACTOR)
+    return np.asarray(np.arange((first - WINDOW_BINS) * factor, (last + WINDOW_BINS) * factor + 1) / factor)
 
 
-def taper_window(samples: int, bins: NDArray[np.intp]) -> Array:
-    """The weights (F, B) with which spectra on the finer grid between the first and the last of `bins` make up the
-    smoothed ones at `bins` (B,), under the taper of so many samples."""
-    reach, weights = WINDOW_BINS * GRID_FACTOR, _window(samples)
-    out = np.zeros(((bins[-1] - bins[0]) * GRID_FACTOR + 2 * reach + 1, len(bins)))
-    for column, place in enumerate((bins - bins[0]) * GRID_FACTOR):
-        out[place : place + 2 * reach + 1, column] = weights
+def taper_weights(samples: int, bins: NDArray[np.intp], factor: int = GRID_FACTOR) -> Array:
+    """The transform (F, B) of the taper of so many samples, on the finer grid about each of `bins` (B,); their squares,
+    the taper's window, add up to 1."""
+    steps = np.arange(-WINDOW_BINS * factor, WINDOW_BINS * factor + 1)
+    found = (np.fft.fft(taper(samples), factor * samples)[steps] * np.exp(1j * np.pi * steps / factor)).real
+    out = np.zeros(((bins[-1] - bins[0]) * factor + len(steps), len(bins)))
+    for column, place in enumerate(bins - bins[0]):
+        out[factor * place : factor * place + len(steps), column] = (-1.0) ** place * found / np.linalg.norm(found)
     return out
 
 
 def _numbers(entries: Complex) -> Array:
     """Entries (n, F, e, e) as real numbers (n, F, 2 e²) in the same memory."""
     return entries.view(np.float64).reshape(*entries.shape[:2], 2 * entries.shape[2] ** 2)
-
-
-@lru_cache(maxsize=64)
-def _window(samples: int) -> Array:
-    """The taper's window at the finer bins within `WINDOW_BINS` of its middle, with the sum 1."""
-    padded = np.abs(np.fft.fft(taper(samples), GRID_FACTOR * samples)) ** 2
-    weights = np.roll(padded, WINDOW_BINS * GRID_FACTOR)[: 2 * WINDOW_BINS * GRID_FACTOR + 1]
-    return np.asarray(weights / weights.sum())
 
 
 def _scaled(found: Likelihood, share: float) -> Likelihood:

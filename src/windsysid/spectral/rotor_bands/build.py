@@ -23,7 +23,7 @@ from windsysid.results.finding import Finding
 from windsysid.spectral.rotor.harmonic_transfer import coupled, matrix_harmonics
 from windsysid.spectral.rotor.likelihood import SpectrumGrid
 from windsysid.spectral.rotor.limits import MAX_HARMONICS
-from windsysid.spectral.rotor.model import LiftedModel, finer_bins, taper_window
+from windsysid.spectral.rotor.model import LiftedModel, finer_bins, taper_weights
 from windsysid.spectral.rotor.problem import RotorQuestion
 from windsysid.spectral.rotor_bands.channels import ABOUT_BLADES, ABOUT_SUPPORT, Combined, Row, bins_between, combine
 from windsysid.spectral.rotor_bands.limits import MAX_LIGHT_DAMPING, MIN_BAND_BINS
@@ -357,7 +357,7 @@ class _Builder:
                 self.spectra.gusts,
             )  # fmt: skip
 
-        smoothed = model_at(fine, taper_window(len(self.spectra.taper), bins))
+        smoothed = model_at(fine, taper_weights(len(self.spectra.taper), bins) ** 2)
         return (
             RotorBand(model_at(f, None), smoothed, tuple(ordered))
             if wide

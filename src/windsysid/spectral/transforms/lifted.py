@@ -29,7 +29,7 @@ from windsysid.kernels.jit import compiled
 from windsysid.spectral.transforms.dft import taper, taper_factor
 from windsysid.spectral.transforms.harmonics import MAX_HARMONIC
 
-__all__ = ["FIRST_BIN", "Complex", "Lifted", "count_harmonics", "lift", "without_rotor_harmonics"]
+__all__ = ["FIRST_BIN", "MIN_LINE_TURNS", "Complex", "Lifted", "count_harmonics", "lift", "without_rotor_harmonics"]
 
 Complex = NDArray[np.complex128]
 
@@ -41,6 +41,9 @@ NYQUIST_SHARE = 0.8
 
 LANES = 64
 """Numerical: samples that are processed in parallel."""
+
+MIN_LINE_TURNS = 10.0
+"""Setting: turns in a record below which rotor harmonics are kept: between those of an idling rotor no bin is left."""
 
 
 class Lifted(NamedTuple):
@@ -124,7 +127,8 @@ def lift(readings: Array, azimuth: Array, rate: float, harmonics: int) -> Lifted
     duration = samples / rate
     rotor_hz = turns / duration if harmonics else abs(turned) / duration
     h = taper(samples)
-    quiet = without_rotor_harmonics(readings, azimuth, h, count_harmonics(rotor_hz, rate)) * h[:, None]
+    lines = count_harmonics(rotor_hz * (abs(turned) >= MIN_LINE_TURNS * (not harmonics)), rate)
+    quiet = without_rotor_harmonics(readings, azimuth, h, lines) * h[:, None]
     last = (turns - 1) // 2 if harmonics else int(0.5 * NYQUIST_SHARE * samples)
     bins = np.arange(FIRST_BIN, last + 1)
     orders = np.arange(-harmonics, harmonics + 1)
