@@ -19,6 +19,10 @@ error."""
 MIN_RIVAL_PROBABILITY = 0.5
 """Probability: of a rival explanation whose evidence is not known."""
 
+STRONG_LOG_ODDS = 3.0
+"""Log odds: strong evidence for one explanation against another, 20 to 1 (Kass & Raftery, J. Am. Stat. Assoc. 90,
+1995): for a narrow-band load or one mode more, and of a peak of a rotor against another one."""
+
 LOG_EVIDENCE_STD = 3.0
 """Log odds: standard deviation of the error of the log evidence of approximate models, which preferred the wrong one by
 3 to 5 (``python -m validation.towers``)."""
@@ -59,7 +63,7 @@ INTEREST_FACTORS = (0.4, 2.5)
 
 OUTLIER_SIGMAS = 5.0
 """Size in standard deviations: innovation from which on it is an outlier, or mean from which on it is a bias; one
-normal value in two million."""
+normal value in two million; and significance of lost rows, of which some 2000 patterns are tested."""
 
 MIN_REMARKED_OUTLIERS = 3
 """Size: number of outliers of a channel from which on they are remarked."""
@@ -113,7 +117,7 @@ modelled, biases the mode."""
 
 LINE_SEARCH_FACTOR = 1.6
 """Size: factor on a natural frequency within which lines of the readings are searched: they bias the level of the loads
-there, too."""
+there, too, and within which another coordinate's mode may look like a line or a narrow-band load."""
 
 MIN_RESONANCE_WIDTH_BINS = 5.0
 """Size: half-power width of a resonance in frequency bins 1/T below which its peak resembles a line."""
@@ -128,18 +132,17 @@ MAX_INFORMED_STD_RATIO = 0.7
 MIN_DEVIATION_SIGMAS = 2.0
 """Size in standard deviations: estimate of an informed tolerance from which on its file is wrong."""
 
-MAX_TOLERANCE_SIGMAS = 3.0
-"""Size in standard deviations: estimate over the prior of a tolerance beyond which they conflict."""
+MAX_DISAGREEMENT_SIGMAS = 3.0
+"""Size in standard deviations: difference between two values of a coefficient, by filters and by spectra or under two
+explanations nearly as good, or of a tolerance from 0, beyond which they conflict; two independent estimates exceed it
+once in 370."""
 
 MIN_BURST_SHARE = 0.375
 """Size: share of a channel's power in one of 16 segments of a burst: the rms is three times that of the rest."""
 
 MIN_RMS_FALL = 3.0
-"""Size: ratio of rms values of a transient in one channel; of 1500 simulated stationary records at most one of 160
-exceeds it."""
-
-MIN_COMMON_RMS_FALL = 1.5
-"""Size: the same ratio if all of two or more channels exceed it, as one of 20 such records does in one channel."""
+"""Size: ratio of rms values of a transient in one channel, and its root if all of two or more channels exceed it; of
+1500 simulated stationary records at most one of 160, or one of 20, exceeds it in one channel."""
 
 MAX_EARLIER_RATIO = 0.3
 """Size: ratio of the mean square of segments before the strongest to it in a decay, except the one immediately before,
