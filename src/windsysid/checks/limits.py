@@ -68,9 +68,6 @@ normal value in two million; and significance of lost rows, of which some 2000 p
 MIN_REMARKED_OUTLIERS = 3
 """Size: number of outliers of a channel from which on they are remarked."""
 
-MAX_OUTLIER_POWER_SHARE = 0.1
-"""Size: share of a channel's squared innovations in outliers beyond which the result depends on a few readings."""
-
 MAX_OUTLIER_SHARE = 0.05
 """Size: share of a channel's readings up to which they are outliers, and left out; with more the model is wrong."""
 
@@ -120,11 +117,9 @@ LINE_SEARCH_FACTOR = 1.6
 there, too, and within which another coordinate's mode may look like a line or a narrow-band load."""
 
 MIN_RESONANCE_WIDTH_BINS = 5.0
-"""Size: half-power width of a resonance in frequency bins 1/T below which its peak resembles a line."""
-
-NARROW_RESONANCE_MARGIN_BINS = 8.0
-"""Size: distance from a narrow resonance in frequency bins 1/T within which no line is searched: from 5 on, its skirts
-are parabolas in 1/S (``tests/results/test_steadiness.py``)."""
+"""Size: half-power width of a resonance in frequency bins 1/T below which its peak resembles a line, and distance from
+it within which no line is searched: from 5 on, its skirts are parabolas in 1/S
+(``tests/results/test_steadiness.py``)."""
 
 MAX_INFORMED_STD_RATIO = 0.7
 """Size: standard deviation of a tolerance's estimate over that of its prior, below which the record is informative."""
@@ -144,11 +139,11 @@ MIN_RMS_FALL = 3.0
 """Size: ratio of rms values of a transient in one channel, and its root if all of two or more channels exceed it; of
 1500 simulated stationary records at most one of 160, or one of 20, exceeds it in one channel."""
 
-MAX_EARLIER_RATIO = 0.3
-"""Size: ratio of the mean square of segments before the strongest to it in a decay, except the one immediately before,
-in which the decay may begin."""
-
 NEGLIGIBLE_SHARE = 0.1
 """Size: share of a quantity up to which a contribution to it is neglected: an offset of a sample's noise, loads of a
 motion's rms, another coordinate of a reading, the integration of a damping ratio, a coefficient of a mode's variance, a
-parameter of a direction, a widening of an interval. In squares it is 1 %."""
+parameter of a direction, a widening of an interval, outliers of squared innovations. In squares it is 1 %."""
+
+MAX_EARLIER_RATIO = 0.3
+"""Size: ratio of the mean square of segments before the strongest to it in a decay, except the one immediately before,
+in which the decay may begin."""

@@ -30,7 +30,6 @@ from windsysid.checks.limits import (
     LINE_SEARCH_FACTOR,
     MAX_MISSING_SHARE,
     MIN_RESONANCE_WIDTH_BINS,
-    NARROW_RESONANCE_MARGIN_BINS,
 )
 
 __all__ = ["Line", "find_line", "line_bound", "stand_out", "stand_out_of_a_bend"]
@@ -132,7 +131,7 @@ def find_line(
     near &= ~_near_harmonics(frequency, rotor_hz, step)
     narrow = [natural for natural, damping in modes if damping * natural < MIN_RESONANCE_WIDTH_BINS * step]
     for seen in (abs(natural + turn) for natural in narrow for turn in (-rotor_hz, 0.0, rotor_hz)):
-        near &= np.abs(frequency - seen) > NARROW_RESONANCE_MARGIN_BINS * step  # by what turns, and by what does not
+        near &= np.abs(frequency - seen) > MIN_RESONANCE_WIDTH_BINS * step  # by what turns, and by what does not
     for low, high in known:
         near &= (frequency < low) | (frequency > high)
     near[: SURROUNDING_BINS + 1] = near[-SURROUNDING_BINS - 1 :] = False

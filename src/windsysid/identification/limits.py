@@ -3,8 +3,6 @@
 Settings of solvers and arithmetic stand next to their code. "Proven" means that intervals were validated.
 """
 
-from windsysid.spectral.transforms.lifted import FIRST_BIN
-
 # Records
 
 MAX_RADIANS_PER_READING = 2.5
@@ -26,9 +24,6 @@ MAX_MISSING_SHARE = 0.01
 
 MAX_PLANNED_SECONDS = 10.0 * 365.25 * 86400.0
 """Size: longest planned duration [s]; an accuracy that takes longer than ten years is called unreachable."""
-
-MIN_TURNS = 2 * FIRST_BIN + 1
-"""Size: turns of a rotor in a block: with fewer there is no bin between its harmonics."""
 
 MIN_BINS = 30
 """Size: fewest bins of a spectrum that equations are fitted to."""

@@ -149,6 +149,3 @@ MAX_STOPPED_SHARE = 0.1
 
 MAX_FALL_SECONDS = 60.0
 """Size: time from running to stopped [s]."""
-
-MIN_STOP_SECONDS = 30.0
-"""Size: length of a section after a stop [s]; a shorter one is not listed."""

@@ -91,9 +91,6 @@ SHAPE_PHASE_FREEDOM = 2.0
 MIN_MISFIT_INCREASE = 25.0
 """Size: increase of Q (`clock_lag`), in units of its scatter, for other lags and for a constant phase: 5 σ."""
 
-MIN_LAG_MODES = 2
-"""Size: number of modes for an estimate of lags."""
-
 MIN_FREQUENCY_RATIO = 1.5
 """Size: ratio of the highest to the lowest frequency; for a smaller one a lag resembles a constant phase."""
 
