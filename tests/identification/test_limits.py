@@ -11,6 +11,7 @@ from validation.structure import KINDS, SETTINGS, limits_of
 import windsysid.identification
 from windsysid.checks.limits import CONFLICT_SIGMAS, MAX_DISAGREEMENT_SIGMAS, OUTLIER_SIGMAS, STRONG_LOG_ODDS
 from windsysid.identification import limits
+from windsysid.identification.effects.sinusoid import MAX_HARMONIC
 
 ROOM = Path(windsysid.identification.__file__).parent
 SINE = f(2, 12)
@@ -24,6 +25,7 @@ SINE = f(2, 12)
         (2.0 * norm.sf(MAX_DISAGREEMENT_SIGMAS), 370),
         (rayleigh.sf(CONFLICT_SIGMAS), 3000),
         (SINE.sf(limits.MIN_SINUSOID_F), 6600),
+        (2 * MAX_HARMONIC * SINE.sf(limits.MIN_HARMONIC_F), 100),
         (math.exp(-STRONG_LOG_ODDS), 20),
     ],
 )

@@ -86,8 +86,11 @@ chance alone leaves 45 once in ten thousand."""
 # Sinusoids
 
 MIN_SINUSOID_F = 20.0
-"""Probability: Thomson's F of a line that may be a sinusoid, and of innovations at nP from which on the rotor exerts a
-force; chance exceeds it at one frequency in 6600."""
+"""Probability: Thomson's F of a line that may be a sinusoid; chance exceeds it at one frequency in 6600."""
+
+MIN_HARMONIC_F = 14.0
+"""Probability: Thomson's F of innovations at nP from which on the rotor exerts a force; of two channels chance exceeds
+it in one record of 100, which costs a search."""
 
 MIN_F_OVER_POWER = 0.5
 """Size: F over a line's relative power: nearly all sinusoids have more, most narrow-band loads less."""

@@ -26,6 +26,7 @@ from windsysid.identification.limits import (
     MAX_SINUSOID_SCATTER,
     MAX_SINUSOID_SHIFT_BINS,
     MIN_F_OVER_POWER,
+    MIN_HARMONIC_F,
     MIN_LINE_POWER,
     MIN_SINUSOID_F,
     RESOLUTION_BINS,
@@ -160,7 +161,7 @@ def find_turning(
     turning = [Sine(order * rotor_hz, on_blades=False, order=order) for order in range(1, MAX_HARMONIC + 1)]
     turning = [one for one in turning if apart < one.frequency < 0.4 * record.rate]
     turning = [one for one in turning if not any(one.same_as(other, apart) for other in known)]
-    least = f_bound(MIN_SINUSOID_F, "rotor_harmonic", turbine)
+    least = f_bound(MIN_HARMONIC_F, "rotor_harmonic", turbine)
     z, on_blades = np.nan_to_num(whitened).T, [bool(sensor.blade) for sensor in sensors]
 
     def is_left(sine: Sine) -> bool:
