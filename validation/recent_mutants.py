@@ -224,7 +224,7 @@ _CLOCKS_AND_LINES = (
     ),
     Mutant(
         "a narrow band that matters", "spectral/narrow_band.py",
-        "self.gain > MIN_LOG_ODDS and _largest(self.moved) > NEGLIGIBLE_SHIFT_SIGMAS", "self.gain > MIN_LOG_ODDS",
+        "self.gain > STRONG_LOG_ODDS and _largest(self.moved) > NEGLIGIBLE_SHIFT_SIGMAS", "self.gain > STRONG_LOG_ODDS",
         "loads that move no coefficient condemn a result",
     ),
     Mutant(
@@ -692,7 +692,7 @@ _FLEET_AND_MODES = (
     ),
     Mutant(
         "a mode more", "modal_bands/model_order.py",
-        "if now < least - MIN_DOUBLE_LOG_ODDS and", "if now < least + 100.0 * MIN_DOUBLE_LOG_ODDS and",
+        "if now < least - 2.0 * STRONG_LOG_ODDS and", "if now < least + 100.0 * STRONG_LOG_ODDS and",
         "noise has modes",
     ),
     Mutant(

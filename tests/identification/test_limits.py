@@ -9,7 +9,7 @@ from scipy.stats import f, norm, rayleigh
 from validation.structure import KINDS, SETTINGS, limits_of
 
 import windsysid.identification
-from windsysid.checks.limits import CONFLICT_SIGMAS, OUTLIER_SIGMAS
+from windsysid.checks.limits import CONFLICT_SIGMAS, MAX_DISAGREEMENT_SIGMAS, OUTLIER_SIGMAS, STRONG_LOG_ODDS
 from windsysid.identification import limits
 from windsysid.identification.effects.sinusoid import MAX_HARMONIC
 
@@ -22,11 +22,11 @@ SINE = f(2, 12)
     ("chance", "one_in"),
     [
         (2.0 * norm.sf(OUTLIER_SIGMAS), 2e6),
-        (2.0 * norm.sf(limits.MAX_DISAGREEMENT_SIGMAS), 370),
+        (2.0 * norm.sf(MAX_DISAGREEMENT_SIGMAS), 370),
         (rayleigh.sf(CONFLICT_SIGMAS), 3000),
         (SINE.sf(limits.MIN_SINUSOID_F), 6600),
         (2 * MAX_HARMONIC * SINE.sf(limits.MIN_HARMONIC_F), 100),
-        (math.exp(-limits.MIN_LOG_ODDS), 12),
+        (math.exp(-STRONG_LOG_ODDS), 20),
     ],
 )
 def test_chance_exceeds_a_limit_as_rarely_as_it_states(chance: float, one_in: float):

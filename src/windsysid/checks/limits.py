@@ -19,6 +19,10 @@ error."""
 MIN_RIVAL_PROBABILITY = 0.5
 """Probability: of a rival explanation whose evidence is not known."""
 
+STRONG_LOG_ODDS = 3.0
+"""Log odds: strong evidence for one explanation against another, 20 to 1 (Kass & Raftery, J. Am. Stat. Assoc. 90,
+1995): for a narrow-band load or one mode more, and of a peak of a rotor against another one."""
+
 LOG_EVIDENCE_STD = 3.0
 """Log odds: standard deviation of the error of the log evidence of approximate models, which preferred the wrong one by
 3 to 5 (``python -m validation.towers``)."""
@@ -59,13 +63,10 @@ INTEREST_FACTORS = (0.4, 2.5)
 
 OUTLIER_SIGMAS = 5.0
 """Size in standard deviations: innovation from which on it is an outlier, or mean from which on it is a bias; one
-normal value in two million."""
+normal value in two million; and significance of lost rows, of which some 2000 patterns are tested."""
 
 MIN_REMARKED_OUTLIERS = 3
 """Size: number of outliers of a channel from which on they are remarked."""
-
-MAX_OUTLIER_POWER_SHARE = 0.1
-"""Size: share of a channel's squared innovations in outliers beyond which the result depends on a few readings."""
 
 MAX_OUTLIER_SHARE = 0.05
 """Size: share of a channel's readings up to which they are outliers, and left out; with more the model is wrong."""
@@ -113,14 +114,12 @@ modelled, biases the mode."""
 
 LINE_SEARCH_FACTOR = 1.6
 """Size: factor on a natural frequency within which lines of the readings are searched: they bias the level of the loads
-there, too."""
+there, too, and within which another coordinate's mode may look like a line or a narrow-band load."""
 
 MIN_RESONANCE_WIDTH_BINS = 5.0
-"""Size: half-power width of a resonance in frequency bins 1/T below which its peak resembles a line."""
-
-NARROW_RESONANCE_MARGIN_BINS = 8.0
-"""Size: distance from a narrow resonance in frequency bins 1/T within which no line is searched: from 5 on, its skirts
-are parabolas in 1/S (``tests/results/test_steadiness.py``)."""
+"""Size: half-power width of a resonance in frequency bins 1/T below which its peak resembles a line, and distance from
+it within which no line is searched: from 5 on, its skirts are parabolas in 1/S
+(``tests/results/test_steadiness.py``)."""
 
 MAX_INFORMED_STD_RATIO = 0.7
 """Size: standard deviation of a tolerance's estimate over that of its prior, below which the record is informative."""
@@ -128,24 +127,23 @@ MAX_INFORMED_STD_RATIO = 0.7
 MIN_DEVIATION_SIGMAS = 2.0
 """Size in standard deviations: estimate of an informed tolerance from which on its file is wrong."""
 
-MAX_TOLERANCE_SIGMAS = 3.0
-"""Size in standard deviations: estimate over the prior of a tolerance beyond which they conflict."""
+MAX_DISAGREEMENT_SIGMAS = 3.0
+"""Size in standard deviations: difference between two values of a coefficient, by filters and by spectra or under two
+explanations nearly as good, or of a tolerance from 0, beyond which they conflict; two independent estimates exceed it
+once in 370."""
 
 MIN_BURST_SHARE = 0.375
 """Size: share of a channel's power in one of 16 segments of a burst: the rms is three times that of the rest."""
 
 MIN_RMS_FALL = 3.0
-"""Size: ratio of rms values of a transient in one channel; of 1500 simulated stationary records at most one of 160
-exceeds it."""
-
-MIN_COMMON_RMS_FALL = 1.5
-"""Size: the same ratio if all of two or more channels exceed it, as one of 20 such records does in one channel."""
-
-MAX_EARLIER_RATIO = 0.3
-"""Size: ratio of the mean square of segments before the strongest to it in a decay, except the one immediately before,
-in which the decay may begin."""
+"""Size: ratio of rms values of a transient in one channel, and its root if all of two or more channels exceed it; of
+1500 simulated stationary records at most one of 160, or one of 20, exceeds it in one channel."""
 
 NEGLIGIBLE_SHARE = 0.1
 """Size: share of a quantity up to which a contribution to it is neglected: an offset of a sample's noise, loads of a
 motion's rms, another coordinate of a reading, the integration of a damping ratio, a coefficient of a mode's variance, a
-parameter of a direction, a widening of an interval. In squares it is 1 %."""
+parameter of a direction, a widening of an interval, outliers of squared innovations. In squares it is 1 %."""
+
+MAX_EARLIER_RATIO = 0.3
+"""Size: ratio of the mean square of segments before the strongest to it in a decay, except the one immediately before,
+in which the decay may begin."""

@@ -30,7 +30,6 @@ from windsysid.checks.limits import (
     LINE_SEARCH_FACTOR,
     MAX_MISSING_SHARE,
     MIN_RESONANCE_WIDTH_BINS,
-    NARROW_RESONANCE_MARGIN_BINS,
 )
 
 __all__ = ["Line", "find_line", "line_bound", "may_be_no_line", "stand_out", "stand_out_of_a_bend"]
@@ -158,7 +157,7 @@ def may_be_no_line(
     `modes` (`find_line`) that is as narrow as a line, as sensors on the rotor and on the support show it."""
     narrow = [natural for natural, damping in modes if damping * natural < MIN_RESONANCE_WIDTH_BINS * step]
     seen = np.abs([natural + turn for natural in narrow for turn in (-rotor_hz, 0.0, rotor_hz)])
-    found = (np.abs(frequency - seen[:, None]) <= NARROW_RESONANCE_MARGIN_BINS * step).any(axis=0)
+    found = (np.abs(frequency - seen[:, None]) <= MIN_RESONANCE_WIDTH_BINS * step).any(axis=0)
     if rotor_hz:
         order = np.maximum(np.round(frequency / rotor_hz), 1.0)
         width = np.maximum(HARMONIC_HALF_WIDTH_SHARE * frequency, HARMONIC_HALF_WIDTH_BINS * step)

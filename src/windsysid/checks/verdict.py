@@ -41,11 +41,11 @@ from windsysid.checks.limits import (
     MAX_LEVEL_FACTOR,
     MAX_LEVEL_VARIATION,
     MAX_NEAR_MODE_LEVEL,
-    MAX_OUTLIER_POWER_SHARE,
     MAX_OUTLIER_SHARE,
     MAX_PEAK_LEVEL,
     MAX_SQUARED_AUTOCORRELATION,
     MIN_REMARKED_OUTLIERS,
+    NEGLIGIBLE_SHARE,
     OUTLIER_SIGMAS,
 )
 from windsysid.checks.lines import Line
@@ -359,5 +359,5 @@ def _judge_outliers(w: Whiteness) -> list[Finding]:
             found.append(Finding("gated_readings", "remark", {"channel": c.name, "share": c.gated}))
         if c.outliers >= MIN_REMARKED_OUTLIERS:
             data = {"channel": c.name, "count": c.outliers, "sigmas": OUTLIER_SIGMAS, "share": c.outlying}
-            found.append(_graded("outlying_innovations", data, large=c.outlying > MAX_OUTLIER_POWER_SHARE))
+            found.append(_graded("outlying_innovations", data, large=c.outlying > NEGLIGIBLE_SHARE))
     return found

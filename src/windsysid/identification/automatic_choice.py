@@ -4,6 +4,7 @@ import math
 from dataclasses import replace
 from typing import Any
 
+from windsysid.checks.limits import MAX_DISAGREEMENT_SIGMAS
 from windsysid.identification.condition.readings import choose_rate, steps_per_reading, usable_sensors
 from windsysid.identification.effects import EFFECTS
 from windsysid.identification.effects.clock_drift import drifts_in
@@ -13,7 +14,6 @@ from windsysid.identification.effects.random_walk_bias import RandomWalkBias
 from windsysid.identification.effects.sinusoidal_force import Sinusoids
 from windsysid.identification.formulations import estimate
 from windsysid.identification.job import FittedJob, Job
-from windsysid.identification.limits import MAX_DISAGREEMENT_SIGMAS
 from windsysid.identification.model.agreement import compare, disagreement
 from windsysid.identification.model.fit import Outcome, known_loads
 from windsysid.identification.model.regressor import Regressors

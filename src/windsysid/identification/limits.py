@@ -3,8 +3,6 @@
 Settings of solvers and arithmetic stand next to their code. "Proven" means that intervals were validated.
 """
 
-from windsysid.spectral.transforms.lifted import FIRST_BIN
-
 # Records
 
 MAX_RADIANS_PER_READING = 2.5
@@ -26,9 +24,6 @@ MAX_MISSING_SHARE = 0.01
 
 MAX_PLANNED_SECONDS = 10.0 * 365.25 * 86400.0
 """Size: longest planned duration [s]; an accuracy that takes longer than ten years is called unreachable."""
-
-MIN_TURNS = 2 * FIRST_BIN + 1
-"""Size: turns of a rotor in a block: with fewer there is no bin between its harmonics."""
 
 MIN_BINS = 30
 """Size: fewest bins of a spectrum that equations are fitted to."""
@@ -81,12 +76,6 @@ MAX_DRIFT_RATE = 3e-4
 MIN_DRIFT_WINDOWS = 6
 """Size: windows of a record, and samples of a channel, below which no clock drift is looked for."""
 
-MIN_AMPLITUDE_OVER_SCATTER = 10.0
-"""Size: amplitude that repeats in every turn, over its scatter from window to window, for a clock drift."""
-
-MIN_SLOW_FREQUENCIES = 12
-"""Size: frequencies below which no random-walk bias is looked for."""
-
 MIN_DRIFT_LOG_ODDS = 12.0
 """Log odds: rise of the log likelihood of slow readings of like sensors from which on they have random-walk biases."""
 
@@ -131,28 +120,17 @@ SINUSOID_DIGITS = 5.0
 
 # Alternative explanations
 
-MAX_DISAGREEMENT_SIGMAS = 3.0
-"""Probability: standard deviations between two values of a coefficient, by filters and by spectra or under two
-explanations nearly as good, beyond which neither is trusted; two independent estimates exceed it once in 370, and these
-two share their readings."""
-
 MAX_INFLUENCE_SIGMAS = 2.5
 """Size: standard deviations by which a coefficient may move without one frequency, or those near a sinusoid."""
 
 NEGLIGIBLE_SHIFT_SIGMAS = 1.5
 """Size: standard deviations up to which a coefficient may differ under another explanation without effect."""
 
-MIN_LOG_ODDS = 2.5
-"""Log odds: of two explanations the better one, 12 to 1."""
-
 MAX_RIVAL_LOG_ODDS = 50.0
 """Log odds: against a load model that is dropped after the first stages, which weigh the record with a fifth."""
 
 MAX_TOLERANCE_CHANGE = 0.5
 """Size: share of a gain or of a mass by which a search may have moved it where spectra check filters."""
-
-MAX_NEIGHBOUR_FACTOR = 1.6
-"""Size: factor between frequencies within which another coordinate's mode may look like a narrow-band load."""
 
 MIN_LOG_LIKELIHOOD_RISE = 0.5
 """Log odds: rise of the log likelihood beyond an estimate that conflicts with its prior: one σ by the data alone."""

@@ -65,10 +65,6 @@ MAX_UNWRAPPED_RATIO = 0.06
 """Size: squared difference of an unwrapped jump from the steps next to it over that of the jump itself; spikes have at
 least 0.1."""
 
-MIN_LOSS_SIGMAS = 7.0
-"""Size in standard deviations: normalised sum of a remainder, exceeded by chance in one of 10⁷ records, over all 2 000
-remainders, models and channels."""
-
 MIN_LOSS_GAIN = 0.4
 """Size: g after a loss: 1 for one lost row, less because the losses bias the model."""
 
@@ -153,6 +149,3 @@ MAX_STOPPED_SHARE = 0.1
 
 MAX_FALL_SECONDS = 60.0
 """Size: time from running to stopped [s]."""
-
-MIN_STOP_SECONDS = 30.0
-"""Size: length of a section after a stop [s]; a shorter one is not listed."""

@@ -18,7 +18,6 @@ from windsysid.inspection.limits import (
     MAX_VIBRATION_CHANGE,
     MIN_ROTOR_SPEED,
     MIN_RUNNING_SHARE,
-    MIN_STOP_SECONDS,
 )
 from windsysid.inspection.rotor import Rotor
 from windsysid.records.record import Record
@@ -112,7 +111,7 @@ def find_stops(record: Record, rotor: Rotor | None, known: dict[str, Kind]) -> t
         again = np.searchsorted(turns, entry)
         end = float(time[turns[again]] if again < len(turns) else time[-1])
         start, end = float(time[entry]), min(end, float(time[entry]) + MAX_STOP_SECONDS)
-        if end - start >= MIN_STOP_SECONDS:
+        if end - start >= 2.0 * EARLY_SECONDS:  # else its second half is not later
             channel, decay = _decay(record.section(start, end), known)
             lasted = runs[: before + 1]
             earlier = speed[lasted[time[lasted] > time[lasted[-1]] - MAX_FALL_SECONDS]]

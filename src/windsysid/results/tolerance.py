@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from windsysid.checks.limits import MAX_INFORMED_STD_RATIO, MAX_TOLERANCE_SIGMAS, MIN_DEVIATION_SIGMAS
+from windsysid.checks.limits import MAX_DISAGREEMENT_SIGMAS, MAX_INFORMED_STD_RATIO, MIN_DEVIATION_SIGMAS
 from windsysid.loads.statistics import Statistic
 from windsysid.results.sentences.estimates import TOLERANCE_UNITS
 from windsysid.statespace.parameter import Parameter
@@ -59,7 +59,7 @@ class Tolerance:
     @property
     def contradicted(self) -> bool:
         """True if the record shows that it is off by more than its tolerance allows."""
-        return abs(self.estimate) > MAX_TOLERANCE_SIGMAS * self.spread
+        return abs(self.estimate) > MAX_DISAGREEMENT_SIGMAS * self.spread
 
     def cells(self) -> tuple[str, str, str]:
         """Name, tolerance and estimate, as text for a table."""

@@ -6,8 +6,7 @@ the vibration decreases, a result that is in doubt gives this as the reason.
 
 From the segment with the largest power on, the mean squares of consecutive quarters of the rest are compared. Of 1500
 stationary records of a mode with 3 to 16 equivalent degrees of freedom, the rms decreases by a factor of `MIN_RMS_FALL`
-in at most one of 160, and of `MIN_COMMON_RMS_FALL` in one of 20: the smaller factor counts only if all channels exceed
-it.
+in at most one of 160, and of its root in one of 20: the root counts only if all channels exceed it.
 
 A burst is a segment that holds most of the power of a record: a blow, a pull, a start. Cochran's C is the largest of N
 variances over their sum. For N segments with ν equivalent degrees of freedom each, P(C > c) ≤ N P(B > c), where B has
@@ -27,7 +26,6 @@ from windsysid.checks.limits import (
     FALSE_ALARM_PROBABILITY,
     MAX_EARLIER_RATIO,
     MIN_BURST_SHARE,
-    MIN_COMMON_RMS_FALL,
     MIN_RMS_FALL,
 )
 from windsysid.checks.verdict import Diagnosis
@@ -109,7 +107,8 @@ def _largest_share(readings: Array) -> tuple[float, int, float]:
 def find_transient(values: Array, channels: Sequence[str]) -> Transient | None:
     """Find the channels of readings (T, m) whose vibration decreases; None if there are none."""
     falls = {name: _fall(column) for name, column in zip(channels, values.T, strict=True)}
-    least = MIN_COMMON_RMS_FALL if len(falls) > 1 and min(falls.values()) >= MIN_COMMON_RMS_FALL else MIN_RMS_FALL
+    common = len(falls) > 1 and min(falls.values()) ** 2 >= MIN_RMS_FALL
+    least = MIN_RMS_FALL**0.5 if common else MIN_RMS_FALL
     falling = sorted((name for name in falls if falls[name] >= least), key=lambda name: -falls[name])
     return Transient(tuple(falling), falls[falling[0]]) if falling else None
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.identification.fits import TOWER, noise, outcome_of, record_of
-from windsysid.identification.limits import MAX_DISAGREEMENT_SIGMAS
+from windsysid.checks.limits import MAX_DISAGREEMENT_SIGMAS
 from windsysid.identification.model.agreement import compare, disagreement
 from windsysid.turbine.file import load_turbine
 

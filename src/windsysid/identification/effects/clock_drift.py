@@ -23,7 +23,7 @@ from windsysid._types import Array
 from windsysid.checks.limits import CONFLICT_SIGMAS
 from windsysid.errors import RecordError
 from windsysid.identification.job import FittedJob, Job
-from windsysid.identification.limits import MIN_AMPLITUDE_OVER_SCATTER, MIN_DRIFT_WINDOWS
+from windsysid.identification.limits import MIN_DRIFT_WINDOWS
 from windsysid.identification.model.drift import Drift
 from windsysid.identification.model.effect import Detection, Effect
 from windsysid.identification.model.fit import Outcome
@@ -162,7 +162,7 @@ def find_drift(record: Record, channels: Sequence[str], usual_speed: float) -> t
         if not np.isfinite(amplitudes).any():
             continue
         usual, scatter = np.nanmean(amplitudes), float(np.nanstd(np.abs(amplitudes)))
-        if not abs(usual) > MIN_AMPLITUDE_OVER_SCATTER * scatter:
+        if not abs(usual) > CONFLICT_SIGMAS * scatter:
             continue
         off = -np.angle(amplitudes / usual) / mean
         known = np.isfinite(off)

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from windsysid.checks.limits import MAX_DISAGREEMENT_SIGMAS
 from windsysid.errors import WindsysidError
 from windsysid.identification.estimate.prior_conflict import with_wide_priors
 from windsysid.identification.estimate.spectral.frequency_domain import identify_by_spectrum
@@ -23,7 +24,6 @@ from windsysid.identification.estimate.spectral.narrow_band_alternative import (
     told_before,
 )
 from windsysid.identification.job import FittedJob, Job
-from windsysid.identification.limits import MAX_DISAGREEMENT_SIGMAS
 from windsysid.identification.model.agreement import compare, disagreement
 from windsysid.identification.model.effect import Detection, Effect, Inclusion
 from windsysid.loads.family import Broadband

@@ -19,7 +19,7 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.identification.job import Job
-from windsysid.identification.limits import MIN_DRIFT_LOG_ODDS, MIN_SLOW_FREQUENCIES, MIN_TREND_POWER
+from windsysid.identification.limits import MIN_DRIFT_LOG_ODDS, MIN_TREND_POWER
 from windsysid.identification.model.effect import Effect
 from windsysid.identification.model.fit import Outcome
 from windsysid.identification.model.prior_odds import log_bound
@@ -138,8 +138,6 @@ def _wandering(readings: Array, rate: float, below: float, at: float) -> tuple[f
     standard deviation after one second of the random walk that is as strong at another one."""
     n = len(readings)
     first, last = MIN_DRIFT_PERIODS, int(below * n / rate)
-    if last - first < MIN_SLOW_FREQUENCIES:
-        return 0.0, 0.0
     known = np.isfinite(readings)
     weight = np.where(known, np.sin(np.pi * (np.arange(n) + 0.5) / n) ** 2, 0.0)
     mean = float(np.sum(weight[known] * readings[known]) / weight.sum())

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.checks.limits import MAX_TOLERANCE_SIGMAS
+from windsysid.checks.limits import MAX_DISAGREEMENT_SIGMAS
 from windsysid.mechanics.sensors import TOWER_LOGGER, Sensor, instrument_parameters
 from windsysid.results.finding import Finding
 from windsysid.results.tolerance import SHARED, Tolerance
@@ -115,7 +115,7 @@ def note_tolerances(tolerances: Sequence[Tolerance]) -> tuple[Finding, ...]:
 def doubt_tolerances(tolerances: Sequence[Tolerance]) -> tuple[Finding, ...]:
     """Tolerances with little information in a record, and yet far off."""
     return tuple(
-        Finding("tolerance_conflict", "reason", _data(one) | {"factor": MAX_TOLERANCE_SIGMAS})
+        Finding("tolerance_conflict", "reason", _data(one) | {"factor": MAX_DISAGREEMENT_SIGMAS})
         for one in tolerances
         if one.contradicted and not one.informed
     )

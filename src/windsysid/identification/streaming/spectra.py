@@ -27,7 +27,7 @@ from windsysid.identification.estimate.prior_conflict import note_wide_priors, w
 from windsysid.identification.estimate.spectral.frequency_domain import SpectralBlocks, ask, identify_by_spectrum
 from windsysid.identification.estimate.spectral.narrow_band import doubts_of_narrow_band
 from windsysid.identification.estimate.spectral.narrow_band_alternative import narrow_band_beside
-from windsysid.identification.limits import MAX_RADIANS_PER_SPECTRAL_READING, MIN_TURNS
+from windsysid.identification.limits import MAX_RADIANS_PER_SPECTRAL_READING
 from windsysid.identification.model.turbine_problem import seen_by
 from windsysid.identification.streaming.run import SegmentsEstimate, StreamingJob
 from windsysid.records.record import Record
@@ -37,7 +37,7 @@ from windsysid.spectral.rotor.problem import RotorQuestion
 from windsysid.spectral.rotor_bands.build import belongs_in_bands, highest_in_bands
 from windsysid.spectral.transforms.block_sums import BlockSums, cut_blocks, cut_turns
 from windsysid.spectral.transforms.dft import TAPERED_SHARE
-from windsysid.spectral.transforms.lifted import Lifted, lift
+from windsysid.spectral.transforms.lifted import FIRST_BIN, Lifted, lift
 from windsysid.spectral.transforms.rotating_frame import MAX_GROUPS, TurnedBlock, turned_block, turned_spectra
 
 __all__ = ["BlockLayout", "SpectraAccumulator", "layout_of"]
@@ -95,9 +95,10 @@ def layout_of(part: Record, question: RotorQuestion) -> BlockLayout:
         highest = math.ceil(highest_in_bands(question) * part.duration)
         return BlockLayout(part.rate, part.samples, 0, 0, support, highest)
     turns = math.floor(abs(float(question.inputs[-1, 0] - question.inputs[0, 0])) / (2.0 * math.pi))
-    if turns < MIN_TURNS:
+    least = 2 * FIRST_BIN + 1  # with fewer there is no bin between its harmonics
+    if turns < least:
         raise RecordError(
-            f"pieces: expected at least {MIN_TURNS} turns of the rotor in the first, got {turns}: make them longer"
+            f"pieces: expected at least {least} turns of the rotor in the first, got {turns}: make them longer"
         )
     return BlockLayout(part.rate, part.samples, turns, harmonics_of(question), None, 0)
 

@@ -15,11 +15,10 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.checks.dispersion import PartScores, expected_factor
-from windsysid.checks.limits import MAX_WIDENING, MIN_RIVAL_PROBABILITY, NEGLIGIBLE_SHARE
+from windsysid.checks.limits import MAX_DISAGREEMENT_SIGMAS, MAX_WIDENING, MIN_RIVAL_PROBABILITY, NEGLIGIBLE_SHARE
 from windsysid.checks.verdict import Diagnosis
 from windsysid.checks.widening import grade_of, mixture_factor
 from windsysid.identification.estimate.fitted.modes import FittedModes
-from windsysid.identification.limits import MAX_DISAGREEMENT_SIGMAS
 from windsysid.identification.model.fit import Outcome
 from windsysid.results.estimate import IntervalEstimate
 from windsysid.results.finding import Finding

@@ -19,12 +19,12 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.checks.limits import OUTLIER_SIGMAS
 from windsysid.inspection.fault import Fault
 from windsysid.inspection.faults.health import sampled_every
 from windsysid.inspection.limits import (
     MAX_OTHER_GAIN_RATIO,
     MIN_LOSS_GAIN,
-    MIN_LOSS_SIGMAS,
     MIN_LOSS_SUM_RATIO,
     MIN_PREDICTED_ROWS,
 )
@@ -114,9 +114,9 @@ def _detected(prediction: _Prediction) -> tuple[float, int]:
     terms = _terms(prediction)
     for period, sums in sorted(_by_remainder(terms).items()):
         significance = _significance(terms, sums)
-        if significance > max(MIN_LOSS_SIGMAS, found[0]):
+        if significance > max(OUTLIER_SIGMAS, found[0]):
             left = _terms(_without_cycle(prediction, period))
-            if _significance(left, _by_remainder(left)[period]) > MIN_LOSS_SIGMAS:
+            if _significance(left, _by_remainder(left)[period]) > OUTLIER_SIGMAS:
                 found = (significance, period)
     return found
 

@@ -11,11 +11,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.checks.limits import STRONG_LOG_ODDS
 from windsysid.modal.decays.likelihood import Decay, DecayFit, fit_decays, poles
 from windsysid.modal.decays.limits import MAX_DAMPING, MAX_MODES, MIN_CYCLES
 from windsysid.modal.decays.start import AVERAGED_BINS, realized_modes, residual_modes
 from windsysid.signals.textbook import tukey
-from windsysid.spectral.modal_bands.limits import MIN_DOUBLE_LOG_ODDS
 from windsysid.spectral.oma.limits import MAX_FREQUENCY_SHARE
 
 __all__ = ["search_decays"]
@@ -60,7 +60,7 @@ def _with_one_more(
     gains = [_gain(best, decays, mode) for mode in inside]
     channels = sum(one.values.shape[1] for one in decays)
     samples = sum(len(one.values) for one in decays)
-    needed = (2.0 + 2.0 * channels) * np.log(samples) + MIN_DOUBLE_LOG_ODDS
+    needed = (2.0 + 2.0 * channels) * np.log(samples) + 2.0 * STRONG_LOG_ODDS
     for mode in _apart([inside[i] for i in np.argsort(gains)[::-1]])[:MAX_TRIALS]:
         more = fit_decays(_added(best.theta, mode), decays, TRIAL_STEPS)
         if _whittle(best) - _whittle(more) > needed and _is_possible(more, between):

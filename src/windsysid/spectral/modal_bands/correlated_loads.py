@@ -11,7 +11,8 @@ Soc. 44, 1948, https://doi.org/10.1017/S0305004100023987).
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.spectral.modal_bands.limits import MIN_DOUBLE_LOG_ODDS, MODE_FALSE_ALARM_PROBABILITY
+from windsysid.checks.limits import STRONG_LOG_ODDS
+from windsysid.spectral.modal_bands.limits import MODE_FALSE_ALARM_PROBABILITY
 from windsysid.spectral.modal_bands.model import Modes, with_real_elements
 from windsysid.spectral.modal_bands.scoring import COARSE_TOLERANCE, ModalFit, evidence, score, slopes
 from windsysid.spectral.modal_bands.start import add_mode, modes_at
@@ -69,7 +70,7 @@ def fit_shared(plain: ModalFit, band: Band, bins: int, most: int) -> ModalFit | 
             add_mode(last.modes, band).let_drift(), band, max_steps=MAX_STEPS_OF_MORE_MODES, tolerance=COARSE_TOLERANCE
         )
         fits.append(more)
-        if evidence(more, bins) > evidence(last, bins) - MIN_DOUBLE_LOG_ODDS:
+        if evidence(more, bins) > evidence(last, bins) - 2.0 * STRONG_LOG_ODDS:
             break
         last = more
     best = min(fits, key=lambda fit: evidence(fit, bins))

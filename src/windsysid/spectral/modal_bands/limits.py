@@ -46,9 +46,6 @@ MAX_NONLINEAR_SHARE = 0.01
 MAX_DAMPING = 0.2
 """Size: damping ratio beyond which a mode is background."""
 
-MIN_DOUBLE_LOG_ODDS = 6.0
-"""Log odds times two: evidence for one mode more, strong from 6 (Kass & Raftery, J. Am. Stat. Assoc. 90, 1995)."""
-
 MIN_RISE_SIGMAS, MIN_VALLEY_SIGMAS = 4.5, 3.5
 """Size in standard deviations: height of a peak above the background in the averaged log spectrum, and its fall on
 either side."""

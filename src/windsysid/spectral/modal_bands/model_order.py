@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array, Complex
+from windsysid.checks.limits import STRONG_LOG_ODDS
 from windsysid.spectral.modal_bands.correlated_loads import are_shared, fit_shared
-from windsysid.spectral.modal_bands.limits import MAX_DAMPING, MIN_DOUBLE_LOG_ODDS
+from windsysid.spectral.modal_bands.limits import MAX_DAMPING
 from windsysid.spectral.modal_bands.model import Modes, responses
 from windsysid.spectral.modal_bands.scoring import COARSE_TOLERANCE, ModalFit, evidence, score
 from windsysid.spectral.modal_bands.start import add_mode, deviance, modes_at, without_modes
@@ -127,10 +128,10 @@ def _most_evident(
     first = max(1, len(known))
     for r in range(first, most + 1):
         more = modes_at(known, band) if known and r == first else add_mode(last.modes, band)
-        target = np.inf if r <= peaks else least - MIN_DOUBLE_LOG_ODDS - more.size * float(np.log(bins))
+        target = np.inf if r <= peaks else least - 2.0 * STRONG_LOG_ODDS - more.size * float(np.log(bins))
         last = score(more, band, tolerance=COARSE_TOLERANCE, target=target)
         now = evidence(last, bins)
-        if now < least - MIN_DOUBLE_LOG_ODDS and last.modes.damping.max() < MAX_DAMPING:
+        if now < least - 2.0 * STRONG_LOG_ODDS and last.modes.damping.max() < MAX_DAMPING:
             best, least = last, now
         elif r >= peaks:
             break

@@ -72,7 +72,7 @@ def clock_lags(modes: Sequence[OperationalMode], readings: Readings) -> list[Lag
     """Estimate the clock lags of the channels of one record from the shapes of its modes."""
     channels = [i for i, sensor in enumerate(readings.sensors) if sensor is not None]
     used = [mode for mode in modes if {doubt.kind for doubt in mode.grounds} <= DOUBTS_WITHOUT_SHAPE]
-    if len(channels) < 2 or len(used) < limits.MIN_LAG_MODES:
+    if len(channels) < 2 or not used:
         return []
     shapes = _weighted_shapes(used, channels)
     if shapes.frequency.max() < limits.MIN_FREQUENCY_RATIO * shapes.frequency.min():

@@ -13,7 +13,7 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.spectral.oma.assemble import RecordAnalysis
-from windsysid.spectral.oma.limits import MAX_RECORD_DISTANCE, MIN_CORRELATION_SIGMAS
+from windsysid.spectral.oma.limits import MAX_RECORD_DISTANCE, MIN_PEAK_SIGMAS
 from windsysid.spectral.transforms.dft import taper
 
 __all__ = ["find_duplicates"]
@@ -37,7 +37,7 @@ def _have_same_motion(one: RecordAnalysis, other: RecordAnalysis) -> bool:
     length = len(first) + len(second)
     together = _whitened(first, length) * _whitened(second, length).conj()
     correlation = np.fft.irfft(together, length)
-    return bool(np.abs(correlation).max() > MIN_CORRELATION_SIGMAS / np.sqrt(length))
+    return bool(np.abs(correlation).max() > MIN_PEAK_SIGMAS / np.sqrt(length))
 
 
 def _whitened(values: Array, length: int) -> Array:

@@ -36,7 +36,8 @@ MAX_HARMONIC_DISTANCE, MAX_HARMONIC_HALF_WIDTHS = 0.01, 1.5
 half-widths of the peak."""
 
 MIN_PEAK_SIGMAS = 8.0
-"""Size in standard deviations: rise of a peak that requires a mode."""
+"""Size in standard deviations: rise of a peak that requires a mode, and of a peak in the correlation of two records
+that hold the same motion."""
 
 PEAK_WIDTH_FACTOR = 3.0
 """Size: factor on the half-width of such a peak without a mode, since few bins give its half height inaccurately."""
@@ -67,9 +68,6 @@ MIN_ASSURANCE = 0.4
 FREQUENCY_SCALE, SHAPE_SCALE = 0.05, 0.3
 """Size: step of ln f, and 1 − MAC, that count as 1 in the distance of two modes."""
 
-MIN_CORRELATION_SIGMAS = 8.0
-"""Size in standard deviations: peak of the correlation of two records beyond which they hold the same motion."""
-
 MAX_RECORD_DISTANCE = 3
 """Setting: number of following records that are searched for overlap; equal files are found wherever they are."""
 
@@ -90,9 +88,6 @@ SHAPE_PHASE_FREEDOM = 2.0
 
 MIN_MISFIT_INCREASE = 25.0
 """Size: increase of Q (`clock_lag`), in units of its scatter, for other lags and for a constant phase: 5 σ."""
-
-MIN_LAG_MODES = 2
-"""Size: number of modes for an estimate of lags."""
 
 MIN_FREQUENCY_RATIO = 1.5
 """Size: ratio of the highest to the lowest frequency; for a smaller one a lag resembles a constant phase."""

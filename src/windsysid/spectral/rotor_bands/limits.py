@@ -21,9 +21,6 @@ MIN_FREQUENCY_SLOPE = 0.03
 MIN_PEAK_LOG_ODDS = 8.0
 """Log odds: gain in log-likelihood of a peak; below it the peak is too weak."""
 
-MAX_RIVAL_LOG_ODDS = 3.0
-"""Log odds: difference from the best score within which another peak makes the choice ambiguous."""
-
 MIN_RIVAL_DISTANCE = 0.04
 """Size: relative distance in frequency of such a peak from the best one."""
 

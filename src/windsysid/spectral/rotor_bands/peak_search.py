@@ -17,9 +17,10 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.checks.limits import STRONG_LOG_ODDS
 from windsysid.errors import RecordError
 from windsysid.spectral.rotor_bands.channels import LINE_BINS, bins_between
-from windsysid.spectral.rotor_bands.limits import MAX_RIVAL_LOG_ODDS, MIN_RIVAL_DISTANCE
+from windsysid.spectral.rotor_bands.limits import MIN_RIVAL_DISTANCE
 from windsysid.spectral.transforms.lifted import Complex
 from windsysid.spectral.transforms.rotating_frame import TurnedSpectra
 
@@ -106,7 +107,7 @@ def best_of(score: Array, at: Array, log_frequency: Array) -> tuple[float, list[
         i
         for i in range(len(score))
         if score[i] == score[max(i - 2, 0) : i + 3].max()
-        and score[i] > score[best] - MAX_RIVAL_LOG_ODDS
+        and score[i] > score[best] - STRONG_LOG_ODDS
         and abs(log_frequency[i] - log_frequency[best]) > MIN_RIVAL_DISTANCE
     ]
     return float(at[best]), [float(np.exp(log_frequency[i])) for i in summits]

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from tests.identification.fits import TOWER
+from windsysid.checks.limits import STRONG_LOG_ODDS
 from windsysid.checks.widening import mixture_factor
 from windsysid.identification.estimate.spectral.narrow_band import (
     NarrowBandFit,
@@ -16,7 +17,7 @@ from windsysid.identification.estimate.spectral.narrow_band import (
     fit_narrow_band,
     note_narrow_band,
 )
-from windsysid.identification.limits import MIN_LOG_ODDS, NEGLIGIBLE_SHIFT_SIGMAS
+from windsysid.identification.limits import NEGLIGIBLE_SHIFT_SIGMAS
 from windsysid.loads.narrow_band import FREQUENCY, WIDTH, narrow_band_statistics
 from windsysid.loads.statistics import coordinates_of
 from windsysid.statespace.unknowns import Unknowns
@@ -27,7 +28,7 @@ QUESTION: Any = SimpleNamespace(parameters=[SimpleNamespace(name="k_x"), SimpleN
 
 
 def narrow(
-    gain: float = 2.0 * MIN_LOG_ODDS,
+    gain: float = 2.0 * STRONG_LOG_ODDS,
     moved: float = 2.0 * NEGLIGIBLE_SHIFT_SIGMAS,
     rivals: tuple[Rival, ...] = (),
 ) -> Any:
@@ -46,7 +47,7 @@ def end(*theta: float, log_evidence: float = 0.0) -> Any:
 
 def test_it_is_needed_where_its_evidence_is_clear_and_a_coefficient_changes():
     assert narrow().is_needed
-    assert not narrow(gain=0.9 * MIN_LOG_ODDS).is_needed
+    assert not narrow(gain=0.9 * STRONG_LOG_ODDS).is_needed
     assert not narrow(moved=0.9 * NEGLIGIBLE_SHIFT_SIGMAS).is_needed
 
 
@@ -56,7 +57,7 @@ def test_it_speaks_against_given_loads_and_where_another_explanation_is_as_good(
     (found,) = doubts_of_narrow_band(narrow(), asked="broadband")
     assert (found.code, found.data["frequency"]) == ("narrow_band_load_preferred", pytest.approx(0.4))
     rival = Rival(0.35, {"k_x": 1.0, "c_x": -4.0}, {"k_x": 0.1, "c_x": -0.4}, {"k_x": 1.0, "c_x": 2.0}, 0.2)
-    for gain, code in ((0.0, "narrow_band_load_possible"), (2.0 * MIN_LOG_ODDS, "narrow_band_load_ambiguous")):
+    for gain, code in ((0.0, "narrow_band_load_possible"), (2.0 * STRONG_LOG_ODDS, "narrow_band_load_ambiguous")):
         requested, _ = doubts_of_narrow_band(narrow(gain, rivals=(rival, rival)), asked="narrow-band")
         assert requested.code == "narrow_band_load_ambiguous"  # rivals are those of a result with the load
         found, _ = doubts_of_narrow_band(narrow(gain, rivals=(rival, rival)), asked="auto")

@@ -9,11 +9,11 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.checks.blade_passing import find_passing
 from windsysid.checks.dead_channel import find_still
-from windsysid.checks.limits import NEGLIGIBLE_SHARE
+from windsysid.checks.limits import LINE_SEARCH_FACTOR, NEGLIGIBLE_SHARE
 from windsysid.checks.lines import Line, find_line
 from windsysid.errors import RecordError
 from windsysid.identification.estimate.fitted.modes import modes_of
-from windsysid.identification.limits import MAX_NEIGHBOUR_FACTOR, RESOLUTION_BINS
+from windsysid.identification.limits import RESOLUTION_BINS
 from windsysid.identification.model.fit import Outcome
 from windsysid.loads.narrow_band import FREQUENCY, WIDTH
 from windsysid.records.record import Record
@@ -129,7 +129,7 @@ def channel_of(outcome: Outcome, record: Record, name: str) -> str | None:
     near its frequency; None if there is none."""
     file = outcome.turbine
     hz = {other: file.natural_frequency(other) for other in file.model.coordinates}  # free ones have none
-    low, high = hz[name] / MAX_NEIGHBOUR_FACTOR, hz[name] * MAX_NEIGHBOUR_FACTOR
+    low, high = hz[name] / LINE_SEARCH_FACTOR, hz[name] * LINE_SEARCH_FACTOR
     near = [low < hz[other] < high for other in hz if other != name]
     i = list(hz).index(name)
     seen, turned = (np.abs(_seen(outcome, turn)) for turn in (0.0, 1.0))

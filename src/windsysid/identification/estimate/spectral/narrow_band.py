@@ -23,10 +23,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.checks.limits import NEGLIGIBLE_SHARE
+from windsysid.checks.limits import NEGLIGIBLE_SHARE, STRONG_LOG_ODDS
 from windsysid.checks.widening import mixture_factor
 from windsysid.identification.estimate.spectral.narrow_band_posterior import responses, shifted_by_narrow_band
-from windsysid.identification.limits import MIN_LOG_ODDS, NEGLIGIBLE_SHIFT_SIGMAS
+from windsysid.identification.limits import NEGLIGIBLE_SHIFT_SIGMAS
 from windsysid.identification.model.prior_odds import chances_of_rivals, odds_of
 from windsysid.loads.narrow_band import FREQUENCY, WIDTH, NarrowBand, narrow_band_statistics
 from windsysid.loads.statistics import Statistic, coordinates_of, values_of
@@ -121,7 +121,7 @@ class NarrowBandFit(NamedTuple):
     @property
     def is_needed(self) -> bool:
         """Test whether broad loads alone explain the record much worse and change coefficients."""
-        return self.gain > MIN_LOG_ODDS and _largest(self.moved) > NEGLIGIBLE_SHIFT_SIGMAS
+        return self.gain > STRONG_LOG_ODDS and _largest(self.moved) > NEGLIGIBLE_SHIFT_SIGMAS
 
     @property
     def statistics(self) -> tuple[Statistic, ...]:
@@ -154,7 +154,7 @@ def fit_narrow_band(
     rough = _ends(question, posed, _starts(question, found, posed.model), rough=True)
     if not rough:
         return None
-    worth = rough[0].log_evidence if requested else max(rough[0].log_evidence, found.log_evidence + MIN_LOG_ODDS)
+    worth = rough[0].log_evidence if requested else max(rough[0].log_evidence, found.log_evidence + STRONG_LOG_ODDS)
     near = [end.unknowns for end in rough if worth - end.log_evidence < MAX_START_LOG_ODDS]
     ends = _ends(question, posed, near) or rough[:1]
     ends = sorted((end._replace(log_evidence=end.evidence_at(overlap)) for end in ends), key=LOG_EVIDENCE, reverse=True)
