@@ -110,7 +110,7 @@ SHORT: dict[str, tuple[str, ...]] = {
     "validation.endurance": ("--hours 0.02",),
     "validation.matching": ("--machines 20 --records 1",),
     "validation.field": ("--openfast {data}/openfast --output {tmp} --without-rotor --seeds 1",),
-    "validation.window_pairs": ("--openfast {data}/openfast --records c2 --seconds 180",),
+    "validation.window_pairs": ("--openfast {data}/openfast --records c2 --seconds 180 --output {tmp}",),
     "validation.wave_response": ("--openfast {data}/openfast",),
     "validation.windows": ("--openfast {data}/openfast --records c2 --seconds 180",),
     "validation.field_spectral": ("--simulated --rpm 12.1 --loads random --runs 1",),

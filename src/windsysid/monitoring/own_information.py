@@ -67,7 +67,7 @@ def own_information(result: Posterior, frame: Sequence[Parameter]) -> tuple[Arra
     share, axes = np.linalg.eigh(measure @ (wide / np.outer(wider, wider)) @ measure.T)
     seen = share < 1.0 - MIN_VARIANCE_SHARE
     rows, share = axes[:, seen].T @ measure, share[seen]
-    factor = 1.0 + (np.einsum("ki,ij,kj->k", rows, wide, rows) / share - 1.0) / (1.0 - share)
+    factor = 1.0 + ((rows @ wide * rows).sum(axis=1) / share - 1.0) / (1.0 - share)
     information = (rows.T * ((1.0 / share - 1.0) / factor)) @ rows
     vector = rows.T @ (rows @ (mean - prior_mean) / (share * factor)) + information @ prior_mean
     return information, np.asarray(vector, dtype=np.float64)

@@ -294,7 +294,8 @@ def test_a_saved_result_says_which_coefficients_are_c_and_why(tmp_path: Any):
 def test_wider_intervals_keep_regressions_on_instruments():
     """Found: a stiffness widened 4 times fell by 34 % instead of 9 % when `compare` took instruments as stated."""
     root = np.random.default_rng(5).standard_normal((6, 12))
-    joint = root @ root.T * np.outer(*[[STD] * 4 + [1.0, 1.0]] * 2)
+    size = np.array([STD] * 4 + [1.0, 1.0])
+    joint = root @ root.T * np.outer(size, size)
     tolerances = (Tolerance("gain", CHANNELS[0], 0.01, 0.0, 0.01), Tolerance("masses", "all bodies", 0.02, 0.0, 0.02))
     outcome = outcome_of(RECORD)._replace(cov=joint[:4, :4], joint_cov=joint, tolerances=tolerances)
     given, square = outcome.given("masses", "aerodynamics")[1], np.array([16.0, 1.0, 9.0, 2.0])
