@@ -37,7 +37,7 @@ def test_identify_prints_a_screen_and_everything_where_asked(
 
 def test_two_columns_of_coefficients_fit_the_screen(run, tmp_path: Path):
     path = tmp_path / "record.csv"
-    ws.write_record(ws.simulate("verne555", duration=20.0, rate=50.0, seed=1), path)
+    ws.write_record(ws.simulate("verne555", duration=10.0, rate=50.0, seed=1), path)
     shown = run("identify", path, "--turbine", "verne555", "--no-report").out
     assert len(shown.splitlines()) <= 24
     for name in ("k_x", "c_y", "k_beta_3", "c_beta_3"):
