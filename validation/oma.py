@@ -9,8 +9,9 @@
 - Frames of 5 storeys, 600 s, 10 % noise, which one load drives on all storeys alike, or at the top: every mode has the
   same load as its neighbours.
 - Several records of two modes, 250 s each, together: with the same sensors, and with sensors that move.
-- Loads with a peak: seas (JONSWAP, 4 to 12 s) under frames of 0.15 to 1 Hz, and machines of constant amplitude whose
-  speed varies by 0.3, 1 and 3 %: is the peak graded as a mode?
+- Loads with a peak: seas (JONSWAP, 4 to 12 s) under frames of 0.15 to 1 Hz, and machines whose speed varies by 0.3, 1
+  and 3 %, on frames and on towers with two channels, also with an amplitude that varies by 40 %: is the peak graded as
+  a mode?
 - Steep loads, of spectra f⁻⁵ to f⁴.
 - OpenFAST (`--openfast FOLDER`): c2 and d1, tower and edgewise modes.
 
@@ -283,22 +284,45 @@ def seas(runs: int) -> Iterable[tuple[str, ...]]:
     yield row("frame of 3 storeys in a sea, 600 s", total, runs)
 
 
+def machine(frequency: float, wander: float, modulation: float, rate: float, rng: np.random.Generator) -> Array:
+    """Force (50 000,) of a machine whose frequency [Hz] and amplitude vary by these shares, over 20 s and 8 s."""
+
+    def slow(seconds: float) -> Array:
+        x = lfilter([1.0], [1.0, -np.exp(-1.0 / (seconds * rate))], rng.normal(size=50_000))
+        return np.asarray(x / x.std())
+
+    phase = 2.0 * np.pi * np.cumsum(frequency * (1.0 + wander * slow(20.0))) / rate
+    return np.asarray((1.0 + modulation * slow(8.0)) * np.sin(phase))
+
+
 def machines(runs: int) -> Iterable[tuple[str, ...]]:
-    """Frames with a machine of varying speed between the first two modes."""
+    """Frames with a machine of varying speed between the first two modes, and towers with one below the second ones."""
     rate, samples = 50.0, 30_000
     modes, shapes = small_frame(1.0, 0.01)
-    for wander in (0.003, 0.01, 0.03):
+    for wander, modulation in ((0.003, 0.0), (0.01, 0.0), (0.03, 0.0), (0.01, 0.4)):
         total = Score()
         for seed in range(FRESH + 7000, FRESH + 7000 + runs):
             rng = np.random.default_rng(seed)
-            slow = lfilter([1.0], [1.0, -np.exp(-1.0 / (20.0 * rate))], rng.normal(size=50_000))
-            machine = np.sin(2.0 * np.pi * np.cumsum(1.8 * (1.0 + wander * slow / slow.std())) / rate)
-            y = forced(
-                modes, shapes, rng.normal(size=(50_000, 3)) + 1.5 * np.outer(machine, [1, 0.6, 0.3]), rate, samples
-            )
+            force = np.outer(machine(1.8, wander, modulation, rate, rng), [1, 0.6, 0.3])
+            y = forced(modes, shapes, rng.normal(size=(50_000, 3)) + 1.5 * force, rate, samples)
             y += 0.01 * y.std() * rng.normal(size=y.shape)
             total = total.with_more(scored(analyse_vibration(record(y, rate, "acceleration", "m/s^2")), modes))
-        yield row(f"frame of 3 storeys, machine at 1.8 Hz ± {100 * wander:g} %", total, runs)
+        varies = f", amplitude ± {100 * modulation:g} %" if modulation else ""
+        yield row(f"frame of 3 storeys, machine at 1.8 Hz ± {100 * wander:g} %{varies}", total, runs)
+    modes, shapes = (
+        [(0.32, 0.006), (0.34, 0.02), (2.2, 0.01), (2.5, 0.01)],
+        np.array([[1, 0.2, 0.8, 0], [-0.2, 1, 0, 0.8]]),
+    )
+    for wander, modulation in ((0.003, 0.0), (0.01, 0.0), (0.01, 0.4)):
+        total = Score()
+        for seed in range(FRESH + 9000, FRESH + 9000 + runs):
+            rng = np.random.default_rng(seed)
+            force = np.outer(machine(rng.uniform(0.6, 1.6), wander, modulation, 20.0, rng), rng.normal(size=2))
+            y = forced(modes, shapes, rng.normal(size=(50_000, 2)) + 0.5 * force, 20.0, 12_000)
+            y += 0.01 * y.std() * rng.normal(size=y.shape)
+            total = total.with_more(scored(analyse_vibration(record(y, 20.0, "acceleration", "m/s^2")), modes))
+        varies = f", amplitude ± {100 * modulation:g} %" if modulation else ""
+        yield row(f"tower of two channels, machine at 0.6 to 1.6 Hz ± {100 * wander:g} %{varies}", total, runs)
 
 
 def steep_loads(runs: int) -> Iterable[tuple[str, ...]]:
