@@ -308,6 +308,10 @@ def test_a_mode_speaks_in_plain_values_and_in_text():
     assert mode.cells() == ("tower x", "1.0000 ± 0.1000", "B", "2.00 ± 1.00", "C")
     small = replace(mode, damping_ratio=IntervalEstimate.normal(0.005, 0.0005, "1"))
     assert small.cells()[3:] == ("0.500 ± 0.100", "")
+    vague = replace(small, damping_ratio=replace(IntervalEstimate.lognormal(0.0031, 1.4, "1"), grade="C"))
+    assert vague.cells()[3:] == ("0.310 ± —", "C")
+    wide = replace(small, damping_ratio=replace(IntervalEstimate.lognormal(0.0031, 0.7, "1"), grade="B"))
+    assert wide.cells()[3:] == ("0.310 (0.076 … 1.257)", "B")
     assert (mode.trusted, small.trusted) == (False, True)
     assert mode.reference_cell() == "1.0100"
     assert replace(mode, frequency=replace(f, reference=None)).reference_cell() == ""

@@ -10,6 +10,9 @@ from windsysid.units import with_half_width
 
 __all__ = ["Mode"]
 
+MAX_SHOWN_FACTOR = 3.3
+"""Setting: factor from an estimate to the end of its interval beyond which a table does not show it as ±."""
+
 
 @dataclass(frozen=True)
 class Mode:
@@ -61,10 +64,15 @@ class Mode:
         ]
 
     def cells(self) -> tuple[str, str, str, str, str]:
-        """Name, frequency [Hz] and damping ratio [%] as ``estimate ± 2σ``, each with its grade, for a table."""
+        """Name, frequency [Hz] and damping ratio [%] as ``estimate ± 2σ``, each with its grade, for a table; a wide
+        interval of ln ζ by its ends, or as — if the grade is C."""
         f, z = self.frequency, self.damping_ratio
         frequency = with_half_width(f.estimate, f.estimate - f.low, 4)
-        damping = with_half_width(100.0 * z.estimate, 100.0 * (z.estimate - z.low), 3 if abs(z.estimate) < 0.01 else 2)
+        decimals, percent = 3 if abs(z.estimate) < 0.01 else 2, 100.0 * z.estimate
+        damping = with_half_width(percent, percent - 100.0 * z.low, decimals)
+        if z.high > MAX_SHOWN_FACTOR * z.estimate > 0.0:
+            ends = "± —" if z.grade == "C" else f"({100.0 * z.low:.{decimals}f} … {100.0 * z.high:.{decimals}f})"
+            damping = f"{percent:.{decimals}f} {ends}"
         return self.name, frequency, f.grade, damping, z.grade
 
     def beside(self, orders: Sequence[int], rotor_speed: float) -> str:

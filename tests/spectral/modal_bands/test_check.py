@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from windsysid.spectral.modal_bands.check import explanations, is_spurious, is_steady
+from windsysid.spectral.modal_bands.check import explanations, is_spurious, steadiness
+from windsysid.spectral.modal_bands.limits import MAX_STEADINESS
 from windsysid.spectral.modal_bands.model import Modes
 from windsysid.spectral.modal_bands.model_order import BandFit, fit_band
 from windsysid.spectral.modal_bands.scoring import score
@@ -35,8 +36,9 @@ def test_an_envelope_is_steady_under_a_load_of_constant_amplitude_only():
     steady = []
     for values in (vibration(4), np.outer(machine, [1.0, 0.5]) + 0.01 * rng.normal(size=(SAMPLES, 2))):
         found = fit_band(transform(values, RATE)[1][BINS], BINS, SAMPLES, RATE, 1, 1)
-        steady.append(is_steady(found, 0))
-    assert steady == [False, True]
+        steady.append(steadiness(found, 0))
+    assert steady[0] < 0.5
+    assert steady[1] == pytest.approx(MAX_STEADINESS)
 
 
 def test_a_load_of_its_own_is_another_explanation(found: BandFit):

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from windsysid.spectral.modal_bands.images import _go_together, _Motion, with_harmonics
+from windsysid.spectral.modal_bands.images import _go_together, _Motion, with_bound_motions
 
 from ..oma.modes import mode
 
@@ -44,7 +44,7 @@ def motions(*, bound: bool, power: float = 1.0) -> tuple[np.ndarray, np.ndarray]
 
 def bound_of(frequency: np.ndarray, values: np.ndarray) -> list[bool]:
     lines = [mode(0.6, 0.008, (1.0,)), mode(0.9, 0.008, (1.0,)), mode(1.2, 0.008, (1.0,))]
-    return [one.doubted_for("load") for one in with_harmonics(lines, frequency, values)]
+    return [one.doubted_for("load") for one in with_bound_motions(lines, frequency, values)]
 
 
 def test_lines_with_bound_phases_are_harmonics_of_a_machine():

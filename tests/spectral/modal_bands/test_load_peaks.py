@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.linalg import eigh
 from scipy.stats import beta
 
 from windsysid.spectral.modal_bands.load_peaks import shape_ratio, with_comb_odds, with_load_odds
@@ -36,6 +37,23 @@ def test_bending_modes_that_look_alike_to_few_sensors_are_modes():
     assert loads_among(mode(0.3, 0.01, FIRST), mode(2.1, 0.01, FIRST)) == [False, False]
 
 
+def test_a_peak_between_modes_with_a_combination_of_their_shapes_is_a_load():
+    """A force on one storey of a frame drives the modes below and above its frequency."""
+    shapes = eigh(2.0 * np.eye(5) - np.eye(5, k=1) - np.eye(5, k=-1) - np.diag([0.0, 0.0, 0.0, 0.0, 1.0]))[1].T
+    modes = [mode(f, 0.01, tuple(shape)) for f, shape in zip((1.0, 2.9, 4.6, 5.9, 6.7), shapes, strict=True)]
+    forced = mode(1.7, 0.005, tuple(shapes[0] + 0.7 * shapes[1] + 0.05 * shapes[2]))
+    assert loads_among(modes[0], forced, *modes[1:]) == [False, True, False, False, False, False]
+    assert loads_among(*(modes[0], mode(1.7, 0.005, tuple(shapes[3])), *modes[1:3])) == [False] * 4
+
+
+def test_a_steady_envelope_is_a_load_and_a_random_one_frees_a_narrow_mode():
+    narrow = mode(0.9, 0.002, (1.0, 0.1))
+    assert loads_among(narrow) == [True]
+    assert loads_among(replace(narrow, steadiness=0.1)) == [False]
+    assert loads_among(replace(narrow, damping_ratio=mode(damping=0.01).damping_ratio, steadiness=100.0)) == [True]
+    assert loads_among(replace(mode(0.12, 0.08), steadiness=0.001)) == [True]  # waves are random, too
+
+
 def test_a_damped_tower_above_the_waves_is_a_mode():
     assert loads_among(mode(0.33, 0.08, (1.0, 0.1)), mode(0.32, 0.007, (0.1, 1.0))) == [False, False]
 
@@ -49,7 +67,7 @@ def test_shapes_of_two_modes_are_random_directions():
     """The density of the squared cosine of random directions, by SciPy's beta distribution."""
     one, two = mode(1.0, shape=(1.0, 0.5, 0.3, 0.8)), mode(1.1, shape=(0.8, -0.5, 0.3, 1.0))
     sharp = [replace(each, shape_std=np.zeros(4)) for each in (one, two)]
-    ratio, mac = shape_ratio(*sharp)
+    ratio, mac = shape_ratio(sharp[0], sharp[1:], 0.5)
     off, scales = 1.0 - mac, np.array([0.005, 0.05])
     of_load = float(np.mean(np.exp(-off / scales) / scales))
     assert ratio == pytest.approx(of_load / (0.99 * beta(0.5, 1.5).pdf(mac) + 0.01 * of_load))

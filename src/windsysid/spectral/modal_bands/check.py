@@ -14,7 +14,7 @@ from windsysid.spectral.modal_bands.scoring import HALF_TOLERANCE, ModalFit, sco
 from windsysid.spectral.oma.condition import Readings, RemovedLine
 from windsysid.spectral.oma.mode import Doubt
 
-__all__ = ["explanations", "fit_doubts", "is_spurious", "is_steady", "mode_doubts", "shape_doubts"]
+__all__ = ["explanations", "fit_doubts", "is_spurious", "mode_doubts", "shape_doubts", "steadiness"]
 
 ENVELOPES = 100
 """Setting: number of envelopes that are drawn under random loads."""
@@ -63,11 +63,8 @@ def fit_doubts(found: BandFit, j: int, shapes: Shapes, readings: Readings) -> li
         factor = np.exp(2.0 * min(std_z, 3.0))
         text = f"the record is too short for it: {f * length:.0f} cycles, damping known to a factor of {factor:.2g}"
         doubts.append(Doubt("short", text))
-    doubts += [Doubt("line", text) for text in _line_doubts(f, z, std_z, length, readings.lines)]
+    doubts += [Doubt("line", text) for text in _line_doubts(f, z, length, readings.lines)]
     doubts += [Doubt("history", text) for text in _transient_doubts(found, f, z, shapes.responses[:, j], length)]
-    if is_steady(found, j):
-        text = "its amplitude varies less than that of a mode under random loads: a machine"
-        doubts.append(Doubt("history", text))
     return doubts
 
 
@@ -115,7 +112,7 @@ def _along_shape(found: BandFit, j: int) -> ModalFit:
     return score(start, band._replace(power=np.ascontiguousarray(power)), tolerance=HALF_TOLERANCE)
 
 
-def _line_doubts(f: float, z: float, std_z: float, length: float, lines: Sequence[RemovedLine]) -> list[str]:
+def _line_doubts(f: float, z: float, length: float, lines: Sequence[RemovedLine]) -> list[str]:
     found = []
     for line in lines:
         wide = 0 < line.order <= limits.MAX_WIDE_HARMONIC
@@ -124,54 +121,44 @@ def _line_doubts(f: float, z: float, std_z: float, length: float, lines: Sequenc
             found.append(
                 f"{'a steady line' if line.name == 'line' else line.name} at {line.frequency:.4g} Hz stands on it"
             )
-    if np.exp(2.0 * std_z) * z < limits.MIN_STRUCTURE_DAMPING:
-        found.append(
-            f"it is as narrow as a machine's varying tone: a damping ratio of {100 * z:.2g} %, which structures "
-            f"do not have"
-        )
     if z * f * length < limits.MIN_HALF_WIDTH_BINS:
         found.append(f"it is as narrow as a line: a damping ratio of {100 * z:.2g} % is not resolved in {length:.4g} s")
     return found[:1]
 
 
-def is_steady(found: BandFit, j: int) -> bool:
-    """Test whether the envelope of a mode varies less than under random loads, as that of a machine whose speed varies.
+def steadiness(found: BandFit, j: int) -> float:
+    """Density of the variation of a mode's envelope if it is a load of steady amplitude, such as a machine whose speed
+    varies, over that under random loads.
 
     Under random loads, transforms of the readings along the mode's shape are independent and complex Gaussian, with the
-    variance of the model; draws of these give the distribution of the envelope's variance.
+    variance of the model; draws of these give the distribution of the envelope's coefficient of variation.
     """
-    from scipy.special import ndtr
-
     modes, band = found.fit.modes, found.band
     rest = modes.rest @ modes.rest.conj().T
     along = np.linalg.solve(rest, modes.shape[:, j])
     whole = np.einsum("i,kij,j->k", along.conj(), spectrum(modes, band), along).real
     background = (along.conj() @ rest @ along).real * tilt_of(band.frequency, band, modes.rest_slope)
-    kept = np.repeat(whole > limits.MIN_PROMINENCE * background, band.counts.astype(np.int64))
+    rows = np.repeat(np.arange(len(whole)), band.counts.astype(np.int64))
+    kept = (whole > limits.MIN_PROMINENCE * background)[rows]
     if kept.sum() < limits.MIN_BAND_BINS:
-        return False
-    bins = found.bins[kept] - found.bins[kept][0]
-    level = np.sqrt(np.repeat(whole, band.counts.astype(np.int64))[kept])
+        return 1.0
     measured = (found.values[kept] @ np.linalg.pinv(found.directions).T) @ along.conj()
-    draws = np.random.default_rng(0).normal(size=(2, ENVELOPES, len(bins)))
-    variances = _envelope_variance(np.vstack([measured, (draws[0] + 1j * draws[1]) * level]), bins)
-    drawn = np.log(variances[1:])
-    probability = ndtr((np.log(variances[0]) - drawn.mean()) / drawn.std())
-    return bool(probability < limits.MODE_FALSE_ALARM_PROBABILITY)
+    normal = np.random.default_rng(0).normal(size=(ENVELOPES, 2 * len(measured))).view(np.complex128)
+    envelopes = _envelope(np.vstack([measured, normal * np.sqrt(whole[rows][kept])]), found.bins[kept])
+    here, *drawn = np.log(envelopes.std(axis=1) / envelopes.mean(axis=1))
+    centre, spread = limits.STEADY_AMPLITUDE
+    of_load = 0.5 * ((here - np.log(centre)) / spread) ** 2 + np.log(spread)
+    of_mode = 0.5 * ((here - np.mean(drawn)) / np.std(drawn)) ** 2 + np.log(np.std(drawn))
+    return float(np.exp(min(of_mode - of_load, np.log(limits.MAX_STEADINESS))))
 
 
-def _envelope_variance(transforms: Complex, bins: NDArray[np.int64]) -> Array:
-    """Variance of the squared envelope over its squared mean, of transforms (n, k) at some bins (k,)."""
-    grid = np.zeros((len(transforms), int(bins[-1]) + 1), dtype=np.complex128)
-    grid[:, bins] = transforms
-    inner = _without_ends(np.abs(np.fft.ifft(grid, 2 * grid.shape[1], axis=1)) ** 2)
-    return np.asarray(inner.var(axis=1) / inner.mean(axis=1) ** 2)
-
-
-def _without_ends(energy: Array) -> Array:
-    """Energy (…, T) of an envelope without its ends, which the taper changes."""
-    cut = energy.shape[-1] // 16
-    return energy[..., cut : energy.shape[-1] - cut]
+def _envelope(transforms: Complex, bins: NDArray[np.int64]) -> Array:
+    """Envelope (…, T) of transforms (…, k) at some bins (k,), without its ends, which the taper changes."""
+    grid = np.zeros((*transforms.shape[:-1], int(bins[-1] - bins[0]) + 1), dtype=np.complex128)
+    grid[..., bins - bins[0]] = transforms
+    envelope = np.abs(np.fft.ifft(grid, 4 * grid.shape[-1]))
+    cut = envelope.shape[-1] // 16
+    return np.asarray(envelope[..., cut : envelope.shape[-1] - cut])
 
 
 def _transient_doubts(found: BandFit, f: float, z: float, response: Complex, length: float) -> list[str]:
@@ -180,12 +167,9 @@ def _transient_doubts(found: BandFit, f: float, z: float, response: Complex, len
     kept = found.bins[near]
     if len(kept) < 6:
         return []
-    grid = np.zeros(int(kept[-1] - kept[0]) + 1, dtype=np.complex128)
-    grid[kept - kept[0]] = response[near]
-    inner = _without_ends(np.abs(np.fft.ifft(grid, 4 * len(grid))) ** 2)
-    quarters = np.array([part.mean() for part in np.array_split(inner, 4)]) / inner.mean()
+    inner = _envelope(response[near], kept) ** 2
     scatter = np.sqrt(4.0 / max(2.0 * np.pi * z * f * length, 1.0))
-    most = float(quarters.max())
+    most = float(max(part.mean() for part in np.array_split(inner, 4)) / inner.mean())
     rises = most > limits.MAX_QUARTER_ENERGY and (most - 1.0) / scatter > limits.MAX_QUARTER_SIGMAS
     if rises or most > limits.MAX_SINGLE_QUARTER_ENERGY:
         return [f"it is a transient: a quarter of the record has {25 * most:.0f} % of its energy"]

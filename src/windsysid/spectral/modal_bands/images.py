@@ -24,14 +24,13 @@ from windsysid.spectral.modal_bands.limits import (
 )
 from windsysid.spectral.oma.mode import Doubt, OperationalMode
 
-__all__ = ["with_harmonics", "with_images"]
+__all__ = ["with_bound_motions"]
 
 MOTION_HALF_WIDTHS = 6.0
 """Setting: half-widths ζ f of a mode within which its motion is taken."""
 
 MIN_MOTION_BINS = 20
 """Setting: smallest number of bins on either side within which it is taken."""
-
 
 MAX_HARMONIC = 4
 """Setting: highest multiple of the frequency of a peak at which its harmonics are sought."""
@@ -48,8 +47,8 @@ class _Motion(NamedTuple):
     freedom: float
 
 
-def with_images(modes: Sequence[OperationalMode], frequency: Array, values: Complex) -> list[OperationalMode]:
-    """Add a reason to each mode that is the image of a stronger one.
+def with_bound_motions(modes: Sequence[OperationalMode], frequency: Array, values: Complex) -> list[OperationalMode]:
+    """Add a reason to each mode that is the image of a stronger one, and to harmonics of a machine.
 
     Parameters
     ----------
@@ -57,45 +56,24 @@ def with_images(modes: Sequence[OperationalMode], frequency: Array, values: Comp
         Transforms (F, n) of the record at their frequencies (F,) [Hz].
     """
     motions = [_motion_of(mode, frequency, values) for mode in modes]
-    checked = []
-    for mode, motion in zip(modes, motions, strict=True):
-        origins = (
-            other.frequency.estimate
-            for other, its in zip(modes, motions, strict=True)
-            if its.last < motion.first and its.power > motion.power and _go_together(motion, its)
-        )
-        origin = next(origins, None)
-        if origin is not None:
-            text = f"it is an image of the mode at {origin:.4g} Hz: readings were taken more slowly and filled in"
-            mode = replace(mode, grounds=(*mode.grounds, Doubt("image", text)))
-        checked.append(mode)
-    return checked
-
-
-def with_harmonics(modes: Sequence[OperationalMode], frequency: Array, values: Complex) -> list[OperationalMode]:
-    """Add a reason to each mode whose phase is bound to that of another one: both are harmonics of a machine.
-
-    `frequency` and `values` are as in `with_images`.
-    """
-    motions = [_motion_of(mode, frequency, values) for mode in modes]
-    grounds: dict[int, Doubt] = {}
+    grounds: list[dict[str, Doubt]] = [{} for _ in modes]
     for i, k in permutations(range(len(modes)), 2):
-        first, higher, order = modes[i], modes[k], round(modes[k].frequency.estimate / modes[i].frequency.estimate)
-        if 2 <= order <= MAX_HARMONIC and _phase_is_bound(motions[i], motions[k], order, float(frequency[1])):
-            text = f"its phase is locked to that of the peak at {first.frequency.estimate:.4g} Hz, as for harmonics"
-            grounds.setdefault(k, Doubt("load", f"load or mode: {text}"))
-            if motions[k].power > MAX_NONLINEAR_SHARE * motions[i].power:
-                peak = f"the peak at {higher.frequency.estimate:.4g} Hz"
-                text = f"the phase of {peak} is locked to its own, as for harmonics"
-                grounds.setdefault(i, Doubt("load", f"load or mode: {text}"))
-    return [
-        replace(mode, grounds=(*mode.grounds, grounds[i])) if i in grounds else mode for i, mode in enumerate(modes)
-    ]
+        low, high, one, other = modes[i].frequency.estimate, modes[k].frequency.estimate, motions[i], motions[k]
+        if one.last < other.first and one.power > other.power and _go_together(other, one):
+            text = f"it is an image of the mode at {low:.4g} Hz: readings were taken more slowly and filled in"
+            grounds[k].setdefault("image", Doubt("image", text))
+        if _phase_is_bound(one, other, round(high / low), float(frequency[1])):
+            text = f"load or mode: its phase is locked to that of the peak at {low:.4g} Hz, as for harmonics"
+            grounds[k].setdefault("load", Doubt("load", text))
+            if other.power > MAX_NONLINEAR_SHARE * one.power:
+                text = f"load or mode: the phase of the peak at {high:.4g} Hz is locked to its own, as for harmonics"
+                grounds[i].setdefault("load", Doubt("load", text))
+    return [replace(mode, grounds=(*mode.grounds, *new.values())) for mode, new in zip(modes, grounds, strict=True)]
 
 
 def _phase_is_bound(one: _Motion, other: _Motion, order: int, step: float) -> bool:
     """True if the phase of a motion times an order is that of another motion, but for a constant."""
-    if one.first * order > other.last or other.first > one.last * order:
+    if not 2 <= order <= MAX_HARMONIC or one.first * order > other.last or other.first > one.last * order:
         return False
     length = 2 * order * max(len(one.transform), len(other.transform))
     first, second = (np.fft.ifft(motion.transform, length) for motion in (one, other))

@@ -21,8 +21,7 @@ MIN_PROMINENCE, MIN_BORDER_PROMINENCE, MIN_CLEAR_PROMINENCE = 2.0, 7.0, 5.0
 second, it represents the background, as no power law fits the skirts of several modes; below the third it may."""
 
 MODE_FALSE_ALARM_PROBABILITY = 1e-4
-"""Probability: significance level of each test of a mode: for an envelope that varies less than under random loads, for
-a phase that is bound to that of another peak, and for correlated loads (score test)."""
+"""Probability: significance level of a phase that is bound to that of another peak, and of correlated loads."""
 
 MAX_QUARTER_SIGMAS, MAX_QUARTER_ENERGY, MAX_SINGLE_QUARTER_ENERGY = 4.5, 2.6, 3.6
 """Size: energy of a quarter of the record in standard deviations from the mean, and over the mean: both make a
@@ -51,13 +50,18 @@ MIN_RISE_SIGMAS, MIN_VALLEY_SIGMAS = 4.5, 3.5
 either side."""
 
 LOADS = (
-    ((1 / 3, 0.06, 0.7), (0.04, 0.3)),
-    ((1 / 20, 0.06, 0.7), (0.3, 0.5)),
-    ((1 / 20, 0.005, 1.2), (0.0, float("inf"))),
+    ((1 / 3, 0.06, 0.7), (0.04, 0.3), 0.0),
+    ((1 / 20, 0.06, 0.7), (0.3, 0.5), 0.0),
+    ((1 / 20, 0.005, 1.2), (0.0, float("inf")), 0.7),
 )
 """Odds: of waves, of short waves and of a machine of varying speed against a mode, with the median and the logarithmic
-standard deviation of their half-widths over frequency, and their ranges of frequencies [Hz]. Peak periods of seas are 3
-to 25 s, half-widths 3 to 12 % for JONSWAP spectra."""
+standard deviation of their half-widths over frequency, their ranges of frequencies [Hz], and the probability that their
+amplitude is steady. Peak periods of seas are 3 to 25 s, half-widths 3 to 12 % for JONSWAP spectra."""
+
+STEADY_AMPLITUDE, MAX_STEADINESS = (0.25, 0.5), 1000.0
+"""Setting: coefficient of variation of the envelope of a load of steady amplitude with the background in its band, as
+median and logarithmic standard deviation, where random loads have 0.52; the largest ratio of their densities, whose
+tails are not known any better."""
 
 STRUCTURAL_DAMPING = ((0.8, 0.012, 0.7), (0.2, 0.06, 0.7))
 """Setting: prior of the damping ratios of modes, as shares, medians and logarithmic standard deviations: of structures,
@@ -70,9 +74,10 @@ SHAPE_DEVIATIONS = (0.005, 0.05)
 """Setting: prior of 1 − MAC of a shape under a load from that of the neighbouring mode, as means of exponential
 distributions: near it, and quasi-static."""
 
-EQUAL_SHAPES = (0.01, 0.5)
+EQUAL_SHAPES, PRIOR_PAIRS = (0.01, 0.5), 2.0
 """Setting: shares of pairs of modes whose shapes are as equal to the sensors as those of a mode and a load: of close
-ones, as of a tuned mass damper, and of others, as the bending modes of a tower at its top."""
+ones, as of a tuned mass damper, and a priori of others, as the bending modes of a tower at its top; as how many pairs
+of the record the latter counts."""
 
 MAX_CLOSE_RATIO = 1.5
 """Size: ratio of frequencies up to which two modes are close."""

@@ -1,14 +1,15 @@
 """Odds that a spectral peak is that of a load, such as waves or a machine, and not a mode.
 
-A load with a peak drives the structure at a frequency where it has no mode: with the shape of a neighbouring mode, or
-of the static deflection, which resembles it. The odds of a load
-against a mode are the product of
+A load with a peak drives the structure at a frequency where it has no mode: with the shape of a neighbouring mode, a
+combination of two, or the static deflection, which resembles one. The odds of a load against a mode are the product of
 
 - prior odds, of waves in their range of frequencies and of machines at any;
 - the ratio of the densities of the half-width: of a sea or of a machine of varying speed, and of structural damping;
-- the ratio of the densities of the modal assurance criterion (MAC) with another mode: near 1 if a load excites that
-  mode, and that of random directions for two modes, in as many dimensions as channels move. A single channel says
-  nothing.
+- the ratio of the densities of the variation of the envelope (`check.steadiness`): of a machine, which may be steady,
+  and of random response, which a sea has, too;
+- the ratio of the densities of the modal assurance criterion (MAC) with another mode, or with the plane of the modes
+  below and above: near 1 if a load excites these, and that of random directions for modes, in as many dimensions as
+  channels move, unless the record's modes look alike to its sensors.
 
 Of two modes with one shape, the one with the likelier width is taken for the mode, and both are doubtful if neither is:
 two "modes" of a machine whose speed varies, or a tuned mass damper, which its sensors cannot tell from that.
@@ -16,6 +17,7 @@ two "modes" of a machine whose speed varies, or a tuned mass damper, which its s
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 
@@ -27,24 +29,33 @@ __all__ = ["shape_ratio", "with_comb_odds", "with_load_odds"]
 
 
 def with_load_odds(modes: Sequence[OperationalMode]) -> list[OperationalMode]:
-    """Add a reason to each mode that may well be the peak of a load."""
-    alone = [_odds_of_width(mode) for mode in modes]
+    """Add a reason to each mode, by rising frequency, that may well be the peak of a load."""
+    alone, equal = [_odds_alone(mode) for mode in modes], _equal_share(modes)
     checked = []
     for i, mode in enumerate(modes):
-        odds, why = alone[i], ""
-        for k, other in enumerate(modes):
-            if k == i or other.grounds:
-                continue
-            ratio, mac = shape_ratio(mode, other)
-            together = alone[i] * ratio / (1.0 + alone[k] * ratio)
-            if together > odds:
-                odds, why = together, f", its shape that of {other.frequency.estimate:.4g} Hz (MAC {mac:.3f})"
+        odds, why = _odds_of_shape(i, modes, alone, equal)
         if odds > limits.MAX_LOAD_ODDS:
+            if mode.steadiness > 1.0:
+                why = f", its amplitude varies less than under random loads ({mode.steadiness:.2g} : 1){why}"
             text = f"load or mode: its damping ratio would be {100 * mode.damping_ratio.estimate:.2g} %{why};"
             text = f"{text} odds of a load, such as waves or a machine, {odds:.2g} : 1"
             mode = replace(mode, grounds=(*mode.grounds, Doubt("load", text)))
         checked.append(mode)
     return checked
+
+
+def _odds_of_shape(i: int, modes: Sequence[OperationalMode], alone: list[float], equal: float) -> tuple[float, str]:
+    """Odds of a load against mode i by its shape, too, and the modes that a load would excite, as a clause."""
+    odds, why = alone[i], ""
+    clear = [k for k, other in enumerate(modes) if k != i and not other.grounds]
+    at = int(np.searchsorted(clear, i))
+    for near in (*([k] for k in clear), clear[max(at - 1, 0) : at + 1]):
+        ratio, mac = shape_ratio(modes[i], [modes[k] for k in near], equal)
+        together = alone[i] * ratio / (1.0 + sum(alone[k] for k in near) * ratio)
+        if together > odds:
+            of = " and ".join(f"{modes[k].frequency.estimate:.4g} Hz" for k in near)
+            odds, why = together, f", its shape that of {of} (MAC {mac:.3f})"
+    return odds, why
 
 
 def with_comb_odds(modes: Sequence[OperationalMode], turning: float) -> list[OperationalMode]:
@@ -101,10 +112,14 @@ def _width_ratio(mode: OperationalMode) -> float:
     return _density(mode, *limits.HARMONIC_DAMPING) / _structural_density(mode)
 
 
-def _odds_of_width(mode: OperationalMode) -> float:
-    """Odds of a load against a mode by frequency and half-width."""
+def _odds_alone(mode: OperationalMode) -> float:
+    """Odds of a load against a mode by frequency, half-width and envelope."""
     f = mode.frequency.estimate
-    of_load = sum(prior * _density(mode, *width) for (prior, *width), (low, high) in limits.LOADS if low <= f <= high)
+    of_load = sum(
+        prior * _density(mode, *width) * (1.0 + steady * (mode.steadiness - 1.0))
+        for (prior, *width), (low, high), steady in limits.LOADS
+        if low <= f <= high
+    )
     return of_load / _structural_density(mode)
 
 
@@ -118,32 +133,39 @@ def _density(mode: OperationalMode, centre: float, spread: float) -> float:
     return float(np.exp(-0.5 * (np.log(mode.damping_ratio.estimate / centre) / std) ** 2) / std)
 
 
-def shape_ratio(mode: OperationalMode, other: OperationalMode) -> tuple[float, float]:
-    """Density of the MAC of two shapes if one is of a load that excites the other's mode, over that of two modes, and
-    the MAC. Modes that are far apart in frequency may look alike to few sensors."""
-    one, two = mode.shape, other.shape
-    moving = int(np.count_nonzero(np.maximum(np.abs(one), np.abs(two)) > limits.MIN_MOTION))
-    mac = float(np.abs(np.vdot(one, two)) ** 2 / (np.vdot(one, one).real * np.vdot(two, two).real))
-    if moving < 2:
+def _equal_share(modes: Sequence[OperationalMode]) -> float:
+    """Share of pairs of modes that look alike to the sensors, by those of the record."""
+    chance = limits.EQUAL_SHAPES[1]
+    alike = [min(chance * shape_ratio(one, [other], chance)[0], 1.0) for one, other in combinations(modes, 2)]
+    return (limits.PRIOR_PAIRS * chance + sum(alike)) / (limits.PRIOR_PAIRS + len(alike))
+
+
+def shape_ratio(mode: OperationalMode, others: Sequence[OperationalMode], equal: float) -> tuple[float, float]:
+    """Density of the MAC of a shape with the plane of others if it is of a load that excites their modes, over that of
+    modes, and the MAC; `equal` is the share of modes apart that look alike to the sensors."""
+    shapes = np.array([one.shape for one in (mode, *others)])
+    moving = int(np.count_nonzero(np.abs(shapes).max(axis=0) > limits.MIN_MOTION))
+    along = np.linalg.qr(shapes[1:].T)[0].conj().T @ shapes[0]
+    mac = float(np.vdot(along, along).real / np.vdot(shapes[0], shapes[0]).real)
+    if not others or moving <= len(others):
         return 1.0, mac
-    unsure = _relative_variance(one, mode.shape_std) + _relative_variance(two, other.shape_std)
+    unsure = sum(_relative_variance(one.shape, one.shape_std) for one in (mode, *others))
     off = max(1.0 - mac, unsure)
     scales = np.array(limits.SHAPE_DEVIATIONS) + unsure
     of_load = float(np.mean(np.exp(-off / scales) / scales))
-    equal = limits.EQUAL_SHAPES[
-        int(abs(np.log(mode.frequency.estimate / other.frequency.estimate)) > np.log(limits.MAX_CLOSE_RATIO))
-    ]
-    return of_load / ((1.0 - equal) * _random_density(1.0 - off, moving) + equal * of_load), mac
+    step = abs(np.log(mode.frequency.estimate / others[0].frequency.estimate))
+    equal = limits.EQUAL_SHAPES[0] if len(others) == 1 and step < np.log(limits.MAX_CLOSE_RATIO) else equal
+    return of_load / ((1.0 - equal) * _random_density(1.0 - off, len(others), moving) + equal * of_load), mac
 
 
 def _relative_variance(shape: Complex, std: Array) -> float:
     return float(2.0 * np.sum(std**2) / np.sum(np.abs(shape) ** 2))
 
 
-def _random_density(mac: float, dimensions: int) -> float:
-    """Density of the squared cosine between random directions of a space."""
+def _random_density(mac: float, plane: int, dimensions: int) -> float:
+    """Density of the squared cosine of a random direction with a plane of some dimensions in a space."""
     from scipy.special import beta
 
-    a, b = 0.5, 0.5 * (dimensions - 1)
+    a, b = 0.5 * plane, 0.5 * (dimensions - plane)
     mac = min(max(mac, 1e-6), 1.0 - 1e-6)
     return float(mac ** (a - 1.0) * (1.0 - mac) ** (b - 1.0) / beta(a, b))

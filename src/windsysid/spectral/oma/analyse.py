@@ -23,7 +23,7 @@ from windsysid.output.progress import Progress, unheard
 from windsysid.records.coercion import MappingLike, RecordLike, as_records
 from windsysid.records.record import Record
 from windsysid.results.finding import Finding
-from windsysid.spectral.modal_bands.images import with_harmonics, with_images
+from windsysid.spectral.modal_bands.images import with_bound_motions
 from windsysid.spectral.modal_bands.limits import COMB_ODDS
 from windsysid.spectral.modal_bands.load_peaks import with_comb_odds, with_load_odds
 from windsysid.spectral.modal_bands.part_scores import SEGMENTS
@@ -228,8 +228,7 @@ def _searched(record: Record, readings: Readings, request: _AnalysisOptions) -> 
     segments = [[transforms(readings, part) for part in _parts(readings.samples, count)] for count in SEGMENTS]
     bands = without_skirts([described(one, segments, noted) for one in found.bands if modes_of(one)])
     modes, noted = _without_removed([mode for band in bands for mode in band], marks, noted)
-    checked = with_images(modes, found.spectrum.frequency, found.spectrum.values)
-    checked = with_load_odds(with_harmonics(checked, found.spectrum.frequency, found.spectrum.values))
+    checked = with_load_odds(with_bound_motions(modes, found.spectrum.frequency, found.spectrum.values))
     checked = _without_speed(checked, readings.used, request)
     return RecordAnalysis(record, noted, found, tuple(checked))
 

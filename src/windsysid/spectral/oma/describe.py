@@ -11,7 +11,7 @@ from windsysid.checks.dispersion import PartScores
 from windsysid.checks.limits import MAX_WIDENING, MIN_RIVAL_PROBABILITY, NEGLIGIBLE_SHARE
 from windsysid.checks.widening import mixture_factor
 from windsysid.results.estimate import IntervalEstimate
-from windsysid.spectral.modal_bands.check import explanations, is_spurious, mode_doubts
+from windsysid.spectral.modal_bands.check import explanations, is_spurious, mode_doubts, steadiness
 from windsysid.spectral.modal_bands.model_order import BandFit, Shapes, full_shapes
 from windsysid.spectral.modal_bands.part_scores import Segments, part_scores, widening_of
 from windsysid.spectral.oma.condition import Readings
@@ -90,6 +90,7 @@ def mode_of(found: BandFit, j: int, shapes: Shapes, grounds: Sequence[Doubt]) ->
         band=(float(found.band.frequency[0]), float(found.band.frequency[-1])),
         grounds=tuple(grounds),
         shape_cov=shapes.cov[j],
+        steadiness=steadiness(found, j),
     )
 
 

@@ -54,6 +54,8 @@ class OperationalMode(Mode):
         Factors on the standard deviations of frequency and ln ζ that the model gives.
     shape_cov
         Covariance (2 n, 2 n) of the shape's real parts and then its imaginary ones; None if it was not kept.
+    steadiness
+        Density of the variation of its envelope if it is a load of steady amplitude, over that of random response [1].
     segments
         (K, 3) middles of segments of the record [s], and frequency [Hz] and damping ratio in each, by one step of
         scoring from those of the whole; None if the record is too short for segments.
@@ -70,6 +72,7 @@ class OperationalMode(Mode):
     shape_cov: Array | None = None
     remarks: tuple[Doubt, ...] = ()
     widening: tuple[float, float] = (1.0, 1.0)
+    steadiness: float = 1.0
     segments: Array | None = None
     candidates: tuple[ModeCandidate, ...] = ()
 
