@@ -95,7 +95,7 @@ def _structures(oma: Any) -> Iterator[tuple[str, bool, Callable[[int], Any]]]:
     yield "frame of 5 storeys", True, partial(oma.frame_record, 5)
     yield from ((f"one load {name}", True, partial(oma.shared_load_record, load)) for name, load in oma.SHARED.items())
     yield "sea", False, oma.sea_record
-    yield from ((f"machine ± {100 * x:g} %", False, partial(oma.machine_record, x)) for x in oma.WANDER)
+    yield from ((f"machine ± {100 * x:g} %", False, partial(oma.machine_record, x)) for x in (0.003, 0.01, 0.03))
     yield from ((f"load as f^{x}", True, partial(oma.steep_load_record, x)) for x in oma.SLOPES)
 
 
