@@ -91,7 +91,7 @@ def _abrupt(x: Array, runs: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
 
     def breaks(at: int) -> bool:
         around = power[max(at - 2, 0) : at + PREDICTOR_READINGS]
-        return float(around.max()) > one or float(around.sum()) > several
+        return bool(around.max() > one or around.sum() > several)
 
     return [run for run in runs if breaks(run[0]) or breaks(run[1])]
 
