@@ -616,7 +616,7 @@ _FLEET_AND_MODES = (
     ),
     Mutant(
         "vibration that fades", "silence.py",
-        "and first > 1 and end < count - 1", "and first > 1",
+        "(runs[:, 0] > 1) & (runs[:, 1] < count - 1)", "(runs[:, 0] > 1)",
         "a decay is a silent channel",
     ),
     Mutant(

@@ -6,7 +6,7 @@ to what healthy records show. Each of some ten tests may condemn one healthy rec
 
 FALSE_ALARM_PROBABILITY = 1e-3
 """Probability: significance level of a test, all channels, frequencies and times together: of innovations, lines, dead
-channels, bursts, effects, scatter between parts, clock lags and breaks of readings; set on simulated records
+channels, bursts, effects, scatter between parts and breaks of readings; set on simulated records
 (`validation.adversary.calibrate`)."""
 
 DISPERSION_PRIOR_ODDS = 0.1

@@ -59,11 +59,9 @@ def _silent(x: Array) -> list[tuple[int, int]]:
     mean, square = windows.sum(axis=1) / np.maximum(samples, 1), (windows**2).sum(axis=1) / np.maximum(samples, 1)
     rms = np.sqrt(np.maximum(square - mean**2, 0.0))
     usual = float(np.median(rms[told]))
-    runs = runs_of((rms < MAX_SILENT_RMS_RATIO * usual) & told).tolist()
-    silent = [
-        (first * width, end * width) for first, end in runs
-        if end - first >= MIN_SILENT_PERIODS and first > 1 and end < count - 1
-    ]  # fmt: skip
+    runs = runs_of((rms < MAX_SILENT_RMS_RATIO * usual) & told)
+    long = runs[:, 1] - runs[:, 0] >= MIN_SILENT_PERIODS
+    silent = (width * runs[long & (runs[:, 0] > 1) & (runs[:, 1] < count - 1)]).tolist()
     # what repeats one value is frozen
     return [_widened(x, *run) for run in silent if np.nanmax(x[slice(*run)]) > np.nanmin(x[slice(*run)])]
 
@@ -91,7 +89,7 @@ def _abrupt(x: Array, runs: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
 
     def breaks(at: int) -> bool:
         around = power[max(at - 2, 0) : at + PREDICTOR_READINGS]
-        return float(around.max()) > one or float(around.sum()) > several
+        return bool(around.max() > one or around.sum() > several)
 
     return [run for run in runs if breaks(run[0]) or breaks(run[1])]
 

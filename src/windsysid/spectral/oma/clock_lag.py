@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array, Complex
-from windsysid.checks.limits import CONFLICT_SIGMAS, FALSE_ALARM_PROBABILITY
+from windsysid.checks.limits import CONFLICT_SIGMAS
 from windsysid.spectral.oma import limits
 from windsysid.spectral.oma.condition import Readings
 from windsysid.spectral.oma.mode import DoubtKind, OperationalMode
@@ -133,7 +133,7 @@ def _tested_lags(shapes: _Shapes) -> list[Lag]:
     found = []
     for channel in late:
         without = shapes.misfit(np.where(np.arange(count) == channel, 0.0, lags))
-        if _chance((without - least) / scatter, freedom) < FALSE_ALARM_PROBABILITY / count:
+        if _chance((without - least) / scatter, freedom) < limits.LAG_FALSE_ALARM_PROBABILITY / count:
             if _constant_phase(shapes, lags, channel) - least < limits.MIN_MISFIT_INCREASE * scatter:
                 return []
             others = _other_lags(shapes, lags, channel, least + limits.MIN_MISFIT_INCREASE * scatter)

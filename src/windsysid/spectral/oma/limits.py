@@ -86,6 +86,9 @@ SHAPE_PHASE_STD = 0.03
 SHAPE_PHASE_FREEDOM = 2.0
 """Size: degrees of freedom of the prior knowledge of that standard deviation."""
 
+LAG_FALSE_ALARM_PROBABILITY = 1e-4
+"""Probability: significance level of the F test of a clock lag, over all channels of a record."""
+
 MIN_MISFIT_INCREASE = 25.0
 """Size: increase of Q (`clock_lag`), in units of its scatter, for other lags and for a constant phase: 5 σ."""
 
