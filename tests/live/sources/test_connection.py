@@ -4,9 +4,10 @@ import asyncio
 import contextlib
 import random
 from collections.abc import Awaitable, Callable
+from pathlib import Path
 
 import pytest
-from mqtt5 import ConnectPacket, PubAckPacket, PublishPacket, QoS, read
+from mqtt5 import ConnectPacket, PubAckPacket, PubAckReasonCode, PublishPacket, QoS, read
 
 from windsysid.live.configuration.source_settings import Broker
 from windsysid.live.configuration.toml_table import Secret
@@ -133,6 +134,12 @@ def test_arbitrary_bytes_never_raise_anything_but_an_error_of_the_connection():
             asyncio.run(answered(CONNACK + bytes(sent), then=receive))
 
 
+def test_an_authority_that_is_gone_is_an_error_of_the_connection(tmp_path: Path):
+    """The file is read at each connection: another error would end the thread of a publisher for good."""
+    with pytest.raises(OSError, match=r"ca: '.*gone\.pem' is no certificate"):
+        asyncio.run(Connection.open(Broker("mqtts://127.0.0.1:9", ca=tmp_path / "gone.pem")))
+
+
 def test_a_connection_is_kept_alive_and_a_silent_one_is_lost(monkeypatch: pytest.MonkeyPatch):
     async def wait(connection: Connection, reader: asyncio.StreamReader) -> None:
         await reader.read(1000)
@@ -143,6 +150,36 @@ def test_a_connection_is_kept_alive_and_a_silent_one_is_lost(monkeypatch: pytest
 
     with pytest.raises(TimeoutError):
         asyncio.run(answered(b"\x20\x06\x00\x00\x03\x13\x00\x01", then=wait))  # the broker's own keep-alive time
+
+
+def test_a_connection_on_which_only_acknowledgements_go_out_is_kept_alive():
+    """Nothing answers them: without pings a service that commits what came lost its connection after 30 s."""
+
+    async def answer(connection: Connection, reader: asyncio.StreamReader) -> None:
+        await reader.read(1000)
+        sent = b""
+        for _ in range(8):
+            connection.acknowledge(1)
+            connection.send()
+            await asyncio.sleep(0.1)
+            sent += await reader.read(1000)
+        assert sent.count(b"\xc0\x00") == 1
+
+    asyncio.run(answered(b"\x20\x06\x00\x00\x03\x13\x00\x01", then=answer))
+
+
+def test_a_message_that_the_broker_refuses_is_not_confirmed():
+    async def publish(connection: Connection, _: asyncio.StreamReader) -> None:
+        connection.publish("t", b"1")
+        connection.send()
+        await connection.confirmed()
+
+    refusal = PubAckPacket(1, reason_code=PubAckReasonCode.NOT_AUTHORIZED).write()
+    with pytest.raises(ConnectionError, match=r"refuses a message \(not authorized\)"):
+        asyncio.run(answered(CONNACK, refusal, then=publish))
+    asyncio.run(
+        answered(CONNACK, PubAckPacket(1, reason_code=PubAckReasonCode.NO_MATCHING_SUBSCRIBERS).write(), then=publish)
+    )
 
 
 def test_a_packet_of_a_session_says_who_connects_and_what_it_takes():

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import socket
 import subprocess
 import sys
 import threading
@@ -315,6 +316,15 @@ def test_a_publisher_that_is_killed_goes_on_from_its_buffer(mosquitto: Mosquitto
         assert publisher.send(block_of(30)) == 0
     service.stop()
     assert service.taker.numbers() == list(range(1, 31))
+
+
+def test_a_broker_that_does_not_answer_is_reported_so(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("windsysid.live.sources.connection.MAX_CONNECT_SECONDS", 0.05)
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        port = silent.getsockname()[1]
+        with Publisher(Broker(f"mqtt://127.0.0.1:{port}")) as publisher:
+            wait_for(lambda: publisher.trouble)
+            assert publisher.trouble == "no connection (no answer)"
 
 
 def test_a_full_buffer_drops_the_oldest_and_says_so(tmp_path: Path, caplog: pytest.LogCaptureFixture):

@@ -90,13 +90,7 @@ def _checking() -> Iterator[None]:
 
 
 def tls_of(broker: Broker) -> ssl.SSLContext | None:
-    """TLS of a broker's address, None without.
-
-    Raises
-    ------
-    ConfigurationError
-        If the broker's authority cannot be read.
-    """
+    """TLS of a broker's address, None without; ConfigurationError if the broker's authority cannot be read."""
     if not broker.url.startswith("mqtts://"):
         return None
     try:
@@ -117,10 +111,9 @@ class Connection:
     def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self._mqtt5 = needed("mqtt5", "MQTT needs mqtt5")
         self._reader, self._writer = reader, writer
-        self._rest, self._mid, self._spoke = b"", 0, time.monotonic()
+        self._rest, self._mid, self._pinged, self._refusal = b"", 0, time.monotonic(), ""
         self._keepalive, self._window = KEEPALIVE_SECONDS, 65_535
-        self.unconfirmed, self._found = 0, list["mqtt5.Packet"]()
-        self._sending: list[bytes] = []
+        self.unconfirmed, self._found, self._sending = 0, list["mqtt5.Packet"](), list[bytes]()
         self._waiting: deque[tuple[str, bytes, Iterable[tuple[str, str]], int, bool]] = deque()
 
     @classmethod
@@ -130,11 +123,14 @@ class Connection:
         Raises
         ------
         OSError
-            If there is no broker, or it refuses.
+            If there is no broker, it refuses, or its authority cannot be read.
         ConfigurationError
-            If mqtt5 is not installed, or the broker's authority cannot be read.
+            If mqtt5 is not installed.
         """
-        tls, address = tls_of(broker), urlsplit(broker.url)
+        try:
+            tls, address = tls_of(broker), urlsplit(broker.url)
+        except ConfigurationError as error:  # its file may come back
+            raise ConnectionError(str(error)) from None
         port = address.port or (1883 if tls is None else 8883)
         async with asyncio.timeout(MAX_CONNECT_SECONDS):
             streams = await asyncio.open_connection(address.hostname, port, ssl=tls, limit=MAX_READ_BYTES)
@@ -198,8 +194,8 @@ class Connection:
         self._waiting.append((topic, payload, properties, qos, retain))
 
     def send(self) -> None:
-        """Write all packets together, or a ping where nothing was sent for long. It is to be called every second at
-        least."""
+        """Write all packets together, and pings: acknowledgements alone get no answer, by which a lost connection is
+        known. It is to be called every second at least."""
         while self._waiting and (self._waiting[0][3] == 0 or self.unconfirmed < self._window):
             topic, payload, properties, qos, retain = self._waiting.popleft()
             packet = self._mqtt5.PublishPacket(
@@ -213,10 +209,10 @@ class Connection:
             self.unconfirmed += qos
             self._sending.append(packet.write())
         now = time.monotonic()
-        if not self._sending and now > self._spoke + self._keepalive / 2.0:
+        if now > self._pinged + self._keepalive / 2.0:
+            self._pinged = now
             self._sending.append(self._mqtt5.PingReqPacket().write())
         if self._sending:
-            self._spoke = now
             self._writer.write(b"".join(self._sending))
             self._sending.clear()
 
@@ -225,6 +221,8 @@ class Connection:
         self.send()
         while self.unconfirmed > 0:
             await self.messages()
+        if self._refusal:
+            raise ConnectionError(f"the broker refuses a message ({self._refusal})")
 
     async def messages(self) -> list[Message]:
         """Wait for packets, and return the messages among them."""
@@ -236,6 +234,8 @@ class Connection:
                 messages.append(Message(packet.topic, packet.packet_id or 0, told, packet.payload, packet.retain))
             elif isinstance(packet, self._mqtt5.PubAckPacket):
                 self.unconfirmed -= 1
+                if packet.reason_code.value >= 0x80:  # a failure
+                    self._refusal = _words(packet.reason_code)
             elif isinstance(packet, self._mqtt5.DisconnectPacket):
                 raise ConnectionError(f"the broker ended it ({_words(packet.reason_code)})")
         if self._waiting:
@@ -281,5 +281,5 @@ class Connection:
                 await self._writer.wait_closed()
 
 
-def _words(reason: "mqtt5.ConnAckReasonCode | mqtt5.DisconnectReasonCode | None") -> str:
+def _words(reason: "mqtt5.ConnAckReasonCode | mqtt5.DisconnectReasonCode | mqtt5.PubAckReasonCode | None") -> str:
     return "no answer of MQTT 5" if reason is None else reason.name.replace("_", " ").lower()

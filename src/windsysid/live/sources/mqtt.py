@@ -151,7 +151,7 @@ class _Session:
         try:
             connection = await Connection.open(source.broker, session)
         except OSError as error:
-            return f"no connection ({error.strerror or error or 'no answer'})"
+            return f"no connection ({error.strerror or str(error) or 'no answer'})"
         connection.subscribe(list(source.turbines))
         self.was_connected = True
         source.state = source.state._replace(state="running", text="")
@@ -166,7 +166,7 @@ class _Session:
         except asyncio.CancelledError:
             pass
         except OSError as error:
-            self._lose(f"connection lost ({error})")
+            self._lose(f"connection lost ({str(error) or 'no answer'})")
         finally:
             self._over = True
             await asyncio.wait([asyncio.get_running_loop().run_in_executor(thread, int)], timeout=2.0)

@@ -231,13 +231,13 @@ class Publisher:
             try:
                 connection = await Connection.open(self.broker)
             except OSError as error:
-                self._lost(f"no connection ({error.strerror or error or 'no answer'})")
+                self._lost(f"no connection ({error.strerror or str(error) or 'no answer'})")
                 continue
             succeeded()
             try:
                 await self._hold(connection)
             except OSError as error:
-                self._lost(f"connection lost ({error})")
+                self._lost(f"connection lost ({str(error) or 'no answer'})")
 
     async def _hold(self, connection: Connection) -> None:
         """Send, until the publisher is closed or the connection is lost."""
