@@ -30,9 +30,9 @@ SEARCH_SIGMAS = 3.0
 MIN_EXACT_BINS = 4.0
 """Setting: bins in half the half-power width of a mode below which spectra are smoothed by the taper's window."""
 
-MAX_JOINT_WIDTH, JOINT_GRID_FACTOR = 1.0, 8
-"""Setting: bins in half the half-power width of a mode below which neighbouring bins have a joint covariance, and
-frequencies per bin over which it is summed: enough for a mode that is damped a third as much."""
+MAX_JOINT_WIDTH, MAX_JOINT_COST, JOINT_GRID_FACTOR = 1.0, 20_000, 8
+"""Setting: bins in half a mode's half-power width below which neighbours have a joint covariance; bins times channels³,
+as which its time grows, up to which they have; frequencies per bin in its sum: enough for a third of the damping."""
 
 LINE_BINS, LINE_SHARE = 2.5, 0.006
 """Setting: half-width of a rotor harmonic in bins, and as a share of its frequency, since no speed is constant."""
@@ -58,7 +58,7 @@ def pose_standing(
     used = _in_bands(lifted.base, bands) & ~lines
     _check_length(int(used.sum()), 1 if given_bands else MIN_BAND_BINS * len(bands), lifted.duration)
     width = question.narrowest * lifted.duration
-    base, joint, window, alike = _grid(lifted, used, width, alone=sums is None)
+    base, joint, window, alike = _grid(lifted, used, width, joint=sums is None and used.sum() * m**3 <= MAX_JOINT_COST)
     data = single = _grouped(lifted.data[used, 0], alike).swapaxes(1, 2)
     if sums is not None:
         data = factored(_grouped(sums.power[used], alike).sum(axis=1))
@@ -103,11 +103,11 @@ def _in_bands(frequency: Array, bands: Sequence[tuple[float, float]]) -> NDArray
 
 
 def _grid(
-    lifted: Lifted, used: NDArray[np.bool_], width: float, *, alone: bool
+    lifted: Lifted, used: NDArray[np.bool_], width: float, *, joint: bool
 ) -> tuple[Array, Array | None, Array | None, int]:
-    """Frequencies at which spectra are taken [Hz], weights of joint bins, if a block is alone, and of the taper's
+    """Frequencies at which spectra are taken [Hz], weights of bins that may be `joint`, and of the taper's
     window, and how many bins share a spectrum; `width` is half the half-power width of the narrowest mode in bins."""
-    number, joint = np.flatnonzero(used) + FIRST_BIN, alone and width < MAX_JOINT_WIDTH
+    number, joint = np.flatnonzero(used) + FIRST_BIN, joint and width < MAX_JOINT_WIDTH
     if width < MIN_EXACT_BINS:
         factor = JOINT_GRID_FACTOR if joint else GRID_FACTOR
         weights, fine = taper_weights(len(lifted.taper), number, factor), finer_bins(number[0], number[-1], factor)

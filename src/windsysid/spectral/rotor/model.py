@@ -276,13 +276,13 @@ class LiftedModel(NamedTuple):
             whole = np.concatenate([part.slopes for part in every_part], axis=1)
             whole = whole[self._from_kernels()] if slopes else whole
             return ModelSpectrum(np.concatenate([part.spectrum for part in every_part]), whole, None)
-        e, bins = len(self.place.entries), len(self.data)
-        S = np.zeros((bins, e, e), dtype=np.complex128)
-        A = np.zeros((len(unknowns) if slopes else 0, bins, e, e), dtype=np.complex128)
-        for at, part in parts:
-            S += np.tensordot(self.window[at], part.spectrum, (0, 0))
-            A += np.moveaxis(np.tensordot(self.window[at], part.slopes, (0, 1)), 0, 1)
-        return self._masked(S, A[self._from_kernels()] if slopes else A)
+        found = np.zeros((1 + slopes * len(unknowns), *self.data.shape[:2], self.data.shape[1]), dtype=np.complex128)
+        for places, part in parts:
+            fine = np.concatenate([part.spectrum[None], part.slopes])
+            for at in np.array_split(np.arange(len(places)), len(places) // MAX_JOINT_BINS + 1):
+                near = self.window[places[at]].any(axis=0)
+                found[:, near] += np.moveaxis(np.tensordot(self.window[places[at]][:, near], fine[:, at], (0, 1)), 0, 1)
+        return self._masked(found[0], found[1:][self._from_kernels()] if slopes else found[1:])
 
     def _masked(self, S: Complex, A: Complex) -> ModelSpectrum:
         """S and its derivatives, entries that are left out with unit variance."""
