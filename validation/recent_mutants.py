@@ -10,6 +10,7 @@ RECENT_TESTS: dict[str, tuple[str, ...]] = {
     "azimuth.py": ("test_signals.py", "test_rotor_sources.py", "test_faulty_readings.py"),
     "cache.py": ("test_cache.py",),
     "blocks/codec.py": ("test_codec.py",),
+    "records/moments.py": ("test_codec.py",),
     "checks/colour.py": ("test_colour.py",),
     "checks/dispersion.py": ("test_dispersion.py",),
     "continuity.py": ("test_continuity.py",),
@@ -414,7 +415,7 @@ _LIVE = (
         "g of a stream are a hundredth of m/s²",
     ),
     Mutant(
-        "fraction of a second", "blocks/codec.py",
+        "fraction of a second", "records/moments.py",
         'int(fraction[1].ljust(9, "0"))', "int(fraction[1])",
         "a block that starts at half a second starts at 5 ns",
     ),
@@ -646,7 +647,7 @@ _FLEET_AND_MODES = (
     ),
     Mutant(
         "a prior that is taken out", "own_information.py",
-        "(1.0 / share - 1.0)) @ rows", "(1.0 / share)) @ rows",
+        "(1.0 / share - 1.0) / factor)) @ rows", "(1.0 / share) / factor)) @ rows",
         "priors count twice in a comparison",
     ),
     Mutant(
@@ -671,7 +672,7 @@ _FLEET_AND_MODES = (
     ),
     Mutant(
         "an envelope of a machine", "modal_bands/check.py",
-        "probability < limits.MODE_FALSE_ALARM_PROBABILITY", "False",
+        "envelopes.std(axis=1) / envelopes.mean(axis=1)", "envelopes.std(axis=1) / envelopes.std(axis=1)",
         "a machine of constant amplitude is a mode",
     ),
     Mutant(
@@ -702,7 +703,7 @@ _FLEET_AND_MODES = (
     ),
     Mutant(
         "images of the stronger mode", "modal_bands/images.py",
-        "and its.power > motion.power and", "and its.power < motion.power and",
+        "and one.power > other.power and", "and one.power < other.power and",
         "the mode is the image of its image",
     ),
     Mutant(

@@ -25,6 +25,7 @@ from windsysid.identification.condition.readings import (
 )
 from windsysid.identification.estimate.spectral.frequency_domain import identify_by_spectrum
 from windsysid.identification.estimate.time_domain import identify_jointly_from
+from windsysid.identification.limits import MAX_RADIANS_PER_READING
 from windsysid.identification.model.prior import Prior
 from windsysid.identification.streaming.identify_pieces import identify_pieces
 from windsysid.mechanics import Sensor
@@ -286,14 +287,16 @@ def test_a_section_must_leave_something_to_the_force_balance(verne555, record):
 
 @pytest.mark.parametrize(("rate", "left"), [(0.1, 4), (1e-6, 1), (4.0, 160)])
 def test_a_rate_that_leaves_no_motion_is_refused_at_once(verne555, record, rate, left, monkeypatch):
-    # verne555's slowest mode stands at 1.67 Hz: 40 s hold 67 periods of it, and 2.5 samples a period are 4.2 Hz.
+    # verne555's slowest mode stands at 1.67 Hz: 40 s hold 67 periods of it, and 2.5 rad a sample are 4.3 Hz.
     monkeypatch.setattr(
         "windsysid.identification.formulations.identify_jointly", lambda *_, **__: pytest.fail("went on")
     )
     slowest = verne555.natural_frequency("y") / (2.0 * np.pi)
     with pytest.raises(ConfigurationError, match=rf"rate: {rate:g} Hz would leave {left} samples of 6\d") as error:
         identify(record, verne555, rate=rate)
-    assert float(str(error.value).split()[-2]) == pytest.approx(2.5 * slowest, rel=5e-3)
+    assert float(str(error.value).split()[-2]) == pytest.approx(
+        2.0 * np.pi * slowest / MAX_RADIANS_PER_READING, rel=5e-3
+    )
     assert len(str(error.value)) <= 160
     with pytest.raises(
         ConfigurationError, match=r"would leave 9 samples of 3\.\d+ periods"

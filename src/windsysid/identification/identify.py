@@ -138,7 +138,7 @@ def identify(
     k_side_side: 1.764 MN/m (95 % interval 1.693 … 1.837, grade A)
     c_side_side: 7.783 kN·s/m (95 % interval 1.375 … 14.19, grade B)
     k_fore_aft: 1.88 MN/m (95 % interval 1.557 … 2.27, grade B)
-    c_fore_aft: 116.7 kN·s/m (95 % interval 58.44 … 174.9, grade B)
+    c_fore_aft: 116.7 kN·s/m (95 % interval 58.48 … 174.9, grade B)
     >>> result.diagnosis.trusted
     True
     """

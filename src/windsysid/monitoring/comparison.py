@@ -96,7 +96,7 @@ def compare(before: PosteriorLike | ModesLike, after: PosteriorLike | ModesLike)
     >>> records = [ws.simulate(one, duration=600.0, rate=5.0) for one in (tower, softer)]
     >>> before, after = (ws.identify(record, tower, formulation="spectral") for record in records)
     >>> print(ws.compare(before, after).coefficients[0])
-    k_side_side fell by 19.9 % (95 % interval -21.2 … -18.7 %; odds >1000 : 1)
+    k_side_side fell by 19.9 % (95 % interval -21.1 … -18.7 %; odds >1000 : 1)
     """
     if all_hold_modes((before, after)):
         return compare_modes(cast("ModesLike", before), cast("ModesLike", after))

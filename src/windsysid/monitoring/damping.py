@@ -101,8 +101,8 @@ def separate_damping(results: Sequence[PosteriorLike]) -> Separation:
     >>> _, fore_aft = ws.damping(results).splits
     >>> for part in (fore_aft.structural, fore_aft.aerodynamic[0]):
     ...     print(f"{part.value / 1e3:.0f} kN·s/m, 95 % interval {part.low / 1e3:.0f} … {part.high / 1e3:.0f}")
-    19 kN·s/m, 95 % interval -13 … 50
-    82 kN·s/m, 95 % interval -20 … 184
+    19 kN·s/m, 95 % interval -11 … 48
+    83 kN·s/m, 95 % interval -13 … 180
     """
     posteriors = [as_posterior(result) for result in results]
     known = [result for result in posteriors if result.conditions.rotor_speed is not None]

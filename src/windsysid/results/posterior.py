@@ -92,7 +92,7 @@ class Posterior(NamedTuple):
     unusable
         Coefficients of grade C, each with the code of its reason (`unusable_among`).
     widening
-        `Estimate.widening` of the coefficients, which `cov` and `joint_cov` include.
+        Factors `Estimate.widening` of the coefficients, which `cov` and `joint_cov` include.
     """
 
     turbine: Turbine

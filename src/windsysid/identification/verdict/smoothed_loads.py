@@ -38,6 +38,7 @@ from windsysid.checks.limits import MIN_NONLINEARITY_SAMPLES
 from windsysid.checks.nonlinearity import Bending, Law, standardised
 from windsysid.filters import Info, smooth
 from windsysid.identification.limits import MAX_FORCE_SIGMAS, MAX_JOINT_SIGMAS
+from windsysid.identification.model.fit import check_finite
 from windsysid.mechanics.model import Coordinate
 from windsysid.results.smoothed_loads import CorrelatedLoads, SmoothedLoads
 from windsysid.statespace.acting_loads import acting_loads
@@ -73,15 +74,14 @@ def judge_smoothed_loads(
     if not asked:
         return None
     state = smooth(model, inputs, np.where(info.gated, np.nan, readings)).mean
+    check_finite(state, state)
     n, tested = len(freedoms), [freedoms[j] for j in asked]
-    loads = _loads(model, inputs, state)[:, [names.index(one.load) for one in tested]]
-    driven = np.diff(loads, axis=0)
+    driven = np.diff(_loads(model, inputs, state)[:, [names.index(one.load) for one in tested]], axis=0)
     scores = _scores(state[:, asked], state[:, [n + j for j in asked]], driven)
     bendings = [one for law, t in scores.items() for one in _bendings(law, t, tested)]
     apart = readings.shape[1] >= len(asked) and not any(one.blade for one in freedoms)
-    return SmoothedLoads(
-        max(bendings, key=lambda one: abs(one.sigmas) / one.bound), _most_correlated(tested, driven) if apart else None
-    )
+    largest = max(bendings, key=lambda one: abs(one.sigmas) / one.bound)
+    return SmoothedLoads(largest, _most_correlated(tested, driven) if apart else None)
 
 
 def _testable(model: StateSpace, info: Info, freedoms: Sequence[Coordinate], names: Sequence[str]) -> list[int]:
