@@ -57,7 +57,7 @@ TICK_SECONDS = 1.0
 
 TURN_SECONDS = 5e-4
 """Time that a thread keeps Python's lock while others wait for it [s], a tenth of Python's own: a thread that reads 600
-rows of a store gives its turn away at every row (``python -m validation.live_engine --turbines 100 --speed 10``)."""
+rows of a store releases the lock at every row (``python -m validation.live_engine --turbines 100 --speed 10``)."""
 
 
 class Delays(NamedTuple):

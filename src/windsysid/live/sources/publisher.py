@@ -122,7 +122,7 @@ class Publisher:
         self._under_way, self._looked = Counter[str](), 0.0
         self._told: dict[str, Flow] = {}  # by the topic of its acknowledgements
         self._due: dict[Flow, None] = {}  # in the order in which their turn comes
-        self._unheard: list[str] = []  # topics to subscribe to
+        self._to_subscribe: list[str] = []
         self._connected = False
         self._why = ""
         self._loop, self._awake, self._closing = asyncio.new_event_loop(), asyncio.Event(), asyncio.Event()
@@ -215,7 +215,7 @@ class Publisher:
         if flow not in self._flows:
             self._flows[flow] = _Sending(self.patience, self._under_way)
             self._told[self.topics.committed(*flow)] = flow
-            self._unheard += self._topics_of(flow)
+            self._to_subscribe += self._topics_of(flow)
 
     def _topics_of(self, flow: Flow) -> list[str]:
         return [self.topics.committed(*flow), self.topics.refused(flow.turbine)]
@@ -242,21 +242,21 @@ class Publisher:
     async def _hold(self, connection: Connection) -> None:
         """Send, until the publisher is closed or the connection is lost."""
         self._begin()
-        hearing = asyncio.ensure_future(self._hear(connection))
+        receiving = asyncio.ensure_future(self._receive(connection))
         try:
-            while not self._closing.is_set() and not hearing.done():
+            while not self._closing.is_set() and not receiving.done():
                 self._go_on(connection)
                 await stopped_within(self._awake, LOOK_EVERY)
                 self._awake.clear()
-            hearing.cancel()
+            receiving.cancel()
             with contextlib.suppress(asyncio.CancelledError):
-                await hearing
+                await receiving
         finally:
             await connection.close()
 
     def _begin(self) -> None:
         with self._changed:
-            self._unheard = [topic for flow in self._flows for topic in self._topics_of(flow)]
+            self._to_subscribe = [topic for flow in self._flows for topic in self._topics_of(flow)]
             for flow, sending in self._flows.items():
                 sending.go_back(MAX_UNCOMMITTED_BLOCKS)
                 self._due[flow] = None
@@ -265,8 +265,8 @@ class Publisher:
     def _go_on(self, connection: Connection) -> None:
         """Send what is due."""
         with self._changed:
-            unheard, self._unheard = self._unheard, []
-            connection.subscribe(unheard)
+            topics, self._to_subscribe = self._to_subscribe, []
+            connection.subscribe(topics)
             now = time.monotonic()
             if now > self._looked + LOOK_EVERY:
                 self._looked = now
@@ -313,7 +313,7 @@ class Publisher:
 
     # what the broker says
 
-    async def _hear(self, connection: Connection) -> None:
+    async def _receive(self, connection: Connection) -> None:
         while True:
             messages = await connection.messages()
             with self._changed:

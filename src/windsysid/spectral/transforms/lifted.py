@@ -127,7 +127,7 @@ def lift(readings: Array, azimuth: Array, rate: float, harmonics: int) -> Lifted
     duration = samples / rate
     rotor_hz = turns / duration if harmonics else abs(turned) / duration
     h = taper(samples)
-    lines = count_harmonics(rotor_hz * (abs(turned) >= MIN_LINE_TURNS * (not harmonics)), rate)
+    lines = count_harmonics(rotor_hz, rate) if harmonics or abs(turned) >= MIN_LINE_TURNS else 0
     quiet = without_rotor_harmonics(readings, azimuth, h, lines) * h[:, None]
     last = (turns - 1) // 2 if harmonics else int(0.5 * NYQUIST_SHARE * samples)
     bins = np.arange(FIRST_BIN, last + 1)
