@@ -7,7 +7,16 @@ from collections.abc import Awaitable, Callable
 from pathlib import Path
 
 import pytest
-from mqtt5 import ConnectPacket, PubAckPacket, PubAckReasonCode, PublishPacket, QoS, read
+from mqtt5 import (
+    ConnectPacket,
+    PubAckPacket,
+    PubAckReasonCode,
+    PublishPacket,
+    QoS,
+    SubAckPacket,
+    SubAckReasonCode,
+    read,
+)
 
 from windsysid.live.configuration.source_settings import Broker
 from windsysid.live.configuration.toml_table import Secret
@@ -180,6 +189,16 @@ def test_a_message_that_the_broker_refuses_is_not_confirmed():
     asyncio.run(
         answered(CONNACK, PubAckPacket(1, reason_code=PubAckReasonCode.NO_MATCHING_SUBSCRIBERS).write(), then=publish)
     )
+
+
+def test_a_subscription_that_the_broker_refuses_is_said_and_ends_nothing():
+    async def subscribe(connection: Connection, _: asyncio.StreamReader) -> tuple[list[Message], str]:
+        connection.subscribe(["T01", "T02"])
+        return await connection.messages(), connection.refusal
+
+    answer = SubAckPacket(1, [SubAckReasonCode.NOT_AUTHORIZED, SubAckReasonCode.GRANTED_QOS_AT_LEAST_ONCE]).write()
+    found = asyncio.run(answered(CONNACK, answer + published("T02", b"one"), then=subscribe))
+    assert found == ([Message("T02", 0, {}, b"one", False)], "a subscription (not authorized)")
 
 
 def test_a_packet_of_a_session_says_who_connects_and_what_it_takes():

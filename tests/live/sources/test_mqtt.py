@@ -1,5 +1,6 @@
 """What a broker has is taken in, and acknowledged when it is committed; what it loses is sent again."""
 
+import asyncio
 import json
 import shutil
 import socket
@@ -7,13 +8,14 @@ import subprocess
 import sys
 import threading
 import time
-from asyncio import StreamReader
+from asyncio import StreamReader, StreamWriter
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from mqtt5 import SubAckPacket, SubAckReasonCode
 
 from tests.live.sources.conftest import Service, Taker
 from tests.live.sources.servers import Logger, Mosquitto, free_port, wait_for
@@ -372,6 +374,37 @@ def test_users_passwords_and_tls(tmp_path: Path):
         assert "falsch" not in lost.source.state.text + lost.source.describe()
         lost.stop()
     server.kill()
+
+
+def test_a_publisher_without_the_right_to_publish_says_so_and_keeps_its_blocks(tmp_path: Path):
+    (tmp_path / "rights").write_text("topic read #\n")
+    server = Mosquitto(tmp_path, "allow_anonymous true", f"acl_file {tmp_path}/rights")
+    with Publisher(server.broker) as publisher:
+        publisher.send(block_of(1))
+        wait_for(lambda: publisher.trouble)
+        assert publisher.trouble == "the broker refuses a message (not authorized): check the user's rights"
+        assert publisher.connected
+        assert len(publisher.ring) == 1
+    server.kill()
+
+
+def test_a_source_without_the_right_to_subscribe_says_so():
+    async def refuse(_: StreamReader, writer: StreamWriter) -> None:
+        writer.write(b"\x20\x03\x00\x00\x00" + SubAckPacket(1, [SubAckReasonCode.NOT_AUTHORIZED]).write())
+
+    async def run() -> str:
+        async with await asyncio.start_server(refuse, "127.0.0.1", 0) as server:
+            source = MqttSource(Broker(f"mqtt://127.0.0.1:{server.sockets[0].getsockname()[1]}"), ["T01"])
+            stop = asyncio.Event()
+            running = asyncio.ensure_future(source.run(Taker().push, stop))
+            async with asyncio.timeout(30.0):
+                while not source.state.refused:
+                    await asyncio.sleep(0.02)
+            stop.set()
+            await running
+            return source.state.refusal
+
+    assert asyncio.run(run()) == "the broker refuses a subscription (not authorized): check the user's rights"
 
 
 def test_a_topic_without_its_turbine_is_refused():

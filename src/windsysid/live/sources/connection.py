@@ -10,6 +10,7 @@ import ssl
 import time
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
+from enum import Enum
 from typing import TYPE_CHECKING, NamedTuple
 from urllib.parse import urlsplit
 
@@ -106,12 +107,14 @@ class Connection:
     ----------
     unconfirmed
         Number of published messages that were sent and are not confirmed.
+    refusal
+        The newest message or subscription that the broker refused, and why; empty without one.
     """
 
     def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self._mqtt5 = needed("mqtt5", "MQTT needs mqtt5")
         self._reader, self._writer = reader, writer
-        self._rest, self._mid, self._pinged, self._refusal = b"", 0, time.monotonic(), ""
+        self._rest, self._mid, self._pinged, self.refusal = b"", 0, time.monotonic(), ""
         self._keepalive, self._window = KEEPALIVE_SECONDS, 65_535
         self.unconfirmed, self._found, self._sending = 0, list["mqtt5.Packet"](), list[bytes]()
         self._waiting: deque[tuple[str, bytes, Iterable[tuple[str, str]], int, bool]] = deque()
@@ -221,8 +224,8 @@ class Connection:
         self.send()
         while self.unconfirmed > 0:
             await self.messages()
-        if self._refusal:
-            raise ConnectionError(f"the broker refuses a message ({self._refusal})")
+        if self.refusal:
+            raise ConnectionError(f"the broker refuses {self.refusal}")
 
     async def messages(self) -> list[Message]:
         """Wait for packets, and return the messages among them."""
@@ -234,13 +237,19 @@ class Connection:
                 messages.append(Message(packet.topic, packet.packet_id or 0, told, packet.payload, packet.retain))
             elif isinstance(packet, self._mqtt5.PubAckPacket):
                 self.unconfirmed -= 1
-                if packet.reason_code.value >= 0x80:  # a failure
-                    self._refusal = _words(packet.reason_code)
+                self._note("a message", packet.reason_code)
+            elif isinstance(packet, self._mqtt5.SubAckPacket):
+                for reason in packet.reason_codes:
+                    self._note("a subscription", reason)
             elif isinstance(packet, self._mqtt5.DisconnectPacket):
                 raise ConnectionError(f"the broker ended it ({_words(packet.reason_code)})")
         if self._waiting:
             self.send()
         return messages
+
+    def _note(self, what: str, reason: "mqtt5.PubAckReasonCode | mqtt5.SubAckReasonCode") -> None:
+        if reason.value >= 0x80:  # a failure
+            self.refusal = f"{what} ({_words(reason)})"
 
     async def _packets(self) -> "list[mqtt5.Packet]":
         """Wait for at least one packet."""
@@ -281,5 +290,5 @@ class Connection:
                 await self._writer.wait_closed()
 
 
-def _words(reason: "mqtt5.ConnAckReasonCode | mqtt5.DisconnectReasonCode | mqtt5.PubAckReasonCode | None") -> str:
+def _words(reason: Enum | None) -> str:
     return "no answer of MQTT 5" if reason is None else reason.name.replace("_", " ").lower()

@@ -178,6 +178,9 @@ class _Session:
     async def _bring(self, connection: Connection, thread: ThreadPoolExecutor) -> None:
         while True:
             messages = await connection.messages()
+            if connection.refusal:  # the other turbines' blocks still come
+                self._source.count(refused=f"the broker refuses {connection.refusal}: check the user's rights")
+                connection.refusal = ""
             if messages:
                 taking = asyncio.get_running_loop().run_in_executor(thread, self._take_all, messages)
                 await asyncio.gather(taking, asyncio.sleep(READ_SECONDS))

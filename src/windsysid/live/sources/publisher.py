@@ -144,7 +144,7 @@ class Publisher:
 
     @property
     def trouble(self) -> str:
-        """Why the broker is not there, or why the last block was refused; empty where all is well."""
+        """Why the broker is not there or refuses, or why the last block was refused; empty where all is well."""
         return self._why
 
     def send(self, *blocks: Block) -> int:
@@ -307,9 +307,12 @@ class Publisher:
     def _lost(self, why: str) -> None:
         with self._changed:
             self._connected = False
-            if why != self._why:
-                logger.warning("broker %s: %s; %d blocks wait", self.broker.url, why, len(self.ring))
-            self._why = why
+            self._troubled(why)
+
+    def _troubled(self, why: str) -> None:
+        if why != self._why:
+            logger.warning("broker %s: %s; %d blocks wait", self.broker.url, why, len(self.ring))
+        self._why = why
 
     # what the broker says
 
@@ -319,6 +322,9 @@ class Publisher:
             with self._changed:
                 for message in messages:
                     self._on_message(message)
+                if connection.refusal:
+                    self._troubled(f"the broker refuses {connection.refusal}: check the user's rights")
+                    connection.refusal = ""
             if self._due:
                 self._awake.set()
 
