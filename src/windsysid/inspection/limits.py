@@ -132,7 +132,8 @@ MAX_VIBRATION_CHANGE = 2.0
 after a stop is a decay."""
 
 MAX_ENERGY_SHARE = 0.6
-"""Size: share of the vibration in an eighth of a section beyond which it is a transient."""
+"""Size: share of the vibration in an eighth of a section, or of a mode in a quarter of a record, beyond which it is a
+transient."""
 
 MAX_REFERENCE_DISTANCE = 0.08
 """Size: relative distance up to which a peak or a mode may be one of the turbine file, whose values are references."""

@@ -14,11 +14,7 @@ from windsysid.modal.decays.likelihood import Decay, DecayFit, part_scores, pole
 from windsysid.modal.shape_merging import Ratios, merge_shapes
 from windsysid.results.estimate import IntervalEstimate
 from windsysid.spectral.modal_bands.check import shape_doubts
-from windsysid.spectral.modal_bands.limits import (
-    MAX_NONLINEAR_SHARE,
-    MAX_RELIABLE_LOG_DAMPING_STD,
-    MIN_STRUCTURE_DAMPING,
-)
+from windsysid.spectral.modal_bands.limits import MAX_RELIABLE_LOG_DAMPING_STD, MIN_STRUCTURE_DAMPING
 from windsysid.spectral.modal_bands.part_scores import BandWidening, widening_of
 from windsysid.spectral.oma.mode import Doubt, OperationalMode
 
@@ -189,7 +185,7 @@ def _periodic(fit: DecayFit, j: int, rotor_hz: float) -> list[float]:
 
 def _much_stronger(fit: DecayFit, j: int) -> list[int]:
     begun = _begun(fit)
-    return [i for i in range(len(begun)) if begun[i] > begun[j] / MAX_NONLINEAR_SHARE]
+    return [i for i in range(len(begun)) if begun[i] > begun[j] / NEGLIGIBLE_SHARE**2]
 
 
 def _reach(fit: DecayFit, j: int) -> float:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array, Complex
-from windsysid.inspection.limits import MIN_MODE_CYCLES
+from windsysid.inspection.limits import MAX_ENERGY_SHARE, MIN_MODE_CYCLES
 from windsysid.spectral.modal_bands import limits
 from windsysid.spectral.modal_bands.model import Modes, prominence, spectrum, tilt_of
 from windsysid.spectral.modal_bands.model_order import BandFit, Shapes
@@ -27,7 +27,7 @@ def is_spurious(found: BandFit, j: int, length: float) -> bool:
     inside = found.bins[0] < float(modes.frequency[j]) * length < found.bins[-1]
     if not inside or found.fit.std(j)[1] > limits.MAX_LOG_DAMPING_STD:
         return True
-    least = limits.MIN_BORDER_PROMINENCE if _at_border(found, j, length) else limits.MIN_PROMINENCE
+    least = limits.MIN_CLEAR_PROMINENCE if _at_border(found, j, length) else limits.MIN_PROMINENCE
     return prominence(modes, j, found.band) < least
 
 
@@ -162,15 +162,20 @@ def _envelope(transforms: Complex, bins: NDArray[np.int64]) -> Array:
 
 
 def _transient_doubts(found: BandFit, f: float, z: float, response: Complex, length: float) -> list[str]:
-    """A reason if most of the energy of a mode's response is in a quarter of the record."""
+    """A reason if most of the energy of a mode's response is in a quarter of the record, and more than by chance.
+
+    The share of one of four energies of k complex normal values each follows the beta distribution B(k, 3k).
+    """
+    from scipy.special import betainc
+
     near = np.abs(found.bins / length - f) <= max(3.0 * z * f, 4.0 / length)
     kept = found.bins[near]
     if len(kept) < 6:
         return []
     inner = _envelope(response[near], kept) ** 2
-    scatter = np.sqrt(4.0 / max(2.0 * np.pi * z * f * length, 1.0))
-    most = float(max(part.mean() for part in np.array_split(inner, 4)) / inner.mean())
-    rises = most > limits.MAX_QUARTER_ENERGY and (most - 1.0) / scatter > limits.MAX_QUARTER_SIGMAS
-    if rises or most > limits.MAX_SINGLE_QUARTER_ENERGY:
-        return [f"it is a transient: a quarter of the record has {25 * most:.0f} % of its energy"]
-    return []
+    count = max(2.0 * np.pi * z * f * length, 1.0) / 4.0
+    most = float(max(part.mean() for part in np.array_split(inner, 4)) / inner.mean()) / 4.0
+    chance = 4.0 * float(betainc(3.0 * count, count, max(1.0 - most, 0.0)))
+    if most < MAX_ENERGY_SHARE or chance > limits.MODE_FALSE_ALARM_PROBABILITY:
+        return []
+    return [f"it is a transient: a quarter of the record has {100 * most:.0f} % of its energy"]

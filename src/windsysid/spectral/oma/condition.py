@@ -157,7 +157,7 @@ def _highest_frequency(samples: Samples) -> tuple[float, list[str]]:
     record = samples.record
     high = limits.MAX_FREQUENCY_SHARE * record.rate
     if LOW_PASS in record.attributes:
-        high = min(high, limits.MAX_LOW_PASS_SHARE * float(record.attributes[LOW_PASS]))
+        high = min(high, 2.0 * limits.MAX_FREQUENCY_SHARE * float(record.attributes[LOW_PASS]))
     channels = zip(samples.values.T, samples.sensors, strict=True)
     every, slowest = max((sampled_every(column)[0], sensor.channel) for column, sensor in channels)
     slow_high = limits.MAX_FREQUENCY_SHARE * record.rate / every

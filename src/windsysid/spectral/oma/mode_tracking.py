@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from windsysid._types import Complex
 from windsysid.modal.shapes import assurance
-from windsysid.spectral.oma.limits import FREQUENCY_SCALE, MAX_FREQUENCY_STEP, MIN_ASSURANCE, SHAPE_SCALE
+from windsysid.spectral.oma.limits import MAX_FREQUENCY_STEP, MIN_ASSURANCE
 
 __all__ = ["Seen", "follow_modes"]
 
@@ -55,4 +55,4 @@ def _distance(a: Seen, b: Seen) -> float:
     alike = assurance(a.shape, b.shape)
     if abs(step) > MAX_FREQUENCY_STEP or alike < MIN_ASSURANCE:
         return float("inf")
-    return (step / FREQUENCY_SCALE) ** 2 + (0.0 if np.isnan(alike) else (1.0 - alike) / SHAPE_SCALE)
+    return (step / MAX_FREQUENCY_STEP) ** 2 + (0.0 if np.isnan(alike) else (1.0 - alike) / (1.0 - MIN_ASSURANCE))

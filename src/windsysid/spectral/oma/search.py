@@ -294,9 +294,9 @@ def _is_explained(peak: Peak, found: Sequence[BandFit], length: float) -> bool:
     """True if a peak requires no mode, or has one within its half-widths or the mode's."""
     if peak.alone or peak.rise < limits.MIN_PEAK_SIGMAS:
         return True
-    near = limits.PEAK_WIDTH_FACTOR * peak.half_width
     return any(
-        abs(f - peak.frequency) < max(limits.MODE_HALF_WIDTHS * f * z, near) and not is_spurious(one, j, length)
+        abs(f - peak.frequency) < limits.PEAK_WIDTH_FACTOR * max(f * z, peak.half_width)
+        and not is_spurious(one, j, length)
         for one in found
         for j, (f, z) in enumerate(_modes_in(one))
     )
