@@ -136,12 +136,12 @@ _READINGS = (
     ),
     Mutant(
         "spikes that are the rule", "estimate/outlier.py",
-        "if np.count_nonzero(spikes) <= MAX_OUTLIER_SHARE * len(values)", "if True",
+        "if np.count_nonzero(spikes) <= MAX_MISSING_SHARE * len(values)", "if True",
         "a tenth of a channel is left out as spikes",
     ),
     Mutant(
         "outliers that are the rule", "estimate/outlier.py",
-        "& (self.counts(m) <= MAX_OUTLIER_SHARE * samples)", "& (self.counts(m) <= samples)",
+        "& (self.counts(m) <= MAX_MISSING_SHARE * samples)", "& (self.counts(m) <= samples)",
         "what a wrong model does not explain is left out",
     ),
     Mutant(
@@ -179,7 +179,7 @@ _CLOCKS_AND_LINES = (
     ),
     Mutant(
         "scatter of a sine", "effects/sinusoid.py",
-        "return self.scatter <= MAX_SINUSOID_SCATTER and", "return",
+        "return chance >= SCREENING_PROBABILITY and", "return",
         "a load that swells and fades is taken out as a sine",
     ),
     Mutant(
@@ -210,7 +210,7 @@ _CLOCKS_AND_LINES = (
     ),
     Mutant(
         "a line that may be chance", "fitted/influence.py",
-        "if found.sigmas >= MAX_INFLUENCE_SIGMAS:", "if False:",
+        "if found.sigmas >= SIGMAS:", "if False:",
         "a line is called harmless though a coefficient depends on it",
     ),
     Mutant(

@@ -4,10 +4,20 @@ Most were set on simulated records; ``python -m validation.adversary.calibrate``
 to what healthy records show. Each of some ten tests may condemn one healthy record in 500.
 """
 
+SIGMAS = 2.0
+"""Setting: half-width of every interval in standard deviations: ±2σ, 95.45 % of a normal distribution (the paper's
+choice)."""
+
 FALSE_ALARM_PROBABILITY = 1e-3
 """Probability: significance level of a test, all channels, frequencies and times together: of innovations, lines, dead
 channels, bursts, effects, scatter between parts and breaks of readings; set on simulated records
 (`validation.adversary.calibrate`)."""
+
+SCREENING_PROBABILITY = 0.01
+"""Probability: significance level, all comparisons together, of a change of vibration, of a force law or a correlation
+of smoothed loads and of a sinusoid's scatter over segments; and, with the fit's unknowns fixed, of an effect that is
+tested with them. Simulated records of one to four modes with damping of 0.2 % to 5 % and 300 s to 3600 s exceed it in
+fewer than 1 % (tests/inspection)."""
 
 DISPERSION_PRIOR_ODDS = 0.1
 """Odds: that the scores of a record's parts scatter by more than the model says, before they are seen."""
@@ -38,7 +48,8 @@ MIN_VIBRATION_BINS = 40
 """Size: number of frequency bins below which no channel is tested for vibration."""
 
 MAX_MISSING_SHARE = 0.05
-"""Size: share of missing samples beyond which a channel is tested neither for lines nor for vibration."""
+"""Size: share of missing samples beyond which a channel is tested neither for lines nor for vibration, and of readings
+that are left out as outliers, beyond which the model is wrong."""
 
 HARMONIC_HALF_WIDTH_SHARE = 0.02
 """Size: relative distance from a rotor harmonic nP within which power is the rotor's."""
@@ -64,12 +75,6 @@ INTEREST_FACTORS = (0.4, 2.5)
 OUTLIER_SIGMAS = 5.0
 """Size in standard deviations: innovation from which on it is an outlier, or mean from which on it is a bias; one
 normal value in two million; and significance of lost rows, of which some 2000 patterns are tested."""
-
-MIN_REMARKED_OUTLIERS = 3
-"""Size: number of outliers of a channel from which on they are remarked."""
-
-MAX_OUTLIER_SHARE = 0.05
-"""Size: share of a channel's readings up to which they are outliers, and left out; with more the model is wrong."""
 
 MAX_LEVEL_FACTOR = 1.15
 """Size: factor on the normalised innovation squared of all channels or of one. Levels are learned: one healthy record
@@ -98,9 +103,6 @@ MAX_NEAR_MODE_LEVEL = 1.6
 MAX_FAR_PEAK_LEVEL = 3.0
 """Size: spectrum of the innovations, 1 if white, beyond which a peak far from natural frequencies is remarked."""
 
-MAX_SQUARED_AUTOCORRELATION = 0.02
-"""Size: sum of squared autocorrelations beyond which colour is remarked; one correlation of 0.14."""
-
 MAX_LEVEL_DEPARTURE = 0.05
 """Size: rms departure of the spectrum of innovations from 1 over half-octaves, beyond chance; healthy fits have
 0.04."""
@@ -124,26 +126,19 @@ it within which no line is searched: from 5 on, its skirts are parabolas in 1/S
 MAX_INFORMED_STD_RATIO = 0.7
 """Size: standard deviation of a tolerance's estimate over that of its prior, below which the record is informative."""
 
-MIN_DEVIATION_SIGMAS = 2.0
-"""Size in standard deviations: estimate of an informed tolerance from which on its file is wrong."""
-
 MAX_DISAGREEMENT_SIGMAS = 3.0
 """Size in standard deviations: difference between two values of a coefficient, by filters and by spectra or under two
 explanations nearly as good, or of a tolerance from 0, beyond which they conflict; two independent estimates exceed it
 once in 370."""
 
-MIN_BURST_SHARE = 0.375
-"""Size: share of a channel's power in one of 16 segments of a burst: the rms is three times that of the rest."""
-
 MIN_RMS_FALL = 3.0
 """Size: ratio of rms values of a transient in one channel, and its root if all of two or more channels exceed it; of
-1500 simulated stationary records at most one of 160, or one of 20, exceeds it in one channel."""
+1500 simulated stationary records at most one of 160, or one of 20, exceeds it in one channel. A burst in one of 16
+segments has this ratio to the others; segments before a decay have at most its root."""
 
 NEGLIGIBLE_SHARE = 0.1
 """Size: share of a quantity up to which a contribution to it is neglected: an offset of a sample's noise, loads of a
 motion's rms, another coordinate of a reading, the integration of a damping ratio, a coefficient of a mode's variance, a
-parameter of a direction, a widening of an interval, outliers of squared innovations. In squares it is 1 %."""
-
-MAX_EARLIER_RATIO = 0.3
-"""Size: ratio of the mean square of segments before the strongest to it in a decay, except the one immediately before,
-in which the decay may begin."""
+parameter of a direction, a widening of an interval, the phase [rad] that a clock's drift changes, the speed of a
+stopped rotor, outliers of squared innovations. In squares it is 1 %: of squared innovations that outliers add and
+autocorrelation predicts, and of a mode's power that a nonlinearity makes."""

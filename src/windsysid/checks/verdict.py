@@ -40,11 +40,9 @@ from windsysid.checks.limits import (
     MAX_KURTOSIS,
     MAX_LEVEL_FACTOR,
     MAX_LEVEL_VARIATION,
+    MAX_MISSING_SHARE,
     MAX_NEAR_MODE_LEVEL,
-    MAX_OUTLIER_SHARE,
     MAX_PEAK_LEVEL,
-    MAX_SQUARED_AUTOCORRELATION,
-    MIN_REMARKED_OUTLIERS,
     NEGLIGIBLE_SHARE,
     OUTLIER_SIGMAS,
 )
@@ -286,7 +284,7 @@ def _judge_colour(w: Whiteness, rotor_hz: float) -> list[Finding]:
         where = {"channel": far.name, "frequency": far.far_hz, "rotor_frequency": rotor_hz}
         found.append(Finding("far_peak", "remark", where | {"level": far.far}))
     worst = max(w.channels, key=lambda c: c.colour)
-    if worst.colour > max(MAX_SQUARED_AUTOCORRELATION, w.colour_bound):
+    if worst.colour > max(NEGLIGIBLE_SHARE**2, w.colour_bound):
         found.append(Finding("coloured_innovations", "remark", {"channel": worst.name, "colour": worst.colour}))
     return found
 
@@ -353,11 +351,11 @@ def _judge_shared(w: Whiteness) -> list[Finding]:
 def _judge_outliers(w: Whiteness) -> list[Finding]:
     found = list[Finding]()
     for c in w.channels:
-        if c.gated > MAX_OUTLIER_SHARE:
+        if c.gated > MAX_MISSING_SHARE:
             found.append(Finding("too_many_outliers", "reason", {"channel": c.name, "share": c.gated}))
         elif c.gated > 0.0:
             found.append(Finding("gated_readings", "remark", {"channel": c.name, "share": c.gated}))
-        if c.outliers >= MIN_REMARKED_OUTLIERS:
+        if c.outliers:
             data = {"channel": c.name, "count": c.outliers, "sigmas": OUTLIER_SIGMAS, "share": c.outlying}
             found.append(_graded("outlying_innovations", data, large=c.outlying > NEGLIGIBLE_SHARE))
     return found

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from windsysid.checks.limits import MAX_WIDENING, NEGLIGIBLE_SHARE
+from windsysid.checks.limits import MAX_WIDENING, NEGLIGIBLE_SHARE, SIGMAS
 
 __all__ = ["grade_of", "mixture_factor"]
 
@@ -33,8 +33,6 @@ def mixture_factor(rivals: Sequence[tuple[float, float, float]]) -> float:
     [1.95, 3.85, 1.01]
     """
     from scipy.special import ndtr
-
-    from windsysid.results.posterior import SIGMAS
 
     if not rivals:
         return 1.0

@@ -43,9 +43,6 @@ MAX_YAW_CHANGE_RADIANS = 0.05
 
 # Outliers
 
-MIN_OUTLIER_POWER = 0.02
-"""Size: share of a channel's mean squared innovation that outliers must add to be left out; fewer do no harm."""
-
 MAX_NEIGHBOUR_SHARE = 0.75
 """Size: share of a spike's difference that its neighbours may have; next to a spike they have half of it."""
 
@@ -54,21 +51,12 @@ MAX_NEIGHBOUR_SHARE = 0.75
 MAX_EXTENSIONS = 8
 """Size: effects that a record may have; each costs a search, and a record with more is not for these models."""
 
-P_CANDIDATE = 0.01
-"""Probability: of a statistic with the fit's unknowns fixed, below which a candidate is tested with them."""
-
 MIN_SHIFT_SIGMAS = 0.2
 """Size: shift of an estimate, in standard deviations, from which on an effect is included, and its size estimated
 again. An error of that size widens an interval by 2 %."""
 
-MIN_NUISANCE_SHIFT_SIGMAS = 1.0
-"""Size: as `MIN_SHIFT_SIGMAS`, for statistics of loads and for tolerances, which coefficients follow."""
-
 MIN_LOG_STD_CHANGE = 0.3
-"""Size: change of the logarithm of an effect's standard deviation from which on its size is estimated again."""
-
-MIN_DRIFT_RADIANS = 0.07
-"""Size: angle [rad] of the fastest motion of a coordinate by which a clock drift over the record matters."""
+"""Tolerance: of the logarithm of an effect's standard deviation, within which its size is not estimated again."""
 
 MAX_DRIFT_RATE = 3e-4
 """Size: largest drift that a clock can have [s/s]."""
@@ -99,12 +87,6 @@ MIN_LINE_POWER = 9.0
 """Probability: power over its surroundings from which on a frequency may be a line, or a line in another channel the
 same sinusoid; one in ten healthy records has it."""
 
-MARGINAL_LINE_FACTOR = 1.25
-"""Size: times its bound within which a line may be chance: no finding if no estimate depends on it."""
-
-MAX_SINUSOID_SCATTER = 8.4
-"""Probability: squared scatter of a sinusoid's amplitude and phase over segments, relative to chance: 1 in 100."""
-
 MAX_SINUSOID_SHIFT_BINS = 0.3
 """Size: difference of a sinusoid's frequency between channels, in frequencies of the periodogram."""
 
@@ -120,30 +102,17 @@ SINUSOID_DIGITS = 5.0
 
 # Alternative explanations
 
-MAX_INFLUENCE_SIGMAS = 2.5
-"""Size: standard deviations by which a coefficient may move without one frequency, or those near a sinusoid."""
-
-NEGLIGIBLE_SHIFT_SIGMAS = 1.5
-"""Size: standard deviations up to which a coefficient may differ under another explanation without effect."""
+NEGLIGIBLE_SHIFT_SIGMAS = 1.0
+"""Size: standard deviations up to which a coefficient may differ under another explanation without effect, and a
+statistic of loads or a tolerance, which coefficients follow, under an effect."""
 
 MAX_RIVAL_LOG_ODDS = 50.0
 """Log odds: against a load model that is dropped after the first stages, which weigh the record with a fifth."""
-
-MAX_TOLERANCE_CHANGE = 0.5
-"""Size: share of a gain or of a mass by which a search may have moved it where spectra check filters."""
 
 MIN_LOG_LIKELIHOOD_RISE = 0.5
 """Log odds: rise of the log likelihood beyond an estimate that conflicts with its prior: one σ by the data alone."""
 
 # Verdict
-
-MAX_FORCE_SIGMAS = 3.8
-"""Probability: standard deviations of chance of a force law of one coordinate. Of five, the ten and the four that are
-tested exceed this bound and `MAX_JOINT_SIGMAS` in one healthy record of 140 (docs/adversary.md)."""
-
-MAX_JOINT_SIGMAS = 3.2
-"""Probability: significance, in standard deviations, of a force law of equal degrees of freedom together, and of the
-correlation of two loads. Where sensors may be misaligned, the fit leaves a third of a correlation."""
 
 MAX_RESONANCE_DOF = 50.0
 """Size: equivalent degrees of freedom within the narrowest resonance of a rotor under wind: bands grow narrower with

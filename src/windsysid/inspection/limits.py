@@ -123,10 +123,6 @@ MIN_DEGREES_OF_FREEDOM = 3.0
 """Size: equivalent degrees of freedom of the power of a section, and within the narrowest resonance of a record in
 segments where nothing turns: with independent bins, intervals of a tower are up to 18 times too narrow at one."""
 
-FALSE_ALARM_PROBABILITY = 0.01
-"""Probability: significance level of a change of vibration, all comparisons together. Simulated records of one to four
-modes with damping of 0.2 % to 5 % and 300 s to 3600 s exceed it in fewer than 1 % (tests/inspection)."""
-
 MAX_VIBRATION_CHANGE = 2.0
 """Size: ratio of the rms values of two segments that is accepted even if it is significant, and from which on the one
 after a stop is a decay."""
@@ -141,12 +137,6 @@ MAX_REFERENCE_DISTANCE = 0.08
 MAX_CONSTANT_SPEED_VARIATION = 0.02
 """Size: standard deviation of the rotor speed over its mean up to which it is constant. Beyond, harmonics and whirl
 modes are smeared, spectra of a constant speed are refused, and a spectrogram is drawn against the speed."""
-
-MIN_RUNNING_SHARE = 0.6
-"""Size: share of the usual rotor speed above which the rotor runs."""
-
-MAX_STOPPED_SHARE = 0.1
-"""Size: share of the usual rotor speed below which the rotor stands, and above which it turns again."""
 
 MAX_FALL_SECONDS = 60.0
 """Size: time from running to stopped [s]."""

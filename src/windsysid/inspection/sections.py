@@ -21,10 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array
+from windsysid.checks.limits import SCREENING_PROBABILITY
 from windsysid.inspection.channels import VIBRATION, Kind, most_telling
 from windsysid.inspection.fault import Fault
 from windsysid.inspection.limits import (
-    FALSE_ALARM_PROBABILITY,
     MAX_DIRECTION_SPREAD,
     MAX_FAULT_SHARE,
     MAX_LENGTH_PENALTY,
@@ -372,7 +372,7 @@ def _judge_excitation(vibrations: dict[str, Vibration], cut: _Blocks, judge: Any
         for text, f, v, n, most in zip(transient, size, verb, found.segments, found.allowed, strict=True)
     ]
     words = [
-        f"stationary (tested at {percent(FALSE_ALARM_PROBABILITY)})"
+        f"stationary (tested at {percent(SCREENING_PROBABILITY)})"
         if c
         else f"it {v} by {f:.2g} × between its {_NAMES[n]}"
         for f, v, n, c in zip(size, verb, found.segments, found.by_chance, strict=True)
@@ -391,7 +391,7 @@ def _levels(vibrations: Sequence[Vibration], windows: NDArray[np.int64]) -> tupl
     )
     level = np.sqrt(power / np.median(power, axis=1, keepdims=True))
     least = np.median(freedom, axis=0)
-    rare = chdtri(least, 1.0 - FALSE_ALARM_PROBABILITY) / least, chdtri(least, FALSE_ALARM_PROBABILITY) / least
+    rare = chdtri(least, 1.0 - SCREENING_PROBABILITY) / least, chdtri(least, SCREENING_PROBABILITY) / least
     chance = np.sqrt(np.maximum(1.0 / np.maximum(rare[0], 1e-9), rare[1]))
     return np.exp(np.mean(np.log(np.maximum(level, 1e-9)), axis=0)), chance
 

@@ -19,11 +19,11 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array, Complex
+from windsysid.checks.limits import SCREENING_PROBABILITY
 from windsysid.checks.lines import SURROUNDING_BINS, stand_out_of_a_bend
 from windsysid.errors import RecordError
 from windsysid.identification.limits import (
     FAINT_LINE_POWER,
-    MAX_SINUSOID_SCATTER,
     MAX_SINUSOID_SHIFT_BINS,
     MIN_F_OVER_POWER,
     MIN_HARMONIC_F,
@@ -111,8 +111,11 @@ class _SeenLine(NamedTuple):
 
     def is_steady_at(self, frequency: float, step: float) -> bool:
         """Test whether the peak is one of a steady sinusoid at a frequency [Hz], in a periodogram with this step."""
+        from scipy.special import gammaincc
+
         apart = MAX_SINUSOID_SHIFT_BINS * step * math.sqrt(max(1.0, FAINT_LINE_POWER / self.over))
-        return self.scatter <= MAX_SINUSOID_SCATTER and abs(self.frequency - frequency) <= apart
+        chance = gammaincc(SEGMENT_COUNT - 1, self.scatter)  # half a χ² of two degrees of freedom for each but the mean
+        return chance >= SCREENING_PROBABILITY and abs(self.frequency - frequency) <= apart
 
     @classmethod
     def of(cls, record: Record, channel: str, frequency: float) -> "_SeenLine | None":
