@@ -19,9 +19,6 @@ MAX_RATE_MISMATCH = 0.01
 """Size: relative difference between the sampling rates of two segments (rounded time stamps make less), or between the
 rotor's speed as a channel and as the slope of the azimuth."""
 
-MAX_MISSING_SHARE = 0.01
-"""Size: share of a channel that may be missing for spectra: straight lines bridge so little."""
-
 MAX_PLANNED_SECONDS = 10.0 * 365.25 * 86400.0
 """Size: longest planned duration [s]; an accuracy that takes longer than ten years is called unreachable."""
 

@@ -3,8 +3,6 @@
 Where a docstring names no source, the limit was set on simulated records.
 """
 
-import math
-
 MIN_SAMPLES = 20
 """Size: number of samples for identification (`windsysid.identification.condition.readings`)."""
 
@@ -68,12 +66,9 @@ least 0.1."""
 MIN_LOSS_GAIN = 0.4
 """Size: g after a loss: 1 for one lost row, less because the losses bias the model."""
 
-MAX_OTHER_GAIN_RATIO = 0.6
-"""Size: |g| at any other remainder, relative to g after a loss. A sinusoid at a multiple of the rate over 2k
-gives a g that alternates."""
-
-MIN_LOSS_SUM_RATIO = 0.5
-"""Size: ratio of the sums after two losses; if only every second or third is a loss, k is larger."""
+MIN_LOSS_RATIO = 0.5
+"""Size: ratio of the sums after two losses: if only every second or third is a loss, k is larger; and |g| after a loss,
+relative to which it is less at all other remainders: for a sinusoid at a multiple of the rate over 2k, g alternates."""
 
 MAX_SILENT_RMS_RATIO = 1.0 / 8.0
 """Size: rms of a channel over a period, relative to its usual one, below which it is silent; other channels are
@@ -105,13 +100,12 @@ MAX_SPEED_VARIATION = 0.05
 """Size: variation and drift of the rotor speed over a section, relative to its mean, of penalty 1."""
 
 MAX_WIND_VARIATION = 0.20
-"""Size: variation and drift of the wind speed over a section, relative to its mean, of penalty 1."""
-
-MAX_DIRECTION_SPREAD = math.radians(15.0)
-"""Size: circular standard deviation of the wind direction over a section [rad], of penalty 1."""
+"""Size: variation and drift of the wind speed over a section, relative to its mean, and circular standard deviation of
+its direction [rad], which is the variation across, of penalty 1."""
 
 MAX_FAULT_SHARE = 0.02
-"""Size: share of faulty or missing samples of a section, of penalty 1."""
+"""Size: share of faulty or missing samples of a section, of penalty 1, and of missing samples that straight lines
+bridge for spectra; if more are missing, `oma` takes the longest segment without gaps."""
 
 MIN_VIBRATION_FACTOR = 0.25
 """Size: rms of vibration over the record's median that is enough for identification."""
@@ -131,8 +125,9 @@ MAX_ENERGY_SHARE = 0.6
 """Size: share of the vibration in an eighth of a section, or of a mode in a quarter of a record, beyond which it is a
 transient."""
 
-MAX_REFERENCE_DISTANCE = 0.08
-"""Size: relative distance up to which a peak or a mode may be one of the turbine file, whose values are references."""
+MAX_REFERENCE_DISTANCE = 0.1
+"""Size: relative distance up to which a peak or a mode may be one of the turbine file, whose values are references, or
+one of another record."""
 
 MAX_CONSTANT_SPEED_VARIATION = 0.02
 """Size: standard deviation of the rotor speed over its mean up to which it is constant. Beyond, harmonics and whirl

@@ -25,7 +25,6 @@ from windsysid.checks.limits import SCREENING_PROBABILITY
 from windsysid.inspection.channels import VIBRATION, Kind, most_telling
 from windsysid.inspection.fault import Fault
 from windsysid.inspection.limits import (
-    MAX_DIRECTION_SPREAD,
     MAX_FAULT_SHARE,
     MAX_LENGTH_PENALTY,
     MAX_SPEED_VARIATION,
@@ -252,7 +251,7 @@ def _judge_wind(record: Record, known: dict[str, Kind], cut: "_Blocks", judge: A
     if "direction" in first:
         spread = cut.circular_spread(record[first["direction"]])
         words = [f"direction within ± {np.degrees(s):.2g}°" for s in spread]
-        judge(spread / MAX_DIRECTION_SPREAD, words, [f"the wind direction changes ({text})" for text in words])
+        judge(spread / MAX_WIND_VARIATION, words, [f"the wind direction changes ({text})" for text in words], 1.5)
 
 
 class _Blocks:

@@ -13,6 +13,7 @@ from windsysid.spectral.modal_bands.model_order import BandFit, Shapes
 from windsysid.spectral.modal_bands.scoring import HALF_TOLERANCE, ModalFit, score
 from windsysid.spectral.oma.condition import Readings, RemovedLine
 from windsysid.spectral.oma.mode import Doubt
+from windsysid.spectral.transforms.limits import MIN_BAND_BINS
 
 __all__ = ["explanations", "fit_doubts", "is_spurious", "mode_doubts", "shape_doubts", "steadiness"]
 
@@ -140,7 +141,7 @@ def steadiness(found: BandFit, j: int) -> float:
     background = (along.conj() @ rest @ along).real * tilt_of(band.frequency, band, modes.rest_slope)
     rows = np.repeat(np.arange(len(whole)), band.counts.astype(np.int64))
     kept = (whole > limits.MIN_PROMINENCE * background)[rows]
-    if kept.sum() < limits.MIN_BAND_BINS:
+    if kept.sum() < MIN_BAND_BINS:
         return 1.0
     measured = (found.values[kept] @ np.linalg.pinv(found.directions).T) @ along.conj()
     normal = np.random.default_rng(0).normal(size=(ENVELOPES, 2 * len(measured))).view(np.complex128)

@@ -10,9 +10,6 @@ MAX_WIDE_HARMONIC = 12
 """Size: order of a rotor harmonic up to which rotationally sampled turbulence widens it, four times the number of three
 blades; harmonics of an idling rotor of all orders would cover every frequency."""
 
-MIN_BAND_BINS = 8
-"""Size: number of frequency bins, sinusoids apart, of a band that is fitted: of a whole record, a half or a quarter."""
-
 MAX_LOG_DAMPING_STD, MAX_RELIABLE_LOG_DAMPING_STD = 1.2, 0.6
 """Size: standard deviation of ln ζ beyond which it is that of the prior, and beyond which a record is too short."""
 

@@ -1,9 +1,5 @@
 """Limits of operational modal analysis: each says whether it is a probability, odds, a size or a setting."""
 
-MAX_BRIDGED_SHARE = 0.02
-"""Size: share of missing samples up to which straight lines bridge them; if more are missing, the longest segment
-without gaps is used."""
-
 MAX_FILLED_SHARE = 0.2
 """Size: share of missing samples up to which short gaps are filled by interpolation (`fill_short_gaps`)."""
 
@@ -29,9 +25,9 @@ BAND_SEARCHES = 2
 MAX_BORDER_SHIFT = 0.15
 """Tolerance: of a band's borders about their right places, over its width, within which it is not fitted again."""
 
-MAX_HARMONIC_DISTANCE, MAX_HARMONIC_HALF_WIDTHS = 0.01, 1.5
-"""Size: distance from a rotor harmonic up to which a peak may be one of rotationally sampled wind, relative, and in
-half-widths of the peak."""
+MAX_HARMONIC_DISTANCE = 0.01
+"""Size: relative distance from a rotor harmonic up to which a peak may be one of rotationally sampled wind; or its
+half-width, if that is larger."""
 
 MIN_PEAK_SIGMAS = 8.0
 """Size in standard deviations: rise of a peak that requires a mode, and of a peak in the correlation of two records
@@ -54,9 +50,6 @@ SKIRT_HALF_WIDTHS = 2.0
 
 MIN_BLADE_RATIO = 3.0
 """Size: motion of the blades over that of the support from which on a mode is one of the blades."""
-
-MAX_FREQUENCY_STEP = 0.1
-"""Size: step of ln f from one record to the next up to which two modes may be the same."""
 
 MIN_ASSURANCE = 0.4
 """Size: modal assurance criterion from which on two shapes with two common sensors may be of the same mode."""

@@ -10,11 +10,11 @@ from windsysid._types import Array, Complex
 from windsysid.errors import ConfigurationError
 from windsysid.output.progress import Progress
 from windsysid.spectral.modal_bands.check import is_spurious
-from windsysid.spectral.modal_bands.limits import MIN_BAND_BINS
 from windsysid.spectral.modal_bands.model_order import BandFit, fit_band
 from windsysid.spectral.modal_bands.peak_bands import Peak, find_peaks, group_peaks, widened
 from windsysid.spectral.oma import limits
 from windsysid.spectral.oma.condition import Readings, transforms
+from windsysid.spectral.transforms.limits import MIN_BAND_BINS
 
 __all__ = [
     "RecordSpectrum", "SearchedBands", "band_bins", "covered_note", "fit_between", "is_rotational_peak", "modes_inside",
@@ -305,7 +305,7 @@ def _is_explained(peak: Peak, found: Sequence[BandFit], length: float) -> bool:
 def is_rotational_peak(peak: Peak, readings: Readings) -> bool:
     """True if a peak is at a rotor harmonic: rotationally sampled wind, which shares no band with a mode."""
     n = round(peak.frequency / readings.rotor_hz) if readings.rotor_hz else 0
-    near = max(limits.MAX_HARMONIC_DISTANCE * peak.frequency, limits.MAX_HARMONIC_HALF_WIDTHS * peak.half_width)
+    near = max(limits.MAX_HARMONIC_DISTANCE * peak.frequency, peak.half_width)
     return n > 0 and abs(peak.frequency - n * readings.rotor_hz) < near
 
 

@@ -1,8 +1,5 @@
 """Limits of a turning rotor's spectra in narrow bands; those without a source were set on simulated records."""
 
-MIN_BAND_BINS = 6
-"""Size: number of bins of a band."""
-
 MAX_LIGHT_DAMPING = 0.01
 """Size: damping ratio below which a rotor is analysed in bands: resonances are so narrow compared with the prior that a
 search that does not start at their peaks converges to another point."""
@@ -10,10 +7,7 @@ search that does not start at their peaks converges to another point."""
 MIN_BLADES_FREEDOM, MIN_SUPPORT_FREEDOM = 4.0, 0.7
 """Size: equivalent degrees of freedom within the narrowest resonance (``python -m validation.field_spectral``): in
 windows of 120 s of OpenFAST's records, where the blades have 3, whirl modes lie outside their intervals; in 180 s,
-where they have 4.8, inside."""
-
-MIN_ENERGY_FREEDOM = 4.0
-"""Size: lower bound of the equivalent degrees of freedom of an energy; a resonance as narrow as a bin has few."""
+where they have 4.8, inside. An energy has the former at least; a resonance as narrow as a bin shows fewer."""
 
 MIN_FREQUENCY_SLOPE = 0.03
 """Size: d ln f / d ln k of a spring from which on a mode locates it."""
