@@ -64,11 +64,12 @@ MAX_UNWRAPPED_RATIO = 0.06
 least 0.1."""
 
 MIN_LOSS_GAIN = 0.4
-"""Size: g after a loss: 1 for one lost row, less because the losses bias the model."""
+"""Size: g after a loss: 1 for one lost row, less because the losses bias the model; and ratio of the sums after two
+losses: if only every second or third is a loss, k is larger."""
 
-MIN_LOSS_RATIO = 0.5
-"""Size: ratio of the sums after two losses: if only every second or third is a loss, k is larger; and |g| after a loss,
-relative to which it is less at all other remainders: for a sinusoid at a multiple of the rate over 2k, g alternates."""
+MAX_OTHER_GAIN_RATIO = 0.6
+"""Size: |g| at any other remainder, relative to g after a loss. A sinusoid at a multiple of the rate over 2k
+gives a g that alternates."""
 
 MAX_SILENT_RMS_RATIO = 1.0 / 8.0
 """Size: rms of a channel over a period, relative to its usual one, below which it is silent; other channels are

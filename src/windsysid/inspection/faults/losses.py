@@ -22,7 +22,7 @@ from windsysid._types import Array
 from windsysid.checks.limits import OUTLIER_SIGMAS
 from windsysid.inspection.fault import Fault
 from windsysid.inspection.faults.health import sampled_every
-from windsysid.inspection.limits import MIN_LOSS_GAIN, MIN_LOSS_RATIO, MIN_PREDICTED_ROWS
+from windsysid.inspection.limits import MAX_OTHER_GAIN_RATIO, MIN_LOSS_GAIN, MIN_PREDICTED_ROWS
 from windsysid.records.record import Record
 
 __all__ = ["lost_rows"]
@@ -146,7 +146,7 @@ def _significance(terms: Array, by_remainder: Array) -> float:
     for losses in (2, 3):
         at = terms[after : after + losses * period * ((cycles - 1) // losses) : period]
         each = at[: len(at) // losses * losses].reshape(-1, losses, 3).sum(axis=0)
-        if each[:, 0].min() < MIN_LOSS_RATIO * each[:, 0].max():
+        if each[:, 0].min() < MIN_LOSS_GAIN * each[:, 0].max():
             return 0.0
     return float(sums[after] / np.sqrt(max(squares[after], 1e-300)))
 
@@ -164,4 +164,4 @@ def _without_cycle(prediction: _Prediction, period: int) -> _Prediction:
 def _falls_off(gain: Array, after: int) -> bool:
     """Test whether g (k,) has the pattern of a loss before the row `after`, where it is largest."""
     top = gain[after]
-    return bool(top > MIN_LOSS_GAIN and np.abs(np.delete(gain, after)).max() < MIN_LOSS_RATIO * top)
+    return bool(top > MIN_LOSS_GAIN and np.abs(np.delete(gain, after)).max() < MAX_OTHER_GAIN_RATIO * top)
