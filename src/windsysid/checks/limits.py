@@ -82,7 +82,8 @@ in 500 is 1.06 off with all and 1.14 with one channel (`python -m validation.adv
 
 MAX_CHANCE_SIGMAS = 4.5
 """Size in standard deviations: statistic of level, tails, lag of blades, or correlation of channels beyond chance; all
-but the lag must be large, too. One healthy record in 500 exceeds 4.2, 3.9, 4.2 and 4.5."""
+but the lag must be large, too. One healthy record in 500 exceeds 4.2, 3.9, 4.2 and 4.5. And mean square of a part of a
+rotor's spectra, and rise of a peak above the background in the averaged log spectrum."""
 
 MAX_LEVEL_VARIATION = 0.25
 """Size: relative variation of the level of innovations over a record that is large."""
@@ -98,7 +99,8 @@ MAX_PEAK_LEVEL = 2.0
 One healthy record in 500 has 2.1."""
 
 MAX_NEAR_MODE_LEVEL = 1.6
-"""Size: mean spectrum of the innovations around a natural frequency, 1 if white; one healthy record in 500 has it."""
+"""Size: mean spectrum of the innovations around a natural frequency, 1 if white; one healthy record in 500 has it. And
+mean square of a part of a rotor's spectra, or its inverse; intervals are √1.6 too narrow there."""
 
 MAX_FAR_PEAK_LEVEL = 3.0
 """Size: spectrum of the innovations, 1 if white, beyond which a peak far from natural frequencies is remarked."""
@@ -138,7 +140,7 @@ segments has this ratio to the others; segments before a decay have at most its 
 
 NEGLIGIBLE_SHARE = 0.1
 """Size: share of a quantity up to which a contribution to it is neglected: an offset of a sample's noise, loads of a
-motion's rms, another coordinate of a reading, the integration of a damping ratio, a coefficient of a mode's variance, a
-parameter of a direction, a widening of an interval, the phase [rad] that a clock's drift changes, the speed of a
-stopped rotor, outliers of squared innovations. In squares it is 1 %: of squared innovations that outliers add and
-autocorrelation predicts, and of a mode's power that a nonlinearity makes."""
+motion's rms, another coordinate of a reading and the yaw [rad] that mixes it in, the integration of a damping ratio, a
+coefficient of a mode's variance, a parameter of a direction, a widening of an interval, the phase [rad] that a clock's
+drift changes, the speed of a stopped rotor, outliers of squared innovations. In squares it is 1 %: of squared
+innovations that outliers add and autocorrelation predicts, and of a mode's power that a nonlinearity makes."""

@@ -15,10 +15,6 @@ MAX_RADIANS_PER_UNREFINED_STEP = 0.6
 MAX_RADIANS_PER_SPECTRAL_READING = 1.3
 """Size: the longest time between readings [rad] for spectra: motion above half the rate hardly reaches the modes."""
 
-MAX_RATE_MISMATCH = 0.01
-"""Size: relative difference between the sampling rates of two segments (rounded time stamps make less), or between the
-rotor's speed as a channel and as the slope of the azimuth."""
-
 MAX_PLANNED_SECONDS = 10.0 * 365.25 * 86400.0
 """Size: longest planned duration [s]; an accuracy that takes longer than ten years is called unreachable."""
 
@@ -34,9 +30,6 @@ NEGLIGIBLE_SPEED_VARIATION_IN_BANDS = 0.15
 MAX_SPEED_VARIATION_IN_BANDS = 0.2
 """Size: as `windsysid.inspection.limits.MAX_CONSTANT_SPEED_VARIATION`, of bands that follow the blades; source:
 ``python -m validation.auto``."""
-
-MAX_YAW_CHANGE_RADIANS = 0.05
-"""Size: range of the yaw [rad] beyond which spectra, which know one yaw only, are not compared with filters."""
 
 # Outliers
 
@@ -104,7 +97,8 @@ NEGLIGIBLE_SHIFT_SIGMAS = 1.0
 statistic of loads or a tolerance, which coefficients follow, under an effect."""
 
 MAX_RIVAL_LOG_ODDS = 50.0
-"""Log odds: against a load model that is dropped after the first stages, which weigh the record with a fifth."""
+"""Tolerance: log odds against a load model that is not fitted to the end, far beyond those of any that is chosen; the
+first stages weigh the record with a fifth."""
 
 MIN_LOG_LIKELIHOOD_RISE = 0.5
 """Log odds: rise of the log likelihood beyond an estimate that conflicts with its prior: one σ by the data alone."""

@@ -105,8 +105,8 @@ MAX_WIND_VARIATION = 0.20
 its direction [rad], which is the variation across, of penalty 1."""
 
 MAX_FAULT_SHARE = 0.02
-"""Size: share of faulty or missing samples of a section, of penalty 1, and of missing samples that straight lines
-bridge for spectra; if more are missing, `oma` takes the longest segment without gaps."""
+"""Size: share of faulty or missing samples of a section, of penalty 1, and of missing samples or spikes that straight
+lines bridge for spectra; if more are missing, `oma` takes the longest segment without gaps."""
 
 MIN_VIBRATION_FACTOR = 0.25
 """Size: rms of vibration over the record's median that is enough for identification."""
@@ -133,6 +133,10 @@ one of another record."""
 MAX_CONSTANT_SPEED_VARIATION = 0.02
 """Size: standard deviation of the rotor speed over its mean up to which it is constant. Beyond, harmonics and whirl
 modes are smeared, spectra of a constant speed are refused, and a spectrogram is drawn against the speed."""
+
+MAX_RATE_MISMATCH = 0.01
+"""Size: relative difference between the sampling rates of two segments (rounded time stamps make less), between the
+rotor's speed as a channel and as the slope of the azimuth, and of a peak from a rotor harmonic."""
 
 MAX_FALL_SECONDS = 60.0
 """Size: time from running to stopped [s]."""

@@ -1,8 +1,5 @@
 """Limits of the modes of a band; those without a source were set on simulated records."""
 
-MIN_STRUCTURE_DAMPING = 0.001
-"""Size: damping ratio of a structure; if the whole interval is below, a machine is more likely."""
-
 LINE_HALF_WIDTHS, HARMONIC_HALF_WIDTHS = 0.3, 1.0
 """Size: distance in half-widths ζ f below which a sinusoid, or a rotor harmonic with its skirts, disturbs a mode."""
 

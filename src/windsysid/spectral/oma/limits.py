@@ -3,9 +3,6 @@
 MAX_FILLED_SHARE = 0.2
 """Size: share of missing samples up to which short gaps are filled by interpolation (`fill_short_gaps`)."""
 
-MAX_SPIKE_SHARE = 0.002
-"""Size: share of a channel's samples in spikes up to which they are bridged; if more are, the record is doubtful."""
-
 MAX_FREQUENCY_SHARE = 0.42
 """Size: highest frequency of modes over the sampling rate; anti-aliasing filters fall off beyond, and
 other low-pass filters beyond the same share of their cut-off, of which half the rate is one."""
@@ -25,17 +22,13 @@ BAND_SEARCHES = 2
 MAX_BORDER_SHIFT = 0.15
 """Tolerance: of a band's borders about their right places, over its width, within which it is not fitted again."""
 
-MAX_HARMONIC_DISTANCE = 0.01
-"""Size: relative distance from a rotor harmonic up to which a peak may be one of rotationally sampled wind; or its
-half-width, if that is larger."""
-
 MIN_PEAK_SIGMAS = 8.0
 """Size in standard deviations: rise of a peak that requires a mode, and of a peak in the correlation of two records
 that hold the same motion."""
 
 PEAK_WIDTH_FACTOR = 3.0
 """Size: factor on the half-width of a mode, and of such a peak, since few bins give its half height inaccurately,
-within which the mode explains the peak."""
+within which the mode explains the peak; and by which the skirts of two modes reach towards each other."""
 
 MIN_POWER_SHARE = 0.5
 """Size: share of a channel's power in a peak, twice that of its half-power range, that is most of its vibration; share
@@ -44,9 +37,6 @@ of the power there that modes explain if the peak is theirs."""
 MIN_LOG_ODDS = 5.0
 """Log odds: evidence of the modes of a band against none, very strong beyond 5 (Kass & Raftery, J. Am. Stat. Assoc.
 90, 1995)."""
-
-SKIRT_HALF_WIDTHS = 2.0
-"""Size: half-widths by which the skirt of a mode reaches into the next band."""
 
 MIN_BLADE_RATIO = 3.0
 """Size: motion of the blades over that of the support from which on a mode is one of the blades."""
@@ -72,8 +62,11 @@ SHAPE_PHASE_STD = 0.03
 SHAPE_PHASE_FREEDOM = 2.0
 """Size: degrees of freedom of the prior knowledge of that standard deviation."""
 
-MAX_LAG_PERIODS, MAX_SEARCHED_PERIODS = 0.5, 2.0
-"""Size: largest lag that is corrected, and that is searched, in periods of the highest mode."""
+MAX_LAG_PERIODS = 0.5
+"""Size: largest lag that is corrected, in periods of the highest mode."""
+
+MAX_SEARCHED_PERIODS = 2.0
+"""Setting: largest lag that is searched, in periods of the highest mode."""
 
 LAGS_PER_PERIOD = 80
 """Setting: number of lags that are evaluated in a period of the highest mode."""

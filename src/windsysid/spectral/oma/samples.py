@@ -19,7 +19,7 @@ from windsysid.records.record import RATE_DOUBT, STAMPS, Record
 from windsysid.signals.band import bridged
 from windsysid.signals.condition import resample
 from windsysid.signals.short_gaps import fill_short_gaps
-from windsysid.spectral.oma.limits import MAX_FILLED_SHARE, MAX_SPIKE_SHARE
+from windsysid.spectral.oma.limits import MAX_FILLED_SHARE
 from windsysid.spectral.oma.sensors import ModalSensor, choose_sensors
 
 __all__ = ["Samples", "choose_samples", "without_gaps"]
@@ -76,7 +76,7 @@ def _screened(record: Record, channels: Sequence[str], helpers: Sequence[str]) -
     """Findings of the record, copies apart, and its few spikes, which can be bridged."""
 
     def is_few_spikes(one: Fault) -> bool:
-        return one.kind == "spikes" and one.count <= MAX_SPIKE_SHARE * record.samples
+        return one.kind == "spikes" and one.count <= MAX_FAULT_SHARE * record.samples
 
     findings = [one for one in screen(record, None, channels, others=helpers) if one.kind != "copy"]
     return [one for one in findings if not is_few_spikes(one)], list(filter(is_few_spikes, findings))

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from windsysid._types import Array, Complex
 from windsysid.errors import ConfigurationError
+from windsysid.inspection.limits import MAX_RATE_MISMATCH
 from windsysid.output.progress import Progress
 from windsysid.spectral.modal_bands.check import is_spurious
 from windsysid.spectral.modal_bands.model_order import BandFit, fit_band
@@ -305,7 +306,7 @@ def _is_explained(peak: Peak, found: Sequence[BandFit], length: float) -> bool:
 def is_rotational_peak(peak: Peak, readings: Readings) -> bool:
     """True if a peak is at a rotor harmonic: rotationally sampled wind, which shares no band with a mode."""
     n = round(peak.frequency / readings.rotor_hz) if readings.rotor_hz else 0
-    near = max(limits.MAX_HARMONIC_DISTANCE * peak.frequency, peak.half_width)
+    near = max(MAX_RATE_MISMATCH * peak.frequency, peak.half_width)
     return n > 0 and abs(peak.frequency - n * readings.rotor_hz) < near
 
 

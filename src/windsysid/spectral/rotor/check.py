@@ -12,10 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.checks.limits import FALSE_ALARM_PROBABILITY
+from windsysid.checks.limits import FALSE_ALARM_PROBABILITY, MAX_CHANCE_SIGMAS, MAX_NEAR_MODE_LEVEL
 from windsysid.inspection.limits import MAX_VIBRATION_CHANGE
 from windsysid.results.finding import Finding
-from windsysid.spectral.rotor.limits import MAX_MEAN_SQUARE, MEAN_SQUARE_PROBABILITY
 
 __all__ = ["RangePower", "misshapen", "parts_of", "unexplained", "unsteady"]
 
@@ -79,11 +78,10 @@ def unexplained(parts: Iterable[RangePower]) -> list[Finding]:
 
     The mean of N complex normal entries is χ² with 2N degrees of freedom.
     """
-    off = [
-        p
-        for p in parts
-        if not 1.0 / MAX_MEAN_SQUARE < p.mean < MAX_MEAN_SQUARE and _chance(p) < MEAN_SQUARE_PROBABILITY
-    ]
+    from scipy.special import ndtr
+
+    rare, largest = ndtr(-MAX_CHANCE_SIGMAS), MAX_NEAR_MODE_LEVEL
+    off = [p for p in parts if not 1.0 / largest < p.mean < largest and _chance(p) < rare]
     return [
         Finding("unexplained_power", "reason", _data(p, p.mean))
         for p in sorted(off, key=lambda p: -abs(math.log(max(p.mean, 1e-12))))
