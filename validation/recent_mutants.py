@@ -184,7 +184,7 @@ _CLOCKS_AND_LINES = (
     ),
     Mutant(
         "a sine beside 1P", "effects/sinusoid.py",
-        "abs(seen.frequency - rotor_hz) < RESOLUTION_BINS * step", "False",
+        "abs(seen.frequency - rotor_hz) < HARMONIC_HALF_WIDTH_BINS * step", "False",
         "a sine at 1P is taken for a machine's",
     ),
     Mutant(

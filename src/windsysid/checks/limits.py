@@ -55,8 +55,9 @@ HARMONIC_HALF_WIDTH_SHARE = 0.02
 """Size: relative distance from a rotor harmonic nP within which power is the rotor's."""
 
 HARMONIC_HALF_WIDTH_BINS = 3.0
-"""Size: the same distance in frequency bins 1/T, the larger of both counts; and distance beyond a mode's half-width ζf
-within which a blade-passing line is in it."""
+"""Size: the same distance in frequency bins 1/T, the larger of both counts; distance within which two sinusoids are not
+resolved; and distance beyond a mode's half-width ζf within which a blade-passing line is in it. A narrow-band load may
+look like a line within so many of its half-widths."""
 
 CONFLICT_SIGMAS = 4.0
 """Size in standard deviations: difference that chance does not explain, one in 16 000: of an estimate or of a sensor's
@@ -125,8 +126,9 @@ MIN_RESONANCE_WIDTH_BINS = 5.0
 it within which no line is searched: from 5 on, its skirts are parabolas in 1/S
 (``tests/results/test_steadiness.py``)."""
 
-MAX_INFORMED_STD_RATIO = 0.7
-"""Size: standard deviation of a tolerance's estimate over that of its prior, below which the record is informative."""
+MAX_INFORMED_STD_RATIO = 0.8
+"""Size: standard deviation of an estimate over that of its prior, below which the record is informative: of a tolerance
+and of the damping of a mode."""
 
 MAX_DISAGREEMENT_SIGMAS = 3.0
 """Size in standard deviations: difference between two values of a coefficient, by filters and by spectra or under two

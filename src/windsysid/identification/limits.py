@@ -16,7 +16,7 @@ MAX_RADIANS_PER_SPECTRAL_READING = 1.3
 """Size: the longest time between readings [rad] for spectra: motion above half the rate hardly reaches the modes."""
 
 MAX_PLANNED_SECONDS = 10.0 * 365.25 * 86400.0
-"""Size: longest planned duration [s]; an accuracy that takes longer than ten years is called unreachable."""
+"""Setting: longest duration [s] that a plan searches, ten years."""
 
 MIN_BINS = 30
 """Size: fewest bins of a spectrum that equations are fitted to."""
@@ -39,7 +39,7 @@ MAX_NEIGHBOUR_SHARE = 0.75
 # Effects
 
 MAX_EXTENSIONS = 8
-"""Size: effects that a record may have; each costs a search, and a record with more is not for these models."""
+"""Setting: largest number of effects in a record, each of which costs a search."""
 
 MIN_SHIFT_SIGMAS = 0.2
 """Size: shift of an estimate, in standard deviations, from which on an effect is included, and its size estimated
@@ -78,14 +78,8 @@ MIN_LINE_POWER = 9.0
 same sinusoid; one in ten healthy records has it."""
 
 MAX_SINUSOID_SHIFT_BINS = 0.3
-"""Size: difference of a sinusoid's frequency between channels, in frequencies of the periodogram."""
-
-FAINT_LINE_POWER = 25.0
-"""Size: power over its surroundings below which chance moves a sinusoid's frequency more, with the root of it."""
-
-RESOLUTION_BINS = 4.0
-"""Size: frequencies of the periodogram within which two sinusoids are not resolved; and half-widths of a narrow-band
-load, or frequencies, within which it may look like a line."""
+"""Size: difference of a sinusoid's frequency between channels, in frequencies of the periodogram, or by chance, if
+that is more."""
 
 SINUSOID_DIGITS = 5.0
 """Odds: decimal digits of the chance that a line of the periodogram is as steady as `find_sine` requires."""

@@ -6,11 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array, Complex
+from windsysid.checks.limits import MAX_INFORMED_STD_RATIO
 from windsysid.inspection.limits import MAX_ENERGY_SHARE, MIN_MODE_CYCLES
 from windsysid.spectral.modal_bands import limits
 from windsysid.spectral.modal_bands.model import Modes, prominence, spectrum, tilt_of
 from windsysid.spectral.modal_bands.model_order import BandFit, Shapes
-from windsysid.spectral.modal_bands.scoring import HALF_TOLERANCE, ModalFit, score
+from windsysid.spectral.modal_bands.scoring import DAMPING_PRIOR, HALF_TOLERANCE, ModalFit, score
 from windsysid.spectral.oma.condition import Readings, RemovedLine
 from windsysid.spectral.oma.mode import Doubt
 from windsysid.spectral.transforms.limits import MIN_BAND_BINS
@@ -26,7 +27,7 @@ def is_spurious(found: BandFit, j: int, length: float) -> bool:
     its damping is that of the prior, or its prominence is low."""
     modes = found.fit.modes
     inside = found.bins[0] < float(modes.frequency[j]) * length < found.bins[-1]
-    if not inside or found.fit.std(j)[1] > limits.MAX_LOG_DAMPING_STD:
+    if not inside or found.fit.std(j)[1] > MAX_INFORMED_STD_RATIO * DAMPING_PRIOR[1]:
         return True
     least = limits.MIN_CLEAR_PROMINENCE if _at_border(found, j, length) else limits.MIN_PROMINENCE
     return prominence(modes, j, found.band) < least
@@ -116,7 +117,7 @@ def _along_shape(found: BandFit, j: int) -> ModalFit:
 def _line_doubts(f: float, z: float, length: float, lines: Sequence[RemovedLine]) -> list[str]:
     found = []
     for line in lines:
-        wide = 0 < line.order <= limits.MAX_WIDE_HARMONIC
+        wide = 0 < line.order <= 3 * limits.MAX_COMB_ORDER
         reach = limits.HARMONIC_HALF_WIDTHS if wide else limits.LINE_HALF_WIDTHS
         if abs(line.frequency - f) < line.half_width + reach * z * f:
             found.append(

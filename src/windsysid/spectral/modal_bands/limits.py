@@ -3,12 +3,8 @@
 LINE_HALF_WIDTHS, HARMONIC_HALF_WIDTHS = 0.3, 1.0
 """Size: distance in half-widths ζ f below which a sinusoid, or a rotor harmonic with its skirts, disturbs a mode."""
 
-MAX_WIDE_HARMONIC = 12
-"""Size: order of a rotor harmonic up to which rotationally sampled turbulence widens it, four times the number of three
-blades; harmonics of an idling rotor of all orders would cover every frequency."""
-
-MAX_LOG_DAMPING_STD, MAX_RELIABLE_LOG_DAMPING_STD = 1.2, 0.6
-"""Size: standard deviation of ln ζ beyond which it is that of the prior, and beyond which a record is too short."""
+MAX_RELIABLE_LOG_DAMPING_STD = 0.6
+"""Size: standard deviation of ln ζ beyond which a record is too short."""
 
 MIN_PROMINENCE, MIN_CLEAR_PROMINENCE = 2.0, 5.0
 """Size: power of a mode at its natural frequency over the background. Below the first, or at the border of a band below
@@ -66,7 +62,8 @@ COMB_ODDS = (0.5, 0.01)
 
 HARMONIC_DAMPING, MAX_COMB_ORDER = (0.04, 0.5), 4
 """Setting: half-widths over frequency of what the blades sample of turbulence, as median and logarithmic standard
-deviation (OpenFAST's records of two turbines have 2 to 9 %), and the highest multiple of the blade passing."""
+deviation (OpenFAST's records of two turbines have 2 to 9 %), and the highest multiple of the blade passing
+at which it widens a harmonic; those of an idling rotor of all orders would cover every frequency."""
 
 COMB_SCATTER = 0.5
 """Setting: distance of such a peak from its multiple in its half-widths, as a standard deviation: it has no mode's

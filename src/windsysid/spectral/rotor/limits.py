@@ -7,4 +7,4 @@ MIN_TURNS = 24
 """Setting: turns of the rotor that the message states if there are fewer pools."""
 
 MAX_HARMONICS = 10
-"""Size: highest harmonic K; if the rotor turns more slowly relative to its modes, matrices are too large."""
+"""Setting: highest harmonic K, with which the size of matrices grows."""
