@@ -253,7 +253,7 @@ _DOUBTS = (
     ),
     Mutant(
         "a likelihood that rises beyond", "estimate/prior_conflict.py",
-        "> here + MIN_LOG_LIKELIHOOD_RISE", "> here - MIN_LOG_LIKELIHOOD_RISE",
+        "> here + 0.5 * NEGLIGIBLE_SHIFT_SIGMAS**2", "> here - 0.5",
         "any prior is made wider",
     ),
     Mutant(

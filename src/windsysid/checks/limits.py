@@ -52,7 +52,9 @@ MAX_MISSING_SHARE = 0.05
 that are left out as outliers, beyond which the model is wrong."""
 
 HARMONIC_HALF_WIDTH_SHARE = 0.02
-"""Size: relative distance from a rotor harmonic nP within which power is the rotor's."""
+"""Size: relative distance from a rotor harmonic nP within which power is the rotor's, and standard deviation of the
+rotor speed over its mean up to which it is constant. Beyond, harmonics and whirl modes are smeared, spectra of a
+constant speed are refused, and a spectrogram is drawn against the speed."""
 
 HARMONIC_HALF_WIDTH_BINS = 3.0
 """Size: the same distance in frequency bins 1/T, the larger of both counts; distance within which two sinusoids are not
@@ -77,10 +79,6 @@ OUTLIER_SIGMAS = 5.0
 """Size in standard deviations: innovation from which on it is an outlier, or mean from which on it is a bias; one
 normal value in two million; and significance of lost rows, of which some 2000 patterns are tested."""
 
-MAX_LEVEL_FACTOR = 1.15
-"""Size: factor on the normalised innovation squared of all channels or of one. Levels are learned: one healthy record
-in 500 is 1.06 off with all and 1.14 with one channel (`python -m validation.adversary.calibrate`)."""
-
 MAX_CHANCE_SIGMAS = 4.5
 """Size in standard deviations: statistic of level, tails, lag of blades, or correlation of channels beyond chance; all
 but the lag must be large, too. One healthy record in 500 exceeds 4.2, 3.9, 4.2 and 4.5. And mean square of a part of a
@@ -92,8 +90,9 @@ MAX_LEVEL_VARIATION = 0.25
 MAX_KURTOSIS = 1.0
 """Size: excess kurtosis of innovations that is large."""
 
-MAX_CROSS_CORRELATION = 0.06
-"""Size: correlation of the innovations of two channels that is large."""
+MAX_COLOUR = 0.06
+"""Size: correlation of the innovations of two channels that is large, and rms departure of their spectrum from 1 over
+half-octaves, beyond chance; healthy fits have 0.04."""
 
 MAX_PEAK_LEVEL = 2.0
 """Size: spectrum of the innovations at a peak near a natural frequency, 1 if white; intervals are √2 too narrow there.
@@ -105,10 +104,6 @@ mean square of a part of a rotor's spectra, or its inverse; intervals are √1.6
 
 MAX_FAR_PEAK_LEVEL = 3.0
 """Size: spectrum of the innovations, 1 if white, beyond which a peak far from natural frequencies is remarked."""
-
-MAX_LEVEL_DEPARTURE = 0.05
-"""Size: rms departure of the spectrum of innovations from 1 over half-octaves, beyond chance; healthy fits have
-0.04."""
 
 MIN_NONLINEARITY_SAMPLES = 500
 """Size: number of innovations below which no channel and no load is tested for nonlinearity."""
@@ -143,6 +138,7 @@ segments has this ratio to the others; segments before a decay have at most its 
 NEGLIGIBLE_SHARE = 0.1
 """Size: share of a quantity up to which a contribution to it is neglected: an offset of a sample's noise, loads of a
 motion's rms, another coordinate of a reading and the yaw [rad] that mixes it in, the integration of a damping ratio, a
-coefficient of a mode's variance, a parameter of a direction, a widening of an interval, the phase [rad] that a clock's
+coefficient of a mode's variance, a parameter of a direction, a widening of an interval and its error by that of the
+level of innovations, the phase [rad] that a clock's
 drift changes, the speed of a stopped rotor, outliers of squared innovations. In squares it is 1 %: of squared
 innovations that outliers add and autocorrelation predicts, and of a mode's power that a nonlinearity makes."""

@@ -35,10 +35,9 @@ from windsysid.checks.innovation_sums import band_of_interest
 from windsysid.checks.limits import (
     FALSE_ALARM_PROBABILITY,
     MAX_CHANCE_SIGMAS,
-    MAX_CROSS_CORRELATION,
+    MAX_COLOUR,
     MAX_FAR_PEAK_LEVEL,
     MAX_KURTOSIS,
-    MAX_LEVEL_FACTOR,
     MAX_LEVEL_VARIATION,
     MAX_MISSING_SHARE,
     MAX_NEAR_MODE_LEVEL,
@@ -225,13 +224,9 @@ def _judge_size(w: Whiteness) -> list[Finding]:
     worst = max(w.channels, key=lambda c: abs(math.log(max(c.nis, 1e-9))) if c.used else 0.0)
     rest = w.used - worst.used
     others = (w.nis * w.used - worst.nis * worst.used) / rest if rest > 0 else math.inf
-    if (
-        rest > 0
-        and _is_size_off(worst.nis, worst.used, MAX_LEVEL_FACTOR)
-        and not _is_size_off(others, rest, MAX_LEVEL_FACTOR)
-    ):
+    if rest > 0 and _is_size_off(worst.nis, worst.used) and not _is_size_off(others, rest):
         found.append(Finding("channel_level", "reason", {"channel": worst.name, "ratio": math.sqrt(worst.nis)}))
-    elif _is_size_off(w.nis, w.used, MAX_LEVEL_FACTOR):
+    elif _is_size_off(w.nis, w.used):
         data = {"ratio": math.sqrt(w.nis), "mean_square": w.nis, "low": w.nis_low, "high": w.nis_high}
         found.append(Finding("innovation_level", "reason", data))
     for c in w.channels:
@@ -242,9 +237,9 @@ def _judge_size(w: Whiteness) -> list[Finding]:
     return found
 
 
-def _is_size_off(nis: float, used: int, factor: float) -> bool:
-    """Test whether a mean square differs by more than a factor, and by more than chance."""
-    if used < 1 or 1.0 / factor < nis < factor:
+def _is_size_off(nis: float, used: int) -> bool:
+    """Test whether a mean square differs from 1 by more than is negligible for intervals, and by more than chance."""
+    if used < 1 or abs(math.log(max(nis, 1e-300))) < 2.0 * math.log1p(NEGLIGIBLE_SHARE):
         return False
     return (
         not chance_limit(1.0 - 0.5 * FALSE_ALARM_PROBABILITY, used)
@@ -340,7 +335,7 @@ def _is_ruled_from_afar(channel: ChannelCheck, w: Whiteness) -> bool:
 
 def _judge_shared(w: Whiteness) -> list[Finding]:
     shared = w.shared
-    if shared is None or shared.sigmas < MAX_CHANCE_SIGMAS or abs(shared.correlation) < MAX_CROSS_CORRELATION:
+    if shared is None or shared.sigmas < MAX_CHANCE_SIGMAS or abs(shared.correlation) < MAX_COLOUR:
         return []
     first, second = w.channels[shared.first], w.channels[shared.second]
     data = {"channels": [first.name, second.name], "correlation": shared.correlation}

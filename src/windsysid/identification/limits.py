@@ -18,9 +18,6 @@ MAX_RADIANS_PER_SPECTRAL_READING = 1.3
 MAX_PLANNED_SECONDS = 10.0 * 365.25 * 86400.0
 """Setting: longest duration [s] that a plan searches, ten years."""
 
-MIN_BINS = 30
-"""Size: fewest bins of a spectrum that equations are fitted to."""
-
 NEGLIGIBLE_SPEED_VARIATION = 0.005
 """Size: standard deviation of the rotor's speed over its mean, up to which spectra of a constant speed lose nothing."""
 
@@ -28,7 +25,7 @@ NEGLIGIBLE_SPEED_VARIATION_IN_BANDS = 0.15
 """Size: as `NEGLIGIBLE_SPEED_VARIATION`, of bands that follow the blades; source: ``python -m validation.auto``."""
 
 MAX_SPEED_VARIATION_IN_BANDS = 0.2
-"""Size: as `windsysid.inspection.limits.MAX_CONSTANT_SPEED_VARIATION`, of bands that follow the blades; source:
+"""Size: as `windsysid.checks.limits.HARMONIC_HALF_WIDTH_SHARE`, of bands that follow the blades; source:
 ``python -m validation.auto``."""
 
 # Outliers
@@ -93,9 +90,6 @@ statistic of loads or a tolerance, which coefficients follow, under an effect.""
 MAX_RIVAL_LOG_ODDS = 50.0
 """Tolerance: log odds against a load model that is not fitted to the end, far beyond those of any that is chosen; the
 first stages weigh the record with a fifth."""
-
-MIN_LOG_LIKELIHOOD_RISE = 0.5
-"""Log odds: rise of the log likelihood beyond an estimate that conflicts with its prior: one σ by the data alone."""
 
 # Verdict
 

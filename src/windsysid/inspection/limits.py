@@ -4,7 +4,8 @@ Where a docstring names no source, the limit was set on simulated records.
 """
 
 MIN_SAMPLES = 20
-"""Size: number of samples for identification (`windsysid.identification.condition.readings`)."""
+"""Size: number of samples for identification (`windsysid.identification.condition.readings`), or of frequency bins that
+equations are fitted to."""
 
 MIN_MODAL_SAMPLES = 256
 """Size: number of samples for operational modal analysis (`windsysid.spectral.oma.samples`)."""
@@ -129,10 +130,6 @@ transient."""
 MAX_REFERENCE_DISTANCE = 0.1
 """Size: relative distance up to which a peak or a mode may be one of the turbine file, whose values are references, or
 one of another record."""
-
-MAX_CONSTANT_SPEED_VARIATION = 0.02
-"""Size: standard deviation of the rotor speed over its mean up to which it is constant. Beyond, harmonics and whirl
-modes are smeared, spectra of a constant speed are refused, and a spectrogram is drawn against the speed."""
 
 MAX_RATE_MISMATCH = 0.01
 """Size: relative difference between the sampling rates of two segments (rounded time stamps make less), between the

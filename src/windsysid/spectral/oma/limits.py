@@ -56,11 +56,9 @@ JOINT_STEPS = 120
 MAX_SENSORS = 60
 """Setting: largest number of channels that are chosen if none are listed."""
 
-SHAPE_PHASE_STD = 0.03
-"""Size: standard deviation of the phases of mode shapes of real structures [rad], added to their uncertainty."""
-
-SHAPE_PHASE_FREEDOM = 2.0
-"""Size: degrees of freedom of the prior knowledge of that standard deviation."""
+SHAPE_PHASE_STD, SHAPE_PHASE_FREEDOM = 0.03, 2.0
+"""Setting: prior of the phases of mode shapes of real structures: their standard deviation [rad], added to their
+uncertainty, and its degrees of freedom."""
 
 MAX_LAG_PERIODS = 0.5
 """Size: largest lag that is corrected, in periods of the highest mode."""

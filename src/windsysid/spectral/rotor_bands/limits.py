@@ -19,7 +19,7 @@ MIN_RIVAL_DISTANCE = 0.04
 """Size: relative distance in frequency of such a peak from the best one."""
 
 BLADE_STIFFNESS_DISCREPANCY = 0.005
-"""Size: relative standard deviation between the stiffness of an equivalent hinge and that which the modes of a bending
-blade show. Edgewise frequencies by the hinge are 0.0 to 0.3 % off OpenFAST's linearisation (docs/nrel5mw.md,
+"""Setting: prior standard deviation of the ratio of the stiffness of an equivalent hinge to that which the modes of a
+bending blade show. Edgewise frequencies by the hinge are 0.0 to 0.3 % off OpenFAST's linearisation (docs/nrel5mw.md,
 ``windsysid turbine``), and 0.3 to 0.4 % in its records under wind (docs/spectral.md): a standard
 deviation of 0.25 %, which is 0.5 % of a stiffness."""
