@@ -4,10 +4,6 @@ Most were set on simulated records; ``python -m validation.adversary.calibrate``
 to what healthy records show. Each of some ten tests may condemn one healthy record in 500.
 """
 
-SIGMAS = 2.0
-"""Setting: half-width of every interval in standard deviations: ±2σ, 95.45 % of a normal distribution (the paper's
-choice)."""
-
 FALSE_ALARM_PROBABILITY = 1e-3
 """Probability: significance level of a test, all channels, frequencies and times together: of innovations, lines, dead
 channels, bursts, effects, scatter between parts and breaks of readings; set on simulated records
@@ -15,9 +11,14 @@ channels, bursts, effects, scatter between parts and breaks of readings; set on 
 
 SCREENING_PROBABILITY = 0.01
 """Probability: significance level, all comparisons together, of a change of vibration, of a force law or a correlation
-of smoothed loads and of a sinusoid's scatter over segments; and, with the fit's unknowns fixed, of an effect that is
-tested with them. Simulated records of one to four modes with damping of 0.2 % to 5 % and 300 s to 3600 s exceed it in
-fewer than 1 % (tests/inspection)."""
+of smoothed loads, of a sinusoid's scatter over segments and of a rotor harmonic in innovations; and, with the fit's
+unknowns fixed, of an effect that is tested with them. Simulated records of one to four modes with damping of 0.2 % to
+5 % and 300 s to 3600 s exceed it in fewer than 1 % (tests/inspection)."""
+
+MODEL_CHANGE_PROBABILITY = 1e-4
+"""Probability: significance level of what changes readings or a model: sinusoids, correlated loads of modes, clock lags
+over all channels; and of an energy in one quarter of a record and of a motion that is bound to another one, whose test
+is conservative: of 82 pairs of healthy modes the least probability was 0.4."""
 
 DISPERSION_PRIOR_ODDS = 0.1
 """Odds: that the scores of a record's parts scatter by more than the model says, before they are seen."""

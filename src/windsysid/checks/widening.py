@@ -4,9 +4,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from windsysid.checks.limits import MAX_WIDENING, NEGLIGIBLE_SHARE, SIGMAS
+from windsysid.checks.limits import MAX_WIDENING, NEGLIGIBLE_SHARE
 
 __all__ = ["grade_of", "mixture_factor"]
+
+SIGMAS = 2.0
+"""Setting: half-width of every interval in standard deviations: ±2σ, 95.45 % of a normal distribution (the paper's
+choice)."""
 
 
 def grade_of(factor: float, *, excluded: bool) -> str:

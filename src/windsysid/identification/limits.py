@@ -9,14 +9,8 @@ MAX_RADIANS_PER_READING = 2.5
 """Size: longest time between readings, times the highest natural frequency [rad]: 2.5 readings for each period; and
 times the lowest one, beyond which resampling removes its mode."""
 
-MAX_RADIANS_PER_UNREFINED_STEP = 0.6
-"""Size: the longest time between readings [rad] where the equations cannot take shorter steps than readings."""
-
 MAX_RADIANS_PER_SPECTRAL_READING = 1.3
 """Size: the longest time between readings [rad] for spectra: motion above half the rate hardly reaches the modes."""
-
-MAX_PLANNED_SECONDS = 10.0 * 365.25 * 86400.0
-"""Setting: longest duration [s] that a plan searches, ten years."""
 
 NEGLIGIBLE_SPEED_VARIATION = 0.005
 """Size: standard deviation of the rotor's speed over its mean, up to which spectra of a constant speed lose nothing."""
@@ -35,15 +29,9 @@ MAX_NEIGHBOUR_SHARE = 0.75
 
 # Effects
 
-MAX_EXTENSIONS = 8
-"""Setting: largest number of effects in a record, each of which costs a search."""
-
 MIN_SHIFT_SIGMAS = 0.2
 """Size: shift of an estimate, in standard deviations, from which on an effect is included, and its size estimated
 again. An error of that size widens an interval by 2 %."""
-
-MIN_LOG_STD_CHANGE = 0.3
-"""Tolerance: of the logarithm of an effect's standard deviation, within which its size is not estimated again."""
 
 MAX_DRIFT_RATE = 3e-4
 """Size: largest drift that a clock can have [s/s]."""
@@ -59,13 +47,6 @@ MIN_TREND_POWER = 100.0
 chance alone leaves 45 once in ten thousand."""
 
 # Sinusoids
-
-MIN_SINUSOID_F = 20.0
-"""Probability: Thomson's F of a line that may be a sinusoid; chance exceeds it at one frequency in 6600."""
-
-MIN_HARMONIC_F = 14.0
-"""Probability: Thomson's F of innovations at nP from which on the rotor exerts a force; of two channels chance exceeds
-it in one record of 100, which costs a search."""
 
 MIN_F_OVER_POWER = 0.5
 """Size: F over a line's relative power: nearly all sinusoids have more, most narrow-band loads less."""
@@ -86,10 +67,6 @@ SINUSOID_DIGITS = 5.0
 NEGLIGIBLE_SHIFT_SIGMAS = 1.0
 """Size: standard deviations up to which a coefficient may differ under another explanation without effect, and a
 statistic of loads or a tolerance, which coefficients follow, under an effect."""
-
-MAX_RIVAL_LOG_ODDS = 50.0
-"""Tolerance: log odds against a load model that is not fitted to the end, far beyond those of any that is chosen; the
-first stages weigh the record with a fifth."""
 
 # Verdict
 

@@ -48,9 +48,6 @@ MAX_STRAIGHT_BEND_RATIO = 0.02
 MIN_COPIED_ROWS = 32
 """Size: number of consecutive rows that equal others, in every channel that vibrates, of a copied passage."""
 
-MAX_COPY_RESIDUAL = 1e-6
-"""Size: share of the power of a channel's steps that another channel does not explain, below which one is a copy."""
-
 MIN_PREDICTED_ROWS = 1000
 """Size: number of rows for fitting a linear prediction, which detects lost rows and samples."""
 
@@ -90,9 +87,6 @@ MAX_ACCELERATION_RATE = 20_000.0
 
 MAX_GRAVITY_DEVIATION = 0.03
 """Size: relative distance from g of the mean of an upright accelerometer, or of its amplitude on a rotor."""
-
-MIN_SECTION_SECONDS = 100.0
-"""Size: length of a section [s] if none is given; that of the published study."""
 
 MAX_LENGTH_PENALTY = 0.6
 """Size: penalty of a longer section above that of the median short one: equal to 3 % of the rotor speed, or 12 % of the

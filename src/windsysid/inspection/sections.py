@@ -32,7 +32,6 @@ from windsysid.inspection.limits import (
     MIN_DEGREES_OF_FREEDOM,
     MIN_MODE_CYCLES,
     MIN_ROTOR_SPEED,
-    MIN_SECTION_SECONDS,
     MIN_VIBRATION_FACTOR,
 )
 from windsysid.inspection.rotor import Rotor
@@ -42,6 +41,9 @@ from windsysid.records.record import Record
 from windsysid.units import RPM
 
 __all__ = ["Proposal", "propose", "propose_longest"]
+
+MIN_SECTION_SECONDS = 100.0
+"""Setting: length of a section [s] if none is given; that of the published study."""
 
 MAX_PROPOSALS = 5
 """Setting: largest number of sections that are proposed."""

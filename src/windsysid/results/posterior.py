@@ -10,7 +10,7 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.checks.conditioning import hold
-from windsysid.checks.limits import SIGMAS
+from windsysid.checks.widening import SIGMAS
 from windsysid.configuration import parse_json
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.loads.statistics import Statistic, coordinates_of, learned_statistics

@@ -5,7 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from windsysid.checks.limits import MAX_DISAGREEMENT_SIGMAS, MAX_INFORMED_STD_RATIO, SIGMAS
+from windsysid.checks.limits import MAX_DISAGREEMENT_SIGMAS, MAX_INFORMED_STD_RATIO
+from windsysid.checks.widening import SIGMAS
 from windsysid.loads.statistics import Statistic
 from windsysid.results.sentences.estimates import TOLERANCE_UNITS
 from windsysid.statespace.parameter import Parameter

@@ -19,16 +19,15 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array, Complex
-from windsysid.checks.limits import HARMONIC_HALF_WIDTH_BINS, MAX_DISAGREEMENT_SIGMAS, SCREENING_PROBABILITY
+from windsysid.checks.limits import (
+    HARMONIC_HALF_WIDTH_BINS,
+    MAX_DISAGREEMENT_SIGMAS,
+    MODEL_CHANGE_PROBABILITY,
+    SCREENING_PROBABILITY,
+)
 from windsysid.checks.lines import SURROUNDING_BINS, stand_out_of_a_bend
 from windsysid.errors import RecordError
-from windsysid.identification.limits import (
-    MAX_SINUSOID_SHIFT_BINS,
-    MIN_F_OVER_POWER,
-    MIN_HARMONIC_F,
-    MIN_LINE_POWER,
-    MIN_SINUSOID_F,
-)
+from windsysid.identification.limits import MAX_SINUSOID_SHIFT_BINS, MIN_F_OVER_POWER, MIN_LINE_POWER
 from windsysid.identification.model.prior_odds import f_bound
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
@@ -90,7 +89,7 @@ def find_sine(
     seen = _SeenLine.of(record, channel, frequency)
     if seen is None or abs(seen.frequency - rotor_hz) < HARMONIC_HALF_WIDTH_BINS * step:
         return None
-    if seen.steadiness < max(f_bound(MIN_SINUSOID_F, "sinusoid", turbine), MIN_F_OVER_POWER * seen.over):
+    if seen.steadiness < max(f_bound(MODEL_CHANGE_PROBABILITY, "sinusoid", turbine), MIN_F_OVER_POWER * seen.over):
         return None
     others = [name for name, turns in blades.items() if turns is on_blades and name != channel]
     return Sine(seen.frequency, on_blades) if _is_steady(seen, record, others, step) else None
@@ -168,7 +167,8 @@ def find_turning(
     turning = [Sine(order * rotor_hz, on_blades=False, order=order) for order in range(1, MAX_HARMONIC + 1)]
     turning = [one for one in turning if apart < one.frequency < 0.4 * record.rate]
     turning = [one for one in turning if not any(one.same_as(other, apart) for other in known)]
-    least = f_bound(MIN_HARMONIC_F, "rotor_harmonic", turbine)
+    tests = max(1, len(turning) * sum(not sensor.blade for sensor in sensors))
+    least = f_bound(SCREENING_PROBABILITY / tests, "rotor_harmonic", turbine)
     z, on_blades = np.nan_to_num(whitened).T, [bool(sensor.blade) for sensor in sensors]
 
     def is_left(sine: Sine) -> bool:

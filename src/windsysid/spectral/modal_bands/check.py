@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array, Complex
-from windsysid.checks.limits import MAX_INFORMED_STD_RATIO
+from windsysid.checks.limits import MAX_INFORMED_STD_RATIO, MODEL_CHANGE_PROBABILITY
 from windsysid.inspection.limits import MAX_ENERGY_SHARE, MIN_MODE_CYCLES
 from windsysid.spectral.modal_bands import limits
 from windsysid.spectral.modal_bands.model import Modes, prominence, spectrum, tilt_of
@@ -178,6 +178,6 @@ def _transient_doubts(found: BandFit, f: float, z: float, response: Complex, len
     count = max(2.0 * np.pi * z * f * length, 1.0) / 4.0
     most = float(max(part.mean() for part in np.array_split(inner, 4)) / inner.mean()) / 4.0
     chance = 4.0 * float(betainc(3.0 * count, count, max(1.0 - most, 0.0)))
-    if most < MAX_ENERGY_SHARE or chance > limits.MODE_FALSE_ALARM_PROBABILITY:
+    if most < MAX_ENERGY_SHARE or chance > MODEL_CHANGE_PROBABILITY:
         return []
     return [f"it is a transient: a quarter of the record has {100 * most:.0f} % of its energy"]

@@ -16,8 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array, Complex
-from windsysid.checks.limits import NEGLIGIBLE_SHARE
-from windsysid.spectral.modal_bands.limits import MODE_FALSE_ALARM_PROBABILITY
+from windsysid.checks.limits import MODEL_CHANGE_PROBABILITY, NEGLIGIBLE_SHARE
 from windsysid.spectral.oma.mode import Doubt, OperationalMode
 
 __all__ = ["with_bound_motions"]
@@ -85,7 +84,7 @@ def _phase_is_bound(one: _Motion, other: _Motion, order: int, step: float) -> bo
 
 def _coherence_bound(freedom: float, tests: int = 1) -> float:
     """Squared coherence of series with so many independent values beyond which it is significant in some tests."""
-    return float(1.0 - (MODE_FALSE_ALARM_PROBABILITY / tests) ** (1.0 / max(freedom - 1.0, 1e-3)))
+    return float(1.0 - (MODEL_CHANGE_PROBABILITY / tests) ** (1.0 / max(freedom - 1.0, 1e-3)))
 
 
 def _motion_of(mode: OperationalMode, frequency: Array, values: Complex) -> _Motion:

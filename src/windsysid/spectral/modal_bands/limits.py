@@ -10,11 +10,6 @@ MIN_PROMINENCE, MIN_CLEAR_PROMINENCE = 2.0, 5.0
 """Size: power of a mode at its natural frequency over the background. Below the first, or at the border of a band below
 the second, it represents the background, as no power law fits the skirts of several modes; below the second it may."""
 
-MODE_FALSE_ALARM_PROBABILITY = 1e-4
-"""Probability: significance level of correlated loads, of a clock lag over all channels, of an energy in one quarter of
-a record, and of a motion that is bound to another one; the latter is conservative, since of 82 pairs of healthy modes
-the least probability was 0.4."""
-
 MIN_HALF_WIDTH_BINS = 0.4
 """Size: half-width ζ f of a mode in bins; a narrower one cannot be distinguished from a sinusoid."""
 

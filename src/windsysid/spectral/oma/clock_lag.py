@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array, Complex
-from windsysid.checks.limits import CONFLICT_SIGMAS, OUTLIER_SIGMAS
-from windsysid.spectral.modal_bands.limits import MAX_CLOSE_RATIO, MODE_FALSE_ALARM_PROBABILITY
+from windsysid.checks.limits import CONFLICT_SIGMAS, MODEL_CHANGE_PROBABILITY, OUTLIER_SIGMAS
+from windsysid.spectral.modal_bands.limits import MAX_CLOSE_RATIO
 from windsysid.spectral.oma import limits
 from windsysid.spectral.oma.condition import Readings
 from windsysid.spectral.oma.mode import DoubtKind, OperationalMode
@@ -134,7 +134,7 @@ def _tested_lags(shapes: _Shapes) -> list[Lag]:
     found = []
     for channel in late:
         without = shapes.misfit(np.where(np.arange(count) == channel, 0.0, lags))
-        if _chance((without - least) / scatter, freedom) < MODE_FALSE_ALARM_PROBABILITY / count:
+        if _chance((without - least) / scatter, freedom) < MODEL_CHANGE_PROBABILITY / count:
             if _constant_phase(shapes, lags, channel) - least < OUTLIER_SIGMAS**2 * scatter:
                 return []
             others = _other_lags(shapes, lags, channel, least + OUTLIER_SIGMAS**2 * scatter)

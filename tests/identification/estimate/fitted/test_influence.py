@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from tests.identification.fits import CHANNELS, RATE, SAMPLES, fitted, job_of, noise, record_of
-from windsysid.checks.limits import SIGMAS
 from windsysid.checks.lines import Line
+from windsysid.checks.widening import SIGMAS
 from windsysid.errors import RecordError
 from windsysid.identification.estimate.fitted import influence
 from windsysid.identification.estimate.fitted.influence import (

@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.checks.limits import SIGMAS
 from windsysid.checks.lines import SURROUNDING_BINS, Line, find_line, stand_out_of_a_bend
+from windsysid.checks.widening import SIGMAS
 from windsysid.errors import WindsysidError
 from windsysid.identification.estimate.fitted.modal_residuals import channel_of, mode_of, ranges_of_narrow_band
 from windsysid.identification.estimate.spectral.frequency_domain import identify_by_spectrum

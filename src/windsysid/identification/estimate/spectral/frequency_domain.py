@@ -28,7 +28,6 @@ from windsysid.identification.estimate.spectral.narrow_band import (
 )
 from windsysid.identification.estimate.spectral.rotor_bands import SpectralEstimate, read_in_bands
 from windsysid.identification.limits import (
-    MAX_RIVAL_LOG_ODDS,
     MAX_SPEED_VARIATION_IN_BANDS,
     NEGLIGIBLE_SPEED_VARIATION,
     NEGLIGIBLE_SPEED_VARIATION_IN_BANDS,
@@ -67,6 +66,10 @@ from windsysid.statespace.compose import compose
 from windsysid.turbine.turbine import Turbine
 
 __all__ = ["SpectralBlocks", "ask", "identify_by_spectrum", "inexact_of", "tolerances_in"]
+
+MAX_RIVAL_LOG_ODDS = 50.0
+"""Tolerance: log odds against a load model that is not fitted to the end, far beyond those of any that is chosen; the
+first stages weigh the record with a fifth."""
 
 
 class SpectralBlocks(NamedTuple):
