@@ -235,7 +235,7 @@ _CLOCKS_AND_LINES = (
     ),
     Mutant(
         "damping below nothing and a narrow band", "spectral/narrow_band_alternative.py",
-        "return undamped or", "return far or",
+        "return undamped or", "return",
         "a narrow band is asked for beside a structure that drives itself",
     ),
     Mutant(
