@@ -136,12 +136,12 @@ _READINGS = (
     ),
     Mutant(
         "spikes that are the rule", "estimate/outlier.py",
-        "if np.count_nonzero(spikes) <= MAX_OUTLIER_SHARE * len(values)", "if True",
+        "if np.count_nonzero(spikes) <= MAX_MISSING_SHARE * len(values)", "if True",
         "a tenth of a channel is left out as spikes",
     ),
     Mutant(
         "outliers that are the rule", "estimate/outlier.py",
-        "& (self.counts(m) <= MAX_OUTLIER_SHARE * samples)", "& (self.counts(m) <= samples)",
+        "& (self.counts(m) <= MAX_MISSING_SHARE * samples)", "& (self.counts(m) <= samples)",
         "what a wrong model does not explain is left out",
     ),
     Mutant(
@@ -179,12 +179,12 @@ _CLOCKS_AND_LINES = (
     ),
     Mutant(
         "scatter of a sine", "effects/sinusoid.py",
-        "return self.scatter <= MAX_SINUSOID_SCATTER and", "return",
+        "return chance >= SCREENING_PROBABILITY and", "return",
         "a load that swells and fades is taken out as a sine",
     ),
     Mutant(
         "a sine beside 1P", "effects/sinusoid.py",
-        "abs(seen.frequency - rotor_hz) < RESOLUTION_BINS * step", "False",
+        "abs(seen.frequency - rotor_hz) < HARMONIC_HALF_WIDTH_BINS * step", "False",
         "a sine at 1P is taken for a machine's",
     ),
     Mutant(
@@ -210,7 +210,7 @@ _CLOCKS_AND_LINES = (
     ),
     Mutant(
         "a line that may be chance", "fitted/influence.py",
-        "if found.sigmas >= MAX_INFLUENCE_SIGMAS:", "if False:",
+        "if found.sigmas >= SIGMAS:", "if False:",
         "a line is called harmless though a coefficient depends on it",
     ),
     Mutant(
@@ -235,7 +235,7 @@ _CLOCKS_AND_LINES = (
     ),
     Mutant(
         "damping below nothing and a narrow band", "spectral/narrow_band_alternative.py",
-        "return undamped or far or", "return far or",
+        "return undamped or", "return",
         "a narrow band is asked for beside a structure that drives itself",
     ),
     Mutant(
@@ -253,7 +253,7 @@ _DOUBTS = (
     ),
     Mutant(
         "a likelihood that rises beyond", "estimate/prior_conflict.py",
-        "> here + MIN_LOG_LIKELIHOOD_RISE", "> here - MIN_LOG_LIKELIHOOD_RISE",
+        "> here + 0.5 * NEGLIGIBLE_SHIFT_SIGMAS**2", "> here - 0.5",
         "any prior is made wider",
     ),
     Mutant(

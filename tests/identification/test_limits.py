@@ -5,17 +5,13 @@ import math
 from pathlib import Path
 
 import pytest
-from scipy.stats import f, norm, rayleigh
+from scipy.stats import norm, rayleigh
 from validation.structure import KINDS, SETTINGS, limits_of
 
 import windsysid.identification
 from windsysid.checks.limits import CONFLICT_SIGMAS, MAX_DISAGREEMENT_SIGMAS, OUTLIER_SIGMAS, STRONG_LOG_ODDS
-from windsysid.identification import limits
-from windsysid.identification.effects.sinusoid import MAX_HARMONIC
 
 ROOM = Path(windsysid.identification.__file__).parent
-SINE = f(2, 12)
-"""Thomson's F of seven tapers under chance."""
 
 
 @pytest.mark.parametrize(
@@ -24,8 +20,6 @@ SINE = f(2, 12)
         (2.0 * norm.sf(OUTLIER_SIGMAS), 2e6),
         (2.0 * norm.sf(MAX_DISAGREEMENT_SIGMAS), 370),
         (rayleigh.sf(CONFLICT_SIGMAS), 3000),
-        (SINE.sf(limits.MIN_SINUSOID_F), 6600),
-        (2 * MAX_HARMONIC * SINE.sf(limits.MIN_HARMONIC_F), 100),
         (math.exp(-STRONG_LOG_ODDS), 20),
     ],
 )

@@ -10,10 +10,9 @@ from windsysid.errors import RecordError
 from windsysid.identification import automatic_choice, pipeline
 from windsysid.identification.identify import identify
 from windsysid.identification.job import FittedJob, Job
-from windsysid.identification.limits import MAX_EXTENSIONS
 from windsysid.identification.model.effect import Detection, Effect
 from windsysid.identification.model.fit import Outcome
-from windsysid.identification.pipeline import run
+from windsysid.identification.pipeline import MAX_EXTENSIONS, run
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
 from windsysid.results.finding import Finding

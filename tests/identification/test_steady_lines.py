@@ -12,6 +12,7 @@ from validation.adversary.scenarios import SCENARIOS, Scenario, record
 
 from tests.findings import codes, notes, only, reasons
 from validation import towers
+from windsysid.checks.limits import SCREENING_PROBABILITY
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.identification import pipeline
 from windsysid.identification.effects import sinusoid as steady_lines
@@ -21,7 +22,6 @@ from windsysid.identification.effects.sinusoidal_force import SineForce, find_fo
 from windsysid.identification.formulations import estimate
 from windsysid.identification.identify import identify
 from windsysid.identification.job import Job
-from windsysid.identification.limits import MAX_SINUSOID_SCATTER
 from windsysid.identification.model.fit import PART_OF, known_loads
 from windsysid.identification.model.prior import Prior
 from windsysid.identification.model.turbine_problem import pose
@@ -267,7 +267,11 @@ def test_gravity_stays_where_sines_are_left_out(verne555: Turbine):
 
 def test_one_steady_sine_in_a_hundred_scatters_by_more_than_its_bound():
     """Four parts about their mean have three complex degrees of freedom: half a χ² of six."""
-    assert gammaincc(steady_lines.SEGMENT_COUNT - 1, MAX_SINUSOID_SCATTER) == pytest.approx(0.01, rel=0.01)
+    rng, samples, count = np.random.default_rng(3), 400, 4000
+    waves = (rng.standard_normal((count, samples)) + 1j * rng.standard_normal((count, samples))) / math.sqrt(2.0)
+    scatters = np.array([steady_lines._scatter(wave, 1.0) for wave in waves])
+    chances = gammaincc(steady_lines.SEGMENT_COUNT - 1, scatters)
+    assert np.mean(chances < SCREENING_PROBABILITY) == pytest.approx(0.01, abs=2.0 * math.sqrt(0.01 / count))
 
 
 @pytest.mark.parametrize(("growth", "least", "most", "steady"), [(0.6, 7.8, 8.4, True), (0.65, 8.4, 9.0, False)])

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from windsysid.checks.limits import SCREENING_PROBABILITY
 from windsysid.inspection.channels import kinds
-from windsysid.inspection.limits import FALSE_ALARM_PROBABILITY
 from windsysid.inspection.sections import Proposal, propose_longest
 from windsysid.inspection.stationarity import vibration_of
 from windsysid.records.record import Record
@@ -56,7 +56,7 @@ def test_a_stationary_record_is_advised_whole(damping: float, seconds: float):
 def test_false_alarms_are_as_rare_as_stated(damping: float, seconds: float, frequencies: tuple[float, ...]):
     alarms = sum(not is_whole(shaken(1000 + seed, damping, seconds, frequencies)) for seed in range(200))
     assert alarms <= 6  # 2 are expected at most; 7 of 200 have a chance of 0.5 %
-    assert FALSE_ALARM_PROBABILITY <= 0.01
+    assert SCREENING_PROBABILITY <= 0.01
 
 
 @pytest.mark.parametrize("damping", [0.005, 0.01, 0.05])

@@ -17,12 +17,12 @@ from validation.adversary.scenarios import SCENARIOS, record
 from windsysid.checks.limits import (
     FALSE_ALARM_PROBABILITY,
     MAX_CHANCE_SIGMAS,
-    MAX_CROSS_CORRELATION,
+    MAX_COLOUR,
     MAX_KURTOSIS,
-    MAX_LEVEL_FACTOR,
     MAX_LEVEL_VARIATION,
     MAX_NEAR_MODE_LEVEL,
     MAX_PEAK_LEVEL,
+    NEGLIGIBLE_SHARE,
 )
 from windsysid.checks.lines import find_line
 from windsysid.checks.nonlinearity import find_bent
@@ -52,13 +52,13 @@ SHARE = 1.0 / 500.0
 """Of healthy records that one test may condemn."""
 
 LIMITS = {
-    "size of all, ln": math.log(MAX_LEVEL_FACTOR),
-    "size of a channel, ln": math.log(MAX_LEVEL_FACTOR),
+    "size of all, ln": 2.0 * math.log1p(NEGLIGIBLE_SHARE),
+    "size of a channel, ln": 2.0 * math.log1p(NEGLIGIBLE_SHARE),
     "level over time": MAX_LEVEL_VARIATION,
     "level over time, σ": MAX_CHANCE_SIGMAS,
     "tails": MAX_KURTOSIS,
     "tails, σ": MAX_CHANCE_SIGMAS,
-    "shared by two channels": MAX_CROSS_CORRELATION,
+    "shared by two channels": MAX_COLOUR,
     "shared by two channels, σ": MAX_CHANCE_SIGMAS,
     "blades late, σ": MAX_CHANCE_SIGMAS,
     "peak": MAX_PEAK_LEVEL,

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.checks.limits import MAX_LEVEL_DEPARTURE
+from windsysid.checks.limits import MAX_COLOUR
 
 __all__ = ["Colour", "smooth_colour"]
 
@@ -61,7 +61,7 @@ class Colour(NamedTuple):
     @property
     def ratio(self) -> float:
         """The least of Σ x², of the slope and of the size over their bounds: beyond 1 a result is not to be trusted."""
-        return min(self.statistic / self.bound, self.slope / self.slope_bound, self.size / MAX_LEVEL_DEPARTURE)
+        return min(self.statistic / self.bound, self.slope / self.slope_bound, self.size / MAX_COLOUR)
 
 
 def smooth_colour(

@@ -35,16 +35,13 @@ from windsysid.checks.innovation_sums import band_of_interest
 from windsysid.checks.limits import (
     FALSE_ALARM_PROBABILITY,
     MAX_CHANCE_SIGMAS,
-    MAX_CROSS_CORRELATION,
+    MAX_COLOUR,
     MAX_FAR_PEAK_LEVEL,
     MAX_KURTOSIS,
-    MAX_LEVEL_FACTOR,
     MAX_LEVEL_VARIATION,
+    MAX_MISSING_SHARE,
     MAX_NEAR_MODE_LEVEL,
-    MAX_OUTLIER_SHARE,
     MAX_PEAK_LEVEL,
-    MAX_SQUARED_AUTOCORRELATION,
-    MIN_REMARKED_OUTLIERS,
     NEGLIGIBLE_SHARE,
     OUTLIER_SIGMAS,
 )
@@ -227,13 +224,9 @@ def _judge_size(w: Whiteness) -> list[Finding]:
     worst = max(w.channels, key=lambda c: abs(math.log(max(c.nis, 1e-9))) if c.used else 0.0)
     rest = w.used - worst.used
     others = (w.nis * w.used - worst.nis * worst.used) / rest if rest > 0 else math.inf
-    if (
-        rest > 0
-        and _is_size_off(worst.nis, worst.used, MAX_LEVEL_FACTOR)
-        and not _is_size_off(others, rest, MAX_LEVEL_FACTOR)
-    ):
+    if rest > 0 and _is_size_off(worst.nis, worst.used) and not _is_size_off(others, rest):
         found.append(Finding("channel_level", "reason", {"channel": worst.name, "ratio": math.sqrt(worst.nis)}))
-    elif _is_size_off(w.nis, w.used, MAX_LEVEL_FACTOR):
+    elif _is_size_off(w.nis, w.used):
         data = {"ratio": math.sqrt(w.nis), "mean_square": w.nis, "low": w.nis_low, "high": w.nis_high}
         found.append(Finding("innovation_level", "reason", data))
     for c in w.channels:
@@ -244,9 +237,9 @@ def _judge_size(w: Whiteness) -> list[Finding]:
     return found
 
 
-def _is_size_off(nis: float, used: int, factor: float) -> bool:
-    """Test whether a mean square differs by more than a factor, and by more than chance."""
-    if used < 1 or 1.0 / factor < nis < factor:
+def _is_size_off(nis: float, used: int) -> bool:
+    """Test whether a mean square differs from 1 by more than is negligible for intervals, and by more than chance."""
+    if used < 1 or abs(math.log(max(nis, 1e-300))) < 2.0 * math.log1p(NEGLIGIBLE_SHARE):
         return False
     return (
         not chance_limit(1.0 - 0.5 * FALSE_ALARM_PROBABILITY, used)
@@ -286,7 +279,7 @@ def _judge_colour(w: Whiteness, rotor_hz: float) -> list[Finding]:
         where = {"channel": far.name, "frequency": far.far_hz, "rotor_frequency": rotor_hz}
         found.append(Finding("far_peak", "remark", where | {"level": far.far}))
     worst = max(w.channels, key=lambda c: c.colour)
-    if worst.colour > max(MAX_SQUARED_AUTOCORRELATION, w.colour_bound):
+    if worst.colour > max(NEGLIGIBLE_SHARE**2, w.colour_bound):
         found.append(Finding("coloured_innovations", "remark", {"channel": worst.name, "colour": worst.colour}))
     return found
 
@@ -342,7 +335,7 @@ def _is_ruled_from_afar(channel: ChannelCheck, w: Whiteness) -> bool:
 
 def _judge_shared(w: Whiteness) -> list[Finding]:
     shared = w.shared
-    if shared is None or shared.sigmas < MAX_CHANCE_SIGMAS or abs(shared.correlation) < MAX_CROSS_CORRELATION:
+    if shared is None or shared.sigmas < MAX_CHANCE_SIGMAS or abs(shared.correlation) < MAX_COLOUR:
         return []
     first, second = w.channels[shared.first], w.channels[shared.second]
     data = {"channels": [first.name, second.name], "correlation": shared.correlation}
@@ -353,11 +346,11 @@ def _judge_shared(w: Whiteness) -> list[Finding]:
 def _judge_outliers(w: Whiteness) -> list[Finding]:
     found = list[Finding]()
     for c in w.channels:
-        if c.gated > MAX_OUTLIER_SHARE:
+        if c.gated > MAX_MISSING_SHARE:
             found.append(Finding("too_many_outliers", "reason", {"channel": c.name, "share": c.gated}))
         elif c.gated > 0.0:
             found.append(Finding("gated_readings", "remark", {"channel": c.name, "share": c.gated}))
-        if c.outliers >= MIN_REMARKED_OUTLIERS:
+        if c.outliers:
             data = {"channel": c.name, "count": c.outliers, "sigmas": OUTLIER_SIGMAS, "share": c.outlying}
             found.append(_graded("outlying_innovations", data, large=c.outlying > NEGLIGIBLE_SHARE))
     return found

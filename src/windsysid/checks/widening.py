@@ -8,6 +8,10 @@ from windsysid.checks.limits import MAX_WIDENING, NEGLIGIBLE_SHARE
 
 __all__ = ["grade_of", "mixture_factor"]
 
+SIGMAS = 2.0
+"""Setting: half-width of every interval in standard deviations: ±2σ, 95.45 % of a normal distribution (the paper's
+choice)."""
+
 
 def grade_of(factor: float, *, excluded: bool) -> str:
     """Return the grade of a quantity from the factor on its interval; C if a reason excludes it that no interval
@@ -33,8 +37,6 @@ def mixture_factor(rivals: Sequence[tuple[float, float, float]]) -> float:
     [1.95, 3.85, 1.01]
     """
     from scipy.special import ndtr
-
-    from windsysid.results.posterior import SIGMAS
 
     if not rivals:
         return 1.0

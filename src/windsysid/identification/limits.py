@@ -9,24 +9,8 @@ MAX_RADIANS_PER_READING = 2.5
 """Size: longest time between readings, times the highest natural frequency [rad]: 2.5 readings for each period; and
 times the lowest one, beyond which resampling removes its mode."""
 
-MAX_RADIANS_PER_UNREFINED_STEP = 0.6
-"""Size: the longest time between readings [rad] where the equations cannot take shorter steps than readings."""
-
 MAX_RADIANS_PER_SPECTRAL_READING = 1.3
 """Size: the longest time between readings [rad] for spectra: motion above half the rate hardly reaches the modes."""
-
-MAX_RATE_MISMATCH = 0.01
-"""Size: relative difference between the sampling rates of two segments (rounded time stamps make less), or between the
-rotor's speed as a channel and as the slope of the azimuth."""
-
-MAX_MISSING_SHARE = 0.01
-"""Size: share of a channel that may be missing for spectra: straight lines bridge so little."""
-
-MAX_PLANNED_SECONDS = 10.0 * 365.25 * 86400.0
-"""Size: longest planned duration [s]; an accuracy that takes longer than ten years is called unreachable."""
-
-MIN_BINS = 30
-"""Size: fewest bins of a spectrum that equations are fitted to."""
 
 NEGLIGIBLE_SPEED_VARIATION = 0.005
 """Size: standard deviation of the rotor's speed over its mean, up to which spectra of a constant speed lose nothing."""
@@ -35,40 +19,19 @@ NEGLIGIBLE_SPEED_VARIATION_IN_BANDS = 0.15
 """Size: as `NEGLIGIBLE_SPEED_VARIATION`, of bands that follow the blades; source: ``python -m validation.auto``."""
 
 MAX_SPEED_VARIATION_IN_BANDS = 0.2
-"""Size: as `windsysid.inspection.limits.MAX_CONSTANT_SPEED_VARIATION`, of bands that follow the blades; source:
+"""Size: as `windsysid.checks.limits.HARMONIC_HALF_WIDTH_SHARE`, of bands that follow the blades; source:
 ``python -m validation.auto``."""
 
-MAX_YAW_CHANGE_RADIANS = 0.05
-"""Size: range of the yaw [rad] beyond which spectra, which know one yaw only, are not compared with filters."""
-
 # Outliers
-
-MIN_OUTLIER_POWER = 0.02
-"""Size: share of a channel's mean squared innovation that outliers must add to be left out; fewer do no harm."""
 
 MAX_NEIGHBOUR_SHARE = 0.75
 """Size: share of a spike's difference that its neighbours may have; next to a spike they have half of it."""
 
 # Effects
 
-MAX_EXTENSIONS = 8
-"""Size: effects that a record may have; each costs a search, and a record with more is not for these models."""
-
-P_CANDIDATE = 0.01
-"""Probability: of a statistic with the fit's unknowns fixed, below which a candidate is tested with them."""
-
 MIN_SHIFT_SIGMAS = 0.2
 """Size: shift of an estimate, in standard deviations, from which on an effect is included, and its size estimated
 again. An error of that size widens an interval by 2 %."""
-
-MIN_NUISANCE_SHIFT_SIGMAS = 1.0
-"""Size: as `MIN_SHIFT_SIGMAS`, for statistics of loads and for tolerances, which coefficients follow."""
-
-MIN_LOG_STD_CHANGE = 0.3
-"""Size: change of the logarithm of an effect's standard deviation from which on its size is estimated again."""
-
-MIN_DRIFT_RADIANS = 0.07
-"""Size: angle [rad] of the fastest motion of a coordinate by which a clock drift over the record matters."""
 
 MAX_DRIFT_RATE = 3e-4
 """Size: largest drift that a clock can have [s/s]."""
@@ -85,13 +48,6 @@ chance alone leaves 45 once in ten thousand."""
 
 # Sinusoids
 
-MIN_SINUSOID_F = 20.0
-"""Probability: Thomson's F of a line that may be a sinusoid; chance exceeds it at one frequency in 6600."""
-
-MIN_HARMONIC_F = 14.0
-"""Probability: Thomson's F of innovations at nP from which on the rotor exerts a force; of two channels chance exceeds
-it in one record of 100, which costs a search."""
-
 MIN_F_OVER_POWER = 0.5
 """Size: F over a line's relative power: nearly all sinusoids have more, most narrow-band loads less."""
 
@@ -99,51 +55,20 @@ MIN_LINE_POWER = 9.0
 """Probability: power over its surroundings from which on a frequency may be a line, or a line in another channel the
 same sinusoid; one in ten healthy records has it."""
 
-MARGINAL_LINE_FACTOR = 1.25
-"""Size: times its bound within which a line may be chance: no finding if no estimate depends on it."""
-
-MAX_SINUSOID_SCATTER = 8.4
-"""Probability: squared scatter of a sinusoid's amplitude and phase over segments, relative to chance: 1 in 100."""
-
 MAX_SINUSOID_SHIFT_BINS = 0.3
-"""Size: difference of a sinusoid's frequency between channels, in frequencies of the periodogram."""
-
-FAINT_LINE_POWER = 25.0
-"""Size: power over its surroundings below which chance moves a sinusoid's frequency more, with the root of it."""
-
-RESOLUTION_BINS = 4.0
-"""Size: frequencies of the periodogram within which two sinusoids are not resolved; and half-widths of a narrow-band
-load, or frequencies, within which it may look like a line."""
+"""Size: difference of a sinusoid's frequency between channels, in frequencies of the periodogram, or by chance, if
+that is more."""
 
 SINUSOID_DIGITS = 5.0
 """Odds: decimal digits of the chance that a line of the periodogram is as steady as `find_sine` requires."""
 
 # Alternative explanations
 
-MAX_INFLUENCE_SIGMAS = 2.5
-"""Size: standard deviations by which a coefficient may move without one frequency, or those near a sinusoid."""
-
-NEGLIGIBLE_SHIFT_SIGMAS = 1.5
-"""Size: standard deviations up to which a coefficient may differ under another explanation without effect."""
-
-MAX_RIVAL_LOG_ODDS = 50.0
-"""Log odds: against a load model that is dropped after the first stages, which weigh the record with a fifth."""
-
-MAX_TOLERANCE_CHANGE = 0.5
-"""Size: share of a gain or of a mass by which a search may have moved it where spectra check filters."""
-
-MIN_LOG_LIKELIHOOD_RISE = 0.5
-"""Log odds: rise of the log likelihood beyond an estimate that conflicts with its prior: one σ by the data alone."""
+NEGLIGIBLE_SHIFT_SIGMAS = 1.0
+"""Size: standard deviations up to which a coefficient may differ under another explanation without effect, and a
+statistic of loads or a tolerance, which coefficients follow, under an effect."""
 
 # Verdict
-
-MAX_FORCE_SIGMAS = 3.8
-"""Probability: standard deviations of chance of a force law of one coordinate. Of five, the ten and the four that are
-tested exceed this bound and `MAX_JOINT_SIGMAS` in one healthy record of 140 (docs/adversary.md)."""
-
-MAX_JOINT_SIGMAS = 3.2
-"""Probability: significance, in standard deviations, of a force law of equal degrees of freedom together, and of the
-correlation of two loads. Where sensors may be misaligned, the fit leaves a third of a correlation."""
 
 MAX_RESONANCE_DOF = 50.0
 """Size: equivalent degrees of freedom within the narrowest resonance of a rotor under wind: bands grow narrower with

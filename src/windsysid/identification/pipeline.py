@@ -8,11 +8,13 @@ from windsysid.errors import WindsysidError
 from windsysid.identification.effects import ALTERNATIVES, EFFECTS
 from windsysid.identification.formulations import estimate
 from windsysid.identification.job import FittedJob, Job
-from windsysid.identification.limits import MAX_EXTENSIONS
 from windsysid.identification.model.effect import Detection, Effect, Inclusion
 from windsysid.results.finding import Finding
 
 __all__ = ["FAILURES", "run"]
+
+MAX_EXTENSIONS = 8
+"""Setting: largest number of effects in a record, each of which costs a search."""
 
 FAILURES = (WindsysidError, np.linalg.LinAlgError)
 """Errors of a step of the loop, after which the fit before it stands."""

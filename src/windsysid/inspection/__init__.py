@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from windsysid.checks.limits import HARMONIC_HALF_WIDTH_SHARE
 from windsysid.errors import ConfigurationError
 from windsysid.inspection.channels import Kind, most_telling
 from windsysid.inspection.fault import Fault, Severity
 from windsysid.inspection.inspection import Inspection
-from windsysid.inspection.limits import MAX_CONSTANT_SPEED_VARIATION, MIN_MODAL_SAMPLES, MIN_SAMPLES
+from windsysid.inspection.limits import MIN_MODAL_SAMPLES, MIN_SAMPLES
 from windsysid.inspection.rotor import Rotor
 from windsysid.inspection.screening import examine
 from windsysid.inspection.sections import Proposal, propose, propose_longest
@@ -195,7 +196,7 @@ def _modes(
     found = tuple(expected_modes(turbine, speed))
     if not found:
         notes.append(f"{turbine.name}: a rotor with fewer than three free blades has no modes in the fixed frame.")
-    if rotor is None or rotor.variation < MAX_CONSTANT_SPEED_VARIATION:
+    if rotor is None or rotor.variation < HARMONIC_HALF_WIDTH_SHARE:
         return found, ()
     low, high = np.percentile(rotor.speed, (0.5, 99.5))
     speeds = np.linspace(float(low), float(high), 9)

@@ -3,10 +3,9 @@
 Where a docstring names no source, the limit was set on simulated records.
 """
 
-import math
-
 MIN_SAMPLES = 20
-"""Size: number of samples for identification (`windsysid.identification.condition.readings`)."""
+"""Size: number of samples for identification (`windsysid.identification.condition.readings`), or of frequency bins that
+equations are fitted to."""
 
 MIN_MODAL_SAMPLES = 256
 """Size: number of samples for operational modal analysis (`windsysid.spectral.oma.samples`)."""
@@ -49,9 +48,6 @@ MAX_STRAIGHT_BEND_RATIO = 0.02
 MIN_COPIED_ROWS = 32
 """Size: number of consecutive rows that equal others, in every channel that vibrates, of a copied passage."""
 
-MAX_COPY_RESIDUAL = 1e-6
-"""Size: share of the power of a channel's steps that another channel does not explain, below which one is a copy."""
-
 MIN_PREDICTED_ROWS = 1000
 """Size: number of rows for fitting a linear prediction, which detects lost rows and samples."""
 
@@ -66,14 +62,12 @@ MAX_UNWRAPPED_RATIO = 0.06
 least 0.1."""
 
 MIN_LOSS_GAIN = 0.4
-"""Size: g after a loss: 1 for one lost row, less because the losses bias the model."""
+"""Size: g after a loss: 1 for one lost row, less because the losses bias the model; and ratio of the sums after two
+losses: if only every second or third is a loss, k is larger."""
 
 MAX_OTHER_GAIN_RATIO = 0.6
 """Size: |g| at any other remainder, relative to g after a loss. A sinusoid at a multiple of the rate over 2k
 gives a g that alternates."""
-
-MIN_LOSS_SUM_RATIO = 0.5
-"""Size: ratio of the sums after two losses; if only every second or third is a loss, k is larger."""
 
 MAX_SILENT_RMS_RATIO = 1.0 / 8.0
 """Size: rms of a channel over a period, relative to its usual one, below which it is silent; other channels are
@@ -94,9 +88,6 @@ MAX_ACCELERATION_RATE = 20_000.0
 MAX_GRAVITY_DEVIATION = 0.03
 """Size: relative distance from g of the mean of an upright accelerometer, or of its amplitude on a rotor."""
 
-MIN_SECTION_SECONDS = 100.0
-"""Size: length of a section [s] if none is given; that of the published study."""
-
 MAX_LENGTH_PENALTY = 0.6
 """Size: penalty of a longer section above that of the median short one: equal to 3 % of the rotor speed, or 12 % of the
 wind speed, since turbulence varies more over a longer time."""
@@ -105,13 +96,12 @@ MAX_SPEED_VARIATION = 0.05
 """Size: variation and drift of the rotor speed over a section, relative to its mean, of penalty 1."""
 
 MAX_WIND_VARIATION = 0.20
-"""Size: variation and drift of the wind speed over a section, relative to its mean, of penalty 1."""
-
-MAX_DIRECTION_SPREAD = math.radians(15.0)
-"""Size: circular standard deviation of the wind direction over a section [rad], of penalty 1."""
+"""Size: variation and drift of the wind speed over a section, relative to its mean, and circular standard deviation of
+its direction [rad], which is the variation across, of penalty 1."""
 
 MAX_FAULT_SHARE = 0.02
-"""Size: share of faulty or missing samples of a section, of penalty 1."""
+"""Size: share of faulty or missing samples of a section, of penalty 1, and of missing samples or spikes that straight
+lines bridge for spectra; if more are missing, `oma` takes the longest segment without gaps."""
 
 MIN_VIBRATION_FACTOR = 0.25
 """Size: rms of vibration over the record's median that is enough for identification."""
@@ -123,29 +113,21 @@ MIN_DEGREES_OF_FREEDOM = 3.0
 """Size: equivalent degrees of freedom of the power of a section, and within the narrowest resonance of a record in
 segments where nothing turns: with independent bins, intervals of a tower are up to 18 times too narrow at one."""
 
-FALSE_ALARM_PROBABILITY = 0.01
-"""Probability: significance level of a change of vibration, all comparisons together. Simulated records of one to four
-modes with damping of 0.2 % to 5 % and 300 s to 3600 s exceed it in fewer than 1 % (tests/inspection)."""
-
 MAX_VIBRATION_CHANGE = 2.0
 """Size: ratio of the rms values of two segments that is accepted even if it is significant, and from which on the one
 after a stop is a decay."""
 
 MAX_ENERGY_SHARE = 0.6
-"""Size: share of the vibration in an eighth of a section beyond which it is a transient."""
+"""Size: share of the vibration in an eighth of a section, or of a mode in a quarter of a record, beyond which it is a
+transient."""
 
-MAX_REFERENCE_DISTANCE = 0.08
-"""Size: relative distance up to which a peak or a mode may be one of the turbine file, whose values are references."""
+MAX_REFERENCE_DISTANCE = 0.1
+"""Size: relative distance up to which a peak or a mode may be one of the turbine file, whose values are references, or
+one of another record."""
 
-MAX_CONSTANT_SPEED_VARIATION = 0.02
-"""Size: standard deviation of the rotor speed over its mean up to which it is constant. Beyond, harmonics and whirl
-modes are smeared, spectra of a constant speed are refused, and a spectrogram is drawn against the speed."""
-
-MIN_RUNNING_SHARE = 0.6
-"""Size: share of the usual rotor speed above which the rotor runs."""
-
-MAX_STOPPED_SHARE = 0.1
-"""Size: share of the usual rotor speed below which the rotor stands, and above which it turns again."""
+MAX_RATE_MISMATCH = 0.01
+"""Size: relative difference between the sampling rates of two segments (rounded time stamps make less), between the
+rotor's speed as a channel and as the slope of the azimuth, and of a peak from a rotor harmonic."""
 
 MAX_FALL_SECONDS = 60.0
 """Size: time from running to stopped [s]."""

@@ -21,11 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array
+from windsysid.checks.limits import SCREENING_PROBABILITY
 from windsysid.inspection.channels import VIBRATION, Kind, most_telling
 from windsysid.inspection.fault import Fault
 from windsysid.inspection.limits import (
-    FALSE_ALARM_PROBABILITY,
-    MAX_DIRECTION_SPREAD,
     MAX_FAULT_SHARE,
     MAX_LENGTH_PENALTY,
     MAX_SPEED_VARIATION,
@@ -33,7 +32,6 @@ from windsysid.inspection.limits import (
     MIN_DEGREES_OF_FREEDOM,
     MIN_MODE_CYCLES,
     MIN_ROTOR_SPEED,
-    MIN_SECTION_SECONDS,
     MIN_VIBRATION_FACTOR,
 )
 from windsysid.inspection.rotor import Rotor
@@ -43,6 +41,9 @@ from windsysid.records.record import Record
 from windsysid.units import RPM
 
 __all__ = ["Proposal", "propose", "propose_longest"]
+
+MIN_SECTION_SECONDS = 100.0
+"""Setting: length of a section [s] if none is given; that of the published study."""
 
 MAX_PROPOSALS = 5
 """Setting: largest number of sections that are proposed."""
@@ -252,7 +253,7 @@ def _judge_wind(record: Record, known: dict[str, Kind], cut: "_Blocks", judge: A
     if "direction" in first:
         spread = cut.circular_spread(record[first["direction"]])
         words = [f"direction within ± {np.degrees(s):.2g}°" for s in spread]
-        judge(spread / MAX_DIRECTION_SPREAD, words, [f"the wind direction changes ({text})" for text in words])
+        judge(spread / MAX_WIND_VARIATION, words, [f"the wind direction changes ({text})" for text in words], 1.5)
 
 
 class _Blocks:
@@ -372,7 +373,7 @@ def _judge_excitation(vibrations: dict[str, Vibration], cut: _Blocks, judge: Any
         for text, f, v, n, most in zip(transient, size, verb, found.segments, found.allowed, strict=True)
     ]
     words = [
-        f"stationary (tested at {percent(FALSE_ALARM_PROBABILITY)})"
+        f"stationary (tested at {percent(SCREENING_PROBABILITY)})"
         if c
         else f"it {v} by {f:.2g} × between its {_NAMES[n]}"
         for f, v, n, c in zip(size, verb, found.segments, found.by_chance, strict=True)
@@ -391,7 +392,7 @@ def _levels(vibrations: Sequence[Vibration], windows: NDArray[np.int64]) -> tupl
     )
     level = np.sqrt(power / np.median(power, axis=1, keepdims=True))
     least = np.median(freedom, axis=0)
-    rare = chdtri(least, 1.0 - FALSE_ALARM_PROBABILITY) / least, chdtri(least, FALSE_ALARM_PROBABILITY) / least
+    rare = chdtri(least, 1.0 - SCREENING_PROBABILITY) / least, chdtri(least, SCREENING_PROBABILITY) / least
     chance = np.sqrt(np.maximum(1.0 / np.maximum(rare[0], 1e-9), rare[1]))
     return np.exp(np.mean(np.log(np.maximum(level, 1e-9)), axis=0)), chance
 

@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.checks.limits import HARMONIC_HALF_WIDTH_SHARE
 from windsysid.inspection.bodies import body_of
 from windsysid.inspection.fault import Fault
-from windsysid.inspection.limits import MAX_CONSTANT_SPEED_VARIATION, MAX_REFERENCE_DISTANCE
+from windsysid.inspection.limits import MAX_REFERENCE_DISTANCE
 from windsysid.inspection.rotor import Rotor
 from windsysid.records.checks import refuse_gaps
 from windsysid.records.record import Record
@@ -333,7 +334,7 @@ def spectrogram(
 
     duration = values.size / rate
     seconds = 5.0 * 2.0 * np.pi / abs(rotor.mean) if rotor is not None and rotor.turns else duration / 20.0
-    if not (varies := rotor is not None and rotor.turns and rotor.variation > MAX_CONSTANT_SPEED_VARIATION):
+    if not (varies := rotor is not None and rotor.turns and rotor.variation > HARMONIC_HALF_WIDTH_SHARE):
         seconds = max(2.0 * seconds, duration / 60.0)
     size = int(min(max(seconds * rate, 32), values.size / 4))
     if size < 16:

@@ -8,7 +8,7 @@ equivalent degrees of freedom. B_e is 2πζf for a lightly damped resonance of f
 and 0.5 %, one minute has one degree of freedom, and the amplitude varies by a factor of three although structure and
 loads do not change. So the power of two segments is compared by Fisher's distribution with ν and ν degrees of freedom,
 in halves and in quarters of a section. A vibration is called changing if a ratio is less probable than
-`FALSE_ALARM_PROBABILITY` over all comparisons, and the rms differs by more than a factor of `MAX_VIBRATION_CHANGE`.
+`SCREENING_PROBABILITY` over all comparisons, and the rms differs by more than a factor of `MAX_VIBRATION_CHANGE`.
 
 The test is repeated with the spectrum raised to the power of ½ and of 0 (prewhitening) within the frequency range that
 contains 99 % of the power. Then frequencies of low power count too, which have many more degrees of freedom: they show
@@ -23,7 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array, Mask
-from windsysid.inspection.limits import FALSE_ALARM_PROBABILITY, MAX_ENERGY_SHARE, MAX_VIBRATION_CHANGE
+from windsysid.checks.limits import SCREENING_PROBABILITY
+from windsysid.inspection.limits import MAX_ENERGY_SHARE, MAX_VIBRATION_CHANGE
 from windsysid.records.record import Record
 from windsysid.signals.textbook import tukey
 
@@ -179,7 +180,7 @@ def changes(vibrations: Sequence[Vibration], starts: NDArray[np.int64], ends: ND
         found = [vibration.power(np.stack([cut[:, :-1], cut[:, 1:]], axis=-1)) for vibration in vibrations]
         power, freedom = (np.array(values) for values in zip(*found, strict=True))  # (m, 3, w, segments)
         least = freedom.min(axis=-1)
-        chance = np.log(fdtri(least, least, 1.0 - FALSE_ALARM_PROBABILITY / comparisons))
+        chance = np.log(fdtri(least, least, 1.0 - SCREENING_PROBABILITY / comparisons))
         allowed = np.maximum(chance, 2.0 * np.log(MAX_VIBRATION_CHANGE))
         level = np.log(power)
         for first, second in combinations(range(segments), 2):

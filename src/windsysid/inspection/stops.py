@@ -11,13 +11,12 @@ from typing import Any
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.checks.limits import NEGLIGIBLE_SHARE
 from windsysid.inspection.channels import VIBRATION, Kind
 from windsysid.inspection.limits import (
     MAX_FALL_SECONDS,
-    MAX_STOPPED_SHARE,
     MAX_VIBRATION_CHANGE,
     MIN_ROTOR_SPEED,
-    MIN_RUNNING_SHARE,
 )
 from windsysid.inspection.rotor import Rotor
 from windsysid.records.record import Record
@@ -92,13 +91,13 @@ def find_stops(record: Record, rotor: Rotor | None, known: dict[str, Kind]) -> t
     if rotor is None:
         return ()
     speed, time = np.abs(rotor.speed), record.time
-    turning = speed[speed > max(0.5 * np.percentile(speed, 99.0), MIN_ROTOR_SPEED)]
-    if not turning.size:
+    turning = speed > max(0.5 * np.percentile(speed, 99.0), MIN_ROTOR_SPEED)
+    if not turning.any():
         return ()
-    usual = float(np.median(turning))
-    stopped = speed < MAX_STOPPED_SHARE * usual
+    stands = NEGLIGIBLE_SHARE * float(np.median(speed[turning]))
+    stopped = speed < stands
     entries = np.flatnonzero(stopped[1:] & ~stopped[:-1]) + 1
-    runs, turns = np.flatnonzero(speed > MIN_RUNNING_SHARE * usual), np.flatnonzero(speed > MAX_STOPPED_SHARE * usual)
+    runs, turns = np.flatnonzero(turning), np.flatnonzero(speed > stands)
     found: list[Stop] = []
     for entry in entries:
         before = np.searchsorted(runs, entry) - 1

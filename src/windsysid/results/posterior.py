@@ -10,6 +10,7 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.checks.conditioning import hold
+from windsysid.checks.widening import SIGMAS
 from windsysid.configuration import parse_json
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.loads.statistics import Statistic, coordinates_of, learned_statistics
@@ -26,14 +27,9 @@ if TYPE_CHECKING:
     import h5netcdf
 
 __all__ = [
-    "Conditions", "Posterior", "load_posterior", "opened", "read_parameters", "read_statistics", "read_tolerances",
-    "section_name", "unusable_among",
+    "SIGMAS", "Conditions", "Posterior", "load_posterior", "opened", "read_parameters", "read_statistics",
+    "read_tolerances", "section_name", "unusable_among",
 ]  # fmt: skip
-
-
-SIGMAS = 2.0
-"""Setting: half-width of every interval in standard deviations: ±2σ, 95.45 % of a normal distribution (the paper's
-choice)."""
 
 
 class Conditions(NamedTuple):

@@ -5,7 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from windsysid.checks.limits import MAX_DISAGREEMENT_SIGMAS, MAX_INFORMED_STD_RATIO, MIN_DEVIATION_SIGMAS
+from windsysid.checks.limits import MAX_DISAGREEMENT_SIGMAS, MAX_INFORMED_STD_RATIO
+from windsysid.checks.widening import SIGMAS
 from windsysid.loads.statistics import Statistic
 from windsysid.results.sentences.estimates import TOLERANCE_UNITS
 from windsysid.statespace.parameter import Parameter
@@ -53,8 +54,8 @@ class Tolerance:
 
     @property
     def off(self) -> bool:
-        """True if the record shows that it differs from its file."""
-        return self.informed and abs(self.estimate) > MIN_DEVIATION_SIGMAS * self.std
+        """True if the interval of an informed one excludes its file's value."""
+        return self.informed and abs(self.estimate) > SIGMAS * self.std
 
     @property
     def contradicted(self) -> bool:

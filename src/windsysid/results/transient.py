@@ -22,12 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.checks.limits import (
-    FALSE_ALARM_PROBABILITY,
-    MAX_EARLIER_RATIO,
-    MIN_BURST_SHARE,
-    MIN_RMS_FALL,
-)
+from windsysid.checks.limits import FALSE_ALARM_PROBABILITY, MIN_RMS_FALL
 from windsysid.checks.verdict import Diagnosis
 from windsysid.results.finding import Finding
 from windsysid.results.sentences import names_cause
@@ -81,7 +76,8 @@ class Burst(NamedTuple):
 def find_burst(values: Array, channels: Sequence[str], rate: float) -> Burst | None:
     """Find the least probable burst in readings (T, m) at `rate` [Hz]; None if chance explains every channel."""
     found = [(*_largest_share(column), name) for name, column in zip(channels, values.T, strict=True)]
-    bursts = [one for one in found if one[2] >= MIN_BURST_SHARE and one[0] * len(found) <= FALSE_ALARM_PROBABILITY]
+    least = MIN_RMS_FALL**2 / (MIN_RMS_FALL**2 + SEGMENTS - 1)
+    bursts = [one for one in found if one[2] >= least and one[0] * len(found) <= FALSE_ALARM_PROBABILITY]
     if not bursts:
         return None
     _, segment, share, name = min(bursts)
@@ -144,7 +140,7 @@ def _fall(readings: Array) -> float:
     power = _mean_squares(known, SEGMENTS)
     loudest = int(np.argmax(power))
     earlier = power[: max(loudest - 1, 0)].max(initial=0.0)
-    if loudest > SEGMENTS // 2 or not earlier <= MAX_EARLIER_RATIO * power[loudest]:
+    if loudest > SEGMENTS // 2 or not MIN_RMS_FALL * earlier <= power[loudest]:
         return 0.0
     rest = _mean_squares(known[len(known) * loudest // SEGMENTS :], QUARTERS)
     rises = rest[1:] > rest[:-1]

@@ -6,7 +6,7 @@ import pytest
 from tests.identification.fits import CHANNELS, TOWER, noise, record_of
 from windsysid.errors import RecordError
 from windsysid.identification.condition.spectral_readings import SpectralSamples, read_bridged
-from windsysid.identification.limits import MAX_MISSING_SHARE
+from windsysid.inspection.limits import MAX_FAULT_SHARE
 from windsysid.results.finding import Finding
 
 
@@ -25,7 +25,7 @@ def test_short_gaps_are_straight_lines_and_are_counted():
 
 def test_a_channel_with_more_gaps_is_refused_by_name():
     readings = noise()
-    readings[: int(2 * MAX_MISSING_SHARE * len(readings)), 0] = np.nan
+    readings[: int(2 * MAX_FAULT_SHARE * len(readings)), 0] = np.nan
     with pytest.raises(RecordError, match=f"channel '{CHANNELS[0]}': expected at most 1 % missing .* got 2 %"):
         read_bridged(record_of(readings), CHANNELS, [])
 

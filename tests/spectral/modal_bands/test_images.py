@@ -19,9 +19,13 @@ def test_an_image_goes_with_its_mode_and_another_mode_does_not():
     assert not _go_together(motion(one, 40.0), motion(other, 40.0))
 
 
-def test_too_few_values_show_nothing():
-    one = np.ones(64, dtype=complex)
-    assert not _go_together(motion(one, 5.0), motion(one, 5.0))
+def test_narrow_motions_of_a_few_values_do_not_go_together_by_chance():
+    rng, shape = np.random.default_rng(7), 1.0 / (1.0 + np.linspace(-20.0, 20.0, 64) ** 2)
+    for _ in range(200):
+        pair = np.sqrt(shape) * (rng.normal(size=(2, 64)) + 1j * rng.normal(size=(2, 64)))
+        power = np.abs(pair) ** 2
+        few = power.sum(axis=1) ** 2 / np.sum(power**2, axis=1)
+        assert not _go_together(motion(pair[0], few[0]), motion(pair[1], few[1]))
 
 
 def motions(*, bound: bool, power: float = 1.0) -> tuple[np.ndarray, np.ndarray]:

@@ -63,7 +63,7 @@ def test_the_frequency_range_ends_below_the_cut_off_of_a_low_pass():
     given = record(tower_x_acceleration=noise(1)[:, 0])
     assert prepare_readings(given, None).high == pytest.approx(0.42 * RATE)
     limited = replace(given, attributes={LOW_PASS: "2.0"})
-    assert prepare_readings(limited, None).high == pytest.approx(0.8 * 2.0)
+    assert prepare_readings(limited, None).high == pytest.approx(0.84 * 2.0)
 
 
 def test_displacements_are_transformed_as_accelerations():

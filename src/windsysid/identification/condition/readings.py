@@ -9,10 +9,7 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.filters import Info
-from windsysid.identification.limits import (
-    MAX_RADIANS_PER_READING,
-    MAX_RADIANS_PER_UNREFINED_STEP,
-)
+from windsysid.identification.limits import MAX_RADIANS_PER_READING
 from windsysid.identification.model.fit import PART_OF, Outcome
 from windsysid.inspection.channels import VIBRATION, kinds
 from windsysid.inspection.fault import Fault
@@ -32,6 +29,10 @@ __all__ = [
     "resample_for_model", "screened", "slow_down", "steps_per_reading", "thin_to_readings", "usable_sensors",
     "with_noise", "without_faulty",
 ]  # fmt: skip
+
+MAX_RADIANS_PER_UNREFINED_STEP = 0.6
+"""Tolerance: of the integration where the equations cannot take shorter steps than readings: the longest time between
+them [rad], at which the Runge–Kutta method adds 0.1 % of damping."""
 
 TAKEN_AS_MISSING = frozenset({"clipping", "frozen", "silent", "spikes"})
 """Kinds of faults whose readings are left out."""

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from windsysid.errors import RecordError
-from windsysid.identification.limits import MAX_RATE_MISMATCH
 from windsysid.inspection.fault import Fault
+from windsysid.inspection.limits import MAX_RATE_MISMATCH
 from windsysid.inspection.screening import screen
 from windsysid.records.record import Record
 

@@ -7,8 +7,8 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.errors import RecordError
-from windsysid.identification.limits import MAX_MISSING_SHARE
 from windsysid.identification.model.fit import known_inputs
+from windsysid.inspection.limits import MAX_FAULT_SHARE
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.kept import kept_with_record
 from windsysid.records.record import Record
@@ -26,15 +26,15 @@ def read_bridged(record: Record, channels: Sequence[str], notes: list[Finding]) 
     Raises
     ------
     RecordError
-        If more than `MAX_MISSING_SHARE` of a channel is missing.
+        If more than `MAX_FAULT_SHARE` of a channel is missing.
     """
     columns = []
     for name in channels:
         values = record[name]
         missing = ~np.isfinite(values)
-        if missing.mean() > MAX_MISSING_SHARE:
+        if missing.mean() > MAX_FAULT_SHARE:
             raise RecordError(
-                f"channel '{name}': expected at most {100 * MAX_MISSING_SHARE:g} % missing or faulty samples for "
+                f"channel '{name}': expected at most {100 * MAX_FAULT_SHARE:g} % missing or faulty samples for "
                 f"spectra, got {100 * missing.mean():.3g} %: choose another section, or the joint formulation"
             )
         if missing.any():

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from windsysid.checks.limits import LINE_SEARCH_FACTOR
+from windsysid.checks.limits import HARMONIC_HALF_WIDTH_BINS, LINE_SEARCH_FACTOR
 from windsysid.checks.lines import Line, may_be_no_line
 from windsysid.checks.verdict import found_line
 from windsysid.filters import EKF
@@ -18,7 +18,7 @@ from windsysid.identification.estimate.fitted.modal_residuals import line_of, no
 from windsysid.identification.estimate.fitted.modes import modes_of
 from windsysid.identification.estimate.time_domain import where_it_ended
 from windsysid.identification.job import FittedJob, Job
-from windsysid.identification.limits import RESOLUTION_BINS, SINUSOID_DIGITS
+from windsysid.identification.limits import SINUSOID_DIGITS
 from windsysid.identification.model.effect import Detection, Effect
 from windsysid.identification.model.prior import Prior
 from windsysid.identification.model.prior_odds import odds_of
@@ -160,7 +160,7 @@ def _sines(known: Sinusoids | None) -> tuple[Sine, ...]:
 
 def _unknown(found: Sequence[Sine], known: Sinusoids | None, duration: float) -> list[Sine]:
     """Sinusoids that are not included yet, each once."""
-    new, apart = list[Sine](), RESOLUTION_BINS / duration
+    new, apart = list[Sine](), HARMONIC_HALF_WIDTH_BINS / duration
     for sine in found:
         if not any(sine.same_as(other, apart) for other in (*_sines(known), *new)):
             new.append(sine)

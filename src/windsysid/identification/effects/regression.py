@@ -16,12 +16,15 @@ from windsysid.checks.limits import FALSE_ALARM_PROBABILITY
 from windsysid.identification.effects.score_test import RegressorCandidate, ScoreTest, promising, score_tests
 from windsysid.identification.estimate.fitted.linearisation import Linearisation, RegressorColumn, linearise
 from windsysid.identification.job import FittedJob, Job
-from windsysid.identification.limits import MIN_LOG_STD_CHANGE, MIN_NUISANCE_SHIFT_SIGMAS, MIN_SHIFT_SIGMAS
+from windsysid.identification.limits import MIN_SHIFT_SIGMAS, NEGLIGIBLE_SHIFT_SIGMAS
 from windsysid.identification.model.effect import Detection, Effect
 from windsysid.identification.model.prior_odds import odds_of
 from windsysid.identification.model.regressor import Regressors, Term
 
 __all__ = ["Regression", "RegressorEffect"]
+
+MIN_LOG_STD_CHANGE = 0.3
+"""Tolerance: of the logarithm of an effect's standard deviation, within which its size is not estimated again."""
 
 
 MAX_REVISIONS = 2
@@ -115,7 +118,7 @@ class Regression(Effect):
 def _matters(at: Linearisation, test: ScoreTest) -> bool:
     """Test for a shift of an estimate, or of loads beyond the range of a first-order approximation."""
     n, off = len(at.problem.parameters), np.abs(test.shift)
-    return bool(off[:n].max() > MIN_SHIFT_SIGMAS or off.max() > MIN_NUISANCE_SHIFT_SIGMAS)
+    return bool(off[:n].max() > MIN_SHIFT_SIGMAS or off.max() > NEGLIGIBLE_SHIFT_SIGMAS)
 
 
 def _known(job: Job, effect: RegressorEffect) -> Regressors:

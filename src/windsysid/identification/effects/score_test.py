@@ -26,8 +26,8 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.checks.limits import SCREENING_PROBABILITY
 from windsysid.identification.estimate.fitted.linearisation import Linearisation, RegressorColumn
-from windsysid.identification.limits import P_CANDIDATE
 
 __all__ = ["RegressorCandidate", "ScoreTest", "log_tail_of_f", "promising", "score_tests"]
 
@@ -90,9 +90,11 @@ class ScoreTest(NamedTuple):
 
 
 def promising(at: Linearisation, candidates: Sequence[RegressorCandidate]) -> list[RegressorCandidate]:
-    """Candidates whose statistic with the fit's unknowns fixed is beyond `P_CANDIDATE`: I is seldom less than half of
-    JᵀJ, and S is at most twice as large then."""
-    return [one.candidate for one in score_tests(at.held, candidates) if one.log10_p < math.log10(P_CANDIDATE)]
+    """Candidates whose statistic with the fit's unknowns fixed is beyond `SCREENING_PROBABILITY`: I is seldom less than
+    half of JᵀJ, and S is at most twice as large then."""
+    return [
+        one.candidate for one in score_tests(at.held, candidates) if one.log10_p < math.log10(SCREENING_PROBABILITY)
+    ]
 
 
 def score_tests(at: Linearisation, candidates: Sequence[RegressorCandidate]) -> list[ScoreTest]:

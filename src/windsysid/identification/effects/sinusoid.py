@@ -19,18 +19,15 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array, Complex
+from windsysid.checks.limits import (
+    HARMONIC_HALF_WIDTH_BINS,
+    MAX_DISAGREEMENT_SIGMAS,
+    MODEL_CHANGE_PROBABILITY,
+    SCREENING_PROBABILITY,
+)
 from windsysid.checks.lines import SURROUNDING_BINS, stand_out_of_a_bend
 from windsysid.errors import RecordError
-from windsysid.identification.limits import (
-    FAINT_LINE_POWER,
-    MAX_SINUSOID_SCATTER,
-    MAX_SINUSOID_SHIFT_BINS,
-    MIN_F_OVER_POWER,
-    MIN_HARMONIC_F,
-    MIN_LINE_POWER,
-    MIN_SINUSOID_F,
-    RESOLUTION_BINS,
-)
+from windsysid.identification.limits import MAX_SINUSOID_SHIFT_BINS, MIN_F_OVER_POWER, MIN_LINE_POWER
 from windsysid.identification.model.prior_odds import f_bound
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
@@ -45,6 +42,11 @@ __all__ = ["Sine", "find_sine", "find_turning", "one_turn", "phase_of", "turned"
 
 SEGMENT_COUNT = 4
 """Setting: segments of a record, which overlap by half, in which a sinusoid has to have one amplitude and phase."""
+
+FREQUENCY_STD_BINS = 0.49
+"""Numerical: standard deviation of a sinusoid's frequency with Hann's window, in frequencies of the periodogram, times
+the root of its power over its surroundings; 0.39 without a window (Rife & Boorstyn, IEEE Trans. Inf. Theory 20, 1974).
+"""
 
 MAX_HARMONIC = 6
 """Setting: harmonics nP of the rotor that are looked for."""
@@ -85,9 +87,9 @@ def find_sine(
     blades = {sensor.channel: bool(sensor.blade) for sensor in sensors}
     on_blades = blades.get(channel, False)
     seen = _SeenLine.of(record, channel, frequency)
-    if seen is None or abs(seen.frequency - rotor_hz) < RESOLUTION_BINS * step:
+    if seen is None or abs(seen.frequency - rotor_hz) < HARMONIC_HALF_WIDTH_BINS * step:
         return None
-    if seen.steadiness < max(f_bound(MIN_SINUSOID_F, "sinusoid", turbine), MIN_F_OVER_POWER * seen.over):
+    if seen.steadiness < max(f_bound(MODEL_CHANGE_PROBABILITY, "sinusoid", turbine), MIN_F_OVER_POWER * seen.over):
         return None
     others = [name for name, turns in blades.items() if turns is on_blades and name != channel]
     return Sine(seen.frequency, on_blades) if _is_steady(seen, record, others, step) else None
@@ -111,8 +113,12 @@ class _SeenLine(NamedTuple):
 
     def is_steady_at(self, frequency: float, step: float) -> bool:
         """Test whether the peak is one of a steady sinusoid at a frequency [Hz], in a periodogram with this step."""
-        apart = MAX_SINUSOID_SHIFT_BINS * step * math.sqrt(max(1.0, FAINT_LINE_POWER / self.over))
-        return self.scatter <= MAX_SINUSOID_SCATTER and abs(self.frequency - frequency) <= apart
+        from scipy.special import gammaincc
+
+        by_chance = MAX_DISAGREEMENT_SIGMAS * FREQUENCY_STD_BINS / math.sqrt(self.over)
+        apart = step * max(MAX_SINUSOID_SHIFT_BINS, by_chance)
+        chance = gammaincc(SEGMENT_COUNT - 1, self.scatter)  # half a χ² of two degrees of freedom for each but the mean
+        return chance >= SCREENING_PROBABILITY and abs(self.frequency - frequency) <= apart
 
     @classmethod
     def of(cls, record: Record, channel: str, frequency: float) -> "_SeenLine | None":
@@ -146,7 +152,7 @@ def _scatter(wave: Complex, level: float) -> float:
 def one_turn(record: Record, turbine: Turbine, sensors: Sequence[Sensor]) -> Sine | None:
     """The sine at 1P on the support; None where no blades turn that are read."""
     hz = _turns(record, turned(record, turbine, sensors))
-    return Sine(hz, on_blades=False, order=1) if hz > RESOLUTION_BINS / record.duration else None
+    return Sine(hz, on_blades=False, order=1) if hz > HARMONIC_HALF_WIDTH_BINS / record.duration else None
 
 
 def find_turning(
@@ -157,11 +163,12 @@ def find_turning(
     psi = turned(record, turbine, sensors)
     if psi is None or not record.is_uniform or len(whitened) != record.samples:
         return []
-    rotor_hz, apart = _turns(record, psi), RESOLUTION_BINS / record.duration
+    rotor_hz, apart = _turns(record, psi), HARMONIC_HALF_WIDTH_BINS / record.duration
     turning = [Sine(order * rotor_hz, on_blades=False, order=order) for order in range(1, MAX_HARMONIC + 1)]
     turning = [one for one in turning if apart < one.frequency < 0.4 * record.rate]
     turning = [one for one in turning if not any(one.same_as(other, apart) for other in known)]
-    least = f_bound(MIN_HARMONIC_F, "rotor_harmonic", turbine)
+    tests = max(1, len(turning) * sum(not sensor.blade for sensor in sensors))
+    least = f_bound(SCREENING_PROBABILITY / tests, "rotor_harmonic", turbine)
     z, on_blades = np.nan_to_num(whitened).T, [bool(sensor.blade) for sensor in sensors]
 
     def is_left(sine: Sine) -> bool:
@@ -183,7 +190,7 @@ def without_sines(record: Record, turbine: Turbine, sensors: Sequence[Sensor], s
             seen = [(sine.frequency, phase)]
             if bool(sensor.blade) != sine.on_blades and psi is not None:
                 seen = [(abs(sine.frequency + turn * rotor_hz), phase + turn * psi) for turn in (-1.0, 1.0)]
-            phases += [one for hz, one in seen if min(hz, abs(hz - rotor_hz)) > RESOLUTION_BINS * step]
+            phases += [one for hz, one in seen if min(hz, abs(hz - rotor_hz)) > HARMONIC_HALF_WIDTH_BINS * step]
         values = record[sensor.channel]
         left[sensor.channel] = values - _waves(values, window, phases), record.unit(sensor.channel)
     return record.with_channels(left)
@@ -194,7 +201,7 @@ def ways_of(sine: Sine, record: Record, psi: Array | None) -> list[Sine]:
     azimuth ψ (T,)."""
     if psi is None or sine.order:
         return [sine]
-    rotor_hz, least = _turns(record, psi), RESOLUTION_BINS / record.duration
+    rotor_hz, least = _turns(record, psi), HARMONIC_HALF_WIDTH_BINS / record.duration
     others = [Sine(abs(sine.frequency + turn * rotor_hz), not sine.on_blades) for turn in (-1.0, 1.0)]
     return [sine, *(one for one in others if min(one.frequency, abs(one.frequency - rotor_hz)) > least)]
 

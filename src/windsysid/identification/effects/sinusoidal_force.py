@@ -20,13 +20,12 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.checks.limits import CONFLICT_SIGMAS
+from windsysid.checks.limits import CONFLICT_SIGMAS, HARMONIC_HALF_WIDTH_BINS
 from windsysid.filters import EKF
 from windsysid.filters.bank import bank_of, run_bank
 from windsysid.identification.effects.sinusoid import Sine, phase_of, turned, ways_of, without_sines
 from windsysid.identification.estimate.scoring import BANK_THREADS
 from windsysid.identification.estimate.time_domain import where_it_ended
-from windsysid.identification.limits import RESOLUTION_BINS
 from windsysid.identification.model.fit import PART_OF, Outcome
 from windsysid.identification.model.prior import Prior
 from windsysid.identification.model.turbine_problem import TurbineProblem, pose
@@ -114,7 +113,7 @@ def find_forces(
     now, pushing = innovations(model, problem.inputs), list[_Pushing]()
     for sine in sorted(sines, key=lambda one: not one.order):  # what turns is seen on the other side of the hub, too
         best = max((push(way) for way in ways_of(sine, record, psi)), key=lambda one: one.explains(now.ravel()))
-        if not any(best.sine.same_as(other.sine, RESOLUTION_BINS / record.duration) for other in pushing):
+        if not any(best.sine.same_as(other.sine, HARMONIC_HALF_WIDTH_BINS / record.duration) for other in pushing):
             pushing.append(best)
     free, turning = ([one for one in pushing if bool(one.sine.order) is turns] for turns in (False, True))
     found = _amplitudes(free, now.ravel(), np.empty((now.size, 0)), np.empty(0))

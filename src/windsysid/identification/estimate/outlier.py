@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array
-from windsysid.checks.limits import MAX_OUTLIER_SHARE
+from windsysid.checks.limits import MAX_MISSING_SHARE, NEGLIGIBLE_SHARE
 from windsysid.identification.condition.samples import Block, Samples
-from windsysid.identification.limits import MAX_NEIGHBOUR_SHARE, MIN_OUTLIER_POWER
+from windsysid.identification.limits import MAX_NEIGHBOUR_SHARE
 from windsysid.inspection.limits import MIN_SPIKE_SIGMAS
 
 __all__ = ["Outliers", "find_spikes"]
@@ -44,7 +44,7 @@ class Outliers:
             How many readings of each channel there were (m,), and how many samples.
         """
         m = len(read)
-        channels = (power > MIN_OUTLIER_POWER * read) & (self.counts(m) <= MAX_OUTLIER_SHARE * samples)
+        channels = (power > NEGLIGIBLE_SHARE**2 * read) & (self.counts(m) <= MAX_MISSING_SHARE * samples)
         kept = tuple(places[channels[places % m]] for places in self.places)
         return Outliers(kept) if any(len(places) for places in kept) else Outliers()
 
@@ -90,4 +90,4 @@ def _alone(readings: Array) -> NDArray[np.int64]:
     if not len(off):
         return read
     spikes = (off > MIN_SPIKE_SIGMAS * np.median(off) / 0.6745) & (beside < MAX_NEIGHBOUR_SHARE * off)
-    return read[spikes] if np.count_nonzero(spikes) <= MAX_OUTLIER_SHARE * len(values) else read[:0]
+    return read[spikes] if np.count_nonzero(spikes) <= MAX_MISSING_SHARE * len(values) else read[:0]

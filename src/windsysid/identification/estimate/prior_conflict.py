@@ -3,7 +3,7 @@
 Structural damping is known to half of its value at best, and aerodynamic damping may be several times as much. If the
 prior mean is far from the true value, the posterior mode is pulled towards it, and the Fisher information evaluated
 there understates the uncertainty: a tower with four times the damping of its file was ten standard deviations off. So
-the likelihood is evaluated on the far side: where it rises by more than `MIN_LOG_LIKELIHOOD_RISE` with up to twice
+the likelihood is evaluated on the far side: where it rises by more than ½ `NEGLIGIBLE_SHIFT_SIGMAS`² with up to twice
 as much damping, all other unknowns following, or with half as much where the prior is above, the prior is made wider,
 and the search is made again.
 """
@@ -24,7 +24,7 @@ from windsysid.identification.estimate.clock_lag import shifted
 from windsysid.identification.estimate.online import Online
 from windsysid.identification.estimate.scoring import BANK_THREADS, MAX_REPEATED_ELEMENTS, log_likelihoods
 from windsysid.identification.estimate.search import Solution, solve
-from windsysid.identification.limits import MIN_LOG_LIKELIHOOD_RISE, MIN_SHIFT_SIGMAS
+from windsysid.identification.limits import MIN_SHIFT_SIGMAS, NEGLIGIBLE_SHIFT_SIGMAS
 from windsysid.identification.model.fit import Outcome
 from windsysid.identification.model.prior import Prior
 from windsysid.identification.model.turbine_problem import TurbineProblem
@@ -80,7 +80,7 @@ def find_held(
     here, *beyond = log_likelihoods(points)
     values = np.reshape(beyond, (len(asked), len(DAMPING_FACTORS)))
     known = np.logical_and.accumulate(np.isfinite(values), axis=1)
-    rises = np.max(values, axis=1, initial=here, where=known) > here + MIN_LOG_LIKELIHOOD_RISE
+    rises = np.max(values, axis=1, initial=here, where=known) > here + 0.5 * NEGLIGIBLE_SHIFT_SIGMAS**2
     return tuple(q.name for (_, q), rise in zip(asked, rises, strict=True) if rise)
 
 

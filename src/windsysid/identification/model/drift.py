@@ -3,8 +3,8 @@
 import math
 from typing import NamedTuple
 
-from windsysid.checks.limits import CONFLICT_SIGMAS
-from windsysid.identification.limits import MAX_DRIFT_RATE, MIN_DRIFT_RADIANS
+from windsysid.checks.limits import CONFLICT_SIGMAS, NEGLIGIBLE_SHARE
+from windsysid.identification.limits import MAX_DRIFT_RATE
 from windsysid.identification.model.prior_odds import sigma_bound
 from windsysid.results.finding import Finding
 from windsysid.turbine.turbine import Turbine
@@ -38,6 +38,6 @@ class Drift(NamedTuple):
     def matters(self, turbine: Turbine, duration: float) -> bool:
         """Test whether it is significant, no faster than clocks drift, and shifts vibration in such a record [s]."""
         fastest = max((turbine.natural_frequency(name) for name in turbine.model.coordinates), default=0.0)
-        least = MIN_DRIFT_RADIANS / (fastest * duration) if fastest > 0.0 else math.inf
+        least = NEGLIGIBLE_SHARE / (fastest * duration) if fastest > 0.0 else math.inf
         sigmas = sigma_bound(CONFLICT_SIGMAS, "clock_drift", turbine)
         return max(sigmas * self.std, least) < abs(self.rate) < MAX_DRIFT_RATE

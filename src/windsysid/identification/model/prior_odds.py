@@ -89,8 +89,8 @@ def sigma_bound(bound: float, code: str, turbine: Turbine) -> float:
     return math.sqrt(max(2.0 * log_bound(0.5 * bound**2, code, turbine), 0.0))
 
 
-def f_bound(bound: float, code: str, turbine: Turbine) -> float:
-    """Bound on Thomson's F, whose chance is (1 + F/(K − 1))^(1 − K) for K tapers, for the prior odds of a turbine,
-    given that for the odds onshore."""
+def f_bound(chance: float, code: str, turbine: Turbine) -> float:
+    """Bound on Thomson's F for the prior odds of a turbine, of which chance exceeds that for the odds onshore with a
+    probability: (1 + F/(K − 1))^(1 − K) for K tapers."""
     rest = TAPER_COUNT - 1
-    return rest * math.expm1(max(log_bound(rest * math.log1p(bound / rest), code, turbine), 0.0) / rest)
+    return rest * math.expm1(max(log_bound(-math.log(chance), code, turbine), 0.0) / rest)

@@ -26,7 +26,6 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.checks.identifiability import describe_information, standard_deviations
 from windsysid.errors import ConfigurationError
-from windsysid.identification.limits import MAX_PLANNED_SECONDS
 from windsysid.identification.model.prior import identifiable
 from windsysid.identification.model.turbine_problem import seen_by
 from windsysid.identification.planning.formulations import BY_FORMULATION, Planned
@@ -48,6 +47,9 @@ if TYPE_CHECKING:
     import pandas as pd
 
 __all__ = ["Plan", "plan"]
+
+MAX_PLANNED_SECONDS = 10.0 * 365.25 * 86400.0
+"""Setting: longest duration [s] that a plan searches, ten years."""
 
 
 CONVERGENCE_PERIODS = 5.0

@@ -21,7 +21,6 @@ from windsysid.identification.estimate.clock_lag import PASS_EDGE_FACTOR
 from windsysid.identification.estimate.fitted.modal_residuals import channels_of, doubts_beside_modes
 from windsysid.identification.estimate.fitted.modes import FittedModes, modes_of
 from windsysid.identification.job import Formulation
-from windsysid.identification.limits import MAX_RATE_MISMATCH
 from windsysid.identification.model.fit import Outcome
 from windsysid.identification.verdict.grading import (
     Widening,
@@ -33,6 +32,7 @@ from windsysid.identification.verdict.grading import (
     with_tolerance_shifts,
 )
 from windsysid.inspection.fault import Fault
+from windsysid.inspection.limits import MAX_RATE_MISMATCH
 from windsysid.inspection.screening import doubted, noted
 from windsysid.mechanics.compile import compile_model
 from windsysid.mechanics.model import Coefficient

@@ -15,7 +15,6 @@ from windsysid.checks.limits import FALSE_ALARM_PROBABILITY
 from windsysid.inspection.fault import Fault
 from windsysid.inspection.faults.runs import spans_of
 from windsysid.inspection.limits import (
-    MAX_COPY_RESIDUAL,
     MAX_OVERRUN_STEP_STD,
     MAX_UNWRAPPED_RATIO,
     MIN_COPIED_ROWS,
@@ -29,6 +28,10 @@ __all__ = [
     "copied_channels", "copied_passages", "copies_among", "lost_samples", "normalised_errors", "overrun",
     "prediction_errors",
 ]  # fmt: skip
+
+MAX_COPY_RESIDUAL = 1e-6
+"""Tolerance: share of the power of a channel's steps that another channel does not explain, by rounding, if one is a
+copy."""
 
 PREDICTOR_READINGS = 24
 """Setting: number of readings from which the next one is predicted."""

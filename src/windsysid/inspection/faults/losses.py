@@ -22,12 +22,7 @@ from windsysid._types import Array
 from windsysid.checks.limits import OUTLIER_SIGMAS
 from windsysid.inspection.fault import Fault
 from windsysid.inspection.faults.health import sampled_every
-from windsysid.inspection.limits import (
-    MAX_OTHER_GAIN_RATIO,
-    MIN_LOSS_GAIN,
-    MIN_LOSS_SUM_RATIO,
-    MIN_PREDICTED_ROWS,
-)
+from windsysid.inspection.limits import MAX_OTHER_GAIN_RATIO, MIN_LOSS_GAIN, MIN_PREDICTED_ROWS
 from windsysid.records.record import Record
 
 __all__ = ["lost_rows"]
@@ -151,7 +146,7 @@ def _significance(terms: Array, by_remainder: Array) -> float:
     for losses in (2, 3):
         at = terms[after : after + losses * period * ((cycles - 1) // losses) : period]
         each = at[: len(at) // losses * losses].reshape(-1, losses, 3).sum(axis=0)
-        if each[:, 0].min() < MIN_LOSS_SUM_RATIO * each[:, 0].max():
+        if each[:, 0].min() < MIN_LOSS_GAIN * each[:, 0].max():
             return 0.0
     return float(sums[after] / np.sqrt(max(squares[after], 1e-300)))
 

@@ -14,11 +14,7 @@ from windsysid.modal.decays.likelihood import Decay, DecayFit, part_scores, pole
 from windsysid.modal.shape_merging import Ratios, merge_shapes
 from windsysid.results.estimate import IntervalEstimate
 from windsysid.spectral.modal_bands.check import shape_doubts
-from windsysid.spectral.modal_bands.limits import (
-    MAX_NONLINEAR_SHARE,
-    MAX_RELIABLE_LOG_DAMPING_STD,
-    MIN_STRUCTURE_DAMPING,
-)
+from windsysid.spectral.modal_bands.limits import MAX_RELIABLE_LOG_DAMPING_STD
 from windsysid.spectral.modal_bands.part_scores import BandWidening, widening_of
 from windsysid.spectral.oma.mode import Doubt, OperationalMode
 
@@ -154,7 +150,7 @@ def _doubts(fit: DecayFit, decays: Sequence[Decay], j: int, rotor_hz: float) -> 
 def _is_line(fit: DecayFit, j: int) -> bool:
     """True if the whole interval of a damping ratio is below that of structures."""
     std = float(np.sqrt(fit.cov[len(fit.frequency) + j, len(fit.frequency) + j]))
-    return bool(np.exp(2.0 * std) * fit.damping[j] < MIN_STRUCTURE_DAMPING)
+    return bool(np.exp(2.0 * std) * fit.damping[j] < limits.MIN_STRUCTURE_DAMPING)
 
 
 def _combination(fit: DecayFit, j: int) -> tuple[float, float] | None:
@@ -189,7 +185,7 @@ def _periodic(fit: DecayFit, j: int, rotor_hz: float) -> list[float]:
 
 def _much_stronger(fit: DecayFit, j: int) -> list[int]:
     begun = _begun(fit)
-    return [i for i in range(len(begun)) if begun[i] > begun[j] / MAX_NONLINEAR_SHARE]
+    return [i for i in range(len(begun)) if begun[i] > begun[j] / NEGLIGIBLE_SHARE**2]
 
 
 def _reach(fit: DecayFit, j: int) -> float:

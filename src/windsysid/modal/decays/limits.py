@@ -43,6 +43,9 @@ MIN_SAMPLES = 64
 MIN_NOISE = 1e-3
 """Size: smallest noise over the root mean square of a channel; structures are hardly linear to more digits."""
 
+MIN_STRUCTURE_DAMPING = 0.001
+"""Size: damping ratio of a structure; if the whole interval is below, a machine is more likely."""
+
 MIN_DISTANCE = 1.0
 """Size: half-widths ζ f of a mode within which a stronger one makes it doubtful."""
 

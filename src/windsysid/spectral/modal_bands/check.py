@@ -6,13 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array, Complex
-from windsysid.inspection.limits import MIN_MODE_CYCLES
+from windsysid.checks.limits import MAX_INFORMED_STD_RATIO, MODEL_CHANGE_PROBABILITY
+from windsysid.inspection.limits import MAX_ENERGY_SHARE, MIN_MODE_CYCLES
 from windsysid.spectral.modal_bands import limits
 from windsysid.spectral.modal_bands.model import Modes, prominence, spectrum, tilt_of
 from windsysid.spectral.modal_bands.model_order import BandFit, Shapes
-from windsysid.spectral.modal_bands.scoring import HALF_TOLERANCE, ModalFit, score
+from windsysid.spectral.modal_bands.scoring import DAMPING_PRIOR, HALF_TOLERANCE, ModalFit, score
 from windsysid.spectral.oma.condition import Readings, RemovedLine
 from windsysid.spectral.oma.mode import Doubt
+from windsysid.spectral.transforms.limits import MIN_BAND_BINS
 
 __all__ = ["explanations", "fit_doubts", "is_spurious", "mode_doubts", "shape_doubts", "steadiness"]
 
@@ -25,9 +27,9 @@ def is_spurious(found: BandFit, j: int, length: float) -> bool:
     its damping is that of the prior, or its prominence is low."""
     modes = found.fit.modes
     inside = found.bins[0] < float(modes.frequency[j]) * length < found.bins[-1]
-    if not inside or found.fit.std(j)[1] > limits.MAX_LOG_DAMPING_STD:
+    if not inside or found.fit.std(j)[1] > MAX_INFORMED_STD_RATIO * DAMPING_PRIOR[1]:
         return True
-    least = limits.MIN_BORDER_PROMINENCE if _at_border(found, j, length) else limits.MIN_PROMINENCE
+    least = limits.MIN_CLEAR_PROMINENCE if _at_border(found, j, length) else limits.MIN_PROMINENCE
     return prominence(modes, j, found.band) < least
 
 
@@ -115,7 +117,7 @@ def _along_shape(found: BandFit, j: int) -> ModalFit:
 def _line_doubts(f: float, z: float, length: float, lines: Sequence[RemovedLine]) -> list[str]:
     found = []
     for line in lines:
-        wide = 0 < line.order <= limits.MAX_WIDE_HARMONIC
+        wide = 0 < line.order <= 3 * limits.MAX_COMB_ORDER
         reach = limits.HARMONIC_HALF_WIDTHS if wide else limits.LINE_HALF_WIDTHS
         if abs(line.frequency - f) < line.half_width + reach * z * f:
             found.append(
@@ -140,7 +142,7 @@ def steadiness(found: BandFit, j: int) -> float:
     background = (along.conj() @ rest @ along).real * tilt_of(band.frequency, band, modes.rest_slope)
     rows = np.repeat(np.arange(len(whole)), band.counts.astype(np.int64))
     kept = (whole > limits.MIN_PROMINENCE * background)[rows]
-    if kept.sum() < limits.MIN_BAND_BINS:
+    if kept.sum() < MIN_BAND_BINS:
         return 1.0
     measured = (found.values[kept] @ np.linalg.pinv(found.directions).T) @ along.conj()
     normal = np.random.default_rng(0).normal(size=(ENVELOPES, 2 * len(measured))).view(np.complex128)
@@ -162,15 +164,20 @@ def _envelope(transforms: Complex, bins: NDArray[np.int64]) -> Array:
 
 
 def _transient_doubts(found: BandFit, f: float, z: float, response: Complex, length: float) -> list[str]:
-    """A reason if most of the energy of a mode's response is in a quarter of the record."""
+    """A reason if most of the energy of a mode's response is in a quarter of the record, and more than by chance.
+
+    The share of one of four energies of k complex normal values each follows the beta distribution B(k, 3k).
+    """
+    from scipy.special import betainc
+
     near = np.abs(found.bins / length - f) <= max(3.0 * z * f, 4.0 / length)
     kept = found.bins[near]
     if len(kept) < 6:
         return []
     inner = _envelope(response[near], kept) ** 2
-    scatter = np.sqrt(4.0 / max(2.0 * np.pi * z * f * length, 1.0))
-    most = float(max(part.mean() for part in np.array_split(inner, 4)) / inner.mean())
-    rises = most > limits.MAX_QUARTER_ENERGY and (most - 1.0) / scatter > limits.MAX_QUARTER_SIGMAS
-    if rises or most > limits.MAX_SINGLE_QUARTER_ENERGY:
-        return [f"it is a transient: a quarter of the record has {25 * most:.0f} % of its energy"]
-    return []
+    count = max(2.0 * np.pi * z * f * length, 1.0) / 4.0
+    most = float(max(part.mean() for part in np.array_split(inner, 4)) / inner.mean()) / 4.0
+    chance = 4.0 * float(betainc(3.0 * count, count, max(1.0 - most, 0.0)))
+    if most < MAX_ENERGY_SHARE or chance > MODEL_CHANGE_PROBABILITY:
+        return []
+    return [f"it is a transient: a quarter of the record has {100 * most:.0f} % of its energy"]

@@ -11,8 +11,7 @@ Soc. 44, 1948, https://doi.org/10.1017/S0305004100023987).
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.checks.limits import STRONG_LOG_ODDS
-from windsysid.spectral.modal_bands.limits import MODE_FALSE_ALARM_PROBABILITY
+from windsysid.checks.limits import MODEL_CHANGE_PROBABILITY, STRONG_LOG_ODDS
 from windsysid.spectral.modal_bands.model import Modes, with_real_elements
 from windsysid.spectral.modal_bands.scoring import COARSE_TOLERANCE, ModalFit, evidence, score, slopes
 from windsysid.spectral.modal_bands.start import add_mode, modes_at
@@ -45,10 +44,7 @@ def are_shared(fit: ModalFit, band: Band) -> bool:
         own = j * m + np.concatenate([np.arange(m), m * r + np.arange(m)])
         sizes, ways = np.linalg.eigh(information[np.ix_(own, own)])
         seen = sizes > MIN_INFORMATION_SHARE * sizes[-1]
-        if (
-            chdtrc(seen.sum(), np.sum((ways[:, seen].T @ gradient[own]) ** 2 / sizes[seen]))
-            < MODE_FALSE_ALARM_PROBABILITY
-        ):
+        if chdtrc(seen.sum(), np.sum((ways[:, seen].T @ gradient[own]) ** 2 / sizes[seen])) < MODEL_CHANGE_PROBABILITY:
             return True
     return False
 

@@ -16,12 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array, Complex
-from windsysid.spectral.modal_bands.limits import (
-    IMAGE_FALSE_ALARM_PROBABILITY,
-    MAX_NONLINEAR_SHARE,
-    MIN_MOTION_FREEDOM,
-    MODE_FALSE_ALARM_PROBABILITY,
-)
+from windsysid.checks.limits import MODEL_CHANGE_PROBABILITY, NEGLIGIBLE_SHARE
 from windsysid.spectral.oma.mode import Doubt, OperationalMode
 
 __all__ = ["with_bound_motions"]
@@ -65,7 +60,7 @@ def with_bound_motions(modes: Sequence[OperationalMode], frequency: Array, value
         if _phase_is_bound(one, other, round(high / low), float(frequency[1])):
             text = f"load or mode: its phase is locked to that of the peak at {low:.4g} Hz, as for harmonics"
             grounds[k].setdefault("load", Doubt("load", text))
-            if other.power > MAX_NONLINEAR_SHARE * one.power:
+            if other.power > NEGLIGIBLE_SHARE**2 * one.power:
                 text = f"load or mode: the phase of the peak at {high:.4g} Hz is locked to its own, as for harmonics"
                 grounds[i].setdefault("load", Doubt("load", text))
     return [replace(mode, grounds=(*mode.grounds, *new.values())) for mode, new in zip(modes, grounds, strict=True)]
@@ -82,11 +77,14 @@ def _phase_is_bound(one: _Motion, other: _Motion, order: int, step: float) -> bo
     multiplied = size * (first / size) ** order * np.exp(2j * np.pi * shift * np.arange(length) / length)
     power = np.abs(np.fft.fft(multiplied)) ** 2
     freedom = 2.0 * min(one.freedom, other.freedom, float(power.sum() ** 2 / np.sum(power**2)))
-    if freedom < MIN_MOTION_FREEDOM:
-        return False
-    bound = 1.0 - MODE_FALSE_ALARM_PROBABILITY ** (1.0 / (freedom - 1.0))
+    bound = _coherence_bound(freedom)
     whole = float(np.sum(np.abs(multiplied) ** 2) * np.sum(np.abs(second) ** 2))
     return bool(np.abs(np.vdot(multiplied, second)) ** 2 > bound * whole)
+
+
+def _coherence_bound(freedom: float, tests: int = 1) -> float:
+    """Squared coherence of series with so many independent values beyond which it is significant in some tests."""
+    return float(1.0 - (MODEL_CHANGE_PROBABILITY / tests) ** (1.0 / max(freedom - 1.0, 1e-3)))
 
 
 def _motion_of(mode: OperationalMode, frequency: Array, values: Complex) -> _Motion:
@@ -103,11 +101,9 @@ def _motion_of(mode: OperationalMode, frequency: Array, values: Complex) -> _Mot
 def _go_together(one: _Motion, other: _Motion) -> bool:
     """True if the product of two motions, or of one and the conjugate of the other, is a sinusoid."""
     freedom = min(one.freedom, other.freedom)
-    if freedom < MIN_MOTION_FREEDOM:
-        return False
     length = 2 * max(len(one.transform), len(other.transform))
     first, second = (np.fft.ifft(motion.transform, length) for motion in (one, other))
-    bound = 1.0 - (IMAGE_FALSE_ALARM_PROBABILITY / length) ** (1.0 / (freedom - 1.0))
+    bound = _coherence_bound(freedom, length)
     whole = float(np.sum(np.abs(first) ** 2) * np.sum(np.abs(second) ** 2))
     lines = [np.abs(np.fft.fft(first * turned, 4 * length)).max() ** 2 for turned in (second, second.conj())]
     return bool(max(lines) > bound * whole)

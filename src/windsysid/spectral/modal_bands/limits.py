@@ -1,31 +1,14 @@
 """Limits of the modes of a band; those without a source were set on simulated records."""
 
-MIN_STRUCTURE_DAMPING = 0.001
-"""Size: damping ratio of a structure; if the whole interval is below, a machine is more likely."""
-
 LINE_HALF_WIDTHS, HARMONIC_HALF_WIDTHS = 0.3, 1.0
 """Size: distance in half-widths ζ f below which a sinusoid, or a rotor harmonic with its skirts, disturbs a mode."""
 
-MAX_WIDE_HARMONIC = 12
-"""Size: order of a rotor harmonic up to which rotationally sampled turbulence widens it, four times the number of three
-blades; harmonics of an idling rotor of all orders would cover every frequency."""
+MAX_RELIABLE_LOG_DAMPING_STD = 0.6
+"""Size: standard deviation of ln ζ beyond which a record is too short."""
 
-MIN_BAND_BINS = 8
-"""Size: number of frequency bins, sinusoids apart, of a band that is fitted: of a whole record, a half or a quarter."""
-
-MAX_LOG_DAMPING_STD, MAX_RELIABLE_LOG_DAMPING_STD = 1.2, 0.6
-"""Size: standard deviation of ln ζ beyond which it is that of the prior, and beyond which a record is too short."""
-
-MIN_PROMINENCE, MIN_BORDER_PROMINENCE, MIN_CLEAR_PROMINENCE = 2.0, 7.0, 5.0
-"""Size: power of a mode at its natural frequency over the background. Below the first, or at the border of a band the
-second, it represents the background, as no power law fits the skirts of several modes; below the third it may."""
-
-MODE_FALSE_ALARM_PROBABILITY = 1e-4
-"""Probability: significance level of a phase that is bound to that of another peak, and of correlated loads."""
-
-MAX_QUARTER_SIGMAS, MAX_QUARTER_ENERGY, MAX_SINGLE_QUARTER_ENERGY = 4.5, 2.6, 3.6
-"""Size: energy of a quarter of the record in standard deviations from the mean, and over the mean: both make a
-transient; the last one, over the mean, does alone."""
+MIN_PROMINENCE, MIN_CLEAR_PROMINENCE = 2.0, 5.0
+"""Size: power of a mode at its natural frequency over the background. Below the first, or at the border of a band below
+the second, it represents the background, as no power law fits the skirts of several modes; below the second it may."""
 
 MIN_HALF_WIDTH_BINS = 0.4
 """Size: half-width ζ f of a mode in bins; a narrower one cannot be distinguished from a sinusoid."""
@@ -33,21 +16,8 @@ MIN_HALF_WIDTH_BINS = 0.4
 MAX_SHAPE_STD = 0.15
 """Size: root mean square of a shape's standard deviations beyond which the shape is uncertain."""
 
-IMAGE_FALSE_ALARM_PROBABILITY = 1e-6
-"""Probability: significance level of the line in the product of the motions of two modes."""
-
-MIN_MOTION_FREEDOM = 8.0
-"""Size: equivalent degrees of freedom of a motion; with fewer, two modes may be equal by chance."""
-
-MAX_NONLINEAR_SHARE = 0.01
-"""Size: power of a harmonic over that of its first up to which a nonlinearity may cause it of a mode."""
-
 MAX_DAMPING = 0.2
 """Size: damping ratio beyond which a mode is background."""
-
-MIN_RISE_SIGMAS, MIN_VALLEY_SIGMAS = 4.5, 3.5
-"""Size in standard deviations: height of a peak above the background in the averaged log spectrum, and its fall on
-either side."""
 
 LOADS = (
     ((1 / 3, 0.06, 0.7), (0.04, 0.3), 0.0),
@@ -80,14 +50,15 @@ ones, as of a tuned mass damper, and a priori of others, as the bending modes of
 of the record the latter counts."""
 
 MAX_CLOSE_RATIO = 1.5
-"""Size: ratio of frequencies up to which two modes are close."""
+"""Size: ratio of frequencies up to which two modes are close, and a clock lag resembles a constant phase."""
 
 COMB_ODDS = (0.5, 0.01)
 """Odds: of a turning rotor of unknown speed, in records whose channels name a turbine and in others."""
 
 HARMONIC_DAMPING, MAX_COMB_ORDER = (0.04, 0.5), 4
 """Setting: half-widths over frequency of what the blades sample of turbulence, as median and logarithmic standard
-deviation (OpenFAST's records of two turbines have 2 to 9 %), and the highest multiple of the blade passing."""
+deviation (OpenFAST's records of two turbines have 2 to 9 %), and the highest multiple of the blade passing
+at which it widens a harmonic; those of an idling rotor of all orders would cover every frequency."""
 
 COMB_SCATTER = 0.5
 """Setting: distance of such a peak from its multiple in its half-widths, as a standard deviation: it has no mode's

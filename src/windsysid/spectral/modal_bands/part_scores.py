@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from windsysid._types import Array, Complex
 from windsysid.checks.dispersion import PartScores, expected_factor
-from windsysid.spectral.modal_bands.limits import MIN_BAND_BINS
 from windsysid.spectral.modal_bands.model import row_scores, scores
 from windsysid.spectral.modal_bands.model_order import BandFit
 from windsysid.spectral.modal_bands.scoring import prior_slopes
 from windsysid.spectral.transforms.dft import Band, band_data
+from windsysid.spectral.transforms.limits import MIN_BAND_BINS
 
 __all__ = ["SEGMENTS", "BandWidening", "Segments", "part_scores", "widening_of"]
 

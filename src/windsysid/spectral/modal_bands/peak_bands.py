@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array, Complex
-from windsysid.spectral.modal_bands.limits import MIN_RISE_SIGMAS, MIN_VALLEY_SIGMAS
+from windsysid.checks.limits import CONFLICT_SIGMAS, MAX_CHANCE_SIGMAS
 
 __all__ = ["Peak", "find_peaks", "group_peaks", "merge_peaks", "widened"]
 
@@ -72,10 +72,10 @@ def find_peaks(frequency: Array, values: Complex, low: float, high: float) -> li
                     BACKGROUND_HALF_WIDTH, 4.0 * bins * frequency[1] / centre[i]
                 )
                 rise = (level[i] - np.median(level[around])) / scatter[i]
-                if rise < MIN_RISE_SIGMAS:
+                if rise < MAX_CHANCE_SIGMAS:
                     continue
                 valley = level[i] - max(_valley(level, i, -1), _valley(level, i, 1))
-                if valley > MIN_VALLEY_SIGMAS * scatter[i]:
+                if valley > CONFLICT_SIGMAS * scatter[i]:
                     own.append(Peak(float(centre[i]), _half_width(centre, level, i), float(rise)))
         found += merge_peaks(own, found)
     return sorted(found)

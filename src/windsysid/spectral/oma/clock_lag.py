@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array, Complex
-from windsysid.checks.limits import CONFLICT_SIGMAS
+from windsysid.checks.limits import CONFLICT_SIGMAS, MODEL_CHANGE_PROBABILITY, OUTLIER_SIGMAS
+from windsysid.spectral.modal_bands.limits import MAX_CLOSE_RATIO
 from windsysid.spectral.oma import limits
 from windsysid.spectral.oma.condition import Readings
 from windsysid.spectral.oma.mode import DoubtKind, OperationalMode
@@ -75,7 +76,7 @@ def clock_lags(modes: Sequence[OperationalMode], readings: Readings) -> list[Lag
     if len(channels) < 2 or not used:
         return []
     shapes = _weighted_shapes(used, channels)
-    if shapes.frequency.max() < limits.MIN_FREQUENCY_RATIO * shapes.frequency.min():
+    if shapes.frequency.max() < MAX_CLOSE_RATIO * shapes.frequency.min():
         return []
     return [lag._replace(channel=channels[lag.channel]) for lag in _tested_lags(shapes)]
 
@@ -133,10 +134,10 @@ def _tested_lags(shapes: _Shapes) -> list[Lag]:
     found = []
     for channel in late:
         without = shapes.misfit(np.where(np.arange(count) == channel, 0.0, lags))
-        if _chance((without - least) / scatter, freedom) < limits.LAG_FALSE_ALARM_PROBABILITY / count:
-            if _constant_phase(shapes, lags, channel) - least < limits.MIN_MISFIT_INCREASE * scatter:
+        if _chance((without - least) / scatter, freedom) < MODEL_CHANGE_PROBABILITY / count:
+            if _constant_phase(shapes, lags, channel) - least < OUTLIER_SIGMAS**2 * scatter:
                 return []
-            others = _other_lags(shapes, lags, channel, least + limits.MIN_MISFIT_INCREASE * scatter)
+            others = _other_lags(shapes, lags, channel, least + OUTLIER_SIGMAS**2 * scatter)
             std = np.sqrt(scatter) * _std(shapes, lags, channel)
             found.append(Lag(channel, float(lags[channel]), std, others, len(shapes.frequency)))
     return found if len(found) == len(late) else []

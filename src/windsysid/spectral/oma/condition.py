@@ -7,9 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array, Complex
+from windsysid.checks.limits import HARMONIC_HALF_WIDTH_SHARE
 from windsysid.errors import RecordError
 from windsysid.inspection.faults.health import sampled_every
-from windsysid.inspection.limits import MAX_CONSTANT_SPEED_VARIATION, MIN_ROTOR_SPEED
+from windsysid.inspection.limits import MIN_ROTOR_SPEED
 from windsysid.inspection.rotor import rotor_of
 from windsysid.inspection.stationarity import energy_share, transient_text
 from windsysid.mechanics.sensors import Sensor
@@ -157,7 +158,7 @@ def _highest_frequency(samples: Samples) -> tuple[float, list[str]]:
     record = samples.record
     high = limits.MAX_FREQUENCY_SHARE * record.rate
     if LOW_PASS in record.attributes:
-        high = min(high, limits.MAX_LOW_PASS_SHARE * float(record.attributes[LOW_PASS]))
+        high = min(high, 2.0 * limits.MAX_FREQUENCY_SHARE * float(record.attributes[LOW_PASS]))
     channels = zip(samples.values.T, samples.sensors, strict=True)
     every, slowest = max((sampled_every(column)[0], sensor.channel) for column, sensor in channels)
     slow_high = limits.MAX_FREQUENCY_SHARE * record.rate / every
@@ -182,7 +183,7 @@ def _rotation_of(record: Record, high: float) -> _Rotation:
         f"the rotor speed varies by {100 * rotor.variation:.1f} %: harmonics and whirls are smeared; choose a "
         f"steadier section",
     )
-    smeared = rotor.variation > MAX_CONSTANT_SPEED_VARIATION
+    smeared = rotor.variation > HARMONIC_HALF_WIDTH_SHARE
     return _Rotation(_unwrapped_azimuth(record, rotor.mean), once, tuple(harmonics), doubts if smeared else ())
 
 

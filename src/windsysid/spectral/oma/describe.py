@@ -15,7 +15,7 @@ from windsysid.spectral.modal_bands.check import explanations, is_spurious, mode
 from windsysid.spectral.modal_bands.model_order import BandFit, Shapes, full_shapes
 from windsysid.spectral.modal_bands.part_scores import Segments, part_scores, widening_of
 from windsysid.spectral.oma.condition import Readings
-from windsysid.spectral.oma.limits import MIN_BLADE_RATIO, SKIRT_HALF_WIDTHS
+from windsysid.spectral.oma.limits import MIN_BLADE_RATIO, PEAK_WIDTH_FACTOR
 from windsysid.spectral.oma.mode import Doubt, OperationalMode
 
 __all__ = ["described", "mode_of", "named", "widened", "without_skirts"]
@@ -98,7 +98,7 @@ def without_skirts(bands: list[list[OperationalMode]]) -> list[list[OperationalM
     """Remove modes at the border of their band that are the skirt of another band's mode; a list for each band."""
 
     def is_apart(mode: OperationalMode, other: OperationalMode) -> bool:
-        reach = SKIRT_HALF_WIDTHS * mode.half_width + SKIRT_HALF_WIDTHS * other.half_width
+        reach = PEAK_WIDTH_FACTOR * mode.half_width + PEAK_WIDTH_FACTOR * other.half_width
         return abs(mode.frequency.estimate - other.frequency.estimate) > reach
 
     kept = []

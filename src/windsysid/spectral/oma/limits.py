@@ -1,20 +1,11 @@
 """Limits of operational modal analysis: each says whether it is a probability, odds, a size or a setting."""
 
-MAX_BRIDGED_SHARE = 0.02
-"""Size: share of missing samples up to which straight lines bridge them; if more are missing, the longest segment
-without gaps is used."""
-
 MAX_FILLED_SHARE = 0.2
 """Size: share of missing samples up to which short gaps are filled by interpolation (`fill_short_gaps`)."""
 
-MAX_SPIKE_SHARE = 0.002
-"""Size: share of a channel's samples in spikes up to which they are bridged; if more are, the record is doubtful."""
-
 MAX_FREQUENCY_SHARE = 0.42
-"""Size: highest frequency of modes over the sampling rate; anti-aliasing filters fall off beyond."""
-
-MAX_LOW_PASS_SHARE = 0.8
-"""Size: highest frequency of modes over the cut-off of a record's low-pass filter."""
+"""Size: highest frequency of modes over the sampling rate; anti-aliasing filters fall off beyond, and
+other low-pass filters beyond the same share of their cut-off, of which half the rate is one."""
 
 MIN_CYCLES = 8
 """Size: cycles in the record of the lowest frequency of modes."""
@@ -29,44 +20,29 @@ BAND_SEARCHES = 2
 """Setting: number of times that bands are placed anew."""
 
 MAX_BORDER_SHIFT = 0.15
-"""Size: distance of a band's borders from their right places, over its width, beyond which it is fitted again."""
-
-MAX_HARMONIC_DISTANCE, MAX_HARMONIC_HALF_WIDTHS = 0.01, 1.5
-"""Size: distance from a rotor harmonic up to which a peak may be one of rotationally sampled wind, relative, and in
-half-widths of the peak."""
+"""Tolerance: of a band's borders about their right places, over its width, within which it is not fitted again."""
 
 MIN_PEAK_SIGMAS = 8.0
 """Size in standard deviations: rise of a peak that requires a mode, and of a peak in the correlation of two records
 that hold the same motion."""
 
 PEAK_WIDTH_FACTOR = 3.0
-"""Size: factor on the half-width of such a peak without a mode, since few bins give its half height inaccurately."""
+"""Size: factor on the half-width of a mode, and of such a peak, since few bins give its half height inaccurately,
+within which the mode explains the peak; and by which the skirts of two modes reach towards each other."""
 
 MIN_POWER_SHARE = 0.5
 """Size: share of a channel's power in a peak, twice that of its half-power range, that is most of its vibration; share
 of the power there that modes explain if the peak is theirs."""
 
-MODE_HALF_WIDTHS = 5.0
-"""Size: half-widths of a mode within which it explains a peak."""
-
 MIN_LOG_ODDS = 5.0
 """Log odds: evidence of the modes of a band against none, very strong beyond 5 (Kass & Raftery, J. Am. Stat. Assoc.
 90, 1995)."""
 
-SKIRT_HALF_WIDTHS = 2.0
-"""Size: half-widths by which the skirt of a mode reaches into the next band."""
-
 MIN_BLADE_RATIO = 3.0
 """Size: motion of the blades over that of the support from which on a mode is one of the blades."""
 
-MAX_FREQUENCY_STEP = 0.1
-"""Size: step of ln f from one record to the next up to which two modes may be the same."""
-
 MIN_ASSURANCE = 0.4
 """Size: modal assurance criterion from which on two shapes with two common sensors may be of the same mode."""
-
-FREQUENCY_SCALE, SHAPE_SCALE = 0.05, 0.3
-"""Size: step of ln f, and 1 − MAC, that count as 1 in the distance of two modes."""
 
 MAX_RECORD_DISTANCE = 3
 """Setting: number of following records that are searched for overlap; equal files are found wherever they are."""
@@ -80,23 +56,15 @@ JOINT_STEPS = 120
 MAX_SENSORS = 60
 """Setting: largest number of channels that are chosen if none are listed."""
 
-SHAPE_PHASE_STD = 0.03
-"""Size: standard deviation of the phases of mode shapes of real structures [rad], added to their uncertainty."""
+SHAPE_PHASE_STD, SHAPE_PHASE_FREEDOM = 0.03, 2.0
+"""Setting: prior of the phases of mode shapes of real structures: their standard deviation [rad], added to their
+uncertainty, and its degrees of freedom."""
 
-SHAPE_PHASE_FREEDOM = 2.0
-"""Size: degrees of freedom of the prior knowledge of that standard deviation."""
+MAX_LAG_PERIODS = 0.5
+"""Size: largest lag that is corrected, in periods of the highest mode."""
 
-LAG_FALSE_ALARM_PROBABILITY = 1e-4
-"""Probability: significance level of the F test of a clock lag, over all channels of a record."""
-
-MIN_MISFIT_INCREASE = 25.0
-"""Size: increase of Q (`clock_lag`), in units of its scatter, for other lags and for a constant phase: 5 σ."""
-
-MIN_FREQUENCY_RATIO = 1.5
-"""Size: ratio of the highest to the lowest frequency; for a smaller one a lag resembles a constant phase."""
-
-MAX_LAG_PERIODS, MAX_SEARCHED_PERIODS = 0.5, 2.0
-"""Size: largest lag that is corrected, and that is searched, in periods of the highest mode."""
+MAX_SEARCHED_PERIODS = 2.0
+"""Setting: largest lag that is searched, in periods of the highest mode."""
 
 LAGS_PER_PERIOD = 80
 """Setting: number of lags that are evaluated in a period of the highest mode."""

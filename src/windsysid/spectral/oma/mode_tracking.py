@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Complex
+from windsysid.inspection.limits import MAX_REFERENCE_DISTANCE
 from windsysid.modal.shapes import assurance
-from windsysid.spectral.oma.limits import FREQUENCY_SCALE, MAX_FREQUENCY_STEP, MIN_ASSURANCE, SHAPE_SCALE
+from windsysid.spectral.oma.limits import MIN_ASSURANCE
 
 __all__ = ["Seen", "follow_modes"]
 
@@ -53,6 +54,6 @@ def follow_modes(records: Sequence[Sequence[Seen]]) -> list[dict[int, int]]:
 def _distance(a: Seen, b: Seen) -> float:
     step = float(np.log(b.frequency / a.frequency))
     alike = assurance(a.shape, b.shape)
-    if abs(step) > MAX_FREQUENCY_STEP or alike < MIN_ASSURANCE:
+    if abs(step) > MAX_REFERENCE_DISTANCE or alike < MIN_ASSURANCE:
         return float("inf")
-    return (step / FREQUENCY_SCALE) ** 2 + (0.0 if np.isnan(alike) else (1.0 - alike) / SHAPE_SCALE)
+    return (step / MAX_REFERENCE_DISTANCE) ** 2 + (0.0 if np.isnan(alike) else (1.0 - alike) / (1.0 - MIN_ASSURANCE))

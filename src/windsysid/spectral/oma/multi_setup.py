@@ -24,7 +24,6 @@ from windsysid.modal.shapes import assurance
 from windsysid.results.estimate import IntervalEstimate
 from windsysid.spectral.modal_bands.check import fit_doubts, shape_doubts
 from windsysid.spectral.modal_bands.correlated_loads import are_shared
-from windsysid.spectral.modal_bands.limits import MIN_BAND_BINS
 from windsysid.spectral.modal_bands.model_order import BandFit, full_shapes, principal_directions
 from windsysid.spectral.modal_bands.peak_bands import Peak, group_peaks
 from windsysid.spectral.modal_bands.scoring import ModalFit, score_together
@@ -39,6 +38,7 @@ from windsysid.spectral.oma.result import OperationalModes, RecordModes
 from windsysid.spectral.oma.search import band_bins, covered_note, is_rotational_peak
 from windsysid.spectral.oma.sensors import ModalSensor
 from windsysid.spectral.transforms.dft import band_data
+from windsysid.spectral.transforms.limits import MIN_BAND_BINS
 
 __all__ = ["common_sensors", "join"]
 

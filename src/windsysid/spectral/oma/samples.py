@@ -11,7 +11,7 @@ from windsysid._types import Array
 from windsysid.errors import RecordError
 from windsysid.inspection.fault import Fault
 from windsysid.inspection.faults.continuity import copies_among
-from windsysid.inspection.limits import MAX_SHORT_GAP_SAMPLES, MIN_MODAL_SAMPLES
+from windsysid.inspection.limits import MAX_FAULT_SHARE, MAX_SHORT_GAP_SAMPLES, MIN_MODAL_SAMPLES
 from windsysid.inspection.rotor import rotor_of
 from windsysid.inspection.screening import doubted, noted, screen
 from windsysid.mechanics.sensors import Sensor
@@ -19,7 +19,7 @@ from windsysid.records.record import RATE_DOUBT, STAMPS, Record
 from windsysid.signals.band import bridged
 from windsysid.signals.condition import resample
 from windsysid.signals.short_gaps import fill_short_gaps
-from windsysid.spectral.oma.limits import MAX_BRIDGED_SHARE, MAX_FILLED_SHARE, MAX_SPIKE_SHARE
+from windsysid.spectral.oma.limits import MAX_FILLED_SHARE
 from windsysid.spectral.oma.sensors import ModalSensor, choose_sensors
 
 __all__ = ["Samples", "choose_samples", "without_gaps"]
@@ -76,7 +76,7 @@ def _screened(record: Record, channels: Sequence[str], helpers: Sequence[str]) -
     """Findings of the record, copies apart, and its few spikes, which can be bridged."""
 
     def is_few_spikes(one: Fault) -> bool:
-        return one.kind == "spikes" and one.count <= MAX_SPIKE_SHARE * record.samples
+        return one.kind == "spikes" and one.count <= MAX_FAULT_SHARE * record.samples
 
     findings = [one for one in screen(record, None, channels, others=helpers) if one.kind != "copy"]
     return [one for one in findings if not is_few_spikes(one)], list(filter(is_few_spikes, findings))
@@ -139,7 +139,7 @@ def _with_short_gaps_filled(record: Record, columns: Sequence[int]) -> tuple[Rec
 def _with_few_gaps(record: Record, columns: Sequence[int]) -> tuple[Record, list[str]]:
     """Cut out the longest segment without gaps if too much is missing to be bridged."""
     share = _missing_share(record, columns)
-    if share <= MAX_BRIDGED_SHARE:
+    if share <= MAX_FAULT_SHARE:
         note = f"{100 * share:.2g} % of a channel is missing and was bridged by straight lines"
         return record, [note] if share > 0.0 else []
     first, past = _longest_whole(np.isnan(record.values[:, columns]))

@@ -8,13 +8,14 @@ from numpy.typing import NDArray
 
 from windsysid._types import Array, Complex
 from windsysid.errors import ConfigurationError
+from windsysid.inspection.limits import MAX_RATE_MISMATCH
 from windsysid.output.progress import Progress
 from windsysid.spectral.modal_bands.check import is_spurious
-from windsysid.spectral.modal_bands.limits import MIN_BAND_BINS
 from windsysid.spectral.modal_bands.model_order import BandFit, fit_band
 from windsysid.spectral.modal_bands.peak_bands import Peak, find_peaks, group_peaks, widened
 from windsysid.spectral.oma import limits
 from windsysid.spectral.oma.condition import Readings, transforms
+from windsysid.spectral.transforms.limits import MIN_BAND_BINS
 
 __all__ = [
     "RecordSpectrum", "SearchedBands", "band_bins", "covered_note", "fit_between", "is_rotational_peak", "modes_inside",
@@ -294,9 +295,9 @@ def _is_explained(peak: Peak, found: Sequence[BandFit], length: float) -> bool:
     """True if a peak requires no mode, or has one within its half-widths or the mode's."""
     if peak.alone or peak.rise < limits.MIN_PEAK_SIGMAS:
         return True
-    near = limits.PEAK_WIDTH_FACTOR * peak.half_width
     return any(
-        abs(f - peak.frequency) < max(limits.MODE_HALF_WIDTHS * f * z, near) and not is_spurious(one, j, length)
+        abs(f - peak.frequency) < limits.PEAK_WIDTH_FACTOR * max(f * z, peak.half_width)
+        and not is_spurious(one, j, length)
         for one in found
         for j, (f, z) in enumerate(_modes_in(one))
     )
@@ -305,7 +306,7 @@ def _is_explained(peak: Peak, found: Sequence[BandFit], length: float) -> bool:
 def is_rotational_peak(peak: Peak, readings: Readings) -> bool:
     """True if a peak is at a rotor harmonic: rotationally sampled wind, which shares no band with a mode."""
     n = round(peak.frequency / readings.rotor_hz) if readings.rotor_hz else 0
-    near = max(limits.MAX_HARMONIC_DISTANCE * peak.frequency, limits.MAX_HARMONIC_HALF_WIDTHS * peak.half_width)
+    near = max(MAX_RATE_MISMATCH * peak.frequency, peak.half_width)
     return n > 0 and abs(peak.frequency - n * readings.rotor_hz) < near
 
 

@@ -11,12 +11,12 @@ from windsysid._types import Array
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.spectral.rotor.harmonic_transfer import coupled, matrix_harmonics
 from windsysid.spectral.rotor.likelihood import SpectrumGrid
-from windsysid.spectral.rotor.limits import MIN_BAND_BINS
 from windsysid.spectral.rotor.load_spectra import BandLoads
 from windsysid.spectral.rotor.model import GRID_FACTOR, LiftedModel, finer_bins, taper_weights
 from windsysid.spectral.rotor.problem import Posed, RotorQuestion, damped_start
 from windsysid.spectral.transforms.block_sums import factored
 from windsysid.spectral.transforms.lifted import FIRST_BIN, MIN_LINE_TURNS, Lifted
+from windsysid.spectral.transforms.limits import MIN_BAND_BINS
 from windsysid.statespace.gauss_markov import GaussMarkov
 
 __all__ = ["pose_standing"]

@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.checks.limits import FALSE_ALARM_PROBABILITY
+from windsysid.checks.limits import FALSE_ALARM_PROBABILITY, MAX_CHANCE_SIGMAS, MAX_NEAR_MODE_LEVEL
+from windsysid.inspection.limits import MAX_VIBRATION_CHANGE
 from windsysid.results.finding import Finding
-from windsysid.spectral.rotor.limits import MAX_HALVES_RATIO, MAX_MEAN_SQUARE, MEAN_SQUARE_PROBABILITY, MIN_MEAN_SQUARE
 
 __all__ = ["RangePower", "misshapen", "parts_of", "unexplained", "unsteady"]
 
@@ -78,7 +78,10 @@ def unexplained(parts: Iterable[RangePower]) -> list[Finding]:
 
     The mean of N complex normal entries is χ² with 2N degrees of freedom.
     """
-    off = [p for p in parts if not MIN_MEAN_SQUARE < p.mean < MAX_MEAN_SQUARE and _chance(p) < MEAN_SQUARE_PROBABILITY]
+    from scipy.special import ndtr
+
+    rare, largest = ndtr(-MAX_CHANCE_SIGMAS), MAX_NEAR_MODE_LEVEL
+    off = [p for p in parts if not 1.0 / largest < p.mean < largest and _chance(p) < rare]
     return [
         Finding("unexplained_power", "reason", _data(p, p.mean))
         for p in sorted(off, key=lambda p: -abs(math.log(max(p.mean, 1e-12))))
@@ -132,7 +135,7 @@ def unsteady(first: Sequence[RangePower], second: Sequence[RangePower]) -> list[
         factor = loud.energy / max(quiet.energy, 1e-300)
         # 1/F follows F with the degrees of freedom exchanged
         rare = 1.0 / float(fdtri(2.0 * quiet.independent, 2.0 * loud.independent, FALSE_ALARM_PROBABILITY / len(pairs)))
-        if factor > max(MAX_HALVES_RATIO, rare):
+        if factor > max(MAX_VIBRATION_CHANGE**2, rare):
             off.append((factor, a))
     return [
         Finding("nonstationary", "reason", _data(p, factor)) for factor, p in sorted(off, key=lambda pair: -pair[0])

@@ -7,16 +7,4 @@ MIN_TURNS = 24
 """Setting: turns of the rotor that the message states if there are fewer pools."""
 
 MAX_HARMONICS = 10
-"""Size: highest harmonic K; if the rotor turns more slowly relative to its modes, matrices are too large."""
-
-MIN_BAND_BINS = 12
-"""Size: mean number of bins of a band around a mode of a parked machine."""
-
-MAX_MEAN_SQUARE, MIN_MEAN_SQUARE = 1.5, 0.6
-"""Size: mean squares of which only those beyond are a reason; at 1.5 intervals are √1.5 too narrow."""
-
-MAX_HALVES_RATIO = 3.0
-"""Size: ratio of the energies of a record's halves."""
-
-MEAN_SQUARE_PROBABILITY = 3.4e-6
-"""Probability: of a larger, or of a smaller, mean square of one part by chance."""
+"""Setting: highest harmonic K, with which the size of matrices grows."""

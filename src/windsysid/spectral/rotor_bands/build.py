@@ -26,7 +26,7 @@ from windsysid.spectral.rotor.limits import MAX_HARMONICS
 from windsysid.spectral.rotor.model import LiftedModel, finer_bins, taper_weights
 from windsysid.spectral.rotor.problem import RotorQuestion
 from windsysid.spectral.rotor_bands.channels import ABOUT_BLADES, ABOUT_SUPPORT, Combined, Row, bins_between, combine
-from windsysid.spectral.rotor_bands.limits import MAX_LIGHT_DAMPING, MIN_BAND_BINS
+from windsysid.spectral.rotor_bands.limits import MAX_LIGHT_DAMPING
 from windsysid.spectral.rotor_bands.mode_locations import SEARCH_SIGMAS, WHIRLS, ModeLocation, find_places
 from windsysid.spectral.rotor_bands.model import BandModel, RotorBand
 from windsysid.spectral.rotor_bands.rotational_sampling import (
@@ -39,6 +39,7 @@ from windsysid.spectral.rotor_bands.rotational_sampling import (
     wind_of,
 )
 from windsysid.spectral.transforms.lifted import Complex
+from windsysid.spectral.transforms.limits import MIN_BAND_BINS
 from windsysid.spectral.transforms.rotating_frame import TurnedSpectra, combine_groups, turned_spectra
 from windsysid.turbine.turbine import Turbine
 

@@ -22,7 +22,7 @@ from windsysid.spectral.rotor.model import LiftedModel
 from windsysid.spectral.rotor.problem import RotorQuestion
 from windsysid.spectral.rotor_bands.build import PosedBands, pose_bands
 from windsysid.spectral.rotor_bands.likelihood_ratio import doubt_classes, doubt_halves, rival_in_bands
-from windsysid.spectral.rotor_bands.limits import MIN_BLADES_FREEDOM, MIN_ENERGY_FREEDOM, MIN_SUPPORT_FREEDOM
+from windsysid.spectral.rotor_bands.limits import MIN_BLADES_FREEDOM, MIN_SUPPORT_FREEDOM
 from windsysid.spectral.rotor_bands.model import BandModel, RotorBandFit
 from windsysid.spectral.transforms.rotating_frame import combine_groups
 from windsysid.statespace.parameter import Parameter
@@ -130,7 +130,7 @@ def _parts(posed: PosedBands, unknowns: Array) -> list[tuple[list[RangePower], .
             edges = [np.linspace(row.low, row.high * 1.000001, count + 1).tolist() for count in PART_COUNTS]
             found.append(
                 tuple(
-                    parts_of(power[:, i], S[:, i], f, label, list(pairwise(own)), overlap, MIN_ENERGY_FREEDOM)
+                    parts_of(power[:, i], S[:, i], f, label, list(pairwise(own)), overlap, MIN_BLADES_FREEDOM)
                     for own in edges
                 )
             )
@@ -155,5 +155,5 @@ def _energies(whole: PosedBands, piece: PosedBands, unknowns: Array) -> list[Ran
             label = piece.combined[row.combination].label
             every = [(row.low, row.high * 1.000001)]
             overlap = band.overlap / band.blocks
-            found += parts_of(power, expected, band.base, label, every, overlap, MIN_ENERGY_FREEDOM)
+            found += parts_of(power, expected, band.base, label, every, overlap, MIN_BLADES_FREEDOM)
     return found

@@ -12,7 +12,6 @@ from typing import Any, Generic, NamedTuple, Protocol, Self, TypeVar
 import numpy as np
 
 from windsysid._types import Array, Complex
-from windsysid.spectral.transforms.limits import MIN_SPREAD_BLOCKS
 
 __all__ = ["BlockSums", "BlockTransform", "cut_blocks", "cut_turns", "factored"]
 
@@ -111,8 +110,6 @@ class BlockSums(NamedTuple, Generic[Block]):
     def gusts(self) -> float:
         """1 + (spread of the blocks' energies over their mean)², less what chance makes of it: by so much c_h grows
         where loads grow and fall from block to block."""
-        if len(self.energies) < MIN_SPREAD_BLOCKS:
-            return 1.0
         shares = self.energies / self.energies.mean(axis=0)
         chance = self.last.overlap / self.independent.mean(axis=0)
         return 1.0 + max(0.0, float(np.mean(shares.var(axis=0) - chance)))

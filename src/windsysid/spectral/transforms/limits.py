@@ -1,4 +1,4 @@
-"""Limits of transforms and of their sinusoids."""
+"""Limits of transforms and of their bands."""
 
-MIN_SPREAD_BLOCKS = 3
-"""Size: number of blocks from which on the variance of their energies is estimated."""
+MIN_BAND_BINS = 8
+"""Size: number of frequency bins, sinusoids apart, of a band that is fitted: of a whole record, a half or a quarter."""

@@ -7,6 +7,7 @@ import pytest
 
 from tests.identification.fits import CHANNELS, RATE, SAMPLES, fitted, job_of, noise, record_of
 from windsysid.checks.lines import Line
+from windsysid.checks.widening import SIGMAS
 from windsysid.errors import RecordError
 from windsysid.identification.estimate.fitted import influence
 from windsysid.identification.estimate.fitted.influence import (
@@ -14,7 +15,6 @@ from windsysid.identification.estimate.fitted.influence import (
     doubt_sine,
     doubt_standing_out,
 )
-from windsysid.identification.limits import MARGINAL_LINE_FACTOR, MAX_INFLUENCE_SIGMAS
 from windsysid.identification.model.fit import Outcome
 from windsysid.records.record import Record
 
@@ -67,14 +67,12 @@ def test_a_coefficient_that_changes_without_a_line_is_named(refits: Any):
 
 
 def test_a_line_on_which_nothing_depends_is_no_reason(refits: Any):
-    refits(0.9 * MAX_INFLUENCE_SIGMAS)
+    refits(0.9 * SIGMAS)
     record = tone(1.5)
     job, fit = job_of(record), fitted(record, std=STD)
     assert doubt_line(job, fit) is None
     assert doubt_sine(HZ, job, fit) == ()
-    line = Line(CHANNELS[0], HZ, 0.9 * MARGINAL_LINE_FACTOR * 10.0, 10.0)
-    assert doubt_standing_out(line, job, fit, 0.2) == ()
-    (found,) = doubt_standing_out(line._replace(ratio=1.1 * MARGINAL_LINE_FACTOR * 10.0), job, fit, 0.2) or ()
+    (found,) = doubt_standing_out(Line(CHANNELS[0], HZ, 11.0, 10.0), job, fit, 0.2) or ()
     assert (found.code, found.data["rotor_frequency"], found.data["chance"]) == ("spectral_line", 0.2, 1.0)
 
 
@@ -84,10 +82,10 @@ def test_a_line_is_not_harmless_where_something_depends_on_it_or_spectra_do_not_
     line = Line(CHANNELS[0], HZ, 10.0, 10.0)
     refits(RecordError("too short"))
     assert doubt_standing_out(line, job, fit, 0.2) is None
-    refits(1.1 * MAX_INFLUENCE_SIGMAS)
+    refits(1.1 * SIGMAS)
     (found,) = doubt_standing_out(line, job, fit, 0.2) or ()
     name = fit.outcome.model.parameters[0].name
-    assert abs(found.data["shifts"][name]) == pytest.approx(1.1 * MAX_INFLUENCE_SIGMAS * STD)
+    assert abs(found.data["shifts"][name]) == pytest.approx(1.1 * SIGMAS * STD)
 
 
 def test_filters_are_compared_by_spectra_of_the_record_as_it_is(refits: Any):

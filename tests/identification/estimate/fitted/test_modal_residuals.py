@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tests.identification.fits import CHANNELS, RATE, SAMPLES, TOWER, noise, outcome_of, record_of
+from windsysid.checks.limits import HARMONIC_HALF_WIDTH_BINS
 from windsysid.identification.estimate.fitted.modal_residuals import (
     channel_of,
     doubts_beside_modes,
@@ -14,7 +15,6 @@ from windsysid.identification.estimate.fitted.modal_residuals import (
     ranges_of_narrow_band,
 )
 from windsysid.identification.estimate.fitted.modes import modes_of
-from windsysid.identification.limits import RESOLUTION_BINS
 from windsysid.loads.narrow_band import FREQUENCY, WIDTH
 from windsysid.loads.statistics import Statistic
 
@@ -49,10 +49,10 @@ def test_a_line_beside_a_mode_stands_out_and_noise_does_not():
     assert line.frequency == pytest.approx(0.43, abs=RATE / len(readings))
 
 
-def test_a_narrow_band_load_is_no_line_within_four_half_widths_of_its_frequency():
+def test_a_narrow_band_load_is_no_line_within_three_half_widths_of_its_frequency():
     statistics = Statistic(FREQUENCY, "Hz", 0.5, estimate=0.5), Statistic(WIDTH, "1", 0.01, estimate=0.04)
     outcome = outcome_of(RECORD, statistics=statistics)
-    away = RESOLUTION_BINS * 0.5 * 0.04
+    away = HARMONIC_HALF_WIDTH_BINS * 0.5 * 0.04
     expected = [(f - away, f + away) for f in (0.3, 0.5, 0.7)]
     np.testing.assert_allclose(ranges_of_narrow_band(outcome, RECORD, 0.2), expected)
     narrow = statistics[0], Statistic(WIDTH, "1", 0.01, estimate=1e-4)

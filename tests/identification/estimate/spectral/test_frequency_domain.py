@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from windsysid.identification.estimate.spectral import frequency_domain
-from windsysid.identification.limits import MAX_RIVAL_LOG_ODDS
+from windsysid.identification.estimate.spectral.frequency_domain import MAX_RIVAL_LOG_ODDS
 
 Fits = dict[tuple[str, int], float]
 

@@ -14,11 +14,12 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.checks.lines import SURROUNDING_BINS, Line, find_line, stand_out_of_a_bend
+from windsysid.checks.widening import SIGMAS
 from windsysid.errors import WindsysidError
 from windsysid.identification.estimate.fitted.modal_residuals import channel_of, mode_of, ranges_of_narrow_band
 from windsysid.identification.estimate.spectral.frequency_domain import identify_by_spectrum
 from windsysid.identification.job import FittedJob, Job
-from windsysid.identification.limits import MARGINAL_LINE_FACTOR, MAX_INFLUENCE_SIGMAS, MIN_LINE_POWER
+from windsysid.identification.limits import MIN_LINE_POWER
 from windsysid.identification.model.agreement import compare, shifts_to
 from windsysid.identification.model.fit import Outcome
 from windsysid.loads.narrow_band import NarrowBand
@@ -53,21 +54,19 @@ def doubt_line(job: Job, fit: FittedJob) -> Dependence | None:
     if line is None or line.ratio < MIN_LINE_POWER:
         return None
     found = _influence(job, fit, line.frequency)
-    if found is None or found.sigmas < MAX_INFLUENCE_SIGMAS:
+    if found is None or found.sigmas < SIGMAS:
         return None
     return Dependence(line.channel, line.frequency, found.doubt("line_influence", line.frequency))
 
 
 def doubt_standing_out(line: Line, job: Job, fit: FittedJob, rotor_hz: float) -> tuple[Finding, ...] | None:
-    """Reasons against a fit that follow from a line which stands out by more than chance: none if it hardly does and no
-    coefficient depends on it; None if its influence is not known."""
+    """Reason against a fit that follows from a line which stands out by more than chance: the shift without it; None if
+    that is not known."""
     found = _influence(job, fit, line.frequency)
     if found is None:
         return None
-    if found.sigmas >= MAX_INFLUENCE_SIGMAS:
+    if found.sigmas >= SIGMAS:
         return (found.doubt("line_influence", line.frequency),)
-    if line.ratio <= MARGINAL_LINE_FACTOR * line.bound:
-        return ()
     data = {"channel": line.channel, "frequency": line.frequency, "rotor_frequency": rotor_hz}
     return (Finding("spectral_line", "reason", {**data, "shifts": found.shifts, "chance": 1.0}),)
 
@@ -76,7 +75,7 @@ def doubt_sine(frequency: float, job: Job, fit: FittedJob) -> tuple[Finding, ...
     """Reason not to trust a fit if the power that is left around a removed sinusoid at a frequency [Hz] still changes a
     coefficient: a narrow-band load would."""
     found = _influence(job, fit, frequency, NEAR_BINS)
-    if found is None or found.sigmas < MAX_INFLUENCE_SIGMAS:
+    if found is None or found.sigmas < SIGMAS:
         return ()
     return (found.doubt("tone_influence", frequency),)
 

@@ -9,11 +9,10 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.checks.blade_passing import find_passing
 from windsysid.checks.dead_channel import find_still
-from windsysid.checks.limits import LINE_SEARCH_FACTOR, NEGLIGIBLE_SHARE
+from windsysid.checks.limits import HARMONIC_HALF_WIDTH_BINS, LINE_SEARCH_FACTOR, NEGLIGIBLE_SHARE
 from windsysid.checks.lines import Line, find_line
 from windsysid.errors import RecordError
 from windsysid.identification.estimate.fitted.modes import modes_of
-from windsysid.identification.limits import RESOLUTION_BINS
 from windsysid.identification.model.fit import Outcome
 from windsysid.loads.narrow_band import FREQUENCY, WIDTH
 from windsysid.records.record import Record
@@ -61,7 +60,7 @@ def ranges_of_narrow_band(outcome: Outcome, record: Record, rotor_hz: float) -> 
     own, width = known[FREQUENCY], known[FREQUENCY] * known[WIDTH]
     if 2.0 * width * record.duration < 1.0:
         return []
-    away = max(RESOLUTION_BINS * width, RESOLUTION_BINS / record.duration)
+    away = max(HARMONIC_HALF_WIDTH_BINS * width, HARMONIC_HALF_WIDTH_BINS / record.duration)
     return [(abs(seen) - away, abs(seen) + away) for seen in (own - rotor_hz, own, own + rotor_hz)]
 
 

@@ -16,9 +16,9 @@ from windsysid.errors import ConfigurationError, RecordError, WindsysidError
 from windsysid.identification.condition.segments import SegmentReader
 from windsysid.identification.condition.spectral_readings import read_bridged
 from windsysid.identification.estimate.equations_time import EquationsEstimate
-from windsysid.identification.limits import MIN_BINS
 from windsysid.identification.model.equations_problem import EquationsJob, constant_loads, known_columns
 from windsysid.identification.model.fit import no_innovations
+from windsysid.inspection.limits import MIN_SAMPLES
 from windsysid.mechanics.compile import CompiledModel, compile_model
 from windsysid.records.record import LOW_PASS, Record
 from windsysid.results.finding import Finding
@@ -113,10 +113,10 @@ def _take(job: EquationsJob, segments: SegmentReader) -> _TakenSpectra:
 
 def _begun(block: FixedBlock) -> CrossSpectra:
     """The sums over the first block; RecordError where it has too few bins."""
-    if len(block.data) < MIN_BINS:
+    if len(block.data) < MIN_SAMPLES:
         seconds = block.samples / block.rate
         raise RecordError(
-            f"expected {seconds * MIN_BINS / max(len(block.data), 1):.3g} s or more for spectra, got {seconds:.3g} "
+            f"expected {seconds * MIN_SAMPLES / max(len(block.data), 1):.3g} s or more for spectra, got {seconds:.3g} "
             f"s: choose a longer record"
         )
     return BlockSums.of(block)

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.checks.limits import HARMONIC_HALF_WIDTH_SHARE
 from windsysid.errors import ConfigurationError, RecordError, WindsysidError
 from windsysid.identification.condition.spectral_readings import SpectralSamples
 from windsysid.identification.estimate.evidence import Ranking, rank
@@ -27,7 +28,6 @@ from windsysid.identification.estimate.spectral.narrow_band import (
 )
 from windsysid.identification.estimate.spectral.rotor_bands import SpectralEstimate, read_in_bands
 from windsysid.identification.limits import (
-    MAX_RIVAL_LOG_ODDS,
     MAX_SPEED_VARIATION_IN_BANDS,
     NEGLIGIBLE_SPEED_VARIATION,
     NEGLIGIBLE_SPEED_VARIATION_IN_BANDS,
@@ -44,7 +44,6 @@ from windsysid.identification.model.tolerances import (
 )
 from windsysid.identification.model.turbine_problem import seen_by
 from windsysid.identification.verdict.spectral_findings import doubts_of_spectra, drifts_of, halves_of, passed_by
-from windsysid.inspection.limits import MAX_CONSTANT_SPEED_VARIATION
 from windsysid.loads.family import hypothesis
 from windsysid.loads.hypothesis import HYPOTHESES
 from windsysid.loads.narrow_band import NarrowBand
@@ -67,6 +66,10 @@ from windsysid.statespace.compose import compose
 from windsysid.turbine.turbine import Turbine
 
 __all__ = ["SpectralBlocks", "ask", "identify_by_spectrum", "inexact_of", "tolerances_in"]
+
+MAX_RIVAL_LOG_ODDS = 50.0
+"""Tolerance: log odds against a load model that is not fitted to the end, far beyond those of any that is chosen; the
+first stages weigh the record with a fifth."""
 
 
 class SpectralBlocks(NamedTuple):
@@ -102,7 +105,7 @@ def identify_by_spectrum(
         )
         if in_bands is not None:
             return in_bands
-    doubts = _speed(speeds, NEGLIGIBLE_SPEED_VARIATION, MAX_CONSTANT_SPEED_VARIATION) if coupled else []
+    doubts = _speed(speeds, NEGLIGIBLE_SPEED_VARIATION, HARMONIC_HALF_WIDTH_SHARE) if coupled else []
     names = _names(turbine, loads, coupled=coupled)
     questions = {one: broad if one == "broadband" else ask(samples, turbine, prior, chosen, one) for one in names}
     poses = {name: pose_lifted(question, name) for name, question in questions.items()}

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.checks.limits import NEGLIGIBLE_SHARE
 from windsysid.errors import WindsysidError
 from windsysid.identification.condition.spectral_readings import SpectralSamples
 from windsysid.identification.estimate.clock_lag import put_on_time
 from windsysid.identification.estimate.spectral.frequency_domain import ask, inexact_of, tolerances_in
 from windsysid.identification.estimate.spectral.narrow_band import NarrowBandFit, fit_narrow_band
-from windsysid.identification.limits import MAX_TOLERANCE_CHANGE, MAX_YAW_CHANGE_RADIANS
 from windsysid.identification.model.fit import Outcome, known_loads
 from windsysid.identification.model.prior import Prior
 from windsysid.identification.model.tolerances import seconds_late
@@ -73,12 +73,10 @@ def narrow_band_beside(
 
 
 def _is_far(near: Outcome) -> bool:
-    """Test whether no such load is searched for after a fit: under wind, with one, without damping, or with a
-    gain or a mass that is nothing like what it should be."""
+    """Test whether no such load is searched for after a fit: under wind, with one, or without damping."""
     at = zip(near.model.parameters, near.theta, strict=True)
     undamped = any(q.kind == "damping" and theta <= 0.0 for q, theta in at)
-    far = any(one.group in ("gain", "masses") and abs(one.estimate) > MAX_TOLERANCE_CHANGE for one in near.tolerances)
-    return undamped or far or near.hypothesis in (NarrowBand.name, RotorWind.name)
+    return undamped or near.hypothesis in (NarrowBand.name, RotorWind.name)
 
 
 def _may_be_there(samples: SpectralSamples, turbine: Turbine) -> bool:
@@ -86,7 +84,7 @@ def _may_be_there(samples: SpectralSamples, turbine: Turbine) -> bool:
     varies, of which spectra know one value."""
     measured, loads = known_loads(samples.record, turbine)
     some_known = measured.any() or len({load.load for load in loads}) < len(turbine.model.loads)
-    turned = np.ptp(samples.inputs[:, 2:], axis=0).max(initial=0.0) > MAX_YAW_CHANGE_RADIANS
+    turned = np.ptp(samples.inputs[:, 2:], axis=0).max(initial=0.0) > NEGLIGIBLE_SHARE
     return not (some_known or turned) and bool(narrow_band_statistics(turbine, loads))
 
 
