@@ -9,8 +9,9 @@ FALSE_ALARM_PROBABILITY = 1e-3
 channels, bursts, effects, scatter between parts and breaks of readings; set on simulated records
 (`validation.adversary.calibrate`)."""
 
-DISPERSION_PRIOR_ODDS = 0.1
-"""Odds: that the scores of a record's parts scatter by more than the model says, before they are seen."""
+PRIOR_ODDS_OF_MISFIT = 0.1
+"""Odds: that the scores of a record's parts scatter by more than the model says, or that the prior of a coefficient is
+too narrow, before the record is seen."""
 
 MAX_WIDENING = 5.0
 """Size: factor on a standard deviation beyond which a record contradicts the model so much that no interval covers the
