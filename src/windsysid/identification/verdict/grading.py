@@ -107,10 +107,13 @@ def widenings_of(
 
 
 def _level_factor(findings: Sequence[Finding], scores: Sequence[PartScores]) -> float:
-    """Bound of the factor on intervals where innovations have another level and no scores over frequencies."""
+    """Factor on intervals where innovations have another level and no scores over frequencies, its bound; or a level
+    that varies: scores go with the power p of the loads, and have E p² / (E p)² of the variance of the model."""
     if "frequency" in {one.over for one in scores}:
         return 1.0
-    return max((f.data["ratio"] for f in findings if f.code in ("channel_level", "innovation_level")), default=1.0)
+    ratios = [f.data["ratio"] for f in findings if f.code in ("channel_level", "innovation_level")]
+    varying = [math.hypot(1.0, f.data["variation"]) for f in findings if f.code == "nonstationary_level"]
+    return float(max([1.0, *ratios, *varying]))
 
 
 def with_tolerance_shifts(diagnosis: Diagnosis, outcome: Outcome) -> Diagnosis:
