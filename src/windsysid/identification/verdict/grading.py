@@ -40,7 +40,7 @@ COVERED_BY_INTERVALS: Mapping[str, frozenset[str]] = {
         "correlated_innovations", "correlated_loads", "level_over_frequency", "unexplained_level", "unexplained_peak",
     ), _EVERY),
     "halves_disagree_in_bands": frozenset(), "narrower_bands_disagree": frozenset(),
-    **dict.fromkeys(("narrow_band_load_ambiguous", "narrow_band_load_possible"), frozenset()),
+    **dict.fromkeys(("narrow_band_load_ambiguous", "narrow_band_load_possible", "prior_decides"), frozenset()),
 }  # fmt: skip
 """Setting: findings that intervals cover, and the scores that this takes: of loads that change, over time; of
 innovations that are not white, over frequencies too; of narrow-band loads, halves and narrower bands, whose rivals are
