@@ -17,7 +17,7 @@ from windsysid.checks.dispersion import (
     expected_factor,
     join_parts,
 )
-from windsysid.checks.limits import DISPERSION_PRIOR_ODDS
+from windsysid.checks.limits import PRIOR_ODDS_OF_MISFIT
 
 SLOPES = np.array([1.0, 0.3, 2.0])
 SPREAD = 0.7
@@ -112,7 +112,7 @@ def test_the_expected_factor_is_the_integral_over_both_explanations(ratio: float
     evidence, moment = (
         integrate.quad(lambda s2, k=k: s2**k * likelihood(s2) * prior.pdf(s2), 0.0, np.inf)[0] for k in (0, 1)
     )
-    odds = DISPERSION_PRIOR_ODDS * evidence / likelihood(1.0)
+    odds = PRIOR_ODDS_OF_MISFIT * evidence / likelihood(1.0)
     chance = odds / (1.0 + odds)
     expected = 1.0 + chance * max(moment / evidence - 1.0, 0.0)
     assert expected_factor(Dispersion(ratio, freedom, 1.0, 0.0)) == pytest.approx(expected, rel=1e-4)

@@ -33,8 +33,9 @@ def noise(seed: int = 1) -> np.ndarray:
 
 
 def outcome_of(record: Record, *, std: float = 0.01, **changes: Any) -> Outcome:
-    """The fit of a record that is as the file says, each coordinate with the same standard deviation."""
-    parameters = Prior().parameters(TOWER, identifiable(TOWER), linear=False)
+    """The fit of a record that is as the file says, each coordinate with the same standard deviation, with priors that
+    know much less."""
+    parameters = Prior(spread=5.0).parameters(TOWER, identifiable(TOWER), linear=False)
     model = compose(TOWER.model, rate=record.rate, values=TOWER.values, parameters=parameters, sensors=TOWER.sensors)
     theta = np.array([q.coordinate(TOWER.values[q.name]) for q in parameters])
     n = len(theta)

@@ -36,7 +36,7 @@ EXAMPLE: dict[str, Any] = {
     "share": 0.4, "sigmas": 5.2, "size": 0.021, "start": 50.0, "state": "parked", "std": 0.002, "steps": 30,
     "text": "the text of the inspection, or of another version", "time": 302.9, "turns": 40,
     "unit": "N", "units": {"y": "m/s^2", "z": "m/s^2"}, "unseen_blades": True, "variation": 0.031, "weight": 3.4,
-    "why": "speed", "width": 0.015,
+    "why": "speed", "wider": 3.7, "width": 0.015,
 }  # fmt: skip
 """What findings hold, by name: a name means one thing in all of them."""
 

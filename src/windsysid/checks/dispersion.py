@@ -26,7 +26,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.checks.limits import DISPERSION_PRIOR_ODDS
+from windsysid.checks.limits import PRIOR_ODDS_OF_MISFIT
 
 __all__ = ["Dispersion", "Part", "PartScores", "expected_factor", "join_parts"]
 
@@ -148,7 +148,7 @@ def expected_factor(found: Dispersion) -> float:
     [1.02, 1.23, 3.89, 13.6]
     """
     half, x = 0.5 * found.freedom, 0.5 * found.ratio * found.freedom
-    log_odds = math.log(DISPERSION_PRIOR_ODDS) + math.lgamma(half + PRIOR_SHAPE) - math.lgamma(PRIOR_SHAPE) + x
+    log_odds = math.log(PRIOR_ODDS_OF_MISFIT) + math.lgamma(half + PRIOR_SHAPE) - math.lgamma(PRIOR_SHAPE) + x
     log_odds += PRIOR_SHAPE * math.log(PRIOR_SCALE) - (half + PRIOR_SHAPE) * math.log(PRIOR_SCALE + x)
     chance = 1.0 / (1.0 + math.exp(-max(min(log_odds, 700.0), -700.0)))
     factor = 1.0 + chance * max((PRIOR_SCALE + x) / (PRIOR_SHAPE + half - 1.0) - 1.0, 0.0)

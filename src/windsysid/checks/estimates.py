@@ -2,6 +2,9 @@
 
 Before the record was seen, estimate and centre of the prior were expected to differ by √(σ₀² − σ²) (the prior
 predictive check of Box, J. R. Statist. Soc. A 143, 1980, https://doi.org/10.2307/2982063).
+
+A file's prior may be wrong. That it is several times as wide is a rival explanation of the record: the posterior under
+a contaminated prior is a mixture (Berger & Berliner, Ann. Statist. 14, 1986, https://doi.org/10.1214/aos/1176349933).
 """
 
 import math
@@ -11,13 +14,18 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.checks.limits import CONFLICT_SIGMAS
+from windsysid.checks.limits import CONFLICT_SIGMAS, NEGLIGIBLE_SHARE, PRIOR_ODDS_OF_MISFIT
+from windsysid.checks.widening import mixture_factor
 from windsysid.results.finding import Finding
 from windsysid.statespace.parameter import Parameter
 
 __all__ = [
-    "Band", "CoefficientCheck", "conflict", "doubt_damping", "doubt_priors", "hold_against_priors",
+    "WIDENING_FACTOR", "Band", "CoefficientCheck", "conflict", "doubt_damping", "doubt_priors", "hold_against_priors",
+    "rival_priors",
 ]  # fmt: skip
+
+WIDENING_FACTOR = 4.0
+"""Setting: how many times as wide a prior is if it is wrong."""
 
 Band = tuple[float, float, float]
 """Value, and ±2σ around it: low, high."""
@@ -46,6 +54,26 @@ def doubt_priors(checks: Sequence[CoefficientCheck]) -> list[Finding]:
 def conflict(name: str, shift: float) -> Finding:
     """Finding on an estimate that differs from its prior by so many standard deviations."""
     return Finding("prior_conflict", "reason", {"sigmas": shift}, (name,))
+
+
+def rival_priors(parameters: Sequence[Parameter], theta: Array, cov: Array) -> list[Finding]:
+    """A reason for each prior on which an interval depends: shifts and widths of all estimates (n_θ,), whose covariance
+    are the first rows of `cov`, if that prior is `WIDENING_FACTOR` times as wide, and the probability of that, all in
+    closed form."""
+    found, names, n = list[Finding](), [q.name for q in parameters], len(parameters)
+    std = np.sqrt(np.diag(cov)[:n])
+    for i, q in enumerate(parameters):
+        off, change, along = float(theta[i]) - q.prior[0], (WIDENING_FACTOR**-2 - 1.0) / q.prior[1] ** 2, cov[:n, i]
+        left = max(1.0 + change * float(along[i]), WIDENING_FACTOR**-2)
+        log_odds = math.log(PRIOR_ODDS_OF_MISFIT / WIDENING_FACTOR) - 0.5 * (math.log(left) + change * off**2 / left)
+        chance = 1.0 / (1.0 + math.exp(-min(log_odds, 700.0)))
+        shift, wide = -change * off / left * along, np.sqrt(std**2 - change / left * along**2) / std
+        if mixture_factor([(shift[i] / std[i], wide[i], chance)]) > 1.0 + NEGLIGIBLE_SHARE:
+            share, moved = _against_prior(q, off, std[i] ** 2).informed_by_data, shift[i] / std[i]
+            data = {"share": share, "chance": chance, "sigmas": moved, "wider": wide[i]}
+            explained = {"shifts": dict(zip(names, shift, strict=True)), "widths": dict(zip(names, wide, strict=True))}
+            found.append(Finding("prior_decides", "reason", {**data, **explained}, (q.name,)))
+    return found
 
 
 def doubt_damping(

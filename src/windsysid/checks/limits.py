@@ -20,8 +20,9 @@ MODEL_CHANGE_PROBABILITY = 1e-4
 over all channels; and of an energy in one quarter of a record and of a motion that is bound to another one, whose test
 is conservative: of 82 pairs of healthy modes the least probability was 0.4."""
 
-DISPERSION_PRIOR_ODDS = 0.1
-"""Odds: that the scores of a record's parts scatter by more than the model says, before they are seen."""
+PRIOR_ODDS_OF_MISFIT = 0.1
+"""Odds: that the scores of a record's parts scatter by more than the model says, or that the prior of a coefficient is
+too narrow, before the record is seen."""
 
 MAX_WIDENING = 5.0
 """Size: factor on a standard deviation beyond which a record contradicts the model so much that no interval covers the

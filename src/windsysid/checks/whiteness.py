@@ -36,28 +36,22 @@ class ChannelCheck(NamedTuple):
 
     Attributes
     ----------
-    name
-        The channel.
-    used
-        Readings that the filter took in.
+    name, used
+        The channel, and its readings that the filter took in.
     nis, nis_low, nis_high
         Mean square of the whitened innovations and the interval in which chance holds it (95.45 %); 1 is expected.
-    offset
-        Their mean, in standard deviations of one innovation.
+    offset, kurtosis
+        Their mean, in standard deviations of one innovation, and their excess kurtosis; 0 is expected.
     colour
         Sum of their squared autocorrelations, less what chance gives: half the mean square departure of the spectrum
         from 1 (Parseval).
-    kurtosis
-        Excess kurtosis; 0 is expected.
     outliers, outlying
         How many innovations are more than five of their own standard deviations off, and their share of the squares.
     missing, gated
         Shares of the samples without a reading, and with one that the filter left out as an outlier.
-    peak_hz, peak
+    peak_hz, peak, far_hz, far
         Frequency [Hz] and level of the highest peak of the spectrum (1: their variance spread evenly) within reach of
-        the natural frequencies; NaN for too short a record.
-    far_hz, far
-        The same out of reach.
+        the natural frequencies, and out of reach; NaN for too short a record.
     near_hz, near
         The natural frequency [Hz] around which the spectrum is highest on average, and that average.
     line_hz, line

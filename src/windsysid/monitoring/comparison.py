@@ -46,6 +46,7 @@ from windsysid.results.posterior import SIGMAS, Posterior
 from windsysid.results.tolerance import unknowns_of
 from windsysid.spectral.oma.known_modes import ModesLike
 from windsysid.statespace.parameter import Parameter
+from windsysid.turbine.operation import MIN_RUNNING_SPEED_SHARE
 
 __all__ = ["compare"]
 
@@ -134,8 +135,10 @@ def _compare_coefficients(before: Posterior, after: Posterior) -> Comparison:
 
 def _in_states(before: Posterior, after: Posterior) -> tuple[Posterior, Posterior, Sequence[Parameter], Sequence[str]]:
     """Both results and what they have in common; of a parked and an operating tower not the air, with a note."""
-    frame = common_frame(before, after)
-    if (before.turbine.aerodynamic_tolerance > 0.0) == (after.turbine.aerodynamic_tolerance > 0.0):
+    frame, turbines = common_frame(before, after), (before.turbine, after.turbine)
+    slow, fast = sorted(one.rotor_speed for one in turbines)
+    operating = {one.aerodynamic_tolerance > 0.0 or bool(one.states) for one in turbines}  # a parked one has neither
+    if len(operating) == 1 or slow > MIN_RUNNING_SPEED_SHARE * fast:
         return before, after, frame, ()
     structural = tuple(q for q in frame if before.turbine.model.coefficient(q.name).kind != "damping")
     note = "only one of the two results is of an operating rotor, whose air damps: windsysid damping compares damping"

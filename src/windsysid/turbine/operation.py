@@ -11,7 +11,7 @@ import numpy as np
 
 from windsysid._types import Array
 
-__all__ = ["STATES", "Operation", "operation", "operation_of"]
+__all__ = ["MIN_RUNNING_SPEED_SHARE", "STATES", "Operation", "operation", "operation_of"]
 
 STATES = ("parked", "idling", "running", "transient", "unknown")
 

@@ -65,14 +65,10 @@ class Online(NamedTuple):
         Gaussian prior of θ (n_θ,), (n_θ, n_θ).
     theta, precision
         θ (n_θ,) and the inverse of its covariance (n_θ, n_θ).
-    widths
-        How far the bank's filters are from θ (n_θ,).
-    bank
-        The filters; None before the first estimate.
-    first
-        Samples before the first estimate.
-    samples
-        Samples that θ knows of.
+    bank, widths
+        The filters, None before the first estimate, and how far they are from θ (n_θ,).
+    first, samples
+        Samples before the first estimate, and samples that θ knows of.
     inputs, readings
         Samples that are held: all since the start until the memory is full, then those of the block that is not
         complete.

@@ -17,7 +17,7 @@ from functools import partial
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.checks.estimates import conflict
+from windsysid.checks.estimates import WIDENING_FACTOR, conflict
 from windsysid.checks.limits import CONFLICT_SIGMAS
 from windsysid.identification.condition.samples import Samples
 from windsysid.identification.estimate.clock_lag import shifted
@@ -36,9 +36,6 @@ __all__ = ["find_held", "note_wide_priors", "one_by_one", "solve_with_wide_prior
 
 DAMPING_FACTORS = (1.25, 1.5, 2.0)
 """Setting: factors on damping at which the likelihood is evaluated."""
-
-WIDENING_FACTOR = 4.0
-"""Setting: how many times as wide a prior becomes."""
 
 MAX_WIDENINGS = 2
 """Setting: how often priors are widened."""

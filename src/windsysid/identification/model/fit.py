@@ -42,35 +42,30 @@ class Outcome(NamedTuple):
 
     Attributes
     ----------
-    turbine
-        The turbine with the degrees of freedom that were really used.
-    model
-        The state-space model that was filtered.
+    turbine, model
+        The turbine with the degrees of freedom that were really used, and the state-space model that was filtered.
     history_mean, history_std
         What was known of θ on line, after each sample (T, n_θ).
-    final
-        The last pass over the record, whose innovations judge the result.
+    final, elapsed
+        The last pass over the record, whose innovations judge the result, and seconds in the filter.
     theta, cov
         The identified parameters (n_θ,) and their covariance (n_θ, n_θ).
     rotor
         The known inputs, ψ, Ω and more (T, n_u), or their mean over the record (1, n_u).
-    channels
-        Channels of the record that were used as measurements.
-    elapsed
-        Seconds in the filter.
-    notes
-        What was done to the record and the model.
-    statistics
-        Statistics of loads and noise that were learned with the parameters.
-    doubts
-        Why the formulation itself would not trust its result.
+    channels, sensors
+        Channels of the record that were used as measurements, and their sensors.
+    notes, doubts
+        What was done to the record and the model, and why the formulation itself would not trust its result.
+    statistics, tolerances
+        Statistics of loads and noise that were learned with the parameters, and what is known of instruments and masses
+        within tolerances only; none where they were taken as exact.
     loads
         The loads that were states, as the filter knew them at the result; None where none were.
     joint_cov
         Covariance of θ, of the coordinates η of `statistics` and of `tolerances` together (n_θ + n_η + n_τ), the last
         in standard deviations of their priors; None where no statistics were learned.
-    whiteness
-        The innovations against white noise where that was judged already; None where those of `final` are to be judged.
+    whiteness, smoothed_loads
+        The innovations against white noise where that was judged already, and what smoothed loads say; else None.
     scores
         Of parts of the record, to θ and all else that was estimated, in time and over frequencies; none where they were
         not computed.
@@ -78,23 +73,14 @@ class Outcome(NamedTuple):
         Of all readings, where `final` does not hold them all.
     hypothesis
         Name of what the loads were taken for; empty where nothing was supposed.
-    tolerances
-        What is known of instruments and masses within tolerances only, as the record has it; none where they were taken
-        as exact.
-    smoothed_loads
-        What smoothed loads say; None where they were not asked.
-    turns
-        Whether the rotor's turns couple what moves, as far as the formulation has asked.
-    in_bands
-        Whether spectra were read in bands around the modes, which supposes wind on a turning rotor.
-    held
-        Damping coefficients whose priors conflict with the readings.
-    given_priors
-        The identified parameters with their priors as they were given, where some were made wider; else none.
+    turns, in_bands
+        Whether the rotor's turns couple what moves, as far as the formulation has asked, and whether spectra were read
+        in bands around the modes, which supposes wind on a turning rotor.
+    held, given_priors
+        Damping coefficients whose priors conflict with the readings, and the identified parameters with their priors as
+        they were given, where some were made wider; else none.
     drifts
         How clocks drift by what the halves of the record say, much or little.
-    sensors
-        The sensors of `channels`, in the same order.
     spectra
         Spectra of the channels under the fit, where they are known.
     """

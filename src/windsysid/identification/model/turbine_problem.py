@@ -53,24 +53,18 @@ class TurbineProblem(NamedTuple):
 
     Attributes
     ----------
-    turbine
-        The turbine with the degrees of freedom that the sensors see.
+    turbine, sensors
+        The turbine with the degrees of freedom that the sensors see, and these.
     model
         The joint model: θ in the state, the initial state as uncertain as the record is loud.
-    sensors
-        Instruments.
-    loads
-        What the loads that are states may be like.
-    statistics
-        The statistics that η stands for.
-    tolerances
-        What τ stands for, the clocks last.
+    loads, made
+        What the loads that are states may be like; loads and noise at the last values of η that were requested.
+    statistics, tolerances
+        What η stands for, and τ, the clocks last.
     inputs, readings
         As filters take them (T, n_u + n_w), (T, m).
     notes
         What was locked.
-    made
-        Loads and noise at the last values of η that were requested.
     """
 
     turbine: Turbine

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.checks.estimates import rival_priors
 from windsysid.checks.limits import FALSE_ALARM_PROBABILITY
 from windsysid.checks.lines import Line
 from windsysid.checks.nonlinearity import Bent, find_bent
@@ -42,6 +43,7 @@ from windsysid.results.finding import Finding
 from windsysid.results.identification import Estimate, Identification, coefficient_errors
 from windsysid.results.posterior import SIGMAS, Conditions
 from windsysid.results.provenance import Provenance
+from windsysid.results.tolerance import SHARED
 from windsysid.results.transient import explain_by_transient, find_burst, find_transient
 from windsysid.signals.rotor import MAX_STANDING_SPEED, rotor_inputs
 from windsysid.statespace.parameter import Parameter
@@ -177,6 +179,7 @@ def _judge(
     findings = (
         *doubted(faults),
         *outcome.doubts,
+        *rival_priors(outcome.model.parameters, *outcome.given(*SHARED)),
         *_off_clock(record, at.speed),
         *(_burst(outcome, record) if filtered and tested_for_bursts else ()),
         *(() if balanced else doubts_beside_modes(outcome, record, at.modes, at.speed, filtered=filtered)),

@@ -40,7 +40,7 @@ COVERED_BY_INTERVALS: Mapping[str, frozenset[str]] = {
         "correlated_innovations", "correlated_loads", "level_over_frequency", "unexplained_level", "unexplained_peak",
     ), _EVERY),
     "halves_disagree_in_bands": frozenset(), "narrower_bands_disagree": frozenset(),
-    **dict.fromkeys(("narrow_band_load_ambiguous", "narrow_band_load_possible"), frozenset()),
+    **dict.fromkeys(("narrow_band_load_ambiguous", "narrow_band_load_possible", "prior_decides"), frozenset()),
 }  # fmt: skip
 """Setting: findings that intervals cover, and the scores that this takes: of loads that change, over time; of
 innovations that are not white, over frequencies too; of narrow-band loads, halves and narrower bands, whose rivals are
@@ -107,10 +107,13 @@ def widenings_of(
 
 
 def _level_factor(findings: Sequence[Finding], scores: Sequence[PartScores]) -> float:
-    """Bound of the factor on intervals where innovations have another level and no scores over frequencies."""
+    """Factor on intervals where innovations have another level and no scores over frequencies, its bound; or a level
+    that varies: scores go with the power p of the loads, and have E p² / (E p)² of the variance of the model."""
     if "frequency" in {one.over for one in scores}:
         return 1.0
-    return max((f.data["ratio"] for f in findings if f.code in ("channel_level", "innovation_level")), default=1.0)
+    ratios = [f.data["ratio"] for f in findings if f.code in ("channel_level", "innovation_level")]
+    varying = [math.hypot(1.0, f.data["variation"]) for f in findings if f.code == "nonstationary_level"]
+    return float(max([1.0, *ratios, *varying]))
 
 
 def with_tolerance_shifts(diagnosis: Diagnosis, outcome: Outcome) -> Diagnosis:

@@ -80,7 +80,7 @@ def _wider_intervals(d: Data) -> str:
     why = {
         "explanations": "rival explanations of the record are possible",
         "frequency": f"readings around {d['at']:.3g} Hz contradict the fit to the others",
-        "level": "readings scatter more about the fit than the model says",
+        "level": "readings scatter more about the fit than the model says, or unevenly over time",
         "time": f"segments of the record contradict each other, most at {d['at']:.0f} s",
     }
     more = f" and {len(d['names']) - 3} more" if len(d["names"]) > 3 else ""
@@ -93,6 +93,10 @@ ESTIMATES: Final[Mapping[str, Sentence]] = {
     "prior_conflict": (
         "{quantity} and its prior contradict each other: they are {sigmas:|.1f|} standard deviations apart; the turbine"
         " file, a unit or the model is wrong"
+    ),
+    "prior_decides": (
+        "{quantity} is {share:.0f %} from the data; a wider prior (probability {chance:.0f %}) changes it by"
+        " {sigmas:|.1f|} σ, and σ by a factor of {wider:.1f}: check the turbine file"
     ),
     "prior_widened": (
         "the data put {quantity} {sigmas:|.1f|} standard deviations from its prior: the prior was made "

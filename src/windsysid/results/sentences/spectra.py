@@ -62,7 +62,7 @@ SPECTRA: Final[Mapping[str, Sentence]] = {
     "too_short_for_stationarity": "the record is too short for a test of stationarity: choose a longer one",
     "one_block": "one block only: stationarity cannot be tested; choose a longer record",
     "halves_disagree_in_bands": (
-        "the halves of the record do not agree on {quantity} ({change:+.2g %}): loads or structure changed"
+        "the halves of the record differ in {quantity} ({change:+.2g %}, probability {chance:.0f %}): structure changed"
     ),
     "class_disagrees_in_bands": lambda d: (
         f"{' and '.join(d['modes'])} alone gives a stiffness of the blades that differs by {100 * d['change']:+.2g} %:"

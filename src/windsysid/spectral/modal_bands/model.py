@@ -48,18 +48,12 @@ class Modes(NamedTuple):
     ----------
     frequency, damping
         (r,) [Hz], (r,) [1].
-    shape
-        Φ (m, r).
-    load
-        C (r, r).
-    load_slope
-        a.
-    rest
-        L (m, m).
-    rest_slope
-        b.
-    drift
-        Ψ (m, r); None where shapes are the same all over the band, and Ψ is no unknown.
+    shape, drift
+        Φ (m, r), and Ψ (m, r), None where shapes are the same all over the band, and Ψ is no unknown.
+    load, load_slope
+        C (r, r) and a.
+    rest, rest_slope
+        L (m, m) and b.
     """
 
     frequency: Array

@@ -35,14 +35,10 @@ class BandFit(NamedTuple):
 
     Attributes
     ----------
-    fit
-        The posterior.
-    band
-        Its data (K, m, m).
-    values
-        Transforms (k, n) of all channels at `bins`.
-    bins
-        (k,).
+    fit, band
+        The posterior, and the band's data (K, m, m).
+    values, bins
+        Transforms (k, n) of all channels at the bins (k,).
     directions
         (n, m): from directions to channels; its pseudo-inverse leads back.
     against_none

@@ -97,20 +97,14 @@ class Ingredients(NamedTuple):
 
     Attributes
     ----------
-    place
-        Where they are taken.
-    matrices
-        Of the model, one set.
+    place, matrices
+        Where they are taken, and one set of the model's matrices.
     placement, sources
         U ((2K+1) n, s) and the spectra S_s.
-    noise
-        Spectral density of the noise of every entry (B, e) [unit²/Hz].
-    slopes
-        Derivatives; None for none.
-    more
-        What comes to S besides (B, e, e); None for nothing.
-    late
-        By how much the readings of every entry are late (e,) [s].
+    noise, late
+        Spectral density of the noise of every entry (B, e) [unit²/Hz], and by how much its readings are late (e,) [s].
+    slopes, more
+        Derivatives, and what comes to S besides (B, e, e); None for none.
     """
 
     place: SpectrumGrid

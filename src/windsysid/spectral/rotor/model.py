@@ -109,11 +109,9 @@ class LiftedModel(NamedTuple):
         Active entries Y (B, e, g): up to g neighbouring bins share a spectrum; columns beyond are 0.
     place
         Where spectra are taken: at the bins, or, where they are smoothed, on a finer grid.
-    window
-        Weights (F, B): the smoothed spectra at the bins are sums of the F on the finer grid; None where nothing is
-        smoothed.
-    joint
-        Weights (F, B) with which bins are correlated, whose squares are the window; None for independent bins.
+    window, joint
+        Weights (F, B): the smoothed spectra at the bins are sums of the F on the finer grid; and those with which bins
+        are correlated, whose squares are the window. None where nothing is smoothed, and for independent bins.
     smear
         What the taper's window adds to the spectra, where it is taken as known (B, e, e); None where it is not, or
         where `window` smooths.
@@ -127,24 +125,19 @@ class LiftedModel(NamedTuple):
         The model with its readings, its degrees of freedom, and all its parameters (n_p,).
     inputs
         Its inputs but for azimuth and speed (n_u,).
-    parameters
-        What θ stands for.
-    lag
-        Whether the mean lag angle is an unknown.
+    parameters, lag, inexact
+        What θ stands for, whether the mean lag angle is an unknown, and what τ stands for.
     sources
         The loads, at the frequencies of `place`.
-    noise
-        Statistics of the sensors' noise.
-    noise_given
-        The spectral density of each, as given, on every entry (n, F, e) [unit²/Hz]; they add up.
+    noise, noise_given
+        Statistics of the sensors' noise, and the spectral density of each, as given, on every entry (n, F, e)
+        [unit²/Hz]; they add up.
     shared
         How many bins share each spectrum (B,); None where all g do.
     blocks
         Of how many blocks `data` are: of more than one they are no bins but what has the same products Y Yᴴ.
     recent, gusts
         Where there are several, the bins of the last, and how much larger c_h is for what changes between them.
-    inexact
-        What τ stands for.
     """
 
     data: Complex

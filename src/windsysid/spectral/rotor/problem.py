@@ -33,22 +33,17 @@ class RotorQuestion(NamedTuple):
 
     Attributes
     ----------
-    turbine
-        With the degrees of freedom that the sensors see.
+    turbine, parameters
+        With the degrees of freedom that the sensors see, and what is identified.
     sensors, readings, rate
         Instruments, and what they read without gaps (T, m) at `rate` [Hz].
-    inputs
-        The model's inputs (T, n_u).
-    compiled
-        The model with these sensors.
-    parameters
-        What is identified.
+    inputs, compiled
+        The model's inputs (T, n_u), and the model with these sensors.
     loads
         The turbine file's, those that were measured left out.
-    sums
-        What blocks of it say together, where it came in pieces: readings and inputs are then those of the last.
-    turned
-        The same of a rotor that is read in bands.
+    sums, turned
+        What blocks of it say together, where it came in pieces: readings and inputs are then those of the last; and the
+        same of a rotor that is read in bands.
     lifts
         Where the results of `lifted` are kept, by number of harmonics; None to keep none.
     """

@@ -1,8 +1,7 @@
-"""Likelihood ratios of parts of a record that have coefficients of their own: its halves, and classes of its blades.
+"""Likelihoods of parts of a record that have coefficients of their own: its halves, and classes of its blades.
 
-Levels of loads are those of each part under both hypotheses. Refits of short parts are far from quadratic, so that a
-difference of estimates is longer than its Fisher covariance lets expect; the ratio of likelihoods is not. Scores at the
-common mode do not show a resonance that has moved by more than its width, and refits do.
+Levels of loads are those of each part. Scores at the common mode do not show a resonance that has moved by more than
+its width, and refits of short parts stay at the common summit; so the stiffness is varied over the whole band.
 """
 
 import math
@@ -12,11 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array
-from windsysid.checks.limits import FALSE_ALARM_PROBABILITY, MIN_RIVAL_PROBABILITY
+from windsysid.checks.limits import (
+    FALSE_ALARM_PROBABILITY,
+    MIN_RIVAL_PROBABILITY,
+    NEGLIGIBLE_SHARE,
+    PRIOR_ODDS_OF_MISFIT,
+)
+from windsysid.checks.widening import mixture_factor
 from windsysid.results.finding import Finding
 from windsysid.spectral.rotor.model import LiftedModel
 from windsysid.spectral.rotor.scoring import SpectralMode, find_in_stages
 from windsysid.spectral.rotor_bands.build import PosedBands
+from windsysid.spectral.rotor_bands.channels import Row
 from windsysid.spectral.rotor_bands.mode_locations import ModeLocation
 from windsysid.spectral.rotor_bands.model import COMPARISON_TOLERANCE, BandModel, RotorBand, RotorBandFit
 from windsysid.statespace.parameter import Parameter
@@ -31,36 +37,70 @@ CLASS_FREEDOM = 2.0
 
 
 def doubt_halves(halves: Sequence[BandModel], found: RotorBandFit, parameters: Sequence[Parameter]) -> list[Finding]:
-    """Return a reason if the halves of a record have other coefficients than all of it, with the farther shift of each
-    coefficient as a rival explanation.
+    """Return a rival explanation for the stiffness of all blades, and for each of the support, if it may differ between
+    the halves of a record: the value of the half that is farther from the fit, and the posterior probability of two
+    values instead of one. The likelihood is integrated over a grid, as that of a short half has several summits."""
+    std, doubts = np.sqrt(np.diag(np.linalg.inv(found.mode.information))), list[Finding]()
+    starts = [_with_own_levels(half, found, std) for half in halves]
+    of_blades = _springs(halves[0].bands[0].model, parameters)
+    springs = [of_blades, *([i] for i, q in enumerate(parameters) if q.kind == "stiffness" and i not in of_blades)]
+    for which in filter(None, springs):
+        steps, values = _profiles(halves, starts, which, blades=which == of_blades)
+        weights = np.exp(values.min(axis=1, keepdims=True) - values)
+        odds = PRIOR_ODDS_OF_MISFIT * float(np.prod(weights.mean(axis=1)) / np.mean(np.prod(weights, axis=0)))
+        means = weights @ steps / weights.sum(axis=1)
+        spreads = np.sqrt(np.sum(weights * np.square(steps - means[:, None]), axis=1) / weights.sum(axis=1))
+        far = int(np.argmax(np.abs(means)))
+        chance, width = odds / (1.0 + odds), max(float(spreads[far] / std[which[0]]), 1.0)
+        if mixture_factor([(means[far] / std[which[0]], width, chance)]) > 1.0 + NEGLIGIBLE_SHARE:
+            names = tuple(parameters[i].name for i in which)
+            data = {"change": means[far], "chance": chance, "shifts": dict.fromkeys(names, means[far])}
+            doubts.append(
+                Finding("halves_disagree_in_bands", "reason", data | {"widths": dict.fromkeys(names, width)}, names)
+            )
+    return doubts
 
-    The halves share the prior's information. The ratio is a sum of χ² of one degree of freedom each, weighted by the
-    data's share of the information, and is approximated by its first two moments (Satterthwaite).
-    """
-    from scipy.special import chdtrc
 
-    starts = [half.start_from(found.mode.unknowns, found.model) for half in halves]
-    joint, known = BandModel(tuple(band for half in halves for band in half.bands)), halves[0].unknowns
-    at, shared = np.zeros(joint.unknowns.size), known.but("statistics")
-    at[joint.unknowns.but("statistics")] = starts[0][shared]
-    at[joint.unknowns.of("statistics")] = np.concatenate([start[known.of("statistics")] for start in starts])
-    same, ratio, steps = _search(joint, at, joint.prior), 0.0, []
-    cov, scatter = np.zeros((2, len(shared), len(shared)))
-    for half, start in zip(halves, starts, strict=True):
-        mean, spread = half.prior
-        spread[shared] *= math.sqrt(len(halves))
-        own = _search(half, start, (mean, spread))
-        C = np.linalg.inv(own.information)
-        ratio -= 2.0 * own.value
-        steps.append(own.unknowns[: len(parameters)] - found.mode.unknowns[: len(parameters)])
-        cov += C[np.ix_(shared, shared)]
-        scatter += (C - C @ np.diag(spread**-2.0) @ C)[np.ix_(shared, shared)]
-    weights = np.linalg.solve(cov, scatter)
-    first, second = float(np.trace(weights)), float(np.trace(weights @ weights))
-    if chdtrc(first**2 / second, max(ratio + 2.0 * same.value, 0.0) * first / second) > FALSE_ALARM_PROBABILITY:
-        return []
-    away = np.where(np.abs(steps[0]) > np.abs(steps[1]), *steps)
-    return [rival_in_bands("halves_disagree_in_bands", away, np.sqrt(np.diag(cov)), parameters)]
+def _with_own_levels(half: BandModel, found: RotorBandFit, std: Array) -> Array:
+    """Unknowns (n,) of a half with the coefficients of the fit, with their standard deviations, and levels of its
+    own."""
+    start, (mean, spread), theta = half.start_from(found.mode.unknowns, found.model), half.prior, half.unknowns
+    known = mean.copy(), spread.copy()
+    known[0][theta.but("statistics")] = start[theta.but("statistics")]
+    known[1][theta.but("statistics")] = std[found.model.unknowns.but("statistics")]
+    return _search(half, start, known).unknowns
+
+
+def _profiles(
+    halves: Sequence[BandModel], starts: Sequence[Array], which: Sequence[int], *, blades: bool
+) -> tuple[Array, Array]:
+    """Steps (S,) of the logarithm of stiffness, half a bin in frequency each, and −ln of the posterior (2, S) of either
+    half in the bands of the blades or of the support."""
+    of = slice(0, 1) if blades or len(halves[0].bands) == 1 else slice(1, None)
+    band = halves[0].bands[of][0]
+    width = float(np.ptp(band.model.base) / band.model.base.mean()) / len(band.model.data)
+    count = int(_reach(band.rows[0]) / width)
+    steps, along = np.arange(-count, count + 1.0) * width, np.isin(np.arange(len(starts[0])), which)
+    each = [[_misfit(half, of, at + step * along) for step in steps] for half, at in zip(halves, starts, strict=True)]
+    return np.asarray(steps), np.array(each, dtype=np.float64)
+
+
+def _misfit(model: BandModel, bands: slice, at: Array) -> float:
+    """−ln of the posterior of the unknowns (n,), of some of the bands."""
+    parts, (mean, spread) = zip(model.bands[bands], model.places()[bands], strict=True), model.prior
+    off = (at - mean) / spread
+    return sum(band.model.likelihood(at[own], slopes=False).value for band, own in parts) + 0.5 * float(off @ off)
+
+
+def _springs(model: LiftedModel, parameters: Sequence[Parameter]) -> list[int]:
+    """Indices of the blades' stiffness."""
+    blades = {row.name for row in model.freedoms if row.blade}
+    return [i for i, q in enumerate(parameters) if q.kind == "stiffness" and q.part in blades]
+
+
+def _reach(row: Row) -> float:
+    """Change of the logarithm of stiffness that moves a mode by half the band, as f² goes with stiffness."""
+    return math.log(row.high / row.low)
 
 
 def rival_in_bands(code: str, step: Array, std: Array, parameters: Sequence[Parameter]) -> Finding:
@@ -78,8 +118,7 @@ def doubt_classes(posed: PosedBands, found: SpectralMode, parameters: Sequence[P
     from scipy.special import chdtrc
 
     band, where = posed.model.bands[0], posed.model.places()[0]
-    blades = {row.name for row in band.model.freedoms if row.blade}
-    which = [i for i, q in enumerate(parameters) if q.kind == "stiffness" and q.part in blades]
+    which = _springs(band.model, parameters)
     worst, doubts = FALSE_ALARM_PROBABILITY, list[Finding]()
     for i, place in _rows_of_classes(posed) if which else ():
         change, ratio = _shift(BandModel((_only(band, i),)), found, where, which)
@@ -114,17 +153,15 @@ def _shift(
         return band.model.likelihood(at, slopes=False).value + 0.5 * float(off @ off)
 
     row = band.rows[int(np.flatnonzero(~band.model.left_out.all(axis=0))[0])]
-    count = int(math.log(row.high / row.low) / STIFFNESS_STEP)  # half the band, as f² goes with stiffness
-    values = {}
+    count = int(_reach(row) / STIFFNESS_STEP)
+    points = {}
     for step in range(-count, count + 1):
-        at = whole.unknowns.copy()
-        at[which] += step * STIFFNESS_STEP
-        values[step] = value(at)
-    best = min(values, key=values.__getitem__)
+        points[step] = whole.unknowns.copy()
+        points[step][which] += step * STIFFNESS_STEP
+    best = min(points, key=lambda step: value(points[step]))
     if best == 0:
         return 0.0, 0.0
-    at = whole.unknowns.copy()
-    at[which] += best * STIFFNESS_STEP
+    at = points[best]
     other = _search(alone, at, (mean, spread)).unknowns
     change = float(np.mean(other[which] - whole.unknowns[which]))
     return change, 2.0 * (value(whole.unknowns) - value(other))

@@ -53,20 +53,12 @@ class Lifted(NamedTuple):
     ----------
     data
         Y (B, 2K + 1, m): base bins, harmonics −K … K, readings [unit / √Hz].
-    base
-        Base frequencies b/T (B,) [Hz].
-    harmonics
-        −K … K (2K + 1,).
-    rotor_hz
-        Ω / 2π [Hz].
-    overlap
-        c_h ≥ 1: how many bins count as one.
-    taper
-        h (T,), for the spectral window.
-    duration
-        T [s].
-    rate
-        [Hz].
+    base, harmonics
+        Base frequencies b/T (B,) [Hz], and −K … K (2K + 1,).
+    rotor_hz, rate, duration
+        Ω / 2π [Hz], rate [Hz] and T [s].
+    overlap, taper
+        c_h ≥ 1: how many bins count as one; h (T,), for the spectral window.
     """
 
     data: Complex

@@ -33,22 +33,12 @@ class SpectralEstimate(NamedTuple):
 
     Attributes
     ----------
-    unknowns, cov
-        Mode of the posterior (n,), and its covariance (n, n).
-    blocks
-        Names of the unknowns.
+    unknowns, cov, blocks
+        Mode of the posterior (n,), its covariance (n, n), and the names of the unknowns.
     log_likelihood
         There.
-    statistics
-        What η stands for.
-    doubts, notes
-        What speaks against it, and what a reader must know.
-    held
-        Damping coefficients that their priors hold.
-    spectra
-        Spectra under the fit, of bands.
-    scores
-        Of parts of the record, of bands.
+    statistics, doubts, notes, held, spectra, scores
+        As `windsysid.identification.model.fit.Outcome` has them.
     """
 
     unknowns: Array
