@@ -14,7 +14,7 @@ DISPERSION_PRIOR_ODDS = 0.1
 
 MAX_WIDENING = 5.0
 """Size: factor on a standard deviation beyond which a record contradicts the model so much that no interval covers the
-error."""
+error; and beyond which an interval that covers rival explanations must be informative."""
 
 MIN_RIVAL_PROBABILITY = 0.5
 """Probability: of a rival explanation whose evidence is not known."""
@@ -122,7 +122,8 @@ it within which no line is searched: from 5 on, its skirts are parabolas in 1/S
 (``tests/results/test_steadiness.py``)."""
 
 MAX_INFORMED_STD_RATIO = 0.7
-"""Size: standard deviation of a tolerance's estimate over that of its prior, below which the record is informative."""
+"""Size: standard deviation of a tolerance's estimate, or of a quantity whose interval covers rivals, over that of its
+prior, below which the record is informative."""
 
 MIN_DEVIATION_SIGMAS = 2.0
 """Size in standard deviations: estimate of an informed tolerance from which on its file is wrong."""
