@@ -26,7 +26,7 @@ too narrow, before the record is seen."""
 
 MAX_WIDENING = 5.0
 """Size: factor on a standard deviation beyond which a record contradicts the model so much that no interval covers the
-error."""
+error; and beyond which an interval that covers rival explanations must be informative."""
 
 MIN_RIVAL_PROBABILITY = 0.5
 """Probability: of a rival explanation whose evidence is not known."""
@@ -123,9 +123,9 @@ MIN_RESONANCE_WIDTH_BINS = 5.0
 it within which no line is searched: from 5 on, its skirts are parabolas in 1/S
 (``tests/results/test_steadiness.py``)."""
 
-MAX_INFORMED_STD_RATIO = 0.8
-"""Size: standard deviation of an estimate over that of its prior, below which the record is informative: of a tolerance
-and of the damping of a mode."""
+MAX_INFORMED_STD_RATIO = 0.7
+"""Size: standard deviation of an estimate over that of its prior, below which the record is informative: of a
+tolerance, of a quantity whose interval covers rivals and of the damping of a mode."""
 
 MAX_DISAGREEMENT_SIGMAS = 3.0
 """Size in standard deviations: difference between two values of a coefficient, by filters and by spectra or under two

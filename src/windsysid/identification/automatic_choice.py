@@ -20,7 +20,7 @@ from windsysid.identification.model.regressor import Regressors
 from windsysid.identification.model.turbine_problem import seen_by
 from windsysid.identification.pipeline import FAILURES, run
 from windsysid.identification.verdict.conclude import doubts_of_innovations
-from windsysid.identification.verdict.grading import is_contradictory
+from windsysid.identification.verdict.grading import is_contradictory, widen_coefficients
 from windsysid.loads.family import Broadband
 from windsysid.loads.hypothesis import HYPOTHESES
 from windsysid.loads.narrow_band import NarrowBand
@@ -159,8 +159,10 @@ def _cross_checked(job: Job, joint: FittedJob, spectral_job: Job, spectral: Fitt
         except FAILURES as error:
             return joint.noting(_note("joint_as_spectra_do_not_apply", error=str(error)))
     spectral = spectral._replace(outcome=spectral.outcome._replace(scores=joint.outcome.scores))
-    off = compare(joint.outcome, spectral.outcome)[1]
-    against = [disagreement(joint.outcome, spectral.outcome, job.turbine)]
+    scores, parameters = joint.outcome.scores, joint.outcome.model.parameters
+    wider = {one.name: one.factor for one in widen_coefficients(scores, parameters, joint.outcome.cov)}
+    off = compare(joint.outcome, spectral.outcome, wider)[1]
+    against = [disagreement(joint.outcome, spectral.outcome, job.turbine, wider)]
     if not spectral.outcome.turns:
         return _checked_by_filters(spectral, joint, off, against)
     if off > MAX_DISAGREEMENT_SIGMAS:

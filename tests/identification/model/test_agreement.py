@@ -20,6 +20,16 @@ def test_the_largest_difference_is_in_the_larger_standard_deviation():
     assert compare(OUTCOME, OUTCOME)[1] == 0.0
 
 
+def test_a_difference_counts_in_intervals_as_wide_as_their_factors_make_them():
+    """Filters whose own frequencies contradict each other condemned spectra of OpenFAST's turbines that were right."""
+    names = [q.name for q in OUTCOME.model.parameters]
+    other = OUTCOME._replace(theta=OUTCOME.theta + 0.1 * (np.arange(len(names)) == 0))
+    (name, plain), (_, wide) = compare(OUTCOME, other), compare(OUTCOME, other, {names[0]: 4.0})
+    assert name == names[0]
+    assert wide == pytest.approx(plain / 4.0)
+    assert disagreement(OUTCOME, other, TOWER, {names[0]: 4.0}).data["sigmas"] == wide
+
+
 def test_a_disagreement_has_its_coefficients_and_says_whether_blades_were_left_out():
     shift = 0.01 * (MAX_DISAGREEMENT_SIGMAS + 1.0) * np.eye(len(OUTCOME.theta))[2]
     other = OUTCOME._replace(theta=OUTCOME.theta - shift)

@@ -172,6 +172,19 @@ def test_a_rival_that_is_far_away_is_a_reason_however_small_its_chance():
     assert not found.diagnosis.trusted
 
 
+@pytest.mark.parametrize(("sigmas", "grade"), [(12.0, "B"), (60.0, "C")])
+def test_an_interval_covers_a_rival_that_is_far_away_while_it_tells_more_than_the_prior(sigmas: float, grade: str):
+    """OpenFAST's idling turbine: a frequency known to 0.2 %, right, had C for a rival at 10.3 σ with 4 %."""
+    one = rival(sigmas, 0.04)
+    one = replace(one, data={**one.data, "widths": {"k_fore_aft": 1.5}})
+    found = concluded(one, over=("time", "frequency"))
+    assert grades(found) == {**dict.fromkeys(NAMES, "A"), "k_fore_aft": grade}
+    assert found["k_fore_aft"].std / found["k_fore_aft"].estimate > 0.5 * sigmas * STD
+    severities = {one.code: one.severity for one in found.findings if "k_fore_aft" in one.quantities}
+    assert severities["narrow_band_load_possible"] == "remark"
+    assert severities["wider_intervals"] == ("remark" if grade == "B" else "reason")
+
+
 def test_a_narrow_band_rival_widens_where_scores_are_not_known_and_any_other_stays_a_reason():
     found = concluded(rival(3.0, 0.25))
     assert grades(found) == {**dict.fromkeys(NAMES, "A"), "k_fore_aft": "B"}

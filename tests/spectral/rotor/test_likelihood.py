@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.spectral.rotor.products import differentiate, respond, times_sources
 from windsysid.spectral.rotor import likelihood as module
 from windsysid.spectral.rotor.kernel_dense import elements_of, entries_at, places_of, spectra_dense
 from windsysid.spectral.rotor.kernel_sparse import MAX_LOOP_ENTRIES
@@ -10,9 +11,9 @@ from windsysid.spectral.rotor.likelihood import (
     Ingredients,
     ModelSpectrum,
     spectrum_of_bins,
-    times_sources,
     whittle,
     whittle_by_bins,
+    whittle_given,
 )
 from windsysid.spectral.rotor.load_spectra import SourceSpectra
 from windsysid.spectral.rotor.problem import Posed
@@ -33,7 +34,7 @@ def test_value_gradient_and_information_are_whittles(entries: int):
     rng = np.random.default_rng(1)
     S, A = spectra_of(rng, entries), np.array([spectra_of(rng, entries) for _ in range(2)])
     data, counts = rng.normal(size=(5, entries, 2)) + 1j * rng.normal(size=(5, entries, 2)), np.full(5, 2.0)
-    found = whittle(data, counts, ModelSpectrum(S, A, None))
+    found = whittle(data, counts, ModelSpectrum(S, A))
     value, gradient, information = 0.0, np.zeros(2), np.zeros((2, 2))
     for s, a, y in zip(S, A.swapaxes(0, 1), data, strict=True):
         inverse = np.linalg.inv(s)
@@ -43,33 +44,57 @@ def test_value_gradient_and_information_are_whittles(entries: int):
     assert found.value == pytest.approx(value)
     np.testing.assert_allclose(found.gradient, gradient)
     np.testing.assert_allclose(found.information, information)
-    gradients, informations = whittle_by_bins(data, counts, ModelSpectrum(S, A, None))
+    gradients, informations = whittle_by_bins(data, counts, ModelSpectrum(S, A))
     np.testing.assert_allclose(gradients.sum(axis=0), gradient)
     np.testing.assert_allclose(informations.sum(axis=0), information)
-    alone = whittle(data[1:2], counts[1:2], ModelSpectrum(S[1:2], np.ascontiguousarray(A[:, 1:2]), None))
+    alone = whittle(data[1:2], counts[1:2], ModelSpectrum(S[1:2], np.ascontiguousarray(A[:, 1:2])))
     np.testing.assert_allclose(gradients[1], alone.gradient)
 
 
-def test_loops_over_few_and_over_many_entries_are_products_of_matrices(ingredients: Ingredients):
-    of = ingredients
-    loops = spectrum_of_bins(of, whiten=False)
-    products = module._respond(of)
+@pytest.mark.parametrize("real", [False, True])
+def test_entries_given_others_say_what_all_say_less_what_the_others_say(real: bool):
+    rng = np.random.default_rng(2)
+    S, A = spectra_of(rng, 6)[0], np.array([spectra_of(rng, 6)[0] for _ in range(2)] + [np.zeros((6, 6))])
+    S, A = (S.real, A.real) if real else (S, A)
+    y = rng.normal(size=6) + 1j * rng.normal(size=6)
+    whole, first, rest = (
+        whittle_given(y[:n], S[:n, :n], np.ascontiguousarray(A[:, :n, :n]), given)
+        for n, given in ((6, 0), (2, 0), (6, 2))
+    )
+    expected = whittle(y[None, :, None], np.ones(1), ModelSpectrum(S[None] + 0j, A[:, None] + 0j))
+    for all_of, of_first, of_rest, known in zip(whole, first, rest, expected, strict=True):
+        np.testing.assert_allclose(all_of, known)
+        if np.ndim(known) < 2:
+            np.testing.assert_allclose(of_rest, np.asarray(all_of) - of_first)
+    n = 400_000  # the information of what is given is the variance of the score, and no difference
+    L = np.linalg.cholesky(S)
+    drawn = (rng.normal(size=(n, 6)) + 1j * rng.normal(size=(n, 6))) / np.sqrt(2.0) @ L.T
+    inverse, before = np.linalg.inv(S), np.pad(np.linalg.inv(S[:2, :2]), ((0, 4), (0, 4)))
+    scores = [
+        np.einsum("ni,ij,nj->n", drawn.conj(), inverse @ a @ inverse - before @ a @ before, drawn).real for a in A[:2]
+    ]
+    np.testing.assert_allclose(np.cov(scores), rest.information[:2, :2], rtol=0.03)
+
+
+@pytest.mark.parametrize("late", [0.0, 0.02])
+def test_loops_over_few_and_over_many_entries_are_products_of_matrices(ingredients: Ingredients, late: float):
+    assert ingredients.slopes is not None
+    bins, entries = ingredients.place.left_out.shape
+    of = ingredients._replace(more=np.tile(0.1 * np.eye(entries) + 0j, (bins, 1, 1)))
+    if late:
+        of = of._replace(
+            late=late * np.arange(1.0, 1.0 + entries), slopes=ingredients.slopes._replace(late=np.eye(entries))
+        )
     assert of.slopes is not None
-    slopes = module._differentiate(of, of.slopes, products, None)
+    loops = spectrum_of_bins(of)
+    expected = respond(of)
+    slopes = differentiate(of, of.slopes, expected)
     S = np.empty_like(loops.spectrum)
     spectra_dense(module._many_entries(of), S)
-    size = np.abs(products.spectrum).max()
-    np.testing.assert_allclose(loops.spectrum, products.spectrum, rtol=1e-9, atol=1e-12 * size)
-    np.testing.assert_allclose(np.tril(S), np.tril(products.spectrum), rtol=1e-9, atol=1e-12 * size)
+    size = np.abs(expected.spectrum).max()
+    np.testing.assert_allclose(loops.spectrum, expected.spectrum, rtol=1e-9, atol=1e-12 * size)
+    np.testing.assert_allclose(np.tril(S), np.tril(expected.spectrum), rtol=1e-9, atol=1e-12 * size)
     np.testing.assert_allclose(loops.slopes, slopes, rtol=1e-7, atol=1e-10 * np.abs(slopes).max())
-
-
-def test_whitened_slopes_are_slopes_between_whiteners(ingredients: Ingredients):
-    of, response = ingredients, module._respond(ingredients)
-    assert of.slopes is not None
-    L_inv = np.asarray(np.linalg.inv(np.linalg.cholesky(response.spectrum)), dtype=np.complex128)
-    plain, whitened = (module._differentiate(of, of.slopes, response, by) for by in (None, L_inv))
-    np.testing.assert_allclose(whitened, L_inv @ plain @ L_inv.conj().swapaxes(1, 2), atol=1e-9)
 
 
 def test_sources_are_coherent_in_pairs():

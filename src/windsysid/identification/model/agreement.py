@@ -1,6 +1,7 @@
 """Agreement of two fits of one record."""
 
 import math
+from collections.abc import Mapping
 
 from windsysid.checks.limits import MIN_RIVAL_PROBABILITY
 from windsysid.identification.model.fit import Outcome
@@ -11,9 +12,10 @@ from windsysid.turbine.turbine import Turbine
 __all__ = ["compare", "disagreement", "shifts_to"]
 
 
-def compare(one: Outcome, other: Outcome) -> tuple[str, float]:
-    """The parameter on which two results differ most, and by how many standard deviations."""
-    off = {name: sigmas for name, (_, sigmas) in _differences(one, other).items()}
+def compare(one: Outcome, other: Outcome, factors: Mapping[str, float] | None = None) -> tuple[str, float]:
+    """The parameter on which two results differ most, and by how many standard deviations, widened by factors."""
+    wider = factors or {}
+    off = {name: sigmas / wider.get(name, 1.0) for name, (_, sigmas) in _differences(one, other).items()}
     worst = max(off, key=lambda name: off[name])
     return worst, off[worst]
 
@@ -41,9 +43,9 @@ def _differences(one: Outcome, other: Outcome) -> dict[str, tuple[float, float]]
     return off
 
 
-def disagreement(fit: Outcome, other: Outcome, turbine: Turbine) -> Finding:
+def disagreement(fit: Outcome, other: Outcome, turbine: Turbine, factors: Mapping[str, float] | None = None) -> Finding:
     """That filters and spectra are standard deviations apart on a coefficient, and the likeliest cause."""
-    (name, off), locked = compare(fit, other), _blades_move(turbine) and not _blades_move(fit.turbine)
+    (name, off), locked = compare(fit, other, factors), _blades_move(turbine) and not _blades_move(fit.turbine)
     data = {"sigmas": off, "unseen_blades": locked, "shifts": shifts_to(other, fit), "chance": MIN_RIVAL_PROBABILITY}
     return Finding("formulations_disagree", "reason", data, (name,))
 

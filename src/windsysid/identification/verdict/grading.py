@@ -15,7 +15,13 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.checks.dispersion import PartScores, expected_factor
-from windsysid.checks.limits import MAX_DISAGREEMENT_SIGMAS, MAX_WIDENING, MIN_RIVAL_PROBABILITY, NEGLIGIBLE_SHARE
+from windsysid.checks.limits import (
+    MAX_DISAGREEMENT_SIGMAS,
+    MAX_INFORMED_STD_RATIO,
+    MAX_WIDENING,
+    MIN_RIVAL_PROBABILITY,
+    NEGLIGIBLE_SHARE,
+)
 from windsysid.checks.verdict import Diagnosis
 from windsysid.checks.widening import grade_of, mixture_factor
 from windsysid.identification.estimate.fitted.modes import FittedModes
@@ -67,6 +73,8 @@ class Widening(NamedTuple):
         without one.
     of_rivals
         Part of the factor that rival explanations make.
+    prior_std
+        Standard deviation of the prior; infinite where it is not asked.
     """
 
     name: str
@@ -76,6 +84,14 @@ class Widening(NamedTuple):
     over: str = ""
     place: float = 0.0
     of_rivals: float = 1.0
+    prior_std: float = math.inf
+
+    @property
+    def is_usable(self) -> bool:
+        """Test whether an interval may be used: the factor is not too large, or rivals make it, and the interval that
+        covers them is much narrower than that of the prior."""
+        informed = self.factor * self.std <= MAX_INFORMED_STD_RATIO * self.prior_std
+        return self.factor <= MAX_WIDENING or (self.factor / self.of_rivals <= MAX_WIDENING and informed)
 
     def added(self) -> Array:
         """Contributions of dispersion and of rival explanations to the variance, over that of the model (2,)."""
@@ -95,10 +111,11 @@ def widenings_of(
     ]
     rivals = _rivals([one for one in findings if _is_coverable(one, scores)], coefficients)
     stds, level = np.array([one.std for one in coefficients]), _level_factor(findings, scores)
+    priors = np.array([q.prior[1] for q in outcome.priors])
 
     def widened(one: Widening) -> Widening:
         one = one._replace(factor=level, over="level", place=0.0) if one.factor < level else one
-        return _with_rivals(one, rivals, stds)
+        return _with_rivals(one._replace(prior_std=float(np.linalg.norm(one.quantity * priors))), rivals, stds)
 
     return (
         [widened(one) for one in coefficients],
@@ -154,22 +171,29 @@ def _rivals(findings: Sequence[Finding], coefficients: Sequence[Widening]) -> li
     found = []
     for one in findings:
         if one.severity == "reason" and "shifts" in one.data:
-            shifts, far = one.data["shifts"], _beyond(one, coefficients)
-            off = [0.0 if each.name in far else shifts.get(each.name, 0.0) for each in coefficients]
+            far, chance = _beyond(one, coefficients), float(one.data["chance"])
+            if far and _has_evidence(one):
+                far, chance = (), max(chance, MIN_RIVAL_PROBABILITY)
+            off = [0.0 if each.name in far else one.data["shifts"].get(each.name, 0.0) for each in coefficients]
             widths = [one.data.get("widths", {}).get(each.name, 1.0) for each in coefficients]
-            found.append((np.array(off), np.array(widths), float(one.data["chance"])))
+            found.append((np.array(off), np.array(widths), chance))
     return found
 
 
+def _has_evidence(one: Finding) -> bool:
+    """Test whether the probability and the own intervals of a rival explanation are known. One that is far away counts
+    with even odds: a slightly wrong prior or load model may make it the likelier one."""
+    return "widths" in one.data
+
+
 def _in_sigmas(one: Finding, coefficients: Sequence[Widening]) -> dict[str, float]:
-    """Shifts of the coefficients under a rival explanation [σ]."""
-    shifts = one.data["shifts"]
-    return {each.name: abs(shifts.get(each.name, 0.0)) / each.std for each in coefficients if each.std > 0.0}
+    """Shifts of the coefficients under a rival explanation, in standard deviations with their dispersion."""
+    shifts, known = one.data["shifts"], [each for each in coefficients if each.std > 0.0]
+    return {each.name: abs(shifts.get(each.name, 0.0)) * each.of_rivals / (each.factor * each.std) for each in known}
 
 
 def _beyond(one: Finding, coefficients: Sequence[Widening]) -> tuple[str, ...]:
-    """Coefficients that differ under a rival explanation, if one shifts so far that no interval covers both. A slightly
-    wrong prior or load model may make such a rival the likelier one."""
+    """Coefficients that differ under a rival explanation, if one shifts far."""
     off = _in_sigmas(one, coefficients)
     return _differing(off) if max(off.values(), default=0.0) > SIGMAS * MAX_WIDENING else ()
 
@@ -182,7 +206,7 @@ def _differing(off: Mapping[str, float]) -> tuple[str, ...]:
 def _covered(one: Finding, coefficients: Sequence[Widening]) -> Finding:
     """Turn a reason into a remark if intervals cover it; of a rival that is too far away, name the coefficients."""
     if "shifts" in one.data:
-        names = _beyond(one, coefficients)
+        names = () if _has_evidence(one) else _beyond(one, coefficients)
         return replace(one, quantities=names) if names else replace(one, severity="remark")
     of_innovations = one.code == "spectral_line" and one.data.get("innovations", False)
     return replace(one, severity="remark") if of_innovations or one.code in COVERED_BY_INTERVALS else one
@@ -264,15 +288,13 @@ def judged(
 
 def _reported(names: Collection[str], widenings: Sequence[Widening]) -> Iterator[Finding]:
     """Findings on the widenings of coefficients with these names, and of others, by their cause."""
-    for severity, low, high in (("reason", MAX_WIDENING, np.inf), ("remark", 1.0 + NEGLIGIBLE_SHARE, MAX_WIDENING)):
-        wide = sorted((one for one in widenings if low < one.factor <= high), key=lambda one: -one.factor)
-        by_cause: dict[str, list[Widening]] = {}
-        for one in wide:
-            by_cause.setdefault(one.over, []).append(one)
-        for over, some in by_cause.items():
-            data = {"names": [one.name for one in some], "factor": some[0].factor, "over": over, "at": some[0].place}
-            own = tuple(one.name for one in some if one.name in names)
-            yield Finding("wider_intervals", severity, data, own)  # type: ignore[arg-type]
+    by_cause: dict[tuple[bool, str], list[Widening]] = {}
+    for one in sorted((one for one in widenings if one.factor > 1.0 + NEGLIGIBLE_SHARE), key=lambda one: -one.factor):
+        by_cause.setdefault((one.is_usable, one.over), []).append(one)
+    for (usable, over), some in sorted(by_cause.items(), key=lambda item: item[0][0]):
+        data = {"names": [one.name for one in some], "factor": some[0].factor, "over": over, "at": some[0].place}
+        own = tuple(one.name for one in some if one.name in names)
+        yield Finding("wider_intervals", "remark" if usable else "reason", data | {"usable": usable}, own)
 
 
 def grade_coefficients(
@@ -282,7 +304,11 @@ def grade_coefficients(
     """Grade each coefficient of a result from these channels. Without `readers` all degrees of freedom are coupled, and
     every reason affects all coefficients."""
     touched = _touched(diagnosis, parameters, set(channels), readers)
-    return [grade_of(one.factor, excluded=one.name in touched) for one in widenings]
+    return [_grade(one, excluded=one.name in touched) for one in widenings]
+
+
+def _grade(one: Widening, *, excluded: bool) -> str:
+    return grade_of(min(one.factor, MAX_WIDENING), excluded=excluded or not one.is_usable)
 
 
 def grade_modes(
@@ -297,7 +323,7 @@ def grade_modes(
         graded = []
         for one, (_, value) in zip(both, mode.quantities, strict=True):
             depends = np.abs(one.quantity) * unit > NEGLIGIBLE_SHARE * abs(value.estimate)
-            grade = grade_of(one.factor, excluded=bool((bad & depends).any())) if one.std > 0.0 else ""
+            grade = _grade(one, excluded=bool((bad & depends).any())) if one.std > 0.0 else ""
             wide = IntervalEstimate.normal(value.estimate, one.factor * value.std, value.unit)
             graded.append(replace(wide, grade=grade, reference=value.reference))
         found.append(Mode(mode.name, graded[0], graded[1]))

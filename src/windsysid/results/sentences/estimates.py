@@ -85,7 +85,8 @@ def _wider_intervals(d: Data) -> str:
     }
     more = f" and {len(d['names']) - 3} more" if len(d["names"]) > 3 else ""
     wide = f"intervals are up to {d['factor']:.1f} times as wide ({', '.join(d['names'][:3])}{more})"
-    advice = "; choose another section or load model" if d["factor"] > MAX_WIDENING else ""
+    usable = d.get("usable", d["factor"] <= MAX_WIDENING)
+    advice = "" if usable else "; choose another section or load model"
     return f"{why[d['over']]}: {wide}{advice}"
 
 

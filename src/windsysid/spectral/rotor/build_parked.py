@@ -12,7 +12,7 @@ from windsysid.errors import ConfigurationError, RecordError
 from windsysid.spectral.rotor.harmonic_transfer import coupled, matrix_harmonics
 from windsysid.spectral.rotor.likelihood import SpectrumGrid
 from windsysid.spectral.rotor.load_spectra import BandLoads
-from windsysid.spectral.rotor.model import GRID_FACTOR, LiftedModel, finer_bins, taper_weights
+from windsysid.spectral.rotor.model import GRID_FACTOR, JointWeights, LiftedModel, finer_bins, taper_weights
 from windsysid.spectral.rotor.problem import Posed, RotorQuestion, damped_start
 from windsysid.spectral.transforms.block_sums import factored
 from windsysid.spectral.transforms.lifted import FIRST_BIN, MIN_LINE_TURNS, Lifted
@@ -104,14 +104,14 @@ def _in_bands(frequency: Array, bands: Sequence[tuple[float, float]]) -> NDArray
 
 def _grid(
     lifted: Lifted, used: NDArray[np.bool_], width: float, *, joint: bool
-) -> tuple[Array, Array | None, Array | None, int]:
+) -> tuple[Array, JointWeights | None, Array | None, int]:
     """Frequencies at which spectra are taken [Hz], weights of bins that may be `joint`, and of the taper's
     window, and how many bins share a spectrum; `width` is half the half-power width of the narrowest mode in bins."""
     number, joint = np.flatnonzero(used) + FIRST_BIN, joint and width < MAX_JOINT_WIDTH
     if width < MIN_EXACT_BINS:
         factor = JOINT_GRID_FACTOR if joint else GRID_FACTOR
         weights, fine = taper_weights(len(lifted.taper), number, factor), finer_bins(number[0], number[-1], factor)
-        return fine / lifted.duration, weights if joint else None, weights**2, 1
+        return fine / lifted.duration, JointWeights.of(weights) if joint else None, weights**2, 1
     alike = int(width / BINS_PER_GROUP)
     return _grouped(number, alike).mean(axis=1) / lifted.duration, None, None, alike
 

@@ -13,17 +13,16 @@ dS = −iω (S − N) + h.c. in its rows.
 
 What a finite record shows is S smoothed by the window |H|² of its taper (Sykulski et al., Biometrika 106, 2019,
 https://doi.org/10.1093/biomet/asy071). Where a resonance is as narrow as a few bins, S and its derivatives are smoothed
-on a finer grid; where it is narrower than a bin, all bins b, c have the joint covariance Σ_f S(f) H(b − f) H(c − f)*.
+on a finer grid; where it is narrower than a bin, the bins b, c have the joint covariance Σ_f S(f) H(b − f) H(c − f)*.
 """
 
-from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array
-from windsysid.spectral.rotor.harmonic_transfer import MatrixHarmonics, coupled
+from windsysid.spectral.rotor.harmonic_transfer import MatrixHarmonics
 from windsysid.spectral.rotor.kernel_dense import add_up_dense, elements_of, entries_at, places_of, spectra_dense
 from windsysid.spectral.rotor.kernel_sparse import MAX_LOOP_ENTRIES, add_up, spectra
 from windsysid.spectral.rotor.load_spectra import SourceSpectra
@@ -31,7 +30,7 @@ from windsysid.spectral.transforms.lifted import Complex
 
 __all__ = [
     "Ingredients", "Likelihood", "ModelSpectrum", "Slopes", "SpectrumGrid", "spectrum_of_bins", "whittle",
-    "whittle_by_bins", "whittle_of_many",
+    "whittle_by_bins", "whittle_given", "whittle_of_many",
 ]  # fmt: skip
 
 
@@ -77,11 +76,10 @@ class Slopes(NamedTuple):
 
 
 class ModelSpectrum(NamedTuple):
-    """S (B, e, e) and its derivatives (n, B, e, e), which are whitened where `whitener` L⁻¹ (B, e, e) is there."""
+    """S (B, e, e) and its derivatives (n, B, e, e)."""
 
     spectrum: Complex
     slopes: Complex
-    whitener: Complex | None
 
 
 class Likelihood(NamedTuple):
@@ -122,108 +120,31 @@ class Ingredients(NamedTuple):
         return not self.late.any() and (self.slopes is None or not len(self.slopes.late))
 
 
-def spectrum_of_bins(of: Ingredients, *, whiten: bool) -> ModelSpectrum:
-    """S and its derivatives.
-
-    `whiten` hands the derivatives back whitened, which costs less than to whiten them later; where there are few
-    entries it does not, and they are not.
-    """
+def spectrum_of_bins(of: Ingredients) -> ModelSpectrum:
+    """S and its derivatives."""
     bins, entries = of.place.left_out.shape
-    if entries <= MAX_LOOP_ENTRIES and of.is_on_time:
-        return _few_entries(of)
     if of.slopes is None and entries > MAX_LOOP_ENTRIES:
         S = np.empty((bins, entries, entries), dtype=np.complex128)
         spectra_dense(_many_entries(of), S)
-        return ModelSpectrum(S, np.empty((0, *S.shape), dtype=np.complex128), None)
-    response = _respond(of)
-    if of.slopes is None:
-        S = response.spectrum
-        return ModelSpectrum(S, np.empty((0, *S.shape), dtype=np.complex128), None)
-    L_inv = _whitener(response.spectrum) if whiten else None
-    return ModelSpectrum(response.spectrum, _differentiate(of, of.slopes, response, L_inv), L_inv)
+        return ModelSpectrum(S, np.empty((0, *S.shape), dtype=np.complex128))
+    found = _by_loops(of if of.is_on_time else of._replace(noise=np.zeros_like(of.noise)))
+    found = found if of.is_on_time else _delayed(found, of)
+    return found if of.more is None else found._replace(spectrum=found.spectrum + of.more)
 
 
-class _Response(NamedTuple):
-    """Response of the entries to the sources.
-
-    Attributes
-    ----------
-    transfer, placed
-        T (B, e, (2K+1) n), and T U (B, e, s).
-    driven
-        Q = D⁻¹ U S_s Uᴴ Tᴴ (B, (2K+1) n, e).
-    signal, spectrum
-        T U S_s Uᴴ Tᴴ and S (B, e, e).
-    turn, phase
-        −iω of every entry (B, e), and e^{−iωκ} (B, e, 1); None where nothing is late.
-    """
-
-    transfer: Complex
-    placed: Complex
-    driven: Complex
-    signal: Complex
-    spectrum: Complex
-    turn: Complex
-    phase: Complex | None
-
-
-def _respond(of: Ingredients) -> _Response:
-    """The response of the entries at every place."""
-    place, matrices = of.place, of.matrices
-    bins, entries = place.left_out.shape
-    D = coupled(matrices.mechanics[:, 0], place.base, place.orders, place.rotor_hz)
-    R = coupled(matrices.readings[:, 0], place.base, place.orders, place.rotor_hz)
-    size = D.shape[1] * D.shape[2]
-    seen = R.reshape(bins, -1, size)[:, place.entries]
-    seen[place.left_out] = 0.0
-    turn = -2j * np.pi * (place.base[:, None] + place.rotor_hz * place.orders[place.entries // R.shape[2]])
-    phase = np.exp(turn * of.late)[:, :, None] if of.late.any() else None
-    if phase is not None:
-        seen *= phase
-    inverse = np.asarray(np.linalg.inv(D.reshape(bins, size, size)), dtype=np.complex128)
-    T = seen @ inverse
-    T_s = T @ of.placement
-    driven = times_sources(T_s, of.sources)
-    signal = driven @ _h(T_s)
-    S = signal.copy()
-    S[:, range(entries), range(entries)] += np.where(place.left_out, 1.0, of.noise)
-    if of.more is not None:
-        S += of.more
-    return _Response(T, T_s, inverse @ (of.placement @ _h(driven)), signal, S, turn, phase)
-
-
-def _differentiate(of: Ingredients, slopes: Slopes, response: _Response, L_inv: Complex | None) -> Complex:
-    """The derivatives of S (n, B, e, e), whitened where L⁻¹ is there."""
-    T, T_s, Q = response.transfer, response.placed, response.driven
-    if L_inv is not None:
-        T, T_s, Q = L_inv @ T, L_inv @ T_s, Q @ _h(L_inv)
-    moved = slopes.mechanics.mechanics.shape[1]
-    halves = chain(
-        (_mechanical(slopes.mechanics, a, of.place, T, Q, L_inv, response.phase) for a in range(moved)),
-        (_whitened((response.turn * later)[:, :, None] * response.signal, L_inv) for later in slopes.late),
-    )
-    wholes = chain(
-        (half + _h(half) for half in halves),
-        (times_sources(T_s, SourceSpectra(*slope)) @ _h(T_s) for slope in zip(*slopes.sources, strict=True)),
-        (_of_noise(np.where(of.place.left_out, 0.0, density), L_inv) for density in slopes.noise),
-    )
-    count = moved + len(slopes.late) + len(slopes.sources.own) + len(slopes.noise)
-    A = np.empty((count, *response.spectrum.shape), dtype=np.complex128)
-    for a, whole in enumerate(wholes):
-        A[a] = whole
-    return A
-
-
-def _whitened(matrix: Complex, L_inv: Complex | None) -> Complex:
-    """L⁻¹ M L⁻ᴴ where L⁻¹ is there."""
-    return matrix if L_inv is None else np.asarray(L_inv @ matrix @ _h(L_inv))
-
-
-def _of_noise(density: Array, L_inv: Complex | None) -> Complex:
-    """The diagonal matrices of densities (B, e), whitened where L⁻¹ is there."""
-    if L_inv is None:
-        return np.asarray(density[:, :, None] * np.eye(density.shape[1]), dtype=np.complex128)
-    return np.asarray((L_inv * density[:, None, :]) @ _h(L_inv))
+def _delayed(signal: ModelSpectrum, of: Ingredients) -> ModelSpectrum:
+    """Spectra of readings on time and without noise, turned by e^{−iωκ}, with noise and the derivatives to lateness."""
+    place, rows = of.place, of.matrices.readings.shape[3]
+    turn = -2j * np.pi * (place.base[:, None] + place.rotor_hz * place.orders[place.entries // rows])
+    phase = np.exp(turn * of.late)
+    across = phase[:, :, None] * phase[:, None, :].conj()
+    S, A = signal.spectrum * across, signal.slopes * across
+    if of.slopes is not None:
+        moved = of.slopes.mechanics.mechanics.shape[1]
+        halves = [(turn * later)[:, :, None] * S for later in of.slopes.late]
+        A = np.concatenate([A[:moved], *((half + _h(half))[None] for half in halves), A[moved:]])
+    S[:, range(S.shape[1]), range(S.shape[1])] += np.where(place.left_out, 0.0, of.noise)
+    return ModelSpectrum(S, A)
 
 
 def whittle(data: Complex, counts: Array, model: ModelSpectrum) -> Likelihood:
@@ -235,23 +156,17 @@ def whittle(data: Complex, counts: Array, model: ModelSpectrum) -> Likelihood:
     LinAlgError
         Where a spectrum is not positive definite.
     """
-    if data.shape[1] <= MAX_LOOP_ENTRIES and model.whitener is None:
+    if data.shape[1] <= MAX_LOOP_ENTRIES:
         g, F = np.zeros(len(model.slopes)), np.zeros((len(model.slopes), len(model.slopes)))
         J = add_up()(model.spectrum, model.slopes, data, counts, g, F)
         if not np.isfinite(J):
             raise np.linalg.LinAlgError("a spectrum is not positive definite")
         return Likelihood(float(J), g, F)
-    L_inv = _whitener(model.spectrum) if model.whitener is None else model.whitener
-    y = L_inv @ data
+    L_inv = _whitener(model.spectrum)
     logarithms = np.log(np.einsum("bii->bi", L_inv).real).sum(axis=1)
-    value = float(-2.0 * counts @ logarithms + np.sum(np.abs(y) ** 2))
-    A = model.slopes if model.whitener is not None else L_inv @ model.slopes @ _h(L_inv)
-    if not len(A):
-        return Likelihood(value, np.empty(0), np.empty((0, 0)))
-    shown = counts[:, None, None] * np.eye(data.shape[1]) - y @ _h(y)
-    flat = np.ascontiguousarray(A).reshape(len(A), -1).view(np.float64)  # tr AB = Σ A_ij conj(B_ij) for Hermitian B
-    weighted = (flat.reshape(len(A), len(counts), -1) * counts[:, None]).reshape(len(A), -1)
-    return Likelihood(value, flat @ np.ascontiguousarray(shown).view(np.float64).ravel(), weighted @ flat.T)
+    value = float(-2.0 * counts @ logarithms + np.sum(np.abs(L_inv @ data) ** 2))
+    gradients, informations = whittle_by_bins(data, counts, model)
+    return Likelihood(value, gradients.sum(axis=0), informations.sum(axis=0))
 
 
 def whittle_by_bins(data: Complex, counts: Array, model: ModelSpectrum) -> tuple[Array, Array]:
@@ -261,6 +176,31 @@ def whittle_by_bins(data: Complex, counts: Array, model: ModelSpectrum) -> tuple
     shown = counts[:, None, None] * np.eye(data.shape[1]) - y @ _h(y)
     F = counts[:, None, None] * np.einsum("bnij,boji->bno", A, A, optimize=True).real
     return np.einsum("bnij,bji->bn", A, shown).real, F
+
+
+def whittle_given(data: Complex, covariance: NDArray[Any], slopes: NDArray[Any], given: int) -> Likelihood:
+    """J, g and F for c_h = 1 of entries (N,) with a covariance (N, N) and its derivatives (n, N, N), given the first
+    ones. With S = L Lᴴ, y = L⁻¹ Y and A_a as above, that of the entry i given those before it is
+
+        J = ln L_ii² + |y_i|²,    g_a = A_ii (1 − |y_i|²) − 2 Re y_i* Σ_j A_ij y_j,
+        F_ab = A_ii B_ii + 2 Re Σ_j A_ij B_ij*
+
+    with j < i (Vecchia, J. R. Statist. Soc. B 50, 1988).
+
+    Raises
+    ------
+    LinAlgError
+        Where the covariance is not positive definite.
+    """
+    L_inv = _whitener(covariance)
+    y, own = L_inv @ data, L_inv[given:]
+    squares = np.square(y[given:].real) + np.square(y[given:].imag)
+    value = float(np.sum(squares) - 2.0 * np.sum(np.log(np.diagonal(own, given).real)))
+    A = own @ slopes @ _h(L_inv)
+    diagonal, before = np.diagonal(A, given, 1, 2).real, np.tril(A, given - 1)
+    gradient = diagonal @ (1.0 - squares) - 2.0 * (before @ y @ np.conj(y[given:])).real
+    flat = before.reshape(len(A), own.size).view(np.float64)
+    return Likelihood(value, gradient, diagonal @ diagonal.T + 2.0 * flat @ flat.T)
 
 
 def whittle_of_many(of: Ingredients, data: Complex, counts: Array) -> Likelihood:
@@ -296,8 +236,8 @@ def _many_entries(of: Ingredients) -> list[NDArray[Any]]:
     return [np.ascontiguousarray(array) for array in given]
 
 
-def _few_entries(of: Ingredients) -> ModelSpectrum:
-    """`spectrum_of_bins` for spectra of few entries on time: by loops."""
+def _by_loops(of: Ingredients) -> ModelSpectrum:
+    """Spectra and derivatives of readings on time, without what comes to them besides."""
     place, matrices, slopes = of.place, of.matrices, of.slopes
     bins, entries = place.left_out.shape
     if slopes is None:
@@ -316,50 +256,12 @@ def _few_entries(of: Ingredients) -> ModelSpectrum:
         of.placement, *of.sources, *slopes.sources, of.noise, slopes.noise,
     )  # fmt: skip
     spectra()(*(np.ascontiguousarray(array) for array in given), S, A)
-    return ModelSpectrum(S if of.more is None else S + of.more, A, None)
+    return ModelSpectrum(S, A)
 
 
-def times_sources(matrix: Complex, sources: SourceSpectra) -> Complex:
-    """Matrices (B, e, s) times the covariance of the sources."""
-    out = np.asarray(matrix * sources.own[:, None, :])
-    pairs = sources.cross.shape[1]
-    if pairs:
-        out[..., :pairs] += matrix[..., pairs : 2 * pairs] * sources.cross[:, None, :]
-        out[..., pairs : 2 * pairs] += matrix[..., :pairs] * sources.cross[:, None, :]
-    return out
-
-
-def _mechanical(
-    slopes: MatrixHarmonics, which: int, place: SpectrumGrid, T: Complex, Q: Complex, L_inv: Complex | None,
-    phase: Complex | None,
-) -> Complex:  # fmt: skip
-    """(dR − T dD) Q of one mechanical unknown (B, e, e), T and Q being whitened where L⁻¹ is there; `phase` (B, e, 1)
-    is what late clocks make of readings."""
-    dM, dR = slopes.mechanics[:, which], slopes.readings[:, which]
-    bins, count, n = len(place.base), len(place.orders), dM.shape[-1]
-    half = np.zeros((bins, Q.shape[-1], Q.shape[-1]), dtype=np.complex128)
-    left, right = T.reshape(bins, -1, count, n), Q.reshape(bins, count, n, -1)
-    if dM.any():
-        rows, columns = np.flatnonzero(dM.any(axis=(0, 1, 3))), np.flatnonzero(dM.any(axis=(0, 1, 2)))
-        sub = coupled(dM[:, :, rows][..., columns], place.base, place.orders, place.rotor_hz)
-        sub = sub.reshape(bins, count * len(rows), count * len(columns))
-        before = left[..., rows].reshape(bins, -1, count * len(rows))
-        half -= before @ sub @ right[:, :, columns].reshape(bins, count * len(columns), -1)
-    if dR.any():
-        columns = np.flatnonzero(dR.any(axis=(0, 1, 2)))
-        sub = coupled(dR[..., columns], place.base, place.orders, place.rotor_hz)
-        sub = sub.reshape(bins, -1, count * len(columns))[:, place.entries]
-        sub[place.left_out] = 0.0
-        if phase is not None:
-            sub *= phase
-        seen = sub @ right[:, :, columns].reshape(bins, count * len(columns), -1)
-        half += seen if L_inv is None else L_inv @ seen
-    return half
-
-
-def _whitener(spectrum: Complex) -> Complex:
-    """L⁻¹ of S = L Lᴴ (B, e, e)."""
-    return np.asarray(np.linalg.inv(np.linalg.cholesky(spectrum)), dtype=np.complex128)
+def _whitener(spectrum: NDArray[Any]) -> NDArray[Any]:
+    """L⁻¹ of S = L Lᴴ (…, e, e)."""
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(spectrum)))
 
 
 def _h(matrix: Complex) -> Complex:

@@ -3,7 +3,7 @@ noise."""
 
 import math
 from collections.abc import Iterable, Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,7 @@ from windsysid.spectral.rotor.likelihood import (
     spectrum_of_bins,
     whittle,
     whittle_by_bins,
+    whittle_given,
     whittle_of_many,
 )
 from windsysid.spectral.rotor.load_spectra import Sources, SourceSpectra
@@ -59,8 +60,12 @@ it."""
 WINDOW_BINS = 8
 """Numerical: bins on either side over which the taper's window is summed; 2 % of a Tukey window's power lies beyond."""
 
-MAX_JOINT_BINS = 40
-"""Numerical: neighbouring bins of one joint covariance; its cost grows with their square."""
+MAX_JOINT_BINS, MAX_JOINT_ENTRIES, EARLIER_SHARE = 48, 160, 1 / 3
+"""Numerical: bins and entries of one joint covariance, as whose square its cost for each grows; and the share of its
+bins that are given, as those before have told of them."""
+
+SMOOTHED_BINS = 40
+"""Numerical: bins that are smoothed together."""
 
 NEIGHBOUR_SHARE = 0.25
 """Setting: share of the bins over which neighbours are compared."""
@@ -100,6 +105,42 @@ EXACT = Inexact(np.empty((0, 0)), np.empty((0, 0)))
 """Setting: instruments and masses exactly as stated in the files."""
 
 
+class JointWeights(NamedTuple):
+    """Pairs b ≤ c of bins (P,) that the taper's window links, w_b w_c of each at places of the finer grid (P, F),
+    sparse, and the number of bins."""
+
+    rows: NDArray[np.intp]
+    columns: NDArray[np.intp]
+    products: Any
+    bins: int
+
+    @classmethod
+    def of(cls, weights: Array) -> "JointWeights":
+        """Pairs of the bins whose weights (F, B) overlap."""
+        from scipy.sparse import csr_array, triu
+
+        each = csr_array(weights.T)
+        rows, columns = triu(abs(each) @ abs(each).T).nonzero()
+        return cls(rows, columns, each[rows].multiply(each[columns]).tocsr(), weights.shape[1])
+
+    def covariances(self, spectra: NDArray[Any]) -> Iterator[tuple[int, int, NDArray[Any]]]:
+        """Covariance matrices Σ_f S(f) w_b(f) w_c(f) (n, N e, N e) from spectra on the grid (n, F, e, e), for groups of
+        bins: the first, which of them have not been in a group before, and the matrices."""
+        n, F, e, _ = spectra.shape
+        flat = np.ascontiguousarray(np.swapaxes(spectra, 0, 1)).reshape(F, -1)
+        pairs = (self.products @ flat.view(np.float64)).view(flat.dtype).reshape(-1, n, e, e)
+        most, first, known = min(MAX_JOINT_BINS, max(2, MAX_JOINT_ENTRIES // e)), 0, 0
+        while known < self.bins:
+            size = min(most, self.bins - first)
+            at = (self.rows >= first) & (self.columns < first + size)
+            row, column = self.rows[at] - first, self.columns[at] - first
+            C = np.zeros((n, size, e, size, e), dtype=pairs.dtype)
+            C[:, row, :, column] = C[:, column, :, row] = pairs[at]
+            yield first, known - first, C.reshape(n, size * e, size * e)
+            known = first + size
+            first = known - int(EARLIER_SHARE * most)
+
+
 class LiftedModel(NamedTuple):
     """Record in the frequency domain, and the arguments of its likelihood.
 
@@ -111,7 +152,7 @@ class LiftedModel(NamedTuple):
         Where spectra are taken: at the bins, or, where they are smoothed, on a finer grid.
     window, joint
         Weights (F, B): the smoothed spectra at the bins are sums of the F on the finer grid; and those with which bins
-        are correlated, whose squares are the window. None where nothing is smoothed, and for independent bins.
+        are correlated. None where nothing is smoothed, and for independent bins.
     smear
         What the taper's window adds to the spectra, where it is taken as known (B, e, e); None where it is not, or
         where `window` smooths.
@@ -161,7 +202,7 @@ class LiftedModel(NamedTuple):
     recent: Complex | None = None
     gusts: float = 1.0
     inexact: Inexact = EXACT
-    joint: Array | None = None
+    joint: JointWeights | None = None
 
     @property
     def unknowns(self) -> Unknowns:
@@ -226,7 +267,7 @@ class LiftedModel(NamedTuple):
             for at, of in self._ingredients(unknowns, every, matrices, slopes=True):
                 yield whittle_of_many(of, self.data[at], self.counts[at])
             return
-        for at, model in self._spectra(unknowns, every, matrices, slopes=slopes, whiten=slopes):
+        for at, model in self._spectra(unknowns, every, matrices, slopes=slopes):
             yield whittle(self.data[at], self.counts[at], model)
 
     def _ordered(self, parts: Iterable[Likelihood], share: float, *, slopes: bool) -> Likelihood:
@@ -236,19 +277,20 @@ class LiftedModel(NamedTuple):
         return _scaled(Likelihood(value, gradient[at], information[at][:, at]), share)
 
     def _joint_parts(
-        self, weights: Array, unknowns: Array, matrices: Matrices | None, *, slopes: bool
+        self, joint: JointWeights, unknowns: Array, matrices: Matrices | None, *, slopes: bool
     ) -> Iterator[Likelihood]:
-        """J, g and F of groups of neighbouring bins, with the covariance Σ_f S(f) w_b(f) w_c(f) of the bins b and c."""
-        parts = self._spectra(unknowns, 1, matrices, slopes=slopes, whiten=False)
+        """J, g and F of groups of bins given those before; entries that nothing links are apart."""
+        parts = self._spectra(unknowns, 1, matrices, slopes=slopes)
         S = np.concatenate([np.concatenate([part.spectrum[None], part.slopes]) for _, part in parts], axis=1)
-        for group in np.array_split(np.arange(len(self.data)), math.ceil(len(self.data) / MAX_JOINT_BINS)):
-            near = weights[:, group].any(axis=1)
-            W, X = weights[near][:, group], np.moveaxis(_numbers(S[:, near]), 1, 2)
-            size, e, pairs = self.data[group].size, S.shape[-1], (W[:, :, None] * W[:, None]).reshape(len(W), -1)
-            sums = np.moveaxis((X.reshape(-1, len(W)) @ pairs).reshape(*X.shape[:2], len(group), len(group)), 1, 3)
-            C: Complex = np.ascontiguousarray(sums).view(np.complex128)
-            C = np.moveaxis(C.reshape(len(S), len(group), len(group), e, e), 3, 2).reshape(len(S), 1, size, size)
-            yield whittle(self.data[group].reshape(1, size, 1), np.ones(1), ModelSpectrum(C[0], C[1:], None))
+        for some in _linked(S.any(axis=(0, 1))):
+            of, e = S[:, :, some[:, None], some], len(some)
+            moved = np.flatnonzero(of.any(axis=(1, 2, 3)))  # the first is S, and no derivative
+            at = moved[1:] - 1
+            for first, given, C in joint.covariances(of[moved] if of.imag.any() else of[moved].real):
+                y = self.data[first : first + C.shape[1] // e, some].ravel()
+                found, g, F = whittle_given(y, C[0], C[1:], given * e), np.zeros(len(S) - 1), np.zeros([len(S) - 1] * 2)
+                g[at], F[np.ix_(at, at)] = found.gradient, found.information
+                yield Likelihood(found.value, g, F)
 
     def scores(self, unknowns: Array) -> tuple[Array, Array]:
         """Gradient (P, n) and Fisher information (P, n, n) of the log-likelihood of each c_h neighbouring bins, which
@@ -263,16 +305,16 @@ class LiftedModel(NamedTuple):
 
     def spectrum(self, unknowns: Array, *, slopes: bool = False, matrices: Matrices | None = None) -> ModelSpectrum:
         """S (B, e, e) of all bins, smoothed where it has to be, and its derivatives (n, B, e, e)."""
-        parts = self._spectra(unknowns, 1, matrices, slopes=slopes, whiten=False)
+        parts = self._spectra(unknowns, 1, matrices, slopes=slopes)
         if self.window is None:
             every_part = [part for _, part in parts]
             whole = np.concatenate([part.slopes for part in every_part], axis=1)
             whole = whole[self._from_kernels()] if slopes else whole
-            return ModelSpectrum(np.concatenate([part.spectrum for part in every_part]), whole, None)
+            return ModelSpectrum(np.concatenate([part.spectrum for part in every_part]), whole)
         found = np.zeros((1 + slopes * len(unknowns), *self.data.shape[:2], self.data.shape[1]), dtype=np.complex128)
         for places, part in parts:
             fine = np.concatenate([part.spectrum[None], part.slopes])
-            for at in np.array_split(np.arange(len(places)), len(places) // MAX_JOINT_BINS + 1):
+            for at in np.array_split(np.arange(len(places)), len(places) // SMOOTHED_BINS + 1):
                 near = self.window[places[at]].any(axis=0)
                 found[:, near] += np.moveaxis(np.tensordot(self.window[places[at]][:, near], fine[:, at], (0, 1)), 0, 1)
         return self._masked(found[0], found[1:][self._from_kernels()] if slopes else found[1:])
@@ -284,7 +326,7 @@ class LiftedModel(NamedTuple):
             S, A = S * kept, A * kept
             every = range(len(self.place.entries))
             S[:, every, every] += self.left_out
-        return ModelSpectrum(S, A, None)
+        return ModelSpectrum(S, A)
 
     def powers(self, unknowns: Array) -> tuple[Array, Array, Array]:
         """|Y|² of every entry (B g, e), NaN where nothing is said of it, S, and its unsigned frequency [Hz]; of several
@@ -334,11 +376,11 @@ class LiftedModel(NamedTuple):
         return np.asarray(self.window.T @ self.place.base)
 
     def _spectra(
-        self, unknowns: Array, every: int, matrices: Matrices | None, *, slopes: bool, whiten: bool
+        self, unknowns: Array, every: int, matrices: Matrices | None, *, slopes: bool
     ) -> Iterator[tuple[NDArray[np.intp], ModelSpectrum]]:
         """S and its derivatives at every n-th place, a few of them at a time."""
         for at, of in self._ingredients(unknowns, every, matrices, slopes=slopes):
-            yield at, spectrum_of_bins(of, whiten=whiten)
+            yield at, spectrum_of_bins(of)
 
     def _ingredients(
         self, unknowns: Array, every: int, matrices: Matrices | None, *, slopes: bool
@@ -429,9 +471,12 @@ def taper_weights(samples: int, bins: NDArray[np.intp], factor: int = GRID_FACTO
     return out
 
 
-def _numbers(entries: Complex) -> Array:
-    """Entries (n, F, e, e) as real numbers (n, F, 2 e²) in the same memory."""
-    return entries.view(np.float64).reshape(*entries.shape[:2], 2 * entries.shape[2] ** 2)
+def _linked(pairs: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
+    """Groups of entries between which there is no spectrum; of those that have one (e, e) each is in one group."""
+    from scipy.sparse.csgraph import connected_components
+
+    count, group = connected_components(pairs)
+    return [np.flatnonzero(group == each) for each in range(count)]
 
 
 def _scaled(found: Likelihood, share: float) -> Likelihood:
