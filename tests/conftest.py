@@ -14,13 +14,18 @@ import pytest
 import windsysid.loads.family  # noqa: F401 (registers windsysid's own, before a test forgets what came in it)
 from tests.accessible import problems
 from windsysid import cli
+from windsysid.identification import identify as front_door
 from windsysid.identification import pipeline
 from windsysid.loads.hypothesis import HYPOTHESES
 from windsysid.mechanics.model import MODELS
 from windsysid.mechanics.sensors import SENSORS
+from windsysid.output.progress import Progress, unheard
 from windsysid.records.formats.access.probing import ProcessGuard
+from windsysid.records.record import Record
 from windsysid.reports import html
 from windsysid.results.finding import Finding
+from windsysid.results.identification import Identification
+from windsysid.results.provenance import record_hash
 from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine
 
@@ -95,6 +100,22 @@ def without_effects() -> Iterator[None]:
     """Leave effects untested in a module that asks nothing of them."""
     with effects_untested():
         yield
+
+
+_IDENTIFIED: list[tuple[Any, Identification]] = []
+"""Records and options that were identified in this process, and the results."""
+
+_identify = front_door.identify
+
+
+def identify_once(record: Record, turbine: Any, *, progress: Progress = unheard, **options: Any) -> Identification:
+    """Identify what was not identified in this process before, for tests of what is around it."""
+    given = (record_hash(record), record.name, record.start, repr(record.attributes), turbine, options)
+    for known, result in _IDENTIFIED:
+        if known == given:
+            return result
+    _IDENTIFIED.append((given, _identify(record, turbine, progress=progress, **options)))
+    return _IDENTIFIED[-1][1]
 
 
 @contextmanager

@@ -1,28 +1,9 @@
-"""Commands that ask the same of the same record share one answer: what is tested here stands around it."""
-
-from typing import Any
+"""Commands that identify the same record in the same way share one result: what is tested here is around it."""
 
 import pytest
 
+from tests.conftest import identify_once
 from windsysid.identification import identify as front_door
-from windsysid.records.record import Record
-from windsysid.results.identification import Identification
-from windsysid.results.provenance import record_hash
-
-ANSWERS: list[tuple[Any, Identification]] = []
-"""All that went in, and what came out."""
-
-_identify = front_door.identify
-
-
-def identify_once(record: Record, turbine: Any, *, progress: Any, **options: Any) -> Identification:
-    """Identify what was not identified in this process before."""
-    asked = (record_hash(record), record.name, record.start, repr(record.attributes), turbine, options)
-    for known, answer in ANSWERS:
-        if known == asked:
-            return answer
-    ANSWERS.append((asked, _identify(record, turbine, progress=progress, **options)))
-    return ANSWERS[-1][1]
 
 
 @pytest.fixture(autouse=True)

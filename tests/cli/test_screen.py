@@ -38,7 +38,8 @@ def test_identify_prints_a_screen_and_everything_where_asked(
 def test_two_columns_of_coefficients_fit_the_screen(run, tmp_path: Path):
     path = tmp_path / "record.csv"
     ws.write_record(ws.simulate("verne555", duration=10.0, rate=50.0, seed=1), path)
-    shown = run("identify", path, "--turbine", "verne555", "--no-report").out
+    joint = ("--formulation", "joint", "--loads", "broadband")
+    shown = run("identify", path, "--turbine", "verne555", "--no-report", *joint).out
     assert len(shown.splitlines()) <= 24
     for name in ("k_x", "c_y", "k_beta_3", "c_beta_3"):
         assert name in shown
@@ -96,7 +97,7 @@ def test_a_direction_that_no_channel_sees_is_on_the_first_screen(run, tmp_path: 
     path = tmp_path / "record.csv"
     ws.write_record(ws.simulate("tower", duration=120.0, rate=10.0, seed=1), path)
     path.write_text(path.read_text(encoding="utf-8").replace("tower_x_accel", "tower_x_acel"), encoding="utf-8")
-    shown = run("identify", path, "--turbine", "tower", "--no-report").out
+    shown = run("identify", path, "--turbine", "tower", "--no-report", "--formulation", "spectral").out
     assert "no channel measures side-side: it is locked" in shown
 
 

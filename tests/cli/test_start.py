@@ -63,7 +63,8 @@ def test_yes_takes_every_default_and_prints_the_command_that_repeats_it(run, fol
 
 
 def test_the_readme_shows_what_is_printed(folder: Path, tmp_path: Path):
-    """It showed the estimates of another formulation."""
+    """It showed the estimates of another formulation. Outside of this process `start` found no `identify`, since a
+    command imports its own module only."""
     shutil.copy(folder / "logger.csv", tmp_path)
     readme = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
     command, shown = readme.split("windsysid examples .\nwindsysid ")[1].split("\n```\n\n```text\n", 1)
@@ -76,6 +77,7 @@ def test_the_readme_shows_what_is_printed(folder: Path, tmp_path: Path):
         check=True,
     )
     printed = ended.stdout.splitlines()
+    assert printed[-1].startswith("again: windsysid identify")
     assert [line for line in shown.split("\n```")[0].splitlines() if line not in printed] == []
 
 

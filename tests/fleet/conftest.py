@@ -1,14 +1,22 @@
 """Four records of one turbine in two days, SCADA beside them, and the archive that becomes of them."""
 
+import json
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from windsysid.fleet.archive import read_table
 from windsysid.fleet.batch import Batch, batch
-from windsysid.fleet.rows import Row
+from windsysid.fleet.members import Member
+from windsysid.fleet.rows import Row, row_of
+from windsysid.fleet.work import worker as worker_process
+from windsysid.fleet.work.guard import Worker
 from windsysid.records.formats import write_record
+from windsysid.results.serialization import finite
 from windsysid.simulation.record import simulate_record
 
 MINUTES = (("T01/a.csv", 50), ("T01/b.csv", 55), ("T01/c.csv", 60))
@@ -34,10 +42,41 @@ def fleet(data: Path) -> Path:
     return path
 
 
+_ROWS: dict[tuple[str, str], Row] = {}
+"""Rows of records that were identified in this process, by source and settings, before SCADA is joined."""
+
+
+def _row_once(row: Row, *given: Any) -> Row:
+    key = row["source"], row["settings"]
+    if key not in _ROWS:
+        _ROWS[key] = row_of(row, *given)
+    return dict(_ROWS[key])
+
+
+def _ask(worker: Worker, request: Mapping[str, Any]) -> dict[str, Any]:
+    """The answer of a worker process, made in this process."""
+    member = Member(**request["member"])
+    if request["do"] == "look":
+        return {"start": worker_process._start_of(request["source"], member)}
+    row = worker_process.take(request["source"], member, request["formulation"], request["settings"], lambda _: None)
+    answer: dict[str, Any] = json.loads(json.dumps({"row": finite(row)}))
+    return answer
+
+
+@contextmanager
+def workers_in_this_process() -> Iterator[None]:
+    """Take records without worker processes, and identify each of them once for all tests."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Worker, "ask", _ask)
+        patch.setattr(worker_process, "row_of", _row_once)
+        yield
+
+
 @pytest.fixture(scope="session")
 def taken(data: Path, fleet: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Batch, Path]:
     archive = tmp_path_factory.mktemp("archives") / "whole"
-    return batch(data, fleet=fleet, archive=archive, workers=1), archive
+    with workers_in_this_process():
+        return batch(data, fleet=fleet, archive=archive, workers=1), archive
 
 
 def contents(archive: Path) -> dict[str, bytes]:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.fleet.conftest import contents, rows_of
+from tests.fleet.conftest import contents, rows_of, workers_in_this_process
 from windsysid.errors import ConfigurationError
 from windsysid.fleet import joining
 from windsysid.fleet.archive import add_rows, day_of, known_sources, place_of, rows_in
@@ -37,7 +37,8 @@ def test_scada_that_comes_a_day_later_gives_the_same_bytes(
     late = tmp_path / "fleet.toml"
     late.write_text('[[turbine]]\nname = "T01"\npattern = "T01/*"\nturbine = "tower"\nscada = "late.csv"\n')
     archive = tmp_path / "archive"
-    found = batch(data / "T01", fleet=late, archive=archive, workers=1)
+    with workers_in_this_process():
+        found = batch(data / "T01", fleet=late, archive=archive, workers=1)
     assert found.taken == {"ok": 3, "refused": 1}
     assert len(found.notes) == 2  # a record that is refused, and the file that is not there
     assert "late.csv is, the same command joins it" in str(found)
@@ -128,6 +129,6 @@ def test_scada_of_another_clock_and_damaged_scada_end_the_run_before_any_work(da
         ("2026-03-01T23:00:00Z,8\n2026-03-02T00:00:00Z,wet\n", r"SCADA of 'tower': .*'wet' is not a number"),
     ):
         table.write_text("time,wind_speed [m/s]\n" + text)
-        with pytest.raises(ConfigurationError, match=message):
+        with workers_in_this_process(), pytest.raises(ConfigurationError, match=message):
             batch(data / "T01", turbine="tower", scada=table, archive=tmp_path / "archive", workers=1)
     assert not list((tmp_path / "archive").rglob("*.parquet"))

@@ -80,7 +80,7 @@ def test_gaps_stay_gaps(drifting: Record):
 def test_in_100_s_vibration_tells_a_drift():
     """Filters found their innovations louder at one frequency than at another, and blamed the loads."""
     seen = record("clock drifts 50 ppm", 120019)
-    found = identify(seen, TURBINE, prior=DrawnPrior(seed=120019))
+    found = identify(seen, TURBINE, prior=DrawnPrior(seed=120019), formulation="spectral")
     drift = only(found.findings, "clock_drift").data
     assert drift["by"].startswith("vibration")
     ppm, std = 1e6 * drift["rate"], 1e6 * drift["std"]

@@ -5,11 +5,13 @@ import pytest
 from validation.adversary.scenarios import SCENARIOS, record
 
 from tests.findings import codes
-from tests.identification.fits import identify_without_effects
+from tests.identification.fits import SAMPLES, fitted, identify_without_effects, job_of, record_of
 from validation import towers
+from windsysid.identification import automatic_choice
 from windsysid.identification.condition.spectral_readings import SpectralSamples
 from windsysid.identification.effects.random_walk_bias import _wandering, find_random_walks
 from windsysid.identification.estimate.spectral.frequency_domain import ask
+from windsysid.identification.job import FittedJob, Job
 from windsysid.identification.model.prior import Prior
 from windsysid.records.record import Record
 from windsysid.simulation.record import simulate_record
@@ -133,7 +135,34 @@ def test_a_healthy_machine_whose_sensors_drift_is_trusted(verne555: Turbine):
     assert "wandering_offsets" in codes(found.findings)
 
 
-@pytest.mark.parametrize("kind", ["flicker noise", pytest.param("offsets wander", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("explains", [True, False])
+def test_filters_that_differ_from_spectra_are_asked_again_with_the_drift_of_their_sensors(
+    monkeypatch: pytest.MonkeyPatch, explains: bool
+):
+    """What they then answer counts where spectra agree."""
+    rng = np.random.default_rng(4)
+    made = record_of(rng.standard_normal((SAMPLES, 2)) + np.cumsum(rng.standard_normal((SAMPLES, 2)), axis=0))
+    spectral = fitted(made)
+    far = fitted(made, "joint", theta=spectral.outcome.theta + 0.1)
+    asked = []
+
+    def with_drift(job: Job, start: FittedJob) -> FittedJob:
+        asked.append((job, start))
+        return fitted(made, "joint") if explains else far
+
+    monkeypatch.setattr(automatic_choice, "run", lambda job, *_, **__: (job, far))
+    monkeypatch.setattr(automatic_choice, "estimate", with_drift)
+    job = job_of(made, formulation="joint")
+    answered, joint = automatic_choice._fitted_beside(job, spectral)
+    ((leaning, start),) = asked
+    assert start is spectral
+    assert leaning.included("random_walk_bias") is not None
+    assert answered is (leaning if explains else job)
+    assert (joint is far) is not explains
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["flicker noise", "offsets wander"])
 def test_filters_are_no_judge_of_a_tower_whose_sensors_drift(kind: str):
     """Filters took a drift for loads, and what they said against spectra condemned a result that was right."""
     made, truth = towers.simulate(kind, 820_001)

@@ -322,11 +322,11 @@ def test_a_sampling_rate_that_is_too_low_is_refused(verne555, record):
 
 def test_a_record_read_rarely_is_not_made_softer_by_the_steps_of_the_equations(verne555):
     # Twenty readings a second leave (ωh)⁴/60 = 0.04 of the blades' stiffness to the Runge–Kutta method in one step.
-    fine = simulate_record(verne555, duration=60.0, rate=400.0, seed=2)
+    fine = simulate_record(verne555, duration=30.0, rate=400.0, seed=2)
     found = identify(replace(fine, time=fine.time[::20], values=fine.values[::20]), verne555, loads="broadband")
     assert found.rate == pytest.approx(20.0)
     assert only(found.findings, "steps_of_equations").data == {"steps": 5}
-    assert len(found.time) == len(found.innovation) == found.samples == 1200
+    assert len(found.time) == len(found.innovation) == found.samples == 600
     for e in found.estimates:
         assert e.reference is not None
         assert abs(e.estimate - e.reference) < 3.5 * e.std
@@ -564,7 +564,7 @@ def test_auto_goes_by_spectra_where_nothing_turns(tower_record, tmp_path):
     assert "spectral_agrees" in codes(found.findings)
     assert {one.group for one in found.tolerances} == {"aerodynamics", "gain", "alignment", "masses"}
     found.save(tmp_path / "spectral")
-    filtered = identify(tower_record, "tower", loads="broadband")
+    filtered = identify(tower_record.section(0.0, 300.0), "tower", loads="broadband")
     other = compare(tmp_path / "spectral", filtered)
     assert min(change.chance for change in other.coefficients) > 0.01
     assert len(find_modes(tmp_path / "spectral").curves) == 2

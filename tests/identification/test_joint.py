@@ -116,7 +116,7 @@ def decay(verne555: Turbine) -> Record:
     return free_decay(verne555, 30.0, loads_recorded=True)
 
 
-@pytest.mark.parametrize("scale", [0.7, 1.3])
+@pytest.mark.parametrize("scale", [0.7, pytest.param(1.3, marks=pytest.mark.slow)])
 def test_a_free_decay_without_load_is_identified_within_percents(verne555, decay, scale):
     # The loads are recorded, and zero: then they are known. Stiffness within 1 %, damping within 5 %.
     result = identify(decay, verne555, prior=Prior(scale, scale))
@@ -141,8 +141,8 @@ def test_a_free_decay_is_identified_with_small_loads_as_states_too(verne555):
 
 def test_loads_that_are_not_there_are_learned_to_be_none(verne555, decay):
     # The turbine file says 15 N and 15 N·m rms. Learned, they hardly cost anything against knowing that there are none.
-    known = identify(decay, verne555)
-    as_states = identify(free_decay(verne555, 30.0, loads_recorded=False), verne555)
+    known = identify(decay.section(0.0, 15.0), verne555)
+    as_states = identify(free_decay(verne555, 15.0, loads_recorded=False), verne555, loads="broadband")
     learned = {s.name: s.estimate for s in as_states.statistics}
     assert all(value < 0.5 for name, value in learned.items() if name.startswith("load_rms"))
     for e in known.estimates:
@@ -173,7 +173,7 @@ def test_loads_that_are_louder_on_one_degree_of_freedom_than_on_its_like_bias_no
     # One level for all blades and one for the support left damping four standard deviations off here.
     louder = {"load_x": 2.0, "load_beta_2": 1.5, "load_beta_3": 2.0}
     loads = tuple(replace(load, rms=load.rms * louder.get(load.load, 1.0)) for load in verne555.loads)
-    record = simulate_record(replace(verne555, loads=loads), duration=100.0, rate=100.0, seed=0)
+    record = simulate_record(replace(verne555, loads=loads), duration=40.0, rate=100.0, seed=0)
     result = identify(record, verne555, loads="broadband")
     for e in result.estimates:
         assert e.reference is not None
@@ -216,7 +216,8 @@ def test_locked_blades_are_right_for_a_turbine_whose_blades_are_locked(verne555)
 
 
 def test_an_axis_without_a_channel_is_found_through_the_blades(verne555, driven):
-    result = identify(driven.select([name for name in driven.channels if name != "tower_y_acceleration"]), verne555)
+    fewer = driven.select([name for name in driven.channels if name != "tower_y_acceleration"])
+    result = identify(fewer.section(0.0, 20.0), verne555, loads="broadband")
     assert len(result.estimates) == 10
     for e in result.estimates:
         assert off(result, e.name) < 4.0, e.name
@@ -272,8 +273,8 @@ def test_a_recursion_that_loses_its_way_costs_the_history_only(verne555, driven,
     ],
 )
 def test_time_that_is_counted_wrongly_shows_between_azimuth_and_speed(verne555, driven, factor, trusted):
-    part = driven.section(0.0, 20.0)
-    result = identify(replace(part, time=part.time * factor), verne555)
+    part = driven.section(0.0, 10.0)
+    result = identify(replace(part, time=part.time * factor), verne555, loads="broadband")
     assert result.diagnosis.trusted == trusted
     if not trusted:
         contradiction = only(reasons(result), "azimuth_contradicts_speed")

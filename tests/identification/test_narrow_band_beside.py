@@ -26,9 +26,9 @@ def rotor() -> Turbine:
 
 @pytest.fixture(scope="module")
 def turned() -> Record:
-    """A minute of a rotor whose support has an accelerometer five degrees off its axis."""
+    """40 s of a rotor whose support has an accelerometer five degrees off its axis."""
     whole = record("5 degrees off", 7100)
-    return whole.section(0.0, 60.0)
+    return whole.section(0.0, 40.0)
 
 
 @pytest.fixture(scope="module")

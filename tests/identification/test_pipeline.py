@@ -112,9 +112,9 @@ def test_a_cross_check_that_fails_leaves_the_result(monkeypatch: pytest.MonkeyPa
             raise RecordError("not today")
         return run(job, *args, **options)  # type: ignore[arg-type]
 
-    made = simulate_record("tower", duration=600.0, rate=12.5, seed=5)
+    made = simulate_record("tower", duration=300.0, rate=4.0, seed=5)
     channel = "tower_z_acceleration"
-    made = made.with_channels({channel: (made[channel] + 0.03 * (made.time > 330.0), made.unit(channel))})
+    made = made.with_channels({channel: (made[channel] + 0.03 * (made.time > 165.0), made.unit(channel))})
     monkeypatch.setattr(automatic_choice, "run", run_or_fail)
     found = identify(made, "tower")
     assert found.formulation == ("spectral" if failing == "joint" else "joint")

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from tests.findings import codes, only, reasons
+from tests.identification.fits import identify_without_effects as identify
 from tests.identification.fits import std_of_model
 from windsysid.errors import ConfigurationError, RecordError
-from windsysid.identification.identify import identify
 from windsysid.identification.streaming.identify_pieces import identify_pieces
 from windsysid.records.record import Record
 from windsysid.results.identification import Identification

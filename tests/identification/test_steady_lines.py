@@ -170,7 +170,7 @@ def test_what_turns_with_the_rotor_is_felt_by_innovations(verne555: Turbine):
 
 def test_what_turns_and_nobody_took_away_speaks_against_a_result(verne555: Turbine, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(pipeline, "MAX_EXTENSIONS", 0)
-    made = record("1P on the support", 502).section(0.0, 30.0)
+    made = record("1P on the support", 502).section(0.0, 15.0)
     found = identify(made, verne555, prior=DrawnPrior(seed=502), formulation="joint", loads="broadband")
     assert 1 in [one.data["order"] for one in reasons(found) if one.code == "rotor_harmonic_left"]
 

@@ -12,11 +12,13 @@ from tests.findings import notes, only, reasons
 from tests.identification.fits import identify_without_effects as identify
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.identification import identify as front
+from windsysid.identification.condition.readings import resample_for_model
+from windsysid.identification.model.fit import known_loads
 from windsysid.identification.model.prior import Prior
 from windsysid.mechanics import Sensor, compile_model
 from windsysid.mechanics.sensors import Accelerometer
 from windsysid.records.formats import read_record
-from windsysid.records.record import Record
+from windsysid.records.record import LOW_PASS, Record
 from windsysid.results.identification import Identification
 from windsysid.signals import resample, tower_inputs, with_nacelle_axes
 from windsysid.simulation.integrate import integrate
@@ -61,10 +63,10 @@ def tower_fixed(bearing: float) -> Sensor:
 
 @pytest.fixture(scope="module")
 def yawing(tower: Turbine) -> Record:
-    """Ten minutes of which two are spent yawing by 72°, seen by sensors that are fixed to the tower."""
+    """Six minutes of which two are spent yawing by 72°, seen by sensors that are fixed to the tower."""
     sensors = [tower_fixed(20.0), tower_fixed(-70.0)]
     model = compile_model(tower.model, sensors)
-    time = np.arange(0.0, 660.0, 1.0 / RATE)
+    time = np.arange(0.0, 420.0, 1.0 / RATE)
     yaw = 0.3 + math.radians(0.6) * np.clip(time - 200.0, 0.0, 120.0)
     yaw_rate = np.where((time > 200.0) & (time < 320.0), math.radians(0.6), 0.0)
     psi, rng = tower.rotor_speed * time, np.random.default_rng(3)
@@ -102,6 +104,14 @@ def test_what_is_faster_than_the_tower_is_left_out(found: Identification, record
         identify(record, tower, rate=20.0)
 
 
+def test_loads_of_a_record_slowed_down_go_through_its_low_pass(tower: Turbine, record: Record):
+    slowed, _, _ = resample_for_model(record, tower, None, tower.sensors)
+    passed = {load.low_pass for load in known_loads(slowed, tower)[1]}
+    assert passed == {float(slowed.attributes[LOW_PASS])}
+    assert passed.pop() == pytest.approx(6 * 0.324, rel=1e-3)  # half of twelve samples for each period
+
+
+@pytest.mark.slow
 def test_a_record_slowed_down_keeps_its_damping(tower: Turbine):
     # From 20 Hz to twelve samples per period: two records of ten minutes, errors over their own standard deviations.
     # Without the load's low-pass fore-aft damping averages −3.
@@ -137,6 +147,7 @@ def test_mass_scales_what_is_found_and_no_frequency(found: Identification, recor
         assert (one.estimate, one.low, one.high) == pytest.approx((same.estimate, same.low, same.high), rel=1e-4)
 
 
+@pytest.mark.slow
 def test_sensors_that_do_not_yaw_are_turned_by_the_record_s_own_yaw(yawing: Record, tower: Turbine):
     inside = identify(yawing, tower, sensors=[tower_fixed(20.0), tower_fixed(-70.0)])
     assert right(inside)
@@ -161,7 +172,8 @@ def test_a_sensor_fixed_to_the_tower_needs_the_yaw(yawing: Record, tower: Turbin
 
 
 def test_a_direction_without_a_sensor_is_locked(record: Record, tower: Turbine):
-    result = identify(record.select(["rotor_speed", "tower_x_acceleration"]), tower)
+    part = record.select(["rotor_speed", "tower_x_acceleration"]).section(0.0, 100.0)
+    result = identify(part, tower, loads="broadband")
     assert [e.name for e in result.estimates] == ["k_side_side", "c_side_side"]
     assert only(result.findings, "coordinate_locked").data == {"coordinate": "fore_aft"}
 

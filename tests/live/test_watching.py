@@ -1,6 +1,8 @@
 """Levels, alarms and checkpoints from rows of windows."""
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -167,14 +169,30 @@ def test_a_watch_goes_on_from_any_checkpoint_to_the_same_bits(monkeypatch: pytes
             watching = resume(taken.checkpoint, "T1", options)
 
 
+@contextmanager
+def short_weeks() -> Iterator[None]:
+    """Weeks of 40 windows."""
+    with pytest.MonkeyPatch.context() as patch:
+        for module in (following, watching_module, slow_drifts):
+            patch.setattr(module, "MAX_KEPT_BLOCKS", 160)
+        for module in (following, watching_module):
+            patch.setattr(module, "DROPPED_BLOCKS", 40)
+        patch.setattr(watching_module, "TEST_EVERY_BLOCKS", 12)
+        slow_drifts.limit_of.cache_clear()
+        yield
+
+
 @pytest.fixture
-def weeks_of_40_windows(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (following, watching_module, slow_drifts):
-        monkeypatch.setattr(module, "MAX_KEPT_BLOCKS", 160)
-    for module in (following, watching_module):
-        monkeypatch.setattr(module, "DROPPED_BLOCKS", 40)
-    monkeypatch.setattr(watching_module, "TEST_EVERY_BLOCKS", 12)
-    slow_drifts.limit_of.cache_clear()
+def weeks_of_40_windows() -> Iterator[None]:
+    with short_weeks():
+        yield
+
+
+@pytest.fixture(scope="module")
+def softening() -> list[Taken]:
+    """What is taken of a tower that softens slowly."""
+    with short_weeks():
+        return feed(start("T1", WatchOptions(learn=24)), drifting(640, -0.06))
 
 
 def drifting(count: int, end: float, *, seed: int = 0, since: int = 170, over: int = 400) -> list[Row]:
@@ -185,10 +203,8 @@ def drifting(count: int, end: float, *, seed: int = 0, since: int = 170, over: i
     return rows
 
 
-@pytest.mark.usefixtures("weeks_of_40_windows")
-def test_a_tower_that_softens_slowly_is_one_alarm_that_grows_with_it():
-    taken = feed(start("T1", WatchOptions(learn=24)), drifting(640, -0.06))
-    said = [(k, alarm) for k, one in enumerate(taken) for alarm in one.alarms]
+def test_a_tower_that_softens_slowly_is_one_alarm_that_grows_with_it(softening: list[Taken]):
+    said = [(k, alarm) for k, one in enumerate(softening) for alarm in one.alarms]
     assert {alarm.key for _, alarm in said} == {said[0][1].key}
     (first, opened), (_, last) = said[0], said[-1]
     assert 170 + 60 < first < 170 + 300
@@ -203,7 +219,7 @@ def test_a_tower_that_softens_slowly_is_one_alarm_that_grows_with_it():
 
 @pytest.mark.usefixtures("weeks_of_40_windows")
 def test_a_drift_that_goes_back_ends_its_alarm():
-    rows = drifting(900, -0.04)
+    rows = drifting(780, -0.04)
     for k, one in enumerate(rows[600:], 600):
         one["parameters"][0]["own"] += 0.04 * min((k - 600) / 100.0, 1.0)
     alarms = list(last_said(feed(start("T1", WatchOptions(learn=24)), rows)).values())
@@ -227,9 +243,8 @@ def test_after_a_jump_no_drift_is_counted_from_before_it():
 
 
 @pytest.mark.usefixtures("weeks_of_40_windows")
-def test_a_watch_goes_on_from_a_checkpoint_through_a_drift_to_the_same_bits():
-    rows, options = drifting(420, -0.06), WatchOptions(learn=24)
-    once = feed(start("T1", options), rows)
+def test_a_watch_goes_on_from_a_checkpoint_through_a_drift_to_the_same_bits(softening: list[Taken]):
+    rows, options, once = drifting(420, -0.06), WatchOptions(learn=24), softening[:420]
     assert any("slowly" in alarm.text for one in once for alarm in one.alarms)
     watching = start("T1", options)
     for k, one in enumerate(rows):
@@ -259,7 +274,7 @@ def test_a_checkpoint_of_a_version_before_is_read(version: bytes):
 def test_a_checkpoint_never_outgrows_the_windows_that_are_kept(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("windsysid.live.watch.watching.MAX_KEPT_BLOCKS", 100)
     monkeypatch.setattr("windsysid.live.watch.watching.DROPPED_BLOCKS", 25)
-    sizes = [len(one.checkpoint) for one in feed(start("T1", WatchOptions(learn=12)), stream(400))]
+    sizes = [len(one.checkpoint) for one in feed(start("T1", WatchOptions(learn=12)), stream(260))]
     assert max(sizes[:150]) >= max(sizes[150:]) - 200
     assert sizes[99] > sizes[50]
 

@@ -79,7 +79,7 @@ def test_the_effect_of_the_contributors_page_is_found_and_included(monkeypatch: 
     exec(compile(code, "CONTRIBUTING.md", "exec"), scope)
     monkeypatch.setitem(SENTENCES, "mains_hum", scope["SENTENCE"])
     turbine = load_turbine("tower")
-    made = simulate_record(turbine, duration=300.0, rate=12.3, seed=7)
+    made = simulate_record(turbine, duration=150.0, rate=12.3, seed=7)
     hum = 0.05 * np.sin(2.0 * np.pi * 50.0 * made.time + 0.3)
     channel = "tower_x_acceleration"
     made = made.with_channels({channel: (made[channel] + hum, made.unit(channel))})

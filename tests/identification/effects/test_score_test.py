@@ -189,12 +189,12 @@ def test_steps_are_looked_for_in_sensors_without_a_random_walk(tower: Turbine):
 
 def test_the_automatic_choice_says_what_filters_found():
     """A step of a channel was in no note where spectra answered."""
-    made = simulate_record("tower", duration=600.0, rate=12.5, seed=5)
-    found = identify(added(made, "tower_z_acceleration", StepAt(330.0), 0.03), "tower")
+    made = simulate_record("tower", duration=DURATION, rate=RATE, seed=5)
+    found = identify(added(made, "tower_z_acceleration", StepAt(165.0), 0.03), "tower")
     assert found.formulation == "spectral"
     step = only(found.findings, "step")
     assert step.data["size"] == pytest.approx(0.03, abs=4.0 * step.data["std"])
-    assert step.data["time"] == pytest.approx(330.0, abs=5.0)
+    assert step.data["time"] == pytest.approx(165.0, abs=5.0)
 
 
 class Summed:

@@ -11,6 +11,7 @@ from scipy import stats
 from windsysid.checks.limits import LOG_EVIDENCE_STD
 from windsysid.errors import ConfigurationError
 from windsysid.identification.effects import EFFECTS
+from windsysid.identification.formulations import estimate
 from windsysid.identification.identify import identify
 from windsysid.identification.job import Job
 from windsysid.identification.model.prior_odds import (
@@ -68,9 +69,11 @@ def test_a_waveform_that_a_turbine_file_calls_unlikely_needs_more_evidence():
     steps = 0.03 * (made.time > 165.0)
     made = made.with_channels({channel: (made[channel] + steps, made.unit(channel))})
 
+    job = Job(made, made, TOWER, None, None, None, None, "broadband")
+    start = estimate(job)
+
     def included(**odds: float) -> list[str]:
-        turbine = replace(TOWER, odds=odds)
-        answered, _ = run(Job(made, made, turbine, None, None, None, None, "broadband"), effects=((EFFECTS[-1],),))
+        answered, _ = run(replace(job, turbine=replace(TOWER, odds=odds)), start, effects=((EFFECTS[-1],),))
         return [one.code for one in answered.effects if one.code == "step"]
 
     assert included() == ["step"]

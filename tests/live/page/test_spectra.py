@@ -22,6 +22,8 @@ from windsysid.reports.interactive.identification import MAX_KEPT_BINS, compact_
 
 from . import sample
 
+pytestmark = pytest.mark.usefixtures("without_effects")
+
 OWN = "http://localhost"
 HOUR = 6 * sample.WINDOW
 
