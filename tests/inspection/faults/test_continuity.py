@@ -20,7 +20,9 @@ RATE = 50.0
 NAMES = ("a_acceleration", "b_acceleration", "c_acceleration")
 
 
-def vibration(seed: int, seconds: float = 600.0, heavy: float | None = None) -> np.ndarray:
+def vibration(
+    seed: int, seconds: float = 600.0, heavy: float | None = None, blows: np.ndarray | tuple[int, ...] = ()
+) -> np.ndarray:
     """Three channels (T, 3) [m/s²] of two modes at 0.8 and 2.1 Hz under noise or blows, and noise of their own."""
     random = np.random.default_rng(seed)
     count = int(seconds * RATE)
@@ -30,6 +32,7 @@ def vibration(seed: int, seconds: float = 600.0, heavy: float | None = None) -> 
         omega, step = 2.0 * np.pi * frequency, 1.0 / RATE
         radius = np.exp(-damping * omega * step)
         push = random.standard_normal(count) if heavy is None else random.standard_t(heavy, count)
+        push[list(blows)] += 15.0
         pole = [1.0, -2.0 * radius * np.cos(omega * step), radius**2]
         readings += np.outer(lfilter([1.0, -2.0, 1.0], pole, lfilter([1.0], [1.0, -0.8], push)), shape)
     return readings
@@ -94,6 +97,30 @@ def test_lost_buffers_are_found_among_blows():
     kept = np.mod(np.arange(len(values)), 750) >= 50
     (found,) = [f for f in examine(record_of(values[kept]), None)[0] if f.kind == "lost samples"]
     assert "multiples of 14 s" in found.text
+
+
+@pytest.mark.parametrize(("turn", "of"), [(8.38, 1), (8.38, 3), (5.0, 2)])
+def test_blows_in_step_with_the_rotor_are_no_lost_samples(turn, of):
+    """A blade that passes the tower excites every sensor once a turn, as lost buffers would."""
+    passages = np.arange(1.0, 599.0, turn / of)
+    struck = np.random.default_rng(11).permutation(passages)[: len(passages) * 3 // 4]
+    values = vibration(11, blows=np.round(struck * RATE).astype(int))
+    assert "lost samples" in kinds_of(values)
+    speed = np.full((len(values), 1), 2.0 * np.pi / turn)
+    record = Record(
+        record_of(values).time, np.hstack([values, speed]), (*NAMES, "rotor_speed"), (*("m/s^2",) * 3, "rad/s")
+    )
+    assert "lost samples" not in {finding.kind for finding in examine(record, None)[0]}
+
+
+def test_lost_buffers_are_found_where_a_rotor_turns():
+    values = vibration(4)
+    values = values[np.mod(np.arange(len(values)), 500) >= 25]
+    speed = np.full((len(values), 1), 2.0 * np.pi / 8.38)
+    record = Record(
+        record_of(values).time, np.hstack([values, speed]), (*NAMES, "rotor_speed"), (*("m/s^2",) * 3, "rad/s")
+    )
+    assert "lost samples" in {finding.kind for finding in examine(record, None)[0]}
 
 
 @pytest.mark.parametrize("times", [2.0, 3.0])

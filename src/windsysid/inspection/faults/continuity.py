@@ -21,6 +21,7 @@ from windsysid.inspection.limits import (
     MIN_OVERRUN_JUMPS,
     MIN_PREDICTED_ROWS,
 )
+from windsysid.inspection.rotor import turns_per_second
 from windsysid.records.kept import kept_with_record
 from windsysid.records.record import Record
 
@@ -63,8 +64,6 @@ def copied_passages(record: Record, channels: Sequence[str]) -> list[Fault]:
         usable = usable[:-count] & usable[count:]
         count, factor = 2 * count, factor * factor % _MODULUS
     at = np.flatnonzero(usable)
-    if not at.size:
-        return []
     _, first, which = np.unique(key[at], return_index=True, return_inverse=True)
     source = at[first[which]]
     again = at[source < at]
@@ -75,8 +74,7 @@ def copied_passages(record: Record, channels: Sequence[str]) -> list[Fault]:
     np.add.at(mask, again + MIN_COPIED_ROWS, -1)
     copied = np.cumsum(mask)[:-1] > 0
     spans = spans_of(record.time, copied)
-    share, origin = float(copied.mean()), float(record.time[source[np.searchsorted(at, again[0])]])
-    data = {"share": share, "origin": origin}
+    data = {"share": float(copied.mean()), "origin": float(record.time[source[np.searchsorted(at, again[0])]])}
     return [Fault("", "copied passage", "warning", int(copied.sum()), spans, data)]
 
 
@@ -112,21 +110,16 @@ def overrun(record: Record, channel: str) -> list[Fault]:
     on where it should have stopped."""
     x = record[channel]
     known = np.flatnonzero(np.isfinite(x))
-    if known.size < 2 * MIN_COPIED_ROWS:
+    if known.size < 2 * MIN_COPIED_ROWS or np.ptp(x[known]) == 0.0:
         return []
-    low, span = float(x[known].min()), float(np.ptp(x[known]))
-    if span <= 0.0:
-        return []
-    place = (x[known] - low) / span
+    place = (x[known] - x[known].min()) / np.ptp(x[known])
     step = np.diff(place)
     far = 1 + np.flatnonzero(np.abs(step[1:-1]) > 0.75)
     around = 0.5 * (step[far - 1] + step[far + 1])
     ends = (np.minimum(place[far], place[far + 1]) < 0.2) & (np.maximum(place[far], place[far + 1]) > 0.8)
     between = np.mean((place > 0.25) & (place < 0.75))
-    if ends.sum() < MIN_OVERRUN_JUMPS or between < 0.2:
-        return []
-    if np.std(step[np.abs(step) <= 0.75]) > MAX_OVERRUN_STEP_STD:  # some readings a period: crests follow troughs
-        return []
+    if ends.sum() < MIN_OVERRUN_JUMPS or between < 0.2 or np.std(step[np.abs(step) <= 0.75]) > MAX_OVERRUN_STEP_STD:
+        return []  # with few readings a period, crests follow troughs
     unwrapped = step[far] - np.sign(step[far])
     if np.median((unwrapped - around) ** 2 / (step[far] - around) ** 2) > MAX_UNWRAPPED_RATIO:
         return []
@@ -137,7 +130,8 @@ def overrun(record: Record, channel: str) -> list[Fault]:
 
 def lost_samples(record: Record, channels: Sequence[str]) -> list[Fault]:
     """Places at regular distances where readings do not go on from those before, though the time does: buffers were
-    lost between others that came through. A blow looks the same, but blows do not keep to multiples of some rows."""
+    lost between others that came through. A blow looks the same, but blows do not keep to multiples of some rows, apart
+    from those of blades that pass the tower."""
     from scipy.special import gammainccinv
 
     values = _columns(record, channels)
@@ -152,33 +146,39 @@ def lost_samples(record: Record, channels: Sequence[str]) -> list[Fault]:
     middle = np.partition(errors**2, (len(errors) - 1) // 2, axis=0)[(len(errors) - 1) // 2]
     bound = 2.0 * float(gammainccinv(0.5 * apart.sum(), FALSE_ALARM_PROBABILITY / len(values)))  # of chi-squared
     rows = np.flatnonzero((together > bound) & (middle > 3.0))
-    if not rows.size:
-        return []
-    seams = rows[np.concatenate([[True], np.diff(rows) > PREDICTOR_READINGS])]
-    buffer = _common_divisor(seams, len(values))
-    if not buffer:
+    seams = rows[np.diff(rows, prepend=-PREDICTOR_READINGS - 1) > PREDICTOR_READINGS]
+    buffer, turns = _common_divisor(seams, len(values)), turns_per_second(record)
+    if not buffer or (turns and _in_step_with_rotor(seams, record.rate / turns, len(values))):
         return []
     spans = np.column_stack([record.time[seams], record.time[seams]])
     return [Fault("", "lost samples", "warning", int(seams.size), spans, {"distance": buffer / record.rate})]
 
 
 def _common_divisor(rows: NDArray[np.int64], samples: int) -> int:
-    """The number of rows by multiples of which more of these `rows` are apart, give or take one, than by chance; 0 if
-    there is none.
+    """The number of rows by multiples of which more of these `rows` are apart than by chance; 0 if there is none."""
+    steps = np.concatenate([np.diff(rows), rows[2:] - rows[:-2]])
+    candidates = np.unique(np.concatenate([steps // part + off for part in (1, 2, 3) for off in (-1, 0, 1)]))
+    found = [(_in_step_by_chance(rows, each), int(each)) for each in candidates[candidates > PREDICTOR_READINGS]]
+    return min([(FALSE_ALARM_PROBABILITY / samples, 0), *found])[1]
 
-    Of n rows at random, the number within one of a multiple of d from a given row on is binomial with 3/d. Each d and
-    each row to count from is a test.
+
+def _in_step_with_rotor(rows: NDArray[np.int64], turn: float, samples: int) -> bool:
+    """Test whether these `rows` keep to a turn of the rotor (in rows), or to a part of it: then it explains them."""
+    parts = range(1, int(turn / PREDICTOR_READINGS) + 1)
+    return any(_in_step_by_chance(rows, turn / each) < FALSE_ALARM_PROBABILITY / samples for each in parts)
+
+
+def _in_step_by_chance(rows: NDArray[np.int64], apart: float) -> float:
+    """Probability that of n rows at random as many are multiples of `apart` from one another, give or take one row.
+
+    The number within one row of a multiple from a given row on is binomial with 3/`apart`. Each row to count from is a
+    test.
     """
     from scipy.special import bdtrc
 
-    steps = np.concatenate([np.diff(rows), rows[2:] - rows[:-2]])
-    candidates = np.unique(np.concatenate([steps // part + off for part in (1, 2, 3) for off in (-1, 0, 1)]))
-    best = (FALSE_ALARM_PROBABILITY / samples, 0)
-    for apart in candidates[candidates > PREDICTOR_READINGS].tolist():
-        count = np.bincount(rows % apart, minlength=apart)
-        in_step = int((count + np.roll(count, 1) + np.roll(count, -1)).max())
-        best = min(best, (apart * float(bdtrc(in_step - 1, rows.size, 3.0 / apart)), int(apart)))
-    return best[1]
+    phase = np.sort(np.concatenate([rows % apart, rows % apart + apart]))
+    in_step = int((np.searchsorted(phase, phase[: rows.size] + 2.0, side="right") - np.arange(rows.size)).max())
+    return apart * float(bdtrc(in_step - 1, rows.size, 3.0 / apart))
 
 
 def prediction_errors(x: Array) -> Array:
@@ -192,9 +192,8 @@ def prediction_errors(x: Array) -> Array:
     used = past
     for _ in range(2):
         moment = used.T @ used
-        moment[1:, 1:] += (
-            np.eye(PREDICTOR_READINGS) * 1e-12 * moment[0, 0]
-        )  # what is sampled very often predicts itself
+        # a channel that is sampled very often predicts itself
+        moment[1:, 1:] += np.eye(PREDICTOR_READINGS) * 1e-12 * moment[0, 0]
         weights = np.linalg.lstsq(moment[1:, 1:], moment[1:, 0], rcond=None)[0]
         error = np.abs(past @ np.concatenate([[1.0], -weights]))
         used = past[error <= 4.0 * np.median(error) / 0.6745]
