@@ -128,15 +128,8 @@ def missing_units(channels: Sequence[tuple[str, Array]], how: str) -> str:
     `channels` are names with some values each; `how` says where to write the unit, with ``{}`` for name and unit.
     """
     name, values = channels[0]
-    known = values[np.isfinite(values)]
     units = plausible_units(name, values)
-    shown = [unit_text(unit) for unit in units]
-    text = f"channel '{name}' has no unit"
-    if known.size:
-        span = f"{known.min():.4g} … {known.max():.4g}" if np.ptp(known) else f"{known[0]:.4g}"
-        text += f"; its values ({span}) " + (
-            f"are plausible in {' or '.join(shown)}" if shown else "do not show which one is meant"
-        )
+    text = f"channel '{name}' has no unit" + _what_values_show(values[np.isfinite(values)], units)
     usual = units or _CANDIDATES[implied_unit(name) or "1"][0]
     text += f"; {how.format(f'{name} [{usual[0]}]' if len(usual) == 1 else f'{name} [unit]')}"
     others = [other for other, _ in channels[1:]]
@@ -144,6 +137,14 @@ def missing_units(channels: Sequence[tuple[str, Array]], how: str) -> str:
         more = f" and {len(others) - 5} more" if len(others) > 5 else ""
         text += f"; without a unit too: {', '.join(others[:5])}{more}"
     return text
+
+
+def _what_values_show(known: Array, units: Sequence[str]) -> str:
+    if not known.size:
+        return ""
+    span = f"{known.min():.4g} … {known.max():.4g}" if np.ptp(known) else f"{known[0]:.4g}"
+    shown = " or ".join(unit_text(unit) for unit in units)
+    return f"; its values ({span}) " + (f"are plausible in {shown}" if shown else "do not show which one is meant")
 
 
 def _words(channel: str) -> list[str]:

@@ -333,16 +333,20 @@ def grade_modes(
 def _touched(
     diagnosis: Diagnosis, parameters: Sequence[Parameter], channels: set[str], readers: Readers | None
 ) -> set[str]:
-    """Coefficients that a reason affects."""
-    names, found = {q.name for q in parameters}, set[str]()
-    for one in diagnosis.findings:
-        if one.severity != "reason" or one.code == "wider_intervals":  # of which factors are known
-            continue
-        if readers is not None and one.quantities and names.issuperset(one.quantities):
-            found |= set(one.quantities)
-        elif readers is not None and one.channels and channels.issuperset(one.channels):
-            own = set(one.channels)
-            found |= {q.name for q in parameters if q.part not in readers or own.intersection(readers[q.part])}
-        else:
-            return names
-    return found
+    """Coefficients that a reason affects; of wider intervals the factors are known."""
+    reasons = [one for one in diagnosis.findings if one.severity == "reason" and one.code != "wider_intervals"]
+    return set[str]().union(*(_touched_by(one, parameters, channels, readers) for one in reasons))
+
+
+def _touched_by(
+    reason: Finding, parameters: Sequence[Parameter], channels: set[str], readers: Readers | None
+) -> set[str]:
+    names = {q.name for q in parameters}
+    if readers is None:
+        return names
+    if reason.quantities and names.issuperset(reason.quantities):
+        return set(reason.quantities)
+    if reason.channels and channels.issuperset(reason.channels):
+        own = set(reason.channels)
+        return {q.name for q in parameters if q.part not in readers or own.intersection(readers[q.part])}
+    return names

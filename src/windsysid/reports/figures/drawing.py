@@ -1,6 +1,6 @@
 """Descriptions of plots as Matplotlib figures, for files and notebooks."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -107,8 +107,7 @@ def _draw_marks(ax: Axes, plot: Plot) -> None:
 def _name_ends(ax: Axes, x: Any, curves: Sequence[PlotCurve]) -> None:
     """Name curves at their right ends, those of one colour that end together with one text; others at their last
     points."""
-    place = ax.transScale + ax.transLimits
-    ends = []
+    place, ends = ax.transScale + ax.transLimits, list[tuple[float, PlotCurve]]()
     for one in curves:
         known: Any = np.flatnonzero(np.isfinite(one.values)) if one.look == "line" else []
         if len(known) and known[-1] >= 0.99 * (len(x) - 1):
@@ -116,15 +115,19 @@ def _name_ends(ax: Axes, x: Any, curves: Sequence[PlotCurve]) -> None:
         elif len(known):
             ax.annotate(symbol(one.name), (x[known[-1]], np.asarray(one.values)[known[-1]]), (4, -4), fontsize=8,
                         textcoords="offset points", color=COLOURS[one.colour], ha="left", va="top")  # fmt: skip
+    for at, colour, names in _groups((float(place.transform((1.0, value))[1]), one) for value, one in ends):
+        ax.text(1.01, at, ", ".join(names), transform=ax.transAxes, color=COLOURS[colour], fontsize=8, va="center")
+
+
+def _groups(ends: Iterable[tuple[float, PlotCurve]]) -> list[tuple[float, str, list[str]]]:
+    """Place, colour and names of the curves of one colour that end together."""
     groups: list[tuple[float, str, list[str]]] = []
-    for value, one in sorted(ends, key=lambda end: end[0]):
-        at = float(place.transform((1.0, value))[1])
+    for at, one in sorted(ends, key=lambda end: end[0]):
         if groups and at - groups[-1][0] < END_GAP and one.colour == groups[-1][1]:
             groups[-1][2].append(symbol(one.name))
         else:
             groups.append((at, one.colour, [symbol(one.name)]))
-    for at, colour, names in groups:
-        ax.text(1.01, at, ", ".join(names), transform=ax.transAxes, color=COLOURS[colour], fontsize=8, va="center")
+    return groups
 
 
 def _set_axes(ax: Axes, plot: Plot) -> None:
