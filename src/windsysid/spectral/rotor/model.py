@@ -120,7 +120,7 @@ class JointWeights(NamedTuple):
         from scipy.sparse import csr_array, triu
 
         each = csr_array(weights.T)
-        rows, columns = triu(abs(each) @ abs(each).T).nonzero()
+        rows, columns = (np.asarray(pair, dtype=np.intp) for pair in triu(abs(each) @ abs(each).T).nonzero())
         return cls(rows, columns, each[rows].multiply(each[columns]).tocsr(), weights.shape[1])
 
     def covariances(self, spectra: NDArray[Any]) -> Iterator[tuple[int, int, NDArray[Any]]]:
@@ -282,7 +282,7 @@ class LiftedModel(NamedTuple):
         """J, g and F of groups of bins given those before; entries that nothing links are apart."""
         parts = self._spectra(unknowns, 1, matrices, slopes=slopes)
         S = np.concatenate([np.concatenate([part.spectrum[None], part.slopes]) for _, part in parts], axis=1)
-        for some in _linked(S.any(axis=(0, 1))):
+        for some in _linked(np.asarray(S.any(axis=(0, 1)))):
             of, e = S[:, :, some[:, None], some], len(some)
             moved = np.flatnonzero(of.any(axis=(1, 2, 3)))  # the first is S, and no derivative
             at = moved[1:] - 1
