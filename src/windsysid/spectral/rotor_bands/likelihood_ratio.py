@@ -49,15 +49,11 @@ def doubt_halves(halves: Sequence[BandModel], found: RotorBandFit, parameters: S
         weights = np.exp(values.min(axis=1, keepdims=True) - values)
         odds = PRIOR_ODDS_OF_MISFIT * float(np.prod(weights.mean(axis=1)) / np.mean(np.prod(weights, axis=0)))
         means = weights @ steps / weights.sum(axis=1)
-        spreads = np.sqrt(np.sum(weights * np.square(steps - means[:, None]), axis=1) / weights.sum(axis=1))
-        far = int(np.argmax(np.abs(means)))
-        chance, width = odds / (1.0 + odds), max(float(spreads[far] / std[which[0]]), 1.0)
-        if mixture_factor([(means[far] / std[which[0]], width, chance)]) > 1.0 + NEGLIGIBLE_SHARE:
+        far, chance = means[int(np.argmax(np.abs(means)))], odds / (1.0 + odds)
+        if mixture_factor([(far / std[which[0]], 1.0, chance)]) > 1.0 + NEGLIGIBLE_SHARE:
             names = tuple(parameters[i].name for i in which)
-            data = {"change": means[far], "chance": chance, "shifts": dict.fromkeys(names, means[far])}
-            doubts.append(
-                Finding("halves_disagree_in_bands", "reason", data | {"widths": dict.fromkeys(names, width)}, names)
-            )
+            data = {"change": far, "chance": chance, "shifts": dict.fromkeys(names, far)}
+            doubts.append(Finding("halves_disagree_in_bands", "reason", data, names))
     return doubts
 
 
@@ -75,9 +71,9 @@ def _profiles(
     halves: Sequence[BandModel], starts: Sequence[Array], which: Sequence[int], *, blades: bool
 ) -> tuple[Array, Array]:
     """Steps (S,) of the logarithm of stiffness, half a bin in frequency each, and −ln of the posterior (2, S) of either
-    half in the bands of the blades or of the support."""
-    of = slice(0, 1) if blades or len(halves[0].bands) == 1 else slice(1, None)
-    band = halves[0].bands[of][0]
+    half: of the blades in their band, of the support, whose roll moves the blades, in all bands."""
+    of = slice(0, 1) if blades else slice(None)
+    band = halves[0].bands[of][-1]
     width = float(np.ptp(band.model.base) / band.model.base.mean()) / len(band.model.data)
     count = int(_reach(band.rows[0]) / width)
     steps, along = np.arange(-count, count + 1.0) * width, np.isin(np.arange(len(starts[0])), which)
