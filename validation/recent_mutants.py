@@ -31,7 +31,7 @@ RECENT_TESTS: dict[str, tuple[str, ...]] = {
     "modal_bands/part_scores.py": ("test_part_scores.py", "test_oma.py"),
     "modal_bands/scoring.py": ("test_modal_model.py", "test_oma.py"),
     "spectral/narrow_band_alternative.py": ("test_narrow_band_beside.py",),
-    "spectral/narrow_band.py": ("test_narrow_bands.py",),
+    "spectral/narrow_band.py": ("test_narrow_band.py", "test_narrow_bands.py"),
     "effects/bias.py": ("test_offsets.py",),
     "watch/open_alarms.py": ("test_open_alarms.py", "test_engine.py"),
     "results/estimate.py": ("test_result.py", "test_oma.py"),

@@ -1,6 +1,7 @@
 """The spectral formulation from record to result."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -73,7 +74,7 @@ def test_filters_and_spectra_know_instruments_and_masses_alike(tower_record: Rec
 def test_an_axis_and_a_clock_that_are_off_are_found_and_said() -> None:
     turbine = load_turbine("verne555")
     record = record_of(turbine, Errors(turn={0: np.radians(5.0)}, late={"rotor": 0.002}), 91_700)
-    options = {"formulation": "spectral", "prior": DrawnPrior(seed=5), "loads": "broadband"}
+    options: dict[str, Any] = {"formulation": "spectral", "prior": DrawnPrior(seed=5), "loads": "broadband"}
     found = identify_without_effects(record, turbine, **options)
     off = {one.name: one for one in found.tolerances}
     axis, clock = off["alignment of tower_x_acceleration"], off["clock of rotor"]

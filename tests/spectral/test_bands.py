@@ -38,6 +38,8 @@ from windsysid.turbine.file import load_turbine
 
 HZ = 12.1 / 60.0
 TURBINE = load_turbine("nrel5mw_full")
+pytestmark = pytest.mark.usefixtures("without_effects")
+
 TIPS = tuple(f"blade_{i}_tip_lag_acceleration" for i in (1, 2, 3))
 
 
@@ -62,6 +64,7 @@ def turning(hz: float, samples: int, rate: float) -> Array:
     return np.asarray(2.0 * np.pi * hz * np.arange(samples) / rate, dtype=np.float64)
 
 
+@lru_cache(maxsize=2)
 def posed(*, sensors: tuple[str, ...] = ()) -> PosedBands:
     found = search_bands(question(record(), sensors=sensors))
     assert found is not None
