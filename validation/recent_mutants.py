@@ -179,7 +179,7 @@ _CLOCKS_AND_LINES = (
     ),
     Mutant(
         "scatter of a sine", "effects/sinusoid.py",
-        "return chance >= SCREENING_PROBABILITY and", "return",
+        "return bool(chance >= SCREENING_PROBABILITY and", "return bool(",
         "a load that swells and fades is taken out as a sine",
     ),
     Mutant(

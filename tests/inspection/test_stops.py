@@ -29,7 +29,7 @@ def test_a_stop_and_its_decay_are_found():
     (stop,) = inspect_record(made(falling(20.0), np.where(time < 218.0, 1.0, np.exp(-(time - 218.0) / 30.0)))).stops
     assert stop.start == pytest.approx(200.0 + 0.9 * 20.0, abs=0.2)
     assert stop.end == pytest.approx(599.9)
-    assert stop.fall == pytest.approx(0.5 * 20.0, abs=0.3)
+    assert stop.fall == pytest.approx(0.4 * 20.0, abs=0.3)
     assert stop.rotor_speed == pytest.approx(1.3)
     assert stop.decays
     assert "dies away" in str(stop)

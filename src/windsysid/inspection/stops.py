@@ -1,8 +1,8 @@
 """Stops of the rotor in a record: vibration after one decays without the aerodynamic damping of a turning rotor, and so
 determines structural damping.
 
-A stop is a fall of the rotor speed from 60 % of the usual one to 10 % of it within a minute. Its section begins there
-and ends when the rotor turns again.
+A stop is a fall of the rotor speed from half of the highest to 10 % of the usual one within a minute. Its section
+begins there and ends when the rotor turns again.
 """
 
 from dataclasses import dataclass
@@ -43,7 +43,7 @@ class Stop:
     rotor_speed
         Before it [rad/s].
     fall
-        From 60 % to 10 % of the usual rotor speed [s].
+        From half of the highest to 10 % of the usual rotor speed [s].
     decay
         How many times vibration falls from right after the stop to the section's second half, in the channel where it
         falls most.

@@ -26,7 +26,7 @@ def test_short_gaps_are_straight_lines_and_are_counted():
 def test_a_channel_with_more_gaps_is_refused_by_name():
     readings = noise()
     readings[: int(2 * MAX_FAULT_SHARE * len(readings)), 0] = np.nan
-    with pytest.raises(RecordError, match=f"channel '{CHANNELS[0]}': expected at most 1 % missing .* got 2 %"):
+    with pytest.raises(RecordError, match=f"channel '{CHANNELS[0]}': expected at most 2 % missing .* got 4 %"):
         read_bridged(record_of(readings), CHANNELS, [])
 
 

@@ -118,7 +118,7 @@ class _SeenLine(NamedTuple):
         by_chance = MAX_DISAGREEMENT_SIGMAS * FREQUENCY_STD_BINS / math.sqrt(self.over)
         apart = step * max(MAX_SINUSOID_SHIFT_BINS, by_chance)
         chance = gammaincc(SEGMENT_COUNT - 1, self.scatter)  # half a χ² of two degrees of freedom for each but the mean
-        return chance >= SCREENING_PROBABILITY and abs(self.frequency - frequency) <= apart
+        return bool(chance >= SCREENING_PROBABILITY and abs(self.frequency - frequency) <= apart)
 
     @classmethod
     def of(cls, record: Record, channel: str, frequency: float) -> "_SeenLine | None":

@@ -80,15 +80,13 @@ def judge_smoothed_loads(
     n, tested = len(freedoms), [freedoms[j] for j in asked]
     driven = np.diff(_loads(model, inputs, state)[:, [names.index(one.load) for one in tested]], axis=0)
     scores = _scores(state[:, asked], state[:, [n + j for j in asked]], driven)
-    groups = [[i] for i in range(len(tested))]
-    groups += [[i for i, one in enumerate(tested) if bool(one.blade) is blade] for blade in (False, True)]
-    groups, pairs = list(filter(None, groups)), list(combinations(range(len(tested)), 2))
+    groups, pairs = _groups(tested), list(combinations(range(len(tested)), 2))
     bound = float(ndtri(1.0 - 0.5 * SCREENING_PROBABILITY / (len(scores) * len(groups) + len(pairs))))
     bendings = [
         Bending(law, tuple(tested[i].name for i in group), float(t[group].sum()) / math.sqrt(len(group)), bound)
         for law, t in scores.items() for group in groups
     ]  # fmt: skip
-    apart = readings.shape[1] >= len(asked) and not any(one.blade for one in freedoms)
+    apart = readings.shape[1] >= len(asked)
     largest = max(bendings, key=lambda one: abs(one.sigmas))
     return SmoothedLoads(largest, _most_correlated(tested, driven, pairs, bound) if apart else None)
 
@@ -101,10 +99,18 @@ def _testable(model: StateSpace, info: Info, freedoms: Sequence[Coordinate], nam
     return [j for j, one in enumerate(freedoms) if one.load in names and np.any(info.mean[:, j])]
 
 
+def _groups(freedoms: Sequence[Coordinate]) -> list[list[int]]:
+    """Numbers of each of n degrees of freedom, of those of the support and of those of the blades."""
+    together = [[i for i, one in enumerate(freedoms) if bool(one.blade) is blade] for blade in (False, True)]
+    return [*([i] for i in range(len(freedoms))), *filter(None, together)]
+
+
 def _most_correlated(
     freedoms: Sequence[Coordinate], driven: Array, pairs: Sequence[tuple[int, int]], bound: float
 ) -> CorrelatedLoads | None:
-    """Of pairs of n degrees of freedom, the two loads of strongest correlation, by their drives (T, n)."""
+    """Of pairs of n degrees of freedom of a support, the two loads of strongest correlation, by their drives (T, n)."""
+    if any(one.blade for one in freedoms):
+        return None
     found = [
         CorrelatedLoads((freedoms[i].load, freedoms[j].load), float(_score(driven[:, i], driven[:, j])), bound)
         for i, j in pairs
