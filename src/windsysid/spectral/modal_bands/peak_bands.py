@@ -6,9 +6,11 @@ there is a mode in a band, and how many, the evidence decides.
 """
 
 import itertools
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from windsysid._types import Array, Complex
 from windsysid.checks.limits import CONFLICT_SIGMAS, MAX_CHANCE_SIGMAS
@@ -66,16 +68,15 @@ def find_peaks(frequency: Array, values: Complex, low: float, high: float) -> li
             continue
         levels = np.linalg.eigvalsh(power)[:, ::-1][:, :SINGULAR_VALUES]
         scatter = 1.0 / np.sqrt(counts)
+        around = _surroundings(centre, bins * frequency[1])
         for level in np.log(np.maximum(levels.T, 1e-300)):
+            heights = level.tolist()
             for i in _maxima(level):
-                around = np.abs(np.log(centre / centre[i])) < max(
-                    BACKGROUND_HALF_WIDTH, 4.0 * bins * frequency[1] / centre[i]
-                )
-                rise = (level[i] - np.median(level[around])) / scatter[i]
-                if rise < MAX_CHANCE_SIGMAS:
+                valley = heights[i] - max(_valley(heights, i, -1), _valley(heights, i, 1))
+                if valley <= CONFLICT_SIGMAS * scatter[i]:
                     continue
-                valley = level[i] - max(_valley(level, i, -1), _valley(level, i, 1))
-                if valley > CONFLICT_SIGMAS * scatter[i]:
+                rise = (level[i] - np.median(level[slice(*around[i])])) / scatter[i]
+                if rise >= MAX_CHANCE_SIGMAS:
                     own.append(Peak(float(centre[i]), _half_width(centre, level, i), float(rise)))
         found += merge_peaks(own, found)
     return sorted(found)
@@ -165,11 +166,9 @@ def _averages(
     centre = 0.5 * (frequency[marks[:-2]] + frequency[marks[2:] - 1])
     powers = np.einsum("gii->gi", power).real
     few = np.arange(0, len(centre), BACKGROUND_STEP)
-    levels = np.empty((len(few), powers.shape[1]))
-    for i, f in enumerate(centre[few]):
-        around = np.abs(np.log(centre / f)) < max(BACKGROUND_HALF_WIDTH, 4.0 * bins * step / f)
-        levels[i] = np.median(powers[around], axis=0)
-    scale = np.column_stack([np.interp(centre, centre[few], column) for column in levels.T])
+    across = np.ascontiguousarray(powers.T)
+    levels = [_medians(across[:, first:last]) for first, last in _surroundings(centre, bins * step)[few].tolist()]
+    scale = np.column_stack([np.interp(centre, centre[few], column) for column in np.transpose(levels)])
     root = 1.0 / np.sqrt(np.maximum(scale, 1e-300))
     faint = np.all(powers < MIN_DENSITY_SHARE * powers.max(axis=0), axis=1)
     scaled = power * root[:, :, None] * root[:, None, :]
@@ -177,18 +176,32 @@ def _averages(
     return centre, total, scaled
 
 
+def _surroundings(centre: Array, width: float) -> NDArray[np.int64]:
+    """First and end (G, 2) of the background of each rising frequency (G,) that averages over a width [Hz]."""
+    place, reach = np.log(centre), np.maximum(BACKGROUND_HALF_WIDTH, 4.0 * width / centre)
+    return np.column_stack([np.searchsorted(place, place - reach, "right"), np.searchsorted(place, place + reach)])
+
+
+def _medians(values: Array) -> Array:
+    """Medians of rows (n, k), with a third of the cost of `numpy.median` where they are short."""
+    middle = (values.shape[1] - 1) // 2, values.shape[1] // 2
+    parted = np.partition(values, middle)
+    return np.asarray(0.5 * (parted[:, middle[0]] + parted[:, middle[1]]))
+
+
 def _maxima(level: Array) -> list[int]:
     """Local maxima, the ends left out."""
-    return [i for i in range(1, len(level) - 1) if level[i] >= level[i - 1] and level[i] > level[i + 1]]
+    inner = level[1:-1]
+    return (1 + np.flatnonzero((inner >= level[:-2]) & (inner > level[2:]))).tolist()
 
 
-def _valley(level: Array, i: int, way: int) -> float:
+def _valley(level: Sequence[float], i: int, way: int) -> float:
     """The least level on one side, as far as nothing is higher than at i."""
     least, k = level[i], i + way
     while 0 <= k < len(level) and level[k] <= level[i]:
         least = min(least, level[k])
         k += way
-    return float(least)
+    return least
 
 
 def _half_width(centre: Array, level: Array, i: int) -> float:
