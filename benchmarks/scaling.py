@@ -171,7 +171,7 @@ def search(_: str, threads: int) -> dict[str, float]:
     def run() -> object:
         return likelihood.posterior_mode(
             problem.build, problem.inputs, problem.readings,
-            prior_mean=mean, prior_cov=cov, start=start, start_cov=start_cov,
+            prior=(mean, cov), start=(start, start_cov),
         )  # fmt: skip
 
     processor, clock = _timed(run, 3)
