@@ -1,4 +1,4 @@
-"""The joint filter and the spectral likelihood, relative to hand-written C and to the limits of one core.
+"""Filters and the spectral likelihood, relative to hand-written C and to the limits of one core.
 
     python benchmarks/roofline.py [--short]      (make bench)
 
@@ -24,6 +24,7 @@ from speed import AGREES, FLAGS, in_turns
 
 from windsysid import load_turbine
 from windsysid.filters import EKF
+from windsysid.filters.bank import LANES, bank_of, run_bank
 from windsysid.identification.model.prior import Prior
 from windsysid.identification.model.turbine_problem import pose
 from windsysid.kernels.threads import one_thread
@@ -174,7 +175,7 @@ def limits(folder: Path) -> dict[str, float]:
     library = built(folder, "roofline.c")
     for function in (library.multiply_add, library.read_all):
         function.restype = ctypes.c_double
-    found = {"flops": 256.0 * 1_000_000 / _least(lambda: library.multiply_add(ctypes.c_long(1_000_000))) / 1e9}
+    found = {"flops": library.flops() * 1e6 / _least(lambda: library.multiply_add(ctypes.c_long(1_000_000))) / 1e9}
     for name, size, turns in (("cache", 1 << 14, 20_000), ("memory", 1 << 28, 1)):
         values = np.ones(size // 8 + 8)
         at = values.ctypes.data + -values.ctypes.data % 64
@@ -193,13 +194,25 @@ def _least(run: Callable[[], object], repeats: int = 7) -> float:
     return min(taken)
 
 
-def joint_filter(repeats: int) -> tuple[float, float, float, float]:
-    """Flops, bytes in the cache, bytes of memory and µs of a sample of the joint filter of the scale model."""
+def filters(repeats: int) -> dict[str, tuple[float, float, float, float]]:
+    """Flops, bytes in the cache, bytes of memory and µs of a sample of filters of the scale model."""
     turbine = load_turbine("verne555").exact()
     problem = pose(simulate_record(turbine, duration=10.0, rate=100.0, seed=1), turbine, turbine.sensors, Prior())
-    model = problem.model
-    seconds = in_turns({"": lambda: EKF.run(model, EKF.init(model), problem.inputs, problem.readings)}, repeats)[""]
-    return *filter_work(model), 1e6 * seconds / len(problem.inputs)
+    models = {"joint extended Kalman filter": problem.model, "coefficients given": problem.build(problem.prior[0])}
+    bank = bank_of([models["coefficients given"]] * LANES)
+    runs: dict[str, Callable[[], object]] = {
+        f"{name}, a sample, {len(model.states)} states": lambda model=model: EKF.run(
+            model, EKF.init(model), problem.inputs, problem.readings
+        )
+        for name, model in models.items()
+    }
+    works = dict(zip(runs, map(filter_work, models.values()), strict=True))
+    side_by_side = f"the same, {LANES} side by side, each"
+    works[side_by_side] = [*works.values()][-1]
+    runs[side_by_side] = lambda: run_bank(bank, problem.inputs, problem.readings)
+    taken = in_turns(runs, repeats)
+    taken[side_by_side] /= LANES
+    return {name: (*works[name], 1e6 * taken[name] / len(problem.inputs)) for name in runs}
 
 
 def roofline(limit: dict[str, float], counted: dict[str, tuple[float, float, float, float]]) -> Sheet:
@@ -231,8 +244,7 @@ def sheets(short: bool) -> Iterator[Sheet]:
     with tempfile.TemporaryDirectory() as name, one_thread():
         table, counted = spectral(Path(name), repeats)
         yield table
-        counted = {"joint extended Kalman filter, a sample, 25 states": joint_filter(repeats), **counted}
-        yield roofline(limits(Path(name)), counted)
+        yield roofline(limits(Path(name)), {**filters(repeats), **counted})
 
 
 if __name__ == "__main__":

@@ -13,7 +13,12 @@
 #include <string.h>
 
 typedef double complex cplx;
-typedef double Vector __attribute__((vector_size(64)));
+#ifdef __AVX512F__
+#define REGISTER 8 /* doubles */
+#else
+#define REGISTER 4
+#endif
+typedef double Vector __attribute__((vector_size(8 * REGISTER)));
 
 #define M2 (M * M)
 #define UNKNOWNS (2 * R + 2 * M * R - R + R * (R - 1) + (R > 0) + M + M * (M - 1) + 1)
@@ -203,7 +208,7 @@ double score(long K, long F, long W, const cplx *power, const double *counts, co
                 At[i][a] = A[a][i];
             }
         for (int a = 0; a < UNKNOWNS; a += 4) /* four rows of the lower half, eight columns at a time */
-            for (int b = 0; b <= a + 3; b += 8) {
+            for (int b = 0; b <= a + 3; b += REGISTER) {
                 Vector sum[4];
                 for (int j = 0; j < 4; j++) sum[j] = *(Vector *)&found[a + j][b];
                 for (int i = 0; i < M2; i++)

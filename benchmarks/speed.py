@@ -40,7 +40,7 @@ from windsysid.simulation.record import simulate_record
 Array = np.ndarray
 HERE = Path(__file__).parent
 
-FLAGS = ("-O3", "-march=native", "-ffast-math", "-fno-finite-math-only", "-fPIC")
+FLAGS = ("-O3", "-march=native", "-ffast-math", "-fno-finite-math-only", "-fPIC", "-Wno-psabi")
 """All that makes it fast, but for NaN, which is data here."""
 
 SAMPLES, REPEATS = 1000, 60
@@ -115,16 +115,28 @@ def on_one_core(problem: TurbineProblem, inputs: Array, readings: Array, console
                         model,
                     )
                     runs[f"{name}, {how}"] = lambda reference=reference: reference.run(inputs, readings)
+            side_by_side = LanesReference(state_only, Path(folder) / "lanes.so")
+            found, expected = side_by_side.score(inputs, readings), run_bank(bank, inputs, readings)[1]
+            lanes = side_by_side.lanes
+            worst = max(
+                float(np.abs(one - other[..., :lanes]).max()) for one, other in zip(found, expected[:2], strict=True)
+            )
+            console.print(f"C of {lanes} lanes and windsysid's bank agree to {worst:.1e}", highlight=False)
+            if not worst < AGREES:
+                raise SystemExit(f"expected agreement to {AGREES:g}")
+            runs["bank, C, vectors"] = lambda: side_by_side.score(inputs, readings)
         least = in_turns(runs, REPEATS)
     each = {name: 1e6 * seconds / len(inputs) for name, seconds in least.items()}
     each["bank"] /= LANES
+    if "bank, C, vectors" in each:
+        each["bank, C, vectors"] /= lanes
     table = Table(title="One core, µs per sample", title_justify="left")
     for heading in ("filter", "states", "windsysid", "C", "÷ C", "C, vectors", "÷ C, vectors", "÷ EKF"):
         table.add_column(heading, justify="left" if heading == "filter" else "right")
     rows = [
         (EKF.name, EKF.name, EKF.name, joint),
         ("the same, coefficients given", "state-only", "state-only", state_only),
-        (f"the same, {LANES} side by side, each", "bank", "state-only", state_only),
+        (f"the same, {LANES} side by side, each", "bank", "bank", state_only),
         *((f.name, f.name, "", joint) for f in FILTERS if f is not EKF),
     ]
     for title, name, floor, model in rows:
@@ -228,6 +240,37 @@ class Reference:
         return outputs
 
 
+class LanesReference(Reference):
+    """`reference.c` for as many filters at once as a register holds numbers, here of one model."""
+
+    def __init__(self, model: StateSpace, library: Path) -> None:
+        wide = "__AVX512F__" in _said("gcc", "-march=native", "-dM", "-E", "-x", "c", os.devnull)
+        self.lanes = LANES if wide else LANES // 2
+        super().__init__(model, library, (f"-DLANES={self.lanes}",))
+        step, _, chosen, scale, logarithmic, *_ = (getattr(self._numbers, name) for name, _ in _Model._fields_)
+        p, _, _, _, *rest = self._arrays
+        self._arrays = [*self._arrays, *map(self._in_lanes, (p, *rest, model.mean, model.cov))]
+        p, phi, q, within, r, *self._prior = (array.ctypes.data for array in self._arrays[-7:])
+        self._numbers = _Model(step, p, chosen, scale, logarithmic, phi, q, within, r)
+
+    def score(self, inputs: Array, readings: Array) -> tuple[Array, Array]:
+        """Whitened innovations of T samples and the logarithms of their standard deviations (T, m, lanes)."""
+        whitened, std, every = map(self._in_lanes, (readings, readings, np.zeros(len(inputs))))
+        outputs = _Outputs(None, None, None, None, whitened.ctypes.data, std.ctypes.data, every.ctypes.data)
+        given = np.ascontiguousarray(inputs), np.ascontiguousarray(readings)
+        pointers = [ctypes.c_void_p(place) for place in (*self._prior, *(array.ctypes.data for array in given))]
+        self._run(ctypes.byref(self._numbers), ctypes.c_long(len(inputs)), *pointers, outputs)
+        return np.nan_to_num(whitened), np.nan_to_num(np.log(std))
+
+    def _in_lanes(self, values: Array) -> Array:
+        """Copy values into all lanes, the last axis, at a place that is a multiple of a vector."""
+        room = np.empty(values.size * self.lanes + self.lanes)
+        first = -room.ctypes.data // room.itemsize % self.lanes
+        lanes = room[first : first + values.size * self.lanes].reshape(*values.shape, self.lanes)
+        lanes[...] = values[..., None]
+        return lanes
+
+
 class _Outputs(ctypes.Structure):
     _fields_ = [(name, ctypes.c_void_p) for name in Info._fields[:-1]]  # nothing is gated
 
@@ -279,15 +322,14 @@ def header(module: ModuleType) -> str:
 
 
 def _function(kernel: ast.FunctionDef) -> str:
-    arguments = ", ".join(
-        f"{'const ' if a.arg in ('_x', '_u', '_p', '_w') else ''}double *restrict {a.arg}" for a in kernel.args.args
-    )
+    kinds = {"_u": "const double", **dict.fromkeys(("_x", "_p", "_w"), "const real")}
+    arguments = ", ".join(f"{kinds.get(a.arg, 'real')} *restrict {a.arg}" for a in kernel.args.args)
     lines = []
     for statement in kernel.body:
         if isinstance(statement, ast.Assign):
             (target,) = statement.targets
-            declared = "const double " if isinstance(target, ast.Name) else ""
-            lines.append(f"    {declared}{_c(target)} = {_c(statement.value)};")
+            declared = "const real " if isinstance(target, ast.Name) else ""
+            lines.append(f"    {declared}{_c(target)} = ALL({_c(statement.value)});")
     return "\n".join([f"static inline void {kernel.name}({arguments})", "{", *lines, "}"])
 
 

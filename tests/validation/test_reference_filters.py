@@ -12,6 +12,7 @@ import pytest
 
 from windsysid import load_turbine
 from windsysid.filters import EKF
+from windsysid.filters.bank import bank_of, run_bank
 from windsysid.identification.model.turbine_problem import pose
 from windsysid.models import Prior
 from windsysid.simulation.record import simulate_record
@@ -43,6 +44,23 @@ def test_the_c_reference_computes_what_windsysid_computes(benchmark_modules: dic
     found = speed.Reference(model, tmp_path / "reference.so", ("-O1",)).run(problem.inputs, readings)
     expected = EKF.run(model, EKF.init(model), problem.inputs, readings)[1]
     assert speed.farthest_apart(found, expected) < speed.AGREES
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="the C reference is compiled with gcc")
+def test_the_c_reference_in_lanes_computes_what_the_bank_computes(
+    benchmark_modules: dict[str, ModuleType], tmp_path: Path
+):
+    """Every innovation and its standard deviation, with missing readings."""
+    speed = benchmark_modules["speed"]
+    turbine = load_turbine("verne555").exact()
+    problem = pose(simulate_record(turbine, duration=3.0, rate=100.0, seed=1), turbine, turbine.sensors, Prior())
+    readings = problem.readings.copy()
+    readings[50:80, 1] = readings[100:105] = np.nan
+    model = problem.build(problem.prior[0])
+    reference = speed.LanesReference(model, tmp_path / "lanes.so")
+    expected = run_bank(bank_of([model] * speed.LANES), problem.inputs, readings)[1]
+    for found, wanted in zip(reference.score(problem.inputs, readings), expected[:2], strict=True):
+        np.testing.assert_allclose(found, wanted[..., : reference.lanes], atol=speed.AGREES)
 
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="the C reference is compiled with gcc")
