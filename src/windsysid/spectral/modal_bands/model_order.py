@@ -71,8 +71,6 @@ class Shapes(NamedTuple):
     load, load_std
         (r,) spectrum of the load that drives the mode, per modal mass where the shape is 1 [unit²/Hz], and the standard
         deviation of its logarithm.
-    responses
-        (k, r): transforms of the modal responses at the bins, in the scale of the fit.
     """
 
     shape: Complex
@@ -81,7 +79,6 @@ class Shapes(NamedTuple):
     largest: NDArray[np.int64]
     load: Array
     load_std: Array
-    responses: Complex
 
 
 def fit_band(
@@ -179,7 +176,7 @@ def full_shapes(found: BandFit) -> Shapes:
     own = np.maximum(np.einsum("jcc->cj", spread), 0.0)
     std = np.sqrt(0.5 * (own[:n] + own[n:]))
     load = np.abs(size) ** 2 * np.diagonal(modes.load @ modes.load.conj().T).real
-    return Shapes(ratio, std, spread, largest, load, level_std, seen)
+    return Shapes(ratio, std, spread, largest, load, level_std)
 
 
 def _modal_responses(modes: Modes, band: Band, values: Complex) -> tuple[Complex, Complex]:
