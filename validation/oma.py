@@ -47,7 +47,7 @@ Array = np.ndarray
 Modes = Sequence[tuple[float, float]]
 """Frequencies [Hz] and damping ratios."""
 
-FRESH = 70_000
+FRESH = 170_000
 CLOSE = ((0.98, 0.008), (1.00, 0.010), (1.02, 0.012))
 LENGTHS = (200.0, 500.0, 1500.0)
 STOREYS = (5, 20, 40)
@@ -456,7 +456,7 @@ def main() -> None:
         table("close modes", HEADINGS, close_modes(4 * given.runs))
         table("modes apart", HEADINGS, modes_apart(runs=2 * given.runs))
         table("one load", HEADINGS, shared_loads(-(-given.runs // 2)))
-        table("loads with a peak", HEADINGS, [*seas(given.runs), *machines(-(-given.runs // 3))])
+        table("loads with a peak", HEADINGS, [*seas(given.runs), *machines(-(-given.runs // 2))])
         table("steep loads", HEADINGS, steep_loads(-(-given.runs // 3)))
         table("one mode", HEADINGS, single_modes(given.runs))
         table("several records together", HEADINGS, several_records(given.runs))

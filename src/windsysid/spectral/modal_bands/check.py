@@ -131,8 +131,9 @@ def variation(found: BandFit, j: int) -> tuple[float, float]:
     factor on variances of frequency and damping, as the level of random loads may vary.
 
     Under random loads, transforms of the readings along the mode's shape are independent and complex Gaussian, with the
-    variance of the model; draws of these give the distribution of `_variations`. If the level varies, values with large
-    power have most of the information: variances grow as the mean of the squared power.
+    variance of the model; draws of these, all without the background by Wiener's filter, give the distribution of
+    `_variations`. If the level varies, values with large power have most of the information: variances grow as the mean
+    of the squared power.
     """
     modes, band = found.fit.modes, found.band
     rest = modes.rest @ modes.rest.conj().T
@@ -147,7 +148,7 @@ def variation(found: BandFit, j: int) -> tuple[float, float]:
     normal = np.random.default_rng(0).normal(size=(ENVELOPES, 2 * len(measured))).view(np.complex128)
     length = found.bins.sum() / (band.counts @ band.frequency)
     pole = complex(modes.frequency[j] * length * (1j - modes.damping[j]))
-    transformed = np.vstack([measured, normal * np.sqrt(whole[rows][kept])])
+    transformed = np.vstack([measured, normal * np.sqrt(whole[rows][kept])]) * (1.0 - background / whole)[rows][kept]
     variations = _variations(transformed, found.bins[kept], pole)
     (amplitude, phase, power), drawn = variations[:, 0], variations[:, 1:]
     (size, turn, usual_power), (std, turn_std, _) = drawn.mean(axis=1), drawn.std(axis=1)
