@@ -60,6 +60,8 @@ def fit_doubts(found: BandFit, j: int, readings: Readings) -> list[Doubt]:
     doubts = []
     if not fit.converged:
         doubts.append(Doubt("search", "the search for its posterior did not converge"))
+    if found.crowded:
+        doubts.append(Doubt("search", "its band has more modes than are fitted together: it may be several"))
     if std_z > limits.MAX_RELIABLE_LOG_DAMPING_STD or f * length < MIN_MODE_CYCLES:
         factor = np.exp(2.0 * min(std_z, 3.0))
         text = f"the record is too short for it: {f * length:.0f} cycles, damping known to a factor of {factor:.2g}"
