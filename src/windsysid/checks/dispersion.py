@@ -28,7 +28,7 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.checks.limits import PRIOR_ODDS_OF_MISFIT
 
-__all__ = ["Dispersion", "Part", "PartScores", "expected_factor", "join_parts"]
+__all__ = ["Dispersion", "Part", "PartScores", "expected_factor", "join_parts", "log_density_ratio"]
 
 MAX_STORED_PARTS = 64
 """Setting: number of parts of a record from which on neighbours are joined, so that memory is bounded."""
@@ -139,6 +139,13 @@ class PartScores(NamedTuple):
         )
 
 
+def log_density_ratio(found: Dispersion) -> float:
+    """Log of the density of r if the dispersion is s², over that if the model is true."""
+    half, x = 0.5 * found.freedom, 0.5 * found.ratio * found.freedom
+    log_ratio = math.lgamma(half + PRIOR_SHAPE) - math.lgamma(PRIOR_SHAPE) + x
+    return log_ratio + PRIOR_SHAPE * math.log(PRIOR_SCALE) - (half + PRIOR_SHAPE) * math.log(PRIOR_SCALE + x)
+
+
 def expected_factor(found: Dispersion) -> float:
     """Expected factor on the variance of a quantity, over a true and an untrue model.
 
@@ -148,8 +155,7 @@ def expected_factor(found: Dispersion) -> float:
     [1.02, 1.23, 3.89, 13.6]
     """
     half, x = 0.5 * found.freedom, 0.5 * found.ratio * found.freedom
-    log_odds = math.log(PRIOR_ODDS_OF_MISFIT) + math.lgamma(half + PRIOR_SHAPE) - math.lgamma(PRIOR_SHAPE) + x
-    log_odds += PRIOR_SHAPE * math.log(PRIOR_SCALE) - (half + PRIOR_SHAPE) * math.log(PRIOR_SCALE + x)
+    log_odds = math.log(PRIOR_ODDS_OF_MISFIT) + log_density_ratio(found)
     chance = 1.0 / (1.0 + math.exp(-max(min(log_odds, 700.0), -700.0)))
     factor = 1.0 + chance * max((PRIOR_SCALE + x) / (PRIOR_SHAPE + half - 1.0) - 1.0, 0.0)
     return 1.0 + (factor - 1.0) * found.share

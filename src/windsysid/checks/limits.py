@@ -17,8 +17,8 @@ unknowns fixed, of an effect that is tested with them. Simulated records of one 
 
 MODEL_CHANGE_PROBABILITY = 1e-4
 """Probability: significance level of what changes readings or a model: sinusoids, correlated loads of modes, clock lags
-over all channels; and of an energy in one quarter of a record and of a motion that is bound to another one, whose test
-is conservative: of 82 pairs of healthy modes the least probability was 0.4."""
+over all channels; and of a motion that is bound to another one, whose test is conservative: of 82 pairs of healthy
+modes the least probability was 0.4."""
 
 PRIOR_ODDS_OF_MISFIT = 0.1
 """Odds: that the scores of a record's parts scatter by more than the model says, or that the prior of a coefficient is

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from windsysid.spectral.modal_bands.check import explanations, is_spurious, steadiness
+from windsysid.spectral.modal_bands.check import explanations, is_spurious, variation
 from windsysid.spectral.modal_bands.limits import MAX_STEADINESS
 from windsysid.spectral.modal_bands.model import Modes
 from windsysid.spectral.modal_bands.model_order import BandFit, fit_band
@@ -36,9 +36,35 @@ def test_an_envelope_is_steady_under_a_load_of_constant_amplitude_only():
     steady = []
     for values in (vibration(4), np.outer(machine, [1.0, 0.5]) + 0.01 * rng.normal(size=(SAMPLES, 2))):
         found = fit_band(transform(values, RATE)[1][BINS], BINS, SAMPLES, RATE, 1, 1)
-        steady.append(steadiness(found, 0))
+        steady.append(variation(found, 0)[0])
     assert steady[0] < 0.5
     assert steady[1] == pytest.approx(MAX_STEADINESS)
+
+
+def test_gusts_are_no_steady_amplitude():
+    """The level of the load on a mode varies by half: every such mode was called a load of steady amplitude."""
+    slow = lfilter([0.0577], [1.0, -np.exp(-1.0 / (60.0 * RATE))], np.random.default_rng(3).normal(size=SAMPLES))
+    load = np.random.default_rng(4).normal(size=SAMPLES) * np.exp(0.5 * slow)
+    size, angle = np.exp(-0.01 * 2.0 * np.pi / RATE), 2.0 * np.pi / RATE
+    motion = lfilter([1.0], [1.0, -2.0 * size * np.cos(angle), size**2], load)
+    values = np.outer(motion / motion.std(), [1.0, 0.5])
+    values += 0.02 * np.random.default_rng(5).normal(size=(SAMPLES, 2))
+    found = fit_band(transform(values, RATE)[1][BINS], BINS, SAMPLES, RATE, 1, 1)
+    assert variation(found, 0)[0] < 1.0
+
+
+def test_a_machine_whose_speed_and_amplitude_vary_differs_from_a_mode_in_its_phase():
+    """Its amplitude varies by 40 %, nearly as much as that of random response, and its phase varies more."""
+    rng, found = np.random.default_rng(7), []
+    for _ in range(6):
+        fast, slow = rng.normal(size=(2, SAMPLES))
+        fast, slow = (lfilter([1.0], [1.0, -np.exp(-1.0 / (t * RATE))], x) for t, x in ((20.0, slow), (8.0, fast)))
+        machine = (1.0 + 0.4 * fast / fast.std()) * np.sin(
+            2.0 * np.pi * np.cumsum(1.0 + 0.01 * slow / slow.std()) / RATE
+        )
+        values = np.outer(machine, [1.0, 0.5]) + 0.02 * rng.normal(size=(SAMPLES, 2))
+        found.append(variation(fit_band(transform(values, RATE)[1][BINS], BINS, SAMPLES, RATE, 1, 1), 0)[0])
+    assert np.median(found) > 2.0
 
 
 def test_a_load_of_its_own_is_another_explanation(found: BandFit):

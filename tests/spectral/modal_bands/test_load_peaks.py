@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import eigh
 from scipy.stats import beta
 
-from windsysid.spectral.modal_bands.load_peaks import shape_ratio, with_comb_odds, with_load_odds
+from windsysid.spectral.modal_bands.load_peaks import shape_ratio, with_comb_odds, with_harmonic_odds, with_load_odds
 from windsysid.spectral.oma.mode import Doubt, OperationalMode
 
 from ..oma.modes import mode
@@ -86,8 +86,23 @@ def test_a_comb_of_wide_peaks_is_a_rotor_and_modes_between_them_are_not():
     assert "2 times 0.38 Hz" in told
 
 
-def test_modes_at_multiples_that_are_as_narrow_as_structures_stay():
-    assert harmonics_among(*(mode(0.8 * k, 0.004) for k in (1, 2, 3))) == [False] * 3
-    assert harmonics_among(*(mode(0.8 * k, 0.01) for k in (1, 2, 3)), turning=0.01) == [False] * 3
+def test_narrow_harmonics_of_a_turbine_whose_speed_varies_are_a_comb():
+    """Björkö's electrical power had 1P and 2P as modes of grade A, 0.8 and 1.5 % wide."""
+    assert harmonics_among(mode(1.124, 0.0079), mode(2.246, 0.0148)) == [True] * 2
+    assert harmonics_among(*(mode(0.8 * k, 0.004) for k in (1, 2, 3))) == [True] * 3
+
+
+def test_modes_at_multiples_are_modes_where_nothing_names_a_turbine():
+    """As those of a cable."""
+    assert harmonics_among(mode(1.124, 0.0079), mode(2.246, 0.0148), turning=0.01) == [False] * 2
+    assert harmonics_among(*(mode(0.8 * k, 0.004) for k in (1, 2, 3, 4)), turning=0.01) == [False] * 4
     assert harmonics_among(mode(0.4, 0.03), mode(1.03, 0.03)) == [False] * 2
     assert harmonics_among() == []
+
+
+def test_a_peak_near_a_multiple_of_the_known_speed_is_a_harmonic_if_the_speed_varies_as_much():
+    peaks = [mode(1.10, 0.006), mode(1.40, 0.01), mode(2.31, 0.012)]
+    named = with_harmonic_odds(peaks, 1.135, 0.018)
+    assert [one.doubted_for("load") for one in named] == [True, False, True]
+    assert "near 2P, 2.27 ± 0.041 Hz" in named[2].doubts[0]
+    assert not any(one.doubted_for("load") for one in with_harmonic_odds(peaks, 1.135, 0.001))

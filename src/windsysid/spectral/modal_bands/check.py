@@ -1,13 +1,14 @@
 """Reasons against a mode: its band, its envelope, sinusoids; other explanations of its spectrum."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array, Complex
-from windsysid.checks.limits import MAX_INFORMED_STD_RATIO, MODEL_CHANGE_PROBABILITY
-from windsysid.inspection.limits import MAX_ENERGY_SHARE, MIN_MODE_CYCLES
+from windsysid.checks.limits import MAX_INFORMED_STD_RATIO
+from windsysid.inspection.limits import MIN_MODE_CYCLES
 from windsysid.spectral.modal_bands import limits
 from windsysid.spectral.modal_bands.model import Modes, prominence, spectrum, tilt_of
 from windsysid.spectral.modal_bands.model_order import BandFit, Shapes
@@ -16,7 +17,7 @@ from windsysid.spectral.oma.condition import Readings, RemovedLine
 from windsysid.spectral.oma.mode import Doubt
 from windsysid.spectral.transforms.limits import MIN_BAND_BINS
 
-__all__ = ["explanations", "fit_doubts", "is_spurious", "mode_doubts", "shape_doubts", "steadiness"]
+__all__ = ["explanations", "fit_doubts", "is_spurious", "mode_doubts", "shape_doubts", "variation"]
 
 ENVELOPES = 100
 """Setting: number of envelopes that are drawn under random loads."""
@@ -42,7 +43,7 @@ def _at_border(found: BandFit, j: int, length: float) -> bool:
 def mode_doubts(found: BandFit, j: int, shapes: Shapes, readings: Readings) -> list[Doubt]:
     """Reasons against mode j of a band."""
     length = readings.samples / readings.rate
-    doubts = fit_doubts(found, j, shapes, readings)
+    doubts = fit_doubts(found, j, readings)
     if _at_border(found, j, length):
         doubts.append(Doubt("border", "it is at the edge of its frequency range"))
     over = prominence(found.fit.modes, j, found.band)
@@ -52,8 +53,8 @@ def mode_doubts(found: BandFit, j: int, shapes: Shapes, readings: Readings) -> l
     return doubts + shape_doubts(shapes.std[:, j])
 
 
-def fit_doubts(found: BandFit, j: int, shapes: Shapes, readings: Readings) -> list[Doubt]:
-    """Reasons against mode j from the fit of a band, sinusoids and the envelope of the mode."""
+def fit_doubts(found: BandFit, j: int, readings: Readings) -> list[Doubt]:
+    """Reasons against mode j from the fit of a band, and sinusoids."""
     fit = found.fit
     f, z = float(fit.modes.frequency[j]), float(fit.modes.damping[j])
     std_z = fit.std(j)[1]
@@ -61,12 +62,13 @@ def fit_doubts(found: BandFit, j: int, shapes: Shapes, readings: Readings) -> li
     doubts = []
     if not fit.converged:
         doubts.append(Doubt("search", "the search for its posterior did not converge"))
+    if found.crowded:
+        doubts.append(Doubt("search", "its band has more modes than are fitted together: it may be several"))
     if std_z > limits.MAX_RELIABLE_LOG_DAMPING_STD or f * length < MIN_MODE_CYCLES:
         factor = np.exp(2.0 * min(std_z, 3.0))
         text = f"the record is too short for it: {f * length:.0f} cycles, damping known to a factor of {factor:.2g}"
         doubts.append(Doubt("short", text))
     doubts += [Doubt("line", text) for text in _line_doubts(f, z, length, readings.lines)]
-    doubts += [Doubt("history", text) for text in _transient_doubts(found, f, z, shapes.responses[:, j], length)]
     return doubts
 
 
@@ -128,12 +130,14 @@ def _line_doubts(f: float, z: float, length: float, lines: Sequence[RemovedLine]
     return found[:1]
 
 
-def steadiness(found: BandFit, j: int) -> float:
-    """Density of the variation of a mode's envelope if it is a load of steady amplitude, such as a machine whose speed
-    varies, over that under random loads.
+def variation(found: BandFit, j: int) -> tuple[float, float]:
+    """Density of the variation of a mode's motion if it is a machine whose speed varies, over that under random loads;
+    factor on variances of frequency and damping, as the level of random loads may vary.
 
     Under random loads, transforms of the readings along the mode's shape are independent and complex Gaussian, with the
-    variance of the model; draws of these give the distribution of the envelope's coefficient of variation.
+    variance of the model; draws of these, all without the background by Wiener's filter, give the distribution of
+    `_variations`. If the level varies, values with large power have most of the information: variances grow as the mean
+    of the squared power.
     """
     modes, band = found.fit.modes, found.band
     rest = modes.rest @ modes.rest.conj().T
@@ -143,41 +147,50 @@ def steadiness(found: BandFit, j: int) -> float:
     rows = np.repeat(np.arange(len(whole)), band.counts.astype(np.int64))
     kept = (whole > limits.MIN_PROMINENCE * background)[rows]
     if kept.sum() < MIN_BAND_BINS:
-        return 1.0
+        return 1.0, 1.0
     measured = (found.values[kept] @ np.linalg.pinv(found.directions).T) @ along.conj()
     normal = np.random.default_rng(0).normal(size=(ENVELOPES, 2 * len(measured))).view(np.complex128)
-    envelopes = _envelope(np.vstack([measured, normal * np.sqrt(whole[rows][kept])]), found.bins[kept])
-    here, *drawn = np.log(envelopes.std(axis=1) / envelopes.mean(axis=1))
-    centre, spread = limits.STEADY_AMPLITUDE
-    of_load = 0.5 * ((here - np.log(centre)) / spread) ** 2 + np.log(spread)
-    of_mode = 0.5 * ((here - np.mean(drawn)) / np.std(drawn)) ** 2 + np.log(np.std(drawn))
-    return float(np.exp(min(of_mode - of_load, np.log(limits.MAX_STEADINESS))))
+    length = found.bins.sum() / (band.counts @ band.frequency)
+    pole = complex(modes.frequency[j] * length * (1j - modes.damping[j]))
+    transformed = np.vstack([measured, normal * np.sqrt(whole[rows][kept])]) * (1.0 - background / whole)[rows][kept]
+    variations = _variations(transformed, found.bins[kept], pole)
+    (amplitude, phase, power), drawn = variations[:, 0], variations[:, 1:]
+    (size, turn, usual_power), (std, turn_std, _) = drawn.mean(axis=1), drawn.std(axis=1)
+    usual, spread, turned, turned_spread = limits.MACHINE_VARIATIONS
+    share, rise, uneven = limits.LEVEL_VARIATION
+    of_load = _normal(amplitude, math.log(usual), math.hypot(spread, std))
+    of_load *= _normal(phase, turn + turned, math.hypot(turned_spread, turn_std))
+    even = (1.0 - share) * _normal(amplitude, size, std) * _normal(phase, turn, turn_std)
+    level = _normal(amplitude, size + rise, math.hypot(rise, std)) * _normal(phase, turn, math.hypot(uneven, turn_std))
+    of_mode = even + share * level
+    growth = max(math.exp(power - usual_power) - 1.0, 0.0)
+    return min(of_load / of_mode, limits.MAX_STEADINESS), 1.0 + share * level / of_mode * growth
 
 
-def _envelope(transforms: Complex, bins: NDArray[np.int64]) -> Array:
-    """Envelope (…, T) of transforms (…, k) at some bins (k,), without its ends, which the taper changes."""
+def _normal(x: float, mean: float, std: float) -> float:
+    return math.exp(-0.5 * min(((x - mean) / std) ** 2, 1000.0)) / std
+
+
+def _variations(transforms: Complex, bins: NDArray[np.int64], pole: complex) -> Array:
+    """Measures (3, …) of motions by their transforms (…, k) at some bins: ln of the envelope's coefficient of
+    variation, ln of the variance of the load on a mode in phase with its motion over that in quadrature, and ln of the
+    mean of the squared power over the squared mean.
+
+    Random loads have equal variances; if the frequency of a load varies, its phase varies more than its amplitude.
+    """
+    motion, load = _motion(transforms, bins), _motion(transforms * (1j * bins - pole), bins)
+    size = np.abs(motion)
+    relative = load * motion.conj() / size
+    amplitude = np.log(size.std(axis=-1) / size.mean(axis=-1))
+    phase = np.log(relative.real.var(axis=-1) / np.mean(relative.imag**2, axis=-1))
+    return np.array([amplitude, phase, np.log(np.mean(size**4, axis=-1) / np.mean(size**2, axis=-1) ** 2)])
+
+
+def _motion(transforms: Complex, bins: NDArray[np.int64]) -> Complex:
+    """Complex amplitude (…, T) over time by transforms (…, k) at some bins (k,), without its ends, which the taper
+    changes."""
     grid = np.zeros((*transforms.shape[:-1], int(bins[-1] - bins[0]) + 1), dtype=np.complex128)
     grid[..., bins - bins[0]] = transforms
-    envelope = np.abs(np.fft.ifft(grid, 4 * grid.shape[-1]))
-    cut = envelope.shape[-1] // 16
-    return np.asarray(envelope[..., cut : envelope.shape[-1] - cut])
-
-
-def _transient_doubts(found: BandFit, f: float, z: float, response: Complex, length: float) -> list[str]:
-    """A reason if most of the energy of a mode's response is in a quarter of the record, and more than by chance.
-
-    The share of one of four energies of k complex normal values each follows the beta distribution B(k, 3k).
-    """
-    from scipy.special import betainc
-
-    near = np.abs(found.bins / length - f) <= max(3.0 * z * f, 4.0 / length)
-    kept = found.bins[near]
-    if len(kept) < 6:
-        return []
-    inner = _envelope(response[near], kept) ** 2
-    count = max(2.0 * np.pi * z * f * length, 1.0) / 4.0
-    most = float(max(part.mean() for part in np.array_split(inner, 4)) / inner.mean()) / 4.0
-    chance = 4.0 * float(betainc(3.0 * count, count, max(1.0 - most, 0.0)))
-    if most < MAX_ENERGY_SHARE or chance > MODEL_CHANGE_PROBABILITY:
-        return []
-    return [f"it is a transient: a quarter of the record has {100 * most:.0f} % of its energy"]
+    motion = np.fft.ifft(grid, 4 * grid.shape[-1])
+    cut = motion.shape[-1] // 16
+    return np.asarray(motion[..., cut : motion.shape[-1] - cut])

@@ -22,16 +22,22 @@ MAX_DAMPING = 0.2
 LOADS = (
     ((1 / 3, 0.06, 0.7), (0.04, 0.3), 0.0),
     ((1 / 20, 0.06, 0.7), (0.3, 0.5), 0.0),
-    ((1 / 20, 0.005, 1.2), (0.0, float("inf")), 0.7),
+    ((1 / 10, 0.005, 1.2), (0.0, float("inf")), 0.8),
 )
 """Odds: of waves, of short waves and of a machine of varying speed against a mode, with the median and the logarithmic
-standard deviation of their half-widths over frequency, their ranges of frequencies [Hz], and the probability that their
-amplitude is steady. Peak periods of seas are 3 to 25 s, half-widths 3 to 12 % for JONSWAP spectra."""
+standard deviation of their half-widths over frequency, their ranges of frequencies [Hz], and the probability that they
+vary as machines do (`check.variation`). Peak periods of seas are 3 to 25 s, half-widths 3 to 12 % for JONSWAP
+spectra."""
 
-STEADY_AMPLITUDE, MAX_STEADINESS = (0.25, 0.5), 1000.0
-"""Setting: coefficient of variation of the envelope of a load of steady amplitude with the background in its band, as
-median and logarithmic standard deviation, where random loads have 0.52; the largest ratio of their densities, whose
-tails are not known any better."""
+MACHINE_VARIATIONS, MAX_STEADINESS = (0.35, 0.4, -0.4, 0.4), 1000.0
+"""Setting: of motion under a machine with the background in its band: median and logarithmic standard deviation of the
+envelope's coefficient of variation, where random loads have 0.52, and mean and standard deviation of the ln ratio of
+the variations of amplitude and phase against that under random loads; the largest ratio of their densities, whose tails
+are not known any better."""
+
+LEVEL_VARIATION = (0.3, 0.4, 0.2)
+"""Setting: share of records in which the level of random loads varies, as in gusts or traffic; how much that raises ln
+of the envelope's coefficient of variation, as mean and standard deviation; that of the ln ratio of the variations."""
 
 STRUCTURAL_DAMPING = ((0.8, 0.012, 0.7), (0.2, 0.06, 0.7))
 """Setting: prior of the damping ratios of modes, as shares, medians and logarithmic standard deviations: of structures,
@@ -52,21 +58,19 @@ of the record the latter counts."""
 MAX_CLOSE_RATIO = 1.5
 """Size: ratio of frequencies up to which two modes are close, and a clock lag resembles a constant phase."""
 
-COMB_ODDS = (0.5, 0.01)
-"""Odds: of a turning rotor of unknown speed, in records whose channels name a turbine and in others."""
+COMB_ODDS, MULTIPLE_MODES = (0.5, 0.01), 0.02
+"""Odds: of a turning rotor of unknown speed, in records whose channels name a turbine and in others, and of modes at
+multiples of one frequency, as those of a cable."""
 
-HARMONIC_DAMPING, MAX_COMB_ORDER = (0.04, 0.5), 4
-"""Setting: half-widths over frequency of what the blades sample of turbulence, as median and logarithmic standard
-deviation (OpenFAST's records of two turbines have 2 to 9 %), and the highest multiple of the blade passing
-at which it widens a harmonic; those of an idling rotor of all orders would cover every frequency."""
+HARMONIC_DAMPING, MAX_COMB_ORDER = ((0.5, 0.04, 0.5), (0.5, 0.005, 1.2)), 4
+"""Setting: prior of the half-widths of rotor harmonics over frequency, as shares, medians and logarithmic standard
+deviations: of what the blades sample of turbulence (OpenFAST's records of two turbines have 2 to 9 %), and of a machine
+whose speed varies; the highest multiple of the first that a comb has, and of the passing of three blades at which
+turbulence widens a harmonic: those of an idling rotor of all orders would cover every frequency."""
 
 COMB_SCATTER = 0.5
 """Setting: distance of such a peak from its multiple in its half-widths, as a standard deviation: it has no mode's
 form."""
-
-MIN_COMB_ODDS = 3.0
-"""Odds: of a comb of harmonics from which on its peaks are compared with it, positive evidence (Kass & Raftery, J. Am.
-Stat. Assoc. 90, 1995)."""
 
 MAX_LOAD_ODDS = 0.5
 """Odds: of a load against a mode beyond which a peak is not graded."""

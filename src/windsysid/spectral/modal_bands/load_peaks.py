@@ -5,8 +5,9 @@ combination of two, or the static deflection, which resembles one. The odds of a
 
 - prior odds, of waves in their range of frequencies and of machines at any;
 - the ratio of the densities of the half-width: of a sea or of a machine of varying speed, and of structural damping;
-- the ratio of the densities of the variation of the envelope (`check.steadiness`): of a machine, which may be steady,
-  and of random response, which a sea has, too;
+- the ratio of the densities of variation (`check.steadiness`, `part_scores.wander_ratio`): of a machine, the amplitude
+  of which varies little, the phase more than the amplitude, and the frequency over time, and of random response, which
+  a sea has, too;
 - the ratio of the densities of the modal assurance criterion (MAC) with another mode, or with the plane of the modes
   below and above: near 1 if a load excites these, and that of random directions for modes, in as many dimensions as
   channels move, unless the record's modes look alike to its sensors.
@@ -25,7 +26,7 @@ from windsysid._types import Array, Complex
 from windsysid.spectral.modal_bands import limits
 from windsysid.spectral.oma.mode import Doubt, OperationalMode
 
-__all__ = ["shape_ratio", "with_comb_odds", "with_load_odds"]
+__all__ = ["shape_ratio", "with_comb_odds", "with_harmonic_odds", "with_load_odds"]
 
 
 def with_load_odds(modes: Sequence[OperationalMode]) -> list[OperationalMode]:
@@ -34,13 +35,10 @@ def with_load_odds(modes: Sequence[OperationalMode]) -> list[OperationalMode]:
     checked = []
     for i, mode in enumerate(modes):
         odds, why = _odds_of_shape(i, modes, alone, equal)
-        if odds > limits.MAX_LOAD_ODDS:
-            if mode.steadiness > 1.0:
-                why = f", its amplitude varies less than under random loads ({mode.steadiness:.2g} : 1){why}"
-            text = f"load or mode: its damping ratio would be {100 * mode.damping_ratio.estimate:.2g} %{why};"
-            text = f"{text} odds of a load, such as waves or a machine, {odds:.2g} : 1"
-            mode = replace(mode, grounds=(*mode.grounds, Doubt("load", text)))
-        checked.append(mode)
+        if mode.steadiness > 1.0:
+            why = f", it varies as a machine does and not as under random loads ({mode.steadiness:.2g} : 1){why}"
+        text = f"its damping ratio would be {100 * mode.damping_ratio.estimate:.2g} %{why};"
+        checked.append(_doubted(mode, odds, f"{text} odds of a load, such as waves or a machine, {odds:.2g} : 1"))
     return checked
 
 
@@ -61,45 +59,69 @@ def _odds_of_shape(i: int, modes: Sequence[OperationalMode], alone: list[float],
 def with_comb_odds(modes: Sequence[OperationalMode], turning: float) -> list[OperationalMode]:
     """Add a reason to each mode that may well be a harmonic of a rotor of unknown speed, given its odds of turning.
 
-    Harmonics are at multiples of one frequency, which is a peak, too, and as wide as the blades make turbulence. One
-    such comb is sought, any peak being as likely its first; each other multiple raises the odds of a harmonic.
+    Harmonics are at multiples of one frequency, which is a peak, too. One such comb is sought, any peak being as likely
+    its first; each other multiple raises the odds of a harmonic.
     """
     combs = [_comb(modes, first) for first in modes]
-    odds = [turning / len(modes) * float(np.prod(list(ratios.values()))) for ratios in combs]
-    if not odds or max(odds) < limits.MIN_COMB_ODDS:
+    odds = [_comb_odds(comb, turning / len(modes)) for comb in combs]
+    best = int(np.argmax(odds)) if odds else 0
+    if not odds or len(combs[best]) < 2:
         return list(modes)
-    best = int(np.argmax(odds))
-    base, spread = modes[best].frequency.estimate, _comb_spread(modes[best])
+    base, comb = modes[best].frequency.estimate, combs[best]
     checked = []
     for mode in modes:
         order = max(round(mode.frequency.estimate / base), 1)
-        own = _width_ratio(mode) if mode is modes[best] else _harmonic_ratio(mode, order, base, spread)
-        of_others = odds[best] / combs[best].get(order, 1.0)
-        of_harmonic = own * of_others / (1.0 + of_others)
-        if order <= limits.MAX_COMB_ORDER and of_harmonic > limits.MAX_LOAD_ODDS:
-            text = f"load or mode: it is {order} times {base:.4g} Hz, as other peaks are: odds of a harmonic of a rotor"
-            text = f"{text} without a speed channel, {of_harmonic:.2g} : 1"
-            mode = replace(mode, grounds=(*mode.grounds, Doubt("load", text)))
-        checked.append(mode)
+        own = comb[1] if mode is modes[best] else _harmonic_ratios(mode, order, base, _comb_spread(modes[best]))
+        odds_here = _comb_odds({**comb, order: own}, turning / len(modes), order) * (order <= limits.MAX_COMB_ORDER)
+        why = f"it is {order} times {base:.4g} Hz, as other peaks are: odds of a harmonic of a rotor"
+        checked.append(_doubted(mode, odds_here, f"{why} without a speed channel, {odds_here:.2g} : 1"))
     return checked
 
 
-def _comb(modes: Sequence[OperationalMode], first: OperationalMode) -> dict[int, float]:
-    """Likelihood ratio of each multiple of a peak's frequency, by the likeliest peak there, against modes."""
+def with_harmonic_odds(modes: Sequence[OperationalMode], speed: float, variation: float) -> list[OperationalMode]:
+    """Add a reason to each mode that may well be a harmonic of a rotor whose speed [Hz] varies by some share."""
+    checked = []
+    for mode in modes:
+        order = max(round(mode.frequency.estimate / speed), 1)
+        odds = float(np.prod(_harmonic_ratios(mode, order, speed, variation * speed)))
+        why = f"it is near {order}P, {order * speed:.4g} ± {order * variation * speed:.2g} Hz: odds of a harmonic,"
+        checked.append(_doubted(mode, odds * (order <= 3 * limits.MAX_COMB_ORDER), f"{why} {odds:.2g} : 1"))
+    return checked
+
+
+def _doubted(mode: OperationalMode, odds: float, why: str) -> OperationalMode:
+    """The mode with a reason if the odds of a load are too high."""
+    if odds <= limits.MAX_LOAD_ODDS:
+        return mode
+    return replace(mode, grounds=(*mode.grounds, Doubt("load", f"load or mode: {why}")))
+
+
+def _comb(modes: Sequence[OperationalMode], first: OperationalMode) -> dict[int, tuple[float, float]]:
+    """Likelihood ratios of place and width of the likeliest peak at each multiple of a peak's frequency."""
     base, spread = first.frequency.estimate, _comb_spread(first)
-    ratios = {1: _width_ratio(first)}
+    ratios = {1: (1.0, _width_ratio(first))}
     for peak in modes:
         order = round(peak.frequency.estimate / base)
-        if 2 <= order <= limits.MAX_COMB_ORDER:
-            ratios[order] = max(ratios.get(order, 1.0), _harmonic_ratio(peak, order, base, spread))
+        found = _harmonic_ratios(peak, order, base, spread)
+        if 2 <= order <= limits.MAX_COMB_ORDER and np.prod(found) > np.prod(ratios.get(order, (1.0, 1.0))):
+            ratios[order] = found
     return ratios
 
 
-def _harmonic_ratio(mode: OperationalMode, order: int, base: float, spread: float) -> float:
-    """Density of the frequency and width of a peak if it is a harmonic of a frequency [Hz], over that of a mode."""
+def _comb_odds(comb: dict[int, tuple[float, float]], turning: float, order: int = 1) -> float:
+    """Odds of a rotor with a harmonic of some order against modes, which may be at multiples by their nature, and
+    against a rotor without that harmonic."""
+    places, widths = np.prod(list(comb.values()), axis=0)
+    rest = np.prod([ratios for k, ratios in comb.items() if k != order]) if order > 1 else 0.0
+    return float(turning * places * widths / (1.0 + limits.MULTIPLE_MODES * places + turning * rest))
+
+
+def _harmonic_ratios(mode: OperationalMode, order: int, base: float, spread: float) -> tuple[float, float]:
+    """Densities of the frequency and of the width of a peak if it is a harmonic of a frequency [Hz], over those of a
+    mode."""
     scale = float(np.hypot(_comb_spread(mode), order * spread))
     off = (mode.frequency.estimate - order * base) / scale
-    return _width_ratio(mode) * float(np.exp(-0.5 * off**2) / (np.sqrt(2.0 * np.pi) * scale)) * base
+    return float(np.exp(-0.5 * off**2) / (np.sqrt(2.0 * np.pi) * scale)) * base, _width_ratio(mode)
 
 
 def _comb_spread(mode: OperationalMode) -> float:
@@ -109,7 +131,7 @@ def _comb_spread(mode: OperationalMode) -> float:
 
 def _width_ratio(mode: OperationalMode) -> float:
     """Density of the half-width of a peak if it is a harmonic of a rotor, over that of a mode."""
-    return _density(mode, *limits.HARMONIC_DAMPING) / _structural_density(mode)
+    return _mixture(mode, limits.HARMONIC_DAMPING) / _mixture(mode, limits.STRUCTURAL_DAMPING)
 
 
 def _odds_alone(mode: OperationalMode) -> float:
@@ -120,11 +142,12 @@ def _odds_alone(mode: OperationalMode) -> float:
         for (prior, *width), (low, high), steady in limits.LOADS
         if low <= f <= high
     )
-    return of_load / _structural_density(mode)
+    return of_load / _mixture(mode, limits.STRUCTURAL_DAMPING)
 
 
-def _structural_density(mode: OperationalMode) -> float:
-    return sum(share * _density(mode, *width) for share, *width in limits.STRUCTURAL_DAMPING)
+def _mixture(mode: OperationalMode, widths: Sequence[tuple[float, float, float]]) -> float:
+    """Density of the estimate of ln ζ under a mixture of log-normal distributions."""
+    return sum(share * _density(mode, *width) for share, *width in widths)
 
 
 def _density(mode: OperationalMode, centre: float, spread: float) -> float:

@@ -45,6 +45,8 @@ class BandFit(NamedTuple):
         2 ln of the evidence for these modes against a band without a mode.
     plain
         The fit for which every mode has a load of its own, where the data speak against that; else None.
+    crowded
+        True if the evidence is for more modes than were allowed: some of these are several.
     """
 
     fit: ModalFit
@@ -54,6 +56,7 @@ class BandFit(NamedTuple):
     directions: Complex
     against_none: float
     plain: ModalFit | None = None
+    crowded: bool = False
 
 
 class Shapes(NamedTuple):
@@ -67,8 +70,6 @@ class Shapes(NamedTuple):
     load, load_std
         (r,) spectrum of the load that drives the mode, per modal mass where the shape is 1 [unit²/Hz], and the standard
         deviation of its logarithm.
-    responses
-        (k, r): transforms of the modal responses at the bins, in the scale of the fit.
     """
 
     shape: Complex
@@ -77,7 +78,6 @@ class Shapes(NamedTuple):
     largest: NDArray[np.int64]
     load: Array
     load_std: Array
-    responses: Complex
 
 
 def fit_band(
@@ -112,7 +112,8 @@ def fit_band(
         if are_shared(best, band) and (shared := fit_shared(best, band, len(bins), most)):
             plain, best = best, score(shared.modes, band, max_steps=MAX_FINAL_STEPS)
     against = evidence(none, len(bins)) - evidence(best, len(bins))
-    return BandFit(best, band, values, bins, directions, against, plain)
+    crowded = most > peaks and len(best.modes.frequency) == most and _has_more(best, band, len(bins))
+    return BandFit(best, band, values, bins, directions, against, plain, crowded)
 
 
 def _most_evident(
@@ -132,6 +133,13 @@ def _most_evident(
         elif r >= peaks:
             break
     return best
+
+
+def _has_more(fit: ModalFit, band: Band, bins: int) -> bool:
+    """True if the evidence is for one mode more."""
+    more, least = add_mode(fit.modes, band), evidence(fit, bins) - 2.0 * STRONG_LOG_ODDS
+    found = score(more, band, tolerance=COARSE_TOLERANCE, target=least - more.size * float(np.log(bins)))
+    return evidence(found, bins) < least and float(found.modes.damping.max()) < MAX_DAMPING
 
 
 def poles_over_order(found: BandFit, most: int) -> tuple[tuple[Array, Array], ...]:
@@ -175,7 +183,7 @@ def full_shapes(found: BandFit) -> Shapes:
     own = np.maximum(np.einsum("jcc->cj", spread), 0.0)
     std = np.sqrt(0.5 * (own[:n] + own[n:]))
     load = np.abs(size) ** 2 * np.diagonal(modes.load @ modes.load.conj().T).real
-    return Shapes(ratio, std, spread, largest, load, level_std, seen)
+    return Shapes(ratio, std, spread, largest, load, level_std)
 
 
 def _modal_responses(modes: Modes, band: Band, values: Complex) -> tuple[Complex, Complex]:

@@ -6,6 +6,7 @@ change during the record, a frequency that varies with the temperature, and a lo
 lacks raise the scatter for the quantities that they affect.
 """
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -13,14 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array, Complex
-from windsysid.checks.dispersion import PartScores, expected_factor
+from windsysid.checks.dispersion import PartScores, expected_factor, log_density_ratio
+from windsysid.checks.limits import PRIOR_ODDS_OF_MISFIT
 from windsysid.spectral.modal_bands.model import row_scores, scores
 from windsysid.spectral.modal_bands.model_order import BandFit
 from windsysid.spectral.modal_bands.scoring import prior_slopes
 from windsysid.spectral.transforms.dft import Band, band_data
 from windsysid.spectral.transforms.limits import MIN_BAND_BINS
 
-__all__ = ["SEGMENTS", "BandWidening", "Segments", "part_scores", "widening_of"]
+__all__ = ["SEGMENTS", "BandWidening", "Segments", "part_scores", "wander_ratio", "widening_of"]
 
 SEGMENTS = (8, 4, 2)
 """Setting: numbers of segments of a record; the first whose segments have enough bins in a band is used."""
@@ -41,6 +43,8 @@ class BandWidening(NamedTuple):
         """Cause of the widening, as a clause."""
         if self.over == "time":
             return f"segments of the record contradict each other, most around {self.place:.4g} s"
+        if self.over == "level":
+            return "the level of its load varies"
         return f"the spectrum differs from that of the model, most around {self.place:.4g} Hz"
 
 
@@ -77,6 +81,14 @@ def widening_of(parts: Sequence[PartScores], at: int) -> BandWidening:
         if seen is not None and factor > found.factor:
             found = BandWidening(factor, one.over, seen.place)
     return found
+
+
+def wander_ratio(parts: Sequence[PartScores], at: int) -> float:
+    """Density of the scatter of one unknown of a band over time if it wanders, as the frequency of a machine does, over
+    that of a mode's, of which few do."""
+    over_time = [one.dispersion(np.eye(1, len(one.pull), at)[0]) for one in parts if one.over == "time"]
+    chance = PRIOR_ODDS_OF_MISFIT / (1.0 + PRIOR_ODDS_OF_MISFIT)
+    return math.prod(1.0 / (chance + (1.0 - chance) * math.exp(-log_density_ratio(one))) for one in over_time if one)
 
 
 def _segments_in(found: BandFit, segments: Segments, samples: int, rate: float) -> list[Band]:

@@ -7,6 +7,7 @@ probable ones under unmeasured random loads (`modal_bands.model`), as many as th
 (`multi_setup`).
 """
 
+import math
 import time
 from collections.abc import Sequence
 from dataclasses import replace
@@ -25,7 +26,7 @@ from windsysid.records.record import Record
 from windsysid.results.finding import Finding
 from windsysid.spectral.modal_bands.images import with_bound_motions
 from windsysid.spectral.modal_bands.limits import COMB_ODDS
-from windsysid.spectral.modal_bands.load_peaks import with_comb_odds, with_load_odds
+from windsysid.spectral.modal_bands.load_peaks import with_comb_odds, with_harmonic_odds, with_load_odds
 from windsysid.spectral.modal_bands.part_scores import SEGMENTS
 from windsysid.spectral.oma.assemble import RecordAnalysis, result_of
 from windsysid.spectral.oma.clock_lag import aligned, clock_lags, lag_doubt
@@ -229,14 +230,16 @@ def _searched(record: Record, readings: Readings, request: _AnalysisOptions) -> 
     bands = without_skirts([described(one, segments, noted) for one in found.bands if modes_of(one)])
     modes, noted = _without_removed([mode for band in bands for mode in band], marks, noted)
     checked = with_load_odds(with_bound_motions(modes, found.spectrum.frequency, found.spectrum.values))
-    checked = _without_speed(checked, readings.used, request)
+    checked = _with_rotor_odds(checked, readings.used, request)
     return RecordAnalysis(record, noted, found, tuple(checked))
 
 
-def _without_speed(modes: list[OperationalMode], used: Record, request: _AnalysisOptions) -> list[OperationalMode]:
-    """Modes with the odds of harmonics of a rotor where its speed is not recorded."""
-    if rotor_of(used) is not None:
-        return modes
+def _with_rotor_odds(modes: list[OperationalMode], used: Record, request: _AnalysisOptions) -> list[OperationalMode]:
+    """Modes with the odds of harmonics of a rotor, of which the speed may be recorded or not."""
+    rotor = rotor_of(used)
+    if rotor is not None:
+        speed = abs(rotor.mean) / (2.0 * math.pi)
+        return with_harmonic_odds(modes, speed, rotor.variation) if rotor.turns else modes
     of_turbine = request.turbine is not None or name_a_turbine(used.channels)
     return with_comb_odds(modes, COMB_ODDS[0 if of_turbine else 1])
 

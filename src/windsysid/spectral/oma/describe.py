@@ -1,5 +1,6 @@
 """Description of the modes of a band: values, doubts and names."""
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import replace
@@ -11,9 +12,10 @@ from windsysid.checks.dispersion import PartScores
 from windsysid.checks.limits import MAX_WIDENING, MIN_RIVAL_PROBABILITY, NEGLIGIBLE_SHARE
 from windsysid.checks.widening import mixture_factor
 from windsysid.results.estimate import IntervalEstimate
-from windsysid.spectral.modal_bands.check import explanations, is_spurious, mode_doubts, steadiness
+from windsysid.spectral.modal_bands.check import explanations, is_spurious, mode_doubts, variation
+from windsysid.spectral.modal_bands.limits import MAX_STEADINESS
 from windsysid.spectral.modal_bands.model_order import BandFit, Shapes, full_shapes
-from windsysid.spectral.modal_bands.part_scores import Segments, part_scores, widening_of
+from windsysid.spectral.modal_bands.part_scores import BandWidening, Segments, part_scores, wander_ratio, widening_of
 from windsysid.spectral.oma.condition import Readings
 from windsysid.spectral.oma.limits import MIN_BLADE_RATIO, PEAK_WIDTH_FACTOR
 from windsysid.spectral.oma.mode import Doubt, OperationalMode
@@ -34,10 +36,11 @@ def described(found: BandFit, segments: Segments, readings: Readings) -> list[Op
 
 def widened(mode: OperationalMode, found: BandFit, j: int, parts: Sequence[PartScores]) -> OperationalMode:
     """Widen the intervals of mode j of a band by the dispersion of scores and by other explanations."""
-    r, others = len(found.fit.modes.frequency), explanations(found, j)
+    r, others, (machine, growth) = len(found.fit.modes.frequency), explanations(found, j), variation(found, j)
     factors, grounds, remarks = [], [*mode.grounds], [*mode.remarks]
     for i, what in enumerate(("frequency", "damping ratio")):
-        over = widening_of(parts, i * r + j)
+        level = BandWidening(math.sqrt(growth), "level")
+        over = max(widening_of(parts, i * r + j), level, key=lambda one: one.factor)
         std = over.factor * found.fit.std(j)[i]
         rivals = [(float(shift[i]) / std, 1.0, MIN_RIVAL_PROBABILITY) for _, shift in others]
         factor = over.factor * mixture_factor(rivals)
@@ -56,6 +59,7 @@ def widened(mode: OperationalMode, found: BandFit, j: int, parts: Sequence[PartS
         grounds=tuple(grounds),
         remarks=tuple(remarks),
         widening=(factors[0], factors[1]),
+        steadiness=min(machine * wander_ratio(parts, j), MAX_STEADINESS),
         segments=_in_segments(mode, r, j, parts),
     )
 
@@ -90,7 +94,6 @@ def mode_of(found: BandFit, j: int, shapes: Shapes, grounds: Sequence[Doubt]) ->
         band=(float(found.band.frequency[0]), float(found.band.frequency[-1])),
         grounds=tuple(grounds),
         shape_cov=shapes.cov[j],
-        steadiness=steadiness(found, j),
     )
 
 

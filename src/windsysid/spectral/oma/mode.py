@@ -55,7 +55,8 @@ class OperationalMode(Mode):
     shape_cov
         Covariance (2 n, 2 n) of the shape's real parts and then its imaginary ones; None if it was not kept.
     steadiness
-        Density of the variation of its envelope if it is a load of steady amplitude, over that of random response [1].
+        Density of the variation of its amplitude, phase and frequency if it is a machine whose speed varies, over that
+        of random response [1].
     segments
         (K, 3) middles of segments of the record [s], and frequency [Hz] and damping ratio in each, by one step of
         scoring from those of the whole; None if the record is too short for segments.

@@ -225,7 +225,7 @@ def _described(fits: Sequence[BandFit], j: int, track: Track, setups: _Setups) -
     for number, (fit, single) in enumerate(zip(fits, setups.singles, strict=True)):
         shapes = full_shapes(fit)
         alone = single.modes[track[number]].grounds if number in track else ()
-        own = fit_doubts(fit, j, shapes, single.readings) + [one for one in alone if one.kind in DOUBTS_OF_A_RECORD]
+        own = fit_doubts(fit, j, single.readings) + [one for one in alone if one.kind in DOUBTS_OF_A_RECORD]
         doubts += [one._replace(text=f"{single.record.name}: {one.text}") for one in own]
         each.append(mode_of(fit, j, shapes, ()))
     if 2 * len(track) < len(fits):
