@@ -25,6 +25,7 @@ from windsysid.modal.matching.result import MatchedMode, ModeCandidate, ModeMatc
 from windsysid.modal.matching.sensor_shapes import linearised_shape, turbine_shapes
 from windsysid.results.identification import Identification
 from windsysid.spectral.oma.known_modes import KnownMode, KnownModes, as_modes
+from windsysid.spectral.oma.limits import MAX_HARMONIC_HALF_WIDTHS
 from windsysid.spectral.oma.mode import OperationalMode
 from windsysid.spectral.oma.result import OperationalModes
 from windsysid.turbine.coercion import as_turbine
@@ -196,7 +197,7 @@ def _other_causes(mode: KnownMode, rotor_hz: float, blades: int) -> dict[str, fl
     if {"load", "line"} & {*mode.doubts}:
         causes["load"] = limits.LOAD_ODDS
     f = math.exp(mode.ln_frequency)
-    reach = max(MAX_RATE_MISMATCH, math.exp(mode.ln_damping))
+    reach = max(MAX_RATE_MISMATCH, MAX_HARMONIC_HALF_WIDTHS * math.exp(mode.ln_damping))
     n = round(f / rotor_hz) if rotor_hz > 0.0 else 0
     if 0 < n <= limits.MAX_HARMONIC and abs(f / (n * rotor_hz) - 1.0) < reach:
         passes = n % blades == 0

@@ -22,6 +22,10 @@ BAND_SEARCHES = 2
 MAX_BORDER_SHIFT = 0.15
 """Tolerance: of a band's borders about their right places, over its width, within which it is not fitted again."""
 
+MAX_HARMONIC_HALF_WIDTHS = 1.5
+"""Size: distance from a rotor harmonic, in half-widths of a peak, up to which it may be one of rotationally sampled
+wind; with less, a mode next to blade passing is taken for it (tests/modal/matching)."""
+
 MIN_PEAK_SIGMAS = 8.0
 """Size in standard deviations: rise of a peak that requires a mode, and of a peak in the correlation of two records
 that hold the same motion."""

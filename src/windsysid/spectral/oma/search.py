@@ -306,7 +306,7 @@ def _is_explained(peak: Peak, found: Sequence[BandFit], length: float) -> bool:
 def is_rotational_peak(peak: Peak, readings: Readings) -> bool:
     """True if a peak is at a rotor harmonic: rotationally sampled wind, which shares no band with a mode."""
     n = round(peak.frequency / readings.rotor_hz) if readings.rotor_hz else 0
-    near = max(MAX_RATE_MISMATCH * peak.frequency, peak.half_width)
+    near = max(MAX_RATE_MISMATCH * peak.frequency, limits.MAX_HARMONIC_HALF_WIDTHS * peak.half_width)
     return n > 0 and abs(peak.frequency - n * readings.rotor_hz) < near
 
 
