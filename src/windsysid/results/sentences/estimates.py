@@ -96,8 +96,8 @@ ESTIMATES: Final[Mapping[str, Sentence]] = {
         " file, a unit or the model is wrong"
     ),
     "prior_decides": (
-        "{quantity} is {share:.0f %} from the data; a wider prior (probability {chance:.0f %}) changes it by"
-        " {sigmas:|.1f|} σ, and σ by a factor of {wider:.1f}: check the turbine file"
+        "{quantity} is {share:.0f %} from the data; a wider prior (probability {chance:.0f %}) shifts it by"
+        " {sigmas:|.1f|} σ and multiplies σ by {wider:.1f}: check the turbine file"
     ),
     "prior_widened": (
         "the data put {quantity} {sigmas:|.1f|} standard deviations from its prior: the prior was made "
