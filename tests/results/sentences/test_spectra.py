@@ -29,7 +29,7 @@ def test_peaks_are_named_by_their_modes():
     assert sentence("ambiguous_peak", data).startswith(
         "tower x and tower y may be the peak at 0.33, 0.36 Hz or that at 0.4"
     )
-    assert sentence("halves_disagree_in_bands", {"change": -0.034}, ("k_x",)).startswith(
-        "the halves of the record do not agree on k_x (-3.4 %)"
+    assert sentence("halves_disagree_in_bands", {"change": -0.034, "chance": 0.9}, ("k_x",)).startswith(
+        "the halves of the record differ in k_x (-3.4 %, probability 90 %)"
     )
     assert all(not isinstance(one, tuple) for one in SPECTRA.values())  # none has a cause that may be known otherwise

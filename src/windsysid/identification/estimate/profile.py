@@ -66,7 +66,7 @@ class Profile(Answer):
     low, high
         Where the log posterior has dropped by 2, in `unit`; 0 or infinite where it does not.
     gaussian
-        The ±2σ interval of the identification, in `unit`, for comparison.
+        The ±2σ interval, in `unit`, for comparison; `identify` may widen it for other explanations.
     """
 
     name: str
@@ -181,9 +181,10 @@ def _profile(problem: TurbineProblem, k: int, found: Identification, progress: P
         float(interpolate_on(root, shifts, np.array([r]))[0]) if abs(root[end]) >= SIGMAS else r * math.inf
         for r, end in ((-SIGMAS, 0), (SIGMAS, -1))
     )
-    estimate, low, high = (float(q.physical(centre + shift * sigma)) for shift in (0.0, low, high))
-    e, values = found[q.name], q.physical(centre + shifts * sigma)
-    return Profile(q.name, e.unit, values, -depth, estimate, low, high, (e.low, e.high))
+    places = (0.0, low, high, -SIGMAS, SIGMAS)
+    estimate, low, high, least, most = (float(q.physical(centre + shift * sigma)) for shift in places)
+    values = q.physical(centre + shifts * sigma)
+    return Profile(q.name, found[q.name].unit, values, -depth, estimate, low, high, (least, most))
 
 
 def _drops(problem: TurbineProblem, k: int, mode: FilteredMode, progress: Progress) -> dict[float, float]:

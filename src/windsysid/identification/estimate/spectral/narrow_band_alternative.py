@@ -73,10 +73,12 @@ def narrow_band_beside(
 
 
 def _is_far(near: Outcome) -> bool:
-    """Test whether no such load is searched for after a fit: under wind, with one, or without damping."""
+    """Test whether no such load is searched for after a fit: under wind, with one, without damping, or with masses or
+    gains that are not positive."""
     at = zip(near.model.parameters, near.theta, strict=True)
     undamped = any(q.kind == "damping" and theta <= 0.0 for q, theta in at)
-    return undamped or near.hypothesis in (NarrowBand.name, RotorWind.name)
+    lost = sum(min(one.estimate, 0.0) for one in near.tolerances if one.group in ("gain", "masses"))
+    return undamped or lost <= -1.0 or near.hypothesis in (NarrowBand.name, RotorWind.name)
 
 
 def _may_be_there(samples: SpectralSamples, turbine: Turbine) -> bool:
