@@ -185,6 +185,14 @@ def test_an_interval_covers_a_rival_that_is_far_away_while_it_tells_more_than_th
     assert severities["wider_intervals"] == ("remark" if grade == "B" else "reason")
 
 
+@pytest.mark.parametrize("sigmas", [15.0, 18.0, 23.0])
+def test_a_rival_is_covered_or_a_reason_where_loads_vary(sigmas: float):
+    """It was left out of the interval, as far away, and then no reason, as near: the level had widened the interval."""
+    varying = Finding("nonstationary_level", "reason", {"channel": CHANNELS[0], "variation": 1.75, "alone": False})
+    k, plain = concluded(varying, rival(sigmas, 0.5), over=("time",))["k_fore_aft"], concluded()["k_fore_aft"]
+    assert k.grade == "C" or k.std > 0.4 * sigmas * plain.std
+
+
 def test_a_narrow_band_rival_widens_where_scores_are_not_known_and_any_other_stays_a_reason():
     found = concluded(rival(3.0, 0.25))
     assert grades(found) == {**dict.fromkeys(NAMES, "A"), "k_fore_aft": "B"}
