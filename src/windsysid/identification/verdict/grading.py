@@ -74,7 +74,7 @@ class Widening(NamedTuple):
     of_rivals
         Part of the factor that rival explanations make.
     prior_std
-        Standard deviation of the prior; infinite where it is not asked.
+        Standard deviation of the prior; infinite if it is not compared with the interval.
     """
 
     name: str

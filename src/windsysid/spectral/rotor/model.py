@@ -167,7 +167,7 @@ class LiftedModel(NamedTuple):
     inputs
         Its inputs but for azimuth and speed (n_u,).
     parameters, lag, inexact
-        What θ stands for, whether the mean lag angle is an unknown, and what τ stands for.
+        Elements of θ, whether the mean lag angle is an unknown, and elements of τ.
     sources
         The loads, at the frequencies of `place`.
     noise, noise_given
