@@ -602,12 +602,12 @@ _FLEET_AND_MODES = (
     ),
     Mutant(
         "breaks at odd places", "continuity.py",
-        "best = (FALSE_ALARM_PROBABILITY / samples, 0)", "best = (1.0, 0)",
+        "min([(FALSE_ALARM_PROBABILITY / samples, 0)", "min([(1.0, 0)",
         "blows are said to be lost samples",
     ),
     Mutant(
         "a converter that ran over", "continuity.py",
-        "MIN_OVERRUN_JUMPS or between < 0.2:", "MIN_OVERRUN_JUMPS:",
+        "MIN_OVERRUN_JUMPS or between < 0.2 or", "MIN_OVERRUN_JUMPS or",
         "a switch between two values is an overrun",
     ),
     Mutant(
@@ -672,7 +672,7 @@ _FLEET_AND_MODES = (
     ),
     Mutant(
         "an envelope of a machine", "modal_bands/check.py",
-        "envelopes.std(axis=1) / envelopes.mean(axis=1)", "envelopes.std(axis=1) / envelopes.std(axis=1)",
+        "np.log(size.std(axis=-1) / size.mean(axis=-1))", "np.log(size.std(axis=-1) / size.std(axis=-1))",
         "a machine of constant amplitude is a mode",
     ),
     Mutant(

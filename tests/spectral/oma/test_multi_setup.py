@@ -8,7 +8,7 @@ from scipy.stats import chi2
 
 import windsysid as ws
 from windsysid.results.estimate import IntervalEstimate
-from windsysid.spectral.oma import search
+from windsysid.spectral.modal_bands.model_order import fit_band
 from windsysid.spectral.oma.multi_setup import _chi2_probability, _sensor_key, _start_of, _union
 from windsysid.spectral.oma.sensors import ModalSensor
 
@@ -64,8 +64,9 @@ def test_a_mode_of_a_band_that_is_crowded_in_one_record_is_not_usable(
     setups: list[ws.Record], monkeypatch: pytest.MonkeyPatch
 ):
     """Of one record such a mode had grade C, and of two records A."""
-    fit = search.fit_band
-    monkeypatch.setattr(search, "fit_band", lambda *given: fit(*given)._replace(crowded=True))
+    monkeypatch.setattr(
+        "windsysid.spectral.oma.search.fit_band", lambda *given: fit_band(*given)._replace(crowded=True)
+    )
     (joint,) = ws.oma(setups, bands=[(0.8, 1.4)]).modes
     assert (joint.frequency.grade, joint.doubted_for("search")) == ("C", True)
 
