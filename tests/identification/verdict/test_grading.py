@@ -106,6 +106,8 @@ def test_readings_that_scatter_more_widen_all_by_as_much_where_no_frequencies_te
     varying = Finding("nonstationary_level", "reason", {"channel": CHANNELS[0], "variation": 1.25, "alone": False})
     found = concluded(varying, over=("time",))  # in gusts a stiffness was 3.2 σ off with grade A
     assert found["k_side_side"].std / plain["k_side_side"].std == pytest.approx(1.6, rel=0.02)
+    found = concluded(loud, varying, over=("time",))  # the variation is relative to the mean square
+    assert found["k_side_side"].std / plain["k_side_side"].std == pytest.approx(1.7 * 1.6, rel=0.02)
     quiet = Finding("channel_level", "reason", {"channel": CHANNELS[0], "ratio": 0.6})
     assert set(grades(concluded(quiet, over=("time",))).values()) == {"A"}
 

@@ -126,12 +126,12 @@ def widenings_of(
 def _level_factor(findings: Sequence[Finding], scores: Sequence[PartScores]) -> float:
     """Factor on intervals by the level of innovations where there are no scores over frequencies. If the level is
     another one, it bounds the factor; if it varies, scores are proportional to the power p of the loads and have
-    E p² / (E p)² times the variance of the model."""
+    E p² / (E p)² times the variance that its mean gives."""
     if "frequency" in {one.over for one in scores}:
         return 1.0
     ratios = [f.data["ratio"] for f in findings if f.code in ("channel_level", "innovation_level")]
     varying = [math.hypot(1.0, f.data["variation"]) for f in findings if f.code == "nonstationary_level"]
-    return float(max([1.0, *ratios, *varying]))
+    return float(max([1.0, *ratios]) * max([1.0, *varying]))
 
 
 def with_tolerance_shifts(diagnosis: Diagnosis, outcome: Outcome) -> Diagnosis:
