@@ -50,18 +50,21 @@ MIN_VIBRATION_BINS = 40
 """Size: number of frequency bins below which no channel is tested for vibration."""
 
 MAX_MISSING_SHARE = 0.05
-"""Size: share of missing samples beyond which a channel is tested neither for lines nor for vibration, and of readings
-that are left out as outliers, beyond which the model is wrong."""
+"""Size: share of a channel's samples: with more missing ones it is tested neither for lines nor for vibration; if more
+are left out as outliers, the model is wrong."""
 
 HARMONIC_HALF_WIDTH_SHARE = 0.02
-"""Size: relative distance from a rotor harmonic nP within which power is the rotor's, and standard deviation of the
-rotor speed over its mean up to which it is constant. Beyond, harmonics and whirl modes are smeared, spectra of a
-constant speed are refused, and a spectrogram is drawn against the speed."""
+"""Size: relative distance from a rotor harmonic nP within which power is the rotor's; and standard deviation of the
+rotor speed over its mean up to which the speed is constant. With more variation, harmonics and whirl modes are smeared,
+spectra that require a constant speed are refused, and a spectrogram is drawn against the speed."""
 
 HARMONIC_HALF_WIDTH_BINS = 3.0
-"""Size: the same distance in frequency bins 1/T, the larger of both counts; distance within which two sinusoids are not
-resolved; and distance beyond a mode's half-width ζf within which a blade-passing line is in it. A narrow-band load may
-look like a line within so many of its half-widths."""
+"""Size: number of frequency bins 1/T:
+
+- distance from a rotor harmonic, if it is more than `HARMONIC_HALF_WIDTH_SHARE` of its frequency;
+- distance within which two sinusoids are not resolved;
+- distance beyond a mode's half-width ζf within which a blade-passing line is in the mode;
+- distance within which a narrow-band load may resemble a line; or, if that is more, as many of its half-widths."""
 
 CONFLICT_SIGMAS = 4.0
 """Size in standard deviations: difference that chance does not explain, one in 16 000: of an estimate or of a sensor's
@@ -82,9 +85,12 @@ OUTLIER_SIGMAS = 5.0
 normal value in two million; and significance of lost rows, of which some 2000 patterns are tested."""
 
 MAX_CHANCE_SIGMAS = 4.5
-"""Size in standard deviations: statistic of level, tails, lag of blades, or correlation of channels beyond chance; all
-but the lag must be large, too. One healthy record in 500 exceeds 4.2, 3.9, 4.2 and 4.5. And mean square of a part of a
-rotor's spectra, and rise of a peak above the background in the averaged log spectrum."""
+"""Size in standard deviations: difference beyond chance:
+
+- of the level, the tails and the correlation of innovations, which must also be large, and of the blades' lag; one
+  healthy record in 500 exceeds 4.2, 3.9, 4.5 and 4.2;
+- of the mean square of a part of a rotor's spectra, which must also be large;
+- of a peak from the background of the averaged log spectrum."""
 
 MAX_LEVEL_VARIATION = 0.25
 """Size: relative variation of the level of innovations over a record that is large."""
@@ -93,16 +99,17 @@ MAX_KURTOSIS = 1.0
 """Size: excess kurtosis of innovations that is large."""
 
 MAX_COLOUR = 0.06
-"""Size: correlation of the innovations of two channels that is large, and rms departure of their spectrum from 1 over
-half-octaves, beyond chance; healthy fits have 0.04."""
+"""Size: correlation of the innovations of two channels that is large; and rms difference of the spectrum of innovations
+from 1 over half-octaves, beyond chance, that is large: healthy fits have 0.04."""
 
 MAX_PEAK_LEVEL = 2.0
 """Size: spectrum of the innovations at a peak near a natural frequency, 1 if white; intervals are √2 too narrow there.
 One healthy record in 500 has 2.1."""
 
 MAX_NEAR_MODE_LEVEL = 1.6
-"""Size: mean spectrum of the innovations around a natural frequency, 1 if white; one healthy record in 500 has it. And
-mean square of a part of a rotor's spectra, or its inverse; intervals are √1.6 too narrow there."""
+"""Size: mean spectrum of the innovations around a natural frequency, 1 if white, that is large; one healthy record in
+500 has it. And mean square of a part of a rotor's spectra, or its inverse, that is large: intervals are too narrow by a
+factor of √1.6 there."""
 
 MAX_FAR_PEAK_LEVEL = 3.0
 """Size: spectrum of the innovations, 1 if white, beyond which a peak far from natural frequencies is remarked."""
@@ -124,8 +131,9 @@ it within which no line is searched: from 5 on, its skirts are parabolas in 1/S
 (``tests/results/test_steadiness.py``)."""
 
 MAX_INFORMED_STD_RATIO = 0.7
-"""Size: standard deviation of an estimate over that of its prior, below which the record is informative: of a
-tolerance, of a quantity whose interval covers rivals and of the damping of a mode."""
+"""Size: standard deviation of an estimate over that of its prior, below which the record is informative (0.7: it has as
+much information as the prior): of a tolerance, of a quantity whose interval covers rivals and of the damping of a
+mode."""
 
 MAX_DISAGREEMENT_SIGMAS = 3.0
 """Size in standard deviations: difference between two values of a coefficient, by filters and by spectra or under two
@@ -133,14 +141,21 @@ explanations nearly as good, or of a tolerance from 0, beyond which they conflic
 once in 370."""
 
 MIN_RMS_FALL = 3.0
-"""Size: ratio of rms values of a transient in one channel, and its root if all of two or more channels exceed it; of
-1500 simulated stationary records at most one of 160, or one of 20, exceeds it in one channel. A burst in one of 16
-segments has this ratio to the others; segments before a decay have at most its root."""
+"""Size: ratio of rms values:
+
+- of the beginning of a transient to its end in one channel; its root if all of two or more channels exceed it. Of 1500
+  simulated stationary records at most one of 160, or one of 20, exceeds it in one channel;
+- of a burst, one of 16 segments, to the other segments;
+- of the strongest segment to those before a decay: its root at least."""
 
 NEGLIGIBLE_SHARE = 0.1
-"""Size: share of a quantity up to which a contribution to it is neglected: an offset of a sample's noise, loads of a
-motion's rms, another coordinate of a reading and the yaw [rad] that mixes it in, the integration of a damping ratio, a
-coefficient of a mode's variance, a parameter of a direction, a widening of an interval and its error by that of the
-level of innovations, the phase [rad] that a clock's
-drift changes, the speed of a stopped rotor, outliers of squared innovations. In squares it is 1 %: of squared
-innovations that outliers add and autocorrelation predicts, and of a mode's power that a nonlinearity makes."""
+"""Size: share of a quantity up to which a contribution to it is neglected:
+
+- of an offset to the noise of a sample, of loads to the rms of a motion, of another coordinate to a reading;
+- of the Runge–Kutta method to a damping ratio, of a coefficient to a mode, of a parameter to a direction;
+- of parts, rivals and the level of innovations to an interval, and of outliers to squared innovations;
+- of a stopped rotor's speed to the usual one.
+
+Or an angle [rad] that is neglected: a change of the yaw, or a phase that a clock's drift changes. Its square, 1 %, is
+the share of a power that is neglected: of outliers and autocorrelation in squared innovations, of loads in a motion's
+variance, and of a harmonic of a mode that a nonlinearity may cause."""

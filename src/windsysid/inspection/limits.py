@@ -62,8 +62,8 @@ MAX_UNWRAPPED_RATIO = 0.06
 least 0.1."""
 
 MIN_LOSS_GAIN = 0.4
-"""Size: g after a loss: 1 for one lost row, less because the losses bias the model; and ratio of the sums after two
-losses: if only every second or third is a loss, k is larger."""
+"""Size: g after a loss: 1 for one lost row, less because the losses bias the model; and ratio of the smallest to the
+largest sum after two or three losses: with less, only every second or third is a loss, and k is larger."""
 
 MAX_OTHER_GAIN_RATIO = 0.6
 """Size: |g| at any other remainder, relative to g after a loss. A sinusoid at a multiple of the rate over 2k
@@ -96,12 +96,12 @@ MAX_SPEED_VARIATION = 0.05
 """Size: variation and drift of the rotor speed over a section, relative to its mean, of penalty 1."""
 
 MAX_WIND_VARIATION = 0.20
-"""Size: variation and drift of the wind speed over a section, relative to its mean, and circular standard deviation of
-its direction [rad], which is the variation across, of penalty 1."""
+"""Size: variation and drift of the wind speed over a section, relative to its mean, of penalty 1; and circular standard
+deviation of the wind direction [rad], which is the variation across the wind."""
 
 MAX_FAULT_SHARE = 0.02
-"""Size: share of faulty or missing samples of a section, of penalty 1, and of missing samples or spikes that straight
-lines bridge for spectra; if more are missing, `oma` takes the longest segment without gaps."""
+"""Size: share of faulty or missing samples of a section, of penalty 1; and of missing samples, or of spikes, that
+straight lines bridge for spectra. If more are missing, `oma` takes the longest segment without gaps."""
 
 MIN_VIBRATION_FACTOR = 0.25
 """Size: rms of vibration over the record's median that is enough for identification."""
@@ -114,20 +114,22 @@ MIN_DEGREES_OF_FREEDOM = 3.0
 segments where nothing turns: with independent bins, intervals of a tower are up to 18 times too narrow at one."""
 
 MAX_VIBRATION_CHANGE = 2.0
-"""Size: ratio of the rms values of two segments that is accepted even if it is significant, and from which on the one
-after a stop is a decay."""
+"""Size: ratio of the rms values of two segments of a section, or of the halves of a record for spectra, that is
+accepted even if it is significant; and from which on the vibration after a stop is a decay."""
 
 MAX_ENERGY_SHARE = 0.6
-"""Size: share of the vibration in an eighth of a section, or of a mode in a quarter of a record, beyond which it is a
-transient."""
+"""Size: share of the vibration in an eighth of a section, or of a record for `oma`, beyond which it is a transient."""
 
 MAX_REFERENCE_DISTANCE = 0.1
-"""Size: relative distance up to which a peak or a mode may be one of the turbine file, whose values are references, or
-one of another record."""
+"""Size: relative distance in frequency up to which a peak or a mode may be one of the turbine file, whose values are
+references, and up to which modes of two records may be the same."""
 
 MAX_RATE_MISMATCH = 0.01
-"""Size: relative difference between the sampling rates of two segments (rounded time stamps make less), between the
-rotor's speed as a channel and as the slope of the azimuth, and of a peak from a rotor harmonic."""
+"""Size: relative difference up to which two values are the same:
+
+- sampling rates of two segments (rounded time stamps make less);
+- the rotor's speed as a channel and as the slope of the azimuth;
+- frequencies of a peak and of a rotor harmonic."""
 
 MAX_FALL_SECONDS = 60.0
 """Size: time from running to stopped [s]."""

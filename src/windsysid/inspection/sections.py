@@ -6,7 +6,7 @@ to hurt, and the windows are ranked by their sum:
 
     rotor speed    standard deviation / 5 % of the mean, and drift / 5 %
     wind speed     standard deviation / 20 % of the mean, and drift / 20 %
-    direction      circular standard deviation / 15°
+    direction      circular standard deviation / 0.2 rad
     faults         share of samples with a fault or missing / 2 %
     excitation     how many times the vibration is below the record's median (log2; a little credit above it), and how
                    much it grows or fades, both beyond chance (`windsysid.inspection.stationarity`)

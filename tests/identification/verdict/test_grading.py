@@ -106,6 +106,8 @@ def test_readings_that_scatter_more_widen_all_by_as_much_where_no_frequencies_te
     varying = Finding("nonstationary_level", "reason", {"channel": CHANNELS[0], "variation": 1.25, "alone": False})
     found = concluded(varying, over=("time",))  # in gusts a stiffness was 3.2 σ off with grade A
     assert found["k_side_side"].std / plain["k_side_side"].std == pytest.approx(1.6, rel=0.02)
+    found = concluded(loud, varying, over=("time",))  # the variation is relative to the mean square
+    assert found["k_side_side"].std / plain["k_side_side"].std == pytest.approx(1.7 * 1.6, rel=0.02)
     quiet = Finding("channel_level", "reason", {"channel": CHANNELS[0], "ratio": 0.6})
     assert set(grades(concluded(quiet, over=("time",))).values()) == {"A"}
 
@@ -183,6 +185,14 @@ def test_an_interval_covers_a_rival_that_is_far_away_while_it_tells_more_than_th
     severities = {one.code: one.severity for one in found.findings if "k_fore_aft" in one.quantities}
     assert severities["narrow_band_load_possible"] == "remark"
     assert severities["wider_intervals"] == ("remark" if grade == "B" else "reason")
+
+
+@pytest.mark.parametrize("sigmas", [15.0, 18.0, 23.0])
+def test_a_rival_is_covered_or_a_reason_where_loads_vary(sigmas: float):
+    """It was left out of the interval, as far away, and then no reason, as near: the level had widened the interval."""
+    varying = Finding("nonstationary_level", "reason", {"channel": CHANNELS[0], "variation": 1.75, "alone": False})
+    k, plain = concluded(varying, rival(sigmas, 0.5), over=("time",))["k_fore_aft"], concluded()["k_fore_aft"]
+    assert k.grade == "C" or k.std > 0.4 * sigmas * plain.std
 
 
 def test_a_narrow_band_rival_widens_where_scores_are_not_known_and_any_other_stays_a_reason():

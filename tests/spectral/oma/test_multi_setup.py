@@ -8,6 +8,7 @@ from scipy.stats import chi2
 
 import windsysid as ws
 from windsysid.results.estimate import IntervalEstimate
+from windsysid.spectral.modal_bands.model_order import fit_band
 from windsysid.spectral.oma.multi_setup import _chi2_probability, _sensor_key, _start_of, _union
 from windsysid.spectral.oma.sensors import ModalSensor
 
@@ -57,6 +58,17 @@ def test_two_setups_give_one_mode_with_a_shape_in_all_sensors(setups: list[ws.Re
     assert abs(joint.frequency.estimate - 1.1) < 3.0 * joint.frequency.std
     assert np.all(np.abs(joint.shape.real - [0.4, 0.8, 1.0]) < 4.0 * joint.shape_std + 1e-9)
     assert [part.record for part in found.parts] == ["setup 1", "setup 2"]
+
+
+def test_a_mode_of_a_band_that_is_crowded_in_one_record_is_not_usable(
+    setups: list[ws.Record], monkeypatch: pytest.MonkeyPatch
+):
+    """Of one record such a mode had grade C, and of two records A."""
+    monkeypatch.setattr(
+        "windsysid.spectral.oma.search.fit_band", lambda *given: fit_band(*given)._replace(crowded=True)
+    )
+    (joint,) = ws.oma(setups, bands=[(0.8, 1.4)]).modes
+    assert (joint.frequency.grade, joint.doubted_for("search")) == ("C", True)
 
 
 def test_records_without_a_common_sensor_cannot_be_joined(setups: list[ws.Record]):

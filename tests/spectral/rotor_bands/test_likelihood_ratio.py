@@ -4,11 +4,12 @@ from pathlib import Path
 from types import SimpleNamespace as Namespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from windsysid.identification.identify import identify
 from windsysid.records.formats import read_record
-from windsysid.spectral.rotor_bands.likelihood_ratio import _rows_of_classes
+from windsysid.spectral.rotor_bands.likelihood_ratio import _of_two_values, _rows_of_classes
 from windsysid.turbine.file import load_turbine
 
 FOLDER = Path(__file__).parents[4] / "shared" / "data" / "openfast"
@@ -20,6 +21,17 @@ def reasons(file: str, first: float, last: float) -> tuple[set[str], set[str]]:
     found = identify(read_record(C2), load_turbine(file), section=(first, last))
     grades = {mode.frequency.grade for mode in found.modes if mode.name != "tower roll"}
     return grades, {one.code for one in found.findings if one.severity == "reason"}
+
+
+@pytest.mark.parametrize(("depth", "expected"), [(0.0, 1 / 11), (50.0, 1.0), (2000.0, 1.0)])
+def test_two_values_are_the_more_probable_the_less_the_halves_have_in_common(depth, expected):
+    """The product of both likelihoods was 0 at every step for long records: the probability was NaN, and no reason."""
+    steps = np.linspace(-0.2, 0.2, 41)
+    values = np.full((2, 41), depth)
+    values[0, 30], values[1, 2] = 0.0, 0.0
+    far, chance = _of_two_values(steps, values)
+    assert chance == pytest.approx(expected)
+    assert far == pytest.approx(steps[2] if depth else 0.0)
 
 
 @pytest.mark.skipif(not C2.exists(), reason="OpenFAST's records are not in this checkout")

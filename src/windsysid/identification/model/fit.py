@@ -65,7 +65,7 @@ class Outcome(NamedTuple):
         Covariance of θ, of the coordinates η of `statistics` and of `tolerances` together (n_θ + n_η + n_τ), the last
         in standard deviations of their priors; None where no statistics were learned.
     whiteness, smoothed_loads
-        The innovations against white noise where that was judged already, and what smoothed loads say; else None.
+        The test of the innovations against white noise, and those of smoothed loads; None if they were not made.
     scores
         Of parts of the record, to θ and all else that was estimated, in time and over frequencies; none where they were
         not computed.

@@ -60,7 +60,7 @@ class TurbineProblem(NamedTuple):
     loads, made
         What the loads that are states may be like; loads and noise at the last values of η that were requested.
     statistics, tolerances
-        What η stands for, and τ, the clocks last.
+        Statistics in η, and tolerances in τ, the clocks last.
     inputs, readings
         As filters take them (T, n_u + n_w), (T, m).
     notes

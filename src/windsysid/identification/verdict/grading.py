@@ -74,7 +74,7 @@ class Widening(NamedTuple):
     of_rivals
         Part of the factor that rival explanations make.
     prior_std
-        Standard deviation of the prior; infinite where it is not asked.
+        Standard deviation of the prior; infinite if it is not compared with the interval.
     """
 
     name: str
@@ -104,33 +104,34 @@ def widenings_of(
     """Compute the widening of coefficients given masses and aerodynamics, and of frequencies and damping ratios of
     modes given the masses, from scores and from rival explanations among the findings."""
     scores, cov = outcome.scores, outcome.given(*SHARED)[1]
-    coefficients = widen_coefficients(scores, outcome.model.parameters, cov)
+    level, priors = _level_factor(findings, scores), np.array([q.prior[1] for q in outcome.priors])
+
+    def by_level(one: Widening) -> Widening:
+        one = one._replace(prior_std=float(np.linalg.norm(one.quantity * priors)))
+        return one._replace(factor=level, over="level", place=0.0) if one.factor < level else one
+
+    coefficients = [by_level(one) for one in widen_coefficients(scores, outcome.model.parameters, cov)]
     modes = [
         [_widening(scores, f"{mode.name} {what}", row, cov) for mode, row in zip(at.modes, rows, strict=True)]
         for what, rows in zip(("frequency", "damping ratio"), at.slopes, strict=True)
     ]
     rivals = _rivals([one for one in findings if _is_coverable(one, scores)], coefficients)
-    stds, level = np.array([one.std for one in coefficients]), _level_factor(findings, scores)
-    priors = np.array([q.prior[1] for q in outcome.priors])
-
-    def widened(one: Widening) -> Widening:
-        one = one._replace(factor=level, over="level", place=0.0) if one.factor < level else one
-        return _with_rivals(one._replace(prior_std=float(np.linalg.norm(one.quantity * priors))), rivals, stds)
-
+    stds = np.array([one.std for one in coefficients])
     return (
-        [widened(one) for one in coefficients],
-        [[_in_whole(widened(one), at.given_masses) for one in row] for row in modes],
+        [_with_rivals(one, rivals, stds) for one in coefficients],
+        [[_in_whole(_with_rivals(by_level(one), rivals, stds), at.given_masses) for one in row] for row in modes],
     )
 
 
 def _level_factor(findings: Sequence[Finding], scores: Sequence[PartScores]) -> float:
-    """Factor on intervals where innovations have another level and no scores over frequencies, its bound; or a level
-    that varies: scores go with the power p of the loads, and have E p² / (E p)² of the variance of the model."""
+    """Factor on intervals by the level of innovations where there are no scores over frequencies. If the level is
+    another one, it bounds the factor; if it varies, scores are proportional to the power p of the loads and have
+    E p² / (E p)² times the variance that its mean gives."""
     if "frequency" in {one.over for one in scores}:
         return 1.0
     ratios = [f.data["ratio"] for f in findings if f.code in ("channel_level", "innovation_level")]
     varying = [math.hypot(1.0, f.data["variation"]) for f in findings if f.code == "nonstationary_level"]
-    return float(max([1.0, *ratios, *varying]))
+    return float(max([1.0, *ratios]) * max([1.0, *varying]))
 
 
 def with_tolerance_shifts(diagnosis: Diagnosis, outcome: Outcome) -> Diagnosis:

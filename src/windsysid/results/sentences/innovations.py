@@ -95,8 +95,8 @@ INNOVATIONS: Final[Mapping[str, Sentence]] = {
     ),
     "gated_readings": "{share:.2g %} of the readings of {channel} were left out as outliers",
     "outlying_innovations": (
-        "{count} readings of {channel} are more than {sigmas:g} standard deviations off and make up {share:.0f %} of "
-        "its squared prediction errors",
+        "readings of {channel} that are more than {sigmas:g} standard deviations off ({count}) make up {share:.0f %} "
+        "of its squared prediction errors",
         ": remove the spikes",
     ),
     "nonlinear_force": (

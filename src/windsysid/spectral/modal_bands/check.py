@@ -1,4 +1,4 @@
-"""Reasons against a mode: its band, its envelope, sinusoids; other explanations of its spectrum."""
+"""Reasons against a mode: its band, its variation, sinusoids; other explanations of its spectrum."""
 
 import math
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ from windsysid.spectral.transforms.limits import MIN_BAND_BINS
 __all__ = ["explanations", "fit_doubts", "is_spurious", "mode_doubts", "shape_doubts", "variation"]
 
 ENVELOPES = 100
-"""Setting: number of envelopes that are drawn under random loads."""
+"""Setting: number of motions that are drawn under random loads."""
 
 
 def is_spurious(found: BandFit, j: int, length: float) -> bool:
@@ -168,7 +168,7 @@ def variation(found: BandFit, j: int) -> tuple[float, float]:
 
 
 def _normal(x: float, mean: float, std: float) -> float:
-    return math.exp(-0.5 * min(((x - mean) / std) ** 2, 1000.0)) / std
+    return math.exp(-0.5 * min(((x - mean) / std) ** 2, 500.0)) / std  # no product of two is 0
 
 
 def _variations(transforms: Complex, bins: NDArray[np.int64], pole: complex) -> Array:

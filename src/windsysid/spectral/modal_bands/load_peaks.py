@@ -5,9 +5,9 @@ combination of two, or the static deflection, which resembles one. The odds of a
 
 - prior odds, of waves in their range of frequencies and of machines at any;
 - the ratio of the densities of the half-width: of a sea or of a machine of varying speed, and of structural damping;
-- the ratio of the densities of variation (`check.steadiness`, `part_scores.wander_ratio`): of a machine, the amplitude
-  of which varies little, the phase more than the amplitude, and the frequency over time, and of random response, which
-  a sea has, too;
+- the ratio of the densities of variation (`check.variation`, `part_scores.wander_ratio`): of a machine, whose amplitude
+  varies little, its phase more than its amplitude, and its frequency over time; and of random response, which a sea
+  causes, too;
 - the ratio of the densities of the modal assurance criterion (MAC) with another mode, or with the plane of the modes
   below and above: near 1 if a load excites these, and that of random directions for modes, in as many dimensions as
   channels move, unless the record's modes look alike to its sensors.
@@ -135,7 +135,7 @@ def _width_ratio(mode: OperationalMode) -> float:
 
 
 def _odds_alone(mode: OperationalMode) -> float:
-    """Odds of a load against a mode by frequency, half-width and envelope."""
+    """Odds of a load against a mode by frequency, half-width and variation."""
     f = mode.frequency.estimate
     of_load = sum(
         prior * _density(mode, *width) * (1.0 + steady * (mode.steadiness - 1.0))

@@ -4,8 +4,8 @@ MAX_FILLED_SHARE = 0.2
 """Size: share of missing samples up to which short gaps are filled by interpolation (`fill_short_gaps`)."""
 
 MAX_FREQUENCY_SHARE = 0.42
-"""Size: highest frequency of modes over the sampling rate; anti-aliasing filters fall off beyond, and
-other low-pass filters beyond the same share of their cut-off, of which half the rate is one."""
+"""Size: highest frequency of modes over the sampling rate; anti-aliasing filters fall off beyond. For another low-pass
+filter, twice as much of its cut-off, as half the rate is the cut-off of an anti-aliasing filter."""
 
 MIN_CYCLES = 8
 """Size: cycles in the record of the lowest frequency of modes."""
@@ -31,8 +31,9 @@ MIN_PEAK_SIGMAS = 8.0
 that hold the same motion."""
 
 PEAK_WIDTH_FACTOR = 3.0
-"""Size: factor on the half-width of a mode, and of such a peak, since few bins give its half height inaccurately,
-within which the mode explains the peak; and by which the skirts of two modes reach towards each other."""
+"""Size: factor on half-widths: of a mode and of such a peak, the larger of which is the distance within which the mode
+explains the peak (few bins give its half height inaccurately); and of two modes, whose sum is the distance within which
+one may be the skirt of the other."""
 
 MIN_POWER_SHARE = 0.5
 """Size: share of a channel's power in a peak, twice that of its half-power range, that is most of its vibration; share

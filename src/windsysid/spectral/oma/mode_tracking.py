@@ -2,7 +2,7 @@
 
 Records come one after the other. Each mode is assigned to the track whose last mode is nearest by the distance
 
-    (ln f_a/f_b / 0.05)² + (1 − MAC) / 0.3,        MAC = |φ_aᴴ φ_b|² / (φ_aᴴ φ_a φ_bᴴ φ_b),
+    (ln f_a/f_b / 0.1)² + (1 − MAC) / 0.6,        MAC = |φ_aᴴ φ_b|² / (φ_aᴴ φ_a φ_bᴴ φ_b),
 
 the modal assurance criterion over the sensors that both have (Allemang, Sound and Vibration 2003), or begins a track.
 """

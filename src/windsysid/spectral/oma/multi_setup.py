@@ -206,9 +206,15 @@ def _fit_jointly(setups: _Setups, group: Sequence[Track], limits: tuple[float, f
         own, start = joint, [fit.modes.let_drift() for fit in joint]
         joint = score_together(start, bands, max_steps=JOINT_STEPS)
     return [
-        BandFit(fit, band, values, bins, directions, 0.0, before)
-        for fit, before, (band, values, bins, directions) in zip(joint, own, fits, strict=True)
+        BandFit(fit, band, values, bins, directions, 0.0, before, _is_crowded(single, limits))
+        for single, fit, before, (band, values, bins, directions) in zip(setups.singles, joint, own, fits, strict=True)
     ]
+
+
+def _is_crowded(single: RecordAnalysis, limits: tuple[float, float]) -> bool:
+    """True if a record has more modes than are fitted together in a band between frequencies [Hz]."""
+    crowded = [one.band.frequency for one in single.found.bands if one.crowded]
+    return any(frequency[0] < limits[1] and frequency[-1] > limits[0] for frequency in crowded)
 
 
 def _start_of(modes: Sequence[OperationalMode]) -> tuple[float, float]:

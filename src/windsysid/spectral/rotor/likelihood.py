@@ -102,7 +102,7 @@ class Ingredients(NamedTuple):
     noise, late
         Spectral density of the noise of every entry (B, e) [unit²/Hz], and by how much its readings are late (e,) [s].
     slopes, more
-        Derivatives, and what comes to S besides (B, e, e); None for none.
+        Derivatives, and additional spectra (B, e, e), which are added to S; None for none.
     """
 
     place: SpectrumGrid
@@ -237,7 +237,7 @@ def _many_entries(of: Ingredients) -> list[NDArray[Any]]:
 
 
 def _by_loops(of: Ingredients) -> ModelSpectrum:
-    """Spectra and derivatives of readings on time, without what comes to them besides."""
+    """Spectra and derivatives of readings on time, without additional spectra."""
     place, matrices, slopes = of.place, of.matrices, of.slopes
     bins, entries = place.left_out.shape
     if slopes is None:

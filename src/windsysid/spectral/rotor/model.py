@@ -61,8 +61,8 @@ WINDOW_BINS = 8
 """Numerical: bins on either side over which the taper's window is summed; 2 % of a Tukey window's power lies beyond."""
 
 MAX_JOINT_BINS, MAX_JOINT_ENTRIES, EARLIER_SHARE = 48, 160, 1 / 3
-"""Numerical: bins and entries of one joint covariance, as whose square its cost for each grows; and the share of its
-bins that are given, as those before have told of them."""
+"""Numerical: largest number of bins, and of entries, of one joint covariance, whose cost per entry grows with their
+squared number; and share of its bins that are in the one before, too, and are conditioned on."""
 
 SMOOTHED_BINS = 40
 """Numerical: bins that are smoothed together."""
@@ -167,7 +167,7 @@ class LiftedModel(NamedTuple):
     inputs
         Its inputs but for azimuth and speed (n_u,).
     parameters, lag, inexact
-        What θ stands for, whether the mean lag angle is an unknown, and what τ stands for.
+        Elements of θ, whether the mean lag angle is an unknown, and elements of τ.
     sources
         The loads, at the frequencies of `place`.
     noise, noise_given

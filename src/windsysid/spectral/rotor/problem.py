@@ -34,7 +34,7 @@ class RotorQuestion(NamedTuple):
     Attributes
     ----------
     turbine, parameters
-        With the degrees of freedom that the sensors see, and what is identified.
+        The turbine with the degrees of freedom that the sensors see, and the parameters to identify.
     sensors, readings, rate
         Instruments, and what they read without gaps (T, m) at `rate` [Hz].
     inputs, compiled

@@ -46,15 +46,22 @@ def doubt_halves(halves: Sequence[BandModel], found: RotorBandFit, parameters: S
     springs = [of_blades, *([i] for i, q in enumerate(parameters) if q.kind == "stiffness" and i not in of_blades)]
     for which in filter(None, springs):
         steps, values = _profiles(halves, starts, which, blades=which == of_blades)
-        weights = np.exp(values.min(axis=1, keepdims=True) - values)
-        odds = PRIOR_ODDS_OF_MISFIT * float(np.prod(weights.mean(axis=1)) / np.mean(np.prod(weights, axis=0)))
-        means = weights @ steps / weights.sum(axis=1)
-        far, chance = means[int(np.argmax(np.abs(means)))], odds / (1.0 + odds)
+        far, chance = _of_two_values(steps, values)
         if mixture_factor([(far / std[which[0]], 1.0, chance)]) > 1.0 + NEGLIGIBLE_SHARE:
             names = tuple(parameters[i].name for i in which)
             data = {"change": far, "chance": chance, "shifts": dict.fromkeys(names, far)}
             doubts.append(Finding("halves_disagree_in_bands", "reason", data, names))
     return doubts
+
+
+def _of_two_values(steps: Array, values: Array) -> tuple[float, float]:
+    """The mean step that is farther from 0, and the probability of two values instead of one, by steps (S,) and −ln of
+    the posterior (2, S) of either half; in logarithms, as no step may be possible in both halves."""
+    from scipy.special import expit, logsumexp, softmax
+
+    means = softmax(-values, axis=1) @ steps
+    log_ratio = logsumexp(-values, axis=1).sum() - logsumexp(-values.sum(axis=0)) - math.log(len(steps))
+    return means[int(np.argmax(np.abs(means)))], float(expit(math.log(PRIOR_ODDS_OF_MISFIT) + log_ratio))
 
 
 def _with_own_levels(half: BandModel, found: RotorBandFit, std: Array) -> Array:
