@@ -10,10 +10,10 @@ channels, bursts, effects, scatter between parts and breaks of readings; set on 
 (`validation.adversary.calibrate`)."""
 
 SCREENING_PROBABILITY = 0.01
-"""Probability: significance level, all comparisons together, of a change of vibration, of a force law or a correlation
-of smoothed loads, of a sinusoid's scatter over segments and of a rotor harmonic in innovations; and, with the fit's
-unknowns fixed, of an effect that is tested with them. Simulated records of one to four modes with damping of 0.2 % to
-5 % and 300 s to 3600 s exceed it in fewer than 1 % (tests/inspection)."""
+"""Probability: significance level, all comparisons together, of a change of vibration, of a sinusoid's scatter
+over segments and of a rotor harmonic in innovations; and, with the fit's unknowns fixed, of an effect that is tested
+with them. Simulated records of one to four modes with damping of 0.2 % to 5 % and 300 s to 3600 s exceed it in fewer
+than 1 % (tests/inspection)."""
 
 MODEL_CHANGE_PROBABILITY = 1e-4
 """Probability: significance level of what changes readings or a model: sinusoids, correlated loads of modes, clock lags

@@ -16,8 +16,7 @@ of the kind shows where it turns round, and what happens a moment later tells wh
 
 Shapes are tanh q/σ, q in its rms: what cubes of a Gaussian q leave looks nearly alike, and so does the sign of q, of
 play, where a slow part of q is hidden from accelerometers; and the sign of q̇. Directions of one support are alike, and
-so are blades: their t are judged one by one and as their sum over the root of their number. All have one bound, of one
-significance level over all tests of a record.
+so are blades: their t are judged one by one and as their sum over the root of their number.
 
 In the same way two loads are held against each other, E against E: the score of a correlation that the model does not
 have. Where blades turn, or one sensor measures two directions, what is not known of one load is shared with another,
@@ -29,15 +28,16 @@ Rydén, Inference in Hidden Markov Models, 2005, section 10.1 (scores from smoot
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import combinations
 
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.checks.limits import MIN_NONLINEARITY_SAMPLES, SCREENING_PROBABILITY
+from windsysid.checks.limits import MIN_NONLINEARITY_SAMPLES
 from windsysid.checks.nonlinearity import Bending, Law, standardised
 from windsysid.filters import Info, smooth
+from windsysid.identification.limits import MAX_FORCE_SIGMAS, MAX_JOINT_SIGMAS
 from windsysid.identification.model.fit import check_finite
 from windsysid.mechanics.model import Coordinate
 from windsysid.results.smoothed_loads import CorrelatedLoads, SmoothedLoads
@@ -69,8 +69,6 @@ def judge_smoothed_loads(
     freedoms
         The n degrees of freedom; one whose load is no state is not asked.
     """
-    from scipy.special import ndtri
-
     names = acting_loads(model, inputs[:1])[0]
     asked = _testable(model, info, freedoms, names)
     if not asked:
@@ -80,15 +78,10 @@ def judge_smoothed_loads(
     n, tested = len(freedoms), [freedoms[j] for j in asked]
     driven = np.diff(_loads(model, inputs, state)[:, [names.index(one.load) for one in tested]], axis=0)
     scores = _scores(state[:, asked], state[:, [n + j for j in asked]], driven)
-    groups, pairs = _groups(tested), list(combinations(range(len(tested)), 2))
-    bound = float(ndtri(1.0 - 0.5 * SCREENING_PROBABILITY / (len(scores) * len(groups) + len(pairs))))
-    bendings = [
-        Bending(law, tuple(tested[i].name for i in group), float(t[group].sum()) / math.sqrt(len(group)), bound)
-        for law, t in scores.items() for group in groups
-    ]  # fmt: skip
-    apart = readings.shape[1] >= len(asked)
-    largest = max(bendings, key=lambda one: abs(one.sigmas))
-    return SmoothedLoads(largest, _most_correlated(tested, driven, pairs, bound) if apart else None)
+    bendings = [one for law, t in scores.items() for one in _bendings(law, t, tested)]
+    apart = readings.shape[1] >= len(asked) and not any(one.blade for one in freedoms)
+    largest = max(bendings, key=lambda one: abs(one.sigmas) / one.bound)
+    return SmoothedLoads(largest, _most_correlated(tested, driven) if apart else None)
 
 
 def _testable(model: StateSpace, info: Info, freedoms: Sequence[Coordinate], names: Sequence[str]) -> list[int]:
@@ -99,23 +92,26 @@ def _testable(model: StateSpace, info: Info, freedoms: Sequence[Coordinate], nam
     return [j for j, one in enumerate(freedoms) if one.load in names and np.any(info.mean[:, j])]
 
 
-def _groups(freedoms: Sequence[Coordinate]) -> list[list[int]]:
-    """Numbers of each of n degrees of freedom, of those of the support and of those of the blades."""
-    together = [[i for i, one in enumerate(freedoms) if bool(one.blade) is blade] for blade in (False, True)]
-    return [*([i] for i in range(len(freedoms))), *filter(None, together)]
+def _bendings(law: Law, t: Array, freedoms: Sequence[Coordinate]) -> Iterator[Bending]:
+    """Scores t (n,) of a law of force for each of n degrees of freedom, and for those of the support and of the blades
+    together."""
+    groups = [[i] for i in range(len(freedoms))]
+    groups += [[i for i, one in enumerate(freedoms) if bool(one.blade) is blade] for blade in (False, True)]
+    for group in filter(None, groups):
+        sigmas = float(t[group].sum()) / math.sqrt(len(group))
+        bound = MAX_FORCE_SIGMAS if len(group) == 1 else MAX_JOINT_SIGMAS
+        yield Bending(law, tuple(freedoms[i].name for i in group), sigmas, bound)
 
 
-def _most_correlated(
-    freedoms: Sequence[Coordinate], driven: Array, pairs: Sequence[tuple[int, int]], bound: float
-) -> CorrelatedLoads | None:
-    """Of pairs of n degrees of freedom of a support, the two loads of strongest correlation, by their drives (T, n)."""
-    if any(one.blade for one in freedoms):
-        return None
-    found = [
-        CorrelatedLoads((freedoms[i].load, freedoms[j].load), float(_score(driven[:, i], driven[:, j])), bound)
-        for i, j in pairs
+def _most_correlated(freedoms: Sequence[Coordinate], driven: Array) -> CorrelatedLoads | None:
+    """The two loads of n degrees of freedom of strongest correlation, by their drives (T, n); None with fewer."""
+    pairs = [
+        CorrelatedLoads(
+            (freedoms[i].load, freedoms[j].load), float(_score(driven[:, i], driven[:, j])), MAX_JOINT_SIGMAS
+        )
+        for i, j in combinations(range(len(freedoms)), 2)
     ]
-    return max(found, key=lambda one: abs(one.sigmas), default=None)
+    return max(pairs, key=lambda one: abs(one.sigmas), default=None)
 
 
 def _loads(model: StateSpace, inputs: Array, state: Array) -> Array:
