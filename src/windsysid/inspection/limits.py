@@ -79,9 +79,6 @@ MIN_SILENT_PERIODS = 5
 MIN_ACCELERATION_RATE = 0.5
 """Size: sampling rate of an acceleration [Hz] below which it shows no structure."""
 
-MAX_DOUBTFUL_ACCELERATION_RATE = 1.0
-"""Size: sampling rate of an acceleration [Hz] up to which whole seconds may be milliseconds in truth."""
-
 MAX_ACCELERATION_RATE = 20_000.0
 """Size: sampling rate of an acceleration [Hz] beyond which the time may be in another unit; few loggers are as fast."""
 
