@@ -20,9 +20,6 @@ floaters by more only below 0.1 Hz, which is left out."""
 MAX_ROTOR_SPEED = 10.0
 """Size: rotor speed [rad/s] beyond which a speed is that of a small rotor or of a generator behind a gear."""
 
-MIN_GAP_STEPS = 1.5
-"""Size: time step in usual steps from which on it is a gap."""
-
 MAX_SHORT_GAP_SAMPLES = 10
 """Size: number of lost samples of a short gap, which `windsysid.spectral.oma.samples` fills by interpolation."""
 
