@@ -70,15 +70,6 @@ statistic of loads or a tolerance, which coefficients follow, under an effect.""
 
 # Verdict
 
-MAX_FORCE_SIGMAS = 3.8
-"""Probability: standard deviations of chance of a force law of one coordinate. Of five, the ten and the four that are
-tested exceed this bound and `MAX_JOINT_SIGMAS` in one healthy record of 140 (docs/adversary.md). With 1 % for all tests
-of a record, which is 3.2 on a tower, four windows of OpenFAST's 5 MW turbine, whose tower is linear, had grade C."""
-
-MAX_JOINT_SIGMAS = 3.2
-"""Probability: significance, in standard deviations, of a force law of equal degrees of freedom together, and of the
-correlation of two loads. Where sensors may be misaligned, the fit leaves a third of a correlation."""
-
 MAX_RESONANCE_DOF = 50.0
 """Size: equivalent degrees of freedom within the narrowest resonance of a rotor under wind: bands grow narrower with
 the record, errors of the load model stay. ``python -m validation.spectral`` shows them for 36."""

@@ -20,9 +20,6 @@ floaters by more only below 0.1 Hz, which is left out."""
 MAX_ROTOR_SPEED = 10.0
 """Size: rotor speed [rad/s] beyond which a speed is that of a small rotor or of a generator behind a gear."""
 
-MIN_GAP_STEPS = 1.5
-"""Size: time step in usual steps from which on it is a gap."""
-
 MAX_SHORT_GAP_SAMPLES = 10
 """Size: number of lost samples of a short gap, which `windsysid.spectral.oma.samples` fills by interpolation."""
 
@@ -78,9 +75,6 @@ MIN_SILENT_PERIODS = 5
 
 MIN_ACCELERATION_RATE = 0.5
 """Size: sampling rate of an acceleration [Hz] below which it shows no structure."""
-
-MAX_DOUBTFUL_ACCELERATION_RATE = 1.0
-"""Size: sampling rate of an acceleration [Hz] up to which whole seconds may be milliseconds in truth."""
 
 MAX_ACCELERATION_RATE = 20_000.0
 """Size: sampling rate of an acceleration [Hz] beyond which the time may be in another unit; few loggers are as fast."""

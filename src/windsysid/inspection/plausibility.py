@@ -14,7 +14,6 @@ from windsysid.inspection.channels import Kind, is_position
 from windsysid.inspection.fault import Fault, Severity, unit_fault
 from windsysid.inspection.limits import (
     MAX_ACCELERATION_RATE,
-    MAX_DOUBTFUL_ACCELERATION_RATE,
     MAX_MOTION_RMS,
     MIN_ACCELERATION_RATE,
 )
@@ -97,7 +96,7 @@ def _pace(record: Record) -> list[Fault]:
     step = 1.0 / record.rate
     if record.rate < MIN_ACCELERATION_RATE:
         return [unit_fault(TIME, "no structure so slow", step=step)]
-    slow = record.rate <= MAX_DOUBTFUL_ACCELERATION_RATE and np.array_equal(record.time, np.round(record.time))
+    slow = np.array_equal(record.time, np.round(record.time))  # milliseconds that are taken for seconds
     if not slow and record.rate <= MAX_ACCELERATION_RATE:
         return []
     return [Fault(TIME, "pace", "warning", 0, data={"step": step, "slow": slow})]

@@ -30,14 +30,14 @@ Rydén, Inference in Hidden Markov Models, 2005, section 10.1 (scores from smoot
 import math
 from collections.abc import Iterator, Sequence
 from itertools import combinations
+from statistics import NormalDist
 
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.checks.limits import MIN_NONLINEARITY_SAMPLES
+from windsysid.checks.limits import FALSE_ALARM_PROBABILITY, MIN_NONLINEARITY_SAMPLES, MODEL_CHANGE_PROBABILITY
 from windsysid.checks.nonlinearity import Bending, Law, standardised
 from windsysid.filters import Info, smooth
-from windsysid.identification.limits import MAX_FORCE_SIGMAS, MAX_JOINT_SIGMAS
 from windsysid.identification.model.fit import check_finite
 from windsysid.mechanics.model import Coordinate
 from windsysid.results.smoothed_loads import CorrelatedLoads, SmoothedLoads
@@ -99,19 +99,24 @@ def _bendings(law: Law, t: Array, freedoms: Sequence[Coordinate]) -> Iterator[Be
     groups += [[i for i, one in enumerate(freedoms) if bool(one.blade) is blade] for blade in (False, True)]
     for group in filter(None, groups):
         sigmas = float(t[group].sum()) / math.sqrt(len(group))
-        bound = MAX_FORCE_SIGMAS if len(group) == 1 else MAX_JOINT_SIGMAS
+        bound = _bound(MODEL_CHANGE_PROBABILITY if len(group) == 1 else FALSE_ALARM_PROBABILITY)
         yield Bending(law, tuple(freedoms[i].name for i in group), sigmas, bound)
 
 
 def _most_correlated(freedoms: Sequence[Coordinate], driven: Array) -> CorrelatedLoads | None:
-    """The two loads of n degrees of freedom of strongest correlation, by their drives (T, n); None with fewer."""
+    """The two loads of n degrees of freedom of strongest correlation, by their drives (T, n); None with fewer. Where
+    sensors may be misaligned, the fit leaves a third of a correlation."""
+    bound = _bound(FALSE_ALARM_PROBABILITY)
     pairs = [
-        CorrelatedLoads(
-            (freedoms[i].load, freedoms[j].load), float(_score(driven[:, i], driven[:, j])), MAX_JOINT_SIGMAS
-        )
+        CorrelatedLoads((freedoms[i].load, freedoms[j].load), float(_score(driven[:, i], driven[:, j])), bound)
         for i, j in combinations(range(len(freedoms)), 2)
     ]
     return max(pairs, key=lambda one: abs(one.sigmas), default=None)
+
+
+def _bound(chance: float) -> float:
+    """Size of a standard normal value that chance exceeds with this probability, to either side."""
+    return -NormalDist().inv_cdf(0.5 * chance)
 
 
 def _loads(model: StateSpace, inputs: Array, state: Array) -> Array:

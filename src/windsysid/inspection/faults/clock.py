@@ -6,7 +6,7 @@ from windsysid._types import Array
 from windsysid.inspection.channels import VIBRATION, kinds
 from windsysid.inspection.fault import Fault
 from windsysid.inspection.faults.runs import spans_of
-from windsysid.inspection.limits import MAX_OFF_GRID_STEPS, MAX_SEPARATE_GAPS, MAX_SHORT_GAP_SAMPLES, MIN_GAP_STEPS
+from windsysid.inspection.limits import MAX_OFF_GRID_STEPS, MAX_SEPARATE_GAPS, MAX_SHORT_GAP_SAMPLES
 from windsysid.records.record import RATE_DOUBT, STAMPS, Record
 
 __all__ = ["clock_faults"]
@@ -27,7 +27,7 @@ def _gaps_and_steps(record: Record) -> list[Fault]:
     usual = 1.0 / record.rate
     found = list[Fault]()
     scatter = _scatter_of_steps(steps / usual)
-    gap = steps > max(MIN_GAP_STEPS, 1.0 + 5.0 * scatter) * usual  # a clock that scatters loses no sample by it
+    gap = (np.rint(steps / usual) > 1) & (steps > (1.0 + 5.0 * scatter) * usual)  # scatter alone loses no sample
     short = gap & (steps <= (MAX_SHORT_GAP_SAMPLES + 1.5) * usual)
     if np.count_nonzero(short) > MAX_SEPARATE_GAPS:
         lost = int(np.sum(np.rint(steps[short] / usual) - 1))

@@ -20,7 +20,6 @@ from windsysid.inspection.limits import (
     MAX_SPIKE_SAMPLES,
     MAX_STRAIGHT_BEND_RATIO,
     MIN_CODE_RMS,
-    MIN_GAP_STEPS,
     MIN_SPIKE_SIGMAS,
 )
 from windsysid.records.record import AS_WRITTEN, Record
@@ -133,7 +132,7 @@ def _constant(channel: str, kind: Kind, x: Array, unit: str, standing: bool) -> 
 def _spikes(r: _Readings) -> Mask:
     """Excursions of a few samples that jump out and straight back, larger than anything the steps around them do."""
     spike = np.zeros(r.x.size, dtype=np.bool_)
-    adjacent = np.diff(r.time) < MIN_GAP_STEPS * r.step
+    adjacent = np.rint(np.diff(r.time) / r.step) <= 1
     turn = _turn_of(r)
     d = np.diff(r.x)
     if turn:

@@ -66,7 +66,7 @@ SHAPE_PHASE_STD, SHAPE_PHASE_FREEDOM = 0.03, 2.0
 uncertainty, and its degrees of freedom."""
 
 MAX_LAG_PERIODS = 0.5
-"""Size: largest lag that is corrected, in periods of the highest mode."""
+"""Setting: range ± of lags in periods of the highest mode, whose phase repeats beyond."""
 
 MAX_SEARCHED_PERIODS = 2.0
 """Setting: largest lag that is searched, in periods of the highest mode."""

@@ -9,9 +9,6 @@ MIN_BLADES_FREEDOM, MIN_SUPPORT_FREEDOM = 4.0, 0.7
 windows of 120 s of OpenFAST's records, where the blades have 3, whirl modes lie outside their intervals; in 180 s,
 where they have 4.8, inside. An energy has the former at least; a resonance as narrow as a bin shows fewer."""
 
-MIN_FREQUENCY_SLOPE = 0.03
-"""Size: d ln f / d ln k of a spring from which on a mode locates it."""
-
 MIN_PEAK_LOG_ODDS = 8.0
 """Log odds: gain in log-likelihood of a peak; below it the peak is too weak."""
 

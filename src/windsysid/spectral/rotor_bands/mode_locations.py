@@ -12,9 +12,10 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.checks.limits import NEGLIGIBLE_SHARE
 from windsysid.results.finding import Finding
 from windsysid.spectral.rotor_bands.channels import Combined
-from windsysid.spectral.rotor_bands.limits import MIN_FREQUENCY_SLOPE, MIN_PEAK_LOG_ODDS
+from windsysid.spectral.rotor_bands.limits import MIN_PEAK_LOG_ODDS
 from windsysid.spectral.rotor_bands.peak_search import Trace, best_of, trace
 from windsysid.spectral.transforms.rotating_frame import TurnedSpectra
 from windsysid.statespace.parameter import Parameter
@@ -195,8 +196,9 @@ def _groups(
 
 
 def _springs_of(mode: str, slope: Mapping[str, float]) -> list[str]:
-    """The springs that may be searched by a mode, from its d ln f / d ln k for each."""
-    if mode == "lag collective" and slope.get("roll", 0.0) > MIN_FREQUENCY_SLOPE:
+    """The springs that may be searched by a mode, from its d ln f / d ln k for each, half of its share of the mode's
+    energy."""
+    if mode == "lag collective" and 2.0 * slope.get("roll", 0.0) > NEGLIGIBLE_SHARE:
         return ["roll"]
     if mode in WHIRLS:
         return ["beta"]
