@@ -1,6 +1,7 @@
 """Choose between the joint and the spectral formulation, and cross-check them."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -161,8 +162,9 @@ def _cross_checked(job: Job, joint: FittedJob, spectral_job: Job, spectral: Fitt
     spectral = spectral._replace(outcome=spectral.outcome._replace(scores=joint.outcome.scores))
     scores, parameters = joint.outcome.scores, joint.outcome.model.parameters
     wider = {one.name: one.factor for one in widen_coefficients(scores, parameters, joint.outcome.cov)}
-    off = compare(joint.outcome, spectral.outcome, wider)[1]
-    against = [disagreement(joint.outcome, spectral.outcome, job.turbine, wider)]
+    fits = (joint, spectral) if spectral.outcome.turns else (spectral, joint)
+    off = compare(*(fit.outcome for fit in fits), wider)[1]
+    against = disagreement(*(fit.outcome for fit in fits), job.turbine, wider)
     if not spectral.outcome.turns:
         return _checked_by_filters(spectral, joint, off, against)
     if off > MAX_DISAGREEMENT_SIGMAS:
@@ -170,7 +172,7 @@ def _cross_checked(job: Job, joint: FittedJob, spectral_job: Job, spectral: Fitt
     return _with_farther_rivals(joint, spectral).noting(_note("joint_agrees", sigmas=off))
 
 
-def _checked_by_filters(spectral: FittedJob, joint: FittedJob, off: float, against: list[Finding]) -> FittedJob:
+def _checked_by_filters(spectral: FittedJob, joint: FittedJob, off: float, against: Sequence[Finding]) -> FittedJob:
     """Spectra with what the innovations of filters say; of filters that disagree, what concerns springs and dampers."""
     innovations = doubts_of_innovations(joint.outcome, joint.read.rate)
     if off > MAX_DISAGREEMENT_SIGMAS:
