@@ -5,6 +5,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from windsysid.checks.limits import MAX_DISAGREEMENT_SIGMAS
 from windsysid.identification.condition.readings import choose_rate, steps_per_reading, usable_sensors
 from windsysid.identification.effects import EFFECTS
@@ -159,7 +161,7 @@ def _cross_checked(job: Job, joint: FittedJob, spectral_job: Job, spectral: Fitt
             _, spectral = run(spectral_job.with_effects_of(job, "clock_drift", Sinusoid.code, *waves))
         except FAILURES as error:
             return joint.noting(_note("joint_as_spectra_do_not_apply", error=str(error)))
-    spectral = spectral._replace(outcome=spectral.outcome._replace(scores=joint.outcome.scores))
+    spectral = _with_scores_of(joint, spectral)
     scores, parameters = joint.outcome.scores, joint.outcome.model.parameters
     wider = {one.name: one.factor for one in widen_coefficients(scores, parameters, joint.outcome.cov)}
     fits = (joint, spectral) if spectral.outcome.turns else (spectral, joint)
@@ -170,6 +172,17 @@ def _cross_checked(job: Job, joint: FittedJob, spectral_job: Job, spectral: Fitt
     if off > MAX_DISAGREEMENT_SIGMAS:
         return joint.noting(_note("joint_with_spectra"), *against)
     return _with_farther_rivals(joint, spectral).noting(_note("joint_agrees", sigmas=off))
+
+
+def _with_scores_of(joint: FittedJob, spectral: FittedJob) -> FittedJob:
+    """Spectra with the scores of filters over time, and over the frequencies that spectra use: what the filters'
+    loads do not explain elsewhere is no matter of these."""
+    used = np.concatenate([one.frequency for one in spectral.outcome.spectra] or [[0.0, math.inf]])
+    scores = tuple(
+        one.between(float(used.min()), float(used.max())) if one.over == "frequency" else one
+        for one in joint.outcome.scores
+    )
+    return spectral._replace(outcome=spectral.outcome._replace(scores=scores))
 
 
 def _checked_by_filters(spectral: FittedJob, joint: FittedJob, off: float, against: Sequence[Finding]) -> FittedJob:
