@@ -22,6 +22,7 @@ the probability p (Markov's inequality); where something vibrates, the structure
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from windsysid._types import Array, Complex
 from windsysid.checks.limits import (
@@ -70,22 +71,25 @@ def find_still(
     power = np.abs(values) ** 2
     f = np.asarray(np.fft.rfftfreq(len(readings), 1.0 / rate), dtype=np.float64)
     highest = min(FREQUENCY_RANGE_FACTOR * max(frequencies), 0.45 * rate)
-    there = (f > min(frequencies) / FREQUENCY_RANGE_FACTOR) & (f < highest)
-    if rotor_hz > 0.0:
-        away = np.abs(f - rotor_hz * np.maximum(np.round(f / rotor_hz), 1.0))
-        there &= away > np.maximum(HARMONIC_HALF_WIDTH_SHARE * f, HARMONIC_HALF_WIDTH_BINS * rate / len(readings))
+    there = (f > min(frequencies) / FREQUENCY_RANGE_FACTOR) & (f < highest) & ~_turns(f, rotor_hz, rate / len(readings))
     if there.sum() < MIN_VIBRATION_BINS:
         pairs = [] if innovations is None else list(zip(channels, readings.T, innovations.T, strict=True))
         return tuple(channel for channel, x, e in pairs if _likelihood_ratio(x, e) < 1.0 / FALSE_ALARM_PROBABILITY)
     clear = there.sum() >= MIN_LONG_RECORD_BINS and highest == FREQUENCY_RANGE_FACTOR * max(frequencies)
     chance = FALSE_ALARM_PROBABILITY if clear else SHORT_NOISE_VIBRATION_PROBABILITY
     judged = (missing.mean(axis=0) <= MAX_MISSING_SHARE) & (power[there].max(axis=0) > 0.0)
-    alive = [look and _stands_out(_levelled(f[there], power[there, i]), chance) for i, look in enumerate(judged)]
+    asked = np.flatnonzero(judged).tolist()
+    alive = [i for i in asked if _stands_out(_levelled(f[there], power[there, i]), chance)]
     phases = values[there] / np.maximum(np.sqrt(power[there]), 1e-300)
-    return tuple(
-        channel for channel, one, vibrates, look in zip(channels, phases.T, alive, judged, strict=True)
-        if look and not vibrates and not _is_coherent(one, phases[:, alive])
-    )  # fmt: skip
+    return tuple(channels[i] for i in asked if i not in alive and not _is_coherent(phases[:, i], phases[:, alive]))
+
+
+def _turns(f: Array, rotor_hz: float, step: float) -> NDArray[np.bool_]:
+    """Test which frequencies (n,) [Hz], in steps, are at harmonics of a rotor."""
+    if not rotor_hz > 0.0:
+        return np.zeros(len(f), dtype=np.bool_)
+    away = np.abs(f - rotor_hz * np.maximum(np.round(f / rotor_hz), 1.0))
+    return np.asarray(away <= np.maximum(HARMONIC_HALF_WIDTH_SHARE * f, HARMONIC_HALF_WIDTH_BINS * step))
 
 
 def _likelihood_ratio(readings: Array, innovations: Array) -> float:

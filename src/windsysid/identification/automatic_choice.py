@@ -162,11 +162,9 @@ def _cross_checked(job: Job, joint: FittedJob, spectral_job: Job, spectral: Fitt
         except FAILURES as error:
             return joint.noting(_note("joint_as_spectra_do_not_apply", error=str(error)))
     spectral = _with_scores_of(joint, spectral)
-    scores, parameters = joint.outcome.scores, joint.outcome.model.parameters
-    wider = {one.name: one.factor for one in widen_coefficients(scores, parameters, joint.outcome.cov)}
-    fits = (joint, spectral) if spectral.outcome.turns else (spectral, joint)
-    off = compare(*(fit.outcome for fit in fits), wider)[1]
-    against = disagreement(*(fit.outcome for fit in fits), job.turbine, wider)
+    both, wider = (joint.outcome, spectral.outcome), _own_factors(joint.outcome)
+    answer, other = both if spectral.outcome.turns else both[::-1]
+    off, against = compare(answer, other, wider)[1], disagreement(answer, other, job.turbine, wider)
     if not spectral.outcome.turns:
         return _checked_by_filters(spectral, joint, off, against)
     if off > MAX_DISAGREEMENT_SIGMAS:
@@ -174,15 +172,19 @@ def _cross_checked(job: Job, joint: FittedJob, spectral_job: Job, spectral: Fitt
     return _with_farther_rivals(joint, spectral).noting(_note("joint_agrees", sigmas=off))
 
 
+def _own_factors(joint: Outcome) -> dict[str, float]:
+    """Factors on standard deviations by which parts of the record contradict filters."""
+    return {one.name: one.factor for one in widen_coefficients(joint.scores, joint.model.parameters, joint.cov)}
+
+
 def _with_scores_of(joint: FittedJob, spectral: FittedJob) -> FittedJob:
     """Spectra with the scores of filters over time, and over the frequencies that spectra use: what the filters'
     loads do not explain elsewhere is no matter of these."""
     used = np.concatenate([one.frequency for one in spectral.outcome.spectra] or [[0.0, math.inf]])
-    scores = tuple(
-        one.between(float(used.min()), float(used.max())) if one.over == "frequency" else one
-        for one in joint.outcome.scores
-    )
-    return spectral._replace(outcome=spectral.outcome._replace(scores=scores))
+    scores = [
+        one.between(used.min(), used.max()) if one.over == "frequency" else one for one in joint.outcome.scores
+    ]  # fmt: skip
+    return spectral._replace(outcome=spectral.outcome._replace(scores=tuple(scores)))
 
 
 def _checked_by_filters(spectral: FittedJob, joint: FittedJob, off: float, against: Sequence[Finding]) -> FittedJob:
