@@ -180,7 +180,7 @@ def _own_factors(joint: Outcome) -> dict[str, float]:
 def _with_scores_of(joint: FittedJob, spectral: FittedJob) -> FittedJob:
     """Spectra with the scores of filters over time, and over the frequencies that spectra use: what the filters'
     loads do not explain elsewhere is no matter of these."""
-    used = np.concatenate([one.frequency for one in spectral.outcome.spectra] or [[0.0, math.inf]])
+    used = np.concatenate([one.frequency for one in spectral.outcome.spectra] or [np.array([0.0, math.inf])])
     scores = [
         one.between(used.min(), used.max()) if one.over == "frequency" else one for one in joint.outcome.scores
     ]  # fmt: skip
