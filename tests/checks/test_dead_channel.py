@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from tests.findings import only, reasons
-from windsysid.checks.dead_channel import find_still, is_constant
+from windsysid.checks.dead_channel import _is_coherent, find_still, is_constant
 from windsysid.identification.identify import identify
 from windsysid.identification.model.prior import Prior
 from windsysid.records.record import Record
@@ -23,8 +23,13 @@ RATE, F = 20.0, 1.5
 
 def resonance(rng: np.random.Generator, samples: int, damping: float = 0.02) -> np.ndarray:
     """Noise through one mode at `F`, of unit variance."""
+    return response_to(rng.standard_normal(samples + 2000), damping)
+
+
+def response_to(load: np.ndarray, damping: float) -> np.ndarray:
+    """A load through one mode at `F`, of unit variance, without the first 2000 samples."""
     pole = np.exp((-damping + 1j * np.sqrt(1.0 - damping**2)) * 2.0 * np.pi * F / RATE)
-    found = lfilter([1.0], [1.0, -2.0 * pole.real, abs(pole) ** 2], rng.standard_normal(samples + 2000))[2000:]
+    found = lfilter([1.0], [1.0, -2.0 * pole.real, abs(pole) ** 2], load)[2000:]
     return np.asarray(found / found.std())
 
 
@@ -43,6 +48,33 @@ def test_a_hundredth_of_the_power_is_heard_in_ten_minutes():
     rng = np.random.default_rng(5)
     readings = rng.standard_normal((12000, 1)) + 0.1 * resonance(rng, 12000)[:, None] * np.sqrt(10.0)
     assert find_still(readings, ("a",), rate=RATE, frequencies=[F], rotor_hz=0.0) == ()
+
+
+def test_a_heavily_damped_mode_that_is_coherent_with_another_channel_is_alive():
+    """In wind, fore-aft channels of a tower whose mode had 10 to 17 % damping were called dead."""
+    alone, beside, noise = 0, 0, 0
+    for seed in range(30):
+        first, second, dead = np.random.default_rng(seed).standard_normal((3, 3000))
+        damped = response_to(0.9 * first + 0.4 * second, 0.3)
+        readings = np.column_stack([response_to(first, 0.02), damped, dead[2000:]])
+        alone += bool(find_still(damped[:, None], ("b",), rate=RATE, frequencies=[F], rotor_hz=0.0))
+        found = find_still(readings, ("a", "b", "c"), rate=RATE, frequencies=[F], rotor_hz=0.0)
+        beside, noise = beside + ("b" in found), noise + ("c" in found)
+    assert alone >= 5
+    assert beside == 0
+    assert noise >= 27  # chance lets one of ten vibrate
+
+
+def test_one_line_in_all_channels_does_not_make_noise_vibrate():
+    """Phases are coherent at the line only: hum in a live channel and in a dead one."""
+    rng, hum = np.random.default_rng(9), 3.0 * np.cos(2.0 * np.pi * 2.2 * np.arange(2000) / RATE)
+    still = 0
+    for _ in range(50):
+        noise = rng.standard_normal(2000) + hum
+        readings = np.column_stack([resonance(rng, 2000) + hum, noise])
+        values = np.fft.rfft(readings * np.hanning(2000)[:, None], axis=0)[75:300]
+        still += not _is_coherent(values[:, 1] / np.abs(values[:, 1]), values[:, :1] / np.abs(values[:, :1]))
+    assert still >= 49
 
 
 @pytest.mark.parametrize(("samples", "share"), [(600, 0.1), (6000, 1e-3)])

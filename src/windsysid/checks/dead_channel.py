@@ -8,6 +8,12 @@ others has Fisher's distribution of 2n and 2m degrees of freedom, fewer under Ha
 Something vibrates where windows of one width or another stand higher than chance lets any of them. What turns with the
 rotor is left out: gravity shows in a sensor without vibration.
 
+A mode with heavy aerodynamic damping, or load peaks beside it, may stand no higher than that. But noise of a dead
+channel is independent of the other channels, and loads on a structure are not. So a channel that is coherent with one
+that vibrates is alive: if not, phase differences φ are uniform, and with R² = |Σ exp iφ|²/w² of each window of w
+frequencies, which count as n independent ones, −(n − 1) Σ ln (1 − R²) has a gamma distribution with the number of
+windows as shape. Phases alone are used, so that one common line, such as hum, is no coherence.
+
 A short record has too few frequencies for that. There the fit itself is tested: its innovations against the residuals
 of a first-order autoregression, by their likelihoods. Of noise the two are alike, and a ratio above 1/p has at most
 the probability p (Markov's inequality); where something vibrates, the structure predicts its readings far better.
@@ -16,8 +22,9 @@ the probability p (Markov's inequality); where something vibrates, the structure
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
-from windsysid._types import Array
+from windsysid._types import Array, Complex
 from windsysid.checks.limits import (
     FALSE_ALARM_PROBABILITY,
     HARMONIC_HALF_WIDTH_BINS,
@@ -39,6 +46,9 @@ FREQUENCY_RANGE_FACTOR = 2.0
 WIDEST_WINDOW_DIVISOR = 2
 """Setting: number of frequency bins over that of the widest window."""
 
+COHERENCE_BINS = 8
+"""Setting: number of neighbouring frequency bins over which phase differences are averaged: four independent ones."""
+
 
 def is_constant(values: Array) -> bool:
     """Test whether all finite readings (T,) are equal."""
@@ -57,23 +67,29 @@ def find_still(
     missing = ~np.isfinite(readings)
     mean = np.where(missing, 0.0, readings).sum(axis=0) / np.maximum((~missing).sum(axis=0), 1)
     window = np.hanning(len(readings))[:, None]
-    power = np.abs(np.fft.rfft(np.where(missing, 0.0, readings - mean) * window, axis=0)) ** 2
+    values = np.fft.rfft(np.where(missing, 0.0, readings - mean) * window, axis=0)
+    power = np.abs(values) ** 2
     f = np.asarray(np.fft.rfftfreq(len(readings), 1.0 / rate), dtype=np.float64)
     highest = min(FREQUENCY_RANGE_FACTOR * max(frequencies), 0.45 * rate)
-    there = (f > min(frequencies) / FREQUENCY_RANGE_FACTOR) & (f < highest)
-    if rotor_hz > 0.0:
-        away = np.abs(f - rotor_hz * np.maximum(np.round(f / rotor_hz), 1.0))
-        there &= away > np.maximum(HARMONIC_HALF_WIDTH_SHARE * f, HARMONIC_HALF_WIDTH_BINS * rate / len(readings))
+    there = (f > min(frequencies) / FREQUENCY_RANGE_FACTOR) & (f < highest) & ~_turns(f, rotor_hz, rate / len(readings))
     if there.sum() < MIN_VIBRATION_BINS:
         pairs = [] if innovations is None else list(zip(channels, readings.T, innovations.T, strict=True))
         return tuple(channel for channel, x, e in pairs if _likelihood_ratio(x, e) < 1.0 / FALSE_ALARM_PROBABILITY)
     clear = there.sum() >= MIN_LONG_RECORD_BINS and highest == FREQUENCY_RANGE_FACTOR * max(frequencies)
     chance = FALSE_ALARM_PROBABILITY if clear else SHORT_NOISE_VIBRATION_PROBABILITY
     judged = (missing.mean(axis=0) <= MAX_MISSING_SHARE) & (power[there].max(axis=0) > 0.0)
-    return tuple(
-        channel for channel, one, look in zip(channels, power[there].T, judged, strict=True)
-        if look and not _stands_out(_levelled(f[there], one), chance)
-    )  # fmt: skip
+    asked = np.flatnonzero(judged).tolist()
+    alive = [i for i in asked if _stands_out(_levelled(f[there], power[there, i]), chance)]
+    phases = values[there] / np.maximum(np.sqrt(power[there]), 1e-300)
+    return tuple(channels[i] for i in asked if i not in alive and not _is_coherent(phases[:, i], phases[:, alive]))
+
+
+def _turns(f: Array, rotor_hz: float, step: float) -> NDArray[np.bool_]:
+    """Test which frequencies (n,) [Hz], in steps, are at harmonics of a rotor."""
+    if not rotor_hz > 0.0:
+        return np.zeros(len(f), dtype=np.bool_)
+    away = np.abs(f - rotor_hz * np.maximum(np.round(f / rotor_hz), 1.0))
+    return np.asarray(away <= np.maximum(HARMONIC_HALF_WIDTH_SHARE * f, HARMONIC_HALF_WIDTH_BINS * step))
 
 
 def _likelihood_ratio(readings: Array, innovations: Array) -> float:
@@ -107,6 +123,17 @@ def _stands_out(power: Array, chance: float) -> bool:
         tried += len(inside)
         width *= 2
     return least * tried < chance
+
+
+def _is_coherent(phases: Complex, others: Complex) -> bool:
+    """Test whether phases exp iφ (n,) are bound to those of one of the other channels (n, m) more than by chance."""
+    from scipy.special import gammaincc
+
+    windows = len(phases) // COHERENCE_BINS
+    across = (phases[:, None] * others.conj())[: windows * COHERENCE_BINS]
+    mean = across.reshape(windows, COHERENCE_BINS, -1).mean(axis=1)
+    statistic = -(_shape(COHERENCE_BINS) - 1.0) * np.log1p(-np.minimum(np.abs(mean) ** 2, 1.0 - 1e-12)).sum(axis=0)
+    return bool((gammaincc(windows, statistic) * others.shape[1] < FALSE_ALARM_PROBABILITY).any())
 
 
 def _shape(width: int) -> float:

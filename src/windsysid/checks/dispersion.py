@@ -113,6 +113,13 @@ class PartScores(NamedTuple):
     pull: Array
     given: tuple[int, ...] = ()
 
+    def between(self, low: float, high: float) -> "PartScores":
+        """Scores of the parts between two places."""
+        kept = (self.places >= low) & (self.places <= high)
+        return self._replace(
+            places=self.places[kept], gradients=self.gradients[kept], information=self.information[kept]
+        )
+
     def dispersion(self, quantity: Array) -> Dispersion | None:
         """Dispersion about a linear combination of the first unknowns; None if fewer than two groups inform it."""
         free = np.setdiff1d(np.arange(len(self.pull)), np.array(self.given, dtype=np.intp))

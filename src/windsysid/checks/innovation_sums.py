@@ -172,33 +172,14 @@ def _add_up(
     windows, level, level_second, level_fourth = levels(z, used, window)
     shared, shared_pairs = shared_products(scaled, used)
     return Sums(
-        rate=rate,
-        samples=samples,
-        number=number,
-        first=z.sum(axis=0),
-        second=np.square(z).sum(axis=0),
-        fourth=(scaled**4).sum(axis=0),
-        beyond=beyond.sum(axis=0),
-        beyond_second=np.square(np.where(beyond, scaled, 0.0)).sum(axis=0),
-        seen=(used | gated).sum(axis=0),
-        gated=gated.sum(axis=0),
-        highest=np.array([_highest(own, rate) for own in (used | gated).T]),
-        pairs=pairs,
-        products=products,
-        length=length,
-        segments=segments,
-        power=power,
-        line=line,
-        line_hz=line_hz,
-        tested=tested,
-        window=window,
-        windows=windows,
-        level=level,
-        level_second=level_second,
-        level_fourth=level_fourth,
-        shared=shared,
-        shared_pairs=shared_pairs,
-    )
+        rate=rate, samples=samples, number=number, first=z.sum(axis=0), second=np.square(z).sum(axis=0),
+        fourth=(scaled**4).sum(axis=0), beyond=beyond.sum(axis=0),
+        beyond_second=np.square(np.where(beyond, scaled, 0.0)).sum(axis=0), seen=(used | gated).sum(axis=0),
+        gated=gated.sum(axis=0), highest=np.array([_highest(own, rate) for own in (used | gated).T]), pairs=pairs,
+        products=products, length=length, segments=segments, power=power, line=line, line_hz=line_hz, tested=tested,
+        window=window, windows=windows, level=level, level_second=level_second, level_fourth=level_fourth,
+        shared=shared, shared_pairs=shared_pairs,
+    )  # fmt: skip
 
 
 def _level_window(samples: int, rate: float, frequencies: Sequence[float]) -> int:

@@ -174,22 +174,13 @@ def _together(parts: dict[tuple[int, ...], Whiteness], m: int) -> Whiteness:
     low, high = _chi_square_interval(total)
     colours = filter(None, (w.smooth for w in alike))
     return Whiteness(
-        used=total,
-        nis=sum(w.nis * w.used for w in alike) / max(total, 1),
-        nis_low=low,
-        nis_high=high,
-        channels=_channels_of(parts),
-        lags=lags,
-        autocorrelation=correlation,
-        autocorrelation_bound=max(w.autocorrelation_bound for w in alike),
-        frequency=frequency,
-        spectrum=spectrum,
-        spectrum_bound=max(w.spectrum_bound for w in alike),
-        colour_bound=max(w.colour_bound for w in alike),
-        line_bound=max(w.line_bound for w in alike),
-        shared=_most_shared_of(parts),
+        used=total, nis=sum(w.nis * w.used for w in alike) / max(total, 1), nis_low=low, nis_high=high,
+        channels=_channels_of(parts), lags=lags, autocorrelation=correlation,
+        autocorrelation_bound=max(w.autocorrelation_bound for w in alike), frequency=frequency, spectrum=spectrum,
+        spectrum_bound=max(w.spectrum_bound for w in alike), colour_bound=max(w.colour_bound for w in alike),
+        line_bound=max(w.line_bound for w in alike), shared=_most_shared_of(parts),
         smooth=max(colours, key=lambda smooth: smooth.statistic / smooth.bound, default=None),
-    )
+    )  # fmt: skip
 
 
 def _channels_of(parts: dict[tuple[int, ...], Whiteness]) -> tuple[ChannelCheck, ...]:

@@ -1,8 +1,11 @@
 """Choose between the joint and the spectral formulation, and cross-check them."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
+
+import numpy as np
 
 from windsysid.checks.limits import MAX_DISAGREEMENT_SIGMAS
 from windsysid.identification.condition.readings import choose_rate, steps_per_reading, usable_sensors
@@ -158,11 +161,10 @@ def _cross_checked(job: Job, joint: FittedJob, spectral_job: Job, spectral: Fitt
             _, spectral = run(spectral_job.with_effects_of(job, "clock_drift", Sinusoid.code, *waves))
         except FAILURES as error:
             return joint.noting(_note("joint_as_spectra_do_not_apply", error=str(error)))
-    spectral = spectral._replace(outcome=spectral.outcome._replace(scores=joint.outcome.scores))
-    scores, parameters = joint.outcome.scores, joint.outcome.model.parameters
-    wider = {one.name: one.factor for one in widen_coefficients(scores, parameters, joint.outcome.cov)}
-    off = compare(joint.outcome, spectral.outcome, wider)[1]
-    against = [disagreement(joint.outcome, spectral.outcome, job.turbine, wider)]
+    spectral = _with_scores_of(joint, spectral)
+    both, wider = (joint.outcome, spectral.outcome), _own_factors(joint.outcome)
+    answer, other = both if spectral.outcome.turns else both[::-1]
+    off, against = compare(answer, other, wider)[1], disagreement(answer, other, job.turbine, wider)
     if not spectral.outcome.turns:
         return _checked_by_filters(spectral, joint, off, against)
     if off > MAX_DISAGREEMENT_SIGMAS:
@@ -170,7 +172,22 @@ def _cross_checked(job: Job, joint: FittedJob, spectral_job: Job, spectral: Fitt
     return _with_farther_rivals(joint, spectral).noting(_note("joint_agrees", sigmas=off))
 
 
-def _checked_by_filters(spectral: FittedJob, joint: FittedJob, off: float, against: list[Finding]) -> FittedJob:
+def _own_factors(joint: Outcome) -> dict[str, float]:
+    """Factors on standard deviations by which parts of the record contradict filters."""
+    return {one.name: one.factor for one in widen_coefficients(joint.scores, joint.model.parameters, joint.cov)}
+
+
+def _with_scores_of(joint: FittedJob, spectral: FittedJob) -> FittedJob:
+    """Spectra with the scores of filters over time, and over the frequencies that spectra use: what the filters'
+    loads do not explain elsewhere is no matter of these."""
+    used = np.concatenate([one.frequency for one in spectral.outcome.spectra] or [np.array([0.0, math.inf])])
+    scores = [
+        one.between(used.min(), used.max()) if one.over == "frequency" else one for one in joint.outcome.scores
+    ]  # fmt: skip
+    return spectral._replace(outcome=spectral.outcome._replace(scores=tuple(scores)))
+
+
+def _checked_by_filters(spectral: FittedJob, joint: FittedJob, off: float, against: Sequence[Finding]) -> FittedJob:
     """Spectra with what the innovations of filters say; of filters that disagree, what concerns springs and dampers."""
     innovations = doubts_of_innovations(joint.outcome, joint.read.rate)
     if off > MAX_DISAGREEMENT_SIGMAS:

@@ -9,8 +9,10 @@ import pytest
 from tests.identification.fits import TOWER, fitted, job_of, noise, record_of
 from windsysid.identification.effects import narrow_band_load as module
 from windsysid.identification.effects.narrow_band_load import NarrowBandIncluded, NarrowBandLoad
+from windsysid.identification.job import FittedJob
 from windsysid.identification.model.effect import Detection
-from windsysid.loads.narrow_band import FREQUENCY
+from windsysid.loads.narrow_band import FREQUENCY, NarrowBand
+from windsysid.results.finding import Finding
 
 RECORD = record_of(noise())
 
@@ -65,3 +67,21 @@ def test_filters_that_do_without_it_are_held_against_spectra():
     assert [one.code for one in after.outcome.doubts] == ["narrow_band_load_preferred"]
     spectral = fitted(RECORD)
     assert NarrowBandLoad().confirm(job, included, spectral) is spectral
+
+
+def test_spectra_with_findings_against_them_are_no_evidence_against_filters(monkeypatch: pytest.MonkeyPatch):
+    """Spectra that had taken the blade-passing frequency for the mode, and said so, condemned filters that had not."""
+    monkeypatch.setattr(module, "doubts_of_narrow_band", lambda *found, asked: ())
+    monkeypatch.setattr(module, "note_narrow_band", lambda found: Finding("spectral_with_filters", "note"))
+    job, after = job_of(RECORD), fitted(RECORD, "joint", hypothesis=NarrowBand.name)
+    start = fitted(RECORD, theta=after.outcome.theta + 0.1)
+
+    def doubts(start: FittedJob) -> list[str]:
+        found = NarrowBandLoad().confirm(job, Detection(after, NarrowBandIncluded(alternative()), 10.0, start), after)
+        assert found is not None
+        return [one.code for one in found.outcome.doubts]
+
+    shown = {"frequency": 0.4, "sigmas": 1.0, "shifts": {}, "chance": 0.1}
+    rival = Finding("narrow_band_load_ambiguous", "reason", shown, ("k_side_side",))
+    assert doubts(start) == doubts(start.doubted(rival)) == ["formulations_disagree"]
+    assert doubts(start.doubted(Finding("too_short_for_stationarity", "reason"))) == []

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from windsysid.checks.limits import MAX_DISAGREEMENT_SIGMAS
 from windsysid.errors import WindsysidError
 from windsysid.identification.estimate.prior_conflict import with_wide_priors
 from windsysid.identification.estimate.spectral.frequency_domain import identify_by_spectrum
@@ -24,7 +23,7 @@ from windsysid.identification.estimate.spectral.narrow_band_alternative import (
     told_before,
 )
 from windsysid.identification.job import FittedJob, Job
-from windsysid.identification.model.agreement import compare, disagreement
+from windsysid.identification.model.agreement import disagreement
 from windsysid.identification.model.effect import Detection, Effect, Inclusion
 from windsysid.loads.family import Broadband
 from windsysid.loads.narrow_band import NarrowBand
@@ -78,7 +77,8 @@ class NarrowBandLoad(Effect):
             return after
         if after.outcome.hypothesis != NarrowBand.name:
             return after.doubted(*doubts_of_narrow_band(included.alternative, asked=Broadband.name))
-        there, off = found.start.outcome, compare(after.outcome, found.start.outcome)[1]
-        against = [disagreement(after.outcome, there, job.turbine)] if off > MAX_DISAGREEMENT_SIGMAS else []
+        there = found.start.outcome  # where findings speak against it, it is no evidence against filters
+        doubtful = any(not one.code.startswith(self.code) for one in there.doubts)
+        against = () if doubtful else disagreement(after.outcome, there, job.turbine)
         doubts = doubts_of_narrow_band(included.alternative, asked="auto")
         return after.noting(note_narrow_band(included.alternative), *doubts, *against)

@@ -170,26 +170,15 @@ def solve(
     except np.linalg.LinAlgError:
         raise diverged() from None
     return Solution(
-        history=history,
-        mean=mode.mean,
-        cov=mode.cov,
-        iterations=mode.iterations,
-        settled=mode.settled,
-        exhausted=mode.ended and not mode.settled,
-        log_likelihood=seen.log_likelihood,
-        info=seen.info,
-        inputs=seen.inputs,
-        loads=seen.loads,
+        history=history, mean=mode.mean, cov=mode.cov, iterations=mode.iterations, settled=mode.settled,
+        exhausted=mode.ended and not mode.settled, log_likelihood=seen.log_likelihood, info=seen.info,
+        inputs=seen.inputs, loads=seen.loads,
         whiteness=judge_stretches(
             seen.stretch, names=problem.build(mode.mean).readings, frequencies=problem.frequencies(mode.mean)
         ),
-        scores=_scores(problem, mode, rate),
-        outliers=outliers,
-        read=seen.read,
-        samples=seen.stretch.samples,
-        mean_inputs=seen.total_inputs / seen.stretch.samples,
-        updated=updated,
-    )
+        scores=_scores(problem, mode, rate), outliers=outliers, read=seen.read, samples=seen.stretch.samples,
+        mean_inputs=seen.total_inputs / seen.stretch.samples, updated=updated,
+    )  # fmt: skip
 
 
 def _take_in(problem: Problem, samples: Samples, online: Online) -> tuple[Online, History]:

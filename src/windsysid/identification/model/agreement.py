@@ -3,7 +3,8 @@
 import math
 from collections.abc import Mapping
 
-from windsysid.checks.limits import MIN_RIVAL_PROBABILITY
+from windsysid.checks.estimates import doubt_priors, hold_against_priors
+from windsysid.checks.limits import MAX_DISAGREEMENT_SIGMAS, MIN_RIVAL_PROBABILITY
 from windsysid.identification.model.fit import Outcome
 from windsysid.results.finding import Finding
 from windsysid.results.tolerance import Group
@@ -14,10 +15,15 @@ __all__ = ["compare", "disagreement", "shifts_to"]
 
 def compare(one: Outcome, other: Outcome, factors: Mapping[str, float] | None = None) -> tuple[str, float]:
     """The parameter on which two results differ most, and by how many standard deviations, widened by factors."""
-    wider = factors or {}
-    off = {name: sigmas / wider.get(name, 1.0) for name, (_, sigmas) in _differences(one, other).items()}
+    off = _in_sigmas(one, other, factors)
     worst = max(off, key=lambda name: off[name])
     return worst, off[worst]
+
+
+def _in_sigmas(one: Outcome, other: Outcome, factors: Mapping[str, float] | None) -> dict[str, float]:
+    """Differences of the parameters in standard deviations, widened by factors."""
+    wider = factors or {}
+    return {name: sigmas / wider.get(name, 1.0) for name, (_, sigmas) in _differences(one, other).items()}
 
 
 def shifts_to(other: Outcome, one: Outcome) -> dict[str, float]:
@@ -43,11 +49,28 @@ def _differences(one: Outcome, other: Outcome) -> dict[str, tuple[float, float]]
     return off
 
 
-def disagreement(fit: Outcome, other: Outcome, turbine: Turbine, factors: Mapping[str, float] | None = None) -> Finding:
-    """That filters and spectra are standard deviations apart on a coefficient, and the likeliest cause."""
-    (name, off), locked = compare(fit, other, factors), _blades_move(turbine) and not _blades_move(fit.turbine)
-    data = {"sigmas": off, "unseen_blades": locked, "shifts": shifts_to(other, fit), "chance": MIN_RIVAL_PROBABILITY}
-    return Finding("formulations_disagree", "reason", data, (name,))
+def disagreement(
+    fit: Outcome, other: Outcome, turbine: Turbine, factors: Mapping[str, float] | None = None
+) -> tuple[Finding, ...]:
+    """That filters and spectra are too many standard deviations apart on a coefficient, and the likeliest cause. Where
+    the other fit contradicts the prior of a degree of freedom, and this one does not, the other cannot be believed."""
+    lost = _contradicting_priors(other) - _contradicting_priors(fit)
+    known = [q.name for q in fit.model.parameters if q.part not in lost]
+    off = {name: sigmas for name, sigmas in _in_sigmas(fit, other, factors).items() if name in known}
+    name = max(off, key=lambda name: off[name], default="")
+    if off.get(name, 0.0) <= MAX_DISAGREEMENT_SIGMAS:
+        return ()
+    shifts = {one: shift for one, shift in shifts_to(other, fit).items() if one in known}
+    locked = _blades_move(turbine) and not _blades_move(fit.turbine)
+    data = {"sigmas": off[name], "unseen_blades": locked, "shifts": shifts, "chance": MIN_RIVAL_PROBABILITY}
+    return (Finding("formulations_disagree", "reason", data, (name,)),)
+
+
+def _contradicting_priors(found: Outcome) -> set[str]:
+    """Degrees of freedom of which a coefficient conflicts with its prior."""
+    parameters = found.model.parameters
+    conflicts = {one.quantities[0] for one in doubt_priors(hold_against_priors(parameters, found.theta, found.cov))}
+    return {q.part for q in parameters if q.name in conflicts}
 
 
 def _blades_move(turbine: Turbine) -> bool:

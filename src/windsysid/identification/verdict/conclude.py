@@ -97,37 +97,19 @@ def conclude(
         history_time, section = record.time[-len(outcome.history_mean) :], (record.time[0], record.time[-1])
         whole = WholeRecord((float(section[0]), float(section[1])), record.samples, history_time, conditions.wind_speed)
     return Identification(
-        method=_METHODS[formulation],
-        formulation=formulation,
-        record=record.name,
-        turbine=outcome.turbine.name,
-        sensors=outcome.channels,
-        section=whole.section,
-        rate=record.rate,
-        samples=whole.samples,
-        elapsed=outcome.elapsed,
-        estimates=_estimates(wide, grades, factors),
-        modes=grade_modes(at.modes, outcome, grades, of_modes),
-        parameters=outcome.model.parameters,
-        time=whole.history_time,
-        mean=outcome.history_mean,
-        std=outcome.history_std,
-        cov=wide.cov,
-        readings=outcome.model.readings,
-        innovation=final.innovation,
-        whitened=final.whitened,
+        method=_METHODS[formulation], formulation=formulation, record=record.name, turbine=outcome.turbine.name,
+        sensors=outcome.channels, section=whole.section, rate=record.rate, samples=whole.samples,
+        elapsed=outcome.elapsed, estimates=_estimates(wide, grades, factors),
+        modes=grade_modes(at.modes, outcome, grades, of_modes), parameters=outcome.model.parameters,
+        time=whole.history_time, mean=outcome.history_mean, std=outcome.history_std, cov=wide.cov,
+        readings=outcome.model.readings, innovation=final.innovation, whitened=final.whitened,
         log_likelihood=float(final.log_likelihood.sum()) if log_likelihood is None else log_likelihood,
-        statistics=outcome.statistics,
-        diagnosis=diagnosis,
-        machine=replace(outcome.turbine, rotor_speed=max(at.speed, 0.0)),
-        loads=outcome.loads,
-        conditions=conditions._replace(wind_speed=whole.wind_speed),
-        provenance=provenance,
-        joint_cov=wide.joint_cov,
-        tolerances=outcome.tolerances,
-        budget=_budget(outcome, at, effective, [*chain.from_iterable(of_modes)]),
+        statistics=outcome.statistics, diagnosis=diagnosis,
+        machine=replace(outcome.turbine, rotor_speed=max(at.speed, 0.0)), loads=outcome.loads,
+        conditions=conditions._replace(wind_speed=whole.wind_speed), provenance=provenance, joint_cov=wide.joint_cov,
+        tolerances=outcome.tolerances, budget=_budget(outcome, at, effective, [*chain.from_iterable(of_modes)]),
         spectra=outcome.spectra,
-    )
+    )  # fmt: skip
 
 
 def _on_clock(outcome: Outcome, record: Record, whole: WholeRecord | None) -> Outcome:

@@ -195,23 +195,12 @@ def _whitened(modes: Modes, band: Band) -> tuple[float, Array, Array]:
     k, m, _ = band.power.shape
     slopes, misfit = np.zeros((modes.size, k, m * m)), np.empty((k, m * m))
     cost = whitened_slopes()(
-        band.power,
-        band.counts,
-        band.frequency,
-        band.fine,
-        band.first,
-        band.window,
-        modes.frequency,
-        modes.damping,
-        np.ascontiguousarray(modes.shape),
-        np.ascontiguousarray(modes.load),
-        np.ascontiguousarray(modes.rest),
+        band.power, band.counts, band.frequency, band.fine, band.first, band.window, modes.frequency, modes.damping,
+        np.ascontiguousarray(modes.shape), np.ascontiguousarray(modes.load), np.ascontiguousarray(modes.rest),
         np.array([_centre(band), modes.load_slope, modes.rest_slope]),
-        np.empty((m, 0), dtype=np.complex128) if modes.drift is None else np.ascontiguousarray(modes.drift),
-        modes.real,
-        slopes,
-        misfit,
-    )
+        np.empty((m, 0), dtype=np.complex128) if modes.drift is None else np.ascontiguousarray(modes.drift), modes.real,
+        slopes, misfit,
+    )  # fmt: skip
     return float(cost), slopes, misfit
 
 

@@ -122,30 +122,16 @@ def _room(model: Sequence[Any], columns: int = 0, unknowns: int = 0) -> Room:
     one[:, :entries] = np.eye(entries)
     most, rows = max(2 * (size + entries) if unknowns else 0, sources, columns), -(-(unknowns + 1) // 4) * 4
     return Room(
-        D=np.empty((size, size), dtype=np.complex128),
-        turned=np.empty((size, size), dtype=np.complex128),
-        order=np.empty(size, dtype=np.int64),
-        phase=np.empty(entries, dtype=np.complex128),
-        one=one,
-        weights=np.empty((entries, entries), dtype=np.complex128),
-        whitener=split(entries, entries),
-        turned_whitener=split(entries, entries),
-        T=split(size, entries),
-        white=split(size, entries),
-        Q=split(size, entries),
-        placed=split(sources, entries),
-        placed_white=split(sources, entries),
-        driven=split(sources, entries),
-        S=split(entries, entries),
-        half=split(entries, entries),
-        data=split(entries, columns),
-        turned_data=split(columns, entries),
-        left=split(most, entries),
-        right=split(most, entries),
-        slot=np.empty(size + entries, dtype=np.int64),
-        flat=padded(rows, entries**2),
+        D=np.empty((size, size), dtype=np.complex128), turned=np.empty((size, size), dtype=np.complex128),
+        order=np.empty(size, dtype=np.int64), phase=np.empty(entries, dtype=np.complex128), one=one,
+        weights=np.empty((entries, entries), dtype=np.complex128), whitener=split(entries, entries),
+        turned_whitener=split(entries, entries), T=split(size, entries), white=split(size, entries),
+        Q=split(size, entries), placed=split(sources, entries), placed_white=split(sources, entries),
+        driven=split(sources, entries), S=split(entries, entries), half=split(entries, entries),
+        data=split(entries, columns), turned_data=split(columns, entries), left=split(most, entries),
+        right=split(most, entries), slot=np.empty(size + entries, dtype=np.int64), flat=padded(rows, entries**2),
         found=padded(rows, rows),
-    )
+    )  # fmt: skip
 
 
 _C1, _C2, _C3, _C5 = (types.Array(types.complex128, rank, "C") for rank in (1, 2, 3, 5))
