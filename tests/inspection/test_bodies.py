@@ -1,6 +1,6 @@
 import pytest
 
-from windsysid.inspection.bodies import body_of
+from windsysid.inspection.bodies import body_of, name_a_turbine
 
 NAMES = {
     "rotor": [
@@ -38,3 +38,13 @@ NAMES = {
 @pytest.mark.parametrize(("body", "name"), [(body, name) for body, names in NAMES.items() for name in names])
 def test_a_name_tells_the_body_that_a_channel_reads(body, name):
     assert body_of(name) == body
+
+
+@pytest.mark.parametrize("channel", ["electric_power_W", "pitch_deg", "BldPitch1", "GenPwr", "RotTorq"])
+def test_a_signal_of_the_drive_train_or_the_pitch_names_a_turbine(channel):
+    """Björkö's record without its speed has power and pitch only: 1P and 2P had grade A."""
+    assert name_a_turbine(["time_s", channel])
+
+
+def test_names_of_buildings_and_bridges_name_no_turbine():
+    assert not any(name_a_turbine([name]) for name in ("floor_2", "general_1", "deck_mid_acc", "tower_x_acceleration"))

@@ -6,7 +6,7 @@ to what healthy records show. Each of some ten tests may condemn one healthy rec
 
 FALSE_ALARM_PROBABILITY = 1e-3
 """Probability: significance level of a test, all channels, frequencies and times together: of innovations, lines, dead
-channels, bursts, effects, scatter between parts and breaks of readings; set on simulated records
+channels, bursts, effects, scatter between parts, breaks of readings and bound phases; set on simulated records
 (`validation.adversary.calibrate`)."""
 
 SCREENING_PROBABILITY = 0.01
@@ -17,8 +17,7 @@ than 1 % (tests/inspection)."""
 
 MODEL_CHANGE_PROBABILITY = 1e-4
 """Probability: significance level of what changes readings or a model: sinusoids, correlated loads of modes, clock lags
-over all channels; and of a motion that is bound to another one, whose test is conservative: of 82 pairs of healthy
-modes the least probability was 0.4."""
+over all channels; and of an image of a mode over all shifts of frequency."""
 
 PRIOR_ODDS_OF_MISFIT = 0.1
 """Odds: that the scores of a record's parts scatter by more than the model says, or that the prior of a coefficient is

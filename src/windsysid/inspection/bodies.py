@@ -58,7 +58,7 @@ def body_of(channel: str) -> Body:
 
 
 def name_a_turbine(channels: Sequence[str]) -> bool:
-    """True if the names of channels are those of a wind turbine: some are of its nacelle, rotor or generator.
+    """True if the names of channels are those of a wind turbine: some are of its nacelle, rotor, drive train or pitch.
 
     Examples
     --------
@@ -68,8 +68,8 @@ def name_a_turbine(channels: Sequence[str]) -> bool:
     return any(body_of(name) == "rotor" or re.search(_TURBINE, _in_words(name)) for name in channels)
 
 
-_TURBINE = r"\b(nacelle|nac|ncimu|rotor|hub|generator|yaw br|yaw bearing)"
-"""Pattern of words of parts that only wind turbines have."""
+_TURBINE = r"\b(nacelle|nac|ncimu|rotor|hub|generator|yaw br|yaw bearing|pitch|power|torque|(gen|rot) (pwr|tq|torq))"
+"""Pattern of words of parts and signals that wind turbines have, and buildings and bridges do not."""
 
 
 def _in_words(name: str) -> str:

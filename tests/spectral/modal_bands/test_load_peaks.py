@@ -49,9 +49,16 @@ def test_a_peak_between_modes_with_a_combination_of_their_shapes_is_a_load():
 def test_a_steady_envelope_is_a_load_and_a_random_one_frees_a_narrow_mode():
     narrow = mode(0.9, 0.002, (1.0, 0.1))
     assert loads_among(narrow) == [True]
-    assert loads_among(replace(narrow, steadiness=0.1)) == [False]
+    assert loads_among(replace(narrow, steadiness=0.02)) == [False]
     assert loads_among(replace(narrow, damping_ratio=mode(damping=0.01).damping_ratio, steadiness=100.0)) == [True]
     assert loads_among(replace(mode(0.12, 0.08), steadiness=0.001)) == [True]  # waves are random, too
+
+
+def test_weak_evidence_of_a_machine_is_enough():
+    """A machine whose amplitude varies by 40 % had grade A in 8 of 24 records of a tower with two channels."""
+    peak = mode(0.9, 0.007, (1.0, 0.1))
+    assert loads_among(replace(peak, steadiness=3.0)) == [True]
+    assert loads_among(replace(peak, steadiness=1.0)) == [False]
 
 
 def test_a_damped_tower_above_the_waves_is_a_mode():

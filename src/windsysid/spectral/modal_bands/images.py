@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array, Complex
-from windsysid.checks.limits import MODEL_CHANGE_PROBABILITY, NEGLIGIBLE_SHARE
+from windsysid.checks.limits import FALSE_ALARM_PROBABILITY, MODEL_CHANGE_PROBABILITY, NEGLIGIBLE_SHARE
 from windsysid.spectral.oma.mode import Doubt, OperationalMode
 
 __all__ = ["with_bound_motions"]
@@ -77,14 +77,14 @@ def _phase_is_bound(one: _Motion, other: _Motion, order: int, step: float) -> bo
     multiplied = size * (first / size) ** order * np.exp(2j * np.pi * shift * np.arange(length) / length)
     power = np.abs(np.fft.fft(multiplied)) ** 2
     freedom = 2.0 * min(one.freedom, other.freedom, float(power.sum() ** 2 / np.sum(power**2)))
-    bound = _coherence_bound(freedom)
+    bound = _coherence_bound(freedom, FALSE_ALARM_PROBABILITY)
     whole = float(np.sum(np.abs(multiplied) ** 2) * np.sum(np.abs(second) ** 2))
     return bool(np.abs(np.vdot(multiplied, second)) ** 2 > bound * whole)
 
 
-def _coherence_bound(freedom: float, tests: int = 1) -> float:
-    """Squared coherence of series with so many independent values beyond which it is significant in some tests."""
-    return float(1.0 - (MODEL_CHANGE_PROBABILITY / tests) ** (1.0 / max(freedom - 1.0, 1e-3)))
+def _coherence_bound(freedom: float, probability: float) -> float:
+    """Squared coherence of series with so many independent values that chance exceeds with some probability."""
+    return float(1.0 - probability ** (1.0 / max(freedom - 1.0, 1e-3)))
 
 
 def _motion_of(mode: OperationalMode, frequency: Array, values: Complex) -> _Motion:
@@ -103,7 +103,7 @@ def _go_together(one: _Motion, other: _Motion) -> bool:
     freedom = min(one.freedom, other.freedom)
     length = 2 * max(len(one.transform), len(other.transform))
     first, second = (np.fft.ifft(motion.transform, length) for motion in (one, other))
-    bound = _coherence_bound(freedom, length)
+    bound = _coherence_bound(freedom, MODEL_CHANGE_PROBABILITY / length)
     whole = float(np.sum(np.abs(first) ** 2) * np.sum(np.abs(second) ** 2))
     lines = [np.abs(np.fft.fft(first * turned, 4 * length)).max() ** 2 for turned in (second, second.conj())]
     return bool(max(lines) > bound * whole)
