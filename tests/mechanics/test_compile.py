@@ -476,3 +476,12 @@ def test_models_that_differ_do_not_share_a_kernel(verne555: Turbine):
 
 def test_the_same_request_gives_the_same_object():
     assert compile_model(chain(), chain_sensors(), ("k_1",)) is compile_model(chain(), chain_sensors(), ("k_1",))
+
+
+def test_models_with_other_sensors_share_the_kernels_that_are_the_same(verne555: Turbine):
+    """A model with fewer channels was compiled whole."""
+    every, fewer = (compile_model(verne555.model, sensors) for sensors in (verne555.sensors, verne555.sensors[:3]))
+    assert fewer.rates is every.rates
+    assert fewer.rates_jacobian is every.rates_jacobian
+    assert fewer.rates_of_lanes is every.rates_of_lanes is not every.rates_jacobian
+    assert fewer.reading is not every.reading
