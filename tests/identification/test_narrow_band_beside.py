@@ -58,6 +58,7 @@ def test_an_axis_is_where_the_search_has_put_it(
     assert question.turbine.values["hub_mass_x"] == pytest.approx(hub, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_blades_that_are_late_are_no_loads_of_another_kind(rotor: Turbine):
     """Spectra took what two milliseconds do to phases for a narrow-band load; half of such records were condemned."""
     made = record("blades 2 ms late", 81004)

@@ -51,11 +51,12 @@ RICH: tuple[PlacedSensor, ...] = (
 )  # fmt: skip
 
 ROTORS = [
-    RotorModel(2, roll="free"), RotorModel(3, roll="tied"), RotorModel(4, roll="locked"), RotorModel(3, lag="locked"),
+    RotorModel(3, roll="tied"), RotorModel(4, roll="locked"), RotorModel(3, lag="locked"),
     *(
         pytest.param(rotor, marks=pytest.mark.slow)
         for rotor in (
-            RotorModel(2, roll="tied"), RotorModel(2, roll="locked"), RotorModel(2, y="locked", roll="tied"),
+            RotorModel(2, roll="free"), RotorModel(2, roll="tied"), RotorModel(2, roll="locked"),
+            RotorModel(2, y="locked", roll="tied"),
             RotorModel(3, roll="free"), RotorModel(3, roll="locked"), RotorModel(3, y="locked", roll="free"),
             RotorModel(3, x="locked", roll="free"), RotorModel(4, roll="free"), RotorModel(4, roll="tied"),
         )
@@ -220,7 +221,12 @@ PACKAGED = [load_turbine(name) for name in packaged_turbines()]
 @pytest.mark.parametrize(
     ("model", "sensors"),
     [
-        *((turbine.model, turbine.sensors) for turbine in PACKAGED),
+        *(
+            pytest.param(
+                turbine.model, turbine.sensors, marks=[pytest.mark.slow] if turbine.name.startswith("nrel5mw") else []
+            )
+            for turbine in PACKAGED
+        ),
         (RotorModel(3, roll="tied"), RICH),
         (chain(), chain_sensors()), (duffing(), ()), (bouc_wen(), ()), (everything(), ()),
     ],
