@@ -30,7 +30,11 @@ def has_picture(value: object) -> bool:
     return hasattr(value, "_repr_png_") or "image/png" in (html or "")
 
 
-@pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "notebook",
+    [NOTEBOOKS[0], *(pytest.param(path, marks=pytest.mark.slow) for path in NOTEBOOKS[1:])],
+    ids=lambda path: path.stem,
+)
 def test_the_cells_of_a_notebook_run_and_show_pictures(notebook: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Without a kernel: what a cell ends with is what it shows."""
     monkeypatch.chdir(tmp_path)

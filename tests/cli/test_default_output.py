@@ -26,7 +26,7 @@ def shown(path: str) -> str:
     return f"results: {Path('results') / path / 'report.html'}"
 
 
-@pytest.mark.usefixtures("without_pages")
+@pytest.mark.usefixtures("without_pages", "by_spectra")
 def test_results_are_named_after_the_input(run, record: Path):
     ended = run("identify", record, "--turbine", "tower")
     assert (ended.code, ended.err) == (0, [])

@@ -15,7 +15,7 @@ from windsysid.errors import OutputError
 from windsysid.records.formats import load_mapping, read_record
 from windsysid.simulation.examples import building, write_examples
 
-pytestmark = pytest.mark.usefixtures("without_pages")
+pytestmark = pytest.mark.usefixtures("without_pages", "by_spectra")
 
 
 @pytest.fixture(scope="module")

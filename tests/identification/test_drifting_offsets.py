@@ -30,7 +30,7 @@ def walked(made: Record, turbine: Turbine, step: float, seed: int) -> Record:
     )
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2, 3))])
 def test_a_drift_is_as_fast_as_the_readings_wander(verne555: Turbine, seed: int):
     made = simulate_record(verne555, duration=200.0, rate=25.0, seed=seed)
     wandering = walked(made, verne555, 0.1, seed)
@@ -56,7 +56,7 @@ def test_a_random_walk_is_as_fast_wherever_the_slowest_mode_is(at: float):
 
 
 @pytest.mark.parametrize("name", ["verne555", "nrel5mw", "tower"])
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_sensors_that_do_not_wander_keep_what_they_have(name: str, seed: int):
     turbine = load_turbine(name)
     made = simulate_record(turbine, duration=300.0, rate=20.0, seed=seed)
@@ -126,6 +126,7 @@ def test_spectra_give_a_drift_the_density_of_a_random_walk():
     assert density.sum(axis=0) == pytest.approx(np.repeat(expected, 2)[None])
 
 
+@pytest.mark.slow
 def test_a_healthy_machine_whose_sensors_drift_is_trusted(verne555: Turbine):
     """It went on for minutes, and was condemned."""
     found = identify_without_effects(record("offsets wander", 270_001), verne555, prior=DrawnPrior(seed=270_001))

@@ -14,7 +14,8 @@ from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine
 
 
-@pytest.mark.parametrize(("code", "long"), [(-999.0, 8), pytest.param(1e5, 1, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize(("code", "long"), [(-999.0, 8), (1e5, 1)])
 def test_a_code_for_no_reading_does_not_end_in_an_error(verne555: Turbine, code: float, long: int):
     """A search went so far astray that a level overflowed."""
     made = record("reference", 290_003)

@@ -25,7 +25,7 @@ def found_of(times: float, seed: int, formulation: Literal["auto", "joint"] = "a
 
 
 @pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("formulation", ["auto", "joint"])
+@pytest.mark.parametrize("formulation", ["auto", pytest.param("joint", marks=pytest.mark.slow)])
 def test_four_times_the_damping_of_the_file_is_found(seed: int, formulation: Literal["auto", "joint"]):
     """The prior of half the file's damping held it at half of the truth, six standard deviations off and trusted."""
     true, found = found_of(4.0, seed, formulation)

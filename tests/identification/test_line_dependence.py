@@ -18,6 +18,7 @@ def identified(name: str, seed: int) -> Identification:
     )
 
 
+@pytest.mark.slow
 def test_a_line_that_does_not_stand_out_is_found(monkeypatch: pytest.MonkeyPatch):
     """Stiffness came out five standard deviations too small, and trusted."""
     monkeypatch.setattr(pipeline, "MAX_EXTENSIONS", 0)
@@ -44,7 +45,7 @@ def test_a_fainter_line_is_found(monkeypatch: pytest.MonkeyPatch):
     assert any(one.data["frequency"] == pytest.approx(1.64, abs=0.005) for one in said)
 
 
-@pytest.mark.parametrize("seed", [6003, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (6012, 6033))])
+@pytest.mark.parametrize("seed", [pytest.param(seed, marks=pytest.mark.slow) for seed in (6003, 6012, 6033)])
 def test_a_loud_frequency_that_says_little_by_itself_is_no_line(seed: int):
     """One of chance, 9 times as loud as its surroundings."""
     assert identified("reference", seed).diagnosis.trusted

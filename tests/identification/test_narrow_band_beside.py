@@ -58,6 +58,7 @@ def test_an_axis_is_where_the_search_has_put_it(
     assert question.turbine.values["hub_mass_x"] == pytest.approx(hub, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_blades_that_are_late_are_no_loads_of_another_kind(rotor: Turbine):
     """Spectra took what two milliseconds do to phases for a narrow-band load; half of such records were condemned."""
     made = record("blades 2 ms late", 81004)
@@ -69,6 +70,22 @@ def test_blades_that_are_late_are_no_loads_of_another_kind(rotor: Turbine):
     unheard = beside.narrow_band_beside(near._replace(tolerances=tuple(at_once)), made, rotor, rotor.sensors)
     assert unheard is not None
     assert unheard.is_needed
+
+
+def test_clocks_of_a_record_that_was_put_on_time_are_late_by_both(found: Outcome):
+    moved = [replace(one, estimate=one.estimate + 1e-3) for one in found.tolerances]
+    both = beside.told_before(found, found._replace(tolerances=tuple(moved)))
+    assert "clock" in {one.group for one in found.tolerances}
+    for one, before, after in zip(both.tolerances, found.tolerances, moved, strict=True):
+        assert one.estimate == before.estimate + (after.estimate if one.group == "clock" else 0.0)
+
+
+def test_nothing_is_asked_beside_damping_that_is_negative(
+    found: Outcome, turned: Record, rotor: Turbine, monkeypatch: pytest.MonkeyPatch
+):
+    place = [q.kind for q in found.model.parameters].index("damping")
+    undamped = found._replace(theta=np.where(np.arange(len(found.theta)) == place, -0.1, found.theta))
+    assert asked_of(undamped, turned, rotor, monkeypatch) == []
 
 
 def test_nothing_is_asked_beside_masses_that_cannot_be(

@@ -88,6 +88,7 @@ def test_one_that_the_readings_cannot_tell_from_a_mode_widens_the_interval(
     assert "c_fore_aft" in {one.quantities[0] for one in doubts}
 
 
+@pytest.mark.slow
 def test_a_rotor_on_its_support_is_asked_too(monkeypatch: pytest.MonkeyPatch):
     """Trusted, and eight standard deviations off."""
     kind = Scenario("loads", plus_narrow_band(1.8, 0.02, 0.25, (0, 1)))

@@ -31,7 +31,7 @@ def parked(tmp_path_factory: pytest.TempPathFactory) -> Turbine:
 
 @pytest.fixture(scope="module")
 def record(parked: Turbine) -> Record:
-    return simulate_record(parked, duration=20.0, rate=100.0, seed=4)
+    return simulate_record(parked, duration=15.0, rate=50.0, seed=4)
 
 
 def test_a_parked_machine_is_identified(parked: Turbine, record: Record, tmp_path: Path):
@@ -63,11 +63,11 @@ def test_the_modes_of_a_parked_machine_are_those_of_its_springs(parked: Turbine)
 def test_a_parked_machine_can_be_planned_and_its_record_inspected(
     parked: Turbine, record: Record, monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr(planned_ways, "MAX_SIMULATED_SAMPLES", 2000)
-    found = plan(parked, duration=20.0, rate=100.0)
+    monkeypatch.setattr(planned_ways, "MAX_SIMULATED_SAMPLES", 1000)
+    found = plan(parked, duration=20.0, rate=50.0)
     assert found.rotor_speed == 0.0
     turning = load_turbine("verne555")
-    by_filters = plan(turning, duration=20.0, rate=100.0, rotor_speed=0.0, formulation="joint")
+    by_filters = plan(turning, duration=20.0, rate=50.0, rotor_speed=0.0, formulation="joint")
     assert by_filters.rotor_speed == 0.0
     seen = inspect_record(record, parked)
     assert str(seen)

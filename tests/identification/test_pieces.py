@@ -208,6 +208,7 @@ def test_spikes_stand_alone_and_a_release_does_not(verne555: Turbine, whole: Rec
     assert not find_spikes([(decay, decay[:, None])]).places
 
 
+@pytest.mark.slow
 def test_the_diagnosis_judges_all_pieces(verne555: Turbine, whole: Record):
     values = whole.values.copy()
     tone = np.sin(2.0 * np.pi * 4.0 * whole.time[:400])  # in the first piece alone, where something answers

@@ -186,6 +186,7 @@ def test_a_thinned_record_has_noise_of_the_same_spectral_density():
     assert [s.noise**2 / 25.0 for s in problem.sensors] == pytest.approx([s.noise**2 / 100.0 for s in turbine.sensors])
 
 
+@pytest.mark.slow
 def test_a_plan_for_a_tower_holds_the_bands_that_spectra_will_have():
     """`auto` takes spectra of a tower, and filters' bands are narrower than theirs, by 30 % fore and aft. What data and
     rival explanations add is not planned."""
@@ -214,6 +215,7 @@ def test_a_plan_for_a_rotor_in_wind_knows_what_bands_leave_out():
     assert found.band("k_roll") > 0.03
 
 
+@pytest.mark.slow
 def test_what_is_known_in_time_is_not_said_to_be_known_never(monkeypatch):
     """Tolerances limit stiffness for ever; after ten years their directions were rounded away, bands infinite."""
     monkeypatch.setattr(planned_ways, "MAX_SIMULATED_SAMPLES", 10_000)

@@ -135,6 +135,7 @@ def test_result_is_saved_and_reported(tower_record: Record, tmp_path: object) ->
     assert b"Online estimates" not in identification_report(found, tower_record)  # spectra have no history
 
 
+@pytest.mark.slow
 def test_rotor_under_random_loads_is_found() -> None:
     turbine = load_turbine("verne555")
     record = simulate_record(turbine, duration=60.0, rate=100.0, seed=8)
@@ -145,10 +146,11 @@ def test_rotor_under_random_loads_is_found() -> None:
     assert np.abs(z).max() < 4.0
 
 
-@pytest.mark.parametrize(("duration", "trusted"), [(100.0, True), (180.0, False)])
+@pytest.mark.parametrize(("duration", "trusted"), [pytest.param(100.0, True, marks=pytest.mark.slow), (180.0, False)])
 def test_rotor_under_wind_is_trusted_for_as_long_as_its_bands_were_proven(duration: float, trusted: bool) -> None:
     record = simulate_record("verne555", duration=duration, rate=100.0, seed=8002, loads="wind")
-    found = ws.identify(record, "verne555", formulation="spectral", prior=DrawnPrior(seed=8002), loads="rotor-wind")
+    options: dict[str, Any] = {"prior": DrawnPrior(seed=8002), "loads": "rotor-wind"}
+    found = identify_without_effects(record, "verne555", formulation="spectral", **options)
     assert found.diagnosis.trusted == trusted
     assert trusted or "long_record_under_wind" in codes(reasons(found))
 
@@ -224,6 +226,7 @@ def test_short_record_is_refused(tower_record: Record) -> None:
         ws.identify(replace(tower_record).section(0.0, 20.0), "tower", formulation="spectral")
 
 
+@pytest.mark.slow
 def test_five_readings_for_each_period_of_the_fastest_mode_are_enough() -> None:
     """Spectra were refused below ten and a half, which filters need and spectra do not."""
     turbine = load_turbine("verne555")

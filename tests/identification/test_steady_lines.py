@@ -93,6 +93,7 @@ def test_a_narrow_band_is_no_sine(kind: str, seed: int):
     assert not is_sine(kind, seed, 0.3, 0.35)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "at", "least", "most"), [("line 5 % from fore-aft", 0.34, 28, 30), ("all but a line, 0.31 Hz", 0.31, 0, 4)]
 )
@@ -160,7 +161,7 @@ def test_a_sine_that_was_seen_on_the_support_may_push_a_blade(verne555: Turbine)
 
 
 def test_what_turns_with_the_rotor_is_felt_by_innovations(verne555: Turbine):
-    made = record("1P on the support", 503).section(0.0, 30.0)
+    made = record("1P on the support", 503).section(0.0, 15.0)
     found = identify(made, verne555, prior=DrawnPrior(seed=503), formulation="joint", loads="broadband")
     assert found.diagnosis.trusted
     assert worst(found, Machine().truth) < 3.0
@@ -190,6 +191,7 @@ def test_an_imbalance_is_no_mass_of_a_blade(monkeypatch: pytest.MonkeyPatch):
     assert 1 in [one.data.get("order") for one in notes(found)]
 
 
+@pytest.mark.slow
 def test_what_is_left_beside_a_sine_that_was_none_is_a_doubt(monkeypatch: pytest.MonkeyPatch):
     """A narrow-band load that passes for a sine: the damping was 5 standard deviations off, and trusted."""
     monkeypatch.setitem(SCENARIOS, "nb1", Scenario("loads", plus_narrow_band(1.64, 0.001, 0.2, (0, 1))))

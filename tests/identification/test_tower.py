@@ -40,7 +40,7 @@ def tower() -> Turbine:
 
 @pytest.fixture(scope="module")
 def record(tower: Turbine) -> Record:
-    return simulate_record(tower, duration=600.0, rate=RATE, seed=1)
+    return simulate_record(tower, duration=300.0, rate=RATE, seed=1)
 
 
 @pytest.fixture(scope="module")
@@ -123,6 +123,7 @@ def test_a_record_slowed_down_keeps_its_damping(tower: Turbine):
     assert np.all(np.abs(np.mean(errors, axis=0)) < 3.3 / math.sqrt(2.0))
 
 
+@pytest.mark.slow
 def test_a_record_without_azimuth_speed_and_yaw_will_do(found: Identification, record: Record, tower: Turbine):
     # The azimuth serves the blade-passing line alone, whose phase is unknown anyway; the usual speed is the record's
     # here.
@@ -132,6 +133,7 @@ def test_a_record_without_azimuth_speed_and_yaw_will_do(found: Identification, r
         assert bare[e.name].estimate == pytest.approx(e.estimate, abs=0.2 * e.std)
 
 
+@pytest.mark.slow
 def test_mass_scales_what_is_found_and_no_frequency(found: Identification, record: Record, tower: Turbine):
     # k, c and loads scale with the modal mass, and the band with them; what is seen is k/m and c/m.
     factor = 2.0
@@ -225,7 +227,7 @@ def test_an_independent_simulation_in_turbulent_wind_is_found_and_trusted(tower:
     # m/s.
     pytest.importorskip("openfast_io", reason="reading OpenFAST files needs openfast_io")
     record = read_record(SHARED / "openfast" / f"{name}.outb").select(["tower_x_acceleration", "tower_z_acceleration"])
-    result = identify(record, tower, section=(60.0, 600.0))
+    result = identify(record, tower, section=(60.0, 360.0))
     assert result.diagnosis.trusted, result.diagnosis.reasons
     f, z = result.modes[0].frequency, result.modes[0].damping_ratio
     assert f.low < frequency < f.high
@@ -233,6 +235,7 @@ def test_an_independent_simulation_in_turbulent_wind_is_found_and_trusted(tower:
     assert z.low < 0.00566 < z.high
 
 
+@pytest.mark.slow
 @needs_shared
 def test_without_the_blade_passing_line_the_same_record_is_not_trusted(tower: Turbine):
     pytest.importorskip("openfast_io", reason="reading OpenFAST files needs openfast_io")
@@ -242,6 +245,7 @@ def test_without_the_blade_passing_line_the_same_record_is_not_trusted(tower: Tu
     assert not result.diagnosis.trusted
 
 
+@pytest.mark.slow
 def test_spectra_doubt_themselves_where_blades_pass_the_tower_at_its_mode():
     """At 6.2 rpm 3P is at 0.31 Hz, 2 % from the side-side mode: filters, which know that load, are asked."""
     tower = load_turbine("tower")

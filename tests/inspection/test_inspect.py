@@ -376,7 +376,7 @@ def test_a_section_needs_a_length(healthy):
 
 
 @needs_shared
-@pytest.mark.parametrize("name", ["c2_turb12_full", "d1_turb12_full_KSS090"])
+@pytest.mark.parametrize("name", ["c2_turb12_full", pytest.param("d1_turb12_full_KSS090", marks=pytest.mark.slow)])
 def test_an_independent_turbulent_simulation_raises_no_alarm(name):
     pytest.importorskip("openfast_io", reason="reading OpenFAST files needs openfast_io")
     inspection = inspect_record(read_record(SHARED / "openfast" / f"{name}.outb"), load_turbine("nrel5mw"))

@@ -13,7 +13,7 @@ import pytest
 
 import windsysid
 from tests.mechanics.models import symbols
-from windsysid.kernels import cache, jit
+from windsysid.kernels import assemble, cache, jit
 from windsysid.mechanics import compile as compiling
 from windsysid.mechanics import compile_model
 from windsysid.mechanics.equations import Equations
@@ -30,6 +30,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def decay_rate(monkeypatch: pytest.MonkeyPatch) -> float:
     """−k x at k = 3 and x = 2 by a small compiled model, as a new process would load it."""
     monkeypatch.setattr(compiling, "_loaded", {})
+    monkeypatch.setattr(assemble, "_assembled", {})
     x, k = symbols("x k")
     value = np.empty(1)
     model = compile_model(Equations("decay", (x,), (), (k,), (), (-k * x,)))

@@ -51,11 +51,12 @@ RICH: tuple[PlacedSensor, ...] = (
 )  # fmt: skip
 
 ROTORS = [
-    RotorModel(2, roll="free"), RotorModel(3, roll="tied"), RotorModel(4, roll="locked"), RotorModel(3, lag="locked"),
+    RotorModel(3, roll="tied"), RotorModel(4, roll="locked"), RotorModel(3, lag="locked"),
     *(
         pytest.param(rotor, marks=pytest.mark.slow)
         for rotor in (
-            RotorModel(2, roll="tied"), RotorModel(2, roll="locked"), RotorModel(2, y="locked", roll="tied"),
+            RotorModel(2, roll="free"), RotorModel(2, roll="tied"), RotorModel(2, roll="locked"),
+            RotorModel(2, y="locked", roll="tied"),
             RotorModel(3, roll="free"), RotorModel(3, roll="locked"), RotorModel(3, y="locked", roll="free"),
             RotorModel(3, x="locked", roll="free"), RotorModel(4, roll="free"), RotorModel(4, roll="tied"),
         )
@@ -220,7 +221,12 @@ PACKAGED = [load_turbine(name) for name in packaged_turbines()]
 @pytest.mark.parametrize(
     ("model", "sensors"),
     [
-        *((turbine.model, turbine.sensors) for turbine in PACKAGED),
+        *(
+            pytest.param(
+                turbine.model, turbine.sensors, marks=[pytest.mark.slow] if turbine.name.startswith("nrel5mw") else []
+            )
+            for turbine in PACKAGED
+        ),
         (RotorModel(3, roll="tied"), RICH),
         (chain(), chain_sensors()), (duffing(), ()), (bouc_wen(), ()), (everything(), ()),
     ],
@@ -476,3 +482,12 @@ def test_models_that_differ_do_not_share_a_kernel(verne555: Turbine):
 
 def test_the_same_request_gives_the_same_object():
     assert compile_model(chain(), chain_sensors(), ("k_1",)) is compile_model(chain(), chain_sensors(), ("k_1",))
+
+
+def test_models_with_other_sensors_share_the_kernels_that_are_the_same(verne555: Turbine):
+    """A model with fewer channels was compiled whole."""
+    every, fewer = (compile_model(verne555.model, sensors) for sensors in (verne555.sensors, verne555.sensors[:3]))
+    assert fewer.rates is every.rates
+    assert fewer.rates_jacobian is every.rates_jacobian
+    assert fewer.rates_of_lanes is every.rates_of_lanes is not every.rates_jacobian
+    assert fewer.reading is not every.reading

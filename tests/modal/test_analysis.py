@@ -204,6 +204,7 @@ def test_two_blades_vibrate_as_their_nonlinear_equations_do():
     assert distance[linear_sum_assignment(distance)].max() < 1e-6
 
 
+@pytest.mark.slow
 def test_two_blades_are_felt_where_the_notes_say():
     # A free decay of the blades against each other: they feel f; the ground feels f + Ω forward, f − Ω backward (Ω − f
     # forward where f < Ω).

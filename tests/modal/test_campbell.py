@@ -82,6 +82,7 @@ def test_a_crossing_is_found_where_the_harmonic_meets_the_mode_with_the_band_of_
     assert not margin(find_modes(uncertain(tower, k_x=0.02), operating=(40 / RPM, 59.5 / RPM)), 1).certain
 
 
+@pytest.mark.slow
 def test_bands_are_the_scatter_of_the_modes_over_the_posterior(verne555: Turbine):
     # Floquet's theory in both: the delta method against modes of turbines drawn from the posterior.
     posterior = uncertain(verne555, k_x=0.01, c_x=0.1, k_beta_1=0.01, k_beta_2=0.01, c_beta_3=0.2)

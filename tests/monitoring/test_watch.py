@@ -63,7 +63,7 @@ def test_a_jump_among_the_records_to_learn_from_is_found(count: int, at: int):
     assert "no jump" not in found.sentence
 
 
-@pytest.mark.parametrize("wander", [0.0, 0.0004, 0.004])
+@pytest.mark.parametrize("wander", [*(pytest.param(one, marks=pytest.mark.slow) for one in (0.0, 0.0004)), 0.004])
 def test_records_to_learn_from_whose_level_wanders_have_no_jump(wander: float):
     """Odds of 100 : 1 for each of 100 series: five or more false ones have a probability of 0.4 %."""
     jumps = 0
@@ -99,6 +99,7 @@ def test_damage_is_found_where_when_and_how_much(name: str, factor: float):
     assert change.low <= 100.0 * (factor - 1.0) <= change.high
 
 
+@pytest.mark.slow
 def test_bands_of_when_and_how_much_hold_the_truth_as_often_as_they_say():
     # 60 jumps of a random size; bands of 95.45 % miss more than eight with a probability of 0.2 %.
     rng = np.random.default_rng(3)
@@ -265,7 +266,7 @@ def test_what_is_c_in_nearly_all_records_is_not_followed_and_said():
         watch(replace(blocks, theta=np.full_like(theta, np.nan)))
 
 
-@pytest.mark.parametrize("name", ["nrel5mw", "tower"])
+@pytest.mark.parametrize("name", [pytest.param("nrel5mw", marks=pytest.mark.slow), "tower"])
 def test_what_coefficients_share_adds_less_than_a_hundredth_to_the_information_on_one(name: str):
     # The reason to test them one by one. Loads and noise are unknown; of a precision matrix, 1/Σ_ii is what one knows,
     # (Σ⁻¹)_ii what it would with all others given.

@@ -397,6 +397,7 @@ def test_a_result_that_is_right_is_trusted(right):
     assert {c.name for c in right.diagnosis.whiteness.channels} == set(right.readings)
 
 
+@pytest.mark.slow
 def test_a_result_under_loads_that_no_model_holds_is_not_trusted(verne555):
     harmonic, _ = FAULTS["3P on the hub, amplitude × rms"]
     found = identify_broadband(faulty_record(harmonic, 0.5, seed=1, duration=60.0, rate=50.0), verne555, Prior())

@@ -236,6 +236,7 @@ def test_rotor_in_simulated_wind_is_found(missing: str) -> None:
     assert found.diagnosis.trusted
 
 
+@pytest.mark.slow
 def test_loud_second_half_is_not_trusted() -> None:
     half = record().samples // 2
     loud = {name: np.where(np.arange(record().samples) < half, 0.25, 1.0) * record()[name] for name in TIPS}
@@ -287,6 +288,7 @@ def test_nothing_is_used_twice_where_modes_are_near() -> None:
     assert all(a[1] <= b[0] + 1e-9 for a, b in pairwise(used))
 
 
+@pytest.mark.slow
 def test_a_lightly_damped_rotor_is_found_from_a_poor_prior() -> None:
     """9 rpm, no drift told: from this prior a search without bands ended 300 000 σ away, after a minute."""
     turbine = replace(load_turbine("nrel5mw"), rotor_speed=2.0 * np.pi * 9.0 / 60.0)

@@ -118,6 +118,7 @@ def strays(benchmark: Benchmark, ground: Record, seeds: range) -> int:
     return lost
 
 
+@pytest.mark.slow
 def test_sensors_said_to_be_far_too_quiet_do_not_lead_astray(monkeypatch: pytest.MonkeyPatch):
     # told so, the joint filter locks in at once; with all noise 10 and 100 times as loud it finds the way
     ground = synthetic_ground(duration=10.0)
@@ -156,6 +157,7 @@ def test_a_comparison_prints_and_draws_every_method(
     assert drawing.axes[5].get_ylabel() == "z [m]"
 
 
+@pytest.mark.slow
 def test_the_command_writes_one_figure_per_benchmark(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     ground = synthetic_ground(duration=3.0)
     table = np.column_stack([ground.time, ground["ground"] / 9.80665])

@@ -24,6 +24,7 @@ def test_without_wind_both_methods_find_frequency_and_damping():
     assert found["ratio"].estimate == pytest.approx(ratio.estimate, rel=0.05)
 
 
+@pytest.mark.slow
 def test_under_wind_the_bands_hold_and_those_of_a_damped_cosine_do_not():
     # 12 records: bands of 95 % miss more than two with a probability of 2 %, bands of 30 % miss fewer than six with 4
     # %.

@@ -12,6 +12,7 @@ def test_a_model_has_what_its_machine_has_in_another_order():
     assert names != sorted(names)
 
 
+@pytest.mark.slow
 def test_probabilities_of_matches_are_those_of_being_right():
     outcomes = [one for seed in range(300) for one in of_machine(seed)]
     expected, right = (np.array([one[i] for one in outcomes], dtype=float) for i in (0, 1))

@@ -53,17 +53,20 @@ def test_a_hump_that_may_have_changed_places_with_the_mode_is_in_the_interval():
     assert stiffness.low < true < stiffness.high
 
 
+@pytest.mark.slow
 def test_a_load_is_found_where_the_prior_of_damping_is_as_low_as_its_width():
     """Damping was 37 σ off, and trusted: a prior drawn at 3 % of the truth began every search at the load's peak."""
     assert not found("all but a line, 0.31 Hz", 760023).diagnosis.trusted
 
 
+@pytest.mark.slow
 def test_what_spectra_doubt_stays_a_doubt_where_filters_end_there_too():
     """Damping was 29.6 σ off, and trusted: filters found the load's peak where spectra had, and were asked without the
     place from which the other explanation is found."""
     assert not found("all but a line, 0.31 Hz", 740011).diagnosis.trusted
 
 
+@pytest.mark.slow
 def test_a_spring_that_hardens_is_told_where_filters_and_spectra_disagree():
     """Filters saw it at 7.8 σ, but only their estimate was used: stiffness was 6.4 σ off with grade B."""
     result = found("hardening by 30 %", 950_000)

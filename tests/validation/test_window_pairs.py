@@ -32,6 +32,7 @@ def test_windows_of_one_machine_without_common_time_are_compared_once():
     assert pairs[0].one_record
 
 
+@pytest.mark.slow
 def test_odds_of_drawn_changes_are_worth_what_they_say():
     """Half of the pairs have a change of N(0, 0.1²), as the odds suppose."""
     rng, pairs = np.random.default_rng(4), []

@@ -20,6 +20,7 @@ def test_simulated_blocks_scatter_as_stated_and_change_when_stated():
     assert 0.02 < np.isnan(blocks.theta[:, 0]).mean() < 0.04
 
 
+@pytest.mark.slow
 def test_damage_is_seen_within_hours():
     found = delays(PLACE, ("k_x", 0.95), 5)
     assert (found.seconds <= 2.0 * 3600.0).all()

@@ -3,13 +3,14 @@
 The kernels that `windsysid.mechanics.generate` writes are long: a thousand assignments without a loop or a branch.
 Numba finds a type for each of them, and takes seconds. Here the types are known: a name holds a number or a vector of
 `LANES` numbers (`windsysid.kernels.simd`), as the arrays do that it was read from. So their syntax tree goes to LLVM's
-instructions at once, the same that Numba would choose, in the same order.
+instructions at once, the same that Numba would choose, in the same order. Models that differ in their sensors or in
+what is identified share the functions whose text is the same.
 """
 
 import ast
+import hashlib
 import operator
 from collections.abc import Callable, Sequence
-from functools import lru_cache
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -46,24 +47,32 @@ def where(condition: Any, yes: Any, no: Any) -> Any:
 
 
 def assembled(module: ModuleType, source: str, name: str, signature: Any) -> Any:
-    """The function `name` of a generated module with this source, compiled for `signature`, from the cache on disk
-    where it can be.
+    """The function `name` of a generated module with this source, compiled for `signature`, from this process or the
+    cache on disk where it can be.
 
     Raises
     ------
     ConfigurationError
         If the source holds what is no arithmetic on numbers, say a function that kernels do not know.
     """
+    text = source[source.index(f"def {name}(") :].partition("\n\n\n")[0].rstrip()
+    key = f"{name}_{hashlib.sha256(text.encode()).hexdigest()[:20]}", signature
+    if key not in _assembled:
 
-    def emit(context: Any, builder: Any, sig: Any, args: Sequence[Any]) -> Any:
-        tree = _functions(source)[name]
-        arrays = {arg.arg: array for arg, array in zip(tree.args.args, zip(sig.args, args, strict=True), strict=True)}
-        _Body(context, builder, arrays, module.__dict__).write(tree.body)
-        return context.get_dummy_value()
+        def emit(context: Any, builder: Any, sig: Any, args: Sequence[Any]) -> Any:
+            tree = next(node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.FunctionDef))
+            names = [arg.arg for arg in tree.args.args]
+            arrays = dict(zip(names, zip(sig.args, args, strict=True), strict=True))
+            _Body(context, builder, arrays, module.__dict__).write(tree.body)
+            return context.get_dummy_value()
 
-    kernel = _of_values(emit) if len(signature.args) == 5 else _of_slopes(emit)
-    kernel.__qualname__ = f"{module.__name__}.{name}"  # the name in machine code: no other kernel may have it
-    return compiled(kernel, signature, borrows=True, source=Path(str(module.__file__)))
+        kernel = _of_values(emit) if len(signature.args) == 5 else _of_slopes(emit)
+        kernel.__qualname__ = key[0]  # the name in machine code: no other kernel may have it
+        _assembled[key] = compiled(kernel, signature, borrows=True, source=Path(__file__))
+    return _assembled[key]
+
+
+_assembled: dict[tuple[str, Any], Any] = {}
 
 
 def _of_values(emit: Callable[..., Any]) -> Callable[..., None]:
@@ -86,12 +95,6 @@ def _of_slopes(emit: Callable[..., Any]) -> Callable[..., None]:
         body(x, u, p, w, value, dx, dp, dw)
 
     return kernel
-
-
-@lru_cache(maxsize=8)
-def _functions(source: str) -> dict[str, ast.FunctionDef]:
-    """The functions of a generated module by name."""
-    return {node.name: node for node in ast.parse(source).body if isinstance(node, ast.FunctionDef)}
 
 
 class _Body:

@@ -39,7 +39,7 @@ def generate_source(
     """
     equations = model.equations()
     _check_agreement(model, equations)
-    chosen = _chosen(equations, identified)
+    chosen, motion = _chosen(equations, identified), (equations.signature, *identified)
     readings = model.readings(sensors)
     if instruments:
         off = [tuple(sp.Symbol(name, real=True) for name in instrument_parameters(i)) for i in range(len(sensors))]
@@ -55,19 +55,23 @@ def generate_source(
         "",
         f"NAME = {equations.name!r}",
     ]
-    for constant, symbols in (
-        ("STATES", equations.states),
-        ("INPUTS", equations.inputs),
-        ("PARAMETERS", equations.parameters),
-        ("IDENTIFIED", chosen),
-        ("LOADS", equations.loads),
-    ):
+    names = {name.upper(): getattr(equations, name) for name in ("states", "inputs", "parameters", "loads")}
+    for constant, symbols in {**names, "IDENTIFIED": chosen}.items():
         lines.append(f"{constant} = {tuple(symbol.name for symbol in symbols)!r}")
     lines.append(f"READINGS = {len(readings)}")
-    for name, outputs in (("rates", list(equations.rates)), ("reading", readings)):
-        lines += ["", "", *_kernel(name, equations, outputs)]
-        lines += ["", "", *_kernel(f"{name}_jacobian", equations, outputs, chosen)]
-    return "\n".join(lines) + "\n"
+    if motion not in _written:
+        _written[motion] = _kernels("rates", equations, list(equations.rates), chosen)
+    return "\n".join([*lines, *_written[motion], *_kernels("reading", equations, readings, chosen)]) + "\n"
+
+
+_written: dict[tuple[str, ...], list[str]] = {}
+"""Lines of rates, which models with other sensors share: by equations and what is identified."""
+
+
+def _kernels(name: str, equations: Equations, outputs: Sequence[sp.Expr], chosen: Sequence[sp.Symbol]) -> list[str]:
+    """Source lines of a kernel without and with derivatives."""
+    slopes = _kernel(f"{name}_jacobian", equations, outputs, chosen)
+    return ["", "", *_kernel(name, equations, outputs), "", "", *slopes]
 
 
 def _chosen(equations: Equations, identified: Sequence[str]) -> list[sp.Symbol]:
@@ -114,7 +118,7 @@ class _Slopes(NamedTuple):
 
 def _kernel(
     name: str, equations: Equations, outputs: Sequence[sp.Expr], identified: Sequence[sp.Symbol] | None = None
-) -> Iterator[str]:
+) -> list[str]:
     """Source lines of one kernel; with derivatives if `identified` is given."""
     a = equations.accelerations
     n = len(a) if a and any(output.has(*a) for output in outputs) else 0
@@ -126,19 +130,12 @@ def _kernel(
     early, late = _by_dependence(shared, set(a))
     factor = _Factor(mass, n)
 
-    yield f"def {name}(_x, _u, _p, _w, _value{''.join(f', _{group}' for group, _ in groups)}):"
-    yield from _indented(_unpack(equations, used))
-    yield from _indented(early)
-    yield from _indented(_assigned("_m%d_%d", mass_text))
-    yield from _indented(_assigned("_f%d", force_text))
-    yield from _indented(factor.lines)
-    yield from _indented(factor.solve({i: f"_f{i}" for i in range(n)}, list(map(str, a[:n]))))
-    yield from _indented(late)
-    yield from _indented(_assigned("_value[%d]", output_text))
-    if groups:
-        yield from _indented(factor.inverse())
-    yield from _indented(_jacobians(groups, len(outputs), _Slopes(*slope_texts)))
-    yield "    return"
+    body = [*_unpack(equations, used), *early, *_assigned("_m%d_%d", mass_text), *_assigned("_f%d", force_text)]
+    body += [*factor.lines, *factor.solve({i: f"_f{i}" for i in range(n)}, list(map(str, a[:n]))), *late]
+    body += [*_assigned("_value[%d]", output_text), *(factor.inverse() if groups else ())]
+    body += [*_jacobians(groups, len(outputs), _Slopes(*slope_texts)), "return"]
+    head = f"def {name}(_x, _u, _p, _w, _value{''.join(f', _{group}' for group, _ in groups)}):"
+    return [head, *(f"    {line}" for line in body)]
 
 
 def _simplified(
@@ -241,10 +238,6 @@ def _terms(texts: "_Slopes", i: int, acceleration: str) -> list[str]:
 
 def _assigned(target: str, texts: dict[Any, str]) -> Iterator[str]:
     return (f"{target % key} = {text}" for key, text in texts.items())
-
-
-def _indented(lines: Iterable[str]) -> Iterator[str]:
-    return (f"    {line}" for line in lines)
 
 
 def _text(expression: sp.Expr) -> str:

@@ -38,7 +38,7 @@ def test_parked_towers_with_the_packaged_file_are_usable_and_their_intervals_hol
     held = []
     for ratio, seed in product((0.004, 0.01), range(900, 902)):
         truth = damped(PARKED, ratio)
-        found = identify(simulate_record(truth, duration=600.0, rate=10.0, seed=seed), "tower")
+        found = identify(simulate_record(truth, duration=600.0, rate=4.0, seed=seed), "tower", formulation="spectral")
         assert found.summary()["state"] == "parked"
         assert {e.grade for e in found.estimates} <= {"A", "B"}
         held += [e.low < truth.values[e.name] < e.high for e in found.estimates]

@@ -26,7 +26,11 @@ def floors(seed, lags, shapes=SHAPES, frequencies=(1.0, 2.8, 4.03), samples=12_0
 
 @pytest.mark.parametrize(
     ("lags", "late"),
-    [((0, 0, 1, 0), {"floor_3": 1}), ((0, -1, 0, 0), {"floor_2": -1}), ((2, 0, 0, 1), {"floor_1": 2, "floor_4": 1})],
+    [
+        pytest.param((0, 0, 1, 0), {"floor_3": 1}, marks=pytest.mark.slow),
+        pytest.param((0, -1, 0, 0), {"floor_2": -1}, marks=pytest.mark.slow),
+        ((2, 0, 0, -1), {"floor_1": 2, "floor_4": -1}),
+    ],
 )
 def test_a_late_channel_is_put_on_time_and_its_lag_is_told(lags, late):
     found = ws.oma(record_of(floors(1, lags), RATE))

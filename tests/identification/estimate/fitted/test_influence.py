@@ -59,7 +59,7 @@ def test_a_coefficient_that_changes_without_a_line_is_named(refits: Any):
     record = tone(1.5)
     found = doubt_line(job_of(record), fitted(record, std=STD))
     assert found is not None
-    assert found.frequency == pytest.approx(HZ, rel=1e-9)
+    assert found.frequency == found.doubt.data["frequency"] == pytest.approx(HZ, rel=1e-9)
     assert (found.doubt.code, found.doubt.data["sigmas"]) == ("line_influence", pytest.approx(5.0))
     assert found.doubt.quantities == (fitted(record).outcome.model.parameters[0].name,)
     (without,) = read
@@ -85,6 +85,7 @@ def test_a_line_is_not_harmless_where_something_depends_on_it_or_spectra_do_not_
     refits(1.1 * SIGMAS)
     (found,) = doubt_standing_out(line, job, fit, 0.2) or ()
     name = fit.outcome.model.parameters[0].name
+    assert (found.code, found.quantities) == ("line_influence", (name,))
     assert abs(found.data["shifts"][name]) == pytest.approx(1.1 * SIGMAS * STD)
 
 

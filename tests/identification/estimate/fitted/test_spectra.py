@@ -6,6 +6,7 @@ import pytest
 from scipy.signal import welch
 
 import windsysid as ws
+from tests.identification.fits import identify_without_effects as identify
 from windsysid._types import Array
 from windsysid.identification.estimate.fitted.spectra import spectra_of_filter
 from windsysid.results.estimate import FittedSpectrum
@@ -23,7 +24,7 @@ def tower() -> Turbine:
 @pytest.fixture(scope="module")
 def fits(tower: Turbine) -> dict[str, Identification]:
     record = ws.simulate(tower, duration=DURATION, rate=RATE, seed=1)
-    return {kind: ws.identify(record, tower, formulation=kind) for kind in ("spectral", "joint")}
+    return {kind: identify(record, tower, formulation=kind) for kind in ("spectral", "joint")}
 
 
 def at(spectrum: FittedSpectrum, frequency: Array) -> tuple[Array, Array]:
