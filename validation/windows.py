@@ -1,10 +1,12 @@
-"""Tower frequencies of OpenFAST records in windows, compared with the program's linearisation.
+"""Tower frequencies of OpenFAST records in windows, compared with those of the program itself.
 
 ``python -m validation.windows --openfast FOLDER`` identifies records of the NREL 5 MW turbine on land and of the IEA
 15 MW turbine on a monopile, clamped, idling and parked, as a user would: from two accelerometers at the tower top and a
 tower file. The table has errors of frequencies in percent, in standard deviations for grades A and B, and the grades.
-Air raises the fore-aft frequency in operation: by 5 % in a decay of the 5 MW turbine in steady wind, whose frequency is
-the reference there. The 15 MW turbine's fore-aft reference is the structure without air.
+Air changes frequencies, too: fore-aft ones by 5 to 7 % in operation, side-side ones by 0.1 to 0.2 %, and by 2 % where a
+parked rotor stands in 20 m/s of wind, whose side-side damping is then 3.6 % instead of 0.07 %. So the reference is a
+decay in steady wind of the same speed where one was simulated: the difference of two runs of OpenFAST, one of which
+starts deflected by 0.4 m fore-aft and 0.2 m side-side. Elsewhere it is the linearised structure without air.
 The 5 MW turbine is identified from a rotor file, too, whose sensors are at tower and blades: its side-side mode is
 compared.
 """
@@ -41,7 +43,8 @@ IEA15 = {
 
 
 class Machine(NamedTuple):
-    """A record's file, whether it stands on land, and the frequencies [Hz] of its side-side and fore-aft modes."""
+    """A record's file, whether it stands on land, and the frequencies [Hz] of its side-side and fore-aft modes without
+    air (those of the 5 MW turbine fore-aft: in wind)."""
 
     file: str
     place: str
@@ -67,6 +70,14 @@ RECORDS = {
     "p08": Machine("p08_idle", "sea", 0.1641, 0.1651),
     "p20": Machine("p20_parked", "sea", 0.16406, 0.16506),
 }
+
+IN_WIND = {
+    "c2": {"side_side": 0.3157, "fore_aft": 0.340}, "d1": {"side_side": 0.2991, "fore_aft": 0.340},
+    "k06": {"side_side": 0.1645, "fore_aft": 0.1734}, "k08": {"side_side": 0.1646, "fore_aft": 0.1733},
+    "k24": {"side_side": 0.1646, "fore_aft": 0.1763}, "l08": {"side_side": 0.1725, "fore_aft": 0.1823},
+    "p20": {"side_side": 0.1670, "fore_aft": 0.1653},
+}  # fmt: skip
+"""Frequencies [Hz] of decays in steady wind, structure and air."""
 
 
 class Window(NamedTuple):
@@ -108,6 +119,11 @@ def answer(folder: Path, window: Window, file: str) -> dict[str, Any]:
     return {**window._asdict(), "seconds": time.process_time() - begun, "found": found}
 
 
+def reference(record: str, mode: str) -> float:
+    """Frequency [Hz] of a mode in wind, where it is known, or without air."""
+    return float(IN_WIND.get(record, {}).get(mode, getattr(RECORDS[record], mode)))
+
+
 def table(done: Sequence[Mapping[str, Any]]) -> str:
     """Errors of side-side and fore-aft frequencies of each record and length of window, and grades."""
     rows = []
@@ -119,7 +135,7 @@ def table(done: Sequence[Mapping[str, Any]]) -> str:
             for mode in one["found"].get("modes", [])
         ]
         cells = [record, f"{seconds}", f"{len(some)}", f"{sum('error' in one['found'] for one in some)}"]
-        for name, truth in (("side-side", RECORDS[record].side_side), ("fore-aft", RECORDS[record].fore_aft)):
+        for name, truth in (("side-side", reference(record, "side_side")), ("fore-aft", reference(record, "fore_aft"))):
             own = [one for one in seen if one["name"] in NAMES[name]]
             cells += _frequency_cells(own, truth)
         cells += ["".join(sorted(one["damping"] for one in seen))]
@@ -151,7 +167,7 @@ def pooled(done: Sequence[Mapping[str, Any]]) -> str:
                 if mode["name"] in NAMES[name]:
                     count += 1
                     if f["grade"] != "C":
-                        truth = getattr(RECORDS[one["record"]], attribute)
+                        truth = reference(one["record"], attribute)
                         sigmas.append(abs(f["estimate"] - truth) / ((f["high"] - f["low"]) / 4.0))
         held = sum(one < 2.0 for one in sigmas)
         lines.append(
