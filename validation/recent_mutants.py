@@ -318,7 +318,7 @@ _DOUBTS = (
     ),
     Mutant(
         "gravity in a dead channel", "checks/dead_channel.py",
-        "there &= away > np.maximum(", "there &= away > -np.maximum(",
+        "np.asarray(away <= np.maximum(", "np.asarray(away <= -np.maximum(",
         "gravity on a blade passes for vibration",
     ),
     Mutant(

@@ -11,13 +11,13 @@ ROOT = Path(__file__).parents[2]
 
 BOUNDS = {
     "functions over complexity 10 [%]": 2.0,  # target 4.0
-    "lines of src": 96391,  # target 72 904: those of commit 103975a
-    "lines of the middle": 29770,  # target 19 500
+    "lines of src": 96365,  # target 72 904: those of commit 103975a
+    "lines of the middle": 29756,  # target 19 500
     "large folders": 0,
     "long signatures": 17,  # target 30
     "repeated classes": 0,  # target 0
     "untested modules": 0,  # target 0
-    "decision limits": 126,  # target 120
+    "decision limits": 120,  # target 120
     "scattered limits": 0,  # target 0
 }
 """Values of today where a target is not reached, targets where one is. A change lowers a bound; it raises one only
