@@ -12,7 +12,8 @@ A mode with heavy aerodynamic damping, or load peaks beside it, may stand no hig
 channel is independent of the other channels, and loads on a structure are not. So a channel that is coherent with one
 that vibrates is alive: if not, phase differences φ are uniform, and with R² = |Σ exp iφ|²/w² of each window of w
 frequencies, which count as n independent ones, −(n − 1) Σ ln (1 − R²) has a gamma distribution with the number of
-windows as shape. Phases alone are used, so that one common line, such as hum, is no coherence.
+windows as shape. In a decay or a gust, neighbouring frequencies have phases that are bound to each other, and n is
+smaller. Phases alone are used, so that one common line, such as hum, is no coherence.
 
 A short record has too few frequencies for that. There the fit itself is tested: its innovations against the residuals
 of a first-order autoregression, by their likelihoods. Of noise the two are alike, and a ratio above 1/p has at most
@@ -129,10 +130,12 @@ def _is_coherent(phases: Complex, others: Complex) -> bool:
     """Test whether phases exp iφ (n,) are bound to those of one of the other channels (n, m) more than by chance."""
     from scipy.special import gammaincc
 
-    windows = len(phases) // COHERENCE_BINS
-    across = (phases[:, None] * others.conj())[: windows * COHERENCE_BINS]
-    mean = across.reshape(windows, COHERENCE_BINS, -1).mean(axis=1)
-    statistic = -(_shape(COHERENCE_BINS) - 1.0) * np.log1p(-np.minimum(np.abs(mean) ** 2, 1.0 - 1e-12)).sum(axis=0)
+    windows, lags = len(phases) // COHERENCE_BINS, np.arange(1, COHERENCE_BINS)
+    across = (phases[:, None] * others.conj())[: windows * COHERENCE_BINS].reshape(windows, COHERENCE_BINS, -1)
+    one, other = ([(x[i:] * x[:-i].conj()).mean(axis=0) for i in lags] for x in (phases[:, None], others))
+    alike = 1.0 + 2.0 * (1.0 - lags / COHERENCE_BINS) @ np.real(np.multiply(one, np.conj(other)))
+    independent = COHERENCE_BINS / np.maximum(alike, COHERENCE_BINS / _shape(COHERENCE_BINS))
+    statistic = (1.0 - independent) * np.log(np.maximum(1.0 - np.abs(across.mean(axis=1)) ** 2, 1e-12)).sum(axis=0)
     return bool((gammaincc(windows, statistic) * others.shape[1] < FALSE_ALARM_PROBABILITY).any())
 
 

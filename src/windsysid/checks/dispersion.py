@@ -115,10 +115,8 @@ class PartScores(NamedTuple):
 
     def between(self, low: float, high: float) -> "PartScores":
         """Scores of the parts between two places."""
-        kept = (self.places >= low) & (self.places <= high)
-        return self._replace(
-            places=self.places[kept], gradients=self.gradients[kept], information=self.information[kept]
-        )
+        at = (self.places >= low) & (self.places <= high)
+        return self._replace(places=self.places[at], gradients=self.gradients[at], information=self.information[at])
 
     def dispersion(self, quantity: Array) -> Dispersion | None:
         """Dispersion about a linear combination of the first unknowns; None if fewer than two groups inform it."""

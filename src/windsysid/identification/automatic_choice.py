@@ -181,10 +181,9 @@ def _with_scores_of(joint: FittedJob, spectral: FittedJob) -> FittedJob:
     """Spectra with the scores of filters over time, and over the frequencies that spectra use: what the filters'
     loads do not explain elsewhere is no matter of these."""
     used = np.concatenate([one.frequency for one in spectral.outcome.spectra] or [np.array([0.0, math.inf])])
-    scores = [
-        one.between(used.min(), used.max()) if one.over == "frequency" else one for one in joint.outcome.scores
-    ]  # fmt: skip
-    return spectral._replace(outcome=spectral.outcome._replace(scores=tuple(scores)))
+    low, high, scores = used.min(), used.max(), joint.outcome.scores
+    scores = tuple(one.between(low, high) if one.over == "frequency" else one for one in scores)
+    return spectral._replace(outcome=spectral.outcome._replace(scores=scores))
 
 
 def _checked_by_filters(spectral: FittedJob, joint: FittedJob, off: float, against: Sequence[Finding]) -> FittedJob:
