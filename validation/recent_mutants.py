@@ -214,9 +214,9 @@ _CLOCKS_AND_LINES = (
         "a line is called harmless though a coefficient depends on it",
     ),
     Mutant(
-        "what is left beside a sine", "fitted/influence.py",
+        "a narrow-band load next to a sinusoid", "fitted/influence.py",
         "there * (1.0 - np.maximum(over, 1.0) ** -0.5)", "there * 0.0",
-        "what a narrow-band load leaves beside a sine is not seen",
+        "the part of a narrow-band load next to a sinusoid is neglected",
     ),
     Mutant(
         "evidence of a narrow band", "spectral/narrow_band.py",
@@ -234,14 +234,14 @@ _CLOCKS_AND_LINES = (
         "an explanation that is hardly possible widens as one of even chance",
     ),
     Mutant(
-        "damping below nothing and a narrow band", "spectral/narrow_band_alternative.py",
+        "negative damping and a narrow band", "spectral/narrow_band_alternative.py",
         "return undamped or", "return",
-        "a narrow band is asked for beside a structure that drives itself",
+        "a narrow band is searched next to a structure of negative damping",
     ),
     Mutant(
-        "a logger that was put on time", "spectral/narrow_band_alternative.py",
+        "a logger whose lag was corrected", "spectral/narrow_band_alternative.py",
         "estimate=one.estimate + late.get(one.name, 0.0)", "estimate=one.estimate",
-        "a logger that was put on time is told as on time",
+        "the lag that was corrected is missing from the result",
     ),
 )  # fmt: skip
 
@@ -259,7 +259,7 @@ _DOUBTS = (
     Mutant(
         "width of a wider prior", "estimate/prior_conflict.py",
         "spread=WIDENING_FACTOR * q.spread", "spread=q.spread",
-        "a prior that holds an estimate is not made wider",
+        "a prior that contradicts the data is not made wider",
     ),
     Mutant(
         "a prior far from its estimate", "estimate/prior_conflict.py",
@@ -287,7 +287,7 @@ _DOUBTS = (
         "1P is looked for instead of the passing blades",
     ),
     Mutant(
-        "blades that pass beside a mode", "checks/blade_passing.py",
+        "blade passing near a mode", "checks/blade_passing.py",
         "> width + HARMONIC_HALF_WIDTH_BINS * step", "> 10.0 * width + HARMONIC_HALF_WIDTH_BINS * step",
         "blades that pass far from a mode are said to pass on it",
     ),
@@ -318,7 +318,7 @@ _DOUBTS = (
     ),
     Mutant(
         "gravity in a dead channel", "checks/dead_channel.py",
-        "np.asarray(away <= np.maximum(", "np.asarray(away <= -np.maximum(",
+        "may_be_no_line(f, (), rotor_hz, ", "may_be_no_line(f, (), 0.0, ",
         "gravity on a blade passes for vibration",
     ),
     Mutant(
@@ -515,7 +515,7 @@ _LIVE = (
         "a level that came back", "watch/alarms.py",
         "abs(level - jump.before) + SIGMAS * std <= MAX_REST_SHARE",
         "abs(level - jump.before) <= MAX_REST_SHARE",
-        "a level that nobody knows is said to be back",
+        "an uncertain level is reported as normal again",
     ),
     Mutant(
         "a jump that takes back another", "watch/alarms.py",
@@ -530,7 +530,7 @@ _LIVE = (
     Mutant(
         "a drift that grew", "watch/slow_drifts.py",
         "abs(jump.size) - SIGMAS * jump.std >= MIN_GROWTH_FACTOR", "abs(jump.size) >= MIN_GROWTH_FACTOR",
-        "a drift is told anew for its scatter",
+        "a drift is reported again because of its scatter",
     ),
 )  # fmt: skip
 
@@ -543,7 +543,7 @@ _FLEET_AND_MODES = (
     Mutant(
         "jumps of one coefficient in two directions", "events.py",
         "same = one.name == another.name and one.percent * another.percent > 0.0", "same = one.name == another.name",
-        "a rise and a fall of sisters are one event",
+        "a rise and a fall of like turbines are one event",
     ),
     Mutant(
         "ice in warm weather", "events.py",
@@ -558,7 +558,7 @@ _FLEET_AND_MODES = (
     Mutant(
         "variance of the others", "sisters.py",
         "(1.0 + 1.0 / (n - 1))", "(1.0 - 1.0 / (n - 1))",
-        "outliers among sisters are more often chance",
+        "outliers among like turbines are more often chance",
     ),
     Mutant(
         "a turbine that knows itself badly", "sisters.py",

@@ -6,7 +6,7 @@ tower file. The table has errors of frequencies in percent, in standard deviatio
 Air changes frequencies, too: fore-aft ones by 5 to 7 % in operation, side-side ones by 0.1 to 0.2 %, and by 2 % where a
 parked rotor stands in 20 m/s of wind, whose side-side damping is then 3.6 % instead of 0.07 %. So the reference is a
 decay in steady wind of the same speed where one was simulated: the difference of two runs of OpenFAST, one of which
-starts deflected by 0.4 m fore-aft and 0.2 m side-side. Elsewhere it is the linearised structure without air.
+starts deflected by 0.4 m fore-aft and 0.2 m side-side. For other records it is the linearised structure without air.
 The 5 MW turbine is identified from a rotor file, too, whose sensors are at tower and blades: its side-side mode is
 compared.
 """
@@ -72,7 +72,7 @@ RECORDS = {
 }
 
 IN_WIND = {
-    "c2": {"side_side": 0.3157, "fore_aft": 0.340}, "d1": {"side_side": 0.2991, "fore_aft": 0.340},
+    "c2": {"side_side": 0.3157}, "d1": {"side_side": 0.2991},
     "k06": {"side_side": 0.1645, "fore_aft": 0.1734}, "k08": {"side_side": 0.1646, "fore_aft": 0.1733},
     "k24": {"side_side": 0.1646, "fore_aft": 0.1763}, "l08": {"side_side": 0.1725, "fore_aft": 0.1823},
     "p20": {"side_side": 0.1670, "fore_aft": 0.1653},

@@ -8,7 +8,7 @@ others has Fisher's distribution of 2n and 2m degrees of freedom, fewer under Ha
 Something vibrates where windows of one width or another stand higher than chance lets any of them. What turns with the
 rotor is left out: gravity shows in a sensor without vibration.
 
-A mode with heavy aerodynamic damping, or load peaks beside it, may stand no higher than that. But noise of a dead
+A mode with heavy aerodynamic damping, or load peaks next to it, may stand no higher than that. But noise of a dead
 channel is independent of the other channels, and loads on a structure are not. So a channel that is coherent with one
 that vibrates is alive: if not, phase differences φ are uniform, and with R² = |Σ exp iφ|²/w² of each window of w
 frequencies, which count as n independent ones, −(n − 1) Σ ln (1 − R²) has a gamma distribution with the number of
@@ -23,18 +23,16 @@ the probability p (Markov's inequality); where something vibrates, the structure
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from windsysid._types import Array, Complex
 from windsysid.checks.limits import (
     FALSE_ALARM_PROBABILITY,
-    HARMONIC_HALF_WIDTH_BINS,
-    HARMONIC_HALF_WIDTH_SHARE,
     MAX_MISSING_SHARE,
     MIN_LONG_RECORD_BINS,
     MIN_VIBRATION_BINS,
     SHORT_NOISE_VIBRATION_PROBABILITY,
 )
+from windsysid.checks.lines import may_be_no_line
 
 __all__ = ["find_still", "is_constant"]
 
@@ -72,7 +70,8 @@ def find_still(
     power = np.abs(values) ** 2
     f = np.asarray(np.fft.rfftfreq(len(readings), 1.0 / rate), dtype=np.float64)
     highest = min(FREQUENCY_RANGE_FACTOR * max(frequencies), 0.45 * rate)
-    there = (f > min(frequencies) / FREQUENCY_RANGE_FACTOR) & (f < highest) & ~_turns(f, rotor_hz, rate / len(readings))
+    there = (f > min(frequencies) / FREQUENCY_RANGE_FACTOR) & (f < highest)
+    there &= ~may_be_no_line(f, (), rotor_hz, rate / len(readings))
     if there.sum() < MIN_VIBRATION_BINS:
         pairs = [] if innovations is None else list(zip(channels, readings.T, innovations.T, strict=True))
         return tuple(channel for channel, x, e in pairs if _likelihood_ratio(x, e) < 1.0 / FALSE_ALARM_PROBABILITY)
@@ -83,14 +82,6 @@ def find_still(
     alive = [i for i in asked if _stands_out(_levelled(f[there], power[there, i]), chance)]
     phases = values[there] / np.maximum(np.sqrt(power[there]), 1e-300)
     return tuple(channels[i] for i in asked if i not in alive and not _is_coherent(phases[:, i], phases[:, alive]))
-
-
-def _turns(f: Array, rotor_hz: float, step: float) -> NDArray[np.bool_]:
-    """Test which frequencies (n,) [Hz], in steps, are at harmonics of a rotor."""
-    if not rotor_hz > 0.0:
-        return np.zeros(len(f), dtype=np.bool_)
-    away = np.abs(f - rotor_hz * np.maximum(np.round(f / rotor_hz), 1.0))
-    return np.asarray(away <= np.maximum(HARMONIC_HALF_WIDTH_SHARE * f, HARMONIC_HALF_WIDTH_BINS * step))
 
 
 def _likelihood_ratio(readings: Array, innovations: Array) -> float:
@@ -127,7 +118,8 @@ def _stands_out(power: Array, chance: float) -> bool:
 
 
 def _is_coherent(phases: Complex, others: Complex) -> bool:
-    """Test whether phases exp iφ (n,) are bound to those of one of the other channels (n, m) more than by chance."""
+    """Test whether phases exp iφ (n,) are bound to those of one of the other channels (n, m) more than by chance;
+    neighbouring phase differences are correlated as the product of both channels' correlations."""
     from scipy.special import gammaincc
 
     windows, lags = len(phases) // COHERENCE_BINS, np.arange(1, COHERENCE_BINS)

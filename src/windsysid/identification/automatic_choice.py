@@ -178,8 +178,8 @@ def _own_factors(joint: Outcome) -> dict[str, float]:
 
 
 def _with_scores_of(joint: FittedJob, spectral: FittedJob) -> FittedJob:
-    """Spectra with the scores of filters over time, and over the frequencies that spectra use: what the filters'
-    loads do not explain elsewhere is no matter of these."""
+    """Spectra with the scores of filters over time, and over the frequencies that spectra use. What the filters' loads
+    do not explain at other frequencies does not concern spectra."""
     used = np.concatenate([one.frequency for one in spectral.outcome.spectra] or [np.array([0.0, math.inf])])
     low, high, scores = used.min(), used.max(), joint.outcome.scores
     scores = tuple(one.between(low, high) if one.over == "frequency" else one for one in scores)

@@ -69,7 +69,7 @@ def name_a_turbine(channels: Sequence[str]) -> bool:
 
 
 _TURBINE = r"\b(nacelle|nac|ncimu|rotor|hub|generator|yaw br|yaw bearing|pitch|power|torque|(gen|rot) (pwr|tq|torq))"
-"""Pattern of words of parts and signals that wind turbines have, and buildings and bridges do not."""
+"""Pattern of words of parts and signals of wind turbines, which buildings and bridges rarely have."""
 
 
 def _in_words(name: str) -> str:

@@ -73,6 +73,7 @@ def assembled(module: ModuleType, source: str, name: str, signature: Any) -> Any
 
 
 _assembled: dict[tuple[str, Any], Any] = {}
+"""Kernels of this process by the text of their function and their signature."""
 
 
 def _of_values(emit: Callable[..., Any]) -> Callable[..., None]:
