@@ -1,5 +1,7 @@
 """SCADA beside rows: the same bytes whether it came before its records or after, and clear lines where it is wrong."""
 
+import subprocess
+import sys
 from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta, timezone
 from pathlib import Path
@@ -132,3 +134,14 @@ def test_scada_of_another_clock_and_damaged_scada_end_the_run_before_any_work(da
         with workers_in_this_process(), pytest.raises(ConfigurationError, match=message):
             batch(data / "T01", turbine="tower", scada=table, archive=tmp_path / "archive", workers=1)
     assert not list((tmp_path / "archive").rglob("*.parquet"))
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="counts threads as Linux lists them")
+def test_an_archive_is_read_without_threads_that_may_outlive_python(tmp_path: Path):
+    add_rows(tmp_path / "day.parquet", [row()])
+    count = "len(os.listdir('/proc/self/task'))"
+    script = (
+        "import os, sys; from pathlib import Path; import pyarrow.parquet; from windsysid.fleet.archive import rows_in;"
+        f" before = {count}; rows_in(Path(sys.argv[1])); sys.exit({count} - before)"
+    )
+    assert subprocess.run([sys.executable, "-c", script, str(tmp_path / "day.parquet")], check=False).returncode == 0

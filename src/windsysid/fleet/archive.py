@@ -192,7 +192,7 @@ def rows_in(path: Path, columns: Sequence[str] | None = None) -> list[Row]:
 
 def _table_of(path: Path, columns: Sequence[str] | None = None) -> Any:
     """The rows of one file."""
-    pq = _parquet("pyarrow.parquet")
+    pa, pq = _parquet("pyarrow"), _parquet("pyarrow.parquet")
     try:
         content = path.read_bytes()
     except OSError as error:
@@ -201,8 +201,9 @@ def _table_of(path: Path, columns: Sequence[str] | None = None) -> Any:
         raise ConfigurationError(
             f"{path}: is damaged, or not written by windsysid batch: move it away and repeat the command"
         )
-    with pq.ParquetFile(io.BytesIO(content)) as file:
-        found = file.read(columns=columns)
+    # A file object of Python, which pyarrow's threads hold, ends the process by a signal where they outlive Python.
+    with pq.ParquetFile(pa.BufferReader(content)) as file:
+        found = file.read(columns=columns, use_threads=False)
     return found.cast(_schema(found.column_names))  # files of an older version lack grades
 
 
