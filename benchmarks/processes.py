@@ -3,8 +3,9 @@
     python benchmarks/processes.py           (make bench)
 
 *First run*: the cache folder is empty (`XDG_CACHE_HOME`), as after an installation, so that equations are derived and
-kernels compiled; `--short` leaves it out, and all commands share a cache. *Later runs*: median of several. Seconds are
-elapsed time; the processor time of all threads, which a busy machine changes less, is given in addition.
+kernels compiled; `--short` leaves it out, and all commands share a cache. *Later runs*: median of five, or one of a
+command that takes minutes. Seconds are elapsed time; the processor time of all threads, which a busy machine changes
+less, is given in addition.
 
 Records: the packaged examples of ten minutes (`building`: five channels at 50 Hz; `tower`: two at 20 Hz), 100 s at
 100 Hz of the scale model, and ten minutes at 10 Hz of the NREL 5 MW turbine's rotor. pyOMA-2, where its environment
@@ -29,6 +30,9 @@ PEERS = Path(__file__).resolve().parents[1] / ".venv-peers" / "bin" / "python"
 RECORDS = 10
 """Setting: records of ten minutes in the folder for `batch`."""
 
+LONG_SECONDS = 60.0
+"""Setting: a command whose first run takes longer is repeated once."""
+
 SUBSPACE = """
 import logging, sys
 import matplotlib
@@ -52,7 +56,8 @@ def sheets(short: bool) -> Iterator[Sheet]:
         for i, (title, command) in enumerate(commands(folder, short=short).items()):
             cache = folder / ("made" if short else f"cache{i}")
             first = run(cache, *command)
-            later = np.median([run(cache, *command) for _ in range(1 if short else 5)], axis=0)
+            runs = 1 if short or first[0] > LONG_SECONDS else 5
+            later = np.median([run(cache, *command) for _ in range(runs)], axis=0)
             rows.append((title, *(("", "") if short else map(number, first)), *map(number, later)))
             costs |= {} if short else {f"{title}, first run": first[0]}
             costs |= {f"{title}, later runs": float(later[0])}
