@@ -7,6 +7,7 @@ from windsysid.checks.estimates import doubt_priors, hold_against_priors
 from windsysid.checks.limits import MAX_DISAGREEMENT_SIGMAS, MIN_RIVAL_PROBABILITY
 from windsysid.identification.model.fit import Outcome
 from windsysid.results.finding import Finding
+from windsysid.results.posterior import SIGMAS
 from windsysid.results.tolerance import Group
 from windsysid.turbine.turbine import Turbine
 
@@ -53,8 +54,10 @@ def disagreement(
     fit: Outcome, other: Outcome, turbine: Turbine, factors: Mapping[str, float] | None = None
 ) -> tuple[Finding, ...]:
     """That filters and spectra are too many standard deviations apart on a coefficient, and the likeliest cause. Where
-    the other fit contradicts the prior of a degree of freedom, and this one does not, the other cannot be believed."""
-    lost = _contradicting_priors(other) - _contradicting_priors(fit)
+    the other fit contradicts the prior of a degree of freedom, this one does not, and factors show that parts of the
+    record contradict the fit there, too, the other is no evidence: by itself, the prior may be wrong."""
+    wide = {q.part for q in fit.model.parameters if (factors or {}).get(q.name, 1.0) > SIGMAS}
+    lost = (_contradicting_priors(other) - _contradicting_priors(fit)) & wide
     known = [q.name for q in fit.model.parameters if q.part not in lost]
     off = {name: sigmas for name, sigmas in _in_sigmas(fit, other, factors).items() if name in known}
     name = max(off, key=lambda name: off[name], default="")
