@@ -93,9 +93,11 @@ def _still(outcome: Outcome, record: Record, speed: float, innovations: Array | 
         innovations = None
     file = outcome.turbine
     natural = [file.natural_frequency(name) / (2.0 * math.pi) for name in file.model.coordinates]
+    measured = (channels_of(outcome) or {"": set(outcome.channels)}).values()
+    sees = np.array([[channel in one for one in measured] for channel in outcome.channels], dtype=np.float64)
     still = find_still(
         readings, outcome.channels, rate=record.rate, frequencies=natural, rotor_hz=abs(speed) / (2.0 * math.pi),
-        innovations=innovations,
+        innovations=innovations, apart=sees @ sees.T == 0.0,
     )  # fmt: skip
     if not still:
         return ()
