@@ -15,8 +15,8 @@ frequencies, which count as n independent ones, −(n − 1) Σ ln (1 − R²) h
 windows as shape. In a decay or a gust, neighbouring frequencies have phases that are bound to each other, and n is
 smaller. Phases alone are used, so that one common line, such as hum, is no coherence.
 
-Through crosstalk, noise of a dead channel has a copy of another channel in it, at a constant gain below one. Where no
-motion is common to both, the copy is no sign of life, and what is left is tested.
+Crosstalk puts a copy of another channel into noise, at a constant gain below one. Where no motion is common to both, it
+is no sign of life, and what is left is tested.
 
 A short record has too few frequencies for that. There the fit itself is tested: its innovations against the residuals
 of a first-order autoregression, by their likelihoods. Of noise the two are alike, and a ratio above 1/p has at most
@@ -86,8 +86,7 @@ def find_still(
         return tuple(channel for channel, x, e in pairs if _likelihood_ratio(x, e) < 1.0 / FALSE_ALARM_PROBABILITY)
     clear = there.sum() >= MIN_LONG_RECORD_BINS and highest == FREQUENCY_RANGE_FACTOR * max(frequencies)
     chance = FALSE_ALARM_PROBABILITY if clear else SHORT_NOISE_VIBRATION_PROBABILITY
-    judged = (missing.mean(axis=0) <= MAX_MISSING_SHARE) & (power[there].max(axis=0) > 0.0)
-    asked = np.flatnonzero(judged).tolist()
+    asked = np.flatnonzero((missing.mean(axis=0) <= MAX_MISSING_SHARE) & (power[there].max(axis=0) > 0.0)).tolist()
     alive = [i for i in asked if _stands_out(_levelled(f[there], power[there, i]), chance)]
     phases, others = (x[there] / np.maximum(np.abs(x[there]), 1e-300) for x in (own, values[:, alive]))
     return tuple(channels[i] for i in asked if i not in alive and not _is_coherent(phases[:, i], others))

@@ -16,9 +16,7 @@ __all__ = ["compare", "disagreement", "shifts_to"]
 
 def compare(one: Outcome, other: Outcome, factors: Mapping[str, float] | None = None) -> tuple[str, float]:
     """The parameter on which two results differ most, and by how many standard deviations, widened by factors."""
-    off = _in_sigmas(one, other, factors)
-    worst = max(off, key=lambda name: off[name])
-    return worst, off[worst]
+    return max(_in_sigmas(one, other, factors).items(), key=lambda each: each[1])
 
 
 def _in_sigmas(one: Outcome, other: Outcome, factors: Mapping[str, float] | None) -> dict[str, float]:
@@ -64,8 +62,13 @@ def disagreement(
     if off.get(name, 0.0) <= MAX_DISAGREEMENT_SIGMAS:
         return ()
     shifts = {one: shift for one, shift in shifts_to(other, fit).items() if one in known}
-    locked = _blades_move(turbine) and not _blades_move(fit.turbine)
-    data = {"sigmas": off[name], "unseen_blades": locked, "shifts": shifts, "chance": MIN_RIVAL_PROBABILITY}
+    move, seen = (any(freedom.blade for freedom in one.model.freedoms) for one in (turbine, fit.turbine))
+    data = {
+        "sigmas": off[name],
+        "unseen_blades": move and not seen,
+        "shifts": shifts,
+        "chance": MIN_RIVAL_PROBABILITY,
+    }
     return (Finding("formulations_disagree", "reason", data, (name,)),)
 
 
@@ -74,7 +77,3 @@ def _contradicting_priors(found: Outcome) -> set[str]:
     parameters = found.model.parameters
     conflicts = {one.quantities[0] for one in doubt_priors(hold_against_priors(parameters, found.theta, found.cov))}
     return {q.part for q in parameters if q.name in conflicts}
-
-
-def _blades_move(turbine: Turbine) -> bool:
-    return any(freedom.blade for freedom in turbine.model.freedoms)
