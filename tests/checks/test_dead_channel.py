@@ -91,6 +91,37 @@ def test_noise_next_to_a_decay_or_a_gust_in_the_middle_of_a_record_is_dead():
     assert alive <= 1
 
 
+@pytest.mark.parametrize("level", [0.01, 0.1, 0.3, 0.9])
+def test_a_copy_of_a_channel_that_measures_another_motion_is_no_sign_of_life(level: float):
+    dead, alive, apart = 0, 0, ~np.eye(3, dtype=bool)
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        live, own = resonance(rng, 6000), resonance(rng, 6000, 0.1)
+        noise = 0.1 * rng.standard_normal((2, 6000))
+        late = live + 0.1 * np.roll(live, 1)  # by a delay, too
+        readings = np.column_stack([live + noise[0], level * late + noise[1], level * live + 0.3 * own])
+        found = find_still(readings, ("a", "b", "c"), rate=RATE, frequencies=[F], rotor_hz=0.0, apart=apart)
+        dead, alive = dead + ("b" in found), alive + ("a" not in found and "c" not in found)
+        both = find_still(readings[:, :2], ("a", "b"), rate=RATE, frequencies=[F], rotor_hz=0.0)
+        assert level < 0.1 or both == ()  # perhaps both measure one motion
+    assert dead >= 19
+    assert alive == 20
+
+
+def test_a_cable_with_crosstalk_has_no_grade():
+    """Stiffness was 20 standard deviations off, of grade A: another axis was taken for a mode of this one."""
+    tower = load_turbine("tower")
+    true = tower.with_values({"k_side_side": 0.893 * tower.values["k_side_side"]})
+    made, rng = simulate_record(true, duration=600.0, rate=5.0, seed=7002), np.random.default_rng(1)
+    cases: list[tuple[float, float, Literal["spectral", "auto"]]] = [(0.03, 600.0, "spectral"), (0.1, 60.0, "auto")]
+    for level, seconds, formulation in cases:
+        copied = level * made["tower_z_acceleration"] + 0.01 * rng.standard_normal(made.samples)
+        record = made.with_channels({"tower_x_acceleration": (copied, "m/s^2")}).section(0.0, seconds)
+        found = identify(record, tower, formulation=formulation)
+        assert only(reasons(found), "dead_channel").channels == ("tower_x_acceleration",)
+        assert {one.name: one.grade for one in found.estimates}["k_side_side"] == "C"
+
+
 @pytest.mark.parametrize(("samples", "share"), [(600, 0.1), (6000, 1e-3)])
 def test_chance_makes_something_vibrate_as_seldom_as_stated(samples: int, share: float):
     rng = np.random.default_rng(6)

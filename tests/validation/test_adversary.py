@@ -10,7 +10,6 @@ from validation.adversary.scenarios import record, scenario
 
 from tests.findings import reasons
 from windsysid.identification import pipeline
-from windsysid.identification.automatic_choice import WITHOUT_WIND
 from windsysid.identification.condition.readings import resample_for_model
 from windsysid.identification.estimate.scoring import information
 from windsysid.identification.identify import identify
@@ -79,7 +78,7 @@ def test_a_slow_rotor_without_wind_is_not_taken_for_one_in_wind():
     asked = identify(
         record("rotor at 18 rpm", 240_011), "verne555", prior=DrawnPrior(seed=240_011), formulation="spectral"
     )
-    assert reasons(asked) == [WITHOUT_WIND]
+    assert [one.code for one in reasons(asked)] == ["bands_suppose_wind"]
 
 
 def test_what_is_drawn_is_the_same_for_a_seed_and_another_for_another():

@@ -15,6 +15,9 @@ frequencies, which count as n independent ones, −(n − 1) Σ ln (1 − R²) h
 windows as shape. In a decay or a gust, neighbouring frequencies have phases that are bound to each other, and n is
 smaller. Phases alone are used, so that one common line, such as hum, is no coherence.
 
+Crosstalk puts a copy of another channel into noise, at a constant gain below one. Where no motion is common to both, it
+is no sign of life, and what is left is tested.
+
 A short record has too few frequencies for that. There the fit itself is tested: its innovations against the residuals
 of a first-order autoregression, by their likelihoods. Of noise the two are alike, and a ratio above 1/p has at most
 the probability p (Markov's inequality); where something vibrates, the structure predicts its readings far better.
@@ -56,32 +59,47 @@ def is_constant(values: Array) -> bool:
 
 def find_still(
     readings: Array, channels: Sequence[str], *, rate: float, frequencies: Sequence[float], rotor_hz: float,
-    innovations: Array | None = None,
+    innovations: Array | None = None, apart: Array | None = None,
 ) -> tuple[str, ...]:  # fmt: skip
     """The channels of readings (T, m), sampled at `rate` [Hz], that are nothing but noise around the natural
     `frequencies` [Hz] of a machine whose rotor turns at `rotor_hz`; in a short record those whose `innovations` (T, m)
-    are no smaller than of noise."""
+    are no smaller than of noise. Channels `apart` (m, m) have no motion in common, and one may be a copy in the other
+    by crosstalk only."""
     if not frequencies:
         return ()
     missing = ~np.isfinite(readings)
     mean = np.where(missing, 0.0, readings).sum(axis=0) / np.maximum((~missing).sum(axis=0), 1)
     window = np.hanning(len(readings))[:, None]
     values = np.fft.rfft(np.where(missing, 0.0, readings - mean) * window, axis=0)
-    power = np.abs(values) ** 2
     f = np.asarray(np.fft.rfftfreq(len(readings), 1.0 / rate), dtype=np.float64)
     highest = min(FREQUENCY_RANGE_FACTOR * max(frequencies), 0.45 * rate)
     there = (f > min(frequencies) / FREQUENCY_RANGE_FACTOR) & (f < highest)
     there &= ~may_be_no_line(f, (), rotor_hz, rate / len(readings))
+    own = values
+    if apart is not None:
+        gains = _crosstalk(values[there], apart)
+        readings = readings - np.where(missing, 0.0, readings - mean) @ gains.real.T
+        own = values - values @ gains.T
+    power = np.abs(own) ** 2
     if there.sum() < MIN_VIBRATION_BINS:
         pairs = [] if innovations is None else list(zip(channels, readings.T, innovations.T, strict=True))
         return tuple(channel for channel, x, e in pairs if _likelihood_ratio(x, e) < 1.0 / FALSE_ALARM_PROBABILITY)
     clear = there.sum() >= MIN_LONG_RECORD_BINS and highest == FREQUENCY_RANGE_FACTOR * max(frequencies)
     chance = FALSE_ALARM_PROBABILITY if clear else SHORT_NOISE_VIBRATION_PROBABILITY
-    judged = (missing.mean(axis=0) <= MAX_MISSING_SHARE) & (power[there].max(axis=0) > 0.0)
-    asked = np.flatnonzero(judged).tolist()
+    asked = np.flatnonzero((missing.mean(axis=0) <= MAX_MISSING_SHARE) & (power[there].max(axis=0) > 0.0)).tolist()
     alive = [i for i in asked if _stands_out(_levelled(f[there], power[there, i]), chance)]
-    phases = values[there] / np.maximum(np.sqrt(power[there]), 1e-300)
-    return tuple(channels[i] for i in asked if i not in alive and not _is_coherent(phases[:, i], phases[:, alive]))
+    phases, others = (x[there] / np.maximum(np.abs(x[there]), 1e-300) for x in (own, values[:, alive]))
+    return tuple(channels[i] for i in asked if i not in alive and not _is_coherent(phases[:, i], others))
+
+
+def _crosstalk(values: Complex, apart: Array) -> Complex:
+    """Gains (m, m) at which channels have a copy of the one `apart` from them that explains most of their Fourier
+    coefficients (n, m): of a delay, too, near one frequency."""
+    products = values.T @ values.conj()
+    power = np.maximum(np.diag(products).real, 1e-300)
+    gains = np.where(np.logical_and(apart, np.abs(products) < power), products / power, 0.0)
+    explained = np.abs(gains) ** 2 * power
+    return np.asarray(np.where(explained == explained.max(axis=1, keepdims=True), gains, 0.0))
 
 
 def _likelihood_ratio(readings: Array, innovations: Array) -> float:

@@ -49,8 +49,6 @@ MAX_WIND_ELEMENTS = 3.6e6
 """Setting: elements of covariances that a filter with the wind's load states may update over a rotor's record. The 40
 filters of an evaluation of their likelihood take 1.2 s then (processor time, 2026), and a search has a dozen."""
 
-WITHOUT_WIND = Finding("bands_suppose_wind", "reason")
-
 
 def choose(job: Job) -> FittedJob:
     """Choose spectra under wind and where nothing turns, filters otherwise, and cross-check them, but under wind.
@@ -98,7 +96,7 @@ def spectral_alone(job: Job) -> FittedJob:
     _, fit = run(job.by("spectral"))
     if fit.outcome.doubts or not fit.outcome.in_bands or _by_broad_loads(job.by("joint")) is None:
         return fit
-    return fit.doubted(WITHOUT_WIND)
+    return fit.doubted(Finding("bands_suppose_wind", "reason"))
 
 
 def _prepared(job: Job, spectral: FittedJob) -> Job:
@@ -162,7 +160,8 @@ def _cross_checked(job: Job, joint: FittedJob, spectral_job: Job, spectral: Fitt
         except FAILURES as error:
             return joint.noting(_note("joint_as_spectra_do_not_apply", error=str(error)))
     spectral = _with_scores_of(joint, spectral)
-    both, wider = (joint.outcome, spectral.outcome), _own_factors(joint.outcome)
+    fit, both = joint.outcome, (joint.outcome, spectral.outcome)
+    wider = {one.name: one.factor for one in widen_coefficients(fit.scores, fit.model.parameters, fit.cov)}
     answer, other = both if spectral.outcome.turns else both[::-1]
     off, against = compare(answer, other, wider)[1], disagreement(answer, other, job.turbine, wider)
     if not spectral.outcome.turns:
@@ -170,11 +169,6 @@ def _cross_checked(job: Job, joint: FittedJob, spectral_job: Job, spectral: Fitt
     if off > MAX_DISAGREEMENT_SIGMAS:
         return joint.noting(_note("joint_with_spectra"), *against)
     return _with_farther_rivals(joint, spectral).noting(_note("joint_agrees", sigmas=off))
-
-
-def _own_factors(joint: Outcome) -> dict[str, float]:
-    """Factors on standard deviations by which parts of the record contradict filters."""
-    return {one.name: one.factor for one in widen_coefficients(joint.scores, joint.model.parameters, joint.cov)}
 
 
 def _with_scores_of(joint: FittedJob, spectral: FittedJob) -> FittedJob:

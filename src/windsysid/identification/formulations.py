@@ -31,8 +31,6 @@ from windsysid.signals.inputs import TURNING
 
 __all__ = ["estimate"]
 
-MOVED = Finding("drift_moved_readings", "reason")
-
 
 def estimate(job: Job, start: FittedJob | None = None) -> FittedJob:
     """Answer a job by its formulation, from where another fit has ended if that is given."""
@@ -50,7 +48,7 @@ def _by_filters(job: Job, start: FittedJob | None) -> FittedJob:
     read = replace(left, time=left.time[::steps], values=left.values[::steps])
     fit = FittedJob("joint", _widened(job, outcome), read, at.sensors, at.faults, job.prior or Prior())
     fit = fit._replace(outcome=_scored(job, fit))
-    return fit.doubted(MOVED) if drifts_in(job) else fit
+    return fit.doubted(Finding("drift_moved_readings", "reason")) if drifts_in(job) else fit
 
 
 def _scored(job: Job, fit: FittedJob) -> Outcome:

@@ -45,18 +45,22 @@ def test_a_disagreement_has_its_coefficients_and_says_whether_blades_were_left_o
     assert disagreement(OUTCOME, other, load_turbine("verne555"))[0].data["unseen_blades"]
 
 
-def test_a_fit_that_contradicts_the_prior_is_no_evidence_against_one_that_does_not():
+def test_a_fit_that_contradicts_the_prior_and_the_record_is_no_evidence_against_one_that_does_not():
     """Filters whose fore-aft mode had come to lie at a third of its frequency condemned spectra that had it right."""
     places = {q.name: i for i, q in enumerate(OUTCOME.model.parameters)}
     off, far = np.zeros((2, len(places)))
     off[places["c_fore_aft"]], off[places["k_side_side"]] = 0.1, 0.05
     far[places["k_fore_aft"]] = -4.1 * OUTCOME.model.parameters[places["k_fore_aft"]].prior[1]
     believed, lost = (OUTCOME._replace(theta=OUTCOME.theta + shift) for shift in (off, off + far))
-    assert disagreement(OUTCOME, believed, TOWER)[0].quantities == ("c_fore_aft",)
-    (found,) = disagreement(OUTCOME, lost, TOWER)
+    wide = {"c_fore_aft": 2.1}
+    assert disagreement(OUTCOME, believed, TOWER, wide)[0].quantities == ("k_side_side",)
+    (found,) = disagreement(OUTCOME, lost, TOWER, wide)
     assert found.quantities == ("k_side_side",)
     assert set(found.data["shifts"]) == {"k_side_side", "c_side_side"}
     # the result itself contradicts its prior: what does not is evidence against it
-    assert disagreement(lost, OUTCOME, TOWER)[0].quantities == ("k_fore_aft",)
+    assert disagreement(lost, OUTCOME, TOWER, wide)[0].quantities == ("k_fore_aft",)
     both = lost._replace(theta=lost.theta + 0.1)
-    assert "k_fore_aft" in disagreement(lost, both, TOWER)[0].data["shifts"]
+    assert "k_fore_aft" in disagreement(lost, both, TOWER, wide)[0].data["shifts"]
+    # a record that fits it well shows that the prior is wrong
+    for factors in ({"c_fore_aft": 1.6}, {"c_side_side": 4.0}, None):
+        assert disagreement(OUTCOME, lost, TOWER, factors)[0].quantities == ("k_fore_aft",)

@@ -60,8 +60,7 @@ class NarrowBandLoad(Effect):
 
     def _start(self, job: Job, fit: FittedJob) -> FittedJob | None:
         """Fit of the spectra with the load, as a start of filters; None if spectra do not apply."""
-        on_time = heard_on_time(fit.read, fit.outcome, job.turbine, fit.sensors)
-        of = on_time, job.turbine, fit.sensors
+        of = heard_on_time(fit.read, fit.outcome, job.turbine, fit.sensors), job.turbine, fit.sensors
         try:
             near, _ = with_wide_priors(
                 lambda prior: identify_by_spectrum(*of, prior, job.parameters, loads=NarrowBand.name), fit.prior

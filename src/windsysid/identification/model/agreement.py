@@ -7,6 +7,7 @@ from windsysid.checks.estimates import doubt_priors, hold_against_priors
 from windsysid.checks.limits import MAX_DISAGREEMENT_SIGMAS, MIN_RIVAL_PROBABILITY
 from windsysid.identification.model.fit import Outcome
 from windsysid.results.finding import Finding
+from windsysid.results.posterior import SIGMAS
 from windsysid.results.tolerance import Group
 from windsysid.turbine.turbine import Turbine
 
@@ -15,9 +16,7 @@ __all__ = ["compare", "disagreement", "shifts_to"]
 
 def compare(one: Outcome, other: Outcome, factors: Mapping[str, float] | None = None) -> tuple[str, float]:
     """The parameter on which two results differ most, and by how many standard deviations, widened by factors."""
-    off = _in_sigmas(one, other, factors)
-    worst = max(off, key=lambda name: off[name])
-    return worst, off[worst]
+    return max(_in_sigmas(one, other, factors).items(), key=lambda each: each[1])
 
 
 def _in_sigmas(one: Outcome, other: Outcome, factors: Mapping[str, float] | None) -> dict[str, float]:
@@ -53,16 +52,23 @@ def disagreement(
     fit: Outcome, other: Outcome, turbine: Turbine, factors: Mapping[str, float] | None = None
 ) -> tuple[Finding, ...]:
     """That filters and spectra are too many standard deviations apart on a coefficient, and the likeliest cause. Where
-    the other fit contradicts the prior of a degree of freedom, and this one does not, the other cannot be believed."""
-    lost = _contradicting_priors(other) - _contradicting_priors(fit)
+    the other fit contradicts the prior of a degree of freedom, this one does not, and factors show that parts of the
+    record contradict the fit there, too, the other is no evidence: by itself, the prior may be wrong."""
+    wide = {q.part for q in fit.model.parameters if (factors or {}).get(q.name, 1.0) > SIGMAS}
+    lost = (_contradicting_priors(other) - _contradicting_priors(fit)) & wide
     known = [q.name for q in fit.model.parameters if q.part not in lost]
     off = {name: sigmas for name, sigmas in _in_sigmas(fit, other, factors).items() if name in known}
     name = max(off, key=lambda name: off[name], default="")
     if off.get(name, 0.0) <= MAX_DISAGREEMENT_SIGMAS:
         return ()
     shifts = {one: shift for one, shift in shifts_to(other, fit).items() if one in known}
-    locked = _blades_move(turbine) and not _blades_move(fit.turbine)
-    data = {"sigmas": off[name], "unseen_blades": locked, "shifts": shifts, "chance": MIN_RIVAL_PROBABILITY}
+    move, seen = (any(freedom.blade for freedom in one.model.freedoms) for one in (turbine, fit.turbine))
+    data = {
+        "sigmas": off[name],
+        "unseen_blades": move and not seen,
+        "shifts": shifts,
+        "chance": MIN_RIVAL_PROBABILITY,
+    }
     return (Finding("formulations_disagree", "reason", data, (name,)),)
 
 
@@ -71,7 +77,3 @@ def _contradicting_priors(found: Outcome) -> set[str]:
     parameters = found.model.parameters
     conflicts = {one.quantities[0] for one in doubt_priors(hold_against_priors(parameters, found.theta, found.cov))}
     return {q.part for q in parameters if q.name in conflicts}
-
-
-def _blades_move(turbine: Turbine) -> bool:
-    return any(freedom.blade for freedom in turbine.model.freedoms)

@@ -1,5 +1,4 @@
-"""Residuals near the modes: tonal components, blade passing; and dead
-channels."""
+"""Residuals near the modes: tonal components, blade passing; and dead channels."""
 
 import math
 from collections.abc import Sequence
@@ -30,10 +29,11 @@ def doubts_beside_modes(
     outcome: Outcome, record: Record, modes: Sequence[Mode], speed: float, *, filtered: bool
 ) -> tuple[Finding, ...]:
     """Findings against the modes of a turbine with a mean rotor speed [rad/s]; more of them for filters."""
-    return (
-        *_still(outcome, record, speed, outcome.final.innovation if filtered else None),
-        *(_passed(outcome, record, modes) if filtered else ()),
-    )
+    if not record.is_uniform:
+        return ()
+    readings = np.column_stack([record[channel] for channel in outcome.channels])
+    still = _still(outcome, readings, record.rate, speed, outcome.final.innovation if filtered else None)
+    return (*still, *(_passed(outcome, record, readings, modes) if filtered else ()))
 
 
 def line_of(outcome: Outcome, record: Record) -> Line | None:
@@ -74,44 +74,33 @@ def _usual_damping(file: Turbine, mode: Mode) -> float:
     most nearly as fast: a line may turn two modes of a tower into two that whirl."""
     if mode.damping_ratio.reference is not None:
         return mode.damping_ratio.reference
-    ratios = {
-        abs(math.log(file.natural_frequency(name) / (2.0 * math.pi * mode.frequency.estimate))): file.damping(name)
-        / file.critical_damping(name)
-        for name in file.model.coordinates
-        if file.natural_frequency(name) > 0.0
-    }
-    return ratios[min(ratios)] if ratios else 0.0
+    known = [mode_of(file, name) for name in file.model.coordinates if file.natural_frequency(name) > 0.0]
+    return min(((abs(math.log(f / mode.frequency.estimate)), ratio) for f, ratio in known), default=(0.0, 0.0))[1]
 
 
-def _still(outcome: Outcome, record: Record, speed: float, innovations: Array | None) -> tuple[Finding, ...]:
-    """Finding on dead channels; the file's frequencies are used: the fit's may be
-    anywhere then."""
-    if not record.is_uniform:
-        return ()
-    readings = np.column_stack([record[channel] for channel in outcome.channels])
-    if innovations is not None and innovations.shape != readings.shape:
-        innovations = None
-    file = outcome.turbine
-    natural = [file.natural_frequency(name) / (2.0 * math.pi) for name in file.model.coordinates]
+def _still(outcome: Outcome, readings: Array, rate: float, speed: float, errors: Array | None) -> tuple[Finding, ...]:
+    """Finding on dead channels; the file's frequencies are used: the fit's may be anywhere then."""
+    if errors is not None and errors.shape != readings.shape:
+        errors = None
+    natural = [mode_of(outcome.turbine, name)[0] for name in outcome.turbine.model.coordinates]
+    measured = (channels_of(outcome) or {"": set(outcome.channels)}).values()
+    sees = np.array([[channel in one for one in measured] for channel in outcome.channels], dtype=np.float64)
     still = find_still(
-        readings, outcome.channels, rate=record.rate, frequencies=natural, rotor_hz=abs(speed) / (2.0 * math.pi),
-        innovations=innovations,
+        readings, outcome.channels, rate=rate, frequencies=natural, rotor_hz=abs(speed) / (2.0 * math.pi),
+        innovations=errors, apart=sees @ sees.T == 0.0,
     )  # fmt: skip
-    if not still:
-        return ()
-    return (Finding("dead_channel", "reason", {"channels": still}),)
+    return (Finding("dead_channel", "reason", {"channels": still}),) if still else ()
 
 
-def _passed(outcome: Outcome, record: Record, modes: Sequence[Mode]) -> tuple[Finding, ...]:
+def _passed(outcome: Outcome, record: Record, readings: Array, modes: Sequence[Mode]) -> tuple[Finding, ...]:
     """That blades pass a support at a steady speed where it has a mode, as a doubt."""
     model = outcome.turbine.model
-    if any(one.blade for one in model.freedoms) or not ("rotor_azimuth" in record and record.is_uniform):
+    if any(one.blade for one in model.freedoms) or "rotor_azimuth" not in record:
         return ()
     try:
         psi = rotor_inputs(record, abs(outcome.turbine.rotor_speed))[:, 0]
     except RecordError:  # an azimuth that was not needed
         return ()
-    readings = np.column_stack([record[channel] for channel in outcome.channels])
     readings = np.nan_to_num(readings - np.nanmean(readings, axis=0))
     known = [("", *mode) for mode in no_narrower(outcome.turbine, modes)]
     found = find_passing(known, model.blades, readings=(readings, psi, record.rate))
