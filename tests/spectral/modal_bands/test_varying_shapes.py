@@ -16,7 +16,7 @@ def between_modes(seed: int) -> np.ndarray:
     x = BINS[:, None] / BINS.mean() - 1.0
     loads = rng.normal(size=(len(BINS), 6)).view(complex)
     shapes = np.array([[1.0, 0.6, 0.2], [0.1, -0.2, 0.1], [0.0, 0.001, -0.002]])
-    return loads @ shapes + x * loads[:, :1] * np.array([-1.0, 0.5, 1.0])
+    return np.asarray(loads @ shapes + x * loads[:, :1] * np.array([-1.0, 0.5, 1.0]))
 
 
 def log_odds(found: BandFit) -> list[float]:
