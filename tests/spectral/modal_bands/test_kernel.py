@@ -17,8 +17,8 @@ def test_the_cost_and_the_slopes_of_white_noise_are_the_textbooks(exact_band: Ba
     middle = np.sqrt(band.frequency[0] * band.frequency[-1])
     cost = whitened_slopes()(
         band.power, band.counts, band.frequency, band.fine, band.first, band.window, none, none, empty,
-        np.empty((0, 0), dtype=complex), rest, np.array([middle, 0.0, 0.0]), empty, np.empty(0, dtype=np.int64),
-        slopes, misfit,
+        np.empty((0, 0), dtype=complex), rest, np.array([middle, 0.0, 0.0]), empty,
+        np.empty((0, m, m), dtype=complex), np.empty(0, dtype=np.int64), slopes, misfit,
     )  # fmt: skip
     S = rest @ rest.conj().T
     ratio = np.einsum("kii->k", np.linalg.inv(S) @ band.power).real

@@ -5,7 +5,7 @@ from windsysid.spectral.modal_bands.model import Modes, advance, scores, spectru
 from windsysid.spectral.transforms.dft import Band, band_data, taper_factor, transform, window_weights
 
 
-def some_modes(rng, m=3, r=2, *, drift=False):
+def some_modes(rng, m=3, r=2, *, drift=False, mix=False):
     shape = rng.normal(size=(m, r)) + 1j * rng.normal(size=(m, r))
     load = np.eye(r, dtype=complex)
     if r > 1:
@@ -14,6 +14,10 @@ def some_modes(rng, m=3, r=2, *, drift=False):
     modes = Modes(np.array([0.97, 1.04])[:r], np.array([0.02, 0.01])[:r], 0.05 * shape, load, 0.4, rest, -0.7)
     if drift:
         modes = modes._replace(drift=0.1 * (rng.normal(size=(m, r)) + 1j * rng.normal(size=(m, r))))
+    if mix:
+        mixing = np.tril(rng.normal(size=(2, m, m)) + 1j * rng.normal(size=(2, m, m)), -1)
+        mixing[0] += np.diag(np.append(0.0, rng.normal(size=m - 1)))
+        modes = modes._replace(mix=mixing)
     return with_real_elements(modes)
 
 
@@ -23,11 +27,12 @@ def some_band(rng, m=3, samples=2000, rate=10.0):
     return band_data(values, bins, samples, rate)
 
 
+@pytest.mark.parametrize("mix", [False, True])
 @pytest.mark.parametrize("drift", [False, True])
 @pytest.mark.parametrize("r", [1, 2])
-def test_gradient_and_information_are_those_of_differences_of_the_plain_formula(r, drift):
+def test_gradient_and_information_are_those_of_differences_of_the_plain_formula(r, drift, mix):
     rng = np.random.default_rng(1)
-    modes, band = some_modes(rng, r=r, drift=drift), some_band(rng)
+    modes, band = some_modes(rng, r=r, drift=drift, mix=mix), some_band(rng)
 
     def cost(step):
         s = spectrum(advance(modes, step), band)

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,11 +14,14 @@ from windsysid.spectral.modal_bands import limits
 from windsysid.spectral.modal_bands.model import Modes, prominence, spectrum, tilt_of
 from windsysid.spectral.modal_bands.model_order import BandFit, Shapes
 from windsysid.spectral.modal_bands.scoring import DAMPING_PRIOR, HALF_TOLERANCE, ModalFit, score
+from windsysid.spectral.modal_bands.varying_shapes import background_log_odds
 from windsysid.spectral.oma.condition import Readings, RemovedLine
-from windsysid.spectral.oma.mode import Doubt
+from windsysid.spectral.oma.mode import Doubt, OperationalMode
 from windsysid.spectral.transforms.limits import MIN_BAND_BINS
 
-__all__ = ["explanations", "fit_doubts", "is_spurious", "mode_doubts", "shape_doubts", "variation"]
+__all__ = [
+    "explanations", "fit_doubts", "is_spurious", "mode_doubts", "shape_doubts", "variation", "with_background_odds",
+]  # fmt: skip
 
 ENVELOPES = 100
 """Setting: number of motions that are drawn under random loads."""
@@ -51,6 +55,18 @@ def mode_doubts(found: BandFit, j: int, shapes: Shapes, readings: Readings) -> l
         text = f"its power is only {over:.2g} times that of the background: it may be the skirt of a neighbouring mode"
         doubts.append(Doubt("faint", text))
     return doubts + shape_doubts(shapes.std[:, j])
+
+
+def with_background_odds(modes: Sequence[OperationalMode], found: BandFit) -> list[OperationalMode]:
+    """Add a reason to each usable mode of a band that may well be vibration whose shape varies with frequency."""
+    usable = [i for i, mode in enumerate(modes) if mode.trusted]
+    at = [int(np.argmin(np.abs(found.fit.modes.frequency - modes[i].frequency.estimate))) for i in usable]
+    checked = list(modes)
+    for i, ratio in zip(usable, background_log_odds(found.fit, found.band, len(found.bins), at), strict=True):
+        if (odds := math.exp(min(ratio, 50.0))) > limits.MAX_LOAD_ODDS:
+            text = f"it may be vibration between modes, whose shape varies with frequency: odds {odds:.2g} : 1"
+            checked[i] = replace(modes[i], grounds=(*modes[i].grounds, Doubt("background", text)))
+    return checked
 
 
 def fit_doubts(found: BandFit, j: int, readings: Readings) -> list[Doubt]:

@@ -24,7 +24,7 @@ def whitened_slopes() -> Any:
     c2, c3 = types.complex128[:, ::1], types.complex128[:, :, ::1]
     f0, f1, f2, f3 = types.float64, types.float64[::1], types.float64[:, ::1], types.float64[:, :, ::1]
     i1 = types.int64[::1]
-    return compiled(_whiten, f0(c3, f1, f1, f1, i1, f2, f1, f1, c2, c2, c2, f1, c2, i1, f3, f2))
+    return compiled(_whiten, f0(c3, f1, f1, f1, i1, f2, f1, f1, c2, c2, c2, f1, c2, c3, i1, f3, f2))
 
 
 @inlined
@@ -131,7 +131,7 @@ def _turned(d: Any, both: Any, white: Any, j: int, v: Any) -> None:
 
 def _whiten(
     power: Any, count: Any, frequency: Any, fine: Any, first: Any, window: Any, f: Any, zeta: Any,
-    shape: Any, load: Any, rest: Any, numbers: Any, drift: Any, real: Any, slopes: Any, misfit: Any,
+    shape: Any, load: Any, rest: Any, numbers: Any, drift: Any, mix: Any, real: Any, slopes: Any, misfit: Any,
 ) -> float:  # fmt: skip
     """Whitened slopes (p, K, m²) and misfit 1 − G⁻¹ P G⁻ᴴ (K, m²), both times √n; returns Σ n (ln det S̄ + tr S̄⁻¹ P),
     infinite where S̄ is not positive.
@@ -140,8 +140,8 @@ def _whiten(
     ----------
     power, count, frequency, fine, first, window
         Of a `windsysid.spectral.transforms.dft.Band`.
-    f, zeta, shape, load, rest, drift
-        Of the modes; no columns of `drift` where it is no unknown.
+    f, zeta, shape, load, rest, drift, mix
+        Of the modes; no columns of `drift`, and no matrices of `mix`, where they are no unknowns.
     numbers
         f_c, a, b.
     real
@@ -151,7 +151,7 @@ def _whiten(
     """
     k_rows, m = power.shape[0], power.shape[1]
     r = shape.shape[1]
-    moves = drift.shape[1] > 0
+    moves, mixes = drift.shape[1] > 0, len(mix) > 0
     phi = shape.copy()
     centre, a_slope, b_slope = numbers[0], numbers[1], numbers[2]
     h = np.empty((r, len(fine)), dtype=np.complex128)
@@ -171,12 +171,21 @@ def _whiten(
     white = np.empty((r, m), dtype=np.complex128)  # G⁻¹ φ_j
     inner = np.empty((r, m), dtype=np.complex128)  # G⁻¹ Φ (D∘B)ᴴ e_j
     z = np.empty((m, m), dtype=np.complex128)  # rows: columns of G⁻¹ L
+    y = np.empty_like(z)  # rows: columns of G⁻¹ L_f
+    here, grow = rest.copy(), np.ones(m)  # L_f, and its columns over those of L
     axes = np.empty((m, m), dtype=np.complex128)  # rows: columns of G⁻¹
+    whole, seen = np.empty_like(axes), np.empty_like(axes)  # T G, and rows: columns of its inverse
     v = np.empty(m, dtype=np.complex128)
     for k in range(k_rows):
         height = math.log(frequency[k] / centre)
         tilt = math.exp(b_slope * height)
         bend = height * tilt
+        if mixes:
+            for j in range(m):
+                grow[j] = math.exp(0.5 * mix[0, j, j].real * height)
+                for i in range(m):
+                    here[i, j] = rest[i, j] * grow[j]
+            _product(here, level)
         if moves:
             for j in range(r):
                 for i in range(m):
@@ -203,14 +212,27 @@ def _whiten(
                 z[i, j] = rest[j, i]
             _solve(root, axes[i])
             _solve(root, z[i])
-        # misfit: 1 − G⁻¹ P G⁻ᴴ, with W = G⁻¹ whose columns are the rows of `axes`
+            for j in range(m):
+                y[i, j] = z[i, j] * grow[i]
+        whole[:], seen[:] = root, axes
+        if mixes:
+            for i in range(m):
+                for j in range(i):
+                    for order in range(len(mix)):
+                        for q in range(j + 1):
+                            whole[i, q] += height ** (order + 1) * mix[order, i, j] * root[j, q]
+            for i in range(m):
+                for j in range(m):
+                    seen[i, j] = 1.0 if i == j else 0.0
+                _solve(whole, seen[i])
+        # misfit: 1 − W P Wᴴ, with W = (T G)⁻¹ whose columns are the rows of `seen`
         at = m
         for i in range(m):
             for j in range(i + 1):
                 total = 0.0 + 0.0j
                 for p in range(i + 1):
                     for q in range(j + 1):
-                        total += axes[p, i] * power[k, p, q] * axes[q, j].conjugate()
+                        total += seen[p, i] * power[k, p, q] * seen[q, j].conjugate()
                 if i == j:
                     misfit[k, i] = size * (1.0 - total.real)
                     cost += count[k] * total.real
@@ -269,15 +291,29 @@ def _whiten(
                 _add(white[j], v, 0.5 * size, slopes[a, k])
             a += 1
         for i in range(m):
-            _add(z[i], z[i], 0.5 * size * tilt, slopes[a, k])
+            _add(y[i], y[i], 0.5 * size * tilt, slopes[a, k])
             a += 1
         for which in range(2):
             for i in range(1, m):
                 for j in range(i):
                     for other in range(m):
-                        v[other] = z[j, other] if which == 0 else -1j * z[j, other]
-                    _add(z[i], v, size * tilt, slopes[a, k])
+                        v[other] = y[j, other] if which == 0 else -1j * y[j, other]
+                    _add(z[i], v, size * tilt * grow[j], slopes[a, k])
                     a += 1
+        if mixes:
+            for i in range(1, m):
+                _add(y[i], y[i], 0.5 * size * bend, slopes[a, k])
+                a += 1
+        for which in range(2):
+            for order in range(len(mix)):
+                for i in range(1, m):
+                    for j in range(i):
+                        for other in range(m):
+                            v[other] = root[j, other].conjugate() if other <= j else 0.0
+                            if which == 1:
+                                v[other] *= -1j
+                        _add(seen[i], v, size * height ** (order + 1), slopes[a, k])
+                        a += 1
         for i in range(m):
-            _add(z[i], z[i], 0.5 * size * bend, slopes[a, k])
+            _add(y[i], y[i], 0.5 * size * bend, slopes[a, k])
     return cost

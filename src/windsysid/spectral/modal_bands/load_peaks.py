@@ -45,7 +45,7 @@ def with_load_odds(modes: Sequence[OperationalMode]) -> list[OperationalMode]:
 def _odds_of_shape(i: int, modes: Sequence[OperationalMode], alone: list[float], equal: float) -> tuple[float, str]:
     """Odds of a load against mode i by its shape, too, and the modes that a load would excite, as a clause."""
     odds, why = alone[i], ""
-    clear = [k for k, other in enumerate(modes) if k != i and not other.grounds]
+    clear = [k for k, other in enumerate(modes) if k != i and all(g.kind == "background" for g in other.grounds)]
     at = int(np.searchsorted(clear, i))
     for near in (*([k] for k in clear), clear[max(at - 1, 0) : at + 1]):
         ratio, mac = shape_ratio(modes[i], [modes[k] for k in near], equal)

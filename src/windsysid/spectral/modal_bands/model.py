@@ -16,6 +16,10 @@ one element of each column is real, since the phase of a column means nothing. D
 A step δ of the unknowns has this order: ln f (r), ln ζ (r), Re Φ (m r, by columns), Im Φ (less the real elements), Re
 and Im of C below its diagonal, a (where there is a mode), X, b, Re and Im of Ψ by columns where it is unknown. X is
 Hermitian, m² real numbers: L Lᴴ ← L exp(X) Lᴴ, which is the same whatever the units of the channels are.
+
+A rival model (`windsysid.spectral.modal_bands.varying_shapes`) has T S Tᴴ in place of S, T = 1 + Σ K_q (ln f/f_c)^q,
+the K_q being lower triangular without their diagonals, and columns of L with slopes b + k of their own, k being kept in
+the diagonal of the first K. Between X and b, k (m − 1), Re K_q and Im K_q follow.
 """
 
 from functools import lru_cache
@@ -29,8 +33,8 @@ from windsysid.spectral.modal_bands.kernel import whitened_slopes
 from windsysid.spectral.transforms.dft import Band
 
 __all__ = [
-    "SLOPE_STD", "Modes", "Scores", "advance", "coordinates", "prominence", "responses", "row_scores", "scores",
-    "spectrum", "tilt_of", "with_real_elements",
+    "SLOPE_STD", "Modes", "Scores", "advance", "coordinates", "height_of", "prominence", "responses", "row_scores",
+    "scores", "spectrum", "tilt_of", "with_real_elements",
 ]  # fmt: skip
 
 
@@ -54,6 +58,8 @@ class Modes(NamedTuple):
         C (r, r) and a.
     rest, rest_slope
         L (m, m) and b.
+    mix
+        K_q (Q, m, m); None where channels are not mixed, and they are no unknowns.
     """
 
     frequency: Array
@@ -64,6 +70,7 @@ class Modes(NamedTuple):
     rest: Complex
     rest_slope: float
     drift: Complex | None = None
+    mix: Complex | None = None
 
     def shapes(self, frequency: Array) -> Complex:
         """Φ + Ψ (f/f_j − 1) at some frequencies (K, m, r)."""
@@ -87,12 +94,22 @@ class Modes(NamedTuple):
     def size(self) -> int:
         """Number of unknowns."""
         m, r = self.shape.shape
-        return int(2 * r + 2 * m * r - r + r * (r - 1) + (r > 0) + m * m + 1) + self.drifting
+        return int(2 * r + 2 * m * r - r + r * (r - 1) + (r > 0) + m * m + 1) + self.mixing + self.drifting
 
     @property
     def drifting(self) -> int:
         """Number of unknowns of Ψ."""
         return 0 if self.drift is None else 2 * self.drift.size
+
+    @property
+    def mixing(self) -> int:
+        """Number of unknowns of K_q."""
+        return 0 if self.mix is None else len(self.mix) * (self.mix[0].size - len(self.rest)) + len(self.rest) - 1
+
+    def mixing_at(self, height: Array) -> Complex:
+        """T (K, m, m) at ln f/f_c (K,)."""
+        mix = np.zeros((0, *self.rest.shape)) if self.mix is None else np.tril(self.mix, -1)
+        return np.asarray(np.eye(len(self.rest)) + np.tensordot(height[:, None] ** np.arange(1, len(mix) + 1), mix, 1))
 
 
 class Scores(NamedTuple):
@@ -140,9 +157,9 @@ def coordinates(modes: Modes) -> Array:
 def advance(modes: Modes, step: Array) -> Modes:
     """The modes after a step δ."""
     m, r = modes.shape.shape
-    ends, *at = _parts(m, r)
+    ends, *at = _parts(m, r, 0 if modes.mix is None else len(modes.mix))
     fixed, psi = step[: modes.size - modes.drifting], step[modes.size - modes.drifting :]
-    f, z, re, im, cr, ci, a, d, xr, xi, b = np.split(fixed, ends)
+    f, z, re, im, cr, ci, a, d, xr, xi, k, ks, b = np.split(fixed, ends)
     turned = np.ones((m, r), dtype=bool)
     turned[modes.real, range(r)] = False
     imaginary = np.zeros((r, m))
@@ -153,6 +170,11 @@ def advance(modes: Modes, step: Array) -> Modes:
     x[at[2], at[3]] = xr + 1j * xi
     sizes_x, directions = np.linalg.eigh(x)  # of its lower triangle
     grown = modes.rest @ directions * np.exp(0.5 * np.clip(sizes_x, -2.0, 2.0))
+    mix = modes.mix
+    if mix is not None:
+        mix = mix.copy()
+        mix[0] += np.diag(np.append(0.0, k))
+        mix[:, at[2], at[3]] += ks[: len(ks) // 2].reshape(len(mix), -1) + 1j * ks[len(ks) // 2 :].reshape(len(mix), -1)
     rest = np.linalg.cholesky(grown @ grown.conj().T + MIN_BACKGROUND_POWER * np.eye(m))
     return Modes(
         modes.frequency * np.exp(f),
@@ -163,6 +185,7 @@ def advance(modes: Modes, step: Array) -> Modes:
         rest,
         modes.rest_slope + float(b[0]),
         None if modes.drift is None else modes.drift + (psi[: m * r] + 1j * psi[m * r :]).reshape(r, m).T,
+        mix,
     )
 
 
@@ -172,8 +195,10 @@ def spectrum(modes: Modes, band: Band) -> Complex:
     d = band.expected((h[:, None] * h.conj()[None] * tilt_of(band.fine, band, modes.load_slope)).transpose(2, 0, 1))
     phi = modes.shapes(band.frequency)
     modal = phi @ (d * (modes.load @ modes.load.conj().T)) @ phi.conj().transpose(0, 2, 1)
-    rest = modes.rest @ modes.rest.conj().T
-    return np.asarray(modal + tilt_of(band.frequency, band, modes.rest_slope)[:, None, None] * rest)
+    height = height_of(band.frequency, band)
+    slopes = modes.rest_slope + (np.zeros(len(phi[0])) if modes.mix is None else np.diagonal(modes.mix[0]).real)
+    root, turn = modes.rest * np.exp(0.5 * height[:, None] * slopes)[:, None], modes.mixing_at(height)
+    return np.asarray(turn @ (modal + root @ root.conj().transpose(0, 2, 1)) @ turn.conj().transpose(0, 2, 1))
 
 
 def scores(modes: Modes, band: Band) -> Scores:
@@ -198,7 +223,8 @@ def _whitened(modes: Modes, band: Band) -> tuple[float, Array, Array]:
         band.power, band.counts, band.frequency, band.fine, band.first, band.window, modes.frequency, modes.damping,
         np.ascontiguousarray(modes.shape), np.ascontiguousarray(modes.load), np.ascontiguousarray(modes.rest),
         np.array([_centre(band), modes.load_slope, modes.rest_slope]),
-        np.empty((m, 0), dtype=np.complex128) if modes.drift is None else np.ascontiguousarray(modes.drift), modes.real,
+        np.empty((m, 0), dtype=np.complex128) if modes.drift is None else np.ascontiguousarray(modes.drift),
+        np.empty((0, m, m), dtype=np.complex128) if modes.mix is None else np.ascontiguousarray(modes.mix), modes.real,
         slopes, misfit,
     )  # fmt: skip
     return float(cost), slopes, misfit
@@ -216,13 +242,18 @@ def tilt_of(frequency: Array, band: Band, slope: float) -> Array:
     return np.asarray((frequency / _centre(band)) ** slope)
 
 
+def height_of(frequency: Array, band: Band) -> Array:
+    """ln f/f_c (F,)."""
+    return np.asarray(np.log(frequency / _centre(band)))
+
+
 def _centre(band: Band) -> float:
     return float(np.sqrt(band.frequency[0] * band.frequency[-1]))
 
 
 @lru_cache(maxsize=64)
-def _parts(m: int, r: int) -> tuple[NDArray[np.int64], ...]:
+def _parts(m: int, r: int, order: int = 0) -> tuple[NDArray[np.int64], ...]:
     """Ends of the parts of a step, and the places below the diagonals of C and of X."""
     low, below = r * (r - 1) // 2, m * (m - 1) // 2
-    sizes = [r, r, m * r, m * r - r, low, low, int(r > 0), m, below, below, 1]
+    sizes = [r, r, m * r, m * r - r, low, low, int(r > 0), m, below, below, (order > 0) * (m - 1), 2 * order * below, 1]
     return (np.cumsum(sizes)[:-1], *np.tril_indices(r, -1), *np.tril_indices(m, -1))

@@ -12,7 +12,7 @@ from windsysid.checks.dispersion import PartScores
 from windsysid.checks.limits import MAX_WIDENING, MIN_RIVAL_PROBABILITY, NEGLIGIBLE_SHARE
 from windsysid.checks.widening import mixture_factor
 from windsysid.results.estimate import IntervalEstimate
-from windsysid.spectral.modal_bands.check import explanations, is_spurious, mode_doubts, variation
+from windsysid.spectral.modal_bands.check import explanations, is_spurious, mode_doubts, variation, with_background_odds
 from windsysid.spectral.modal_bands.limits import MAX_STEADINESS
 from windsysid.spectral.modal_bands.model_order import BandFit, Shapes, full_shapes
 from windsysid.spectral.modal_bands.part_scores import BandWidening, Segments, part_scores, wander_ratio, widening_of
@@ -27,11 +27,12 @@ def described(found: BandFit, segments: Segments, readings: Readings) -> list[Op
     """Modes of a band with their shapes, doubts and wider intervals, by the transforms of segments of the record."""
     shapes = full_shapes(found)
     parts = part_scores(found, segments, readings.samples, readings.rate)
-    return [
+    modes = [
         widened(mode_of(found, j, shapes, mode_doubts(found, j, shapes, readings)), found, j, parts)
         for j in range(len(found.fit.modes.frequency))
         if not is_spurious(found, j, readings.samples / readings.rate)
     ]
+    return with_background_odds(modes, found)
 
 
 def widened(mode: OperationalMode, found: BandFit, j: int, parts: Sequence[PartScores]) -> OperationalMode:

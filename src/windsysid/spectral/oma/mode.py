@@ -15,7 +15,8 @@ from windsysid.results.mode import Mode
 __all__ = ["Doubt", "DoubtKind", "OperationalMode"]
 
 DoubtKind = Literal[
-    "search", "short", "line", "border", "history", "shape", "faint", "image", "load", "scores", "records", "record",
+    "search", "short", "line", "border", "history", "shape", "faint", "image", "load", "background", "scores",
+    "records", "record",
 ]  # fmt: skip
 
 

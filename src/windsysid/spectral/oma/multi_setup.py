@@ -42,7 +42,7 @@ from windsysid.spectral.transforms.limits import MIN_BAND_BINS
 
 __all__ = ["common_sensors", "join"]
 
-DOUBTS_OF_A_RECORD: tuple[DoubtKind, ...] = ("scores", "image", "load")
+DOUBTS_OF_A_RECORD: tuple[DoubtKind, ...] = ("scores", "image", "load", "background")
 """Kinds of doubts about a mode in one record that also concern the joint mode."""
 
 Track: TypeAlias = dict[int, int]
