@@ -557,7 +557,7 @@ def test_auto_is_the_default():
 
 @pytest.fixture(scope="module")
 def tower_record() -> Record:
-    return simulate_record("tower", duration=600.0, rate=6.0, seed=96_902)
+    return simulate_record("tower", duration=600.0, rate=20.0, seed=96_902)
 
 
 def test_auto_goes_by_spectra_where_nothing_turns(tower_record, tmp_path):
