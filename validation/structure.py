@@ -87,7 +87,7 @@ def functions_of(tree: ast.AST, path: str) -> Iterator[Function]:
             names = [getattr(each, "arg", "self") for each in ast.iter_child_nodes(node.args)]
             count = len([name for name in names if name not in ("self", "cls")])
             yield Function(f"{path}:{node.lineno} {node.name}", complexity_of(node), count, kernel)
-        waiting += [(child, kernel) for child in ast.iter_child_nodes(node)]
+        waiting += [(child, kernel) for child in ast.iter_child_nodes(node) if not isinstance(child, ast.expr)]
 
 
 def _name(node: ast.AST) -> str:

@@ -445,7 +445,7 @@ def test_a_seed_repeats_a_record(run, tmp_path):
         run(
             "simulate",
             "--turbine",
-            "nrel5mw",
+            "tower",
             "--duration",
             "5",
             "--rate",

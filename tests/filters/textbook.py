@@ -5,6 +5,7 @@ treats a whole record as one Gaussian vector, without any recursion.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import scipy.linalg
@@ -45,6 +46,7 @@ class Textbook:
     R: np.ndarray
 
 
+@lru_cache(maxsize=len(STEPS))
 def textbook(h: float) -> Textbook:
     """All matrices for a step of h seconds."""
     m, k, c = (np.array([CHAIN_VALUES[f"{n}_{i}"] for i in (1, 2, 3)]) for n in "mkc")

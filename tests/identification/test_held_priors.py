@@ -17,10 +17,10 @@ from windsysid.statespace.parameter import Parameter
 from windsysid.turbine.file import load_turbine
 
 
-def found_of(times: float, seed: int, formulation: Literal["auto", "joint"] = "auto"):
+def found_of(times: float, seed: int, formulation: Literal["auto", "joint"] = "auto", duration: float = 600.0):
     tower = load_turbine("tower")
     true = tower.with_values({"c_side_side": times * tower.values["c_side_side"]})
-    record = simulate_record(true, duration=600.0, rate=20.0, seed=seed)
+    record = simulate_record(true, duration=duration, rate=8.0, seed=seed)
     return true, identify_without_effects(record, tower, formulation=formulation)
 
 
@@ -44,7 +44,7 @@ def test_damping_that_no_prior_like_the_files_could_have_is_found_and_not_truste
 
 def test_a_prior_is_not_widened_where_the_search_was_too_expensive(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(prior_conflict, "MAX_REPEATED_ELEMENTS", 0.0)
-    _, found = found_of(4.0, 1, "joint")
+    _, found = found_of(4.0, 1, "joint", 300.0)
     assert "prior_widened" not in codes(found.findings)
     assert "search_exhausted" in codes(reasons(found))
     assert found["c_side_side"].grade == "C"

@@ -150,7 +150,8 @@ def test_loads_that_are_not_there_are_learned_to_be_none(verne555, decay):
         assert off(as_states, e.name) < 4.0
 
 
-@pytest.mark.parametrize("factor", [pytest.param(1.0 / 3.0, marks=pytest.mark.slow), 3.0])
+@pytest.mark.slow
+@pytest.mark.parametrize("factor", [1.0 / 3.0, 3.0])
 def test_wrong_statistics_in_the_files_are_put_right(verne555, driven, found, factor):
     # Three times off in load and noise: the answer is the same as from the right files.
     wrong = replace(

@@ -54,7 +54,7 @@ def test_an_offset_is_as_large_as_the_readings_are_off(verne555: Turbine):
     assert again.sizes[name] == pytest.approx(0.05, abs=0.01)
 
 
-@pytest.mark.parametrize("name", ["verne555", "nrel5mw", "tower"])
+@pytest.mark.parametrize("name", ["verne555", pytest.param("nrel5mw", marks=pytest.mark.slow), "tower"])
 def test_sensors_that_read_right_keep_what_they_have(name: str):
     """Gravity, which goes with the rotor, and the pull outwards of what turns are no offset."""
     turbine = load_turbine(name)

@@ -152,6 +152,7 @@ def test_what_is_seen_while_the_filter_still_finds_the_state_is_said_to_be_seen_
     assert str(verne).count("< ") == 5  # every stiffness
 
 
+@pytest.mark.slow
 def test_blades_without_a_sensor_are_seen_worse_through_the_hub(verne555, verne):
     fewer = plan(verne555, duration=100.0, sensors=verne555.sensors[:3])
     for i in (2, 3):
@@ -300,7 +301,7 @@ def test_durations_are_spelt_out(seconds, words):
 
 
 def test_the_command_answers_and_writes_its_report(run, tmp_path, monkeypatch):
-    monkeypatch.setattr(planned_ways, "MAX_SIMULATED_SAMPLES", 10_000)
+    monkeypatch.setattr(planned_ways, "MAX_SIMULATED_SAMPLES", 4_000)
     options = (
         "--duration",
         "100 s",
@@ -340,7 +341,7 @@ def test_the_command_answers_and_writes_its_report(run, tmp_path, monkeypatch):
 
 
 def test_the_summary_as_json_is_all_that_is_printed(run, tmp_path, monkeypatch):
-    monkeypatch.setattr(planned_ways, "MAX_SIMULATED_SAMPLES", 10_000)
+    monkeypatch.setattr(planned_ways, "MAX_SIMULATED_SAMPLES", 4_000)
     sensor = '[[sensor]]\nchannel="a"\nquantity="acceleration"\npoint="tower"\naxis="x"\nnoise=0.05\n'
     (tmp_path / "sensors.toml").write_text(sensor)
     code, out, err = run(

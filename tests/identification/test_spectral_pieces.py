@@ -164,17 +164,8 @@ def test_one_piece_in_bands_says_what_the_record_says(
     assert "one_block" in codes(reasons(found))
 
 
-def test_pieces_in_bands_agree_with_the_whole_and_can_be_taken_up_again(
-    machine: Turbine, turning: Record, expected: Identification, tmp_path: Path
-) -> None:
-    checkpoint = tmp_path / "state.npz"
-    parts = pieces(turning, 120.0)
-    with pytest.raises(KeyboardInterrupt):
-        identify_pieces(_stopping(parts, 2), machine, formulation="spectral", checkpoint=checkpoint)
-    found = identify_pieces(parts, machine, formulation="spectral", checkpoint=checkpoint)
-    straight = identify_pieces(parts, machine, formulation="spectral")
-    assert np.array_equal(found.cov, straight.cov)
-    assert found.findings == straight.findings
+def test_pieces_in_bands_agree_with_the_whole(machine: Turbine, turning: Record, expected: Identification) -> None:
+    found = identify_pieces(pieces(turning, 120.0), machine, formulation="spectral")
     blocks = only(found.findings, "blocks").data
     assert (blocks["blocks"], blocks["duration"]) == (3, pytest.approx(120.0, rel=1e-3))
     assert np.sqrt(np.mean(apart(found, expected) ** 2)) < 0.5

@@ -169,6 +169,7 @@ def test_what_turns_with_the_rotor_is_felt_by_innovations(verne555: Turbine):
     assert find_turning(found.whitened, made, verne555, verne555.sensors) == []
 
 
+@pytest.mark.slow
 def test_what_turns_and_nobody_took_away_speaks_against_a_result(verne555: Turbine, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(pipeline, "MAX_EXTENSIONS", 0)
     made = record("1P on the support", 502).section(0.0, 15.0)
@@ -201,6 +202,12 @@ def test_what_is_left_beside_a_sine_that_was_none_is_a_doubt(monkeypatch: pytest
     assert "tone_removed" in codes(found.findings)
     of_a_band = {"tone_influence", "narrow_band_load_preferred", "narrow_band_load_ambiguous"}
     assert of_a_band.union({"narrow_band_load_possible"}).intersection(codes(reasons(found)))
+
+
+@pytest.mark.parametrize(("order", "code"), [(1, "rotor_harmonic_left"), (0, "tone_left")])
+def test_a_sine_that_is_left_is_called_a_harmonic_where_it_turns_with_the_rotor(order: int, code: str):
+    left = Sine(2.0, on_blades=False, order=order).doubt
+    assert (left.code, left.severity, left.data) == (code, "reason", {"frequency": 2.0, "order": order})
 
 
 def test_parts_of_loads_add_to_what_is_not_known(verne555: Turbine):

@@ -468,6 +468,7 @@ def test_what_living_processes_write_is_not_swept_up(tmp_path: Path):
 # killed at random
 
 
+@pytest.mark.slow
 @posix
 def test_nothing_is_lost_in_ten_random_kills(tmp_path: Path):
     from validation.kills import run

@@ -42,7 +42,8 @@ def test_halves_of_a_steady_record_are_no_reason_where_their_likelihoods_agree()
 
 
 @pytest.mark.skipif(not C2.exists(), reason="OpenFAST's records are not in this checkout")
-@pytest.mark.parametrize("first", [60.0, pytest.param(240.0, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("first", [60.0, 240.0])
 def test_three_minutes_of_a_rotor_are_usable(first):
     grades, codes = reasons("nrel5mw_full", first, first + 180.0)
     assert (grades <= {"A", "B"}, codes) == (True, set())
