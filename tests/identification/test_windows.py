@@ -13,6 +13,7 @@ from windsysid.identification.condition.blockwise import BlockwiseConditioner
 from windsysid.identification.condition.readings import resample_for_model
 from windsysid.identification.condition.samples import SamplesOnDisk, split_evenly
 from windsysid.identification.model.fit import known_inputs, known_loads
+from windsysid.identification.model.turbine_problem import seen_by
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
 from windsysid.signals import resample
@@ -43,7 +44,8 @@ def moving(turbine: Turbine, sensors: Sequence[Sensor], rate: float, duration: f
 
 def read_whole(record: Record, turbine: Turbine, sensors: Sequence[Sensor], rate: float | None) -> tuple[Rows, int]:
     part, steps, _ = resample_for_model(record, turbine, rate, sensors)
-    inputs = np.hstack([known_inputs(part, turbine, sensors), known_loads(part, turbine)[0]])
+    seen = seen_by(turbine, sensors, [])
+    inputs = np.hstack([known_inputs(part, seen, sensors), known_loads(part, seen)[0]])
     return (part.time, inputs, np.column_stack([part[s.channel] for s in sensors])), steps
 
 
@@ -77,6 +79,14 @@ def test_a_rotor_in_pieces_reads_as_the_whole(verne555: Turbine, cuts: Sequence[
     whole, _ = read_whole(record, verne555, verne555.sensors, None)
     # a rate that rounding moves by 1e-12 may give the smooth slope two samples more
     agree(read_pieces(record, cuts, verne555, verne555.sensors, None), whole, 1e-4)
+
+
+def test_a_rotor_without_sensors_on_its_blades_has_inputs_for_what_is_seen(verne555: Turbine):
+    """Pieces had inputs of locked blades, too, and ended in an error."""
+    tower = [one for one in verne555.sensors if one.channel.startswith("tower")]
+    record = moving(verne555, tower, 50.0, 60.0).select(["rotor_azimuth", *(s.channel for s in tower)])
+    whole, _ = read_whole(record, verne555, tower, None)
+    agree(read_pieces(record, (700,), verne555, tower, None), whole, 1e-4)
 
 
 @pytest.mark.parametrize("known", ["azimuth", "speed", "nothing"])

@@ -24,6 +24,7 @@ from windsysid.identification.condition.readings import (
 )
 from windsysid.identification.condition.segments import require_alike, steps_after
 from windsysid.identification.model.fit import known_inputs, known_loads
+from windsysid.identification.model.turbine_problem import seen_by
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
 from windsysid.results.finding import Finding
@@ -62,7 +63,7 @@ class BlockwiseConditioner:
     """
 
     def __init__(self, first: Record, turbine: Turbine, sensors: Sequence[Sensor], rate: float | None) -> None:
-        self._turbine, self._sensors = turbine, tuple(sensors)
+        self._turbine, self._sensors = seen_by(turbine, sensors, []), tuple(sensors)
         self._recorded = first.rate
         self._slow = choose_rate(first.rate, math.inf, turbine, rate)
         if self._slow is None:
