@@ -44,6 +44,9 @@ COMMANDS = {
 FLOORS, BANK = ("÷ C", "÷ C, vectors"), (f"the same, {LANES} side by side, each",)
 """Headings of the C references, and the row of the bank's lanes."""
 
+SUBSPACES = "pyOMA-2: subspaces and diagram of the building"
+"""Row of the script that does with pyOMA-2 what `oma` does."""
+
 LONG = ("smc",)
 """Parts that have no short form."""
 
@@ -84,7 +87,11 @@ def main() -> None:
     if not given.short:
         new = {sheet.title for sheet in sheets}
         kept = [one for one in earlier.get("tables", []) if given.only and one["sheet"]["title"] not in new]
-        write(about, floor, costs | _kept_costs(costs, floor, earlier if kept else None), sheets, kept)
+        if floor:
+            costs |= _kept_costs(costs, floor, earlier if kept else None)
+        else:  # costs without a C reference of their own run cannot be compared
+            floor, costs = earlier["floor"], earlier["costs"]
+        write(about, floor, costs, sheets, kept)
 
 
 def write(
@@ -94,7 +101,8 @@ def write(
     tables = [{"about": about, "sheet": sheet._asdict()} for sheet in sheets] + kept
     numbers = {"about": about, "floor": floor, "costs": costs, "tables": tables}
     RESULTS.write_text(json.dumps(numbers, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-    PAGE.write_text(page(about, [targets(sheets), *sheets], kept), encoding="utf-8")
+    judged = targets([*sheets, *(Sheet(**one["sheet"]) for one in kept)])
+    PAGE.write_text(page(about, [judged, *sheets], kept), encoding="utf-8")
 
 
 def _kept_costs(costs: dict[str, float], floor: float | None, earlier: dict | None) -> dict[str, float]:
@@ -135,6 +143,7 @@ def targets(sheets: Sequence[Sheet]) -> Sheet:
         for row in (("filterpy", "NumPy"), ("Stone-Soup", "NumPy"), ("dynamax", "XLA"), ("cuthbert", "XLA"))
     ]
     turbines, processes = partial(find, sheets, "Turbines"), partial(find, sheets, "Whole commands")
+    answer, peer = (processes((row,), "later, of the processor") for row in ("windsysid oma", SUBSPACES))
     many, ten = turbines(("1000",), "µs per sample"), turbines(("10",), "µs per sample")
     floors = [find(sheets, "One core", (EKF.name,), variant) for variant in FLOORS]
     particles = "2000 particles, 10000 samples"
@@ -169,6 +178,7 @@ def targets(sheets: Sequence[Sheet]) -> Sheet:
             _judged(f"{row}, processor s", bound, processes((row,), "later, of the processor"))
             for row, bound in COMMANDS.items()
         ),
+        _judged("windsysid oma ÷ pyOMA-2's subspaces and diagram", 1.0, answer / peer if answer and peer else None),
         _judged(
             "windsysid identify, first run, processor s",
             6.0,
