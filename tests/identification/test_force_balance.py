@@ -118,13 +118,6 @@ def test_centesimal_differences_are_the_exact_jacobians(verne555, reference, mot
     assert scale.min() > 0.0
 
 
-def test_equations_that_are_compiled_are_not_derived_again(verne555, reference, motion, monkeypatch):
-    """Names of the residuals passed for foreign sensors, whose expressions are the key: half a second in each call."""
-    balance_of(verne555, motion, reference, slice(3000, 3400), loads=True)
-    monkeypatch.setattr(RotorModel, "equations", lambda rotor: pytest.fail("derived again"))
-    balance_of(verne555, motion, reference, slice(3000, 3400), loads=True)
-
-
 def test_the_regressors_are_displacement_and_velocity(verne555, reference, motion):
     section = slice(0, 2000)
     balance = balance_of(verne555, motion, reference, section, loads=True, band=(1e-3, RATE / 2.0))

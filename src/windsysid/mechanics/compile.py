@@ -188,7 +188,7 @@ def _structure(model: Model, sensors: Sequence[Any]) -> list[str]:
     This package's own classes say it, and `_version` changes with their code. Of a foreign class it cannot see the
     code: there the expressions themselves are the text, at the cost of deriving them in every process.
     """
-    if all(isinstance(part, str) or type(part).__module__.split(".")[0] == "windsysid" for part in (model, *sensors)):
+    if all(type(part).__module__.split(".")[0] == "windsysid" for part in (model, *sensors)):
         return [model.signature, *(getattr(sensor, "structure", None) or repr(sensor) for sensor in sensors)]
     from sympy import srepr
 
