@@ -162,12 +162,17 @@ def _take_in(candidate: Candidate, until: int, rate: float, start: Start) -> Can
         online, history = finish(problem.build, online, start)
     model, seen = problem.build(online.theta), slice(0, online.samples)
     info = EKF.run(model, EKF.init(model), problem.inputs[seen], problem.readings[seen])[1]
-    prior, off = np.asarray(np.linalg.inv(online.prior_cov), dtype=np.float64), online.theta - online.prior_mean
-    log_posterior = float(info.log_likelihood.sum()) - 0.5 * float(off @ prior @ off)
-    evidence = laplace_evidence(log_posterior, prior, online.precision)
+    evidence = _log_evidence(float(info.log_likelihood.sum()), online)
     white = _explains(problem, info, rate)
     driven = _loads_matter(model, problem.inputs[seen], info)
     return Candidate(problem, online, join_histories([candidate.history, history]), evidence, white, driven)
+
+
+def _log_evidence(log_likelihood: float, known: Online) -> float:
+    """Laplace's approximation to the log evidence of the samples that a recursion has seen."""
+    prior: Array = np.asarray(np.linalg.inv(known.prior_cov), dtype=np.float64)
+    off = known.theta - known.prior_mean
+    return laplace_evidence(log_likelihood - 0.5 * float(off @ prior @ off), prior, known.precision)
 
 
 def _explains(problem: TurbineProblem, info: Info, rate: float) -> bool:
