@@ -14,9 +14,7 @@ from windsysid.checks.limits import INTEREST_FACTORS, LINE_NEAR_MODE_FACTOR, OUT
 from windsysid.checks.lines import stand_out
 from windsysid.checks.stationarity import levels, shared_products
 
-__all__ = [
-    "Stretch", "Sums", "band_of_interest", "measure_stretch", "spectral_window",
-]  # fmt: skip
+__all__ = ["Stretch", "Sums", "band_of_interest", "measure_stretch", "spectral_window"]
 
 
 SEGMENTS_PER_RECORD = 16
@@ -214,8 +212,7 @@ def _lagged(z: Array, used: NDArray[np.bool_], lags: int) -> tuple[NDArray[np.in
 
 
 def _power(z: Array, length: int) -> tuple[int, Array]:
-    """Number of segments of that length in z (T, m), and the sums of their squared amplitudes by Welch's method
-    (F, m).
+    """Number of segments of that length in z (T, m), and the sums of their squared amplitudes by Welch's method (F, m).
 
     Samples that are missing are zero.
     """

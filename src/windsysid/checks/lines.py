@@ -65,8 +65,7 @@ class Line(NamedTuple):
     frequency
         [Hz].
     ratio, bound
-        Power over that of its surroundings, and what chance exceeds in a share `FALSE_ALARM_PROBABILITY` of
-        records.
+        Power over that of its surroundings, and what chance exceeds in a share `FALSE_ALARM_PROBABILITY` of records.
     """
 
     channel: str

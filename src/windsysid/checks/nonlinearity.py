@@ -51,8 +51,7 @@ class Bent(NamedTuple):
 
 
 class Bending(NamedTuple):
-    """Strongest amplitude dependence of stiffness or damping
-    (`windsysid.identification.verdict.smoothed_loads`).
+    """Strongest amplitude dependence of stiffness or damping (`windsysid.identification.verdict.smoothed_loads`).
 
     Attributes
     ----------

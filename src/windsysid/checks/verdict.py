@@ -295,9 +295,7 @@ def found_line(w: Whiteness | None, line: Line | None) -> tuple[str, float] | No
 def _judge_line(found: tuple[str, float] | None, rotor_hz: float, *, of_innovations: bool) -> list[Finding]:
     if found is None:
         return []
-    data = {
-        "channel": found[0], "frequency": found[1], "rotor_frequency": rotor_hz, "innovations": of_innovations
-    }  # fmt: skip
+    data = {"channel": found[0], "frequency": found[1], "rotor_frequency": rotor_hz, "innovations": of_innovations}
     return [Finding("spectral_line", "reason", data)]
 
 

@@ -22,9 +22,7 @@ from windsysid.checks.limits import FALSE_ALARM_PROBABILITY
 from windsysid.checks.lines import line_bound
 from windsysid.checks.stationarity import Shared, most_shared, steadiness
 
-__all__ = [
-    "ChannelCheck", "Whiteness", "chance_limit", "examine", "judge_stretches",
-]  # fmt: skip
+__all__ = ["ChannelCheck", "Whiteness", "chance_limit", "examine", "judge_stretches"]
 
 
 NEAR_MODE_FACTOR = 1.3

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -161,7 +162,7 @@ def _cross_checked(job: Job, joint: FittedJob, spectral_job: Job, spectral: Fitt
             return joint.noting(_note("joint_as_spectra_do_not_apply", error=str(error)))
     spectral = _with_scores_of(joint, spectral)
     fit, both = joint.outcome, (joint.outcome, spectral.outcome)
-    wider = {one.name: one.factor for one in widen_coefficients(fit.scores, fit.model.parameters, fit.cov)}
+    wider = dict(map(attrgetter("name", "factor"), widen_coefficients(fit.scores, fit.model.parameters, fit.cov)))
     answer, other = both if spectral.outcome.turns else both[::-1]
     off, against = compare(answer, other, wider)[1], disagreement(answer, other, job.turbine, wider)
     if not spectral.outcome.turns:

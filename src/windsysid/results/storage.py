@@ -217,7 +217,9 @@ def read_fields(folder: str | Path) -> dict[str, Any]:
             "innovation": file["innovation"][...],
             "whitened": file["whitened"][...],
             "statistics": read_statistics(file),
-            "loads": _read_loads(file),
+            "loads": Loads(tuple(file["load_name"][...].tolist()), file["load"][...], file["load_std"][...])
+            if "load_name" in file
+            else None,
             "machine": None,
             "conditions": read_conditions(file),
             "provenance": None if traced is None else _read_provenance(parse_json(traced)),
@@ -251,12 +253,6 @@ def _coordinates(parameters: Sequence[Parameter], values: Array) -> Array:
     relative = values / np.array([q.reference for q in parameters])
     logarithmic = np.array([q.logarithmic for q in parameters], dtype=bool)
     return np.asarray(np.where(logarithmic, np.log(relative, where=logarithmic, out=np.zeros_like(relative)), relative))
-
-
-def _read_loads(file: "h5netcdf.File") -> Loads | None:
-    if "load_name" not in file:
-        return None
-    return Loads(tuple(file["load_name"][...].tolist()), file["load"][...], file["load_std"][...])
 
 
 def _as_now(mode: dict[str, Any]) -> dict[str, Any]:

@@ -190,8 +190,7 @@ def is_explained(whiteness: Whiteness) -> bool:
 
 
 def _loads_matter(model: StateSpace, inputs: Array, info: Info) -> bool:
-    """Test whether the loads alone, from rest, cause a good part of the motion in some degree of
-    freedom."""
+    """Test whether the loads alone, from rest, cause a good part of the motion in some degree of freedom."""
     n = len(model.compiled.states) // 2
     cov = model.cov.copy()
     cov[: 2 * n, : 2 * n] = 0.0

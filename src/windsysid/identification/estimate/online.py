@@ -34,9 +34,7 @@ from windsysid.identification.estimate.scoring import (
 )
 from windsysid.statespace.compose import StateSpace
 
-__all__ = [
-    "History", "Online", "advance", "begin", "finish", "join_histories", "restored", "stored",
-]  # fmt: skip
+__all__ = ["History", "Online", "advance", "begin", "finish", "join_histories", "restored", "stored"]
 
 Start = Callable[[Array, Array], tuple[Array, Array]]
 

@@ -30,16 +30,13 @@ from windsysid.output.table import Table
 from windsysid.records.coercion import MappingLike, RecordLike, as_record
 from windsysid.results.identification import Identification
 from windsysid.results.posterior import SIGMAS
-from windsysid.statespace.parameter import Parameter
 from windsysid.turbine.coercion import TurbineLike, as_turbine
 from windsysid.units import engineering
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = [
-    "Profile", "interpolate_on", "profile_likelihood",
-]  # fmt: skip
+__all__ = ["Profile", "interpolate_on", "profile_likelihood"]
 
 
 PROFILE_SIGMAS = (1.0, 2.0, 3.0)
@@ -165,7 +162,7 @@ def _profile(problem: TurbineProblem, k: int, found: Identification, progress: P
     prior_cov = problem.prior[1]
     known, q = problem.unknowns.only("parameters", "statistics"), problem.parameters[k]
     theta = known.of("parameters")
-    start = known.vector(parameters=[_coordinate(p, found[p.name].estimate) for p in problem.parameters])
+    start = known.vector(parameters=[p.coordinate(found[p.name].estimate) for p in problem.parameters])
     start_cov = prior_cov.copy()
     start_cov[theta, theta] = found.cov
     mode = posterior_mode(
@@ -221,11 +218,6 @@ def _held(problem: TurbineProblem, k: int, value: float, mode: FilteredMode) -> 
 def _log_posterior(unknowns: Array, log_likelihood: float, prior_mean: Array, prior_cov: Array) -> float:
     off = unknowns - prior_mean
     return log_likelihood - 0.5 * float(off @ np.linalg.solve(prior_cov, off))
-
-
-def _coordinate(q: Parameter, value: float) -> float:
-    """θ of a physical value."""
-    return math.log(value / q.reference) if q.logarithmic else value / q.reference
 
 
 def interpolate_on(x: Array, y: Array, at: Array) -> Array:

@@ -307,9 +307,7 @@ def _filter(
         raise WindsysidError("no samples: expected at least one, got an empty record")
     names, means, stds = zip(*loads, strict=True)
     acting = Loads(names[0], np.concatenate(means), np.concatenate(stds))
-    return _Seen(
-        info, inputs, acting, log_likelihood, stretch, total_inputs, read, Outliers(tuple(gated)), power
-    )  # fmt: skip
+    return _Seen(info, inputs, acting, log_likelihood, stretch, total_inputs, read, Outliers(tuple(gated)), power)
 
 
 def _acting_loads(model: StateSpace, inputs: Array, info: Info, covs: Array) -> Loads:

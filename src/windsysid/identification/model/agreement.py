@@ -54,21 +54,17 @@ def disagreement(
     """That filters and spectra are too many standard deviations apart on a coefficient, and the likeliest cause. Where
     the other fit contradicts the prior of a degree of freedom, this one does not, and factors show that parts of the
     record contradict the fit there, too, the other is no evidence: by itself, the prior may be wrong."""
-    wide = {q.part for q in fit.model.parameters if (factors or {}).get(q.name, 1.0) > SIGMAS}
+    parameters, wider = fit.model.parameters, factors or {}
+    wide = {q.part for q in parameters if wider.get(q.name, 1.0) > SIGMAS}
     lost = (_contradicting_priors(other) - _contradicting_priors(fit)) & wide
-    known = [q.name for q in fit.model.parameters if q.part not in lost]
+    known = [q.name for q in parameters if q.part not in lost]
     off = {name: sigmas for name, sigmas in _in_sigmas(fit, other, factors).items() if name in known}
     name = max(off, key=lambda name: off[name], default="")
     if off.get(name, 0.0) <= MAX_DISAGREEMENT_SIGMAS:
         return ()
     shifts = {one: shift for one, shift in shifts_to(other, fit).items() if one in known}
     move, seen = (any(freedom.blade for freedom in one.model.freedoms) for one in (turbine, fit.turbine))
-    data = {
-        "sigmas": off[name],
-        "unseen_blades": move and not seen,
-        "shifts": shifts,
-        "chance": MIN_RIVAL_PROBABILITY,
-    }
+    data = {"sigmas": off[name], "unseen_blades": move and not seen, "shifts": shifts, "chance": MIN_RIVAL_PROBABILITY}
     return (Finding("formulations_disagree", "reason", data, (name,)),)
 
 

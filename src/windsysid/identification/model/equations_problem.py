@@ -67,8 +67,7 @@ class EquationsJob(NamedTuple):
 
 
 class OwnProblem(NamedTuple):
-    """Unknowns of a record: θ and η, logarithms of factors on the noise of each reading and then on each
-    load.
+    """Unknowns of a record: θ and η, logarithms of factors on the noise of each reading and then on each load.
 
     Attributes
     ----------

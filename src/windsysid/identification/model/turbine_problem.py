@@ -142,8 +142,7 @@ class TurbineProblem(NamedTuple):
         return loads, [sensor.noise for sensor in sensors]
 
     def start(self, inputs: Array, readings: Array) -> tuple[Array, Array]:
-        """Start values of the unknowns and their uncertainty (n,), (n, n): from the joint filter on T
-        samples.
+        """Start values of the unknowns and their uncertainty (n,), (n, n): from the joint filter on T samples.
 
         What the filter learns while linearised at a wrong θ it never forgets, so it runs again from where it ended,
         with the original prior covariance and the pull of the prior added afterwards, exactly so for a linear model: θ

@@ -129,9 +129,8 @@ def _loads(model: StateSpace, inputs: Array, state: Array) -> Array:
 
 
 def _scores(q: Array, v: Array, driven: Array) -> dict[Law, Array]:
-    """Statistic t (n,) of each law of force, of smoothed displacements and velocities of n
-    degrees of freedom (T, n) and of what drives their loads (T − 1, n). A load that goes with −q̇, as friction does,
-    counts as positive."""
+    """Statistic t (n,) of each law of force, of smoothed displacements and velocities of n degrees of freedom (T, n)
+    and of what drives their loads (T − 1, n). A load that goes with −q̇, as friction does, counts as positive."""
     q, v = standardised(q), standardised(v)
     lines = np.linalg.qr(np.diff(np.hstack([q, v]), axis=0))[0]
     forces: dict[Law, Array] = {"stiffness": np.tanh(q / TURN_Q_RMS), "damping": -np.tanh(v / TURN_V_RMS)}

@@ -21,9 +21,7 @@ __all__ = ["SENTENCES", "UNKNOWN", "is_known", "names_cause", "sentence"]
 UNKNOWN = "unknown"
 """The code of a finding of another version of windsysid, of which only the text is known."""
 
-SENTENCES: Final[Mapping[str, Sentence]] = {
-    **INNOVATIONS, **RECORD, **ESTIMATES, **SPECTRA, **MODEL, UNKNOWN: "{text}"
-}  # fmt: skip
+SENTENCES: Final[Mapping[str, Sentence]] = {**INNOVATIONS, **RECORD, **ESTIMATES, **SPECTRA, **MODEL, UNKNOWN: "{text}"}
 """For each code its sentence."""
 
 _NOT_FINITE = ("nan", "inf", "-inf")

@@ -104,9 +104,7 @@ ESTIMATES: Final[Mapping[str, Sentence]] = {
         "{factor:.0f} times as wide"
     ),
     "damping_not_positive": _damping_not_positive,
-    "damping_may_be_negative": (
-        "damping may be zero or negative within its interval: {names}; choose a longer record"
-    ),
+    "damping_may_be_negative": "damping may be zero or negative within its interval: {names}; choose a longer record",
     "prior_dominates": _prior_dominates,
     "unseen": "{quantity} is not determined by the data at all",
     "unseen_combination": lambda d: f"{_all(d)}: only {d['seen']} is determined",
@@ -124,10 +122,7 @@ ESTIMATES: Final[Mapping[str, Sentence]] = {
     "tolerance_conflict": lambda d: (
         f"{_tolerance(d)}: more than {d['factor']:g} times its tolerance; correct it, or the turbine file"
     ),
-    "line_influence": (
-        "without {frequency:.3g} Hz {quantity} would change by {sigmas:.1f} σ",
-        LIKELY_MACHINE,
-    ),
+    "line_influence": ("without {frequency:.3g} Hz {quantity} would change by {sigmas:.1f} σ", LIKELY_MACHINE),
     "tone_influence": (
         "without the power left around {frequency:.3g} Hz {quantity} would change by {sigmas:.1f} σ",
         LIKELY_MACHINE,

@@ -32,10 +32,6 @@ def _unexplained_peak(d: Data) -> str:
     return f"the model does not explain {worst} around {_at(d)}: {strong}"
 
 
-def _unexplained_level(d: Data) -> str:
-    return f"{d['channel']}: prediction errors {d['level']:.2g} times as strong as expected around {_at(d)}"
-
-
 def _level_over_frequency(d: Data) -> str:
     low, high = (_hz(d[f"{end}_frequency"], d["rotor_frequency"]) for end in ("low", "high"))
     return f"the level of prediction errors goes from {d['low']:.2f} around {low} to {d['high']:.2f} around {high}"
@@ -59,7 +55,10 @@ INNOVATIONS: Final[Mapping[str, Sentence]] = {
     "missing_samples": "{channel} is missing in {share:.0f %} of the samples",
     "constant_offset": "{channel} has an offset that the model does not include: give its sensor a bias",
     "unexplained_peak": (_unexplained_peak, _OTHER_LOADS),
-    "unexplained_level": (_unexplained_level, _OTHER_LOADS),
+    "unexplained_level": (
+        lambda d: f"{d['channel']}: prediction errors {d['level']:.2g} times as strong as expected around {_at(d)}",
+        _OTHER_LOADS,
+    ),
     "far_peak": lambda d: (
         f"{d['channel']} is {d['level']:.2g} times as strong as the model expects around {_at(d)}, far from every "
         "natural frequency"

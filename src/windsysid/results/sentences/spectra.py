@@ -71,9 +71,7 @@ SPECTRA: Final[Mapping[str, Sentence]] = {
     "narrower_bands_disagree": (
         "narrower frequency ranges do not agree on {quantity} ({change:+.2g %}): the model does not fit there"
     ),
-    "segments_without_spectrum": (
-        "the model has no spectrum like that of some segments: choose another section"
-    ),
+    "segments_without_spectrum": "the model has no spectrum like that of some segments: choose another section",
     "faint_peak": lambda d: (
         f"no distinct peak of {' and '.join(d['modes'])} near {_hz(d['frequencies'])}: choose a longer record, or a"
         " narrower prior"
@@ -85,9 +83,7 @@ SPECTRA: Final[Mapping[str, Sentence]] = {
     "varying_rotor_speed": (
         "the rotor's speed varies by ±{variation:.2g %} (standard deviation), and spectra assume a constant speed"
     ),
-    "lag_angle": lambda d: (
-        f"the blades' mean lag angle is {1e3 * d['angle']:.1f} ± {2e3 * d['std']:.1f} mrad"
-    ),
+    "lag_angle": lambda d: f"the blades' mean lag angle is {1e3 * d['angle']:.1f} ± {2e3 * d['std']:.1f} mrad",
     "ranges_read": lambda d: (
         f"fitted at {', '.join(f'{low:.3g} … {high:.3g} Hz' for low, high in d['ranges'])}; rotor harmonics removed"
     ),

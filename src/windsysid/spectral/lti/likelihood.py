@@ -127,8 +127,7 @@ class LinearModel(NamedTuple):
         smear
             What a finite record adds to S (K, m, m).
         widening
-            Share of the frequency by which all resonances are made wider: far from the truth a peak then meets its
-            own.
+            Share of the frequency by which all resonances are made wider: far from the truth a peak then meets its own.
 
         Raises
         ------

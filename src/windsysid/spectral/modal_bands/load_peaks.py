@@ -22,7 +22,6 @@ from itertools import combinations
 
 import numpy as np
 
-from windsysid._types import Array, Complex
 from windsysid.spectral.modal_bands import limits
 from windsysid.spectral.oma.mode import Doubt, OperationalMode
 
@@ -32,9 +31,10 @@ __all__ = ["shape_ratio", "with_comb_odds", "with_harmonic_odds", "with_load_odd
 def with_load_odds(modes: Sequence[OperationalMode]) -> list[OperationalMode]:
     """Add a reason to each mode, by rising frequency, that may well be the peak of a load."""
     alone, equal = [_odds_alone(mode) for mode in modes], _equal_share(modes)
+    clear = [k for k, mode in enumerate(modes) if all(ground.kind == "background" for ground in mode.grounds)]
     checked = []
     for i, mode in enumerate(modes):
-        odds, why = _odds_of_shape(i, modes, alone, equal)
+        odds, why = _odds_of_shape(i, [k for k in clear if k != i], modes, alone, equal)
         if mode.steadiness > 1.0:
             why = f", it varies as a machine does and not as under random loads ({mode.steadiness:.2g} : 1){why}"
         text = f"its damping ratio would be {100 * mode.damping_ratio.estimate:.2g} %{why};"
@@ -42,10 +42,11 @@ def with_load_odds(modes: Sequence[OperationalMode]) -> list[OperationalMode]:
     return checked
 
 
-def _odds_of_shape(i: int, modes: Sequence[OperationalMode], alone: list[float], equal: float) -> tuple[float, str]:
-    """Odds of a load against mode i by its shape, too, and the modes that a load would excite, as a clause."""
+def _odds_of_shape(
+    i: int, clear: Sequence[int], modes: Sequence[OperationalMode], alone: list[float], equal: float
+) -> tuple[float, str]:
+    """Odds of a load against mode i by its shape, too, and the modes that it would excite, of `clear`, as a clause."""
     odds, why = alone[i], ""
-    clear = [k for k, other in enumerate(modes) if k != i and all(g.kind == "background" for g in other.grounds)]
     at = int(np.searchsorted(clear, i))
     for near in (*([k] for k in clear), clear[max(at - 1, 0) : at + 1]):
         ratio, mac = shape_ratio(modes[i], [modes[k] for k in near], equal)
@@ -172,17 +173,13 @@ def shape_ratio(mode: OperationalMode, others: Sequence[OperationalMode], equal:
     mac = float(np.vdot(along, along).real / np.vdot(shapes[0], shapes[0]).real)
     if not others or moving <= len(others):
         return 1.0, mac
-    unsure = sum(_relative_variance(one.shape, one.shape_std) for one in (mode, *others))
+    unsure = sum(float(2.0 * np.sum(one.shape_std**2) / np.sum(np.abs(one.shape) ** 2)) for one in (mode, *others))
     off = max(1.0 - mac, unsure)
     scales = np.array(limits.SHAPE_DEVIATIONS) + unsure
     of_load = float(np.mean(np.exp(-off / scales) / scales))
     step = abs(np.log(mode.frequency.estimate / others[0].frequency.estimate))
     equal = limits.EQUAL_SHAPES[0] if len(others) == 1 and step < np.log(limits.MAX_CLOSE_RATIO) else equal
     return of_load / ((1.0 - equal) * _random_density(1.0 - off, len(others), moving) + equal * of_load), mac
-
-
-def _relative_variance(shape: Complex, std: Array) -> float:
-    return float(2.0 * np.sum(std**2) / np.sum(np.abs(shape) ** 2))
 
 
 def _random_density(mac: float, plane: int, dimensions: int) -> float:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from windsysid._types import Array, Complex
 from windsysid.signals.textbook import minimum
-from windsysid.spectral.modal_bands.model import SLOPE_STD, Modes, responses, spectrum
+from windsysid.spectral.modal_bands.model import SLOPE_STD, Modes, height_of, responses, spectrum
 from windsysid.spectral.transforms.dft import Band, plain_band
 
 __all__ = ["add_mode", "deviance", "expect", "modes_at", "quiet_start", "without_modes"]
@@ -36,7 +36,7 @@ EM_STEPS = 8
 def without_modes(band: Band) -> Modes:
     """Background of a band without modes: the most probable slope b, and the mean of the scaled spectra, which has the
     greatest likelihood."""
-    x = np.log(band.frequency / np.sqrt(band.frequency[0] * band.frequency[-1]))
+    x = height_of(band.frequency, band)
     total, channels = float(band.counts.sum()), band.power.shape[1]
 
     def level(b: float) -> Complex:
@@ -152,8 +152,7 @@ def expect(modes: Modes, band: Band, passes: int = EM_STEPS) -> Modes:
 
 
 def quiet_start(band: Band, share: float = 0.25) -> Complex:
-    """L (m, m) of the background in a band: the mean over the quietest rows, each channel's power counted
-    alike."""
+    """L (m, m) of the background in a band: the mean over the quietest rows, each channel's power counted alike."""
     power: NDArray[np.complex128] = band.power
     m = power.shape[1]
     own = np.einsum("kii->ki", power).real

@@ -402,8 +402,7 @@ class _Builder:
     def _disturbances(
         self, name: str, rows: Sequence[Row], powers: Sequence[float], fine: Array
     ) -> tuple[tuple[Statistic, ...], Array]:
-        """Levels of every row, one at either end: statistics, and the density of each as given
-        (n, F, e)."""
+        """Levels of every row, one at either end: statistics, and the density of each as given (n, F, e)."""
         statistics, given = [], []
         for i, row in enumerate(rows):
             what = self.combined[row.combination]

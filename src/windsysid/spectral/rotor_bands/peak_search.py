@@ -100,8 +100,7 @@ def trace(spectra: TurnedSpectra, rows: Sequence[Complex], humps: int, blades: i
 
 
 def best_of(score: Array, at: Array, log_frequency: Array) -> tuple[float, list[float]]:
-    """Maximum of the score (S,), and its rivals: other maxima nearly as high, at other places in
-    frequency (S,)."""
+    """Maximum of the score (S,), and its rivals: other maxima nearly as high, at other places in frequency (S,)."""
     best = int(np.argmax(score))
     summits = [
         i

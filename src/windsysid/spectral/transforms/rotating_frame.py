@@ -139,6 +139,4 @@ def combine_groups(sums: BlockSums[TurnedBlock], groups: Sequence[int] | None = 
         first += len(seen)
     recent = {k: Y[:, :, None] for k, Y in zip(HARMONICS, last.data, strict=True)}
     blocks = sum(sums.counts[i] for i in chosen)
-    return TurnedSpectra(
-        data, last.rotor_hz, last.duration, last.overlap, last.taper, blocks, recent, sums.gusts
-    )  # fmt: skip
+    return TurnedSpectra(data, last.rotor_hz, last.duration, last.overlap, last.taper, blocks, recent, sums.gusts)

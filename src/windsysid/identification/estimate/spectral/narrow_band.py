@@ -216,16 +216,11 @@ def _ends(question: RotorQuestion, posed: Posed, starts: Sequence[Array], *, rou
     ends = list[RotorFit]()
     with_prior = [_with_prior(question, posed, end) for end in found]
     for end in sorted(with_prior, key=LOG_EVIDENCE, reverse=True):
-        if not _is_image(question, end) and not any(
-            _largest(_off(question, other, end)[0]) < SAME_OPTIMUM_SIGMAS for other in ends
-        ):
+        # negative damping of a support has the spectra of positive damping
+        is_image = (end.unknowns[_support_damping(question)] < 0.0).any()
+        if not is_image and not any(_largest(_off(question, other, end)[0]) < SAME_OPTIMUM_SIGMAS for other in ends):
             ends.append(end)
     return ends
-
-
-def _is_image(question: RotorQuestion, end: RotorFit) -> bool:
-    """Test for negative damping of a support, which has the spectra of positive damping."""
-    return bool((end.unknowns[_support_damping(question)] < 0.0).any())
 
 
 def _support_damping(question: RotorQuestion) -> list[int]:
