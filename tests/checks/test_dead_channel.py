@@ -108,6 +108,19 @@ def test_a_copy_of_a_channel_that_measures_another_motion_is_no_sign_of_life(lev
     assert alive == 20
 
 
+@pytest.mark.parametrize("share", [0.01, 0.04])
+def test_a_gap_of_a_channel_leaves_its_copy_found(share: float):
+    dead, alive = 0, 0
+    for seed in range(20):
+        rng = np.random.default_rng(1000 + seed)
+        live = resonance(rng, 6000)
+        readings = np.outer(live, [1.0, 0.1]) + 0.05 * rng.standard_normal((6000, 2))
+        readings[2000 : 2000 + round(6000 * share), 0] = np.nan
+        found = find_still(readings, ("a", "b"), rate=RATE, frequencies=[F], rotor_hz=0.0, apart=~np.eye(2, dtype=bool))
+        dead, alive = dead + ("b" in found), alive + ("a" not in found)
+    assert (dead >= 19, alive) == (True, 20)
+
+
 def test_a_cable_with_crosstalk_has_no_grade():
     """Stiffness was 20 standard deviations off, of grade A: another axis was taken for a mode of this one."""
     tower = load_turbine("tower")

@@ -15,8 +15,9 @@ frequencies, which count as n independent ones, −(n − 1) Σ ln (1 − R²) h
 windows as shape. In a decay or a gust, neighbouring frequencies have phases that are bound to each other, and n is
 smaller. Phases alone are used, so that one common line, such as hum, is no coherence.
 
-Crosstalk puts a copy of another channel into noise, at a constant gain below one. Where no motion is common to both, it
-is no sign of life, and what is left is tested.
+Crosstalk puts a copy of another channel into noise, at a constant gain. Where no motion is common to both, the copy is
+subtracted, and what is left is tested. That finds one copy of a channel of the same unit, weaker than the channel
+itself; several copies, and those of other units, pass for vibration.
 
 A short record has too few frequencies for that. There the fit itself is tested: its innovations against the residuals
 of a first-order autoregression, by their likelihoods. Of noise the two are alike, and a ratio above 1/p has at most
@@ -76,10 +77,14 @@ def find_still(
     there = (f > min(frequencies) / FREQUENCY_RANGE_FACTOR) & (f < highest)
     there &= ~may_be_no_line(f, (), rotor_hz, rate / len(readings))
     own = values
-    if apart is not None:
-        gains = _crosstalk(values[there], apart)
-        readings = readings - np.where(missing, 0.0, readings - mean) @ gains.real.T
-        own = values - values @ gains.T
+    if apart is not None:  # from samples that all channels have, since a copy has the gaps of its source
+        read = missing.mean(axis=0) <= MAX_MISSING_SHARE
+        gone = missing[:, read].any(axis=1, keepdims=True)
+        centred = np.where(gone | ~read, 0.0, readings - mean)
+        common = np.fft.rfft(centred * window, axis=0)
+        gains = _crosstalk(common[there], np.logical_and(apart, read))
+        readings = np.where(gone, np.nan, readings - centred @ gains.real.T)
+        own = np.where(read, common - common @ gains.T, values)
     power = np.abs(own) ** 2
     if there.sum() < MIN_VIBRATION_BINS:
         pairs = [] if innovations is None else list(zip(channels, readings.T, innovations.T, strict=True))

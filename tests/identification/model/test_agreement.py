@@ -52,15 +52,17 @@ def test_a_fit_that_contradicts_the_prior_and_the_record_is_no_evidence_against_
     off[places["c_fore_aft"]], off[places["k_side_side"]] = 0.1, 0.05
     far[places["k_fore_aft"]] = -4.1 * OUTCOME.model.parameters[places["k_fore_aft"]].prior[1]
     believed, lost = (OUTCOME._replace(theta=OUTCOME.theta + shift) for shift in (off, off + far))
-    wide = {"c_fore_aft": 2.1}
-    assert disagreement(OUTCOME, believed, TOWER, wide)[0].quantities == ("k_side_side",)
-    (found,) = disagreement(OUTCOME, lost, TOWER, wide)
+    wide, spectra = {"c_fore_aft": 2.1}, OUTCOME._replace(turns=False)
+    assert disagreement(spectra, believed, TOWER, wide)[0].quantities == ("k_side_side",)
+    (found,) = disagreement(spectra, lost, TOWER, wide)
     assert found.quantities == ("k_side_side",)
     assert set(found.data["shifts"]) == {"k_side_side", "c_side_side"}
     # the result itself contradicts its prior: what does not is evidence against it
-    assert disagreement(lost, OUTCOME, TOWER, wide)[0].quantities == ("k_fore_aft",)
+    assert disagreement(lost._replace(turns=False), OUTCOME, TOWER, wide)[0].quantities == ("k_fore_aft",)
     both = lost._replace(theta=lost.theta + 0.1)
-    assert "k_fore_aft" in disagreement(lost, both, TOWER, wide)[0].data["shifts"]
+    assert "k_fore_aft" in disagreement(lost._replace(turns=False), both, TOWER, wide)[0].data["shifts"]
+    # factors of filters say nothing of spectra
+    assert disagreement(OUTCOME, lost._replace(turns=False), TOWER, wide)[0].quantities == ("k_fore_aft",)
     # a record that fits it well shows that the prior is wrong
     for factors in ({"c_fore_aft": 1.6}, {"c_side_side": 4.0}, None):
-        assert disagreement(OUTCOME, lost, TOWER, factors)[0].quantities == ("k_fore_aft",)
+        assert disagreement(spectra, lost, TOWER, factors)[0].quantities == ("k_fore_aft",)

@@ -51,10 +51,11 @@ def _differences(one: Outcome, other: Outcome) -> dict[str, tuple[float, float]]
 def disagreement(
     fit: Outcome, other: Outcome, turbine: Turbine, factors: Mapping[str, float] | None = None
 ) -> tuple[Finding, ...]:
-    """That filters and spectra are too many standard deviations apart on a coefficient, and the likeliest cause. Where
-    the other fit contradicts the prior of a degree of freedom, this one does not, and factors show that parts of the
-    record contradict the fit there, too, the other is no evidence: by itself, the prior may be wrong."""
-    parameters, wider = fit.model.parameters, factors or {}
+    """That filters and spectra are too many standard deviations apart on a coefficient, and the likeliest cause.
+    Factors are those by which parts of the record contradict filters. Where filters are the other fit, contradict the
+    prior of a degree of freedom that this one does not, and are contradicted there by parts of the record, too, they
+    are no evidence: by itself, the prior may be wrong."""
+    parameters, wider = fit.model.parameters, {} if fit.turns else factors or {}
     wide = {q.part for q in parameters if wider.get(q.name, 1.0) > SIGMAS}
     lost = (_contradicting_priors(other) - _contradicting_priors(fit)) & wide
     known = [q.name for q in parameters if q.part not in lost]

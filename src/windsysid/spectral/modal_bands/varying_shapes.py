@@ -19,8 +19,8 @@ from windsysid.spectral.transforms.dft import Band
 
 __all__ = ["background_log_odds"]
 
-MAX_STEPS = 60
-"""Numerical: largest number of steps of a search."""
+MAX_STEPS, FAINT = 60, 0.1
+"""Numerical: largest number of steps of a search; scale of the load of a mode that is added to a background."""
 
 
 def background_log_odds(fit: ModalFit, band: Band, bins: int, wanted: Sequence[int]) -> list[float]:
@@ -41,15 +41,24 @@ def background_log_odds(fit: ModalFit, band: Band, bins: int, wanted: Sequence[i
     apart = band._replace(power=np.ascontiguousarray(back @ band.power @ back.conj().transpose(0, 2, 1)))
     known = list(zip(fit.modes.frequency.tolist(), fit.modes.damping.tolist(), strict=True))
 
-    found = []
-    for f, z in (known[j] for j in wanted):
-        least = {True: goal, False: evidence(empty, bins)}
-        others = [one for one in known if one != (f, z)]
-        for number, which in enumerate((others, [(f, z)], known if others else [])):
-            if which and (number == 0 or least[False] < least[True]):
-                more = search(modes_at(which, apart)._replace(mix=empty.modes.mix))
-                off = np.abs(np.log(more.modes.frequency / f))
-                with_it = bool(np.any(off < np.maximum(more.modes.damping, z)))
-                least[with_it] = min(least[with_it], evidence(more, bins))
-        found.append(0.5 * (least[True] - least[False]))
-    return found
+    def vibration_and(modes: Sequence[tuple[float, float]]) -> Modes:
+        return modes_at(modes, apart)._replace(mix=empty.modes.mix)
+
+    def log_odds(f: float, z: float) -> float:
+        least, others = {True: goal, False: evidence(empty, bins)}, [one for one in known if one != (f, z)]
+
+        def compare(*starts: Modes) -> None:
+            for one in map(search, starts):
+                off = np.abs(np.log(one.modes.frequency / f))
+                with_mode = bool(np.any(off < np.maximum(one.modes.damping, z)))
+                least[with_mode] = min(least[with_mode], evidence(one, bins))
+
+        if others:
+            compare(vibration_and(others))
+        if least[False] < least[True]:
+            added = vibration_and([(f, z)])
+            faint = added._replace(load=FAINT * added.load, rest=empty.modes.rest, rest_slope=empty.modes.rest_slope)
+            compare(added, faint, *([vibration_and(known)] if others else []))
+        return 0.5 * (least[True] - least[False])
+
+    return [log_odds(*known[j]) for j in wanted]
