@@ -11,8 +11,8 @@ ROOT = Path(__file__).parents[2]
 
 BOUNDS = {
     "functions over complexity 10 [%]": 2.0,  # target 4.0
-    "lines of src": 96358,  # target 72 904: those of commit 103975a
-    "lines of the middle": 29748,  # target 19 500
+    "lines of src": 96457,  # target 72 904: those of commit 103975a
+    "lines of the middle": 29846,  # target 19 500
     "large folders": 0,
     "long signatures": 17,  # target 30
     "repeated classes": 0,  # target 0
@@ -29,7 +29,8 @@ elsewhere and jumps while a watch learns (300), linearisations of OpenFAST (1070
 `free_decay` (two long signatures); models of HAWC2 and windIO (1250), and one line for each error of usage, type and
 unit (430); possible narrow-band loads integrated over their prior, and rotors in windows of 180 s (370), tables of
 results of several commands, names of German loggers, and sections that `oma` accepts (180), arrays, vibration of no
-mode (100), answers without half of SciPy (80)."""
+mode (100), answers without half of SciPy (80); modes of `oma` next to
+vibration of varying shape, and dead channels with crosstalk (100)."""
 
 
 def test_the_structure_stays_within_its_bounds():
