@@ -95,14 +95,14 @@ def test_a_small_sound_file_costs_a_tenth_of_a_second_more(tmp_path: Path, name:
     sample = SAMPLES[name]
     path = written(name, tmp_path)
     read_record(path, mapping=sample.mapping)
-    spent = []
-    for on in (True, False):
+    spent: dict[bool, list[float]] = {True: [], False: []}
+    for on in (True, False) * 3:  # the least of three: other work on the machine adds to processor time
         ProcessGuard.on = on
         probing._probed.cache_clear()
         began = time.process_time() + sum(resource.getrusage(resource.RUSAGE_CHILDREN)[:2])
         read_record(path, mapping=sample.mapping)
-        spent.append(time.process_time() + sum(resource.getrusage(resource.RUSAGE_CHILDREN)[:2]) - began)
-    assert spent[1] - spent[0] < 0.1
+        spent[on].append(time.process_time() + sum(resource.getrusage(resource.RUSAGE_CHILDREN)[:2]) - began)
+    assert min(spent[False]) - min(spent[True]) < 0.1
 
 
 @pytest.mark.parametrize("name", ["HDF5", "netCDF-4", "MATLAB 5–7", "MATLAB 7.3", "MDF 4"])
