@@ -17,7 +17,7 @@ smaller. Phases alone are used, so that one common line, such as hum, is no cohe
 
 Crosstalk puts a copy of another channel into noise, at a constant gain. Where no motion is common to both, the copy is
 subtracted, and what is left is tested. That finds one copy of a channel of the same unit, weaker than the channel
-itself; several copies, and those of other units, pass for vibration.
+itself; several copies, and those of other units or of a channel with long gaps, pass for vibration.
 
 A short record has too few frequencies for that. There the fit itself is tested: its innovations against the residuals
 of a first-order autoregression, by their likelihoods. Of noise the two are alike, and a ratio above 1/p has at most

@@ -23,20 +23,20 @@ MAX_STEPS, FAINT = 60, 0.1
 """Numerical: largest number of steps of a search; scale of the load of a mode that is added to a background."""
 
 
-def background_log_odds(fit: ModalFit, band: Band, bins: int, wanted: Sequence[int]) -> list[float]:
-    """Log odds of vibration of varying shape against each wanted mode of a fit of a band: of the most evident fit
-    without the mode against the most evident one with it."""
-    if not wanted:
+def background_log_odds(fit: ModalFit, band: Band, bins: int, which: Sequence[int]) -> list[float]:
+    """Log odds of vibration of varying shape against some modes of a band, by their indices in the fit: of the most
+    evident fit without the mode against the most evident one with it."""
+    if not which:
         return []
-    goal, start = evidence(fit, bins), without_modes(band)
+    goal, background = evidence(fit, bins), without_modes(band)
 
     def search(start: Modes) -> ModalFit:
         """The fit from a start, which is given up where it cannot be as evident as the given fit."""
         target = goal - start.size * float(np.log(bins))
         return score(start, band, max_steps=MAX_STEPS, tolerance=COARSE_TOLERANCE, target=target)
 
-    orders = (np.zeros((order, *start.rest.shape), dtype=np.complex128) for order in (1, 2))
-    empty = min((search(start._replace(mix=mix)) for mix in orders), key=lambda one: evidence(one, bins))
+    orders = (np.zeros((order, *background.rest.shape), dtype=np.complex128) for order in (1, 2))
+    empty = min((search(background._replace(mix=mix)) for mix in orders), key=lambda one: evidence(one, bins))
     back = np.linalg.inv(empty.modes.mixing_at(height_of(band.frequency, band)))
     apart = band._replace(power=np.ascontiguousarray(back @ band.power @ back.conj().transpose(0, 2, 1)))
     known = list(zip(fit.modes.frequency.tolist(), fit.modes.damping.tolist(), strict=True))
@@ -61,4 +61,4 @@ def background_log_odds(fit: ModalFit, band: Band, bins: int, wanted: Sequence[i
             compare(added, faint, *([vibration_and(known)] if others else []))
         return 0.5 * (least[True] - least[False])
 
-    return [log_odds(*known[j]) for j in wanted]
+    return [log_odds(*known[j]) for j in which]

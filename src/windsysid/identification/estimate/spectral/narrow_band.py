@@ -90,7 +90,7 @@ class Rival(NamedTuple):
     chance: float
 
     def part(self, name: str) -> tuple[float, float, float]:
-        """What it is in a mixture for a coefficient: shift, standard deviation and probability."""
+        """Its part in a mixture for a coefficient: shift, standard deviation and probability."""
         return self.moved[name], self.widths[name], self.chance
 
 
@@ -180,7 +180,7 @@ def doubts_of_narrow_band(found: NarrowBandFit | None, *, asked: str) -> tuple[F
 
 
 def _data(rival: Rival) -> tuple[dict[str, Any], tuple[str, ...]]:
-    """What a finding on a rival says, and the coefficient that it moves most."""
+    """Data of a finding on a rival, and the coefficient that it moves most."""
     worst = max(rival.moved, key=lambda name: abs(rival.moved[name]))
     moved = {"frequency": rival.frequency, "sigmas": abs(rival.moved[worst])}
     return moved | {"shifts": rival.shifts, "widths": rival.widths, "chance": rival.chance}, (worst,)
@@ -224,7 +224,7 @@ def _ends(question: RotorQuestion, posed: Posed, starts: Sequence[Array], *, rou
 
 
 def _support_damping(question: RotorQuestion) -> list[int]:
-    """Which of the unknowns are damping coefficients of the support."""
+    """Indicator of the unknowns that are damping coefficients of the support."""
     supports = {one.name for one in question.turbine.model.freedoms if not one.blade}
     return [i for i, q in enumerate(question.parameters) if q.kind == "damping" and q.part in supports]
 
