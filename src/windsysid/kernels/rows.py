@@ -8,6 +8,8 @@ given as (m, n⁺), n columns are meant and the rest is zero.
 from typing import Any
 
 import numpy as np
+from llvmlite import binding
+from numba.core import config
 from numpy.typing import NDArray
 
 from windsysid.kernels.jit import called, pasted
@@ -15,6 +17,10 @@ from windsysid.kernels.parts import lanes_sum, load_part, stays_a_function, stor
 from windsysid.kernels.simd import LANES, load, splat, store
 
 __all__ = ["inner", "multiply", "padded", "write"]
+
+_features = binding.get_host_cpu_features().flatten() if config.CPU_FEATURES is None else config.CPU_FEATURES
+FOUR_VECTORS_FIT = "+avx512f" in _features
+"""Whether sums of two rows, four vectors each, fit in registers: AVX-512 has 32 of a vector, AVX2 16 of half of one."""
 
 
 def padded(rows: int, columns: int) -> NDArray[np.float64]:
@@ -29,7 +35,7 @@ def padded(rows: int, columns: int) -> NDArray[np.float64]:
 def multiply(start: Any, weights: Any, first: int, last: int, begin: int, end: int, matrix: Any, out: Any) -> None:
     """Rows i of `out` = `start` + Σ_j weights[i, j] · row j of `matrix`, for first ≤ i < last and begin ≤ j < end.
 
-    A `start` of one row is that of every row. Two rows and up to four vectors of their sums stay in registers, so that
+    A `start` of one row is that of every row. Two rows and two or four vectors of their sums stay in registers, so that
     each vector of `matrix` is read once for both rows; a last row without a second is computed twice.
     """
     stays_a_function()
@@ -38,7 +44,7 @@ def multiply(start: Any, weights: Any, first: int, last: int, begin: int, end: i
     for i in range(first, last, 2):
         k = min(i + 1, last - 1)
         c = 0
-        while c + 4 <= width:
+        while FOUR_VECTORS_FIT and c + 4 <= width:
             a, b, at = i * apart + c, k * apart + c, begin * width + c
             a0, a1, a2, a3 = load(start, a), load(start, a + 1), load(start, a + 2), load(start, a + 3)
             b0, b1, b2, b3 = load(start, b), load(start, b + 1), load(start, b + 2), load(start, b + 3)
