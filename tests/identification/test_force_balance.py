@@ -1,6 +1,6 @@
 """The paper's formulation on the reference scenario: exact with the loads, biased without them."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Literal
 
 import numpy as np
@@ -22,6 +22,9 @@ from windsysid.identification.estimate.force_balance import (
 from windsysid.identification.model.fit import Outcome
 from windsysid.identification.model.prior import Prior, identifiable
 from windsysid.mechanics import RotorModel
+from windsysid.mechanics.compile import compile_model
+from windsysid.mechanics.equations import Equations
+from windsysid.mechanics.force_balance import ForceBalance
 from windsysid.records.record import Record
 from windsysid.results.sentences.model import LOADS_WITHHELD
 from windsysid.signals import band_pass
@@ -116,6 +119,35 @@ def test_centesimal_differences_are_the_exact_jacobians(verne555, reference, mot
     scale = np.abs(exact.regressors).max(axis=(0, 1))
     assert np.all(np.abs(differences.regressors - exact.regressors).max(axis=(0, 1)) < 1e-8 * scale)
     assert scale.min() > 0.0
+
+
+def test_equations_that_are_compiled_are_not_derived_again(verne555, reference, motion, monkeypatch):
+    balance_of(verne555, motion, reference, slice(3000, 3400), loads=True)
+    monkeypatch.setattr(RotorModel, "equations", lambda rotor: pytest.fail("derived again"))
+    balance_of(verne555, motion, reference, slice(3000, 3400), loads=True)
+
+
+class _LoadedTwice(RotorModel):
+    """A rotor of another package, with the same numbers and other equations."""
+
+    def equations(self) -> Equations:
+        motion = super().equations()
+        return replace(motion, force=2 * motion.force)
+
+
+def test_a_rotor_of_another_package_has_its_own_force_balance(verne555):
+    numbers = {field.name: getattr(verne555.rotor, field.name) for field in fields(RotorModel)}
+    own, foreign = (compile_model(ForceBalance(kind(**numbers))) for kind in (RotorModel, _LoadedTwice))
+    inputs, parameters, loads = np.linspace(0.1, 0.9, 18), np.linspace(1.0, 2.0, len(own.parameters)), np.ones(5)
+    found = []
+    for model in (own, foreign):
+        found.append(np.empty(5))
+        model.reading(np.empty(0), inputs, parameters, loads, found[-1])
+    inertia = np.empty(5)
+    inputs[10:15], without = 0.0, np.empty(5)
+    own.reading(np.empty(0), inputs, parameters, loads, without)
+    inertia = without - found[0]
+    np.testing.assert_allclose(found[1], 2.0 * without - inertia, rtol=1e-9)
 
 
 def test_the_regressors_are_displacement_and_velocity(verne555, reference, motion):

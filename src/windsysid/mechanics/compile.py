@@ -188,11 +188,17 @@ def _structure(model: Model, sensors: Sequence[Any]) -> list[str]:
     This package's own classes say it, and `_version` changes with their code. Of a foreign class it cannot see the
     code: there the expressions themselves are the text, at the cost of deriving them in every process.
     """
-    if all(type(part).__module__.split(".")[0] == "windsysid" for part in (model, *sensors)):
+    if all(map(_is_own, (model, *sensors))):
         return [model.signature, *(getattr(sensor, "structure", None) or repr(sensor) for sensor in sensors)]
     from sympy import srepr
 
     return [model.equations().signature, *(str(srepr(expression)) for expression in model.readings(sensors))]
+
+
+def _is_own(part: Any) -> bool:
+    """Whether a model or sensor is of a class of this package, and so are the models that it consists of."""
+    inner = (value for value in getattr(part, "__dict__", {}).values() if hasattr(value, "equations"))
+    return type(part).__module__.split(".")[0] == "windsysid" and all(map(_is_own, inner))
 
 
 _loaded: dict[str, CompiledModel] = {}

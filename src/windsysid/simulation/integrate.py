@@ -109,7 +109,7 @@ def _integrate(
     now = np.empty(columns)
     h = step / substeps
     for k in range(inputs.shape[0]):
-        if k > 0:
+        if k > 0 and n > 0:
             for part in range(substeps):
                 for i in range(n):
                     at[i] = x[i]

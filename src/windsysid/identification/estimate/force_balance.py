@@ -17,8 +17,7 @@ vanishes.
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -28,8 +27,7 @@ from windsysid.filters import EKF
 from windsysid.identification.model.fit import Outcome, check_finite, known_loads
 from windsysid.identification.model.prior import Prior, identifiable
 from windsysid.mechanics.compile import compile_model
-from windsysid.mechanics.model import Model
-from windsysid.mechanics.rotor import RotorModel
+from windsysid.mechanics.force_balance import ForceBalance, ForceRegression, RegressionReading
 from windsysid.records.record import Record
 from windsysid.results.finding import Finding
 from windsysid.signals import band_pass, rotor_inputs
@@ -38,11 +36,6 @@ from windsysid.simulation.integrate import integrate
 from windsysid.statespace.compose import StateSpace, compose
 from windsysid.statespace.parameter import Parameter
 from windsysid.turbine.turbine import Turbine
-
-if TYPE_CHECKING:
-    import sympy as sp
-
-    from windsysid.mechanics.equations import Equations
 
 __all__ = [
     "Balance", "Kinematic", "MeasuredMotion", "analysis_band", "balance_forces", "balance_statespace", "filter_balance",
@@ -206,7 +199,7 @@ def balance_forces(
     for name, array in zip(Kinematic._fields, motion, strict=True):
         if array.shape != (samples, n):
             raise RecordError(f"{name}: expected ({samples}, {n}), one column per degree of freedom, got {array.shape}")
-    compiled = compile_model(_BalanceModel(turbine.rotor), [f"residual {name}" for name in turbine.model.coordinates])
+    compiled = compile_model(ForceBalance(turbine.rotor))
     known = np.zeros((samples, n)) if loads is None else loads
     inputs = np.hstack([*motion, rotor, known])
     values = dict(turbine.values) | dict.fromkeys(parameters, 0.0)
@@ -263,10 +256,11 @@ def balance_statespace(
     noise = _residual_rms(balance)
     correlated = np.sqrt(rate / (2.0 * (band[1] - band[0])))
     sensors = [
-        _LinearReading(f"force_{name}", float(rms * correlated)) for name, rms in zip(coordinates, noise, strict=True)
+        RegressionReading(f"force_{name}", float(rms * correlated))
+        for name, rms in zip(coordinates, noise, strict=True)
     ]
     model = compose(
-        _LinearModel(n, tuple(parameter.name for parameter in parameters)),
+        ForceRegression(n, tuple(parameter.name for parameter in parameters)),
         rate=rate,
         values={},
         parameters=parameters,
@@ -291,81 +285,3 @@ def _residual_rms(balance: Balance) -> Array:
         rms[j] = np.sqrt(np.mean((right - rows @ solution) ** 2))
         rms[j] = max(rms[j], 1e-9 * np.sqrt(np.mean(right**2)), 1e-300)
     return rms
-
-
-@dataclass(frozen=True)
-class _BalanceModel(Model):
-    """The equations of motion of a rotor with q, q̇ and q̈ as inputs: no states, only readings."""
-
-    rotor: RotorModel
-
-    @property
-    def signature(self) -> str:
-        return f"balance of {self.rotor.signature}"
-
-    def equations(self) -> "Equations":
-        from windsysid.mechanics.equations import Equations
-
-        motion = self.rotor.equations()
-        return Equations(
-            name=f"{motion.name}_balance",
-            states=(),
-            inputs=(*motion.states, *motion.accelerations, *motion.inputs),
-            parameters=motion.parameters,
-            loads=motion.loads,
-            rates=(),
-        )
-
-    def readings(self, sensors: Sequence[object]) -> "list[sp.Expr]":
-        import sympy as sp
-
-        motion = self.rotor.equations()
-        del sensors
-        return list(motion.force - motion.mass * sp.Matrix(motion.accelerations))
-
-
-@dataclass(frozen=True)
-class _LinearReading:
-    """s_j = Σ_i Φ_ji θ_i for one degree of freedom, as a sensor that the state-space model can read."""
-
-    channel: str
-    noise: float
-    bias: float = 0.0
-
-    @property
-    def structure(self) -> str:
-        return "row of Φ θ"
-
-
-@dataclass(frozen=True)
-class _LinearModel(Model):
-    """A model without states whose readings are Φ θ, the entries of Φ being its inputs."""
-
-    rows: int
-    parameters: tuple[str, ...]
-
-    @property
-    def signature(self) -> str:
-        return f"linear regression {self.rows} x {self.parameters}"
-
-    def equations(self) -> "Equations":
-        import sympy as sp
-
-        from windsysid.mechanics.equations import Equations
-
-        names = [f"phi_{j}_{i}" for j in range(self.rows) for i in range(len(self.parameters))]
-        return Equations(
-            name="force_balance",
-            states=(),
-            inputs=tuple(sp.Symbol(name, real=True) for name in names),
-            parameters=tuple(sp.Symbol(name, real=True) for name in self.parameters),
-            loads=(),
-            rates=(),
-        )
-
-    def readings(self, sensors: Sequence[object]) -> "list[sp.Expr]":
-        equations = self.equations()
-        n = len(self.parameters)
-        return [
-            sum(equations.inputs[j * n + i] * equations.parameters[i] for i in range(n)) for j in range(len(sensors))
-        ]
