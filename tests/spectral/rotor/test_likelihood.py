@@ -79,14 +79,12 @@ def test_entries_given_others_say_what_all_say_less_what_the_others_say(real: bo
 
 @pytest.mark.parametrize("late", [0.0, 0.02])
 def test_loops_over_few_and_over_many_entries_are_products_of_matrices(ingredients: Ingredients, late: float):
-    assert ingredients.slopes is not None
     bins, entries = ingredients.place.left_out.shape
     of = ingredients._replace(more=np.tile(0.1 * np.eye(entries) + 0j, (bins, 1, 1)))
     if late:
         of = of._replace(
             late=late * np.arange(1.0, 1.0 + entries), slopes=ingredients.slopes._replace(late=np.eye(entries))
         )
-    assert of.slopes is not None
     loops = spectrum_of_bins(of)
     expected = respond(of)
     slopes = differentiate(of, of.slopes, expected)

@@ -191,14 +191,15 @@ def _pointer(kernel: Any) -> _Pointer:
 
 @lru_cache(maxsize=1)
 def _sweep() -> Any:
-    """The compiled loop over parameters and azimuths, one for all models."""
+    """The compiled loop over parameters and azimuths, one for all models, called without Numba's search for the types
+    of its arguments, which takes longer."""
     model, real4 = types.FunctionType(JACOBIAN), types.float64[:, :, :, ::1]
     vector, matrix = types.float64[::1], types.float64[:, ::1]
     signature = types.void(
         model, model, matrix, matrix, vector, types.int64, real4, real4, real4, real4,
         vector, vector, vector, vector, matrix, matrix, matrix, matrix, matrix, matrix, matrix,
     )  # fmt: skip
-    return compiled(_sweep_azimuth, signature, borrows=True)
+    return compiled(_sweep_azimuth, signature, borrows=True).get_compile_result(signature).entry_point
 
 
 @pasted

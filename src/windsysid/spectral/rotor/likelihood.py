@@ -102,7 +102,8 @@ class Ingredients(NamedTuple):
     noise, late
         Spectral density of the noise of every entry (B, e) [unit²/Hz], and by how much its readings are late (e,) [s].
     slopes, more
-        Derivatives, and additional spectra (B, e, e), which are added to S; None for none.
+        Derivatives, of no unknowns where they are not needed, and additional spectra (B, e, e), which are added to S;
+        None for none.
     """
 
     place: SpectrumGrid
@@ -110,20 +111,20 @@ class Ingredients(NamedTuple):
     placement: Complex
     sources: SourceSpectra
     noise: Array
-    slopes: Slopes | None
+    slopes: Slopes
     more: Complex | None
     late: Array
 
     @property
     def is_on_time(self) -> bool:
         """True if no clock has a lag or a tolerance of it."""
-        return not self.late.any() and (self.slopes is None or not len(self.slopes.late))
+        return not self.late.any() and not len(self.slopes.late)
 
 
 def spectrum_of_bins(of: Ingredients) -> ModelSpectrum:
     """S and its derivatives."""
     bins, entries = of.place.left_out.shape
-    if of.slopes is None and entries > MAX_LOOP_ENTRIES:
+    if entries > MAX_LOOP_ENTRIES and not len(of.slopes.noise) + of.slopes.mechanics.mechanics.shape[1]:
         S = np.empty((bins, entries, entries), dtype=np.complex128)
         spectra_dense(_many_entries(of), S)
         return ModelSpectrum(S, np.empty((0, *S.shape), dtype=np.complex128))
@@ -139,10 +140,8 @@ def _delayed(signal: ModelSpectrum, of: Ingredients) -> ModelSpectrum:
     phase = np.exp(turn * of.late)
     across = phase[:, :, None] * phase[:, None, :].conj()
     S, A = signal.spectrum * across, signal.slopes * across
-    if of.slopes is not None:
-        moved = of.slopes.mechanics.mechanics.shape[1]
-        halves = [(turn * later)[:, :, None] * S for later in of.slopes.late]
-        A = np.concatenate([A[:moved], *((half + _h(half))[None] for half in halves), A[moved:]])
+    moved, halves = of.slopes.mechanics.mechanics.shape[1], [(turn * one)[:, :, None] * S for one in of.slopes.late]
+    A = np.concatenate([A[:moved], *((half + _h(half))[None] for half in halves), A[moved:]])
     S[:, range(S.shape[1]), range(S.shape[1])] += np.where(place.left_out, 0.0, of.noise)
     return ModelSpectrum(S, A)
 
@@ -211,7 +210,6 @@ def whittle_of_many(of: Ingredients, data: Complex, counts: Array) -> Likelihood
     LinAlgError
         Where a spectrum is not positive definite.
     """
-    assert of.slopes is not None
     moved, sources, noise, late = of.slopes
     n = moved.mechanics.shape[1] + len(late) + len(sources.own) + len(noise)
     g, F = np.zeros(n), np.zeros((n, n))
@@ -240,13 +238,6 @@ def _by_loops(of: Ingredients) -> ModelSpectrum:
     """Spectra and derivatives of readings on time, without additional spectra."""
     place, matrices, slopes = of.place, of.matrices, of.slopes
     bins, entries = place.left_out.shape
-    if slopes is None:
-        slopes = Slopes(
-            MatrixHarmonics(matrices.mechanics[:, :0], matrices.readings[:, :0]),
-            SourceSpectra(*(part[None][:0] for part in of.sources)),
-            of.noise[None][:0],
-            np.empty((0, entries)),
-        )
     count = slopes.mechanics.mechanics.shape[1] + len(slopes.sources.own) + len(slopes.noise)
     S = np.empty((bins, entries, entries), dtype=np.complex128)
     A = np.empty((count, *S.shape), dtype=np.complex128)

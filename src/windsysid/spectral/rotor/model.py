@@ -71,11 +71,8 @@ NEIGHBOUR_SHARE = 0.25
 """Setting: share of the bins over which neighbours are compared."""
 
 
-class Matrices(NamedTuple):
-    """A model's matrices at its unknowns, and their derivatives to the mechanical ones."""
-
-    at: MatrixHarmonics
-    slopes: MatrixHarmonics
+Matrices = tuple[MatrixHarmonics, MatrixHarmonics]
+"""A model's matrices at its unknowns, and their derivatives to the mechanical ones."""
 
 
 class Inexact(NamedTuple):
@@ -256,8 +253,8 @@ class LiftedModel(NamedTuple):
         if self.joint is not None:
             return self._ordered(self._joint_parts(self.joint, unknowns, matrices, slopes=slopes), 1.0, slopes=slopes)
         if self.window is not None:
-            whole = whittle(self.data, self.counts, self.spectrum(unknowns, slopes=slopes, matrices=matrices))
-            return _scaled(whole, 1.0 / self.overlap)
+            J, g, F = whittle(self.data, self.counts, self.spectrum(unknowns, slopes=slopes, matrices=matrices))
+            return Likelihood(J / self.overlap, g / self.overlap, F / self.overlap)
         share = float(self.counts.sum() / self.counts[every // 2 :: every].sum()) / self.overlap
         return self._ordered(self._parts(unknowns, every, matrices, slopes=slopes), share, slopes=slopes)
 
@@ -274,7 +271,7 @@ class LiftedModel(NamedTuple):
         """Sum of parts that count as a share, with derivatives in the order of the unknowns."""
         value, gradient, information = (sum(each) for each in zip(*parts, strict=True))
         at = self._from_kernels() if slopes else slice(0)
-        return _scaled(Likelihood(value, gradient[at], information[at][:, at]), share)
+        return Likelihood(share * value, share * gradient[at], share * information[at][:, at])
 
     def _joint_parts(
         self, joint: JointWeights, unknowns: Array, matrices: Matrices | None, *, slopes: bool
@@ -305,19 +302,12 @@ class LiftedModel(NamedTuple):
 
     def spectrum(self, unknowns: Array, *, slopes: bool = False, matrices: Matrices | None = None) -> ModelSpectrum:
         """S (B, e, e) of all bins, smoothed where it has to be, and its derivatives (n, B, e, e)."""
-        parts = self._spectra(unknowns, 1, matrices, slopes=slopes)
+        parts = [part for _, part in self._spectra(unknowns, 1, matrices, slopes=slopes)]
+        S, A = (np.concatenate(of, axis=axis) for axis, of in enumerate(zip(*parts, strict=True)))
+        A = A[self._from_kernels()] if slopes else A
         if self.window is None:
-            every_part = [part for _, part in parts]
-            whole = np.concatenate([part.slopes for part in every_part], axis=1)
-            whole = whole[self._from_kernels()] if slopes else whole
-            return ModelSpectrum(np.concatenate([part.spectrum for part in every_part]), whole)
-        found = np.zeros((1 + slopes * len(unknowns), *self.data.shape[:2], self.data.shape[1]), dtype=np.complex128)
-        for places, part in parts:
-            fine = np.concatenate([part.spectrum[None], part.slopes])
-            for at in np.array_split(np.arange(len(places)), len(places) // SMOOTHED_BINS + 1):
-                near = self.window[places[at]].any(axis=0)
-                found[:, near] += np.moveaxis(np.tensordot(self.window[places[at]][:, near], fine[:, at], (0, 1)), 0, 1)
-        return self._masked(found[0], found[1:][self._from_kernels()] if slopes else found[1:])
+            return ModelSpectrum(S, A)
+        return self._masked(_smoothed(S[None], self.window)[0], _smoothed(A, self.window))
 
     def _masked(self, S: Complex, A: Complex) -> ModelSpectrum:
         """S and its derivatives, entries that are left out with unit variance."""
@@ -391,19 +381,16 @@ class LiftedModel(NamedTuple):
         late, later = self._late(unknowns)
         of_loads, of_noise = self.split_statistics(unknowns)
         spectra, noise = self._levels(of_loads, of_noise, every)
-        entries = len(self.place.entries)
-        steps = self._source_slopes(of_loads, every) if slopes else None
-        densities = 2.0 * np.exp(2.0 * of_noise)[:, None, None] * self.noise_given
-        chunk = max(8, MAX_NUMBERS // (len(unknowns) * entries**2))
+        some = slice(None if slopes else 0)
+        moved = MatrixHarmonics(*(X[:, some] for X in moved))
+        steps = self._source_slopes(of_loads, every) if slopes else SourceSpectra(*(of[None][some] for of in spectra))
+        densities = 2.0 * np.exp(2.0 * of_noise[some])[:, None, None] * self.noise_given[some]
+        chunk = max(8, MAX_NUMBERS // (len(unknowns) * len(self.place.entries) ** 2))
         for first in range(0, len(bins), chunk):
             at, near = bins[first : first + chunk], slice(first, first + chunk)
-            part = None
-            if steps is not None:
-                part = Slopes(moved, SourceSpectra(steps.own[:, near], steps.cross[:, near]), densities[:, at], later)
+            part = Slopes(moved, SourceSpectra(*(of[:, near] for of in steps)), densities[:, at], later[some])
             where = self.place._replace(base=self.place.base[at], left_out=self.place.left_out[at])
-            own, more = SourceSpectra(spectra.own[near], spectra.cross[near]), None
-            if self.smear is not None:
-                more = self.smear[at]
+            own, more = SourceSpectra(*(of[near] for of in spectra)), None if self.smear is None else self.smear[at]
             yield at, Ingredients(where, still, self.sources.placement, own, noise[at], part, more, late)
 
     def _late(self, unknowns: Array) -> tuple[Array, Array]:
@@ -437,7 +424,7 @@ class LiftedModel(NamedTuple):
             up, down = X[:, 1 : 1 + len(steps)], X[:, 1 + len(steps) :]
             change = without_rounding(up - down, MIN_RELATIVE_CHANGE * size) if slopes else X[:, :0]
             moved.append(change / (2.0 * steps[:, None, None, None]) if slopes else change)
-        return Matrices(at, MatrixHarmonics(*moved))
+        return at, MatrixHarmonics(*moved)
 
     def _levels(self, of_loads: Array, of_noise: Array, every: int) -> tuple[SourceSpectra, Array]:
         """Spectra of the sources, and of the noise of every entry (F, e)."""
@@ -471,14 +458,21 @@ def taper_weights(samples: int, bins: NDArray[np.intp], factor: int = GRID_FACTO
     return out
 
 
+def _smoothed(fine: Complex, window: Array) -> Complex:
+    """Matrices (n, B, e, e) that are sums of those on the finer grid (n, F, e, e) by the weights of a window (F, B)."""
+    n, bins, (F, e, _) = len(fine), window.shape[1], fine.shape[1:]
+    numbers, out = fine.view(np.float64).reshape(n, F, 2 * e * e), np.empty((n, bins, 2 * e * e))
+    for first in range(0, bins, SMOOTHED_BINS):
+        weights = window[:, first : first + SMOOTHED_BINS]
+        near = np.flatnonzero(weights.any(axis=1))
+        some = slice(near[0], near[-1] + 1)
+        out[:, first : first + SMOOTHED_BINS] = weights[some].T @ numbers[:, some]
+    return out.view(np.complex128).reshape(n, bins, e, e)
+
+
 def _linked(pairs: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
     """Groups of entries between which there is no spectrum; of those that have one (e, e) each is in one group."""
     from scipy.sparse.csgraph import connected_components
 
     count, group = connected_components(pairs)
     return [np.flatnonzero(group == each) for each in range(count)]
-
-
-def _scaled(found: Likelihood, share: float) -> Likelihood:
-    """The likelihood of bins that count as `share` each."""
-    return Likelihood(share * found.value, share * found.gradient, share * found.information)

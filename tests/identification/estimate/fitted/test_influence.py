@@ -1,5 +1,6 @@
 """Influence of one frequency of a record on the coefficients of a fit."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -83,6 +84,8 @@ def test_a_line_is_not_harmless_where_something_depends_on_it_or_spectra_do_not_
     refits(RecordError("too short"))
     assert doubt_standing_out(line, job, fit, 0.2) is None
     refits(1.1 * SIGMAS)
+    record = tone(1.5)
+    job, fit = job_of(record), fitted(record, std=STD)
     (found,) = doubt_standing_out(line, job, fit, 0.2) or ()
     name = fit.outcome.model.parameters[0].name
     assert (found.code, found.quantities) == ("line_influence", (name,))
@@ -95,6 +98,20 @@ def test_filters_are_compared_by_spectra_of_the_record_as_it_is(refits: Any):
     assert doubt_sine(HZ, job_of(record), fitted(record, "joint", std=STD)) == ()  # both spectra changed alike
     assert len(read) == 2
     assert read[1] is record
+
+
+def test_filters_and_spectra_that_read_the_same_have_one_influence(refits: Any):
+    read = refits(5.0)
+    record, other = tone(1.5), tone(1.5, seed=2)
+    job, fits = job_of(record), [fitted(record, by, std=STD) for by in ("spectral", "joint")]
+    line = Line(CHANNELS[0], HZ, 10.0, 10.0)
+    first, again = (doubt_standing_out(line, job, fit, 0.2) for fit in fits)
+    assert first == again != ()
+    assert len(read) == 1
+    influence._influence(job, fits[0], 1.1 * HZ)
+    influence._influence(job, fitted(other, std=STD), HZ)
+    influence._influence(replace(job, turbine=replace(job.turbine)), fits[0], HZ)
+    assert len(read) == 4
 
 
 def test_power_beside_a_sine_is_left_as_strong_as_its_surroundings():

@@ -6,9 +6,10 @@ line, and spectra are fitted again. A coefficient of a structure under random lo
 that of a line's mode altogether; that of a mode of a few frequencies' width depends on each, and is not asked.
 """
 
+import hashlib
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,6 +25,7 @@ from windsysid.identification.model.agreement import compare, shifts_to
 from windsysid.identification.model.fit import Outcome
 from windsysid.loads.narrow_band import NarrowBand
 from windsysid.loads.rotor_wind import RotorWind
+from windsysid.records.kept import kept_with_record
 from windsysid.records.record import Record
 from windsysid.results.finding import Finding
 from windsysid.spectral.transforms.harmonics import without_line
@@ -94,19 +96,37 @@ class _Influence(NamedTuple):
         return Finding(code, "reason", data, (self.name,))
 
 
+@kept_with_record
+def _known(record: Record) -> list[tuple[Turbine, tuple[Any, ...], _Influence | None]]:
+    """Influences on fits of a record so far: filters and spectra that read the same have the same."""
+    return []
+
+
 def _influence(job: Job, fit: FittedJob, frequency: float, beside: int = 0) -> _Influence | None:
-    """Influence of a frequency [Hz] and its neighbours in the periodogram; None if spectra do not apply."""
-    outcome = fit.outcome
-    spectral = (RotorWind.name, NarrowBand.name)  # others are for filters only
-    loads = outcome.hypothesis if outcome.hypothesis in spectral else "broadband"
+    """Influence of a frequency [Hz] and its neighbours in the periodogram; None if spectra do not apply. Load models
+    that only filters have are replaced by broad loads."""
+    read, name = fit.read, fit.outcome.hypothesis
+    loads = name if name in (RotorWind.name, NarrowBand.name) else "broadband"
+    digest = hashlib.sha256(read.values.tobytes()).digest()
+    of = digest, read.rate, read.channels, frequency, beside, loads, fit.prior, fit.sensors, job.parameters
+    for turbine, before, influence in _known(job.record):
+        if turbine is job.turbine and before == of:
+            return influence
+    found = _changed(job, fit, frequency, beside, loads)
+    _known(job.record).append((job.turbine, of, found))
+    return found
+
+
+def _changed(job: Job, fit: FittedJob, frequency: float, beside: int, loads: str) -> _Influence | None:
+    """The influence, by fits of spectra under a load model."""
 
     def estimated(record: Record) -> Outcome:
         return identify_by_spectrum(record, job.turbine, fit.sensors, fit.prior, job.parameters, loads=loads)
 
-    without = _without(fit.read, outcome.channels, frequency, beside)
+    without = _without(fit.read, fit.outcome.channels, frequency, beside)
     try:
         left = estimated(without)
-        whole = outcome if fit.formulation == "spectral" else estimated(fit.read)
+        whole = fit.outcome if fit.formulation == "spectral" else estimated(fit.read)
     except (WindsysidError, np.linalg.LinAlgError):
         return None
     return _Influence(*compare(left, whole), shifts_to(left, whole))

@@ -15,9 +15,8 @@ Source: Whittle, J. R. Statist. Soc. B 15, 1953, https://doi.org/10.1111/j.2517-
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -60,9 +59,6 @@ TRIAL_COUNT, LOG_MARGIN = 61, 0.25
 
 TRIAL_DAMPING, TRIAL_STRENGTHS = (0.001, 0.004, 0.02), (3.0, 30.0, 300.0)
 """Setting: damping ratios that are tried, and strengths over the spectrum without the load where it stands out most."""
-
-LOG_EVIDENCE = attrgetter("log_evidence")
-"""Of a fit."""
 
 FAINT_LOG_LEVEL = -1.0
 """Setting: coordinate of the level of a load that is hardly present."""
@@ -121,7 +117,7 @@ class NarrowBandFit(NamedTuple):
     @property
     def is_needed(self) -> bool:
         """Test whether broad loads alone explain the record much worse and change coefficients."""
-        return self.gain > STRONG_LOG_ODDS and _largest(self.moved) > NEGLIGIBLE_SHIFT_SIGMAS
+        return self.gain > STRONG_LOG_ODDS and max(map(abs, self.moved.values())) > NEGLIGIBLE_SHIFT_SIGMAS
 
     @property
     def statistics(self) -> tuple[Statistic, ...]:
@@ -157,7 +153,8 @@ def fit_narrow_band(
     worth = rough[0].log_evidence if requested else max(rough[0].log_evidence, found.log_evidence + STRONG_LOG_ODDS)
     near = [end.unknowns for end in rough if worth - end.log_evidence < MAX_START_LOG_ODDS]
     ends = _ends(question, posed, near) or rough[:1]
-    ends = sorted((end._replace(log_evidence=end.evidence_at(overlap)) for end in ends), key=LOG_EVIDENCE, reverse=True)
+    ends = [end._replace(log_evidence=end.evidence_at(overlap)) for end in ends]
+    ends.sort(key=lambda end: -end.log_evidence)
     gain = ends[0].log_evidence - found.log_evidence
     fitted = NarrowBandFit(posed, ends[0], gain, *_off(question, found, ends[0]))
     needed = requested or fitted.is_needed
@@ -186,11 +183,6 @@ def _data(rival: Rival) -> tuple[dict[str, Any], tuple[str, ...]]:
     return moved | {"shifts": rival.shifts, "widths": rival.widths, "chance": rival.chance}, (worst,)
 
 
-def _largest(moved: Mapping[str, float]) -> float:
-    """The largest of differences in standard deviations."""
-    return max(abs(off) for off in moved.values())
-
-
 def note_narrow_band(found: NarrowBandFit) -> Finding:
     """Note on a narrow-band load that a result includes."""
     levels = [one for one in found.statistics if one.kind == "narrow-band level"]
@@ -215,10 +207,11 @@ def _ends(question: RotorQuestion, posed: Posed, starts: Sequence[Array], *, rou
             )
     ends = list[RotorFit]()
     with_prior = [_with_prior(question, posed, end) for end in found]
-    for end in sorted(with_prior, key=LOG_EVIDENCE, reverse=True):
+    for end in sorted(with_prior, key=lambda end: -end.log_evidence):
         # negative damping of a support has the spectra of positive damping
         is_image = (end.unknowns[_support_damping(question)] < 0.0).any()
-        if not is_image and not any(_largest(_off(question, other, end)[0]) < SAME_OPTIMUM_SIGMAS for other in ends):
+        off = (max(map(abs, _off(question, other, end)[0].values())) for other in ends)
+        if not is_image and all(largest >= SAME_OPTIMUM_SIGMAS for largest in off):
             ends.append(end)
     return ends
 
