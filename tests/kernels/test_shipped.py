@@ -16,8 +16,8 @@ from pathlib import Path
 from windsysid.kernels import cache, jit
 cache.SHIPPED = Path(sys.argv[1])
 jit.something_is_compiled = lambda: print("compiled")
-from windsysid.kernels.philox import _block
-print(_block() is not None)
+from windsysid.kernels.philox import _uniform
+print(_uniform() is not None)
 """
 
 
@@ -36,7 +36,7 @@ def python(cache_folder: Path, *arguments: str, portable: bool = False) -> str:
 def shipped(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """One kernel, compiled as for a wheel."""
     folder = tmp_path_factory.mktemp("wheel")
-    python(folder, "-m", "windsysid.kernels.ahead", "windsysid.kernels.philox:_block", portable=True)
+    python(folder, "-m", "windsysid.kernels.ahead", "windsysid.kernels.philox:_uniform", portable=True)
     return folder
 
 

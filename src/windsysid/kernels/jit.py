@@ -6,6 +6,7 @@ Kernels that take a model take it as a function *type*, so that they are compile
 model.
 """
 
+import gc
 import hashlib
 import re
 import sys
@@ -14,11 +15,14 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import llvmlite
 import numba
+from llvmlite.binding import Linkage
 from numba import types
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler_lock import global_compiler_lock
 
 from windsysid.kernels.ahead import something_is_compiled
 from windsysid.kernels.cache import cache_folder, in_turn, keep, kept, logger, portable_processor, shipped_kernel
@@ -30,12 +34,6 @@ __all__ = [
 ]  # fmt: skip
 
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": {"reassoc", "contract", "nsz", "arcp"}, "nogil": True}
-
-_HELPER: dict[str, Any] = {**_OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-"""Decorator of a helper that is compiled as a part of kernels and cannot be called from Python.
-
-Code for calls from Python would take a sixth of a kernel's compile time.
-"""
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 _vector = types.float64[::1]
@@ -85,6 +83,41 @@ def _sources(path: Path) -> dict[str, bytes]:
     return digests
 
 
+class _Module(JITCodeLibrary):  # type: ignore[misc]
+    """Code that becomes machine code only where Python or a function type needs its address: not that of helpers.
+
+    Every kernel has copies of its helpers, which were optimised once more with it and round differently. Numba makes
+    machine code of the helpers, too, and the process that compiles would call that; later ones would call the copies.
+    """
+
+    def _finalize_final_module(self) -> None:
+        self._finalized, self._emitted = True, self._shared_module is not None  # from the cache
+        if self._emitted:
+            super()._finalize_final_module()
+
+    def get_pointer_to_function(self, name: str) -> int:
+        """Address of a function; 0 if there is none of this name."""
+        self._ensure_finalized()
+        if not self._emitted:
+            functions = list(self.get_defined_functions())
+            if all(function.name != name for function in functions):
+                return 0
+            for function in functions:
+                if function.linkage == Linkage.linkonce_odr:  # a copy, for this kernel only
+                    function.linkage = Linkage.internal
+            self._emitted = True
+            super()._finalize_final_module()
+        return int(super().get_pointer_to_function(name))
+
+    @property
+    def codegen(self) -> Any:
+        """Where Numba keeps environments: nowhere without machine code."""
+        return self._codegen if self._emitted else self
+
+    def set_env(self, *_: Any) -> None:
+        """Keep no environment."""
+
+
 class _Cache:
     """Interface of a dispatcher's cache in Numba, with one file for each kernel (`windsysid.kernels.cache`).
 
@@ -129,7 +162,9 @@ class _Cache:
             return None
 
     def save_overload(self, signature: object, result: Any) -> None:
-        """Keep a compiled function, unless it holds addresses of this process."""
+        """Keep a compiled function, unless it holds addresses of this process; its copies of helpers get theirs."""
+        for environment in result._find_referenced_environments():
+            result.codegen.set_env(environment.env_name, environment)
         payload = packed(result)
         if payload is not None:
             keep(self._path(signature, result.codegen), payload)
@@ -154,15 +189,30 @@ def compiled(
             sources = sorted(_sources(path).items())
             stem = f"{versions} {sources} {function.__qualname__} {borrows}"
             dispatcher._cache = _Cache(function, stem, turn)
+        turn.enter_context(global_compiler_lock)
+        codegen = dispatcher.targetctx.codegen()
+        codegen._library_class = _Module
+        turn.callback(delattr, codegen, "_library_class")
+        if gc.isenabled():  # collecting takes a tenth of the time
+            turn.callback(gc.enable)
+            gc.disable()
         dispatcher.compile(signature)
     dispatcher.disable_compile()
     return dispatcher
 
 
+def _helper(function: _F, **options: Any) -> _F:
+    """Decorate a helper: a part of kernels, without the code for calls from Python that would take a sixth of their
+    compile time. It is compiled once for all integers, not again for each constant among its arguments."""
+    helper: Any = numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **_OPTIONS, **options)(function)
+    template = helper.get_call_template
+    helper.get_call_template = lambda given, named: template([types.unliteral(one) for one in given], named)
+    return cast(_F, helper)
+
+
 def inlined(function: _F) -> _F:
     """Compile a helper into the kernels that call it: a call with a model's many arrays costs more than the work."""
-    helper: _F = numba.njit(forceinline=True, **_HELPER)(function)
-    return helper
+    return _helper(function, forceinline=True)
 
 
 def uncounted(function: _F) -> _F:
@@ -170,8 +220,7 @@ def uncounted(function: _F) -> _F:
 
     It cannot make arrays; its caller holds them.
     """
-    helper: _F = numba.njit(forceinline=True, _nrt=False, **_HELPER)(function)
-    return helper
+    return _helper(function, forceinline=True, _nrt=False)
 
 
 def pasted(function: _F) -> _F:
@@ -179,11 +228,9 @@ def pasted(function: _F) -> _F:
 
     A small helper then compiles faster, a large one more slowly.
     """
-    helper: _F = numba.njit(inline="always", _nrt=False, **_HELPER)(function)
-    return helper
+    return _helper(function, inline="always", _nrt=False)
 
 
 def called(function: _F) -> _F:
     """An uncounted helper that stays a function of its own, for work that outweighs a call."""
-    helper: _F = numba.njit(forceinline=False, _nrt=False, **_HELPER)(function)
-    return helper
+    return _helper(function, forceinline=False, _nrt=False)

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from windsysid._types import Array
 from windsysid.kernels.jit import compiled, inlined
 
-__all__ = ["Purpose", "exponential", "fill_normals", "key_of", "normals", "uniforms", "words"]
+__all__ = ["Purpose", "exponential", "fill_normals", "key_of", "normals", "uniforms"]
 
 
 class Purpose(IntEnum):
@@ -54,13 +54,6 @@ def uniforms(seed: int, sample: int, purpose: Purpose, count: int, part: int = 0
     out = np.empty(count)
     _uniform()(key_of(seed), sample, int(purpose) + 16 * part, out)
     return out
-
-
-def words(counter: tuple[int, int, int, int], key: tuple[int, int]) -> tuple[int, ...]:
-    """The four words of one counter."""
-    out = np.empty(4, dtype=np.uint64)
-    _block()(np.array([*counter, *key], dtype=np.uint64), out)
-    return tuple(int(word) for word in out)
 
 
 @intrinsic
@@ -218,12 +211,3 @@ def _fill_uniforms(key: Any, sample: int, purpose: int, out: Any) -> None:
     for i in range(out.size):
         r0, r1, _, _ = _words(np.uint64(i), np.uint64(0), np.uint64(sample), np.uint64(purpose), key[0], key[1])
         out[i] = (np.float64(r0 >> np.uint64(5)) * 67108864.0 + np.float64(r1 >> np.uint64(6))) / 9007199254740992.0
-
-
-@lru_cache(maxsize=1)
-def _block() -> Any:
-    return compiled(_fill_words, types.void(_KEY, _KEY))
-
-
-def _fill_words(given: Any, out: Any) -> None:
-    out[0], out[1], out[2], out[3] = _words(given[0], given[1], given[2], given[3], given[4], given[5])

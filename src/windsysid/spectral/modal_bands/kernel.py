@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numba import types
 
-from windsysid.kernels.jit import compiled, inlined
+from windsysid.kernels.jit import compiled, uncounted
 
 __all__ = ["whitened_slopes"]
 
@@ -27,7 +27,7 @@ def whitened_slopes() -> Any:
     return compiled(_whiten, f0(c3, f1, f1, f1, i1, f2, f1, f1, c2, c2, c2, f1, c2, c3, i1, f3, f2))
 
 
-@inlined
+@uncounted
 def _solve(root: Any, x: Any) -> None:
     """x ← G⁻¹ x."""
     m = len(x)
@@ -38,7 +38,7 @@ def _solve(root: Any, x: Any) -> None:
         x[i] = total / root[i, i].real
 
 
-@inlined
+@uncounted
 def _respond(fine: Any, f: Any, zeta: Any, h: Any, h_f: Any, h_z: Any) -> None:
     """h and its derivatives to ln f and ln ζ (r, F)."""
     for j in range(len(f)):
@@ -51,7 +51,7 @@ def _respond(fine: Any, f: Any, zeta: Any, h: Any, h_f: Any, h_z: Any) -> None:
             h_z[j, i] = zeta[j] * x * complex(0.0, 2.0 * ratio) / (q * q)
 
 
-@inlined
+@uncounted
 def _expect(
     weights: Any, first: int, tilt: Any, bend: Any, h: Any, h_f: Any, h_z: Any, d: Any, d_f: Any, d_z: Any, d_a: Any
 ) -> None:
@@ -75,7 +75,7 @@ def _expect(
             d_a[other, j] = d_a[j, other].conjugate()
 
 
-@inlined
+@uncounted
 def _product(x: Any, out: Any) -> None:
     """out = x xᴴ."""
     for i in range(x.shape[0]):
@@ -86,7 +86,7 @@ def _product(x: Any, out: Any) -> None:
             out[i, j] = total
 
 
-@inlined
+@uncounted
 def _assemble(d: Any, both: Any, phi: Any, level: Any, tilt: float, out: Any, ahead: Any) -> None:
     """out = Φ [D ∘ C Cᴴ] Φᴴ + tilt · L Lᴴ."""
     m, r = phi.shape
@@ -104,7 +104,7 @@ def _assemble(d: Any, both: Any, phi: Any, level: Any, tilt: float, out: Any, ah
             out[i, j] = total
 
 
-@inlined
+@uncounted
 def _add(u: Any, v: Any, scale: float, out: Any) -> None:
     """out += scale (u vᴴ + v uᴴ), as real numbers."""
     m = len(u)
@@ -118,7 +118,7 @@ def _add(u: Any, v: Any, scale: float, out: Any) -> None:
             at += 2
 
 
-@inlined
+@uncounted
 def _turned(d: Any, both: Any, white: Any, j: int, v: Any) -> None:
     """v = G⁻¹ Φ (D ∘ B)ᴴ e_j."""
     for i in range(len(v)):
@@ -214,7 +214,7 @@ def _whiten(
             _solve(root, z[i])
             for j in range(m):
                 y[i, j] = z[i, j] * grow[i]
-        whole[:], seen[:] = root, axes
+                whole[i, j], seen[i, j] = root[i, j], axes[i, j]
         if mixes:
             for i in range(m):
                 for j in range(i):
