@@ -70,7 +70,10 @@ PAGE_OF_TOWER = (
 )
 
 
-@pytest.mark.parametrize("answer", ["ws.inspect(record).files()", "ws.oma(record).files()", PAGE_OF_TOWER])
+@pytest.mark.parametrize(
+    "answer",
+    ["ws.inspect(record).files()", "ws.oma(record).files()", pytest.param(PAGE_OF_TOWER, marks=pytest.mark.slow)],
+)
 def test_an_answer_and_its_page_load_nothing_heavy(answer: str, tmp_path: Path):
     path = tmp_path / "record.csv"
     windsysid.write_record(windsysid.simulate("tower", duration=300.0, rate=4.0), path)

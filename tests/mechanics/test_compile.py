@@ -51,7 +51,7 @@ RICH: tuple[PlacedSensor, ...] = (
 )  # fmt: skip
 
 ROTORS = [
-    RotorModel(3, roll="tied"), RotorModel(4, roll="locked"), RotorModel(3, lag="locked"),
+    RotorModel(3, roll="tied"), RotorModel(3, lag="locked"),
     *(
         pytest.param(rotor, marks=pytest.mark.slow)
         for rotor in (
@@ -59,6 +59,7 @@ ROTORS = [
             RotorModel(2, y="locked", roll="tied"),
             RotorModel(3, roll="free"), RotorModel(3, roll="locked"), RotorModel(3, y="locked", roll="free"),
             RotorModel(3, x="locked", roll="free"), RotorModel(4, roll="free"), RotorModel(4, roll="tied"),
+            RotorModel(4, roll="locked"),
         )
     ),
 ]  # fmt: skip

@@ -240,6 +240,7 @@ def with_shaft_as_coordinate(model: RotorModel) -> tuple[Equations, sp.Expr]:
     )
 
 
+@pytest.mark.slow
 def test_energy_changes_by_the_work_of_shaft_and_loads(verne555: Turbine):
     # Undamped, gravity on, roll free, Ω varying, loads on everything. All inputs are linear between samples, hence the
     # defect is the integrator's alone: of order 4, so it falls by 2⁴ or more when the step is halved.

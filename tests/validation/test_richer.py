@@ -37,6 +37,7 @@ def test_partly_free_roll_gives_the_full_turbines_modes_and_one_factor_on_the_bl
     assert (left <= resolution(truth, 540.0)).all()
 
 
+@pytest.mark.slow
 def test_roll_tied_or_locked_misses_the_collective_mode_by_many_standard_deviations():
     truth = TRUTH["c2"]
     for roll in ROLLS[:2]:

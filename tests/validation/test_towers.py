@@ -17,6 +17,7 @@ def found(kind: str, seed: int = 501, formulation: Literal["auto", "spectral"] =
     return identify(record(kind, seed), "tower", prior=DrawnPrior(seed=seed), formulation=formulation)
 
 
+@pytest.mark.slow
 def test_a_tower_that_is_as_its_file_says_is_trusted():
     result, values = found("healthy"), load_turbine("tower").values
     assert result.formulation == "spectral"
@@ -29,9 +30,10 @@ def test_a_tower_that_is_as_its_file_says_is_trusted():
     ("kind", "said"),
     [
         ("play of 0.3 σ", {"nonlinear_force"}),
-        pytest.param("friction of 10 %", {"nonlinear_force", "amplitude_dependence"}, marks=pytest.mark.slow),
+        ("friction of 10 %", {"nonlinear_force", "amplitude_dependence"}),
     ],
 )
+@pytest.mark.slow
 def test_what_spectra_hardly_show_is_seen_by_filters(kind: str, said: set[str]):
     result = found(kind)
     assert not result.diagnosis.trusted
