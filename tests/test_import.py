@@ -111,8 +111,11 @@ def test_an_unknown_name_is_an_attribute_error():
 @pytest.mark.parametrize(
     "first",
     [
-        "ws.identify", "__import__('windsysid.study')",
-        *(pytest.param(one, marks=pytest.mark.slow) for one in ("ws.models.Prior", "ws.results.Mode")),
+        "ws.identify",
+        *(
+            pytest.param(one, marks=pytest.mark.slow)
+            for one in ("__import__('windsysid.study')", "ws.models.Prior", "ws.results.Mode")
+        ),
     ],
 )  # fmt: skip
 def test_public_names_are_what_they_say_whatever_was_imported_first(first: str):

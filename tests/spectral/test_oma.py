@@ -486,6 +486,7 @@ def test_images_of_splines_are_no_modes():
     np.testing.assert_allclose(images, [20.0 - 4.6, 20.0 - 3.1], rtol=0.01)
 
 
+@pytest.mark.slow
 def test_a_steep_filter_in_the_band_is_no_error():
     """In its stop band the spectra of channels are singular to rounding."""
     y = two_modes(1)
