@@ -58,7 +58,7 @@ RECENT_TESTS: dict[str, tuple[str, ...]] = {
     "streams.py": ("test_streams.py",),
     "windows/timeline.py": ("test_timeline.py",),
     "levels/together.py": ("test_together.py",),
-    "transforms/harmonics.py": ("test_oma.py", "test_steady_lines.py"),
+    "transforms/harmonics.py": ("test_harmonics.py", "test_oma.py", "test_steady_lines.py"),
     "within_step.py": ("test_within_step.py",),
 }
 """As `validation.mutants.TESTS`."""
