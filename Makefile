@@ -9,7 +9,7 @@ STUDY ?= results/study
 # Libraries' modules are compiled where they are first used, and once for every process that tests start.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: study test tests kernels test-all lint bench field validation docs wheel clean
+.PHONY: study test tests kernels test-all lint types bench field validation docs wheel clean
 
 # $(call timed,WHAT,COMMAND) says how long a step took.
 timed = @begun=$$(date +%s); echo "$(1) …"; $(2) && echo "$(1): $$(($$(date +%s) - begun)) s"
@@ -17,7 +17,7 @@ timed = @begun=$$(date +%s); echo "$(1) …"; $(2) && echo "$(1): $$(($$(date +%
 study: $(VENV)/.core
 	$(call timed,study,$(BIN)/windsysid study --output $(STUDY) --overwrite)
 
-# What most tests need is compiled first, since each of the two workers would compile it for itself; beside it the rest is installed and types are checked.
+# What most tests need is compiled first, since each of the two workers would compile it for itself; beside it the rest is installed and types of src are checked.
 test: $(VENV)/.core
 	@$(MAKE) --no-print-directory -j 2 lint tests
 
@@ -27,12 +27,16 @@ kernels: $(VENV)/.core
 tests: kernels $(VENV)/.installed
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal -q
 
-test-all: lint $(VENV)/.notebooks
+test-all: lint types $(VENV)/.notebooks
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile -q -m "slow or not slow"
 
 lint: $(VENV)/.installed
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/mypy src
+
+# Types of tests and validation too, which take two thirds as long again as those of src and protect no user.
+types: $(VENV)/.installed
 	$(BIN)/mypy
 
 PIP_INSTALL = $(BIN)/python -m pip install --no-compile --quiet --disable-pip-version-check -c constraints.txt

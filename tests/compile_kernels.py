@@ -5,7 +5,7 @@ from validation.adversary.scenarios import record as independent_record
 import windsysid as ws
 
 independent_record("reference", 1)
-for name, duration, rate in (("verne555", 30.0, 50.0), ("tower", 300.0, 20.0), ("nrel5mw_full", 60.0, 25.0)):
+for name, duration, rate in (("verne555", 10.0, 50.0), ("tower", 120.0, 10.0), ("nrel5mw_full", 20.0, 25.0)):
     turbine = ws.load_turbine(name)
     record = ws.simulate(turbine, duration=duration, rate=rate, seed=1)
     ws.identify(record, turbine, formulation="joint", loads="broadband")

@@ -70,7 +70,10 @@ PAGE_OF_TOWER = (
 )
 
 
-@pytest.mark.parametrize("answer", ["ws.inspect(record).files()", "ws.oma(record).files()", PAGE_OF_TOWER])
+@pytest.mark.parametrize(
+    "answer",
+    ["ws.inspect(record).files()", "ws.oma(record).files()", pytest.param(PAGE_OF_TOWER, marks=pytest.mark.slow)],
+)
 def test_an_answer_and_its_page_load_nothing_heavy(answer: str, tmp_path: Path):
     path = tmp_path / "record.csv"
     windsysid.write_record(windsysid.simulate("tower", duration=300.0, rate=4.0), path)
@@ -108,8 +111,11 @@ def test_an_unknown_name_is_an_attribute_error():
 @pytest.mark.parametrize(
     "first",
     [
-        "ws.identify", "__import__('windsysid.study')",
-        *(pytest.param(one, marks=pytest.mark.slow) for one in ("ws.models.Prior", "ws.results.Mode")),
+        "ws.identify",
+        *(
+            pytest.param(one, marks=pytest.mark.slow)
+            for one in ("__import__('windsysid.study')", "ws.models.Prior", "ws.results.Mode")
+        ),
     ],
 )  # fmt: skip
 def test_public_names_are_what_they_say_whatever_was_imported_first(first: str):

@@ -4,6 +4,7 @@ in messages.txt: ``python -m tests.test_messages > tests/messages.txt``."""
 import ast
 import re
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -53,11 +54,17 @@ def texts(tree: ast.AST) -> Iterator[tuple[int, str]]:
             yield node.lineno, text  # type: ignore[attr-defined]
 
 
+@cache
+def texts_of(path: Path) -> tuple[tuple[int, str], ...]:
+    """The texts of a file, which two tests read."""
+    return tuple(texts(ast.parse(path.read_text(encoding="utf-8"))))
+
+
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.relative_to(ROOT).as_posix())
 def test_a_text_for_users_can_be_read_at_once(path: Path):
     page = path.relative_to(ROOT).parts[0] in PAGES
     long = []
-    for line, text in texts(ast.parse(path.read_text(encoding="utf-8"))):
+    for line, text in texts_of(path):
         parts = text.replace(": ", ". ").split(". ") if page else [text]
         long += [(line, part) for part in parts if len(part) > 160]
     assert not long
@@ -74,10 +81,7 @@ def catalogue() -> str:
     lines = ["# Findings (values are examples)", table()]
     for path in FILES:
         if path.parent.name != "sentences":
-            found = dict.fromkeys(
-                text.replace(PLACEHOLDER, "…").replace("\n", " ")
-                for _, text in texts(ast.parse(path.read_text("utf-8")))
-            )
+            found = dict.fromkeys(text.replace(PLACEHOLDER, "…").replace("\n", " ") for _, text in texts_of(path))
             known = [text for text in found if len(re.findall("[A-Za-z]{2,}", text)) > 2 and not CODE.search(text)]
             module = ".".join(path.relative_to(ROOT).with_suffix("").parts)
             lines += [f"\n# {module}", *known] if known else []

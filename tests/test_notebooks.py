@@ -32,9 +32,10 @@ def has_picture(value: object) -> bool:
 
 @pytest.mark.parametrize(
     "notebook",
-    [NOTEBOOKS[0], *(pytest.param(path, marks=pytest.mark.slow) for path in NOTEBOOKS[1:])],
+    NOTEBOOKS,
     ids=lambda path: path.stem,
 )
+@pytest.mark.slow
 def test_the_cells_of_a_notebook_run_and_show_pictures(notebook: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Without a kernel: what a cell ends with is what it shows."""
     monkeypatch.chdir(tmp_path)

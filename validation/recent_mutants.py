@@ -16,7 +16,7 @@ RECENT_TESTS: dict[str, tuple[str, ...]] = {
     "continuity.py": ("test_continuity.py",),
     "effects/clock_drift.py": ("test_drifting_clocks.py",),
     "model/drift.py": ("test_drifting_clocks.py",),
-    "spectral/drift_of_halves.py": ("test_drifting_clocks.py",),
+    "spectral/drift_of_halves.py": ("test_drift_of_halves.py", "test_drifting_clocks.py"),
     "effects/random_walk_bias.py": ("test_drifting_offsets.py",),
     "events.py": ("test_events.py",),
     "follower.py": ("test_engine.py", "test_turns.py"),
@@ -58,7 +58,7 @@ RECENT_TESTS: dict[str, tuple[str, ...]] = {
     "streams.py": ("test_streams.py",),
     "windows/timeline.py": ("test_timeline.py",),
     "levels/together.py": ("test_together.py",),
-    "transforms/harmonics.py": ("test_oma.py", "test_steady_lines.py"),
+    "transforms/harmonics.py": ("test_harmonics.py", "test_oma.py", "test_steady_lines.py"),
     "within_step.py": ("test_within_step.py",),
 }
 """As `validation.mutants.TESTS`."""

@@ -135,7 +135,7 @@ def test_a_cable_with_crosstalk_has_no_grade():
         assert {one.name: one.grade for one in found.estimates}["k_side_side"] == "C"
 
 
-@pytest.mark.parametrize(("samples", "share"), [(600, 0.1), (6000, 1e-3)])
+@pytest.mark.parametrize(("samples", "share"), [(600, 0.1), pytest.param(6000, 1e-3, marks=pytest.mark.slow)])
 def test_chance_makes_something_vibrate_as_seldom_as_stated(samples: int, share: float):
     rng = np.random.default_rng(6)
     noise = rng.standard_normal((samples, 2000))

@@ -167,7 +167,7 @@ def test_the_reading_jacobian_equals_central_differences(joint: StateSpace):
 
 
 def test_joint_estimation_finds_a_wrong_stiffness_and_is_honest_about_it():
-    # k_2 starts 5 % off; 20 records of 10 s drawn from the true chain. Every ±4σ band must hold the truth (6e-5
+    # k_2 starts 5 % off; 8 records of 10 s drawn from the true chain. Every ±4σ band must hold the truth (6e-5
     # expected outside each), and the record must have taught much more than the prior knew. From 20 % off the
     # linearisation costs certainty: the error is then 1.2 times what the filter says on average.
     model = compose(
@@ -181,7 +181,7 @@ def test_joint_estimation_finds_a_wrong_stiffness_and_is_honest_about_it():
         cov=composed().cov[:6, :6],
     )
     truth = -np.log(1.05)
-    for run in range(20):
+    for run in range(8):
         inputs, readings = simulated(composed(), 500, seed=200 + run)
         belief, _ = EKF.run(model, EKF.init(model), inputs, readings)
         std = np.sqrt(belief.cov[-1, -1])

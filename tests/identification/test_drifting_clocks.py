@@ -59,6 +59,7 @@ def test_the_turbine_is_identified_from_readings_that_were_put_back(drifting: Re
     assert all(abs(e.estimate - truth[e.name]) < 3.0 * e.std for e in found.estimates)
 
 
+@pytest.mark.slow
 def test_filters_that_are_asked_for_say_that_they_feel_it(drifting: Record, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(drifting_clocks, "find_drift", lambda *given: (2.5e-4, 3e-6))
     part = drifting.section(0.0, 20.0)
@@ -77,6 +78,7 @@ def test_gaps_stay_gaps(drifting: Record):
     assert np.isfinite(moved[BLADES[1]]).all()
 
 
+@pytest.mark.slow
 def test_in_100_s_vibration_tells_a_drift():
     """Filters found their innovations louder at one frequency than at another, and blamed the loads."""
     seen = record("clock drifts 50 ppm", 120019)

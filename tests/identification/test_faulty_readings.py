@@ -30,6 +30,7 @@ def test_a_code_for_no_reading_does_not_end_in_an_error(verne555: Turbine, code:
     assert sum("taken as missing" in one.data.get("text", "") for one in notes(found)) == 3
 
 
+@pytest.mark.slow
 def test_a_first_reading_that_is_off_is_no_vibration():
     """A logger that has just been switched on: the loads were blamed."""
     made, truth = towers.simulate("healthy", 290_005)

@@ -465,6 +465,7 @@ def minute(verne555: Turbine) -> Record:
     return simulate_record(verne555, duration=60.0, rate=100.0, seed=8)
 
 
+@pytest.mark.slow
 def test_auto_goes_by_filters_and_holds_them_against_spectra(verne555, minute):
     record = minute
     found = identify(record, verne555, formulation="auto")
@@ -560,6 +561,7 @@ def tower_record() -> Record:
     return simulate_record("tower", duration=600.0, rate=20.0, seed=96_902)
 
 
+@pytest.mark.slow
 def test_auto_goes_by_spectra_where_nothing_turns(tower_record, tmp_path):
     """A saved result of spectra, which have neither loads nor a history, says all that others say."""
     found = identify(tower_record, "tower", formulation="auto")

@@ -139,6 +139,7 @@ def test_a_free_decay_is_identified_with_small_loads_as_states_too(verne555):
         assert e.estimate == pytest.approx(e.reference, rel=0.01 if e.kind == "stiffness" else 0.05), e.name
 
 
+@pytest.mark.slow
 def test_loads_that_are_not_there_are_learned_to_be_none(verne555, decay):
     # The turbine file says 15 N and 15 N·m rms. Learned, they hardly cost anything against knowing that there are none.
     known = identify(decay.section(0.0, 8.0), verne555)
@@ -255,6 +256,7 @@ def test_a_tilted_prior_far_away_still_finds_the_stiffness(verne555, decay):
         assert e.estimate == pytest.approx(e.reference, rel=0.01 if e.kind == "stiffness" else 0.05), e.name
 
 
+@pytest.mark.slow
 def test_a_recursion_that_loses_its_way_costs_the_history_only(verne555, driven, found, monkeypatch):
     def astray(*_):
         raise WindsysidError("rational spectrum: expected a positive rms, got nan")

@@ -27,6 +27,7 @@ def towers(kind: Kind, seed: int, monkeypatch: pytest.MonkeyPatch, **options: st
     return found, max(abs(e.estimate - true[e.name]) / e.std for e in found.estimates)
 
 
+@pytest.mark.slow
 def test_a_narrow_band_that_passed_for_a_mode_is_taken_into_account(monkeypatch: pytest.MonkeyPatch):
     """Damping came out a third of the tower's."""
     broad, worst = towers(NARROW, 650000, monkeypatch, loads="broadband", formulation="spectral")
@@ -42,6 +43,7 @@ def test_a_narrow_band_that_passed_for_a_mode_is_taken_into_account(monkeypatch:
     assert values["narrow_band_frequency"].low < 0.335 < values["narrow_band_frequency"].high
 
 
+@pytest.mark.slow
 def test_a_weak_sea_is_taken_for_waves_offshore_only(monkeypatch: pytest.MonkeyPatch):
     """Waves of 3.3 s under a tower of 0.32 Hz: spectra explain the record as well without them, which shifts fore-aft
     stiffness and damping. Onshore they are a rival, and estimates were more than three standard deviations off."""

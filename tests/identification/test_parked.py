@@ -34,6 +34,7 @@ def record(parked: Turbine) -> Record:
     return simulate_record(parked, duration=15.0, rate=50.0, seed=4)
 
 
+@pytest.mark.slow
 def test_a_parked_machine_is_identified(parked: Turbine, record: Record, tmp_path: Path):
     assert np.ptp(record["rotor_azimuth"]) == 0.0
     found = identify(record, parked, loads="broadband")

@@ -220,6 +220,7 @@ def test_the_diagnosis_judges_all_pieces(verne555: Turbine, whole: Record):
     assert not found.diagnosis.trusted
 
 
+@pytest.mark.slow
 def test_a_tower_is_resampled_and_chooses_its_loads_in_pieces_as_in_one():
     tower = load_turbine("tower")
     record = simulate_record(tower, duration=240.0, rate=6.0, seed=2)

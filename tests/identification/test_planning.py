@@ -146,6 +146,7 @@ def verne(verne555: Turbine) -> Plan:
     return plan(verne555, duration=100.0)
 
 
+@pytest.mark.slow
 def test_what_is_seen_while_the_filter_still_finds_the_state_is_said_to_be_seen_before(verne):
     assert verne.needed("k_beta_1") == verne.start_seconds
     assert verne.answer("k_beta_1").endswith(f"±20 % before {spell(verne.start_seconds, 2)}")

@@ -54,6 +54,7 @@ def test_masses_that_are_known_to_two_per_cent_widen_the_band_of_a_stiffness_by_
     assert shares["masses"] < 0.02**2 / found.cov[0, 0] < 1.05 * (shares["masses"] + shares["load statistics"])
 
 
+@pytest.mark.slow
 def test_filters_and_spectra_know_instruments_and_masses_alike(tower_record: Record) -> None:
     record = tower_record.section(0.0, 300.0)
     joint, spectral = (
@@ -71,6 +72,7 @@ def test_filters_and_spectra_know_instruments_and_masses_alike(tower_record: Rec
             assert abs(one.estimate - known.estimate) < 0.2 * one.spread
 
 
+@pytest.mark.slow
 def test_an_axis_and_a_clock_that_are_off_are_found_and_said() -> None:
     turbine = load_turbine("verne555")
     record = record_of(turbine, Errors(turn={0: np.radians(5.0)}, late={"rotor": 0.002}), 91_700)

@@ -156,6 +156,7 @@ def expected(machine: Turbine, turning: Record) -> Identification:
     return identify(turning, machine, formulation="spectral")
 
 
+@pytest.mark.slow
 def test_one_piece_in_bands_says_what_the_record_says(
     machine: Turbine, turning: Record, expected: Identification
 ) -> None:

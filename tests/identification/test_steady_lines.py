@@ -160,6 +160,7 @@ def test_a_sine_that_was_seen_on_the_support_may_push_a_blade(verne555: Turbine)
     assert not any(one.matters for one in forces if one is not first)
 
 
+@pytest.mark.slow
 def test_what_turns_with_the_rotor_is_felt_by_innovations(verne555: Turbine):
     made = record("1P on the support", 503).section(0.0, 15.0)
     found = identify(made, verne555, prior=DrawnPrior(seed=503), formulation="joint", loads="broadband")

@@ -161,6 +161,7 @@ def test_sensors_that_do_not_yaw_are_turned_by_the_record_s_own_yaw(yawing: Reco
         assert before[e.name].estimate == pytest.approx(e.estimate, abs=0.3 * e.std)
 
 
+@pytest.mark.slow
 def test_one_sensor_fixed_to_the_tower_sees_both_directions_while_the_nacelle_yaws(yawing: Record, tower: Turbine):
     result = identify(yawing, tower, sensors=[tower_fixed(20.0)])
     assert [e.name for e in result.estimates] == ["k_side_side", "c_side_side", "k_fore_aft", "c_fore_aft"]
@@ -220,8 +221,9 @@ def test_a_yaw_in_steps_is_smoothed_and_a_wrong_unit_refused():
 @needs_shared
 @pytest.mark.parametrize(
     ("name", "frequency"),
-    [("c2_turb12_full", 0.3153), pytest.param("d1_turb12_full_KSS090", 0.2986, marks=pytest.mark.slow)],
+    [("c2_turb12_full", 0.3153), ("d1_turb12_full_KSS090", 0.2986)],
 )
+@pytest.mark.slow
 def test_an_independent_simulation_in_turbulent_wind_is_found_and_trusted(tower: Turbine, name: str, frequency: float):
     # OpenFAST with everything moving; truth from its linearisation: frequency at 12.1 rpm, damping 0.566 % in steady 12
     # m/s.

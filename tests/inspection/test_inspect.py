@@ -387,6 +387,7 @@ def test_an_independent_turbulent_simulation_raises_no_alarm(name):
 
 
 @needs_shared
+@pytest.mark.slow
 def test_a_locked_motion_of_the_simulator_is_the_only_complaint():
     pytest.importorskip("openfast_io", reason="reading OpenFAST files needs openfast_io")
     inspection = inspect_record(read_record(SHARED / "openfast" / "a2_rot12_decay_min.outb"), load_turbine("nrel5mw"))

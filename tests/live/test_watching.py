@@ -353,6 +353,7 @@ def test_a_state_other_than_the_usual_has_a_level_of_its_own():
     assert taken[-1].levels[0].level == pytest.approx(100.0, abs=0.15)
 
 
+@pytest.mark.slow
 def test_the_effect_of_temperature_is_learned_and_no_alarm():
     rows = stream(500, seed=5)
     for k, one in enumerate(rows):

@@ -240,6 +240,7 @@ def with_shaft_as_coordinate(model: RotorModel) -> tuple[Equations, sp.Expr]:
     )
 
 
+@pytest.mark.slow
 def test_energy_changes_by_the_work_of_shaft_and_loads(verne555: Turbine):
     # Undamped, gravity on, roll free, Ω varying, loads on everything. All inputs are linear between samples, hence the
     # defect is the integrator's alone: of order 4, so it falls by 2⁴ or more when the step is halved.
@@ -266,7 +267,7 @@ def test_energy_changes_by_the_work_of_shaft_and_loads(verne555: Turbine):
         assert coarse / fine > 2**4
 
 
-@pytest.mark.parametrize("blades", [3, 4])
+@pytest.mark.parametrize("blades", [3, pytest.param(4, marks=pytest.mark.slow)])
 def test_the_jacobi_integral_is_conserved_over_1000_revolutions_and_energy_is_not(verne555: Turbine, blades: int):
     # Isotropic, gravity-free, undamped, unloaded: seen from the turning frame nothing depends on time, so
     # J = E − Ω (∂T/∂ψ̇ + x p_y − y p_x) is constant; Ω is prescribed, so the shaft does work and E is not.

@@ -183,6 +183,7 @@ def simulated(turbine: Turbine, speed: float, start: np.ndarray, time: np.ndarra
     )
 
 
+@pytest.mark.slow
 def test_two_blades_vibrate_as_their_nonlinear_equations_do():
     # Neighbours of the periodic motion, a turn later, make the monodromy matrix without any Jacobian.
     turbine, speed = two_blades(), 24.0

@@ -169,6 +169,7 @@ def test_an_unstable_range_is_told(verne555: Turbine):
     assert found.ground_resonance[0].margin == (0.0, 0.0, 0.0)
 
 
+@pytest.mark.slow
 def test_a_saved_result_gives_the_bands_of_the_one_in_memory(tmp_path: Path, verne555: Turbine):
     made = simulate_record(verne555, duration=20.0, rate=60.0, seed=2)
     result = identify(made, verne555, formulation="joint", loads="broadband")

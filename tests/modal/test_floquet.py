@@ -127,6 +127,7 @@ def pendulum(time: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return value, slope
 
 
+@pytest.mark.slow
 def test_the_periodic_motion_is_the_settled_one_and_its_modes_are_those_of_neighbouring_motions():
     x, found = about_periodic_motion(pendulum, 2.0 * math.pi, 2)
 

@@ -130,6 +130,7 @@ def test_numbers_beyond_single_precision_are_missing():
     assert follower.known == 0
 
 
+@pytest.mark.slow
 def test_a_drift_is_a_wander_but_beside_a_trend_and_the_last_blocks_do_not_lag_behind_it():
     fall = -0.03 * np.arange(2400) / 2400.0
     y, x = simulated(2400, 0.0, 0, 11) + fall, np.zeros((2400, 1))

@@ -32,6 +32,7 @@ def wandering(count: int, share: float, seed: int) -> tuple[Array, Array]:
     return level, np.asarray(level + SIGMA * rng.standard_normal(count))
 
 
+@pytest.mark.slow
 def test_what_wanders_more_than_was_seen_so_far_is_no_alarm_oftener_than_stated_and_in_its_band():
     wrong, held, stated, series = 0, [], 0.03, 60
     for seed in range(series):

@@ -123,6 +123,7 @@ def test_a_line_amid_two_modes_is_found():
     assert line.ratio > line.bound
 
 
+@pytest.mark.slow
 def test_chance_over_a_parabola_is_as_the_bound_says():
     # 150 000 points of white noise, as many beyond the bound of one in 1000, and of one in 10 000, as it says.
     rng, surroundings, ratios = np.random.default_rng(12), 30, []

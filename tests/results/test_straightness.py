@@ -35,6 +35,7 @@ def bent(seed: int, hardening: float, chance: float = 1e-3, *, gusts: bool = Fal
     return find_bent(z, q, v, channels=["a"], coordinates=["x"], chance=chance)
 
 
+@pytest.mark.slow
 def test_a_straight_spring_is_as_bent_as_chance_makes_it():
     # 200 records: what one in 20 exceeds by chance, at most 18 do (one in 100 such tests would see more).
     found = [bent(seed, 0.0, 0.05) for seed in range(200)]

@@ -223,7 +223,8 @@ def test_modes_are_looked_for_where_they_are() -> None:
     assert hz["lag forward"] == pytest.approx(1.3053, rel=0.02)
 
 
-@pytest.mark.parametrize("missing", [pytest.param("", marks=pytest.mark.slow), TIPS[1]])
+@pytest.mark.parametrize("missing", ["", TIPS[1]])
+@pytest.mark.slow
 def test_rotor_in_simulated_wind_is_found(missing: str) -> None:
     sensors = tuple(s.exact() for s in TURBINE.sensors if s.channel != missing)
     found = ws.identify(record(), TURBINE.exact(), formulation="spectral", sensors=sensors, prior=DrawnPrior(seed=1))
@@ -303,6 +304,7 @@ def test_a_lightly_damped_rotor_is_found_from_a_poor_prior() -> None:
     assert found["k_x"].std / found["k_x"].estimate < 0.02
 
 
+@pytest.mark.slow
 def test_a_speed_that_varies_is_followed_by_the_blades() -> None:
     """±8 % was refused, though blades keep their frequencies in the frame that turns with them."""
     varying = KINDS["nrel5mw, wind, speed varies by 8 %"][2](7200)

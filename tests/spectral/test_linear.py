@@ -109,6 +109,7 @@ def test_smeared_spectra_are_the_mean_of_what_records_show(model: LinearModel):
     assert abs(np.sum(rows.counts[near] * (shown / smooth - 1.0)[near])) < 3.0 * np.sqrt(1.1 * rows.counts[near].sum())
 
 
+@pytest.mark.slow
 def test_spectra_say_what_the_filters_say(record: Record):
     found, joint = by_spectra(record), fit(
         SPRING, record, parameters=PARAMETERS, sensors=sensors(), values={"m": TRUTH["m"]}, loads=[LOAD], cov=AT_REST

@@ -83,6 +83,7 @@ def test_a_step_adds_what_van_loan_adds(filter_: Filter):
     np.testing.assert_allclose(found[6:, 3:6], exact[6:, 3:6], rtol=2e-3, atol=1e-3 * abs(exact[6:, 3:6]).max())
 
 
+@pytest.mark.slow
 def test_long_steps_leave_the_motion_as_strong_as_it_is():
     # Steps of a twentieth of the fastest mode's period: the stationary covariance is Lyapunov's. With straight lines
     # the mode that is as fast loses a hundredth of its power.

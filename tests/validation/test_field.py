@@ -35,6 +35,7 @@ recorded = pytest.mark.skipif(
 )
 
 
+@pytest.mark.slow
 def test_the_softer_tower_is_judged_by_its_own_modes():
     # The turbine file, not the simulator: a tower softer by a tenth, in lean and roll, moves the modes as the truth of
     # d1 says.

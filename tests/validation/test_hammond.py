@@ -25,6 +25,7 @@ FOUND = {
 
 @pytest.mark.parametrize("hub", HUBS)
 @pytest.mark.parametrize("dampers", DAMPERS)
+@pytest.mark.slow
 def test_unstable_ranges_are_those_in_the_documents_and_the_methods_agree(dampers: str, hub: str):
     method, unstable, difference = examine(helicopter(dampers, hub), SPEEDS[::5])
     assert [(round(u.low * RPM, 1), round(u.high * RPM, 1)) for u in unstable] == FOUND[dampers, hub]

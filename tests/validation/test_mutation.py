@@ -2,11 +2,13 @@
 
 from collections import Counter
 
+import pytest
 from validation.mutants import MUTANTS, TESTS
 from validation.mutation import EVERY_MUTANT, locate
 from validation.recent_mutants import RECENT_MUTANTS, RECENT_TESTS
 
 
+@pytest.mark.slow
 def test_every_fault_stands_once_in_the_sources_and_is_python():
     for mutant in EVERY_MUTANT:
         path = locate(mutant)

@@ -79,11 +79,11 @@ QUICK: dict[str, str] = {
     "validation.frames": "--storeys 2 --runs 1 --seconds 60",
     "validation.kills": "--runs 1",
     "validation.mutation": "--sample 0",
-    "validation.install_size": "",
 }
 """Short forms that take some seconds, run by `make test`: program and arguments."""
 
 SHORT: dict[str, tuple[str, ...]] = {
+    "validation.install_size": ("",),
     "benchmarks/agreement.py": ("--samples 20",),
     "benchmarks/before.py": ("{root} --runs 1",),
     "benchmarks/compiling.py": ("--short",),

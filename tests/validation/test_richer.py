@@ -26,6 +26,7 @@ OPENFAST = Path(__file__).parents[3] / "shared" / "data" / "openfast"
 needs_records = pytest.mark.skipif(not OPENFAST.is_dir(), reason="the records to run against are not here")
 
 
+@pytest.mark.slow
 def test_partly_free_roll_gives_the_full_turbines_modes_and_one_factor_on_the_blades_gives_them_all():
     # Linearisation of the full model, ../shared/data/README.md. Without the factor what is left is flap–edge coupling:
     # less than 0.5 %.
@@ -37,6 +38,7 @@ def test_partly_free_roll_gives_the_full_turbines_modes_and_one_factor_on_the_bl
     assert (left <= resolution(truth, 540.0)).all()
 
 
+@pytest.mark.slow
 def test_roll_tied_or_locked_misses_the_collective_mode_by_many_standard_deviations():
     truth = TRUTH["c2"]
     for roll in ROLLS[:2]:

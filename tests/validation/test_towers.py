@@ -17,6 +17,7 @@ def found(kind: str, seed: int = 501, formulation: Literal["auto", "spectral"] =
     return identify(record(kind, seed), "tower", prior=DrawnPrior(seed=seed), formulation=formulation)
 
 
+@pytest.mark.slow
 def test_a_tower_that_is_as_its_file_says_is_trusted():
     result, values = found("healthy"), load_turbine("tower").values
     assert result.formulation == "spectral"
@@ -29,21 +30,24 @@ def test_a_tower_that_is_as_its_file_says_is_trusted():
     ("kind", "said"),
     [
         ("play of 0.3 σ", {"nonlinear_force"}),
-        pytest.param("friction of 10 %", {"nonlinear_force", "amplitude_dependence"}, marks=pytest.mark.slow),
+        ("friction of 10 %", {"nonlinear_force", "amplitude_dependence"}),
     ],
 )
+@pytest.mark.slow
 def test_what_spectra_hardly_show_is_seen_by_filters(kind: str, said: set[str]):
     result = found(kind)
     assert not result.diagnosis.trusted
     assert said.intersection(codes(reasons(result)))
 
 
+@pytest.mark.slow
 def test_a_hump_of_the_load_beside_a_mode_is_taken_into_account():
     result, values = found("hump fore-aft, 0.36 Hz", 760016, "spectral"), load_turbine("tower").values
     assert "narrow_band_load" in codes(result.findings)
     assert max(np.abs([(e.estimate - values[e.name]) / e.std for e in result.estimates])) < 3.0
 
 
+@pytest.mark.slow
 def test_a_hump_that_may_have_changed_places_with_the_mode_is_in_the_interval():
     """Both places explain the spectra, 0.5 of log evidence apart, and stiffness lies 9 σ elsewhere."""
     result = found("hump fore-aft, 0.36 Hz", formulation="spectral")

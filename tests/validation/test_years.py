@@ -27,5 +27,6 @@ def test_damage_is_seen_within_hours():
     assert (delays(PLACE, ("c_x", 0.5), 5).seconds <= 2.0 * DAY).all()
 
 
+@pytest.mark.slow
 def test_a_year_without_a_change_has_no_alarm():
     assert false_alarms(PLACE, 1, years.STATED) == 0

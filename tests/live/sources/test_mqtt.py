@@ -198,6 +198,7 @@ def test_turbines_that_are_held_back_do_not_stall_the_others_for_good(
     logger.close()
 
 
+@pytest.mark.slow
 def test_a_hundred_turbines_that_are_held_back_leave_room_for_others(mosquitto: Mosquitto):
     behind = [f"T{i:03d}" for i in range(100)]
 

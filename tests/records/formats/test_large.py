@@ -143,7 +143,9 @@ print(samples, late, (most() - before) / 1024)
 
 
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="how much memory was used is asked of Linux")
-@pytest.mark.parametrize("name", ["x.csv", "x.nc", "x.parquet", "x.outb"])
+@pytest.mark.parametrize(
+    "name", ["x.csv", "x.outb", *(pytest.param(name, marks=pytest.mark.slow) for name in ("x.nc", "x.parquet"))]
+)
 def test_reading_in_pieces_needs_little_memory(tmp_path, name, monkeypatch):
     monkeypatch.undo()  # blocks of the size that users have
     rows = 600_000 if name in ("x.parquet", "x.outb") else 300_000  # the libraries themselves take 40 to 60 MB

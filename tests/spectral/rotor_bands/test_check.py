@@ -47,7 +47,8 @@ def softer_midway(seconds: float, seed: int, factor: float) -> Identification:
     return of_bands(replace(stiff, values=values))
 
 
-@pytest.mark.parametrize(("factor", "grades"), [(0.95, {"B"}), pytest.param(0.85, {"C"}, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("factor", "grades"), [(0.95, {"B"}), (0.85, {"C"})])
+@pytest.mark.slow
 def test_a_tower_that_grows_softer_midway_widens_its_own_interval_or_has_none(factor, grades):
     found = softer_midway(540.0, 200, factor)
     assert {one.grade for one in found.estimates if one.name == "k_x"} == grades

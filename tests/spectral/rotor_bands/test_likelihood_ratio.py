@@ -35,6 +35,7 @@ def test_two_values_are_the_more_probable_the_less_the_halves_have_in_common(dep
 
 
 @pytest.mark.skipif(not C2.exists(), reason="OpenFAST's records are not in this checkout")
+@pytest.mark.slow
 def test_halves_of_a_steady_record_are_no_reason_where_their_likelihoods_agree():
     """The difference of their estimates is far longer than its covariance lets expect; refits are not quadratic."""
     grades, codes = reasons("nrel5mw_full", 60.0, 330.0)

@@ -57,6 +57,7 @@ def test_the_rotor_file_has_the_modes_of_its_deck(tmp_path: Path):
 
 
 @needs_decks
+@pytest.mark.slow
 def test_the_rotor_file_of_nrel_5_mw_has_the_modes_of_its_linearisation():
     found = sorted(modes_of(SHARED / "nrel5mw_land" / "NREL-5MW.fst").values())
     expected = [(0.3153, 0.00349), (0.8908, 0.00575), (1.0402, 0.00434), (1.2990, 0.00399)]

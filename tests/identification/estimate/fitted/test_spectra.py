@@ -36,6 +36,7 @@ def at(spectrum: FittedSpectrum, frequency: Array) -> tuple[Array, Array]:
 
 
 @pytest.mark.parametrize("formulation", ["spectral", "joint"])
+@pytest.mark.slow
 def test_the_spectrum_of_a_fit_is_that_of_a_long_record(
     tower: Turbine, fits: dict[str, Identification], formulation: str
 ):
