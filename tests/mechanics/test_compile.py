@@ -51,15 +51,14 @@ RICH: tuple[PlacedSensor, ...] = (
 )  # fmt: skip
 
 ROTORS = [
-    RotorModel(2, roll="tied"), RotorModel(3, lag="locked"),
+    RotorModel(3, roll="tied"), RotorModel(4, roll="locked"), RotorModel(3, lag="locked"),
     *(
         pytest.param(rotor, marks=pytest.mark.slow)
         for rotor in (
-            RotorModel(2, roll="free"), RotorModel(3, roll="tied"), RotorModel(2, roll="locked"),
+            RotorModel(2, roll="free"), RotorModel(2, roll="tied"), RotorModel(2, roll="locked"),
             RotorModel(2, y="locked", roll="tied"),
             RotorModel(3, roll="free"), RotorModel(3, roll="locked"), RotorModel(3, y="locked", roll="free"),
             RotorModel(3, x="locked", roll="free"), RotorModel(4, roll="free"), RotorModel(4, roll="tied"),
-            RotorModel(4, roll="locked"),
         )
     ),
 ]  # fmt: skip
@@ -68,7 +67,7 @@ ROTORS = [
 every_roll = pytest.mark.parametrize(
     "rotor",
     [
-        RotorModel(2, roll="tied"),
+        RotorModel(3, roll="tied"),
         *(pytest.param(RotorModel(blades, roll="free"), marks=pytest.mark.slow) for blades in (2, 3, 4)),
     ],
     ids=lambda rotor: name_of(rotor),

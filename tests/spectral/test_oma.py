@@ -448,8 +448,7 @@ def frame(seed, loads, storeys=5, zeta=0.02, noise=0.1):
     return frequencies, y + noise * y.std(axis=0) * rng.normal(size=y.shape)
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
-@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3))])
 def test_no_mode_is_trusted_and_wrong_where_one_load_drives_all(seed):
     """The neighbours' response to the load of a mode is coherent with its own, and moved a damping by five sigma."""
     true, y = frame(seed, np.ones((5, 1)))
@@ -486,7 +485,6 @@ def test_images_of_splines_are_no_modes():
     np.testing.assert_allclose(images, [20.0 - 4.6, 20.0 - 3.1], rtol=0.01)
 
 
-@pytest.mark.slow
 def test_a_steep_filter_in_the_band_is_no_error():
     """In its stop band the spectra of channels are singular to rounding."""
     y = two_modes(1)
@@ -517,7 +515,6 @@ def test_records_one_after_the_other_are_trusted_together():
     assert ws.oma(windows(3, 3000)).trusted
 
 
-@pytest.mark.slow
 def test_a_frequency_that_goes_up_and_down_again_has_a_wider_interval():
     """Both halves of a day are alike; damping came out larger by four standard deviations."""
     rng, samples = np.random.default_rng(5), 40_000
