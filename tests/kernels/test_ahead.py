@@ -19,7 +19,7 @@ def started(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
     def start(command: list[str], **_: Any) -> None:
         commands.append(command)
 
-    monkeypatch.setattr(ahead, "_processors", lambda: [0, 1])
+    monkeypatch.setattr(ahead, "usable_processors", lambda: [0, 1])
     monkeypatch.setattr(subprocess, "Popen", start)
     monkeypatch.setattr(ahead, "_later", [])
     monkeypatch.setattr(ahead, "_processes", [])
@@ -40,7 +40,7 @@ def test_the_second_process_is_started_once(started: list[list[str]]) -> None:
 
 
 def test_one_processor_has_nothing_to_gain(started: list[list[str]], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ahead, "_processors", lambda: [0])
+    monkeypatch.setattr(ahead, "usable_processors", lambda: [0])
     ahead.compile_ahead(ekf.run_kernel)
     ahead.something_is_compiled()
     assert not started

@@ -1,7 +1,6 @@
 """Batch identification of folders of records into an archive, each record once."""
 
 import math
-import os
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -21,6 +20,7 @@ from windsysid.fleet.scada import Scada
 from windsysid.fleet.work.engine import run_here, run_on_dask, share
 from windsysid.fleet.work.guard import DeadWorkerError, HangingWorkerError, Worker
 from windsysid.fleet.work.tasks import Task
+from windsysid.kernels.threads import usable_processors
 from windsysid.output.console import printable
 from windsysid.output.progress import Progress, unheard
 from windsysid.turbine.file import load_turbine
@@ -180,7 +180,7 @@ def batch(
         there = sum(map(len, theirs.values())) - sum(map(len, new.values()))
         run = _ArchiveRun(folder, formulation, limit, settings, scadas, known)
         joined = _join_scada(run, members, progress)
-        counted = _identify(run, new, workers or _processors(), scheduler, progress)
+        counted = _identify(run, new, workers or len(usable_processors()), scheduler, progress)
     return Batch(
         folder, dict(counted.taken), there, unmatched, joined, (*counted.reasons(), *notes), time.monotonic() - begun
     )
@@ -384,7 +384,3 @@ def _look(one: tuple[Member, str], worker: Worker, say: Callable[[str, str | Non
         say(path, worker.ask({"do": "look", "source": path, "member": asdict(member)})["start"])
     except (DeadWorkerError, HangingWorkerError):
         say(path, None)
-
-
-def _processors() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -7,11 +7,12 @@ or waits for it. It is started when a first kernel is not in the cache, so that 
 
 import contextlib
 import importlib
-import os
 import subprocess
 import sys
 from collections.abc import Callable
 from typing import Any
+
+from windsysid.kernels.threads import usable_processors
 
 __all__ = ["compile_ahead", "something_is_compiled"]
 
@@ -24,7 +25,7 @@ def compile_ahead(*kernels: Callable[[], Any]) -> None:
 
     For programs only: it starts `sys.executable`.
     """
-    if len(_processors()) > 1:
+    if len(usable_processors()) > 1:
         _later[:] = [f"{kernel.__module__}:{kernel.__name__}" for kernel in kernels]
 
 
@@ -37,12 +38,6 @@ def something_is_compiled() -> None:
     _later.clear()
     with contextlib.suppress(OSError):  # else this process compiles all
         _processes.append(subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet))
-
-
-def _processors() -> list[int]:
-    if hasattr(os, "sched_getaffinity"):
-        return sorted(os.sched_getaffinity(0))
-    return list(range(os.cpu_count() or 1))
 
 
 if __name__ == "__main__":

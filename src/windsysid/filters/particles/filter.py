@@ -24,7 +24,6 @@ Sequential Monte Carlo Methods in Practice (2001), ch. 10; Gordon, Salmond & Smi
 """
 
 import math
-import os
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
@@ -49,6 +48,7 @@ from windsysid.filters.particles.weights import ParticleInfo, resample, survivor
 from windsysid.filters.protocol import checked_samples
 from windsysid.kernels.jit import VALUE
 from windsysid.kernels.philox import Purpose, key_of, normals
+from windsysid.kernels.threads import usable_processors
 from windsysid.statespace.compose import StateSpace
 from windsysid.statespace.workspace import Workspace, workspace
 
@@ -296,7 +296,7 @@ class _ParticleRun:
         self.least = options.threshold * self.count
         self.key = key_of(options.seed)
         chunks = -(-self.count // CHUNK)
-        threads = min(options.threads or _processors(), chunks)
+        threads = min(options.threads or len(usable_processors()), chunks)
         self.shares = [(i * chunks // threads, (i + 1) * chunks // threads) for i in range(threads)]
         self.spaces = [workspace(model.blocks) for _ in self.shares]
         self.longest = max(4, min(MAX_BLOCK_SAMPLES, MAX_SUM_ROWS // chunks))
@@ -456,11 +456,7 @@ def _log_peak(noise: Array, freedom: Array) -> Array:
     return np.asarray(np.where(np.isinf(freedom), -0.5 * math.log(2.0 * math.pi), student) - 0.5 * np.log(noise))
 
 
-def _processors() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
 @lru_cache(maxsize=1)
 def pool() -> ThreadPoolExecutor:
     """Threads for the chunks of particles."""
-    return ThreadPoolExecutor(_processors(), thread_name_prefix="particles")
+    return ThreadPoolExecutor(len(usable_processors()), thread_name_prefix="particles")

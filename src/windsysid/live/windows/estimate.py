@@ -5,7 +5,6 @@ bit. A worker that dies is started again and the window tried again; one that ha
 is a row that says why.
 """
 
-import os
 import time
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -15,6 +14,7 @@ from windsysid.fleet.members import Member
 from windsysid.fleet.rows import Row, empty_row, failed_row
 from windsysid.fleet.work.guard import MAX_DEATHS, DeadWorkerError, HangingWorkerError, Worker
 from windsysid.fleet.work.worker import pack_samples, take_samples
+from windsysid.kernels.threads import usable_processors
 from windsysid.live.windows.timeline import Gathered
 from windsysid.results.serialization import finite
 
@@ -108,9 +108,7 @@ def estimators(workers: int | None) -> list[Estimator]:
     """One for each window that is taken at once: as many as processors by default, one in this process for 0."""
     if workers == 0:
         return [Here()]
-    if workers is None:
-        workers = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return [InWorker() for _ in range(workers)]
+    return [InWorker() for _ in range(workers or len(usable_processors()))]
 
 
 def _too_short(source: str, settings: str) -> Row:
