@@ -98,6 +98,13 @@ def test_a_unit_that_is_evidently_wrong_is_refused(case):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("code", [1e5, -999.0, 9.96921e36])
+def test_one_code_for_no_reading_says_nothing_about_the_unit(verne555, healthy, code):
+    values = healthy[TOWER].copy()
+    values[1000] = code
+    assert not any(one.kind == "unit" for one in findings(changed(healthy, TOWER, values), verne555))
+
+
 def test_an_idling_rotor_is_not_taken_for_a_wrong_unit():
     tower = ws.load_turbine("tower")
     record = simulate_record(tower, duration=60.0, rate=50.0, seed=1).select(

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from windsysid._types import Array
 from windsysid.inspection.bodies import body_of
@@ -78,9 +79,9 @@ def implausible(record: Record, known: dict[str, Kind], rotor: Rotor | None, tur
 def _wrong_unit(record: Record, channel: str, kind: Kind, rotor: Rotor | None) -> list[Fault]:
     """A unit that the values of a channel contradict."""
     values, unit = record[channel], record.unit(channel)
-    x = values[np.isfinite(values)]
     if kind == "acceleration" and unit == "m/s^2":
-        return _acceleration(record, channel, x, rotor)
+        return _acceleration(record, channel, values[_is_usual(values)], rotor)
+    x = values[np.isfinite(values)]
     if kind == "displacement" and unit == "m":
         large = np.std(x) > 10.0 and not is_position(channel)
         return [unit_fault(channel, "no deflection so large", rms=float(np.std(x)))] if large else []
@@ -125,14 +126,17 @@ def _by_place(channels: Sequence[str]) -> dict[str, list[str]]:
     return places
 
 
+def _is_usual(values: Array) -> NDArray[np.bool_]:
+    """Which of `values` (T,) are neither missing nor spikes or codes far from all others."""
+    distance = np.abs(values - np.nanmedian(values))
+    scale = 1.4826 * float(np.nanmedian(distance))
+    return np.isfinite(values) & ((distance <= MAX_MOTION_SIGMAS * scale) | (scale == 0.0))
+
+
 def _swing(record: Record, channel: str) -> float:
     """Motion [m] that an acceleration means above `MIN_MOTION_HZ`, root mean square."""
-    values = record[channel]
-    known = np.isfinite(values)
-    distance = np.abs(values - np.median(values[known]))
-    scale = 1.4826 * float(np.median(distance[known]))
-    known &= (distance <= MAX_MOTION_SIGMAS * scale) | (scale == 0.0)
-    filled = np.interp(record.time, record.time[known], values[known])
+    usual = _is_usual(record[channel])
+    filled = np.interp(record.time, record.time[usual], record[channel][usual])
     power = np.abs(np.fft.rfft((filled - filled.mean()) * np.hanning(len(filled)))) ** 2
     frequency = np.arange(len(power)) * record.rate / len(filled)
     above = frequency > max(MIN_MOTION_HZ, 3.0 * record.rate / len(filled))
