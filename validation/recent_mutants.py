@@ -225,7 +225,8 @@ _CLOCKS_AND_LINES = (
     ),
     Mutant(
         "a narrow band that matters", "spectral/narrow_band.py",
-        "self.gain > STRONG_LOG_ODDS and _largest(self.moved) > NEGLIGIBLE_SHIFT_SIGMAS", "self.gain > STRONG_LOG_ODDS",
+        "self.gain > STRONG_LOG_ODDS and max(map(abs, self.moved.values())) > NEGLIGIBLE_SHIFT_SIGMAS",
+        "self.gain > STRONG_LOG_ODDS",
         "loads that move no coefficient condemn a result",
     ),
     Mutant(

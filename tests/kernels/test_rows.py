@@ -13,7 +13,7 @@ from windsysid.kernels.simd import LANES
 
 def _product(four_vectors_fit: bool):
     """`multiply`, compiled as for a processor with many registers or with few."""
-    python = rows.multiply.py_func
+    python = vars(rows.multiply)["py_func"]
     surrounding = {**python.__globals__, "FOUR_VECTORS_FIT": four_vectors_fit}
     multiply = called(FunctionType(python.__code__, surrounding))
     return numba.njit(lambda *arguments: multiply(*arguments))

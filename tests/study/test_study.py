@@ -3,7 +3,9 @@
 import json
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +15,8 @@ from validation.wind_study import main, summary
 from windsysid.filters import FILTERS
 from windsysid.identification.estimate.force_balance import analysis_band
 from windsysid.output.folders import claim
-from windsysid.study import methods, run
+from windsysid.reports.figures.plots import coefficient_histories
+from windsysid.study import methods, report, run
 from windsysid.study.methods import Method, gather, method_table
 from windsysid.study.published import PUBLISHED
 from windsysid.study.report import error_table, study_files, withheld_table
@@ -256,9 +259,15 @@ def test_withheld_loads_ruin_the_balance_and_wrong_statistics_the_joint_filter(w
     assert mode[2] >= 0.8
 
 
-@pytest.mark.slow
-def test_runs_are_gathered_by_method(whole):
-    runs = list(whole.methods)
+def two_methods() -> list[Method]:
+    """Results of two methods on one record, by hand."""
+    names = tuple(f"{kind}_{i}" for kind in "kc" for i in range(5))
+    errors = np.linspace(-0.1, 0.2, 20).reshape(2, 1, 10)
+    return [Method(f"method {i}", "loads", names, errors[i], errors[i] / 0.05, np.array([0.5 + i])) for i in range(2)]
+
+
+def test_runs_are_gathered_by_method():
+    runs = two_methods()
     both = gather(runs + [run._replace(error=-run.error, seconds=3.0 * run.seconds) for run in runs])
     assert [m.name for m in both] == [m.name for m in runs]
     assert both[0].error.shape == (2, 10)
@@ -279,9 +288,23 @@ def test_an_output_of_the_change_of_direction_that_is_a_file_is_one_line(tmp_pat
     assert capsys.readouterr().err.startswith("error: ")
 
 
-@pytest.mark.slow
-def test_three_files_are_written(saved):
-    assert sorted(path.name for path in saved.glob("[!.]*")) == ["identification.nc", "report.html", "summary.json"]
+@pytest.mark.parametrize("of", [pytest.param("whole", marks=pytest.mark.slow), "study"])
+def test_three_files_are_written(of, request, tmp_path, monkeypatch):
+    study = request.getfixturevalue(of)
+    if study.wind is None:
+        study = replace(study, wind=SimpleNamespace(change_deg=90.0), methods=two_methods())
+        for figure in ("direction_change_figure", "load_spectra_figure"):
+            monkeypatch.setattr(report, figure, lambda wind: coefficient_histories(study.arm_a, ["k_x"]))
+    with claim(tmp_path) as write:
+        write(study_files(study))
+    written = sorted(path.name for path in tmp_path.glob("[!.]*"))
+    assert written == ["identification.nc", "report.html", "summary.json"]
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["parameters"]["c_x"]["estimate"] == study.arm_a["c_x"].estimate
+    assert summary["loads_withheld"]["c_x"]["estimate"] == study.arm_b["c_x"].estimate
+    worst = summary["average_error_percent"]["from_30_s"]["k_y"]["worst"]
+    assert worst == pytest.approx(study.errors[:, 1, column(study, "k_y")].max())
+    assert study.arm_b["c_x"].estimate < 0.5 * study.arm_a["c_x"].estimate
 
 
 @pytest.mark.slow

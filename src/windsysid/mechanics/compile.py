@@ -196,7 +196,7 @@ def _structure(model: Model, sensors: Sequence[Any]) -> list[str]:
 
 
 def _is_own(part: Any) -> bool:
-    """Whether a model or sensor is of a class of this package, and so are the models that it consists of."""
+    """Test whether a model or sensor is of a class of this package, and so is every model among its attributes."""
     inner = (value for value in getattr(part, "__dict__", {}).values() if hasattr(value, "equations"))
     return type(part).__module__.split(".")[0] == "windsysid" and all(map(_is_own, inner))
 

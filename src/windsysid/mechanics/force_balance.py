@@ -1,7 +1,7 @@
 """Models of a force balance: the equations of motion with the motion as input, and the linear regression of their
 residuals.
 
-They stand with the other models, so that the key of their compiled code changes with their source.
+They are in this package, since the key of a model's compiled code includes the sources of this package.
 """
 
 from collections.abc import Sequence

@@ -139,7 +139,6 @@ def test_a_value_that_the_server_calls_bad_or_that_is_no_number_is_missing():
     assert np.isnan(read(float("inf")))
 
 
-@pytest.mark.slow
 def test_a_server_with_certificates_is_read_encrypted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("windsysid.live.sources.opcua.BLOCK_SECONDS", 0.4)
     served, own = certificate_of("scada", tmp_path), certificate_of("windsysid", tmp_path, ".crt")

@@ -302,12 +302,19 @@ class LiftedModel(NamedTuple):
 
     def spectrum(self, unknowns: Array, *, slopes: bool = False, matrices: Matrices | None = None) -> ModelSpectrum:
         """S (B, e, e) of all bins, smoothed where it has to be, and its derivatives (n, B, e, e)."""
-        parts = [part for _, part in self._spectra(unknowns, 1, matrices, slopes=slopes)]
-        S, A = (np.concatenate(of, axis=axis) for axis, of in enumerate(zip(*parts, strict=True)))
-        A = A[self._from_kernels()] if slopes else A
+        parts = (
+            (at, np.concatenate([S[None], A])) for at, (S, A) in self._spectra(unknowns, 1, matrices, slopes=slopes)
+        )
+        order = self._from_kernels() if slopes else slice(0)
         if self.window is None:
-            return ModelSpectrum(S, A)
-        return self._masked(_smoothed(S[None], self.window)[0], _smoothed(A, self.window))
+            whole = np.concatenate([part for _, part in parts], axis=1)
+            return ModelSpectrum(whole[0], whole[1:][order])
+        found = np.zeros((1 + slopes * len(unknowns), *self.data.shape[:2], self.data.shape[1]), dtype=np.complex128)
+        for at, part in parts:
+            weights = self.window[at]
+            near = np.flatnonzero(weights.any(axis=0))
+            found[:, near] += _smoothed(part, weights[:, near])
+        return self._masked(found[0], found[1:][order])
 
     def _masked(self, S: Complex, A: Complex) -> ModelSpectrum:
         """S and its derivatives, entries that are left out with unit variance."""
@@ -464,7 +471,7 @@ def _smoothed(fine: Complex, window: Array) -> Complex:
     numbers, out = fine.view(np.float64).reshape(n, F, 2 * e * e), np.empty((n, bins, 2 * e * e))
     for first in range(0, bins, SMOOTHED_BINS):
         weights = window[:, first : first + SMOOTHED_BINS]
-        near = np.flatnonzero(weights.any(axis=1))
+        near = np.flatnonzero(weights.any(axis=1))  # every bin has a weight
         some = slice(near[0], near[-1] + 1)
         out[:, first : first + SMOOTHED_BINS] = weights[some].T @ numbers[:, some]
     return out.view(np.complex128).reshape(n, bins, e, e)

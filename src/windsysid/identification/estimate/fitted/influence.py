@@ -97,33 +97,36 @@ class _Influence(NamedTuple):
 
 
 @kept_with_record
-def _known(record: Record) -> list[tuple[Turbine, tuple[Any, ...], _Influence | None]]:
-    """Influences on fits of a record so far: filters and spectra that read the same have the same."""
+def _known_influences(record: Record) -> list[tuple[Turbine, tuple[Any, ...], _Influence | None]]:
+    """Influences on fits of one turbine to a record: filters and spectra that read the same have the same."""
     return []
 
 
-def _influence(job: Job, fit: FittedJob, frequency: float, beside: int = 0) -> _Influence | None:
+def _influence(job: Job, fit: FittedJob, frequency: float, neighbours: int = 0) -> _Influence | None:
     """Influence of a frequency [Hz] and its neighbours in the periodogram; None if spectra do not apply. Load models
     that only filters have are replaced by broad loads."""
     read, name = fit.read, fit.outcome.hypothesis
     loads = name if name in (RotorWind.name, NarrowBand.name) else "broadband"
     digest = hashlib.sha256(read.values.tobytes()).digest()
-    of = digest, read.rate, read.channels, frequency, beside, loads, fit.prior, fit.sensors, job.parameters
-    for turbine, before, influence in _known(job.record):
-        if turbine is job.turbine and before == of:
+    key = digest, read.rate, read.channels, frequency, neighbours, loads, fit.prior, fit.sensors, job.parameters
+    known = _known_influences(job.record)
+    for turbine, known_key, influence in known:
+        if turbine is job.turbine and known_key == key:
             return influence
-    found = _changed(job, fit, frequency, beside, loads)
-    _known(job.record).append((job.turbine, of, found))
+    found = _compute_influence(job, fit, frequency, neighbours, loads)
+    if known and known[0][0] is not job.turbine:
+        known.clear()
+    known.append((job.turbine, key, found))
     return found
 
 
-def _changed(job: Job, fit: FittedJob, frequency: float, beside: int, loads: str) -> _Influence | None:
+def _compute_influence(job: Job, fit: FittedJob, frequency: float, neighbours: int, loads: str) -> _Influence | None:
     """The influence, by fits of spectra under a load model."""
 
     def estimated(record: Record) -> Outcome:
         return identify_by_spectrum(record, job.turbine, fit.sensors, fit.prior, job.parameters, loads=loads)
 
-    without = _without(fit.read, fit.outcome.channels, frequency, beside)
+    without = _without(fit.read, fit.outcome.channels, frequency, neighbours)
     try:
         left = estimated(without)
         whole = fit.outcome if fit.formulation == "spectral" else estimated(fit.read)
