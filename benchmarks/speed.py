@@ -34,6 +34,7 @@ from windsysid.filters.protocol import empty_info
 from windsysid.identification.estimate.scoring import posterior_mode
 from windsysid.identification.model.prior import Prior
 from windsysid.identification.model.turbine_problem import TurbineProblem, pose
+from windsysid.kernels.threads import one_thread
 from windsysid.models import StateSpace
 from windsysid.simulation.record import simulate_record
 
@@ -176,11 +177,12 @@ def searches(problem: TurbineProblem, readings: Array) -> Table:
         for _ in range(3):
             begun = time.process_time()
             start, start_cov = problem.start(problem.inputs, readings)
-            mode = posterior_mode(
-                lambda unknowns: problem.build(np.concatenate([unknowns, given])[: len(mean)]),
-                problem.inputs, readings,
-                prior=(mean[:n], cov[:n, :n]), start=(start[:n], start_cov[:n, :n]),
-            )  # fmt: skip
+            with one_thread():  # as `identify` does
+                mode = posterior_mode(
+                    lambda unknowns: problem.build(np.concatenate([unknowns, given])[: len(mean)]),
+                    problem.inputs, readings,
+                    prior=(mean[:n], cov[:n, :n]), start=(start[:n], start_cov[:n, :n]),
+                )  # fmt: skip
             least = min(least, time.process_time() - begun)
         table.add_row(title, str(n), str(mode.iterations), f"{least:.2f}")
     return table
