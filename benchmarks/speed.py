@@ -176,8 +176,8 @@ def searches(problem: TurbineProblem, readings: Array) -> Table:
         least, mode = np.inf, None
         for _ in range(3):
             begun = time.process_time()
-            start, start_cov = problem.start(problem.inputs, readings)
             with one_thread():  # as `identify` does
+                start, start_cov = problem.start(problem.inputs, readings)
                 mode = posterior_mode(
                     lambda unknowns: problem.build(np.concatenate([unknowns, given])[: len(mean)]),
                     problem.inputs, readings,

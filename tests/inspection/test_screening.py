@@ -98,11 +98,20 @@ def test_a_unit_that_is_evidently_wrong_is_refused(case):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("code", [1e5, -999.0, 9.96921e36])
-def test_one_code_for_no_reading_says_nothing_about_the_unit(verne555, healthy, code):
-    values = healthy[TOWER].copy()
+@pytest.mark.parametrize(("channel", "code"), [(TOWER, 1e5), (TOWER, 9.96921e36), ("blade_1_lag_acceleration", 1e4)])
+def test_one_code_for_no_reading_says_nothing_about_the_unit(verne555, healthy, channel, code):
+    values = healthy[channel].copy()
     values[1000] = code
-    assert not any(one.kind == "unit" for one in findings(changed(healthy, TOWER, values), verne555))
+    assert not any(one.kind == "unit" for one in findings(changed(healthy, channel, values), verne555))
+
+
+def test_a_decay_in_another_unit_is_no_code():
+    """Most of the record is quiet, so that its beginning is far from the median."""
+    time = np.arange(0.0, 120.0, 0.02)
+    noise = np.random.default_rng(5).normal(size=time.size)
+    decay = 1000.0 * np.exp(-time / 8.0) * np.sin(4.0 * np.pi * time) + noise  # mg
+    with pytest.raises(RecordError, match="too large for a support"):
+        screen(Record(time, decay[:, None], (TOWER,), ("m/s^2",)), None, [TOWER])
 
 
 def test_an_idling_rotor_is_not_taken_for_a_wrong_unit():

@@ -11,8 +11,8 @@ ROOT = Path(__file__).parents[2]
 
 BOUNDS = {
     "functions over complexity 10 [%]": 2.0,  # target 4.0
-    "lines of src": 96519,  # target 72 904: those of commit 103975a
-    "lines of the middle": 29771,  # target 19 500
+    "lines of src": 96528,  # target 72 904: those of commit 103975a
+    "lines of the middle": 29773,  # target 19 500
     "large folders": 0,
     "long signatures": 17,  # target 30
     "repeated classes": 0,  # target 0

@@ -15,6 +15,7 @@ from windsysid.inspection.channels import Kind, is_position
 from windsysid.inspection.fault import Fault, Severity, unit_fault
 from windsysid.inspection.limits import (
     MAX_ACCELERATION_RATE,
+    MAX_FAULT_SHARE,
     MAX_MOTION_RMS,
     MIN_ACCELERATION_RATE,
 )
@@ -80,7 +81,7 @@ def _wrong_unit(record: Record, channel: str, kind: Kind, rotor: Rotor | None) -
     """A unit that the values of a channel contradict."""
     values, unit = record[channel], record.unit(channel)
     if kind == "acceleration" and unit == "m/s^2":
-        return _acceleration(record, channel, values[_is_usual(values)], rotor)
+        return _acceleration(record, channel, _without_codes(values), rotor)
     x = values[np.isfinite(values)]
     if kind == "displacement" and unit == "m":
         large = np.std(x) > 10.0 and not is_position(channel)
@@ -127,10 +128,16 @@ def _by_place(channels: Sequence[str]) -> dict[str, list[str]]:
 
 
 def _is_usual(values: Array) -> NDArray[np.bool_]:
-    """Which of `values` (T,) are neither missing nor spikes or codes far from all others."""
+    """Mask of the `values` (T,) that are neither missing nor spikes or codes far from all others."""
     distance = np.abs(values - np.nanmedian(values))
     scale = 1.4826 * float(np.nanmedian(distance))
     return np.isfinite(values) & ((distance <= MAX_MOTION_SIGMAS * scale) | (scale == 0.0))
+
+
+def _without_codes(values: Array) -> Array:
+    """`values` (T,), NaN where they are spikes or codes; as they are where so many are far away that this is motion."""
+    far = np.isfinite(values) & ~_is_usual(values)
+    return values if np.mean(far) > MAX_FAULT_SHARE else np.where(far, np.nan, values)
 
 
 def _swing(record: Record, channel: str) -> float:
@@ -144,17 +151,17 @@ def _swing(record: Record, channel: str) -> float:
     return float(np.sqrt(2.0 * total / (0.375 * len(filled) ** 2)))
 
 
-def _acceleration(record: Record, channel: str, x: Array, rotor: Rotor | None) -> list[Fault]:
-    mean, rms = float(np.mean(x)), float(np.std(x))
+def _acceleration(record: Record, channel: str, values: Array, rotor: Rotor | None) -> list[Fault]:
+    mean, rms = float(np.nanmean(values)), float(np.nanstd(values))
     for factor, mistake in _GRAVITIES:
         if abs(abs(mean) / (GRAVITY * factor) - 1.0) < 0.03 and rms < 0.5 * GRAVITY * factor:
             return [unit_fault(channel, "gravity in another unit", mean=mean, mistake=mistake)]
     if abs(abs(mean) - GRAVITY) < 0.3:
-        return [Fault(channel, "gravity", "note", x.size, data={"mean": mean})]
+        return [Fault(channel, "gravity", "note", int(np.isfinite(values).sum()), data={"mean": mean})]
     if body_of(channel) == "structure" and (shaken := _shaken(record, channel, rms)):
         return shaken
     on_blade = channel.startswith("blade") and "kinematic" not in channel
-    return _gravity_once_per_turn(record, channel, rms, rotor) if on_blade and rotor is not None else []
+    return _gravity_once_per_turn(record, channel, values, rotor) if on_blade and rotor is not None else []
 
 
 def _shaken(record: Record, channel: str, rms: float) -> list[Fault]:
@@ -200,11 +207,11 @@ def _axis_of(channel: str) -> tuple[str, str, str]:
     return (match[1], match[2], match[3]) if match else ("", "", "")
 
 
-def _gravity_once_per_turn(record: Record, channel: str, rms: float, rotor: Rotor) -> list[Fault]:
+def _gravity_once_per_turn(record: Record, channel: str, values: Array, rotor: Rotor) -> list[Fault]:
     """A wrong unit of an accelerometer on a blade, by its amplitude at 1P."""
     if not rotor.turns:
         return []
-    amplitude = once_per_turn(record, record[channel], rotor)
+    amplitude, rms = once_per_turn(record, values, rotor), float(np.nanstd(values))
     for factor, mistake in _GRAVITIES:
         if abs(amplitude / (GRAVITY * factor) - 1.0) < 0.05 and amplitude > 1.2 * rms:
             return [unit_fault(channel, "gravity once per turn", amplitude=amplitude, mistake=mistake)]

@@ -20,7 +20,7 @@ __all__ = ["inner", "multiply", "padded", "write"]
 
 _features = binding.get_host_cpu_features().flatten() if config.CPU_FEATURES is None else config.CPU_FEATURES
 FOUR_VECTORS_FIT = "+avx512f" in _features
-"""Sums of two rows, four vectors each, fit in registers: AVX-512 has 32 registers of 8 doubles, AVX2 16 of 4."""
+"""True if registers hold the sums of two rows, four vectors each: AVX-512 has 32 of 8 doubles, AVX2 16 of 4."""
 
 
 def padded(rows: int, columns: int) -> NDArray[np.float64]:

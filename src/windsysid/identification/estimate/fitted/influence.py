@@ -98,7 +98,9 @@ class _Influence(NamedTuple):
 
 @kept_with_record
 def _known_influences(record: Record) -> list[tuple[Turbine, tuple[Any, ...], _Influence | None]]:
-    """Influences on fits of one turbine to a record: filters and spectra that read the same have the same."""
+    """Influences on fits of one turbine to a record: filters and spectra that read the same have the same.
+
+    The list grows as they are computed."""
     return []
 
 
@@ -164,19 +166,19 @@ def _channels_of_supports(outcome: Outcome, record: Record, turbines: Sequence[T
     return {name: channel for name, channel in found.items() if channel is not None}
 
 
-def _without(record: Record, channels: Sequence[str], frequency: float, beside: int = 0) -> Record:
+def _without(record: Record, channels: Sequence[str], frequency: float, neighbours: int = 0) -> Record:
     """Record without a sinusoid in these channels, or with the power of its surroundings at the frequencies to either
     side."""
     values = np.column_stack([record[channel] for channel in channels])
     known = np.nan_to_num(values - np.nanmean(values, axis=0))
-    if not beside:
+    if not neighbours:
         left = without_line(known, record.rate, frequency)
     else:
-        near = frequency + np.arange(-beside, beside + 1) * record.rate / record.samples
+        near = frequency + np.arange(-neighbours, neighbours + 1) * record.rate / record.samples
         wave = np.exp(2j * np.pi * np.outer(np.arange(record.samples) / record.rate, near))
         design = np.column_stack([wave.real, wave.imag])
         there = design @ np.linalg.lstsq(design, known, rcond=None)[0]
-        over = _standing_out(known, frequency * record.samples / record.rate, beside)
+        over = _standing_out(known, frequency * record.samples / record.rate, neighbours)
         left = known - there * (1.0 - np.maximum(over, 1.0) ** -0.5)
     left = values - (known - left)
     return record.with_channels(
@@ -184,11 +186,11 @@ def _without(record: Record, channels: Sequence[str], frequency: float, beside: 
     )
 
 
-def _standing_out(values: Array, line: float, beside: int) -> Array:
+def _standing_out(values: Array, line: float, neighbours: int) -> Array:
     """Mean power of values (T, m) at a frequency of their periodogram, and at so many to either side, over that of
     their surroundings (m,); infinite where there are none."""
     power = np.abs(np.fft.rfft(np.hanning(len(values))[:, None] * values, axis=0)) ** 2
-    at = round(line) + np.arange(-beside, beside + 1)
+    at = round(line) + np.arange(-neighbours, neighbours + 1)
     if at[0] <= SURROUNDING_BINS or at[-1] >= len(power) - SURROUNDING_BINS:
         return np.full(values.shape[1], np.inf)
     return np.asarray(stand_out_of_a_bend(power, at, SURROUNDING_BINS, FAR_BINS).mean(axis=0))
