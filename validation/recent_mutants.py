@@ -130,7 +130,7 @@ _READINGS = (
         "an offset goes with the trend",
     ),
     Mutant(
-        "sensors that feel gravity and drift", "effects/random_walk_bias.py",
+        "sensors that read gravity and drift", "effects/random_walk_bias.py",
         "(leaning or not sensor.feels_gravity)", "True",
         "slow leaning is taken for a drift",
     ),

@@ -143,7 +143,6 @@ def test_a_rotor_of_another_package_has_its_own_force_balance(verne555):
     for model in (own, foreign):
         found.append(np.empty(5))
         model.reading(np.empty(0), inputs, parameters, loads, found[-1])
-    inertia = np.empty(5)
     inputs[10:15], without = 0.0, np.empty(5)
     own.reading(np.empty(0), inputs, parameters, loads, without)
     inertia = without - found[0]

@@ -111,7 +111,7 @@ class _Module(JITCodeLibrary):  # type: ignore[misc]
 
     @property
     def codegen(self) -> Any:
-        """Where Numba keeps environments: nowhere without machine code."""
+        """The object that keeps Numba's environments: this one, which keeps none, without machine code."""
         return self._codegen if self._emitted else self
 
     def set_env(self, *_: Any) -> None:
