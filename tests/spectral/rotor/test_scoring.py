@@ -19,8 +19,8 @@ def test_the_mode_is_the_mean_weighted_by_information(weight: float):
     mean, precision = PRIOR[0], np.diag(PRIOR[1] ** -2.0)
     expected = np.linalg.solve(weight * FISHER + precision, weight * FISHER @ TRUTH + precision @ mean)
     found = find_in_stages(likelihood, mean, PRIOR, ((0.03, 4), (weight, 1)), tolerance=1e-12)
-    np.testing.assert_allclose(found.unknowns, expected, atol=1e-7)
-    np.testing.assert_allclose(found.information, weight * FISHER + precision)
+    np.testing.assert_allclose(found.point, expected, atol=1e-7)
+    np.testing.assert_allclose(found.evaluation.information, weight * FISHER + precision)
     assert found.converged
 
 
@@ -28,7 +28,7 @@ def test_a_search_nearby_takes_one_step_unseen():
     found = find_nearby(likelihood, TRUTH + 0.05, PRIOR)
     far = find_in_stages(likelihood, TRUTH + 0.05, PRIOR, ((1.0, 1),), tolerance=1e-12)
     assert (found.steps, found.converged) == (1, True)
-    np.testing.assert_allclose(found.unknowns, far.unknowns, atol=1e-9)
+    np.testing.assert_allclose(found.point, far.point, atol=1e-9)
     assert found.value == pytest.approx(far.value)
 
 

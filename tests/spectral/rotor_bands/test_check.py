@@ -10,6 +10,7 @@ import pytest
 from windsysid.identification.identify import identify
 from windsysid.records.record import Record
 from windsysid.results.identification import Identification
+from windsysid.scoring import Evaluation
 from windsysid.simulation.record import simulate_record
 from windsysid.spectral.rotor_bands.check import _narrower
 from windsysid.spectral.rotor_bands.likelihood_ratio import rival_in_bands
@@ -76,11 +77,15 @@ def test_a_tower_that_loses_much_stiffness_within_three_minutes_is_not_known(fac
 def test_narrower_bands_are_a_rival_where_chance_makes_no_such_step():
     """They contain two thirds of the information."""
 
+    known = np.diag([1e4, 1e2])
+
     def step_of(size: float) -> list[Any]:
-        fit: Any = SimpleNamespace(
-            model=None, mode=SimpleNamespace(unknowns=np.zeros(2), information=np.diag([1e4, 1e2]))
-        )
-        again = SimpleNamespace(mode=SimpleNamespace(unknowns=np.array([size, 0.0]), information=np.diag([7e3, 7e1])))
+        ends: list[Any] = [
+            SimpleNamespace(point=np.array([off, 0.0]), evaluation=Evaluation(0.0, np.zeros(2), share * known))
+            for off, share in ((0.0, 1.0), (size, 0.7))
+        ]
+        fit: Any = SimpleNamespace(model=None, mode=ends[0])
+        again = SimpleNamespace(mode=ends[1])
         narrow: Any = SimpleNamespace(start_from=lambda unknowns, other: unknowns, fit=lambda start: again)
         return _narrower(narrow, fit, [Parameter("k_x", 1.0, 0.2), Parameter("c_x", 1.0, 0.5, logarithmic=False)])
 

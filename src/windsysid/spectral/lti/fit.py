@@ -77,26 +77,26 @@ def fit_linear(model: LinearModel, spectra: CrossSpectra) -> LinearFit:
     for widening, weight in WIDENING_STAGES:
         rows = model.rows(spectra, unknowns, widening)
         evaluate = _evaluator(model, rows, factor, None, widening)
-        unknowns = find_in_stages(evaluate, unknowns, model.prior, [(weight, 1)], rough=True).unknowns
+        unknowns = find_in_stages(evaluate, unknowns, model.prior, [(weight, 1)], rough=True).point
         unknowns = _aligned(model, unknowns)
     for stage in WEIGHT_STAGES:
         rows = model.rows(spectra, unknowns)
         evaluate = _evaluator(model, rows, factor, None)
-        unknowns = find_in_stages(evaluate, unknowns, model.prior, [stage], rough=True).unknowns
+        unknowns = find_in_stages(evaluate, unknowns, model.prior, [stage], rough=True).point
     stays = False
     rows = model.rows(spectra, unknowns)
     for _ in range(MAX_SMEAR_ITERATIONS):
         smear = model.smear(spectra, rows, unknowns)
         mode = find_in_stages(_evaluator(model, rows, factor, smear), unknowns, model.prior, [(1.0, 1)])
-        sigmas = np.abs(mode.unknowns - unknowns) * np.sqrt(np.diag(mode.information))  # each step, others held
+        sigmas = np.abs(mode.point - unknowns) * np.sqrt(np.diag(mode.evaluation.information))  # each step, others held
         stays = mode.converged and float(np.max(sigmas)) < MAX_STEP_SIGMAS
-        unknowns = mode.unknowns
+        unknowns = mode.point
         if stays:
             break
-    off = (mode.unknowns - mean) / std
-    cov = np.linalg.inv(mode.information)
+    off = (mode.point - mean) / std
+    cov = np.linalg.inv(mode.evaluation.information)
     log_likelihood = -(mode.value - 0.5 * float(off @ off))
-    return LinearFit(mode.unknowns, 0.5 * (cov + cov.T), log_likelihood, rows, smear, stays)
+    return LinearFit(mode.point, 0.5 * (cov + cov.T), log_likelihood, rows, smear, stays)
 
 
 def _evaluator(

@@ -73,15 +73,14 @@ def fit(
     else:
         unknowns, plain = start, model
         if before := stages[:-1]:
-            unknowns = find_in_stages(_evaluator(model), start, model.prior, before, rough=True).unknowns
+            unknowns = find_in_stages(_evaluator(model), start, model.prior, before, rough=True).point
         for last in (False, True):
             full = smoothed.spectrum(unknowns).spectrum
             smear = full - plain.spectrum(unknowns).spectrum
             model = plain._replace(smear=smear, overlap=model.likeness(full))
-            mode = find_in_stages(
-                _evaluator(model), unknowns, model.prior, stages[-1:], rough=not last, tolerance=enough
-            )
-            unknowns = mode.unknowns
+            of = _evaluator(model)
+            mode = find_in_stages(of, unknowns, model.prior, stages[-1:], rough=not last, tolerance=enough)
+            unknowns = mode.point
     return _described(model, mode)
 
 
@@ -96,11 +95,11 @@ def admit(found: RotorFit, inexact: Inexact) -> RotorFit:
 def _described(model: LiftedModel, mode: SpectralMode) -> RotorFit:
     """Evaluation at a mode."""
     mean, spread = model.prior
-    off = (mode.unknowns - mean) / spread
+    off = (mode.point - mean) / spread
     log_likelihood = -(mode.value - 0.5 * float(off @ off))
-    evidence = laplace_evidence(-mode.value, np.diag(spread**-2.0), mode.information)
-    cov = covariance(mode.information)
-    return RotorFit(mode.unknowns, cov, log_likelihood, evidence, mode.steps, mode.converged, model)
+    evidence = laplace_evidence(-mode.value, np.diag(spread**-2.0), mode.evaluation.information)
+    cov = covariance(mode.evaluation.information)
+    return RotorFit(mode.point, cov, log_likelihood, evidence, mode.steps, mode.converged, model)
 
 
 def _evaluator(model: LiftedModel) -> Callable[[Array, int], tuple[float, Array, Array]]:

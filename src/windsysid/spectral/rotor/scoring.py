@@ -4,7 +4,6 @@ Each stage is a search by Fisher scoring (`windsysid.scoring`) under an independ
 """
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -30,26 +29,8 @@ Likelihood = Callable[[Array, int], tuple[float, Array, Array]]
 """(u, every n-th bin) → J, g, F."""
 
 
-class SpectralMode(NamedTuple):
-    """A mode of a posterior.
-
-    Attributes
-    ----------
-    unknowns, information
-        Where it is (n,), and the Fisher information there with that of the prior (n, n).
-    value
-        J with the prior's part.
-    steps
-        Steps that were taken.
-    converged
-        Whether the last step was short.
-    """
-
-    unknowns: Array
-    information: Array
-    value: float
-    steps: int
-    converged: bool
+SpectralMode = SearchResult[Array, Evaluation]
+"""A mode of a posterior: its information is Fisher's with that of the prior."""
 
 
 def find_in_stages(
@@ -72,17 +53,17 @@ def find_in_stages(
         limits = COARSE if rough or number < len(stages) else FINE._replace(tolerance=tolerance)
         found = _search(likelihood, point, prior, stage, limits)
         point, steps = found.point, steps + found.steps
-    return _described(found)._replace(steps=steps)
+    return found._replace(steps=steps)
 
 
 def find_nearby(likelihood: Likelihood, start: Array, prior: tuple[Array, Array]) -> SpectralMode:
     """Minimise the same from a start that is near the mode, with few evaluations of all bins."""
-    return _described(_search(likelihood, start, prior, (1.0, 1), NEARBY))
+    return _search(likelihood, start, prior, (1.0, 1), NEARBY)
 
 
 def _search(
     likelihood: Likelihood, start: Array, prior: tuple[Array, Array], stage: tuple[float, int], limits: SearchLimits
-) -> SearchResult[Array, Evaluation]:
+) -> SpectralMode:
     mean, std = prior
     precision, (weight, every) = np.diag(std**-2.0), stage
 
@@ -93,7 +74,3 @@ def _search(
         return found.with_prior(unknowns - mean, precision, weight)
 
     return find_mode(evaluate, start, limits, max_step=np.minimum(std, MAX_STEP))
-
-
-def _described(found: SearchResult[Array, Evaluation]) -> SpectralMode:
-    return SpectralMode(found.point, found.evaluation.information, found.value, found.steps, found.converged)

@@ -32,7 +32,6 @@ __all__ = ["judge_bands"]
 PART_COUNTS = (3, 8)
 """Setting: numbers of parts of a band: wide ones show a wrong level, narrow ones a resonance at another place."""
 
-
 NARROW_SHARE, MAX_REMAINING_SHARE = 0.65, 0.1
 """Setting: width of the narrower bands over that of the bands, and remaining share of a covariance if they contain as
 much, since levels at the ends of a band are estimated anew. A step of less than a standard deviation is no finding."""
@@ -46,7 +45,7 @@ def judge_bands(
     doubts = [*posed.doubts, *_short(posed)]
     if not (found.converged and wide.mode.converged):
         doubts.append(Finding("search_not_converged", "reason", {"steps": found.steps}))
-    thirds, eighths = zip(*_parts(posed, found.unknowns), strict=True)
+    thirds, eighths = zip(*_parts(posed, found.point), strict=True)
     doubts += (unexplained(chain.from_iterable(thirds)) or misshapen(eighths, FALSE_ALARM_PROBABILITY))[:3]
     try:
         halves = _halves(question, posed, fit)
@@ -55,7 +54,7 @@ def judge_bands(
         return [*doubts, Finding("too_short_for_stationarity", "reason")], ()
     if len(halves) < 2:
         return [*doubts, Finding("one_block", "reason")], ()
-    doubts += unsteady(*(_energies(posed, piece, found.unknowns) for piece in halves))[:2]
+    doubts += unsteady(*(_energies(posed, piece, found.point) for piece in halves))[:2]
     models = [half.model for half in halves]
     try:
         doubts += doubt_classes(posed, found, question.parameters)
@@ -73,13 +72,13 @@ def _halves(question: RotorQuestion, posed: PosedBands, fit: RotorBandFit) -> li
         halves = [pose_bands(question, posed.places, half) for half in read]
     else:
         halves = [pose_bands(half, posed.places) for half in question.halves]
-    starts = [half.model.start_from(fit.mode.unknowns, fit.model) for half in halves]
+    starts = [half.model.start_from(fit.mode.point, fit.model) for half in halves]
     return [half._replace(model=half.model.smeared_at(at)) for half, at in zip(halves, starts, strict=True)]
 
 
 def _scores(wide: RotorBandFit, halves: Sequence[BandModel], duration: float) -> tuple[PartScores, ...]:
     """Scores over frequencies, and over the halves of a record of a duration [s]."""
-    at, (mean, spread) = wide.mode.unknowns, wide.model.prior
+    at, (mean, spread) = wide.mode.point, wide.model.prior
     precision = np.diag(spread**-2.0)
     whole = PartScores("frequency", *wide.model.scores(at), precision, precision @ (mean - at))
     models = [half.with_inexact(wide.model.bands[0].model.inexact) for half in halves]
@@ -93,9 +92,9 @@ def _narrower(narrow: BandModel, fit: RotorBandFit, parameters: Sequence[Paramet
     """Test whether narrower bands give another stiffness than the bands."""
     from scipy.special import chdtri
 
-    again, n = narrow.fit(narrow.start_from(fit.mode.unknowns, fit.model)).mode, len(parameters)
-    step, which = again.unknowns[:n] - fit.mode.unknowns[:n], [i for i, q in enumerate(parameters) if q.logarithmic]
-    known, less = (np.linalg.inv(one.information)[:n, :n] for one in (fit.mode, again))
+    again, n = narrow.fit(narrow.start_from(fit.mode.point, fit.model)).mode, len(parameters)
+    step, which = again.point[:n] - fit.mode.point[:n], [i for i, q in enumerate(parameters) if q.logarithmic]
+    known, less = (np.linalg.inv(one.evaluation.information)[:n, :n] for one in (fit.mode, again))
     std = np.sqrt(np.diag(known).clip(1e-300))
     values, vectors = np.linalg.eigh((less - (1.0 - MAX_REMAINING_SHARE) * known)[np.ix_(which, which)])
     size = float(np.sum((vectors.T @ step[which]) ** 2 / np.maximum(values, 1e-3 * values.max())))

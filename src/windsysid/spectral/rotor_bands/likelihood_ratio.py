@@ -40,7 +40,7 @@ def doubt_halves(halves: Sequence[BandModel], found: RotorBandFit, parameters: S
     """Return a rival explanation for the stiffness of all blades, and for each of the support, if it may differ between
     the halves of a record: the value of the half that is farther from the fit, and the posterior probability of two
     values instead of one. The likelihood is integrated over a grid, as that of a short half has several summits."""
-    std, doubts = np.sqrt(np.diag(np.linalg.inv(found.mode.information))), list[Finding]()
+    std, doubts = np.sqrt(np.diag(np.linalg.inv(found.mode.evaluation.information))), list[Finding]()
     starts = [_with_own_levels(half, found, std) for half in halves]
     of_blades = _springs(halves[0].bands[0].model, parameters)
     springs = [of_blades, *([i] for i, q in enumerate(parameters) if q.kind == "stiffness" and i not in of_blades)]
@@ -67,11 +67,11 @@ def _of_two_values(steps: Array, values: Array) -> tuple[float, float]:
 def _with_own_levels(half: BandModel, found: RotorBandFit, std: Array) -> Array:
     """Unknowns (n,) of a half with the coefficients of the fit, with their standard deviations, and levels of its
     own."""
-    start, (mean, spread), theta = half.start_from(found.mode.unknowns, found.model), half.prior, half.unknowns
+    start, (mean, spread), theta = half.start_from(found.mode.point, found.model), half.prior, half.unknowns
     known = mean.copy(), spread.copy()
     known[0][theta.but("statistics")] = start[theta.but("statistics")]
     known[1][theta.but("statistics")] = std[found.model.unknowns.but("statistics")]
-    return _search(half, start, known).unknowns
+    return _search(half, start, known).point
 
 
 def _profiles(
@@ -146,10 +146,10 @@ def _shift(
     """Change of the stiffness in the logarithm if one row alone determines it, and the likelihood ratio."""
     (band,), (mean, spread) = alone.bands, alone.prior
     theta, levels = alone.unknowns.but("statistics"), alone.unknowns.of("statistics")
-    std = np.sqrt(np.diag(np.linalg.inv(found.information)))[places]
+    std = np.sqrt(np.diag(np.linalg.inv(found.evaluation.information)))[places]
     known = mean.copy(), spread.copy()
-    known[0][theta], known[1][theta] = found.unknowns[places][theta], std[theta]
-    whole = _search(alone, found.unknowns[places], known)
+    known[0][theta], known[1][theta] = found.point[places][theta], std[theta]
+    whole = _search(alone, found.point[places], known)
 
     def value(at: Array) -> float:
         off = (at[levels] - mean[levels]) / spread[levels]
@@ -159,15 +159,15 @@ def _shift(
     count = int(_reach(row) / STIFFNESS_STEP)
     points = {}
     for step in range(-count, count + 1):
-        points[step] = whole.unknowns.copy()
+        points[step] = whole.point.copy()
         points[step][which] += step * STIFFNESS_STEP
     best = min(points, key=lambda step: value(points[step]))
     if best == 0:
         return 0.0, 0.0
     at = points[best]
-    other = _search(alone, at, (mean, spread)).unknowns
-    change = float(np.mean(other[which] - whole.unknowns[which]))
-    return change, 2.0 * (value(whole.unknowns) - value(other))
+    other = _search(alone, at, (mean, spread)).point
+    change = float(np.mean(other[which] - whole.point[which]))
+    return change, 2.0 * (value(whole.point) - value(other))
 
 
 def _only(band: RotorBand, row: int) -> RotorBand:

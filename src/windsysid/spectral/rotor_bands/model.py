@@ -121,12 +121,12 @@ class BandModel(NamedTuple):
         start = wide.unknowns.from_other(at, self.unknowns)
         found = find_nearby(wide.likelihood, start, wide.prior)
         if not found.converged:
-            found = find_in_stages(wide.likelihood, found.unknowns, wide.prior, WHOLE, tolerance=COMPARISON_TOLERANCE)
+            found = find_in_stages(wide.likelihood, found.point, wide.prior, WHOLE, tolerance=COMPARISON_TOLERANCE)
         return RotorBandFit(wide, found)
 
     def near(self, start: Array) -> Array:
         """Unknowns (n,) roughly at the mode of the posterior, looked for from afar."""
-        return find_in_stages(self.likelihood, start, self.prior, ROUGH).unknowns
+        return find_in_stages(self.likelihood, start, self.prior, ROUGH).point
 
     def fit(self, start: Array) -> RotorBandFit:
         """The mode of the posterior, looked for from `start` (n,).
@@ -135,8 +135,8 @@ class BandModel(NamedTuple):
         at the mode without them, and the mode found anew.
         """
         mode = find_in_stages(self.likelihood, start, self.prior, WHOLE, tolerance=COMPARISON_TOLERANCE)
-        whole = self.smeared_at(mode.unknowns)
-        return RotorBandFit(whole, find_in_stages(whole.likelihood, mode.unknowns, self.prior, WHOLE))
+        whole = self.smeared_at(mode.point)
+        return RotorBandFit(whole, find_in_stages(whole.likelihood, mode.point, self.prior, WHOLE))
 
     def scores(self, unknowns: Array) -> tuple[Array, Array, Array]:
         """Base frequency (P,) [Hz], gradient (P, n) and Fisher information (P, n, n) of parts of the bands."""

@@ -10,6 +10,7 @@ from windsysid.errors import ConfigurationError, WindsysidError
 from windsysid.identification.estimate.spectral import rotor_bands
 from windsysid.identification.estimate.spectral.rotor_bands import read_in_bands
 from windsysid.identification.model.prior import Prior
+from windsysid.scoring import Evaluation, SearchResult
 from windsysid.spectral.rotor_bands.limits import BLADE_STIFFNESS_DISCREPANCY
 from windsysid.statespace.unknowns import Unknowns
 from windsysid.turbine.file import load_turbine
@@ -36,8 +37,8 @@ class Bands:
     def fit(self, start: np.ndarray) -> Any:
         if self.fails:
             raise np.linalg.LinAlgError
-        mode = SimpleNamespace(unknowns=np.array([0.3, 0.2]), information=INFORMATION, value=7.0, converged=True)
-        return Fitted(self, SimpleNamespace(**vars(mode), _replace=lambda **of: mode))
+        known = Evaluation(7.0, np.zeros(2), INFORMATION)
+        return Fitted(self, SearchResult(np.array([0.3, 0.2]), known, 7.0, 0.0, 1, converged=True))
 
 
 class Fitted:

@@ -204,30 +204,18 @@ def _outcome(
     return Outcome(
         turbine=question.turbine,
         model=compose(
-            question.turbine.model,
-            rate=question.rate,
-            values=question.turbine.values,
-            parameters=question.parameters,
+            question.turbine.model, rate=question.rate, values=question.turbine.values, parameters=question.parameters,
             sensors=question.sensors,
         ),
-        history_mean=unknowns[None, theta],
-        history_std=np.sqrt(np.diag(cov)[theta])[None],
-        final=no_innovations(len(question.sensors), found.log_likelihood),
-        theta=unknowns[theta],
-        cov=cov[theta, theta],
-        rotor=question.inputs,
-        channels=tuple(sensor.channel for sensor in question.sensors),
-        elapsed=0.0,
+        history_mean=unknowns[None, theta], history_std=np.sqrt(np.diag(cov)[theta])[None],
+        final=no_innovations(len(question.sensors), found.log_likelihood), theta=unknowns[theta], cov=cov[theta, theta],
+        rotor=question.inputs, channels=tuple(sensor.channel for sensor in question.sensors), elapsed=0.0,
         notes=(*found.notes, *note_tolerances(learned)),
         statistics=learned_statistics(found.statistics, unknowns[eta], cov[eta, eta]),
-        doubts=(*found.doubts, *doubt_tolerances(learned)),
-        joint_cov=cov[np.ix_(kept, kept)],
-        hypothesis=hypothesis,
-        tolerances=learned,
-        held=found.held,
-        sensors=question.sensors,
+        doubts=(*found.doubts, *doubt_tolerances(learned)), joint_cov=cov[np.ix_(kept, kept)], hypothesis=hypothesis,
+        tolerances=learned, held=found.held, sensors=question.sensors,
         scores=tuple(one._replace(given=places_of_shared(blocks, tolerances)) for one in found.scores),
-    )
+    )  # fmt: skip
 
 
 def tolerances_in(question: RotorQuestion) -> tuple[Tolerance, ...]:

@@ -72,9 +72,9 @@ def read_in_bands(question: RotorQuestion, loads: str, inexact: Inexact | None =
     try:
         posed = centre_bands(question, posed, posed.model.near(posed.start))
         fit = posed.model.fit(posed.start)
-        wide = fit if inexact is None else fit.model.admit(fit.mode.unknowns, inexact)
+        wide = fit if inexact is None else fit.model.admit(fit.mode.point, inexact)
         found = wide.mode
-        cov = _with_discrepancy(question, covariance(found.information))
+        cov = _with_discrepancy(question, covariance(found.evaluation.information))
     except np.linalg.LinAlgError:
         raise WindsysidError(
             "no spectrum of this model is positive: expected loads, noise and priors of the size of the record's; "
@@ -82,19 +82,13 @@ def read_in_bands(question: RotorQuestion, loads: str, inexact: Inexact | None =
         ) from None
     doubts, scores = judge_bands(question, posed, fit, wide)
     mean, spread = wide.model.prior
-    off = (found.unknowns - mean) / spread
+    off = (found.point - mean) / spread
     return SpectralEstimate(
-        found.unknowns,
-        cov,
-        wide.model.unknowns,
-        -(found.value - 0.5 * float(off @ off)),
-        posed.model.statistics,
-        tuple(doubts),
-        _notes(posed, found.unknowns, cov, wide.model.unknowns.of("lag").start),
-        find_held(one_by_one(lambda u: -wide.model.likelihood(u)[0]), found.unknowns, cov, question.parameters),
-        _spectra(posed, wide.model, found.unknowns, cov),
-        scores,
-    )
+        found.point, cov, wide.model.unknowns, -(found.value - 0.5 * float(off @ off)), posed.model.statistics,
+        tuple(doubts), _notes(posed, found.point, cov, wide.model.unknowns.of("lag").start),
+        find_held(one_by_one(lambda u: -wide.model.likelihood(u)[0]), found.point, cov, question.parameters),
+        _spectra(posed, wide.model, found.point, cov), scores,
+    )  # fmt: skip
 
 
 def _with_discrepancy(question: RotorQuestion, cov: Array) -> Array:
