@@ -2,13 +2,16 @@
 
 import numpy as np
 
+from windsysid.mechanics.compile import compile_model
 from windsysid.spectral.rotor.harmonic_transfer import (
     MAX_HARMONIC,
     MatrixHarmonics,
+    affine_matrices,
     coupled,
     element_sizes,
     without_rounding,
 )
+from windsysid.turbine.file import load_turbine
 
 
 def test_a_matrix_that_does_not_turn_couples_no_harmonics():
@@ -26,6 +29,17 @@ def test_a_harmonic_couples_neighbours():
     M[2, MAX_HARMONIC + 1] = 1.0
     found = coupled(M, np.array([0.2]), np.arange(-1, 2), 0.5)[0, :, 0, :, 0]
     np.testing.assert_allclose(found, np.eye(3, k=-1))
+
+
+def test_parameters_whose_product_counts_are_not_affine():
+    """An accelerometer measures gravity as the top leans, gravity times tilt; stiffness and damping are affine."""
+    tower = load_turbine("tower")
+    compiled = compile_model(tower.model, tower.sensors)
+    given = tuple(tower.values[name] for name in compiled.parameters)
+    for names, affine in ((("k_fore_aft", "c_side_side"), True), (("gravity", "tilt"), False)):
+        steps = tuple((compiled.parameters.index(name), tower.values[name]) for name in names)
+        found = affine_matrices(compiled, given, steps, 0.0, (0.0,) * len(compiled.inputs))
+        assert (found is not None) == affine
 
 
 def test_rounding_is_zero_beside_the_size_of_its_matrix():

@@ -1,6 +1,7 @@
 """The taper's window on a finer grid, and the spectra of a tower."""
 
 from dataclasses import replace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -8,9 +9,10 @@ import pytest
 from windsysid.identification.model.prior import Prior
 from windsysid.mechanics.compile import compile_model
 from windsysid.simulation.record import simulate_record
+from windsysid.spectral.rotor import harmonic_transfer
 from windsysid.spectral.rotor import model as module
 from windsysid.spectral.rotor.build import pose_lifted
-from windsysid.spectral.rotor.model import GRID_FACTOR, finer_bins, taper_weights
+from windsysid.spectral.rotor.model import GRID_FACTOR, LiftedModel, finer_bins, taper_weights
 from windsysid.spectral.rotor.problem import Posed, RotorQuestion
 from windsysid.spectral.transforms.dft import taper
 from windsysid.turbine.file import load_turbine
@@ -88,9 +90,26 @@ def test_a_smoothed_spectrum_is_the_sum_over_the_window(posed: Posed):
     model = posed.model
     assert model.window is not None
     smooth, fine = (one.spectrum(posed.start, slopes=True) for one in (model, model._replace(window=None)))
-    np.testing.assert_allclose(smooth.spectrum, np.einsum("fb,fij->bij", model.window, fine.spectrum), rtol=1e-9)
-    expected = np.einsum("fb,nfij->nbij", model.window, fine.slopes, optimize=True)
+    window = model.window.toarray()
+    np.testing.assert_allclose(smooth.spectrum, np.einsum("fb,fij->bij", window, fine.spectrum), rtol=1e-9)
+    expected = np.einsum("fb,nfij->nbij", window, fine.slopes, optimize=True)
     np.testing.assert_allclose(smooth.slopes, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
+
+
+def test_matrices_that_are_affine_are_computed_once(posed: Posed, monkeypatch: pytest.MonkeyPatch):
+    """At coefficients far from the priors' centres, as by differences there."""
+    at = posed.start + 0.7 * posed.model.prior[1] * np.cos(np.arange(len(posed.start)))
+    harmonic_transfer.affine_matrices.cache_clear()
+    calls = Mock(side_effect=harmonic_transfer.matrix_harmonics)
+    monkeypatch.setattr(harmonic_transfer, "matrix_harmonics", calls)
+    found = [posed.model.matrices(at * share, slopes=True) for share in (0.5, 1.0)][1]
+    assert calls.call_count == 1
+    monkeypatch.setattr(LiftedModel, "_affine", lambda self: None)
+    by_differences = posed.model.matrices(at, slopes=True)
+    for ours, theirs in zip(found, by_differences, strict=True):
+        for X, Y in zip(ours, theirs, strict=True):
+            np.testing.assert_allclose(X, Y, rtol=1e-7, atol=1e-11 * np.abs(Y).max())
+            np.testing.assert_array_equal(X == 0.0, Y == 0.0)
 
 
 def test_a_parked_rotor_of_many_bins_has_no_joint_covariance():

@@ -3,6 +3,7 @@ parked structure (`windsysid.spectral.rotor.build_parked`)."""
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,6 +92,8 @@ def _fastest(turbine: Turbine) -> float:
 
 def _pose_turning(question: RotorQuestion, loads: str) -> Posed:
     """A rotor whose turns couple its motion."""
+    from scipy.sparse import csc_array
+
     turbine, K, sums = question.turbine, harmonics_of(question), question.sums
     lifted, blocks = question.lifted(K), 1.0 if sums is None else sums.blocks
     width = question.narrowest * lifted.duration
@@ -109,9 +112,9 @@ def _pose_turning(question: RotorQuestion, loads: str) -> Posed:
     number = np.round(lifted.base * lifted.duration).astype(np.intp)
     fine = finer_bins(int(number[0]), int(number[-1])) / lifted.duration
     window = taper_weights(len(lifted.taper), number) ** 2
-    window = np.column_stack([window[:, pool].mean(axis=1) for pool in pools])
+    smoothing = csc_array(np.column_stack([window[:, pool].mean(axis=1) for pool in pools]))
 
-    def model_at(where: Array, weights: Array | None) -> LiftedModel:
+    def model_at(where: Array, weights: Any) -> LiftedModel:
         place = SpectrumGrid(
             where, lifted.harmonics, lifted.rotor_hz, entries, np.zeros((len(where), len(entries)), dtype=np.bool_)
         )
@@ -129,7 +132,7 @@ def _pose_turning(question: RotorQuestion, loads: str) -> Posed:
     text = HYPOTHESES[loads].text
     resonance = 2.0 * math.pi * width * blocks / lifted.overlap
     start = damped_start(question.turbine, question.parameters, *model.prior)
-    return Posed(model, model_at(fine, window), start, bands, text, resonance)
+    return Posed(model, model_at(fine, smoothing), start, bands, text, resonance)
 
 
 def _pooled(entries: Complex, pools: Sequence[NDArray[np.intp]]) -> Complex:

@@ -62,9 +62,8 @@ def pose_standing(
     data = single = _grouped(lifted.data[used, 0], alike).swapaxes(1, 2)
     if sums is not None:
         data = factored(_grouped(sums.power[used], alike).sum(axis=1))
-    place = SpectrumGrid(
-        base, lifted.harmonics, lifted.rotor_hz, np.arange(m), np.zeros((len(base), m), dtype=np.bool_)
-    )
+    none = np.zeros((len(base), m), dtype=np.bool_)
+    place = SpectrumGrid(base, lifted.harmonics, lifted.rotor_hz, np.arange(m), none)
     ends = np.array(bands).ravel()
     given = {name: [_given_amplitude(question.loads, name, f) for f in ends] for name in question.compiled.loads}
     broad = BandLoads(given, question.turbine.model.freedoms, bands, base[:, None])
@@ -77,14 +76,9 @@ def pose_standing(
         blocks, None if sums is None else np.ascontiguousarray(single), 1.0 if sums is None else sums.gusts,
         joint=joint,
     )  # fmt: skip
-    return Posed(
-        model,
-        None,
-        _start(question, model, peaks),
-        bands,
-        "any smooth spectrum around each mode" + narrow * ", and a narrow-band process on the support",
-        2.0 * math.pi * width * blocks / lifted.overlap,
-    )
+    text = "any smooth spectrum around each mode" + narrow * ", and a narrow-band process on the support"
+    resonance = 2.0 * math.pi * width * blocks / lifted.overlap
+    return Posed(model, None, _start(question, model, peaks), bands, text, resonance)
 
 
 def _check_length(bins: int, least: int, duration: float) -> None:
@@ -104,14 +98,16 @@ def _in_bands(frequency: Array, bands: Sequence[tuple[float, float]]) -> NDArray
 
 def _grid(
     lifted: Lifted, used: NDArray[np.bool_], width: float, *, joint: bool
-) -> tuple[Array, JointWeights | None, Array | None, int]:
+) -> tuple[Array, JointWeights | None, Any, int]:
     """Frequencies at which spectra are taken [Hz], weights of bins that may be `joint`, and of the taper's
     window, and how many bins share a spectrum; `width` is half the half-power width of the narrowest mode in bins."""
+    from scipy.sparse import csc_array
+
     number, joint = np.flatnonzero(used) + FIRST_BIN, joint and width < MAX_JOINT_WIDTH
     if width < MIN_EXACT_BINS:
         factor = JOINT_GRID_FACTOR if joint else GRID_FACTOR
         weights, fine = taper_weights(len(lifted.taper), number, factor), finer_bins(number[0], number[-1], factor)
-        return fine / lifted.duration, JointWeights.of(weights) if joint else None, weights**2, 1
+        return fine / lifted.duration, JointWeights.of(weights) if joint else None, csc_array(weights**2), 1
     alike = int(width / BINS_PER_GROUP)
     return _grouped(number, alike).mean(axis=1) / lifted.duration, None, None, alike
 
@@ -133,13 +129,8 @@ def _start(question: RotorQuestion, model: LiftedModel, peaks: Mapping[str, floa
 
 def _peaks(question: RotorQuestion, lifted: Lifted, lines: NDArray[np.bool_]) -> dict[str, float]:
     """For each degree of freedom where [Hz], within the prior's reach, the channel that sees most of it is loudest."""
-    found = matrix_harmonics(
-        question.compiled,
-        question.centres[None],
-        np.zeros((1, question.size)),
-        float(question.speed.mean()),
-        question.inputs[0],
-    )
+    speed, still = float(question.speed.mean()), np.zeros((1, question.size))
+    found = matrix_harmonics(question.compiled, question.centres[None], still, speed, question.inputs[0])
     springs = {q.part: q for q in question.parameters if q.kind == "stiffness"}
     kernel = np.full(PEAK_BINS, 1.0 / PEAK_BINS)
     squares = np.abs(lifted.data[:, 0]) ** 2

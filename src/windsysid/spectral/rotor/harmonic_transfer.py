@@ -31,7 +31,10 @@ from windsysid.mechanics.compile import CompiledModel
 from windsysid.mechanics.model import Coordinate
 from windsysid.spectral.transforms.lifted import Complex
 
-__all__ = ["MatrixHarmonics", "coupled", "element_sizes", "equal_lag", "matrix_harmonics", "without_rounding"]
+__all__ = [
+    "MIN_RELATIVE_CHANGE", "MatrixHarmonics", "affine_matrices", "coupled", "element_sizes", "equal_lag",
+    "matrix_harmonics", "without_rounding",
+]  # fmt: skip
 
 AZIMUTH_COUNT = 8
 """Numerical: azimuths at which matrices are evaluated: harmonics up to `MAX_HARMONIC` are exact if there are none above
@@ -42,6 +45,9 @@ MAX_HARMONIC = 3
 
 MAX_RELATIVE_ROUNDING = 1e-13
 """Numerical: size of an element over that of the others of its matrix, below which it is rounding."""
+
+MIN_RELATIVE_CHANGE = 1e-11
+"""Numerical: change of an element over the size of the others of its matrix, below which it is constant."""
 
 
 class MatrixHarmonics(NamedTuple):
@@ -104,6 +110,28 @@ def matrix_harmonics(
     return MatrixHarmonics(
         *(without_rounding(X, MAX_RELATIVE_ROUNDING * size) for X, size in zip(found, sizes, strict=True))
     )
+
+
+@lru_cache(maxsize=16)
+def affine_matrices(
+    model: CompiledModel, given: tuple[float, ...], steps: tuple[tuple[int, float], ...], rotor_speed: float,
+    inputs: tuple[float, ...],
+) -> tuple[Array, MatrixHarmonics, MatrixHarmonics] | None:  # fmt: skip
+    """Coefficients (n,), the matrices there, one set, and their derivatives, n sets, from one step of each (place among
+    all parameters, size); None where half a step of all together shows that they are not affine."""
+    n, (places, sizes) = len(steps), (np.array(part) for part in zip(*steps, strict=True))
+    points = np.tile(np.array(given), (n + 2, 1))
+    points[range(1, n + 1), places] += sizes
+    points[-1, places] += 0.5 * sizes
+    found = matrix_harmonics(model, points, np.zeros((n + 2, len(model.states) // 2)), rotor_speed, np.array(inputs))
+    first, slopes = MatrixHarmonics(*(X[:, :1] for X in found)), []
+    for X, size in zip(found, element_sizes(first), strict=True):
+        change = without_rounding(X[:, 1:] - X[:, :1], MIN_RELATIVE_CHANGE * size)
+        off = change[:, -1:] - 0.5 * change[:, :-1].sum(axis=1, keepdims=True)
+        if (np.abs(off) > 2.0 * MIN_RELATIVE_CHANGE * size).any():
+            return None
+        slopes.append(change[:, :-1] / sizes[:, None, None, None])
+    return points[0, places], first, MatrixHarmonics(*slopes)
 
 
 def element_sizes(matrices: MatrixHarmonics) -> tuple[Array, Array]:

@@ -3,6 +3,7 @@ noise."""
 
 import math
 from collections.abc import Iterable, Iterator
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,12 +15,14 @@ from windsysid.mechanics.compile import CompiledModel
 from windsysid.mechanics.model import Coordinate
 from windsysid.mechanics.rotor import MEAN_LAG, MEAN_LAG_STD
 from windsysid.spectral.rotor.harmonic_transfer import (
+    MIN_RELATIVE_CHANGE,
     MatrixHarmonics,
+    affine_matrices,
     element_sizes,
     equal_lag,
     matrix_harmonics,
     without_rounding,
-)
+)  # fmt: skip
 from windsysid.spectral.rotor.kernel_sparse import MAX_LOOP_ENTRIES
 from windsysid.spectral.rotor.likelihood import (
     Ingredients,
@@ -47,9 +50,6 @@ MECHANICAL: tuple[BlockName, ...] = ("parameters", "lag", "tolerances")
 DIFFERENCE_STEP = 1e-4
 """Numerical: step for central differences of a logarithm, of a damping ratio; in standard deviations of its prior."""
 
-MIN_RELATIVE_CHANGE = 1e-11
-"""Numerical: change of an element over the size of the others of its matrix, below which it is constant."""
-
 MAX_NUMBERS = 400_000
 """Numerical: complex numbers of derivatives in memory at once."""
 
@@ -63,9 +63,6 @@ WINDOW_BINS = 8
 MAX_JOINT_BINS, MAX_JOINT_ENTRIES, EARLIER_SHARE = 48, 160, 1 / 3
 """Numerical: largest number of bins, and of entries, of one joint covariance, whose cost per entry grows with their
 squared number; and share of its bins that are in the one before, too, and are conditioned on."""
-
-SMOOTHED_BINS = 40
-"""Numerical: bins that are smoothed together."""
 
 NEIGHBOUR_SHARE = 0.25
 """Setting: share of the bins over which neighbours are compared."""
@@ -148,8 +145,8 @@ class LiftedModel(NamedTuple):
     place
         Where spectra are taken: at the bins, or, where they are smoothed, on a finer grid.
     window, joint
-        Weights (F, B): the smoothed spectra at the bins are sums of the F on the finer grid; and those with which bins
-        are correlated. None where nothing is smoothed, and for independent bins.
+        Sparse weights (F, B): the smoothed spectra at the bins are sums of the F on the finer grid; and those with
+        which bins are correlated. None where nothing is smoothed, and for independent bins.
     smear
         What the taper's window adds to the spectra, where it is taken as known (B, e, e); None where it is not, or
         where `window` smooths.
@@ -180,7 +177,7 @@ class LiftedModel(NamedTuple):
 
     data: Complex
     place: SpectrumGrid
-    window: Array | None
+    window: Any
     smear: Complex | None
     left_out: NDArray[np.bool_]
     overlap: float
@@ -311,9 +308,7 @@ class LiftedModel(NamedTuple):
             return ModelSpectrum(whole[0], whole[1:][order])
         found = np.zeros((1 + slopes * len(unknowns), *self.data.shape[:2], self.data.shape[1]), dtype=np.complex128)
         for at, part in parts:
-            weights = self.window[at]
-            near = np.flatnonzero(weights.any(axis=0))
-            found[:, near] += _smoothed(part, weights[:, near])
+            found += _smoothed(part, self.window if len(at) == len(self.place.base) else self.window[at])
         return self._masked(found[0], found[1:][order])
 
     def _masked(self, S: Complex, A: Complex) -> ModelSpectrum:
@@ -410,7 +405,20 @@ class LiftedModel(NamedTuple):
         return np.asarray(clocks @ later), later
 
     def matrices(self, unknowns: Array, *, slopes: bool) -> Matrices:
-        """The matrices at the unknowns, and their derivatives to the mechanical ones by central differences."""
+        """The matrices at the unknowns, and their derivatives to the mechanical ones."""
+        affine = self._affine()
+        if affine is None:
+            return self._by_differences(unknowns, slopes=slopes)
+        values = np.array([q.physical(u) for q, u in zip(self.parameters, unknowns, strict=False)])
+        to = np.array([p if q.logarithmic else q.scale for q, p in zip(self.parameters, values, strict=True)])
+        origin, first, of_one = affine
+        scale, off = to[:, None, None, None], (values - origin)[:, None, None, None]
+        at = (X + np.sum(Y * off, axis=1, keepdims=True) for X, Y in zip(first, of_one, strict=True))
+        still, moved = MatrixHarmonics(*at), MatrixHarmonics(*(Y * scale for Y in of_one))
+        return self._combined(still), self._combined(moved)
+
+    def _by_differences(self, unknowns: Array, *, slopes: bool) -> Matrices:
+        """The same, derivatives by central differences."""
         places, known = self.unknowns.places(*MECHANICAL), self.unknowns.only(*MECHANICAL)
         mechanical, steps = unknowns[places], DIFFERENCE_STEP * self.prior[1][places]
         points = mechanical[None]
@@ -424,14 +432,24 @@ class LiftedModel(NamedTuple):
         lag = equal_lag(self.freedoms, 1.0)
         deflections = points[:, known.of("lag")] * lag if self.lag else np.zeros((len(points), len(lag)))
         found = matrix_harmonics(self.compiled, p, deflections, 2.0 * np.pi * self.place.rotor_hz, self.inputs)
-        readings = self.combine @ found.readings
-        at = MatrixHarmonics(found.mechanics[:, :1], readings[:, :1])
-        moved = []
-        for X, size in zip((found.mechanics, readings), element_sizes(at), strict=True):
+        found, moved = self._combined(found), []
+        at = MatrixHarmonics(*(X[:, :1] for X in found))
+        for X, size in zip(found, element_sizes(at), strict=True):
             up, down = X[:, 1 : 1 + len(steps)], X[:, 1 + len(steps) :]
             change = without_rounding(up - down, MIN_RELATIVE_CHANGE * size) if slopes else X[:, :0]
             moved.append(change / (2.0 * steps[:, None, None, None]) if slopes else change)
         return at, MatrixHarmonics(*moved)
+
+    def _affine(self) -> tuple[Array, MatrixHarmonics, MatrixHarmonics] | None:
+        """The matrices as an affine function of the coefficients; None where they are none, or not of these alone."""
+        if self.lag or len(self.inexact.names) or not self.parameters:
+            return None
+        steps = tuple((self.compiled.parameters.index(q.name), q.reference) for q in self.parameters)
+        given, inputs = tuple(self.given.tolist()), tuple(self.inputs.tolist())
+        return affine_matrices(self.compiled, given, steps, 2.0 * np.pi * self.place.rotor_hz, inputs)
+
+    def _combined(self, found: MatrixHarmonics) -> MatrixHarmonics:
+        return found._replace(readings=self.combine @ found.readings)
 
     def _levels(self, of_loads: Array, of_noise: Array, every: int) -> tuple[SourceSpectra, Array]:
         """Spectra of the sources, and of the noise of every entry (F, e)."""
@@ -457,24 +475,27 @@ def finer_bins(first: int, last: int, factor: int = GRID_FACTOR) -> Array:
 def taper_weights(samples: int, bins: NDArray[np.intp], factor: int = GRID_FACTOR) -> Array:
     """The transform (F, B) of the taper of so many samples, on the finer grid about each of `bins` (B,); their squares,
     the taper's window, add up to 1."""
-    steps = np.arange(-WINDOW_BINS * factor, WINDOW_BINS * factor + 1)
-    found = (np.fft.fft(taper(samples), factor * samples)[steps] * np.exp(1j * np.pi * steps / factor)).real
-    out = np.zeros(((bins[-1] - bins[0]) * factor + len(steps), len(bins)))
+    found = _transform(samples, factor)
+    out = np.zeros(((bins[-1] - bins[0]) * factor + len(found), len(bins)))
     for column, place in enumerate(bins - bins[0]):
-        out[factor * place : factor * place + len(steps), column] = (-1.0) ** place * found / np.linalg.norm(found)
+        out[factor * place : factor * place + len(found), column] = (-1.0) ** place * found
     return out
 
 
-def _smoothed(fine: Complex, window: Array) -> Complex:
-    """Matrices (n, B, e, e) that are sums of those on the finer grid (n, F, e, e) by the weights of a window (F, B)."""
-    n, bins, (F, e, _) = len(fine), window.shape[1], fine.shape[1:]
-    numbers, out = fine.view(np.float64).reshape(n, F, 2 * e * e), np.empty((n, bins, 2 * e * e))
-    for first in range(0, bins, SMOOTHED_BINS):
-        weights = window[:, first : first + SMOOTHED_BINS]
-        near = np.flatnonzero(weights.any(axis=1))  # every bin has a weight
-        some = slice(near[0], near[-1] + 1)
-        out[:, first : first + SMOOTHED_BINS] = weights[some].T @ numbers[:, some]
-    return out.view(np.complex128).reshape(n, bins, e, e)
+@lru_cache(maxsize=16)
+def _transform(samples: int, factor: int) -> Array:
+    """The transform of a taper of so many samples within `WINDOW_BINS`, of norm 1."""
+    steps = np.arange(-WINDOW_BINS * factor, WINDOW_BINS * factor + 1)
+    found = (np.fft.fft(taper(samples), factor * samples)[steps] * np.exp(1j * np.pi * steps / factor)).real
+    return np.asarray(found / np.linalg.norm(found))
+
+
+def _smoothed(fine: Complex, window: Any) -> Complex:
+    """Matrices (n, B, e, e) that are sums of those on the finer grid (n, F, e, e) by the sparse weights of a window
+    (F, B)."""
+    n, F, e, _ = fine.shape
+    flat = np.ascontiguousarray(np.swapaxes(fine, 0, 1)).reshape(F, -1)
+    return np.swapaxes((window.T @ flat.view(np.float64)).view(np.complex128).reshape(-1, n, e, e), 0, 1)
 
 
 def _linked(pairs: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
