@@ -162,7 +162,7 @@ def is_contradictory(outcome: Outcome) -> bool:
 
 
 def _is_coverable(one: Finding, scores: Sequence[PartScores]) -> bool:
-    """Test whether there are the scores with which intervals may cover a finding; the shift without a line is enough."""
+    """Test whether there are the scores with which intervals may cover a finding: none for a line of known shifts."""
     alone = one.code == "spectral_line" and "shifts" in one.data
     return alone or {each.over for each in scores} >= COVERED_BY_INTERVALS.get(one.code, _EVERY)
 
