@@ -109,7 +109,7 @@ def identify(
 ) -> None:
     """Identify stiffness and damping of a turbine from a record."""
     from windsysid.cli.screen import first_screen, identification_parts
-    from windsysid.filters import bank_kernel, ekf
+    from windsysid.filters import bank_kernel, ekf, smoother
     from windsysid.identification.model.prior import Prior
     from windsysid.kernels.ahead import compile_ahead
     from windsysid.mechanics.sensor_lists import read_sensors
@@ -126,8 +126,8 @@ def identify(
         Prior(prior_scale, prior_scale, spread=1.0 if formulation == "force-balance" else None),
         formulation, section, rate, loads, state,
     )  # fmt: skip
-    if formulation == "auto":  # spectra come first, then filters
-        compile_ahead(ekf.run_kernel, bank_kernel.run_kernel)
+    if formulation == "auto":  # spectra come first, then filters; this process is often at the bank before the other
+        compile_ahead(ekf.run_kernel, smoother.linearised_kernel, bank_kernel.run_kernel)
     with show_progress("identify") as progress:
         if in_pieces is None:
             found, used = _identify_whole(asked, add_noise, seed, progress)

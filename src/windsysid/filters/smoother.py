@@ -36,7 +36,7 @@ from windsysid.statespace.compose import StateSpace
 from windsysid.statespace.step import interval, linearise_transition, set_parameters
 from windsysid.statespace.workspace import BLOCKS, WORKSPACE, workspace
 
-__all__ = ["Smoothed", "smooth"]
+__all__ = ["Smoothed", "linearised_kernel", "smooth"]
 
 
 CHUNK_SAMPLES = 2048
@@ -135,7 +135,7 @@ def _backward(model: StateSpace, filter_: Filter) -> Callable[..., None]:
     scratch = (workspace(blocks), points, padded(2 * n, points.width), padded(n, n))
     if filter_ == UKF:
         return partial(_compiled_unscented(), model.compiled.rates, blocks, *scratch)
-    return partial(_compiled_linearised(), model.compiled.rates_jacobian, blocks, *scratch)
+    return partial(linearised_kernel(), model.compiled.rates_jacobian, blocks, *scratch)
 
 
 _matrix, _cube = types.float64[:, ::1], types.float64[:, :, ::1]
@@ -148,7 +148,8 @@ of the first; means and standard deviations to be written."""
 
 
 @lru_cache(maxsize=1)
-def _compiled_linearised() -> Any:
+def linearised_kernel() -> Any:
+    """The compiled smoother of linearised steps, one for all models."""
     return compiled(_linearised, types.void(types.FunctionType(JACOBIAN), BLOCKS, *_ARGUMENTS), borrows=True)
 
 

@@ -204,6 +204,19 @@ def test_a_narrow_band_rival_widens_where_scores_are_not_known_and_any_other_sta
     assert not found.diagnosis.trusted
 
 
+def test_a_line_of_known_shifts_widens_without_scores_and_another_touches_all():
+    """A line on which nothing depends gave all coefficients of filters grade C: of them only scores over time exist."""
+    line = Finding("spectral_line", "reason", {"channel": CHANNELS[0], "frequency": 0.31, "rotor_frequency": 0.2})
+    known = replace(line, data={**line.data, "shifts": {"k_fore_aft": 1.5 * STD, "c_fore_aft": 0.0}, "chance": 1.0})
+    found, plain = concluded(known, over=("time",)), concluded()
+    assert grades(found) == {**dict.fromkeys(NAMES, "A"), "k_fore_aft": "B"}
+    assert found["k_fore_aft"].std / plain["k_fore_aft"].std == pytest.approx(
+        mixture_factor([(1.5, 1.0, 1.0)]), rel=0.02
+    )
+    assert found.diagnosis.trusted
+    assert grades(concluded(line, over=("time",)))["k_side_side"] == "C"
+
+
 def test_scores_over_time_are_enough_for_loads_whose_level_changes():
     """Rotors have no scores over frequencies: of gusts, a step and one-sided loads all coefficients were C, and ±2σ
     held 98 % of them (`validation.adversary`)."""
