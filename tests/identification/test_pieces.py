@@ -131,6 +131,7 @@ def test_a_checkpoint_is_not_taken_up_by_another_call(
     assert checkpoint.read_bytes() == stopped.read_bytes()
 
 
+@pytest.mark.slow
 def test_a_record_that_has_grown_since_is_the_same_record(
     verne555: Turbine, whole: Record, stopped: Path, tmp_path: Path
 ):
@@ -159,6 +160,7 @@ def _stopping(records: Iterable[Record], after: int) -> Iterator[Record]:
         yield record
 
 
+@pytest.mark.slow
 def test_what_is_missing_between_pieces_is_missing_readings(verne555: Turbine, whole: Record):
     parts = list(pieces(whole, 8.0))
     gap = Record(parts[1].time[100:], parts[1].values[100:], whole.channels, whole.units, name="late")
@@ -181,6 +183,7 @@ def test_pieces_that_do_not_go_on_are_refused(verne555: Turbine, whole: Record):
         identify_pieces([], verne555)
 
 
+@pytest.mark.slow
 def test_spikes_are_left_out_of_pieces_as_of_the_whole():
     tower = load_turbine("tower")
     whole = simulate_record(tower, duration=200.0, rate=4.0, seed=4)

@@ -47,8 +47,8 @@ def one_mode(*, damping_ratio: float = 0.037, noise: float = 0.005, time_constan
     [
         ({"time_constant": 0.01}, 100.0),  # a white load
         ({"time_constant": 10.0, "noise": 0.0005}, 50.0),  # a load whose corner lies far below the mode
-        ({"damping_ratio": 0.01}, 50.0),
         ({"time_constant": 0.2}, 400.0),  # more samples than the simulation needs
+        pytest.param({"damping_ratio": 0.01}, 50.0, marks=pytest.mark.slow),
     ],
 )
 def test_one_mode_under_broadband_load_is_seen_as_well_as_the_closed_form_says(monkeypatch, options, rate):
@@ -226,6 +226,7 @@ def test_what_is_known_in_time_is_not_said_to_be_known_never(monkeypatch):
         assert (found.band(name) <= found.within) == (found.needed(name) <= found.duration)
 
 
+@pytest.mark.slow
 def test_a_record_too_short_for_spectra_is_planned_for_filters_and_a_longer_one_is_not_doubted():
     short = plan("tower", duration=60.0, rate=20.0)
     assert "by filters" in " ".join(short.notes)

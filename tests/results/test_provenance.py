@@ -179,7 +179,7 @@ def numbers(records: tuple[str, ...]) -> list[int]:
     return [int(name.split(",")[0].removeprefix("r")) for name in records]
 
 
-@pytest.mark.parametrize("zone", ["Z", "+02:00", ""])
+@pytest.mark.parametrize("zone", ["", *(pytest.param(zone, marks=pytest.mark.slow) for zone in ("Z", "+02:00"))])
 def test_records_are_put_in_order_of_time(make: Make, zone: str):
     folders = make(hourly(zone=zone))
     blocks = read_blocks(sorted(folders, key=str))  # res-1, res-10, res-11, res-12, res-2 …

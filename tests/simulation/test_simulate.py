@@ -102,6 +102,7 @@ def test_drawn_loads_have_the_stated_rms_and_correlation_time():
         assert observed == pytest.approx(rho**lag, abs=4 * lag * np.sqrt((1 - rho**2) / n))
 
 
+@pytest.mark.slow
 def test_drawn_loads_are_stationary_from_the_first_sample():
     # The rms of the first sample over 4000 independent draws; its standard error is 1/√(2 · 4000) of it.
     names = tuple(f"load_{i}" for i in range(4000))

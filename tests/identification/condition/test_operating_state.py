@@ -34,6 +34,7 @@ def standing(**channels: float) -> Record:
     return Record(time, np.outer(np.ones_like(time), list(channels.values())), tuple(channels), units)
 
 
+@pytest.mark.slow
 def test_parked_towers_with_the_packaged_file_are_usable_and_their_intervals_hold():
     held = []
     for ratio, seed in product((0.004, 0.01), range(900, 902)):

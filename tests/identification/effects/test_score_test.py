@@ -174,6 +174,7 @@ def test_an_included_trend_gives_the_result_of_the_record_without_it(tower: Turb
     assert only(fit.outcome.notes, "trend").channels == ("tower_z_acceleration",)
 
 
+@pytest.mark.slow
 def test_a_record_without_effects_is_left_as_it_is(tower: Turbine):
     made = simulate_record(tower, duration=DURATION, rate=RATE, seed=23)
     answered, fit = fitted(made, tower)
