@@ -50,6 +50,7 @@ def test_a_prior_is_not_widened_where_the_search_was_too_expensive(monkeypatch: 
     assert found["c_side_side"].grade == "C"
 
 
+@pytest.mark.slow
 def test_damping_as_in_the_file_keeps_its_prior():
     _, found = found_of(1.0, 4)
     assert "prior_widened" not in codes(found.findings)

@@ -169,6 +169,7 @@ def test_a_degree_of_freedom_without_a_sensor_is_never_seen_and_the_plan_says_wh
     assert found.band("c_x") < 0.2
 
 
+@pytest.mark.slow
 def test_the_scale_model_is_known_after_100_s_as_well_as_calibration_finds(verne):
     # README, 100 runs of 100 s: rms error 1.1 % in k_x and k_y, 0.48 to 0.51 % in k_β, 10.8 to 12.9 % in c, with priors
     # of 30 %, each of them known to 7 %; the plan to 6 %. Bounds: 25 % = 2.7 times both together.

@@ -158,7 +158,7 @@ def test_the_simulator_plays_every_hypothesis(verne555: Turbine, name: str):
     """What it draws has the variances of the hypothesis at every azimuth, averaged over a turn, within four standard
     errors."""
     supposed = hypothesis(name, verne555, verne555.loads)
-    names, rate, samples = supposed.turbine.model.loads, 50.0, 40_000
+    names, rate, samples = supposed.turbine.model.loads, 50.0, 20_000
     azimuth = np.asarray(verne555.rotor_speed * np.arange(samples) / rate, dtype=np.float64)
     drawn = draw_loads(supposed.given(), names, samples, rate, np.random.default_rng(3), azimuth)
     variance = np.zeros(len(names))

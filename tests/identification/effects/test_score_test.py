@@ -138,7 +138,11 @@ def test_a_step_is_found_where_it_is():
 
 @pytest.mark.parametrize(
     ("code", "wave", "size"),
-    [("trend", Legendre(2, 0.0, DURATION), 0.02), ("step", StepAt(0.6 * DURATION), 0.03), ("bias", Constant(), 0.01)],
+    [
+        ("trend", Legendre(2, 0.0, DURATION), 0.02),
+        ("bias", Constant(), 0.01),
+        pytest.param("step", StepAt(0.6 * DURATION), 0.03, marks=pytest.mark.slow),
+    ],
 )
 def test_the_largest_statistic_names_the_cause(tower: Turbine, code: str, wave: Waveform, size: float):
     channel = "tower_z_acceleration"
