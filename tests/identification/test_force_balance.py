@@ -85,6 +85,7 @@ def test_all_ten_coefficients_are_exact_with_noise_free_signals_and_known_loads(
         assert ratio == pytest.approx(1.0, abs=1e-6), name
 
 
+@pytest.mark.slow
 def test_withheld_loads_take_the_damping_with_them(verne555, reference, motion):
     # Inside the band of the balance, on all 600 s: an eighth of c_x is left, nearly all of k_x.
     band = analysis_band(verne555)

@@ -485,6 +485,7 @@ def test_auto_goes_by_filters_and_holds_them_against_spectra(verne555, minute):
     assert [len(w) for w in (found.innovation, found.innovation_time)] == [record.samples] * 2
 
 
+@pytest.mark.slow
 def test_auto_takes_the_long_way_where_the_load_model_of_spectra_does_not_explain_the_record(
     verne555, minute, monkeypatch
 ):

@@ -64,7 +64,6 @@ def test_pieces_give_the_answer_of_the_whole(
     assert found.loads is not None
     assert found.loads.mean.shape == (whole.samples, 5)
     found.save(tmp_path)
-    found.plot()
 
 
 def test_an_interrupted_run_goes_on_where_it_stopped(
@@ -165,6 +164,7 @@ def test_what_is_missing_between_pieces_is_missing_readings(verne555: Turbine, w
     parts = list(pieces(whole, 8.0))
     gap = Record(parts[1].time[100:], parts[1].values[100:], whole.channels, whole.units, name="late")
     found = identify_pieces([parts[0], gap, parts[2]], verne555)
+    found.plot()
     assert found.samples == whole.samples
     for e in found.estimates:
         assert e.reference is not None

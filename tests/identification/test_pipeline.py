@@ -12,6 +12,7 @@ from windsysid.identification.identify import identify
 from windsysid.identification.job import FittedJob, Job
 from windsysid.identification.model.effect import Detection, Effect
 from windsysid.identification.model.fit import Outcome
+from windsysid.identification.model.regressor import Regressors
 from windsysid.identification.pipeline import run
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
@@ -122,6 +123,20 @@ def test_a_cross_check_that_fails_leaves_the_result(monkeypatch: pytest.MonkeyPa
     found = identify(made, "tower")
     assert found.formulation == ("spectral" if failing == "joint" else "joint")
     assert "not today" in " ".join(str(one) for one in found.findings)
+
+
+def test_filters_answer_where_spectra_fail_with_what_filters_found(
+    job: Job, plain: FittedJob, monkeypatch: pytest.MonkeyPatch
+):
+    def fail(*_: object) -> None:
+        raise RecordError("not today")
+
+    monkeypatch.setattr(automatic_choice, "run", fail)
+    step = Regressors("step", lambda terms: {})
+    spectral = plain._replace(outcome=plain.outcome._replace(turns=False))
+    found = automatic_choice._cross_checked(job.including(step), plain, job, spectral)
+    assert np.array_equal(found.outcome.theta, plain.outcome.theta)
+    assert only(found.outcome.notes, "joint_as_spectra_do_not_apply").data["error"] == "not today"
 
 
 @pytest.mark.parametrize(

@@ -184,6 +184,7 @@ def test_static_coefficients_are_the_kalman_filters(resampling: Resampling):
     )  # 16 times the particles: a quarter of the error, as far as 8 seeds can tell
 
 
+@pytest.mark.slow
 def test_moving_states_are_the_kalman_filters():
     # A coarse sensor, so that a sample says little more than the motion forgets.
     sensors = (Reads("displacement_2", symbols("q_2")[0], 0.05),)
