@@ -42,7 +42,6 @@ def test_a_first_reading_that_is_off_is_no_vibration():
     assert max(abs(e.estimate - truth[e.name]) / e.std for e in found.estimates) < 3.0
 
 
-@pytest.mark.slow
 def test_clipped_readings_of_a_decay_are_missing():
     """The damping of the channel that was not clipped was 4 standard deviations off, of grade B: loads share their
     spectrum."""

@@ -97,6 +97,7 @@ def test_withheld_loads_take_the_damping_with_them(verne555, reference, motion):
     assert max(estimates["c_x"], estimates["c_y"]) < 0.15
 
 
+@pytest.mark.slow
 def test_withheld_loads_bias_the_stiffness_where_nothing_is_filtered(verne555, reference, motion):
     # Over nearly the whole sampled band k_x falls to 0.5-0.6, c_x to 0.05-0.1 and k_beta to 0.8 of the truth:
     # PAPER_NOTES has 0.59, 0.08 and 0.82 for this scenario. Its numbers depend on how slow a motion is let in.

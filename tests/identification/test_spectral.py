@@ -118,6 +118,7 @@ def test_intervals_hold_in_records_in_which_a_resonance_is_narrower_than_a_bin()
     assert np.sqrt(np.mean(np.square(errors))) < 1.5
 
 
+@pytest.mark.slow
 def test_a_rotor_that_idles_leaves_all_frequencies_to_spectra() -> None:
     """At 0.6 rpm a harmonic was left out around each hundredth of a hertz: with it the whole spectrum."""
     tower = replace(ws.load_turbine("tower"), rotor_speed=0.063)

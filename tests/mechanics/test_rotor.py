@@ -153,7 +153,7 @@ def test_newton_and_euler_give_the_same_for_a_roll_that_leans_and_a_varying_spee
         np.testing.assert_allclose(one, other, rtol=1e-11, atol=1e-11)
 
 
-@pytest.mark.parametrize("rolling", ["locked", "tied", "free"])
+@pytest.mark.parametrize("rolling", ["locked", "tied", pytest.param("free", marks=pytest.mark.slow)])
 def test_air_that_falls_with_a_sections_velocity_couples_hub_and_blades_by_its_virtual_work(
     rolling: Literal["locked", "tied", "free"],
 ):

@@ -244,6 +244,7 @@ def test_whirls_are_named_and_signed():
     np.testing.assert_allclose(z, wave, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_blades_without_azimuth_or_without_one_of_them_are_left_out():
     blades, tower, psi, _ = whirling(40)
     of_blades = dict(zip(LAG, blades.T, strict=True))
@@ -452,8 +453,7 @@ def frame(seed, loads, storeys=5, zeta=0.02, noise=0.1):
     return frequencies, y + noise * y.std(axis=0) * rng.normal(size=y.shape)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3))])
 def test_no_mode_is_trusted_and_wrong_where_one_load_drives_all(seed):
     """The neighbours' response to the load of a mode is coherent with its own, and moved a damping by five sigma."""
     true, y = frame(seed, np.ones((5, 1)))
@@ -522,7 +522,6 @@ def test_records_one_after_the_other_are_trusted_together():
     assert ws.oma(windows(3, 3000)).trusted
 
 
-@pytest.mark.slow
 def test_a_frequency_that_goes_up_and_down_again_has_a_wider_interval():
     """Both halves of a day are alike; damping came out larger by four standard deviations."""
     rng, samples = np.random.default_rng(5), 40_000

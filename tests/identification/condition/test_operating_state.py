@@ -131,6 +131,7 @@ def test_a_record_in_pieces_takes_its_state_from_the_first():
     assert found["c_fore_aft"].prior == PARKED.values["c_fore_aft"]
 
 
+@pytest.mark.slow
 def test_a_plan_takes_a_state(tmp_path: Path):
     planned = ["plan", "--turbine", "tower", "--duration", "60 min", "--rate", "5", "--json"]
     shown = [CliRunner().invoke(app, [*planned, *more]) for more in ([], ["--state", "parked"])]

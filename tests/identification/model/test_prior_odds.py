@@ -64,7 +64,6 @@ def test_evidence_that_may_be_wrong_makes_rivals_less_certain():
     assert sum(chances_of_rivals([9e3, 9e3, -9e3])) == pytest.approx(1.0)
 
 
-@pytest.mark.slow
 def test_a_waveform_that_a_turbine_file_calls_unlikely_needs_more_evidence():
     """Of usual odds, the step of this record is included: see
     `test_score_test.test_the_automatic_choice_says_what_filters_found`."""

@@ -50,9 +50,8 @@ def test_three_minutes_of_a_rotor_are_usable(first):
     assert (grades <= {"A", "B"}, codes) == (True, set())
 
 
-@pytest.mark.slow
 @pytest.mark.skipif(not C2.exists(), reason="OpenFAST's records are not in this checkout")
-@pytest.mark.parametrize("first", [60.0, 75.0])
+@pytest.mark.parametrize("first", [60.0, pytest.param(75.0, marks=pytest.mark.slow)])
 def test_a_collective_mode_that_the_file_puts_elsewhere_is_a_reason(first):
     grades, codes = reasons("nrel5mw", first, first + 270.0)
     assert grades == {"C"}
