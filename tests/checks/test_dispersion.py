@@ -53,6 +53,7 @@ def test_two_halves_have_one_degree_of_freedom():
     assert np.mean(np.array(chance) < 0.05) == pytest.approx(0.05, abs=0.015)
 
 
+@pytest.mark.slow
 def test_parts_of_a_true_model_scatter_as_fisher_information_tells():
     rng = np.random.default_rng(20261126)
     found = [dispersion_of(scores_of(rng, SPREAD * rng.standard_normal(3))) for _ in range(1500)]

@@ -58,7 +58,7 @@ def test_what_is_mostly_the_prior_has_grade_b():
     """Damping of nine seconds had grade A, with the prior's interval and no word about it next to the grade."""
     turbine = load_turbine("verne555")
     record = simulate_record(turbine, duration=9.0, rate=50.0, seed=31)
-    found = identify(record, turbine, formulation="joint")
+    found = identify(record, turbine, formulation="joint", loads="broadband")
     weak = [one for one in found.estimates if one.informed_by_data < 0.05]
     assert weak
     for one in weak:

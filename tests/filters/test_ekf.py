@@ -13,6 +13,7 @@ from windsysid.statespace.parameter import Parameter
 from windsysid.turbine.turbine import Turbine
 
 
+@pytest.mark.slow
 def test_normalised_innovations_have_mean_square_one_when_the_model_is_right():
     # 20 records of 200 samples and 3 readings, a tenth missing: the sum of squares is χ² with 10 700 degrees of
     # freedom, whose mean square has the standard error √(2/10700) = 0.0137. Bounds: four of them; neighbours must be
@@ -27,6 +28,7 @@ def test_normalised_innovations_have_mean_square_one_when_the_model_is_right():
         assert np.nanmean(values) == pytest.approx(expected, abs=4 * np.sqrt(variance / count))
 
 
+@pytest.mark.slow
 def test_the_estimate_errs_as_much_as_the_filter_says():
     # Normalised estimation error squared of nine states over 400 short runs: χ² with 3600 degrees of freedom,
     # standard error of its mean √(2/3600) = 0.024; bound: four of them.
@@ -167,7 +169,7 @@ def test_the_reading_jacobian_equals_central_differences(joint: StateSpace):
 
 
 def test_joint_estimation_finds_a_wrong_stiffness_and_is_honest_about_it():
-    # k_2 starts 5 % off; 8 records of 10 s drawn from the true chain. Every ±4σ band must hold the truth (6e-5
+    # k_2 starts 5 % off; 4 records of 10 s drawn from the true chain. Every ±4σ band must hold the truth (6e-5
     # expected outside each), and the record must have taught much more than the prior knew. From 20 % off the
     # linearisation costs certainty: the error is then 1.2 times what the filter says on average.
     model = compose(
@@ -181,7 +183,7 @@ def test_joint_estimation_finds_a_wrong_stiffness_and_is_honest_about_it():
         cov=composed().cov[:6, :6],
     )
     truth = -np.log(1.05)
-    for run in range(8):
+    for run in range(4):
         inputs, readings = simulated(composed(), 500, seed=200 + run)
         belief, _ = EKF.run(model, EKF.init(model), inputs, readings)
         std = np.sqrt(belief.cov[-1, -1])

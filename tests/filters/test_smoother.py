@@ -112,7 +112,7 @@ def test_one_uncertain_number_is_smoothed_as_by_least_squares(filter_: Filter):
     np.testing.assert_allclose((smoothed.std - np.abs(per_start) / np.sqrt(information)) / scale, 0.0, atol=1e-6)
 
 
-@pytest.mark.parametrize("filter_", [EKF, UKF], ids=["extended", "unscented"])
+@pytest.mark.parametrize("filter_", [EKF, pytest.param(UKF, marks=pytest.mark.slow)], ids=["extended", "unscented"])
 def test_smoothed_loads_of_the_rotor_are_better_than_filtered_and_err_as_they_say(verne555: Turbine, filter_: Filter):
     # 60 records of 1 s of the turning rotor, five loads that nobody measures. Errors within a record are much alike: of
     # 60 × 5 independent squares the mean has the standard error √(2/300) = 0.08; bounds four of them.

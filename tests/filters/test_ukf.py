@@ -100,6 +100,7 @@ def test_load_noise_that_enters_squared_is_not_linearised():
     assert exact < belief.cov[0, 0] < 1.5 * exact  # on the safe side, as squares of squares are
 
 
+@pytest.mark.slow
 def test_a_bent_step_has_the_moments_of_a_monte_carlo():
     # 0.25 s of a Duffing oscillator from a wide prior, its cubic stiffness uncertain: RK4 of a million draws.
     model = compose(

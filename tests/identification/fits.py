@@ -1,6 +1,7 @@
 """Fits of the packaged tower that nothing has estimated: the values of its file, with standard deviations as given; and
 identifications of which nobody asks an effect."""
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from windsysid.identification.model.fit import Outcome, known_inputs, no_innovat
 from windsysid.identification.model.prior import Prior, identifiable
 from windsysid.records.record import Record
 from windsysid.results.identification import Identification
+from windsysid.simulation.record import simulate_record
 from windsysid.statespace.compose import compose
 from windsysid.turbine.file import load_turbine
 
@@ -60,6 +62,18 @@ def identify_without_effects(*given: Any, formulation: str = "joint", **options:
     """Identify, by filters unless told otherwise, for a test that asks nothing of effects."""
     with effects_untested():
         return front.identify(*given, formulation=formulation, **options)  # type: ignore[arg-type]
+
+
+@lru_cache(maxsize=1)
+def rotor_record() -> Record:
+    """40 s of the scale model, which several modules identify."""
+    return simulate_record(load_turbine("verne555").exact(), duration=40.0, rate=100.0, seed=2)
+
+
+@lru_cache(maxsize=2)
+def rotor_from(scale: float) -> Identification:
+    """Filters of that record, with priors at `scale` times the values of the file."""
+    return identify_without_effects(rotor_record(), load_turbine("verne555").exact(), prior=Prior(scale, scale))
 
 
 def std_of_model(found: Identification, name: str) -> float:

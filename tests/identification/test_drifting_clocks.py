@@ -49,6 +49,7 @@ def test_a_steady_clock_is_left_alone(verne555: Turbine):
         assert ClockDrift().find(job(steady, verne555)) is None
 
 
+@pytest.mark.slow
 def test_the_turbine_is_identified_from_readings_that_were_put_back(drifting: Record):
     """Coefficients were 5 to 20 standard deviations off, and filters took minutes."""
     found = identify_without_effects(drifting, TURBINE, formulation="auto", prior=DrawnPrior(seed=300))

@@ -85,6 +85,7 @@ def test_all_ten_coefficients_are_exact_with_noise_free_signals_and_known_loads(
         assert ratio == pytest.approx(1.0, abs=1e-6), name
 
 
+@pytest.mark.slow
 def test_withheld_loads_take_the_damping_with_them(verne555, reference, motion):
     # Inside the band of the balance, on all 600 s: an eighth of c_x is left, nearly all of k_x.
     band = analysis_band(verne555)
@@ -96,6 +97,7 @@ def test_withheld_loads_take_the_damping_with_them(verne555, reference, motion):
     assert max(estimates["c_x"], estimates["c_y"]) < 0.15
 
 
+@pytest.mark.slow
 def test_withheld_loads_bias_the_stiffness_where_nothing_is_filtered(verne555, reference, motion):
     # Over nearly the whole sampled band k_x falls to 0.5-0.6, c_x to 0.05-0.1 and k_beta to 0.8 of the truth:
     # PAPER_NOTES has 0.59, 0.08 and 0.82 for this scenario. Its numbers depend on how slow a motion is let in.

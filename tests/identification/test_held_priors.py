@@ -44,12 +44,13 @@ def test_damping_that_no_prior_like_the_files_could_have_is_found_and_not_truste
 
 def test_a_prior_is_not_widened_where_the_search_was_too_expensive(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(prior_conflict, "MAX_REPEATED_ELEMENTS", 0.0)
-    _, found = found_of(4.0, 1, "joint", 300.0)
+    _, found = found_of(4.0, 1, "joint", 150.0)
     assert "prior_widened" not in codes(found.findings)
     assert "search_exhausted" in codes(reasons(found))
     assert found["c_side_side"].grade == "C"
 
 
+@pytest.mark.slow
 def test_damping_as_in_the_file_keeps_its_prior():
     _, found = found_of(1.0, 4)
     assert "prior_widened" not in codes(found.findings)

@@ -7,6 +7,7 @@ import pytest
 
 from tests.findings import codes, notes, only, reasons
 from tests.identification.fits import identify_without_effects as identify
+from tests.identification.fits import rotor_from, rotor_record
 from windsysid.errors import ConfigurationError, WindsysidError
 from windsysid.identification import identify as front
 from windsysid.identification.model.fit import check_finite, known_loads
@@ -25,14 +26,8 @@ RATE = 100.0
 
 
 @pytest.fixture(scope="module")
-def driven(verne555: Turbine) -> Record:
-    return simulate_record(verne555, duration=40.0, rate=RATE, seed=2)
-
-
-@pytest.fixture(scope="module")
-def found(verne555: Turbine, driven: Record) -> dict[float, Identification]:
-    """Priors 30 % off, to either side."""
-    return {scale: identify(driven, verne555, prior=Prior(scale, scale)) for scale in (0.7, 1.3)}
+def driven() -> Record:
+    return rotor_record()
 
 
 def free_decay(turbine: Turbine, duration: float, *, loads_recorded: bool) -> Record:
@@ -63,9 +58,13 @@ def off(identification: Identification, name: str) -> float:
     return abs(e.estimate - e.reference) / e.std
 
 
-@pytest.mark.parametrize("scale", [0.7, 1.3])
-def test_ten_coefficients_come_from_accelerometers_and_priors_30_percent_off(found, scale):
-    result = found[scale]
+from_either_side = pytest.mark.parametrize("scale", [0.7, pytest.param(1.3, marks=pytest.mark.slow)])
+"""Priors 30 % off."""
+
+
+@from_either_side
+def test_ten_coefficients_come_from_accelerometers_and_priors_30_percent_off(scale):
+    result = rotor_from(scale)
     assert len(result.estimates) == 10
     for e in result.estimates:
         assert e.reference is not None
@@ -78,37 +77,40 @@ def test_ten_coefficients_come_from_accelerometers_and_priors_30_percent_off(fou
             assert 0.5 < e.informed_by_data < 0.95
 
 
-def test_where_the_prior_started_does_not_matter(found):
+@pytest.mark.slow
+def test_where_the_prior_started_does_not_matter():
     # Stiffness within 0.6 of a standard deviation (damping, which differs, pulls it a little). A damping known to
     # s = 18 % holds (s/0.3)² of its information in the prior, and 1.3 - 0.7 of it moves the answer by 0.6 s/0.3² = 1.2
     # standard deviations.
-    for e in found[0.7].estimates:
-        other = found[1.3][e.name]
+    for e in rotor_from(0.7).estimates:
+        other = rotor_from(1.3)[e.name]
         difference = abs(e.estimate - other.estimate) / e.std
         assert difference < (0.6 if e.kind == "stiffness" else 1.2), f"{e.name}: {difference} σ"
 
 
-def test_on_line_ends_where_the_whole_record_does(found):
-    for result in found.values():
-        std = np.sqrt(np.diag(result.cov))
-        pairs = zip(result.parameters, result.estimates, strict=True)
-        mode = [np.log(e.estimate / q.reference) if q.logarithmic else e.estimate / q.reference for q, e in pairs]
-        assert np.all(np.abs(result.mean[-1] - mode) < 0.3 * std)
-        wider = std / result.std[-1]  # as parts of the record contradict each other, which no recursion knows
-        assert np.all((wider > 0.9) & (wider < 1.4))
-        assert np.median(wider) < 1.1
+@from_either_side
+def test_on_line_ends_where_the_whole_record_does(scale):
+    result = rotor_from(scale)
+    std = np.sqrt(np.diag(result.cov))
+    pairs = zip(result.parameters, result.estimates, strict=True)
+    mode = [np.log(e.estimate / q.reference) if q.logarithmic else e.estimate / q.reference for q, e in pairs]
+    assert np.all(np.abs(result.mean[-1] - mode) < 0.3 * std)
+    wider = std / result.std[-1]  # as parts of the record contradict each other, which no recursion knows
+    assert np.all((wider > 0.9) & (wider < 1.4))
+    assert np.median(wider) < 1.1
 
 
-def test_the_notes_say_how_it_was_done(found):
-    taken, choice = notes(found[0.7])
+def test_the_notes_say_how_it_was_done():
+    taken, choice = notes(rotor_from(0.7))
     assert taken.code == "loads_are_states"
     assert (choice.code, choice.data) == ("load_model_chosen", {"model": "broadband", "reason": "explains"})
 
 
-def test_innovations_are_as_large_as_the_filter_expects(found):
+@from_either_side
+def test_innovations_are_as_large_as_the_filter_expects(scale):
     # Mean square of T = 4000 whitened samples: 1 ± 4 √(2/T).
-    for result in found.values():
-        np.testing.assert_allclose(np.mean(result.whitened**2, axis=0), 1.0, atol=4 * np.sqrt(2 / 4000) + 0.02)
+    squares = np.mean(rotor_from(scale).whitened ** 2, axis=0)
+    np.testing.assert_allclose(squares, 1.0, atol=4 * np.sqrt(2 / 4000) + 0.02)
 
 
 @pytest.fixture(scope="module")
@@ -153,7 +155,7 @@ def test_loads_that_are_not_there_are_learned_to_be_none(verne555, decay):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("factor", [1.0 / 3.0, 3.0])
-def test_wrong_statistics_in_the_files_are_put_right(verne555, driven, found, factor):
+def test_wrong_statistics_in_the_files_are_put_right(verne555, driven, factor):
     # Three times off in load and noise: the answer is the same as from the right files.
     wrong = replace(
         verne555,
@@ -162,7 +164,7 @@ def test_wrong_statistics_in_the_files_are_put_right(verne555, driven, found, fa
     )
     result = identify(driven, wrong, prior=Prior(1.3, 1.3))
     for e in result.estimates:
-        right = found[1.3][e.name]
+        right = rotor_from(1.3)[e.name]
         assert abs(e.estimate - right.estimate) < 0.2 * right.std, e.name
         assert e.std == pytest.approx(right.std, rel=0.1)
     for s in result.statistics:  # ±4σ: the bands are ±2σ
@@ -257,13 +259,13 @@ def test_a_tilted_prior_far_away_still_finds_the_stiffness(verne555, decay):
 
 
 @pytest.mark.slow
-def test_a_recursion_that_loses_its_way_costs_the_history_only(verne555, driven, found, monkeypatch):
+def test_a_recursion_that_loses_its_way_costs_the_history_only(verne555, driven, monkeypatch):
     def astray(*_):
         raise WindsysidError("rational spectrum: expected a positive rms, got nan")
 
     monkeypatch.setattr("windsysid.identification.estimate.search._take_in", astray)
     result = identify(driven, verne555, prior=Prior(1.3, 1.3))
-    whole = found[1.3]
+    whole = rotor_from(1.3)
     assert result.diagnosis.trusted
     for one, other in zip(result.estimates, whole.estimates, strict=True):
         assert one.estimate == pytest.approx(other.estimate, abs=0.05 * other.std)

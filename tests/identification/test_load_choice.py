@@ -55,7 +55,9 @@ def test_loads_matter_from_a_tenth_of_the_motion_on():
         assert _loads_matter(model, np.zeros((samples, 1)), info) == matters, share
 
 
-@pytest.mark.parametrize(("loads", "chosen"), [("random", "broadband"), ("second-order", "second-order")])
+@pytest.mark.parametrize(
+    ("loads", "chosen"), [("second-order", "second-order"), pytest.param("random", "broadband", marks=pytest.mark.slow)]
+)
 def test_under_a_rigid_rotor_the_evidence_decides_between_load_models(loads: str, chosen: str):
     tower = load_turbine("tower")
     record = simulate_record(tower, duration=200.0, rate=20.0, seed=3, loads=loads)

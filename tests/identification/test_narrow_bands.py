@@ -120,6 +120,7 @@ def test_a_support_that_nothing_pushes_has_no_such_load(verne555: Turbine):
         identify(pushed, tower, loads="narrow-band", formulation="joint")
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("error")
 def test_a_modal_mass_far_from_the_true_one_gives_no_negative_spectrum(tmp_path):
     """The spectrum of a load was a difference of two much larger ones: rounding made it negative."""

@@ -27,6 +27,7 @@ def off(made: Record, turbine: Turbine, offsets: tuple[float, ...] = OFFSETS) ->
     )
 
 
+@pytest.mark.slow
 def test_sensors_that_are_off_are_found_and_the_result_is_right(verne555: Turbine):
     """A few thousandths of gravity: it was condemned for late blades, after half a minute."""
     made, prior = record("offsets of 5 mg", 200_001).section(0.0, 60.0), DrawnPrior(seed=200_001)

@@ -64,7 +64,6 @@ def test_pieces_give_the_answer_of_the_whole(
     assert found.loads is not None
     assert found.loads.mean.shape == (whole.samples, 5)
     found.save(tmp_path)
-    found.plot()
 
 
 def test_an_interrupted_run_goes_on_where_it_stopped(
@@ -131,6 +130,7 @@ def test_a_checkpoint_is_not_taken_up_by_another_call(
     assert checkpoint.read_bytes() == stopped.read_bytes()
 
 
+@pytest.mark.slow
 def test_a_record_that_has_grown_since_is_the_same_record(
     verne555: Turbine, whole: Record, stopped: Path, tmp_path: Path
 ):
@@ -159,10 +159,12 @@ def _stopping(records: Iterable[Record], after: int) -> Iterator[Record]:
         yield record
 
 
+@pytest.mark.slow
 def test_what_is_missing_between_pieces_is_missing_readings(verne555: Turbine, whole: Record):
     parts = list(pieces(whole, 8.0))
     gap = Record(parts[1].time[100:], parts[1].values[100:], whole.channels, whole.units, name="late")
     found = identify_pieces([parts[0], gap, parts[2]], verne555)
+    found.plot()
     assert found.samples == whole.samples
     for e in found.estimates:
         assert e.reference is not None
@@ -181,6 +183,7 @@ def test_pieces_that_do_not_go_on_are_refused(verne555: Turbine, whole: Record):
         identify_pieces([], verne555)
 
 
+@pytest.mark.slow
 def test_spikes_are_left_out_of_pieces_as_of_the_whole():
     tower = load_turbine("tower")
     whole = simulate_record(tower, duration=200.0, rate=4.0, seed=4)

@@ -12,7 +12,8 @@ from windsysid.identification.identify import identify
 from windsysid.identification.job import FittedJob, Job
 from windsysid.identification.model.effect import Detection, Effect
 from windsysid.identification.model.fit import Outcome
-from windsysid.identification.pipeline import MAX_EXTENSIONS, run
+from windsysid.identification.model.regressor import Regressors
+from windsysid.identification.pipeline import run
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
 from windsysid.results.finding import Finding
@@ -96,12 +97,15 @@ def test_an_effect_that_cannot_be_included_leaves_the_fit_and_speaks_against_it(
     assert (said.data["effect"], said.data["error"]) == ("hum", "the hum cannot be removed")
 
 
-def test_an_effect_still_warranted_after_the_last_extension_speaks_against_the_fit(job: Job):
+def test_an_effect_still_warranted_after_the_last_extension_speaks_against_the_fit(
+    job: Job, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(pipeline, "MAX_EXTENSIONS", 2)
     _, fit = run(job, effects=((Hum(),),))
-    assert only(fit.unmodelled, "effect_not_included").data["error"] == f"{MAX_EXTENSIONS} effects are included"
+    assert only(fit.unmodelled, "effect_not_included").data["error"] == "2 effects are included"
 
 
-@pytest.mark.parametrize("failing", ["joint", "spectral"])
+@pytest.mark.parametrize("failing", ["joint", pytest.param("spectral", marks=pytest.mark.slow)])
 def test_a_cross_check_that_fails_leaves_the_result(monkeypatch: pytest.MonkeyPatch, failing: str):
     """Filters that fail beside spectra, and spectra that fail with what filters found, end nothing."""
     calls: list[str] = []
@@ -119,6 +123,20 @@ def test_a_cross_check_that_fails_leaves_the_result(monkeypatch: pytest.MonkeyPa
     found = identify(made, "tower")
     assert found.formulation == ("spectral" if failing == "joint" else "joint")
     assert "not today" in " ".join(str(one) for one in found.findings)
+
+
+def test_filters_answer_where_spectra_fail_with_what_filters_found(
+    job: Job, plain: FittedJob, monkeypatch: pytest.MonkeyPatch
+):
+    def fail(*_: object) -> None:
+        raise RecordError("not today")
+
+    monkeypatch.setattr(automatic_choice, "run", fail)
+    step = Regressors("step", lambda terms: {})
+    spectral = plain._replace(outcome=plain.outcome._replace(turns=False))
+    found = automatic_choice._cross_checked(job.including(step), plain, job, spectral)
+    assert np.array_equal(found.outcome.theta, plain.outcome.theta)
+    assert only(found.outcome.notes, "joint_as_spectra_do_not_apply").data["error"] == "not today"
 
 
 @pytest.mark.parametrize(

@@ -47,8 +47,8 @@ def one_mode(*, damping_ratio: float = 0.037, noise: float = 0.005, time_constan
     [
         ({"time_constant": 0.01}, 100.0),  # a white load
         ({"time_constant": 10.0, "noise": 0.0005}, 50.0),  # a load whose corner lies far below the mode
-        ({"damping_ratio": 0.01}, 50.0),
         ({"time_constant": 0.2}, 400.0),  # more samples than the simulation needs
+        pytest.param({"damping_ratio": 0.01}, 50.0, marks=pytest.mark.slow),
     ],
 )
 def test_one_mode_under_broadband_load_is_seen_as_well_as_the_closed_form_says(monkeypatch, options, rate):
@@ -169,6 +169,7 @@ def test_a_degree_of_freedom_without_a_sensor_is_never_seen_and_the_plan_says_wh
     assert found.band("c_x") < 0.2
 
 
+@pytest.mark.slow
 def test_the_scale_model_is_known_after_100_s_as_well_as_calibration_finds(verne):
     # README, 100 runs of 100 s: rms error 1.1 % in k_x and k_y, 0.48 to 0.51 % in k_β, 10.8 to 12.9 % in c, with priors
     # of 30 %, each of them known to 7 %; the plan to 6 %. Bounds: 25 % = 2.7 times both together.
@@ -226,6 +227,7 @@ def test_what_is_known_in_time_is_not_said_to_be_known_never(monkeypatch):
         assert (found.band(name) <= found.within) == (found.needed(name) <= found.duration)
 
 
+@pytest.mark.slow
 def test_a_record_too_short_for_spectra_is_planned_for_filters_and_a_longer_one_is_not_doubted():
     short = plan("tower", duration=60.0, rate=20.0)
     assert "by filters" in " ".join(short.notes)

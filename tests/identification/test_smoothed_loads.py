@@ -85,7 +85,12 @@ def test_straight_springs_and_dampers_and_loads_that_are_independent_are_not_dou
 
 
 @pytest.mark.parametrize(
-    ("fault", "law"), [({"friction": 2e3}, "damping"), ({"play": 0.02}, "stiffness"), ({"play": 0.003}, "stiffness")]
+    ("fault", "law"),
+    [
+        ({"friction": 2e3}, "damping"),
+        ({"play": 0.003}, "stiffness"),
+        pytest.param({"play": 0.02}, "stiffness", marks=pytest.mark.slow),
+    ],
 )
 def test_friction_and_play_are_found_and_named(fault: dict[str, float], law: str):
     found = [one.bending for one in judged(**fault)]
@@ -94,7 +99,7 @@ def test_friction_and_play_are_found_and_named(fault: dict[str, float], law: str
     assert (reason.code, reason.data["law"]) == ("amplitude_dependence", law)
 
 
-@pytest.mark.parametrize("shared", [0.3, -0.7])
+@pytest.mark.parametrize("shared", [0.3, pytest.param(-0.7, marks=pytest.mark.slow)])
 def test_loads_that_go_together_are_found(shared: float):
     found = [one.correlated for one in judged(shared=shared)]
     assert all(one is not None and one.sigmas * np.sign(shared) > one.bound for one in found), found

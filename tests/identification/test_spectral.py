@@ -103,6 +103,7 @@ def test_a_prior_on_the_wrong_side_of_no_damping_does_not_end_at_the_mirror_imag
     assert found.diagnosis.trusted
 
 
+@pytest.mark.slow
 def test_intervals_hold_in_records_in_which_a_resonance_is_narrower_than_a_bin() -> None:
     """With independent bins, one frequency in twelve was 3.6 to 13 σ off."""
     tower = ws.load_turbine("tower")
@@ -117,6 +118,7 @@ def test_intervals_hold_in_records_in_which_a_resonance_is_narrower_than_a_bin()
     assert np.sqrt(np.mean(np.square(errors))) < 1.5
 
 
+@pytest.mark.slow
 def test_a_rotor_that_idles_leaves_all_frequencies_to_spectra() -> None:
     """At 0.6 rpm a harmonic was left out around each hundredth of a hertz: with it the whole spectrum."""
     tower = replace(ws.load_turbine("tower"), rotor_speed=0.063)
@@ -150,7 +152,7 @@ def test_rotor_under_random_loads_is_found() -> None:
 
 @pytest.mark.parametrize(("duration", "trusted"), [pytest.param(100.0, True, marks=pytest.mark.slow), (180.0, False)])
 def test_rotor_under_wind_is_trusted_for_as_long_as_its_bands_were_proven(duration: float, trusted: bool) -> None:
-    record = simulate_record("verne555", duration=duration, rate=100.0, seed=8002, loads="wind")
+    record = simulate_record("verne555", duration=duration, rate=50.0, seed=8002, loads="wind")
     options: dict[str, Any] = {"prior": DrawnPrior(seed=8002), "loads": "rotor-wind"}
     found = identify_without_effects(record, "verne555", formulation="spectral", **options)
     assert found.diagnosis.trusted == trusted

@@ -165,6 +165,7 @@ def test_one_piece_in_bands_says_what_the_record_says(
     assert "one_block" in codes(reasons(found))
 
 
+@pytest.mark.slow
 def test_pieces_in_bands_agree_with_the_whole(machine: Turbine, turning: Record, expected: Identification) -> None:
     found = identify_pieces(pieces(turning, 120.0), machine, formulation="spectral")
     blocks = only(found.findings, "blocks").data
@@ -174,6 +175,7 @@ def test_pieces_in_bands_agree_with_the_whole(machine: Turbine, turning: Record,
     assert of_blades == pytest.approx(np.ones(len(of_blades)), abs=0.3)
 
 
+@pytest.mark.slow
 def test_a_rotor_whose_modes_are_many_turns_up_comes_in_pieces() -> None:
     """It is read in bands whatever its damping."""
     slow = replace(load_turbine("nrel5mw_full").exact(), rotor_speed=0.9)

@@ -277,7 +277,7 @@ def test_gravity_stays_where_sines_are_left_out(verne555: Turbine):
 
 def test_one_steady_sine_in_a_hundred_scatters_by_more_than_its_bound():
     """Four parts about their mean have three complex degrees of freedom: half a χ² of six."""
-    rng, samples, count = np.random.default_rng(3), 400, 4000
+    rng, samples, count = np.random.default_rng(3), 400, 1000
     waves = (rng.standard_normal((count, samples)) + 1j * rng.standard_normal((count, samples))) / math.sqrt(2.0)
     scatters = np.array([steady_lines._scatter(wave, 1.0) for wave in waves])
     chances = gammaincc(steady_lines.SEGMENT_COUNT - 1, scatters)

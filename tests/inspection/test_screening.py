@@ -42,15 +42,21 @@ def findings(record, turbine):
     return screened(record, turbine, usable_sensors(record, turbine, None))
 
 
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))])
 @pytest.mark.parametrize("name", ws.packaged_turbines())
-def test_the_simulated_record_of_every_packaged_turbine_passes(name):
+def test_the_simulated_record_of_every_packaged_turbine_passes(name, seed):
     turbine = ws.load_turbine(name)
-    for seed in range(3):
-        assert findings(simulate_record(turbine, duration=60.0, rate=50.0, seed=seed), turbine) == []
+    assert findings(simulate_record(turbine, duration=60.0, rate=50.0, seed=seed), turbine) == []
 
 
 @pytest.mark.skipif(not SHARED.is_dir(), reason="the shared records are not beside the checkout")
-@pytest.mark.parametrize("file", ["a2_rot12_decay_min", "c2_turb12_full", "d1_turb12_full_KSS090"])
+@pytest.mark.parametrize(
+    "file",
+    [
+        "c2_turb12_full",
+        *(pytest.param(one, marks=pytest.mark.slow) for one in ("a2_rot12_decay_min", "d1_turb12_full_KSS090")),
+    ],
+)
 def test_an_independent_simulation_passes(file):
     pytest.importorskip("openfast_io.FAST_output_reader", reason="the extra windsysid[openfast] is not installed")
     record = ws.read_record(SHARED / "openfast" / f"{file}.outb")

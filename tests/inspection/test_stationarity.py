@@ -43,8 +43,8 @@ def is_whole(record: Record) -> bool:
     return found.good and found.end - found.start >= record.duration
 
 
-@pytest.mark.parametrize("damping", [0.002, 0.005, 0.05])
-@pytest.mark.parametrize("seconds", [300.0, 900.0])
+@pytest.mark.parametrize("damping", [0.005, *(pytest.param(ratio, marks=pytest.mark.slow) for ratio in (0.002, 0.05))])
+@pytest.mark.parametrize("seconds", [300.0, pytest.param(900.0, marks=pytest.mark.slow)])
 def test_a_stationary_record_is_advised_whole(damping: float, seconds: float):
     assert sum(not is_whole(shaken(seed, damping, seconds)) for seed in range(20)) <= 1
 
@@ -59,8 +59,8 @@ def test_false_alarms_are_as_rare_as_stated(damping: float, seconds: float, freq
     assert SCREENING_PROBABILITY <= 0.01
 
 
-@pytest.mark.parametrize("damping", [0.005, 0.01, 0.05])
-@pytest.mark.parametrize("start", [0.33, 0.5, 0.7])
+@pytest.mark.parametrize("damping", [0.01, *(pytest.param(ratio, marks=pytest.mark.slow) for ratio in (0.005, 0.05))])
+@pytest.mark.parametrize("start", [0.33, 0.7, pytest.param(0.5, marks=pytest.mark.slow)])
 def test_a_record_whose_loads_begin_within_it_is_cut(damping: float, start: float):
     found = [best(shaken(seed, damping, 1200.0, loads=(start, 3.0))) for seed in range(10)]
     assert sum(one.end - one.start > 1000.0 and one.good for one in found) <= 1

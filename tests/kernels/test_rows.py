@@ -25,7 +25,7 @@ def _filled(random, count, columns):
     return matrix
 
 
-@pytest.mark.parametrize("four_vectors_fit", [False, True])
+@pytest.mark.parametrize("four_vectors_fit", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_products_of_rows_are_right_on_processors_with_few_and_many_registers(four_vectors_fit):
     multiply, random = _product(four_vectors_fit), np.random.default_rng(11)
     for vectors in range(1, 8):

@@ -45,6 +45,7 @@ def test_a_shipped_kernel_is_used_and_nothing_is_compiled(shipped: Path, tmp_pat
     assert not list(tmp_path.rglob("*.kernel"))
 
 
+@pytest.mark.slow
 def test_without_its_file_or_with_a_damaged_one_the_kernel_is_compiled(shipped: Path, tmp_path: Path):
     assert python(tmp_path / "a", "-c", USE, str(tmp_path)) == "compiled\nTrue\n"
     (tmp_path / "kernels").mkdir()

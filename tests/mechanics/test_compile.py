@@ -471,6 +471,7 @@ def test_a_cached_model_is_not_derived_again(tmp_path: Path):
     assert not list(tmp_path.glob("*.tmp"))
 
 
+@pytest.mark.slow
 def test_without_a_cache_folder_models_are_compiled_all_the_same(tmp_path: Path):
     (tmp_path / "file").write_text("in the way")
     assert in_a_fresh_process(tmp_path / "file" / "cache") == "10 5 True"

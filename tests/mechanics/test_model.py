@@ -15,7 +15,12 @@ from windsysid.mechanics.model import Coefficient, Coordinate
 
 
 @pytest.mark.parametrize(
-    "model", [RotorModel(3, roll="free", air_couples=True), RotorModel(2, lag="locked"), TowerModel()]
+    "model",
+    [
+        pytest.param(RotorModel(3, roll="free", air_couples=True), marks=pytest.mark.slow),
+        RotorModel(2, lag="locked"),
+        TowerModel(),
+    ],
 )
 def test_a_model_says_what_its_equations_have(model: MechanicalModel):
     equations = model.equations()

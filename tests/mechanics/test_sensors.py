@@ -318,7 +318,7 @@ def test_a_rotor_in_its_own_plane_refuses_what_yaws():
 def test_sensors_on_blades_that_lead_read_where_the_blades_are():
     quantities = ("displacement", "angular_rate", "moment")
     others = variants(TOWER, *({"quantity": one, "point": "blade_1", "axis": "lag"} for one in quantities))
-    sensors = [*ACCELEROMETERS[5:], *others]
+    sensors = [ACCELEROMETERS[5], ACCELEROMETERS[8], *others]
     plain, leading = RotorModel(3, roll="tied"), RotorModel(3, roll="tied", leads=True)
     ours, theirs = leading.readings(sensors), plain.readings(sensors)
     names = sorted({str(s) for row in (*ours, *theirs) for s in row.free_symbols})

@@ -261,6 +261,7 @@ def test_stepping_aside_from_a_lock_does_not_move_the_other_modes():
         assert a == pytest.approx(0.5 * (low + high), rel=1e-5), name
 
 
+@pytest.mark.slow
 def test_speeds_too_slow_for_a_mode_are_left_out_and_said():
     hammond = load_turbine("hammond").with_values({"c_beta_1": 0.0})
     found = find_modes(hammond, speeds=(2 / RPM, 80 / RPM), operating=(60 / RPM, 80 / RPM))

@@ -33,7 +33,7 @@ def test_a_wrong_file_ends_in_one_line(tmp_path, text, got):
 
 
 def test_marks_change_the_modes_of_a_record_and_nothing_else():
-    record = record_of(two_modes(0), RATE)
+    record = record_of(two_modes(0, samples=3000), RATE)
     free = ws.oma(record)
     first, second = free.modes[:2]
     found = ws.oma(record, bands=ws.results.ModeMarks(remove=(first.frequency.estimate,)))

@@ -1,6 +1,7 @@
 """Innovations that are white have one level over frequency; those that a wrong load's spectrum leaves have not."""
 
 import numpy as np
+import pytest
 from scipy.signal import lfilter
 
 from windsysid.checks.colour import smooth_colour
@@ -15,6 +16,7 @@ def smooth(whitened: np.ndarray):
     return found
 
 
+@pytest.mark.slow
 def test_white_noise_is_as_coloured_as_chance_makes_it():
     rng = np.random.default_rng(71)
     found = [smooth(rng.standard_normal((5000, 3))) for _ in range(100)]

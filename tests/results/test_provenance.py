@@ -179,7 +179,7 @@ def numbers(records: tuple[str, ...]) -> list[int]:
     return [int(name.split(",")[0].removeprefix("r")) for name in records]
 
 
-@pytest.mark.parametrize("zone", ["Z", "+02:00", ""])
+@pytest.mark.parametrize("zone", ["", *(pytest.param(zone, marks=pytest.mark.slow) for zone in ("Z", "+02:00"))])
 def test_records_are_put_in_order_of_time(make: Make, zone: str):
     folders = make(hourly(zone=zone))
     blocks = read_blocks(sorted(folders, key=str))  # res-1, res-10, res-11, res-12, res-2 …
@@ -192,6 +192,7 @@ def test_records_are_put_in_order_of_time(make: Make, zone: str):
     assert any(name.startswith("noise_") for name in blocks.names)
 
 
+@pytest.mark.slow
 def test_records_of_several_zones_are_put_in_order_of_the_moment(make: Make):
     starts = hourly()
     starts[5] = "2026-03-01T06:00:00+01:00"  # 05:00 UTC
@@ -269,6 +270,7 @@ def test_a_table_says_the_times_of_records_that_do_not(make: Make, tmp_path: Pat
     np.testing.assert_array_equal(blocks.time, 600.0 * np.arange(MIN_BLOCKS))
 
 
+@pytest.mark.slow
 def test_a_summary_changed_by_hand_changes_no_computation(make: Make):
     folders = make(hourly())
     before = read_blocks(folders)

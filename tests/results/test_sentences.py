@@ -1,6 +1,5 @@
 """The table of sentences: every code has one, that can be made and read; nothing else makes or reads them."""
 
-import ast
 import re
 from pathlib import Path
 from typing import Any
@@ -68,11 +67,10 @@ def made_and_literals() -> tuple[set[str], set[str]]:
     """Codes of the findings that the package makes, and every text of the package but in the table."""
     made, literals = set(), set()
     for path in ROOT.rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.Call) and getattr(node.func, "id", "") in MAKERS:
-                made |= {str(one.value) for one in node.args[:1] if isinstance(one, ast.Constant)}
-            elif isinstance(node, ast.Constant) and isinstance(node.value, str) and path.parent.name != "sentences":
-                literals.add(node.value)
+        text = path.read_text(encoding="utf-8")
+        made.update(re.findall(rf'(?<![.\w])(?:{"|".join(MAKERS)})\(\s*"([^"]*)"', text))
+        if path.parent.name != "sentences":
+            literals.update(re.findall(r'"([a-z0-9_]+)"', text))
     return made, literals
 
 

@@ -19,6 +19,7 @@ def white(seed: int, samples: int = 5000) -> np.ndarray:
     return np.random.default_rng(seed).standard_normal((samples, 2))
 
 
+@pytest.mark.slow
 def test_white_noise_is_steady_without_tails_and_shares_nothing():
     # 300 records: standard deviations of chance are standard deviations.
     found = [examined(white(seed, 2500)) for seed in range(300)]

@@ -44,6 +44,7 @@ def test_a_straight_spring_is_as_bent_as_chance_makes_it():
     assert np.median(statistics) == pytest.approx(stats.chi2(4).median(), rel=0.2)
 
 
+@pytest.mark.slow
 def test_gusts_do_not_bend_a_straight_spring():
     """Motion and innovations grow together in gusts: of 100 records up to 10 exceed what one in 20 does by chance (one
     in 100 such tests would see more); with the variance of steady records 15 did."""

@@ -102,6 +102,7 @@ def test_drawn_loads_have_the_stated_rms_and_correlation_time():
         assert observed == pytest.approx(rho**lag, abs=4 * lag * np.sqrt((1 - rho**2) / n))
 
 
+@pytest.mark.slow
 def test_drawn_loads_are_stationary_from_the_first_sample():
     # The rms of the first sample over 4000 independent draws; its standard error is 1/√(2 · 4000) of it.
     names = tuple(f"load_{i}" for i in range(4000))
@@ -157,7 +158,7 @@ def test_the_simulator_plays_every_hypothesis(verne555: Turbine, name: str):
     """What it draws has the variances of the hypothesis at every azimuth, averaged over a turn, within four standard
     errors."""
     supposed = hypothesis(name, verne555, verne555.loads)
-    names, rate, samples = supposed.turbine.model.loads, 50.0, 40_000
+    names, rate, samples = supposed.turbine.model.loads, 50.0, 20_000
     azimuth = np.asarray(verne555.rotor_speed * np.arange(samples) / rate, dtype=np.float64)
     drawn = draw_loads(supposed.given(), names, samples, rate, np.random.default_rng(3), azimuth)
     variance = np.zeros(len(names))

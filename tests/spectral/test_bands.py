@@ -337,7 +337,8 @@ def test_modes_that_cannot_be_told_apart_are_not_read_in_bands() -> None:
 def test_levels_go_from_one_model_to_another_by_their_names() -> None:
     """A band whose modes have moved may have other rows; it was a ValueError."""
     whole = posed()
-    fewer = posed(sensors=TIPS)
+    on_blades = [place for place in whole.places if place.shape is not None]
+    fewer = pose_bands(question(record(), sensors=TIPS), on_blades)
     start = whole.model.prior[0] + 0.3
     moved = fewer.model.start_from(start, whole.model)
     known = {

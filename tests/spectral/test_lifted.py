@@ -157,7 +157,10 @@ def _posed(kind: str, duration: float = 40.0) -> Posed:
     return posed._replace(model=posed.model._replace(inexact=numbers))
 
 
-KINDS = ("tower", "broadband", "rotor-wind", "tower, inexact", "broadband, inexact")
+KINDS = (
+    "tower", "rotor-wind", "broadband, inexact",
+    *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("broadband", "tower, inexact")),
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -275,6 +278,7 @@ def _near(model: LiftedModel) -> np.ndarray:
     return mean + 0.1 * np.minimum(spread, 1.0) * rng.standard_normal(len(mean))
 
 
+@pytest.mark.slow
 def test_spectra_of_the_wind_are_those_of_the_simulated_field() -> None:
     """Moments of a blade that reads the field with the weights of the model, by Welch's method, against the sum of the
     classes."""

@@ -47,6 +47,7 @@ def beside_water(name):
     return {**dict(zip(TOWER, y.T, strict=False)), name: wave / wave.std()}
 
 
+@pytest.mark.slow
 def test_the_waters_own_acceleration_is_left_out_with_a_note():
     columns = beside_water("wave_acceleration")
     found = ws.oma(turning(columns))

@@ -171,7 +171,9 @@ def off(model: StateSpace, inputs: np.ndarray, readings: np.ndarray, seeds: int,
     return np.asarray(np.sqrt(np.mean(np.square(errors), axis=0)))
 
 
-@pytest.mark.parametrize("resampling", SCHEMES)
+@pytest.mark.parametrize(
+    "resampling", [SCHEMES[0], *(pytest.param(one, marks=pytest.mark.slow) for one in SCHEMES[1:])]
+)
 def test_static_coefficients_are_the_kalman_filters(resampling: Resampling):
     model = regression()
     inputs, readings = straight(model, 300)
@@ -182,6 +184,7 @@ def test_static_coefficients_are_the_kalman_filters(resampling: Resampling):
     )  # 16 times the particles: a quarter of the error, as far as 8 seeds can tell
 
 
+@pytest.mark.slow
 def test_moving_states_are_the_kalman_filters():
     # A coarse sensor, so that a sample says little more than the motion forgets.
     sensors = (Reads("displacement_2", symbols("q_2")[0], 0.05),)

@@ -34,6 +34,7 @@ def standing(**channels: float) -> Record:
     return Record(time, np.outer(np.ones_like(time), list(channels.values())), tuple(channels), units)
 
 
+@pytest.mark.slow
 def test_parked_towers_with_the_packaged_file_are_usable_and_their_intervals_hold():
     held = []
     for ratio, seed in product((0.004, 0.01), range(900, 902)):
@@ -130,6 +131,7 @@ def test_a_record_in_pieces_takes_its_state_from_the_first():
     assert found["c_fore_aft"].prior == PARKED.values["c_fore_aft"]
 
 
+@pytest.mark.slow
 def test_a_plan_takes_a_state(tmp_path: Path):
     planned = ["plan", "--turbine", "tower", "--duration", "60 min", "--rate", "5", "--json"]
     shown = [CliRunner().invoke(app, [*planned, *more]) for more in ([], ["--state", "parked"])]

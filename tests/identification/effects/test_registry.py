@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
+import pytest
 
 from windsysid.identification.effects import ALTERNATIVES, EFFECTS
 from windsysid.identification.effects.regression import Regression, RegressorEffect
@@ -70,6 +71,7 @@ def test_the_page_lists_every_effect():
     assert (ROOT / "docs" / "effects.md").read_text(encoding="utf-8").endswith(table())
 
 
+@pytest.mark.slow
 def test_the_effect_of_the_contributors_page_is_found_and_included(monkeypatch: Any):
     """Its code is run as the page has it: mains hum that a converter of 12.5 Hz folds down to its alias."""
     page = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")

@@ -138,7 +138,11 @@ def test_a_step_is_found_where_it_is():
 
 @pytest.mark.parametrize(
     ("code", "wave", "size"),
-    [("trend", Legendre(2, 0.0, DURATION), 0.02), ("step", StepAt(0.6 * DURATION), 0.03), ("bias", Constant(), 0.01)],
+    [
+        ("trend", Legendre(2, 0.0, DURATION), 0.02),
+        ("bias", Constant(), 0.01),
+        pytest.param("step", StepAt(0.6 * DURATION), 0.03, marks=pytest.mark.slow),
+    ],
 )
 def test_the_largest_statistic_names_the_cause(tower: Turbine, code: str, wave: Waveform, size: float):
     channel = "tower_z_acceleration"
@@ -174,6 +178,7 @@ def test_an_included_trend_gives_the_result_of_the_record_without_it(tower: Turb
     assert only(fit.outcome.notes, "trend").channels == ("tower_z_acceleration",)
 
 
+@pytest.mark.slow
 def test_a_record_without_effects_is_left_as_it_is(tower: Turbine):
     made = simulate_record(tower, duration=DURATION, rate=RATE, seed=23)
     answered, fit = fitted(made, tower)

@@ -285,7 +285,12 @@ def test_a_result_without_grades_recommends_nothing():
     assert "grade" not in old.modes[0].summary()["frequency"]
 
 
-def test_grades_are_saved_and_come_back(tmp_path: Any):
+@pytest.fixture(scope="module")
+def identified() -> Identification:
+    return identify(simulate_record("tower", duration=300.0, rate=4.0, seed=2), "tower", loads="broadband")
+
+
+def test_grades_are_saved_and_come_back(identified: Identification, tmp_path: Any):
     from windsysid.results.identification import Identification as Saved
     from windsysid.results.storage import read_fields
 
@@ -294,8 +299,7 @@ def test_grades_are_saved_and_come_back(tmp_path: Any):
     assert summary["parameters"]["c_fore_aft"]["grade"] == "C"
     damping = next(mode for mode in summary["modes"] if mode["name"] == "tower fore-aft")["damping_ratio"]
     assert damping["grade"] == "C"
-    made = identify(simulate_record("tower", duration=300.0, rate=4.0, seed=2), "tower", loads="broadband")
-    made = replace(made, estimates=tuple(replace(one, grade="B") for one in made.estimates))
+    made = replace(identified, estimates=tuple(replace(one, grade="B") for one in identified.estimates))
     made.save(tmp_path)
     again = Saved(**read_fields(tmp_path))
     assert [one.grade for one in again.estimates] == ["B"] * 4
@@ -314,8 +318,8 @@ def test_a_c_has_the_code_of_the_reason_that_names_it_or_of_one_that_names_none(
     assert unusable_among({"k_x": ""}, [remark], trusted=True) == {}
 
 
-def test_a_saved_result_says_which_coefficients_are_c_and_why(tmp_path: Any):
-    made = identify(simulate_record("tower", duration=300.0, rate=4.0, seed=2), "tower", loads="broadband")
+def test_a_saved_result_says_which_coefficients_are_c_and_why(identified: Identification, tmp_path: Any):
+    made = identified
     bad = Finding("prior_conflict", "reason", {"sigmas": 6.0}, ("c_fore_aft",))
     for folder, grades, expected in (
         ("new", {"c_fore_aft": "C"}, {"c_fore_aft": "prior_conflict"}),

@@ -8,7 +8,13 @@ import windsysid as ws
 from windsysid.errors import RecordError
 
 
-@pytest.mark.parametrize("case", CASES[:6], ids=lambda case: case.name)
+@pytest.mark.parametrize(
+    "case",
+    [
+        pytest.param(case, id=case.name, marks=[pytest.mark.slow] if k in (1, 4) else [])
+        for k, case in enumerate(CASES[:6])
+    ],
+)
 def test_modes_of_a_decay_are_usable_and_within_four_sigma(case):
     judged = judge(case, 11)
     assert (judged.found, judged.usable, judged.spurious) == (judged.true, judged.true, 0)
@@ -39,6 +45,7 @@ def test_shapes_of_setups_are_put_together():
         assert np.all(np.abs(mode.shape.imag) < 5.0 * mode.shape_std + 1e-9)
 
 
+@pytest.mark.slow
 def test_a_mode_that_is_removed_by_hand_is_removed_from_each_record():
     """The table of records held the shapes of the modes that are left against those of others."""
     records = records_of(CASES[1]._replace(noise=0.01), 5)[0]

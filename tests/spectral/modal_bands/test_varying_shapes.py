@@ -24,8 +24,8 @@ def log_odds(found: BandFit) -> list[float]:
 
 
 def test_modes_that_represent_a_varying_shape_are_doubtful():
-    fits = [fit_band(between_modes(seed), BINS, 4000, 10.0, 1, 5) for seed in range(6)]
-    assert sum(len(found.fit.modes.frequency) for found in fits) >= 6, "the evidence is for modes that are none"
+    fits = [fit_band(between_modes(seed), BINS, 4000, 10.0, 1, 5) for seed in range(2)]
+    assert sum(len(found.fit.modes.frequency) for found in fits) >= 2, "the evidence is for modes that are none"
     assert min(odds for found in fits for odds in log_odds(found)) > np.log(MAX_LOAD_ODDS)
 
 

@@ -13,7 +13,7 @@ RATE = 20.0
 SHAPES = np.array([[0.33, -0.74, -0.59], [0.59, -0.33, 0.74], [0.74, 0.59, -0.33], [0.5, 0.2, 0.6]])
 
 
-def floors(seed, lags, shapes=SHAPES, frequencies=(1.0, 2.8, 4.03), samples=12_000):
+def floors(seed, lags, shapes=SHAPES, frequencies=(1.0, 2.8, 4.03), samples=6_000):
     """Displacements of four floors, each late by some samples."""
     rng = np.random.default_rng(seed)
     q, v = modal_responses(frequencies, [0.01] * len(frequencies), RATE, samples + 100, rng)
@@ -66,7 +66,9 @@ def drawn(rng, channels, modes, complexity, std, lags):
     return _Shapes(f, shape / np.hypot(std, 0.03 * np.abs(shape)))
 
 
-@pytest.mark.parametrize("complexity", [0.0, 0.05, 0.2, 0.4])
+@pytest.mark.parametrize(
+    "complexity", [0.0, 0.2, *(pytest.param(size, marks=pytest.mark.slow) for size in (0.05, 0.4))]
+)
 def test_no_lag_is_found_in_shapes_that_are_real_or_complex(complexity):
     rng = np.random.default_rng(3)
     sizes = [(2, 2), (2, 4), (3, 3), (6, 2), (6, 4)]
@@ -88,6 +90,7 @@ def test_of_two_modes_only_an_ambiguous_lag_is_told_and_the_record_is_doubted():
     assert any("fit equally well" in doubt for doubt in found.doubts)
 
 
+@pytest.mark.slow
 def test_a_velocity_among_displacements_is_no_lag():
     y = floors(5, (0, 0, 0, 0))
     y[:, 2] = 0.05 * np.gradient(y[:, 2]) * RATE
@@ -95,6 +98,7 @@ def test_a_velocity_among_displacements_is_no_lag():
     assert not any("its phases grow" in note for note in found.notes)
 
 
+@pytest.mark.slow
 def test_a_channel_that_is_late_in_one_of_two_records_is_put_on_time_before_they_are_joined():
     found = ws.oma([record_of(floors(seed, lags), RATE) for seed, lags in ((7, (0, 0, 1, 0)), (8, (0, 0, 0, 0)))])
     assert found.trusted, found.reasons

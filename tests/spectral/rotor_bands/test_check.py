@@ -32,6 +32,7 @@ def of_bands(record: Record) -> Identification:
     return found
 
 
+@pytest.mark.slow
 def test_a_record_of_three_minutes_is_usable_and_right():
     """Its blades have 4.8 equivalent degrees of freedom, and its search with tolerances needs damped steps."""
     found = of_bands(in_wind(180.0, 202))

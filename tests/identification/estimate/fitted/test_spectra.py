@@ -24,7 +24,7 @@ def tower() -> Turbine:
 @pytest.fixture(scope="module")
 def fits(tower: Turbine) -> dict[str, Identification]:
     record = ws.simulate(tower, duration=DURATION, rate=RATE, seed=1)
-    return {kind: identify(record, tower, formulation=kind) for kind in ("spectral", "joint")}
+    return {kind: identify(record, tower, formulation=kind, loads="broadband") for kind in ("spectral", "joint")}
 
 
 def at(spectrum: FittedSpectrum, frequency: Array) -> tuple[Array, Array]:

@@ -65,6 +65,7 @@ def test_they_add_up_to_gradient_and_information_of_the_filter(tower: Turbine):
     assert narrow.max() < 0.6  # a mode of 0.6 % remembers 84 s: a seventh of the record is its ends
 
 
+@pytest.mark.slow
 def test_on_records_of_the_model_they_scatter_by_chance(tower: Turbine):
     ratios = []
     for seed in range(47_000, 47_008):
