@@ -88,7 +88,10 @@ def without(lines: list[str], number: int) -> list[str]:
         (lambda lines: column(lines, 3, ""), "channel 'tower_x_acceleration' holds no numbers"),
         (lambda lines: column(lines, 1, "nan"), "channel 'rotor_azimuth': expected angles, got no numbers"),
         (lambda lines: without(lines, 1), "no channel 'rotor_azimuth'"),
-        (lambda lines: without(without(lines[:], 3), 2)[:40], "expected at least one revolution"),
+        pytest.param(
+            lambda lines: without(without(lines[:], 3), 2)[:40], "expected at least one revolution",
+            marks=pytest.mark.slow,
+        ),
         (lambda lines: cell(lines, 0, 3, "tower_x_acceleration [m/s]"), r"expected a unit of acceleration .*got m/s;"),
         (lambda lines: cell(lines, 0, 3, "tower_x_acceleration [furlong]"), "unknown unit 'furlong'"),
         (lambda lines: cell(lines, 0, 1, "rotor_azimuth [N]"), "'rotor_azimuth': expected rad, got N"),
@@ -458,6 +461,7 @@ def test_a_seed_repeats_a_record(run, tmp_path):
     assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "b.csv").read_bytes() != (tmp_path / "c.csv").read_bytes()
 
 
+@pytest.mark.slow
 def test_added_noise_is_told_to_the_filter_and_repeats(run, record, tmp_path):
     summaries = []
     for number, noise in enumerate([("--add-noise", "40", "--seed", "1")] * 2 + [()]):

@@ -198,7 +198,7 @@ def test_a_command_that_is_told_to_end_leaves_nothing_half_done(tmp_path):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="pipes of POSIX")
-@pytest.mark.parametrize("command", ["identify", "inspect"])
+@pytest.mark.parametrize("command", [pytest.param("identify", marks=pytest.mark.slow), "inspect"])
 def test_a_result_is_saved_though_nobody_reads_what_is_printed(tmp_path: Path, command: str):
     """``windsysid identify record.csv | head -3`` saved nothing."""
     record = tmp_path / "tower.csv"

@@ -111,6 +111,7 @@ def test_a_jump_that_lies_between_blocks_that_leave_and_stay_is_kept():
     assert not follower.kept.jumps
 
 
+@pytest.mark.slow
 def test_more_jumps_than_are_remembered_wait(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(following, "MAX_JUMPS", 2)
     y = simulated(700, 0.05, 400, 6) + 0.05 * (np.arange(700) >= 500) + 0.05 * (np.arange(700) >= 600)

@@ -288,6 +288,7 @@ def test_an_output_of_the_change_of_direction_that_is_a_file_is_one_line(tmp_pat
     assert capsys.readouterr().err.startswith("error: ")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("of", [pytest.param("whole", marks=pytest.mark.slow), "study"])
 def test_three_files_are_written(of, request, tmp_path, monkeypatch):
     study = request.getfixturevalue(of)

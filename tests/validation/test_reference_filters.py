@@ -46,6 +46,7 @@ def test_the_c_reference_computes_what_windsysid_computes(benchmark_modules: dic
     assert speed.farthest_apart(found, expected) < speed.AGREES
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="the C reference is compiled with gcc")
 def test_the_c_reference_in_lanes_computes_what_the_bank_computes(
     benchmark_modules: dict[str, ModuleType], tmp_path: Path

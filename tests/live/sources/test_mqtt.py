@@ -60,6 +60,7 @@ def test_what_a_publisher_sends_comes_bit_for_bit_and_is_forgotten(mosquitto: Mo
         assert other.values.tobytes() == block.values.tobytes()
 
 
+@pytest.mark.slow
 def test_a_publisher_sends_no_more_than_a_broker_keeps_for_a_service_that_is_slow(mosquitto: Mosquitto):
     turbines = [f"T{i:03d}" for i in range(100)]
     taker = Taker()
@@ -304,6 +305,7 @@ with Publisher(Broker(sys.argv[1]), buffer=sys.argv[2]) as publisher:
 """
 
 
+@pytest.mark.slow
 def test_a_publisher_that_is_killed_goes_on_from_its_buffer(mosquitto: Mosquitto, tmp_path: Path):
     buffer = tmp_path / "buffer.sqlite"
     with subprocess.Popen(

@@ -191,7 +191,7 @@ def nested(depth, *, packed=False):
     return b"MATLAB 5.0 MAT-file".ljust(124) + struct.pack("<H", 0x0100) + b"IM" + body
 
 
-@pytest.mark.parametrize("packed", [False, True])
+@pytest.mark.parametrize("packed", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_matlab_structures_in_structures_do_not_end_the_interpreter(tmp_path, packed, monkeypatch):
     from windsysid.records.formats.access.probing import ProcessGuard
 

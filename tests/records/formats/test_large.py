@@ -43,7 +43,7 @@ def small_blocks(monkeypatch):
     monkeypatch.setattr(parquet, "_VALUES", 1000)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [pytest.param(one, marks=[pytest.mark.slow] * (one == "x.csv")) for one in NAMES])
 def test_a_section_read_is_the_section_of_the_whole(tmp_path, name):
     path = make(tmp_path, name)
     whole = read_record(path)
@@ -65,7 +65,7 @@ def test_a_section_read_is_the_section_of_the_whole(tmp_path, name):
 
 
 @pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("seconds", [0.013, 0.5, 3.0, 100.0])
+@pytest.mark.parametrize("seconds", [0.5, 3.0, *(pytest.param(one, marks=pytest.mark.slow) for one in (0.013, 100.0))])
 def test_pieces_together_are_the_whole(tmp_path, name, seconds):
     path = make(tmp_path, name, 1000)
     whole = read_record(path)
@@ -144,7 +144,7 @@ print(samples, late, (most() - before) / 1024)
 
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="how much memory was used is asked of Linux")
 @pytest.mark.parametrize(
-    "name", ["x.csv", "x.outb", *(pytest.param(name, marks=pytest.mark.slow) for name in ("x.nc", "x.parquet"))]
+    "name", ["x.csv", *(pytest.param(name, marks=pytest.mark.slow) for name in ("x.outb", "x.nc", "x.parquet"))]
 )
 def test_reading_in_pieces_needs_little_memory(tmp_path, name, monkeypatch):
     monkeypatch.undo()  # blocks of the size that users have
