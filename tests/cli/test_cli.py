@@ -405,13 +405,25 @@ def test_help_lists_first_what_is_asked_of_one_record_and_asks_no_value_of_a_fla
 def test_a_record_is_simulated_identified_and_replaced(run, tmp_path):
     results = tmp_path / "results"
     for name in ("record.csv", "record.nc"):
-        simulate = ("simulate", "--turbine", "verne555", "--duration", "20", "--output", tmp_path / name, "--seed", "3")
+        simulate = (
+            "simulate",
+            "--turbine",
+            "verne555",
+            "--duration",
+            "20",
+            "--rate",
+            "50",
+            "--output",
+            tmp_path / name,
+            "--seed",
+            "3",
+        )
         ended = run(*simulate)
         assert (ended.code, ended.err) == (0, [])
         assert f"record: {tmp_path / name}" in ended.out
     text, binary = read_record(tmp_path / "record.csv"), read_record(tmp_path / "record.nc")
     np.testing.assert_array_equal(text.values, binary.values)
-    assert text.samples == 2000
+    assert text.samples == 1000
     assert text.start == binary.start == "2020-01-04T00:00:00Z"
 
     command = ("identify", tmp_path / "record.nc", "--turbine", "verne555", "--prior-scale", "1.3", "--output", results)
@@ -435,12 +447,12 @@ def test_a_record_is_simulated_identified_and_replaced(run, tmp_path):
     assert (ended.code, ended.err) == (0, [])
     assert sorted(path.name for path in results.glob("[!.]*")) == ["identification.nc", "summary.json"]
     summary = json.loads((results / "summary.json").read_text())
-    assert (summary["formulation"], summary["samples"]) == ("force-balance", 1000)
+    assert (summary["formulation"], summary["samples"]) == ("force-balance", 500)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["record.csv", "record.nc", "results"]
 
-    ended = run(*simulate, "--overwrite", "--rate", "50")
+    ended = run(*simulate, "--overwrite", "--rate", "25")
     assert ended.code == 0
-    assert read_record(tmp_path / "record.nc").samples == 1000
+    assert read_record(tmp_path / "record.nc").samples == 500
 
 
 def test_a_seed_repeats_a_record(run, tmp_path):

@@ -34,6 +34,7 @@ def test_under_wind_the_bands_hold_and_those_of_a_damped_cosine_do_not():
     assert max(held["damped cosine"]) <= 6
 
 
+@pytest.mark.slow
 @measured
 def test_parts_of_the_measured_decay_agree_within_their_bands():
     record = read_decay(DATA)

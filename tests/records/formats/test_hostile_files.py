@@ -209,7 +209,7 @@ LONG = [
 
 
 @pytest.mark.parametrize("line", LONG, ids=["blanks", "blanks and tabs", "digits", "quotes"])
-@pytest.mark.parametrize("mark", [",", ";", " ", "\t"])
+@pytest.mark.parametrize("mark", [",", *(pytest.param(one, marks=pytest.mark.slow) for one in (";", " ", "\t"))])
 def test_a_long_row_takes_a_time_in_proportion_to_its_length(tmp_path, line, mark):
     rows = [f"0{mark}1", line.replace(",", mark), f"1{mark}1", f"2{mark}2"]
     for k in (0, 1, 3):
