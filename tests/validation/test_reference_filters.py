@@ -65,7 +65,7 @@ def test_the_c_reference_in_lanes_computes_what_the_bank_computes(
 
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="the C reference is compiled with gcc")
-@pytest.mark.parametrize(("m", "r"), [(2, 1), (4, 2)])
+@pytest.mark.parametrize(("m", "r"), [(2, 1), pytest.param(4, 2, marks=pytest.mark.slow)])
 def test_the_spectral_likelihood_in_c_is_windsysids(
     benchmark_modules: dict[str, ModuleType], tmp_path: Path, m: int, r: int
 ):
