@@ -328,6 +328,18 @@ def test_windows_come_in_order():
         watching.take(row({"k_x": 0.0}), BEGIN)
 
 
+def test_a_window_that_is_missing_counts_as_one_that_was_refused():
+    rows = stream(34)
+    rows[30] = refused()
+    refusing, missing = start("T1", WatchOptions(learn=24)), start("T1", WatchOptions(learn=24))
+    for k, one in enumerate(rows):
+        levels = refusing.take(one, BEGIN + k * STEP).levels
+        if k != 30:
+            assert [(of.level, of.statistic) for of in missing.take(one, BEGIN + k * STEP).levels] == [
+                (of.level, of.statistic) for of in levels
+            ], k
+
+
 def test_refused_and_missing_windows_widen_the_band_and_long_silence_is_said():
     watching = start("T1", WatchOptions(learn=12))
     before = feed(watching, stream(40))[-1].levels[0]
