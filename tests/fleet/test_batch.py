@@ -238,15 +238,15 @@ def test_two_patterns_for_one_file_are_refused(tmp_path: Path, data: Path):
 
 def test_the_command_says_what_it_took(run, tmp_path: Path, data: Path):
     shutil.copy(data / "T01" / "d_2026-03-02.csv", tmp_path / "bad.csv")
-    command = ("batch", tmp_path / "bad.csv", "--turbine", "tower", "--output", tmp_path / "archive", "--workers", 1)
+    taking = ("batch", tmp_path / "bad.csv", "--turbine", "tower", "--output", tmp_path / "archive", "--workers", 1)
     with workers_in_this_process():
-        ended = run(*command)
+        ended = run(*taking)
     assert ended.code == 0
     assert "1 record taken" in ended.out
     why = "no record was identified (1 refused: "
     assert why in ended.out
     assert "next:" not in ended.out
-    again = run(*command)
+    again = run(*taking)
     assert "next:" not in again.out
     for command in ("report", "monitor"):
         refused = run(command, tmp_path / "archive")

@@ -206,6 +206,14 @@ def drifting(count: int, end: float, *, seed: int = 0, since: int = 170, over: i
     return rows
 
 
+@pytest.mark.usefixtures("weeks_of_40_windows")
+def test_a_tower_that_softens_within_days_is_an_alarm():
+    rows = drifting(204, -0.05, since=60, over=150)
+    (alarm,) = last_said(feed(start("T1", WatchOptions(learn=24)), rows)).values()
+    assert (alarm.about, alarm.kind, alarm.ended) == ("k_x", "structure", None)
+    assert "stiffness of the tower, x (k_x) fell slowly, by " in alarm.text
+
+
 @pytest.mark.slow
 def test_a_tower_that_softens_slowly_is_one_alarm_that_grows_with_it(softening: list[Taken]):
     said = [(k, alarm) for k, one in enumerate(softening) for alarm in one.alarms]
@@ -393,6 +401,14 @@ def test_another_prior_or_coordinate_is_no_jump():
     taken = feed(start("T1", SOON), rows)
     assert not last_said(taken)
     assert [taken[-1].levels[i].level for i in (0, 1)] == pytest.approx([100.0, 100.0], abs=0.2)
+
+
+def test_a_series_that_comes_later_has_a_level_of_its_own():
+    rows = stream(50, seed=7)
+    for one in rows[30:]:
+        one["parameters"].append(one["parameters"][1] | {"name": "k_beta_1"})
+    levels = {level.name: level for level in feed(start("T1", WatchOptions(learn=24)), rows)[-1].levels}
+    assert levels["k_beta_1"].level == pytest.approx(100.0, abs=0.3)
 
 
 @pytest.mark.slow
