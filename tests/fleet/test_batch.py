@@ -97,6 +97,15 @@ def kill_once(worker: Worker) -> None:
         os.kill(process.pid, signal.SIGKILL)
 
 
+def test_a_worker_that_was_killed_is_started_again():
+    worker = Worker(300.0)
+    process = worker._running()
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    assert worker._running().pid != process.pid
+    worker.close()
+
+
 def test_a_record_that_hangs_becomes_a_row_and_the_next_is_taken(data: Path, tmp_path: Path):
     worker = Worker(300.0)
     process = worker._running()

@@ -29,6 +29,7 @@ from windsysid.live.engine import Engine, Followed
 from windsysid.live.sources.broker import Marks, Topics
 from windsysid.live.sources.mqtt import MqttSource
 from windsysid.live.sources.publisher import MAX_UNCOMMITTED_BLOCKS, Publisher
+from windsysid.live.sources.ring import Flow, PackedBlock, Ring
 from windsysid.live.store.opening import open_store
 
 SECOND = 1_000_000_000
@@ -303,6 +304,13 @@ with Publisher(Broker(sys.argv[1]), buffer=sys.argv[2]) as publisher:
     print("kept", flush=True)
     publisher.wait()
 """
+
+
+def test_a_buffer_that_is_opened_again_has_its_blocks(tmp_path: Path):
+    ring = Ring(tmp_path / "buffer.sqlite")
+    ring.put([(Flow("T01", "a"), PackedBlock(number, b"block")) for number in (1, 2)])
+    ring.close()
+    assert len(Ring(tmp_path / "buffer.sqlite")) == 2
 
 
 @pytest.mark.slow
