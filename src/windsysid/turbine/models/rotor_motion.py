@@ -103,8 +103,7 @@ def _carried(position: Array, moves: Array | None = None) -> tuple[Array, Array]
     moves = np.zeros((len(position), 0, 3)) if moves is None else moves
     axes = np.eye(3)[:2]
     turned = np.cross(axes, position[:, None])
-    shifted = np.broadcast_to(axes, (len(position), 2, 3))
-    J = np.concatenate([shifted, turned, moves], axis=1)
+    J = np.concatenate([np.broadcast_to(axes, (len(position), 2, 3)), turned, moves], axis=1)
     H = np.zeros((*J.shape[:2], J.shape[1], 3))
     for i, axis in enumerate(axes, start=2):
         half = np.cross(axis, turned) / 2.0
