@@ -39,8 +39,9 @@ def pytest_collection() -> None:
 
 
 def pytest_collection_finish() -> None:
-    """Leave what was imported out of garbage collection, which went through it again and again."""
+    """Leave what was imported out of garbage collection, which went through it again and again, and collect seldom."""
     gc.freeze()
+    gc.set_threshold(50_000)
     gc.enable()
 
 

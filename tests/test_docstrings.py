@@ -43,11 +43,6 @@ RAISE_NOTHING = {"degeneracy", "packaged_turbines", "register_loads", "register_
 """Functions that raise nothing, and call nothing that does: of every other a user must know the errors."""
 
 
-def complete(things: dict[str, Any]) -> list[Any]:
-    """Those that must be complete."""
-    return [pytest.param(thing, id=name) for name, thing in sorted(things.items())]
-
-
 def names(text: str, word: str) -> bool:
     """Whether a docstring names a parameter."""
     return re.search(rf"\b{re.escape(word)}\b", text) is not None
@@ -82,57 +77,67 @@ def raises(function: Any) -> bool:
     return any(isinstance(node, ast.Raise) and node.exc is not None for node in ast.walk(tree))
 
 
-def methods() -> Iterator[Any]:
-    """Public methods that stand in a public class itself."""
+def methods() -> Iterator[tuple[str, Any]]:
+    """Names and public methods that stand in a public class itself."""
     for name, found in CLASSES.items():
         for attribute, thing in vars(found).items():
             if isinstance(thing, classmethod | staticmethod):
                 thing = thing.__func__
             if inspect.isfunction(thing) and not attribute.startswith("_"):
-                yield pytest.param(thing, id=f"{name}.{attribute}")
+                yield f"{name}.{attribute}", thing
 
 
-@pytest.mark.parametrize("function", [pytest.param(FUNCTIONS[name], id=name) for name in sorted(FUNCTIONS)])
-def test_a_function_says_what_it_takes_gives_and_refuses(function: Any):
-    text = inspect.getdoc(function) or ""
-    assert [name for name in inspect.signature(function).parameters if not names(text, name)] == []
-    given = inspect.get_annotations(function)
-    assert without_shape_or_unit(text, given) == []
-    assert given["return"] is None or "Returns\n-------" in text or "Yields\n------" in text
-    assert "Raises\n------" in text or function.__name__ in RAISE_NOTHING
+def lacks_of_a_function(function: Any) -> list[str]:
+    """Parameters, units, results and errors that a function's docstring does not name."""
+    text, given = inspect.getdoc(function) or "", inspect.get_annotations(function)
+    lacking = [name for name in inspect.signature(function).parameters if not names(text, name)]
+    lacking += without_shape_or_unit(text, given)
+    returns = given["return"] is None or "Returns\n-------" in text or "Yields\n------" in text
+    lacking += ["Returns"] * (not returns)
+    return lacking + ["Raises"] * ("Raises\n------" not in text and function.__name__ not in RAISE_NOTHING)
 
 
-@pytest.mark.parametrize(
-    "thing", complete(FUNCTIONS | {name: CLASSES[name] for name in CLASSES.keys() - WITHOUT_EXAMPLE})
-)
-def test_a_function_and_a_class_that_users_call_have_an_example(thing: Any):
-    _, _, example = (inspect.getdoc(thing) or "").partition("Examples\n--------\n")
-    assert ">>> import windsysid as ws\n" in example
+def test_functions_say_what_they_take_give_and_refuse():
+    assert {name: lacks for name in FUNCTIONS if (lacks := lacks_of_a_function(FUNCTIONS[name]))} == {}
 
 
-@pytest.mark.parametrize("found", complete(CLASSES))
-def test_a_class_says_what_it_holds(found: Any):
+def test_functions_and_classes_that_users_call_have_an_example():
+    called = FUNCTIONS | {name: CLASSES[name] for name in CLASSES.keys() - WITHOUT_EXAMPLE}
+    examples = {
+        name: (inspect.getdoc(thing) or "").partition("Examples\n--------\n")[2] for name, thing in called.items()
+    }
+    assert [name for name, example in examples.items() if ">>> import windsysid as ws\n" not in example] == []
+
+
+def lacks_of_a_class(found: Any) -> list[str]:
+    """Fields that the docstrings of a class and its bases do not name, or without shape or unit."""
     text = "\n".join(inspect.getdoc(base) or "" for base in found.__mro__)
     fields = [field.name for field in dataclasses.fields(found)] if dataclasses.is_dataclass(found) else []
     fields += [*getattr(found, "_fields", ()), *getattr(found, "model_fields", ())]
-    assert [name for name in fields if not name.startswith("_") and not names(text, name)] == []
+    lacking = [name for name in fields if not name.startswith("_") and not names(text, name)]
     annotations: dict[str, Any] = {}
     for base in reversed(found.__mro__):
         annotations |= inspect.get_annotations(base)
-    assert without_shape_or_unit(text, annotations) == []
+    return lacking + without_shape_or_unit(text, annotations)
 
 
-@pytest.mark.parametrize("method", list(methods()))
-def test_a_method_says_what_it_takes_and_refuses(method: Any):
-    text = inspect.getdoc(method) or ""
-    assert text
+def test_classes_say_what_they_hold():
+    assert {name: lacks for name in CLASSES if (lacks := lacks_of_a_class(CLASSES[name]))} == {}
+
+
+def lacks_of_a_method(method: Any) -> list[str]:
+    """Parameters, shapes, units and errors that a method's docstring does not name."""
+    text, given = inspect.getdoc(method) or "", inspect.get_annotations(method)
     taken = [name for name in inspect.signature(method).parameters if name not in ("self", "cls")]
-    assert [name for name in taken if not names(text, name)] == []
-    given = inspect.get_annotations(method)
-    assert without_shape_or_unit(text, given) == []
+    lacking = ["docstring"] * (not text) + [name for name in taken if not names(text, name)]
+    lacking += without_shape_or_unit(text, given)
     arrays = [name for name, kind in given.items() if "ndarray" in str(kind) and name != "return"]
-    assert not arrays or re.search(SHAPE, text)
-    assert not raises(method) or "Raises\n------" in text or "Error" in text
+    lacking += ["shape"] * (bool(arrays) and re.search(SHAPE, text) is None)
+    return lacking + ["Raises"] * ("Raises\n------" not in text and "Error" not in text and raises(method))
+
+
+def test_methods_say_what_they_take_and_refuse():
+    assert {name: lacks for name, method in methods() if (lacks := lacks_of_a_method(method))} == {}
 
 
 def examples_of(module: ModuleType) -> list[doctest.DocTest]:
@@ -145,12 +150,25 @@ def examples_of(module: ModuleType) -> list[doctest.DocTest]:
     return found
 
 
-def test_examples_in_docstrings_print_what_they_say(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+SLOW_EXAMPLES = {
+    "windsysid.filters.particles.raoblackwell.RaoBlackwellised", "windsysid.fleet.batch.batch",
+    "windsysid.identification.estimate.profile.profile_likelihood", "windsysid.identification.model.prior.Prior",
+    "windsysid.identification.streaming.identify_pieces.identify_pieces",
+    "windsysid.mechanics.sensors.Accelerometer", "windsysid.modal.marks.ModeMarks",
+    "windsysid.monitoring.comparison.compare", "windsysid.monitoring.damping.separate_damping",
+    "windsysid.monitoring.series.read_blocks", "windsysid.reports.loading.load_result",
+    "windsysid.results.posterior.load_posterior", "windsysid.spectral.oma.analyse.analyse_vibration",
+}  # fmt: skip
+"""Examples of a third of a second or more, most of which identify records."""
+
+
+@pytest.mark.parametrize("slow", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_examples_in_docstrings_print_what_they_say(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, slow: bool):
     """Two examples had numbers that no command had printed."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     package = Path(windsysid.__file__).parent
-    failed = []
+    failed, ran = [], set[str]()
     for path in sorted(package.rglob("*.py")):
         written = path.read_text(encoding="utf-8").count(">>> ")
         if written:
@@ -159,5 +177,8 @@ def test_examples_in_docstrings_print_what_they_say(monkeypatch: pytest.MonkeyPa
             assert sum(len(test.examples) for test in tests) == written, f"{name}: examples that are not run"
             with registers_as_before():
                 runner = doctest.DocTestRunner(verbose=False)
-                failed += [test.name for test in tests if runner.run(test).failed]
+                chosen = [test for test in tests if (test.name in SLOW_EXAMPLES) == slow]
+                failed += [test.name for test in chosen if runner.run(test).failed]
+                ran |= {test.name for test in chosen}
     assert not failed
+    assert not slow or ran == SLOW_EXAMPLES

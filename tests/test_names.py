@@ -21,6 +21,8 @@ TAKEN_APART = {"startswith", "removeprefix", "endswith", "removesuffix"}
 
 MODELS = {"RotorModel", "TowerModel"}
 
+SUSPECT = re.compile(rf"\b({'|'.join(sorted(TAKEN_APART | MODELS))}|getattr)\b|['\"](c_|k_|tower_|blade_)[{{'\"]")
+"""Words one of which a module that parses names contains: the syntax of the others is not read."""
 
 OLDER = {"results/posterior.py"}
 """Modules that read files of older versions, which hold names only."""
@@ -28,7 +30,7 @@ OLDER = {"results/posterior.py"}
 
 def parsed_names(text: str) -> Iterator[tuple[int, str]]:
     """Line and reason of every place that parses a name, composes one to look it up, or asks for a model's class."""
-    for node in ast.walk(ast.parse(text)):
+    for node in ast.walk(ast.parse(text)) if SUSPECT.search(text) else ():
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr in TAKEN_APART:
             yield from ((node.lineno, word) for word in _texts(node.args) if NAMES.match(word))
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):

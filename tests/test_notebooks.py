@@ -74,7 +74,7 @@ def test_a_record_draws_its_channels_and_says_what_is_left_out():
 
 
 def test_figures_and_records_are_pictures_in_a_notebook():
-    record = ws.simulate("tower", duration=60.0, rate=20.0, seed=1)
+    record = ws.simulate("tower", duration=60.0, rate=5.0, seed=1)
     figure = record.plot()
     assert isinstance(figure, DisplayedFigure)
     assert figure._repr_png_().startswith(b"\x89PNG")

@@ -88,7 +88,10 @@ def without(lines: list[str], number: int) -> list[str]:
         (lambda lines: column(lines, 3, ""), "channel 'tower_x_acceleration' holds no numbers"),
         (lambda lines: column(lines, 1, "nan"), "channel 'rotor_azimuth': expected angles, got no numbers"),
         (lambda lines: without(lines, 1), "no channel 'rotor_azimuth'"),
-        (lambda lines: without(without(lines[:], 3), 2)[:40], "expected at least one revolution"),
+        pytest.param(
+            lambda lines: without(without(lines[:], 3), 2)[:40], "expected at least one revolution",
+            marks=pytest.mark.slow,
+        ),
         (lambda lines: cell(lines, 0, 3, "tower_x_acceleration [m/s]"), r"expected a unit of acceleration .*got m/s;"),
         (lambda lines: cell(lines, 0, 3, "tower_x_acceleration [furlong]"), "unknown unit 'furlong'"),
         (lambda lines: cell(lines, 0, 1, "rotor_azimuth [N]"), "'rotor_azimuth': expected rad, got N"),
@@ -402,13 +405,25 @@ def test_help_lists_first_what_is_asked_of_one_record_and_asks_no_value_of_a_fla
 def test_a_record_is_simulated_identified_and_replaced(run, tmp_path):
     results = tmp_path / "results"
     for name in ("record.csv", "record.nc"):
-        simulate = ("simulate", "--turbine", "verne555", "--duration", "20", "--output", tmp_path / name, "--seed", "3")
+        simulate = (
+            "simulate",
+            "--turbine",
+            "verne555",
+            "--duration",
+            "20",
+            "--rate",
+            "50",
+            "--output",
+            tmp_path / name,
+            "--seed",
+            "3",
+        )
         ended = run(*simulate)
         assert (ended.code, ended.err) == (0, [])
         assert f"record: {tmp_path / name}" in ended.out
     text, binary = read_record(tmp_path / "record.csv"), read_record(tmp_path / "record.nc")
     np.testing.assert_array_equal(text.values, binary.values)
-    assert text.samples == 2000
+    assert text.samples == 1000
     assert text.start == binary.start == "2020-01-04T00:00:00Z"
 
     command = ("identify", tmp_path / "record.nc", "--turbine", "verne555", "--prior-scale", "1.3", "--output", results)
@@ -432,12 +447,12 @@ def test_a_record_is_simulated_identified_and_replaced(run, tmp_path):
     assert (ended.code, ended.err) == (0, [])
     assert sorted(path.name for path in results.glob("[!.]*")) == ["identification.nc", "summary.json"]
     summary = json.loads((results / "summary.json").read_text())
-    assert (summary["formulation"], summary["samples"]) == ("force-balance", 1000)
+    assert (summary["formulation"], summary["samples"]) == ("force-balance", 500)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["record.csv", "record.nc", "results"]
 
-    ended = run(*simulate, "--overwrite", "--rate", "50")
+    ended = run(*simulate, "--overwrite", "--rate", "25")
     assert ended.code == 0
-    assert read_record(tmp_path / "record.nc").samples == 1000
+    assert read_record(tmp_path / "record.nc").samples == 500
 
 
 def test_a_seed_repeats_a_record(run, tmp_path):
@@ -458,6 +473,7 @@ def test_a_seed_repeats_a_record(run, tmp_path):
     assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "b.csv").read_bytes() != (tmp_path / "c.csv").read_bytes()
 
 
+@pytest.mark.slow
 def test_added_noise_is_told_to_the_filter_and_repeats(run, record, tmp_path):
     summaries = []
     for number, noise in enumerate([("--add-noise", "40", "--seed", "1")] * 2 + [()]):

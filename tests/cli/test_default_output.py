@@ -18,7 +18,7 @@ from windsysid.output.folders import claim, is_free
 @pytest.fixture(scope="module")
 def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("records") / "year1.csv"
-    ws.write_record(ws.simulate("tower", duration=300.0, rate=10.0, seed=1), path)
+    ws.write_record(ws.simulate("tower", duration=200.0, rate=5.0, seed=1), path)
     return path
 
 

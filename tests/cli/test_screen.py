@@ -17,7 +17,9 @@ def narrow(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("LINES", "24")
 
 
-@pytest.mark.parametrize(("turbine", "rate", "duration"), [("tower", 10.0, 600.0), ("tower", 10.0, 40.0)])
+@pytest.mark.parametrize(
+    ("turbine", "rate", "duration"), [pytest.param("tower", 10.0, 600.0, marks=pytest.mark.slow), ("tower", 10.0, 40.0)]
+)
 def test_identify_prints_a_screen_and_everything_where_asked(
     run, tmp_path: Path, turbine: str, rate: float, duration: float
 ):

@@ -72,6 +72,7 @@ def test_other_settings_are_refused(taken: tuple[Batch, Path], data: Path, fleet
         batch(data, fleet=fleet, archive=taken[1], formulation="joint")
 
 
+@pytest.mark.slow
 def test_killed_and_in_another_order_the_archive_has_the_same_bytes(
     taken: tuple[Batch, Path], data: Path, fleet: Path, tmp_path: Path
 ):
@@ -96,6 +97,15 @@ def kill_once(worker: Worker) -> None:
         os.kill(process.pid, signal.SIGKILL)
 
 
+def test_a_worker_that_was_killed_is_started_again():
+    worker = Worker(300.0)
+    process = worker._running()
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    assert worker._running().pid != process.pid
+    worker.close()
+
+
 def test_a_record_that_hangs_becomes_a_row_and_the_next_is_taken(data: Path, tmp_path: Path):
     worker = Worker(300.0)
     process = worker._running()
@@ -108,10 +118,12 @@ def test_a_record_that_hangs_becomes_a_row_and_the_next_is_taken(data: Path, tmp
         worker.limit = 300.0
 
     run_task(
-        task_of(data, tmp_path / "turbine=T01" / "month=2026-03" / "2026-03-01.parquet", "a.csv", "b.csv"), worker, tell
+        task_of(data, tmp_path / "turbine=T01" / "month=2026-03" / "2026-03-01.parquet", "a.csv", "d_2026-03-02.csv"),
+        worker,
+        tell,
     )
     worker.close()
-    assert statuses == ["failed", "ok"]
+    assert statuses == ["failed", "refused"]
     (row,) = [row for row in rows_of(tmp_path) if row["status"] == "failed"]
     assert (row["why"], row["tries"]) == ("did not finish within 0.2 s and was ended", 1)
     with pytest.raises(ProcessLookupError):
@@ -161,7 +173,7 @@ def test_a_changed_bit_of_an_archive_is_never_read(tmp_path: Path):
     add_rows(path, [empty_row(f"/{name}.csv", 1, "s") | {"start": "2026-03-01T00:00:00Z"} for name in "ab"])
     whole = path.read_bytes()
     assert [row["source"] for row in rows_of(tmp_path, "T")] == ["/a.csv", "/b.csv"]
-    for at in range(0, len(whole), 13):
+    for at in range(0, len(whole), 31):
         path.write_bytes(whole[:at] + bytes([whole[at] ^ 1 << at % 8]) + whole[at + 1 :])
         with pytest.raises(ConfigurationError, match="is damaged"):
             rows_of(tmp_path, "T")
@@ -235,13 +247,15 @@ def test_two_patterns_for_one_file_are_refused(tmp_path: Path, data: Path):
 
 def test_the_command_says_what_it_took(run, tmp_path: Path, data: Path):
     shutil.copy(data / "T01" / "d_2026-03-02.csv", tmp_path / "bad.csv")
-    ended = run("batch", tmp_path / "bad.csv", "--turbine", "tower", "--output", tmp_path / "archive", "--workers", 1)
+    taking = ("batch", tmp_path / "bad.csv", "--turbine", "tower", "--output", tmp_path / "archive", "--workers", 1)
+    with workers_in_this_process():
+        ended = run(*taking)
     assert ended.code == 0
     assert "1 record taken" in ended.out
     why = "no record was identified (1 refused: "
     assert why in ended.out
     assert "next:" not in ended.out
-    again = run("batch", tmp_path / "bad.csv", "--turbine", "tower", "--output", tmp_path / "archive", "--workers", 1)
+    again = run(*taking)
     assert "next:" not in again.out
     for command in ("report", "monitor"):
         refused = run(command, tmp_path / "archive")

@@ -98,7 +98,7 @@ def test_only_what_changed_is_written(tmp_path: Path):
 
 
 def test_only_days_that_scada_speaks_of_are_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    starts = [BEGIN + timedelta(days=i) for i in range(-40, 40)]
+    starts = [BEGIN + timedelta(days=i) for i in range(-10, 10)]
     for i, start in enumerate(starts):
         text = start.isoformat() if i % 2 else start.astimezone(timezone(timedelta(hours=-8))).isoformat()
         one = row(text) | {"source": f"/{i}.csv"}
@@ -115,9 +115,9 @@ def test_only_days_that_scada_speaks_of_are_read(tmp_path: Path, monkeypatch: py
     monkeypatch.setattr(joining, "rows_in", counted)
     table = scada(BEGIN + timedelta(days=2), lines=144, wind_speed=[4.0] * 144)
     assert join_late(tmp_path, "T", table, USUAL, known) == 2
-    assert len(set(read)) == 5  # of 81: a day before and after, since clocks may differ
+    assert len(set(read)) == 5  # of 21: a day before and after, since clocks may differ
     joined = {one["source"]: one["scada_wind_speed"] for one in rows_of(tmp_path, "T")}
-    assert {source for source, speed in joined.items() if speed == 4.0} == {"/42.csv", "/other.csv"}
+    assert {source for source, speed in joined.items() if speed == 4.0} == {"/12.csv", "/other.csv"}
     read.clear()
     assert join_late(tmp_path, "T", scada(datetime(2030, 1, 1), wind_speed=[4.0] * 4), USUAL, known) == 0
     assert read == []
@@ -136,6 +136,7 @@ def test_scada_of_another_clock_and_damaged_scada_end_the_run_before_any_work(da
     assert not list((tmp_path / "archive").rglob("*.parquet"))
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="counts threads as Linux lists them")
 def test_an_archive_is_read_without_threads_that_may_outlive_python(tmp_path: Path):
     add_rows(tmp_path / "day.parquet", [row()])

@@ -43,8 +43,12 @@ def test_a_softened_turbine_and_a_failing_sensor_are_named_and_no_other(page: Ov
     assert sensor.share == pytest.approx(0.6, abs=0.1)
 
 
-def test_the_page_shows_every_turbine(page: Overview):
-    files = page.files()
+@pytest.fixture(scope="module")
+def files(page: Overview) -> dict[str, bytes]:
+    return page.files()
+
+
+def test_the_page_shows_every_turbine(page: Overview, files: dict[str, bytes]):
     html = files["report.html"].decode()
     assert all(name in html for name in ("T01", "T02", "T05", "Data availability", "2025-11"))
     assert files["summary.json"]
@@ -65,8 +69,8 @@ def test_the_page_of_an_archive_without_results_says_what_is_missing(rows: dict[
     assert "nothing stands out" not in html
 
 
-def test_the_page_has_plots_and_no_pictures(page: Overview):
-    html = page.files()["report.html"].decode()
+def test_the_page_has_plots_and_no_pictures(files: dict[str, bytes]):
+    html = files["report.html"].decode()
     assert "data:image/png" not in html
     assert "k_side_side: change of the level" in html
     assert "turbines of the same type" in html
@@ -74,19 +78,19 @@ def test_the_page_has_plots_and_no_pictures(page: Overview):
 
 def test_the_command_reports_an_archive(run, tmp_path: Path, rows: dict[str, list[Row]]):
     archive = tmp_path / "archive"
-    for name, theirs in rows.items():
-        some = theirs[:300]
+    for name, theirs in [*rows.items()][:3]:
+        some = theirs[:150]
         for row in some:
             row["record"] = "simulated"
         add_rows(place_of(archive, name, "2025-09-01"), some)
     ended = run("report", archive, "--output", tmp_path / "page")
     assert ended.code == 0, ended.err
-    assert "nothing stands out in 5 turbines" in ended.out
+    assert "nothing stands out in 3 turbines" in ended.out
     assert {path.name for path in (tmp_path / "page").iterdir()} == {
         "report.html", "fleet.png", "summary.json", ".windsysid",
     }  # fmt: skip
     ended = run("monitor", archive)
-    assert ended.out.count("no jump") == 5
+    assert ended.out.count("no jump") == 3
     ended = run("monitor", archive, "--turbine", "T01")
     assert "k_side_side" in ended.out
     for arguments, message in (
@@ -99,7 +103,7 @@ def test_the_command_reports_an_archive(run, tmp_path: Path, rows: dict[str, lis
         assert (ended.code, len(ended.err)) == (2, 1)
         assert message in ended.err[0]
     assert archive_blocks(archive, "T01").names == ("k_side_side", "c_side_side")
-    assert len(oversee(archive).glances) == 5
+    assert len(oversee(archive).glances) == 3
 
 
 def test_healthy_sisters_have_an_outlier_as_often_as_stated():

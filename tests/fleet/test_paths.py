@@ -1,11 +1,14 @@
 """Names of files that no text can hold, links that lead nowhere and what is no file at all, in a folder of records."""
 
 import os
+from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from tests.fleet.conftest import rows_of
+from tests.fleet.conftest import rows_of, workers_in_this_process
 from windsysid.fleet.batch import batch
 from windsysid.fleet.paths import UNKNOWN_SIZE, record_paths, size_or_unknown, why_missing
 from windsysid.output.files import path_text
@@ -47,9 +50,11 @@ def test_a_pipe_alone_is_no_record(folder: Path):
         record_paths(folder / "pipe.csv", folder / "archive")
 
 
-def test_every_file_has_its_row_and_says_what_to_do(folder: Path, tmp_path: Path):
+@pytest.mark.parametrize("workers", [workers_in_this_process, pytest.param(nullcontext, marks=pytest.mark.slow)])
+def test_every_file_has_its_row_and_says_what_to_do(folder: Path, tmp_path: Path, workers: Callable[[], Any]):
     for _ in range(2):  # the second time what failed is tried again, and what was refused is known
-        found = batch(folder, archive=tmp_path / "archive", turbine="tower", workers=1)
+        with workers():
+            found = batch(folder, archive=tmp_path / "archive", turbine="tower", workers=1)
     assert found.taken == {"failed": 3}
     assert found.known == len(NAMES) - 1
     rows = {Path(row["source"]).name: row for row in rows_of(tmp_path / "archive", "tower")}

@@ -59,6 +59,7 @@ def _put(address: str, content: bytes = b"") -> None:
     urllib.request.urlopen(urllib.request.Request(address, content, headers, method="PUT")).close()
 
 
+@pytest.mark.slow
 def test_records_of_a_bucket_are_the_rows_of_the_files(
     bucket: str, taken: tuple[Batch, Path], fleet: Path, tmp_path: Path
 ):

@@ -305,7 +305,7 @@ def test_of_more_channels_than_a_table_may_have_those_with_the_most_samples_stay
     assert np.array_equal(found.record["tower_x_acceleration"], given.values[:, 0])
 
 
-@pytest.mark.parametrize("step", [-1.0, 0.0, 0.05, 7.0])
+@pytest.mark.parametrize("step", [0.05, *(pytest.param(one, marks=pytest.mark.slow) for one in (-1.0, 0.0, 7.0))])
 def test_many_small_blocks_take_little_time_however_they_lie(step):
     blocks = [at(300.0 + step * (k % 40), 20.0, 1, number=k) for k in range(6000)]
     begun = time.process_time()

@@ -190,6 +190,7 @@ def test_a_wider_interval_leaves_what_a_record_says_where_it_is(verne555, factor
     assert ratio[0] == pytest.approx(factor, rel=0.2)
 
 
+@pytest.mark.slow
 def test_a_record_that_scatters_more_than_its_model_says_raises_no_false_alarms(verne555):
     """Scores of one record of each pair disperse 2.5² times, which its intervals include; the prior is one σ off."""
     rng, prior = np.random.default_rng(11), support(verne555, 1.0, 0.6)

@@ -211,6 +211,7 @@ def said(*arguments: str) -> int | None:
     return ended.value.code  # type: ignore[return-value]
 
 
+@pytest.mark.slow
 def test_a_stop_tells_structure_and_air_apart(folders):
     assert load_posterior(folders[1]).conditions.rotor_speed == pytest.approx(0.0, abs=0.01)
     assert load_posterior(folders[1]).conditions.wind_speed == pytest.approx(STOP_WIND)
@@ -237,6 +238,7 @@ def test_parked_records_in_several_winds_go_back_to_none():
     assert "extrapolated to no wind" in found.notes[0]
 
 
+@pytest.mark.slow
 def test_the_command_says_it_and_writes_it(folders, tmp_path, capsys):
     output = tmp_path / "separation"
     assert said("damping", *map(str, folders), "--output", str(output)) in (0, None)

@@ -94,7 +94,10 @@ def test_rates_are_those_of_scipys_likelihood(monkeypatch: pytest.MonkeyPatch):
     assert found.wander == pytest.approx(weight @ np.exp(logs) / weight.sum(), rel=0.05)
 
 
-@pytest.mark.parametrize(("clip", "lowest", "highest"), [(1e9, 0.8, 1.1), (glr.INNOVATION_LIMIT_SIGMAS, 0.45, 0.9)])
+@pytest.mark.parametrize(
+    ("clip", "lowest", "highest"),
+    [pytest.param(1e9, 0.8, 1.1, marks=pytest.mark.slow), (glr.INNOVATION_LIMIT_SIGMAS, 0.45, 0.9)],
+)
 def test_false_alarms_come_as_often_as_stated_or_less(
     monkeypatch: pytest.MonkeyPatch, clip: float, lowest: float, highest: float
 ):

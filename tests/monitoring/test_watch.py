@@ -63,16 +63,19 @@ def test_a_jump_among_the_records_to_learn_from_is_found(count: int, at: int):
     assert "no jump" not in found.sentence
 
 
-@pytest.mark.parametrize("wander", [*(pytest.param(one, marks=pytest.mark.slow) for one in (0.0, 0.0004)), 0.004])
-def test_records_to_learn_from_whose_level_wanders_have_no_jump(wander: float):
-    """Odds of 100 : 1 for each of 100 series: five or more false ones have a probability of 0.4 %."""
+@pytest.mark.parametrize(
+    ("wander", "count"),
+    [*(pytest.param(one, 100, marks=pytest.mark.slow) for one in (0.0, 0.0004, 0.004)), (0.004, 20)],
+)
+def test_records_to_learn_from_whose_level_wanders_have_no_jump(wander: float, count: int):
+    """Odds of 100 : 1 for each series: five or more false ones of 100, two or more of 20 are improbable."""
     jumps = 0
-    for seed in range(100):
+    for seed in range(count):
         blocks, rng = quiet(("k_x",), 60, seed=seed), np.random.default_rng(1000 + seed)
         drift = np.cumsum(wander * rng.standard_normal((60, 1)), axis=0)
         found = watch(replace(blocks, theta=blocks.theta + drift))
         jumps += sum(change.found < blocks.time[found.begins] for change in found.changes)
-    assert jumps <= 4
+    assert jumps <= 1 + 3 * (count == 100)
 
 
 @pytest.mark.slow
@@ -303,15 +306,16 @@ def test_what_is_tolerated_is_drift_and_no_alarm():
 
 
 @pytest.fixture(scope="module")
-def folders(verne555: Turbine, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    """One result in 14 folders, k_x of the last six a tenth less."""
-    record = simulate_record(verne555, duration=10.0, rate=50.0, seed=1)
-    result = identify(record, verne555, formulation="joint", loads="broadband")
+def folders(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """One result in 14 folders, k_side_side of the last six half as large."""
+    record = simulate_record("tower", duration=200.0, rate=5.0, seed=1)
+    result = identify(record, "tower", formulation="spectral")
     base = tmp_path_factory.mktemp("results")
     made = []
     for i in range(14):
         estimates = tuple(
-            replace(e, estimate=e.estimate * (0.5 if e.name == "k_x" and i >= 8 else 1.0)) for e in result.estimates
+            replace(e, estimate=e.estimate * (0.5 if e.name == "k_side_side" and i >= 8 else 1.0))
+            for e in result.estimates
         )
         folder = base / f"{i:02d}"
         folder.mkdir()
@@ -347,7 +351,7 @@ def test_the_command_answers_with_a_sentence_a_table_a_figure_and_a_summary(run,
     output = tmp_path / "watched"
     done = run(*folders, "--covariates", table, "--output", output)
     assert done.code == 0, done.err
-    assert done.out.startswith("k_x fell by")  # the answer first
+    assert done.out.startswith("k_side_side fell by")  # the answer first
     assert "2026-03-" in done.out
     assert {path.name for path in output.glob("[!.]*")} == {
         "answer.json",
@@ -356,21 +360,21 @@ def test_the_command_answers_with_a_sentence_a_table_a_figure_and_a_summary(run,
         "summary.json",
     }
     summary = json.loads((output / "summary.json").read_text())
-    assert [c["name"] for c in summary["changes"]] == ["k_x"]
+    assert [c["name"] for c in summary["changes"]] == ["k_side_side"]
     assert "noise_tower_acceleration" in summary["series"]
 
 
 def test_a_file_of_covariates_that_does_not_fit_is_one_line(run, folders: list[Path], tmp_path: Path):
-    table = tmp_path / "covariates.csv"
+    folders, table = folders[:12], tmp_path / "covariates.csv"
     table.write_text("time,wind\n0,5\n")
     done = run(*folders, "--covariates", table)
     assert done.code == 2
-    assert "expected 14 lines, one for each record, got 1" in done.err
+    assert "expected 12 lines, one for each record, got 1" in done.err
     assert run(*folders[:3]).code == 2
-    table.write_text("time,site\n" + "".join(f"{i},north\n" for i in range(14)))
+    table.write_text("time,site\n" + "".join(f"{i},north\n" for i in range(12)))
     with pytest.raises(ConfigurationError, match="expected numbers in column 'site'"):
         read_blocks(folders, table)
-    table.write_text("time,wind\n" + "".join(f"2026-01-{i + 1:02d},5\n" for i in range(14)))
+    table.write_text("time,wind\n" + "".join(f"2026-01-{i + 1:02d},5\n" for i in range(12)))
     assert read_blocks(folders, table).begin == datetime(2026, 1, 1)
 
 

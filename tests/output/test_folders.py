@@ -347,6 +347,7 @@ def test_killed_at_any_step_the_old_result_or_the_new_one_is_there(tmp_path: Pat
     assert [new for _, new in seen] == sorted(new for _, new in seen)  # one step makes the new result the result
 
 
+@pytest.mark.slow
 @posix
 def test_killed_at_any_step_of_the_first_writing_there_is_nothing_or_all(tmp_path: Path):
     step = 0

@@ -64,14 +64,22 @@ def shaken(names: tuple[str, ...], unit: str = "m/s^2") -> Record:
     return Record(np.arange(4000) / 20.0, response, names, (unit,) * len(names), name="$a$<b>")
 
 
-def test_every_figure_of_an_inspection_and_of_modes_takes_any_name():
-    record = shaken((*HOSTILE[:5], HOSTILE[6], "\x07\x1b[31m", "x" * 200))
-    inspection = inspect_record(record)
-    for answer in (inspection, analyse_vibration(shaken(tuple(HOSTILE[:3])))):
-        assert "report.html" in files(answer)
-        assert png(figure_of(answer))
+@pytest.mark.parametrize("count", [3, pytest.param(8, marks=pytest.mark.slow)])
+def test_every_figure_of_an_inspection_takes_any_name(count: int):
+    inspection = inspect_record(shaken((*HOSTILE[:5], HOSTILE[6], "\x07\x1b[31m", "x" * 200)[-count:]))
+    assert "report.html" in files(replace(inspection, turbine="$T_{$"))
+    assert png(figure_of(inspection))
+
+
+def test_an_overview_takes_any_unit():
     assert png(record_overview(shaken(("acceleration",), AS_WRITTEN + "$m$/s²加"), ["acceleration"]))
-    assert files(replace(inspection, turbine="$T_{$"))
+
+
+@pytest.mark.slow
+def test_every_figure_of_modes_takes_any_name():
+    modes = analyse_vibration(shaken(tuple(HOSTILE[:3])))
+    assert "report.html" in files(modes)
+    assert png(figure_of(modes))
 
 
 def test_every_figure_of_a_fit_takes_any_name_of_a_reading():

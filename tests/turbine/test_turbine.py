@@ -118,16 +118,19 @@ def test_hammond_has_the_published_values():
     assert turbine.inertia("y") == pytest.approx(3283.6 + 4 * 94.9)
 
 
-def test_effective_inertias_are_the_diagonal_of_the_mass_matrix():
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(one, marks=[pytest.mark.slow] * (one not in ("verne555", "tower"))) for one in packaged_turbines()],
+)
+def test_effective_inertias_are_the_diagonal_of_the_mass_matrix(name: str):
     # `inertia` is written by hand; the equations know it too.
-    for name in packaged_turbines():
-        turbine = load_turbine(name)
-        equations = turbine.model.equations()
-        values = {symbol: turbine.values[symbol.name] for symbol in equations.parameters}
-        values |= dict.fromkeys((*equations.states, *equations.inputs), 0.0)
-        diagonal = [equations.mass[i, i].subs(values) for i in range(len(turbine.model.coordinates))]
-        for coordinate, expected in zip(turbine.model.coordinates, diagonal, strict=True):
-            assert turbine.inertia(coordinate) == pytest.approx(float(expected), rel=1e-12)
+    turbine = load_turbine(name)
+    equations = turbine.model.equations()
+    values = {symbol: turbine.values[symbol.name] for symbol in equations.parameters}
+    values |= dict.fromkeys((*equations.states, *equations.inputs), 0.0)
+    diagonal = [equations.mass[i, i].subs(values) for i in range(len(turbine.model.coordinates))]
+    for coordinate, expected in zip(turbine.model.coordinates, diagonal, strict=True):
+        assert turbine.inertia(coordinate) == pytest.approx(float(expected), rel=1e-12)
 
 
 def test_other_values_and_other_freedom_make_another_turbine(verne555: Turbine):

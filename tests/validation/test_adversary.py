@@ -22,7 +22,7 @@ from windsysid.study.drawn_prior import DrawnPrior
 from windsysid.turbine.file import load_turbine
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(one, marks=pytest.mark.slow) for one in range(1, 5))])
 def test_own_equations_agree_with_those_that_windsysid_derives(seed: int):
     rng = np.random.default_rng(seed)
     q, rates, loads = 0.1 * rng.standard_normal(5), rng.standard_normal(5), 100.0 * rng.standard_normal(5)

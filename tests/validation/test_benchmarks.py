@@ -82,7 +82,7 @@ def test_the_simulated_truth_is_scipys(benchmark: Benchmark, equations, within: 
     ],
     ids=["Bouc-Wen", "frame"],
 )
-@pytest.mark.parametrize("stiffness", [2.0, 5.0])
+@pytest.mark.parametrize("stiffness", [pytest.param(2.0, marks=pytest.mark.slow), 5.0])
 def test_bad_starts_come_home(benchmark: Benchmark, within: dict[str, float], ground, stiffness: float):
     moved, response = respond(benchmark, ground())
     record, noise = record_of(benchmark, moved, response, 11)
@@ -132,6 +132,7 @@ def comparison() -> Comparison:
     return compare(bouc_wen(), synthetic_ground(), 4)
 
 
+@pytest.mark.slow
 def test_the_joint_filter_locks_in_and_the_fit_does_not(comparison: Comparison):
     assert comparison.names == ("k", "c", "beta", "gamma", "n")
     assert comparison.deviations[EKF].shape == (4, 5)
@@ -141,6 +142,7 @@ def test_the_joint_filter_locks_in_and_the_fit_does_not(comparison: Comparison):
     assert comparison.warned == 0
 
 
+@pytest.mark.slow
 def test_a_comparison_prints_and_draws_every_method(
     comparison: Comparison, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):

@@ -14,6 +14,7 @@ DATA = Path(__file__).parents[3] / "shared" / "data" / "bjorko" / "pull_release_
 measured = pytest.mark.skipif(not DATA.is_file(), reason="the record of Björkö is not beside this checkout")
 
 
+@pytest.mark.slow
 def test_without_wind_both_methods_find_frequency_and_damping():
     record = decay(0.835, 0.015, load=0.0, noise=0.02, seconds=28.0, rate=10.0, seed=0)
     found = identify_decay(record)
@@ -33,6 +34,7 @@ def test_under_wind_the_bands_hold_and_those_of_a_damped_cosine_do_not():
     assert max(held["damped cosine"]) <= 6
 
 
+@pytest.mark.slow
 @measured
 def test_parts_of_the_measured_decay_agree_within_their_bands():
     record = read_decay(DATA)

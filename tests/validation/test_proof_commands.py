@@ -254,7 +254,10 @@ def filled(arguments: str, folder: Path) -> list[str]:
     return shlex.split(arguments.format(tmp=folder, root=ROOT, data=DATA))
 
 
-@pytest.mark.parametrize("program", QUICK)
+@pytest.mark.parametrize(
+    "program",
+    [pytest.param(one, marks=[pytest.mark.slow] * (one in ("validation.kills", "validation.frames"))) for one in QUICK],
+)
 def test_the_shortest_form_of_a_command_runs(
     program: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ):

@@ -46,6 +46,7 @@ def test_the_c_reference_computes_what_windsysid_computes(benchmark_modules: dic
     assert speed.farthest_apart(found, expected) < speed.AGREES
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="the C reference is compiled with gcc")
 def test_the_c_reference_in_lanes_computes_what_the_bank_computes(
     benchmark_modules: dict[str, ModuleType], tmp_path: Path
@@ -64,7 +65,7 @@ def test_the_c_reference_in_lanes_computes_what_the_bank_computes(
 
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="the C reference is compiled with gcc")
-@pytest.mark.parametrize(("m", "r"), [(2, 1), (4, 2)])
+@pytest.mark.parametrize(("m", "r"), [(2, 1), pytest.param(4, 2, marks=pytest.mark.slow)])
 def test_the_spectral_likelihood_in_c_is_windsysids(
     benchmark_modules: dict[str, ModuleType], tmp_path: Path, m: int, r: int
 ):

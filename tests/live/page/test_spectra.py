@@ -58,7 +58,7 @@ def test_compact_spectra_keep_the_power(record):
 
 def test_a_store_keeps_the_last_spectrum_of_each_hour_for_its_time():
     store = open_store(":memory:", Keep(spectra="1 day"))
-    last = sample.fill(store, now=NOON, days=2.0)
+    last = sample.fill(store, now=NOON, days=1.25)
     windows = [window for window, _ in store.spectra("T01")]
     assert windows[-1] == last
     hours = [window // HOUR for window in windows]

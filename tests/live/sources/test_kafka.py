@@ -96,6 +96,7 @@ def after(state: State) -> tuple[int, bytes]:
     return int.from_bytes(content[:8], "big"), content[8:]
 
 
+@pytest.mark.slow
 def test_two_processes_that_take_turns_give_what_sqlite_gives(blocks, expected):
     """The partition moves to and fro: whoever has it goes on from the state, not from what it remembers."""
     state, processes = State(), [Turbines([TOWER]), Turbines([TOWER])]

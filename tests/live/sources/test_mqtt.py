@@ -29,6 +29,7 @@ from windsysid.live.engine import Engine, Followed
 from windsysid.live.sources.broker import Marks, Topics
 from windsysid.live.sources.mqtt import MqttSource
 from windsysid.live.sources.publisher import MAX_UNCOMMITTED_BLOCKS, Publisher
+from windsysid.live.sources.ring import Flow, PackedBlock, Ring
 from windsysid.live.store.opening import open_store
 
 SECOND = 1_000_000_000
@@ -60,6 +61,7 @@ def test_what_a_publisher_sends_comes_bit_for_bit_and_is_forgotten(mosquitto: Mo
         assert other.values.tobytes() == block.values.tobytes()
 
 
+@pytest.mark.slow
 def test_a_publisher_sends_no_more_than_a_broker_keeps_for_a_service_that_is_slow(mosquitto: Mosquitto):
     turbines = [f"T{i:03d}" for i in range(100)]
     taker = Taker()
@@ -304,6 +306,14 @@ with Publisher(Broker(sys.argv[1]), buffer=sys.argv[2]) as publisher:
 """
 
 
+def test_a_buffer_that_is_opened_again_has_its_blocks(tmp_path: Path):
+    ring = Ring(tmp_path / "buffer.sqlite")
+    ring.put([(Flow("T01", "a"), PackedBlock(number, b"block")) for number in (1, 2)])
+    ring.close()
+    assert len(Ring(tmp_path / "buffer.sqlite")) == 2
+
+
+@pytest.mark.slow
 def test_a_publisher_that_is_killed_goes_on_from_its_buffer(mosquitto: Mosquitto, tmp_path: Path):
     buffer = tmp_path / "buffer.sqlite"
     with subprocess.Popen(

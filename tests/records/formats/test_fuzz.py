@@ -156,8 +156,8 @@ def fuzz_csv(folder, count, seed):
 
 
 def test_damaged_text_is_refused_or_read_as_it_stands(tmp_path):
-    read = fuzz_csv(tmp_path, 165, 1)  # fifteen of each dialect
-    assert read > 27  # or nothing was tested
+    read = fuzz_csv(tmp_path, 66, 1)  # six of each dialect
+    assert read > 11  # or nothing was tested
 
 
 @pytest.mark.slow
@@ -224,11 +224,11 @@ def fuzz_checked(folder, name, count, seed):
 
 def test_damaged_parquet_is_refused_or_what_was_written(tmp_path):
     pytest.importorskip("pyarrow", reason="the extra windsysid[parquet] is not installed")
-    fuzz_checked(tmp_path, ".parquet", 250, 2)
+    fuzz_checked(tmp_path, ".parquet", 100, 2)
 
 
 def test_damaged_netcdf_is_refused_or_what_was_written(tmp_path):
-    fuzz_checked(tmp_path, ".nc", 200, 3)
+    fuzz_checked(tmp_path, ".nc", 60, 3)
 
 
 @pytest.mark.slow
@@ -240,7 +240,7 @@ def test_many_more_damaged_binary_files(tmp_path, name, seed):
     fuzz_checked(tmp_path, name, 1000, 100 + seed)
 
 
-@pytest.mark.parametrize("count", [300, pytest.param(600, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [75, pytest.param(600, marks=pytest.mark.slow)])
 def test_damaged_packed_openfast_is_refused_or_decoded_as_it_stands(tmp_path, count):
     from tests.records.formats.test_formats import outb
 
@@ -266,11 +266,11 @@ def test_damaged_packed_openfast_is_refused_or_decoded_as_it_stands(tmp_path, co
         except BaseException as error:
             error.add_note(f"{change.__name__}, file {k}")
             raise
-    assert read > 25
+    assert read > count / 10
     assert struct.unpack_from("<h", whole) == (2,)
 
 
-@pytest.mark.parametrize("count", [250, pytest.param(500, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [60, pytest.param(500, marks=pytest.mark.slow)])
 def test_damaged_openfast_text_is_refused_or_read_as_it_stands(tmp_path, count):
     time, values = channels()
     head = "\nmade by hand\n\n\na test\n\nTime\ta\tb\tc\n(s)\t(m)\t(rad)\t(-)\n"
@@ -294,4 +294,4 @@ def test_damaged_openfast_text_is_refused_or_read_as_it_stands(tmp_path, count):
             error.add_note(f"{change.__name__}, file {k}")
             (tmp_path / "bad.out").write_bytes(data)
             raise
-    assert read > 25
+    assert read > count / 10

@@ -191,7 +191,7 @@ def nested(depth, *, packed=False):
     return b"MATLAB 5.0 MAT-file".ljust(124) + struct.pack("<H", 0x0100) + b"IM" + body
 
 
-@pytest.mark.parametrize("packed", [False, True])
+@pytest.mark.parametrize("packed", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_matlab_structures_in_structures_do_not_end_the_interpreter(tmp_path, packed, monkeypatch):
     from windsysid.records.formats.access.probing import ProcessGuard
 
@@ -209,7 +209,7 @@ LONG = [
 
 
 @pytest.mark.parametrize("line", LONG, ids=["blanks", "blanks and tabs", "digits", "quotes"])
-@pytest.mark.parametrize("mark", [",", ";", " ", "\t"])
+@pytest.mark.parametrize("mark", [",", *(pytest.param(one, marks=pytest.mark.slow) for one in (";", " ", "\t"))])
 def test_a_long_row_takes_a_time_in_proportion_to_its_length(tmp_path, line, mark):
     rows = [f"0{mark}1", line.replace(",", mark), f"1{mark}1", f"2{mark}2"]
     for k in (0, 1, 3):

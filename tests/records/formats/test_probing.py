@@ -34,7 +34,7 @@ def alone(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ProcessGuard, "on", False)
 
 
-@pytest.fixture(params=[".h5", ".nc", ".mat"])
+@pytest.fixture(params=[".h5", *(pytest.param(one, marks=pytest.mark.slow) for one in (".nc", ".mat"))])
 def path(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
     path = tmp_path / f"mast{request.param}"
     with h5py.File(path, "w", userblock_size=512 if request.param == ".mat" else 0) as file:
@@ -90,7 +90,10 @@ def test_a_sound_file_is_read_as_ever(path: Path):
 
 @pytest.mark.usefixtures("alone")
 @pytest.mark.skipif(sys.platform != "linux", reason="forks on Linux only")
-@pytest.mark.parametrize("name", ["HDF5", "netCDF-4", "MATLAB 5–7", "MATLAB 7.3", "MDF 4"])
+@pytest.mark.parametrize(
+    "name",
+    ["HDF5", *(pytest.param(one, marks=pytest.mark.slow) for one in ("netCDF-4", "MATLAB 5–7", "MATLAB 7.3", "MDF 4"))],
+)
 def test_a_small_sound_file_costs_a_tenth_of_a_second_more(tmp_path: Path, name: str):
     sample = SAMPLES[name]
     path = written(name, tmp_path)
@@ -105,7 +108,10 @@ def test_a_small_sound_file_costs_a_tenth_of_a_second_more(tmp_path: Path, name:
     assert min(spent[False]) - min(spent[True]) < 0.1
 
 
-@pytest.mark.parametrize("name", ["HDF5", "netCDF-4", "MATLAB 5–7", "MATLAB 7.3", "MDF 4"])
+@pytest.mark.parametrize(
+    "name",
+    ["HDF5", "MATLAB 5–7", *(pytest.param(one, marks=pytest.mark.slow) for one in ("netCDF-4", "MATLAB 7.3", "MDF 4"))],
+)
 def test_the_reader_reads_all_of_it(tmp_path: Path, name: str):
     path = written(name, tmp_path)
     library = {"MDF 4": "asammdf", "MATLAB 5–7": "scipy.io"}.get(name, "h5py")

@@ -41,6 +41,7 @@ def modes_of(path: Path) -> dict[str, tuple[float, float]]:
     return {curve.name: (float(curve.frequency[at]), float(curve.damping[at])) for curve in found.curves}
 
 
+@pytest.mark.slow
 def test_the_rotor_file_has_the_modes_of_its_deck(tmp_path: Path):
     path = write_deck(tmp_path)
     machine = read_openfast(path)

@@ -18,6 +18,7 @@ __all__ = ["BeamMatrices", "BeamSection", "beam_matrices", "cubic_shapes"]
 
 QUADRATURE_POINTS = 4
 """Setting: points of Gauss's quadrature between two stations: exact for polynomials of the order 7."""
+_GAUSS = np.polynomial.legendre.leggauss(QUADRATURE_POINTS)
 
 
 class BeamSection(NamedTuple):
@@ -96,10 +97,9 @@ def _element_stiffness(section: BeamSection, top: float, length: float, z: Array
 
 def _quadrature(stations: Array, low: float, high: float) -> tuple[Array, Array]:
     """Points and weights between `low` and `high`, in parts between stations."""
-    x, w = np.polynomial.legendre.leggauss(QUADRATURE_POINTS)
     cuts = np.unique([low, *stations[(stations > low) & (stations < high)], high])
     half = np.diff(cuts)[:, None] / 2.0
-    return (cuts[:-1, None] + half + half * x).ravel(), (half * w).ravel()
+    return (cuts[:-1, None] + half + half * _GAUSS[0]).ravel(), (half * _GAUSS[1]).ravel()
 
 
 def _at(nodes: Array, z: float) -> tuple[Array, Array, slice]:

@@ -80,12 +80,13 @@ def _blades_at(blade: Blade, top: Top, azimuth: float) -> tuple[Array, Array, Ar
     """r₀ (3p, 3), J (3p, n, 3) and H (3p, n, n, 3) at an azimuth."""
     up = np.cross(top.shaft, [0.0, 1.0, 0.0])
     up = np.asarray(up / np.linalg.norm(up))
-    parts = []
+    side, parts = np.cross(top.shaft, up), []
     for b in range(BLADES):
         psi = azimuth + 2.0 * math.pi * b / BLADES
-        radial = up * math.cos(psi) + np.cross(top.shaft, up) * math.sin(psi)
+        radial = up * math.cos(psi) + side * math.sin(psi)
         span = math.cos(top.cone) * radial + math.sin(top.cone) * top.shaft
-        axes = np.array([math.cos(top.cone) * top.shaft - math.sin(top.cone) * radial, -np.cross(top.shaft, radial)])
+        back = up * math.sin(psi) - side * math.cos(psi)
+        axes = np.array([math.cos(top.cone) * top.shaft - math.sin(top.cone) * radial, back])
         weights = np.array([1.0, math.cos(psi), math.sin(psi)])
         position = top.apex + blade.radius[:, None] * span
         moves = np.einsum("pkd,dc,m->pkmc", blade.displacement, axes, weights).reshape(len(position), -1, 3)
@@ -101,14 +102,13 @@ def _carried(position: Array, moves: Array | None = None) -> tuple[Array, Array]
     """J (p, n, 3) and H (p, n, n, 3) of points (p, 3) on the top that move by `moves` (p, n − 4, 3) on it."""
     moves = np.zeros((len(position), 0, 3)) if moves is None else moves
     axes = np.eye(3)[:2]
-    turned = np.stack([np.cross(axis, position) for axis in axes], axis=1)
-    shifted = np.broadcast_to(axes, (len(position), 2, 3))
-    J = np.concatenate([shifted, turned, moves], axis=1)
+    turned = np.cross(axes, position[:, None])
+    J = np.concatenate([np.broadcast_to(axes, (len(position), 2, 3)), turned, moves], axis=1)
     H = np.zeros((*J.shape[:2], J.shape[1], 3))
     for i, axis in enumerate(axes, start=2):
-        for j in (2, 3):
-            H[:, i, j] += np.cross(axis, turned[:, j - 2]) / 2.0
-            H[:, j, i] += np.cross(axis, turned[:, j - 2]) / 2.0
+        half = np.cross(axis, turned) / 2.0
+        H[:, i, 2:TOP_SIZE] += half
+        H[:, 2:TOP_SIZE, i] += half
         H[:, i, TOP_SIZE:] = H[:, TOP_SIZE:, i] = np.cross(axis, moves) if moves.shape[1] else moves
     return J, H
 
