@@ -270,11 +270,9 @@ def scaled(outcome: Outcome, coefficients: Sequence[Widening]) -> tuple[Outcome,
 
 
 def judged(
-    diagnosis: Diagnosis,
-    scores: Sequence[PartScores],
-    coefficients: Sequence[Widening],
+    diagnosis: Diagnosis, scores: Sequence[PartScores], coefficients: Sequence[Widening],
     others: Sequence[Widening] = (),
-) -> Diagnosis:
+) -> Diagnosis:  # fmt: skip
     """Turn reasons that wider intervals cover into remarks, and report the widening."""
     findings = []
     for one in diagnosis.findings:
