@@ -44,12 +44,12 @@ def mixture_factor(rivals: Sequence[tuple[float, float, float]]) -> float:
     chances[0] = max(1.0 - chances.sum(), 0.0)
     chances /= chances.sum()
 
+    def beyond(half: float) -> float:
+        tails = ndtr((shifts - half) / widths) + ndtr((-shifts - half) / widths)
+        return float(chances @ tails) - 2.0 * float(ndtr(-SIGMAS))
+
     low, high = SIGMAS, float((SIGMAS + 10.0) * widths.max() + shifts.max())
-    for _ in range(11):  # of the halves, the first `at` leave more beyond than ±2σ of a normal distribution
-        halves = np.linspace(low, high, 33)[:, None]
-        tails = (ndtr((shifts - halves) / widths) + ndtr((-shifts - halves) / widths)) @ chances
-        at = int(np.count_nonzero(tails > 2.0 * ndtr(-SIGMAS)))
-        if not at:
-            return 1.0
-        low, high = halves[at - 1 : at + 1, 0].tolist()
-    return float(low / SIGMAS)
+    for _ in range(40 if beyond(low) > 0.0 else 0):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if beyond(middle) > 0.0 else (low, middle)
+    return low / SIGMAS

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.special import ndtr
 
 from tests.identification.fits import CHANNELS, outcome_of, record_of
 from windsysid.checks.dispersion import PartScores
@@ -132,6 +133,19 @@ def test_an_interval_holds_as_much_of_the_mixture_of_explanations():
         half = np.quantile(np.abs(drawn), 0.9545)
         assert mixture_factor([(shift, 1.0, chance)]) == pytest.approx(half / 2.0, rel=0.02)
     assert mixture_factor([]) == 1.0
+
+
+def test_many_rivals_have_a_factor_whatever_rounding_does():
+    """Seven rivals ended in an error: sections of the interval were narrower than rounding."""
+    rng = np.random.default_rng(5)
+    for _ in range(2000):
+        shifts, widths, chances = 2.5 + rng.normal(0.0, 0.3, 7), rng.uniform(0.5, 3.0, 7), rng.uniform(0.0, 0.2, 7)
+        half = 2.0 * mixture_factor(list(zip(shifts, widths, chances, strict=True)))
+        centre = max(1.0 - chances.sum(), 0.0)
+        beyond = chances @ (ndtr((shifts - half) / widths) + ndtr((-shifts - half) / widths)) + centre * 2.0 * ndtr(
+            -half
+        )
+        assert beyond / (centre + chances.sum()) == pytest.approx(2.0 * ndtr(-2.0), rel=1e-6)
 
 
 def test_a_rival_explanation_widens_what_it_moves():

@@ -1,8 +1,15 @@
 """Matrices coupled over harmonics."""
 
-import numpy as np
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
 
+import numpy as np
+import pytest
+
+from windsysid._types import Array
 from windsysid.mechanics.compile import compile_model
+from windsysid.spectral.rotor import harmonic_transfer
 from windsysid.spectral.rotor.harmonic_transfer import (
     MAX_HARMONIC,
     MatrixHarmonics,
@@ -40,6 +47,30 @@ def test_parameters_whose_product_counts_are_not_affine():
         steps = tuple((compiled.parameters.index(name), tower.values[name]) for name in names)
         found = affine_matrices(compiled, given, steps, 0.0, (0.0,) * len(compiled.inputs))
         assert (found is not None) == affine
+
+
+@pytest.mark.parametrize(
+    "stiffness",
+    [
+        lambda a, b: (a + b) ** 2,
+        lambda a, b: a * b,
+        lambda a, b: a * (a - b),
+        lambda a, b: np.abs(a - 1.7) + b,
+        np.arctan2,
+    ],
+)
+def test_what_is_no_sum_of_coefficients_is_not_affine(monkeypatch: pytest.MonkeyPatch, stiffness: Callable[..., Array]):
+    """A step of all by half of their sizes showed no (a + b)²: a frequency was 4.7 σ off with grade B."""
+
+    def harmonics(model: Any, points: Array, *_: Any) -> MatrixHarmonics:
+        X = np.ones((3, len(points), 2 * MAX_HARMONIC + 1, 1, 1), dtype=complex)
+        X[2, :, MAX_HARMONIC, 0, 0] = stiffness(points[:, 0], points[:, 1])
+        return MatrixHarmonics(X, np.ones_like(X))
+
+    monkeypatch.setattr(harmonic_transfer, "matrix_harmonics", harmonics)
+    model: Any = SimpleNamespace(states=("x", "v"))
+    found = affine_matrices.__wrapped__(model, (2.0, 2.0), ((0, 2.0), (1, 2.0)), 0.0, ())
+    assert found is None
 
 
 def test_rounding_is_zero_beside_the_size_of_its_matrix():

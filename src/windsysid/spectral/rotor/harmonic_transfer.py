@@ -118,19 +118,20 @@ def affine_matrices(
     inputs: tuple[float, ...],
 ) -> tuple[Array, MatrixHarmonics, MatrixHarmonics] | None:  # fmt: skip
     """Coefficients (n,), the matrices there, one set, and their derivatives, n sets, from one step of each (place among
-    all parameters, size); None where half a step of all together shows that they are not affine."""
+    all parameters, size); None where two steps of all together, up and down, each by another share of its size, show
+    that they are not affine."""
     n, (places, sizes) = len(steps), (np.array(part) for part in zip(*steps, strict=True))
-    points = np.tile(np.array(given), (n + 2, 1))
-    points[range(1, n + 1), places] += sizes
-    points[-1, places] += 0.5 * sizes
-    found = matrix_harmonics(model, points, np.zeros((n + 2, len(model.states) // 2)), rotor_speed, np.array(inputs))
+    shares = np.vstack([0.2 + np.sqrt(np.arange(2, n + 2)) % 0.7, -0.1 - np.sqrt(np.arange(3, n + 3)) % 0.7])
+    points = np.tile(np.array(given), (n + 3, 1))
+    points[1:, places] += np.vstack([np.eye(n), shares]) * sizes
+    found = matrix_harmonics(model, points, np.zeros((n + 3, len(model.states) // 2)), rotor_speed, np.array(inputs))
     first, slopes = MatrixHarmonics(*(X[:, :1] for X in found)), []
     for X, size in zip(found, element_sizes(first), strict=True):
         change = without_rounding(X[:, 1:] - X[:, :1], MIN_RELATIVE_CHANGE * size)
-        off = change[:, -1:] - 0.5 * change[:, :-1].sum(axis=1, keepdims=True)
-        if (np.abs(off) > 2.0 * MIN_RELATIVE_CHANGE * size).any():
+        off = change[:, n:] - np.einsum("kn,xn...->xk...", shares, change[:, :n])
+        if not (np.abs(off) <= 2.0 * MIN_RELATIVE_CHANGE * size).all():
             return None
-        slopes.append(change[:, :-1] / sizes[:, None, None, None])
+        slopes.append(change[:, :n] / sizes[:, None, None, None])
     return points[0, places], first, MatrixHarmonics(*slopes)
 
 

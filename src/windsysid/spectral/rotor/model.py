@@ -299,16 +299,16 @@ class LiftedModel(NamedTuple):
 
     def spectrum(self, unknowns: Array, *, slopes: bool = False, matrices: Matrices | None = None) -> ModelSpectrum:
         """S (B, e, e) of all bins, smoothed where it has to be, and its derivatives (n, B, e, e)."""
-        parts = (
-            (at, np.concatenate([S[None], A])) for at, (S, A) in self._spectra(unknowns, 1, matrices, slopes=slopes)
-        )
+        parts = self._spectra(unknowns, 1, matrices, slopes=slopes)
         order = self._from_kernels() if slopes else slice(0)
         if self.window is None:
-            whole = np.concatenate([part for _, part in parts], axis=1)
+            whole = np.concatenate([np.concatenate([S[None], A]) for _, (S, A) in parts], axis=1)
             return ModelSpectrum(whole[0], whole[1:][order])
         found = np.zeros((1 + slopes * len(unknowns), *self.data.shape[:2], self.data.shape[1]), dtype=np.complex128)
-        for at, part in parts:
-            found += _smoothed(part, self.window if len(at) == len(self.place.base) else self.window[at])
+        for at, (S, A) in parts:
+            weights = self.window[at]
+            near = np.flatnonzero(np.diff(weights.indptr))
+            found[:, near] += _smoothed(np.concatenate([S[None], A]), weights[:, near])
         return self._masked(found[0], found[1:][order])
 
     def _masked(self, S: Complex, A: Complex) -> ModelSpectrum:
@@ -405,7 +405,7 @@ class LiftedModel(NamedTuple):
         return np.asarray(clocks @ later), later
 
     def matrices(self, unknowns: Array, *, slopes: bool) -> Matrices:
-        """The matrices at the unknowns, and their derivatives to the mechanical ones."""
+        """The matrices at the unknowns, and their derivatives to the mechanical ones; affine ones have these anyway."""
         affine = self._affine()
         if affine is None:
             return self._by_differences(unknowns, slopes=slopes)
@@ -414,11 +414,10 @@ class LiftedModel(NamedTuple):
         origin, first, of_one = affine
         scale, off = to[:, None, None, None], (values - origin)[:, None, None, None]
         at = (X + np.sum(Y * off, axis=1, keepdims=True) for X, Y in zip(first, of_one, strict=True))
-        still, moved = MatrixHarmonics(*at), MatrixHarmonics(*(Y * scale for Y in of_one))
-        return self._combined(still), self._combined(moved)
+        return self._combined(MatrixHarmonics(*at)), self._combined(MatrixHarmonics(*(Y * scale for Y in of_one)))
 
     def _by_differences(self, unknowns: Array, *, slopes: bool) -> Matrices:
-        """The same, derivatives by central differences."""
+        """The matrices at the unknowns, and their derivatives to the mechanical ones by central differences."""
         places, known = self.unknowns.places(*MECHANICAL), self.unknowns.only(*MECHANICAL)
         mechanical, steps = unknowns[places], DIFFERENCE_STEP * self.prior[1][places]
         points = mechanical[None]

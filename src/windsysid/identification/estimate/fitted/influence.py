@@ -98,9 +98,8 @@ class _Influence(NamedTuple):
 
 @kept_with_record
 def _known_influences(record: Record) -> list[tuple[Turbine, tuple[Any, ...], _Influence | None]]:
-    """Influences on fits of one turbine to a record: filters and spectra that read the same have the same.
-
-    The list grows as they are computed."""
+    """Influences on fits of one turbine to a record: filters and spectra that read the same have the same. The list
+    grows as they are computed."""
     return []
 
 
@@ -123,7 +122,7 @@ def _influence(job: Job, fit: FittedJob, frequency: float, neighbours: int = 0) 
 
 
 def _compute_influence(job: Job, fit: FittedJob, frequency: float, neighbours: int, loads: str) -> _Influence | None:
-    """The influence, by fits of spectra under a load model."""
+    """The influence, by fits of spectra under a load model; None where they fail or a shift is not finite."""
 
     def estimated(record: Record) -> Outcome:
         return identify_by_spectrum(record, job.turbine, fit.sensors, fit.prior, job.parameters, loads=loads)
@@ -134,7 +133,8 @@ def _compute_influence(job: Job, fit: FittedJob, frequency: float, neighbours: i
         whole = fit.outcome if fit.formulation == "spectral" else estimated(fit.read)
     except (WindsysidError, np.linalg.LinAlgError):
         return None
-    return _Influence(*compare(left, whole), shifts_to(left, whole))
+    shifts = shifts_to(left, whole)
+    return _Influence(*compare(left, whole), shifts) if len(shifts) == len(whole.theta) else None
 
 
 def _suspect(outcome: Outcome, record: Record) -> Line | None:
