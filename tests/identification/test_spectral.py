@@ -152,7 +152,7 @@ def test_rotor_under_random_loads_is_found() -> None:
 
 @pytest.mark.parametrize(("duration", "trusted"), [pytest.param(100.0, True, marks=pytest.mark.slow), (180.0, False)])
 def test_rotor_under_wind_is_trusted_for_as_long_as_its_bands_were_proven(duration: float, trusted: bool) -> None:
-    record = simulate_record("verne555", duration=duration, rate=50.0, seed=8002, loads="wind")
+    record = simulate_record("verne555", duration=duration, rate=100.0, seed=8002, loads="wind")
     options: dict[str, Any] = {"prior": DrawnPrior(seed=8002), "loads": "rotor-wind"}
     found = identify_without_effects(record, "verne555", formulation="spectral", **options)
     assert found.diagnosis.trusted == trusted

@@ -13,7 +13,7 @@ RATE = 20.0
 SHAPES = np.array([[0.33, -0.74, -0.59], [0.59, -0.33, 0.74], [0.74, 0.59, -0.33], [0.5, 0.2, 0.6]])
 
 
-def floors(seed, lags, shapes=SHAPES, frequencies=(1.0, 2.8, 4.03), samples=6_000):
+def floors(seed, lags, shapes=SHAPES, frequencies=(1.0, 2.8, 4.03), samples=12_000):
     """Displacements of four floors, each late by some samples."""
     rng = np.random.default_rng(seed)
     q, v = modal_responses(frequencies, [0.01] * len(frequencies), RATE, samples + 100, rng)
