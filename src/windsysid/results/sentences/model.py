@@ -85,12 +85,12 @@ MODEL: Final[Mapping[str, Sentence]] = {
         ": likely loads of a machine; try the load model narrow-band",
     ),
     "narrow_band_load_ambiguous": (
-        "the narrow-band load at {frequency:.3g} Hz has another explanation (probability {chance:.2g %}); {quantity}"
+        "the narrow-band load at {frequency:.3g} Hz has another explanation (probability {chance:.3g %}); {quantity}"
         " would change by {sigmas:.1f} σ",
         _MAY_DECIDE,
     ),
     "narrow_band_load_possible": (
-        "a narrow-band load at {frequency:.3g} Hz is possible (probability {chance:.2g %}); {quantity} would change by"
+        "a narrow-band load at {frequency:.3g} Hz is possible (probability {chance:.3g %}); {quantity} would change by"
         " {sigmas:.1f} σ",
         _MAY_DECIDE,
     ),
