@@ -307,7 +307,7 @@ class LiftedModel(NamedTuple):
         found = np.zeros((1 + slopes * len(unknowns), *self.data.shape[:2], self.data.shape[1]), dtype=np.complex128)
         for at, (S, A) in parts:
             weights = self.window[at]
-            near = np.flatnonzero(np.diff(weights.indptr))
+            near = np.flatnonzero(weights.sum(axis=0))
             found[:, near] += _smoothed(np.concatenate([S[None], A]), weights[:, near])
         return self._masked(found[0], found[1:][order])
 
