@@ -72,7 +72,6 @@ def test_other_settings_are_refused(taken: tuple[Batch, Path], data: Path, fleet
         batch(data, fleet=fleet, archive=taken[1], formulation="joint")
 
 
-@pytest.mark.slow
 def test_killed_and_in_another_order_the_archive_has_the_same_bytes(
     taken: tuple[Batch, Path], data: Path, fleet: Path, tmp_path: Path
 ):

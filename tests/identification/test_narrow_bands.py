@@ -104,13 +104,13 @@ def test_a_rotor_on_its_support_is_asked_too(monkeypatch: pytest.MonkeyPatch):
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(strict=True, reason="right, but grade C: the load is 98 % probable, and no search ends with it")
 def test_a_rotor_with_a_narrow_band_on_its_support_is_trusted_and_right(monkeypatch: pytest.MonkeyPatch):
     kind = Scenario("loads", plus_narrow_band(1.8, 0.02, 0.25, (0, 1)))
     monkeypatch.setitem(SCENARIOS, "band on the support", kind)
     found = identify_one("band on the support", 9100)
-    assert found["trusted"]
     assert max(map(abs, found["z"])) < 4.0
+    if not found["trusted"]:
+        pytest.xfail("the load is 98 % probable, and no search ends with it: right numbers have grade C")
 
 
 def test_a_support_that_nothing_pushes_has_no_such_load(verne555: Turbine):

@@ -179,7 +179,6 @@ def test_what_turns_and_nobody_took_away_speaks_against_a_result(verne555: Turbi
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(strict=True, reason="the force at 1P is estimated once: 7.8 of 18.6 N; two masses get the rest")
 def test_an_imbalance_is_no_mass_of_a_blade(monkeypatch: pytest.MonkeyPatch):
     """Blades were 5 % too heavy and 4 % too light, and trusted; 18.6 N turned."""
     unbalanced = Scenario("machine", machine=Machine(eccentricity=0.06), duration=60.0)
@@ -190,8 +189,9 @@ def test_an_imbalance_is_no_mass_of_a_blade(monkeypatch: pytest.MonkeyPatch):
     assert found.diagnosis.trusted
     assert worst(found, Machine().truth) < 3.0
     off = [one.data for one in found.findings if one.code == "tolerance_off"]
-    assert not [one for one in off if one["group"] == "masses" and one["of"].startswith("blade")]
     assert 1 in [one.data.get("order") for one in notes(found)]
+    if [one for one in off if one["group"] == "masses" and one["of"].startswith("blade")]:
+        pytest.xfail("the force at 1P is estimated once, as 7.8 of 18.6 N, and two masses get the rest")
 
 
 @pytest.mark.slow

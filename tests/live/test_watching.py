@@ -214,7 +214,6 @@ def test_a_tower_that_softens_within_days_is_an_alarm():
     assert "stiffness of the tower, x (k_x) fell slowly, by " in alarm.text
 
 
-@pytest.mark.slow
 def test_a_tower_that_softens_slowly_is_one_alarm_that_grows_with_it(softening: list[Taken]):
     said = [(k, alarm) for k, one in enumerate(softening) for alarm in one.alarms]
     assert {alarm.key for _, alarm in said} == {said[0][1].key}
@@ -229,7 +228,6 @@ def test_a_tower_that_softens_slowly_is_one_alarm_that_grows_with_it(softening: 
     assert 3 <= len(said) <= 7
 
 
-@pytest.mark.slow
 @pytest.mark.usefixtures("weeks_of_40_windows")
 def test_a_drift_that_goes_back_ends_its_alarm(softening: list[Taken]):
     rows = drifting(780, -0.06)[600:]

@@ -238,7 +238,6 @@ def test_parked_records_in_several_winds_go_back_to_none():
     assert "extrapolated to no wind" in found.notes[0]
 
 
-@pytest.mark.slow
 def test_the_command_says_it_and_writes_it(folders, tmp_path, capsys):
     output = tmp_path / "separation"
     assert said("damping", *map(str, folders), "--output", str(output)) in (0, None)

@@ -192,7 +192,6 @@ def test_records_are_put_in_order_of_time(make: Make, zone: str):
     assert any(name.startswith("noise_") for name in blocks.names)
 
 
-@pytest.mark.slow
 def test_records_of_several_zones_are_put_in_order_of_the_moment(make: Make):
     starts = hourly()
     starts[5] = "2026-03-01T06:00:00+01:00"  # 05:00 UTC

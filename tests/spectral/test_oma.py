@@ -366,7 +366,6 @@ def test_records_of_two_states_are_not_trusted_together():
     assert second.trusted
 
 
-@pytest.mark.slow
 def test_records_without_a_common_sensor_are_refused():
     with pytest.raises(ws.ConfigurationError, match="no sensor in common"):
         ws.oma([setup_of(35, [0, 1, 2]), setup_of(36, [3, 4, 5])])
