@@ -110,7 +110,7 @@ def test_a_rotor_with_a_narrow_band_on_its_support_is_trusted_and_right(monkeypa
     found = identify_one("band on the support", 9100)
     assert max(map(abs, found["z"])) < 4.0
     if not found["trusted"]:
-        pytest.xfail("the load is 98 % probable, and no search ends with it: right numbers have grade C")
+        pytest.xfail("the load is 98 % probable and not included: right numbers have grade C")
 
 
 def test_a_support_that_nothing_pushes_has_no_such_load(verne555: Turbine):

@@ -141,10 +141,8 @@ def test_many_rivals_have_a_factor_whatever_rounding_does():
     for _ in range(2000):
         shifts, widths, chances = 2.5 + rng.normal(0.0, 0.3, 7), rng.uniform(0.5, 3.0, 7), rng.uniform(0.0, 0.2, 7)
         half = 2.0 * mixture_factor(list(zip(shifts, widths, chances, strict=True)))
-        centre = max(1.0 - chances.sum(), 0.0)
-        beyond = chances @ (ndtr((shifts - half) / widths) + ndtr((-shifts - half) / widths)) + centre * 2.0 * ndtr(
-            -half
-        )
+        centre, tails = max(1.0 - chances.sum(), 0.0), ndtr((shifts - half) / widths) + ndtr((-shifts - half) / widths)
+        beyond = chances @ tails + centre * 2.0 * ndtr(-half)
         assert beyond / (centre + chances.sum()) == pytest.approx(2.0 * ndtr(-2.0), rel=1e-6)
 
 

@@ -22,7 +22,7 @@ from windsysid.spectral.rotor.harmonic_transfer import (
     equal_lag,
     matrix_harmonics,
     without_rounding,
-)  # fmt: skip
+)
 from windsysid.spectral.rotor.kernel_sparse import MAX_LOOP_ENTRIES
 from windsysid.spectral.rotor.likelihood import (
     Ingredients,
@@ -145,8 +145,8 @@ class LiftedModel(NamedTuple):
     place
         Where spectra are taken: at the bins, or, where they are smoothed, on a finer grid.
     window, joint
-        Sparse weights (F, B): the smoothed spectra at the bins are sums of the F on the finer grid; and those with
-        which bins are correlated. None where nothing is smoothed, and for independent bins.
+        Weights (F, B), sparse or dense: the smoothed spectra at the bins are sums of the F on the finer grid; and those
+        with which bins are correlated. None where nothing is smoothed, and for independent bins.
     smear
         What the taper's window adds to the spectra, where it is taken as known (B, e, e); None where it is not, or
         where `window` smooths.
@@ -490,8 +490,8 @@ def _transform(samples: int, factor: int) -> Array:
 
 
 def _smoothed(fine: Complex, window: Any) -> Complex:
-    """Matrices (n, B, e, e) that are sums of those on the finer grid (n, F, e, e) by the sparse weights of a window
-    (F, B)."""
+    """Matrices (n, B, e, e) that are sums of those on the finer grid (n, F, e, e) by the weights of a window (F, B),
+    sparse or dense."""
     n, F, e, _ = fine.shape
     flat = np.ascontiguousarray(np.swapaxes(fine, 0, 1)).reshape(F, -1)
     return np.swapaxes((window.T @ flat.view(np.float64)).view(np.complex128).reshape(-1, n, e, e), 0, 1)
