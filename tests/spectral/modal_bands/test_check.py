@@ -1,10 +1,12 @@
 """Modes at the border of a band, steady envelopes, and other explanations of a band."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from windsysid.spectral.modal_bands.check import explanations, is_spurious, variation
+from windsysid.spectral.modal_bands.check import ENVELOPES, explanations, is_spurious, variation
 from windsysid.spectral.modal_bands.limits import MAX_STEADINESS
 from windsysid.spectral.modal_bands.model import Modes
 from windsysid.spectral.modal_bands.model_order import BandFit, fit_band
@@ -39,6 +41,18 @@ def test_an_envelope_is_steady_under_a_load_of_constant_amplitude_only():
         steady.append(variation(found, 0)[0])
     assert steady[0] < 0.5
     assert steady[1] == pytest.approx(MAX_STEADINESS)
+
+
+def test_motions_of_a_long_record_are_drawn_one_after_the_other():
+    """All at once a day of four channels needed 4 GB."""
+    found = fit_band(transform(vibration(4), RATE)[1][BINS], BINS, SAMPLES, RATE, 1, 1)
+    variation(found, 0)
+    tracemalloc.start()
+    try:
+        variation(found, 0)
+        assert tracemalloc.get_traced_memory()[1] < ENVELOPES * len(found.values) * np.complex128().nbytes
+    finally:
+        tracemalloc.stop()
 
 
 def test_gusts_are_no_steady_amplitude():

@@ -165,12 +165,14 @@ def variation(found: BandFit, j: int) -> tuple[float, float]:
     if kept.sum() < MIN_BAND_BINS:
         return 1.0, 1.0
     measured = (found.values[kept] @ np.linalg.pinv(found.directions).T) @ along.conj()
-    normal = np.random.default_rng(0).normal(size=(ENVELOPES, 2 * len(measured))).view(np.complex128)
     length = found.bins.sum() / (band.counts @ band.frequency)
     pole = complex(modes.frequency[j] * length * (1j - modes.damping[j]))
-    transformed = np.vstack([measured, normal * np.sqrt(whole[rows][kept])]) * (1.0 - background / whole)[rows][kept]
-    variations = _variations(transformed, found.bins[kept], pole)
-    (amplitude, phase, power), drawn = variations[:, 0], variations[:, 1:]
+    std, filtered = np.sqrt(whole[rows][kept]), (1.0 - background / whole)[rows][kept]
+    amplitude, phase, power = _variations(measured * filtered, found.bins[kept], pole)
+    rng, drawn = np.random.default_rng(0), np.empty((3, ENVELOPES))
+    for k in range(ENVELOPES):  # one at a time: of a day each has 100 MB
+        normal = rng.normal(size=2 * len(std)).view(np.complex128)
+        drawn[:, k] = _variations(normal * std * filtered, found.bins[kept], pole)
     (size, turn, usual_power), (std, turn_std, _) = drawn.mean(axis=1), drawn.std(axis=1)
     usual, spread, turned, turned_spread = limits.MACHINE_VARIATIONS
     share, rise, uneven = limits.LEVEL_VARIATION
@@ -188,25 +190,26 @@ def _normal(x: float, mean: float, std: float) -> float:
 
 
 def _variations(transforms: Complex, bins: NDArray[np.int64], pole: complex) -> Array:
-    """Measures (3, …) of motions by their transforms (…, k) at some bins: ln of the envelope's coefficient of
-    variation, ln of the variance of the load on a mode in phase with its motion over that in quadrature, and ln of the
-    mean of the squared power over the squared mean.
+    """Measures (3,) of a motion by its transforms (k,) at some bins: ln of the envelope's coefficient of variation, ln
+    of the variance of the load on a mode in phase with its motion over that in quadrature, and ln of the mean of the
+    squared power over the squared mean.
 
     Random loads have equal variances; if the frequency of a load varies, its phase varies more than its amplitude.
     """
     motion, load = _motion(transforms, bins), _motion(transforms * (1j * bins - pole), bins)
     size = np.abs(motion)
     relative = load * motion.conj() / size
-    amplitude = np.log(size.std(axis=-1) / size.mean(axis=-1))
-    phase = np.log(relative.real.var(axis=-1) / np.mean(relative.imag**2, axis=-1))
-    return np.array([amplitude, phase, np.log(np.mean(size**4, axis=-1) / np.mean(size**2, axis=-1) ** 2)])
+    phase = np.log(relative.real.var() / np.mean(relative.imag**2))
+    return np.array([np.log(size.std() / size.mean()), phase, np.log(np.mean(size**4) / np.mean(size**2) ** 2)])
 
 
 def _motion(transforms: Complex, bins: NDArray[np.int64]) -> Complex:
-    """Complex amplitude (…, T) over time by transforms (…, k) at some bins (k,), without its ends, which the taper
-    changes."""
-    grid = np.zeros((*transforms.shape[:-1], int(bins[-1] - bins[0]) + 1), dtype=np.complex128)
-    grid[..., bins - bins[0]] = transforms
-    motion = np.fft.ifft(grid, 4 * grid.shape[-1])
-    cut = motion.shape[-1] // 16
-    return np.asarray(motion[..., cut : motion.shape[-1] - cut])
+    """Complex amplitude (T,) over time by transforms (k,) at some bins, without its ends, which the taper changes."""
+    from scipy.fft import ifft, next_fast_len
+
+    size = int(bins[-1] - bins[0]) + 1
+    grid = np.zeros(next_fast_len(4 * size), dtype=np.complex128)
+    grid[bins - bins[0]] = transforms
+    motion = ifft(grid, overwrite_x=True)
+    cut = len(motion) // 16
+    return np.asarray(motion[cut : len(motion) - cut])

@@ -72,8 +72,8 @@ def find_peaks(frequency: Array, values: Complex, low: float, high: float) -> li
         for level in np.log(np.maximum(levels.T, 1e-300)):
             heights = level.tolist()
             for i in _maxima(level):
-                valley = heights[i] - max(_valley(heights, i, -1), _valley(heights, i, 1))
-                if valley <= CONFLICT_SIGMAS * scatter[i]:
+                depth = CONFLICT_SIGMAS * float(scatter[i])
+                if not (_falls(heights, i, -1, depth) and _falls(heights, i, 1, depth)):
                     continue
                 rise = (level[i] - np.median(level[slice(*around[i])])) / scatter[i]
                 if rise >= MAX_CHANCE_SIGMAS:
@@ -195,13 +195,14 @@ def _maxima(level: Array) -> list[int]:
     return (1 + np.flatnonzero((inner >= level[:-2]) & (inner > level[2:]))).tolist()
 
 
-def _valley(level: Sequence[float], i: int, way: int) -> float:
-    """The least level on one side, as far as nothing is higher than at i."""
-    least, k = level[i], i + way
+def _falls(level: Sequence[float], i: int, way: int, depth: float) -> bool:
+    """True if the level falls on one side by more than a depth below that at i before anything is higher."""
+    k = i + way
     while 0 <= k < len(level) and level[k] <= level[i]:
-        least = min(least, level[k])
+        if level[i] - level[k] > depth:
+            return True
         k += way
-    return least
+    return False
 
 
 def _half_width(centre: Array, level: Array, i: int) -> float:

@@ -56,13 +56,11 @@ def find_lines(values: Array, rate: float, low: float, high: float) -> list[floa
     chance = FALSE_ALARM_PROBABILITY / max(1, samples // 2 * channels)
     limit = (TAPER_COUNT - 1) * (chance ** (-1.0 / (TAPER_COUNT - 1)) - 1.0)  # of F with 2 and 2 (TAPERS − 1) degrees
     for column in values.T:
-        tapered = tapers * column
-        ratio = _ratio(rfft(tapered, size, axis=1)[:, inside], sums)
+        ratio = _ratio(np.array([rfft(taper * column, size)[inside] for taper in tapers]), sums)
         peaks = np.flatnonzero((ratio > limit / MAX_STATISTIC_LOSS) & (ratio == maximum_filter1d(ratio, 5)))
         for i in peaks[np.argsort(ratio[peaks])[::-1][:MAX_REFINED]]:
             near = frequency[inside][i] + rate / size * np.linspace(-0.5, 0.5, 9)  # a line between bins is seen less
-            wave = np.exp(-2j * np.pi * np.outer(np.arange(samples) / rate, near))
-            fine = _ratio(tapered @ wave, sums)
+            fine = np.array([steadiness(column, rate, f) for f in near])
             if fine.max() > limit:
                 found.append((float(fine.max()), float(near[np.argmax(fine)])))
     lines: list[float] = []
@@ -94,14 +92,14 @@ def steadiness(values: Array, rate: float, frequency: float) -> float:
     """Thomson's F of a steady sine at a frequency [Hz] of values (T,): some 1 without one, of white noise beyond 40 at
     one frequency in 200 000."""
     tapers, sums = _tapers(len(values))
-    wave = np.exp(-2j * np.pi * frequency * np.arange(len(values)) / rate)
-    return float(_ratio((tapers * values) @ wave[:, None], sums)[0])
+    shifted = values * np.exp(-2j * np.pi * frequency * np.arange(len(values)) / rate)
+    return float(_ratio((tapers @ shifted.real + 1j * (tapers @ shifted.imag))[:, None], sums)[0])
 
 
 def _ratio(spectra: Complex, sums: Array) -> Array:
     """The F statistic (F,) of tapered transforms (TAPERS, F)."""
     mean = sums @ spectra / (sums @ sums)
-    left = np.sum(np.abs(spectra - sums[:, None] * mean[None]) ** 2, axis=0)
+    left = sum(np.abs(one - total * mean) ** 2 for one, total in zip(spectra, sums, strict=True))
     return np.asarray((TAPER_COUNT - 1) * np.abs(mean) ** 2 * (sums @ sums) / np.maximum(left, 1e-300))
 
 
