@@ -10,6 +10,7 @@ import hashlib
 import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -25,7 +26,6 @@ from windsysid.identification.model.agreement import compare, shifts_to
 from windsysid.identification.model.fit import Outcome
 from windsysid.loads.narrow_band import NarrowBand
 from windsysid.loads.rotor_wind import RotorWind
-from windsysid.records.kept import kept_with_record
 from windsysid.records.record import Record
 from windsysid.results.finding import Finding
 from windsysid.spectral.transforms.harmonics import without_line
@@ -96,11 +96,8 @@ class _Influence(NamedTuple):
         return Finding(code, "reason", data, (self.name,))
 
 
-@kept_with_record
-def _known_influences(record: Record) -> list[tuple[Turbine, tuple[Any, ...], _Influence | None]]:
-    """Influences on fits of one turbine to a record: filters and spectra that read the same have the same. The list
-    grows as they are computed."""
-    return []
+_KNOWN: WeakKeyDictionary[Record, list[tuple[Turbine, tuple[Any, ...], _Influence | None]]] = WeakKeyDictionary()
+"""Influences on fits of one turbine to a record: filters and spectra that read the same have the same."""
 
 
 def _influence(job: Job, fit: FittedJob, frequency: float, neighbours: int = 0) -> _Influence | None:
@@ -110,7 +107,7 @@ def _influence(job: Job, fit: FittedJob, frequency: float, neighbours: int = 0) 
     loads = name if name in (RotorWind.name, NarrowBand.name) else "broadband"
     digest = hashlib.sha256(read.values.tobytes()).digest()
     key = digest, read.rate, read.channels, frequency, neighbours, loads, fit.prior, fit.sensors, job.parameters
-    known = _known_influences(job.record)
+    known = _KNOWN.setdefault(job.record, [])
     for turbine, known_key, influence in known:
         if turbine is job.turbine and known_key == key:
             return influence
