@@ -91,6 +91,16 @@ def test_one_that_the_readings_cannot_tell_from_a_mode_widens_the_interval(
 
 
 @pytest.mark.slow
+def test_a_rotor_with_a_narrow_band_in_one_direction_is_right(monkeypatch: pytest.MonkeyPatch):
+    """A coefficient of grade A or B was 4.7 standard deviations off."""
+    kind = Scenario("loads", plus_narrow_band(1.7, 0.02, 0.25, (1,)))
+    monkeypatch.setitem(SCENARIOS, "band on the support", kind)
+    found = identify_one("band on the support", 9301)
+    assert max(map(abs, found["z"])) < 3.0
+    assert found["trusted"]
+
+
+@pytest.mark.slow
 def test_a_rotor_on_its_support_is_asked_too(monkeypatch: pytest.MonkeyPatch):
     """Trusted, and eight standard deviations off."""
     kind = Scenario("loads", plus_narrow_band(1.8, 0.02, 0.25, (0, 1)))
