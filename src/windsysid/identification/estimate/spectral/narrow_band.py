@@ -144,16 +144,14 @@ def fit_narrow_band(
     """
     if not narrow_band_statistics(question.turbine, question.loads):
         return None
-    posed = pose_lifted(question, NarrowBand.name, broad.bands)
-    overlap = found.model.overlap
+    posed, overlap = pose_lifted(question, NarrowBand.name, broad.bands), found.model.overlap
     posed = posed._replace(model=posed.model._replace(overlap=overlap))
-    rough = _ends(question, posed, _starts(question, found, posed.model), rough=True)
+    rough = _rough_ends(question, posed, broad, found)
     if not rough:
         return None
     worth = rough[0].log_evidence if requested else max(rough[0].log_evidence, found.log_evidence + STRONG_LOG_ODDS)
     near = [end.unknowns for end in rough if worth - end.log_evidence < MAX_START_LOG_ODDS]
-    ends = _ends(question, posed, near) or rough[:1]
-    ends = [end._replace(log_evidence=end.evidence_at(overlap)) for end in ends]
+    ends = [end._replace(log_evidence=end.evidence_at(overlap)) for end in _ends(question, posed, near) or rough[:1]]
     ends.sort(key=lambda end: -end.log_evidence)
     gain = ends[0].log_evidence - found.log_evidence
     fitted = NarrowBandFit(posed, ends[0], gain, *_off(question, found, ends[0]))
@@ -185,29 +183,33 @@ def _data(rival: Rival) -> tuple[dict[str, Any], tuple[str, ...]]:
 
 def note_narrow_band(found: NarrowBandFit) -> Finding:
     """Note on a narrow-band load that a result includes."""
-    levels = [one for one in found.statistics if one.kind == "narrow-band level"]
-    loudest = max(levels, key=lambda one: found.values[one.name])
-    data = {
-        "rms": found.values[loudest.name], "unit": loudest.unit, "load": loudest.of,
-        "frequency": found.values[FREQUENCY], "width": found.values[WIDTH],
-    }  # fmt: skip
-    return Finding("narrow_band_load", "note", data)
+    at, levels = found.values, [one for one in found.statistics if one.kind == "narrow-band level"]
+    loudest = max(levels, key=lambda one: at[one.name])
+    load = {"rms": at[loudest.name], "unit": loudest.unit, "load": loudest.of}
+    return Finding("narrow_band_load", "note", load | {"frequency": at[FREQUENCY], "width": at[WIDTH]})
+
+
+def _rough_ends(question: RotorQuestion, posed: Posed, broad: Posed, found: RotorFit) -> list[RotorFit]:
+    """Ends of rough searches, as `found` and what the load changes in the same bins: half of the bins and all of them
+    differ by tens in log evidence, and by chance in the coefficients."""
+    alone = fit(broad.model._replace(overlap=found.model.overlap), found.unknowns, FIRST_STAGES, rough=True)
+    ends = _ends(question, posed, _starts(question, found, posed.model), rough=True)
+    rest, theta = found.log_evidence - alone.log_evidence, found.model.unknowns.of("parameters")
+    off = np.zeros(len(posed.start))
+    off[theta] = found.unknowns[theta] - alone.unknowns[theta]
+    return [end._replace(log_evidence=end.log_evidence + rest, unknowns=end.unknowns + off) for end in ends]
 
 
 def _ends(question: RotorQuestion, posed: Posed, starts: Sequence[Array], *, rough: bool = False) -> list[RotorFit]:
     """Ends of the searches, the best first; ends with equal coefficients count as one. A rough search evaluates
     at every other bin, and not at what the taper adds."""
-    found = list[RotorFit]()
+    found, ends = list[RotorFit](), list[RotorFit]()
+    last: dict[str, Any] = {"stages": WHOLE, "smoothed": posed.smoothed, "enough": ROUGH_TOLERANCE}
+    how = {"stages": FIRST_STAGES, "rough": True} if rough else last
     for start in starts:
         with suppress(np.linalg.LinAlgError):  # no spectrum there
-            found.append(
-                fit(posed.model, start, FIRST_STAGES, rough=True)
-                if rough
-                else fit(posed.model, start, WHOLE, posed.smoothed, enough=ROUGH_TOLERANCE)
-            )
-    ends = list[RotorFit]()
-    with_prior = [_with_prior(question, posed, end) for end in found]
-    for end in sorted(with_prior, key=lambda end: -end.log_evidence):
+            found.append(_with_prior(question, fit(posed.model, start, **how)))
+    for end in sorted(found, key=lambda end: -end.log_evidence):
         # negative damping of a support has the spectra of positive damping
         is_image = (end.unknowns[_support_damping(question)] < 0.0).any()
         off = (max(map(abs, _off(question, other, end)[0].values())) for other in ends)
@@ -222,11 +224,9 @@ def _support_damping(question: RotorQuestion) -> list[int]:
     return [i for i, q in enumerate(question.parameters) if q.kind == "damping" and q.part in supports]
 
 
-def _with_prior(question: RotorQuestion, posed: Posed, end: RotorFit) -> RotorFit:
+def _with_prior(question: RotorQuestion, end: RotorFit) -> RotorFit:
     """A fit whose log evidence includes the log prior odds of a narrow-band load at its frequency."""
-    narrow = narrow_band_statistics(question.turbine, question.loads)
-    load = values_of(narrow, posed.model.split_statistics(end.unknowns)[0][-len(narrow) :])
-    odds = odds_of("narrow_band_load", question.turbine, load[FREQUENCY])
+    odds = odds_of("narrow_band_load", question.turbine, _frequency_of(end))
     return end._replace(log_evidence=end.log_evidence + math.log(odds))
 
 
