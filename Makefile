@@ -24,8 +24,10 @@ test: $(VENV)/.core
 kernels: $(VENV)/.core
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.compile_kernels
 
+# Both workers would rewrite every test's assertions to print their values: only tests that fail are run again with them.
 tests: kernels $(VENV)/.installed
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal -q
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal -q --assert=plain \
+	  || { $(BIN)/python -m pytest -q --last-failed --last-failed-no-failures none; exit 1; }
 
 test-all: lint types $(VENV)/.notebooks
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile -q -m "slow or not slow"

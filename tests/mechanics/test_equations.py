@@ -1,9 +1,20 @@
-"""Kinds of parameters, told from the equations."""
+"""Derivatives of expressions, and kinds of parameters, told from the equations."""
 
 import sympy as sp
 
-from tests.mechanics.models import bouc_wen, chain, duffing
-from windsysid.mechanics.equations import Equations
+from tests.mechanics.models import bouc_wen, chain, duffing, symbols
+from windsysid.mechanics.equations import Equations, derivative
+
+
+def test_derivatives_are_those_of_sympy_in_the_same_form():
+    x, v, a, t = symbols("x v a t")
+    branch = sp.Piecewise((x**2 * v, x > 0), (v, True))
+    for expression in (
+        2 * (x + v) * sp.sin(a * x) * t, x**2 * v - 3 * sp.cos(x * t) ** 2, branch + branch * a,
+        abs(x) ** a * sp.exp(v * x), x * v * x**a / (1 + x), sp.Max(x, v) * x, sp.Function("f")(x) * x, sp.Integer(3),
+    ):  # fmt: skip
+        for symbol in (x, v, a, t):
+            assert sp.srepr(derivative(expression, symbol)) == sp.srepr(sp.diff(expression, symbol))
 
 
 def roles(model: Equations) -> dict[str, tuple[str, str]]:

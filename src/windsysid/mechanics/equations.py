@@ -11,8 +11,9 @@ one way to write M, F and f; `lagrange` is that way.
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from keyword import iskeyword
+from math import prod
 from typing import Any
 
 import sympy as sp
@@ -21,7 +22,7 @@ from sympy.core.function import AppliedUndef
 from windsysid.errors import ConfigurationError
 from windsysid.mechanics.model import Kind
 
-__all__ = ["MATH", "Equations", "lagrange", "total_derivative"]
+__all__ = ["MATH", "Equations", "derivative", "lagrange", "total_derivative"]
 
 MATH = (
     "acos", "asin", "atan", "atan2", "copysign", "cos", "cosh", "erf", "exp", "log", "nan", "pi", "sin", "sinh",
@@ -199,9 +200,30 @@ def _expression(value: Any, what: str) -> sp.Expr:
     return found
 
 
+@lru_cache(maxsize=20_000)
+def _symbols(expression: sp.Basic) -> frozenset[sp.Basic]:
+    """Symbols in an expression."""
+    parts = expression.args
+    return frozenset[sp.Basic]().union(*(map(_symbols, parts) if parts else [expression.free_symbols]))
+
+
+@lru_cache(maxsize=20_000)
+def derivative(expression: sp.Expr, symbol: sp.Symbol) -> sp.Expr:
+    """∂`expression`/∂`symbol` as of `sympy.diff`, which looks for the symbol in all parts of each part anew."""
+    parts = expression.args
+    if symbol not in _symbols(expression):
+        return sp.S.Zero
+    if expression.is_Add:
+        return sp.Add(*(derivative(part, symbol) for part in parts))
+    if not expression.is_Mul:
+        return sp.diff(expression, symbol)
+    slopes = ((i, derivative(part, symbol)) for i, part in enumerate(parts))
+    return sp.Add(*(prod((*parts[:i], slope, *parts[i + 1 :]), start=sp.S.One) for i, slope in slopes if slope != 0))
+
+
 def total_derivative(expression: sp.Expr, rates: Mapping[sp.Symbol, sp.Expr]) -> sp.Expr:
     """The time derivative of `expression` by the chain rule, given the rate of everything in it that moves."""
-    return sp.Add(*(sp.diff(expression, symbol) * rate for symbol, rate in rates.items()))
+    return sp.Add(*(derivative(expression, symbol) * rate for symbol, rate in rates.items()))
 
 
 def lagrange(
@@ -263,30 +285,13 @@ def lagrange(
     dissipation = _expression(dissipation, f"dissipation of model '{name}'")
     inputs = {symbol: _expression(rate, f"inputs of model '{name}'") for symbol, rate in inputs.items()}
     loads = [_expression(load, f"loads of model '{name}'") for load in loads]
-    q = [c[0] for c in coordinates]
-    v = [c[1] for c in coordinates]
-    a = [c[2] for c in coordinates]
-    momentum = [sp.diff(lagrangian, rate) for rate in v]
-    mass = sp.Matrix(len(q), len(q), lambda i, j: sp.diff(momentum[i], v[j]))
+    q, v, a = ([triple[i] for triple in coordinates] for i in range(3))
+    momentum = [derivative(lagrangian, rate) for rate in v]
+    mass = sp.Matrix(len(q), len(q), lambda i, j: derivative(momentum[i], v[j]))
     known_rates: dict[sp.Symbol, sp.Expr] = dict(zip(q, v, strict=True)) | inputs
-    force = sp.Matrix(
-        len(q),
-        1,
-        lambda i, _: (
-            sp.diff(lagrangian, q[i])
-            - total_derivative(momentum[i], known_rates)
-            - sp.diff(dissipation, v[i])
-            + loads[i]
-        ),
-    )
-    return Equations(
-        name=name,
-        states=(*q, *v),
-        inputs=tuple(inputs),
-        parameters=tuple(parameters),
-        loads=tuple(loads),
-        rates=(*v, *a),
-        accelerations=tuple(a),
-        mass=mass,
-        force=force.applyfunc(sp.expand),
-    )
+    force = [
+        derivative(lagrangian, x) - total_derivative(p, known_rates) - derivative(dissipation, rate) + load
+        for x, rate, p, load in zip(q, v, momentum, loads, strict=False)
+    ]
+    F = sp.Matrix(len(force), 1, [sp.expand(row) for row in force])
+    return Equations(name, (*q, *v), tuple(inputs), tuple(parameters), tuple(loads), (*v, *a), tuple(a), mass, F)

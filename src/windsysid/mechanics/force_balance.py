@@ -81,14 +81,8 @@ class ForceRegression(Model):
         from windsysid.mechanics.equations import Equations
 
         names = [f"phi_{j}_{i}" for j in range(self.rows) for i in range(len(self.parameters))]
-        return Equations(
-            name="force_balance",
-            states=(),
-            inputs=tuple(sp.Symbol(name, real=True) for name in names),
-            parameters=tuple(sp.Symbol(name, real=True) for name in self.parameters),
-            loads=(),
-            rates=(),
-        )
+        inputs, parameters = (tuple(sp.Symbol(name, real=True) for name in of) for of in (names, self.parameters))
+        return Equations("force_balance", (), inputs, parameters, (), ())
 
     def readings(self, sensors: Sequence[object]) -> "list[sp.Expr]":
         """Φ θ of each degree of freedom."""

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import sympy as sp
 
 from windsysid.errors import ConfigurationError
-from windsysid.mechanics.equations import MATH, Equations
+from windsysid.mechanics.equations import MATH, Equations, derivative
 from windsysid.mechanics.sensors import instrument_parameters
 
 if TYPE_CHECKING:
@@ -172,14 +172,14 @@ def _slopes(
             (group, i, j): slope
             for group, j, symbol in columns
             for i, row in enumerate(rows)
-            if (slope := sp.diff(row, symbol)) != 0
+            if (slope := derivative(row, symbol)) != 0
         }
 
     through = {
         (i, k): slope
         for i, output in enumerate(outputs)
         for k in range(n if groups else 0)
-        if (slope := sp.diff(output, a[k])) != 0
+        if (slope := derivative(output, a[k])) != 0
     }
     return _Slopes(nonzero(residual), nonzero(outputs), through)
 
