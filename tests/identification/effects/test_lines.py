@@ -8,8 +8,9 @@ from tests.identification.fits import CHANNELS, RATE, TOWER, fitted, job_of, noi
 from windsysid.checks.lines import may_be_no_line
 from windsysid.identification.effects import lines
 from windsysid.identification.effects.lines import RotorHarmonic, Sinusoid
+from windsysid.identification.effects.regression import MAX_REVISIONS
 from windsysid.identification.effects.sinusoid import Sine
-from windsysid.identification.effects.sinusoidal_force import Sinusoids
+from windsysid.identification.effects.sinusoidal_force import SineForce, Sinusoids
 from windsysid.records.record import Record
 
 HZ = 0.36
@@ -77,3 +78,13 @@ def test_rotor_harmonics_are_not_tested_on_spectra():
 def test_frequencies_within_two_percent_of_a_harmonic_turn_with_the_rotor(hz: float, turns: bool):
     assert may_be_no_line(np.array([hz]), [], 0.2, 1e-3) == [turns]
     assert not may_be_no_line(np.array([hz]), [], 0.0, 1e-3)
+
+
+@pytest.mark.parametrize(("revisions", "again"), [(0, 1), (MAX_REVISIONS - 1, 1), (MAX_REVISIONS, 0)])
+def test_forces_are_estimated_again_so_many_times(monkeypatch: pytest.MonkeyPatch, revisions: int, again: int):
+    record, sine, calls = with_tone(0.0), Sine(HZ, on_blades=False), []
+    monkeypatch.setattr(lines, "linearise", lambda *of: calls.append(of))
+    forces = (SineForce(sine, "load_side_side", "N", 1.0, 0.0, 0.1),)
+    job = job_of(record).including(Sinusoids((sine,), forces, revisions=revisions))
+    assert RotorHarmonic().detect(job, fitted(record)).inclusion is None
+    assert len(calls) == again

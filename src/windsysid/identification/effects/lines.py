@@ -11,9 +11,11 @@ from windsysid.checks.limits import HARMONIC_HALF_WIDTH_BINS, LINE_SEARCH_FACTOR
 from windsysid.checks.lines import Line, may_be_no_line
 from windsysid.checks.verdict import found_line
 from windsysid.filters import EKF
-from windsysid.identification.effects.sinusoid import Sine, find_sine, find_turning, one_turn, turned
-from windsysid.identification.effects.sinusoidal_force import Sinusoids, forces_of
+from windsysid.identification.effects.regression import MAX_REVISIONS
+from windsysid.identification.effects.sinusoid import Sine, find_sine, find_turning, one_turn, turned, ways_of
+from windsysid.identification.effects.sinusoidal_force import SineForce, Sinusoids, find_forces, step_of
 from windsysid.identification.estimate.fitted.influence import doubt_line, doubt_sine, doubt_standing_out
+from windsysid.identification.estimate.fitted.linearisation import linearise
 from windsysid.identification.estimate.fitted.modal_residuals import line_of, no_narrower
 from windsysid.identification.estimate.fitted.modes import modes_of
 from windsysid.identification.estimate.time_domain import where_it_ended
@@ -24,6 +26,7 @@ from windsysid.identification.model.prior import Prior
 from windsysid.identification.model.prior_odds import odds_of
 from windsysid.identification.model.turbine_problem import pose
 from windsysid.loads.family import Broadband
+from windsysid.records.record import Record
 from windsysid.results.finding import Finding
 from windsysid.spectral.transforms.harmonics import find_lines
 from windsysid.turbine.turbine import Turbine
@@ -63,7 +66,7 @@ class RotorHarmonic(Effect):
     code = "rotor_harmonic"
 
     def detect(self, job: Job, fit: FittedJob) -> Detection:
-        """Test innovations at nP; masses that are off may be an imbalance."""
+        """Test innovations at nP; masses that are off may be an imbalance. Then settle the amplitudes of forces."""
         if not job.filtered:
             return Detection(fit)
         known = job.inclusion(Sinusoids)
@@ -73,7 +76,8 @@ class RotorHarmonic(Effect):
             turn = one_turn(fit.read, job.turbine, fit.sensors)
             left += [turn] if turn is not None else []  # an imbalance looks like blades of other masses
         new = _unknown(left, known, job.part.duration)
-        return _as_forces(job, fit, judged, (*_sines(known), *new)) if new else Detection(judged)
+        found = _with_amplitudes(job, fit, known or Sinusoids(()), new)
+        return Detection(judged, found, math.inf, fit) if found is not None else Detection(judged)
 
 
 def harmonics_of_spectra(job: Job, fit: FittedJob) -> Sinusoids | None:
@@ -167,9 +171,33 @@ def _unknown(found: Sequence[Sine], known: Sinusoids | None, duration: float) ->
     return new
 
 
+def _with_amplitudes(job: Job, fit: FittedJob, known: Sinusoids, new: Sequence[Sine]) -> Sinusoids | None:
+    """New and known sinusoids as forces, after Newton's step of their amplitudes and a fit's unknowns together; None
+    where there is none, or none that an estimate depends on."""
+    at = linearise(job, fit) if new or (known.forces and known.revisions < MAX_REVISIONS) else None
+    if at is None:
+        return None
+    record = job.resampled().record
+    forces, shift, widening = step_of(_before(known, new, fit, record), at, record)
+    if not (new or at.depends_on(shift)):
+        return None
+    revisions = 0 if new else known.revisions + 1
+    return Sinusoids((*known.sines, *new), forces, widenings={"forces": widening}, revisions=revisions)
+
+
+def _before(known: Sinusoids, new: Sequence[Sine], fit: FittedJob, record: Record) -> list[SineForce]:
+    """Known forces, but for images of new ones on the blades, and new ones on the support, of size zero."""
+    turbine, apart = fit.outcome.turbine, HARMONIC_HALF_WIDTH_BINS / record.duration
+    ways = {one: ways_of(one.sine, record, turned(record, turbine, fit.sensors)) for one in known.forces}
+    kept = [one for one in ways if not any(way.same_as(sine, apart) for way in ways[one] for sine in new)]
+    loads = [one for one in turbine.model.freedoms if not one.blade and one.load not in record]
+    return kept + [SineForce(sine, one.load, one.load_unit, 0.0, 0.0, 0.0) for sine in new for one in loads]
+
+
 def _as_forces(job: Job, fit: FittedJob, judged: FittedJob, sines: tuple[Sine, ...]) -> Detection:
     """Sinusoids as forces, as strong as the innovations of the fit tell."""
     at = job.without(Sinusoid.code).resampled()
-    prior = job.prior or Prior()
-    forces = forces_of(sines, fit.outcome, at.record, job.turbine, at.sensors, prior, job.parameters)
+    of = at.record, job.turbine, at.sensors, job.prior or Prior(), job.parameters
+    problem = pose(*of, fit.outcome.hypothesis)
+    forces = find_forces(problem, where_it_ended(fit.outcome, problem), at.record, sines)
     return Detection(judged, Sinusoids(sines, tuple(forces)), math.inf, fit)

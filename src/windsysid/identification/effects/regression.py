@@ -16,7 +16,6 @@ from windsysid.checks.limits import FALSE_ALARM_PROBABILITY
 from windsysid.identification.effects.score_test import RegressorCandidate, ScoreTest, promising, score_tests
 from windsysid.identification.estimate.fitted.linearisation import Linearisation, RegressorColumn, linearise
 from windsysid.identification.job import FittedJob, Job
-from windsysid.identification.limits import MIN_SHIFT_SIGMAS, NEGLIGIBLE_SHIFT_SIGMAS
 from windsysid.identification.model.effect import Detection, Effect
 from windsysid.identification.model.prior_odds import odds_of
 from windsysid.identification.model.regressor import Regressors, Term
@@ -65,7 +64,7 @@ class Regression(Effect):
         for one in settling:  # a fit that lacked it bends its size: sizes settle first
             known_of = _known(job, self.effects[one.candidate.code])
             revised = known_of.revisions[one.candidate.channel] >= MAX_REVISIONS
-            if not revised and (_is_other_std(known_of, one) or _matters(at, one)):
+            if not revised and (_is_other_std(known_of, one) or at.depends_on(one.shift)):
                 return Detection(fit, self._with(job, at, fit, one), 0.0, fit)
         odds = {code: odds_of(code, job.turbine) for code in self.effects}
         shared = sum(odds[one.code] for one in new)  # each test has its share of the probability
@@ -74,7 +73,7 @@ class Regression(Effect):
         if best is None or digits - math.log10(shared) < -math.log10(FALSE_ALARM_PROBABILITY):
             return Detection(fit)
         found = self._with(job, at, fit, best)
-        if not _matters(at, best):
+        if not at.depends_on(best.shift):
             return Detection(fit.noting(found.finding(best.candidate.channel, None)))
         return Detection(fit, found, digits, fit)
 
@@ -113,12 +112,6 @@ class Regression(Effect):
             before={channel: fit.outcome, **known.before},
             revisions={**known.revisions, channel: known.revisions.get(channel, -1) + 1},
         )
-
-
-def _matters(at: Linearisation, test: ScoreTest) -> bool:
-    """Test for a shift of an estimate, or of loads beyond the range of a first-order approximation."""
-    n, off = len(at.problem.parameters), np.abs(test.shift)
-    return bool(off[:n].max() > MIN_SHIFT_SIGMAS or off.max() > NEGLIGIBLE_SHIFT_SIGMAS)
 
 
 def _known(job: Job, effect: RegressorEffect) -> Regressors:

@@ -29,11 +29,14 @@ from windsysid._types import Array
 from windsysid.checks.limits import SCREENING_PROBABILITY
 from windsysid.identification.estimate.fitted.linearisation import Linearisation, RegressorColumn
 
-__all__ = ["RegressorCandidate", "ScoreTest", "log_tail_of_f", "promising", "score_tests"]
+__all__ = ["RegressorCandidate", "ScoreTest", "log_tail_of_f", "newton_step", "promising", "score_tests"]
 
 MIN_LEFT_SHARE = 0.05
 """Setting: share of the information on a regressor that the fit's unknowns leave at least: by a linearisation
 less is its own error."""
+
+MIN_LEFT_SHARE_OF_STEP = 0.01
+"""Setting: as `MIN_LEFT_SHARE`, of steps, of which the next corrects the error of the linearisation."""
 
 HANN_VARIANCE_FACTOR = 1.94
 """Numerical: variance of the mean of neighbouring frequencies under Hann's window, over that of independent ones."""
@@ -89,6 +92,17 @@ class ScoreTest(NamedTuple):
     widening: Array
 
 
+def newton_step(at: Linearisation, columns: Sequence[RegressorColumn]) -> tuple[Array, Array, Array, Array]:
+    """Step to the mode of regressors, or of changes of those that a fit includes, and its unknowns together: `size` φ̂,
+    `cov`, `shift` and `widening` as of `ScoreTest`. Λ is that of the sums: with the fit's, which is one step older, I
+    would be the difference of nearly equal numbers of different points."""
+    sums = at.sums(columns)
+    follow = np.linalg.solve(sums.own + np.linalg.inv(at.problem.wide_prior[1]), sums.mixed)
+    cov = _inverse_of_rest(sums.information, sums.mixed.T @ follow, MIN_LEFT_SHARE_OF_STEP)
+    size = cov @ sums.gradient
+    return size, cov, follow @ size / np.sqrt(np.diag(at.cov)), follow @ cov @ follow.T
+
+
 def promising(at: Linearisation, candidates: Sequence[RegressorCandidate]) -> list[RegressorCandidate]:
     """Candidates whose statistic with the fit's unknowns fixed is beyond `SCREENING_PROBABILITY`: I is seldom less than
     half of JᵀJ, and S is at most twice as large then."""
@@ -120,14 +134,14 @@ def score_tests(at: Linearisation, candidates: Sequence[RegressorCandidate]) -> 
     return found
 
 
-def _inverse_of_rest(information: Array, explained: Array) -> Array:
-    """The inverse (c, c) of information without the part that the fit's unknowns explain, at least `MIN_LEFT_SHARE` of
-    it in each direction."""
+def _inverse_of_rest(information: Array, explained: Array, least: float = MIN_LEFT_SHARE) -> Array:
+    """The inverse (c, c) of information without the part that the fit's unknowns explain, at least a share of it in
+    each direction."""
     values, axes = np.linalg.eigh(information)
     kept = values > 1e-12 * values[-1]
     root = axes[:, kept] / np.sqrt(values[kept])
     shares, axes = np.linalg.eigh(np.eye(root.shape[1]) - root.T @ explained @ root)
-    root = root @ axes / np.sqrt(np.maximum(shares, MIN_LEFT_SHARE))
+    root = root @ axes / np.sqrt(np.maximum(shares, least))
     return np.asarray(root @ root.T)
 
 

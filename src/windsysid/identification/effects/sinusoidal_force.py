@@ -5,16 +5,13 @@ act on, cosine and sine, a filter goes over the record once more, and least squa
 tell the amplitudes: generalised least squares, as innovations are white. The forces then act in the model as measured
 ones do, in addition to the loads that are not measured.
 
-What turns with the rotor turns as gravity and imbalance do. A search without the force has taken a part of it for
-masses, gains and axes that are off, within their tolerances, and would never give that back. So of sines at nP these
-tolerances are additional unknowns besides the amplitudes, held by their priors, and coefficients move with them as the
-search says; innovations count as far as they repeat in every turn.
+A search that saw no force at nP has taken a part of it for masses, gains and axes that are off. So the amplitudes of
+forces that a fit lacks or includes move with all its unknowns, by Newton's step, until no estimate depends on it.
 """
 
 import math
-from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -22,27 +19,18 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.checks.limits import CONFLICT_SIGMAS, HARMONIC_HALF_WIDTH_BINS
 from windsysid.filters import EKF
-from windsysid.filters.bank import bank_of, run_bank
+from windsysid.identification.effects.score_test import newton_step
 from windsysid.identification.effects.sinusoid import Sine, phase_of, turned, ways_of, without_sines
-from windsysid.identification.estimate.scoring import BANK_THREADS
-from windsysid.identification.estimate.time_domain import where_it_ended
+from windsysid.identification.estimate.fitted.linearisation import Linearisation, RegressorColumn
 from windsysid.identification.model.fit import PART_OF, Outcome
-from windsysid.identification.model.prior import Prior
-from windsysid.identification.model.turbine_problem import TurbineProblem, pose
+from windsysid.identification.model.turbine_problem import TurbineProblem
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
 from windsysid.results.finding import Finding
 from windsysid.statespace.compose import StateSpace
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["SineForce", "Sinusoids", "find_forces", "forces_of", "with_forces"]
-
-
-STEP_SIGMAS = 0.5
-"""Numerical: width of the slopes of innovations, in standard deviations of a tolerance."""
-
-MAX_HARMONIC = 8
-"""Setting: harmonics nP by which innovations that repeat in every turn are detected."""
+__all__ = ["SineForce", "Sinusoids", "find_forces", "step_of", "with_forces"]
 
 
 class SineForce(NamedTuple):
@@ -76,9 +64,7 @@ class SineForce(NamedTuple):
         return Finding("sinusoidal_force" if self.matters else "rotor_harmonic", "note", data)
 
 
-def find_forces(
-    problem: TurbineProblem, unknowns: Array, record: Record, sines: Sequence[Sine], *, along: Array, at: Array
-) -> list[SineForce]:
+def find_forces(problem: TurbineProblem, unknowns: Array, record: Record, sines: Sequence[Sine]) -> list[SineForce]:
     """Amplitudes of sinusoidal forces.
 
     A sine that was seen on the support may push the blades, and the other way round: what explains more is taken.
@@ -89,9 +75,6 @@ def find_forces(
         Where a search of the problem has ended, all but the clocks (n,).
     record
         The one that poses the problem.
-    along, at
-        How the unknowns move with each tolerance (n, t), and where the search has put these (t,), in standard
-        deviations of their priors.
     """
     model, psi = problem.build(unknowns), turned(record, problem.turbine, problem.sensors)
     columns, rms = model.inputs, {one.load: one.rms for one in problem.turbine.loads if one.load not in record}
@@ -115,70 +98,34 @@ def find_forces(
         best = max((push(way) for way in ways_of(sine, record, psi)), key=lambda one: one.explains(now.ravel()))
         if not any(best.sine.same_as(other.sine, HARMONIC_HALF_WIDTH_BINS / record.duration) for other in pushing):
             pushing.append(best)
-    free, turning = ([one for one in pushing if bool(one.sine.order) is turns] for turns in (False, True))
-    found = _amplitudes(free, now.ravel(), np.empty((now.size, 0)), np.empty(0))
-    if turning and psi is not None:
-        slopes = [
-            now - one for one in _innovations(problem, [unknowns + STEP_SIGMAS * direction for direction in along.T])
-        ]
-        repeats = _turns_again(psi)
-        again = [one._replace(changes=_again(repeats, one.changes.T, now.shape)) for one in turning]
-        found += _amplitudes(again, (repeats @ now).ravel(), _again(repeats, slopes, now.shape) / STEP_SIGMAS, at)
-    return found
+    C = np.hstack([one.changes for one in pushing])
+    cov = np.asarray(np.linalg.pinv(C.T @ C, hermitian=True), dtype=np.float64)
+    sizes = (cov @ (C.T @ now.ravel())).reshape(-1, 2)
+    return _sized([(one.sine, *load) for one in pushing for load in one.loads], sizes, cov)
 
 
-def forces_of(
-    sines: Sequence[Sine], near: Outcome, record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior,
-    chosen: Sequence[str] | None = None,
-) -> list[SineForce]:  # fmt: skip
-    """Amplitudes of sinusoidal forces at the end of a search, on any record, with any priors."""
-    problem = pose(record, turbine, sensors, prior, chosen, near.hypothesis)
-    mean, known, of = where_it_ended(near, problem), near.unknowns, problem.unknowns.of
-    at = mean[of("tolerances")]
-    along = np.zeros((len(mean), len(at)))
-    along[of("tolerances")] = np.eye(len(at))
-    if near.joint_cov is not None and len(at):
-        own = known.of("tolerances")
-        along[of("parameters")] = near.joint_cov[known.of("parameters"), own] @ np.linalg.inv(near.joint_cov[own, own])
-    return find_forces(problem, mean, record, sines, along=along, at=at)
+def step_of(
+    forces: Sequence[SineForce], at: Linearisation, record: Record
+) -> tuple[tuple[SineForce, ...], Array, Array]:
+    """Forces after Newton's step of their amplitudes and all unknowns of a fit, by how much these shift (n,) [standard
+    deviations], and what the uncertainty of the forces adds to their covariance (n, n)."""
+    psi, loads = turned(record, at.problem.turbine, at.problem.sensors), at.problem.model.compiled.loads
+    columns = [
+        RegressorColumn(at.readings.shape[1] + loads.index(one.load), lambda _, wave=wave: wave)
+        for one in forces
+        for wave in _waves(one.sine, record, psi)
+    ]
+    size, cov, shift, widening = newton_step(at, columns)
+    sizes = size.reshape(-1, 2) + [(one.cosine, one.quadrature) for one in forces]
+    return tuple(_sized([(one.sine, one.load, one.unit) for one in forces], sizes, cov)), shift, widening
 
 
-def _innovations(problem: TurbineProblem, points: Sequence[Array]) -> list[Array]:
-    """Of filters side by side at several unknowns (T, m), zero where a reading is missing."""
-    if not points:
-        return []
-    with ThreadPoolExecutor(BANK_THREADS) as pool:
-        scores = run_bank(bank_of([problem.build(one) for one in points]), problem.inputs, problem.readings, pool)[1]
-    return [np.nan_to_num(one) for one in np.moveaxis(scores.whitened, -1, 0)]
-
-
-def _turns_again(psi: Array) -> Array:
-    """Part of values (T, m) that repeats in every turn, as coefficients of orthonormal waves (2K + 1, T)."""
-    waves = [wave for order in range(1, MAX_HARMONIC + 1) for wave in (np.cos(order * psi), np.sin(order * psi))]
-    return np.asarray(np.linalg.qr(np.column_stack([np.ones(len(psi)), *waves]))[0].T)
-
-
-def _again(repeats: Array, changes: Sequence[Array] | Array, shape: tuple[int, ...]) -> Array:
-    """Part of n changes of shape (T, m) that repeats in every turn (K, n)."""
-    found = [(repeats @ np.reshape(change, shape)).ravel() for change in changes]
-    return np.column_stack(found) if found else np.empty((len(repeats) * shape[1], 0))
-
-
-def _amplitudes(pushing: "Sequence[_Pushing]", innovations: Array, slopes: Array, at: Array) -> list[SineForce]:
-    """Amplitudes of forces, by least squares of innovations (K,) on their changes with the forces, and with
-    tolerances (K, t) that are held by their priors, where a search has put them (t,)."""
-    if not pushing:
-        return []
-    C = np.hstack([*(one.changes for one in pushing), slopes])
-    first = C.shape[1] - len(at)
-    known = np.diag(np.concatenate([np.zeros(first), np.ones(len(at))]))
-    cov = np.linalg.pinv(C.T @ C + known, hermitian=True)
-    size = cov @ (C.T @ innovations - known @ np.concatenate([np.zeros(first), at]))
-    sizes, spread = size[:first].reshape(-1, 2), np.sqrt(np.diag(cov)[:first]).reshape(-1, 2).max(axis=1)
-    pushed = [(one.sine, *load) for one in pushing for load in one.loads]
+def _sized(pushed: Sequence[tuple[Sine, str, str]], sizes: Array, cov: Array) -> list[SineForce]:
+    """Forces on loads with their units, of cosine and quadrature (n, 2) and the covariance of these (2 n, 2 n)."""
+    spread = np.sqrt(np.diag(cov)).reshape(-1, 2).max(axis=1)
     return [
-        SineForce(sine, load, unit, float(cosine), float(quadrature), float(e))
-        for (sine, load, unit), (cosine, quadrature), e in zip(pushed, sizes, spread, strict=True)
+        SineForce(*one, float(cosine), float(quadrature), float(std))
+        for one, (cosine, quadrature), std in zip(pushed, sizes, spread, strict=True)
     ]
 
 
@@ -207,12 +154,16 @@ class Sinusoids:
     """Sinusoids that a record holds: as waves in its readings, or as forces where their strength is known.
 
     A filter of a rotor senses that channels have lost what belongs together where waves are subtracted from them one by
-    one; forces act in its equations. Spectra, and structures that do not turn, lose one frequency.
+    one; forces act in its equations. Spectra, and structures that do not turn, lose one frequency. What the uncertainty
+    of forces adds to the covariance of a fit's unknowns is in `widenings`; `revisions` counts how often the forces were
+    estimated again.
     """
 
     sines: tuple[Sine, ...]
     forces: tuple[SineForce, ...] = ()
     code: str = "sinusoid"
+    widenings: Mapping[str, Array] = field(default_factory=dict, compare=False)
+    revisions: int = 0
 
     def correct(
         self, record: Record, turbine: Turbine, sensors: Sequence[Sensor], *, filtered: bool

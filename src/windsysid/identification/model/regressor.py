@@ -134,6 +134,6 @@ def widening_of(effects: Sequence[object], n: int) -> Array:
     """Covariance that the uncertain sizes of included regressors add to n unknowns (n, n)."""
     total = np.zeros((n, n))
     for effect in effects:
-        for one in effect.widenings.values() if isinstance(effect, Regressors) else ():
+        for one in getattr(effect, "widenings", {}).values():
             total += one if one.shape == total.shape else 0.0
     return total

@@ -8,6 +8,7 @@ J_θ from filters at neighbouring unknowns, J from changes of the readings that 
 (`windsysid.filters.bank`). The sums that tests of φ need are added up over chunks of samples: memory is bounded.
 """
 
+import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -21,6 +22,7 @@ from windsysid.identification.estimate.clock_lag import shifted
 from windsysid.identification.estimate.scoring import BANK_THREADS, CHUNK_SAMPLES, DIFFERENCE_STEP_SIGMAS, neighbours
 from windsysid.identification.estimate.time_domain import where_it_ended
 from windsysid.identification.job import FittedJob, Job
+from windsysid.identification.limits import MIN_SHIFT_SIGMAS, NEGLIGIBLE_SHIFT_SIGMAS
 from windsysid.identification.model.prior import Prior
 from windsysid.identification.model.regressor import Waveform, widening_of
 from windsysid.identification.model.turbine_problem import TurbineProblem, pose
@@ -46,6 +48,8 @@ class RegressorSums(NamedTuple):
         Jᵀ J (c, c).
     mixed
         J_θᵀ J (n, c).
+    own
+        Fisher information on the unknowns at the same point (n, n): a fit has that of its last evaluation.
     energy
         Σ J² of each reading (m, c).
     """
@@ -53,6 +57,7 @@ class RegressorSums(NamedTuple):
     gradient: Array
     information: Array
     mixed: Array
+    own: Array
     energy: Array
 
 
@@ -95,6 +100,12 @@ class Linearisation:
         """Sums with all unknowns fixed, at a fraction of the cost."""
         return replace(self, cov=np.zeros((0, 0)))
 
+    def depends_on(self, shift: Array) -> bool:
+        """Test whether a shift (n,) [standard deviations] changes an estimate, or the rest beyond the range of a
+        first-order approximation."""
+        off = np.abs(shift)
+        return bool(off[: len(self.problem.parameters)].max() > MIN_SHIFT_SIGMAS or off.max() > NEGLIGIBLE_SHIFT_SIGMAS)
+
     def sums(self, columns: Sequence[RegressorColumn]) -> RegressorSums:
         """Add up the information of the innovations on columns."""
         n, m, c = len(self.cov), self.readings.shape[1], len(columns)
@@ -102,7 +113,7 @@ class Linearisation:
         beside = bank_of([self.problem.build(one) for one in neighbours(self.unknowns, widths)])
         along = bank_of([self.problem.build(self.unknowns)] * LANES, -(-c // LANES))
         waves = np.array([column.wave(self.time) for column in columns])
-        total = RegressorSums(np.zeros(c), np.zeros((c, c)), np.zeros((n, c)), np.zeros((m, c)))
+        total = RegressorSums(np.zeros(c), np.zeros((c, c)), np.zeros((n, c)), np.zeros((n, n)), np.zeros((m, c)))
         with ThreadPoolExecutor(BANK_THREADS) as pool:
             for first in range(0, len(self.time), CHUNK_SAMPLES):
                 part = slice(first, first + CHUNK_SAMPLES)
@@ -111,11 +122,13 @@ class Linearisation:
                 along, far = run_bank(along, *of, pool, self._changes(columns, waves[:, part]), respond=True)
                 z = near.whitened[..., 0]
                 J = far.responses.reshape(*z.shape, -1)[..., :c]
-                slopes = (near.whitened[..., 1:] - z[..., None]) / widths
+                slopes, of_log_std = ((one[..., 1:] - one[..., :1]) / widths for one in near[:2])
+                moved = np.concatenate([slopes, math.sqrt(2.0) * of_log_std], axis=1)
                 total = RegressorSums(
                     total.gradient + np.einsum("tmc,tm->c", J, z),
                     total.information + J.reshape(-1, c).T @ J.reshape(-1, c),
                     total.mixed + np.einsum("tmn,tmc->nc", slopes, J, optimize=True),
+                    total.own + np.tensordot(moved, moved, axes=((0, 1), (0, 1))),
                     total.energy + np.einsum("tmc,tmc->mc", J, J),
                 )
         return total
