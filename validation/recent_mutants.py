@@ -673,7 +673,7 @@ _FLEET_AND_MODES = (
     ),
     Mutant(
         "an envelope of a machine", "modal_bands/check.py",
-        "np.log(size.std(axis=-1) / size.mean(axis=-1))", "np.log(size.std(axis=-1) / size.std(axis=-1))",
+        "np.log(size.std() / size.mean())", "np.log(size.std() / size.std())",
         "a machine of constant amplitude is a mode",
     ),
     Mutant(
