@@ -27,7 +27,7 @@ kernels: $(VENV)/.core
 # Both workers would rewrite every test's assertions to print their values: only tests that fail are run again with them.
 tests: kernels $(VENV)/.installed
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal -q --assert=plain \
-	  || { $(BIN)/python -m pytest -q --last-failed --last-failed-no-failures none; exit 1; }
+	  || { OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q --last-failed --last-failed-no-failures none; exit 1; }
 
 test-all: lint types $(VENV)/.notebooks
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile -q -m "slow or not slow"

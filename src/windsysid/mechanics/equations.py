@@ -209,7 +209,8 @@ def _symbols(expression: sp.Basic) -> frozenset[sp.Basic]:
 
 @lru_cache(maxsize=20_000)
 def derivative(expression: sp.Expr, symbol: sp.Symbol) -> sp.Expr:
-    """∂`expression`/∂`symbol` as of `sympy.diff`, which looks for the symbol in all parts of each part anew."""
+    """∂`expression`/∂`symbol` as `sympy.diff`, which looks for the symbol in all parts of each part anew. With
+    floating-point numbers its form may differ."""
     parts = expression.args
     if symbol not in _symbols(expression):
         return sp.S.Zero

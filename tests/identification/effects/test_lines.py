@@ -88,3 +88,17 @@ def test_forces_are_estimated_again_so_many_times(monkeypatch: pytest.MonkeyPatc
     job = job_of(record).including(Sinusoids((sine,), forces, revisions=revisions))
     assert RotorHarmonic().detect(job, fitted(record)).inclusion is None
     assert len(calls) == again
+
+
+@pytest.mark.parametrize("measured", [False, True], ids=["a wave that is no force yet", "no load to push"])
+def test_a_new_harmonic_does_not_displace_a_wave_and_needs_a_load(monkeypatch: pytest.MonkeyPatch, measured: bool):
+    """A known wave was lost, and without a load the search for a force ended in an IndexError."""
+    record, wave, new = with_tone(0.0), Sine(2.0, on_blades=False), Sine(HZ, on_blades=False)
+    if measured:
+        loads = ("load_side_side", "load_fore_aft")
+        record = record.with_channels(dict.fromkeys(loads, (0.0 * record.time, "N")))
+    monkeypatch.setattr(lines, "_unknown", lambda *_: [new])
+    monkeypatch.setattr(lines, "_as_forces", lambda _job, _fit, _judged, sines: sines)
+    job = job_of(record)
+    job = job if measured else job.including(Sinusoids((wave,)))
+    assert RotorHarmonic().detect(job, fitted(record)) == ((new,) if measured else (wave, new))

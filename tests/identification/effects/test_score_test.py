@@ -1,7 +1,6 @@
 """Rao's score test: its level on records without an effect, its power, and its influence against a refit."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -208,8 +207,7 @@ class Summed:
     """A linearisation of one unknown whose sums are known."""
 
     channels = ("y",)
-    own = np.array([[24.0]])
-    problem = SimpleNamespace(wide_prior=(np.zeros(1), np.eye(1)))
+    fisher = np.array([[24.0]])
 
     def __init__(self, gradient: float, information: float, mixed: float) -> None:
         self.innovations = np.random.default_rng(0).standard_normal((4000, 1))
@@ -218,7 +216,7 @@ class Summed:
     def sums(self, columns: object) -> RegressorSums:
         gradient, information, mixed = self.of
         return RegressorSums(
-            np.array([gradient]), np.array([[information]]), np.array([[mixed]]), self.own, np.array([[information]])
+            np.array([gradient]), np.array([[information]]), np.array([[mixed]]), self.fisher, np.array([[information]])
         )
 
 
@@ -243,8 +241,9 @@ def test_a_step_has_the_information_of_its_own_point():
     """18.6 N of an imbalance became 43.7 N: the covariance of the fit's last evaluation belongs to another point, and
     less than a twentieth of the information is left."""
     information, mixed = 4.0, 9.8
-    size, cov, shift, _ = newton_step(Summed(0.5, information, mixed), [RegressorColumn(0, np.ones_like)])  # type: ignore[arg-type]
-    both = np.linalg.inv([[information, -mixed], [-mixed, Summed.own.item() + 1.0]])
+    at, columns = Summed(0.5, information, mixed), [RegressorColumn(0, np.ones_like)]
+    size, cov, shift, _ = newton_step(at, columns, np.eye(1))  # type: ignore[arg-type]
+    both = np.linalg.inv([[information, -mixed], [-mixed, Summed.fisher.item() + 1.0]])
     assert cov.item() == pytest.approx(both[0, 0])
     assert size.item() == pytest.approx(0.5 * both[0, 0])
     assert shift.item() == pytest.approx(0.5 * both[1, 0])

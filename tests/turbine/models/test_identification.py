@@ -36,4 +36,5 @@ def test_a_made_file_gives_the_frequencies_of_a_hand_made_one(name: str, hand_ma
     for by_hand, made in zip(*(result.modes for result in found), strict=True):
         f, other = by_hand.frequency, made.frequency
         limit = (1.5 if f.estimate > 2.0 else 0.2) * f.std + math.sqrt(abs(f.std**2 - other.std**2))
+        assert other.std == pytest.approx(f.std, rel=0.25), by_hand.name
         assert abs(other.estimate - f.estimate) < limit, by_hand.name

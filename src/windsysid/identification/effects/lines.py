@@ -66,7 +66,7 @@ class RotorHarmonic(Effect):
     code = "rotor_harmonic"
 
     def detect(self, job: Job, fit: FittedJob) -> Detection:
-        """Test innovations at nP; masses that are off may be an imbalance. Then settle the amplitudes of forces."""
+        """Test innovations at nP; masses that are off may be an imbalance. Then estimate forces again."""
         if not job.filtered:
             return Detection(fit)
         known = job.inclusion(Sinusoids)
@@ -77,7 +77,9 @@ class RotorHarmonic(Effect):
             left += [turn] if turn is not None else []  # an imbalance looks like blades of other masses
         new = _unknown(left, known, job.part.duration)
         found = _with_amplitudes(job, fit, known or Sinusoids(()), new)
-        return Detection(judged, found, math.inf, fit) if found is not None else Detection(judged)
+        if found is None:
+            return _as_forces(job, fit, judged, (*_sines(known), *new)) if new else Detection(judged)
+        return Detection(judged, found, math.inf, fit)
 
 
 def harmonics_of_spectra(job: Job, fit: FittedJob) -> Sinusoids | None:
@@ -172,21 +174,24 @@ def _unknown(found: Sequence[Sine], known: Sinusoids | None, duration: float) ->
 
 
 def _with_amplitudes(job: Job, fit: FittedJob, known: Sinusoids, new: Sequence[Sine]) -> Sinusoids | None:
-    """New and known sinusoids as forces, after Newton's step of their amplitudes and a fit's unknowns together; None
-    where there is none, or none that an estimate depends on."""
-    at = linearise(job, fit) if new or (known.forces and known.revisions < MAX_REVISIONS) else None
+    """New sinusoids and known forces, after Newton's step of their amplitudes and a fit's unknowns together. None where
+    there is no load for them or a known one is no force yet; and without a new one if estimates do not depend on it."""
+    record = job.resampled().record
+    before = _forces_before(known, new, fit, record) if new or known.revisions < MAX_REVISIONS else []
+    at = linearise(job, fit) if before else None
     if at is None:
         return None
-    record = job.resampled().record
-    forces, shift, widening = step_of(_before(known, new, fit, record), at, record)
-    if not (new or at.depends_on(shift)):
+    forces, shift, widening = step_of(before, at, record, fit.outcome.scores[0].precision)
+    if not (new or at.depends_on(shift) or widening.shape != np.shape(known.widenings.get("forces"))):
         return None
     revisions = 0 if new else known.revisions + 1
     return Sinusoids((*known.sines, *new), forces, widenings={"forces": widening}, revisions=revisions)
 
 
-def _before(known: Sinusoids, new: Sequence[Sine], fit: FittedJob, record: Record) -> list[SineForce]:
-    """Known forces, but for images of new ones on the blades, and new ones on the support, of size zero."""
+def _forces_before(known: Sinusoids, new: Sequence[Sine], fit: FittedJob, record: Record) -> list[SineForce]:
+    """Known forces but images of new ones, and new ones of size zero; none if a known sinusoid is no force yet."""
+    if known.sines and not known.forces:
+        return []
     turbine, apart = fit.outcome.turbine, HARMONIC_HALF_WIDTH_BINS / record.duration
     ways = {one: ways_of(one.sine, record, turned(record, turbine, fit.sensors)) for one in known.forces}
     kept = [one for one in ways if not any(way.same_as(sine, apart) for way in ways[one] for sine in new)]

@@ -35,8 +35,8 @@ MIN_LEFT_SHARE = 0.05
 """Setting: share of the information on a regressor that the fit's unknowns leave at least: by a linearisation
 less is its own error."""
 
-MIN_LEFT_SHARE_OF_STEP = 0.01
-"""Setting: as `MIN_LEFT_SHARE`, of steps, of which the next corrects the error of the linearisation."""
+MIN_LEFT_SHARE_OF_STEP = 0.001
+"""Setting: as `MIN_LEFT_SHARE`, of steps, whose information belongs to one point: slopes are right to 3 %."""
 
 HANN_VARIANCE_FACTOR = 1.94
 """Numerical: variance of the mean of neighbouring frequencies under Hann's window, over that of independent ones."""
@@ -92,12 +92,12 @@ class ScoreTest(NamedTuple):
     widening: Array
 
 
-def newton_step(at: Linearisation, columns: Sequence[RegressorColumn]) -> tuple[Array, Array, Array, Array]:
-    """Step to the mode of regressors, or of changes of those that a fit includes, and its unknowns together: `size` φ̂,
-    `cov`, `shift` and `widening` as of `ScoreTest`. Λ is that of the sums: with the fit's, which is one step older, I
-    would be the difference of nearly equal numbers of different points."""
+def newton_step(at: Linearisation, columns: Sequence[RegressorColumn], precision: Array) -> tuple[Array, ...]:
+    """Step to the mode of regressors, or of changes of those that a fit includes, and its unknowns but clocks together,
+    whose prior has a precision (n, n): `size` φ̂, `cov`, `shift` and `widening` as of `ScoreTest`. Λ is that of the
+    sums: with the fit's, one step older, I would be the difference of nearly equal numbers of different points."""
     sums = at.sums(columns)
-    follow = np.linalg.solve(sums.own + np.linalg.inv(at.problem.wide_prior[1]), sums.mixed)
+    follow = np.linalg.solve(sums.fisher + precision, sums.mixed)
     cov = _inverse_of_rest(sums.information, sums.mixed.T @ follow, MIN_LEFT_SHARE_OF_STEP)
     size = cov @ sums.gradient
     return size, cov, follow @ size / np.sqrt(np.diag(at.cov)), follow @ cov @ follow.T
@@ -134,14 +134,14 @@ def score_tests(at: Linearisation, candidates: Sequence[RegressorCandidate]) -> 
     return found
 
 
-def _inverse_of_rest(information: Array, explained: Array, least: float = MIN_LEFT_SHARE) -> Array:
+def _inverse_of_rest(information: Array, explained: Array, min_share: float = MIN_LEFT_SHARE) -> Array:
     """The inverse (c, c) of information without the part that the fit's unknowns explain, at least a share of it in
     each direction."""
     values, axes = np.linalg.eigh(information)
     kept = values > 1e-12 * values[-1]
     root = axes[:, kept] / np.sqrt(values[kept])
     shares, axes = np.linalg.eigh(np.eye(root.shape[1]) - root.T @ explained @ root)
-    root = root @ axes / np.sqrt(np.maximum(shares, least))
+    root = root @ axes / np.sqrt(np.maximum(shares, min_share))
     return np.asarray(root @ root.T)
 
 

@@ -2,11 +2,11 @@
 
 To first order, innovations change with a force as a filter that knows it says. So of each sine on each load that it may
 act on, cosine and sine, a filter goes over the record once more, and least squares of the innovations on the changes
-tell the amplitudes: generalised least squares, as innovations are white. The forces then act in the model as measured
+give the amplitudes: generalised least squares, as innovations are white. The forces then act in the model as measured
 ones do, in addition to the loads that are not measured.
 
-A search that saw no force at nP has taken a part of it for masses, gains and axes that are off. So the amplitudes of
-forces that a fit lacks or includes move with all its unknowns, by Newton's step, until no estimate depends on it.
+A fit without a force at nP has a part of it in masses, gains and axes. So the amplitudes of forces at nP are estimated
+together with its unknowns, by Newton's step, and again if an estimate depends on that, twice at most.
 """
 
 import math
@@ -68,13 +68,7 @@ def find_forces(problem: TurbineProblem, unknowns: Array, record: Record, sines:
     """Amplitudes of sinusoidal forces.
 
     A sine that was seen on the support may push the blades, and the other way round: what explains more is taken.
-
-    Parameters
-    ----------
-    unknowns
-        Where a search of the problem has ended, all but the clocks (n,).
-    record
-        The one that poses the problem.
+    `unknowns` (n,) are where a search of the problem has ended that the record poses, all but the clocks.
     """
     model, psi = problem.build(unknowns), turned(record, problem.turbine, problem.sensors)
     columns, rms = model.inputs, {one.load: one.rms for one in problem.turbine.loads if one.load not in record}
@@ -105,17 +99,17 @@ def find_forces(problem: TurbineProblem, unknowns: Array, record: Record, sines:
 
 
 def step_of(
-    forces: Sequence[SineForce], at: Linearisation, record: Record
+    forces: Sequence[SineForce], at: Linearisation, record: Record, precision: Array
 ) -> tuple[tuple[SineForce, ...], Array, Array]:
-    """Forces after Newton's step of their amplitudes and all unknowns of a fit, by how much these shift (n,) [standard
-    deviations], and what the uncertainty of the forces adds to their covariance (n, n)."""
+    """Forces after Newton's step of their amplitudes and the unknowns of a fit with a prior precision (n, n), by how
+    much these shift (n,) [standard deviations], and what the uncertainty of forces adds to their covariance (n, n)."""
     psi, loads = turned(record, at.problem.turbine, at.problem.sensors), at.problem.model.compiled.loads
     columns = [
         RegressorColumn(at.readings.shape[1] + loads.index(one.load), lambda _, wave=wave: wave)
         for one in forces
         for wave in _waves(one.sine, record, psi)
     ]
-    size, cov, shift, widening = newton_step(at, columns)
+    size, cov, shift, widening = newton_step(at, columns, precision)
     sizes = size.reshape(-1, 2) + [(one.cosine, one.quadrature) for one in forces]
     return tuple(_sized([(one.sine, one.load, one.unit) for one in forces], sizes, cov)), shift, widening
 

@@ -131,7 +131,7 @@ class Regressors:
 
 
 def widening_of(effects: Sequence[object], n: int) -> Array:
-    """Covariance that the uncertain sizes of included regressors add to n unknowns (n, n)."""
+    """Covariance that the uncertain sizes of included regressors and forces add to n unknowns (n, n)."""
     total = np.zeros((n, n))
     for effect in effects:
         for one in getattr(effect, "widenings", {}).values():

@@ -207,8 +207,7 @@ def _motion(transforms: Complex, bins: NDArray[np.int64]) -> Complex:
     """Complex amplitude (T,) over time by transforms (k,) at some bins, without its ends, which the taper changes."""
     from scipy.fft import ifft, next_fast_len
 
-    size = int(bins[-1] - bins[0]) + 1
-    grid = np.zeros(next_fast_len(4 * size), dtype=np.complex128)
+    grid = np.zeros(next_fast_len(4 * int(bins[-1] - bins[0] + 1)), dtype=np.complex128)
     grid[bins - bins[0]] = transforms
     motion = ifft(grid, overwrite_x=True)
     cut = len(motion) // 16

@@ -48,8 +48,8 @@ class RegressorSums(NamedTuple):
         Jᵀ J (c, c).
     mixed
         J_θᵀ J (n, c).
-    own
-        Fisher information on the unknowns at the same point (n, n): a fit has that of its last evaluation.
+    fisher
+        Information on the unknowns at the same point (n, n): a fit has that of its last evaluation.
     energy
         Σ J² of each reading (m, c).
     """
@@ -57,7 +57,7 @@ class RegressorSums(NamedTuple):
     gradient: Array
     information: Array
     mixed: Array
-    own: Array
+    fisher: Array
     energy: Array
 
 
@@ -128,7 +128,7 @@ class Linearisation:
                     total.gradient + np.einsum("tmc,tm->c", J, z),
                     total.information + J.reshape(-1, c).T @ J.reshape(-1, c),
                     total.mixed + np.einsum("tmn,tmc->nc", slopes, J, optimize=True),
-                    total.own + np.tensordot(moved, moved, axes=((0, 1), (0, 1))),
+                    total.fisher + np.tensordot(moved, moved, axes=((0, 1), (0, 1))),
                     total.energy + np.einsum("tmc,tmc->mc", J, J),
                 )
         return total

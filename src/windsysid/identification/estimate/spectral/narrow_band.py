@@ -192,8 +192,9 @@ def note_narrow_band(found: NarrowBandFit) -> Finding:
 def _rough_ends(question: RotorQuestion, posed: Posed, broad: Posed, found: RotorFit) -> list[RotorFit]:
     """Ends of rough searches, as `found` and what the load changes in the same bins: half of the bins and all of them
     differ by tens in log evidence, and by chance in the coefficients."""
-    alone = fit(broad.model._replace(overlap=found.model.overlap), found.unknowns, FIRST_STAGES, rough=True)
-    ends = _ends(question, posed, _starts(question, found, posed.model), rough=True)
+    ends, alone = _ends(question, posed, _starts(question, found, posed.model), rough=True), found
+    with suppress(np.linalg.LinAlgError):  # no spectrum there
+        alone = fit(broad.model._replace(overlap=found.model.overlap), found.unknowns, FIRST_STAGES, rough=True)
     rest, theta = found.log_evidence - alone.log_evidence, found.model.unknowns.of("parameters")
     off = np.zeros(len(posed.start))
     off[theta] = found.unknowns[theta] - alone.unknowns[theta]
