@@ -63,7 +63,7 @@ def sheets(short: bool) -> Iterator[Sheet]:
             costs |= {f"{title}, later runs": float(later[0])}
         if PEERS.exists() and not short:
             script = [str(PEERS), "-c", SUBSPACE, str(folder / "building.csv"), str(folder / "stable.png")]
-            peer = [execute(script, dict(os.environ)) for _ in range(4)]
+            peer = [execute(script, _surroundings()) for _ in range(4)]
             later = np.median(peer[1:], axis=0)
             rows.append(("pyOMA-2: subspaces and diagram of the building", *map(number, (*peer[0], *later))))
         yield Sheet(
@@ -118,12 +118,17 @@ def commands(folder: Path, *, short: bool = False) -> dict[str, tuple[str, ...]]
 
 def run(cache: Path, *arguments: str, source: Path | None = None) -> tuple[float, float]:
     """Seconds by the clock and of the processor of a command, of another checkout if its `source` is given."""
-    unset = ("WINDSYSID_CACHE", "OPENBLAS_NUM_THREADS", "PYTHONDONTWRITEBYTECODE")
-    around = {name: value for name, value in os.environ.items() if name not in unset} | {"XDG_CACHE_HOME": str(cache)}
+    around = _surroundings() | {"XDG_CACHE_HOME": str(cache)}
     around |= {} if source is None else {"PYTHONPATH": str(source)}
     if arguments[0] == "batch":  # which goes on with an archive
         shutil.rmtree(arguments[arguments.index("--output") + 1], ignore_errors=True)
     return execute([sys.executable, "-m", "windsysid", *arguments], around)
+
+
+def _surroundings() -> dict[str, str]:
+    """Variables of this environment, but for those that change what processes cost: modules are compiled once."""
+    unset = ("WINDSYSID_CACHE", "OPENBLAS_NUM_THREADS", "PYTHONDONTWRITEBYTECODE")
+    return {name: value for name, value in os.environ.items() if name not in unset}
 
 
 def execute(command: Sequence[str], around: dict[str, str]) -> tuple[float, float]:
