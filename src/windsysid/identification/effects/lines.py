@@ -182,7 +182,7 @@ def _with_amplitudes(job: Job, fit: FittedJob, known: Sinusoids, new: Sequence[S
     if at is None:
         return None
     forces, shift, widening = step_of(before, at, record, fit.outcome.scores[0].precision)
-    if not (new or at.depends_on(shift) or widening.shape != np.shape(known.widenings.get("forces"))):
+    if not (new or at.depends_on(shift) or widening.shape != known.widenings.get("forces", np.empty(0)).shape):
         return None
     revisions = 0 if new else known.revisions + 1
     return Sinusoids((*known.sines, *new), forces, widenings={"forces": widening}, revisions=revisions)
