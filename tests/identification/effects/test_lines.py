@@ -90,9 +90,9 @@ def test_forces_are_estimated_again_so_many_times(monkeypatch: pytest.MonkeyPatc
     assert len(calls) == again
 
 
-@pytest.mark.parametrize("measured", [False, True], ids=["a wave that is no force yet", "no load to push"])
+@pytest.mark.parametrize("measured", [False, True], ids=["a wave that is no force yet", "all loads measured"])
 def test_a_new_harmonic_does_not_displace_a_wave_and_needs_a_load(monkeypatch: pytest.MonkeyPatch, measured: bool):
-    """A known wave was lost, and without a load the search for a force ended in an IndexError."""
+    """A known wave was lost, and where all loads are measured the estimate ended in an IndexError."""
     record, wave, new = with_tone(0.0), Sine(2.0, on_blades=False), Sine(HZ, on_blades=False)
     if measured:
         loads = ("load_side_side", "load_fore_aft")

@@ -174,22 +174,22 @@ def _unknown(found: Sequence[Sine], known: Sinusoids | None, duration: float) ->
 
 
 def _with_amplitudes(job: Job, fit: FittedJob, known: Sinusoids, new: Sequence[Sine]) -> Sinusoids | None:
-    """New sinusoids and known forces, after Newton's step of their amplitudes and a fit's unknowns together. None where
-    there is no load for them or a known one is no force yet; and without a new one if estimates do not depend on it."""
+    """New sinusoids and known forces after Newton's step of their amplitudes and a fit's unknowns together, if there is
+    a linearisation; without new ones so many times only, and if an estimate depends on the step."""
     record = job.resampled().record
     before = _forces_before(known, new, fit, record) if new or known.revisions < MAX_REVISIONS else []
     at = linearise(job, fit) if before else None
     if at is None:
         return None
     forces, shift, widening = step_of(before, at, record, fit.outcome.scores[0].precision)
-    if not (new or at.depends_on(shift) or widening.shape != known.widenings.get("forces", np.empty(0)).shape):
+    if not (new or at.depends_on(shift)):
         return None
-    revisions = 0 if new else known.revisions + 1
-    return Sinusoids((*known.sines, *new), forces, widenings={"forces": widening}, revisions=revisions)
+    again = 0 if new else known.revisions + 1
+    return Sinusoids((*known.sines, *new), forces, widenings={"forces": widening}, revisions=again)
 
 
 def _forces_before(known: Sinusoids, new: Sequence[Sine], fit: FittedJob, record: Record) -> list[SineForce]:
-    """Known forces but images of new ones, and new ones of size zero; none if a known sinusoid is no force yet."""
+    """Known forces except images of new ones, and new ones of size zero; none if a known sinusoid is no force yet."""
     if known.sines and not known.forces:
         return []
     turbine, apart = fit.outcome.turbine, HARMONIC_HALF_WIDTH_BINS / record.duration
@@ -200,9 +200,13 @@ def _forces_before(known: Sinusoids, new: Sequence[Sine], fit: FittedJob, record
 
 
 def _as_forces(job: Job, fit: FittedJob, judged: FittedJob, sines: tuple[Sine, ...]) -> Detection:
-    """Sinusoids as forces, as strong as the innovations of the fit tell."""
+    """Sinusoids as forces, whose amplitudes are estimated with the fit's unknowns fixed."""
     at = job.without(Sinusoid.code).resampled()
     of = at.record, job.turbine, at.sensors, job.prior or Prior(), job.parameters
     problem = pose(*of, fit.outcome.hypothesis)
     forces = find_forces(problem, where_it_ended(fit.outcome, problem), at.record, sines)
-    return Detection(judged, Sinusoids(sines, tuple(forces)), math.inf, fit)
+    if not forces:
+        return Detection(judged)
+    near = linearise(job, fit)
+    widenings = {} if near is None else {"forces": step_of(forces, near, at.record, fit.outcome.scores[0].precision)[2]}
+    return Detection(judged, Sinusoids(sines, tuple(forces), widenings=widenings), math.inf, fit)

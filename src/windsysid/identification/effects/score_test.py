@@ -36,7 +36,7 @@ MIN_LEFT_SHARE = 0.05
 less is its own error."""
 
 MIN_LEFT_SHARE_OF_STEP = 0.001
-"""Setting: as `MIN_LEFT_SHARE`, of steps, whose information belongs to one point: slopes are right to 3 %."""
+"""Setting: as `MIN_LEFT_SHARE`, of steps, whose information belongs to one point: against singular ones only."""
 
 HANN_VARIANCE_FACTOR = 1.94
 """Numerical: variance of the mean of neighbouring frequencies under Hann's window, over that of independent ones."""

@@ -148,9 +148,8 @@ class Sinusoids:
     """Sinusoids that a record holds: as waves in its readings, or as forces where their strength is known.
 
     A filter of a rotor senses that channels have lost what belongs together where waves are subtracted from them one by
-    one; forces act in its equations. Spectra, and structures that do not turn, lose one frequency. What the uncertainty
-    of forces adds to the covariance of a fit's unknowns is in `widenings`; `revisions` counts how often the forces were
-    estimated again.
+    one; forces act in its equations. Spectra, and structures that do not turn, lose one frequency. `widenings` are what
+    uncertain forces add to the covariance of a fit's unknowns; `revisions` counts how often they were estimated again.
     """
 
     sines: tuple[Sine, ...]
