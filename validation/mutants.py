@@ -193,8 +193,8 @@ _MECHANICS = (
     ),
     Mutant(
         "Lagrange's dissipation", "equations.py",
-        "- sp.diff(dissipation, v[i])",
-        "+ sp.diff(dissipation, v[i])",
+        "- derivative(dissipation, rate)",
+        "+ derivative(dissipation, rate)",
         "dampers drive",
     ),
     Mutant(
