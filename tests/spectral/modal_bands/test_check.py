@@ -1,11 +1,13 @@
 """Modes at the border of a band, steady envelopes, and other explanations of a band."""
 
 import tracemalloc
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from windsysid.spectral.modal_bands import check
 from windsysid.spectral.modal_bands.check import ENVELOPES, explanations, is_spurious, variation
 from windsysid.spectral.modal_bands.limits import MAX_STEADINESS
 from windsysid.spectral.modal_bands.model import Modes
@@ -28,6 +30,17 @@ def test_a_clear_mode_inside_is_real_and_one_outside_is_spurious(found: BandFit)
     assert not is_spurious(found, 0, LENGTH)
     outside = found.fit._replace(modes=found.fit.modes._replace(frequency=np.array([1.3])))
     assert is_spurious(found._replace(fit=outside), 0, LENGTH)
+
+
+def test_a_mode_at_the_edge_of_its_range_is_doubted(found: BandFit, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(check, "fit_doubts", lambda *_: [])
+    shapes, readings = SimpleNamespace(std=np.zeros((2, 1))), SimpleNamespace(samples=LENGTH * RATE, rate=RATE)
+    edge = found.fit._replace(modes=found.fit.modes._replace(frequency=found.bins[-1:] / LENGTH))
+    said = [
+        {doubt.kind for doubt in check.mode_doubts(one, 0, shapes, readings)}  # type: ignore[arg-type]
+        for one in (found, found._replace(fit=edge))
+    ]
+    assert ["border" in codes for codes in said] == [False, True]
 
 
 def test_an_envelope_is_steady_under_a_load_of_constant_amplitude_only():
