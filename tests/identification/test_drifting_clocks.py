@@ -68,6 +68,13 @@ def test_filters_that_are_asked_for_say_that_they_feel_it(drifting: Record, monk
     assert "drift_moved_readings" in codes(reasons(found))
 
 
+def test_late_readings_are_moved_to_when_they_were_taken():
+    time = np.arange(2000) / 20.0
+    late = 1e-3 * time
+    moved = drifting_clocks._moved(time, np.sin(3.0 * (time - late)), late)
+    np.testing.assert_allclose(moved[100:-100], np.sin(3.0 * time[100:-100]), atol=0.02)
+
+
 def test_gaps_stay_gaps(drifting: Record):
     values = drifting.values.copy()
     values[1000:1100, drifting.channels.index(BLADES[0])] = np.nan
