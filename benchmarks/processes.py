@@ -126,7 +126,7 @@ def run(cache: Path, *arguments: str, source: Path | None = None) -> tuple[float
 
 
 def _surroundings() -> dict[str, str]:
-    """Variables of this environment, but for those that change what processes cost: modules are compiled once."""
+    """Variables of this environment except those that change what processes cost: modules are compiled once."""
     unset = ("WINDSYSID_CACHE", "OPENBLAS_NUM_THREADS", "PYTHONDONTWRITEBYTECODE")
     return {name: value for name, value in os.environ.items() if name not in unset}
 

@@ -40,7 +40,7 @@ def test_a_mode_at_the_edge_of_its_range_is_doubted(found: BandFit, monkeypatch:
         {doubt.kind for doubt in check.mode_doubts(one, 0, shapes, readings)}  # type: ignore[arg-type]
         for one in (found, found._replace(fit=edge))
     ]
-    assert ["border" in codes for codes in said] == [False, True]
+    assert ["border" in kinds for kinds in said] == [False, True]
 
 
 def test_an_envelope_is_steady_under_a_load_of_constant_amplitude_only():

@@ -175,7 +175,7 @@ def _unknown(found: Sequence[Sine], known: Sinusoids | None, duration: float) ->
 
 def _with_amplitudes(job: Job, fit: FittedJob, known: Sinusoids, new: Sequence[Sine]) -> Sinusoids | None:
     """New sinusoids and known forces after Newton's step of their amplitudes and a fit's unknowns together, if there is
-    a linearisation; without new ones so many times only, and if an estimate depends on the step."""
+    a linearisation; without new ones `MAX_REVISIONS` times at most, and only if an estimate depends on the step."""
     record = job.resampled().record
     before = _forces_before(known, new, fit, record) if new or known.revisions < MAX_REVISIONS else []
     at = linearise(job, fit) if before else None

@@ -68,7 +68,7 @@ def find_forces(problem: TurbineProblem, unknowns: Array, record: Record, sines:
     """Amplitudes of sinusoidal forces.
 
     A sine that was seen on the support may push the blades, and the other way round: what explains more is taken.
-    `unknowns` (n,) are where a search of the problem has ended that the record poses, all but the clocks.
+    `unknowns` (n,), all but the clocks, are where a search of the problem that the record poses has ended.
     """
     model, psi = problem.build(unknowns), turned(record, problem.turbine, problem.sensors)
     columns, rms = model.inputs, {one.load: one.rms for one in problem.turbine.loads if one.load not in record}
